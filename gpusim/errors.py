@@ -1,0 +1,110 @@
+"""Every error that gpusim raises on purpose.
+
+::
+
+    GpusimError                      exit code
+      InputError (ValueError)        2   an argument of the Python API is wrong
+      SceneError                     2   a scene file is wrong; lists every fault
+      NotConverged                   3   a solver stopped short of its tolerance
+      DeviceError                    4
+        NoAdapter                    4   no usable Vulkan adapter
+        DeviceLost                   4   the device went away while working
+        OutOfDeviceMemory            4   refused before anything was allocated
+      TwinMismatch                   5   a kernel disagrees with its NumPy twin
+
+A message says what is wrong, where, what was got and what was expected.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+__all__ = [
+    "DeviceError",
+    "DeviceLost",
+    "Fault",
+    "GpusimError",
+    "InputError",
+    "NoAdapter",
+    "NotConverged",
+    "OutOfDeviceMemory",
+    "SceneError",
+    "TwinMismatch",
+]
+
+
+class GpusimError(Exception):
+    """Base of the tree; ``exit_code`` is what the command line ends with."""
+
+    exit_code = 1
+
+
+class InputError(GpusimError, ValueError):
+    """An argument has the wrong shape, type, range or meaning."""
+
+    exit_code = 2
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One thing wrong in a scene file: where (key path), what, got, expected, nearest key."""
+
+    key: str
+    problem: str
+    got: str = ""
+    expected: str = ""
+    hint: str = ""
+
+    def __str__(self) -> str:
+        text = f"{self.key}: {self.problem}"
+        if self.got:
+            text += f"; got {self.got}"
+        if self.expected:
+            text += f"; expected {self.expected}"
+        if self.hint:
+            text += f" ({self.hint})"
+        return text
+
+
+class SceneError(GpusimError):
+    """A scene can't be used. ``faults`` holds everything that is wrong with it."""
+
+    exit_code = 2
+
+    def __init__(self, source: str, faults: Sequence[Fault]) -> None:
+        self.source = source
+        self.faults = tuple(faults)
+        count = len(self.faults)
+        head = f"{source}: {count} fault{'s' if count != 1 else ''}"
+        super().__init__("\n".join([head, *(f"  {fault}" for fault in self.faults)]))
+
+
+class NotConverged(GpusimError):
+    """A solver stopped before it reached its tolerance; the message says why."""
+
+    exit_code = 3
+
+
+class DeviceError(GpusimError):
+    """The device can't do what was asked."""
+
+    exit_code = 4
+
+
+class NoAdapter(DeviceError):
+    """No Vulkan adapter was found, or not the one asked for."""
+
+
+class DeviceLost(DeviceError):
+    """The device went away while it was working."""
+
+
+class OutOfDeviceMemory(DeviceError):
+    """The request is larger than the device takes; nothing was allocated."""
+
+
+class TwinMismatch(GpusimError):
+    """A kernel and its NumPy twin disagree by more than the tolerance table allows."""
+
+    exit_code = 5

@@ -1,0 +1,27 @@
+"""The device layer: WGSL programs, buffers, recordings and the check against NumPy twins."""
+
+from gpusim.gpu.buffer import Buffer, RealBuffer, SplitBuffer
+from gpusim.gpu.device import PORTABLE_LIMITS, Device, default_device
+from gpusim.gpu.kernel import Bindings, Kernel
+from gpusim.gpu.raster import Raster, Texture
+from gpusim.gpu.recording import Recording
+from gpusim.gpu.twin import TOLERANCES, Tolerance, compare, twin_check, twin_checks
+
+__all__ = [
+    "PORTABLE_LIMITS",
+    "TOLERANCES",
+    "Bindings",
+    "Buffer",
+    "Device",
+    "Kernel",
+    "Raster",
+    "RealBuffer",
+    "Recording",
+    "SplitBuffer",
+    "Texture",
+    "Tolerance",
+    "compare",
+    "default_device",
+    "twin_check",
+    "twin_checks",
+]

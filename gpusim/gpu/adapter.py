@@ -1,0 +1,80 @@
+"""Finding the adapter: Vulkan (or the system's native interface), the fastest first."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from typing import Any
+
+import wgpu
+from wgpu.backends.wgpu_native.extras import set_instance_extras
+
+from gpusim.errors import NoAdapter
+
+__all__ = ["find_adapter", "free_memory"]
+
+_ORDER = {"DiscreteGPU": 0, "IntegratedGPU": 1, "VirtualGPU": 2, "Unknown": 3, "CPU": 4}
+
+
+def find_adapter(name: str | None) -> Any:
+    """The first adapter with ``name`` in its summary, or the fastest kind when it is None.
+
+    Raises
+    ------
+    NoAdapter
+    """
+    try:
+        with _no_display():
+            # "Primary" leaves OpenGL out, whose start-up opens window systems and prints; an
+            # instance that somebody else made before is taken as it is
+            with suppress(RuntimeError):
+                set_instance_extras(backends=["Primary"])
+            adapters = wgpu.gpu.enumerate_adapters_sync()
+    except Exception as error:
+        raise NoAdapter(f"no Vulkan adapter: {error}") from error
+    adapters = [a for a in adapters if a.info.get("backend_type") != "OpenGL"]
+    adapters.sort(key=lambda a: _ORDER.get(str(a.info.get("adapter_type")), 3))
+    if not adapters:
+        raise NoAdapter(
+            "no Vulkan adapter found; install a driver (Debian/Ubuntu: apt-get install "
+            "mesa-vulkan-drivers libvulkan1 works on any machine, without a GPU too)"
+        )
+    if name is None:
+        return adapters[0]
+    for adapter in adapters:
+        if name.lower() in str(adapter.summary).lower():
+            return adapter
+    have = "; ".join(str(a.summary) for a in adapters)
+    raise NoAdapter(f"adapter; got {name!r}; expected part of one of: {have}")
+
+
+@contextmanager
+def _no_display() -> Iterator[None]:
+    """Keep Mesa's device-selection layer from complaining that no desktop session runs.
+
+    The layer asks Wayland for the desktop's GPU while adapters are listed; libwayland prints
+    "XDG_RUNTIME_DIR is invalid" to the terminal unless that holds some absolute path.
+    """
+    if "XDG_RUNTIME_DIR" in os.environ or os.name != "posix":
+        yield
+        return
+    os.environ["XDG_RUNTIME_DIR"] = os.devnull
+    try:
+        yield
+    finally:
+        del os.environ["XDG_RUNTIME_DIR"]
+
+
+def free_memory(info: dict[str, Any]) -> int | None:
+    """Bytes that a CPU adapter may take (90 % of what is free); None: the driver decides."""
+    if str(info.get("adapter_type")) != "CPU":
+        return None
+    try:
+        with open("/proc/meminfo", encoding="ascii") as lines:
+            for line in lines:
+                if line.startswith("MemAvailable:"):
+                    return int(line.split()[1]) * 1024 * 9 // 10
+    except OSError:
+        pass
+    return None

@@ -1,0 +1,154 @@
+"""Device buffers: plain bytes, float64 values stored as ``real``, and buffers split by rows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import DeviceError, InputError
+
+if TYPE_CHECKING:
+    from gpusim.gpu.device import Device
+
+__all__ = ["Buffer", "RealBuffer", "SplitBuffer", "from_real", "to_real"]
+
+F32_MAX = float(np.finfo(np.float32).max)
+
+
+def to_real(values: npt.ArrayLike, real: str, where: str) -> npt.NDArray[Any]:
+    """float64 values as the bytes of WGSL ``real``: float64, or (…, 2) float32 (high, low).
+
+    Raises
+    ------
+    InputError
+        A value is NaN or infinite, or too large for float32 where ``real`` is double-single.
+    """
+    array = np.ascontiguousarray(values, dtype=np.float64)
+    largest = float(np.max(np.abs(array), initial=0.0))
+    if not np.isfinite(largest):
+        bad = np.argwhere(~np.isfinite(array))[0]
+        raise InputError(
+            f"{where}: not finite at index {tuple(int(i) for i in bad)}; "
+            f"got {array[tuple(bad)]}; expected finite numbers"
+        )
+    if real == "f64":
+        return array
+    if not largest <= F32_MAX:
+        raise InputError(
+            f"{where}: too large for a device without 64-bit floats; "
+            f"got {largest:.6g}; expected at most {F32_MAX:.6g} (scale the input)"
+        )
+    high = array.astype(np.float32)
+    return np.stack([high, (array - high).astype(np.float32)], axis=-1)
+
+
+def from_real(data: npt.NDArray[Any], real: str) -> npt.NDArray[np.float64]:
+    """The inverse of `to_real`."""
+    if real == "f64":
+        return data.astype(np.float64, copy=False)
+    return data[..., 0].astype(np.float64) + data[..., 1].astype(np.float64)
+
+
+@dataclass(eq=False)
+class Buffer:
+    """A storage buffer on the device."""
+
+    device: Device
+    gpu: Any
+    nbytes: int
+    label: str
+
+    def read(
+        self, dtype: npt.DTypeLike, shape: tuple[int, ...] | None = None, offset: int = 0
+    ) -> npt.NDArray[Any]:
+        """Copy back to the host (waits for the device); ``offset`` in bytes."""
+        kind = np.dtype(dtype)
+        size = self.nbytes - offset
+        if shape is not None:
+            if any(n < 0 for n in shape):
+                raise InputError(f"reading {self.label}; got shape {shape}; expected sizes >= 0")
+            size = int(np.prod(shape, dtype=np.int64)) * kind.itemsize
+        if offset < 0 or size < 0 or offset + size > self.nbytes or size % kind.itemsize:
+            raise InputError(
+                f"reading {self.label}; got {size} bytes at {offset}; "
+                f"expected at most {self.nbytes}, a multiple of {kind.itemsize}"
+            )
+        self.live("reading")
+        if size == 0:
+            return np.zeros(shape if shape is not None else 0, kind)
+        first, last = offset - offset % 4, -(-(offset + size) // 4) * 4
+        data = np.frombuffer(self.device.read_bytes(self, first, last - first), np.uint8)
+        data = data[offset - first : offset - first + size]
+        array = (data if offset == first else data.copy()).view(kind)
+        return array if shape is None else array.reshape(shape)
+
+    def write(self, array: npt.NDArray[Any], offset: int = 0) -> None:
+        """Copy from the host; ``offset`` in bytes."""
+        data = np.ascontiguousarray(array)
+        if offset < 0 or offset + data.nbytes > self.nbytes:
+            raise InputError(
+                f"writing {self.label}; got {data.nbytes} bytes at {offset}; "
+                f"expected at most {self.nbytes}"
+            )
+        self.live("writing")
+        if data.nbytes:
+            self.device.write_bytes(self, data, offset)
+
+    def live(self, what: str) -> Any:
+        """The wgpu buffer; raises `InputError` if the buffer was released."""
+        if self.gpu is None:
+            raise InputError(f"{what} {self.label}; got a released buffer; expected a live one")
+        return self.gpu
+
+    def release(self) -> None:
+        """Free the device memory as soon as submitted work is done; no use afterwards.
+
+        A buffer that Python drops is freed too, once no `Bindings` hold it any more.
+        """
+        self.device.forget(self)
+
+
+@dataclass(eq=False)
+class RealBuffer(Buffer):
+    """float64 values stored in the device's ``real``; ``shape`` is that of the values."""
+
+    shape: tuple[int, ...] = ()
+
+    def read(
+        self,
+        dtype: npt.DTypeLike = np.float64,
+        shape: tuple[int, ...] | None = None,
+        offset: int = 0,
+    ) -> npt.NDArray[np.float64]:
+        """The values as float64, in the buffer's own shape; ``offset`` counts values."""
+        if np.dtype(dtype) != np.float64:
+            raise DeviceError(f"{self.label} holds real values; got {dtype}; expected float64")
+        wanted = self.shape if shape is None else shape
+        if self.device.real == "f64":
+            return super().read(np.float64, wanted, offset * 8)
+        return from_real(super().read(np.float32, (*wanted, 2), offset * 8), self.device.real)
+
+    def write(self, array: npt.NDArray[Any], offset: int = 0) -> None:
+        """Copy float64 values in; ``offset`` counts values."""
+        super().write(to_real(array, self.device.real, self.label), offset * 8)
+
+
+@dataclass(frozen=True, eq=False)
+class SplitBuffer:
+    """Rows that together exceed the binding limit, in parts that each fit.
+
+    ``starts`` has one entry more than ``parts``: part ``i`` holds rows
+    ``starts[i] … starts[i + 1] - 1``. A kernel that takes one imports ``common/part``; the layer
+    then dispatches once per part.
+    """
+
+    parts: tuple[Buffer, ...]
+    starts: tuple[int, ...]
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of all parts together."""
+        return sum(part.nbytes for part in self.parts)

@@ -1,0 +1,312 @@
+"""Compute programs and their bindings: compiled once, bound by name, checked once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+import wgpu
+
+from gpusim.errors import DeviceError, InputError
+from gpusim.gpu.buffer import Buffer, SplitBuffer
+from gpusim.gpu.wgsl import Binding, Module, type_layout
+
+if TYPE_CHECKING:
+    from gpusim.gpu.device import Device
+
+__all__ = ["Bindings", "Kernel", "Layout", "pack"]
+
+_SAMPLE = {"u32": "uint", "i32": "sint", "f32": "unfilterable-float"}
+
+
+def pack(values: dict[str, Any], dtype: np.dtype[np.void], where: str) -> npt.NDArray[np.void]:
+    """A dict as one WGSL struct; every member must be given, none may be unknown.
+
+    Raises
+    ------
+    InputError
+        Members missing or unknown, a wrong shape, NaN or infinity, or a number that the member's
+        type can't hold (a fraction or a negative number as u32, 1e39 as f32).
+    """
+    if not isinstance(values, Mapping):
+        raise InputError(f"{where}; got {type(values).__name__}; expected a dict of the members")
+    names = set(dtype.names or ())
+    if set(values) != names:
+        raise InputError(f"{where}; got members {sorted(values)}; expected {sorted(names)}")
+    record = np.zeros((), dtype)
+    for key, value in values.items():
+        member = dtype[key]
+        at = f"{where}.{key}"
+        if member.base.names:
+            items = list(value) if member.shape else [value]
+            if member.shape not in ((), (len(items),)):
+                raise InputError(f"{at}; got {len(items)} structs; expected {member.shape[0]}")
+            packed = [pack(item, member.base, at) for item in items]
+            record[key] = np.array(packed, member.base) if member.shape else packed[0]
+        else:
+            record[key] = _numbers(value, member, at)
+    return record
+
+
+def _numbers(value: Any, member: np.dtype[Any], where: str) -> npt.NDArray[Any]:
+    given = np.asarray(value)
+    if given.shape != member.shape or given.dtype.kind not in "biuf":
+        raise InputError(f"{where}; got {value!r}; expected numbers of shape {member.shape}")
+    with np.errstate(over="ignore", invalid="ignore"):
+        stored = given.astype(member.base)
+    whole = member.base.kind in "iu"
+    if not np.isfinite(given).all() or not (
+        (stored == given).all() if whole else np.isfinite(stored).all()
+    ):
+        raise InputError(f"{where}; got {value!r}; expected finite values that {member.base} holds")
+    return stored
+
+
+class Layout:
+    """Bind group and pipeline layouts of an entry point, made from reflection.
+
+    Groups: 0 the stage's own resources, 1 the double-single guard, 2 the part of a split buffer.
+    """
+
+    def __init__(self, device: Device, module: Module, entries: tuple[str, ...]) -> None:
+        self.device, self.module = device, module
+        visibility = 0
+        for entry in entries:
+            stage = module.entries[entry].stage
+            visibility |= getattr(wgpu.ShaderStage, stage.upper())
+        used = {name for entry in entries for name in module.entries[entry].bindings}
+        self.bindings = {n: b for n, b in module.bindings.items() if n in used}
+        self.groups: list[Any] = []
+        count = 1 + max((b.group for b in self.bindings.values()), default=-1)
+        with device.guard(f"layout of {module.name}"):
+            for group in range(count):
+                self.groups.append(
+                    device.gpu.create_bind_group_layout(
+                        label=f"gpusim.{module.name}",
+                        entries=[
+                            {
+                                "binding": b.index,
+                                "visibility": visibility,
+                                **self._resource_kind(b),
+                            }
+                            for b in self.bindings.values()
+                            if b.group == group
+                        ],
+                    )
+                )
+            self.pipeline = device.gpu.create_pipeline_layout(
+                label=f"gpusim.{module.name}", bind_group_layouts=self.groups
+            )
+
+    def _resource_kind(self, b: Binding) -> dict[str, Any]:
+        if b.space == "uniform":
+            return {"buffer": {"type": "uniform"}}
+        if b.space == "storage":
+            return {"buffer": {"type": "storage" if b.writable else "read-only-storage"}}
+        if b.type.startswith("texture_depth_2d"):
+            return {"texture": {"sample_type": "depth", "view_dimension": "2d"}}
+        if b.type.startswith("texture_2d<"):
+            sample = _SAMPLE[b.type[len("texture_2d<") : -1].strip()]
+            return {"texture": {"sample_type": sample, "view_dimension": "2d"}}
+        raise InputError(f"{self.module.name}: binding {b.name} of type {b.type} isn't covered")
+
+    def bind(self, values: dict[str, Any]) -> Bindings:
+        """Check ``values`` against the reflected bindings and make the bind groups."""
+        where = f"binding {self.module.name}"
+        own = {name for name, b in self.bindings.items() if b.group == 0}
+        if set(values) != own:
+            missing, extra = sorted(own - set(values)), sorted(set(values) - own)
+            raise InputError(f"{where}; missing {missing}; unknown {extra}; expected {sorted(own)}")
+        uniforms: dict[str, Any] = {}
+        splits = {n: v for n, v in values.items() if isinstance(v, SplitBuffer)}
+        if splits and "part" not in self.bindings:
+            raise InputError(f"{where}: split buffers {sorted(splits)} need '#import common/part'")
+        starts = {v.starts for v in splits.values()}
+        if len(starts) > 1:
+            raise InputError(f"{where}: split buffers are split at different rows: {starts}")
+        parts = len(next(iter(starts))) - 1 if starts else 1
+        resources: list[dict[str, Any]] = [{} for _ in range(parts)]
+        for name, value in values.items():
+            binding = self.bindings[name]
+            if binding.space == "uniform":
+                with self.device.guard(where):
+                    value = uniforms[name] = self._uniform(binding, value, where)
+            if isinstance(value, SplitBuffer) and binding.space != "storage":
+                raise InputError(f"{where}.{name}; got a split buffer; expected {binding.type}")
+            for i in range(parts):
+                piece = value.parts[i] if isinstance(value, SplitBuffer) else value
+                resources[i][name] = self._resource(binding, piece, where)
+        groups, rows = [], []
+        for i in range(parts):
+            first = next(iter(starts))[i] if starts else 0
+            count = next(iter(starts))[i + 1] - first if starts else None
+            rows.append((first, count))
+            with self.device.guard(where):
+                groups.append(self._groups(resources[i]))
+        return Bindings(self, tuple(groups), tuple(rows), uniforms, values)
+
+    def _uniform(self, binding: Binding, value: Any, where: str) -> Any:
+        dtype, _ = type_layout(binding.type, self.module.structs, where)
+        data = pack(value, dtype, f"{where}.{binding.name}")
+        size = -(-data.nbytes // 16) * 16
+        gpu = self.device.gpu.create_buffer(
+            label=f"gpusim.{self.module.name}.{binding.name}",
+            size=size,
+            usage=wgpu.BufferUsage.UNIFORM | wgpu.BufferUsage.COPY_DST,
+        )
+        self.device.gpu.queue.write_buffer(gpu, 0, data.tobytes().ljust(size, b"\0"))
+        return gpu
+
+    def _resource(self, binding: Binding, value: Any, where: str) -> Any:
+        if binding.space == "uniform":
+            return {"buffer": value}
+        if binding.space == "storage":
+            if not isinstance(value, Buffer):
+                raise InputError(
+                    f"{where}.{binding.name}; got {type(value).__name__}; expected a Buffer"
+                )
+            if value.device is not self.device:
+                raise InputError(
+                    f"{where}.{binding.name}; got a buffer of another device ({value.label}); "
+                    f"expected one of {self.device.name}"
+                )
+            value.live(f"{where}.{binding.name}:")
+            limit = self.device.limits["max-storage-buffer-binding-size"]
+            if value.gpu.size > limit:
+                raise DeviceError(
+                    f"{where}.{binding.name}; got {value.gpu.size} bytes; expected at most {limit} "
+                    "in one binding (use Device.split)"
+                )
+            return {"buffer": value.gpu}
+        if not hasattr(value, "view"):
+            raise InputError(
+                f"{where}.{binding.name}; got {type(value).__name__}; expected a Texture"
+            )
+        return value.view
+
+    def _groups(self, resources: dict[str, Any]) -> tuple[Any, ...]:
+        """Bind groups 0 and 1; group 2 (the part) belongs to the dispatch size."""
+        result = []
+        for group, layout in enumerate(self.groups[:2]):
+            entries = []
+            for b in self.bindings.values():
+                if b.group == group == 1:
+                    resource = {"buffer": self.device.opaque_zero()}
+                    entries.append({"binding": b.index, "resource": resource})
+                elif b.group == group:
+                    entries.append({"binding": b.index, "resource": resources[b.name]})
+            result.append(
+                self.device.gpu.create_bind_group(
+                    label=f"gpusim.{self.module.name}", layout=layout, entries=entries
+                )
+            )
+        return tuple(result)
+
+
+@dataclass(eq=False)
+class Bindings:
+    """Resources checked against a program once; can be dispatched any number of times.
+
+    ``rows`` holds (first, count) per part; count is None where nothing is split.
+    """
+
+    layout: Layout
+    groups: tuple[tuple[Any, ...], ...]
+    rows: tuple[tuple[int, int | None], ...]
+    uniforms: dict[str, Any]
+    values: dict[str, Any]
+
+    def __post_init__(self) -> None:
+        self._part_groups: dict[tuple[int, int], Any] = {}
+
+    def update(self, **values: dict[str, Any]) -> None:
+        """Rewrite uniform structs in place, before the next submit."""
+        for name, value in values.items():
+            if name not in self.uniforms:
+                raise InputError(
+                    f"updating {self.layout.module.name}; got {name!r}; "
+                    f"expected one of {sorted(self.uniforms)}"
+                )
+            binding = self.layout.bindings[name]
+            module = self.layout.module
+            dtype, _ = type_layout(binding.type, module.structs, module.name)
+            data = pack(value, dtype, f"{module.name}.{name}").tobytes()
+            padded = data.ljust(-(-len(data) // 16) * 16, b"\0")
+            with self.layout.device.guard(f"updating {module.name}.{name}"):
+                self.layout.device.gpu.queue.write_buffer(self.uniforms[name], 0, padded)
+
+    def check_live(self) -> None:
+        """Raise `InputError` if a bound buffer was released since: submitting would end the
+        process."""
+        for name, value in self.values.items():
+            for buffer in value.parts if isinstance(value, SplitBuffer) else (value,):
+                if isinstance(buffer, Buffer):
+                    buffer.live(f"{self.layout.module.name}.{name}:")
+
+    def part_group(self, first: int, count: int) -> Any:
+        """Bind group 2 for rows [first, first + count)."""
+        key = (first, count)
+        if key not in self._part_groups:
+            gpu = self.layout.device.gpu
+            buffer = gpu.create_buffer_with_data(
+                label="gpusim.part",
+                data=np.array([first, count, 0, 0], np.uint32),
+                usage=wgpu.BufferUsage.UNIFORM,
+            )
+            self._part_groups[key] = gpu.create_bind_group(
+                layout=self.layout.groups[2],
+                entries=[{"binding": 0, "resource": {"buffer": buffer}}],
+            )
+        return self._part_groups[key]
+
+
+def _check_workgroup(size: tuple[int, int, int], limits: dict[str, int], where: str) -> None:
+    """wgpu 0.32 doesn't look at sizes that come from override constants."""
+    largest = [limits[f"max-compute-workgroup-size-{axis}"] for axis in "xyz"]
+    total = limits["max-compute-invocations-per-workgroup"]
+    fits = all(1 <= n <= most for n, most in zip(size, largest, strict=True))
+    if not fits or size[0] * size[1] * size[2] > total:
+        raise InputError(
+            f"{where}: workgroup size; got {size}; expected 1 to {tuple(largest)}, "
+            f"{total} invocations at most"
+        )
+
+
+class Kernel:
+    """An immutable compute program: one entry point with its override constants."""
+
+    def __init__(
+        self, device: Device, module: Module, entry: str, constants: dict[str, float]
+    ) -> None:
+        where = f"kernel {module.name}.{entry}"
+        if entry not in module.entries:
+            raise InputError(f"{where}: no such entry; expected one of {sorted(module.entries)}")
+        if module.entries[entry].stage != "compute":
+            raise InputError(f"{where}: a {module.entries[entry].stage} entry; expected @compute")
+        unknown = sorted(set(constants) - set(module.overrides))
+        needed = sorted(n for n, default in module.overrides.items() if not default)
+        if unknown or not set(needed) <= set(constants):
+            raise InputError(
+                f"{where} constants; got {sorted(constants)}; needed {needed}, unknown {unknown}"
+            )
+        self.name = f"{module.name}.{entry}"
+        self.workgroup = module.workgroup_size(entry, constants)
+        _check_workgroup(self.workgroup, device.limits, where)
+        self.layout = Layout(device, module, (entry,))
+        with device.guard(where):
+            self.pipeline = device.gpu.create_compute_pipeline(
+                label=f"gpusim.{self.name}",
+                layout=self.layout.pipeline,
+                compute={
+                    "module": device.shader_module(module),
+                    "entry_point": entry,
+                    "constants": constants,
+                },
+            )
+
+    def bind(self, **values: Any) -> Bindings:
+        """Bind buffers, textures and uniform dicts by their WGSL names."""
+        return self.layout.bind(values)

@@ -1,0 +1,94 @@
+"""Raster programs (vertex + fragment) and the textures that they draw into."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING, Any
+
+import wgpu
+
+from gpusim.errors import InputError, OutOfDeviceMemory
+from gpusim.gpu.kernel import Bindings, Layout
+from gpusim.gpu.wgsl import Module
+
+if TYPE_CHECKING:
+    from gpusim.gpu.device import Device
+
+__all__ = ["Raster", "Texture"]
+
+
+class Texture:
+    """A two-dimensional render target that kernels can read."""
+
+    def __init__(self, device: Device, width: int, height: int, fmt: str, label: str) -> None:
+        limit = device.limits["max-texture-dimension-2d"]
+        if not (0 < width <= limit and 0 < height <= limit):
+            raise OutOfDeviceMemory(
+                f"texture {label}; got {width}x{height}; expected at most {limit} a side"
+            )
+        usage = wgpu.TextureUsage
+        self.width, self.height, self.format = width, height, fmt
+        self.nbytes = width * height * _texel_bytes(fmt)
+        device.require_memory(self.nbytes, f"texture {label}")
+        with device.guard(f"texture {label} ({width}x{height} {fmt})"):
+            self.gpu = device.gpu.create_texture(
+                label=f"gpusim.{label}",
+                size=(width, height, 1),
+                format=fmt,
+                usage=usage.RENDER_ATTACHMENT | usage.TEXTURE_BINDING,
+            )
+            self.view = self.gpu.create_view()
+        device.account(self.gpu, self.nbytes)
+
+
+def _texel_bytes(fmt: str) -> int:
+    """Bytes per pixel from a WebGPU format's name: rgba16float, r32uint, depth32float, ..."""
+    match = re.match(r"(rgba|bgra|rg|r|depth)(\d+)", fmt)
+    if match is None:
+        raise InputError(f"texture format; got {fmt!r}; expected one like 'rgba32float'")
+    channels = {"rgba": 4, "bgra": 4, "rg": 2}.get(match.group(1), 1)
+    return channels * int(match.group(2)) // 8
+
+
+class Raster:
+    """A triangle-list pipeline with a float32 reversed depth buffer (nearer is larger).
+
+    Vertices are pulled from storage buffers by index; ``entries`` are (vertex, fragment).
+    """
+
+    def __init__(
+        self,
+        device: Device,
+        module: Module,
+        color_formats: tuple[str, ...],
+        entries: tuple[str, str] = ("vertex", "fragment"),
+    ) -> None:
+        for entry in entries:
+            if entry not in module.entries:
+                raise InputError(
+                    f"raster {module.name}: no entry {entry!r}; got {sorted(module.entries)}"
+                )
+        self.name = module.name
+        self.layout = Layout(device, module, entries)
+        with device.guard(f"raster {module.name}"):
+            shader = device.shader_module(module)
+            self.pipeline: Any = device.gpu.create_render_pipeline(
+                label=f"gpusim.{module.name}",
+                layout=self.layout.pipeline,
+                vertex={"module": shader, "entry_point": entries[0], "buffers": []},
+                fragment={
+                    "module": shader,
+                    "entry_point": entries[1],
+                    "targets": [{"format": fmt} for fmt in color_formats],
+                },
+                primitive={"topology": "triangle-list", "cull_mode": "none"},
+                depth_stencil={
+                    "format": "depth32float",
+                    "depth_write_enabled": True,
+                    "depth_compare": "greater",
+                },
+            )
+
+    def bind(self, **values: Any) -> Bindings:
+        """Bind buffers and uniform dicts by their WGSL names."""
+        return self.layout.bind(values)

@@ -1,0 +1,191 @@
+"""A recording: dispatches and draws collected in order, sent to the device in one submit."""
+
+from __future__ import annotations
+
+from types import TracebackType
+from typing import TYPE_CHECKING, Any
+
+import wgpu
+
+from gpusim.errors import InputError
+from gpusim.gpu.buffer import Buffer
+from gpusim.gpu.faults import translate
+from gpusim.gpu.kernel import Bindings, Kernel
+
+if TYPE_CHECKING:
+    from gpusim.gpu.device import Device
+    from gpusim.gpu.raster import Raster, Texture
+
+__all__ = ["Recording"]
+
+
+class Recording:
+    """Use as a context manager: the submit happens when the block ends without an error."""
+
+    def __init__(self, device: Device, stage: str) -> None:
+        self.device, self.stage = device, stage
+        with device.guard(stage):
+            self._encoder = device.gpu.create_command_encoder(label=f"gpusim.{stage}")
+        self._pass: Any = None
+        self._bindings: dict[int, Bindings] = {}
+        self._buffers: list[Buffer] = []
+        self._slots: list[int] = []
+
+    def __enter__(self) -> Recording:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if kind is not None:
+            self.device.timer.drop(self._slots)
+            if isinstance(error, wgpu.GPUError):
+                raise translate(error, self.stage) from error
+            return
+        try:
+            # wgpu ends the process when a submit refers to something that is gone
+            for bindings in self._bindings.values():
+                bindings.check_live()
+            for buffer in self._buffers:
+                buffer.live(f"{self.stage}:")
+            with self.device.guard(self.stage):
+                self._end_pass()
+                commands = self._encoder.finish()
+            self.device.submit(commands, self.stage)
+        except BaseException:
+            self.device.timer.drop(self._slots)
+            raise
+        self.device.timer.submitted(self._slots)
+
+    def dispatch(
+        self,
+        kernel: Kernel,
+        bindings: Bindings,
+        *,
+        threads: tuple[int, ...] | None = None,
+        groups: tuple[int, ...] | None = None,
+    ) -> None:
+        """Run ``kernel`` over ``threads`` (rounded up to workgroups) or over ``groups``.
+
+        One-dimensional ``threads`` beyond what one grid dimension takes are folded into two; the
+        kernel recovers the index with ``linear_id`` and guards it. With split buffers there is
+        one dispatch per part and ``threads`` must be ``(rows, …)`` of the whole.
+        """
+        if bindings.layout is not kernel.layout:
+            raise InputError(f"dispatch of {kernel.name}: the bindings were made for another one")
+        if (threads is None) == (groups is None):
+            raise InputError(f"dispatch of {kernel.name}: give either threads or groups")
+        given = threads if threads is not None else groups or ()
+        if not 1 <= len(given) <= 3 or any(n < 0 for n in given):
+            raise InputError(f"dispatch of {kernel.name}; got {given}; expected 1 to 3 sizes >= 0")
+        self._bindings[id(bindings)] = bindings
+        if self._pass is None:
+            self._pass = self._encoder.begin_compute_pass(
+                label=f"gpusim.{self.stage}", **self._timing()
+            )
+        self._pass.set_pipeline(kernel.pipeline)
+        has_part = "part" in kernel.layout.bindings
+        for bind_groups, (first, count) in zip(bindings.groups, bindings.rows, strict=True):
+            for index, group in enumerate(bind_groups):
+                self._pass.set_bind_group(index, group)
+            size = threads
+            if threads is not None and count is not None:
+                size = (count, *threads[1:])
+            if has_part:
+                if size is None:
+                    raise InputError(f"dispatch of {kernel.name}: parts need threads, not groups")
+                self._pass.set_bind_group(2, bindings.part_group(first, size[0]))
+            grid = self._grid(kernel, size, groups)
+            if all(n > 0 for n in grid):
+                self._pass.dispatch_workgroups(*grid)
+
+    def _grid(
+        self, kernel: Kernel, threads: tuple[int, ...] | None, groups: tuple[int, ...] | None
+    ) -> tuple[int, ...]:
+        limit = self.device.limits["max-compute-workgroups-per-dimension"]
+        counts = list(groups or ())
+        if threads is not None:
+            counts = [-(-n // w) for n, w in zip(threads, kernel.workgroup, strict=False)]
+            if len(counts) == 1 and counts[0] > limit:
+                rows = -(-counts[0] // limit)
+                counts = [-(-counts[0] // rows), rows]
+        if any(n > limit for n in counts):
+            raise InputError(f"dispatch of {kernel.name}; got {counts} groups; limit {limit}")
+        return tuple(counts)
+
+    def _timing(self) -> dict[str, Any]:
+        slot, arguments = self.device.timer.writes(self.stage)
+        if slot is not None:
+            self._slots.append(slot)
+        return arguments
+
+    def draw(
+        self,
+        raster: Raster,
+        bindings: Bindings,
+        *,
+        colors: tuple[Texture, ...],
+        depth: Texture,
+        vertices: int,
+        size: tuple[int, int],
+    ) -> None:
+        """Clear the targets and draw a triangle list into the top-left ``size`` (w, h) pixels."""
+        if bindings.layout is not raster.layout:
+            raise InputError(f"draw of {raster.name}: the bindings were made for another program")
+        self._bindings[id(bindings)] = bindings
+        self._end_pass()
+        attachments = [
+            {
+                "view": texture.view,
+                "load_op": "clear",
+                "store_op": "store",
+                "clear_value": (0, 0, 0, 0),
+            }
+            for texture in colors
+        ]
+        render = self._encoder.begin_render_pass(
+            label=f"gpusim.{self.stage}",
+            color_attachments=attachments,
+            depth_stencil_attachment={
+                "view": depth.view,
+                "depth_load_op": "clear",
+                "depth_store_op": "store",
+                "depth_clear_value": 0.0,
+            },
+            **self._timing(),
+        )
+        render.set_pipeline(raster.pipeline)
+        for index, group in enumerate(bindings.groups[0]):
+            render.set_bind_group(index, group)
+        render.set_viewport(0, 0, size[0], size[1], 0, 1)
+        render.set_scissor_rect(0, 0, size[0], size[1])
+        if vertices:
+            render.draw(vertices)
+        render.end()
+
+    def copy(self, source: Buffer, target: Buffer, nbytes: int | None = None) -> None:
+        """Copy the first ``nbytes`` (default all) of ``source`` to ``target``."""
+        self._end_pass()
+        wanted = source.nbytes if nbytes is None else nbytes
+        if not 0 <= wanted <= min(source.nbytes, target.nbytes):
+            raise InputError(
+                f"copying {source.label} to {target.label}; got {wanted} bytes; expected at most "
+                f"{min(source.nbytes, target.nbytes)}"
+            )
+        ends = [buffer.live(f"{self.stage}: copying") for buffer in (source, target)]
+        self._buffers += [source, target]
+        self._encoder.copy_buffer_to_buffer(ends[0], 0, ends[1], 0, -(-wanted // 4) * 4)
+
+    def clear(self, buffer: Buffer) -> None:
+        """Fill a buffer with zeros."""
+        self._end_pass()
+        self._encoder.clear_buffer(buffer.live(f"{self.stage}: clearing"))
+        self._buffers.append(buffer)
+
+    def _end_pass(self) -> None:
+        if self._pass is not None:
+            self._pass.end()
+            self._pass = None

@@ -1,0 +1,114 @@
+"""Comparing a kernel with its NumPy twin, and the registry that ``gpusim doctor`` runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import InputError, TwinMismatch
+from gpusim.gpu.wgsl import stages
+
+if TYPE_CHECKING:
+    from gpusim.gpu.device import Device
+
+__all__ = ["TOLERANCES", "Tolerance", "compare", "twin_check", "twin_checks"]
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """``|device - twin| <= atol + rtol * |twin|``, and why that is the right size."""
+
+    atol: float
+    rtol: float
+    reason: str
+
+
+TOLERANCES = {
+    "exact": Tolerance(0.0, 0.0, "integers and copies"),
+    "real": Tolerance(1e-13, 1e-11, "f64 or double-single sums in another order"),
+    "single": Tolerance(1e-6, 1e-5, "one float32 evaluation of well-scaled values"),
+    "pixel": Tolerance(2e-5, 2e-5, "radiance of a pixel in float32: coverage errors of 1e-5 px"),
+}
+"""The usual tolerances; a stage that needs another one passes its own and says why."""
+
+
+def compare(
+    what: str,
+    device: npt.ArrayLike,
+    twin: npt.ArrayLike,
+    tolerance: str = "single",
+    *,
+    atol: float | None = None,
+    rtol: float | None = None,
+) -> float:
+    """Raise unless both agree everywhere; return the largest difference.
+
+    Raises
+    ------
+    TwinMismatch
+        Shapes differ, a value is NaN or infinite on either side, or a difference exceeds
+        ``atol + rtol * |twin|`` (from `TOLERANCES` unless given). Names the worst index, both
+        values and how many are off.
+    """
+    if tolerance not in TOLERANCES:
+        raise InputError(f"tolerance; got {tolerance!r}; expected one of {sorted(TOLERANCES)}")
+    table = TOLERANCES[tolerance]
+    got, want = np.asarray(device), np.asarray(twin)
+    if got.shape != want.shape:
+        raise TwinMismatch(f"{what}: shapes differ; device {got.shape}, twin {want.shape}")
+    if got.size == 0:
+        raise TwinMismatch(f"{what}: nothing to compare")
+    got64, want64 = got.astype(np.float64), want.astype(np.float64)
+    for name, values in (("device", got64), ("twin", want64)):
+        bad = ~np.isfinite(values)
+        if bad.any():
+            index = tuple(int(i) for i in np.argwhere(bad)[0])
+            raise TwinMismatch(f"{what}: {name} not finite at {index} ({int(bad.sum())} values)")
+    allowed = (table.atol if atol is None else atol) + (
+        table.rtol if rtol is None else rtol
+    ) * np.abs(want64)
+    if np.result_type(got, want).kind in "iu":  # above 2**53 float64 would round differences away
+        whole = np.result_type(got, want, np.int32)
+        difference = (np.maximum(got, want).astype(whole) - np.minimum(got, want)).astype(float)
+    else:
+        difference = np.abs(got64 - want64)
+    fine = difference <= allowed
+    if not fine.all():
+        worst = np.unravel_index(int(np.argmax(difference - allowed)), difference.shape)
+        index = tuple(int(i) for i in worst)
+        raise TwinMismatch(
+            f"{what}: {int((~fine).sum())} of {fine.size} values off; worst at {index}: "
+            f"device {got64[worst]:.9g}, twin {want64[worst]:.9g}, "
+            f"allowed {np.broadcast_to(allowed, fine.shape)[worst]:.3g}"
+        )
+    return float(difference.max())
+
+
+_CHECKS: dict[str, Callable[[Device], None]] = {}
+
+
+def twin_check(stage: str) -> Callable[[Callable[[Device], None]], Callable[[Device], None]]:
+    """Register a small device-against-twin comparison under the shader's name."""
+
+    def register(check: Callable[[Device], None]) -> Callable[[Device], None]:
+        if stage in _CHECKS:
+            raise InputError(f"twin check {stage!r} is registered twice")
+        _CHECKS[stage] = check
+        return check
+
+    return register
+
+
+def twin_checks() -> dict[str, Callable[[Any], None]]:
+    """The checks of every stage that has a shader, by name, in alphabetical order.
+
+    Importing the Python module that goes with ``shaders/<area>/<stem>.wgsl`` registers them.
+    """
+    for stem in stages():
+        import_module(f"gpusim.{stem.replace('/', '.')}")
+    return dict(sorted(_CHECKS.items()))

@@ -1,0 +1,306 @@
+"""Kernels and bindings: what is checked before anything reaches the device, and dispatch sizes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gpusim.errors import DeviceError, InputError
+from gpusim.gpu import Device, Kernel
+from gpusim.gpu.kernel import pack
+from gpusim.gpu.wgsl import load
+
+COUNT = """
+#import common/index
+override step: u32 = 1u;
+struct Params { n: u32, shift: i32, scale: f32, pair: vec2f }
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<storage, read> source: array<u32>;
+@group(0) @binding(2) var<storage, read_write> result: array<u32>;
+@compute @workgroup_size(64)
+fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
+    let i = linear_id(gid, groups, 64u);
+    if (i >= params.n) { return; }
+    result[i] = source[i] + u32(i32(i) + params.shift) * step;
+}
+@compute @workgroup_size(64)
+fn other() { result[0] = params.n; }
+@fragment
+fn paint() -> @location(0) vec4f { return vec4f(1.0); }
+"""
+PART = """
+#import common/index
+#import common/part
+@group(0) @binding(0) var<storage, read> source: array<f32>;
+@group(0) @binding(1) var<storage, read_write> result: array<f32>;
+@compute @workgroup_size(64)
+fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
+    let i = linear_id(gid, groups, 64u);
+    if (i >= part.count) { return; }
+    result[i] = 2.0 * source[3u * i] + source[3u * i + 2u] + f32(part.first + i);
+}
+"""
+LOOK = """
+@group(0) @binding(0) var picture: texture_2d<f32>;
+@group(0) @binding(1) var<storage, read_write> result: array<f32>;
+@compute @workgroup_size(1)
+fn main() { result[0] = textureLoad(picture, vec2u(0), 0).x; }
+"""
+BROKEN = "@compute @workgroup_size(1) fn main() { let x: u32 = 1.5; }"
+
+
+SIZED = "override block: u32; @compute @workgroup_size(block) fn main() { }"
+
+
+@pytest.fixture(scope="module")
+def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Device]:
+    """A device that also finds the shaders of this file."""
+    folder: Path = tmp_path_factory.mktemp("shaders")
+    shaders = {"count": COUNT, "part": PART, "look": LOOK, "broken": BROKEN, "sized": SIZED}
+    for name, text in shaders.items():
+        (folder / f"{name}.wgsl").write_text(text, encoding="utf-8")
+    yield Device(shaders=folder)
+
+
+@pytest.fixture
+def kernel(lab: Device) -> Kernel:
+    return lab.kernel("count")
+
+
+PARAMS = {"n": 3, "shift": -1, "scale": 0.5, "pair": (1.0, 2.0)}
+
+
+def test_what_is_wrong_with_bindings_is_named(lab: Device, kernel: Kernel) -> None:
+    source = lab.buffer(np.arange(3, dtype=np.uint32), "source")
+    result = lab.empty(12, "result")
+    good = {"params": PARAMS, "source": source, "result": result}
+    kernel.bind(**good)
+    with pytest.raises(InputError, match=r"binding count; missing \['result'\]"):
+        kernel.bind(params=PARAMS, source=source)
+    with pytest.raises(InputError, match=r"unknown \['target'\]"):
+        kernel.bind(**good, target=result)
+    with pytest.raises(InputError, match=r"count\.source; got ndarray; expected a Buffer"):
+        kernel.bind(**{**good, "source": np.arange(3)})
+    with pytest.raises(InputError, match=r"count\.source; got Texture; expected a Buffer"):
+        kernel.bind(**{**good, "source": lab.texture(4, 4, "r32float", "t")})
+    with pytest.raises(InputError, match=r"count\.params; got Buffer; expected a dict"):
+        kernel.bind(**{**good, "params": source})
+    with pytest.raises(InputError, match=r"look\.picture; got Buffer; expected a Texture"):
+        lab.kernel("look").bind(picture=source, result=result)
+    with pytest.raises(InputError, match=r"split buffers \['source'\] need '#import common/part'"):
+        kernel.bind(**{**good, "source": lab.split(np.zeros(4, np.float32), "s")})
+    source.release()
+    with pytest.raises(InputError, match=r"count\.source: source; got a released buffer"):
+        kernel.bind(**good)
+
+
+def test_a_buffer_of_another_device_is_refused(lab: Device, kernel: Kernel, device: Device) -> None:
+    foreign = device.empty(12, "foreign")
+    with pytest.raises(InputError, match=r"buffer of another device \(foreign\)"):
+        kernel.bind(params=PARAMS, source=foreign, result=lab.empty(12, "result"))
+
+
+def test_a_buffer_above_the_binding_limit_is_refused(kernel: Kernel, lab: Device) -> None:
+    limits = dict(lab.limits)
+    big = lab.empty(4096, "big")
+    lab.limits["max-storage-buffer-binding-size"] = 1024
+    try:
+        with pytest.raises(DeviceError, match=r"got 4096 bytes; expected at most 1024"):
+            kernel.bind(params=PARAMS, source=big, result=lab.empty(12, "result"))
+    finally:
+        lab.limits.update(limits)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"n": -1}, r"params\.n; got -1; expected finite values that uint32 holds"),
+        ({"n": 1.5}, r"params\.n; got 1\.5"),
+        ({"n": 2**32}, r"params\.n; got 4294967296"),
+        ({"shift": 2**31}, r"params\.shift; got 2147483648"),
+        ({"scale": float("nan")}, r"params\.scale; got nan"),
+        ({"scale": 1e39}, r"params\.scale; got 1e\+39"),
+        ({"scale": "2"}, r"params\.scale; got '2'; expected numbers of shape \(\)"),
+        ({"pair": (1.0, 2.0, 3.0)}, r"params\.pair; .*expected numbers of shape \(2,\)"),
+        ({"pair": 1.0}, r"params\.pair; got 1\.0; expected numbers of shape \(2,\)"),
+        ({"pair": (1.0, np.inf)}, r"params\.pair; "),
+        ({"more": 1}, r"got members \['more', 'n', 'pair', 'scale', 'shift'\]"),
+    ],
+)
+def test_a_uniform_takes_only_what_fits(
+    change: dict[str, object], message: str, kernel: Kernel
+) -> None:
+    dtype = kernel.layout.module.structs["Params"].dtype
+    pack(PARAMS, dtype, "params")
+    with pytest.raises(InputError, match=message):
+        pack({**PARAMS, **change}, dtype, "params")
+
+
+def test_kernel_arguments_are_checked(lab: Device) -> None:
+    with pytest.raises(InputError, match=r"no such entry; expected one of \['main', 'other'"):
+        lab.kernel("count", "nothing")
+    with pytest.raises(InputError, match="a fragment entry; expected @compute"):
+        lab.kernel("count", "paint")
+    with pytest.raises(InputError, match=r"unknown \['size'\]"):
+        lab.kernel("count", constants={"size": 4})
+    with pytest.raises(DeviceError, match=r"(?s)shader broken: .*let x: u32 = 1\.5"):
+        lab.kernel("broken")
+    for block in (0, 512):
+        with pytest.raises(
+            InputError, match=rf"sized\.main: workgroup size; got \({block}, 1, 1\)"
+        ):
+            lab.kernel("sized", constants={"block": block})
+    with pytest.raises(InputError, match=r"sized\.main constants; got \[\]; needed \['block'\]"):
+        lab.kernel("sized")
+
+
+def test_kernels_and_modules_are_compiled_once(
+    lab: Device, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    compiled: list[str] = []
+    create = lab.gpu.create_shader_module
+
+    def counted(**arguments: str) -> object:
+        compiled.append(arguments["label"])
+        return create(**arguments)
+
+    monkeypatch.setattr(lab.gpu, "create_shader_module", counted)
+    lab._kernels.clear()
+    lab._modules.clear()
+    first = lab.kernel("count")
+    assert lab.kernel("count") is first
+    assert lab.kernel("count", "other") is not first
+    assert lab.kernel("count", constants={"step": 2}) is not first
+    assert compiled == ["gpusim.count"]
+
+
+def run_count(lab: Device, n: int, step: int = 1) -> np.ndarray[tuple[int], np.dtype[np.uint32]]:
+    source = np.random.default_rng(3).integers(0, 1000, n).astype(np.uint32)
+    kernel = lab.kernel("count", constants={"step": step})
+    result = lab.buffer(np.full(n + 64, 77, np.uint32), "result")
+    params = {"n": n, "shift": 5, "scale": 1.0, "pair": (0, 0)}
+    bindings = kernel.bind(params=params, source=lab.buffer(source, "source"), result=result)
+    with lab.recording("count") as recording:
+        recording.dispatch(kernel, bindings, threads=(n,))
+    got = result.read(np.uint32)
+    expected = source + (np.arange(n, dtype=np.uint32) + 5) * step
+    np.testing.assert_array_equal(got[:n], expected)
+    assert (got[n:] == 77).all()
+    return got
+
+
+@pytest.mark.parametrize("n", [1, 63, 64, 65, 65535 * 64 + 1])
+def test_one_dimensional_grids_of_any_size(lab: Device, n: int) -> None:
+    run_count(lab, n)
+
+
+def test_three_folded_rows(lab: Device) -> None:
+    # a lower limit makes the fold uneven: 7 groups in rows of at most 3
+    limits = dict(lab.limits)
+    lab.limits["max-compute-workgroups-per-dimension"] = 3
+    try:
+        run_count(lab, 6 * 64 + 1, step=3)
+    finally:
+        lab.limits.update(limits)
+
+
+def test_the_same_bits_on_two_runs(lab: Device) -> None:
+    np.testing.assert_array_equal(run_count(lab, 1000), run_count(lab, 1000))
+
+
+def test_dispatch_arguments_are_checked(lab: Device, kernel: Kernel) -> None:
+    other = lab.kernel("count", "other")
+    bound = kernel.bind(
+        params=PARAMS, source=lab.empty(12, "source"), result=lab.empty(12, "result")
+    )
+    wrong: list[tuple[Kernel, dict[str, tuple[int, ...]], str]] = [
+        (other, {"groups": (1,)}, "bindings were made for another"),
+        (kernel, {}, "give either threads or groups"),
+        (kernel, {"threads": (1,), "groups": (1,)}, "give either threads or groups"),
+        (kernel, {"threads": (-1,)}, "expected 1 to 3 sizes"),
+        (kernel, {"groups": (1, 1, 1, 1)}, "expected 1 to 3 sizes"),
+        (kernel, {"groups": (65536,)}, "limit 65535"),
+        (kernel, {"threads": (1, 65536)}, "limit 65535"),
+    ]
+    for program, sizes, message in wrong:
+        with pytest.raises(InputError, match=message), lab.recording("count") as recording:
+            recording.dispatch(program, bound, **sizes)
+    with lab.recording("count") as recording:
+        recording.dispatch(kernel, bound, threads=(0,))  # nothing to do isn't a fault
+
+
+def test_update_rewrites_a_uniform(lab: Device, kernel: Kernel) -> None:
+    result = lab.empty(12, "result")
+    bound = kernel.bind(params=PARAMS, source=lab.empty(12, "source"), result=result)
+    bound.update(params={**PARAMS, "shift": 10})
+    with lab.recording("count") as recording:
+        recording.dispatch(kernel, bound, threads=(3,))
+    assert result.read(np.uint32).tolist() == [10, 11, 12]
+    with pytest.raises(InputError, match=r"updating count; got 'source'"):
+        bound.update(source={})
+
+
+def test_split_buffers_give_the_unsplit_result(lab: Device) -> None:
+    rows = np.random.default_rng(5).normal(size=(1003, 3)).astype(np.float32)
+    kernel = lab.kernel("part")
+    results = []
+    for limit in (134217728, 1200):
+        limits = dict(lab.limits)
+        lab.limits["max-storage-buffer-binding-size"] = limit
+        try:
+            source = lab.split(rows, "source", align=4)
+            empty = np.zeros(1003, np.float32)
+            result = lab.split(empty, "result", like=source)
+            if limit == 1200:
+                # 12-byte rows: 100 per part
+                assert source.starts == (*range(0, 1003, 100), 1003)
+                assert source.nbytes == rows.nbytes
+                with pytest.raises(InputError, match="split at different rows"):
+                    kernel.bind(source=source, result=lab.split(empty, "result"))
+                with pytest.raises(InputError, match="split short; got 1002 rows; expected 1003"):
+                    lab.split(empty[1:], "short", like=source)
+            bound = kernel.bind(source=source, result=result)
+            with lab.recording("part") as recording:
+                recording.dispatch(kernel, bound, threads=(1003,))
+        finally:
+            lab.limits.update(limits)
+        results.append(np.concatenate([part.read(np.float32) for part in result.parts]))
+    np.testing.assert_array_equal(results[0], results[1])
+    expected = 2 * rows[:, 0] + rows[:, 2] + np.arange(1003, dtype=np.float32)
+    np.testing.assert_allclose(results[0], expected, rtol=0, atol=1e-4)
+
+
+def test_a_whole_buffer_is_one_part(lab: Device) -> None:
+    source = lab.buffer(np.ones((70, 3), np.float32), "source")
+    result = lab.empty(280, "result")
+    kernel = lab.kernel("part")
+    with lab.recording("part") as recording:
+        recording.dispatch(kernel, kernel.bind(source=source, result=result), threads=(69,))
+    assert result.read(np.float32).tolist() == [3.0 + i for i in range(69)] + [0.0]
+    with pytest.raises(InputError, match="parts need threads"):
+        with lab.recording("part") as recording:
+            recording.dispatch(kernel, kernel.bind(source=source, result=result), groups=(1,))
+
+
+def test_a_row_above_the_binding_limit_is_refused(lab: Device) -> None:
+    limits = dict(lab.limits)
+    lab.limits["max-storage-buffer-binding-size"] = 256
+    try:
+        with pytest.raises(InputError, match="split wide; got 4 rows of 100 bytes in one part"):
+            lab.split(np.zeros((8, 25), np.float32), "wide", align=4)
+    finally:
+        lab.limits.update(limits)
+
+
+def test_portable_limits_are_what_the_device_has(lab: Device) -> None:
+    assert lab.limits["max-storage-buffers-per-shader-stage"] == 8
+    assert lab.limits["max-compute-invocations-per-workgroup"] == 256
+    assert lab.limits["max-storage-buffer-binding-size"] == 128 * 1024**2
+
+
+def test_the_module_is_loaded_once_per_real() -> None:
+    assert load("gpu/real", "f64") is load("gpu/real", "f64")
+    assert load("gpu/real", "f64") is not load("gpu/real", "double_single")
