@@ -1,0 +1,239 @@
+"""The command line: ``gpusim run | plan | schema | doctor | check``.
+
+Exit codes: 0 good, 1 unexpected, 2 bad scene or usage, 3 not converged, 4 no usable adapter or
+device lost, 5 twin mismatch, 130 interrupted. Heavy modules are imported by the command that needs
+them, so that help and plan are quick.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import sys
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from gpusim._version import __version__
+from gpusim.cli.console import (
+    INTERRUPTED,
+    ProgressDisplay,
+    exit_codes,
+    out,
+    size_text,
+    time_text,
+)
+from gpusim.errors import Fault, InputError, SceneError
+
+if TYPE_CHECKING:
+    from gpusim.plan import Plan
+    from gpusim.report.model import Report
+    from gpusim.scene import Scene
+
+__all__ = ["app", "main"]
+
+app = typer.Typer(
+    name="gpusim",
+    help="From a loaded structure to camera images, measured and compared with the truth.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+
+class Backend(StrEnum):
+    """Where the numbers are made."""
+
+    gpu = "gpu"
+    numpy = "numpy"
+
+
+ScenePath = Annotated[Path, typer.Argument(metavar="SCENE.toml", help="The scene file.")]
+Sets = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="KEY=VALUE",
+        help="Change a key of the scene: camera.front.focal_mm=35 (repeatable).",
+    ),
+]
+BackendOption = Annotated[Backend, typer.Option(help="gpu: any Vulkan device; numpy: none.")]
+Fresh = Annotated[bool, typer.Option("--fresh", help="Reuse nothing of an earlier run.")]
+NoSkip = Annotated[bool, typer.Option("--no-skip", help="Switch every shortcut off.")]
+Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")]
+
+
+def main() -> int:
+    """Run the command line and return the exit code."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # names in a scene may not fit a narrow terminal
+            stream.reconfigure(errors="replace")
+    try:
+        app()
+    except KeyboardInterrupt:
+        return INTERRUPTED
+    except SystemExit as end:
+        return end.code if isinstance(end.code, int) else int(bool(end.code))
+    return 0
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        out(f"gpusim {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _app(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", callback=_print_version, is_eager=True, help="Print the version."
+        ),
+    ] = False,
+) -> None:
+    """See the help of each command."""
+
+
+@app.command()
+def run(
+    scene: ScenePath,
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="OUT", help="Output folder.")],
+    sets: Sets = None,
+    backend: BackendOption = Backend.gpu,
+    fresh: Fresh = False,
+    no_skip: NoSkip = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
+    as_json: Json = False,
+) -> None:
+    """Solve, render, measure, report; reuse what is unchanged in OUT."""
+    with exit_codes():
+        loaded = _load(scene, sets)
+        _check_folder(output)
+        from gpusim import pipeline
+
+        with ProgressDisplay(quiet, stream_is_result=as_json) as progress:
+            report = pipeline.run(
+                loaded,
+                output,
+                backend=backend.value,
+                fresh=fresh,
+                skip=not no_skip,
+                progress=progress,
+            )
+        if as_json:
+            out(report.to_json().rstrip())
+        elif not quiet:
+            _print_report(report, output)
+
+
+@app.command()
+def plan(
+    scene: ScenePath,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="OUT", help="Folder of an earlier run.")
+    ] = None,
+    sets: Sets = None,
+    backend: BackendOption = Backend.gpu,
+    fresh: Fresh = False,
+    no_skip: NoSkip = False,
+    as_json: Json = False,
+) -> None:
+    """Validate a scene and tell what a run would do, why, and what it costs; run nothing."""
+    with exit_codes():
+        loaded = _load(scene, sets)
+        if output is not None:
+            _check_folder(output)
+        from gpusim.plan import make_plan
+
+        made = make_plan(loaded, output, backend.value, fresh, not no_skip)
+        if as_json:
+            out(json.dumps(made.to_dict(), indent=2))
+        else:
+            _print_plan(made)
+
+
+@app.command()
+def schema() -> None:
+    """Print the JSON schema of a scene file: every key with its type, range and meaning."""
+    with exit_codes():
+        from gpusim.scene import json_schema
+
+        out(json.dumps(json_schema(), indent=2))
+
+
+@app.command()
+def doctor(as_json: Json = False) -> None:
+    """Look at the adapter and compare every kernel with its NumPy twin."""
+    _diagnose(None, as_json)
+
+
+@app.command()
+def check(
+    stage: Annotated[str, typer.Argument(help="A stage as `gpusim doctor` names it: fem/cg.")],
+    as_json: Json = False,
+) -> None:
+    """Compare the kernels of one stage with their NumPy twin."""
+    _diagnose(stage, as_json)
+
+
+def _diagnose(stage: str | None, as_json: bool) -> None:
+    with exit_codes():
+        from gpusim.cli.diagnosis import diagnose
+
+        found = diagnose(stage)
+        out(json.dumps(found.to_dict(), indent=2) if as_json else "\n".join(found.lines()))
+        raise typer.Exit(found.exit_code)
+
+
+def _load(path: Path, sets: list[str] | None) -> Scene:
+    """The scene with the ``--set`` changes; raises SceneError with every fault."""
+    from gpusim.scene import load_scene, parse_value
+
+    overrides: dict[str, Any] = {}
+    for entry in sets or ():
+        key, equals, value = entry.partition("=")
+        if not equals or not key.strip():
+            raise SceneError("--set", [Fault("--set", "no value", entry, "KEY=VALUE")])
+        overrides[key.strip()] = parse_value(value.strip())
+    return load_scene(path, overrides)
+
+
+def _check_folder(folder: Path) -> None:
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"-o: not a folder; got {folder}; expected a folder, or a new name")
+
+
+def _print_plan(made: Plan) -> None:
+    wide = max(len(stage.name) for stage in made.stages) + 2
+    out(f"{'stage':<{wide}}{'':<9}{'memory':>8}{'time':>9}  reason")
+    for stage in made.stages:
+        memory, seconds = size_text(stage.memory_bytes), time_text(stage.seconds)
+        why = f"{stage.reason}; {stage.detail}" if stage.detail else stage.reason
+        out(f"{stage.name:<{wide}}{stage.state:<9}{memory:>8}{seconds:>9}  {why}")
+    out()
+    total = time_text(made.seconds) or "no time"
+    out(f"{made.scene}: valid; about {total} and {size_text(made.memory_bytes) or 'no memory'}.")
+
+
+def _print_report(report: Report, folder: Path) -> None:
+    if report.measurements:
+        out()
+        wide = max(len(item.name) for item in report.measurements) + 2
+        out(f"{'':<{wide}}{'measured':>12}{'truth':>12}{'error':>12}{'':>10}")
+        for item in report.measurements:
+            relative = (
+                f"{100 * item.error_relative:+.3f} %"
+                if item.error_relative == item.error_relative
+                else ""
+            )
+            out(
+                f"{item.name:<{wide}}{item.measured:12.6g}{item.truth:12.6g}{item.error:12.3g} "
+                f"{item.unit:<4}{relative:>12}"
+            )
+    for warning in report.warnings:
+        out(f"warning: {warning}")
+    out()
+    out(f"Report: {folder / 'report.html'}")

@@ -1,0 +1,148 @@
+"""Talking to the user: messages, progress, and errors as one clear message with an exit code.
+
+Results go to the standard output, messages about trouble to the standard error.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import TracebackType
+from typing import Any
+
+import typer
+from rich.console import Console
+from rich.text import Text
+
+from gpusim.errors import GpusimError
+
+__all__ = ["INTERRUPTED", "ProgressDisplay", "exit_codes", "out", "size_text", "time_text"]
+
+INTERRUPTED = 130
+
+
+def out(text: str = "") -> None:
+    """One line (or several) of a result on the standard output, never wrapped."""
+    sys.stdout.write(text + "\n")
+
+
+@contextmanager
+def exit_codes() -> Iterator[None]:
+    """End the command with the exit code of what went wrong inside, after one message.
+
+    GPUSIM_DEBUG=1 in the environment shows the traceback too.
+    """
+    try:
+        yield
+    except typer.Exit:
+        raise
+    except KeyboardInterrupt:
+        _complain("interrupted; what is finished will be reused by the next run")
+        raise typer.Exit(INTERRUPTED) from None
+    except GpusimError as error:
+        _debug()
+        _complain(str(error))
+        raise typer.Exit(error.exit_code) from None
+    except BrokenPipeError:
+        # the reader has gone (`gpusim schema | head`); keep the interpreter's exit quiet too
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise typer.Exit(1) from None
+    except MemoryError:
+        _debug()
+        _complain("out of memory; `gpusim plan` estimates what a scene needs")
+        raise typer.Exit(1) from None
+    except Exception as error:
+        _debug()
+        kind = "" if isinstance(error, OSError) else f"internal error, {type(error).__name__}: "
+        _complain(f"{kind}{error} (GPUSIM_DEBUG=1 shows where)")
+        raise typer.Exit(1) from None
+
+
+def _debug() -> None:
+    if os.environ.get("GPUSIM_DEBUG", "0") not in ("", "0"):
+        traceback.print_exc()
+
+
+def _complain(message: str) -> None:
+    console = Console(stderr=True, highlight=False, soft_wrap=True)
+    console.print(Text("error: ", style="bold red") + Text(message, style="not bold"))
+
+
+class ProgressDisplay:
+    """Bars on a terminal, one line per finished stage elsewhere, nothing when quiet.
+
+    Use it as a context manager and as the pipeline's callback ``(stage, done, text)``, ``done``
+    from 0 to 1.
+    """
+
+    def __init__(self, quiet: bool, stream_is_result: bool) -> None:
+        console = Console(stderr=stream_is_result, highlight=False)
+        self._quiet = quiet or (stream_is_result and not console.is_terminal)
+        self._console = console
+        self._started: dict[str, float] = {}
+        self._finished: set[str] = set()
+        self._tasks: dict[str, Any] = {}
+        self._bars: Any = None
+        if console.is_terminal and not self._quiet:
+            from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+            self._bars = Progress(
+                TextColumn("{task.description:<22}"),
+                BarColumn(bar_width=24),
+                TimeElapsedColumn(),
+                TextColumn("{task.fields[text]}", style="dim"),
+                console=console,
+            )
+
+    def __enter__(self) -> ProgressDisplay:
+        if self._bars is not None:
+            self._bars.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self._bars is not None:
+            self._bars.stop()
+
+    def __call__(self, stage: str, done: float, text: str = "") -> None:
+        """Show how far a stage is."""
+        if self._quiet:
+            return
+        now = time.perf_counter()
+        start = self._started.setdefault(stage, now)
+        finished = done >= 1.0
+        if self._bars is not None:
+            if stage not in self._tasks:
+                self._tasks[stage] = self._bars.add_task(stage, total=1.0, text=text)
+            self._bars.update(self._tasks[stage], completed=min(done, 1.0), text=text)
+        elif finished and stage not in self._finished:
+            line = f"{stage:<22} {now - start:7.2f} s  {text}"
+            self._console.print(line.rstrip(), markup=False, soft_wrap=True)
+        if finished:
+            self._finished.add(stage)
+
+
+def size_text(count: int) -> str:
+    """Bytes for a reader: 340 MB."""
+    for unit, size in (("GB", 1e9), ("MB", 1e6), ("kB", 1e3)):
+        if count >= size:
+            value = count / size
+            return f"{value:.1f} {unit}" if value < 10 else f"{value:.0f} {unit}"
+    return f"{count} B" if count else ""
+
+
+def time_text(seconds: float) -> str:
+    """Seconds for a reader: 0.4 s, 3 min."""
+    if not seconds > 0:
+        return ""
+    if seconds < 10:
+        return f"{seconds:.1f} s"
+    return f"{seconds:.0f} s" if seconds < 120 else f"{seconds / 60:.0f} min"

@@ -1,0 +1,242 @@
+"""The one decision, before any work: which stages are run, skipped or reused, why, at what cost.
+
+A stage's key is a hash of the scene's content that it depends on, of the keys of the stages whose
+results it uses, and of gpusim's version. A stage that writes files is reused if the output folder
+holds the result of its key; the in-memory stages (mesh, model, surface) run only if a stage that
+runs needs them. So a new camera renders again and doesn't solve again, and a new load leaves the
+unloaded frame alone.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass, replace
+from os import PathLike
+from typing import Any, Literal
+
+from gpusim._version import __version__
+from gpusim.scene import Scene
+from gpusim.scene import cost as cost_of
+from gpusim.state import StateFile
+
+__all__ = ["Plan", "PlannedStage", "make_plan"]
+
+State = Literal["run", "skipped", "reused"]
+
+
+@dataclass(frozen=True)
+class PlannedStage:
+    """One stage and what is done with it.
+
+    ``detail`` says how much work it is; ``memory_bytes`` and ``seconds`` are estimates for two CPU
+    cores (0 unless run). Render stages, named ``render/<camera>/<frame>``, have ``camera`` and
+    ``frame``.
+    """
+
+    name: str
+    state: State
+    reason: str
+    memory_bytes: int
+    seconds: float
+    key: str
+    detail: str = ""
+    camera: str | None = None
+    frame: int | None = None
+
+    @property
+    def runs(self) -> bool:
+        """Whether there is work to do."""
+        return self.state == "run"
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Every stage in the order of work."""
+
+    scene: str
+    backend: str
+    stages: tuple[PlannedStage, ...]
+
+    def __getitem__(self, name: str) -> PlannedStage:
+        """The stage of that name. Raises KeyError."""
+        for stage in self.stages:
+            if stage.name == name:
+                return stage
+        raise KeyError(name)
+
+    @property
+    def seconds(self) -> float:
+        """Estimated time of everything that is run."""
+        return sum(stage.seconds for stage in self.stages)
+
+    @property
+    def memory_bytes(self) -> int:
+        """Estimated memory of the largest stage that is run."""
+        return max((stage.memory_bytes for stage in self.stages), default=0)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for JSON."""
+        names = ("name", "state", "reason", "detail", "memory_bytes", "seconds", "key")
+        return {
+            "scene": self.scene,
+            "backend": self.backend,
+            "seconds": round(self.seconds, 2),
+            "memory_bytes": self.memory_bytes,
+            "stages": [{name: getattr(stage, name) for name in names} for stage in self.stages],
+        }
+
+
+def make_plan(
+    scene: Scene,
+    out: str | PathLike[str] | None = None,
+    backend: str = "gpu",
+    fresh: bool = False,
+    skip: bool = True,
+) -> Plan:
+    """Decide every stage of a run of ``scene`` into ``out`` (None: nothing can be reused).
+
+    ``fresh`` ignores the results in ``out``. ``skip=False`` switches every shortcut off as well:
+    nothing is reused, and what the loads make trivial is computed all the same; outputs that the
+    scene doesn't ask for are not made.
+    """
+    return _Planner(scene, out, backend, fresh, skip).plan()
+
+
+class _Planner:
+    def __init__(
+        self, scene: Scene, out: str | PathLike[str] | None, backend: str, fresh: bool, skip: bool
+    ) -> None:
+        self.scene, self.backend, self.skip = scene, backend, skip
+        self.state = StateFile(out) if out is not None else None
+        self.no_reuse = "" if out is not None else "new run"
+        if not skip or fresh:
+            self.no_reuse = "--fresh" if skip else "--no-skip"
+        self.cost = cost_of.estimate(scene)
+        self.details = cost_of.describe(scene)
+        self.stages: dict[str, PlannedStage] = {}
+
+    def key(self, stage: str, sections: tuple[str, ...], *upstream: str, extra: Any = None) -> str:
+        """Hash of everything the stage's result depends on."""
+        digest = self.scene.digest(*sections) if sections else ""
+        parts = [__version__, stage, digest, upstream, extra]
+        return hashlib.sha256(json.dumps(parts).encode()).hexdigest()
+
+    def decide(self, name: str, key: str, skipped: str = "", **where: Any) -> None:
+        """Enter a stage that writes files: skipped for a reason, reused if its result is there."""
+        state: State = "run"
+        reason = self.no_reuse
+        if skipped:
+            state, reason = "skipped", skipped
+        elif not self.no_reuse and self.state is not None:
+            fault = self.state.fault(key, name)
+            reason = fault or "unchanged"
+            state = "run" if fault else "reused"
+        self.enter(name, state, reason, key, **where)
+
+    def enter(self, name: str, state: State, reason: str, key: str, **where: Any) -> None:
+        """Enter a stage; its cost counts only if it is run."""
+        kind = name.split("/")[0]
+        memory, seconds = self.cost[kind] if state == "run" else (0, 0.0)
+        detail = self.details.get(kind, "") if state == "run" else ""
+        self.stages[name] = PlannedStage(name, state, reason, memory, seconds, key, detail, **where)
+
+    def runs(self, *prefixes: str) -> list[str]:
+        """Names of the stages of these kinds that are run."""
+        return [n for n, s in self.stages.items() if s.runs and n.split("/")[0] in prefixes]
+
+    def plan(self) -> Plan:
+        scene, backend = self.scene, self.backend
+        mesh = self.key("mesh", ("body.mesh",))
+        model = self.key(
+            "model",
+            ("material", "body.material", "body.formulation", "body.support", "body.load"),
+            mesh,
+        )
+        solve = self.key("solve", ("solver", "analysis.type"), model, extra=backend)
+        surface = self.key("surface", ("body.name", "body.paint", "prop"), mesh)
+        still = self._still()
+        self.decide("solve", solve, still if self.skip else "" if scene.bodies else still)
+        frames = self._frames(surface, solve if not still else "")
+        self._results(surface, solve, frames)
+        self._in_memory(mesh, model, surface)
+        everything = [stage.key for stage in self.stages.values()]
+        report = self.key("report", ("name", "description"), *everything)
+        self.enter("report", "run", "says what this run did", report)
+        order = ["mesh", "model", "solve", "surface", *frames]
+        order += ["truth", "measure", "export", "report"]
+        if not frames:
+            self.enter("render", "skipped", "no [[camera]]", self.key("render", ()))
+            order.insert(4, "render")
+        return Plan(scene.name, backend, tuple(self.stages[name] for name in order))
+
+    def _still(self) -> str:
+        """Why nothing moves, or "" if something does."""
+        bodies = self.scene.bodies
+        if not bodies:
+            return "no [[body]]"
+        moved = any(any(s.displacement) for body in bodies for s in body.supports)
+        if not moved and not any(body.loads for body in bodies):
+            return "no load and no prescribed displacement"
+        if not any(self.scene.analysis.load_factors):
+            return "every load factor is 0"
+        return ""
+
+    def _frames(self, surface: str, solve: str) -> list[str]:
+        """Enter the render stages; returns their names."""
+        names = []
+        factors = self.scene.analysis.load_factors
+        for camera in self.scene.cameras:
+            sections = (f"camera.{camera.name}", "light", "render", "sensor")
+            first = ""
+            for frame, factor in enumerate(factors):
+                name = f"render/{camera.name}/{frame:04d}"
+                # the unloaded frame doesn't depend on the solution; an automatic exposure is that
+                # of the camera's first frame
+                moved = solve if factor != 0 else ""
+                key = self.key(name, sections, surface, moved, first, extra=[self.backend, factor])
+                if frame == 0 and self.scene.sensor.exposure is None:
+                    first = key
+                self.decide(name, key, camera=camera.name, frame=frame)
+                if self.stages[name].runs:
+                    columns, rows = camera.resolution
+                    detail = f"{columns}x{rows} px, {self.stages[name].detail}, load x {factor:g}"
+                    self.stages[name] = replace(self.stages[name], detail=detail)
+                names.append(name)
+        return names
+
+    def _results(self, surface: str, solve: str, frames: list[str]) -> None:
+        scene, backend = self.scene, self.backend
+        images = [self.stages[name].key for name in frames]
+        output, none = scene.output, "not asked for"
+        truth = self.key(
+            "truth", ("camera", "analysis", "output.truth"), surface, solve, extra=backend
+        )
+        blind = none if not output.truth else "" if scene.cameras else "no [[camera]]"
+        self.decide("truth", truth, f"{none}: [output] truth is empty" if blind == none else blind)
+        measure = self.key(
+            "measure", ("measure", "analysis"), surface, solve, *images, extra=backend
+        )
+        self.decide("measure", measure, "" if scene.measures else f"{none}: no [[measure]]")
+        export = self.key("export", ("output.vtu", "output.stl", "analysis"), surface, solve)
+        wanted = output.vtu or output.stl
+        self.decide("export", export, "" if wanted else f"{none}: neither vtu nor stl in [output]")
+
+    def _in_memory(self, mesh: str, model: str, surface: str) -> None:
+        """Mesh, model and surface: run for the stages that need them, else not at all."""
+        solving = self.runs("solve")
+        drawing = self.runs("render", "truth", "measure", "export")
+        for name, key, users in (
+            ("model", model, solving),
+            ("surface", surface, drawing),
+            ("mesh", mesh, [*solving, *drawing]),
+        ):
+            if not self.scene.bodies and name != "surface":
+                self.enter(name, "skipped", "no [[body]]", key)
+            elif users or not self.skip:
+                kinds = list(dict.fromkeys(user.split("/")[0] for user in users))
+                self.enter(
+                    name, "run", "needed by " + ", ".join(kinds) if kinds else "--no-skip", key
+                )
+            else:
+                self.enter(name, "skipped", "nothing that runs needs it", key)

@@ -1,0 +1,180 @@
+"""Checks between tables of a scene: unique names, references that exist, physics that is complete.
+
+They work on the plain document, before or without a full validation, so that their faults are told
+together with the schema's. What isn't of the right shape is skipped here: the schema reports it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from gpusim.errors import Fault
+
+from .faults import shown
+from .lines import Keys
+from .path import dotted, nearest
+from .schema.base import norm
+from .schema.mesh import SETS
+
+__all__ = ["check_document"]
+
+Found = list[tuple[Keys, Fault]]
+
+
+def check_document(document: Mapping[str, Any]) -> Found:
+    """Faults between tables, each with the keys it is about."""
+    found: Found = []
+    _unique_names(document, found)
+    _references(document, found)
+    _physics(document, found)
+    _deflection_is_seen(document, found)
+    return found
+
+
+def _items(table: Mapping[str, Any], key: str) -> Iterator[tuple[int, Mapping[str, Any]]]:
+    items = table.get(key)
+    if isinstance(items, list):
+        for index, item in enumerate(items):
+            if isinstance(item, Mapping):
+                yield index, item
+
+
+def _add(found: Found, keys: Keys, problem: str, got: Any, expected: str, hint: str = "") -> None:
+    found.append((keys, Fault(dotted(keys), problem, shown(got), expected, hint)))
+
+
+def _unique_names(document: Mapping[str, Any], found: Found) -> None:
+    def unique(prefix: Keys, table: Mapping[str, Any], key: str, seen: dict[str, Keys]) -> None:
+        for index, item in _items(table, key):
+            name, keys = item.get("name"), (*prefix, key, index, "name")
+            if not isinstance(name, str):
+                continue
+            first = seen.setdefault(name.casefold(), keys)  # names become file names
+            if first != keys:
+                _add(found, keys, "name used twice", name, f"another than {dotted(first)}")
+
+    for key in ("material", "camera", "light", "measure"):
+        unique((), document, key, {})
+    things: dict[str, Keys] = {}  # bodies and props are both things in the picture,
+    paints: dict[str, Keys] = {}  # and measurements know paints by their name alone
+    for key in ("body", "prop"):
+        unique((), document, key, things)
+        for index, item in _items(document, key):
+            unique((key, index), item, "paint", paints)
+    for index, body in _items(document, "body"):
+        for key in ("support", "load"):
+            unique(("body", index), body, key, {})
+
+
+def _references(document: Mapping[str, Any], found: Found) -> None:
+    def refer(keys: Keys, value: Any, names: list[str], what: str) -> None:
+        if not isinstance(value, str) or value in names:
+            return
+        near = nearest(value, names)
+        expected = "one of " + ", ".join(names) if names else f"a {what}, but there is none"
+        _add(
+            found, keys, f"no such {what}", value, expected, f"did you mean {near}?" if near else ""
+        )
+
+    materials = _names(document, "material")
+    for index, body in _items(document, "body"):
+        if materials is not None:
+            refer(("body", index, "material"), body.get("material"), materials, "material")
+        mesh = body.get("mesh")
+        sets = SETS.get(str(mesh.get("builder"))) if isinstance(mesh, Mapping) else None
+        for key in ("support", "load", "paint"):
+            for place, entry in _items(body, key):
+                where = entry.get("where")
+                if sets is not None and isinstance(where, Mapping):
+                    keys: Keys = ("body", index, key, place, "where", "set")
+                    refer(keys, where.get("set"), list(sets), "set of the mesh")
+    cameras = _names(document, "camera")
+    moving = _marker_names(document, "body")
+    fixed = _marker_names(document, "prop")
+    for index, measure in _items(document, "measure"):
+        if cameras is not None:
+            refer(("measure", index, "camera"), measure.get("camera"), cameras, "camera")
+        lists = (
+            ("groups", moving, "markers paint on a body"),
+            ("static", fixed, "markers paint on a prop"),
+        )
+        for key, names, what in lists:
+            values = measure.get(key)
+            for place, value in enumerate(values if isinstance(values, list) else ()):
+                if names is not None:
+                    refer(("measure", index, key, place), value, names, what)
+
+
+def _names(document: Mapping[str, Any], key: str) -> list[str] | None:
+    """Names of the items; None if one has none, because a reference may mean that one."""
+    names = [item.get("name") for _, item in _items(document, key)]
+    texts = [name for name in names if isinstance(name, str)]
+    return texts if len(texts) == len(names) else None
+
+
+def _marker_names(document: Mapping[str, Any], key: str) -> list[str] | None:
+    """Names of the markers paints; None if a paint lacks its name or type."""
+    names: list[str] = []
+    for _, item in _items(document, key):
+        for _, paint in _items(item, "paint"):
+            name, kind = paint.get("name"), paint.get("type")
+            if not isinstance(name, str) or not isinstance(kind, str):
+                return None
+            if kind == "markers":
+                names.append(name)
+    return names
+
+
+def _deflection_is_seen(document: Mapping[str, Any], found: Found) -> None:
+    """One camera can't measure along its own axis."""
+    views = {}
+    for _, camera in _items(document, "camera"):
+        ends = [_numbers(camera.get(key)) for key in ("position_mm", "target_mm")]
+        if ends[0] and ends[1]:
+            views[str(camera.get("name"))] = [b - a for a, b in zip(*ends, strict=True)]
+    for index, measure in _items(document, "measure"):
+        view, direction = views.get(str(measure.get("camera"))), measure.get("direction")
+        if view is None or direction not in ("+x", "-x", "+y", "-y", "+z", "-z"):
+            continue
+        along = abs(view["xyz".index(direction[1])])
+        if along > 0.7 * norm(view):
+            _add(found, ("measure", index, "direction"), "is along the camera's view", direction,
+                 "a direction that its image shows")  # fmt: skip
+
+
+def _numbers(value: Any) -> list[float] | None:
+    """Three numbers that floats can hold, or None."""
+    if not isinstance(value, list) or len(value) != 3:
+        return None
+    good = all(isinstance(v, int | float) and abs(v) < 1e300 for v in value)
+    return [float(v) for v in value] if good else None
+
+
+def _physics(document: Mapping[str, Any], found: Found) -> None:
+    density = {
+        str(m.get("name")): m.get("density_kg_m3", 0) for _, m in _items(document, "material")
+    }
+    for index, body in _items(document, "body"):
+        loads = list(_items(body, "load"))
+        if loads and not body.get("support"):
+            _add(found, ("body", index, "support"), "loaded but not held", "no support",
+                 "at least one [[body.support]]")  # fmt: skip
+        for place, load in loads:
+            material = str(body.get("material"))
+            if load.get("type") == "gravity" and density.get(material, 1) == 0:
+                _add(found, ("body", index, "load", place), "gravity on a material without density",
+                     material, "density_kg_m3 > 0")  # fmt: skip
+    if document.get("body", []) == [] and document.get("prop", []) == []:
+        _add(found, ("body",), "nothing is there", "no body and no prop", "at least one [[body]]")
+    factors = document.get("analysis", {})
+    factors = factors.get("load_factors") if isinstance(factors, Mapping) else None
+    if isinstance(factors, list) and len(factors) == 1 and document.get("measure"):
+        _add(found, ("analysis", "load_factors"), "nothing to compare", "one frame",
+             "two load factors or more, the first one the reference")  # fmt: skip
+    if (
+        isinstance(document.get("measure"), list)
+        and document["measure"]
+        and (document.get("camera", []) == [])
+    ):
+        _add(found, ("camera",), "nothing to measure in", "no camera", "at least one [[camera]]")

@@ -1,0 +1,146 @@
+"""From pydantic's errors to faults: key path with index, what, got, expected, nearest key."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+
+from gpusim.errors import Fault
+
+from .lines import Keys, Origins, origin_of
+from .path import dotted, nearest
+from .places import Place, locate
+
+__all__ = ["faults_of", "shown", "with_origin"]
+
+_KINDS = {
+    "float_type": "a number",
+    "int_type": "a whole number",
+    "int_from_float": "a whole number",
+    "string_type": "a string",
+    "bool_type": "true or false",
+    "list_type": "a list [...]",
+    "model_type": "a table",
+    "model_attributes_type": "a table",
+    "finite_number": "a finite number",
+}
+_BOUNDS = {
+    "greater_than": ("gt", ">"),
+    "greater_than_equal": ("ge", ">="),
+    "less_than": ("lt", "<"),
+    "less_than_equal": ("le", "<="),
+}
+
+
+def with_origin(fault: Fault, keys: Sequence[str | int], origins: Origins) -> Fault:
+    """The fault with the line of its key in the problem, if known."""
+    origin = origin_of(origins, keys)
+    if not origin:
+        return fault
+    problem = f"{fault.problem} ({origin})"
+    return Fault(fault.key, problem, fault.got, fault.expected, fault.hint)
+
+
+def faults_of(error: ValidationError, root: type[BaseModel], origins: Origins) -> list[Fault]:
+    """Every fault of a failed validation, in the order of the schema.
+
+    A required key that is missing because it was misspelt is told once: by its wrong spelling.
+    """
+    found: list[tuple[Keys, Fault]] = []
+    respelt: set[Keys] = set()
+    missing: set[int] = set()
+    for entry in error.errors(include_url=False):
+        kind, context = entry["type"], entry.get("ctx", {})
+        place = locate(root, entry["loc"])
+        keys = place.keys
+        if kind == "extra_forbidden":
+            near = nearest(str(keys[-1]), place.valid_keys)
+            respelt.add((*keys[:-1], near))
+        elif kind == "missing":
+            missing.add(len(found))
+        elif kind == "scene_fault" and context["key"]:
+            parts = context["key"].split(".")
+            keys = (*keys, *(int(part) if part.isdecimal() else part for part in parts))
+        elif kind in ("union_tag_invalid", "union_tag_not_found"):
+            keys = (*keys, str(context["discriminator"]).strip("'"))
+        found.append(
+            (keys, _fault(kind, dotted(keys), place, entry.get("input"), context, entry["msg"]))
+        )
+    return [
+        with_origin(fault, keys, origins)
+        for index, (keys, fault) in enumerate(found)
+        if not (index in missing and keys in respelt)
+    ]
+
+
+def _fault(
+    kind: str, key: str, place: Place, value: Any, context: Mapping[str, Any], message: str
+) -> Fault:
+    got = shown(value)
+    if kind == "scene_fault":
+        return Fault(key, context["problem"], shown(context["got"]), context["expected"])
+    if kind == "extra_forbidden":
+        near = nearest(str(place.keys[-1]), place.valid_keys)
+        expected = "" if near else "one of " + ", ".join(place.valid_keys)
+        return Fault(key, "unknown key", "", expected, _did_you_mean(near))
+    if kind == "missing":
+        return Fault(key, "missing", "", place.description)
+    if kind == "union_tag_not_found":
+        return Fault(key, "missing", "", _one_of(place.tags))
+    if kind == "union_tag_invalid":
+        tag = str(context["tag"])
+        hint = _did_you_mean(nearest(tag, place.tags))
+        return Fault(key, "unknown value", shown(tag), _one_of(place.tags), hint)
+    if kind == "literal_error":
+        words = str(context["expected"]).replace(" or ", ", ").split(", ")
+        hint = nearest(value, [word.strip("'") for word in words]) if isinstance(value, str) else ""
+        expected = "one of " + ", ".join(words) if len(words) > 1 else words[0]
+        return Fault(key, "unknown value", got, expected.replace("'", '"'), _did_you_mean(hint))
+    if kind in ("too_short", "too_long"):
+        bound = context["min_length" if kind == "too_short" else "max_length"]
+        return Fault(key, "wrong length", f"{context['actual_length']} items", _length(bound, kind))
+    if kind in _BOUNDS:
+        name, sign = _BOUNDS[kind]
+        return Fault(key, "out of range", got, f"{sign} {context[name]:g}")
+    if kind == "string_pattern_mismatch":
+        return Fault(key, "not a usable name", got, "a letter, then letters, digits, _ or -")
+    if kind in _KINDS:
+        text = _KINDS[kind]
+        if kind == "float_type" and isinstance(value, str):
+            text += " without quotes" + ("; its unit is in the key" if _has_unit(key) else "")
+        return Fault(key, "wrong type", got, text)
+    return Fault(key, message, got)
+
+
+def shown(value: Any) -> str:
+    """A value as it would stand in the file, cut to one short line."""
+    if isinstance(value, bool):
+        text = "true" if value else "false"
+    elif isinstance(value, str):
+        text = f'"{value}"'
+    elif isinstance(value, Mapping):
+        text = "a table" if value else "{}"
+    else:
+        text = str(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _has_unit(key: str) -> bool:
+    names = [part for part in key.split(".") if not part.isdecimal()]
+    return names[-1].endswith(("_mm", "_px", "_N", "_W", "_GPa", "_MPa", "_kg_m3", "_m_s2"))
+
+
+def _did_you_mean(name: str) -> str:
+    return f"did you mean {name}?" if name else ""
+
+
+def _one_of(names: Sequence[str]) -> str:
+    return "one of " + ", ".join(f'"{name}"' for name in names)
+
+
+def _length(bound: int, kind: str) -> str:
+    if bound in (2, 3):
+        return f"{bound} items"
+    return f"at least {bound}" if kind == "too_short" else f"at most {bound}"

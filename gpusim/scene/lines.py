@@ -1,0 +1,73 @@
+"""Where a key path was written: the line of a TOML text."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+
+__all__ = ["Keys", "Origins", "key_lines", "origin_of", "overridden"]
+
+Keys = tuple[str | int, ...]
+Origins = Mapping[Keys, str]
+
+_HEADER = re.compile(r"^\s*(\[\[?)\s*([A-Za-z0-9_.\-\s]+?)\s*\]\]?\s*(?:#.*)?$")
+_KEY = re.compile(r"^\s*([A-Za-z0-9_\-]+(?:\s*\.\s*[A-Za-z0-9_\-]+)*)\s*=")
+
+
+def key_lines(text: str) -> dict[Keys, str]:
+    """Key path -> "line 12" for headers and for keys at the start of a line.
+
+    Keys inside inline tables have no entry of their own; bare keys only. A line inside a
+    multi-line value that looks like a header or key can mislead it, so lines are for messages.
+    """
+    lines: dict[Keys, str] = {}
+    counts: dict[Keys, int] = {}
+    table: Keys = ()
+    quote = ""
+    for count, line in enumerate(text.splitlines(), start=1):
+        number = f"line {count}"
+        outside = not quote
+        for mark in ('"""', "'''"):
+            if quote in ("", mark) and line.count(mark) % 2 == 1:
+                quote = "" if quote else mark
+        if not outside:
+            continue
+        if header := _HEADER.match(line):
+            names = [name.strip() for name in header[2].split(".")]
+            array = header[1] == "[["
+            table = ()
+            for depth, name in enumerate(names):
+                table = (*table, name)
+                if array and depth == len(names) - 1:
+                    counts[table] = counts.get(table, -1) + 1
+                    lines.setdefault(table, number)
+                if table in counts:
+                    table = (*table, counts[table])
+            if array:  # the lists inside a new item start again
+                for known in [
+                    k for k in counts if len(k) > len(table) and k[: len(table)] == table
+                ]:
+                    del counts[known]
+            lines.setdefault(table, number)
+        elif key := _KEY.match(line):
+            path = table
+            for name in key[1].split("."):
+                path = (*path, name.strip())
+                lines.setdefault(path, number)
+    return lines
+
+
+def overridden(origins: Origins, keys: Keys) -> Origins:
+    """The same after the value at ``keys`` has been replaced from outside the file."""
+    kept = {path: text for path, text in origins.items() if path[: len(keys)] != keys}
+    return {**kept, keys: "overridden"}
+
+
+def origin_of(origins: Origins, keys: Sequence[str | int]) -> str:
+    """Where the key, or the nearest thing around it that is known, was written; else ""."""
+    path = tuple(keys)
+    while path:
+        if path in origins:
+            return origins[path]
+        path = path[:-1]
+    return ""

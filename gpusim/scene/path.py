@@ -1,0 +1,94 @@
+"""Dotted key paths: ``camera.0.focal_mm``, or by the item's name ``camera.front.focal_mm``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from difflib import get_close_matches
+from typing import Any
+
+from gpusim.errors import Fault
+
+__all__ = ["dotted", "nearest", "pick", "put"]
+
+
+def dotted(keys: Sequence[str | int]) -> str:
+    """``("camera", 0, "up")`` -> ``camera.0.up``."""
+    return ".".join(str(key) for key in keys)
+
+
+def nearest(word: str, valid: Sequence[str]) -> str:
+    """The one of ``valid`` that ``word`` may be a misspelling of, else ""."""
+    lower = {name.lower(): name for name in valid}
+    found = get_close_matches(word.lower(), list(lower), n=1, cutoff=0.6)
+    return lower[found[0]] if found else ""
+
+
+def _item(items: Sequence[Any], key: str) -> int | None:
+    """Index of the list item that ``key`` means: a number, or the value of its ``name``."""
+    if key.isdecimal():
+        return int(key) if int(key) < len(items) else None
+    for index, item in enumerate(items):
+        if isinstance(item, Mapping) and item.get("name") == key:
+            return index
+    return None
+
+
+def _names(items: Sequence[Any]) -> list[str]:
+    return [str(item["name"]) for item in items if isinstance(item, Mapping) and "name" in item]
+
+
+def put(document: dict[str, Any], path: str, value: Any) -> tuple[str | int, ...] | Fault:
+    """Set ``path`` in ``document`` in place; missing tables are made, list items must exist.
+
+    Returns the keys with names turned into indices, or a fault if the path leads nowhere. Whether
+    the last key is a valid one is for the schema to say.
+    """
+    found: list[str | int] = []
+    keys = path.split(".")
+    if not all(keys):
+        return Fault(path or '""', "not a key path", expected="keys joined by dots")
+    here: Any = document
+    for depth, key in enumerate(keys):
+        last = depth == len(keys) - 1
+        where = dotted(keys[: depth + 1])
+        if isinstance(here, list):
+            index = _item(here, key)
+            if index is None:
+                names = _names(here)
+                have = ", ".join(names) if names else f"{len(here)} items"
+                near = nearest(key, names)
+                hint = f"did you mean {near}?" if near else ""
+                return Fault(where, "no such item", key, f"an index or one of {have}", hint)
+            found.append(index)
+            if last:
+                here[index] = value
+            here = here[index]
+        elif isinstance(here, dict):
+            found.append(key)
+            if last:
+                here[key] = value
+            else:
+                here = here.setdefault(key, {})
+        else:
+            return Fault(dotted(keys[:depth]), "has no keys inside", repr(here), "a table or list")
+    return tuple(found)
+
+
+def pick(document: Any, path: str) -> Any:
+    """What ``path`` selects; a list that isn't given an index or name is mapped over its items.
+
+    ``pick(doc, "body.mesh")`` is the list of every body's mesh. A key that isn't there is None.
+    """
+    here = document
+    keys = path.split(".")
+    for depth, key in enumerate(keys):
+        if isinstance(here, list):
+            index = _item(here, key)
+            if index is None:
+                return [pick(item, dotted(keys[depth:])) for item in here]
+            here = here[index]
+        elif isinstance(here, dict):
+            here = here.get(key)
+        else:
+            return None
+    return here

@@ -1,0 +1,131 @@
+"""``Scene``: everything a run needs, validated, in SI, and able to say what it was read from."""
+
+from __future__ import annotations
+
+import copy
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from pydantic import ValidationError
+
+from gpusim.errors import Fault, SceneError
+
+from . import model, resolve
+from .check import check_document
+from .faults import faults_of, with_origin
+from .lines import Origins, overridden
+from .path import pick, put
+from .schema import SceneTable
+
+__all__ = ["Scene"]
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A validated scene. All values are SI; ``content`` is the resolved file (JSON) behind them.
+
+    Two scenes are equal if they say the same; where they were read from doesn't matter.
+    """
+
+    name: str
+    description: str
+    materials: tuple[model.Material, ...]
+    bodies: tuple[model.Body, ...]
+    props: tuple[model.Prop, ...]
+    analysis: model.Analysis
+    solver: model.Solver
+    cameras: tuple[model.Camera, ...]
+    lights: tuple[model.Light, ...]
+    render: model.Render
+    sensor: model.Sensor
+    measures: tuple[model.Deflection, ...]
+    output: model.Output
+    content: str = field(repr=False)
+    source: str = field(default="scene", compare=False)
+
+    @classmethod
+    def from_document(
+        cls,
+        document: Mapping[str, Any],
+        *,
+        source: str = "scene",
+        origins: Origins | None = None,
+        overrides: Mapping[str, Any] | None = None,
+    ) -> Scene:
+        """Validate a plain document (nested dicts and lists, keys as in the file).
+
+        ``origins`` tells the line of each key for messages. ``overrides`` (dotted path -> value)
+        are applied first. Raises SceneError with every fault of document and overrides.
+        """
+        origins = origins or {}
+        plain = copy.deepcopy(dict(document))
+        faults: list[Fault] = []
+        for path, value in (overrides or {}).items():
+            done = put(plain, path, copy.deepcopy(value))
+            if isinstance(done, Fault):
+                faults.append(done)
+            else:
+                origins = overridden(origins, done)
+        table = None
+        try:
+            table = SceneTable.model_validate(plain)
+        except ValidationError as error:
+            faults += faults_of(error, SceneTable, origins)
+        faults += [with_origin(fault, keys, origins) for keys, fault in check_document(plain)]
+        if faults or table is None:
+            raise SceneError(source, faults)
+        materials = resolve.material_table(table)
+        content = table.model_dump(mode="json", by_alias=True, exclude_none=True)
+        return cls(
+            name=table.name,
+            description=table.description,
+            materials=tuple(materials.values()),
+            bodies=tuple(resolve.body(entry, materials) for entry in table.body),
+            props=tuple(resolve.prop(entry) for entry in table.prop),
+            analysis=resolve.analysis(table),
+            solver=resolve.solver(table),
+            cameras=tuple(resolve.camera(entry) for entry in table.camera),
+            lights=tuple(resolve.light(entry) for entry in table.light),
+            render=resolve.render(table),
+            sensor=resolve.sensor(table),
+            measures=tuple(resolve.measure(entry) for entry in table.measure),
+            output=resolve.output(table),
+            content=json.dumps(content),
+            source=source,
+        )
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """A fresh copy of the resolved document, defaults filled in, units as in the file."""
+        content: dict[str, Any] = json.loads(self.content)
+        return content
+
+    def replace(self, path: str, value: Any) -> Scene:
+        """A new scene with one key changed: ``replace("camera.front.focal_mm", 35.0)``.
+
+        List items go by index or by their name. Raises SceneError like a file with that value.
+        """
+        document = self.document
+        overrides = {path: list(value) if isinstance(value, tuple) else value}
+        return Scene.from_document(document, source=self.source, overrides=overrides)
+
+    def to_toml(self) -> str:
+        """The resolved scene as a TOML text that reads back to an equal scene."""
+        import tomlkit  # only the writer needs it
+
+        return tomlkit.dumps(self.document)
+
+    def digest(self, *sections: str) -> str:
+        """SHA-256 over the resolved content of ``sections`` (dotted paths; none: the whole scene).
+
+        Lists are mapped over their items unless an index or name follows: ``"body.mesh"`` covers
+        every body's mesh, ``"camera.front"`` one camera. Comments, order of keys and the way a
+        number is written don't matter; what a section doesn't hold doesn't matter either.
+        """
+        document = self.document
+        parts = {path: pick(document, path) for path in sections} if sections else document
+        text = json.dumps(parts, sort_keys=True, separators=(",", ":"))
+        return hashlib.sha256(text.encode()).hexdigest()

@@ -1,0 +1,48 @@
+"""The scene file's tables (pydantic, strict); they stop at the loader."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from .base import Table
+from .body import BodyTable, MaterialTable
+from .view import CameraTable, LightTable, PropTable
+from .work import (
+    AnalysisTable,
+    MeasureTable,
+    OutputTable,
+    RenderTable,
+    SensorTable,
+    SolverTable,
+)
+
+__all__ = ["SceneTable", "json_schema"]
+
+
+class SceneTable(Table):
+    """A gpusim scene: structure, loads, cameras, lights, and what to measure."""
+
+    schema_: Annotated[Literal[1], Field(alias="schema")]
+    """Version of the scene format."""
+    name: Annotated[str, Field(min_length=1, max_length=200)]
+    description: str = ""
+    material: list[MaterialTable] = []
+    body: list[BodyTable] = []
+    prop: list[PropTable] = []
+    analysis: AnalysisTable = AnalysisTable()
+    solver: SolverTable = SolverTable()
+    camera: list[CameraTable] = []
+    light: list[LightTable] = []
+    """Without any, images show the albedo."""
+    render: RenderTable = RenderTable()
+    sensor: SensorTable = SensorTable()
+    measure: list[MeasureTable] = []
+    output: OutputTable = OutputTable()
+
+
+def json_schema() -> dict[str, Any]:
+    """The JSON schema of a scene file, for editors."""
+    schema = SceneTable.model_json_schema(by_alias=True)
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}

@@ -1,0 +1,71 @@
+"""What every table of a scene file shares: strictness, names, numbers, directions.
+
+Keys carry their unit (``size_mm``, ``force_N``), so a value is a bare number. Nothing is coerced:
+``"3"`` is not a number, ``1`` is not a boolean; only an integer stands for a float.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+from pydantic_core import PydanticCustomError
+
+__all__ = [
+    "Albedo",
+    "Axis",
+    "Direction",
+    "Length",
+    "Name",
+    "Pair",
+    "PositivePair",
+    "SignedAxis",
+    "Table",
+    "Vector",
+    "fault",
+    "norm",
+    "parallel",
+]
+
+Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$", max_length=64)]
+Length = Annotated[float, Field(gt=0)]
+Albedo = Annotated[float, Field(ge=0, le=1)]
+Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
+Direction = Vector
+Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
+PositivePair = Annotated[list[Length], Field(min_length=2, max_length=2)]
+Axis = Literal["x", "y", "z"]
+SignedAxis = Literal["+x", "-x", "+y", "-y", "+z", "-z"]
+
+
+class Table(BaseModel):
+    """One table of the file: unknown keys, wrong types, NaN and infinity are faults."""
+
+    model_config = ConfigDict(
+        extra="forbid",
+        strict=True,
+        frozen=True,
+        allow_inf_nan=False,
+        use_attribute_docstrings=True,
+    )
+
+
+def fault(key: str, problem: str, got: object, expected: str) -> PydanticCustomError:
+    """A fault between keys of one table; ``key`` is the one that is blamed ("" for the table)."""
+    context = {"key": key, "problem": problem, "got": got, "expected": expected}
+    return PydanticCustomError("scene_fault", "{problem}", context)
+
+
+def norm(vector: list[float]) -> float:
+    """Euclidean length."""
+    return float(sum(value * value for value in vector) ** 0.5)
+
+
+def parallel(a: list[float], b: list[float]) -> bool:
+    """Whether two vectors are parallel within 1e-6 rad; a zero vector is parallel to all."""
+    cross = [
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    ]
+    return not norm(cross) > 1e-6 * norm(a) * norm(b)

@@ -1,0 +1,133 @@
+"""``[[body.paint]]`` and ``[[prop.paint]]``: what a surface looks like.
+
+Albedo is the diffusely reflected fraction of light, 0 to 1. Patterns are flat: they lie in the
+plane of the faces they fall on, with ``up`` (projected into that plane) pointing up, as seen from
+outside. Positions are those of the unloaded shape; the pattern moves with the material.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from .base import Albedo, Direction, Length, Name, Table, Vector, fault, norm, parallel
+from .where import WhereTable
+
+__all__ = ["LineTable", "MarkersTable", "PaintTable"]
+
+Count = Annotated[int, Field(ge=1, le=100_000)]
+
+
+class _Paint(Table):
+    name: Name
+    where: WhereTable = WhereTable()
+    """The faces; without it all."""
+    albedo: Albedo
+    """Of the ground, outside the pattern."""
+
+
+class _Pattern(_Paint):
+    up: Direction | None = None
+    """Roughly up on the surface; without it +z, on horizontal faces +y."""
+
+    @model_validator(mode="after")
+    def _check_up(self) -> _Pattern:
+        if self.up is None:
+            return self
+        if not norm(self.up) > 0:
+            raise fault("up", "has no direction", self.up, "a vector that isn't zero")
+        normal = self.where.normal
+        if normal is not None and parallel(self.up, [float(axis == normal[1]) for axis in "xyz"]):
+            raise fault("up", f"stands along the normal {normal}", self.up, "a vector across it")
+        return self
+
+
+class PlainTable(_Paint):
+    """One even colour."""
+
+    type: Literal["plain"]
+
+
+class LineTable(Table):
+    """Positions at equal distances on a straight line, both ends included."""
+
+    start_mm: Vector
+    end_mm: Vector
+    count: Annotated[int, Field(ge=2, le=100_000)]
+
+
+class MarkersTable(_Pattern):
+    """Square markers of 2x2 black and white fields, dark at the lower left and upper right."""
+
+    type: Literal["markers"]
+    size_mm: Length
+    """The side of the whole marker."""
+    positions_mm: Annotated[list[Vector], Field(min_length=1)] | None = None
+    """Their centres; or give line."""
+    line: LineTable | None = None
+    dark: Albedo = 0.04
+    light: Albedo = 0.9
+
+    @model_validator(mode="after")
+    def _check(self) -> MarkersTable:
+        if (self.positions_mm is None) == (self.line is None):
+            got = "neither" if self.line is None else "both"
+            raise fault("positions_mm", "where the markers are", got, "positions_mm or line")
+        if self.line is not None:
+            step = [b - a for a, b in zip(self.line.start_mm, self.line.end_mm, strict=True)]
+            if not norm(step) >= (self.line.count - 1) * self.size_mm:
+                raise fault(
+                    "line", "the markers overlap", f"{self.line.count} of {self.size_mm} mm on "
+                    f"{norm(step):g} mm", f"a line of at least {self.line.count - 1} sizes",
+                )  # fmt: skip
+        return self
+
+    def centres_mm(self) -> list[list[float]]:
+        """Every centre, lines resolved."""
+        if self.positions_mm is not None:
+            return self.positions_mm
+        assert self.line is not None  # _check made sure
+        a, b, last = self.line.start_mm, self.line.end_mm, self.line.count - 1
+        # (a (last - i) + b i) / last hits both ends exactly
+        return [
+            [(p * (last - i) + q * i) / last for p, q in zip(a, b, strict=True)]
+            for i in range(last + 1)
+        ]
+
+
+class CheckerTable(_Pattern):
+    """A chessboard; the field at its lower left corner is dark."""
+
+    type: Literal["checker"]
+    cell_mm: Length
+    columns: Count
+    rows: Count
+    origin_mm: Vector
+    """The lower left corner of the board, seen from outside."""
+    dark: Albedo = 0.04
+    light: Albedo = 0.9
+
+
+class DotsTable(_Pattern):
+    """A regular grid of round dots."""
+
+    type: Literal["dots"]
+    diameter_mm: Length
+    pitch_mm: Length
+    columns: Count
+    rows: Count
+    origin_mm: Vector
+    """The centre of the dot at the lower left, seen from outside."""
+    dot: Albedo = 0.04
+
+    @model_validator(mode="after")
+    def _check(self) -> DotsTable:
+        if not self.diameter_mm <= self.pitch_mm:
+            raise fault("pitch_mm", "the dots overlap", self.pitch_mm, f">= {self.diameter_mm}")
+        return self
+
+
+PaintTable = Annotated[
+    PlainTable | MarkersTable | CheckerTable | DotsTable, Field(discriminator="type")
+]

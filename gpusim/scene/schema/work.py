@@ -1,0 +1,113 @@
+"""What is done with the scene: ``[analysis]``, ``[solver]``, ``[render]``, ``[sensor]``,
+``[[measure]]``, ``[output]``.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
+
+from .base import Name, SignedAxis, Table, fault
+
+__all__ = [
+    "AnalysisTable",
+    "MeasureTable",
+    "OutputTable",
+    "RenderTable",
+    "SensorTable",
+    "SolverTable",
+]
+
+TruthLayer = Literal[
+    "reference", "displacement", "depth", "flow", "region", "element", "visibility", "normal"
+]
+
+
+class AnalysisTable(Table):
+    """Linear statics; every load factor makes one frame per camera."""
+
+    type: Literal["static"] = "static"
+    load_factors: Annotated[list[float], Field(min_length=1, max_length=10_000)] = [0.0, 1.0]
+    """All loads and prescribed displacements are multiplied by this; frame 0 is the reference."""
+
+
+class SolverTable(Table):
+    """How far to solve."""
+
+    tolerance: Annotated[float, Field(gt=0, le=0.1)] = 1e-6
+    """Estimated relative error of the displacement (energy norm) at which the solver stops."""
+    max_iterations: Annotated[int, Field(ge=1)] | None = None
+    """Without it the solver chooses; running out of them ends the run with exit code 3."""
+    preconditioner: Literal["multigrid", "block_jacobi"] = "multigrid"
+
+
+class RenderTable(Table):
+    """How exact the images are."""
+
+    error: Annotated[float, Field(gt=0, le=16)] = 0.25
+    """Allowed error of a pixel, in grey levels of 8 bit; edges take as many samples as it needs."""
+    background: Annotated[float, Field(ge=0)] = 0.0
+    """Radiance where nothing is seen (W / (m2 sr); without lights: albedo)."""
+
+
+def _exposure(value: Any) -> Any:
+    number = isinstance(value, float | int) and not isinstance(value, bool)
+    if value == "auto" or (number and 0 < value <= 1e300):
+        return value if value == "auto" else float(value)
+    raise fault("", "not an exposure", value, '"auto" or a number > 0')
+
+
+class SensorTable(Table):
+    """From radiance to grey values."""
+
+    bits: Literal[8, 16] = 8
+    exposure: Annotated[
+        Any,
+        BeforeValidator(_exposure),
+        WithJsonSchema({"anyOf": [{"const": "auto"}, {"type": "number", "exclusiveMinimum": 0}]}),
+    ] = "auto"
+    """Fraction of full scale per unit of radiance; "auto": set once for all frames of a camera."""
+    format: Literal["png", "tiff"] = "png"
+
+
+class MeasureTable(Table):
+    """The deflection line: markers tracked from frame 0 to every other frame."""
+
+    name: Name
+    type: Literal["deflection"]
+    camera: Name
+    groups: Annotated[list[Name], Field(min_length=1)]
+    """Paints of markers on bodies, in order from the clamp."""
+    static: list[Name] = []
+    """Paints of markers on props: what they move is the camera's motion."""
+    subset_px: Annotated[int, Field(ge=5, le=1001)] | None = None
+    """Side of the tracked square, odd; without it as large as the marker allows."""
+    direction: SignedAxis
+    """Of the deflection that counts as positive."""
+
+    @model_validator(mode="after")
+    def _check(self) -> MeasureTable:
+        if self.subset_px is not None and self.subset_px % 2 == 0:
+            raise fault("subset_px", "even", self.subset_px, "an odd number of pixels")
+        for key, names in (("groups", self.groups), ("static", self.static)):
+            if len(set(names)) != len(names):
+                raise fault(key, "the same paint twice", names, "each once")
+        return self
+
+
+class OutputTable(Table):
+    """What is written beside images, measurements and report."""
+
+    truth: list[TruthLayer] = []
+    """Layers of truth.h5, per camera and frame."""
+    vtu: bool = False
+    """The solution for ParaView."""
+    stl: bool = False
+    """The deformed surface, one file per paint and frame."""
+
+    @model_validator(mode="after")
+    def _check(self) -> OutputTable:
+        if len(set(self.truth)) != len(self.truth):
+            raise fault("truth", "a layer twice", self.truth, "each once")
+        return self

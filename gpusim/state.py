@@ -1,0 +1,107 @@
+"""``state.json`` of an output folder: which stage results lie there, and what they depend on."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from gpusim.errors import InputError
+
+__all__ = ["StateFile"]
+
+_NAME = "state.json"
+_VERSION = 1
+_HASHED_UP_TO = 64 << 20  # larger files are told apart by their size alone
+
+
+@dataclass(frozen=True)
+class _Entry:
+    stage: str
+    files: Mapping[str, Mapping[str, Any]]
+
+
+class StateFile:
+    """The results that an output folder holds, by stage key.
+
+    ``folder`` needn't exist; a ``state.json`` that is missing, of another version or damaged
+    holds nothing, so everything is run again. ``problem`` then says why.
+    """
+
+    def __init__(self, folder: str | PathLike[str]) -> None:
+        self.folder = Path(folder)
+        self.problem = ""
+        self._entries: dict[str, _Entry] = {}
+        try:
+            content = json.loads((self.folder / _NAME).read_text(encoding="utf-8"))
+            if content["version"] != _VERSION:
+                self.problem = f"{_NAME} is of version {content['version']}"
+                return
+            for key, entry in content["stages"].items():
+                files = {str(name): dict(facts) for name, facts in entry["files"].items()}
+                self._entries[key] = _Entry(str(entry["stage"]), files)
+        except (FileNotFoundError, NotADirectoryError):
+            return
+        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+            self.problem = f"{_NAME} is damaged ({error})"
+            self._entries = {}
+
+    def files(self, key: str) -> tuple[Path, ...]:
+        """The files recorded for a stage key; empty if there are none."""
+        entry = self._entries.get(key)
+        return () if entry is None else tuple(self.folder / name for name in entry.files)
+
+    def fault(self, key: str, stage: str) -> str | None:
+        """None if this key's result lies there unchanged; else why ``stage`` has to run."""
+        entry = self._entries.get(key)
+        if entry is None:
+            earlier = any(old.stage == stage for old in self._entries.values())
+            return self.problem or ("its inputs changed" if earlier else "not made yet")
+        for name, facts in entry.files.items():
+            path = self.folder / name
+            if not path.is_file():
+                return f"{name} is gone"
+            if _facts(path) != facts:
+                return f"{name} was changed"
+        return None
+
+    def record(self, stage: str, key: str, files: Iterable[str | PathLike[str]]) -> None:
+        """Enter the files of a finished stage (inside the folder) and save.
+
+        Older entries that wrote one of the same files, or belong to the same stage, are dropped:
+        their result is no longer there. Raises InputError for a file outside the folder or absent.
+        """
+        entry: dict[str, dict[str, Any]] = {}
+        root = self.folder.resolve()
+        for file in files:
+            path = self.folder / file if not Path(file).is_absolute() else Path(file)
+            if not path.is_file() or not path.resolve().is_relative_to(root):
+                raise InputError(f"state of {stage}; got {file}; expected a file in {self.folder}")
+            entry[path.resolve().relative_to(root).as_posix()] = _facts(path)
+        self._entries = {
+            other: old
+            for other, old in self._entries.items()
+            if old.stage != stage and not entry.keys() & old.files.keys()
+        }
+        self._entries[key] = _Entry(stage, entry)
+        self._save()
+
+    def _save(self) -> None:
+        from gpusim.export.files import write_text  # the planner reads only and stays quick
+
+        stages = {key: {"stage": e.stage, "files": e.files} for key, e in self._entries.items()}
+        text = json.dumps({"version": _VERSION, "stages": stages}, indent=1)
+        write_text(self.folder / _NAME, text)
+
+
+def _facts(path: Path) -> dict[str, Any]:
+    """Size and, for all but the largest files, SHA-256."""
+    size = path.stat().st_size
+    if size > _HASHED_UP_TO:
+        return {"bytes": size}
+    with path.open("rb") as stream:
+        return {"bytes": size, "sha256": hashlib.file_digest(stream, "sha256").hexdigest()}
