@@ -1,0 +1,205 @@
+"""Grey images as PNG and TIFF, 8 and 16 bit, without loss.
+
+PNG is written here, not by a library: the rows are filtered ("up"), cut into bands and deflated
+in parallel threads with zlib's run-length strategy. A noisy 21 Mpx frame takes 0.2 s on two cores
+where OpenCV and Pillow take 0.5-0.8 s, at the same size. TIFF is stored uncompressed, so that every
+tool can read or memory-map it.
+"""
+
+from __future__ import annotations
+
+import os
+import struct
+import zlib
+from collections.abc import Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import cast
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+import tifffile
+
+from gpusim.errors import InputError
+from gpusim.export.files import PathLike, atomic_path, atomic_stream
+
+__all__ = ["GreyImage", "read_image", "write_image", "write_png", "write_tiff"]
+
+GreyImage = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
+
+_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+_UP = 2  # PNG filter type: difference to the row above
+_BAND_BYTES = 2 << 20  # large enough to compress well, small enough to keep all cores busy
+
+
+def write_image(
+    path: PathLike,
+    image: GreyImage,
+    *,
+    pixels_per_metre: float | None = None,
+    text: Mapping[str, str] | None = None,
+) -> Path:
+    """Write a grey image in the format that the suffix of ``path`` names.
+
+    Parameters
+    ----------
+    path
+        Ends in ``.png``, ``.tif`` or ``.tiff``. Written atomically.
+    image
+        (H, W) uint8 or uint16.
+    pixels_per_metre
+        Resolution stored as metadata (on the sensor: 1 / pixel pitch), 1/m.
+    text
+        Latin-1 key/value pairs stored as metadata (PNG ``tEXt``, TIFF image description).
+
+    Raises
+    ------
+    InputError
+        Wrong suffix, shape, dtype or metadata, or a place that can't be written to.
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix == ".png":
+        return write_png(path, image, pixels_per_metre=pixels_per_metre, text=text)
+    if suffix in (".tif", ".tiff"):
+        return write_tiff(path, image, pixels_per_metre=pixels_per_metre, text=text)
+    raise InputError(f"image file: {path}: got suffix {suffix!r}; expected .png, .tif or .tiff")
+
+
+def write_png(
+    path: PathLike,
+    image: GreyImage,
+    *,
+    pixels_per_metre: float | None = None,
+    text: Mapping[str, str] | None = None,
+) -> Path:
+    """Write a grey PNG; parameters and errors as in `write_image`.
+
+    Format: PNG specification (W3C, 3rd edition), colour type 0, one IDAT chunk per band.
+    """
+    _check(image, pixels_per_metre)
+    height, width = image.shape
+    with atomic_stream(path) as stream:
+        stream.write(_SIGNATURE)
+        bits = 8 * image.itemsize
+        stream.write(_chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, bits, 0, 0, 0, 0)))
+        if pixels_per_metre is not None:
+            density = max(1, round(pixels_per_metre))
+            stream.write(_chunk(b"pHYs", struct.pack(">IIB", density, density, 1)))
+        for key, value in (text or {}).items():
+            stream.write(_chunk(b"tEXt", _latin1(key, 79) + b"\0" + _latin1(value)))
+        for part in _deflated(_filtered(image)):
+            stream.write(_chunk(b"IDAT", part))
+        stream.write(_chunk(b"IEND", b""))
+    return Path(path)
+
+
+def write_tiff(
+    path: PathLike,
+    image: GreyImage,
+    *,
+    pixels_per_metre: float | None = None,
+    text: Mapping[str, str] | None = None,
+) -> Path:
+    """Write a grey uncompressed TIFF; parameters and errors as in `write_image`."""
+    _check(image, pixels_per_metre)
+    lines = [f"{key}: {value}" for key, value in (text or {}).items()]
+    description = b"\n".join(_latin1(line) for line in lines)
+    per_cm = None if pixels_per_metre is None else pixels_per_metre / 100.0
+    with atomic_path(path) as part:
+        tifffile.imwrite(
+            part,
+            image.astype(image.dtype.newbyteorder("="), copy=False),
+            photometric="minisblack",
+            metadata=None,
+            software="gpusim",
+            description=description or None,
+            resolution=None if per_cm is None else (per_cm, per_cm),
+            resolutionunit=None if per_cm is None else "CENTIMETER",
+        )
+    return Path(path)
+
+
+def read_image(path: PathLike) -> GreyImage:
+    """Read a grey image as it is stored: (H, W) uint8 or uint16.
+
+    Raises InputError if the file is missing, unreadable or not grey.
+    """
+    if not Path(path).is_file():
+        raise InputError(f"image file: {path}: not found")
+    image = cv2.imread(os.fspath(path), cv2.IMREAD_UNCHANGED)
+    if image is None:
+        raise InputError(f"image file: {path}: can't be read; expected a PNG or TIFF image")
+    if image.ndim != 2 or image.dtype not in (np.uint8, np.uint16):
+        raise InputError(
+            f"image file: {path}: got shape {image.shape}, {image.dtype}; expected (H, W) grey,"
+            " uint8 or uint16"
+        )
+    return cast(GreyImage, image)
+
+
+def _check(image: GreyImage, pixels_per_metre: float | None) -> None:
+    grey = image.ndim == 2 and image.dtype.kind == "u" and image.itemsize <= 2
+    if not grey or 0 in image.shape:
+        raise InputError(
+            f"image: got shape {image.shape}, {image.dtype}; expected (H, W), uint8 or uint16,"
+            " not empty"
+        )
+    if pixels_per_metre is not None and not 0.0 < pixels_per_metre < 2.0**31:
+        raise InputError(f"pixels_per_metre: got {pixels_per_metre}; expected 0 < value < 2^31")
+
+
+def _latin1(text: str, longest: int | None = None) -> bytes:
+    try:
+        data = text.encode("latin-1")
+    except UnicodeEncodeError as error:
+        raise InputError(f"image metadata: got {text!r}; expected Latin-1 text") from error
+    if b"\0" in data or (longest is not None and not 0 < len(data) <= longest):
+        raise InputError(
+            f"image metadata: got {text!r}; expected no NUL, and a key of 1 to 79 characters"
+        )
+    return data
+
+
+def _chunk(kind: bytes, data: bytes) -> bytes:
+    checksum = zlib.crc32(data, zlib.crc32(kind))
+    return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", checksum)
+
+
+def _filtered(image: GreyImage) -> npt.NDArray[np.uint8]:
+    """Return the scan lines, (H, 1 + row bytes) uint8: filter type, then bytes minus those above.
+
+    Samples are big-endian. The row above the first is zero, so every row takes the same filter.
+    """
+    height = image.shape[0]
+    big_endian = np.ascontiguousarray(image, dtype=image.dtype.newbyteorder(">"))
+    rows = big_endian.view(np.uint8).reshape(height, -1)
+    lines = np.empty((height, rows.shape[1] + 1), np.uint8)
+    lines[:, 0] = _UP
+    lines[0, 1:] = rows[0]
+    np.subtract(rows[1:], rows[:-1], out=lines[1:, 1:])
+    return lines
+
+
+def _deflated(lines: npt.NDArray[np.uint8]) -> Iterator[bytes]:
+    """Yield one zlib stream in parts, deflated in parallel.
+
+    Bands share no history: each ends on a byte boundary (sync flush), only the last ends the
+    stream, and the Adler-32 checksum of everything follows it (RFC 1950).
+    """
+    step = max(1, _BAND_BYTES // lines.shape[1])
+    bands = [lines[start : start + step] for start in range(0, len(lines), step)]
+
+    def deflate(index: int) -> bytes:
+        # The run-length strategy is as small as a full search on filtered grey rows, and no
+        # slower on noise: a full search at level 1 doubles the time of a noisy 16-bit frame.
+        packer = zlib.compressobj(1, zlib.DEFLATED, -15, 9, zlib.Z_RLE)
+        last = index == len(bands) - 1
+        return packer.compress(bands[index].data) + packer.flush(
+            zlib.Z_FINISH if last else zlib.Z_SYNC_FLUSH
+        )
+
+    with ThreadPoolExecutor(min(8, os.cpu_count() or 1)) as pool:
+        yield b"\x78\x01"
+        yield from pool.map(deflate, range(len(bands)))
+    yield struct.pack(">I", zlib.adler32(lines.data))

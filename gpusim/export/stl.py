@@ -1,0 +1,128 @@
+"""Surfaces as binary STL, one file per paint region and step, in millimetres."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import InputError
+from gpusim.export.files import PathLike, atomic_stream, safe_name
+
+__all__ = ["write_region_stls", "write_stl"]
+
+_MM_PER_M = 1000.0
+_FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+
+
+def write_stl(
+    path: PathLike,
+    points: npt.NDArray[np.float64],
+    faces: npt.NDArray[np.integer],
+    *,
+    title: str = "",
+) -> Path:
+    """Write faces as a binary STL, atomically.
+
+    STL has no unit: coordinates are written in **millimetres**, and the header says so. A quad
+    (a, b, c, d) becomes the triangles (a, b, c) and (a, c, d), the same split in every step.
+
+    Parameters
+    ----------
+    path
+        Ends in ``.stl``.
+    points
+        (N, 3) float64, deformed position of the nodes, m, world frame.
+    faces
+        (M, 3) or (M, 4) integer, corners counter-clockwise seen from outside. Triangles with a
+        repeated corner (a quad that stands for a triangle) are left out.
+    title
+        Goes into the header; ASCII, cut to what fits its 80 bytes.
+
+    Raises
+    ------
+    InputError
+        Wrong shape, index out of range, position not finite or beyond float32.
+    """
+    triangles = _triangles(points, faces)
+    corners = points[triangles] * _MM_PER_M
+    if corners.size and not np.abs(corners).max() <= np.finfo(np.float32).max:
+        raise InputError("points: got values that STL's float32 can't hold; expected metres")
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(normal, axis=1, keepdims=True)
+    facets = np.zeros(len(triangles), _FACET)
+    facets["normal"] = np.divide(normal, length, out=np.zeros_like(normal), where=length > 0.0)
+    facets["corners"] = corners
+    # A binary STL must not begin with "solid", the first word of the text form.
+    header = f"gpusim binary STL, unit mm. {title}".encode("ascii", "replace")[:80].ljust(80)
+    with atomic_stream(path) as stream:
+        stream.write(header)
+        stream.write(len(facets).to_bytes(4, "little"))
+        stream.write(facets.tobytes())
+    return Path(path)
+
+
+def write_region_stls(
+    folder: PathLike,
+    points: npt.NDArray[np.float64],
+    faces: npt.NDArray[np.integer],
+    region_of_face: npt.NDArray[np.integer],
+    region_names: Sequence[str],
+    *,
+    step: int,
+) -> tuple[Path, ...]:
+    """Write ``folder/<region>/<step:04d>.stl`` for every region that has faces; return the paths.
+
+    ``region_of_face`` is (M,) integer, an index into ``region_names``; other arguments and errors
+    as in `write_stl`.
+    """
+    if region_of_face.shape != (len(faces),):
+        raise InputError(
+            f"region_of_face: got shape {region_of_face.shape}; expected ({len(faces)},)"
+        )
+    if len(faces) and not 0 <= region_of_face.min() <= region_of_face.max() < len(region_names):
+        raise InputError(
+            f"region_of_face: got {region_of_face.min()} to {region_of_face.max()};"
+            f" expected 0 to {len(region_names) - 1}"
+        )
+    if step < 0:
+        raise InputError(f"step: got {step}; expected 0 or more")
+    names = [safe_name(name) for name in region_names]
+    if len({name.lower() for name in names}) < len(names):
+        raise InputError(
+            f"region_names: got {list(region_names)}; expected names that stay different as"
+            " folder names"
+        )
+    written = []
+    for index, name in enumerate(names):
+        selected = faces[region_of_face == index]
+        if len(selected):
+            path = Path(folder) / name / f"{step:04d}.stl"
+            title = f"region {name}, step {step}"
+            written.append(write_stl(path, points, selected, title=title))
+    return tuple(written)
+
+
+def _triangles(
+    points: npt.NDArray[np.float64], faces: npt.NDArray[np.integer]
+) -> npt.NDArray[np.int64]:
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise InputError(f"points: got shape {points.shape}; expected (N, 3)")
+    if faces.ndim != 2 or faces.shape[1] not in (3, 4) or faces.dtype.kind not in "iu":
+        raise InputError(
+            f"faces: got shape {faces.shape}, {faces.dtype}; expected (M, 3) or (M, 4) integer"
+        )
+    if faces.size and not 0 <= faces.min() <= faces.max() < len(points):
+        raise InputError(
+            f"faces: got node {faces.min()} to {faces.max()}; expected 0 to {len(points) - 1}"
+        )
+    if not np.isfinite(points[np.unique(faces)]).all():
+        raise InputError("points: got a value that is not finite; expected finite numbers, m")
+    indices = faces.astype(np.int64)
+    if faces.shape[1] == 4:
+        indices = indices[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)
+    a, b, c = indices.T
+    proper: npt.NDArray[np.int64] = indices[(a != b) & (b != c) & (c != a)]
+    return proper

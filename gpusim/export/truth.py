@@ -1,0 +1,259 @@
+"""truth.h5: the exact fields behind every pixel, and the nodal solution.
+
+::
+
+    /                          attributes: schema, version, regions, pixel_convention, …
+    /mesh/points               (N, 3) float64 m          /mesh/cells/<type>   (M, nodes) int64
+    /mesh/displacement/<0000>  (N, 3) float64 m, Lagrangian
+    /camera/<name>             attributes width, height; K, distortion, camera_from_world
+    /camera/<name>/frame/<0000>/<layer>   (H, W) or (H, W, C), see `gpusim.export.layers`
+
+Layers are chunked 256x256, shuffled and deflated; a chunk that holds no data is not stored and
+reads as the fill value, so a frame costs what it covers.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import h5py
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import InputError
+from gpusim.export.chunks import ChunkedLayer
+from gpusim.export.files import PathLike, atomic_path, safe_name
+from gpusim.export.layers import LAYERS
+
+__all__ = ["FrameWriter", "TruthWriter"]
+
+_SCHEMA = 1
+
+
+class FrameWriter:
+    """One frame of one camera; layers appear when they are first written to."""
+
+    def __init__(self, group: h5py.Group, shape: tuple[int, int]) -> None:
+        self._group = group
+        self._shape = shape
+        self._layers: dict[str, ChunkedLayer] = {}
+
+    def write_block(
+        self, layer: str, row0: int, col0: int, values: npt.NDArray[np.generic]
+    ) -> None:
+        """Write a rectangle whose upper left pixel is (``row0``, ``col0``).
+
+        ``values`` is (h, w) or (h, w, C) of any real dtype that fits the layer's. Blocks that cover
+        whole 256x256 chunks are fastest. Raises InputError if it doesn't fit into the frame.
+        """
+        self._layer(layer).write_block(row0, col0, values)
+
+    def write_sparse(
+        self,
+        layer: str,
+        rows: npt.NDArray[np.integer],
+        cols: npt.NDArray[np.integer],
+        values: npt.NDArray[np.generic],
+    ) -> None:
+        """Write single pixels: ``rows``, ``cols`` (M,) integer, ``values`` (M,) or (M, C).
+
+        A pixel named twice keeps its last value. Raises InputError if one is outside the frame.
+        """
+        self._layer(layer).write_sparse(rows, cols, values)
+
+    def _layer(self, name: str) -> ChunkedLayer:
+        if name not in self._layers:
+            if name not in LAYERS:
+                raise InputError(f"layer: got {name!r}; expected one of {', '.join(LAYERS)}")
+            self._layers[name] = ChunkedLayer(self._group, LAYERS[name], self._shape)
+        return self._layers[name]
+
+
+class TruthWriter:
+    """Writes truth.h5 as a context manager; the file appears when the block ends well.
+
+    Parameters
+    ----------
+    path
+        The file to write, usually ``OUT/truth.h5``.
+    regions
+        Names of the paint regions; the layer ``region`` holds indices into them.
+    attributes
+        Further text or numbers for the file's attributes (version, scene digest, adapter).
+
+    Raises
+    ------
+    InputError
+        Wrong shapes or names, or a place that can't be written to.
+    GpusimError
+        The disk is full.
+    """
+
+    def __init__(
+        self,
+        path: PathLike,
+        *,
+        regions: Sequence[str] = (),
+        attributes: Mapping[str, str | int | float] | None = None,
+    ) -> None:
+        self._path = Path(path)
+        self._regions = tuple(regions)
+        self._attributes = dict(attributes or {})
+        self._stack = ExitStack()
+        self._open_file: h5py.File | None = None
+
+    def __enter__(self) -> Self:
+        with ExitStack() as stack:
+            part = stack.enter_context(atomic_path(self._path))
+            stack.enter_context(_system_errors())
+            file = stack.enter_context(h5py.File(part, "w", track_order=True))
+            file.attrs["schema"] = _SCHEMA
+            file.attrs["regions"] = np.array(self._regions, dtype=h5py.string_dtype())
+            file.attrs["pixel_convention"] = (
+                "rows down, columns right; an integer coordinate is a pixel centre"
+            )
+            file.attrs["frame_0000"] = "the reference frame is frame 0000 of each camera"
+            for key, value in self._attributes.items():
+                file.attrs[key] = value
+            self._open_file = file
+            self._stack = stack.pop_all()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._open_file = None
+        self._stack.__exit__(kind, error, trace)
+
+    def write_mesh(
+        self, points: npt.NDArray[np.float64], cells: Mapping[str, npt.NDArray[np.integer]]
+    ) -> None:
+        """Write nodes (N, 3) float64 m in the reference configuration and cells (M, nodes)."""
+        _check("points", points, (None, 3))
+        mesh = self._file.create_group("mesh")
+        _dataset(mesh, "points", points, "m", "world", "Lagrangian")
+        for kind, array in cells.items():
+            _check(f"cells[{kind!r}]", array, (None, None))
+            mesh.create_dataset(f"cells/{kind}", data=array.astype(np.int64), **_packing(array))
+
+    def write_nodal_displacement(
+        self, step: int, displacement: npt.NDArray[np.float64], *, load_factor: float | None = None
+    ) -> None:
+        """Write u (N, 3) float64 m of one step; the mesh must have been written."""
+        if "mesh" not in self._file:
+            raise InputError("nodal displacement: got no mesh; expected write_mesh before")
+        _check("displacement", displacement, self._file["mesh/points"].shape)
+        group = self._file["mesh"].require_group("displacement")
+        data = _dataset(group, _frame_name(step), displacement, "m", "world", "Lagrangian")
+        if load_factor is not None:
+            data.attrs["load_factor"] = load_factor
+
+    def write_camera(
+        self,
+        name: str,
+        *,
+        width: int,
+        height: int,
+        K: npt.NDArray[np.float64],
+        camera_from_world: npt.NDArray[np.float64],
+        distortion: npt.NDArray[np.float64] | Sequence[float] = (),
+    ) -> None:
+        """Write a camera: K (3, 3) px, camera_from_world (3, 4) or (4, 4) m, OpenCV distortion."""
+        if width < 1 or height < 1:
+            raise InputError(f"camera {name!r}: got {width} x {height} px; expected 1 or more")
+        if camera_from_world.shape not in ((3, 4), (4, 4)):
+            raise InputError(
+                f"camera {name!r}: camera_from_world: got shape {camera_from_world.shape};"
+                " expected (3, 4) or (4, 4)"
+            )
+        _check(f"camera {name!r}: K", K, (3, 3))
+        _check(f"camera {name!r}: camera_from_world", camera_from_world, (None, 4))
+        full = np.vstack([camera_from_world[:3], [0.0, 0.0, 0.0, 1.0]])
+        coefficients = np.asarray(distortion, np.float64).reshape(-1)
+        _check(f"camera {name!r}: distortion", coefficients, (None,))
+        group = self._file.create_group(f"camera/{safe_name(name)}")
+        group.attrs["width"], group.attrs["height"] = width, height
+        group.create_dataset("K", data=K).attrs["unit"] = "px"
+        pose = group.create_dataset("camera_from_world", data=full)
+        pose.attrs["unit"] = "m"
+        pose.attrs["frame"] = "camera: x right, y down, z forward"
+        lens = group.create_dataset("distortion", data=coefficients)
+        lens.attrs["convention"] = "OpenCV: k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 taux tauy"
+
+    def frame(self, camera: str, index: int, *, load_factor: float | None = None) -> FrameWriter:
+        """Return the writer of frame ``index`` of a camera that has been written."""
+        path = f"camera/{safe_name(camera)}"
+        if path not in self._file:
+            raise InputError(f"frame: got camera {camera!r}; expected write_camera before")
+        group = self._file[path]
+        frame = group.require_group("frame").create_group(_frame_name(index), track_order=True)
+        if load_factor is not None:
+            frame.attrs["load_factor"] = load_factor
+        return FrameWriter(frame, (int(group.attrs["height"]), int(group.attrs["width"])))
+
+    @property
+    def _file(self) -> h5py.File:
+        if self._open_file is None:
+            raise InputError("truth file: it is closed; expected use inside its 'with' block")
+        return self._open_file
+
+
+@contextmanager
+def _system_errors() -> Iterator[None]:
+    """Turn HDF5's errors about the file system into the OSError that they hide in their text."""
+    try:
+        yield
+    except (OSError, RuntimeError) as error:
+        cause = re.search(r"errno = (\d+)", str(error))
+        if cause is None:
+            raise
+        number = int(cause.group(1))
+        raise OSError(number, os.strerror(number)) from error
+
+
+def _frame_name(index: int) -> str:
+    if index < 0:
+        raise InputError(f"frame: got {index}; expected 0 or more")
+    return f"{index:04d}"
+
+
+def _check(name: str, values: npt.NDArray[np.generic], shape: Sequence[int | None]) -> None:
+    fits = values.ndim == len(shape) and all(
+        wanted in (None, size) for size, wanted in zip(values.shape, shape, strict=True)
+    )
+    if not fits:
+        wanted_text = ", ".join("*" if size is None else str(size) for size in shape)
+        raise InputError(f"{name}: got shape {values.shape}; expected ({wanted_text})")
+    if values.dtype.kind not in "iuf" or not np.isfinite(values).all():
+        raise InputError(f"{name}: got {values.dtype} with bad values; expected finite numbers")
+
+
+def _dataset(
+    group: h5py.Group,
+    name: str,
+    values: npt.NDArray[np.float64],
+    unit: str,
+    frame: str,
+    convention: str,
+) -> h5py.Dataset:
+    data = group.create_dataset(name, data=values.astype(np.float64), **_packing(values))
+    data.attrs["unit"] = unit
+    data.attrs["frame"] = frame
+    data.attrs["convention"] = convention
+    return data
+
+
+def _packing(values: npt.NDArray[np.generic]) -> dict[str, object]:
+    """Compress arrays worth it; small ones stay contiguous."""
+    if values.size < 4096:
+        return {}
+    return {"compression": "gzip", "compression_opts": 1, "shuffle": True}

@@ -1,0 +1,250 @@
+"""The figures of a report: deflection line, convergence, tracked markers, errors.
+
+Each function draws one PNG, writes it atomically and returns a `Figure` with its caption.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure as Canvas
+from matplotlib.ticker import MaxNLocator, NullLocator
+
+from gpusim.errors import InputError
+from gpusim.export.files import PathLike
+from gpusim.export.images import read_image
+from gpusim.report.model import Figure, Measurement, Overlay, Series
+from gpusim.report.style import BAD, GOOD, MEASURED, MUTED, PAGE, TEXT, TRUTH, axis_title, draw_png
+from gpusim.report.text import number, signed_percent
+
+__all__ = ["draw_convergence", "draw_errors", "draw_overlay", "draw_series"]
+
+_WIDTH = 7.2  # inches
+_OVERLAY_PX = 1600  # width of the picture below the arrows
+_ARROW_FRACTION = 0.12  # the longest arrow covers about this part of the image's width
+
+
+def draw_series(series: Series, path: PathLike) -> Figure:
+    """Draw measured points on the true curve, and below it their difference in units and pixels."""
+    residual = series.y_measured - series.y_truth
+
+    def draw(canvas: Canvas) -> None:
+        upper, lower = canvas.subplots(2, 1, sharex=True, height_ratios=[2.2, 1.0])
+        order = np.argsort(series.x, kind="stable")
+        line = series.x[order], series.y_truth[order]
+        if series.truth_x.size:
+            line = series.truth_x, series.truth_y
+        upper.plot(*line, color=TRUTH, linewidth=2.2, label="Finite elements (truth)")
+        upper.plot(
+            series.x,
+            series.y_measured,
+            "o",
+            markersize=6.5,
+            markerfacecolor=PAGE,
+            markeredgecolor=MEASURED,
+            markeredgewidth=1.8,
+            label="Measured from the images",
+        )
+        upper.set_ylabel(f"{series.y_label} ({series.y_unit})")
+        upper.legend(loc="best")
+        axis_title(upper, series.name)
+        _draw_residual(lower, series, residual)
+
+    draw_png(path, (_WIDTH, 5.2), draw)
+    finite = np.abs(residual[np.isfinite(residual)])
+    caption = f"{finite.size} of {residual.size} points measured"
+    if finite.size:
+        rms, largest = float(np.sqrt(np.mean(finite**2))), float(finite.max())
+        caption += f"; difference to the truth {number(rms, 2)} {series.y_unit} RMS"
+        caption += f", at most {number(largest, 2)} {series.y_unit}"
+        if series.units_per_px:
+            caption += f" ({number(largest / abs(series.units_per_px), 2)} px)"
+    return Figure(Path(path), series.name, caption + ".")
+
+
+def _draw_residual(axes: Axes, series: Series, residual: npt.NDArray[np.float64]) -> None:
+    axes.axhline(0.0, color=TRUTH, linewidth=1.4)
+    axes.vlines(series.x, 0.0, residual, color=MEASURED, linewidth=1.6)
+    axes.plot(series.x, residual, "o", color=MEASURED, markersize=4.5)
+    axes.set_xlabel(series.x_label)
+    axes.set_ylabel(f"Residual ({series.y_unit})")
+    axes.yaxis.set_major_locator(MaxNLocator(5))
+    # Zero in the middle: a bias shows as points on one side.
+    finite = np.abs(residual[np.isfinite(residual)])
+    span = 1.25 * float(finite.max(initial=0.0)) or 1.0
+    axes.set_ylim(-span, span)
+    if series.units_per_px:
+        scale = abs(series.units_per_px)
+
+        def to_px(units: Any) -> Any:
+            return units / scale
+
+        def to_units(pixels: Any) -> Any:
+            return pixels * scale
+
+        right = axes.secondary_yaxis("right", functions=(to_px, to_units))
+        right.set_ylabel("(px)", color=TEXT)
+        right.spines["right"].set_visible(True)
+        right.yaxis.set_major_locator(MaxNLocator(5))
+    axis_title(axes, "Measured minus truth")
+
+
+def draw_convergence(
+    residuals: Sequence[float], path: PathLike, *, tolerance: float | None = None
+) -> Figure:
+    """Draw the solver's relative error, log scale; ``residuals[k]`` is that after k iterations."""
+    values = np.asarray(residuals, np.float64)
+    if values.ndim != 1 or values.size == 0:
+        raise InputError(f"residuals: got shape {values.shape}; expected (iterations,), not empty")
+    shown = np.where(np.isfinite(values) & (values > 0.0), values, np.nan)
+
+    def draw(canvas: Canvas) -> None:
+        axes = canvas.subplots()
+        axes.semilogy(np.arange(values.size), shown, color=TRUTH, linewidth=2.0)
+        axes.plot(values.size - 1, shown[-1], "o", color=TRUTH, markersize=6)
+        if tolerance is not None:
+            axes.axhline(tolerance, color=MEASURED, linewidth=1.4, linestyle=(0, (5, 3)))
+            axes.annotate(
+                f"tolerance {number(tolerance, 2)}",
+                (0.0, tolerance),
+                xycoords=axes.get_yaxis_transform(),
+                xytext=(6, 5),
+                textcoords="offset points",
+                color=MEASURED,
+                fontsize=9.5,
+            )
+        axes.set_xlabel("Iteration")
+        axes.set_ylabel("Relative error")
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+        axes.yaxis.set_minor_locator(NullLocator())
+        axis_title(axes, "Conjugate gradients")
+
+    draw_png(path, (_WIDTH, 3.1), draw)
+    last = number(values[-1], 2) if np.isfinite(values[-1]) else "not finite"
+    count = values.size - 1
+    caption = (
+        f"Residual history of {count} iteration{'s' if count != 1 else ''}; at the end {last}."
+    )
+    return Figure(Path(path), "Convergence of the solver", caption)
+
+
+def draw_overlay(overlay: Overlay, path: PathLike) -> Figure:
+    """Draw tracked points with magnified displacement arrows on the down-scaled image."""
+    image = read_image(overlay.image)
+    height, width = image.shape
+    scale = min(1.0, _OVERLAY_PX / width)
+    size = max(1, round(width * scale)), max(1, round(height * scale))
+    small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+    white = 255 if image.dtype == np.uint8 else 65535
+    found = np.isfinite(overlay.displacement[:, 0] + overlay.displacement[:, 1])
+    longest = float(np.hypot(*overlay.displacement[found].T).max(initial=0.0))
+    factor = _round_down(_ARROW_FRACTION * width / longest) if longest > 0.0 else 1.0
+
+    def draw(canvas: Canvas) -> None:
+        canvas.set_layout_engine("none")
+        axes = canvas.add_axes((0.0, 0.0, 1.0, 1.0))
+        # Pixel centres are integers: the outer edges of the image lie half a pixel outside.
+        frame = (-0.5, width - 0.5, height - 0.5, -0.5)
+        axes.imshow(small, cmap="gray", vmin=0, vmax=white, extent=frame, aspect="equal")
+        axes.set_xlim(frame[0], frame[1])
+        axes.set_ylim(frame[2], frame[3])
+        axes.set_axis_off()
+        start, step = overlay.points[found], overlay.displacement[found] * factor
+        arrows = axes.quiver(
+            *start.T,
+            *step.T,
+            angles="xy",
+            scale_units="xy",
+            scale=1.0,
+            color="#ffd166",
+            edgecolor="#00000090",
+            linewidth=0.6,
+            width=0.0032,
+            headwidth=4.5,
+            zorder=3,
+        )
+        axes.plot(*start.T, "o", markersize=5, mfc="none", mec="#56b4e9", mew=1.4, zorder=4)
+        axes.plot(*overlay.points[~found].T, "x", color="#ff5a4f", markersize=7, mew=2, zorder=4)
+        if longest > 0.0:
+            shown, label = _key(overlay, longest)
+            key = axes.quiverkey(
+                arrows,
+                0.90,
+                0.07,
+                shown * factor,
+                f"{label}, drawn x{factor:g}",
+                labelcolor="white",
+            )
+            key.text.set_bbox({"facecolor": "#000000a0", "edgecolor": "none", "pad": 3})
+
+    draw_png(path, (_WIDTH, _WIDTH * height / width), draw)
+    caption = f"{int(found.sum())} of {found.size} markers tracked"
+    if longest > 0.0:
+        caption += f"; displacements drawn {factor:g} times their length, the longest is"
+        caption += f" {longest:.2f} px"
+        if overlay.units_per_px:
+            caption += f" = {longest * abs(overlay.units_per_px):.3g} {overlay.unit}"
+    if not found.all():
+        caption += "; crosses mark lost markers"
+    return Figure(Path(path), overlay.title, caption + ".", photo=True)
+
+
+def _key(overlay: Overlay, longest: float) -> tuple[float, str]:
+    """Return the length in px of a round reference displacement, and its label."""
+    if overlay.units_per_px:
+        scale = abs(overlay.units_per_px)
+        value = _round_down(0.6 * longest * scale)
+        return value / scale, f"{value:g} {overlay.unit}"
+    value = _round_down(0.6 * longest)
+    return value, f"{value:g} px"
+
+
+def draw_errors(measurements: Sequence[Measurement], path: PathLike) -> Figure:
+    """Draw the relative error of each measurement as a bar, with its tolerance as two marks."""
+    shown = [item for item in measurements if np.isfinite(item.error_relative)]
+    if not shown:
+        raise InputError("measurements: got none with a relative error; expected at least one")
+    percent = [100.0 * item.error_relative for item in shown]
+    limits = [100.0 * (item.tolerance_relative or 0.0) for item in shown]
+    span = 1.4 * max(*map(abs, percent), *limits) or 1.0
+
+    def draw(canvas: Canvas) -> None:
+        axes = canvas.subplots()
+        colour = {"good": GOOD, "bad": BAD, "unknown": TRUTH}
+        for place, (item, value, limit) in enumerate(zip(shown, percent, limits, strict=True)):
+            axes.barh(place, value, height=0.5, color=colour[item.verdict])
+            if limit > 0.0:
+                axes.vlines([-limit, limit], place - 0.36, place + 0.36, colors=MUTED)
+            axes.annotate(
+                signed_percent(item.error_relative, 2),
+                (value, place),
+                xytext=(7 if value >= 0.0 else -7, 0),
+                textcoords="offset points",
+                ha="left" if value >= 0.0 else "right",
+                va="center",
+                fontsize=9.5,
+                bbox={"facecolor": PAGE, "edgecolor": "none", "pad": 1.5},
+            )
+        axes.axvline(0.0, color=MUTED, linewidth=1.0)
+        axes.set_yticks(range(len(shown)), [item.name for item in shown])
+        axes.tick_params(axis="y", length=0)
+        axes.set_ylim(len(shown) - 0.4, -0.6)
+        axes.grid(visible=False, axis="y")
+        axes.set_xlim(-span, span)
+        axes.set_xlabel("Error relative to the truth (%)")
+
+    draw_png(path, (_WIDTH, 1.1 + 0.42 * len(shown)), draw)
+    caption = "Error of each measured number; the grey marks are its tolerance."
+    return Figure(Path(path), "Errors", caption)
+
+
+def _round_down(value: float) -> float:
+    """Return the largest of …, 0.5, 1, 2, 5, 10, 20, … that isn't above ``value`` > 0."""
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= value * 1.000001))

@@ -1,0 +1,83 @@
+"""report.html: one self-contained page, readable without network, server or script."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from urllib.parse import quote
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from gpusim.report.model import Figure, Report, Stage
+from gpusim.report.pictures import file_uri, page_pair
+from gpusim.report.text import aligned, duration, number, percent, signed_percent
+
+__all__ = ["FigureSet", "render_html"]
+
+
+@dataclass(frozen=True)
+class FigureSet:
+    """The figures by the section of the page they stand in."""
+
+    series: tuple[Figure, ...] = ()
+    errors: Figure | None = None
+    overlays: tuple[Figure, ...] = ()
+    convergence: Figure | None = None
+    other: tuple[Figure, ...] = ()
+
+    def all(self) -> tuple[Figure, ...]:
+        """Return every figure in page order."""
+        single = [figure for figure in (self.errors, self.convergence) if figure is not None]
+        return (*self.series, *self.overlays, *single, *self.other)
+
+
+def render_html(report: Report, figures: FigureSet, folder: Path) -> str:
+    """Return the page as text.
+
+    Pictures are embedded; links to full-size files are relative to ``folder``, where the page will
+    be written. Raises InputError if a picture can't be read.
+    """
+    environment = Environment(
+        loader=PackageLoader("gpusim.report", "page"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        finalize=lambda value: "" if value is None else value,
+    )
+    environment.filters["number"] = number
+    environment.filters["percent"] = percent
+    environment.filters["signed_percent"] = signed_percent
+    environment.filters["aligned"] = aligned
+    environment.filters["duration"] = duration
+    environment.filters["uri"] = file_uri
+    environment.filters["link"] = lambda path: _link(path, folder)
+    return environment.get_template("report.html.j2").render(
+        report=report,
+        figures=figures,
+        pairs=[page_pair(pair) for pair in report.frames],
+        headline=next((m for m in report.measurements if math.isfinite(m.measured)), None),
+        total=sum(stage.seconds for stage in report.stages if math.isfinite(stage.seconds)),
+        bars=_bars(report.stages),
+    )
+
+
+def _bars(stages: Sequence[Stage]) -> list[tuple[Stage, float]]:
+    """Pair each stage with the length of its bar, per cent of the longest stage."""
+    longest = max((s.seconds for s in stages if math.isfinite(s.seconds)), default=0.0)
+    return [
+        (
+            stage,
+            100.0 * stage.seconds / longest if longest > 0 and math.isfinite(stage.seconds) else 0,
+        )
+        for stage in stages
+    ]
+
+
+def _link(path: Path, folder: Path) -> str:
+    """Return a URL of ``path`` relative to ``folder``."""
+    relative = os.path.relpath(Path(path).resolve(), Path(folder).resolve())
+    return quote(Path(relative).as_posix())

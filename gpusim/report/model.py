@@ -1,0 +1,295 @@
+"""What a run found, as plain data: the source of report.json, the figures and report.html."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim._version import __version__
+from gpusim.errors import InputError
+
+__all__ = [
+    "SCHEMA",
+    "Figure",
+    "FramePair",
+    "Link",
+    "Measurement",
+    "Overlay",
+    "Report",
+    "Series",
+    "SolutionSummary",
+    "Stage",
+    "StageState",
+    "Status",
+]
+
+SCHEMA = 1
+StageState = Literal["run", "skipped", "reused", "failed"]
+Status = Literal["done", "failed"]
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One stage of the run: what was done with it, why, and how long it took (s)."""
+
+    name: str
+    state: StageState
+    reason: str
+    seconds: float
+
+
+@dataclass(frozen=True)
+class SolutionSummary:
+    """How the solve ended. ``error_estimate`` is the relative displacement error (energy norm)."""
+
+    unknowns: int
+    iterations: int
+    converged: bool
+    error_estimate: float
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """One measured number beside the true one, in ``unit``.
+
+    NaN stands for "not measured" and becomes null in JSON. ``tolerance_relative`` is the relative
+    error up to which the number counts as good; without it the report gives no verdict.
+    """
+
+    name: str
+    unit: str
+    measured: float
+    truth: float
+    error: float
+    error_relative: float
+    tolerance_relative: float | None = None
+
+    @classmethod
+    def compare(
+        cls,
+        name: str,
+        unit: str,
+        measured: float,
+        truth: float,
+        *,
+        tolerance_relative: float | None = None,
+    ) -> Measurement:
+        """Return the measurement with error = measured - truth, relative to abs(truth)."""
+        error = measured - truth
+        relative = error / abs(truth) if truth != 0.0 else math.nan
+        return cls(name, unit, measured, truth, error, relative, tolerance_relative)
+
+    @property
+    def verdict(self) -> Literal["good", "bad", "unknown"]:
+        """``good`` within the tolerance, ``bad`` beyond it or not measured, else ``unknown``."""
+        if not math.isfinite(self.measured):
+            return "bad"
+        if self.tolerance_relative is None or not math.isfinite(self.truth):
+            return "unknown"
+        # |error| <= tolerance |truth| also judges a truth of zero, and is false for NaN.
+        good = abs(self.error) <= self.tolerance_relative * abs(self.truth)
+        return "good" if good else "bad"
+
+
+@dataclass(frozen=True)
+class Series:
+    """Measured points on a line, against the truth at the same places.
+
+    Parameters
+    ----------
+    name, x_label, y_label, y_unit
+        Words for the figure; ``x_label`` carries its unit, ``y_label`` doesn't.
+    x, y_measured, y_truth
+        (M,) float64; NaN where a point was not measured.
+    units_per_px
+        Units of y per pixel; with it the residual is also shown in pixels.
+    truth_x, truth_y
+        (T,) float64, the truth drawn as a finer curve; empty to draw it through ``y_truth``.
+    """
+
+    name: str
+    x: Floats
+    y_measured: Floats
+    y_truth: Floats
+    x_label: str
+    y_label: str
+    y_unit: str
+    units_per_px: float | None = None
+    truth_x: Floats = field(default_factory=lambda: np.empty(0))
+    truth_y: Floats = field(default_factory=lambda: np.empty(0))
+
+    def __post_init__(self) -> None:
+        shape = (len(self.x),)
+        if len(self.x) == 0 or any(
+            array.shape != shape for array in (self.x, self.y_measured, self.y_truth)
+        ):
+            raise InputError(
+                f"series {self.name!r}: got x {self.x.shape}, measured {self.y_measured.shape},"
+                f" truth {self.y_truth.shape}; expected three times (M,), M > 0"
+            )
+        if self.truth_x.shape != self.truth_y.shape or self.truth_x.ndim != 1:
+            raise InputError(
+                f"series {self.name!r}: got truth_x {self.truth_x.shape}, truth_y"
+                f" {self.truth_y.shape}; expected twice (T,)"
+            )
+
+
+@dataclass(frozen=True)
+class FramePair:
+    """The reference and the deformed image of one camera.
+
+    Parameters
+    ----------
+    camera, reference, deformed, caption
+        Camera name, the two image files, one sentence.
+    crops
+        Up to four places shown at full resolution: (label, x, y, x deformed, y deformed) px.
+    """
+
+    camera: str
+    reference: Path
+    deformed: Path
+    caption: str
+    crops: tuple[tuple[str, float, float, float, float], ...] = ()
+
+
+@dataclass(frozen=True)
+class Overlay:
+    """Tracked points on an image.
+
+    ``image`` is the file they were tracked from, ``points`` (M, 2) px (x right, y down; integer =
+    pixel centre), ``displacement`` (M, 2) px, NaN where a point was lost.
+    """
+
+    title: str
+    image: Path
+    points: Floats
+    displacement: Floats
+    units_per_px: float | None = None
+    unit: str = "mm"
+
+    def __post_init__(self) -> None:
+        if self.points.ndim != 2 or self.points.shape[1] != 2 or len(self.points) == 0:
+            raise InputError(
+                f"overlay {self.title!r}: points: got shape {self.points.shape};"
+                " expected (M, 2), M > 0"
+            )
+        if self.displacement.shape != self.points.shape:
+            raise InputError(
+                f"overlay {self.title!r}: displacement: got shape {self.displacement.shape};"
+                f" expected {self.points.shape}"
+            )
+        if not np.isfinite(self.points).all():
+            raise InputError(f"overlay {self.title!r}: points: expected finite numbers, px")
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A picture file; on a dark page a plot is inverted, a ``photo`` isn't."""
+
+    path: Path
+    title: str
+    caption: str
+    photo: bool = False
+
+
+@dataclass(frozen=True)
+class Link:
+    """A file that the run wrote, named for the reader."""
+
+    label: str
+    path: Path
+
+
+@dataclass(frozen=True)
+class Report:
+    """Everything a run has to say. Only the first block goes into report.json.
+
+    ``failure`` is the error's message if ``status`` is "failed". ``facts`` are label -> value
+    pairs (device, versions, sizes) and ``scene_text`` is the resolved scene file.
+    """
+
+    scene: str
+    adapter: str
+    status: Status
+    stages: tuple[Stage, ...] = ()
+    solution: SolutionSummary | None = None
+    measurements: tuple[Measurement, ...] = ()
+    warnings: tuple[str, ...] = ()
+    version: str = __version__
+
+    description: str = ""
+    failure: str = ""
+    facts: Mapping[str, str] = field(default_factory=dict)
+    scene_text: str = ""
+    frames: tuple[FramePair, ...] = ()
+    series: tuple[Series, ...] = ()
+    overlays: tuple[Overlay, ...] = ()
+    residuals: tuple[float, ...] = ()
+    tolerance: float | None = None
+    figures: tuple[Figure, ...] = ()
+    links: tuple[Link, ...] = ()
+
+    def __post_init__(self) -> None:
+        if (self.status == "failed") != bool(self.failure):
+            raise InputError(
+                f"report: got status {self.status!r} with failure {self.failure!r};"
+                " expected a failure message exactly if the run failed"
+            )
+
+    def to_json(self) -> str:
+        """Return the text of report.json, schema 1; a number that isn't finite is null."""
+        solution = self.solution
+        warnings = list(self.warnings)
+        if self.failure:
+            warnings.insert(0, self.failure)
+        content = {
+            "schema": SCHEMA,
+            "version": self.version,
+            "scene": self.scene,
+            "adapter": self.adapter,
+            "status": self.status,
+            "stages": [
+                {
+                    "name": stage.name,
+                    "state": stage.state,
+                    "reason": stage.reason,
+                    "seconds": _number(stage.seconds),
+                }
+                for stage in self.stages
+            ],
+            "solution": None
+            if solution is None
+            else {
+                "unknowns": int(solution.unknowns),
+                "iterations": int(solution.iterations),
+                "converged": bool(solution.converged),
+                "error_estimate": _number(solution.error_estimate),
+            },
+            "measurements": [
+                {
+                    "name": item.name,
+                    "unit": item.unit,
+                    "measured": _number(item.measured),
+                    "truth": _number(item.truth),
+                    "error": _number(item.error),
+                    "error_relative": _number(item.error_relative),
+                }
+                for item in self.measurements
+            ],
+            "warnings": warnings,
+        }
+        return json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _number(value: float) -> float | None:
+    """Return a plain float, or None for NaN and infinity, which JSON doesn't know."""
+    return float(value) if math.isfinite(value) else None

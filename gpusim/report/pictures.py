@@ -1,0 +1,110 @@
+"""Pictures for the page: down-scaled frames, full-resolution crops, data URIs."""
+
+from __future__ import annotations
+
+import base64
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import GpusimError, InputError
+from gpusim.export.images import GreyImage, read_image
+from gpusim.report.model import FramePair
+
+__all__ = ["PagePair", "file_uri", "page_pair"]
+
+_PAGE_WIDTH = 1600  # px of a down-scaled frame: sharp on a wide screen, ~100 kB
+_CROP = 72  # px of a full-resolution crop per side
+_CROP_ZOOM = 4
+_MAX_CROPS = 4
+
+Bytes = npt.NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class PagePair:
+    """A frame pair as data URIs, ready for the page; crops are (label, reference, deformed)."""
+
+    source: FramePair
+    width: int
+    height: int
+    bits: int
+    reference: str
+    deformed: str
+    crops: tuple[tuple[str, str, str], ...]
+
+
+def page_pair(pair: FramePair) -> PagePair:
+    """Read both images and return what the page embeds.
+
+    Raises InputError if an image can't be read or the two differ in size.
+    """
+    reference, deformed = read_image(pair.reference), read_image(pair.deformed)
+    if reference.shape != deformed.shape:
+        raise InputError(
+            f"frame pair of camera {pair.camera!r}: got {reference.shape} and {deformed.shape};"
+            " expected two images of one size"
+        )
+    height, width = reference.shape
+    crops = tuple(
+        (label, _crop_uri(reference, x0, y0), _crop_uri(deformed, x1, y1))
+        for label, x0, y0, x1, y1 in pair.crops[:_MAX_CROPS]
+        if np.isfinite([x0, y0, x1, y1]).all()
+    )
+    return PagePair(
+        pair,
+        width,
+        height,
+        8 * reference.itemsize,
+        _frame_uri(reference),
+        _frame_uri(deformed),
+        crops,
+    )
+
+
+def file_uri(path: Path) -> str:
+    """Return a PNG file as a data URI."""
+    try:
+        return _uri("image/png", path.read_bytes())
+    except OSError as error:
+        raise InputError(f"figure: {path}: can't be read ({error.strerror})") from error
+
+
+def _frame_uri(image: GreyImage) -> str:
+    """Down-scale by area average and encode as JPEG; grey levels are kept, 16 bit become 8."""
+    height, width = image.shape
+    scale = min(1.0, _PAGE_WIDTH / width)
+    size = max(1, round(width * scale)), max(1, round(height * scale))
+    small = _eight_bit(cv2.resize(image, size, interpolation=cv2.INTER_AREA))
+    return _encoded(small, ".jpg", "image/jpeg", [cv2.IMWRITE_JPEG_QUALITY, 86])
+
+
+def _crop_uri(image: GreyImage, x: float, y: float) -> str:
+    """Cut a square around (x, y) and enlarge each pixel to a square, so that pixels can be seen."""
+    height, width = image.shape
+    side = min(_CROP, height, width)
+    left = min(max(round(x) - side // 2, 0), width - side)
+    top = min(max(round(y) - side // 2, 0), height - side)
+    part = _eight_bit(image[top : top + side, left : left + side])
+    large = part.repeat(_CROP_ZOOM, axis=0).repeat(_CROP_ZOOM, axis=1)
+    return _encoded(large, ".png", "image/png", [])
+
+
+def _eight_bit(image: npt.NDArray[np.generic]) -> Bytes:
+    if image.dtype == np.uint8:
+        return image.astype(np.uint8, copy=False)
+    return (image.astype(np.uint16) >> 8).astype(np.uint8)
+
+
+def _encoded(image: Bytes, suffix: str, media: str, options: list[int]) -> str:
+    good, data = cv2.imencode(suffix, image, options)
+    if not good:
+        raise GpusimError(f"report: an image of shape {image.shape} can't be encoded as {suffix}")
+    return _uri(media, data.tobytes())
+
+
+def _uri(media: str, data: bytes) -> str:
+    return f"data:{media};base64,{base64.b64encode(data).decode('ascii')}"

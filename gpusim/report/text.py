@@ -1,0 +1,71 @@
+"""Numbers as a reader sees them: significant digits, true minus signs, dashes for "no value"."""
+
+from __future__ import annotations
+
+import math
+
+from gpusim.report.model import Measurement
+
+__all__ = ["aligned", "duration", "number", "percent", "signed_percent"]
+
+
+def number(value: float, digits: int = 6) -> str:
+    """Return ``value`` with ``digits`` significant digits, or a dash for NaN and infinity.
+
+    Trailing zeros stay (32.700 says more than 32.7); beyond 1e-5 … 1e7 a power of ten is split off.
+    """
+    if not math.isfinite(value):
+        return "\N{EN DASH}"
+    if value == 0.0:
+        return "0"
+    mantissa, _, exponent = f"{value:.{digits - 1}e}".partition("e")
+    power = int(exponent)
+    if -5 <= power < max(digits, 7):
+        text = f"{value:.{max(0, digits - 1 - power)}f}"
+    else:
+        raised = str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+        text = f"{mantissa}\N{MULTIPLICATION SIGN}10{raised}"
+    return text.replace("-", "\N{MINUS SIGN}")
+
+
+def aligned(item: Measurement) -> tuple[str, str, str]:
+    """Return measured, truth and error with as many decimals as show the error to three digits."""
+    if not math.isfinite(item.error) or item.error == 0.0:
+        return number(item.measured), number(item.truth), number(item.error, 3)
+    decimals = 2 - math.floor(math.log10(abs(item.error)))
+    largest = max(abs(item.measured), abs(item.truth))
+    if decimals > 9 or largest >= 1e9 or decimals < 0:
+        return number(item.measured), number(item.truth), number(item.error, 3)
+    texts = (f"{value:.{decimals}f}" for value in (item.measured, item.truth, item.error))
+    measured, truth, error = (text.replace("-", "\N{MINUS SIGN}") for text in texts)
+    return measured, truth, error
+
+
+def percent(value: float, digits: int = 3) -> str:
+    """Return a fraction as per cent, or a dash for NaN."""
+    if not math.isfinite(value):
+        return "\N{EN DASH}"
+    return f"{number(100.0 * value, digits)}\N{NARROW NO-BREAK SPACE}%"
+
+
+def signed_percent(value: float, digits: int = 3) -> str:
+    """Return a fraction as per cent with its sign, or a dash for NaN."""
+    return f"{'+' if value > 0.0 else ''}{percent(value, digits)}"
+
+
+def duration(seconds: float) -> str:
+    """Return a time as a reader says it: 12 ms, 3.40 s, 2 min 05 s, 1 h 10 min."""
+    space = "\N{NARROW NO-BREAK SPACE}"
+    if not math.isfinite(seconds):
+        return "\N{EN DASH}"
+    if seconds < 0.9995:
+        milliseconds = seconds * 1000.0
+        return f"{milliseconds:.0f}{space}ms" if milliseconds >= 1.0 else f"<{space}1{space}ms"
+    if seconds < 9.95:
+        return f"{seconds:.2f}{space}s"
+    if seconds < 99.95:
+        return f"{seconds:.1f}{space}s"
+    minutes, rest = divmod(round(seconds), 60)
+    if minutes >= 60:
+        return f"{minutes // 60}{space}h{space}{minutes % 60:02d}{space}min"
+    return f"{minutes}{space}min{space}{rest:02d}{space}s"

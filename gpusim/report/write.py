@@ -1,0 +1,62 @@
+"""Write a report: report.json, figures/*.png and report.html in the output folder."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from gpusim.export.files import PathLike, safe_name, write_text
+from gpusim.report.figures import draw_convergence, draw_errors, draw_overlay, draw_series
+from gpusim.report.html import FigureSet, render_html
+from gpusim.report.model import Report
+
+__all__ = ["ReportPaths", "write_report"]
+
+
+@dataclass(frozen=True)
+class ReportPaths:
+    """Where the parts of a report lie."""
+
+    html: Path
+    json: Path
+    figures: tuple[Path, ...]
+
+
+def write_report(report: Report, out_dir: PathLike) -> ReportPaths:
+    """Write ``report.json``, then the figures, then ``report.html``, each of them atomically.
+
+    The JSON comes first, so that it is there whatever happens to the pictures. A rerun replaces
+    what an earlier one wrote. Raises InputError if a picture that the report names can't be read or
+    ``out_dir`` can't be written to, GpusimError if the disk is full.
+    """
+    folder = Path(out_dir)
+    json_path = write_text(folder / "report.json", report.to_json())
+    figures = _draw(report, folder / "figures")
+    html_path = write_text(folder / "report.html", render_html(report, figures, folder))
+    return ReportPaths(html_path, json_path, tuple(figure.path for figure in figures.all()))
+
+
+def _draw(report: Report, folder: Path) -> FigureSet:
+    series = tuple(
+        draw_series(item, folder / f"{_stem('line', index, item.name)}.png")
+        for index, item in enumerate(report.series)
+    )
+    overlays = tuple(
+        draw_overlay(item, folder / f"{_stem('markers', index, item.title)}.png")
+        for index, item in enumerate(report.overlays)
+    )
+    judged = [item for item in report.measurements if np.isfinite(item.error_relative)]
+    errors = draw_errors(judged, folder / "errors.png") if judged else None
+    convergence = None
+    if report.residuals:
+        convergence = draw_convergence(
+            report.residuals, folder / "convergence.png", tolerance=report.tolerance
+        )
+    return FigureSet(series, errors, overlays, convergence, report.figures)
+
+
+def _stem(kind: str, index: int, title: str) -> str:
+    """Return a file name that stays the same from run to run and is unique in the report."""
+    return f"{kind}-{index + 1}-{safe_name(title).lower()[:60]}"

@@ -1,0 +1,125 @@
+"""PNG and TIFF: every pixel comes back, by readers that aren't ours."""
+
+from __future__ import annotations
+
+import zlib
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import tifffile
+from PIL import Image
+
+from gpusim.errors import InputError
+from gpusim.export import images
+from gpusim.export.images import GreyImage, read_image, write_image
+
+
+def noise(height: int, width: int, dtype: type[np.unsignedinteger]) -> GreyImage:
+    rng = np.random.default_rng(height * 7919 + width)
+    return rng.integers(0, np.iinfo(dtype).max, (height, width), dtype, endpoint=True)
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+@pytest.mark.parametrize("suffix", [".png", ".tif", ".tiff"])
+@pytest.mark.parametrize("shape", [(33, 57), (1, 1), (1, 5), (700, 1)])
+def test_round_trip_by_three_readers(
+    tmp_path: Path, dtype: type[np.unsignedinteger], suffix: str, shape: tuple[int, int]
+) -> None:
+    image = noise(*shape, dtype)
+    path = write_image(tmp_path / f"a{suffix}", image)
+    for got in (
+        read_image(path),
+        cv2.imread(str(path), cv2.IMREAD_UNCHANGED),
+        tifffile.imread(path) if suffix != ".png" else np.asarray(Image.open(path)),
+    ):
+        assert got.dtype == image.dtype
+        assert np.array_equal(got, image)
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_png_of_many_bands(
+    tmp_path: Path, dtype: type[np.unsignedinteger], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(images, "_BAND_BYTES", 1000)
+    image = noise(101, 57, dtype)
+    image[20:60] = 200  # runs across band borders
+    data = write_image(tmp_path / "a.png", image).read_bytes()
+    assert data.count(b"IDAT") > 5
+    with Image.open(tmp_path / "a.png") as picture:
+        picture.verify()  # checks every CRC
+    assert np.array_equal(np.asarray(Image.open(tmp_path / "a.png")), image)
+
+
+def test_png_stream_is_what_zlib_expects(tmp_path: Path) -> None:
+    """The deflate stream, its Adler-32 and the filter are right, byte by byte."""
+    image = noise(33, 57, np.uint8)
+    data = write_image(tmp_path / "a.png", image).read_bytes()
+    stream, place = b"", 8
+    while place < len(data):
+        size = int.from_bytes(data[place : place + 4])
+        if data[place + 4 : place + 8] == b"IDAT":
+            stream += data[place + 8 : place + 8 + size]
+        place += 12 + size
+    inflater = zlib.decompressobj()
+    lines = np.frombuffer(inflater.decompress(stream), np.uint8).reshape(33, 58)
+    assert inflater.eof and not inflater.unused_data
+    assert (lines[:, 0] == 2).all()
+    assert np.array_equal(np.cumsum(lines[:, 1:], axis=0, dtype=np.uint8), image)
+
+
+def test_not_contiguous_and_foreign_byte_order(tmp_path: Path) -> None:
+    image = noise(66, 114, np.uint16)
+    for view in (image[::2, ::-2], image.T, image.astype(">u2")):
+        write_image(tmp_path / "a.png", view)
+        write_image(tmp_path / "a.tif", view)
+        assert np.array_equal(read_image(tmp_path / "a.png"), view)
+        assert np.array_equal(read_image(tmp_path / "a.tif"), view)
+
+
+def test_metadata(tmp_path: Path) -> None:
+    image = noise(33, 57, np.uint8)
+    text = {"Software": "gpusim 0.1.0", "camera": "front"}
+    write_image(tmp_path / "a.png", image, pixels_per_metre=156_000.4, text=text)
+    with Image.open(tmp_path / "a.png") as picture:
+        assert picture.text == text
+        assert picture.info["dpi"] == pytest.approx((156_000 * 0.0254,) * 2)
+    write_image(tmp_path / "a.tif", image, pixels_per_metre=156_000.0, text=text)
+    with tifffile.TiffFile(tmp_path / "a.tif") as file:
+        tags = file.pages.first.tags
+        assert tags["ImageDescription"].value == "Software: gpusim 0.1.0\ncamera: front"
+        numerator, denominator = tags["XResolution"].value
+        assert numerator / denominator == pytest.approx(1560.0)
+        assert tags["ResolutionUnit"].value == 3  # centimetre
+
+
+@pytest.mark.parametrize(
+    ("image", "suffix", "options", "message"),
+    [
+        (np.zeros((3, 4), np.uint8), ".jpg", {}, "expected .png, .tif or .tiff"),
+        (np.zeros((3, 4)), ".png", {}, "float64; expected"),
+        (np.zeros((3, 4, 3), np.uint8), ".tif", {}, r"\(3, 4, 3\)"),
+        (np.zeros((0, 4), np.uint8), ".png", {}, "not empty"),
+        (np.zeros((3, 4), np.uint8), ".png", {"pixels_per_metre": float("nan")}, "pixels_per"),
+        (np.zeros((3, 4), np.uint8), ".png", {"text": {"k": "日"}}, "Latin-1"),
+        (np.zeros((3, 4), np.uint8), ".png", {"text": {"": "x"}}, "key of 1 to 79"),
+    ],
+)
+def test_bad_input_writes_nothing(
+    tmp_path: Path, image: GreyImage, suffix: str, options: dict[str, object], message: str
+) -> None:
+    with pytest.raises(InputError, match=message):
+        write_image(tmp_path / f"a{suffix}", image, **options)  # type: ignore[arg-type]
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_unreadable_images(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="not found"):
+        read_image(tmp_path / "absent.png")
+    (tmp_path / "text.png").write_text("no image")
+    with pytest.raises(InputError, match="can't be read"):
+        read_image(tmp_path / "text.png")
+    cv2.imwrite(str(tmp_path / "colour.png"), np.zeros((5, 4, 3), np.uint8))
+    with pytest.raises(InputError, match=r"\(5, 4, 3\)"):
+        read_image(tmp_path / "colour.png")
