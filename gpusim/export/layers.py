@@ -69,7 +69,7 @@ LAYERS: dict[str, Layer] = {
             "px",
             "image (x right, y down)",
             "Eulerian",
-            "from the material point's place in the reference frame to this pixel",
+            "from this pixel to where its material point is in the reference (undeformed) frame",
         ),
         Layer(
             "normal",

@@ -300,12 +300,17 @@ class Device:
                 )
         return self._modules[module.name]
 
-    def raster(self, name: str, color_formats: tuple[str, ...], **options: Any) -> Raster:
+    def raster(
+        self,
+        name: str,
+        color_formats: tuple[str, ...],
+        constants: dict[str, float] | None = None,
+    ) -> Raster:
         """The vertex + fragment program of ``shaders/<name>.wgsl`` (see `Raster`)."""
-        key = (name, color_formats, tuple(sorted(options.items())))
+        key = (name, color_formats, tuple(sorted((constants or {}).items())))
         if key not in self._kernels:
             self._kernels[key] = Raster(
-                self, load(name, self.real, self.shaders), color_formats, **options
+                self, load(name, self.real, self.shaders), color_formats, constants=constants
             )
         found: Raster = self._kernels[key]
         return found

@@ -29,13 +29,15 @@ class Texture:
         usage = wgpu.TextureUsage
         self.width, self.height, self.format = width, height, fmt
         self.nbytes = width * height * _texel_bytes(fmt)
+        # copies to buffers need rows of whole 256 bytes
+        self.stride = -(-width * _texel_bytes(fmt) // 256) * 256
         device.require_memory(self.nbytes, f"texture {label}")
         with device.guard(f"texture {label} ({width}x{height} {fmt})"):
             self.gpu = device.gpu.create_texture(
                 label=f"gpusim.{label}",
                 size=(width, height, 1),
                 format=fmt,
-                usage=usage.RENDER_ATTACHMENT | usage.TEXTURE_BINDING,
+                usage=usage.RENDER_ATTACHMENT | usage.TEXTURE_BINDING | usage.COPY_SRC,
             )
             self.view = self.gpu.create_view()
         device.account(self.gpu, self.nbytes)
@@ -62,6 +64,7 @@ class Raster:
         module: Module,
         color_formats: tuple[str, ...],
         entries: tuple[str, str] = ("vertex", "fragment"),
+        constants: dict[str, float] | None = None,
     ) -> None:
         for entry in entries:
             if entry not in module.entries:
@@ -69,16 +72,29 @@ class Raster:
                     f"raster {module.name}: no entry {entry!r}; got {sorted(module.entries)}"
                 )
         self.name = module.name
+        values = constants or {}
+        needed = {n for n, default in module.overrides.items() if not default}
+        if not needed <= set(values) <= set(module.overrides):
+            raise InputError(
+                f"raster {module.name} constants; got {sorted(values)}; needed {sorted(needed)} "
+                f"among {sorted(module.overrides)}"
+            )
         self.layout = Layout(device, module, entries)
         with device.guard(f"raster {module.name}"):
             shader = device.shader_module(module)
             self.pipeline: Any = device.gpu.create_render_pipeline(
                 label=f"gpusim.{module.name}",
                 layout=self.layout.pipeline,
-                vertex={"module": shader, "entry_point": entries[0], "buffers": []},
+                vertex={
+                    "module": shader,
+                    "entry_point": entries[0],
+                    "buffers": [],
+                    "constants": values,
+                },
                 fragment={
                     "module": shader,
                     "entry_point": entries[1],
+                    "constants": values,
                     "targets": [{"format": fmt} for fmt in color_formats],
                 },
                 primitive={"topology": "triangle-list", "cull_mode": "none"},

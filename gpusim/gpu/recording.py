@@ -131,8 +131,13 @@ class Recording:
         depth: Texture,
         vertices: int,
         size: tuple[int, int],
+        clear: float | None = 0.0,
     ) -> None:
-        """Clear the targets and draw a triangle list into the top-left ``size`` (w, h) pixels."""
+        """Draw a triangle list into the top-left ``size`` (w, h) pixels.
+
+        The targets are set to ``clear`` and the depth to far before; with None both are kept, and
+        the list adds to what an earlier draw left.
+        """
         if bindings.layout is not raster.layout:
             raise InputError(f"draw of {raster.name}: the bindings were made for another program")
         self._bindings[id(bindings)] = bindings
@@ -140,9 +145,9 @@ class Recording:
         attachments = [
             {
                 "view": texture.view,
-                "load_op": "clear",
+                "load_op": "clear" if clear is not None else "load",
                 "store_op": "store",
-                "clear_value": (0, 0, 0, 0),
+                "clear_value": (clear or 0.0, 0, 0, 0),
             }
             for texture in colors
         ]
@@ -151,7 +156,7 @@ class Recording:
             color_attachments=attachments,
             depth_stencil_attachment={
                 "view": depth.view,
-                "depth_load_op": "clear",
+                "depth_load_op": "clear" if clear is not None else "load",
                 "depth_store_op": "store",
                 "depth_clear_value": 0.0,
             },
@@ -165,6 +170,26 @@ class Recording:
         if vertices:
             render.draw(vertices)
         render.end()
+
+    def copy_texture(self, texture: Texture, target: Buffer, rows: int) -> None:
+        """Copy the top ``rows`` of a texture to ``target``, ``texture.stride`` bytes a row."""
+        needed = texture.stride * rows
+        if not (0 < rows <= texture.height and needed <= target.nbytes):
+            raise InputError(
+                f"copying {rows} rows of a texture to {target.label}; got {target.nbytes} bytes; "
+                f"expected {needed} for at most {texture.height} rows"
+            )
+        self._end_pass()
+        self._encoder.copy_texture_to_buffer(
+            {"texture": texture.gpu, "mip_level": 0, "origin": (0, 0, 0)},
+            {
+                "buffer": target.live(f"copying to {target.label}"),
+                "offset": 0,
+                "bytes_per_row": texture.stride,
+                "rows_per_image": rows,
+            },
+            (texture.width, rows, 1),
+        )
 
     def copy(self, source: Buffer, target: Buffer, nbytes: int | None = None) -> None:
         """Copy the first ``nbytes`` (default all) of ``source`` to ``target``."""

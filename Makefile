@@ -1,0 +1,35 @@
+# Each target is complete in itself, also as the first command on a bare machine.
+.PHONY: help demo test check bench setup clean
+
+help:
+	@echo "make demo    runs examples/crane.toml and says where the report is"
+	@echo "make test    builds and installs the wheel, runs the tests against it"
+	@echo "make check   format, lint, types and tests"
+	@echo "make bench   says which benchmarks there are and how to run them"
+
+demo:
+	@scripts/setup.sh
+	.venv/bin/gpusim run examples/crane.toml -o out/crane
+	@echo "report: $(CURDIR)/out/crane/report.html"
+
+test: setup
+	scripts/test.sh
+
+check: setup
+	.venv/bin/ruff format --check
+	.venv/bin/ruff check
+	.venv/bin/mypy
+	scripts/test.sh
+
+bench:
+	@echo "Benchmarks (each prints its own options with --help):"
+	@for file in benchmarks/[a-z]*.py; do \
+	    echo "  .venv/bin/python -m benchmarks.$$(basename $$file .py)"; \
+	done
+	@test -x .venv/bin/python || echo "first: scripts/setup.sh dev"
+
+setup:
+	@scripts/setup.sh dev
+
+clean:
+	rm -rf build out .venv

@@ -1,0 +1,111 @@
+"""gpusim: measurement-grade synthetic images of loaded structures, with exact ground truth.
+
+Every layer is usable alone: solve a mesh, render a displacement field, measure images::
+
+    import gpusim as gs
+
+    report = gs.run(gs.load_scene("examples/crane.toml"), "out/crane")
+
+Names are imported when they are first used, so that ``import gpusim`` is quick.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from gpusim._version import __version__
+
+if TYPE_CHECKING:
+    from gpusim import errors, fem, measure, mesh
+    from gpusim.errors import (
+        DeviceError,
+        DeviceLost,
+        GpusimError,
+        InputError,
+        NoAdapter,
+        NotConverged,
+        OutOfDeviceMemory,
+        SceneError,
+        TwinMismatch,
+    )
+    from gpusim.fem import Isotropic, Model, Solution
+    from gpusim.gpu import Device
+    from gpusim.mesh import Mesh
+    from gpusim.optics import AreaLight, Camera, Frame, PointLight, Sensor, Truth, render
+    from gpusim.pipeline import run, solve
+    from gpusim.report import Report
+    from gpusim.scene import Scene, load_scene
+    from gpusim.surface import PaintFrame, Skin, Surface, paint
+
+__all__ = [
+    "AreaLight",
+    "Camera",
+    "Device",
+    "DeviceError",
+    "DeviceLost",
+    "Frame",
+    "GpusimError",
+    "InputError",
+    "Isotropic",
+    "Mesh",
+    "Model",
+    "NoAdapter",
+    "NotConverged",
+    "OutOfDeviceMemory",
+    "PaintFrame",
+    "PointLight",
+    "Report",
+    "Scene",
+    "SceneError",
+    "Sensor",
+    "Skin",
+    "Solution",
+    "Surface",
+    "Truth",
+    "TwinMismatch",
+    "__version__",
+    "errors",
+    "fem",
+    "load_scene",
+    "measure",
+    "mesh",
+    "paint",
+    "render",
+    "run",
+    "solve",
+]
+
+_HOMES = {
+    "gpusim.errors": (
+        "DeviceError",
+        "DeviceLost",
+        "GpusimError",
+        "InputError",
+        "NoAdapter",
+        "NotConverged",
+        "OutOfDeviceMemory",
+        "SceneError",
+        "TwinMismatch",
+    ),
+    "gpusim.fem": ("Isotropic", "Model", "Solution"),
+    "gpusim.gpu": ("Device",),
+    "gpusim.mesh": ("Mesh",),
+    "gpusim.optics": ("AreaLight", "Camera", "Frame", "PointLight", "Sensor", "Truth", "render"),
+    "gpusim.pipeline": ("run", "solve"),
+    "gpusim.report": ("Report",),
+    "gpusim.scene": ("Scene", "load_scene"),
+    "gpusim.surface": ("PaintFrame", "Skin", "Surface", "paint"),
+}
+_HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
+_MODULES = ("errors", "fem", "measure", "mesh")
+
+
+def __getattr__(name: str) -> Any:
+    if name in _MODULES:
+        return import_module(f"gpusim.{name}")
+    if name in _HOME_OF:
+        return getattr(import_module(_HOME_OF[name]), name)
+    raise AttributeError(f"module 'gpusim' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return __all__

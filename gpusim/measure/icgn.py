@@ -1,0 +1,308 @@
+"""Match subsets of one image in another: inverse-compositional Gauss-Newton, ZNSSD.
+
+Driver of ``shaders/measure/icgn.wgsl`` and its NumPy twin. For each subset the reference grey
+values f(s), the warped deformed ones g(W(s)) and the steepest-descent images J(s) give the step::
+
+    e   = (f - mean f) - scale (g - offset)              scale, offset from the last iteration
+    J'  = J - mean J - fc (fc . J) / (fc . fc)           fc = f - mean f: offset and gain taken out
+    step = -(sum w J' J'^T)^-1  sum w J' e               W <- W o step^-1
+
+Means and dots are weighted with the window w. Because J' is orthogonal to a change of offset and
+of gain, the fixed point is the minimum of the ZNSSD (Baker and Matthews 2004; Pan, Li, Tong 2013).
+Working with the small difference e instead of g keeps float32 sums good on the device.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.gpu import Device, compare, twin_check
+from gpusim.measure.images import FloatArray
+from gpusim.measure.interpolation import PAD, SplineImage
+from gpusim.measure.matching import (
+    Correlation,
+    Pair,
+    Settings,
+    Status,
+    Subsets,
+    check_subsets,
+    grey_range,
+)
+from gpusim.measure.normal import cholesky, solve
+from gpusim.measure.warp import (
+    COEFFICIENTS,
+    SHAPES,
+    UNKNOWNS,
+    Shape,
+    basis,
+    compose_inverse,
+    steepest_descent,
+    step_coefficients,
+)
+
+__all__ = ["correlate", "correlate_numpy"]
+
+BoolArray = npt.NDArray[np.bool_]
+
+MIN_CONTRAST = 5e-4  # standard deviation of a subset over the grey range of the image
+MIN_WEIGHT = 0.3  # share of the window that the mask must leave
+CHUNK = 1 << 17  # pixels handled at once by the twin
+
+
+def correlate_numpy(subsets: Subsets, settings: Settings) -> Correlation:
+    """Match every subset in float64 on the host."""
+    check_subsets(subsets, settings)
+    count = subsets.points.shape[0]
+    chunk = max(1, CHUNK // settings.window.size)
+    parts = [
+        _correlate_chunk(subsets, settings, slice(start, start + chunk))
+        for start in range(0, count, chunk)
+    ]
+    return Correlation(
+        np.concatenate([part.coefficients for part in parts]),
+        np.concatenate([part.zncc for part in parts]),
+        np.concatenate([part.sigma for part in parts]),
+        np.concatenate([part.iterations for part in parts]),
+        np.concatenate([part.status for part in parts]),
+    )
+
+
+def _correlate_chunk(subsets: Subsets, settings: Settings, part: slice) -> Correlation:
+    pair = subsets.pair
+    points = subsets.points[part]
+    half = settings.half
+    shape = settings.shape
+    unknowns = UNKNOWNS[shape]
+    number = points.shape[0]
+    status = np.full(number, Status.NOT_CONVERGED, dtype=np.int8)
+    iterations = np.zeros(number, dtype=np.int32)
+    zncc = np.full(number, np.nan)
+    sigma = np.full(number, np.nan)
+
+    offset = np.arange(-half, half + 1)
+    dx = np.tile(offset, offset.size)
+    dy = np.repeat(offset, offset.size)
+    column = np.rint(points[:, :1]).astype(np.int64) + dx  # (B, n) pixels of the whole image
+    row = np.rint(points[:, 1:]).astype(np.int64) + dy
+    spline = pair.reference
+    in_crop: BoolArray = np.all(
+        spline.inside(column.astype(np.float64), row.astype(np.float64)), axis=1
+    )
+    status[~in_crop] = Status.OUTSIDE
+    x_index = np.where(in_crop[:, None], column - spline.origin[0], 0)
+    y_index = np.where(in_crop[:, None], row - spline.origin[1], 0)
+
+    planes = pair.planes[y_index, x_index]  # (B, n, 4)
+    weight = settings.window.ravel() * planes[..., 3]
+    total = weight.sum(axis=1)
+    masked = in_crop & ~(total >= MIN_WEIGHT * settings.window.sum())
+    masked |= in_crop & ~(total > unknowns + 2)
+    status[masked] = Status.OUTSIDE
+    total = np.where(total > 0, total, 1.0)
+    f = planes[..., 0]
+    f = f - ((weight * f).sum(axis=1) / total)[:, None]
+    energy = (weight * f * f).sum(axis=1)
+    flat = ~(energy > MIN_CONTRAST**2 * total)
+    safe_energy = np.where(flat, 1.0, energy)
+
+    a = (column - points[:, :1]) / half
+    b = (row - points[:, 1:]) / half
+    descent = steepest_descent(shape, planes[..., 1], planes[..., 2], a, b)
+    descent -= ((weight * descent).sum(axis=2) / total)[:, :, None]
+    descent -= ((weight * f * descent).sum(axis=2) / safe_energy)[:, :, None] * f
+    weighted = weight * descent
+    hessian = np.einsum("ibn,jbn->bij", weighted, descent)
+    factor, solvable = cholesky(hessian)
+    status[in_crop & ~masked & (flat | ~solvable)] = Status.NO_TEXTURE
+
+    low, scale = grey_range(pair.deformed)
+    c = subsets.start[part].copy()
+    contrast = np.ones(number)
+    level = np.zeros(number)
+    active = np.flatnonzero(status == Status.NOT_CONVERGED)
+    terms = basis(a, b, COEFFICIENTS[shape])
+    for iteration in range(1, settings.max_iterations + 1):
+        if active.size == 0:
+            break
+        iterations[active] = iteration
+        motion = np.einsum("bik,kbn->ibn", c[active][:, :, : terms.shape[0]], terms[:, active])
+        x = column[active] + motion[0]
+        y = row[active] + motion[1]
+        inside = pair.deformed.inside(x, y).all(axis=1)
+        status[active[~inside]] = Status.OUTSIDE
+        active, x, y = active[inside], x[inside], y[inside]
+        if active.size == 0:
+            break
+        g = (pair.deformed.values(x, y) - low) * scale
+        w, fa, ta = weight[active], f[active], total[active]
+        if iteration == 1:
+            level[active] = (w * g).sum(axis=1) / ta
+        e = fa - contrast[active][:, None] * (g - level[active][:, None])
+        mean = (w * e).sum(axis=1) / ta
+        e -= mean[:, None]
+        along = (w * fa * e).sum(axis=1)
+        rest = (w * e * e).sum(axis=1)
+        fe = energy[active]
+        ge = fe - 2.0 * along + rest
+        live = ge > 1e-10 * fe
+        ge = np.where(live, ge, 1.0)
+        zncc[active] = np.where(live, (fe - along) / np.sqrt(fe * ge), 0.0)
+        level[active] -= mean / contrast[active]
+        contrast[active] *= np.where(live, np.sqrt(fe / ge), 1.0)
+        gradient = -np.einsum("ibn,bn->bi", weighted[:, active], e)
+        step = solve(factor[active], gradient)
+        change = step_coefficients(shape, step)
+        c[active] = compose_inverse(shape, c[active], change, half)
+        size = np.abs(change).sum(axis=2).max(axis=1)
+        done = size <= settings.tolerance
+        move = np.abs(c[active][:, :, 0] - subsets.start[part][active][:, :, 0]).max(axis=1)
+        lost = ~(live & (move <= settings.max_move))
+        status[active[done & ~lost]] = Status.OK
+        if done.any():
+            variance = (fe * rest - along**2) / ge / (ta - unknowns - 2)
+            spread = np.maximum(*displacement_variance(factor[active], shape))
+            sigma[active] = np.sqrt(np.maximum(variance, 0.0) * spread)
+        active = active[~(done | lost)]
+    poor = (status == Status.OK) & ~(zncc >= settings.min_zncc)
+    status[poor] = Status.LOW_CORRELATION
+    bad = status != Status.OK
+    c[bad] = np.nan
+    sigma[bad] = np.nan
+    return Correlation(c, zncc, sigma, iterations, status)
+
+
+def displacement_variance(factor: FloatArray, shape: Shape) -> tuple[FloatArray, FloatArray]:
+    """Diagonal entries of the inverse normal matrix for the two displacement unknowns."""
+    second = 1 if shape in ("translation", "rigid") else COEFFICIENTS[shape]
+    entries = []
+    for index in (0, second):
+        unit = np.zeros(factor.shape[:2])
+        unit[:, index] = 1.0
+        entries.append(solve(factor, unit)[:, index])
+    return entries[0], entries[1]
+
+
+def correlate(subsets: Subsets, settings: Settings, device: Device | None = None) -> Correlation:
+    """Match every subset on ``device``, or with the NumPy twin if there is none."""
+    if device is None:
+        return correlate_numpy(subsets, settings)
+    check_subsets(subsets, settings)
+    centre = np.rint(subsets.points)
+    half = settings.half
+    corner = np.array([[-half, -half], [half, half]])
+    corners = centre[:, None] + corner
+    within: BoolArray = np.all(
+        subsets.pair.reference.inside(corners[..., 0], corners[..., 1]), axis=1
+    )
+    target = np.rint(subsets.start[:, :, 0])
+    which = np.flatnonzero(within)
+    count = within.size
+    values = np.full((count, 16), np.nan)
+    values[:, 13] = 0.0
+    values[:, 14] = Status.OUTSIDE
+    if which.size:
+        values[which] = _dispatch(device, subsets, settings, which, centre[which], target[which])
+        values[which, 0] += target[which, 0]
+        values[which, 6] += target[which, 1]
+    status = values[:, 14].astype(np.int8)
+    zncc = np.where(values[:, 13] > 0, values[:, 12], np.nan)
+    status[(status == Status.OK) & ~(zncc >= settings.min_zncc)] = Status.LOW_CORRELATION
+    good = status == Status.OK
+    return Correlation(
+        np.where(good[:, None, None], values[:, :12].reshape(-1, 2, 6), np.nan),
+        zncc,
+        np.where(good, values[:, 15], np.nan),
+        values[:, 13].astype(np.int32),
+        status,
+    )
+
+
+def _dispatch(
+    device: Device,
+    subsets: Subsets,
+    settings: Settings,
+    which: npt.NDArray[np.int64],
+    centre: FloatArray,
+    target: FloatArray,
+) -> FloatArray:
+    """Run the kernel over the subsets ``which``; (K, 16) raw rows as the shader writes them."""
+    pair = subsets.pair
+    reference, deformed = pair.buffers(device)
+    origin = np.array(pair.deformed.origin)
+    limit = 2**24  # a start further away than float32 counts pixels is outside any image
+    begin = np.clip(centre + target - origin + PAD, -limit, limit)
+    places = np.concatenate([centre - pair.reference.origin, begin], axis=1).astype(np.int32)
+    fraction = subsets.points[which] - centre
+    start = subsets.start[which].copy()
+    start[:, :, 0] -= target
+    starts = np.concatenate([fraction, start.reshape(-1, 12)], axis=1).astype(np.float32)
+    x0, y0, x1, y1 = pair.deformed.valid
+    kernel = device.kernel(
+        "measure/icgn",
+        entry="main",
+        constants={
+            "shape": SHAPES.index(settings.shape),
+            "unknowns": UNKNOWNS[settings.shape],
+        },
+    )
+    result = device.empty(which.size * 64, label="measure.icgn.result")
+    bindings = kernel.bind(
+        params={
+            "count": which.size,
+            "half": settings.half,
+            "reference_width": pair.planes.shape[1],
+            "deformed_width": pair.deformed.coefficients.shape[1],
+            "x0": int(x0) - int(origin[0]) + PAD,
+            "y0": int(y0) - int(origin[1]) + PAD,
+            "x1": int(x1) - int(origin[0]) + PAD,
+            "y1": int(y1) - int(origin[1]) + PAD,
+            "max_iterations": settings.max_iterations,
+            "tolerance": settings.tolerance,
+            "max_move": settings.max_move,
+            "window_sum": float(settings.window.sum()),
+        },
+        reference=reference,
+        deformed=deformed,
+        window=device.buffer(settings.window.astype(np.float32), label="measure.icgn.window"),
+        places=device.buffer(places, label="measure.icgn.places"),
+        starts=device.buffer(starts, label="measure.icgn.starts"),
+        result=result,
+    )
+    rows = -(-which.size // 65535)
+    with device.recording("measure.icgn") as recording:
+        recording.dispatch(kernel, bindings, groups=(-(-which.size // rows), rows, 1))
+    values: FloatArray = result.read(np.float32, (which.size, 16)).astype(np.float64)
+    return values
+
+
+@twin_check("measure/icgn")
+def _check(device: Device) -> None:
+    """Subsets of a smooth pattern that is stretched, turned and shifted; every shape."""
+    row, column = np.indices((57, 83), dtype=np.float64)
+
+    def pattern(x: FloatArray, y: FloatArray) -> FloatArray:
+        result: FloatArray = (
+            np.sin(0.61 * x + 0.2 * y) + np.sin(0.17 * x - 0.73 * y) + np.sin(0.4 * x + 0.5 * y)
+        )
+        return result
+
+    reference = SplineImage.from_image(pattern(column, row))
+    deformed = SplineImage.from_image(
+        0.6 * pattern(0.99 * column - 0.02 * row + 0.7, 0.01 * column + 1.01 * row - 0.4) + 3.0
+    )
+    points = np.array([[20.3, 21.8], [41.0, 30.5], [60.7, 35.2], [4.0, 30.0], [41.0, 55.0]])
+    subsets = Subsets(Pair(reference, deformed), points, np.zeros((5, 2, 6)))
+    for shape in SHAPES:
+        settings = Settings(np.ones((21, 21)), shape, min_zncc=0.0)
+        got, want = correlate(subsets, settings, device), correlate_numpy(subsets, settings)
+        compare(f"measure/icgn.{shape}.status", got.status, want.status, "exact")
+        good = want.status == Status.OK
+        compare(
+            f"measure/icgn.{shape}.coefficients",
+            got.coefficients[good],
+            want.coefficients[good],
+            atol=2e-5,  # px: float32 sums; a step more or less at the stopping threshold
+            rtol=0.0,
+        )
+        compare(f"measure/icgn.{shape}.zncc", got.zncc[good], want.zncc[good], atol=2e-6, rtol=0.0)

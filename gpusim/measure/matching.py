@@ -1,0 +1,156 @@
+"""What goes into matching subsets and what comes out, shared by the kernel and its twin."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import InputError
+from gpusim.gpu import Buffer, Device
+from gpusim.measure.images import FloatArray
+from gpusim.measure.interpolation import SplineImage
+from gpusim.measure.warp import UNKNOWNS, Shape
+
+__all__ = ["Correlation", "Pair", "Settings", "Status", "Subsets", "check_subsets", "grey_range"]
+
+
+class Status(IntEnum):
+    """What became of a point. Only ``OK`` points carry numbers; the others are NaN."""
+
+    OK = 0
+    OUTSIDE = 1  # its subset leaves one of the images, or is masked for the most part
+    NO_TEXTURE = 2  # nothing in the subset tells the motion
+    NOT_CONVERGED = 3
+    LOW_CORRELATION = 4
+    NO_GUESS = 5  # never reached: no start value nearby
+    BACKWARD = 6  # tracking back from the deformed image doesn't return to the point
+    AMBIGUOUS = 7  # another point, elsewhere before, was tracked to the same place
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How subsets are matched.
+
+    window : (S, S) float64 weights in 0..1, S odd.
+    tolerance : largest move of a subset pixel in the last step, px.
+    max_move : a subset that leaves its start by more than this has diverged, px.
+    """
+
+    window: FloatArray
+    shape: Shape = "affine"
+    tolerance: float = 1e-4
+    max_iterations: int = 40
+    min_zncc: float = 0.8
+    max_move: float = 10.0
+
+    @property
+    def half(self) -> int:
+        """Half width of the subset: it spans 2 half + 1 pixels."""
+        return int(self.window.shape[0]) // 2
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two images to be matched. What matching needs of them is prepared once per pair.
+
+    reference, deformed : splines that cover every subset.
+    mask : (H, W) bool of the whole reference image, True = may be used; or None.
+    """
+
+    reference: SplineImage
+    deformed: SplineImage
+    mask: npt.NDArray[np.bool_] | None = None
+
+    @cached_property
+    def planes(self) -> FloatArray:
+        """Reference grey value, its slopes by x and y, and the mask: (h, w, 4), grey range 1."""
+        spline = self.reference
+        low, scale = grey_range(spline)
+        by_x, by_y = spline.pixel_gradients()
+        mask = np.ones_like(by_x)
+        if self.mask is not None:
+            x, y = spline.origin
+            rows, columns = mask.shape
+            mask = self.mask[y : y + rows, x : x + columns].astype(np.float64)
+        return np.stack([(spline.pixels - low) * scale, by_x * scale, by_y * scale, mask], axis=2)
+
+    @cached_property
+    def _buffers(self) -> dict[Device, tuple[Buffer, Buffer]]:
+        return {}
+
+    def buffers(self, device: Device) -> tuple[Buffer, Buffer]:
+        """The planes and the deformed spline's coefficients on the device, uploaded once."""
+        if device not in self._buffers:
+            low, scale = grey_range(self.deformed)
+            coefficients = (self.deformed.coefficients - low) * scale
+            self._buffers[device] = (
+                device.buffer(self.planes.astype(np.float32), label="measure.icgn.reference"),
+                device.buffer(coefficients.astype(np.float32), label="measure.icgn.deformed"),
+            )
+        return self._buffers[device]
+
+
+def grey_range(spline: SplineImage) -> tuple[float, float]:
+    """Lowest grey value and 1 / range of a crop; the second is 0 for a flat image."""
+    low = float(spline.pixels.min())
+    span = float(spline.pixels.max()) - low
+    return low, 1.0 / span if span > 0 else 0.0
+
+
+@dataclass(frozen=True)
+class Subsets:
+    """Reference subsets to be found in a deformed image.
+
+    pair : the two images.
+    points : (M, 2) float64, x, y in the reference image.
+    start : (M, 2, 6) float64, warp coefficients to start from, px.
+    """
+
+    pair: Pair
+    points: FloatArray
+    start: FloatArray
+
+
+@dataclass(frozen=True)
+class Correlation:
+    """Matches of M subsets, raw: coefficients of failed ones are NaN.
+
+    coefficients : (M, 2, 6) float64, px (see ``warp``).
+    zncc : (M,) float64, correlation coefficient, NaN where it was never computed.
+    sigma : (M,) float64, standard uncertainty of the worse displacement component, px.
+    iterations : (M,) int32.      status : (M,) int8, values of ``Status``.
+    """
+
+    coefficients: FloatArray
+    zncc: FloatArray
+    sigma: FloatArray
+    iterations: npt.NDArray[np.int32]
+    status: npt.NDArray[np.int8]
+
+
+def check_subsets(subsets: Subsets, settings: Settings) -> None:
+    """Refuse inputs that no kernel should see."""
+    count = subsets.points.shape[0]
+    if subsets.points.shape != (count, 2) or subsets.start.shape != (count, 2, 6):
+        raise InputError(
+            f"subsets: shapes don't match; got points {subsets.points.shape}, start "
+            f"{subsets.start.shape}; expected (M, 2) and (M, 2, 6)"
+        )
+    if not (np.isfinite(subsets.points).all() and np.isfinite(subsets.start).all()):
+        raise InputError("subsets: got NaN or infinite points or start values; expected finite")
+    window = settings.window
+    size = window.shape[0]
+    if window.ndim != 2 or window.shape != (size, size) or size % 2 == 0 or size < 5:
+        raise InputError(
+            f"window: wrong shape; got {window.shape}; expected (S, S), S odd, at least 5"
+        )
+    if not (np.isfinite(window).all() and window.min() >= 0 and 0 < window.max() <= 1):
+        raise InputError("window: weights out of range; expected 0..1, not all 0")
+    if window.sum() <= UNKNOWNS[settings.shape] + 2:
+        raise InputError("window: too few pixels with weight for the unknowns of the shape")
+    if not 0 < settings.tolerance < 1 or settings.max_iterations < 1:
+        raise InputError("settings: expected 0 < tolerance < 1 px and at least one iteration")

@@ -1,0 +1,145 @@
+"""Pinhole cameras in the OpenCV convention: integer pixel coordinates are pixel centres."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import InputError
+
+__all__ = ["Camera"]
+
+
+def _identity() -> npt.NDArray[np.float64]:
+    return np.eye(4)
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """A camera with a flat sensor and a lens without distortion.
+
+    Parameters
+    ----------
+    width, height : px.
+    K : (3, 3) float64, [[fx, skew, cx], [0, fy, cy], [0, 0, 1]] in px; the pixel in column i and
+        row j is centred at (i, j), so that the image's centre is ((width - 1) / 2, …).
+    distortion : OpenCV coefficients; this version takes zeros only.
+    camera_from_world : (4, 4) rigid transform; camera axes are x right, y down, z forward.
+
+    Raises
+    ------
+    InputError
+        Sizes, shapes or values that make no camera, or a lens with distortion.
+    """
+
+    width: int
+    height: int
+    K: npt.NDArray[np.float64]
+    distortion: Sequence[float] | npt.NDArray[np.float64] | None = None
+    camera_from_world: npt.NDArray[np.float64] = field(default_factory=_identity)
+    name: str = "camera"
+
+    def __post_init__(self) -> None:
+        where = f"Camera {self.name!r}"
+        for key, value in (("width", self.width), ("height", self.height)):
+            if int(value) != value or not 1 <= value <= 65535:
+                raise InputError(f"{where} {key}; got {value}; expected 1 to 65535 pixels")
+        K = np.asarray(self.K, np.float64)
+        if K.shape != (3, 3) or not np.isfinite(K).all():
+            raise InputError(f"{where} K; got shape {K.shape}; expected finite (3, 3)")
+        if not (K[0, 0] > 0 and K[1, 1] > 0) or K[1, 0] != 0 or (K[2] != [0, 0, 1]).any():
+            raise InputError(
+                f"{where} K; got {K.tolist()}; expected [[fx, skew, cx], [0, fy, cy], [0, 0, 1]] "
+                "with fx, fy above 0"
+            )
+        if self.distortion is not None and np.any(np.asarray(self.distortion, np.float64) != 0.0):
+            raise InputError(
+                f"{where} distortion; got {list(self.distortion)}; "
+                "expected zeros: this version renders undistorted lenses only"
+            )
+        T = np.asarray(self.camera_from_world, np.float64)
+        if T.shape != (4, 4) or not np.isfinite(T).all():
+            raise InputError(f"{where} camera_from_world; got shape {T.shape}; expected (4, 4)")
+        R = T[:3, :3]
+        rigid = np.abs(R @ R.T - np.eye(3)).max() <= 1e-9 and np.linalg.det(R) > 0
+        if not rigid or (T[3] != [0, 0, 0, 1]).any():
+            raise InputError(
+                f"{where} camera_from_world; got {T.tolist()}; expected a rotation and translation"
+            )
+        object.__setattr__(self, "K", K)
+        object.__setattr__(self, "camera_from_world", T)
+
+    @staticmethod
+    def from_lens(
+        sensor_mm: tuple[float, float],
+        focal_mm: float,
+        resolution: tuple[int, int],
+        eye: npt.ArrayLike,
+        target: npt.ArrayLike,
+        up: npt.ArrayLike = (0.0, 0.0, 1.0),
+        principal_point_offset_mm: tuple[float, float] = (0.0, 0.0),
+        name: str = "camera",
+    ) -> Camera:
+        """A camera as a photographer describes it.
+
+        ``sensor_mm`` (width, height) and ``focal_mm`` give fx = focal / (sensor width / columns);
+        ``eye``, ``target`` and ``up`` are in world units. The principal point lies in the middle
+        of the sensor, moved right and down by ``principal_point_offset_mm``.
+        """
+        where = f"Camera {name!r}"
+        numbers = [*sensor_mm, focal_mm]
+        if not all(np.isfinite(v) and v > 0 for v in numbers):
+            raise InputError(f"{where} sensor_mm, focal_mm; got {numbers}; expected above 0")
+        width, height = resolution
+        eye3, target3, up3 = (np.asarray(v, np.float64) for v in (eye, target, up))
+        forward = target3 - eye3
+        distance = np.linalg.norm(forward)
+        if not distance > 0.0:
+            raise InputError(f"{where}: eye and target are the same point {eye3.tolist()}")
+        z: npt.NDArray[np.float64] = forward / distance
+        x: npt.NDArray[np.float64] = np.cross(z, up3)
+        if not np.linalg.norm(x) > 1e-9 * np.linalg.norm(up3):
+            raise InputError(f"{where} up; got {up3.tolist()}, parallel to the viewing direction")
+        x = x / float(np.linalg.norm(x))
+        y: npt.NDArray[np.float64] = np.cross(z, x)
+        camera_from_world = np.eye(4)
+        camera_from_world[:3, :3] = np.stack([x, y, z])
+        camera_from_world[:3, 3] = -camera_from_world[:3, :3] @ eye3
+        px, py = width / sensor_mm[0], height / sensor_mm[1]
+        K = np.array(
+            [
+                [focal_mm * px, 0.0, 0.5 * (width - 1) + principal_point_offset_mm[0] * px],
+                [0.0, focal_mm * py, 0.5 * (height - 1) + principal_point_offset_mm[1] * py],
+                [0.0, 0.0, 1.0],
+            ]
+        )
+        return Camera(width, height, K, None, camera_from_world, name)
+
+    @property
+    def eye(self) -> npt.NDArray[np.float64]:
+        """World position of the projection centre, (3,)."""
+        R, t = self.camera_from_world[:3, :3], self.camera_from_world[:3, 3]
+        return -R.T @ t
+
+    def to_camera(self, X: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """World points (…, 3) in camera coordinates."""
+        T = self.camera_from_world
+        result: npt.NDArray[np.float64] = X @ T[:3, :3].T + T[:3, 3]
+        return result
+
+    def project(self, X: npt.ArrayLike) -> npt.NDArray[np.float64]:
+        """World points (…, 3) to pixel coordinates (…, 2); NaN for points not in front."""
+        Xc = self.to_camera(np.asarray(X, np.float64))
+        z = Xc[..., 2]
+        z = np.where(z > 0.0, z, np.nan)
+        x, y = Xc[..., 0] / z, Xc[..., 1] / z
+        K = self.K
+        return np.stack([K[0, 0] * x + K[0, 1] * y + K[0, 2], K[1, 1] * y + K[1, 2]], axis=-1)
+
+    def ray_matrix(self) -> npt.NDArray[np.float64]:
+        """(3, 3) matrix D with camera-space direction = D [x, y, 1], of unit depth."""
+        result: npt.NDArray[np.float64] = np.linalg.inv(self.K)
+        return result

@@ -1,0 +1,240 @@
+"""Edge pixels: exact polygon areas of every triangle over the pixel, from front to back.
+
+A triangle that nothing hides takes exactly the area of its polygon inside the pixel; the rest is
+shared by partly hidden triangles and the background in proportion to a 16 x 32 sample mask
+(Carpenter, "The A-buffer", SIGGRAPH 1984, with exact areas in place of counts where they are
+known). The twin repeats the shader's steps in float64.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.gpu import Buffer, Device, Recording, compare, twin_check
+from gpusim.optics.binning import EdgePixels, bin_edges
+from gpusim.optics.pattern import mean_albedo
+from gpusim.optics.setup import Setup, probe_setup, radiance_factor
+from gpusim.optics.shade import Tables
+from gpusim.optics.view import FIXED
+
+__all__ = ["EdgePass", "edges_twin"]
+
+Array = npt.NDArray[np.float64]
+ROWS, COLUMNS = 16, 32
+SMALLEST = 1e-9
+SHIFT = ((np.arange(ROWS) * 7) % ROWS + 0.5) / ROWS
+
+
+class EdgePass:
+    """The edge pixels of one view on the device."""
+
+    def __init__(self, tables: Tables, edges: EdgePixels) -> None:
+        self.tables, self.edges = tables, edges
+        count = len(edges.pixel)
+        lists = np.zeros(2 * (count + 1) + len(edges.triangle), np.uint32)
+        lists[0 : 2 * count : 2] = edges.pixel
+        lists[1 : 2 * count + 2 : 2] = edges.start + 2 * (count + 1)
+        lists[2 * (count + 1) :] = edges.triangle
+        self._lists = tables.device.buffer(lists, "edges.lists")
+
+    def record(
+        self, recording: Recording, radiance: Buffer, row0: int, rows: int, stride: int
+    ) -> None:
+        """Resolve the edge pixels of a band of rows in place; ``stride`` px from row to row."""
+        setup = self.tables.setup
+        width = setup.view.camera.width
+        first, last = np.searchsorted(self.edges.pixel, [row0 * width, (row0 + rows) * width])
+        if first == last:
+            return
+        patterned = bool(setup.near_feature.any())
+        kernel = self.tables.device.kernel("optics/edges", constants=setup.constants(patterned))
+        bindings = kernel.bind(
+            params={
+                **self.tables.rays(),
+                "width": width,
+                "stride": stride,
+                "row0": row0,
+                "background": setup.background,
+            },
+            range={
+                "first": first,
+                "count": last - first,
+                "sides": 3,
+                "corners": 4,
+                "mask_rows": ROWS,
+            },
+            lists=self._lists,
+            radiance=radiance,
+            **self.tables.shared(),
+        )
+        recording.dispatch(kernel, bindings, threads=(int(last - first),))
+
+
+def edges_twin(
+    setup: Setup, edges: EdgePixels, radiance: npt.NDArray[np.float32]
+) -> npt.NDArray[np.float32]:
+    """A copy of ``radiance`` (H, W) with the edge pixels resolved."""
+    view, width = setup.view, setup.view.camera.width
+    count = len(edges.pixel)
+    covered = np.zeros((count, ROWS), np.uint32)
+    opened = np.full(count, ROWS * COLUMNS)
+    free_area, free_light = np.zeros(count), np.zeros(count)
+    hidden_count, hidden_light = np.zeros(count), np.zeros(count)
+    corners_of = np.rint(view.screen * FIXED) / FIXED
+    depth = np.diff(edges.start)
+    for k in range(int(depth.max(initial=0))):
+        entry = np.flatnonzero((depth > k) & (opened > 0))
+        triangle = edges.triangle[edges.start[entry] + k]
+        pixel = edges.pixel[entry]
+        at = np.stack([pixel % width, pixel // width], axis=1).astype(np.float64)
+        planes = _half_planes(corners_of[triangle] - at[:, None])
+        polygon = _clip_square(planes)
+        area, centroid = _moments(polygon)
+        keep = area > SMALLEST
+        entry, triangle, at, planes = entry[keep], triangle[keep], at[keep], planes[keep]
+        polygon, area, centroid = polygon[keep], area[keep], centroid[keep]
+        bits = _mask(planes)
+        own = np.bitwise_count(bits).sum(axis=1).astype(np.int64)
+        seen = np.bitwise_count(bits & ~covered[entry]).sum(axis=1).astype(np.int64)
+        visible = seen == own
+        covered[entry] |= bits
+        sliver = np.flatnonzero(own == 0)
+        if len(sliver):
+            r = np.clip(np.floor((centroid[sliver, 1] + 0.5) * ROWS), 0, ROWS - 1).astype(int)
+            c = np.clip(np.floor((centroid[sliver, 0] + 0.5) * COLUMNS), 0, COLUMNS - 1)
+            bit = np.uint32(1) << c.astype(np.uint32)
+            visible[sliver] = (covered[entry[sliver], r] & bit) == 0
+        opened[entry] -= seen
+        keep = visible | (seen > 0)
+        entry, triangle, at, area = entry[keep], triangle[keep], at[keep], area[keep]
+        light = _light(setup, triangle, at, polygon[keep], centroid[keep])
+        visible, seen = visible[keep], seen[keep]
+        free_area[entry] += np.where(visible, area, 0.0)
+        free_light[entry] += np.where(visible, area * light, 0.0)
+        hidden_count[entry] += np.where(visible, 0, seen)
+        hidden_light[entry] += np.where(visible, 0.0, seen * light)
+    hidden_light += opened * setup.background
+    hidden_count += opened
+    rest = np.maximum(1.0 - free_area, 0.0)
+    value = free_light / np.maximum(free_area, 1.0)
+    some = hidden_count > 0
+    value[some] += rest[some] * hidden_light[some] / hidden_count[some]
+    bare = ~some & (free_area < 1.0)
+    value[bare] = free_light[bare] / free_area[bare]
+    result = radiance.copy()
+    result.reshape(-1)[edges.pixel] = value
+    return result
+
+
+def _light(
+    setup: Setup, triangle: npt.NDArray[np.int64], at: Array, polygon: Array, centroid: Array
+) -> Array:
+    """Radiance of clipped polygons: mean albedo x light at the centroid."""
+    x, y = (at + centroid).T
+    paint = setup.view.paint[triangle]
+    albedo = setup.table.paints["ground"][paint].astype(np.float64)
+    rows = np.flatnonzero(setup.table.paints["featured"][paint] == 1)
+    if len(rows):
+        st = _paint_positions(setup, triangle[rows], (at + centroid)[rows][:, None])[:, 0]
+        corners = _paint_positions(setup, triangle[rows], at[rows, None] + polygon[rows])
+        albedo[rows] = mean_albedo(
+            setup.table, paint[rows], setup.cell[triangle[rows]], st, corners - st[:, None], False
+        )
+    return albedo * radiance_factor(setup, triangle, x, y)
+
+
+def _paint_positions(setup: Setup, triangle: npt.NDArray[np.int64], pixels: Array) -> Array:
+    """Paint positions (n, V, 2) of pixel positions (n, V, 2)."""
+    d = pixels - setup.anchor[triangle][:, None]
+    planes = setup.planes[triangle][:, :3]
+    values = d @ np.swapaxes(planes[:, :, :2], 1, 2) + planes[:, None, :, 2]
+    result: Array = values[..., :2] / values[..., 2:]
+    return result
+
+
+def _half_planes(corners: Array) -> Array:
+    """(n, 3, 3): a x + b y + c >= 0 inside the triangles (n, 3, 2)."""
+    v, w = corners, np.roll(corners, -1, axis=1)
+    planes = np.stack(
+        [v[..., 1] - w[..., 1], w[..., 0] - v[..., 0],
+         v[..., 0] * w[..., 1] - v[..., 1] * w[..., 0]], axis=-1
+    )  # fmt: skip
+    result: Array = planes * np.where(planes[..., 2].sum(axis=1) > 0.0, 1.0, -1.0)[:, None, None]
+    return result
+
+
+def _clip_square(planes: Array) -> Array:
+    """The unit square cut by three half planes: (n, 8, 2), padded by repeating a vertex."""
+    square = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
+    n = len(planes)
+    polygon = np.zeros((n, 8, 2))
+    polygon[:, :4] = square
+    count = np.full(n, 4)
+    rows = np.arange(n)
+    for k in range(3):
+        d = planes[:, k]
+        clipped, size = np.zeros_like(polygon), np.zeros(n, np.int64)
+        a = polygon[rows, np.maximum(count - 1, 0)]
+        da = np.sum(d[:, :2] * a, axis=1) + d[:, 2]
+        for i in range(7):
+            active = i < count
+            b = polygon[:, i]
+            db = np.sum(d[:, :2] * b, axis=1) + d[:, 2]
+            crossing = active & ((da < 0.0) != (db < 0.0)) & (size < 8)
+            t = np.where(crossing, da / np.where(crossing, da - db, 1.0), 0.0)
+            clipped[rows[crossing], size[crossing]] = (a + t[:, None] * (b - a))[crossing]
+            size += crossing
+            inside = active & (db >= 0.0) & (size < 8)
+            clipped[rows[inside], size[inside]] = b[inside]
+            size += inside
+            a, da = np.where(active[:, None], b, a), np.where(active, db, da)
+        polygon, count = clipped, size
+    last = polygon[rows, np.maximum(count - 1, 0)]
+    padding = np.arange(8) >= count[:, None]
+    polygon[padding] = np.broadcast_to(last[:, None], polygon.shape)[padding]
+    return polygon
+
+
+def _moments(polygon: Array) -> tuple[Array, Array]:
+    """Signed area (n,) and centroid (n, 2)."""
+    origin = polygon[:, :1]
+    a, b = polygon[:, 1:-1] - origin, polygon[:, 2:] - origin
+    twice = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+    total = twice.sum(axis=1)
+    safe = np.where(total != 0.0, 3.0 * total, 1.0)[:, None]
+    centroid = origin[:, 0] + np.sum(twice[..., None] * (a + b), axis=1) / safe
+    return 0.5 * total, centroid
+
+
+def _mask(planes: Array) -> npt.NDArray[np.uint32]:
+    """(n, 16) rows of 32 samples inside three half planes."""
+    y = (np.arange(ROWS) + 0.5) / ROWS - 0.5
+    low = np.full((len(planes), ROWS), -1.0)
+    high = np.ones((len(planes), ROWS))
+    for k in range(3):
+        a, b, c = (planes[:, k, i : i + 1] for i in range(3))
+        value = b * y + c
+        cut = -value / np.where(a != 0.0, a, 1.0)
+        low = np.where(a > 0.0, np.maximum(low, cut), low)
+        high = np.where(a < 0.0, np.minimum(high, cut), high)
+        high = np.where((a == 0.0) & (value < 0.0), -1.0, high)
+    first = np.clip(np.ceil((low + 0.5) * COLUMNS - SHIFT), 0, COLUMNS).astype(np.uint64)
+    last = np.clip(np.ceil((high + 0.5) * COLUMNS - SHIFT), 0, COLUMNS).astype(np.uint64)
+    one = np.uint64(1)
+    bits = ((one << last) - one) & ~((one << first) - one)
+    return np.where(low < high, bits, 0).astype(np.uint32)
+
+
+@twin_check("optics/edges")
+def _check(device: Device) -> None:
+    setup = probe_setup()
+    edges = bin_edges(setup.view)
+    camera = setup.view.camera
+    start = np.full((camera.height, camera.width), 0.25, np.float32)
+    out = device.buffer(start, "edges.radiance")
+    with device.recording("optics.edges") as recording:
+        edge_pass = EdgePass(Tables(device, setup), edges)
+        edge_pass.record(recording, out, 0, camera.height, camera.width)
+    got = out.read(np.float32, start.shape)
+    compare("optics/edges", got, edges_twin(setup, edges, start), "pixel")

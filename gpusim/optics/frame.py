@@ -1,0 +1,90 @@
+"""A rendered frame: linear radiance (on the device until somebody asks) and its ground truth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.gpu import Buffer, Device
+from gpusim.optics.truth import Truth, truth_of
+from gpusim.optics.view import View
+from gpusim.optics.visibility import Visibility, visibility_twin
+
+__all__ = ["Band", "Frame"]
+
+
+@dataclass(frozen=True, eq=False)
+class Band:
+    """Rows ``row0 … row0 + rows - 1`` of a frame in a device buffer, ``stride`` float32 a row."""
+
+    row0: int
+    rows: int
+    stride: int
+    buffer: Buffer
+
+
+class Frame:
+    """What a camera sees, before the sensor.
+
+    ``radiance`` is (H, W) float32, linear, in W per square unit and steradian (or albedo where the
+    scene has no lights). ``device`` is None when it was made by the NumPy twin.
+    """
+
+    def __init__(
+        self,
+        view: View,
+        device: Device | None,
+        bands: tuple[Band, ...] = (),
+        radiance: npt.NDArray[np.float32] | None = None,
+    ) -> None:
+        self.view, self.device, self.bands = view, device, bands
+        self._radiance = radiance
+        self._ids: npt.NDArray[np.uint32] | None = None
+
+    @property
+    def width(self) -> int:
+        """Columns."""
+        return self.view.camera.width
+
+    @property
+    def height(self) -> int:
+        """Rows."""
+        return self.view.camera.height
+
+    @property
+    def radiance(self) -> npt.NDArray[np.float32]:
+        """(H, W) float32 radiance; read back from the device at the first call."""
+        if self._radiance is None:
+            self._radiance = np.concatenate(
+                [
+                    band.buffer.read(np.float32, (band.rows, band.stride))[:, : self.width]
+                    for band in self.bands
+                ]
+            )
+        return self._radiance
+
+    def ids(self) -> npt.NDArray[np.uint32]:
+        """(H, W) uint32: number + 1 of the triangle under each pixel's centre, 0 for none."""
+        if self._ids is None:
+            if self.device is None:
+                self._ids = visibility_twin(self.view)
+            else:
+                rows = max((band.rows for band in self.bands), default=min(self.height, 1024))
+                self._ids = Visibility(self.device, self.view, rows).read()
+        return self._ids
+
+    def truth(self, faces: tuple[int, int] | None = None) -> Truth:
+        """Ground truth at every pixel centre that sees a surface, in float64.
+
+        ``faces`` (first, stop) keeps only pixels that see these faces (counted over all surfaces
+        in order).
+        """
+        return truth_of(self.view, self.ids(), faces)
+
+    def release(self) -> None:
+        """Give the device memory back; radiance already read stays."""
+        for band in self.bands:
+            band.buffer.release()
+        self.bands = ()

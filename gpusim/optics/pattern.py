@@ -1,0 +1,347 @@
+"""Paint patterns as tables that a pixel can look up, and their exact mean over a footprint.
+
+A region's features are filed in a grid of square cells over its paint coordinates; a pixel looks
+into the cell of its centre, so every feature is filed in each cell that it can reach from, given
+the largest pixel footprint. Positions are stored relative to the cell's corner, which keeps
+float32 exact far from the origin. Twin of ``shaders/common/paint.wgsl``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import InputError
+from gpusim.optics import coverage
+from gpusim.optics.view import RegionPaint
+from gpusim.surface.paint import Features
+
+__all__ = ["FEATURE", "PAINT", "PatternTable", "mean_albedo"]
+
+Array = npt.NDArray[np.float64]
+
+PAINT = np.dtype(
+    [("ground", "<f4"), ("cell", "<f4"), ("i0", "<i4"), ("j0", "<i4"), ("columns", "<i4"),
+     ("rows", "<i4"), ("first", "<u4"), ("featured", "<u4")]
+)  # fmt: skip
+FEATURE = np.dtype([("a", "<f4", 4), ("b", "<f4", 4), ("c", "<f4", 4), ("d", "<f4", 4)])
+
+MOST_CELLS = 1 << 22
+FINEST = 8
+"""A footprint over small squares is cut into at most this many pieces a side."""
+
+
+@dataclass(frozen=True, eq=False)
+class PatternTable:
+    """Records as the shader reads them: ``paints``, ``cell_start`` (CSR) and ``features``.
+
+    ``features64`` (F, 16) are the same feature records before rounding to float32.
+    """
+
+    paints: npt.NDArray[np.void]
+    cell_start: npt.NDArray[np.uint32]
+    features: npt.NDArray[np.void]
+    features64: Array
+
+    @staticmethod
+    def build(regions: Sequence[RegionPaint]) -> PatternTable:
+        """File the features of every region.
+
+        Raises
+        ------
+        InputError
+            Two features of one region overlap.
+        """
+        paints = np.zeros(max(len(regions), 1), PAINT)
+        starts, rows = [np.zeros(1, np.int64)], [np.zeros((0, 16))]
+        slots = total = 0
+        for number, region in enumerate(regions):
+            record = paints[number]
+            record["ground"], record["cell"] = region.paint.ground, 1.0
+            features = region.paint.features(region.low, region.high)
+            if features is None or not len(features):
+                continue
+            low, high = features.bounds()
+            _refuse_overlap(features, low, high)
+            low, high = low - region.reach, high + region.reach
+            cell = _cell_size(features, region)
+            lowest = np.floor(np.maximum(low.min(axis=0), region.low - cell) / cell).astype(int)
+            highest = np.floor(np.minimum(high.max(axis=0), region.high + cell) / cell).astype(int)
+            columns, count_rows = (np.maximum(highest - lowest, -1) + 1).tolist()
+            if columns * count_rows == 0:
+                continue
+            c0 = np.clip(np.floor(low / cell).astype(int) - lowest, 0, [columns, count_rows])
+            c1 = np.clip(np.floor(high / cell).astype(int) - lowest + 1, 0, [columns, count_rows])
+            wide, tall = (c1 - c0).T
+            per = np.maximum(wide, 0) * np.maximum(tall, 0)
+            which = np.repeat(np.arange(len(features)), per)
+            offset = np.arange(len(which)) - np.repeat(np.cumsum(per) - per, per)
+            i = c0[which, 0] + offset % np.maximum(wide[which], 1)
+            j = c0[which, 1] + offset // np.maximum(wide[which], 1)
+            slot = j * columns + i
+            order = np.argsort(slot, kind="stable")
+            which, i, j, slot = which[order], i[order], j[order], slot[order]
+            origin = np.stack([i + lowest[0], j + lowest[1]], axis=1) * cell
+            rows.append(_records(features, which, origin))
+            counts = np.bincount(slot, minlength=columns * count_rows)
+            starts.append(total + np.cumsum(counts))
+            record["cell"], record["featured"] = cell, 1
+            record["i0"], record["j0"] = lowest
+            record["columns"], record["rows"], record["first"] = columns, count_rows, slots
+            slots += columns * count_rows
+            total += len(which)
+        table = np.concatenate(rows)
+        packed = np.zeros(max(len(table), 1), FEATURE)
+        for k, name in enumerate("abcd"):
+            packed[name][: len(table)] = table[:, 4 * k : 4 * k + 4]
+        return PatternTable(paints, np.concatenate(starts).astype(np.uint32), packed, table)
+
+    def kinds(self) -> set[int]:
+        """The kinds of features on file: 0 checker patch, 1 disc."""
+        return {int(kind) for kind in np.unique(self.features64[:, 10])}
+
+    def near_features(
+        self, paint: npt.NDArray[np.int32], low: Array, high: Array
+    ) -> npt.NDArray[np.bool_]:
+        """Whether any cell under boxes ``low`` to ``high`` (n, 2) of the paints (n,) has features.
+
+        Counts come from a summed-area table per paint.
+        """
+        result = np.zeros(len(paint), bool)
+        for number in np.flatnonzero(self.paints["featured"]):
+            rows = np.flatnonzero(paint == number)
+            record = self.paints[number]
+            shape = (int(record["rows"]), int(record["columns"]))
+            first = int(record["first"])
+            filled = np.diff(self.cell_start[first : first + shape[0] * shape[1] + 1].astype(int))
+            total = np.zeros((shape[0] + 1, shape[1] + 1), np.int64)
+            total[1:, 1:] = filled.reshape(shape).cumsum(axis=0).cumsum(axis=1)
+            start = np.array([record["i0"], record["j0"]])
+            limit = [shape[1], shape[0]]
+            # one cell more on each side: a pixel's centre may lie just outside its triangle
+            a = np.clip(np.floor(low[rows] / record["cell"]).astype(int) - start - 1, 0, limit)
+            b = np.clip(np.floor(high[rows] / record["cell"]).astype(int) - start + 2, 0, limit)
+            count = (
+                total[b[:, 1], b[:, 0]] - total[a[:, 1], b[:, 0]]
+                - total[b[:, 1], a[:, 0]] + total[a[:, 1], a[:, 0]]
+            )  # fmt: skip
+            result[rows] = count > 0
+        return result
+
+
+def _cell_size(features: Features, region: RegionPaint) -> float:
+    """Cells of about two features' size, not below the pixel, not more than the grid may hold."""
+    extent = region.high - region.low
+    size = float(np.median(features.size * features.squares)) * 2.0
+    size = min(size, float(extent.max()))
+    size = max(size, 2.0 * region.reach, float(np.sqrt(extent.prod() / MOST_CELLS)), 1e-300)
+    # a power of two: cell corners are then exact in float32
+    return float(2.0 ** np.ceil(np.log2(size)))
+
+
+def _refuse_overlap(features: Features, low: Array, high: Array) -> None:
+    order = np.argsort(low[:, 0], kind="stable")
+    low, high = low[order], high[order]
+    shrink = 1e-9 * (high - low)
+    low, high = low + shrink, high - shrink
+    until = np.searchsorted(low[:, 0], high[:, 0])
+    for i in np.flatnonzero(until > np.arange(len(low)) + 1):
+        span = slice(i + 1, until[i])
+        hit = (low[span, 1] < high[i, 1]) & (high[span, 1] > low[i, 1])
+        kinds = features.kind[order]
+        for j in np.flatnonzero(hit) + i + 1:
+            if kinds[i] == kinds[j] == 1:
+                gap = features.position[order[i]] - features.position[order[j]]
+                reach = features.size[order[i], 0] + features.size[order[j], 0]
+                if np.hypot(*gap) >= reach * (1.0 - 1e-9):
+                    continue
+            raise InputError(
+                f"paint features {order[i]} and {order[j]} overlap; got boxes around "
+                f"{features.position[order[i]].tolist()} and {features.position[order[j]].tolist()}"
+                "; expected features that keep apart"
+            )
+
+
+def _records(features: Features, which: npt.NDArray[np.int64], origin: Array) -> Array:
+    """(n, 16) records of features relative to the corners (n, 2) of the cells they are filed in."""
+    kind = features.kind[which]
+    table = np.zeros((len(which), 16))
+    position = features.position[which] - origin
+    angle, size, squares = features.angle[which], features.size[which], features.squares[which]
+    cos, sin = np.cos(angle), np.sin(angle)
+    # the lattice corner of the patch nearest to the cell's own corner, and its index
+    u = -(cos * position[:, 0] + sin * position[:, 1])
+    v = -(-sin * position[:, 0] + cos * position[:, 1])
+    index = np.clip(np.rint(np.stack([u, v], axis=1) / size), 0.0, squares)
+    shift = index * size
+    nearest = position + np.stack(
+        [cos * shift[:, 0] - sin * shift[:, 1], sin * shift[:, 0] + cos * shift[:, 1]], axis=1
+    )
+    patch = kind == 0
+    table[:, 0:2] = np.where(patch[:, None], nearest, position)
+    table[:, 2] = np.where(patch, cos, size[:, 0])
+    table[:, 3] = np.where(patch, sin, 0.0)
+    table[:, 4:6] = size
+    table[:, 6:8] = squares
+    table[:, 8:10] = features.albedo[which]
+    table[:, 10] = kind
+    table[:, 12:14] = np.where(patch[:, None], index, 0.0)
+    return table
+
+
+def mean_albedo(
+    table: PatternTable,
+    paint: npt.NDArray[np.int32],
+    cell: npt.NDArray[np.int64],
+    st: Array,
+    polygon: Array,
+    parallelogram: bool,
+) -> Array:
+    """Mean albedo (n,) over footprints.
+
+    Parameters
+    ----------
+    paint : (n,) paint index.
+    cell : (n, 2) cell that ``st`` (n, 2) is relative to; the pixel looks up the cell of ``st``.
+    polygon : (n, V, 2) the footprint relative to ``st``.
+    parallelogram : the footprint is a pixel's, corners in the order -x-y, +x-y, +x+y, -x+y.
+    """
+    records = table.paints[paint]
+    albedo = records["ground"].astype(np.float64)
+    size = records["cell"].astype(np.float64)
+    step = np.floor(st / size[:, None])
+    at = cell + step.astype(np.int64) - np.stack([records["i0"], records["j0"]], axis=1)
+    shape = np.stack([records["columns"], records["rows"]], axis=1)
+    rows = np.flatnonzero((records["featured"] == 1) & ((at >= 0) & (at < shape)).all(axis=1))
+    slot = records["first"][rows] + at[rows, 1] * shape[rows, 0] + at[rows, 0]
+    start, stop = table.cell_start[slot].astype(np.int64), table.cell_start[slot + 1]
+    local = st[rows] - step[rows] * size[rows, None]
+    for k in range(int((stop - start).max(initial=0)) if len(rows) else 0):
+        some = np.flatnonzero(start + k < stop)
+        target = rows[some]
+        feature = table.features64[start[some] + k]
+        relative = local[some] - feature[:, 0:2]
+        shape_points = polygon[target]
+        patch = feature[:, 10] == 0.0
+        albedo_share = np.zeros(len(some))
+        share = np.zeros(len(some))
+        if patch.any():
+            value, part = _checker(
+                feature[patch], relative[patch], shape_points[patch], parallelogram
+            )
+            albedo_share[patch], share[patch] = value, part
+        disc = ~patch
+        if disc.any():
+            part = _disc(feature[disc], relative[disc], shape_points[disc])
+            albedo_share[disc], share[disc] = part * feature[disc, 8], part
+        albedo[target] += albedo_share - records["ground"][target] * share
+    return albedo
+
+
+def _disc(feature: Array, centre: Array, polygon: Array) -> Array:
+    reach = np.sqrt(np.max(np.sum(polygon**2, axis=-1), axis=-1))
+    distance, radius = np.linalg.norm(centre, axis=1), feature[:, 2]
+    share: Array = (distance < radius).astype(np.float64)
+    near = np.abs(distance - radius) < reach
+    if near.any():
+        shifted = polygon[near] + centre[near, None]
+        share[near] = coverage.disc_area(shifted, radius[near]) / coverage.polygon_area(shifted)
+    return share
+
+
+def _checker(
+    feature: Array, centre: Array, polygon: Array, parallelogram: bool
+) -> tuple[Array, Array]:
+    cos, sin = feature[:, 2], feature[:, 3]
+
+    def turn(p: Array, c: Array, s: Array) -> Array:
+        return np.stack([c * p[..., 0] + s * p[..., 1], c * p[..., 1] - s * p[..., 0]], axis=-1)
+
+    centre = turn(centre, cos, sin)
+    polygon = turn(polygon, cos[:, None], sin[:, None])
+    size = feature[:, 4:6]
+    if not parallelogram:
+        return _squares(feature, polygon + centre[:, None])
+    ex, ey = polygon[:, 1] - polygon[:, 0], polygon[:, 3] - polygon[:, 0]
+    pieces = np.ceil(np.max((np.abs(ex) + np.abs(ey)) / size, axis=1))
+    fine = pieces > FINEST
+    if fine.any():
+        feature, centre = feature.copy(), centre.copy()
+        feature[fine], shift = _as_one_square(feature[fine])
+        centre[fine] += shift
+    pieces = np.where(fine, 1, np.maximum(pieces, 1))
+    value, share = np.zeros(len(feature)), np.zeros(len(feature))
+    for n in np.unique(pieces).astype(int):
+        rows = np.flatnonzero(pieces == n)
+        for j in range(n):
+            for i in range(n):
+                x, y = (i + 0.5) / n - 0.5, (j + 0.5) / n - 0.5
+                at = centre[rows] + x * ex[rows] + y * ey[rows]
+                part = _corner(feature[rows], at, polygon[rows] / n)
+                value[rows] += part[0] / n**2
+                share[rows] += part[1] / n**2
+    return value, share
+
+
+def _as_one_square(feature: Array) -> tuple[Array, Array]:
+    """Patches as one square of their mean albedo, and the shift to their first corner."""
+    result = feature.copy()
+    shift = feature[:, 12:14] * feature[:, 4:6]
+    result[:, 4:6] = feature[:, 4:6] * feature[:, 6:8]
+    result[:, 6:8] = 1.0
+    result[:, 8] = 0.5 * (feature[:, 8] + feature[:, 9])
+    result[:, 12:14] = 0.0
+    return result, shift
+
+
+def _squares(feature: Array, polygon: Array) -> tuple[Array, Array]:
+    """Patches over any convex polygons (patch axes), square by square."""
+    spans = (polygon.max(axis=1) - polygon.min(axis=1)) / feature[:, 4:6]
+    fine = spans.max(axis=1) > FINEST
+    if fine.any():
+        feature, polygon = feature.copy(), polygon.copy()
+        feature[fine], shift = _as_one_square(feature[fine])
+        polygon[fine] += shift[:, None]
+    size, index = feature[:, 4:6], feature[:, 12:14]
+    first = np.maximum(np.floor(polygon.min(axis=1) / size), -index)
+    last = np.minimum(np.floor(polygon.max(axis=1) / size), feature[:, 6:8] - index - 1.0)
+    area = coverage.polygon_area(polygon)
+    value, total = np.zeros(len(feature)), np.zeros(len(feature))
+    count = np.maximum(last - first + 1.0, 0.0).astype(int)
+    most = count.max(axis=0, initial=0)
+    for j in range(int(most[1])):
+        for i in range(int(most[0])):
+            rows = np.flatnonzero((count[:, 0] > i) & (count[:, 1] > j))
+            square = first[rows] + [i, j]
+            share = np.zeros(len(rows))
+            for di, dj, sign in ((0, 0, 1.0), (1, 0, -1.0), (0, 1, -1.0), (1, 1, 1.0)):
+                corner = (square + np.array([di, dj])) * size[rows]
+                share += sign * coverage.quadrant_area(polygon[rows] - corner[:, None])
+            share /= area[rows]
+            even = (square + index[rows]).sum(axis=1) % 2 == 0
+            value[rows] += share * np.where(even, feature[rows, 8], feature[rows, 9])
+            total[rows] += share
+    return value, total
+
+
+def _corner(feature: Array, centre: Array, polygon: Array) -> tuple[Array, Array]:
+    """Albedo * share and share of the squares around the lattice corner nearest to ``centre``."""
+    size, index = feature[:, 4:6], feature[:, 12:14]
+    corner = np.clip(np.rint(centre / size), -index, feature[:, 6:8] - index)
+    shifted = polygon + (centre - corner * size)[:, None]
+    area = coverage.polygon_area(shifted)
+    right = coverage.half_plane_area(shifted) / area
+    swapped = shifted[..., ::-1]
+    above = coverage.half_plane_area(swapped) / -area
+    both = coverage.quadrant_area(shifted) / area
+    shares = np.stack([both, right - both, above - both, 1.0 - right - above + both], axis=1)
+    corner = corner + index
+    i = corner[:, :1] - np.array([0.0, 0.0, 1.0, 1.0])
+    j = corner[:, 1:] - np.array([0.0, 1.0, 0.0, 1.0])
+    inside = (i >= 0) & (i < feature[:, 6:7]) & (j >= 0) & (j < feature[:, 7:8])
+    albedo = np.where((i + j) % 2 == 0, feature[:, 8:9], feature[:, 9:10])
+    share = np.where(inside, shares, 0.0)
+    return np.sum(albedo * share, axis=1), np.sum(share, axis=1)

@@ -1,0 +1,191 @@
+"""A view set up for shading: per-triangle coefficients, pattern tables and lamps, in float64.
+
+The records that the device reads are made here, and the functions with which the NumPy twins
+evaluate the same coefficients at pixels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import InputError
+from gpusim.optics.camera import Camera
+from gpusim.optics.light import AreaLight, Light, PointLight, emitters, irradiance
+from gpusim.optics.pattern import PatternTable
+from gpusim.optics.view import NORMAL, ST, View, barycentric_planes, look
+from gpusim.surface.paint import Checker, Dots, Markers, Paint, Plain
+from gpusim.surface.surface import Surface
+
+__all__ = ["TRIANGLE", "Setup", "footprint", "probe_setup", "radiance_factor"]
+
+Array = npt.NDArray[np.float64]
+
+TRIANGLE = np.dtype(
+    [("st", "<f4", 4), ("tw", "<f4", 4), ("n0", "<f4", 4), ("nx", "<f4", 4), ("ny", "<f4", 4),
+     ("place", "<i4", 4), ("more", "<f4", 4)]
+)  # fmt: skip
+MOST_EMITTERS = 256
+
+
+@dataclass(frozen=True, eq=False)
+class Setup:
+    """Per-triangle shading coefficients of a view, float64.
+
+    ``planes`` (T, 6, 3): s, t, w and the three normal components as affine functions of
+    (dx, dy, 1), the offset from ``anchor`` (T, 2); ``cell`` (T, 2): the pattern cell that s and t
+    are relative to; ``mean_inverse`` (T,): 1 / depth that w is relative to; ``near_feature`` (T,):
+    whether a pixel in it can reach a feature of its pattern.
+    """
+
+    view: View
+    table: PatternTable
+    emitters: Array
+    background: float
+    lit: bool
+    planes: Array
+    anchor: npt.NDArray[np.int32]
+    cell: npt.NDArray[np.int64]
+    mean_inverse: Array
+    near_feature: npt.NDArray[np.bool_]
+
+    @staticmethod
+    def build(view: View, lights: Sequence[Light] | None, background: float) -> Setup:
+        """Set up every triangle of ``view``; ``lights`` None shows the albedo itself."""
+        table = PatternTable.build(view.paints)
+        lit = lights is not None
+        T = view.camera.camera_from_world
+        world = (view.corners[:, :, :3] - T[:3, 3]) @ T[:3, :3]
+        rows = emitters(lights or [], world.reshape(-1, 3)[:: max(1, view.count // 5000)])
+        if len(rows) > MOST_EMITTERS:
+            raise InputError(
+                f"render lights; got {len(rows)} emitting points; expected at most "
+                f"{MOST_EMITTERS}: use fewer lamps, or smaller ones farther away"
+            )
+        rows[:, :3] -= view.camera.eye
+        anchor = np.rint(view.screen.mean(axis=1)).astype(np.int32)
+        size = table.paints["cell"][view.paint].astype(np.float64)
+        st = view.corners[:, :, ST]
+        cell = np.floor(st.mean(axis=1) / size[:, None])
+        cell = np.where((table.paints["featured"][view.paint] == 1)[:, None], cell, 0.0)
+        values = np.concatenate(
+            [st - (cell * size[:, None])[:, None], np.ones((*st.shape[:2], 1)),
+             view.corners[:, :, NORMAL]], axis=2
+        )  # fmt: skip
+        mean_inverse = view.inverse_depth().mean(axis=1)
+        basis = barycentric_planes(view.corners, view.camera) / mean_inverse[:, None, None]
+        planes = np.einsum("tia,tik->tak", values, basis)
+        planes[:, :, 2] += np.einsum("tak,tk->ta", planes[:, :, :2], anchor.astype(np.float64))
+        near = table.near_features(view.paint, st.min(axis=1), st.max(axis=1))
+        return Setup(
+            view, table, rows, background, lit, planes, anchor, cell.astype(np.int64), mean_inverse,
+            near,
+        )  # fmt: skip
+
+    def records(self) -> npt.NDArray[np.void]:
+        """The triangles as the shader reads them."""
+        result = np.zeros(max(self.view.count, 1), TRIANGLE)
+        records = result[: self.view.count]
+        p = self.planes
+        records["st"] = np.stack([p[:, 0, 2], p[:, 0, 0], p[:, 0, 1], p[:, 1, 2]], axis=1)
+        records["tw"] = np.stack([p[:, 1, 0], p[:, 1, 1], p[:, 2, 0], p[:, 2, 1]], axis=1)
+        records["n0"] = np.concatenate([p[:, 3:, 2], p[:, 2:3, 2]], axis=1)
+        records["nx"] = np.concatenate([p[:, 3:, 0], self.mean_inverse[:, None]], axis=1)
+        records["ny"] = np.concatenate([p[:, 3:, 1], self.view.paint[:, None]], axis=1)
+        records["place"] = np.concatenate([self.anchor, self.cell], axis=1)
+        records["more"][:, 0] = self.table.paints["ground"][self.view.paint]
+        records["more"][:, 1] = self.near_feature
+        return result
+
+    def rays(self) -> Array:
+        """(3, 3): columns x, y, 1 of the world-space ray of unit depth through a pixel."""
+        camera = self.view.camera
+        result: Array = camera.camera_from_world[:3, :3].T @ camera.ray_matrix()
+        return result
+
+    def constants(self, patterned: bool) -> dict[str, float]:
+        """Override constants that leave out of a shader what this view doesn't have.
+
+        ``patterned``: the triangles drawn have features on them or near them.
+        """
+        kinds, fine = self.table.kinds(), False
+        for region, record in zip(self.view.paints, self.table.paints, strict=False):
+            if record["featured"]:
+                features = region.paint.features(region.low, region.high)
+                assert features is not None
+                patches = features.kind == 0
+                fine |= bool(2.0 * region.reach > features.size[patches].min(initial=np.inf))
+        return {
+            "lit": float(self.lit),
+            "patterned": float(patterned),
+            "emitter_count": float(len(self.emitters)),
+            "checkers": float(patterned and 0 in kinds),
+            "discs": float(patterned and 1 in kinds),
+            "fine": float(patterned and fine),
+        }
+
+    def lamps(self) -> dict[str, Array]:
+        """The emitters as the shader's uniform."""
+        lamps = np.zeros((MOST_EMITTERS, 8))
+        lamps[: len(self.emitters)] = self.emitters
+        return {"emitters": lamps.reshape(-1, 4)}
+
+
+def footprint(
+    setup: Setup, triangle: npt.NDArray[np.int64], x: Array, y: Array
+) -> tuple[Array, Array, Array]:
+    """Paint position (n, 2) at pixel positions and its change per column and row, each (n, 2)."""
+    d = np.stack([x, y], axis=1) - setup.anchor[triangle]
+    planes = setup.planes[triangle]
+    values = planes[:, :3, 0] * d[:, :1] + planes[:, :3, 1] * d[:, 1:] + planes[:, :3, 2]
+    w = values[:, 2:3]
+    st = values[:, :2] / w
+    ex = (planes[:, :2, 0] - st * planes[:, 2:3, 0]) / w
+    ey = (planes[:, :2, 1] - st * planes[:, 2:3, 1]) / w
+    return st, ex, ey
+
+
+def radiance_factor(setup: Setup, triangle: npt.NDArray[np.int64], x: Array, y: Array) -> Array:
+    """What the albedo is multiplied by at pixel positions: irradiance / pi, or 1 unlit."""
+    if not setup.lit:
+        return np.ones(len(x))
+    d = np.stack([x, y], axis=1) - setup.anchor[triangle]
+    planes = setup.planes[triangle]
+    values = planes[:, 2:, 0] * d[:, :1] + planes[:, 2:, 1] * d[:, 1:] + planes[:, 2:, 2]
+    depth = 1.0 / (values[:, 0] * setup.mean_inverse[triangle])
+    position = depth[:, None] * (np.stack([x, y, np.ones_like(x)], axis=1) @ setup.rays().T)
+    normal = values[:, 1:]
+    normal = normal / np.linalg.norm(normal, axis=1)[:, None]
+    return irradiance(setup.emitters, position, normal) / np.pi
+
+
+def probe_setup() -> Setup:
+    """A small lit view with every kind of paint, partly overlapping, for the twin checks."""
+
+    def quad(x: float, y: float, z: float, tilt: float) -> Array:
+        c, s = np.cos(tilt), np.sin(tilt)
+        corners = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+        return np.stack([x + c * corners[:, 0], y + corners[:, 1], z + s * corners[:, 0]], axis=1)
+
+    face = np.array([[0, 3, 2, 1]])
+    paints: tuple[Paint, ...] = (
+        Checker(0.31, 5, 4, (0.17, 0.21), 0.1, 0.8, 0.4),
+        Dots(0.22, 0.4, None, None, (0.11, 0.05)),
+        Markers(np.array([[0.6, 0.7], [1.4, 1.2]]), 0.5, angle=0.4),
+        Plain(0.7),
+    )
+    places = ((-1.1, -0.6, 5.0, 0.3), (1.0, -0.7, 5.5, -0.5), (-0.8, 1.0, 5.2, 0.2),
+              (0.9, 1.1, 6.0, 0.6))  # fmt: skip
+    surfaces = [
+        Surface(quad(*place), face, paint=paint)
+        for place, paint in zip(places, paints, strict=True)
+    ]
+    camera = Camera(91, 67, np.array([[115.0, 0.2, 44.1], [0.0, 116.0, 34.3], [0.0, 0.0, 1.0]]))
+    lights: list[Light] = [
+        PointLight((-2.0, -3.0, 1.0), 90.0),
+        AreaLight((2.0, -2.0, 0.0), (0.0, 0.0, 5.0), (0.5, 0.8), 60.0),
+    ]
+    return Setup.build(look(surfaces, camera, lit=True), lights, background=0.05)

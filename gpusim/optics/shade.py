@@ -1,0 +1,151 @@
+"""Shading: the mean radiance over each pixel that lies inside one smooth, evenly painted patch.
+
+On the device the rasteriser finds each pixel's nearest triangle and its fragment shader evaluates
+the closed form; the twin evaluates the same on the ids of `gpusim.optics.visibility`. Albedo is the
+area integral of the paint over the pixel's footprint (`gpusim.optics.pattern`); light is that of
+the pixel's centre. Radiance of a Lambert surface is albedo x irradiance / pi; without lights it is
+the albedo itself.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.gpu import Buffer, Device, Recording, compare, twin_check
+from gpusim.optics.binning import bin_edges
+from gpusim.optics.pattern import mean_albedo
+from gpusim.optics.setup import Setup, footprint, probe_setup, radiance_factor
+from gpusim.optics.visibility import visibility_twin
+
+__all__ = ["ShadePass", "Tables", "shade_twin"]
+
+
+class Tables:
+    """A setup on the device, shared by the interior and the edge pass."""
+
+    def __init__(self, device: Device, setup: Setup) -> None:
+        table, view = setup.table, setup.view
+        fixed = view.fixed().reshape(-1, 2) if view.count else np.zeros((3, 2), np.int32)
+        self.device, self.setup = device, setup
+        self.lamps = setup.lamps()
+        self.paints = device.buffer(table.paints, "shade.paints")
+        self.cell_start = device.buffer(table.cell_start, "shade.cells")
+        self.features = device.buffer(table.features, "shade.features")
+        self.triangles = device.buffer(setup.records(), "shade.triangles")
+        self.screen = device.buffer(fixed, "shade.screen")
+
+    def shared(self) -> dict[str, Any]:
+        """The bindings that both passes have, by their WGSL names."""
+        return {
+            "paints": self.paints,
+            "cell_start": self.cell_start,
+            "features": self.features,
+            "triangles": self.triangles,
+            "screen": self.screen,
+            "lamps": self.lamps,
+        }
+
+    def rays(self) -> dict[str, npt.NDArray[np.float64]]:
+        """The ray matrix as uniform columns."""
+        columns = np.zeros((3, 4))
+        columns[:, :3] = self.setup.rays().T
+        return {"ray_x": columns[0], "ray_y": columns[1], "ray_1": columns[2]}
+
+
+class ShadePass:
+    """Draws a view's radiance band by band: plain triangles, then those near features.
+
+    Two programs, because software rasterisers run both sides of every branch: a plain wall must
+    not pay for the pattern on a marker.
+    """
+
+    def __init__(self, tables: Tables, rows: int) -> None:
+        device, setup = tables.device, tables.setup
+        view = setup.view
+        self.tables, self.rows = tables, rows
+        self.color = device.texture(view.camera.width, rows, "r32float", "shade.radiance")
+        self.depth = device.texture(view.camera.width, rows, "depth32float", "shade.depth")
+        inverse = view.inverse_depth()
+        near_first = np.argsort(-inverse.max(axis=1), kind="stable") if view.count else np.zeros(0)
+        self._near = 0.999 / float(inverse.max()) if inverse.size else 1.0
+        depth = inverse.astype(np.float32).reshape(-1) if view.count else np.zeros(3, np.float32)
+        self._inverse = device.buffer(depth, "shade.inverse_depth")
+        self._draws = []
+        for patterned in (True, False):
+            wanted = setup.near_feature == patterned
+            order = near_first[wanted[near_first]] if view.count else near_first
+            if len(order) or not patterned:
+                raster = device.raster(
+                    "optics/shade", ("r32float",), constants=setup.constants(patterned)
+                )
+                numbers = order.astype(np.uint32) if len(order) else np.zeros(1, np.uint32)
+                buffer = device.buffer(numbers, "shade.order")
+                self._draws.append((raster, buffer, len(order)))
+
+    @property
+    def stride(self) -> int:
+        """Pixels from one row of a band's buffer to the next."""
+        return self.color.stride // 4
+
+    def record(self, recording: Recording, radiance: Buffer, row0: int, rows: int) -> None:
+        """Shade rows ``row0 …`` into ``radiance`` (rows x stride float32)."""
+        setup = self.tables.setup
+        width = setup.view.camera.width
+        params = {
+            **self.tables.rays(), "width": width, "rows": rows, "row0": row0, "near": self._near
+        }  # fmt: skip
+        clear: float | None = setup.background
+        for raster, order, count in self._draws:
+            values = {**self.tables.shared(), "inverse_depth": self._inverse, "order": order}
+            bindings = raster.bind(params=params, **values)
+            recording.draw(
+                raster,
+                bindings,
+                colors=(self.color,),
+                depth=self.depth,
+                vertices=3 * count,
+                size=(width, rows),
+                clear=clear,
+            )
+            clear = None
+        recording.copy_texture(self.color, radiance, rows)
+
+
+def shade_twin(setup: Setup, ids: npt.NDArray[np.uint32]) -> npt.NDArray[np.float32]:
+    """Radiance (H, W) float32 of the interior pixels, from ids (H, W)."""
+    radiance = np.full(ids.shape, setup.background, np.float32)
+    for row0 in range(0, ids.shape[0], 64):
+        band = ids[row0 : row0 + 64]
+        y, x = np.nonzero(band)
+        triangle = band[y, x].astype(np.int64) - 1
+        column, row = x.astype(np.float64), (y + row0).astype(np.float64)
+        paint = setup.view.paint[triangle]
+        albedo = setup.table.paints["ground"][paint].astype(np.float64)
+        rows = np.flatnonzero(setup.table.paints["featured"][paint] == 1)
+        if len(rows):
+            st, ex, ey = footprint(setup, triangle[rows], column[rows], row[rows])
+            corners = np.stack([-ex - ey, ex - ey, ex + ey, ey - ex], axis=1) * 0.5
+            albedo[rows] = mean_albedo(
+                setup.table, paint[rows], setup.cell[triangle[rows]], st, corners, True
+            )
+        radiance[y + row0, x] = albedo * radiance_factor(setup, triangle, column, row)
+    return radiance
+
+
+@twin_check("optics/shade")
+def _check(device: Device) -> None:
+    setup = probe_setup()
+    camera = setup.view.camera
+    shading = ShadePass(Tables(device, setup), rows=camera.height)
+    out = device.empty(4 * shading.stride * camera.height, "shade.out")
+    with device.recording("optics.shade") as recording:
+        shading.record(recording, out, 0, camera.height)
+    got = out.read(np.float32, (camera.height, shading.stride))[:, : camera.width]
+    want = shade_twin(setup, visibility_twin(setup.view))
+    # where edges cross a pixel, hardware and twin may see different triangles at its centre
+    inside = np.ones(got.size, bool)
+    inside[bin_edges(setup.view).pixel] = False
+    compare("optics/shade", got.reshape(-1)[inside], want.reshape(-1)[inside], "pixel")

@@ -1,0 +1,98 @@
+"""Frames of a run: rendered, exposed and written, one camera and load factor at a time."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from gpusim.export.files import write_text
+from gpusim.export.images import write_image
+from gpusim.gpu import Device
+from gpusim.optics.frame import Frame
+from gpusim.optics.light import Light
+from gpusim.optics.render import render
+from gpusim.optics.sensor import Sensor
+from gpusim.optics.view import look
+from gpusim.pipeline.build import build_camera
+from gpusim.scene import Scene
+from gpusim.scene import model as m
+from gpusim.surface import Surface
+
+__all__ = ["Photographer", "image_path"]
+
+
+def image_path(scene: Scene, out: Path, camera: str, frame: int) -> Path:
+    """Where the image of a frame lies."""
+    suffix = "png" if scene.sensor.format == "png" else "tif"
+    return out / "images" / camera / f"{frame:04d}.{suffix}"
+
+
+class Photographer:
+    """Renders and exposes frames; keeps one exposure per camera."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        out: Path,
+        device: Device | None,
+        backend: str,
+        lights: Sequence[Light] | None,
+        surfaces: Callable[[float], list[Surface]],
+    ) -> None:
+        self.scene, self.out, self.device, self.backend = scene, out, device, backend
+        self.lights, self.surfaces = lights, surfaces
+        self._last: tuple[str, int, Frame] | None = None
+
+    def frame(self, camera: m.Camera, frame: int) -> Frame:
+        """The linear frame of a camera at a load factor; the latest one is kept."""
+        if self._last is not None:
+            name, number, kept = self._last
+            if (name, number) == (camera.name, frame):
+                return kept
+            kept.release()
+        rendered = render(
+            self.surfaces(self.scene.analysis.load_factors[frame]),
+            build_camera(camera),
+            self.lights,
+            error=self.scene.render.error,
+            background=self.scene.render.background,
+            device=self.device,
+            backend=self.backend,
+        )
+        self._last = (camera.name, frame, rendered)
+        return rendered
+
+    def sight(self, camera: m.Camera, factor: float) -> Frame:
+        """What a camera sees at a load factor, without shading: for the ground truth."""
+        view = look(self.surfaces(factor), build_camera(camera), lit=True)
+        return Frame(view, self.device)
+
+    def take(self, camera: m.Camera, frame: int) -> list[Path]:
+        """Render, expose and write one frame; returns its files."""
+        linear = self.frame(camera, frame)
+        path = image_path(self.scene, self.out, camera.name, frame)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        files = [path]
+        sensor = self._sensor(camera, frame, linear)
+        if self.scene.sensor.exposure is None and frame == 0:
+            files.append(self._exposure_file(camera))
+        image = sensor.expose(linear)
+        pixels = camera.resolution[0] / camera.sensor[0]
+        write_image(path, image, pixels_per_metre=pixels)
+        return files
+
+    def _sensor(self, camera: m.Camera, frame: int, linear: Frame) -> Sensor:
+        """The scene's exposure, or one chosen from the camera's first frame and kept in a file."""
+        spec = self.scene.sensor
+        if spec.exposure is not None:
+            return Sensor(spec.bits, 1.0 / spec.exposure)
+        file = self._exposure_file(camera)
+        if frame == 0:
+            sensor = Sensor.auto_exposed(linear, spec.bits)
+            write_text(file, json.dumps({"full_scale_radiance": sensor.full_scale}) + "\n")
+            return sensor
+        return Sensor(spec.bits, json.loads(file.read_text())["full_scale_radiance"])
+
+    def _exposure_file(self, camera: m.Camera) -> Path:
+        return self.out / "images" / camera.name / "exposure.json"

@@ -1,0 +1,317 @@
+"""The measurements that a scene asks for, from its images, and the truth beside them.
+
+The measuring itself sees what a tester has: two images, where the markers were put on the unloaded
+structure, and the camera's rough place (to know which marker is which). The finite elements enter
+only afterwards, as the truth that the result is compared with.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim import measure
+from gpusim.errors import GpusimError
+from gpusim.export.files import safe_name, write_text
+from gpusim.optics.camera import Camera
+from gpusim.pipeline.build import BodyParts, build_camera
+from gpusim.scene import Scene
+from gpusim.scene import model as m
+
+__all__ = ["DeflectionResult", "measure_deflection"]
+
+Array = npt.NDArray[np.float64]
+Displacement = Callable[[int, float], Array]
+SUBSET_SHARE = 0.95
+TRUTH_POINTS = 200
+
+
+@dataclass(frozen=True, eq=False)
+class DeflectionResult:
+    """A deflection line measured from two images, and its truth.
+
+    Per marker (M,), in the order from the clamp: ``marker`` names, ``group`` names,
+    ``position_mm`` (M, 3) on the unloaded structure, ``points_px``, ``displacement_px`` (M, 2),
+    ``measured_mm``, ``true_mm`` (M, 2) in the image plane's two world axes, ``sigma_mm``,
+    ``status`` names. ``axes``: those axes, such as ("+x", "+z"). ``curves``: per group, (3, K)
+    position along the group and the true displacement in both axes. ``static_px`` (S, 2): what the
+    markers that can't move seemed to do.
+    """
+
+    name: str
+    camera: str
+    direction: str
+    axes: tuple[str, str]
+    marker: tuple[str, ...]
+    group: tuple[str, ...]
+    status: tuple[str, ...]
+    position_mm: Array
+    points_px: Array
+    displacement_px: Array
+    measured_mm: Array
+    true_mm: Array
+    sigma_mm: Array
+    static_px: Array
+    mm_per_px: float
+    mm_per_px_sigma: float
+    mm_per_px_true: float
+    scale_residual_px: float
+    subset_px: int
+    curves: dict[str, Array]
+
+    @property
+    def warnings(self) -> list[str]:
+        """Markers that were not measured."""
+        lost = [
+            f"{marker} ({status})"
+            for marker, status in zip(self.marker, self.status, strict=True)
+            if status != "OK"
+        ]
+        return [f"measure {self.name!r}: not measured: {', '.join(lost)}"] if lost else []
+
+    def write(self, folder: Path) -> list[Path]:
+        """``<name>.csv`` for people and ``<name>.json`` with everything."""
+        folder.mkdir(parents=True, exist_ok=True)
+        stem = safe_name(self.name)
+        values = {}
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if isinstance(value, np.ndarray):
+                value = _plain(value)
+            elif item.name == "curves":
+                value = {group: _plain(curve) for group, curve in value.items()}
+            values[item.name] = value
+        text = json.dumps(values, indent=1, allow_nan=False) + "\n"
+        return [
+            write_text(folder / f"{stem}.csv", self._csv()),
+            write_text(folder / f"{stem}.json", text),
+        ]
+
+    def _csv(self) -> str:
+        a, b = (axis[1] for axis in self.axes)
+        stream = io.StringIO()
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(
+            ["marker", "status", "x_mm", "y_mm", "z_mm", "column_px", "row_px", "dcolumn_px",
+             "drow_px", f"measured_{a}_mm", f"measured_{b}_mm", f"true_{a}_mm", f"true_{b}_mm",
+             "sigma_mm"]
+        )  # fmt: skip
+        for i, marker in enumerate(self.marker):
+            numbers = [
+                *self.position_mm[i], *self.points_px[i], *self.displacement_px[i],
+                *self.measured_mm[i], *self.true_mm[i], self.sigma_mm[i],
+            ]  # fmt: skip
+            cells = [f"{v:.7g}" if np.isfinite(v) else "" for v in numbers]
+            writer.writerow([marker, self.status[i], *cells])
+        return stream.getvalue()
+
+    @staticmethod
+    def read(folder: Path, spec: m.Deflection) -> DeflectionResult:
+        """What an earlier run wrote for ``spec``."""
+        values = json.loads((folder / f"{safe_name(spec.name)}.json").read_text())
+        for item in fields(DeflectionResult):
+            value = values[item.name]
+            if item.name == "curves":
+                values[item.name] = {g: _array(c, (3, 0)) for g, c in value.items()}
+            elif item.type == "Array":
+                shape = (0, 2) if item.name == "static_px" else (0,)
+                values[item.name] = _array(value, shape)
+            elif isinstance(value, list):
+                values[item.name] = tuple(value)
+        return DeflectionResult(**values)
+
+
+def _plain(values: Array) -> Any:
+    """Nested lists with None for what isn't finite."""
+    whole = values.astype(object)
+    whole[~np.isfinite(values)] = None
+    return whole.tolist()
+
+
+def _array(values: Any, empty: tuple[int, ...]) -> Array:
+    array = np.array(values, dtype=np.float64)
+    return array if array.size else np.zeros(empty)
+
+
+def measure_deflection(
+    spec: m.Deflection,
+    scene: Scene,
+    bodies: Sequence[BodyParts],
+    displacement: Displacement,
+    image: Callable[[str, int], npt.NDArray[Any]],
+    backend: str,
+) -> DeflectionResult:
+    """Track the markers of ``spec`` from the first frame to the last and scale to mm.
+
+    Raises
+    ------
+    GpusimError
+        No marker could be found in the reference image.
+    """
+    camera = build_camera(next(c for c in scene.cameras if c.name == spec.camera))
+    groups = [_marker_paint(bodies, name) for name in spec.groups]
+    markers = [(body, paint, marker) for body, paint in groups for marker in paint.markers]
+    static = [
+        (prop.paint, marker)
+        for name in spec.static
+        for prop in scene.props
+        if prop.paint.name == name and isinstance(prop.paint, m.Markers)
+        for marker in prop.paint.markers
+    ]
+    position = np.array([marker.position for _, _, marker in markers])
+    places = np.concatenate([position, *[np.array([s.position])for _, s in static]])  # fmt: skip
+    sizes = [paint.size for _, paint, _ in markers] + [paint.size for paint, _ in static]
+    expected, widths = camera.project(places), _widths(camera, places, np.array(sizes))
+    reference = image(spec.camera, 0)
+    last = len(scene.analysis.load_factors) - 1
+    deformed = image(spec.camera, last)
+
+    points, found = np.full_like(expected, np.nan), np.zeros(len(places), bool)
+    for width in np.unique(np.round(widths, 1)):
+        rows = np.flatnonzero(np.round(widths, 1) == width)
+        located = measure.locate_markers(
+            reference, expected[rows], (max(6.0, 0.75 * width), 1.3 * width), 0.5 * width
+        )
+        hit = located.status == measure.MarkerStatus.FOUND
+        points[rows[hit]], found[rows[hit]] = located.points[hit], True
+    if not found[: len(markers)].any():
+        raise GpusimError(
+            f"measure {spec.name!r}: no marker of {list(spec.groups)} was found in the first image "
+            f"of camera {spec.camera!r}; expected {len(markers)}"
+        )
+    tracked_rows = np.flatnonzero(found)
+    chains = _chains(tracked_rows, len(markers), len(places))
+    subset = spec.subset or _odd(SUBSET_SHARE * float(widths[: len(markers)].min()))
+    tracked = measure.track(
+        reference, deformed, points[tracked_rows],
+        subset=subset, groups=chains, search_px=_search(points[tracked_rows], chains, subset),
+    )  # fmt: skip
+    moved, sigma = np.full_like(points, np.nan), np.full(len(places), np.nan)
+    moved[tracked_rows], sigma[tracked_rows] = tracked.displacement, tracked.sigma
+    status = np.full(len(places), "NOT_FOUND", dtype=object)
+    status[tracked_rows] = [measure.Status(s).name for s in tracked.status]
+
+    count = len(markers)
+    axes, plane = _image_axes(camera)
+    ok = found[:count]
+    scale = measure.scale_coefficient(points[:count][ok], 1e3 * position[ok] @ plane.T)
+    motion = None
+    if np.isfinite(moved[count:]).all(axis=1).any():
+        motion = measure.rigid_motion(points[count:], moved[count:])
+    corrected = moved[:count] - (motion.displacement(points[:count]) if motion else 0.0)
+    factor = scene.analysis.load_factors[last] - scene.analysis.load_factors[0]
+    truth, curves = _truth(groups, bodies, displacement, factor, plane)
+    length = np.linalg.norm(scale.vectors(corrected), axis=1)
+    return DeflectionResult(
+        name=spec.name,
+        camera=spec.camera,
+        direction=spec.direction,
+        axes=axes,
+        marker=tuple(marker.name for _, _, marker in markers),
+        group=tuple(paint.name for _, paint, _ in markers),
+        status=tuple(str(s) for s in status[:count]),
+        position_mm=1e3 * position,
+        points_px=points[:count],
+        displacement_px=corrected,
+        measured_mm=scale.vectors(corrected),
+        true_mm=truth,
+        sigma_mm=np.hypot(sigma[:count] * scale.mm_per_px, length * scale.sigma / scale.mm_per_px),
+        static_px=moved[count:],
+        mm_per_px=scale.mm_per_px,
+        mm_per_px_sigma=scale.sigma,
+        mm_per_px_true=_true_scale(camera, position),
+        scale_residual_px=scale.residual_px,
+        subset_px=subset,
+        curves=curves,
+    )
+
+
+def _marker_paint(bodies: Sequence[BodyParts], name: str) -> tuple[int, m.Markers]:
+    for index, parts in enumerate(bodies):
+        for paint in parts.body.paints:
+            if paint.name == name and isinstance(paint, m.Markers):
+                return index, paint
+    raise GpusimError(f"measure: no markers named {name!r} on any body")
+
+
+def _widths(camera: Camera, places: Array, sizes: Array) -> Array:
+    """Width of each marker in px, from its size and depth."""
+    depth = camera.to_camera(places)[:, 2]
+    result: Array = camera.K[0, 0] * sizes / depth
+    return result
+
+
+def _chains(rows: npt.NDArray[np.int64], movable: int, total: int) -> list[list[int]]:
+    """The members' markers as one chain from the clamp, the static ones one by one."""
+    index = {int(row): i for i, row in enumerate(rows)}
+    chain = [index[row] for row in range(movable) if row in index]
+    still = [[index[row]] for row in range(movable, total) if row in index]
+    return [c for c in [chain, *still] if c]
+
+
+def _search(points: Array, chains: list[list[int]], subset: int) -> int:
+    """How far a marker is searched around its prediction: a third of the way to its neighbour."""
+    gaps = [
+        float(np.linalg.norm(np.diff(points[chain], axis=0), axis=1).min())
+        for chain in chains
+        if len(chain) > 1
+    ]
+    return int(np.clip(min(gaps, default=60.0) / 3.0, 4, 4 * subset))
+
+
+def _odd(width: float) -> int:
+    return max(9, 2 * int(np.floor(0.5 * (width - 1.0))) + 1)
+
+
+def _image_axes(camera: Camera) -> tuple[tuple[str, str], Array]:
+    """The two world axes nearest to the image's right and up, as names and as rows (2, 3)."""
+    R = camera.camera_from_world[:3, :3]
+    names, rows = [], []
+    taken = -1
+    for direction in (R[0], -R[1]):
+        strength = np.abs(direction)
+        if taken >= 0:
+            strength[taken] = -1.0
+        taken = int(np.argmax(strength))
+        sign = 1.0 if direction[taken] > 0 else -1.0
+        row = np.zeros(3)
+        row[taken] = sign
+        names.append(("+" if sign > 0 else "-") + "xyz"[taken])
+        rows.append(row)
+    return (names[0], names[1]), np.array(rows)
+
+
+def _truth(
+    groups: Sequence[tuple[int, m.Markers]],
+    bodies: Sequence[BodyParts],
+    displacement: Displacement,
+    factor: float,
+    plane: Array,
+) -> tuple[Array, dict[str, Array]]:
+    """True displacement in the image's plane at the markers (M, 2) mm, and a curve per group."""
+    at_markers, curves = [], {}
+    for body, paint in groups:
+        skin, u = bodies[body].skin, displacement(body, factor)
+        own = np.array([marker.position for marker in paint.markers])
+        nodes, weights = skin.locate(own)
+        at_markers.append(1e3 * np.einsum("mk,mka->ma", weights, u[nodes]) @ plane.T)
+        share = np.linspace(0.0, 1.0, TRUTH_POINTS)[:, None]
+        line = own[0] + share * (own[-1] - own[0])
+        nodes, weights = skin.locate(line)
+        along = 1e3 * np.linalg.norm(line - own[0], axis=1)
+        values = 1e3 * np.einsum("mk,mka->ma", weights, u[nodes]) @ plane.T
+        curves[paint.name] = np.concatenate([along[None], values.T])
+    return np.concatenate(at_markers), curves
+
+
+def _true_scale(camera: Camera, position: Array) -> float:
+    """mm per px at the markers' mean depth."""
+    return float(1e3 * camera.to_camera(position)[:, 2].mean() / camera.K[0, 0])

@@ -1,0 +1,316 @@
+"""What a run leaves behind besides images: truth, meshes, and the report."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim._version import __version__
+from gpusim.export.stl import write_region_stls
+from gpusim.export.truth import TruthWriter
+from gpusim.export.vtu import write_pvd, write_vtu
+from gpusim.optics.truth import seen_in
+from gpusim.pipeline.build import BodyParts, build_camera
+from gpusim.pipeline.images import Photographer, image_path
+from gpusim.pipeline.measuring import DeflectionResult
+from gpusim.pipeline.solved import Solved
+from gpusim.report import (
+    FramePair,
+    Link,
+    Measurement,
+    Overlay,
+    Report,
+    Series,
+    SolutionSummary,
+    Stage,
+)
+from gpusim.scene import Scene
+
+__all__ = ["Findings", "make_report", "write_meshes", "write_truth"]
+
+Array = npt.NDArray[np.float64]
+Displacement = Callable[[int, float], Array]
+GOAL = 1e-3
+"""Relative error up to which a measured deflection counts as good."""
+
+
+def write_truth(
+    scene: Scene,
+    out: Path,
+    photographer: Photographer,
+    bodies: Sequence[BodyParts],
+    displacement: Displacement,
+) -> Path:
+    """truth.h5: the layers that the scene asks for, at every pixel that sees a body."""
+    path = out / "truth.h5"
+    regions = [name for parts in bodies for name in _region_names(parts)]
+    first_cell = np.cumsum([0, *(parts.mesh.cell_count for parts in bodies)])
+    cell_of_face = np.concatenate(
+        [parts.skin.faces.cell + first for parts, first in zip(bodies, first_cell, strict=False)]
+        or [np.zeros(0, np.int64)]
+    )
+    attributes = {"version": __version__, "scene": scene.name, "pixels": "those that see a body"}
+    with TruthWriter(path, regions=regions, attributes=attributes) as file:
+        if len(bodies) == 1:
+            file.write_mesh(bodies[0].mesh.points, bodies[0].mesh.cells)
+            for step, factor in enumerate(scene.analysis.load_factors):
+                file.write_nodal_displacement(step, displacement(0, factor), load_factor=factor)
+        for spec in scene.cameras:
+            camera = build_camera(spec)
+            file.write_camera(
+                spec.name,
+                width=camera.width,
+                height=camera.height,
+                K=camera.K,
+                camera_from_world=camera.camera_from_world,
+            )
+            rest = photographer.sight(spec, 0.0)
+            for number, factor in enumerate(scene.analysis.load_factors):
+                sight = rest if factor == 0.0 else photographer.sight(spec, factor)
+                truth = sight.truth(faces=(0, len(cell_of_face)))
+                frame = file.frame(spec.name, number, load_factor=factor)
+                for layer in scene.output.truth:
+                    if layer == "element":
+                        values = cell_of_face[truth.face]
+                    elif layer == "visibility":
+                        values = seen_in(rest.view, rest.ids(), truth.reference).astype(np.int8)
+                    else:
+                        values = getattr(truth, layer)
+                    frame.write_sparse(layer, truth.row, truth.column, values)
+    return path
+
+
+def _region_names(parts: BodyParts) -> list[str]:
+    return [f"{parts.body.name}/{name}" for name in parts.surface.paints]
+
+
+def write_meshes(
+    scene: Scene, out: Path, bodies: Sequence[BodyParts], displacement: Displacement
+) -> list[Path]:
+    """VTU per body and step with a .pvd each, STL per paint region and step."""
+    files: list[Path] = []
+    for index, parts in enumerate(bodies):
+        name = parts.body.name
+        steps: list[tuple[float, Path]] = []
+        for step, factor in enumerate(scene.analysis.load_factors):
+            u = displacement(index, factor)
+            if scene.output.vtu:
+                file = out / "solution" / f"{name}-{step:04d}.vtu"
+                file.parent.mkdir(parents=True, exist_ok=True)
+                write_vtu(file, parts.mesh.points, parts.mesh.cells, point_data={"u": u})
+                steps.append((factor, file))
+            if scene.output.stl:
+                surface = parts.surface
+                folder = out / "stl"
+                if len(bodies) > 1:
+                    folder = folder / name
+                files += write_region_stls(
+                    folder,
+                    surface.rest + u[parts.skin.nodes],
+                    _with_triangles(surface.faces),
+                    surface.regions,
+                    list(surface.paints),
+                    step=step,
+                )
+        files += [file for _, file in steps]
+        if steps:
+            files.append(write_pvd(out / "solution" / f"{name}.pvd", steps))
+    return files
+
+
+def _with_triangles(faces: npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:
+    """Quads, a triangle's missing corner repeated."""
+    result = faces.copy()
+    result[:, 3] = np.where(faces[:, 3] < 0, faces[:, 2], faces[:, 3])
+    return result
+
+
+@dataclass(frozen=True, eq=False)
+class Findings:
+    """What a run knows when it writes its report."""
+
+    adapter: str
+    stages: tuple[Stage, ...]
+    summary: SolutionSummary | None
+    solved: Solved | None
+    results: tuple[DeflectionResult, ...]
+    warnings: tuple[str, ...]
+    failure: str
+    device_seconds: dict[str, float]
+
+
+def make_report(scene: Scene, out: Path, found: Findings) -> Report:
+    """The report of a run, finished or failed."""
+    facts = {"Python": platform.python_version()}
+    if found.solved is not None:
+        facts |= found.solved.facts
+    for stage, seconds in sorted(found.device_seconds.items()):
+        facts[f"device: {stage}"] = f"{seconds:.2f} s"
+    measurements: list[Measurement] = []
+    series: list[Series] = []
+    overlays: list[Overlay] = []
+    for result in found.results:
+        measurements += _measurements(result)
+        series += _series(result)
+        overlays.append(
+            Overlay(
+                f"{result.name}: tracked markers",
+                image_path(scene, out, result.camera, 0),
+                np.where(np.isfinite(result.points_px), result.points_px, 0.0),
+                result.displacement_px,
+                result.mm_per_px,
+            )
+        )
+    return Report(
+        scene=scene.name,
+        adapter=found.adapter,
+        status="failed" if found.failure else "done",
+        stages=found.stages,
+        solution=found.summary,
+        measurements=tuple(measurements),
+        warnings=found.warnings,
+        description=scene.description,
+        failure=found.failure,
+        facts=facts,
+        scene_text=scene.to_toml(),
+        frames=_pairs(scene, out, found.results),
+        series=tuple(series),
+        overlays=tuple(overlays),
+        residuals=found.solved.residuals if found.solved is not None else (),
+        tolerance=scene.solver.tolerance,
+        links=_links(out),
+    )
+
+
+def _along(result: DeflectionResult) -> tuple[int, float]:
+    """Which image axis the measure's direction is, and its sign against that axis."""
+    for k, axis in enumerate(result.axes):
+        if axis[1] == result.direction[1]:
+            return k, 1.0 if axis[0] == result.direction[0] else -1.0
+    return 1, 1.0
+
+
+def _measurements(result: DeflectionResult) -> list[Measurement]:
+    k, sign = _along(result)
+    measured, truth = sign * result.measured_mm[:, k], sign * result.true_mm[:, k]
+    tip = len(measured) - 1
+    name = f"{result.name}: {result.marker[tip]}, {result.direction}"
+    rows = [
+        Measurement.compare(name, "mm", float(measured[tip]), float(truth[tip]),
+                            tolerance_relative=GOAL)
+    ]  # fmt: skip
+    length = np.linalg.norm(result.true_mm, axis=1)
+    most = int(np.argmax(length))
+    if most != tip:
+        rows.append(
+            Measurement.compare(
+                f"{result.name}: {result.marker[most]}, total", "mm",
+                float(np.linalg.norm(result.measured_mm[most])), float(length[most]),
+                tolerance_relative=GOAL,
+            )
+        )  # fmt: skip
+    rows.append(
+        Measurement.compare(
+            f"{result.name}: scale coefficient", "mm/px", result.mm_per_px, result.mm_per_px_true,
+            tolerance_relative=GOAL,
+        )
+    )  # fmt: skip
+    error = result.measured_mm - result.true_mm
+    fine = np.isfinite(error).all(axis=1)
+    if fine.any():
+        rms = float(np.sqrt(np.mean(np.sum(error[fine] ** 2, axis=1))))
+        rows.append(
+            Measurement(f"{result.name}: RMS error of all markers", "mm", rms, 0.0, rms, np.nan)
+        )
+    still = result.static_px[np.isfinite(result.static_px).all(axis=1)]
+    if len(still):
+        drift = float(np.linalg.norm(still, axis=1).max())
+        rows.append(
+            Measurement(f"{result.name}: largest motion of a static marker", "px", drift, 0.0,
+                        drift, np.nan)
+        )  # fmt: skip
+    return rows
+
+
+def _series(result: DeflectionResult) -> list[Series]:
+    lines = []
+    groups = np.array(result.group)
+    for group, curve in result.curves.items():
+        rows = np.flatnonzero(groups == group)
+        own = result.position_mm[rows]
+        # across the member: the image axis along which the markers spread least
+        spread = [np.ptp(own @ _unit(axis)) for axis in result.axes]
+        across = int(np.argmin(spread))
+        axis = result.axes[across]
+        sign = -1.0 if axis[1] == result.direction[1] and axis != result.direction else 1.0
+        shown = ("-" if axis[0] == "+" else "+") + axis[1] if sign < 0 else axis
+        lines.append(
+            Series(
+                name=f"{group}: deflection along {shown}",
+                x=np.linalg.norm(own - own[0], axis=1),
+                y_measured=sign * result.measured_mm[rows, across],
+                y_truth=sign * result.true_mm[rows, across],
+                x_label=f"distance along the {group} from {result.marker[rows[0]]} (mm)",
+                y_label=f"deflection along {shown}",
+                y_unit="mm",
+                units_per_px=result.mm_per_px,
+                truth_x=curve[0],
+                truth_y=sign * curve[1 + across],
+            )
+        )
+    return lines
+
+
+def _unit(axis: str) -> Array:
+    vector = np.zeros(3)
+    vector["xyz".index(axis[1])] = 1.0
+    return vector
+
+
+def _pairs(scene: Scene, out: Path, results: Sequence[DeflectionResult]) -> tuple[FramePair, ...]:
+    factors = scene.analysis.load_factors
+    last = len(factors) - 1
+    pairs = []
+    for camera in scene.cameras:
+        paths = [image_path(scene, out, camera.name, k) for k in (0, last)]
+        if last == 0 or not all(path.is_file() for path in paths):
+            continue
+        crops = []
+        for result in results:
+            if result.camera == camera.name:
+                ok = np.flatnonzero(np.isfinite(result.displacement_px).all(axis=1))
+                for i in (
+                    ok[np.unique(np.linspace(0, len(ok) - 1, 3).astype(int))] if len(ok) else ()
+                ):
+                    x, y = result.points_px[i]
+                    dx, dy = result.displacement_px[i]
+                    crops.append(
+                        (result.marker[i], float(x), float(y), float(x + dx), float(y + dy))
+                    )
+        columns, rows = camera.resolution
+        caption = (
+            f"Camera {camera.name}, {columns} x {rows} px; load factor {factors[0]:g} "
+            f"and {factors[last]:g}."
+        )
+        pairs.append(FramePair(camera.name, paths[0], paths[1], caption, tuple(crops[:4])))
+    return tuple(pairs)
+
+
+def _links(out: Path) -> tuple[Link, ...]:
+    known = (
+        ("Ground truth (HDF5)", "truth.h5"),
+        ("Scene as it was run", "scene.toml"),
+        ("Numbers of this report", "report.json"),
+    )
+    links = [Link(label, out / name) for label, name in known if (out / name).is_file()]
+    for label, pattern in (
+        ("Solution for ParaView", "solution/*.pvd"),
+        ("Measured points", "measure/*.csv"),
+    ):
+        links += [Link(label, path) for path in sorted(out.glob(pattern))]
+    return tuple(links)

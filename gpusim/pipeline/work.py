@@ -1,0 +1,299 @@
+"""Running a plan: each stage in turn, timed, recorded as soon as its files are whole."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from functools import partial
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim import fem
+from gpusim.errors import GpusimError, NotConverged
+from gpusim.export.files import atomic_stream, clean_leftovers, write_text
+from gpusim.export.images import read_image
+from gpusim.gpu import Device, default_device
+from gpusim.pipeline import images, measuring, outputs
+from gpusim.pipeline.build import (
+    BodyParts,
+    build_body,
+    build_lights,
+    build_model,
+    build_prop,
+)
+from gpusim.pipeline.solved import Solved
+from gpusim.plan import Plan, PlannedStage, make_plan
+from gpusim.report import Report, SolutionSummary, Stage, write_report
+from gpusim.scene import Scene
+from gpusim.state import StateFile
+from gpusim.surface import Surface
+
+__all__ = ["Progress", "run"]
+
+Progress = Callable[[str, float, str], None]
+
+
+def run(
+    scene: Scene,
+    out: str | PathLike[str],
+    *,
+    backend: str = "gpu",
+    fresh: bool = False,
+    skip: bool = True,
+    progress: Progress | None = None,
+) -> Report:
+    """Run ``scene`` into the folder ``out`` and return its report.
+
+    Parameters
+    ----------
+    backend : ``"gpu"``, or ``"numpy"`` for the twins, which need no adapter.
+    fresh, skip : as for `gpusim.plan.make_plan`.
+    progress : called with (stage, done 0..1, text).
+
+    Raises
+    ------
+    InputError, SceneError, NoAdapter
+        Before ``out`` is touched.
+    NotConverged, DeviceError, GpusimError
+        While working: ``report.json`` then says what failed; finished stages are kept.
+    """
+    return _Run(scene, Path(out), backend, fresh, skip, progress or _silent).run()
+
+
+def _silent(stage: str, done: float, text: str) -> None:
+    del stage, done, text
+
+
+class _Run:
+    def __init__(
+        self, scene: Scene, out: Path, backend: str, fresh: bool, skip: bool, progress: Progress
+    ) -> None:
+        # absolute: the state file takes relative names as names inside the folder
+        self.scene, self.out = scene, out.resolve()
+        self.backend, self.progress = backend, progress
+        self.plan: Plan = make_plan(scene, self.out, backend, fresh, skip)
+        self.stages: list[Stage] = []
+        self.warnings: list[str] = []
+        self.bodies: list[BodyParts] = []
+        self.models: list[fem.Model] = []
+        self.props: list[Surface] = []
+        self.solved: Solved | None = None
+        self.results: list[measuring.DeflectionResult] = []
+        self.photographer: images.Photographer | None = None
+
+    def run(self) -> Report:
+        """Every stage in the plan's order."""
+        device = self._device()
+        self._in_memory()
+        self.state = StateFile(self.out)
+        try:
+            clean_leftovers(self.out)
+            write_text(self.out / "scene.toml", self._scene_text(device))
+            self._stage(self.plan["solve"], self._solve, self._reload)
+            self._pictures(device)
+            self._stage(self.plan["truth"], self._truth)
+            self._stage(self.plan["measure"], self._measure, self._remeasure)
+            self._stage(self.plan["export"], self._export)
+        except GpusimError as error:
+            failed = self._report(device, failure=str(error))
+            write_report(failed, self.out)
+            raise
+        started = time.perf_counter()
+        report = self._report(device)
+        self.progress("report", 0.0, "figures and page")
+        write_report(report, self.out)
+        self.progress("report", 1.0, f"{time.perf_counter() - started:.1f} s")
+        return report
+
+    # -- the frame around each stage -------------------------------------------------------
+
+    def _device(self) -> Device | None:
+        """Open the device before anything else, if a stage that runs needs it."""
+        if self.backend == "numpy":
+            return None
+        needs = ("solve", "render", "truth", "measure")
+        if any(s.runs and s.name.split("/")[0] in needs for s in self.plan.stages):
+            return default_device()
+        return None
+
+    def _in_memory(self) -> None:
+        """Mesh, model and surfaces; faults in them show before the output folder is touched."""
+        scene = self.scene
+
+        def meshes() -> str:
+            self.bodies = [build_body(body) for body in scene.bodies]
+            return f"{sum(b.mesh.cell_count for b in self.bodies)} elements"
+
+        def models() -> str:
+            self.models = [build_model(parts) for parts in self.bodies]
+            return f"{len(self.models)} bodies"
+
+        def surfaces() -> str:
+            self.props = [build_prop(prop) for prop in scene.props]
+            return f"{sum(len(b.surface.faces) for b in self.bodies) + len(self.props)} faces"
+
+        for name, work in (("mesh", meshes), ("model", models), ("surface", surfaces)):
+            self._timed(self.plan[name], work if self.plan[name].runs else None)
+
+    def _stage(
+        self,
+        planned: PlannedStage,
+        work: Callable[[], list[Path]],
+        reload: Callable[[], None] | None = None,
+    ) -> None:
+        """Run a stage and record its files, or load what an earlier run left."""
+
+        def recorded() -> str:
+            files = work()
+            self.state.record(planned.name, planned.key, files)
+            return f"{len(files)} files"
+
+        if planned.runs:
+            self._timed(planned, recorded)
+            return
+        if planned.state == "reused" and reload is not None:
+            reload()
+        self._timed(planned, None)
+
+    def _timed(self, planned: PlannedStage, work: Callable[[], str] | None) -> None:
+        started = time.perf_counter()
+        text = planned.reason
+        if work is not None:
+            self.progress(planned.name, 0.0, planned.detail)
+            try:
+                text = work()
+            except GpusimError as error:
+                seconds = time.perf_counter() - started
+                self.stages.append(Stage(planned.name, "failed", str(error), seconds))
+                raise
+        seconds = time.perf_counter() - started
+        self.stages.append(Stage(planned.name, planned.state, planned.reason, seconds))
+        done = f"{text}, {seconds:.1f} s" if work is not None else f"{planned.state}: {text}"
+        self.progress(planned.name, 1.0, done)
+
+    # -- stages ----------------------------------------------------------------------------
+
+    def _solve(self) -> list[Path]:
+        solver = self.scene.solver
+        solutions = []
+        for parts, model in zip(self.bodies, self.models, strict=True):
+
+            def note(iterations: int, estimate: float, name: str = parts.body.name) -> None:
+                done = min(0.99, max(0.0, np.log(max(estimate, 1e-300)) / np.log(solver.tolerance)))
+                self.progress("solve", done, f"{name}: iteration {iterations}, {estimate:.1e}")
+
+            solution = fem.solve(
+                model,
+                tolerance=solver.tolerance,
+                formulation={"hex8": parts.body.formulation},
+                backend=self.backend,
+                max_iterations=solver.max_iterations,
+                preconditioner=solver.preconditioner,
+                progress=note,
+            )
+            if not solution.converged:
+                raise NotConverged(
+                    f"solve, body {parts.body.name!r}: stopped after {solution.iterations} "
+                    f"iterations at an estimated displacement error of "
+                    f"{solution.error_estimate:.2e}; expected {solver.tolerance:.1e}: "
+                    f"{solution.message}"
+                )
+            solutions.append(solution)
+        self.solved = Solved.of(solutions)
+        path = self.out / "solution" / "displacement.npz"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with atomic_stream(path) as stream:
+            np.savez(stream, allow_pickle=False, **self.solved.arrays())
+        return [path]
+
+    def _reload(self) -> None:
+        (path,) = self.state.files(self.plan["solve"].key)
+        with np.load(path) as stored:
+            self.solved = Solved.from_arrays(dict(stored))
+
+    def displacement(self, body: int, factor: float) -> npt.NDArray[np.float64]:
+        """Nodal displacements (N, 3) of a body at a load factor; linear, so they scale."""
+        if self.solved is None:
+            return np.zeros((self.bodies[body].mesh.node_count, 3))
+        return factor * self.solved.u[body]
+
+    def surfaces(self, factor: float) -> list[Surface]:
+        """Every surface at a load factor, bodies first."""
+        moved = [
+            parts.skin.moved(parts.surface, self.displacement(i, factor)) if factor else
+            parts.surface
+            for i, parts in enumerate(self.bodies)
+        ]  # fmt: skip
+        return [*moved, *self.props]
+
+    def _pictures(self, device: Device | None) -> None:
+        scene = self.scene
+        self.photographer = images.Photographer(
+            scene, self.out, device, self.backend, build_lights(scene), self.surfaces
+        )
+        for camera in scene.cameras:
+            for frame in range(len(scene.analysis.load_factors)):
+                planned = self.plan[f"render/{camera.name}/{frame:04d}"]
+                self._stage(planned, partial(self.photographer.take, camera, frame))
+        if not scene.cameras:
+            self._timed(self.plan["render"], None)
+
+    def _truth(self) -> list[Path]:
+        assert self.photographer is not None
+        return [outputs.write_truth(self.scene, self.out, self.photographer, self.bodies,
+                                    self.displacement)]  # fmt: skip
+
+    def _measure(self) -> list[Path]:
+        files = []
+        for measure in self.scene.measures:
+            result = measuring.measure_deflection(
+                measure, self.scene, self.bodies, self.displacement, self._image, self.backend
+            )
+            self.results.append(result)
+            files += result.write(self.out / "measure")
+            self.warnings += result.warnings
+        return files
+
+    def _remeasure(self) -> None:
+        folder = self.out / "measure"
+        self.results = [measuring.DeflectionResult.read(folder, m) for m in self.scene.measures]
+        self.warnings += [w for result in self.results for w in result.warnings]
+
+    def _image(self, camera: str, frame: int) -> npt.NDArray[Any]:
+        return read_image(images.image_path(self.scene, self.out, camera, frame))
+
+    def _export(self) -> list[Path]:
+        return outputs.write_meshes(self.scene, self.out, self.bodies, self.displacement)
+
+    # -- report ----------------------------------------------------------------------------
+
+    def _scene_text(self, device: Device | None) -> str:
+        from gpusim._version import __version__
+
+        adapter = device.name if device is not None else f"{self.backend} backend"
+        head = f"# resolved by gpusim {__version__} on {adapter}\n"
+        return head + self.scene.to_toml()
+
+    def _report(self, device: Device | None, failure: str = "") -> Report:
+        summary = None
+        if self.solved is not None:
+            s = self.solved
+            summary = SolutionSummary(s.unknowns, s.iterations, s.converged, s.error_estimate)
+        return outputs.make_report(
+            self.scene,
+            self.out,
+            outputs.Findings(
+                adapter=device.name if device is not None else f"none ({self.backend} backend)",
+                stages=tuple(self.stages),
+                summary=summary,
+                solved=self.solved,
+                results=() if failure else tuple(self.results),
+                warnings=tuple(self.warnings),
+                failure=failure,
+                device_seconds=device.timer.seconds() if device is not None else {},
+            ),
+        )

@@ -1,0 +1,223 @@
+"""Paint: what a region of a surface looks like, fixed to its material points.
+
+A pattern is laid out in the region's paint coordinates (s, t): lengths on the undeformed surface,
+in the unit of its points (see `gpusim.surface.surface.PaintFrame`). Albedo is the share of light
+reflected, 0 to 1. Patterns are exact shapes, not bitmaps: the renderer integrates them over each
+pixel in closed form.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import InputError
+
+__all__ = ["Checker", "Dots", "Features", "Markers", "Paint", "Plain"]
+
+
+@dataclass(frozen=True)
+class Features:
+    """The shapes of a pattern, as arrays over F features, in paint coordinates.
+
+    ``kind`` 0 is a checker patch with its first corner at ``position`` (F, 2), turned by ``angle``
+    (rad), ``squares`` (F, 2) columns x rows of ``size`` (F, 2); even squares have ``albedo[:, 0]``.
+    ``kind`` 1 is a disc centred at ``position`` with radius ``size[:, 0]`` and ``albedo[:, 0]``.
+    """
+
+    kind: npt.NDArray[np.int32]
+    position: npt.NDArray[np.float64]
+    angle: npt.NDArray[np.float64]
+    size: npt.NDArray[np.float64]
+    squares: npt.NDArray[np.float64]
+    albedo: npt.NDArray[np.float64]
+
+    def __len__(self) -> int:
+        return len(self.kind)
+
+    def bounds(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+        """Lower and upper corners (F, 2) of the axis-parallel boxes around the features."""
+        extent = self.size * self.squares
+        cos, sin = np.cos(self.angle), np.sin(self.angle)
+        corners = []
+        for i, j in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)):
+            x, y = i * extent[:, 0], j * extent[:, 1]
+            corners.append(np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1))
+        box = np.stack(corners)
+        low = np.where(self.kind[:, None] == 0, box.min(axis=0), -self.size)
+        high = np.where(self.kind[:, None] == 0, box.max(axis=0), self.size)
+        return self.position + low, self.position + high
+
+
+class Paint(Protocol):
+    """What the renderer needs of a paint."""
+
+    @property
+    def ground(self) -> float:
+        """Albedo where no feature lies."""
+        ...
+
+    def features(
+        self, low: npt.NDArray[np.float64], high: npt.NDArray[np.float64]
+    ) -> Features | None:
+        """The features for a region with paint coordinates from ``low`` to ``high`` (2,)."""
+        ...
+
+
+def _check_albedo(what: str, **values: float) -> None:
+    for name, value in values.items():
+        if not (np.isfinite(value) and 0.0 <= value <= 1.0):
+            raise InputError(f"{what} {name}; got {value}; expected an albedo from 0 to 1")
+
+
+def _check_length(what: str, **values: float) -> None:
+    for name, value in values.items():
+        if not (np.isfinite(value) and value > 0.0):
+            raise InputError(f"{what} {name}; got {value}; expected a length above 0")
+
+
+@dataclass(frozen=True)
+class Plain:
+    """One albedo everywhere."""
+
+    albedo: float = 0.5
+
+    def __post_init__(self) -> None:
+        _check_albedo("Plain", albedo=self.albedo)
+
+    @property
+    def ground(self) -> float:
+        """The albedo."""
+        return self.albedo
+
+    def features(
+        self, low: npt.NDArray[np.float64], high: npt.NDArray[np.float64]
+    ) -> Features | None:
+        """No features."""
+        return None
+
+
+@dataclass(frozen=True)
+class Checker:
+    """A chessboard of squares of side ``size``; the square at ``origin`` (s, t) is ``dark``.
+
+    With ``columns`` and ``rows`` it ends there and ``ground`` surrounds it; without, it covers the
+    whole region.
+    """
+
+    size: float
+    columns: int | None = None
+    rows: int | None = None
+    origin: tuple[float, float] = (0.0, 0.0)
+    dark: float = 0.05
+    light: float = 0.9
+    ground: float = 0.9
+
+    def __post_init__(self) -> None:
+        _check_length("Checker", size=self.size)
+        _check_albedo("Checker", dark=self.dark, light=self.light, ground=self.ground)
+        for name, count in (("columns", self.columns), ("rows", self.rows)):
+            if count is not None and count < 1:
+                raise InputError(f"Checker {name}; got {count}; expected at least 1")
+
+    def features(
+        self, low: npt.NDArray[np.float64], high: npt.NDArray[np.float64]
+    ) -> Features | None:
+        """One patch; an unlimited one is cut to the region, on a whole number of square pairs."""
+        origin = np.array(self.origin)
+        first = 2.0 * np.floor((low - origin) / (2.0 * self.size)) - 2.0
+        count = np.ceil((high - origin) / self.size) + 2.0 - first
+        columns, rows = self.columns, self.rows
+        start = np.where([columns is None, rows is None], first, 0.0)
+        squares = np.array([columns or count[0], rows or count[1]], np.float64)
+        return Features(
+            np.zeros(1, np.int32),
+            (origin + start * self.size)[None],
+            np.zeros(1),
+            np.full((1, 2), self.size),
+            squares[None],
+            np.array([[self.dark, self.light]]),
+        )
+
+
+@dataclass(frozen=True)
+class Dots:
+    """Discs of ``diameter`` on a grid of ``pitch``; the first centre is at ``origin``."""
+
+    diameter: float
+    pitch: float
+    columns: int | None = None
+    rows: int | None = None
+    origin: tuple[float, float] = (0.0, 0.0)
+    albedo: float = 0.05
+    ground: float = 0.9
+
+    def __post_init__(self) -> None:
+        _check_length("Dots", diameter=self.diameter, pitch=self.pitch)
+        _check_albedo("Dots", albedo=self.albedo, ground=self.ground)
+        if not self.diameter <= self.pitch:
+            raise InputError(f"Dots diameter; got {self.diameter}; expected at most the pitch")
+
+    def features(
+        self, low: npt.NDArray[np.float64], high: npt.NDArray[np.float64]
+    ) -> Features | None:
+        """One disc per grid point; an unlimited grid covers the region."""
+        origin = np.array(self.origin)
+        first = np.floor((low - origin) / self.pitch)
+        last = np.ceil((high - origin) / self.pitch)
+        i = np.arange(first[0], last[0] + 1) if self.columns is None else np.arange(self.columns)
+        j = np.arange(first[1], last[1] + 1) if self.rows is None else np.arange(self.rows)
+        grid = np.stack(np.meshgrid(i, j, indexing="xy"), axis=-1).reshape(-1, 2)
+        count = len(grid)
+        return Features(
+            np.ones(count, np.int32),
+            origin + grid * self.pitch,
+            np.zeros(count),
+            np.full((count, 2), 0.5 * self.diameter),
+            np.ones((count, 2)),
+            np.full((count, 2), self.albedo),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Markers:
+    """Square targets of side ``size`` made of 2 x 2 black and white squares, at given centres.
+
+    ``centres`` is (M, 2) in paint coordinates; ``angle`` (rad) turns every marker. The squares at
+    the lower left and upper right are ``dark``.
+    """
+
+    centres: npt.NDArray[np.float64]
+    size: float
+    dark: float = 0.04
+    light: float = 0.9
+    ground: float = 0.5
+    angle: float = 0.0
+
+    def __post_init__(self) -> None:
+        centres = np.asarray(self.centres, np.float64)
+        if centres.ndim != 2 or centres.shape[1] != 2 or not np.isfinite(centres).all():
+            raise InputError(f"Markers centres; got shape {centres.shape}; expected finite (M, 2)")
+        _check_length("Markers", size=self.size)
+        _check_albedo("Markers", dark=self.dark, light=self.light, ground=self.ground)
+        object.__setattr__(self, "centres", centres)
+
+    def features(
+        self, low: npt.NDArray[np.float64], high: npt.NDArray[np.float64]
+    ) -> Features | None:
+        """One 2 x 2 patch per centre."""
+        count = len(self.centres)
+        half = 0.5 * self.size
+        cos, sin = np.cos(self.angle), np.sin(self.angle)
+        corner = np.array([-cos * half + sin * half, -sin * half - cos * half])
+        return Features(
+            np.zeros(count, np.int32),
+            self.centres + corner,
+            np.full(count, self.angle),
+            np.full((count, 2), half),
+            np.full((count, 2), 2.0),
+            np.tile([self.dark, self.light], (count, 1)),
+        )

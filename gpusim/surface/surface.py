@@ -1,0 +1,233 @@
+"""A textured surface: points, faces, and paint that sticks to the undeformed material."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import InputError
+from gpusim.surface.paint import Paint, Plain
+
+__all__ = ["PaintFrame", "Surface", "face_normals", "plane_frame", "triangulate"]
+
+PLANAR_COSINE = float(np.cos(np.radians(1.0)))
+
+
+@dataclass(frozen=True, eq=False)
+class PaintFrame:
+    """Paint coordinates of a planar region: s = (X - origin) . s_axis, t likewise."""
+
+    origin: npt.NDArray[np.float64]
+    s_axis: npt.NDArray[np.float64]
+    t_axis: npt.NDArray[np.float64]
+
+    @staticmethod
+    def facing(
+        normal: npt.NDArray[np.float64],
+        points: npt.NDArray[np.float64],
+        up: npt.ArrayLike | None = None,
+    ) -> PaintFrame:
+        """The upright frame of a plane seen from outside, with its corner at the lowest s and t.
+
+        t points along ``up`` as far as the plane allows (default +z, or +y if the plane is
+        horizontal), s to the right of somebody who looks at the plane against ``normal``.
+        """
+        if up is None:
+            up = (0.0, 0.0, 1.0) if abs(normal[2]) < 0.9 else (0.0, 1.0, 0.0)
+        upward = np.asarray(up, np.float64)
+        t_axis = upward - normal * (upward @ normal)
+        length = float(np.linalg.norm(t_axis))
+        if not length > 1e-9 * float(np.linalg.norm(upward)):
+            raise InputError(f"paint frame up; got {upward.tolist()}, along the plane's normal")
+        t_axis /= length
+        s_axis = np.cross(t_axis, normal)
+        s, t = points @ s_axis, points @ t_axis
+        origin = s.min() * s_axis + t.min() * t_axis + (points @ normal).mean() * normal
+        return PaintFrame(origin, s_axis, t_axis)
+
+    def coordinates(self, points: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """(…, 3) points to (…, 2) paint coordinates."""
+        relative = points - self.origin
+        return np.stack([relative @ self.s_axis, relative @ self.t_axis], axis=-1)
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """Faces to be seen by cameras.
+
+    Parameters
+    ----------
+    points : (P, 3) float64, where the vertices are now, in any unit of length.
+    faces : (F, 3) or (F, 4) int, vertex numbers counter-clockwise seen from outside; a triangle
+        among quadrilaterals ends with -1.
+    paint : one paint for all, or one per region name.
+    region : (F,) int, index into the paints in the mapping's order; needed with several paints.
+    reference : (P, 3) float64, undeformed positions, which the paint sticks to; default: points.
+    frames : paint coordinates per region name; default: `PaintFrame.facing` of the region's plane.
+    smooth_angle : rad; edges that turn more are creases, others are shaded smoothly.
+
+    Raises
+    ------
+    InputError
+        Wrong shapes, indices out of range, values that aren't finite, faces without area, unknown
+        regions, or a pattern on a region that isn't plane.
+    """
+
+    points: npt.NDArray[np.float64]
+    faces: npt.NDArray[np.int32]
+    paint: Paint | Mapping[str, Paint] = field(default_factory=Plain)
+    region: npt.NDArray[np.int32] | None = None
+    reference: npt.NDArray[np.float64] | None = None
+    frames: Mapping[str, PaintFrame] = field(default_factory=dict)
+    smooth_angle: float = np.pi / 6
+    name: str = "surface"
+
+    def __post_init__(self) -> None:
+        where = f"Surface {self.name!r}"
+        points = _points(self.points, f"{where} points")
+        reference = points
+        if self.reference is not None:
+            reference = _points(self.reference, f"{where} reference")
+            if reference.shape != points.shape:
+                raise InputError(
+                    f"{where} reference; got {reference.shape}; expected {points.shape}"
+                )
+        faces = np.asarray(self.faces)
+        if faces.ndim != 2 or faces.shape[1] not in (3, 4) or not len(faces):
+            raise InputError(f"{where} faces; got shape {faces.shape}; expected (F, 3) or (F, 4)")
+        if not np.issubdtype(faces.dtype, np.integer):
+            raise InputError(f"{where} faces; got dtype {faces.dtype}; expected integers")
+        faces = faces.astype(np.int32)
+        if faces.shape[1] == 3:
+            faces = np.concatenate([faces, np.full((len(faces), 1), -1, np.int32)], axis=1)
+        bad = (faces >= len(points)) | (faces < 0)
+        bad[:, 3] &= faces[:, 3] != -1
+        if bad.any():
+            face = int(np.argmax(bad.any(axis=1)))
+            raise InputError(
+                f"{where} face {face}; got vertices {faces[face].tolist()}; "
+                f"expected numbers from 0 to {len(points) - 1}"
+            )
+        paints = self.paint if isinstance(self.paint, Mapping) else {"surface": self.paint}
+        region = np.zeros(len(faces), np.int32) if self.region is None else self.region
+        region = np.asarray(region, np.int32)
+        if self.region is None and len(paints) > 1:
+            raise InputError(f"{where} region; got None with {len(paints)} paints; expected (F,)")
+        if region.shape != (len(faces),) or region.min() < 0 or region.max() >= len(paints):
+            raise InputError(
+                f"{where} region; got shape {region.shape}, values {region.min(initial=0)} to "
+                f"{region.max(initial=0)}; expected ({len(faces)},) with 0 to {len(paints) - 1}"
+            )
+        unknown = sorted(set(self.frames) - set(paints))
+        if unknown:
+            raise InputError(f"{where} frames; got regions {unknown}; expected {sorted(paints)}")
+        for key, value in (
+            ("points", points),
+            ("reference", reference),
+            ("faces", faces),
+            ("region", region),
+            ("paint", dict(paints)),
+        ):
+            object.__setattr__(self, key, value)
+
+    @property
+    def paints(self) -> dict[str, Paint]:
+        """Paint per region name, in region order."""
+        assert isinstance(self.paint, dict)
+        return self.paint
+
+    @property
+    def regions(self) -> npt.NDArray[np.int32]:
+        """Region index of every face."""
+        assert self.region is not None
+        return self.region
+
+    @property
+    def rest(self) -> npt.NDArray[np.float64]:
+        """Undeformed positions of the vertices."""
+        assert self.reference is not None
+        return self.reference
+
+    def moved(self, points: npt.NDArray[np.float64]) -> Surface:
+        """The same surface with its vertices at ``points``; the paint stays on the material."""
+        return replace(self, points=points, frames=self._all_frames())
+
+    def paint_frame(self, region: int) -> PaintFrame:
+        """The paint coordinates of a region, given or made from its (plane) faces."""
+        name = list(self.paints)[region]
+        if name in self.frames:
+            return self.frames[name]
+        where = f"Surface {self.name!r} region {name!r}"
+        return plane_frame(self.rest, self.faces[self.regions == region], where)
+
+    def _all_frames(self) -> dict[str, PaintFrame]:
+        frames = dict(self.frames)
+        empty = np.zeros(2)
+        for index, (name, paint) in enumerate(self.paints.items()):
+            if name in frames or not (self.regions == index).any():
+                continue
+            if paint.features(empty, empty) is not None:
+                frames[name] = self.paint_frame(index)
+        return frames
+
+
+def plane_frame(
+    points: npt.NDArray[np.float64],
+    faces: npt.NDArray[np.int32],
+    where: str,
+    up: npt.ArrayLike | None = None,
+) -> PaintFrame:
+    """The upright frame of plane faces (F, 4); ``where`` names them in errors.
+
+    Raises
+    ------
+    InputError
+        The faces' normals differ by more than 1 degree.
+    """
+    normals = face_normals(points, faces)
+    mean = normals.sum(axis=0)
+    length = float(np.linalg.norm(mean))
+    unit = mean / length if length > 0.0 else mean
+    areas = np.linalg.norm(normals, axis=1)
+    if not length > 0.0 or not (normals @ unit >= PLANAR_COSINE * areas).all():
+        raise InputError(
+            f"{where}: a pattern needs a plane region; got faces whose normals differ by more "
+            "than 1 degree; split the region or give frames"
+        )
+    return PaintFrame.facing(unit, points[np.unique(faces[faces >= 0])], up)
+
+
+def _points(values: npt.ArrayLike, what: str) -> npt.NDArray[np.float64]:
+    points = np.asarray(values, np.float64)
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise InputError(f"{what}; got shape {points.shape}; expected (P, 3)")
+    if not np.isfinite(points).all():
+        row = int(np.argmax(~np.isfinite(points).all(axis=1)))
+        raise InputError(f"{what} row {row}; got {points[row].tolist()}; expected finite numbers")
+    return points
+
+
+def triangulate(
+    faces: npt.NDArray[np.int32],
+) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
+    """(F, 4) faces to (T, 3) triangles, and the face (T,) that each comes from."""
+    quads = np.flatnonzero(faces[:, 3] >= 0)
+    triangles = np.concatenate([faces[:, :3], faces[quads][:, [0, 2, 3]]])
+    source = np.concatenate([np.arange(len(faces)), quads]).astype(np.int32)
+    order = np.argsort(source, kind="stable")
+    return np.ascontiguousarray(triangles[order]), source[order]
+
+
+def face_normals(
+    points: npt.NDArray[np.float64], faces: npt.NDArray[np.int32]
+) -> npt.NDArray[np.float64]:
+    """Outward normals (F, 3) of (F, 4) faces, as long as the face's area."""
+    last = np.where(faces[:, 3] >= 0, faces[:, 3], faces[:, 2])
+    a, b, c, d = (points[index] for index in (faces[:, 0], faces[:, 1], faces[:, 2], last))
+    normals: npt.NDArray[np.float64] = 0.5 * np.cross(c - a, d - b)
+    triangle = faces[:, 3] < 0
+    normals[triangle] = 0.5 * np.cross(b - a, c - a)[triangle]
+    return normals

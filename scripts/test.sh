@@ -1,0 +1,22 @@
+#!/bin/sh
+# Runs pytest against the gpusim that is installed in .venv, with the source folder out of the way:
+# from a copy of the checkout without gpusim/ and shaders/. Arguments go to pytest.
+set -eu
+checkout=$(cd "$(dirname "$0")/.." && pwd)
+copy=$checkout/build/test
+rm -rf "$copy"
+mkdir -p "$copy"
+cd "$checkout"
+for entry in *; do
+    case $entry in
+    gpusim | shaders | build | dist | out) ;;
+    *) cp -R "$entry" "$copy" ;;
+    esac
+done
+if [ -z "${GPUSIM_REFS:-}" ] && [ -d ../shared/refs ]; then
+    GPUSIM_REFS=$(cd ../shared/refs && pwd)
+    export GPUSIM_REFS
+fi
+export GPUSIM_EXPECT_INSTALLED=1 GPUSIM_CHECKOUT="$checkout"
+cd "$copy"
+exec "$checkout/.venv/bin/python" -P -m pytest "$@"

@@ -1,0 +1,158 @@
+// Paint: a ground albedo and features (checker patches, discs) found through a grid of cells.
+// Features of one paint don't overlap (the host checks it), so their shares add.
+// The NumPy form is gpusim/optics/pattern.py.
+#import common/coverage
+
+struct Paint {
+    ground: f32,
+    cell: f32,
+    i0: i32,
+    j0: i32,
+    columns: i32,
+    rows: i32,
+    first: u32,
+    featured: u32,
+}
+
+// kind 0, checker patch: a = (corner relative to the cell, cos, sin), b = (square width, height,
+// columns, rows), c = (albedo of even squares, of odd squares, kind, -), d = (index of the corner)
+// kind 1, disc: a = (centre relative to the cell, radius, -), c = (albedo, -, kind, -)
+struct Feature {
+    a: vec4f,
+    b: vec4f,
+    c: vec4f,
+    d: vec4f,
+}
+
+// Which kinds of features a view has, and whether any square is smaller than a pixel: software
+// rasterisers execute both sides of an `if`, so that what isn't there must not be compiled in.
+override checkers: u32;
+override discs: u32;
+override fine: u32;
+
+@group(0) @binding(2) var<storage, read> cell_start: array<u32>;
+@group(0) @binding(3) var<storage, read> features: array<Feature>;
+
+// (albedo * share, share) of the four squares that meet at a lattice corner, from the shares of
+// the pixel right of it, above it, and both.
+fn corner_squares(f: Feature, corner: vec2f, right: f32, above: f32, both: f32) -> vec2f {
+    let shares = vec4f(both, right - both, above - both, 1.0 - right - above + both);
+    let i = vec4f(corner.x, corner.x, corner.x - 1.0, corner.x - 1.0);
+    let j = vec4f(corner.y, corner.y - 1.0, corner.y, corner.y - 1.0);
+    let inside = (i >= vec4f(0.0)) & (i < vec4f(f.b.z)) & (j >= vec4f(0.0)) & (j < vec4f(f.b.w));
+    let parity = (i + j) - 2.0 * floor(0.5 * (i + j));
+    let albedo = mix(vec4f(f.c.x), vec4f(f.c.y), parity);
+    let share = select(vec4f(0.0), shares, inside);
+    return vec2f(dot(albedo, share), dot(share, vec4f(1.0)));
+}
+
+// A checker patch over the parallelogram with centre p and sides ex, ey (patch axes).
+fn checker_share(f: Feature, p: vec2f, ex: vec2f, ey: vec2f) -> vec2f {
+    let size = f.b.xy;
+    let low = -f.d.xy;
+    let corner = clamp(round(p / size), low, low + f.b.zw);
+    let d = p - corner * size;
+    let right = half_plane_share(d.x, vec2f(ex.x, ey.x));
+    let above = half_plane_share(d.y, vec2f(ex.y, ey.y));
+    var both = right * above;
+    if (right > 0.0 && right < 1.0 && above > 0.0 && above < 1.0) {
+        let area = ex.x * ey.y - ex.y * ey.x;
+        let p0 = d - 0.5 * ex - 0.5 * ey;
+        let p1 = d + 0.5 * ex - 0.5 * ey;
+        let p2 = d + 0.5 * ex + 0.5 * ey;
+        let p3 = d - 0.5 * ex + 0.5 * ey;
+        let sum = quadrant_edge(p0, p1) + quadrant_edge(p1, p2)
+            + quadrant_edge(p2, p3) + quadrant_edge(p3, p0);
+        both = clamp(sum / area, max(0.0, right + above - 1.0), min(right, above));
+    }
+    return corner_squares(f, corner + f.d.xy, right, above, both);
+}
+
+// The whole patch as one square of its mean albedo, p moved to its first corner.
+struct Mean {
+    f: Feature,
+    p: vec2f,
+}
+fn as_one_square(f: Feature, p: vec2f) -> Mean {
+    var m = Mean(f, p + f.d.xy * f.b.xy);
+    m.f.b = vec4f(f.b.xy * f.b.zw, 1.0, 1.0);
+    m.f.c.x = 0.5 * (f.c.x + f.c.y);
+    m.f.d = vec4f(0.0);
+    return m;
+}
+
+// The same where squares may be smaller than the footprint: it is cut into n x n pieces, each
+// smaller than a square; a pattern finer than FINEST squares a pixel is taken as grey.
+const FINEST: i32 = 8;
+fn checker_shares(feature: Feature, centre: vec2f, ex: vec2f, ey: vec2f) -> vec2f {
+    let reach = (abs(ex) + abs(ey)) / feature.b.xy;
+    if (fine == 0u) { return checker_share(feature, centre, ex, ey); }
+    var n = max(i32(min(ceil(max(reach.x, reach.y)), 1e6)), 1);
+    var m = Mean(feature, centre);
+    if (n > FINEST) {
+        m = as_one_square(feature, centre);
+        n = 1;
+    }
+    let step = 1.0 / f32(n);
+    var sum = vec2f(0.0);
+    for (var j = 0; j < n; j++) {
+        for (var i = 0; i < n; i++) {
+            let o = (vec2f(f32(i), f32(j)) + 0.5) * step - 0.5;
+            sum += checker_share(m.f, m.p + o.x * ex + o.y * ey, step * ex, step * ey);
+        }
+    }
+    return sum * step * step;
+}
+
+// Share of the parallelogram with centre p (relative to the disc's centre) inside the disc.
+fn disc_share(p: vec2f, ex: vec2f, ey: vec2f, r: f32) -> f32 {
+    let reach = 0.5 * max(length(ex + ey), length(ex - ey));
+    let dist = length(p);
+    if (dist >= r + reach) { return 0.0; }
+    if (dist <= r - reach) { return 1.0; }
+    let area = ex.x * ey.y - ex.y * ey.x;
+    let p0 = -0.5 * ex - 0.5 * ey;
+    let p1 = 0.5 * ex - 0.5 * ey;
+    let p2 = 0.5 * ex + 0.5 * ey;
+    let p3 = -0.5 * ex + 0.5 * ey;
+    var sum: f32;
+    if (r > 3.0 * reach) {
+        let n = p / dist;
+        let gap = r - dist;
+        let q0 = vec2f(n.y * p0.x - n.x * p0.y, dot(n, p0));
+        let q1 = vec2f(n.y * p1.x - n.x * p1.y, dot(n, p1));
+        let q2 = vec2f(n.y * p2.x - n.x * p2.y, dot(n, p2));
+        let q3 = vec2f(n.y * p3.x - n.x * p3.y, dot(n, p3));
+        sum = large_disc_edge(q0, q1, r, gap) + large_disc_edge(q1, q2, r, gap)
+            + large_disc_edge(q2, q3, r, gap) + large_disc_edge(q3, q0, r, gap);
+    } else {
+        sum = small_disc_edge(p + p0, p + p1, r) + small_disc_edge(p + p1, p + p2, r)
+            + small_disc_edge(p + p2, p + p3, r) + small_disc_edge(p + p3, p + p0, r);
+    }
+    return clamp(sum / area, 0.0, 1.0);
+}
+
+// Mean albedo over the parallelogram with centre `st` (relative to cell `cell`) and sides ex, ey.
+fn paint_parallelogram(paint: Paint, cell: vec2i, st: vec2f, ex: vec2f, ey: vec2f) -> f32 {
+    let k = floor(st / paint.cell);
+    let at = cell + vec2i(k) - vec2i(paint.i0, paint.j0);
+    if (at.x < 0 || at.y < 0 || at.x >= paint.columns || at.y >= paint.rows) {
+        return paint.ground;
+    }
+    let slot = paint.first + u32(at.y * paint.columns + at.x);
+    let local = st - k * paint.cell;
+    var albedo = paint.ground;
+    for (var i = cell_start[slot]; i < cell_start[slot + 1u]; i++) {
+        let f = features[i];
+        let p = local - f.a.xy;
+        if (checkers != 0u && f.c.z == 0.0) {
+            let turn = mat2x2f(f.a.z, -f.a.w, f.a.w, f.a.z);
+            let s = checker_shares(f, turn * p, turn * ex, turn * ey);
+            albedo += s.x - paint.ground * s.y;
+        }
+        if (discs != 0u && f.c.z != 0.0) {
+            albedo += (f.c.x - paint.ground) * disc_share(p, ex, ey, f.a.z);
+        }
+    }
+    return albedo;
+}

@@ -1,0 +1,318 @@
+// Pixels that an edge crosses: exact polygon areas of the triangles over them, front to back.
+//
+// Each triangle is clipped to the pixel's square. Its share is the exact area of that polygon if
+// nothing in front hides any of it (a 16 x 32 sample mask decides); what is left of the pixel is
+// divided among partly hidden triangles and the background in proportion to their samples.
+// The paint's mean is taken over the clipped polygon, the light at its centroid.
+#import common/paint
+#import common/surface
+
+override lit: u32;
+override patterned: u32;
+
+struct Params {
+    ray_x: vec4f,
+    ray_y: vec4f,
+    ray_1: vec4f,
+    width: u32,
+    stride: u32,
+    row0: u32,
+    background: f32,
+}
+// Loop bounds that never change are uniforms here: compilers would unroll the loops otherwise,
+// and software rasterisers then spend seconds compiling what runs in milliseconds.
+struct Range {
+    first: u32,
+    count: u32,
+    sides: u32,
+    corners: u32,
+    mask_rows: i32,
+}
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(6) var<uniform> range: Range;
+@group(0) @binding(4) var<storage, read> triangles: array<Triangle>;
+@group(0) @binding(1) var<storage, read> paints: array<Paint>;
+// three vec2i per triangle in 1/65536 px
+@group(0) @binding(7) var<storage, read> screen: array<vec2i>;
+// per edge pixel two words: its index in the image and where its triangles start in this list
+// (one more pair ends the last); the numbers of the triangles follow, nearest first
+@group(0) @binding(8) var<storage, read> lists: array<u32>;
+@group(0) @binding(9) var<storage, read_write> radiance: array<f32>;
+
+const MOST: i32 = 8;
+
+struct Polygon {
+    count: i32,
+    p: array<vec2f, 8>,
+}
+
+// Keep the part of a polygon where d.x * x + d.y * y + d.z >= 0 (Sutherland and Hodgman 1974).
+fn clip(polygon: Polygon, d: vec3f) -> Polygon {
+    var result: Polygon;
+    result.count = 0;
+    if (polygon.count == 0) { return result; }
+    var a = polygon.p[polygon.count - 1];
+    var da = dot(d.xy, a) + d.z;
+    for (var i = 0; i < polygon.count; i++) {
+        let b = polygon.p[i];
+        let db = dot(d.xy, b) + d.z;
+        if ((da < 0.0) != (db < 0.0) && result.count < MOST) {
+            result.p[result.count] = a + (da / (da - db)) * (b - a);
+            result.count++;
+        }
+        if (db >= 0.0 && result.count < MOST) {
+            result.p[result.count] = b;
+            result.count++;
+        }
+        a = b;
+        da = db;
+    }
+    return result;
+}
+
+// Signed area and centroid: (area, x, y).
+fn moments(polygon: Polygon) -> vec3f {
+    var sum = vec3f(0.0);
+    let o = polygon.p[0];
+    for (var i = 1; i + 1 < polygon.count; i++) {
+        let a = polygon.p[i] - o;
+        let b = polygon.p[i + 1] - o;
+        let twice = a.x * b.y - a.y * b.x;
+        sum += twice * vec3f(3.0, a + b);
+    }
+    let area = sum.x / 6.0;
+    if (sum.x == 0.0) { return vec3f(0.0, o); }
+    return vec3f(area, o + sum.yz / sum.x);
+}
+
+// Samples (bits, 32 a row) of a row of the mask inside three half planes.
+// Sample k of row r sits at x = (k + shift(r)) / 32 - 1/2, y = (r + 1/2) / 16 - 1/2.
+fn mask_row(r: i32, d0: vec3f, d1: vec3f, d2: vec3f) -> u32 {
+    let y = (f32(r) + 0.5) / 16.0 - 0.5;
+    let shift = (f32((r * 7) % 16) + 0.5) / 16.0;
+    var low = -1.0;
+    var high = 1.0;
+    var some = true;
+    for (var k = 0; k < 3; k++) {
+        let d = select(select(d2, d1, k == 1), d0, k == 0);
+        let c = d.y * y + d.z;
+        if (d.x > 0.0) { low = max(low, -c / d.x); }
+        else if (d.x < 0.0) { high = min(high, -c / d.x); }
+        else if (c < 0.0) { some = false; }
+    }
+    if (!some || !(low < high)) { return 0u; }
+    let first = i32(clamp(ceil((low + 0.5) * 32.0 - shift), 0.0, 32.0));
+    let last = i32(clamp(ceil((high + 0.5) * 32.0 - shift), 0.0, 32.0));
+    return below(last) & ~below(first);
+}
+
+fn below(k: i32) -> u32 {
+    if (k >= 32) { return 0xffffffffu; }
+    return (1u << u32(k)) - 1u;
+}
+
+// Area of a polygon right of and above the point o, over its own.
+fn quadrant_share(polygon: Polygon, o: vec2f) -> f32 {
+    let v = polygon.p[0];
+    let c = v - o;
+    var area = 0.0;
+    var sum = 0.0;
+    var a = polygon.p[polygon.count - 1] - v;
+    for (var i = 0; i < polygon.count; i++) {
+        let b = polygon.p[i] - v;
+        area += 0.5 * (a.x * b.y - a.y * b.x);
+        sum += quadrant_edge(a + c, b + c);
+        a = b;
+    }
+    if (area == 0.0) { return 0.0; }
+    return clamp(sum / area, 0.0, 1.0);
+}
+
+// A checker patch over a polygon (patch axes): corner by corner where it spans several squares.
+fn polygon_checker(feature: Feature, outline: Polygon) -> vec2f {
+    var f = feature;
+    var polygon = outline;
+    var low = polygon.p[0];
+    var high = polygon.p[0];
+    for (var i = 1; i < polygon.count; i++) {
+        low = min(low, polygon.p[i]);
+        high = max(high, polygon.p[i]);
+    }
+    let spans = (high - low) / f.b.xy;
+    if (max(spans.x, spans.y) > f32(FINEST)) {
+        let m = as_one_square(f, vec2f(0.0));
+        for (var i = 0; i < polygon.count; i++) { polygon.p[i] += m.p; }
+        low += m.p;
+        high += m.p;
+        f = m.f;
+    }
+    let first = max(floor(low / f.b.xy), -f.d.xy);
+    let last = min(floor(high / f.b.xy), f.b.zw - f.d.xy - 1.0);
+    var sum = vec2f(0.0);
+    for (var j = first.y; j <= last.y; j += 1.0) {
+        for (var i = first.x; i <= last.x; i += 1.0) {
+            // the square is the signed sum of the quadrants at its corners
+            var share = 0.0;
+            for (var c = 0u; c < range.corners; c++) {
+                let at = vec2f(f32(c & 1u), f32(c >> 1u));
+                let sign = select(-1.0, 1.0, at.x == at.y);
+                share += sign * quadrant_share(polygon, (vec2f(i, j) + at) * f.b.xy);
+            }
+            share = max(share, 0.0);
+            let k = i + j + f.d.x + f.d.y;
+            sum += share * vec2f(select(f.c.y, f.c.x, k - 2.0 * floor(0.5 * k) == 0.0), 1.0);
+        }
+    }
+    return sum;
+}
+
+fn polygon_disc(f: Feature, polygon: Polygon) -> f32 {
+    let r = f.a.z;
+    var centre = vec2f(0.0);
+    for (var i = 0; i < polygon.count; i++) { centre += polygon.p[i]; }
+    centre /= f32(polygon.count);
+    var reach = 0.0;
+    for (var i = 0; i < polygon.count; i++) { reach = max(reach, distance(polygon.p[i], centre)); }
+    let dist = length(centre);
+    if (dist >= r + reach) { return 0.0; }
+    if (dist <= r - reach) { return 1.0; }
+    let n = centre / max(dist, 1e-30);
+    let large = r > 3.0 * reach;
+    var area = 0.0;
+    var sum = 0.0;
+    var a = polygon.p[polygon.count - 1];
+    for (var i = 0; i < polygon.count; i++) {
+        let b = polygon.p[i];
+        let u = a - centre;
+        let v = b - centre;
+        area += 0.5 * (u.x * v.y - u.y * v.x);
+        if (large) {
+            let p = vec2f(n.y * u.x - n.x * u.y, dot(n, u));
+            let q = vec2f(n.y * v.x - n.x * v.y, dot(n, v));
+            sum += large_disc_edge(p, q, r, r - dist);
+        } else {
+            sum += small_disc_edge(a, b, r);
+        }
+        a = b;
+    }
+    if (area == 0.0) { return 0.0; }
+    return clamp(sum / area, 0.0, 1.0);
+}
+
+// Mean albedo over a polygon given in pixels relative to the pixel's centre, which lies at
+// offset d from the triangle's anchor; `centroid` decides the pattern cell.
+fn paint_polygon(t: Triangle, d: vec2f, polygon: Polygon, centroid: vec2f) -> f32 {
+    if (patterned == 0u || t.more.y == 0.0) { return t.more.x; }
+    let paint = paints[u32(t.ny.w)];
+    let st = paint_position(t, d + centroid);
+    let k = floor(st / paint.cell);
+    let at = t.place.zw + vec2i(k) - vec2i(paint.i0, paint.j0);
+    if (at.x < 0 || at.y < 0 || at.x >= paint.columns || at.y >= paint.rows) {
+        return paint.ground;
+    }
+    let slot = paint.first + u32(at.y * paint.columns + at.x);
+    var albedo = paint.ground;
+    for (var i = cell_start[slot]; i < cell_start[slot + 1u]; i++) {
+        let f = features[i];
+        var local: Polygon;
+        local.count = polygon.count;
+        for (var j = 0; j < polygon.count; j++) {
+            local.p[j] = paint_position(t, d + polygon.p[j]) - k * paint.cell - f.a.xy;
+        }
+        if (checkers != 0u && f.c.z == 0.0) {
+            let turn = mat2x2f(f.a.z, -f.a.w, f.a.w, f.a.z);
+            for (var j = 0; j < polygon.count; j++) { local.p[j] = turn * local.p[j]; }
+            let s = polygon_checker(f, local);
+            albedo += s.x - paint.ground * s.y;
+        }
+        if (discs != 0u && f.c.z != 0.0) {
+            albedo += (f.c.x - paint.ground) * polygon_disc(f, local);
+        }
+    }
+    return albedo;
+}
+
+@compute @workgroup_size(64)
+fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
+    let n = gid.y * (groups.x * 64u) + gid.x;
+    if (n >= range.count) { return; }
+    let entry = 2u * (range.first + n);
+    let index = lists[entry];
+    let stop = lists[entry + 3u];
+    let pixel = vec2i(i32(index % params.width), i32(index / params.width));
+
+    var covered: array<u32, 16>;
+    for (var r = 0; r < range.mask_rows; r++) { covered[r] = 0u; }
+    var open = 512u;
+    var free_area = 0.0;
+    var free_light = 0.0;
+    var hidden_count = 0.0;
+    var hidden_light = 0.0;
+
+    for (var c = lists[entry + 1u]; c < stop && open > 0u; c++) {
+        let id = lists[c];
+        let t = triangles[id];
+        let v0 = vec2f(screen[3u * id] - pixel * 65536) / 65536.0;
+        let v1 = vec2f(screen[3u * id + 1u] - pixel * 65536) / 65536.0;
+        let v2 = vec2f(screen[3u * id + 2u] - pixel * 65536) / 65536.0;
+        let twice = (v1.x - v0.x) * (v2.y - v0.y) - (v1.y - v0.y) * (v2.x - v0.x);
+        let s = select(-1.0, 1.0, twice > 0.0);
+        var sides: array<vec3f, 3>;
+        sides[0] = s * vec3f(v0.y - v1.y, v1.x - v0.x, v0.x * v1.y - v0.y * v1.x);
+        sides[1] = s * vec3f(v1.y - v2.y, v2.x - v1.x, v1.x * v2.y - v1.y * v2.x);
+        sides[2] = s * vec3f(v2.y - v0.y, v0.x - v2.x, v2.x * v0.y - v2.y * v0.x);
+        var polygon: Polygon;
+        polygon.count = 4;
+        polygon.p[0] = vec2f(-0.5, -0.5);
+        polygon.p[1] = vec2f(0.5, -0.5);
+        polygon.p[2] = vec2f(0.5, 0.5);
+        polygon.p[3] = vec2f(-0.5, 0.5);
+        for (var k = 0u; k < range.sides; k++) { polygon = clip(polygon, sides[k]); }
+        if (polygon.count < 3) { continue; }
+        let m = moments(polygon);
+        if (!(m.x > 1e-9)) { continue; }
+
+        var own = 0u;
+        var seen = 0u;
+        for (var r = 0; r < range.mask_rows; r++) {
+            let bits = mask_row(r, sides[0], sides[1], sides[2]);
+            own += countOneBits(bits);
+            seen += countOneBits(bits & ~covered[r]);
+            covered[r] |= bits;
+        }
+        var visible = seen == own;
+        if (own == 0u) {
+            // a sliver between samples: hidden if the sample next to its centroid is
+            let r = i32(clamp(floor((m.z + 0.5) * 16.0), 0.0, 15.0));
+            let k = u32(clamp(floor((m.y + 0.5) * 32.0), 0.0, 31.0));
+            visible = (covered[r] & (1u << k)) == 0u;
+        }
+        open -= seen;
+        if (!visible && seen == 0u) { continue; }
+
+        let d = vec2f(pixel - t.place.xy);
+        var light = paint_polygon(t, d, polygon, m.yz);
+        if (lit != 0u) {
+            let at = d + m.yz;
+            let depth = 1.0 / (weight(t, at) * t.nx.w);
+            let p = vec2f(pixel) + m.yz;
+            let x = depth * (params.ray_x.xyz * p.x + params.ray_y.xyz * p.y + params.ray_1.xyz);
+            let normal = normalize(t.n0.xyz + t.nx.xyz * at.x + t.ny.xyz * at.y);
+            light *= irradiance(x, normal) * 0.3183098861837907;
+        }
+        if (visible) {
+            free_area += m.x;
+            free_light += m.x * light;
+        } else {
+            hidden_count += f32(seen);
+            hidden_light += f32(seen) * light;
+        }
+    }
+    hidden_light += f32(open) * params.background;
+    hidden_count += f32(open);
+    let rest = max(1.0 - free_area, 0.0);
+    var value = free_light / max(free_area, 1.0);
+    if (hidden_count > 0.0) { value += rest * hidden_light / hidden_count; }
+    else if (free_area < 1.0) { value = free_light / free_area; }
+    radiance[u32(pixel.y - i32(params.row0)) * params.stride + u32(pixel.x)] = value;
+}

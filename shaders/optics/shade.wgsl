@@ -1,0 +1,82 @@
+// Radiance of every pixel whose centre is hit: the closed-form mean of the paint over the pixel's
+// footprint times the light at its centre. Pixels that an edge crosses are redone by edges.wgsl.
+//
+// Hardware raster with 1 / z as depth (affine on screen, so that it is exact), nearer is larger.
+// All that a triangle's pixels share travels in flat varyings, which cost nothing per pixel.
+#import common/paint
+#import common/surface
+
+override lit: u32;
+override patterned: u32;
+
+struct Params {
+    ray_x: vec4f,
+    ray_y: vec4f,
+    ray_1: vec4f,
+    width: f32,
+    rows: f32,
+    row0: i32,
+    near: f32,
+}
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<storage, read> paints: array<Paint>;
+@group(0) @binding(4) var<storage, read> triangles: array<Triangle>;
+// per corner two fixed-point coordinates in 1/65536 px; pixel (0, 0) is centred at (0, 0)
+@group(0) @binding(6) var<storage, read> screen: array<vec2i>;
+@group(0) @binding(7) var<storage, read> inverse_depth: array<f32>;
+// the triangles to draw, from near to far
+@group(0) @binding(8) var<storage, read> order: array<u32>;
+
+struct Varying {
+    @builtin(position) position: vec4f,
+    @location(0) @interpolate(flat, either) st: vec4f,
+    @location(1) @interpolate(flat, either) tw: vec4f,
+    @location(2) @interpolate(flat, either) n0: vec4f,
+    @location(3) @interpolate(flat, either) nx: vec4f,
+    @location(4) @interpolate(flat, either) ny: vec4f,
+    @location(5) @interpolate(flat, either) place: vec4i,
+    @location(6) @interpolate(flat, either) more: vec4f,
+    @location(7) @interpolate(flat, either) grid: vec4i,
+    @location(8) @interpolate(flat, either) grid_size: vec4f,
+}
+
+@vertex
+fn vertex(@builtin(vertex_index) index: u32) -> Varying {
+    let id = order[index / 3u];
+    let corner = 3u * id + index % 3u;
+    let at = screen[corner] - vec2i(0, params.row0 * 65536);
+    // the centre of pixel 0 lies half a pixel inside the viewport
+    let p = vec2f(at) / 65536.0 + vec2f(0.5);
+    let ndc = vec2f(2.0 * p.x / params.width - 1.0, 1.0 - 2.0 * p.y / params.rows);
+    let position = vec4f(ndc, params.near * inverse_depth[corner], 1.0);
+    let t = triangles[id];
+    let paint = paints[u32(t.ny.w)];
+    return Varying(
+        position, t.st, t.tw, t.n0, t.nx, t.ny, t.place, t.more,
+        vec4i(paint.i0, paint.j0, paint.columns, paint.rows),
+        vec4f(paint.cell, bitcast<f32>(paint.first), 0.0, 0.0),
+    );
+}
+
+@fragment
+fn fragment(in: Varying) -> @location(0) f32 {
+    let t = Triangle(in.st, in.tw, in.n0, in.nx, in.ny, in.place, in.more);
+    let pixel = vec2i(floor(in.position.xy)) + vec2i(0, params.row0);
+    let d = vec2f(pixel - t.place.xy);
+    var albedo = t.more.x;
+    if (patterned != 0u) {
+        let f = footprint(t, d);
+        let g = in.grid;
+        let paint = Paint(t.more.x, in.grid_size.x, g.x, g.y, g.z, g.w,
+            bitcast<u32>(in.grid_size.y), 1u);
+        albedo = paint_parallelogram(paint, t.place.zw, f.st, f.ex, f.ey);
+    }
+    if (lit != 0u) {
+        let depth = 1.0 / (weight(t, d) * t.nx.w);
+        let p = vec2f(pixel);
+        let x = depth * (params.ray_x.xyz * p.x + params.ray_y.xyz * p.y + params.ray_1.xyz);
+        let n = normalize(t.n0.xyz + t.nx.xyz * d.x + t.ny.xyz * d.y);
+        albedo *= irradiance(x, n) * 0.3183098861837907;
+    }
+    return albedo;
+}

@@ -1,0 +1,46 @@
+// Which triangle each pixel's centre sees: hardware raster with 1 / z as depth (affine on screen,
+// so that it is exact), nearer is larger. Writes the triangle's number + 1; 0 is background.
+struct Params {
+    width: f32,
+    rows: f32,
+    row0: i32,
+    near: f32,
+}
+@group(0) @binding(0) var<uniform> params: Params;
+// two fixed-point coordinates per corner, in 1/65536 px; the centre of pixel (0, 0) is at (0, 0)
+@group(0) @binding(1) var<storage, read> screen: array<vec2i>;
+@group(0) @binding(2) var<storage, read> inverse_depth: array<f32>;
+
+struct Varying {
+    @builtin(position) position: vec4f,
+    @location(0) @interpolate(flat, either) id: u32,
+}
+
+@vertex
+fn vertex(@builtin(vertex_index) index: u32) -> Varying {
+    let at = screen[index] - vec2i(0, params.row0 * 65536);
+    // the centre of pixel 0 lies half a pixel inside the viewport
+    let p = vec2f(at) / 65536.0 + vec2f(0.5);
+    let ndc = vec2f(2.0 * p.x / params.width - 1.0, 1.0 - 2.0 * p.y / params.rows);
+    return Varying(vec4f(ndc, params.near * inverse_depth[index], 1.0), index / 3u + 1u);
+}
+
+@fragment
+fn fragment(in: Varying) -> @location(0) u32 {
+    return in.id;
+}
+
+struct Copy {
+    width: u32,
+    rows: u32,
+}
+@group(0) @binding(3) var<uniform> copy: Copy;
+@group(0) @binding(4) var ids: texture_2d<u32>;
+@group(0) @binding(5) var<storage, read_write> result: array<u32>;
+
+// Copies the id texture into a buffer that the host can read.
+@compute @workgroup_size(64, 4)
+fn read_ids(@builtin(global_invocation_id) gid: vec3u) {
+    if (gid.x >= copy.width || gid.y >= copy.rows) { return; }
+    result[gid.y * copy.width + gid.x] = textureLoad(ids, vec2i(gid.xy), 0).x;
+}

@@ -1,0 +1,297 @@
+"""The static solver against references, closed forms, and everything that must be refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gpusim.errors import InputError, NotConverged, OutOfDeviceMemory, TwinMismatch
+from gpusim.fem import Isotropic, Model, Solution, face_force, solve
+from gpusim.fem.block_rows import assemble
+from gpusim.fem.stiffness import DeviceStiffness, apply_stiffness
+from gpusim.gpu import Device, compare
+from gpusim.mesh import Mesh, box, select_faces
+
+
+def cantilever(
+    size: tuple[float, float, float] = (10.0, 1.0, 0.7),
+    divisions: tuple[int, int, int] = (20, 2, 3),
+    material: Isotropic = Isotropic(1e5, 0.0),  # noqa: B008 - frozen
+    load: float = 1.0,
+) -> Model:
+    mesh = box(size, divisions)
+    fixed = np.zeros(mesh.points.shape, dtype=bool)
+    fixed[mesh.points[:, 0] == 0.0] = True
+    tip = select_faces(mesh, name="x_max")
+    forces = np.stack(
+        [face_force(mesh, tip, (0.0, 0.0, load)), face_force(mesh, tip, (load, 0, 0))]
+    )
+    return Model(mesh, [material], fixed=fixed, forces=forces)
+
+
+def reference(refs: Path, name: str) -> tuple[Model, Any]:
+    with np.load(refs / name) as archive:
+        data = dict(archive)
+    mesh = Mesh(data["points"], {str(data["cell_type"]): data["cells"]})
+    materials = [Isotropic(float(e), float(n)) for e, n in zip(data["E"], data["nu"], strict=True)]
+    model = Model(
+        mesh,
+        materials,
+        material_of_cell=data["mat"],
+        fixed=data["fixed_dofs"],
+        forces=data["loads"],
+    )
+    return model, data
+
+
+def worst(u: np.ndarray, wanted: np.ndarray) -> float:
+    assert np.isfinite(u).all() and u.shape == wanted.shape
+    return max(float(np.abs(a - b).max() / np.abs(b).max()) for a, b in zip(u, wanted, strict=True))
+
+
+def trusted(solution: Solution, tolerance: float = 1e-6) -> None:
+    assert solution.converged, solution.message
+    assert solution.error_estimate <= tolerance
+    assert solution.energy_balance <= 1e-5
+
+
+@pytest.mark.parametrize(("rule", "backend"), [("incomp", "gpu"), ("full", "numpy")])
+def test_notched_cantilever(refs: Path, device: Device, rule: str, backend: str) -> None:
+    model, data = reference(refs, "ref1_notched_cantilever_hex8_n0.npz")
+    formulation = {"incomp": "incompatible"}.get(rule, rule)
+    solution = solve(model, device, formulation=formulation, backend=backend)
+    trusted(solution)
+    error = worst(solution.u, data[f"u_{rule}"])
+    assert error <= 1e-6
+    # the estimate is a bound, not a guess: never below the truth, and not absurdly above it
+    assert error <= solution.error_estimate
+
+
+def test_two_materials(refs: Path) -> None:
+    model, data = reference(refs, "ref4_two_material_bar_hex8.npz")
+    solution = solve(model, backend="numpy", formulation="full")
+    trusted(solution)
+    assert worst(solution.u, data["u_full"]) <= 1e-6
+
+
+@pytest.mark.parametrize("preconditioner", ["multigrid", "block_jacobi"])
+def test_tets(refs: Path, device: Device, preconditioner: str) -> None:
+    model, data = reference(refs, "ref6_cube_tet4.npz")
+    solution = solve(model, device, preconditioner=preconditioner)
+    trusted(solution)
+    assert worst(solution.u, data["u_full"]) <= 1e-6
+
+
+@pytest.mark.parametrize("real", ["f64", "double_single"])
+def test_device_and_twin_backend_agree_and_the_beam_formula_holds(real: str) -> None:
+    model = cantilever()
+    on_device = solve(model, Device(real=real), tolerance=1e-8)
+    twin = solve(model, backend="numpy", tolerance=1e-8)
+    assert on_device.real == real and twin.backend == "numpy"
+    trusted(on_device, 1e-8)
+    assert worst(on_device.u, twin.u) <= 2e-8
+    tip = model.mesh.points[:, 0] == 10.0
+    # Timoshenko beam, kappa = 5/6, nu = 0
+    inertia, area, shear = 1.0 * 0.7**3 / 12, 0.7, 0.5e5
+    bending = 10.0**3 / (3 * 1e5 * inertia) + 10.0 / (5 / 6 * shear * area)
+    assert twin.u[0, tip, 2].mean() == pytest.approx(bending, rel=4e-3)
+    assert twin.u[1, tip, 0].mean() == pytest.approx(10.0 / (1e5 * 0.7), rel=1e-8)
+    np.testing.assert_allclose(twin.reactions.sum(axis=1), [[0, 0, -1], [-1, 0, 0]], atol=1e-6)
+
+
+def test_repeatable_to_the_last_bit(device: Device) -> None:
+    model = cantilever()
+    np.testing.assert_array_equal(solve(model, device).u, solve(model, device).u)
+
+
+@pytest.mark.parametrize("formulation", ["incompatible", "full", "bbar"])
+def test_patch_test_by_prescribed_displacements(device: Device, formulation: str) -> None:
+    mesh = box((1.0, 0.8, 1.3), (3, 4, 3))
+    low, high = mesh.bounds
+    skin = ((mesh.points == low) | (mesh.points == high)).any(axis=1)
+    points = mesh.points.copy()
+    points[~skin] += 0.04 * np.random.default_rng(3).uniform(-1, 1, (int((~skin).sum()), 3))
+    gradient = 1e-3 * np.array([[1.0, 0.3, -0.2], [0.5, -0.7, 0.1], [0.4, 0.2, 0.6]])
+    exact = points @ gradient.T
+    fixed = np.repeat(skin[:, None], 3, axis=1)
+    model = Model(
+        Mesh(points, mesh.cells),
+        [Isotropic(210e9, 0.3)],
+        fixed=fixed,
+        prescribed=np.where(fixed, exact, 0.0),
+    )
+    solution = solve(model, device, formulation=formulation, tolerance=1e-10)
+    assert solution.converged
+    assert np.abs(solution.u - exact).max() <= 1e-9 * np.abs(exact).max()
+
+
+def test_block_jacobi_estimate_bounds_the_error(device: Device) -> None:
+    model = cantilever(material=Isotropic(2e5, 0.3))
+    exact = solve(model, backend="numpy", tolerance=1e-10).u
+    solution = solve(model, device, preconditioner="block_jacobi", tolerance=1e-5)
+    trusted(solution, 1e-5)
+    assert worst(solution.u, exact) <= 1e-5
+    assert solution.residuals.shape == (solution.iterations, 2)
+
+
+def test_no_load_is_exactly_zero_at_once(device: Device) -> None:
+    solution = solve(cantilever(load=0.0), device)
+    assert solution.converged and solution.iterations == 0
+    np.testing.assert_array_equal(solution.u, 0.0)
+
+
+def test_a_case_without_load_beside_one_with() -> None:
+    model = cantilever()
+    forces = model.load_cases.copy()
+    forces[1] = 0.0
+    solution = solve(
+        Model(model.mesh, model.materials, fixed=model.fixed, forces=forces), backend="numpy"
+    )
+    trusted(solution)
+    np.testing.assert_array_equal(solution.u[1], 0.0)
+    assert np.abs(solution.u[0]).max() > 0.0
+
+
+@pytest.mark.parametrize("factor", [1e-30, 1e30])
+def test_extreme_units_do_not_matter(factor: float) -> None:
+    model = cantilever()
+    scaled = Model(
+        model.mesh,
+        [Isotropic(1e5 * factor, 0.0)],
+        fixed=model.fixed,
+        forces=model.load_cases * factor**2,
+    )
+    one = solve(model, backend="numpy").u
+    np.testing.assert_allclose(
+        solve(scaled, Device(real="double_single")).u / factor, one, atol=1e-5 * np.abs(one).max()
+    )
+
+
+def test_start_at_the_answer_takes_hardly_an_iteration() -> None:
+    model = cantilever()
+    first = solve(model, backend="numpy", tolerance=1e-9)
+    again = solve(model, backend="numpy", tolerance=1e-6, start=first.u)
+    trusted(again)
+    assert again.iterations <= 5 < first.iterations
+
+
+def test_too_few_iterations_are_reported_not_hidden(device: Device) -> None:
+    solution = solve(cantilever(), device, preconditioner="block_jacobi", max_iterations=3)
+    assert not solution.converged
+    assert "3 iterations" in solution.message
+    assert solution.error_estimate > 1e-6
+
+
+@pytest.mark.parametrize(
+    ("hold", "words"),
+    [
+        ([], "translation x, translation y, translation z, rotation about x"),
+        ([(0, 0), (0, 1), (0, 2)], "rotation about"),
+        ([(n, 2) for n in range(12)], "translation x, translation y, rotation about z through"),
+    ],
+)
+def test_free_rigid_motions_are_named(hold: list[tuple[int, int]], words: str) -> None:
+    mesh = box((2.0, 1.0, 1.5), (2, 1, 1))
+    fixed = np.zeros(mesh.points.shape, dtype=bool)
+    for node, axis in hold:
+        fixed[node, axis] = True
+    model = Model(mesh, [Isotropic(1.0, 0.3)], fixed=fixed, forces=np.ones(mesh.points.shape))
+    with pytest.raises(InputError, match=words):
+        solve(model, backend="numpy")
+
+
+def test_a_second_body_and_a_hinge_are_found() -> None:
+    one = box((1.0, 1.0, 1.0), (1, 1, 1))
+    apart = np.concatenate([one.points, one.points + np.array([3.0, 0.0, 0.0])])
+    cells = np.concatenate([one.cells["hex8"], one.cells["hex8"] + 8])
+    fixed = np.zeros((16, 3), dtype=bool)
+    fixed[:4] = True
+    with pytest.raises(InputError, match="8 nodes around"):
+        solve(
+            Model(Mesh(apart, {"hex8": cells}), [Isotropic(1.0, 0.3)], fixed=fixed), backend="numpy"
+        )
+    # two cubes that share one edge: a hinge
+    moved = one.points + np.array([1.0, 1.0, 0.0])
+    points = np.concatenate([one.points, moved])
+    _, index, number = np.unique(points, axis=0, return_index=True, return_inverse=True)
+    joined = Mesh(points[index], {"hex8": number.ravel()[cells]})
+    hinge = np.zeros(joined.points.shape, dtype=bool)
+    hinge[joined.points[:, 0] == 0.0] = True
+    with pytest.raises(InputError, match="2 parts touch only"):
+        solve(Model(joined, [Isotropic(1.0, 0.3)], fixed=hinge), backend="numpy")
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        {"tolerance": float("nan")},
+        {"tolerance": 0.0},
+        {"backend": "cuda"},
+        {"preconditioner": "magic"},
+        {"max_iterations": 0},
+        {"start": np.zeros(3)},
+        {"formulation": "reduced"},
+    ],
+)
+def test_wrong_arguments(arguments: dict[str, Any]) -> None:
+    with pytest.raises(InputError, match=next(iter(arguments))):
+        solve(cantilever(), **{"backend": "numpy", **arguments})
+
+
+def test_a_preconditioner_that_returns_nan_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(
+        "gpusim.fem.preconditioner.BlockJacobi.apply", lambda self, r: np.full_like(r, np.nan)
+    )
+    with pytest.raises(NotConverged, match="finite"):
+        solve(cantilever(), backend="numpy", preconditioner="block_jacobi")
+
+
+def test_memory_is_asked_for_before_it_is_taken() -> None:
+    small = Device(memory_limit=100_000)
+    with pytest.raises(OutOfDeviceMemory, match="solve"):
+        solve(cantilever(), small)
+    assert small.allocated == 0
+
+
+def test_a_solve_gives_its_memory_back(device: Device) -> None:
+    before = device.allocated
+    solve(cantilever(), device)
+    assert device.allocated == before
+
+
+def test_a_corrupted_row_is_seen_by_the_twin(device: Device) -> None:
+    model = cantilever()
+    rows = assemble(model, {"hex8": "incompatible"})
+    u = np.random.default_rng(1).normal(size=(1, *model.mesh.points.shape))
+    operator = DeviceStiffness(device, rows, 1.0, 1)
+    source = device.real_buffer(u, label="test.u")
+    result = device.real_buffer(np.zeros_like(u), label="test.ku")
+    with device.recording("test") as recording:
+        operator.record(recording, source, result)
+    twin = apply_stiffness(rows, u)
+    scale = np.abs(twin).max()
+    compare("fem/stiffness", result.read() / scale, twin / scale, "real")
+    rows.table[0, 0, 1, 2] *= 1.0 + 1e-6
+    with pytest.raises(TwinMismatch):
+        compare("fem/stiffness", result.read() / scale, apply_stiffness(rows, u) / scale, "real")
+
+
+def test_parts_split_at_the_binding_limit_give_the_same_product(
+    device: Device, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mesh = box((1.0, 0.4, 0.7), (7, 6, 5))
+    mesh = mesh.moved(0.02 * np.random.default_rng(4).random(mesh.points.shape))
+    model = Model(mesh, [Isotropic(1.0, 0.3)], fixed=np.zeros(mesh.points.shape, dtype=bool))
+    rows = assemble(model, {"hex8": "full"})
+    monkeypatch.setitem(device.limits, "max-storage-buffer-binding-size", 200_000)
+    u = np.random.default_rng(1).normal(size=(2, *mesh.points.shape))
+    operator = DeviceStiffness(device, rows, 1.0, 2)
+    assert len(operator._parts) > 2
+    source = device.real_buffer(u, label="test.u")
+    result = device.real_buffer(np.zeros_like(u), label="test.ku")
+    with device.recording("test") as recording:
+        operator.record(recording, source, result)
+    compare("fem/stiffness", result.read(), apply_stiffness(rows, u), atol=1e-12, rtol=1e-11)

@@ -1,0 +1,106 @@
+"""The kernel against its NumPy twin, and the comparison against itself."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gpusim.errors import InputError, TwinMismatch
+from gpusim.gpu import Device, compare, twin_checks
+from gpusim.measure import SplineImage, Status
+from gpusim.measure.icgn import correlate, correlate_numpy
+from gpusim.measure.matching import Pair, Settings, Subsets
+from gpusim.measure.warp import SHAPES
+from tests.measure_images import speckles
+
+# px; float32 sums and one step more or less at the stopping threshold (measured: 5e-7)
+TOLERANCE_PX = 2e-5
+
+
+def subsets() -> Subsets:
+    first = speckles(97, 83)
+    second = 0.7 * speckles(97, 83, shift=(1.3, -0.6), gradient=((0.01, -0.02), (0.015, 0.005)))
+    first[52:, 52:] = 55.0  # no texture
+    points = np.array(
+        [[x + 0.3, y - 0.2] for y in range(14, 82, 11) for x in range(12, 96, 9)]
+        + [[2.0, 40.0], [95.0, 81.0], [-30.0, 500.0]]
+    )
+    start = np.zeros((len(points), 2, 6))
+    start[:, :, 0] = [1.0, -0.4]
+    start[3, :, 0] = [60.0, 0.0]  # leaves the image
+    start[4, :, 0] = [4e8, 0.0]  # far beyond any integer coordinate
+    start[5, :, 0] = [9.0, 6.0]  # never finds its place
+    mask = np.ones(first.shape, dtype=bool)
+    mask[:30, :30] = False
+    pair = Pair(SplineImage.from_image(first), SplineImage.from_image(second), mask)
+    return Subsets(pair, points, start)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_kernel_equals_twin(device: Device, shape: str) -> None:
+    case, settings = subsets(), Settings(np.ones((21, 21)), shape, min_zncc=0.5)
+    got, want = correlate(case, settings, device), correlate_numpy(case, settings)
+    compare("status", got.status, want.status, "exact")
+    assert {Status.OK, Status.OUTSIDE, Status.NO_TEXTURE} <= set(want.status.tolist())
+    good = want.status == Status.OK
+    compare("warp", got.coefficients[good], want.coefficients[good], atol=TOLERANCE_PX, rtol=0)
+    compare("zncc", got.zncc[good], want.zncc[good], atol=2e-6, rtol=0)
+    compare("sigma", got.sigma[good], want.sigma[good], atol=1e-7, rtol=2e-3)
+    assert np.abs(got.iterations[good] - want.iterations[good]).max() <= 1
+    assert np.isnan(got.coefficients[~good]).all() and np.isnan(got.sigma[~good]).all()
+
+
+def test_one_corrupted_value_is_seen(device: Device) -> None:
+    case, settings = subsets(), Settings(np.ones((21, 21)))
+    got, want = correlate(case, settings, device), correlate_numpy(case, settings)
+    good = want.status == Status.OK
+    for wrong in (1e-3, np.nan):
+        changed = got.coefficients[good].copy()
+        changed[7, 1, 0] += wrong
+        with pytest.raises(TwinMismatch, match="warp"):
+            compare("warp", changed, want.coefficients[good], atol=TOLERANCE_PX, rtol=0)
+    # and a wrong pixel in the kernel's input
+    pixels = case.pair.deformed.coefficients.copy()
+    pixels[25:28, 30:33] += 5.0
+    old = case.pair.deformed
+    new = SplineImage(old.pixels, pixels, old.origin, old.valid)
+    spoilt = Subsets(Pair(case.pair.reference, new, case.pair.mask), case.points, case.start)
+    other = correlate(spoilt, settings, device)
+    both = good & (other.status == Status.OK)
+    with pytest.raises(TwinMismatch):
+        compare(
+            "warp", other.coefficients[both], want.coefficients[both], atol=TOLERANCE_PX, rtol=0
+        )
+
+
+def test_two_runs_agree_bit_for_bit(device: Device) -> None:
+    case, settings = subsets(), Settings(np.ones((21, 21)))
+    first, second = correlate(case, settings, device), correlate(case, settings, device)
+    assert np.array_equal(first.coefficients, second.coefficients, equal_nan=True)
+    assert np.array_equal(first.zncc, second.zncc, equal_nan=True)
+
+
+@pytest.mark.parametrize("scale", [1e-30, 1e30])
+def test_grey_values_of_any_size_fit_into_float32(device: Device, scale: float) -> None:
+    case, settings = subsets(), Settings(np.ones((21, 21)))
+    first, second = case.pair.reference.pixels * scale, case.pair.deformed.pixels * scale
+    pair = Pair(SplineImage.from_image(first), SplineImage.from_image(second), case.pair.mask)
+    scaled = Subsets(pair, case.points, case.start)
+    want, got = correlate_numpy(case, settings), correlate(scaled, settings, device)
+    compare("status", got.status, want.status, "exact")
+    good = want.status == Status.OK
+    compare("warp", got.coefficients[good], want.coefficients[good], atol=TOLERANCE_PX, rtol=0)
+
+
+def test_doctor_runs_the_check(device: Device) -> None:
+    twin_checks()["measure/icgn"](device)
+
+
+def test_nan_start_values_are_refused(device: Device) -> None:
+    case = subsets()
+    start = case.start.copy()
+    start[2, 1, 0] = np.nan
+    bad = Subsets(case.pair, case.points, start)
+    for where in (None, device):
+        with pytest.raises(InputError, match="start"):
+            correlate(bad, Settings(np.ones((21, 21))), where)

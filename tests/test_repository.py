@@ -1,0 +1,74 @@
+"""What is committed: nothing private, nothing unfinished, requirements that match the imports."""
+
+from __future__ import annotations
+
+import ast
+import re
+import sys
+import tomllib
+from pathlib import Path
+
+TEXT_SUFFIXES = {".py", ".wgsl", ".sh", ".toml", ".md", ".txt", ".html", ".css", ".js", ""}
+SKIPPED = {".git", ".venv", "build", "dist", "out", "__pycache__"}
+# Written in pieces, so that this file passes its own test.
+FORBIDDEN = {
+    "absolute path of one machine": re.compile(r"(?<![\w.\-}/])/" + r"(?:home|root|work|tmp)/\w"),
+    "address of a package registry": re.compile(
+        "extra-index" + "-url|index" + "-url|pypi" + r"\.org/simple|python" + "hosted"
+    ),
+    "unfinished work": re.compile(r"\b(?:TO" + "DO|FIX" + "ME|XX" + "X)\\b"),
+    "left-over of debugging": re.compile(r"\bbreak" + r"point\(|\bpdb\." + r"set_trace"),
+    "parallel test runner": re.compile("pytest-" + "xdist|-n " + "auto"),
+}
+
+
+def committed_texts(checkout: Path) -> dict[str, str]:
+    texts = {}
+    for path in sorted(checkout.rglob("*")):
+        relative = path.relative_to(checkout)
+        hidden = any(part.startswith(".") and part != ".ci" for part in relative.parts)
+        if hidden or SKIPPED & set(relative.parts) or not path.is_file():
+            continue
+        if path.suffix in TEXT_SUFFIXES:
+            texts[relative.as_posix()] = path.read_text(encoding="utf-8")
+    assert {"pyproject.toml", "README.md", ".ci/run", "gpusim/errors.py"} <= set(texts)
+    return texts
+
+
+def test_nothing_private_or_unfinished_is_committed(checkout: Path) -> None:
+    faults = [
+        f"{name}:{text[: match.start()].count(chr(10)) + 1}: {what}: {match.group()}"
+        for name, text in committed_texts(checkout).items()
+        for what, pattern in FORBIDDEN.items()
+        for match in pattern.finditer(text)
+    ]
+    assert faults == []
+
+
+def test_no_file_is_longer_than_400_lines(checkout: Path) -> None:
+    lengths = {
+        name: text.count("\n")
+        for name, text in committed_texts(checkout).items()
+        if name.endswith((".py", ".wgsl", ".sh"))
+    }
+    assert {name: length for name, length in lengths.items() if length > 400} == {}
+
+
+def test_requirements_and_imports_agree(checkout: Path) -> None:
+    names = {"cv2": "opencv-python-headless", "PIL": "pillow", "pydantic_core": "pydantic"}
+    imported = set()
+    for path in sorted((checkout / "gpusim").rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Import):
+                imported |= {alias.name.split(".")[0] for alias in node.names}
+            elif isinstance(node, ast.ImportFrom) and not node.level and node.module:
+                imported.add(node.module.split(".")[0])
+    imported -= set(sys.stdlib_module_names) | {"gpusim"}
+    project = tomllib.loads((checkout / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    declared = {re.split(r"[\[<>=!~; ]", entry)[0].lower() for entry in project["dependencies"]}
+    assert {names.get(name, name).lower() for name in imported} == declared
+    constraints = (checkout / "constraints.txt").read_text(encoding="utf-8").lower()
+    pinned = {line.split("==")[0] for line in constraints.splitlines() if "==" in line}
+    development = project["optional-dependencies"]["dev"]
+    declared |= {re.split(r"[\[<>=!~; ]", entry)[0].lower() for entry in development}
+    assert declared <= pinned
