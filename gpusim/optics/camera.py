@@ -141,5 +141,5 @@ class Camera:
 
     def ray_matrix(self) -> npt.NDArray[np.float64]:
         """(3, 3) matrix D with camera-space direction = D [x, y, 1], of unit depth."""
-        result: npt.NDArray[np.float64] = np.linalg.inv(self.K)
+        result: npt.NDArray[np.float64] = np.linalg.inv(self.K).astype(np.float64)
         return result

@@ -21,6 +21,7 @@ import numpy.typing as npt
 from gpusim import measure
 from gpusim.errors import GpusimError
 from gpusim.export.files import safe_name, write_text
+from gpusim.gpu import Device
 from gpusim.optics.camera import Camera
 from gpusim.pipeline.build import BodyParts, build_camera
 from gpusim.scene import Scene
@@ -31,6 +32,7 @@ __all__ = ["DeflectionResult", "measure_deflection"]
 Array = npt.NDArray[np.float64]
 Displacement = Callable[[int, float], Array]
 SUBSET_SHARE = 0.95
+REFINE_SHARE = 0.2
 TRUTH_POINTS = 200
 
 
@@ -43,7 +45,8 @@ class DeflectionResult:
     ``measured_mm``, ``true_mm`` (M, 2) in the image plane's two world axes, ``sigma_mm``,
     ``status`` names. ``axes``: those axes, such as ("+x", "+z"). ``curves``: per group, (3, K)
     position along the group and the true displacement in both axes. ``static_px`` (S, 2): what the
-    markers that can't move seemed to do.
+    markers that can't move seemed to do. ``tracking_px``: RMS difference of the tracked subsets
+    and the refined centres.
     """
 
     name: str
@@ -65,6 +68,7 @@ class DeflectionResult:
     mm_per_px_true: float
     scale_residual_px: float
     subset_px: int
+    tracking_px: float
     curves: dict[str, Array]
 
     @property
@@ -88,6 +92,8 @@ class DeflectionResult:
                 value = _plain(value)
             elif item.name == "curves":
                 value = {group: _plain(curve) for group, curve in value.items()}
+            elif isinstance(value, float) and not np.isfinite(value):
+                value = None
             values[item.name] = value
         text = json.dumps(values, indent=1, allow_nan=False) + "\n"
         return [
@@ -126,6 +132,8 @@ class DeflectionResult:
                 values[item.name] = _array(value, shape)
             elif isinstance(value, list):
                 values[item.name] = tuple(value)
+            elif value is None:
+                values[item.name] = np.nan
         return DeflectionResult(**values)
 
 
@@ -147,9 +155,13 @@ def measure_deflection(
     bodies: Sequence[BodyParts],
     displacement: Displacement,
     image: Callable[[str, int], npt.NDArray[Any]],
-    backend: str,
+    device: Device | None,
 ) -> DeflectionResult:
     """Track the markers of ``spec`` from the first frame to the last and scale to mm.
+
+    Marker centres come from the first image (Harris corners, then a fit of the cross); IC-GN
+    subsets follow them into the last image, where the centres are fitted again. ``device`` runs
+    the correlation; None uses the NumPy twin.
 
     Raises
     ------
@@ -174,14 +186,8 @@ def measure_deflection(
     last = len(scene.analysis.load_factors) - 1
     deformed = image(spec.camera, last)
 
-    points, found = np.full_like(expected, np.nan), np.zeros(len(places), bool)
-    for width in np.unique(np.round(widths, 1)):
-        rows = np.flatnonzero(np.round(widths, 1) == width)
-        located = measure.locate_markers(
-            reference, expected[rows], (max(6.0, 0.75 * width), 1.3 * width), 0.5 * width
-        )
-        hit = located.status == measure.MarkerStatus.FOUND
-        points[rows[hit]], found[rows[hit]] = located.points[hit], True
+    points = _centres(reference, expected, widths, 0.5)
+    found = np.asarray(np.isfinite(points).all(axis=1))
     if not found[: len(markers)].any():
         raise GpusimError(
             f"measure {spec.name!r}: no marker of {list(spec.groups)} was found in the first image "
@@ -193,13 +199,18 @@ def measure_deflection(
     tracked = measure.track(
         reference, deformed, points[tracked_rows],
         subset=subset, groups=chains, search_px=_search(points[tracked_rows], chains, subset),
+        device=device,
     )  # fmt: skip
-    moved, sigma = np.full_like(points, np.nan), np.full(len(places), np.nan)
-    moved[tracked_rows], sigma[tracked_rows] = tracked.displacement, tracked.sigma
+    matched, sigma = np.full_like(points, np.nan), np.full(len(places), np.nan)
+    matched[tracked_rows], sigma[tracked_rows] = tracked.displacement, tracked.sigma
+    # the fit of a marker's own cross is finer than the correlation of its sharp squares
+    refined = _centres(deformed, points + matched, widths, REFINE_SHARE) - points
+    moved = np.where(np.isfinite(refined), refined, matched)
     status = np.full(len(places), "NOT_FOUND", dtype=object)
     status[tracked_rows] = [measure.Status(s).name for s in tracked.status]
 
     count = len(markers)
+    gap = np.linalg.norm(refined - matched, axis=1)
     axes, plane = _image_axes(camera)
     ok = found[:count]
     scale = measure.scale_coefficient(points[:count][ok], 1e3 * position[ok] @ plane.T)
@@ -230,8 +241,23 @@ def measure_deflection(
         mm_per_px_true=_true_scale(camera, position),
         scale_residual_px=scale.residual_px,
         subset_px=subset,
+        tracking_px=float(np.sqrt(np.nanmean(gap**2))) if np.isfinite(gap).any() else np.nan,
         curves=curves,
     )
+
+
+def _centres(image: npt.NDArray[Any], near: Array, widths: Array, share: float) -> Array:
+    """Fitted marker centres (M, 2) within ``share`` of a width of ``near``; NaN where none is."""
+    points = np.full_like(near, np.nan)
+    known = np.asarray(np.isfinite(near).all(axis=1))
+    for width in np.unique(np.round(widths[known], 1)):
+        rows = np.flatnonzero(known & (np.round(widths, 1) == width))
+        located = measure.locate_markers(
+            image, near[rows], (max(6.0, 0.75 * width), 1.3 * width), share * float(width)
+        )
+        hit = located.status == measure.MarkerStatus.FOUND
+        points[rows[hit]] = located.points[hit]
+    return points
 
 
 def _marker_paint(bodies: Sequence[BodyParts], name: str) -> tuple[int, m.Markers]:

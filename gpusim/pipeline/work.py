@@ -84,10 +84,11 @@ class _Run:
         self.solved: Solved | None = None
         self.results: list[measuring.DeflectionResult] = []
         self.photographer: images.Photographer | None = None
+        self.device: Device | None = None
 
     def run(self) -> Report:
         """Every stage in the plan's order."""
-        device = self._device()
+        self.device = device = self._device()
         self._in_memory()
         self.state = StateFile(self.out)
         try:
@@ -251,7 +252,7 @@ class _Run:
         files = []
         for measure in self.scene.measures:
             result = measuring.measure_deflection(
-                measure, self.scene, self.bodies, self.displacement, self._image, self.backend
+                measure, self.scene, self.bodies, self.displacement, self._image, self.device
             )
             self.results.append(result)
             files += result.write(self.out / "measure")

@@ -4,12 +4,15 @@
 // float32 is enough because everything it touches is small: grey values have range 1, positions
 // are offsets from whole pixels, and the sums are taken over f - scale (g - offset), not over g.
 
+#import common/spline
+#import common/warp
+#import common/normal
+
 const THREADS = 64u;
 const VECTORS = 4u;     // of four sums each, that one reduction carries
 const FLOATS_IN = 14u;  // per subset: fraction of its point x, y; 12 start coefficients
 const FLOATS_OUT = 16u; // per subset: 12 coefficients, zncc, iterations, status, sigma
 const MIN_CONTRAST = 5e-4;
-const MIN_PIVOT = 1e-5;
 const MIN_WEIGHT = 0.3;
 
 // gpusim.measure.icgn.Status
@@ -17,10 +20,6 @@ const OK = 0.0;
 const OUTSIDE = 1.0;
 const NO_TEXTURE = 2.0;
 const NOT_CONVERGED = 3.0;
-
-// warp.py: 0 translation, 1 rigid, 2 affine, 3 quadratic
-override shape: u32;
-override unknowns: u32;
 
 struct Params {
     count: u32,
@@ -51,38 +50,11 @@ struct Params {
 
 var<workgroup> partial: array<vec4f, 256>; // THREADS * VECTORS
 var<workgroup> total: array<f32, 16>;
-var<workgroup> c: array<f32, 12>;         // warp: 6 coefficients for x, 6 for y
 var<workgroup> descent_sum: array<f32, 12>;
 var<workgroup> descent_dot: array<f32, 12>;
-var<workgroup> factor: array<f32, 144>;
-var<workgroup> step: array<f32, 12>;
 var<workgroup> running: u32;
 var<workgroup> level: f32;
 var<workgroup> contrast: f32;
-
-struct Taps {
-    a: vec3f,
-    b: vec3f,
-}
-
-// Quintic B-spline weights of the taps -2..3 at the fraction t.
-fn quintic(t: f32) -> Taps {
-    let s = 1.0 - t;
-    let t2 = t * t;
-    let s2 = s * s;
-    return Taps(
-        vec3f(
-            s2 * s2 * s,
-            26.0 + t * (-50.0 + t * (20.0 + t * (20.0 + t * (-20.0 + 5.0 * t)))),
-            66.0 + t2 * (-60.0 + t2 * (30.0 - 10.0 * t)),
-        ) / 120.0,
-        vec3f(
-            66.0 + s2 * (-60.0 + s2 * (30.0 - 10.0 * s)),
-            26.0 + s * (-50.0 + s * (20.0 + s * (20.0 + s * (-20.0 + 5.0 * s)))),
-            t2 * t2 * t,
-        ) / 120.0,
-    );
-}
 
 fn line(at: u32, w: Taps) -> f32 {
     return dot(w.a, vec3f(deformed[at], deformed[at + 1u], deformed[at + 2u]))
@@ -101,47 +73,6 @@ fn sample(column: i32, row: i32, fx: f32, fy: f32) -> f32 {
         + wy.b.x * line(at + 3u * pitch, wx)
         + wy.b.y * line(at + 4u * pitch, wx)
         + wy.b.z * line(at + 5u * pitch, wx);
-}
-
-// Twelve values in registers: an array indexed in a loop would live in slow scratch memory.
-struct Twelve {
-    a: vec4f,
-    b: vec4f,
-    c: vec4f,
-}
-
-// Change of the grey value by each unknown.
-fn descent(fx: f32, fy: f32, a: f32, b: f32) -> Twelve {
-    const none = vec4f(0.0);
-    if (shape == 0u) {
-        return Twelve(vec4f(fx, fy, 0.0, 0.0), none, none);
-    }
-    if (shape == 1u) {
-        return Twelve(vec4f(fx, fy, fy * a - fx * b, 0.0), none, none);
-    }
-    if (shape == 2u) {
-        return Twelve(vec4f(fx, fx * a, fx * b, fy), vec4f(fy * a, fy * b, 0.0, 0.0), none);
-    }
-    let aa = 0.5 * a * a;
-    let ab = a * b;
-    let bb = 0.5 * b * b;
-    return Twelve(
-        vec4f(fx, fx * a, fx * b, fx * aa),
-        vec4f(fx * ab, fx * bb, fy, fy * a),
-        vec4f(fy * b, fy * aa, fy * ab, fy * bb),
-    );
-}
-
-// One of the twelve; k is the same for all threads.
-fn pick(d: Twelve, k: u32) -> f32 {
-    var four = d.a;
-    if (k >= 8u) {
-        four = d.c;
-    } else if (k >= 4u) {
-        four = d.b;
-    }
-    let rest = k & 3u;
-    return select(select(four.x, four.y, rest == 1u), select(four.z, four.w, rest == 3u), rest > 1u);
 }
 
 // Where a thread is in its walk over the subset: every 64th pixel, row by row, without divisions.
@@ -179,115 +110,6 @@ fn reduce(thread: u32, count: u32) {
         total[4u * thread + 3u] = sum.w;
     }
     workgroupBarrier();
-}
-
-// Cholesky factor in place; false where a motion can't be told from the grey values.
-fn factorize() -> bool {
-    var largest = 0.0;
-    for (var i = 0u; i < unknowns; i++) {
-        largest = max(largest, factor[i * 12u + i]);
-    }
-    for (var j = 0u; j < unknowns; j++) {
-        let diagonal = factor[j * 12u + j];
-        var pivot = diagonal;
-        for (var k = 0u; k < j; k++) {
-            pivot -= factor[j * 12u + k] * factor[j * 12u + k];
-        }
-        if (!(pivot > MIN_PIVOT * diagonal && diagonal > MIN_PIVOT * MIN_PIVOT * largest)) {
-            return false;
-        }
-        let root = sqrt(pivot);
-        factor[j * 12u + j] = root;
-        for (var i = j + 1u; i < unknowns; i++) {
-            var value = factor[i * 12u + j];
-            for (var k = 0u; k < j; k++) {
-                value -= factor[i * 12u + k] * factor[j * 12u + k];
-            }
-            factor[i * 12u + j] = value / root;
-        }
-    }
-    return true;
-}
-
-// Solve L L^T x = step, in place.
-fn solve() {
-    for (var i = 0u; i < unknowns; i++) {
-        var value = step[i];
-        for (var k = 0u; k < i; k++) {
-            value -= factor[i * 12u + k] * step[k];
-        }
-        step[i] = value / factor[i * 12u + i];
-    }
-    for (var n = 0u; n < unknowns; n++) {
-        let i = unknowns - 1u - n;
-        var value = step[i];
-        for (var k = i + 1u; k < unknowns; k++) {
-            value -= factor[k * 12u + i] * step[k];
-        }
-        step[i] = value / factor[i * 12u + i];
-    }
-}
-
-// Diagonal entry of the inverse normal matrix.
-fn variance(index: u32) -> f32 {
-    for (var i = 0u; i < unknowns; i++) {
-        step[i] = select(0.0, 1.0, i == index);
-    }
-    solve();
-    return step[index];
-}
-
-// The step as warp coefficients.
-fn step_coefficients() -> array<f32, 12> {
-    var d = array<f32, 12>();
-    if (shape == 0u) {
-        d[0] = step[0];
-        d[6] = step[1];
-    } else if (shape == 1u) {
-        d[0] = step[0];
-        d[6] = step[1];
-        d[2] = -step[2];
-        d[7] = step[2];
-    } else if (shape == 2u) {
-        d[0] = step[0];
-        d[1] = step[1];
-        d[2] = step[2];
-        d[6] = step[3];
-        d[7] = step[4];
-        d[8] = step[5];
-    } else {
-        for (var i = 0u; i < 12u; i++) {
-            d[i] = step[i];
-        }
-    }
-    return d;
-}
-
-// c <- c o d^-1 to first order, cut after second-order terms (compose_inverse in warp.py).
-fn compose(d: array<f32, 12>, half: f32) {
-    for (var i = 0u; i < 12u; i += 6u) {
-        let l = vec3f(c[i + 1u], c[i + 3u], c[i + 4u]) / half;
-        let m = vec3f(c[i + 2u], c[i + 4u], c[i + 5u]) / half;
-        c[i] -= d[i] + l.x * d[0] + m.x * d[6];
-        c[i + 1u] -= d[i + 1u] + l.x * d[1] + l.y * d[0] + m.x * d[7] + m.y * d[6];
-        c[i + 2u] -= d[i + 2u] + l.x * d[2] + l.z * d[0] + m.x * d[8] + m.z * d[6];
-        if (shape == 3u) {
-            c[i + 3u] -= d[i + 3u] + l.x * d[3] + 2.0 * l.y * d[1] + m.x * d[9] + 2.0 * m.y * d[7];
-            c[i + 4u] -= d[i + 4u] + l.x * d[4] + l.y * d[2] + l.z * d[1]
-                + m.x * d[10] + m.y * d[8] + m.z * d[7];
-            c[i + 5u] -= d[i + 5u] + l.x * d[5] + 2.0 * l.z * d[2] + m.x * d[11] + 2.0 * m.z * d[8];
-        }
-    }
-    if (shape == 1u) {
-        let cosine = 2.0 * half + c[1] + c[8];
-        let sine = c[7] - c[2];
-        let length = sqrt(cosine * cosine + sine * sine);
-        let shrink = -half * sine * sine / (length * (length + cosine));
-        c[1] = shrink;
-        c[8] = shrink;
-        c[2] = -half * sine / length;
-        c[7] = half * sine / length;
-    }
 }
 
 @compute @workgroup_size(64)

@@ -1,0 +1,71 @@
+"""Finding equal things: congruent elements and equal rows, by 64-bit hashes of integers."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+__all__ = ["congruence_classes", "mix", "unique_rows"]
+
+Float = npt.NDArray[np.float64]
+Long = npt.NDArray[np.int64]
+Hash = npt.NDArray[np.uint64]
+
+# coordinates are compared on a grid of this fraction of the element's smallest extent
+_GRID = 2.0**-38
+
+
+def mix(value: npt.NDArray[np.integer], seed: int) -> Hash:
+    """splitmix64 finaliser (Steele, Lea & Flood 2014) of ``value`` with a stream number."""
+    x = value.astype(np.uint64) + np.uint64((0x9E3779B97F4A7C15 * (seed + 1)) % 2**64)
+    x = (x ^ (x >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    x = (x ^ (x >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return np.asarray(x ^ (x >> np.uint64(31)))
+
+
+def unique_rows(rows: Long) -> tuple[Long, Long]:
+    """First occurrences and class number of each row of an (M,k) integer array.
+
+    Hashing with two independent streams; if they disagree anywhere (a collision), every row
+    counts as its own class, which is slow and still right.
+    """
+    columns = rows.shape[1]
+    first_hash = np.zeros(len(rows), dtype=np.uint64)
+    second_hash = np.zeros(len(rows), dtype=np.uint64)
+    for column in range(columns):
+        first_hash = mix(first_hash ^ mix(rows[:, column], 2 * column), 0)
+        second_hash = mix(second_hash ^ mix(rows[:, column], 2 * column + 1), 1)
+    return unique_hashes(first_hash, second_hash)
+
+
+def unique_hashes(first_hash: Hash, second_hash: Hash) -> tuple[Long, Long]:
+    """Classes of equal ``first_hash``, numbered by first occurrence; see ``unique_rows``."""
+    _, first, inverse = np.unique(first_hash, return_index=True, return_inverse=True)
+    if not np.array_equal(second_hash[first][inverse], second_hash):
+        everyone = np.arange(len(first_hash), dtype=np.int64)
+        return everyone, everyone
+    order = np.argsort(first, kind="stable")
+    rank = np.empty_like(order)
+    rank[order] = np.arange(len(order))
+    return first[order].astype(np.int64), rank[inverse].astype(np.int64)
+
+
+def congruence_classes(nodes: Float, material: npt.NDArray[np.int32]) -> tuple[Long, Long]:
+    """Elements with the same shape (up to translation) and material.
+
+    ``nodes`` (M,k,3). Returns (representatives (C,), class of element (M,)). Coordinates are
+    relative to the first node and compared to 3.6e-12 of the element's smallest extent; the
+    representative's own coordinates are used for the matrix, so geometry moves by no more than
+    that. Equal elements that straddle a grid border become two classes: slower, not wrong.
+    """
+    local = nodes - nodes[:, :1]
+    extent = (local.max(axis=1) - local.min(axis=1)).min(axis=1)
+    exponent = np.ceil(np.log2(extent))
+    scaled = local / (np.exp2(exponent) * _GRID)[:, None, None]
+    # a shift by an odd fraction keeps exact multiples (0, h, 2h) off the grid borders
+    grid = np.floor(np.clip(scaled + 0.37, -(2.0**62), 2.0**62)).astype(np.int64)
+    rows = np.concatenate(
+        [grid.reshape(len(nodes), -1), exponent[:, None].astype(np.int64), material[:, None]],
+        axis=1,
+    )
+    return unique_rows(rows)

@@ -1,0 +1,207 @@
+"""The outer loop: runs of conjugate gradients inside a float64 refinement."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import NotConverged
+from gpusim.fem.stopping import energy_bound, smallest_ritz_value
+
+__all__ = ["Norm", "Outcome", "System", "iterate"]
+
+Float = npt.NDArray[np.float64]
+
+# a Ritz value lies slightly above the eigenvalue that the bounds ask for
+_BELOW = 0.9
+_MOST_REFINEMENTS = 12
+
+
+@dataclass(frozen=True, eq=False)
+class System:
+    """The scaled problem K' u' = f': K' = K/scale, f' = f/load_scale per load case.
+
+    ``right`` (L,N,3) is zero on fixed unknowns and includes what prescribed displacements pull.
+    ``apply`` (L,N,3) -> K' u'. ``free`` (N,3). ``prescribed`` (1,N,3), unscaled.
+    """
+
+    apply: Callable[[Float], Float]
+    right: Float
+    free: npt.NDArray[np.bool_]
+    scale: float
+    load_scale: Float
+    prescribed: Float
+
+    def apply_flat(self, x: Float) -> Float:
+        """The same for (L,3N)."""
+        return self.apply(x.reshape(len(x), -1, 3)).reshape(x.shape)
+
+
+@dataclass(frozen=True, eq=False)
+class Norm:
+    """The norm of the stopping rule: sum of squares, or u.D u with blocks (N,3,3).
+
+    ``lowest`` is the least eigenvalue of N^-1 K'; None: the smallest Ritz value serves.
+    """
+
+    blocks: Float | None
+    lowest: float | None
+
+    def size(self, u: Float) -> Float:
+        """(L,) norms of (L,N,3)."""
+        image = u if self.blocks is None else np.matmul(self.blocks, u[..., None])[..., 0]
+        return np.asarray(np.sqrt(np.maximum(np.einsum("lni,lni->l", u, image), 0.0)))
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """Displacements (L,N,3) in the model's units, and how the iteration ended."""
+
+    u: Float
+    converged: bool
+    error_estimate: float
+    iterations: int
+    residuals: Float
+    message: str
+
+
+class _State:
+    """Least Ritz value so far and the estimates per load case."""
+
+    def __init__(self, system: System, norm: Norm) -> None:
+        self.system, self.norm = system, norm
+        self.mu = np.full(len(system.right), np.inf)
+        self.given = system.prescribed * (system.scale / system.load_scale)[:, None, None]
+
+    def learn(self, history: Float) -> None:
+        for case in range(len(self.mu)):
+            lowest = smallest_ritz_value(history[:, case, 1], history[:, case, 2])
+            self.mu[case] = min(self.mu[case], lowest)
+
+    def relative(self, energy: Float, x: Float) -> Float:
+        """Estimated relative displacement error for energy-norm errors (L,)."""
+        lowest = _BELOW * (self.mu if self.norm.lowest is None else self.norm.lowest)
+        size = self.norm.size(x + self.given)
+        bound = energy / np.sqrt(lowest)
+        return np.where(energy > 0.0, bound / np.where(size > 0.0, size, 1e-300), 0.0)
+
+
+def iterate(
+    system: System,
+    loop: Any,
+    norm: Norm,
+    start: Float | None,
+    *,
+    tolerance: float,
+    most: int,
+    chunk: int,
+    progress: Callable[[int, float], None] | None,
+) -> Outcome:
+    """Run until the estimate of every load case is at or below ``tolerance``.
+
+    Each run of conjugate gradients solves for a correction from the true residual, formed in
+    float64 on the host. The estimate that counts is that of the true residual,
+    ||e||_A <= sqrt(r . M^-1 r / mu); inside a run the Gauss-Radau bound decides.
+    """
+    cases = len(system.right)
+    factor = (system.scale / system.load_scale)[:, None, None]
+    x = np.zeros_like(system.right)
+    if start is not None:
+        x = np.where(system.free, start * factor, 0.0)
+    state = _State(system, norm)
+    iterations, histories = 0, []
+    first: Float | None = None
+    estimate = np.full(cases, np.inf)
+    message = f"stopped after {most} iterations"
+    for refinement in range(_MOST_REFINEMENTS):
+        residual = system.right - (system.apply(x) if x.any() else 0.0)
+        residual = np.where(system.free, residual, 0.0).reshape(cases, -1)
+        rz = loop.begin(residual)
+        _refuse(rz[None, :, None], "the preconditioned residual")
+        first = rz if first is None else first
+        if refinement or start is not None:
+            before = estimate
+            known = np.isfinite(state.mu)
+            energy = np.sqrt(np.maximum(rz, 0.0) / (_BELOW * np.where(known, state.mu, 1.0)))
+            estimate = np.where(rz > 0.0, state.relative(energy, x), 0.0)
+            if known.all() and bool((estimate <= tolerance).all()):
+                message = "converged"
+                break
+            if refinement > 1 and not (estimate.max() <= 0.5 * before.max()):
+                message = f"stagnated at an estimated relative error of {estimate.max():.2g}"
+                break
+        if iterations >= most:
+            break
+        report = None if progress is None else partial(_shifted, progress, iterations)
+        correction, history = _run(
+            system, loop, state, x, rz, 0.3 * tolerance, most - iterations, chunk, report
+        )
+        x = x + correction
+        iterations += len(history)
+        histories.append(history)
+    else:
+        message = f"stopped after {_MOST_REFINEMENTS} refinements"
+    converged = bool((estimate <= tolerance).all())
+    residuals = np.zeros((0, cases))
+    if histories and first is not None:
+        lines = np.concatenate(histories)[:, :, 0]
+        residuals = np.sqrt(np.maximum(lines, 0.0) / np.where(first > 0.0, first, 1.0))
+    u = np.where(system.free, x / factor, system.prescribed)
+    return Outcome(u, converged, float(estimate.max()), iterations, residuals, message)
+
+
+def _run(
+    system: System,
+    loop: Any,
+    state: _State,
+    x: Float,
+    rz: Float,
+    tolerance: float,
+    most: int,
+    chunk: int,
+    progress: Callable[[int, float], None] | None,
+) -> tuple[Float, Float]:
+    """One run from the residual that the loop holds; returns (correction, history)."""
+    history = np.zeros((0, len(rz), 4))
+    active = rz > 0.0
+    estimate = np.full(len(rz), np.inf)
+    estimate[~active] = 0.0
+    correction = np.zeros_like(system.right)
+    while active.any() and len(history) < most:
+        lines = loop.run(min(chunk, most - len(history)), active)
+        _refuse(lines, "conjugate gradients")
+        bent = active & ((lines[:, :, 3] <= 0.0) & (lines[:, :, 0] > 0.0)).any(axis=0)
+        if bent.any():
+            raise NotConverged(
+                f"conjugate gradients: negative curvature in load case {np.flatnonzero(bent)[0]}; "
+                f"got p.Kp = {lines[:, bent, 3].min():.3g}; expected a positive definite stiffness"
+            )
+        history = np.concatenate([history, lines])
+        state.learn(history)
+        correction = loop.correction().reshape(x.shape)
+        for case in np.flatnonzero(active):
+            energy = energy_bound(history[:, case], _BELOW * state.mu[case])
+            estimate[case] = state.relative(
+                np.where(np.arange(len(rz)) == case, energy, 0.0), x + correction
+            )[case]
+        active &= ~(estimate <= tolerance)
+        if progress is not None:
+            progress(len(history), float(estimate.max()))
+    return correction, history
+
+
+def _shifted(progress: Callable[[int, float], None], done: int, now: int, error: float) -> None:
+    progress(done + now, error)
+
+
+def _refuse(values: Float, what: str) -> None:
+    if not np.isfinite(values).all():
+        raise NotConverged(
+            f"{what}: got values that aren't finite; expected finite numbers "
+            "(is the stiffness of some material or the size of some element extreme?)"
+        )

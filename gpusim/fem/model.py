@@ -1,0 +1,139 @@
+"""The model: mesh, materials, supports and nodal loads."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import InputError
+from gpusim.fem.material import Isotropic
+from gpusim.mesh import Mesh
+
+__all__ = ["Model"]
+
+Float = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """A linear static problem in any consistent units.
+
+    Parameters
+    ----------
+    mesh : the body (or bodies).
+    materials : isotropic materials.
+    material_of_cell : (M,) index into ``materials`` per global cell; None: all the first.
+    fixed : (N,3) bool, degrees of freedom whose displacement is given.
+    prescribed : (N,3) float64 displacement where ``fixed``; None: zero. Non-zero elsewhere is
+        an error, so that a forgotten ``fixed`` can't pass.
+    forces : (N,3) or (L,N,3) float64 nodal forces, L load cases; None: zero.
+
+    Arrays are copied, checked and made read-only. Raises InputError.
+    """
+
+    mesh: Mesh
+    materials: Sequence[Isotropic]
+    fixed: npt.NDArray[np.bool_]
+    forces: Float | None = None
+    material_of_cell: npt.NDArray[np.int32] | None = None
+    prescribed: Float | None = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.mesh, Mesh):
+            raise InputError(f"Model.mesh: got {type(self.mesh).__name__}; expected a Mesh")
+        shape = self.mesh.points.shape
+        materials = tuple(self.materials)
+        if not materials or not all(isinstance(one, Isotropic) for one in materials):
+            raise InputError(
+                f"Model.materials: got {self.materials!r}; expected at least one Isotropic"
+            )
+        fixed = np.array(self.fixed)
+        if fixed.shape != shape or fixed.dtype != np.bool_:
+            raise InputError(f"Model.fixed: got {fixed.shape} {fixed.dtype}; expected {shape} bool")
+        forces = np.zeros(shape) if self.forces is None else _float("forces", self.forces)
+        if forces.shape != shape and forces.shape[1:] != shape:
+            raise InputError(
+                f"Model.forces: wrong shape; got {forces.shape}; expected {shape} or (L, *{shape})"
+            )
+        if forces.size == 0:
+            raise InputError("Model.forces: no load case; got L = 0; expected L >= 1")
+        given = np.zeros(shape) if self.prescribed is None else self.prescribed
+        prescribed = _float("prescribed", given)
+        if prescribed.shape != shape:
+            raise InputError(
+                f"Model.prescribed: wrong shape; got {prescribed.shape}; expected {shape}"
+            )
+        loose = np.flatnonzero(((prescribed != 0.0) & ~fixed).any(axis=1))
+        if loose.size:
+            raise InputError(
+                f"Model.prescribed: {loose.size} nodes have a displacement but aren't fixed; "
+                f"got node {loose[0]}; expected fixed = True there"
+            )
+        cells = self.mesh.cell_count
+        if self.material_of_cell is None:
+            of_cell = np.zeros(cells, dtype=np.int32)
+        else:
+            of_cell = _material_numbers(self.material_of_cell, cells, len(materials))
+        _refuse_loaded_dangling(self.mesh, forces, fixed)
+        for array in (fixed, forces, prescribed, of_cell):
+            array.setflags(write=False)
+        object.__setattr__(self, "materials", materials)
+        object.__setattr__(self, "fixed", fixed)
+        object.__setattr__(self, "forces", forces)
+        object.__setattr__(self, "prescribed", prescribed)
+        object.__setattr__(self, "material_of_cell", of_cell)
+
+    @property
+    def load_cases(self) -> Float:
+        """(L,N,3) float64, also for a single load case."""
+        assert self.forces is not None
+        return self.forces if self.forces.ndim == 3 else self.forces[None]
+
+    @property
+    def densities(self) -> Float:
+        """(M,) density per cell."""
+        return np.array([one.density for one in self.materials])[self.material_of_cell]
+
+
+def _float(name: str, value: Any) -> Float:
+    try:
+        array = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"Model.{name}: not numbers ({error}); expected float64") from None
+    if not np.isfinite(array).all():
+        bad = np.argwhere(~np.isfinite(array))
+        raise InputError(
+            f"Model.{name}: {len(bad)} values aren't finite; got the first at index "
+            f"{tuple(int(k) for k in bad[0])}; expected finite numbers"
+        )
+    return array
+
+
+def _material_numbers(value: Any, cells: int, count: int) -> npt.NDArray[np.int32]:
+    numbers = np.asarray(value)
+    if numbers.shape != (cells,) or numbers.dtype.kind not in "iu":
+        raise InputError(
+            f"Model.material_of_cell: got {numbers.shape} {numbers.dtype}; "
+            f"expected ({cells},) integers"
+        )
+    if numbers.min() < 0 or numbers.max() >= count:
+        raise InputError(
+            f"Model.material_of_cell: got {numbers.min()} … {numbers.max()}; "
+            f"expected 0 … {count - 1}"
+        )
+    return np.array(numbers, dtype=np.int32)
+
+
+def _refuse_loaded_dangling(mesh: Mesh, forces: Float, fixed: npt.NDArray[np.bool_]) -> None:
+    nodes = mesh.dangling_nodes
+    loads = forces if forces.ndim == 3 else forces[None]
+    loaded = nodes[((loads[:, nodes] != 0.0).any(axis=0) & ~fixed[nodes]).any(axis=1)]
+    if loaded.size:
+        raise InputError(
+            f"Model.forces: {loaded.size} loaded nodes belong to no cell; got node {loaded[0]}; "
+            "expected forces on nodes of the mesh's cells"
+        )

@@ -1,0 +1,233 @@
+"""The mesh: points, cells by type, and named sets."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import InputError
+from gpusim.mesh.cells import CELL_TYPES
+
+__all__ = ["Mesh"]
+
+Float = npt.NDArray[np.float64]
+Int = npt.NDArray[np.int32]
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """A volume mesh in one consistent length unit.
+
+    Parameters
+    ----------
+    points : (N,3) float64, node coordinates in the body's frame.
+    cells : cell type -> (M,k) integer node numbers, VTK/Abaqus order ("hex8", "tet4").
+        A cell's global number counts through the types in the order of this dict.
+    node_sets : name -> (K,) node numbers.
+    face_sets : name -> (K,2) pairs (global cell number, local face number).
+
+    Arrays are copied, checked and made read-only. Nodes used by no cell are legal and listed
+    in ``dangling_nodes``.
+
+    Raises
+    ------
+    InputError
+        Unknown cell type, wrong shape, node number out of range or repeated inside a cell,
+        a coordinate that isn't finite, cells with zero or negative volume at a corner (the
+        first five named by number).
+    """
+
+    points: Float
+    cells: Mapping[str, Int]
+    node_sets: Mapping[str, Int] = field(default_factory=dict)
+    face_sets: Mapping[str, Int] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        points = _points(self.points)
+        count = len(points)
+        if not isinstance(self.cells, Mapping) or not self.cells:
+            raise InputError(
+                f"Mesh.cells: need a mapping from cell type to an array; got {self.cells!r}; "
+                f"expected keys among {', '.join(CELL_TYPES)}"
+            )
+        cells = {name: _cells(name, value, count) for name, value in self.cells.items()}
+        object.__setattr__(self, "points", points)
+        object.__setattr__(self, "cells", MappingProxyType(cells))
+        total = sum(len(block) for block in cells.values())
+        if total == 0:
+            raise InputError("Mesh.cells: no cells; got empty arrays; expected at least one cell")
+        _refuse_inverted(self)
+        node_sets = {
+            name: _index_set(f"node_sets[{name!r}]", value, count, 1)
+            for name, value in self.node_sets.items()
+        }
+        face_sets = {
+            name: _index_set(f"face_sets[{name!r}]", value, total, 2)
+            for name, value in self.face_sets.items()
+        }
+        for name, pairs in face_sets.items():
+            _check_local_faces(name, pairs, self)
+        object.__setattr__(self, "node_sets", MappingProxyType(node_sets))
+        object.__setattr__(self, "face_sets", MappingProxyType(face_sets))
+
+    @property
+    def node_count(self) -> int:
+        return len(self.points)
+
+    @property
+    def cell_count(self) -> int:
+        return sum(len(block) for block in self.cells.values())
+
+    @cached_property
+    def bounds(self) -> Float:
+        """(2,3) float64: least and greatest coordinate."""
+        return np.stack([self.points.min(axis=0), self.points.max(axis=0)])
+
+    @cached_property
+    def dangling_nodes(self) -> Int:
+        """(K,) int32: numbers of the nodes that belong to no cell."""
+        used = np.zeros(self.node_count, dtype=bool)
+        for block in self.cells.values():
+            used[block.ravel()] = True
+        return np.flatnonzero(~used).astype(np.int32)
+
+    def blocks(self) -> Iterator[tuple[str, int, Int]]:
+        """Yield (cell type, global number of its first cell, (M,k) cells)."""
+        first = 0
+        for name, block in self.cells.items():
+            yield name, first, block
+            first += len(block)
+
+    def moved(self, displacement: npt.ArrayLike) -> Mesh:
+        """The same mesh with ``displacement`` (N,3) added to its points."""
+        shift = np.asarray(displacement, dtype=np.float64)
+        if shift.shape != self.points.shape:
+            raise InputError(
+                f"Mesh.moved: wrong shape; got {shift.shape}; expected {self.points.shape}"
+            )
+        return Mesh(self.points + shift, self.cells, self.node_sets, self.face_sets)
+
+    def with_sets(
+        self,
+        node_sets: Mapping[str, Int] | None = None,
+        face_sets: Mapping[str, Int] | None = None,
+    ) -> Mesh:
+        """The same mesh with named sets added (or replaced)."""
+        return Mesh(
+            self.points,
+            self.cells,
+            {**self.node_sets, **(node_sets or {})},
+            {**self.face_sets, **(face_sets or {})},
+        )
+
+
+def _points(value: Any) -> Float:
+    try:
+        points = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"Mesh.points: not numbers ({error}); expected (N,3) float64") from None
+    if points.ndim != 2 or points.shape[1] != 3 or len(points) == 0:
+        raise InputError(f"Mesh.points: wrong shape; got {points.shape}; expected (N,3), N > 0")
+    bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
+    if bad.size:
+        raise InputError(
+            f"Mesh.points: {bad.size} nodes have a coordinate that isn't finite; "
+            f"got nodes {_first(bad)}; expected finite numbers"
+        )
+    points.setflags(write=False)
+    return points
+
+
+def _cells(name: str, value: Any, count: int) -> Int:
+    if name not in CELL_TYPES:
+        raise InputError(
+            f"Mesh.cells: unknown cell type; got {name!r}; expected one of {', '.join(CELL_TYPES)}"
+        )
+    block = np.asarray(value)
+    width = CELL_TYPES[name].nodes
+    if block.ndim != 2 or block.shape[1] != width:
+        raise InputError(
+            f"Mesh.cells[{name!r}]: wrong shape; got {block.shape}; expected (M,{width})"
+        )
+    if block.dtype.kind not in "iu":
+        raise InputError(
+            f"Mesh.cells[{name!r}]: wrong type; got {block.dtype}; expected integer node numbers"
+        )
+    bad = np.flatnonzero(((block < 0) | (block >= count)).any(axis=1))
+    if bad.size:
+        raise InputError(
+            f"Mesh.cells[{name!r}]: node number out of range in {bad.size} cells; "
+            f"got cell {bad[0]} = {block[bad[0]].tolist()}; expected 0 … {count - 1}"
+        )
+    ordered = np.sort(block, axis=1)
+    twice = np.flatnonzero((ordered[:, 1:] == ordered[:, :-1]).any(axis=1))
+    if twice.size:
+        raise InputError(
+            f"Mesh.cells[{name!r}]: {twice.size} cells name a node twice; "
+            f"got cell {twice[0]} = {block[twice[0]].tolist()}; expected {width} different nodes"
+        )
+    copy = np.array(block, dtype=np.int32)
+    copy.setflags(write=False)
+    return copy
+
+
+def _index_set(where: str, value: Any, limit: int, dimensions: int) -> Int:
+    numbers = np.asarray(value)
+    if numbers.dtype.kind not in "iu" and numbers.size:
+        raise InputError(f"Mesh.{where}: wrong type; got {numbers.dtype}; expected integers")
+    if numbers.ndim != dimensions or (dimensions == 2 and numbers.shape[1] != 2):
+        shape = "(K,)" if dimensions == 1 else "(K,2)"
+        raise InputError(f"Mesh.{where}: wrong shape; got {numbers.shape}; expected {shape}")
+    first = numbers if dimensions == 1 else numbers[:, 0]
+    if numbers.size and (first.min() < 0 or first.max() >= limit):
+        raise InputError(
+            f"Mesh.{where}: number out of range; got {first.min()} … {first.max()}; "
+            f"expected 0 … {limit - 1}"
+        )
+    copy = np.array(numbers, dtype=np.int32)
+    copy.setflags(write=False)
+    return copy
+
+
+def _check_local_faces(name: str, pairs: Int, mesh: Mesh) -> None:
+    for kind, first, block in mesh.blocks():
+        inside = (pairs[:, 0] >= first) & (pairs[:, 0] < first + len(block))
+        local = pairs[inside, 1]
+        sides = len(CELL_TYPES[kind].faces)
+        if local.size and (local.min() < 0 or local.max() >= sides):
+            raise InputError(
+                f"Mesh.face_sets[{name!r}]: local face number out of range; "
+                f"got {local.min()} … {local.max()}; expected 0 … {sides - 1} for {kind}"
+            )
+
+
+def _refuse_inverted(mesh: Mesh) -> None:
+    # Imported here because quality measures a Mesh, and a Mesh refuses bad quality.
+    from gpusim.mesh.quality import corner_jacobians
+
+    bad: list[int] = []
+    worst = np.inf
+    for kind, first, block in mesh.blocks():
+        if len(block) == 0:
+            continue
+        smallest = corner_jacobians(kind, mesh.points[block]).min(axis=1)
+        wrong = np.flatnonzero(~(smallest > 0.0))
+        if wrong.size:
+            bad.extend((wrong + first).tolist())
+            worst = min(worst, float(smallest[wrong].min()))
+    if bad:
+        raise InputError(
+            f"Mesh.cells: {len(bad)} inverted or zero-volume cells; got cells {_first(bad)} "
+            f"(least corner Jacobian {worst:.3g}); expected right-handed cells with positive volume"
+        )
+
+
+def _first(numbers: Any, shown: int = 5) -> str:
+    text = ", ".join(str(int(number)) for number in numbers[:shown])
+    return text + (", …" if len(numbers) > shown else "")
