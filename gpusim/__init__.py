@@ -30,13 +30,23 @@ if TYPE_CHECKING:
     from gpusim.fem import Isotropic, Model, Solution
     from gpusim.gpu import Device
     from gpusim.mesh import Mesh
-    from gpusim.optics import AreaLight, Camera, Frame, PointLight, Sensor, Truth, render
+    from gpusim.optics import (
+        AmbientLight,
+        AreaLight,
+        Camera,
+        Frame,
+        PointLight,
+        Sensor,
+        Truth,
+        render,
+    )
     from gpusim.pipeline import run, solve
     from gpusim.report import Report
     from gpusim.scene import Scene, load_scene
     from gpusim.surface import PaintFrame, Skin, Surface, paint
 
 __all__ = [
+    "AmbientLight",
     "AreaLight",
     "Camera",
     "Device",
@@ -89,7 +99,16 @@ _HOMES = {
     "gpusim.fem": ("Isotropic", "Model", "Solution"),
     "gpusim.gpu": ("Device",),
     "gpusim.mesh": ("Mesh",),
-    "gpusim.optics": ("AreaLight", "Camera", "Frame", "PointLight", "Sensor", "Truth", "render"),
+    "gpusim.optics": (
+        "AmbientLight",
+        "AreaLight",
+        "Camera",
+        "Frame",
+        "PointLight",
+        "Sensor",
+        "Truth",
+        "render",
+    ),
     "gpusim.pipeline": ("run", "solve"),
     "gpusim.report": ("Report",),
     "gpusim.scene": ("Scene", "load_scene"),

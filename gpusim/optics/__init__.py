@@ -2,9 +2,18 @@
 
 from gpusim.optics.camera import Camera
 from gpusim.optics.frame import Frame
-from gpusim.optics.light import AreaLight, PointLight
+from gpusim.optics.light import AmbientLight, AreaLight, PointLight
 from gpusim.optics.render import render
 from gpusim.optics.sensor import Sensor
 from gpusim.optics.truth import Truth
 
-__all__ = ["AreaLight", "Camera", "Frame", "PointLight", "Sensor", "Truth", "render"]
+__all__ = [
+    "AmbientLight",
+    "AreaLight",
+    "Camera",
+    "Frame",
+    "PointLight",
+    "Sensor",
+    "Truth",
+    "render",
+]

@@ -45,7 +45,7 @@ class Camera:
     def __post_init__(self) -> None:
         where = f"Camera {self.name!r}"
         for key, value in (("width", self.width), ("height", self.height)):
-            if int(value) != value or not 1 <= value <= 65535:
+            if not (1 <= value <= 65535 and int(value) == value):
                 raise InputError(f"{where} {key}; got {value}; expected 1 to 65535 pixels")
         K = np.asarray(self.K, np.float64)
         if K.shape != (3, 3) or not np.isfinite(K).all():
@@ -62,7 +62,9 @@ class Camera:
             )
         T = np.asarray(self.camera_from_world, np.float64)
         if T.shape != (4, 4) or not np.isfinite(T).all():
-            raise InputError(f"{where} camera_from_world; got shape {T.shape}; expected (4, 4)")
+            raise InputError(
+                f"{where} camera_from_world; got shape {T.shape}; expected finite (4, 4)"
+            )
         R = T[:3, :3]
         rigid = np.abs(R @ R.T - np.eye(3)).max() <= 1e-9 and np.linalg.det(R) > 0
         if not rigid or (T[3] != [0, 0, 0, 1]).any():
@@ -95,6 +97,16 @@ class Camera:
             raise InputError(f"{where} sensor_mm, focal_mm; got {numbers}; expected above 0")
         width, height = resolution
         eye3, target3, up3 = (np.asarray(v, np.float64) for v in (eye, target, up))
+        for key, vector, shape in (
+            ("eye", eye3, (3,)),
+            ("target", target3, (3,)),
+            ("up", up3, (3,)),
+            ("principal_point_offset_mm", np.asarray(principal_point_offset_mm), (2,)),
+        ):
+            if vector.shape != shape or not np.isfinite(vector).all():
+                raise InputError(
+                    f"{where} {key}; got {vector.tolist()}; expected {shape[0]} finite numbers"
+                )
         forward = target3 - eye3
         distance = np.linalg.norm(forward)
         if not distance > 0.0:

@@ -1,7 +1,8 @@
 """Edge pixels: exact polygon areas of every triangle over the pixel, from front to back.
 
 A triangle that nothing hides takes exactly the area of its polygon inside the pixel; the rest is
-shared by partly hidden triangles and the background in proportion to a 16 x 32 sample mask
+shared by partly hidden triangles and the background in proportion to a 16 x 32 sample mask. A
+sliver that falls between the samples is seen or hidden as a whole, as its centroid is
 (Carpenter, "The A-buffer", SIGGRAPH 1984, with exact areas in place of counts where they are
 known). The twin repeats the shader's steps in float64.
 """
@@ -105,6 +106,10 @@ def edges_twin(
             c = np.clip(np.floor((centroid[sliver, 0] + 0.5) * COLUMNS), 0, COLUMNS - 1)
             bit = np.uint32(1) << c.astype(np.uint32)
             visible[sliver] = (covered[entry[sliver], r] & bit) == 0
+            doubtful = sliver[~visible[sliver]]
+            visible[doubtful] = ~_is_covered(
+                corners_of, edges, entry[doubtful], k, at[doubtful] + centroid[doubtful]
+            )
         opened[entry] -= seen
         keep = visible | (seen > 0)
         entry, triangle, at, area = entry[keep], triangle[keep], at[keep], area[keep]
@@ -124,6 +129,20 @@ def edges_twin(
     value[bare] = free_light[bare] / free_area[bare]
     result = radiance.copy()
     result.reshape(-1)[edges.pixel] = value
+    return result
+
+
+def _is_covered(
+    corners: Array, edges: EdgePixels, entry: npt.NDArray[np.int64], k: int, at: Array
+) -> npt.NDArray[np.bool_]:
+    """Whether points (n, 2) px lie inside one of the first k triangles of their edge pixels."""
+    result = np.zeros(len(entry), bool)
+    for i in range(k):
+        rows = np.flatnonzero(~result)
+        v = corners[edges.triangle[edges.start[entry[rows]] + i]] - at[rows, None]
+        w = np.roll(v, -1, axis=1)
+        side = v[..., 0] * w[..., 1] - v[..., 1] * w[..., 0]
+        result[rows] = (side > 0.0).all(axis=1) | (side < 0.0).all(axis=1)
     return result
 
 

@@ -14,7 +14,15 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 
-__all__ = ["AreaLight", "Light", "PointLight", "emitters", "irradiance"]
+__all__ = [
+    "AmbientLight",
+    "AreaLight",
+    "Light",
+    "PointLight",
+    "ambient",
+    "emitters",
+    "irradiance",
+]
 
 Vector = tuple[float, float, float]
 
@@ -58,16 +66,37 @@ class AreaLight:
             raise InputError(f"AreaLight target; got the lamp's own position {self.target}")
 
 
-Light = PointLight | AreaLight
+@dataclass(frozen=True)
+class AmbientLight:
+    """Surroundings of one ``radiance`` (W per square unit and sr) in every direction.
+
+    It stands for what a room's walls send back; every unhidden face receives pi x radiance.
+    """
+
+    radiance: float
+
+    def __post_init__(self) -> None:
+        _check("AmbientLight radiance as", self.radiance)
+
+
+Light = PointLight | AreaLight | AmbientLight
+
+
+def ambient(lights: Sequence[Light]) -> float:
+    """Irradiance that every face receives from the surroundings."""
+    return float(np.pi * sum(v.radiance for v in lights if isinstance(v, AmbientLight)))
 
 
 def emitters(lights: Sequence[Light], points: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     """Table (E, 8): position, intensity along the axis (W/sr), axis, 1 if it follows Lambert's law.
 
     ``points`` (P, 3) are surface points; the nearest decides how finely a lamp is divided.
+    Surroundings have no row: see `ambient`.
     """
     rows = []
     for light in lights:
+        if isinstance(light, AmbientLight):
+            continue
         position = np.array(light.position, np.float64)
         if isinstance(light, PointLight):
             rows.append([*position, light.power / (4.0 * np.pi), 0.0, 0.0, 0.0, 0.0])
@@ -100,9 +129,13 @@ def irradiance(
     table: npt.NDArray[np.float64],
     points: npt.NDArray[np.float64],
     normals: npt.NDArray[np.float64],
+    surroundings: float = 0.0,
 ) -> npt.NDArray[np.float64]:
-    """Irradiance (N,) in W per square unit at points (N, 3) with unit normals (N, 3)."""
-    total = np.zeros(len(points))
+    """Irradiance (N,) in W per square unit at points (N, 3) with unit normals (N, 3).
+
+    ``surroundings`` is added everywhere (see `ambient`).
+    """
+    total = np.full(len(points), surroundings)
     for row in table:
         to_light = row[:3] - points
         square = np.maximum(np.sum(to_light * to_light, axis=1), 1e-30)

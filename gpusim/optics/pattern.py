@@ -151,18 +151,47 @@ def _refuse_overlap(features: Features, low: Array, high: Array) -> None:
     for i in np.flatnonzero(until > np.arange(len(low)) + 1):
         span = slice(i + 1, until[i])
         hit = (low[span, 1] < high[i, 1]) & (high[span, 1] > low[i, 1])
-        kinds = features.kind[order]
         for j in np.flatnonzero(hit) + i + 1:
-            if kinds[i] == kinds[j] == 1:
-                gap = features.position[order[i]] - features.position[order[j]]
-                reach = features.size[order[i], 0] + features.size[order[j], 0]
-                if np.hypot(*gap) >= reach * (1.0 - 1e-9):
-                    continue
+            if _apart(features, int(order[i]), int(order[j])):
+                continue
             raise InputError(
                 f"paint features {order[i]} and {order[j]} overlap; got boxes around "
                 f"{features.position[order[i]].tolist()} and {features.position[order[j]].tolist()}"
                 "; expected features that keep apart"
             )
+
+
+def _apart(features: Features, i: int, j: int) -> bool:
+    """Whether two features whose boxes overlap don't (patches by separating axes)."""
+    if features.kind[i] == 1:
+        i, j = j, i
+    slack = 1e-9 * float(max(features.size[i].max(), features.size[j].max()))
+    if features.kind[i] == 1:
+        gap = np.hypot(*(features.position[i] - features.position[j]))
+        return bool(gap >= features.size[i, 0] + features.size[j, 0] - slack)
+    if features.kind[j] == 1:
+        relative = _turn(features.position[j] - features.position[i], -features.angle[i])
+        outside = relative - np.clip(relative, 0.0, features.size[i] * features.squares[i])
+        return bool(np.hypot(*outside) >= features.size[j, 0] - slack)
+    corners = []
+    for k in (i, j):
+        extent = features.size[k] * features.squares[k]
+        box = extent * np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+        corners.append(features.position[k] + _turn(box, features.angle[k]))
+    for angle in (features.angle[i], features.angle[j]):
+        a, b = (_turn(points, -angle) for points in corners)
+        if (a.max(axis=0) <= b.min(axis=0) + slack).any():
+            return True
+        if (b.max(axis=0) <= a.min(axis=0) + slack).any():
+            return True
+    return False
+
+
+def _turn(points: Array, angle: float) -> Array:
+    """Points (…, 2) turned about the origin by ``angle``."""
+    cos, sin = np.cos(angle), np.sin(angle)
+    x, y = points[..., 0], points[..., 1]
+    return np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
 
 
 def _records(features: Features, which: npt.NDArray[np.int64], origin: Array) -> Array:

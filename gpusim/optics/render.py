@@ -12,7 +12,7 @@ from gpusim.optics.binning import bin_edges
 from gpusim.optics.camera import Camera
 from gpusim.optics.edges import EdgePass, edges_twin
 from gpusim.optics.frame import Band, Frame
-from gpusim.optics.light import AreaLight, Light, PointLight
+from gpusim.optics.light import AmbientLight, AreaLight, Light, PointLight
 from gpusim.optics.setup import Setup
 from gpusim.optics.shade import ShadePass, Tables, shade_twin
 from gpusim.optics.view import look
@@ -41,7 +41,8 @@ def render(
     Parameters
     ----------
     lights : None shows each paint's albedo as radiance, the form in which geometry is verified;
-        otherwise Lambert reflection of `PointLight` and `AreaLight` without shadows.
+        otherwise Lambert reflection of `PointLight`, `AreaLight` and `AmbientLight`, without
+        shadows.
     error : largest error wanted, in grey levels of 8 bit (RMS); the closed forms reach 0.25, so
         smaller values are refused.
     background : radiance where no surface is.
@@ -59,10 +60,10 @@ def render(
     """
     if not surfaces or not all(isinstance(s, Surface) for s in surfaces):
         raise InputError(f"render surfaces; got {surfaces!r}; expected a list of Surface")
-    if lights is not None and not all(isinstance(v, PointLight | AreaLight) for v in lights):
-        raise InputError(
-            f"render lights; got {lights!r}; expected PointLight or AreaLight, or None"
-        )
+    if lights is not None and not all(
+        isinstance(v, PointLight | AreaLight | AmbientLight) for v in lights
+    ):
+        raise InputError(f"render lights; got {lights!r}; expected a list of lights, or None")
     if not (np.isfinite(error) and error >= FINEST_ERROR):
         raise InputError(f"render error; got {error}; expected at least {FINEST_ERROR} grey levels")
     if not (np.isfinite(background) and background >= 0.0):

@@ -13,8 +13,17 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.gpu.buffer import F32_MAX
 from gpusim.optics.camera import Camera
-from gpusim.optics.light import AreaLight, Light, PointLight, emitters, irradiance
+from gpusim.optics.light import (
+    AmbientLight,
+    AreaLight,
+    Light,
+    PointLight,
+    ambient,
+    emitters,
+    irradiance,
+)
 from gpusim.optics.pattern import PatternTable
 from gpusim.optics.view import NORMAL, ST, View, barycentric_planes, look
 from gpusim.surface.paint import Checker, Dots, Markers, Paint, Plain
@@ -44,6 +53,7 @@ class Setup:
     view: View
     table: PatternTable
     emitters: Array
+    ambient: float
     background: float
     lit: bool
     planes: Array
@@ -81,7 +91,8 @@ class Setup:
         planes[:, :, 2] += np.einsum("tak,tk->ta", planes[:, :, :2], anchor.astype(np.float64))
         near = table.near_features(view.paint, st.min(axis=1), st.max(axis=1))
         return Setup(
-            view, table, rows, background, lit, planes, anchor, cell.astype(np.int64), mean_inverse,
+            view, table, rows, ambient(lights or []), background, lit, planes, anchor,
+            cell.astype(np.int64), mean_inverse,
             near,
         )  # fmt: skip
 
@@ -98,6 +109,15 @@ class Setup:
         records["place"] = np.concatenate([self.anchor, self.cell], axis=1)
         records["more"][:, 0] = self.table.paints["ground"][self.view.paint]
         records["more"][:, 1] = self.near_feature
+        for name in ("st", "tw", "n0", "nx", "ny"):
+            bad = ~np.isfinite(records[name])
+            if bad.any():
+                triangle = int(np.argmax(bad.any(axis=1)))
+                raise InputError(
+                    f"render: triangle {triangle}, {name}: beyond float32; got "
+                    f"{records[name][triangle].tolist()}; expected coordinates whose ratios to the "
+                    "distance stay below 1e38: choose another unit of length"
+                )
         return result
 
     def rays(self) -> Array:
@@ -117,7 +137,10 @@ class Setup:
                 features = region.paint.features(region.low, region.high)
                 assert features is not None
                 patches = features.kind == 0
-                fine |= bool(2.0 * region.reach > features.size[patches].min(initial=np.inf))
+                # the footprint's extent along the axes of a turned patch
+                angle = features.angle[patches]
+                spread = 2.0 * region.reach * (np.abs(np.cos(angle)) + np.abs(np.sin(angle)))
+                fine |= bool((spread > features.size[patches].min(axis=1)).any())
         return {
             "lit": float(self.lit),
             "patterned": float(patterned),
@@ -131,7 +154,12 @@ class Setup:
         """The emitters as the shader's uniform."""
         lamps = np.zeros((MOST_EMITTERS, 8))
         lamps[: len(self.emitters)] = self.emitters
-        return {"emitters": lamps.reshape(-1, 4)}
+        if not np.abs(lamps).max() <= F32_MAX:
+            raise InputError(
+                f"render lights; got values up to {np.abs(lamps).max():.3g}; expected positions and "
+                f"intensities below {F32_MAX:.3g}"
+            )
+        return {"ambient": np.full(4, self.ambient), "emitters": lamps.reshape(-1, 4)}
 
 
 def footprint(
@@ -159,7 +187,7 @@ def radiance_factor(setup: Setup, triangle: npt.NDArray[np.int64], x: Array, y: 
     position = depth[:, None] * (np.stack([x, y, np.ones_like(x)], axis=1) @ setup.rays().T)
     normal = values[:, 1:]
     normal = normal / np.linalg.norm(normal, axis=1)[:, None]
-    return irradiance(setup.emitters, position, normal) / np.pi
+    return irradiance(setup.emitters, position, normal, setup.ambient) / np.pi
 
 
 def probe_setup() -> Setup:
@@ -187,5 +215,6 @@ def probe_setup() -> Setup:
     lights: list[Light] = [
         PointLight((-2.0, -3.0, 1.0), 90.0),
         AreaLight((2.0, -2.0, 0.0), (0.0, 0.0, 5.0), (0.5, 0.8), 60.0),
+        AmbientLight(0.05),
     ]
     return Setup.build(look(surfaces, camera, lit=True), lights, background=0.05)

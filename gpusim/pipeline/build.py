@@ -10,9 +10,10 @@ import numpy.typing as npt
 from gpusim import fem, mesh
 from gpusim.errors import InputError
 from gpusim.fem import loads
+from gpusim.fem.supports import check_supports
 from gpusim.mesh import Faces, Mesh
 from gpusim.optics.camera import Camera
-from gpusim.optics.light import AreaLight, Light, PointLight
+from gpusim.optics.light import AmbientLight, AreaLight, Light, PointLight
 from gpusim.scene import Scene
 from gpusim.scene import model as m
 from gpusim.surface import PaintFrame, Skin, Surface
@@ -123,7 +124,13 @@ def _pattern(paint: m.Markers | m.Checker | m.Dots, frame: PaintFrame, where: st
 
 
 def build_model(parts: BodyParts) -> fem.Model:
-    """Material, supports and the loads at load factor 1."""
+    """Material, supports and the loads at load factor 1.
+
+    Raises
+    ------
+    InputError
+        A selection finds nothing, or the supports leave a rigid-body motion free.
+    """
     body, grid = parts.body, parts.mesh
     fixed = np.zeros((grid.node_count, 3), bool)
     prescribed = np.zeros((grid.node_count, 3))
@@ -142,7 +149,7 @@ def build_model(parts: BodyParts) -> fem.Model:
     for load in body.loads:
         forces += _load(parts, load)
     material = body.material
-    return fem.Model(
+    model = fem.Model(
         grid,
         materials=[
             fem.Isotropic(material.youngs_modulus, material.poissons_ratio, material.density)
@@ -151,6 +158,8 @@ def build_model(parts: BodyParts) -> fem.Model:
         prescribed=prescribed,
         forces=forces,
     )
+    check_supports(model)
+    return model
 
 
 def _load(parts: BodyParts, load: m.Load) -> Array:
@@ -208,7 +217,9 @@ def build_lights(scene: Scene) -> list[Light] | None:
     """The lamps, or None for a scene without: it then shows albedo."""
     lights: list[Light] = []
     for lamp in scene.lights:
-        if lamp.type == "point":
+        if lamp.type == "ambient":
+            lights.append(AmbientLight(lamp.radiance))
+        elif lamp.type == "point":
             lights.append(PointLight(lamp.position, lamp.power))
         else:
             assert lamp.target is not None

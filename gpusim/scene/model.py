@@ -281,7 +281,10 @@ class Camera:
 
 @dataclass(frozen=True)
 class Light:
-    """A lamp of radiant flux ``power`` (W); a point lamp has no ``target`` and ``size`` (0, 0)."""
+    """A lamp of radiant flux ``power`` (W); a point lamp has no ``target`` and ``size`` (0, 0).
+
+    Type "ambient" has only a ``radiance`` (W / (m2 sr)).
+    """
 
     name: str
     type: str
@@ -289,6 +292,7 @@ class Light:
     target: Vec3 | None
     size: tuple[float, float]
     power: float
+    radiance: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from .schema.body import (
 )
 from .schema.mesh import BoxTable, MeshTable
 from .schema.paint import CheckerTable, MarkersTable, PaintTable, PlainTable
-from .schema.view import AreaLightTable, CameraTable, LightTable, PropTable
+from .schema.view import AmbientLightTable, AreaLightTable, CameraTable, LightTable, PropTable
 from .schema.where import WhereTable
 from .schema.work import MeasureTable
 
@@ -170,6 +170,11 @@ def camera(table: CameraTable) -> model.Camera:
 
 
 def light(table: LightTable) -> model.Light:
+    if isinstance(table, AmbientLightTable):
+        origin = (0.0, 0.0, 0.0)
+        return model.Light(
+            table.name, "ambient", origin, None, (0.0, 0.0), 0.0, table.radiance_W_m2_sr
+        )
     position = _m(table.position_mm)
     if isinstance(table, AreaLightTable):
         return model.Light(

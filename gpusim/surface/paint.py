@@ -79,6 +79,16 @@ def _check_length(what: str, **values: float) -> None:
             raise InputError(f"{what} {name}; got {value}; expected a length above 0")
 
 
+def _check_grid(
+    what: str, origin: tuple[float, float], columns: int | None, rows: int | None
+) -> None:
+    if np.shape(origin) != (2,) or not np.isfinite(origin).all():
+        raise InputError(f"{what} origin; got {origin}; expected two finite numbers")
+    for name, count in (("columns", columns), ("rows", rows)):
+        if count is not None and not (count >= 1 and count == int(count)):
+            raise InputError(f"{what} {name}; got {count}; expected a whole number of at least 1")
+
+
 @dataclass(frozen=True)
 class Plain:
     """One albedo everywhere."""
@@ -119,9 +129,7 @@ class Checker:
     def __post_init__(self) -> None:
         _check_length("Checker", size=self.size)
         _check_albedo("Checker", dark=self.dark, light=self.light, ground=self.ground)
-        for name, count in (("columns", self.columns), ("rows", self.rows)):
-            if count is not None and count < 1:
-                raise InputError(f"Checker {name}; got {count}; expected at least 1")
+        _check_grid("Checker", self.origin, self.columns, self.rows)
 
     def features(
         self, low: npt.NDArray[np.float64], high: npt.NDArray[np.float64]
@@ -158,6 +166,7 @@ class Dots:
     def __post_init__(self) -> None:
         _check_length("Dots", diameter=self.diameter, pitch=self.pitch)
         _check_albedo("Dots", albedo=self.albedo, ground=self.ground)
+        _check_grid("Dots", self.origin, self.columns, self.rows)
         if not self.diameter <= self.pitch:
             raise InputError(f"Dots diameter; got {self.diameter}; expected at most the pitch")
 
@@ -203,6 +212,8 @@ class Markers:
             raise InputError(f"Markers centres; got shape {centres.shape}; expected finite (M, 2)")
         _check_length("Markers", size=self.size)
         _check_albedo("Markers", dark=self.dark, light=self.light, ground=self.ground)
+        if not np.isfinite(self.angle):
+            raise InputError(f"Markers angle; got {self.angle}; expected a finite angle in rad")
         object.__setattr__(self, "centres", centres)
 
     def features(

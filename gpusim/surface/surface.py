@@ -111,9 +111,26 @@ class Surface:
                 f"{where} face {face}; got vertices {faces[face].tolist()}; "
                 f"expected numbers from 0 to {len(points) - 1}"
             )
+        empty = ~(np.linalg.norm(face_normals(reference, faces), axis=1) > 0.0)
+        if empty.any():
+            face = int(np.argmax(empty))
+            raise InputError(
+                f"{where} face {face}; got vertices {faces[face].tolist()} without area between "
+                "them; expected a face with an area"
+            )
         paints = self.paint if isinstance(self.paint, Mapping) else {"surface": self.paint}
-        region = np.zeros(len(faces), np.int32) if self.region is None else self.region
-        region = np.asarray(region, np.int32)
+        if not paints or not all(hasattr(p, "ground") for p in paints.values()):
+            raise InputError(
+                f"{where} paint; got {self.paint!r}; expected a Paint or at least one by region"
+            )
+        if not 0.0 <= self.smooth_angle <= np.pi:
+            raise InputError(
+                f"{where} smooth_angle; got {self.smooth_angle}; expected 0 to pi (rad)"
+            )
+        region = np.zeros(len(faces), np.int32) if self.region is None else np.asarray(self.region)
+        if region.dtype.kind not in "iu":
+            raise InputError(f"{where} region; got dtype {region.dtype}; expected integers")
+        region = region.astype(np.int32)
         if self.region is None and len(paints) > 1:
             raise InputError(f"{where} region; got None with {len(paints)} paints; expected (F,)")
         if region.shape != (len(faces),) or region.min() < 0 or region.max() >= len(paints):

@@ -19,6 +19,7 @@ struct Triangle {
 // positions are relative to the camera's eye. They are uniform and their count is a constant: the
 // loop unrolls and every lane shares the loads.
 struct Lamps {
+    ambient: vec4f,
     emitters: array<vec4f, 512>,
 }
 @group(0) @binding(5) var<uniform> lamps: Lamps;
@@ -50,7 +51,7 @@ fn footprint(t: Triangle, d: vec2f) -> Footprint {
 
 // Irradiance from all emitters at camera-relative position x with unit normal n.
 fn irradiance(x: vec3f, n: vec3f) -> f32 {
-    var total = 0.0;
+    var total = lamps.ambient.x;
     for (var i = 0u; i < emitter_count; i++) {
         let at = lamps.emitters[2u * i];
         let axis = lamps.emitters[2u * i + 1u];

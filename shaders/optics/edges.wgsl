@@ -232,6 +232,22 @@ fn paint_polygon(t: Triangle, d: vec2f, polygon: Polygon, centroid: vec2f) -> f3
     return albedo;
 }
 
+// Whether a point (px from the pixel's centre) lies inside one of the triangles first … stop - 1 of
+// the list. A neighbour in the same surface never covers it, however close.
+fn is_covered(at: vec2f, pixel: vec2i, first: u32, stop: u32) -> bool {
+    for (var c = first; c < stop; c++) {
+        let id = lists[c];
+        let v0 = vec2f(screen[3u * id] - pixel * 65536) / 65536.0 - at;
+        let v1 = vec2f(screen[3u * id + 1u] - pixel * 65536) / 65536.0 - at;
+        let v2 = vec2f(screen[3u * id + 2u] - pixel * 65536) / 65536.0 - at;
+        let side = vec3f(
+            v0.x * v1.y - v0.y * v1.x, v1.x * v2.y - v1.y * v2.x, v2.x * v0.y - v2.y * v0.x
+        );
+        if (all(side > vec3f(0.0)) || all(side < vec3f(0.0))) { return true; }
+    }
+    return false;
+}
+
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let n = gid.y * (groups.x * 64u) + gid.x;
@@ -282,10 +298,11 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
         }
         var visible = seen == own;
         if (own == 0u) {
-            // a sliver between samples: hidden if the sample next to its centroid is
+            // a sliver between samples: its centroid decides, if anything lies near it at all
             let r = i32(clamp(floor((m.z + 0.5) * 16.0), 0.0, 15.0));
             let k = u32(clamp(floor((m.y + 0.5) * 32.0), 0.0, 31.0));
-            visible = (covered[r] & (1u << k)) == 0u;
+            visible = (covered[r] & (1u << k)) == 0u
+                || !is_covered(m.yz, pixel, lists[entry + 1u], c);
         }
         open -= seen;
         if (!visible && seen == 0u) { continue; }

@@ -129,4 +129,15 @@ class AreaLightTable(Table):
         return self
 
 
-LightTable = Annotated[PointLightTable | AreaLightTable, Field(discriminator="type")]
+class AmbientLightTable(Table):
+    """What the surroundings send back, equally from every direction; nothing hides it."""
+
+    name: Name
+    type: Literal["ambient"]
+    radiance_W_m2_sr: Length
+    """Radiance of the surroundings."""
+
+
+LightTable = Annotated[
+    PointLightTable | AreaLightTable | AmbientLightTable, Field(discriminator="type")
+]
