@@ -7,7 +7,8 @@ import pytest
 
 from gpusim.errors import InputError, TwinMismatch
 from gpusim.gpu import Device, compare, twin_checks
-from gpusim.measure import SplineImage, Status
+from gpusim.measure import SplineImage, Status, matching
+from gpusim.measure import icgn as stage
 from gpusim.measure.icgn import correlate, correlate_numpy
 from gpusim.measure.matching import Pair, Settings, Subsets
 from gpusim.measure.warp import SHAPES
@@ -48,6 +49,55 @@ def test_kernel_equals_twin(device: Device, shape: str) -> None:
     compare("sigma", got.sigma[good], want.sigma[good], atol=1e-7, rtol=2e-3)
     assert np.abs(got.iterations[good] - want.iterations[good]).max() <= 1
     assert np.isnan(got.coefficients[~good]).all() and np.isnan(got.sigma[~good]).all()
+    assert np.array_equal(np.isnan(got.zncc), np.isnan(want.zncc))
+
+
+def test_kernel_equals_twin_with_weights_and_a_large_subset(device: Device) -> None:
+    case = subsets()
+    offset = np.arange(33) - 16
+    weights = np.exp(-0.5 * (offset[:, None] ** 2 / 30.0 + offset[None, :] ** 2 / 60.0))
+    settings = Settings(weights, min_zncc=0.5)
+    got, want = correlate(case, settings, device), correlate_numpy(case, settings)
+    compare("status", got.status, want.status, "exact")
+    good = want.status == Status.OK
+    compare("warp", got.coefficients[good], want.coefficients[good], atol=TOLERANCE_PX, rtol=0)
+    plain = correlate(case, Settings(np.ones((33, 33)), min_zncc=0.5), device)
+    both = good & (plain.status == Status.OK)
+    with pytest.raises(TwinMismatch):  # the weights matter
+        compare(
+            "warp", plain.coefficients[both], want.coefficients[both], atol=TOLERANCE_PX, rtol=0
+        )
+
+
+def test_the_workgroup_of_a_gpu_gives_the_same(
+    device: Device, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(stage, "THREADS_CPU", stage.THREADS)
+    case, settings = subsets(), Settings(np.ones((21, 21)), min_zncc=0.5)
+    got, want = correlate(case, settings, device), correlate_numpy(case, settings)
+    compare("status", got.status, want.status, "exact")
+    good = want.status == Status.OK
+    compare("warp", got.coefficients[good], want.coefficients[good], atol=TOLERANCE_PX, rtol=0)
+
+
+@pytest.mark.parametrize("on_device", [True, False])
+def test_a_subset_larger_than_the_image_is_outside(device: Device, on_device: bool) -> None:
+    image = SplineImage.from_image(speckles(57, 33))
+    case = Subsets(Pair(image, image), np.array([[28.0, 16.0]]), np.zeros((1, 2, 6)))
+    found = correlate(case, Settings(np.ones((41, 41))), device if on_device else None)
+    assert found.status.tolist() == [Status.OUTSIDE]
+    assert np.isnan(found.coefficients).all()
+
+
+def test_planes_of_single_subsets_are_those_of_the_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    case, settings = subsets(), Settings(np.ones((21, 21)))
+    want = correlate_numpy(case, settings)
+    monkeypatch.setattr(matching, "KEEP_PLANES", 100)
+    fresh = Pair(case.pair.reference, case.pair.deformed, case.pair.mask)
+    got = correlate_numpy(Subsets(fresh, case.points, case.start), settings)
+    assert "planes" not in vars(fresh)
+    assert np.array_equal(got.coefficients, want.coefficients, equal_nan=True)
+    assert np.array_equal(got.status, want.status)
 
 
 def test_one_corrupted_value_is_seen(device: Device) -> None:

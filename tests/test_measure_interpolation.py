@@ -47,6 +47,8 @@ def test_pixel_gradients_are_those_of_the_spline() -> None:
     got_x, got_y = spline.pixel_gradients()
     assert np.allclose(got_x, by_x, rtol=0, atol=1e-11)
     assert np.allclose(got_y, by_y, rtol=0, atol=1e-11)
+    part_x, part_y = spline.pixel_gradients((4, 7, 31, 33))
+    assert np.array_equal(part_x, got_x[7:33, 4:31]) and np.array_equal(part_y, got_y[7:33, 4:31])
 
 
 @pytest.mark.parametrize("blur", [0.0, 1.3])

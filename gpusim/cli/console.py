@@ -88,14 +88,30 @@ class ProgressDisplay:
         self._tasks: dict[str, Any] = {}
         self._bars: Any = None
         if console.is_terminal and not self._quiet:
-            from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+            from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn
+            from rich.table import Column
 
+            class Seconds(ProgressColumn):
+                """Seconds so far, or those the stage took."""
+
+                def render(self, task: Task) -> Text:
+                    spent = task.finished_time if task.finished else task.elapsed
+                    return Text(f"{spent or 0.0:6.1f} s")
+
+            # only the text gives way on a narrow terminal; it is not markup: "[output]" is a word
+            narrow = Column(no_wrap=True, min_width=8)
             self._bars = Progress(
-                TextColumn("{task.description:<22}"),
-                BarColumn(bar_width=24),
-                TimeElapsedColumn(),
-                TextColumn("{task.fields[text]}", style="dim"),
+                TextColumn("{task.description}", markup=False, table_column=Column(min_width=20)),
+                BarColumn(bar_width=16, table_column=Column(min_width=16)),
+                Seconds(table_column=narrow),
+                TextColumn(
+                    "{task.fields[text]}",
+                    style="dim",
+                    markup=False,
+                    table_column=Column(no_wrap=True, overflow="ellipsis", ratio=1),
+                ),
                 console=console,
+                expand=True,
             )
 
     def __enter__(self) -> ProgressDisplay:

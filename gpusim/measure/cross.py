@@ -30,6 +30,9 @@ CENTRE = 1.5  # px: both borders within this distance: the pixel isn't used
 END_MARGIN = 1.2  # px kept from the marker's own border: half a pixel's diagonal and a bit …
 END_SIGMAS = 2.5  # … and the reach of the lens blur
 MIN_REACH = 3.0  # px from the centre, so that small markers keep enough pixels
+MIN_SIGMA = 0.004  # px
+COARSE, FINE = 1e-4, 1e-8  # relative step at which a fit ends
+FLAT_SIGMAS = 8.3  # 1 - 1e-16 of the Gaussian step
 MIN_BOX = 1e-3  # px, narrower sides of the pixel box are widened to this
 
 
@@ -52,24 +55,34 @@ def border_profile(distance: FloatArray, normal: FloatArray, sigma: float) -> Fl
     Gaussian blur in px. Two box integrals of the Gaussian step are second differences of its
     second antiderivative.
     """
-    wide, narrow = np.maximum(np.abs(normal), MIN_BOX)
+    return _profile_and_slopes(distance, normal, sigma)[0]
+
+
+def _profile_and_slopes(
+    distance: FloatArray, normal: FloatArray, sigma: float
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+    """The border profile and its derivatives by the distance, sigma, |normal_x|, |normal_y|."""
+    wide, narrow = (float(side) for side in np.maximum(np.abs(normal), MIN_BOX))
     plus, minus = 0.5 * (wide + narrow), 0.5 * (wide - narrow)
-    total = (
-        _ramp(distance + plus, sigma)
-        - _ramp(distance + minus, sigma)
-        - _ramp(distance - minus, sigma)
-        + _ramp(distance - plus, sigma)
-    )
-    result: FloatArray = 2.0 * total / (wide * narrow) - 1.0
-    return result
-
-
-def _ramp(z: FloatArray, sigma: float) -> FloatArray:
-    """Second antiderivative of the Gaussian step: z^2/2 for z >> sigma, 0 for z << -sigma."""
+    value = np.sign(distance)
+    by_distance, by_sigma, by_wide, by_narrow = np.zeros((4, *distance.shape))
+    # further away the profile is flat to the last digit
+    near = np.abs(distance) < plus + FLAT_SIGMAS * sigma
+    z = distance[near] + np.array([plus, minus, -minus, -plus])[:, None]
     q = z / sigma
+    step = ndtr(q)
     density = np.exp(-0.5 * q * q) / np.sqrt(2 * np.pi)
-    result: FloatArray = 0.5 * (z * z + sigma * sigma) * ndtr(q) + 0.5 * z * sigma * density
-    return result
+    # antiderivatives of the step; the second one is z^2/2 for z >> sigma, 0 for z << -sigma
+    once = z * step + sigma * density
+    twice = 0.5 * (z * once + sigma * sigma * step)
+    area = wide * narrow
+    total = twice[0] - twice[1] - twice[2] + twice[3]
+    value[near] = 2.0 * total / area - 1.0
+    by_distance[near] = 2.0 * (once[0] - once[1] - once[2] + once[3]) / area
+    by_sigma[near] = 2.0 * sigma * (step[0] - step[1] - step[2] + step[3]) / area
+    by_wide[near] = (once[0] - once[1] + once[2] - once[3] - 2.0 * total / wide) / area
+    by_narrow[near] = (once[0] + once[1] - once[2] - once[3] - 2.0 * total / narrow) / area
+    return value, by_distance, by_sigma, by_wide, by_narrow
 
 
 def fit_cross(
@@ -89,7 +102,7 @@ def fit_cross(
     level = float(patch[_near(patch, start, 0.35 * low)].mean())
     first = np.array([*start, angle, angle, level, contrast, 0.0, 0.0, 0.3])
     inner = max(MIN_REACH, 0.5 * low - END_MARGIN)
-    coarse = _fit(patch, first, (inner, inner))
+    coarse = _fit(patch, first, (inner, inner), COARSE)
     if coarse is None:
         return None
     ends = _ends(patch, coarse, low, high)
@@ -98,11 +111,11 @@ def fit_cross(
     margin = END_MARGIN + END_SIGMAS * abs(float(coarse[8]))
     reach_1 = max(MIN_REACH, min(ends[0:2]) - margin)
     reach_2 = max(MIN_REACH, min(ends[2:4]) - margin)
-    fine = _fit(patch, coarse, (reach_1, reach_2))
+    fine = _fit(patch, coarse, (reach_1, reach_2), FINE)
     if fine is None or np.hypot(*(fine[:2] - start)) > max(2.0, 0.2 * low):
         return None
     usable = _region(patch, fine, (reach_1, reach_2))
-    rms = float(np.sqrt(np.mean(_residual(fine, patch, usable) ** 2)))
+    rms = float(np.sqrt(np.mean(_residual(fine, usable)[0] ** 2)))
     return Cross(
         float(fine[0] + x0),
         float(fine[1] + y0),
@@ -158,26 +171,86 @@ def _region(
 
 
 def _residual(
-    p: FloatArray, patch: FloatArray, region: tuple[FloatArray, FloatArray, FloatArray]
-) -> FloatArray:
+    p: FloatArray, region: tuple[FloatArray, FloatArray, FloatArray]
+) -> tuple[FloatArray, FloatArray]:
+    """Model less grey value (n,), and its derivatives by the nine parameters (n, 9)."""
     x, y, grey = region
-    _, _, normal_1, normal_2 = _frame(p)
+    along_1, along_2, normal_1, normal_2 = _frame(p)
     dx, dy = x - p[0], y - p[1]
-    sigma = max(abs(float(p[8])), 0.02)
-    first = border_profile(dx * normal_1[0] + dy * normal_1[1], normal_1, sigma)
-    second = border_profile(dx * normal_2[0] + dy * normal_2[1], normal_2, sigma)
-    model = (1.0 + p[6] * dx + p[7] * dy) * (p[4] + p[5] * first * second)
-    result: FloatArray = model - grey
+    sigma = max(abs(float(p[8])), MIN_SIGMA)
+    first, second = (
+        _profile_and_slopes(dx * normal[0] + dy * normal[1], normal, sigma)
+        for normal in (normal_1, normal_2)
+    )
+    light = 1.0 + p[6] * dx + p[7] * dy
+    pattern = p[4] + p[5] * first[0] * second[0]
+    scale = p[5] * light
+    by_1, by_2 = scale * second[0], scale * first[0]
+    jacobian = np.empty((9, x.size))
+    for i in range(2):
+        jacobian[i] = (
+            -by_1 * first[1] * normal_1[i] - by_2 * second[1] * normal_2[i] - p[6 + i] * pattern
+        )
+    # turning a border takes normal_1 to -along_1, and normal_2 to along_2
+    jacobian[2] = by_1 * _by_turn(first, normal_1, -along_1, dx, dy)
+    jacobian[3] = by_2 * _by_turn(second, normal_2, along_2, dx, dy)
+    jacobian[4] = light
+    jacobian[5] = light * first[0] * second[0]
+    jacobian[6] = dx * pattern
+    jacobian[7] = dy * pattern
+    by_sigma = by_1 * first[2] + by_2 * second[2]
+    jacobian[8] = by_sigma * np.sign(p[8]) * (abs(p[8]) > MIN_SIGMA)
+    return light * pattern - grey, jacobian.T
+
+
+def _by_turn(
+    profile: tuple[FloatArray, ...],
+    normal: FloatArray,
+    change: FloatArray,
+    dx: FloatArray,
+    dy: FloatArray,
+) -> FloatArray:
+    """Derivative of a border profile by its angle; ``change`` is that of the normal."""
+    _, by_distance, _, by_wide, by_narrow = profile
+    # the pixel's box, where it isn't held at its least width
+    box = np.sign(normal) * change * (np.abs(normal) > MIN_BOX)
+    result: FloatArray = (
+        by_distance * (dx * change[0] + dy * change[1]) + by_wide * box[0] + by_narrow * box[1]
+    )
     return result
 
 
-def _fit(patch: FloatArray, start: FloatArray, reach: tuple[float, float]) -> FloatArray | None:
+def _fit(
+    patch: FloatArray, start: FloatArray, reach: tuple[float, float], tolerance: float
+) -> FloatArray | None:
     """Least squares from ``start``; None if it doesn't settle on a cross with contrast."""
     region = _region(patch, start, reach)
     if region[0].size < 16:
         return None
+    # MINPACK asks for the residual and, where it was accepted, for its derivatives
+    last: tuple[bytes, FloatArray, FloatArray] = (b"", *_residual(start, region))
+
+    def evaluate(p: FloatArray) -> tuple[bytes, FloatArray, FloatArray]:
+        nonlocal last
+        key = p.tobytes()
+        if key != last[0]:
+            last = (key, *_residual(p, region))
+        return last
+
+    def residual(p: FloatArray) -> FloatArray:
+        return evaluate(p)[1]
+
+    def jacobian(p: FloatArray) -> FloatArray:
+        return evaluate(p)[2]
+
     fit = least_squares(
-        _residual, start, args=(patch, region), method="lm", xtol=1e-9, ftol=1e-12, max_nfev=400
+        residual,
+        start,
+        jac=jacobian,
+        method="lm",
+        xtol=tolerance,
+        ftol=1e-3 * tolerance,
+        max_nfev=100,
     )
     p: FloatArray = np.asarray(fit.x, dtype=np.float64)
     settled = fit.success and np.isfinite(p).all() and abs(p[5]) > 1e-3 and abs(p[8]) < 3.0

@@ -14,6 +14,9 @@ Working with the small difference e instead of g keeps float32 sums good on the 
 
 from __future__ import annotations
 
+from dataclasses import fields, replace
+from math import ceil
+
 import numpy as np
 import numpy.typing as npt
 
@@ -27,9 +30,9 @@ from gpusim.measure.matching import (
     Status,
     Subsets,
     check_subsets,
-    grey_range,
 )
 from gpusim.measure.normal import cholesky, solve
+from gpusim.measure.tiles import Limits, Sampled, Tile, plan_tiles
 from gpusim.measure.warp import (
     COEFFICIENTS,
     SHAPES,
@@ -48,6 +51,11 @@ BoolArray = npt.NDArray[np.bool_]
 MIN_CONTRAST = 5e-4  # standard deviation of a subset over the grey range of the image
 MIN_WEIGHT = 0.3  # share of the window that the mask must leave
 CHUNK = 1 << 17  # pixels handled at once by the twin
+# threads of a workgroup; on a CPU, one vector of eight: what a subset does once isn't repeated
+THREADS, THREADS_CPU = 32, 8
+DISPATCH = 1 << 20  # subsets in one dispatch: their rows fit into a binding
+BEYOND_TILE = 100  # status in the kernel's output: needs coefficients that aren't loaded
+SPREAD = 1.5  # half widths that the pixels of a subset are expected to lie from its point
 
 
 def correlate_numpy(subsets: Subsets, settings: Settings) -> Correlation:
@@ -90,10 +98,9 @@ def _correlate_chunk(subsets: Subsets, settings: Settings, part: slice) -> Corre
         spline.inside(column.astype(np.float64), row.astype(np.float64)), axis=1
     )
     status[~in_crop] = Status.OUTSIDE
-    x_index = np.where(in_crop[:, None], column - spline.origin[0], 0)
-    y_index = np.where(in_crop[:, None], row - spline.origin[1], 0)
-
-    planes = pair.planes[y_index, x_index]  # (B, n, 4)
+    first_x = np.where(in_crop, column[:, 0] - spline.origin[0], 0)
+    first_y = np.where(in_crop, row[:, 0] - spline.origin[1], 0)
+    planes = pair.planes_at(first_x, first_y, 2 * half + 1)
     weight = settings.window.ravel() * planes[..., 3]
     total = weight.sum(axis=1)
     masked = in_crop & ~(total >= MIN_WEIGHT * settings.window.sum())
@@ -116,7 +123,7 @@ def _correlate_chunk(subsets: Subsets, settings: Settings, part: slice) -> Corre
     factor, solvable = cholesky(hessian)
     status[in_crop & ~masked & (flat | ~solvable)] = Status.NO_TEXTURE
 
-    low, scale = grey_range(pair.deformed)
+    low, scale = pair.deformed_range
     c = subsets.start[part].copy()
     contrast = np.ones(number)
     level = np.zeros(number)
@@ -183,96 +190,128 @@ def displacement_variance(factor: FloatArray, shape: Shape) -> tuple[FloatArray,
     return entries[0], entries[1]
 
 
-def correlate(subsets: Subsets, settings: Settings, device: Device | None = None) -> Correlation:
-    """Match every subset on ``device``, or with the NumPy twin if there is none."""
+def correlate(
+    subsets: Subsets,
+    settings: Settings,
+    device: Device | None = None,
+    limits: Limits = Limits(),  # noqa: B008 - immutable
+) -> Correlation:
+    """Match every subset on ``device``, or with the NumPy twin if there is none.
+
+    The images may be of any size: they are taken to the device in parts (see ``tiles``). A subset
+    that wanders out of its part, though not out of the image, is matched by the twin.
+    """
     if device is None:
         return correlate_numpy(subsets, settings)
     check_subsets(subsets, settings)
+    pair, half = subsets.pair, settings.half
     centre = np.rint(subsets.points)
-    half = settings.half
     corner = np.array([[-half, -half], [half, half]])
     corners = centre[:, None] + corner
-    within: BoolArray = np.all(
-        subsets.pair.reference.inside(corners[..., 0], corners[..., 1]), axis=1
-    )
+    within: BoolArray = np.all(pair.reference.inside(corners[..., 0], corners[..., 1]), axis=1)
     target = np.rint(subsets.start[:, :, 0])
     which = np.flatnonzero(within)
-    count = within.size
-    values = np.full((count, 16), np.nan)
+    values = np.full((within.size, 16), np.nan)
     values[:, 13] = 0.0
     values[:, 14] = Status.OUTSIDE
     if which.size:
-        values[which] = _dispatch(device, subsets, settings, which, centre[which], target[which])
+        pixel = (centre[which] - pair.reference.origin).astype(np.int64)
+        limit = 2**24  # a start further away than float32 counts pixels is outside any image
+        there = centre[which] + target[which] - pair.deformed.origin + PAD
+        begin = np.clip(there, -limit, limit).astype(np.int64)
+        reach = ceil(SPREAD * half + min(settings.max_move, 4 * half)) + PAD
+        for tile in plan_tiles(pair, pixel, begin, half, reach, limits):
+            for first in range(0, tile.which.size, DISPATCH):
+                part = replace(tile, which=tile.which[first : first + DISPATCH])
+                values[which[part.which]] = _dispatch(
+                    device, subsets, settings, limits, part, which, pixel, begin
+                )
         values[which, 0] += target[which, 0]
         values[which, 6] += target[which, 1]
     status = values[:, 14].astype(np.int8)
-    zncc = np.where(values[:, 13] > 0, values[:, 12], np.nan)
+    zncc = np.where(values[:, 12] >= -1.0 - 1e-5, values[:, 12], np.nan)
     status[(status == Status.OK) & ~(zncc >= settings.min_zncc)] = Status.LOW_CORRELATION
     good = status == Status.OK
-    return Correlation(
+    result = Correlation(
         np.where(good[:, None, None], values[:, :12].reshape(-1, 2, 6), np.nan),
         zncc,
         np.where(good, values[:, 15], np.nan),
         values[:, 13].astype(np.int32),
         status,
     )
+    stray = np.flatnonzero(status == BEYOND_TILE)
+    if stray.size:
+        again = correlate_numpy(
+            Subsets(pair, subsets.points[stray], subsets.start[stray]), settings
+        )
+        for field in fields(Correlation):
+            getattr(result, field.name)[stray] = getattr(again, field.name)
+    return result
 
 
 def _dispatch(
     device: Device,
     subsets: Subsets,
     settings: Settings,
+    limits: Limits,
+    tile: Tile,
     which: npt.NDArray[np.int64],
-    centre: FloatArray,
-    target: FloatArray,
+    pixel: npt.NDArray[np.int64],
+    begin: npt.NDArray[np.int64],
 ) -> FloatArray:
-    """Run the kernel over the subsets ``which``; (K, 16) raw rows as the shader writes them."""
+    """Run the kernel over the subsets of a tile; (K, 16) raw rows as the shader writes them.
+
+    ``which`` are the rows of ``subsets`` that ``pixel`` and ``begin`` (see ``plan_tiles``) and the
+    tile count from.
+    """
     pair = subsets.pair
-    reference, deformed = pair.buffers(device)
-    origin = np.array(pair.deformed.origin)
-    limit = 2**24  # a start further away than float32 counts pixels is outside any image
-    begin = np.clip(centre + target - origin + PAD, -limit, limit)
-    places = np.concatenate([centre - pair.reference.origin, begin], axis=1).astype(np.int32)
-    fraction = subsets.points[which] - centre
-    start = subsets.start[which].copy()
-    start[:, :, 0] -= target
-    starts = np.concatenate([fraction, start.reshape(-1, 12)], axis=1).astype(np.float32)
-    x0, y0, x1, y1 = pair.deformed.valid
+    rows = which[tile.which]
+    (left, top, _, _), (x0, y0, x1, y1) = tile.reference, tile.deformed
+    places = np.concatenate([pixel[tile.which] - (left, top), begin[tile.which] - (x0, y0)], axis=1)
+    start = subsets.start[rows].copy()
+    start[:, :, 0] -= np.rint(start[:, :, 0])
+    fraction = subsets.points[rows] - np.rint(subsets.points[rows])
+    starts = np.concatenate([fraction, start.reshape(-1, 12)], axis=1)
+    origin = np.array(pair.deformed.origin * 2) - PAD + (x0, y0, x0, y0)
+    image = np.array(pair.deformed.valid, dtype=np.int64) - origin
+    # the taps of a pixel reach from 2 before it to 3 behind
+    low, high = np.array([2, 2]), np.array([x1 - x0 - 4, y1 - y0 - 4])
+    box = np.concatenate([np.maximum(image[:2], low), np.minimum(image[2:], high)])
+    covered = bool((box == image).all())
+    windowed = bool((settings.window != 1).any())
     kernel = device.kernel(
         "measure/icgn",
         entry="main",
         constants={
             "shape": SHAPES.index(settings.shape),
             "unknowns": UNKNOWNS[settings.shape],
+            "threads": THREADS_CPU if device.info.get("adapter_type") == "CPU" else THREADS,
+            "windowed": windowed,
         },
     )
-    result = device.empty(which.size * 64, label="measure.icgn.result")
+    result = device.empty(rows.size * 64, label="measure.icgn.result")
     bindings = kernel.bind(
         params={
-            "count": which.size,
+            "count": rows.size,
             "half": settings.half,
-            "reference_width": pair.planes.shape[1],
-            "deformed_width": pair.deformed.coefficients.shape[1],
-            "x0": int(x0) - int(origin[0]) + PAD,
-            "y0": int(y0) - int(origin[1]) + PAD,
-            "x1": int(x1) - int(origin[0]) + PAD,
-            "y1": int(y1) - int(origin[1]) + PAD,
             "max_iterations": settings.max_iterations,
             "tolerance": settings.tolerance,
             "max_move": settings.max_move,
             "window_sum": float(settings.window.sum()),
+            "beyond": Status.OUTSIDE if covered else BEYOND_TILE,
+            "box": box,
         },
-        reference=reference,
-        deformed=deformed,
-        window=device.buffer(settings.window.astype(np.float32), label="measure.icgn.window"),
-        places=device.buffer(places, label="measure.icgn.places"),
-        starts=device.buffer(starts, label="measure.icgn.starts"),
+        reference=pair.uploads.reference(device, tile.reference, limits),
+        deformed=pair.uploads.deformed(device, tile.deformed, limits),
+        window=Sampled(device, settings.window.astype(np.float32), "measure.icgn.window"),
+        places=device.buffer(places.astype(np.int32), label="measure.icgn.places"),
+        starts=device.buffer(starts.astype(np.float32), label="measure.icgn.starts"),
         result=result,
     )
-    rows = -(-which.size // 65535)
+    lines = -(-rows.size // 65535)
     with device.recording("measure.icgn") as recording:
-        recording.dispatch(kernel, bindings, groups=(-(-which.size // rows), rows, 1))
-    values: FloatArray = result.read(np.float32, (which.size, 16)).astype(np.float64)
+        recording.dispatch(kernel, bindings, groups=(-(-rows.size // lines), lines, 1))
+    values: FloatArray = result.read(np.float32, (rows.size, 16)).astype(np.float64)
     return values
 
 

@@ -139,11 +139,19 @@ class SplineImage:
         value, by_x, by_y = self._sample(x, y, slopes=True)
         return value, by_x, by_y
 
-    def pixel_gradients(self) -> tuple[FloatArray, FloatArray]:
-        """Derivatives by x and by y of the spline at the crop's own pixels, each (h, w)."""
+    def pixel_gradients(
+        self, box: tuple[int, int, int, int] | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Derivatives by x and by y of the spline at the crop's own pixels, each (h, w).
+
+        ``box`` = (x0, y0, x1, y1), counted from the crop's first pixel, ends excluded: only there.
+        """
+        height, width = self.pixels.shape
+        x0, y0, x1, y1 = (0, 0, width, height) if box is None else box
         value = WEIGHTS[:5, 0]
         slope = WEIGHTS[:5, 1]
-        inner = self.coefficients[1:-1, 1:-1]
+        # tap -2 of pixel 0 is padded coefficient 1
+        inner = self.coefficients[y0 + 1 : y1 + 5, x0 + 1 : x1 + 5]
         by_x = _along(_along(inner, slope, 1), value, 0)
         by_y = _along(_along(inner, value, 1), slope, 0)
         return by_x, by_y
@@ -182,10 +190,5 @@ class SplineImage:
 
 def _along(array: FloatArray, taps: FloatArray, axis: int) -> FloatArray:
     """Correlate with five taps along ``axis``, keeping only fully covered positions."""
-    lines = array if axis == 0 else array.T
-    size = lines.shape[0] - 4
-    result = np.zeros((size, lines.shape[1]))
-    for k, tap in enumerate(taps):
-        if tap:
-            result += tap * lines[k : k + size]
-    return result if axis == 0 else np.ascontiguousarray(result.T)
+    result: FloatArray = ndimage.correlate1d(array, taps, axis=axis, mode="nearest")
+    return result[2:-2] if axis == 0 else result[:, 2:-2]

@@ -10,12 +10,16 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.gpu import Buffer, Device
 from gpusim.measure.images import FloatArray
 from gpusim.measure.interpolation import SplineImage
+from gpusim.measure.tiles import Box, Uploads
 from gpusim.measure.warp import UNKNOWNS, Shape
 
 __all__ = ["Correlation", "Pair", "Settings", "Status", "Subsets", "check_subsets", "grey_range"]
+
+
+IntArray = npt.NDArray[np.int64]
+KEEP_PLANES = 1 << 22  # pixels of a reference crop: 134 MB of planes
 
 
 class Status(IntEnum):
@@ -68,30 +72,58 @@ class Pair:
     @cached_property
     def planes(self) -> FloatArray:
         """Reference grey value, its slopes by x and y, and the mask: (h, w, 4), grey range 1."""
+        height, width = self.reference.pixels.shape
+        result = np.empty((height, width, 4))
+        self.fill_planes((0, 0, width, height), result)
+        return result
+
+    def planes_at(self, x: IntArray, y: IntArray, size: int) -> FloatArray:
+        """The planes of subsets with first pixels ``x``, ``y`` (B,): (B, size * size, 4).
+
+        Those of the whole crop are kept only where that is small.
+        """
+        found = np.zeros((x.size, size, size, 4))
+        if size > min(self.reference.pixels.shape):
+            pass  # no subset fits
+        elif self.reference.pixels.size <= KEEP_PLANES:
+            offset = np.arange(size)
+            rows, columns = y[:, None] + offset, x[:, None] + offset
+            found[...] = self.planes[rows[:, :, None], columns[:, None, :]]
+        else:
+            for i, (left, top) in enumerate(zip(x.tolist(), y.tolist(), strict=True)):
+                self.fill_planes((left, top, left + size, top + size), found[i])
+        return found.reshape(x.size, size * size, 4)
+
+    def fill_planes(
+        self, box: Box, planes: npt.NDArray[np.float64] | npt.NDArray[np.float32]
+    ) -> None:
+        """Write the planes of a part of the reference crop; ``box`` as in ``tiles``."""
         spline = self.reference
-        low, scale = grey_range(spline)
-        by_x, by_y = spline.pixel_gradients()
-        mask = np.ones_like(by_x)
+        x0, y0, x1, y1 = box
+        low, scale = self.reference_range
+        planes[:, :, 0] = (spline.pixels[y0:y1, x0:x1] - low) * scale
+        by_x, by_y = spline.pixel_gradients(box)
+        planes[:, :, 1] = by_x * scale
+        planes[:, :, 2] = by_y * scale
+        planes[:, :, 3] = 1.0
         if self.mask is not None:
             x, y = spline.origin
-            rows, columns = mask.shape
-            mask = self.mask[y : y + rows, x : x + columns].astype(np.float64)
-        return np.stack([(spline.pixels - low) * scale, by_x * scale, by_y * scale, mask], axis=2)
+            planes[:, :, 3] = self.mask[y + y0 : y + y1, x + x0 : x + x1]
 
     @cached_property
-    def _buffers(self) -> dict[Device, tuple[Buffer, Buffer]]:
-        return {}
+    def reference_range(self) -> tuple[float, float]:
+        """``grey_range`` of the reference crop."""
+        return grey_range(self.reference)
 
-    def buffers(self, device: Device) -> tuple[Buffer, Buffer]:
-        """The planes and the deformed spline's coefficients on the device, uploaded once."""
-        if device not in self._buffers:
-            low, scale = grey_range(self.deformed)
-            coefficients = (self.deformed.coefficients - low) * scale
-            self._buffers[device] = (
-                device.buffer(self.planes.astype(np.float32), label="measure.icgn.reference"),
-                device.buffer(coefficients.astype(np.float32), label="measure.icgn.deformed"),
-            )
-        return self._buffers[device]
+    @cached_property
+    def deformed_range(self) -> tuple[float, float]:
+        """``grey_range`` of the deformed crop."""
+        return grey_range(self.deformed)
+
+    @cached_property
+    def uploads(self) -> Uploads:
+        """The parts of both crops that are on a device."""
+        return Uploads(self)
 
 
 def grey_range(spline: SplineImage) -> tuple[float, float]:

@@ -129,20 +129,23 @@ def build_model(parts: BodyParts) -> fem.Model:
     Raises
     ------
     InputError
-        A selection finds nothing, or the supports leave a rigid-body motion free.
+        A selection finds nothing, two supports want a node at different places, or the supports
+        leave a rigid-body motion free.
     """
     body, grid = parts.body, parts.mesh
     fixed = np.zeros((grid.node_count, 3), bool)
     prescribed = np.zeros((grid.node_count, 3))
     for support in body.supports:
-        nodes = mesh.select_nodes(
-            grid,
-            bounds=_bounds(support.where),
-            name=support.where.set,
-            tolerance=support.where.tolerance,
-        )
+        nodes = _nodes(grid, support.where)
         for axis in support.axes:
             k = "xyz".index(axis)
+            other = fixed[nodes, k] & (prescribed[nodes, k] != support.displacement[k])
+            if other.any():
+                raise InputError(
+                    f"body {body.name!r}, support {support.name!r}: {int(other.sum())} of its "
+                    f"nodes are held at another {axis} by an earlier support; got "
+                    f"{support.displacement[k]:g} m; expected one displacement per node"
+                )
             fixed[nodes, k] = True
             prescribed[nodes, k] = support.displacement[k]
     forces = np.zeros((grid.node_count, 3))
@@ -167,9 +170,7 @@ def _load(parts: BodyParts, load: m.Load) -> Array:
     if isinstance(load, m.Gravity):
         return loads.body_force(grid, parts.body.material.density, load.acceleration)
     if isinstance(load, m.NodalForce):
-        nodes = mesh.select_nodes(
-            grid, bounds=_bounds(load.where), name=load.where.set, tolerance=load.where.tolerance
-        )
+        nodes = _nodes(grid, load.where)
         return loads.nodal_force(grid, nodes, np.array(load.force) * len(nodes))
     faces = _faces(grid, parts.skin.faces, load.where)
     if isinstance(load, m.Pressure):
@@ -177,6 +178,16 @@ def _load(parts: BodyParts, load: m.Load) -> Array:
     if isinstance(load, m.Traction):
         return loads.traction(grid, faces, load.traction)
     return loads.face_force(grid, faces, load.force)
+
+
+def _nodes(grid: Mesh, where: m.Where) -> npt.NDArray[np.int32]:
+    return mesh.select_nodes(
+        grid,
+        bounds=_bounds(where),
+        normal=where.normal,
+        name=where.set,
+        tolerance=where.tolerance,
+    )
 
 
 def _faces(grid: Mesh, faces: Faces, where: m.Where) -> Faces:

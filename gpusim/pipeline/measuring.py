@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim import measure
-from gpusim.errors import GpusimError
+from gpusim.errors import GpusimError, InputError
 from gpusim.export.files import safe_name, write_text
 from gpusim.gpu import Device
 from gpusim.optics.camera import Camera
@@ -33,6 +33,7 @@ Array = npt.NDArray[np.float64]
 Displacement = Callable[[int, float], Array]
 SUBSET_SHARE = 0.95
 REFINE_SHARE = 0.2
+LEAST_WIDTH = 10.0  # px; a marker's cross can't be fitted in less
 TRUTH_POINTS = 200
 
 
@@ -165,6 +166,8 @@ def measure_deflection(
 
     Raises
     ------
+    InputError
+        A marker is too small in the image, or behind the camera.
     GpusimError
         No marker could be found in the reference image.
     """
@@ -182,6 +185,14 @@ def measure_deflection(
     places = np.concatenate([position, *[np.array([s.position])for _, s in static]])  # fmt: skip
     sizes = [paint.size for _, paint, _ in markers] + [paint.size for paint, _ in static]
     expected, widths = camera.project(places), _widths(camera, places, np.array(sizes))
+    narrow = int(np.argmin(widths))
+    if not 0.95 * widths[narrow] >= LEAST_WIDTH:
+        marker = markers[narrow][2] if narrow < len(markers) else static[narrow - len(markers)][1]
+        raise InputError(
+            f"measure {spec.name!r}: marker {marker.name!r} is too small for camera "
+            f"{spec.camera!r}; got a width of {widths[narrow]:.1f} px; expected more than "
+            f"{LEAST_WIDTH / 0.95:.1f} px (a larger marker, a longer lens or more pixels)"
+        )
     reference = image(spec.camera, 0)
     last = len(scene.analysis.load_factors) - 1
     deformed = image(spec.camera, last)
@@ -253,7 +264,7 @@ def _centres(image: npt.NDArray[Any], near: Array, widths: Array, share: float) 
     for width in np.unique(np.round(widths[known], 1)):
         rows = np.flatnonzero(known & (np.round(widths, 1) == width))
         located = measure.locate_markers(
-            image, near[rows], (max(6.0, 0.75 * width), 1.3 * width), share * float(width)
+            image, near[rows], (max(LEAST_WIDTH, 0.75 * width), 1.3 * width), share * float(width)
         )
         hit = located.status == measure.MarkerStatus.FOUND
         points[rows[hit]] = located.points[hit]

@@ -56,10 +56,8 @@ def write_truth(
     )
     attributes = {"version": __version__, "scene": scene.name, "pixels": "those that see a body"}
     with TruthWriter(path, regions=regions, attributes=attributes) as file:
-        if len(bodies) == 1:
-            file.write_mesh(bodies[0].mesh.points, bodies[0].mesh.cells)
-            for step, factor in enumerate(scene.analysis.load_factors):
-                file.write_nodal_displacement(step, displacement(0, factor), load_factor=factor)
+        if bodies:
+            _write_nodes(file, scene, bodies, displacement)
         for spec in scene.cameras:
             camera = build_camera(spec)
             file.write_camera(
@@ -83,6 +81,22 @@ def write_truth(
                         values = getattr(truth, layer)
                     frame.write_sparse(layer, truth.row, truth.column, values)
     return path
+
+
+def _write_nodes(
+    file: TruthWriter, scene: Scene, bodies: Sequence[BodyParts], displacement: Displacement
+) -> None:
+    """Mesh and nodal displacement, bodies one after the other as in the layer ``element``."""
+    first_node = np.cumsum([0, *(parts.mesh.node_count for parts in bodies)])
+    cells: dict[str, list[npt.NDArray[np.int32]]] = {}
+    for parts, first in zip(bodies, first_node, strict=False):
+        for kind, block in parts.mesh.cells.items():
+            cells.setdefault(kind, []).append(block + np.int32(first))
+    points = np.concatenate([parts.mesh.points for parts in bodies])
+    file.write_mesh(points, {kind: np.concatenate(blocks) for kind, blocks in cells.items()})
+    for step, factor in enumerate(scene.analysis.load_factors):
+        u = np.concatenate([displacement(body, factor) for body in range(len(bodies))])
+        file.write_nodal_displacement(step, u, load_factor=factor)
 
 
 def _region_names(parts: BodyParts) -> list[str]:
@@ -132,7 +146,7 @@ def _with_triangles(faces: npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:
 
 @dataclass(frozen=True, eq=False)
 class Findings:
-    """What a run knows when it writes its report."""
+    """What a run knows when it writes its report; ``files`` are those of its stages' results."""
 
     adapter: str
     stages: tuple[Stage, ...]
@@ -141,6 +155,7 @@ class Findings:
     results: tuple[DeflectionResult, ...]
     warnings: tuple[str, ...]
     failure: str
+    files: frozenset[Path]
     device_seconds: dict[str, float]
 
 
@@ -183,7 +198,7 @@ def make_report(scene: Scene, out: Path, found: Findings) -> Report:
         overlays=tuple(overlays),
         residuals=found.solved.residuals if found.solved is not None else (),
         tolerance=scene.solver.tolerance,
-        links=_links(out),
+        links=_links(out, found.files),
     )
 
 
@@ -197,7 +212,8 @@ def _along(result: DeflectionResult) -> tuple[int, float]:
 
 def _measurements(result: DeflectionResult) -> list[Measurement]:
     k, sign = _along(result)
-    measured, truth = sign * result.measured_mm[:, k], sign * result.true_mm[:, k]
+    measured = sign * result.measured_mm[:, k] + 0.0  # 0, not -0
+    truth = sign * result.true_mm[:, k] + 0.0
     tip = len(measured) - 1
     name = f"{result.name}: {result.marker[tip]}, {result.direction}"
     rows = [
@@ -301,16 +317,11 @@ def _pairs(scene: Scene, out: Path, results: Sequence[DeflectionResult]) -> tupl
     return tuple(pairs)
 
 
-def _links(out: Path) -> tuple[Link, ...]:
-    known = (
-        ("Ground truth (HDF5)", "truth.h5"),
-        ("Scene as it was run", "scene.toml"),
-        ("Numbers of this report", "report.json"),
-    )
-    links = [Link(label, out / name) for label, name in known if (out / name).is_file()]
-    for label, pattern in (
-        ("Solution for ParaView", "solution/*.pvd"),
-        ("Measured points", "measure/*.csv"),
-    ):
-        links += [Link(label, path) for path in sorted(out.glob(pattern))]
+def _links(out: Path, files: frozenset[Path]) -> tuple[Link, ...]:
+    """Links to this run's files; what an earlier scene left in the folder is not among them."""
+    links = [Link("Ground truth (HDF5)", file) for file in files if file.name == "truth.h5"]
+    links.append(Link("Scene as it was run", out / "scene.toml"))
+    links.append(Link("Numbers of this report", out / "report.json"))
+    for label, suffix in (("Solution for ParaView", ".pvd"), ("Measured points", ".csv")):
+        links += [Link(label, file) for file in sorted(files) if file.suffix == suffix]
     return tuple(links)

@@ -64,6 +64,11 @@ def run(
     return _Run(scene, Path(out), backend, fresh, skip, progress or _silent).run()
 
 
+def _said(error: Exception) -> str:
+    """The message, with the error's type where it isn't one of gpusim's own."""
+    return str(error) if isinstance(error, GpusimError) else f"{type(error).__name__}: {error}"
+
+
 def _silent(stage: str, done: float, text: str) -> None:
     del stage, done, text
 
@@ -78,6 +83,7 @@ class _Run:
         self.plan: Plan = make_plan(scene, self.out, backend, fresh, skip)
         self.stages: list[Stage] = []
         self.warnings: list[str] = []
+        self.note = ""
         self.bodies: list[BodyParts] = []
         self.models: list[fem.Model] = []
         self.props: list[Surface] = []
@@ -85,29 +91,34 @@ class _Run:
         self.results: list[measuring.DeflectionResult] = []
         self.photographer: images.Photographer | None = None
         self.device: Device | None = None
+        self.device_before: dict[str, float] = {}
 
     def run(self) -> Report:
         """Every stage in the plan's order."""
         self.device = device = self._device()
+        self.device_before = device.timer.seconds() if device is not None else {}
         self._in_memory()
         self.state = StateFile(self.out)
         try:
             clean_leftovers(self.out)
+            if any(stage.runs for stage in self.plan.stages if stage.name != "report"):
+                # an earlier report must not speak for what a killed run leaves behind
+                for name in ("report.html", "report.json"):
+                    (self.out / name).unlink(missing_ok=True)
             write_text(self.out / "scene.toml", self._scene_text(device))
             self._stage(self.plan["solve"], self._solve, self._reload)
             self._pictures(device)
             self._stage(self.plan["truth"], self._truth)
             self._stage(self.plan["measure"], self._measure, self._remeasure)
             self._stage(self.plan["export"], self._export)
-        except GpusimError as error:
-            failed = self._report(device, failure=str(error))
+        except Exception as error:
+            failed = self._report(device, failure=_said(error))
             write_report(failed, self.out)
             raise
-        started = time.perf_counter()
         report = self._report(device)
         self.progress("report", 0.0, "figures and page")
         write_report(report, self.out)
-        self.progress("report", 1.0, f"{time.perf_counter() - started:.1f} s")
+        self.progress("report", 1.0, "report.html, report.json")
         return report
 
     # -- the frame around each stage -------------------------------------------------------
@@ -149,9 +160,10 @@ class _Run:
         """Run a stage and record its files, or load what an earlier run left."""
 
         def recorded() -> str:
+            self.note = ""
             files = work()
             self.state.record(planned.name, planned.key, files)
-            return f"{len(files)} files"
+            return self.note or ", ".join(file.name for file in files[:3])
 
         if planned.runs:
             self._timed(planned, recorded)
@@ -167,13 +179,13 @@ class _Run:
             self.progress(planned.name, 0.0, planned.detail)
             try:
                 text = work()
-            except GpusimError as error:
+            except Exception as error:
                 seconds = time.perf_counter() - started
-                self.stages.append(Stage(planned.name, "failed", str(error), seconds))
+                self.stages.append(Stage(planned.name, "failed", _said(error), seconds))
                 raise
         seconds = time.perf_counter() - started
         self.stages.append(Stage(planned.name, planned.state, planned.reason, seconds))
-        done = f"{text}, {seconds:.1f} s" if work is not None else f"{planned.state}: {text}"
+        done = text if work is not None else f"{planned.state}: {text}"
         self.progress(planned.name, 1.0, done)
 
     # -- stages ----------------------------------------------------------------------------
@@ -205,6 +217,9 @@ class _Run:
                 )
             solutions.append(solution)
         self.solved = Solved.of(solutions)
+        self.note = (
+            f"{self.solved.iterations} iterations, estimated error {self.solved.error_estimate:.1e}"
+        )
         path = self.out / "solution" / "displacement.npz"
         path.parent.mkdir(parents=True, exist_ok=True)
         with atomic_stream(path) as stream:
@@ -256,6 +271,8 @@ class _Run:
             )
             self.results.append(result)
             files += result.write(self.out / "measure")
+            count = sum(status == "OK" for status in result.status)
+            self.note = f"{count} of {len(result.status)} markers measured"
             self.warnings += result.warnings
         return files
 
@@ -271,6 +288,16 @@ class _Run:
         return outputs.write_meshes(self.scene, self.out, self.bodies, self.displacement)
 
     # -- report ----------------------------------------------------------------------------
+
+    def _device_seconds(self) -> dict[str, float]:
+        """What this run took on the device, by stage; the device may be older than the run."""
+        if self.device is None:
+            return {}
+        spent = {
+            name: seconds - self.device_before.get(name, 0.0)
+            for name, seconds in self.device.timer.seconds().items()
+        }
+        return {name: seconds for name, seconds in spent.items() if seconds > 0.0}
 
     def _scene_text(self, device: Device | None) -> str:
         from gpusim._version import __version__
@@ -295,6 +322,9 @@ class _Run:
                 results=() if failure else tuple(self.results),
                 warnings=tuple(self.warnings),
                 failure=failure,
-                device_seconds=device.timer.seconds() if device is not None else {},
+                files=frozenset(
+                    file for stage in self.plan.stages for file in self.state.files(stage.key)
+                ),
+                device_seconds=self._device_seconds(),
             ),
         )

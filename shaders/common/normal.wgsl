@@ -1,10 +1,12 @@
 // Normal equations of one subset in workgroup memory, worked on by a single thread.
-// Needs `unknowns` and `step` of common/warp. The NumPy form is gpusim/measure/normal.py.
-#import common/warp
+// The NumPy form is gpusim/measure/normal.py.
 
 const MIN_PIVOT = 1e-5;
 
-var<workgroup> factor: array<f32, 144>; // rows of 12
+override unknowns: u32;
+
+var<workgroup> factor: array<f32, 144>; // rows of 12; first the matrix, then its Cholesky factor
+var<workgroup> step: array<f32, 12>;    // right side, then solution
 
 // Cholesky factor in place; false where a motion can't be told from the grey values.
 fn factorize() -> bool {
@@ -53,7 +55,7 @@ fn solve() {
     }
 }
 
-// Diagonal entry of the inverse normal matrix.
+// Diagonal entry of the inverse of the matrix.
 fn variance(index: u32) -> f32 {
     for (var i = 0u; i < unknowns; i++) {
         step[i] = select(0.0, 1.0, i == index);

@@ -3,79 +3,72 @@
 //
 // float32 is enough because everything it touches is small: grey values have range 1, positions
 // are offsets from whole pixels, and the sums are taken over f - scale (g - offset), not over g.
-
+//
+// What concerns the subset as a whole is computed by every thread alike, so that all of them
+// take the same branches; only the normal equations are left to one thread.
 #import common/spline
 #import common/warp
 #import common/normal
+#import common/moments
 
-const THREADS = 64u;
-const VECTORS = 4u;     // of four sums each, that one reduction carries
 const FLOATS_IN = 14u;  // per subset: fraction of its point x, y; 12 start coefficients
 const FLOATS_OUT = 16u; // per subset: 12 coefficients, zncc, iterations, status, sigma
 const MIN_CONTRAST = 5e-4;
 const MIN_WEIGHT = 0.3;
 
-// gpusim.measure.icgn.Status
+// gpusim.measure.matching.Status
 const OK = 0.0;
 const OUTSIDE = 1.0;
 const NO_TEXTURE = 2.0;
 const NOT_CONVERGED = 3.0;
+const NEVER = -2.0; // zncc before the first iteration
+
+// at most 32; on a CPU adapter the vector width, so that no lane waits for another vector
+override threads: u32;
+// 0: every pixel of the subset has the same weight, `window` isn't read
+override windowed: u32;
 
 struct Params {
     count: u32,
     half: u32,
-    reference_width: u32,
-    deformed_width: u32,
-    // whole-pixel box of the deformed crop, in its padded coordinates, in which samples may lie
-    x0: i32,
-    y0: i32,
-    x1: i32,
-    y1: i32,
     max_iterations: u32,
     tolerance: f32,
     max_move: f32,
     window_sum: f32,
+    beyond: f32, // status of a subset that leaves the box
+    // closed box of pixels of the deformed texture (lowest x, y, highest x, y) for samples
+    box: vec4i,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
 // f, df/dx, df/dy, mask
-@group(0) @binding(1) var<storage, read> reference: array<vec4f>;
-// B-spline coefficients
-@group(0) @binding(2) var<storage, read> deformed: array<f32>;
-@group(0) @binding(3) var<storage, read> window: array<f32>;
-// centre pixel in the reference crop; the pixel of the padded deformed crop it starts from
+@group(0) @binding(1) var reference: texture_2d<f32>;
+// B-spline coefficients, see spline_value
+@group(0) @binding(2) var deformed: texture_2d<f32>;
+@group(0) @binding(3) var window: texture_2d<f32>;
+// centre pixel in the reference texture; the pixel of the deformed texture it starts from
 @group(0) @binding(4) var<storage, read> places: array<vec4i>;
 @group(0) @binding(5) var<storage, read> starts: array<f32>;
 @group(0) @binding(6) var<storage, read_write> result: array<f32>;
 
-var<workgroup> partial: array<vec4f, 256>; // THREADS * VECTORS
-var<workgroup> total: array<f32, 16>;
-var<workgroup> descent_sum: array<f32, 12>;
-var<workgroup> descent_dot: array<f32, 12>;
-var<workgroup> running: u32;
-var<workgroup> level: f32;
-var<workgroup> contrast: f32;
+var<workgroup> partial: array<vec4f, 672>; // threads * MOMENTS at most
+var<workgroup> solvable: u32;
 
-fn line(at: u32, w: Taps) -> f32 {
-    return dot(w.a, vec3f(deformed[at], deformed[at + 1u], deformed[at + 2u]))
-        + dot(w.b, vec3f(deformed[at + 3u], deformed[at + 4u], deformed[at + 5u]));
+// Sums over the threads of the first `count` vectors that each left in `partial`, into `total`;
+// always in the same order.
+fn reduce(thread: u32, count: u32) {
+    workgroupBarrier();
+    for (var k = thread; k < count; k += threads) {
+        var sum = partial[k * threads];
+        for (var t = 1u; t < threads; t++) {
+            sum += partial[k * threads + t];
+        }
+        total[k] = sum;
+    }
+    workgroupBarrier();
 }
 
-// Grey value at pixel (column, row) of the padded crop plus the fractions fx, fy in [0, 1).
-fn sample(column: i32, row: i32, fx: f32, fy: f32) -> f32 {
-    let wx = quintic(fx);
-    let wy = quintic(fy);
-    let pitch = params.deformed_width;
-    let at = u32(row - 2) * pitch + u32(column - 2);
-    return wy.a.x * line(at, wx)
-        + wy.a.y * line(at + pitch, wx)
-        + wy.a.z * line(at + 2u * pitch, wx)
-        + wy.b.x * line(at + 3u * pitch, wx)
-        + wy.b.y * line(at + 4u * pitch, wx)
-        + wy.b.z * line(at + 5u * pitch, wx);
-}
-
-// Where a thread is in its walk over the subset: every 64th pixel, row by row, without divisions.
+// Where a thread is in its walk over the subset, row by row, without divisions.
 struct Walk {
     index: u32,
     column: u32,
@@ -90,29 +83,92 @@ fn walk_on(at: Walk, width: u32, columns: u32, rows: u32) -> Walk {
     let column = at.column + columns;
     let over = column >= width;
     return Walk(
-        at.index + THREADS,
+        at.index + threads,
         select(column, column - width, over),
         at.row + rows + select(0u, 1u, over),
     );
 }
 
-// Add up the first `count` vectors that every thread left in `partial`, always in the same order.
-fn reduce(thread: u32, count: u32) {
-    workgroupBarrier();
-    if (thread < count) {
-        var sum = vec4f(0.0);
-        for (var t = 0u; t < THREADS; t++) {
-            sum += partial[t * VECTORS + thread];
-        }
-        total[4u * thread] = sum.x;
-        total[4u * thread + 1u] = sum.y;
-        total[4u * thread + 2u] = sum.z;
-        total[4u * thread + 3u] = sum.w;
-    }
-    workgroupBarrier();
+fn weight_of(pixel: vec2i, mask: f32) -> f32 {
+    if (windowed == 0u) { return mask; }
+    return textureLoad(window, pixel, 0).x * mask;
 }
 
-@compute @workgroup_size(64)
+struct Sums {
+    head: vec4f, // w e, w e f, w e e, number of pixels beyond the box
+    // w e (gx, gy) times 1 and a; b and a^2/2; ab and b^2/2
+    a: vec4f,
+    b: vec4f,
+    c: vec4f,
+}
+
+fn write(id: u32, c: Warp, zncc: f32, iterations: u32, status: f32, sigma: f32) {
+    let at = id * FLOATS_OUT;
+    result[at] = c.x.low.x;
+    result[at + 1u] = c.x.low.y;
+    result[at + 2u] = c.x.low.z;
+    result[at + 3u] = c.x.high.x;
+    result[at + 4u] = c.x.high.y;
+    result[at + 5u] = c.x.high.z;
+    result[at + 6u] = c.y.low.x;
+    result[at + 7u] = c.y.low.y;
+    result[at + 8u] = c.y.low.z;
+    result[at + 9u] = c.y.high.x;
+    result[at + 10u] = c.y.high.y;
+    result[at + 11u] = c.y.high.z;
+    result[at + 12u] = zncc;
+    result[at + 13u] = f32(iterations);
+    result[at + 14u] = status;
+    result[at + 15u] = sigma;
+}
+
+fn start_of(id: u32) -> Warp {
+    let at = id * FLOATS_IN + 2u;
+    return Warp(
+        Component(
+            vec3f(starts[at], starts[at + 1u], starts[at + 2u]),
+            vec3f(starts[at + 3u], starts[at + 4u], starts[at + 5u]),
+        ),
+        Component(
+            vec3f(starts[at + 6u], starts[at + 7u], starts[at + 8u]),
+            vec3f(starts[at + 9u], starts[at + 10u], starts[at + 11u]),
+        ),
+    );
+}
+
+// Right side of the normal equations, left in `step`: the sums by unknown, less what a change of
+// offset (lift) and of gain (along) explains.
+fn set_right_side(lift: f32, gain: f32) {
+    if (shape == 0u) {
+        step[0] = total[1].x;
+        step[1] = total[1].y;
+    } else if (shape == 1u) {
+        step[0] = total[1].x;
+        step[1] = total[1].y;
+        step[2] = total[1].w - total[2].x;
+    } else {
+        let terms = unknowns / 2u;
+        step[0] = total[1].x;
+        step[1] = total[1].z;
+        step[2] = total[2].x;
+        step[terms] = total[1].y;
+        step[terms + 1u] = total[1].w;
+        step[terms + 2u] = total[2].y;
+        if (shape == 3u) {
+            step[3] = total[2].z;
+            step[4] = total[3].x;
+            step[5] = total[3].z;
+            step[9] = total[2].w;
+            step[10] = total[3].y;
+            step[11] = total[3].w;
+        }
+    }
+    for (var k = 0u; k < unknowns; k++) {
+        step[k] = lift * descent_sum[k] + gain * descent_dot[k] - step[k];
+    }
+}
+
+@compute @workgroup_size(threads)
 fn main(
     @builtin(local_invocation_index) thread: u32,
     @builtin(workgroup_id) group: vec3u,
@@ -125,195 +181,123 @@ fn main(
     let width = 2u * params.half + 1u;
     let pixels = width * width;
     let fraction = vec2f(starts[id * FLOATS_IN], starts[id * FLOATS_IN + 1u]);
-    let mine = thread * VECTORS;
-    let columns = THREADS % width;
-    let rows = THREADS / width;
-    let vectors = 1u + (unknowns + 3u) / 4u;
-    let pitch = params.reference_width;
-    let first = u32(place.y - i32(params.half)) * pitch + u32(place.x - i32(params.half));
+    let columns = threads % width;
+    let rows = threads / width;
+    let first = place.xy - vec2i(i32(params.half));
+    let lowest = vec2f(params.box.xy - place.zw);
+    let highest = vec2f(params.box.zw - place.zw);
+    let begin = start_of(id);
+    var c = begin;
 
     // reference: weight, mean
-    var sums = vec4f(0.0);
+    var own = vec4f(0.0);
     for (var at = walk_from(thread, width); at.index < pixels;
         at = walk_on(at, width, columns, rows)) {
-        let r = reference[first + at.row * pitch + at.column];
-        let w = window[at.index] * r.w;
-        sums += vec4f(w, w * r.x, 0.0, 0.0);
+        let pixel = vec2i(i32(at.column), i32(at.row));
+        let r = textureLoad(reference, first + pixel, 0);
+        let w = weight_of(pixel, r.w);
+        own += vec4f(w, w * r.x, 0.0, 0.0);
     }
-    partial[mine] = sums;
+    partial[thread] = own;
     reduce(thread, 1u);
-    let weight = total[0];
-    let mean = total[1] / max(weight, 1e-30);
-    workgroupBarrier();
-
-    // normal matrix, one row at a time
-    for (var k = 0u; k < unknowns; k++) {
-        var head = vec4f(0.0);
-        var products = Twelve(vec4f(0.0), vec4f(0.0), vec4f(0.0));
-        for (var at = walk_from(thread, width); at.index < pixels;
-            at = walk_on(at, width, columns, rows)) {
-            let r = reference[first + at.row * pitch + at.column];
-            let w = window[at.index] * r.w;
-            let a = (f32(at.column) - half - fraction.x) / half;
-            let b = (f32(at.row) - half - fraction.y) / half;
-            let d = descent(r.y, r.z, a, b);
-            let wd = w * pick(d, k);
-            let f = r.x - mean;
-            head += vec4f(wd, wd * f, w * f * f, 0.0);
-            products.a += wd * d.a;
-            products.b += wd * d.b;
-            products.c += wd * d.c;
-        }
-        partial[mine] = head;
-        partial[mine + 1u] = products.a;
-        partial[mine + 2u] = products.b;
-        partial[mine + 3u] = products.c;
-        reduce(thread, vectors);
-        if (thread == 0u) {
-            descent_sum[k] = total[0];
-            descent_dot[k] = total[1];
-            for (var j = 0u; j <= k; j++) {
-                factor[k * 12u + j] = total[4u + j];
-            }
-        }
-    }
-    let energy = total[2];
+    let of_reference = workgroupUniformLoad(&total[0]);
+    let weight = of_reference.x;
+    let mean = of_reference.y / max(weight, 1e-30);
     let enough = weight >= MIN_WEIGHT * params.window_sum && weight > f32(unknowns) + 2.0;
-    let textured = energy > MIN_CONTRAST * MIN_CONTRAST * weight;
-    workgroupBarrier();
 
-    var status = NOT_CONVERGED;
-    var zncc = 0.0;
-    var sigma = 0.0;
-    var iterations = 0u;
-    if (thread == 0u) {
-        running = 0u;
-        if (!enough) {
-            status = OUTSIDE;
-        } else if (!textured) {
-            status = NO_TEXTURE;
-        } else {
-            for (var k = 0u; k < unknowns; k++) {
-                for (var j = 0u; j <= k; j++) {
-                    factor[k * 12u + j] -= descent_sum[k] * descent_sum[j] / weight
-                        + descent_dot[k] * descent_dot[j] / energy;
-                }
-            }
-            if (factorize()) {
-                running = 1u;
-            } else {
-                status = NO_TEXTURE;
-            }
-        }
-        for (var i = 0u; i < 12u; i++) {
-            c[i] = starts[id * FLOATS_IN + 2u + i];
-        }
-        level = mean;
-        contrast = 1.0;
+    // reference: normal matrix
+    var moments = array<vec4f, MOMENTS>();
+    for (var at = walk_from(thread, width); at.index < pixels;
+        at = walk_on(at, width, columns, rows)) {
+        let pixel = vec2i(i32(at.column), i32(at.row));
+        let r = textureLoad(reference, first + pixel, 0);
+        let w = weight_of(pixel, r.w);
+        add_pixel(&moments, w, r.x - mean, r.yz, (vec2f(pixel) - half - fraction) / half);
     }
+    let vectors = select(select(2u, 9u, shape > 0u), MOMENTS, shape > 2u);
+    for (var k = 0u; k < vectors; k++) {
+        partial[k * threads + thread] = moments[k];
+    }
+    reduce(thread, vectors);
+    let energy = workgroupUniformLoad(&total[0]).w;
+    if (thread == 0u) {
+        solvable = 0u;
+        if (enough && energy > MIN_CONTRAST * MIN_CONTRAST * weight) {
+            set_sums();
+            set_matrix();
+            project_matrix(weight, energy);
+            solvable = select(0u, 1u, factorize());
+        }
+    }
+    let possible = workgroupUniformLoad(&solvable) == 1u;
 
-    for (var iteration = 1u; iteration <= params.max_iterations; iteration++) {
-        if (workgroupUniformLoad(&running) == 0u) { break; }
-        let gain = contrast;
-        let offset = level;
-        let x_a = vec3f(c[0], c[1], c[2]);
-        let x_b = vec3f(c[3], c[4], c[5]);
-        let y_a = vec3f(c[6], c[7], c[8]);
-        let y_b = vec3f(c[9], c[10], c[11]);
-        var head = vec4f(0.0);
-        var products = Twelve(vec4f(0.0), vec4f(0.0), vec4f(0.0));
+    var status = select(select(OUTSIDE, NO_TEXTURE, enough), NOT_CONVERGED, possible);
+    var zncc = NEVER;
+    var sigma = 0.0;
+    var level = mean;
+    var contrast = 1.0;
+    var iteration = 0u;
+    while (possible && iteration < params.max_iterations) {
+        iteration++;
+        // given explicitly: naga doesn't reset a variable of a loop body by itself
+        var own = Sums(vec4f(0.0), vec4f(0.0), vec4f(0.0), vec4f(0.0));
         for (var at = walk_from(thread, width); at.index < pixels;
             at = walk_on(at, width, columns, rows)) {
-            let dx = f32(at.column) - half;
-            let dy = f32(at.row) - half;
-            let a = (dx - fraction.x) / half;
-            let b = (dy - fraction.y) / half;
-            var x = dx + dot(x_a, vec3f(1.0, a, b));
-            var y = dy + dot(y_a, vec3f(1.0, a, b));
-            if (shape == 3u) {
-                let second = vec3f(0.5 * a * a, a * b, 0.5 * b * b);
-                x += dot(x_b, second);
-                y += dot(y_b, second);
-            }
-            let fx = floor(x);
-            let fy = floor(y);
-            let column = place.z + i32(fx);
-            let row = place.w + i32(fy);
-            let inside = column >= params.x0 && row >= params.y0
-                && (column < params.x1 || (column == params.x1 && x == fx))
-                && (row < params.y1 || (row == params.y1 && y == fy));
-            if (inside) {
-                let r = reference[first + at.row * pitch + at.column];
-                let w = window[at.index] * r.w;
-                let f = r.x - mean;
-                let e = f - gain * (sample(column, row, x - fx, y - fy) - offset);
-                let we = w * e;
-                let d = descent(r.y, r.z, a, b);
-                head += vec4f(we, we * f, we * e, 0.0);
-                products.a += we * d.a;
-                products.b += we * d.b;
-                products.c += we * d.c;
-            } else {
-                head.w += 1.0;
-            }
+            let pixel = vec2i(i32(at.column), i32(at.row));
+            let offset = vec2f(pixel) - half;
+            let s = (offset - fraction) / half;
+            let x = offset + displacement(c, s);
+            let low = floor(x);
+            let inside = all(x >= lowest) && all(x <= highest);
+            let r = textureLoad(reference, first + pixel, 0);
+            let w = weight_of(pixel, r.w);
+            let f = r.x - mean;
+            let g = spline_value(deformed, place.zw + vec2i(low), x - low);
+            let e = select(0.0, f - contrast * (g - level), inside);
+            let we = w * e;
+            let v = we * r.yz;
+            own.head += vec4f(we, we * f, we * e, select(1.0, 0.0, inside));
+            own.a += vec4f(v, s.x * v);
+            own.b += vec4f(s.y * v, 0.5 * s.x * s.x * v);
+            own.c += vec4f(s.x * s.y * v, 0.5 * s.y * s.y * v);
         }
-        partial[mine] = head;
-        partial[mine + 1u] = products.a;
-        partial[mine + 2u] = products.b;
-        partial[mine + 3u] = products.c;
-        reduce(thread, vectors);
+        partial[thread] = own.head;
+        partial[threads + thread] = own.a;
+        if (shape > 0u) { partial[2u * threads + thread] = own.b; }
+        if (shape > 2u) { partial[3u * threads + thread] = own.c; }
+        reduce(thread, select(select(2u, 3u, shape > 0u), 4u, shape > 2u));
+        let head = workgroupUniformLoad(&total[0]);
+        let lift = head.x / weight;
+        let along = head.y;
+        let rest = head.z - head.x * lift;
+        let seen = energy - 2.0 * along + rest; // energy of contrast * g
+        if (head.w > 0.0) {
+            status = params.beyond;
+            break;
+        }
+        if (!(seen > 1e-10 * energy)) { break; }
+        zncc = (energy - along) / sqrt(energy * seen);
+        level -= lift / contrast;
+        contrast *= sqrt(energy / seen);
         if (thread == 0u) {
-            iterations = iteration;
-            let lift = total[0] / weight;
-            let along = total[1];
-            let rest = total[2] - total[0] * lift;
-            let seen = energy - 2.0 * along + rest; // energy of gain * g
-            let live = seen > 1e-10 * energy;
-            if (total[3] > 0.0) {
-                status = OUTSIDE;
-                running = 0u;
-            } else if (!live) {
-                running = 0u;
-            } else {
-                zncc = (energy - along) / sqrt(energy * seen);
-                level = offset - lift / gain;
-                contrast = gain * sqrt(energy / seen);
-                for (var k = 0u; k < unknowns; k++) {
-                    step[k] = -(total[4u + k] - lift * descent_sum[k]
-                        - along * descent_dot[k] / energy);
-                }
-                solve();
-                let d = step_coefficients();
-                compose(d, half);
-                let size = max(
-                    abs(d[0]) + abs(d[1]) + abs(d[2]) + abs(d[3]) + abs(d[4]) + abs(d[5]),
-                    abs(d[6]) + abs(d[7]) + abs(d[8]) + abs(d[9]) + abs(d[10]) + abs(d[11]),
-                );
-                let moved = max(
-                    abs(c[0] - starts[id * FLOATS_IN + 2u]),
-                    abs(c[6] - starts[id * FLOATS_IN + 8u]),
-                );
-                if (!(moved <= params.max_move)) {
-                    running = 0u;
-                } else if (size <= params.tolerance) {
-                    status = OK;
-                    running = 0u;
-                    let left = max((energy * rest - along * along) / seen, 0.0)
-                        / (weight - f32(unknowns) - 2.0);
-                    let second = select(unknowns / 2u, 1u, shape < 2u);
-                    let spread = variance(0u);
-                    sigma = sqrt(left * max(spread, variance(second)));
-                }
+            set_right_side(lift, along / energy);
+            solve();
+        }
+        let d = warp_of(workgroupUniformLoad(&step));
+        c = compose_inverse(c, d, half);
+        let moved = max(abs(c.x.low.x - begin.x.low.x), abs(c.y.low.x - begin.y.low.x));
+        if (!(moved <= params.max_move)) { break; }
+        if (largest_move(d) <= params.tolerance) {
+            status = OK;
+            if (thread == 0u) {
+                let left = max((energy * rest - along * along) / seen, 0.0)
+                    / (weight - f32(unknowns) - 2.0);
+                let second = select(unknowns / 2u, 1u, shape < 2u);
+                let spread = variance(0u);
+                sigma = sqrt(left * max(spread, variance(second)));
             }
+            break;
         }
     }
-    if (thread == 0u) {
-        for (var i = 0u; i < 12u; i++) {
-            result[id * FLOATS_OUT + i] = c[i];
-        }
-        result[id * FLOATS_OUT + 12u] = zncc;
-        result[id * FLOATS_OUT + 13u] = f32(iterations);
-        result[id * FLOATS_OUT + 14u] = status;
-        result[id * FLOATS_OUT + 15u] = sigma;
-    }
+    if (thread == 0u) { write(id, c, zncc, iteration, status, sigma); }
 }

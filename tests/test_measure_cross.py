@@ -1,0 +1,49 @@
+"""The border fit of a marker: its derivatives, and what it can reach on sharp images."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gpusim.measure import locate_markers
+from gpusim.measure.cross import _residual, border_profile
+from tests.measure_images import Marker, board
+
+
+@pytest.mark.parametrize("sigma", [0.4, 0.01])
+@pytest.mark.parametrize("angles", [(0.12, 0.15), (-0.7, -0.69)])
+def test_derivatives_are_those_of_the_residual(sigma: float, angles: tuple[float, float]) -> None:
+    x, y = (axis.ravel() for axis in np.meshgrid(np.arange(-9.0, 10.0), np.arange(-8.0, 7.0)))
+    region = (x, y, np.zeros(x.size))
+    at = np.array([0.31, -0.23, *angles, 0.5, 0.3, 0.002, -0.001, sigma])
+    step = 1e-7
+    differences = np.stack(
+        [
+            (_residual(at + step * e, region)[0] - _residual(at - step * e, region)[0]) / (2 * step)
+            for e in np.eye(9)
+        ],
+        axis=1,
+    )
+    assert np.abs(_residual(at, region)[1] - differences).max() <= 1e-5
+
+
+def test_profile_is_the_mean_over_the_pixel() -> None:
+    """Against 400x400 points of a sharp border; 0.004 px blur changes it by less than 1e-3."""
+    normal = np.array([np.cos(0.3), np.sin(0.3)])
+    offset = (np.arange(400) + 0.5) / 400 - 0.5
+    across = offset[:, None] * normal[0] + offset[None, :] * normal[1]
+    distance = np.array([-1.2, -0.61, -0.3, 0.0, 0.17, 0.55, 3.0])
+    want = [np.sign(d + across).mean() for d in distance]
+    assert np.abs(border_profile(distance, normal, 0.004) - want).max() <= 1e-3
+
+
+@pytest.mark.parametrize("size", [13.0, 19.4, 28.0])
+def test_sharp_markers_are_located_to_a_ten_thousandth(size: float) -> None:
+    rng = np.random.default_rng(1)
+    for degrees in (0.0, 0.5, 4.0, -20.0, 44.0):
+        x, y = 40 + rng.uniform(size=2)
+        image = board(97, 83, [Marker(x, y, size, size, np.radians(degrees))])
+        found = locate_markers(image, [[x + 1.5, y - 2.0]], (size - 2, size + 2), 6.0)
+        # measured: 3e-5
+        assert np.abs(found.points - [[x, y]]).max() <= 2e-4
+        assert found.residual.max() <= 1e-3
