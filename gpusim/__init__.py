@@ -9,12 +9,12 @@ Every layer is usable alone: solve a mesh, render a displacement field, measure 
 Names are imported when they are first used, so that ``import gpusim`` is quick.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+import importlib as _importlib
+import typing as _typing
 
 from gpusim._version import __version__
 
-if TYPE_CHECKING:
+if _typing.TYPE_CHECKING:
     from gpusim import errors, fem, measure, mesh
     from gpusim.errors import (
         DeviceError,
@@ -118,11 +118,11 @@ _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 _MODULES = ("errors", "fem", "measure", "mesh")
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> _typing.Any:
     if name in _MODULES:
-        return import_module(f"gpusim.{name}")
+        return _importlib.import_module(f"gpusim.{name}")
     if name in _HOME_OF:
-        return getattr(import_module(_HOME_OF[name]), name)
+        return getattr(_importlib.import_module(_HOME_OF[name]), name)
     raise AttributeError(f"module 'gpusim' has no attribute {name!r}")
 
 

@@ -157,15 +157,15 @@ def test_a_rigid_shift_is_measured_within_a_thousandth(device: Device, pixels: f
     images = [gs.render([s], view, device=device).radiance for s in (surface, moved)]
     want = np.array([pixels, -0.4 * pixels])
     result = gs.measure.dic(
-        255 * images[0], 255 * images[1], subset=41, step=20, roi=(8, 12, 232, 128), guess=(0.0, 0.0),
-        blur_px=1.0, shape="translation",
+        255 * images[0], 255 * images[1], subset=41, step=20, roi=(8, 12, 232, 128),
+        guess=(0.0, 0.0), blur_px=1.0, shape="translation",
     )  # fmt: skip
     good = result.status == gs.measure.Status.OK
     assert good.all() and good.sum() >= 40
     error = result.displacement - want
     print(f"{pixels} px: dic bias {error.mean(0)}, rms {np.sqrt(np.mean(error**2)):.1e}")
-    assert np.abs(error.mean(axis=0)).max() < 1e-3
-    assert np.abs(error).max() < 2e-3
+    assert np.abs(error.mean(axis=0)).max() < 6e-4
+    assert np.sqrt(np.mean(error**2)) < 1e-3
     # against the image of a board that didn't move but was looked at a pixel fraction aside
     K = view.K.copy()
     K[:2, 2] += want

@@ -58,10 +58,10 @@ def test_plain_has_no_features() -> None:
 def test_checker_unlimited_covers_the_region_and_keeps_its_colours() -> None:
     """The square at the origin is even (dark) wherever the region starts."""
     for low in (np.array([0.0, 0.0]), np.array([-3.21, 7.7]), np.array([0.35, -0.15])):
-        features = Checker(0.1, origin=(0.02, 0.03)).features(low, low + [1.0, 0.7])
+        features = Checker(0.1, origin=(0.02, 0.03)).features(low, low + np.array([1.0, 0.7]))
         assert features is not None and len(features) == 1
         first, last = features.bounds()
-        assert (first[0] < low).all() and (last[0] > low + [1.0, 0.7]).all()
+        assert (first[0] < low).all() and (last[0] > low + np.array([1.0, 0.7])).all()
         squares = (np.array([0.02, 0.03]) - features.position[0]) / 0.1
         assert np.abs(squares - np.rint(squares)).max() < 1e-9
         assert np.rint(squares).sum() % 2 == 0

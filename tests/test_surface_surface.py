@@ -168,10 +168,10 @@ def test_regions_have_their_own_paint(device: Device) -> None:
 
 
 def test_a_pattern_on_a_bent_region_is_refused(device: Device) -> None:
-    points = np.concatenate([POINTS, POINTS[1:3] + [0.0, 0.4, 0.0]])
+    points = np.concatenate([POINTS, POINTS[1:3] + np.array([0.0, 0.4, 0.0])])
     faces = np.array([[0, 1, 2, 3], [1, 4, 5, 2]])
     bent = gs.Surface(points, faces, paint=gs.paint.Checker(0.1), name="angle")
-    with pytest.raises(InputError, match="angle.*plane region.*1 degree"):
+    with pytest.raises(InputError, match=r"angle.*plane region.*1 degree"):
         gs.render([bent], looking(), device=device)
     gs.render([gs.Surface(points, faces)], looking(), device=device)  # plain paint: fine
     frame = gs.PaintFrame(np.zeros(3), np.array([1.0, 0, 0]), np.array([0, 0, 1.0]))

@@ -28,6 +28,16 @@ class EdgePixels:
     start: npt.NDArray[np.int64]
     triangle: npt.NDArray[np.int64]
 
+    @property
+    def depth(self) -> npt.NDArray[np.int64]:
+        """(E,) number of triangles over each pixel."""
+        return np.diff(self.start)
+
+    def select(self, wanted: npt.NDArray[np.bool_]) -> EdgePixels:
+        """The pixels that are ``wanted`` (E,)."""
+        start = np.concatenate([[0], np.cumsum(self.depth[wanted])])
+        return EdgePixels(self.pixel[wanted], start, self.triangle[np.repeat(wanted, self.depth)])
+
 
 def _expand(count: npt.NDArray[np.int64]) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
     """Owner and running number of ``count[i]`` items of each owner i."""

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from gpusim.gpu import Buffer, Device, Recording, compare, twin_check
 from gpusim.optics.binning import EdgePixels, bin_edges
-from gpusim.optics.pattern import mean_albedo
+from gpusim.optics.pattern import LOOP_TURNS, mean_albedo
 from gpusim.optics.setup import Setup, probe_setup, radiance_factor
 from gpusim.optics.shade import Tables
 from gpusim.optics.view import FIXED
@@ -24,6 +24,9 @@ __all__ = ["EdgePass", "edges_twin"]
 Array = npt.NDArray[np.float64]
 ROWS, COLUMNS = 16, 32
 SMALLEST = 1e-9
+DEEPEST = 128
+"""Triangles over a pixel beyond which the host resolves it; fewer where patterns are dense."""
+
 SHIFT = ((np.arange(ROWS) * 7) % ROWS + 0.5) / ROWS
 
 
@@ -31,6 +34,13 @@ class EdgePass:
     """The edge pixels of one view on the device."""
 
     def __init__(self, tables: Tables, edges: EdgePixels) -> None:
+        # about what one triangle takes: clipping and samples, then its features' corners
+        table, fine = tables.setup.table, tables.setup.constants(True)["fine"]
+        turns = 200 + table.most_in_a_cell * (2000 if fine else 50)
+        deep = edges.depth > min(DEEPEST, LOOP_TURNS // turns)
+        self._deep = edges.select(deep)
+        self._deep_values = _resolve(tables.setup, self._deep).astype(np.float32)
+        edges = edges.select(~deep)
         self.tables, self.edges = tables, edges
         count = len(edges.pixel)
         lists = np.zeros(2 * (count + 1) + len(edges.triangle), np.uint32)
@@ -71,11 +81,27 @@ class EdgePass:
         )
         recording.dispatch(kernel, bindings, threads=(int(last - first),))
 
+    def write_deep(self, radiance: Buffer, row0: int, rows: int, stride: int) -> None:
+        """Write the few pixels that the host resolved; call it once the recording is submitted."""
+        width = self.tables.setup.view.camera.width
+        first, last = np.searchsorted(self._deep.pixel, [row0 * width, (row0 + rows) * width])
+        for k in range(first, last):
+            row, column = divmod(int(self._deep.pixel[k]), width)
+            place = (row - row0) * stride + column
+            radiance.write(self._deep_values[k : k + 1], 4 * place)
+
 
 def edges_twin(
     setup: Setup, edges: EdgePixels, radiance: npt.NDArray[np.float32]
 ) -> npt.NDArray[np.float32]:
     """A copy of ``radiance`` (H, W) with the edge pixels resolved."""
+    result = radiance.copy()
+    result.reshape(-1)[edges.pixel] = _resolve(setup, edges)
+    return result
+
+
+def _resolve(setup: Setup, edges: EdgePixels) -> Array:
+    """Radiance of the edge pixels."""
     view, width = setup.view, setup.view.camera.width
     count = len(edges.pixel)
     covered = np.zeros((count, ROWS), np.uint32)
@@ -83,7 +109,7 @@ def edges_twin(
     free_area, free_light = np.zeros(count), np.zeros(count)
     hidden_count, hidden_light = np.zeros(count), np.zeros(count)
     corners_of = np.rint(view.screen * FIXED) / FIXED
-    depth = np.diff(edges.start)
+    depth = edges.depth
     for k in range(int(depth.max(initial=0))):
         entry = np.flatnonzero((depth > k) & (opened > 0))
         triangle = edges.triangle[edges.start[entry] + k]
@@ -127,8 +153,7 @@ def edges_twin(
     value[some] += rest[some] * hidden_light[some] / hidden_count[some]
     bare = ~some & (free_area < 1.0)
     value[bare] = free_light[bare] / free_area[bare]
-    result = radiance.copy()
-    result.reshape(-1)[edges.pixel] = value
+    result: Array = value
     return result
 
 
@@ -136,13 +161,12 @@ def _is_covered(
     corners: Array, edges: EdgePixels, entry: npt.NDArray[np.int64], k: int, at: Array
 ) -> npt.NDArray[np.bool_]:
     """Whether points (n, 2) px lie inside one of the first k triangles of their edge pixels."""
-    result = np.zeros(len(entry), bool)
-    for i in range(k):
-        rows = np.flatnonzero(~result)
-        v = corners[edges.triangle[edges.start[entry[rows]] + i]] - at[rows, None]
-        w = np.roll(v, -1, axis=1)
-        side = v[..., 0] * w[..., 1] - v[..., 1] * w[..., 0]
-        result[rows] = (side > 0.0).all(axis=1) | (side < 0.0).all(axis=1)
+    triangle = edges.triangle[edges.start[entry][:, None] + np.arange(k)]
+    v = corners[triangle] - at[:, None, None]
+    w = np.roll(v, -1, axis=2)
+    side = v[..., 0] * w[..., 1] - v[..., 1] * w[..., 0]
+    inside = (side > 0.0).all(axis=2) | (side < 0.0).all(axis=2)
+    result: npt.NDArray[np.bool_] = inside.any(axis=1)
     return result
 
 
@@ -255,5 +279,6 @@ def _check(device: Device) -> None:
     with device.recording("optics.edges") as recording:
         edge_pass = EdgePass(Tables(device, setup), edges)
         edge_pass.record(recording, out, 0, camera.height, camera.width)
+    edge_pass.write_deep(out, 0, camera.height, camera.width)
     got = out.read(np.float32, start.shape)
     compare("optics/edges", got, edges_twin(setup, edges, start), "pixel")

@@ -20,11 +20,13 @@ __all__ = [
     "Light",
     "PointLight",
     "ambient",
+    "closest_points",
     "emitters",
     "irradiance",
 ]
 
 Vector = tuple[float, float, float]
+Points = npt.NDArray[np.float64]
 
 
 def _check(what: str, power: float, *vectors: Vector) -> None:
@@ -115,6 +117,33 @@ def emitters(lights: Sequence[Light], points: npt.NDArray[np.float64]) -> npt.ND
                 at = position + 0.5 * (x * light.size[0] * across + y * light.size[1] * along)
                 rows.append([*at, 0.25 * wx * wy * light.power / np.pi, *axis, 1.0])
     return np.array(rows, np.float64).reshape(-1, 8)
+
+
+def closest_points(lights: Sequence[Light], triangles: npt.NDArray[np.float64]) -> Points:
+    """The point of triangles (T, 3, 3) that is nearest to each lamp, (L, 3)."""
+    result = [
+        _closest(np.array(light.position, np.float64), triangles)
+        for light in lights
+        if len(triangles) and not isinstance(light, AmbientLight)
+    ]
+    return np.array(result, np.float64).reshape(-1, 3)
+
+
+def _closest(position: Points, triangles: Points) -> Points:
+    a, edges = triangles, np.roll(triangles, -1, axis=1) - triangles
+    normal = np.cross(edges[:, 0], edges[:, 1])
+    square = np.sum(normal * normal, axis=1)
+    height = np.sum((position - a[:, 0]) * normal, axis=1) / np.where(square > 0.0, square, 1.0)
+    foot = position - height[:, None] * normal
+    sides = np.sum(np.cross(edges, foot[:, None] - a) * normal[:, None], axis=2)
+    inside = (sides >= 0.0).all(axis=1) & (square > 0.0)
+    length = np.sum(edges * edges, axis=2)
+    t = np.sum((position - a) * edges, axis=2) / np.where(length > 0.0, length, 1.0)
+    candidates = np.concatenate(
+        [(a + np.clip(t, 0.0, 1.0)[..., None] * edges).reshape(-1, 3), foot[inside]]
+    )
+    nearest: Points = candidates[np.argmin(np.sum((candidates - position) ** 2, axis=1))]
+    return nearest
 
 
 def _points_across(ratio: float) -> int:

@@ -19,7 +19,7 @@ from gpusim.optics import coverage
 from gpusim.optics.view import RegionPaint
 from gpusim.surface.paint import Features
 
-__all__ = ["FEATURE", "PAINT", "PatternTable", "mean_albedo"]
+__all__ = ["FEATURE", "FINEST", "LOOP_TURNS", "PAINT", "PatternTable", "mean_albedo"]
 
 Array = npt.NDArray[np.float64]
 
@@ -30,6 +30,11 @@ PAINT = np.dtype(
 FEATURE = np.dtype([("a", "<f4", 4), ("b", "<f4", 4), ("c", "<f4", 4), ("d", "<f4", 4)])
 
 MOST_CELLS = 1 << 22
+LOOP_TURNS = 50_000
+"""Turns that all loops of one shader invocation may take together.
+
+Mesa's software rasteriser leaves every loop, without a word, after 65535 of them.
+"""
 FINEST = 8
 """A footprint over small squares is cut into at most this many pieces a side."""
 
@@ -98,6 +103,11 @@ class PatternTable:
         for k, name in enumerate("abcd"):
             packed[name][: len(table)] = table[:, 4 * k : 4 * k + 4]
         return PatternTable(paints, np.concatenate(starts).astype(np.uint32), packed, table)
+
+    @property
+    def most_in_a_cell(self) -> int:
+        """The largest number of features that a pixel has to look at."""
+        return int(np.diff(self.cell_start.astype(np.int64)).max(initial=0))
 
     def kinds(self) -> set[int]:
         """The kinds of features on file: 0 checker patch, 1 disc."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from types import UnionType
 
 import numpy as np
 
@@ -58,11 +59,11 @@ def render(
     ------
     InputError, NoAdapter, OutOfDeviceMemory
     """
-    if not surfaces or not all(isinstance(s, Surface) for s in surfaces):
+    if not _all_are(Surface, surfaces) or not surfaces:
         raise InputError(f"render surfaces; got {surfaces!r}; expected a list of Surface")
-    if lights is not None and not all(
-        isinstance(v, PointLight | AreaLight | AmbientLight) for v in lights
-    ):
+    if not isinstance(camera, Camera):
+        raise InputError(f"render camera; got {camera!r}; expected a Camera")
+    if lights is not None and not _all_are(PointLight | AreaLight | AmbientLight, lights):
         raise InputError(f"render lights; got {lights!r}; expected a list of lights, or None")
     if not (np.isfinite(error) and error >= FINEST_ERROR):
         raise InputError(f"render error; got {error}; expected at least {FINEST_ERROR} grey levels")
@@ -70,8 +71,9 @@ def render(
         raise InputError(f"render background; got {background}; expected a radiance from 0 up")
     if backend not in ("gpu", "numpy"):
         raise InputError(f"render backend; got {backend!r}; expected 'gpu' or 'numpy'")
-    if camera.width > WIDEST:
-        raise InputError(f"render: image width; got {camera.width}; expected at most {WIDEST} px")
+    for name, size in (("width", camera.width), ("height", camera.height)):
+        if size > WIDEST:
+            raise InputError(f"render: image {name}; got {size}; expected at most {WIDEST} px")
     view = look(surfaces, camera, lit=lights is not None)
     setup = Setup.build(view, lights, background)
     edges = bin_edges(view)
@@ -91,5 +93,10 @@ def render(
             shade_pass.record(recording, radiance, row0, count)
         with device.recording("optics.edges") as recording:
             edge_pass.record(recording, radiance, row0, count, stride)
+        edge_pass.write_deep(radiance, row0, count, stride)
         bands.append(Band(row0, count, stride, radiance))
     return Frame(view, device, tuple(bands))
+
+
+def _all_are(kind: type | UnionType, values: object) -> bool:
+    return isinstance(values, Sequence) and all(isinstance(value, kind) for value in values)

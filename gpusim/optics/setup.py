@@ -21,6 +21,7 @@ from gpusim.optics.light import (
     Light,
     PointLight,
     ambient,
+    closest_points,
     emitters,
     irradiance,
 )
@@ -69,7 +70,7 @@ class Setup:
         lit = lights is not None
         T = view.camera.camera_from_world
         world = (view.corners[:, :, :3] - T[:3, 3]) @ T[:3, :3]
-        rows = emitters(lights or [], world.reshape(-1, 3)[:: max(1, view.count // 5000)])
+        rows = emitters(lights or [], closest_points(lights or [], world))
         if len(rows) > MOST_EMITTERS:
             raise InputError(
                 f"render lights; got {len(rows)} emitting points; expected at most "
@@ -156,8 +157,8 @@ class Setup:
         lamps[: len(self.emitters)] = self.emitters
         if not np.abs(lamps).max() <= F32_MAX:
             raise InputError(
-                f"render lights; got values up to {np.abs(lamps).max():.3g}; expected positions and "
-                f"intensities below {F32_MAX:.3g}"
+                f"render lights; got values up to {np.abs(lamps).max():.3g}; expected positions "
+                f"and intensities below {F32_MAX:.3g}"
             )
         return {"ambient": np.full(4, self.ambient), "emitters": lamps.reshape(-1, 4)}
 

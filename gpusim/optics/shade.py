@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.errors import InputError
 from gpusim.gpu import Buffer, Device, Recording, compare, twin_check
 from gpusim.optics.binning import bin_edges
-from gpusim.optics.pattern import mean_albedo
+from gpusim.optics.pattern import FINEST, LOOP_TURNS, mean_albedo
 from gpusim.optics.setup import Setup, footprint, probe_setup, radiance_factor
 from gpusim.optics.visibility import visibility_twin
 
@@ -65,6 +66,13 @@ class ShadePass:
     def __init__(self, tables: Tables, rows: int) -> None:
         device, setup = tables.device, tables.setup
         view = setup.view
+        turns = FINEST * (FINEST + 1) + 1 if setup.constants(True)["fine"] else 1
+        if not setup.table.most_in_a_cell * turns <= LOOP_TURNS:
+            raise InputError(
+                f"render: paint patterns; got up to {setup.table.most_in_a_cell} features that one "
+                f"pixel may touch; expected at most {LOOP_TURNS // turns}: take a coarser pattern, "
+                "a view that is less grazing, or backend 'numpy'"
+            )
         self.tables, self.rows = tables, rows
         self.color = device.texture(view.camera.width, rows, "r32float", "shade.radiance")
         self.depth = device.texture(view.camera.width, rows, "depth32float", "shade.depth")

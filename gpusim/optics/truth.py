@@ -110,7 +110,8 @@ def seen_in(
     number = ids[pixel[:, 1], pixel[:, 0]].astype(np.int64)
     rows = np.flatnonzero(inside & (number > 0))
     planes = barycentric_planes(view.corners, camera)[number[rows] - 1].sum(axis=1)
-    inverse = np.sum(planes * np.concatenate([pixel[rows], np.ones((len(rows), 1))], 1), axis=1)
+    # the seen triangle's depth at the point's own place: a steep face isn't in front of itself
+    inverse = np.sum(planes * np.concatenate([at[rows], np.ones((len(rows), 1))], 1), axis=1)
     hidden = np.zeros(len(points), bool)
     z = camera.to_camera(points[rows])[:, 2]
     hidden[rows] = z * inverse > 1.0 + DEPTH_TOLERANCE

@@ -196,7 +196,7 @@ def _clip_triangles(
         two = np.flatnonzero((count == 2) & ~ahead[:, k])
         if len(two):
             c, a, b = corners[two, k], corners[two, i], corners[two, j]
-            bc, ca = cut(b, c), cut(c, a)
+            bc, ca = cut(b, c), cut(a, c)  # as the neighbours do: no cracks
             parts += [np.stack([a, b, bc], axis=1), np.stack([a, bc, ca], axis=1)]
             sources += [two, two]
     return np.concatenate(parts), np.concatenate(sources)
