@@ -147,14 +147,14 @@ class _Planner:
 
     def plan(self) -> Plan:
         scene, backend = self.scene, self.backend
-        mesh = self.key("mesh", ("body.mesh",))
+        mesh = self.key("mesh", ("body.*.mesh",))
         model = self.key(
             "model",
-            ("material", "body.material", "body.formulation", "body.support", "body.load"),
+            ("material", "body.*.material", "body.*.formulation", "body.*.support", "body.*.load"),
             mesh,
         )
         solve = self.key("solve", ("solver", "analysis.type"), model, extra=backend)
-        surface = self.key("surface", ("body.name", "body.paint", "prop"), mesh)
+        surface = self.key("surface", ("body.*.name", "body.*.paint", "prop"), mesh)
         still = self._still()
         self.decide("solve", solve, still if self.skip else "" if scene.bodies else still)
         frames = self._frames(surface, solve if not still else "")

@@ -73,7 +73,9 @@ class StateFile:
         """Enter the files of a finished stage (inside the folder) and save.
 
         Older entries that wrote one of the same files, or belong to the same stage, are dropped:
-        their result is no longer there. Raises InputError for a file outside the folder or absent.
+        their result is no longer there. What else they wrote (a step that the scene no longer has)
+        is deleted, unless somebody has changed it. Raises InputError for a file outside the folder
+        or absent.
         """
         entry: dict[str, dict[str, Any]] = {}
         root = self.folder.resolve()
@@ -82,11 +84,19 @@ class StateFile:
             if not path.is_file() or not path.resolve().is_relative_to(root):
                 raise InputError(f"state of {stage}; got {file}; expected a file in {self.folder}")
             entry[path.resolve().relative_to(root).as_posix()] = _facts(path)
-        self._entries = {
+        kept = {
             other: old
             for other, old in self._entries.items()
             if old.stage != stage and not entry.keys() & old.files.keys()
         }
+        needed = {name for old in kept.values() for name in old.files} | entry.keys()
+        for other in self._entries.keys() - kept.keys():
+            for name, facts in self._entries[other].files.items():
+                path = root / name
+                inside = path.resolve().is_relative_to(root)
+                if name not in needed and inside and path.is_file() and _facts(path) == facts:
+                    path.unlink()
+        self._entries = kept
         self._entries[key] = _Entry(stage, entry)
         self._save()
 

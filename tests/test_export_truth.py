@@ -88,6 +88,20 @@ def test_only_chunks_with_data_are_stored(tmp_path: Path) -> None:
         assert np.isnan(group["normal"][:]).all()
 
 
+def test_a_frame_smaller_than_a_chunk(tmp_path: Path) -> None:
+    depth = np.arange(40.0 * 300, dtype=np.float32).reshape(40, 300)
+    with opened(tmp_path / "truth.h5") as truth:
+        truth.write_camera("low", width=300, height=40, K=np.eye(3), camera_from_world=np.eye(4))
+        frame = truth.frame("low", 0, load_factor=0.0)
+        frame.write_block("depth", 0, 0, depth)
+        frame.write_sparse("displacement", np.array([39]), np.array([299]), np.ones((1, 3)))
+    with h5py.File(tmp_path / "truth.h5") as file:
+        group = file["camera/low/frame/0000"]
+        assert np.array_equal(group["depth"][:], depth)
+        assert np.array_equal(group["displacement"][39, 299], [1.0, 1.0, 1.0])
+        assert np.isnan(group["displacement"][:39]).all()
+
+
 def test_later_writes_win_and_can_erase(tmp_path: Path) -> None:
     with opened(tmp_path / "truth.h5") as truth:
         camera(truth)

@@ -134,6 +134,18 @@ def test_formulations_are_resolved_per_type() -> None:
         resolve_formulation(model, {"hex8": "reduced"})
     with pytest.raises(InputError, match="hex9"):
         resolve_formulation(model, {"hex9": "full"})
+    # also where the mesh has no cell that it could be about
+    with pytest.raises(InputError, match="incompatible"):
+        resolve_formulation(model, {"tet4": "incompatible"})
+    tets = as_tets(mesh)
+    held = np.zeros(tets.points.shape, dtype=bool)
+    with pytest.raises(InputError, match="reduced"):
+        resolve_formulation(Model(tets, [STEEL], fixed=held), "reduced")
+
+
+def test_node_numbers_of_a_force_are_not_rounded() -> None:
+    with pytest.raises(InputError, match="integer"):
+        nodal_force(distorted(), np.array([0.0, 1.5]), (0.0, 0.0, 1.0))
 
 
 def test_loads_have_the_right_sums_and_moments() -> None:
@@ -181,7 +193,10 @@ def test_bad_models() -> None:
     nan[2, 1] = np.nan
     for words, arguments in {
         "isotropic|Isotropic": {"materials": [], "fixed": fixed},
+        "expected at least one": {"materials": STEEL, "fixed": fixed},
         "fixed": {"materials": [STEEL], "fixed": fixed[:-1]},
+        "have a displacement but": {"materials": [STEEL], "prescribed": np.ones(shape)},
+        "complex": {"materials": [STEEL], "fixed": fixed, "forces": np.ones(shape) * 1j},
         r"\(2, 1\)": {"materials": [STEEL], "fixed": fixed, "forces": nan},
         "aren't fixed": {"materials": [STEEL], "fixed": fixed, "prescribed": np.ones(shape)},
         "material_of_cell": {

@@ -151,6 +151,7 @@ def test_a_case_without_load_beside_one_with() -> None:
         Model(model.mesh, model.materials, fixed=model.fixed, forces=forces), backend="numpy"
     )
     trusted(solution)
+    assert solution.message == "converged"
     np.testing.assert_array_equal(solution.u[1], 0.0)
     assert np.abs(solution.u[0]).max() > 0.0
 
@@ -189,7 +190,7 @@ def test_too_few_iterations_are_reported_not_hidden(device: Device) -> None:
     ("hold", "words"),
     [
         ([], "translation x, translation y, translation z, rotation about x"),
-        ([(0, 0), (0, 1), (0, 2)], "rotation about"),
+        ([(0, 0), (0, 1), (0, 2)], r"rotation about x through \(1, 0, 0\), rotation about y"),
         ([(n, 2) for n in range(12)], "translation x, translation y, rotation about z through"),
     ],
 )
@@ -229,11 +230,17 @@ def test_a_second_body_and_a_hinge_are_found() -> None:
     [
         {"tolerance": float("nan")},
         {"tolerance": 0.0},
+        {"tolerance": "1e-6"},
         {"backend": "cuda"},
         {"preconditioner": "magic"},
         {"max_iterations": 0},
+        {"max_iterations": 2.5},
+        {"max_iterations": True},
         {"start": np.zeros(3)},
+        {"start": "rest"},
+        {"device": 3},
         {"formulation": "reduced"},
+        {"formulation": 5},
     ],
 )
 def test_wrong_arguments(arguments: dict[str, Any]) -> None:
@@ -295,3 +302,9 @@ def test_parts_split_at_the_binding_limit_give_the_same_product(
     with device.recording("test") as recording:
         operator.record(recording, source, result)
     compare("fem/stiffness", result.read(), apply_stiffness(rows, u), atol=1e-12, rtol=1e-11)
+
+
+def test_a_body_too_slender_for_float64_is_told_in_words() -> None:
+    model = cantilever((10_000.0, 1.0, 1.0), (200, 2, 2), Isotropic(1e3, 0.3))
+    with pytest.raises(NotConverged, match="slender"):
+        solve(model, backend="numpy")

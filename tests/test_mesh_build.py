@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -66,6 +68,10 @@ def test_selections_by_bounds_plane_normal_and_angle(brick: Mesh) -> None:
     assert len(select_faces(brick, normal="+y")) == 15
     assert len(select_faces(brick, normal=(0.0, 1.0, 1.0), angle=np.deg2rad(46.0))) == 15 + 10
     assert len(select_faces(brick, bounds={"z_max": 2.4}, normal="-x")) == 2
+    np.testing.assert_array_equal(
+        select_nodes(brick, normal="-x", bounds={"z_max": 2.4}),
+        select_nodes(brick, bounds={"x_max": 10.0, "z_max": 2.4}),
+    )
 
 
 @pytest.mark.parametrize(
@@ -114,13 +120,15 @@ GOOD = np.array([[0, 0, 0], [2, 0, 0], [0, 3, 0], [0, 0, 4], [9, 9, 9]], dtype=f
         (GOOD, {"tet4": [[0, 1, 2, 3], [0, 2, 1, 3]]}, "cells 1"),
         (np.where(GOOD == 4, np.nan, GOOD), {"tet4": [[0, 1, 2, 3]]}, "nodes 3"),
         (GOOD[:, :2], {"tet4": [[0, 1, 2, 3]]}, r"expected \(N,3\)"),
+        (GOOD * 1j, {"tet4": [[0, 1, 2, 3]]}, "complex"),
+        (GOOD, {"tet4": [[0, 1, 2, 3], [0, 1]]}, "unequal length"),
     ],
 )
 def test_bad_meshes_are_refused_by_name(
     points: np.ndarray, cells: dict[str, list[list[float]]], words: str
 ) -> None:
     with pytest.raises(InputError, match=words):
-        Mesh(points, {name: np.array(value) for name, value in cells.items()})
+        Mesh(points, cells)  # type: ignore[arg-type]
 
 
 def test_inverted_cells_are_listed_up_to_five(brick: Mesh) -> None:
@@ -146,3 +154,19 @@ def test_quality_names_the_flat_cell(brick: Mesh) -> None:
     assert owner.tolist() == [29]
     np.testing.assert_array_equal(quality.bad_cells(least_jacobian=0.8), owner)
     assert "30 cells" in quality.describe()
+
+
+@pytest.mark.parametrize(
+    ("size", "divisions", "words"),
+    [
+        ((1.0, 2.0, float("nan")), (1, 2, 3), "size"),
+        ("abc", (1, 2, 3), "size"),
+        ((1.0, 2.0, 3.0), (1, 2, float("nan")), "divisions; got nan"),
+        ((1.0, 2.0, 3.0), (1, 2, float("inf")), "divisions; got inf"),
+        ((1.0, 2.0, 3.0), (1, 2, "3"), "divisions; got 3"),
+        ((1.0, 2.0, 3.0), (1, 2.5, 3), "divisions; got 2.5"),
+    ],
+)
+def test_bad_boxes(size: Any, divisions: Any, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        box(size, divisions)

@@ -172,6 +172,17 @@ def test_a_failed_run_says_what_and_why(tmp_path: Path) -> None:
     assert "figure" not in page.tags and "table" not in page.tags
 
 
+def test_the_headline_is_the_first_quantity_even_if_it_was_not_measured(tmp_path: Path) -> None:
+    lost = Measurement.compare("tip", "mm", np.nan, 3.0, tolerance_relative=0.001)
+    scale = Measurement.compare("scale", "mm/px", 0.2, 0.2, tolerance_relative=0.001)
+    report = Report(scene="x", adapter="none", status="done", stages=(), solution=None,
+                    measurements=(lost, scale))  # fmt: skip
+    page = write_report(report, tmp_path).html.read_text(encoding="utf-8")
+    cards = page[page.index('class="cards"') :].split("</section>")[0]
+    assert "tip, measured" in cards and "scale" not in cards
+    assert 'class="card bad"' in cards and 'class="card good"' not in cards
+
+
 def test_an_empty_report_still_makes_a_page(tmp_path: Path) -> None:
     page = Page(write_report(Report("a", "b", "done"), tmp_path).html.read_text("utf-8"))
     assert "a" in page.text and "Measured against true" not in page.text

@@ -142,7 +142,7 @@ def test_a_file_that_cannot_be_read(tmp_path: Path) -> None:
         ("camera.0.target_mm", [300.0, -1020.0, 290.0], "camera.0.target_mm", "is where"),
         ("camera.0.up", [0.0, -3.0, 0.0], "camera.0.up", "along the view"),
         ("camera.0.up", [0.0, 0.0, 0.0], "camera.0.up", "along the view"),
-        ("light.0.target_mm", [-450.0, -1300.0, 200.0], "light.0.target_mm", "is where"),
+        ("light.0.target_mm", [-500.0, -2000.0, 100.0], "light.0.target_mm", "is where"),
         ("prop.0.up", [0.0, 2.0, 0.0], "prop.0.up", "along the normal"),
         ("prop.0.normal", [0.0, 0.0, 0.0], "prop.0.up", "along the normal"),
         ("prop.0.paint.0.where", {"normal": "-y"}, "prop.0.paint.0.where", "one face"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import json
 from pathlib import Path
 
@@ -52,7 +53,7 @@ def test_a_new_run_of_the_crane(crane: Scene, tmp_path: Path) -> None:
     assert len({stage.key for stage in plan.stages}) == len(plan.stages)
     frame = plan["render/front/0001"]
     assert (frame.camera, frame.frame) == ("front", 1)
-    assert frame.detail == "5616x3744 px, 2 lights, load x 1"
+    assert frame.detail == "5616x3744 px, 3 lights, load x 1"
     assert plan["measure"].detail == "26 markers"
     json.dumps(plan.to_dict(), allow_nan=False)
     with pytest.raises(KeyError):
@@ -113,6 +114,17 @@ def test_automatic_exposure_ties_frames_to_the_first(crane: Scene) -> None:
         a = make_plan(scene)["render/front/0001"].key
         b = make_plan(other)["render/front/0001"].key
         assert (a != b) == tied
+
+
+def test_a_body_named_like_a_key_hides_no_other(crane: Scene) -> None:
+    document = crane.document
+    second = copy.deepcopy(document["body"][0])
+    document["body"][0]["name"] = "mesh"
+    second |= {"name": "second", "paint": [{"name": "grey", "type": "plain", "albedo": 0.3}]}
+    document["body"].append(second)
+    both = Scene.from_document(document)
+    changed = both.replace("body.second.mesh.width_mm", 41.0)
+    assert make_plan(both)["solve"].key != make_plan(changed)["solve"].key
 
 
 def test_frames_of_equal_load_have_results_of_their_own(crane: Scene, tmp_path: Path) -> None:
@@ -200,6 +212,23 @@ def test_no_skip_computes_even_what_is_trivially_zero(crane: Scene) -> None:
     still = crane.replace("analysis.load_factors", [0.0, 0.0])
     assert make_plan(still)["solve"].reason == "every load factor is 0"
     assert make_plan(still, skip=False)["solve"].runs
+
+
+def test_files_of_a_replaced_result_go_unless_someone_changed_them(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    out.mkdir()
+    outside = tmp_path / "outside"
+    for path in (outside, *(out / name for name in "abcd")):
+        path.write_text(path.name)
+    state = StateFile(out)
+    state.record("export", "old", ["a", "b", "c"])
+    state.record("truth", "other", ["d"])
+    text = (out / "state.json").read_text()
+    (out / "state.json").write_text(text.replace('"b": {', '"../outside": {"bytes": 7}, "b": {'))
+    (out / "c").write_text("mine")
+    StateFile(out).record("export", "new", ["a"])
+    assert {path.name for path in out.iterdir()} == {"a", "c", "d", "state.json"}
+    assert outside.exists()
 
 
 def test_state_takes_only_files_of_its_folder(tmp_path: Path) -> None:

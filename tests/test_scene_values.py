@@ -196,7 +196,7 @@ def test_other_paints_lights_and_loads() -> None:
 
 
 def test_digest_depends_on_content_alone(crane: Scene, checkout: Path, tmp_path: Path) -> None:
-    solve = ("material", "body.mesh", "body.support", "body.load")
+    solve = ("material", "body.*.mesh", "body.*.support", "body.*.load")
     base = crane.digest(*solve)
     assert len(base) == 64
     assert crane.replace("camera.front.focal_mm", 35).digest(*solve) == base

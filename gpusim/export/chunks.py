@@ -37,12 +37,14 @@ class ChunkedLayer:
         self._fill = np.array(layer.fill, self._dtype)
         self._shape = shape
         self._tail = tail
+        # HDF5 takes no chunk that is larger than the dataset
+        self._chunk = (min(CHUNK, shape[0]), min(CHUNK, shape[1]), *tail)
         self._stored: set[Index] = set()
         self._data = group.create_dataset(
             layer.name,
             shape=shape + tail,
             dtype=self._dtype,
-            chunks=(CHUNK, CHUNK, *tail),
+            chunks=self._chunk,
             fillvalue=self._fill,
             compression="gzip",
             compression_opts=_LEVEL,
@@ -146,8 +148,8 @@ class ChunkedLayer:
         return bool((part == self._fill).all())
 
     def _tile(self, index: Index) -> Tile:
-        """Return a whole chunk (CHUNK, CHUNK[, C]) as it is now; the frame's border is padded."""
-        tile = np.full((CHUNK, CHUNK, *self._tail), self._fill, self._dtype)
+        """Return a whole chunk as it is now; the frame's border is padded."""
+        tile = np.full(self._chunk, self._fill, self._dtype)
         if index in self._stored:
             r0, c0 = index[0] * CHUNK, index[1] * CHUNK
             now = self._data[r0 : r0 + CHUNK, c0 : c0 + CHUNK]

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from scipy.linalg import cho_factor, cho_solve
 from scipy.sparse import bsr_matrix, csr_matrix
 
+from gpusim.errors import NotConverged
 from gpusim.fem.block_rows import BlockRows
 from gpusim.fem.congruence import mix
 from gpusim.fem.diagonal import invert_blocks
@@ -113,7 +114,15 @@ def _inverse(matrix: Float) -> Float:
     """Of a symmetric positive definite matrix, scaled to a unit diagonal first."""
     scale = 1.0 / np.sqrt(matrix.diagonal())
     scaled = 0.5 * (matrix + matrix.T) * scale[:, None] * scale
-    inverse = cho_solve(cho_factor(scaled, lower=True), np.eye(len(matrix)))
+    try:
+        factor = cho_factor(scaled, lower=True)
+    except np.linalg.LinAlgError:
+        raise NotConverged(
+            "multigrid: the coarsest matrix is not positive definite in float64; got a body whose "
+            "softest motions vanish beside its stiffest (is it extremely slender, nearly free, or "
+            "of extremely unequal elements?); expected better proportions, or block_jacobi"
+        ) from None
+    inverse = cho_solve(factor, np.eye(len(matrix)))
     return np.asarray(0.5 * (inverse + inverse.T) * scale[:, None] * scale)
 
 

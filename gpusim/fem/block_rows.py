@@ -63,28 +63,36 @@ class BlockRows:
 def resolve_formulation(
     model: Model, formulation: str | Mapping[str, str] | None
 ) -> dict[str, str]:
-    """Formulation per cell type of the mesh; the element's first one where nothing is said."""
-    chosen: dict[str, str] = {}
-    for kind in model.mesh.cells:
-        names = ELEMENTS[kind].formulations
-        if isinstance(formulation, str):
-            # one name for all: types without it (tet4 has no "bbar") keep their only one
-            chosen[kind] = formulation if formulation in names or len(names) > 1 else names[0]
-        else:
-            chosen[kind] = (formulation or {}).get(kind, names[0])
-        if chosen[kind] not in names:
+    """Formulation per cell type of the mesh; the element's first one where nothing is said.
+
+    One name for all types counts where a type has it (tet4 has no "bbar"). Raises InputError for
+    a type or name that no element has, also if the mesh has no such cells.
+    """
+    if isinstance(formulation, str):
+        known = dict.fromkeys(name for e in ELEMENTS.values() for name in e.formulations)
+        if formulation not in known:
             raise InputError(
-                f"formulation: not available for {kind}; got {chosen[kind]!r}; "
-                f"expected one of {', '.join(names)}"
+                f"formulation: unknown; got {formulation!r}; expected one of {', '.join(known)}"
             )
-    if isinstance(formulation, Mapping):
-        unknown = sorted(set(formulation) - set(ELEMENTS))
-        if unknown:
+        wanted = {k: formulation for k, e in ELEMENTS.items() if formulation in e.formulations}
+    elif formulation is None or isinstance(formulation, Mapping):
+        wanted = dict(formulation or {})
+    else:
+        raise InputError(
+            f"formulation: got {formulation!r}; expected a name, or a mapping from cell type to one"
+        )
+    for kind, name in wanted.items():
+        if kind not in ELEMENTS:
             raise InputError(
-                f"formulation: unknown cell type; got {unknown[0]!r}; "
+                f"formulation: unknown cell type; got {kind!r}; "
                 f"expected keys among {', '.join(ELEMENTS)}"
             )
-    return chosen
+        if name not in ELEMENTS[kind].formulations:
+            raise InputError(
+                f"formulation: not available for {kind}; got {name!r}; "
+                f"expected one of {', '.join(ELEMENTS[kind].formulations)}"
+            )
+    return {kind: wanted.get(kind, ELEMENTS[kind].formulations[0]) for kind in model.mesh.cells}
 
 
 @dataclass(frozen=True)

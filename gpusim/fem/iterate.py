@@ -126,7 +126,8 @@ def iterate(
         first = rz if first is None else first
         if refinement or start is not None:
             before = estimate
-            known = np.isfinite(state.mu)
+            # a case without load takes no step and needs no estimate
+            known = np.isfinite(state.mu) | ~(rz > 0.0)
             energy = np.sqrt(np.maximum(rz, 0.0) / (_BELOW * np.where(known, state.mu, 1.0)))
             estimate = np.where(rz > 0.0, state.relative(energy, x), 0.0)
             if known.all() and bool((estimate <= tolerance).all()):

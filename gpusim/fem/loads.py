@@ -16,7 +16,10 @@ Float = npt.NDArray[np.float64]
 
 def nodal_force(mesh: Mesh, nodes: npt.ArrayLike, total: npt.ArrayLike) -> Float:
     """``total`` (3,) shared equally by ``nodes`` (K,)."""
-    numbers = np.unique(np.asarray(nodes, dtype=np.int64).ravel())
+    given = np.asarray(nodes)
+    if given.size and given.dtype.kind not in "iu":
+        raise InputError(f"nodal_force: nodes; got {given.dtype}; expected integer node numbers")
+    numbers = np.unique(given.astype(np.int64).ravel())
     if numbers.size == 0 or numbers[0] < 0 or numbers[-1] >= mesh.node_count:
         raise InputError(
             f"nodal_force: nodes; got {numbers.size} numbers "

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,7 +27,8 @@ class Model:
     mesh : the body (or bodies).
     materials : isotropic materials.
     material_of_cell : (M,) index into ``materials`` per global cell; None: all the first.
-    fixed : (N,3) bool, degrees of freedom whose displacement is given.
+    fixed : (N,3) bool, degrees of freedom whose displacement is given; None: none is, which
+        `solve` refuses.
     prescribed : (N,3) float64 displacement where ``fixed``; None: zero. Non-zero elsewhere is
         an error, so that a forgotten ``fixed`` can't pass.
     forces : (N,3) or (L,N,3) float64 nodal forces, L load cases; None: zero.
@@ -37,7 +38,7 @@ class Model:
 
     mesh: Mesh
     materials: Sequence[Isotropic]
-    fixed: npt.NDArray[np.bool_]
+    fixed: npt.NDArray[np.bool_] | None = None
     forces: Float | None = None
     material_of_cell: npt.NDArray[np.int32] | None = None
     prescribed: Float | None = None
@@ -46,18 +47,19 @@ class Model:
         if not isinstance(self.mesh, Mesh):
             raise InputError(f"Model.mesh: got {type(self.mesh).__name__}; expected a Mesh")
         shape = self.mesh.points.shape
-        materials = tuple(self.materials)
+        materials = tuple(self.materials) if isinstance(self.materials, Iterable) else ()
         if not materials or not all(isinstance(one, Isotropic) for one in materials):
             raise InputError(
                 f"Model.materials: got {self.materials!r}; expected at least one Isotropic"
             )
-        fixed = np.array(self.fixed)
+        fixed = np.zeros(shape, dtype=bool) if self.fixed is None else np.array(self.fixed)
         if fixed.shape != shape or fixed.dtype != np.bool_:
             raise InputError(f"Model.fixed: got {fixed.shape} {fixed.dtype}; expected {shape} bool")
         forces = np.zeros(shape) if self.forces is None else _float("forces", self.forces)
         if forces.shape != shape and forces.shape[1:] != shape:
             raise InputError(
-                f"Model.forces: wrong shape; got {forces.shape}; expected {shape} or (L, *{shape})"
+                f"Model.forces: wrong shape; got {forces.shape}; expected {shape} or "
+                f"(L, {shape[0]}, 3)"
             )
         if forces.size == 0:
             raise InputError("Model.forces: no load case; got L = 0; expected L >= 1")
@@ -101,6 +103,8 @@ class Model:
 
 def _float(name: str, value: Any) -> Float:
     try:
+        if np.iscomplexobj(value):
+            raise TypeError("complex")
         array = np.array(value, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise InputError(f"Model.{name}: not numbers ({error}); expected float64") from None

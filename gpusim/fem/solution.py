@@ -26,7 +26,7 @@ class Solution:
     strain_energy, external_work : (L,), u.Ku/2 and (forces . u + reactions . u)/2; they agree
         when the solve has converged.
     unknowns : free degrees of freedom. message : why the solve ended. warnings : what a reader
-        should know (dangling nodes, poor elements). timings : seconds per part. backend, real,
+        should know (dangling nodes). timings : seconds per part. backend, real,
         preconditioner, element_classes, row_classes : how it was computed.
     """
 

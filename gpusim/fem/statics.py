@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
+from numbers import Integral, Real
 
 import numpy as np
 import numpy.typing as npt
@@ -84,13 +85,14 @@ def solve(
     InputError
         A wrong argument; supports that leave a rigid-body motion free (named).
     NotConverged
-        Values that aren't finite, or negative curvature. Running out of iterations or
-        stagnating isn't raised: ``Solution.converged`` is False and ``message`` says why.
+        Values that aren't finite, negative curvature, or a coarse matrix that rounding has made
+        indefinite. Running out of iterations or stagnating isn't raised: ``Solution.converged``
+        is False and ``message`` says why.
     OutOfDeviceMemory
         The device can't hold the model; refused before anything is allocated.
     """
     clock = _Clock()
-    _check_arguments(model, tolerance, backend, max_iterations, preconditioner)
+    _check_arguments(model, device, tolerance, backend, max_iterations, preconditioner)
     check_supports(model)
     formulations = resolve_formulation(model, formulation)
     first = _start(model, start)
@@ -134,6 +136,7 @@ def solve(
 
 def _check_arguments(
     model: Model,
+    device: Device | None,
     tolerance: float,
     backend: str,
     max_iterations: int | None,
@@ -141,8 +144,10 @@ def _check_arguments(
 ) -> None:
     if not isinstance(model, Model):
         raise InputError(f"solve: model; got {type(model).__name__}; expected a Model")
-    if not (np.isfinite(tolerance) and 0.0 < tolerance < 1.0):
-        raise InputError(f"solve: tolerance; got {tolerance}; expected a number in (0, 1)")
+    if not (device is None or isinstance(device, Device)):
+        raise InputError(f"solve: device; got {device!r}; expected a Device, or None")
+    if not (isinstance(tolerance, Real) and 0.0 < tolerance < 1.0):
+        raise InputError(f"solve: tolerance; got {tolerance!r}; expected a number in (0, 1)")
     if backend not in ("gpu", "numpy"):
         raise InputError(f"solve: backend; got {backend!r}; expected 'gpu' or 'numpy'")
     if preconditioner not in PRECONDITIONERS:
@@ -150,14 +155,20 @@ def _check_arguments(
             f"solve: preconditioner; got {preconditioner!r}; "
             f"expected one of {', '.join(PRECONDITIONERS)}"
         )
-    if max_iterations is not None and not max_iterations >= 1:
-        raise InputError(f"solve: max_iterations; got {max_iterations}; expected at least 1")
+    whole = isinstance(max_iterations, Integral) and not isinstance(max_iterations, bool)
+    if max_iterations is not None and not (whole and max_iterations >= 1):
+        raise InputError(
+            f"solve: max_iterations; got {max_iterations!r}; expected a whole number of at least 1"
+        )
 
 
 def _start(model: Model, start: npt.ArrayLike | None) -> Float | None:
     if start is None:
         return None
-    u = np.asarray(start, dtype=np.float64)
+    try:
+        u = np.asarray(start, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"solve: start; not numbers ({error}); expected float64") from None
     shape = model.load_cases.shape
     if u.shape not in (shape, shape[1:]) or not np.isfinite(u).all():
         raise InputError(f"solve: start; got shape {u.shape}; expected {shape} finite numbers")
@@ -165,7 +176,7 @@ def _start(model: Model, start: npt.ArrayLike | None) -> Float | None:
 
 
 def _system(model: Model, rows: BlockRows) -> System:
-    assert model.prescribed is not None
+    assert model.prescribed is not None and model.fixed is not None
     free = ~model.fixed
     free[model.mesh.dangling_nodes] = False
     # a power of two: the scaled problem has the same digits, and fits the range of float32
@@ -239,6 +250,7 @@ def _solution(
 ) -> Solution:
     forces = model.load_cases
     internal = apply_stiffness(rows, u)
+    assert model.fixed is not None
     reactions = np.where(model.fixed, internal - forces, 0.0)
     single = model.forces is not None and model.forces.ndim == 2
     warnings = []

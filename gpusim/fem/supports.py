@@ -104,6 +104,7 @@ def _check_body(
     origin = points.mean(axis=0)
     length = float(np.abs(points - origin).max())
     rows = [np.zeros((0, 6 * parts))]
+    assert model.fixed is not None
     held = model.fixed[node]
     first = np.concatenate([[True], node[1:] != node[:-1]])
     for axis in range(3):
@@ -161,6 +162,7 @@ def _names(free: Float, parts: int, origin: Float, length: float) -> list[str]:
         spin = mode[3:] / length
         # the axis: where the motion is parallel to the spin
         point = origin + np.cross(spin, mode[:3]) / float(spin @ spin)
+        point = np.where(np.abs(point) > 1e-9 * length, point, 0.0)  # 0, not 4e-16
         names.append(
             f"rotation about {_axis(spin)} through ({point[0]:.4g}, {point[1]:.4g}, {point[2]:.4g})"
         )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
+from numbers import Real
 
 import numpy as np
 import numpy.typing as npt
@@ -139,7 +140,10 @@ def _with_side_sets(mesh: Mesh) -> Mesh:
 
 
 def _triple(where: str, value: Sequence[float], positive: bool = True) -> Float:
-    numbers = np.asarray(value, dtype=np.float64)
+    try:
+        numbers = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        numbers = np.zeros(0)
     good = numbers.shape == (3,) and bool(np.isfinite(numbers).all())
     if not good or (positive and not (numbers > 0.0).all()):
         kind = "3 numbers > 0" if positive else "3 finite numbers"
@@ -148,6 +152,6 @@ def _triple(where: str, value: Sequence[float], positive: bool = True) -> Float:
 
 
 def _count(where: str, value: int) -> int:
-    if int(value) != value or value < 1:
+    if not (isinstance(value, Real) and 1 <= value < np.inf and int(value) == value):
         raise InputError(f"{where}; got {value}; expected a whole number >= 1")
     return int(value)

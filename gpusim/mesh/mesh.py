@@ -129,6 +129,8 @@ class Mesh:
 
 def _points(value: Any) -> Float:
     try:
+        if np.iscomplexobj(value):
+            raise TypeError("complex")
         points = np.array(value, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise InputError(f"Mesh.points: not numbers ({error}); expected (N,3) float64") from None
@@ -149,8 +151,13 @@ def _cells(name: str, value: Any, count: int) -> Int:
         raise InputError(
             f"Mesh.cells: unknown cell type; got {name!r}; expected one of {', '.join(CELL_TYPES)}"
         )
-    block = np.asarray(value)
     width = CELL_TYPES[name].nodes
+    try:
+        block = np.asarray(value)
+    except ValueError:
+        raise InputError(
+            f"Mesh.cells[{name!r}]: rows of unequal length; expected (M,{width})"
+        ) from None
     if block.ndim != 2 or block.shape[1] != width:
         raise InputError(
             f"Mesh.cells[{name!r}]: wrong shape; got {block.shape}; expected (M,{width})"

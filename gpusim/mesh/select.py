@@ -32,6 +32,7 @@ def select_nodes(
     *,
     bounds: Bounds | None = None,
     plane: Plane | None = None,
+    normal: str | npt.ArrayLike | None = None,
     name: str | None = None,
     tolerance: float | None = None,
 ) -> npt.NDArray[np.int32]:
@@ -39,6 +40,7 @@ def select_nodes(
 
     bounds : any of ``x_min … z_max`` -> coordinate, inclusive within ``tolerance``.
     plane : (point, normal); nodes nearer than ``tolerance``.
+    normal : nodes of the boundary faces that look this way (see ``select_faces``).
     name : a node set, or a face set (its nodes).
     tolerance : length; default 1e-6 of the mesh's largest extent.
 
@@ -54,7 +56,11 @@ def select_nodes(
         keep &= _inside(mesh.points, bounds, length)
     if plane is not None:
         keep &= _on_plane(mesh.points, plane, length)
-    return _found(mesh, np.flatnonzero(keep).astype(np.int32), "nodes", bounds, plane, name, None)
+    if normal is not None:
+        facing = np.zeros(mesh.node_count, dtype=bool)
+        facing[select_faces(mesh, normal=normal).node_numbers()] = True
+        keep &= facing
+    return _found(mesh, np.flatnonzero(keep).astype(np.int32), "nodes", bounds, plane, name, normal)
 
 
 def select_faces(

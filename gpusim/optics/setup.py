@@ -132,7 +132,7 @@ class Setup:
 
         ``patterned``: the triangles drawn have features on them or near them.
         """
-        kinds, fine = self.table.kinds(), False
+        kinds, fine, large = self.table.kinds(), False, True
         for region, record in zip(self.view.paints, self.table.paints, strict=False):
             if record["featured"]:
                 features = region.paint.features(region.low, region.high)
@@ -141,13 +141,16 @@ class Setup:
                 # the footprint's extent along the axes of a turned patch
                 angle = features.angle[patches]
                 spread = 2.0 * region.reach * (np.abs(np.cos(angle)) + np.abs(np.sin(angle)))
+                radius = features.size[features.kind == 1, 0]
+                # region.reach bounds the half diagonal of every footprint from above
+                large &= bool(radius.min(initial=np.inf) > 3.0 * region.reach)
                 fine |= bool((spread > features.size[patches].min(axis=1)).any())
         return {
             "lit": float(self.lit),
             "patterned": float(patterned),
             "emitter_count": float(len(self.emitters)),
             "checkers": float(patterned and 0 in kinds),
-            "discs": float(patterned and 1 in kinds),
+            "discs": float((2 if large else 1) if patterned and 1 in kinds else 0),
             "fine": float(patterned and fine),
         }
 

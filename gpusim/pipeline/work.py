@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim import fem
-from gpusim.errors import GpusimError, NotConverged
+from gpusim.errors import GpusimError, InputError, NotConverged
 from gpusim.export.files import atomic_stream, clean_leftovers, write_text
 from gpusim.export.images import read_image
 from gpusim.gpu import Device, default_device
@@ -61,6 +61,10 @@ def run(
     NotConverged, DeviceError, GpusimError
         While working: ``report.json`` then says what failed; finished stages are kept.
     """
+    if not isinstance(scene, Scene):
+        raise InputError(f"run: scene; got {type(scene).__name__}; expected a Scene (load_scene)")
+    if backend not in ("gpu", "numpy"):
+        raise InputError(f"run: backend; got {backend!r}; expected 'gpu' or 'numpy'")
     return _Run(scene, Path(out), backend, fresh, skip, progress or _silent).run()
 
 

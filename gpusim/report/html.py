@@ -59,7 +59,7 @@ def render_html(report: Report, figures: FigureSet, folder: Path) -> str:
         report=report,
         figures=figures,
         pairs=[page_pair(pair) for pair in report.frames],
-        headline=next((m for m in report.measurements if math.isfinite(m.measured)), None),
+        headline=report.measurements[0] if report.measurements else None,
         total=sum(stage.seconds for stage in report.stages if math.isfinite(stage.seconds)),
         bars=_bars(report.stages),
     )

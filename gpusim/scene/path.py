@@ -75,18 +75,19 @@ def put(document: dict[str, Any], path: str, value: Any) -> tuple[str | int, ...
 
 
 def pick(document: Any, path: str) -> Any:
-    """What ``path`` selects; a list that isn't given an index or name is mapped over its items.
+    """What ``path`` selects; in a list an index, an item's name, or ``*`` for every item.
 
-    ``pick(doc, "body.mesh")`` is the list of every body's mesh. A key that isn't there is None.
+    ``pick(doc, "body.*.mesh")`` is the list of every body's mesh. A key that isn't there is None.
     """
     here = document
     keys = path.split(".")
     for depth, key in enumerate(keys):
         if isinstance(here, list):
+            if key == "*":
+                rest = keys[depth + 1 :]
+                return [pick(item, dotted(rest)) for item in here] if rest else here
             index = _item(here, key)
-            if index is None:
-                return [pick(item, dotted(keys[depth:])) for item in here]
-            here = here[index]
+            here = None if index is None else here[index]
         elif isinstance(here, dict):
             here = here.get(key)
         else:

@@ -121,9 +121,9 @@ class Scene:
     def digest(self, *sections: str) -> str:
         """SHA-256 over the resolved content of ``sections`` (dotted paths; none: the whole scene).
 
-        Lists are mapped over their items unless an index or name follows: ``"body.mesh"`` covers
-        every body's mesh, ``"camera.front"`` one camera. Comments, order of keys and the way a
-        number is written don't matter; what a section doesn't hold doesn't matter either.
+        ``"body.*.mesh"`` covers every body's mesh, ``"camera.front"`` one camera. Comments, order
+        of keys and the way a number is written don't matter; what a section doesn't hold doesn't
+        matter either.
         """
         document = self.document
         parts = {path: pick(document, path) for path in sections} if sections else document

@@ -27,6 +27,7 @@ struct Feature {
 // Which kinds of features a view has, and whether any square is smaller than a pixel: software
 // rasterisers execute both sides of an `if`, so that what isn't there must not be compiled in.
 override checkers: u32;
+// discs: 0 none, 1 of any size, 2 only large against a pixel
 override discs: u32;
 override fine: u32;
 
@@ -116,7 +117,7 @@ fn disc_share(p: vec2f, ex: vec2f, ey: vec2f, r: f32) -> f32 {
     let p2 = 0.5 * ex + 0.5 * ey;
     let p3 = -0.5 * ex + 0.5 * ey;
     var sum: f32;
-    if (r > 3.0 * reach) {
+    if (discs == 2u || r > 3.0 * reach) {
         let n = p / dist;
         let gap = r - dist;
         let q0 = vec2f(n.y * p0.x - n.x * p0.y, dot(n, p0));

@@ -177,7 +177,7 @@ fn polygon_disc(f: Feature, polygon: Polygon) -> f32 {
     if (dist >= r + reach) { return 0.0; }
     if (dist <= r - reach) { return 1.0; }
     let n = centre / max(dist, 1e-30);
-    let large = r > 3.0 * reach;
+    let large = discs == 2u || r > 3.0 * reach;
     var area = 0.0;
     var sum = 0.0;
     var a = polygon.p[polygon.count - 1];

@@ -72,7 +72,7 @@ class SensorTable(Table):
 
 
 class MeasureTable(Table):
-    """The deflection line: markers tracked from frame 0 to every other frame."""
+    """The deflection line: markers tracked from frame 0 to the last frame."""
 
     name: Name
     type: Literal["deflection"]
