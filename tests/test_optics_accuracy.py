@@ -90,7 +90,7 @@ def test_the_comparison_sees_a_small_shift(device: Device, references: dict[str,
     ("paint", "limit"),
     [
         (gs.paint.Checker(0.0031, origin=(0.013, 0.007)), 1e-3),
-        # perspective within the pixel, which the footprint's parallelogram leaves out
+        # more than eight squares a pixel are taken as grey
         (gs.paint.Checker(0.0007, origin=(0.013, 0.007)), 2e-3),
         (gs.paint.Dots(0.0032, 0.0059, origin=(0.013, 0.007)), 1e-3),
     ],

@@ -48,10 +48,10 @@ def test_a_floor_that_runs_under_and_behind_the_camera(device: Device, backend: 
     error = got - want
     print(f"floor {backend}: rms {np.sqrt(np.mean(error**2)):.1e} worst {np.abs(error).max():.1e}")
     assert (want == 0.5).any() and (np.abs(want - 0.2) < 1e-9).any()
-    # at the horizon perspective changes within a pixel, which footprints leave out
-    assert np.sqrt(np.mean(error**2)) < 1e-2
+    # at the horizon more than eight squares fall into a pixel: they are taken as grey
+    assert np.sqrt(np.mean(error**2)) < 2.5e-3
     near = error[25:]
-    assert np.sqrt(np.mean(near**2)) < 2e-3
+    assert np.sqrt(np.mean(near**2)) < 5e-4
 
 
 def test_a_surface_around_the_camera_fills_the_image(device: Device) -> None:

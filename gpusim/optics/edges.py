@@ -179,21 +179,23 @@ def _light(
     albedo = setup.table.paints["ground"][paint].astype(np.float64)
     rows = np.flatnonzero(setup.table.paints["featured"][paint] == 1)
     if len(rows):
-        st = _paint_positions(setup, triangle[rows], (at + centroid)[rows][:, None])[:, 0]
-        corners = _paint_positions(setup, triangle[rows], at[rows, None] + polygon[rows])
+        own = triangle[rows]
+        middle, w0 = _paint_positions(setup, own, (at + centroid)[rows][:, None])
+        corners, w = _paint_positions(setup, own, at[rows, None] + polygon[rows])
         albedo[rows] = mean_albedo(
-            setup.table, paint[rows], setup.cell[triangle[rows]], st, corners - st[:, None], False
+            setup.table, paint[rows], setup.cell[own], middle[:, 0], corners - middle, w / w0
         )
     return albedo * radiance_factor(setup, triangle, x, y)
 
 
-def _paint_positions(setup: Setup, triangle: npt.NDArray[np.int64], pixels: Array) -> Array:
-    """Paint positions (n, V, 2) of pixel positions (n, V, 2)."""
+def _paint_positions(
+    setup: Setup, triangle: npt.NDArray[np.int64], pixels: Array
+) -> tuple[Array, Array]:
+    """Paint positions (n, V, 2) of pixel positions (n, V, 2), and 1 / z (n, V) to scale."""
     d = pixels - setup.anchor[triangle][:, None]
     planes = setup.planes[triangle][:, :3]
     values = d @ np.swapaxes(planes[:, :, :2], 1, 2) + planes[:, None, :, 2]
-    result: Array = values[..., :2] / values[..., 2:]
-    return result
+    return values[..., :2] / values[..., 2:], values[..., 2]
 
 
 def _half_planes(corners: Array) -> Array:

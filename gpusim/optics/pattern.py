@@ -22,6 +22,7 @@ from gpusim.surface.paint import Features
 __all__ = ["FEATURE", "FINEST", "LOOP_TURNS", "PAINT", "PatternTable", "mean_albedo"]
 
 Array = npt.NDArray[np.float64]
+Pixel = tuple[Array, Array, Array]
 
 PAINT = np.dtype(
     [("ground", "<f4"), ("cell", "<f4"), ("i0", "<i4"), ("j0", "<i4"), ("columns", "<i4"),
@@ -237,7 +238,8 @@ def mean_albedo(
     cell: npt.NDArray[np.int64],
     st: Array,
     polygon: Array,
-    parallelogram: bool,
+    weight: Array,
+    pixel: Pixel | None = None,
 ) -> Array:
     """Mean albedo (n,) over footprints.
 
@@ -246,7 +248,10 @@ def mean_albedo(
     paint : (n,) paint index.
     cell : (n, 2) cell that ``st`` (n, 2) is relative to; the pixel looks up the cell of ``st``.
     polygon : (n, V, 2) the footprint relative to ``st``.
-    parallelogram : the footprint is a pixel's, corners in the order -x-y, +x-y, +x+y, -x+y.
+    weight : (n, V) 1 / z at its corners relative to that at ``st``. Scaled by it about any point,
+        the polygon is an affine picture of what is seen, so that perspective is exact.
+    pixel : given where the footprints are whole pixels, which are cut more cheaply: change of
+        s, t per column and per row, (n, 2) each, and relative change (n, 2) of 1 / z.
     """
     records = table.paints[paint]
     albedo = records["ground"].astype(np.float64)
@@ -263,18 +268,19 @@ def mean_albedo(
         target = rows[some]
         feature = table.features64[start[some] + k]
         relative = local[some] - feature[:, 0:2]
-        shape_points = polygon[target]
         patch = feature[:, 10] == 0.0
         albedo_share = np.zeros(len(some))
         share = np.zeros(len(some))
         if patch.any():
+            own = target[patch]
             value, part = _checker(
-                feature[patch], relative[patch], shape_points[patch], parallelogram
-            )
+                feature[patch], relative[patch], polygon[own], weight[own],
+                None if pixel is None else (pixel[0][own], pixel[1][own], pixel[2][own]),
+            )  # fmt: skip
             albedo_share[patch], share[patch] = value, part
         disc = ~patch
         if disc.any():
-            part = _disc(feature[disc], relative[disc], shape_points[disc])
+            part = _disc(feature[disc], relative[disc], polygon[target[disc]])
             albedo_share[disc], share[disc] = part * feature[disc, 8], part
         albedo[target] += albedo_share - records["ground"][target] * share
     return albedo
@@ -292,7 +298,7 @@ def _disc(feature: Array, centre: Array, polygon: Array) -> Array:
 
 
 def _checker(
-    feature: Array, centre: Array, polygon: Array, parallelogram: bool
+    feature: Array, centre: Array, polygon: Array, weight: Array, pixel: Pixel | None
 ) -> tuple[Array, Array]:
     cos, sin = feature[:, 2], feature[:, 3]
 
@@ -300,11 +306,11 @@ def _checker(
         return np.stack([c * p[..., 0] + s * p[..., 1], c * p[..., 1] - s * p[..., 0]], axis=-1)
 
     centre = turn(centre, cos, sin)
-    polygon = turn(polygon, cos[:, None], sin[:, None])
     size = feature[:, 4:6]
-    if not parallelogram:
-        return _squares(feature, polygon + centre[:, None])
-    ex, ey = polygon[:, 1] - polygon[:, 0], polygon[:, 3] - polygon[:, 0]
+    if pixel is None:
+        polygon = turn(polygon, cos[:, None], sin[:, None])
+        return _squares(feature, polygon + centre[:, None], weight)
+    ex, ey, q = turn(pixel[0], cos, sin), turn(pixel[1], cos, sin), pixel[2]
     pieces = np.ceil(np.max((np.abs(ex) + np.abs(ey)) / size, axis=1))
     fine = pieces > FINEST
     if fine.any():
@@ -318,8 +324,16 @@ def _checker(
         for j in range(n):
             for i in range(n):
                 x, y = (i + 0.5) / n - 0.5, (j + 0.5) / n - 0.5
-                at = centre[rows] + x * ex[rows] + y * ey[rows]
-                part = _corner(feature[rows], at, polygon[rows] / n)
+                part_q = q[rows]
+                w = 1.0 / (1.0 + part_q @ np.array([x, y]))[:, None]
+                move = (x * ex[rows] + y * ey[rows]) * w
+                part = _corner(
+                    feature[rows],
+                    centre[rows] + move,
+                    w / n * (ex[rows] - move * part_q[:, :1]),
+                    w / n * (ey[rows] - move * part_q[:, 1:]),
+                    w / n * part_q,
+                )
                 value[rows] += part[0] / n**2
                 share[rows] += part[1] / n**2
     return value, share
@@ -336,7 +350,7 @@ def _as_one_square(feature: Array) -> tuple[Array, Array]:
     return result, shift
 
 
-def _squares(feature: Array, polygon: Array) -> tuple[Array, Array]:
+def _squares(feature: Array, polygon: Array, weight: Array) -> tuple[Array, Array]:
     """Patches over any convex polygons (patch axes), square by square."""
     spans = (polygon.max(axis=1) - polygon.min(axis=1)) / feature[:, 4:6]
     fine = spans.max(axis=1) > FINEST
@@ -347,7 +361,6 @@ def _squares(feature: Array, polygon: Array) -> tuple[Array, Array]:
     size, index = feature[:, 4:6], feature[:, 12:14]
     first = np.maximum(np.floor(polygon.min(axis=1) / size), -index)
     last = np.minimum(np.floor(polygon.max(axis=1) / size), feature[:, 6:8] - index - 1.0)
-    area = coverage.polygon_area(polygon)
     value, total = np.zeros(len(feature)), np.zeros(len(feature))
     count = np.maximum(last - first + 1.0, 0.0).astype(int)
     most = count.max(axis=0, initial=0)
@@ -358,19 +371,26 @@ def _squares(feature: Array, polygon: Array) -> tuple[Array, Array]:
             share = np.zeros(len(rows))
             for di, dj, sign in ((0, 0, 1.0), (1, 0, -1.0), (0, 1, -1.0), (1, 1, 1.0)):
                 corner = (square + np.array([di, dj])) * size[rows]
-                share += sign * coverage.quadrant_area(polygon[rows] - corner[:, None])
-            share /= area[rows]
+                seen = (polygon[rows] - corner[:, None]) * weight[rows][..., None]
+                share += sign * coverage.quadrant_area(seen) / coverage.polygon_area(seen)
             even = (square + index[rows]).sum(axis=1) % 2 == 0
             value[rows] += share * np.where(even, feature[rows, 8], feature[rows, 9])
             total[rows] += share
     return value, total
 
 
-def _corner(feature: Array, centre: Array, polygon: Array) -> tuple[Array, Array]:
-    """Albedo * share and share of the squares around the lattice corner nearest to ``centre``."""
+def _corner(feature: Array, centre: Array, ex: Array, ey: Array, q: Array) -> tuple[Array, Array]:
+    """Albedo * share and share of the squares around the lattice corner nearest to ``centre``.
+
+    A line of the pattern at distance d from the centre is straight on screen, with gradient
+    e + d q.
+    """
     size, index = feature[:, 4:6], feature[:, 12:14]
     corner = np.clip(np.rint(centre / size), -index, feature[:, 6:8] - index)
-    shifted = polygon + (centre - corner * size)[:, None]
+    d = centre - corner * size
+    ex, ey = ex + d * q[:, :1], ey + d * q[:, 1:]
+    corners = np.stack([-ex - ey, ex - ey, ex + ey, ey - ex], axis=1) * 0.5
+    shifted = corners + d[:, None]
     area = coverage.polygon_area(shifted)
     right = coverage.half_plane_area(shifted) / area
     swapped = shifted[..., ::-1]

@@ -168,8 +168,11 @@ class Setup:
 
 def footprint(
     setup: Setup, triangle: npt.NDArray[np.int64], x: Array, y: Array
-) -> tuple[Array, Array, Array]:
-    """Paint position (n, 2) at pixel positions and its change per column and row, each (n, 2)."""
+) -> tuple[Array, Array, Array, Array]:
+    """Paint position (n, 2) at pixel positions, its change per column and per row, each (n, 2).
+
+    Last: the relative change (n, 2) of 1 / z per column and row.
+    """
     d = np.stack([x, y], axis=1) - setup.anchor[triangle]
     planes = setup.planes[triangle]
     values = planes[:, :3, 0] * d[:, :1] + planes[:, :3, 1] * d[:, 1:] + planes[:, :3, 2]
@@ -177,7 +180,7 @@ def footprint(
     st = values[:, :2] / w
     ex = (planes[:, :2, 0] - st * planes[:, 2:3, 0]) / w
     ey = (planes[:, :2, 1] - st * planes[:, 2:3, 1]) / w
-    return st, ex, ey
+    return st, ex, ey, planes[:, 2, :2] / w
 
 
 def radiance_factor(setup: Setup, triangle: npt.NDArray[np.int64], x: Array, y: Array) -> Array:

@@ -134,11 +134,12 @@ def shade_twin(setup: Setup, ids: npt.NDArray[np.uint32]) -> npt.NDArray[np.floa
         albedo = setup.table.paints["ground"][paint].astype(np.float64)
         rows = np.flatnonzero(setup.table.paints["featured"][paint] == 1)
         if len(rows):
-            st, ex, ey = footprint(setup, triangle[rows], column[rows], row[rows])
+            st, ex, ey, q = footprint(setup, triangle[rows], column[rows], row[rows])
             corners = np.stack([-ex - ey, ex - ey, ex + ey, ey - ex], axis=1) * 0.5
             albedo[rows] = mean_albedo(
-                setup.table, paint[rows], setup.cell[triangle[rows]], st, corners, True
-            )
+                setup.table, paint[rows], setup.cell[triangle[rows]], st, corners,
+                np.ones(corners.shape[:2]), (ex, ey, q),
+            )  # fmt: skip
         radiance[y + row0, x] = albedo * radiance_factor(setup, triangle, column, row)
     return radiance
 

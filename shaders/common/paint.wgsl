@@ -47,12 +47,16 @@ fn corner_squares(f: Feature, corner: vec2f, right: f32, above: f32, both: f32) 
     return vec2f(dot(albedo, share), dot(share, vec4f(1.0)));
 }
 
-// A checker patch over the parallelogram with centre p and sides ex, ey (patch axes).
-fn checker_share(f: Feature, p: vec2f, ex: vec2f, ey: vec2f) -> vec2f {
+// A checker patch over the pixel with centre p and change ex, ey per column and row (patch axes).
+// q is the relative change of 1 / z per column and row: a line of the pattern at distance d from p
+// is straight on screen, with gradient e + d q, so that perspective inside the pixel is exact.
+fn checker_share(f: Feature, p: vec2f, dx: vec2f, dy: vec2f, q: vec2f) -> vec2f {
     let size = f.b.xy;
     let low = -f.d.xy;
     let corner = clamp(round(p / size), low, low + f.b.zw);
     let d = p - corner * size;
+    let ex = dx + d * q.x;
+    let ey = dy + d * q.y;
     let right = half_plane_share(d.x, vec2f(ex.x, ey.x));
     let above = half_plane_share(d.y, vec2f(ex.y, ey.y));
     var both = right * above;
@@ -85,9 +89,11 @@ fn as_one_square(f: Feature, p: vec2f) -> Mean {
 // The same where squares may be smaller than the footprint: it is cut into n x n pieces, each
 // smaller than a square; a pattern finer than FINEST squares a pixel is taken as grey.
 const FINEST: i32 = 8;
-fn checker_shares(feature: Feature, centre: vec2f, ex: vec2f, ey: vec2f) -> vec2f {
+fn checker_shares(
+    feature: Feature, centre: vec2f, ex: vec2f, ey: vec2f, q: vec2f
+) -> vec2f {
     let reach = (abs(ex) + abs(ey)) / feature.b.xy;
-    if (fine == 0u) { return checker_share(feature, centre, ex, ey); }
+    if (fine == 0u) { return checker_share(feature, centre, ex, ey, q); }
     var n = max(i32(min(ceil(max(reach.x, reach.y)), 1e6)), 1);
     var m = Mean(feature, centre);
     if (n > FINEST) {
@@ -99,7 +105,11 @@ fn checker_shares(feature: Feature, centre: vec2f, ex: vec2f, ey: vec2f) -> vec2
     for (var j = 0; j < n; j++) {
         for (var i = 0; i < n; i++) {
             let o = (vec2f(f32(i), f32(j)) + 0.5) * step - 0.5;
-            sum += checker_share(m.f, m.p + o.x * ex + o.y * ey, step * ex, step * ey);
+            let w = 1.0 / (1.0 + dot(q, o));
+            let offset = (o.x * ex + o.y * ey) * w;
+            let s = step * w;
+            sum += checker_share(m.f, m.p + offset, s * (ex - offset * q.x), s * (ey - offset * q.y),
+                s * q);
         }
     }
     return sum * step * step;
@@ -133,8 +143,11 @@ fn disc_share(p: vec2f, ex: vec2f, ey: vec2f, r: f32) -> f32 {
     return clamp(sum / area, 0.0, 1.0);
 }
 
-// Mean albedo over the parallelogram with centre `st` (relative to cell `cell`) and sides ex, ey.
-fn paint_parallelogram(paint: Paint, cell: vec2i, st: vec2f, ex: vec2f, ey: vec2f) -> f32 {
+// Mean albedo over the pixel with centre `st` (relative to cell `cell`), change ex, ey per column
+// and row, and relative change q of 1 / z.
+fn paint_pixel(
+    paint: Paint, cell: vec2i, st: vec2f, ex: vec2f, ey: vec2f, q: vec2f
+) -> f32 {
     let k = floor(st / paint.cell);
     let at = cell + vec2i(k) - vec2i(paint.i0, paint.j0);
     if (at.x < 0 || at.y < 0 || at.x >= paint.columns || at.y >= paint.rows) {
@@ -148,7 +161,7 @@ fn paint_parallelogram(paint: Paint, cell: vec2i, st: vec2f, ex: vec2f, ey: vec2
         let p = local - f.a.xy;
         if (checkers != 0u && f.c.z == 0.0) {
             let turn = mat2x2f(f.a.z, -f.a.w, f.a.w, f.a.z);
-            let s = checker_shares(f, turn * p, turn * ex, turn * ey);
+            let s = checker_shares(f, turn * p, turn * ex, turn * ey, q);
             albedo += s.x - paint.ground * s.y;
         }
         if (discs != 0u && f.c.z != 0.0) {

@@ -30,6 +30,7 @@ struct Footprint {
     st: vec2f,
     ex: vec2f,
     ey: vec2f,
+    q: vec2f,
 }
 
 fn weight(t: Triangle, d: vec2f) -> f32 {
@@ -46,7 +47,7 @@ fn footprint(t: Triangle, d: vec2f) -> Footprint {
     let st = paint_position(t, d);
     let ex = (vec2f(t.st.y, t.tw.x) - st * t.tw.z) * w;
     let ey = (vec2f(t.st.z, t.tw.y) - st * t.tw.w) * w;
-    return Footprint(st, ex, ey);
+    return Footprint(st, ex, ey, t.tw.zw * w);
 }
 
 // Irradiance from all emitters at camera-relative position x with unit normal n.

@@ -111,15 +111,22 @@ fn below(k: i32) -> u32 {
     return (1u << u32(k)) - 1u;
 }
 
-// Area of a polygon right of and above the point o, over its own.
-fn quadrant_share(polygon: Polygon, o: vec2f) -> f32 {
-    let v = polygon.p[0];
-    let c = v - o;
+// A polygon on the paint and 1 / z at its corners, relative to that at its centroid.
+struct Outline {
+    polygon: Polygon,
+    w: array<f32, 8>,
+}
+
+// Share of a polygon's image right of and above the point o. Scaled by 1 / z relative to o, the
+// polygon is an affine picture of what is seen, whatever the perspective.
+fn quadrant_share(outline: Outline, o: vec2f) -> f32 {
+    let last = outline.polygon.count - 1;
+    let c = (outline.polygon.p[0] - o) * outline.w[0];
     var area = 0.0;
     var sum = 0.0;
-    var a = polygon.p[polygon.count - 1] - v;
-    for (var i = 0; i < polygon.count; i++) {
-        let b = polygon.p[i] - v;
+    var a = (outline.polygon.p[last] - o) * outline.w[last] - c;
+    for (var i = 0; i <= last; i++) {
+        let b = (outline.polygon.p[i] - o) * outline.w[i] - c;
         area += 0.5 * (a.x * b.y - a.y * b.x);
         sum += quadrant_edge(a + c, b + c);
         a = b;
@@ -129,19 +136,20 @@ fn quadrant_share(polygon: Polygon, o: vec2f) -> f32 {
 }
 
 // A checker patch over a polygon (patch axes): corner by corner where it spans several squares.
-fn polygon_checker(feature: Feature, outline: Polygon) -> vec2f {
+fn polygon_checker(feature: Feature, shape: Outline) -> vec2f {
     var f = feature;
-    var polygon = outline;
-    var low = polygon.p[0];
-    var high = polygon.p[0];
-    for (var i = 1; i < polygon.count; i++) {
-        low = min(low, polygon.p[i]);
-        high = max(high, polygon.p[i]);
+    var outline = shape;
+    let count = outline.polygon.count;
+    var low = outline.polygon.p[0];
+    var high = outline.polygon.p[0];
+    for (var i = 1; i < count; i++) {
+        low = min(low, outline.polygon.p[i]);
+        high = max(high, outline.polygon.p[i]);
     }
     let spans = (high - low) / f.b.xy;
     if (max(spans.x, spans.y) > f32(FINEST)) {
         let m = as_one_square(f, vec2f(0.0));
-        for (var i = 0; i < polygon.count; i++) { polygon.p[i] += m.p; }
+        for (var i = 0; i < count; i++) { outline.polygon.p[i] += m.p; }
         low += m.p;
         high += m.p;
         f = m.f;
@@ -156,7 +164,7 @@ fn polygon_checker(feature: Feature, outline: Polygon) -> vec2f {
             for (var c = 0u; c < range.corners; c++) {
                 let at = vec2f(f32(c & 1u), f32(c >> 1u));
                 let sign = select(-1.0, 1.0, at.x == at.y);
-                share += sign * quadrant_share(polygon, (vec2f(i, j) + at) * f.b.xy);
+                share += sign * quadrant_share(outline, (vec2f(i, j) + at) * f.b.xy);
             }
             share = max(share, 0.0);
             let k = i + j + f.d.x + f.d.y;
@@ -214,19 +222,22 @@ fn paint_polygon(t: Triangle, d: vec2f, polygon: Polygon, centroid: vec2f) -> f3
     var albedo = paint.ground;
     for (var i = cell_start[slot]; i < cell_start[slot + 1u]; i++) {
         let f = features[i];
-        var local: Polygon;
-        local.count = polygon.count;
+        var local: Outline;
+        local.polygon.count = polygon.count;
+        let middle = 1.0 / weight(t, d + centroid);
         for (var j = 0; j < polygon.count; j++) {
-            local.p[j] = paint_position(t, d + polygon.p[j]) - k * paint.cell - f.a.xy;
+            let at = d + polygon.p[j];
+            local.polygon.p[j] = paint_position(t, at) - k * paint.cell - f.a.xy;
+            local.w[j] = weight(t, at) * middle;
         }
         if (checkers != 0u && f.c.z == 0.0) {
             let turn = mat2x2f(f.a.z, -f.a.w, f.a.w, f.a.z);
-            for (var j = 0; j < polygon.count; j++) { local.p[j] = turn * local.p[j]; }
+            for (var j = 0; j < polygon.count; j++) { local.polygon.p[j] = turn * local.polygon.p[j]; }
             let s = polygon_checker(f, local);
             albedo += s.x - paint.ground * s.y;
         }
         if (discs != 0u && f.c.z != 0.0) {
-            albedo += (f.c.x - paint.ground) * polygon_disc(f, local);
+            albedo += (f.c.x - paint.ground) * polygon_disc(f, local.polygon);
         }
     }
     return albedo;

@@ -69,7 +69,7 @@ fn fragment(in: Varying) -> @location(0) f32 {
         let g = in.grid;
         let paint = Paint(t.more.x, in.grid_size.x, g.x, g.y, g.z, g.w,
             bitcast<u32>(in.grid_size.y), 1u);
-        albedo = paint_parallelogram(paint, t.place.zw, f.st, f.ex, f.ey);
+        albedo = paint_pixel(paint, t.place.zw, f.st, f.ex, f.ey, f.q);
     }
     if (lit != 0u) {
         let depth = 1.0 / (weight(t, d) * t.nx.w);
