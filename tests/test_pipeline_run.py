@@ -150,6 +150,16 @@ def test_skipping_changes_nothing(done: tuple[gs.Report, Path], scene: gs.Scene,
         assert np.array_equal(a, read_image(tmp_path / f"all/images/side/{frame}.png"))
 
 
+def test_overexposed_markers_are_warned_of(scene: gs.Scene, tmp_path: Path) -> None:
+    plain = scene.replace("output.truth", []).replace("output.vtu", False)
+    right = run(plain, tmp_path / "right")
+    full = json.loads((tmp_path / "right/images/side/exposure.json").read_text())
+    bright = plain.replace("sensor.exposure", 1.3 / full["full_scale_radiance"])
+    report = run(bright, tmp_path / "bright")
+    assert right.warnings == ()
+    assert any("saturated pixels on side-0" in text for text in report.warnings)
+
+
 def test_not_converged_says_so(scene: gs.Scene, tmp_path: Path) -> None:
     out = tmp_path / "short"
     with pytest.raises(gs.NotConverged, match="after 1 "):

@@ -7,12 +7,7 @@ only afterwards, as the truth that the result is compared with.
 
 from __future__ import annotations
 
-import csv
-import io
-import json
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,14 +15,14 @@ import numpy.typing as npt
 
 from gpusim import measure
 from gpusim.errors import GpusimError, InputError
-from gpusim.export.files import safe_name, write_text
 from gpusim.gpu import Device
 from gpusim.optics.camera import Camera
 from gpusim.pipeline.build import BodyParts, build_camera
+from gpusim.pipeline.deflection import DeflectionResult
 from gpusim.scene import Scene
 from gpusim.scene import model as m
 
-__all__ = ["DeflectionResult", "measure_deflection"]
+__all__ = ["measure_deflection"]
 
 Array = npt.NDArray[np.float64]
 Displacement = Callable[[int, float], Array]
@@ -35,119 +30,6 @@ SUBSET_SHARE = 0.95
 REFINE_SHARE = 0.2
 LEAST_WIDTH = 10.0  # px; a marker's cross can't be fitted in less
 TRUTH_POINTS = 200
-
-
-@dataclass(frozen=True, eq=False)
-class DeflectionResult:
-    """A deflection line measured from two images, and its truth.
-
-    Per marker (M,), in the order from the clamp: ``marker`` names, ``group`` names,
-    ``position_mm`` (M, 3) on the unloaded structure, ``points_px``, ``displacement_px`` (M, 2),
-    ``measured_mm``, ``true_mm`` (M, 2) in the image plane's two world axes, ``sigma_mm``,
-    ``status`` names. ``axes``: those axes, such as ("+x", "+z"). ``curves``: per group, (3, K)
-    position along the group and the true displacement in both axes. ``static_px`` (S, 2): what the
-    markers that can't move seemed to do. ``tracking_px``: RMS difference of the tracked subsets
-    and the refined centres.
-    """
-
-    name: str
-    camera: str
-    direction: str
-    axes: tuple[str, str]
-    marker: tuple[str, ...]
-    group: tuple[str, ...]
-    status: tuple[str, ...]
-    position_mm: Array
-    points_px: Array
-    displacement_px: Array
-    measured_mm: Array
-    true_mm: Array
-    sigma_mm: Array
-    static_px: Array
-    mm_per_px: float
-    mm_per_px_sigma: float
-    mm_per_px_true: float
-    scale_residual_px: float
-    subset_px: int
-    tracking_px: float
-    curves: dict[str, Array]
-
-    @property
-    def warnings(self) -> list[str]:
-        """Markers that were not measured."""
-        lost = [
-            f"{marker} ({status})"
-            for marker, status in zip(self.marker, self.status, strict=True)
-            if status != "OK"
-        ]
-        return [f"measure {self.name!r}: not measured: {', '.join(lost)}"] if lost else []
-
-    def write(self, folder: Path) -> list[Path]:
-        """``<name>.csv`` for people and ``<name>.json`` with everything."""
-        folder.mkdir(parents=True, exist_ok=True)
-        stem = safe_name(self.name)
-        values = {}
-        for item in fields(self):
-            value = getattr(self, item.name)
-            if isinstance(value, np.ndarray):
-                value = _plain(value)
-            elif item.name == "curves":
-                value = {group: _plain(curve) for group, curve in value.items()}
-            elif isinstance(value, float) and not np.isfinite(value):
-                value = None
-            values[item.name] = value
-        text = json.dumps(values, indent=1, allow_nan=False) + "\n"
-        return [
-            write_text(folder / f"{stem}.csv", self._csv()),
-            write_text(folder / f"{stem}.json", text),
-        ]
-
-    def _csv(self) -> str:
-        a, b = (axis[1] for axis in self.axes)
-        stream = io.StringIO()
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(
-            ["marker", "status", "x_mm", "y_mm", "z_mm", "column_px", "row_px", "dcolumn_px",
-             "drow_px", f"measured_{a}_mm", f"measured_{b}_mm", f"true_{a}_mm", f"true_{b}_mm",
-             "sigma_mm"]
-        )  # fmt: skip
-        for i, marker in enumerate(self.marker):
-            numbers = [
-                *self.position_mm[i], *self.points_px[i], *self.displacement_px[i],
-                *self.measured_mm[i], *self.true_mm[i], self.sigma_mm[i],
-            ]  # fmt: skip
-            cells = [f"{v:.7g}" if np.isfinite(v) else "" for v in numbers]
-            writer.writerow([marker, self.status[i], *cells])
-        return stream.getvalue()
-
-    @staticmethod
-    def read(folder: Path, spec: m.Deflection) -> DeflectionResult:
-        """What an earlier run wrote for ``spec``."""
-        values = json.loads((folder / f"{safe_name(spec.name)}.json").read_text())
-        for item in fields(DeflectionResult):
-            value = values[item.name]
-            if item.name == "curves":
-                values[item.name] = {g: _array(c, (3, 0)) for g, c in value.items()}
-            elif item.type == "Array":
-                shape = (0, 2) if item.name == "static_px" else (0,)
-                values[item.name] = _array(value, shape)
-            elif isinstance(value, list):
-                values[item.name] = tuple(value)
-            elif value is None:
-                values[item.name] = np.nan
-        return DeflectionResult(**values)
-
-
-def _plain(values: Array) -> Any:
-    """Nested lists with None for what isn't finite."""
-    whole = values.astype(object)
-    whole[~np.isfinite(values)] = None
-    return whole.tolist()
-
-
-def _array(values: Any, empty: tuple[int, ...]) -> Array:
-    array = np.array(values, dtype=np.float64)
-    return array if array.size else np.zeros(empty)
 
 
 def measure_deflection(
@@ -221,6 +103,7 @@ def measure_deflection(
     status[tracked_rows] = [measure.Status(s).name for s in tracked.status]
 
     count = len(markers)
+    full = 2**scene.sensor.bits - 1
     gap = np.linalg.norm(refined - matched, axis=1)
     axes, plane = _image_axes(camera)
     ok = found[:count]
@@ -252,6 +135,12 @@ def measure_deflection(
         mm_per_px_true=_true_scale(camera, position),
         scale_residual_px=scale.residual_px,
         subset_px=subset,
+        saturated=tuple(
+            marker.name
+            for i, (_, _, marker) in enumerate(markers)
+            if _clipped(reference, points[i], widths[i], full)
+            or _clipped(deformed, points[i] + matched[i], widths[i], full)
+        ),
         tracking_px=float(np.sqrt(np.nanmean(gap**2))) if np.isfinite(gap).any() else np.nan,
         curves=curves,
     )
@@ -269,6 +158,16 @@ def _centres(image: npt.NDArray[Any], near: Array, widths: Array, share: float) 
         hit = located.status == measure.MarkerStatus.FOUND
         points[rows[hit]] = located.points[hit]
     return points
+
+
+def _clipped(image: npt.NDArray[Any], at: Array, width: float, full: int) -> bool:
+    """Whether more than four pixels of a marker are at full scale."""
+    if not np.isfinite(at).all():
+        return False
+    x, y = np.rint(at).astype(int)
+    half = int(0.6 * width) + 1
+    window = image[max(y - half, 0) : y + half + 1, max(x - half, 0) : x + half + 1]
+    return int(np.count_nonzero(window >= full)) > 4
 
 
 def _marker_paint(bodies: Sequence[BodyParts], name: str) -> tuple[int, m.Markers]:

@@ -16,8 +16,8 @@ from gpusim.export.truth import TruthWriter
 from gpusim.export.vtu import write_pvd, write_vtu
 from gpusim.optics.truth import seen_in
 from gpusim.pipeline.build import BodyParts, build_camera
+from gpusim.pipeline.deflection import DeflectionResult
 from gpusim.pipeline.images import Photographer, image_path
-from gpusim.pipeline.measuring import DeflectionResult
 from gpusim.pipeline.solved import Solved
 from gpusim.report import (
     FramePair,

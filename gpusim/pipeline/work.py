@@ -25,6 +25,7 @@ from gpusim.pipeline.build import (
     build_model,
     build_prop,
 )
+from gpusim.pipeline.deflection import DeflectionResult
 from gpusim.pipeline.solved import Solved
 from gpusim.plan import Plan, PlannedStage, make_plan
 from gpusim.report import Report, SolutionSummary, Stage, write_report
@@ -92,7 +93,7 @@ class _Run:
         self.models: list[fem.Model] = []
         self.props: list[Surface] = []
         self.solved: Solved | None = None
-        self.results: list[measuring.DeflectionResult] = []
+        self.results: list[DeflectionResult] = []
         self.photographer: images.Photographer | None = None
         self.device: Device | None = None
         self.device_before: dict[str, float] = {}
@@ -282,7 +283,7 @@ class _Run:
 
     def _remeasure(self) -> None:
         folder = self.out / "measure"
-        self.results = [measuring.DeflectionResult.read(folder, m) for m in self.scene.measures]
+        self.results = [DeflectionResult.read(folder, m) for m in self.scene.measures]
         self.warnings += [w for result in self.results for w in result.warnings]
 
     def _image(self, camera: str, frame: int) -> npt.NDArray[Any]:

@@ -51,9 +51,7 @@ def _draw(report: Report, folder: Path) -> FigureSet:
     errors = draw_errors(judged, folder / "errors.png") if judged else None
     convergence = None
     if report.residuals:
-        convergence = draw_convergence(
-            report.residuals, folder / "convergence.png", tolerance=report.tolerance
-        )
+        convergence = draw_convergence(report.residuals, folder / "convergence.png")
     return FigureSet(series, errors, overlays, convergence, report.figures)
 
 

@@ -1,0 +1,143 @@
+"""A measured deflection line with its truth, as it is kept in the output folder."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.export.files import safe_name, write_text
+from gpusim.scene import model as m
+
+__all__ = ["DeflectionResult"]
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class DeflectionResult:
+    """A deflection line measured from two images, and its truth.
+
+    Per marker (M,), in the order from the clamp: ``marker`` names, ``group`` names,
+    ``position_mm`` (M, 3) on the unloaded structure, ``points_px``, ``displacement_px`` (M, 2),
+    ``measured_mm``, ``true_mm`` (M, 2) in the image plane's two world axes, ``sigma_mm``,
+    ``status`` names. ``axes``: those axes, such as ("+x", "+z"). ``curves``: per group, (3, K)
+    position along the group and the true displacement in both axes. ``static_px`` (S, 2): what the
+    markers that can't move seemed to do. ``tracking_px``: RMS difference of the tracked subsets
+    and the refined centres. ``saturated``: markers with clipped pixels.
+    """
+
+    name: str
+    camera: str
+    direction: str
+    axes: tuple[str, str]
+    marker: tuple[str, ...]
+    group: tuple[str, ...]
+    status: tuple[str, ...]
+    position_mm: Array
+    points_px: Array
+    displacement_px: Array
+    measured_mm: Array
+    true_mm: Array
+    sigma_mm: Array
+    static_px: Array
+    mm_per_px: float
+    mm_per_px_sigma: float
+    mm_per_px_true: float
+    scale_residual_px: float
+    subset_px: int
+    tracking_px: float
+    saturated: tuple[str, ...]
+    curves: dict[str, Array]
+
+    @property
+    def warnings(self) -> list[str]:
+        """Markers that were not measured, and those whose white is clipped."""
+        found = self._lost()
+        if self.saturated:
+            found.append(
+                f"measure {self.name!r}: saturated pixels on {', '.join(self.saturated)}; a "
+                "clipped edge moves its marker: lower [sensor] exposure"
+            )
+        return found
+
+    def _lost(self) -> list[str]:
+        lost = [
+            f"{marker} ({status})"
+            for marker, status in zip(self.marker, self.status, strict=True)
+            if status != "OK"
+        ]
+        return [f"measure {self.name!r}: not measured: {', '.join(lost)}"] if lost else []
+
+    def write(self, folder: Path) -> list[Path]:
+        """``<name>.csv`` for people and ``<name>.json`` with everything."""
+        folder.mkdir(parents=True, exist_ok=True)
+        stem = safe_name(self.name)
+        values = {}
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if isinstance(value, np.ndarray):
+                value = _plain(value)
+            elif item.name == "curves":
+                value = {group: _plain(curve) for group, curve in value.items()}
+            elif isinstance(value, float) and not np.isfinite(value):
+                value = None
+            values[item.name] = value
+        text = json.dumps(values, indent=1, allow_nan=False) + "\n"
+        return [
+            write_text(folder / f"{stem}.csv", self._csv()),
+            write_text(folder / f"{stem}.json", text),
+        ]
+
+    def _csv(self) -> str:
+        a, b = (axis[1] for axis in self.axes)
+        stream = io.StringIO()
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(
+            ["marker", "status", "x_mm", "y_mm", "z_mm", "column_px", "row_px", "dcolumn_px",
+             "drow_px", f"measured_{a}_mm", f"measured_{b}_mm", f"true_{a}_mm", f"true_{b}_mm",
+             "sigma_mm"]
+        )  # fmt: skip
+        for i, marker in enumerate(self.marker):
+            numbers = [
+                *self.position_mm[i], *self.points_px[i], *self.displacement_px[i],
+                *self.measured_mm[i], *self.true_mm[i], self.sigma_mm[i],
+            ]  # fmt: skip
+            cells = [f"{v:.7g}" if np.isfinite(v) else "" for v in numbers]
+            writer.writerow([marker, self.status[i], *cells])
+        return stream.getvalue()
+
+    @staticmethod
+    def read(folder: Path, spec: m.Deflection) -> DeflectionResult:
+        """What an earlier run wrote for ``spec``."""
+        values = json.loads((folder / f"{safe_name(spec.name)}.json").read_text())
+        for item in fields(DeflectionResult):
+            value = values[item.name]
+            if item.name == "curves":
+                values[item.name] = {g: _array(c, (3, 0)) for g, c in value.items()}
+            elif item.type == "Array":
+                shape = (0, 2) if item.name == "static_px" else (0,)
+                values[item.name] = _array(value, shape)
+            elif isinstance(value, list):
+                values[item.name] = tuple(value)
+            elif value is None:
+                values[item.name] = np.nan
+        return DeflectionResult(**values)
+
+
+def _plain(values: Array) -> Any:
+    """Nested lists with None for what isn't finite."""
+    whole = values.astype(object)
+    whole[~np.isfinite(values)] = None
+    return whole.tolist()
+
+
+def _array(values: Any, empty: tuple[int, ...]) -> Array:
+    array = np.array(values, dtype=np.float64)
+    return array if array.size else np.zeros(empty)
