@@ -13,8 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.gpu import Buffer, Device, Recording, compare, twin_check
+from gpusim.optics.albedo import mean_albedo
 from gpusim.optics.binning import EdgePixels, bin_edges
-from gpusim.optics.pattern import LOOP_TURNS, mean_albedo
+from gpusim.optics.pattern import LOOP_TURNS
 from gpusim.optics.setup import Setup, probe_setup, radiance_factor
 from gpusim.optics.shade import Tables
 from gpusim.optics.view import FIXED

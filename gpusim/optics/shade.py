@@ -16,8 +16,9 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.gpu import Buffer, Device, Recording, compare, twin_check
+from gpusim.optics.albedo import mean_albedo
 from gpusim.optics.binning import bin_edges
-from gpusim.optics.pattern import FINEST, LOOP_TURNS, mean_albedo
+from gpusim.optics.pattern import FINEST, LOOP_TURNS
 from gpusim.optics.setup import Setup, footprint, probe_setup, radiance_factor
 from gpusim.optics.visibility import visibility_twin
 

@@ -1,6 +1,6 @@
 // Paint: a ground albedo and features (checker patches, discs) found through a grid of cells.
 // Features of one paint don't overlap (the host checks it), so their shares add.
-// The NumPy form is gpusim/optics/pattern.py.
+// The NumPy form is gpusim/optics/pattern.py (tables) and gpusim/optics/albedo.py.
 #import common/coverage
 
 struct Paint {
