@@ -7,10 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.sparse.linalg import splu
 
 from gpusim.errors import InputError, NotConverged, OutOfDeviceMemory, TwinMismatch
 from gpusim.fem import Isotropic, Model, Solution, face_force, solve
-from gpusim.fem.block_rows import assemble
+from gpusim.fem.aggregation import block_matrix
+from gpusim.fem.block_rows import assemble, resolve_formulation
 from gpusim.fem.stiffness import DeviceStiffness, apply_stiffness
 from gpusim.gpu import Device, compare
 from gpusim.mesh import Mesh, box, select_faces
@@ -308,3 +310,27 @@ def test_a_body_too_slender_for_float64_is_told_in_words() -> None:
     model = cantilever((10_000.0, 1.0, 1.0), (200, 2, 2), Isotropic(1e3, 0.3))
     with pytest.raises(NotConverged, match="slender"):
         solve(model, backend="numpy")
+
+
+def test_converges_to_the_rounding_of_the_residual() -> None:
+    """A thin plate, where the true residual's bound can't fall to the tolerance."""
+    plate = box((100.0, 100.0, 1.0), (10, 10, 1))
+    fixed = np.isclose(plate.points[:, :1], 0.0).repeat(3, axis=1)
+    end = select_faces(plate, name="x_max")
+    model = Model(
+        plate,
+        [Isotropic(210e3, 0.3)],
+        fixed=fixed,
+        forces=face_force(plate, end, (0.0, 1.0, 3.0)),
+    )
+    solution = solve(model, backend="numpy")
+    rows = assemble(model, resolve_formulation(model, None))
+    free = ~model.fixed.ravel()
+    matrix = block_matrix(rows).tocsr()[free][:, free].tocsc()
+    factor = splu(matrix)
+    force = model.load_cases[0].ravel()[free]
+    exact = factor.solve(force)
+    exact += factor.solve(force - matrix @ exact)
+    error = np.abs(solution.u.ravel()[free] - exact).max() / np.abs(exact).max()
+    assert solution.converged and "rounding" in solution.message
+    assert error <= solution.error_estimate <= 1e-6
