@@ -131,6 +131,7 @@ def changed(matrix: np.ndarray, row: int, column: int, value: float) -> np.ndarr
         ({"K": changed(K, 1, 0, 2.0)}, ("K", "skew")),
         ({"K": changed(K, 2, 2, 2.0)}, ("K", "[0, 0, 1]")),
         ({"distortion": [0.1, 0, 0, 0, 0]}, ("distortion", "0.1", "zeros")),
+        ({"distortion": 0.1}, ("distortion", "0.1", "zeros")),
         ({"distortion": [np.nan, 0, 0, 0]}, ("distortion", "nan", "zeros")),
         ({"camera_from_world": np.eye(3)}, ("camera_from_world", "(3, 3)", "(4, 4)")),
         ({"camera_from_world": 2 * np.eye(4)}, ("camera_from_world", "rotation")),
@@ -169,3 +170,13 @@ def test_lenses_that_cannot_be(arguments: dict[str, Any], part: str) -> None:
     with pytest.raises(InputError) as caught:
         gs.Camera.from_lens(**values)
     assert part in str(caught.value) and "left" in str(caught.value)
+
+
+def test_whole_numbers_as_floats_make_a_size() -> None:
+    camera = gs.Camera(40.0, np.int32(30), K)  # type: ignore[arg-type]
+    assert (camera.width, camera.height) == (40, 30) and type(camera.width) is int
+
+
+def test_points_to_project_have_three_coordinates() -> None:
+    with pytest.raises(InputError, match=r"project; got points of shape \(1, 2\)"):
+        gs.Camera(40, 30, K).project([[0.0, 1.0]])

@@ -199,7 +199,9 @@ def test_a_coarse_cylinder_is_shaded_without_facets(device: Device) -> None:
         (lambda: gs.AreaLight((0, 0, 0), (0, 0, 0), (1, 1), 1.0), "target"),
         (lambda: gs.AreaLight((0, 0, 0), (0, 0, 1), (1, 0), 1.0), "size"),
         (lambda: gs.AreaLight((0, 0, 0), (0, np.nan, 1), (1, 1), 1.0), "three finite"),
-        (lambda: AmbientLight(-0.1), "AmbientLight"),
+        (lambda: gs.AreaLight((0, 0, 0), (0, 0, 1), (1,), 1.0), "size"),  # type: ignore[arg-type]
+        (lambda: gs.AreaLight((0, 0, 0), (0, 0, 1), (1, 1, 1), 1.0), "size"),  # type: ignore[arg-type]
+        (lambda: AmbientLight(-0.1), "AmbientLight radiance; got -0.1"),
     ],
 )
 def test_lights_that_cannot_be(make: Callable[[], object], part: str) -> None:

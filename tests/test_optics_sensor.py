@@ -96,6 +96,18 @@ def test_the_seed_changes_nothing_without_noise(device: Device) -> None:
     np.testing.assert_array_equal(gs.Sensor().expose(frame, 1), gs.Sensor().expose(frame, 2))
 
 
+def test_a_released_frame_keeps_what_was_read(device: Device) -> None:
+    radiance = np.random.default_rng(2).uniform(0.0, 1.0, (33, 57)).astype(np.float32)
+    read, unread = (frame_of(device, radiance, 64) for _ in range(2))
+    image = gs.Sensor().expose(read)
+    np.testing.assert_array_equal(read.radiance, radiance)
+    read.release()
+    unread.release()
+    np.testing.assert_array_equal(gs.Sensor().expose(read), image)
+    with pytest.raises(InputError, match="released"):
+        gs.Sensor().expose(unread)
+
+
 @pytest.mark.parametrize(
     ("bits", "full_scale", "part"),
     [(7, 1.0, "bits; got 7"), (17, 1.0, "bits; got 17"), (8, 0.0, "full_scale; got 0.0"),

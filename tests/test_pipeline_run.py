@@ -160,6 +160,14 @@ def test_overexposed_markers_are_warned_of(scene: gs.Scene, tmp_path: Path) -> N
     assert any("saturated pixels on side-0" in text for text in report.warnings)
 
 
+def test_a_tilted_camera_is_warned_of(scene: gs.Scene, tmp_path: Path) -> None:
+    plain = scene.replace("output.truth", []).replace("output.vtu", False)
+    report = run(plain.replace("camera.side.position_mm", [120.0, -1000.0, 105.0]), tmp_path / "t")
+    tip = report.measurements[0]
+    assert -0.0065 < tip.error / tip.truth < -0.004  # cos 5.7 degrees
+    assert any("5.7 degrees off" in text and "0.5 % short" in text for text in report.warnings)
+
+
 def test_not_converged_says_so(scene: gs.Scene, tmp_path: Path) -> None:
     out = tmp_path / "short"
     with pytest.raises(gs.NotConverged, match="after 1 "):

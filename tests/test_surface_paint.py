@@ -85,6 +85,12 @@ def test_dots_on_a_grid() -> None:
     assert (low.min(axis=0) <= LOW).all() and (high.max(axis=0) >= HIGH).all()
 
 
+def test_more_dots_than_memory_holds_are_refused() -> None:
+    for dots in (Dots(1e-6, 2e-6), Dots(1e-6, 2e-6, 10**4, 10**4)):
+        with pytest.raises(InputError, match=r"Dots pitch; got 2e-06.*at most 4194304"):
+            dots.features(LOW, HIGH)
+
+
 def test_marker_patches_are_centred_whatever_their_angle() -> None:
     centres = np.array([[0.2, 0.3], [0.7, 0.1]])
     for angle in (0.0, 0.3, np.pi / 4, 2.0):

@@ -47,6 +47,7 @@ class Camera:
         for key, value in (("width", self.width), ("height", self.height)):
             if not (1 <= value <= 65535 and int(value) == value):
                 raise InputError(f"{where} {key}; got {value}; expected 1 to 65535 pixels")
+            object.__setattr__(self, key, int(value))
         K = np.asarray(self.K, np.float64)
         if K.shape != (3, 3) or not np.isfinite(K).all():
             raise InputError(f"{where} K; got shape {K.shape}; expected finite (3, 3)")
@@ -57,7 +58,7 @@ class Camera:
             )
         if self.distortion is not None and np.any(np.asarray(self.distortion, np.float64) != 0.0):
             raise InputError(
-                f"{where} distortion; got {list(self.distortion)}; "
+                f"{where} distortion; got {np.ravel(self.distortion).tolist()}; "
                 "expected zeros: this version renders undistorted lenses only"
             )
         T = np.asarray(self.camera_from_world, np.float64)
@@ -144,7 +145,10 @@ class Camera:
 
     def project(self, X: npt.ArrayLike) -> npt.NDArray[np.float64]:
         """World points (…, 3) to pixel coordinates (…, 2); NaN for points not in front."""
-        Xc = self.to_camera(np.asarray(X, np.float64))
+        points = np.asarray(X, np.float64)
+        if points.shape[-1:] != (3,):
+            raise InputError(f"project; got points of shape {points.shape}; expected (…, 3)")
+        Xc = self.to_camera(points)
         z = Xc[..., 2]
         z = np.where(z > 0.0, z, np.nan)
         x, y = Xc[..., 0] / z, Xc[..., 1] / z

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.errors import InputError
 from gpusim.gpu import Buffer, Device
 from gpusim.optics.truth import Truth, truth_of
 from gpusim.optics.view import View
@@ -57,6 +58,8 @@ class Frame:
     def radiance(self) -> npt.NDArray[np.float32]:
         """(H, W) float32 radiance; read back from the device at the first call."""
         if self._radiance is None:
+            if not self.bands:
+                raise InputError("frame radiance; got a released frame; read it before release()")
             self._radiance = np.concatenate(
                 [
                     band.buffer.read(np.float32, (band.rows, band.stride))[:, : self.width]

@@ -62,7 +62,8 @@ class AreaLight:
 
     def __post_init__(self) -> None:
         _check("AreaLight", self.power, self.position, self.target)
-        if not all(np.isfinite(s) and s > 0.0 for s in self.size):
+        size = np.asarray(self.size, np.float64)
+        if size.shape != (2,) or not (np.isfinite(size) & (size > 0.0)).all():
             raise InputError(f"AreaLight size; got {self.size}; expected two lengths above 0")
         if tuple(self.position) == tuple(self.target):
             raise InputError(f"AreaLight target; got the lamp's own position {self.target}")
@@ -78,7 +79,8 @@ class AmbientLight:
     radiance: float
 
     def __post_init__(self) -> None:
-        _check("AmbientLight radiance as", self.radiance)
+        if not (np.isfinite(self.radiance) and self.radiance > 0.0):
+            raise InputError(f"AmbientLight radiance; got {self.radiance}; expected above 0")
 
 
 Light = PointLight | AreaLight | AmbientLight

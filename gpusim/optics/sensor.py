@@ -68,7 +68,7 @@ class Sensor:
 
         ``seed`` drives the noise; this sensor has none, so that it changes nothing.
         """
-        if frame.device is None:
+        if frame.device is None or not frame.bands:  # made by the twin, or released
             return sensor_twin(self, frame.radiance)
         parts = [
             _expose(frame.device, self, band.buffer, (band.rows, frame.width), band.stride)

@@ -23,7 +23,8 @@ class Truth:
     ``row``, ``column`` (n,); ``depth`` (n,) along the optical axis; ``reference`` (n, 3)
     undeformed position of the material point seen, world; ``displacement`` (n, 3) of that point,
     world; ``flow`` (n, 2) px from this pixel to where the undeformed point projects; ``normal``
-    (n, 3) unit outward normal, world; ``face``, ``region`` (n,) numbers; ``shape`` (H, W).
+    (n, 3) unit normal on the side seen, world: smooth if the frame is lit, else the triangle's;
+    ``face``, ``region`` (n,) numbers; ``shape`` (H, W).
     """
 
     shape: tuple[int, int]

@@ -141,6 +141,7 @@ def measure_deflection(
             if _clipped(reference, points[i], widths[i], full)
             or _clipped(deformed, points[i] + matched[i], widths[i], full)
         ),
+        tilt_deg=_tilt(camera, plane),
         tracking_px=float(np.sqrt(np.nanmean(gap**2))) if np.isfinite(gap).any() else np.nan,
         curves=curves,
     )
@@ -158,6 +159,12 @@ def _centres(image: npt.NDArray[Any], near: Array, widths: Array, share: float) 
         hit = located.status == measure.MarkerStatus.FOUND
         points[rows[hit]] = located.points[hit]
     return points
+
+
+def _tilt(camera: Camera, plane: Array) -> float:
+    """Degrees between the viewing direction and the normal of the measured plane (rows: axes)."""
+    along = abs(float(camera.camera_from_world[2, :3] @ np.cross(plane[0], plane[1])))
+    return float(np.degrees(np.arccos(min(along, 1.0))))
 
 
 def _clipped(image: npt.NDArray[Any], at: Array, width: float, full: int) -> bool:

@@ -290,7 +290,9 @@ class _Run:
         return read_image(images.image_path(self.scene, self.out, camera, frame))
 
     def _export(self) -> list[Path]:
-        return outputs.write_meshes(self.scene, self.out, self.bodies, self.displacement)
+        files = outputs.write_meshes(self.scene, self.out, self.bodies, self.displacement)
+        self.note = f"{len(files)} files for other programs"
+        return files
 
     # -- report ----------------------------------------------------------------------------
 
@@ -304,11 +306,15 @@ class _Run:
         }
         return {name: seconds for name, seconds in spent.items() if seconds > 0.0}
 
+    def _adapter_text(self, device: Device | None) -> str:
+        if device is not None:
+            return device.name
+        return "none (numpy backend)" if self.backend == "numpy" else "not needed: all reused"
+
     def _scene_text(self, device: Device | None) -> str:
         from gpusim._version import __version__
 
-        adapter = device.name if device is not None else f"{self.backend} backend"
-        head = f"# resolved by gpusim {__version__} on {adapter}\n"
+        head = f"# resolved by gpusim {__version__}; adapter: {self._adapter_text(device)}\n"
         return head + self.scene.to_toml()
 
     def _report(self, device: Device | None, failure: str = "") -> Report:
@@ -320,7 +326,7 @@ class _Run:
             self.scene,
             self.out,
             outputs.Findings(
-                adapter=device.name if device is not None else f"none ({self.backend} backend)",
+                adapter=self._adapter_text(device),
                 stages=tuple(self.stages),
                 summary=summary,
                 solved=self.solved,

@@ -18,6 +18,8 @@ from gpusim.errors import InputError
 
 __all__ = ["Checker", "Dots", "Features", "Markers", "Paint", "Plain"]
 
+MOST_DOTS = 1 << 22
+
 
 @dataclass(frozen=True)
 class Features:
@@ -177,6 +179,13 @@ class Dots:
         origin = np.array(self.origin)
         first = np.floor((low - origin) / self.pitch)
         last = np.ceil((high - origin) / self.pitch)
+        across = last[0] + 1 - first[0] if self.columns is None else self.columns
+        along = last[1] + 1 - first[1] if self.rows is None else self.rows
+        if across * along > MOST_DOTS:
+            raise InputError(
+                f"Dots pitch; got {self.pitch}, which makes {across:.0f} x {along:.0f} dots; "
+                f"expected at most {MOST_DOTS} in a region"
+            )
         i = np.arange(first[0], last[0] + 1) if self.columns is None else np.arange(self.columns)
         j = np.arange(first[1], last[1] + 1) if self.rows is None else np.arange(self.rows)
         grid = np.stack(np.meshgrid(i, j, indexing="xy"), axis=-1).reshape(-1, 2)

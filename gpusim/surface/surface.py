@@ -100,9 +100,9 @@ class Surface:
             raise InputError(f"{where} faces; got shape {faces.shape}; expected (F, 3) or (F, 4)")
         if not np.issubdtype(faces.dtype, np.integer):
             raise InputError(f"{where} faces; got dtype {faces.dtype}; expected integers")
-        faces = faces.astype(np.int32)
+        faces = faces.astype(np.int64)
         if faces.shape[1] == 3:
-            faces = np.concatenate([faces, np.full((len(faces), 1), -1, np.int32)], axis=1)
+            faces = np.concatenate([faces, np.full((len(faces), 1), -1)], axis=1)
         bad = (faces >= len(points)) | (faces < 0)
         bad[:, 3] &= faces[:, 3] != -1
         if bad.any():
@@ -111,6 +111,7 @@ class Surface:
                 f"{where} face {face}; got vertices {faces[face].tolist()}; "
                 f"expected numbers from 0 to {len(points) - 1}"
             )
+        faces = faces.astype(np.int32)
         empty = ~(np.linalg.norm(face_normals(reference, faces), axis=1) > 0.0)
         if empty.any():
             face = int(np.argmax(empty))
@@ -119,7 +120,7 @@ class Surface:
                 "them; expected a face with an area"
             )
         paints = self.paint if isinstance(self.paint, Mapping) else {"surface": self.paint}
-        if not paints or not all(hasattr(p, "ground") for p in paints.values()):
+        if not paints or not all(_is_paint(p) for p in paints.values()):
             raise InputError(
                 f"{where} paint; got {self.paint!r}; expected a Paint or at least one by region"
             )
@@ -130,7 +131,6 @@ class Surface:
         region = np.zeros(len(faces), np.int32) if self.region is None else np.asarray(self.region)
         if region.dtype.kind not in "iu":
             raise InputError(f"{where} region; got dtype {region.dtype}; expected integers")
-        region = region.astype(np.int32)
         if self.region is None and len(paints) > 1:
             raise InputError(f"{where} region; got None with {len(paints)} paints; expected (F,)")
         if region.shape != (len(faces),) or region.min() < 0 or region.max() >= len(paints):
@@ -145,7 +145,7 @@ class Surface:
             ("points", points),
             ("reference", reference),
             ("faces", faces),
-            ("region", region),
+            ("region", region.astype(np.int32)),
             ("paint", dict(paints)),
         ):
             object.__setattr__(self, key, value)
@@ -215,6 +215,10 @@ def plane_frame(
             "than 1 degree; split the region or give frames"
         )
     return PaintFrame.facing(unit, points[np.unique(faces[faces >= 0])], up)
+
+
+def _is_paint(value: object) -> bool:
+    return hasattr(value, "ground") and not isinstance(value, type)
 
 
 def _points(values: npt.ArrayLike, what: str) -> npt.NDArray[np.float64]:
