@@ -40,10 +40,6 @@ class System:
     load_scale: Float
     prescribed: Float
 
-    def apply_flat(self, x: Float) -> Float:
-        """The same for (L,3N)."""
-        return self.apply(x.reshape(len(x), -1, 3)).reshape(x.shape)
-
 
 @dataclass(frozen=True, eq=False)
 class Norm:

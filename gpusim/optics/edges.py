@@ -63,7 +63,7 @@ class EdgePass:
         kernel = self.tables.device.kernel("optics/edges", constants=setup.constants(patterned))
         bindings = kernel.bind(
             params={
-                **self.tables.rays(),
+                "rays": self.tables.rays(),
                 "width": width,
                 "stride": stride,
                 "row0": row0,

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -127,12 +128,10 @@ class Setup:
         result: Array = camera.camera_from_world[:3, :3].T @ camera.ray_matrix()
         return result
 
-    def constants(self, patterned: bool) -> dict[str, float]:
-        """Override constants that leave out of a shader what this view doesn't have.
-
-        ``patterned``: the triangles drawn have features on them or near them.
-        """
-        kinds, fine, large = self.table.kinds(), False, True
+    @cached_property
+    def _pattern_traits(self) -> tuple[bool, bool]:
+        """Whether squares may be smaller than a pixel, and whether every disc is far larger."""
+        fine, large = False, True
         for region, record in zip(self.view.paints, self.table.paints, strict=False):
             if record["featured"]:
                 features = region.paint.features(region.low, region.high)
@@ -145,13 +144,22 @@ class Setup:
                 # region.reach bounds the half diagonal of every footprint from above
                 large &= bool(radius.min(initial=np.inf) > 3.0 * region.reach)
                 fine |= bool((spread > features.size[patches].min(axis=1)).any())
+        return fine, large
+
+    def constants(self, patterned: bool) -> dict[str, float]:
+        """Override constants that leave out of a shader what this view doesn't have.
+
+        ``patterned``: the triangles drawn have features on them or near them.
+        """
+        kinds = self.table.kinds() if patterned else set()
+        fine, large = self._pattern_traits if patterned else (False, False)
         return {
             "lit": float(self.lit),
             "patterned": float(patterned),
             "emitter_count": float(len(self.emitters)),
-            "checkers": float(patterned and 0 in kinds),
-            "discs": float((2 if large else 1) if patterned and 1 in kinds else 0),
-            "fine": float(patterned and fine),
+            "checkers": float(0 in kinds),
+            "discs": float((2 if large else 1) if 1 in kinds else 0),
+            "fine": float(fine),
         }
 
     def lamps(self) -> dict[str, Array]:

@@ -54,7 +54,7 @@ class Tables:
         """The ray matrix as uniform columns."""
         columns = np.zeros((3, 4))
         columns[:, :3] = self.setup.rays().T
-        return {"ray_x": columns[0], "ray_y": columns[1], "ray_1": columns[2]}
+        return {"x": columns[0], "y": columns[1], "one": columns[2]}
 
 
 class ShadePass:
@@ -77,15 +77,14 @@ class ShadePass:
         self.tables, self.rows = tables, rows
         self.color = device.texture(view.camera.width, rows, "r32float", "shade.radiance")
         self.depth = device.texture(view.camera.width, rows, "depth32float", "shade.depth")
-        inverse = view.inverse_depth()
-        near_first = np.argsort(-inverse.max(axis=1), kind="stable") if view.count else np.zeros(0)
-        self._near = 0.999 / float(inverse.max()) if inverse.size else 1.0
-        depth = inverse.astype(np.float32).reshape(-1) if view.count else np.zeros(3, np.float32)
+        nearest = view.inverse_depth().max(axis=1, initial=0.0)
+        near_first = np.argsort(-nearest, kind="stable")
+        self._near, depth = view.raster_depth()
         self._inverse = device.buffer(depth, "shade.inverse_depth")
         self._draws = []
         for patterned in (True, False):
             wanted = setup.near_feature == patterned
-            order = near_first[wanted[near_first]] if view.count else near_first
+            order = near_first[wanted[near_first]]
             if len(order) or not patterned:
                 raster = device.raster(
                     "optics/shade", ("r32float",), constants=setup.constants(patterned)
@@ -104,7 +103,8 @@ class ShadePass:
         setup = self.tables.setup
         width = setup.view.camera.width
         params = {
-            **self.tables.rays(), "width": width, "rows": rows, "row0": row0, "near": self._near
+            "rays": self.tables.rays(), "width": width, "rows": rows, "row0": row0,
+            "near": self._near,
         }  # fmt: skip
         clear: float | None = setup.background
         for raster, order, count in self._draws:

@@ -75,6 +75,13 @@ class View:
         result: npt.NDArray[np.float64] = 1.0 / self.corners[:, :, 2]
         return result
 
+    def raster_depth(self) -> tuple[float, npt.NDArray[np.float32]]:
+        """What 1 / z is scaled by to stay below 1 in a depth buffer, and 1 / z per corner, flat."""
+        if not self.count:
+            return 1.0, np.zeros(3, np.float32)
+        inverse = self.inverse_depth()
+        return 0.999 / float(inverse.max()), inverse.astype(np.float32).reshape(-1)
+
     def fixed(self) -> npt.NDArray[np.int32]:
         """Screen positions in fixed point, (T, 3, 2)."""
         return np.rint(self.screen * FIXED).astype(np.int32)

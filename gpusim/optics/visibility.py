@@ -32,9 +32,8 @@ class Visibility:
         self.depth = device.texture(width, rows, "depth32float", "visibility.depth")
         self._raster = device.raster("optics/visibility", ("r32uint",))
         self._screen: Buffer = device.buffer(view.fixed().reshape(-1, 2), "visibility.screen")
-        inverse = view.inverse_depth().astype(np.float32)
-        self._near = 0.999 / float(inverse.max()) if inverse.size else 1.0
-        self._inverse = device.buffer(inverse.reshape(-1), "visibility.inverse_depth")
+        self._near, inverse = view.raster_depth()
+        self._inverse = device.buffer(inverse, "visibility.inverse_depth")
 
     def record(self, recording: Recording, row0: int, rows: int) -> Texture:
         """Draw rows ``row0 … row0 + rows - 1`` into the top of the id texture."""

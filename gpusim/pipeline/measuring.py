@@ -111,10 +111,17 @@ def measure_deflection(
     motion = None
     if np.isfinite(moved[count:]).all(axis=1).any():
         motion = measure.rigid_motion(points[count:], moved[count:])
+    line = measure.deflection_line(
+        np.arange(count),
+        np.where(ok[:, None], points[:count], expected[:count]),
+        moved[:count],
+        scale,
+        sigma_px=sigma[:count],
+        camera=motion,
+    )
     corrected = moved[:count] - (motion.displacement(points[:count]) if motion else 0.0)
     factor = scene.analysis.load_factors[last] - scene.analysis.load_factors[0]
     truth, curves = _truth(groups, bodies, displacement, factor, plane)
-    length = np.linalg.norm(scale.vectors(corrected), axis=1)
     return DeflectionResult(
         name=spec.name,
         camera=spec.camera,
@@ -126,9 +133,9 @@ def measure_deflection(
         position_mm=1e3 * position,
         points_px=points[:count],
         displacement_px=corrected,
-        measured_mm=scale.vectors(corrected),
+        measured_mm=line.displacement_mm,
         true_mm=truth,
-        sigma_mm=np.hypot(sigma[:count] * scale.mm_per_px, length * scale.sigma / scale.mm_per_px),
+        sigma_mm=line.sigma_mm,
         static_px=moved[count:],
         mm_per_px=scale.mm_per_px,
         mm_per_px_sigma=scale.sigma,

@@ -100,8 +100,9 @@ class _Run:
 
     def run(self) -> Report:
         """Every stage in the plan's order."""
-        self.device = device = self._device()
-        self.device_before = device.timer.seconds() if device is not None else {}
+        self.device = self._device()
+        if self.device is not None:
+            self.device_before = self.device.timer.seconds()
         self._in_memory()
         self.state = StateFile(self.out)
         try:
@@ -110,17 +111,17 @@ class _Run:
                 # an earlier report must not speak for what a killed run leaves behind
                 for name in ("report.html", "report.json"):
                     (self.out / name).unlink(missing_ok=True)
-            write_text(self.out / "scene.toml", self._scene_text(device))
+            write_text(self.out / "scene.toml", self._scene_text())
             self._stage(self.plan["solve"], self._solve, self._reload)
-            self._pictures(device)
+            self._pictures()
             self._stage(self.plan["truth"], self._truth)
             self._stage(self.plan["measure"], self._measure, self._remeasure)
             self._stage(self.plan["export"], self._export)
         except Exception as error:
-            failed = self._report(device, failure=_said(error))
+            failed = self._report(failure=_said(error))
             write_report(failed, self.out)
             raise
-        report = self._report(device)
+        report = self._report()
         self.progress("report", 0.0, "figures and page")
         write_report(report, self.out)
         self.progress("report", 1.0, "report.html, report.json")
@@ -251,10 +252,10 @@ class _Run:
         ]  # fmt: skip
         return [*moved, *self.props]
 
-    def _pictures(self, device: Device | None) -> None:
+    def _pictures(self) -> None:
         scene = self.scene
         self.photographer = images.Photographer(
-            scene, self.out, device, self.backend, build_lights(scene), self.surfaces
+            scene, self.out, self.device, self.backend, build_lights(scene), self.surfaces
         )
         for camera in scene.cameras:
             for frame in range(len(scene.analysis.load_factors)):
@@ -306,18 +307,18 @@ class _Run:
         }
         return {name: seconds for name, seconds in spent.items() if seconds > 0.0}
 
-    def _adapter_text(self, device: Device | None) -> str:
-        if device is not None:
-            return device.name
+    def _adapter_text(self) -> str:
+        if self.device is not None:
+            return self.device.name
         return "none (numpy backend)" if self.backend == "numpy" else "not needed: all reused"
 
-    def _scene_text(self, device: Device | None) -> str:
+    def _scene_text(self) -> str:
         from gpusim._version import __version__
 
-        head = f"# resolved by gpusim {__version__}; adapter: {self._adapter_text(device)}\n"
+        head = f"# resolved by gpusim {__version__}; adapter: {self._adapter_text()}\n"
         return head + self.scene.to_toml()
 
-    def _report(self, device: Device | None, failure: str = "") -> Report:
+    def _report(self, failure: str = "") -> Report:
         summary = None
         if self.solved is not None:
             s = self.solved
@@ -326,7 +327,7 @@ class _Run:
             self.scene,
             self.out,
             outputs.Findings(
-                adapter=self._adapter_text(device),
+                adapter=self._adapter_text(),
                 stages=tuple(self.stages),
                 summary=summary,
                 solved=self.solved,

@@ -65,3 +65,19 @@ fn irradiance(x: vec3f, n: vec3f) -> f32 {
     }
     return total;
 }
+
+// World-space ray of unit depth through a pixel: x * column + y * row + one.
+struct Rays {
+    x: vec4f,
+    y: vec4f,
+    one: vec4f,
+}
+
+// Irradiance / pi at image position p, which lies at offset d from the triangle's anchor: what a
+// Lambert surface's albedo is multiplied by.
+fn light_factor(t: Triangle, rays: Rays, p: vec2f, d: vec2f) -> f32 {
+    let depth = 1.0 / (weight(t, d) * t.nx.w);
+    let x = depth * (rays.x.xyz * p.x + rays.y.xyz * p.y + rays.one.xyz);
+    let n = normalize(t.n0.xyz + t.nx.xyz * d.x + t.ny.xyz * d.y);
+    return irradiance(x, n) * 0.3183098861837907;
+}

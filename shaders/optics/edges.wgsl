@@ -11,9 +11,7 @@ override lit: u32;
 override patterned: u32;
 
 struct Params {
-    ray_x: vec4f,
-    ray_y: vec4f,
-    ray_1: vec4f,
+    rays: Rays,
     width: u32,
     stride: u32,
     row0: u32,
@@ -321,12 +319,7 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
         let d = vec2f(pixel - t.place.xy);
         var light = paint_polygon(t, d, polygon, m.yz);
         if (lit != 0u) {
-            let at = d + m.yz;
-            let depth = 1.0 / (weight(t, at) * t.nx.w);
-            let p = vec2f(pixel) + m.yz;
-            let x = depth * (params.ray_x.xyz * p.x + params.ray_y.xyz * p.y + params.ray_1.xyz);
-            let normal = normalize(t.n0.xyz + t.nx.xyz * at.x + t.ny.xyz * at.y);
-            light *= irradiance(x, normal) * 0.3183098861837907;
+            light *= light_factor(t, params.rays, vec2f(pixel) + m.yz, d + m.yz);
         }
         if (visible) {
             free_area += m.x;

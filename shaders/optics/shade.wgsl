@@ -1,18 +1,16 @@
 // Radiance of every pixel whose centre is hit: the closed-form mean of the paint over the pixel's
 // footprint times the light at its centre. Pixels that an edge crosses are redone by edges.wgsl.
 //
-// Hardware raster with 1 / z as depth (affine on screen, so that it is exact), nearer is larger.
 // All that a triangle's pixels share travels in flat varyings, which cost nothing per pixel.
 #import common/paint
+#import common/screen
 #import common/surface
 
 override lit: u32;
 override patterned: u32;
 
 struct Params {
-    ray_x: vec4f,
-    ray_y: vec4f,
-    ray_1: vec4f,
+    rays: Rays,
     width: f32,
     rows: f32,
     row0: i32,
@@ -21,7 +19,6 @@ struct Params {
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> paints: array<Paint>;
 @group(0) @binding(4) var<storage, read> triangles: array<Triangle>;
-// per corner two fixed-point coordinates in 1/65536 px; pixel (0, 0) is centred at (0, 0)
 @group(0) @binding(6) var<storage, read> screen: array<vec2i>;
 @group(0) @binding(7) var<storage, read> inverse_depth: array<f32>;
 // the triangles to draw, from near to far
@@ -44,11 +41,9 @@ struct Varying {
 fn vertex(@builtin(vertex_index) index: u32) -> Varying {
     let id = order[index / 3u];
     let corner = 3u * id + index % 3u;
-    let at = screen[corner] - vec2i(0, params.row0 * 65536);
-    // the centre of pixel 0 lies half a pixel inside the viewport
-    let p = vec2f(at) / 65536.0 + vec2f(0.5);
-    let ndc = vec2f(2.0 * p.x / params.width - 1.0, 1.0 - 2.0 * p.y / params.rows);
-    let position = vec4f(ndc, params.near * inverse_depth[corner], 1.0);
+    let depth = params.near * inverse_depth[corner];
+    let size = vec2f(params.width, params.rows);
+    let position = band_position(screen[corner], params.row0, size, depth);
     let t = triangles[id];
     let paint = paints[u32(t.ny.w)];
     return Varying(
@@ -72,11 +67,7 @@ fn fragment(in: Varying) -> @location(0) f32 {
         albedo = paint_pixel(paint, t.place.zw, f.st, f.ex, f.ey, f.q);
     }
     if (lit != 0u) {
-        let depth = 1.0 / (weight(t, d) * t.nx.w);
-        let p = vec2f(pixel);
-        let x = depth * (params.ray_x.xyz * p.x + params.ray_y.xyz * p.y + params.ray_1.xyz);
-        let n = normalize(t.n0.xyz + t.nx.xyz * d.x + t.ny.xyz * d.y);
-        albedo *= irradiance(x, n) * 0.3183098861837907;
+        albedo *= light_factor(t, params.rays, vec2f(pixel), d);
     }
     return albedo;
 }

@@ -1,5 +1,6 @@
-// Which triangle each pixel's centre sees: hardware raster with 1 / z as depth (affine on screen,
-// so that it is exact), nearer is larger. Writes the triangle's number + 1; 0 is background.
+// Which triangle each pixel's centre sees. Writes the triangle's number + 1; 0 is background.
+#import common/screen
+
 struct Params {
     width: f32,
     rows: f32,
@@ -7,7 +8,6 @@ struct Params {
     near: f32,
 }
 @group(0) @binding(0) var<uniform> params: Params;
-// two fixed-point coordinates per corner, in 1/65536 px; the centre of pixel (0, 0) is at (0, 0)
 @group(0) @binding(1) var<storage, read> screen: array<vec2i>;
 @group(0) @binding(2) var<storage, read> inverse_depth: array<f32>;
 
@@ -18,11 +18,9 @@ struct Varying {
 
 @vertex
 fn vertex(@builtin(vertex_index) index: u32) -> Varying {
-    let at = screen[index] - vec2i(0, params.row0 * 65536);
-    // the centre of pixel 0 lies half a pixel inside the viewport
-    let p = vec2f(at) / 65536.0 + vec2f(0.5);
-    let ndc = vec2f(2.0 * p.x / params.width - 1.0, 1.0 - 2.0 * p.y / params.rows);
-    return Varying(vec4f(ndc, params.near * inverse_depth[index], 1.0), index / 3u + 1u);
+    let depth = params.near * inverse_depth[index];
+    let size = vec2f(params.width, params.rows);
+    return Varying(band_position(screen[index], params.row0, size, depth), index / 3u + 1u);
 }
 
 @fragment
