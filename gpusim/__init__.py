@@ -16,6 +16,7 @@ from gpusim._version import __version__
 
 if _typing.TYPE_CHECKING:
     from gpusim import errors, fem, measure, mesh
+    from gpusim.deck import Deck, load_deck
     from gpusim.errors import (
         DeviceError,
         DeviceLost,
@@ -27,9 +28,9 @@ if _typing.TYPE_CHECKING:
         SceneError,
         TwinMismatch,
     )
-    from gpusim.fem import Isotropic, Model, Solution
+    from gpusim.fem import Isotropic, Model, Orthotropic, Solution
     from gpusim.gpu import Device
-    from gpusim.mesh import Mesh
+    from gpusim.mesh import Mesh, mesh_cad, read_mesh
     from gpusim.optics import (
         AmbientLight,
         AreaLight,
@@ -49,6 +50,7 @@ __all__ = [
     "AmbientLight",
     "AreaLight",
     "Camera",
+    "Deck",
     "Device",
     "DeviceError",
     "DeviceLost",
@@ -60,6 +62,7 @@ __all__ = [
     "Model",
     "NoAdapter",
     "NotConverged",
+    "Orthotropic",
     "OutOfDeviceMemory",
     "PaintFrame",
     "PointLight",
@@ -75,16 +78,20 @@ __all__ = [
     "__version__",
     "errors",
     "fem",
+    "load_deck",
     "load_scene",
     "measure",
     "mesh",
+    "mesh_cad",
     "paint",
+    "read_mesh",
     "render",
     "run",
     "solve",
 ]
 
 _HOMES = {
+    "gpusim.deck": ("Deck", "load_deck"),
     "gpusim.errors": (
         "DeviceError",
         "DeviceLost",
@@ -96,9 +103,9 @@ _HOMES = {
         "SceneError",
         "TwinMismatch",
     ),
-    "gpusim.fem": ("Isotropic", "Model", "Solution"),
+    "gpusim.fem": ("Isotropic", "Model", "Orthotropic", "Solution"),
     "gpusim.gpu": ("Device",),
-    "gpusim.mesh": ("Mesh",),
+    "gpusim.mesh": ("Mesh", "mesh_cad", "read_mesh"),
     "gpusim.optics": (
         "AmbientLight",
         "AreaLight",

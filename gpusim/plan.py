@@ -18,6 +18,7 @@ from typing import Any, Literal
 from gpusim._version import __version__
 from gpusim.scene import Scene
 from gpusim.scene import cost as cost_of
+from gpusim.scene.amplitudes import LoadHistory
 from gpusim.state import StateFile
 
 __all__ = ["Plan", "PlannedStage", "make_plan"]
@@ -114,6 +115,10 @@ class _Planner:
             self.no_reuse = "--fresh" if skip else "--no-skip"
         self.cost = cost_of.estimate(scene)
         self.details = cost_of.describe(scene)
+        self.history = LoadHistory(scene, scaled=skip)
+        cases = max((len(groups) for groups in self.history.groups), default=1)
+        if cases > 1:
+            self.details["solve"] += f", {cases} load cases"
         self.stages: dict[str, PlannedStage] = {}
 
     def key(self, stage: str, sections: tuple[str, ...], *upstream: str, extra: Any = None) -> str:
@@ -147,11 +152,12 @@ class _Planner:
 
     def plan(self) -> Plan:
         scene, backend = self.scene, self.backend
-        mesh = self.key("mesh", ("body.*.mesh",))
+        mesh = self.key("mesh", ("body.*.mesh", "body.*.notch"))
         model = self.key(
             "model",
-            ("material", "body.*.material", "body.*.formulation", "body.*.support", "body.*.load"),
+            ("material", "body.*.material", "body.*.part", "body.*.formulation"),
             mesh,
+            extra=self.history.solved,
         )
         solve = self.key("solve", ("solver", "analysis.type"), model, extra=backend)
         surface = self.key("surface", ("body.*.name", "body.*.paint", "prop"), mesh)
@@ -164,7 +170,7 @@ class _Planner:
         report = self.key("report", ("name", "description"), *everything)
         self.enter("report", "run", "says what this run did", report)
         order = ["mesh", "model", "solve", "surface", *frames]
-        order += ["truth", "measure", "export", "report"]
+        order += ["truth", "measure", "stress", "export", "report"]
         if not frames:
             self.enter("render", "skipped", "no [[camera]]", self.key("render", ()))
             order.insert(4, "render")
@@ -178,29 +184,31 @@ class _Planner:
         moved = any(any(s.displacement) for body in bodies for s in body.supports)
         if not moved and not any(body.loads for body in bodies):
             return "no load and no prescribed displacement"
-        if not any(self.scene.analysis.load_factors):
+        if all(self.history.still(frame) for frame in range(self.history.frames)):
             return "every load factor is 0"
         return ""
 
     def _frames(self, surface: str, solve: str) -> list[str]:
         """Enter the render stages; returns their names."""
         names = []
-        factors = self.scene.analysis.load_factors
-        for camera in self.scene.cameras:
+        scene = self.scene
+        for camera in scene.cameras:
             sections = (f"camera.{camera.name}", "light", "render", "sensor")
             first = ""
-            for frame, factor in enumerate(factors):
+            for frame in range(self.history.frames):
                 name = f"render/{camera.name}/{frame:04d}"
                 # the unloaded frame doesn't depend on the solution; an automatic exposure is that
                 # of the camera's first frame
-                moved = solve if factor != 0 else ""
-                key = self.key(name, sections, surface, moved, first, extra=[self.backend, factor])
+                moved = "" if self.history.still(frame) else solve
+                weights = self.history.weights(frame) if moved else []
+                key = self.key(name, sections, surface, moved, first, extra=[self.backend, weights])
                 if frame == 0 and self.scene.sensor.exposure is None:
                     first = key
                 self.decide(name, key, camera=camera.name, frame=frame)
                 if self.stages[name].runs:
                     columns, rows = camera.resolution
-                    detail = f"{columns}x{rows} px, {self.stages[name].detail}, load x {factor:g}"
+                    factors = ", ".join(f"{w:g}" for w in self.history.shown(frame))
+                    detail = f"{columns}x{rows} px, {self.stages[name].detail}, load x {factors}"
                     self.stages[name] = replace(self.stages[name], detail=detail)
                 names.append(name)
         return names
@@ -209,22 +217,29 @@ class _Planner:
         scene, backend = self.scene, self.backend
         images = [self.stages[name].key for name in frames]
         output, none = scene.output, "not asked for"
+        loaded = [self.history.weights(frame) for frame in range(self.history.frames)]
         truth = self.key(
-            "truth", ("camera", "analysis", "output.truth"), surface, solve, extra=backend
+            "truth", ("camera", "analysis", "output.truth"), surface, solve, extra=[backend, loaded]
         )
         blind = none if not output.truth else "" if scene.cameras else "no [[camera]]"
         self.decide("truth", truth, f"{none}: [output] truth is empty" if blind == none else blind)
         measure = self.key(
-            "measure", ("measure", "analysis"), surface, solve, *images, extra=backend
+            "measure", ("measure", "analysis"), surface, solve, *images, extra=[backend, loaded]
         )
         self.decide("measure", measure, "" if scene.measures else f"{none}: no [[measure]]")
-        export = self.key("export", ("output.vtu", "output.stl", "analysis"), surface, solve)
+        stress = self.key("stress", ("analysis",), solve, extra=loaded)
+        needless = "" if output.stress else f"{none}: [output] stress is false"
+        if not needless and "solve" in self.stages and self.stages["solve"].state == "skipped":
+            needless = self.stages["solve"].reason
+        self.decide("stress", stress, needless)
+        files = ("output.vtu", "output.stl", "output.stress", "analysis")
+        export = self.key("export", files, surface, solve, extra=loaded)
         wanted = output.vtu or output.stl
         self.decide("export", export, "" if wanted else f"{none}: neither vtu nor stl in [output]")
 
     def _in_memory(self, mesh: str, model: str, surface: str) -> None:
         """Mesh, model and surface: run for the stages that need them, else not at all."""
-        solving = self.runs("solve")
+        solving = self.runs("solve", "stress")
         drawing = self.runs("render", "truth", "measure", "export")
         for name, key, users in (
             ("model", model, solving),

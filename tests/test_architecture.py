@@ -22,6 +22,7 @@ ALLOWED: dict[str, set[str]] = {
     "scene": {"gpu"},
     "mesh": {"gpu"},
     "fem": {"gpu", "mesh"},
+    "deck": {"gpu", "mesh", "fem"},
     "surface": {"gpu", "mesh", "fem"},
     "optics": {"gpu", "mesh", "fem", "surface"},
     "measure": {"gpu"},
@@ -33,9 +34,10 @@ NUMERICS = set(ALLOWED)
 ALLOWED |= {
     "state": {"export"},
     "plan": {"scene", "state", "export"},
+    "bench": {"gpu", "mesh", "fem"},
     "pipeline": NUMERICS | {"plan", "state"},
     "__init__": NUMERICS | {"plan", "state", "pipeline"},
-    "cli": NUMERICS | {"plan", "state", "pipeline", "__init__"},
+    "cli": NUMERICS | {"bench", "plan", "state", "pipeline", "__init__"},
     "__main__": {"cli"},
 }
 

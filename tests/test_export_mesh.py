@@ -12,6 +12,8 @@ import pytest
 from gpusim.errors import InputError
 from gpusim.export.stl import write_region_stls, write_stl
 from gpusim.export.vtu import write_pvd, write_vtu
+from gpusim.mesh import CELL_TYPES
+from tests.element_meshes import SERENDIPITY, mesh_of, mixed_mesh, with_middles
 
 POINTS = np.array(
     [
@@ -47,6 +49,35 @@ def test_vtu_round_trip(tmp_path: Path) -> None:
     assert np.array_equal(mesh.cells_dict["hexahedron"], HEX)
     assert np.array_equal(mesh.cells_dict["tetra"], TETS)
     assert [block.tolist() for block in mesh.cell_data["material"]] == [[7], [8, 9]]
+
+
+VTK_NUMBER = {
+    "tet4": 10, "hex8": 12, "wedge6": 13, "pyramid5": 14, "tet10": 24, "hex20": 25, "wedge15": 26,
+    "pyramid13": 27, "hex27": 29,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", list(CELL_TYPES))
+def test_vtu_has_every_cell_type_under_its_vtk_number(kind: str, tmp_path: Path) -> None:
+    mesh = mesh_of(kind, (2, 1, 1))
+    path = write_vtu(tmp_path / "a.vtu", mesh.points, mesh.cells)
+    read = meshio.read(path)
+    assert len(read.cells) == 1
+    np.testing.assert_array_equal(read.cells[0].data, mesh.cells[kind])
+    assert meshio._vtk_common.meshio_to_vtk_type[read.cells[0].type] == VTK_NUMBER[kind]
+
+
+def test_vtu_of_a_mixed_mesh_keeps_cell_data_with_its_cells(tmp_path: Path) -> None:
+    mesh = with_middles(mixed_mesh(), SERENDIPITY)
+    number = np.arange(mesh.cell_count)
+    path = write_vtu(tmp_path / "a.vtu", mesh.points, mesh.cells, cell_data={"number": number})
+    read = meshio.read(path)
+    assert len(read.cells) == 4
+    for (_, first, block), cells, data in zip(
+        mesh.blocks(), read.cells, read.cell_data["number"], strict=True
+    ):
+        np.testing.assert_array_equal(cells.data, block)
+        np.testing.assert_array_equal(data, first + np.arange(len(block)))
 
 
 @pytest.mark.parametrize(

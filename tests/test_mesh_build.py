@@ -74,6 +74,24 @@ def test_selections_by_bounds_plane_normal_and_angle(brick: Mesh) -> None:
     )
 
 
+def test_any_kind_of_set_selects_nodes_and_faces(brick: Mesh) -> None:
+    row = np.flatnonzero(brick.points[brick.cells["hex8"]][:, :, 0].max(axis=1) <= 10.15)
+    left = np.flatnonzero(brick.points[:, 0] == 10.0)
+    mesh = brick.with_sets({"left": left}, {}, {"row": row})
+    assert len(row) == 6
+    np.testing.assert_array_equal(
+        select_nodes(mesh, name="row"), select_nodes(mesh, bounds={"x_max": 10.15})
+    )
+    faces = select_faces(mesh, name="row")
+    assert set(faces.cell.tolist()) == set(row.tolist()) and len(faces) == 6 + 4 + 6
+    np.testing.assert_array_equal(
+        select_faces(mesh, name="left").pairs(), select_faces(mesh, normal="-x").pairs()
+    )
+    assert len(select_faces(mesh, name="row", normal="-x")) == 6
+    with pytest.raises(InputError, match=r"select_faces: .* got 'rov'; .*did you mean 'row'"):
+        select_faces(mesh, name="rov")
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [

@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 import gpusim as gs
-from gpusim.pipeline.build import build_body, build_model
+from gpusim.pipeline.build import build_body
+from gpusim.pipeline.modelling import build_model
 from gpusim.scene import Scene
 
 

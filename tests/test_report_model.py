@@ -52,6 +52,8 @@ def test_json_is_exactly_the_documented_shape() -> None:
             "converged": True,
             "error_estimate": 3e-7,
         },
+        "mesh": [],
+        "mechanics": None,
         "measurements": [
             {
                 "name": "tip",

@@ -66,9 +66,17 @@ def test_requirements_and_imports_agree(checkout: Path) -> None:
     imported -= set(sys.stdlib_module_names) | {"gpusim"}
     project = tomllib.loads((checkout / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     declared = {re.split(r"[\[<>=!~; ]", entry)[0].lower() for entry in project["dependencies"]}
-    assert {names.get(name, name).lower() for name in imported} == declared
+    optional = project["optional-dependencies"]
+    extras = {
+        re.split(r"[\[<>=!~; ]", entry)[0].lower()
+        for extra, entries in optional.items()
+        if extra != "dev"
+        for entry in entries
+    }
+    assert {names.get(name, name).lower() for name in imported} == declared | extras
     constraints = (checkout / "constraints.txt").read_text(encoding="utf-8").lower()
     pinned = {line.split("==")[0] for line in constraints.splitlines() if "==" in line}
-    development = project["optional-dependencies"]["dev"]
+    development = optional["dev"]
+    declared |= extras
     declared |= {re.split(r"[\[<>=!~; ]", entry)[0].lower() for entry in development}
     assert declared <= pinned

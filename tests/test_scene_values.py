@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,7 +12,7 @@ import pytest
 from gpusim.errors import SceneError
 from gpusim.export.layers import LAYERS
 from gpusim.fem.element import ELEMENTS
-from gpusim.fem.statics import PRECONDITIONERS
+from gpusim.fem.statics import METHODS
 from gpusim.mesh import build
 from gpusim.scene import Scene, json_schema, load_scene, model, parse_value
 from gpusim.scene.cost import element_counts
@@ -26,7 +27,7 @@ def crane(checkout: Path) -> Scene:
 
 def test_the_crane_in_si(crane: Scene) -> None:
     body = crane.bodies[0]
-    assert body.material == model.Material("steel", 210e9, 0.3, 7850.0)
+    assert body.material == model.Isotropic("steel", 210e9, 0.3, 7850.0, 0.0)
     assert body.mesh == model.CraneMesh(
         0.562, 0.070, 0.597, 0.006, 0.004, 0.040, 0.108, 0.003, 2, 6
     )
@@ -102,9 +103,10 @@ def test_replace(crane: Scene) -> None:
     assert crane.cameras[0].focal == 0.03
     assert changed == crane.replace("camera.0.focal_mm", 35.0)
     assert crane.replace("solver.tolerance", 1e-9).solver.tolerance == 1e-9
-    assert crane.replace("body.crane.load.weight.force_N", (1.0, 2.0, 3.0)).bodies[0].loads[
-        0
-    ] == model.Force("weight", crane.bodies[0].loads[0].where, (1.0, 2.0, 3.0))  # type: ignore[union-attr]
+    weight = crane.bodies[0].loads[0]
+    assert isinstance(weight, model.Force)
+    heavy = crane.replace("body.crane.load.weight.force_N", (1.0, 2.0, 3.0)).bodies[0].loads[0]
+    assert heavy == replace(weight, force=(1.0, 2.0, 3.0))
     assert crane.replace("body.crane.load.weight.force_N.1", 192.0) != crane
     with pytest.raises(SceneError, match=r"solver.tolerance: out of range .*got -1"):
         crane.replace("solver.tolerance", -1)
@@ -184,7 +186,7 @@ def test_other_paints_lights_and_loads() -> None:
     assert traction.traction == (1e6, 0.0, -2e6)
     assert isinstance(nodal, model.NodalForce)
     assert nodal.force == (0.0, 4.0, 0.0)
-    assert gravity == model.Gravity("d", (0.0, -9.81, 0.0))
+    assert gravity == model.Gravity("d", (0.0, -9.81, 0.0), (0.0, 1.0))
     checker, grid = body.paints
     assert isinstance(checker, model.Checker)
     assert (checker.cell, checker.columns, checker.rows) == (0.007, 9, 6)
@@ -224,10 +226,11 @@ def test_tables_agree_with_the_modules_behind_them(crane: Scene) -> None:
     schema = json_schema()["$defs"]["OutputTable"]["properties"]["truth"]["items"]
     assert set(schema["enum"]) == set(LAYERS)
     defs = json_schema()["$defs"]
-    names = defs["SolverTable"]["properties"]["preconditioner"]["enum"]
-    assert set(names) == set(PRECONDITIONERS)
+    names = defs["SolverTable"]["properties"]["method"]["enum"]
+    assert set(names) == set(METHODS)
     formulations = defs["BodyTable"]["properties"]["formulation"]["enum"]
-    assert tuple(formulations) == ELEMENTS["hex8"].formulations
+    known = dict.fromkeys(name for e in ELEMENTS.values() for name in e.formulations)
+    assert formulations[0] == ELEMENTS["hex8"].formulations[0] and set(formulations) == set(known)
     recipe = crane.bodies[0].mesh
     nodes, elements = element_counts(recipe)
     assert nodes == len(crane_mesh.points)

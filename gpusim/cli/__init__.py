@@ -1,4 +1,4 @@
-"""The command line: ``gpusim run | plan | schema | doctor | check``.
+"""The command line: ``gpusim run | solve | plan | schema | doctor | check | bench``.
 
 Exit codes: 0 good, 1 unexpected, 2 bad scene or usage, 3 not converged, 4 no usable adapter or
 device lost, 5 twin mismatch, 130 interrupted. Heavy modules are imported by the command that needs
@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from gpusim._version import __version__
+from gpusim.cli.bench import bench_app
 from gpusim.cli.console import (
     INTERRUPTED,
     ProgressDisplay,
@@ -41,6 +42,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+app.add_typer(bench_app, name="bench")
 
 
 class Backend(StrEnum):
@@ -127,6 +129,26 @@ def run(
             out(report.to_json().rstrip())
         elif not quiet:
             _print_report(report, output)
+
+
+@app.command()
+def solve(
+    deck: Annotated[Path, typer.Argument(metavar="FILE.inp", help="An Abaqus or CalculiX deck.")],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="OUT", help="Output folder.")],
+    backend: BackendOption = Backend.gpu,
+    tolerance: Annotated[
+        float, typer.Option(help="Relative error of the displacement to reach.")
+    ] = 1e-6,
+    stress: Annotated[bool, typer.Option("--stress", help="Write stresses too.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
+    as_json: Json = False,
+) -> None:
+    """Solve the linear static steps of an input deck and write displacements and reactions."""
+    with exit_codes():
+        _check_folder(output)
+        from gpusim.cli.decks import solve_deck
+
+        solve_deck(deck, output, backend.value, tolerance, stress, quiet, as_json)
 
 
 @app.command()

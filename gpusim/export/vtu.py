@@ -8,22 +8,27 @@ from itertools import pairwise
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
-import meshio
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.export.files import PathLike, atomic_path, write_text
+from gpusim.mesh.meshio_types import meshio
 
 __all__ = ["write_pvd", "write_vtu"]
 
-# Cell type -> (meshio's name, nodes per cell). gpusim's node order is VTK's.
+# Cell type -> (meshio's name, nodes per cell). gpusim's node order is VTK's, but for wedge6,
+# which VTK numbers from the other side: meshio turns it on writing and reading.
 _VTK_NAME = {
     "tet4": ("tetra", 4),
     "hex8": ("hexahedron", 8),
     "wedge6": ("wedge", 6),
+    "pyramid5": ("pyramid", 5),
     "tet10": ("tetra10", 10),
     "hex20": ("hexahedron20", 20),
+    "hex27": ("hexahedron27", 27),
+    "wedge15": ("wedge15", 15),
+    "pyramid13": ("pyramid13", 13),
     "tri3": ("triangle", 3),
     "quad4": ("quad", 4),
 }

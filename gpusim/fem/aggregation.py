@@ -9,152 +9,78 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import eigvalsh_tridiagonal
 from scipy.sparse import bsr_matrix, csr_matrix
 
-from gpusim.errors import NotConverged
-from gpusim.fem.block_rows import BlockRows
 from gpusim.fem.congruence import mix
-from gpusim.fem.diagonal import invert_blocks
-from gpusim.fem.supports import rigid_modes
+from gpusim.fem.product import Product
 
-__all__ = ["Hierarchy", "Level", "block_matrix", "build_hierarchy"]
+__all__ = ["Aggregated", "aggregate_level", "largest_eigenvalue"]
 
 Float = npt.NDArray[np.float64]
 Long = npt.NDArray[np.int64]
+Bool = npt.NDArray[np.bool_]
 
 _STRENGTH = 0.08
 # Coarse levels of slender bodies are chains. Aggregates several links long bend too stiffly there
 # (iterations double or worse), so only strong links count; weaker ones do where that stalls.
 _COARSE_STRENGTHS = (0.2, 0.08, 0.0)
 _LEAST_SHRINKAGE = 0.55
-_COARSEST = 800
 
 
 @dataclass(frozen=True, eq=False)
-class Level:
-    """One level: inverted diagonal blocks, greatest eigenvalue of D^-1 A, prolongator from the
-    next coarser level; ``matrix`` is None on the finest, where the stiffness operator acts."""
+class Aggregated:
+    """The next coarser level: ``prolongation`` to it, its ``matrix`` with 6x6 blocks, its
+    near-null space (B,6,6), and which of its unknowns exist (B,6)."""
 
-    matrix: csr_matrix | None
-    inverse: Float
-    largest: float
-    prolongation: csr_matrix
-
-
-@dataclass(frozen=True, eq=False)
-class Hierarchy:
-    """Levels from fine to coarse, the inverse on the coarsest one, and ``lowest``: an estimate of
-    the smallest eigenvalue of K (Rayleigh-Ritz in the coarsest space, so never below it)."""
-
-    levels: tuple[Level, ...]
-    coarse_inverse: csr_matrix
-    lowest: float
+    prolongation: bsr_matrix
+    matrix: bsr_matrix
+    near_null: Float
+    mask: Bool
 
 
-def block_matrix(rows: BlockRows) -> bsr_matrix:
-    """K as a SciPy block matrix with 3x3 blocks, float64."""
-    count = rows.node_count
-    degree = rows.degree
-    slot = np.arange(len(rows.neighbour)) - np.repeat(rows.start[:-1], degree)
-    owner = np.repeat(np.arange(count), degree)
-    data = np.concatenate([rows.table[rows.row_class[owner], slot], rows.diagonal[rows.row_class]])
-    row = np.concatenate([owner, np.arange(count)])
-    column = np.concatenate([rows.neighbour, np.arange(count)])
-    order = np.lexsort((column, row))
-    start = np.concatenate([[0], np.cumsum(np.bincount(row, minlength=count))])
-    return bsr_matrix((data[order], column[order], start), shape=(3 * count, 3 * count))
+def aggregate_level(
+    matrix: bsr_matrix, inverse: Float, largest: float, near_null: Float, mask: Bool
+) -> Aggregated:
+    """Coarsen once. ``matrix`` has s x s blocks, ``inverse`` (B,s,s) its inverted diagonal blocks,
+    ``largest`` bounds the eigenvalues of D^-1 A, ``near_null`` (B,s,6), ``mask`` (B,s) free."""
+    first = matrix.blocksize[0] == 3
+    aggregate, count = _shrinking_aggregates(matrix, mask, first)
+    tentative, coarse_null, coarse_mask = _tentative(near_null, aggregate, count)
+    prolongation = _smoothed(matrix, inverse, largest, tentative)
+    coarse = (prolongation.T @ (matrix @ prolongation)).tobsr((6, 6))
+    return Aggregated(prolongation, coarse, coarse_null, coarse_mask)
 
 
-def build_hierarchy(matrix: bsr_matrix, free: npt.NDArray[np.bool_], points: Float) -> Hierarchy:
-    """Coarsen until at most a few hundred unknowns remain.
-
-    ``matrix`` K with 3x3 blocks, ``free`` (N,3), ``points`` (N,3).
-    """
-    origin = points.mean(axis=0)
-    length = float(np.abs(points - origin).max()) or 1.0
-    near_null = rigid_modes(points, origin, length) * free[:, :, None]
-    levels: list[Level] = []
-    current, mask = matrix, free
-    total: csr_matrix | None = None
-    while True:
-        blocks = _diagonal_blocks(current)
-        inverse = invert_blocks(blocks, mask)
-        largest = _largest_eigenvalue(current, inverse)
-        aggregate, count = _shrinking_aggregates(current, mask, first=not levels)
-        tentative, near_null, coarse_mask = _tentative(near_null, aggregate, count)
-        prolongation = _smoothed(current, inverse, largest, tentative)
-        levels.append(
-            Level(
-                None if not levels else csr_matrix(current),
-                inverse,
-                largest,
-                csr_matrix(prolongation),
-            )
-        )
-        fine = csr_matrix(prolongation)
-        total = fine if total is None else csr_matrix(total @ fine)
-        coarse = (prolongation.T @ (current @ prolongation)).tobsr((6, 6))
-        stalled = coarse.shape[0] > 0.9 * current.shape[0]
-        current, mask = coarse, coarse_mask
-        if current.shape[0] <= _COARSEST or stalled:
-            break
-    assert total is not None
-    keep = mask.ravel()
-    inside = np.ix_(keep, keep)
-    small = current.toarray()[inside]
-    inverse_dense = np.zeros(current.shape)
-    inverse_dense[inside] = _inverse(small)
-    overlap = (total.T @ total).tocsr()
-    lowest = _lowest_eigenvalue(inverse_dense, overlap, current)
-    return Hierarchy(tuple(levels), csr_matrix(inverse_dense), lowest)
-
-
-def _inverse(matrix: Float) -> Float:
-    """Of a symmetric positive definite matrix, scaled to a unit diagonal first."""
-    scale = 1.0 / np.sqrt(matrix.diagonal())
-    scaled = 0.5 * (matrix + matrix.T) * scale[:, None] * scale
-    try:
-        factor = cho_factor(scaled, lower=True)
-    except np.linalg.LinAlgError:
-        raise NotConverged(
-            "multigrid: the coarsest matrix is not positive definite in float64; got a body whose "
-            "softest motions vanish beside its stiffest (is it extremely slender, nearly free, or "
-            "of extremely unequal elements?); expected better proportions, or block_jacobi"
-        ) from None
-    inverse = cho_solve(factor, np.eye(len(matrix)))
-    return np.asarray(0.5 * (inverse + inverse.T) * scale[:, None] * scale)
-
-
-def _lowest_eigenvalue(inverse: Float, overlap: csr_matrix, matrix: bsr_matrix) -> float:
-    """Of the pencil (matrix, overlap) by inverse iteration; every iterate bounds it from above."""
-    x = (mix(np.arange(len(inverse)), 5) >> np.uint64(11)).astype(np.float64) * 2.0**-53 - 0.5
-    for _ in range(40):
-        x = inverse @ (overlap @ x)
-        x /= np.linalg.norm(x)
-    return float((x @ (matrix @ x)) / (x @ (overlap @ x)))
-
-
-def _diagonal_blocks(matrix: bsr_matrix) -> Float:
-    size = matrix.blocksize[0]
-    count = matrix.shape[0] // size
-    row = np.repeat(np.arange(count), np.diff(matrix.indptr))
-    blocks = np.zeros((count, size, size))
-    here = matrix.indices == row
-    blocks[row[here]] = matrix.data[here]
-    return blocks
-
-
-def _largest_eigenvalue(matrix: bsr_matrix, inverse: Float, steps: int = 12) -> float:
-    """Of D^-1 A: power iteration from a fixed start, with a tenth on top."""
+def largest_eigenvalue(product: Product, inverse: Float, steps: int = 6) -> float:
+    """Of D^-1 A: Lanczos in the norm of D from a fixed start, with a fifteenth on top."""
     size = inverse.shape[1]
-    x = (mix(np.arange(matrix.shape[0]), 3) >> np.uint64(11)).astype(np.float64) * 2.0**-53 - 0.5
-    value = 1.0
+
+    def scaled(r: Float) -> Float:
+        return np.asarray(np.matmul(inverse, r.reshape(-1, size, 1)).reshape(-1))
+
+    r = (mix(np.arange(inverse.shape[0] * size), 3) >> np.uint64(11)).astype(np.float64)
+    r = r * 2.0**-53 - 0.5
+    z, before = scaled(r), np.zeros_like(r)
+    beta = np.sqrt(max(float(r @ z), 0.0))
+    diagonal: list[float] = []
+    off: list[float] = []
     for _ in range(steps):
-        y = np.matmul(inverse, (matrix @ x).reshape(-1, size, 1)).reshape(-1)
-        value = float(np.linalg.norm(y) / np.linalg.norm(x))
-        x = y / np.linalg.norm(y)
-    return 1.1 * value
+        if not beta > 0.0:
+            break
+        r, z = r / beta, z / beta
+        image = product(z[None])[0]
+        alpha = float(image @ z)
+        diagonal.append(alpha)
+        off.append(beta)
+        following = image - alpha * r - beta * before if len(diagonal) > 1 else image - alpha * r
+        before, r = r, following
+        z = scaled(r)
+        beta = np.sqrt(max(float(r @ z), 0.0))
+    if not diagonal:
+        return 1.0
+    values = eigvalsh_tridiagonal(np.array(diagonal), np.array(off[1:]))
+    return 1.07 * float(values[-1])
 
 
 def _shrinking_aggregates(

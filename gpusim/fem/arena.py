@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.gpu import Device, Kernel, Recording
+from gpusim.gpu import Device, Kernel, Recording, Texels
 from gpusim.gpu.buffer import Buffer, RealBuffer
 
 __all__ = ["Allocator", "Arena"]
@@ -18,7 +18,7 @@ class Arena:
 
     def __init__(self, device: Device) -> None:
         self.device = device
-        self._buffers: list[Buffer] = []
+        self._buffers: list[Buffer | Texels] = []
 
     def __enter__(self) -> Arena:
         return self
@@ -36,12 +36,19 @@ class Arena:
 
     def buffer(self, array: npt.NDArray[Any], label: str) -> Buffer:
         """See ``Device.buffer``."""
-        self._buffers.append(self.device.buffer(array, label=label))
-        return self._buffers[-1]
+        result = self.device.buffer(array, label=label)
+        self._buffers.append(result)
+        return result
 
     def real_buffer(self, array: npt.NDArray[np.float64], label: str) -> RealBuffer:
         """See ``Device.real_buffer``."""
         result = self.device.real_buffer(array, label=label)
+        self._buffers.append(result)
+        return result
+
+    def texels(self, count: int, fmt: str, label: str) -> Texels:
+        """See ``Device.texels``."""
+        result = self.device.texels(count, fmt, label)
         self._buffers.append(result)
         return result
 

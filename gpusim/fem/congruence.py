@@ -13,6 +13,8 @@ Hash = npt.NDArray[np.uint64]
 
 # coordinates are compared on a grid of this fraction of the element's smallest extent
 _GRID = 2.0**-38
+# rows of more columns than this are compared as bytes
+_WIDE = 100
 
 
 def mix(value: npt.NDArray[np.integer], seed: int) -> Hash:
@@ -30,12 +32,26 @@ def unique_rows(rows: Long) -> tuple[Long, Long]:
     counts as its own class, which is slow and still right.
     """
     columns = rows.shape[1]
+    if columns > _WIDE:
+        return _unique_wide(rows)
     first_hash = np.zeros(len(rows), dtype=np.uint64)
     second_hash = np.zeros(len(rows), dtype=np.uint64)
     for column in range(columns):
         first_hash = mix(first_hash ^ mix(rows[:, column], 2 * column), 0)
         second_hash = mix(second_hash ^ mix(rows[:, column], 2 * column + 1), 1)
     return unique_hashes(first_hash, second_hash)
+
+
+def _unique_wide(rows: Long) -> tuple[Long, Long]:
+    """The same by the bytes of each row: for few rows of many columns."""
+    numbers: dict[bytes, int] = {}
+    first: list[int] = []
+    kind = np.empty(len(rows), dtype=np.int64)
+    for position, row in enumerate(np.ascontiguousarray(rows)):
+        kind[position] = numbers.setdefault(row.tobytes(), len(numbers))
+        if kind[position] == len(first):
+            first.append(position)
+    return np.array(first, dtype=np.int64), kind
 
 
 def unique_hashes(first_hash: Hash, second_hash: Hash) -> tuple[Long, Long]:

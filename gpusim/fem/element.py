@@ -1,100 +1,124 @@
-"""Solid elements as pure data: shape functions, gradients, quadrature, internal modes.
+"""Solid elements as pure data: shape functions at the points of each integration rule.
 
-Reference hex: [-1,1]^3, nodes in VTK/Abaqus order. Reference tet: unit simplex.
+Shapes and rules live in ``gpusim.mesh`` (mesh quality needs them too); here they meet the
+formulations: which rule a named formulation integrates its stiffness with, and the internal modes
+of the incompatible hexahedron.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["ELEMENTS", "Element", "quad_shape"]
+from gpusim.errors import InputError
+from gpusim.mesh.cells import CELL_TYPES
+from gpusim.mesh.quadrature import FULL_POINTS, cell_rule
+from gpusim.mesh.shapes import shape_functions, shape_gradients
+
+__all__ = ["ELEMENTS", "Element", "Rule", "mode_gradient"]
 
 Float = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Element:
-    """One element type, with Q quadrature points and k nodes.
+class Rule:
+    """Q quadrature points of an element with k nodes.
 
-    ``shape`` (Q,k), ``gradient`` (Q,k,3) d(shape)/d(xi), ``weight`` (Q,),
-    ``centre_gradient`` (k,3), ``mode_gradient`` (Q,m,3) gradients of the m internal modes
-    (m = 0 where the element has none), ``formulations`` the names it takes, default first.
+    ``points`` (Q,3) reference coordinates, ``weight`` (Q,), ``shape`` (Q,k), ``gradient`` (Q,k,3)
+    d(shape)/d(xi).
+    """
+
+    points: Float
+    weight: Float
+    shape: Float
+    gradient: Float
+
+
+@dataclass(frozen=True, eq=False)
+class Element:
+    """One element type.
+
+    Parameters
+    ----------
+    name : cell type.
+    rules : formulation -> rule of its stiffness; the first one is the default.
+    mass : rule that is exact for products of two shape functions on a straight cell.
+    centre_gradient : (k,3) shape gradients at the centre of the reference cell.
     """
 
     name: str
-    shape: Float
-    gradient: Float
-    weight: Float
+    rules: Mapping[str, Rule]
+    mass: Rule
     centre_gradient: Float
-    mode_gradient: Float
-    formulations: tuple[str, ...]
+
+    @property
+    def formulations(self) -> tuple[str, ...]:
+        """The names it takes, default first."""
+        return tuple(self.rules)
+
+    def rule(self, formulation: str | None = None) -> Rule:
+        """The stiffness rule of a formulation; None: of the default one.
+
+        Raises InputError for a name that the element doesn't have.
+        """
+        if formulation is None:
+            return next(iter(self.rules.values()))
+        if formulation not in self.rules:
+            raise InputError(
+                f"formulation: not available for {self.name}; got {formulation!r}; "
+                f"expected one of {', '.join(self.rules)}"
+            )
+        return self.rules[formulation]
 
 
-_HEX_SIGNS = np.array(
-    [
-        [-1, -1, -1], [1, -1, -1], [1, 1, -1], [-1, 1, -1],
-        [-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1],
-    ],
-    dtype=np.float64,
-)  # fmt: skip
-
-
-def _hex_shape(xi: Float) -> Float:
-    """Trilinear shape functions at (Q,3) points: (Q,8)."""
-    return np.asarray(0.125 * (1.0 + xi[:, None, :] * _HEX_SIGNS).prod(axis=2))
-
-
-def _hex_gradient(xi: Float) -> Float:
-    """Their gradients: (Q,8,3)."""
-    terms = 1.0 + xi[:, None, :] * _HEX_SIGNS
-    gradient = np.empty((len(xi), 8, 3))
+def mode_gradient(rule: Rule) -> Float:
+    """(Q,3,3) reference gradients of the modes 1 - xi^2, 1 - eta^2, 1 - zeta^2 of a hexahedron."""
+    modes = np.zeros((len(rule.weight), 3, 3))
     for axis in range(3):
-        others = [k for k in range(3) if k != axis]
-        gradient[:, :, axis] = 0.125 * _HEX_SIGNS[:, axis] * terms[:, :, others].prod(axis=2)
-    return gradient
+        modes[:, axis, axis] = -2.0 * rule.points[:, axis]
+    return modes
 
 
-def quad_shape(xi: Float) -> tuple[Float, Float]:
-    """Bilinear shape functions (Q,4) and gradients (Q,4,2) on [-1,1]^2, for face loads."""
-    signs = _HEX_SIGNS[:4, :2]
-    terms = 1.0 + xi[:, None, :] * signs
-    gradient = np.stack(
-        [0.25 * signs[:, 0] * terms[:, :, 1], 0.25 * signs[:, 1] * terms[:, :, 0]], axis=2
-    )
-    return 0.25 * terms.prod(axis=2), gradient
+# Formulation -> number of points; the first one is the default.
+_RULES: dict[str, dict[str, int]] = {
+    "hex8": {"incompatible": 8, "full": 8, "bbar": 8},
+    "hex20": {"full": 27, "reduced": 8},
+    "hex27": {"full": 27},
+    "tet4": {"full": 1},
+    "tet10": {"full": 4, "exact": 14},
+    "wedge6": {"full": 2, "exact": 6},
+    "wedge15": {"full": 9},
+    "pyramid5": {"full": 8},
+    "pyramid13": {"full": 27},
+}
+_MASS_POINTS = {
+    "hex8": 8, "hex20": 27, "hex27": 27, "tet4": 4, "tet10": 14, "wedge6": 6, "wedge15": 18,
+    "pyramid5": 8, "pyramid13": 27,
+}  # fmt: skip
 
 
-def _hex8() -> Element:
-    points = _HEX_SIGNS / np.sqrt(3.0)
-    # modes 1 - xi^2, 1 - eta^2, 1 - zeta^2: gradient -2 xi along its own axis only
-    modes = np.zeros((8, 3, 3))
-    for axis in range(3):
-        modes[:, axis, axis] = -2.0 * points[:, axis]
+def _rule(kind: str, count: int) -> Rule:
+    points, weight = cell_rule(kind, count)
+    tables = shape_functions(kind, points), shape_gradients(kind, points)
+    for table in tables:
+        table.setflags(write=False)
+    return Rule(points, weight, *tables)
+
+
+def _element(kind: str) -> Element:
+    rules = {count: _rule(kind, count) for count in _RULES[kind].values()}
+    # the centroid of the reference cell: the one point of the smallest rules
+    centre, _ = cell_rule(kind, 2 if CELL_TYPES[kind].linear == "wedge6" else 1)
+    assert _RULES[kind]["full"] == FULL_POINTS[kind]
     return Element(
-        name="hex8",
-        shape=_hex_shape(points),
-        gradient=_hex_gradient(points),
-        weight=np.ones(8),
-        centre_gradient=_hex_gradient(np.zeros((1, 3)))[0],
-        mode_gradient=modes,
-        formulations=("incompatible", "full", "bbar"),
+        name=kind,
+        rules={name: rules[count] for name, count in _RULES[kind].items()},
+        mass=_rule(kind, _MASS_POINTS[kind]),
+        centre_gradient=shape_gradients(kind, centre.mean(axis=0, keepdims=True))[0],
     )
 
 
-def _tet4() -> Element:
-    gradient = np.array([[-1.0, -1, -1], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
-    return Element(
-        name="tet4",
-        shape=np.full((1, 4), 0.25),
-        gradient=gradient[None],
-        weight=np.array([1.0 / 6.0]),
-        centre_gradient=gradient,
-        mode_gradient=np.zeros((1, 0, 3)),
-        formulations=("full",),
-    )
-
-
-ELEMENTS: dict[str, Element] = {"hex8": _hex8(), "tet4": _tet4()}
+ELEMENTS: dict[str, Element] = {kind: _element(kind) for kind in _RULES}

@@ -20,8 +20,10 @@ Float = npt.NDArray[np.float64]
 # a Ritz value lies slightly above the eigenvalue that the bounds ask for
 _BELOW = 0.9
 _MOST_REFINEMENTS = 12
-# share of the tolerance that a run of conjugate gradients may leave, and that the next correction
-# may still move the solution by, where the true residual has reached its own rounding
+# share of the tolerance that a run of conjugate gradients may leave
+_AIM = 0.7
+# and share that the next correction may still move the solution by, where the true residual has
+# reached its own rounding
 _INSIDE = 0.3
 
 
@@ -30,15 +32,22 @@ class System:
     """The scaled problem K' u' = f': K' = K/scale, f' = f/load_scale per load case.
 
     ``right`` (L,N,3) is zero on fixed unknowns and includes what prescribed displacements pull.
-    ``apply`` (L,N,3) -> K' u'. ``free`` (N,3). ``prescribed`` (1,N,3), unscaled.
+    ``apply`` (L,N,3) -> K' u'; ``rounding`` the forces of its own rounding (see ``rounding``),
+    which take a complete u', prescribed values included; ``row_sum`` the greatest sum of
+    absolute values in a row of K', diagonal block left out. ``pull`` (1,N,3) is K times the
+    prescribed displacements, unscaled, None where there are none. ``free`` (N,3).
+    ``prescribed`` (1,N,3), unscaled.
     """
 
     apply: Callable[[Float], Float]
+    rounding: Callable[[Float], Float]
+    row_sum: float
     right: Float
     free: npt.NDArray[np.bool_]
     scale: float
     load_scale: Float
     prescribed: Float
+    pull: Float | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +68,8 @@ class Norm:
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """Displacements (L,N,3) in the model's units, and how the iteration ended."""
+    """Displacements (L,N,3) in the model's units, and how the iteration ended; ``image`` is K' u'
+    (L,N,3) of the free part, if it was formed for the last estimate."""
 
     u: Float
     converged: bool
@@ -67,6 +77,7 @@ class Outcome:
     iterations: int
     residuals: Float
     message: str
+    image: Float | None = None
 
 
 class _State:
@@ -124,8 +135,10 @@ def iterate(
     estimate = np.full(cases, np.inf)
     message = f"stopped after {most} iterations"
     inside, drift = np.full(cases, np.inf), np.full(cases, np.inf)
+    image: Float | None = None
     for refinement in range(_MOST_REFINEMENTS):
-        residual = system.right - (system.apply(x) if x.any() else 0.0)
+        image = system.apply(x) if x.any() else np.zeros_like(x)
+        residual = system.right - image
         residual = np.where(system.free, residual, 0.0).reshape(cases, -1)
         rz = loop.begin(residual)
         _refuse(rz[None, :, None], "the preconditioned residual")
@@ -139,7 +152,7 @@ def iterate(
             if known.all() and bool((estimate <= tolerance).all()):
                 message = "converged"
                 break
-            settled = (inside <= _INSIDE * tolerance) & (drift <= _INSIDE * tolerance)
+            settled = (inside <= _AIM * tolerance) & (drift <= _INSIDE * tolerance)
             if refinement > 1 and bool((settled | (estimate <= tolerance)).all()):
                 estimate = np.minimum(estimate, inside + drift)
                 message = "converged to the rounding of the residual"
@@ -151,9 +164,9 @@ def iterate(
             break
         report = None if progress is None else partial(_shifted, progress, iterations)
         correction, history, inside = _run(
-            system, loop, state, x, rz, _INSIDE * tolerance, most - iterations, chunk, report
+            system, loop, state, x, rz, _AIM * tolerance, most - iterations, chunk, report
         )
-        x = x + correction
+        x, image = x + correction, None
         size = norm.size(x + state.given)
         drift = norm.size(correction) / np.where(size > 0.0, size, 1e-300)
         iterations += len(history)
@@ -166,7 +179,7 @@ def iterate(
         lines = np.concatenate(histories)[:, :, 0]
         residuals = np.sqrt(np.maximum(lines, 0.0) / np.where(first > 0.0, first, 1.0))
     u = np.where(system.free, x / factor, system.prescribed)
-    return Outcome(u, converged, float(estimate.max()), iterations, residuals, message)
+    return Outcome(u, converged, float(estimate.max()), iterations, residuals, message, image)
 
 
 def _run(

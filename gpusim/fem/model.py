@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.fem.material import Isotropic
+from gpusim.fem.material import Material
 from gpusim.mesh import Mesh
 
 __all__ = ["Model"]
@@ -25,19 +25,20 @@ class Model:
     Parameters
     ----------
     mesh : the body (or bodies).
-    materials : isotropic materials.
+    materials : ``Isotropic``, ``Orthotropic``, or anything else that has a ``Material``'s parts.
     material_of_cell : (M,) index into ``materials`` per global cell; None: all the first.
     fixed : (N,3) bool, degrees of freedom whose displacement is given; None: none is, which
         `solve` refuses.
-    prescribed : (N,3) float64 displacement where ``fixed``; None: zero. Non-zero elsewhere is
-        an error, so that a forgotten ``fixed`` can't pass.
-    forces : (N,3) or (L,N,3) float64 nodal forces, L load cases; None: zero.
+    prescribed : (N,3) float64 displacement where ``fixed``, or (L,N,3), one per load case;
+        None: zero. Non-zero elsewhere is an error, so that a forgotten ``fixed`` can't pass.
+    forces : (N,3) or (L,N,3) float64 nodal forces, L load cases; None: zero. One (N,3) with L
+        prescribed displacements counts in every load case.
 
     Arrays are copied, checked and made read-only. Raises InputError.
     """
 
     mesh: Mesh
-    materials: Sequence[Isotropic]
+    materials: Sequence[Material]
     fixed: npt.NDArray[np.bool_] | None = None
     forces: Float | None = None
     material_of_cell: npt.NDArray[np.int32] | None = None
@@ -48,10 +49,12 @@ class Model:
             raise InputError(f"Model.mesh: got {type(self.mesh).__name__}; expected a Mesh")
         shape = self.mesh.points.shape
         materials = tuple(self.materials) if isinstance(self.materials, Iterable) else ()
-        if not materials or not all(isinstance(one, Isotropic) for one in materials):
+        if not materials or not all(isinstance(one, Material) for one in materials):
             raise InputError(
-                f"Model.materials: got {self.materials!r}; expected at least one Isotropic"
+                f"Model.materials: got {self.materials!r}; expected at least one Isotropic or "
+                "Orthotropic"
             )
+        _check_stiffness(materials)
         fixed = np.zeros(shape, dtype=bool) if self.fixed is None else np.array(self.fixed)
         if fixed.shape != shape or fixed.dtype != np.bool_:
             raise InputError(f"Model.fixed: got {fixed.shape} {fixed.dtype}; expected {shape} bool")
@@ -65,11 +68,15 @@ class Model:
             raise InputError("Model.forces: no load case; got L = 0; expected L >= 1")
         given = np.zeros(shape) if self.prescribed is None else self.prescribed
         prescribed = _float("prescribed", given)
-        if prescribed.shape != shape:
+        cases = (len(forces), *shape) if forces.ndim == 3 else (len(prescribed), *shape)
+        if prescribed.shape not in (shape, cases) or prescribed.size == 0:
             raise InputError(
-                f"Model.prescribed: wrong shape; got {prescribed.shape}; expected {shape}"
+                f"Model.prescribed: wrong shape; got {prescribed.shape}; expected {shape}, or "
+                f"({len(forces) if forces.ndim == 3 else 'L'}, {shape[0]}, 3) for each load case"
             )
-        loose = np.flatnonzero(((prescribed != 0.0) & ~fixed).any(axis=1))
+        if prescribed.ndim == 3 and forces.ndim == 2:
+            forces = np.repeat(forces[None], len(prescribed), axis=0)
+        loose = np.flatnonzero(((prescribed != 0.0) & ~fixed).reshape(-1, *shape).any(axis=(0, 2)))
         if loose.size:
             raise InputError(
                 f"Model.prescribed: {loose.size} nodes have a displacement but aren't fixed; "
@@ -96,6 +103,12 @@ class Model:
         return self.forces if self.forces.ndim == 3 else self.forces[None]
 
     @property
+    def prescribed_cases(self) -> Float:
+        """(1,N,3) or (L,N,3) float64: the same for all load cases, or one for each."""
+        assert self.prescribed is not None
+        return self.prescribed if self.prescribed.ndim == 3 else self.prescribed[None]
+
+    @property
     def densities(self) -> Float:
         """(M,) density per cell."""
         return np.array([one.density for one in self.materials])[self.material_of_cell]
@@ -115,6 +128,31 @@ def _float(name: str, value: Any) -> Float:
             f"{tuple(int(k) for k in bad[0])}; expected finite numbers"
         )
     return array
+
+
+def _check_stiffness(materials: Sequence[Material]) -> None:
+    """Materials of the user's own are checked like ours: symmetric, positive definite."""
+    matrices = [
+        _float(f"materials[{number}].stiffness()", material.stiffness())
+        for number, material in enumerate(materials)
+    ]
+    for number, matrix in enumerate(matrices):
+        good = matrix.shape == (6, 6)
+        if not (good and np.abs(matrix - matrix.T).max() <= 1e-9 * np.abs(matrix).max()):
+            raise InputError(
+                f"Model.materials[{number}]: stiffness() isn't a symmetric (6,6) matrix; "
+                f"got shape {matrix.shape}; expected stress over strain, xx yy zz xy yz zx"
+            )
+    stack = np.stack(matrices)
+    size = np.sqrt(np.abs(np.diagonal(stack, axis1=1, axis2=2)))
+    size = np.where(size > 0.0, size, 1.0)  # a zero on the diagonal shows as an eigenvalue <= 0
+    least = np.linalg.eigvalsh(stack / (size[:, :, None] * size[:, None, :]))[:, 0]
+    bad = np.flatnonzero(~(least > 0.0))
+    if bad.size:
+        raise InputError(
+            f"Model.materials[{bad[0]}]: stiffness() isn't positive definite; got "
+            f"{materials[bad[0]]!r}; expected energy > 0 for every strain"
+        )
 
 
 def _material_numbers(value: Any, cells: int, count: int) -> npt.NDArray[np.int32]:

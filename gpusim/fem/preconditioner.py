@@ -2,26 +2,30 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.fem.aggregation import Hierarchy, Level
 from gpusim.fem.arena import Allocator
-from gpusim.fem.smooth import DeviceSmoother, Relaxation, chebyshev, relax
-from gpusim.fem.sparse import DeviceSparse, apply_sparse
+from gpusim.fem.device_multigrid import DeviceMultigrid
+from gpusim.fem.hierarchy import Hierarchy, Level
+from gpusim.fem.product import Product
+from gpusim.fem.relax import DeviceRelaxation
+from gpusim.fem.smooth import Relaxation, chebyshev, relax
+from gpusim.fem.stiffness import DeviceStiffness
 from gpusim.gpu import Recording
-from gpusim.gpu.buffer import RealBuffer
+from gpusim.gpu.texels import Texels
 
-__all__ = ["BlockJacobi", "Multigrid"]
+__all__ = ["BlockJacobi", "Multigrid", "smoothing_steps"]
 
 Float = npt.NDArray[np.float64]
 
 _JACOBI = Relaxation(0.0, 1.0, 0.0)
 _DEGREE = 2
-_RANGE = 20.0
+# eigenvalues of D^-1 A from 1/12 of the greatest on are the smoother's: half and twice as many
+# cost an iteration
+_RANGE = 12.0
 
 
 class BlockJacobi:
@@ -44,16 +48,14 @@ class BlockJacobi:
 
 class _DeviceJacobi:
     def __init__(self, device: Allocator, inverse: Float, cases: int) -> None:
-        self._smoother = DeviceSmoother(device, inverse, cases, "fem.jacobi")
-        zeros = np.zeros((cases, self._smoother.unknowns))
-        self._copy = device.real_buffer(zeros, label="fem.jacobi.copy")
-        self._change = device.real_buffer(zeros, label="fem.jacobi.change")
+        self._scaling = DeviceRelaxation(device, None, inverse, cases, "fem.jacobi")
 
-    def record(self, recording: Recording, r: RealBuffer, z: RealBuffer) -> None:
-        self._smoother.record(recording, r, None, self._copy, self._change, z, _JACOBI)
+    def record(self, recording: Recording, r: Texels, z: Texels) -> None:
+        self._scaling.begin(recording, r, z, 1.0)
 
 
-def _steps(level: Level) -> tuple[Relaxation, ...]:
+def smoothing_steps(level: Level) -> tuple[Relaxation, ...]:
+    """Chebyshev steps before and after the coarser levels."""
     return chebyshev(level.largest / _RANGE, level.largest, _DEGREE)
 
 
@@ -62,15 +64,17 @@ def _from_zero(step: Relaxation) -> Relaxation:
 
 
 class Multigrid:
-    """One symmetric V-cycle: Chebyshev smoothing before and after, dense inverse at the bottom.
-
-    ``stiffness`` is (L,3N) -> K times it, used on the finest level.
-    """
+    """One symmetric V-cycle: Chebyshev smoothing before and after, dense inverse at the bottom."""
 
     name = "multigrid"
 
-    def __init__(self, hierarchy: Hierarchy, stiffness: Any) -> None:
-        self.hierarchy, self._stiffness = hierarchy, stiffness
+    def __init__(self, hierarchy: Hierarchy) -> None:
+        self.hierarchy = hierarchy
+
+    @property
+    def product(self) -> Product:
+        """x (L,3N) -> K x on the finest level."""
+        return self.hierarchy.levels[0].product
 
     def apply(self, r: Float) -> Float:
         """z = M^-1 r for (L,3N) r."""
@@ -79,111 +83,22 @@ class Multigrid:
     def _cycle(self, number: int, b: Float) -> Float:
         levels = self.hierarchy.levels
         if number == len(levels):
-            return apply_sparse(self.hierarchy.coarse_inverse, b)
+            return np.asarray(b @ self.hierarchy.coarse_inverse)
         level = levels[number]
-        steps = _steps(level)
+        product = level.product
+        steps = smoothing_steps(level)
         zero = np.zeros_like(b)
         r, d, x = relax(level.inverse, b, None, zero, zero, _from_zero(steps[0]))
         for step in steps[1:]:
-            r, d, x = relax(level.inverse, r, self._product(level, d), d, x, step)
-        r = r - self._product(level, d)
-        coarse = self._cycle(number + 1, apply_sparse(level.prolongation.T, r))
-        x = x + apply_sparse(level.prolongation, coarse)
-        r, d, x = relax(level.inverse, b, self._product(level, x), d, x, steps[0])
+            r, d, x = relax(level.inverse, r, product(d), d, x, step)
+        r = r - product(d)
+        x = x + level.transfer.interpolate(self._cycle(number + 1, level.transfer.restrict(r)))
+        r, d, x = relax(level.inverse, b, product(x), d, x, steps[0])
         for step in steps[1:]:
-            r, d, x = relax(level.inverse, r, self._product(level, d), d, x, step)
+            r, d, x = relax(level.inverse, r, product(d), d, x, step)
         return x
 
-    def _product(self, level: Level, x: Float) -> Float:
-        if level.matrix is None:
-            return np.asarray(self._stiffness(x))
-        return apply_sparse(level.matrix, x)
-
-    def upload(self, device: Allocator, stiffness: Any, cases: int) -> _DeviceMultigrid:
-        """The same on a device; ``stiffness.record(rec, x, y)`` acts on the finest level."""
-        return _DeviceMultigrid(device, self.hierarchy, stiffness, cases)
-
-
-@dataclass(frozen=True, eq=False)
-class _DeviceLevel:
-    operator: Any
-    smoother: DeviceSmoother
-    restriction: DeviceSparse
-    prolongation: DeviceSparse
-    steps: tuple[Relaxation, ...]
-    residuals: tuple[RealBuffer, RealBuffer]
-    product: RealBuffer
-    change: RealBuffer
-    coarse_b: RealBuffer
-    coarse_x: RealBuffer
-
-
-class _DeviceMultigrid:
-    def __init__(self, device: Allocator, hierarchy: Hierarchy, stiffness: Any, cases: int) -> None:
-        self._levels = [
-            _upload_level(device, level, stiffness, cases, f"fem.multigrid.{number}")
-            for number, level in enumerate(hierarchy.levels)
-        ]
-        self._coarse = DeviceSparse(device, hierarchy.coarse_inverse, cases, "fem.multigrid.coarse")
-
-    def record(self, recording: Recording, r: RealBuffer, z: RealBuffer) -> None:
-        self._cycle(recording, 0, r, z)
-
-    def _cycle(self, recording: Recording, number: int, b: RealBuffer, x: RealBuffer) -> None:
-        if number == len(self._levels):
-            self._coarse.record(recording, b, x)
-            return
-        level = self._levels[number]
-        steps = (_from_zero(level.steps[0]), *level.steps[1:])
-        r = self._smooth(recording, level, b, None, x, steps)
-        level.operator.record(recording, level.change, level.product)
-        spare = level.residuals[1] if r is level.residuals[0] else level.residuals[0]
-        level.smoother.record_difference(recording, r, level.product, spare)
-        level.restriction.record(recording, spare, level.coarse_b)
-        self._cycle(recording, number + 1, level.coarse_b, level.coarse_x)
-        level.prolongation.record(recording, level.coarse_x, x, add=True)
-        level.operator.record(recording, x, level.product)
-        self._smooth(recording, level, b, level.product, x, level.steps)
-
-    def _smooth(
-        self,
-        recording: Recording,
-        level: _DeviceLevel,
-        b: RealBuffer,
-        t: RealBuffer | None,
-        x: RealBuffer,
-        steps: tuple[Relaxation, ...],
-    ) -> RealBuffer:
-        one, two = level.residuals
-        level.smoother.record(recording, b, t, one, level.change, x, steps[0])
-        for step in steps[1:]:
-            level.operator.record(recording, level.change, level.product)
-            level.smoother.record(recording, one, level.product, two, level.change, x, step)
-            one, two = two, one
-        return one
-
-
-def _upload_level(
-    device: Allocator, level: Level, stiffness: Any, cases: int, label: str
-) -> _DeviceLevel:
-    transfer = level.prolongation
-    fine, coarse = (np.zeros((cases, int(n))) for n in transfer.shape)
-
-    def vector(zeros: Float, name: str) -> RealBuffer:
-        return device.real_buffer(zeros, label=f"{label}.{name}")
-
-    operator = stiffness
-    if level.matrix is not None:
-        operator = DeviceSparse(device, level.matrix, cases, f"{label}.matrix")
-    return _DeviceLevel(
-        operator,
-        DeviceSmoother(device, level.inverse, cases, label),
-        DeviceSparse(device, transfer.T.tocsr(), cases, f"{label}.restriction"),
-        DeviceSparse(device, transfer, cases, f"{label}.prolongation"),
-        _steps(level),
-        (vector(fine, "r"), vector(fine, "s")),
-        vector(fine, "product"),
-        vector(fine, "change"),
-        vector(coarse, "b"),
-        vector(coarse, "x"),
-    )
+    def upload(self, device: Allocator, stiffness: DeviceStiffness, cases: int) -> DeviceMultigrid:
+        """The same on a device; the blocks of ``stiffness`` are those of the finest level."""
+        steps = [smoothing_steps(level) for level in self.hierarchy.levels]
+        return DeviceMultigrid(device, self.hierarchy, steps, stiffness.texels, cases)

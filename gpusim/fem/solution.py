@@ -18,16 +18,17 @@ class Solution:
 
     u : (N,3) float64, or (L,N,3) where the model has several load cases.
     converged : the estimate is at or below the tolerance asked for, in every load case.
-    error_estimate : estimated relative error of u (see ``stopping``), the worst load case; it is
-        computed from the true float64 residual, not from the recursive one.
-    iterations : conjugate gradient iterations, refinements included.
-    residuals : (iterations,L) preconditioned residual norms sqrt(r.z) over the first one.
+    error_estimate : estimated relative error of u (see ``stopping`` and ``refine``), the worst
+        load case; it is computed from the true float64 residual, not from the recursive one.
+    iterations : conjugate gradient iterations, refinements included; of the direct solver: solves.
+    residuals : (iterations,L) preconditioned residual norms sqrt(r.z) over the first one; of the
+        direct solver: corrections over the first one.
     reactions : like u, the force that the supports exert; zero on free degrees of freedom.
     strain_energy, external_work : (L,), u.Ku/2 and (forces . u + reactions . u)/2; they agree
         when the solve has converged.
     unknowns : free degrees of freedom. message : why the solve ended. warnings : what a reader
         should know (dangling nodes). timings : seconds per part. backend, real,
-        preconditioner, element_classes, row_classes : how it was computed.
+        method, element_classes, row_classes : how it was computed.
     """
 
     u: Float
@@ -44,7 +45,7 @@ class Solution:
     timings: dict[str, float]
     backend: str
     real: str
-    preconditioner: str
+    method: str
     element_classes: int
     row_classes: int
 

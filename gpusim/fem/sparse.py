@@ -15,13 +15,15 @@ import numpy.typing as npt
 from scipy.sparse import bsr_matrix, csc_matrix, csr_matrix
 
 from gpusim.fem.arena import Allocator
-from gpusim.fem.stiffness import SLICE, slice_layout
 from gpusim.gpu import Bindings, Device, Recording, compare, twin_check
 from gpusim.gpu.buffer import Buffer, RealBuffer
 
 __all__ = ["DeviceSparse", "apply_sparse"]
 
 Float = npt.NDArray[np.float64]
+Long = npt.NDArray[np.int64]
+
+SLICE = 8
 
 
 def apply_sparse(matrix: csr_matrix | csc_matrix, x: Float) -> Float:
@@ -108,6 +110,20 @@ def _upload(device: Allocator, matrix: bsr_matrix, first: int, last: int, label:
             "value": device.real_buffer(value, label=f"{label}.value"),
         },
     )
+
+
+def slice_layout(length: Long, start: Long) -> tuple[npt.NDArray[np.uint32], Long, Long, int]:
+    """Rows of different length in slices of 8: entry k of row i at slice_start[i//8] + 8k + i%8.
+
+    Returns (slice_start, target positions, source positions, stored size), entries row by row.
+    """
+    rows = len(length)
+    width = np.maximum.reduceat(length, np.arange(0, rows, SLICE))
+    base = np.concatenate([[0], np.cumsum(width * SLICE)])
+    row = np.repeat(np.arange(rows), length)
+    slot = np.arange(len(row)) - np.repeat(np.cumsum(length) - length, length)
+    target = base[row // SLICE] + slot * SLICE + row % SLICE
+    return base[:-1].astype(np.uint32), target, start[row] + slot, max(int(base[-1]), 1)
 
 
 @twin_check("fem/sparse")

@@ -8,6 +8,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from gpusim.errors import InputError
+from gpusim.fem.congruence import mix
 from gpusim.fem.model import Model
 from gpusim.mesh import Mesh
 from gpusim.mesh.cells import CELL_TYPES
@@ -41,9 +42,14 @@ def check_supports(model: Model) -> None:
     Raises InputError naming the free motions ("translation x", "rotation about z through …").
     """
     part_of_cell = _parts(model.mesh)
-    node, part = _incidence(model.mesh, part_of_cell)
     count = model.mesh.node_count
     parts = int(part_of_cell.max()) + 1
+    if parts == 1:
+        used = np.ones(count, dtype=bool)
+        used[model.mesh.dangling_nodes] = False
+        _check_body(model, np.flatnonzero(used), np.zeros(0, dtype=np.int64), None, 1)
+        return
+    node, part = _incidence(model.mesh, part_of_cell)
     graph = coo_matrix((np.ones(len(node)), (node, count + part)), shape=(count + parts,) * 2)
     _, label = connected_components(graph.tocsr(), directed=False)
     body_of_part = label[count:]
@@ -59,20 +65,23 @@ def check_supports(model: Model) -> None:
 
 def _parts(mesh: Mesh) -> npt.NDArray[np.int64]:
     """(M,) number of the face-connected part of each cell."""
-    keys: list[npt.NDArray[np.int64]] = []
+    # a face is known by the sum of its corners' hashes, whatever their order
+    code = np.append(mix(np.arange(mesh.node_count), 6), np.uint64(0))
+    keys: list[npt.NDArray[np.uint64]] = []
     owner: list[npt.NDArray[np.int64]] = []
     for kind, first, block in mesh.blocks():
-        template = CELL_TYPES[kind].faces
-        picked = block[:, np.maximum(template, 0)].astype(np.int64)
-        picked = np.where(template[None] < 0, np.int64(2**62), picked)
-        keys.append(np.sort(picked.reshape(-1, 4), axis=1)[:, :3])
+        template = CELL_TYPES[kind].faces[:, :4]
+        total = np.zeros((len(block), len(template)), dtype=np.uint64)
+        for corner in template.T:
+            picked = np.where(corner >= 0, block[:, np.maximum(corner, 0)], -1)
+            total += code[picked]
+        keys.append(total.ravel())
         owner.append(np.repeat(np.arange(first, first + len(block)), len(template)))
-    key = np.concatenate(keys)
-    cell = np.concatenate(owner)
-    order = np.lexsort((key[:, 2], key[:, 1], key[:, 0]))
-    same = np.flatnonzero((key[order][1:] == key[order][:-1]).all(axis=1))
+    key, cell = np.concatenate(keys), np.concatenate(owner)
+    order = np.argsort(key)
+    same = np.flatnonzero(key[order][1:] == key[order][:-1])
     graph = coo_matrix(
-        (np.ones(len(same)), (cell[order][same], cell[order][same + 1])),
+        (np.ones(len(same), np.int8), (cell[order][same], cell[order][same + 1])),
         shape=(mesh.cell_count,) * 2,
     )
     return np.asarray(connected_components(graph.tocsr(), directed=False)[1], dtype=np.int64)

@@ -5,6 +5,7 @@ from gpusim.gpu.device import PORTABLE_LIMITS, Device, default_device
 from gpusim.gpu.kernel import Bindings, Kernel
 from gpusim.gpu.raster import Raster, Texture
 from gpusim.gpu.recording import Recording
+from gpusim.gpu.texels import Texels
 from gpusim.gpu.twin import TOLERANCES, Tolerance, compare, twin_check, twin_checks
 
 __all__ = [
@@ -18,6 +19,7 @@ __all__ = [
     "RealBuffer",
     "Recording",
     "SplitBuffer",
+    "Texels",
     "Texture",
     "Tolerance",
     "compare",

@@ -21,6 +21,7 @@ from gpusim.gpu.buffer import Buffer, RealBuffer, SplitBuffer, to_real
 from gpusim.gpu.kernel import Kernel
 from gpusim.gpu.raster import Raster, Texture
 from gpusim.gpu.recording import Recording
+from gpusim.gpu.texels import Texels
 from gpusim.gpu.timing import StageTimer
 from gpusim.gpu.wgsl import Module, load
 
@@ -29,6 +30,8 @@ __all__ = ["PORTABLE_LIMITS", "Device", "default_device"]
 PORTABLE_LIMITS = {
     "max-texture-dimension-2d": 8192,
     "max-bind-groups": 4,
+    "max-sampled-textures-per-shader-stage": 16,
+    "max-storage-textures-per-shader-stage": 4,
     "max-storage-buffers-per-shader-stage": 8,
     "max-uniform-buffers-per-shader-stage": 12,
     "max-storage-buffer-binding-size": 134217728,
@@ -244,8 +247,8 @@ class Device:
                 f"use; got a limit of {limit / 1e6:.0f} MB on {self.name}"
             )
 
-    def forget(self, buffer: Buffer) -> None:
-        """Free a buffer's memory."""
+    def forget(self, buffer: Buffer | Texels) -> None:
+        """Free the memory of a buffer or of texels."""
         if buffer.gpu is not None:
             self._live.pop(buffer.gpu, None)
             buffer.gpu.destroy()
@@ -318,6 +321,10 @@ class Device:
     def texture(self, width: int, height: int, fmt: str, label: str) -> Texture:
         """A texture that can be rendered to and read by kernels."""
         return Texture(self, width, height, fmt, label)
+
+    def texels(self, count: int, fmt: str, label: str) -> Texels:
+        """An array of texels, zero at first: ``fmt`` "rgba32float" or "rgba32uint"."""
+        return Texels(self, count, fmt, label)
 
     def recording(self, stage: str) -> Recording:
         """A list of dispatches and draws, submitted together when its ``with`` block ends."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -12,6 +13,7 @@ import wgpu
 
 from gpusim.errors import DeviceError, InputError
 from gpusim.gpu.buffer import Buffer, SplitBuffer
+from gpusim.gpu.texels import Texels
 from gpusim.gpu.wgsl import Binding, Module, type_layout
 
 if TYPE_CHECKING:
@@ -19,6 +21,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Bindings", "Kernel", "Layout", "pack"]
 
+_STORED = re.compile(r"texture_storage_2d<\s*(\w+)\s*,\s*write\s*>")
 _SAMPLE = {"u32": "uint", "i32": "sint", "f32": "unfilterable-float"}
 
 
@@ -111,6 +114,13 @@ class Layout:
         if b.type.startswith("texture_2d<"):
             sample = _SAMPLE[b.type[len("texture_2d<") : -1].strip()]
             return {"texture": {"sample_type": sample, "view_dimension": "2d"}}
+        stored = _STORED.fullmatch(b.type)
+        if stored:
+            return {
+                "storage_texture": {
+                    "access": "write-only", "format": stored.group(1), "view_dimension": "2d"
+                }
+            }  # fmt: skip
         raise InputError(f"{self.module.name}: binding {b.name} of type {b.type} isn't covered")
 
     def bind(self, values: dict[str, Any]) -> Bindings:
@@ -185,6 +195,19 @@ class Layout:
             raise InputError(
                 f"{where}.{binding.name}; got {type(value).__name__}; expected a Texture"
             )
+        if isinstance(value, Texels):
+            value.live(f"{where}.{binding.name}:")
+            if value.device is not self.device:
+                raise InputError(
+                    f"{where}.{binding.name}; got texels of another device ({value.label}); "
+                    f"expected some of {self.device.name}"
+                )
+            words = {"rgba32float": "f32", "rgba32uint": "u32"}[value.format]
+            if f"<{words}>" not in binding.type and value.format not in binding.type:
+                raise InputError(
+                    f"{where}.{binding.name}; got {value.format} ({value.label}); "
+                    f"expected {binding.type}"
+                )
         return value.view
 
     def _groups(self, resources: dict[str, Any]) -> tuple[Any, ...]:
@@ -243,7 +266,7 @@ class Bindings:
         process."""
         for name, value in self.values.items():
             for buffer in value.parts if isinstance(value, SplitBuffer) else (value,):
-                if isinstance(buffer, Buffer):
+                if isinstance(buffer, Buffer | Texels):
                     buffer.live(f"{self.layout.module.name}.{name}:")
 
     def part_group(self, first: int, count: int) -> Any:

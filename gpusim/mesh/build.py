@@ -1,20 +1,24 @@
-"""Mesh builders: a box, and the tower crane of Zdziebko & Holak (Sensors 2021, 21(18), 6046)."""
+"""Mesh builders on rectangular grids: a box, a beam, a tower crane.
+
+The crane is that of Zdziebko & Holak, Sensors 2021, 21(18), 6046.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from itertools import pairwise
+from collections.abc import Mapping, Sequence
 from numbers import Real
 
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.mesh.axis import stepped_axis
 from gpusim.mesh.faces import boundary_faces
 from gpusim.mesh.mesh import Mesh
+from gpusim.mesh.notch import Notch, notch_axes, notched
 from gpusim.mesh.select import select_faces
 
-__all__ = ["box", "crane"]
+__all__ = ["beam", "box", "crane"]
 
 Float = npt.NDArray[np.float64]
 
@@ -23,21 +27,62 @@ def box(
     size: Sequence[float],
     divisions: Sequence[int],
     origin: Sequence[float] = (0.0, 0.0, 0.0),
+    notches: Sequence[Notch] = (),
 ) -> Mesh:
     """A brick of hex8 with one corner at ``origin`` and edges ``size`` (any length unit).
 
-    Face sets ``x_min … z_max``; nodes count x fastest, then y, then z.
+    With ``notches`` (positions in the frame of the brick, see `Notch`) the size of the elements
+    away from them is that of ``divisions``, and they get finer towards each notch.
+
+    Face sets ``x_min … z_max`` and ``notch_1 …``; nodes count x fastest, then y, then z.
     """
-    lengths = _triple("box: size", size)
-    start = _triple("box: origin", origin, positive=False)
-    counts = [_count("box: divisions", n) for n in divisions]
-    if len(counts) != 3:
-        raise InputError(f"box: divisions; got {len(counts)} numbers; expected 3")
-    axes = [
-        start[k] + lengths[k] * np.arange(counts[k] + 1) / counts[k] for k in range(3)
-    ]  # i*L/n: exact at both ends, where linspace may miss by a rounding
-    mesh = _grid(axes, np.ones(counts, dtype=bool))
-    return _with_side_sets(mesh)
+    lengths = triple_of("box: size", size)
+    start = triple_of("box: origin", origin, positive=False)
+    counts = _counts("box: divisions", divisions)
+    if notches:
+        body = np.stack([start, start + lengths])
+        axes = notch_axes(body, [float(n) for n in lengths / counts], notches)
+        return notched(_axes_grid(axes), notches)
+    return _axes_grid(
+        [start[k] + lengths[k] * np.arange(counts[k] + 1) / counts[k] for k in range(3)]
+    )  # i*L/n: exact at both ends, where linspace may miss by a rounding
+
+
+def beam(
+    length: float,
+    width: float,
+    height: float,
+    divisions: Sequence[int],
+    *,
+    end_width: float | None = None,
+    end_height: float | None = None,
+    notches: Sequence[Notch] = (),
+) -> Mesh:
+    """A bar of hex8 along x, its axis on the x axis (any length unit).
+
+    It fills x in [0, length], y in [-width/2, width/2], z in [-height/2, height/2]; with
+    ``end_width`` or ``end_height`` the section tapers linearly to those at x = length.
+    ``divisions`` are the numbers of elements along x, y, z; with ``notches`` they say how large the
+    elements away from the notches are. Face sets ``x_min … z_max`` and ``notch_1 …``.
+
+    Raises InputError for a length that isn't positive, and for a notch in a tapered beam.
+    """
+    sizes = triple_of("beam: length, width, height", (length, width, height))
+    end = triple_of(
+        "beam: length, end_width, end_height",
+        (length, width if end_width is None else end_width,
+         height if end_height is None else end_height),
+    )  # fmt: skip
+    corner = (0.0, -0.5 * float(sizes[1]), -0.5 * float(sizes[2]))
+    straight = box((length, width, height), divisions, corner, notches)
+    ratio = end / sizes
+    if (ratio == 1.0).all():
+        return straight
+    if notches:
+        raise InputError("beam: notches in a tapered beam; expected one or the other")
+    points = straight.points.copy()
+    points[:, 1:] *= 1.0 + (ratio[1:] - 1.0) * (points[:, :1] / sizes[0])
+    return Mesh(points, straight.cells, {}, straight.face_sets)
 
 
 def crane(
@@ -77,14 +122,14 @@ def crane(
             f"crane: load_length; got {load_length}; expected less than length - column_thickness "
             f"= {length - column_thickness}"
         )
-    thick, wide = _count("crane: through", through), _count("crane: across", across)
-    x = _pieces(
+    thick, wide = count_of("crane: through", through), count_of("crane: across", across)
+    x = stepped_axis(
         [0.0, column_thickness, length - load_length, length], element_size, fixed={0: thick}
     )
     # finer towards the edges: torsion of a thin section turns there within one thickness
     half = -0.5 * width * np.cos(np.pi * np.arange(wide + 1) / wide)
     y = 0.5 * (half - half[::-1])  # exactly symmetric, both ends exact
-    z = _pieces([-foot, 0.0, height, height + beam_thickness], element_size, fixed={2: thick})
+    z = stepped_axis([-foot, 0.0, height, height + beam_thickness], element_size, fixed={2: thick})
     filled = np.zeros((len(x) - 1, wide, len(z) - 1), dtype=bool)
     filled[:thick] = True
     filled[:, :, len(z) - 1 - thick :] = True
@@ -104,42 +149,47 @@ def crane(
     return mesh.with_sets({"foot": foot_nodes}, {name: part.pairs() for name, part in sets.items()})
 
 
-def _grid(axes: Sequence[Float], filled: npt.NDArray[np.bool_]) -> Mesh:
+def _axes_grid(axes: Sequence[Float]) -> Mesh:
+    """A full rectangular grid with its six sides as face sets."""
+    nx, ny, nz = counts = [len(axis) - 1 for axis in axes]
+    number = np.arange(nx * ny * nz, dtype=np.int32).reshape(nz, ny, nx)
+    sides = {
+        "x_min": (number[:, :, 0], 5), "x_max": (number[:, :, -1], 3),
+        "y_min": (number[:, 0], 2), "y_max": (number[:, -1], 4),
+        "z_min": (number[0], 0), "z_max": (number[-1], 1),
+    }  # fmt: skip
+    sets = {
+        name: np.stack([cells.ravel(), np.full(cells.size, local, dtype=np.int32)], axis=1)
+        for name, (cells, local) in sides.items()
+    }
+    return _grid(axes, np.ones(counts, dtype=bool), sets)
+
+
+def _grid(
+    axes: Sequence[Float],
+    filled: npt.NDArray[np.bool_],
+    face_sets: Mapping[str, npt.NDArray[np.int32]] | None = None,
+) -> Mesh:
     """Hex8 in the filled fields of a rectangular grid, x fastest; unused nodes are left out."""
     nx, ny, nz = (len(axis) for axis in axes)
-    z, y, x = np.meshgrid(axes[2], axes[1], axes[0], indexing="ij")
-    points = np.stack([x.ravel(), y.ravel(), z.ravel()], axis=1)
-    k, j, i = np.nonzero(filled.transpose(2, 1, 0))
-    base = i + nx * (j + ny * k)
-    ring = np.array([0, 1, 1 + nx, nx])
-    corner = np.concatenate([ring, ring + nx * ny])
-    cells = base[:, None] + corner[None]
-    used = np.unique(cells)
-    renumber = np.zeros(nx * ny * nz, dtype=np.int32)
-    renumber[used] = np.arange(len(used), dtype=np.int32)
-    return Mesh(points[used], {"hex8": renumber[cells]})
+    points = np.empty((nz, ny, nx, 3))
+    points[..., 0] = axes[0]
+    points[..., 1] = axes[1][:, None]
+    points[..., 2] = axes[2][:, None, None]
+    fields = filled.transpose(2, 1, 0)
+    lowest = np.arange(nx * ny * nz, dtype=np.int32).reshape(nz, ny, nx)[:-1, :-1, :-1]
+    ring = [0, 1, 1 + nx, nx]
+    corner = np.array([*ring, *(n + nx * ny for n in ring)], dtype=np.int32)
+    cells = lowest[fields][:, None] + corner
+    if filled.all():
+        return Mesh(points.reshape(-1, 3), {"hex8": cells}, {}, face_sets or {})
+    used = np.zeros(nx * ny * nz, dtype=bool)
+    used[cells.ravel()] = True
+    renumber = np.cumsum(used, dtype=np.int32) - np.int32(1)
+    return Mesh(points.reshape(-1, 3)[used], {"hex8": renumber[cells]}, {}, face_sets or {})
 
 
-def _pieces(breaks: Sequence[float], size: float, fixed: dict[int, int]) -> Float:
-    """Coordinates that meet every break exactly; about ``size`` apart, or a fixed count."""
-    parts: list[Float] = []
-    for number, (start, end) in enumerate(pairwise(breaks)):
-        count = fixed.get(number) or max(1, round((end - start) / size))
-        # start + i*step keeps neighbouring elements congruent; the end comes from the next piece
-        parts.append(start + (end - start) * np.arange(count) / count)
-    return np.concatenate([*parts, [breaks[-1]]])
-
-
-def _with_side_sets(mesh: Mesh) -> Mesh:
-    faces = boundary_faces(mesh)
-    sets = {}
-    for axis in "xyz":
-        for side, sign in (("min", "-"), ("max", "+")):
-            sets[f"{axis}_{side}"] = select_faces(mesh, faces=faces, normal=sign + axis).pairs()
-    return mesh.with_sets(face_sets=sets)
-
-
-def _triple(where: str, value: Sequence[float], positive: bool = True) -> Float:
+def triple_of(where: str, value: Sequence[float], positive: bool = True) -> Float:
     try:
         numbers = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError):
@@ -151,7 +201,14 @@ def _triple(where: str, value: Sequence[float], positive: bool = True) -> Float:
     return numbers
 
 
-def _count(where: str, value: int) -> int:
+def count_of(where: str, value: int) -> int:
     if not (isinstance(value, Real) and 1 <= value < np.inf and int(value) == value):
         raise InputError(f"{where}; got {value}; expected a whole number >= 1")
     return int(value)
+
+
+def _counts(where: str, value: Sequence[int]) -> list[int]:
+    counts = [count_of(where, n) for n in value]
+    if len(counts) != 3:
+        raise InputError(f"{where}; got {len(counts)} numbers; expected 3")
+    return counts

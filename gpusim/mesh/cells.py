@@ -1,4 +1,8 @@
-"""Cell types: node order (VTK = Abaqus), faces, and how many nodes each has. Pure data."""
+"""Cell types: node order (VTK = Abaqus), edges, faces, and parents of midside nodes. Pure data.
+
+Linear types are written out; a quadratic type is its linear one plus a list of midside nodes, so
+that corners, edges and faces agree between the two by construction.
+"""
 
 from __future__ import annotations
 
@@ -9,52 +13,122 @@ import numpy.typing as npt
 
 __all__ = ["CELL_TYPES", "CellType"]
 
+Int = npt.NDArray[np.int32]
+Parents = tuple[tuple[int, ...], ...]
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, eq=False)
 class CellType:
     """Topology of one cell type.
 
-    ``faces`` is (F,4) int32 of local node numbers, counter-clockwise seen from outside;
-    triangles are padded with -1. ``corner_neighbours`` (C,3) gives, for the Jacobian at each of
-    the first C nodes, its three neighbours in right-handed order.
+    Parameters
+    ----------
+    nodes, corners : number of nodes, and of corners among them; corners come first.
+    linear : name of the type with the corners only (its own name if it has no others).
+    parents : for each further node the corners whose mean it lies at on a straight cell: two for
+        the middle of an edge, four for that of a face, eight for that of the cell.
+    edges : (E,2) int32 corners.
+    faces : (F,w) int32 local node numbers, counter-clockwise seen from outside. Columns 0-3 are
+        corners, a triangle has -1 in column 3; w = 8 with midsides: column 4+i lies between
+        corner i and the next one (column 7 of a triangle is -1); w = 9: column 8 is the middle.
+    corner_neighbours : (C,3) int32, for the Jacobian at each of the first C corners its three
+        neighbours in right-handed order. A pyramid's apex, where four edges meet, has none.
     """
 
     name: str
     nodes: int
-    faces: npt.NDArray[np.int32]
-    corner_neighbours: npt.NDArray[np.int32]
+    corners: int
+    linear: str
+    parents: Parents
+    edges: Int
+    faces: Int
+    corner_neighbours: Int
 
 
-def _int32(rows: list[list[int]]) -> npt.NDArray[np.int32]:
+def _int32(rows: list[list[int]]) -> Int:
     table = np.array(rows, dtype=np.int32)
     table.setflags(write=False)
     return table
 
 
+def _linear(
+    name: str, edges: list[list[int]], faces: list[list[int]], neighbours: list[list[int]]
+) -> CellType:
+    corners = 1 + max(max(edge) for edge in edges)
+    return CellType(
+        name, corners, corners, name, (), _int32(edges), _int32(faces), _int32(neighbours)
+    )
+
+
+def _quadratic(name: str, base: CellType, parents: list[tuple[int, ...]]) -> CellType:
+    number = {frozenset(group): base.corners + k for k, group in enumerate(parents)}
+    faces = []
+    for face in base.faces.tolist():
+        ring = [corner for corner in face if corner >= 0]
+        middles = [number[frozenset(pair)] for pair in zip(ring, ring[1:] + ring[:1], strict=True)]
+        row = face + middles + [-1] * (4 - len(middles))
+        centre = number.get(frozenset(ring))
+        faces.append(row if centre is None else [*row, centre])
+    return CellType(
+        name,
+        base.corners + len(parents),
+        base.corners,
+        base.name,
+        tuple(parents),
+        base.edges,
+        _int32(faces),
+        base.corner_neighbours,
+    )
+
+
+# Edges are in the order in which the quadratic type numbers their midside nodes.
+_HEX8 = _linear(
+    "hex8",
+    [[0, 1], [1, 2], [2, 3], [3, 0], [4, 5], [5, 6],
+     [6, 7], [7, 4], [0, 4], [1, 5], [2, 6], [3, 7]],
+    [[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]],
+    [[1, 3, 4], [2, 0, 5], [3, 1, 6], [0, 2, 7], [7, 5, 0], [4, 6, 1], [5, 7, 2], [6, 4, 3]],
+)  # fmt: skip
+_TET4 = _linear(
+    "tet4",
+    [[0, 1], [1, 2], [2, 0], [0, 3], [1, 3], [2, 3]],
+    [[0, 2, 1, -1], [0, 1, 3, -1], [1, 2, 3, -1], [2, 0, 3, -1]],
+    [[1, 2, 3]],
+)
+_WEDGE6 = _linear(
+    "wedge6",
+    [[0, 1], [1, 2], [2, 0], [3, 4], [4, 5], [5, 3], [0, 3], [1, 4], [2, 5]],
+    [[0, 2, 1, -1], [3, 4, 5, -1], [0, 1, 4, 3], [1, 2, 5, 4], [2, 0, 3, 5]],
+    [[1, 2, 3], [2, 0, 4], [0, 1, 5], [5, 4, 0], [3, 5, 1], [4, 3, 2]],
+)
+_PYRAMID5 = _linear(
+    "pyramid5",
+    [[0, 1], [1, 2], [2, 3], [3, 0], [0, 4], [1, 4], [2, 4], [3, 4]],
+    [[0, 3, 2, 1], [0, 1, 4, -1], [1, 2, 4, -1], [2, 3, 4, -1], [3, 0, 4, -1]],
+    [[1, 3, 4], [2, 0, 4], [3, 1, 4], [0, 2, 4]],
+)
+# VTK_TRIQUADRATIC_HEXAHEDRON: faces -x +x -y +y -z +z, then the centre
+_HEX_MIDDLES: list[tuple[int, ...]] = [
+    (0, 3, 7, 4), (1, 2, 6, 5), (0, 1, 5, 4), (3, 2, 6, 7), (0, 1, 2, 3), (4, 5, 6, 7),
+    (0, 1, 2, 3, 4, 5, 6, 7),
+]  # fmt: skip
+
+
+def _midsides(base: CellType) -> list[tuple[int, ...]]:
+    return [(int(a), int(b)) for a, b in base.edges]
+
+
 CELL_TYPES: dict[str, CellType] = {
-    "hex8": CellType(
-        name="hex8",
-        nodes=8,
-        faces=_int32(
-            [[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]]
-        ),
-        corner_neighbours=_int32(
-            [
-                [1, 3, 4],
-                [2, 0, 5],
-                [3, 1, 6],
-                [0, 2, 7],
-                [7, 5, 0],
-                [4, 6, 1],
-                [5, 7, 2],
-                [6, 4, 3],
-            ]
-        ),
-    ),
-    "tet4": CellType(
-        name="tet4",
-        nodes=4,
-        faces=_int32([[0, 2, 1, -1], [0, 1, 3, -1], [1, 2, 3, -1], [2, 0, 3, -1]]),
-        corner_neighbours=_int32([[1, 2, 3]]),
-    ),
+    cell.name: cell
+    for cell in (
+        _HEX8,
+        _quadratic("hex20", _HEX8, _midsides(_HEX8)),
+        _quadratic("hex27", _HEX8, _midsides(_HEX8) + _HEX_MIDDLES),
+        _TET4,
+        _quadratic("tet10", _TET4, _midsides(_TET4)),
+        _WEDGE6,
+        _quadratic("wedge15", _WEDGE6, _midsides(_WEDGE6)),
+        _PYRAMID5,
+        _quadratic("pyramid13", _PYRAMID5, _midsides(_PYRAMID5)),
+    )
 }

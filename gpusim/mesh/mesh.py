@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
@@ -27,10 +28,11 @@ class Mesh:
     Parameters
     ----------
     points : (N,3) float64, node coordinates in the body's frame.
-    cells : cell type -> (M,k) integer node numbers, VTK/Abaqus order ("hex8", "tet4").
-        A cell's global number counts through the types in the order of this dict.
+    cells : cell type -> (M,k) integer node numbers, VTK/Abaqus order ("hex8", "tet10", see
+        ``CELL_TYPES``). A cell's global number counts through the types in the order of this dict.
     node_sets : name -> (K,) node numbers.
     face_sets : name -> (K,2) pairs (global cell number, local face number).
+    cell_sets : name -> (K,) global cell numbers.
 
     Arrays are copied, checked and made read-only. Nodes used by no cell are legal and listed
     in ``dangling_nodes``.
@@ -39,14 +41,16 @@ class Mesh:
     ------
     InputError
         Unknown cell type, wrong shape, node number out of range or repeated inside a cell,
-        a coordinate that isn't finite, cells with zero or negative volume at a corner (the
-        first five named by number).
+        a coordinate that isn't finite, cells that are flat or inverted (linear: at a corner;
+        quadratic: at a quadrature point; the first five named by number), neighbours of
+        quadratic cells that share the corners of a face but not its midside nodes.
     """
 
     points: Float
     cells: Mapping[str, Int]
     node_sets: Mapping[str, Int] = field(default_factory=dict)
     face_sets: Mapping[str, Int] = field(default_factory=dict)
+    cell_sets: Mapping[str, Int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         points = _points(self.points)
@@ -63,18 +67,22 @@ class Mesh:
         if total == 0:
             raise InputError("Mesh.cells: no cells; got empty arrays; expected at least one cell")
         _refuse_inverted(self)
-        node_sets = {
-            name: _index_set(f"node_sets[{name!r}]", value, count, 1)
-            for name, value in self.node_sets.items()
+        if any(CELL_TYPES[kind].linear != kind for kind in cells):
+            _refuse_loose_middles(self)
+        self._keep_sets(self.node_sets, self.face_sets, self.cell_sets)
+
+    def _keep_sets(
+        self, nodes: Mapping[str, Any], faces: Mapping[str, Any], cells: Mapping[str, Any]
+    ) -> None:
+        checked = {
+            "node_sets": _sets("node_sets", nodes, self.node_count, 1),
+            "face_sets": _sets("face_sets", faces, self.cell_count, 2),
+            "cell_sets": _sets("cell_sets", cells, self.cell_count, 1),
         }
-        face_sets = {
-            name: _index_set(f"face_sets[{name!r}]", value, total, 2)
-            for name, value in self.face_sets.items()
-        }
-        for name, pairs in face_sets.items():
+        for name, pairs in checked["face_sets"].items():
             _check_local_faces(name, pairs, self)
-        object.__setattr__(self, "node_sets", MappingProxyType(node_sets))
-        object.__setattr__(self, "face_sets", MappingProxyType(face_sets))
+        for field_name, sets in checked.items():
+            object.__setattr__(self, field_name, MappingProxyType(sets))
 
     @property
     def node_count(self) -> int:
@@ -111,20 +119,23 @@ class Mesh:
             raise InputError(
                 f"Mesh.moved: wrong shape; got {shift.shape}; expected {self.points.shape}"
             )
-        return Mesh(self.points + shift, self.cells, self.node_sets, self.face_sets)
+        return Mesh(self.points + shift, self.cells, self.node_sets, self.face_sets, self.cell_sets)
 
     def with_sets(
         self,
         node_sets: Mapping[str, Int] | None = None,
         face_sets: Mapping[str, Int] | None = None,
+        cell_sets: Mapping[str, Int] | None = None,
     ) -> Mesh:
         """The same mesh with named sets added (or replaced)."""
-        return Mesh(
-            self.points,
-            self.cells,
+        # points and cells are immutable and were checked: only the sets are new
+        mesh = copy(self)
+        mesh._keep_sets(
             {**self.node_sets, **(node_sets or {})},
             {**self.face_sets, **(face_sets or {})},
+            {**self.cell_sets, **(cell_sets or {})},
         )
+        return mesh
 
 
 def _points(value: Any) -> Float:
@@ -184,6 +195,13 @@ def _cells(name: str, value: Any, count: int) -> Int:
     return copy
 
 
+def _sets(what: str, sets: Mapping[str, Any], limit: int, dimensions: int) -> dict[str, Int]:
+    return {
+        name: _index_set(f"{what}[{name!r}]", value, limit, dimensions)
+        for name, value in sets.items()
+    }
+
+
 def _index_set(where: str, value: Any, limit: int, dimensions: int) -> Int:
     numbers = np.asarray(value)
     if numbers.dtype.kind not in "iu" and numbers.size:
@@ -216,14 +234,12 @@ def _check_local_faces(name: str, pairs: Int, mesh: Mesh) -> None:
 
 def _refuse_inverted(mesh: Mesh) -> None:
     # Imported here because quality measures a Mesh, and a Mesh refuses bad quality.
-    from gpusim.mesh.quality import corner_jacobians
+    from gpusim.mesh.quality import least_jacobian
 
     bad: list[int] = []
     worst = np.inf
     for kind, first, block in mesh.blocks():
-        if len(block) == 0:
-            continue
-        smallest = corner_jacobians(kind, mesh.points[block]).min(axis=1)
+        smallest = least_jacobian(kind, mesh.points, block)
         wrong = np.flatnonzero(~(smallest > 0.0))
         if wrong.size:
             bad.extend((wrong + first).tolist())
@@ -231,8 +247,15 @@ def _refuse_inverted(mesh: Mesh) -> None:
     if bad:
         raise InputError(
             f"Mesh.cells: {len(bad)} inverted or zero-volume cells; got cells {_first(bad)} "
-            f"(least corner Jacobian {worst:.3g}); expected right-handed cells with positive volume"
+            f"(least Jacobian {worst:.3g}); expected right-handed cells with positive volume"
         )
+
+
+def _refuse_loose_middles(mesh: Mesh) -> None:
+    # Imported here because faces are those of a Mesh.
+    from gpusim.mesh.faces import boundary_faces
+
+    boundary_faces(mesh)
 
 
 def _first(numbers: Any, shown: int = 5) -> str:

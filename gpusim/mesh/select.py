@@ -5,7 +5,8 @@ A selection that finds nothing is an InputError that says where the mesh is.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from difflib import get_close_matches
 
 import numpy as np
 import numpy.typing as npt
@@ -41,7 +42,7 @@ def select_nodes(
     bounds : any of ``x_min … z_max`` -> coordinate, inclusive within ``tolerance``.
     plane : (point, normal); nodes nearer than ``tolerance``.
     normal : nodes of the boundary faces that look this way (see ``select_faces``).
-    name : a node set, or a face set (its nodes).
+    name : a node set, else a face set or a cell set (its nodes).
     tolerance : length; default 1e-6 of the mesh's largest extent.
 
     Dangling nodes are never selected by geometry. Raises InputError when nothing is found.
@@ -78,19 +79,15 @@ def select_faces(
 
     bounds, plane : every node of the face must meet them (see ``select_nodes``).
     normal : "+x" … "-z" or a vector; outward normals within ``angle`` (rad) of it.
-    name : a face set of the mesh.
+    name : a face set of the mesh; else the boundary faces of a cell set, or those whose corners
+        are all in a node set.
     faces : start from these instead of ``boundary_faces(mesh)``.
 
     Raises InputError when nothing is found.
     """
     length = _tolerance(mesh, tolerance)
     if name is not None:
-        if name not in mesh.face_sets:
-            known = ", ".join(sorted(mesh.face_sets)) or "none"
-            raise InputError(
-                f"select_faces: unknown face set; got {name!r}; expected one of {known}"
-            )
-        faces = set_faces(mesh, mesh.face_sets[name])
+        faces = _named_faces(mesh, name, faces)
     elif faces is None:
         faces = boundary_faces(mesh)
     keep = np.ones(len(faces), dtype=bool)
@@ -121,8 +118,49 @@ def _named_nodes(mesh: Mesh, name: str) -> npt.NDArray[np.int32]:
         return mesh.node_sets[name]
     if name in mesh.face_sets:
         return set_faces(mesh, mesh.face_sets[name]).node_numbers()
-    known = ", ".join(sorted({*mesh.node_sets, *mesh.face_sets})) or "none"
-    raise InputError(f"select_nodes: unknown set; got {name!r}; expected one of {known}")
+    if name in mesh.cell_sets:
+        inside = np.zeros(mesh.node_count, dtype=bool)
+        chosen = _chosen_cells(mesh, name)
+        for _, first, block in mesh.blocks():
+            inside[block[chosen[first : first + len(block)]].ravel()] = True
+        return np.flatnonzero(inside).astype(np.int32)
+    raise _unknown_set("select_nodes", mesh, name)
+
+
+def _named_faces(mesh: Mesh, name: str, faces: Faces | None) -> Faces:
+    if name in mesh.face_sets:
+        return set_faces(mesh, mesh.face_sets[name])
+    if name not in mesh.node_sets and name not in mesh.cell_sets:
+        raise _unknown_set("select_faces", mesh, name)
+    faces = boundary_faces(mesh) if faces is None else faces
+    if name in mesh.cell_sets:
+        return faces[np.flatnonzero(_chosen_cells(mesh, name)[faces.cell])]
+    inside = np.zeros(mesh.node_count, dtype=bool)
+    inside[mesh.node_sets[name]] = True
+    corners = faces.nodes[:, :4]
+    whole = (inside[np.maximum(corners, 0)] | (corners < 0)).all(axis=1)
+    return faces[np.flatnonzero(whole)]
+
+
+def _chosen_cells(mesh: Mesh, name: str) -> npt.NDArray[np.bool_]:
+    chosen = np.zeros(mesh.cell_count, dtype=bool)
+    chosen[mesh.cell_sets[name]] = True
+    return chosen
+
+
+def _unknown_set(where: str, mesh: Mesh, name: str) -> InputError:
+    known = {*mesh.node_sets, *mesh.face_sets, *mesh.cell_sets}
+    return InputError(f"{where}: unknown set; got {name!r}; expected {_one_of(name, known)}")
+
+
+def _one_of(name: str, known: Iterable[str]) -> str:
+    """The names there are, and the one that was probably meant."""
+    names = sorted(known)
+    if not names:
+        return "no name: the mesh has no sets"
+    near = get_close_matches(name, names, 1)
+    shown = ", ".join(names[:30]) + (", …" if len(names) > 30 else "")
+    return f"one of {shown}" + (f" (did you mean {near[0]!r}?)" if near else "")
 
 
 def _inside(points: Float, bounds: Bounds, tolerance: float) -> npt.NDArray[np.bool_]:

@@ -1,4 +1,4 @@
-"""Frames of a run: rendered, exposed and written, one camera and load factor at a time."""
+"""Frames of a run: rendered, exposed and written, one camera and frame at a time."""
 
 from __future__ import annotations
 
@@ -38,21 +38,21 @@ class Photographer:
         device: Device | None,
         backend: str,
         lights: Sequence[Light] | None,
-        surfaces: Callable[[float], list[Surface]],
+        surfaces: Callable[[int | None], list[Surface]],
     ) -> None:
         self.scene, self.out, self.device, self.backend = scene, out, device, backend
         self.lights, self.surfaces = lights, surfaces
         self._last: tuple[str, int, Frame] | None = None
 
     def frame(self, camera: m.Camera, frame: int) -> Frame:
-        """The linear frame of a camera at a load factor; the latest one is kept."""
+        """The linear image of a camera in a frame; the latest one is kept."""
         if self._last is not None:
             name, number, kept = self._last
             if (name, number) == (camera.name, frame):
                 return kept
             kept.release()
         rendered = render(
-            self.surfaces(self.scene.analysis.load_factors[frame]),
+            self.surfaces(frame),
             build_camera(camera),
             self.lights,
             error=self.scene.render.error,
@@ -63,9 +63,9 @@ class Photographer:
         self._last = (camera.name, frame, rendered)
         return rendered
 
-    def sight(self, camera: m.Camera, factor: float) -> Frame:
-        """What a camera sees at a load factor, without shading: for the ground truth."""
-        view = look(self.surfaces(factor), build_camera(camera), lit=True)
+    def sight(self, camera: m.Camera, frame: int | None) -> Frame:
+        """What a camera sees in a frame, unloaded for None, without shading: for the truth."""
+        view = look(self.surfaces(frame), build_camera(camera), lit=True)
         return Frame(view, self.device)
 
     def take(self, camera: m.Camera, frame: int) -> list[Path]:

@@ -25,7 +25,7 @@ from gpusim.scene import model as m
 __all__ = ["measure_deflection"]
 
 Array = npt.NDArray[np.float64]
-Displacement = Callable[[int, float], Array]
+Displacement = Callable[[int, int], Array]
 SUBSET_SHARE = 0.95
 REFINE_SHARE = 0.2
 LEAST_WIDTH = 10.0  # px; a marker's cross can't be fitted in less
@@ -120,8 +120,7 @@ def measure_deflection(
         camera=motion,
     )
     corrected = moved[:count] - (motion.displacement(points[:count]) if motion else 0.0)
-    factor = scene.analysis.load_factors[last] - scene.analysis.load_factors[0]
-    truth, curves = _truth(groups, bodies, displacement, factor, plane)
+    truth, curves = _truth(groups, bodies, displacement, last, plane)
     return DeflectionResult(
         name=spec.name,
         camera=spec.camera,
@@ -243,13 +242,13 @@ def _truth(
     groups: Sequence[tuple[int, m.Markers]],
     bodies: Sequence[BodyParts],
     displacement: Displacement,
-    factor: float,
+    last: int,
     plane: Array,
 ) -> tuple[Array, dict[str, Array]]:
     """True displacement in the image's plane at the markers (M, 2) mm, and a curve per group."""
     at_markers, curves = [], {}
     for body, paint in groups:
-        skin, u = bodies[body].skin, displacement(body, factor)
+        skin, u = bodies[body].skin, displacement(body, last) - displacement(body, 0)
         own = np.array([marker.position for marker in paint.markers])
         nodes, weights = skin.locate(own)
         at_markers.append(1e3 * np.einsum("mk,mka->ma", weights, u[nodes]) @ plane.T)

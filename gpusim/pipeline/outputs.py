@@ -5,6 +5,7 @@ from __future__ import annotations
 import platform
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -19,10 +20,13 @@ from gpusim.pipeline.build import BodyParts, build_camera
 from gpusim.pipeline.deflection import DeflectionResult
 from gpusim.pipeline.images import Photographer, image_path
 from gpusim.pipeline.solved import Solved
+from gpusim.pipeline.stresses import Stresses
 from gpusim.report import (
     FramePair,
     Link,
     Measurement,
+    Mechanics,
+    MeshSummary,
     Overlay,
     Report,
     Series,
@@ -30,11 +34,12 @@ from gpusim.report import (
     Stage,
 )
 from gpusim.scene import Scene
+from gpusim.scene.amplitudes import LoadHistory
 
 __all__ = ["Findings", "make_report", "write_meshes", "write_truth"]
 
 Array = npt.NDArray[np.float64]
-Displacement = Callable[[int, float], Array]
+Displacement = Callable[[int, int], Array]
 GOAL = 1e-3
 """Relative error up to which a measured deflection counts as good."""
 
@@ -48,10 +53,11 @@ def write_truth(
 ) -> Path:
     """truth.h5: the layers that the scene asks for, at every pixel that sees a body."""
     path = out / "truth.h5"
+    history = LoadHistory(scene)
     regions = [name for parts in bodies for name in _region_names(parts)]
     first_cell = np.cumsum([0, *(parts.mesh.cell_count for parts in bodies)])
     cell_of_face = np.concatenate(
-        [parts.skin.faces.cell + first for parts, first in zip(bodies, first_cell, strict=False)]
+        [parts.skin.cell_of_piece + first for parts, first in zip(bodies, first_cell, strict=False)]
         or [np.zeros(0, np.int64)]
     )
     attributes = {"version": __version__, "scene": scene.name, "pixels": "those that see a body"}
@@ -67,9 +73,9 @@ def write_truth(
                 K=camera.K,
                 camera_from_world=camera.camera_from_world,
             )
-            rest = photographer.sight(spec, 0.0)
+            rest = photographer.sight(spec, None)
             for number, factor in enumerate(scene.analysis.load_factors):
-                sight = rest if factor == 0.0 else photographer.sight(spec, factor)
+                sight = rest if history.still(number) else photographer.sight(spec, number)
                 truth = sight.truth(faces=(0, len(cell_of_face)))
                 frame = file.frame(spec.name, number, load_factor=factor)
                 for layer in scene.output.truth:
@@ -95,7 +101,7 @@ def _write_nodes(
     points = np.concatenate([parts.mesh.points for parts in bodies])
     file.write_mesh(points, {kind: np.concatenate(blocks) for kind, blocks in cells.items()})
     for step, factor in enumerate(scene.analysis.load_factors):
-        u = np.concatenate([displacement(body, factor) for body in range(len(bodies))])
+        u = np.concatenate([displacement(body, step) for body in range(len(bodies))])
         file.write_nodal_displacement(step, u, load_factor=factor)
 
 
@@ -104,20 +110,34 @@ def _region_names(parts: BodyParts) -> list[str]:
 
 
 def write_meshes(
-    scene: Scene, out: Path, bodies: Sequence[BodyParts], displacement: Displacement
+    scene: Scene,
+    out: Path,
+    bodies: Sequence[BodyParts],
+    displacement: Displacement,
+    stresses: Stresses | None,
 ) -> list[Path]:
     """VTU per body and step with a .pvd each, STL per paint region and step."""
     files: list[Path] = []
+    factors = scene.analysis.load_factors
+    # the time of a .pvd file has to grow: the load factor where it does, else the frame
+    grows = all(a < b for a, b in pairwise(factors))
+    times = factors if grows else tuple(float(frame) for frame in range(len(factors)))
     for index, parts in enumerate(bodies):
         name = parts.body.name
         steps: list[tuple[float, Path]] = []
-        for step, factor in enumerate(scene.analysis.load_factors):
-            u = displacement(index, factor)
+        for step, time in enumerate(times):
+            u = displacement(index, step)
             if scene.output.vtu:
                 file = out / "solution" / f"{name}-{step:04d}.vtu"
                 file.parent.mkdir(parents=True, exist_ok=True)
-                write_vtu(file, parts.mesh.points, parts.mesh.cells, point_data={"u": u})
-                steps.append((factor, file))
+                of_points, of_cells = (
+                    stresses.fields(index, step, parts) if stresses is not None else ({}, {})
+                )
+                write_vtu(
+                    file, parts.mesh.points, parts.mesh.cells, point_data={"u": u, **of_points},
+                    cell_data=of_cells,
+                )  # fmt: skip
+                steps.append((time, file))
             if scene.output.stl:
                 surface = parts.surface
                 folder = out / "stl"
@@ -125,7 +145,7 @@ def write_meshes(
                     folder = folder / name
                 files += write_region_stls(
                     folder,
-                    surface.rest + u[parts.skin.nodes],
+                    surface.rest + parts.skin.at_vertices(u),
                     _with_triangles(surface.faces),
                     surface.regions,
                     list(surface.paints),
@@ -152,6 +172,8 @@ class Findings:
     stages: tuple[Stage, ...]
     summary: SolutionSummary | None
     solved: Solved | None
+    mechanics: Mechanics | None
+    meshes: tuple[MeshSummary, ...]
     results: tuple[DeflectionResult, ...]
     warnings: tuple[str, ...]
     failure: str
@@ -187,6 +209,8 @@ def make_report(scene: Scene, out: Path, found: Findings) -> Report:
         status="failed" if found.failure else "done",
         stages=found.stages,
         solution=found.summary,
+        mechanics=found.mechanics,
+        meshes=found.meshes,
         measurements=tuple(measurements),
         warnings=found.warnings,
         description=scene.description,

@@ -10,30 +10,46 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.fem import Solution
+from gpusim.fem import Model, Solution
 
 __all__ = ["Solved"]
+
+Float = npt.NDArray[np.float64]
+Int = npt.NDArray[np.int32]
+
+_ARRAYS = ("u", "reactions", "applied")
 
 
 @dataclass(frozen=True, eq=False)
 class Solved:
-    """Displacements at load factor 1 per body, (N, 3) float64 m, and how the solves ended."""
+    """Displacements per body, (L, N, 3) float64 m, L its load groups, and how the solves ended.
 
-    u: tuple[npt.NDArray[np.float64], ...]
+    ``reactions``: per body (L, S, 3) the force of each support (N), ``applied``: (L, 3) the sum of
+    the loads.
+    """
+
+    u: tuple[Float, ...]
+    reactions: tuple[Float, ...]
+    applied: tuple[Float, ...]
     unknowns: int
     iterations: int
     converged: bool
     error_estimate: float
     residuals: tuple[float, ...]
     facts: dict[str, str]
+    energy_balance: float
+    warnings: tuple[str, ...]
 
     @staticmethod
-    def of(solutions: Sequence[Solution]) -> Solved:
-        """Bodies in order; the summary adds unknowns and takes the worst of the rest."""
+    def of(solutions: Sequence[Solution], models: Sequence[Model], held: Sequence[Int]) -> Solved:
+        """Bodies in order; the summary adds unknowns and takes the worst of the rest.
+
+        ``held`` (N, 3) per body is the number of the support that holds a degree of freedom.
+        """
         worst = max(solutions, key=lambda s: s.iterations)
         balance = max(s.energy_balance for s in solutions)
         facts = {
-            "preconditioner": worst.preconditioner,
+            "method": worst.method,
             "solver arithmetic": worst.real,
             "distinct element matrices": str(sum(s.element_classes for s in solutions)),
             "energy balance": f"{balance:.1e}",
@@ -41,17 +57,21 @@ class Solved:
         for part, seconds in worst.timings.items():
             facts[f"solver: {part}"] = f"{seconds:.2f} s"
         return Solved(
-            tuple(s.u for s in solutions),
+            tuple(_cases(s.u) for s in solutions),
+            tuple(_sums(s, own) for s, own in zip(solutions, held, strict=True)),
+            tuple(model.load_cases.sum(axis=1) for model in models),
             sum(s.unknowns for s in solutions),
             worst.iterations,
             all(s.converged for s in solutions),
             max(s.error_estimate for s in solutions),
             tuple(float(r) for r in worst.residuals[:, 0]) if worst.residuals.size else (),
             facts,
+            balance,
+            tuple(dict.fromkeys(text for s in solutions for text in s.warnings)),
         )
 
     def arrays(self) -> dict[str, npt.NDArray[Any]]:
-        """What ``np.savez`` keeps: ``u<body>`` and a JSON summary."""
+        """What ``np.savez`` keeps: ``u<body>`` and the like, and a JSON summary."""
         summary = {
             "unknowns": self.unknowns,
             "iterations": self.iterations,
@@ -59,9 +79,13 @@ class Solved:
             "error_estimate": self.error_estimate,
             "residuals": self.residuals,
             "facts": self.facts,
+            "energy_balance": self.energy_balance,
+            "warnings": self.warnings,
             "bodies": len(self.u),
         }
-        arrays: dict[str, npt.NDArray[Any]] = {f"u{i}": u for i, u in enumerate(self.u)}
+        arrays: dict[str, npt.NDArray[Any]] = {}
+        for name in _ARRAYS:
+            arrays |= {f"{name}{i}": array for i, array in enumerate(getattr(self, name))}
         return {**arrays, "summary": np.array(json.dumps(summary))}
 
     @staticmethod
@@ -69,5 +93,28 @@ class Solved:
         """The inverse of `arrays`."""
         summary = json.loads(str(arrays["summary"]))
         count = summary.pop("bodies")
-        summary["residuals"] = tuple(summary["residuals"])
-        return Solved(u=tuple(arrays[f"u{i}"] for i in range(count)), **summary)
+        for name in ("residuals", "warnings"):
+            summary[name] = tuple(summary[name])
+        for name in _ARRAYS:
+            summary[name] = tuple(arrays[f"{name}{i}"] for i in range(count))
+        return Solved(**summary)
+
+
+def _cases(values: Float) -> Float:
+    """(L,N,3), also for one load case."""
+    return values if values.ndim == 3 else values[None]
+
+
+def _sums(solution: Solution, held: Int) -> Float:
+    """(L,S,3) reactions added up over the degrees of freedom of each support.
+
+    S ends with the last support that holds something.
+    """
+    reactions = _cases(solution.reactions)
+    count = int(held.max()) + 1
+    sums = np.zeros((len(reactions), count, 3))
+    for axis in range(3):
+        mine = held[:, axis] >= 0
+        for case, values in enumerate(reactions):
+            sums[case, :, axis] = np.bincount(held[mine, axis], values[mine, axis], minlength=count)
+    return sums

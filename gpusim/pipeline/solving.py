@@ -7,8 +7,10 @@ from typing import Any
 from gpusim import fem
 from gpusim.errors import InputError
 from gpusim.gpu import Device
-from gpusim.pipeline.build import build_body, build_model
+from gpusim.pipeline.build import build_body
+from gpusim.pipeline.modelling import build_model
 from gpusim.scene import Scene
+from gpusim.scene.amplitudes import load_groups
 
 __all__ = ["solve"]
 
@@ -16,9 +18,11 @@ __all__ = ["solve"]
 def solve(problem: fem.Model | Scene, device: Device | None = None, **options: Any) -> fem.Solution:
     """Solve K u = F for a `Model`, or for the one body of a `Scene` at load factor 1.
 
+    Loads of a scene whose amplitudes aren't multiples of each other are separate load cases.
+
     ``options`` are those of `gpusim.fem.solve` (``tolerance``, ``formulation``, ``backend``,
-    ``max_iterations``, ``preconditioner``, ``start``, ``progress``); a scene brings its own
-    tolerance, formulation and preconditioner, which they override.
+    ``max_iterations``, ``method``, ``start``, ``progress``); a scene brings its own
+    tolerance, formulation and method, which they override.
 
     Raises
     ------
@@ -35,9 +39,11 @@ def solve(problem: fem.Model | Scene, device: Device | None = None, **options: A
         body, solver = problem.bodies[0], problem.solver
         defaults = {
             "tolerance": solver.tolerance,
-            "formulation": {"hex8": body.formulation},
+            "formulation": body.formulation,
             "max_iterations": solver.max_iterations,
-            "preconditioner": solver.preconditioner,
+            "method": solver.method,
         }
-        return fem.solve(build_model(build_body(body)), device, **{**defaults, **options})
+        groups = load_groups(body, problem.analysis.load_factors)
+        model = build_model(build_body(body), groups)
+        return fem.solve(model, device, **{**defaults, **options})
     return fem.solve(problem, device, **options)

@@ -18,18 +18,24 @@ from gpusim.export.files import atomic_stream, clean_leftovers, write_text
 from gpusim.export.images import read_image
 from gpusim.gpu import Device, default_device
 from gpusim.pipeline import images, measuring, outputs
-from gpusim.pipeline.build import (
-    BodyParts,
-    build_body,
-    build_lights,
-    build_model,
-    build_prop,
-)
+from gpusim.pipeline.build import BodyParts, build_body, build_lights, build_prop
 from gpusim.pipeline.deflection import DeflectionResult
+from gpusim.pipeline.mechanics import make_mechanics
+from gpusim.pipeline.meshing import mesh_summary
+from gpusim.pipeline.modelling import build_model, held_by
 from gpusim.pipeline.solved import Solved
+from gpusim.pipeline.stresses import Stresses, write_stresses
 from gpusim.plan import Plan, PlannedStage, make_plan
-from gpusim.report import Report, SolutionSummary, Stage, write_report
+from gpusim.report import (
+    Mechanics,
+    MeshSummary,
+    Report,
+    SolutionSummary,
+    Stage,
+    write_report,
+)
 from gpusim.scene import Scene
+from gpusim.scene.amplitudes import LoadHistory
 from gpusim.state import StateFile
 from gpusim.surface import Surface
 
@@ -85,14 +91,17 @@ class _Run:
         # absolute: the state file takes relative names as names inside the folder
         self.scene, self.out = scene, out.resolve()
         self.backend, self.progress = backend, progress
+        self.history = LoadHistory(scene, scaled=skip)
         self.plan: Plan = make_plan(scene, self.out, backend, fresh, skip)
         self.stages: list[Stage] = []
         self.warnings: list[str] = []
         self.note = ""
         self.bodies: list[BodyParts] = []
+        self.meshes: list[MeshSummary] = []
         self.models: list[fem.Model] = []
         self.props: list[Surface] = []
         self.solved: Solved | None = None
+        self.stresses: Stresses | None = None
         self.results: list[DeflectionResult] = []
         self.photographer: images.Photographer | None = None
         self.device: Device | None = None
@@ -116,6 +125,7 @@ class _Run:
             self._pictures()
             self._stage(self.plan["truth"], self._truth)
             self._stage(self.plan["measure"], self._measure, self._remeasure)
+            self._stage(self.plan["stress"], self._stress, self._restress)
             self._stage(self.plan["export"], self._export)
         except Exception as error:
             failed = self._report(failure=_said(error))
@@ -144,10 +154,17 @@ class _Run:
 
         def meshes() -> str:
             self.bodies = [build_body(body) for body in scene.bodies]
+            for parts in self.bodies:
+                summary, warnings = mesh_summary(parts.body.name, parts.mesh)
+                self.meshes.append(summary)
+                self.warnings += warnings
             return f"{sum(b.mesh.cell_count for b in self.bodies)} elements"
 
         def models() -> str:
-            self.models = [build_model(parts) for parts in self.bodies]
+            self.models = [
+                build_model(parts, groups)
+                for parts, groups in zip(self.bodies, self.history.groups, strict=True)
+            ]
             return f"{len(self.models)} bodies"
 
         def surfaces() -> str:
@@ -208,10 +225,10 @@ class _Run:
             solution = fem.solve(
                 model,
                 tolerance=solver.tolerance,
-                formulation={"hex8": parts.body.formulation},
+                formulation=parts.body.formulation,
                 backend=self.backend,
                 max_iterations=solver.max_iterations,
-                preconditioner=solver.preconditioner,
+                method=solver.method,
                 progress=note,
             )
             if not solution.converged:
@@ -222,7 +239,8 @@ class _Run:
                     f"{solution.message}"
                 )
             solutions.append(solution)
-        self.solved = Solved.of(solutions)
+        held = [held_by(parts) for parts in self.bodies]
+        self.solved = Solved.of(solutions, self.models, held)
         self.note = (
             f"{self.solved.iterations} iterations, estimated error {self.solved.error_estimate:.1e}"
         )
@@ -237,19 +255,21 @@ class _Run:
         with np.load(path) as stored:
             self.solved = Solved.from_arrays(dict(stored))
 
-    def displacement(self, body: int, factor: float) -> npt.NDArray[np.float64]:
-        """Nodal displacements (N, 3) of a body at a load factor; linear, so they scale."""
+    def displacement(self, body: int, frame: int | None) -> npt.NDArray[np.float64]:
+        """Nodal displacements (N, 3) of a body in a frame; linear, so load groups add up."""
         if self.solved is None:
             return np.zeros((self.bodies[body].mesh.node_count, 3))
-        return factor * self.solved.u[body]
+        weights = np.array(self.history.weights(frame)[body])
+        return np.asarray(np.tensordot(weights, self.solved.u[body], axes=1))
 
-    def surfaces(self, factor: float) -> list[Surface]:
-        """Every surface at a load factor, bodies first."""
+    def surfaces(self, frame: int | None) -> list[Surface]:
+        """Every surface in a frame, unloaded for None, bodies first."""
+        if self.history.still(frame):
+            return [*(parts.surface for parts in self.bodies), *self.props]
         moved = [
-            parts.skin.moved(parts.surface, self.displacement(i, factor)) if factor else
-            parts.surface
+            parts.skin.moved(parts.surface, self.displacement(i, frame))
             for i, parts in enumerate(self.bodies)
-        ]  # fmt: skip
+        ]
         return [*moved, *self.props]
 
     def _pictures(self) -> None:
@@ -290,8 +310,24 @@ class _Run:
     def _image(self, camera: str, frame: int) -> npt.NDArray[Any]:
         return read_image(images.image_path(self.scene, self.out, camera, frame))
 
+    def _stress(self) -> list[Path]:
+        path = self.out / "solution" / "stress.npz"
+        self.stresses = write_stresses(
+            path, self.bodies, self.models, self.history, self.displacement,
+            partial(self.progress, "stress"),
+        )  # fmt: skip
+        most = max((peak.von_mises for peak in self.stresses.peaks), default=0.0)
+        self.note = f"greatest von Mises stress {most / 1e6:.4g} MPa"
+        return [path]
+
+    def _restress(self) -> None:
+        (path,) = self.state.files(self.plan["stress"].key)
+        self.stresses = Stresses(path)
+
     def _export(self) -> list[Path]:
-        files = outputs.write_meshes(self.scene, self.out, self.bodies, self.displacement)
+        files = outputs.write_meshes(
+            self.scene, self.out, self.bodies, self.displacement, self.stresses
+        )
         self.note = f"{len(files)} files for other programs"
         return files
 
@@ -318,6 +354,12 @@ class _Run:
         head = f"# resolved by gpusim {__version__}; adapter: {self._adapter_text()}\n"
         return head + self.scene.to_toml()
 
+    def _mechanics(self) -> Mechanics | None:
+        if self.solved is None:
+            return None
+        peaks = () if self.stresses is None else self.stresses.peaks
+        return make_mechanics(self.scene, self.solved, self.history, peaks)
+
     def _report(self, failure: str = "") -> Report:
         summary = None
         if self.solved is not None:
@@ -331,8 +373,10 @@ class _Run:
                 stages=tuple(self.stages),
                 summary=summary,
                 solved=self.solved,
+                mechanics=self._mechanics(),
+                meshes=tuple(self.meshes),
                 results=() if failure else tuple(self.results),
-                warnings=tuple(self.warnings),
+                warnings=(*(self.solved.warnings if self.solved else ()), *self.warnings),
                 failure=failure,
                 files=frozenset(
                     file for stage in self.plan.stages for file in self.state.files(stage.key)

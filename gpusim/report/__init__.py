@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from gpusim.report.mechanics import BodyForce, Mechanics, StressPeak
+from gpusim.report.meshes import MeshSummary
 from gpusim.report.model import (
     Figure,
     FramePair,
@@ -16,15 +18,19 @@ from gpusim.report.model import (
 from gpusim.report.write import ReportPaths, write_report
 
 __all__ = [
+    "BodyForce",
     "Figure",
     "FramePair",
     "Link",
     "Measurement",
+    "Mechanics",
+    "MeshSummary",
     "Overlay",
     "Report",
     "ReportPaths",
     "Series",
     "SolutionSummary",
     "Stage",
+    "StressPeak",
     "write_report",
 ]

@@ -14,6 +14,8 @@ import numpy.typing as npt
 
 from gpusim._version import __version__
 from gpusim.errors import InputError
+from gpusim.report.mechanics import Mechanics
+from gpusim.report.meshes import MeshSummary
 
 __all__ = [
     "SCHEMA",
@@ -225,6 +227,8 @@ class Report:
     measurements: tuple[Measurement, ...] = ()
     warnings: tuple[str, ...] = ()
     version: str = __version__
+    mechanics: Mechanics | None = None
+    meshes: tuple[MeshSummary, ...] = ()
 
     description: str = ""
     failure: str = ""
@@ -274,6 +278,8 @@ class Report:
                 "converged": bool(solution.converged),
                 "error_estimate": _number(solution.error_estimate),
             },
+            "mesh": [summary.content() for summary in self.meshes],
+            "mechanics": None if self.mechanics is None else self.mechanics.content(),
             "measurements": [
                 {
                     "name": item.name,

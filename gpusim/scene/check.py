@@ -15,7 +15,7 @@ from .faults import shown
 from .lines import Keys
 from .path import dotted, nearest
 from .schema.base import norm
-from .schema.mesh import SETS
+from .schema.mesh import NOTCHABLE, SETS
 
 __all__ = ["check_document"]
 
@@ -77,17 +77,25 @@ def _references(document: Mapping[str, Any], found: Found) -> None:
             found, keys, f"no such {what}", value, expected, f"did you mean {near}?" if near else ""
         )
 
+    keys: Keys
     materials = _names(document, "material")
     for index, body in _items(document, "body"):
         if materials is not None:
             refer(("body", index, "material"), body.get("material"), materials, "material")
+            for place, part in _items(body, "part"):
+                keys = ("body", index, "part", place, "material")
+                refer(keys, part.get("material"), materials, "material")
         mesh = body.get("mesh")
-        sets = SETS.get(str(mesh.get("builder"))) if isinstance(mesh, Mapping) else None
+        builder = str(mesh.get("builder")) if isinstance(mesh, Mapping) else ""
+        notches = len(list(_items(body, "notch")))
+        sets = SETS.get(builder)
+        if sets is not None and notches:
+            sets = (*sets, *(f"notch_{number}" for number in range(1, notches + 1)))
         for key in ("support", "load", "paint"):
             for place, entry in _items(body, key):
                 where = entry.get("where")
                 if sets is not None and isinstance(where, Mapping):
-                    keys: Keys = ("body", index, key, place, "where", "set")
+                    keys = ("body", index, key, place, "where", "set")
                     refer(keys, where.get("set"), list(sets), "set of the mesh")
     cameras = _names(document, "camera")
     moving = _marker_names(document, "body")
@@ -151,20 +159,54 @@ def _numbers(value: Any) -> list[float] | None:
     return [float(v) for v in value] if good else None
 
 
+def _amplitudes(
+    document: Mapping[str, Any], body: Mapping[str, Any], keys: Keys, found: Found
+) -> None:
+    """One factor per frame."""
+    analysis = document.get("analysis", {})
+    factors = analysis.get("load_factors", [0, 1]) if isinstance(analysis, Mapping) else None
+    for place, entry in _items(body, str(keys[-1])):
+        amplitude = entry.get("amplitude")
+        if not isinstance(amplitude, list) or not isinstance(factors, list):
+            continue
+        if len(amplitude) != len(factors):
+            expected = f"{len(factors)}, as many as analysis.load_factors"
+            _add(found, (*keys, place, "amplitude"), "not one factor per frame",
+                 f"{len(amplitude)} factors", expected)  # fmt: skip
+
+
+_NEEDS = {
+    "gravity": ("density_kg_m3", "gravity on a material without density"),
+    "centrifugal": ("density_kg_m3", "rotation of a material without density"),
+    "thermal": ("expansion_per_K", "heat on a material without thermal expansion"),
+}
+
+
+def _parts(body: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    return [part for _, part in _items(body, "part")]
+
+
 def _physics(document: Mapping[str, Any], found: Found) -> None:
-    density = {
-        str(m.get("name")): m.get("density_kg_m3", 0) for _, m in _items(document, "material")
-    }
+    material = {str(m.get("name")): m for _, m in _items(document, "material")}
     for index, body in _items(document, "body"):
+        mesh = body.get("mesh")
+        builder = mesh.get("builder") if isinstance(mesh, Mapping) else None
+        if body.get("notch") and isinstance(builder, str) and builder not in NOTCHABLE:
+            _add(found, ("body", index, "notch"), "in a mesh that can't have one", builder,
+                 "builder " + " or ".join(NOTCHABLE))  # fmt: skip
         loads = list(_items(body, "load"))
         if loads and not body.get("support"):
             _add(found, ("body", index, "support"), "loaded but not held", "no support",
                  "at least one [[body.support]]")  # fmt: skip
         for place, load in loads:
-            material = str(body.get("material"))
-            if load.get("type") == "gravity" and density.get(material, 1) == 0:
-                _add(found, ("body", index, "load", place), "gravity on a material without density",
-                     material, "density_kg_m3 > 0")  # fmt: skip
+            names = [str(entry.get("material")) for entry in (body, *_parts(body))]
+            key, problem = _NEEDS.get(str(load.get("type")), ("", ""))
+            known = key and all(name in material for name in names)
+            if known and all(material[name].get(key, 0) in (0, [0, 0, 0]) for name in names):
+                _add(found, ("body", index, "load", place), problem, names[0],
+                     f"{key} {'!= 0' if key.startswith('expansion') else '> 0'}")  # fmt: skip
+        for kind in ("load", "support"):
+            _amplitudes(document, body, ("body", index, kind), found)
     if document.get("body", []) == [] and document.get("prop", []) == []:
         _add(found, ("body",), "nothing is there", "no body and no prop", "at least one [[body]]")
     factors = document.get("analysis", {})

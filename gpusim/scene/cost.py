@@ -5,32 +5,13 @@ The rates are those of two CPU cores with a software Vulkan device; a GPU needs 
 
 from __future__ import annotations
 
-from .model import BoxMesh, Markers, MeshRecipe
+from .counts import element_counts, mesh_words
+from .model import Markers
 from .scene import Scene
 
-__all__ = ["describe", "element_counts", "estimate"]
+__all__ = ["describe", "estimate"]
 
 Cost = dict[str, tuple[int, float]]
-
-
-def element_counts(recipe: MeshRecipe) -> tuple[int, int]:
-    """Nodes and elements that a builder makes, to within the rounding of its divisions."""
-    if isinstance(recipe, BoxMesh):
-        nx, ny, nz = recipe.divisions
-        return (nx + 1) * (ny + 1) * (nz + 1), nx * ny * nz
-    along = [
-        max(1, round(length / recipe.element))
-        for length in (
-            recipe.foot,
-            recipe.height,
-            recipe.length - recipe.load_length - recipe.column_thickness,
-            recipe.load_length,
-        )
-    ]
-    section, lines = recipe.through * recipe.across, (recipe.through + 1) * (recipe.across + 1)
-    # the joint, through x through, belongs to both members
-    elements = (sum(along) + recipe.through) * section
-    return (sum(along) + recipe.through + 1) * lines, elements
 
 
 def describe(scene: Scene) -> dict[str, str]:
@@ -41,8 +22,8 @@ def describe(scene: Scene) -> dict[str, str]:
     lit = f"{lights} light{'s' if lights > 1 else ''}" if lights else "no light: albedo"
     wanted = [name for name in ("vtu", "stl") if getattr(scene.output, name)]
     return {
-        "mesh": f"{nodes:,} nodes, {sum(count[1] for count in counts):,} elements",
-        "solve": f"{3 * nodes:,} unknowns",
+        "mesh": "; ".join(mesh_words(body.mesh) for body in scene.bodies),
+        "solve": f"{3 * nodes:,} unknowns" if all(count[0] for count in counts) else "",
         "render": lit,
         "truth": f"{len(scene.output.truth)} layers",
         "measure": f"{_markers(scene)} markers",
@@ -74,6 +55,7 @@ def estimate(scene: Scene) -> Cost:
         "render": (16 * pixels, 0.3 + 5e-8 * pixels),
         "truth": (40 * pixels, frames * (0.2 + 1e-8 * layers * pixels)),
         "measure": (12 * pixels, 0.3 + 0.01 * markers + 1e-7 * pixels * len(scene.measures)),
+        "stress": (600 * elements, 0.1 + steps * 2e-5 * elements),
         "export": (300 * nodes, steps * (0.1 + 4e-6 * elements)),
         "report": (6 * pixels, 2.0 + 1e-7 * pixels),
     }

@@ -40,7 +40,11 @@ def load_scene(path: str | PathLike[str], overrides: Mapping[str, Any] | None = 
     except tomllib.TOMLDecodeError as error:
         raise SceneError(source, [Fault("file", "not TOML", str(error))]) from None
     return Scene.from_document(
-        document, source=source, origins=key_lines(text), overrides=overrides
+        document,
+        source=source,
+        origins=key_lines(text),
+        overrides=overrides,
+        folder=Path(path).parent,
     )
 
 

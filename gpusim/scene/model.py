@@ -9,149 +9,79 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from .loading import (
+    Amplitude,
+    Centrifugal,
+    Force,
+    Gravity,
+    Isotropic,
+    LineForce,
+    Load,
+    Material,
+    NodalForce,
+    Orthotropic,
+    Part,
+    Pressure,
+    Support,
+    Thermal,
+    Traction,
+    Vec3,
+    Where,
+)
+from .recipe import (
+    BeamMesh,
+    BoxMesh,
+    BracketMesh,
+    CraneMesh,
+    FileMesh,
+    MeshRecipe,
+    NotchRecipe,
+    PlateMesh,
+)
+
 __all__ = [
+    "Amplitude",
     "Analysis",
+    "BeamMesh",
     "Body",
     "BoxMesh",
+    "BracketMesh",
     "Camera",
+    "Centrifugal",
     "Checker",
     "CraneMesh",
     "Deflection",
     "Dots",
+    "FileMesh",
     "Force",
     "Gravity",
+    "Isotropic",
     "Light",
+    "LineForce",
     "Load",
     "Marker",
     "Markers",
     "Material",
     "MeshRecipe",
     "NodalForce",
+    "NotchRecipe",
+    "Orthotropic",
     "Output",
     "Paint",
+    "Part",
     "Plain",
+    "PlateMesh",
     "Pressure",
     "Prop",
     "Render",
     "Sensor",
     "Solver",
     "Support",
+    "Thermal",
     "Traction",
     "Vec3",
     "Where",
 ]
-
-Vec3 = tuple[float, float, float]
-
-
-@dataclass(frozen=True)
-class Material:
-    """Linear elastic, isotropic: Pa, -, kg/m3."""
-
-    name: str
-    youngs_modulus: float
-    poissons_ratio: float
-    density: float
-
-
-@dataclass(frozen=True)
-class BoxMesh:
-    """``divisions`` hex8 elements along x, y, z from the lowest corner ``origin`` (m)."""
-
-    size: Vec3
-    divisions: tuple[int, int, int]
-    origin: Vec3
-
-
-@dataclass(frozen=True)
-class CraneMesh:
-    """Column and beam of hex8 elements; lengths in m, see the scene file's ``crane`` builder."""
-
-    height: float
-    foot: float
-    length: float
-    column_thickness: float
-    beam_thickness: float
-    width: float
-    load_length: float
-    element: float
-    through: int
-    across: int
-
-
-MeshRecipe = BoxMesh | CraneMesh
-
-
-@dataclass(frozen=True)
-class Where:
-    """A part of a body: conditions that hold together.
-
-    ``lower``/``upper`` (m) are infinite where nothing was asked; ``tolerance`` (m) widens them.
-    ``normal`` is "+x" … "-z".
-    """
-
-    set: str | None
-    lower: Vec3
-    upper: Vec3
-    normal: str | None
-    tolerance: float
-
-
-@dataclass(frozen=True)
-class Support:
-    """Nodes held in ``axes`` (of "xyz") at ``displacement`` (m) from the unloaded shape."""
-
-    name: str
-    where: Where
-    axes: tuple[str, ...]
-    displacement: Vec3
-
-
-@dataclass(frozen=True)
-class Force:
-    """A total force (N), spread evenly over the area of the faces."""
-
-    name: str
-    where: Where
-    force: Vec3
-
-
-@dataclass(frozen=True)
-class NodalForce:
-    """The same force (N) on every node."""
-
-    name: str
-    where: Where
-    force: Vec3
-
-
-@dataclass(frozen=True)
-class Pressure:
-    """A pressure (Pa) on faces; positive pushes into the body."""
-
-    name: str
-    where: Where
-    pressure: float
-
-
-@dataclass(frozen=True)
-class Traction:
-    """A force per area (Pa) on faces."""
-
-    name: str
-    where: Where
-    traction: Vec3
-
-
-@dataclass(frozen=True)
-class Gravity:
-    """The body's weight, by acceleration (m/s2)."""
-
-    name: str
-    acceleration: Vec3
-
-
-Load = Force | NodalForce | Pressure | Traction | Gravity
 
 
 @dataclass(frozen=True)
@@ -222,10 +152,15 @@ Paint = Plain | Markers | Checker | Dots
 
 @dataclass(frozen=True)
 class Body:
-    """A deformable body; a face belongs to the last paint whose ``where`` matches it."""
+    """A deformable body.
+
+    A face belongs to the last paint whose ``where`` matches it, an element to the last part; where
+    no part does it is of ``material``.
+    """
 
     name: str
     material: Material
+    parts: tuple[Part, ...]
     formulation: str
     mesh: MeshRecipe
     supports: tuple[Support, ...]
@@ -259,7 +194,7 @@ class Solver:
 
     tolerance: float
     max_iterations: int | None
-    preconditioner: str
+    method: str
 
 
 @dataclass(frozen=True)
@@ -329,8 +264,9 @@ class Deflection:
 
 @dataclass(frozen=True)
 class Output:
-    """Truth layers by name, and whether to write VTU and STL files."""
+    """Truth layers by name, and whether to write VTU and STL files, and stress."""
 
     truth: tuple[str, ...]
     vtu: bool
     stl: bool
+    stress: bool

@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 from . import model
+from .resolve_mesh import mesh_recipe
 from .schema import SceneTable
-from .schema.body import (
-    BodyTable,
+from .schema.base import norm
+from .schema.body import BodyTable, SupportTable
+from .schema.load import (
+    CentrifugalTable,
     ForceTable,
     GravityTable,
+    LineForceTable,
     LoadTable,
     NodalForceTable,
     PressureTable,
-    SupportTable,
+    ThermalTable,
 )
-from .schema.mesh import BoxTable, MeshTable
+from .schema.material import MaterialTable
 from .schema.paint import CheckerTable, MarkersTable, PaintTable, PlainTable
 from .schema.view import AmbientLightTable, AreaLightTable, CameraTable, LightTable, PropTable
 from .schema.where import WhereTable
@@ -64,49 +69,73 @@ def where(table: WhereTable) -> model.Where:
 
 
 def material_table(scene: SceneTable) -> dict[str, model.Material]:
-    return {
-        m.name: model.Material(
-            m.name, m.youngs_modulus_GPa * 1e9, m.poissons_ratio, m.density_kg_m3
-        )
-        for m in scene.material
-    }
+    return {table.name: _material(table) for table in scene.material}
 
 
-def mesh(table: MeshTable) -> model.MeshRecipe:
-    if isinstance(table, BoxTable):
-        nx, ny, nz = table.divisions
-        return model.BoxMesh(_m(table.size_mm), (nx, ny, nz), _m(table.origin_mm))
-    return model.CraneMesh(
-        height=table.height_mm / 1000.0,
-        foot=table.foot_mm / 1000.0,
-        length=table.length_mm / 1000.0,
-        column_thickness=table.column_thickness_mm / 1000.0,
-        beam_thickness=table.beam_thickness_mm / 1000.0,
-        width=table.width_mm / 1000.0,
-        load_length=table.load_length_mm / 1000.0,
-        element=table.element_mm / 1000.0,
-        through=table.through,
-        across=table.across,
+def _material(table: MaterialTable) -> model.Material:
+    expansion = table.expansion_per_K
+    if table.type == "isotropic":
+        return model.Isotropic(
+            table.name, table.youngs_modulus_GPa * 1e9, table.poissons_ratio, table.density_kg_m3,
+            expansion,
+        )  # fmt: skip
+    assert table.shear_modulus_GPa is not None
+    first = _unit(table.axis_1)
+    along = sum(a * b for a, b in zip(first, table.axis_2, strict=True))
+    second = _unit([b - along * a for a, b in zip(first, table.axis_2, strict=True)])
+    third = (
+        first[1] * second[2] - first[2] * second[1],
+        first[2] * second[0] - first[0] * second[2],
+        first[0] * second[1] - first[1] * second[0],
+    )
+    return model.Orthotropic(
+        name=table.name,
+        youngs_moduli=_vec([value * 1e9 for value in table.youngs_modulus_GPa]),
+        poissons_ratios=_vec(table.poissons_ratio),
+        shear_moduli=_vec([value * 1e9 for value in table.shear_modulus_GPa]),
+        density=table.density_kg_m3,
+        expansion=_vec(expansion if isinstance(expansion, list) else [expansion] * 3),
+        axes=(first, second, third),
     )
 
 
-def _support(table: SupportTable) -> model.Support:
+def _unit(values: list[float]) -> model.Vec3:
+    return _vec(values, norm(values))
+
+
+def _support(table: SupportTable, factors: model.Amplitude) -> model.Support:
     axes = tuple(axis for axis in "xyz" if axis in table.fix)
-    return model.Support(table.name, where(table.where), axes, _m(table.displacement_mm))
+    return model.Support(
+        table.name, where(table.where), axes, _m(table.displacement_mm), table.type == "symmetry",
+        _amplitude(table.amplitude, factors),
+    )  # fmt: skip
 
 
-def _load(table: LoadTable) -> model.Load:
+def _amplitude(given: list[float] | None, factors: model.Amplitude) -> model.Amplitude:
+    return factors if given is None else tuple(given)
+
+
+def _load(table: LoadTable, factors: model.Amplitude) -> model.Load:
+    name, amplitude = table.name, _amplitude(table.amplitude, factors)
     if isinstance(table, GravityTable):
-        return model.Gravity(table.name, _vec(table.acceleration_m_s2))
+        return model.Gravity(name, _vec(table.acceleration_m_s2), amplitude)
+    if isinstance(table, ThermalTable):
+        return model.Thermal(name, table.temperature_change_K, amplitude)
+    if isinstance(table, CentrifugalTable):
+        omega = table.speed_rpm * math.tau / 60.0
+        point, axis = _m(table.axis_point_mm), _vec(table.axis)
+        return model.Centrifugal(name, point, axis, omega, amplitude)
     place = where(table.where)
     if isinstance(table, ForceTable):
-        return model.Force(table.name, place, _vec(table.force_N))
+        return model.Force(name, place, _vec(table.force_N), amplitude)
+    if isinstance(table, LineForceTable):
+        return model.LineForce(name, place, _vec(table.force_N), amplitude)
     if isinstance(table, NodalForceTable):
-        return model.NodalForce(table.name, place, _vec(table.force_N))
+        return model.NodalForce(name, place, _vec(table.force_N), amplitude)
     if isinstance(table, PressureTable):
-        return model.Pressure(table.name, place, table.pressure_MPa * 1e6)
+        return model.Pressure(name, place, table.pressure_MPa * 1e6, amplitude)
     x, y, z = table.traction_MPa
-    return model.Traction(table.name, place, (x * 1e6, y * 1e6, z * 1e6))
+    return model.Traction(name, place, (x * 1e6, y * 1e6, z * 1e6), amplitude)
 
 
 def paint(table: PaintTable) -> model.Paint:
@@ -136,14 +165,18 @@ def paint(table: PaintTable) -> model.Paint:
     )  # fmt: skip
 
 
-def body(table: BodyTable, materials: Mapping[str, model.Material]) -> model.Body:
+def body(
+    table: BodyTable, materials: Mapping[str, model.Material], factors: model.Amplitude
+) -> model.Body:
+    """``factors`` are the load factors of the frames, for what has no amplitude of its own."""
     return model.Body(
         name=table.name,
         material=materials[table.material],
+        parts=tuple(model.Part(materials[p.material], where(p.where)) for p in table.part),
         formulation=table.formulation,
-        mesh=mesh(table.mesh),
-        supports=tuple(_support(entry) for entry in table.support),
-        loads=tuple(_load(entry) for entry in table.load),
+        mesh=mesh_recipe(table.mesh, table.notch),
+        supports=tuple(_support(entry, factors) for entry in table.support),
+        loads=tuple(_load(entry, factors) for entry in table.load),
         paints=tuple(paint(entry) for entry in table.paint),
     )
 
@@ -197,7 +230,7 @@ def analysis(scene: SceneTable) -> model.Analysis:
 
 def solver(scene: SceneTable) -> model.Solver:
     table = scene.solver
-    return model.Solver(table.tolerance, table.max_iterations, table.preconditioner)
+    return model.Solver(table.tolerance, table.max_iterations, table.method)
 
 
 def render(scene: SceneTable) -> model.Render:
@@ -210,4 +243,5 @@ def sensor(scene: SceneTable) -> model.Sensor:
 
 
 def output(scene: SceneTable) -> model.Output:
-    return model.Output(tuple(scene.output.truth), scene.output.vtu, scene.output.stl)
+    table = scene.output
+    return model.Output(tuple(table.truth), table.vtu, table.stl, table.stress)

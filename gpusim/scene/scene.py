@@ -7,6 +7,7 @@ import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
@@ -16,6 +17,7 @@ from gpusim.errors import Fault, SceneError
 from . import model, resolve
 from .check import check_document
 from .faults import faults_of, with_origin
+from .files import find_files
 from .lines import Origins, overridden
 from .path import pick, put
 from .schema import SceneTable
@@ -27,6 +29,7 @@ __all__ = ["Scene"]
 class Scene:
     """A validated scene. All values are SI; ``content`` is the resolved file (JSON) behind them.
 
+    ``files`` are the mesh files that it needs: (absolute path, SHA-256 of the content).
     Two scenes are equal if they say the same; where they were read from doesn't matter.
     """
 
@@ -45,6 +48,7 @@ class Scene:
     output: model.Output
     content: str = field(repr=False)
     source: str = field(default="scene", compare=False)
+    files: tuple[tuple[str, str], ...] = ()
 
     @classmethod
     def from_document(
@@ -54,11 +58,13 @@ class Scene:
         source: str = "scene",
         origins: Origins | None = None,
         overrides: Mapping[str, Any] | None = None,
+        folder: str | Path = ".",
     ) -> Scene:
         """Validate a plain document (nested dicts and lists, keys as in the file).
 
         ``origins`` tells the line of each key for messages. ``overrides`` (dotted path -> value)
-        are applied first. Raises SceneError with every fault of document and overrides.
+        are applied first; mesh files are looked for in ``folder``. Raises SceneError with every
+        fault of document and overrides.
         """
         origins = origins or {}
         plain = copy.deepcopy(dict(document))
@@ -69,23 +75,27 @@ class Scene:
                 faults.append(done)
             else:
                 origins = overridden(origins, done)
+        unread, files = find_files(plain, Path(folder))
         table = None
         try:
             table = SceneTable.model_validate(plain)
         except ValidationError as error:
             faults += faults_of(error, SceneTable, origins)
-        faults += [with_origin(fault, keys, origins) for keys, fault in check_document(plain)]
+        between = [*unread, *check_document(plain)]
+        faults += [with_origin(fault, keys, origins) for keys, fault in between]
         if faults or table is None:
             raise SceneError(source, faults)
         materials = resolve.material_table(table)
+        analysis = resolve.analysis(table)
+        factors = analysis.load_factors
         content = table.model_dump(mode="json", by_alias=True, exclude_none=True)
         return cls(
             name=table.name,
             description=table.description,
             materials=tuple(materials.values()),
-            bodies=tuple(resolve.body(entry, materials) for entry in table.body),
+            bodies=tuple(resolve.body(entry, materials, factors) for entry in table.body),
             props=tuple(resolve.prop(entry) for entry in table.prop),
-            analysis=resolve.analysis(table),
+            analysis=analysis,
             solver=resolve.solver(table),
             cameras=tuple(resolve.camera(entry) for entry in table.camera),
             lights=tuple(resolve.light(entry) for entry in table.light),
@@ -95,6 +105,7 @@ class Scene:
             output=resolve.output(table),
             content=json.dumps(content),
             source=source,
+            files=files,
         )
 
     @property
@@ -127,5 +138,12 @@ class Scene:
         """
         document = self.document
         parts = {path: pick(document, path) for path in sections} if sections else document
+        if not sections or any(_holds_mesh(path.split(".")) for path in sections):
+            parts["mesh files"] = [content for _, content in self.files]
         text = json.dumps(parts, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _holds_mesh(keys: list[str]) -> bool:
+    """Whether a section has a body's mesh in it."""
+    return keys[0] == "body" and (len(keys) < 3 or keys[2] == "mesh")

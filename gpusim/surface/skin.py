@@ -9,27 +9,39 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.mesh import Faces, Mesh
+from gpusim.mesh.shapes import FACE_TYPES, shape_functions, shape_gradients
 from gpusim.surface.paint import Paint
+from gpusim.surface.pieces import cut
 from gpusim.surface.surface import PaintFrame, Surface, face_normals
 
 __all__ = ["Skin"]
 
 Array = npt.NDArray[np.float64]
 
+# Pieces along a quadratic face's side, and up to how many such faces: at most 130,000 pieces.
+_SUBDIVISIONS = ((8, 600), (4, 8000))
+
 
 class Skin:
-    """Boundary faces of a mesh with compact vertex numbers.
+    """Boundary faces of a mesh, cut into flat pieces with compact vertex numbers.
 
-    ``faces`` are the mesh's boundary faces; ``nodes`` (P,) the mesh nodes on them, in the order of
-    the surface's points.
+    A linear face is one piece. A quadratic one is cut into ``subdivisions``^2 pieces whose
+    vertices lie on it and move with it: with 2 they are its nodes, and the middle of an 8-noded
+    one. Neighbours share the vertices between them. By default a coarse mesh is cut finer (8 or 4,
+    else 2), because the curve between nodes is what a camera sees of a few large faces.
+
+    ``faces`` are the mesh's boundary faces and ``nodes`` the nodes on them, ``pieces`` (K,4) int32
+    the surface's faces, ``face_of_piece`` (K,) the boundary face that each is of, and
+    ``cell_of_piece`` (K,) its cell.
     """
 
-    def __init__(self, mesh: Mesh, faces: Faces) -> None:
-        self.mesh, self.faces = mesh, faces
-        self.nodes = np.unique(faces.nodes[faces.nodes >= 0])
-        compact = np.full(mesh.node_count + 1, -1, np.int32)
-        compact[self.nodes] = np.arange(len(self.nodes), dtype=np.int32)
-        self._compact = compact[faces.nodes]  # -1 picks the last entry, which stays -1
+    def __init__(self, mesh: Mesh, faces: Faces, subdivisions: int | None = None) -> None:
+        self.mesh, self.faces, self.nodes = mesh, faces, faces.node_numbers()
+        if subdivisions is None:
+            curved = int(faces.is_quadratic.sum())
+            subdivisions = next((n for n, most in _SUBDIVISIONS if curved <= most), 2)
+        self.pieces, self.face_of_piece, self._vertices = cut(faces, subdivisions)
+        self.cell_of_piece = faces.cell[self.face_of_piece]
         self._keys = faces.cell.astype(np.int64) * 8 + faces.local
         self._order = np.argsort(self._keys, kind="stable")
 
@@ -48,6 +60,10 @@ class Skin:
             raise InputError("skin: got a selection with inner faces; expected boundary faces only")
         return at
 
+    def at_vertices(self, values: Array) -> Array:
+        """A nodal field (N,…) at the surface's vertices (P,…), by the faces' shape functions."""
+        return self._vertices.values(values)
+
     def surface(
         self,
         paint: Mapping[str, Paint],
@@ -56,18 +72,19 @@ class Skin:
         name: str,
     ) -> Surface:
         """The undeformed surface with one paint per region; ``region`` (F,) per boundary face."""
-        points = self.mesh.points[self.nodes]
-        return Surface(points, self._compact, paint, region, points, frames, name=name)
+        points = self.at_vertices(self.mesh.points)
+        own = np.asarray(region)[self.face_of_piece]
+        return Surface(points, self.pieces, paint, own, points, frames, name=name)
 
     def moved(self, surface: Surface, u: Array) -> Surface:
         """``surface`` with its points displaced by the nodal displacements u (N, 3)."""
-        return surface.moved(surface.rest + u[self.nodes])
+        return surface.moved(surface.rest + self.at_vertices(u))
 
     def locate(self, points: Array) -> tuple[npt.NDArray[np.int32], Array]:
-        """Where undeformed ``points`` (M, 3) lie on the skin: nodes (M, 4) and weights (M, 4).
+        """Where undeformed ``points`` (M, 3) lie on the skin: nodes (M, w) and weights (M, w).
 
         A field's value there is ``sum(weights * field[nodes])`` with the face's own shape
-        functions (bilinear on quadrilaterals).
+        functions; w = 4 on linear meshes, up to 9 on quadratic ones.
 
         Raises
         ------
@@ -78,22 +95,33 @@ class Skin:
         corners = faces.corners
         centre, normal = corners.mean(axis=1), face_normals(faces.points, faces.nodes)
         normal /= np.linalg.norm(normal, axis=1)[:, None]
-        radius = np.linalg.norm(corners - centre[:, None], axis=2).max(axis=1)
+        real = faces.nodes >= 0
+        own = faces.points[np.maximum(faces.nodes, 0)] - centre[:, None]
+        radius = np.where(real, np.linalg.norm(own, axis=2), 0.0).max(axis=1)
+        # a curved face bulges out of the plane of its corners, a little more than its nodes do
+        bulge = np.where(real, np.abs(np.einsum("fki,fi->fk", own, normal)), 0.0).max(axis=1)
         low, high = self.mesh.bounds
         tolerance = 1e-6 * float(np.max(high - low))
-        nodes = np.zeros((len(points), 4), np.int32)
-        weights = np.zeros((len(points), 4))
+        names = np.empty(len(faces), dtype=object)
+        for name, rows in faces.kinds():
+            names[rows] = name
+        nodes = np.zeros((len(points), faces.nodes.shape[1]), np.int32)
+        weights = np.zeros((len(points), faces.nodes.shape[1]))
         for i, point in enumerate(points):
             relative = point - centre
             off = np.abs(np.sum(relative * normal, axis=1))
-            near = np.linalg.norm(relative, axis=1) <= radius + tolerance
-            rows = np.flatnonzero(near & (off <= tolerance))
-            best, outside = -1, np.inf
+            near = np.linalg.norm(relative, axis=1) <= 1.5 * radius + tolerance
+            rows = np.flatnonzero(near & (off <= 2.0 * bulge + tolerance))
+            best, least = -1, np.inf
             for row in rows:
-                share = _weights(point, corners[row], bool(faces.is_triangle[row]))
-                if -share.min() < outside:
-                    best, outside, weights[i] = int(row), -float(share.min()), share
-            if best < 0 or not outside <= 1e-6:
+                columns = list(FACE_TYPES[names[row]])
+                place = faces.points[faces.nodes[row, columns]]
+                outside, distance, share = _nearest(names[row], place, point)
+                if distance <= tolerance and outside < least:
+                    best, least = int(row), outside
+                    weights[i] = 0.0
+                    weights[i, columns] = share
+            if best < 0 or not least <= 1e-6:
                 raise InputError(
                     f"skin: got point {point.tolist()}; expected one on the surface, between "
                     f"{low.tolist()} and {high.tolist()}"
@@ -102,22 +130,19 @@ class Skin:
         return nodes, weights
 
 
-def _weights(point: Array, corners: Array, triangle: bool) -> Array:
-    """Shape functions (4,) of a face at the point nearest to ``point`` in its plane."""
-    if triangle:
-        edges = np.stack([corners[1] - corners[0], corners[2] - corners[0]], axis=1)
-        a, b = np.linalg.lstsq(edges, point - corners[0], rcond=None)[0]
-        return np.array([1.0 - a - b, a, b, 0.0])
-    signs = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-    xi = np.zeros(2)
-    for _ in range(20):
-        shape = 0.25 * (1.0 + xi[0] * signs[:, 0]) * (1.0 + xi[1] * signs[:, 1])
-        slope = 0.25 * np.stack(
-            [signs[:, 0] * (1.0 + xi[1] * signs[:, 1]), signs[:, 1] * (1.0 + xi[0] * signs[:, 0])]
-        )
-        step = np.linalg.lstsq((slope @ corners).T, point - shape @ corners, rcond=None)[0]
+def _nearest(name: str, nodes: Array, point: Array) -> tuple[float, float, Array]:
+    """How far outside the face (reference coordinates) the nearest place of the extended face to
+    ``point`` is, its distance, and the shape functions (n,) there. Gauss-Newton iteration."""
+    triangle = name.startswith("tri")
+    xi = np.full((1, 2), 1.0 / 3.0 if triangle else 0.0)
+    for _ in range(30):
+        slope = nodes.T @ shape_gradients(name, xi)[0]
+        gap = point - shape_functions(name, xi)[0] @ nodes
+        step = np.linalg.lstsq(slope, gap, rcond=None)[0]
         xi = np.clip(xi + step, -3.0, 3.0)
         if np.abs(step).max() < 1e-13:
             break
-    result: Array = 0.25 * (1.0 + xi[0] * signs[:, 0]) * (1.0 + xi[1] * signs[:, 1])
-    return result
+    share = shape_functions(name, xi)[0]
+    a, b = xi[0]
+    outside = max(-a, -b, a + b - 1.0) if triangle else max(abs(a), abs(b)) - 1.0
+    return float(outside), float(np.linalg.norm(point - share @ nodes)), share

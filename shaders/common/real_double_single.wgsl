@@ -64,3 +64,6 @@ fn r_sqrt(a: real) -> real {
 }
 fn r_lt(a: real, b: real) -> bool { return a.x < b.x || (a.x == b.x && a.y < b.y); }
 fn r_is_finite(a: real) -> bool { return is_finite_f32(a.x) && is_finite_f32(a.y); }
+fn r_high(a: real) -> f32 { return a.x; }
+fn r_low(a: real) -> f32 { return a.y; }
+fn r_pair(high: f32, low: f32) -> real { return vec2f(high, low); }

@@ -13,3 +13,7 @@ fn r_sqrt(a: real) -> real { return sqrt(a); }
 fn r_lt(a: real, b: real) -> bool { return a < b; }
 // The factor brings every finite f64 into the range of f32; NaN and infinity survive it.
 fn r_is_finite(a: real) -> bool { return is_finite_f32(f32(a * 1e-270lf)); }
+// the nearest f32, and what it leaves
+fn r_high(a: real) -> f32 { return f32(a); }
+fn r_low(a: real) -> f32 { return f32(a - f64(f32(a))); }
+fn r_pair(high: f32, low: f32) -> real { return f64(high) + f64(low); }

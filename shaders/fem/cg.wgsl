@@ -1,26 +1,49 @@
 // Vector and scalar steps of preconditioned conjugate gradients (gpusim/fem/cg.py has the twin).
+// x (solution), r (remainder) and q (image) are float64 buffers, three numbers a node; p is a pair
+// of float32 textures (high, low), z and the preconditioner's r are float32, one texel a node.
 // Sums are trees of fixed shape: the same bits on every run. Grid y is the load case.
 #import common/real
+#import common/texel
 
 const GROUPS: u32 = 128u;   // partial sums per load case
 const WIDTH: u32 = 64u;
 
 struct Params {
-    unknowns: u32,
+    nodes: u32,
     capacity: u32,   // iterations that fit in the history
 }
 
-@group(0) @binding(0) var<storage, read> left: array<real>;
-@group(0) @binding(1) var<storage, read> right: array<real>;
-@group(0) @binding(2) var<storage, read_write> partial: array<real>;   // GROUPS per case
-@group(0) @binding(3) var<storage, read_write> scalars: array<real>;   // r.z, alpha, beta, p.q
-@group(0) @binding(4) var<storage, read_write> history: array<real>;   // the same, per iteration
-@group(0) @binding(5) var<storage, read_write> state: array<u32>;      // active, iteration per case
-@group(0) @binding(6) var<storage, read_write> solution: array<real>;
-@group(0) @binding(7) var<storage, read_write> remainder: array<real>;
-@group(0) @binding(8) var<uniform> params: Params;
+@group(0) @binding(0) var p_high: texture_2d<f32>;
+@group(0) @binding(1) var p_low: texture_2d<f32>;
+@group(0) @binding(2) var z_in: texture_2d<f32>;
+@group(0) @binding(3) var p_high_out: texture_storage_2d<rgba32float, write>;
+@group(0) @binding(4) var p_low_out: texture_storage_2d<rgba32float, write>;
+@group(0) @binding(5) var r_out: texture_storage_2d<rgba32float, write>;
+@group(0) @binding(6) var<storage, read> image: array<real>;
+@group(0) @binding(7) var<storage, read_write> solution: array<real>;
+@group(0) @binding(8) var<storage, read_write> remainder: array<real>;
+@group(0) @binding(9) var<storage, read_write> partial: array<real>;   // GROUPS per case
+@group(0) @binding(10) var<storage, read_write> scalars: array<real>;  // r.z, alpha, beta, p.q
+@group(0) @binding(11) var<storage, read_write> history: array<real>;  // the same, per iteration
+@group(0) @binding(12) var<storage, read_write> state: array<u32>;     // active, iteration per case
+@group(0) @binding(13) var<uniform> params: Params;
 
 var<workgroup> sums: array<real, 64>;
+
+struct Vec {
+    x: real,
+    y: real,
+    z: real,
+}
+
+fn load_p(at: vec2u) -> Vec {
+    let high = textureLoad(p_high, at, 0);
+    let low = textureLoad(p_low, at, 0);
+    return Vec(r_pair(high.x, low.x), r_pair(high.y, low.y), r_pair(high.z, low.z));
+}
+
+// texel of a node of this load case
+fn place(case_: u32, node: u32) -> vec2u { return texel(case_ * (params.nodes + 1u) + node); }
 
 fn tree(lane: u32) {
     for (var half = WIDTH / 2u; half > 0u; half = half / 2u) {
@@ -30,11 +53,28 @@ fn tree(lane: u32) {
 }
 
 @compute @workgroup_size(64)
-fn dot(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32) {
-    let base = group.y * params.unknowns;
+fn dot_pq(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32) {
+    let base = group.y * params.nodes;
     var sum = r_f32(0.0);
-    for (var i = group.x * WIDTH + lane; i < params.unknowns; i += GROUPS * WIDTH) {
-        sum = r_fma(left[base + i], right[base + i], sum);
+    for (var i = group.x * WIDTH + lane; i < params.nodes; i += GROUPS * WIDTH) {
+        let p = load_p(place(group.y, i));
+        let at = 3u * (base + i);
+        sum = r_fma(p.x, image[at], r_fma(p.y, image[at + 1u], r_fma(p.z, image[at + 2u], sum)));
+    }
+    sums[lane] = sum;
+    tree(lane);
+    if (lane == 0u) { partial[group.y * GROUPS + group.x] = sums[0]; }
+}
+
+@compute @workgroup_size(64)
+fn dot_rz(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32) {
+    let base = group.y * params.nodes;
+    var sum = r_f32(0.0);
+    for (var i = group.x * WIDTH + lane; i < params.nodes; i += GROUPS * WIDTH) {
+        let z = textureLoad(z_in, place(group.y, i), 0);
+        let at = 3u * (base + i);
+        sum = r_fma(r_f32(z.x), remainder[at], r_fma(r_f32(z.y), remainder[at + 1u],
+            r_fma(r_f32(z.z), remainder[at + 2u], sum)));
     }
     sums[lane] = sum;
     tree(lane);
@@ -97,26 +137,45 @@ fn beta(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) la
     state[2u * group.y + 1u] = iteration + 1u;
 }
 
-// x += alpha p, r -= alpha q, with left = p and right = q
+// x += alpha p, r -= alpha q, and r for the preconditioner
 @compute @workgroup_size(64)
 fn advance(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32,
     @builtin(num_workgroups) groups: vec3u) {
     let length_ = scalars[4u * group.y + 1u];
     let back = r_neg(length_);
-    let base = group.y * params.unknowns;
-    for (var i = group.x * WIDTH + lane; i < params.unknowns; i += groups.x * WIDTH) {
-        solution[base + i] = r_fma(length_, left[base + i], solution[base + i]);
-        remainder[base + i] = r_fma(back, right[base + i], remainder[base + i]);
+    let base = group.y * params.nodes;
+    for (var i = group.x * WIDTH + lane; i < params.nodes; i += groups.x * WIDTH) {
+        let here = place(group.y, i);
+        let p = load_p(here);
+        let at = 3u * (base + i);
+        solution[at] = r_fma(length_, p.x, solution[at]);
+        solution[at + 1u] = r_fma(length_, p.y, solution[at + 1u]);
+        solution[at + 2u] = r_fma(length_, p.z, solution[at + 2u]);
+        let r0 = r_fma(back, image[at], remainder[at]);
+        let r1 = r_fma(back, image[at + 1u], remainder[at + 1u]);
+        let r2 = r_fma(back, image[at + 2u], remainder[at + 2u]);
+        remainder[at] = r0;
+        remainder[at + 1u] = r1;
+        remainder[at + 2u] = r2;
+        textureStore(r_out, here, vec4f(r_high(r0), r_high(r1), r_high(r2), 0.0));
     }
 }
 
-// p = z + beta p, with left = z and solution = p
+fn turned(ratio: real, z: f32, p: real) -> real { return r_fma(ratio, p, r_f32(z)); }
+
+// p_out = z + beta p
 @compute @workgroup_size(64)
 fn turn(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32,
     @builtin(num_workgroups) groups: vec3u) {
     let ratio = scalars[4u * group.y + 2u];
-    let base = group.y * params.unknowns;
-    for (var i = group.x * WIDTH + lane; i < params.unknowns; i += groups.x * WIDTH) {
-        solution[base + i] = r_fma(ratio, solution[base + i], left[base + i]);
+    for (var i = group.x * WIDTH + lane; i < params.nodes; i += groups.x * WIDTH) {
+        let here = place(group.y, i);
+        let z = textureLoad(z_in, here, 0);
+        let p = load_p(here);
+        let p0 = turned(ratio, z.x, p.x);
+        let p1 = turned(ratio, z.y, p.y);
+        let p2 = turned(ratio, z.z, p.z);
+        textureStore(p_high_out, here, vec4f(r_high(p0), r_high(p1), r_high(p2), 0.0));
+        textureStore(p_low_out, here, vec4f(r_low(p0), r_low(p1), r_low(p2), 0.0));
     }
 }

@@ -1,25 +1,25 @@
-// y = K u with K as a table of distinct block rows (gpusim/fem/stiffness.py has layout and twin):
-// (K u)_i = sum_j K_ij (u_j - u_i), the diagonal is not stored.
-// `apply1` takes one node per thread; `apply4` takes four nodes with equal rows, which share the
-// reads of the table: a read costs far more than the arithmetic that uses it.
+// y = K u in float64 with K in block texels (gpusim/fem/stiffness.py has twin and driver,
+// gpusim/fem/block_texels.py the layout): (K u)_i = sum_j K_ij (u_j - u_i), the diagonal is not
+// stored. K and u are pairs of float32 textures (high, low); one thread per node and load case.
 #import common/index
+#import common/texel
 #import common/real
 
 struct Params {
-    packs: u32,   // threads' worth of nodes in this part
+    first: u32,   // first node of this part
+    count: u32,   // nodes or packs in this part
     nodes: u32,   // nodes in all
     cases: u32,   // load cases
-    stride: u32,  // distance of successive table entries of one row
 }
 
 const BLOCK: u32 = 64u;
 
-@group(0) @binding(0) var<storage, read> slice_start: array<u32>;  // per 8 packs, into neighbour
-@group(0) @binding(1) var<storage, read> neighbour: array<u32>;
-@group(0) @binding(2) var<storage, read> node_of_pack: array<u32>; // padding repeats the first node
-@group(0) @binding(3) var<storage, read> pack_info: array<u32>;    // (table start, degree) per pack
-@group(0) @binding(4) var<storage, read> table: array<real>;
-@group(0) @binding(5) var<storage, read> u_in: array<real>;
+@group(0) @binding(0) var info: texture_2d<u32>;       // per node: neighbours, fours, blocks; or packs
+@group(0) @binding(1) var neighbour: texture_2d<u32>;  // four a texel
+@group(0) @binding(2) var blocks_high: texture_2d<f32>;  // nine texels per four blocks
+@group(0) @binding(3) var blocks_low: texture_2d<f32>;
+@group(0) @binding(4) var u_high: texture_2d<f32>;
+@group(0) @binding(5) var u_low: texture_2d<f32>;
 @group(0) @binding(6) var<storage, read_write> k_out: array<real>;
 @group(0) @binding(7) var<uniform> params: Params;
 
@@ -29,91 +29,146 @@ struct Vec {
     z: real,
 }
 
+struct Four {
+    x: real,
+    y: real,
+    z: real,
+    w: real,
+}
+
+fn load_u(at: u32) -> Vec {
+    let high = textureLoad(u_high, texel(at), 0);
+    let low = textureLoad(u_low, texel(at), 0);
+    return Vec(r_pair(high.x, low.x), r_pair(high.y, low.y), r_pair(high.z, low.z));
+}
+
+fn load_four(at: u32) -> Four {
+    let high = textureLoad(blocks_high, texel(at), 0);
+    let low = textureLoad(blocks_low, texel(at), 0);
+    return Four(r_pair(high.x, low.x), r_pair(high.y, low.y), r_pair(high.z, low.z),
+        r_pair(high.w, low.w));
+}
+
+fn difference(at: u32, own: Vec) -> Vec {
+    let u = load_u(at);
+    return Vec(r_sub(u.x, own.x), r_sub(u.y, own.y), r_sub(u.z, own.z));
+}
+
+// sum + a column of a block times one component
+fn add(sum: Vec, x: real, y: real, z: real, d: real) -> Vec {
+    return Vec(r_fma(x, d, sum.x), r_fma(y, d, sum.y), r_fma(z, d, sum.z));
+}
+
 struct Block {
-    row0: Vec,
-    row1: Vec,
-    row2: Vec,
+    x: Vec,   // columns
+    y: Vec,
+    z: Vec,
 }
 
-fn load_u(node: u32) -> Vec {
-    return Vec(u_in[3u * node], u_in[3u * node + 1u], u_in[3u * node + 2u]);
+fn add_block(sum: Vec, k: Block, u: Vec, own: Vec) -> Vec {
+    let x = r_sub(u.x, own.x);
+    let y = r_sub(u.y, own.y);
+    let z = r_sub(u.z, own.z);
+    return add(add(add(sum, k.x.x, k.x.y, k.x.z, x), k.y.x, k.y.y, k.y.z, y),
+        k.z.x, k.z.y, k.z.z, z);
 }
 
-fn load_block(at: u32, s: u32) -> Block {
-    return Block(
-        Vec(table[at], table[at + s], table[at + 2u * s]),
-        Vec(table[at + 3u * s], table[at + 4u * s], table[at + 5u * s]),
-        Vec(table[at + 6u * s], table[at + 7u * s], table[at + 8u * s]));
-}
-
-fn fma_row(row: Vec, d: Vec, sum: real) -> real {
-    return r_fma(row.x, d.x, r_fma(row.y, d.y, r_fma(row.z, d.z, sum)));
-}
-
-fn gather(b: Block, other: Vec, own: Vec, sum: Vec) -> Vec {
-    let d = Vec(r_sub(other.x, own.x), r_sub(other.y, own.y), r_sub(other.z, own.z));
-    return Vec(fma_row(b.row0, d, sum.x), fma_row(b.row1, d, sum.y), fma_row(b.row2, d, sum.z));
-}
-
-fn store(node: u32, value: Vec) {
-    k_out[3u * node] = value.x;
-    k_out[3u * node + 1u] = value.y;
-    k_out[3u * node + 2u] = value.z;
+fn store(at: u32, sum: Vec) {
+    k_out[3u * at] = sum.x;
+    k_out[3u * at + 1u] = sum.y;
+    k_out[3u * at + 2u] = sum.z;
 }
 
 @compute @workgroup_size(64)
-fn apply1(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
+fn apply(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let id = linear_id(gid, groups, BLOCK);
-    if (id >= params.packs * params.cases) { return; }
-    let pack = id % params.packs;
-    let base = (id / params.packs) * params.nodes;
-    let node = base + node_of_pack[pack];
+    if (id >= params.count * params.cases) { return; }
+    let local = id % params.count;
+    let base = (id / params.count) * (params.nodes + 1u);
+    let node = base + params.first + local;
+    let row = textureLoad(info, texel(local), 0);
     let own = load_u(node);
-    var at = slice_start[pack / 8u] + pack % 8u;
-    var entry = pack_info[2u * pack];
-    let degree = pack_info[2u * pack + 1u];
     var sum = Vec(r_f32(0.0), r_f32(0.0), r_f32(0.0));
-    for (var k = 0u; k < degree; k++) {
-        let b = load_block(entry, params.stride);
-        sum = gather(b, load_u(base + neighbour[at]), own, sum);
-        entry += 9u * params.stride;
-        at += 8u;
+    var at = row.z;
+    for (var k = row.x; k < row.x + row.y; k++) {
+        let other = textureLoad(neighbour, texel(k), 0) + vec4u(base);
+        let a = load_four(at);
+        let b = load_four(at + 1u);
+        let c = load_four(at + 2u);
+        let d0 = difference(other.x, own);
+        sum = add(sum, a.x, a.y, a.z, d0.x);
+        sum = add(sum, a.w, b.x, b.y, d0.y);
+        sum = add(sum, b.z, b.w, c.x, d0.z);
+        let d1 = difference(other.y, own);
+        let d = load_four(at + 3u);
+        let e = load_four(at + 4u);
+        sum = add(sum, c.y, c.z, c.w, d1.x);
+        sum = add(sum, d.x, d.y, d.z, d1.y);
+        sum = add(sum, d.w, e.x, e.y, d1.z);
+        let d2 = difference(other.z, own);
+        let f = load_four(at + 5u);
+        let g = load_four(at + 6u);
+        sum = add(sum, e.z, e.w, f.x, d2.x);
+        sum = add(sum, f.y, f.z, f.w, d2.y);
+        sum = add(sum, g.x, g.y, g.z, d2.z);
+        let d3 = difference(other.w, own);
+        let h = load_four(at + 7u);
+        let i = load_four(at + 8u);
+        sum = add(sum, g.w, h.x, h.y, d3.x);
+        sum = add(sum, h.z, h.w, i.x, d3.y);
+        sum = add(sum, i.y, i.z, i.w, d3.z);
+        at += 9u;
     }
-    store(node, sum);
+    store((id / params.count) * params.nodes + params.first + local, sum);
 }
 
+// four nodes in a row with equal rows of blocks: a pack is (first node, nodes, table, runs)
 @compute @workgroup_size(64)
 fn apply4(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let id = linear_id(gid, groups, BLOCK);
-    if (id >= params.packs * params.cases) { return; }
-    let pack = id % params.packs;
-    let base = (id / params.packs) * params.nodes;
-    let n0 = base + node_of_pack[4u * pack];
-    let n1 = base + node_of_pack[4u * pack + 1u];
-    let n2 = base + node_of_pack[4u * pack + 2u];
-    let n3 = base + node_of_pack[4u * pack + 3u];
-    let own0 = load_u(n0);
-    let own1 = load_u(n1);
-    let own2 = load_u(n2);
-    let own3 = load_u(n3);
-    var at = slice_start[pack / 8u] + pack % 8u;
-    var entry = pack_info[2u * pack];
-    let degree = pack_info[2u * pack + 1u];
-    var sum0 = Vec(r_f32(0.0), r_f32(0.0), r_f32(0.0));
-    var sum1 = sum0;
-    var sum2 = sum0;
-    var sum3 = sum0;
-    for (var k = 0u; k < degree; k++) {
-        let b = load_block(entry, params.stride);
-        sum0 = gather(b, load_u(base + neighbour[at]), own0, sum0);
-        sum1 = gather(b, load_u(base + neighbour[at + 8u]), own1, sum1);
-        sum2 = gather(b, load_u(base + neighbour[at + 16u]), own2, sum2);
-        sum3 = gather(b, load_u(base + neighbour[at + 24u]), own3, sum3);
-        entry += 9u * params.stride;
-        at += 32u;
+    if (id >= params.count * params.cases) { return; }
+    let case_ = id / params.count;
+    let pack = textureLoad(info, texel(id % params.count), 0);
+    let node = case_ * (params.nodes + 1u) + pack.x;
+    let own0 = load_u(node);
+    let own1 = load_u(node + 1u);
+    let own2 = load_u(node + 2u);
+    let own3 = load_u(node + 3u);
+    let zero = Vec(r_f32(0.0), r_f32(0.0), r_f32(0.0));
+    var sum0 = zero;
+    var sum1 = zero;
+    var sum2 = zero;
+    var sum3 = zero;
+    // behind the three texels of what the rows lack to a sum of zero: K lacks nothing
+    var at = pack.z + 3u;
+    for (var run = 0u; run < pack.w; run++) {
+        // three blocks for three nodes in a row, and how far they lie from the pack's
+        let a = load_four(at);
+        let b = load_four(at + 1u);
+        let c = load_four(at + 2u);
+        let d = load_four(at + 3u);
+        let e = load_four(at + 4u);
+        let f = load_four(at + 5u);
+        let g = load_four(at + 6u);
+        let first = node + bitcast<u32>(i32(textureLoad(blocks_high, texel(at + 6u), 0).w));
+        at += 7u;
+        let k = Block(Vec(a.x, a.y, a.z), Vec(a.w, b.x, b.y), Vec(b.z, b.w, c.x));
+        let l = Block(Vec(c.y, c.z, c.w), Vec(d.x, d.y, d.z), Vec(d.w, e.x, e.y));
+        let m = Block(Vec(e.z, e.w, f.x), Vec(f.y, f.z, f.w), Vec(g.x, g.y, g.z));
+        let u0 = load_u(first);
+        let u1 = load_u(first + 1u);
+        let u2 = load_u(first + 2u);
+        let u3 = load_u(first + 3u);
+        let u4 = load_u(first + 4u);
+        let u5 = load_u(first + 5u);
+        sum0 = add_block(add_block(add_block(sum0, k, u0, own0), l, u1, own0), m, u2, own0);
+        sum1 = add_block(add_block(add_block(sum1, k, u1, own1), l, u2, own1), m, u3, own1);
+        sum2 = add_block(add_block(add_block(sum2, k, u2, own2), l, u3, own2), m, u4, own2);
+        sum3 = add_block(add_block(add_block(sum3, k, u3, own3), l, u4, own3), m, u5, own3);
     }
-    store(n0, sum0);
-    if (n1 != n0) { store(n1, sum1); }
-    if (n2 != n0) { store(n2, sum2); }
-    if (n3 != n0) { store(n3, sum3); }
+    let out = case_ * params.nodes + pack.x;
+    store(out, sum0);
+    if (pack.y > 1u) { store(out + 1u, sum1); }
+    if (pack.y > 2u) { store(out + 2u, sum2); }
+    if (pack.y > 3u) { store(out + 3u, sum3); }
 }

@@ -7,7 +7,8 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from .base import Table
-from .body import BodyTable, MaterialTable
+from .body import BodyTable
+from .material import MaterialTable
 from .view import CameraTable, LightTable, PropTable
 from .work import (
     AnalysisTable,

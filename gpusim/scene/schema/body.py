@@ -1,4 +1,4 @@
-"""``[[material]]`` and ``[[body]]``: what stands there, how it is held and loaded."""
+"""``[[body]]``: what stands there and how it is held."""
 
 from __future__ import annotations
 
@@ -7,37 +7,43 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from .base import Axis, Name, Table, Vector, fault
-from .mesh import MeshTable
+from .load import Amplitude, LoadTable
+from .mesh import MeshTable, NotchTable
 from .paint import PaintTable
 from .where import WhereTable
 
-__all__ = ["BodyTable", "LoadTable", "MaterialTable", "SupportTable"]
-
-
-class MaterialTable(Table):
-    """A linear elastic, isotropic material."""
-
-    name: Name
-    youngs_modulus_GPa: Annotated[float, Field(gt=0)]
-    poissons_ratio: Annotated[float, Field(gt=-1, lt=0.5)]
-    density_kg_m3: Annotated[float, Field(ge=0)] = 0.0
-    """Only gravity needs it."""
+__all__ = ["BodyTable", "PartTable", "SupportTable"]
 
 
 class SupportTable(Table):
     """Nodes that are held, or moved by a given amount."""
 
     name: Name
+    type: Literal["fixed", "symmetry"] = "fixed"
+    """"symmetry": flat faces don't move along their normal, which is x, y or z."""
     where: WhereTable
     fix: Annotated[list[Axis], Field(min_length=1, max_length=3)] = ["x", "y", "z"]
     """The directions in which the nodes are held."""
     displacement_mm: Vector = [0.0, 0.0, 0.0]
     """Where they are held, relative to the unloaded shape; scaled by the load factor."""
+    amplitude: Amplitude | None = None
+    """One factor per frame for displacement_mm; without it the analysis' load_factors."""
 
     @model_validator(mode="after")
     def _check(self) -> SupportTable:
         if len(set(self.fix)) != len(self.fix):
             raise fault("fix", "a direction twice", self.fix, "each of x, y, z at most once")
+        if self.where.is_everything:
+            raise fault("where", "selects the whole body", "{}", "a set, a bound or a normal")
+        if self.amplitude is not None and not any(self.displacement_mm):
+            raise fault("amplitude", "of a support that doesn't move", self.amplitude,
+                        "a displacement_mm that isn't zero")  # fmt: skip
+        if self.type == "symmetry":
+            for key in ("fix", "displacement_mm"):
+                if getattr(self, key) != type(self).model_fields[key].default:
+                    raise fault(key, "given for a symmetry support", getattr(self, key),
+                                "none: the faces say the direction")  # fmt: skip
+            return self
         if "fix" not in self.model_fields_set and "displacement_mm" not in self.model_fields_set:
             raise fault(
                 "fix", "missing", "neither fix nor displacement_mm", 'fix = ["x", "y", "z"]'
@@ -48,58 +54,25 @@ class SupportTable(Table):
                     "displacement_mm", f"moves along {axis}, which fix leaves free", self.fix,
                     f'fix with "{axis}" in it',
                 )  # fmt: skip
-        if self.where.is_everything:
-            raise fault("where", "selects the whole body", "{}", "a set, a bound or a normal")
         return self
 
 
-class _Load(Table):
-    name: Name
+class PartTable(Table):
+    """Elements of a body that are of another material."""
 
-
-class ForceTable(_Load):
-    """A total force, spread evenly over the area of the faces."""
-
-    type: Literal["force"]
+    material: Name
+    """The name of a [[material]]."""
     where: WhereTable
-    force_N: Vector
+    """The elements whose middle is there; ``set`` is a named set of elements."""
 
-
-class NodalForceTable(_Load):
-    """The same force on every node."""
-
-    type: Literal["nodal_force"]
-    where: WhereTable
-    force_N: Vector
-
-
-class PressureTable(_Load):
-    """A pressure on faces; positive pushes into the body."""
-
-    type: Literal["pressure"]
-    where: WhereTable
-    pressure_MPa: float
-
-
-class TractionTable(_Load):
-    """A force per area on faces."""
-
-    type: Literal["traction"]
-    where: WhereTable
-    traction_MPa: Vector
-
-
-class GravityTable(_Load):
-    """The body's own weight."""
-
-    type: Literal["gravity"]
-    acceleration_m_s2: Vector = [0.0, 0.0, -9.80665]
-
-
-LoadTable = Annotated[
-    ForceTable | NodalForceTable | PressureTable | TractionTable | GravityTable,
-    Field(discriminator="type"),
-]
+    @model_validator(mode="after")
+    def _check(self) -> PartTable:
+        if self.where.normal is not None:
+            raise fault("where.normal", "of elements, which look nowhere", self.where.normal,
+                        "a set of elements or bounds")  # fmt: skip
+        if self.where.is_everything:
+            raise fault("where", "selects the whole body", "{}", "a set or a bound")
+        return self
 
 
 class BodyTable(Table):
@@ -108,9 +81,15 @@ class BodyTable(Table):
     name: Name
     material: Name
     """The name of a [[material]]."""
-    formulation: Literal["incompatible", "full", "bbar"] = "incompatible"
-    """Of 8-node bricks: "incompatible" bends without locking, "bbar" is for rubber-like bodies."""
+    part: list[PartTable] = []
+    """Elements of other materials; an element belongs to the last entry that matches it."""
+    formulation: Literal["incompatible", "full", "bbar", "reduced", "exact"] = "incompatible"
+    """Of 8-node bricks "incompatible" (bends without locking), "full", or "bbar" (for rubber-like
+    bodies); of 20-node bricks "full" or "reduced"; of 6-node wedges "full" or "exact". An element
+    type that doesn't have it takes its own default."""
     mesh: MeshTable
+    notch: list[NotchTable] = []
+    """Slots in a box or a beam."""
     support: list[SupportTable] = []
     load: list[LoadTable] = []
     paint: Annotated[list[PaintTable], Field(min_length=1)]

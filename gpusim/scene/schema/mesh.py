@@ -1,37 +1,112 @@
-"""``[body.mesh]``: the builders that make a body's elements."""
+"""``[body.mesh]`` and ``[[body.notch]]``: builders that make a body's elements, and mesh files."""
 
 from __future__ import annotations
 
+from pathlib import PurePath
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from .base import Length, Table, Vector, fault
+from .base import Axis, Length, SignedAxis, Table, Vector, fault
 
-__all__ = ["SETS", "BoxTable", "CraneTable", "MeshTable"]
+__all__ = [
+    "CAD_SUFFIXES",
+    "MESH_SUFFIXES",
+    "NOTCHABLE",
+    "SETS",
+    "BeamTable",
+    "BoxTable",
+    "BracketTable",
+    "CraneTable",
+    "FileTable",
+    "MeshTable",
+    "NotchTable",
+    "PlateTable",
+]
 
+_SIDES = ("x_min", "x_max", "y_min", "y_max", "z_min", "z_max")
 # What `where = { set = … }` may name, by builder; checked before a mesh is built.
 SETS = {
-    "box": ("x_min", "x_max", "y_min", "y_max", "z_min", "z_max"),
+    "box": _SIDES,
+    "beam": _SIDES,
     "crane": ("foot", "load", "front", "back", "tip"),
-}
+    "plate_with_hole": ("hole", *_SIDES),
+    "bracket": (
+        "base", "wall", "base_hole", "wall_hole", "base_end", "wall_end", "y_min", "y_max",
+    ),
+}  # fmt: skip
+NOTCHABLE = ("box", "beam")
+
+# The endings that the readers know; said here too, because a plan loads no numerics.
+CAD_SUFFIXES = (".step", ".stp", ".brep", ".stl")
+MESH_SUFFIXES = (
+    ".msh", ".inp", ".vtu", ".vtk", ".e", ".ex2", ".exo", ".exodus", ".med", ".bdf", ".nas", ".fem",
+)  # fmt: skip
 
 Count = Annotated[int, Field(ge=1, le=10_000)]
+Divisions = Annotated[list[Count], Field(min_length=3, max_length=3)]
+Cells = Literal["hex8", "hex20", "hex27", "tet4", "tet10", "wedge6", "wedge15"]
 
 
-class BoxTable(Table):
-    """A block of 8-node bricks along the axes. Its sides are the sets "x_min" … "z_max"."""
+class NotchTable(Table):
+    """A slot cut into a box or a beam; elements get finer towards it. Its faces are the set
+    "notch_1" (2, … in the order of the file)."""
+
+    position_mm: float
+    """Of its middle, along ``axis``."""
+    width_mm: Length
+    """Along ``axis``."""
+    depth_mm: Length
+    """Into the body, from ``side``."""
+    axis: Axis = "x"
+    side: SignedAxis = "-y"
+    """The side that it is cut into; along the third axis it goes right through."""
+    cells: Annotated[int, Field(ge=1, le=100)] = 2
+    """Elements over its width."""
+
+    @model_validator(mode="after")
+    def _check(self) -> NotchTable:
+        if self.side[1] == self.axis:
+            raise fault("side", "is along the notch's axis", self.side, "a side across the axis")
+        return self
+
+
+class _Builder(Table):
+    cells: Cells = "hex8"
+    """Type of the elements: bricks are cut into tetrahedra or wedges, midside nodes are added."""
+
+
+class BoxTable(_Builder):
+    """A block along the axes. Its sides are the sets "x_min" … "z_max"."""
 
     builder: Literal["box"]
     size_mm: Annotated[list[Length], Field(min_length=3, max_length=3)]
-    divisions: Annotated[list[Count], Field(min_length=3, max_length=3)]
-    """Elements along x, y, z."""
+    divisions: Divisions
+    """Elements along x, y, z (away from notches)."""
     origin_mm: Vector = [0.0, 0.0, 0.0]
     """The corner with the smallest x, y, z."""
 
 
-class CraneTable(Table):
-    """A column with a beam welded on top, of flat bars, in 8-node bricks.
+class BeamTable(_Builder):
+    """A bar whose axis is the x axis, from x = 0. Its sides are the sets "x_min" … "z_max"."""
+
+    builder: Literal["beam"]
+    length_mm: Length
+    """Along x."""
+    width_mm: Length
+    """Along y, from -width/2 to width/2."""
+    height_mm: Length
+    """Along z, from -height/2 to height/2."""
+    end_width_mm: Length | None = None
+    """At the far end, if it tapers."""
+    end_height_mm: Length | None = None
+    """At the far end, if it tapers."""
+    divisions: Divisions
+    """Elements along x, y, z (away from notches)."""
+
+
+class CraneTable(_Builder):
+    """A column with a beam welded on top, of flat bars.
 
     The column's outer face is x = 0 and its clamped foot ends at z = 0; the beam reaches along +x
     and lies on top of the column; both are centred on y = 0. Named sets: "foot" (z <= 0), "load"
@@ -68,4 +143,124 @@ class CraneTable(Table):
         return self
 
 
-MeshTable = Annotated[BoxTable | CraneTable, Field(discriminator="builder")]
+class _Holed(_Builder):
+    hole_diameter_mm: Length
+    around: Annotated[int, Field(ge=8, le=10_000, multiple_of=4)] = 32
+    """Elements around a hole."""
+    radial: Count = 8
+    """Elements from a hole to the square around it."""
+    through: Count = 2
+    """Elements through the thickness."""
+
+
+class PlateTable(_Holed):
+    """A plate with a round hole at the origin, length along x, width along y, thickness from z = 0.
+
+    Sets "hole" and "x_min" … "z_max". Midside nodes of hex20 and hex27 lie on the circle.
+    """
+
+    builder: Literal["plate_with_hole"]
+    length_mm: Length
+    width_mm: Length
+    thickness_mm: Length
+
+    @model_validator(mode="after")
+    def _check(self) -> PlateTable:
+        room = 0.98 * min(self.length_mm, self.width_mm)
+        if not self.hole_diameter_mm < room:
+            raise fault(
+                "hole_diameter_mm", "too wide", self.hole_diameter_mm, f"less than {room:g}"
+            )
+        return self
+
+
+class BracketTable(_Holed):
+    """An L-bracket of bent plate with a hole in each leg, half a width from the leg's end.
+
+    The base lies on z = 0 and reaches along +x, the wall stands on x = 0 and reaches along +z.
+    Sets "base", "wall", "base_hole", "wall_hole", "base_end", "wall_end", "y_min", "y_max".
+    """
+
+    builder: Literal["bracket"]
+    base_length_mm: Length = 60.0
+    wall_height_mm: Length = 80.0
+    width_mm: Length = 40.0
+    """Along y, from -width/2 to width/2."""
+    thickness_mm: Length = 5.0
+    fillet_radius_mm: Length = 6.0
+    """Inner radius of the bend."""
+    hole_diameter_mm: Length = 12.0
+    radial: Count = 5
+    """Elements from a hole to the square around it."""
+    bend: Count = 6
+    """Elements along the bend."""
+
+    @model_validator(mode="after")
+    def _check(self) -> BracketTable:
+        least = self.width_mm + self.fillet_radius_mm + self.thickness_mm
+        for key in ("base_length_mm", "wall_height_mm"):
+            value = getattr(self, key)
+            if not value >= least * (1 - 1e-12):
+                raise fault(
+                    key, "the leg is too short", value,
+                    f"at least width_mm + fillet_radius_mm + thickness_mm = {least:g}",
+                )  # fmt: skip
+        if not self.hole_diameter_mm < 0.98 * self.width_mm:
+            raise fault("hole_diameter_mm", "too wide", self.hole_diameter_mm, "less than width_mm")
+        return self
+
+
+class FileTable(Table):
+    """A mesh from a file, or a CAD file to be meshed (needs gmsh).
+
+    Groups of the file are sets: Gmsh's physical groups, sets of Abaqus and Exodus, MED's groups;
+    the faces of a CAD file are "face_1", "face_2", …
+    """
+
+    builder: Literal["file"] = "file"
+    """Needn't be said: a mesh with ``file`` is from a file."""
+    file: Annotated[str, Field(min_length=1)]
+    """Relative to the scene file. A mesh: .msh, .inp, .vtu, .vtk, .e, .exo, .med, .bdf; CAD: .step,
+    .brep, .stl."""
+    unit: Literal["m", "cm", "mm", "um", "in"] = "mm"
+    """Of the file's coordinates; those of a STEP file are always millimetres."""
+    order: Annotated[int, Field(ge=1, le=2)] = 1
+    """2: elements with midside nodes (straight edges, but for a CAD file's curved faces)."""
+    size_mm: Length | None = None
+    """Greatest element of a CAD file."""
+    hexahedra: bool = False
+    """Bricks only, for a CAD file."""
+    hex_dominant: bool = False
+    """Bricks in a CAD file's solids of six sides, tetrahedra in the others."""
+    curvature: Annotated[int, Field(ge=0, le=1000)] = 0
+    """Elements around a full circle, for a CAD file; 0 leaves it to ``size_mm``."""
+
+    @property
+    def is_cad(self) -> bool:
+        """Whether the file has to be meshed."""
+        return PurePath(self.file).suffix.lower() in CAD_SUFFIXES
+
+    @model_validator(mode="after")
+    def _check(self) -> FileTable:
+        suffix = PurePath(self.file).suffix.lower()
+        if suffix not in CAD_SUFFIXES + MESH_SUFFIXES:
+            expected = "one of " + ", ".join(MESH_SUFFIXES + CAD_SUFFIXES)
+            raise fault("file", "unknown kind of mesh file", self.file, expected)
+        if self.is_cad and self.size_mm is None:
+            raise fault("size_mm", "missing for a CAD file", "", "the greatest element size")
+        if suffix in (".step", ".stp") and self.unit != "mm":
+            raise fault("unit", "a STEP file says its unit itself", self.unit, '"mm" or nothing')
+        if suffix == ".stl" and self.curvature:
+            raise fault("curvature", "of an STL's flat triangles", self.curvature, "0")
+        if self.hexahedra and self.hex_dominant:
+            raise fault("hex_dominant", "beside hexahedra", True, "one of them")
+        for key in () if self.is_cad else ("size_mm", "hexahedra", "hex_dominant", "curvature"):
+            if getattr(self, key) not in (None, False, 0):
+                raise fault(key, "is for CAD files", self.file, "a .step, .brep or .stl file")
+        return self
+
+
+MeshTable = Annotated[
+    BoxTable | BeamTable | CraneTable | PlateTable | BracketTable | FileTable,
+    Field(discriminator="builder"),
+]

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from .base import Name, SignedAxis, Table, fault
+from .base import SignedAxis, Table, fault
 
 __all__ = ["WhereTable"]
 
@@ -14,7 +14,7 @@ __all__ = ["WhereTable"]
 class WhereTable(Table):
     """All given conditions hold together; positions are those of the unloaded shape."""
 
-    set: Name | None = None
+    set: Annotated[str, Field(min_length=1, max_length=200)] | None = None
     """A named set of the mesh."""
     x_min_mm: float | None = None
     x_max_mm: float | None = None

@@ -39,7 +39,7 @@ class SolverTable(Table):
     """Estimated relative error of the displacement (energy norm) at which the solver stops."""
     max_iterations: Annotated[int, Field(ge=1)] | None = None
     """Without it the solver chooses; running out of them ends the run with exit code 3."""
-    preconditioner: Literal["multigrid", "block_jacobi"] = "multigrid"
+    method: Literal["auto", "direct", "multigrid", "block_jacobi"] = "auto"
 
 
 class RenderTable(Table):
@@ -103,6 +103,8 @@ class OutputTable(Table):
     """Layers of truth.h5, per camera and frame."""
     vtu: bool = False
     """The solution for ParaView."""
+    stress: bool = False
+    """Stress, von Mises stress and an error indicator, in the .vtu files and the report."""
     stl: bool = False
     """The deformed surface, one file per paint and frame."""
 

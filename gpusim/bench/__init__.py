@@ -1,0 +1,1 @@
+"""Benchmarks and the stability suite: ``gpusim bench NAME``."""

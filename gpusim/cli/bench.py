@@ -1,0 +1,92 @@
+"""``gpusim bench``: the solver against other solvers, and the stability suite."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gpusim.cli.console import exit_codes, out
+
+__all__ = ["bench_app"]
+
+bench_app = typer.Typer(help="Measure speed and stability.", no_args_is_help=True)
+
+Folder = Annotated[
+    Path, typer.Option("-o", "--output", metavar="DIR", help="Where tables and figures go.")
+]
+
+
+class Size(StrEnum):
+    """How large the models get."""
+
+    small = "small"
+    standard = "standard"
+    full = "full"
+
+
+@bench_app.command()
+def solver(
+    sizes: Annotated[
+        Size, typer.Option(help="small: to 30k unknowns; standard: 350k; full: 3M.")
+    ] = Size.small,
+    case: Annotated[
+        str | None, typer.Option("--case", metavar="NAME", help="One case, or family of cases.")
+    ] = None,
+    no_peers: Annotated[bool, typer.Option("--no-peers", help="Measure gpusim alone.")] = False,
+    output: Folder = Path("bench"),
+    cache: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="References and arrays for peers; default DIR/work."),
+    ] = None,
+) -> None:
+    """Run time against displacement error, memory, bandwidth and scaling; peers beside it."""
+    with exit_codes():
+        from gpusim.bench.cases import find_cases
+        from gpusim.bench.solver import run_solver_bench
+        from gpusim.bench.tables import write_solver
+
+        chosen = find_cases(sizes.value, case)
+        result = run_solver_bench(chosen, cache or output / "work", peers=not no_peers, tell=out)
+        for path in write_solver(result, output):
+            out(str(path))
+
+
+@bench_app.command()
+def stability(
+    only: Annotated[
+        str, typer.Option("--case", metavar="TEXT", help="Cases whose name holds TEXT.")
+    ] = "",
+    quick: Annotated[bool, typer.Option("--quick", help="The cases of the test suite.")] = False,
+    way: Annotated[
+        list[str] | None,
+        typer.Option(help="auto, multigrid, double-single, numpy (repeatable; default all)."),
+    ] = None,
+    output: Folder = Path("bench"),
+) -> None:
+    """Hard models: each is right within its stated error, or an error names the cause."""
+    with exit_codes():
+        from gpusim.bench.hard_cases import hard_cases
+        from gpusim.bench.stability import SILENT, WAYS, describe, run_suite
+        from gpusim.bench.tables import write_stability
+        from gpusim.errors import InputError
+        from gpusim.gpu import default_device
+
+        ways = tuple(way or WAYS)
+        for name in ways:
+            if name not in WAYS:
+                raise InputError(
+                    f"bench stability: --way; got {name!r}; expected {', '.join(WAYS)}"
+                )
+        cases = [c for c in hard_cases() if only in c.name and (c.quick or not quick)]
+        if not cases:
+            raise InputError(f"bench stability: --case; got {only!r}; no case's name holds it")
+        verdicts = run_suite(cases, ways, tell=lambda v: out(describe(v)))
+        for path in write_stability(verdicts, output, default_device().name):
+            out(str(path))
+        silent = sum(v.verdict == SILENT for v in verdicts)
+        out(f"{len(verdicts)} solves, {silent} silent failures")
+        if silent:
+            raise typer.Exit(1)

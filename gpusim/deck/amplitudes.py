@@ -1,0 +1,79 @@
+"""Amplitudes: factors of loads over time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import InputError
+from gpusim.mesh.inp_cards import Card
+from gpusim.mesh.inp_values import Names, number
+
+__all__ = ["Amplitudes", "Scale"]
+
+Float = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Scale:
+    """What a load is multiplied by.
+
+    ``factor`` at once; ``follows`` numbers the amplitude over total time that it goes on to follow
+    in later steps, 0 for none.
+    """
+
+    factor: float
+    follows: int
+
+
+@dataclass(frozen=True, eq=False)
+class _Amplitude:
+    times: Float
+    factors: Float
+    number: int  # 0: over the time of the step in which a load is given
+
+    def at(self, time: float) -> float:
+        return float(np.interp(time, self.times, self.factors))
+
+
+class Amplitudes:
+    """Reads *AMPLITUDE; a load without one ends its step at its full value.
+
+    As in CalculiX, an amplitude over the time of a step leaves a load at its last value in later
+    steps; one over the total time goes on.
+    """
+
+    def __init__(self) -> None:
+        self.known: Names[_Amplitude] = Names("amplitude")
+        self.following: list[_Amplitude] = []
+
+    def read(self, card: Card) -> None:
+        name = card.parameters.get("NAME", "")
+        values = [number(text, card.where(line)) for line, row in card.rows() for text in row]
+        times, factors = np.array(values[::2]), np.array(values[1::2])
+        if not name or not values or len(values) % 2 or not (np.diff(times) > 0.0).all():
+            raise InputError(
+                f"{card.where()}: got {len(values)} numbers; expected NAME=name and pairs of "
+                "growing time and factor"
+            )
+        if card.parameters.get("VALUE", "RELATIVE").upper() != "RELATIVE":
+            raise InputError(f"{card.where()}: VALUE isn't supported; expected RELATIVE")
+        total = "TOTAL" in card.parameters.get("TIME", "").upper()
+        one = _Amplitude(times, factors, len(self.following) + 1 if total else 0)
+        self.known.set(name, one)
+        if total:
+            self.following.append(one)
+
+    def scale(self, card: Card, period: float) -> Scale:
+        """For a load card in a step of length ``period``. Raises InputError."""
+        name = card.parameters.get("AMPLITUDE", "")
+        if not name:
+            return Scale(1.0, 0)
+        one = self.known.get(name, card.where())
+        return Scale(1.0, one.number) if one.number else Scale(one.at(period), 0)
+
+    def factors(self, time: float) -> Float:
+        """Value at a total time of each amplitude that is followed; the first is 1."""
+        return np.array([1.0, *(one.at(time) for one in self.following)])

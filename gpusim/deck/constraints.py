@@ -1,0 +1,178 @@
+"""Supports of a step, in the axes of each node, and linear equations between nodes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.deck.amplitudes import Scale
+from gpusim.deck.equations import Equations
+from gpusim.deck.ties import TieRow
+from gpusim.errors import InputError
+from gpusim.mesh.inp_blocks import InpContent
+from gpusim.mesh.inp_cards import Card
+from gpusim.mesh.inp_values import number, whole
+
+__all__ = ["Axes", "Constraints"]
+
+Float = npt.NDArray[np.float64]
+Int = npt.NDArray[np.int64]
+
+# Abaqus' names for groups of degrees of freedom; rotations don't exist in solids.
+_GROUPS = {
+    "ENCASTRE": (0, 1, 2), "PINNED": (0, 1, 2),
+    "XSYMM": (0,), "YSYMM": (1,), "ZSYMM": (2,),
+    "XASYMM": (1, 2), "YASYMM": (0, 2), "ZASYMM": (0, 1),
+}  # fmt: skip
+
+
+@dataclass(eq=False)
+class Axes:
+    """Local axes of nodes from *TRANSFORM: ``rows[node]`` is (3,3), a unit vector in each row."""
+
+    content: InpContent
+    rows: dict[int, Float] = field(default_factory=dict)
+
+    def read(self, card: Card) -> None:
+        """TYPE=R: x' through a, b in the x'y' plane; TYPE=C: cylindrical about the line a-b."""
+        kind = card.parameters.get("TYPE", "R").upper()
+        name = card.parameters.get("NSET", "")
+        labels = self.content.node_sets.get(name, card.where())
+        nodes = np.searchsorted(self.content.node_labels, labels)
+        values = [number(text, card.where(line)) for line, row in card.rows() for text in row]
+        if kind not in ("R", "C") or len(values) != 6:
+            raise InputError(
+                f"{card.where()}: got TYPE={kind} and {len(values)} numbers; expected TYPE=R or C "
+                "and the points a and b"
+            )
+        a, b = np.array(values[:3]), np.array(values[3:])
+        for node in nodes.tolist():
+            point = self.content.points[node]
+            x, z = (a, np.cross(a, b)) if kind == "R" else (point - a, b - a)
+            if kind == "C":
+                x = x - z * (x @ z) / max(float(z @ z), 1e-300)
+            if not (np.linalg.norm(x) > 0.0 and np.linalg.norm(z) > 0.0):
+                raise InputError(
+                    f"{card.where()}: no direction at node {self.content.node_labels[node]}; got "
+                    f"a = {values[:3]}, b = {values[3:]}; expected points off the axis"
+                )
+            x, z = x / np.linalg.norm(x), z / np.linalg.norm(z)
+            self.rows[node] = np.stack([x, np.cross(z, x), z])
+
+
+class Constraints:
+    """Supports and equations; ``assembled`` gives what acts at the end of a step."""
+
+    def __init__(self, content: InpContent, axes: Axes) -> None:
+        self.content = content
+        self.axes = axes
+        count = len(content.node_labels)
+        self.fixed = np.zeros((count, 3), dtype=bool)
+        self.value = np.zeros((count, 3))
+        self.follows = np.zeros((count, 3), dtype=np.int32)
+        self.equations: list[list[tuple[int, int, float]]] = []
+        self.ties: list[TieRow] = []
+
+    def clear(self) -> None:
+        self.fixed[:] = False
+        self.value[:] = 0.0
+
+    def boundary(self, card: Card, scale: Scale, in_step: bool) -> None:
+        """*BOUNDARY: node or set, first and last degree of freedom, value."""
+        for line, row in card.rows():
+            where = card.where(line)
+            if len(row) < 2:
+                raise InputError(
+                    f"{where}: got {', '.join(row)!r}; expected node or set, degree of freedom, …"
+                )
+            nodes = self._nodes(row[0], where)
+            value = scale.factor * number(row[3], where) if len(row) > 3 and row[3] else 0.0
+            group = _GROUPS.get(row[1].upper())
+            if group is None:
+                first = whole(row[1], where)
+                last = whole(row[2], where) if len(row) > 2 and row[2] else first
+                group = self._directions(first, last, value, where)
+            if value != 0.0 and not in_step:
+                raise InputError(
+                    f"{where}: displacement before the first step; got {value:g}; expected zero "
+                    "there, other values inside of a step"
+                )
+            for axis in group:
+                self.fixed[nodes, axis] = True
+                self.value[nodes, axis] = value
+                self.follows[nodes, axis] = scale.follows
+
+    def equation(self, card: Card) -> None:
+        """*EQUATION: the number of terms, then node, degree of freedom, coefficient of each."""
+        rows = card.rows()
+        for line, row in rows:
+            where = card.where(line)
+            count = whole(row[0], where) if len(row) == 1 else 0
+            if count < 1:
+                raise InputError(f"{where}: got {', '.join(row)!r}; expected the number of terms")
+            fields: list[str] = []
+            while len(fields) < 3 * count:
+                more = next(rows, None)
+                if more is None:
+                    raise InputError(
+                        f"{where}: got {len(fields) // 3} terms; expected {count} (cut off?)"
+                    )
+                fields += more[1]
+            terms = []
+            for k in range(0, 3 * count, 3):
+                axis = whole(fields[k + 1], where)
+                if not 1 <= axis <= 3:
+                    raise InputError(f"{where}: degree of freedom; got {axis}; expected 1, 2 or 3")
+                node = self._nodes(str(whole(fields[k], where)), where)[0]
+                terms.append((int(node), axis - 1, number(fields[k + 2], where)))
+            self.equations.append(terms)
+
+    def assembled(self, factors: Float) -> tuple[npt.NDArray[np.bool_], Float, Equations | None]:
+        """``fixed`` and ``prescribed`` in global axes, and equations for what these can't say.
+
+        ``factors`` : value of each amplitude that supports follow; the first is 1.
+        """
+        own = self.value * factors[self.follows]
+        fixed, value = self.fixed.copy(), own.copy()
+        rows: list[TieRow] = list(self.ties)
+        for node, axes in self.axes.rows.items():
+            held = np.flatnonzero(self.fixed[node])
+            fixed[node], value[node] = False, 0.0
+            if len(held) == 3:
+                fixed[node], value[node] = True, axes.T @ own[node]
+                continue
+            for axis in held.tolist():
+                direction = axes[axis]
+                along = int(np.argmax(np.abs(direction)))
+                others = np.abs(np.delete(direction, along)).max()
+                if others <= 1e-14:
+                    fixed[node, along] = True
+                    value[node, along] = own[node, axis] * np.sign(direction[along])
+                else:
+                    columns = [3 * node + k for k in range(3)]
+                    rows.append((columns, direction.tolist(), float(own[node, axis])))
+        for terms in self.equations:
+            columns, weights = [], []
+            for other, axis, factor in terms:
+                direction = self.axes.rows[other][axis] if other in self.axes.rows else _UNIT[axis]
+                columns += [3 * other + k for k in range(3) if direction[k] != 0.0]
+                weights += [factor * float(d) for d in direction if d != 0.0]
+            rows.append((columns, weights, 0.0))
+        return fixed, value, Equations.build(rows, fixed.size) if rows else None
+
+    def _nodes(self, text: str, where: str) -> Int:
+        labels = self.content.nodes_named(text, where)
+        return np.searchsorted(self.content.node_labels, labels)
+
+    def _directions(self, first: int, last: int, value: float, where: str) -> tuple[int, ...]:
+        if not 1 <= first <= last <= 6 or (last > 3 and value != 0.0):
+            raise InputError(
+                f"{where}: degree of freedom; got {first} … {last}; expected 1 … 3 (4 … 6, "
+                "rotations, only as zero: solids have none)"
+            )
+        return tuple(range(first - 1, min(last, 3)))
+
+
+_UNIT = np.eye(3)

@@ -1,0 +1,181 @@
+"""A deck: mesh, materials, and one linear static problem for each step."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.deck.constrained import solve_constrained
+from gpusim.deck.equations import Equations
+from gpusim.deck.temperature import point_stresses
+from gpusim.errors import InputError
+from gpusim.fem import Material, Model, Solution, solve
+from gpusim.gpu import Device
+from gpusim.mesh import Mesh
+
+__all__ = ["Deck", "Step"]
+
+Float = npt.NDArray[np.float64]
+Int = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """The state at the end of a step: everything that acts then, also from earlier steps.
+
+    ``number`` counts from 1, ``name`` is the deck's (or empty), ``time`` the end of the step in
+    total time. ``fixed`` (N,3) bool, ``prescribed`` and ``forces`` (N,3) float64 as in a
+    ``Model``; ``forces`` holds the equivalent forces of temperature too. ``temperature`` (N,) is
+    the change against the initial one, None where there is none. ``equations`` are further linear
+    constraints (*EQUATION, supports in turned axes), None where there are none.
+    """
+
+    number: int
+    name: str
+    time: float
+    fixed: npt.NDArray[np.bool_]
+    prescribed: Float
+    forces: Float
+    temperature: Float | None
+    equations: Equations | None
+
+
+@dataclass(frozen=True, eq=False)
+class Deck:
+    """A linear static analysis as an input file describes it; units are the file's.
+
+    mesh : nodes in the order of their labels; sets and surfaces by name.
+    node_labels, cell_labels : (N,), (M,) the file's numbers.
+    materials, material_of_cell : as in ``Model``.
+    formulation : cell type -> integration rule, as CalculiX has it for the deck's elements.
+    steps : the steps, in order.
+    node_axes : position of a node -> (3,3), its own axes from *TRANSFORM in rows. Supports and
+        forces of the file are in these; models and solutions here are in global axes.
+    ignored : keywords that were read over: output requests and what can't change the result.
+    """
+
+    path: str
+    mesh: Mesh
+    node_labels: Int
+    cell_labels: Int
+    materials: Sequence[Material]
+    material_of_cell: npt.NDArray[np.int32]
+    formulation: Mapping[str, str]
+    steps: Sequence[Step]
+    node_axes: Mapping[int, Float]
+    ignored: Sequence[str]
+
+    def model(self, *numbers: int) -> Model:
+        """The model of one step, or of several that hold the same degrees of freedom.
+
+        Several steps become the load cases of one model. Raises InputError for a step that
+        doesn't exist, for steps whose supports differ, and for steps with equations.
+        """
+        chosen = [self._step(number) for number in numbers]
+        if not chosen:
+            raise InputError("Deck.model: no step; expected at least one number, counted from 1")
+        for step in chosen:
+            if step.equations is not None:
+                raise InputError(
+                    f"Deck.model: step {step.number} has equations or supports in turned axes; "
+                    "got constraints that a Model doesn't hold; expected Deck.solve"
+                )
+            if not np.array_equal(step.fixed, chosen[0].fixed):
+                raise InputError(
+                    f"Deck.model: steps {chosen[0].number} and {step.number} hold different "
+                    "degrees of freedom; expected steps with the same supports"
+                )
+        return self._model(chosen)
+
+    def solve(
+        self,
+        device: Device | None = None,
+        *,
+        tolerance: float = 1e-6,
+        backend: str = "gpu",
+        method: str = "auto",
+        progress: Callable[[int, float], None] | None = None,
+    ) -> tuple[Solution, ...]:
+        """The solution of each step; ``u`` is (N,3).
+
+        Steps with the same supports are solved together as load cases. Steps with equations go
+        through a sparse factorisation on the CPU, whatever the backend. Arguments and errors are
+        those of ``gpusim.fem.solve``.
+        """
+        found: dict[int, Solution] = {}
+        waiting = list(self.steps)
+        while waiting:
+            first = waiting[0]
+            if first.equations is not None:
+                found[first.number] = solve_constrained(
+                    self._model([first]), first.equations, self.formulation, self.path
+                )
+                waiting = waiting[1:]
+                continue
+            group = [
+                step
+                for step in waiting
+                if step.equations is None and np.array_equal(step.fixed, first.fixed)
+            ]
+            waiting = [step for step in waiting if step not in group]
+            both = solve(
+                self._model(group),
+                device,
+                tolerance=tolerance,
+                formulation=self.formulation,
+                backend=backend,
+                method=method,
+                progress=progress,
+            )
+            found |= {step.number: _case(both, k) for k, step in enumerate(group)}
+        return tuple(found[step.number] for step in self.steps)
+
+    def point_stress(self, number: int, u: npt.ArrayLike) -> dict[str, Float]:
+        """Stress at the integration points of each element for ``u`` (N,3) of step ``number``.
+
+        Returns cell type -> (M,Q,6) float64, order xx yy zz xy yz zx, global axes, elements in the
+        order of the mesh. Free strain of the step's temperature is subtracted. Raises InputError.
+        """
+        step = self._step(number)
+        field = np.asarray(u, dtype=np.float64)
+        if field.shape != self.mesh.points.shape or not np.isfinite(field).all():
+            raise InputError(
+                f"Deck.point_stress: u; got shape {field.shape}; expected "
+                f"{self.mesh.points.shape} finite numbers"
+            )
+        return point_stresses(
+            self.mesh, self.materials, self.material_of_cell, self.formulation, field,
+            step.temperature,
+        )  # fmt: skip
+
+    def _step(self, number: int) -> Step:
+        if not 1 <= number <= len(self.steps):
+            raise InputError(
+                f"Deck: step; got {number!r}; expected 1 … {len(self.steps)}, the deck's steps"
+            )
+        return self.steps[number - 1]
+
+    def _model(self, steps: Sequence[Step]) -> Model:
+        return Model(
+            self.mesh,
+            self.materials,
+            fixed=steps[0].fixed,
+            prescribed=np.stack([step.prescribed for step in steps]),
+            forces=np.stack([step.forces for step in steps]),
+            material_of_cell=self.material_of_cell,
+        )
+
+
+def _case(both: Solution, case: int) -> Solution:
+    """One load case of a solution as a solution of its own."""
+    return replace(
+        both,
+        u=both.u[case],
+        reactions=both.reactions[case],
+        residuals=both.residuals[:, case : case + 1],
+        strain_energy=both.strain_energy[case : case + 1],
+        external_work=both.external_work[case : case + 1],
+    )

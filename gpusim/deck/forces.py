@@ -1,0 +1,240 @@
+"""Nodal forces, pressures and body forces of a deck, kept from step to step."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.deck.amplitudes import Scale
+from gpusim.deck.constraints import Axes
+from gpusim.deck.pressure import pressure_forces
+from gpusim.errors import InputError
+from gpusim.fem import Material, body_force, centrifugal
+from gpusim.mesh import set_faces
+from gpusim.mesh.inp import LabelledMesh
+from gpusim.mesh.inp_blocks import InpContent
+from gpusim.mesh.inp_cards import Card
+from gpusim.mesh.inp_values import number, whole
+
+__all__ = ["Forces"]
+
+Float = npt.NDArray[np.float64]
+Int = npt.NDArray[np.int64]
+
+_EXPECTED = "P1 … P6, BX, BY, BZ, GRAV or CENTRIF"
+_UNIT = np.eye(3)
+
+
+@dataclass(eq=False)
+class _BodyLoad:
+    """``kind`` GRAV, CENTRIF or B; ``value`` its size, ``vectors`` direction or point and axis.
+
+    ``follows`` as in ``Scale``.
+    """
+
+    kind: str
+    cells: Int
+    value: float
+    vectors: tuple[tuple[float, ...], ...]
+    step: int
+    follows: int
+    where: str
+
+
+class Forces:
+    """What acts now. Given again in the same step adds up, in a later step replaces."""
+
+    def __init__(self, content: InpContent, labelled: LabelledMesh, axes: Axes) -> None:
+        self.content = content
+        self.labelled = labelled
+        self.axes = axes
+        mesh = labelled.mesh
+        self.force = np.zeros((mesh.node_count, 3))
+        self.force_step = np.zeros((mesh.node_count, 3), dtype=np.int32)
+        self.force_follows = np.zeros((mesh.node_count, 3), dtype=np.int32)
+        self.face_value = np.zeros((mesh.cell_count, 6))
+        self.face_step = np.zeros((mesh.cell_count, 6), dtype=np.int32)
+        self.face_follows = np.zeros((mesh.cell_count, 6), dtype=np.int32)
+        self.bodies: list[_BodyLoad] = []
+
+    def clear_nodal(self) -> None:
+        self.force[:] = 0.0
+
+    def clear_distributed(self) -> None:
+        self.face_value[:] = 0.0
+        self.bodies.clear()
+
+    def nodal(self, card: Card, scale: Scale, step: int) -> None:
+        """*CLOAD: node or node set, degree of freedom, force (in the node's own axes)."""
+        for line, row in card.rows():
+            where = card.where(line)
+            if len(row) != 3:
+                raise InputError(
+                    f"{where}: got {', '.join(row)!r}; expected node or set, degree of freedom, "
+                    "force"
+                )
+            labels = self.content.nodes_named(row[0], where)
+            nodes = np.searchsorted(self.content.node_labels, labels)
+            axis = whole(row[1], where)
+            if not 1 <= axis <= 3:
+                raise InputError(
+                    f"{where}: degree of freedom; got {axis}; expected 1, 2 or 3 (solids take "
+                    "no moments)"
+                )
+            value = scale.factor * number(row[2], where)
+            again = self.force_step[nodes, axis - 1] == step
+            _refuse_mixed(again & (self.force_follows[nodes, axis - 1] != scale.follows), where)
+            kept = np.where(again, self.force[nodes, axis - 1], 0.0)
+            self.force[nodes, axis - 1] = kept + value
+            self.force_step[nodes, axis - 1] = step
+            self.force_follows[nodes, axis - 1] = scale.follows
+
+    def distributed(self, card: Card, scale: Scale, step: int) -> None:
+        """*DLOAD: element or element set, label, value, and what the label needs."""
+        for line, row in card.rows():
+            where = card.where(line)
+            if len(row) < 3:
+                raise InputError(
+                    f"{where}: got {', '.join(row)!r}; expected element or set, label, value"
+                )
+            cells = self._cells(row[0], where)
+            label = row[1].upper()
+            value = scale.factor * number(row[2], where)
+            if len(label) == 2 and label[0] == "P" and label[1] in "123456":
+                side = np.full(len(cells), int(label[1]))
+                labels = self.labelled.cell_labels[cells]
+                faces = np.stack([labels, side], axis=1)
+                self._press(faces, value, scale, step, where)
+            elif label in ("BX", "BY", "BZ"):
+                direction = _UNIT["XYZ".index(label[1])]
+                self._add("B", cells, value, (tuple(direction.tolist()),), scale, step, where)
+            elif label == "GRAV":
+                direction = _vector(row[3:], 3, where, "a direction")
+                unit = direction / _length(direction, where)
+                self._add("GRAV", cells, value, (tuple(unit.tolist()),), scale, step, where)
+            elif label == "CENTRIF":
+                both = _vector(row[3:], 6, where, "a point on the axis and its direction")
+                _length(both[3:], where)
+                if value < 0.0:
+                    raise InputError(
+                        f"{where}: CENTRIF; got {value:g}; expected the square of the angular "
+                        "velocity, >= 0"
+                    )
+                vectors = (tuple(both[:3].tolist()), tuple(both[3:].tolist()))
+                self._add("CENTRIF", cells, value, vectors, scale, step, where)
+            else:
+                raise InputError(f"{where}: load {row[1]} isn't supported; expected {_EXPECTED}")
+
+    def surface(self, card: Card, scale: Scale, step: int) -> None:
+        """*DSLOAD: surface, P, pressure."""
+        for line, row in card.rows():
+            where = card.where(line)
+            if len(row) != 3 or row[1].upper() != "P":
+                raise InputError(f"{where}: got {', '.join(row)!r}; expected surface, P, pressure")
+            pairs = self.content.surfaces.get(row[0], where)
+            self._press(pairs, scale.factor * number(row[2], where), scale, step, where)
+
+    def total(
+        self,
+        materials: Sequence[Material],
+        material_of_cell: npt.NDArray[np.int32],
+        formulation: Mapping[str, str],
+        factors: Float,
+    ) -> Float:
+        """(N,3) consistent nodal forces of everything that acts now, in global axes.
+
+        ``factors`` : value of each amplitude that loads follow; the first is 1.
+        """
+        mesh = self.labelled.mesh
+        total = self.force * factors[self.force_follows]
+        for node, rows in self.axes.rows.items():
+            total[node] = rows.T @ total[node]
+        pressures = self.face_value * factors[self.face_follows]
+        cell, side = np.nonzero(pressures)
+        if cell.size:
+            labelled = np.stack([self.labelled.cell_labels[cell], side + 1], axis=1)
+            faces = set_faces(mesh, self.labelled.face_pairs(labelled))
+            total += pressure_forces(mesh, faces, pressures[cell, side], formulation)
+        rho = np.array([one.density for one in materials])[material_of_cell]
+        for load in self.bodies:
+            value = load.value * float(factors[load.follows])
+            share = np.zeros(mesh.cell_count)
+            share[load.cells] = 1.0 if load.kind == "B" else rho[load.cells]
+            light = load.cells[share[load.cells] == 0.0]
+            if light.size:
+                raise InputError(
+                    f"{load.where}: {load.kind} on elements without *DENSITY; got element "
+                    f"{self.labelled.cell_labels[light[0]]}; expected a density in its material"
+                )
+            if load.kind == "CENTRIF":
+                point, axis = load.vectors
+                # the factor of an amplitude may be negative, an angular velocity's square not
+                size = float(np.sqrt(abs(value)))
+                outward = centrifugal(mesh, share, point, axis, size, formulation=formulation)
+                total += np.sign(value) * outward
+            else:
+                acceleration = value * np.array(load.vectors[0])
+                total += body_force(mesh, share, acceleration, formulation=formulation)
+        return total
+
+    def _cells(self, text: str, where: str) -> Int:
+        if not text:
+            return np.arange(self.labelled.mesh.cell_count)
+        return self.labelled.cell_index(self.content.cells_named(text, where))
+
+    def _press(self, labelled: Int, value: float, scale: Scale, step: int, where: str) -> None:
+        try:
+            self.labelled.face_pairs(labelled)
+        except InputError as error:
+            raise InputError(f"{where}: {error}") from None
+        cell, side = self.labelled.cell_index(labelled[:, 0]), labelled[:, 1] - 1
+        again = self.face_step[cell, side] == step
+        _refuse_mixed(again & (self.face_follows[cell, side] != scale.follows), where)
+        kept = np.where(again, self.face_value[cell, side], 0.0)
+        self.face_value[cell, side] = kept + value
+        self.face_step[cell, side] = step
+        self.face_follows[cell, side] = scale.follows
+
+    def _add(
+        self,
+        kind: str,
+        cells: Int,
+        value: float,
+        vectors: tuple[tuple[float, ...], ...],
+        scale: Scale,
+        step: int,
+        where: str,
+    ) -> None:
+        for load in self.bodies:
+            same = load.kind == kind and load.vectors == vectors
+            if same and np.array_equal(load.cells, cells):
+                if load.step == step and load.follows == scale.follows:
+                    load.value += value
+                    return
+                if load.step != step:
+                    load.value, load.step, load.follows = value, step, scale.follows
+                    return
+        self.bodies.append(_BodyLoad(kind, cells, value, vectors, step, scale.follows, where))
+
+
+def _refuse_mixed(mixed: npt.NDArray[np.bool_], where: str) -> None:
+    if mixed.any():
+        raise InputError(
+            f"{where}: two amplitudes for one degree of freedom or face in one step; expected one"
+        )
+
+
+def _vector(fields: Sequence[str], count: int, where: str, what: str) -> Float:
+    if len(fields) != count:
+        raise InputError(f"{where}: got {len(fields)} further numbers; expected {count}: {what}")
+    return np.array([number(text, where) for text in fields])
+
+
+def _length(vector: Float, where: str) -> float:
+    length = float(np.linalg.norm(vector))
+    if not length > 0.0:
+        raise InputError(f"{where}: direction; got {vector.tolist()}; expected one that isn't zero")
+    return length

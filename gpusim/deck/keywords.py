@@ -1,0 +1,161 @@
+"""Which keywords and parameters of an input file are read, ignored or refused."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from gpusim.errors import InputError
+from gpusim.mesh.inp_cards import Card, nearest
+from gpusim.mesh.inp_types import SOLID_TYPES
+
+__all__ = ["FORMULATIONS", "check_keywords", "fail_together"]
+
+# Element type -> formulation of its integration rule, as CalculiX integrates it.
+FORMULATIONS = {
+    "C3D8": "full",
+    "C3D8I": "incompatible",
+    "C3D20": "full",
+    "C3D20R": "reduced",
+    "C3D4": "full",
+    "C3D10": "full",
+    "C3D6": "full",
+    "C3D15": "full",
+}
+
+_REFUSED_ELEMENTS = {
+    "C3D8R": "one integration point with hourglass control; expected C3D8 or C3D8I",
+    "C3D10M": "a modified tetrahedron; expected C3D10",
+    "C3D10T": "a C3D10 with linear temperature; expected C3D10",
+}
+
+# Keyword -> the parameters that are read or have no influence on a static solution.
+_READ: dict[str, frozenset[str]] = {
+    key: frozenset(names.split())
+    for key, names in {
+        "NODE": "NSET SYSTEM",
+        "ELEMENT": "TYPE ELSET",
+        "NSET": "NSET GENERATE ELSET INTERNAL INSTANCE UNSORTED",
+        "ELSET": "ELSET GENERATE INTERNAL INSTANCE UNSORTED",
+        "SURFACE": "NAME TYPE INTERNAL",
+        "PART": "NAME",
+        "ENDPART": "",
+        "ASSEMBLY": "NAME",
+        "ENDASSEMBLY": "",
+        "INSTANCE": "NAME PART",
+        "ENDINSTANCE": "",
+        "MATERIAL": "NAME",
+        "ELASTIC": "TYPE",
+        "DENSITY": "",
+        "EXPANSION": "TYPE ZERO",
+        "ORIENTATION": "NAME SYSTEM DEFINITION",
+        "SOLIDSECTION": "ELSET MATERIAL ORIENTATION CONTROLS",
+        "AMPLITUDE": "NAME TIME DEFINITION VALUE",
+        "TRANSFORM": "NSET TYPE",
+        "EQUATION": "",
+        "TIE": "NAME POSITIONTOLERANCE ADJUST",
+        "INITIALCONDITIONS": "TYPE",
+        "STEP": "NAME INC AMPLITUDE NLGEOM UNSYMM",
+        "STATIC": "SOLVER DIRECT TIMERESET TOTALTIMEATSTART",
+        "ENDSTEP": "",
+        "BOUNDARY": "OP AMPLITUDE TYPE",
+        "CLOAD": "OP AMPLITUDE",
+        "DLOAD": "OP AMPLITUDE",
+        "DSLOAD": "OP AMPLITUDE",
+        "TEMPERATURE": "OP AMPLITUDE",
+    }.items()
+}
+
+# Output requests, and what can't change the displacements of a linear static step.
+_IGNORED = frozenset(
+    """
+    HEADING PREPRINT RESTART OUTPUT NODEFILE NODEPRINT NODEOUTPUT ELFILE ELPRINT ELEMENTOUTPUT
+    ENERGYOUTPUT CONTACTOUTPUT CONTACTFILE CONTACTPRINT FACEPRINT SECTIONPRINT FILEFORMAT
+    FILEOUTPUT MONITOR PRINT TIMEPOINTS CONTROLS CONDUCTIVITY SPECIFICHEAT DAMPING
+    PHYSICALCONSTANTS SURFACEINTERACTION SURFACEBEHAVIOR FRICTION SECTIONCONTROLS
+    """.split()
+)
+
+# Sections of other element types; harmless, for such elements are refused.
+_OTHER_SECTIONS = frozenset(
+    ["MEMBRANE", "MEMBRANESECTION", "SHELLSECTION", "BEAMSECTION", "BEAMGENERALSECTION"]
+)
+
+
+def check_keywords(cards: Sequence[Card]) -> tuple[str, ...]:
+    """What is ignored (``"*EL PRINT"``, …), each once.
+
+    Raises one InputError that lists every keyword, parameter and element type that would change
+    the answer and isn't supported, with file and line.
+    """
+    faults: list[str] = []
+    ignored: dict[str, None] = {}
+    types: dict[str, str] = {}
+    for card in cards:
+        if card.keyword in _IGNORED or card.keyword in _OTHER_SECTIONS:
+            if card.keyword == "RESTART" and "READ" in card.parameters:
+                faults.append(f"{card.where()}: READ isn't supported; expected a complete deck")
+            ignored[card.shown] = None
+        elif card.keyword not in _READ:
+            known = [*_READ, *_IGNORED]
+            faults.append(
+                f"{card.where()}: not supported; expected a deck of linear *STATIC steps on solid "
+                f"elements{nearest(card.keyword, known)}"
+            )
+        else:
+            faults.extend(_parameter_faults(card))
+            if card.keyword == "ELEMENT":
+                faults.extend(_element_faults(card, types))
+    fail_together(faults, cards[0].file)
+    return tuple(ignored)
+
+
+def fail_together(faults: Sequence[str], file: str) -> None:
+    """One InputError for all faults; nothing where there are none."""
+    if len(faults) == 1:
+        raise InputError(faults[0])
+    if faults:
+        raise InputError("\n  ".join([f"{file}: {len(faults)} faults", *faults]))
+
+
+def _parameter_faults(card: Card) -> list[str]:
+    known = _READ[card.keyword]
+    faults = [
+        f"{card.where()}: parameter {name} isn't supported; got "
+        f"{name}{'=' + value if value else ''}; expected "
+        f"{'one of ' + ', '.join(sorted(known)) if known else 'none'}"
+        for name, value in card.parameters.items()
+        if name not in known
+    ]
+    value = card.parameters.get("NLGEOM", "NO")
+    if value.upper() != "NO":
+        faults.append(
+            f"{card.where()}: NLGEOM isn't supported; got geometrically nonlinear; expected a "
+            "linear step"
+        )
+    definition = card.parameters.get("DEFINITION", "")
+    allowed = {"AMPLITUDE": ("TABULAR",), "ORIENTATION": ("COORDINATES",)}.get(card.keyword, ())
+    if definition and definition.upper() not in allowed:
+        faults.append(
+            f"{card.where()}: DEFINITION isn't supported; got {definition}; "
+            f"expected {' or '.join(allowed)}"
+        )
+    return faults
+
+
+def _element_faults(card: Card, types: dict[str, str]) -> list[str]:
+    """``types`` collects our cell type -> element type of the deck, one for each."""
+    written = card.parameters.get("TYPE", "").upper()
+    if written in _REFUSED_ELEMENTS:
+        return [f"{card.where()}: {written} is {_REFUSED_ELEMENTS[written]}"]
+    if written not in FORMULATIONS:
+        return [
+            f"{card.where()}: element type {written or '(none)'} isn't supported; "
+            f"expected one of {', '.join(FORMULATIONS)}"
+        ]
+    first = types.setdefault(SOLID_TYPES[written], written)
+    if first != written:
+        return [
+            f"{card.where()}: {written} beside {first}; got two integration rules for one cell "
+            "type; expected one"
+        ]
+    return []

@@ -1,0 +1,262 @@
+"""Materials, orientations and sections of a deck."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import InputError
+from gpusim.fem import Isotropic, Material
+from gpusim.fem.material import strain_rotation
+from gpusim.mesh.inp import LabelledMesh
+from gpusim.mesh.inp_blocks import InpContent
+from gpusim.mesh.inp_cards import Card
+from gpusim.mesh.inp_values import Names, number
+
+__all__ = ["Anisotropic", "Sections"]
+
+Float = npt.NDArray[np.float64]
+
+# Abaqus orders stress 11 22 33 12 13 23, we xx yy zz xy yz zx.
+_FROM_ABAQUS = np.array([0, 1, 2, 3, 5, 4])
+_EXPECTED = {
+    "ISO": "E, nu",
+    "ORTHO": "D1111, D1122, D2222, D1133, D2233, D3333, D1212, D1313, D2323",
+    "ENGINEERINGCONSTANTS": "E1, E2, E3, nu12, nu13, nu23, G12, G13, G23",
+    "ANISO": "21 constants D1111 … D2323",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Anisotropic:
+    """Linear elasticity given by its stiffness in global axes.
+
+    ``matrix`` (6,6) float64 stress over strain, order xx yy zz xy yz zx, engineering shear
+    strains; ``density`` >= 0; ``expansion`` (6,) free strain per unit of temperature.
+    """
+
+    matrix: Float
+    density: float = 0.0
+    expansion: Float = field(default_factory=lambda: np.zeros(6))
+
+    def stiffness(self) -> Float:
+        return self.matrix
+
+    def expansion_strain(self) -> Float:
+        return self.expansion
+
+
+@dataclass
+class _Material:
+    """What the cards after a *MATERIAL say; ``matrix`` in Abaqus order and material axes."""
+
+    card: Card
+    isotropic: tuple[float, float] | None = None
+    matrix: Float | None = None
+    density: float = 0.0
+    expansion: Float = field(default_factory=lambda: np.zeros(3))
+
+
+class Sections:
+    """Collects material, orientation and section cards; ``resolve`` gives each cell a material."""
+
+    def __init__(self, content: InpContent) -> None:
+        self.content = content
+        self.materials: Names[_Material] = Names("material")
+        self.orientations: Names[Float | None] = Names("orientation")
+        self.sections: list[Card] = []
+        self.current: _Material | None = None
+
+    def readers(self) -> dict[str, Callable[[Card], None]]:
+        """Keyword -> the method that reads its card."""
+        return {
+            "MATERIAL": self._material,
+            "ELASTIC": self._elastic,
+            "DENSITY": self._density,
+            "EXPANSION": self._expansion,
+            "ORIENTATION": self._orientation,
+            "SOLIDSECTION": self.sections.append,
+        }
+
+    def resolve(self, labelled: LabelledMesh) -> tuple[list[Material], npt.NDArray[np.int32]]:
+        """Materials and (M,) the number of each cell's. Raises InputError."""
+        found: dict[tuple[str, str], int] = {}
+        materials: list[Material] = []
+        of_cell = np.full(labelled.mesh.cell_count, -1, dtype=np.int32)
+        for card in self.sections:
+            where = card.where()
+            named = card.parameters.get("MATERIAL", "")
+            turned = card.parameters.get("ORIENTATION", "")
+            key = (named.upper(), turned.upper())
+            if key not in found:
+                material = self.materials.get(named, where)
+                axes = self.orientations.get(turned, where) if turned else np.eye(3)
+                materials.append(_finished(material, named, axes, where))
+                found[key] = len(materials) - 1
+            cells = self.content.cell_sets.get(card.parameters.get("ELSET", ""), where)
+            of_cell[labelled.cell_index(cells)] = found[key]
+        bare = np.flatnonzero(of_cell < 0)
+        if bare.size:
+            raise InputError(
+                f"{self.content.blocks[0].card.file}: {bare.size} elements have no *SOLID SECTION; "
+                f"got element {labelled.cell_labels[bare[0]]}; expected a section for each"
+            )
+        return materials, of_cell
+
+    def _material(self, card: Card) -> None:
+        name = card.parameters.get("NAME", "")
+        if not name:
+            raise InputError(f"{card.where()}: no name; expected NAME=name")
+        self.current = _Material(card)
+        self.materials.set(name, self.current)
+
+    def _own(self, card: Card) -> _Material:
+        if self.current is None:
+            raise InputError(f"{card.where()}: outside of a material; expected *MATERIAL before it")
+        return self.current
+
+    def _elastic(self, card: Card) -> None:
+        material = self._own(card)
+        written = "".join(card.parameters.get("TYPE", "ISO").upper().split())
+        kind = next((name for name in _EXPECTED if written.startswith(name[:5])), "")
+        kind = "ISO" if written.startswith("ISO") else kind
+        if not kind:
+            raise InputError(
+                f"{card.where()}: TYPE={written} isn't supported; expected ISO, ORTHO, "
+                "ENGINEERING CONSTANTS or ANISO"
+            )
+        count = {"ISO": 2, "ANISO": 21}.get(kind, 9)
+        values = _constant(card, count, _EXPECTED[kind])
+        if kind == "ISO":
+            material.isotropic = (float(values[0]), float(values[1]))
+        elif kind == "ORTHO":
+            material.matrix = _symmetric(values[:6], values[6:])
+        elif kind == "ANISO":
+            material.matrix = np.zeros((6, 6))
+            rows, columns = np.tril_indices(6)
+            material.matrix[rows, columns] = values
+            material.matrix[columns, rows] = values
+        else:
+            material.matrix = _from_engineering(values, card.where())
+
+    def _density(self, card: Card) -> None:
+        self._own(card).density = float(_constant(card, 1, "a density")[0])
+
+    def _expansion(self, card: Card) -> None:
+        material = self._own(card)
+        kind = card.parameters.get("TYPE", "ISO").upper()
+        if not kind.startswith(("ISO", "ORTHO")):
+            raise InputError(f"{card.where()}: TYPE={kind} isn't supported; expected ISO or ORTHO")
+        count = 1 if kind.startswith("ISO") else 3
+        material.expansion = np.broadcast_to(_constant(card, count, "coefficients"), (3,))
+
+    def _orientation(self, card: Card) -> None:
+        name = card.parameters.get("NAME", "")
+        system = card.parameters.get("SYSTEM", "RECTANGULAR").upper()
+        if not system.startswith("R"):
+            self.orientations.set(name, None)  # of no account to an isotropic material
+            return
+        rows = [row for _, row in card.rows()]
+        values = [number(text, card.where()) for text in (rows[0] if rows else [])]
+        turned = len(rows) > 1 and number(rows[1][-1], card.where()) != 0.0
+        if len(values) < 6 or turned:
+            raise InputError(
+                f"{card.where()}: got {len(values)} numbers and {len(rows)} lines; expected one "
+                "line with the points a and b"
+            )
+        self.orientations.set(name, _axes(np.array(values[:3]), np.array(values[3:6]), card))
+
+
+def _finished(material: _Material, name: str, axes: Float | None, where: str) -> Material:
+    card = material.card
+    if material.isotropic is not None:
+        E, nu = material.isotropic
+        a = material.expansion
+        if (a == a[0]).all():
+            try:
+                return Isotropic(E, nu, material.density, float(a[0]))
+            except InputError as error:
+                raise InputError(f"{card.where()}: {name}: {error}") from None
+        own = _swapped(Isotropic(E, nu).stiffness())
+    elif material.matrix is None:
+        raise InputError(f"{card.where()}: {name} has no *ELASTIC; expected one after it")
+    else:
+        own = material.matrix
+    if axes is None:
+        raise InputError(
+            f"{where}: {name} isn't isotropic and its orientation isn't rectangular; expected "
+            "SYSTEM=RECTANGULAR"
+        )
+    size = np.sqrt(np.abs(np.diag(own)))
+    if not (size.all() and np.linalg.eigvalsh(own / np.outer(size, size))[0] > 0.0):
+        raise InputError(
+            f"{card.where()}: {name}: the stiffness isn't positive definite; expected constants "
+            "that give energy to every strain"
+        )
+    turn = strain_rotation(axes)
+    strain = np.linalg.solve(turn, np.array([*material.expansion, 0.0, 0.0, 0.0]))
+    return Anisotropic(turn.T @ _swapped(own) @ turn, material.density, strain)
+
+
+def _swapped(matrix: Float) -> Float:
+    """Between Abaqus' order of components and ours; the swap is its own inverse."""
+    return np.asarray(matrix[np.ix_(_FROM_ABAQUS, _FROM_ABAQUS)])
+
+
+def _symmetric(normal: Float, shear: Float) -> Float:
+    """(6,6) from 11 12 22 13 23 33 and the three shear moduli."""
+    matrix = np.diag(np.concatenate([np.zeros(3), shear]))
+    rows, columns = np.tril_indices(3)
+    matrix[rows, columns] = normal
+    matrix[columns, rows] = normal
+    return matrix
+
+
+def _from_engineering(values: Float, where: str) -> Float:
+    E, nu, G = values[:3], values[3:6], values[6:]
+    if not ((E > 0.0).all() and (G > 0.0).all()):
+        raise InputError(f"{where}: a modulus isn't positive; got {values.tolist()}; expected > 0")
+    compliance = np.diag(1.0 / E)
+    for (i, j), one in zip(((0, 1), (0, 2), (1, 2)), nu, strict=True):
+        compliance[i, j] = compliance[j, i] = -one / E[i]
+    matrix = np.diag(np.concatenate([np.zeros(3), G]))
+    matrix[:3, :3] = np.linalg.inv(compliance)
+    return matrix
+
+
+def _axes(a: Float, b: Float, card: Card) -> Float:
+    """Rows: unit vectors of the local axes; x' towards a, b in the x'y' plane."""
+    z = np.cross(a, b)
+    if not np.linalg.norm(z) > 1e-12 * np.linalg.norm(a) * np.linalg.norm(b):
+        raise InputError(
+            f"{card.where()}: points a and b lie on one line; got {a.tolist()}, {b.tolist()}; "
+            "expected two directions"
+        )
+    x, z = a / np.linalg.norm(a), z / np.linalg.norm(z)
+    return np.stack([x, np.cross(z, x), z])
+
+
+def _constant(card: Card, count: int, expected: str) -> Float:
+    """``count`` constants; tables over temperature are refused unless all their rows agree."""
+    values: list[float] = []
+    lines: list[int] = []
+    for line, row in card.rows():
+        where = card.where(line)
+        # eight numbers fit a line, so a row may go on
+        values += [number(text or "0", where) for text in row]
+        lines.append(line)
+    if len(values) < count:
+        raise InputError(f"{card.where()}: got {len(values)} numbers; expected {expected}")
+    width = count + 1
+    rows = [values[k : k + width] for k in range(0, len(values), width)]
+    for k, other in enumerate(rows[1:], start=1):
+        if other[:count] != rows[0][:count]:
+            line = lines[min(k * len(lines) // len(rows), len(lines) - 1)]
+            raise InputError(
+                f"{card.where(line)}: depends on temperature; got {len(rows)} rows; expected one "
+                "row of constants"
+            )
+    return np.array(rows[0][:count])

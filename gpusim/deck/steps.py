@@ -1,0 +1,217 @@
+"""The history of a deck: what each step adds, changes or removes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.deck.amplitudes import Amplitudes, Scale
+from gpusim.deck.constraints import Axes, Constraints
+from gpusim.deck.deck import Step
+from gpusim.deck.forces import Forces
+from gpusim.deck.temperature import temperature_forces
+from gpusim.deck.ties import read_tie
+from gpusim.errors import InputError
+from gpusim.fem import Material
+from gpusim.mesh.inp import LabelledMesh
+from gpusim.mesh.inp_blocks import InpContent
+from gpusim.mesh.inp_cards import Card
+from gpusim.mesh.inp_values import number
+
+__all__ = ["Body", "History"]
+
+Float = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """What a deck's loads act on."""
+
+    content: InpContent
+    labelled: LabelledMesh
+    materials: Sequence[Material]
+    material_of_cell: npt.NDArray[np.int32]
+    formulation: Mapping[str, str]
+
+
+@dataclass(eq=False)
+class _Open:
+    """The step being read; ``seen`` holds the keywords of its loads: OP counts at their first."""
+
+    card: Card
+    period: float = 1.0
+    static: bool = False
+    seen: set[str] = field(default_factory=set)
+
+
+class History:
+    """Reads supports, loads and steps in their order; ``steps`` holds the finished ones.
+
+    A load or support stays in later steps until it is given again, or removed by the first card
+    of its keyword with OP=NEW. Within one step, forces on the same degree of freedom and
+    pressures on the same face add up. Ramps end at their full value.
+    """
+
+    def __init__(self, body: Body, axes: Axes) -> None:
+        self.body = body
+        self.constraints = Constraints(body.content, axes)
+        self.forces = Forces(body.content, body.labelled, axes)
+        nodes = body.labelled.mesh.node_count
+        self.initial = np.zeros(nodes)
+        self.temperature: Float | None = None
+        self.warmth_follows = np.zeros(nodes, dtype=np.int32)
+        self.amplitudes = Amplitudes()
+        self.steps: list[Step] = []
+        self.time = 0.0
+        self.open: _Open | None = None
+
+    def readers(self) -> dict[str, Callable[[Card], None]]:
+        """Keyword -> the method that reads its card."""
+        return {
+            "AMPLITUDE": self.amplitudes.read,
+            "INITIALCONDITIONS": self._initial,
+            "EQUATION": self.constraints.equation,
+            "TIE": self._tie,
+            "BOUNDARY": self._boundary,
+            "STEP": self._step,
+            "STATIC": self._static,
+            "ENDSTEP": self._end,
+            "CLOAD": self._loads(self.forces.nodal, self.forces.clear_nodal),
+            "DLOAD": self._loads(self.forces.distributed, self.forces.clear_distributed),
+            "DSLOAD": self._loads(self.forces.surface, self.forces.clear_distributed),
+            "TEMPERATURE": self._temperature,
+        }
+
+    def _loads(
+        self, read: Callable[[Card, Scale, int], None], clear: Callable[[], None]
+    ) -> Callable[[Card], None]:
+        def reader(card: Card) -> None:
+            self._inside(card)
+            self._renew(card, clear)
+            read(card, self._scale(card), len(self.steps) + 1)
+
+        return reader
+
+    def _inside(self, card: Card) -> _Open:
+        if self.open is None:
+            raise InputError(f"{card.where()}: outside of a step; expected *STEP before it")
+        return self.open
+
+    def _renew(self, card: Card, clear: Callable[[], None]) -> None:
+        """OP=NEW counts at the first card of its keyword in a step."""
+        operation = card.parameters.get("OP", "MOD").upper()
+        if operation not in ("MOD", "NEW"):
+            raise InputError(f"{card.where()}: OP={operation}; expected NEW or MOD")
+        step = self._inside(card)
+        group = "DLOAD" if card.keyword == "DSLOAD" else card.keyword
+        if group not in step.seen and operation == "NEW":
+            clear()
+        step.seen.add(group)
+
+    def _scale(self, card: Card) -> Scale:
+        return self.amplitudes.scale(card, self._inside(card).period)
+
+    def _initial(self, card: Card) -> None:
+        kind = card.parameters.get("TYPE", "").upper()
+        if kind != "TEMPERATURE":
+            raise InputError(
+                f"{card.where()}: TYPE={kind} isn't supported; expected TYPE=TEMPERATURE"
+            )
+        for nodes, value in self._node_values(card):
+            self.initial[nodes] = value
+
+    def _temperature(self, card: Card) -> None:
+        self._inside(card)
+        if self.temperature is None:
+            self.temperature = self.initial.copy()
+        self._renew(card, self._clear_temperature)
+        scale = self._scale(card)
+        for nodes, value in self._node_values(card):
+            self.temperature[nodes] = scale.factor * value
+            self.warmth_follows[nodes] = scale.follows
+
+    def _clear_temperature(self) -> None:
+        assert self.temperature is not None
+        self.temperature[:] = self.initial
+        self.warmth_follows[:] = 0
+
+    def _node_values(self, card: Card) -> list[tuple[npt.NDArray[np.int64], float]]:
+        found = []
+        content = self.body.content
+        for line, row in card.rows():
+            where = card.where(line)
+            if len(row) != 2:
+                raise InputError(
+                    f"{where}: got {', '.join(row)!r}; expected node or node set, temperature"
+                )
+            labels = content.nodes_named(row[0], where)
+            nodes = np.searchsorted(content.node_labels, labels)
+            found.append((nodes, number(row[1], where)))
+        return found
+
+    def _tie(self, card: Card) -> None:
+        self.constraints.ties += read_tie(card, self.body.content, self.body.labelled)
+
+    def _boundary(self, card: Card) -> None:
+        kind = card.parameters.get("TYPE", "DISPLACEMENT").upper()
+        if kind != "DISPLACEMENT":
+            raise InputError(
+                f"{card.where()}: TYPE={kind} isn't supported; expected TYPE=DISPLACEMENT"
+            )
+        if self.open is None:
+            self.constraints.boundary(card, Scale(1.0, 0), in_step=False)
+            return
+        self._renew(card, self.constraints.clear)
+        self.constraints.boundary(card, self._scale(card), in_step=True)
+
+    def _step(self, card: Card) -> None:
+        if self.open is not None:
+            raise InputError(
+                f"{card.where()}: inside of a step; expected *END STEP for the step of line "
+                f"{self.open.card.line}"
+            )
+        self.open = _Open(card)
+
+    def _static(self, card: Card) -> None:
+        step = self._inside(card)
+        step.static = True
+        for line, row in card.rows():
+            if len(row) > 1 and row[1]:
+                step.period = number(row[1], card.where(line))
+            break
+
+    def _end(self, card: Card) -> None:
+        step = self._inside(card)
+        self.open = None
+        if not step.static:
+            raise InputError(f"{step.card.where()}: no procedure; expected *STATIC in the step")
+        self.time += step.period
+        body = self.body
+        factors = self.amplitudes.factors(self.time)
+        fixed, prescribed, equations = self.constraints.assembled(factors)
+        forces = self.forces.total(body.materials, body.material_of_cell, body.formulation, factors)
+        change = None
+        if self.temperature is not None:
+            change = self.temperature * factors[self.warmth_follows] - self.initial
+            forces += temperature_forces(
+                body.labelled.mesh,
+                body.materials,
+                body.material_of_cell,
+                body.formulation,
+                change,
+            )
+        self.steps.append(
+            Step(
+                number=len(self.steps) + 1,
+                name=step.card.parameters.get("NAME", ""),
+                time=self.time,
+                fixed=fixed,
+                prescribed=prescribed,
+                forces=forces,
+                temperature=change,
+                equations=equations,
+            )
+        )

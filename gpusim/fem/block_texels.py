@@ -1,0 +1,189 @@
+"""Distinct block rows as texels, for kernels that take one node per thread.
+
+Rows are padded to whole fours of neighbours with the node itself, whose difference is zero. Per
+node one ``info`` texel: first texel of its neighbours, number of fours, first texel of its blocks.
+``neighbour`` holds four nodes a texel; the blocks of four neighbours are nine texels, block by
+block and column by column. Nodes with equal rows share their blocks.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import bsr_matrix
+
+from gpusim.fem.arena import Allocator
+from gpusim.fem.block_rows import BlockRows, ranges
+from gpusim.fem.row_packs import Packs, find_packs
+from gpusim.gpu.texels import Texels, most_texels
+
+__all__ = ["BlockTexels", "RowPart", "block_texels_bytes", "rows_of_matrix"]
+
+Long = npt.NDArray[np.int64]
+
+# texels of blocks that are put together at a time: large pieces of new memory are slow to touch
+_CHUNK = 1 << 18
+_FOUR = 9
+
+
+@dataclass(frozen=True, eq=False)
+class RowPart:
+    """Nodes ``first`` … ``first`` + ``count`` - 1, whose texels fit one texture each.
+
+    ``neighbour`` is None where the rows are packs (``row_packs``); ``count`` counts those then.
+    """
+
+    first: int
+    count: int
+    info: Texels
+    neighbour: Texels | None
+    high: Texels
+    low: Texels | None
+
+
+class BlockTexels:
+    """The rows of a matrix on the device, divided by ``scale``, in one part or several.
+
+    ``exact`` keeps what float32 leaves of the blocks in a second texture. ``packed`` is whether
+    kernels take four nodes at a time (``row_packs``).
+    """
+
+    def __init__(
+        self, device: Allocator, rows: BlockRows, scale: float, label: str, *, exact: bool
+    ) -> None:
+        self.nodes = rows.node_count
+        packs = find_packs(rows, scale)
+        self.packed = packs is not None
+        if packs is not None:
+            self.parts: tuple[RowPart, ...] = (_upload_packs(device, packs, label, exact),)
+            return
+        self.parts = tuple(
+            _upload(device, rows, first, last, scale, label, exact)
+            for first, last in _ranges(rows, most_texels(device))
+        )
+
+
+def block_texels_bytes(rows: BlockRows, exact: bool) -> int:
+    """Bytes that the texels of these rows take."""
+    fours = -(-rows.degree // 4)
+    blocks = _FOUR * int(-(-np.diff(rows.table_start) // 4).sum())
+    return (
+        Texels.footprint(rows.node_count)
+        + Texels.footprint(int(fours.sum()))
+        + (2 if exact else 1) * Texels.footprint(blocks)
+    )
+
+
+def rows_of_matrix(matrix: bsr_matrix) -> BlockRows:
+    """A matrix with 3x3 blocks as rows that act on differences, every row its own.
+
+    What a row lacks to a sum of zero, -sum_j A_ij, takes the diagonal block's place, with the
+    node behind the last one as neighbour: that one is zero, so the product is that of the matrix.
+    """
+    count = matrix.shape[0] // 3
+    row = np.repeat(np.arange(count), np.diff(matrix.indptr))
+    own = np.flatnonzero(matrix.indices == row)
+    assert (row[own] == np.flatnonzero(np.diff(matrix.indptr))).all(), "a row has no diagonal"
+    table = matrix.data.copy()
+    total = np.asarray(matrix @ np.tile(np.eye(3), (count, 1))).reshape(count, 3, 3)
+    table[own] = -total[row[own]]
+    # K_ij (0 - u_i) with K_ij = -sum is +sum u_i
+    neighbour = matrix.indices.astype(np.int32)
+    neighbour[own] = count
+    start = matrix.indptr.astype(np.int64)
+    diagonal = np.zeros((count, 3, 3))
+    diagonal[row[own]] = matrix.data[own]
+    number = np.arange(count, dtype=np.int32)
+    return BlockRows(start, neighbour, number, table, start, diagonal, 0)
+
+
+def _ranges(rows: BlockRows, most: int) -> list[tuple[int, int]]:
+    """Ranges of nodes whose neighbours and blocks fit a texture each."""
+    fours = -(-rows.degree // 4)
+    shared = _FOUR * int(-(-np.diff(rows.table_start) // 4).sum()) <= most
+    total = np.cumsum(fours if shared else _FOUR * fours)
+    cuts = [0]
+    while cuts[-1] < rows.node_count:
+        before = int(total[cuts[-1] - 1]) if cuts[-1] else 0
+        cuts.append(max(int(np.searchsorted(total, before + most, side="right")), cuts[-1] + 1))
+    return list(zip(cuts[:-1], cuts[1:], strict=True))
+
+
+def _upload_packs(device: Allocator, packs: Packs, label: str, exact: bool) -> RowPart:
+    info = device.texels(len(packs.info), "rgba32uint", f"{label}.info")
+    info.write(packs.info)
+    high = packs.table.astype(np.float32)
+    blocks = device.texels(len(high), "rgba32float", f"{label}.blocks")
+    blocks.write(high)
+    low = None
+    if exact:
+        low = device.texels(len(high), "rgba32float", f"{label}.blocks_low")
+        low.write((packs.table - high).astype(np.float32))
+    return RowPart(0, len(packs.info), info, None, blocks, low)
+
+
+def _upload(
+    device: Allocator,
+    rows: BlockRows,
+    first: int,
+    last: int,
+    scale: float,
+    label: str,
+    exact: bool,
+) -> RowPart:
+    count = last - first
+    degree = rows.degree[first:last]
+    fours = -(-degree // 4)
+    start = np.cumsum(fours) - fours
+    neighbour = np.repeat(np.arange(first, last, dtype=np.uint32), 4 * fours)
+    low, high = int(rows.start[first]), int(rows.start[last])
+    neighbour[ranges(4 * start, degree)] = rows.neighbour[low:high]
+    whole = rows.class_count <= count // 8
+    if whole:
+        used, local = np.arange(rows.class_count), rows.row_class[first:last]
+    else:
+        used, local = np.unique(rows.row_class[first:last], return_inverse=True)
+    class_fours = -(-(rows.table_start[used + 1] - rows.table_start[used]) // 4)
+    class_start = _FOUR * (np.cumsum(class_fours) - class_fours)
+    info = np.zeros((count, 4), dtype=np.uint32)
+    info[:, 0], info[:, 1], info[:, 2] = start, fours, class_start[local]
+    size = _FOUR * int(class_fours.sum())
+    part = RowPart(
+        first,
+        count,
+        device.texels(count, "rgba32uint", f"{label}.info"),
+        device.texels(len(neighbour) // 4, "rgba32uint", f"{label}.neighbour"),
+        device.texels(size, "rgba32float", f"{label}.blocks"),
+        device.texels(size, "rgba32float", f"{label}.blocks_low") if exact else None,
+    )
+    part.info.write(info)
+    part.neighbour.write(neighbour.reshape(-1, 4))
+    _write_blocks(part, rows, used, class_start, scale)
+    return part
+
+
+def _write_blocks(
+    part: RowPart, rows: BlockRows, used: Long, class_start: Long, scale: float
+) -> None:
+    ends = np.append(class_start[1:], part.high.count)
+    first = 0
+    while first < len(used):
+        last = int(np.searchsorted(ends, class_start[first] + _CHUNK, side="right"))
+        last = max(last, first + 1)
+        some = used[first:last]
+        degree = rows.table_start[some + 1] - rows.table_start[some]
+        texels = int(ends[last - 1] - class_start[first])
+        blocks = np.zeros((texels // _FOUR * 4, 3, 3))
+        # four blocks are nine texels
+        at = ranges((class_start[first:last] - class_start[first]) // _FOUR * 4, degree)
+        source = ranges(rows.table_start[some], degree)
+        blocks[at] = rows.table[source].transpose(0, 2, 1)
+        blocks /= scale
+        high = blocks.reshape(-1, 4).astype(np.float32)
+        part.high.write(high, int(class_start[first]))
+        if part.low is not None:
+            low = (blocks.reshape(-1, 4) - high).astype(np.float32)
+            part.low.write(low, int(class_start[first]))
+        first = last

@@ -1,0 +1,106 @@
+"""Which solver a problem gets: the cheapest one by an estimate made before anything is factorised.
+
+The estimates are operations over rates measured on two processor cores; they needn't be sharp,
+because where two of them come close either choice is good.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.fem.assembly import Assembled
+from gpusim.fem.banded import Banded, band_ordering
+from gpusim.fem.chain import Chain, cut_slabs
+
+__all__ = ["Direct", "direct_solver", "host_memory", "multigrid_seconds"]
+
+# operations per second
+_CHAIN_RATE = 1.2e10
+_BAND_RATE = 8.0e9
+_PER_UNKNOWN = 3e-6
+# share of the free memory that factors may take
+_MEMORY = 0.4
+# a band this many times slower than multigrid isn't looked at any closer
+_HOPELESS = 30.0
+# unknowns beyond which it isn't worth looking for a band
+_MOST_BANDED = 2_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class Direct:
+    """A direct solver that could be used: estimated ``seconds``, bytes, what it is, and a function
+    that builds it."""
+
+    seconds: float
+    nbytes: int
+    description: str
+    build: Callable[[], Banded | Chain]
+
+    @property
+    def fits(self) -> bool:
+        """Whether its factors fit the free memory."""
+        return self.nbytes <= _MEMORY * host_memory()
+
+
+def host_memory() -> int:
+    """Free bytes of main memory, or a guess where the system doesn't tell."""
+    try:
+        with open("/proc/meminfo", encoding="ascii") as lines:
+            for line in lines:
+                if line.startswith("MemAvailable:"):
+                    return int(line.split()[1]) * 1024
+    except OSError:
+        pass
+    if hasattr(os, "sysconf") and "SC_AVPHYS_PAGES" in os.sysconf_names:
+        return os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    return 4 << 30
+
+
+def direct_solver(
+    assembled: Assembled,
+    free: npt.NDArray[np.bool_],
+    points: npt.NDArray[np.float64],
+    scale: float,
+) -> Direct | None:
+    """The cheaper of the direct solvers, or None where neither is to be thought of."""
+    unknowns = int(free.sum())
+    found = []
+    lattice = assembled.lattice
+    widest = 0
+    if lattice is not None:
+        group = assembled.groups[0]
+        slabs = cut_slabs(group, lattice, free)
+        if slabs is not None:
+            widest = max(len(one) for one in slabs.planes)
+            found.append(
+                Direct(
+                    slabs.operations / _CHAIN_RATE + _PER_UNKNOWN * unknowns,
+                    slabs.nbytes,
+                    f"congruent sections condensed, {sum(len(r.pairs) for r in slabs.rounds)} "
+                    f"distinct of {len(slabs.kind) - 1} joins",
+                    lambda: Chain(slabs, group, lattice, free, scale),
+                )
+            )
+    # a bandwidth that isn't worth a closer look; that of a lattice is about its widest plane
+    hopeless = np.sqrt(_HOPELESS * multigrid_seconds(unknowns) * _BAND_RATE / max(unknowns, 1))
+    if unknowns <= _MOST_BANDED and widest <= hopeless:
+        ordering = band_ordering(assembled.rows, free, points, float(hopeless))
+        found.append(
+            Direct(
+                ordering.operations / _BAND_RATE + _PER_UNKNOWN * unknowns,
+                ordering.nbytes,
+                f"banded Cholesky, bandwidth {ordering.bandwidth}",
+                lambda: Banded(assembled.rows, ordering, scale),
+            )
+        )
+    return min(found, key=lambda one: one.seconds, default=None)
+
+
+def multigrid_seconds(unknowns: int) -> float:
+    """What multigrid takes for a body of compact shape."""
+    return 0.15 + 2e-5 * unknowns

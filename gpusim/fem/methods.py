@@ -1,0 +1,232 @@
+"""The ways to solve a system, and how one of them is picked."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import partial
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import InputError, NotConverged, OutOfDeviceMemory
+from gpusim.fem.arena import Arena
+from gpusim.fem.assembly import Assembled
+from gpusim.fem.block_rows import BlockRows, block_matrix
+from gpusim.fem.cg import DeviceCG, NumpyCG
+from gpusim.fem.choice import Direct, direct_solver, multigrid_seconds
+from gpusim.fem.diagonal import invert_blocks
+from gpusim.fem.hierarchy import build_hierarchy
+from gpusim.fem.iterate import Norm, Outcome, System, iterate
+from gpusim.fem.model import Model
+from gpusim.fem.preconditioner import BlockJacobi, Multigrid
+from gpusim.fem.product import Product
+from gpusim.fem.refine import refine
+from gpusim.fem.stiffness import DeviceStiffness
+from gpusim.gpu import Device, default_device
+
+__all__ = ["METHODS", "Clock", "Options", "Result", "solve_system"]
+
+Float = npt.NDArray[np.float64]
+
+METHODS = ("auto", "direct", "multigrid", "block_jacobi")
+_MOST_ITERATIONS = {"multigrid": 1000, "block_jacobi": 100_000}
+# where multigrid has failed, a direct solver may take this long (s, estimated)
+_PATIENCE = 600.0
+# share of the tolerance below which a bound of the rounding errors isn't looked at any closer
+_NEGLIGIBLE = 0.02
+
+
+@dataclass
+class Clock:
+    """Seconds since the last mark, per part."""
+
+    timings: dict[str, float] = field(default_factory=dict)
+    last: float = field(default_factory=time.perf_counter)
+
+    def mark(self, name: str) -> None:
+        now = time.perf_counter()
+        self.timings[name] = self.timings.get(name, 0.0) + now - self.last
+        self.last = now
+
+
+@dataclass(frozen=True)
+class Options:
+    """How to iterate."""
+
+    device: Device | None
+    backend: str
+    tolerance: float
+    most: int | None
+    start: Float | None
+    progress: Callable[[int, float], None] | None
+
+
+@dataclass(frozen=True)
+class Result:
+    """An outcome and how it came about."""
+
+    outcome: Outcome
+    method: str
+    backend: str
+    real: str
+
+
+def solve_system(
+    method: str,
+    model: Model,
+    assembled: Assembled,
+    system: System,
+    options: Options,
+    clock: Clock,
+) -> Result:
+    direct = None
+    if method in ("auto", "direct"):
+        direct = direct_solver(assembled, system.free, model.mesh.points, system.scale)
+        if method == "direct" and (direct is None or not direct.fits):
+            raise InputError(
+                "solve: method 'direct'; got a body whose factors "
+                + ("can't be ordered" if direct is None else f"need {direct.nbytes / 1e9:.1f} GB")
+                + "; expected one that fits the free memory, or method 'multigrid'"
+            )
+        clock.mark("choice")
+        cheaper = direct is not None and direct.seconds <= multigrid_seconds(int(system.free.sum()))
+        if direct is not None and (method == "direct" or (cheaper and direct.fits)):
+            return _factorised(direct, system, options, clock, "")
+    kind = "multigrid" if method == "auto" else method
+    try:
+        result = _iterated(kind, model, assembled, system, options, clock)
+        reason = result.outcome.message
+        if result.outcome.converged:
+            return result
+    except NotConverged as error:
+        if direct is None or not (direct.fits and direct.seconds <= _PATIENCE):
+            raise
+        reason = str(error)
+    if direct is not None and direct.fits and direct.seconds <= _PATIENCE:
+        return _factorised(direct, system, options, clock, f"; multigrid had failed: {reason}")
+    return result
+
+
+def _factorised(
+    direct: Direct, system: System, options: Options, clock: Clock, note: str
+) -> Result:
+    factor = direct.build()
+    clock.mark("factorisation")
+    outcome = refine(system, factor, tolerance=options.tolerance, progress=options.progress)
+    clock.mark("iterations")
+    message = f"{outcome.message} ({direct.description}{note})"
+    return Result(replace(outcome, message=message), "direct", "numpy", "f64")
+
+
+def _iterated(
+    kind: str, model: Model, assembled: Assembled, system: System, options: Options, clock: Clock
+) -> Result:
+    if options.backend == "gpu":
+        # the operator and the vectors at least; what multigrid adds is known once it is set up
+        device = options.device if options.device is not None else default_device()
+        _ask(device, assembled.rows.nbytes + 5 * 8 * system.right.size, system)
+    chosen, norm, product = _preconditioner(kind, model, assembled, system)
+    clock.mark("preconditioner")
+    most = options.most if options.most is not None else _MOST_ITERATIONS[kind]
+    on_device = options.backend == "gpu"
+    run = partial(
+        iterate,
+        norm=norm,
+        start=options.start,
+        tolerance=options.tolerance,
+        most=most,
+        chunk=1 if kind == "multigrid" else 100,
+        progress=options.progress,
+    )
+    if not on_device:
+        outcome = _blurred(run(system, NumpyCG(product, chosen)), system, chosen, options)
+        clock.mark("iterations")
+        return Result(outcome, kind, "numpy", "f64")
+    with Arena(device) as arena:
+        cases = len(system.right)
+        _ask(device, _memory(assembled.rows, cases, chosen), system)
+        operator = DeviceStiffness(arena, assembled.rows, system.scale, cases)
+        ready = chosen.upload(arena, operator, cases)
+        loop = DeviceCG(arena, operator, ready, cases)
+        clock.mark("upload")
+        outcome = _blurred(run(system, loop), system, chosen, options)
+        clock.mark("iterations")
+        return Result(outcome, kind, "gpu", arena.real)
+
+
+def _ask(device: Device, nbytes: int, system: System) -> None:
+    """Refuse what the device can't hold, and say what it could."""
+    try:
+        device.require_memory(nbytes, "solve")
+    except OutOfDeviceMemory as error:
+        left = (device.memory_limit or 0) - device.allocated
+        fitting = max(0, int(system.free.sum() * (left / nbytes)))
+        raise OutOfDeviceMemory(
+            f"{error}; expected at most about {fitting} unknowns of this kind (the model has "
+            f"{int(system.free.sum())}), fewer load cases at once, or backend 'numpy'"
+        ) from None
+
+
+def _blurred(
+    outcome: Outcome, system: System, chosen: BlockJacobi | Multigrid, options: Options
+) -> Outcome:
+    """The outcome, with what the rounding of the stiffness leaves open added to the estimate.
+
+    The preconditioner stands in for the inverse; it is within a factor of two for the soft
+    motions that matter here. Block Jacobi isn't, and says nothing.
+    """
+    if not isinstance(chosen, Multigrid):
+        return outcome
+    # |K| u is at most twice the greatest sum of a row: far too much for a body of good proportions
+    worst = np.finfo(np.float64).eps * system.row_sum / chosen.hierarchy.lowest
+    if worst <= _NEGLIGIBLE * options.tolerance:
+        return outcome
+    u = outcome.u * (system.scale / system.load_scale)[:, None, None]
+    forces = np.where(system.free, system.rounding(u), 0.0)
+    error = chosen.apply(forces.reshape(len(u), -1))
+    size = np.sqrt(np.einsum("lni,lni->l", u, u))
+    blur = np.sqrt(np.einsum("ln,ln->l", error, error)) / np.where(size > 0.0, size, 1e-300)
+    estimate = outcome.error_estimate + float(blur.max())
+    message = outcome.message
+    if outcome.converged and not estimate <= options.tolerance:
+        message = (
+            "the rounding of the stiffness in float64 leaves an estimated relative error of "
+            f"{estimate:.2g}"
+        )
+    good = outcome.converged and bool(estimate <= options.tolerance)
+    return replace(outcome, converged=good, error_estimate=estimate, message=message)
+
+
+def _preconditioner(
+    name: str, model: Model, assembled: Assembled, system: System
+) -> tuple[BlockJacobi | Multigrid, Norm, Product]:
+    """Preconditioner, norm of the stopping rule, and the NumPy loop's product with K'.
+
+    Inside the loop NumPy multiplies by the assembled matrix, which is several times faster than
+    differences; the refinement's residual still comes from differences.
+    """
+    rows = assembled.rows
+    matrix = block_matrix(rows, system.scale)
+    if name == "block_jacobi":
+        diagonal = rows.diagonal[rows.row_class] / system.scale
+        inverse = invert_blocks(diagonal, system.free)
+        return BlockJacobi(inverse), Norm(diagonal, None), Product(matrix)
+    hierarchy = build_hierarchy(
+        matrix, assembled.groups, assembled.lattice, system.free, model.mesh.points, system.scale
+    )
+    multigrid = Multigrid(hierarchy)
+    return multigrid, Norm(None, hierarchy.lowest), multigrid.product
+
+
+def _memory(rows: BlockRows, cases: int, chosen: BlockJacobi | Multigrid) -> int:
+    """Bytes of the buffers to come: vectors, operator, preconditioner."""
+    nodes = rows.node_count
+    total = 5 * cases * nodes * 24 + rows.nbytes
+    if isinstance(chosen, BlockJacobi):
+        return total + chosen.inverse.nbytes + 2 * cases * nodes * 24
+    for level in chosen.hierarchy.levels:
+        total += level.inverse.nbytes + 12 * level.product.matrix.nnz
+        total += 4 * 8 * cases * level.transfer.shape[0]
+    return total + 12 * chosen.hierarchy.coarse_inverse.size

@@ -1,0 +1,89 @@
+"""Iterative refinement around a direct solver, and the error that it shows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import NotConverged
+from gpusim.fem.banded import Banded
+from gpusim.fem.chain import Chain
+from gpusim.fem.iterate import Outcome, System
+
+__all__ = ["refine"]
+
+Float = npt.NDArray[np.float64]
+
+_MOST = 20
+# a correction that is not at least this much smaller than the one before has met rounding
+_CONTRACTION = 0.5
+
+
+def refine(
+    system: System,
+    factor: Banded | Chain,
+    *,
+    tolerance: float,
+    progress: Callable[[int, float], None] | None,
+) -> Outcome:
+    """Corrections x += K^-1 (f - K x) with the float64 residual in differences.
+
+    The size of a correction is the error of the solution before it, as long as corrections
+    shrink; the estimate is the last correction's greatest displacement over the solution's, plus
+    what the rounding of K leaves open (``gpusim.fem.rounding``). One correction at least is
+    always made, so the estimate rests on a measured residual.
+    """
+    right = system.right
+    cases = len(right)
+    given = system.prescribed * (system.scale / system.load_scale)[:, None, None]
+    x = factor.apply(right.reshape(cases, -1)).reshape(right.shape)
+    before = np.abs(x).max(axis=(1, 2))
+    history = [np.ones(cases)]
+    estimate = blur = np.full(cases, np.inf)
+    message = f"stopped after {_MOST} refinements"
+    for number in range(_MOST):
+        _refuse(x)
+        residual = np.where(system.free, right - system.apply(x), 0.0).reshape(cases, -1)
+        if number:
+            correction = factor.apply(residual)
+        else:
+            forces = np.where(system.free, system.rounding(x + given), 0.0).reshape(cases, -1)
+            correction, error = np.split(factor.apply(np.concatenate([residual, forces])), 2)
+            blur = np.abs(error).max(axis=1)
+        correction = correction.reshape(right.shape)
+        x = x + correction
+        _refuse(x)
+        size = np.abs(x + given).max(axis=(1, 2))
+        size = np.where(size > 0.0, size, 1e-300)
+        change = np.abs(correction).max(axis=(1, 2))
+        history.append(change / np.where(before > 0.0, before, 1.0) * history[-1])
+        estimate = (change + blur) / size
+        if progress is not None:
+            progress(number + 1, float(estimate.max()))
+        if bool((estimate <= tolerance).all()):
+            message = "converged"
+            break
+        if not bool((change <= np.maximum(_CONTRACTION * before, blur)).all()):
+            message = f"stagnated at an estimated relative error of {estimate.max():.2g}"
+            break
+        if bool((change <= blur).all()):
+            message = (
+                f"the rounding of the stiffness in float64 leaves an estimated relative error of "
+                f"{estimate.max():.2g}"
+            )
+            break
+        before = change
+    factor_of = (system.scale / system.load_scale)[:, None, None]
+    u = np.where(system.free, x / factor_of, system.prescribed)
+    good = bool((estimate <= tolerance).all())
+    return Outcome(u, good, float(estimate.max()), len(history), np.stack(history), message)
+
+
+def _refuse(x: Float) -> None:
+    if not np.isfinite(x).all():
+        raise NotConverged(
+            "direct solver: got values that aren't finite; expected finite displacements "
+            "(is the stiffness of some material or the size of some element extreme?)"
+        )

@@ -1,0 +1,323 @@
+"""Stress recovery: at quadrature points, averaged at nodes, and how far the two disagree."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property, partial
+from types import MappingProxyType
+
+import numpy as np
+import numpy.typing as npt
+from threadpoolctl import threadpool_limits
+
+from gpusim.errors import InputError
+from gpusim.fem.element import ELEMENTS, Rule
+from gpusim.fem.formulation import resolve_formulation
+from gpusim.fem.isoparametric import add_to, volumes
+from gpusim.fem.model import Model
+from gpusim.fem.product import pool
+from gpusim.fem.strain import point_stress
+from gpusim.fem.thermal import linear_temperature, point_temperature
+from gpusim.mesh import CELL_TYPES
+from gpusim.mesh.shapes import reference_nodes, shape_functions
+
+__all__ = ["Stress", "principal", "stress", "von_mises"]
+
+Float = npt.NDArray[np.float64]
+Long = npt.NDArray[np.int64]
+
+_CHUNK = 4096
+# up to here a table over all keys is faster than sorting them
+_MOST_KEYS = 1 << 27
+
+
+@dataclass(frozen=True, eq=False)
+class Stress:
+    """Stress of a solution, order xx yy zz xy yz zx, in global axes and the model's units.
+
+    Nodal values are extrapolated from the quadrature points of each cell (least squares with the
+    shape functions of the cell's corners; midside nodes take the mean of their corners) and
+    averaged, with equal weights, over the cells *of one material* at the node: stress may jump
+    where the material changes. So nodes on such a border have one value per material.
+
+    points : cell type -> (M,Q,6) at the quadrature points of the formulation.
+    node_of, material_of, values : (P,), (P,), (P,6) the averages: node, material, stress.
+    strains : (P,6) total strain that belongs to ``values``, engineering shear.
+    nodal : (N,6), where materials meet the value with the greatest von Mises stress; 0 at nodes of
+        no cell.
+    cell : (M,6) volume mean of each cell, cells in the mesh's order.
+    volume, energy : (M,) of each cell; energy is that of the stress, s.C^-1.s/2.
+    error : (M,) energy norm of the difference between the averaged and the cell's own stress,
+        the indicator of Zienkiewicz & Zhu, IJNME 24 (1987) 337: sqrt of the integral of
+        (s* - s).C^-1.(s* - s).
+    """
+
+    points: Mapping[str, Float]
+    node_of: Long
+    material_of: Long
+    values: Float
+    strains: Float
+    nodal: Float
+    cell: Float
+    volume: Float
+    energy: Float
+    error: Float
+
+    @cached_property
+    def von_mises(self) -> Float:
+        """(N,) of ``nodal``."""
+        return von_mises(self.nodal)
+
+    @cached_property
+    def principal(self) -> Float:
+        """(N,3) principal stresses of ``nodal``, greatest first."""
+        return principal(self.nodal)
+
+    @cached_property
+    def cell_von_mises(self) -> Float:
+        """(M,) of ``cell``."""
+        return von_mises(self.cell)
+
+    @property
+    def error_relative(self) -> float:
+        """Estimated relative error in the energy norm, |e| / sqrt(|u|^2 + |e|^2); 0 unloaded."""
+        error = float((self.error**2).sum())
+        total = 2.0 * float(self.energy.sum()) + error
+        return float(np.sqrt(error / total)) if total > 0.0 else 0.0
+
+    @property
+    def error_share(self) -> Float:
+        """(M,) each cell's part of ``error_relative``; the squares add up to its square."""
+        total = 2.0 * float(self.energy.sum()) + float((self.error**2).sum())
+        return self.error / np.sqrt(total) if total > 0.0 else np.zeros_like(self.error)
+
+    def of_material(self, number: int) -> Float:
+        """(N,6) averages over the cells of one material, NaN at nodes that it doesn't reach."""
+        result = np.full_like(self.nodal, np.nan)
+        mine = self.material_of == number
+        result[self.node_of[mine]] = self.values[mine]
+        return result
+
+
+def von_mises(stress: npt.ArrayLike) -> Float:
+    """(…) von Mises equivalent of stress (…,6), order xx yy zz xy yz zx."""
+    s = _stress(stress)
+    x, y, z = s[..., 0], s[..., 1], s[..., 2]
+    normal = (x - y) ** 2 + (y - z) ** 2 + (z - x) ** 2
+    return np.asarray(np.sqrt(0.5 * normal + 3.0 * (s[..., 3:] ** 2).sum(axis=-1)))
+
+
+def principal(stress: npt.ArrayLike) -> Float:
+    """(…,3) principal values of stress (…,6), greatest first."""
+    s = _stress(stress)
+    tensor = s[..., [[0, 3, 5], [3, 1, 4], [5, 4, 2]]]
+    return np.ascontiguousarray(np.linalg.eigvalsh(tensor)[..., ::-1])
+
+
+def stress(
+    model: Model,
+    u: npt.ArrayLike,
+    formulation: str | Mapping[str, str] | None = None,
+    *,
+    temperature: npt.ArrayLike | None = None,
+) -> Stress:
+    """Stress of the displacements ``u`` (N,3) of a model.
+
+    Parameters
+    ----------
+    formulation : the one that u was solved with, as for `solve`; internal modes of incompatible
+        elements are recovered, so a bent beam has its exact stress.
+    temperature : (N,) or scalar temperature change, the one of ``thermal``: its free strain causes
+        no stress. None: none.
+
+    Raises InputError for several load cases at once (take one), or wrong shapes.
+    """
+    if not isinstance(model, Model):
+        raise InputError(f"stress: model; got {type(model).__name__}; expected a Model")
+    shape = model.mesh.points.shape
+    try:
+        field = np.asarray(u, dtype=np.float64)
+    except (TypeError, ValueError):
+        field = np.full(1, np.nan)
+    if field.shape != shape or not np.isfinite(field).all():
+        raise InputError(
+            f"stress: u; got shape {field.shape}; expected {shape} finite numbers, "
+            "the displacements of one load case"
+        )
+    change = None if temperature is None else linear_temperature("stress", model.mesh, temperature)
+    # the work is shared out above BLAS
+    with threadpool_limits(1, user_api="blas"):
+        return _Recovery(model, field, resolve_formulation(model, formulation), change).run()
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """Some cells of one type, with what is needed of them."""
+
+    kind: str
+    cells: slice  # in the block
+    numbers: slice  # global
+    block: npt.NDArray[np.int32]
+
+
+class _Recovery:
+    def __init__(
+        self, model: Model, u: Float, formulation: Mapping[str, str], change: Float | None
+    ) -> None:
+        self.model, self.u, self.formulation, self.change = model, u, formulation, change
+        assert model.material_of_cell is not None
+        self.material = model.material_of_cell
+        self.moduli = np.stack([one.stiffness() for one in model.materials])
+        self.compliance = np.asarray(np.linalg.inv(self.moduli), dtype=np.float64)
+        self.expansion = np.stack([one.expansion_strain() for one in model.materials])
+        # (M,k) node times number of materials, plus material; then the place among these keys
+        self.pairs = {
+            kind: block.astype(np.int64) * len(self.moduli)
+            + self.material[first : first + len(block), None]
+            for kind, first, block in model.mesh.blocks()
+        }
+        cells = model.mesh.cell_count
+        self.points = {
+            kind: np.empty((len(block), len(ELEMENTS[kind].rule(formulation[kind]).weight), 6))
+            for kind, block in model.mesh.cells.items()
+        }
+        self.cell = np.zeros((cells, 6))
+        self.volume, self.energy = np.zeros(cells), np.zeros(cells)
+        keys = _number(list(self.pairs.values()), model.mesh.node_count * len(self.moduli))
+        self.node_of, self.material_of = np.divmod(keys, len(self.moduli))
+
+    def run(self) -> Stress:
+        count = np.zeros((len(self.node_of), 1))
+        total = np.zeros((len(self.node_of), 6))
+        # parts are worked on side by side, but added up in order: the same bits in every run
+        for part, at_nodes in zip(
+            self._parts(), pool().map(self._recover, self._parts()), strict=True
+        ):
+            pair = self.pairs[part.kind][part.cells]
+            add_to(total, pair, at_nodes)
+            add_to(count, pair, np.ones((*pair.shape, 1)))
+        total /= count
+        error = np.concatenate(list(pool().map(partial(self._error, total), self._parts())))
+        for array in self.points.values():
+            array.setflags(write=False)
+        return Stress(
+            points=MappingProxyType(self.points),
+            node_of=self.node_of,
+            material_of=self.material_of,
+            values=total,
+            strains=self._strains(total),
+            nodal=self._nodal(total),
+            cell=self.cell,
+            volume=self.volume,
+            energy=self.energy,
+            error=error,
+        )
+
+    def _parts(self) -> Iterator[_Part]:
+        for kind, first, block in self.model.mesh.blocks():
+            for start in range(0, len(block), _CHUNK):
+                end = min(start + _CHUNK, len(block))
+                yield _Part(kind, slice(start, end), slice(first + start, first + end),
+                            block[start:end])  # fmt: skip
+
+    def _of_cells(self, table: Float, part: _Part) -> Float:
+        """Rows of a table by material: one row if all cells have the same, else (M,…)."""
+        own = self.material[part.numbers]
+        return np.asarray(table[own[0]] if (own == own[0]).all() else table[own])
+
+    def _recover(self, part: _Part) -> Float:
+        """Everything of some cells; returns their stress at the nodes (M,k,6)."""
+        values, weight = self._points(part)
+        self.points[part.kind][part.cells] = values
+        self.volume[part.numbers] = weight.sum(axis=1)
+        mean = (values * weight[..., None]).sum(axis=1) / weight.sum(axis=1)[:, None]
+        self.cell[part.numbers] = mean
+        self.energy[part.numbers] = 0.5 * self._energy(part, values, weight)
+        rule = ELEMENTS[part.kind].rule(self.formulation[part.kind])
+        return np.asarray(
+            np.matmul(_to_points(part.kind, rule, reference_nodes(part.kind)), values)
+        )
+
+    def _points(self, part: _Part) -> tuple[Float, Float]:
+        free = None
+        if self.change is not None:
+            rule = ELEMENTS[part.kind].rule(self.formulation[part.kind])
+            warm = point_temperature(part.kind, rule, self.change[part.block])
+            expansion = self._of_cells(self.expansion, part)
+            free = warm[..., None] * (expansion if expansion.ndim == 1 else expansion[:, None])
+        return point_stress(
+            part.kind, self.formulation[part.kind], self.model.mesh.points[part.block],
+            self.u[part.block], self._of_cells(self.moduli, part), free,
+        )  # fmt: skip
+
+    def _energy(self, part: _Part, values: Float, weight: Float) -> Float:
+        """(M,) integral of s.C^-1.s."""
+        strain = np.matmul(values, self._of_cells(self.compliance, part))
+        return np.asarray(((strain * values).sum(axis=2) * weight).sum(axis=1))
+
+    def _strains(self, values: Float) -> Float:
+        strain = np.empty_like(values)
+        for number, compliance in enumerate(self.compliance):
+            mine = self.material_of == number
+            strain[mine] = values[mine] @ compliance
+            if self.change is not None:
+                warm = self.change[self.node_of[mine], None]
+                strain[mine] += warm * self.expansion[number]
+        return strain
+
+    def _nodal(self, values: Float) -> Float:
+        """Of each node's values the one with the greatest von Mises stress."""
+        nodal = np.zeros((self.model.mesh.node_count, 6))
+        order = np.argsort(von_mises(values), kind="stable")
+        # the last one written is the greatest
+        nodal[self.node_of[order]] = values[order]
+        return nodal
+
+    def _error(self, averages: Float, part: _Part) -> Float:
+        element = ELEMENTS[part.kind]
+        own = element.rule(self.formulation[part.kind])
+        # finer than the stiffness rule where that one sees too little (one point in tet4)
+        rule = element.mass if len(element.mass.weight) > len(own.weight) else own
+        values = self.points[part.kind][part.cells]
+        if rule is not own:
+            values = np.matmul(_to_points(part.kind, own, rule.points), values)
+        smooth = np.matmul(rule.shape, averages[self.pairs[part.kind][part.cells]])
+        weight = volumes(self.model.mesh.points[part.block], rule)
+        return np.asarray(np.sqrt(np.maximum(self._energy(part, smooth - values, weight), 0.0)))
+
+
+def _number(arrays: list[Long], limit: int) -> Long:
+    """The distinct keys below ``limit``, ascending; each array gets its keys' places among them."""
+    if limit <= _MOST_KEYS:
+        present = np.zeros(limit, dtype=bool)
+        for array in arrays:
+            present[array] = True
+        place = np.cumsum(present) - 1
+        for array in arrays:
+            array[:] = place[array]
+        return np.flatnonzero(present)
+    keys = np.unique(np.concatenate([array.ravel() for array in arrays]))
+    for array in arrays:
+        array[:] = np.searchsorted(keys, array)
+    return keys
+
+
+def _to_points(kind: str, rule: Rule, places: Float) -> Float:
+    """(P,Q): from values at a rule's points to ``places`` (P,3) of the reference cell.
+
+    The least-squares fit by the shape functions of the corners; of minimum norm where the rule has
+    fewer points than the cell has corners.
+    """
+    linear = CELL_TYPES[kind].linear
+    fit = np.linalg.pinv(shape_functions(linear, rule.points), rcond=1e-10)
+    return np.asarray(shape_functions(linear, places) @ fit)
+
+
+def _stress(value: npt.ArrayLike) -> Float:
+    array = np.asarray(value, dtype=np.float64)
+    if array.ndim == 0 or array.shape[-1] != 6:
+        raise InputError(
+            f"stress: got shape {array.shape}; expected (…,6), order xx yy zz xy yz zx"
+        )
+    return array

@@ -1,0 +1,49 @@
+"""The scaled system of a model."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.fem.block_rows import BlockRows
+from gpusim.fem.iterate import System
+from gpusim.fem.model import Model
+from gpusim.fem.rounding import rounding_forces
+from gpusim.fem.stiffness import apply_stiffness
+
+__all__ = ["make_system"]
+
+Float = npt.NDArray[np.float64]
+
+
+def make_system(model: Model, rows: BlockRows) -> System:
+    """Free unknowns, right-hand sides with what prescribed displacements pull, and the scales."""
+    assert model.fixed is not None
+    free = ~model.fixed
+    free[model.mesh.dangling_nodes] = False
+    # a power of two: the scaled problem has the same digits, and fits the range of float32
+    largest = float(np.abs(rows.diagonal).max())
+    scale = float(2.0 ** np.round(np.log2(largest)))
+    prescribed = model.prescribed_cases
+    pull = apply_stiffness(rows, prescribed) if prescribed.any() else None
+    right = np.where(free, model.load_cases - (0.0 if pull is None else pull), 0.0)
+    size = np.abs(right).max(axis=(1, 2))
+    load_scale: Float = np.exp2(np.round(np.log2(np.where(size > 0.0, size, 1.0))))
+    return System(
+        apply=lambda u: apply_stiffness(rows, u) / scale,
+        rounding=lambda u: rounding_forces(rows, u) / scale,
+        row_sum=_row_sum(rows) / scale,
+        right=right / load_scale[:, None, None],
+        free=free,
+        scale=scale,
+        load_scale=load_scale,
+        prescribed=prescribed,
+        pull=pull,
+    )
+
+
+def _row_sum(rows: BlockRows) -> float:
+    """Greatest sum of absolute values in a row of K without its diagonal block."""
+    size = np.abs(rows.table).sum(axis=2)
+    filled = np.flatnonzero(np.diff(rows.table_start))
+    return float(np.add.reduceat(size, rows.table_start[filled]).max()) if filled.size else 0.0

@@ -1,0 +1,70 @@
+"""Interpolation between levels, host side."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import bsr_matrix, csr_matrix, diags, kron
+
+__all__ = ["MatrixTransfer", "NodeTransfer", "Transfer"]
+
+Float = npt.NDArray[np.float64]
+Bool = npt.NDArray[np.bool_]
+
+
+class NodeTransfer:
+    """Nodal weights (N,K), the same for x, y and z; fixed unknowns (N,3), (K,3) are left out."""
+
+    def __init__(self, weights: csr_matrix, free: Bool, coarse_free: Bool) -> None:
+        self.weights, self.free, self.coarse_free = weights, free, coarse_free
+        self._back = weights.T.tocsr()
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        return 3 * int(self.weights.shape[0]), 3 * int(self.weights.shape[1])
+
+    def interpolate(self, x: Float) -> Float:
+        """(L,3K) -> (L,3N)."""
+        nodes = np.where(self.coarse_free, x.reshape(len(x), -1, 3), 0.0)
+        moved = np.stack([np.where(self.free, self.weights @ one, 0.0) for one in nodes])
+        return moved.reshape(len(x), -1)
+
+    def restrict(self, r: Float) -> Float:
+        """The transpose, (L,3N) -> (L,3K)."""
+        nodes = np.where(self.free, r.reshape(len(r), -1, 3), 0.0)
+        moved = np.stack([np.where(self.coarse_free, self._back @ one, 0.0) for one in nodes])
+        return moved.reshape(len(r), -1)
+
+    def matrix(self) -> csr_matrix:
+        """(3N,3K), with the zeros of fixed unknowns stored where whole blocks aren't."""
+        spread = kron(self.weights, np.eye(3), format="csr")
+        left = diags(self.free.ravel().astype(np.float64))
+        right = diags(self.coarse_free.ravel().astype(np.float64))
+        return csr_matrix(left @ spread @ right)
+
+
+class MatrixTransfer:
+    """A prolongator with blocks of its own."""
+
+    def __init__(self, prolongation: bsr_matrix) -> None:
+        self._prolongation = csr_matrix(prolongation)
+        self._restriction = self._prolongation.T.tocsr()
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        return int(self._prolongation.shape[0]), int(self._prolongation.shape[1])
+
+    def interpolate(self, x: Float) -> Float:
+        """(L,coarse) -> (L,fine)."""
+        return np.stack([self._prolongation @ one for one in x])
+
+    def restrict(self, r: Float) -> Float:
+        """The transpose."""
+        return np.stack([self._restriction @ one for one in r])
+
+    def matrix(self) -> csr_matrix:
+        """(fine, coarse)."""
+        return self._prolongation
+
+
+Transfer = NodeTransfer | MatrixTransfer

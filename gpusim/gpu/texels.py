@@ -1,0 +1,126 @@
+"""Long arrays as textures: texel i lies at (i % 4096, i / 4096).
+
+Where lanes read addresses of their own, software drivers fetch a texel of four numbers about as
+fast as one number of a storage buffer, and real devices read it through a cache.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+import wgpu
+
+from gpusim.errors import InputError, OutOfDeviceMemory
+
+if TYPE_CHECKING:
+    from gpusim.gpu.device import Device
+
+__all__ = ["TEXEL_WIDTH", "Texels", "most_texels"]
+
+TEXEL_WIDTH = 4096
+_BYTES = 16
+_FORMATS = {"rgba32float": np.dtype(np.float32), "rgba32uint": np.dtype(np.uint32)}
+
+
+def most_texels(device: Any) -> int:
+    """Texels that one texture holds on a device."""
+    height = int(device.limits["max-texture-dimension-2d"])
+    # the height is never a power of two (see Texels)
+    return TEXEL_WIDTH * (height - 1)
+
+
+class Texels:
+    """``count`` texels of four float32 or uint32, zero at first.
+
+    The height is kept from being a power of two: Mesa compiles a kernel anew for textures whose
+    sides are powers of two, and the width alone always is.
+    """
+
+    def __init__(self, device: Device, count: int, fmt: str, label: str) -> None:
+        if fmt not in _FORMATS:
+            raise InputError(f"texels {label}; got {fmt!r}; expected one of {sorted(_FORMATS)}")
+        if not 0 <= count <= most_texels(device):
+            raise OutOfDeviceMemory(
+                f"texels {label}; got {count}; expected at most {most_texels(device)} in a texture"
+            )
+        self.device, self.count, self.format, self.label = device, int(count), fmt, label
+        self.dtype = _FORMATS[fmt]
+        self.nbytes = self.footprint(count)
+        height = self.nbytes // (_BYTES * TEXEL_WIDTH)
+        usage = wgpu.TextureUsage
+        device.require_memory(self.nbytes, f"texels {label}")
+        with device.guard(f"texels {label} ({TEXEL_WIDTH}x{height} {fmt})"):
+            self.gpu: Any = device.gpu.create_texture(
+                label=f"gpusim.{label}",
+                size=(TEXEL_WIDTH, height, 1),
+                format=fmt,
+                usage=usage.TEXTURE_BINDING
+                | usage.STORAGE_BINDING
+                | usage.COPY_SRC
+                | usage.COPY_DST,
+            )
+            self.view = self.gpu.create_view()
+        device.account(self.gpu, self.nbytes)
+
+    @staticmethod
+    def footprint(count: int) -> int:
+        """Bytes that ``count`` texels take, whole rows."""
+        height = max(3, -(-int(count) // TEXEL_WIDTH))
+        if height & (height - 1) == 0:
+            height += 1
+        return _BYTES * TEXEL_WIDTH * height
+
+    def write(self, array: npt.NDArray[Any], first: int = 0) -> None:
+        """Copy (n,4) numbers of the texels' type into texels ``first`` … ``first`` + n - 1."""
+        data = np.ascontiguousarray(array)
+        if data.dtype != self.dtype or data.ndim != 2 or data.shape[1] != 4:
+            raise InputError(
+                f"writing {self.label}; got {data.dtype} of shape {data.shape}; "
+                f"expected {self.dtype} of shape (n, 4)"
+            )
+        if first < 0 or first + len(data) > self.count:
+            raise InputError(
+                f"writing {self.label}; got {len(data)} texels at {first}; expected at most "
+                f"{self.count}"
+            )
+        self.live("writing")
+        done = 0
+        with self.device.guard(f"writing {self.label}"):
+            while done < len(data):
+                row, column = divmod(first + done, TEXEL_WIDTH)
+                left = len(data) - done
+                rows = left // TEXEL_WIDTH if column == 0 else 0
+                size = rows * TEXEL_WIDTH or min(left, TEXEL_WIDTH - column)
+                self.device.gpu.queue.write_texture(
+                    {"texture": self.gpu, "origin": (column, row, 0)},
+                    data[done : done + size],
+                    {"bytes_per_row": _BYTES * TEXEL_WIDTH, "rows_per_image": max(rows, 1)},
+                    (min(size, TEXEL_WIDTH), max(rows, 1), 1),
+                )
+                done += size
+
+    def read(self) -> npt.NDArray[Any]:
+        """(count,4) numbers; waits until the device has finished."""
+        gpu = self.live("reading")
+        rows = -(-self.count // TEXEL_WIDTH)
+        if rows == 0:
+            return np.zeros((0, 4), self.dtype)
+        with self.device.guard(f"reading {self.label}"):
+            data = self.device.gpu.queue.read_texture(
+                {"texture": gpu},
+                {"bytes_per_row": _BYTES * TEXEL_WIDTH, "rows_per_image": rows},
+                (TEXEL_WIDTH, rows, 1),
+            )
+        return np.frombuffer(data, self.dtype).reshape(-1, 4)[: self.count]
+
+    def live(self, what: str) -> Any:
+        """The wgpu texture; raises `InputError` if it was released."""
+        if self.gpu is None:
+            raise InputError(f"{what} {self.label}; got released texels; expected live ones")
+        return self.gpu
+
+    def release(self) -> None:
+        """Free the device memory as soon as submitted work is done; no use afterwards."""
+        self.device.forget(self)

@@ -1,0 +1,275 @@
+"""CAD files (STEP, BREP, STL) meshed by Gmsh, which is an optional dependency."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import InputError
+from gpusim.mesh.cad_sizes import SizeBox, check_sizes, set_sizes
+from gpusim.mesh.gmsh_types import GMSH_NODES, GMSH_TYPES, from_gmsh_order
+from gpusim.mesh.mesh import Mesh
+from gpusim.mesh.raw import RawBlock, RawMesh, assemble
+
+__all__ = ["CAD_SUFFIXES", "mesh_cad"]
+
+CAD_SUFFIXES = (".step", ".stp", ".brep", ".stl")
+
+Long = npt.NDArray[np.int64]
+
+# What Open CASCADE calls a shape that has no name.
+_NAMELESS = ("Open CASCADE STEP translator", "SOLID", "COMPOUND")
+_STL_ANGLE = 40.0  # degrees; a sharper bend between triangles is an edge of the body
+_LIBRARIES = "libgl1 libglu1-mesa libxcursor1 libxft2 libxinerama1 libxrender1 libgomp1"
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """A volume or surface of the geometry, with the names of the sets that it belongs to."""
+
+    tag: int
+    names: tuple[str, ...]
+
+
+def mesh_cad(
+    path: str | PathLike[str],
+    *,
+    size: float,
+    order: int = 1,
+    hexahedra: bool = False,
+    hex_dominant: bool = False,
+    curvature: int = 0,
+    sizes: Mapping[str, float] | None = None,
+    boxes: Sequence[SizeBox] = (),
+    scale: float = 1.0,
+) -> Mesh:
+    """Mesh the solids of a ``.step``/``.stp``, ``.brep`` or closed ``.stl`` file.
+
+    Parameters
+    ----------
+    size
+        Greatest element size, in the unit of the result.
+    order
+        1 (tet4, hex8) or 2 (tet10, hex20; midside nodes lie on the
+        curved faces of STEP and BREP).
+    hexahedra
+        Hexahedra only: structured if every solid has six sides, else each tetrahedron is cut into
+        four (conforming everywhere, but of low quality).
+    hex_dominant
+        Structured hexahedra in the solids with six sides, tetrahedra in the others, pyramids
+        between them.
+    curvature
+        Elements around a full circle where the surface is curved; 0: ``size`` alone decides. Not
+        for STL, whose surface is flat triangles.
+    sizes
+        Element size at a named face or in a named solid (names as below).
+    boxes
+        Regions with a smaller size.
+    scale
+        Factor on the coordinates. Those of a STEP file are millimetres, whatever its own unit; of
+        the others as in the file.
+
+    Each CAD face is a face set "face_1", "face_2", … by its number in the file, and one by its
+    name if the file names it; with several solids, or named ones, there are cell sets "solid_1", …
+    and by name. Touching solids share their nodes. The same file and options give the same mesh.
+
+    Raises
+    ------
+    InputError
+        gmsh or its libraries are missing, a file that is absent, of another kind or can't be
+        meshed, a file without solids, unknown names in ``sizes``, sizes that aren't positive.
+    """
+    file = Path(path)
+    if file.suffix.lower() not in CAD_SUFFIXES:
+        raise InputError(
+            f"{file}: unknown kind of CAD file; got {file.suffix or 'no ending'!r}; expected one "
+            f"of {', '.join(CAD_SUFFIXES)}"
+        )
+    if not file.is_file():
+        raise InputError(f"{file}: no such file; expected a CAD file")
+    if order not in (1, 2):
+        raise InputError(f"mesh_cad: order; got {order}; expected 1 or 2")
+    if curvature and file.suffix.lower() == ".stl":
+        raise InputError(
+            f"{file}: curvature for a surface of flat triangles; got {curvature}; expected 0 "
+            "(or the part as STEP or BREP)"
+        )
+    if hexahedra and hex_dominant:
+        raise InputError("mesh_cad: hexahedra and hex_dominant; got both; expected one of them")
+    check_sizes(size, curvature, sizes or {}, boxes, scale)
+    gmsh = _gmsh()
+    with _session(gmsh):
+        try:
+            _load(gmsh, file)
+            _refuse_errors(gmsh, file)
+            volumes, surfaces = _parts(gmsh, 3), _parts(gmsh, 2)
+            if not volumes:
+                raise InputError(
+                    f"{file}: no solid; got {len(surfaces)} faces; expected a closed body"
+                )
+            named = {
+                name: [(d, part.tag) for d, group in ((3, volumes), (2, surfaces))
+                       for part in group if name in part.names]
+                for name in {n for part in (*volumes, *surfaces) for n in part.names}
+            }  # fmt: skip
+            set_sizes(gmsh, size, curvature, sizes or {}, boxes, scale, named)
+            # an STL's surface is flat triangles: its midside nodes stay on straight edges
+            facets = file.suffix.lower() == ".stl"
+            gmsh.option.setNumber("Mesh.SecondOrderLinear", int(facets))
+            _generate(gmsh, order, hexahedra, hex_dominant)
+            _refuse_errors(gmsh, file)
+            raw = _collect(gmsh, volumes, surfaces, scale)
+        except InputError:
+            raise
+        except Exception as error:  # Gmsh's own have no type of their own
+            text = " ".join(str(error).split())
+            raise InputError(f"{file}: Gmsh can't mesh it; got {text[:200]}") from None
+    return assemble(raw, str(file))
+
+
+def _gmsh() -> Any:
+    try:
+        import gmsh
+    except ImportError:
+        raise InputError(
+            "mesh_cad: gmsh is not installed; expected: pip install 'gpusim[cad]'"
+        ) from None
+    except OSError as error:
+        raise InputError(
+            f"mesh_cad: gmsh can't be loaded; got {error}; expected its libraries, on "
+            f"Debian: apt install {_LIBRARIES}"
+        ) from None
+    return gmsh
+
+
+@contextmanager
+def _session(gmsh: Any) -> Iterator[None]:
+    """A model of its own, also inside a session that the caller has open."""
+    inside = bool(gmsh.isInitialized())
+    if not inside:
+        gmsh.initialize([], readConfigFiles=False, run=False, interruptible=False)
+    numbers = {
+        # errors are asked for after each step: one thrown would leave the mesher in mid-work
+        "General.AbortOnError": 0,
+        "General.Terminal": 0, "General.NumThreads": 1, "Mesh.RandomSeed": 1,
+        "Geometry.OCCImportLabels": 1, "Mesh.SaveAll": 1,
+        "Mesh.SecondOrderIncomplete": 1, "Mesh.SecondOrderLinear": 0, "Mesh.HighOrderOptimize": 1,
+        "Mesh.SubdivisionAlgorithm": 0, "Mesh.RecombineAll": 0, "Mesh.Algorithm": 6,
+        "Mesh.Algorithm3D": 1, "Mesh.Optimize": 1, "Mesh.MeshSizeExtendFromBoundary": 1,
+        "Mesh.MeshSizeFromPoints": 1, "Mesh.MeshSizeFromCurvature": 0, "Mesh.MeshSizeMin": 0,
+        "Mesh.MeshSizeMax": 1e22, "Mesh.MeshSizeFactor": 1,
+    }  # fmt: skip
+    before = {name: gmsh.option.getNumber(name) for name in numbers}
+    previous = gmsh.model.getCurrent() if inside else ""
+    name = "gpusim.mesh_cad"
+    gmsh.model.add(name)
+    try:
+        for option, value in numbers.items():
+            gmsh.option.setNumber(option, value)
+        gmsh.model.mesh.generate(0)  # forgets the errors of earlier sessions
+        yield
+    finally:
+        # an error that isn't forgotten makes Gmsh pass over `setOrder` from now on
+        gmsh.model.setCurrent(name)
+        gmsh.model.remove()
+        gmsh.model.add(name)
+        gmsh.model.mesh.generate(0)
+        gmsh.model.remove()
+        # options outlive a session: the next one in this process must find them as they were
+        for option, value in before.items():
+            gmsh.option.setNumber(option, value)
+        if inside:
+            gmsh.model.setCurrent(previous)
+        else:
+            gmsh.finalize()
+
+
+def _refuse_errors(gmsh: Any, file: Path) -> None:
+    """Gmsh's last error since the session or the last mesh began, if there was one."""
+    text = " ".join(str(gmsh.logger.getLastError()).split())
+    if text:
+        raise InputError(f"{file}: Gmsh can't mesh it; got {text[:200]}")
+
+
+def _load(gmsh: Any, file: Path) -> None:
+    """Geometry of the file in the current model."""
+    if file.suffix.lower() == ".stl":
+        gmsh.merge(str(file))
+        gmsh.model.mesh.classifySurfaces(np.deg2rad(_STL_ANGLE), True, True, np.pi)
+        gmsh.model.mesh.createGeometry()
+        surfaces = [tag for _, tag in gmsh.model.getEntities(2)]
+        if surfaces:
+            gmsh.model.geo.addVolume([gmsh.model.geo.addSurfaceLoop(surfaces)])
+        gmsh.model.geo.synchronize()
+        return
+    gmsh.model.occ.importShapes(str(file))
+    solids = gmsh.model.occ.getEntities(3)
+    if len(solids) > 1:
+        gmsh.model.occ.fragment(solids, [])  # touching faces become one
+    gmsh.model.occ.synchronize()
+
+
+def _parts(gmsh: Any, dimension: int) -> list[_Part]:
+    """Volumes or surfaces with the names of their sets."""
+    word = "solid" if dimension == 3 else "face"
+    parts = []
+    for number, (_, tag) in enumerate(gmsh.model.getEntities(dimension), start=1):
+        label = str(gmsh.model.getEntityName(dimension, tag)).rsplit("/", maxsplit=1)[-1].strip()
+        names = [f"{word}_{number}"]
+        if label and not label.startswith(_NAMELESS):
+            names.append(label)
+        parts.append(_Part(tag, tuple(names)))
+    return parts
+
+
+def _generate(gmsh: Any, order: int, hexahedra: bool, hex_dominant: bool) -> None:
+    mesh = gmsh.model.mesh
+    if hexahedra or hex_dominant:
+        mesh.setTransfiniteAutomatic(recombine=True)
+        mesh.generate(3)
+        kinds = {GMSH_TYPES.get(int(type_)) for type_ in mesh.getElementTypes(3)}
+        if hexahedra and kinds != {"hex8"}:
+            mesh.clear()
+            mesh.removeConstraints()
+            gmsh.option.setNumber("Mesh.SubdivisionAlgorithm", 2)
+            gmsh.option.setNumber("Mesh.MeshSizeFactor", 2.0)  # every edge is halved afterwards
+            mesh.generate(3)
+    else:
+        mesh.generate(3)
+    if order == 2:
+        mesh.setOrder(2)
+
+
+def _collect(
+    gmsh: Any, volumes: Sequence[_Part], surfaces: Sequence[_Part], scale: float
+) -> RawMesh:
+    """The elements of volumes and surfaces."""
+    tags, coordinates, _ = gmsh.model.mesh.getNodes()
+    tags = np.asarray(tags, dtype=np.int64)
+    order = np.argsort(tags, kind="stable")
+    number = np.full(int(tags.max(initial=0)) + 1, -1, dtype=np.int64)
+    number[tags[order]] = np.arange(len(tags))
+    points = np.asarray(coordinates, dtype=np.float64).reshape(-1, 3)[order] * scale
+    blocks = []
+    # a lone solid needs no set unless the file names it
+    plain = len(volumes) == 1
+    for dimension, parts in ((3, volumes), (2, surfaces)):
+        for part in parts:
+            types, _, nodes = gmsh.model.mesh.getElements(dimension, part.tag)
+            names = part.names[1:] if dimension == 3 and plain else part.names
+            for type_, flat in zip(types, nodes, strict=True):
+                kind = GMSH_TYPES.get(int(type_), f"Gmsh type {type_}")
+                if kind not in GMSH_NODES:
+                    raise InputError(f"mesh_cad: got elements of {kind}; expected order 1 or 2")
+                rows = number[np.asarray(flat, dtype=np.int64)].reshape(-1, GMSH_NODES[kind])
+                every = np.arange(len(rows))
+                groups = {name: every for name in names}
+                blocks.append(RawBlock(kind, from_gmsh_order(kind, rows), groups))
+    return RawMesh(points, tuple(blocks))

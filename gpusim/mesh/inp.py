@@ -1,0 +1,157 @@
+"""Meshes from Abaqus and CalculiX input files."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import InputError
+from gpusim.mesh.cells import CELL_TYPES
+from gpusim.mesh.inp_blocks import ElementBlock, InpContent, read_content
+from gpusim.mesh.inp_cards import PathLike, read_cards
+from gpusim.mesh.inp_types import SOLID_TYPES, face_table
+from gpusim.mesh.mesh import Mesh
+
+__all__ = ["LabelledMesh", "label_mesh", "read_inp"]
+
+Int = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class LabelledMesh:
+    """A mesh and the numbers that its file gives to nodes and elements.
+
+    ``node_labels`` (N,) and ``cell_labels`` (M,) follow the mesh's own order.
+    """
+
+    mesh: Mesh
+    node_labels: Int
+    cell_labels: Int
+
+    def cell_index(self, labels: Int) -> Int:
+        """Global cell numbers of element labels; labels that aren't solids are left out."""
+        order = np.argsort(self.cell_labels, kind="stable")
+        known = self.cell_labels[order]
+        place = np.minimum(np.searchsorted(known, labels), len(known) - 1)
+        return np.asarray(order[place[known[place] == labels]])
+
+    def face_pairs(self, labelled: Int) -> Int:
+        """(K,2) pairs (cell, local face) of (element label, Abaqus face 1…6) pairs."""
+        order = np.argsort(self.cell_labels, kind="stable")
+        known = self.cell_labels[order]
+        place = np.minimum(np.searchsorted(known, labelled[:, 0]), len(known) - 1)
+        found = known[place] == labelled[:, 0]
+        cell = order[place[found]]
+        side = labelled[found, 1] - 1
+        local = np.full(len(cell), -1)
+        for kind, first, block in self.mesh.blocks():
+            table = face_table(kind)
+            mine = (cell >= first) & (cell < first + len(block))
+            wrong = side[mine] >= len(table)
+            if wrong.any():
+                raise InputError(
+                    f"face: element {self.cell_labels[cell[mine][wrong][0]]} has no face "
+                    f"{side[mine][wrong][0] + 1}; expected 1 … {len(table)} for {kind}"
+                )
+            local[mine] = table[side[mine]]
+        return np.stack([cell, local], axis=1)
+
+
+def read_inp(path: PathLike) -> Mesh:
+    """The solid mesh of an Abaqus or CalculiX input file.
+
+    Node sets, element sets (as cell sets) and element surfaces (as face sets) keep their names,
+    spelled as at their first definition. Shell and plane elements that lie on faces of solids
+    become face sets named by their ELSET. Nodes are ordered by their number in the file,
+    cells by type and then in file order. Loads, materials and steps are read by
+    ``gpusim.deck.load_deck``.
+
+    Raises InputError with file and line: not a text file, no solid elements, an unknown element
+    type, undefined nodes or sets, an element with missing nodes, a number that isn't one.
+    """
+    cards = read_cards(path)
+    return label_mesh(read_content(cards), str(path)).mesh
+
+
+def label_mesh(content: InpContent, path: str) -> LabelledMesh:
+    """The mesh of what a file says, with the file's numbers. Raises InputError."""
+    parts: dict[str, list[ElementBlock]] = {}
+    flat: list[ElementBlock] = []
+    for block in content.blocks:
+        if block.type in SOLID_TYPES:
+            parts.setdefault(SOLID_TYPES[block.type], []).append(block)
+        else:
+            flat.append(block)
+    if not any(len(block.labels) for blocks in parts.values() for block in blocks):
+        kinds = ", ".join(sorted({block.type for block in flat})) or "no elements"
+        raise InputError(
+            f"{path}: no solid elements; got {kinds}; expected one of {', '.join(SOLID_TYPES)}"
+        )
+    cells = {
+        kind: np.concatenate([_node_rows(block, content) for block in blocks])
+        for kind, blocks in parts.items()
+    }
+    labels = np.concatenate([block.labels for blocks in parts.values() for block in blocks])
+    try:
+        plain = LabelledMesh(Mesh(content.points, cells), content.node_labels, labels)
+    except InputError as error:
+        # a mesh counts from 0; the reader of the message knows the file's numbers
+        first = re.search(r"got cells? (\d+)", str(error))
+        named = f" (cell {first[1]} is element {labels[int(first[1])]})" if first else ""
+        raise InputError(f"{path}: {error}{named}") from None
+    node_sets = {
+        name: np.searchsorted(content.node_labels, members).astype(np.int32)
+        for name, members in content.node_sets.items()
+    }
+    cell_sets = {
+        name: np.sort(plain.cell_index(members)).astype(np.int32)
+        for name, members in content.cell_sets.items()
+    }
+    face_sets = {
+        name: plain.face_pairs(pairs).astype(np.int32) for name, pairs in content.surfaces.items()
+    }
+    for block in flat:
+        name = block.card.parameters.get("ELSET", "")
+        if name and block.nodes.shape[1] >= 3:
+            pairs = _matching_faces(plain.mesh, _node_rows(block, content))
+            if len(pairs):
+                known = face_sets.get(name, np.zeros((0, 2), dtype=np.int32))
+                face_sets[name] = np.concatenate([known, pairs.astype(np.int32)])
+    solid_sets = {name: members for name, members in cell_sets.items() if name not in face_sets}
+    mesh = plain.mesh.with_sets(node_sets, face_sets, solid_sets)
+    return LabelledMesh(mesh, content.node_labels, labels)
+
+
+def _node_rows(block: ElementBlock, content: InpContent) -> Int:
+    card, width = block.card, block.nodes.shape[1]
+
+    def where(position: int) -> str:
+        label = int(block.labels[position // width])
+        line = next((k for k, row in card.rows() if row and row[0] == str(label)), card.line)
+        return f"{card.where(line)}: element {label}"
+
+    return content.node_index(block.nodes.ravel(), where).reshape(-1, width)
+
+
+def _matching_faces(mesh: Mesh, nodes: Int) -> Int:
+    """(K,2) pairs (cell, local face) whose corners are those of the flat elements ``nodes``."""
+    corners = 3 if nodes.shape[1] in (3, 6) else 4
+    wanted = {tuple(row) for row in np.sort(nodes[:, :corners], axis=1).tolist()}
+    touched = np.zeros(mesh.node_count, dtype=bool)
+    touched[nodes[:, :corners]] = True
+    pairs: dict[tuple[int, ...], tuple[int, int]] = {}
+    for kind, first, block in mesh.blocks():
+        cell = CELL_TYPES[kind]
+        for local, row in enumerate(cell.faces):
+            face = [int(k) for k in row if 0 <= k < cell.corners]
+            if len(face) != corners:
+                continue
+            rows = block[:, face]
+            for number in np.flatnonzero(touched[rows].all(axis=1)):
+                key = tuple(sorted(rows[number].tolist()))
+                if key in wanted:
+                    pairs.setdefault(key, (first + int(number), local))
+    return np.array(sorted(pairs.values()), dtype=np.int64).reshape(-1, 2)

@@ -1,0 +1,72 @@
+"""Names and numbers in input files."""
+
+from __future__ import annotations
+
+from typing import Generic, TypeVar
+
+import numpy as np
+
+from gpusim.errors import InputError
+from gpusim.mesh.inp_cards import nearest
+
+__all__ = ["Names", "number", "whole"]
+
+T = TypeVar("T")
+
+
+class Names(Generic[T]):
+    """Named things, found without regard to case; the spelling of the first definition is kept."""
+
+    def __init__(self, what: str) -> None:
+        self.what = what
+        self.shown: dict[str, str] = {}
+        self.values: dict[str, T] = {}
+
+    def __contains__(self, name: str) -> bool:
+        return self._key(name) in self.values
+
+    def set(self, name: str, value: T) -> None:
+        self.shown.setdefault(name.upper(), name)
+        self.values[name.upper()] = value
+
+    def get(self, name: str, where: str) -> T:
+        """Raises InputError with the nearest name."""
+        key = self._key(name)
+        if key in self.values:
+            return self.values[key]
+        known = list(self.shown.values())
+        listed = ", ".join(known[:8]) + (", …" if len(known) > 8 else "")
+        raise InputError(
+            f"{where}: unknown {self.what}; got {name!r}; "
+            f"expected one of {listed or 'none, none is defined'}{nearest(name, known)}"
+        )
+
+    def items(self) -> list[tuple[str, T]]:
+        return [(self.shown[key], value) for key, value in self.values.items()]
+
+    def _key(self, name: str) -> str:
+        """``INSTANCE.NAME`` finds ``NAME``: an input file has one instance here."""
+        key = name.upper()
+        return key if key in self.values or "." not in key else key.rsplit(".", 1)[1]
+
+
+def number(text: str, where: str) -> float:
+    """A finite float64; Fortran's ``1.D3`` is one. Raises InputError."""
+    try:
+        value = float(text.replace("D", "E").replace("d", "e"))
+    except ValueError:
+        value = float("nan")
+    if not np.isfinite(value):
+        raise InputError(f"{where}: not a number; got {text!r}; expected a finite number")
+    return value
+
+
+def whole(text: str, where: str) -> int:
+    """A whole number below 2^53 in size. Raises InputError."""
+    try:
+        value = int(text)
+    except ValueError:
+        raise InputError(f"{where}: not a whole number; got {text!r}; expected one") from None
+    if abs(value) >= 2**53:
+        raise InputError(f"{where}: number too large; got {text}; expected less than 2^53")
+    return value

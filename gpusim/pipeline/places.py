@@ -1,0 +1,70 @@
+"""A scene's ``where`` as nodes, faces and cells of a mesh."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim import mesh
+from gpusim.errors import InputError
+from gpusim.mesh import Faces, Mesh
+from gpusim.scene import model as m
+
+__all__ = ["cells_of", "faces_of", "nodes_of"]
+
+
+def nodes_of(grid: Mesh, where: m.Where) -> npt.NDArray[np.int32]:
+    """Node numbers. Raises InputError if there are none."""
+    return mesh.select_nodes(
+        grid,
+        bounds=_bounds(where),
+        normal=where.normal,
+        name=where.set,
+        tolerance=where.tolerance,
+    )
+
+
+def faces_of(grid: Mesh, faces: Faces, where: m.Where) -> Faces:
+    """Of the boundary ``faces``, or of a named set. Raises InputError if there are none."""
+    return mesh.select_faces(
+        grid,
+        bounds=_bounds(where),
+        normal=where.normal,
+        name=where.set,
+        tolerance=where.tolerance,
+        faces=None if where.set is not None else faces,
+    )
+
+
+def cells_of(grid: Mesh, where: m.Where) -> npt.NDArray[np.int64]:
+    """Global numbers of the cells whose middle is there. Raises InputError if there are none."""
+    low = np.array(where.lower) - where.tolerance
+    high = np.array(where.upper) + where.tolerance
+    keep = np.zeros(grid.cell_count, dtype=bool)
+    for kind, first, block in grid.blocks():
+        corners = block[:, : mesh.CELL_TYPES[kind].corners]
+        middle = grid.points[corners].mean(axis=1)
+        keep[first : first + len(block)] = ((middle >= low) & (middle <= high)).all(axis=1)
+    if where.set is not None:
+        if where.set not in grid.cell_sets:
+            known = ", ".join(sorted(grid.cell_sets)) or "none"
+            raise InputError(f"unknown set of elements; got {where.set!r}; expected one of {known}")
+        inside = np.zeros_like(keep)
+        inside[grid.cell_sets[where.set]] = True
+        keep &= inside
+    found = np.flatnonzero(keep)
+    if not found.size:
+        raise InputError(
+            f"no elements found; got bounds {_bounds(where) or 'none'}, set {where.set!r}; "
+            f"expected something inside the mesh, from {grid.bounds[0].tolist()} m to "
+            f"{grid.bounds[1].tolist()} m"
+        )
+    return found
+
+
+def _bounds(where: m.Where) -> dict[str, float]:
+    """Only the finite limits."""
+    limits = {}
+    for axis, low, high in zip("xyz", where.lower, where.upper, strict=True):
+        limits[f"{axis}_min"], limits[f"{axis}_max"] = low, high
+    return {key: value for key, value in limits.items() if np.isfinite(value)}

@@ -1,0 +1,52 @@
+// Interpolation between the nodes of two levels and its transpose, the same weights for x, y and z,
+// float32 (gpusim/fem/spread.py has twin and driver). One thread per row and load case.
+#import common/index
+#import common/texel
+
+struct Params {
+    rows: u32,     // nodes of the level written to
+    columns: u32,  // nodes of the level read from
+    cases: u32,
+}
+
+const BLOCK: u32 = 64u;
+
+@group(0) @binding(0) var info: texture_2d<u32>;    // per row: first pair, pairs of weights, free
+@group(0) @binding(1) var weight: texture_2d<u32>;  // (node, bits of its weight), two of them
+@group(0) @binding(2) var v_in: texture_2d<f32>;
+@group(0) @binding(3) var x_in: texture_2d<f32>;
+@group(0) @binding(4) var x_out: texture_storage_2d<rgba32float, write>;
+@group(0) @binding(5) var<uniform> params: Params;
+
+fn total(row: vec4u, base: u32) -> vec3f {
+    var sum = vec3f(0.0);
+    for (var k = row.x; k < row.x + row.y; k++) {
+        let two = textureLoad(weight, texel(k), 0);
+        sum += bitcast<f32>(two.y) * textureLoad(v_in, texel(base + two.x), 0).xyz;
+        sum += bitcast<f32>(two.w) * textureLoad(v_in, texel(base + two.z), 0).xyz;
+    }
+    let free = (vec3u(row.z) >> vec3u(0u, 1u, 2u)) & vec3u(1u);
+    return select(vec3f(0.0), sum, free == vec3u(1u));
+}
+
+@compute @workgroup_size(64)
+fn apply(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
+    let id = linear_id(gid, groups, BLOCK);
+    if (id >= params.rows * params.cases) { return; }
+    let case_ = id / params.rows;
+    let own = case_ * (params.rows + 1u) + id % params.rows;
+    let row = textureLoad(info, texel(id % params.rows), 0);
+    textureStore(x_out, texel(own), vec4f(total(row, case_ * (params.columns + 1u)), 0.0));
+}
+
+// x_out = x_in + what is interpolated
+@compute @workgroup_size(64)
+fn add(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
+    let id = linear_id(gid, groups, BLOCK);
+    if (id >= params.rows * params.cases) { return; }
+    let case_ = id / params.rows;
+    let own = case_ * (params.rows + 1u) + id % params.rows;
+    let row = textureLoad(info, texel(id % params.rows), 0);
+    let x = textureLoad(x_in, texel(own), 0).xyz + total(row, case_ * (params.columns + 1u));
+    textureStore(x_out, texel(own), vec4f(x, 0.0));
+}

@@ -1,0 +1,154 @@
+"""Benchmark results: ratios, fits, tables, and peers that are missing or fail."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from gpusim.bench.cases import find_cases
+from gpusim.bench.peers import PEERS, Peer, peer_folder, run_peer
+from gpusim.bench.problem import write_problem
+from gpusim.bench.solver import CaseResult, Point, SolverResult
+from gpusim.bench.stability import RIGHT, SILENT, Verdict
+from gpusim.bench.tables import solver_markdown, stability_markdown, write_solver, write_stability
+from gpusim.cli import app
+
+
+def point(solver: str, seconds: float, error: float, tolerance: float = 1e-6) -> Point:
+    return Point(solver, tolerance, 0.25 * seconds, 0.75 * seconds, error, 7, 2048.0, error)
+
+
+def result() -> SolverResult:
+    cases = []
+    for unknowns in (30_000, 100_000, 1_000_000):
+        seconds = 1e-6 * unknowns**1.1
+        cases.append(
+            CaseResult(
+                f"cube-{unknowns}", "cube", unknowns,
+                [
+                    point("gpusim", 0.5 * seconds, 1e-4, 1e-3),  # quicker, but not right to 1e-6
+                    point("gpusim", seconds, 3e-7),
+                    point("gpusim", 1.5 * seconds, 3e-9, 1e-8),
+                    point("slow", 3.0 * seconds, 1e-9),
+                    point("wrong", 0.1 * seconds, 2e-6),
+                    point("CalculiX C3D8I, whole run", 2.0 * seconds, 9e-7),
+                ],
+                ["absent: missing: no such thing"], 0.2, 900.0,
+                {"share": 0.61, "copy_bytes_per_s": 1e10, "host_copy_bytes_per_s": 9e9,
+                 "operator_seconds": 2e-3, "operator_bytes": 7e7, "unknowns": unknowns},
+                {"assembly": 0.5}, "multigrid, gpu, f64",
+            )
+        )  # fmt: skip
+    return SolverResult("this machine", cases)
+
+
+def test_only_answers_right_to_1e_6_count() -> None:
+    case = result().cases[0]
+    assert case.own().error == 3e-7
+    assert case.best_peer().solver == "slow"
+    assert case.best_peer(whole_runs=True).solver.startswith("CalculiX")
+    case.points = [p for p in case.points if p.solver == "wrong"]
+    assert case.own() is None and case.best_peer() is None
+
+
+def test_exponent_of_growth() -> None:
+    assert result().exponents() == {"cube": pytest.approx(1.1, abs=1e-12)}
+
+
+def test_tables_and_figures_are_written(tmp_path: Path) -> None:
+    text = solver_markdown(result())
+    assert "| cube-30000 | 30000 | 0.08 | 3e-07 | slow | 0.25 | 3.00 | 2.00 | 20 % | 900 |" in text
+    assert "Time of `cube` grows as N^1.10." in text
+    assert "| 61 % |" in text and "- absent: missing: no such thing" in text
+    paths = write_solver(result(), tmp_path)
+    assert [path.name for path in paths] == ["solver.md", "solver.json", "solver.png"]
+    assert json.loads(paths[1].read_text())["cases"][2]["points"][1]["error"] == 3e-7
+    assert paths[2].read_bytes()[:4] == b"\x89PNG"
+
+
+def test_stability_table_counts_and_names(tmp_path: Path) -> None:
+    verdicts = [
+        Verdict("bar 1", "bar", 1.0, "auto", 1e-6, 30, 1e-9, 1e-8, 3, 0.1, RIGHT, "converged"),
+        Verdict("bar 2", "bar", 2.0, "auto", 1e-6, 30, 1e-3, 1e-8, 3, 0.1, SILENT, "a | b"),
+    ]
+    text = stability_markdown(verdicts, "this machine")
+    assert "2 solves: 1 right, 1 SILENT FAILURE; 1 silent failures." in text
+    assert "| bar 2 | auto | 30 | 1e-03 | 1e-08 | 3 | 0.1 | SILENT FAILURE | a / b |" in text
+    assert [path.suffix for path in write_stability(verdicts, tmp_path, "")] == [
+        ".md", ".json", ".png",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("script", "name", "failed"),
+    [
+        ('print(\'{"variants": [{"name": "good"}], "peak_kib": 5}\')', "good", None),
+        ("import no_such_module_here", "p", "missing: ModuleNotFoundError: No module named"),
+        ("raise SystemExit('out of luck')", "p", "out of luck"),
+        ("print('nothing')", "p", "nothing"),
+        ("import time; time.sleep(60)", "p", "stopped after"),
+    ],
+)
+def test_a_peer_that_fails_says_so(
+    script: str, name: str, failed: str | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("GPUSIM_PEERS_PYTHON", sys.executable)
+    (tmp_path / "p.py").write_text(script)
+    limit = 1.0 if "sleep" in script else 60.0
+    (variant,) = run_peer(Peer("p", "p.py"), tmp_path, tmp_path, limit)
+    assert variant["name"] == name
+    if failed is None:
+        assert variant["peak_kib"] == 5
+    else:
+        assert failed in variant["failed"]
+
+
+def test_a_peers_script_reads_the_problem_and_measures_its_error(
+    tmp_path: Path, checkout: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scripts = checkout / "benchmarks" / "peers"
+    if not scripts.is_dir():
+        pytest.skip("the checkout's benchmarks aren't here")
+    (case,) = find_cases("small", "cube-nu4999-10k")
+    model = case.model()
+    u = np.random.default_rng(1).normal(size=model.mesh.points.shape)
+    write_problem(case, model, u, tmp_path / "problem")
+    (tmp_path / "p.py").write_text(
+        f"import sys; sys.path.insert(0, {str(scripts)!r})\n"
+        "from common import main, sweep\n"
+        "def run(problem, options):\n"
+        "    k = problem.scipy_csr()\n"
+        "    assert abs(k @ problem.rigid_modes()[:, 0]).sum() > 0\n"
+        "    answer = lambda tolerance: (problem.wanted * (1 + tolerance), 4)\n"
+        "    runs = sweep(problem, answer, [1e-3, 1e-7, 0])\n"
+        "    return [{'name': 'p', 'setup_s': 0.0, 'runs': runs}]\n"
+        "main(run)\n"
+    )
+    monkeypatch.setenv("GPUSIM_PEERS_PYTHON", sys.executable)
+    (variant,) = run_peer(Peer("p", "p.py"), tmp_path, tmp_path / "problem", 60.0)
+    assert [run["error"] for run in variant["runs"]] == pytest.approx([1e-3, 1e-7])
+
+
+def test_every_peer_has_its_script() -> None:
+    folder = peer_folder()
+    if folder is None:
+        pytest.skip("not a checkout")
+    assert all((folder / peer.script).is_file() for peer in PEERS)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["solver", "--case", "sphere"], "expected one of beam"),
+        (["stability", "--case", "no such"], "no case's name holds it"),
+        (["stability", "--way", "guess"], "expected auto, multigrid"),
+    ],
+)
+def test_wrong_names_on_the_command_line(arguments: list[str], said: str) -> None:
+    ended = CliRunner().invoke(app, ["bench", *arguments])
+    assert ended.exit_code == 2 and said in ended.output
