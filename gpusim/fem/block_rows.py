@@ -69,7 +69,8 @@ def ranges(start: Long, length: Long) -> Long:
     """start[0] … start[0]+length[0]-1, start[1] …, one after the other."""
     end = np.cumsum(length)
     total = int(end[-1]) if len(end) else 0
-    return np.arange(total, dtype=np.int64) + np.repeat(start - (end - length), length)
+    offset = np.repeat(start - (end - length), length)
+    return np.asarray(np.arange(total, dtype=np.int64) + offset)
 
 
 def block_matrix(rows: BlockRows, scale: float = 1.0) -> bsr_matrix:

@@ -201,10 +201,10 @@ class Chain:
         row = np.broadcast_to(local[:, :, None], matrices.shape)
         column = np.broadcast_to(local[:, None, :], matrices.shape)
         inside = (row >= 0) & (column >= 0)
-        total: Float = np.bincount(
+        total = np.bincount(
             (row * size + column)[inside], weights=matrices[inside], minlength=size * size
         )
-        dense = total.reshape(size, size)
+        dense: Float = np.asarray(total, dtype=np.float64).reshape(size, size)
         cut = len(low)
         return _Super(dense[:cut, :cut], dense[:cut, cut:], dense[cut:, cut:])
 

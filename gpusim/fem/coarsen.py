@@ -71,7 +71,7 @@ def drop_midsides(groups: list[Group], free: Bool) -> Coarser:
             node, first = node[new], first[new]
             done[node] = True
             rows.append(np.repeat(node, len(parents)).astype(np.int32))
-            columns.append(number[group.cells[np.ix_(first, list(parents))]].ravel())
+            columns.append(number[group.cells[np.ix_(first, np.array(parents))]].ravel())
             values.append(np.full(len(node) * len(parents), 1.0 / len(parents)))
         coarse.append(_linear(group, free, number))
     weights = csr_matrix(

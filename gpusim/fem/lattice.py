@@ -52,7 +52,8 @@ class Lattice:
         at = np.argwhere(self.cell >= 0)
         corner = at[:, None, :] + CORNERS[None]
         nodes = self.node[corner[..., 0], corner[..., 1], corner[..., 2]]
-        return np.ravel_multi_index(tuple(at.T), self.cell.shape), nodes
+        place = np.asarray(np.ravel_multi_index(tuple(at.T), self.cell.shape))
+        return place.reshape(-1), np.asarray(nodes)
 
     def around(self, per_cell: Long, outside: int = -1) -> Long:
         """(N,8): the value in the cell at each corner of a node; ``per_cell`` is (X-1,Y-1,Z-1).
@@ -73,7 +74,7 @@ class Lattice:
         flat = padded.ravel()
         step = np.array([padded.shape[1] * padded.shape[2], padded.shape[2], 1])
         own = (self.place.astype(np.int64) + 1) @ step
-        return flat[own[:, None] + OFFSETS @ step]
+        return np.asarray(flat[own[:, None] + OFFSETS @ step])
 
 
 def node_offsets(corner: int) -> Long:

@@ -1,0 +1,183 @@
+"""Lattices and geometric coarsening: against plain assembly and against P^T A P."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gpusim.fem import Isotropic, Model, solve
+from gpusim.fem.assembly import assemble_groups, assemble_lattice, group_matrix, lattice_matrix
+from gpusim.fem.block_rows import block_matrix
+from gpusim.fem.coarsen import drop_midsides, drop_planes
+from gpusim.fem.groups import lattice_group, masked, model_groups
+from gpusim.fem.lattice import find_lattice
+from gpusim.fem.transfer import NodeTransfer
+from gpusim.mesh import Mesh, box, crane, quadratic, split
+
+STEEL = Isotropic(2.0, 0.3)
+
+
+def shuffled(mesh: Mesh, seed: int = 4) -> Mesh:
+    """The same body with nodes, cells and corners in another order."""
+    rng = np.random.default_rng(seed)
+    order = rng.permutation(mesh.node_count)
+    number = np.empty_like(order)
+    number[order] = np.arange(len(order))
+    cells = rng.permutation(number[mesh.cells["hex8"]])
+    # a quarter turn about the cell's own axis keeps it right-handed
+    turned = cells[:, [1, 2, 3, 0, 5, 6, 7, 4]]
+    cells = np.where((np.arange(len(cells)) % 2 == 0)[:, None], cells, turned)
+    return Mesh(mesh.points[order], {"hex8": cells})
+
+
+def held(mesh: Mesh) -> np.ndarray:
+    fixed = np.zeros(mesh.points.shape, dtype=bool)
+    fixed[mesh.points[:, 0] <= mesh.points[:, 0].min()] = True
+    fixed[7, 1] = True
+    return fixed
+
+
+def test_a_lattice_is_found_in_any_order_and_gives_the_same_matrix() -> None:
+    mesh = shuffled(box((1.0, 0.8, 0.5), (5, 4, 3)))
+    model = Model(mesh, [STEEL], held(mesh))
+    lattice = find_lattice(mesh.points, mesh.cells["hex8"])
+    assert lattice is not None and lattice.node.shape == (6, 5, 4)
+    group = lattice_group(model, lattice, {"hex8": "incompatible"})
+    rows = assemble_lattice(group, lattice)
+    plain = assemble_groups(model_groups(model, {"hex8": "incompatible"}), mesh.node_count)
+    one, two = block_matrix(rows).toarray(), block_matrix(plain).toarray()
+    np.testing.assert_allclose(one, two, atol=1e-14 * np.abs(two).max())
+    assert rows.class_count == 27 < plain.class_count
+
+
+@pytest.mark.parametrize("spoil", ["moved node", "missing node plane", "crack"])
+def test_what_is_no_lattice_is_refused(spoil: str) -> None:
+    mesh = box((1.0, 0.8, 0.5), (5, 4, 3))
+    points, cells = mesh.points.copy(), mesh.cells["hex8"].copy()
+    if spoil == "moved node":
+        points[30] += 1e-3
+    elif spoil == "missing node plane":
+        points[points[:, 0] == 0.2, 0] = 0.2001
+        points[(points[:, 0] == 0.2001) & (points[:, 1] < 0.1), 0] = 0.2
+    else:
+        # two nodes at one place: the cells on either side aren't joined there
+        points = np.concatenate([points, points[[40]]])
+        cells[cells.shape[0] // 2] = np.where(
+            cells[cells.shape[0] // 2] == 40, len(points) - 1, cells[cells.shape[0] // 2]
+        )
+        cells[:4] = np.where(cells[:4] == 40, len(points) - 1, cells[:4])
+        if not (cells == len(points) - 1).any():
+            cells[np.argwhere(cells == 40)[0][0]][:] = cells[np.argwhere(cells == 40)[0][0]]
+            first = np.argwhere(cells == 40)[0]
+            cells[first[0], first[1]] = len(points) - 1
+    assert find_lattice(points, cells) is None
+
+
+def galerkin_matches(weights, fine, coarse, free, kept) -> None:  # type: ignore[no-untyped-def]
+    transfer = NodeTransfer(weights, free, free[kept]).matrix()
+    wanted = (transfer.T @ fine @ transfer).toarray()
+    np.testing.assert_allclose(coarse.toarray(), wanted, atol=1e-13 * np.abs(wanted).max())
+
+
+@pytest.mark.parametrize("graded", [False, True])
+def test_planes_left_out_give_the_galerkin_matrix(graded: bool) -> None:
+    mesh = box((1.0, 0.9, 0.8), (10, 9, 8))
+    if graded:
+        mesh = mesh.moved(0.15 * mesh.points**2)
+    free = ~held(mesh)
+    model = Model(mesh, [STEEL], ~free)
+    lattice = find_lattice(mesh.points, mesh.cells["hex8"])
+    assert lattice is not None
+    group = lattice_group(model, lattice, {"hex8": "incompatible"})
+    coarser = drop_planes(group, lattice, free)
+    assert coarser is not None and coarser.lattice is not None
+    assert coarser.lattice.node.shape == (6, 6, 5)
+    fine = block_matrix(assemble_lattice(group, lattice))
+    coarse = lattice_matrix(coarser.groups[0], coarser.lattice)
+    galerkin_matches(coarser.weights, fine, coarse, free, coarser.kept)
+    # linear displacements are interpolated exactly, graded planes included
+    field = mesh.points @ np.array([[1.0, 2.0, -1.0], [0.5, 0.0, 3.0], [0.0, 1.0, 1.0]])
+    np.testing.assert_allclose(coarser.weights @ field[coarser.kept], field, atol=1e-12)
+
+
+def test_an_l_shape_keeps_its_inner_corner() -> None:
+    mesh = box((1.0, 1.0, 1.0), (18, 16, 16))
+    cells = mesh.cells["hex8"]
+    centre = mesh.points[cells].mean(axis=1)
+    cells = cells[~((centre[:, 0] > 0.5) & (centre[:, 2] > 0.5))]
+    used = np.unique(cells)
+    number = np.full(mesh.node_count, -1)
+    number[used] = np.arange(len(used))
+    shape = Mesh(mesh.points[used], {"hex8": number[cells]})
+    lattice = find_lattice(shape.points, shape.cells["hex8"])
+    assert lattice is not None
+    free = ~held(shape)
+    group = lattice_group(Model(shape, [STEEL], ~free), lattice, {"hex8": "full"})
+    coarser = drop_planes(group, lattice, free)
+    assert coarser is not None and coarser.lattice is not None
+    # 9 cells before the corner: 0 2 4 6 8 9, then 11 … 17 18
+    np.testing.assert_allclose(coarser.lattice.planes[0] * 18, [0, 2, 4, 6, 8, 9, 11, 13, 15, 17, 18])
+    fine = block_matrix(assemble_lattice(group, lattice))
+    coarse = lattice_matrix(coarser.groups[0], coarser.lattice)
+    galerkin_matches(coarser.weights, fine, coarse, free, coarser.kept)
+
+
+def test_thin_parts_are_not_coarsened_across() -> None:
+    mesh = crane(element_size=0.006)
+    lattice = find_lattice(mesh.points, mesh.cells["hex8"])
+    assert lattice is not None
+    group = lattice_group(Model(mesh, [STEEL]), lattice, {"hex8": "incompatible"})
+    coarser = drop_planes(group, lattice, np.ones(mesh.points.shape, dtype=bool))
+    if coarser is not None:
+        assert coarser.lattice is not None
+        thickness = coarser.lattice.planes[0]
+        assert (np.diff(thickness[:3]) < 0.0031).all()
+
+
+@pytest.mark.parametrize("kind", ["tet10", "hex20", "hex27", "wedge15"])
+def test_midsides_left_out_give_the_galerkin_matrix(kind: str) -> None:
+    linear = box((1.0, 0.9, 0.8), (3, 2, 2))
+    if kind in ("tet10", "wedge15"):
+        linear = split(linear, {"tet10": "tet4", "wedge15": "wedge6"}[kind])
+    mesh = quadratic(linear, serendipity=kind != "hex27")
+    assert set(mesh.cells) == {kind}
+    free = ~held(mesh)
+    model = Model(mesh, [STEEL], ~free)
+    groups = model_groups(model, {kind: "full"})
+    coarser = drop_midsides(groups, free)
+    fine = block_matrix(assemble_groups(groups, mesh.node_count))
+    coarse = group_matrix(coarser.groups, len(coarser.kept))
+    galerkin_matches(coarser.weights, fine, coarse, free, coarser.kept)
+    assert len(coarser.kept) == linear.node_count
+
+
+def test_masked_elements_lose_the_fixed_rows_only() -> None:
+    mesh = box((1.0, 0.9, 0.8), (3, 2, 2))
+    free = ~held(mesh)
+    group = model_groups(Model(mesh, [STEEL], ~free), {"hex8": "full"})[0]
+    dense = group_matrix([masked(group, free)], mesh.node_count).toarray()
+    whole = group_matrix([group], mesh.node_count).toarray()
+    keep = free.ravel()
+    np.testing.assert_array_equal(dense[~keep], 0.0)
+    np.testing.assert_allclose(dense[np.ix_(keep, keep)], whole[np.ix_(keep, keep)], atol=1e-14)
+
+
+@pytest.mark.parametrize("kind", ["hex8", "hex20", "tet10"])
+def test_iterations_hardly_grow_with_refinement(kind: str) -> None:
+    counts = []
+    for size in (6, 12) if kind != "hex8" else (12, 24):
+        mesh = box((1.0, 1.0, 1.0), (size,) * 3)
+        if kind == "tet10":
+            mesh = split(mesh, "tet4")
+        if kind != "hex8":
+            mesh = quadratic(mesh)
+        fixed = np.zeros(mesh.points.shape, dtype=bool)
+        fixed[mesh.points[:, 0] == 0.0] = True
+        forces = np.zeros(mesh.points.shape)
+        forces[mesh.points[:, 0] == 1.0, 1] = 1.0
+        solution = solve(
+            Model(mesh, [STEEL], fixed, forces), backend="numpy", method="multigrid"
+        )
+        assert solution.converged
+        counts.append(solution.iterations)
+    assert counts[1] <= counts[0] + 4 and counts[1] <= 16

@@ -1,0 +1,181 @@
+"""Direct solvers: condensed sections and banded Cholesky against each other and against SciPy."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.sparse.linalg import splu
+
+from gpusim.errors import InputError
+from gpusim.fem import Isotropic, Model, solve
+from gpusim.fem.assembly import Assembled, assemble
+from gpusim.fem.banded import Banded, band_ordering
+from gpusim.fem.block_rows import block_matrix
+from gpusim.fem.chain import Chain, cut_slabs
+from gpusim.fem.choice import direct_solver
+from gpusim.fem.formulation import resolve_formulation
+from gpusim.mesh import Mesh, box
+
+RNG = np.random.default_rng(3)
+
+
+def beam(divisions: tuple[int, int, int] = (37, 3, 2)) -> Model:
+    mesh = box((9.0, 0.7, 0.4), divisions)
+    fixed = np.zeros(mesh.points.shape, dtype=bool)
+    fixed[mesh.points[:, 0] == 0.0] = True
+    forces = RNG.normal(size=(2, *mesh.points.shape))
+    # a stiffer stretch: not all sections are alike
+    centre = mesh.points[mesh.cells["hex8"]].mean(axis=1)
+    of_cell = ((centre[:, 0] > 3.0) & (centre[:, 0] < 3.6)).astype(np.int32)
+    return Model(
+        mesh, [Isotropic(1.0, 0.3), Isotropic(50.0, 0.2)], fixed, forces, material_of_cell=of_cell
+    )
+
+
+def assembled(model: Model) -> Assembled:
+    return assemble(model, resolve_formulation(model, None))
+
+
+def exact(model: Model) -> np.ndarray:
+    free = ~model.fixed.ravel()  # type: ignore[union-attr]
+    matrix = block_matrix(assembled(model).rows).tocsr()[free][:, free].tocsc()
+    factor = splu(matrix)
+    u = np.zeros((len(model.load_cases), len(free)))
+    for case, force in enumerate(model.load_cases.reshape(len(u), -1)):
+        u[case, free] = factor.solve(force[free])
+        u[case, free] += factor.solve(force[free] - matrix @ u[case, free])
+    return u
+
+
+def without_some_cells(mesh: Mesh) -> Mesh:
+    """A notch: cells left out, their nodes too."""
+    cells = mesh.cells["hex8"]
+    centre = mesh.points[cells].mean(axis=1)
+    cells = cells[~((centre[:, 0] > 5.0) & (centre[:, 0] < 5.5) & (centre[:, 1] > 0.4))]
+    used = np.unique(cells)
+    number = np.full(mesh.node_count, -1)
+    number[used] = np.arange(len(used))
+    return Mesh(mesh.points[used], {"hex8": number[cells]})
+
+
+@pytest.mark.parametrize("divisions", [(37, 3, 2), (16, 2, 3), (1, 2, 2), (2, 3, 1), (3, 5, 4)])
+def test_both_direct_solvers_give_scipys_answer(divisions: tuple[int, int, int]) -> None:
+    model = beam(divisions)
+    parts = assembled(model)
+    free = ~model.fixed  # type: ignore[operator]
+    force = np.where(free, model.load_cases, 0.0).reshape(2, -1)
+    wanted = exact(model)
+    ordering = band_ordering(parts.rows, free, model.mesh.points)
+    assert parts.lattice is not None
+    slabs = cut_slabs(parts.groups[0], parts.lattice, free)
+    assert slabs is not None
+    for solver in (
+        Banded(parts.rows, ordering, 1.0),
+        Chain(slabs, parts.groups[0], parts.lattice, free, 1.0),
+    ):
+        u = solver.apply(force)
+        assert np.abs(u - wanted).max() <= 1e-9 * np.abs(wanted).max()
+
+
+def test_equal_sections_are_condensed_once() -> None:
+    mesh = box((64.0, 1.0, 1.0), (64, 2, 2))
+    fixed = np.zeros(mesh.points.shape, dtype=bool)
+    fixed[mesh.points[:, 0] == 0.0] = True
+    model = Model(mesh, [Isotropic(1.0, 0.3)], fixed)
+    parts = assembled(model)
+    slabs = cut_slabs(parts.groups[0], parts.lattice, ~fixed)  # type: ignore[arg-type]
+    assert slabs is not None
+    # 63 joins: in each of six rounds the clamped one differs from the others
+    assert [len(one.number) for one in slabs.rounds] == [32, 16, 8, 4, 2, 1]
+    assert [len(one.pairs) for one in slabs.rounds] == [2, 2, 2, 2, 2, 1]
+
+
+def test_a_notched_body_and_one_of_single_supports_take_the_chain() -> None:
+    mesh = without_some_cells(box((9.0, 0.7, 0.4), (36, 3, 2)))
+    fixed = np.zeros(mesh.points.shape, dtype=bool)
+    corner = np.flatnonzero(mesh.points[:, 0] == 0.0)
+    fixed[corner[:3]] = True
+    fixed[np.flatnonzero(mesh.points[:, 0] == 9.0)[0], 2] = True
+    model = Model(mesh, [Isotropic(1.0, 0.3)], fixed, RNG.normal(size=mesh.points.shape))
+    parts = assembled(model)
+    slabs = cut_slabs(parts.groups[0], parts.lattice, ~fixed)  # type: ignore[arg-type]
+    assert slabs is not None
+    chain = Chain(slabs, parts.groups[0], parts.lattice, ~fixed, 1.0)  # type: ignore[arg-type]
+    force = np.where(fixed, 0.0, model.load_cases).reshape(1, -1)
+    wanted = exact(model)
+    assert np.abs(chain.apply(force) - wanted).max() <= 1e-8 * np.abs(wanted).max()
+
+
+def test_a_wrong_join_is_seen() -> None:
+    model = beam()
+    parts = assembled(model)
+    free = ~model.fixed  # type: ignore[operator]
+    slabs = cut_slabs(parts.groups[0], parts.lattice, free)  # type: ignore[arg-type]
+    assert slabs is not None and parts.lattice is not None
+    chain = Chain(slabs, parts.groups[0], parts.lattice, free, 1.0)
+    chain._joins[1][-1].left[0, 0] *= 1.0 + 1e-4
+    wanted = exact(model)
+    u = chain.apply(np.where(free, model.load_cases, 0.0).reshape(2, -1))
+    assert np.abs(u - wanted).max() > 1e-7 * np.abs(wanted).max()
+
+
+def test_slender_bodies_are_factorised_and_chunky_ones_iterate() -> None:
+    long = solve(beam(), backend="numpy")
+    assert long.method == "direct" and long.converged and long.backend == "numpy"
+    assert "condensed" in long.message or "banded" in long.message
+    mesh = box((1.0, 1.0, 1.0), (17, 17, 17))
+    fixed = np.zeros(mesh.points.shape, dtype=bool)
+    fixed[mesh.points[:, 0] == 0.0] = True
+    cube = Model(mesh, [Isotropic(1.0, 0.3)], fixed, RNG.normal(size=mesh.points.shape))
+    assert solve(cube, backend="numpy").method == "multigrid"
+
+
+def test_direct_and_multigrid_agree() -> None:
+    model = beam((24, 4, 4))
+    one, two = (
+        solve(model, backend="numpy", method=method, tolerance=1e-8)
+        for method in ("direct", "multigrid")
+    )
+    assert one.converged and two.converged
+    assert np.abs(one.u - two.u).max() <= 2e-8 * np.abs(one.u).max()
+
+
+def test_the_estimate_covers_the_rounding_of_the_stiffness() -> None:
+    # a stiff body on a soft root turns as a whole: no residual shows the rounding of its stiffness
+    mesh = box((12.0, 4.0, 3.0), (12, 4, 3))
+    fixed = np.zeros(mesh.points.shape, dtype=bool)
+    fixed[mesh.points[:, 0] == 0.0] = True
+    centre = mesh.points[mesh.cells["hex8"]].mean(axis=1)
+    of_cell = (centre[:, 0] > 1.0).astype(np.int32)
+    forces = np.zeros(mesh.points.shape)
+    forces[mesh.points[:, 0] == 12.0, 1] = 1.0
+    solutions = [
+        solve(
+            Model(
+                mesh,
+                [Isotropic(1.0, 0.3), Isotropic(contrast, 0.3)],
+                fixed,
+                forces,
+                material_of_cell=of_cell,
+            ),
+            backend="numpy",
+        )
+        for contrast in (1e4, 1e10)
+    ]
+    assert solutions[0].converged and solutions[0].error_estimate <= 1e-8
+    assert not solutions[1].converged
+    assert "rounding of the stiffness" in solutions[1].message
+    assert "stiffnesses in the ratio" in solutions[1].message
+
+
+def test_direct_is_refused_where_its_factors_do_not_fit(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("gpusim.fem.choice.host_memory", lambda: 1000)
+    with pytest.raises(InputError, match=r"direct.*GB.*expected"):
+        solve(beam(), backend="numpy", method="direct")
+    assert solve(beam(), backend="numpy").method == "multigrid"
+
+
+def test_an_estimate_knows_what_is_cheap() -> None:
+    parts = assembled(beam())
+    direct = direct_solver(parts, ~beam().fixed, beam().mesh.points, 1.0)  # type: ignore[operator]
+    assert direct is not None and direct.fits and 0.0 < direct.seconds < 1.0
