@@ -2,7 +2,7 @@
 # Makes .venv with gpusim in it, on a machine that may have next to nothing.
 #
 #   scripts/setup.sh        what a user needs: gpusim and what it imports
-#   scripts/setup.sh dev    also pytest, ruff and mypy
+#   scripts/setup.sh dev    also Gmsh, pytest, ruff and mypy
 #
 # Missing system packages (Python's venv module, a Vulkan driver) are installed with apt-get, and
 # only if they are missing. PYTHON=... picks the interpreter. A second run costs seconds.
@@ -84,7 +84,7 @@ if ! grep -qxF "$wanted" "$venv/.installed" 2>/dev/null; then
     # The build backend first: the package itself is then built without another download.
     "$venv/bin/python" -m pip install -q -c constraints.txt hatchling
     extra=
-    [ "$flavour" = run ] || extra="[$flavour]"
+    [ "$flavour" = run ] || extra="[$flavour,cad]"
     "$venv/bin/python" -m pip install -q -c constraints.txt --no-build-isolation ".$extra"
     # The larger set holds the smaller one, so that `make demo` after `make test` installs nothing.
     { echo "$wanted"; echo "run ${wanted#* }"; } >"$venv/.installed"

@@ -33,7 +33,8 @@ DECKS = [
     "aniso", "beam10p", "beam20p", "beam8p", "beam8t", "beamd", "beamidset", "beamp",
     "beamp2stage", "beampdepmpc", "beampis", "beampo1", "beampo2", "beampset", "beamptied1",
     "beamptied2", "beamt", "beamt2",
-    "beamt3", "c3d15", "c3d6", "disk2", "segment1", "segment2", "segmentf",
+    "beamt3", "c3d15", "c3d6", "disk2", "resstress1",
+    "segment1", "segment2", "segmentf",
 ]  # fmt: skip
 
 # Decks that are read too: an iterative reference, forces only, stresses at nodes only.
@@ -50,7 +51,6 @@ REFUSED = {
     "changesolidsection": (363, "*CHANGE SOLID SECTION: not supported"),
     "inistrain": (33, "*INITIAL CONDITIONS: TYPE=PLASTIC STRAIN isn't supported"),
     "pret1": (217, "*PRE-TENSION SECTION: not supported"),
-    "resstress1": (351, "*INITIAL CONDITIONS: TYPE=STRESS isn't supported"),
     "resstress2": (352, "*INITIAL CONDITIONS: parameter USER isn't supported"),
     "resstress3": (352, "*INITIAL CONDITIONS: parameter USER isn't supported"),
     "submodelbeamp": (361, "*SUBMODEL: not supported"),

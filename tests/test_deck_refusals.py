@@ -35,7 +35,9 @@ def refused(folder: Path, text: str) -> str:
         ("*RIGID BODY, NSET=RIGHT", "not supported"),
         ("*MATERAIL, NAME=A", "(did you mean 'MATERIAL'?)"),
         ("*ORIENTATION, NAME=O, DEFINITION=OFFSET TO NODES", "DEFINITION isn't supported"),
-        ("*INITIAL CONDITIONS, TYPE=STRESS\n7, 1, 1., 0., 0., 0., 0., 0.", "TYPE=STRESS isn't"),
+        ("*INITIAL CONDITIONS, TYPE=PLASTIC STRAIN\n7, 1, 1.", "TYPE=PLASTIC STRAIN isn't"),
+        ("*INITIAL CONDITIONS, TYPE=STRESS\n7, 9, 1., 0., 0., 0., 0., 0.", "got 9; expected 1 … 8"),
+        ("*INITIAL CONDITIONS, TYPE=STRESS\n7, 1, 1., 0., 0., 0.", "got 6 fields; expected"),
         ("*INITIAL CONDITIONS, TYPE=TEMPERATURE, USER", "parameter USER isn't supported"),
         ("*RESTART, READ", "READ isn't supported"),
         ("*AMPLITUDE, NAME=A, DEFINITION=PERIODIC\n1, 2., 0., 0.", "DEFINITION isn't supported"),
@@ -100,6 +102,7 @@ def test_model_cards(card: str, message: str, tmp_path: Path) -> None:
         ("*BOUNDARY\n13, 1, 6, 0.5", "degree of freedom; got 1 … 6"),
         ("*BOUNDARY\n13, 11, 11, 0.5", "degree of freedom; got 11 … 11"),
         ("*STEP", ":{}: *STEP: inside of a step; expected *END STEP"),
+        ("*STATIC\n1., -1.", ":{}: *STATIC: time of the step; got -1; expected > 0"),
         ("*FREQUENCY", ":{}: *FREQUENCY: not supported"),
     ],
 )  # fmt: skip

@@ -315,6 +315,23 @@ def test_a_tie_over_a_gap(tmp_path: Path) -> None:
     assert solution.energy_balance <= 1e-10
 
 
+def test_initial_stress_pushes_like_the_load_that_holds_it(tmp_path: Path) -> None:
+    """A uniform stress s wants to let go: it moves the end as a pressure -s there does."""
+    initial = "*INITIAL CONDITIONS, TYPE=STRESS\nBRICKS, -3., 0., 0., 0., 0., 0.\n"
+    free = "*BOUNDARY\nLEFT, 1\n11, 2, 3\n17, 2\n"
+    found = load(tmp_path, initial, step("*NODE PRINT", "U"), fixed=free)
+    (solution,) = found.solve(backend="numpy", tolerance=1e-9)
+    expected = POINTS * [3.0 / 200.0, -0.25 * 3.0 / 200.0, -0.25 * 3.0 / 200.0]
+    np.testing.assert_allclose(solution.u, expected, atol=1e-9)
+    stress = found.point_stress(1, solution.u)["hex8"]
+    np.testing.assert_allclose(stress, np.zeros((2, 8, 6)), atol=1e-7)
+    one = "*INITIAL CONDITIONS, TYPE=STRESS\n9, 3, 1., 2., 3., 4., 5., 6.\n"
+    found = load(tmp_path, one, step("*NODE PRINT", "U"))
+    at_rest = found.point_stress(1, np.zeros((12, 3)))["hex8"]
+    np.testing.assert_array_equal(at_rest[1, 2], [1, 2, 3, 4, 6, 5])
+    assert np.count_nonzero(at_rest) == 6
+
+
 def test_redundant_equations_are_legal(tmp_path: Path) -> None:
     tie = "*EQUATION\n2\n13, 1, 1., 22, 1, -1.\n"
     again = "*EQUATION\n2\n22, 1, 3., 13, 1, -3.\n*EQUATION\n2\n11, 1, 1., 14, 1, 1.\n"

@@ -138,10 +138,12 @@ def test_a_users_own_material_is_checked() -> None:
     assert Model(mesh, [Custom(matrix)]).densities.tolist() == [1.0]
     skew = matrix.copy()
     skew[0, 1] += 0.1
-    with pytest.raises(InputError, match="isn't a symmetric"):
+    with pytest.raises(InputError, match="isn't symmetric"):
         Model(mesh, [Custom(skew)])
     with pytest.raises(InputError, match=r"materials\[1\]: stiffness\(\) isn't positive definite"):
         Model(mesh, [Custom(matrix), Custom(matrix - 2.0 * np.eye(6))])
+    with pytest.raises(InputError, match=r"wrong shape; got \(3, 3\)"):
+        Model(mesh, [Custom(matrix[:3, :3])])
     with pytest.raises(InputError, match="aren't finite"):
         Model(mesh, [Custom(matrix * np.nan)])
     with pytest.raises(InputError, match="at least one Isotropic or Orthotropic"):

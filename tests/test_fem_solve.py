@@ -317,8 +317,8 @@ def test_a_body_too_slender_for_float64_is_told_in_words() -> None:
         solve(model, backend="numpy")
 
 
-def test_converges_to_the_rounding_of_the_residual() -> None:
-    """A thin plate, where the true residual's bound can't fall to the tolerance."""
+def test_multigrid_states_its_error_honestly_on_a_thin_plate() -> None:
+    """Flat elements, badly conditioned: hundreds of iterations, and an estimate that holds."""
     plate = box((100.0, 100.0, 1.0), (10, 10, 1))
     fixed = np.isclose(plate.points[:, :1], 0.0).repeat(3, axis=1)
     end = select_faces(plate, name="x_max")
@@ -337,5 +337,5 @@ def test_converges_to_the_rounding_of_the_residual() -> None:
     exact = factor.solve(force)
     exact += factor.solve(force - matrix @ exact)
     error = np.abs(solution.u.ravel()[free] - exact).max() / np.abs(exact).max()
-    assert solution.converged and "rounding" in solution.message
+    assert solution.converged
     assert error <= solution.error_estimate <= 1e-6

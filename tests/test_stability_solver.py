@@ -46,8 +46,9 @@ def test_right_or_told(
 def test_multigrid_never_fails_silently(
     way: str, answers: dict[str, tuple[Model, Reference]]
 ) -> None:
-    names = ("E contrast 1e+08 incompatible layers", "tets 100 full",
-             "offset in cells 1e+06 incompatible", "two bodies 1e+06 incompatible")  # fmt: skip
+    names = ("E contrast 1e+08 incompatible scattered", "E contrast 1e+08 incompatible layers",
+             "offset in cells 1e+06 incompatible", "two bodies 1e+06 incompatible",
+             "tets 100 full")  # fmt: skip
     _, backend, real = WAYS[way]
     device = Device(real=real) if backend == "gpu" else None
     for case in QUICK:

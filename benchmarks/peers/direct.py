@@ -1,4 +1,6 @@
-"""Sparse direct solvers: MKL PARDISO (pypardiso), CHOLMOD (cholespy), NGSolve's Cholesky."""
+"""Sparse direct solvers: MKL PARDISO (pypardiso), CHOLMOD (SuiteSparse 5), NGSolve's Cholesky."""
+
+import ctypes
 
 import numpy as np
 from common import Clock, main
@@ -64,17 +66,54 @@ def residual(matrix, u, right, rows=20000):
     return result
 
 
-def cholmod(problem, matrix):
-    from cholespy import CholeskySolverD, MatrixType
+class Sparse(ctypes.Structure):
+    """cholmod_sparse of SuiteSparse 5."""
 
+    _fields_ = [
+        *[(name, ctypes.c_size_t) for name in ("nrow", "ncol", "nzmax")],
+        *[(name, ctypes.c_void_p) for name in ("p", "i", "nz", "x", "z")],
+        *[
+            (name, ctypes.c_int)
+            for name in ("stype", "itype", "xtype", "dtype", "sorted", "packed")
+        ],
+    ]
+
+
+class Dense(ctypes.Structure):
+    """cholmod_dense of SuiteSparse 5."""
+
+    _fields_ = [
+        *[(name, ctypes.c_size_t) for name in ("nrow", "ncol", "nzmax", "d")],
+        *[(name, ctypes.c_void_p) for name in ("x", "z")],
+        *[(name, ctypes.c_int) for name in ("xtype", "dtype")],
+    ]
+
+
+def cholmod(problem, matrix):
+    """CHOLMOD through ctypes, with its default ordering strategy (AMD, then METIS)."""
+    import scipy.sparse
+
+    library = ctypes.CDLL("libcholmod.so.3")
+    common = ctypes.create_string_buffer(1 << 16)  # larger than cholmod_common
+    for name in ("cholmod_analyze", "cholmod_solve"):
+        getattr(library, name).restype = ctypes.c_void_p
+    library.cholmod_start(common)
+    lower = scipy.sparse.tril(matrix, format="csc")
+    size = len(problem.right)
+    arrays = [lower.indptr.astype(np.int32), lower.indices.astype(np.int32), lower.data]
+    p, i, x = (array.ctypes.data for array in arrays)
+    sparse = Sparse(size, size, lower.nnz, p, i, None, x, None, -1, 0, 1, 0, 1, 1)
+    right = Dense(size, 1, size, size, problem.right.ctypes.data, None, 1, 0)
     clock = Clock()
-    solver = CholeskySolverD(
-        matrix.shape[0], matrix.indptr, matrix.indices, matrix.data, MatrixType.CSR
-    )
+    factor = ctypes.c_void_p(library.cholmod_analyze(ctypes.byref(sparse), common))
+    if not factor or not library.cholmod_factorize(ctypes.byref(sparse), factor, common):
+        raise SystemExit("CHOLMOD failed")
     setup = clock.lap()
-    u = np.zeros_like(problem.right)
-    solver.solve(problem.right, u)
-    return variant(problem, "CHOLMOD (cholespy)", setup, clock.lap(), u)
+    answer = library.cholmod_solve(0, factor, ctypes.byref(right), common)
+    seconds = clock.lap()
+    values = ctypes.cast(answer, ctypes.POINTER(Dense)).contents.x
+    u = np.ctypeslib.as_array(ctypes.cast(values, ctypes.POINTER(ctypes.c_double)), (size,))
+    return variant(problem, "CHOLMOD", setup, seconds, u)
 
 
 def ngsolve(problem, matrix):

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.fem import Isotropic, Model, face_force
-from gpusim.mesh import Mesh, box, select_faces
+from gpusim.mesh import Mesh, box, quadratic, select_faces
 
 __all__ = ["HardCase", "hard_cases"]
 
@@ -68,7 +68,12 @@ def bar(
     return cantilever(mesh, [material], load=load)
 
 
-def tet_bar(size: Triple, divisions: Counts) -> Model:
+def brick20_bar(size: Triple, divisions: Counts, nu: float = 0.3) -> Model:
+    """20-node bricks."""
+    return cantilever(quadratic(box(size, divisions)), [Isotropic(210e9, nu)])
+
+
+def tet_bar(size: Triple, divisions: Counts, second_order: bool = False) -> Model:
     """Every brick cut into six tetrahedra about its diagonal."""
     bricks = box(size, divisions)
     around = [1, 2, 3, 7, 4, 5]
@@ -78,7 +83,7 @@ def tet_bar(size: Triple, divisions: Counts) -> Model:
     volume = np.linalg.det(p[:, 1:] - p[:, :1])
     cells = np.where((volume < 0.0)[:, None], cells[:, [0, 2, 1, 3]], cells)
     mesh = Mesh(bricks.points, {"tet4": cells})
-    return cantilever(mesh)
+    return cantilever(quadratic(mesh) if second_order else mesh)
 
 
 def distorted(amount: float) -> Model:
@@ -271,3 +276,19 @@ def hard_cases() -> Iterator[HardCase]:
     yield HardCase("tets", 10.0, partial(tet_bar, (10.0, 1.0, 0.7), (30, 3, 2)), {"tet4": "full"})
     yield HardCase("tets", 100.0, partial(tet_bar, (100.0, 1.0, 0.7), (150, 2, 2)),
                    {"tet4": "full"}, True)  # fmt: skip
+    for ratio in (100.0, 1000.0):
+        yield HardCase("flat tets", ratio, partial(tet_bar, (1.0, 1.0, 1 / ratio), (6, 5, 2)),
+                       {"tet4": "full"})  # fmt: skip
+        yield HardCase("flat tets", ratio, partial(tet_bar, (1.0, 1.0, 1 / ratio), (4, 3, 1), True),
+                       {"tet10": "full"})  # fmt: skip
+        for rule in ("full", "reduced"):
+            yield HardCase("flat bricks", ratio, partial(brick20_bar, (1.0, 1.0, 1 / ratio), (4, 3, 1)),
+                           {"hex20": rule}, ratio == 100)  # fmt: skip
+    yield HardCase("tets", 100.0, partial(tet_bar, (100.0, 1.0, 0.7), (50, 1, 1), True),
+                   {"tet10": "full"}, True)  # fmt: skip
+    for rule in ("full", "reduced"):
+        for slender in (100.0, 1000.0):
+            yield HardCase("slender bricks", slender,
+                           partial(brick20_bar, (slender, 1.0, 0.7), (50, 1, 1)), {"hex20": rule})  # fmt: skip
+        yield HardCase("nu", 0.49999, partial(brick20_bar, (2.0, 1.0, 0.8), (4, 2, 2), 0.49999),
+                       {"hex20": rule}, True)  # fmt: skip

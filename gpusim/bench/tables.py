@@ -37,8 +37,8 @@ def solver_markdown(result: SolverResult) -> str:
         "greatest difference to the reference (gpusim at tolerance 1e-10) over the greatest "
         "displacement; for peers on beams, to the exact solution (80-bit residuals) of the matrix "
         "that they were given, whose rounding to float64 moves a slender body: the column "
-        "\"to reference\" shows that. \"Best\" is the fastest run with an error of at most "
-        f"{ENOUGH:g}.", "",
+        "\"to reference\" shows that. \"Best peer\" is the fastest run "
+        f"with an error of at most {ENOUGH:g}; gpusim is taken at its default tolerance.", "",
         *_summary(result.cases), "",
     ]  # fmt: skip
     for family, exponent in result.exponents().items():

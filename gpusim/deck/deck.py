@@ -54,6 +54,7 @@ class Deck:
     steps : the steps, in order.
     node_axes : position of a node -> (3,3), its own axes from *TRANSFORM in rows. Supports and
         forces of the file are in these; models and solutions here are in global axes.
+    initial_stress : cell type -> (M,Q,6) at the integration points; types without any are absent.
     ignored : keywords that were read over: output requests and what can't change the result.
     """
 
@@ -66,6 +67,7 @@ class Deck:
     formulation: Mapping[str, str]
     steps: Sequence[Step]
     node_axes: Mapping[int, Float]
+    initial_stress: Mapping[str, Float]
     ignored: Sequence[str]
 
     def model(self, *numbers: int) -> Model:
@@ -137,7 +139,8 @@ class Deck:
         """Stress at the integration points of each element for ``u`` (N,3) of step ``number``.
 
         Returns cell type -> (M,Q,6) float64, order xx yy zz xy yz zx, global axes, elements in the
-        order of the mesh. Free strain of the step's temperature is subtracted. Raises InputError.
+        order of the mesh. Free strain of the step's temperature is subtracted, initial stress
+        added. Raises InputError.
         """
         step = self._step(number)
         field = np.asarray(u, dtype=np.float64)
@@ -146,10 +149,11 @@ class Deck:
                 f"Deck.point_stress: u; got shape {field.shape}; expected "
                 f"{self.mesh.points.shape} finite numbers"
             )
-        return point_stresses(
+        found = point_stresses(
             self.mesh, self.materials, self.material_of_cell, self.formulation, field,
             step.temperature,
         )  # fmt: skip
+        return {kind: one + self.initial_stress.get(kind, 0.0) for kind, one in found.items()}
 
     def _step(self, number: int) -> Step:
         if not 1 <= number <= len(self.steps):

@@ -25,8 +25,8 @@ def load_deck(path: PathLike) -> Deck:
     integration rules that CalculiX has for them, elastic materials (isotropic, orthotropic,
     anisotropic) with rectangular orientations, sets and surfaces, supports, prescribed
     displacements, equations, ties, turned axes, nodal forces, pressures, gravity, rotation,
-    temperatures, amplitudes, and any number of *STATIC steps. Output requests are listed in
-    ``Deck.ignored``.
+    temperatures, initial stress, amplitudes, and any number of *STATIC steps. Output requests are
+    listed in ``Deck.ignored``.
 
     Raises InputError that lists, with file and line, every keyword, parameter and element type
     that would change the answer and isn't supported; and then every wrong number and unknown name.
@@ -58,6 +58,7 @@ def load_deck(path: PathLike) -> Deck:
         formulation=formulation,
         steps=tuple(history.steps),
         node_axes=axes.rows,
+        initial_stress=history.stress.values,
         ignored=ignored,
     )
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.fem.isoparametric import add_to
 from gpusim.mesh import Faces, Mesh
 from gpusim.mesh.quadrature import face_rule
 from gpusim.mesh.shapes import FACE_TYPES, shape_functions, shape_gradients
@@ -36,7 +37,7 @@ def pressure_forces(
             normal = np.cross(tangent[..., 0], tangent[..., 1]) * weight[:, None]
             share = np.einsum("qk,fqi->fki", shape_functions(name, points), normal)
             share *= -values[inside[rows]][:, None, None]
-            np.add.at(forces, nodes, share)
+            add_to(forces, nodes, share)
     return forces
 
 

@@ -12,6 +12,7 @@ from gpusim.deck.amplitudes import Amplitudes, Scale
 from gpusim.deck.constraints import Axes, Constraints
 from gpusim.deck.deck import Step
 from gpusim.deck.forces import Forces
+from gpusim.deck.initial import InitialStress
 from gpusim.deck.temperature import temperature_forces
 from gpusim.deck.ties import read_tie
 from gpusim.errors import InputError
@@ -60,6 +61,7 @@ class History:
         self.constraints = Constraints(body.content, axes)
         self.forces = Forces(body.content, body.labelled, axes)
         nodes = body.labelled.mesh.node_count
+        self.stress = InitialStress(body.content, body.labelled, body.formulation)
         self.initial = np.zeros(nodes)
         self.temperature: Float | None = None
         self.warmth_follows = np.zeros(nodes, dtype=np.int32)
@@ -116,9 +118,12 @@ class History:
 
     def _initial(self, card: Card) -> None:
         kind = card.parameters.get("TYPE", "").upper()
+        if kind == "STRESS":
+            self.stress.read(card)
+            return
         if kind != "TEMPERATURE":
             raise InputError(
-                f"{card.where()}: TYPE={kind} isn't supported; expected TYPE=TEMPERATURE"
+                f"{card.where()}: TYPE={kind} isn't supported; expected TEMPERATURE or STRESS"
             )
         for nodes, value in self._node_values(card):
             self.initial[nodes] = value
@@ -181,6 +186,10 @@ class History:
         for line, row in card.rows():
             if len(row) > 1 and row[1]:
                 step.period = number(row[1], card.where(line))
+            if not step.period > 0.0:
+                raise InputError(
+                    f"{card.where(line)}: time of the step; got {step.period:g}; expected > 0"
+                )
             break
 
     def _end(self, card: Card) -> None:
@@ -193,6 +202,8 @@ class History:
         factors = self.amplitudes.factors(self.time)
         fixed, prescribed, equations = self.constraints.assembled(factors)
         forces = self.forces.total(body.materials, body.material_of_cell, body.formulation, factors)
+        if self.stress.values:
+            forces += self.stress.forces()
         change = None
         if self.temperature is not None:
             change = self.temperature * factors[self.warmth_follows] - self.initial

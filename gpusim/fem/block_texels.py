@@ -1,7 +1,8 @@
 """Distinct block rows as texels, for kernels that take one node per thread.
 
 Rows are padded to whole fours of neighbours with the node itself, whose difference is zero. Per
-node one ``info`` texel: first texel of its neighbours, number of fours, first texel of its blocks.
+node one ``info`` texel: first texel of its neighbours, number of fours, first texel of its blocks, the
+node.
 ``neighbour`` holds four nodes a texel; the blocks of four neighbours are nine texels, block by
 block and column by column. Nodes with equal rows share their blocks.
 """
@@ -21,6 +22,7 @@ from gpusim.gpu.texels import Texels, most_texels
 
 __all__ = ["BlockTexels", "RowPart", "block_texels_bytes", "rows_of_matrix"]
 
+Bool = npt.NDArray[np.bool_]
 Long = npt.NDArray[np.int64]
 
 # texels of blocks that are put together at a time: large pieces of new memory are slow to touch
@@ -47,15 +49,24 @@ class BlockTexels:
     """The rows of a matrix on the device, divided by ``scale``, in one part or several.
 
     ``exact`` keeps what float32 leaves of the blocks in a second texture. ``packed`` is whether
-    kernels take four nodes at a time (``row_packs``).
+    kernels take four nodes at a time (``row_packs``), which are all ``free`` (N,3) alike;
+    ``example`` has a node for each row that they tell apart.
     """
 
     def __init__(
-        self, device: Allocator, rows: BlockRows, scale: float, label: str, *, exact: bool
+        self,
+        device: Allocator,
+        rows: BlockRows,
+        free: Bool,
+        scale: float,
+        label: str,
+        *,
+        exact: bool,
     ) -> None:
         self.nodes = rows.node_count
-        packs = find_packs(rows, scale)
+        packs = find_packs(rows, free, scale)
         self.packed = packs is not None
+        self.example = packs.example if packs is not None else np.arange(self.nodes)
         if packs is not None:
             self.parts: tuple[RowPart, ...] = (_upload_packs(device, packs, label, exact),)
             return
@@ -149,6 +160,7 @@ def _upload(
     class_start = _FOUR * (np.cumsum(class_fours) - class_fours)
     info = np.zeros((count, 4), dtype=np.uint32)
     info[:, 0], info[:, 1], info[:, 2] = start, fours, class_start[local]
+    info[:, 3] = np.arange(first, last)
     size = _FOUR * int(class_fours.sum())
     part = RowPart(
         first,

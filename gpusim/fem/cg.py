@@ -209,7 +209,7 @@ def _check(device: Device) -> None:
     jacobi = BlockJacobi(invert_blocks(rows.diagonal[rows.row_class], free))
     b = np.where(free, rng.normal(size=shape), 0.0).reshape(2, -1)
     twin = NumpyCG(lambda v: apply_stiffness(rows, v.reshape(shape)).reshape(2, -1), jacobi)
-    operator = DeviceStiffness(device, rows, 1.0, 2)
+    operator = DeviceStiffness(device, rows, 1.0, 2, free)
     loop = DeviceCG(device, operator, jacobi.upload(device, operator, 2), 2)
     active = np.array([True, True])
     # the preconditioner is rounded to float32, and iterations amplify that

@@ -52,7 +52,8 @@ class DeviceMultigrid:
             texels = finest
             if number:
                 rows = rows_of_matrix(level.product.matrix)
-                texels = BlockTexels(device, rows, 1.0, label, exact=False)
+                free = np.einsum("nii->ni", level.inverse) != 0.0
+                texels = BlockTexels(device, rows, free, 1.0, label, exact=False)
             below = _NodeLevel(device, level, steps[number], texels, below, cases, label)
         assert isinstance(below, _NodeLevel)
         self._top = below
@@ -137,15 +138,8 @@ class _NodeLevel:
     ) -> None:
         self._steps = steps
         self._smoother = DeviceRelaxation(device, texels, level.inverse, cases, label)
-        # residual, change and guess, twice: what a step reads it can't write
-        self._vectors = tuple(
-            (
-                self._smoother.vector(f"{label}.r"),
-                self._smoother.vector(f"{label}.d"),
-                self._smoother.vector(f"{label}.x"),
-            )
-            for _ in range(2)
-        )
+        # what a step reads it can't write: now, before and next
+        self._vectors = [self._smoother.vector(f"{label}.x") for _ in range(3)]
         self._below: _ByWeights | _ByMatrix
         if isinstance(level.transfer, NodeTransfer):
             assert isinstance(below, _NodeLevel)
@@ -159,24 +153,20 @@ class _NodeLevel:
 
     def record(self, recording: Recording, b: Texels, z: Texels) -> None:
         """Record z = (V-cycle) b."""
-        one, two = self._vectors
-        first = self._steps[0]
-        self._smoother.begin(recording, b, one[1], first.gain)
-        # from zero the guess is the first change
-        r, d, x = b, one[1], one[1]
-        here, there = two, one
+        now, before, following = self._vectors
+        self._smoother.begin(recording, b, now, self._steps[0].gain)
+        last: Texels | None = None
         for step in self._steps[1:]:
-            self._smoother.relax(recording, d, r, x, step, here)
-            (r, d, x), here, there = here, there, here
-        self._smoother.residual(recording, d, r, here[0])
-        self._below.record(recording, here[0], x, here[2])
-        x = here[2]
-        here, there = there, here
-        r, d = b, x
-        for step in self._steps[:-1]:
-            self._smoother.relax(recording, d, r, x, step, here)
-            (r, d, x), here, there = here, there, here
-        self._smoother.finish(recording, d, r, x, self._steps[-1], z)
+            self._smoother.relax(recording, now, last, b, step, following)
+            last, now, before, following = now, following, now, before
+        self._smoother.residual(recording, now, b, before)
+        self._below.record(recording, before, now, following)
+        before, now, following = now, following, before
+        last = None
+        for number, step in enumerate(self._steps):
+            out = z if number == len(self._steps) - 1 else following
+            self._smoother.relax(recording, now, last, b, step, out)
+            last, now, before, following = now, following, now, before
 
 
 class _ByWeights:

@@ -20,11 +20,11 @@ Float = npt.NDArray[np.float64]
 # a Ritz value lies slightly above the eigenvalue that the bounds ask for
 _BELOW = 0.9
 _MOST_REFINEMENTS = 12
-# share of the tolerance that a run of conjugate gradients may leave
-_AIM = 0.7
-# and share that the next correction may still move the solution by, where the true residual has
-# reached its own rounding
-_INSIDE = 0.3
+# share of the tolerance that the first run of conjugate gradients may leave, and a later one
+_AIM, _LATER_AIM = 0.7, 0.15
+# where the true residual has reached its own rounding, what a run left and what it moved the
+# solution by stand for the error, with this factor of safety
+_SAFETY = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +122,7 @@ def iterate(
     however good the solution is, because it puts the whole residual into the softest mode. The
     size of the last correction then tells the error: it solves for the same rounding. The
     solution counts as converged if the run that gave it ended within its own bound and moved the
-    solution by less than a share of the tolerance; the estimate is the sum of both.
+    solution by little; the estimate is the sum of both, times a factor of safety.
     """
     cases = len(system.right)
     factor = (system.scale / system.load_scale)[:, None, None]
@@ -152,9 +152,9 @@ def iterate(
             if known.all() and bool((estimate <= tolerance).all()):
                 message = "converged"
                 break
-            settled = (inside <= _AIM * tolerance) & (drift <= _INSIDE * tolerance)
+            settled = _SAFETY * (inside + drift) <= tolerance
             if refinement > 1 and bool((settled | (estimate <= tolerance)).all()):
-                estimate = np.minimum(estimate, inside + drift)
+                estimate = np.minimum(estimate, _SAFETY * (inside + drift))
                 message = "converged to the rounding of the residual"
                 break
             if refinement > 1 and not (estimate.max() <= 0.5 * before.max()):
@@ -162,9 +162,10 @@ def iterate(
                 break
         if iterations >= most:
             break
+        aim = _LATER_AIM if refinement else _AIM
         report = None if progress is None else partial(_shifted, progress, iterations)
         correction, history, inside = _run(
-            system, loop, state, x, rz, _AIM * tolerance, most - iterations, chunk, report
+            system, loop, state, x, rz, aim * tolerance, most - iterations, chunk, report
         )
         x, image = x + correction, None
         size = norm.size(x + state.given)

@@ -147,7 +147,7 @@ def _iterated(
     with Arena(device) as arena:
         cases = len(system.right)
         _ask(device, _memory(assembled.rows, cases, chosen), system)
-        operator = DeviceStiffness(arena, assembled.rows, system.scale, cases)
+        operator = DeviceStiffness(arena, assembled.rows, system.scale, cases, system.free)
         ready = chosen.upload(arena, operator, cases)
         loop = DeviceCG(arena, operator, ready, cases)
         clock.mark("upload")

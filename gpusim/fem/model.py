@@ -132,18 +132,21 @@ def _float(name: str, value: Any) -> Float:
 
 def _check_stiffness(materials: Sequence[Material]) -> None:
     """Materials of the user's own are checked like ours: symmetric, positive definite."""
-    matrices = [
-        _float(f"materials[{number}].stiffness()", material.stiffness())
-        for number, material in enumerate(materials)
-    ]
+    matrices = [np.asarray(material.stiffness()) for material in materials]
     for number, matrix in enumerate(matrices):
-        good = matrix.shape == (6, 6)
-        if not (good and np.abs(matrix - matrix.T).max() <= 1e-9 * np.abs(matrix).max()):
+        if matrix.shape != (6, 6):
             raise InputError(
-                f"Model.materials[{number}]: stiffness() isn't a symmetric (6,6) matrix; "
-                f"got shape {matrix.shape}; expected stress over strain, xx yy zz xy yz zx"
+                f"Model.materials[{number}]: stiffness() has the wrong shape; got {matrix.shape}; "
+                "expected (6, 6), stress over strain, xx yy zz xy yz zx"
             )
-    stack = np.stack(matrices)
+    stack = _float("materials: stiffness()", np.stack(matrices))
+    skew = np.abs(stack - stack.transpose(0, 2, 1)).max(axis=(1, 2))
+    bad = np.flatnonzero(~(skew <= 1e-9 * np.abs(stack).max(axis=(1, 2))))
+    if bad.size:
+        raise InputError(
+            f"Model.materials[{bad[0]}]: stiffness() isn't symmetric; got a difference of "
+            f"{skew[bad[0]]:.3g}; expected a symmetric (6, 6) matrix"
+        )
     size = np.sqrt(np.abs(np.diagonal(stack, axis1=1, axis2=2)))
     size = np.where(size > 0.0, size, 1.0)  # a zero on the diagonal shows as an eigenvalue <= 0
     least = np.linalg.eigvalsh(stack / (size[:, :, None] * size[:, None, :]))[:, 0]

@@ -41,14 +41,16 @@ class BlockJacobi:
         zero = np.zeros_like(r)
         return relax(self.inverse, r, None, zero, zero, _JACOBI)[2]
 
-    def upload(self, device: Allocator, stiffness: Any, cases: int) -> _DeviceJacobi:
+    def upload(self, device: Allocator, stiffness: DeviceStiffness, cases: int) -> _DeviceJacobi:
         """The same on a device."""
-        return _DeviceJacobi(device, self.inverse, cases)
+        return _DeviceJacobi(device, self.inverse, stiffness, cases)
 
 
 class _DeviceJacobi:
-    def __init__(self, device: Allocator, inverse: Float, cases: int) -> None:
-        self._scaling = DeviceRelaxation(device, None, inverse, cases, "fem.jacobi")
+    def __init__(
+        self, device: Allocator, inverse: Float, stiffness: DeviceStiffness, cases: int
+    ) -> None:
+        self._scaling = DeviceRelaxation(device, stiffness.texels, inverse, cases, "fem.jacobi")
 
     def record(self, recording: Recording, r: Texels, z: Texels) -> None:
         self._scaling.begin(recording, r, z, 1.0)

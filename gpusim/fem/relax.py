@@ -1,7 +1,7 @@
 """Smoothing on the device in float32: twin and driver of ``shaders/fem/relax.wgsl``.
 
 Where ``smooth`` works on float64 numbers in buffers and blocks of any size, this takes nodes with
-3x3 blocks as texels, and does product, scaling and update in one dispatch.
+3x3 blocks as texels, and does product, scaling and update in one dispatch that writes one vector.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from gpusim.fem.block_texels import BlockTexels
 from gpusim.fem.node_texels import node_texels, read_nodes, vector_texels
 from gpusim.fem.smooth import Relaxation
 from gpusim.fem.stiffness import apply_stiffness
-from gpusim.gpu import Bindings, Device, Kernel, Recording, compare, twin_check
+from gpusim.gpu import Bindings, Device, Recording, compare, twin_check
 from gpusim.gpu.texels import Texels
 
 __all__ = ["DeviceRelaxation", "relax_nodes"]
@@ -24,109 +24,96 @@ Float = npt.NDArray[np.float64]
 
 
 def relax_nodes(
-    rows: BlockRows | None, inverse: Float, v: Float, r: Float, x: Float, step: Relaxation
-) -> tuple[Float, Float, Float]:
-    """r - A v, d = keep v + gain D^-1 (r - A v), x + d for (L,N,3) vectors, in float64.
+    rows: BlockRows, inverse: Float, x: Float, before: Float | None, b: Float, step: Relaxation
+) -> Float:
+    """x + keep (x - before) + gain D^-1 (b - A x) for (L,N,3) vectors, in float64.
 
-    ``rows`` None stands for no product; ``inverse`` (N,3,3).
+    The step of ``smooth.relax`` with its change d = x - before; ``inverse`` (N,3,3), ``before``
+    None is zero.
     """
-    left = r if rows is None else r - apply_stiffness(rows, v)
-    d = step.keep * v + step.gain * np.matmul(inverse, left[..., None])[..., 0]
-    return left, d, x + d
+    left = b - apply_stiffness(rows, x)
+    change = x if before is None else x - before
+    return x + step.keep * change + step.gain * np.matmul(inverse, left[..., None])[..., 0]
 
 
 class DeviceRelaxation:
     """A matrix and its inverted diagonal blocks (N,3,3), zero on fixed unknowns, on the device."""
 
     def __init__(
-        self, device: Allocator, texels: BlockTexels | None, inverse: Float, cases: int, label: str
+        self, device: Allocator, texels: BlockTexels, inverse: Float, cases: int, label: str
     ) -> None:
         self.device, self.cases, self.nodes = device, cases, len(inverse)
-        self._parts = texels.parts if texels is not None else ()
-        self._suffix = "4" if texels is not None and texels.packed else ""
-        self._inverse = device.texels(3 * self.nodes, "rgba32float", f"{label}.inverse")
-        columns = np.zeros((self.nodes, 3, 4), dtype=np.float32)
-        columns[:, :, :3] = inverse.transpose(0, 2, 1)
+        self._texels = texels
+        chosen = inverse[texels.example]
+        columns = np.zeros((len(chosen), 3, 4), dtype=np.float32)
+        columns[:, :, :3] = chosen.transpose(0, 2, 1)
         # whether the unknown is free
-        columns[:, :, 3] = np.einsum("nii->ni", inverse) != 0.0
+        columns[:, :, 3] = np.einsum("nii->ni", chosen) != 0.0
+        self._inverse = device.texels(3 * len(chosen), "rgba32float", f"{label}.inverse")
         self._inverse.write(columns.reshape(-1, 4))
-        self._bound: dict[object, Bindings] = {}
+        self._bound: dict[object, list[Bindings]] = {}
 
     def vector(self, label: str) -> Texels:
         """A vector of zeros, one texel per node."""
         return vector_texels(self.device, self.cases, self.nodes, label)
 
-    def begin(self, recording: Recording, r: Texels, d: Texels, gain: float) -> None:
-        """Record d = gain D^-1 r."""
-        step = Relaxation(0.0, gain, 0.0)
-        self._dispatch(recording, "begin", 0, self.nodes, step, r_in=r, d_out=d)
+    def begin(self, recording: Recording, b: Texels, out: Texels, gain: float) -> None:
+        """Record out = gain D^-1 b."""
+        self._dispatch(recording, "begin", (0.0, 0.0, gain), b_in=b, x_out=out)
 
     def relax(
         self,
         recording: Recording,
-        v: Texels,
-        r: Texels,
         x: Texels,
+        before: Texels | None,
+        b: Texels,
         step: Relaxation,
-        out: tuple[Texels, Texels, Texels],
+        out: Texels,
     ) -> None:
-        """Record what ``relax_nodes`` does; ``out`` (r, d, x) must be none of v, r, x."""
-        for number, part in enumerate(self._parts):
-            self._dispatch(
-                recording, f"relax{self._suffix}", part.first, part.count, step, number,
-                v_in=v, r_in=r, x_in=x, r_out=out[0], d_out=out[1], x_out=out[2],
-            )  # fmt: skip
+        """Record what ``relax_nodes`` does; ``out`` must be none of the others."""
+        lag = 0.0 if before is None else step.keep
+        self._dispatch(
+            recording, "relax", (step.keep, lag, step.gain),
+            x_in=x, before_in=x if before is None else before, b_in=b, x_out=out,
+        )  # fmt: skip
 
-    def finish(
-        self, recording: Recording, v: Texels, r: Texels, x: Texels, step: Relaxation, out: Texels
-    ) -> None:
-        """Record the x of ``relax_nodes`` alone."""
-        for number, part in enumerate(self._parts):
-            self._dispatch(
-                recording, f"finish{self._suffix}", part.first, part.count, step, number,
-                v_in=v, r_in=r, x_in=x, x_out=out,
-            )  # fmt: skip
-
-    def residual(self, recording: Recording, v: Texels, r: Texels, out: Texels) -> None:
-        """Record out = r - A v, zero on fixed unknowns."""
-        none = Relaxation(0.0, 0.0, 0.0)
-        for number, part in enumerate(self._parts):
-            self._dispatch(
-                recording, f"residual{self._suffix}", part.first, part.count, none, number,
-                v_in=v, r_in=r, r_out=out,
-            )  # fmt: skip
+    def residual(self, recording: Recording, x: Texels, b: Texels, out: Texels) -> None:
+        """Record out = b - A x, zero on fixed unknowns."""
+        self._dispatch(recording, "residual", (0.0, 0.0, 0.0), x_in=x, b_in=b, x_out=out)
 
     def _dispatch(
         self,
         recording: Recording,
         entry: str,
-        first: int,
-        count: int,
-        step: Relaxation,
-        number: int = 0,
+        factors: tuple[float, float, float],
         **vectors: Texels,
     ) -> None:
-        kernel: Kernel = self.device.kernel("fem/relax", entry=entry)
-        key = (entry, number, step, *(id(one) for one in vectors.values()))
+        entry = f"{entry}4" if self._texels.packed else entry
+        kernel = self.device.kernel("fem/relax", entry=entry)
+        key = (entry, factors, *(id(one) for one in vectors.values()))
         if key not in self._bound:
-            values: dict[str, object] = {
-                **vectors,
-                "params": {
-                    "first": first,
-                    "count": count,
-                    "nodes": self.nodes,
-                    "cases": self.cases,
-                    "keep": step.keep,
-                    "gain": step.gain,
-                },
-            }
-            if self._parts:
-                part = self._parts[number]
-                values |= {"info": part.info, "neighbour": part.neighbour, "blocks": part.high}
-            values["inverse"] = self._inverse
             needed = kernel.layout.bindings
-            self._bound[key] = kernel.bind(**{k: v for k, v in values.items() if k in needed})
-        recording.dispatch(kernel, self._bound[key], threads=(count * self.cases,))
+            self._bound[key] = []
+            for part in self._texels.parts:
+                values: dict[str, object] = {
+                    "info": part.info,
+                    "neighbour": part.neighbour,
+                    "blocks": part.high,
+                    "inverse": self._inverse,
+                    "params": {
+                        "first": part.first,
+                        "count": part.count,
+                        "nodes": self.nodes,
+                        "cases": self.cases,
+                        **dict(zip(("keep", "lag", "gain"), factors, strict=True)),
+                    },
+                    **vectors,
+                }
+                self._bound[key].append(
+                    kernel.bind(**{k: v for k, v in values.items() if k in needed})
+                )
+        for part, bindings in zip(self._texels.parts, self._bound[key], strict=True):
+            recording.dispatch(kernel, bindings, threads=(part.count * self.cases,))
 
 
 @twin_check("fem/relax")
@@ -139,26 +126,32 @@ def _check(device: Device) -> None:
     from gpusim.mesh import box
 
     rng = np.random.default_rng(9)
-    mesh = box((1.0, 0.4, 0.7), (4, 3, 5))
-    model = Model(mesh, [Isotropic(1.0, 0.3)], fixed=np.zeros(mesh.points.shape, dtype=bool))
-    rows = assemble(model, resolve_formulation(model, None)).rows
-    free = rng.random(mesh.points.shape) < 0.8
-    inverse = invert_blocks(rows.diagonal[rows.row_class], free)
-    v, r, x = (rng.normal(size=(2, *free.shape)) for _ in range(3))
-    step = Relaxation(0.3, 0.7, 1.0)
-    texels = BlockTexels(device, rows, 1.0, "fem.check", exact=False)
-    smoother = DeviceRelaxation(device, texels, inverse, 2, "fem.check")
-    v_in, r_in, x_in, *out = (smoother.vector("fem.check.vector") for _ in range(9))
-    for texture, values in ((v_in, v), (r_in, r), (x_in, x)):
-        texture.write(node_texels(values))
-    with device.recording("fem.check") as recording:
-        smoother.relax(recording, v_in, r_in, x_in, step, (out[0], out[1], out[2]))
-        smoother.finish(recording, v_in, r_in, x_in, step, out[3])
-        smoother.residual(recording, v_in, r_in, out[4])
-        smoother.begin(recording, r_in, out[5], 0.7)
-    wanted = relax_nodes(rows, inverse, v, r, x, step)
-    first = relax_nodes(None, inverse, 0.0 * v, r, x, step)[1]
-    pairs = zip(out, (*wanted, wanted[2], np.where(free, wanted[0], 0.0), first), strict=True)
-    for texture, value in pairs:
-        # float32 sums of about eighty products of numbers of order one
-        compare("fem/relax", read_nodes(texture, 2), value, atol=1e-5, rtol=1e-5)
+    regular = box((1.0, 0.4, 0.7), (9, 6, 5))
+    # moved nodes: every row is different
+    irregular = regular.moved(0.02 * rng.random(regular.points.shape))
+    for mesh in (regular, irregular):
+        model = Model(mesh, [Isotropic(1.0, 0.3)], fixed=np.zeros(mesh.points.shape, dtype=bool))
+        rows = assemble(model, resolve_formulation(model, None)).rows
+        free = mesh.points > mesh.points.min(axis=0)
+        inverse = invert_blocks(rows.diagonal[rows.row_class], free)
+        x, before, b = rng.normal(size=(3, 2, *free.shape))
+        step = Relaxation(0.3, 0.7, 1.0)
+        texels = BlockTexels(device, rows, free, 1.0, "fem.check", exact=False)
+        smoother = DeviceRelaxation(device, texels, inverse, 2, "fem.check")
+        x_in, before_in, b_in, *out = (smoother.vector("fem.check.vector") for _ in range(7))
+        for texture, values in ((x_in, x), (before_in, before), (b_in, b)):
+            texture.write(node_texels(values))
+        with device.recording("fem.check") as recording:
+            smoother.relax(recording, x_in, before_in, b_in, step, out[0])
+            smoother.relax(recording, x_in, None, b_in, step, out[1])
+            smoother.residual(recording, x_in, b_in, out[2])
+            smoother.begin(recording, b_in, out[3], 0.7)
+        wanted = (
+            relax_nodes(rows, inverse, x, before, b, step),
+            relax_nodes(rows, inverse, x, None, b, step),
+            np.where(free, b - apply_stiffness(rows, x), 0.0),
+            0.7 * np.matmul(inverse, b[..., None])[..., 0],
+        )
+        for texture, value in zip(out, wanted, strict=True):
+            # float32 sums of about eighty products of numbers of order one
+            compare("fem/relax", read_nodes(texture, 2), value, atol=2e-5, rtol=1e-5)

@@ -18,6 +18,7 @@ from gpusim.fem.block_rows import BlockRows, ranges
 __all__ = ["Packs", "find_packs"]
 
 Float = npt.NDArray[np.float64]
+Bool = npt.NDArray[np.bool_]
 Long = npt.NDArray[np.int64]
 
 _WIDTH = 4
@@ -28,38 +29,45 @@ _REST_TEXELS = 3
 # rows of their own beyond this share of nodes, or this many distinct rows, and packs don't pay
 _MOST_ODD = 0.05
 _MOST_CLASSES = 4096
+# runs and the number of the row share a word
+_MOST_RUNS = 256
 # offsets are kept as float32
 _FARTHEST = 1 << 24
 
 
 @dataclass(frozen=True, eq=False)
 class Packs:
-    """``info`` (P,4) uint32: first node, nodes (1 to 4), first texel of its row, runs.
+    """``info`` (P,4) uint32: first node, nodes (1 to 4), first texel of its row, and runs + 256
+    times the number of the row; ``example`` (K,) a node with each row.
 
     ``table`` (T,4) float64: per row three texels with the columns of what it lacks to a sum of
-    zero, then seven per run: three blocks column by column, and the offset. ``lacking`` is
-    whether any row lacks anything.
+    zero, then seven per run: three blocks column by column, and the offset.
     """
 
     info: npt.NDArray[np.uint32]
+    example: Long
     table: Float
 
 
-def find_packs(rows: BlockRows, scale: float) -> Packs | None:
+def find_packs(rows: BlockRows, free: Bool, scale: float) -> Packs | None:
     """The rows as packs, blocks divided by ``scale``; None where single nodes are cheaper.
+
+    Nodes with the same row are all fixed alike (``free`` (N,3)).
 
     The node behind the last one stands for one that doesn't move, as in ``rows_of_matrix``.
     """
     count = rows.node_count
     if rows.class_count > min(_MOST_CLASSES, max(count // 4, 1)):
         return None
-    first = np.full(rows.class_count, count, dtype=np.int64)
-    np.minimum.at(first, rows.row_class, np.arange(count))
-    odd = _odd_nodes(rows, first)
+    _, first, kind = np.unique(
+        8 * rows.row_class.astype(np.int64) + free @ np.array([1, 2, 4]),
+        return_index=True,
+        return_inverse=True,
+    )
+    odd = _odd_nodes(rows, first[kind])
     if len(odd) > _MOST_ODD * count:
         return None
-    kind = rows.row_class.astype(np.int64)
-    kind[odd] = rows.class_count + np.arange(len(odd))
+    kind[odd] = len(first) + np.arange(len(odd))
     node_of_kind = np.concatenate([first, odd])
     cut = np.concatenate([[True], kind[1:] != kind[:-1]])
     start = np.flatnonzero(cut)
@@ -79,17 +87,20 @@ def find_packs(rows: BlockRows, scale: float) -> Packs | None:
     loads = (len(begin) + (13 * length[kind[begin]]).sum()) * 1.0
     if loads > (1 + 3.5 * rows.degree).sum():
         return None
-    info = np.stack([begin, size, at[kind[begin]], length[kind[begin]]], axis=1)
-    return Packs(info.astype(np.uint32), np.concatenate(pieces))
+    if length.max() >= _MOST_RUNS:
+        return None
+    number = kind[begin]
+    info = np.stack([begin, size, at[number], length[number] + _MOST_RUNS * number], axis=1)
+    return Packs(info.astype(np.uint32), node_of_kind, np.concatenate(pieces))
 
 
-def _odd_nodes(rows: BlockRows, first: Long) -> Long:
-    """Nodes whose neighbours lie elsewhere than those of the first node with their row."""
+def _odd_nodes(rows: BlockRows, example: Long) -> Long:
+    """Nodes whose neighbours lie elsewhere than those of their ``example`` (N,)."""
     count = rows.node_count
     own = np.arange(count)
     offset = rows.neighbour - np.repeat(own, rows.degree)
     offset[rows.neighbour == count] = count
-    model = offset[ranges(rows.start[first[rows.row_class]], rows.degree)]
+    model = offset[ranges(rows.start[example], rows.degree)]
     other = (offset != model).astype(np.int64)
     total = np.concatenate([[0], np.cumsum(other)])
     return np.flatnonzero(total[rows.start[1:]] != total[rows.start[:-1]])

@@ -90,11 +90,22 @@ def _apply_range(
 
 
 class DeviceStiffness:
-    """K on the device, divided by ``scale``; ``texels`` are its blocks, which others may share."""
+    """K on the device, divided by ``scale``; ``texels`` are its blocks, which others may share.
 
-    def __init__(self, device: Allocator, rows: BlockRows, scale: float, cases: int) -> None:
+    ``free`` (N,3), default all, tells apart what those others need told apart.
+    """
+
+    def __init__(
+        self,
+        device: Allocator,
+        rows: BlockRows,
+        scale: float,
+        cases: int,
+        free: npt.NDArray[np.bool_] | None = None,
+    ) -> None:
         self.device, self.cases, self.nodes = device, cases, rows.node_count
-        self.texels = BlockTexels(device, rows, scale, "fem.stiffness", exact=True)
+        free = np.ones((self.nodes, 3), dtype=bool) if free is None else free
+        self.texels = BlockTexels(device, rows, free, scale, "fem.stiffness", exact=True)
         entry = "apply4" if self.texels.packed else "apply"
         self._kernel = device.kernel("fem/stiffness", entry=entry)
         self._bound: dict[tuple[int, int], list[Bindings]] = {}

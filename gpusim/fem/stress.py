@@ -258,12 +258,12 @@ class _Recovery:
 
     def _strains(self, values: Float) -> Float:
         strain = np.empty_like(values)
-        for number, compliance in enumerate(self.compliance):
-            mine = self.material_of == number
-            strain[mine] = values[mine] @ compliance
-            if self.change is not None:
-                warm = self.change[self.node_of[mine], None]
-                strain[mine] += warm * self.expansion[number]
+        for start in range(0, len(values), _CHUNK):
+            rows = slice(start, start + _CHUNK)
+            compliance = self.compliance[self.material_of[rows]]
+            strain[rows] = np.matmul(values[rows, None], compliance)[:, 0]
+        if self.change is not None:
+            strain += self.change[self.node_of, None] * self.expansion[self.material_of]
         return strain
 
     def _nodal(self, values: Float) -> Float:

@@ -122,7 +122,8 @@ fn apply(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) gro
     store((id / params.count) * params.nodes + params.first + local, sum);
 }
 
-// four nodes in a row with equal rows of blocks: a pack is (first node, nodes, table, runs)
+// four nodes in a row with equal rows of blocks: a pack is (first node, nodes, table,
+// runs and number of its row)
 @compute @workgroup_size(64)
 fn apply4(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let id = linear_id(gid, groups, BLOCK);
@@ -141,7 +142,7 @@ fn apply4(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) gr
     var sum3 = zero;
     // behind the three texels of what the rows lack to a sum of zero: K lacks nothing
     var at = pack.z + 3u;
-    for (var run = 0u; run < pack.w; run++) {
+    for (var run = 0u; run < (pack.w & 255u); run++) {
         // three blocks for three nodes in a row, and how far they lie from the pack's
         let a = load_four(at);
         let b = load_four(at + 1u);
