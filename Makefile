@@ -26,6 +26,8 @@ bench:
 	@for file in benchmarks/[a-z]*.py; do \
 	    echo "  .venv/bin/python -m benchmarks.$$(basename $$file .py)"; \
 	done
+	@echo "  .venv/bin/gpusim bench solver"
+	@echo "  .venv/bin/gpusim bench stability"
 	@test -x .venv/bin/python || echo "first: scripts/setup.sh dev"
 
 setup:

@@ -39,7 +39,8 @@ def result() -> SolverResult:
                     point("CalculiX C3D8I, whole run", 2.0 * seconds, 9e-7),
                 ],
                 ["absent: missing: no such thing"], 0.2, 900.0,
-                {"share": 0.61, "copy_bytes_per_s": 1e10, "host_copy_bytes_per_s": 9e9,
+                {"share": 0.61, "assembled_share": 0.83, "copy_bytes_per_s": 1e10,
+                 "host_copy_bytes_per_s": 9e9,
                  "operator_seconds": 2e-3, "operator_bytes": 7e7, "unknowns": unknowns},
                 {"assembly": 0.5}, "multigrid, gpu, f64",
             )
@@ -64,7 +65,7 @@ def test_tables_and_figures_are_written(tmp_path: Path) -> None:
     text = solver_markdown(result())
     assert "| cube-30000 | 30000 | 0.08 | 3e-07 | slow | 0.25 | 3.00 | 2.00 | 20 % | 900 |" in text
     assert "Time of `cube` grows as N^1.10." in text
-    assert "| 61 % |" in text and "- absent: missing: no such thing" in text
+    assert "| 61 % | 83 % |" in text and "- absent: missing: no such thing" in text
     paths = write_solver(result(), tmp_path)
     assert [path.name for path in paths] == ["solver.md", "solver.json", "solver.png"]
     assert json.loads(paths[1].read_text())["cases"][2]["points"][1]["error"] == 3e-7

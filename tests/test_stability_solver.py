@@ -48,7 +48,7 @@ def test_multigrid_never_fails_silently(
 ) -> None:
     names = ("E contrast 1e+08 incompatible scattered", "E contrast 1e+08 incompatible layers",
              "offset in cells 1e+06 incompatible", "two bodies 1e+06 incompatible",
-             "tets 100 full")  # fmt: skip
+             "tets 100 tet4 full")  # fmt: skip
     _, backend, real = WAYS[way]
     device = Device(real=real) if backend == "gpu" else None
     for case in QUICK:

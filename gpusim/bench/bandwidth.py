@@ -66,6 +66,8 @@ def measure_operator(case: Case, model: Model) -> dict[str, Any]:
         "operator_seconds": seconds,
         "operator_bytes": probe.nbytes,
         "stored_bytes": probe.stored,
+        "assembled_bytes": probe.assembled,
         "unknowns": probe.unknowns,
         "share": probe.nbytes / seconds / copy,
+        "assembled_share": probe.assembled / seconds / copy,
     }

@@ -22,13 +22,15 @@ class Probe:
     """``apply`` runs products until the device is idle again, ``repeat`` of them in one submit.
 
     ``nbytes`` moved by one product: every stored byte of the operator once, u read once, K u
-    written once. ``stored`` the operator's bytes.
+    written once. ``stored`` the operator's bytes. ``assembled`` what a product with the whole
+    matrix in blocks of float64 would move: 76 bytes a block, and both vectors.
     """
 
     apply: Callable[[], None]
     repeat: int
     nbytes: int
     stored: int
+    assembled: int
     unknowns: int
 
 
@@ -40,7 +42,7 @@ def operator_probe(case: Case, model: Model, device: Device, repeat: int = 8) ->
     stored = device.allocated - before
     u = np.random.default_rng(1).normal(size=(1, *model.mesh.points.shape))
     source = operator.vector(u)
-    result = device.real_buffer(np.zeros_like(u), label="bench.ku")
+    result = operator.vector(np.zeros_like(u))
 
     def apply() -> None:
         with device.recording("bench.operator") as recording:
@@ -48,4 +50,6 @@ def operator_probe(case: Case, model: Model, device: Device, repeat: int = 8) ->
                 operator.record(recording, source, result)
         device.sync()
 
-    return Probe(apply, repeat, stored + 2 * u.nbytes, stored, u.size)
+    blocks = len(rows.neighbour) + rows.node_count
+    vectors = 2 * u.nbytes
+    return Probe(apply, repeat, stored + vectors, stored, 76 * blocks + vectors, u.size)

@@ -13,6 +13,7 @@ from scipy.linalg import eigvalsh_tridiagonal
 from scipy.sparse import bsr_matrix, csr_matrix
 
 from gpusim.fem.congruence import mix
+from gpusim.fem.patches import Patches
 from gpusim.fem.product import Product
 
 __all__ = ["Aggregated", "aggregate_level", "largest_eigenvalue"]
@@ -52,14 +53,18 @@ def aggregate_level(
     return Aggregated(prolongation, coarse, coarse_null, coarse_mask)
 
 
-def largest_eigenvalue(product: Product, inverse: Float, steps: int = 6) -> float:
-    """Of D^-1 A: Lanczos in the norm of D from a fixed start, with a fifteenth on top."""
-    size = inverse.shape[1]
+def largest_eigenvalue(product: Product, inverse: Float | Patches, steps: int = 6) -> float:
+    """Of M A for the smoother's M, D^-1 or patches: Lanczos in the norm of M^-1 from a fixed
+    start, with a fifteenth on top."""
 
     def scaled(r: Float) -> Float:
-        return np.asarray(np.matmul(inverse, r.reshape(-1, size, 1)).reshape(-1))
+        if isinstance(inverse, Patches):
+            return inverse.apply(r[None])[0]
+        size = inverse.shape[1]
+        blocks: Float = np.matmul(inverse, r.reshape(-1, size, 1))
+        return blocks.reshape(-1)
 
-    r = (mix(np.arange(inverse.shape[0] * size), 3) >> np.uint64(11)).astype(np.float64)
+    r = (mix(np.arange(product.matrix.shape[0]), 3) >> np.uint64(11)).astype(np.float64)
     r = r * 2.0**-53 - 0.5
     z, before = scaled(r), np.zeros_like(r)
     beta = np.sqrt(max(float(r @ z), 0.0))

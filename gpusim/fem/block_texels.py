@@ -1,8 +1,8 @@
 """Distinct block rows as texels, for kernels that take one node per thread.
 
 Rows are padded to whole fours of neighbours with the node itself, whose difference is zero. Per
-node one ``info`` texel: first texel of its neighbours, number of fours, first texel of its blocks, the
-node.
+node one ``info`` texel: first texel of its neighbours, number of fours, first texel of its blocks,
+the node.
 ``neighbour`` holds four nodes a texel; the blocks of four neighbours are nine texels, block by
 block and column by column. Nodes with equal rows share their blocks.
 """
@@ -10,6 +10,7 @@ block and column by column. Nodes with equal rows share their blocks.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -17,11 +18,13 @@ from scipy.sparse import bsr_matrix
 
 from gpusim.fem.arena import Allocator
 from gpusim.fem.block_rows import BlockRows, ranges
+from gpusim.fem.congruence import mix
 from gpusim.fem.row_packs import Packs, find_packs
 from gpusim.gpu.texels import Texels, most_texels
 
 __all__ = ["BlockTexels", "RowPart", "block_texels_bytes", "rows_of_matrix"]
 
+Float = npt.NDArray[np.float64]
 Bool = npt.NDArray[np.bool_]
 Long = npt.NDArray[np.int64]
 
@@ -76,38 +79,74 @@ class BlockTexels:
         )
 
 
-def block_texels_bytes(rows: BlockRows, exact: bool) -> int:
-    """Bytes that the texels of these rows take."""
-    fours = -(-rows.degree // 4)
-    blocks = _FOUR * int(-(-np.diff(rows.table_start) // 4).sum())
+def block_texels_bytes(degree: Long, class_degree: Long, *, exact: bool) -> int:
+    """Bytes that rows take: (N,) neighbours per node and (C,) per distinct row; packs take less."""
+    blocks = _FOUR * int(-(-class_degree // 4).sum())
     return (
-        Texels.footprint(rows.node_count)
-        + Texels.footprint(int(fours.sum()))
+        Texels.footprint(len(degree))
+        + Texels.footprint(int(-(-degree // 4).sum()))
         + (2 if exact else 1) * Texels.footprint(blocks)
     )
 
 
 def rows_of_matrix(matrix: bsr_matrix) -> BlockRows:
-    """A matrix with 3x3 blocks as rows that act on differences, every row its own.
+    """A matrix with 3x3 blocks as rows that act on differences.
 
     What a row lacks to a sum of zero, -sum_j A_ij, takes the diagonal block's place, with the
     node behind the last one as neighbour: that one is zero, so the product is that of the matrix.
+    Rows of equal blocks are found where there are few kinds.
     """
     count = matrix.shape[0] // 3
-    row = np.repeat(np.arange(count), np.diff(matrix.indptr))
+    start = matrix.indptr.astype(np.int64)
+    row = np.repeat(np.arange(count), np.diff(start))
     own = np.flatnonzero(matrix.indices == row)
-    assert (row[own] == np.flatnonzero(np.diff(matrix.indptr))).all(), "a row has no diagonal"
-    table = matrix.data.copy()
-    total = np.asarray(matrix @ np.tile(np.eye(3), (count, 1))).reshape(count, 3, 3)
-    table[own] = -total[row[own]]
+    assert (row[own] == np.flatnonzero(np.diff(start))).all(), "a row has no diagonal"
+    first, kind = _equal_rows(matrix.data, start)
+    table = matrix.data[ranges(start[first], np.diff(start)[first])]
+    table_start = np.concatenate([[0], np.cumsum(np.diff(start)[first])])
+    total = np.zeros((len(first), 3, 3))
+    filled = np.flatnonzero(np.diff(table_start))
+    if filled.size:
+        total[filled] = np.add.reduceat(table, table_start[filled])
+    diagonal = np.zeros((len(first), 3, 3))
+    # place of the diagonal in each distinct row
+    here = np.full(count, -1, dtype=np.int64)
+    here[row[own]] = own - start[row[own]]
+    has = np.flatnonzero(here[first] >= 0)
+    at = table_start[has] + here[first[has]]
+    diagonal[has] = table[at]
     # K_ij (0 - u_i) with K_ij = -sum is +sum u_i
+    table[at] = -total[has]
     neighbour = matrix.indices.astype(np.int32)
     neighbour[own] = count
-    start = matrix.indptr.astype(np.int64)
-    diagonal = np.zeros((count, 3, 3))
-    diagonal[row[own]] = matrix.data[own]
-    number = np.arange(count, dtype=np.int32)
-    return BlockRows(start, neighbour, number, table, start, diagonal, 0)
+    return BlockRows(start, neighbour, kind.astype(np.int32), table, table_start, diagonal, 0)
+
+
+def _equal_rows(blocks: Float, start: Long) -> tuple[Long, Long]:
+    """First of each kind of equal rows, and the kind of every row."""
+    count = len(start) - 1
+    everyone = np.arange(count)
+    words = blocks.reshape(-1, 9).view(np.uint64)
+    length = np.diff(start)
+    slot = ranges(np.zeros(count, dtype=np.int64), length)
+    mixed = mix(words[:, 0].astype(np.int64), 0)
+    for column in range(1, 9):
+        mixed = mix((mixed ^ words[:, column]).astype(np.int64), column)
+    mixed = mix((mixed ^ mix(slot, 9)).astype(np.int64), 10)
+    # sums wrap around, as hashes may
+    total = np.concatenate([[np.uint64(0)], np.cumsum(mixed, dtype=np.uint64)])
+    value = total[start[1:]] - total[start[:-1]]
+    _, first, kind = np.unique(value, return_index=True, return_inverse=True)
+    if len(first) > count // 8 or (length[first[kind]] != length).any():
+        return everyone, everyone
+    # hashes may collide: the blocks decide
+    for at in range(0, len(words), _CHUNK):
+        part = slice(at, at + _CHUNK)
+        owner = np.searchsorted(start, np.arange(at, min(at + _CHUNK, len(words))), "right") - 1
+        model = start[first[kind[owner]]] + slot[part]
+        if not np.array_equal(words[model], words[part]):
+            return everyone, everyone
+    return first, kind
 
 
 def _ranges(rows: BlockRows, most: int) -> list[tuple[int, int]]:
@@ -119,7 +158,7 @@ def _ranges(rows: BlockRows, most: int) -> list[tuple[int, int]]:
     while cuts[-1] < rows.node_count:
         before = int(total[cuts[-1] - 1]) if cuts[-1] else 0
         cuts.append(max(int(np.searchsorted(total, before + most, side="right")), cuts[-1] + 1))
-    return list(zip(cuts[:-1], cuts[1:], strict=True))
+    return list(pairwise(cuts))
 
 
 def _upload_packs(device: Allocator, packs: Packs, label: str, exact: bool) -> RowPart:
@@ -153,7 +192,8 @@ def _upload(
     neighbour[ranges(4 * start, degree)] = rows.neighbour[low:high]
     whole = rows.class_count <= count // 8
     if whole:
-        used, local = np.arange(rows.class_count), rows.row_class[first:last]
+        used = np.arange(rows.class_count)
+        local = rows.row_class[first:last].astype(np.int64)
     else:
         used, local = np.unique(rows.row_class[first:last], return_inverse=True)
     class_fours = -(-(rows.table_start[used + 1] - rows.table_start[used]) // 4)
@@ -162,16 +202,17 @@ def _upload(
     info[:, 0], info[:, 1], info[:, 2] = start, fours, class_start[local]
     info[:, 3] = np.arange(first, last)
     size = _FOUR * int(class_fours.sum())
+    listed = device.texels(len(neighbour) // 4, "rgba32uint", f"{label}.neighbour")
     part = RowPart(
         first,
         count,
         device.texels(count, "rgba32uint", f"{label}.info"),
-        device.texels(len(neighbour) // 4, "rgba32uint", f"{label}.neighbour"),
+        listed,
         device.texels(size, "rgba32float", f"{label}.blocks"),
         device.texels(size, "rgba32float", f"{label}.blocks_low") if exact else None,
     )
     part.info.write(info)
-    part.neighbour.write(neighbour.reshape(-1, 4))
+    listed.write(neighbour.reshape(-1, 4))
     _write_blocks(part, rows, used, class_start, scale)
     return part
 

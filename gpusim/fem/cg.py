@@ -2,7 +2,8 @@
 
 Kernel: ``shaders/fem/cg.wgsl``. Both forms keep vectors and scalars in float64 (or double-single)
 and write one history line per iteration: r.z before it, alpha, beta, p.q. On the device the
-preconditioner works in float32: it gets r rounded and gives z. p is a pair of float32 textures.
+preconditioner works in float32: it gets r rounded and gives z. p, K p and r are pairs of
+float32 textures.
 """
 
 from __future__ import annotations
@@ -13,8 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.fem.arena import Allocator
-from gpusim.fem.exchange import Exchange
-from gpusim.fem.node_texels import Pair, vector_texels
+from gpusim.fem.node_texels import Pair, pair, vector_texels
 from gpusim.fem.stiffness import DeviceStiffness, apply_stiffness
 from gpusim.gpu import Bindings, Device, Kernel, Recording, compare, twin_check
 from gpusim.gpu.buffer import RealBuffer
@@ -87,20 +87,17 @@ class DeviceCG:
     ) -> None:
         self.device, self.cases, self.nodes = device, cases, stiffness.nodes
         self._stiffness, self._precondition = stiffness, preconditioner
+
+        def vector(name: str) -> Pair:
+            return pair(device, cases, self.nodes, f"fem.cg.{name}")
+
         zeros = np.zeros((cases, 3 * self.nodes))
-
-        def vector(name: str) -> RealBuffer:
-            return device.real_buffer(zeros, label=f"fem.cg.{name}")
-
-        def texels(name: str) -> Texels:
-            return vector_texels(device, cases, self.nodes, f"fem.cg.{name}")
-
-        self._x, self._r, self._q = (vector(name) for name in "xrq")
-        self._rounded, self._z = texels("rounded"), texels("z")
-        # the direction in use, and the one to write next: a texture can't be read and written
-        self._p = Pair(texels("p_high"), texels("p_low"))
-        self._next = Pair(texels("next_high"), texels("next_low"))
-        self._exchange = Exchange(device, self.nodes, cases)
+        self._x = device.real_buffer(zeros, label="fem.cg.x")
+        self._z = vector_texels(device, cases, self.nodes, "fem.cg.z")
+        # in use, and to be written next: a texture can't be read and written
+        self._p, self._next_p = vector("p"), vector("next_p")
+        self._r, self._next_r = vector("r"), vector("next_r")
+        self._q = vector("q")
         self._partial = device.real_buffer(np.zeros((cases, _GROUPS)), label="fem.cg.partial")
         self._scalars = device.real_buffer(np.zeros((cases, 4)), label="fem.cg.scalars")
         self._history = device.real_buffer(np.zeros((_CAPACITY, cases, 4)), label="fem.cg.history")
@@ -108,14 +105,19 @@ class DeviceCG:
         self._bound: dict[object, Bindings] = {}
         self._blocks = max(1, min(65535, -(-self.nodes // 64)))
 
+    @staticmethod
+    def device_bytes(nodes: int, cases: int) -> int:
+        """Bytes that this takes beside stiffness and preconditioner; never less."""
+        vectors = 11 * Texels.footprint(cases * (nodes + 1))
+        return vectors + 8 * cases * (3 * nodes + 4 * _CAPACITY + _GROUPS + 6)
+
     def begin(self, residual: Float) -> Float:
         """Start from a zero correction; returns r.z per case (L,)."""
-        self._r.write(residual)
+        self._r.write(residual.reshape(self.cases, self.nodes, 3))
         with self.device.recording("fem.cg") as recording:
             recording.clear(self._x)
-            self._exchange.narrow(recording, self._r, self._rounded)
-            self._precondition.record(recording, self._rounded, self._z)
-            self._product(recording, "dot_rz", z_in=self._z, remainder=self._r)
+            self._precondition.record(recording, self._r.high, self._z)
+            self._dot_rz(recording)
             self._scalar(recording, "start")
             self._turn(recording)
         return self._scalars.read()[:, 0]
@@ -139,37 +141,38 @@ class DeviceCG:
 
     def _iterate(self, recording: Recording) -> None:
         self._stiffness.record(recording, self._p, self._q)
-        self._product(recording, "dot_pq", p_high=self._p.high, p_low=self._p.low, image=self._q)
+        both = {"p_high": self._p.high, "p_low": self._p.low}
+        both |= {"q_high": self._q.high, "q_low": self._q.low}
+        recording.dispatch(*self._bind("dot_pq", **both), groups=(_GROUPS, self.cases, 1))
         self._scalar(recording, "alpha")
-        advance = self._kernel_bindings(
-            "advance", p_high=self._p.high, p_low=self._p.low, r_out=self._rounded,
-            image=self._q, solution=self._x, remainder=self._r,
+        advance = self._bind(
+            "advance", **both, solution=self._x, r_high_in=self._r.high, r_low_in=self._r.low,
+            high_out=self._next_r.high, low_out=self._next_r.low,
         )  # fmt: skip
         recording.dispatch(*advance, groups=(self._blocks, self.cases, 1))
-        self._precondition.record(recording, self._rounded, self._z)
-        self._product(recording, "dot_rz", z_in=self._z, remainder=self._r)
+        self._r, self._next_r = self._next_r, self._r
+        self._precondition.record(recording, self._r.high, self._z)
+        self._dot_rz(recording)
         self._scalar(recording, "beta")
         self._turn(recording)
 
-    def _product(self, recording: Recording, entry: str, **vectors: RealBuffer | Texels) -> None:
-        bound = self._kernel_bindings(entry, **vectors)
+    def _dot_rz(self, recording: Recording) -> None:
+        bound = self._bind("dot_rz", z_in=self._z, r_high_in=self._r.high, r_low_in=self._r.low)
         recording.dispatch(*bound, groups=(_GROUPS, self.cases, 1))
 
     def _scalar(self, recording: Recording, entry: str) -> None:
         # one workgroup per load case in y, as the kernels take their case from group.y
-        recording.dispatch(*self._kernel_bindings(entry), groups=(1, self.cases, 1))
+        recording.dispatch(*self._bind(entry), groups=(1, self.cases, 1))
 
     def _turn(self, recording: Recording) -> None:
-        bound = self._kernel_bindings(
+        bound = self._bind(
             "turn", p_high=self._p.high, p_low=self._p.low, z_in=self._z,
-            p_high_out=self._next.high, p_low_out=self._next.low,
+            high_out=self._next_p.high, low_out=self._next_p.low,
         )  # fmt: skip
         recording.dispatch(*bound, groups=(self._blocks, self.cases, 1))
-        self._p, self._next = self._next, self._p
+        self._p, self._next_p = self._next_p, self._p
 
-    def _kernel_bindings(
-        self, entry: str, **vectors: RealBuffer | Texels
-    ) -> tuple[Kernel, Bindings]:
+    def _bind(self, entry: str, **vectors: RealBuffer | Texels) -> tuple[Kernel, Bindings]:
         kernel = self.device.kernel("fem/cg", entry=entry)
         key = (entry, *(id(vector) for vector in vectors.values()))
         if key not in self._bound:

@@ -13,9 +13,10 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from gpusim.fem.arena import Allocator
-from gpusim.fem.block_texels import BlockTexels, rows_of_matrix
+from gpusim.fem.block_texels import BlockTexels, block_texels_bytes, rows_of_matrix
 from gpusim.fem.exchange import Exchange
 from gpusim.fem.hierarchy import Hierarchy, Level
+from gpusim.fem.node_texels import vector_texels
 from gpusim.fem.relax import DeviceRelaxation
 from gpusim.fem.smooth import DeviceSmoother, Relaxation
 from gpusim.fem.sparse import DeviceSparse
@@ -25,7 +26,7 @@ from gpusim.gpu import Recording
 from gpusim.gpu.buffer import RealBuffer
 from gpusim.gpu.texels import Texels
 
-__all__ = ["DeviceMultigrid"]
+__all__ = ["DeviceMultigrid", "multigrid_bytes"]
 
 Steps = tuple[Relaxation, ...]
 
@@ -41,12 +42,14 @@ class DeviceMultigrid:
         finest: BlockTexels,
         cases: int,
     ) -> None:
-        below: _NodeLevel | _BlockLevel | _Bottom
+        below: _NodeLevel | _NodeBottom | _BlockLevel | _Bottom
         below = _Bottom(device, hierarchy, cases)
+        if isinstance(hierarchy.levels[-1].transfer, NodeTransfer):
+            below = _NodeBottom(device, below, len(hierarchy.coarse_inverse) // 3, cases)
         for number in reversed(range(len(hierarchy.levels))):
             level, label = hierarchy.levels[number], f"fem.multigrid.{number}"
             if level.inverse.shape[1] != 3:
-                assert not isinstance(below, _NodeLevel)
+                assert isinstance(below, _BlockLevel | _Bottom)
                 below = _BlockLevel(device, level, steps[number], below, cases, label)
                 continue
             texels = finest
@@ -62,6 +65,37 @@ class DeviceMultigrid:
         self._top.record(recording, r, z)
 
 
+def multigrid_bytes(hierarchy: Hierarchy, cases: int) -> int:
+    """Bytes that ``DeviceMultigrid`` takes beside the finest matrix; never less."""
+    size = len(hierarchy.coarse_inverse)
+    total = _sparse_bytes(size * size, size) + 16 * cases * size
+    for number, level in enumerate(hierarchy.levels):
+        fine, coarse = level.transfer.shape
+        matrix = level.product.matrix
+        if level.inverse.shape[1] == 3:
+            degree = np.diff(matrix.indptr).astype(np.int64)
+            if number:
+                total += block_texels_bytes(degree, degree, exact=False)
+            total += Texels.footprint(fine) + 5 * Texels.footprint(cases * (fine // 3 + 1))
+        else:
+            total += _sparse_bytes(matrix.nnz, fine) + 8 * fine * (6 + 4 * cases)
+        if isinstance(level.transfer, NodeTransfer):
+            entries = level.transfer.weights.nnz
+            for rows in (fine // 3, coarse // 3):
+                total += Texels.footprint(rows) + Texels.footprint((entries + rows) // 2 + 1)
+                total += Texels.footprint(cases * (rows + 1))
+        else:
+            entries = level.transfer.matrix().nnz
+            total += _sparse_bytes(entries, fine) + _sparse_bytes(entries, coarse)
+            total += 8 * cases * (fine + 2 * coarse)
+    return total
+
+
+def _sparse_bytes(entries: int, rows: int) -> int:
+    # slices of eight block rows are padded to the longest
+    return 12 * entries + 24 * rows
+
+
 class _Bottom:
     """The dense inverse."""
 
@@ -72,6 +106,27 @@ class _Bottom:
 
     def record(self, recording: Recording, b: RealBuffer, x: RealBuffer) -> None:
         self._inverse.record(recording, b, x)
+
+
+class _NodeBottom:
+    """The dense inverse between texels."""
+
+    def __init__(self, device: Allocator, bottom: _Bottom, nodes: int, cases: int) -> None:
+        self.device, self.nodes, self.cases = device, nodes, cases
+        self._bottom, self._exchange = bottom, Exchange(device, nodes, cases)
+        zeros = np.zeros((cases, 3 * nodes))
+        self._b, self._x = (
+            device.real_buffer(zeros, label=f"fem.multigrid.coarse.{name}") for name in "bx"
+        )
+
+    def vector(self, label: str) -> Texels:
+        """A vector of zeros."""
+        return vector_texels(self.device, self.cases, self.nodes, label)
+
+    def record(self, recording: Recording, b: Texels, x: Texels) -> None:
+        self._exchange.widen(recording, b, self._b)
+        self._bottom.record(recording, self._b, self._x)
+        self._exchange.narrow(recording, self._x, x)
 
 
 class _BlockLevel:
@@ -89,7 +144,9 @@ class _BlockLevel:
         transfer = level.transfer.matrix()
         fine, coarse = (np.zeros((cases, int(n))) for n in transfer.shape)
         self._steps, self._below = steps, below
-        self._operator = DeviceSparse(device, level.product.matrix, cases, f"{label}.matrix")
+        self._operator = DeviceSparse(
+            device, csr_matrix(level.product.matrix), cases, f"{label}.matrix"
+        )
         self._smoother = DeviceSmoother(device, level.inverse, cases, label)
         self._restriction = DeviceSparse(device, transfer.T.tocsr(), cases, f"{label}.restriction")
         self._prolongation = DeviceSparse(device, transfer, cases, f"{label}.prolongation")
@@ -132,7 +189,7 @@ class _NodeLevel:
         level: Level,
         steps: Steps,
         texels: BlockTexels,
-        below: _NodeLevel | _BlockLevel | _Bottom,
+        below: _NodeLevel | _NodeBottom | _BlockLevel | _Bottom,
         cases: int,
         label: str,
     ) -> None:
@@ -142,10 +199,10 @@ class _NodeLevel:
         self._vectors = [self._smoother.vector(f"{label}.x") for _ in range(3)]
         self._below: _ByWeights | _ByMatrix
         if isinstance(level.transfer, NodeTransfer):
-            assert isinstance(below, _NodeLevel)
+            assert isinstance(below, _NodeLevel | _NodeBottom)
             self._below = _ByWeights(device, level.transfer, below, cases, label)
         else:
-            assert not isinstance(below, _NodeLevel)
+            assert isinstance(below, _BlockLevel | _Bottom)
             self._below = _ByMatrix(device, level.transfer, below, cases, label)
 
     def vector(self, label: str) -> Texels:
@@ -173,7 +230,12 @@ class _ByWeights:
     """The correction of a level whose nodes interpolate."""
 
     def __init__(
-        self, device: Allocator, transfer: NodeTransfer, below: _NodeLevel, cases: int, label: str
+        self,
+        device: Allocator,
+        transfer: NodeTransfer,
+        below: _NodeLevel | _NodeBottom,
+        cases: int,
+        label: str,
     ) -> None:
         self._restriction = DeviceWeights(
             device, transfer.weights.T.tocsr(), transfer.coarse_free, cases, f"{label}.restriction"

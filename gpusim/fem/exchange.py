@@ -59,6 +59,5 @@ def _check(device: Device) -> None:
         exchange.add(recording, source, given, added)
     single = x.astype(np.float32)
     compare("fem/exchange.widen", wide.read(), single.astype(np.float64), "exact")
-    # a double-single may round the other way where a value lies in the middle of two
     compare("fem/exchange.narrow", read_nodes(rounded, 2), value, atol=0.0, rtol=1e-7)
     compare("fem/exchange.add", read_nodes(added, 2), single + value, atol=1e-12, rtol=1e-7)

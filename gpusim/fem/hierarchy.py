@@ -17,6 +17,7 @@ from gpusim.fem.congruence import mix
 from gpusim.fem.diagonal import diagonal_blocks, invert_blocks
 from gpusim.fem.groups import Group
 from gpusim.fem.lattice import Lattice, find_lattice
+from gpusim.fem.patches import Patches, make_patches
 from gpusim.fem.product import Product
 from gpusim.fem.supports import rigid_modes
 from gpusim.fem.transfer import MatrixTransfer, NodeTransfer, Transfer
@@ -27,17 +28,21 @@ Float = npt.NDArray[np.float64]
 Bool = npt.NDArray[np.bool_]
 
 _COARSEST = 800
+# aggregation is of no use to nearly incompressible bodies: a larger dense inverse in its place
+_COARSEST_PATCHED = 2500
 
 
 @dataclass(frozen=True, eq=False)
 class Level:
     """One level: its matrix (3x3 or 6x6 blocks) as host product, inverted diagonal blocks
-    (B,s,s), greatest eigenvalue of D^-1 A, and the transfer to the next coarser level."""
+    (B,s,s), greatest eigenvalue of D^-1 A, and the transfer to the next coarser level. Where
+    ``patches`` smooth instead, the eigenvalue is theirs."""
 
     product: Product
     inverse: Float
     largest: float
     transfer: Transfer
+    patches: Patches | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,9 +63,11 @@ def build_hierarchy(
     free: Bool,
     points: Float,
     scale: float,
+    patched: bool = False,
 ) -> Hierarchy:
     """Coarsen until at most a few hundred unknowns remain.
 
+    ``patched`` asks for patches as smoothers on lattices.
     ``matrix`` K / scale with 3x3 blocks, ``groups`` the elements of K, ``lattice`` of their nodes
     or None, ``free`` (N,3), ``points`` (N,3).
     """
@@ -72,8 +79,11 @@ def build_hierarchy(
         inverse = invert_blocks(diagonal_blocks(matrix), free)
         coarse_free = free[coarser.kept]
         transfer = NodeTransfer(coarser.weights, free, coarse_free)
-        product = Product(matrix)
-        levels.append(Level(product, inverse, largest_eigenvalue(product, inverse), transfer))
+        product, patches = Product(matrix), None
+        if patched and lattice is not None:
+            patches = make_patches(matrix, groups[0], lattice, free)
+        largest = largest_eigenvalue(product, inverse if patches is None else patches)
+        levels.append(Level(product, inverse, largest, transfer, patches))
         groups, lattice, free = coarser.groups, coarser.lattice, coarse_free
         points = points[coarser.kept]
         if lattice is not None:
@@ -81,7 +91,10 @@ def build_hierarchy(
         else:
             matrix = group_matrix(groups, len(points))
         matrix.data /= scale
-    return _aggregate(levels, matrix, free, points)
+    smoothed_by_patches = bool(levels) and levels[-1].patches is not None
+    return _aggregate(
+        levels, matrix, free, points, _COARSEST_PATCHED if smoothed_by_patches else _COARSEST
+    )
 
 
 def _geometric(
@@ -111,11 +124,14 @@ def _on_lattice(coarser: Coarser, points: Float) -> Coarser:
     return Coarser(coarser.weights, coarser.kept, [group], lattice)
 
 
-def _aggregate(levels: list[Level], matrix: bsr_matrix, free: Bool, points: Float) -> Hierarchy:
+def _aggregate(
+    levels: list[Level], matrix: bsr_matrix, free: Bool, points: Float, coarsest: int
+) -> Hierarchy:
     origin = points.mean(axis=0)
     length = float(np.abs(points - origin).max()) or 1.0
     near_null, mask = rigid_modes(points, origin, length) * free[:, :, None], free
-    while True:
+    stalled = False
+    while not levels or (matrix.shape[0] > coarsest and not stalled):
         inverse = invert_blocks(diagonal_blocks(matrix), mask)
         product = Product(matrix)
         largest = largest_eigenvalue(product, inverse)
@@ -123,8 +139,6 @@ def _aggregate(levels: list[Level], matrix: bsr_matrix, free: Bool, points: Floa
         levels.append(Level(product, inverse, largest, MatrixTransfer(coarser.prolongation)))
         stalled = coarser.matrix.shape[0] > 0.9 * matrix.shape[0]
         matrix, near_null, mask = coarser.matrix, coarser.near_null, coarser.mask
-        if matrix.shape[0] <= _COARSEST or stalled:
-            break
     keep = mask.ravel()
     inside = np.ix_(keep, keep)
     inverse_dense = np.zeros(matrix.shape)

@@ -14,12 +14,14 @@ from gpusim.errors import InputError, NotConverged, OutOfDeviceMemory
 from gpusim.fem.arena import Arena
 from gpusim.fem.assembly import Assembled
 from gpusim.fem.block_rows import BlockRows, block_matrix
+from gpusim.fem.block_texels import block_texels_bytes
 from gpusim.fem.cg import DeviceCG, NumpyCG
 from gpusim.fem.choice import Direct, direct_solver, multigrid_seconds
 from gpusim.fem.diagonal import invert_blocks
 from gpusim.fem.hierarchy import build_hierarchy
 from gpusim.fem.iterate import Norm, Outcome, System, iterate
 from gpusim.fem.model import Model
+from gpusim.fem.patch_multigrid import PatchMultigrid
 from gpusim.fem.preconditioner import BlockJacobi, Multigrid
 from gpusim.fem.product import Product
 from gpusim.fem.refine import refine
@@ -36,6 +38,8 @@ _MOST_ITERATIONS = {"multigrid": 1000, "block_jacobi": 100_000}
 _PATIENCE = 600.0
 # share of the tolerance below which a bound of the rounding errors isn't looked at any closer
 _NEGLIGIBLE = 0.02
+# ratio of greatest and least modulus, 300 at nu = 0.495, from which on patches are worth their cost
+_STIFF_IN_BULK = 300.0
 
 
 @dataclass
@@ -140,8 +144,11 @@ def _iterated(
         chunk=1 if kind == "multigrid" else 100,
         progress=options.progress,
     )
-    if not on_device:
+    if not on_device or isinstance(chosen, PatchMultigrid):
         outcome = _blurred(run(system, NumpyCG(product, chosen)), system, chosen, options)
+        if isinstance(chosen, PatchMultigrid):
+            note = "smoothed on patches, on the host: a nearly incompressible material"
+            outcome = replace(outcome, message=f"{outcome.message} ({note})")
         clock.mark("iterations")
         return Result(outcome, kind, "numpy", "f64")
     with Arena(device) as arena:
@@ -199,6 +206,12 @@ def _blurred(
     return replace(outcome, converged=good, error_estimate=estimate, message=message)
 
 
+def _nearly_incompressible(model: Model) -> bool:
+    """Whether some material's bulk modulus outweighs its shear modulus beyond Jacobi smoothing."""
+    moduli = [np.linalg.eigvalsh(material.stiffness()) for material in model.materials]
+    return max(float(one.max() / one.min()) for one in moduli) > _STIFF_IN_BULK
+
+
 def _preconditioner(
     name: str, model: Model, assembled: Assembled, system: System
 ) -> tuple[BlockJacobi | Multigrid, Norm, Product]:
@@ -214,19 +227,23 @@ def _preconditioner(
         inverse = invert_blocks(diagonal, system.free)
         return BlockJacobi(inverse), Norm(diagonal, None), Product(matrix)
     hierarchy = build_hierarchy(
-        matrix, assembled.groups, assembled.lattice, system.free, model.mesh.points, system.scale
+        matrix,
+        assembled.groups,
+        assembled.lattice,
+        system.free,
+        model.mesh.points,
+        system.scale,
+        patched=_nearly_incompressible(model),
     )
-    multigrid = Multigrid(hierarchy)
+    patched = any(level.patches is not None for level in hierarchy.levels)
+    multigrid = PatchMultigrid(hierarchy) if patched else Multigrid(hierarchy)
     return multigrid, Norm(None, hierarchy.lowest), multigrid.product
 
 
 def _memory(rows: BlockRows, cases: int, chosen: BlockJacobi | Multigrid) -> int:
-    """Bytes of the buffers to come: vectors, operator, preconditioner."""
-    nodes = rows.node_count
-    total = 5 * cases * nodes * 24 + rows.nbytes
-    if isinstance(chosen, BlockJacobi):
-        return total + chosen.inverse.nbytes + 2 * cases * nodes * 24
-    for level in chosen.hierarchy.levels:
-        total += level.inverse.nbytes + 12 * level.product.matrix.nnz
-        total += 4 * 8 * cases * level.transfer.shape[0]
-    return total + 12 * chosen.hierarchy.coarse_inverse.size
+    """Bytes to come on a device: vectors, operator, preconditioner."""
+    return (
+        DeviceCG.device_bytes(rows.node_count, cases)
+        + block_texels_bytes(rows.degree, np.diff(rows.table_start), exact=True)
+        + chosen.device_bytes(cases)
+    )

@@ -26,6 +26,17 @@ class Pair:
     high: Texels
     low: Texels
 
+    def write(self, values: Float) -> None:
+        """Copy float64 values (L,N,3) in, to 48 bits."""
+        high = values.astype(np.float32)
+        self.high.write(node_texels(high))
+        self.low.write(node_texels(values - high))
+
+    def read(self, cases: int) -> Float:
+        """The (L,N,3) values."""
+        high, low = (read_nodes(one, cases).astype(np.float64) for one in (self.high, self.low))
+        return np.asarray(high + low)
+
 
 def vector_texels(device: Allocator, cases: int, nodes: int, label: str) -> Texels:
     """A vector of zeros."""
@@ -40,17 +51,12 @@ def node_texels(values: npt.NDArray[np.floating]) -> npt.NDArray[np.float32]:
     return result.reshape(-1, 4)
 
 
-def pair(device: Allocator, values: Float, label: str) -> Pair:
-    """Float64 values (L,N,3) on the device, to 48 bits."""
-    cases, nodes = values.shape[:2]
-    result = Pair(
+def pair(device: Allocator, cases: int, nodes: int, label: str) -> Pair:
+    """A vector of zeros."""
+    return Pair(
         vector_texels(device, cases, nodes, f"{label}.high"),
         vector_texels(device, cases, nodes, f"{label}.low"),
     )
-    high = values.astype(np.float32)
-    result.high.write(node_texels(high))
-    result.low.write(node_texels(values - high))
-    return result
 
 
 def read_nodes(texels: Texels, cases: int) -> npt.NDArray[np.float32]:

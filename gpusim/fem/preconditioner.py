@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.fem.arena import Allocator
-from gpusim.fem.device_multigrid import DeviceMultigrid
+from gpusim.fem.device_multigrid import DeviceMultigrid, multigrid_bytes
 from gpusim.fem.hierarchy import Hierarchy, Level
 from gpusim.fem.product import Product
 from gpusim.fem.relax import DeviceRelaxation
@@ -44,6 +42,10 @@ class BlockJacobi:
     def upload(self, device: Allocator, stiffness: DeviceStiffness, cases: int) -> _DeviceJacobi:
         """The same on a device."""
         return _DeviceJacobi(device, self.inverse, stiffness, cases)
+
+    def device_bytes(self, cases: int) -> int:
+        """Bytes on a device, beside the stiffness; never less than are taken."""
+        return Texels.footprint(3 * len(self.inverse))
 
 
 class _DeviceJacobi:
@@ -104,3 +106,7 @@ class Multigrid:
         """The same on a device; the blocks of ``stiffness`` are those of the finest level."""
         steps = [smoothing_steps(level) for level in self.hierarchy.levels]
         return DeviceMultigrid(device, self.hierarchy, steps, stiffness.texels, cases)
+
+    def device_bytes(self, cases: int) -> int:
+        """Bytes on a device, beside the stiffness; never less than are taken."""
+        return multigrid_bytes(self.hierarchy, cases)

@@ -33,7 +33,8 @@ def relax_nodes(
     """
     left = b - apply_stiffness(rows, x)
     change = x if before is None else x - before
-    return x + step.keep * change + step.gain * np.matmul(inverse, left[..., None])[..., 0]
+    scaled = np.matmul(inverse, left[..., None])[..., 0]
+    return np.asarray(x + step.keep * change + step.gain * scaled)
 
 
 class DeviceRelaxation:

@@ -18,7 +18,6 @@ from gpusim.fem.block_texels import BlockTexels, RowPart
 from gpusim.fem.node_texels import Pair, pair
 from gpusim.fem.product import pool
 from gpusim.gpu import Bindings, Device, Recording, compare, twin_check
-from gpusim.gpu.buffer import RealBuffer
 
 __all__ = ["DeviceStiffness", "apply_stiffness"]
 
@@ -111,18 +110,20 @@ class DeviceStiffness:
         self._bound: dict[tuple[int, int], list[Bindings]] = {}
 
     def vector(self, u: Float) -> Pair:
-        """Float64 values (L,N,3) in the form that ``record`` multiplies."""
-        return pair(self.device, u, "fem.stiffness.u")
+        """Float64 values (L,N,3) in the form that ``record`` takes and gives."""
+        result = pair(self.device, len(u), self.nodes, "fem.stiffness.u")
+        result.write(u)
+        return result
 
-    def record(self, recording: Recording, u: Pair, result: RealBuffer) -> None:
+    def record(self, recording: Recording, u: Pair, result: Pair) -> None:
         """Record result = K u, (L,N,3) values."""
-        key = (id(u.high), id(result))
+        key = (id(u.high), id(result.high))
         if key not in self._bound:
             self._bound[key] = [self._bind(part, u, result) for part in self.texels.parts]
         for part, bindings in zip(self.texels.parts, self._bound[key], strict=True):
             recording.dispatch(self._kernel, bindings, threads=(part.count * self.cases,))
 
-    def _bind(self, part: RowPart, u: Pair, result: RealBuffer) -> Bindings:
+    def _bind(self, part: RowPart, u: Pair, result: Pair) -> Bindings:
         more = {} if part.neighbour is None else {"neighbour": part.neighbour}
         return self._kernel.bind(
             info=part.info,
@@ -130,7 +131,8 @@ class DeviceStiffness:
             blocks_low=part.low,
             u_high=u.high,
             u_low=u.low,
-            k_out=result,
+            k_high=result.high,
+            k_low=result.low,
             params={
                 "first": part.first,
                 "count": part.count,
@@ -159,9 +161,9 @@ def _check(device: Device) -> None:
         rows = assemble(model, resolve_formulation(model, None)).rows
         u = rng.normal(size=(2, *shape))
         operator = DeviceStiffness(device, rows, 1.0, 2)
-        result = device.real_buffer(np.zeros_like(u), label="fem.check.ku")
+        result = operator.vector(np.zeros_like(u))
         with device.recording("fem.check") as recording:
             operator.record(recording, operator.vector(u), result)
         compare(
-            "fem/stiffness.apply", result.read(), apply_stiffness(rows, u), atol=1e-11, rtol=1e-11
+            "fem/stiffness.apply", result.read(2), apply_stiffness(rows, u), atol=1e-11, rtol=1e-11
         )

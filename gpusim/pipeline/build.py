@@ -44,7 +44,11 @@ def build_body(body: m.Body) -> BodyParts:
     region = np.zeros(len(faces), np.int32)
     paints: dict[str, Paint] = {"unpainted": Plain(DEFAULT_ALBEDO)}
     for number, paint in enumerate(body.paints, start=1):
-        region[skin.numbers(faces_of(grid, faces, paint.where))] = number
+        try:
+            painted = faces_of(grid, faces, paint.where)
+        except InputError as error:
+            raise InputError(f"body {body.name!r}, paint {paint.name!r}: {error}") from None
+        region[skin.numbers(painted)] = number
         paints[paint.name] = Plain(paint.albedo)
     frames: dict[str, PaintFrame] = {}
     rest = skin.at_vertices(grid.points)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
@@ -63,7 +65,9 @@ def build_model(parts: BodyParts, groups: tuple[LoadGroup, ...] | None = None) -
     prescribed = np.zeros_like(forces)
     for case, group in enumerate(groups):
         for index, factor in group.loads:
-            forces[case] += factor * _load(parts, materials, of_cell, body.loads[index])
+            load = body.loads[index]
+            with _told(f"body {body.name!r}, load {load.name!r}"):
+                forces[case] += factor * _load(parts, materials, of_cell, load)
         for index, factor in group.supports:
             mine = held.support == index
             prescribed[case][mine] = factor * held.displacement[mine]
@@ -76,7 +80,8 @@ def build_model(parts: BodyParts, groups: tuple[LoadGroup, ...] | None = None) -
         prescribed=prescribed[0] if one else prescribed,
         forces=forces[0] if one else forces,
     )
-    check_supports(model)
+    with _told(f"body {body.name!r}"):
+        check_supports(model)
     return model
 
 
@@ -94,6 +99,15 @@ def temperature(body: m.Body, frame: int | None) -> float:
     )
 
 
+@contextmanager
+def _told(where: str) -> Iterator[None]:
+    """Say of which entry of the scene an error is."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
+
+
 def _held(parts: BodyParts) -> _Held:
     body, grid = parts.body, parts.mesh
     owner = np.full((grid.node_count, 3), -1, np.int32)
@@ -101,16 +115,13 @@ def _held(parts: BodyParts) -> _Held:
     for number, support in enumerate(body.supports):
         where = f"body {body.name!r}, support {support.name!r}"
         chosen = np.zeros((grid.node_count, 3), bool)
-        if support.symmetry:
-            faces = faces_of(grid, parts.skin.faces, support.where)
-            try:
-                chosen = fem.symmetry(grid, faces)
-            except InputError as error:
-                raise InputError(f"{where}: {error}") from None
-        else:
-            nodes = nodes_of(grid, support.where)
-            for name in support.axes:
-                chosen[nodes, "xyz".index(name)] = True
+        with _told(where):
+            if support.symmetry:
+                chosen = fem.symmetry(grid, faces_of(grid, parts.skin.faces, support.where))
+            else:
+                nodes = nodes_of(grid, support.where)
+                for name in support.axes:
+                    chosen[nodes, "xyz".index(name)] = True
         wanted = np.broadcast_to(np.array(support.displacement), place.shape)
         other = chosen & (owner >= 0)
         moving = any(support.displacement)
@@ -139,11 +150,8 @@ def _materials(parts: BodyParts) -> tuple[list[fem.Material], npt.NDArray[np.int
     materials: list[fem.Material] = [build_material(body.material)]
     of_cell = np.zeros(parts.mesh.cell_count, np.int32)
     for number, part in enumerate(body.parts):
-        try:
+        with _told(f"body {body.name!r}, part {number} of {part.material.name!r}"):
             cells = cells_of(parts.mesh, part.where)
-        except InputError as error:
-            where = f"body {body.name!r}, part {number} of {part.material.name!r}"
-            raise InputError(f"{where}: {error}") from None
         of_cell[cells] = len(materials)
         materials.append(build_material(part.material))
     return materials, of_cell
@@ -167,10 +175,7 @@ def _load(
         nodes = nodes_of(grid, load.where)
         return fem.nodal_force(grid, nodes, np.array(load.force) * len(nodes))
     if isinstance(load, m.LineForce):
-        try:
-            return fem.line_force(grid, nodes_of(grid, load.where), load.force)
-        except InputError as error:
-            raise InputError(f"body {body.name!r}, load {load.name!r}: {error}") from None
+        return fem.line_force(grid, nodes_of(grid, load.where), load.force)
     faces = faces_of(grid, parts.skin.faces, load.where)
     if isinstance(load, m.Pressure):
         return fem.pressure(grid, faces, load.pressure)

@@ -47,8 +47,9 @@ def cells_of(grid: Mesh, where: m.Where) -> npt.NDArray[np.int64]:
         keep[first : first + len(block)] = ((middle >= low) & (middle <= high)).all(axis=1)
     if where.set is not None:
         if where.set not in grid.cell_sets:
-            known = ", ".join(sorted(grid.cell_sets)) or "none"
-            raise InputError(f"unknown set of elements; got {where.set!r}; expected one of {known}")
+            known = ", ".join(sorted(grid.cell_sets))
+            expected = f"one of {known}" if known else "no set: the mesh has none of elements"
+            raise InputError(f"unknown set of elements; got {where.set!r}; expected {expected}")
         inside = np.zeros_like(keep)
         inside[grid.cell_sets[where.set]] = True
         keep &= inside

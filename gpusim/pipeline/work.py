@@ -22,6 +22,7 @@ from gpusim.pipeline.build import BodyParts, build_body, build_lights, build_pro
 from gpusim.pipeline.deflection import DeflectionResult
 from gpusim.pipeline.mechanics import make_mechanics
 from gpusim.pipeline.meshing import mesh_summary
+from gpusim.pipeline.memory import check_memory
 from gpusim.pipeline.modelling import build_model, held_by
 from gpusim.pipeline.solved import Solved
 from gpusim.pipeline.stresses import Stresses, write_stresses
@@ -109,6 +110,7 @@ class _Run:
 
     def run(self) -> Report:
         """Every stage in the plan's order."""
+        check_memory(self.plan)
         self.device = self._device()
         if self.device is not None:
             self.device_before = self.device.timer.seconds()
@@ -364,7 +366,9 @@ class _Run:
         summary = None
         if self.solved is not None:
             s = self.solved
-            summary = SolutionSummary(s.unknowns, s.iterations, s.converged, s.error_estimate)
+            summary = SolutionSummary(
+                s.unknowns, s.iterations, s.converged, s.error_estimate, s.facts["method"]
+            )
         return outputs.make_report(
             self.scene,
             self.out,

@@ -50,12 +50,14 @@ class Stage:
 
 @dataclass(frozen=True)
 class SolutionSummary:
-    """How the solve ended. ``error_estimate`` is the relative displacement error (energy norm)."""
+    """How the solve ended. ``error_estimate`` is the relative displacement error (energy norm),
+    ``method`` the solver that was used."""
 
     unknowns: int
     iterations: int
     converged: bool
     error_estimate: float
+    method: str = ""
 
 
 @dataclass(frozen=True)
@@ -277,6 +279,7 @@ class Report:
                 "iterations": int(solution.iterations),
                 "converged": bool(solution.converged),
                 "error_estimate": _number(solution.error_estimate),
+                "method": solution.method,
             },
             "mesh": [summary.content() for summary in self.meshes],
             "mechanics": None if self.mechanics is None else self.mechanics.content(),

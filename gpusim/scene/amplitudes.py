@@ -40,14 +40,16 @@ def load_groups(body: Body, factors: Amplitude, scaled: bool = True) -> tuple[Lo
     What has an amplitude of zero in every frame is in no group. A body with nothing that moves it
     has one empty group.
     """
-    amplitudes: list[Amplitude] = [factors] if any(factors) else []
-    members: list[tuple[list[Share], list[Share]]] = [([], []) for _ in amplitudes]
     things = [(0, index, load.amplitude) for index, load in enumerate(body.loads)]
     things += [
         (1, index, support.amplitude)
         for index, support in enumerate(body.supports)
         if any(support.displacement)
     ]
+    # a group has the amplitude of one of its own loads, so that one load alone is solved at 1
+    own = any(factors) and any(amplitude == factors for _, _, amplitude in things)
+    amplitudes: list[Amplitude] = [factors] if own else []
+    members: list[tuple[list[Share], list[Share]]] = [([], []) for _ in amplitudes]
     for which, index, amplitude in things:
         if not any(amplitude):
             continue

@@ -11,6 +11,12 @@ from .scene import Scene
 
 __all__ = ["describe", "estimate"]
 
+_SOLVER = {
+    "auto": "direct or multigrid, whichever is quicker for the matrix",
+    "direct": "direct",
+    "multigrid": "multigrid",
+    "block_jacobi": "conjugate gradients without multigrid",
+}
 Cost = dict[str, tuple[int, float]]
 
 
@@ -18,12 +24,13 @@ def describe(scene: Scene) -> dict[str, str]:
     """Stage kind -> how much of it there is, in a few words."""
     counts = [element_counts(body.mesh) for body in scene.bodies]
     nodes = sum(count[0] for count in counts)
+    size = f"{3 * nodes:,} unknowns, " if all(count[0] for count in counts) else ""
     lights = len(scene.lights)
     lit = f"{lights} light{'s' if lights > 1 else ''}" if lights else "no light: albedo"
     wanted = [name for name in ("vtu", "stl") if getattr(scene.output, name)]
     return {
         "mesh": "; ".join(mesh_words(body.mesh) for body in scene.bodies),
-        "solve": f"{3 * nodes:,} unknowns" if all(count[0] for count in counts) else "",
+        "solve": f"{size}{_SOLVER[scene.solver.method]}",
         "render": lit,
         "truth": f"{len(scene.output.truth)} layers",
         "measure": f"{_markers(scene)} markers",
@@ -50,7 +57,7 @@ def estimate(scene: Scene) -> Cost:
     return {
         "mesh": (200 * nodes, 0.05 + 2e-6 * nodes),
         "model": (100 * nodes, 0.02 + 1e-6 * nodes),
-        "solve": (3_000 * nodes, 1.0 + 4e-4 * nodes),
+        "solve": (4_500 * nodes, 1.0 + 8e-5 * nodes),
         "surface": (200 * nodes, 0.05 + 2e-6 * elements),
         "render": (16 * pixels, 0.3 + 5e-8 * pixels),
         "truth": (40 * pixels, frames * (0.2 + 1e-8 * layers * pixels)),

@@ -1,6 +1,6 @@
 // Vector and scalar steps of preconditioned conjugate gradients (gpusim/fem/cg.py has the twin).
-// x (solution), r (remainder) and q (image) are float64 buffers, three numbers a node; p is a pair
-// of float32 textures (high, low), z and the preconditioner's r are float32, one texel a node.
+// p, q = K p and r are pairs of float32 textures (high, low), one texel a node; z is float32, and
+// so is r for the preconditioner: its high half.
 // Sums are trees of fixed shape: the same bits on every run. Grid y is the load case.
 #import common/real
 #import common/texel
@@ -15,18 +15,19 @@ struct Params {
 
 @group(0) @binding(0) var p_high: texture_2d<f32>;
 @group(0) @binding(1) var p_low: texture_2d<f32>;
-@group(0) @binding(2) var z_in: texture_2d<f32>;
-@group(0) @binding(3) var p_high_out: texture_storage_2d<rgba32float, write>;
-@group(0) @binding(4) var p_low_out: texture_storage_2d<rgba32float, write>;
-@group(0) @binding(5) var r_out: texture_storage_2d<rgba32float, write>;
-@group(0) @binding(6) var<storage, read> image: array<real>;
-@group(0) @binding(7) var<storage, read_write> solution: array<real>;
-@group(0) @binding(8) var<storage, read_write> remainder: array<real>;
-@group(0) @binding(9) var<storage, read_write> partial: array<real>;   // GROUPS per case
-@group(0) @binding(10) var<storage, read_write> scalars: array<real>;  // r.z, alpha, beta, p.q
-@group(0) @binding(11) var<storage, read_write> history: array<real>;  // the same, per iteration
-@group(0) @binding(12) var<storage, read_write> state: array<u32>;     // active, iteration per case
-@group(0) @binding(13) var<uniform> params: Params;
+@group(0) @binding(2) var q_high: texture_2d<f32>;   // K p
+@group(0) @binding(3) var q_low: texture_2d<f32>;
+@group(0) @binding(4) var r_high_in: texture_2d<f32>;
+@group(0) @binding(5) var r_low_in: texture_2d<f32>;
+@group(0) @binding(6) var z_in: texture_2d<f32>;
+@group(0) @binding(7) var high_out: texture_storage_2d<rgba32float, write>;  // new p or r
+@group(0) @binding(8) var low_out: texture_storage_2d<rgba32float, write>;
+@group(0) @binding(9) var<storage, read_write> solution: array<real>;  // three numbers a node
+@group(0) @binding(10) var<storage, read_write> partial: array<real>;  // GROUPS per case
+@group(0) @binding(11) var<storage, read_write> scalars: array<real>;  // r.z, alpha, beta, p.q
+@group(0) @binding(12) var<storage, read_write> history: array<real>;  // the same, per iteration
+@group(0) @binding(13) var<storage, read_write> state: array<u32>;     // active, iteration per case
+@group(0) @binding(14) var<uniform> params: Params;
 
 var<workgroup> sums: array<real, 64>;
 
@@ -42,6 +43,23 @@ fn load_p(at: vec2u) -> Vec {
     return Vec(r_pair(high.x, low.x), r_pair(high.y, low.y), r_pair(high.z, low.z));
 }
 
+fn load_q(at: vec2u) -> Vec {
+    let high = textureLoad(q_high, at, 0);
+    let low = textureLoad(q_low, at, 0);
+    return Vec(r_pair(high.x, low.x), r_pair(high.y, low.y), r_pair(high.z, low.z));
+}
+
+fn load_r(at: vec2u) -> Vec {
+    let high = textureLoad(r_high_in, at, 0);
+    let low = textureLoad(r_low_in, at, 0);
+    return Vec(r_pair(high.x, low.x), r_pair(high.y, low.y), r_pair(high.z, low.z));
+}
+
+fn store(at: vec2u, value: Vec) {
+    textureStore(high_out, at, vec4f(r_high(value.x), r_high(value.y), r_high(value.z), 0.0));
+    textureStore(low_out, at, vec4f(r_low(value.x), r_low(value.y), r_low(value.z), 0.0));
+}
+
 // texel of a node of this load case
 fn place(case_: u32, node: u32) -> vec2u { return texel(case_ * (params.nodes + 1u) + node); }
 
@@ -54,12 +72,11 @@ fn tree(lane: u32) {
 
 @compute @workgroup_size(64)
 fn dot_pq(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32) {
-    let base = group.y * params.nodes;
     var sum = r_f32(0.0);
     for (var i = group.x * WIDTH + lane; i < params.nodes; i += GROUPS * WIDTH) {
         let p = load_p(place(group.y, i));
-        let at = 3u * (base + i);
-        sum = r_fma(p.x, image[at], r_fma(p.y, image[at + 1u], r_fma(p.z, image[at + 2u], sum)));
+        let q = load_q(place(group.y, i));
+        sum = r_fma(p.x, q.x, r_fma(p.y, q.y, r_fma(p.z, q.z, sum)));
     }
     sums[lane] = sum;
     tree(lane);
@@ -68,13 +85,11 @@ fn dot_pq(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) 
 
 @compute @workgroup_size(64)
 fn dot_rz(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32) {
-    let base = group.y * params.nodes;
     var sum = r_f32(0.0);
     for (var i = group.x * WIDTH + lane; i < params.nodes; i += GROUPS * WIDTH) {
         let z = textureLoad(z_in, place(group.y, i), 0);
-        let at = 3u * (base + i);
-        sum = r_fma(r_f32(z.x), remainder[at], r_fma(r_f32(z.y), remainder[at + 1u],
-            r_fma(r_f32(z.z), remainder[at + 2u], sum)));
+        let r = load_r(place(group.y, i));
+        sum = r_fma(r_f32(z.x), r.x, r_fma(r_f32(z.y), r.y, r_fma(r_f32(z.z), r.z, sum)));
     }
     sums[lane] = sum;
     tree(lane);
@@ -137,7 +152,7 @@ fn beta(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) la
     state[2u * group.y + 1u] = iteration + 1u;
 }
 
-// x += alpha p, r -= alpha q, and r for the preconditioner
+// x += alpha p, new r = r - alpha q
 @compute @workgroup_size(64)
 fn advance(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32,
     @builtin(num_workgroups) groups: vec3u) {
@@ -151,19 +166,13 @@ fn advance(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index)
         solution[at] = r_fma(length_, p.x, solution[at]);
         solution[at + 1u] = r_fma(length_, p.y, solution[at + 1u]);
         solution[at + 2u] = r_fma(length_, p.z, solution[at + 2u]);
-        let r0 = r_fma(back, image[at], remainder[at]);
-        let r1 = r_fma(back, image[at + 1u], remainder[at + 1u]);
-        let r2 = r_fma(back, image[at + 2u], remainder[at + 2u]);
-        remainder[at] = r0;
-        remainder[at + 1u] = r1;
-        remainder[at + 2u] = r2;
-        textureStore(r_out, here, vec4f(r_high(r0), r_high(r1), r_high(r2), 0.0));
+        let q = load_q(here);
+        let r = load_r(here);
+        store(here, Vec(r_fma(back, q.x, r.x), r_fma(back, q.y, r.y), r_fma(back, q.z, r.z)));
     }
 }
 
-fn turned(ratio: real, z: f32, p: real) -> real { return r_fma(ratio, p, r_f32(z)); }
-
-// p_out = z + beta p
+// new p = z + beta p
 @compute @workgroup_size(64)
 fn turn(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32,
     @builtin(num_workgroups) groups: vec3u) {
@@ -172,10 +181,7 @@ fn turn(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) la
         let here = place(group.y, i);
         let z = textureLoad(z_in, here, 0);
         let p = load_p(here);
-        let p0 = turned(ratio, z.x, p.x);
-        let p1 = turned(ratio, z.y, p.y);
-        let p2 = turned(ratio, z.z, p.z);
-        textureStore(p_high_out, here, vec4f(r_high(p0), r_high(p1), r_high(p2), 0.0));
-        textureStore(p_low_out, here, vec4f(r_low(p0), r_low(p1), r_low(p2), 0.0));
+        store(here, Vec(r_fma(ratio, p.x, r_f32(z.x)), r_fma(ratio, p.y, r_f32(z.y)),
+            r_fma(ratio, p.z, r_f32(z.z))));
     }
 }

@@ -20,8 +20,9 @@ const BLOCK: u32 = 64u;
 @group(0) @binding(3) var blocks_low: texture_2d<f32>;
 @group(0) @binding(4) var u_high: texture_2d<f32>;
 @group(0) @binding(5) var u_low: texture_2d<f32>;
-@group(0) @binding(6) var<storage, read_write> k_out: array<real>;
-@group(0) @binding(7) var<uniform> params: Params;
+@group(0) @binding(6) var k_high: texture_storage_2d<rgba32float, write>;
+@group(0) @binding(7) var k_low: texture_storage_2d<rgba32float, write>;
+@group(0) @binding(8) var<uniform> params: Params;
 
 struct Vec {
     x: real,
@@ -74,9 +75,8 @@ fn add_block(sum: Vec, k: Block, u: Vec, own: Vec) -> Vec {
 }
 
 fn store(at: u32, sum: Vec) {
-    k_out[3u * at] = sum.x;
-    k_out[3u * at + 1u] = sum.y;
-    k_out[3u * at + 2u] = sum.z;
+    textureStore(k_high, texel(at), vec4f(r_high(sum.x), r_high(sum.y), r_high(sum.z), 0.0));
+    textureStore(k_low, texel(at), vec4f(r_low(sum.x), r_low(sum.y), r_low(sum.z), 0.0));
 }
 
 @compute @workgroup_size(64)
@@ -119,7 +119,7 @@ fn apply(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) gro
         sum = add(sum, i.y, i.z, i.w, d3.z);
         at += 9u;
     }
-    store((id / params.count) * params.nodes + params.first + local, sum);
+    store(node, sum);
 }
 
 // four nodes in a row with equal rows of blocks: a pack is (first node, nodes, table,
@@ -128,9 +128,8 @@ fn apply(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) gro
 fn apply4(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let id = linear_id(gid, groups, BLOCK);
     if (id >= params.count * params.cases) { return; }
-    let case_ = id / params.count;
     let pack = textureLoad(info, texel(id % params.count), 0);
-    let node = case_ * (params.nodes + 1u) + pack.x;
+    let node = (id / params.count) * (params.nodes + 1u) + pack.x;
     let own0 = load_u(node);
     let own1 = load_u(node + 1u);
     let own2 = load_u(node + 2u);
@@ -167,9 +166,8 @@ fn apply4(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) gr
         sum2 = add_block(add_block(add_block(sum2, k, u2, own2), l, u3, own2), m, u4, own2);
         sum3 = add_block(add_block(add_block(sum3, k, u3, own3), l, u4, own3), m, u5, own3);
     }
-    let out = case_ * params.nodes + pack.x;
-    store(out, sum0);
-    if (pack.y > 1u) { store(out + 1u, sum1); }
-    if (pack.y > 2u) { store(out + 2u, sum2); }
-    if (pack.y > 3u) { store(out + 3u, sum3); }
+    store(node, sum0);
+    if (pack.y > 1u) { store(node + 1u, sum1); }
+    if (pack.y > 2u) { store(node + 2u, sum2); }
+    if (pack.y > 3u) { store(node + 3u, sum3); }
 }

@@ -6,9 +6,10 @@ Keys carry their unit (``size_mm``, ``force_N``), so a value is a bare number. N
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Iterator
+from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 from pydantic_core import PydanticCustomError
 
 __all__ = [
@@ -27,6 +28,8 @@ __all__ = [
     "parallel",
 ]
 
+_SMALLEST, _LARGEST = 1e-30, 1e30
+
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$", max_length=64)]
 Length = Annotated[float, Field(gt=0)]
 Albedo = Annotated[float, Field(ge=0, le=1)]
@@ -39,7 +42,10 @@ SignedAxis = Literal["+x", "-x", "+y", "-y", "+z", "-z"]
 
 
 class Table(BaseModel):
-    """One table of the file: unknown keys, wrong types, NaN and infinity are faults."""
+    """One table of the file: unknown keys, wrong types, NaN and infinity are faults.
+
+    So are numbers of a size that nothing measured has: their products leave the range of float64.
+    """
 
     model_config = ConfigDict(
         extra="forbid",
@@ -49,11 +55,29 @@ class Table(BaseModel):
         use_attribute_docstrings=True,
     )
 
+    @model_validator(mode="after")
+    def _sizes(self) -> Self:
+        for key in type(self).model_fields:
+            for value in _numbers(getattr(self, key)):
+                if value and not _SMALLEST <= abs(value) <= _LARGEST:
+                    expected = f"0, or a size from {_SMALLEST:g} to {_LARGEST:g}"
+                    raise fault(key, "out of any range", value, expected)
+        return self
+
 
 def fault(key: str, problem: str, got: object, expected: str) -> PydanticCustomError:
     """A fault between keys of one table; ``key`` is the one that is blamed ("" for the table)."""
     context = {"key": key, "problem": problem, "got": got, "expected": expected}
     return PydanticCustomError("scene_fault", "{problem}", context)
+
+
+def _numbers(value: object) -> Iterator[float]:
+    """The floats of a value or of nested lists."""
+    if isinstance(value, float):
+        yield value
+    elif isinstance(value, list):
+        for item in value:
+            yield from _numbers(item)
 
 
 def norm(vector: list[float]) -> float:

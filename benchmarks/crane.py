@@ -1,4 +1,4 @@
-"""Convergence of the crane's deflection, and time per solve: ``python -m benchmarks.solver crane``.
+"""Convergence of the crane's deflection, and time per solve: ``python -m benchmarks.crane``.
 
 Prints one line per mesh: elements, unknowns, tip deflection of both load cases of the paper
 (Zdziebko & Holak, Sensors 2021, 21(18), 6046), the change to the mesh before, iterations, seconds.
@@ -55,7 +55,6 @@ def convergence(levels: int, backend: str, formulation: str) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("case", choices=["crane"])
     parser.add_argument("--levels", type=int, default=3, choices=range(1, len(MESHES) + 1))
     parser.add_argument("--backend", default="gpu", choices=["gpu", "numpy"])
     parser.add_argument("--formulation", default="incompatible")

@@ -1,0 +1,246 @@
+"""The solver's device part: layouts of the matrix, the V-cycle, and what it costs in iterations."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gpusim.errors import NotConverged
+from gpusim.fem import Isotropic, Model, solve
+from gpusim.fem.arena import Arena
+from gpusim.fem.assembly import assemble
+from gpusim.fem.block_rows import BlockRows, block_matrix
+from gpusim.fem.block_texels import BlockTexels, rows_of_matrix
+from gpusim.fem.cg import DeviceCG
+from gpusim.fem.formulation import resolve_formulation
+from gpusim.fem.hierarchy import Hierarchy, build_hierarchy
+from gpusim.fem.methods import _memory
+from gpusim.fem.node_texels import node_texels, read_nodes, vector_texels
+from gpusim.fem.preconditioner import Multigrid
+from gpusim.fem.row_packs import find_packs
+from gpusim.fem.stiffness import DeviceStiffness, apply_stiffness
+from gpusim.gpu import Device
+from gpusim.mesh import CELL_TYPES, Mesh, box
+
+_TETS = ((0, 1, 2, 6), (0, 2, 3, 6), (0, 3, 7, 6), (0, 7, 4, 6), (0, 4, 5, 6), (0, 5, 1, 6))
+
+
+def tetrahedra(mesh: Mesh, kind: str) -> Mesh:
+    """Six tetrahedra for each hex8."""
+    corner = np.concatenate([mesh.cells["hex8"][:, list(one)] for one in _TETS])
+    if kind == "tet4":
+        return Mesh(mesh.points, {"tet4": corner})
+    edges = CELL_TYPES["tet10"].parents
+    ends = np.sort(np.concatenate([corner[:, list(one)] for one in edges]), axis=1)
+    unique, number = np.unique(ends, axis=0, return_inverse=True)
+    middle = len(mesh.points) + number.reshape(len(edges), -1).T
+    points = np.concatenate([mesh.points, mesh.points[unique].mean(axis=1)])
+    return Mesh(points, {"tet10": np.concatenate([corner, middle], axis=1)})
+
+
+def irregular(cells: tuple[int, int, int]) -> Mesh:
+    mesh = box((1.0, 0.7, 0.9), cells)
+    inside = mesh.points[:, :1] > 0.0
+    shift = 0.02 * np.random.default_rng(3).random(mesh.points.shape)
+    return mesh.moved(np.where(inside, shift, 0.0))
+
+
+def clamped(mesh: Mesh, nu: float = 0.3, cases: int = 1) -> Model:
+    fixed = np.isclose(mesh.points[:, :1], 0.0).repeat(3, axis=1)
+    # one unknown of its own: packs may not mix it with free neighbours
+    fixed[np.argmax(mesh.points @ np.array([1.0, 0.3, 0.2])), 1] = True
+    forces = np.zeros((cases, *mesh.points.shape))
+    end = mesh.points[:, 0] >= mesh.points[:, 0].max() - 1e-9
+    forces[:, end] = np.array([0.1, 1.0, -0.3])
+    forces[1:, end, 2] = 5.0
+    return Model(mesh, [Isotropic(1e3, nu)], fixed=fixed, forces=forces)
+
+
+def rows_and_hierarchy(model: Model) -> tuple[BlockRows, Hierarchy, np.ndarray]:
+    assert model.fixed is not None
+    assembled = assemble(model, resolve_formulation(model, None))
+    matrix = block_matrix(assembled.rows, 1024.0)
+    free = ~model.fixed
+    hierarchy = build_hierarchy(
+        matrix, assembled.groups, assembled.lattice, free, model.mesh.points, 1024.0
+    )
+    return assembled.rows, hierarchy, free
+
+
+MESHES = {
+    "lattice": lambda: box((1.0, 0.7, 0.9), (13, 9, 11)),
+    "irregular": lambda: irregular((7, 6, 8)),
+    "tet4": lambda: tetrahedra(box((1.0, 0.7, 0.9), (7, 5, 6)), "tet4"),
+    "tet10": lambda: tetrahedra(box((1.0, 0.7, 0.9), (5, 3, 4)), "tet10"),
+}
+
+
+def product(device: Device, rows: BlockRows, u: np.ndarray) -> np.ndarray:
+    operator = DeviceStiffness(device, rows, 1.0, len(u))
+    result = operator.vector(np.zeros_like(u))
+    with device.recording("test") as recording:
+        operator.record(recording, operator.vector(u), result)
+    return result.read(len(u))
+
+
+def test_packs_and_single_nodes_give_the_same_product(
+    device: Device, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mesh = box((1.0, 0.7, 0.9), (9, 6, 5))
+    # a notch in the numbering's way: some rows have neighbours elsewhere than others alike
+    keep = ~((np.abs(mesh.points[mesh.cells["hex8"]].mean(axis=1) - 0.5) < 0.15).all(axis=1))
+    mesh = Mesh(mesh.points, {"hex8": mesh.cells["hex8"][keep]})
+    model = Model(mesh, [Isotropic(1.0, 0.3)], fixed=np.zeros(mesh.points.shape, dtype=bool))
+    rows = assemble(model, resolve_formulation(model, None)).rows
+    u = np.random.default_rng(1).normal(size=(2, *mesh.points.shape))
+    packs = find_packs(rows, ~model.fixed, 1.0)
+    assert packs is not None
+    assert packs.info[:, 1].sum() == mesh.node_count
+    assert packs.info[:, 1].max() == 4
+    fours = product(device, rows, u)
+    assert DeviceStiffness(device, rows, 1.0, 1).texels.packed
+    monkeypatch.setattr("gpusim.fem.block_texels.find_packs", lambda *_: None)
+    singles = product(device, rows, u)
+    wanted = apply_stiffness(rows, u)
+    assert np.abs(fours - wanted).max() <= 1e-12
+    assert np.abs(singles - wanted).max() <= 1e-12
+    assert not DeviceStiffness(device, rows, 1.0, 1).texels.packed
+
+
+def test_packs_hold_nodes_that_are_fixed_alike() -> None:
+    model = clamped(MESHES["lattice"]())
+    rows = assemble(model, resolve_formulation(model, None)).rows
+    packs = find_packs(rows, ~model.fixed, 1.0)
+    assert packs is not None
+    for first, count, _, row in packs.info:
+        pattern = model.fixed[first : first + count]
+        assert (pattern == model.fixed[packs.example[row >> 8]]).all()
+
+
+def test_numbers_without_order_take_single_nodes() -> None:
+    mesh = MESHES["lattice"]()
+    order = np.random.default_rng(2).permutation(mesh.node_count)
+    points = np.empty_like(mesh.points)
+    points[order] = mesh.points
+    shuffled = Mesh(points, {"hex8": order[mesh.cells["hex8"]]})
+    for one, packed in ((mesh, True), (shuffled, False)):
+        model = clamped(one)
+        rows = assemble(model, resolve_formulation(model, None)).rows
+        assert (find_packs(rows, ~model.fixed, 1.0) is not None) == packed
+
+
+@pytest.mark.parametrize("name", ["lattice", "tet10"])
+def test_coarse_matrices_become_rows_of_differences(name: str) -> None:
+    _, hierarchy, _ = rows_and_hierarchy(clamped(MESHES[name]()))
+    rng = np.random.default_rng(4)
+    for level in hierarchy.levels:
+        if level.inverse.shape[1] != 3:
+            continue
+        matrix = level.product.matrix
+        rows = rows_of_matrix(matrix)
+        x = rng.normal(size=(rows.node_count, 3))
+        still = np.concatenate([x, np.zeros((1, 3))])
+        number = np.repeat(np.arange(rows.node_count), rows.degree)
+        slot = np.arange(len(number)) - np.repeat(rows.start[:-1], rows.degree)
+        blocks = rows.table[rows.table_start[rows.row_class[number]] + slot]
+        force = np.matmul(blocks, (still[rows.neighbour] - x[number])[..., None])[..., 0]
+        total = np.zeros_like(x)
+        np.add.at(total, number, force)
+        assert np.abs(total.ravel() - matrix @ x.ravel()).max() <= 1e-12
+    if name == "lattice":
+        assert rows_of_matrix(hierarchy.levels[0].product.matrix).class_count == 27
+
+
+def test_parts_split_at_the_texture_limit_give_the_same_product(
+    device: Device, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model = clamped(MESHES["irregular"]())
+    rows = assemble(model, resolve_formulation(model, None)).rows
+    u = np.random.default_rng(1).normal(size=(2, *model.mesh.points.shape))
+    whole = product(device, rows, u)
+    monkeypatch.setitem(device.limits, "max-texture-dimension-2d", 4)
+    operator = DeviceStiffness(device, rows, 1.0, 2)
+    assert len(operator.texels.parts) > 2
+    result = operator.vector(np.zeros_like(u))
+    with device.recording("test") as recording:
+        operator.record(recording, operator.vector(u), result)
+    assert (result.read(2) == whole).all()
+
+
+@pytest.mark.parametrize("real", ["f64", "double_single"])
+@pytest.mark.parametrize("name", sorted(MESHES))
+def test_the_cycle_is_that_of_the_host(name: str, real: str) -> None:
+    device = Device(real)
+    model = clamped(MESHES[name](), cases=2)
+    rows, hierarchy, free = rows_and_hierarchy(model)
+    multigrid = Multigrid(hierarchy)
+    b = np.where(free, np.random.default_rng(5).normal(size=(2, *free.shape)), 0.0)
+    wanted = multigrid.apply(b.reshape(2, -1)).reshape(b.shape)
+    with Arena(device) as arena:
+        operator = DeviceStiffness(arena, rows, 1024.0, 2, free)
+        ready = multigrid.upload(arena, operator, 2)
+        source, result = (vector_texels(arena, 2, len(free), "test") for _ in range(2))
+        source.write(node_texels(b))
+        found = []
+        for _ in range(2):
+            with device.recording("test") as recording:
+                ready.record(recording, source, result)
+            found.append(read_nodes(result, 2))
+    assert (found[0] == found[1]).all(), "the same bits on every run"
+    assert np.abs(found[0] - wanted).max() <= 1e-5 * np.abs(wanted).max()
+    assert (found[0][:, ~free] == 0.0).all()
+
+
+@pytest.mark.parametrize("nu", [0.3, 0.49])
+@pytest.mark.parametrize("name", sorted(MESHES))
+def test_float32_costs_no_iterations(device: Device, name: str, nu: float) -> None:
+    model = clamped(MESHES[name](), nu)
+    host = solve(model, backend="numpy", method="multigrid")
+    found = solve(model, device, method="multigrid")
+    assert host.converged
+    assert found.converged
+    assert abs(found.iterations - host.iterations) <= 1
+    scale = np.abs(host.u).max()
+    assert np.abs(found.u - host.u).max() <= 1e-7 * scale
+
+
+def test_float32_serves_slender_bodies_too(device: Device) -> None:
+    model = clamped(box((60.0, 1.0, 1.0), (120, 3, 2)))
+    host = solve(model, backend="numpy", method="multigrid")
+    found = solve(model, device, method="multigrid")
+    assert host.converged
+    assert found.converged
+    assert abs(found.iterations - host.iterations) <= 2
+    assert np.abs(found.u - host.u).max() <= 1e-6 * np.abs(host.u).max()
+
+
+@pytest.mark.parametrize("name", ["lattice", "irregular", "tet10"])
+@pytest.mark.parametrize("cases", [1, 3])
+def test_memory_asked_for_is_memory_taken(device: Device, name: str, cases: int) -> None:
+    model = clamped(MESHES[name](), cases=cases)
+    rows, hierarchy, free = rows_and_hierarchy(model)
+    multigrid = Multigrid(hierarchy)
+    before = device.allocated
+    with Arena(device) as arena:
+        operator = DeviceStiffness(arena, rows, 1024.0, cases, free)
+        loop = DeviceCG(arena, operator, multigrid.upload(arena, operator, cases), cases)
+        loop.begin(np.zeros((cases, free.size)))
+        taken = device.allocated - before
+    asked = _memory(rows, cases, multigrid)
+    assert taken <= asked <= 2.0 * taken
+    assert device.allocated == before
+
+
+def test_a_value_that_is_not_finite_is_seen(
+    device: Device, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write = BlockTexels.__init__
+
+    def damaged(self: BlockTexels, *arguments: object, **options: object) -> None:
+        write(self, *arguments, **options)  # type: ignore[arg-type]
+        texels = self.parts[0].high
+        texels.write(np.full((1, 4), np.nan, dtype=np.float32), texels.count // 2)
+
+    monkeypatch.setattr(BlockTexels, "__init__", damaged)
+    with pytest.raises(NotConverged, match="finite"):
+        solve(clamped(MESHES["irregular"]()), device, method="multigrid")
