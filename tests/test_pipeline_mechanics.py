@@ -197,6 +197,37 @@ def test_what_an_amplitude_changes(tmp_path: Path) -> None:
     assert plan_of([0.0, 3.0])["solve"] == "run"
 
 
+def test_the_amplitude_of_a_load_alone_solves_nothing_again(tmp_path: Path) -> None:
+    def alone(amplitude: list[float]) -> Scene:
+        return scene(load=[{**DOWN, "amplitude": amplitude}])  # each a multiple of the factors
+
+    gs.run(alone([0.0, 0.5]), tmp_path, backend="numpy")
+    half = displacement(tmp_path, 1)
+    report = gs.run(alone([0.0, 0.75]), tmp_path, backend="numpy")
+    assert {stage.name: stage.state for stage in report.stages}["solve"] == "reused"
+    np.testing.assert_allclose(displacement(tmp_path, 1), 1.5 * half, rtol=1e-12)
+
+
+def test_errors_say_which_entry_they_are_about() -> None:
+    nowhere = {"x_min_mm": 999.0}
+    bad = {
+        "load 'down'": {"load": [{**DOWN, "where": nowhere}]},
+        "support 'clamp'": {"support": [{**CLAMP, "where": nowhere}]},
+        "part 0 of 'steel'": {"part": [{"material": "steel", "where": {"set": "x_min"}}]},
+        "supports": {"support": [{**CLAMP, "fix": ["x", "y"]}]},
+    }
+    for name, changes in bad.items():
+        with pytest.raises(gs.InputError, match=f"^body 'bar'(, |: ){name}: "):
+            build_model(build_body(scene(**changes).bodies[0]))
+
+
+def test_a_scene_beyond_the_memory_is_refused_before_work(tmp_path: Path) -> None:
+    mesh = {"builder": "box", "size_mm": [240.0, 20.0, 10.0], "divisions": [10_000, 10_000, 9_000]}
+    with pytest.raises(gs.InputError, match="mesh: needs about .* GB of memory .*elements"):
+        gs.run(scene(mesh=mesh), tmp_path / "out", backend="numpy")
+    assert not (tmp_path / "out").exists()
+
+
 def test_nothing_moves_with_amplitudes_of_zero(tmp_path: Path) -> None:
     still = scene(load=[{**DOWN, "amplitude": [0.0, 0.0]}], stress=True)
     plan = make_plan(still, tmp_path, "numpy")

@@ -23,7 +23,7 @@ def full_report() -> Report:
             Stage("solve", "reused", "unchanged", 0.0),
             Stage("truth", "skipped", "not asked for", 0.0),
         ),
-        solution=SolutionSummary(300, 12, True, 3e-7),
+        solution=SolutionSummary(300, 12, True, 3e-7, "multigrid"),
         measurements=(
             Measurement.compare("tip", "mm", 32.70, 32.68, tolerance_relative=1e-3),
             Measurement.compare("lost", "mm", math.nan, 1.0),
@@ -51,6 +51,7 @@ def test_json_is_exactly_the_documented_shape() -> None:
             "iterations": 12,
             "converged": True,
             "error_estimate": 3e-7,
+            "method": "multigrid",
         },
         "mesh": [],
         "mechanics": None,
@@ -99,6 +100,7 @@ def test_json_without_solution_and_with_numpy_numbers() -> None:
         "iterations": 4,
         "converged": True,
         "error_estimate": None,
+        "method": "",
     }
     assert json.loads(Report("a", "b", "done").to_json())["solution"] is None
 

@@ -12,7 +12,7 @@ from common import Clock, Problem, main, sweep
 from petsc4py import PETSc
 from scipy_free import interpolation_levels, renumbered
 
-TOLERANCES = [1e-4, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-12]
+TOLERANCES = [1e-4, 1e-6, 3e-7, 1e-7, 3e-8, 1e-8, 1e-9, 1e-10, 1e-12]
 
 
 def run(problem: Problem, options):

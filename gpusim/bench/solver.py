@@ -17,7 +17,7 @@ import numpy as np
 
 from gpusim._version import __version__
 from gpusim.bench.cases import Case
-from gpusim.bench.peers import EXACT, PEERS, peer_folder, run_peer
+from gpusim.bench.peers import EXACT, PEERS, Peer, peer_folder, run_peer
 from gpusim.errors import GpusimError
 
 __all__ = ["CaseResult", "Point", "SolverResult", "run_solver_bench"]
@@ -114,23 +114,27 @@ def run_solver_bench(
     cases: Sequence[Case],
     work: Path,
     *,
-    peers: bool = True,
+    peers: Sequence[Peer] = PEERS,
     tell: Tell = print,
     keep: bool = False,
 ) -> SolverResult:
     """Run every case; ``work`` is a folder for references (kept) and the peers' arrays.
 
-    Raises GpusimError if gpusim itself can't make a reference.
+    A case that fails is reported as such, and the next one is run.
     """
     result = SolverResult(_machine())
     for case in cases:
-        result.cases.append(_run_case(case, work / case.name, peers, tell))
+        try:
+            result.cases.append(_run_case(case, work / case.name, peers, tell))
+        except GpusimError as error:
+            result.cases.append(CaseResult(case.name, case.family, 0, failures=[str(error)]))
+            tell(str(error))
         if not keep:
             shutil.rmtree(work / case.name / "problem", ignore_errors=True)
     return result
 
 
-def _run_case(case: Case, folder: Path, peers: bool, tell: Tell) -> CaseResult:
+def _run_case(case: Case, folder: Path, peers: Sequence[Peer], tell: Tell) -> CaseResult:
     scripts = peer_folder() if peers else None
     problem = folder / "problem"
     reference = folder / "reference"
@@ -159,7 +163,7 @@ def _run_case(case: Case, folder: Path, peers: bool, tell: Tell) -> CaseResult:
         if case.family == "beam" and not (problem / "solved.npy").exists():
             for failed in run_peer(EXACT, scripts, problem, _LIMIT_S):
                 _take_peer(found, failed, tell)
-        for peer in PEERS:
+        for peer in peers:
             if not peer.takes(case, found.unknowns):
                 continue
             for variant in run_peer(peer, scripts, problem, _LIMIT_S):
@@ -222,7 +226,10 @@ def describe(point: Point) -> str:
 def _worker(case: Case, options: dict[str, Any]) -> dict[str, Any]:
     """Run one cold solve in a fresh process."""
     command = [sys.executable, "-m", "gpusim.bench.worker", case.name, json.dumps(options)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=_LIMIT_S)
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=_LIMIT_S)
+    except subprocess.TimeoutExpired:
+        raise GpusimError(f"bench {case.name}: stopped after {_LIMIT_S:.0f} s") from None
     lines = [line for line in done.stdout.splitlines() if line.startswith("{")]
     if done.returncode != 0 or not lines:
         why = (done.stderr.strip().splitlines() or [f"ended with {done.returncode}"])[-1]

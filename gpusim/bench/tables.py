@@ -10,9 +10,13 @@ from pathlib import Path
 import numpy as np
 
 from gpusim.bench.solver import ENOUGH, CaseResult, Point, SolverResult
-from gpusim.bench.stability import RIGHT, SILENT, Verdict
+from gpusim.bench.stability import RIGHT, SILENT, STOPPED, TOLD, Verdict
 
 __all__ = ["solver_markdown", "stability_markdown", "write_solver", "write_stability"]
+
+# gpusim first; enough different ones for every peer
+_SERIES = ("black", *(f"C{k}" for k in range(10)), "gold", "lime", "navy", "teal", "salmon")
+_VERDICTS = {RIGHT: "C0", TOLD: "C1", STOPPED: "0.5", SILENT: "red"}
 
 
 def write_solver(result: SolverResult, folder: Path) -> list[Path]:
@@ -133,14 +137,14 @@ def _draw_solver(result: SolverResult, path: Path) -> None:
     rows = -(-len(cases) // columns) or 1
     figure = Figure(figsize=(5.2 * columns, 4.0 * rows), layout="constrained")
     names = list(dict.fromkeys(p.solver for case in cases for p in case.points))
-    marks = {name: f"C{k % 10}" for k, name in enumerate(names)}
+    colours = {name: _SERIES[k % len(_SERIES)] for k, name in enumerate(names)}
     for k, case in enumerate(cases):
         axes = figure.add_subplot(rows, columns, k + 1)
         for name in names:
             points = [p for p in case.points if p.solver == name and np.isfinite(p.error)]
             if points:
                 axes.plot([max(p.error, 1e-13) for p in points], [p.seconds for p in points],
-                          "o-" if name == "gpusim" else ".--", color=marks[name], label=name,
+                          "o-" if name == "gpusim" else ".--", color=colours[name], label=name,
                           linewidth=2.0 if name == "gpusim" else 0.9)  # fmt: skip
         axes.axvline(ENOUGH, color="0.7", linewidth=0.8, zorder=0)
         axes.set(xscale="log", yscale="log", title=f"{case.case}, {case.unknowns} unknowns",
@@ -196,7 +200,6 @@ def _draw_stability(verdicts: Sequence[Verdict], path: Path) -> None:
     names = list(dict.fromkeys(v.case for v in verdicts))
     figure = Figure(figsize=(9.0, 1.5 + 0.16 * len(names)), layout="constrained")
     axes = figure.add_subplot()
-    colours = {name: f"C{k}" for k, name in enumerate(dict.fromkeys(v.verdict for v in verdicts))}
     marks = dict(zip(dict.fromkeys(v.way for v in verdicts), "ox+^sd", strict=False))
     seen: set[tuple[str, str]] = set()
     for v in verdicts:
@@ -204,10 +207,10 @@ def _draw_stability(verdicts: Sequence[Verdict], path: Path) -> None:
         seen.add((v.way, v.verdict))
         place = v.error if np.isfinite(v.error) else 1.0
         axes.plot(max(place, 1e-14), names.index(v.case), marks[v.way], markersize=4,
-                  color=colours[v.verdict], label=label, linestyle="none")  # fmt: skip
+                  color=_VERDICTS[v.verdict], label=label, linestyle="none")  # fmt: skip
     axes.axvline(verdicts[0].tolerance if verdicts else 1e-6, color="0.7", linewidth=0.8)
     axes.set_yticks(range(len(names)), names, fontsize=6)
     axes.set(xscale="log", xlabel="relative displacement error (1: nothing was returned)")
-    axes.invert_yaxis()
+    axes.set_ylim(len(names) - 0.5, -0.5)
     axes.legend(fontsize=6)
     figure.savefig(path, dpi=110)

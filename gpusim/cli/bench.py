@@ -35,6 +35,10 @@ def solver(
     case: Annotated[
         str | None, typer.Option("--case", metavar="NAME", help="One case, or family of cases.")
     ] = None,
+    peer: Annotated[
+        list[str] | None,
+        typer.Option(metavar="TEXT", help="Only peers whose name holds TEXT (repeatable)."),
+    ] = None,
     no_peers: Annotated[bool, typer.Option("--no-peers", help="Measure gpusim alone.")] = False,
     output: Folder = Path("bench"),
     cache: Annotated[
@@ -45,11 +49,13 @@ def solver(
     """Run time against displacement error, memory, bandwidth and scaling; peers beside it."""
     with exit_codes():
         from gpusim.bench.cases import find_cases
+        from gpusim.bench.peers import PEERS
         from gpusim.bench.solver import run_solver_bench
         from gpusim.bench.tables import write_solver
 
         chosen = find_cases(sizes.value, case)
-        result = run_solver_bench(chosen, cache or output / "work", peers=not no_peers, tell=out)
+        wanted = [] if no_peers else [p for p in PEERS if any(t in p.name for t in peer or [""])]
+        result = run_solver_bench(chosen, cache or output / "work", peers=wanted, tell=out)
         for path in write_solver(result, output):
             out(str(path))
 

@@ -53,7 +53,7 @@ class BlockTexels:
 
     ``exact`` keeps what float32 leaves of the blocks in a second texture. ``packed`` is whether
     kernels take four nodes at a time (``row_packs``), which are all ``free`` (N,3) alike;
-    ``example`` has a node for each row that they tell apart.
+    ``example`` has a node for each row that they tell apart. ``packs`` False never packs.
     """
 
     def __init__(
@@ -65,13 +65,14 @@ class BlockTexels:
         label: str,
         *,
         exact: bool,
+        packs: bool = True,
     ) -> None:
         self.nodes = rows.node_count
-        packs = find_packs(rows, free, scale)
-        self.packed = packs is not None
-        self.example = packs.example if packs is not None else np.arange(self.nodes)
-        if packs is not None:
-            self.parts: tuple[RowPart, ...] = (_upload_packs(device, packs, label, exact),)
+        found = find_packs(rows, free, scale) if packs else None
+        self.packed = found is not None
+        self.example = found.example if found is not None else np.arange(self.nodes)
+        if found is not None:
+            self.parts: tuple[RowPart, ...] = (_upload_packs(device, found, label, exact),)
             return
         self.parts = tuple(
             _upload(device, rows, first, last, scale, label, exact)

@@ -109,7 +109,8 @@ class DeviceCG:
     def device_bytes(nodes: int, cases: int) -> int:
         """Bytes that this takes beside stiffness and preconditioner; never less."""
         vectors = 11 * Texels.footprint(cases * (nodes + 1))
-        return vectors + 8 * cases * (3 * nodes + 4 * _CAPACITY + _GROUPS + 6)
+        # buffers are rounded up to 16 bytes
+        return vectors + 8 * cases * (3 * nodes + 4 * _CAPACITY + _GROUPS + 6) + 80
 
     def begin(self, residual: Float) -> Float:
         """Start from a zero correction; returns r.z per case (L,)."""

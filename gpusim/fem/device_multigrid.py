@@ -1,8 +1,8 @@
 """The V-cycle on the device.
 
-Levels with three unknowns a node work on texels in float32, each step of a smoother in one
-dispatch. Aggregated levels, a hundred times smaller, and the dense inverse at the bottom stay in
-float64 buffers.
+Levels with three unknowns a node work in float32, each step of a smoother in one dispatch.
+Aggregated levels, a hundred times smaller, and the dense inverse at the bottom stay in float64:
+their rotations don't allow the differences that float32 lives on.
 """
 
 from __future__ import annotations
@@ -10,20 +10,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.sparse import csr_matrix
+from scipy.sparse import bsr_matrix, csr_matrix
 
 from gpusim.fem.arena import Allocator
 from gpusim.fem.block_texels import BlockTexels, block_texels_bytes, rows_of_matrix
-from gpusim.fem.exchange import Exchange
+from gpusim.fem.combine import DeviceSum
 from gpusim.fem.hierarchy import Hierarchy, Level
-from gpusim.fem.node_texels import vector_texels
+from gpusim.fem.node_texels import Pair, pair
+from gpusim.fem.pair_product import DeviceProduct, product_bytes
 from gpusim.fem.relax import DeviceRelaxation
-from gpusim.fem.smooth import DeviceSmoother, Relaxation
-from gpusim.fem.sparse import DeviceSparse
+from gpusim.fem.smooth import Relaxation
 from gpusim.fem.spread import DeviceWeights
 from gpusim.fem.transfer import MatrixTransfer, NodeTransfer
 from gpusim.gpu import Recording
-from gpusim.gpu.buffer import RealBuffer
 from gpusim.gpu.texels import Texels
 
 __all__ = ["DeviceMultigrid", "multigrid_bytes"]
@@ -42,14 +41,12 @@ class DeviceMultigrid:
         finest: BlockTexels,
         cases: int,
     ) -> None:
-        below: _NodeLevel | _NodeBottom | _BlockLevel | _Bottom
+        below: _NodeLevel | _BlockLevel | _Bottom
         below = _Bottom(device, hierarchy, cases)
-        if isinstance(hierarchy.levels[-1].transfer, NodeTransfer):
-            below = _NodeBottom(device, below, len(hierarchy.coarse_inverse) // 3, cases)
         for number in reversed(range(len(hierarchy.levels))):
             level, label = hierarchy.levels[number], f"fem.multigrid.{number}"
             if level.inverse.shape[1] != 3:
-                assert isinstance(below, _BlockLevel | _Bottom)
+                assert not isinstance(below, _NodeLevel)
                 below = _BlockLevel(device, level, steps[number], below, cases, label)
                 continue
             texels = finest
@@ -67,66 +64,49 @@ class DeviceMultigrid:
 
 def multigrid_bytes(hierarchy: Hierarchy, cases: int) -> int:
     """Bytes that ``DeviceMultigrid`` takes beside the finest matrix; never less."""
-    size = len(hierarchy.coarse_inverse)
-    total = _sparse_bytes(size * size, size) + 16 * cases * size
+
+    def vectors(count: int, unknowns: int) -> int:
+        return count * Texels.footprint(cases * (unknowns // 3 + 1))
+
+    total = product_bytes(csr_matrix(hierarchy.coarse_inverse))
     for number, level in enumerate(hierarchy.levels):
-        fine, coarse = level.transfer.shape
+        fine, coarse = (int(n) for n in level.transfer.shape)
         matrix = level.product.matrix
         if level.inverse.shape[1] == 3:
             degree = np.diff(matrix.indptr).astype(np.int64)
             if number:
                 total += block_texels_bytes(degree, degree, exact=False)
-            total += Texels.footprint(fine) + 5 * Texels.footprint(cases * (fine // 3 + 1))
+            total += Texels.footprint(fine) + vectors(5, fine)
         else:
-            total += _sparse_bytes(matrix.nnz, fine) + 8 * fine * (6 + 4 * cases)
+            total += 2 * product_bytes(matrix) + product_bytes(_diagonal(level)) + vectors(12, fine)
         if isinstance(level.transfer, NodeTransfer):
             entries = level.transfer.weights.nnz
             for rows in (fine // 3, coarse // 3):
                 total += Texels.footprint(rows) + Texels.footprint((entries + rows) // 2 + 1)
-                total += Texels.footprint(cases * (rows + 1))
+            total += vectors(4, coarse)
         else:
-            entries = level.transfer.matrix().nnz
-            total += _sparse_bytes(entries, fine) + _sparse_bytes(entries, coarse)
-            total += 8 * cases * (fine + 2 * coarse)
+            transfer = level.transfer.matrix()
+            total += product_bytes(transfer) + product_bytes(transfer.T.tocsr())
+            total += vectors(4, coarse) + vectors(4, fine)
     return total
 
 
-def _sparse_bytes(entries: int, rows: int) -> int:
-    # slices of eight block rows are padded to the longest
-    return 12 * entries + 24 * rows
+def _diagonal(level: Level) -> bsr_matrix:
+    """The inverted diagonal blocks as a matrix."""
+    count = len(level.inverse)
+    shape = (level.inverse.shape[1] * count,) * 2
+    return bsr_matrix((level.inverse, np.arange(count), np.arange(count + 1)), shape=shape)
 
 
 class _Bottom:
     """The dense inverse."""
 
     def __init__(self, device: Allocator, hierarchy: Hierarchy, cases: int) -> None:
-        self._inverse = DeviceSparse(
-            device, csr_matrix(hierarchy.coarse_inverse), cases, "fem.multigrid.coarse"
-        )
+        inverse = csr_matrix(hierarchy.coarse_inverse)
+        self._inverse = DeviceProduct(device, inverse, cases, "fem.multigrid.coarse")
 
-    def record(self, recording: Recording, b: RealBuffer, x: RealBuffer) -> None:
+    def record(self, recording: Recording, b: Pair, x: Pair) -> None:
         self._inverse.record(recording, b, x)
-
-
-class _NodeBottom:
-    """The dense inverse between texels."""
-
-    def __init__(self, device: Allocator, bottom: _Bottom, nodes: int, cases: int) -> None:
-        self.device, self.nodes, self.cases = device, nodes, cases
-        self._bottom, self._exchange = bottom, Exchange(device, nodes, cases)
-        zeros = np.zeros((cases, 3 * nodes))
-        self._b, self._x = (
-            device.real_buffer(zeros, label=f"fem.multigrid.coarse.{name}") for name in "bx"
-        )
-
-    def vector(self, label: str) -> Texels:
-        """A vector of zeros."""
-        return vector_texels(self.device, self.cases, self.nodes, label)
-
-    def record(self, recording: Recording, b: Texels, x: Texels) -> None:
-        self._exchange.widen(recording, b, self._b)
-        self._bottom.record(recording, self._b, self._x)
-        self._exchange.narrow(recording, self._x, x)
 
 
 class _BlockLevel:
@@ -141,43 +121,51 @@ class _BlockLevel:
         cases: int,
         label: str,
     ) -> None:
-        transfer = level.transfer.matrix()
-        fine, coarse = (np.zeros((cases, int(n))) for n in transfer.shape)
-        self._steps, self._below = steps, below
-        self._operator = DeviceSparse(
-            device, csr_matrix(level.product.matrix), cases, f"{label}.matrix"
-        )
-        self._smoother = DeviceSmoother(device, level.inverse, cases, label)
-        self._restriction = DeviceSparse(device, transfer.T.tocsr(), cases, f"{label}.restriction")
-        self._prolongation = DeviceSparse(device, transfer, cases, f"{label}.prolongation")
-        self._residuals = tuple(device.real_buffer(fine, f"{label}.{name}") for name in "rs")
-        self._product = device.real_buffer(fine, f"{label}.product")
-        self._change = device.real_buffer(fine, f"{label}.change")
-        self._coarse = tuple(device.real_buffer(coarse, f"{label}.{name}") for name in "bx")
+        diagonal = _diagonal(level)
+        matrix = level.product.matrix
+        self._steps = steps
+        self._matrix = DeviceProduct(device, matrix, cases, f"{label}.matrix")
+        # D^-1 A and D^-1 b: a step needs no scaling then
+        self._scaled = DeviceProduct(device, diagonal @ matrix, cases, f"{label}.scaled")
+        self._inverse = DeviceProduct(device, diagonal, cases, f"{label}.inverse")
+        self._sum = DeviceSum(device, self._matrix.rows, cases)
+        self._right, self._product = self._matrix.vector(), self._matrix.vector()
+        self._vectors = [self._matrix.vector() for _ in range(3)]
+        assert isinstance(level.transfer, MatrixTransfer)
+        self._below = _ByMatrix(device, level.transfer, below, cases, label)
 
-    def record(self, recording: Recording, b: RealBuffer, x: RealBuffer) -> None:
-        first = self._steps[0]
-        steps = (Relaxation(first.keep, first.gain, 0.0), *self._steps[1:])
-        r, spare = self._smooth(recording, b, None, x, steps)
-        self._operator.record(recording, self._change, self._product)
-        self._smoother.record_difference(recording, r, self._product, spare)
-        self._restriction.record(recording, spare, self._coarse[0])
-        self._below.record(recording, *self._coarse)
-        self._prolongation.record(recording, self._coarse[1], x, add=True)
-        self._operator.record(recording, x, self._product)
-        self._smooth(recording, b, self._product, x, self._steps)
+    def record(self, recording: Recording, b: Pair, out: Pair) -> None:
+        """Record out = (V-cycle) b."""
+        self._inverse.record(recording, b, self._right)
+        now, before, following = self._vectors
+        self._sum.record(recording, now, right=(self._steps[0].gain, self._right))
+        last: Pair | None = None
+        for step in self._steps[1:]:
+            self._relax(recording, now, last, step, following)
+            last, now, before, following = now, following, now, before
+        self._matrix.record(recording, now, self._product)
+        self._sum.record(recording, before, right=(1.0, b), product=(-1.0, self._product))
+        self._below.record(recording, before, now, following)
+        before, now, following = now, following, before
+        last = None
+        for number, step in enumerate(self._steps):
+            target = out if number == len(self._steps) - 1 else following
+            self._relax(recording, now, last, step, target)
+            last, now, before, following = now, following, now, before
 
-    def _smooth(
-        self, recording: Recording, b: RealBuffer, t: RealBuffer | None, x: RealBuffer, steps: Steps
-    ) -> tuple[RealBuffer, RealBuffer]:
-        """Returns the buffers with the residual and without."""
-        one, two = self._residuals
-        self._smoother.record(recording, b, t, one, self._change, x, steps[0])
-        for step in steps[1:]:
-            self._operator.record(recording, self._change, self._product)
-            self._smoother.record(recording, one, self._product, two, self._change, x, step)
-            one, two = two, one
-        return one, two
+    def _relax(
+        self, recording: Recording, x: Pair, before: Pair | None, step: Relaxation, out: Pair
+    ) -> None:
+        """Record out = x + keep (x - before) + gain D^-1 (b - A x)."""
+        self._scaled.record(recording, x, self._product)
+        terms = {
+            "x": (1.0 + step.keep, x),
+            "right": (step.gain, self._right),
+            "product": (-step.gain, self._product),
+        }
+        if before is not None:
+            terms["before"] = (-step.keep, before)
+        self._sum.record(recording, out, **terms)
 
 
 class _NodeLevel:
@@ -189,7 +177,7 @@ class _NodeLevel:
         level: Level,
         steps: Steps,
         texels: BlockTexels,
-        below: _NodeLevel | _NodeBottom | _BlockLevel | _Bottom,
+        below: _NodeLevel | _BlockLevel | _Bottom,
         cases: int,
         label: str,
     ) -> None:
@@ -197,16 +185,15 @@ class _NodeLevel:
         self._smoother = DeviceRelaxation(device, texels, level.inverse, cases, label)
         # what a step reads it can't write: now, before and next
         self._vectors = [self._smoother.vector(f"{label}.x") for _ in range(3)]
+        # halves that a pair has and float32 lacks: one of zeros, one that nobody reads
+        self._zero, self._spare = (self._smoother.vector(f"{label}.low") for _ in range(2))
         self._below: _ByWeights | _ByMatrix
         if isinstance(level.transfer, NodeTransfer):
-            assert isinstance(below, _NodeLevel | _NodeBottom)
+            assert not isinstance(below, _BlockLevel)
             self._below = _ByWeights(device, level.transfer, below, cases, label)
         else:
-            assert isinstance(below, _BlockLevel | _Bottom)
+            assert not isinstance(below, _NodeLevel)
             self._below = _ByMatrix(device, level.transfer, below, cases, label)
-
-    def vector(self, label: str) -> Texels:
-        return self._smoother.vector(label)
 
     def record(self, recording: Recording, b: Texels, z: Texels) -> None:
         """Record z = (V-cycle) b."""
@@ -217,7 +204,15 @@ class _NodeLevel:
             self._smoother.relax(recording, now, last, b, step, following)
             last, now, before, following = now, following, now, before
         self._smoother.residual(recording, now, b, before)
-        self._below.record(recording, before, now, following)
+        if isinstance(self._below, _ByWeights):
+            self._below.record(recording, before, now, following)
+        else:
+            self._below.record(
+                recording,
+                Pair(before, self._zero),
+                Pair(now, self._zero),
+                Pair(following, self._spare),
+            )
         before, now, following = now, following, before
         last = None
         for number, step in enumerate(self._steps):
@@ -233,24 +228,29 @@ class _ByWeights:
         self,
         device: Allocator,
         transfer: NodeTransfer,
-        below: _NodeLevel | _NodeBottom,
+        below: _NodeLevel | _Bottom,
         cases: int,
         label: str,
     ) -> None:
+        coarse = int(transfer.shape[1]) // 3
         self._restriction = DeviceWeights(
             device, transfer.weights.T.tocsr(), transfer.coarse_free, cases, f"{label}.restriction"
         )
         self._prolongation = DeviceWeights(
             device, transfer.weights, transfer.free, cases, f"{label}.prolongation"
         )
-        self._b, self._x = below.vector(f"{label}.coarse_b"), below.vector(f"{label}.coarse_x")
+        self._b, self._x = (pair(device, cases, coarse, f"{label}.coarse_{n}") for n in "bx")
         self._level = below
 
     def record(self, recording: Recording, r: Texels, x: Texels, out: Texels) -> None:
         """Record out = x + P (below) P^T r."""
-        self._restriction.record(recording, r, self._b)
-        self._level.record(recording, self._b, self._x)
-        self._prolongation.record(recording, self._x, out, x)
+        self._restriction.record(recording, r, self._b.high)
+        if isinstance(self._level, _Bottom):
+            # low halves are zero going down, and below float32 coming up
+            self._level.record(recording, self._b, self._x)
+        else:
+            self._level.record(recording, self._b.high, self._x.high)
+        self._prolongation.record(recording, self._x.high, out, x)
 
 
 class _ByMatrix:
@@ -265,18 +265,17 @@ class _ByMatrix:
         label: str,
     ) -> None:
         matrix = transfer.matrix()
-        fine, coarse = (np.zeros((cases, int(n))) for n in matrix.shape)
-        self._restriction = DeviceSparse(device, matrix.T.tocsr(), cases, f"{label}.restriction")
-        self._prolongation = DeviceSparse(device, matrix, cases, f"{label}.prolongation")
-        self._exchange = Exchange(device, matrix.shape[0] // 3, cases)
-        self._fine = device.real_buffer(fine, label=f"{label}.fine")
-        self._b, self._x = (device.real_buffer(coarse, label=f"{label}.{name}") for name in "bx")
+        restriction, prolongation = f"{label}.restriction", f"{label}.prolongation"
+        self._restriction = DeviceProduct(device, matrix.T.tocsr(), cases, restriction)
+        self._prolongation = DeviceProduct(device, matrix, cases, prolongation)
+        self._sum = DeviceSum(device, self._prolongation.rows, cases)
+        self._fine = self._prolongation.vector()
+        self._b, self._x = self._restriction.vector(), self._restriction.vector()
         self._level = below
 
-    def record(self, recording: Recording, r: Texels, x: Texels, out: Texels) -> None:
+    def record(self, recording: Recording, r: Pair, x: Pair, out: Pair) -> None:
         """Record out = x + P (below) P^T r."""
-        self._exchange.widen(recording, r, self._fine)
-        self._restriction.record(recording, self._fine, self._b)
+        self._restriction.record(recording, r, self._b)
         self._level.record(recording, self._b, self._x)
         self._prolongation.record(recording, self._x, self._fine)
-        self._exchange.add(recording, x, self._fine, out)
+        self._sum.record(recording, out, x=(1.0, x), product=(1.0, self._fine))

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import bsr_matrix
 
-__all__ = ["diagonal_blocks", "invert_blocks"]
+__all__ = ["diagonal_blocks", "invert_blocks", "invert_repeated"]
 
 Float = npt.NDArray[np.float64]
 
@@ -34,6 +34,17 @@ def invert_blocks(blocks: Float, free: npt.NDArray[np.bool_]) -> Float:
     careful = np.flatnonzero(~every | ~np.isfinite(result).all(axis=(1, 2)))
     result[careful] = _careful(blocks[careful], free[careful])
     return result
+
+
+def invert_repeated(
+    blocks: Float, kind: npt.NDArray[np.int32], free: npt.NDArray[np.bool_]
+) -> Float:
+    """The same for blocks ``blocks[kind]``: each distinct one is inverted once, but for nodes that
+    are partly fixed. ``blocks`` (C,s,s), ``kind`` (B,), ``free`` (B,s)."""
+    inverse = invert_blocks(blocks, np.ones(blocks.shape[:2], dtype=bool))[kind]
+    partly = np.flatnonzero(~free.all(axis=1))
+    inverse[partly] = invert_blocks(blocks[kind[partly]], free[partly])
+    return inverse
 
 
 def _regular(blocks: Float) -> Float:

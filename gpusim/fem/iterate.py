@@ -25,6 +25,8 @@ _AIM, _LATER_AIM = 0.7, 0.15
 # where the true residual has reached its own rounding, what a run left and what it moved the
 # solution by stand for the error, with this factor of safety
 _SAFETY = 3.0
+# iterations in half a run from which on its Ritz values can tell anything
+_LEAST_HALF = 10
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,23 +83,33 @@ class Outcome:
 
 
 class _State:
-    """Least Ritz value so far and the estimates per load case."""
+    """Least Ritz value so far and the estimates per load case.
+
+    Where the Ritz value is all that is known of the least eigenvalue, it must have settled: it
+    may not have halved during the last half of a run of some length. Before that there is no
+    estimate.
+    """
 
     def __init__(self, system: System, norm: Norm) -> None:
         self.system, self.norm = system, norm
         self.mu = np.full(len(system.right), np.inf)
+        self.settled = np.full(len(system.right), norm.lowest is not None)
         self.given = system.prescribed * (system.scale / system.load_scale)[:, None, None]
 
     def learn(self, history: Float) -> None:
         for case in range(len(self.mu)):
             lowest = smallest_ritz_value(history[:, case, 1], history[:, case, 2])
             self.mu[case] = min(self.mu[case], lowest)
+            if not self.settled[case]:
+                half = history[: len(history) // 2, case]
+                before = smallest_ritz_value(half[:, 1], half[:, 2])
+                self.settled[case] = len(half) >= _LEAST_HALF and before <= 2.0 * lowest
 
     def relative(self, energy: Float, x: Float) -> Float:
         """Estimated relative displacement error for energy-norm errors (L,)."""
         lowest = _BELOW * (self.mu if self.norm.lowest is None else self.norm.lowest)
         size = self.norm.size(x + self.given)
-        bound = energy / np.sqrt(lowest)
+        bound = np.where(self.settled, energy / np.sqrt(lowest), np.inf)
         return np.where(energy > 0.0, bound / np.where(size > 0.0, size, 1e-300), 0.0)
 
 
@@ -148,7 +160,9 @@ def iterate(
             # a case without load takes no step and needs no estimate
             known = np.isfinite(state.mu) | ~(rz > 0.0)
             energy = np.sqrt(np.maximum(rz, 0.0) / (_BELOW * np.where(known, state.mu, 1.0)))
-            estimate = np.where(rz > 0.0, state.relative(energy, x), 0.0)
+            # r.z below zero says nothing of the error, least of all that there is none
+            none = np.where(rz < 0.0, np.inf, 0.0)
+            estimate = np.where(rz > 0.0, state.relative(energy, x), none)
             if known.all() and bool((estimate <= tolerance).all()):
                 message = "converged"
                 break
@@ -162,6 +176,7 @@ def iterate(
                 break
         if iterations >= most:
             break
+        _refuse_indefinite(rz < 0.0)
         aim = _LATER_AIM if refinement else _AIM
         report = None if progress is None else partial(_shifted, progress, iterations)
         correction, history, inside = _run(
@@ -209,6 +224,7 @@ def _run(
                 f"conjugate gradients: negative curvature in load case {np.flatnonzero(bent)[0]}; "
                 f"got p.Kp = {lines[:, bent, 3].min():.3g}; expected a positive definite stiffness"
             )
+        _refuse_indefinite((active & (lines[:, :, 2] < 0.0)).any(axis=0))
         history = np.concatenate([history, lines])
         state.learn(history)
         correction = loop.correction().reshape(x.shape)
@@ -225,6 +241,16 @@ def _run(
 
 def _shifted(progress: Callable[[int, float], None], done: int, now: int, error: float) -> None:
     progress(done + now, error)
+
+
+def _refuse_indefinite(bad: npt.NDArray[np.bool_]) -> None:
+    """``bad`` (L,): where r.z is negative."""
+    if bad.any():
+        raise NotConverged(
+            "conjugate gradients: the preconditioner isn't positive definite in load case "
+            f"{np.flatnonzero(bad)[0]}; got r.z < 0 (are materials or element sizes extremely "
+            "unequal?); expected r.z > 0, or method 'direct' or 'block_jacobi'"
+        )
 
 
 def _refuse(values: Float, what: str) -> None:

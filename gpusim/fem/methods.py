@@ -232,6 +232,7 @@ def _preconditioner(
         assembled.lattice,
         system.free,
         model.mesh.points,
+        rows,
         system.scale,
         patched=_nearly_incompressible(model),
     )

@@ -65,8 +65,7 @@ class Patches:
                 np.matmul(part, self._inverses[number], out=local[first:last])
 
         list(pool().map(solve, range(processors())))
-        summed: Float = self._back @ local.reshape(-1, 3)
-        return summed.reshape(-1)
+        return np.asarray(self._back @ local.reshape(-1, 3), dtype=np.float64).reshape(-1)
 
 
 def make_patches(matrix: bsr_matrix, group: Group, lattice: Lattice, free: Bool) -> Patches | None:

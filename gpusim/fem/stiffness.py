@@ -137,6 +137,7 @@ class DeviceStiffness:
                 "first": part.first,
                 "count": part.count,
                 "nodes": self.nodes,
+                "columns": self.nodes,
                 "cases": self.cases,
             },
             **more,

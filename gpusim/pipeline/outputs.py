@@ -315,6 +315,9 @@ def _unit(axis: str) -> Array:
 def _pairs(scene: Scene, out: Path, results: Sequence[DeflectionResult]) -> tuple[FramePair, ...]:
     factors = scene.analysis.load_factors
     last = len(factors) - 1
+    things = [thing for body in scene.bodies for thing in (*body.loads, *body.supports)]
+    own = any(thing.amplitude != factors for thing in things)  # the factors don't tell all then
+    when = f"frames 0 and {last}" if own else f"load factor {factors[0]:g} and {factors[last]:g}"
     pairs = []
     for camera in scene.cameras:
         paths = [image_path(scene, out, camera.name, k) for k in (0, last)]
@@ -333,10 +336,7 @@ def _pairs(scene: Scene, out: Path, results: Sequence[DeflectionResult]) -> tupl
                         (result.marker[i], float(x), float(y), float(x + dx), float(y + dy))
                     )
         columns, rows = camera.resolution
-        caption = (
-            f"Camera {camera.name}, {columns} x {rows} px; load factor {factors[0]:g} "
-            f"and {factors[last]:g}."
-        )
+        caption = f"Camera {camera.name}, {columns} x {rows} px; {when}."
         pairs.append(FramePair(camera.name, paths[0], paths[1], caption, tuple(crops[:4])))
     return tuple(pairs)
 

@@ -21,8 +21,8 @@ from gpusim.pipeline import images, measuring, outputs
 from gpusim.pipeline.build import BodyParts, build_body, build_lights, build_prop
 from gpusim.pipeline.deflection import DeflectionResult
 from gpusim.pipeline.mechanics import make_mechanics
-from gpusim.pipeline.meshing import mesh_summary
 from gpusim.pipeline.memory import check_memory
+from gpusim.pipeline.meshing import mesh_summary
 from gpusim.pipeline.modelling import build_model, held_by
 from gpusim.pipeline.solved import Solved
 from gpusim.pipeline.stresses import Stresses, write_stresses

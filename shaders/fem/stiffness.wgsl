@@ -9,10 +9,12 @@ struct Params {
     first: u32,   // first node of this part
     count: u32,   // nodes or packs in this part
     nodes: u32,   // nodes in all
+    columns: u32, // nodes of u: the same for the stiffness
     cases: u32,   // load cases
 }
 
 const BLOCK: u32 = 64u;
+override plain: u32 = 0u;   // 1: sum_j A_ij u_j for any matrix
 
 @group(0) @binding(0) var info: texture_2d<u32>;       // per node: neighbours, fours, blocks; or packs
 @group(0) @binding(1) var neighbour: texture_2d<u32>;  // four a texel
@@ -84,10 +86,11 @@ fn apply(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) gro
     let id = linear_id(gid, groups, BLOCK);
     if (id >= params.count * params.cases) { return; }
     let local = id % params.count;
-    let base = (id / params.count) * (params.nodes + 1u);
-    let node = base + params.first + local;
+    let case_ = id / params.count;
+    let base = case_ * (params.columns + 1u);
     let row = textureLoad(info, texel(local), 0);
-    let own = load_u(node);
+    var own = Vec(r_f32(0.0), r_f32(0.0), r_f32(0.0));
+    if (plain == 0u) { own = load_u(base + params.first + local); }
     var sum = Vec(r_f32(0.0), r_f32(0.0), r_f32(0.0));
     var at = row.z;
     for (var k = row.x; k < row.x + row.y; k++) {
@@ -119,7 +122,7 @@ fn apply(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) gro
         sum = add(sum, i.y, i.z, i.w, d3.z);
         at += 9u;
     }
-    store(node, sum);
+    store(case_ * (params.nodes + 1u) + params.first + local, sum);
 }
 
 // four nodes in a row with equal rows of blocks: a pack is (first node, nodes, table,

@@ -38,8 +38,10 @@ class SolverTable(Table):
     tolerance: Annotated[float, Field(gt=0, le=0.1)] = 1e-6
     """Estimated relative error of the displacement (energy norm) at which the solver stops."""
     max_iterations: Annotated[int, Field(ge=1)] | None = None
-    """Without it the solver chooses; running out of them ends the run with exit code 3."""
+    """Of conjugate gradients (a direct solver has none); without it the solver chooses; running out
+    of them ends the run with exit code 3."""
     method: Literal["auto", "direct", "multigrid", "block_jacobi"] = "auto"
+    """"auto": the quicker one of a direct solver and multigrid, by an estimate for the matrix."""
 
 
 class RenderTable(Table):
