@@ -296,9 +296,9 @@ def test_doctor_without_an_adapter_says_what_to_install(
 
 
 def test_words_for_sizes_and_times() -> None:
-    assert [size_text(n) for n in (0, 12, 3_400, 336e6, 1.2e9)] == [
-        "", "12 B", "3.4 kB", "336 MB", "1.2 GB",
+    assert [size_text(n) for n in (0, 12, 3_400, 336e6, 1.2e9, 4e13)] == [
+        "", "12 B", "3.4 kB", "336 MB", "1.2 GB", "40 TB",
     ]  # fmt: skip
-    assert [time_text(s) for s in (0, 0.42, 17, 600, float("nan"))] == [
-        "", "0.4 s", "17 s", "10 min", "",
+    assert [time_text(s) for s in (0, 0.42, 17, 600, 10_800, 864_000, float("nan"))] == [
+        "", "0.4 s", "17 s", "10 min", "3 h", "10 days", "",
     ]  # fmt: skip

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -90,6 +92,24 @@ def test_stress(tmp_path: Path) -> None:
     expected = [[3.0, 0, 0, 0, 0, 0]] * 2
     np.testing.assert_allclose(mesh.cell_data["stress"][0], expected, atol=1e-6)
     np.testing.assert_allclose(mesh.cell_data["von_mises"][0], [3.0, 3.0], atol=1e-6)
+
+
+def test_results_of_an_earlier_deck_are_gone(tmp_path: Path) -> None:
+    _, out = solved(tmp_path)
+    assert (out / "solution_0003.vtu").exists()
+    _, out = solved(tmp_path, deck(step("*CLOAD", "22, 3, -2.")))
+    assert sorted(path.name for path in out.glob("solution*")) == [
+        "solution.pvd", "solution_0001.vtu",
+    ]  # fmt: skip
+    assert len(report_of(out)["steps"]) == 1
+
+
+def test_numbers_that_overflow_end_in_one_message(tmp_path: Path) -> None:
+    path = write(tmp_path, deck(step("*TEMPERATURE", "ALL, 1e308"), step("*TEMPERATURE", "13, 1.")))
+    command = [sys.executable, "-m", "gpusim", "solve", str(path), "-o", str(tmp_path / "out")]
+    ended = subprocess.run([*command, "--backend", "numpy"], capture_output=True, text=True)
+    assert ended.returncode in (2, 3)
+    assert ended.stderr.startswith("error: ") and "Warning" not in ended.stderr
 
 
 def test_a_refused_deck_ends_with_2_and_a_report(tmp_path: Path) -> None:

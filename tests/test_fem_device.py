@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.sparse import csr_matrix
 
 from gpusim.errors import NotConverged
 from gpusim.fem import Isotropic, Model, solve
@@ -15,7 +16,8 @@ from gpusim.fem.cg import DeviceCG
 from gpusim.fem.formulation import resolve_formulation
 from gpusim.fem.hierarchy import Hierarchy, build_hierarchy
 from gpusim.fem.methods import _memory
-from gpusim.fem.node_texels import node_texels, read_nodes, vector_texels
+from gpusim.fem.node_texels import node_texels, pair, read_nodes, vector_texels
+from gpusim.fem.pair_product import DeviceProduct
 from gpusim.fem.preconditioner import Multigrid
 from gpusim.fem.row_packs import find_packs
 from gpusim.fem.stiffness import DeviceStiffness, apply_stiffness
@@ -62,7 +64,13 @@ def rows_and_hierarchy(model: Model) -> tuple[BlockRows, Hierarchy, np.ndarray]:
     matrix = block_matrix(assembled.rows, 1024.0)
     free = ~model.fixed
     hierarchy = build_hierarchy(
-        matrix, assembled.groups, assembled.lattice, free, model.mesh.points, 1024.0
+        matrix,
+        assembled.groups,
+        assembled.lattice,
+        free,
+        model.mesh.points,
+        assembled.rows,
+        1024.0,
     )
     return assembled.rows, hierarchy, free
 
@@ -165,6 +173,26 @@ def test_parts_split_at_the_texture_limit_give_the_same_product(
     with device.recording("test") as recording:
         operator.record(recording, operator.vector(u), result)
     assert (result.read(2) == whole).all()
+
+
+@pytest.mark.parametrize("limit", [8192, 2])
+def test_any_matrix_times_a_vector(
+    device: Device, monkeypatch: pytest.MonkeyPatch, limit: int
+) -> None:
+    rng = np.random.default_rng(6)
+    dense = np.kron(rng.random((90, 70)) < 0.4, np.ones((3, 3))) * rng.normal(size=(270, 210))
+    dense[30:33] = 0.0
+    x = rng.normal(size=(3, 70, 3))
+    monkeypatch.setitem(device.limits, "max-texture-dimension-2d", limit)
+    matrix = DeviceProduct(device, csr_matrix(dense), 3, "test")
+    assert (len(matrix._texels.parts) > 1) == (limit == 2)
+    source, result = pair(device, 3, 70, "test"), matrix.vector()
+    source.write(x)
+    with device.recording("test") as recording:
+        matrix.record(recording, source, result)
+    wanted = (x.reshape(3, -1) @ dense.T).reshape(3, 90, 3)
+    assert np.abs(result.read(3) - wanted).max() <= 1e-11
+    assert (result.read(3)[:, 10] == 0.0).all()
 
 
 @pytest.mark.parametrize("real", ["f64", "double_single"])

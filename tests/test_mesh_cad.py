@@ -161,6 +161,14 @@ def test_a_session_of_the_caller_stays_as_it_was(files: Path) -> None:
         assert gmsh.model.list() in (["", "test"], ["test"])
 
 
+@pytest.mark.parametrize("suffix", ["step", "stl"])
+def test_more_elements_than_any_machine_holds(files: Path, suffix: str) -> None:
+    """... are refused at once: 24 cm3 in elements of 0.1 um."""
+    for size, scale in ((1e-4, 1.0), (1e-7, 1e-3)):
+        with pytest.raises(InputError, match=r"size; got .*which makes about .*e\+1\d elements"):
+            mesh_cad(files / f"plate.{suffix}", size=size, scale=scale)
+
+
 def test_what_cannot_be_meshed(files: Path, tmp_path: Path) -> None:
     for name, words in (("face.step", "no solid; got 1 faces"), ("absent.step", "no such file")):
         with pytest.raises(InputError, match=words):

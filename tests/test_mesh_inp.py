@@ -116,8 +116,9 @@ def test_shells_on_faces_become_face_sets(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("written", "kind"),
     [
-        ("C3D8", "hex8"), ("C3D20R", "hex20"), ("C3D27", "hex27"), ("C3D4", "tet4"),
-        ("C3D10", "tet10"), ("C3D6", "wedge6"), ("C3D15", "wedge15"), ("C3D5", "pyramid5"),
+        ("C3D8", "hex8"), ("C3D8RH", "hex8"), ("C3D20R", "hex20"), ("C3D27", "hex27"),
+        ("C3D4", "tet4"), ("C3D10", "tet10"), ("C3D6", "wedge6"), ("C3D15", "wedge15"),
+        ("C3D5", "pyramid5"),
     ],
 )  # fmt: skip
 def test_every_element_type_and_its_faces(written: str, kind: str, tmp_path: Path) -> None:

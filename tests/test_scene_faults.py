@@ -108,6 +108,10 @@ def test_a_file_that_cannot_be_read(tmp_path: Path) -> None:
         ("analysis.load_factors.1", float("nan"), "analysis.load_factors.1", "wrong type"),
         ("sensor.exposure", float("nan"), "sensor.exposure", "not an exposure"),
         ("sensor.exposure", float("inf"), "sensor.exposure", "not an exposure"),
+        # sizes whose products overflow
+        ("body.0.load.0.force_N.2", 1e200, "body.0.load.0.force_N", "out of any range"),
+        ("body.0.load.0.force_N.1", -1e-200, "body.0.load.0.force_N", "out of any range"),
+        ("material.0.youngs_modulus_GPa", 1e100, "material.0.youngs_modulus_GPa", "out of any"),
         # ranges
         ("camera.0.focal_mm", 0.0, "camera.0.focal_mm", "out of range"),
         ("camera.0.sensor_mm.0", -36.0, "camera.0.sensor_mm.0", "out of range"),

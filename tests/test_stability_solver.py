@@ -47,6 +47,7 @@ def test_multigrid_never_fails_silently(
     way: str, answers: dict[str, tuple[Model, Reference]]
 ) -> None:
     names = ("E contrast 1e+08 incompatible scattered", "E contrast 1e+08 incompatible layers",
+             "E contrast 1e+08 incompatible islands",
              "offset in cells 1e+06 incompatible", "two bodies 1e+06 incompatible",
              "tets 100 tet4 full")  # fmt: skip
     _, backend, real = WAYS[way]

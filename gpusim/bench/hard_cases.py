@@ -131,6 +131,14 @@ def contrast(ratio: float, layout: str) -> Model:
     return cantilever(mesh, materials, material_of_cell=stiff.astype(np.int32))
 
 
+def islands(ratio: float, cells: int, share: float) -> Model:
+    """A cube of soft cells with a random ``share`` of stiff ones, joined here and there."""
+    mesh = box((1.0, 1.0, 1.0), (cells, cells, cells))
+    stiff = np.random.default_rng(3).random(mesh.cell_count) < share
+    materials = [Isotropic(1.0, 0.3), Isotropic(ratio, 0.25)]
+    return cantilever(mesh, materials, material_of_cell=stiff.astype(np.int32))
+
+
 def graded(ratio: float) -> Model:
     """Elements that shrink by ``ratio`` towards the loaded end, along x and z."""
     mesh = box((1.0, 1.0, 1.0), (16, 2, 4))
@@ -249,6 +257,8 @@ def hard_cases() -> Iterator[HardCase]:
         for layout in ("soft root", "stiff root", "layers", "scattered"):
             yield HardCase("E contrast", ratio, partial(contrast, ratio, layout), modes,
                            ratio == 1e8, layout)  # fmt: skip
+    yield HardCase("E contrast", 1e8, partial(islands, 1e8, 8, 0.6), modes, True, "islands")
+    yield HardCase("E contrast", 1e6, partial(islands, 1e6, 12, 0.4), modes, note="islands")
     for nu in (-0.9, 0.0, 0.49, 0.4999, 0.49999):
         for rules in (modes, bbar, full):
             material = Isotropic(210e9, nu)

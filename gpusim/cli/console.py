@@ -9,6 +9,7 @@ import os
 import sys
 import time
 import traceback
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import TracebackType
@@ -34,10 +35,14 @@ def out(text: str = "") -> None:
 def exit_codes() -> Iterator[None]:
     """End the command with the exit code of what went wrong inside, after one message.
 
-    GPUSIM_DEBUG=1 in the environment shows the traceback too.
+    GPUSIM_DEBUG=1 in the environment shows the traceback too, and NumPy's warnings of numbers that
+    overflow: what comes of them is checked, and ends in a message of its own.
     """
     try:
-        yield
+        with warnings.catch_warnings():
+            if not _debugging():
+                warnings.simplefilter("ignore", RuntimeWarning)
+            yield
     except typer.Exit:
         raise
     except KeyboardInterrupt:
@@ -62,8 +67,12 @@ def exit_codes() -> Iterator[None]:
         raise typer.Exit(1) from None
 
 
+def _debugging() -> bool:
+    return os.environ.get("GPUSIM_DEBUG", "0") not in ("", "0")
+
+
 def _debug() -> None:
-    if os.environ.get("GPUSIM_DEBUG", "0") not in ("", "0"):
+    if _debugging():
         traceback.print_exc()
 
 
@@ -148,7 +157,7 @@ class ProgressDisplay:
 
 def size_text(count: int) -> str:
     """Bytes for a reader: 340 MB."""
-    for unit, size in (("GB", 1e9), ("MB", 1e6), ("kB", 1e3)):
+    for unit, size in (("TB", 1e12), ("GB", 1e9), ("MB", 1e6), ("kB", 1e3)):
         if count >= size:
             value = count / size
             return f"{value:.1f} {unit}" if value < 10 else f"{value:.0f} {unit}"
@@ -156,9 +165,12 @@ def size_text(count: int) -> str:
 
 
 def time_text(seconds: float) -> str:
-    """Seconds for a reader: 0.4 s, 3 min."""
+    """Seconds for a reader: 0.4 s, 3 min, 5 h, 3 days."""
     if not seconds > 0:
         return ""
     if seconds < 10:
         return f"{seconds:.1f} s"
-    return f"{seconds:.0f} s" if seconds < 120 else f"{seconds / 60:.0f} min"
+    for unit, size, most in (("s", 1, 120), ("min", 60, 7200), ("h", 3600, 172_800)):
+        if seconds < most:
+            return f"{seconds / size:.0f} {unit}"
+    return f"{seconds / 86_400:.0f} days"

@@ -116,6 +116,10 @@ def _write_solutions(
     folder: Path,
 ) -> list[str]:
     names = [f"solution_{step.number:04d}.vtu" for step in deck.steps]
+    # what an earlier deck left here must not be taken for results of this one
+    stale = [file for file in folder.glob("solution_[0-9]*.vtu") if file.name not in names]
+    for file in (folder / "report.json", *stale):
+        file.unlink(missing_ok=True)
     for step, solution, stress, name in zip(deck.steps, solutions, stresses, names, strict=True):
         fields: dict[str, npt.NDArray[np.generic]] = {
             "u": solution.u,

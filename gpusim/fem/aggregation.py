@@ -63,7 +63,7 @@ def largest_eigenvalue(product: Product, inverse: Float | Patches, steps: int = 
 
     def scaled(r: Float) -> Float:
         if isinstance(inverse, Patches):
-            return inverse.apply(r[None])[0]
+            return np.asarray(inverse.apply(r[None])[0])
         size = inverse.shape[1]
         blocks = np.matmul(inverse, r.reshape(-1, size, 1))
         return np.asarray(blocks, dtype=np.float64).reshape(-1)

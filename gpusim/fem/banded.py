@@ -18,8 +18,8 @@ from scipy.linalg.lapack import dpotrf
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
-from gpusim.errors import NotConverged
 from gpusim.fem.block_rows import BlockRows, ranges
+from gpusim.fem.indefinite import indefinite
 
 __all__ = ["Banded", "Ordering", "band_ordering"]
 
@@ -123,12 +123,7 @@ class Banded:
             # C order is the transpose in Fortran's eyes: U^T U = L L^T
             diagonal, info = dpotrf(column[:tile].T, lower=0, clean=1)
             if info > 0:
-                raise NotConverged(
-                    "direct solver: the stiffness isn't positive definite in float64; got a body "
-                    "whose softest motions vanish beside its stiffest (is it extremely slender, "
-                    "nearly free, or of extremely unequal elements or materials?); expected "
-                    "better proportions"
-                )
+                raise indefinite("direct solver")
             column[:tile] = diagonal.T
             last = min(deep, len(columns) - number)
             if last == 1:

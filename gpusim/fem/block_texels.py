@@ -30,17 +30,20 @@ Long = npt.NDArray[np.int64]
 
 # texels of blocks that are put together at a time: large pieces of new memory are slow to touch
 _CHUNK = 1 << 18
+# and rows that are compared
+_ROWS = 4096
 _FOUR = 9
+# nodes are sorted by the length of their rows within as many of them
+_WINDOW = 2048
 
 
 @dataclass(frozen=True, eq=False)
 class RowPart:
-    """Nodes ``first`` … ``first`` + ``count`` - 1, whose texels fit one texture each.
+    """``count`` nodes whose texels fit one texture each.
 
     ``neighbour`` is None where the rows are packs (``row_packs``); ``count`` counts those then.
     """
 
-    first: int
     count: int
     info: Texels
     neighbour: Texels | None
@@ -127,27 +130,33 @@ def _equal_rows(blocks: Float, start: Long) -> tuple[Long, Long]:
     """First of each kind of equal rows, and the kind of every row."""
     count = len(start) - 1
     everyone = np.arange(count)
-    words = blocks.reshape(-1, 9).view(np.uint64)
+    words = blocks.reshape(-1, 9).view(np.int64)
     length = np.diff(start)
-    slot = ranges(np.zeros(count, dtype=np.int64), length)
-    mixed = mix(words[:, 0].astype(np.int64), 0)
-    for column in range(1, 9):
-        mixed = mix((mixed ^ words[:, column]).astype(np.int64), column)
-    mixed = mix((mixed ^ mix(slot, 9)).astype(np.int64), 10)
-    # sums wrap around, as hashes may
-    total = np.concatenate([[np.uint64(0)], np.cumsum(mixed, dtype=np.uint64)])
-    value = total[start[1:]] - total[start[:-1]]
-    _, first, kind = np.unique(value, return_index=True, return_inverse=True)
+    hashes = np.concatenate(
+        [_hashes(words, start[begin : begin + _ROWS + 1]) for begin in range(0, count, _ROWS)]
+    )
+    _, first, kind = np.unique(hashes, return_index=True, return_inverse=True)
     if len(first) > count // 8 or (length[first[kind]] != length).any():
         return everyone, everyone
     # hashes may collide: the blocks decide
-    for at in range(0, len(words), _CHUNK):
-        part = slice(at, at + _CHUNK)
-        owner = np.searchsorted(start, np.arange(at, min(at + _CHUNK, len(words))), "right") - 1
-        model = start[first[kind[owner]]] + slot[part]
-        if not np.array_equal(words[model], words[part]):
+    for begin in range(0, count, _ROWS):
+        some = slice(begin, min(begin + _ROWS, count))
+        model = words[ranges(start[first[kind[some]]], length[some])]
+        if not np.array_equal(model, words[start[some.start] : start[some.stop]]):
             return everyone, everyone
     return first, kind
+
+
+def _hashes(words: Long, start: Long) -> npt.NDArray[np.uint64]:
+    """One number per row of blocks, (B,9) bit patterns."""
+    part = words[start[0] : start[-1]]
+    edge = start - start[0]
+    mixed = mix(ranges(np.zeros(len(edge) - 1, dtype=np.int64), np.diff(edge)), 9)
+    for column in range(9):
+        mixed = mix(mixed.view(np.int64) ^ part[:, column], column)
+    # sums wrap around, as hashes may
+    total = np.concatenate([[np.uint64(0)], np.cumsum(mixed, dtype=np.uint64)])
+    return np.asarray(total[edge[1:]] - total[edge[:-1]])
 
 
 def _ranges(rows: BlockRows, most: int) -> list[tuple[int, int]]:
@@ -172,7 +181,7 @@ def _upload_packs(device: Allocator, packs: Packs, label: str, exact: bool) -> R
     if exact:
         low = device.texels(len(high), "rgba32float", f"{label}.blocks_low")
         low.write((packs.table - high).astype(np.float32))
-    return RowPart(0, len(packs.info), info, None, blocks, low)
+    return RowPart(len(packs.info), info, None, blocks, low)
 
 
 def _upload(
@@ -185,27 +194,28 @@ def _upload(
     exact: bool,
 ) -> RowPart:
     count = last - first
-    degree = rows.degree[first:last]
+    # lanes that work together run as long as the longest row among them
+    fours = -(-rows.degree[first:last] // 4)
+    nodes = first + np.lexsort((-fours, np.arange(count) // _WINDOW))
+    degree = rows.degree[nodes]
     fours = -(-degree // 4)
     start = np.cumsum(fours) - fours
-    neighbour = np.repeat(np.arange(first, last, dtype=np.uint32), 4 * fours)
-    low, high = int(rows.start[first]), int(rows.start[last])
-    neighbour[ranges(4 * start, degree)] = rows.neighbour[low:high]
+    neighbour = np.repeat(nodes.astype(np.uint32), 4 * fours)
+    neighbour[ranges(4 * start, degree)] = rows.neighbour[ranges(rows.start[nodes], degree)]
     whole = rows.class_count <= count // 8
     if whole:
         used = np.arange(rows.class_count)
-        local = rows.row_class[first:last].astype(np.int64)
+        local = rows.row_class[nodes].astype(np.int64)
     else:
-        used, local = np.unique(rows.row_class[first:last], return_inverse=True)
+        used, local = np.unique(rows.row_class[nodes], return_inverse=True)
     class_fours = -(-(rows.table_start[used + 1] - rows.table_start[used]) // 4)
     class_start = _FOUR * (np.cumsum(class_fours) - class_fours)
     info = np.zeros((count, 4), dtype=np.uint32)
     info[:, 0], info[:, 1], info[:, 2] = start, fours, class_start[local]
-    info[:, 3] = np.arange(first, last)
+    info[:, 3] = nodes
     size = _FOUR * int(class_fours.sum())
     listed = device.texels(len(neighbour) // 4, "rgba32uint", f"{label}.neighbour")
     part = RowPart(
-        first,
         count,
         device.texels(count, "rgba32uint", f"{label}.info"),
         listed,

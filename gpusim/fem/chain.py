@@ -23,9 +23,9 @@ import numpy.typing as npt
 from scipy.linalg.blas import dtrsm
 from scipy.linalg.lapack import dpotrf
 
-from gpusim.errors import NotConverged
 from gpusim.fem.congruence import unique_rows
 from gpusim.fem.groups import Group
+from gpusim.fem.indefinite import indefinite
 from gpusim.fem.lattice import CORNERS, Lattice
 from gpusim.fem.product import pool
 
@@ -260,11 +260,7 @@ def _factor(matrix: Float) -> Float:
         return matrix
     upper, info = dpotrf(matrix, lower=0, clean=1)
     if info > 0:
-        raise NotConverged(
-            "direct solver: the stiffness isn't positive definite in float64; got a body whose "
-            "softest motions vanish beside its stiffest (is it extremely slender, nearly free, or "
-            "of extremely unequal elements or materials?); expected better proportions"
-        )
+        raise indefinite("direct solver")
     return np.asfortranarray(upper)
 
 

@@ -80,11 +80,7 @@ def lattice_group(model: Model, lattice: Lattice, formulation: Mapping[str, str]
     material = model.material_of_cell[lattice.cell.ravel()[at]]
     columns = [material.astype(np.int64)]
     for axis in range(3):
-        spacing = np.diff(lattice.planes[axis])
-        _, number = np.unique(
-            np.rint(spacing / (spacing.max() * _SAME_SPACING)).astype(np.int64), return_inverse=True
-        )
-        columns.append(number[place[:, axis]])
+        columns.append(_distinct(np.diff(lattice.planes[axis]))[place[:, axis]])
     representative, kind = unique_rows(np.stack(columns, axis=1))
     matrices = element_stiffness(
         "hex8",
@@ -93,6 +89,19 @@ def lattice_group(model: Model, lattice: Lattice, formulation: Mapping[str, str]
         formulation["hex8"],
     )
     return Group("hex8", nodes, kind, matrices)
+
+
+def _distinct(spacing: Float) -> Long:
+    """Number of each spacing among the distinct ones, from small to large."""
+    value, inverse = np.unique(spacing, return_inverse=True)
+    number = np.zeros(len(value), dtype=np.int64)
+    first, count = float(value[0]), 0
+    for k, one in enumerate(value.tolist()):
+        # compared with its own size: a thin layer's spacings differ by little beside a thick one's
+        if one - first > _SAME_SPACING * first:
+            first, count = one, count + 1
+        number[k] = count
+    return np.asarray(number[inverse])
 
 
 def _elasticity(model: Model) -> Float:

@@ -9,7 +9,6 @@ import numpy.typing as npt
 from scipy.linalg import cho_factor, cho_solve, eigh
 from scipy.sparse import bsr_matrix
 
-from gpusim.errors import NotConverged
 from gpusim.fem.aggregation import aggregate_level, largest_eigenvalue
 from gpusim.fem.assembly import group_matrix, lattice_matrix
 from gpusim.fem.block_rows import BlockRows
@@ -17,6 +16,7 @@ from gpusim.fem.coarsen import Coarser, drop_midsides, drop_planes, has_midsides
 from gpusim.fem.congruence import mix
 from gpusim.fem.diagonal import diagonal_blocks, invert_blocks, invert_repeated
 from gpusim.fem.groups import Group
+from gpusim.fem.indefinite import indefinite
 from gpusim.fem.lattice import Lattice, find_lattice
 from gpusim.fem.patches import Patches, make_patches
 from gpusim.fem.product import Product
@@ -79,7 +79,7 @@ def build_hierarchy(
     inverse = invert_repeated(rows.diagonal / scale, rows.row_class, free)
     while True:
         coarser = _geometric(groups, lattice, free, points)
-        if coarser is None:
+        if coarser is None or not free[coarser.kept].any():
             break
         if levels:
             inverse = invert_blocks(diagonal_blocks(matrix), free)
@@ -182,11 +182,7 @@ def _inverse(matrix: Float) -> Float:
     try:
         factor = cho_factor(scaled, lower=True)
     except np.linalg.LinAlgError:
-        raise NotConverged(
-            "multigrid: the coarsest matrix is not positive definite in float64; got a body whose "
-            "softest motions vanish beside its stiffest (is it extremely slender, nearly free, or "
-            "of extremely unequal elements?); expected better proportions, or the direct solver"
-        ) from None
+        raise indefinite("multigrid, coarsest level") from None
     inverse = cho_solve(factor, np.eye(len(matrix)))
     return np.asarray(0.5 * (inverse + inverse.T) * scale[:, None] * scale)
 

@@ -17,9 +17,10 @@ from gpusim.fem.block_rows import BlockRows, block_matrix
 from gpusim.fem.block_texels import block_texels_bytes
 from gpusim.fem.cg import DeviceCG, NumpyCG
 from gpusim.fem.choice import Direct, direct_solver, multigrid_seconds
+from gpusim.fem.congruence import mix
 from gpusim.fem.diagonal import invert_blocks
 from gpusim.fem.hierarchy import build_hierarchy
-from gpusim.fem.iterate import Norm, Outcome, System, iterate
+from gpusim.fem.iterate import HARSH, Norm, Outcome, System, iterate
 from gpusim.fem.model import Model
 from gpusim.fem.patch_multigrid import PatchMultigrid
 from gpusim.fem.preconditioner import BlockJacobi, Multigrid
@@ -36,6 +37,9 @@ METHODS = ("auto", "direct", "multigrid", "block_jacobi")
 _MOST_ITERATIONS = {"multigrid": 1000, "block_jacobi": 100_000}
 # where multigrid has failed, a direct solver may take this long (s, estimated)
 _PATIENCE = 600.0
+# where stiffnesses differ greatly it may take this many times as long as multigrid would, or (s)
+_INVERSE_STEPS = 8
+_HARSH_PATIENCE, _HARSH_SECONDS = 30.0, 30.0
 # share of the tolerance below which a bound of the rounding errors isn't looked at any closer
 _NEGLIGIBLE = 0.02
 # ratio of greatest and least modulus, 300 at nu = 0.495, from which on patches are worth their cost
@@ -95,7 +99,11 @@ def solve_system(
                 + "; expected one that fits the free memory, or method 'multigrid'"
             )
         clock.mark("choice")
-        cheaper = direct is not None and direct.seconds <= multigrid_seconds(int(system.free.sum()))
+        patience = multigrid_seconds(int(system.free.sum()))
+        if system.contrast > HARSH:
+            # multigrid takes many times as long there, and its error is harder to tell
+            patience = max(_HARSH_PATIENCE * patience, _HARSH_SECONDS)
+        cheaper = direct is not None and direct.seconds <= patience
         if direct is not None and (method == "direct" or (cheaper and direct.fits)):
             return _factorised(direct, system, options, clock, "")
     kind = "multigrid" if method == "auto" else method
@@ -238,7 +246,22 @@ def _preconditioner(
     )
     patched = any(level.patches is not None for level in hierarchy.levels)
     multigrid = PatchMultigrid(hierarchy) if patched else Multigrid(hierarchy)
-    return multigrid, Norm(None, hierarchy.lowest), multigrid.product
+    lowest = hierarchy.lowest
+    if system.contrast > HARSH:
+        lowest = min(lowest, _softest(multigrid, system))
+    return multigrid, Norm(None, lowest), multigrid.product
+
+
+def _softest(multigrid: Multigrid, system: System) -> float:
+    """Rayleigh quotient of K after inverse iteration by the preconditioner: soft islands between
+    stiff ones are too small for the coarsest level, whose least eigenvalue serves elsewhere."""
+    count = system.free.size
+    x = (mix(np.arange(count), 12) >> np.uint64(11)).astype(np.float64) * 2.0**-53 - 0.5
+    x = np.where(system.free.ravel(), x, 0.0)[None]
+    for _ in range(_INVERSE_STEPS):
+        x = multigrid.apply(x)
+        x /= np.linalg.norm(x)
+    return float(x[0] @ multigrid.product(x)[0])
 
 
 def _memory(rows: BlockRows, cases: int, chosen: BlockJacobi | Multigrid) -> int:

@@ -55,7 +55,6 @@ class DeviceProduct:
                     k_high=out.high,
                     k_low=out.low,
                     params={
-                        "first": part.first,
                         "count": part.count,
                         "nodes": self.rows,
                         "columns": self.columns,

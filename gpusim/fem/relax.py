@@ -102,7 +102,6 @@ class DeviceRelaxation:
                     "blocks": part.high,
                     "inverse": self._inverse,
                     "params": {
-                        "first": part.first,
                         "count": part.count,
                         "nodes": self.nodes,
                         "cases": self.cases,

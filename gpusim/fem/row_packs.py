@@ -31,6 +31,7 @@ _MOST_ODD = 0.05
 _MOST_CLASSES = 4096
 # runs and the number of the row share a word
 _MOST_RUNS = 256
+_CHUNK = 8192
 # offsets are kept as float32
 _FARTHEST = 1 << 24
 
@@ -97,13 +98,24 @@ def find_packs(rows: BlockRows, free: Bool, scale: float) -> Packs | None:
 def _odd_nodes(rows: BlockRows, example: Long) -> Long:
     """Nodes whose neighbours lie elsewhere than those of their ``example`` (N,)."""
     count = rows.node_count
-    own = np.arange(count)
-    offset = rows.neighbour - np.repeat(own, rows.degree)
-    offset[rows.neighbour == count] = count
-    model = offset[ranges(rows.start[example], rows.degree)]
-    other = (offset != model).astype(np.int64)
-    total = np.concatenate([[0], np.cumsum(other)])
-    return np.flatnonzero(total[rows.start[1:]] != total[rows.start[:-1]])
+    found = []
+    # piece by piece: large arrays of new memory are slow to touch
+    for begin in range(0, count, _CHUNK):
+        own = np.arange(begin, min(begin + _CHUNK, count))
+        degree = rows.degree[own]
+        like = example[own]
+        other = rows.degree[like] != degree
+        assert not other.any(), "equal rows have as many neighbours"
+        part = slice(int(rows.start[begin]), int(rows.start[own[-1] + 1]))
+        mine, theirs = rows.neighbour[part], rows.neighbour[ranges(rows.start[like], degree)]
+        shift = np.repeat((own - like).astype(np.int32), degree)
+        # the node behind the last one is no neighbour that moves along
+        same = (mine == theirs + shift) & (mine != count) & (theirs != count)
+        same |= (mine == count) & (theirs == count)
+        total = np.concatenate([[0], np.cumsum(~same, dtype=np.int64)])
+        edge = rows.start[begin : own[-1] + 2] - rows.start[begin]
+        found.append(own[total[edge[1:]] != total[edge[:-1]]])
+    return np.concatenate(found)
 
 
 def _row(rows: BlockRows, node: int, scale: float) -> Float | None:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from numbers import Integral, Real
 
 import numpy as np
 import numpy.typing as npt
-from threadpoolctl import threadpool_limits
 
 from gpusim.errors import InputError
 from gpusim.fem.assembly import assemble
@@ -16,6 +16,7 @@ from gpusim.fem.formulation import resolve_formulation
 from gpusim.fem.iterate import Outcome, System
 from gpusim.fem.methods import METHODS, Clock, Options, Result, solve_system
 from gpusim.fem.model import Model
+from gpusim.fem.product import one_blas_thread
 from gpusim.fem.rounding import extremes
 from gpusim.fem.solution import Solution
 from gpusim.fem.stiffness import apply_stiffness
@@ -76,7 +77,7 @@ def solve(
         The device can't hold the model; refused before anything is allocated there.
     """
     # sums by several threads of BLAS aren't worth their waiting; the work is shared out above it
-    with threadpool_limits(1, user_api="blas"):
+    with one_blas_thread():
         return _solve_static(
             model, device, tolerance, formulation, backend, method, max_iterations, start, progress
         )
@@ -101,7 +102,10 @@ def _solve_static(
     clock.mark("check")
     assembled = assemble(model, formulations)
     clock.mark("assembly")
-    system = make_system(model, assembled.rows)
+    system = make_system(model, assembled)
+    if "reduced" in formulations.values():
+        # hourglass modes may be left: as soft as can be, and not felt by the loads
+        system = replace(system, contrast=np.inf)
     if not system.right.any():
         u = np.broadcast_to(system.prescribed, system.right.shape).copy()
         trivial = Outcome(u, True, 0.0, 0, np.zeros((0, len(system.right))), "no load: exact")
@@ -173,7 +177,9 @@ def _solution(
     warnings = []
     dangling = len(model.mesh.dangling_nodes)
     if dangling:
-        warnings.append(f"{dangling} nodes belong to no cell; their displacement is zero")
+        warnings.append(
+            f"{dangling} nodes belong to no cell; they move only where it is prescribed"
+        )
     clock.mark("reactions")
     return Solution(
         u=u[0] if single else u,

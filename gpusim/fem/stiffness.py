@@ -11,6 +11,7 @@ from functools import partial
 
 import numpy as np
 import numpy.typing as npt
+from scipy.sparse import csr_matrix
 
 from gpusim.fem.arena import Allocator
 from gpusim.fem.block_rows import BlockRows, ranges
@@ -134,7 +135,6 @@ class DeviceStiffness:
             k_high=result.high,
             k_low=result.low,
             params={
-                "first": part.first,
                 "count": part.count,
                 "nodes": self.nodes,
                 "columns": self.nodes,
@@ -150,6 +150,7 @@ def _check(device: Device) -> None:
     from gpusim.fem.formulation import resolve_formulation
     from gpusim.fem.material import Isotropic
     from gpusim.fem.model import Model
+    from gpusim.fem.pair_product import DeviceProduct
     from gpusim.mesh import box
 
     rng = np.random.default_rng(5)
@@ -168,3 +169,13 @@ def _check(device: Device) -> None:
         compare(
             "fem/stiffness.apply", result.read(2), apply_stiffness(rows, u), atol=1e-11, rtol=1e-11
         )
+    # the kernel's plain form, as coarse levels use it: any matrix, not square
+    dense = rng.normal(size=(36, 24)) * (rng.random((36, 24)) < 0.3)
+    x = rng.normal(size=(2, 8, 3))
+    product = DeviceProduct(device, csr_matrix(dense), 2, "fem.check")
+    source, image = pair(device, 2, 8, "fem.check.x"), product.vector()
+    source.write(x)
+    with device.recording("fem.check") as recording:
+        product.record(recording, source, image)
+    wanted = (x.reshape(2, 24) @ dense.T).reshape(2, 12, 3)
+    compare("fem/stiffness.plain", image.read(2), wanted, atol=1e-12, rtol=1e-12)

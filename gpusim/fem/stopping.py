@@ -32,7 +32,8 @@ Float = npt.NDArray[np.float64]
 
 def smallest_ritz_value(alpha: Float, beta: Float) -> float:
     """Least eigenvalue of the Lanczos matrix of one load case; inf before the first step."""
-    steps = int((alpha > 0.0).sum())
+    # a case that broke down takes no further step
+    steps = int(np.logical_and.accumulate(alpha > 0.0).sum())
     if steps == 0:
         return float("inf")
     alpha, beta = alpha[:steps], beta[:steps]

@@ -9,14 +9,13 @@ from types import MappingProxyType
 
 import numpy as np
 import numpy.typing as npt
-from threadpoolctl import threadpool_limits
 
 from gpusim.errors import InputError
 from gpusim.fem.element import ELEMENTS, Rule
 from gpusim.fem.formulation import resolve_formulation
 from gpusim.fem.isoparametric import add_to, volumes
 from gpusim.fem.model import Model
-from gpusim.fem.product import pool
+from gpusim.fem.product import one_blas_thread, pool
 from gpusim.fem.strain import point_stress
 from gpusim.fem.thermal import linear_temperature, point_temperature
 from gpusim.mesh import CELL_TYPES
@@ -147,7 +146,7 @@ def stress(
         )
     change = None if temperature is None else linear_temperature("stress", model.mesh, temperature)
     # the work is shared out above BLAS
-    with threadpool_limits(1, user_api="blas"):
+    with one_blas_thread():
         return _Recovery(model, field, resolve_formulation(model, formulation), change).run()
 
 

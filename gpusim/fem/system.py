@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.fem.assembly import Assembled
 from gpusim.fem.block_rows import BlockRows
 from gpusim.fem.iterate import System
 from gpusim.fem.model import Model
@@ -16,8 +17,9 @@ __all__ = ["make_system"]
 Float = npt.NDArray[np.float64]
 
 
-def make_system(model: Model, rows: BlockRows) -> System:
+def make_system(model: Model, assembled: Assembled) -> System:
     """Free unknowns, right-hand sides with what prescribed displacements pull, and the scales."""
+    rows, groups = assembled.rows, assembled.groups
     assert model.fixed is not None
     free = ~model.fixed
     free[model.mesh.dangling_nodes] = False
@@ -31,8 +33,9 @@ def make_system(model: Model, rows: BlockRows) -> System:
     load_scale: Float = np.exp2(np.round(np.log2(np.where(size > 0.0, size, 1.0))))
     return System(
         apply=lambda u: apply_stiffness(rows, u) / scale,
-        rounding=lambda u: rounding_forces(rows, u) / scale,
+        rounding=lambda u: rounding_forces(rows, groups, u) / scale,
         row_sum=_row_sum(rows) / scale,
+        contrast=_contrast(rows),
         right=right / load_scale[:, None, None],
         free=free,
         scale=scale,
@@ -42,8 +45,16 @@ def make_system(model: Model, rows: BlockRows) -> System:
     )
 
 
+def _contrast(rows: BlockRows) -> float:
+    """Greatest over least trace of the diagonal blocks, nodes of no cell left out."""
+    trace = np.einsum("cii->c", rows.diagonal)
+    trace = trace[trace > 0.0]
+    return float(trace.max() / trace.min()) if trace.size else 1.0
+
+
 def _row_sum(rows: BlockRows) -> float:
-    """Greatest sum of absolute values in a row of K without its diagonal block."""
-    size = np.abs(rows.table).sum(axis=2)
-    filled = np.flatnonzero(np.diff(rows.table_start))
-    return float(np.add.reduceat(size, rows.table_start[filled]).max()) if filled.size else 0.0
+    """At least the sum of absolute values in any row of K without its diagonal block.
+
+    K is positive semidefinite, so no entry exceeds the greatest one on its diagonal.
+    """
+    return 3.0 * float(rows.degree.max(initial=0)) * float(np.abs(rows.diagonal).max())

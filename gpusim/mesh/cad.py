@@ -27,6 +27,8 @@ Long = npt.NDArray[np.int64]
 # What Open CASCADE calls a shape that has no name.
 _NAMELESS = ("Open CASCADE STEP translator", "SOLID", "COMPOUND")
 _STL_ANGLE = 40.0  # degrees; a sharper bend between triangles is an edge of the body
+_TETRAHEDRON = 0.12  # volume of a regular one with edges of length 1
+_MOST_ELEMENTS = 1e8
 _LIBRARIES = "libgl1 libglu1-mesa libxcursor1 libxft2 libxinerama1 libxrender1 libgomp1"
 
 
@@ -114,6 +116,7 @@ def mesh_cad(
                 raise InputError(
                     f"{file}: no solid; got {len(surfaces)} faces; expected a closed body"
                 )
+            _refuse_too_many(gmsh, file, size, scale)
             named = {
                 name: [(d, part.tag) for d, group in ((3, volumes), (2, surfaces))
                        for part in group if name in part.names]
@@ -196,6 +199,24 @@ def _refuse_errors(gmsh: Any, file: Path) -> None:
     text = " ".join(str(gmsh.logger.getLastError()).split())
     if text:
         raise InputError(f"{file}: Gmsh can't mesh it; got {text[:200]}")
+
+
+def _refuse_too_many(gmsh: Any, file: Path, size: float, scale: float) -> None:
+    """Gmsh would work for days, or until the memory is full."""
+    if file.suffix.lower() == ".stl":
+        tags, coordinates, _ = gmsh.model.mesh.getNodes()
+        place = np.zeros((int(max(tags)) + 1, 3))
+        place[tags.astype(np.int64)] = np.reshape(coordinates, (-1, 3))
+        corners = gmsh.model.mesh.getElementsByType(2)[1].reshape(-1, 3).astype(np.int64)
+        volume = abs(float(np.linalg.det(place[corners]).sum())) / 6.0
+    else:
+        volume = sum(gmsh.model.occ.getMass(3, tag) for _, tag in gmsh.model.getEntities(3))
+    count = volume * scale**3 / (_TETRAHEDRON * size**3)
+    if not count <= _MOST_ELEMENTS:
+        raise InputError(
+            f"{file}: size; got {size:g}, which makes about {count:.1g} elements; expected at "
+            f"least {(volume / (_TETRAHEDRON * _MOST_ELEMENTS)) ** (1 / 3) * scale:.2g}"
+        )
 
 
 def _load(gmsh: Any, file: Path) -> None:

@@ -12,10 +12,12 @@ __all__ = ["NODES", "SOLID_TYPES", "face_table"]
 # Solid element types that share nodes and node order with ours.
 SOLID_TYPES = {
     "C3D8": "hex8", "C3D8I": "hex8", "C3D8R": "hex8", "C3D8H": "hex8",
+    "C3D8IH": "hex8", "C3D8RH": "hex8",
     "C3D20": "hex20", "C3D20R": "hex20", "C3D20H": "hex20", "C3D20RH": "hex20",
     "C3D27": "hex27",
     "C3D4": "tet4", "C3D4H": "tet4", "C3D10": "tet10", "C3D10M": "tet10", "C3D10H": "tet10",
-    "C3D10T": "tet10", "C3D6": "wedge6", "C3D15": "wedge15", "C3D5": "pyramid5",
+    "C3D10T": "tet10", "C3D6": "wedge6", "C3D6H": "wedge6", "C3D15": "wedge15", "C3D15H": "wedge15",
+    "C3D5": "pyramid5",
 }  # fmt: skip
 
 # Nodes of element types that aren't solids; shells and plane elements may name faces.

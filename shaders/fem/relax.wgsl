@@ -6,7 +6,6 @@
 #import common/texel
 
 struct Params {
-    first: u32,   // first node of this part
     count: u32,   // nodes or packs in this part
     nodes: u32,   // nodes in all
     cases: u32,   // load cases
@@ -172,7 +171,7 @@ fn begin(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) gro
     let here = place(gid, groups);
     if (here.z == 0u) { return; }
     let row = textureLoad(info, texel(here.x), 0);
-    let at = texel(here.y + params.first + here.x);
+    let at = texel(here.y + row.w);
     let x = params.gain * scaled(3u * row.w, textureLoad(b_in, at, 0).xyz);
     textureStore(x_out, at, vec4f(x, 0.0));
 }
@@ -194,8 +193,8 @@ fn begin4(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) gr
 fn relax(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let here = place(gid, groups);
     if (here.z == 0u) { return; }
-    let node = here.y + params.first + here.x;
     let row = textureLoad(info, texel(here.x), 0);
+    let node = here.y + row.w;
     let own = load_x(node);
     step(node, 3u * row.w, own, product(here.y, row, own));
 }
@@ -219,8 +218,8 @@ fn relax4(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) gr
 fn residual(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let here = place(gid, groups);
     if (here.z == 0u) { return; }
-    let node = here.y + params.first + here.x;
     let row = textureLoad(info, texel(here.x), 0);
+    let node = here.y + row.w;
     let own = load_x(node);
     leave(node, 3u * row.w, product(here.y, row, own));
 }

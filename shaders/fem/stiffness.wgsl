@@ -6,7 +6,6 @@
 #import common/real
 
 struct Params {
-    first: u32,   // first node of this part
     count: u32,   // nodes or packs in this part
     nodes: u32,   // nodes in all
     columns: u32, // nodes of u: the same for the stiffness
@@ -16,7 +15,7 @@ struct Params {
 const BLOCK: u32 = 64u;
 override plain: u32 = 0u;   // 1: sum_j A_ij u_j for any matrix
 
-@group(0) @binding(0) var info: texture_2d<u32>;       // per node: neighbours, fours, blocks; or packs
+@group(0) @binding(0) var info: texture_2d<u32>;       // per node: neighbours, fours, blocks, itself; or packs
 @group(0) @binding(1) var neighbour: texture_2d<u32>;  // four a texel
 @group(0) @binding(2) var blocks_high: texture_2d<f32>;  // nine texels per four blocks
 @group(0) @binding(3) var blocks_low: texture_2d<f32>;
@@ -90,7 +89,7 @@ fn apply(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) gro
     let base = case_ * (params.columns + 1u);
     let row = textureLoad(info, texel(local), 0);
     var own = Vec(r_f32(0.0), r_f32(0.0), r_f32(0.0));
-    if (plain == 0u) { own = load_u(base + params.first + local); }
+    if (plain == 0u) { own = load_u(base + row.w); }
     var sum = Vec(r_f32(0.0), r_f32(0.0), r_f32(0.0));
     var at = row.z;
     for (var k = row.x; k < row.x + row.y; k++) {
@@ -122,7 +121,7 @@ fn apply(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) gro
         sum = add(sum, i.y, i.z, i.w, d3.z);
         at += 9u;
     }
-    store(case_ * (params.nodes + 1u) + params.first + local, sum);
+    store(case_ * (params.nodes + 1u) + row.w, sum);
 }
 
 // four nodes in a row with equal rows of blocks: a pack is (first node, nodes, table,
