@@ -228,7 +228,7 @@ def test_a_real_interrupt_ends_with_130(scene: Path, tmp_path: Path) -> None:
         assert process.stdout is not None
         assert process.stdout.readline() == "working\n"
         process.send_signal(signal.SIGINT)
-        _, stderr = process.communicate(timeout=20)
+        _, stderr = process.communicate(timeout=60)
     assert process.returncode == 130
     assert stderr == "error: interrupted; what is finished will be reused by the next run\n"
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from pathlib import Path
 
@@ -163,7 +164,7 @@ def test_a_session_of_the_caller_stays_as_it_was(files: Path) -> None:
 
 @pytest.mark.parametrize("suffix", ["step", "stl"])
 def test_more_elements_than_any_machine_holds(files: Path, suffix: str) -> None:
-    """... are refused at once: 24 cm3 in elements of 0.1 um."""
+    """... are refused at once: 11 cm3 in elements of 0.1 um."""
     for size, scale in ((1e-4, 1.0), (1e-7, 1e-3)):
         with pytest.raises(InputError, match=r"size; got .*which makes about .*e\+1\d elements"):
             mesh_cad(files / f"plate.{suffix}", size=size, scale=scale)
@@ -178,6 +179,16 @@ def test_what_cannot_be_meshed(files: Path, tmp_path: Path) -> None:
         bad.write_bytes(bytes(range(256)) * 8)
         with pytest.raises(InputError, match=rf"bad\.{suffix}"):
             mesh_cad(bad, size=1.0)
+    lost = tmp_path / "lost.stl"
+    text = (files / "plate.stl").read_text()
+    lost.write_text(re.sub(r"vertex +\S+", "vertex nan", text, count=1))
+    with pytest.raises(InputError, match=r"lost\.stl: corners; got 1 that aren't finite"):
+        mesh_cad(lost, size=5.0)
+    facet = np.zeros(50, np.uint8)
+    facet[44:48] = np.array([np.inf], "<f4").view(np.uint8)
+    lost.write_bytes(bytes(80) + (2).to_bytes(4, "little") + bytes(50) + facet.tobytes())
+    with pytest.raises(InputError, match=r"lost\.stl: corners; got 1 that aren't finite"):
+        mesh_cad(lost, size=5.0)
     cut = tmp_path / "cut.step"
     cut.write_text((files / "box.step").read_text()[:4000])
     with pytest.raises(InputError, match=r"cut\.step"):

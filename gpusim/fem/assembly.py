@@ -224,7 +224,9 @@ def _lattice_rows(group: Group, lattice: Lattice) -> tuple[Long, Long, Float]:
     representative, row_class = unique_rows(around)
     blocks = np.zeros((len(representative), 27, 3, 3))
     split = group.matrices.reshape(-1, 8, 3, 8, 3).transpose(0, 1, 3, 2, 4)
-    for corner in range(len(CORNERS)):
+    # in lattice order, so that either end of an edge adds its cells up in the same order: K_ij and
+    # K_ji^T equal to the last bit, or forces without reaction bend slender bodies
+    for corner in np.lexsort(CORNERS.T).tolist():
         number = around[representative, corner]
         here = np.flatnonzero(number >= 0)
         blocks[here[:, None], node_offsets(corner)] += split[number[here], corner]

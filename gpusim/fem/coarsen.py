@@ -28,7 +28,7 @@ Bool = npt.NDArray[np.bool_]
 
 # planes are left out along an axis while its spacing is below this multiple of the finest one
 _STRETCHED = 1.9
-# and while the thinnest part keeps at least this many elements across: fewer can't bend
+# the thinnest part must keep at least this many elements across: fewer can't bend
 _ACROSS = 4
 _LEAST_GAIN = 0.6
 _CHUNK = 2048
@@ -121,10 +121,13 @@ def _joined(groups: list[Group]) -> list[Group]:
 def drop_planes(group: Group, lattice: Lattice, free: Bool) -> Coarser | None:
     """Every second plane left out where that is fit; None where too little would be gained.
 
-    Planes on which the body begins or ends stay, so that coarse cells are full or empty. Along
-    an axis whose spacing is already coarse, or where a part is thin, all planes stay.
+    Planes on which the body begins or ends stay, so that coarse cells are full or empty. All
+    planes stay along an axis whose spacing is already coarse. A body with a thin part is left to
+    aggregation: trilinear functions bend too stiffly, within its plane as well as across.
     """
     keep = _kept_planes(lattice)
+    if keep is None:
+        return None
     shape = tuple(len(one) for one in keep)
     if np.prod(shape) > _LEAST_GAIN * np.prod(lattice.node.shape):
         return None
@@ -142,24 +145,33 @@ def drop_planes(group: Group, lattice: Lattice, free: Bool) -> Coarser | None:
     return Coarser(_plane_weights(lattice, number, keep), kept, [masked(parts, free[kept])], coarse)
 
 
-def _kept_planes(lattice: Lattice) -> list[Long]:
-    """Plane numbers to keep along each axis."""
+def _kept_planes(lattice: Lattice) -> list[Long] | None:
+    """Plane numbers to keep along each axis; None where some part is thin."""
     solid = lattice.cell >= 0
     spacing = [np.diff(one) for one in lattice.planes]
     finest = min(float(np.median(one)) for one in spacing)
     keep = []
     for axis in range(3):
-        count = solid.shape[axis]
-        everything = np.arange(count + 1)
-        padded = np.moveaxis(solid, axis, 0).reshape(count, -1)
-        change = (padded[1:] != padded[:-1]).any(axis=1)
-        borders = np.concatenate([[0], np.flatnonzero(change) + 1, [count]])
-        if np.median(spacing[axis]) > _STRETCHED * finest or np.diff(borders).min() < 2 * _ACROSS:
-            keep.append(everything)
+        lines = np.moveaxis(solid, axis, 0).reshape(solid.shape[axis], -1)
+        count = len(lines)
+        if np.median(spacing[axis]) > _STRETCHED * finest:
+            keep.append(np.arange(count + 1))
             continue
+        if _thinnest(lines) < 2 * _ACROSS:
+            return None
+        change = (lines[1:] != lines[:-1]).any(axis=1)
+        borders = np.concatenate([[0], np.flatnonzero(change) + 1, [count]])
         inside = [np.arange(a, b, 2) for a, b in pairwise(borders)]
         keep.append(np.concatenate([*inside, [count]]))
     return keep
+
+
+def _thinnest(lines: Bool) -> int:
+    """Fewest solid cells one after the other, down the columns of (n,m)."""
+    edge = np.zeros((1, lines.shape[1]), dtype=np.int8)
+    step = np.diff(np.concatenate([edge, lines.astype(np.int8), edge]), axis=0).T
+    # by column, so that the n-th beginning belongs to the n-th end
+    return int((np.nonzero(step == -1)[1] - np.nonzero(step == 1)[1]).min(initial=len(lines)))
 
 
 def _shares(planes: Float, keep: Long) -> tuple[Long, Float]:

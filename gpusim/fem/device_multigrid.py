@@ -25,9 +25,23 @@ from gpusim.fem.transfer import MatrixTransfer, NodeTransfer
 from gpusim.gpu import Recording
 from gpusim.gpu.texels import Texels
 
-__all__ = ["DeviceMultigrid", "multigrid_bytes"]
+__all__ = ["DeviceMultigrid", "compile_kernels", "multigrid_bytes"]
 
 Steps = tuple[Relaxation, ...]
+
+
+def compile_kernels(device: Allocator) -> None:
+    """Compile what a solve runs: half a second at first, which may pass beside other work."""
+    for width in ("", "4"):
+        device.kernel("fem/stiffness", entry=f"apply{width}")
+        for entry in ("begin", "relax", "residual"):
+            device.kernel("fem/relax", entry=f"{entry}{width}")
+    device.kernel("fem/stiffness", entry="apply", constants={"plain": 1.0})
+    device.kernel("fem/combine", entry="combine")
+    for entry in ("apply", "add"):
+        device.kernel("fem/spread", entry=entry)
+    for entry in ("dot_pq", "dot_rz", "start", "alpha", "beta", "advance", "turn"):
+        device.kernel("fem/cg", entry=entry)
 
 
 class DeviceMultigrid:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -18,6 +19,7 @@ from gpusim.fem.block_texels import block_texels_bytes
 from gpusim.fem.cg import DeviceCG, NumpyCG
 from gpusim.fem.choice import Direct, direct_solver, multigrid_seconds
 from gpusim.fem.congruence import mix
+from gpusim.fem.device_multigrid import compile_kernels
 from gpusim.fem.diagonal import invert_blocks
 from gpusim.fem.hierarchy import build_hierarchy
 from gpusim.fem.iterate import HARSH, Norm, Outcome, System, iterate
@@ -139,7 +141,11 @@ def _iterated(
         # the operator and the vectors at least; what multigrid adds is known once it is set up
         device = options.device if options.device is not None else default_device()
         _ask(device, assembled.rows.nbytes + 5 * 8 * system.right.size, system)
-    chosen, norm, product = _preconditioner(kind, model, assembled, system)
+    with ThreadPoolExecutor(1) as aside:
+        compiled = aside.submit(compile_kernels, device) if options.backend == "gpu" else None
+        chosen, norm, product = _preconditioner(kind, model, assembled, system)
+    if compiled is not None:
+        compiled.result()
     clock.mark("preconditioner")
     most = options.most if options.most is not None else _MOST_ITERATIONS[kind]
     on_device = options.backend == "gpu"

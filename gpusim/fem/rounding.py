@@ -6,22 +6,17 @@ K_ij (u_j - u_i) is rounded all the same: forces of about
 
     eps/2 * sum_j |K_ij| |u_j - u_i|
 
-of random sign act where none should. Elements that share a matrix share its rounding too: what
-it does adds up along a body instead of averaging out. No residual shows these forces, because it
-is rounded alike. Their displacements do: K^-1 times such forces (Higham, Accuracy and Stability,
-2002, section 7.2).
+of random sign act where none should. No residual shows them, because it is rounded alike. Their
+displacements do: K^-1 times such forces (Higham, Accuracy and Stability, 2002, section 7.2).
 """
 
 from __future__ import annotations
-
-from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.fem.block_rows import BlockRows
 from gpusim.fem.congruence import mix
-from gpusim.fem.groups import Group
 from gpusim.fem.model import Model
 from gpusim.fem.stiffness import apply_stiffness
 from gpusim.mesh import mesh_quality
@@ -30,45 +25,12 @@ __all__ = ["extremes", "rounding_forces"]
 
 Float = npt.NDArray[np.float64]
 
-# elements per matrix from which on their common error counts
-_SHARED = 64
 
-
-def rounding_forces(rows: BlockRows, groups: Sequence[Group], u: Float) -> Float:
-    """Forces (L,N,3) as large as the rounding in K u, of fixed pseudo-random sign: that of each
-    row, and that of the matrices that many elements share."""
+def rounding_forces(rows: BlockRows, u: Float) -> Float:
+    """Forces (L,N,3) as large as the rounding in K u, of fixed pseudo-random sign."""
     size = apply_stiffness(rows, u, absolute=True) * (0.5 * np.finfo(np.float64).eps)
-    forces = size * _signs(u[0].size, 9).reshape(u[0].shape)
-    for group in groups:
-        if len(group.matrices) * _SHARED <= len(group.cells):
-            _add_shared(group, u, forces)
-    return forces
-
-
-def _signs(count: int, seed: int) -> Float:
-    return 2.0 * (mix(np.arange(count), seed) >> np.uint64(63)).astype(np.float64) - 1.0
-
-
-def _add_shared(group: Group, u: Float, forces: Float) -> None:
-    """Add what errors of the shared matrices do, symmetric ones that strain no translation."""
-    width = group.matrices.shape[1]
-    upper = np.triu(_signs(width * width, 10).reshape(width, width))
-    sign = upper + np.triu(upper, 1).T
-    errors = np.abs(group.matrices) * sign * np.finfo(np.float64).eps
-    order = np.argsort(group.kind, kind="stable")
-    end = np.cumsum(np.bincount(group.kind, minlength=len(errors))).tolist()
-    cells = group.cells[order]
-    for case in range(len(u)):
-        local = u[case][cells]
-        local -= local.mean(axis=1, keepdims=True)
-        for error, first, last in zip(errors, [0, *end[:-1]], end, strict=True):
-            flat = local[first:last].reshape(last - first, width)
-            local[first:last] = (flat @ error).reshape(last - first, -1, 3)
-        local -= local.mean(axis=1, keepdims=True)
-        for axis in range(3):
-            forces[case, :, axis] += np.bincount(
-                cells.ravel(), local[:, :, axis].ravel(), minlength=forces.shape[1]
-            )
+    sign = (mix(np.arange(u[0].size), 9) >> np.uint64(63)).astype(np.float64).reshape(u[0].shape)
+    return size * (2.0 * sign - 1.0)
 
 
 def extremes(model: Model) -> str:

@@ -102,7 +102,7 @@ def _solve_static(
     clock.mark("check")
     assembled = assemble(model, formulations)
     clock.mark("assembly")
-    system = make_system(model, assembled)
+    system = make_system(model, assembled.rows)
     if "reduced" in formulations.values():
         # hourglass modes may be left: as soft as can be, and not felt by the loads
         system = replace(system, contrast=np.inf)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.fem.assembly import Assembled
 from gpusim.fem.block_rows import BlockRows
 from gpusim.fem.iterate import System
 from gpusim.fem.model import Model
@@ -17,9 +16,8 @@ __all__ = ["make_system"]
 Float = npt.NDArray[np.float64]
 
 
-def make_system(model: Model, assembled: Assembled) -> System:
+def make_system(model: Model, rows: BlockRows) -> System:
     """Free unknowns, right-hand sides with what prescribed displacements pull, and the scales."""
-    rows, groups = assembled.rows, assembled.groups
     assert model.fixed is not None
     free = ~model.fixed
     free[model.mesh.dangling_nodes] = False
@@ -33,7 +31,7 @@ def make_system(model: Model, assembled: Assembled) -> System:
     load_scale: Float = np.exp2(np.round(np.log2(np.where(size > 0.0, size, 1.0))))
     return System(
         apply=lambda u: apply_stiffness(rows, u) / scale,
-        rounding=lambda u: rounding_forces(rows, groups, u) / scale,
+        rounding=lambda u: rounding_forces(rows, u) / scale,
         row_sum=_row_sum(rows) / scale,
         contrast=_contrast(rows),
         right=right / load_scale[:, None, None],

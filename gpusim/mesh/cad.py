@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -219,9 +220,23 @@ def _refuse_too_many(gmsh: Any, file: Path, size: float, scale: float) -> None:
         )
 
 
+def _refuse_lost_corners(file: Path) -> None:
+    """Gmsh takes a corner at NaN for some other corner."""
+    content = file.read_bytes()
+    facets = np.frombuffer(content[84:], np.uint8)
+    if len(content) > 84 and len(facets) == 50 * int.from_bytes(content[80:84], "little"):
+        numbers = facets.reshape(-1, 50)[:, 12:48].copy().view("<f4")
+        lost = int((~np.isfinite(numbers)).any(axis=1).sum())
+    else:
+        lost = len(re.findall(rb"vertex[^\n]*(?:nan|inf)", content, re.IGNORECASE))
+    if lost:
+        raise InputError(f"{file}: corners; got {lost} that aren't finite; expected coordinates")
+
+
 def _load(gmsh: Any, file: Path) -> None:
     """Geometry of the file in the current model."""
     if file.suffix.lower() == ".stl":
+        _refuse_lost_corners(file)
         gmsh.merge(str(file))
         gmsh.model.mesh.classifySurfaces(np.deg2rad(_STL_ANGLE), True, True, np.pi)
         gmsh.model.mesh.createGeometry()
