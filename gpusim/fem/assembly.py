@@ -225,7 +225,7 @@ def _lattice_rows(group: Group, lattice: Lattice) -> tuple[Long, Long, Float]:
     blocks = np.zeros((len(representative), 27, 3, 3))
     split = group.matrices.reshape(-1, 8, 3, 8, 3).transpose(0, 1, 3, 2, 4)
     # in lattice order, so that either end of an edge adds its cells up in the same order: K_ij and
-    # K_ji^T equal to the last bit, or forces without reaction bend slender bodies
+    # K_ji^T are equal to the last bit
     for corner in np.lexsort(CORNERS.T).tolist():
         number = around[representative, corner]
         here = np.flatnonzero(number >= 0)

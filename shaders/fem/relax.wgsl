@@ -17,8 +17,9 @@ struct Params {
 const BLOCK: u32 = 64u;
 const RUN_BITS: u32 = 8u;   // of the fourth word of a pack; the rest is the number of its row
 
-@group(0) @binding(0) var info: texture_2d<u32>;       // per node: neighbours, fours, blocks, itself;
-// per pack: first node, nodes, table, runs and number of its row
+// per node: first neighbours, fours of them, first blocks, the node;
+// per pack: first node, nodes, first texel of its row, runs + 256 times the number of the row
+@group(0) @binding(0) var info: texture_2d<u32>;
 @group(0) @binding(1) var neighbour: texture_2d<u32>;  // four a texel
 @group(0) @binding(2) var blocks: texture_2d<f32>;     // nine texels per four blocks, or runs
 // three texels per node, or per row of packs: columns of D^-1 (xyz), whether it is free (w)

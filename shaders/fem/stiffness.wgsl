@@ -1,6 +1,7 @@
 // y = K u in float64 with K in block texels (gpusim/fem/stiffness.py has twin and driver,
 // gpusim/fem/block_texels.py the layout): (K u)_i = sum_j K_ij (u_j - u_i), the diagonal is not
-// stored. K and u are pairs of float32 textures (high, low); one thread per node and load case.
+// stored. K and u are pairs of float32 textures (high, low); one thread per node and load case, or
+// per four nodes with equal rows (row_packs.py).
 #import common/index
 #import common/texel
 #import common/real
@@ -15,7 +16,9 @@ struct Params {
 const BLOCK: u32 = 64u;
 override plain: u32 = 0u;   // 1: sum_j A_ij u_j for any matrix
 
-@group(0) @binding(0) var info: texture_2d<u32>;       // per node: neighbours, fours, blocks, itself; or packs
+// per node: first neighbours, fours of them, first blocks, the node;
+// per pack: first node, nodes, first texel of its row, runs + 256 times the number of the row
+@group(0) @binding(0) var info: texture_2d<u32>;
 @group(0) @binding(1) var neighbour: texture_2d<u32>;  // four a texel
 @group(0) @binding(2) var blocks_high: texture_2d<f32>;  // nine texels per four blocks
 @group(0) @binding(3) var blocks_low: texture_2d<f32>;
@@ -124,8 +127,7 @@ fn apply(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) gro
     store(case_ * (params.nodes + 1u) + row.w, sum);
 }
 
-// four nodes in a row with equal rows of blocks: a pack is (first node, nodes, table,
-// runs and number of its row)
+// four nodes in a row with equal rows of blocks: the rows are packs
 @compute @workgroup_size(64)
 fn apply4(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let id = linear_id(gid, groups, BLOCK);

@@ -1,0 +1,126 @@
+"""Ways in which a solve could be wrong without saying so."""
+
+from __future__ import annotations
+
+import threading
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from threadpoolctl import threadpool_info
+
+from gpusim import Isotropic, Mesh, Model, NotConverged, solve
+from gpusim.fem.assembly import assemble
+from gpusim.fem.block_rows import block_matrix
+from gpusim.fem.formulation import resolve_formulation
+
+Float = npt.NDArray[np.float64]
+
+
+def lattice(*planes: npt.ArrayLike) -> tuple[Float, npt.NDArray[np.int64]]:
+    axes = [np.asarray(one, dtype=np.float64) for one in planes]
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    n = np.arange(len(points)).reshape([len(one) for one in axes])
+    a, b = n[:, :, :-1], n[:, :, 1:]
+    cells = [
+        part[x : len(n) - 1 + x, y : n.shape[1] - 1 + y]
+        for part in (a, b)
+        for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))
+    ]
+    return points, np.stack(cells, axis=-1).reshape(-1, 8)
+
+
+def glued(thickness: float, second: float) -> Model:
+    """Two blocks with two thin soft layers between them."""
+    z = np.cumsum([0.0, 1.0, thickness, second * thickness, 1.0, 1.0])
+    points, cells = lattice(range(4), range(4), z)
+    height = points[cells][:, :, 2].mean(axis=1)
+    layer = ((height > z[1]) & (height < z[3])).astype(np.int32)
+    fixed = np.repeat(points[:, 2:] == 0.0, 3, axis=1)
+    forces = np.zeros(points.shape)
+    forces[points[:, 2] == z[-1]] = (1.0, 0.0, 0.3)
+    materials = [Isotropic(1.0, 0.3), Isotropic(1e-2 * thickness, 0.3)]
+    return Model(Mesh(points, {"hex8": cells}), materials, fixed, forces, layer)
+
+
+def test_an_indefinite_preconditioner_is_no_convergence() -> None:
+    model = glued(1e-4, 1.02)
+    right = solve(model, backend="numpy", method="direct", formulation="full")
+    assert right.converged
+    try:
+        tried = solve(model, backend="numpy", method="multigrid", formulation="full")
+    except NotConverged:
+        return
+    error = np.linalg.norm(tried.u - right.u) / np.linalg.norm(right.u)
+    assert not tried.converged or error <= 1e-6
+
+
+def test_thin_layers_of_nearly_the_same_thickness_keep_their_own() -> None:
+    """Spacings are compared with themselves, not with the longest one."""
+    model = glued(2e-9, 1.0 + 2e-3)
+    other = glued(2e-9, 1.0)
+    assert model.mesh.points[-1, 2] > other.mesh.points[-1, 2]
+    rule = resolve_formulation(model, "full")
+    assert len(assemble(model, rule).groups[0].matrices) == 4
+    assert len(assemble(other, rule).groups[0].matrices) == 2
+
+
+def test_a_lattice_gives_a_symmetric_matrix_to_the_last_bit() -> None:
+    points, cells = lattice(np.cumsum(1.1 ** np.arange(6)), range(5), (0.0, 0.7, 1.3, 3.1))
+    material = np.random.default_rng(2).integers(0, 2, len(cells)).astype(np.int32)
+    mesh = Mesh(points * np.pi, {"hex8": cells})
+    model = Model(mesh, [Isotropic(1.1, 0.3), Isotropic(3.3, 0.21)], material_of_cell=material)
+    matrix = block_matrix(assemble(model, resolve_formulation(model, None)).rows).tocsr()
+    assert abs(matrix - matrix.T).max() == 0.0
+
+
+@pytest.mark.parametrize("free", [slice(0, 3), slice(1, 2)])
+def test_multigrid_where_no_coarse_node_is_free(free: slice) -> None:
+    points, cells = lattice(range(17), range(9), range(9))
+    fixed = np.ones(points.shape, dtype=bool)
+    odd = int(np.flatnonzero((points == (3.0, 5.0, 1.0)).all(axis=1))[0])
+    fixed[odd, free] = False
+    forces = np.zeros(points.shape)
+    forces[odd] = (1.0, -2.0, 0.5)
+    model = Model(Mesh(points, {"hex8": cells}), [Isotropic(7.0, 0.2)], fixed, forces)
+    right = solve(model, backend="numpy", method="direct").u
+    solution = solve(model, backend="numpy", method="multigrid")
+    assert solution.converged
+    np.testing.assert_allclose(solution.u, right, atol=1e-6 * np.abs(right).max())
+
+
+@pytest.mark.parametrize("most", [1, 2, 5])
+def test_few_iterations_of_block_jacobi_claim_nothing(most: int) -> None:
+    points, cells = lattice(range(101), range(3), range(3))
+    forces = np.random.default_rng(1).standard_normal(points.shape)
+    fixed = np.repeat(points[:, :1] == 0.0, 3, axis=1)
+    model = Model(Mesh(points, {"hex8": cells}), [Isotropic(1.0, 0.3)], fixed, forces)
+    solution = solve(
+        model, backend="numpy", method="block_jacobi", tolerance=0.9, max_iterations=most
+    )
+    assert not solution.converged
+
+
+def test_threads_get_the_same_bits_and_leave_blas_as_it_was() -> None:
+    models = []
+    for counts in ((13, 13, 13), (31, 5, 6)):
+        points, cells = lattice(*(range(n) for n in counts))
+        fixed = np.repeat(points[:, :1] == 0.0, 3, axis=1)
+        forces = np.random.default_rng(3).standard_normal(points.shape)
+        mesh = Mesh(points, {"hex8": cells})
+        models.append(Model(mesh, [Isotropic(1.0, 0.3)], fixed, forces))
+    alone = [solve(model, backend="numpy", method="direct").u for model in models]
+    before = [one["num_threads"] for one in threadpool_info()]
+    together: dict[int, Float] = {}
+
+    def run(number: int) -> None:
+        together[number] = solve(models[number % 2], backend="numpy", method="direct").u
+
+    threads = [threading.Thread(target=run, args=(number,)) for number in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert [one["num_threads"] for one in threadpool_info()] == before
+    for number in range(4):
+        assert np.array_equal(together[number], alone[number % 2])
