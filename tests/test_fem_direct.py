@@ -179,3 +179,11 @@ def test_an_estimate_knows_what_is_cheap() -> None:
     parts = assembled(beam())
     direct = direct_solver(parts, ~beam().fixed, beam().mesh.points, 1.0)  # type: ignore[operator]
     assert direct is not None and direct.fits and 0.0 < direct.seconds < 1.0
+
+
+@pytest.mark.parametrize(("software", "backend"), [(True, "numpy"), (False, "gpu")])
+def test_auto_iterates_where_it_is_quicker(
+    monkeypatch: pytest.MonkeyPatch, software: bool, backend: str
+) -> None:
+    monkeypatch.setattr("gpusim.fem.methods.software_adapter", lambda: software)
+    assert solve(beam((9, 3, 2)), method="multigrid").backend == backend

@@ -43,7 +43,7 @@ def run(name: str, options: dict[str, Any]) -> dict[str, Any]:
             model,
             tolerance=options.get("tolerance", 1e-6),
             formulation={case.kind: case.rule},
-            backend=options.get("backend", "gpu"),
+            backend=options.get("backend", "auto"),
         )
     except GpusimError as error:
         return {"failed": f"{type(error).__name__}: {error}"}

@@ -97,7 +97,7 @@ class Deck:
         device: Device | None = None,
         *,
         tolerance: float = 1e-6,
-        backend: str = "gpu",
+        backend: str = "auto",
         method: str = "auto",
         progress: Callable[[int, float], None] | None = None,
     ) -> tuple[Solution, ...]:

@@ -57,8 +57,8 @@ def aggregate_level(
 
 def largest_eigenvalue(product: Product, inverse: Float | Patches, steps: int = 10) -> float:
     """Of M A for the smoother's M, D^-1 or patches: Lanczos in the norm of M^-1 from a fixed
-    start, with the residual and a little more on top (Zhou & Li, Numer. Linear Algebra Appl. 432
-    (2011) 480). A value 4 % too small already makes the smoother, and the cycle, indefinite.
+    start, with the residual and a little more on top (Zhou & Li, Linear Algebra Appl. 435 (2011)
+    480). A value 4 % too small already makes the smoother, and the cycle, indefinite.
     """
 
     def scaled(r: Float) -> Float:

@@ -31,7 +31,7 @@ HARSH, _PROBE, _HARSH_AIM = 1e3, 40, 0.03
 # solution by stand for the error, with this factor of safety
 _SAFETY = 3.0
 # a Ritz value below this tells of motions that the coarse levels, and ``Norm.lowest``, don't see
-_UNSEEN = 1e-3
+_UNSEEN = 1e-6
 # iterations in half a run from which on its Ritz values can tell anything
 _LEAST_HALF = 10
 

@@ -29,7 +29,7 @@ from gpusim.fem.preconditioner import BlockJacobi, Multigrid
 from gpusim.fem.product import Product
 from gpusim.fem.refine import refine
 from gpusim.fem.stiffness import DeviceStiffness
-from gpusim.gpu import Device, default_device
+from gpusim.gpu import Device, default_device, software_adapter
 
 __all__ = ["METHODS", "Clock", "Options", "Result", "solve_system"]
 
@@ -137,18 +137,18 @@ def _factorised(
 def _iterated(
     kind: str, model: Model, assembled: Assembled, system: System, options: Options, clock: Clock
 ) -> Result:
-    if options.backend == "gpu":
+    on_device = _on_device(options)
+    if on_device:
         # the operator and the vectors at least; what multigrid adds is known once it is set up
         device = options.device if options.device is not None else default_device()
         _ask(device, assembled.rows.nbytes + 5 * 8 * system.right.size, system)
     with ThreadPoolExecutor(1) as aside:
-        compiled = aside.submit(compile_kernels, device) if options.backend == "gpu" else None
+        compiled = aside.submit(compile_kernels, device) if on_device else None
         chosen, norm, product = _preconditioner(kind, model, assembled, system)
     if compiled is not None:
         compiled.result()
     clock.mark("preconditioner")
     most = options.most if options.most is not None else _MOST_ITERATIONS[kind]
-    on_device = options.backend == "gpu"
     run = partial(
         iterate,
         norm=norm,
@@ -175,6 +175,12 @@ def _iterated(
         outcome = _blurred(run(system, loop), system, chosen, options)
         clock.mark("iterations")
         return Result(outcome, kind, "gpu", arena.real)
+
+
+def _on_device(options: Options) -> bool:
+    if options.backend == "auto":
+        return options.device is not None or not software_adapter()
+    return options.backend == "gpu"
 
 
 def _ask(device: Device, nbytes: int, system: System) -> None:

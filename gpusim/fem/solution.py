@@ -23,7 +23,8 @@ class Solution:
     iterations : conjugate gradient iterations, refinements included; of the direct solver: solves.
     residuals : (iterations,L) preconditioned residual norms sqrt(r.z) over the first one; of the
         direct solver: corrections over the first one.
-    reactions : like u, the force that the supports exert; zero on free degrees of freedom.
+    reactions : like u, the force that the supports exert; zero on free degrees of freedom. Their
+        relative error may be far larger than that of u where stiff parts are held by soft ones.
     strain_energy, external_work : (L,), u.Ku/2 and (forces . u + reactions . u)/2; they agree
         when the solve has converged.
     unknowns : free degrees of freedom. message : why the solve ended. warnings : what a reader

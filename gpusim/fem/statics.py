@@ -35,7 +35,7 @@ def solve(
     *,
     tolerance: float = 1e-6,
     formulation: str | Mapping[str, str] | None = None,
-    backend: str = "gpu",
+    backend: str = "auto",
     method: str = "auto",
     max_iterations: int | None = None,
     start: npt.ArrayLike | None = None,
@@ -58,7 +58,9 @@ def solve(
         ``gpusim.fem.stopping`` and ``gpusim.fem.refine``.
     formulation : integration or enrichment by name, for all cells or per type; see
         ``gpusim.fem.element``. The default is "incompatible" for hex8, "full" otherwise.
-    backend : "gpu", or "numpy" for the twin.
+    backend : where multigrid iterates: "gpu", "numpy" (the twins, on all processors of the host),
+        or "auto": "gpu" where ``device`` is given or the adapter is real hardware. A software
+        adapter is the host's own processors, with more in between: "numpy" then.
     method : "direct", "multigrid" (smoothed aggregation below geometric levels), "block_jacobi",
         or "auto": the cheaper of the first two; direct also where multigrid doesn't converge.
     max_iterations : of conjugate gradients; None: 1000 (multigrid), 100000 (block_jacobi).
@@ -129,8 +131,8 @@ def _check_arguments(
         raise InputError(f"solve: device; got {device!r}; expected a Device, or None")
     if not (isinstance(tolerance, Real) and 0.0 < tolerance < 1.0):
         raise InputError(f"solve: tolerance; got {tolerance!r}; expected a number in (0, 1)")
-    if backend not in ("gpu", "numpy"):
-        raise InputError(f"solve: backend; got {backend!r}; expected 'gpu' or 'numpy'")
+    if backend not in ("auto", "gpu", "numpy"):
+        raise InputError(f"solve: backend; got {backend!r}; expected 'auto', 'gpu' or 'numpy'")
     if method not in METHODS:
         raise InputError(f"solve: method; got {method!r}; expected one of {', '.join(METHODS)}")
     whole = isinstance(max_iterations, Integral) and not isinstance(max_iterations, bool)

@@ -1,5 +1,6 @@
 """The device layer: WGSL programs, buffers, recordings and the check against NumPy twins."""
 
+from gpusim.gpu.adapter import software_adapter
 from gpusim.gpu.buffer import Buffer, RealBuffer, SplitBuffer
 from gpusim.gpu.device import PORTABLE_LIMITS, Device, default_device
 from gpusim.gpu.kernel import Bindings, Kernel
@@ -24,6 +25,7 @@ __all__ = [
     "Tolerance",
     "compare",
     "default_device",
+    "software_adapter",
     "twin_check",
     "twin_checks",
 ]

@@ -12,7 +12,7 @@ from wgpu.backends.wgpu_native.extras import set_instance_extras
 
 from gpusim.errors import NoAdapter
 
-__all__ = ["find_adapter", "free_memory"]
+__all__ = ["find_adapter", "free_memory", "software_adapter"]
 
 _ORDER = {"DiscreteGPU": 0, "IntegratedGPU": 1, "VirtualGPU": 2, "Unknown": 3, "CPU": 4}
 
@@ -47,6 +47,15 @@ def find_adapter(name: str | None) -> Any:
             return adapter
     have = "; ".join(str(a.summary) for a in adapters)
     raise NoAdapter(f"adapter; got {name!r}; expected part of one of: {have}")
+
+
+def software_adapter() -> bool:
+    """Whether the adapter that would be used is the CPU itself (lavapipe), or there is none."""
+    try:
+        adapter = find_adapter(os.environ.get("GPUSIM_ADAPTER") or None)
+    except NoAdapter:
+        return True
+    return str(adapter.info.get("adapter_type")) == "CPU"
 
 
 @contextmanager

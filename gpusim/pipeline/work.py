@@ -228,7 +228,8 @@ class _Run:
                 model,
                 tolerance=solver.tolerance,
                 formulation=parts.body.formulation,
-                backend=self.backend,
+                # a software adapter is the host's own processors: no detour through it
+                backend="auto" if self.backend == "gpu" else self.backend,
                 max_iterations=solver.max_iterations,
                 method=solver.method,
                 progress=note,
