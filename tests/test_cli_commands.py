@@ -213,7 +213,9 @@ def test_module_starts_quickly_and_knows_its_version() -> None:
 
 def test_a_real_interrupt_ends_with_130(scene: Path, tmp_path: Path) -> None:
     code = (
-        "import sys, time, types, gpusim\n"
+        "import signal, sys, time, types, gpusim\n"
+        # a shell that runs the tests in the background has told its children to ignore it
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "def work(*args, **options):\n"
         "    print('working', flush=True)\n"
         "    time.sleep(30)\n"

@@ -164,7 +164,7 @@ def test_published_displacements(name: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", ["beam8p", "beam20p", "beam10p", "c3d15", "beampo1"])
 def test_published_displacements_on_the_device(name: str, tmp_path: Path) -> None:
     deck = read(name, tmp_path)
-    (solution,) = deck.solve(tolerance=1e-8, method="multigrid")
+    (solution,) = deck.solve(tolerance=1e-8, method="multigrid", backend="gpu")
     assert solution.backend == "gpu"
     assert greatest_error(deck, solution.u, printed(name)[0][1]) <= 1e-6
 

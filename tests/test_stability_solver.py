@@ -15,6 +15,8 @@ from gpusim.mesh import box, select_faces
 QUICK = [case for case in hard_cases() if case.quick]
 # how each must end where the fastest way is left to the solver
 BEYOND_FLOAT64 = {
+    # right to 3e-7, but the rounding of its equal rows can't be bounded below the tolerance
+    "slenderness 1000 incompatible long cells",
     "slenderness 10000 incompatible long cells",
     "aspect 1000 incompatible flat",
     "thin plate 1000 incompatible",
