@@ -117,10 +117,12 @@ def run_solver_bench(
     peers: Sequence[Peer] = PEERS,
     tell: Tell = print,
     keep: bool = False,
+    save: Callable[[SolverResult], object] = lambda result: None,
 ) -> SolverResult:
     """Run every case; ``work`` is a folder for references (kept) and the peers' arrays.
 
-    A case that fails is reported as such, and the next one is run.
+    A case that fails is reported as such, and the next one is run. ``save`` is called with what
+    there is after each, so that an interrupted run keeps its results.
     """
     result = SolverResult(_machine())
     for case in cases:
@@ -131,6 +133,7 @@ def run_solver_bench(
             tell(str(error))
         if not keep:
             shutil.rmtree(work / case.name / "problem", ignore_errors=True)
+        save(result)
     return result
 
 

@@ -50,12 +50,17 @@ def solver(
     with exit_codes():
         from gpusim.bench.cases import find_cases
         from gpusim.bench.peers import PEERS
-        from gpusim.bench.solver import run_solver_bench
+        from gpusim.bench.solver import SolverResult, run_solver_bench
         from gpusim.bench.tables import write_solver
 
         chosen = find_cases(sizes.value, case)
         wanted = [] if no_peers else [p for p in PEERS if any(t in p.name for t in peer or [""])]
-        result = run_solver_bench(chosen, cache or output / "work", peers=wanted, tell=out)
+        work = cache or output / "work"
+
+        def save(result: SolverResult) -> None:
+            write_solver(result, output)
+
+        result = run_solver_bench(chosen, work, peers=wanted, tell=out, save=save)
         for path in write_solver(result, output):
             out(str(path))
 

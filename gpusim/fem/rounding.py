@@ -32,7 +32,7 @@ def rounding_forces(rows: BlockRows, u: Float) -> Float:
     together = np.sqrt(rows.node_count / rows.class_count)
     size = apply_stiffness(rows, u, absolute=True) * (0.5 * np.finfo(np.float64).eps * together)
     sign = (mix(np.arange(u[0].size), 9) >> np.uint64(63)).astype(np.float64).reshape(u[0].shape)
-    return size * (2.0 * sign - 1.0)
+    return np.asarray(size * (2.0 * sign - 1.0))
 
 
 def extremes(model: Model) -> str:
