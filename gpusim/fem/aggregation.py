@@ -12,7 +12,7 @@ import numpy.typing as npt
 from scipy.linalg import eigh_tridiagonal
 from scipy.sparse import bsr_matrix, csr_matrix
 
-from gpusim.fem.congruence import mix
+from gpusim.fem.congruence import mix, noise
 from gpusim.fem.patches import Patches
 from gpusim.fem.product import Product
 
@@ -68,8 +68,7 @@ def largest_eigenvalue(product: Product, inverse: Float | Patches, steps: int = 
         blocks = np.matmul(inverse, r.reshape(-1, size, 1))
         return np.asarray(blocks, dtype=np.float64).reshape(-1)
 
-    r = (mix(np.arange(product.matrix.shape[0]), 3) >> np.uint64(11)).astype(np.float64)
-    r = r * 2.0**-53 - 0.5
+    r = noise(product.matrix.shape[0], 3)
     z, before = scaled(r), np.zeros_like(r)
     beta = np.sqrt(max(float(r @ z), 0.0))
     diagonal: list[float] = []

@@ -103,7 +103,7 @@ class Banded:
     name = "direct"
 
     def __init__(self, rows: BlockRows, ordering: Ordering, scale: float) -> None:
-        self._position, self._size = ordering.position, ordering.size
+        self._position = ordering.position
         self._tile, deep = _tiles(ordering.bandwidth)
         count = -(-ordering.size // self._tile)
         # column of tiles J, row r below its first row, column c: [J, r, c]; lower triangle

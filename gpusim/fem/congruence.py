@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["congruence_classes", "mix", "unique_rows"]
+__all__ = ["congruence_classes", "mix", "noise", "unique_rows"]
 
 Float = npt.NDArray[np.float64]
 Long = npt.NDArray[np.int64]
@@ -23,6 +23,12 @@ def mix(value: npt.NDArray[np.integer], seed: int) -> Hash:
     x = (x ^ (x >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     x = (x ^ (x >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
     return np.asarray(x ^ (x >> np.uint64(31)))
+
+
+def noise(count: int, seed: int) -> Float:
+    """(count,) numbers in [-0.5, 0.5) that hold every mode: the same ones on every run."""
+    bits = mix(np.arange(count), seed) >> np.uint64(11)
+    return np.asarray(bits.astype(np.float64) * 2.0**-53 - 0.5)
 
 
 def unique_rows(rows: Long) -> tuple[Long, Long]:

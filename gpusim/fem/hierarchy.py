@@ -13,7 +13,7 @@ from gpusim.fem.aggregation import aggregate_level, largest_eigenvalue
 from gpusim.fem.assembly import group_matrix, lattice_matrix
 from gpusim.fem.block_rows import BlockRows
 from gpusim.fem.coarsen import Coarser, drop_midsides, drop_planes, has_midsides
-from gpusim.fem.congruence import mix
+from gpusim.fem.congruence import noise
 from gpusim.fem.diagonal import diagonal_blocks, invert_blocks, invert_repeated
 from gpusim.fem.groups import Group
 from gpusim.fem.indefinite import indefinite
@@ -197,7 +197,7 @@ def _lowest_eigenvalue(inverse: Float, levels: list[Level], matrix: bsr_matrix) 
             x = level.transfer.restrict(x)
         return x
 
-    x = (mix(np.arange(len(inverse)), 5) >> np.uint64(11)).astype(np.float64) * 2.0**-53 - 0.5
+    x = noise(len(inverse), 5)
     image = x[None]
     for _ in range(8):
         x = inverse @ image[0]

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import NotConverged
-from gpusim.fem.congruence import mix
+from gpusim.fem.congruence import noise
 from gpusim.fem.indefinite import indefinite
 from gpusim.fem.stopping import energy_bound, smallest_ritz_value
 
@@ -220,8 +220,7 @@ def _probe(system: System, loop: Any, chunk: int) -> Float:
     The loads may not feel the modes that are soft for the preconditioner, stiff islands in a soft
     matrix that turn by themselves, but rounding does; their eigenvalues must enter the bound.
     """
-    count = system.right.size
-    rough = (mix(np.arange(count), 11) >> np.uint64(11)).astype(np.float64) * 2.0**-53 - 0.5
+    rough = noise(system.right.size, 11)
     rough = np.where(system.free, rough.reshape(system.right.shape), 0.0)
     active = loop.begin(rough.reshape(len(rough), -1)) > 0.0
     lines = [loop.run(min(chunk, _PROBE), active) for _ in range(0, _PROBE, min(chunk, _PROBE))]

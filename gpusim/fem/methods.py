@@ -18,7 +18,7 @@ from gpusim.fem.block_rows import BlockRows, block_matrix
 from gpusim.fem.block_texels import block_texels_bytes
 from gpusim.fem.cg import DeviceCG, NumpyCG
 from gpusim.fem.choice import Direct, direct_solver, multigrid_seconds
-from gpusim.fem.congruence import mix
+from gpusim.fem.congruence import noise
 from gpusim.fem.device_multigrid import compile_kernels
 from gpusim.fem.diagonal import invert_blocks
 from gpusim.fem.hierarchy import build_hierarchy
@@ -267,9 +267,7 @@ def _preconditioner(
 def _softest(multigrid: Multigrid, system: System) -> float:
     """Rayleigh quotient of K after inverse iteration by the preconditioner: soft islands between
     stiff ones are too small for the coarsest level, whose least eigenvalue serves elsewhere."""
-    count = system.free.size
-    x = (mix(np.arange(count), 12) >> np.uint64(11)).astype(np.float64) * 2.0**-53 - 0.5
-    x = np.where(system.free.ravel(), x, 0.0)[None]
+    x = np.where(system.free.ravel(), noise(system.free.size, 12), 0.0)[None]
     for _ in range(_INVERSE_STEPS):
         x = multigrid.apply(x)
         x /= np.linalg.norm(x)
