@@ -71,7 +71,7 @@ def test_both_direct_solvers_give_scipys_answer(divisions: tuple[int, int, int])
     assert slabs is not None
     for solver in (
         Banded(parts.rows, ordering, 1.0),
-        Chain(slabs, parts.groups[0], parts.lattice, free, 1.0),
+        Chain(slabs, parts.groups[0], parts.lattice, 1.0),
     ):
         u = solver.apply(force)
         assert np.abs(u - wanted).max() <= 1e-9 * np.abs(wanted).max()
@@ -100,7 +100,7 @@ def test_a_notched_body_and_one_of_single_supports_take_the_chain() -> None:
     parts = assembled(model)
     slabs = cut_slabs(parts.groups[0], parts.lattice, ~fixed)  # type: ignore[arg-type]
     assert slabs is not None
-    chain = Chain(slabs, parts.groups[0], parts.lattice, ~fixed, 1.0)  # type: ignore[arg-type]
+    chain = Chain(slabs, parts.groups[0], parts.lattice, 1.0)  # type: ignore[arg-type]
     force = np.where(fixed, 0.0, model.load_cases).reshape(1, -1)
     wanted = exact(model)
     assert np.abs(chain.apply(force) - wanted).max() <= 1e-8 * np.abs(wanted).max()
@@ -112,7 +112,7 @@ def test_a_wrong_join_is_seen() -> None:
     free = ~model.fixed  # type: ignore[operator]
     slabs = cut_slabs(parts.groups[0], parts.lattice, free)  # type: ignore[arg-type]
     assert slabs is not None and parts.lattice is not None
-    chain = Chain(slabs, parts.groups[0], parts.lattice, free, 1.0)
+    chain = Chain(slabs, parts.groups[0], parts.lattice, 1.0)
     chain._joins[1][-1].left *= 1.0 + 1e-4
     wanted = exact(model)
     u = chain.apply(np.where(free, model.load_cases, 0.0).reshape(2, -1))

@@ -217,10 +217,7 @@ def _pair_entries(group: Group, i: int, j: int) -> Float:
 
 def _lattice_rows(group: Group, lattice: Lattice) -> tuple[Long, Long, Float]:
     """(first node of each class, class of each node, its 27 blocks (C,27,3,3))."""
-    kind = np.full(lattice.cell.shape, -1, dtype=np.int64)
-    at, _ = lattice.corner_nodes()
-    kind.ravel()[at] = group.kind
-    around = lattice.around(kind)
+    around = lattice.around(lattice.grid(group.kind))
     representative, row_class = unique_rows(around)
     blocks = np.zeros((len(representative), 27, 3, 3))
     split = group.matrices.reshape(-1, 8, 3, 8, 3).transpose(0, 1, 3, 2, 4)

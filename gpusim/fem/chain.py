@@ -38,9 +38,11 @@ Bool = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class Slabs:
-    """Slabs of a lattice along ``axis``: ``kind`` (S,) of each, ``cells`` the flat cell kinds of
-    each distinct one, ``plane`` the (P,) lists of unknowns of the S+1 planes (flat, 3 N) and
-    ``joins`` (rounds of pairs) what is to be condensed: see ``_rounds``."""
+    """Slabs of a lattice along ``axis``.
+
+    ``kind`` (S,) number of each slab among the distinct ones, ``first`` the layer of the first of
+    each kind, ``planes`` the free unknowns (flat, of 3N) of the S+1 planes, ``rounds`` the joins.
+    """
 
     axis: int
     kind: Long
@@ -81,9 +83,7 @@ def cut_slabs(group: Group, lattice: Lattice, free: Bool) -> Slabs | None:
     so that the body falls apart there."""
     axis = int(np.argmax(lattice.cell.shape))
     layers = lattice.cell.shape[axis]
-    kind = np.full(lattice.cell.shape, -1, dtype=np.int64)
-    at, _ = lattice.corner_nodes()
-    kind.ravel()[at] = group.kind
+    kind = lattice.grid(group.kind)
     held = np.full((*lattice.node.shape, 3), -1, dtype=np.int64)
     held[tuple(lattice.place.T)] = free
     layer = np.moveaxis(kind, axis, 0).reshape(layers, -1)
@@ -153,12 +153,12 @@ class Chain:
     slabs: Slabs
     group: Group
     lattice: Lattice
-    free: Bool
     scale: float
     name: str = "direct"
     _joins: list[list[_Join]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
+        self._kind = self.lattice.grid(self.group.kind)
         current = list(pool().map(self._slab, self.slabs.first.tolist()))
         for one in self.slabs.rounds:
             done = list(pool().map(lambda pair: _join(*pair), self._pairs(one, current)))
@@ -186,18 +186,13 @@ class Chain:
         cell = np.moveaxis(lattice.cell, axis, 0)[layer]
         at = np.argwhere(cell >= 0)
         place = np.insert(at, axis, layer, axis=1)
-        kind = np.full(lattice.cell.shape, -1, dtype=np.int64)
-        flat, _ = lattice.corner_nodes()
-        kind.ravel()[flat] = self.group.kind
-        matrices = self.group.matrices[kind[tuple(place.T)]] / self.scale
+        matrices = self.group.matrices[self._kind[tuple(place.T)]] / self.scale
         corner = place[:, None, :] + CORNERS[None]
         nodes = lattice.node[corner[..., 0], corner[..., 1], corner[..., 2]].astype(np.int64)
         unknowns = (3 * nodes[:, :, None] + np.arange(3)).reshape(len(nodes), 24)
         low, high = self.slabs.planes[layer], self.slabs.planes[layer + 1]
         size = len(low) + len(high)
-        number = np.full(3 * lattice.node_count, -1, dtype=np.int64)
-        number[low], number[high] = np.arange(len(low)), len(low) + np.arange(len(high))
-        local = number[unknowns]
+        local = _positions(np.concatenate([low, high]), unknowns)
         row = np.broadcast_to(local[:, :, None], matrices.shape)
         column = np.broadcast_to(local[:, None, :], matrices.shape)
         inside = (row >= 0) & (column >= 0)
@@ -253,6 +248,15 @@ class Chain:
         for unknowns, value in zip(self.slabs.planes, x, strict=True):
             result[:, unknowns] = value.T
         return result
+
+
+def _positions(wanted: Long, values: Long) -> Long:
+    """Where each of ``values`` stands in ``wanted`` (distinct numbers), -1 where it doesn't."""
+    if not len(wanted):
+        return np.full(values.shape, -1, dtype=np.int64)
+    order = np.argsort(wanted)
+    at = order[np.minimum(np.searchsorted(wanted, values, sorter=order), len(wanted) - 1)]
+    return np.where(wanted[at] == values, at, -1)
 
 
 def _factor(matrix: Float) -> Float:

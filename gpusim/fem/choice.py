@@ -83,7 +83,7 @@ def direct_solver(
                     slabs.nbytes,
                     f"congruent sections condensed, {sum(len(r.pairs) for r in slabs.rounds)} "
                     f"distinct of {len(slabs.kind) - 1} joins",
-                    lambda: Chain(slabs, group, lattice, free, scale),
+                    lambda: Chain(slabs, group, lattice, scale),
                 )
             )
     # a bandwidth that isn't worth a closer look; that of a lattice is about its widest plane

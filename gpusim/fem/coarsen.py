@@ -209,9 +209,7 @@ def _inside(lattice: Lattice, coarse: Lattice, keep: list[Long], group: Group) -
     """Coarse elements: sums over the one to eight fine ones inside each."""
     at, nodes = coarse.corner_nodes()
     place = np.stack(np.unravel_index(at, coarse.cell.shape), axis=1)
-    kind = np.full(lattice.cell.shape, -1, dtype=np.int64)
-    own, _ = lattice.corner_nodes()
-    kind.ravel()[own] = group.kind
+    kind = lattice.grid(group.kind)
     first = [keep[axis][place[:, axis]] for axis in range(3)]
     double = [np.diff(keep[axis])[place[:, axis]] == 2 for axis in range(3)]
     columns = []

@@ -55,6 +55,13 @@ class Lattice:
         place = np.asarray(np.ravel_multi_index(tuple(at.T), self.cell.shape))
         return place.reshape(-1), np.asarray(nodes)
 
+    def grid(self, values: Long) -> Long:
+        """(X-1,Y-1,Z-1): ``values`` (M,), in the order of ``corner_nodes``, in their places; -1
+        where there is no cell."""
+        result = np.full(self.cell.shape, -1, dtype=np.int64)
+        result[self.cell >= 0] = values
+        return result
+
     def around(self, per_cell: Long, outside: int = -1) -> Long:
         """(N,8): the value in the cell at each corner of a node; ``per_cell`` is (X-1,Y-1,Z-1).
 

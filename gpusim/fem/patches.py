@@ -91,10 +91,7 @@ def make_patches(matrix: bsr_matrix, group: Group, lattice: Lattice, free: Bool)
 def _keys(grid: Long, nodes: Long, group: Group, lattice: Lattice, free: Bool) -> Long:
     """(P,91): kinds of the 4 x 4 x 4 cells around a patch, and which of its unknowns are free."""
     cells = np.full(tuple(n + 4 for n in lattice.cell.shape), -1, dtype=np.int64)
-    kinds = np.full(lattice.cell.shape, -1, dtype=np.int64)
-    at, _ = lattice.corner_nodes()
-    kinds.ravel()[at] = group.kind
-    cells[2:-2, 2:-2, 2:-2] = kinds
+    cells[2:-2, 2:-2, 2:-2] = lattice.grid(group.kind)
     step = np.stack(np.meshgrid(*[np.arange(4)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
     spot = grid[:, None, :] + step[None]
     around = cells[spot[..., 0], spot[..., 1], spot[..., 2]]
