@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Literal, Protocol, get_args
+from typing import Any, Literal, Protocol, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -244,7 +244,7 @@ def _pairs(
     chunk = max(1, CHUNK // (window * window))
     for first in range(0, len(points), chunk):
         part = points[first : first + chunk]
-        near = tree.query_ball_point(part, reach, p=np.inf)
+        near: Any = tree.query_ball_point(part, reach, p=np.inf)
         lengths = np.fromiter((len(found) for found in near), dtype=np.int64, count=len(part))
         row = np.repeat(np.arange(len(part)), lengths)
         other = np.concatenate([np.asarray(found, dtype=np.int64) for found in near])
