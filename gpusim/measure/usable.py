@@ -68,16 +68,22 @@ class Usable:
         status[inside] = np.where(some, reason, Status.OUTSIDE)
         return status
 
-    def shares(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Shares of positions (M, n) that are masked and saturated, each (M,)."""
+    def parts_at(self, positions: FloatArray) -> BoolArray:
+        """Whether the pixels at positions (M, 2, n) are masked, and saturated: (M, n, 2)."""
         height, width = self.image.shape
-        column = np.clip(np.rint(np.nan_to_num(x, nan=-1.0)), 0, width - 1).astype(np.int64)
-        row = np.clip(np.rint(np.nan_to_num(y, nan=-1.0)), 0, height - 1).astype(np.int64)
-        none = np.zeros(len(x))
-        return (
-            none if self.masked is None else self.masked[row, column].mean(axis=1),
-            none if self.saturated is None else self.saturated[row, column].mean(axis=1),
+        column, row = (
+            np.clip(np.rint(np.nan_to_num(positions[:, axis], nan=-1.0)), 0, size - 1).astype(int)
+            for axis, size in ((0, width), (1, height))
         )
+        parts = np.zeros((*column.shape, 2), dtype=bool)
+        for k, part in enumerate((self.masked, self.saturated)):
+            if part is not None:
+                parts[..., k] = part[row, column]
+        return parts
+
+    def bad_at(self, positions: FloatArray) -> BoolArray:
+        """Whether the pixels at positions (M, 2, n) can't be used: (M, n)."""
+        return np.asarray(self.parts_at(positions).any(axis=-1))
 
 
 def make_usable(
