@@ -123,8 +123,9 @@ def _keypoints(image: Image) -> tuple[FloatArray, npt.NDArray[np.float32]]:
     scale = min(1.0, float(np.sqrt(LARGEST / image.size)))
     grey = _eight_bit(image)
     if scale < 1.0:
-        grey = cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
-    points, descriptors = cv2.SIFT_create(nfeatures=FEATURES).detectAndCompute(grey, None)
+        small = cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+        grey = np.asarray(small, dtype=np.uint8)
+    points, descriptors = cv2.SIFT.create(nfeatures=FEATURES).detectAndCompute(grey, None)
     if descriptors is None:
         return np.zeros((0, 2)), np.zeros((0, 128), dtype=np.float32)
     place = np.array([p.pt for p in points], dtype=np.float64)

@@ -125,9 +125,9 @@ def make_usable(
     size = max(5, 2 * round(0.5 * BLOB * subset) + 1)
     hot = (array >= level).astype(np.uint8)
     square = np.ones((size, size), dtype=np.uint8)
-    area = cv2.morphologyEx(hot, cv2.MORPH_OPEN, square)
+    opened = cv2.morphologyEx(hot, cv2.MORPH_OPEN, square)
     rim = np.ones((2 * RIM + 1, 2 * RIM + 1), dtype=np.uint8)
-    area = cv2.dilate(area, rim).astype(bool)
+    area: BoolArray = np.asarray(cv2.dilate(opened, rim), dtype=np.bool_)
     return Usable(array, bad, area if area.any() else None)
 
 
