@@ -12,6 +12,7 @@ from gpusim.measure.deflection import (
 from gpusim.measure.dic import dic, grid_points
 from gpusim.measure.interpolation import SplineImage
 from gpusim.measure.matching import Status
+from gpusim.measure.sequence import dic_sequence
 from gpusim.measure.strain import StrainResult, StrainStatus, strain
 from gpusim.measure.subsets import DicResult
 from gpusim.measure.tracking import TrackResult, track
@@ -30,6 +31,7 @@ __all__ = [
     "TrackResult",
     "deflection_line",
     "dic",
+    "dic_sequence",
     "find_markers",
     "grid_points",
     "locate_markers",

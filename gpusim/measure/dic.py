@@ -111,14 +111,16 @@ def dic(
     else:
         positions = check_points(points, "points")
     begin = None if guess is None else _check_guess(guess, positions, settings)
-    near = (
-        float(search_px) if begin is None else float(np.nanmax(np.abs(begin[:, :, 0]), initial=1))
-    )
-    front = Front(first.image, second.image, positions, settings, allowed, blur_px, near, device)
+    known = np.zeros(0, dtype=np.int64)
     if begin is not None:
         known = np.flatnonzero(np.isfinite(begin).all(axis=(1, 2)))
+    near = float(search_px)
+    if begin is not None and known.size:
+        near = max(near, float(np.abs(begin[known, :, 0]).max()))
+    front = Front(first.image, second.image, positions, settings, allowed, blur_px, near, device)
+    if begin is not None:
         front.attempt(known, begin[known, :, 0], begin[known, :, 1:3])
-    else:
+    if begin is None or (isinstance(guess, DicResult) and not _found(front, known) >= ENOUGH):
         _seed(front, start, int(search_px))
     front.propagate()
     if front.widen():
@@ -149,9 +151,9 @@ def _seed(front: Front, start: Start, search_px: int) -> None:
 
 
 def _found(front: Front, chosen: npt.NDArray[np.int64]) -> float:
-    """Share of the points that have a texture which have been measured."""
+    """Share of the points that have a texture which have been measured; 0 if there are none."""
     open_ = chosen[front.status[chosen] != Status.NO_TEXTURE]
-    return float(front.ok[open_].mean()) if open_.size else 1.0
+    return float(front.ok[open_].mean()) if open_.size else 0.0
 
 
 def _check_guess(
