@@ -17,6 +17,7 @@ from gpusim.measure.dic import dic, grid_points
 from gpusim.measure.epipolar import Matches, epipolar_distance, match_epipolar
 from gpusim.measure.interpolation import SplineImage
 from gpusim.measure.matching import Status
+from gpusim.measure.strain import StrainResult, StrainStatus, strain
 from gpusim.measure.subsets import DicResult
 from gpusim.measure.targets import Chessboard, Sighting, TargetStatistics, target_statistics
 from gpusim.measure.tracking import TrackResult, track
@@ -46,6 +47,8 @@ __all__ = [
     "Sighting",
     "SplineImage",
     "Status",
+    "StrainResult",
+    "StrainStatus",
     "TargetStatistics",
     "TrackResult",
     "Triangulated",
@@ -63,6 +66,7 @@ __all__ = [
     "match_epipolar",
     "rigid_motion",
     "scale_coefficient",
+    "strain",
     "target_statistics",
     "track",
     "triangulate",
