@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.optics.speckle import SpeckleTable, speckle_table
+from gpusim.optics.speckle_table import SpeckleTable, speckle_table
 from gpusim.optics.view import RegionPaint
 from gpusim.surface.features import Features
 from gpusim.surface.speckle import Speckle
@@ -156,14 +156,14 @@ def _file_speckle(
     regions: Sequence[RegionPaint], paints: npt.NDArray[np.void]
 ) -> tuple[SpeckleTable, npt.NDArray[np.int64]]:
     """The table of the regions with speckle; their records in ``paints`` are filled in."""
-    requests = []
+    requests: list[tuple[Speckle, Array, Array, float]] = []
     grid_of_paint = np.full(len(paints), -1)
     for number, region in enumerate(regions):
         if isinstance(region.paint, Speckle) and region.reach > 0.0:
             grid_of_paint[number] = len(requests)
             requests.append((region.paint, region.low, region.high, region.reach))
     table = speckle_table(requests)
-    for number in np.flatnonzero(grid_of_paint >= 0):
+    for number in np.flatnonzero(grid_of_paint >= 0).tolist():
         grid, record = table.grids[grid_of_paint[number]], paints[number]
         record["cell"], record["featured"] = grid.cell, 2 if grid.soft else 3
         record["i0"], record["j0"] = grid.lowest

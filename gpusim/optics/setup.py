@@ -28,7 +28,7 @@ from gpusim.optics.light import (
 )
 from gpusim.optics.pattern import PatternTable
 from gpusim.optics.view import NORMAL, ST, View, barycentric_planes, look
-from gpusim.surface.paint import Checker, Dots, Markers, Paint, Plain
+from gpusim.surface.paint import Checker, Dots, Markers, Paint, Plain, Speckle
 from gpusim.surface.surface import Surface
 
 __all__ = ["TRIANGLE", "Setup", "footprint", "probe_setup", "radiance_factor"]
@@ -223,9 +223,11 @@ def probe_setup() -> Setup:
         Dots(0.22, 0.4, None, None, (0.11, 0.05)),
         Markers(np.array([[0.6, 0.7], [1.4, 1.2]]), 0.5, angle=0.4),
         Plain(0.7),
+        Speckle(0.23, 0.5, 0.03, "lognormal", 0.25, seed=3),
+        Speckle(0.31, 0.4, seed=4),
     )
     places = ((-1.1, -0.6, 5.0, 0.3), (1.0, -0.7, 5.5, -0.5), (-0.8, 1.0, 5.2, 0.2),
-              (0.9, 1.1, 6.0, 0.6))  # fmt: skip
+              (0.9, 1.1, 6.0, 0.6), (-0.1, 0.2, 7.5, -0.2), (0.4, -1.6, 5.9, 0.35))  # fmt: skip
     surfaces = [
         Surface(quad(*place), face, paint=paint)
         for place, paint in zip(places, paints, strict=True)
