@@ -25,8 +25,6 @@ __all__ = [
     "MOST_CUTS",
     "SpeckleGrid",
     "SpeckleTable",
-    "polygon_cover",
-    "speckle_cover",
     "speckle_table",
 ]
 
