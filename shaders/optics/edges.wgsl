@@ -5,6 +5,8 @@
 // divided among partly hidden triangles and the background in proportion to their samples.
 // The paint's mean is taken over the clipped polygon, the light at its centroid.
 #import common/paint
+#import common/polygon
+#import common/polygon_speckle
 #import common/surface
 
 override lit: u32;
@@ -37,78 +39,6 @@ struct Range {
 // (one more pair ends the last); the numbers of the triangles follow, nearest first
 @group(0) @binding(8) var<storage, read> lists: array<u32>;
 @group(0) @binding(9) var<storage, read_write> radiance: array<f32>;
-
-const MOST: i32 = 8;
-
-struct Polygon {
-    count: i32,
-    p: array<vec2f, 8>,
-}
-
-// Keep the part of a polygon where d.x * x + d.y * y + d.z >= 0 (Sutherland and Hodgman 1974).
-fn clip(polygon: Polygon, d: vec3f) -> Polygon {
-    var result: Polygon;
-    result.count = 0;
-    if (polygon.count == 0) { return result; }
-    var a = polygon.p[polygon.count - 1];
-    var da = dot(d.xy, a) + d.z;
-    for (var i = 0; i < polygon.count; i++) {
-        let b = polygon.p[i];
-        let db = dot(d.xy, b) + d.z;
-        if ((da < 0.0) != (db < 0.0) && result.count < MOST) {
-            result.p[result.count] = a + (da / (da - db)) * (b - a);
-            result.count++;
-        }
-        if (db >= 0.0 && result.count < MOST) {
-            result.p[result.count] = b;
-            result.count++;
-        }
-        a = b;
-        da = db;
-    }
-    return result;
-}
-
-// Signed area and centroid: (area, x, y).
-fn moments(polygon: Polygon) -> vec3f {
-    var sum = vec3f(0.0);
-    let o = polygon.p[0];
-    for (var i = 1; i + 1 < polygon.count; i++) {
-        let a = polygon.p[i] - o;
-        let b = polygon.p[i + 1] - o;
-        let twice = a.x * b.y - a.y * b.x;
-        sum += twice * vec3f(3.0, a + b);
-    }
-    let area = sum.x / 6.0;
-    if (sum.x == 0.0) { return vec3f(0.0, o); }
-    return vec3f(area, o + sum.yz / sum.x);
-}
-
-// Samples (bits, 32 a row) of a row of the mask inside three half planes.
-// Sample k of row r sits at x = (k + shift(r)) / 32 - 1/2, y = (r + 1/2) / 16 - 1/2.
-fn mask_row(r: i32, d0: vec3f, d1: vec3f, d2: vec3f) -> u32 {
-    let y = (f32(r) + 0.5) / 16.0 - 0.5;
-    let shift = (f32((r * 7) % 16) + 0.5) / 16.0;
-    var low = -1.0;
-    var high = 1.0;
-    var some = true;
-    for (var k = 0; k < 3; k++) {
-        let d = select(select(d2, d1, k == 1), d0, k == 0);
-        let c = d.y * y + d.z;
-        if (d.x > 0.0) { low = max(low, -c / d.x); }
-        else if (d.x < 0.0) { high = min(high, -c / d.x); }
-        else if (c < 0.0) { some = false; }
-    }
-    if (!some || !(low < high)) { return 0u; }
-    let first = i32(clamp(ceil((low + 0.5) * 32.0 - shift), 0.0, 32.0));
-    let last = i32(clamp(ceil((high + 0.5) * 32.0 - shift), 0.0, 32.0));
-    return below(last) & ~below(first);
-}
-
-fn below(k: i32) -> u32 {
-    if (k >= 32) { return 0xffffffffu; }
-    return (1u << u32(k)) - 1u;
-}
 
 // A polygon on the paint and 1 / z at its corners, relative to that at its centroid.
 struct Outline {
@@ -206,70 +136,6 @@ fn polygon_disc(f: Feature, polygon: Polygon) -> f32 {
     return clamp(sum / area, 0.0, 1.0);
 }
 
-// Share of a polygon (px from the pixel's centre) that speckle covers: triangles from its first
-// corner, each of them in rows, which are exact where the edges are hard and sampled where soft.
-// `corner` is that of the cell, relative to the triangle's own.
-fn polygon_speckle(
-    t: Triangle, d: vec2f, polygon: Polygon, cell: u32, corner: vec2f, cuts: u32, kind: u32
-) -> f32 {
-    let list = textureLoad(speckles, texel(cell), 0);
-    let first = u32(list.x);
-    let last = first + u32(list.y);
-    let soft = speckle == 1u || (speckle == 3u && kind == 2u);
-    let steps = select(range.hard_rows, 3u * cuts, soft);
-    var sum = 0.0;
-    var whole = 0.0;
-    for (var k = 1; k + 1 < polygon.count; k++) {
-        let a = polygon.p[k] - polygon.p[0];
-        let b = polygon.p[k + 1] - polygon.p[0];
-        let area = a.x * b.y - a.y * b.x;
-        for (var j = 0u; j < steps; j++) {
-            let row = row_step(j, steps, soft);
-            let p0 = polygon.p[0] + row.x * a;
-            let p1 = polygon.p[0] + row.x * b;
-            var covered = 0.0;
-            if (speckle != 2u && soft) {
-                for (var i = 0u; i < steps; i++) {
-                    let point = row_step(i, steps, soft);
-                    let st = paint_position(t, d + mix(p0, p1, point.x)) - corner;
-                    var open = 1.0;
-                    for (var n = first; n < last; n++) {
-                        let disc = textureLoad(speckles, texel(n), 0);
-                        let m = st - disc.xy;
-                        open *= leaves(vec3f((disc.z * disc.z - dot(m, m)) * disc.w)).x;
-                    }
-                    covered += point.y * (1.0 - open);
-                }
-            }
-            if (speckle != 1u && !soft) {
-                let start = paint_position(t, d + p0) - corner;
-                let along = paint_position(t, d + p1) - corner - start;
-                var rows = no_rows();
-                for (var n = first; n < last; n++) {
-                    let disc = textureLoad(speckles, texel(n), 0);
-                    let m = start - disc.xy;
-                    rows = cover_rows(rows, dot(along, along), vec4f(dot(m, along)),
-                        vec4f(dot(m, m) - disc.z * disc.z));
-                }
-                covered = union_rows(rows).x;
-            }
-            sum += area * 2.0 * row.x * row.y * covered;
-        }
-        whole += area;
-    }
-    if (whole == 0.0) { return 0.0; }
-    return clamp(sum / whole, 0.0, 1.0);
-}
-
-// Position in 0 ... 1 and weight of step i: Gauss points, three to a piece, or midpoints.
-fn row_step(i: u32, steps: u32, soft: bool) -> vec2f {
-    if (!soft) { return vec2f((f32(i) + 0.5) / f32(steps), 1.0 / f32(steps)); }
-    let pieces = f32(steps / 3u);
-    let k = f32(i % 3u) - 1.0;
-    let place = (f32(i / 3u) + 0.5 + k * GAUSS) / pieces;
-    return vec2f(place, select(END, MIDDLE, k == 0.0) / pieces);
-}
-
 // Mean albedo over a polygon given in pixels relative to the pixel's centre, which lies at
 // offset d from the triangle's anchor; `centroid` decides the pattern cell.
 fn paint_polygon(t: Triangle, d: vec2f, polygon: Polygon, centroid: vec2f) -> f32 {
@@ -284,7 +150,8 @@ fn paint_polygon(t: Triangle, d: vec2f, polygon: Polygon, centroid: vec2f) -> f3
     let slot = paint.first + u32(at.y * paint.columns + at.x);
     if (speckle != 0u && paint.featured > 1u) {
         let corner = vec2f(k) * paint.cell;
-        let covered = polygon_speckle(t, d, polygon, slot, corner, paint.cuts, paint.featured);
+        let covered = polygon_speckle(t, d, polygon, slot, corner, paint.cuts, paint.featured,
+            range.hard_rows);
         return mix(paint.ground, paint.dot, covered);
     }
     var albedo = paint.ground;
