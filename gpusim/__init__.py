@@ -29,6 +29,7 @@ if _typing.TYPE_CHECKING:
         TwinMismatch,
     )
     from gpusim.fem import Isotropic, Model, Orthotropic, Solution
+    from gpusim.field import Field, read_field
     from gpusim.gpu import Device
     from gpusim.mesh import Mesh, mesh_cad, read_mesh
     from gpusim.optics import (
@@ -59,6 +60,7 @@ __all__ = [
     "Device",
     "DeviceError",
     "DeviceLost",
+    "Field",
     "Frame",
     "GpusimError",
     "InputError",
@@ -94,6 +96,7 @@ __all__ = [
     "paint",
     "photograph",
     "psf",
+    "read_field",
     "read_mesh",
     "render",
     "run",
@@ -114,6 +117,7 @@ _HOMES = {
         "TwinMismatch",
     ),
     "gpusim.fem": ("Isotropic", "Model", "Orthotropic", "Solution"),
+    "gpusim.field": ("Field", "read_field"),
     "gpusim.gpu": ("Device",),
     "gpusim.mesh": ("Mesh", "mesh_cad", "read_mesh"),
     "gpusim.optics": (
