@@ -15,6 +15,7 @@ import numpy.typing as npt
 from gpusim.gpu import Buffer, Device, Recording, compare, twin_check
 from gpusim.optics.albedo import mean_albedo
 from gpusim.optics.binning import EdgePixels, bin_edges
+from gpusim.optics.bitmap import mean_over_polygons
 from gpusim.optics.pattern import LOOP_TURNS
 from gpusim.optics.setup import Setup, probe_setup, radiance_factor
 from gpusim.optics.shade import Tables
@@ -38,6 +39,7 @@ class EdgePass:
         # about what one triangle takes: clipping and samples, then its features' corners
         table, fine = tables.setup.table, tables.setup.constants(True)["fine"]
         turns = 200 + table.most_in_a_cell * (2000 if fine else 50)
+        turns += 3000 if tables.setup.shows_bitmap.any() else 0
         deep = edges.depth > min(DEEPEST, LOOP_TURNS // turns)
         self._deep = edges.select(deep)
         self._deep_values = _resolve(tables.setup, self._deep).astype(np.float32)
@@ -60,7 +62,9 @@ class EdgePass:
         if first == last:
             return
         patterned = bool(setup.near_feature.any())
-        kernel = self.tables.device.kernel("optics/edges", constants=setup.constants(patterned))
+        kernel = self.tables.device.kernel(
+            "optics/edges", constants=setup.constants(patterned, bool(setup.shows_bitmap.any()))
+        )
         bindings = kernel.bind(
             params={
                 "rays": self.tables.rays(),
@@ -185,6 +189,14 @@ def _light(
         corners, w = _paint_positions(setup, own, at[rows, None] + polygon[rows])
         albedo[rows] = mean_albedo(
             setup.table, paint[rows], setup.cell[own], middle[:, 0], corners - middle, w / w0
+        )
+    for number, image in setup.bitmaps.images.items():
+        rows = np.flatnonzero(paint == number)
+        own = triangle[rows]
+        middle, w0 = _paint_positions(setup, own, (at + centroid)[rows][:, None])
+        corners, w = _paint_positions(setup, own, at[rows, None] + polygon[rows])
+        albedo[rows] = mean_over_polygons(
+            image, image.ground, setup.cell[own], middle[:, 0], corners - middle, w / w0
         )
     return albedo * radiance_factor(setup, triangle, x, y)
 

@@ -120,7 +120,7 @@ class PatternTable:
         Counts come from a summed-area table per paint.
         """
         result = np.zeros(len(paint), bool)
-        for number in np.flatnonzero(self.paints["featured"]):
+        for number in np.flatnonzero(self.paints["featured"] == 1):
             rows = np.flatnonzero(paint == number)
             record = self.paints[number]
             shape = (int(record["rows"]), int(record["columns"]))

@@ -16,8 +16,10 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.gpu import Buffer, Device, Recording, compare, twin_check
+from gpusim.gpu.texels import Texels
 from gpusim.optics.albedo import mean_albedo
 from gpusim.optics.binning import bin_edges
+from gpusim.optics.bitmap import mean_over_pixels
 from gpusim.optics.pattern import FINEST, LOOP_TURNS
 from gpusim.optics.setup import Setup, footprint, probe_setup, radiance_factor
 from gpusim.optics.visibility import visibility_twin
@@ -38,6 +40,9 @@ class Tables:
         self.features = device.buffer(table.features, "shade.features")
         self.triangles = device.buffer(setup.records(), "shade.triangles")
         self.screen = device.buffer(fixed, "shade.screen")
+        texels = setup.bitmaps.texels()
+        self.bitmap_texels = Texels(device, len(texels), "rgba32float", "shade.bitmaps")
+        self.bitmap_texels.write(texels)
 
     def shared(self) -> dict[str, Any]:
         """The bindings that both passes have, by their WGSL names."""
@@ -48,6 +53,7 @@ class Tables:
             "triangles": self.triangles,
             "screen": self.screen,
             "lamps": self.lamps,
+            "bitmap_texels": self.bitmap_texels,
         }
 
     def rays(self) -> dict[str, npt.NDArray[np.float64]]:
@@ -58,10 +64,10 @@ class Tables:
 
 
 class ShadePass:
-    """Draws a view's radiance band by band: plain triangles, then those near features.
+    """Draws a view's radiance band by band: triangles near features, plain ones, bitmaps.
 
-    Two programs, because software rasterisers run both sides of every branch: a plain wall must
-    not pay for the pattern on a marker.
+    A program for each, because software rasterisers run both sides of every branch: a plain wall
+    must not pay for the pattern on a marker.
     """
 
     def __init__(self, tables: Tables, rows: int) -> None:
@@ -82,12 +88,14 @@ class ShadePass:
         self._near, depth = view.raster_depth()
         self._inverse = device.buffer(depth, "shade.inverse_depth")
         self._draws = []
-        for patterned in (True, False):
-            wanted = setup.near_feature == patterned
+        shown = setup.shows_bitmap
+        groups = [(True, False), (False, False), (True, True)]
+        for patterned, bitmaps in groups[: 3 if shown.any() else 2]:
+            wanted = (setup.near_feature == patterned) & (shown == bitmaps)
             order = near_first[wanted[near_first]]
             if len(order) or not patterned:
                 raster = device.raster(
-                    "optics/shade", ("r32float",), constants=setup.constants(patterned)
+                    "optics/shade", ("r32float",), constants=setup.constants(patterned, bitmaps)
                 )
                 numbers = order.astype(np.uint32) if len(order) else np.zeros(1, np.uint32)
                 buffer = device.buffer(numbers, "shade.order")
@@ -141,6 +149,12 @@ def shade_twin(setup: Setup, ids: npt.NDArray[np.uint32]) -> npt.NDArray[np.floa
                 setup.table, paint[rows], setup.cell[triangle[rows]], st, corners,
                 np.ones(corners.shape[:2]), (ex, ey, q),
             )  # fmt: skip
+        for number, image in setup.bitmaps.images.items():
+            rows = np.flatnonzero(paint == number)
+            st, ex, ey, q = footprint(setup, triangle[rows], column[rows], row[rows])
+            albedo[rows] = mean_over_pixels(
+                image, image.ground, setup.cell[triangle[rows]], st, ex, ey, q
+            )
         radiance[y + row0, x] = albedo * radiance_factor(setup, triangle, column, row)
     return radiance
 
