@@ -29,6 +29,7 @@ if _typing.TYPE_CHECKING:
         TwinMismatch,
     )
     from gpusim.fem import Isotropic, Model, Orthotropic, Solution
+    from gpusim.field import Field, read_field
     from gpusim.gpu import Device
     from gpusim.mesh import Mesh, mesh_cad, read_mesh
     from gpusim.optics import (
@@ -36,9 +37,14 @@ if _typing.TYPE_CHECKING:
         AreaLight,
         Camera,
         Frame,
+        Lens,
         PointLight,
         Sensor,
+        Shutter,
         Truth,
+        Vignetting,
+        photograph,
+        psf,
         render,
     )
     from gpusim.pipeline import run, solve
@@ -54,10 +60,12 @@ __all__ = [
     "Device",
     "DeviceError",
     "DeviceLost",
+    "Field",
     "Frame",
     "GpusimError",
     "InputError",
     "Isotropic",
+    "Lens",
     "Mesh",
     "Model",
     "NoAdapter",
@@ -70,11 +78,13 @@ __all__ = [
     "Scene",
     "SceneError",
     "Sensor",
+    "Shutter",
     "Skin",
     "Solution",
     "Surface",
     "Truth",
     "TwinMismatch",
+    "Vignetting",
     "__version__",
     "errors",
     "fem",
@@ -84,6 +94,9 @@ __all__ = [
     "mesh",
     "mesh_cad",
     "paint",
+    "photograph",
+    "psf",
+    "read_field",
     "read_mesh",
     "render",
     "run",
@@ -104,6 +117,7 @@ _HOMES = {
         "TwinMismatch",
     ),
     "gpusim.fem": ("Isotropic", "Model", "Orthotropic", "Solution"),
+    "gpusim.field": ("Field", "read_field"),
     "gpusim.gpu": ("Device",),
     "gpusim.mesh": ("Mesh", "mesh_cad", "read_mesh"),
     "gpusim.optics": (
@@ -111,9 +125,14 @@ _HOMES = {
         "AreaLight",
         "Camera",
         "Frame",
+        "Lens",
         "PointLight",
         "Sensor",
+        "Shutter",
         "Truth",
+        "Vignetting",
+        "photograph",
+        "psf",
         "render",
     ),
     "gpusim.pipeline": ("run", "solve"),

@@ -24,6 +24,7 @@ from gpusim.state import StateFile
 __all__ = ["Plan", "PlannedStage", "make_plan"]
 
 State = Literal["run", "skipped", "reused"]
+_GIVEN = "displacements are given"
 
 
 @dataclass(frozen=True)
@@ -32,7 +33,7 @@ class PlannedStage:
 
     ``detail`` says how much work it is; ``memory_bytes`` and ``seconds`` are estimates for two CPU
     cores (0 unless run). Render stages, named ``render/<camera>/<frame>``, have ``camera`` and
-    ``frame``.
+    ``frame``; those of a calibration target, ``render/<camera>/calib-<pose>``, ``pose`` instead.
     """
 
     name: str
@@ -44,6 +45,7 @@ class PlannedStage:
     detail: str = ""
     camera: str | None = None
     frame: int | None = None
+    pose: int | None = None
 
     @property
     def runs(self) -> bool:
@@ -152,7 +154,7 @@ class _Planner:
 
     def plan(self) -> Plan:
         scene, backend = self.scene, self.backend
-        mesh = self.key("mesh", ("body.*.mesh", "body.*.notch"))
+        mesh = self.key("mesh", ("body.*.mesh", "body.*.field", "body.*.notch"))
         model = self.key(
             "model",
             ("material", "body.*.material", "body.*.part", "body.*.formulation"),
@@ -161,15 +163,17 @@ class _Planner:
         )
         solve = self.key("solve", ("solver", "analysis.type"), model, extra=backend)
         surface = self.key("surface", ("body.*.name", "body.*.paint", "prop"), mesh)
-        still = self._still()
-        self.decide("solve", solve, still if self.skip else "" if scene.bodies else still)
-        frames = self._frames(surface, solve if not still else "")
+        still, given = self._still(), self.history.given
+        unsolved = _GIVEN if given else still if self.skip or not scene.bodies else ""
+        self.decide("solve", solve, unsolved)
+        frames = self._frames(surface, solve if not still and not given else "")
+        targets = self._targets()
         self._results(surface, solve, frames)
         self._in_memory(mesh, model, surface)
         everything = [stage.key for stage in self.stages.values()]
         report = self.key("report", ("name", "description"), *everything)
         self.enter("report", "run", "says what this run did", report)
-        order = ["mesh", "model", "solve", "surface", *frames]
+        order = ["mesh", "model", "solve", "surface", *frames, *targets]
         order += ["truth", "measure", "stress", "export", "report"]
         if not frames:
             self.enter("render", "skipped", "no [[camera]]", self.key("render", ()))
@@ -181,6 +185,8 @@ class _Planner:
         bodies = self.scene.bodies
         if not bodies:
             return "no [[body]]"
+        if self.history.given:
+            return ""
         moved = any(any(s.displacement) for body in bodies for s in body.supports)
         if not moved and not any(body.loads for body in bodies):
             return "no load and no prescribed displacement"
@@ -199,8 +205,9 @@ class _Planner:
                 name = f"render/{camera.name}/{frame:04d}"
                 # the unloaded frame doesn't depend on the solution; an automatic exposure is that
                 # of the camera's first frame
-                moved = "" if self.history.still(frame) else solve
-                weights = self.history.weights(frame) if moved else []
+                unloaded = self.history.unloaded(frame)
+                moved = "" if unloaded else solve
+                weights = [] if unloaded else self.history.weights(frame)
                 key = self.key(name, sections, surface, moved, first, extra=[self.backend, weights])
                 if frame == 0 and self.scene.sensor.exposure is None:
                     first = key
@@ -208,7 +215,25 @@ class _Planner:
                 if self.stages[name].runs:
                     columns, rows = camera.resolution
                     factors = ", ".join(f"{w:g}" for w in self.history.shown(frame))
-                    detail = f"{columns}x{rows} px, {self.stages[name].detail}, load x {factors}"
+                    what = f"time {factors}" if self.history.given else f"load x {factors}"
+                    detail = f"{columns}x{rows} px, {self.stages[name].detail}, {what}"
+                    self.stages[name] = replace(self.stages[name], detail=detail)
+                names.append(name)
+        return names
+
+    def _targets(self) -> list[str]:
+        """Enter the render stages of the calibration target, which no body has a part in."""
+        calibration, names = self.scene.calibration, []
+        for camera in calibration.cameras if calibration else ():
+            sections = (f"camera.{camera}", "light", "render", "sensor", "prop", "calibration")
+            key = self.key("calibration", sections, extra=self.backend)
+            (spec,) = [one for one in self.scene.cameras if one.name == camera]
+            for pose in range(len(calibration.poses) if calibration else 0):
+                name = f"render/{camera}/calib-{pose:04d}"
+                self.decide(name, self.key(name, (), key), camera=camera, pose=pose)
+                if self.stages[name].runs:
+                    columns, rows = spec.resolution
+                    detail = f"{columns}x{rows} px, {self.stages[name].detail}, target"
                     self.stages[name] = replace(self.stages[name], detail=detail)
                 names.append(name)
         return names
@@ -241,8 +266,10 @@ class _Planner:
         """Mesh, model and surface: run for the stages that need them, else not at all."""
         solving = self.runs("solve", "stress")
         drawing = self.runs("render", "truth", "measure", "export")
+        if self.history.given:
+            self.enter("model", "skipped", _GIVEN, model)
         for name, key, users in (
-            ("model", model, solving),
+            *(() if self.history.given else (("model", model, solving),)),
             ("surface", surface, drawing),
             ("mesh", mesh, [*solving, *drawing]),
         ):

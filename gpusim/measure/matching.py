@@ -26,13 +26,16 @@ class Status(IntEnum):
     """What became of a point. Only ``OK`` points carry numbers; the others are NaN."""
 
     OK = 0
-    OUTSIDE = 1  # its subset leaves one of the images, or is masked for the most part
+    OUTSIDE = 1  # its subset leaves one of the images
     NO_TEXTURE = 2  # nothing in the subset tells the motion
     NOT_CONVERGED = 3
     LOW_CORRELATION = 4
     NO_GUESS = 5  # never reached: no start value nearby
     BACKWARD = 6  # tracking back from the deformed image doesn't return to the point
     AMBIGUOUS = 7  # another point, elsewhere before, was tracked to the same place
+    MASKED = 8  # its subset is masked, or not a number, for the most part
+    SATURATED = 9  # its subset lies in an area at full scale, here or where it went
+    EPIPOLAR = 10  # the two cameras of a pair don't see it on matching lines
 
 
 @dataclass(frozen=True)
@@ -40,7 +43,7 @@ class Settings:
     """How subsets are matched.
 
     window : (S, S) float64 weights in 0..1, S odd.
-    tolerance : largest move of a subset pixel in the last step, px.
+    tolerance : how far a pixel of the subset may still be from where it would end, px.
     max_move : a subset that leaves its start by more than this has diverged, px.
     """
 

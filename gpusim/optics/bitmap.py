@@ -33,7 +33,7 @@ __all__ = [
 Array = npt.NDArray[np.float64]
 Long = npt.NDArray[np.int64]
 
-BITMAP = 2
+BITMAP = 4
 """Value of a paint record's ``featured`` for bitmaps."""
 WIDEST = 2.9
 """Cells of a level that one piece of a footprint may span."""

@@ -6,7 +6,7 @@ evaluate the same coefficients at pixels.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -29,7 +29,7 @@ from gpusim.optics.light import (
 )
 from gpusim.optics.pattern import PatternTable
 from gpusim.optics.view import NORMAL, ST, View, barycentric_planes, look
-from gpusim.surface.paint import Checker, Dots, Image, Markers, Paint, Plain
+from gpusim.surface.paint import Checker, Dots, Image, Markers, Paint, Plain, Speckle
 from gpusim.surface.surface import Surface
 
 __all__ = ["TRIANGLE", "Setup", "footprint", "probe_setup", "radiance_factor"]
@@ -95,7 +95,6 @@ class Setup:
         planes = np.einsum("tia,tik->tak", values, basis)
         planes[:, :, 2] += np.einsum("tak,tk->ta", planes[:, :, :2], anchor.astype(np.float64))
         near = table.near_features(view.paint, st.min(axis=1), st.max(axis=1))
-        near |= table.paints["featured"][view.paint] == BITMAP
         return Setup(
             view, table, bitmaps, rows, ambient(lights or []), background, lit, planes, anchor,
             cell.astype(np.int64), mean_inverse,
@@ -151,14 +150,9 @@ class Setup:
         return fine, large
 
     @cached_property
-    def shows_bitmap(self) -> npt.NDArray[np.bool_]:
-        """(T,) whether a triangle's paint is a bitmap."""
-        return np.asarray(self.table.paints["featured"][self.view.paint] == BITMAP)
-
-    @cached_property
     def _bitmap_variant(self) -> int:
         """2 where a pixel may span so many texels that they are taken all at once, else 1."""
-        rows = np.flatnonzero(self.shows_bitmap)
+        rows = np.flatnonzero(self.groups == BITMAP)
         widest = 0.0
         for corner in range(3):
             at = self.view.screen[rows, corner]
@@ -167,22 +161,25 @@ class Setup:
         # footprints change little more between the corners of a triangle
         return 2 if 1.2 * widest > PIECES else 1
 
-    def constants(self, patterned: bool, bitmaps: bool = False) -> dict[str, float]:
-        """Override constants that leave out of a shader what this view doesn't have.
+    @cached_property
+    def groups(self) -> npt.NDArray[np.uint32]:
+        """(T,) what a triangle's pixels may meet: 0 one albedo, else its paint's ``featured``."""
+        featured = self.table.paints["featured"][self.view.paint]
+        return np.where(self.near_feature, featured, 0).astype(np.uint32)
 
-        ``patterned``: the triangles drawn have features on them or near them; ``bitmaps``: they
-        show bitmaps.
-        """
-        kinds = self.table.kinds() if patterned else set()
-        fine, large = self._pattern_traits if patterned else (False, False)
+    def constants(self, groups: Collection[int]) -> dict[str, float]:
+        """Override constants that leave out of a shader what ``groups`` of triangles don't have."""
+        kinds = self.table.kinds() if 1 in groups else set()
+        fine, large = self._pattern_traits if 1 in groups else (False, False)
         return {
             "lit": float(self.lit),
-            "patterned": float(patterned),
+            "patterned": float(any(groups)),
+            "speckle": float((2 in groups) + 2 * (3 in groups)),
             "emitter_count": float(len(self.emitters)),
             "checkers": float(0 in kinds),
             "discs": float((2 if large else 1) if 1 in kinds else 0),
             "fine": float(fine),
-            "bitmaps": float(self._bitmap_variant if bitmaps else 0),
+            "bitmaps": float(self._bitmap_variant if BITMAP in groups else 0),
         }
 
     def lamps(self) -> dict[str, Array]:
@@ -242,12 +239,15 @@ def probe_setup() -> Setup:
         Dots(0.22, 0.4, None, None, (0.11, 0.05)),
         Markers(np.array([[0.6, 0.7], [1.4, 1.2]]), 0.5, angle=0.4),
         Plain(0.7),
+        Speckle(0.23, 0.5, 0.03, "lognormal", 0.25, seed=3),
+        Speckle(0.31, 0.4, seed=4),
         # one seen at about a texel a pixel, one at many
         Image(_ripples(23, 37), 0.04, (0.13, 0.09), 0.1, 0.9, 0.3),
         Image(_ripples(300, 200), 0.002, (-0.01, 0.05), 0.2, 0.7, 0.5),
     )
     places = ((-1.1, -0.6, 5.0, 0.3), (1.0, -0.7, 5.5, -0.5), (-0.8, 1.0, 5.2, 0.2),
-              (0.9, 1.1, 6.0, 0.6), (0.1, -0.1, 4.4, 0.9), (-0.3, 1.9, 6.4, -1.0))  # fmt: skip
+              (0.9, 1.1, 6.0, 0.6), (-0.1, 0.2, 7.5, -0.2), (0.4, -1.6, 5.9, 0.35),
+              (0.1, -0.1, 4.4, 0.9), (-0.3, 1.9, 6.4, -1.0))  # fmt: skip
     surfaces = [
         Surface(quad(*place), face, paint=paint)
         for place, paint in zip(places, paints, strict=True)

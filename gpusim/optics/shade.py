@@ -19,7 +19,7 @@ from gpusim.gpu import Buffer, Device, Recording, compare, twin_check
 from gpusim.gpu.texels import Texels
 from gpusim.optics.albedo import mean_albedo
 from gpusim.optics.binning import bin_edges
-from gpusim.optics.bitmap import mean_over_pixels
+from gpusim.optics.bitmap import BITMAP, mean_over_pixels
 from gpusim.optics.pattern import FINEST, LOOP_TURNS
 from gpusim.optics.setup import Setup, footprint, probe_setup, radiance_factor
 from gpusim.optics.visibility import visibility_twin
@@ -43,6 +43,7 @@ class Tables:
         texels = setup.bitmaps.texels()
         self.bitmap_texels = Texels(device, len(texels), "rgba32float", "shade.bitmaps")
         self.bitmap_texels.write(texels)
+        self.speckles = table.speckle.texels(device)
 
     def shared(self) -> dict[str, Any]:
         """The bindings that both passes have, by their WGSL names."""
@@ -54,6 +55,7 @@ class Tables:
             "screen": self.screen,
             "lamps": self.lamps,
             "bitmap_texels": self.bitmap_texels,
+            "speckles": self.speckles,
         }
 
     def rays(self) -> dict[str, npt.NDArray[np.float64]]:
@@ -64,16 +66,16 @@ class Tables:
 
 
 class ShadePass:
-    """Draws a view's radiance band by band: triangles near features, plain ones, bitmaps.
+    """Draws a view's radiance band by band: triangles near features, then plain ones.
 
-    A program for each, because software rasterisers run both sides of every branch: a plain wall
-    must not pay for the pattern on a marker.
+    A program for each kind, because software rasterisers run both sides of every branch: a plain
+    wall must not pay for the pattern on a marker.
     """
 
     def __init__(self, tables: Tables, rows: int) -> None:
         device, setup = tables.device, tables.setup
         view = setup.view
-        turns = FINEST * (FINEST + 1) + 1 if setup.constants(True)["fine"] else 1
+        turns = FINEST * (FINEST + 1) + 1 if setup.constants([1])["fine"] else 1
         if not setup.table.most_in_a_cell * turns <= LOOP_TURNS:
             raise InputError(
                 f"render: paint patterns; got up to {setup.table.most_in_a_cell} features that one "
@@ -88,14 +90,11 @@ class ShadePass:
         self._near, depth = view.raster_depth()
         self._inverse = device.buffer(depth, "shade.inverse_depth")
         self._draws = []
-        shown = setup.shows_bitmap
-        groups = [(True, False), (False, False), (True, True)]
-        for patterned, bitmaps in groups[: 3 if shown.any() else 2]:
-            wanted = (setup.near_feature == patterned) & (shown == bitmaps)
-            order = near_first[wanted[near_first]]
-            if len(order) or not patterned:
+        for group in (BITMAP, 3, 2, 1, 0):
+            order = near_first[(setup.groups == group)[near_first]]
+            if len(order) or not group:
                 raster = device.raster(
-                    "optics/shade", ("r32float",), constants=setup.constants(patterned, bitmaps)
+                    "optics/shade", ("r32float",), constants=setup.constants([group])
                 )
                 numbers = order.astype(np.uint32) if len(order) else np.zeros(1, np.uint32)
                 buffer = device.buffer(numbers, "shade.order")
@@ -141,7 +140,8 @@ def shade_twin(setup: Setup, ids: npt.NDArray[np.uint32]) -> npt.NDArray[np.floa
         column, row = x.astype(np.float64), (y + row0).astype(np.float64)
         paint = setup.view.paint[triangle]
         albedo = setup.table.paints["ground"][paint].astype(np.float64)
-        rows = np.flatnonzero(setup.table.paints["featured"][paint] == 1)
+        featured = setup.table.paints["featured"][paint]
+        rows = np.flatnonzero((featured > 0) & (featured < BITMAP))
         if len(rows):
             st, ex, ey, q = footprint(setup, triangle[rows], column[rows], row[rows])
             corners = np.stack([-ex - ey, ex - ey, ex + ey, ey - ex], axis=1) * 0.5

@@ -33,6 +33,7 @@ from .recipe import (
     BoxMesh,
     BracketMesh,
     CraneMesh,
+    FieldMesh,
     FileMesh,
     MeshRecipe,
     NotchRecipe,
@@ -44,14 +45,17 @@ __all__ = [
     "Analysis",
     "BeamMesh",
     "Body",
+    "Box",
     "BoxMesh",
     "BracketMesh",
+    "Calibration",
     "Camera",
     "Centrifugal",
     "Checker",
     "CraneMesh",
     "Deflection",
     "Dots",
+    "FieldMesh",
     "FileMesh",
     "Force",
     "Gravity",
@@ -70,11 +74,14 @@ __all__ = [
     "Paint",
     "Part",
     "Plain",
+    "Plate",
     "PlateMesh",
+    "Pose",
     "Pressure",
     "Prop",
     "Render",
     "Sensor",
+    "Shape",
     "Solver",
     "Support",
     "Thermal",
@@ -155,11 +162,12 @@ class Body:
     """A deformable body.
 
     A face belongs to the last paint whose ``where`` matches it, an element to the last part; where
-    no part does it is of ``material``.
+    no part does it is of ``material``. A body whose displacements are given (its ``mesh`` is a
+    `FieldMesh`) has no material, supports or loads.
     """
 
     name: str
-    material: Material
+    material: Material | None
     parts: tuple[Part, ...]
     formulation: str
     mesh: MeshRecipe
@@ -169,8 +177,21 @@ class Body:
 
 
 @dataclass(frozen=True)
-class Prop:
-    """A rigid plate (m): ``size`` is width (along up x normal) and height (along up)."""
+class Pose:
+    """Where a prop's own point is (m), and how it is turned (rad, about x, then y, then z)."""
+
+    position: Vec3
+    rotation: Vec3 = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Plate:
+    """A rigid plate (m): ``size`` is width (along up x normal) and height (along up).
+
+    Props of every shape have ``paints``, and ``poses``, one per frame, or none if they stand
+    still. They are built as described; ``stand`` is the pose in which they then stand, with
+    ``origin`` the point that a pose is about.
+    """
 
     name: str
     center: Vec3
@@ -178,11 +199,78 @@ class Prop:
     up: Vec3
     size: tuple[float, float]
     paint: Paint
+    poses: tuple[Pose, ...] = ()
+
+    @property
+    def paints(self) -> tuple[Paint, ...]:
+        return (self.paint,)
+
+    @property
+    def origin(self) -> Vec3:
+        return self.center
+
+    @property
+    def stand(self) -> Pose:
+        return Pose(self.center)
+
+
+@dataclass(frozen=True)
+class Box:
+    """A rigid block (m)."""
+
+    name: str
+    center: Vec3
+    size: Vec3
+    paints: tuple[Paint, ...]
+    rotation: Vec3
+    poses: tuple[Pose, ...] = ()
+
+    @property
+    def origin(self) -> Vec3:
+        return self.center
+
+    @property
+    def stand(self) -> Pose:
+        return Pose(self.center, self.rotation)
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A rigid thing from a file (absolute ``path``; ``scale`` is metres per unit of the file)."""
+
+    name: str
+    path: str
+    scale: float
+    position: Vec3
+    paints: tuple[Paint, ...]
+    rotation: Vec3
+    poses: tuple[Pose, ...] = ()
+
+    @property
+    def origin(self) -> Vec3:
+        return 0.0, 0.0, 0.0
+
+    @property
+    def stand(self) -> Pose:
+        return Pose(self.position, self.rotation)
+
+
+Prop = Plate | Box | Shape
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """Images of the prop ``board`` in each of ``poses``, by ``cameras``; ``show``: other props."""
+
+    board: str
+    cameras: tuple[str, ...]
+    show: tuple[str, ...]
+    poses: tuple[Pose, ...]
 
 
 @dataclass(frozen=True)
 class Analysis:
-    """``type`` is "static"; one frame per load factor."""
+    """One frame per load factor ("static"), or per time of a given field ("field")."""
 
     type: str
     load_factors: tuple[float, ...]

@@ -8,7 +8,7 @@
 // 0 no bitmaps, 1 none that is much smaller than the pixels, 2 any
 override bitmaps: u32;
 
-const BITMAP: u32 = 2u;          // Paint.featured of a bitmap
+const BITMAP: u32 = 4u;          // Paint.featured of a bitmap
 const BITMAP_MARGIN: i32 = 8;    // coefficients beyond each side of a level
 const WIDEST: f32 = 2.9;         // cells of a level that one piece of a footprint may span
 const NARROWEST: f32 = 0.03125;
