@@ -42,7 +42,9 @@ def test_blur_disc_is_that_of_the_thin_lens(device: Device, depth: float, alone:
     surfaces = [half_plane(depth)]
     if not alone:  # something else far beside the edge: no longer all at one depth
         points = np.array([[0.6, 0.5, 0], [0.7, 0.5, 0], [0.7, 0.6, 0], [0.6, 0.6, 0]])
-        far = gs.Surface(points + [0, 0, FOCUS], np.array([[0, 3, 2, 1]]), name="elsewhere")
+        far = gs.Surface(
+            points + np.array([0, 0, FOCUS]), np.array([[0, 3, 2, 1]]), name="elsewhere"
+        )
         surfaces.append(far)
     frame = gs.photograph(surfaces, camera(), lens=LENS, device=device)
     assert ("one disc" in frame.facts["depth of field"]) == alone

@@ -181,7 +181,7 @@ def test_what_cannot_be_is_refused(device: Device) -> None:
 
     def falling(time: float) -> list[gs.Surface]:
         surface = half_plane()
-        return [surface.moved(surface.points + [0, 1.3 * time / LINE * 2.0 / 900.0, 0])]
+        return [surface.moved(surface.points + np.array([0, 1.3 * time / LINE * 2.0 / 900.0, 0]))]
 
-    with pytest.raises(InputError, match="1.3 rows per line_time"):
+    with pytest.raises(InputError, match=r"1\.3 rows per line_time"):
         gs.photograph(falling, camera(), shutter=rolling, device=device)
