@@ -197,7 +197,7 @@ def _residual(
     """Model less grey value (C, P) and its derivatives (C, 9, P), as in `cross._residual`."""
     along_1, along_2, normal_1, normal_2 = _frames(p)
     dx, dy = x - p[:, :1], y - p[:, 1:2]
-    sigma = np.maximum(np.abs(p[:, 8]), MIN_SIGMA)
+    sigma = np.clip(np.abs(p[:, 8]), MIN_SIGMA, 10.0 * MOST_SIGMA)
     first, second = (
         profile_and_slopes(dx * normal[:, :1] + dy * normal[:, 1:], normal, sigma)
         for normal in (normal_1, normal_2)
