@@ -17,6 +17,7 @@ from gpusim.measure.dic import dic, grid_points
 from gpusim.measure.epipolar import Matches, epipolar_distance, match_epipolar
 from gpusim.measure.interpolation import SplineImage
 from gpusim.measure.matching import Status
+from gpusim.measure.sequence import dic_sequence
 from gpusim.measure.strain import StrainResult, StrainStatus, strain
 from gpusim.measure.subsets import DicResult
 from gpusim.measure.targets import Chessboard, Sighting, TargetStatistics, target_statistics
@@ -56,6 +57,7 @@ __all__ = [
     "calibrate",
     "deflection_line",
     "dic",
+    "dic_sequence",
     "displacement_3d",
     "epipolar_distance",
     "find_chessboard",
