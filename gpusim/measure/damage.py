@@ -4,8 +4,8 @@ A notch makes a beam softer over a short length. Under the same loads its deflec
 from that of the intact beam by a broken line: straight, with a change of slope at each notch as
 large as the bending moment there times the notch's compliance. The difference is fitted by a
 continuous piecewise-linear curve with free breaks (Muggeo, "Estimating regression models with
-unknown break-points", Statistics in Medicine 22, 2003), one break after another as long as an F-test
-says that it explains more than noise.
+unknown break-points", Statistics in Medicine 22, 2003), one break after another as long as an
+F-test says that it explains more than noise.
 """
 
 from __future__ import annotations
@@ -163,7 +163,7 @@ def slope_changes(
 def _line(x: FloatArray, y: FloatArray, breaks: FloatArray) -> tuple[FloatArray, float]:
     """Offset, slope and slope changes for given breaks, and the sum of squares."""
     matrix = _columns(x, breaks)
-    parameters = np.linalg.lstsq(matrix, y, rcond=None)[0]
+    parameters = np.asarray(np.linalg.lstsq(matrix, y, rcond=None)[0], dtype=np.float64)
     gap = y - matrix @ parameters
     return parameters, float(gap @ gap)
 

@@ -26,6 +26,7 @@ from gpusim.pipeline.meshing import mesh_summary
 from gpusim.pipeline.modelling import build_model, held_by
 from gpusim.pipeline.solved import Solved
 from gpusim.pipeline.stresses import Stresses, write_stresses
+from gpusim.pipeline.variants import run_variants
 from gpusim.plan import Plan, PlannedStage, make_plan
 from gpusim.report import (
     Mechanics,
@@ -73,7 +74,14 @@ def run(
         raise InputError(f"run: scene; got {type(scene).__name__}; expected a Scene (load_scene)")
     if backend not in ("gpu", "numpy"):
         raise InputError(f"run: backend; got {backend!r}; expected 'gpu' or 'numpy'")
-    return _Run(scene, Path(out), backend, fresh, skip, progress or _silent).run()
+    tell = progress or _silent
+    if scene.variants:
+
+        def run_one(state: Scene, folder: Path, note: Progress) -> Report:
+            return _Run(state, folder, backend, fresh, skip, note).run()
+
+        return run_variants(scene, Path(out).resolve(), run_one, tell)
+    return _Run(scene, Path(out), backend, fresh, skip, tell).run()
 
 
 def _said(error: Exception) -> str:

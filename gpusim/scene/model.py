@@ -7,7 +7,8 @@ outside) is None for +z, or +y on a plane that is horizontal.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 from .loading import (
     Amplitude,
@@ -51,6 +52,7 @@ __all__ = [
     "Centrifugal",
     "Checker",
     "CraneMesh",
+    "Damage",
     "Deflection",
     "Dots",
     "FieldMesh",
@@ -64,6 +66,7 @@ __all__ = [
     "Marker",
     "Markers",
     "Material",
+    "Measure",
     "MeshRecipe",
     "NodalForce",
     "NotchRecipe",
@@ -78,9 +81,11 @@ __all__ = [
     "Render",
     "Sensor",
     "Solver",
+    "Stereo",
     "Support",
     "Thermal",
     "Traction",
+    "Variant",
     "Vec3",
     "Where",
 ]
@@ -263,6 +268,44 @@ class Deflection:
     static: tuple[str, ...]
     subset: int | None
     direction: str
+
+
+@dataclass(frozen=True)
+class Stereo:
+    """Markers of the paints ``groups`` in space, by ``cameras`` that [calibration] calibrates.
+
+    ``lens`` is the model that the calibration finds; ``static`` and ``subset`` as for `Deflection`.
+    """
+
+    name: str
+    cameras: tuple[str, ...]
+    groups: tuple[str, ...]
+    static: tuple[str, ...]
+    lens: str
+    subset: int | None
+
+
+@dataclass(frozen=True)
+class Damage:
+    """Slope changes (``tolerance`` in m) of the deflection ``of``, against a ``reference``."""
+
+    name: str
+    of: str
+    reference: str
+    tolerance: float
+    significance: float
+    most: int
+
+
+Measure = Deflection | Stereo | Damage
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A state: ``changes`` are dotted paths and the values that they get, as in the file."""
+
+    name: str
+    changes: dict[str, Any] = field(hash=False)
 
 
 @dataclass(frozen=True)

@@ -9,10 +9,10 @@ from pydantic import Field
 from .base import Table
 from .body import BodyTable
 from .material import MaterialTable
+from .measure import MeasureTable, VariantTable
 from .view import CameraTable, LightTable, PropTable
 from .work import (
     AnalysisTable,
-    MeasureTable,
     OutputTable,
     RenderTable,
     SensorTable,
@@ -40,6 +40,8 @@ class SceneTable(Table):
     render: RenderTable = RenderTable()
     sensor: SensorTable = SensorTable()
     measure: list[MeasureTable] = []
+    variant: list[VariantTable] = []
+    """States that are made in one run and compared."""
     output: OutputTable = OutputTable()
 
 
