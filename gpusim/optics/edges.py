@@ -15,9 +15,10 @@ import numpy.typing as npt
 from gpusim.gpu import Buffer, Device, Recording, compare, twin_check
 from gpusim.optics.albedo import mean_albedo
 from gpusim.optics.binning import EdgePixels, bin_edges
-from gpusim.optics.pattern import LOOP_TURNS
+from gpusim.optics.pattern import LOOP_TURNS, PatternTable
 from gpusim.optics.setup import Setup, probe_setup, radiance_factor
 from gpusim.optics.shade import Tables
+from gpusim.optics.speckle import ROWS as SPECKLE_ROWS
 from gpusim.optics.view import FIXED
 
 __all__ = ["EdgePass", "edges_twin"]
@@ -36,8 +37,8 @@ class EdgePass:
 
     def __init__(self, tables: Tables, edges: EdgePixels) -> None:
         # about what one triangle takes: clipping and samples, then its features' corners
-        table, fine = tables.setup.table, tables.setup.constants(True)["fine"]
-        turns = 200 + table.most_in_a_cell * (2000 if fine else 50)
+        table, fine = tables.setup.table, tables.setup.constants([1])["fine"]
+        turns = 200 + table.most_in_a_cell * (2000 if fine else 50) + speckle_turns(table)
         deep = edges.depth > min(DEEPEST, LOOP_TURNS // turns)
         self._deep = edges.select(deep)
         self._deep_values = _resolve(tables.setup, self._deep).astype(np.float32)
@@ -59,8 +60,8 @@ class EdgePass:
         first, last = np.searchsorted(self.edges.pixel, [row0 * width, (row0 + rows) * width])
         if first == last:
             return
-        patterned = bool(setup.near_feature.any())
-        kernel = self.tables.device.kernel("optics/edges", constants=setup.constants(patterned))
+        groups = np.unique(setup.groups).tolist()
+        kernel = self.tables.device.kernel("optics/edges", constants=setup.constants(groups))
         bindings = kernel.bind(
             params={
                 "rays": self.tables.rays(),
@@ -75,6 +76,7 @@ class EdgePass:
                 "sides": 3,
                 "corners": 4,
                 "mask_rows": ROWS,
+                "hard_rows": 2 * SPECKLE_ROWS,
             },
             lists=self._lists,
             radiance=radiance,
@@ -90,6 +92,12 @@ class EdgePass:
             row, column = divmod(int(self._deep.pixel[k]), width)
             place = (row - row0) * stride + column
             radiance.write(self._deep_values[k : k + 1], 4 * place)
+
+
+def speckle_turns(table: PatternTable) -> int:
+    """Loop turns that a polygon over speckle may take: six triangles, rows, points, discs."""
+    most = max((3 * grid.cuts for grid in table.speckle.grids), default=0)
+    return 6 * max(most**2, 2 * SPECKLE_ROWS) * table.speckle.most_in_a_cell
 
 
 def edges_twin(
@@ -178,7 +186,7 @@ def _light(
     x, y = (at + centroid).T
     paint = setup.view.paint[triangle]
     albedo = setup.table.paints["ground"][paint].astype(np.float64)
-    rows = np.flatnonzero(setup.table.paints["featured"][paint] == 1)
+    rows = np.flatnonzero(setup.table.paints["featured"][paint] > 0)
     if len(rows):
         own = triangle[rows]
         middle, w0 = _paint_positions(setup, own, (at + centroid)[rows][:, None])

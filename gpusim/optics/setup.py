@@ -6,7 +6,7 @@ evaluate the same coefficients at pixels.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -28,7 +28,7 @@ from gpusim.optics.light import (
 )
 from gpusim.optics.pattern import PatternTable
 from gpusim.optics.view import NORMAL, ST, View, barycentric_planes, look
-from gpusim.surface.paint import Checker, Dots, Markers, Paint, Plain
+from gpusim.surface.paint import Checker, Dots, Markers, Paint, Plain, Speckle
 from gpusim.surface.surface import Surface
 
 __all__ = ["TRIANGLE", "Setup", "footprint", "probe_setup", "radiance_factor"]
@@ -82,7 +82,7 @@ class Setup:
         size = table.paints["cell"][view.paint].astype(np.float64)
         st = view.corners[:, :, ST]
         cell = np.floor(st.mean(axis=1) / size[:, None])
-        cell = np.where((table.paints["featured"][view.paint] == 1)[:, None], cell, 0.0)
+        cell = np.where((table.paints["featured"][view.paint] > 0)[:, None], cell, 0.0)
         values = np.concatenate(
             [st - (cell * size[:, None])[:, None], np.ones((*st.shape[:2], 1)),
              view.corners[:, :, NORMAL]], axis=2
@@ -133,7 +133,7 @@ class Setup:
         """Whether squares may be smaller than a pixel, and whether every disc is far larger."""
         fine, large = False, True
         for region, record in zip(self.view.paints, self.table.paints, strict=False):
-            if record["featured"]:
+            if record["featured"] == 1:
                 features = region.paint.features(region.low, region.high)
                 assert features is not None
                 patches = features.kind == 0
@@ -146,16 +146,20 @@ class Setup:
                 fine |= bool((spread > features.size[patches].min(axis=1)).any())
         return fine, large
 
-    def constants(self, patterned: bool) -> dict[str, float]:
-        """Override constants that leave out of a shader what this view doesn't have.
+    @cached_property
+    def groups(self) -> npt.NDArray[np.uint32]:
+        """(T,) what a triangle's pixels may meet: 0 one albedo, else its paint's ``featured``."""
+        featured = self.table.paints["featured"][self.view.paint]
+        return np.where(self.near_feature, featured, 0).astype(np.uint32)
 
-        ``patterned``: the triangles drawn have features on them or near them.
-        """
-        kinds = self.table.kinds() if patterned else set()
-        fine, large = self._pattern_traits if patterned else (False, False)
+    def constants(self, groups: Collection[int]) -> dict[str, float]:
+        """Override constants that leave out of a shader what ``groups`` of triangles don't have."""
+        kinds = self.table.kinds() if 1 in groups else set()
+        fine, large = self._pattern_traits if 1 in groups else (False, False)
         return {
             "lit": float(self.lit),
-            "patterned": float(patterned),
+            "patterned": float(any(groups)),
+            "speckle": float((2 in groups) + 2 * (3 in groups)),
             "emitter_count": float(len(self.emitters)),
             "checkers": float(0 in kinds),
             "discs": float((2 if large else 1) if 1 in kinds else 0),
@@ -219,9 +223,11 @@ def probe_setup() -> Setup:
         Dots(0.22, 0.4, None, None, (0.11, 0.05)),
         Markers(np.array([[0.6, 0.7], [1.4, 1.2]]), 0.5, angle=0.4),
         Plain(0.7),
+        Speckle(0.23, 0.5, 0.03, "lognormal", 0.25, seed=3),
+        Speckle(0.31, 0.4, seed=4),
     )
     places = ((-1.1, -0.6, 5.0, 0.3), (1.0, -0.7, 5.5, -0.5), (-0.8, 1.0, 5.2, 0.2),
-              (0.9, 1.1, 6.0, 0.6))  # fmt: skip
+              (0.9, 1.1, 6.0, 0.6), (-0.1, 0.2, 7.5, -0.2), (0.4, -1.6, 5.9, 0.35))  # fmt: skip
     surfaces = [
         Surface(quad(*place), face, paint=paint)
         for place, paint in zip(places, paints, strict=True)

@@ -38,6 +38,7 @@ class Tables:
         self.features = device.buffer(table.features, "shade.features")
         self.triangles = device.buffer(setup.records(), "shade.triangles")
         self.screen = device.buffer(fixed, "shade.screen")
+        self.speckles = table.speckle.texels(device)
 
     def shared(self) -> dict[str, Any]:
         """The bindings that both passes have, by their WGSL names."""
@@ -48,6 +49,7 @@ class Tables:
             "triangles": self.triangles,
             "screen": self.screen,
             "lamps": self.lamps,
+            "speckles": self.speckles,
         }
 
     def rays(self) -> dict[str, npt.NDArray[np.float64]]:
@@ -58,16 +60,16 @@ class Tables:
 
 
 class ShadePass:
-    """Draws a view's radiance band by band: plain triangles, then those near features.
+    """Draws a view's radiance band by band: triangles near features, then plain ones.
 
-    Two programs, because software rasterisers run both sides of every branch: a plain wall must
-    not pay for the pattern on a marker.
+    A program for each kind, because software rasterisers run both sides of every branch: a plain
+    wall must not pay for the pattern on a marker.
     """
 
     def __init__(self, tables: Tables, rows: int) -> None:
         device, setup = tables.device, tables.setup
         view = setup.view
-        turns = FINEST * (FINEST + 1) + 1 if setup.constants(True)["fine"] else 1
+        turns = FINEST * (FINEST + 1) + 1 if setup.constants([1])["fine"] else 1
         if not setup.table.most_in_a_cell * turns <= LOOP_TURNS:
             raise InputError(
                 f"render: paint patterns; got up to {setup.table.most_in_a_cell} features that one "
@@ -82,12 +84,11 @@ class ShadePass:
         self._near, depth = view.raster_depth()
         self._inverse = device.buffer(depth, "shade.inverse_depth")
         self._draws = []
-        for patterned in (True, False):
-            wanted = setup.near_feature == patterned
-            order = near_first[wanted[near_first]]
-            if len(order) or not patterned:
+        for group in (3, 2, 1, 0):
+            order = near_first[(setup.groups == group)[near_first]]
+            if len(order) or not group:
                 raster = device.raster(
-                    "optics/shade", ("r32float",), constants=setup.constants(patterned)
+                    "optics/shade", ("r32float",), constants=setup.constants([group])
                 )
                 numbers = order.astype(np.uint32) if len(order) else np.zeros(1, np.uint32)
                 buffer = device.buffer(numbers, "shade.order")
@@ -133,7 +134,7 @@ def shade_twin(setup: Setup, ids: npt.NDArray[np.uint32]) -> npt.NDArray[np.floa
         column, row = x.astype(np.float64), (y + row0).astype(np.float64)
         paint = setup.view.paint[triangle]
         albedo = setup.table.paints["ground"][paint].astype(np.float64)
-        rows = np.flatnonzero(setup.table.paints["featured"][paint] == 1)
+        rows = np.flatnonzero(setup.table.paints["featured"][paint] > 0)
         if len(rows):
             st, ex, ey, q = footprint(setup, triangle[rows], column[rows], row[rows])
             corners = np.stack([-ex - ey, ex - ey, ex + ey, ey - ex], axis=1) * 0.5

@@ -70,9 +70,9 @@ def draw_differences(
         for k, curve in enumerate(curves):
             _points(upper, k, curve, line=False)
             upper.plot(curve.fitted_x, curve.fitted_y, color=_COLOURS[k % 6], linewidth=1.6)
-            at = (
-                np.interp(curve.breaks, curve.fitted_x, curve.fitted_y) if len(curve.breaks) else []
-            )
+            at: Floats = curve.breaks
+            if len(at):
+                at = np.interp(at, curve.fitted_x, curve.fitted_y)
             upper.plot(curve.breaks, at, "|", color=_COLOURS[k % 6], markersize=22, mew=1.6)
             error = (curve.measured - curve.true) / mm_per_px
             lower.plot(curve.x, error, _MARKS[k % 6] + "-", color=_COLOURS[k % 6], markersize=3,

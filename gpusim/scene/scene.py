@@ -47,6 +47,7 @@ class Scene:
     measures: tuple[model.Measure, ...]
     variants: tuple[model.Variant, ...]
     output: model.Output
+    calibration: model.Calibration | None
     content: str = field(repr=False)
     source: str = field(default="scene", compare=False)
     files: tuple[tuple[str, str], ...] = ()
@@ -107,6 +108,7 @@ class Scene:
             measures=tuple(resolve.measure(entry) for entry in table.measure),
             variants=tuple(model.Variant(entry.name, entry.set) for entry in table.variant),
             output=resolve.output(table),
+            calibration=resolve.calibration(table),
             content=json.dumps(content),
             source=source,
             files=files,
@@ -186,5 +188,7 @@ def variant_faults(document: Mapping[str, Any], folder: str | Path) -> list[Faul
 
 
 def _holds_mesh(keys: list[str]) -> bool:
-    """Whether a section has a body's mesh, or its field, in it."""
-    return keys[0] == "body" and (len(keys) < 3 or keys[2] in ("mesh", "field"))
+    """Whether a section has a body's mesh, its field, or a prop's file in it."""
+    return keys[0] == "prop" or (
+        keys[0] == "body" and (len(keys) < 3 or keys[2] in ("mesh", "field"))
+    )

@@ -15,8 +15,9 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.surface.features import Features, Paint, check_albedo, check_grid, check_length
+from gpusim.surface.speckle import Speckle
 
-__all__ = ["Checker", "Dots", "Features", "Markers", "Paint", "Plain"]
+__all__ = ["Checker", "Dots", "Features", "Markers", "Paint", "Plain", "Speckle"]
 
 MOST_DOTS = 1 << 22
 

@@ -49,7 +49,7 @@ fn vertex(@builtin(vertex_index) index: u32) -> Varying {
     return Varying(
         position, t.st, t.tw, t.n0, t.nx, t.ny, t.place, t.more,
         vec4i(paint.i0, paint.j0, paint.columns, paint.rows),
-        vec4f(paint.cell, bitcast<f32>(paint.first), 0.0, 0.0),
+        vec4f(paint.cell, bitcast<f32>(paint.first), paint.dot, f32(paint.cuts)),
     );
 }
 
@@ -63,7 +63,7 @@ fn fragment(in: Varying) -> @location(0) f32 {
         let f = footprint(t, d);
         let g = in.grid;
         let paint = Paint(t.more.x, in.grid_size.x, g.x, g.y, g.z, g.w,
-            bitcast<u32>(in.grid_size.y), 1u);
+            bitcast<u32>(in.grid_size.y), 1u, in.grid_size.z, u32(in.grid_size.w));
         albedo = paint_pixel(paint, t.place.zw, f.st, f.ex, f.ey, f.q);
     }
     if (lit != 0u) {
