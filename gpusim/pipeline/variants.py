@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -102,9 +103,9 @@ def _report(
         warnings += _missing(comparison)
     frames = []
     for name, report in reports.items():
-        measurements += [_named(item, name) for item in report.measurements]
+        measurements += [replace(item, name=f"{name}: {item.name}") for item in report.measurements]
         warnings += [f"{name}: {text}" for text in report.warnings]
-        frames += list(report.frames)
+        frames += [replace(pair, caption=f"{name}: {pair.caption}") for pair in report.frames]
     links = [Link("Scene as it was run", out / "scene.toml")]
     links.append(Link("Numbers of this report", out / "report.json"))
     links += [
@@ -134,13 +135,6 @@ def _report(
         figures=tuple(figures),
         links=tuple(links),
     )
-
-
-def _named(item: Measurement, name: str) -> Measurement:
-    return Measurement(
-        f"{name}: {item.name}", item.unit, item.measured, item.truth, item.error,
-        item.error_relative, item.tolerance_relative,
-    )  # fmt: skip
 
 
 def _measurements(comparison: DamageResult) -> list[Measurement]:
