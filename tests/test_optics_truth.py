@@ -84,7 +84,7 @@ def test_images_of_layers_and_selected_faces(device: Device) -> None:
 
 def test_bands_are_the_whole_image_in_pieces(device: Device) -> None:
     view = camera(61, 2 * BAND + 37)
-    tall = plate().points * [3.0, 1.0, 30.0]
+    tall = plate().points * [3.0, 1.0, 60.0]
     surfaces = [gs.Surface(tall, QUAD), gs.Surface(tall + np.array([0.7, -0.1, 0.2]), QUAD)]
     frame = gs.render(surfaces, view, lights=[gs.PointLight((0, -2, 1), 5.0)], device=device)
     whole, bands = frame.truth(), list(frame.truth_bands())
