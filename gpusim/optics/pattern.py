@@ -32,7 +32,8 @@ PAINT = np.dtype(
     [("ground", "<f4"), ("cell", "<f4"), ("i0", "<i4"), ("j0", "<i4"), ("columns", "<i4"),
      ("rows", "<i4"), ("first", "<u4"), ("featured", "<u4"), ("dot", "<f4"), ("cuts", "<u4")]
 )  # fmt: skip
-"""``featured``: 0 one albedo, 1 features that keep apart, 2 soft and 3 hard speckle."""
+"""``featured``: 0 one albedo, 1 features that keep apart, 2 soft and 3 hard speckle,
+4 a bitmap."""
 
 MOST_CELLS = 1 << 22
 LOOP_TURNS = 50_000
@@ -130,7 +131,7 @@ class PatternTable:
 
         Counts come from a summed-area table per paint.
         """
-        result = self.paints["featured"][paint] > 1  # speckle is everywhere
+        result = self.paints["featured"][paint] > 1  # speckle and bitmaps are everywhere
         for number in np.flatnonzero(self.paints["featured"] == 1):
             rows = np.flatnonzero(paint == number)
             record = self.paints[number]
