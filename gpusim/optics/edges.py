@@ -15,6 +15,7 @@ import numpy.typing as npt
 from gpusim.gpu import Buffer, Device, Recording, compare, twin_check
 from gpusim.optics.albedo import mean_albedo
 from gpusim.optics.binning import EdgePixels, bin_edges
+from gpusim.optics.bitmap import BITMAP, mean_over_polygons
 from gpusim.optics.pattern import LOOP_TURNS, PatternTable
 from gpusim.optics.setup import Setup, probe_setup, radiance_factor
 from gpusim.optics.shade import Tables
@@ -39,6 +40,7 @@ class EdgePass:
         # about what one triangle takes: clipping and samples, then its features' corners
         table, fine = tables.setup.table, tables.setup.constants([1])["fine"]
         turns = 200 + table.most_in_a_cell * (2000 if fine else 50) + speckle_turns(table)
+        turns += 3000 if (tables.setup.groups == BITMAP).any() else 0
         deep = edges.depth > min(DEEPEST, LOOP_TURNS // turns)
         self._deep = edges.select(deep)
         self._deep_values = _resolve(tables.setup, self._deep).astype(np.float32)
@@ -186,13 +188,22 @@ def _light(
     x, y = (at + centroid).T
     paint = setup.view.paint[triangle]
     albedo = setup.table.paints["ground"][paint].astype(np.float64)
-    rows = np.flatnonzero(setup.table.paints["featured"][paint] > 0)
+    featured = setup.table.paints["featured"][paint]
+    rows = np.flatnonzero((featured > 0) & (featured < BITMAP))
     if len(rows):
         own = triangle[rows]
         middle, w0 = _paint_positions(setup, own, (at + centroid)[rows][:, None])
         corners, w = _paint_positions(setup, own, at[rows, None] + polygon[rows])
         albedo[rows] = mean_albedo(
             setup.table, paint[rows], setup.cell[own], middle[:, 0], corners - middle, w / w0
+        )
+    for number, image in setup.bitmaps.images.items():
+        rows = np.flatnonzero(paint == number)
+        own = triangle[rows]
+        middle, w0 = _paint_positions(setup, own, (at + centroid)[rows][:, None])
+        corners, w = _paint_positions(setup, own, at[rows, None] + polygon[rows])
+        albedo[rows] = mean_over_polygons(
+            image, image.ground, setup.cell[own], middle[:, 0], corners - middle, w / w0
         )
     return albedo * radiance_factor(setup, triangle, x, y)
 

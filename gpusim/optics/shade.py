@@ -16,8 +16,10 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.gpu import Buffer, Device, Recording, compare, twin_check
+from gpusim.gpu.texels import Texels
 from gpusim.optics.albedo import mean_albedo
 from gpusim.optics.binning import bin_edges
+from gpusim.optics.bitmap import BITMAP, mean_over_pixels
 from gpusim.optics.pattern import FINEST, LOOP_TURNS
 from gpusim.optics.setup import Setup, footprint, probe_setup, radiance_factor
 from gpusim.optics.visibility import visibility_twin
@@ -34,21 +36,23 @@ class Tables:
         self.device, self.setup = device, setup
         self.lamps = setup.lamps()
         self.paints = device.buffer(table.paints, "shade.paints")
-        self.cell_start = device.buffer(table.cell_start, "shade.cells")
-        self.features = device.buffer(table.features, "shade.features")
+        self.patterns = table.texels(device)
         self.triangles = device.buffer(setup.records(), "shade.triangles")
         self.screen = device.buffer(fixed, "shade.screen")
+        texels = setup.bitmaps.texels()
+        self.bitmap_texels = Texels(device, len(texels), "rgba32float", "shade.bitmaps")
+        self.bitmap_texels.write(texels)
         self.speckles = table.speckle.texels(device)
 
     def shared(self) -> dict[str, Any]:
         """The bindings that both passes have, by their WGSL names."""
         return {
             "paints": self.paints,
-            "cell_start": self.cell_start,
-            "features": self.features,
+            "patterns": self.patterns,
             "triangles": self.triangles,
             "screen": self.screen,
             "lamps": self.lamps,
+            "bitmap_texels": self.bitmap_texels,
             "speckles": self.speckles,
         }
 
@@ -84,7 +88,7 @@ class ShadePass:
         self._near, depth = view.raster_depth()
         self._inverse = device.buffer(depth, "shade.inverse_depth")
         self._draws = []
-        for group in (3, 2, 1, 0):
+        for group in (BITMAP, 3, 2, 1, 0):
             order = near_first[(setup.groups == group)[near_first]]
             if len(order) or not group:
                 raster = device.raster(
@@ -134,7 +138,8 @@ def shade_twin(setup: Setup, ids: npt.NDArray[np.uint32]) -> npt.NDArray[np.floa
         column, row = x.astype(np.float64), (y + row0).astype(np.float64)
         paint = setup.view.paint[triangle]
         albedo = setup.table.paints["ground"][paint].astype(np.float64)
-        rows = np.flatnonzero(setup.table.paints["featured"][paint] > 0)
+        featured = setup.table.paints["featured"][paint]
+        rows = np.flatnonzero((featured > 0) & (featured < BITMAP))
         if len(rows):
             st, ex, ey, q = footprint(setup, triangle[rows], column[rows], row[rows])
             corners = np.stack([-ex - ey, ex - ey, ex + ey, ey - ex], axis=1) * 0.5
@@ -142,6 +147,12 @@ def shade_twin(setup: Setup, ids: npt.NDArray[np.uint32]) -> npt.NDArray[np.floa
                 setup.table, paint[rows], setup.cell[triangle[rows]], st, corners,
                 np.ones(corners.shape[:2]), (ex, ey, q),
             )  # fmt: skip
+        for number, image in setup.bitmaps.images.items():
+            rows = np.flatnonzero(paint == number)
+            st, ex, ey, q = footprint(setup, triangle[rows], column[rows], row[rows])
+            albedo[rows] = mean_over_pixels(
+                image, image.ground, setup.cell[triangle[rows]], st, ex, ey, q
+            )
         radiance[y + row0, x] = albedo * radiance_factor(setup, triangle, column, row)
     return radiance
 

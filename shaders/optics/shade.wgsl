@@ -2,6 +2,7 @@
 // footprint times the light at its centre. Pixels that an edge crosses are redone by edges.wgsl.
 //
 // All that a triangle's pixels share travels in flat varyings, which cost nothing per pixel.
+#import common/bitmap
 #import common/paint
 #import common/screen
 #import common/surface
@@ -64,7 +65,12 @@ fn fragment(in: Varying) -> @location(0) f32 {
         let g = in.grid;
         let paint = Paint(t.more.x, in.grid_size.x, g.x, g.y, g.z, g.w,
             bitcast<u32>(in.grid_size.y), 1u, in.grid_size.z, u32(in.grid_size.w));
-        albedo = paint_pixel(paint, t.place.zw, f.st, f.ex, f.ey, f.q);
+        if (bitmaps != 0u) {
+            let bitmap = Bitmap(t.place.zw, g.zw, paint.first, g.x);
+            albedo = bitmap_pixel(bitmap, t.more.x, f.st, f.ex, f.ey, f.q);
+        } else {
+            albedo = paint_pixel(paint, t.place.zw, f.st, f.ex, f.ey, f.q);
+        }
     }
     if (lit != 0u) {
         albedo *= light_factor(t, params.rays, vec2f(pixel), d);
