@@ -7,8 +7,7 @@ outside) is None for +z, or +y on a plane that is horizontal.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass
 
 from .loading import (
     Amplitude,
@@ -29,6 +28,7 @@ from .loading import (
     Vec3,
     Where,
 )
+from .measures import Damage, Deflection, Measure, Stereo, Variant
 from .recipe import (
     BeamMesh,
     BoxMesh,
@@ -338,59 +338,6 @@ class Sensor:
     bits: int
     exposure: float | None
     format: str
-
-
-@dataclass(frozen=True)
-class Deflection:
-    """Deflection line of the marker paints ``groups``, from the clamp; ``static`` ones stand still.
-
-    ``direction`` ("+x" … "-z") is the positive sense; ``subset`` (px) is None to choose it.
-    """
-
-    name: str
-    camera: str
-    groups: tuple[str, ...]
-    static: tuple[str, ...]
-    subset: int | None
-    direction: str
-
-
-@dataclass(frozen=True)
-class Stereo:
-    """Markers of the paints ``groups`` in space, by ``cameras`` that [calibration] calibrates.
-
-    ``lens`` is the model that the calibration finds; ``static`` and ``subset`` as for `Deflection`.
-    """
-
-    name: str
-    cameras: tuple[str, ...]
-    groups: tuple[str, ...]
-    static: tuple[str, ...]
-    lens: str
-    subset: int | None
-
-
-@dataclass(frozen=True)
-class Damage:
-    """Slope changes (``tolerance`` in m) of the deflection ``of``, against a ``reference``."""
-
-    name: str
-    of: str
-    reference: str
-    tolerance: float
-    significance: float
-    most: int
-
-
-Measure = Deflection | Stereo | Damage
-
-
-@dataclass(frozen=True)
-class Variant:
-    """A state: ``changes`` are dotted paths and the values that they get, as in the file."""
-
-    name: str
-    changes: dict[str, Any] = field(hash=False)
 
 
 @dataclass(frozen=True)
