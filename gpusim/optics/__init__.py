@@ -2,7 +2,14 @@
 
 from gpusim.optics.camera import Camera
 from gpusim.optics.frame import Frame
-from gpusim.optics.light import AmbientLight, AreaLight, PointLight
+from gpusim.optics.light import (
+    AmbientLight,
+    AreaLight,
+    EnvironmentLight,
+    PointLight,
+    SpotLight,
+    SunLight,
+)
 from gpusim.optics.render import render
 from gpusim.optics.sensor import Sensor
 from gpusim.optics.truth import Truth

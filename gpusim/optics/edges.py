@@ -79,6 +79,7 @@ class EdgePass:
             lists=self._lists,
             radiance=radiance,
             **self.tables.shared(),
+            **self.tables.shadows.bindings(),
         )
         recording.dispatch(kernel, bindings, threads=(int(last - first),))
 
@@ -140,7 +141,7 @@ def _resolve(setup: Setup, edges: EdgePixels) -> Array:
         opened[entry] -= seen
         keep = visible | (seen > 0)
         entry, triangle, at, area = entry[keep], triangle[keep], at[keep], area[keep]
-        light = _light(setup, triangle, at, polygon[keep], centroid[keep])
+        light = _light(setup, triangle, at, polygon[keep], centroid[keep], area)
         visible, seen = visible[keep], seen[keep]
         free_area[entry] += np.where(visible, area, 0.0)
         free_light[entry] += np.where(visible, area * light, 0.0)
@@ -172,7 +173,12 @@ def _is_covered(
 
 
 def _light(
-    setup: Setup, triangle: npt.NDArray[np.int64], at: Array, polygon: Array, centroid: Array
+    setup: Setup,
+    triangle: npt.NDArray[np.int64],
+    at: Array,
+    polygon: Array,
+    centroid: Array,
+    area: Array,
 ) -> Array:
     """Radiance of clipped polygons: mean albedo x light at the centroid."""
     x, y = (at + centroid).T
@@ -186,7 +192,7 @@ def _light(
         albedo[rows] = mean_albedo(
             setup.table, paint[rows], setup.cell[own], middle[:, 0], corners - middle, w / w0
         )
-    return albedo * radiance_factor(setup, triangle, x, y)
+    return albedo * radiance_factor(setup, triangle, x, y, np.sqrt(area))
 
 
 def _paint_positions(
