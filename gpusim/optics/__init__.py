@@ -5,7 +5,6 @@ from gpusim.optics.frame import Frame
 from gpusim.optics.light import (
     AmbientLight,
     AreaLight,
-    EnvironmentLight,
     PointLight,
     SpotLight,
     SunLight,
@@ -21,6 +20,8 @@ __all__ = [
     "Frame",
     "PointLight",
     "Sensor",
+    "SpotLight",
+    "SunLight",
     "Truth",
     "render",
 ]

@@ -104,7 +104,7 @@ class Casters:
 
 
 def _neighbours(faces: npt.NDArray[np.int64]) -> tuple[npt.NDArray[np.int64], bool]:
-    """Across each edge of (F, 4) faces: -1 none or several, -2 no edge; and whether all have one."""
+    """Across each edge of (F, 4) faces: -1 none or several, -2 no edge. Whether all have one."""
     count = len(faces)
     a, b = faces.reshape(-1), np.roll(faces, -1, axis=1).reshape(-1)
     owner = np.repeat(np.arange(count), 4)

@@ -18,6 +18,7 @@ from gpusim.optics.binning import EdgePixels, bin_edges
 from gpusim.optics.pattern import LOOP_TURNS
 from gpusim.optics.setup import Setup, probe_setup, radiance_factor
 from gpusim.optics.shade import Tables
+from gpusim.optics.shadow_tiles import TILE, TURNS
 from gpusim.optics.view import FIXED
 
 __all__ = ["EdgePass", "edges_twin"]
@@ -38,7 +39,8 @@ class EdgePass:
         # about what one triangle takes: clipping and samples, then its features' corners
         table, fine = tables.setup.table, tables.setup.constants(True)["fine"]
         turns = 200 + table.most_in_a_cell * (2000 if fine else 50)
-        deep = edges.depth > min(DEEPEST, LOOP_TURNS // turns)
+        each = turns + _shadow_turns(tables.setup, edges)
+        deep = edges.depth > np.minimum(DEEPEST, LOOP_TURNS // each)
         self._deep = edges.select(deep)
         self._deep_values = _resolve(tables.setup, self._deep).astype(np.float32)
         edges = edges.select(~deep)
@@ -91,6 +93,17 @@ class EdgePass:
             row, column = divmod(int(self._deep.pixel[k]), width)
             place = (row - row0) * stride + column
             radiance.write(self._deep_values[k : k + 1], 4 * place)
+
+
+def _shadow_turns(setup: Setup, edges: EdgePixels) -> npt.NDArray[np.int64]:
+    """Turns (E,) of the shader's loops that the shadows on one triangle over a pixel may take."""
+    tiles = setup.lighting.shadows
+    if tiles is None:
+        return np.zeros(len(edges.pixel), np.int64)
+    row, column = np.divmod(edges.pixel, setup.view.camera.width)
+    faces = np.concatenate([[0], tiles.count.sum(axis=1)])
+    result: npt.NDArray[np.int64] = TURNS * faces[tiles.entry[row // TILE, column // TILE]]
+    return result
 
 
 def edges_twin(

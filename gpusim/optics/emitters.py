@@ -16,7 +16,6 @@ import numpy.typing as npt
 from gpusim.optics.light import (
     AmbientLight,
     AreaLight,
-    EnvironmentLight,
     Light,
     PointLight,
     SpotLight,
@@ -57,7 +56,7 @@ def lamps_of(lights: Sequence[Light]) -> list[Lamp]:
     zero = np.zeros(3)
     lamps = []
     for light in lights:
-        if isinstance(light, (AmbientLight, EnvironmentLight)):
+        if isinstance(light, AmbientLight):
             continue
         if isinstance(light, SunLight):
             axis = np.array(light.direction, np.float64)

@@ -2,9 +2,9 @@
 
 In the frame of a lamp, p = x / w and q = y / w across its axis and s = 1 / w along it, the lamp's
 plane lies at infinity: a ray from a receiver X to the lamp's point l runs along
-p = p_X + l (s - s_X). So a face reaches, beyond its own box in p and q, half the lamp's size times
-the difference in s, and a receiver looks only under its own p and q. The sun's frame is the same
-with s the distance towards it.
+p = p_X + l (s - s_X). So a receiver has to look, around its own p and q, as far as half the lamp's
+size times the difference in s to the nearest caster there. The sun's frame is the same with s the
+distance towards it.
 """
 
 from __future__ import annotations
@@ -82,13 +82,21 @@ class LampView:
         p, q = np.where(np.isnan(p), 0.0, p), np.where(np.isnan(q), 0.0, q)
 
         def box(values: Array) -> Array:
-            low = np.where(behind, -np.inf, values.min(axis=1))
-            return np.stack([low, np.where(behind, np.inf, values.max(axis=1))], axis=1)
+            low = np.where(behind, -np.inf, _fold(np.minimum, values))
+            return np.stack([low, np.where(behind, np.inf, _fold(np.maximum, values))], axis=1)
 
-        low = np.where(np.isnan(s), np.inf, s).min(axis=1)
-        high = np.where(behind, np.inf, np.where(np.isnan(s), 0.0, s).max(axis=1))
+        low = _fold(np.minimum, np.where(np.isnan(s), np.inf, s))
+        high = np.where(behind, np.inf, _fold(np.maximum, np.where(np.isnan(s), 0.0, s)))
         low, high = np.where(none, -np.inf, low), np.where(none, -np.inf, high)
         return Reach(box(p), box(q), np.stack([low, high], axis=1))
+
+
+def _fold(function: np.ufunc, values: Array) -> Array:
+    """``function`` over the second axis, which is short."""
+    result: Array = values[:, 0]
+    for k in range(1, values.shape[1]):
+        result = function(result, values[:, k])
+    return result
 
 
 class LampGrid:
@@ -101,7 +109,8 @@ class LampGrid:
         ahead = np.flatnonzero(reach.s[:, 1] > max(lowest, -1e300))
         self.face, self.rim = faces.face[ahead], faces.rim[ahead]
         self.side, self.reach = faces.side[ahead], reach[ahead]
-        low, high = self._dilated(self.reach, np.full(len(ahead), lowest))
+        low = np.stack([self.reach.p[:, 0], self.reach.q[:, 0]], axis=1)
+        high = np.stack([self.reach.p[:, 1], self.reach.q[:, 1]], axis=1)
         low, high = self._mapped(low), self._mapped(high)
         self.count = len(ahead)
         self.origin = low.min(axis=0, initial=np.inf) if self.count else np.zeros(2)
@@ -113,6 +122,7 @@ class LampGrid:
         self.shape = (np.floor(extent / size).astype(np.int64) + 1)[::-1]
         first = np.floor((low - self.origin) / size).astype(np.int64)
         last = np.floor((high - self.origin) / size).astype(np.int64)
+        self.first = first
         box, cell = self._cells(first, last)
         order = np.argsort(cell, kind="stable")
         self.entry = box[order]
@@ -126,13 +136,6 @@ class LampGrid:
             self.pyramid.append(
                 top.reshape(top.shape[0] // 2, 2, top.shape[1] // 2, 2).max(axis=(1, 3))
             )
-
-    def _dilated(self, reach: Reach, lowest: Array) -> tuple[Array, Array]:
-        """Where (n, 2) receivers at s = ``lowest`` or above may be hidden by the boxes."""
-        high = np.where(np.isfinite(reach.s[:, 1]), reach.s[:, 1], 1e300)
-        span = np.maximum(high - lowest, 0.0)[:, None] * self.view.half
-        low = np.stack([reach.p[:, 0], reach.q[:, 0]], axis=1)
-        return low - span, np.stack([reach.p[:, 1], reach.q[:, 1]], axis=1) + span
 
     def _mapped(self, values: Array) -> Array:
         """Finite coordinates of the grid: p and q of half a space reach to infinity."""
@@ -153,48 +156,70 @@ class LampGrid:
         row = first[box, 1] + offset // np.maximum(wide[box], 1)
         return box, row * self.shape[1] + column
 
-    def _window(self, reach: Reach) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-        low = self._mapped(np.stack([reach.p[:, 0], reach.q[:, 0]], axis=1))
-        high = self._mapped(np.stack([reach.p[:, 1], reach.q[:, 1]], axis=1))
+    def _window(
+        self, reach: Reach, top: Array
+    ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+        """Cells (n, 2) from first to last that receivers look at for casters up to s = ``top``."""
+        rise = np.clip(top - reach.s[:, 0], 0.0, 1e300)[:, None]
+        span = np.where(rise > 0.0, np.minimum(rise, 1e150) * self.view.half, 0.0)
+        low = self._mapped(np.stack([reach.p[:, 0], reach.q[:, 0]], axis=1) - span)
+        high = self._mapped(np.stack([reach.p[:, 1], reach.q[:, 1]], axis=1) + span)
         limit = self.shape[::-1]
         # just outside the grid on an empty side: such windows are empty
         first = np.clip(np.floor((low - self.origin) / self.size), 0, limit).astype(np.int64)
         last = np.clip(np.floor((high - self.origin) / self.size), -1, limit - 1).astype(np.int64)
         return first, last
 
-    def may_hide(self, reach: Reach) -> npt.NDArray[np.bool_]:
-        """(n,) whether a caster may lie between the lamp and receivers in boxes; never misses."""
-        if not self.count:
-            return np.zeros(len(reach.s), bool)
-        first, last = self._window(reach)
-        filled = (last >= first).all(axis=1) & np.isfinite(reach.s[:, 0])
+    def _highest(self, first: npt.NDArray[np.int64], last: npt.NDArray[np.int64]) -> Array:
+        """An upper bound of s over windows of cells; -inf where they are empty."""
+        result = np.full(len(first), -np.inf)
+        filled = (last >= first).all(axis=1)
         span = np.maximum(last - first, 0).max(axis=1) + 1
         level = np.ceil(np.log2(span)).astype(np.int64)
-        top = np.full(len(reach.s), -np.inf)
         for k in np.unique(level[filled]):
             rows = np.flatnonzero(filled & (level == k))
             grid = self.pyramid[min(int(k), len(self.pyramid) - 1)]
             a, b = first[rows] >> k, last[rows] >> k
             for i in (a[:, 0], b[:, 0]):
                 for j in (a[:, 1], b[:, 1]):
-                    i, j = np.minimum(i, grid.shape[1] - 1), np.minimum(j, grid.shape[0] - 1)
-                    top[rows] = np.maximum(top[rows], grid[j, i])
-        return np.asarray(filled & (top > reach.s[:, 0]))
+                    at = np.minimum(j, grid.shape[0] - 1), np.minimum(i, grid.shape[1] - 1)
+                    result[rows] = np.maximum(result[rows], grid[at])
+        return result
 
-    def candidates(
-        self, reach: Reach
-    ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    def _top(self, reach: Reach) -> Array:
+        """An upper bound of s of the casters that may hide the lamp; -inf where there are none."""
+        top = np.full(len(reach.s), self.pyramid[-1].max())
+        for _ in range(3):  # the wider one looks, the nearer to the lamp things may be
+            found = self._highest(*self._window(reach, top))
+            top = np.where(found > reach.s[:, 0], np.minimum(found, top), -np.inf)
+        return np.where(np.isfinite(reach.s[:, 0]), top, -np.inf)
+
+    def may_hide(self, reach: Reach) -> npt.NDArray[np.bool_]:
+        """(n,) whether a caster may lie between the lamp and receivers in boxes; never misses."""
+        if not self.count:
+            return np.zeros(len(reach.s), bool)
+        return np.asarray(self._top(reach) > -np.inf)
+
+    def candidates(self, reach: Reach) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
         """Pairs (box, caster of this grid) that may hide the lamp from a receiver in the box."""
-        first, last = self._window(reach)
+        if not self.count:
+            return np.zeros(0, np.int64), np.zeros(0, np.int64)
+        first, last = self._window(reach, self._top(reach))
         box, cell = self._cells(first, last)
         count = self.start[cell + 1] - self.start[cell]
         box = np.repeat(box, count)
         offset = np.arange(len(box)) - np.repeat(np.cumsum(count) - count, count)
         caster = self.entry[np.repeat(self.start[cell], count) + offset]
-        own, other = reach[box], self.reach[caster]
-        low, high = self._dilated(other, own.s[:, 0])
-        keep = (other.s[:, 1] > own.s[:, 0]) & (low[:, 0] <= own.p[:, 1])
-        keep &= (high[:, 0] >= own.p[:, 0]) & (low[:, 1] <= own.q[:, 1])
-        keep &= high[:, 1] >= own.q[:, 0]
-        key = np.unique(box[keep] * np.int64(max(self.count, 1)) + caster[keep])
-        return key // max(self.count, 1), key % max(self.count, 1)
+        cell = np.repeat(cell, count)
+        # a caster in several cells of a window counts in the first of them
+        lead = np.maximum(self.first[caster], first[box])
+        keep = cell == lead[:, 1] * self.shape[1] + lead[:, 0]
+        keep &= self.reach.s[caster, 1] > reach.s[box, 0]
+        box, caster = box[keep], caster[keep]
+        rise = np.minimum(self.reach.s[caster, 1] - reach.s[box, 0], 1e150)
+        keep = np.ones(len(box), bool)
+        for k, (own, other) in enumerate(((reach.p, self.reach.p), (reach.q, self.reach.q))):
+            span = rise * self.view.half[k]
+            keep &= other[caster, 0] - span <= own[box, 1]
+            keep &= other[caster, 1] + span >= own[box, 0]
+        return box[keep], caster[keep]

@@ -57,7 +57,8 @@ def lamp_masks(lamp: Lamp) -> npt.NDArray[np.uint32]:
     a = lattice()[:, :1] + STEP_A * column
     b = lattice()[:, 1:2] + STEP_B * column
     bits = ((a * a + b * b <= 1.0) * (1 << column.astype(np.uint64))).sum(axis=1)
-    return bits.astype(np.uint32)
+    result: npt.NDArray[np.uint32] = bits.astype(np.uint32)
+    return result
 
 
 def visible_share(

@@ -145,7 +145,7 @@ class Setup:
         return {
             "lit": float(self.lit),
             "patterned": float(patterned),
-**self.lighting.constants(),
+            **self.lighting.constants(),
             "checkers": float(0 in kinds),
             "discs": float((2 if large else 1) if 1 in kinds else 0),
             "fine": float(fine),

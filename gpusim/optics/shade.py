@@ -80,7 +80,8 @@ class ShadePass:
         self.color = device.texture(view.camera.width, rows, "r32float", "shade.radiance")
         self.depth = device.texture(view.camera.width, rows, "depth32float", "shade.depth")
         self.marks: Texture | None = None
-        formats, entries = ("r32float",), ("vertex", "fragment")
+        formats: tuple[str, ...] = ("r32float",)
+        entries = ("vertex", "fragment")
         if setup.lighting.shadows is not None:
             self.marks = device.texture(view.camera.width, rows, "rg32uint", "shade.marks")
             formats, entries = ("r32float", "rg32uint"), ("vertex", "fragment_marked")

@@ -8,22 +8,17 @@ that see some of them in part (`gpusim.optics.shadow_tiles`) get each lamp's exa
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.errors import InputError
 from gpusim.gpu import Buffer, Device, Recording, Texture, compare, twin_check
 from gpusim.optics.binning import bin_edges
-from gpusim.optics.setup import Setup, probe_setup, radiance_factor
+from gpusim.optics.pattern import LOOP_TURNS
+from gpusim.optics.shadow_probe import probe_shadows
 from gpusim.optics.shade import ShadePass, Tables, shade_twin
-from gpusim.optics.shadow_tiles import TILE
+from gpusim.optics.shadow_tiles import TILE, TURNS
 from gpusim.optics.visibility import visibility_twin
 
 __all__ = ["ShadowPass"]
-
-LOOP_TURNS = 50_000
-"""Turns that all loops of one shader invocation may take together (see `gpusim.optics.pattern`)."""
-
-TURNS = 18
-"""Turns that one face may cost."""
 
 
 class ShadowPass:
@@ -33,7 +28,13 @@ class ShadowPass:
         tiles = tables.setup.lighting.shadows
         assert tiles is not None
         self.tables, self.place = tables, tiles.place
-        self.dense = TURNS * tiles.count.sum(axis=1) > LOOP_TURNS
+        most = int(tiles.count.sum(axis=1).max(initial=0))
+        if not most * TURNS <= LOOP_TURNS:
+            raise InputError(
+                f"render shadows; got {most} faces that may hide lamps from one tile of pixels; "
+                f"expected at most {LOOP_TURNS // TURNS}: take smaller or fewer lamps, a coarser "
+                "mesh, shadows = False, or backend 'numpy'"
+            )
         places = tiles.place if len(tiles.place) else np.zeros((1, 2), np.int64)
         self._places = tables.device.buffer(places.astype(np.uint32), "shadow.places")
 
@@ -53,9 +54,7 @@ class ShadowPass:
         if first == last:
             return
         setup = self.tables.setup
-        kernel = self.tables.device.kernel(
-            "optics/shadow", constants=setup.lighting.constants()
-        )
+        kernel = self.tables.device.kernel("optics/shadow", constants=setup.lighting.constants())
         bindings = kernel.bind(
             params={
                 "rays": self.tables.rays(),
@@ -76,8 +75,25 @@ class ShadowPass:
         across = min(int(last - first), 32768)
         recording.dispatch(kernel, bindings, groups=(across, -(-int(last - first) // across)))
 
-    def write_dense(
-        self, ids: npt.NDArray[np.uint32], radiance: Buffer, row0: int, rows: int, stride: int
-    ) -> None:
-        """The host's values."""
-        raise NotImplementedError
+
+@twin_check("optics/shadow")
+def _check(device: Device) -> None:
+    setup = probe_shadows()
+    camera = setup.view.camera
+    tables = Tables(device, setup)
+    shading, shadows = ShadePass(tables, rows=camera.height), ShadowPass(tables)
+    assert shading.marks is not None
+    out = device.empty(4 * shading.stride * camera.height, "shadow.out")
+    with device.recording("optics.shadow") as recording:
+        shading.record(recording, out, 0, camera.height)
+        shadows.record(recording, shading.marks, out, 0, camera.height, shading.stride)
+    got = out.read(np.float32, (camera.height, shading.stride))[:, : camera.width]
+    want = shade_twin(setup, visibility_twin(setup.view))
+    tiles = setup.lighting.shadows
+    assert tiles is not None
+    half = np.kron(tiles.entry > 0, np.ones((TILE, TILE), bool))
+    inside = half[: camera.height, : camera.width].reshape(-1)
+    inside[bin_edges(setup.view).pixel] = False
+    # one sample of 512 may fall to the other side of an outline
+    atol = 2.5 / 512 * float(want.max())
+    compare("optics/shadow", got.reshape(-1)[inside], want.reshape(-1)[inside], "pixel", atol=atol)

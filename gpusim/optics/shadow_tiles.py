@@ -13,21 +13,28 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.optics.binning import expand
 from gpusim.optics.casters import Casters
 from gpusim.optics.emitters import Lamp
-from gpusim.optics.lamp_grid import LampGrid, LampView, Reach
+from gpusim.optics.lamp_grid import LampGrid, LampView
 from gpusim.optics.occlusion import TOLERANCE, visible_share
 from gpusim.optics.view import NORMAL, View, barycentric_planes
 
-__all__ = ["MOST_LAMPS", "TILE", "ShadowTiles"]
+__all__ = ["MOST_LAMPS", "TILE", "TURNS", "ShadowTiles"]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
 LEVELS = (128, 32, 8)
 TILE = LEVELS[-1]
 MOST_LAMPS = 16
+TURNS = 18
+"""Turns of the shaders' loops that one face may take."""
+
 MARGIN = 1.0
 """px around a tile that count as its own: edge pixels look at points of their neighbourhood."""
+
+LARGE = 3.0 * TILE
+"""px; triangles up to this size are one receiver, larger ones are divided into tiles."""
 
 ALL = (1 << MOST_LAMPS) - 1
 
@@ -36,7 +43,8 @@ ALL = (1 << MOST_LAMPS) - 1
 class ShadowTiles:
     """What the tiles of a view see of each lamp.
 
-    ``lamps`` have their centres relative to the eye. ``lit`` (rows, columns): bit l is set where lamp l lights the tile (fully, or in part).
+    ``lamps``: their centres are relative to the eye.
+    ``lit`` (rows, columns): bit l is set where lamp l lights the tile (fully, or in part).
     ``entry`` (rows, columns): number of the tile among those in half shadow + 1, or 0.
     ``place`` (E, 2): row and column of these; ``start`` (E, L) and ``count`` (E, L): where the
     faces of lamp l lie in ``face`` (indices into ``corners``); a count of 0 where `lit` holds.
@@ -57,7 +65,9 @@ class ShadowTiles:
     def build(view: View, lamps: list[Lamp], casters: Casters) -> ShadowTiles:
         """Classify every tile of ``view`` for every lamp that casts shadows."""
         if len(lamps) > MOST_LAMPS:
-            raise InputError(f"render lights; got {len(lamps)} lamps; expected at most {MOST_LAMPS}")
+            raise InputError(
+                f"render lights; got {len(lamps)} lamps; expected at most {MOST_LAMPS}"
+            )
         shape = (-(-view.camera.height // TILE), -(-view.camera.width // TILE))
         lit = np.full(shape, ALL, np.uint32)
         receivers = _Receivers(view)
@@ -83,8 +93,8 @@ class ShadowTiles:
         return ShadowTiles(
             tuple(_relative_to(lamp, view.camera.eye) for lamp in lamps), lit, entry,
             np.stack([entries // shape[1], entries % shape[1]], axis=1),
-            (np.cumsum(count) - count).reshape(len(entries), -1),
-            count.reshape(len(entries), -1),
+            (np.cumsum(count) - count).reshape(len(entries), len(lamps)),
+            count.reshape(len(entries), len(lamps)),
             face.reshape(-1).astype(np.int64),
             casters.corners[used] - view.camera.eye,
             casters.both_sides[used],
@@ -155,6 +165,8 @@ class _Receivers:
         limit = np.array([camera.width, camera.height]) - 0.5
         self.low = np.maximum(view.screen.min(axis=1), -0.5)
         self.high = np.minimum(view.screen.max(axis=1), limit)
+        self.extent = (self.high - self.low).max(axis=1)
+        self.large = self.extent > LARGE
         self.planes = barycentric_planes(view.corners, camera).sum(axis=1)
         self.rays = T[:3, :3].T @ camera.ray_matrix()
 
@@ -178,8 +190,7 @@ class _Receivers:
         """
         own = pairs.triangle
         result = self.corners[own][:, [0, 1, 2, 2]]
-        extent = (self.high - self.low).max(axis=1)[own]
-        large = np.flatnonzero(extent > 0.7 * pairs.size)
+        large = np.flatnonzero(self.large[own] & (self.extent[own] > 0.7 * pairs.size))
         corner = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
         at = (pairs.tile[large][:, None] + corner) * pairs.size - 0.5
         at += MARGIN * (2.0 * corner - 1.0)
@@ -209,7 +220,7 @@ class _Receivers:
 def _half_shadow(
     receivers: _Receivers, lamp: Lamp, casters: Casters, shape: tuple[int, int]
 ) -> tuple[Numbers, Numbers, Numbers]:
-    """Tiles (linear) that a lamp doesn't light, and pairs (tile, face) for those that it half lights."""
+    """Tiles (linear) that a lamp doesn't light; pairs (tile, face) of those that it half lights."""
     everything = receivers.corners.reshape(-1, 3)
     faces = casters.seen_by(lamp, everything)
     grids = []
@@ -229,7 +240,15 @@ def _half_shadow(
             maybe |= grid.may_hide(grid.view.reach(points))
         _mark(lit, pairs[~maybe])
         pairs, points = pairs[maybe], points[maybe]
-    state, pair, face = _candidates(grids, casters, points)
+    # a small triangle is the same receiver in each of its tiles
+    key = np.where(receivers.large[pairs.triangle], -1 - np.arange(len(points)), pairs.triangle)
+    box, first, which = np.unique(key, return_index=True, return_inverse=True)
+    state, owner, face = _candidates(grids, casters, points[first])
+    state = state[which]
+    order = np.argsort(owner, kind="stable")
+    start = np.searchsorted(owner[order], np.arange(len(box) + 1))
+    pair, offset = expand(np.diff(start)[which])
+    face = face[order][start[which[pair]] + offset]
     tile = pairs.tile[:, 1] * shape[1] + pairs.tile[:, 0]
     _mark(lit, pairs[state == LIT])
     half = np.zeros(shape, bool).reshape(-1)
@@ -258,20 +277,24 @@ def _candidates(
         box, caster = grid.candidates(reach[usable])
         box = usable[box]
         face, side = grid.face[caster], grid.side[caster]
-        own = points[box]
-        height = np.einsum("nka,na->nk", own - casters.corners[face, :1], casters.normal[face])
-        scale = np.abs(own).max(axis=(1, 2)) * np.linalg.norm(casters.normal[face], axis=1)
-        slack = 1e-7 * scale[:, None]
-        ahead, behind = (height >= -slack).all(axis=1), (height <= slack).all(axis=1)
+        offset = np.sum(casters.corners[face, 0] * casters.normal[face], axis=1)
+        slack = 1e-7 * np.linalg.norm(casters.normal[face], axis=1)
+        slack *= np.abs(points).max(initial=0.0)
+        ahead, behind = np.ones(len(box), bool), np.ones(len(box), bool)
+        for k in range(points.shape[1]):
+            height = np.sum(points[box, k] * casters.normal[face], axis=1) - offset
+            ahead &= height >= -slack
+            behind &= height <= slack
         # one side of a plane sees nothing of it hidden; closed bodies hide outwards only
         drop = (ahead & (side == 1)) | (behind & ((side == -1) | ~casters.both_sides[face]))
-        box, face, caster, ahead = box[~drop], face[~drop], caster[~drop], ahead[~drop]
-        nearer = grid.reach.s[caster, 0] > reach.s[box, 1]
-        sure = ~grid.rim[caster] & nearer
+        box, face, caster = box[~drop], face[~drop], caster[~drop]
+        sure = ~grid.rim[caster] & (grid.reach.s[caster, 0] > reach.s[box, 1])
         half = np.zeros(len(points), bool)
         half[box[~sure]] = True
         hit = np.zeros(len(points), bool)
-        hit[box[_meets(grid.view.lamp, points[box].mean(axis=1), casters.corners[face])]] = True
+        ask = np.flatnonzero(~half[box])
+        middle = points[box[ask]].mean(axis=1)
+        hit[box[ask[_meets(grid.view.lamp, middle, casters.corners[face[ask]])]]] = True
         state = np.maximum(state, np.where(half, HALF, np.where(hit, DARK, LIT)).astype(np.int8))
         pairs.append(box)
         faces.append(face)
