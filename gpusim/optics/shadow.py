@@ -13,8 +13,8 @@ from gpusim.errors import InputError
 from gpusim.gpu import Buffer, Device, Recording, Texture, compare, twin_check
 from gpusim.optics.binning import bin_edges
 from gpusim.optics.pattern import LOOP_TURNS
-from gpusim.optics.shadow_probe import probe_shadows
 from gpusim.optics.shade import ShadePass, Tables, shade_twin
+from gpusim.optics.shadow_probe import probe_shadows
 from gpusim.optics.shadow_tiles import TILE, TURNS
 from gpusim.optics.visibility import visibility_twin
 
