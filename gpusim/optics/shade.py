@@ -38,8 +38,7 @@ class Tables:
         self.lamps = setup.lighting.uniform()
         self.shadows = ShadowTables(device, setup.lighting)
         self.paints = device.buffer(table.paints, "shade.paints")
-        self.cell_start = device.buffer(table.cell_start, "shade.cells")
-        self.features = device.buffer(table.features, "shade.features")
+        self.patterns = table.texels(device)
         self.triangles = device.buffer(setup.records(), "shade.triangles")
         self.screen = device.buffer(fixed, "shade.screen")
         texels = setup.bitmaps.texels()
@@ -51,8 +50,7 @@ class Tables:
         """The bindings that both passes have, by their WGSL names."""
         return {
             "paints": self.paints,
-            "cell_start": self.cell_start,
-            "features": self.features,
+            "patterns": self.patterns,
             "triangles": self.triangles,
             "screen": self.screen,
             "lamps": self.lamps,
