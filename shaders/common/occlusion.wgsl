@@ -23,13 +23,13 @@ struct Shades {
     rows: array<vec4f, 16>,
     lamps: array<LampFace, 16>,
 }
-@group(0) @binding(20) var<uniform> shades: Shades;
+@group(0) @binding(60) var<uniform> shades: Shades;
 // four corners per face, relative to the eye; the first one's w is 1 if its inside hides as well
-@group(0) @binding(21) var occluders: texture_2d<f32>;
+@group(0) @binding(61) var occluders: texture_2d<f32>;
 // per tile in half shadow a texel per lamp (first, count, -, -), then the faces, four a texel
-@group(0) @binding(22) var shadow_lists: texture_2d<u32>;
+@group(0) @binding(62) var shadow_lists: texture_2d<u32>;
 // per tile of 8 x 8 px (bits of the lamps that light it, number among the half shadowed + 1, -, -)
-@group(0) @binding(23) var shadow_tiles: texture_2d<u32>;
+@group(0) @binding(63) var shadow_tiles: texture_2d<u32>;
 
 const STEP_A: f32 = 0.0625;
 const STEP_B: f32 = 0.00390625;
