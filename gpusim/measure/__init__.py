@@ -5,6 +5,7 @@ from gpusim.measure.calibration import CalibratedCamera, Calibration, calibrate
 from gpusim.measure.chessboard import find_chessboard
 from gpusim.measure.corners import Markers, MarkerStatus, find_markers, locate_markers
 from gpusim.measure.crossings import Crossings, fit_crossings
+from gpusim.measure.damage import SlopeChanges, difference_curve, slope_changes
 from gpusim.measure.deflection import (
     DeflectionLine,
     RigidMotion,
@@ -49,6 +50,7 @@ __all__ = [
     "RigidMotion",
     "Scale",
     "Sighting",
+    "SlopeChanges",
     "SplineImage",
     "Status",
     "StereoResult",
@@ -62,6 +64,7 @@ __all__ = [
     "deflection_line",
     "dic",
     "dic_sequence",
+    "difference_curve",
     "displacement_3d",
     "epipolar_distance",
     "find_chessboard",
@@ -73,6 +76,7 @@ __all__ = [
     "rig_camera",
     "rigid_motion",
     "scale_coefficient",
+    "slope_changes",
     "stereo_dic",
     "stereo_shape",
     "strain",
