@@ -213,12 +213,16 @@ class Camera:
             return points.copy()
         return self._to_pixels(self.lens.undistort(self._from_pixels(points)))
 
-    def distort(self, pixels: npt.ArrayLike) -> npt.NDArray[np.float64]:
-        """Ideal pixel positions (…, 2) to where the lens puts them; NaN beyond its domain."""
+    def distort(self, pixels: npt.ArrayLike, beyond: bool = False) -> npt.NDArray[np.float64]:
+        """Ideal pixel positions (…, 2) to where the lens puts them; NaN beyond its domain.
+
+        ``beyond``: continued straight outwards there instead, for geometry that leaves the image.
+        """
         points = _pixels(pixels, "distort")
         if self.lens is None:
             return points.copy()
-        return self._to_pixels(self.lens.distort(self._from_pixels(points)))
+        flat = self._from_pixels(points)
+        return self._to_pixels(self.lens.extended(flat) if beyond else self.lens.distort(flat))
 
     def _to_pixels(self, flat: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         K, x, y = self.K, flat[..., 0], flat[..., 1]

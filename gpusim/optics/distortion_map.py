@@ -41,8 +41,8 @@ class DistortionMap:
 
     They give the shift from a pixel to its ideal position at (u, v) px from the tile's ``middle``
     (2,) behind its origin. Tiles start at multiples of ``size``, but none later than ``last`` (2,).
-    ``stretch``: the most that a pixel grows when undistorted. ``error``: px, the largest
-    difference to the exact inverse found.
+    ``stretch``: the most that a pixel grows when undistorted. ``bend``: largest second derivative
+    of the shift, per px. ``error``: px, the largest difference to the exact inverse found.
     """
 
     size: int
@@ -50,6 +50,7 @@ class DistortionMap:
     middle: Array
     coefficients: Array
     stretch: float
+    bend: float
     error: float
 
     def evaluate(self, pixel: npt.NDArray[np.int64], at: Array) -> tuple[Array, Array]:
@@ -171,15 +172,16 @@ class _Tiles:
         """All tiles; the error is looked for in some of them, and in those that bend most."""
         tile = np.arange(self.rows * self.columns)
         c = self.fit(tile)
-        bend = np.abs(c[..., 6:]).max(axis=(1, 2))
-        probed = np.unique(np.r_[self.some(), np.argsort(-bend)[:PROBES]])
+        rest = np.abs(c[..., 6:]).max(axis=(1, 2))
+        probed = np.unique(np.r_[self.some(), np.argsort(-rest)[:PROBES]])
         slope = np.abs(c[..., 1:3] + np.eye(2)).sum(axis=2).max()
-        rim = self.size * np.abs(c[..., 3:6]).sum(axis=2).max()
+        bend = 2.0 * np.abs(c[..., 3:6]).sum(axis=2).max()
         return DistortionMap(
             self.size,
             self.last,
             self.middle,
             c.reshape(self.rows, self.columns, 2, 10),
-            float(slope + rim),
+            float(slope + 0.5 * self.size * bend),
+            float(bend),
             self.error(probed, c[probed]),
         )

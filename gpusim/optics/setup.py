@@ -27,7 +27,7 @@ from gpusim.optics.light import (
     irradiance,
 )
 from gpusim.optics.pattern import PatternTable
-from gpusim.optics.view import NORMAL, ST, View, barycentric_planes, look
+from gpusim.optics.view import NORMAL, ST, View, look
 from gpusim.surface.paint import Checker, Dots, Markers, Paint, Plain
 from gpusim.surface.surface import Surface
 
@@ -78,7 +78,7 @@ class Setup:
                 f"{MOST_EMITTERS}: use fewer lamps, or smaller ones farther away"
             )
         rows[:, :3] -= view.camera.eye
-        anchor = np.rint(view.screen.mean(axis=1)).astype(np.int32)
+        anchor = np.rint(view.ideal.mean(axis=1)).astype(np.int32)
         size = table.paints["cell"][view.paint].astype(np.float64)
         st = view.corners[:, :, ST]
         cell = np.floor(st.mean(axis=1) / size[:, None])
@@ -88,7 +88,7 @@ class Setup:
              view.corners[:, :, NORMAL]], axis=2
         )  # fmt: skip
         mean_inverse = view.inverse_depth().mean(axis=1)
-        basis = barycentric_planes(view.corners, view.camera) / mean_inverse[:, None, None]
+        basis = view.planes / mean_inverse[:, None, None]
         planes = np.einsum("tia,tik->tak", values, basis)
         planes[:, :, 2] += np.einsum("tak,tk->ta", planes[:, :, :2], anchor.astype(np.float64))
         near = table.near_features(view.paint, st.min(axis=1), st.max(axis=1))

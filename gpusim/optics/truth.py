@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.optics.view import NORMAL, POSITION, REFERENCE, View, barycentric_planes
+from gpusim.optics.view import NORMAL, POSITION, REFERENCE, View
 
 __all__ = ["Truth", "seen_in", "truth_of"]
 
@@ -60,9 +60,10 @@ def truth_of(
         wanted[1:] = (view.face >= faces[0]) & (view.face < faces[1])
     row, column = np.nonzero(wanted[ids])
     triangle = ids[row, column].astype(np.int64) - 1
-    pixels = np.stack([column, row, np.ones(len(row))], axis=1)
-    planes = barycentric_planes(view.corners, view.camera)[triangle]
-    b = np.einsum("nik,nk->ni", planes, pixels)
+    pixels = np.stack([column, row], axis=1).astype(np.float64)
+    ideal = np.ones((len(row), 3))
+    ideal[:, :2] = view.camera.undistort(pixels)
+    b = np.einsum("nik,nk->ni", view.planes[triangle], ideal)
     inverse = b.sum(axis=1)
     weights = b / inverse[:, None]
     corners = view.corners[triangle]
@@ -77,7 +78,7 @@ def truth_of(
         depth=1.0 / inverse,
         reference=reference,
         displacement=position - reference,
-        flow=view.camera.project(reference) - pixels[:, :2].astype(np.float64),
+        flow=view.camera.project(reference) - pixels,
         normal=_normals(view, triangle, weights),
         face=view.face[triangle],
         region=view.paint[triangle],
@@ -110,9 +111,10 @@ def seen_in(
     pixel = np.rint(np.where(inside[:, None], at, 0.0)).astype(np.int64)
     number = ids[pixel[:, 1], pixel[:, 0]].astype(np.int64)
     rows = np.flatnonzero(inside & (number > 0))
-    planes = barycentric_planes(view.corners, camera)[number[rows] - 1].sum(axis=1)
+    planes = view.planes[number[rows] - 1].sum(axis=1)
     # the seen triangle's depth at the point's own place: a steep face isn't in front of itself
-    inverse = np.sum(planes * np.concatenate([at[rows], np.ones((len(rows), 1))], 1), axis=1)
+    ideal = camera.without_distortion().project(points[rows])
+    inverse = np.sum(planes * np.concatenate([ideal, np.ones((len(rows), 1))], 1), axis=1)
     hidden = np.zeros(len(points), bool)
     z = camera.to_camera(points[rows])[:, 2]
     hidden[rows] = z * inverse > 1.0 + DEPTH_TOLERANCE
