@@ -29,6 +29,7 @@ if _typing.TYPE_CHECKING:
         TwinMismatch,
     )
     from gpusim.fem import Isotropic, Model, Orthotropic, Solution
+    from gpusim.field import Field, read_field
     from gpusim.gpu import Device
     from gpusim.mesh import Mesh, mesh_cad, read_mesh
     from gpusim.optics import (
@@ -54,6 +55,7 @@ __all__ = [
     "Device",
     "DeviceError",
     "DeviceLost",
+    "Field",
     "Frame",
     "GpusimError",
     "InputError",
@@ -84,6 +86,7 @@ __all__ = [
     "mesh",
     "mesh_cad",
     "paint",
+    "read_field",
     "read_mesh",
     "render",
     "run",
@@ -104,6 +107,7 @@ _HOMES = {
         "TwinMismatch",
     ),
     "gpusim.fem": ("Isotropic", "Model", "Orthotropic", "Solution"),
+    "gpusim.field": ("Field", "read_field"),
     "gpusim.gpu": ("Device",),
     "gpusim.mesh": ("Mesh", "mesh_cad", "read_mesh"),
     "gpusim.optics": (

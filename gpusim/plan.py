@@ -24,6 +24,7 @@ from gpusim.state import StateFile
 __all__ = ["Plan", "PlannedStage", "make_plan"]
 
 State = Literal["run", "skipped", "reused"]
+_GIVEN = "displacements are given"
 
 
 @dataclass(frozen=True)
@@ -152,7 +153,7 @@ class _Planner:
 
     def plan(self) -> Plan:
         scene, backend = self.scene, self.backend
-        mesh = self.key("mesh", ("body.*.mesh", "body.*.notch"))
+        mesh = self.key("mesh", ("body.*.mesh", "body.*.field", "body.*.notch"))
         model = self.key(
             "model",
             ("material", "body.*.material", "body.*.part", "body.*.formulation"),
@@ -161,9 +162,10 @@ class _Planner:
         )
         solve = self.key("solve", ("solver", "analysis.type"), model, extra=backend)
         surface = self.key("surface", ("body.*.name", "body.*.paint", "prop"), mesh)
-        still = self._still()
-        self.decide("solve", solve, still if self.skip else "" if scene.bodies else still)
-        frames = self._frames(surface, solve if not still else "")
+        still, given = self._still(), self.history.given
+        unsolved = _GIVEN if given else still if self.skip or not scene.bodies else ""
+        self.decide("solve", solve, unsolved)
+        frames = self._frames(surface, solve if not still and not given else "")
         self._results(surface, solve, frames)
         self._in_memory(mesh, model, surface)
         everything = [stage.key for stage in self.stages.values()]
@@ -181,6 +183,8 @@ class _Planner:
         bodies = self.scene.bodies
         if not bodies:
             return "no [[body]]"
+        if self.history.given:
+            return ""
         moved = any(any(s.displacement) for body in bodies for s in body.supports)
         if not moved and not any(body.loads for body in bodies):
             return "no load and no prescribed displacement"
@@ -199,8 +203,9 @@ class _Planner:
                 name = f"render/{camera.name}/{frame:04d}"
                 # the unloaded frame doesn't depend on the solution; an automatic exposure is that
                 # of the camera's first frame
-                moved = "" if self.history.still(frame) else solve
-                weights = self.history.weights(frame) if moved else []
+                still = self.history.still(frame)
+                moved = "" if still else solve
+                weights = [] if still else self.history.weights(frame)
                 key = self.key(name, sections, surface, moved, first, extra=[self.backend, weights])
                 if frame == 0 and self.scene.sensor.exposure is None:
                     first = key
@@ -208,7 +213,8 @@ class _Planner:
                 if self.stages[name].runs:
                     columns, rows = camera.resolution
                     factors = ", ".join(f"{w:g}" for w in self.history.shown(frame))
-                    detail = f"{columns}x{rows} px, {self.stages[name].detail}, load x {factors}"
+                    what = f"time {factors}" if self.history.given else f"load x {factors}"
+                    detail = f"{columns}x{rows} px, {self.stages[name].detail}, {what}"
                     self.stages[name] = replace(self.stages[name], detail=detail)
                 names.append(name)
         return names
@@ -241,8 +247,10 @@ class _Planner:
         """Mesh, model and surface: run for the stages that need them, else not at all."""
         solving = self.runs("solve", "stress")
         drawing = self.runs("render", "truth", "measure", "export")
+        if self.history.given:
+            self.enter("model", "skipped", _GIVEN, model)
         for name, key, users in (
-            ("model", model, solving),
+            *(() if self.history.given else (("model", model, solving),)),
             ("surface", surface, drawing),
             ("mesh", mesh, [*solving, *drawing]),
         ):

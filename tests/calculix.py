@@ -38,12 +38,15 @@ class Answer:
     stress: Float
 
 
-def run(model: Model, formulation: str, folder: Path) -> Answer:
-    """CalculiX's answer, every load case a step. Skips the test where ``ccx`` isn't installed."""
+def run(model: Model, formulation: str, folder: Path, displacements: bool = False) -> Answer:
+    """CalculiX's answer, every load case a step. Skips the test where ``ccx`` isn't installed.
+
+    With ``displacements`` the .frd file holds them too.
+    """
     program = shutil.which("ccx")
     if program is None:
         pytest.skip("CalculiX isn't installed (Debian: calculix-ccx)")
-    (folder / "model.inp").write_text("\n".join(_deck(model, formulation)) + "\n")
+    (folder / "model.inp").write_text("\n".join(_deck(model, formulation, displacements)) + "\n")
     done = subprocess.run(
         [program, "model"], cwd=folder, capture_output=True, text=True, check=False, timeout=120
     )
@@ -54,7 +57,7 @@ def run(model: Model, formulation: str, folder: Path) -> Answer:
     )
 
 
-def _deck(model: Model, formulation: str) -> list[str]:
+def _deck(model: Model, formulation: str, displacements: bool) -> list[str]:
     mesh = model.mesh
     (kind, _, block), *others = mesh.blocks()
     assert not others and len(model.materials) == 1
@@ -76,6 +79,7 @@ def _deck(model: Model, formulation: str) -> list[str]:
             f"{node + 1}, {axis + 1}, {forces[node, axis]:.12e}"
             for node, axis in np.argwhere(forces != 0.0)
         ]
+        lines += ["*NODE FILE", "U"] if displacements else []
         lines += ["*NODE PRINT, NSET=ALL", "U", "*EL FILE", "S", "*END STEP"]
     return lines
 

@@ -14,14 +14,16 @@ PACKAGE = Path(gpusim.__file__).parent
 
 # Who may import whom. Foundation: anybody. Numerics see frozen dataclasses, never the scene.
 # `measure` sees images and numbers only: no inverse crime.
-FOUNDATION = {"_version", "errors"}
+FOUNDATION = {"_version", "errors", "series"}
 ALLOWED: dict[str, set[str]] = {
     "_version": set(),
     "errors": set(),
+    "series": set(),
     "gpu": set(),
     "scene": {"gpu"},
     "mesh": {"gpu"},
     "fem": {"gpu", "mesh"},
+    "field": {"gpu", "mesh"},
     "deck": {"gpu", "mesh", "fem"},
     "surface": {"gpu", "mesh", "fem"},
     "optics": {"gpu", "mesh", "fem", "surface"},

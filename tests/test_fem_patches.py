@@ -7,7 +7,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import splu
 
 from gpusim.fem import Isotropic, Model, solve
-from gpusim.fem.assembly import assemble, lattice_matrix
+from gpusim.fem.assembly import assemble, lattice_stencil
 from gpusim.fem.block_rows import block_matrix
 from gpusim.fem.formulation import resolve_formulation
 from gpusim.fem.patches import make_patches
@@ -30,7 +30,9 @@ def test_patches_are_exact_local_solutions() -> None:
     free = ~model.fixed
     matrix = block_matrix(parts.rows)
     np.testing.assert_allclose(
-        lattice_matrix(parts.groups[0], parts.lattice).toarray(), matrix.toarray(), atol=1e-12
+        lattice_stencil(parts.groups[0], parts.lattice).matrix.toarray(),
+        matrix.toarray(),
+        atol=1e-12,
     )
     patches = make_patches(matrix, parts.groups[0], parts.lattice, free)
     assert patches is not None

@@ -146,16 +146,23 @@ class TruthWriter:
             mesh.create_dataset(f"cells/{kind}", data=array.astype(np.int64), **_packing(array))
 
     def write_nodal_displacement(
-        self, step: int, displacement: npt.NDArray[np.float64], *, load_factor: float | None = None
+        self,
+        step: int,
+        displacement: npt.NDArray[np.float64],
+        *,
+        load_factor: float | None = None,
+        time: float | None = None,
     ) -> None:
-        """Write u (N, 3) float64 m of one step; the mesh must have been written."""
+        """Write u (N, 3) float64 m of one step; the mesh must have been written.
+
+        ``load_factor`` or ``time`` (of a given field) say what the step is.
+        """
         if "mesh" not in self._file:
             raise InputError("nodal displacement: got no mesh; expected write_mesh before")
         _check("displacement", displacement, self._file["mesh/points"].shape)
         group = self._file["mesh"].require_group("displacement")
         data = _dataset(group, _frame_name(step), displacement, "m", "world", "Lagrangian")
-        if load_factor is not None:
-            data.attrs["load_factor"] = load_factor
+        _say_when(data, load_factor, time)
 
     def write_camera(
         self,
@@ -189,15 +196,21 @@ class TruthWriter:
         lens = group.create_dataset("distortion", data=coefficients)
         lens.attrs["convention"] = "OpenCV: k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 taux tauy"
 
-    def frame(self, camera: str, index: int, *, load_factor: float | None = None) -> FrameWriter:
+    def frame(
+        self,
+        camera: str,
+        index: int,
+        *,
+        load_factor: float | None = None,
+        time: float | None = None,
+    ) -> FrameWriter:
         """Return the writer of frame ``index`` of a camera that has been written."""
         path = f"camera/{safe_name(camera)}"
         if path not in self._file:
             raise InputError(f"frame: got camera {camera!r}; expected write_camera before")
         group = self._file[path]
         frame = group.require_group("frame").create_group(_frame_name(index), track_order=True)
-        if load_factor is not None:
-            frame.attrs["load_factor"] = load_factor
+        _say_when(frame, load_factor, time)
         return FrameWriter(frame, (int(group.attrs["height"]), int(group.attrs["width"])))
 
     @property
@@ -218,6 +231,12 @@ def _system_errors() -> Iterator[None]:
             raise
         number = int(cause.group(1))
         raise OSError(number, os.strerror(number)) from error
+
+
+def _say_when(item: h5py.HLObject, load_factor: float | None, time: float | None) -> None:
+    for name, value in (("load_factor", load_factor), ("time", time)):
+        if value is not None:
+            item.attrs[name] = value
 
 
 def _frame_name(index: int) -> str:

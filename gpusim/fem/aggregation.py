@@ -15,6 +15,7 @@ from scipy.sparse import bsr_matrix, csr_matrix
 from gpusim.fem.congruence import mix, noise
 from gpusim.fem.patches import Patches
 from gpusim.fem.product import Product
+from gpusim.fem.stencil import StencilProduct
 
 __all__ = ["Aggregated", "aggregate_level", "largest_eigenvalue"]
 
@@ -55,7 +56,9 @@ def aggregate_level(
     return Aggregated(prolongation, coarse, coarse_null, coarse_mask)
 
 
-def largest_eigenvalue(product: Product, inverse: Float | Patches, steps: int = 10) -> float:
+def largest_eigenvalue(
+    product: Product | StencilProduct, inverse: Float | Patches, steps: int = 10
+) -> float:
     """Of M A for the smoother's M, D^-1 or patches: Lanczos in the norm of M^-1 from a fixed
     start, with the residual and a little more on top (Zhou & Li, Linear Algebra Appl. 435 (2011)
     480). A value 4 % too small already makes the smoother, and the cycle, indefinite.
@@ -68,7 +71,7 @@ def largest_eigenvalue(product: Product, inverse: Float | Patches, steps: int = 
         blocks = np.matmul(inverse, r.reshape(-1, size, 1))
         return np.asarray(blocks, dtype=np.float64).reshape(-1)
 
-    r = noise(product.matrix.shape[0], 3)
+    r = noise(product.unknowns, 3)
     z, before = scaled(r), np.zeros_like(r)
     beta = np.sqrt(max(float(r @ z), 0.0))
     diagonal: list[float] = []

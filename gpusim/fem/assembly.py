@@ -15,6 +15,7 @@ from gpusim.fem.groups import Group, lattice_group, model_groups
 from gpusim.fem.lattice import CORNERS, Lattice, find_lattice, node_offsets
 from gpusim.fem.model import Model
 from gpusim.fem.product import pool
+from gpusim.fem.stencil import Stencil
 
 __all__ = [
     "Assembled",
@@ -22,7 +23,7 @@ __all__ = [
     "assemble_groups",
     "assemble_lattice",
     "group_matrix",
-    "lattice_matrix",
+    "lattice_stencil",
 ]
 
 Float = npt.NDArray[np.float64]
@@ -260,12 +261,8 @@ def assemble_lattice(group: Group, lattice: Lattice) -> BlockRows:
     )
 
 
-def lattice_matrix(group: Group, lattice: Lattice) -> bsr_matrix:
-    """The same as a SciPy block matrix, with the diagonal blocks that the elements give."""
+def lattice_stencil(group: Group, lattice: Lattice, scale: float = 1.0) -> Stencil:
+    """The same over ``scale`` by place on the lattice, with the diagonal blocks that the elements
+    give."""
     _, row_class, blocks = _lattice_rows(group, lattice)
-    linked = _linked(lattice)
-    start = np.concatenate([[0], np.cumsum(linked.sum(axis=1))])
-    at = (27 * row_class[:, None] + np.arange(27))[linked]
-    size = 3 * lattice.node_count
-    data = blocks.reshape(-1, 3, 3)[at]
-    return bsr_matrix((data, lattice.neighbours()[linked], start), shape=(size, size))
+    return Stencil(lattice, row_class.astype(np.int32), blocks / scale)

@@ -10,7 +10,7 @@ from scipy.linalg import cho_factor, cho_solve, eigh
 from scipy.sparse import bsr_matrix
 
 from gpusim.fem.aggregation import aggregate_level, largest_eigenvalue
-from gpusim.fem.assembly import group_matrix, lattice_matrix
+from gpusim.fem.assembly import group_matrix, lattice_stencil
 from gpusim.fem.block_rows import BlockRows
 from gpusim.fem.coarsen import Coarser, drop_midsides, drop_planes, has_midsides
 from gpusim.fem.congruence import noise
@@ -20,6 +20,7 @@ from gpusim.fem.indefinite import indefinite
 from gpusim.fem.lattice import Lattice, find_lattice
 from gpusim.fem.patches import Patches, make_patches
 from gpusim.fem.product import Product
+from gpusim.fem.stencil import Stencil, StencilProduct
 from gpusim.fem.supports import rigid_modes
 from gpusim.fem.transfer import MatrixTransfer, NodeTransfer, Transfer
 
@@ -41,7 +42,7 @@ class Level:
     (B,s,s), greatest eigenvalue of D^-1 A, and the transfer to the next coarser level. Where
     ``patches`` smooth instead, the eigenvalue is theirs."""
 
-    product: Product
+    product: Product | StencilProduct
     inverse: Float
     largest: float
     transfer: Transfer
@@ -60,7 +61,7 @@ class Hierarchy:
 
 
 def build_hierarchy(
-    matrix: bsr_matrix,
+    matrix: bsr_matrix | Stencil,
     groups: list[Group],
     lattice: Lattice | None,
     free: Bool,
@@ -71,9 +72,9 @@ def build_hierarchy(
 ) -> Hierarchy:
     """Coarsen until at most a few hundred unknowns remain.
 
-    ``matrix`` K / scale with 3x3 blocks, ``rows`` the same as block rows of K, ``groups`` the
-    elements of K, ``lattice`` of their nodes or None, ``free`` (N,3), ``points`` (N,3).
-    ``patched`` asks for patches as smoothers on lattices.
+    ``matrix`` K / scale with 3x3 blocks or as a stencil, ``rows`` the same as block rows of K,
+    ``groups`` the elements of K, ``lattice`` of their nodes or None, ``free`` (N,3), ``points``
+    (N,3). ``patched`` asks for patches as smoothers on lattices.
     """
     levels: list[Level] = []
     inverse = invert_repeated(rows.diagonal / scale, rows.row_class, free)
@@ -82,12 +83,12 @@ def build_hierarchy(
         if coarser is None or not free[coarser.kept].any():
             break
         if levels:
-            inverse = invert_blocks(diagonal_blocks(matrix), free)
+            inverse = _inverses(matrix, free)
         coarse_free = free[coarser.kept]
         transfer = NodeTransfer(coarser.weights, free, coarse_free)
-        product, patches = Product(matrix), None
+        product, patches = _product(matrix), None
         if patched and lattice is not None:
-            patches = make_patches(matrix, groups[0], lattice, free)
+            patches = make_patches(_assembled(matrix), groups[0], lattice, free)
         if patches is not None:
             largest = largest_eigenvalue(product, patches)
         elif sum(len(group.matrices) for group in groups) <= _FEW:
@@ -98,14 +99,30 @@ def build_hierarchy(
         groups, lattice, free = coarser.groups, coarser.lattice, coarse_free
         points = points[coarser.kept]
         if lattice is not None:
-            matrix = lattice_matrix(groups[0], lattice)
+            matrix = lattice_stencil(groups[0], lattice, scale)
         else:
             matrix = group_matrix(groups, len(points))
-        matrix.data /= scale
+            matrix.data /= scale
     smoothed_by_patches = bool(levels) and levels[-1].patches is not None
     return _aggregate(
-        levels, matrix, free, points, _COARSEST_PATCHED if smoothed_by_patches else _COARSEST
-    )
+        levels, _assembled(matrix), free, points,
+        _COARSEST_PATCHED if smoothed_by_patches else _COARSEST,
+    )  # fmt: skip
+
+
+def _assembled(matrix: bsr_matrix | Stencil) -> bsr_matrix:
+    return matrix.matrix if isinstance(matrix, Stencil) else matrix
+
+
+def _product(matrix: bsr_matrix | Stencil) -> Product | StencilProduct:
+    product = StencilProduct.of(matrix) if isinstance(matrix, Stencil) else None
+    return Product(_assembled(matrix)) if product is None else product
+
+
+def _inverses(matrix: bsr_matrix | Stencil, free: Bool) -> Float:
+    if isinstance(matrix, Stencil):
+        return invert_repeated(matrix.diagonal, matrix.row_class, free)
+    return invert_blocks(diagonal_blocks(matrix), free)
 
 
 def _element_bound(matrices: Float) -> float:

@@ -28,6 +28,7 @@ from gpusim.fem.patch_multigrid import PatchMultigrid
 from gpusim.fem.preconditioner import BlockJacobi, Multigrid
 from gpusim.fem.product import Product
 from gpusim.fem.refine import refine
+from gpusim.fem.stencil import StencilProduct, stencil_of
 from gpusim.fem.stiffness import DeviceStiffness
 from gpusim.gpu import Device, default_device, software_adapter
 
@@ -46,6 +47,8 @@ _HARSH_PATIENCE, _HARSH_SECONDS = 30.0, 30.0
 _NEGLIGIBLE = 0.02
 # ratio of greatest and least modulus, 300 at nu = 0.495, from which on patches are worth their cost
 _STIFF_IN_BULK = 300.0
+# nodes per distinct row from which on a stencil isn't larger than the matrix
+_REPEATS = 8
 
 
 @dataclass
@@ -234,22 +237,26 @@ def _nearly_incompressible(model: Model) -> bool:
 
 def _preconditioner(
     name: str, model: Model, assembled: Assembled, system: System
-) -> tuple[BlockJacobi | Multigrid, Norm, Product]:
+) -> tuple[BlockJacobi | Multigrid, Norm, Product | StencilProduct]:
     """Preconditioner, norm of the stopping rule, and the NumPy loop's product with K'.
 
     Inside the loop NumPy multiplies by the assembled matrix, which is several times faster than
     differences; the refinement's residual still comes from differences.
     """
     rows = assembled.rows
-    matrix = block_matrix(rows, system.scale)
     if name == "block_jacobi":
+        matrix = block_matrix(rows, system.scale)
         diagonal = rows.diagonal[rows.row_class] / system.scale
         inverse = invert_blocks(diagonal, system.free)
         return BlockJacobi(inverse), Norm(diagonal, None), Product(matrix)
+    lattice = assembled.lattice
+    repeats = lattice is not None and rows.class_count <= rows.node_count // _REPEATS
     hierarchy = build_hierarchy(
-        matrix,
+        stencil_of(rows, lattice, system.scale)
+        if lattice is not None and repeats
+        else block_matrix(rows, system.scale),
         assembled.groups,
-        assembled.lattice,
+        lattice,
         system.free,
         model.mesh.points,
         rows,

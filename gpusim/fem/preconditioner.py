@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 import numpy.typing as npt
 
@@ -10,7 +12,8 @@ from gpusim.fem.device_multigrid import DeviceMultigrid, multigrid_bytes
 from gpusim.fem.hierarchy import Hierarchy, Level
 from gpusim.fem.product import Product
 from gpusim.fem.relax import DeviceRelaxation
-from gpusim.fem.smooth import Relaxation, chebyshev, relax
+from gpusim.fem.smooth import Relaxation, chebyshev, columns, relax
+from gpusim.fem.stencil import StencilProduct
 from gpusim.fem.stiffness import DeviceStiffness
 from gpusim.gpu import Recording
 from gpusim.gpu.texels import Texels
@@ -33,11 +36,11 @@ class BlockJacobi:
 
     def __init__(self, inverse: Float) -> None:
         self.inverse = inverse
+        self._columns = columns(inverse)
 
     def apply(self, r: Float) -> Float:
         """z = D^-1 r for (L,3N) r."""
-        zero = np.zeros_like(r)
-        return relax(self.inverse, r, None, zero, zero, _JACOBI)[2]
+        return relax(self._columns, r, None, None, None, _JACOBI)[2]
 
     def upload(self, device: Allocator, stiffness: DeviceStiffness, cases: int) -> _DeviceJacobi:
         """The same on a device."""
@@ -75,8 +78,12 @@ class Multigrid:
     def __init__(self, hierarchy: Hierarchy) -> None:
         self.hierarchy = hierarchy
 
+    @cached_property
+    def _inverses(self) -> list[Float]:
+        return [columns(level.inverse) for level in self.hierarchy.levels]
+
     @property
-    def product(self) -> Product:
+    def product(self) -> Product | StencilProduct:
         """x (L,3N) -> K x on the finest level."""
         return self.hierarchy.levels[0].product
 
@@ -88,18 +95,16 @@ class Multigrid:
         levels = self.hierarchy.levels
         if number == len(levels):
             return np.asarray(b @ self.hierarchy.coarse_inverse)
-        level = levels[number]
-        product = level.product
-        steps = smoothing_steps(level)
-        zero = np.zeros_like(b)
-        r, d, x = relax(level.inverse, b, None, zero, zero, _from_zero(steps[0]))
+        level, inverse = levels[number], self._inverses[number]
+        product, steps = level.product, smoothing_steps(level)
+        r, d, x = relax(inverse, b, None, None, None, _from_zero(steps[0]))
         for step in steps[1:]:
-            r, d, x = relax(level.inverse, r, product(d), d, x, step)
+            r, d, x = relax(inverse, r, product(d), d, x, step)
         r = r - product(d)
         x = x + level.transfer.interpolate(self._cycle(number + 1, level.transfer.restrict(r)))
-        r, d, x = relax(level.inverse, b, product(x), d, x, steps[0])
+        r, d, x = relax(inverse, b, product(x), d, x, steps[0])
         for step in steps[1:]:
-            r, d, x = relax(level.inverse, r, product(d), d, x, step)
+            r, d, x = relax(inverse, r, product(d), d, x, step)
         return x
 
     def upload(self, device: Allocator, stiffness: DeviceStiffness, cases: int) -> DeviceMultigrid:

@@ -97,6 +97,10 @@ class Product:
             )
             self._parts.append(part)
 
+    @property
+    def unknowns(self) -> int:
+        return int(self.matrix.shape[0])
+
     def __call__(self, x: Float) -> Float:
         if len(self._parts) == 1:
             return np.stack([self._parts[0] @ one for one in x])

@@ -12,6 +12,7 @@ from gpusim.measure.deflection import (
 from gpusim.measure.dic import dic, grid_points
 from gpusim.measure.interpolation import SplineImage
 from gpusim.measure.matching import Status
+from gpusim.measure.strain import StrainResult, StrainStatus, strain
 from gpusim.measure.subsets import DicResult
 from gpusim.measure.tracking import TrackResult, track
 
@@ -24,6 +25,8 @@ __all__ = [
     "Scale",
     "SplineImage",
     "Status",
+    "StrainResult",
+    "StrainStatus",
     "TrackResult",
     "deflection_line",
     "dic",
@@ -32,5 +35,6 @@ __all__ = [
     "locate_markers",
     "rigid_motion",
     "scale_coefficient",
+    "strain",
     "track",
 ]

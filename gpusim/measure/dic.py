@@ -73,7 +73,8 @@ def dic(
         1 px + 2 ``blur_px`` aren't either.
     blur_px : standard deviation of a Gaussian put over both images first; 1 px takes most of the
         interpolation error off images with hard edges, for a little resolution.
-    tolerance : the iteration stops when no pixel of the subset moves by more, px.
+    tolerance : the iteration stops when no pixel of the subset has further to go than this, px,
+        as the shrinking of the last two steps tells.
     min_zncc : matches below are reported as ``LOW_CORRELATION``.
     device : where to iterate; None runs the NumPy twin in float64.
 

@@ -50,6 +50,7 @@ BoolArray = npt.NDArray[np.bool_]
 
 MIN_CONTRAST = 5e-4  # standard deviation of a subset over the grey range of the image
 MIN_WEIGHT = 0.3  # share of the window that the mask must leave
+FASTEST = 0.03  # ratio of two steps that is trusted to go on
 CHUNK = 1 << 17  # pixels handled at once by the twin
 # threads of a workgroup; on a CPU, one vector of eight: what a subset does once isn't repeated
 THREADS, THREADS_CPU = 32, 8
@@ -127,6 +128,7 @@ def _correlate_chunk(subsets: Subsets, settings: Settings, part: slice) -> Corre
     c = subsets.start[part].copy()
     contrast = np.ones(number)
     level = np.zeros(number)
+    before = np.zeros(number)
     active = np.flatnonzero(status == Status.NOT_CONVERGED)
     terms = basis(a, b, COEFFICIENTS[shape])
     for iteration in range(1, settings.max_iterations + 1):
@@ -162,7 +164,8 @@ def _correlate_chunk(subsets: Subsets, settings: Settings, part: slice) -> Corre
         change = step_coefficients(shape, step)
         c[active] = compose_inverse(shape, c[active], change, half)
         size = np.abs(change).sum(axis=2).max(axis=1)
-        done = size <= settings.tolerance
+        done = remaining(size, before[active]) <= settings.tolerance
+        before[active] = size
         move = np.abs(c[active][:, :, 0] - subsets.start[part][active][:, :, 0]).max(axis=1)
         lost = ~(live & (move <= settings.max_move))
         status[active[done & ~lost]] = Status.OK
@@ -177,6 +180,19 @@ def _correlate_chunk(subsets: Subsets, settings: Settings, part: slice) -> Corre
     c[bad] = np.nan
     sigma[bad] = np.nan
     return Correlation(c, zncc, sigma, iterations, status)
+
+
+def remaining(size: FloatArray, before: FloatArray) -> FloatArray:
+    """What is still to go after steps of ``size``, px, from the one ``before`` (0: none).
+
+    Gauss-Newton steps shrink by a constant ratio near the solution, so what is left after a step is
+    size (r + r^2 + ...) = size r / (1 - r). A ratio seen only once isn't trusted below 0.1, nor
+    used above 0.5.
+    """
+    ratio = np.maximum(size / np.maximum(before, 1e-30), FASTEST)
+    trusted = (before > 0) & (ratio < 0.5)
+    ratio = np.where(trusted, ratio, 0.5)
+    return np.asarray(size * ratio / (1.0 - ratio))
 
 
 def displacement_variance(factor: FloatArray, shape: Shape) -> tuple[FloatArray, FloatArray]:

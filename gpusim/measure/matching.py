@@ -40,7 +40,7 @@ class Settings:
     """How subsets are matched.
 
     window : (S, S) float64 weights in 0..1, S odd.
-    tolerance : largest move of a subset pixel in the last step, px.
+    tolerance : how far a pixel of the subset may still be from where it would end, px.
     max_move : a subset that leaves its start by more than this has diverged, px.
     """
 

@@ -7,7 +7,8 @@ of the Exodus II manual (Schoof & Yarberry, SAND92-2137, section 4.8 and 4.9).
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -21,7 +22,13 @@ from gpusim.errors import InputError
 from gpusim.mesh.cells import CELL_TYPES
 from gpusim.mesh.mesh import Mesh
 
-__all__ = ["ExodusFields", "read_exodus", "read_exodus_fields"]
+__all__ = [
+    "ExodusFields",
+    "ExodusSteps",
+    "read_exodus",
+    "read_exodus_fields",
+    "read_exodus_steps",
+]
 
 PathLike = str | os.PathLike[str]
 Float = npt.NDArray[np.float64]
@@ -84,6 +91,30 @@ class ExodusFields:
         return np.stack([self.nodal[name] for name in names], axis=2)
 
 
+@dataclass(frozen=True, eq=False)
+class ExodusSteps:
+    """Nodal results that are read when they are asked for.
+
+    ``times`` (T,) float64, ``names`` of the nodal variables.
+    """
+
+    path: PathLike
+    times: Float
+    names: tuple[str, ...]
+
+    def values(self, name: str, step: int) -> Float:
+        """(N,) float64 of a variable at a step. Raises InputError for a file that has changed."""
+        return _guarded_call(self.path, lambda: self._values(name, step))
+
+    def _values(self, name: str, step: int) -> Float:
+        number = self.names.index(name)
+        # mapped: only the pages of this step are read
+        with _variables(self.path, mapped=True) as (variables, _):
+            if "vals_nod_var" in variables:
+                return _native(variables["vals_nod_var"][step, number]).astype(np.float64)
+            return _native(variables[f"vals_nod_var{number + 1}"][step]).astype(np.float64)
+
+
 def read_exodus(path: PathLike) -> Mesh:
     """The mesh: element blocks as cell sets, node sets, side sets as face sets.
 
@@ -91,12 +122,22 @@ def read_exodus(path: PathLike) -> Mesh:
     blocks that aren't solids are left out. Raises InputError: not an Exodus file, cut off, no
     solid elements, an element type that isn't known.
     """
-    return _guarded(path, _mesh)
+    return _guarded(path, _mesh, results=False)
 
 
 def read_exodus_fields(path: PathLike) -> ExodusFields:
     """Times, nodal variables and information records. Raises InputError as ``read_exodus``."""
     return _guarded(path, _fields)
+
+
+def read_exodus_steps(path: PathLike) -> ExodusSteps:
+    """Times and names of the nodal variables. Raises InputError as ``read_exodus``."""
+
+    def steps(content: _Content) -> ExodusSteps:
+        names = _strings(content.arrays["name_nod_var"]) if _has_nodal(content) else []
+        return ExodusSteps(path, _times(content), tuple(names))
+
+    return _guarded(path, steps, results=False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,9 +169,13 @@ class _Content:
         return sorted(found, key=lambda name: int(name[len(prefix) :]))
 
 
-def _guarded(path: PathLike, convert: Callable[[_Content], T]) -> T:
+def _guarded(path: PathLike, convert: Callable[[_Content], T], results: bool = True) -> T:
+    return _guarded_call(path, lambda: convert(_content(path, results)))
+
+
+def _guarded_call(path: PathLike, read: Callable[[], T]) -> T:
     try:
-        return convert(_content(path))
+        return read()
     except InputError as error:
         text = str(error)
         raise InputError(text if text.startswith(str(path)) else f"{path}: {text}") from None
@@ -145,32 +190,48 @@ def _guarded(path: PathLike, convert: Callable[[_Content], T]) -> T:
         ) from None
 
 
-def _content(path: PathLike) -> _Content:
+def _content(path: PathLike, results: bool) -> _Content:
+    """The variables in memory; without ``results``, all but the values over time."""
+    with _variables(path) as (variables, kinds):
+        wanted = {
+            name: one for name, one in variables.items() if results or not name.startswith("vals_")
+        }
+        return _Content(str(path), {name: _native(one[()]) for name, one in wanted.items()}, kinds)
+
+
+@contextmanager
+def _variables(
+    path: PathLike, mapped: bool = False
+) -> Iterator[tuple[dict[str, Any], dict[str, str]]]:
+    """The file's variables, to be sliced, and the element type of each block's connectivity."""
     with Path(path).open("rb") as stream:
         magic = stream.read(8)
     if magic[:4] in (b"CDF\x01", b"CDF\x02"):
-        with netcdf_file(os.fspath(path), "r", mmap=False) as file:
-            arrays = {name: _native(one.data) for name, one in file.variables.items()}
+        with netcdf_file(os.fspath(path), "r", mmap=mapped) as file:
             kinds = {
                 name: _text(one.elem_type)
                 for name, one in file.variables.items()
                 if name.startswith("connect") and hasattr(one, "elem_type")
             }
+            data = {name: one.data for name, one in file.variables.items()}
+            try:
+                yield data, kinds
+            finally:
+                data.clear()  # nothing may point into the map when it is closed
     elif magic == b"\x89HDF\r\n\x1a\n":
         with h5py.File(path, "r") as file:
-            data = {name: one for name, one in file.items() if isinstance(one, h5py.Dataset)}
-            arrays = {name: _native(one[()]) for name, one in data.items()}
+            sets = {name: one for name, one in file.items() if isinstance(one, h5py.Dataset)}
             kinds = {
                 name: _text(one.attrs["elem_type"])
-                for name, one in data.items()
+                for name, one in sets.items()
                 if name.startswith("connect") and "elem_type" in one.attrs
             }
+            yield sets, kinds
     else:
         raise InputError(
             f"{path}: not an Exodus file; got first bytes {magic!r}; expected netCDF "
             "(classic, 64-bit offset, or netCDF-4)"
         )
-    return _Content(str(path), arrays, kinds)
 
 
 def _native(data: Any) -> npt.NDArray[Any]:
@@ -309,10 +370,18 @@ def _local_faces(kind: str) -> npt.NDArray[np.int64]:
     return np.array([ours.index(frozenset(side)) for side in _SIDES[kind[:3]]])
 
 
+def _times(content: _Content) -> Float:
+    return np.asarray(content.arrays.get("time_whole", np.zeros(0)), dtype=np.float64)
+
+
+def _has_nodal(content: _Content) -> bool:
+    return "name_nod_var" in content.arrays
+
+
 def _fields(content: _Content) -> ExodusFields:
-    times = content.arrays.get("time_whole", np.zeros(0)).astype(np.float64)
+    times = _times(content)
     nodal: dict[str, Float] = {}
-    if "name_nod_var" in content.arrays:
+    if _has_nodal(content):
         for number, name in enumerate(_strings(content.array("name_nod_var")), start=1):
             if "vals_nod_var" in content.arrays:
                 nodal[name] = content.array("vals_nod_var")[:, number - 1].astype(np.float64)

@@ -16,7 +16,7 @@ from gpusim.errors import InputError
 from gpusim.mesh.cells import CELL_TYPES
 from gpusim.mesh.mesh import Mesh
 
-__all__ = ["DIMENSIONS", "RawBlock", "RawMesh", "assemble", "index_of"]
+__all__ = ["DIMENSIONS", "RawBlock", "RawMesh", "assemble", "index_of", "solid_nodes"]
 
 Float = npt.NDArray[np.float64]
 Int = npt.NDArray[np.int32]
@@ -104,9 +104,7 @@ def assemble(raw: RawMesh, source: str) -> Mesh:
             )
     if not np.isfinite(raw.points).all():
         raise InputError(f"{source}: a coordinate isn't finite; expected numbers")
-    used = np.zeros(count, dtype=bool)
-    for block in solids:
-        used[block.nodes.ravel()] = True
+    used = solid_nodes(raw)
     number = np.cumsum(used) - 1
     cells, cell_sets = _solids(solids, number)
     try:
@@ -116,6 +114,15 @@ def assemble(raw: RawMesh, source: str) -> Mesh:
     return mesh.with_sets(
         _node_sets(raw, used, number), _face_sets(mesh, raw, used, number, source), cell_sets
     )
+
+
+def solid_nodes(raw: RawMesh) -> npt.NDArray[np.bool_]:
+    """(N,) the nodes of the file that belong to solids: those that `assemble` keeps, in order."""
+    used = np.zeros(len(raw.points), dtype=bool)
+    for block in raw.blocks:
+        if block.kind not in _CORNERS:
+            used[block.nodes.ravel()] = True
+    return used
 
 
 def _advice(counts: Mapping[str, int]) -> str:

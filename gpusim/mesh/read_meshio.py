@@ -17,7 +17,7 @@ from gpusim.mesh.cells import CELL_TYPES
 from gpusim.mesh.mirror import turned_wedges, turned_whole
 from gpusim.mesh.raw import RawBlock, RawMesh
 
-__all__ = ["read_with_meshio"]
+__all__ = ["raw_of", "read_content", "read_with_meshio"]
 
 Float = npt.NDArray[np.float64]
 Long = npt.NDArray[np.int64]
@@ -38,7 +38,11 @@ def read_with_meshio(path: Path) -> RawMesh:
     Raises InputError, naming the file, for whatever meshio stumbles over or leaves out.
     """
     kind = _FORMATS[path.suffix.lower()]
-    content = _read(path, kind)
+    return raw_of(read_content(path, kind), path, kind)
+
+
+def raw_of(content: Any, path: Path, kind: str) -> RawMesh:
+    """What meshio has read, in our names and node orders."""
     points = np.asarray(content.points, dtype=np.float64)
     if points.ndim != 2 or points.shape[1] != 3:
         raise InputError(f"{path}: points of shape {points.shape}; expected (N, 3)")
@@ -57,8 +61,11 @@ def read_with_meshio(path: Path) -> RawMesh:
     return RawMesh(points, tuple(blocks), _node_groups(content))
 
 
-def _read(path: Path, kind: str) -> Any:
-    """The file as meshio has it. It prints, warns and raises all sorts of errors."""
+def read_content(path: Path, kind: str) -> Any:
+    """The file as meshio has it, which prints, warns and raises all sorts of errors.
+
+    Raises InputError, naming the file.
+    """
     from gpusim.mesh.meshio_types import meshio
 
     said = io.StringIO()

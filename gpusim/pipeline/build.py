@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from gpusim import mesh
 from gpusim.errors import InputError
+from gpusim.field import Field, read_field
 from gpusim.mesh import Mesh
 from gpusim.optics.camera import Camera
 from gpusim.optics.light import AmbientLight, AreaLight, Light, PointLight
@@ -28,17 +29,27 @@ DEFAULT_ALBEDO = 0.5
 
 @dataclass(frozen=True, eq=False)
 class BodyParts:
-    """A body's mesh, its skin, and the painted surface at rest."""
+    """A body's mesh, its skin, and the painted surface at rest.
+
+    ``field``: its displacements, if they are given.
+    """
 
     body: m.Body
     mesh: Mesh
     skin: Skin
     surface: Surface
+    field: Field | None = None
 
 
 def build_body(body: m.Body) -> BodyParts:
     """Mesh and painted skin; a face belongs to the last paint that matches it."""
-    grid = build_mesh(body.mesh)
+    field = None
+    if isinstance(body.mesh, m.FieldMesh):
+        given = body.mesh
+        field = read_field(
+            given.path, name=given.variable, scale=given.scale, magnify=given.magnify
+        )
+    grid = field.mesh if field is not None else build_mesh(body.mesh)
     faces = mesh.boundary_faces(grid)
     skin = Skin(grid, faces)
     region = np.zeros(len(faces), np.int32)
@@ -61,7 +72,7 @@ def build_body(body: m.Body) -> BodyParts:
             raise InputError(f"{where}: every face it matches is painted over by a later paint")
         frames[paint.name] = plane_frame(rest, own, where, paint.up)
         paints[paint.name] = _pattern(paint, frames[paint.name], where)
-    return BodyParts(body, grid, skin, skin.surface(paints, region, frames, body.name))
+    return BodyParts(body, grid, skin, skin.surface(paints, region, frames, body.name), field)
 
 
 def build_prop(prop: m.Prop) -> Surface:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from gpusim import mesh
 from gpusim.errors import InputError
+from gpusim.field import read_field
 from gpusim.mesh import Mesh
 from gpusim.report import MeshSummary
 from gpusim.scene import model as m
@@ -21,6 +22,8 @@ def build_mesh(recipe: m.MeshRecipe) -> Mesh:
 
     Raises InputError for a file that can't be read or meshed, and for notches that don't fit.
     """
+    if isinstance(recipe, m.FieldMesh):
+        return read_field(recipe.path, name=recipe.variable, scale=recipe.scale).mesh
     if isinstance(recipe, m.FileMesh):
         return _from_file(recipe)
     if isinstance(recipe, m.PlateMesh | m.BracketMesh):

@@ -55,6 +55,11 @@ def build_model(parts: BodyParts, groups: tuple[LoadGroup, ...] | None = None) -
         leave a rigid-body motion free.
     """
     body, grid = parts.body, parts.mesh
+    if body.material is None:
+        raise InputError(
+            f"body {body.name!r}: its displacements are given, there is nothing to solve; expected "
+            "a body with a material"
+        )
     if groups is None:
         everything = tuple((k, 1.0) for k in range(len(body.loads)))
         supports = tuple((k, 1.0) for k in range(len(body.supports)))
@@ -147,6 +152,7 @@ def _held(parts: BodyParts) -> _Held:
 def _materials(parts: BodyParts) -> tuple[list[fem.Material], npt.NDArray[np.int32]]:
     """The materials of a body, and which of them each cell is of."""
     body = parts.body
+    assert body.material is not None  # build_model made sure
     materials: list[fem.Material] = [build_material(body.material)]
     of_cell = np.zeros(parts.mesh.cell_count, np.int32)
     for number, part in enumerate(body.parts):

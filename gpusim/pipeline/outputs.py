@@ -53,6 +53,7 @@ def write_truth(
 ) -> Path:
     """truth.h5: the layers that the scene asks for, at every pixel that sees a body."""
     path = out / "truth.h5"
+    what = _frame_word(scene)
     history = LoadHistory(scene)
     regions = [name for parts in bodies for name in _region_names(parts)]
     first_cell = np.cumsum([0, *(parts.mesh.cell_count for parts in bodies)])
@@ -77,7 +78,7 @@ def write_truth(
             for number, factor in enumerate(scene.analysis.load_factors):
                 sight = rest if history.still(number) else photographer.sight(spec, number)
                 truth = sight.truth(faces=(0, len(cell_of_face)))
-                frame = file.frame(spec.name, number, load_factor=factor)
+                frame = file.frame(spec.name, number, **{what: factor})
                 for layer in scene.output.truth:
                     if layer == "element":
                         values = cell_of_face[truth.face]
@@ -102,7 +103,12 @@ def _write_nodes(
     file.write_mesh(points, {kind: np.concatenate(blocks) for kind, blocks in cells.items()})
     for step, factor in enumerate(scene.analysis.load_factors):
         u = np.concatenate([displacement(body, step) for body in range(len(bodies))])
-        file.write_nodal_displacement(step, u, load_factor=factor)
+        file.write_nodal_displacement(step, u, **{_frame_word(scene): factor})
+
+
+def _frame_word(scene: Scene) -> str:
+    """What the numbers are that a scene has one of per frame."""
+    return "time" if scene.analysis.type == "field" else "load_factor"
 
 
 def _region_names(parts: BodyParts) -> list[str]:
@@ -317,7 +323,8 @@ def _pairs(scene: Scene, out: Path, results: Sequence[DeflectionResult]) -> tupl
     last = len(factors) - 1
     things = [thing for body in scene.bodies for thing in (*body.loads, *body.supports)]
     own = any(thing.amplitude != factors for thing in things)  # the factors don't tell all then
-    when = f"frames 0 and {last}" if own else f"load factor {factors[0]:g} and {factors[last]:g}"
+    word = _frame_word(scene).replace("_", " ")
+    when = f"frames 0 and {last}" if own else f"{word} {factors[0]:g} and {factors[last]:g}"
     pairs = []
     for camera in scene.cameras:
         paths = [image_path(scene, out, camera.name, k) for k in (0, last)]

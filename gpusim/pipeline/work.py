@@ -157,6 +157,9 @@ class _Run:
         def meshes() -> str:
             self.bodies = [build_body(body) for body in scene.bodies]
             for parts in self.bodies:
+                if parts.field is not None:  # a frame that the file doesn't reach shows at once
+                    for time in self.history.factors:
+                        parts.field.check(time)
                 summary, warnings = mesh_summary(parts.body.name, parts.mesh)
                 self.meshes.append(summary)
                 self.warnings += warnings
@@ -260,6 +263,9 @@ class _Run:
 
     def displacement(self, body: int, frame: int | None) -> npt.NDArray[np.float64]:
         """Nodal displacements (N, 3) of a body in a frame; linear, so load groups add up."""
+        field = self.bodies[body].field
+        if field is not None and frame is not None:
+            return field.at(self.history.factors[frame])
         if self.solved is None:
             return np.zeros((self.bodies[body].mesh.node_count, 3))
         weights = np.array(self.history.weights(frame)[body])

@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from .model import Amplitude, Body
+from .model import Amplitude, Body, FieldMesh
 
 if TYPE_CHECKING:
     from .scene import Scene
@@ -73,18 +73,28 @@ def load_groups(body: Body, factors: Amplitude, scaled: bool = True) -> tuple[Lo
 class LoadHistory:
     """The load groups of every body of a scene, and how much of each a frame shows.
 
-    ``scaled=False`` solves for multiples of a load as for any other.
+    ``scaled=False`` solves for multiples of a load as for any other. A body whose displacements
+    are given has no groups; ``factors`` are its times then.
     """
 
     def __init__(self, scene: Scene, scaled: bool = True) -> None:
         factors = scene.analysis.load_factors
         self.factors, self.scaled = factors, scaled
         self.frames = len(factors)
-        self.groups = tuple(load_groups(body, factors, scaled) for body in scene.bodies)
+        self.given = any(isinstance(body.mesh, FieldMesh) for body in scene.bodies)
+        self.groups = tuple(
+            () if isinstance(body.mesh, FieldMesh) else load_groups(body, factors, scaled)
+            for body in scene.bodies
+        )
         self._document = scene.document
 
     def weights(self, frame: int | None) -> tuple[tuple[float, ...], ...]:
-        """Per body the amplitude of each of its groups in a frame; None: unloaded."""
+        """Per body the amplitude of each of its groups in a frame; None: unloaded.
+
+        Of a body whose displacements are given: the time.
+        """
+        if self.given:
+            return tuple(() if frame is None else (self.factors[frame],) for _ in self.groups)
         return tuple(
             tuple(0.0 if frame is None else group.amplitude[frame] for group in groups)
             for groups in self.groups
@@ -96,7 +106,9 @@ class LoadHistory:
         return tuple(dict.fromkeys(weights)) or (self.factors[frame],)
 
     def still(self, frame: int | None) -> bool:
-        """Whether nothing has moved in a frame."""
+        """Whether nothing has moved in a frame, as far as the scene tells."""
+        if self.given:
+            return frame is None
         return frame is None or not any(
             group.amplitude[frame] and (group.loads or group.supports)
             for groups in self.groups

@@ -28,6 +28,7 @@ def check_document(document: Mapping[str, Any]) -> Found:
     _unique_names(document, found)
     _references(document, found)
     _physics(document, found)
+    _fields(document, found)
     _deflection_is_seen(document, found)
     return found
 
@@ -186,6 +187,19 @@ def _parts(body: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     return [part for _, part in _items(body, "part")]
 
 
+def _fields(document: Mapping[str, Any], found: Found) -> None:
+    """Displacements are given for every body, or for none."""
+    analysis = document.get("analysis", {})
+    kind = analysis.get("type", "static") if isinstance(analysis, Mapping) else None
+    for index, body in _items(document, "body"):
+        if kind == "field" and "field" not in body:
+            _add(found, ("body", index, "field"), "missing", 'analysis.type "field"',
+                 "a field for every body, or type \"static\"")  # fmt: skip
+        elif kind == "static" and "field" in body:
+            _add(found, ("analysis", "type"), "of a scene whose displacements are given", kind,
+                 f'"field", for body {shown(body.get("name"))}')  # fmt: skip
+
+
 def _physics(document: Mapping[str, Any], found: Found) -> None:
     material = {str(m.get("name")): m for _, m in _items(document, "material")}
     for index, body in _items(document, "body"):
@@ -209,11 +223,12 @@ def _physics(document: Mapping[str, Any], found: Found) -> None:
             _amplitudes(document, body, ("body", index, kind), found)
     if document.get("body", []) == [] and document.get("prop", []) == []:
         _add(found, ("body",), "nothing is there", "no body and no prop", "at least one [[body]]")
-    factors = document.get("analysis", {})
-    factors = factors.get("load_factors") if isinstance(factors, Mapping) else None
-    if isinstance(factors, list) and len(factors) == 1 and document.get("measure"):
-        _add(found, ("analysis", "load_factors"), "nothing to compare", "one frame",
-             "two load factors or more, the first one the reference")  # fmt: skip
+    analysis = document.get("analysis", {})
+    for key, what in (("load_factors", "load factors"), ("times", "times")):
+        factors = analysis.get(key) if isinstance(analysis, Mapping) else None
+        if isinstance(factors, list) and len(factors) == 1 and document.get("measure"):
+            _add(found, ("analysis", key), "nothing to compare", "one frame",
+                 f"two {what} or more, the first one the reference")  # fmt: skip
     if (
         isinstance(document.get("measure"), list)
         and document["measure"]

@@ -13,6 +13,7 @@ from .recipe import (
     BoxMesh,
     BracketMesh,
     CraneMesh,
+    FieldMesh,
     FileMesh,
     MeshRecipe,
     NotchRecipe,
@@ -51,7 +52,9 @@ def element_counts(recipe: MeshRecipe) -> tuple[int, int]:
     """Nodes and elements that a recipe makes: to within rounding for builders, not less what
     notches cut away; a guess from the size for files whose head doesn't say, 0 for CAD files."""
     if isinstance(recipe, FileMesh):
-        return _file_counts(recipe)
+        return _file_counts(Path(recipe.path), recipe.order)
+    if isinstance(recipe, FieldMesh):
+        return _file_counts(Path(recipe.path), 1)
     plane, layers = _plane(recipe)
     across = plane.cells * (layers + 1)  # faces that layers lie on
     per_cell, on_edges, on_layers, on_sides, inside = _KINDS[recipe.cells]
@@ -68,10 +71,10 @@ def element_counts(recipe: MeshRecipe) -> tuple[int, int]:
 def mesh_words(recipe: MeshRecipe) -> str:
     """What is known of a mesh, in a few words."""
     nodes, elements = element_counts(recipe)
-    if not isinstance(recipe, FileMesh):
+    if not isinstance(recipe, FileMesh | FieldMesh):
         return f"{nodes:,} nodes, {elements:,} elements"
     name = Path(recipe.path).name
-    if recipe.size is not None:
+    if isinstance(recipe, FileMesh) and recipe.size is not None:
         return f"{name}, to be meshed with elements up to {recipe.size * 1e3:g} mm"
     return f"{name}, about {nodes:,} nodes"
 
@@ -158,8 +161,7 @@ def _graded(
     return total
 
 
-def _file_counts(recipe: FileMesh) -> tuple[int, int]:
-    path = Path(recipe.path)
+def _file_counts(path: Path, order: int) -> tuple[int, int]:
     if path.suffix.lower() in CAD_SUFFIXES:
         return 0, 0
     try:
@@ -168,14 +170,15 @@ def _file_counts(recipe: FileMesh) -> tuple[int, int]:
             nodes = path.stat().st_size // _BYTES_PER_NODE
     except OSError:
         return 0, 0
-    # Gmsh 4.1, Gmsh 2.2, VTU: the counts stand near the beginning of most files
+    # Gmsh 4.1, Gmsh 2.2, VTU, FRD: the counts stand near the beginning of most files
     for pattern in (
         rb"\$Nodes\r?\n\d+ (\d+) \d+ \d+",
         rb"\$Nodes\r?\n(\d+)\r?\n",
         rb"NumberOfPoints=\"(\d+)\"",
+        rb"\n    2C +(\d+)",
     ):
         if found := re.search(pattern, head):
             nodes = int(found.group(1))
             break
-    factor = 5 if recipe.order == 2 else 1  # between bricks (4) and tetrahedra (6)
+    factor = 5 if order == 2 else 1  # between bricks (4) and tetrahedra (6)
     return factor * nodes, nodes

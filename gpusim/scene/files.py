@@ -1,4 +1,4 @@
-"""Mesh files that a scene names: found beside the scene file, and known by their content."""
+"""Files that a scene names, meshes and results: found beside it, and known by their content."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ import hashlib
 from pathlib import Path
 from typing import Any
 
-from gpusim.errors import Fault
+from gpusim.errors import Fault, InputError
+from gpusim.series import SERIES_SUFFIXES, read_series
 
 from .faults import shown
 from .lines import Keys
@@ -18,7 +19,7 @@ Found = list[tuple[Keys, Fault]]
 
 
 def find_files(document: dict[str, Any], folder: Path) -> tuple[Found, tuple[tuple[str, str], ...]]:
-    """Make the mesh files in ``document`` absolute, in place; relative ones lie in ``folder``.
+    """Make the files in ``document`` absolute, in place; relative ones lie in ``folder``.
 
     Returns faults for files that can't be read, and (path, SHA-256) of the others. A mesh with
     ``file`` and no ``builder`` gets the builder "file". What isn't of the right shape is left to
@@ -28,23 +29,39 @@ def find_files(document: dict[str, Any], folder: Path) -> tuple[Found, tuple[tup
     hashes: dict[str, str] = {}
     bodies = document.get("body")
     for index, body in enumerate(bodies if isinstance(bodies, list) else ()):
-        mesh = body.get("mesh") if isinstance(body, dict) else None
-        if not isinstance(mesh, dict) or not isinstance(mesh.get("file"), str):
+        if not isinstance(body, dict):
             continue
-        mesh.setdefault("builder", "file")
-        if mesh["builder"] != "file" or not mesh["file"]:
-            continue
-        path = folder.absolute() / mesh["file"]
-        keys: Keys = ("body", index, "mesh", "file")
-        problem = "is a folder" if path.is_dir() else "" if path.is_file() else "not found"
-        if not problem:
-            try:
-                with path.open("rb") as stream:
-                    hashes[str(path)] = hashlib.file_digest(stream, "sha256").hexdigest()
-            except OSError as error:
-                problem = f"unreadable ({error.strerror})"
-        if problem:
-            fault = Fault(dotted(keys), problem, shown(str(path)), "a mesh or CAD file")
-            found.append((keys, fault))
-        mesh["file"] = str(path)
+        for key, expected in (("mesh", "a mesh or CAD file"), ("field", "a result file")):
+            table = body.get(key)
+            if not isinstance(table, dict) or not isinstance(table.get("file"), str):
+                continue
+            if key == "mesh":
+                table.setdefault("builder", "file")
+                if table["builder"] != "file":
+                    continue
+            if not table["file"]:
+                continue
+            path = folder.absolute() / table["file"]
+            keys: Keys = ("body", index, key, "file")
+            if problem := _hash(path, hashes):
+                found.append((keys, Fault(dotted(keys), problem, shown(str(path)), expected)))
+            table["file"] = str(path)
     return found, tuple(sorted(hashes.items()))
+
+
+def _hash(path: Path, hashes: dict[str, str]) -> str:
+    """Enter the hash of a file and of the files that it names; returns the problem, or ""."""
+    if not path.is_file():
+        return "is a folder" if path.is_dir() else "not found"
+    try:
+        with path.open("rb") as stream:
+            hashes[str(path)] = hashlib.file_digest(stream, "sha256").hexdigest()
+        if path.suffix.lower() in SERIES_SUFFIXES:
+            for _, file in read_series(path):
+                if problem := _hash(file, hashes):
+                    return f"names {file.name}, {problem}"
+    except OSError as error:
+        return f"unreadable ({error.strerror})"
+    except InputError as error:
+        return str(error)
+    return ""

@@ -33,6 +33,7 @@ from .recipe import (
     BoxMesh,
     BracketMesh,
     CraneMesh,
+    FieldMesh,
     FileMesh,
     MeshRecipe,
     NotchRecipe,
@@ -52,6 +53,7 @@ __all__ = [
     "CraneMesh",
     "Deflection",
     "Dots",
+    "FieldMesh",
     "FileMesh",
     "Force",
     "Gravity",
@@ -155,11 +157,12 @@ class Body:
     """A deformable body.
 
     A face belongs to the last paint whose ``where`` matches it, an element to the last part; where
-    no part does it is of ``material``.
+    no part does it is of ``material``. A body whose displacements are given (its ``mesh`` is a
+    `FieldMesh`) has no material, supports or loads.
     """
 
     name: str
-    material: Material
+    material: Material | None
     parts: tuple[Part, ...]
     formulation: str
     mesh: MeshRecipe
@@ -182,7 +185,7 @@ class Prop:
 
 @dataclass(frozen=True)
 class Analysis:
-    """``type`` is "static"; one frame per load factor."""
+    """One frame per load factor ("static"), or per time of a given field ("field")."""
 
     type: str
     load_factors: tuple[float, ...]

@@ -9,6 +9,7 @@ __all__ = [
     "BoxMesh",
     "BracketMesh",
     "CraneMesh",
+    "FieldMesh",
     "FileMesh",
     "MeshRecipe",
     "NotchRecipe",
@@ -120,4 +121,18 @@ class FileMesh:
     curvature: int
 
 
-MeshRecipe = BoxMesh | BeamMesh | CraneMesh | PlateMesh | BracketMesh | FileMesh
+@dataclass(frozen=True)
+class FieldMesh:
+    """Mesh and displacements of a result file (absolute ``path``) of another program.
+
+    ``scale`` is metres per unit of the file, ``magnify`` a factor on the displacements,
+    ``variable`` the displacement's name (None: a usual one).
+    """
+
+    path: str
+    scale: float
+    magnify: float
+    variable: str | None
+
+
+MeshRecipe = BoxMesh | BeamMesh | CraneMesh | PlateMesh | BracketMesh | FileMesh | FieldMesh

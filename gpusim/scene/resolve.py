@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 
 from . import model
-from .resolve_mesh import mesh_recipe
+from .resolve_mesh import field_recipe, mesh_recipe
 from .schema import SceneTable
 from .schema.base import norm
 from .schema.body import BodyTable, SupportTable
@@ -169,12 +169,17 @@ def body(
     table: BodyTable, materials: Mapping[str, model.Material], factors: model.Amplitude
 ) -> model.Body:
     """``factors`` are the load factors of the frames, for what has no amplitude of its own."""
+    if table.field is not None:
+        mesh: model.MeshRecipe = field_recipe(table.field)
+    else:
+        assert table.mesh is not None  # the table's own check made sure
+        mesh = mesh_recipe(table.mesh, table.notch)
     return model.Body(
         name=table.name,
-        material=materials[table.material],
+        material=None if table.material is None else materials[table.material],
         parts=tuple(model.Part(materials[p.material], where(p.where)) for p in table.part),
         formulation=table.formulation,
-        mesh=mesh_recipe(table.mesh, table.notch),
+        mesh=mesh,
         supports=tuple(_support(entry, factors) for entry in table.support),
         loads=tuple(_load(entry, factors) for entry in table.load),
         paints=tuple(paint(entry) for entry in table.paint),
@@ -225,7 +230,8 @@ def measure(table: MeasureTable) -> model.Deflection:
 
 
 def analysis(scene: SceneTable) -> model.Analysis:
-    return model.Analysis(scene.analysis.type, tuple(scene.analysis.load_factors))
+    table = scene.analysis
+    return model.Analysis(table.type, tuple(table.times or table.load_factors))
 
 
 def solver(scene: SceneTable) -> model.Solver:

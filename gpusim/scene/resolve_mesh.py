@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import PurePath
 
 from . import recipe
+from .schema.field import FieldTable
 from .schema.mesh import (
     BeamTable,
     BoxTable,
@@ -16,7 +17,7 @@ from .schema.mesh import (
     NotchTable,
 )
 
-__all__ = ["mesh_recipe"]
+__all__ = ["field_recipe", "mesh_recipe"]
 
 _METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254}
 
@@ -83,6 +84,11 @@ def mesh_recipe(table: MeshTable, notches: Sequence[NotchTable]) -> recipe.MeshR
         through=table.through,
         cells=table.cells,
     )
+
+
+def field_recipe(table: FieldTable) -> recipe.FieldMesh:
+    """The result file of a body whose displacements are given."""
+    return recipe.FieldMesh(table.file, _METRES[table.unit], table.scale, table.displacement)
 
 
 def _crane(table: CraneTable) -> recipe.CraneMesh:

@@ -29,7 +29,7 @@ __all__ = ["Scene"]
 class Scene:
     """A validated scene. All values are SI; ``content`` is the resolved file (JSON) behind them.
 
-    ``files`` are the mesh files that it needs: (absolute path, SHA-256 of the content).
+    ``files`` are the mesh and result files that it needs: (absolute path, SHA-256 of the content).
     Two scenes are equal if they say the same; where they were read from doesn't matter.
     """
 
@@ -145,5 +145,5 @@ class Scene:
 
 
 def _holds_mesh(keys: list[str]) -> bool:
-    """Whether a section has a body's mesh in it."""
-    return keys[0] == "body" and (len(keys) < 3 or keys[2] == "mesh")
+    """Whether a section has a body's mesh, or its field, in it."""
+    return keys[0] == "body" and (len(keys) < 3 or keys[2] in ("mesh", "field"))

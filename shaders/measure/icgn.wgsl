@@ -15,6 +15,7 @@ const FLOATS_IN = 14u;  // per subset: fraction of its point x, y; 12 start coef
 const FLOATS_OUT = 16u; // per subset: 12 coefficients, zncc, iterations, status, sigma
 const MIN_CONTRAST = 5e-4;
 const MIN_WEIGHT = 0.3;
+const FASTEST = 0.03;
 
 // gpusim.measure.matching.Status
 const OK = 0.0;
@@ -92,6 +93,12 @@ fn walk_on(at: Walk, width: u32, columns: u32, rows: u32) -> Walk {
 fn weight_of(pixel: vec2i, mask: f32) -> f32 {
     if (windowed == 0u) { return mask; }
     return textureLoad(window, pixel, 0).x * mask;
+}
+
+// What is still to go after a step, if steps go on shrinking by the ratio of the last two.
+fn remaining(size: f32, before: f32) -> f32 {
+    let ratio = max(size / max(before, 1e-30), FASTEST);
+    return select(size, size * ratio / (1.0 - ratio), before > 0.0 && ratio < 0.5);
 }
 
 struct Sums {
@@ -237,6 +244,7 @@ fn main(
     var level = mean;
     var contrast = 1.0;
     var iteration = 0u;
+    var before = 0.0;
     while (possible && iteration < params.max_iterations) {
         iteration++;
         // given explicitly: naga doesn't reset a variable of a loop body by itself
@@ -287,7 +295,10 @@ fn main(
         c = compose_inverse(c, d, half);
         let moved = max(abs(c.x.low.x - begin.x.low.x), abs(c.y.low.x - begin.y.low.x));
         if (!(moved <= params.max_move)) { break; }
-        if (largest_move(d) <= params.tolerance) {
+        let size = largest_move(d);
+        let rest_of_way = remaining(size, before);
+        before = size;
+        if (rest_of_way <= params.tolerance) {
             status = OK;
             if (thread == 0u) {
                 let left = max((energy * rest - along * along) / seen, 0.0)

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from .base import Axis, Name, Table, Vector, fault
+from .field import FieldTable
 from .load import Amplitude, LoadTable
 from .mesh import MeshTable, NotchTable
 from .paint import PaintTable
@@ -76,21 +77,37 @@ class PartTable(Table):
 
 
 class BodyTable(Table):
-    """A deformable body."""
+    """A deformable body: a mesh of a material to be solved, or a field that is given."""
 
     name: Name
-    material: Name
+    material: Name | None = None
     """The name of a [[material]]."""
+    field: FieldTable | None = None
+    """Mesh and displacements from a result file of another program, in place of material, mesh,
+    supports and loads; ``analysis.type`` is "field" then."""
     part: list[PartTable] = []
     """Elements of other materials; an element belongs to the last entry that matches it."""
     formulation: Literal["incompatible", "full", "bbar", "reduced", "exact"] = "incompatible"
     """Of 8-node bricks "incompatible" (bends without locking), "full", or "bbar" (for rubber-like
     bodies); of 20-node bricks "full" or "reduced"; of 6-node wedges "full" or "exact". An element
     type that doesn't have it takes its own default."""
-    mesh: MeshTable
+    mesh: MeshTable | None = None
     notch: list[NotchTable] = []
     """Slots in a box or a beam."""
     support: list[SupportTable] = []
     load: list[LoadTable] = []
     paint: Annotated[list[PaintTable], Field(min_length=1)]
     """A face belongs to the last entry that matches it."""
+
+    @model_validator(mode="after")
+    def _check(self) -> BodyTable:
+        if self.field is None:
+            for key, what in (("material", "the name of a [[material]]"), ("mesh", "a mesh")):
+                if getattr(self, key) is None:
+                    raise fault(key, "missing", f"neither {key} nor field", f"{what}, or a field")
+            return self
+        for key in ("material", "mesh", "part", "formulation", "notch", "support", "load"):
+            if key in self.model_fields_set and getattr(self, key):
+                raise fault(key, "beside field, which gives mesh and displacements",
+                            "both", "one of them")  # fmt: skip
+        return self

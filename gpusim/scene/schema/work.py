@@ -24,12 +24,31 @@ TruthLayer = Literal[
 ]
 
 
-class AnalysisTable(Table):
-    """Linear statics; every load factor makes one frame per camera."""
+_FACTORS = [0.0, 1.0]
 
-    type: Literal["static"] = "static"
-    load_factors: Annotated[list[float], Field(min_length=1, max_length=10_000)] = [0.0, 1.0]
+
+class AnalysisTable(Table):
+    """Linear statics, or displacements that are given; one frame per load factor or time."""
+
+    type: Literal["static", "field"] = "static"
+    """"field": bodies have a ``field``, and nothing is solved."""
+    load_factors: Annotated[list[float], Field(min_length=1, max_length=10_000)] = _FACTORS
     """All loads and prescribed displacements are multiplied by this; frame 0 is the reference."""
+    times: Annotated[list[float], Field(min_length=1, max_length=10_000)] | None = None
+    """Of type "field": the time of each frame, within those of the files and between their steps as
+    you like; frame 0 is the reference."""
+
+    @model_validator(mode="after")
+    def _check(self) -> AnalysisTable:
+        if self.type == "field":
+            if self.times is None:
+                raise fault("times", "missing", "no times", "the time of each frame")
+            if "load_factors" in self.model_fields_set and self.load_factors != _FACTORS:
+                raise fault("load_factors", "of a given field", self.load_factors, "times")
+        elif self.times is not None:
+            raise fault("times", 'of an analysis that is not of type "field"', self.times,
+                        "load_factors")  # fmt: skip
+        return self
 
 
 class SolverTable(Table):

@@ -1,0 +1,8 @@
+"""Displacement fields that another program computed: read, interpolated in time, rendered."""
+
+from __future__ import annotations
+
+from gpusim.field.field import Field
+from gpusim.field.read import FIELD_SUFFIXES, read_field
+
+__all__ = ["FIELD_SUFFIXES", "Field", "read_field"]

@@ -1,0 +1,133 @@
+"""A displacement field over time: a mesh, growing times, and each node's displacement at them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import InputError
+from gpusim.mesh import Mesh
+
+__all__ = ["Field"]
+
+Float = npt.NDArray[np.float64]
+Step = Callable[[int], npt.NDArray[Any]]
+
+_KEPT = 2  # steps in memory: those between which a time lies
+
+
+class Field:
+    """Displacements of a mesh's nodes at growing times.
+
+    Parameters
+    ----------
+    mesh : the undeformed body.
+    times : (T,) growing numbers: time, load factor, whatever the file counts its steps by.
+    displacement : (T, N, 3) in the mesh's unit of length, or a function that gives (N, 3) of a
+        step's number; it is called when a step is needed, and the last two steps are kept.
+    name : of the file, for messages.
+
+    Where the first time is above 0 the body is taken to be undeformed at time 0: codes write the
+    states that they have computed.
+
+    Raises
+    ------
+    InputError
+        Wrong shapes, times that don't grow, values that aren't finite (when a step is read).
+    """
+
+    def __init__(
+        self,
+        mesh: Mesh,
+        times: npt.ArrayLike,
+        displacement: npt.ArrayLike | Step,
+        *,
+        name: str = "field",
+    ) -> None:
+        self.mesh, self.name = mesh, name
+        self.times: Float = np.atleast_1d(np.array(times, dtype=np.float64))
+        if self.times.ndim != 1 or not len(self.times) or not np.isfinite(self.times).all():
+            raise InputError(f"{name}: times; got {self.times.tolist()}; expected finite (T,)")
+        wrong = np.flatnonzero(~(np.diff(self.times) > 0.0))
+        if len(wrong):
+            a, b = self.times[wrong[0]], self.times[wrong[0] + 1]
+            raise InputError(f"{name}: times; got {b:g} after {a:g}; expected growing times")
+        self.times.setflags(write=False)
+        if callable(displacement):
+            self._read: Step = displacement
+        else:
+            values = np.asarray(displacement, dtype=np.float64)
+            if values.ndim == 2 and len(self.times) == 1:
+                values = values[None]
+            shape = (len(self.times), mesh.node_count, 3)
+            if values.shape != shape:
+                raise InputError(
+                    f"{name}: displacement; got shape {values.shape}; expected {shape}: times, "
+                    "nodes, components"
+                )
+            self._read = values.__getitem__
+        self._kept: dict[int, Float] = {}
+
+    @property
+    def start(self) -> float:
+        """The earliest time: the first of ``times``, or 0 for a body that starts undeformed."""
+        return min(0.0, float(self.times[0]))
+
+    @property
+    def end(self) -> float:
+        """The latest time."""
+        return float(self.times[-1])
+
+    def step(self, number: int) -> Float:
+        """(N, 3) float64 displacement of step ``number``, counted from 0 as ``times`` is."""
+        if not 0 <= number < len(self.times):
+            raise InputError(
+                f"{self.name}: step; got {number}; expected 0 to {len(self.times) - 1}"
+            )
+        if number not in self._kept:
+            u = np.array(self._read(number), dtype=np.float64)
+            if u.shape != (self.mesh.node_count, 3):
+                raise InputError(
+                    f"{self.name}: displacement at time {self.times[number]:g}; got shape "
+                    f"{u.shape}; expected ({self.mesh.node_count}, 3)"
+                )
+            bad = np.flatnonzero(~np.isfinite(u).all(axis=1))
+            if len(bad):
+                raise InputError(
+                    f"{self.name}: displacement at time {self.times[number]:g}: {len(bad)} nodes "
+                    f"without a finite value; got {u[bad[0]].tolist()} at node {bad[0]}; expected "
+                    "one at every node of the solids"
+                )
+            u.setflags(write=False)
+            while len(self._kept) >= _KEPT:
+                del self._kept[next(iter(self._kept))]
+            self._kept[number] = u
+        return self._kept[number]
+
+    def check(self, time: float) -> None:
+        """Raises InputError for a time outside of ``start`` … ``end``."""
+        if not self.start <= time <= self.end:
+            raise InputError(
+                f"{self.name}: time; got {time:g}; expected {self.start:g} to {self.end:g}, what "
+                "its steps cover"
+            )
+
+    def at(self, time: float) -> Float:
+        """(N, 3) float64 displacement at a time, linear between the steps around it.
+
+        Raises InputError outside of ``start`` … ``end``: nothing is extrapolated.
+        """
+        self.check(time)
+        after = int(np.searchsorted(self.times, time))
+        late = self.times[after]
+        if late == time:
+            return self.step(after)
+        if after == 0:  # from the undeformed state at time 0
+            return np.asarray(self.step(0) * (time / late))
+        early = self.times[after - 1]
+        share = (time - early) / (late - early)
+        before = self.step(after - 1)
+        return np.asarray(before + share * (self.step(after) - before))

@@ -1,0 +1,211 @@
+"""CalculiX result files (.frd, text): nodes, solids, and the DISP block of every time.
+
+Columns are fixed: " -1", the node (5 or 10 characters), then 12 per value. The blocks' places are
+found in one pass through the file; a block's numbers are read when they are needed. Format: manual
+of CalculiX GraphiX (K. Wittig), "Result Format".
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import InputError
+from gpusim.field.field import Field
+from gpusim.mesh.raw import RawBlock, RawMesh, assemble, index_of, solid_nodes
+
+__all__ = ["read_frd"]
+
+Float = npt.NDArray[np.float64]
+Long = npt.NDArray[np.int64]
+
+# Element types by number: kind and nodes. GraphiX counts vertical edges before top edges.
+_TYPES = {
+    1: ("hex8", 8), 2: ("wedge6", 6), 3: ("tet4", 4), 4: ("hex20", 20), 5: ("wedge15", 15),
+    6: ("tet10", 10), 7: ("tri3", 3), 8: ("tri6", 6), 9: ("quad4", 4), 10: ("quad8", 8),
+    11: ("line2", 2), 12: ("line3", 3),
+}  # fmt: skip
+_ORDER = {
+    "hex20": [*range(12), 16, 17, 18, 19, 12, 13, 14, 15],
+    "wedge15": [*range(9), 12, 13, 14, 9, 10, 11],
+}
+_VALUE = 12
+
+
+@dataclass
+class _Block:
+    """Where the lines of a block begin and end in the file (bytes), and its format (0 or 1)."""
+
+    start: int
+    end: int
+    long: bool
+    time: float = 0.0
+
+    def label_width(self) -> int:
+        return 10 if self.long else 5
+
+
+@dataclass
+class _Index:
+    nodes: _Block | None = None
+    cells: _Block | None = None
+    results: dict[str, list[_Block]] = field(default_factory=dict)
+
+
+def read_frd(path: Path, name: str | None = None) -> Field:
+    """The displacements of an .frd file over its times (``name``: of the block, DISP).
+
+    Steps that restart at an earlier time are refused. Raises InputError: binary, cut off, no
+    solids, no displacements.
+    """
+    index = _index(path)
+    wanted = "DISP" if name is None else name
+    blocks = index.results.get(wanted, [])
+    if index.nodes is None or index.cells is None or not blocks:
+        known = ", ".join(index.results) or "none"
+        what = "no nodes or no elements" if blocks else f"no block {wanted}"
+        raise InputError(
+            f"{path}: {what}; got results {known}; expected a complete .frd with displacements "
+            "(*NODE FILE with U)"
+        )
+    with path.open("rb") as stream:
+        labels, points = _rows(stream, index.nodes, path)
+        raw = RawMesh(points, tuple(_cells(stream, index.cells, labels, path)))
+    mesh = assemble(raw, str(path))
+    used = solid_nodes(raw)
+
+    def step(number: int) -> Float:
+        with path.open("rb") as stream:
+            found, values = _rows(stream, blocks[number], path)
+        u = np.full((len(labels), 3), np.nan)
+        place = index_of(labels, found)
+        u[place[place >= 0]] = values[place >= 0]
+        return u[used]
+
+    return Field(mesh, [block.time for block in blocks], step, name=str(path))
+
+
+def _index(path: Path) -> _Index:
+    """One pass over the lines: the places of the blocks that matter."""
+    index = _Index()
+    current: _Block | None = None
+    time, long = 0.0, True
+    with path.open("rb") as stream:
+        head = stream.read(6)
+        if head[:6].strip() != b"1C":
+            raise InputError(f"{path}: not an .frd file; got first bytes {head!r}; expected '1C'")
+        stream.seek(0)
+        at = 0
+        for line in stream:
+            key = line[:6]
+            if current is not None and key[:3] == b" -3":
+                current.end = at
+                current = None
+            elif current is None and key[:3] != b" -5":
+                if key in (b"    2C", b"    3C"):
+                    current = _Block(at + len(line), -1, _is_long(line, path))
+                    if key == b"    2C":
+                        index.nodes = current
+                    else:
+                        index.cells = current
+                elif key == b"  100C":
+                    time, long = _time(line, path), _is_long(line, path)
+                elif key[:3] == b" -4":
+                    current = _Block(at + len(line), -1, long, time)
+                    index.results.setdefault(line[3:13].split()[0].decode("ascii"), []).append(
+                        current
+                    )
+            elif current is not None and key[:3] == b" -5":
+                current.start = at + len(line)
+            at += len(line)
+    if current is not None:
+        raise InputError(f"{path}: cut off: a block without its end (-3)")
+    return index
+
+
+def _is_long(line: bytes, path: Path) -> bool:
+    code = line[73:75].strip()
+    if code not in (b"0", b"1"):
+        raise InputError(
+            f"{path}: format {code.decode('ascii', 'replace')!r} of a block; expected 0 or 1: text "
+            "(CalculiX writes binary on *NODE OUTPUT)"
+        )
+    return code == b"1"
+
+
+def _time(line: bytes, path: Path) -> float:
+    try:
+        return float(line[12:24])
+    except ValueError:
+        raise InputError(f"{path}: time of a result; got {line[12:24]!r}") from None
+
+
+def _rows(stream: BinaryIO, block: _Block, path: Path) -> tuple[Long, Float]:
+    """Labels (n,) and the first three values (n, 3) of the lines of a block."""
+    stream.seek(block.start)
+    data = stream.read(block.end - block.start)
+    width = block.label_width()
+    length = data.find(b"\n") + 1
+    least = 3 + width + 3 * _VALUE
+    if length <= least or len(data) % length:
+        raise InputError(f"{path}: lines of unequal length in a block of nodes; is it cut off?")
+    letters = np.frombuffer(data, dtype=np.uint8).reshape(-1, length)
+    if not (letters[:, :3] == np.frombuffer(b" -1", dtype=np.uint8)).all():
+        raise InputError(f"{path}: a block of nodes with lines that don't begin with -1")
+    try:
+        labels = _column(letters, 3, width).astype(np.int64)
+        values = [
+            _column(letters, 3 + width + k * _VALUE, _VALUE).astype(np.float64) for k in range(3)
+        ]
+    except ValueError as error:
+        raise InputError(f"{path}: not a number in a block of nodes ({error})") from None
+    return labels, np.stack(values, axis=1)
+
+
+def _column(letters: npt.NDArray[np.uint8], start: int, width: int) -> npt.NDArray[np.bytes_]:
+    part = np.ascontiguousarray(letters[:, start : start + width])
+    return part.view(f"S{width}")[:, 0]
+
+
+def _cells(stream: BinaryIO, block: _Block, labels: Long, path: Path) -> list[RawBlock]:
+    """The elements by type: a line " -1" with number and type, then lines " -2" with nodes."""
+    stream.seek(block.start)
+    lines = stream.read(block.end - block.start).split(b"\n")
+    width = block.label_width()
+    rows: dict[str, list[bytes]] = {}
+    kind, parts = "", 0
+    for line in lines:
+        if line[:3] == b" -1":
+            number = line[3 + width : 8 + width].strip()
+            if not number.isdigit() or int(number) not in _TYPES:
+                raise InputError(
+                    f"{path}: element type {number.decode('ascii', 'replace')!r}; expected 1 to 12"
+                )
+            kind, parts = _TYPES[int(number)][0], 0
+        elif line[:3] == b" -2":
+            nodes = line[3:].rstrip(b"\r\n ")
+            if parts == 0:
+                rows.setdefault(kind, []).append(nodes)
+            else:
+                rows[kind][-1] += nodes
+            parts += 1
+    sizes = dict(_TYPES.values())
+    blocks = []
+    for kind, texts in rows.items():
+        count = sizes[kind]
+        joined = b"".join(text.ljust(count * width) for text in texts)
+        if len(joined) != len(texts) * count * width:
+            raise InputError(f"{path}: an element of type {kind} with more than {count} nodes")
+        names = np.frombuffer(joined, dtype=f"S{width}").reshape(-1, count)
+        try:
+            nodes_of = index_of(labels, names.astype(np.int64))
+        except ValueError:
+            raise InputError(f"{path}: an element of type {kind} lacks nodes") from None
+        if kind in _ORDER:
+            nodes_of = nodes_of[:, _ORDER[kind]]
+        blocks.append(RawBlock(kind, nodes_of))
+    return blocks

@@ -1,0 +1,110 @@
+"""Reading displacement fields, by the ending of the file's name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+
+from gpusim.errors import InputError
+from gpusim.field.field import Field
+from gpusim.mesh import Mesh
+
+__all__ = ["FIELD_SUFFIXES", "read_field"]
+
+
+def _vtu(path: Path, name: str | None) -> Field:
+    from gpusim.field.vtu import read_vtu_field
+
+    return read_vtu_field(path, name)
+
+
+def _exodus(path: Path, name: str | None) -> Field:
+    from gpusim.field.exodus import read_exodus_field
+
+    return read_exodus_field(path, name)
+
+
+def _frd(path: Path, name: str | None) -> Field:
+    from gpusim.field.frd import read_frd
+
+    return read_frd(path, name)
+
+
+def _npz(path: Path, name: str | None) -> Field:
+    from gpusim.field.npz import read_npz
+
+    return read_npz(path, name)
+
+
+_READERS: dict[str, Callable[[Path, str | None], Field]] = {
+    ".vtu": _vtu,
+    ".pvd": _vtu,
+    ".series": _vtu,
+    ".e": _exodus,
+    ".ex2": _exodus,
+    ".exo": _exodus,
+    ".exodus": _exodus,
+    ".frd": _frd,
+    ".npz": _npz,
+}
+FIELD_SUFFIXES = tuple(_READERS)
+
+
+def read_field(
+    path: str | PathLike[str],
+    *,
+    name: str | None = None,
+    scale: float = 1.0,
+    magnify: float = 1.0,
+) -> Field:
+    """Read a mesh and its nodal displacements over time, as another program wrote them.
+
+    Parameters
+    ----------
+    path
+        ``.vtu`` (one state, time 1), ``.pvd`` and ``.vtu.series`` (ParaView: a ``.vtu`` per time),
+        ``.e``/``.ex2``/``.exo``/``.exodus`` (Exodus), ``.frd`` (CalculiX, text),
+        ``.npz`` (see `gpusim.field.npz`). Steps are read when they are needed.
+    name
+        Of the nodal variable, where it isn't called displacement, disp, U or the like. Exodus and
+        VTU may have a scalar per axis: their common beginning.
+    scale
+        Factor on coordinates and displacements: 1e-3 for a file in millimetres.
+    magnify
+        Factor on the displacements alone, to show them larger than they are.
+
+    Raises
+    ------
+    InputError
+        Names the file: absent, damaged, of another format, without solids or without such a
+        variable; a node of a solid without a displacement.
+    """
+    for key, value in (("scale", scale), ("magnify", magnify)):
+        if not (np.isfinite(value) and value > 0.0):
+            raise InputError(f"read_field: {key}; got {value}; expected a factor > 0")
+    file = Path(path)
+    if not file.is_file():
+        kind = "is a folder" if file.is_dir() else "no such file"
+        raise InputError(f"{file}: {kind}; expected a file with a displacement field")
+    reader = _READERS.get(file.suffix.lower())
+    if reader is None:
+        raise InputError(
+            f"{file}: unknown kind of field; got {file.suffix or 'no ending'!r}; expected one of "
+            f"{', '.join(FIELD_SUFFIXES)}"
+        )
+    try:
+        field = reader(file, name)
+    except InputError as error:
+        text = str(error)
+        raise InputError(text if str(file.parent) in text else f"{file}: {text}") from None
+    except OSError as error:
+        raise InputError(f"{file}: unreadable; got {error.strerror or error}") from None
+    if scale == 1.0 and magnify == 1.0:
+        return field
+    mesh = field.mesh
+    if scale != 1.0:
+        mesh = Mesh(mesh.points * scale, mesh.cells, mesh.node_sets, mesh.face_sets, mesh.cell_sets)
+    return Field(mesh, field.times, lambda k: scale * magnify * field.step(k), name=field.name)
