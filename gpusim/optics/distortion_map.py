@@ -21,7 +21,7 @@ __all__ = ["DistortionMap", "distortion_map"]
 
 Array = npt.NDArray[np.float64]
 
-SIZES = (128, 64, 32, 16, 8, 4)
+SIZES = (128, 64, 32, 16, 8, 4, 2, 1)
 FINE = 5e-5
 """px to which the table shall agree with the exact inverse."""
 
@@ -29,9 +29,7 @@ COARSE = 1e-3
 """px above which even the smallest tile is refused."""
 
 PROBES = 400
-POWERS = np.array(
-    [(0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2), (3, 0), (2, 1), (1, 2), (0, 3)]
-)
+POWERS = np.array([(0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2), (3, 0), (2, 1), (1, 2), (0, 3)])
 """Powers of (u, v) of the ten coefficients."""
 
 
@@ -83,7 +81,9 @@ def _cubic(c: Array, w: Array) -> tuple[Array, Array]:
     """Value (n, 2) and derivatives (n, 2, 2) of cubics (n, 2, 10) at w (n, 2)."""
     u, v = w[:, :1], w[:, 1:]
     value = c[..., 0] + u * (
-        c[..., 1] + u * (c[..., 3] + u * c[..., 6] + v * c[..., 7]) + v * (c[..., 4] + v * c[..., 8])
+        c[..., 1]
+        + u * (c[..., 3] + u * c[..., 6] + v * c[..., 7])
+        + v * (c[..., 4] + v * c[..., 8])
     )
     value += v * (c[..., 2] + v * (c[..., 5] + v * c[..., 9]))
     per_column = c[..., 1] + u * (2.0 * c[..., 3] + 3.0 * u * c[..., 6] + 2.0 * v * c[..., 7])
@@ -116,10 +116,11 @@ def _cached(width: int, height: int, K: bytes, coefficients: bytes, name: str) -
         if table.error <= FINE or size == SIZES[-1]:
             break
     if not table.error <= COARSE:
+        values = np.frombuffer(coefficients).tolist()
         raise InputError(
-            f"Camera {name!r} distortion; got {np.frombuffer(coefficients).tolist()}, which bends "
-            f"so strongly that {size} px tiles are off by {table.error:.2g} px; expected a lens that "
-            "stays clear of folding inside the image"
+            f"Camera {name!r} distortion; got {values}, which bends so strongly that tiles of "
+            f"{size} px are off by {table.error:.2g} px; expected a lens that stays clear of "
+            "folding inside the image"
         )
     return table
 
@@ -149,7 +150,8 @@ class _Tiles:
     def centre(self, tile: npt.NDArray[np.int64]) -> Array:
         """Middle (n, 2) of tiles, px."""
         index = np.stack([tile % self.columns, tile // self.columns], axis=1)
-        return np.minimum(index * self.size, self.last) + self.middle
+        result: Array = np.minimum(index * self.size, self.last) + self.middle
+        return result
 
     def fit(self, tile: npt.NDArray[np.int64]) -> Array:
         """Coefficients (n, 2, 10) of tiles."""

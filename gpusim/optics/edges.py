@@ -15,6 +15,7 @@ import numpy.typing as npt
 from gpusim.gpu import Buffer, Device, Recording, compare, twin_check
 from gpusim.optics.albedo import mean_albedo
 from gpusim.optics.binning import EdgePixels, bin_edges
+from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.pattern import LOOP_TURNS
 from gpusim.optics.setup import Setup, probe_setup, radiance_factor
 from gpusim.optics.shade import Tables
@@ -181,18 +182,31 @@ def _light(
     rows = np.flatnonzero(setup.table.paints["featured"][paint] == 1)
     if len(rows):
         own = triangle[rows]
-        middle, w0 = _paint_positions(setup, own, (at + centroid)[rows][:, None])
-        corners, w = _paint_positions(setup, own, at[rows, None] + polygon[rows])
+        # all of a polygon through the cubic of its pixel
+        own_at = at[rows, None] + np.concatenate([centroid[rows, None], polygon[rows]], axis=1)
+        ideal = _undistorted(setup, at[rows], own_at)
+        middle, w0 = _paint_positions(setup, own, ideal[:, :1])
+        corners, w = _paint_positions(setup, own, ideal[:, 1:])
         albedo[rows] = mean_albedo(
             setup.table, paint[rows], setup.cell[own], middle[:, 0], corners - middle, w / w0
         )
     return albedo * radiance_factor(setup, triangle, x, y)
 
 
+def _undistorted(setup: Setup, pixel: Array, at: Array) -> Array:
+    """Ideal positions of image positions (n, V, 2) in pixels (n, 2)."""
+    bends = distortion_map(setup.view.camera)
+    if bends is None:
+        return at
+    owner = np.repeat(pixel.astype(np.int64), at.shape[1], axis=0)
+    flat = at.reshape(-1, 2)
+    return (flat + bends.evaluate(owner, flat - owner)[0]).reshape(at.shape)
+
+
 def _paint_positions(
     setup: Setup, triangle: npt.NDArray[np.int64], pixels: Array
 ) -> tuple[Array, Array]:
-    """Paint positions (n, V, 2) of pixel positions (n, V, 2), and 1 / z (n, V) to scale."""
+    """Paint positions (n, V, 2) of ideal positions (n, V, 2), and 1 / z (n, V) to scale."""
     d = pixels - setup.anchor[triangle][:, None]
     planes = setup.planes[triangle][:, :3]
     values = d @ np.swapaxes(planes[:, :, :2], 1, 2) + planes[:, None, :, 2]

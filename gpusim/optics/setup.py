@@ -16,6 +16,7 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.gpu.buffer import F32_MAX
 from gpusim.optics.camera import Camera
+from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.light import (
     AmbientLight,
     AreaLight,
@@ -155,12 +156,26 @@ class Setup:
         fine, large = self._pattern_traits if patterned else (False, False)
         return {
             "lit": float(self.lit),
+            "distorted": float(self.view.camera.lens is not None),
             "patterned": float(patterned),
             "emitter_count": float(len(self.emitters)),
             "checkers": float(0 in kinds),
             "discs": float((2 if large else 1) if 1 in kinds else 0),
             "fine": float(fine),
         }
+
+    def undistorted(self, at: Array) -> tuple[Array, Array]:
+        """Ideal positions (n, 2) of image positions ``at`` (n, 2), and the change (n, 2, 2).
+
+        Change [:, :, k] is what a column or a row of the image is in pixels of the ideal image.
+        """
+        bends = distortion_map(self.view.camera)
+        if bends is None:
+            return at, np.broadcast_to(np.eye(2), (len(at), 2, 2))
+        camera = self.view.camera
+        pixel = np.clip(np.rint(at).astype(np.int64), 0, [camera.width - 1, camera.height - 1])
+        shift, change = bends.evaluate(pixel, at - pixel)
+        return at + shift, change
 
     def lamps(self) -> dict[str, Array]:
         """The emitters as the shader's uniform."""
@@ -181,25 +196,29 @@ def footprint(
 
     Last: the relative change (n, 2) of 1 / z per column and row.
     """
-    d = np.stack([x, y], axis=1) - setup.anchor[triangle]
+    ideal, change = setup.undistorted(np.stack([x, y], axis=1))
+    d = ideal - setup.anchor[triangle]
     planes = setup.planes[triangle]
     values = planes[:, :3, 0] * d[:, :1] + planes[:, :3, 1] * d[:, 1:] + planes[:, :3, 2]
     w = values[:, 2:3]
     st = values[:, :2] / w
     ex = (planes[:, :2, 0] - st * planes[:, 2:3, 0]) / w
     ey = (planes[:, :2, 1] - st * planes[:, 2:3, 1]) / w
-    return st, ex, ey, planes[:, 2, :2] / w
+    turned = np.stack([ex, ey], axis=2) @ change
+    q = np.einsum("ni,nik->nk", planes[:, 2, :2] / w, change)
+    return st, turned[:, :, 0], turned[:, :, 1], q
 
 
 def radiance_factor(setup: Setup, triangle: npt.NDArray[np.int64], x: Array, y: Array) -> Array:
     """What the albedo is multiplied by at pixel positions: irradiance / pi, or 1 unlit."""
     if not setup.lit:
         return np.ones(len(x))
-    d = np.stack([x, y], axis=1) - setup.anchor[triangle]
+    ideal, _ = setup.undistorted(np.stack([x, y], axis=1))
+    d = ideal - setup.anchor[triangle]
     planes = setup.planes[triangle]
     values = planes[:, 2:, 0] * d[:, :1] + planes[:, 2:, 1] * d[:, 1:] + planes[:, 2:, 2]
     depth = 1.0 / (values[:, 0] * setup.mean_inverse[triangle])
-    position = depth[:, None] * (np.stack([x, y, np.ones_like(x)], axis=1) @ setup.rays().T)
+    position = depth[:, None] * (np.c_[ideal, np.ones(len(x))] @ setup.rays().T)
     normal = values[:, 1:]
     normal = normal / np.linalg.norm(normal, axis=1)[:, None]
     return irradiance(setup.emitters, position, normal, setup.ambient) / np.pi

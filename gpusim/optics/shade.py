@@ -18,11 +18,15 @@ from gpusim.errors import InputError
 from gpusim.gpu import Buffer, Device, Recording, compare, twin_check
 from gpusim.optics.albedo import mean_albedo
 from gpusim.optics.binning import bin_edges
+from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.pattern import FINEST, LOOP_TURNS
 from gpusim.optics.setup import Setup, footprint, probe_setup, radiance_factor
 from gpusim.optics.visibility import visibility_twin
 
 __all__ = ["ShadePass", "Tables", "shade_twin"]
+
+
+NO_TILES = {"last": np.zeros(2), "middle": np.zeros(2), "size": 1, "columns": 1}
 
 
 class Tables:
@@ -38,6 +42,11 @@ class Tables:
         self.features = device.buffer(table.features, "shade.features")
         self.triangles = device.buffer(setup.records(), "shade.triangles")
         self.screen = device.buffer(fixed, "shade.screen")
+        bends = distortion_map(view.camera)
+        texels = np.zeros((5, 4), np.float32) if bends is None else bends.texels()
+        self.undistortion = device.texels(len(texels), "rgba32float", "shade.undistortion")
+        self.undistortion.write(texels)
+        self.tiles = NO_TILES if bends is None else bends.tiles()
 
     def shared(self) -> dict[str, Any]:
         """The bindings that both passes have, by their WGSL names."""
@@ -48,6 +57,8 @@ class Tables:
             "triangles": self.triangles,
             "screen": self.screen,
             "lamps": self.lamps,
+            "tiles": self.tiles,
+            "undistortion": self.undistortion,
         }
 
     def rays(self) -> dict[str, npt.NDArray[np.float64]]:

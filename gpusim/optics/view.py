@@ -106,10 +106,11 @@ def look(surfaces: Sequence[Surface], camera: Camera, lit: bool) -> View:
     screen = Screen(camera)
     at = [camera.to_camera(surface.points) for surface in surfaces]
     far = max((float(points[:, 2].max()) for points in at), default=0.0)
-    empty = np.zeros(0, np.int64)
+    empty: npt.NDArray[np.int64] = np.zeros(0, np.int64)
     parts = [Pieces(np.zeros((0, 3, 11)), np.zeros((0, 3), bool), empty)]
     places = [np.zeros((0, 3, 2))]
-    paint_ids, face_ids = [empty], [empty]
+    paint_ids: list[npt.NDArray[np.integer]] = [empty]
+    face_ids: list[npt.NDArray[np.integer]] = [empty]
     paints: list[RegionPaint] = []
     first_face = 0
     for surface, points in zip(surfaces, at, strict=True):
@@ -127,10 +128,10 @@ def look(surfaces: Sequence[Surface], camera: Camera, lit: bool) -> View:
     pieces, place = Pieces.joined(parts), np.concatenate(places)
     number, k = np.nonzero(pieces.shows)
     planes = barycentric_planes(pieces.corners, camera)
-    paint = np.concatenate(paint_ids).astype(np.int32)
+    number_of_paint = np.concatenate(paint_ids).astype(np.int32)
     return View(
-        camera, pieces.corners, place, paint, np.concatenate(face_ids).astype(np.int32),
-        tuple(_with_reach(paints, pieces.corners, planes, paint, camera)),
+        camera, pieces.corners, place, number_of_paint, np.concatenate(face_ids).astype(np.int32),
+        tuple(_with_reach(paints, pieces.corners, planes, number_of_paint, camera)),
         np.stack([place[number, k], place[number, (k + 1) % 3]], axis=1), planes,
     )  # fmt: skip
 
@@ -149,9 +150,7 @@ def _pieces(
     ideal[ahead] = screen.ideal(points[ahead])
     seen = _may_be_seen(triangles, ahead, ideal, screen)
     keep = seen & front if topology.closed else seen
-    shows = feature_edges(
-        topology, front, surface.regions, unit(area), surface.smooth_angle, keep
-    )
+    shows = feature_edges(topology, front, surface.regions, unit(area), surface.smooth_angle, keep)
     kept = np.flatnonzero(keep)
     chosen = triangles[kept]
     table = np.zeros((len(kept), 3, 11))

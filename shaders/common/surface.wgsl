@@ -50,6 +50,13 @@ fn footprint(t: Triangle, d: vec2f) -> Footprint {
     return Footprint(st, ex, ey, t.tw.zw * w);
 }
 
+// The footprint of a pixel whose sides the lens bends: columns of `change` are what a column and a
+// row of the image are in pixels of the ideal image.
+fn bent_footprint(f: Footprint, change: mat2x2f) -> Footprint {
+    let turned = mat2x2f(f.ex, f.ey) * change;
+    return Footprint(f.st, turned[0], turned[1], f.q * change);
+}
+
 // Irradiance from all emitters at camera-relative position x with unit normal n.
 fn irradiance(x: vec3f, n: vec3f) -> f32 {
     var total = lamps.ambient.x;

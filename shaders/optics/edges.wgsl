@@ -6,6 +6,7 @@
 // The paint's mean is taken over the clipped polygon, the light at its centroid.
 #import common/paint
 #import common/surface
+#import common/undistort
 
 override lit: u32;
 override patterned: u32;
@@ -266,6 +267,7 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
     let stop = lists[entry + 3u];
     let pixel = vec2i(i32(index % params.width), i32(index / params.width));
 
+    let bend = bend_at(pixel);
     var covered: array<u32, 16>;
     for (var r = 0; r < range.mask_rows; r++) { covered[r] = 0u; }
     var open = 512u;
@@ -317,9 +319,13 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
         if (!visible && seen == 0u) { continue; }
 
         let d = vec2f(pixel - t.place.xy);
-        var light = paint_polygon(t, d, polygon, m.yz);
+        let middle = undistort(bend, m.yz);
+        if (distorted != 0u) {
+            for (var k = 0; k < polygon.count; k++) { polygon.p[k] = undistort(bend, polygon.p[k]); }
+        }
+        var light = paint_polygon(t, d, polygon, middle);
         if (lit != 0u) {
-            light *= light_factor(t, params.rays, vec2f(pixel) + m.yz, d + m.yz);
+            light *= light_factor(t, params.rays, vec2f(pixel) + middle, d + middle);
         }
         if (visible) {
             free_area += m.x;
