@@ -33,7 +33,7 @@ class PlannedStage:
 
     ``detail`` says how much work it is; ``memory_bytes`` and ``seconds`` are estimates for two CPU
     cores (0 unless run). Render stages, named ``render/<camera>/<frame>``, have ``camera`` and
-    ``frame``.
+    ``frame``; those of a calibration target, ``render/<camera>/calib-<pose>``, ``pose`` instead.
     """
 
     name: str
@@ -45,6 +45,7 @@ class PlannedStage:
     detail: str = ""
     camera: str | None = None
     frame: int | None = None
+    pose: int | None = None
 
     @property
     def runs(self) -> bool:
@@ -166,12 +167,13 @@ class _Planner:
         unsolved = _GIVEN if given else still if self.skip or not scene.bodies else ""
         self.decide("solve", solve, unsolved)
         frames = self._frames(surface, solve if not still and not given else "")
+        targets = self._targets()
         self._results(surface, solve, frames)
         self._in_memory(mesh, model, surface)
         everything = [stage.key for stage in self.stages.values()]
         report = self.key("report", ("name", "description"), *everything)
         self.enter("report", "run", "says what this run did", report)
-        order = ["mesh", "model", "solve", "surface", *frames]
+        order = ["mesh", "model", "solve", "surface", *frames, *targets]
         order += ["truth", "measure", "stress", "export", "report"]
         if not frames:
             self.enter("render", "skipped", "no [[camera]]", self.key("render", ()))
@@ -203,9 +205,9 @@ class _Planner:
                 name = f"render/{camera.name}/{frame:04d}"
                 # the unloaded frame doesn't depend on the solution; an automatic exposure is that
                 # of the camera's first frame
-                still = self.history.still(frame)
-                moved = "" if still else solve
-                weights = [] if still else self.history.weights(frame)
+                unloaded = self.history.unloaded(frame)
+                moved = "" if unloaded else solve
+                weights = [] if unloaded else self.history.weights(frame)
                 key = self.key(name, sections, surface, moved, first, extra=[self.backend, weights])
                 if frame == 0 and self.scene.sensor.exposure is None:
                     first = key
@@ -215,6 +217,23 @@ class _Planner:
                     factors = ", ".join(f"{w:g}" for w in self.history.shown(frame))
                     what = f"time {factors}" if self.history.given else f"load x {factors}"
                     detail = f"{columns}x{rows} px, {self.stages[name].detail}, {what}"
+                    self.stages[name] = replace(self.stages[name], detail=detail)
+                names.append(name)
+        return names
+
+    def _targets(self) -> list[str]:
+        """Enter the render stages of the calibration target, which no body has a part in."""
+        calibration, names = self.scene.calibration, []
+        for camera in calibration.cameras if calibration else ():
+            sections = (f"camera.{camera}", "light", "render", "sensor", "prop", "calibration")
+            key = self.key("calibration", sections, extra=self.backend)
+            (spec,) = [one for one in self.scene.cameras if one.name == camera]
+            for pose in range(len(calibration.poses) if calibration else 0):
+                name = f"render/{camera}/calib-{pose:04d}"
+                self.decide(name, self.key(name, (), key), camera=camera, pose=pose)
+                if self.stages[name].runs:
+                    columns, rows = spec.resolution
+                    detail = f"{columns}x{rows} px, {self.stages[name].detail}, target"
                     self.stages[name] = replace(self.stages[name], detail=detail)
                 names.append(name)
         return names

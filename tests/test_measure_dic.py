@@ -150,7 +150,10 @@ def test_guess_replaces_the_search() -> None:
     size = {"width": 157, "height": 121}
     first, second = speckles(**size), speckles(**size, shift=(31.3, 3.6))
     points = np.array([[40.25, 60.5], [60.0, 40.75]])
-    assert not dic(first, second, subset=21, points=points, search_px=5).ok.any()
+    # a search for no motion and little around it finds nothing; the whole picture's shift does
+    assert dic(first, second, subset=21, points=points, search_px=5).ok.all()
+    far = dic(first, second, subset=21, points=points, guess=(0.0, 0.0))
+    assert not far.ok.any()
     result = dic(first, second, subset=21, points=points, guess=(30.9, 4.0))
     assert result.ok.all()
     assert np.abs(result.displacement - [31.3, 3.6]).max() <= 5e-4

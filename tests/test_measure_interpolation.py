@@ -66,9 +66,9 @@ def test_a_crop_interpolates_like_the_whole_image(blur: float) -> None:
 
 def test_inside_is_false_for_nan_and_beyond_the_border() -> None:
     spline = SplineImage.from_image(speckles(57, 33))
-    x = np.array([0.0, 56.0, 56.001, -0.001, np.nan, 20.0])
-    y = np.array([0.0, 32.0, 10.0, 10.0, 10.0, np.nan])
-    assert spline.inside(x, y).tolist() == [True, True, False, False, False, False]
+    x = np.array([0.0, 56.0, 56.101, -0.101, np.nan, 20.0, 56.09, -0.09])
+    y = np.array([0.0, 32.0, 10.0, 10.0, 10.0, np.nan, 10.0, 32.09])
+    assert spline.inside(x, y).tolist() == [True, True, False, False, False, False, True, True]
 
 
 @pytest.mark.parametrize(

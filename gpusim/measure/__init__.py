@@ -1,6 +1,10 @@
-"""Measuring images: markers, subset matching, tracking, deflection. Sees pictures only."""
+"""Measuring images: markers, targets, subset matching, tracking, deflection, calibration and
+points in space. Sees pictures only."""
 
+from gpusim.measure.calibration import CalibratedCamera, Calibration, calibrate
+from gpusim.measure.chessboard import find_chessboard
 from gpusim.measure.corners import Markers, MarkerStatus, find_markers, locate_markers
+from gpusim.measure.crossings import Crossings, fit_crossings
 from gpusim.measure.deflection import (
     DeflectionLine,
     RigidMotion,
@@ -10,31 +14,62 @@ from gpusim.measure.deflection import (
     scale_coefficient,
 )
 from gpusim.measure.dic import dic, grid_points
+from gpusim.measure.epipolar import Matches, epipolar_distance, match_epipolar
 from gpusim.measure.interpolation import SplineImage
 from gpusim.measure.matching import Status
+from gpusim.measure.sequence import dic_sequence
 from gpusim.measure.strain import StrainResult, StrainStatus, strain
 from gpusim.measure.subsets import DicResult
+from gpusim.measure.targets import Chessboard, Sighting, TargetStatistics, target_statistics
 from gpusim.measure.tracking import TrackResult, track
+from gpusim.measure.triangulation import (
+    Alignment,
+    Displacement3D,
+    Triangulated,
+    align,
+    displacement_3d,
+    triangulate,
+)
 
 __all__ = [
+    "Alignment",
+    "CalibratedCamera",
+    "Calibration",
+    "Chessboard",
+    "Crossings",
     "DeflectionLine",
     "DicResult",
+    "Displacement3D",
     "MarkerStatus",
     "Markers",
+    "Matches",
     "RigidMotion",
     "Scale",
+    "Sighting",
     "SplineImage",
     "Status",
     "StrainResult",
     "StrainStatus",
+    "TargetStatistics",
     "TrackResult",
+    "Triangulated",
+    "align",
+    "calibrate",
     "deflection_line",
     "dic",
+    "dic_sequence",
+    "displacement_3d",
+    "epipolar_distance",
+    "find_chessboard",
     "find_markers",
+    "fit_crossings",
     "grid_points",
     "locate_markers",
+    "match_epipolar",
     "rigid_motion",
     "scale_coefficient",
     "strain",
+    "target_statistics",
     "track",
+    "triangulate",
 ]

@@ -19,8 +19,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 from scipy.optimize import least_squares
-from scipy.special import ndtr
 
+from gpusim.measure.border import MIN_BOX, profile_and_slopes
 from gpusim.measure.images import FloatArray
 
 __all__ = ["Cross", "border_profile", "fit_cross"]
@@ -32,8 +32,6 @@ END_SIGMAS = 2.5  # … and the reach of the lens blur
 MIN_REACH = 3.0  # px from the centre, so that small markers keep enough pixels
 MIN_SIGMA = 0.004  # px
 COARSE, FINE = 1e-4, 1e-8  # relative step at which a fit ends
-FLAT_SIGMAS = 8.3  # 1 - 1e-16 of the Gaussian step
-MIN_BOX = 1e-3  # px, narrower sides of the pixel box are widened to this
 
 
 @dataclass(frozen=True)
@@ -52,37 +50,9 @@ def border_profile(distance: FloatArray, normal: FloatArray, sigma: float) -> Fl
     """Mean over the pixel of sign(signed distance to a straight border), -1..1.
 
     ``distance`` in px at the pixel centres, ``normal`` the unit normal (2,), ``sigma`` the
-    Gaussian blur in px. Two box integrals of the Gaussian step are second differences of its
-    second antiderivative.
+    Gaussian blur in px.
     """
-    return _profile_and_slopes(distance, normal, sigma)[0]
-
-
-def _profile_and_slopes(
-    distance: FloatArray, normal: FloatArray, sigma: float
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """The border profile and its derivatives by the distance, sigma, |normal_x|, |normal_y|."""
-    wide, narrow = (float(side) for side in np.maximum(np.abs(normal), MIN_BOX))
-    plus, minus = 0.5 * (wide + narrow), 0.5 * (wide - narrow)
-    value = np.sign(distance)
-    by_distance, by_sigma, by_wide, by_narrow = np.zeros((4, *distance.shape))
-    # further away the profile is flat to the last digit
-    near = np.abs(distance) < plus + FLAT_SIGMAS * sigma
-    z = distance[near] + np.array([plus, minus, -minus, -plus])[:, None]
-    q = z / sigma
-    step = ndtr(q)
-    density = np.exp(-0.5 * q * q) / np.sqrt(2 * np.pi)
-    # antiderivatives of the step; the second one is z^2/2 for z >> sigma, 0 for z << -sigma
-    once = z * step + sigma * density
-    twice = 0.5 * (z * once + sigma * sigma * step)
-    area = wide * narrow
-    total = twice[0] - twice[1] - twice[2] + twice[3]
-    value[near] = 2.0 * total / area - 1.0
-    by_distance[near] = 2.0 * (once[0] - once[1] - once[2] + once[3]) / area
-    by_sigma[near] = 2.0 * sigma * (step[0] - step[1] - step[2] + step[3]) / area
-    by_wide[near] = (once[0] - once[1] + once[2] - once[3] - 2.0 * total / wide) / area
-    by_narrow[near] = (once[0] + once[1] - once[2] - once[3] - 2.0 * total / narrow) / area
-    return value, by_distance, by_sigma, by_wide, by_narrow
+    return profile_and_slopes(distance, normal, sigma)[0]
 
 
 def fit_cross(
@@ -179,7 +149,7 @@ def _residual(
     dx, dy = x - p[0], y - p[1]
     sigma = max(abs(float(p[8])), MIN_SIGMA)
     first, second = (
-        _profile_and_slopes(dx * normal[0] + dy * normal[1], normal, sigma)
+        profile_and_slopes(dx * normal[0] + dy * normal[1], normal, sigma)
         for normal in (normal_1, normal_2)
     )
     light = 1.0 + p[6] * dx + p[7] * dy

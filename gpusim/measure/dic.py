@@ -1,26 +1,23 @@
 """Digital image correlation of two images on a grid of points or at given ones.
 
-Start values: a coarse lattice of seeds is found by an integer search; every other point starts
-from the best correlated of its measured neighbours, extrapolated with that neighbour's gradient.
-A failed point is tried again from another neighbour as the front passes.
+Start values: a coarse lattice of seeds is found by an integer search around no displacement and
+around the one that most of the picture made; where that finds less than half of them, from
+matched features. From the seeds the front spreads over the other points (see ``propagation``).
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
 
 from gpusim.errors import InputError
 from gpusim.gpu import Device
-from gpusim.measure.icgn import correlate
-from gpusim.measure.images import FloatArray, Image, check_image, check_points
-from gpusim.measure.interpolation import SplineImage
-from gpusim.measure.matching import Correlation, Pair, Settings, Status, Subsets
-from gpusim.measure.search import integer_search
+from gpusim.measure.features import feature_motions, global_shift
+from gpusim.measure.images import FloatArray, check_points
+from gpusim.measure.matching import Correlation, Settings, Status
+from gpusim.measure.propagation import Front, seeds
 from gpusim.measure.subsets import (
     DicResult,
     Window,
@@ -28,13 +25,15 @@ from gpusim.measure.subsets import (
     make_result,
     make_settings,
 )
+from gpusim.measure.usable import Usable, make_usable
 from gpusim.measure.warp import Shape
 
-__all__ = ["dic", "grid_points"]
+__all__ = ["Start", "dic", "grid_points"]
 
-NEIGHBOURS = 9
-SEED_EVERY = 8  # one seed per 8x8 points
-ATTEMPTS = 4  # starts per point
+Start = Literal["auto", "search", "features"]
+ENOUGH = 0.5  # share of the seeds that must be found by searching
+COVERED = 0.02  # share of a subset in the deformed image that may be unusable
+PROBES = 9  # positions across a subset at which that is looked up
 
 
 def dic(
@@ -45,11 +44,13 @@ def dic(
     step: int = 10,
     roi: tuple[int, int, int, int] | None = None,
     points: npt.ArrayLike | None = None,
-    guess: npt.ArrayLike | None = None,
+    guess: npt.ArrayLike | DicResult | None = None,
+    start: Start = "auto",
     search_px: int = 20,
     shape: Shape = "affine",
     window: Window | npt.ArrayLike = "square",
     mask: npt.NDArray[np.bool_] | None = None,
+    saturation: float | None = None,
     blur_px: float = 0.0,
     tolerance: float = 1e-4,
     max_iterations: int = 40,
@@ -61,16 +62,22 @@ def dic(
     Parameters
     ----------
     reference, deformed : (H, W) grey images of any integer or float type; sizes may differ.
+        Pixels that are NaN or infinite aren't used.
     subset : odd width of the square subsets, px.
     step : distance of the grid points, px (without ``points``).
     roi : (x0, y0, x1, y1), pixels included; the grid's subsets stay inside. Default: all.
     points : (M, 2) positions x, y in the reference, any fraction of a pixel, instead of a grid.
-    guess : (2,) or (M, 2) displacement to start from, px; without it, an integer search of
-        +-``search_px`` at the seeds.
+    guess : (2,) or (M, 2) displacement to start from, px, or the result of an earlier image at
+        the same points. Without it, seeds are looked for as ``start`` says.
+    start : "search": an integer search of +-``search_px`` around no displacement and around the
+        one of most of the picture; "features": matched features, for any distance and rotation;
+        "auto": features where the search finds less than half of the seeds.
     shape : how a subset deforms: "translation", "rigid", "affine" or "quadratic".
     window : weights of the subset's pixels: "square", "round" or (subset, subset) in 0..1.
     mask : (H, W) bool, False = pixel of the reference that isn't used; its neighbours within
         1 px + 2 ``blur_px`` aren't either.
+    saturation : lowest grey level that counts as saturated; None: full scale of 8, 10, 12, 14 or
+        16 bits if an integer image reaches it. Only areas wider than 0.4 subsets are left out.
     blur_px : standard deviation of a Gaussian put over both images first; 1 px takes most of the
         interpolation error off images with hard edges, for a little resolution.
     tolerance : the iteration stops when no pixel of the subset has further to go than this, px,
@@ -83,8 +90,6 @@ def dic(
     InputError
         An argument is wrong. A point that can't be measured is no error: see ``status``.
     """
-    first = check_image(reference, "reference")
-    second = check_image(deformed, "deformed")
     settings = make_settings(
         subset,
         window,
@@ -94,35 +99,119 @@ def dic(
         min_zncc=min_zncc,
         max_move=float(subset),
     )
-    allowed = check_mask(mask, first, blur_px)
+    first = make_usable(reference, "reference", subset, mask, saturation)
+    second = make_usable(deformed, "deformed", subset, None, saturation)
+    allowed = check_mask(first.good, first.image, blur_px)
     if not isinstance(search_px, (int, np.integer)) or search_px < 1:
         raise InputError(f"search_px: got {search_px!r}; expected a whole number of px >= 1")
+    if start not in ("auto", "search", "features"):
+        raise InputError(f"start: got {start!r}; expected 'auto', 'search' or 'features'")
     if points is None:
-        positions = grid_points(first.shape, subset=subset, step=step, roi=roi)
+        positions = grid_points(first.image.shape, subset=subset, step=step, roi=roi)
     else:
         positions = check_points(points, "points")
-    values = np.zeros(2)
-    if guess is not None:
-        values = np.asarray(guess, dtype=np.float64)
-        if values.shape not in ((2,), positions.shape) or not np.isfinite(values).all():
-            raise InputError(
-                f"guess: got shape {values.shape}; expected finite (2,) or {positions.shape}"
-            )
-    near = float(np.abs(values).max()) if guess is not None else float(search_px)
-    run = _Run(first, second, positions, settings, allowed, blur_px, near, device)
-    if guess is not None:
-        run.attempt(np.arange(len(positions)), np.broadcast_to(values, positions.shape))
-    else:
-        run.search(seeds(positions), int(search_px))
-    run.propagate()
-    if run.widen():
-        run.propagate()
-    if guess is None:
-        lonely = np.flatnonzero((run.status == Status.NO_GUESS) | (run.attempts == 0))
+    begin = None if guess is None else _check_guess(guess, positions, settings)
+    known = np.zeros(0, dtype=np.int64)
+    if begin is not None:
+        known = np.flatnonzero(np.isfinite(begin).all(axis=(1, 2)))
+    near = float(search_px)
+    if begin is not None and known.size:
+        near = max(near, float(np.abs(begin[known, :, 0]).max()))
+    front = Front(first.image, second.image, positions, settings, allowed, blur_px, near, device)
+    if begin is not None:
+        front.attempt(known, begin[known, :, 0], begin[known, :, 1:3])
+    if begin is None or (isinstance(guess, DicResult) and not _found(front, known) >= ENOUGH):
+        _seed(front, start, int(search_px))
+    front.propagate()
+    if front.widen():
+        front.propagate()
+    if begin is None:
+        lonely = np.flatnonzero((front.status == Status.NO_GUESS) | (front.attempts == 0))
         if lonely.size:
-            run.search(lonely, int(search_px))
-            run.propagate()
-    return make_result(positions, run.matches(), subset, blur_px)
+            front.search(lonely, int(search_px), np.zeros(2))
+            front.propagate()
+    else:
+        # nothing led there; let the kernel say if it could have been measured at all
+        untried = np.flatnonzero(front.attempts == 0)
+        front.attempt(untried, np.zeros((untried.size, 2)), keep=False)
+    front.doubt()
+    matches = front.matches()
+    _say_why(matches, positions, settings, first, second)
+    return make_result(positions, matches, subset, blur_px)
+
+
+def _seed(front: Front, start: Start, search_px: int) -> None:
+    """Measure a coarse lattice of points without knowing where they went."""
+    chosen = seeds(front.points)
+    if start != "features":
+        front.search(chosen, search_px, np.zeros(2))
+        if _found(front, chosen) < ENOUGH:
+            shift = global_shift(*front.images)
+            if np.abs(shift).max() > 0:
+                front.take_whole_image()
+                front.search(chosen[~front.ok[chosen]], search_px, shift)
+    if start == "features" or (start == "auto" and _found(front, chosen) < ENOUGH):
+        front.follow(chosen[~front.ok[chosen]], feature_motions(*front.images))
+
+
+def _found(front: Front, chosen: npt.NDArray[np.int64]) -> float:
+    """Share of the points that have a texture which have been measured; 0 if there are none."""
+    open_ = chosen[front.status[chosen] != Status.NO_TEXTURE]
+    return float(front.ok[open_].mean()) if open_.size else 0.0
+
+
+def _check_guess(
+    guess: npt.ArrayLike | DicResult, points: FloatArray, settings: Settings
+) -> FloatArray:
+    """Coefficients (M, 2, 3) to start from, NaN where there are none."""
+    begin = np.zeros((len(points), 2, 3))
+    if isinstance(guess, DicResult):
+        if guess.points.shape != points.shape or not np.array_equal(guess.points, points):
+            raise InputError(
+                f"guess: got a result of {len(guess.points)} points; expected one at the same "
+                f"{len(points)} points"
+            )
+        begin[:, :, 0] = guess.displacement
+        begin[:, :, 1:3] = guess.gradient * settings.half
+        return begin
+    values = np.asarray(guess, dtype=np.float64)
+    if values.shape not in ((2,), points.shape) or not np.isfinite(values).all():
+        raise InputError(f"guess: got shape {values.shape}; expected finite (2,) or {points.shape}")
+    begin[:, :, 0] = values
+    return begin
+
+
+def _say_why(
+    matches: Correlation, points: FloatArray, settings: Settings, first: Usable, second: Usable
+) -> None:
+    """Name masked and saturated subsets, in the reference and where they went to."""
+    half = settings.half
+    lost = np.flatnonzero(np.isin(matches.status, (Status.OUTSIDE, Status.NO_GUESS)))
+    if lost.size and (first.masked is not None or first.saturated is not None):
+        reasons = first.reasons(points[lost], half)
+        named = reasons != Status.OUTSIDE
+        matches.status[lost[named]] = reasons[named]
+    if second.masked is None and second.saturated is None:
+        return
+    good = np.flatnonzero(matches.status == Status.OK)
+    offset = np.linspace(-1.0, 1.0, PROBES)
+    a, b = (axis.ravel() for axis in np.meshgrid(offset, offset))
+    c = matches.coefficients[good]
+    terms = np.stack([np.ones_like(a), a, b, 0.5 * a * a, a * b, 0.5 * b * b])
+    here = points[good][:, :, None] + half * np.stack([a, b])
+    there = here + c @ terms
+    # what the reference leaves out anyway may be covered: white patches of the pattern itself
+    used = ~first.bad_at(here)[..., None]
+    masked, saturated = (
+        (part & used).sum(axis=(1, 2)) / np.maximum(used.sum(axis=(1, 2)), 1)
+        for part in np.split(second.parts_at(there), 2, axis=-1)
+    )
+    covered = masked + saturated > COVERED
+    reason = np.where(saturated > masked, Status.SATURATED, Status.MASKED)
+    target = good[covered]
+    matches.status[target] = reason[covered]
+    matches.coefficients[target] = np.nan
+    matches.sigma[target] = np.nan
 
 
 def grid_points(
@@ -151,145 +240,3 @@ def grid_points(
         )
     x, y = np.meshgrid(columns, rows)
     return np.column_stack([x.ravel(), y.ravel()])
-
-
-def seeds(points: FloatArray) -> npt.NDArray[np.int64]:
-    """One point per cell of 8x8 points, the one nearest to the cell's centre."""
-    if len(points) < 4:
-        return np.arange(len(points))
-    apart = np.asarray(cKDTree(points).query(points, k=2)[0], dtype=np.float64)
-    spacing = float(np.median(apart[:, 1]))
-    size = SEED_EVERY * max(spacing, 1.0)
-    cell = np.floor((points - points.min(axis=0)) / size)
-    offset = np.hypot(*((points - points.min(axis=0)) / size - cell - 0.5).T)
-    order = np.lexsort([offset, cell[:, 0], cell[:, 1]])
-    _, first = np.unique(cell[order], axis=0, return_index=True)
-    return np.sort(order[first])
-
-
-class _Run:
-    """Points in progress: what has been tried, and the best outcome so far."""
-
-    def __init__(
-        self,
-        reference: Image,
-        deformed: Image,
-        points: FloatArray,
-        settings: Settings,
-        mask: npt.NDArray[np.bool_] | None,
-        blur_px: float,
-        near: float,
-        device: Device | None,
-    ) -> None:
-        self.images = reference, deformed
-        self.points = points
-        self.settings = settings
-        self.blur_px = blur_px
-        self.device = device
-        inner = settings.half + 1.0
-        # as far as a subset may go from a start within ``near`` before it counts as diverged
-        outer = near + settings.max_move + 1.5 * inner
-        self.pair = Pair(
-            SplineImage.from_image(reference, _around(points, inner), blur_px=blur_px),
-            SplineImage.from_image(deformed, _around(points, outer), blur_px=blur_px),
-            mask,
-        )
-        count = len(points)
-        self.coefficients = np.full((count, 2, 6), np.nan)
-        self.zncc = np.full(count, np.nan)
-        self.sigma = np.full(count, np.nan)
-        self.iterations = np.zeros(count, dtype=np.int32)
-        self.status = np.full(count, Status.NO_GUESS, dtype=np.int8)
-        self.attempts = np.zeros(count, dtype=np.int64)
-        self.source = np.full(count, -1, dtype=np.int64)
-
-    def search(self, which: npt.NDArray[np.int64], search_px: int) -> None:
-        """Start ``which`` from an integer search around no displacement."""
-        points = self.points[which]
-        start, score = integer_search(
-            *self.images, points, np.zeros_like(points), self.settings.half, search_px
-        )
-        found = score > 0.5 * self.settings.min_zncc
-        self.attempt(which[found], start[found])
-        # without a place to start from, let the kernel say why: outside, or no texture
-        self.attempt(which[~found], start[~found], keep=False)
-
-    def attempt(
-        self,
-        which: npt.NDArray[np.int64],
-        displacement: FloatArray,
-        gradient: FloatArray | None = None,
-        *,
-        keep: bool = True,
-    ) -> None:
-        """Correlate ``which`` from start values; ``keep`` = accept a match."""
-        if which.size == 0:
-            return
-        start = np.zeros((which.size, 2, 6))
-        start[:, :, 0] = displacement
-        if gradient is not None and self.settings.shape != "translation":
-            start[:, :, 1:3] = gradient
-        result = correlate(
-            Subsets(self.pair, self.points[which], start),
-            self.settings if keep else replace(self.settings, max_iterations=1),
-            self.device,
-        )
-        self.attempts[which] += 1
-        if keep:
-            chosen = np.ones(which.size, dtype=bool)
-        else:
-            chosen = np.isin(result.status, (Status.OUTSIDE, Status.NO_TEXTURE))
-        target = which[chosen]
-        self.coefficients[target] = result.coefficients[chosen]
-        self.zncc[target] = result.zncc[chosen]
-        self.sigma[target] = result.sigma[chosen]
-        self.iterations[target] = result.iterations[chosen]
-        self.status[target] = result.status[chosen]
-
-    def propagate(self) -> None:
-        """Let the measured points hand their motion on until nothing new can be started."""
-        count = len(self.points)
-        if count < 2:
-            return
-        number = min(NEIGHBOURS, count)
-        nearest = np.asarray(cKDTree(self.points).query(self.points, k=number)[1], dtype=np.int64)
-        neighbour = nearest[:, 1:]
-        while True:
-            ok = self.status == Status.OK
-            open_points = ~ok & (self.status != Status.NO_TEXTURE) & (self.attempts < ATTEMPTS)
-            score = np.where(ok[neighbour], self.zncc[neighbour], -1.0)
-            column = np.argmax(score, axis=1)
-            source = neighbour[np.arange(count), column]
-            usable = open_points & (score.max(axis=1) > 0) & (source != self.source)
-            which = np.flatnonzero(usable)
-            if which.size == 0:
-                return
-            self.source[which] = source[which]
-            origin = self.coefficients[source[which]]
-            offset = (self.points[which] - self.points[source[which]]) / self.settings.half
-            linear = origin[:, :, 1:3]
-            displacement = origin[:, :, 0] + np.einsum("mij,mj->mi", linear, offset)
-            self.attempt(which, displacement, linear)
-
-    def widen(self) -> bool:
-        """Take in the whole deformed image if a point has left the part around the start."""
-        height, width = self.images[1].shape
-        if self.pair.deformed.valid == (0.0, 0.0, width - 1.0, height - 1.0):
-            return False
-        left = self.status == Status.OUTSIDE
-        if not (left.any() and (self.status == Status.OK).any()):
-            return False
-        whole = SplineImage.from_image(self.images[1], blur_px=self.blur_px)
-        self.pair = Pair(self.pair.reference, whole, self.pair.mask)
-        self.attempts[left] = 0
-        self.source[left] = -1
-        return True
-
-    def matches(self) -> Correlation:
-        """The outcome so far."""
-        return Correlation(self.coefficients, self.zncc, self.sigma, self.iterations, self.status)
-
-
-def _around(points: FloatArray, margin: float) -> tuple[float, float, float, float]:
-    low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
-    return float(low[0]), float(low[1]), float(high[0]), float(high[1])

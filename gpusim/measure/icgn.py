@@ -290,8 +290,8 @@ def _dispatch(
     starts = np.concatenate([fraction, start.reshape(-1, 12)], axis=1)
     origin = np.array(pair.deformed.origin * 2) - PAD + (x0, y0, x0, y0)
     image = np.array(pair.deformed.valid, dtype=np.int64) - origin
-    # the taps of a pixel reach from 2 before it to 3 behind
-    low, high = np.array([2, 2]), np.array([x1 - x0 - 4, y1 - y0 - 4])
+    # the taps of a pixel reach from 2 before it to 3 behind, and SLACK may take the one before
+    low, high = np.array([3, 3]), np.array([x1 - x0 - 4, y1 - y0 - 4])
     box = np.concatenate([np.maximum(image[:2], low), np.minimum(image[2:], high)])
     covered = bool((box == image).all())
     windowed = bool((settings.window != 1).any())

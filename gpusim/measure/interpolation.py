@@ -24,6 +24,7 @@ MARGIN = 32  # pixels around a crop, so that its border isn't felt
 BLUR_REACH = 5.0  # standard deviations
 BORDER = 16  # pixels by which the image is continued beyond its border
 PAD = 3  # coefficients kept around the crop: six taps reach from floor(x)-2 to floor(x)+3
+SLACK = 0.1  # px; a tenth of a pixel beyond the last centre is still in that pixel
 CHUNK = 1 << 16  # samples per pass: keeps the temporaries in the cache
 
 # rows: taps -2..3; columns: powers of the fraction t in [0, 1)
@@ -124,9 +125,12 @@ class SplineImage:
         return cls(pixels, np.ascontiguousarray(filtered[cut, cut]), (x, y), valid)
 
     def inside(self, x: FloatArray, y: FloatArray) -> npt.NDArray[np.bool_]:
-        """Whether each position lies in the valid box (NaN doesn't)."""
+        """Whether each position lies in the valid box or within ``SLACK`` of it (NaN doesn't).
+
+        A subset at the border of the image may so waver by what its last digits, or noise, make.
+        """
         x0, y0, x1, y1 = self.valid
-        return (x >= x0) & (x <= x1) & (y >= y0) & (y <= y1)
+        return (x >= x0 - SLACK) & (x <= x1 + SLACK) & (y >= y0 - SLACK) & (y <= y1 + SLACK)
 
     def values(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Grey values at the positions ``x``, ``y`` (any equal shape), all inside the crop."""

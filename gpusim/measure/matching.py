@@ -26,13 +26,16 @@ class Status(IntEnum):
     """What became of a point. Only ``OK`` points carry numbers; the others are NaN."""
 
     OK = 0
-    OUTSIDE = 1  # its subset leaves one of the images, or is masked for the most part
+    OUTSIDE = 1  # its subset leaves one of the images
     NO_TEXTURE = 2  # nothing in the subset tells the motion
     NOT_CONVERGED = 3
     LOW_CORRELATION = 4
     NO_GUESS = 5  # never reached: no start value nearby
     BACKWARD = 6  # tracking back from the deformed image doesn't return to the point
     AMBIGUOUS = 7  # another point, elsewhere before, was tracked to the same place
+    MASKED = 8  # its subset is masked, or not a number, for the most part
+    SATURATED = 9  # its subset lies in an area at full scale, here or where it went
+    EPIPOLAR = 10  # the two cameras of a pair don't see it on matching lines
 
 
 @dataclass(frozen=True)

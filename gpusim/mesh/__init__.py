@@ -7,6 +7,7 @@ from gpusim.mesh.cad import mesh_cad
 from gpusim.mesh.cad_sizes import SizeBox
 from gpusim.mesh.cells import CELL_TYPES, CellType
 from gpusim.mesh.faces import Faces, boundary_faces, set_faces
+from gpusim.mesh.faces_file import read_surface
 from gpusim.mesh.mesh import Mesh
 from gpusim.mesh.notch import Notch, notched
 from gpusim.mesh.plate import bracket, plate_with_hole
@@ -35,6 +36,7 @@ __all__ = [
     "plate_with_hole",
     "quadratic",
     "read_mesh",
+    "read_surface",
     "select_faces",
     "select_nodes",
     "set_faces",

@@ -1,19 +1,29 @@
 """Images: cameras, lights, visibility, closed-form shading, sensor and ground truth."""
 
+from gpusim.optics import psf
 from gpusim.optics.camera import Camera
 from gpusim.optics.frame import Frame
+from gpusim.optics.lens import Lens
 from gpusim.optics.light import AmbientLight, AreaLight, PointLight
+from gpusim.optics.photograph import photograph
 from gpusim.optics.render import render
 from gpusim.optics.sensor import Sensor
+from gpusim.optics.shutter import Shutter
 from gpusim.optics.truth import Truth
+from gpusim.optics.vignette import Vignetting
 
 __all__ = [
     "AmbientLight",
     "AreaLight",
     "Camera",
     "Frame",
+    "Lens",
     "PointLight",
     "Sensor",
+    "Shutter",
     "Truth",
+    "Vignetting",
+    "photograph",
+    "psf",
     "render",
 ]

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from gpusim.optics import coverage
 from gpusim.optics.pattern import FINEST, PatternTable
+from gpusim.optics.speckle import polygon_cover, speckle_cover
 
 __all__ = ["mean_albedo"]
 
@@ -40,6 +41,12 @@ def mean_albedo(
     """
     records = table.paints[paint]
     albedo = records["ground"].astype(np.float64)
+    for number in np.unique(paint[records["featured"] > 1]):
+        own = np.flatnonzero(paint == number)
+        albedo[own] = _speckle(
+            table, int(number), cell[own], st[own], polygon[own], weight[own],
+            None if pixel is None else (pixel[0][own], pixel[1][own], pixel[2][own]),
+        )  # fmt: skip
     size = records["cell"].astype(np.float64)
     step = np.floor(st / size[:, None])
     at = cell + step.astype(np.int64) - np.stack([records["i0"], records["j0"]], axis=1)
@@ -69,6 +76,28 @@ def mean_albedo(
             albedo_share[disc], share[disc] = part * feature[disc, 8], part
         albedo[target] += albedo_share - records["ground"][target] * share
     return albedo
+
+
+def _speckle(
+    table: PatternTable,
+    number: int,
+    cell: npt.NDArray[np.int64],
+    st: Array,
+    polygon: Array,
+    weight: Array,
+    pixel: Pixel | None,
+) -> Array:
+    record = table.paints[number]
+    size, grid = float(record["cell"]), int(table.grid_of_paint[number])
+    step = np.floor(st / size)
+    at = cell + step.astype(np.int64) - np.array([record["i0"], record["j0"]])
+    local = st - step * size
+    if pixel is None:
+        cover = polygon_cover(table.speckle, grid, at, local, polygon, weight)
+    else:
+        cover = speckle_cover(table.speckle, grid, at, local, pixel[0], pixel[1])
+    ground, dot = float(record["ground"]), float(record["dot"])
+    return ground + (dot - ground) * cover
 
 
 def _disc(feature: Array, centre: Array, polygon: Array) -> Array:

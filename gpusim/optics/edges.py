@@ -15,10 +15,12 @@ import numpy.typing as npt
 from gpusim.gpu import Buffer, Device, Recording, compare, twin_check
 from gpusim.optics.albedo import mean_albedo
 from gpusim.optics.binning import EdgePixels, bin_edges
+from gpusim.optics.bitmap import BITMAP, mean_over_polygons
 from gpusim.optics.distortion_map import distortion_map
-from gpusim.optics.pattern import LOOP_TURNS
+from gpusim.optics.pattern import LOOP_TURNS, PatternTable
 from gpusim.optics.setup import Setup, probe_setup, radiance_factor
 from gpusim.optics.shade import Tables
+from gpusim.optics.speckle import ROWS as SPECKLE_ROWS
 from gpusim.optics.view import FIXED
 
 __all__ = ["EdgePass", "edges_twin"]
@@ -37,8 +39,9 @@ class EdgePass:
 
     def __init__(self, tables: Tables, edges: EdgePixels) -> None:
         # about what one triangle takes: clipping and samples, then its features' corners
-        table, fine = tables.setup.table, tables.setup.constants(True)["fine"]
-        turns = 200 + table.most_in_a_cell * (2000 if fine else 50)
+        table, fine = tables.setup.table, tables.setup.constants([1])["fine"]
+        turns = 200 + table.most_in_a_cell * (2000 if fine else 50) + speckle_turns(table)
+        turns += 3000 if (tables.setup.groups == BITMAP).any() else 0
         deep = edges.depth > min(DEEPEST, LOOP_TURNS // turns)
         self._deep = edges.select(deep)
         self._deep_values = _resolve(tables.setup, self._deep).astype(np.float32)
@@ -60,8 +63,8 @@ class EdgePass:
         first, last = np.searchsorted(self.edges.pixel, [row0 * width, (row0 + rows) * width])
         if first == last:
             return
-        patterned = bool(setup.near_feature.any())
-        kernel = self.tables.device.kernel("optics/edges", constants=setup.constants(patterned))
+        groups = np.unique(setup.groups).tolist()
+        kernel = self.tables.device.kernel("optics/edges", constants=setup.constants(groups))
         bindings = kernel.bind(
             params={
                 "rays": self.tables.rays(),
@@ -76,6 +79,7 @@ class EdgePass:
                 "sides": 3,
                 "corners": 4,
                 "mask_rows": ROWS,
+                "hard_rows": 2 * SPECKLE_ROWS,
             },
             lists=self._lists,
             radiance=radiance,
@@ -91,6 +95,12 @@ class EdgePass:
             row, column = divmod(int(self._deep.pixel[k]), width)
             place = (row - row0) * stride + column
             radiance.write(self._deep_values[k : k + 1], 4 * place)
+
+
+def speckle_turns(table: PatternTable) -> int:
+    """Loop turns that a polygon over speckle may take: six triangles, rows, points, discs."""
+    most = max((3 * grid.cuts for grid in table.speckle.grids), default=0)
+    return 6 * max(most**2, 2 * SPECKLE_ROWS) * table.speckle.most_in_a_cell
 
 
 def edges_twin(
@@ -179,16 +189,24 @@ def _light(
     x, y = (at + centroid).T
     paint = setup.view.paint[triangle]
     albedo = setup.table.paints["ground"][paint].astype(np.float64)
-    rows = np.flatnonzero(setup.table.paints["featured"][paint] == 1)
+    featured = setup.table.paints["featured"][paint]
+    # all of a polygon through the cubic of its pixel
+    ideal = _undistorted(setup, at, at[:, None] + np.concatenate([centroid[:, None], polygon], 1))
+    rows = np.flatnonzero((featured > 0) & (featured < BITMAP))
     if len(rows):
         own = triangle[rows]
-        # all of a polygon through the cubic of its pixel
-        own_at = at[rows, None] + np.concatenate([centroid[rows, None], polygon[rows]], axis=1)
-        ideal = _undistorted(setup, at[rows], own_at)
-        middle, w0 = _paint_positions(setup, own, ideal[:, :1])
-        corners, w = _paint_positions(setup, own, ideal[:, 1:])
+        middle, w0 = _paint_positions(setup, own, ideal[rows, :1])
+        corners, w = _paint_positions(setup, own, ideal[rows, 1:])
         albedo[rows] = mean_albedo(
             setup.table, paint[rows], setup.cell[own], middle[:, 0], corners - middle, w / w0
+        )
+    for number, image in setup.bitmaps.images.items():
+        rows = np.flatnonzero(paint == number)
+        own = triangle[rows]
+        middle, w0 = _paint_positions(setup, own, ideal[rows, :1])
+        corners, w = _paint_positions(setup, own, ideal[rows, 1:])
+        albedo[rows] = mean_over_polygons(
+            image, image.ground, setup.cell[own], middle[:, 0], corners - middle, w / w0
         )
     return albedo * radiance_factor(setup, triangle, x, y)
 

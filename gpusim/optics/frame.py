@@ -42,6 +42,8 @@ class Frame:
     ) -> None:
         self.view, self.device, self.bands = view, device, bands
         self._radiance = radiance
+        self.facts: dict[str, str] = {}
+        """What lens and shutter did, in words (`gpusim.optics.photograph`)."""
         self._ids: npt.NDArray[np.uint32] | None = None
 
     @property

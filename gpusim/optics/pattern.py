@@ -15,8 +15,10 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.optics.speckle_table import SpeckleTable, speckle_table
 from gpusim.optics.view import RegionPaint
-from gpusim.surface.paint import Features
+from gpusim.surface.features import Features
+from gpusim.surface.speckle import Speckle
 
 __all__ = ["FEATURE", "FINEST", "LOOP_TURNS", "PAINT", "PatternTable"]
 
@@ -24,8 +26,11 @@ Array = npt.NDArray[np.float64]
 
 PAINT = np.dtype(
     [("ground", "<f4"), ("cell", "<f4"), ("i0", "<i4"), ("j0", "<i4"), ("columns", "<i4"),
-     ("rows", "<i4"), ("first", "<u4"), ("featured", "<u4")]
+     ("rows", "<i4"), ("first", "<u4"), ("featured", "<u4"), ("dot", "<f4"), ("cuts", "<u4")]
 )  # fmt: skip
+"""``featured``: 0 one albedo, 1 features that keep apart, 2 soft and 3 hard speckle,
+4 a bitmap."""
+
 FEATURE = np.dtype([("a", "<f4", 4), ("b", "<f4", 4), ("c", "<f4", 4), ("d", "<f4", 4)])
 
 MOST_CELLS = 1 << 22
@@ -42,13 +47,16 @@ FINEST = 8
 class PatternTable:
     """Records as the shader reads them: ``paints``, ``cell_start`` (CSR) and ``features``.
 
-    ``features64`` (F, 16) are the same feature records before rounding to float32.
+    ``features64`` (F, 16) are the same feature records before rounding to float32. ``speckle`` has
+    the discs of speckled paints, ``grid_of_paint`` (paints,) which of its grids is a paint's.
     """
 
     paints: npt.NDArray[np.void]
     cell_start: npt.NDArray[np.uint32]
     features: npt.NDArray[np.void]
     features64: Array
+    speckle: SpeckleTable
+    grid_of_paint: npt.NDArray[np.int64]
 
     @staticmethod
     def build(regions: Sequence[RegionPaint]) -> PatternTable:
@@ -65,6 +73,8 @@ class PatternTable:
         for number, region in enumerate(regions):
             record = paints[number]
             record["ground"], record["cell"] = region.paint.ground, 1.0
+            if isinstance(region.paint, Speckle):
+                continue
             features = region.paint.features(region.low, region.high)
             if features is None or not len(features):
                 continue
@@ -101,7 +111,9 @@ class PatternTable:
         packed = np.zeros(max(len(table), 1), FEATURE)
         for k, name in enumerate("abcd"):
             packed[name][: len(table)] = table[:, 4 * k : 4 * k + 4]
-        return PatternTable(paints, np.concatenate(starts).astype(np.uint32), packed, table)
+        speckle, grid_of_paint = _file_speckle(regions, paints)
+        starting = np.concatenate(starts).astype(np.uint32)
+        return PatternTable(paints, starting, packed, table, speckle, grid_of_paint)
 
     @property
     def most_in_a_cell(self) -> int:
@@ -119,8 +131,8 @@ class PatternTable:
 
         Counts come from a summed-area table per paint.
         """
-        result = np.zeros(len(paint), bool)
-        for number in np.flatnonzero(self.paints["featured"]):
+        result = self.paints["featured"][paint] > 1  # speckle and bitmaps are everywhere
+        for number in np.flatnonzero(self.paints["featured"] == 1):
             rows = np.flatnonzero(paint == number)
             record = self.paints[number]
             shape = (int(record["rows"]), int(record["columns"]))
@@ -139,6 +151,29 @@ class PatternTable:
             )  # fmt: skip
             result[rows] = count > 0
         return result
+
+
+def _file_speckle(
+    regions: Sequence[RegionPaint], paints: npt.NDArray[np.void]
+) -> tuple[SpeckleTable, npt.NDArray[np.int64]]:
+    """The table of the regions with speckle; their records in ``paints`` are filled in."""
+    requests: list[tuple[Speckle, Array, Array, float]] = []
+    grid_of_paint = np.full(len(paints), -1)
+    for number, region in enumerate(regions):
+        if isinstance(region.paint, Speckle) and region.reach > 0.0:
+            grid_of_paint[number] = len(requests)
+            requests.append((region.paint, region.low, region.high, region.reach))
+    table = speckle_table(requests)
+    for number in np.flatnonzero(grid_of_paint >= 0).tolist():
+        grid, record = table.grids[grid_of_paint[number]], paints[number]
+        record["cell"], record["featured"] = grid.cell, 2 if grid.soft else 3
+        record["i0"], record["j0"] = grid.lowest
+        record["columns"], record["rows"] = grid.shape
+        record["first"], record["cuts"] = grid.first, grid.cuts
+        paint = regions[number].paint
+        assert isinstance(paint, Speckle)
+        record["dot"] = paint.dot
+    return table, grid_of_paint
 
 
 def _cell_size(features: Features, region: RegionPaint) -> float:

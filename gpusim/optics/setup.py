@@ -6,7 +6,7 @@ evaluate the same coefficients at pixels.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.gpu.buffer import F32_MAX
+from gpusim.optics.bitmap import BITMAP, PIECES, BitmapTable, pieces_needed
 from gpusim.optics.camera import Camera
 from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.light import (
@@ -29,7 +30,7 @@ from gpusim.optics.light import (
 )
 from gpusim.optics.pattern import PatternTable
 from gpusim.optics.view import NORMAL, ST, View, look
-from gpusim.surface.paint import Checker, Dots, Markers, Paint, Plain
+from gpusim.surface.paint import Checker, Dots, Image, Markers, Paint, Plain, Speckle
 from gpusim.surface.surface import Surface
 
 __all__ = ["TRIANGLE", "Setup", "footprint", "probe_setup", "radiance_factor"]
@@ -50,11 +51,12 @@ class Setup:
     ``planes`` (T, 6, 3): s, t, w and the three normal components as affine functions of
     (dx, dy, 1), the offset from ``anchor`` (T, 2); ``cell`` (T, 2): the pattern cell that s and t
     are relative to; ``mean_inverse`` (T,): 1 / depth that w is relative to; ``near_feature`` (T,):
-    whether a pixel in it can reach a feature of its pattern.
+    whether a pixel in it can reach a feature of its pattern, or shows a bitmap.
     """
 
     view: View
     table: PatternTable
+    bitmaps: BitmapTable
     emitters: Array
     ambient: float
     background: float
@@ -69,6 +71,7 @@ class Setup:
     def build(view: View, lights: Sequence[Light] | None, background: float) -> Setup:
         """Set up every triangle of ``view``; ``lights`` None shows the albedo itself."""
         table = PatternTable.build(view.paints)
+        bitmaps = BitmapTable.build(view.paints, table.paints)
         lit = lights is not None
         T = view.camera.camera_from_world
         world = (view.corners[:, :, :3] - T[:3, 3]) @ T[:3, :3]
@@ -81,9 +84,9 @@ class Setup:
         rows[:, :3] -= view.camera.eye
         anchor = np.rint(view.ideal.mean(axis=1)).astype(np.int32)
         size = table.paints["cell"][view.paint].astype(np.float64)
-        st = view.corners[:, :, ST]
+        st = bitmaps.texel_positions(view.paint, view.corners[:, :, ST])
         cell = np.floor(st.mean(axis=1) / size[:, None])
-        cell = np.where((table.paints["featured"][view.paint] == 1)[:, None], cell, 0.0)
+        cell = np.where((table.paints["featured"][view.paint] > 0)[:, None], cell, 0.0)
         values = np.concatenate(
             [st - (cell * size[:, None])[:, None], np.ones((*st.shape[:2], 1)),
              view.corners[:, :, NORMAL]], axis=2
@@ -94,7 +97,7 @@ class Setup:
         planes[:, :, 2] += np.einsum("tak,tk->ta", planes[:, :, :2], anchor.astype(np.float64))
         near = table.near_features(view.paint, st.min(axis=1), st.max(axis=1))
         return Setup(
-            view, table, rows, ambient(lights or []), background, lit, planes, anchor,
+            view, table, bitmaps, rows, ambient(lights or []), background, lit, planes, anchor,
             cell.astype(np.int64), mean_inverse,
             near,
         )  # fmt: skip
@@ -134,7 +137,7 @@ class Setup:
         """Whether squares may be smaller than a pixel, and whether every disc is far larger."""
         fine, large = False, True
         for region, record in zip(self.view.paints, self.table.paints, strict=False):
-            if record["featured"]:
+            if record["featured"] == 1:
                 features = region.paint.features(region.low, region.high)
                 assert features is not None
                 patches = features.kind == 0
@@ -147,21 +150,38 @@ class Setup:
                 fine |= bool((spread > features.size[patches].min(axis=1)).any())
         return fine, large
 
-    def constants(self, patterned: bool) -> dict[str, float]:
-        """Override constants that leave out of a shader what this view doesn't have.
+    @cached_property
+    def _bitmap_variant(self) -> int:
+        """2 where a pixel may span so many texels that they are taken all at once, else 1."""
+        rows = np.flatnonzero(self.groups == BITMAP)
+        widest = 0.0
+        for corner in range(3):
+            at = self.view.screen[rows, corner]
+            _, ex, ey, _ = footprint(self, rows, at[:, 0], at[:, 1])
+            widest = max(widest, pieces_needed(ex, ey))
+        # footprints change little more between the corners of a triangle
+        return 2 if 1.2 * widest > PIECES else 1
 
-        ``patterned``: the triangles drawn have features on them or near them.
-        """
-        kinds = self.table.kinds() if patterned else set()
-        fine, large = self._pattern_traits if patterned else (False, False)
+    @cached_property
+    def groups(self) -> npt.NDArray[np.uint32]:
+        """(T,) what a triangle's pixels may meet: 0 one albedo, else its paint's ``featured``."""
+        featured = self.table.paints["featured"][self.view.paint]
+        return np.where(self.near_feature, featured, 0).astype(np.uint32)
+
+    def constants(self, groups: Collection[int]) -> dict[str, float]:
+        """Override constants that leave out of a shader what ``groups`` of triangles don't have."""
+        kinds = self.table.kinds() if 1 in groups else set()
+        fine, large = self._pattern_traits if 1 in groups else (False, False)
         return {
             "lit": float(self.lit),
             "distorted": float(self.view.camera.lens is not None),
-            "patterned": float(patterned),
+            "patterned": float(any(groups)),
+            "speckle": float((2 in groups) + 2 * (3 in groups)),
             "emitter_count": float(len(self.emitters)),
             "checkers": float(0 in kinds),
             "discs": float((2 if large else 1) if 1 in kinds else 0),
             "fine": float(fine),
+            "bitmaps": float(self._bitmap_variant if BITMAP in groups else 0),
         }
 
     def undistorted(self, at: Array) -> tuple[Array, Array]:
@@ -238,9 +258,15 @@ def probe_setup() -> Setup:
         Dots(0.22, 0.4, None, None, (0.11, 0.05)),
         Markers(np.array([[0.6, 0.7], [1.4, 1.2]]), 0.5, angle=0.4),
         Plain(0.7),
+        Speckle(0.23, 0.5, 0.03, "lognormal", 0.25, seed=3),
+        Speckle(0.31, 0.4, seed=4),
+        # one seen at about a texel a pixel, one at many
+        Image(_ripples(23, 37), 0.04, (0.13, 0.09), 0.1, 0.9, 0.3),
+        Image(_ripples(300, 200), 0.002, (-0.01, 0.05), 0.2, 0.7, 0.5),
     )
     places = ((-1.1, -0.6, 5.0, 0.3), (1.0, -0.7, 5.5, -0.5), (-0.8, 1.0, 5.2, 0.2),
-              (0.9, 1.1, 6.0, 0.6))  # fmt: skip
+              (0.9, 1.1, 6.0, 0.6), (-0.1, 0.2, 7.5, -0.2), (0.4, -1.6, 5.9, 0.35),
+              (0.1, -0.1, 4.4, 0.9), (-0.3, 1.9, 6.4, -1.0))  # fmt: skip
     surfaces = [
         Surface(quad(*place), face, paint=paint)
         for place, paint in zip(places, paints, strict=True)
@@ -252,3 +278,10 @@ def probe_setup() -> Setup:
         AmbientLight(0.05),
     ]
     return Setup.build(look(surfaces, camera, lit=True), lights, background=0.05)
+
+
+def _ripples(rows: int, columns: int) -> Array:
+    """A bitmap with structure in both directions, without symmetry."""
+    y, x = np.mgrid[:rows, :columns].astype(np.float64)
+    result: Array = 0.5 + 0.25 * np.sin(0.9 * x + 0.01 * x * y) + 0.2 * np.cos(1.3 * y - 0.4 * x)
+    return result

@@ -16,8 +16,10 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.gpu import Buffer, Device, Recording, compare, twin_check
+from gpusim.gpu.texels import Texels
 from gpusim.optics.albedo import mean_albedo
 from gpusim.optics.binning import bin_edges
+from gpusim.optics.bitmap import BITMAP, mean_over_pixels
 from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.pattern import FINEST, LOOP_TURNS
 from gpusim.optics.setup import Setup, footprint, probe_setup, radiance_factor
@@ -43,10 +45,14 @@ class Tables:
         self.triangles = device.buffer(setup.records(), "shade.triangles")
         self.screen = device.buffer(fixed, "shade.screen")
         bends = distortion_map(view.camera)
-        texels = np.zeros((5, 4), np.float32) if bends is None else bends.texels()
-        self.undistortion = device.texels(len(texels), "rgba32float", "shade.undistortion")
-        self.undistortion.write(texels)
+        bent = np.zeros((5, 4), np.float32) if bends is None else bends.texels()
+        self.undistortion = device.texels(len(bent), "rgba32float", "shade.undistortion")
+        self.undistortion.write(bent)
         self.tiles = NO_TILES if bends is None else bends.tiles()
+        texels = setup.bitmaps.texels()
+        self.bitmap_texels = Texels(device, len(texels), "rgba32float", "shade.bitmaps")
+        self.bitmap_texels.write(texels)
+        self.speckles = table.speckle.texels(device)
 
     def shared(self) -> dict[str, Any]:
         """The bindings that both passes have, by their WGSL names."""
@@ -59,6 +65,8 @@ class Tables:
             "lamps": self.lamps,
             "tiles": self.tiles,
             "undistortion": self.undistortion,
+            "bitmap_texels": self.bitmap_texels,
+            "speckles": self.speckles,
         }
 
     def rays(self) -> dict[str, npt.NDArray[np.float64]]:
@@ -69,16 +77,16 @@ class Tables:
 
 
 class ShadePass:
-    """Draws a view's radiance band by band: plain triangles, then those near features.
+    """Draws a view's radiance band by band: triangles near features, then plain ones.
 
-    Two programs, because software rasterisers run both sides of every branch: a plain wall must
-    not pay for the pattern on a marker.
+    A program for each kind, because software rasterisers run both sides of every branch: a plain
+    wall must not pay for the pattern on a marker.
     """
 
     def __init__(self, tables: Tables, rows: int) -> None:
         device, setup = tables.device, tables.setup
         view = setup.view
-        turns = FINEST * (FINEST + 1) + 1 if setup.constants(True)["fine"] else 1
+        turns = FINEST * (FINEST + 1) + 1 if setup.constants([1])["fine"] else 1
         if not setup.table.most_in_a_cell * turns <= LOOP_TURNS:
             raise InputError(
                 f"render: paint patterns; got up to {setup.table.most_in_a_cell} features that one "
@@ -93,12 +101,11 @@ class ShadePass:
         self._near, depth = view.raster_depth()
         self._inverse = device.buffer(depth, "shade.inverse_depth")
         self._draws = []
-        for patterned in (True, False):
-            wanted = setup.near_feature == patterned
-            order = near_first[wanted[near_first]]
-            if len(order) or not patterned:
+        for group in (BITMAP, 3, 2, 1, 0):
+            order = near_first[(setup.groups == group)[near_first]]
+            if len(order) or not group:
                 raster = device.raster(
-                    "optics/shade", ("r32float",), constants=setup.constants(patterned)
+                    "optics/shade", ("r32float",), constants=setup.constants([group])
                 )
                 numbers = order.astype(np.uint32) if len(order) else np.zeros(1, np.uint32)
                 buffer = device.buffer(numbers, "shade.order")
@@ -144,7 +151,8 @@ def shade_twin(setup: Setup, ids: npt.NDArray[np.uint32]) -> npt.NDArray[np.floa
         column, row = x.astype(np.float64), (y + row0).astype(np.float64)
         paint = setup.view.paint[triangle]
         albedo = setup.table.paints["ground"][paint].astype(np.float64)
-        rows = np.flatnonzero(setup.table.paints["featured"][paint] == 1)
+        featured = setup.table.paints["featured"][paint]
+        rows = np.flatnonzero((featured > 0) & (featured < BITMAP))
         if len(rows):
             st, ex, ey, q = footprint(setup, triangle[rows], column[rows], row[rows])
             corners = np.stack([-ex - ey, ex - ey, ex + ey, ey - ex], axis=1) * 0.5
@@ -152,6 +160,12 @@ def shade_twin(setup: Setup, ids: npt.NDArray[np.uint32]) -> npt.NDArray[np.floa
                 setup.table, paint[rows], setup.cell[triangle[rows]], st, corners,
                 np.ones(corners.shape[:2]), (ex, ey, q),
             )  # fmt: skip
+        for number, image in setup.bitmaps.images.items():
+            rows = np.flatnonzero(paint == number)
+            st, ex, ey, q = footprint(setup, triangle[rows], column[rows], row[rows])
+            albedo[rows] = mean_over_pixels(
+                image, image.ground, setup.cell[triangle[rows]], st, ex, ey, q
+            )
         radiance[y + row0, x] = albedo * radiance_factor(setup, triangle, column, row)
     return radiance
 

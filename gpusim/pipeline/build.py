@@ -21,7 +21,7 @@ from gpusim.surface import PaintFrame, Skin, Surface
 from gpusim.surface.paint import Checker, Dots, Markers, Paint, Plain
 from gpusim.surface.surface import plane_frame
 
-__all__ = ["BodyParts", "build_body", "build_camera", "build_lights", "build_prop"]
+__all__ = ["BodyParts", "build_body", "build_camera", "build_lights", "build_pattern"]
 
 Array = npt.NDArray[np.float64]
 DEFAULT_ALBEDO = 0.5
@@ -71,30 +71,12 @@ def build_body(body: m.Body) -> BodyParts:
         if not len(own):
             raise InputError(f"{where}: every face it matches is painted over by a later paint")
         frames[paint.name] = plane_frame(rest, own, where, paint.up)
-        paints[paint.name] = _pattern(paint, frames[paint.name], where)
+        paints[paint.name] = build_pattern(paint, frames[paint.name], where)
     return BodyParts(body, grid, skin, skin.surface(paints, region, frames, body.name), field)
 
 
-def build_prop(prop: m.Prop) -> Surface:
-    """A rigid plate with its paint."""
-    normal = np.array(prop.normal) / np.linalg.norm(prop.normal)
-    up = np.array(prop.up) - normal * (np.array(prop.up) @ normal)
-    up /= np.linalg.norm(up)
-    right = np.cross(up, normal)
-    x, z = 0.5 * prop.size[0] * right, 0.5 * prop.size[1] * up
-    centre = np.array(prop.center)
-    points = np.stack([centre - x - z, centre + x - z, centre + x + z, centre - x + z])
-    faces = np.array([[0, 1, 2, 3]], np.int32)
-    where = f"prop {prop.name!r}, paint {prop.paint.name!r}"
-    if isinstance(prop.paint, m.Plain):
-        return Surface(points, faces, Plain(prop.paint.albedo), name=prop.name)
-    frame = plane_frame(points, faces, where, prop.paint.up or prop.up)
-    name = prop.paint.name
-    paint = _pattern(prop.paint, frame, where)
-    return Surface(points, faces, {name: paint}, frames={name: frame}, name=prop.name)
-
-
-def _pattern(paint: m.Markers | m.Checker | m.Dots, frame: PaintFrame, where: str) -> Paint:
+def build_pattern(paint: m.Markers | m.Checker | m.Dots, frame: PaintFrame, where: str) -> Paint:
+    """The paint of a plane region; ``where`` names it in errors."""
     if isinstance(paint, m.Markers):
         positions = np.array([marker.position for marker in paint.markers])
         normal = np.cross(frame.s_axis, frame.t_axis)

@@ -22,14 +22,14 @@ from gpusim.surface import Surface
 __all__ = ["Photographer", "image_path"]
 
 
-def image_path(scene: Scene, out: Path, camera: str, frame: int) -> Path:
-    """Where the image of a frame lies."""
+def image_path(scene: Scene, out: Path, camera: str, frame: int, kind: str = "") -> Path:
+    """Where the image of a frame lies; ``kind`` "calib-" for those of a calibration target."""
     suffix = "png" if scene.sensor.format == "png" else "tif"
-    return out / "images" / camera / f"{frame:04d}.{suffix}"
+    return out / "images" / camera / f"{kind}{frame:04d}.{suffix}"
 
 
 class Photographer:
-    """Renders and exposes frames; keeps one exposure per camera."""
+    """Renders and exposes frames of one kind; keeps one exposure per camera."""
 
     def __init__(
         self,
@@ -39,9 +39,10 @@ class Photographer:
         backend: str,
         lights: Sequence[Light] | None,
         surfaces: Callable[[int | None], list[Surface]],
+        kind: str = "",
     ) -> None:
         self.scene, self.out, self.device, self.backend = scene, out, device, backend
-        self.lights, self.surfaces = lights, surfaces
+        self.lights, self.surfaces, self.kind = lights, surfaces, kind
         self._last: tuple[str, int, Frame] | None = None
 
     def frame(self, camera: m.Camera, frame: int) -> Frame:
@@ -71,7 +72,7 @@ class Photographer:
     def take(self, camera: m.Camera, frame: int) -> list[Path]:
         """Render, expose and write one frame; returns its files."""
         linear = self.frame(camera, frame)
-        path = image_path(self.scene, self.out, camera.name, frame)
+        path = image_path(self.scene, self.out, camera.name, frame, self.kind)
         path.parent.mkdir(parents=True, exist_ok=True)
         files = [path]
         sensor = self._sensor(camera, frame, linear)
@@ -95,4 +96,4 @@ class Photographer:
         return Sensor(spec.bits, json.loads(file.read_text())["full_scale_radiance"])
 
     def _exposure_file(self, camera: m.Camera) -> Path:
-        return self.out / "images" / camera.name / "exposure.json"
+        return self.out / "images" / camera.name / f"{self.kind}exposure.json"

@@ -57,11 +57,12 @@ def measure_deflection(
     groups = [_marker_paint(bodies, name) for name in spec.groups]
     markers = [(body, paint, marker) for body, paint in groups for marker in paint.markers]
     static = [
-        (prop.paint, marker)
+        (paint, marker)
         for name in spec.static
         for prop in scene.props
-        if prop.paint.name == name and isinstance(prop.paint, m.Markers)
-        for marker in prop.paint.markers
+        for paint in prop.paints
+        if paint.name == name and isinstance(paint, m.Markers)
+        for marker in paint.markers
     ]
     position = np.array([marker.position for _, _, marker in markers])
     places = np.concatenate([position, *[np.array([s.position])for _, s in static]])  # fmt: skip

@@ -9,8 +9,12 @@ from gpusim import mesh
 from gpusim.errors import InputError
 from gpusim.mesh import Faces, Mesh
 from gpusim.scene import model as m
+from gpusim.surface.surface import face_normals
 
-__all__ = ["cells_of", "faces_of", "nodes_of"]
+__all__ = ["cells_of", "faces_of", "nodes_of", "surface_faces_of"]
+
+
+_FACING = np.deg2rad(30.0)  # as `mesh.select_faces` has it
 
 
 def nodes_of(grid: Mesh, where: m.Where) -> npt.NDArray[np.int32]:
@@ -34,6 +38,32 @@ def faces_of(grid: Mesh, faces: Faces, where: m.Where) -> Faces:
         tolerance=where.tolerance,
         faces=None if where.set is not None else faces,
     )
+
+
+def surface_faces_of(
+    points: npt.NDArray[np.float64], faces: npt.NDArray[np.int32], where: m.Where, told: str
+) -> npt.NDArray[np.int64]:
+    """Numbers of the faces (F, 4) of a surface without solids, by bounds and outward normal.
+
+    Raises InputError if there are none, or the surface is asked for a named set.
+    """
+    if where.set is not None:
+        raise InputError(f"{told}: where; got set {where.set!r}; expected bounds or a normal: a "
+                         "file of faces has no sets")  # fmt: skip
+    low = np.array(where.lower) - where.tolerance
+    high = np.array(where.upper) + where.tolerance
+    inside = np.asarray((points >= low) & (points <= high)).all(axis=1).reshape(-1)
+    keep = (inside[np.maximum(faces, 0)] | (faces < 0)).all(axis=1)
+    if where.normal is not None:
+        normals = face_normals(points, faces)
+        along = normals[:, "xyz".index(where.normal[1])] * (1 if where.normal[0] == "+" else -1)
+        keep &= along >= np.cos(_FACING) * np.linalg.norm(normals, axis=1)
+    if not keep.any():
+        raise InputError(
+            f"{told}: where: no faces found; expected something inside the surface, from "
+            f"{points.min(axis=0).tolist()} m to {points.max(axis=0).tolist()} m"
+        )
+    return np.flatnonzero(keep)
 
 
 def cells_of(grid: Mesh, where: m.Where) -> npt.NDArray[np.int64]:

@@ -18,14 +18,16 @@ from gpusim.export.files import atomic_stream, clean_leftovers, write_text
 from gpusim.export.images import read_image
 from gpusim.gpu import Device, default_device
 from gpusim.pipeline import images, measuring, outputs
-from gpusim.pipeline.build import BodyParts, build_body, build_lights, build_prop
+from gpusim.pipeline.build import build_body, build_lights
 from gpusim.pipeline.deflection import DeflectionResult
 from gpusim.pipeline.mechanics import make_mechanics
 from gpusim.pipeline.memory import check_memory
 from gpusim.pipeline.meshing import mesh_summary
 from gpusim.pipeline.modelling import build_model, held_by
+from gpusim.pipeline.props import build_prop
 from gpusim.pipeline.solved import Solved
 from gpusim.pipeline.stresses import Stresses, write_stresses
+from gpusim.pipeline.things import Things
 from gpusim.plan import Plan, PlannedStage, make_plan
 from gpusim.report import (
     Mechanics,
@@ -38,7 +40,6 @@ from gpusim.report import (
 from gpusim.scene import Scene
 from gpusim.scene.amplitudes import LoadHistory
 from gpusim.state import StateFile
-from gpusim.surface import Surface
 
 __all__ = ["Progress", "run"]
 
@@ -97,11 +98,9 @@ class _Run:
         self.stages: list[Stage] = []
         self.warnings: list[str] = []
         self.note = ""
-        self.bodies: list[BodyParts] = []
+        self.things = Things(scene, self.history)
         self.meshes: list[MeshSummary] = []
         self.models: list[fem.Model] = []
-        self.props: list[Surface] = []
-        self.solved: Solved | None = None
         self.stresses: Stresses | None = None
         self.results: list[DeflectionResult] = []
         self.photographer: images.Photographer | None = None
@@ -155,26 +154,27 @@ class _Run:
         scene = self.scene
 
         def meshes() -> str:
-            self.bodies = [build_body(body) for body in scene.bodies]
-            for parts in self.bodies:
+            self.things.bodies = [build_body(body) for body in scene.bodies]
+            for parts in self.things.bodies:
                 if parts.field is not None:  # a frame that the file doesn't reach shows at once
                     for time in self.history.factors:
                         parts.field.check(time)
                 summary, warnings = mesh_summary(parts.body.name, parts.mesh)
                 self.meshes.append(summary)
                 self.warnings += warnings
-            return f"{sum(b.mesh.cell_count for b in self.bodies)} elements"
+            return f"{sum(b.mesh.cell_count for b in self.things.bodies)} elements"
 
         def models() -> str:
             self.models = [
                 build_model(parts, groups)
-                for parts, groups in zip(self.bodies, self.history.groups, strict=True)
+                for parts, groups in zip(self.things.bodies, self.history.groups, strict=True)
             ]
             return f"{len(self.models)} bodies"
 
         def surfaces() -> str:
-            self.props = [build_prop(prop) for prop in scene.props]
-            return f"{sum(len(b.surface.faces) for b in self.bodies) + len(self.props)} faces"
+            self.things.props = [build_prop(prop) for prop in scene.props]
+            surfaces = self.things.surfaces(None)
+            return f"{sum(len(surface.faces) for surface in surfaces)} faces"
 
         for name, work in (("mesh", meshes), ("model", models), ("surface", surfaces)):
             self._timed(self.plan[name], work if self.plan[name].runs else None)
@@ -221,7 +221,7 @@ class _Run:
     def _solve(self) -> list[Path]:
         solver = self.scene.solver
         solutions = []
-        for parts, model in zip(self.bodies, self.models, strict=True):
+        for parts, model in zip(self.things.bodies, self.models, strict=True):
 
             def note(iterations: int, estimate: float, name: str = parts.body.name) -> None:
                 done = min(0.99, max(0.0, np.log(max(estimate, 1e-300)) / np.log(solver.tolerance)))
@@ -245,46 +245,25 @@ class _Run:
                     f"{solution.message}"
                 )
             solutions.append(solution)
-        held = [held_by(parts) for parts in self.bodies]
-        self.solved = Solved.of(solutions, self.models, held)
-        self.note = (
-            f"{self.solved.iterations} iterations, estimated error {self.solved.error_estimate:.1e}"
-        )
+        held = [held_by(parts) for parts in self.things.bodies]
+        solved = self.things.solved = Solved.of(solutions, self.models, held)
+        self.note = f"{solved.iterations} iterations, estimated error {solved.error_estimate:.1e}"
         path = self.out / "solution" / "displacement.npz"
         path.parent.mkdir(parents=True, exist_ok=True)
         with atomic_stream(path) as stream:
-            np.savez(stream, allow_pickle=False, **self.solved.arrays())
+            np.savez(stream, allow_pickle=False, **self.things.solved.arrays())
         return [path]
 
     def _reload(self) -> None:
         (path,) = self.state.files(self.plan["solve"].key)
         with np.load(path) as stored:
-            self.solved = Solved.from_arrays(dict(stored))
-
-    def displacement(self, body: int, frame: int | None) -> npt.NDArray[np.float64]:
-        """Nodal displacements (N, 3) of a body in a frame; linear, so load groups add up."""
-        field = self.bodies[body].field
-        if field is not None and frame is not None:
-            return field.at(self.history.factors[frame])
-        if self.solved is None:
-            return np.zeros((self.bodies[body].mesh.node_count, 3))
-        weights = np.array(self.history.weights(frame)[body])
-        return np.asarray(np.tensordot(weights, self.solved.u[body], axes=1))
-
-    def surfaces(self, frame: int | None) -> list[Surface]:
-        """Every surface in a frame, unloaded for None, bodies first."""
-        if self.history.still(frame):
-            return [*(parts.surface for parts in self.bodies), *self.props]
-        moved = [
-            parts.skin.moved(parts.surface, self.displacement(i, frame))
-            for i, parts in enumerate(self.bodies)
-        ]
-        return [*moved, *self.props]
+            self.things.solved = Solved.from_arrays(dict(stored))
 
     def _pictures(self) -> None:
         scene = self.scene
+        lights = build_lights(scene)
         self.photographer = images.Photographer(
-            scene, self.out, self.device, self.backend, build_lights(scene), self.surfaces
+            scene, self.out, self.device, self.backend, lights, self.things.surfaces
         )
         for camera in scene.cameras:
             for frame in range(len(scene.analysis.load_factors)):
@@ -292,17 +271,30 @@ class _Run:
                 self._stage(planned, partial(self.photographer.take, camera, frame))
         if not scene.cameras:
             self._timed(self.plan["render"], None)
+        targets = images.Photographer(
+            scene, self.out, self.device, self.backend, lights, self.things.target, "calib-"
+        )
+        by_name = {camera.name: camera for camera in scene.cameras}
+        for planned in self.plan.stages:
+            if planned.pose is not None:
+                camera = by_name[planned.camera or ""]
+                self._stage(planned, partial(targets.take, camera, planned.pose))
 
     def _truth(self) -> list[Path]:
         assert self.photographer is not None
-        return [outputs.write_truth(self.scene, self.out, self.photographer, self.bodies,
-                                    self.displacement)]  # fmt: skip
+        return [outputs.write_truth(self.scene, self.out, self.photographer, self.things.bodies,
+                                    self.things.displacement)]  # fmt: skip
 
     def _measure(self) -> list[Path]:
         files = []
         for measure in self.scene.measures:
             result = measuring.measure_deflection(
-                measure, self.scene, self.bodies, self.displacement, self._image, self.device
+                measure,
+                self.scene,
+                self.things.bodies,
+                self.things.displacement,
+                self._image,
+                self.device,
             )
             self.results.append(result)
             files += result.write(self.out / "measure")
@@ -322,7 +314,7 @@ class _Run:
     def _stress(self) -> list[Path]:
         path = self.out / "solution" / "stress.npz"
         self.stresses = write_stresses(
-            path, self.bodies, self.models, self.history, self.displacement,
+            path, self.things.bodies, self.models, self.history, self.things.displacement,
             partial(self.progress, "stress"),
         )  # fmt: skip
         most = max((peak.von_mises for peak in self.stresses.peaks), default=0.0)
@@ -335,7 +327,7 @@ class _Run:
 
     def _export(self) -> list[Path]:
         files = outputs.write_meshes(
-            self.scene, self.out, self.bodies, self.displacement, self.stresses
+            self.scene, self.out, self.things.bodies, self.things.displacement, self.stresses
         )
         self.note = f"{len(files)} files for other programs"
         return files
@@ -364,15 +356,15 @@ class _Run:
         return head + self.scene.to_toml()
 
     def _mechanics(self) -> Mechanics | None:
-        if self.solved is None:
+        if self.things.solved is None:
             return None
         peaks = () if self.stresses is None else self.stresses.peaks
-        return make_mechanics(self.scene, self.solved, self.history, peaks)
+        return make_mechanics(self.scene, self.things.solved, self.history, peaks)
 
     def _report(self, failure: str = "") -> Report:
         summary = None
-        if self.solved is not None:
-            s = self.solved
+        if self.things.solved is not None:
+            s = self.things.solved
             summary = SolutionSummary(
                 s.unknowns, s.iterations, s.converged, s.error_estimate, s.facts["method"]
             )
@@ -383,11 +375,14 @@ class _Run:
                 adapter=self._adapter_text(),
                 stages=tuple(self.stages),
                 summary=summary,
-                solved=self.solved,
+                solved=self.things.solved,
                 mechanics=self._mechanics(),
                 meshes=tuple(self.meshes),
                 results=() if failure else tuple(self.results),
-                warnings=(*(self.solved.warnings if self.solved else ()), *self.warnings),
+                warnings=(
+                    *(self.things.solved.warnings if self.things.solved else ()),
+                    *self.warnings,
+                ),
                 failure=failure,
                 files=frozenset(
                     file for stage in self.plan.stages for file in self.state.files(stage.key)

@@ -81,6 +81,7 @@ class LoadHistory:
         factors = scene.analysis.load_factors
         self.factors, self.scaled = factors, scaled
         self.frames = len(factors)
+        self.props_move = any(prop.poses for prop in scene.props)
         self.given = any(isinstance(body.mesh, FieldMesh) for body in scene.bodies)
         self.groups = tuple(
             () if isinstance(body.mesh, FieldMesh) else load_groups(body, factors, scaled)
@@ -107,6 +108,10 @@ class LoadHistory:
 
     def still(self, frame: int | None) -> bool:
         """Whether nothing has moved in a frame, as far as the scene tells."""
+        return frame is None or (not self.props_move and self.unloaded(frame))
+
+    def unloaded(self, frame: int | None) -> bool:
+        """Whether no body has moved in a frame, as far as the scene tells."""
         if self.given:
             return frame is None
         return frame is None or not any(

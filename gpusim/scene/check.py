@@ -29,6 +29,7 @@ def check_document(document: Mapping[str, Any]) -> Found:
     _references(document, found)
     _physics(document, found)
     _fields(document, found)
+    _poses(document, found)
     _deflection_is_seen(document, found)
     return found
 
@@ -198,6 +199,39 @@ def _fields(document: Mapping[str, Any], found: Found) -> None:
         elif kind == "static" and "field" in body:
             _add(found, ("analysis", "type"), "of a scene whose displacements are given", kind,
                  f'"field", for body {shown(body.get("name"))}')  # fmt: skip
+
+
+def _poses(document: Mapping[str, Any], found: Found) -> None:
+    """One pose per frame; a calibration's board, cameras and props exist."""
+    analysis = document.get("analysis", {})
+    frames = None
+    if isinstance(analysis, Mapping):
+        key = "times" if analysis.get("type") == "field" else "load_factors"
+        frames = analysis.get(key, [0, 1])
+    for index, prop in _items(document, "prop"):
+        poses = prop.get("poses")
+        if isinstance(poses, list) and isinstance(frames, list) and len(poses) != len(frames):
+            _add(found, ("prop", index, "poses"), "not one pose per frame", f"{len(poses)} poses",
+                 f"{len(frames)}, as many as frames in [analysis]")  # fmt: skip
+    calibration = document.get("calibration")
+    if not isinstance(calibration, Mapping):
+        return
+    plates = [
+        item.get("name") for _, item in _items(document, "prop") if item.get("type") == "plate"
+    ]
+    known = {"board": plates, "cameras": _names(document, "camera"),
+             "show": _names(document, "prop")}  # fmt: skip
+    for key, names in known.items():
+        value = calibration.get(key)
+        for place, name in enumerate(value if isinstance(value, list) else [value]):
+            keys: Keys = ("calibration", key)
+            keys = (*keys, place) if isinstance(value, list) else keys
+            if isinstance(name, str) and names is not None and name not in names:
+                what = {"board": "prop of type plate", "cameras": "camera", "show": "prop"}[key]
+                _add(found, keys, f"no such {what}", name,
+                     "one of " + ", ".join(map(str, names)) if names else f"a {what}")  # fmt: skip
+    if not list(_items(document, "camera")):
+        _add(found, ("calibration",), "nobody looks", "no camera", "at least one [[camera]]")
 
 
 def _physics(document: Mapping[str, Any], found: Found) -> None:

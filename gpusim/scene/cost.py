@@ -40,7 +40,7 @@ def describe(scene: Scene) -> dict[str, str]:
 
 def _markers(scene: Scene) -> int:
     paints = [paint for body in scene.bodies for paint in body.paints]
-    paints += [prop.paint for prop in scene.props]
+    paints += [paint for prop in scene.props for paint in prop.paints]
     return sum(len(paint.markers) for paint in paints if isinstance(paint, Markers))
 
 

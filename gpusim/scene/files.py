@@ -22,8 +22,8 @@ def find_files(document: dict[str, Any], folder: Path) -> tuple[Found, tuple[tup
     """Make the files in ``document`` absolute, in place; relative ones lie in ``folder``.
 
     Returns faults for files that can't be read, and (path, SHA-256) of the others. A mesh with
-    ``file`` and no ``builder`` gets the builder "file". What isn't of the right shape is left to
-    the schema.
+    ``file`` and no ``builder`` gets the builder "file", a prop without a type the type "plate".
+    What isn't of the right shape is left to the schema.
     """
     found: Found = []
     hashes: dict[str, str] = {}
@@ -39,14 +39,32 @@ def find_files(document: dict[str, Any], folder: Path) -> tuple[Found, tuple[tup
                 table.setdefault("builder", "file")
                 if table["builder"] != "file":
                     continue
-            if not table["file"]:
-                continue
-            path = folder.absolute() / table["file"]
-            keys: Keys = ("body", index, key, "file")
-            if problem := _hash(path, hashes):
-                found.append((keys, Fault(dotted(keys), problem, shown(str(path)), expected)))
-            table["file"] = str(path)
+            _enter(table, ("body", index, key, "file"), folder, expected, found, hashes)
+    props = document.get("prop")
+    for index, prop in enumerate(props if isinstance(props, list) else ()):
+        if isinstance(prop, dict):
+            prop.setdefault("type", "plate")
+            if prop["type"] == "mesh" and isinstance(prop.get("file"), str):
+                _enter(prop, ("prop", index, "file"), folder, "a file of faces or a mesh", found,
+                       hashes)  # fmt: skip
     return found, tuple(sorted(hashes.items()))
+
+
+def _enter(
+    table: dict[str, Any],
+    keys: Keys,
+    folder: Path,
+    expected: str,
+    found: Found,
+    hashes: dict[str, str],
+) -> None:
+    """Make the file of a table absolute and enter its hash, or its fault."""
+    if not table["file"]:
+        return
+    path = folder.absolute() / table["file"]
+    if problem := _hash(path, hashes):
+        found.append((keys, Fault(dotted(keys), problem, shown(str(path)), expected)))
+    table["file"] = str(path)
 
 
 def _hash(path: Path, hashes: dict[str, str]) -> str:

@@ -45,8 +45,10 @@ __all__ = [
     "Analysis",
     "BeamMesh",
     "Body",
+    "Box",
     "BoxMesh",
     "BracketMesh",
+    "Calibration",
     "Camera",
     "Centrifugal",
     "Checker",
@@ -72,11 +74,14 @@ __all__ = [
     "Paint",
     "Part",
     "Plain",
+    "Plate",
     "PlateMesh",
+    "Pose",
     "Pressure",
     "Prop",
     "Render",
     "Sensor",
+    "Shape",
     "Solver",
     "Support",
     "Thermal",
@@ -172,8 +177,21 @@ class Body:
 
 
 @dataclass(frozen=True)
-class Prop:
-    """A rigid plate (m): ``size`` is width (along up x normal) and height (along up)."""
+class Pose:
+    """Where a prop's own point is (m), and how it is turned (rad, about x, then y, then z)."""
+
+    position: Vec3
+    rotation: Vec3 = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Plate:
+    """A rigid plate (m): ``size`` is width (along up x normal) and height (along up).
+
+    Props of every shape have ``paints``, and ``poses``, one per frame, or none if they stand
+    still. They are built as described; ``stand`` is the pose in which they then stand, with
+    ``origin`` the point that a pose is about.
+    """
 
     name: str
     center: Vec3
@@ -181,6 +199,73 @@ class Prop:
     up: Vec3
     size: tuple[float, float]
     paint: Paint
+    poses: tuple[Pose, ...] = ()
+
+    @property
+    def paints(self) -> tuple[Paint, ...]:
+        return (self.paint,)
+
+    @property
+    def origin(self) -> Vec3:
+        return self.center
+
+    @property
+    def stand(self) -> Pose:
+        return Pose(self.center)
+
+
+@dataclass(frozen=True)
+class Box:
+    """A rigid block (m)."""
+
+    name: str
+    center: Vec3
+    size: Vec3
+    paints: tuple[Paint, ...]
+    rotation: Vec3
+    poses: tuple[Pose, ...] = ()
+
+    @property
+    def origin(self) -> Vec3:
+        return self.center
+
+    @property
+    def stand(self) -> Pose:
+        return Pose(self.center, self.rotation)
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A rigid thing from a file (absolute ``path``; ``scale`` is metres per unit of the file)."""
+
+    name: str
+    path: str
+    scale: float
+    position: Vec3
+    paints: tuple[Paint, ...]
+    rotation: Vec3
+    poses: tuple[Pose, ...] = ()
+
+    @property
+    def origin(self) -> Vec3:
+        return 0.0, 0.0, 0.0
+
+    @property
+    def stand(self) -> Pose:
+        return Pose(self.position, self.rotation)
+
+
+Prop = Plate | Box | Shape
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """Images of the prop ``board`` in each of ``poses``, by ``cameras``; ``show``: other props."""
+
+    board: str
+    cameras: tuple[str, ...]
+    show: tuple[str, ...]
+    poses: tuple[Pose, ...]
 
 
 @dataclass(frozen=True)

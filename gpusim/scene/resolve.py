@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 
 from . import model
-from .resolve_mesh import field_recipe, mesh_recipe
+from .resolve_mesh import field_recipe, mesh_recipe, metres
 from .schema import SceneTable
 from .schema.base import norm
 from .schema.body import BodyTable, SupportTable
@@ -22,13 +22,15 @@ from .schema.load import (
 )
 from .schema.material import MaterialTable
 from .schema.paint import CheckerTable, MarkersTable, PaintTable, PlainTable
-from .schema.view import AmbientLightTable, AreaLightTable, CameraTable, LightTable, PropTable
+from .schema.prop import BoxPropTable, PlateTable, PoseTable, PropTable
+from .schema.view import AmbientLightTable, AreaLightTable, CameraTable, LightTable
 from .schema.where import WhereTable
 from .schema.work import MeasureTable
 
 __all__ = [
     "analysis",
     "body",
+    "calibration",
     "camera",
     "light",
     "material_table",
@@ -186,11 +188,38 @@ def body(
     )
 
 
+def _radians(degrees: list[float]) -> model.Vec3:
+    x, y, z = (math.radians(value) for value in degrees)
+    return x, y, z
+
+
+def _pose(table: PoseTable) -> model.Pose:
+    return model.Pose(_m(table.position_mm), _radians(table.rotation_deg))
+
+
 def prop(table: PropTable) -> model.Prop:
-    return model.Prop(
-        table.name, _m(table.center_mm), _vec(table.normal), _vec(table.up), _pair(table.size_mm),
-        paint(table.paint[0]),
-    )  # fmt: skip
+    poses = tuple(_pose(entry) for entry in table.poses or ())
+    if isinstance(table, PlateTable):
+        return model.Plate(
+            table.name, _m(table.center_mm), _vec(table.normal), _vec(table.up),
+            _pair(table.size_mm), paint(table.paint[0]), poses,
+        )  # fmt: skip
+    paints = tuple(paint(entry) for entry in table.paint)
+    turn = _radians(table.rotation_deg)
+    if isinstance(table, BoxPropTable):
+        return model.Box(table.name, _m(table.center_mm), _m(table.size_mm), paints, turn, poses)
+    return model.Shape(
+        table.name, table.file, metres(table.unit), _m(table.position_mm), paints, turn, poses
+    )
+
+
+def calibration(scene: SceneTable) -> model.Calibration | None:
+    table = scene.calibration
+    if table is None:
+        return None
+    cameras = table.cameras or [camera.name for camera in scene.camera]
+    poses = tuple(_pose(entry) for entry in table.pose)
+    return model.Calibration(table.board, tuple(cameras), tuple(table.show), poses)
 
 
 def camera(table: CameraTable) -> model.Camera:

@@ -17,7 +17,7 @@ from .schema.mesh import (
     NotchTable,
 )
 
-__all__ = ["field_recipe", "mesh_recipe"]
+__all__ = ["field_recipe", "mesh_recipe", "metres"]
 
 _METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254}
 
@@ -84,6 +84,11 @@ def mesh_recipe(table: MeshTable, notches: Sequence[NotchTable]) -> recipe.MeshR
         through=table.through,
         cells=table.cells,
     )
+
+
+def metres(unit: str) -> float:
+    """Metres per unit of a file."""
+    return _METRES[unit]
 
 
 def field_recipe(table: FieldTable) -> recipe.FieldMesh:

@@ -46,6 +46,7 @@ class Scene:
     sensor: model.Sensor
     measures: tuple[model.Deflection, ...]
     output: model.Output
+    calibration: model.Calibration | None
     content: str = field(repr=False)
     source: str = field(default="scene", compare=False)
     files: tuple[tuple[str, str], ...] = ()
@@ -103,6 +104,7 @@ class Scene:
             sensor=resolve.sensor(table),
             measures=tuple(resolve.measure(entry) for entry in table.measure),
             output=resolve.output(table),
+            calibration=resolve.calibration(table),
             content=json.dumps(content),
             source=source,
             files=files,
@@ -145,5 +147,7 @@ class Scene:
 
 
 def _holds_mesh(keys: list[str]) -> bool:
-    """Whether a section has a body's mesh, or its field, in it."""
-    return keys[0] == "body" and (len(keys) < 3 or keys[2] in ("mesh", "field"))
+    """Whether a section has a body's mesh, its field, or a prop's file in it."""
+    return keys[0] == "prop" or (
+        keys[0] == "body" and (len(keys) < 3 or keys[2] in ("mesh", "field"))
+    )

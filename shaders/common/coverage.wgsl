@@ -99,3 +99,19 @@ fn large_disc_edge(p: vec2f, q: vec2f, r: f32, gap: f32) -> f32 {
     area -= gap * (q.x - v.x) - (sagitta_integral(q.x, r) - sagitta_integral(v.x, r));
     return area;
 }
+
+// Share of the parallelogram with centre p (relative to the centre of a disc that is large against
+// it) and sides ex, ey inside the disc.
+fn large_disc_share(p: vec2f, ex: vec2f, ey: vec2f, r: f32) -> f32 {
+    let reach = 0.5 * max(length(ex + ey), length(ex - ey));
+    let dist = length(p);
+    if (dist >= r + reach) { return 0.0; }
+    if (dist <= r - reach) { return 1.0; }
+    let n = p / dist;
+    let gap = r - dist;
+    let x = 0.5 * vec2f(n.y * ex.x - n.x * ex.y, dot(n, ex));
+    let y = 0.5 * vec2f(n.y * ey.x - n.x * ey.y, dot(n, ey));
+    let sum = large_disc_edge(-x - y, x - y, r, gap) + large_disc_edge(x - y, x + y, r, gap)
+        + large_disc_edge(x + y, y - x, r, gap) + large_disc_edge(y - x, -x - y, r, gap);
+    return clamp(sum / (ex.x * ey.y - ex.y * ey.x), 0.0, 1.0);
+}

@@ -2,6 +2,7 @@
 // Features of one paint don't overlap (the host checks it), so their shares add.
 // The NumPy form is gpusim/optics/pattern.py (tables) and gpusim/optics/albedo.py.
 #import common/coverage
+#import common/speckle
 
 struct Paint {
     ground: f32,
@@ -12,6 +13,8 @@ struct Paint {
     rows: i32,
     first: u32,
     featured: u32,
+    dot: f32,
+    cuts: u32,
 }
 
 // kind 0, checker patch: a = (corner relative to the cell, cos, sin), b = (square width, height,
@@ -121,25 +124,14 @@ fn disc_share(p: vec2f, ex: vec2f, ey: vec2f, r: f32) -> f32 {
     let dist = length(p);
     if (dist >= r + reach) { return 0.0; }
     if (dist <= r - reach) { return 1.0; }
+    if (discs == 2u || r > 3.0 * reach) { return large_disc_share(p, ex, ey, r); }
     let area = ex.x * ey.y - ex.y * ey.x;
-    let p0 = -0.5 * ex - 0.5 * ey;
-    let p1 = 0.5 * ex - 0.5 * ey;
-    let p2 = 0.5 * ex + 0.5 * ey;
-    let p3 = -0.5 * ex + 0.5 * ey;
-    var sum: f32;
-    if (discs == 2u || r > 3.0 * reach) {
-        let n = p / dist;
-        let gap = r - dist;
-        let q0 = vec2f(n.y * p0.x - n.x * p0.y, dot(n, p0));
-        let q1 = vec2f(n.y * p1.x - n.x * p1.y, dot(n, p1));
-        let q2 = vec2f(n.y * p2.x - n.x * p2.y, dot(n, p2));
-        let q3 = vec2f(n.y * p3.x - n.x * p3.y, dot(n, p3));
-        sum = large_disc_edge(q0, q1, r, gap) + large_disc_edge(q1, q2, r, gap)
-            + large_disc_edge(q2, q3, r, gap) + large_disc_edge(q3, q0, r, gap);
-    } else {
-        sum = small_disc_edge(p + p0, p + p1, r) + small_disc_edge(p + p1, p + p2, r)
-            + small_disc_edge(p + p2, p + p3, r) + small_disc_edge(p + p3, p + p0, r);
-    }
+    let p0 = p - 0.5 * ex - 0.5 * ey;
+    let p1 = p + 0.5 * ex - 0.5 * ey;
+    let p2 = p + 0.5 * ex + 0.5 * ey;
+    let p3 = p - 0.5 * ex + 0.5 * ey;
+    let sum = small_disc_edge(p0, p1, r) + small_disc_edge(p1, p2, r)
+        + small_disc_edge(p2, p3, r) + small_disc_edge(p3, p0, r);
     return clamp(sum / area, 0.0, 1.0);
 }
 
@@ -155,6 +147,10 @@ fn paint_pixel(
     }
     let slot = paint.first + u32(at.y * paint.columns + at.x);
     let local = st - k * paint.cell;
+    if (speckle != 0u) {
+        let covered = speckle_cover(slot, local, ex, ey, paint.cuts);
+        return mix(paint.ground, paint.dot, covered);
+    }
     var albedo = paint.ground;
     for (var i = cell_start[slot]; i < cell_start[slot + 1u]; i++) {
         let f = features[i];

@@ -15,6 +15,7 @@ const FLOATS_IN = 14u;  // per subset: fraction of its point x, y; 12 start coef
 const FLOATS_OUT = 16u; // per subset: 12 coefficients, zncc, iterations, status, sigma
 const MIN_CONTRAST = 5e-4;
 const MIN_WEIGHT = 0.3;
+const SLACK = 0.1;
 const FASTEST = 0.03;
 
 // gpusim.measure.matching.Status
@@ -191,8 +192,8 @@ fn main(
     let columns = threads % width;
     let rows = threads / width;
     let first = place.xy - vec2i(i32(params.half));
-    let lowest = vec2f(params.box.xy - place.zw);
-    let highest = vec2f(params.box.zw - place.zw);
+    let lowest = vec2f(params.box.xy - place.zw) - SLACK;
+    let highest = vec2f(params.box.zw - place.zw) + SLACK;
     let begin = start_of(id);
     var c = begin;
 

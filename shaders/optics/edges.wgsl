@@ -4,7 +4,10 @@
 // nothing in front hides any of it (a 16 x 32 sample mask decides); what is left of the pixel is
 // divided among partly hidden triangles and the background in proportion to their samples.
 // The paint's mean is taken over the clipped polygon, the light at its centroid.
+#import common/bitmap_polygon
 #import common/paint
+#import common/polygon
+#import common/polygon_speckle
 #import common/surface
 #import common/undistort
 
@@ -26,6 +29,7 @@ struct Range {
     sides: u32,
     corners: u32,
     mask_rows: i32,
+    hard_rows: u32,
 }
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(6) var<uniform> range: Range;
@@ -37,78 +41,6 @@ struct Range {
 // (one more pair ends the last); the numbers of the triangles follow, nearest first
 @group(0) @binding(8) var<storage, read> lists: array<u32>;
 @group(0) @binding(9) var<storage, read_write> radiance: array<f32>;
-
-const MOST: i32 = 8;
-
-struct Polygon {
-    count: i32,
-    p: array<vec2f, 8>,
-}
-
-// Keep the part of a polygon where d.x * x + d.y * y + d.z >= 0 (Sutherland and Hodgman 1974).
-fn clip(polygon: Polygon, d: vec3f) -> Polygon {
-    var result: Polygon;
-    result.count = 0;
-    if (polygon.count == 0) { return result; }
-    var a = polygon.p[polygon.count - 1];
-    var da = dot(d.xy, a) + d.z;
-    for (var i = 0; i < polygon.count; i++) {
-        let b = polygon.p[i];
-        let db = dot(d.xy, b) + d.z;
-        if ((da < 0.0) != (db < 0.0) && result.count < MOST) {
-            result.p[result.count] = a + (da / (da - db)) * (b - a);
-            result.count++;
-        }
-        if (db >= 0.0 && result.count < MOST) {
-            result.p[result.count] = b;
-            result.count++;
-        }
-        a = b;
-        da = db;
-    }
-    return result;
-}
-
-// Signed area and centroid: (area, x, y).
-fn moments(polygon: Polygon) -> vec3f {
-    var sum = vec3f(0.0);
-    let o = polygon.p[0];
-    for (var i = 1; i + 1 < polygon.count; i++) {
-        let a = polygon.p[i] - o;
-        let b = polygon.p[i + 1] - o;
-        let twice = a.x * b.y - a.y * b.x;
-        sum += twice * vec3f(3.0, a + b);
-    }
-    let area = sum.x / 6.0;
-    if (sum.x == 0.0) { return vec3f(0.0, o); }
-    return vec3f(area, o + sum.yz / sum.x);
-}
-
-// Samples (bits, 32 a row) of a row of the mask inside three half planes.
-// Sample k of row r sits at x = (k + shift(r)) / 32 - 1/2, y = (r + 1/2) / 16 - 1/2.
-fn mask_row(r: i32, d0: vec3f, d1: vec3f, d2: vec3f) -> u32 {
-    let y = (f32(r) + 0.5) / 16.0 - 0.5;
-    let shift = (f32((r * 7) % 16) + 0.5) / 16.0;
-    var low = -1.0;
-    var high = 1.0;
-    var some = true;
-    for (var k = 0; k < 3; k++) {
-        let d = select(select(d2, d1, k == 1), d0, k == 0);
-        let c = d.y * y + d.z;
-        if (d.x > 0.0) { low = max(low, -c / d.x); }
-        else if (d.x < 0.0) { high = min(high, -c / d.x); }
-        else if (c < 0.0) { some = false; }
-    }
-    if (!some || !(low < high)) { return 0u; }
-    let first = i32(clamp(ceil((low + 0.5) * 32.0 - shift), 0.0, 32.0));
-    let last = i32(clamp(ceil((high + 0.5) * 32.0 - shift), 0.0, 32.0));
-    return below(last) & ~below(first);
-}
-
-fn below(k: i32) -> u32 {
-    if (k >= 32) { return 0xffffffffu; }
-    return (1u << u32(k)) - 1u;
-}
 
 // A polygon on the paint and 1 / z at its corners, relative to that at its centroid.
 struct Outline {
@@ -206,11 +138,40 @@ fn polygon_disc(f: Feature, polygon: Polygon) -> f32 {
     return clamp(sum / area, 0.0, 1.0);
 }
 
+// The same where the paint is a bitmap: its mean, and the exact share that lies on it.
+fn paint_bitmap(t: Triangle, paint: Paint, d: vec2f, polygon: Polygon, centroid: vec2f) -> f32 {
+    let place = paint_position(t, d + centroid);
+    let middle = 1.0 / weight(t, d + centroid);
+    var local: Outline;
+    var outline: BitmapOutline;
+    local.polygon.count = polygon.count;
+    outline.count = polygon.count;
+    for (var j = 0; j < polygon.count; j++) {
+        let at = d + polygon.p[j];
+        local.polygon.p[j] = paint_position(t, at) - place;
+        local.w[j] = weight(t, at) * middle;
+        outline.p[j] = local.polygon.p[j];
+    }
+    let size = vec2i(paint.columns, paint.rows);
+    var share = 0.0;
+    for (var c = 0u; c < range.corners; c++) {
+        let corner = vec2i(i32(c & 1u), i32(c >> 1u));
+        let sign = select(-1.0, 1.0, corner.x == corner.y);
+        share += sign * quadrant_share(local, vec2f(corner * size - t.place.zw) - place);
+    }
+    let bitmap = Bitmap(t.place.zw, size, paint.first, paint.i0);
+    let value = bitmap_polygon(bitmap, place, outline);
+    return paint.ground + (value - paint.ground) * clamp(share, 0.0, 1.0);
+}
+
 // Mean albedo over a polygon given in pixels relative to the pixel's centre, which lies at
 // offset d from the triangle's anchor; `centroid` decides the pattern cell.
 fn paint_polygon(t: Triangle, d: vec2f, polygon: Polygon, centroid: vec2f) -> f32 {
     if (patterned == 0u || t.more.y == 0.0) { return t.more.x; }
     let paint = paints[u32(t.ny.w)];
+    if (bitmaps != 0u && paint.featured == BITMAP) {
+        return paint_bitmap(t, paint, d, polygon, centroid);
+    }
     let st = paint_position(t, d + centroid);
     let k = floor(st / paint.cell);
     let at = t.place.zw + vec2i(k) - vec2i(paint.i0, paint.j0);
@@ -218,6 +179,12 @@ fn paint_polygon(t: Triangle, d: vec2f, polygon: Polygon, centroid: vec2f) -> f3
         return paint.ground;
     }
     let slot = paint.first + u32(at.y * paint.columns + at.x);
+    if (speckle != 0u && paint.featured > 1u) {
+        let corner = vec2f(k) * paint.cell;
+        let covered = polygon_speckle(t, d, polygon, slot, corner, paint.cuts, paint.featured,
+            range.hard_rows);
+        return mix(paint.ground, paint.dot, covered);
+    }
     var albedo = paint.ground;
     for (var i = cell_start[slot]; i < cell_start[slot + 1u]; i++) {
         let f = features[i];

@@ -2,6 +2,7 @@
 // footprint times the light at its centre. Pixels that an edge crosses are redone by edges.wgsl.
 //
 // All that a triangle's pixels share travels in flat varyings, which cost nothing per pixel.
+#import common/bitmap
 #import common/paint
 #import common/screen
 #import common/surface
@@ -50,7 +51,7 @@ fn vertex(@builtin(vertex_index) index: u32) -> Varying {
     return Varying(
         position, t.st, t.tw, t.n0, t.nx, t.ny, t.place, t.more,
         vec4i(paint.i0, paint.j0, paint.columns, paint.rows),
-        vec4f(paint.cell, bitcast<f32>(paint.first), 0.0, 0.0),
+        vec4f(paint.cell, bitcast<f32>(paint.first), paint.dot, f32(paint.cuts)),
     );
 }
 
@@ -66,8 +67,13 @@ fn fragment(in: Varying) -> @location(0) f32 {
         let f = bent_footprint(footprint(t, d), undistort_change(bend));
         let g = in.grid;
         let paint = Paint(t.more.x, in.grid_size.x, g.x, g.y, g.z, g.w,
-            bitcast<u32>(in.grid_size.y), 1u);
-        albedo = paint_pixel(paint, t.place.zw, f.st, f.ex, f.ey, f.q);
+            bitcast<u32>(in.grid_size.y), 1u, in.grid_size.z, u32(in.grid_size.w));
+        if (bitmaps != 0u) {
+            let bitmap = Bitmap(t.place.zw, g.zw, paint.first, g.x);
+            albedo = bitmap_pixel(bitmap, t.more.x, f.st, f.ex, f.ey, f.q);
+        } else {
+            albedo = paint_pixel(paint, t.place.zw, f.st, f.ex, f.ey, f.q);
+        }
     }
     if (lit != 0u) {
         albedo *= light_factor(t, params.rays, vec2f(pixel) + shift, d);

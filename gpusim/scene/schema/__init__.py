@@ -9,7 +9,8 @@ from pydantic import Field
 from .base import Table
 from .body import BodyTable
 from .material import MaterialTable
-from .view import CameraTable, LightTable, PropTable
+from .prop import CalibrationTable, PropTable
+from .view import CameraTable, LightTable
 from .work import (
     AnalysisTable,
     MeasureTable,
@@ -37,6 +38,8 @@ class SceneTable(Table):
     camera: list[CameraTable] = []
     light: list[LightTable] = []
     """Without any, images show the albedo."""
+    calibration: CalibrationTable | None = None
+    """Images of a calibration target, beside the frames."""
     render: RenderTable = RenderTable()
     sensor: SensorTable = SensorTable()
     measure: list[MeasureTable] = []

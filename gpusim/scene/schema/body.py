@@ -107,7 +107,7 @@ class BodyTable(Table):
                     raise fault(key, "missing", f"neither {key} nor field", f"{what}, or a field")
             return self
         for key in ("material", "mesh", "part", "formulation", "notch", "support", "load"):
-            if key in self.model_fields_set and getattr(self, key):
+            if getattr(self, key) not in (None, [], type(self).model_fields[key].default):
                 raise fault(key, "beside field, which gives mesh and displacements",
                             "both", "one of them")  # fmt: skip
         return self

@@ -1,4 +1,4 @@
-"""``[[prop]]``, ``[[camera]]``, ``[[light]]``: what else is seen, from where, and how it is lit."""
+"""``[[camera]]``, ``[[light]]``: from where a scene is seen, and how it is lit."""
 
 from __future__ import annotations
 
@@ -7,56 +7,10 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from .base import Direction, Length, Name, Pair, PositivePair, Table, Vector, fault, norm, parallel
-from .paint import MarkersTable, PaintTable
 
-__all__ = ["CameraTable", "LightTable", "PropTable"]
+__all__ = ["CameraTable", "LightTable"]
 
 PIXEL_SQUARE = 1e-3
-
-
-class PropTable(Table):
-    """A rigid rectangular plate that doesn't move: a wall, a target. Only its front is seen."""
-
-    name: Name
-    type: Literal["plate"] = "plate"
-    center_mm: Vector
-    normal: Direction
-    """Out of its front."""
-    up: Direction = [0.0, 0.0, 1.0]
-    size_mm: PositivePair
-    """Width (across ``up``) and height."""
-    paint: Annotated[list[PaintTable], Field(min_length=1, max_length=1)]
-    """One paint: a plate has one face."""
-
-    @model_validator(mode="after")
-    def _check(self) -> PropTable:
-        if parallel(self.normal, self.up):
-            raise fault("up", "is along the normal, or one is zero", self.up, "a vector across it")
-        paint = self.paint[0]
-        if not paint.where.is_everything:
-            raise fault("paint.0.where", "a plate has one face", "a selection", "no where")
-        if isinstance(paint, MarkersTable):
-            self._check_markers(paint)
-        return self
-
-    def _check_markers(self, paint: MarkersTable) -> None:
-        n = [value / norm(self.normal) for value in self.normal]
-        along = sum(a * b for a, b in zip(self.up, n, strict=True))
-        up = [a - along * b for a, b in zip(self.up, n, strict=True)]
-        up = [value / norm(up) for value in up]
-        right = [up[1] * n[2] - up[2] * n[1], up[2] * n[0] - up[0] * n[2],
-                 up[0] * n[1] - up[1] * n[0]]  # fmt: skip
-        for index, centre in enumerate(paint.centres_mm()):
-            arm = [a - b for a, b in zip(centre, self.center_mm, strict=True)]
-            x, y, z = (
-                sum(a * b for a, b in zip(arm, axis, strict=True)) for axis in (right, up, n)
-            )
-            key = "line" if paint.positions_mm is None else f"positions_mm.{index}"
-            half = paint.size_mm / 2
-            if not abs(z) <= 1e-3:
-                raise fault(f"paint.0.{key}", f"{abs(z):g} mm off the plate", centre, "on its face")
-            if not (abs(x) <= self.size_mm[0] / 2 - half and abs(y) <= self.size_mm[1] / 2 - half):
-                raise fault(f"paint.0.{key}", "reaches over the plate's edge", centre, "inside")
 
 
 class CameraTable(Table):

@@ -1,0 +1,114 @@
+"""Many small least-squares problems at once (Levenberg-Marquardt, damped by the diagonal).
+
+Marquardt, "An algorithm for least-squares estimation of nonlinear parameters", J. SIAM 11 (1963).
+Each problem has its own damping and stops by itself; the arithmetic is batched over all of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+__all__ = ["ManyFits", "fit_many"]
+
+FloatArray = npt.NDArray[np.float64]
+Bools = npt.NDArray[np.bool_]
+Rows = npt.NDArray[np.int64]
+Model = Callable[[FloatArray, Rows], tuple[FloatArray, FloatArray]]
+
+FIRST_DAMPING = 1e-3
+MOST_DAMPING = 1e8
+
+
+@dataclass(frozen=True)
+class ManyFits:
+    """C fits of Q parameters.
+
+    Attributes
+    ----------
+    parameters : (C, Q) float64.
+    rms : (C,) RMS of the residuals.
+    covariance : (C, Q, Q), from the residuals and the slopes at the end.
+    converged : (C,) bool; steps became smaller than the tolerance, or none goes down any more.
+    """
+
+    parameters: FloatArray
+    rms: FloatArray
+    covariance: FloatArray
+    converged: Bools
+
+
+def fit_many(
+    model: Model,
+    start: FloatArray,
+    weight: FloatArray,
+    scale: FloatArray,
+    *,
+    tolerance: float = 1e-6,
+    iterations: int = 40,
+) -> ManyFits:
+    """Minimise the weighted squares of many residuals.
+
+    Parameters
+    ----------
+    model : (parameters (K, Q), which problems (K,)) -> residuals (K, P), slopes (K, Q, P).
+    start : (C, Q).
+    weight : (C, P), 0 for samples that don't count.
+    scale : (Q,) sizes of a step in each parameter that is one unit; a fit has converged when its
+        step is below ``tolerance`` in all of them.
+    """
+    count, size = start.shape
+    p = start.copy()
+    damping = np.full(count, FIRST_DAMPING)
+    converged = np.zeros(count, dtype=bool)
+    active = np.arange(count)
+    normal, gradient, square = _normal(model, p, active, weight)
+    diagonal = np.arange(size)
+    for _ in range(iterations):
+        damped = normal[active].copy()
+        main = damped[:, diagonal, diagonal]
+        floor = 1e-12 * main.max(axis=1, keepdims=True) + 1e-300
+        damped[:, diagonal, diagonal] = main + damping[active, None] * main + floor
+        step = -np.linalg.solve(damped, gradient[active][..., None])[..., 0]
+        trial = p.copy()
+        trial[active] += step
+        new_normal, new_gradient, new_square = _normal(model, trial, active, weight)
+        better = new_square <= square[active]  # false for NaN
+        taken = active[better]
+        p[taken] = trial[taken]
+        normal[taken], gradient[taken] = new_normal[better], new_gradient[better]
+        square[taken] = new_square[better]
+        damping[taken] = np.maximum(0.1 * damping[taken], 1e-12)
+        damping[active[~better]] *= 10.0
+        small = np.asarray((np.abs(step) <= tolerance * scale).all(axis=1))
+        converged[active[small]] = True
+        # where no damping makes a step go down any more, rounding decides: that is the minimum too
+        stuck = damping[active] > MOST_DAMPING
+        converged[active[stuck]] = True
+        active = active[~small & ~stuck]
+        if not active.size:
+            break
+    freedom = np.maximum((weight > 0).sum(axis=1) - size, 1)
+    main = normal[:, diagonal, diagonal]
+    # a parameter that changes nothing (a blur of none) is left out of the others' covariance
+    main = np.sqrt(np.maximum(main, 1e-24 * main.max(axis=1, keepdims=True) + 1e-200))
+    scaled = normal / (main[:, :, None] * main[:, None, :]) + 1e-14 * np.eye(size)
+    inverse = np.linalg.inv(scaled) / (main[:, :, None] * main[:, None, :])
+    covariance = inverse * (square / freedom)[:, None, None]
+    total = np.maximum(weight.sum(axis=1), 1e-300)
+    return ManyFits(p, np.sqrt(square / total), covariance, converged)
+
+
+def _normal(
+    model: Model, p: FloatArray, rows: Rows, weight: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Normal matrices, gradients and squares of the problems ``rows``."""
+    residual, slopes = model(p[rows], rows)
+    weighted = slopes * weight[rows][:, None, :]
+    normal = weighted @ slopes.transpose(0, 2, 1)
+    gradient = np.einsum("kqp,kp->kq", weighted, residual)
+    square = np.einsum("kp,kp->k", weight[rows], residual * residual)
+    return normal, gradient, square

@@ -1,0 +1,238 @@
+"""Points in progress: from those that are measured to their neighbours.
+
+Every open point starts from the best correlated of its measured neighbours, extrapolated with that
+neighbour's shape (reliability-guided, Pan 2009, a whole front at a time). A point that fails is
+tried again from another neighbour as the front passes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial import cKDTree
+
+from gpusim.gpu import Device
+from gpusim.measure.features import Motion
+from gpusim.measure.icgn import correlate
+from gpusim.measure.images import FloatArray, Image
+from gpusim.measure.interpolation import SplineImage
+from gpusim.measure.matching import Correlation, Pair, Settings, Status, Subsets
+from gpusim.measure.search import integer_search
+
+__all__ = ["Front", "seeds"]
+
+IntArray = npt.NDArray[np.int64]
+
+NEIGHBOURS = 9
+SEED_EVERY = 8  # one seed per 8x8 points
+ATTEMPTS = 4  # starts per point
+APART = 0.5  # px: further from what its neighbours say, a point is looked at again
+
+
+def seeds(points: FloatArray) -> IntArray:
+    """One point per cell of 8x8 points, the one nearest to the cell's centre."""
+    if len(points) < 4:
+        return np.arange(len(points))
+    apart = np.asarray(cKDTree(points).query(points, k=2)[0], dtype=np.float64)
+    spacing = float(np.median(apart[:, 1]))
+    size = SEED_EVERY * max(spacing, 1.0)
+    cell = np.floor((points - points.min(axis=0)) / size)
+    offset = np.hypot(*((points - points.min(axis=0)) / size - cell - 0.5).T)
+    order = np.lexsort([offset, cell[:, 0], cell[:, 1]])
+    _, first = np.unique(cell[order], axis=0, return_index=True)
+    return np.sort(order[first])
+
+
+class Front:
+    """What has been tried, and the best outcome of each point so far.
+
+    ``near`` is how far from its point a subset is expected to start, px: only that much of the
+    deformed image is filtered at first.
+    """
+
+    def __init__(
+        self,
+        reference: Image,
+        deformed: Image,
+        points: FloatArray,
+        settings: Settings,
+        mask: npt.NDArray[np.bool_] | None,
+        blur_px: float,
+        near: float,
+        device: Device | None,
+    ) -> None:
+        self.images = reference, deformed
+        self.points = points
+        self.settings = settings
+        self.blur_px = blur_px
+        self.device = device
+        inner = settings.half + 1.0
+        # as far as a subset may go from a start within ``near`` before it counts as diverged
+        outer = near + settings.max_move + 1.5 * inner
+        self.pair = Pair(
+            SplineImage.from_image(reference, _around(points, inner), blur_px=blur_px),
+            SplineImage.from_image(deformed, _around(points, outer), blur_px=blur_px),
+            mask,
+        )
+        count = len(points)
+        self.coefficients = np.full((count, 2, 6), np.nan)
+        self.zncc = np.full(count, np.nan)
+        self.sigma = np.full(count, np.nan)
+        self.iterations = np.zeros(count, dtype=np.int32)
+        self.status = np.full(count, Status.NO_GUESS, dtype=np.int8)
+        self.attempts = np.zeros(count, dtype=np.int64)
+        self.source = np.full(count, -1, dtype=np.int64)
+
+    @property
+    def ok(self) -> npt.NDArray[np.bool_]:
+        """(M,) bool: the points measured so far."""
+        return np.asarray(self.status == Status.OK)
+
+    def search(self, which: IntArray, search_px: int, shift: FloatArray) -> None:
+        """Start ``which`` from an integer search around the displacement ``shift`` (2,)."""
+        points = self.points[which]
+        start, score = integer_search(
+            *self.images, points, np.tile(shift, (which.size, 1)), self.settings.half, search_px
+        )
+        found = score > 0.5 * self.settings.min_zncc
+        self.attempt(which[found], start[found])
+        # without a place to start from, let the kernel say why: outside, or no texture
+        self.attempt(which[~found], start[~found], keep=False)
+
+    def follow(self, which: IntArray, motions: list[Motion]) -> None:
+        """Start ``which`` from the motions that features show, the nearest match first."""
+        if not motions:
+            return
+        self.take_whole_image()
+        points = self.points[which]
+        found = [motion.at(points) for motion in motions]
+        order = np.argsort([distance for _, distance in found], axis=0)
+        for rank in range(len(motions)):
+            open_ = np.flatnonzero(~self.ok[which] & (self.status[which] != Status.NO_TEXTURE))
+            for number, motion in enumerate(motions):
+                part = open_[order[rank, open_] == number]
+                gradient = np.broadcast_to(motion.matrix * self.settings.half, (part.size, 2, 2))
+                self.attempt(which[part], found[number][0][part], gradient)
+
+    def attempt(
+        self,
+        which: IntArray,
+        displacement: FloatArray,
+        gradient: FloatArray | None = None,
+        *,
+        keep: bool = True,
+    ) -> None:
+        """Correlate ``which`` from start values; ``keep`` = accept a match.
+
+        ``gradient`` are the linear coefficients of the warp, (K, 2, 2), px. A measured point
+        changes only for a better match.
+        """
+        if which.size == 0:
+            return
+        start = np.zeros((which.size, 2, 6))
+        start[:, :, 0] = displacement
+        if gradient is not None and self.settings.shape != "translation":
+            start[:, :, 1:3] = gradient
+        result = correlate(
+            Subsets(self.pair, self.points[which], start),
+            self.settings if keep else replace(self.settings, max_iterations=1),
+            self.device,
+        )
+        self.attempts[which] += 1
+        if keep:
+            better = (result.status == Status.OK) & (result.zncc > self.zncc[which])
+            chosen = ~self.ok[which] | better
+        else:
+            chosen = np.isin(result.status, (Status.OUTSIDE, Status.NO_TEXTURE)) & ~self.ok[which]
+        target = which[chosen]
+        self.coefficients[target] = result.coefficients[chosen]
+        self.zncc[target] = result.zncc[chosen]
+        self.sigma[target] = result.sigma[chosen]
+        self.iterations[target] = result.iterations[chosen]
+        self.status[target] = result.status[chosen]
+
+    def propagate(self) -> None:
+        """Let the measured points hand their motion on until nothing new can be started."""
+        count = len(self.points)
+        if count < 2:
+            return
+        neighbour = self._neighbours()
+        while True:
+            ok = self.ok
+            open_points = ~ok & (self.status != Status.NO_TEXTURE) & (self.attempts < ATTEMPTS)
+            score = np.where(ok[neighbour], self.zncc[neighbour], -1.0)
+            column = np.argmax(score, axis=1)
+            source = neighbour[np.arange(count), column]
+            usable = open_points & (score.max(axis=1) > 0) & (source != self.source)
+            which = np.flatnonzero(usable)
+            if which.size == 0:
+                return
+            self.source[which] = source[which]
+            self.attempt(which, *self._extrapolated(which, source[which]))
+
+    def doubt(self) -> None:
+        """Look again at points that their neighbours would have put elsewhere.
+
+        A pattern that resembles itself can match in a wrong place. The start that the neighbours
+        give wins if it leads to a better correlation.
+        """
+        if self.ok.sum() < NEIGHBOURS:
+            return
+        neighbour = self._neighbours()
+        ok = self.ok
+        own = self.coefficients[:, :, 0]
+        said = np.stack(
+            [self._extrapolated(np.arange(len(own)), column)[0] for column in neighbour.T], axis=1
+        )
+        said = np.where(ok[neighbour][:, :, None], said, np.nan)
+        enough = ok & (ok[neighbour].sum(axis=1) >= NEIGHBOURS // 2)
+        which = np.flatnonzero(enough)
+        if which.size == 0:
+            return
+        middle = np.nanmedian(said[which], axis=1)
+        odd = np.abs(middle - own[which]).max(axis=1) > APART
+        self.attempt(which[odd], middle[odd])
+
+    def _neighbours(self) -> IntArray:
+        number = min(NEIGHBOURS, len(self.points))
+        nearest = np.asarray(cKDTree(self.points).query(self.points, k=number)[1], dtype=np.int64)
+        return nearest[:, 1:]
+
+    def _extrapolated(self, which: IntArray, source: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Displacements and slopes of points as their sources' warps continue to them.
+
+        Second derivatives are left out: they are noisier than what they would add.
+        """
+        offset = (self.points[which] - self.points[source]) / self.settings.half
+        linear = self.coefficients[source][:, :, 1:3]
+        displacement = self.coefficients[source][:, :, 0] + np.einsum("mij,mj->mi", linear, offset)
+        return displacement, linear
+
+    def widen(self) -> bool:
+        """Take in the whole deformed image if a point has left the part around the start."""
+        left = self.status == Status.OUTSIDE
+        if not (left.any() and self.ok.any()) or not self.take_whole_image():
+            return False
+        self.attempts[left] = 0
+        self.source[left] = -1
+        return True
+
+    def take_whole_image(self) -> bool:
+        """Filter all of the deformed image; False if that has been done."""
+        height, width = self.images[1].shape
+        if self.pair.deformed.valid == (0.0, 0.0, width - 1.0, height - 1.0):
+            return False
+        whole = SplineImage.from_image(self.images[1], blur_px=self.blur_px)
+        self.pair = Pair(self.pair.reference, whole, self.pair.mask)
+        return True
+
+    def matches(self) -> Correlation:
+        """The outcome so far."""
+        return Correlation(self.coefficients, self.zncc, self.sigma, self.iterations, self.status)
+
+
+def _around(points: FloatArray, margin: float) -> tuple[float, float, float, float]:
+    low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
+    return float(low[0]), float(low[1]), float(high[0]), float(high[1])

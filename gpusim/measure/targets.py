@@ -1,0 +1,160 @@
+"""What a calibration looks at: flat boards with points of known places, found in images.
+
+Board coordinates: x to the right, y down, z into the board, as somebody sees who looks at it; the
+first inner corner (or dot) is the origin. They make a right-handed frame like a camera's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import InputError
+from gpusim.measure.images import FloatArray
+
+__all__ = ["Chessboard", "Sighting", "TargetStatistics", "target_statistics"]
+
+
+@dataclass(frozen=True)
+class Chessboard:
+    """A board of ``columns`` x ``rows`` square fields of side ``square`` (any unit).
+
+    Counted are fields, not inner corners: 9 x 8 fields have 8 x 7 inner corners. The field at the
+    upper left is dark; if columns + rows is even, a board looks the same upside down, and cameras
+    can't agree on its origin (`unique`).
+    """
+
+    columns: int
+    rows: int
+    square: float
+
+    def __post_init__(self) -> None:
+        for name, count in (("columns", self.columns), ("rows", self.rows)):
+            if not (count == int(count) and 4 <= count <= 1000):
+                raise InputError(f"Chessboard {name}; got {count}; expected 4 to 1000 fields")
+        if not (np.isfinite(self.square) and self.square > 0):
+            raise InputError(f"Chessboard square; got {self.square}; expected a length above 0")
+
+    @property
+    def corners(self) -> tuple[int, int]:
+        """Inner corners across and down."""
+        return self.columns - 1, self.rows - 1
+
+    @property
+    def unique(self) -> bool:
+        """Whether its upper side can be told from its lower one."""
+        return (self.columns + self.rows) % 2 == 1
+
+    def points(self) -> FloatArray:
+        """(N, 3) float64, inner corners row by row."""
+        across, down = self.corners
+        x, y = np.meshgrid(np.arange(across), np.arange(down), indexing="xy")
+        flat = [x.ravel(), y.ravel(), np.zeros(x.size)]
+        return np.stack(flat, axis=1, dtype=np.float64) * self.square
+
+
+@dataclass(frozen=True, eq=False)
+class Sighting:
+    """The points of a target that were found in one image.
+
+    Attributes
+    ----------
+    board : (N, 3) float64, their places on the target.
+    image : (N, 2) float64, px.
+    sigma : (N,) float64, standard uncertainty of a coordinate from the fits, px.
+    contrast, blur : (N,) float64, grey levels and px.
+    resolution : (width, height) of the image, px.
+    missed : points of the target that were not found.
+    problem : why nothing was found, or "".
+    """
+
+    board: FloatArray
+    image: FloatArray
+    sigma: FloatArray
+    contrast: FloatArray
+    blur: FloatArray
+    resolution: tuple[int, int]
+    missed: int
+    problem: str = ""
+
+    def __len__(self) -> int:
+        return len(self.image)
+
+    @staticmethod
+    def none(resolution: tuple[int, int], missed: int, problem: str) -> Sighting:
+        """Nothing was found."""
+        empty = np.zeros(0)
+        return Sighting(
+            np.zeros((0, 3)), np.zeros((0, 2)), empty, empty, empty, resolution, missed, problem
+        )
+
+
+@dataclass(frozen=True)
+class TargetStatistics:
+    """How well a target was seen in a set of images.
+
+    ``images``, ``found`` (with at least four points) and ``share`` of the points found in those;
+    ``sigma`` and ``blur`` are medians in px; ``covered`` is the share of a 10 x 10 grid over the
+    image that has a point; ``problems`` counts the reasons of the images without.
+    """
+
+    images: int
+    found: int
+    share: float
+    sigma: float
+    blur: float
+    covered: float
+    problems: dict[str, int]
+
+
+def target_statistics(sightings: Sequence[Sighting]) -> TargetStatistics:
+    """Statistics over the images of one camera. Raises InputError for an empty list."""
+    if not sightings:
+        raise InputError("target_statistics: got no sightings; expected at least one image")
+    good = [s for s in sightings if len(s) >= 4]
+    problems: dict[str, int] = {}
+    for s in sightings:
+        if len(s) < 4:
+            problems[s.problem or "too few points"] = problems.get(s.problem, 0) + 1
+    if not good:
+        nan = float("nan")
+        return TargetStatistics(len(sightings), 0, nan, nan, nan, 0.0, problems)
+    size = np.array(good[0].resolution, dtype=np.float64)
+    points = np.concatenate([s.image for s in good])
+    cell = np.clip(np.floor(10 * (points + 0.5) / size), 0, 9).astype(int)
+    total = sum(len(s) + s.missed for s in good)
+    return TargetStatistics(
+        images=len(sightings),
+        found=len(good),
+        share=len(points) / total,
+        sigma=float(np.median(np.concatenate([s.sigma for s in good]))),
+        blur=float(np.median(np.concatenate([s.blur for s in good]))),
+        covered=len(np.unique(cell[:, 0] * 10 + cell[:, 1])) / 100.0,
+        problems=problems,
+    )
+
+
+def grid_steps(
+    points: FloatArray, index: npt.NDArray[np.int64]
+) -> tuple[FloatArray, FloatArray, npt.NDArray[np.bool_]]:
+    """Steps (N, 2) in px to the next point across and down, from neighbours in a grid.
+
+    ``index`` (N, 2) is each point's column and row. The third result tells which points have a
+    neighbour in both directions; the steps of others are zero.
+    """
+    place = {(int(i), int(j)): k for k, (i, j) in enumerate(index)}
+    steps = np.zeros((2, len(points), 2))
+    known = np.ones(len(points), dtype=bool)
+    for k, (i, j) in enumerate(index):
+        for axis, (di, dj) in enumerate(((1, 0), (0, 1))):
+            ahead, behind = place.get((i + di, j + dj)), place.get((i - di, j - dj))
+            ends = (k if ahead is None else ahead, k if behind is None else behind)
+            if ends[0] == ends[1]:
+                known[k] = False
+                continue
+            count = (ahead is not None) + (behind is not None)
+            steps[axis, k] = (points[ends[0]] - points[ends[1]]) / count
+    return steps[0], steps[1], known

@@ -1,0 +1,204 @@
+"""The share of a pixel that speckle covers.
+
+Soft discs are polynomials of the position wherever they aren't 0 or 1, so that a 3 x 3 Gauss rule
+over the footprint (cut into pieces where the edge is narrow against it) is right to 2e-4. Hard
+discs add the closed-form areas of their circle segments; what several of them cover twice is taken
+off row by row, each row being exact. Twin of ``shaders/common/speckle.wgsl``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.optics import coverage
+from gpusim.optics.speckle_table import SpeckleGrid, SpeckleTable
+from gpusim.surface.speckle import edge_opacity
+
+__all__ = ["ROWS", "polygon_cover", "speckle_cover"]
+
+Array = npt.NDArray[np.float64]
+Long = npt.NDArray[np.int64]
+
+ROWS = 8
+"""Rows in which a piece's doubly covered area is measured."""
+
+GAUSS = np.sqrt(0.15) * np.array([-1.0, 0.0, 1.0])
+WEIGHT = np.array([5.0, 8.0, 5.0]) / 18.0
+
+
+def speckle_cover(
+    table: SpeckleTable, number: int, at: Long, local: Array, ex: Array, ey: Array
+) -> Array:
+    """Share (n,) of footprints that discs of region ``number`` cover.
+
+    ``at`` (n, 2) cell, counted from the region's lowest; ``local`` (n, 2) the footprint's centre
+    from the cell's corner; ``ex``, ``ey`` (n, 2) its sides.
+    """
+    grid = table.grids[number]
+    start, stop, inside = _lists(table, grid, at)
+    cover = np.zeros(len(at))
+    n = grid.cuts
+    for j in range(n):
+        for i in range(n):
+            x, y = (i + 0.5) / n - 0.5, (j + 0.5) / n - 0.5
+            centre = local[inside] + x * ex[inside] + y * ey[inside]
+            part = _soft if grid.soft else _hard
+            cover[inside] += part(table, start, stop, centre, ex[inside] / n, ey[inside] / n)
+    return cover / n**2
+
+
+def _lists(
+    table: SpeckleTable, grid: SpeckleGrid, at: Long
+) -> tuple[Long, Long, npt.NDArray[np.int64]]:
+    """Where the lists of cells (n, 2) start and stop, and which cells exist."""
+    inside = np.flatnonzero(((at >= 0) & (at < grid.shape)).all(axis=1))
+    slot = grid.first + at[inside, 1] * grid.shape[0] + at[inside, 0]
+    return table.start[slot], table.start[slot + 1], inside
+
+
+def _soft(
+    table: SpeckleTable, start: Long, stop: Long, centre: Array, ex: Array, ey: Array
+) -> Array:
+    points = (
+        centre[:, None, None]
+        + GAUSS[None, :, None] * ex[:, None, None]
+        + GAUSS[:, None, None] * ey[:, None, None]
+    )
+    left = _uncovered(table, start, stop, points.reshape(-1, 9, 2))
+    result: Array = 1.0 - left.reshape(-1, 3, 3) @ WEIGHT @ WEIGHT
+    return result
+
+
+def _uncovered(table: SpeckleTable, start: Long, stop: Long, points: Array) -> Array:
+    """What soft discs leave open at points (n, P, 2)."""
+    left = np.ones(points.shape[:2])
+    for k in range(int((stop - start).max(initial=0))):
+        rows = np.flatnonzero(start + k < stop)
+        disc = table.disc[start[rows] + k]
+        square = ((points[rows] - disc[:, None, :2]) ** 2).sum(axis=-1)
+        left[rows] *= 1.0 - edge_opacity((disc[:, 2:3] ** 2 - square) * disc[:, 3:4])
+    return left
+
+
+def _hard(
+    table: SpeckleTable, start: Long, stop: Long, centre: Array, ex: Array, ey: Array
+) -> Array:
+    corners = np.stack([-ex - ey, ex - ey, ex + ey, ey - ex], axis=1) * 0.5
+    area = coverage.polygon_area(corners)
+    y = ((np.arange(ROWS) + 0.5) / ROWS - 0.5)[:, None]
+    rows = _Rows(centre[:, None] - 0.5 * ex[:, None] + y * ey[:, None], ex[:, None])
+    total = np.zeros(len(centre))
+    for k in range(int((stop - start).max(initial=0))):
+        own = np.flatnonzero(start + k < stop)
+        disc = table.disc[start[own] + k]
+        seen = corners[own] + (centre[own] - disc[:, :2])[:, None]
+        total[own] += coverage.disc_area(seen, disc[:, 2]) / area[own]
+        rows.add(own, disc)
+    twice: Array = (rows.total - rows.union()).mean(axis=1)
+    return np.clip(total - twice, 0.0, 1.0)
+
+
+class _Rows:
+    """Segments ``first`` + x ``along``, x in 0 … 1, (n, R, 2), and what hard discs cover of them.
+
+    Discs over a segment's start, over its end, and between them are kept as one interval each.
+    """
+
+    def __init__(self, first: Array, along: Array) -> None:
+        self.first, self.along = first, np.broadcast_to(along, first.shape)
+        shape = first.shape[:2]
+        self.left, self.right = np.zeros(shape), np.ones(shape)
+        self.low, self.high, self.total = np.ones(shape), np.zeros(shape), np.zeros(shape)
+
+    def add(self, own: Long, disc: Array) -> None:
+        """Put a disc each (m, 4) over segments ``own`` (m,)."""
+        m, d = self.first[own] - disc[:, None, :2], self.along[own]
+        a, b = (d * d).sum(axis=-1), (m * d).sum(axis=-1)
+        c = (m * m).sum(axis=-1) - disc[:, 2:3] ** 2
+        square = b * b - a * c
+        root = np.sqrt(np.maximum(square, 0.0))
+        safe = np.where(a > 0.0, a, 1.0)
+        low, high = (-b - root) / safe, (-b + root) / safe
+        meets = (square > 0.0) & (high > 0.0) & (low < 1.0)
+        starts, ends = meets & (low <= 0.0), meets & (high >= 1.0)
+        between = meets & ~starts & ~ends
+        self.left[own] = np.where(
+            starts, np.maximum(self.left[own], np.minimum(high, 1.0)), self.left[own]
+        )
+        self.right[own] = np.where(
+            ends, np.minimum(self.right[own], np.maximum(low, 0.0)), self.right[own]
+        )
+        self.low[own] = np.where(between, np.minimum(self.low[own], low), self.low[own])
+        self.high[own] = np.where(between, np.maximum(self.high[own], high), self.high[own])
+        span = np.minimum(high, 1.0) - np.maximum(low, 0.0)
+        self.total[own] += np.where(meets, span, 0.0)
+
+    def union(self) -> Array:
+        """Covered share (n, R) of the segments."""
+        middle = np.minimum(self.high, self.right) - np.maximum(self.low, self.left)
+        gap = np.maximum(self.right - self.left, 0.0)
+        result: Array = 1.0 - gap + np.maximum(middle, 0.0)
+        return result
+
+
+def polygon_cover(
+    table: SpeckleTable, number: int, at: Long, local: Array, polygon: Array, weight: Array
+) -> Array:
+    """Share (n,) that discs cover of what is seen of polygons (n, V, 2), relative to ``local``.
+
+    ``weight`` (n, V) is 1 / z at their corners. The polygon is cut into triangles, each of them
+    into rows from its first corner to the opposite side, evenly spaced in the image.
+    """
+    grid = table.grids[number]
+    start, stop, inside = _lists(table, grid, at)
+    cover, whole = np.zeros(len(inside)), np.zeros(len(inside))
+    corner, w = polygon[inside] + local[inside, None], weight[inside]
+    origin = corner[:, 0]
+    for k in range(1, polygon.shape[1] - 1):
+        a, b = corner[:, k] - origin, corner[:, k + 1] - origin
+        # the triangle's area in the image, up to a factor that all triangles share
+        area = (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) * w[:, 0] * w[:, k] * w[:, k + 1]
+        part = np.zeros(len(inside))
+        for y, share in _steps(grid):
+            ends = []
+            for m in (k, k + 1):
+                both = np.stack([(1.0 - y) * w[:, 0], y * w[:, m]], axis=1)
+                both /= both.sum(axis=1)[:, None]
+                ends.append(origin * both[:, :1] + corner[:, m] * both[:, 1:])
+            part += 2.0 * y * share * _row_cover(table, grid, start, stop, ends[0], ends[1])
+        cover += area * part
+        whole += area
+    result = np.zeros(len(at))
+    some = whole != 0.0
+    result[inside[some]] = np.clip(cover[some] / whole[some], 0.0, 1.0)
+    return result
+
+
+def _steps(grid: SpeckleGrid) -> list[tuple[float, float]]:
+    """Positions in 0 … 1 and weights of a triangle's rows, and of a soft row's points."""
+    if not grid.soft:
+        count = 2 * ROWS
+        return [((i + 0.5) / count, 1.0 / count) for i in range(count)]
+    n = grid.cuts
+    return [
+        ((i + 0.5 + float(GAUSS[k])) / n, float(WEIGHT[k]) / n) for i in range(n) for k in range(3)
+    ]
+
+
+def _row_cover(
+    table: SpeckleTable, grid: SpeckleGrid, start: Long, stop: Long, first: Array, last: Array
+) -> Array:
+    """Covered share (n,) of the segments from ``first`` to ``last`` (n, 2)."""
+    if grid.soft:
+        steps = _steps(grid)
+        x = np.array([step[0] for step in steps])
+        points = first[:, None] + x[:, None] * (last - first)[:, None]
+        share = np.array([step[1] for step in steps])
+        result: Array = 1.0 - _uncovered(table, start, stop, points) @ share
+        return result
+    rows = _Rows(first[:, None], (last - first)[:, None])
+    for k in range(int((stop - start).max(initial=0))):
+        own = np.flatnonzero(start + k < stop)
+        rows.add(own, table.disc[start[own] + k])
+    return rows.union()[:, 0]

@@ -1,0 +1,281 @@
+"""Speckle: random discs of paint, as they are sprayed or printed for image correlation.
+
+Boolean model (Chiu, Stoyan, Kendall and Mecke, *Stochastic Geometry and its Applications*, 3rd ed.,
+2013, ch. 3): disc centres are a Poisson process of intensity L, the pattern is the union of the
+discs, and its area fraction is 1 - exp(-L E[area]). Discs are made germ cell by germ cell from a
+counter-based generator (SplitMix64: Steele, Lea and Flood, "Fast splittable pseudorandom number
+generators", OOPSLA 2014), so that the seed alone decides where each lies, whatever part of the
+pattern is asked for.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import numpy as np
+import numpy.typing as npt
+from scipy.special import ndtri
+
+from gpusim.errors import InputError
+from gpusim.surface.features import Features, check_albedo, check_length
+
+__all__ = ["EDGE", "Speckle", "edge_opacity", "opaque_area"]
+
+Array = npt.NDArray[np.float64]
+Seeds = npt.NDArray[np.uint64]
+
+EDGE = 3.0
+"""Half width of a soft edge over its standard deviation: beyond it, opacity is exactly 0 or 1."""
+
+LONGEST_TAIL = 3.0
+"""Standard deviations of the logarithm at which lognormal diameters end."""
+
+PER_CELL = 2.0
+"""Mean number of discs in a germ cell."""
+
+MOST_DISCS = 1 << 23
+GOLDEN = np.uint64(0x9E3779B97F4A7C15)
+
+
+@dataclass(frozen=True)
+class Speckle:
+    """Discs of albedo ``dot`` at random places on ``ground``.
+
+    Parameters
+    ----------
+    diameter : mean diameter of the discs, in the unit of the surface's points.
+    coverage : mean share of the area that is painted, 0 to 1 (exclusive).
+    softness : standard deviation of a disc's edge profile, same unit (to first order in softness /
+        radius); 0 is a hard edge. At distance x from its centre a disc of radius r covers
+        S((r^2 - x^2) / (2 r)), where S climbs from 0 to 1 like the distribution function of a
+        normal variable (that of Beta(4, 4), within +-3 ``softness``); the form keeps the disc's
+        area. Where discs overlap, what they leave uncovered multiplies.
+    size_law : of the diameters: "fixed", "uniform" or "lognormal" (ends at 3 standard deviations
+        of the logarithm).
+    spread : standard deviation of the diameters over their mean.
+    arrangement : "random" is the Boolean model: discs overlap. "grid" is a hexagonal grid whose
+        discs are each moved at random as far as none can touch another, like a printed pattern.
+    seed : equal seeds give equal patterns.
+
+    Raises
+    ------
+    InputError
+    """
+
+    diameter: float
+    coverage: float = 0.5
+    softness: float = 0.0
+    size_law: str = "fixed"
+    spread: float = 0.0
+    arrangement: str = "random"
+    seed: int = 0
+    dot: float = 0.05
+    ground: float = 0.9
+
+    def __post_init__(self) -> None:
+        check_length("Speckle", diameter=self.diameter)
+        check_albedo("Speckle", dot=self.dot, ground=self.ground)
+        if not (np.isfinite(self.coverage) and 0.0 < self.coverage < 1.0):
+            raise InputError(f"Speckle coverage; got {self.coverage}; expected above 0, below 1")
+        if not (np.isfinite(self.softness) and 0.0 <= self.softness <= 0.5 * self.diameter):
+            raise InputError(
+                f"Speckle softness; got {self.softness}; expected 0 to half the diameter "
+                f"({0.5 * self.diameter:g})"
+            )
+        limits = {"fixed": 0.0, "uniform": 0.5, "lognormal": 1.0}
+        if self.size_law not in limits:
+            raise InputError(f"Speckle size_law; got {self.size_law!r}; expected {list(limits)}")
+        most = limits[self.size_law]
+        if not (np.isfinite(self.spread) and 0.0 <= self.spread <= most):
+            raise InputError(
+                f"Speckle spread; got {self.spread}; expected 0 to {most} with size_law "
+                f"{self.size_law!r}"
+            )
+        if self.arrangement not in ("random", "grid"):
+            raise InputError(
+                f"Speckle arrangement; got {self.arrangement!r}; expected 'random' or 'grid'"
+            )
+        if isinstance(self.seed, bool) or not (
+            isinstance(self.seed, int | np.integer) and 0 <= self.seed < 2**63
+        ):
+            raise InputError(f"Speckle seed; got {self.seed!r}; expected a whole number from 0 up")
+        if self.arrangement == "grid" and not self.largest <= 0.5 * self.pitch:
+            highest = self.coverage * (0.5 * self.pitch / self.largest) ** 2
+            raise InputError(
+                f"Speckle coverage; got {self.coverage} on a grid; expected at most {highest:.3g}, "
+                "where the largest discs would touch"
+            )
+
+    @cached_property
+    def mean_area(self) -> float:
+        """Mean painted area of one disc by itself."""
+        node, weight = np.polynomial.legendre.leggauss(64)
+        radius = self.radii(0.5 * (node + 1.0))
+        return float(0.5 * weight @ opaque_area(radius, self.softness))
+
+    @property
+    def intensity(self) -> float:
+        """Mean number of discs per unit of area."""
+        if self.arrangement == "grid":
+            return self.coverage / self.mean_area
+        return float(-np.log1p(-self.coverage)) / self.mean_area
+
+    @property
+    def pitch(self) -> float:
+        """Distance of neighbours on the hexagonal grid before they are moved."""
+        return float(np.sqrt(2.0 / (np.sqrt(3.0) * self.intensity)))
+
+    @property
+    def largest(self) -> float:
+        """The largest radius."""
+        return float(self.radii(np.ones(1))[0])
+
+    @property
+    def smallest(self) -> float:
+        """The smallest radius."""
+        return float(self.radii(np.zeros(1))[0])
+
+    def radii(self, quantile: Array) -> Array:
+        """Radii at quantiles 0 … 1 of the size law."""
+        if self.size_law == "uniform":
+            share = 1.0 + np.sqrt(3.0) * self.spread * (2.0 * quantile - 1.0)
+        elif self.size_law == "lognormal":
+            deviation = np.sqrt(np.log1p(self.spread**2))
+            tail = 0.5 * (1.0 + _normal_share(LONGEST_TAIL))
+            z = ndtri(1.0 - tail + quantile * (2.0 * tail - 1.0))
+            share = np.exp(deviation * z - 0.5 * deviation**2)
+        else:
+            share = np.ones_like(quantile)
+        result: Array = 0.5 * self.diameter * share
+        return result
+
+    def discs(self, low: npt.ArrayLike, high: npt.ArrayLike) -> tuple[Array, Array]:
+        """Centres (M, 2) and radii (M,) of all discs that reach into the box ``low`` to ``high``.
+
+        Some that only come near it are among them. A larger box has the same ones and more.
+
+        Raises
+        ------
+        InputError
+            More discs than memory should hold.
+        """
+        corners = np.array([low, high], np.float64)
+        reach = outer_radius(self.largest, self.softness)
+        return _discs(self, tuple(corners[0] - reach), tuple(corners[1] + reach))
+
+    def features(self, low: Array, high: Array) -> Features:
+        """The discs, as features of kind 2: they may overlap."""
+        centres, radius = self.discs(low, high)
+        count = len(centres)
+        return Features(
+            np.full(count, 2, np.int32),
+            centres,
+            np.zeros(count),
+            np.repeat(radius[:, None], 2, axis=1),
+            np.ones((count, 2)),
+            np.full((count, 2), self.dot),
+        )
+
+
+def edge_opacity(u: Array) -> Array:
+    """S: from 0 at u <= -1 to 1 at u >= 1, three times differentiable (Beta(4, 4)).
+
+    Its derivative has a standard deviation of 1 / `EDGE`.
+    """
+    u = np.clip(u, -1.0, 1.0)
+    v = u * u
+    result: Array = 0.5 + u * (35.0 + v * (-35.0 + v * (21.0 - 5.0 * v))) / 32.0
+    return result
+
+
+def opaque_area(radius: Array, softness: float) -> Array:
+    """Integral of one disc's opacity over the plane; pi r^2 unless r < 6 ``softness``."""
+    if softness == 0.0:
+        return np.pi * radius**2
+    half = EDGE * softness
+    end = 0.5 * radius / half  # the argument of S at the disc's centre
+    u = np.minimum(end, 1.0)
+    v = u * u
+    climb = (35.0 + 128.0 * u + v * (140.0 + v * (-70.0 + v * (28.0 - 5.0 * v)))) / 256.0
+    return 2.0 * np.pi * radius * half * (climb + np.maximum(end - 1.0, 0.0))
+
+
+def outer_radius(radius: float, softness: float) -> float:
+    """Where a soft disc ends."""
+    return float(np.sqrt(radius * (radius + 2.0 * EDGE * softness)))
+
+
+def _normal_share(z: float) -> float:
+    """Probability that a normal variable lies within ``z`` standard deviations."""
+    from math import erf, sqrt
+
+    return erf(z / sqrt(2.0))
+
+
+@lru_cache(maxsize=8)
+def _discs(
+    speckle: Speckle, low: tuple[float, float], high: tuple[float, float]
+) -> tuple[Array, Array]:
+    if speckle.arrangement == "grid":
+        size = np.array([speckle.pitch, speckle.pitch * np.sqrt(0.75)])
+        margin = 1.0
+    else:
+        size = np.full(2, np.sqrt(PER_CELL / speckle.intensity))
+        margin = 0.0
+    first = np.floor(np.array(low) / size - margin)
+    last = np.floor(np.array(high) / size + margin)
+    expected = np.prod(last + 1.0 - first) * np.prod(size) * speckle.intensity
+    if not expected <= MOST_DISCS:
+        raise InputError(
+            f"Speckle diameter; got {speckle.diameter:g}, which makes {expected:.3g} discs in the "
+            f"visible region; expected at most {MOST_DISCS}"
+        )
+    i = np.arange(first[0], last[0] + 1.0).astype(np.int64)
+    j = np.arange(first[1], last[1] + 1.0).astype(np.int64)
+    cells = np.stack(np.meshgrid(i, j, indexing="xy"), axis=-1).reshape(-1, 2)
+    key = _key(speckle.seed, cells)
+    if speckle.arrangement == "grid":
+        radius = speckle.radii(_uniform(key, 1))
+        room = np.maximum(0.5 * speckle.pitch - radius, 0.0)
+        away = room * np.sqrt(_uniform(key, 2))
+        turn = 2.0 * np.pi * _uniform(key, 3)
+        place = cells * size
+        place[:, 0] += 0.5 * size[0] * (cells[:, 1] % 2)
+        return place + away[:, None] * np.stack([np.cos(turn), np.sin(turn)], axis=1), radius
+    counts = _poisson(_uniform(key, 0))
+    owner = np.repeat(np.arange(len(cells)), counts)
+    number = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
+    own = _mix(key[owner] + GOLDEN * (number + 1).astype(np.uint64))
+    inside = np.stack([_uniform(own, 1), _uniform(own, 2)], axis=1)
+    return (cells[owner] + inside) * size, speckle.radii(_uniform(own, 3))
+
+
+def _poisson(uniform: Array) -> npt.NDArray[np.int64]:
+    """Poisson counts of mean `PER_CELL` by inversion."""
+    k = np.arange(1, 40)
+    terms = np.exp(-PER_CELL) * np.concatenate([[1.0], np.cumprod(PER_CELL / k)])
+    return np.searchsorted(np.cumsum(terms), uniform, side="right").astype(np.int64)
+
+
+def _mix(state: Seeds) -> Seeds:
+    """SplitMix64's finalizer."""
+    with np.errstate(over="ignore"):
+        state = (state ^ (state >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+        state = (state ^ (state >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return state ^ (state >> np.uint64(31))
+
+
+def _key(seed: int, cells: npt.NDArray[np.int64]) -> Seeds:
+    """One key per germ cell (n, 2)."""
+    key = _mix(np.full(len(cells), seed, np.uint64) + GOLDEN)
+    for axis in (0, 1):
+        key = _mix((key ^ cells[:, axis].astype(np.uint64)) + GOLDEN)
+    return key
+
+
+def _uniform(key: Seeds, channel: int) -> Array:
+    """Numbers in [0, 1) from keys."""
+    drawn = _mix(key + np.full(1, channel + 1, np.uint64) * GOLDEN)
+    result: Array = (drawn >> np.uint64(11)).astype(np.float64) * 2.0**-53
+    return result
