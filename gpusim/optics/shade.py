@@ -40,8 +40,7 @@ class Tables:
         self.device, self.setup = device, setup
         self.lamps = setup.lamps()
         self.paints = device.buffer(table.paints, "shade.paints")
-        self.cell_start = device.buffer(table.cell_start, "shade.cells")
-        self.features = device.buffer(table.features, "shade.features")
+        self.patterns = table.texels(device)
         self.triangles = device.buffer(setup.records(), "shade.triangles")
         self.screen = device.buffer(fixed, "shade.screen")
         bends = distortion_map(view.camera)
@@ -58,8 +57,7 @@ class Tables:
         """The bindings that both passes have, by their WGSL names."""
         return {
             "paints": self.paints,
-            "cell_start": self.cell_start,
-            "features": self.features,
+            "patterns": self.patterns,
             "triangles": self.triangles,
             "screen": self.screen,
             "lamps": self.lamps,

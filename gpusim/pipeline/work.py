@@ -28,6 +28,7 @@ from gpusim.pipeline.props import build_prop
 from gpusim.pipeline.solved import Solved
 from gpusim.pipeline.stresses import Stresses, write_stresses
 from gpusim.pipeline.things import Things
+from gpusim.pipeline.truth import write_truth
 from gpusim.plan import Plan, PlannedStage, make_plan
 from gpusim.report import (
     Mechanics,
@@ -282,7 +283,7 @@ class _Run:
 
     def _truth(self) -> list[Path]:
         assert self.photographer is not None
-        return [outputs.write_truth(self.scene, self.out, self.photographer, self.things.bodies,
+        return [write_truth(self.scene, self.out, self.photographer, self.things.bodies,
                                     self.things.displacement)]  # fmt: skip
 
     def _measure(self) -> list[Path]:

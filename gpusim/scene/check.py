@@ -20,6 +20,7 @@ from .schema.mesh import NOTCHABLE, SETS
 __all__ = ["check_document"]
 
 Found = list[tuple[Keys, Fault]]
+_BITS = 31  # of a truth layer
 
 
 def check_document(document: Mapping[str, Any]) -> Found:
@@ -30,6 +31,7 @@ def check_document(document: Mapping[str, Any]) -> Found:
     _physics(document, found)
     _fields(document, found)
     _poses(document, found)
+    _layers(document, found)
     _deflection_is_seen(document, found)
     return found
 
@@ -232,6 +234,15 @@ def _poses(document: Mapping[str, Any], found: Found) -> None:
                      "one of " + ", ".join(map(str, names)) if names else f"a {what}")  # fmt: skip
     if not list(_items(document, "camera")):
         _add(found, ("calibration",), "nobody looks", "no camera", "at least one [[camera]]")
+
+
+def _layers(document: Mapping[str, Any], found: Found) -> None:
+    output = document.get("output")
+    layers = output.get("truth") if isinstance(output, Mapping) else None
+    cameras = len(list(_items(document, "camera")))
+    if isinstance(layers, list) and "cameras" in layers and cameras > _BITS:
+        problem = 'layer "cameras" has a bit per camera'
+        _add(found, ("output", "truth"), problem, f"{cameras} cameras", f"at most {_BITS}")
 
 
 def _physics(document: Mapping[str, Any], found: Found) -> None:

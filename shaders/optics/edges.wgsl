@@ -186,8 +186,9 @@ fn paint_polygon(t: Triangle, d: vec2f, polygon: Polygon, centroid: vec2f) -> f3
         return mix(paint.ground, paint.dot, covered);
     }
     var albedo = paint.ground;
-    for (var i = cell_start[slot]; i < cell_start[slot + 1u]; i++) {
-        let f = features[i];
+    let list = feature_list(slot);
+    for (var i = 0u; i < list.y; i++) {
+        let f = feature_at(list.x + 4u * i);
         var local: Outline;
         local.polygon.count = polygon.count;
         let middle = 1.0 / weight(t, d + centroid);

@@ -20,7 +20,15 @@ __all__ = [
 ]
 
 TruthLayer = Literal[
-    "reference", "displacement", "depth", "flow", "region", "element", "visibility", "normal"
+    "reference",
+    "displacement",
+    "depth",
+    "flow",
+    "region",
+    "element",
+    "visibility",
+    "cameras",
+    "normal",
 ]
 
 
