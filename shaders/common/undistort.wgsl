@@ -9,9 +9,9 @@ struct Tiles {
     size: i32,
     columns: i32,
 }
-@group(0) @binding(20) var<uniform> tiles: Tiles;
+@group(0) @binding(40) var<uniform> tiles: Tiles;
 // five texels per tile: two coefficients each, x and y of both
-@group(0) @binding(21) var undistortion: texture_2d<f32>;
+@group(0) @binding(41) var undistortion: texture_2d<f32>;
 
 // A pixel's cubic and its place in the tile.
 struct Bend {
