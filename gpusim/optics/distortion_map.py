@@ -62,6 +62,17 @@ class DistortionMap:
         shift, jacobian = _cubic(c, w)
         return shift, jacobian + np.eye(2)
 
+    def ideal(self, at: Array) -> tuple[Array, Array]:
+        """Ideal positions (n, 2) of image positions ``at`` (n, 2), and their change (n, 2, 2).
+
+        Change [:, :, k] is what a column or a row of the image is in pixels of the ideal image.
+        Beside the image the outermost tile's cubic goes on.
+        """
+        most = np.array(self.coefficients.shape[1::-1]) * self.size - 1
+        pixel = np.clip(np.rint(at).astype(np.int64), 0, most)
+        shift, change = self.evaluate(pixel, at - pixel)
+        return at + shift, change
+
     def texels(self) -> npt.NDArray[np.float32]:
         """(5 per tile, 4) float32 as the shader reads them: two coefficients, x and y of each."""
         c = self.coefficients.reshape(-1, 2, 10)

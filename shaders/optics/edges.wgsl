@@ -236,6 +236,7 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
     let pixel = vec2i(i32(index % params.width), i32(index / params.width));
 
     let bend = bend_at(pixel);
+    let change = undistort_change(bend);
     var covered: array<u32, 16>;
     for (var r = 0; r < range.mask_rows; r++) { covered[r] = 0u; }
     var open = 512u;
@@ -293,7 +294,13 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
         }
         var light = paint_polygon(t, d, polygon, middle);
         if (lit != 0u) {
-            light *= light_factor(t, params.rays, vec2f(pixel) + middle, d + middle);
+            let at = vec2f(pixel) + middle;
+            if (shadowed != 0u) {
+                let tile = shadow_tile(pixel);
+                light *= light_factor_seen(t, params.rays, at, d + middle, sqrt(m.x) * change, tile);
+            } else {
+                light *= light_factor(t, params.rays, at, d + middle, 0u);
+            }
         }
         if (visible) {
             free_area += m.x;
