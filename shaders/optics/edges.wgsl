@@ -287,7 +287,13 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
         let d = vec2f(pixel - t.place.xy);
         var light = paint_polygon(t, d, polygon, m.yz);
         if (lit != 0u) {
-            light *= light_factor(t, params.rays, vec2f(pixel) + m.yz, d + m.yz);
+            let at = vec2f(pixel) + m.yz;
+            if (shadowed != 0u) {
+                let tile = shadow_tile(pixel);
+                light *= light_factor_seen(t, params.rays, at, d + m.yz, sqrt(m.x), tile);
+            } else {
+                light *= light_factor(t, params.rays, at, d + m.yz, 0u);
+            }
         }
         if (visible) {
             free_area += m.x;
