@@ -58,7 +58,7 @@ def _unique_names(document: Mapping[str, Any], found: Found) -> None:
             if first != keys:
                 _add(found, keys, "name used twice", name, f"another than {dotted(first)}")
 
-    for key in ("material", "camera", "light", "measure"):
+    for key in ("material", "camera", "light", "measure", "variant"):
         unique((), document, key, {})
     things: dict[str, Keys] = {}  # bodies and props are both things in the picture,
     paints: dict[str, Keys] = {}  # and measurements know paints by their name alone
@@ -104,10 +104,19 @@ def _references(document: Mapping[str, Any], found: Found) -> None:
     cameras = _names(document, "camera")
     moving = _marker_names(document, "body")
     fixed = _marker_names(document, "prop")
+    variants = _names(document, "variant")
+    lines = [
+        str(m.get("name")) for _, m in _items(document, "measure") if m.get("type") == "deflection"
+    ]
     for index, measure in _items(document, "measure"):
         if cameras is not None:
             refer(("measure", index, "camera"), measure.get("camera"), cameras, "camera")
+        refer(("measure", index, "of"), measure.get("of"), lines, "measure of a deflection")
+        if variants is not None:
+            keys = ("measure", index, "reference")
+            refer(keys, measure.get("reference"), variants, "variant")
         lists = (
+            ("cameras", cameras, "camera"),
             ("groups", moving, "markers paint on a body"),
             ("static", fixed, "markers paint on a prop"),
         )

@@ -28,6 +28,7 @@ from .loading import (
     Vec3,
     Where,
 )
+from .measures import Damage, Deflection, Measure, Stereo, Variant
 from .recipe import (
     BeamMesh,
     BoxMesh,
@@ -53,6 +54,7 @@ __all__ = [
     "Centrifugal",
     "Checker",
     "CraneMesh",
+    "Damage",
     "Deflection",
     "Dots",
     "FieldMesh",
@@ -66,6 +68,7 @@ __all__ = [
     "Marker",
     "Markers",
     "Material",
+    "Measure",
     "MeshRecipe",
     "NodalForce",
     "NotchRecipe",
@@ -83,9 +86,12 @@ __all__ = [
     "Sensor",
     "Shape",
     "Solver",
+    "Speckle",
+    "Stereo",
     "Support",
     "Thermal",
     "Traction",
+    "Variant",
     "Vec3",
     "Where",
 ]
@@ -154,7 +160,28 @@ class Dots:
     dot: float
 
 
-Paint = Plain | Markers | Checker | Dots
+@dataclass(frozen=True)
+class Speckle:
+    """Random discs of mean ``diameter`` and edge ``softness`` (m); ``albedo`` is the ground's.
+
+    The other values are those of `gpusim.surface.paint.Speckle`.
+    """
+
+    name: str
+    where: Where
+    albedo: float
+    up: Vec3 | None
+    diameter: float
+    coverage: float
+    softness: float
+    size_law: str
+    spread: float
+    arrangement: str
+    seed: int
+    dot: float
+
+
+Paint = Plain | Markers | Checker | Dots | Speckle
 
 
 @dataclass(frozen=True)
@@ -333,21 +360,6 @@ class Sensor:
     bits: int
     exposure: float | None
     format: str
-
-
-@dataclass(frozen=True)
-class Deflection:
-    """Deflection line of the marker paints ``groups``, from the clamp; ``static`` ones stand still.
-
-    ``direction`` ("+x" … "-z") is the positive sense; ``subset`` (px) is None to choose it.
-    """
-
-    name: str
-    camera: str
-    groups: tuple[str, ...]
-    static: tuple[str, ...]
-    subset: int | None
-    direction: str
 
 
 @dataclass(frozen=True)

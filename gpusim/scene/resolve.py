@@ -21,11 +21,11 @@ from .schema.load import (
     ThermalTable,
 )
 from .schema.material import MaterialTable
-from .schema.paint import CheckerTable, MarkersTable, PaintTable, PlainTable
+from .schema.measure import DamageTable, MeasureTable, StereoTable
+from .schema.paint import CheckerTable, MarkersTable, PaintTable, PlainTable, SpeckleTable
 from .schema.prop import BoxPropTable, PlateTable, PoseTable, PropTable
 from .schema.view import AmbientLightTable, AreaLightTable, CameraTable, LightTable
 from .schema.where import WhereTable
-from .schema.work import MeasureTable
 
 __all__ = [
     "analysis",
@@ -161,6 +161,12 @@ def paint(table: PaintTable) -> model.Paint:
             table.name, place, table.albedo, up, table.cell_mm / 1000.0, table.columns, table.rows,
             _m(table.origin_mm), table.dark, table.light,
         )  # fmt: skip
+    if isinstance(table, SpeckleTable):
+        return model.Speckle(
+            table.name, place, table.albedo, up, table.diameter_mm / 1000.0, table.coverage,
+            table.softness_mm / 1000.0, table.size_law, table.spread, table.arrangement,
+            table.seed, table.dot,
+        )  # fmt: skip
     return model.Dots(
         table.name, place, table.albedo, up, table.diameter_mm / 1000.0, table.pitch_mm / 1000.0,
         table.columns, table.rows, _m(table.origin_mm), table.dot,
@@ -251,7 +257,17 @@ def light(table: LightTable) -> model.Light:
     return model.Light(table.name, "point", position, None, (0.0, 0.0), table.power_W)
 
 
-def measure(table: MeasureTable) -> model.Deflection:
+def measure(table: MeasureTable) -> model.Measure:
+    if isinstance(table, StereoTable):
+        return model.Stereo(
+            table.name, tuple(table.cameras), tuple(table.groups), tuple(table.static), table.lens,
+            table.subset_px,
+        )  # fmt: skip
+    if isinstance(table, DamageTable):
+        return model.Damage(
+            table.name, table.of, table.reference, table.tolerance_mm / 1000.0,
+            table.significance, table.most,
+        )  # fmt: skip
     return model.Deflection(
         table.name, table.camera, tuple(table.groups), tuple(table.static), table.subset_px,
         table.direction,
