@@ -28,6 +28,7 @@ from .loading import (
     Vec3,
     Where,
 )
+from .photo import Lens, Psf, Sensor, Shutter, Vignetting
 from .recipe import (
     BeamMesh,
     BoxMesh,
@@ -60,6 +61,7 @@ __all__ = [
     "Force",
     "Gravity",
     "Isotropic",
+    "Lens",
     "Light",
     "LineForce",
     "Load",
@@ -79,14 +81,17 @@ __all__ = [
     "Pose",
     "Pressure",
     "Prop",
+    "Psf",
     "Render",
     "Sensor",
     "Shape",
+    "Shutter",
     "Solver",
     "Support",
     "Thermal",
     "Traction",
     "Vec3",
+    "Vignetting",
     "Where",
 ]
 
@@ -274,6 +279,7 @@ class Analysis:
 
     type: str
     load_factors: tuple[float, ...]
+    frame_rate: float | None = None
 
 
 @dataclass(frozen=True)
@@ -300,6 +306,8 @@ class Camera:
     target: Vec3
     up: Vec3
     principal_point_offset: tuple[float, float]
+    lens: Lens | None = None
+    shutter: Shutter | None = None
 
 
 @dataclass(frozen=True)
@@ -324,15 +332,6 @@ class Render:
 
     error: float
     background: float
-
-
-@dataclass(frozen=True)
-class Sensor:
-    """``exposure``: fraction of full scale per unit of radiance, None to choose it from frame 0."""
-
-    bits: int
-    exposure: float | None
-    format: str
 
 
 @dataclass(frozen=True)

@@ -10,13 +10,13 @@ from .base import Table
 from .body import BodyTable
 from .material import MaterialTable
 from .prop import CalibrationTable, PropTable
+from .sensor import SensorTable
 from .view import CameraTable, LightTable
 from .work import (
     AnalysisTable,
     MeasureTable,
     OutputTable,
     RenderTable,
-    SensorTable,
     SolverTable,
 )
 
