@@ -131,7 +131,9 @@ def test_images_and_report_of_a_run(tmp_path: Path) -> None:
 def test_motion_between_frames_is_that_of_the_neighbours(tmp_path: Path) -> None:
     scene = load(SCENE, tmp_path)
     surface = gs.Surface(np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]), np.array([[0, 1, 2]]))
-    before, after = (surface.moved(surface.points + [shift, 0, 0]) for shift in (-0.1, 0.3))
+    before, after = (
+        surface.moved(surface.points + np.array([shift, 0, 0])) for shift in (-0.1, 0.3)
+    )
     at = moving([before], [surface], [after], 0.01)
     assert at is not None
     np.testing.assert_allclose(at(0.002)[0].points[:, 0] - surface.points[:, 0], 0.4 / 0.01 * 0.002)

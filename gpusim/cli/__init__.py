@@ -1,4 +1,4 @@
-"""The command line: ``gpusim run | solve | plan | schema | doctor | check | bench``.
+"""The command line: ``gpusim run | solve | dic | plan | schema | doctor | check | bench``.
 
 Exit codes: 0 good, 1 unexpected, 2 bad scene or usage, 3 not converged, 4 no usable adapter or
 device lost, 5 twin mismatch, 130 interrupted. Heavy modules are imported by the command that needs
@@ -12,7 +12,7 @@ import json
 import sys
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -50,6 +50,20 @@ class Backend(StrEnum):
 
     gpu = "gpu"
     numpy = "numpy"
+
+
+Shape = Literal["translation", "rigid", "affine", "quadratic"]
+Update = Literal["never", "auto", "always"]
+Start = Literal["auto", "search", "features"]
+Strain = Literal["small", "green-lagrange", "hencky", "almansi", "none"]
+
+
+class Format(StrEnum):
+    """How tables are written."""
+
+    csv = "csv"
+    npz = "npz"
+    h5 = "h5"
 
 
 ScenePath = Annotated[Path, typer.Argument(metavar="SCENE.toml", help="The scene file.")]
@@ -149,6 +163,62 @@ def solve(
         from gpusim.cli.decks import solve_deck
 
         solve_deck(deck, output, backend.value, tolerance, stress, quiet, as_json)
+
+
+@app.command()
+def dic(
+    reference: Annotated[Path, typer.Argument(metavar="REF", help="The picture before.")],
+    deformed: Annotated[list[Path], typer.Argument(metavar="DEF...", help="Pictures after it.")],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="OUT", help="Output folder.")],
+    subset: Annotated[int, typer.Option(help="Odd width of the subsets, px.")] = 31,
+    step: Annotated[int, typer.Option(help="Distance of the points, px.")] = 10,
+    shape: Annotated[Shape, typer.Option(help="How a subset may deform.")] = "affine",
+    roi: Annotated[
+        str | None, typer.Option(metavar="X0,Y0,X1,Y1", help="Region of interest, px.")
+    ] = None,
+    mask: Annotated[
+        Path | None, typer.Option(metavar="IMAGE", help="Black pixels aren't used.")
+    ] = None,
+    update: Annotated[
+        Update, typer.Option(help="When to renew the reference; auto: as strains get large.")
+    ] = "never",
+    start: Annotated[Start, typer.Option(help="How the motion is found first.")] = "auto",
+    search_px: Annotated[int, typer.Option(help="Reach of the search, px.")] = 20,
+    blur_px: Annotated[float, typer.Option(help="Gaussian over the pictures first, px.")] = 0.0,
+    min_zncc: Annotated[float, typer.Option(help="Least correlation of a match.")] = 0.8,
+    tolerance: Annotated[float, typer.Option(help="Where the iteration stops, px.")] = 1e-4,
+    strain: Annotated[Strain, typer.Option(help="Which strain.")] = "green-lagrange",
+    strain_window: Annotated[int, typer.Option(help="Points across the strain gauge.")] = 5,
+    formats: Annotated[
+        list[Format] | None, typer.Option("--format", help="Of the tables (repeatable).")
+    ] = None,
+    backend: BackendOption = Backend.gpu,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
+    as_json: Json = False,
+) -> None:
+    """Measure how pictures moved against the first one: displacement and strain (DIC)."""
+    with exit_codes():
+        _check_folder(output)
+        from gpusim.cli.correlation import Choices, correlate_files
+
+        choices = Choices(
+            subset,
+            step,
+            shape,
+            roi,
+            mask,
+            update,
+            start,
+            search_px,
+            blur_px,
+            min_zncc,
+            tolerance,
+            strain,
+            strain_window,
+            tuple(one.value for one in formats or [Format.csv]),
+            backend.value,
+        )
+        correlate_files(reference, deformed, output, choices, quiet, as_json)
 
 
 @app.command()

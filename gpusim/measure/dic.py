@@ -130,6 +130,10 @@ def dic(
         if lonely.size:
             front.search(lonely, int(search_px), np.zeros(2))
             front.propagate()
+    else:
+        # nothing led there; let the kernel say if it could have been measured at all
+        untried = np.flatnonzero(front.attempts == 0)
+        front.attempt(untried, np.zeros((untried.size, 2)), keep=False)
     front.doubt()
     matches = front.matches()
     _say_why(matches, positions, settings, first, second)

@@ -14,21 +14,13 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.gpu.buffer import F32_MAX
+from gpusim.optics.bitmap import BITMAP, PIECES, BitmapTable, pieces_needed
 from gpusim.optics.camera import Camera
-from gpusim.optics.light import (
-    AmbientLight,
-    AreaLight,
-    Light,
-    PointLight,
-    ambient,
-    closest_points,
-    emitters,
-    irradiance,
-)
+from gpusim.optics.light import AmbientLight, AreaLight, Light, PointLight
+from gpusim.optics.lighting import Lighting
 from gpusim.optics.pattern import PatternTable
 from gpusim.optics.view import NORMAL, ST, View, barycentric_planes, look
-from gpusim.surface.paint import Checker, Dots, Markers, Paint, Plain, Speckle
+from gpusim.surface.paint import Checker, Dots, Image, Markers, Paint, Plain, Speckle
 from gpusim.surface.surface import Surface
 
 __all__ = ["TRIANGLE", "Setup", "footprint", "probe_setup", "radiance_factor"]
@@ -39,7 +31,6 @@ TRIANGLE = np.dtype(
     [("st", "<f4", 4), ("tw", "<f4", 4), ("n0", "<f4", 4), ("nx", "<f4", 4), ("ny", "<f4", 4),
      ("place", "<i4", 4), ("more", "<f4", 4)]
 )  # fmt: skip
-MOST_EMITTERS = 256
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,13 +40,13 @@ class Setup:
     ``planes`` (T, 6, 3): s, t, w and the three normal components as affine functions of
     (dx, dy, 1), the offset from ``anchor`` (T, 2); ``cell`` (T, 2): the pattern cell that s and t
     are relative to; ``mean_inverse`` (T,): 1 / depth that w is relative to; ``near_feature`` (T,):
-    whether a pixel in it can reach a feature of its pattern.
+    whether a pixel in it can reach a feature of its pattern, or shows a bitmap.
     """
 
     view: View
     table: PatternTable
-    emitters: Array
-    ambient: float
+    bitmaps: BitmapTable
+    lighting: Lighting
     background: float
     lit: bool
     planes: Array
@@ -65,22 +56,23 @@ class Setup:
     near_feature: npt.NDArray[np.bool_]
 
     @staticmethod
-    def build(view: View, lights: Sequence[Light] | None, background: float) -> Setup:
-        """Set up every triangle of ``view``; ``lights`` None shows the albedo itself."""
+    def build(
+        view: View,
+        lights: Sequence[Light] | None,
+        background: float,
+        surfaces: Sequence[Surface] = (),
+    ) -> Setup:
+        """Set up every triangle of ``view``; ``lights`` None shows the albedo itself.
+
+        ``surfaces`` are those that cast shadows.
+        """
         table = PatternTable.build(view.paints)
+        bitmaps = BitmapTable.build(view.paints, table.paints)
         lit = lights is not None
-        T = view.camera.camera_from_world
-        world = (view.corners[:, :, :3] - T[:3, 3]) @ T[:3, :3]
-        rows = emitters(lights or [], closest_points(lights or [], world))
-        if len(rows) > MOST_EMITTERS:
-            raise InputError(
-                f"render lights; got {len(rows)} emitting points; expected at most "
-                f"{MOST_EMITTERS}: use fewer lamps, or smaller ones farther away"
-            )
-        rows[:, :3] -= view.camera.eye
+        lighting = Lighting.build(view, lights, surfaces)
         anchor = np.rint(view.screen.mean(axis=1)).astype(np.int32)
         size = table.paints["cell"][view.paint].astype(np.float64)
-        st = view.corners[:, :, ST]
+        st = bitmaps.texel_positions(view.paint, view.corners[:, :, ST])
         cell = np.floor(st.mean(axis=1) / size[:, None])
         cell = np.where((table.paints["featured"][view.paint] > 0)[:, None], cell, 0.0)
         values = np.concatenate(
@@ -93,7 +85,7 @@ class Setup:
         planes[:, :, 2] += np.einsum("tak,tk->ta", planes[:, :, :2], anchor.astype(np.float64))
         near = table.near_features(view.paint, st.min(axis=1), st.max(axis=1))
         return Setup(
-            view, table, rows, ambient(lights or []), background, lit, planes, anchor,
+            view, table, bitmaps, lighting, background, lit, planes, anchor,
             cell.astype(np.int64), mean_inverse,
             near,
         )  # fmt: skip
@@ -147,6 +139,18 @@ class Setup:
         return fine, large
 
     @cached_property
+    def _bitmap_variant(self) -> int:
+        """2 where a pixel may span so many texels that they are taken all at once, else 1."""
+        rows = np.flatnonzero(self.groups == BITMAP)
+        widest = 0.0
+        for corner in range(3):
+            at = self.view.screen[rows, corner]
+            _, ex, ey, _ = footprint(self, rows, at[:, 0], at[:, 1])
+            widest = max(widest, pieces_needed(ex, ey))
+        # footprints change little more between the corners of a triangle
+        return 2 if 1.2 * widest > PIECES else 1
+
+    @cached_property
     def groups(self) -> npt.NDArray[np.uint32]:
         """(T,) what a triangle's pixels may meet: 0 one albedo, else its paint's ``featured``."""
         featured = self.table.paints["featured"][self.view.paint]
@@ -160,22 +164,12 @@ class Setup:
             "lit": float(self.lit),
             "patterned": float(any(groups)),
             "speckle": float((2 in groups) + 2 * (3 in groups)),
-            "emitter_count": float(len(self.emitters)),
+            **self.lighting.constants(),
             "checkers": float(0 in kinds),
             "discs": float((2 if large else 1) if 1 in kinds else 0),
             "fine": float(fine),
+            "bitmaps": float(self._bitmap_variant if BITMAP in groups else 0),
         }
-
-    def lamps(self) -> dict[str, Array]:
-        """The emitters as the shader's uniform."""
-        lamps = np.zeros((MOST_EMITTERS, 8))
-        lamps[: len(self.emitters)] = self.emitters
-        if not np.abs(lamps).max() <= F32_MAX:
-            raise InputError(
-                f"render lights; got values up to {np.abs(lamps).max():.3g}; expected positions "
-                f"and intensities below {F32_MAX:.3g}"
-            )
-        return {"ambient": np.full(4, self.ambient), "emitters": lamps.reshape(-1, 4)}
 
 
 def footprint(
@@ -195,18 +189,31 @@ def footprint(
     return st, ex, ey, planes[:, 2, :2] / w
 
 
-def radiance_factor(setup: Setup, triangle: npt.NDArray[np.int64], x: Array, y: Array) -> Array:
-    """What the albedo is multiplied by at pixel positions: irradiance / pi, or 1 unlit."""
+def radiance_factor(
+    setup: Setup,
+    triangle: npt.NDArray[np.int64],
+    x: Array,
+    y: Array,
+    extent: Array | float = 1.0,
+) -> Array:
+    """What the albedo is multiplied by at pixel positions: irradiance / pi, or 1 unlit.
+
+    ``extent``: side of the area that the light stands for, px.
+    """
     if not setup.lit:
         return np.ones(len(x))
     d = np.stack([x, y], axis=1) - setup.anchor[triangle]
     planes = setup.planes[triangle]
     values = planes[:, 2:, 0] * d[:, :1] + planes[:, 2:, 1] * d[:, 1:] + planes[:, 2:, 2]
     depth = 1.0 / (values[:, 0] * setup.mean_inverse[triangle])
-    position = depth[:, None] * (np.stack([x, y, np.ones_like(x)], axis=1) @ setup.rays().T)
+    rays = setup.rays()
+    position = depth[:, None] * (np.stack([x, y, np.ones_like(x)], axis=1) @ rays.T)
     normal = values[:, 1:]
     normal = normal / np.linalg.norm(normal, axis=1)[:, None]
-    return irradiance(setup.emitters, position, normal, setup.ambient) / np.pi
+    rate = (planes[:, 2, :2] / values[:, :1])[:, None]
+    scale = np.broadcast_to(extent, len(x))[:, None, None]
+    change = scale * (depth[:, None, None] * rays[:, :2] - position[:, :, None] * rate)
+    return setup.lighting.matte(x, y, position, normal, change[:, :, 0], change[:, :, 1])
 
 
 def probe_setup() -> Setup:
@@ -225,9 +232,13 @@ def probe_setup() -> Setup:
         Plain(0.7),
         Speckle(0.23, 0.5, 0.03, "lognormal", 0.25, seed=3),
         Speckle(0.31, 0.4, seed=4),
+        # one seen at about a texel a pixel, one at many
+        Image(_ripples(23, 37), 0.04, (0.13, 0.09), 0.1, 0.9, 0.3),
+        Image(_ripples(300, 200), 0.002, (-0.01, 0.05), 0.2, 0.7, 0.5),
     )
     places = ((-1.1, -0.6, 5.0, 0.3), (1.0, -0.7, 5.5, -0.5), (-0.8, 1.0, 5.2, 0.2),
-              (0.9, 1.1, 6.0, 0.6), (-0.1, 0.2, 7.5, -0.2), (0.4, -1.6, 5.9, 0.35))  # fmt: skip
+              (0.9, 1.1, 6.0, 0.6), (-0.1, 0.2, 7.5, -0.2), (0.4, -1.6, 5.9, 0.35),
+              (0.1, -0.1, 4.4, 0.9), (-0.3, 1.9, 6.4, -1.0))  # fmt: skip
     surfaces = [
         Surface(quad(*place), face, paint=paint)
         for place, paint in zip(places, paints, strict=True)
@@ -239,3 +250,10 @@ def probe_setup() -> Setup:
         AmbientLight(0.05),
     ]
     return Setup.build(look(surfaces, camera, lit=True), lights, background=0.05)
+
+
+def _ripples(rows: int, columns: int) -> Array:
+    """A bitmap with structure in both directions, without symmetry."""
+    y, x = np.mgrid[:rows, :columns].astype(np.float64)
+    result: Array = 0.5 + 0.25 * np.sin(0.9 * x + 0.01 * x * y) + 0.2 * np.cos(1.3 * y - 0.4 * x)
+    return result

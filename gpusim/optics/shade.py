@@ -15,11 +15,14 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.gpu import Buffer, Device, Recording, compare, twin_check
+from gpusim.gpu import Buffer, Device, Recording, Texture, compare, twin_check
+from gpusim.gpu.texels import Texels
 from gpusim.optics.albedo import mean_albedo
 from gpusim.optics.binning import bin_edges
+from gpusim.optics.bitmap import BITMAP, mean_over_pixels
 from gpusim.optics.pattern import FINEST, LOOP_TURNS
 from gpusim.optics.setup import Setup, footprint, probe_setup, radiance_factor
+from gpusim.optics.shadow_tables import ShadowTables
 from gpusim.optics.visibility import visibility_twin
 
 __all__ = ["ShadePass", "Tables", "shade_twin"]
@@ -32,23 +35,26 @@ class Tables:
         table, view = setup.table, setup.view
         fixed = view.fixed().reshape(-1, 2) if view.count else np.zeros((3, 2), np.int32)
         self.device, self.setup = device, setup
-        self.lamps = setup.lamps()
+        self.lamps = setup.lighting.uniform()
+        self.shadows = ShadowTables(device, setup.lighting)
         self.paints = device.buffer(table.paints, "shade.paints")
-        self.cell_start = device.buffer(table.cell_start, "shade.cells")
-        self.features = device.buffer(table.features, "shade.features")
+        self.patterns = table.texels(device)
         self.triangles = device.buffer(setup.records(), "shade.triangles")
         self.screen = device.buffer(fixed, "shade.screen")
+        texels = setup.bitmaps.texels()
+        self.bitmap_texels = Texels(device, len(texels), "rgba32float", "shade.bitmaps")
+        self.bitmap_texels.write(texels)
         self.speckles = table.speckle.texels(device)
 
     def shared(self) -> dict[str, Any]:
         """The bindings that both passes have, by their WGSL names."""
         return {
             "paints": self.paints,
-            "cell_start": self.cell_start,
-            "features": self.features,
+            "patterns": self.patterns,
             "triangles": self.triangles,
             "screen": self.screen,
             "lamps": self.lamps,
+            "bitmap_texels": self.bitmap_texels,
             "speckles": self.speckles,
         }
 
@@ -79,16 +85,22 @@ class ShadePass:
         self.tables, self.rows = tables, rows
         self.color = device.texture(view.camera.width, rows, "r32float", "shade.radiance")
         self.depth = device.texture(view.camera.width, rows, "depth32float", "shade.depth")
+        self.marks: Texture | None = None
+        formats: tuple[str, ...] = ("r32float",)
+        entries = ("vertex", "fragment")
+        if setup.lighting.shadows is not None:
+            self.marks = device.texture(view.camera.width, rows, "rg32uint", "shade.marks")
+            formats, entries = ("r32float", "rg32uint"), ("vertex", "fragment_marked")
         nearest = view.inverse_depth().max(axis=1, initial=0.0)
         near_first = np.argsort(-nearest, kind="stable")
         self._near, depth = view.raster_depth()
         self._inverse = device.buffer(depth, "shade.inverse_depth")
         self._draws = []
-        for group in (3, 2, 1, 0):
+        for group in (BITMAP, 3, 2, 1, 0):
             order = near_first[(setup.groups == group)[near_first]]
             if len(order) or not group:
                 raster = device.raster(
-                    "optics/shade", ("r32float",), constants=setup.constants([group])
+                    "optics/shade", formats, constants=setup.constants([group]), entries=entries
                 )
                 numbers = order.astype(np.uint32) if len(order) else np.zeros(1, np.uint32)
                 buffer = device.buffer(numbers, "shade.order")
@@ -108,13 +120,16 @@ class ShadePass:
             "near": self._near,
         }  # fmt: skip
         clear: float | None = setup.background
+        shared = self.tables.shared()
+        shadows = self.tables.shadows.bindings()
+        shared |= {name: shadows[name] for name in ("shades", "shadow_tiles")}
         for raster, order, count in self._draws:
-            values = {**self.tables.shared(), "inverse_depth": self._inverse, "order": order}
+            values = {**shared, "inverse_depth": self._inverse, "order": order}
             bindings = raster.bind(params=params, **values)
             recording.draw(
                 raster,
                 bindings,
-                colors=(self.color,),
+                colors=(self.color,) if self.marks is None else (self.color, self.marks),
                 depth=self.depth,
                 vertices=3 * count,
                 size=(width, rows),
@@ -134,7 +149,8 @@ def shade_twin(setup: Setup, ids: npt.NDArray[np.uint32]) -> npt.NDArray[np.floa
         column, row = x.astype(np.float64), (y + row0).astype(np.float64)
         paint = setup.view.paint[triangle]
         albedo = setup.table.paints["ground"][paint].astype(np.float64)
-        rows = np.flatnonzero(setup.table.paints["featured"][paint] > 0)
+        featured = setup.table.paints["featured"][paint]
+        rows = np.flatnonzero((featured > 0) & (featured < BITMAP))
         if len(rows):
             st, ex, ey, q = footprint(setup, triangle[rows], column[rows], row[rows])
             corners = np.stack([-ex - ey, ex - ey, ex + ey, ey - ex], axis=1) * 0.5
@@ -142,6 +158,12 @@ def shade_twin(setup: Setup, ids: npt.NDArray[np.uint32]) -> npt.NDArray[np.floa
                 setup.table, paint[rows], setup.cell[triangle[rows]], st, corners,
                 np.ones(corners.shape[:2]), (ex, ey, q),
             )  # fmt: skip
+        for number, image in setup.bitmaps.images.items():
+            rows = np.flatnonzero(paint == number)
+            st, ex, ey, q = footprint(setup, triangle[rows], column[rows], row[rows])
+            albedo[rows] = mean_over_pixels(
+                image, image.ground, setup.cell[triangle[rows]], st, ex, ey, q
+            )
         radiance[y + row0, x] = albedo * radiance_factor(setup, triangle, column, row)
     return radiance
 

@@ -14,8 +14,9 @@ from gpusim.errors import GpusimError, InputError
 from gpusim.export.images import GreyImage, read_image
 from gpusim.report.model import FramePair
 
-__all__ = ["PagePair", "file_uri", "page_pair"]
+__all__ = ["PagePair", "file_uri", "page_pair", "photo_uri"]
 
+_PHOTO_WIDTH = 1800  # px
 _PAGE_WIDTH = 1600  # px of a down-scaled frame: sharp on a wide screen, ~100 kB
 _CROP = 72  # px of a full-resolution crop per side
 _CROP_ZOOM = 4
@@ -71,6 +72,18 @@ def file_uri(path: Path) -> str:
         return _uri("image/png", path.read_bytes())
     except OSError as error:
         raise InputError(f"figure: {path}: can't be read ({error.strerror})") from error
+
+
+def photo_uri(path: Path) -> str:
+    """Return a picture file as the data URI of a JPEG no wider than the page shows it sharply."""
+    image = cv2.imread(str(path), cv2.IMREAD_COLOR)
+    if image is None:
+        raise InputError(f"figure: {path}: can't be read")
+    height, width = image.shape[:2]
+    scale = min(1.0, _PHOTO_WIDTH / width)
+    size = max(1, round(width * scale)), max(1, round(height * scale))
+    small = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+    return _encoded(small, ".jpg", "image/jpeg", [cv2.IMWRITE_JPEG_QUALITY, 88])
 
 
 def _frame_uri(image: GreyImage) -> str:

@@ -28,6 +28,7 @@ from .loading import (
     Vec3,
     Where,
 )
+from .measures import Damage, Deflection, Measure, Stereo, Variant
 from .photo import Lens, Psf, Sensor, Shutter, Vignetting
 from .recipe import (
     BeamMesh,
@@ -54,6 +55,7 @@ __all__ = [
     "Centrifugal",
     "Checker",
     "CraneMesh",
+    "Damage",
     "Deflection",
     "Dots",
     "FieldMesh",
@@ -68,6 +70,7 @@ __all__ = [
     "Marker",
     "Markers",
     "Material",
+    "Measure",
     "MeshRecipe",
     "NodalForce",
     "NotchRecipe",
@@ -87,9 +90,11 @@ __all__ = [
     "Shape",
     "Shutter",
     "Solver",
+    "Stereo",
     "Support",
     "Thermal",
     "Traction",
+    "Variant",
     "Vec3",
     "Vignetting",
     "Where",
@@ -332,21 +337,6 @@ class Render:
 
     error: float
     background: float
-
-
-@dataclass(frozen=True)
-class Deflection:
-    """Deflection line of the marker paints ``groups``, from the clamp; ``static`` ones stand still.
-
-    ``direction`` ("+x" … "-z") is the positive sense; ``subset`` (px) is None to choose it.
-    """
-
-    name: str
-    camera: str
-    groups: tuple[str, ...]
-    static: tuple[str, ...]
-    subset: int | None
-    direction: str
 
 
 @dataclass(frozen=True)

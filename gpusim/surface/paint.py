@@ -2,8 +2,8 @@
 
 A pattern is laid out in the region's paint coordinates (s, t): lengths on the undeformed surface,
 in the unit of its points (see `gpusim.surface.surface.PaintFrame`). Albedo is the share of light
-reflected, 0 to 1. Patterns are exact shapes, not bitmaps: the renderer integrates them over each
-pixel in closed form.
+reflected, 0 to 1. Patterns are exact shapes, which the renderer integrates over each pixel in
+closed form; `Image` is a bitmap, integrated as a smooth surface.
 """
 
 from __future__ import annotations
@@ -14,10 +14,11 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.surface.bitmap import Image
 from gpusim.surface.features import Features, Paint, check_albedo, check_grid, check_length
 from gpusim.surface.speckle import Speckle
 
-__all__ = ["Checker", "Dots", "Features", "Markers", "Paint", "Plain", "Speckle"]
+__all__ = ["Checker", "Dots", "Features", "Image", "Markers", "Paint", "Plain", "Speckle"]
 
 MOST_DOTS = 1 << 22
 

@@ -4,6 +4,7 @@
 // nothing in front hides any of it (a 16 x 32 sample mask decides); what is left of the pixel is
 // divided among partly hidden triangles and the background in proportion to their samples.
 // The paint's mean is taken over the clipped polygon, the light at its centroid.
+#import common/bitmap_polygon
 #import common/paint
 #import common/polygon
 #import common/polygon_speckle
@@ -136,11 +137,40 @@ fn polygon_disc(f: Feature, polygon: Polygon) -> f32 {
     return clamp(sum / area, 0.0, 1.0);
 }
 
+// The same where the paint is a bitmap: its mean, and the exact share that lies on it.
+fn paint_bitmap(t: Triangle, paint: Paint, d: vec2f, polygon: Polygon, centroid: vec2f) -> f32 {
+    let place = paint_position(t, d + centroid);
+    let middle = 1.0 / weight(t, d + centroid);
+    var local: Outline;
+    var outline: BitmapOutline;
+    local.polygon.count = polygon.count;
+    outline.count = polygon.count;
+    for (var j = 0; j < polygon.count; j++) {
+        let at = d + polygon.p[j];
+        local.polygon.p[j] = paint_position(t, at) - place;
+        local.w[j] = weight(t, at) * middle;
+        outline.p[j] = local.polygon.p[j];
+    }
+    let size = vec2i(paint.columns, paint.rows);
+    var share = 0.0;
+    for (var c = 0u; c < range.corners; c++) {
+        let corner = vec2i(i32(c & 1u), i32(c >> 1u));
+        let sign = select(-1.0, 1.0, corner.x == corner.y);
+        share += sign * quadrant_share(local, vec2f(corner * size - t.place.zw) - place);
+    }
+    let bitmap = Bitmap(t.place.zw, size, paint.first, paint.i0);
+    let value = bitmap_polygon(bitmap, place, outline);
+    return paint.ground + (value - paint.ground) * clamp(share, 0.0, 1.0);
+}
+
 // Mean albedo over a polygon given in pixels relative to the pixel's centre, which lies at
 // offset d from the triangle's anchor; `centroid` decides the pattern cell.
 fn paint_polygon(t: Triangle, d: vec2f, polygon: Polygon, centroid: vec2f) -> f32 {
     if (patterned == 0u || t.more.y == 0.0) { return t.more.x; }
     let paint = paints[u32(t.ny.w)];
+    if (bitmaps != 0u && paint.featured == BITMAP) {
+        return paint_bitmap(t, paint, d, polygon, centroid);
+    }
     let st = paint_position(t, d + centroid);
     let k = floor(st / paint.cell);
     let at = t.place.zw + vec2i(k) - vec2i(paint.i0, paint.j0);
@@ -155,8 +185,9 @@ fn paint_polygon(t: Triangle, d: vec2f, polygon: Polygon, centroid: vec2f) -> f3
         return mix(paint.ground, paint.dot, covered);
     }
     var albedo = paint.ground;
-    for (var i = cell_start[slot]; i < cell_start[slot + 1u]; i++) {
-        let f = features[i];
+    let list = feature_list(slot);
+    for (var i = 0u; i < list.y; i++) {
+        let f = feature_at(list.x + 4u * i);
         var local: Outline;
         local.polygon.count = polygon.count;
         let middle = 1.0 / weight(t, d + centroid);
@@ -256,7 +287,13 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
         let d = vec2f(pixel - t.place.xy);
         var light = paint_polygon(t, d, polygon, m.yz);
         if (lit != 0u) {
-            light *= light_factor(t, params.rays, vec2f(pixel) + m.yz, d + m.yz);
+            let at = vec2f(pixel) + m.yz;
+            if (shadowed != 0u) {
+                let tile = shadow_tile(pixel);
+                light *= light_factor_seen(t, params.rays, at, d + m.yz, sqrt(m.x), tile);
+            } else {
+                light *= light_factor(t, params.rays, at, d + m.yz, 0u);
+            }
         }
         if (visible) {
             free_area += m.x;

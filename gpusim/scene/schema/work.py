@@ -8,18 +8,25 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from .base import Name, SignedAxis, Table, fault
+from .base import Table, fault
 
 __all__ = [
     "AnalysisTable",
-    "MeasureTable",
     "OutputTable",
     "RenderTable",
     "SolverTable",
 ]
 
 TruthLayer = Literal[
-    "reference", "displacement", "depth", "flow", "region", "element", "visibility", "normal"
+    "reference",
+    "displacement",
+    "depth",
+    "flow",
+    "region",
+    "element",
+    "visibility",
+    "cameras",
+    "normal",
 ]
 
 
@@ -71,31 +78,6 @@ class RenderTable(Table):
     """Allowed error of a pixel, in grey levels of 8 bit; edges take as many samples as it needs."""
     background: Annotated[float, Field(ge=0)] = 0.0
     """Radiance where nothing is seen (W / (m2 sr); without lights: albedo)."""
-
-
-class MeasureTable(Table):
-    """The deflection line: markers tracked from frame 0 to the last frame."""
-
-    name: Name
-    type: Literal["deflection"]
-    camera: Name
-    groups: Annotated[list[Name], Field(min_length=1)]
-    """Paints of markers on bodies, in order from the clamp."""
-    static: list[Name] = []
-    """Paints of markers on props: what they move is the camera's motion."""
-    subset_px: Annotated[int, Field(ge=5, le=1001)] | None = None
-    """Side of the tracked square, odd; without it as large as the marker allows."""
-    direction: SignedAxis
-    """Of the deflection that counts as positive."""
-
-    @model_validator(mode="after")
-    def _check(self) -> MeasureTable:
-        if self.subset_px is not None and self.subset_px % 2 == 0:
-            raise fault("subset_px", "even", self.subset_px, "an odd number of pixels")
-        for key, names in (("groups", self.groups), ("static", self.static)):
-            if len(set(names)) != len(names):
-                raise fault(key, "the same paint twice", names, "each once")
-        return self
 
 
 class OutputTable(Table):

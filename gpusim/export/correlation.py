@@ -1,0 +1,147 @@
+"""Measured displacements and strains as CSV, NPZ and HDF5; pictures of any kind as grey images.
+
+Every table has one row per point. What couldn't be measured is an empty field (CSV) or NaN, with
+the reason in ``status``.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import cv2
+import h5py
+import numpy as np
+import numpy.typing as npt
+import tifffile
+
+from gpusim.errors import InputError
+from gpusim.export.files import PathLike, atomic_path, atomic_stream, write_text
+from gpusim.measure import DicResult, Status, StrainResult
+
+__all__ = ["FORMATS", "read_grey", "result_columns", "write_correlation"]
+
+FORMATS = ("csv", "npz", "h5")
+UNITS = {"x": "px", "y": "px", "u": "px", "v": "px", "sigma": "px"}
+GREY_WEIGHTS = np.array([0.114, 0.587, 0.299])  # blue, green, red: ITU-R BT.601
+
+
+def read_grey(path: PathLike) -> npt.NDArray[Any]:
+    """Read any picture as (H, W) grey, at the bit depth that it has.
+
+    Colour becomes luma (ITU-R BT.601) in float32, transparency is dropped, of several pages the
+    first is taken. Raises InputError for a file that is missing or no picture.
+    """
+    if not Path(path).is_file():
+        raise InputError(f"image file: {path}: not found")
+    image: npt.NDArray[Any] | None = cv2.imread(os.fspath(path), cv2.IMREAD_UNCHANGED)
+    if image is None:
+        try:
+            image = np.asarray(tifffile.imread(path, key=0))
+        except (tifffile.TiffFileError, ValueError, KeyError, IndexError, OSError) as error:
+            raise InputError(f"image file: {path}: can't be read as a picture") from error
+        if image.ndim == 3:
+            image = image[..., ::-1] if image.shape[2] == 3 else image
+    if image.ndim == 3 and image.shape[2] in (3, 4):
+        colour = image[..., :3]
+        if (colour == colour[..., :1]).all():
+            return np.ascontiguousarray(colour[..., 0])
+        return np.asarray(colour @ GREY_WEIGHTS, dtype=np.float32)
+    if image.ndim == 3 and image.shape[2] in (1, 2):
+        image = image[..., 0]
+    if image.ndim != 2 or image.dtype.kind not in "uif":
+        raise InputError(
+            f"image file: {path}: got shape {image.shape}, {image.dtype}; expected grey or colour"
+        )
+    return np.ascontiguousarray(image)
+
+
+def result_columns(
+    result: DicResult, strain: StrainResult | None = None
+) -> dict[str, npt.NDArray[Any]]:
+    """The columns of a table, (M,) each: position, displacement, gradient, quality, strain."""
+    gradient = result.gradient
+    columns: dict[str, npt.NDArray[Any]] = {
+        "x": result.points[:, 0],
+        "y": result.points[:, 1],
+        "u": result.displacement[:, 0],
+        "v": result.displacement[:, 1],
+        "du_dx": gradient[:, 0, 0],
+        "du_dy": gradient[:, 0, 1],
+        "dv_dx": gradient[:, 1, 0],
+        "dv_dy": gradient[:, 1, 1],
+        "zncc": result.zncc,
+        "sigma": result.sigma,
+        "iterations": result.iterations,
+    }
+    if strain is not None:
+        columns |= {
+            "exx": strain.tensor[:, 0, 0],
+            "eyy": strain.tensor[:, 1, 1],
+            "exy": strain.tensor[:, 0, 1],
+            "e1": strain.principal[:, 0],
+            "e2": strain.principal[:, 1],
+            "strain_residual": strain.residual,
+        }
+    return columns | {"status": result.status}
+
+
+def write_correlation(
+    path: PathLike,
+    result: DicResult,
+    strain: StrainResult | None = None,
+    attributes: Mapping[str, str | float | int] | None = None,
+) -> Path:
+    """Write a result in the format that the suffix names: ``.csv``, ``.npz`` or ``.h5``.
+
+    In CSV ``status`` is a word, in the others a number; their names come with the file. Attributes
+    (settings, versions) go into comment lines or the file's own attributes.
+    """
+    target = Path(path)
+    columns = result_columns(result, strain)
+    notes: dict[str, str | float | int] = {"subset_px": result.subset}
+    if strain is not None:
+        notes |= {"strain": strain.kind, "strain_gauge_px": strain.gauge_px}
+    notes |= dict(attributes or {})
+    suffix = target.suffix.lower().lstrip(".")
+    if suffix == "csv":
+        return _write_csv(target, columns, notes)
+    names = np.array([status.name for status in Status])
+    if suffix == "npz":
+        arrays: dict[str, Any] = {**columns, "status_names": names}
+        arrays |= {f"note_{key}": np.array(value) for key, value in notes.items()}
+        with atomic_stream(target) as stream:
+            np.savez_compressed(stream, **arrays)
+        return target
+    if suffix == "h5":
+        with atomic_path(target) as part, h5py.File(part, "w") as file:
+            for name, values in columns.items():
+                data = file.create_dataset(name, data=values, compression="gzip")
+                data.attrs["unit"] = UNITS.get(name, "1")
+            file.attrs["status_names"] = [str(name) for name in names]
+            file.attrs["frame"] = "pixels of the reference image, x right, y down"
+            for key, value in notes.items():
+                file.attrs[key] = value
+        return target
+    raise InputError(f"{path}: unknown format; expected a name ending in one of {FORMATS}")
+
+
+def _write_csv(
+    path: Path, columns: dict[str, npt.NDArray[Any]], notes: Mapping[str, str | float | int]
+) -> Path:
+    """Comment lines, names, rows."""
+    texts: list[list[str]] = []
+    for name, values in columns.items():
+        if name == "status":
+            words = {int(status): status.name for status in Status}
+            texts.append([words[int(value)] for value in values])
+        elif values.dtype.kind == "f":
+            texts.append(["" if value != value else f"{value:.9g}" for value in values.tolist()])
+        else:
+            texts.append([str(value) for value in values.tolist()])
+    lines = [f"# {key} = {value}" for key, value in notes.items()]
+    lines.append(",".join(columns))
+    lines.extend(",".join(row) for row in zip(*texts, strict=True))
+    return write_text(path, "\n".join(lines) + "\n")

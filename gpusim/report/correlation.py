@@ -1,0 +1,101 @@
+"""The summary of a correlation: numbers per image, and a page with its maps."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from gpusim._version import __version__
+from gpusim.measure import DicResult, StrainResult
+from gpusim.report.model import Figure
+from gpusim.report.pictures import photo_uri
+from gpusim.report.text import number
+
+__all__ = ["correlation_page", "summary"]
+
+_COLUMNS = {
+    "image": "image",
+    "measured": "measured",
+    "points": "points",
+    "u_mean": "mean u (px)",
+    "v_mean": "mean v (px)",
+    "motion_max": "largest motion (px)",
+    "sigma_median": "median sigma (px)",
+    "zncc_median": "median correlation",
+    "e1_max": "largest strain",
+    "e2_min": "smallest strain",
+    "seconds": "seconds",
+}
+
+
+def summary(
+    image: str, result: DicResult, strain: StrainResult | None, seconds: float
+) -> dict[str, Any]:
+    """What one image gave, in numbers that JSON can hold; None where nothing was measured."""
+    ok = result.ok
+    u, v = result.displacement[ok].T
+    values: dict[str, Any] = {
+        "image": image,
+        "points": len(ok),
+        "measured": int(ok.sum()),
+        "counts": result.counts(),
+        "u_mean": _mean(u),
+        "v_mean": _mean(v),
+        "motion_max": float(np.hypot(u, v).max()) if u.size else None,
+        "sigma_median": float(np.median(result.sigma[ok])) if u.size else None,
+        "zncc_median": float(np.median(result.zncc[ok])) if u.size else None,
+    }
+    if strain is not None:
+        known = strain.ok
+        # quantiles: a single point at a rough border isn't the strain of the piece
+        values["e1_max"] = _quantile(strain.principal[known, 0], 0.995)
+        values["e2_min"] = _quantile(strain.principal[known, 1], 0.005)
+        values["strain_gauge_px"] = strain.gauge_px
+    return values | {"seconds": round(seconds, 3)}
+
+
+def correlation_page(
+    title: str,
+    rows: Sequence[Mapping[str, Any]],
+    figures: Sequence[tuple[str, Figure]],
+    settings: Mapping[str, Any],
+) -> str:
+    """One self-contained page of all images; raises InputError if a figure can't be read."""
+    environment = Environment(
+        loader=PackageLoader("gpusim.report", "page"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["uri"] = photo_uri
+    keys = [key for key in _COLUMNS if any(key in row for row in rows)]
+    count = sum(row["measured"] for row in rows)
+    total = sum(row["points"] for row in rows)
+    return environment.get_template("correlation.html.j2").render(
+        title=title,
+        version=__version__,
+        lead=f"{len(rows)} image{'s' if len(rows) != 1 else ''}, "
+        f"{count} of {total} points measured.",
+        names=[_COLUMNS[key] for key in keys],
+        rows=[[_cell(row.get(key)) for key in keys] for row in rows],
+        figures=figures,
+        settings=[(key, _cell(value)) for key, value in settings.items()],
+    )
+
+
+def _cell(value: Any) -> str:
+    if value is None:
+        return "-"
+    return number(value, 5) if isinstance(value, float) else str(value)
+
+
+def _mean(values: Any) -> float | None:
+    return float(values.mean()) if values.size else None
+
+
+def _quantile(values: Any, share: float) -> float | None:
+    return float(np.quantile(values, share)) if values.size else None
