@@ -90,6 +90,7 @@ __all__ = [
     "Shape",
     "Shutter",
     "Solver",
+    "Speckle",
     "Stereo",
     "Support",
     "Thermal",
@@ -164,7 +165,28 @@ class Dots:
     dot: float
 
 
-Paint = Plain | Markers | Checker | Dots
+@dataclass(frozen=True)
+class Speckle:
+    """Random discs of mean ``diameter`` and edge ``softness`` (m); ``albedo`` is the ground's.
+
+    The other values are those of `gpusim.surface.paint.Speckle`.
+    """
+
+    name: str
+    where: Where
+    albedo: float
+    up: Vec3 | None
+    diameter: float
+    coverage: float
+    softness: float
+    size_law: str
+    spread: float
+    arrangement: str
+    seed: int
+    dot: float
+
+
+Paint = Plain | Markers | Checker | Dots | Speckle
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from .schema.load import (
 )
 from .schema.material import MaterialTable
 from .schema.measure import DamageTable, MeasureTable, StereoTable
-from .schema.paint import CheckerTable, MarkersTable, PaintTable, PlainTable
+from .schema.paint import CheckerTable, MarkersTable, PaintTable, PlainTable, SpeckleTable
 from .schema.prop import BoxPropTable, PlateTable, PoseTable, PropTable
 from .schema.view import AmbientLightTable, AreaLightTable, CameraTable, LightTable
 from .schema.where import WhereTable
@@ -160,6 +160,12 @@ def paint(table: PaintTable) -> model.Paint:
         return model.Checker(
             table.name, place, table.albedo, up, table.cell_mm / 1000.0, table.columns, table.rows,
             _m(table.origin_mm), table.dark, table.light,
+        )  # fmt: skip
+    if isinstance(table, SpeckleTable):
+        return model.Speckle(
+            table.name, place, table.albedo, up, table.diameter_mm / 1000.0, table.coverage,
+            table.softness_mm / 1000.0, table.size_law, table.spread, table.arrangement,
+            table.seed, table.dot,
         )  # fmt: skip
     return model.Dots(
         table.name, place, table.albedo, up, table.diameter_mm / 1000.0, table.pitch_mm / 1000.0,
