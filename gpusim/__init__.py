@@ -41,12 +41,15 @@ if _typing.TYPE_CHECKING:
         PointLight,
         Sensor,
         Shutter,
+        SpotLight,
+        SunLight,
         Truth,
         Vignetting,
         photograph,
         psf,
         render,
     )
+    from gpusim.optics.calibration_files import read_calibration, write_calibration
     from gpusim.pipeline import run, solve
     from gpusim.report import Report
     from gpusim.scene import Scene, load_scene
@@ -81,6 +84,8 @@ __all__ = [
     "Shutter",
     "Skin",
     "Solution",
+    "SpotLight",
+    "SunLight",
     "Surface",
     "Truth",
     "TwinMismatch",
@@ -96,11 +101,13 @@ __all__ = [
     "paint",
     "photograph",
     "psf",
+    "read_calibration",
     "read_field",
     "read_mesh",
     "render",
     "run",
     "solve",
+    "write_calibration",
 ]
 
 _HOMES = {
@@ -129,12 +136,15 @@ _HOMES = {
         "PointLight",
         "Sensor",
         "Shutter",
+        "SpotLight",
+        "SunLight",
         "Truth",
         "Vignetting",
         "photograph",
         "psf",
         "render",
     ),
+    "gpusim.optics.calibration_files": ("read_calibration", "write_calibration"),
     "gpusim.pipeline": ("run", "solve"),
     "gpusim.report": ("Report",),
     "gpusim.scene": ("Scene", "load_scene"),

@@ -13,12 +13,14 @@ import hashlib
 import json
 from dataclasses import dataclass, replace
 from os import PathLike
+from pathlib import Path
 from typing import Any, Literal
 
 from gpusim._version import __version__
 from gpusim.scene import Scene
 from gpusim.scene import cost as cost_of
 from gpusim.scene.amplitudes import LoadHistory
+from gpusim.scene.model import Camera
 from gpusim.state import StateFile
 
 __all__ = ["Plan", "PlannedStage", "make_plan"]
@@ -103,7 +105,27 @@ def make_plan(
     nothing is reused, and what the loads make trivial is computed all the same; outputs that the
     scene doesn't ask for are not made.
     """
+    if scene.variants:
+        return _plan_variants(scene, out, backend, fresh, skip)
     return _Planner(scene, out, backend, fresh, skip).plan()
+
+
+def _plan_variants(
+    scene: Scene, out: str | PathLike[str] | None, backend: str, fresh: bool, skip: bool
+) -> Plan:
+    """The stages of every variant, named ``<variant>/<stage>``, and their comparison."""
+    stages = []
+    for variant in scene.variants:
+        folder = None if out is None else Path(out) / "variants" / variant.name
+        plan = make_plan(scene.variant(variant.name), folder, backend, fresh, skip)
+        stages += [replace(stage, name=f"{variant.name}/{stage.name}") for stage in plan.stages]
+    for measure in scene.measures:
+        if measure.name not in {m.name for m in scene.variant(scene.variants[0].name).measures}:
+            stages.append(
+                PlannedStage(measure.name, "run", "compares the variants", 0, 0.1, measure.name)
+            )
+    stages.append(PlannedStage("report", "run", "says what this run did", 0, 1.0, "report"))
+    return Plan(scene.name, backend, tuple(stages))
 
 
 class _Planner:
@@ -198,6 +220,7 @@ class _Planner:
         """Enter the render stages; returns their names."""
         names = []
         scene = self.scene
+        weights: list[Any]
         for camera in scene.cameras:
             sections = (f"camera.{camera.name}", "light", "render", "sensor")
             first = ""
@@ -205,9 +228,12 @@ class _Planner:
                 name = f"render/{camera.name}/{frame:04d}"
                 # the unloaded frame doesn't depend on the solution; an automatic exposure is that
                 # of the camera's first frame
-                unloaded = self.history.unloaded(frame)
+                near = self._near(camera, frame)
+                unloaded = all(self.history.unloaded(one) for one in near)
                 moved = "" if unloaded else solve
-                weights = [] if unloaded else self.history.weights(frame)
+                weights = [] if unloaded else [self.history.weights(one) for one in near]
+                if len(near) > 1:
+                    weights.append(scene.analysis.frame_rate)
                 key = self.key(name, sections, surface, moved, first, extra=[self.backend, weights])
                 if frame == 0 and self.scene.sensor.exposure is None:
                     first = key
@@ -216,10 +242,17 @@ class _Planner:
                     columns, rows = camera.resolution
                     factors = ", ".join(f"{w:g}" for w in self.history.shown(frame))
                     what = f"time {factors}" if self.history.given else f"load x {factors}"
-                    detail = f"{columns}x{rows} px, {self.stages[name].detail}, {what}"
+                    effects = cost_of.effects(scene, camera)
+                    detail = f"{columns}x{rows} px, {self.stages[name].detail}, {effects}, {what}"
                     self.stages[name] = replace(self.stages[name], detail=detail)
                 names.append(name)
         return names
+
+    def _near(self, camera: Camera, frame: int) -> list[int]:
+        """The frames that an image depends on: with a shutter the neighbours too."""
+        if camera.shutter is None:
+            return [frame]
+        return sorted({max(frame - 1, 0), frame, min(frame + 1, self.history.frames - 1)})
 
     def _targets(self) -> list[str]:
         """Enter the render stages of the calibration target, which no body has a part in."""

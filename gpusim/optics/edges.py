@@ -16,9 +16,11 @@ from gpusim.gpu import Buffer, Device, Recording, compare, twin_check
 from gpusim.optics.albedo import mean_albedo
 from gpusim.optics.binning import EdgePixels, bin_edges
 from gpusim.optics.bitmap import BITMAP, mean_over_polygons
+from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.pattern import LOOP_TURNS, PatternTable
 from gpusim.optics.setup import Setup, probe_setup, radiance_factor
 from gpusim.optics.shade import Tables
+from gpusim.optics.shadow_tiles import TILE, TURNS
 from gpusim.optics.speckle import ROWS as SPECKLE_ROWS
 from gpusim.optics.view import FIXED
 
@@ -41,7 +43,8 @@ class EdgePass:
         table, fine = tables.setup.table, tables.setup.constants([1])["fine"]
         turns = 200 + table.most_in_a_cell * (2000 if fine else 50) + speckle_turns(table)
         turns += 3000 if (tables.setup.groups == BITMAP).any() else 0
-        deep = edges.depth > min(DEEPEST, LOOP_TURNS // turns)
+        each = turns + _shadow_turns(tables.setup, edges)
+        deep = edges.depth > np.minimum(DEEPEST, LOOP_TURNS // each)
         self._deep = edges.select(deep)
         self._deep_values = _resolve(tables.setup, self._deep).astype(np.float32)
         edges = edges.select(~deep)
@@ -83,6 +86,7 @@ class EdgePass:
             lists=self._lists,
             radiance=radiance,
             **self.tables.shared(),
+            **self.tables.shadows.bindings(),
         )
         recording.dispatch(kernel, bindings, threads=(int(last - first),))
 
@@ -94,6 +98,17 @@ class EdgePass:
             row, column = divmod(int(self._deep.pixel[k]), width)
             place = (row - row0) * stride + column
             radiance.write(self._deep_values[k : k + 1], 4 * place)
+
+
+def _shadow_turns(setup: Setup, edges: EdgePixels) -> npt.NDArray[np.int64]:
+    """Turns (E,) of the shader's loops that the shadows on one triangle over a pixel may take."""
+    tiles = setup.lighting.shadows
+    if tiles is None:
+        return np.zeros(len(edges.pixel), np.int64)
+    row, column = np.divmod(edges.pixel, setup.view.camera.width)
+    faces = np.concatenate([[0], tiles.count.sum(axis=1)])
+    result: npt.NDArray[np.int64] = TURNS * faces[tiles.entry[row // TILE, column // TILE]]
+    return result
 
 
 def speckle_turns(table: PatternTable) -> int:
@@ -150,7 +165,7 @@ def _resolve(setup: Setup, edges: EdgePixels) -> Array:
         opened[entry] -= seen
         keep = visible | (seen > 0)
         entry, triangle, at, area = entry[keep], triangle[keep], at[keep], area[keep]
-        light = _light(setup, triangle, at, polygon[keep], centroid[keep])
+        light = _light(setup, triangle, at, polygon[keep], centroid[keep], area)
         visible, seen = visible[keep], seen[keep]
         free_area[entry] += np.where(visible, area, 0.0)
         free_light[entry] += np.where(visible, area * light, 0.0)
@@ -182,36 +197,53 @@ def _is_covered(
 
 
 def _light(
-    setup: Setup, triangle: npt.NDArray[np.int64], at: Array, polygon: Array, centroid: Array
+    setup: Setup,
+    triangle: npt.NDArray[np.int64],
+    at: Array,
+    polygon: Array,
+    centroid: Array,
+    area: Array,
 ) -> Array:
     """Radiance of clipped polygons: mean albedo x light at the centroid."""
     x, y = (at + centroid).T
     paint = setup.view.paint[triangle]
     albedo = setup.table.paints["ground"][paint].astype(np.float64)
     featured = setup.table.paints["featured"][paint]
+    # all of a polygon through the cubic of its pixel
+    ideal = _undistorted(setup, at, at[:, None] + np.concatenate([centroid[:, None], polygon], 1))
     rows = np.flatnonzero((featured > 0) & (featured < BITMAP))
     if len(rows):
         own = triangle[rows]
-        middle, w0 = _paint_positions(setup, own, (at + centroid)[rows][:, None])
-        corners, w = _paint_positions(setup, own, at[rows, None] + polygon[rows])
+        middle, w0 = _paint_positions(setup, own, ideal[rows, :1])
+        corners, w = _paint_positions(setup, own, ideal[rows, 1:])
         albedo[rows] = mean_albedo(
             setup.table, paint[rows], setup.cell[own], middle[:, 0], corners - middle, w / w0
         )
     for number, image in setup.bitmaps.images.items():
         rows = np.flatnonzero(paint == number)
         own = triangle[rows]
-        middle, w0 = _paint_positions(setup, own, (at + centroid)[rows][:, None])
-        corners, w = _paint_positions(setup, own, at[rows, None] + polygon[rows])
+        middle, w0 = _paint_positions(setup, own, ideal[rows, :1])
+        corners, w = _paint_positions(setup, own, ideal[rows, 1:])
         albedo[rows] = mean_over_polygons(
             image, image.ground, setup.cell[own], middle[:, 0], corners - middle, w / w0
         )
-    return albedo * radiance_factor(setup, triangle, x, y)
+    return albedo * radiance_factor(setup, triangle, x, y, np.sqrt(area))
+
+
+def _undistorted(setup: Setup, pixel: Array, at: Array) -> Array:
+    """Ideal positions of image positions (n, V, 2) in pixels (n, 2)."""
+    bends = distortion_map(setup.view.camera)
+    if bends is None:
+        return at
+    owner = np.repeat(pixel.astype(np.int64), at.shape[1], axis=0)
+    flat = at.reshape(-1, 2)
+    return (flat + bends.evaluate(owner, flat - owner)[0]).reshape(at.shape)
 
 
 def _paint_positions(
     setup: Setup, triangle: npt.NDArray[np.int64], pixels: Array
 ) -> tuple[Array, Array]:
-    """Paint positions (n, V, 2) of pixel positions (n, V, 2), and 1 / z (n, V) to scale."""
+    """Paint positions (n, V, 2) of ideal positions (n, V, 2), and 1 / z (n, V) to scale."""
     d = pixels - setup.anchor[triangle][:, None]
     planes = setup.planes[triangle][:, :3]
     values = d @ np.swapaxes(planes[:, :, :2], 1, 2) + planes[:, None, :, 2]

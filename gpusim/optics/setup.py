@@ -14,21 +14,13 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.gpu.buffer import F32_MAX
 from gpusim.optics.bitmap import BITMAP, PIECES, BitmapTable, pieces_needed
 from gpusim.optics.camera import Camera
-from gpusim.optics.light import (
-    AmbientLight,
-    AreaLight,
-    Light,
-    PointLight,
-    ambient,
-    closest_points,
-    emitters,
-    irradiance,
-)
+from gpusim.optics.distortion_map import distortion_map
+from gpusim.optics.light import AmbientLight, AreaLight, Light, PointLight
+from gpusim.optics.lighting import Lighting
 from gpusim.optics.pattern import PatternTable
-from gpusim.optics.view import NORMAL, ST, View, barycentric_planes, look
+from gpusim.optics.view import NORMAL, ST, View, look
 from gpusim.surface.paint import Checker, Dots, Image, Markers, Paint, Plain, Speckle
 from gpusim.surface.surface import Surface
 
@@ -40,7 +32,6 @@ TRIANGLE = np.dtype(
     [("st", "<f4", 4), ("tw", "<f4", 4), ("n0", "<f4", 4), ("nx", "<f4", 4), ("ny", "<f4", 4),
      ("place", "<i4", 4), ("more", "<f4", 4)]
 )  # fmt: skip
-MOST_EMITTERS = 256
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,8 +47,7 @@ class Setup:
     view: View
     table: PatternTable
     bitmaps: BitmapTable
-    emitters: Array
-    ambient: float
+    lighting: Lighting
     background: float
     lit: bool
     planes: Array
@@ -67,21 +57,21 @@ class Setup:
     near_feature: npt.NDArray[np.bool_]
 
     @staticmethod
-    def build(view: View, lights: Sequence[Light] | None, background: float) -> Setup:
-        """Set up every triangle of ``view``; ``lights`` None shows the albedo itself."""
+    def build(
+        view: View,
+        lights: Sequence[Light] | None,
+        background: float,
+        surfaces: Sequence[Surface] = (),
+    ) -> Setup:
+        """Set up every triangle of ``view``; ``lights`` None shows the albedo itself.
+
+        ``surfaces`` are those that cast shadows.
+        """
         table = PatternTable.build(view.paints)
         bitmaps = BitmapTable.build(view.paints, table.paints)
         lit = lights is not None
-        T = view.camera.camera_from_world
-        world = (view.corners[:, :, :3] - T[:3, 3]) @ T[:3, :3]
-        rows = emitters(lights or [], closest_points(lights or [], world))
-        if len(rows) > MOST_EMITTERS:
-            raise InputError(
-                f"render lights; got {len(rows)} emitting points; expected at most "
-                f"{MOST_EMITTERS}: use fewer lamps, or smaller ones farther away"
-            )
-        rows[:, :3] -= view.camera.eye
-        anchor = np.rint(view.screen.mean(axis=1)).astype(np.int32)
+        lighting = Lighting.build(view, lights, surfaces)
+        anchor = np.rint(view.ideal.mean(axis=1)).astype(np.int32)
         size = table.paints["cell"][view.paint].astype(np.float64)
         st = bitmaps.texel_positions(view.paint, view.corners[:, :, ST])
         cell = np.floor(st.mean(axis=1) / size[:, None])
@@ -91,12 +81,12 @@ class Setup:
              view.corners[:, :, NORMAL]], axis=2
         )  # fmt: skip
         mean_inverse = view.inverse_depth().mean(axis=1)
-        basis = barycentric_planes(view.corners, view.camera) / mean_inverse[:, None, None]
+        basis = view.planes / mean_inverse[:, None, None]
         planes = np.einsum("tia,tik->tak", values, basis)
         planes[:, :, 2] += np.einsum("tak,tk->ta", planes[:, :, :2], anchor.astype(np.float64))
         near = table.near_features(view.paint, st.min(axis=1), st.max(axis=1))
         return Setup(
-            view, table, bitmaps, rows, ambient(lights or []), background, lit, planes, anchor,
+            view, table, bitmaps, lighting, background, lit, planes, anchor,
             cell.astype(np.int64), mean_inverse,
             near,
         )  # fmt: skip
@@ -173,25 +163,25 @@ class Setup:
         fine, large = self._pattern_traits if 1 in groups else (False, False)
         return {
             "lit": float(self.lit),
+            "distorted": float(self.view.camera.lens is not None),
             "patterned": float(any(groups)),
             "speckle": float((2 in groups) + 2 * (3 in groups)),
-            "emitter_count": float(len(self.emitters)),
+            **self.lighting.constants(),
             "checkers": float(0 in kinds),
             "discs": float((2 if large else 1) if 1 in kinds else 0),
             "fine": float(fine),
             "bitmaps": float(self._bitmap_variant if BITMAP in groups else 0),
         }
 
-    def lamps(self) -> dict[str, Array]:
-        """The emitters as the shader's uniform."""
-        lamps = np.zeros((MOST_EMITTERS, 8))
-        lamps[: len(self.emitters)] = self.emitters
-        if not np.abs(lamps).max() <= F32_MAX:
-            raise InputError(
-                f"render lights; got values up to {np.abs(lamps).max():.3g}; expected positions "
-                f"and intensities below {F32_MAX:.3g}"
-            )
-        return {"ambient": np.full(4, self.ambient), "emitters": lamps.reshape(-1, 4)}
+    def undistorted(self, at: Array) -> tuple[Array, Array]:
+        """Ideal positions (n, 2) of image positions ``at`` (n, 2), and the change (n, 2, 2).
+
+        Change [:, :, k] is what a column or a row of the image is in pixels of the ideal image.
+        """
+        bends = distortion_map(self.view.camera)
+        if bends is None:
+            return at, np.broadcast_to(np.eye(2), (len(at), 2, 2))
+        return bends.ideal(at)
 
 
 def footprint(
@@ -201,28 +191,45 @@ def footprint(
 
     Last: the relative change (n, 2) of 1 / z per column and row.
     """
-    d = np.stack([x, y], axis=1) - setup.anchor[triangle]
+    ideal, change = setup.undistorted(np.stack([x, y], axis=1))
+    d = ideal - setup.anchor[triangle]
     planes = setup.planes[triangle]
     values = planes[:, :3, 0] * d[:, :1] + planes[:, :3, 1] * d[:, 1:] + planes[:, :3, 2]
     w = values[:, 2:3]
     st = values[:, :2] / w
     ex = (planes[:, :2, 0] - st * planes[:, 2:3, 0]) / w
     ey = (planes[:, :2, 1] - st * planes[:, 2:3, 1]) / w
-    return st, ex, ey, planes[:, 2, :2] / w
+    turned = np.stack([ex, ey], axis=2) @ change
+    q = np.einsum("ni,nik->nk", planes[:, 2, :2] / w, change)
+    return st, turned[:, :, 0], turned[:, :, 1], q
 
 
-def radiance_factor(setup: Setup, triangle: npt.NDArray[np.int64], x: Array, y: Array) -> Array:
-    """What the albedo is multiplied by at pixel positions: irradiance / pi, or 1 unlit."""
+def radiance_factor(
+    setup: Setup,
+    triangle: npt.NDArray[np.int64],
+    x: Array,
+    y: Array,
+    extent: Array | float = 1.0,
+) -> Array:
+    """What the albedo is multiplied by at pixel positions: irradiance / pi, or 1 unlit.
+
+    ``extent``: side of the area that the light stands for, px.
+    """
     if not setup.lit:
         return np.ones(len(x))
-    d = np.stack([x, y], axis=1) - setup.anchor[triangle]
+    ideal, bend = setup.undistorted(np.stack([x, y], axis=1))
+    d = ideal - setup.anchor[triangle]
     planes = setup.planes[triangle]
     values = planes[:, 2:, 0] * d[:, :1] + planes[:, 2:, 1] * d[:, 1:] + planes[:, 2:, 2]
     depth = 1.0 / (values[:, 0] * setup.mean_inverse[triangle])
-    position = depth[:, None] * (np.stack([x, y, np.ones_like(x)], axis=1) @ setup.rays().T)
+    rays = setup.rays()
+    position = depth[:, None] * (np.c_[ideal, np.ones(len(x))] @ rays.T)
     normal = values[:, 1:]
     normal = normal / np.linalg.norm(normal, axis=1)[:, None]
-    return irradiance(setup.emitters, position, normal, setup.ambient) / np.pi
+    rate = (planes[:, 2, :2] / values[:, :1])[:, None]
+    scale = np.broadcast_to(extent, len(x))[:, None, None]
+    change = scale * (depth[:, None, None] * rays[:, :2] - position[:, :, None] * rate) @ bend
+    return setup.lighting.matte(x, y, position, normal, change[:, :, 0], change[:, :, 1])
 
 
 def probe_setup() -> Setup:

@@ -33,6 +33,7 @@ def check_document(document: Mapping[str, Any]) -> Found:
     _poses(document, found)
     _layers(document, found)
     _deflection_is_seen(document, found)
+    _shutters(document, found)
     return found
 
 
@@ -58,7 +59,7 @@ def _unique_names(document: Mapping[str, Any], found: Found) -> None:
             if first != keys:
                 _add(found, keys, "name used twice", name, f"another than {dotted(first)}")
 
-    for key in ("material", "camera", "light", "measure"):
+    for key in ("material", "camera", "light", "measure", "variant"):
         unique((), document, key, {})
     things: dict[str, Keys] = {}  # bodies and props are both things in the picture,
     paints: dict[str, Keys] = {}  # and measurements know paints by their name alone
@@ -104,10 +105,19 @@ def _references(document: Mapping[str, Any], found: Found) -> None:
     cameras = _names(document, "camera")
     moving = _marker_names(document, "body")
     fixed = _marker_names(document, "prop")
+    variants = _names(document, "variant")
+    lines = [
+        str(m.get("name")) for _, m in _items(document, "measure") if m.get("type") == "deflection"
+    ]
     for index, measure in _items(document, "measure"):
         if cameras is not None:
             refer(("measure", index, "camera"), measure.get("camera"), cameras, "camera")
+        refer(("measure", index, "of"), measure.get("of"), lines, "measure of a deflection")
+        if variants is not None:
+            keys = ("measure", index, "reference")
+            refer(keys, measure.get("reference"), variants, "variant")
         lists = (
+            ("cameras", cameras, "camera"),
             ("groups", moving, "markers paint on a body"),
             ("static", fixed, "markers paint on a prop"),
         )
@@ -280,3 +290,23 @@ def _physics(document: Mapping[str, Any], found: Found) -> None:
         and (document.get("camera", []) == [])
     ):
         _add(found, ("camera",), "nothing to measure in", "no camera", "at least one [[camera]]")
+
+
+def _shutters(document: Mapping[str, Any], found: Found) -> None:
+    """What moves while a shutter is open depends on how fast frames follow each other."""
+    analysis = document.get("analysis", {})
+    rate = analysis.get("frame_rate_Hz") if isinstance(analysis, Mapping) else None
+    for index, camera in _items(document, "camera"):
+        shutter = camera.get("shutter")
+        if not isinstance(shutter, Mapping):
+            continue
+        if rate is None:
+            _add(found, ("camera", index, "shutter"), "without a time between frames", "a shutter",
+                 "analysis.frame_rate_Hz beside it")  # fmt: skip
+            continue
+        exposure = shutter.get("exposure_ms", 0)
+        if isinstance(exposure, int | float) and isinstance(rate, int | float) and rate > 0:
+            most = 1000.0 / rate
+            if not exposure <= most * (1 + 1e-9):
+                _add(found, ("camera", index, "shutter", "exposure_ms"), "longer than a frame",
+                     exposure, f"at most {most:g}")  # fmt: skip
