@@ -29,6 +29,7 @@ from .loading import (
     Where,
 )
 from .measures import Damage, Deflection, Measure, Stereo, Variant
+from .photo import Lens, Psf, Sensor, Shutter, Vignetting
 from .recipe import (
     BeamMesh,
     BoxMesh,
@@ -62,6 +63,7 @@ __all__ = [
     "Force",
     "Gravity",
     "Isotropic",
+    "Lens",
     "Light",
     "LineForce",
     "Load",
@@ -82,9 +84,11 @@ __all__ = [
     "Pose",
     "Pressure",
     "Prop",
+    "Psf",
     "Render",
     "Sensor",
     "Shape",
+    "Shutter",
     "Solver",
     "Speckle",
     "Stereo",
@@ -93,6 +97,7 @@ __all__ = [
     "Traction",
     "Variant",
     "Vec3",
+    "Vignetting",
     "Where",
 ]
 
@@ -301,6 +306,7 @@ class Analysis:
 
     type: str
     load_factors: tuple[float, ...]
+    frame_rate: float | None = None
 
 
 @dataclass(frozen=True)
@@ -327,6 +333,8 @@ class Camera:
     target: Vec3
     up: Vec3
     principal_point_offset: tuple[float, float]
+    lens: Lens | None = None
+    shutter: Shutter | None = None
 
 
 @dataclass(frozen=True)
@@ -351,15 +359,6 @@ class Render:
 
     error: float
     background: float
-
-
-@dataclass(frozen=True)
-class Sensor:
-    """``exposure``: fraction of full scale per unit of radiance, None to choose it from frame 0."""
-
-    bits: int
-    exposure: float | None
-    format: str
 
 
 @dataclass(frozen=True)

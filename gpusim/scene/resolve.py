@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from . import model
+from . import model, resolve_photo
 from .resolve_mesh import field_recipe, mesh_recipe, metres
 from .schema import SceneTable
 from .schema.base import norm
@@ -239,6 +239,8 @@ def camera(table: CameraTable) -> model.Camera:
         target=_m(table.target_mm),
         up=_vec(table.up),
         principal_point_offset=_pair(table.principal_point_offset_mm),
+        lens=resolve_photo.lens(table.lens),
+        shutter=resolve_photo.shutter(table.shutter),
     )
 
 
@@ -276,7 +278,7 @@ def measure(table: MeasureTable) -> model.Measure:
 
 def analysis(scene: SceneTable) -> model.Analysis:
     table = scene.analysis
-    return model.Analysis(table.type, tuple(table.times or table.load_factors))
+    return model.Analysis(table.type, tuple(table.times or table.load_factors), table.frame_rate_Hz)
 
 
 def solver(scene: SceneTable) -> model.Solver:
@@ -289,8 +291,7 @@ def render(scene: SceneTable) -> model.Render:
 
 
 def sensor(scene: SceneTable) -> model.Sensor:
-    exposure = None if scene.sensor.exposure == "auto" else float(scene.sensor.exposure)
-    return model.Sensor(scene.sensor.bits, exposure, scene.sensor.format)
+    return resolve_photo.sensor(scene.sensor)
 
 
 def output(scene: SceneTable) -> model.Output:
