@@ -208,4 +208,4 @@ def test_large_views_take_larger_cells(monkeypatch: pytest.MonkeyPatch) -> None:
     assert spared.grids[0].cell > usual.grids[0].cell and sizes[1] < 10_000 < sizes[0]
     monkeypatch.setattr(tables, "MOST_TEXELS", 500)
     with pytest.raises(InputError, match=r"Speckle diameter; got 5, which makes .* at most 500"):
-        speckle_table([(SOFT, low, high, 0.502)])
+        speckle_table([(SOFT, low, high, 0.9)])
