@@ -13,6 +13,7 @@ import hashlib
 import json
 from dataclasses import dataclass, replace
 from os import PathLike
+from pathlib import Path
 from typing import Any, Literal
 
 from gpusim._version import __version__
@@ -103,7 +104,27 @@ def make_plan(
     nothing is reused, and what the loads make trivial is computed all the same; outputs that the
     scene doesn't ask for are not made.
     """
+    if scene.variants:
+        return _plan_variants(scene, out, backend, fresh, skip)
     return _Planner(scene, out, backend, fresh, skip).plan()
+
+
+def _plan_variants(
+    scene: Scene, out: str | PathLike[str] | None, backend: str, fresh: bool, skip: bool
+) -> Plan:
+    """The stages of every variant, named ``<variant>/<stage>``, and their comparison."""
+    stages = []
+    for variant in scene.variants:
+        folder = None if out is None else Path(out) / "variants" / variant.name
+        plan = make_plan(scene.variant(variant.name), folder, backend, fresh, skip)
+        stages += [replace(stage, name=f"{variant.name}/{stage.name}") for stage in plan.stages]
+    for measure in scene.measures:
+        if measure.name not in {m.name for m in scene.variant(scene.variants[0].name).measures}:
+            stages.append(
+                PlannedStage(measure.name, "run", "compares the variants", 0, 0.1, measure.name)
+            )
+    stages.append(PlannedStage("report", "run", "says what this run did", 0, 1.0, "report"))
+    return Plan(scene.name, backend, tuple(stages))
 
 
 class _Planner:

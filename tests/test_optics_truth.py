@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import tracemalloc
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
 import gpusim as gs
 from gpusim.errors import InputError
 from gpusim.gpu import Device
-from gpusim.optics.truth import seen_in
+from gpusim.optics.truth import BAND, seen_in
 from gpusim.optics.visibility import near_an_edge, visibility_twin
 
 QUAD = np.array([[0, 1, 2, 3]])
@@ -77,6 +80,36 @@ def test_images_of_layers_and_selected_faces(device: Device) -> None:
     np.testing.assert_array_equal(second.depth, whole.depth[whole.face == 1])
     with pytest.raises(InputError, match="truth layer; got 'speed'; expected one of"):
         whole.image("speed")
+
+
+def test_bands_are_the_whole_image_in_pieces(device: Device) -> None:
+    view = camera(61, 2 * BAND + 37)
+    tall = plate().points * [3.0, 1.0, 60.0]
+    surfaces = [gs.Surface(tall, QUAD), gs.Surface(tall + np.array([0.7, -0.1, 0.2]), QUAD)]
+    frame = gs.render(surfaces, view, lights=[gs.PointLight((0, -2, 1), 5.0)], device=device)
+    whole, bands = frame.truth(), list(frame.truth_bands())
+    assert [len(np.unique(band.row // BAND)) for band in bands] == [1, 1, 1]
+    for layer in ("row", "column", *gs.Truth.LAYERS):
+        joined = np.concatenate([getattr(band, layer) for band in bands])
+        np.testing.assert_array_equal(joined, getattr(whole, layer))
+    second = list(frame.truth_bands(faces=(1, 2)))
+    assert sum(len(band.row) for band in second) == (whole.face == 1).sum() > 1000
+
+
+def test_bands_need_the_memory_of_a_band(device: Device) -> None:
+    tall = gs.Surface(plate().points * [1.0, 1.0, 30.0], QUAD)
+    frame = gs.render([tall], camera(700, 8 * BAND), device=device)
+    frame.ids()
+
+    def peak(use: Callable[[], object]) -> int:
+        tracemalloc.start()
+        use()
+        most = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return most
+
+    banded = peak(lambda: [len(band.row) for band in frame.truth_bands()])
+    assert banded <= 0.5 * peak(frame.truth)
 
 
 def test_ids_equal_the_twin_away_from_edges(device: Device) -> None:

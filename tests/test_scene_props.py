@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import cv2
+import h5py
 import numpy as np
 import numpy.typing as npt
 import pytest
@@ -202,3 +203,36 @@ def test_the_resolved_scene_reads_back(rig: Scene, tmp_path: Path) -> None:
     again = gs.load_scene(path)
     assert again.props == rig.props and again.calibration == rig.calibration
     assert json.loads(again.content) == json.loads(rig.content)
+
+
+def test_truth_says_which_cameras_see_a_point(tmp_path: Path) -> None:
+    """A screen hides the strip's far half from the left camera."""
+    right = {**CAMERA, "name": "right", "position_mm": [160.0, -880.0, 30.0]}
+    steel = {"name": "steel", "type": "isotropic", "youngs_modulus_GPa": 210.0,
+             "poissons_ratio": 0.3}  # fmt: skip
+    bar = {"name": "bar", "material": "steel",
+           "mesh": {"builder": "box", "size_mm": [200.0, 10.0, 60.0], "divisions": [4, 1, 1],
+                    "origin_mm": [-100.0, 0.0, -30.0]},
+           "paint": [{"name": "grey", "type": "plain", "albedo": 0.4}]}  # fmt: skip
+    screen = {"name": "screen", "center_mm": [-70.0, -400.0, 0.0], "normal": [0.0, -1.0, 0.0],
+              "size_mm": [60.0, 600.0],
+              "paint": [{"name": "black", "type": "plain", "albedo": 0.1}]}  # fmt: skip
+    given = scene(material=[steel], body=[bar], prop=[screen], camera=[CAMERA, right],
+                  output={"truth": ["reference", "cameras", "element"]})  # fmt: skip
+    gs.run(given, tmp_path / "out")
+    with h5py.File(tmp_path / "out/truth.h5") as file:
+        assert file.attrs["cameras"] == "left, right"
+        layer = file["camera/right/frame/0001/cameras"]
+        bits, X = layer[:], file["camera/right/frame/0001/reference"][:]
+        assert layer.attrs["convention"] == "Eulerian"
+    seen = bits >= 0
+    assert set(np.unique(bits[seen])) == {2, 3} and seen.sum() > 2000
+    # the left camera's line of sight through the screen's borders, at y = 0
+    eye = np.array([-120.0, -900.0])
+    edges = [eye[0] + (x - eye[0]) * 900.0 / 500.0 for x in (-100.0, -40.0)]
+    x = 1e3 * X[..., 0][seen]
+    front = np.abs(X[..., 1][seen]) <= 1e-6
+    hidden = (x > edges[0] + 1) & (x < edges[1] - 1) & front
+    beside = ((x < edges[0] - 1) | (x > edges[1] + 1)) & front
+    assert hidden.sum() > 500 and beside.sum() > 500
+    assert (bits[seen][hidden] == 2).all() and (bits[seen][beside] == 3).all()

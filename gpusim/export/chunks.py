@@ -22,6 +22,8 @@ __all__ = ["CHUNK", "ChunkedLayer"]
 
 CHUNK = 256  # pixels per side
 _LEVEL = 1
+_SAMPLE, _WORTH = 4096, 0.95  # bytes tried of a plane; most that is left of them
+_FLUSH = zlib.Z_FULL_FLUSH
 
 Index = tuple[int, int]
 Tile = npt.NDArray[np.generic]
@@ -94,7 +96,11 @@ class ChunkedLayer:
                 f"layer {self._name!r}: got rows {rows.min()}..{rows.max()}, columns"
                 f" {cols.min()}..{cols.max()}; expected inside {self._shape[0]} x {self._shape[1]}"
             )
-        self._store(self._tiles_of_pixels(rows, cols, self._cast(values)))
+        cast = self._cast(values)
+        if (rows[1:] >= rows[:-1]).all():  # as `numpy.nonzero` has them: no sorting
+            self._store(self._tiles_of_rows(rows, cols, cast))
+        else:
+            self._store(self._tiles_of_pixels(rows, cols, cast))
 
     def _cast(self, values: npt.NDArray[np.generic]) -> Tile:
         """Convert to the layer's dtype; refuse what would change: overflow, fractions as ids."""
@@ -128,6 +134,28 @@ class ChunkedLayer:
                 tile = self._tile(index)
                 tile[top - r0 : low - r0, left - c0 : right - c0] = part
                 yield index, tile
+
+    def _tiles_of_rows(
+        self, rows: npt.NDArray[np.integer], cols: npt.NDArray[np.integer], values: Tile
+    ) -> Iterator[tuple[Index, Tile]]:
+        """Pixels in the order of their rows, a row of chunks at a time."""
+        width = self._shape[1]
+        for chunk_row in range(int(rows[0]) // CHUNK, int(rows[-1]) // CHUNK + 1):
+            r0 = chunk_row * CHUNK
+            first, stop = np.searchsorted(rows, [r0, r0 + CHUNK])
+            dense = np.full((self._chunk[0], width, *self._tail), self._fill, self._dtype)
+            for c0 in range(0, width, CHUNK):
+                index = chunk_row, c0 // CHUNK
+                if index in self._stored:
+                    dense[:, c0 : c0 + CHUNK] = self._tile(index)[:, : min(CHUNK, width - c0)]
+            dense[rows[first:stop] - r0, cols[first:stop]] = values[first:stop]
+            touched = np.zeros(-(-width // CHUNK), bool)
+            touched[cols[first:stop] // CHUNK] = True
+            for chunk_col in np.flatnonzero(touched).tolist():
+                part = dense[:, chunk_col * CHUNK : (chunk_col + 1) * CHUNK]
+                tile = np.full(self._chunk, self._fill, self._dtype)
+                tile[:, : part.shape[1]] = part
+                yield (chunk_row, chunk_col), tile
 
     def _tiles_of_pixels(
         self, rows: npt.NDArray[np.integer], cols: npt.NDArray[np.integer], values: Tile
@@ -176,6 +204,20 @@ class ChunkedLayer:
 
 
 def _packed(tile: Tile) -> bytes:
-    """Apply HDF5's shuffle filter (all first bytes, then all second bytes, …) and deflate."""
-    planes = tile.reshape(-1).view(np.uint8).reshape(-1, tile.itemsize)
-    return zlib.compress(np.ascontiguousarray(planes.T).data, _LEVEL)
+    """Apply HDF5's shuffle filter (all first bytes, then all second bytes, …) and deflate.
+
+    The last bytes of a smooth field's numbers are noise, on which deflate spends most of its time
+    for nothing. So a plane of which a sample doesn't shrink is only stored; one zlib stream (RFC
+    1950) holds the planes one after the other, each flushed to a byte's border.
+    """
+    planes = np.ascontiguousarray(tile.reshape(-1).view(np.uint8).reshape(-1, tile.itemsize).T)
+    middle = planes.shape[1] // 2
+    parts = [b"\x78\x01"]
+    for number, plane in enumerate(planes):
+        sample = plane[middle : middle + _SAMPLE].tobytes()
+        shrinks = len(zlib.compress(sample, _LEVEL)) < _WORTH * len(sample)
+        deflate = zlib.compressobj(_LEVEL if shrinks else 0, zlib.DEFLATED, -zlib.MAX_WBITS)
+        last = number == len(planes) - 1
+        parts += [deflate.compress(plane), deflate.flush(zlib.Z_FINISH if last else _FLUSH)]
+    parts.append(zlib.adler32(planes.data).to_bytes(4, "big"))
+    return b"".join(parts)

@@ -107,5 +107,15 @@ LAYERS: dict[str, Layer] = {
             "Eulerian",
             "1 if this material point is also seen in the reference frame, 0 if not, -1 background",
         ),
+        Layer(
+            "cameras",
+            1,
+            "int32",
+            "1",
+            "bits",
+            "Eulerian",
+            "bit k: camera k of the file's attribute 'cameras' sees this material point in this"
+            " frame too; -1 background",
+        ),
     )
 }

@@ -308,13 +308,13 @@ class Device:
         name: str,
         color_formats: tuple[str, ...],
         constants: dict[str, float] | None = None,
+        entries: tuple[str, str] = ("vertex", "fragment"),
     ) -> Raster:
         """The vertex + fragment program of ``shaders/<name>.wgsl`` (see `Raster`)."""
-        key = (name, color_formats, tuple(sorted((constants or {}).items())))
+        key = (name, color_formats, entries, tuple(sorted((constants or {}).items())))
         if key not in self._kernels:
-            self._kernels[key] = Raster(
-                self, load(name, self.real, self.shaders), color_formats, constants=constants
-            )
+            module = load(name, self.real, self.shaders)
+            self._kernels[key] = Raster(self, module, color_formats, entries, constants)
         found: Raster = self._kernels[key]
         return found
 

@@ -135,8 +135,8 @@ class Recording:
     ) -> None:
         """Draw a triangle list into the top-left ``size`` (w, h) pixels.
 
-        The targets are set to ``clear`` and the depth to far before; with None both are kept, and
-        the list adds to what an earlier draw left.
+        The targets are set to ``clear`` (those of integers to 0) and the depth to far before; with
+        None both are kept, and the list adds to what an earlier draw left.
         """
         if bindings.layout is not raster.layout:
             raise InputError(f"draw of {raster.name}: the bindings were made for another program")
@@ -147,7 +147,7 @@ class Recording:
                 "view": texture.view,
                 "load_op": "clear" if clear is not None else "load",
                 "store_op": "store",
-                "clear_value": (clear or 0.0, 0, 0, 0),
+                "clear_value": (0 if texture.format.endswith("int") else clear or 0.0, 0, 0, 0),
             }
             for texture in colors
         ]

@@ -5,6 +5,7 @@ from gpusim.measure.calibration import CalibratedCamera, Calibration, calibrate
 from gpusim.measure.chessboard import find_chessboard
 from gpusim.measure.corners import Markers, MarkerStatus, find_markers, locate_markers
 from gpusim.measure.crossings import Crossings, fit_crossings
+from gpusim.measure.damage import SlopeChanges, difference_curve, slope_changes
 from gpusim.measure.deflection import (
     DeflectionLine,
     RigidMotion,
@@ -46,6 +47,7 @@ __all__ = [
     "RigidMotion",
     "Scale",
     "Sighting",
+    "SlopeChanges",
     "SplineImage",
     "Status",
     "StrainResult",
@@ -58,6 +60,7 @@ __all__ = [
     "deflection_line",
     "dic",
     "dic_sequence",
+    "difference_curve",
     "displacement_3d",
     "epipolar_distance",
     "find_chessboard",
@@ -68,6 +71,7 @@ __all__ = [
     "match_epipolar",
     "rigid_motion",
     "scale_coefficient",
+    "slope_changes",
     "strain",
     "target_statistics",
     "track",

@@ -30,7 +30,7 @@ CENTRE = 1.5  # px: both borders within this distance: the pixel isn't used
 END_MARGIN = 1.2  # px kept from the marker's own border: half a pixel's diagonal and a bit …
 END_SIGMAS = 2.5  # … and the reach of the lens blur
 MIN_REACH = 3.0  # px from the centre, so that small markers keep enough pixels
-MIN_SIGMA = 0.004  # px
+MIN_SIGMA, MOST_SIGMA = 0.004, 100.0  # px
 COARSE, FINE = 1e-4, 1e-8  # relative step at which a fit ends
 
 
@@ -147,7 +147,7 @@ def _residual(
     x, y, grey = region
     along_1, along_2, normal_1, normal_2 = _frame(p)
     dx, dy = x - p[0], y - p[1]
-    sigma = max(abs(float(p[8])), MIN_SIGMA)
+    sigma = float(np.clip(abs(p[8]), MIN_SIGMA, MOST_SIGMA))
     first, second = (
         profile_and_slopes(dx * normal[0] + dy * normal[1], normal, sigma)
         for normal in (normal_1, normal_2)

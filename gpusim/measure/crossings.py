@@ -60,12 +60,14 @@ def fit_crossings(
     start: npt.ArrayLike,
     first: npt.ArrayLike,
     second: npt.ArrayLike,
+    *,
+    share: npt.ArrayLike = INSIDE,
 ) -> Crossings:
     """Fit the corners near ``start`` (C, 2).
 
     ``first`` and ``second`` (C, 2) are the steps in px to the next corner along the two borders;
     turning from the first to the second is turning from +x to +y (down). The fit looks at most
-    12 px and 0.62 of these steps far.
+    12 px and ``share`` (a number, or (C,)) of these steps far.
 
     Raises
     ------
@@ -77,20 +79,29 @@ def fit_crossings(
     steps = np.stack([check_points(first, "first"), check_points(second, "second")], axis=1)
     if steps.shape != (len(points), 2, 2):
         raise InputError(f"fit_crossings: got {len(points)} points and {len(steps)} steps")
+    inside = np.broadcast_to(np.asarray(share, dtype=np.float64), (len(points),))
+    if not ((inside > 0) & (inside <= 2)).all():
+        raise InputError(f"fit_crossings: share; got {share!r}; expected above 0, at most 2")
     span = float(array.max()) - float(array.min())
     rounds = [points, points]
     result = _failed(len(points))
     if not span > 0:
         return result
     for _ in range(2):  # the window is set again around the first result
-        result = _fit(array, rounds[-1], steps, span)
+        result = _fit(array, rounds[-1], steps, inside, span)
         rounds.append(np.where(result.ok[:, None], result.points, rounds[-1]))
     drift = np.linalg.norm(result.points - points, axis=1)
     return _kept(result, result.ok & (drift <= 2 * MOST_DRIFT))
 
 
-def _fit(array: npt.NDArray[Any], start: FloatArray, steps: FloatArray, span: float) -> Crossings:
-    x, y, grey, weight, middle = _windows(array, start, steps)
+def _fit(
+    array: npt.NDArray[Any],
+    start: FloatArray,
+    steps: FloatArray,
+    inside: FloatArray,
+    span: float,
+) -> Crossings:
+    x, y, grey, weight, middle = _windows(array, start, steps, inside)
     usable = (weight.sum(axis=1) >= 24) & (np.abs(np.linalg.det(steps)) > 4.0)
     rows = np.flatnonzero(usable)
     if not rows.size:
@@ -128,11 +139,11 @@ def _fit(array: npt.NDArray[Any], start: FloatArray, steps: FloatArray, span: fl
 
 
 def _windows(
-    array: npt.NDArray[Any], start: FloatArray, steps: FloatArray
+    array: npt.NDArray[Any], start: FloatArray, steps: FloatArray, share: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
     """Pixels around each corner: x, y from the window's middle, grey, weight (C, P); middle."""
-    length = np.linalg.norm(steps, axis=2).max(initial=0.0)
-    radius = int(np.ceil(np.clip(INSIDE * length, LEAST_REACH, MOST_REACH)))
+    length = (share * np.linalg.norm(steps, axis=2).max(axis=1)).max(initial=0.0)
+    radius = int(np.ceil(np.clip(length, LEAST_REACH, MOST_REACH)))
     middle = np.rint(start)
     offset = np.arange(-radius, radius + 1.0)
     y, x = (axis.ravel() for axis in np.meshgrid(offset, offset, indexing="ij"))
@@ -151,7 +162,8 @@ def _windows(
     far = np.linalg.norm(from_corner, axis=2)
     off_1 = np.abs(v * safe[:, None]) / np.linalg.norm(steps[:, None, 0], axis=2)
     off_2 = np.abs(u * safe[:, None]) / np.linalg.norm(steps[:, None, 1], axis=2)
-    use = inside & (np.abs(u) <= INSIDE) & (np.abs(v) <= INSIDE) & (far <= radius + 0.5)
+    reach = share[:, None]
+    use = inside & (np.abs(u) <= reach) & (np.abs(v) <= reach) & (far <= radius + 0.5)
     use &= ~((off_1 < CENTRE) & (off_2 < CENTRE))
     across = np.broadcast_to(x, use.shape), np.broadcast_to(y, use.shape)
     return across[0], across[1], grey, use.astype(np.float64), middle
@@ -197,7 +209,7 @@ def _residual(
     """Model less grey value (C, P) and its derivatives (C, 9, P), as in `cross._residual`."""
     along_1, along_2, normal_1, normal_2 = _frames(p)
     dx, dy = x - p[:, :1], y - p[:, 1:2]
-    sigma = np.maximum(np.abs(p[:, 8]), MIN_SIGMA)
+    sigma = np.clip(np.abs(p[:, 8]), MIN_SIGMA, 10.0 * MOST_SIGMA)
     first, second = (
         profile_and_slopes(dx * normal[:, :1] + dy * normal[:, 1:], normal, sigma)
         for normal in (normal_1, normal_2)

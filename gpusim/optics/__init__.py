@@ -4,7 +4,13 @@ from gpusim.optics import psf
 from gpusim.optics.camera import Camera
 from gpusim.optics.frame import Frame
 from gpusim.optics.lens import Lens
-from gpusim.optics.light import AmbientLight, AreaLight, PointLight
+from gpusim.optics.light import (
+    AmbientLight,
+    AreaLight,
+    PointLight,
+    SpotLight,
+    SunLight,
+)
 from gpusim.optics.photograph import photograph
 from gpusim.optics.render import render
 from gpusim.optics.sensor import Sensor
@@ -21,6 +27,8 @@ __all__ = [
     "PointLight",
     "Sensor",
     "Shutter",
+    "SpotLight",
+    "SunLight",
     "Truth",
     "Vignetting",
     "photograph",

@@ -58,7 +58,7 @@ def mean_albedo(
     for k in range(int((stop - start).max(initial=0)) if len(rows) else 0):
         some = np.flatnonzero(start + k < stop)
         target = rows[some]
-        feature = table.features64[start[some] + k]
+        feature = table.features[start[some] + k]
         relative = local[some] - feature[:, 0:2]
         patch = feature[:, 10] == 0.0
         albedo_share = np.zeros(len(some))

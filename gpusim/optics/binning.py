@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from gpusim.optics.view import View
 
-__all__ = ["EdgePixels", "bin_edges", "segment_pixels"]
+__all__ = ["EdgePixels", "bin_edges", "expand", "segment_pixels"]
 
 MARGIN = 2e-3
 """px by which the square of a pixel is enlarged when edges are looked up."""
@@ -39,7 +39,7 @@ class EdgePixels:
         return EdgePixels(self.pixel[wanted], start, self.triangle[np.repeat(wanted, self.depth)])
 
 
-def _expand(count: npt.NDArray[np.int64]) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+def expand(count: npt.NDArray[np.int64]) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
     """Owner and running number of ``count[i]`` items of each owner i."""
     owner = np.repeat(np.arange(len(count)), count)
     return owner, np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
@@ -64,7 +64,7 @@ def segment_pixels(
     b = a + d
     first = np.floor(np.minimum(a[:, 1], b[:, 1]) + 0.5 - MARGIN).astype(np.int64)
     last = np.floor(np.maximum(a[:, 1], b[:, 1]) + 0.5 + MARGIN).astype(np.int64)
-    segment, step = _expand(last - first + 1)
+    segment, step = expand(last - first + 1)
     row = first[segment] + step
     rise = np.where(d[:, 1] != 0.0, d[:, 1], 1.0)[segment]
     sloped = (d[:, 1] != 0.0)[segment]
@@ -74,7 +74,7 @@ def segment_pixels(
     x1 = a[segment, 0] + t_high * d[segment, 0]
     left = np.floor(np.minimum(x0, x1) + 0.5 - MARGIN).astype(np.int64)
     right = np.floor(np.maximum(x0, x1) + 0.5 + MARGIN).astype(np.int64)
-    run, step = _expand(right - left + 1)
+    run, step = expand(right - left + 1)
     column, row = left[run] + step, row[run]
     inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
     return np.unique(row[inside] * width + column[inside])
@@ -91,11 +91,11 @@ def bin_edges(view: View) -> EdgePixels:
     low = np.floor(view.screen.min(axis=1) + 0.5).astype(np.int64)
     high = np.floor(view.screen.max(axis=1) + 0.5).astype(np.int64)
     low, high = np.maximum(low, 0), np.minimum(high, [width - 1, height - 1])
-    triangle, step = _expand(np.maximum(high[:, 1] - low[:, 1] + 1, 0))
+    triangle, step = expand(np.maximum(high[:, 1] - low[:, 1] + 1, 0))
     row = low[triangle, 1] + step
     first = np.searchsorted(pixel, row * width + low[triangle, 0])
     last = np.searchsorted(pixel, row * width + high[triangle, 0], side="right")
-    run, step = _expand(np.maximum(last - first, 0))
+    run, step = expand(np.maximum(last - first, 0))
     entry, triangle = first[run] + step, triangle[run]
     at = np.stack([pixel[entry] % width, pixel[entry] // width], axis=1).astype(np.float64)
     corners = view.screen[triangle] - at[:, None]

@@ -19,6 +19,7 @@ from gpusim.optics.bitmap import BITMAP, mean_over_polygons
 from gpusim.optics.pattern import LOOP_TURNS, PatternTable
 from gpusim.optics.setup import Setup, probe_setup, radiance_factor
 from gpusim.optics.shade import Tables
+from gpusim.optics.shadow_tiles import TILE, TURNS
 from gpusim.optics.speckle import ROWS as SPECKLE_ROWS
 from gpusim.optics.view import FIXED
 
@@ -41,7 +42,8 @@ class EdgePass:
         table, fine = tables.setup.table, tables.setup.constants([1])["fine"]
         turns = 200 + table.most_in_a_cell * (2000 if fine else 50) + speckle_turns(table)
         turns += 3000 if (tables.setup.groups == BITMAP).any() else 0
-        deep = edges.depth > min(DEEPEST, LOOP_TURNS // turns)
+        each = turns + _shadow_turns(tables.setup, edges)
+        deep = edges.depth > np.minimum(DEEPEST, LOOP_TURNS // each)
         self._deep = edges.select(deep)
         self._deep_values = _resolve(tables.setup, self._deep).astype(np.float32)
         edges = edges.select(~deep)
@@ -83,6 +85,7 @@ class EdgePass:
             lists=self._lists,
             radiance=radiance,
             **self.tables.shared(),
+            **self.tables.shadows.bindings(),
         )
         recording.dispatch(kernel, bindings, threads=(int(last - first),))
 
@@ -94,6 +97,17 @@ class EdgePass:
             row, column = divmod(int(self._deep.pixel[k]), width)
             place = (row - row0) * stride + column
             radiance.write(self._deep_values[k : k + 1], 4 * place)
+
+
+def _shadow_turns(setup: Setup, edges: EdgePixels) -> npt.NDArray[np.int64]:
+    """Turns (E,) of the shader's loops that the shadows on one triangle over a pixel may take."""
+    tiles = setup.lighting.shadows
+    if tiles is None:
+        return np.zeros(len(edges.pixel), np.int64)
+    row, column = np.divmod(edges.pixel, setup.view.camera.width)
+    faces = np.concatenate([[0], tiles.count.sum(axis=1)])
+    result: npt.NDArray[np.int64] = TURNS * faces[tiles.entry[row // TILE, column // TILE]]
+    return result
 
 
 def speckle_turns(table: PatternTable) -> int:
@@ -150,7 +164,7 @@ def _resolve(setup: Setup, edges: EdgePixels) -> Array:
         opened[entry] -= seen
         keep = visible | (seen > 0)
         entry, triangle, at, area = entry[keep], triangle[keep], at[keep], area[keep]
-        light = _light(setup, triangle, at, polygon[keep], centroid[keep])
+        light = _light(setup, triangle, at, polygon[keep], centroid[keep], area)
         visible, seen = visible[keep], seen[keep]
         free_area[entry] += np.where(visible, area, 0.0)
         free_light[entry] += np.where(visible, area * light, 0.0)
@@ -182,7 +196,12 @@ def _is_covered(
 
 
 def _light(
-    setup: Setup, triangle: npt.NDArray[np.int64], at: Array, polygon: Array, centroid: Array
+    setup: Setup,
+    triangle: npt.NDArray[np.int64],
+    at: Array,
+    polygon: Array,
+    centroid: Array,
+    area: Array,
 ) -> Array:
     """Radiance of clipped polygons: mean albedo x light at the centroid."""
     x, y = (at + centroid).T
@@ -205,7 +224,7 @@ def _light(
         albedo[rows] = mean_over_polygons(
             image, image.ground, setup.cell[own], middle[:, 0], corners - middle, w / w0
         )
-    return albedo * radiance_factor(setup, triangle, x, y)
+    return albedo * radiance_factor(setup, triangle, x, y, np.sqrt(area))
 
 
 def _paint_positions(

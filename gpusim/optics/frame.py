@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.gpu import Buffer, Device
-from gpusim.optics.truth import Truth, truth_of
+from gpusim.optics.truth import Truth, TruthMap, truth_of
 from gpusim.optics.view import View
 from gpusim.optics.visibility import Visibility, visibility_twin
 
@@ -87,6 +88,10 @@ class Frame:
         in order).
         """
         return truth_of(self.view, self.ids(), faces)
+
+    def truth_bands(self, faces: tuple[int, int] | None = None) -> Iterator[Truth]:
+        """The same a band of 256 rows at a time, for images that are too large to hold it all."""
+        return TruthMap(self.view, self.ids(), faces).bands()
 
     def release(self) -> None:
         """Give the device memory back; radiance already read stays."""

@@ -1,16 +1,14 @@
-"""Lights in radiometric units, reduced to a table of point emitters.
+"""Lights, in radiometric units; `gpusim.optics.emitters` turns them into what is summed up.
 
-A lamp's face is integrated by Gauss-Legendre points, enough of them that the irradiance is right
-to 1e-4 at the distance of the nearest surface; the result is smooth and has no noise.
+Power is radiant flux in W. Photometric data are converted by `watts`: 683 lm/W at 555 nm, which is
+exact for monochromatic green light and a matter of definition for everything else.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from gpusim.errors import InputError
 
@@ -19,54 +17,141 @@ __all__ = [
     "AreaLight",
     "Light",
     "PointLight",
-    "ambient",
-    "closest_points",
-    "emitters",
-    "irradiance",
+    "SpotLight",
+    "SunLight",
+    "is_light",
+    "watts",
 ]
 
 Vector = tuple[float, float, float]
-Points = npt.NDArray[np.float64]
+
+LUMENS_PER_WATT = 683.0
+SUN_DIAMETER = 9.3e-3
+"""rad; the sun seen from the Earth."""
 
 
-def _check(what: str, power: float, *vectors: Vector) -> None:
-    if not (np.isfinite(power) and power > 0.0):
-        raise InputError(f"{what} power; got {power}; expected watts above 0")
-    for vector in vectors:
+def watts(lumens: float) -> float:
+    """Luminous flux (lm) as radiant flux (W) at 555 nm, where 683 lm are one watt."""
+    return lumens / LUMENS_PER_WATT
+
+
+def _check(what: str, **vectors: Vector) -> None:
+    for name, vector in vectors.items():
         if np.shape(vector) != (3,) or not np.isfinite(vector).all():
-            raise InputError(f"{what}; got {vector}; expected three finite numbers")
+            raise InputError(f"{what} {name}; got {vector}; expected three finite numbers")
+
+
+def _check_positive(what: str, unit: str, **values: float) -> None:
+    for name, value in values.items():
+        if not (np.isfinite(value) and value > 0.0):
+            raise InputError(f"{what} {name}; got {value}; expected {unit} above 0")
+
+
+def _check_aim(what: str, position: Vector, target: Vector) -> None:
+    _check(what, position=position, target=target)
+    if tuple(position) == tuple(target):
+        raise InputError(f"{what} target; got the lamp's own position {target}")
 
 
 @dataclass(frozen=True)
 class PointLight:
-    """Shines equally in all directions: radiant flux ``power`` (W), intensity power / 4 pi."""
+    """Shines equally in all directions: radiant flux ``power`` (W), intensity power / 4 pi.
+
+    ``shadows``: whether surfaces hide it, here and in the other lamps.
+    """
 
     position: Vector
     power: float
+    shadows: bool = True
 
     def __post_init__(self) -> None:
-        _check("PointLight", self.power, self.position)
+        _check_positive("PointLight", "watts", power=self.power)
+        _check("PointLight", position=self.position)
+
+
+@dataclass(frozen=True)
+class SpotLight:
+    """A small lamp whose beam has a ``cone`` (full angle, rad) around the way to ``target``.
+
+    Within the cone less ``penumbra`` (the share of the half angle over which it fades, 0 to 1) the
+    intensity is even; ``power`` (W) is the flux of the whole beam.
+    """
+
+    position: Vector
+    target: Vector
+    power: float
+    cone: float = np.pi / 3
+    penumbra: float = 0.2
+    shadows: bool = True
+
+    def __post_init__(self) -> None:
+        _check_positive("SpotLight", "watts", power=self.power)
+        _check_aim("SpotLight", self.position, self.target)
+        if not 0.0 < self.cone < np.pi:
+            raise InputError(f"SpotLight cone; got {self.cone}; expected an angle in 0 … pi (rad)")
+        if not 0.0 <= self.penumbra <= 1.0:
+            raise InputError(f"SpotLight penumbra; got {self.penumbra}; expected 0 to 1")
+
+    @property
+    def cosines(self) -> tuple[float, float]:
+        """Cosines of the angles from the axis where the beam ends and where it is full."""
+        outer = 0.5 * self.cone
+        return float(np.cos(outer)), float(np.cos(outer * (1.0 - max(self.penumbra, 1e-3))))
+
+    @property
+    def intensity(self) -> float:
+        """W/sr on the axis: the smooth step between the cosines has a mean of one half."""
+        outer, inner = self.cosines
+        return self.power / (2.0 * np.pi * (1.0 - 0.5 * (outer + inner)))
 
 
 @dataclass(frozen=True)
 class AreaLight:
-    """A rectangle of ``size`` (width, height) that faces ``target`` and emits by Lambert's law.
+    """A lamp of ``size`` (width, height) that faces ``target`` and emits by Lambert's law.
 
-    ``power`` is its radiant flux (W); its radiance is power / (pi width height).
+    ``shape`` is ``"rectangle"`` or ``"ellipse"`` (a disc where both sizes are equal). Its width
+    runs level. ``power`` is its radiant flux (W); its radiance is power / (pi x its area).
     """
 
     position: Vector
     target: Vector
     size: tuple[float, float]
     power: float
+    shape: str = "rectangle"
+    shadows: bool = True
 
     def __post_init__(self) -> None:
-        _check("AreaLight", self.power, self.position, self.target)
+        _check_positive("AreaLight", "watts", power=self.power)
+        _check_aim("AreaLight", self.position, self.target)
         size = np.asarray(self.size, np.float64)
         if size.shape != (2,) or not (np.isfinite(size) & (size > 0.0)).all():
             raise InputError(f"AreaLight size; got {self.size}; expected two lengths above 0")
-        if tuple(self.position) == tuple(self.target):
-            raise InputError(f"AreaLight target; got the lamp's own position {self.target}")
+        if self.shape not in ("rectangle", "ellipse"):
+            raise InputError(
+                f"AreaLight shape; got {self.shape!r}; expected 'rectangle' or 'ellipse'"
+            )
+
+
+@dataclass(frozen=True)
+class SunLight:
+    """Light from infinitely far: it travels along ``direction``.
+
+    ``irradiance`` (W per square unit) is that of a face square to it; ``diameter`` (rad) is how
+    large it looks, which decides how soft its shadows are.
+    """
+
+    direction: Vector
+    irradiance: float
+    diameter: float = SUN_DIAMETER
+    shadows: bool = True
+
+    def __post_init__(self) -> None:
+        _check_positive("SunLight", "W per square unit", irradiance=self.irradiance)
+        _check("SunLight", direction=self.direction)
+        if not float(np.linalg.norm(self.direction)) > 0.0:
+            raise InputError(f"SunLight direction; got {self.direction}; expected one, not zero")
+        if not 0.0 <= self.diameter <= 0.2:
+            raise InputError(f"SunLight diameter; got {self.diameter}; expected 0 to 0.2 (rad)")
 
 
 @dataclass(frozen=True)
@@ -79,99 +164,12 @@ class AmbientLight:
     radiance: float
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.radiance) and self.radiance > 0.0):
-            raise InputError(f"AmbientLight radiance; got {self.radiance}; expected above 0")
+        _check_positive("AmbientLight", "a radiance", radiance=self.radiance)
 
 
-Light = PointLight | AreaLight | AmbientLight
+Light = PointLight | SpotLight | AreaLight | SunLight | AmbientLight
 
 
-def ambient(lights: Sequence[Light]) -> float:
-    """Irradiance that every face receives from the surroundings."""
-    return float(np.pi * sum(v.radiance for v in lights if isinstance(v, AmbientLight)))
-
-
-def emitters(lights: Sequence[Light], points: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Table (E, 8): position, intensity along the axis (W/sr), axis, 1 if it follows Lambert's law.
-
-    ``points`` (P, 3) are surface points; the nearest decides how finely a lamp is divided.
-    Surroundings have no row: see `ambient`.
-    """
-    rows = []
-    for light in lights:
-        if isinstance(light, AmbientLight):
-            continue
-        position = np.array(light.position, np.float64)
-        if isinstance(light, PointLight):
-            rows.append([*position, light.power / (4.0 * np.pi), 0.0, 0.0, 0.0, 0.0])
-            continue
-        axis = np.array(light.target, np.float64) - position
-        axis /= np.linalg.norm(axis)
-        up = np.array([0.0, 0.0, 1.0]) if abs(axis[2]) < 0.9 else np.array([0.0, 1.0, 0.0])
-        across = np.cross(axis, up)
-        across /= np.linalg.norm(across)
-        along = np.cross(across, axis)
-        nearest = float(np.sqrt(np.min(np.sum((points - position) ** 2, axis=1), initial=np.inf)))
-        count = _points_across(max(light.size) / max(nearest, 1e-12))
-        nodes, weights = np.polynomial.legendre.leggauss(count)
-        for x, wx in zip(nodes, weights, strict=True):
-            for y, wy in zip(nodes, weights, strict=True):
-                at = position + 0.5 * (x * light.size[0] * across + y * light.size[1] * along)
-                rows.append([*at, 0.25 * wx * wy * light.power / np.pi, *axis, 1.0])
-    return np.array(rows, np.float64).reshape(-1, 8)
-
-
-def closest_points(lights: Sequence[Light], triangles: npt.NDArray[np.float64]) -> Points:
-    """The point of triangles (T, 3, 3) that is nearest to each lamp, (L, 3)."""
-    result = [
-        _closest(np.array(light.position, np.float64), triangles)
-        for light in lights
-        if len(triangles) and not isinstance(light, AmbientLight)
-    ]
-    return np.array(result, np.float64).reshape(-1, 3)
-
-
-def _closest(position: Points, triangles: Points) -> Points:
-    a, edges = triangles, np.roll(triangles, -1, axis=1) - triangles
-    normal = np.cross(edges[:, 0], edges[:, 1])
-    square = np.sum(normal * normal, axis=1)
-    height = np.sum((position - a[:, 0]) * normal, axis=1) / np.where(square > 0.0, square, 1.0)
-    foot = position - height[:, None] * normal
-    sides = np.sum(np.cross(edges, foot[:, None] - a) * normal[:, None], axis=2)
-    inside = (sides >= 0.0).all(axis=1) & (square > 0.0)
-    length = np.sum(edges * edges, axis=2)
-    t = np.sum((position - a) * edges, axis=2) / np.where(length > 0.0, length, 1.0)
-    candidates = np.concatenate(
-        [(a + np.clip(t, 0.0, 1.0)[..., None] * edges).reshape(-1, 3), foot[inside]]
-    )
-    nearest: Points = candidates[np.argmin(np.sum((candidates - position) ** 2, axis=1))]
-    return nearest
-
-
-def _points_across(ratio: float) -> int:
-    """Gauss points per side for a lamp of size / distance ``ratio``: error about ratio^2n / 6^n."""
-    for count in (1, 2, 3, 4, 6):
-        if (ratio * ratio / 6.0) ** count <= 1e-4:
-            return count
-    return 8
-
-
-def irradiance(
-    table: npt.NDArray[np.float64],
-    points: npt.NDArray[np.float64],
-    normals: npt.NDArray[np.float64],
-    surroundings: float = 0.0,
-) -> npt.NDArray[np.float64]:
-    """Irradiance (N,) in W per square unit at points (N, 3) with unit normals (N, 3).
-
-    ``surroundings`` is added everywhere (see `ambient`).
-    """
-    total = np.full(len(points), surroundings)
-    for row in table:
-        to_light = row[:3] - points
-        square = np.maximum(np.sum(to_light * to_light, axis=1), 1e-30)
-        distance = np.sqrt(square)
-        falling = np.maximum(np.sum(to_light * normals, axis=1) / distance, 0.0)
-        leaving = np.maximum(-(to_light @ row[4:7]) / distance, 0.0) if row[7] else 1.0
-        total += row[3] * leaving * falling / square
-    return total
+def is_light(value: object) -> bool:
+    """Whether ``value`` is one of the lights."""
+    return isinstance(value, Light)

@@ -10,17 +10,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.optics.speckle_table import SpeckleTable, speckle_table
+from gpusim.gpu import Device
+from gpusim.gpu.texels import Texels
+from gpusim.optics.speckle_table import MOST_TEXELS, SpeckleTable, speckle_table
 from gpusim.optics.view import RegionPaint
-from gpusim.surface.features import Features
+from gpusim.surface.features import Features, Paint
+from gpusim.surface.paint import Checker, Dots
 from gpusim.surface.speckle import Speckle
 
-__all__ = ["FEATURE", "FINEST", "LOOP_TURNS", "PAINT", "PatternTable"]
+__all__ = ["FINEST", "LOOP_TURNS", "PAINT", "PatternTable"]
 
 Array = npt.NDArray[np.float64]
 
@@ -30,8 +34,6 @@ PAINT = np.dtype(
 )  # fmt: skip
 """``featured``: 0 one albedo, 1 features that keep apart, 2 soft and 3 hard speckle,
 4 a bitmap."""
-
-FEATURE = np.dtype([("a", "<f4", 4), ("b", "<f4", 4), ("c", "<f4", 4), ("d", "<f4", 4)])
 
 MOST_CELLS = 1 << 22
 LOOP_TURNS = 50_000
@@ -45,16 +47,15 @@ FINEST = 8
 
 @dataclass(frozen=True, eq=False)
 class PatternTable:
-    """Records as the shader reads them: ``paints``, ``cell_start`` (CSR) and ``features``.
+    """``paints`` as the shader reads them, and the features of each cell.
 
-    ``features64`` (F, 16) are the same feature records before rounding to float32. ``speckle`` has
+    ``cell_start`` (C + 1,): where a cell's own begin among ``features`` (F, 16). ``speckle`` has
     the discs of speckled paints, ``grid_of_paint`` (paints,) which of its grids is a paint's.
     """
 
     paints: npt.NDArray[np.void]
     cell_start: npt.NDArray[np.uint32]
-    features: npt.NDArray[np.void]
-    features64: Array
+    features: Array
     speckle: SpeckleTable
     grid_of_paint: npt.NDArray[np.int64]
 
@@ -75,45 +76,21 @@ class PatternTable:
             record["ground"], record["cell"] = region.paint.ground, 1.0
             if isinstance(region.paint, Speckle):
                 continue
-            features = region.paint.features(region.low, region.high)
-            if features is None or not len(features):
+            filed = _file(region)
+            if filed is None:
                 continue
-            low, high = features.bounds()
-            _refuse_overlap(features, low, high)
-            low, high = low - region.reach, high + region.reach
-            cell = _cell_size(features, region)
-            lowest = np.floor(np.maximum(low.min(axis=0), region.low - cell) / cell).astype(int)
-            highest = np.floor(np.minimum(high.max(axis=0), region.high + cell) / cell).astype(int)
-            columns, count_rows = (np.maximum(highest - lowest, -1) + 1).tolist()
-            if columns * count_rows == 0:
-                continue
-            c0 = np.clip(np.floor(low / cell).astype(int) - lowest, 0, [columns, count_rows])
-            c1 = np.clip(np.floor(high / cell).astype(int) - lowest + 1, 0, [columns, count_rows])
-            wide, tall = (c1 - c0).T
-            per = np.maximum(wide, 0) * np.maximum(tall, 0)
-            which = np.repeat(np.arange(len(features)), per)
-            offset = np.arange(len(which)) - np.repeat(np.cumsum(per) - per, per)
-            i = c0[which, 0] + offset % np.maximum(wide[which], 1)
-            j = c0[which, 1] + offset // np.maximum(wide[which], 1)
-            slot = j * columns + i
-            order = np.argsort(slot, kind="stable")
-            which, i, j, slot = which[order], i[order], j[order], slot[order]
-            origin = np.stack([i + lowest[0], j + lowest[1]], axis=1) * cell
-            rows.append(_records(features, which, origin))
-            counts = np.bincount(slot, minlength=columns * count_rows)
-            starts.append(total + np.cumsum(counts))
-            record["cell"], record["featured"] = cell, 1
-            record["i0"], record["j0"] = lowest
-            record["columns"], record["rows"], record["first"] = columns, count_rows, slots
-            slots += columns * count_rows
-            total += len(which)
+            rows.append(filed.records)
+            starts.append(total + np.cumsum(filed.counts))
+            record["cell"], record["featured"] = filed.cell, 1
+            record["i0"], record["j0"] = filed.lowest
+            record["columns"], record["rows"] = filed.shape
+            record["first"] = slots
+            slots += len(filed.counts)
+            total += len(filed.records)
         table = np.concatenate(rows)
-        packed = np.zeros(max(len(table), 1), FEATURE)
-        for k, name in enumerate("abcd"):
-            packed[name][: len(table)] = table[:, 4 * k : 4 * k + 4]
         speckle, grid_of_paint = _file_speckle(regions, paints)
         starting = np.concatenate(starts).astype(np.uint32)
-        return PatternTable(paints, starting, packed, table, speckle, grid_of_paint)
+        return PatternTable(paints, starting, table, speckle, grid_of_paint)
 
     @property
     def most_in_a_cell(self) -> int:
@@ -122,7 +99,30 @@ class PatternTable:
 
     def kinds(self) -> set[int]:
         """The kinds of features on file: 0 checker patch, 1 disc, 2 sector."""
-        return {int(kind) for kind in np.unique(self.features64[:, 10])}
+        return {int(kind) for kind in np.unique(self.features[:, 10])}
+
+    def texels(self, device: Device) -> Texels:
+        """A texel (first texel, count, -, -) per cell, then four per feature.
+
+        Raises
+        ------
+        InputError
+            More of them than float32 counts exactly.
+        """
+        cells = len(self.cell_start) - 1
+        count = cells + 4 * len(self.features)
+        if count > MOST_TEXELS:
+            raise InputError(
+                f"render: paint patterns; got {cells} cells with {len(self.features)} features; "
+                f"expected at most {MOST_TEXELS} cells and quarter features: take a coarser pattern"
+            )
+        data = np.zeros((max(count, 1), 4), np.float32)
+        data[:cells, 0] = cells + 4 * self.cell_start[:-1].astype(np.int64)
+        data[:cells, 1] = np.diff(self.cell_start.astype(np.int64))
+        data[cells:count] = self.features.reshape(-1, 4)
+        texels = Texels(device, len(data), "rgba32float", "shade.patterns")
+        texels.write(data)
+        return texels
 
     def near_features(
         self, paint: npt.NDArray[np.int32], low: Array, high: Array
@@ -151,6 +151,67 @@ class PatternTable:
             )  # fmt: skip
             result[rows] = count > 0
         return result
+
+
+@dataclass(frozen=True, eq=False)
+class _Filed:
+    """A region's features in cells of side ``cell``, from the ``lowest`` (column, row) on.
+
+    ``counts`` (columns * rows,) features of each cell, whose ``records`` (F, 16) follow each other.
+    """
+
+    cell: float
+    lowest: tuple[int, int]
+    shape: tuple[int, int]
+    counts: npt.NDArray[np.int64]
+    records: Array
+
+
+def _file(region: RegionPaint) -> _Filed | None:
+    """File a region's features; None without any."""
+    if not isinstance(region.paint, Checker | Dots):
+        return _file_features(region)
+    # these are equal by value: the frames of a series share what is filed
+    wide = 2.0 ** (np.ceil(16.0 * np.log2(max(region.reach, 1e-300))) / 16.0)
+    low, high = (tuple(corner.tolist()) for corner in (region.low, region.high))
+    return _file_again(region.paint, low, high, float(wide) if region.reach > 0.0 else 0.0)
+
+
+@lru_cache(maxsize=16)
+def _file_again(
+    paint: Paint, low: tuple[float, float], high: tuple[float, float], reach: float
+) -> _Filed | None:
+    return _file_features(RegionPaint(paint, np.array(low), np.array(high), reach))
+
+
+def _file_features(region: RegionPaint) -> _Filed | None:
+    features = region.paint.features(region.low, region.high)
+    if features is None or not len(features):
+        return None
+    low, high = features.bounds()
+    _refuse_overlap(features, low, high)
+    low, high = low - region.reach, high + region.reach
+    cell = _cell_size(features, region)
+    lowest = np.floor(np.maximum(low.min(axis=0), region.low - cell) / cell).astype(int)
+    highest = np.floor(np.minimum(high.max(axis=0), region.high + cell) / cell).astype(int)
+    columns, rows = (np.maximum(highest - lowest, -1) + 1).tolist()
+    if columns * rows == 0:
+        return None
+    c0 = np.clip(np.floor(low / cell).astype(int) - lowest, 0, [columns, rows])
+    c1 = np.clip(np.floor(high / cell).astype(int) - lowest + 1, 0, [columns, rows])
+    wide, tall = (c1 - c0).T
+    per = np.maximum(wide, 0) * np.maximum(tall, 0)
+    which = np.repeat(np.arange(len(features)), per)
+    offset = np.arange(len(which)) - np.repeat(np.cumsum(per) - per, per)
+    i = c0[which, 0] + offset % np.maximum(wide[which], 1)
+    j = c0[which, 1] + offset // np.maximum(wide[which], 1)
+    slot = j * columns + i
+    order = np.argsort(slot, kind="stable")
+    which, i, j, slot = which[order], i[order], j[order], slot[order]
+    origin = np.stack([i + lowest[0], j + lowest[1]], axis=1) * cell
+    counts = np.bincount(slot, minlength=columns * rows)
+    first = (int(lowest[0]), int(lowest[1]))
+    return _Filed(cell, first, (columns, rows), counts, _records(features, which, origin))
 
 
 def _file_speckle(

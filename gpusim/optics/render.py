@@ -13,9 +13,10 @@ from gpusim.optics.binning import bin_edges
 from gpusim.optics.camera import Camera
 from gpusim.optics.edges import EdgePass, edges_twin
 from gpusim.optics.frame import Band, Frame
-from gpusim.optics.light import AmbientLight, AreaLight, Light, PointLight
+from gpusim.optics.light import Light, is_light
 from gpusim.optics.setup import Setup
 from gpusim.optics.shade import ShadePass, Tables, shade_twin
+from gpusim.optics.shadow import ShadowPass
 from gpusim.optics.view import look
 from gpusim.optics.visibility import visibility_twin
 from gpusim.surface.surface import Surface
@@ -42,8 +43,7 @@ def render(
     Parameters
     ----------
     lights : None shows each paint's albedo as radiance, the form in which geometry is verified;
-        otherwise Lambert reflection of `PointLight`, `AreaLight` and `AmbientLight`, without
-        shadows.
+        otherwise the lights' reflection, with the shadows of all ``surfaces``.
     error : largest error wanted, in grey levels of 8 bit (RMS); the closed forms reach 0.25, so
         smaller values are refused.
     background : radiance where no surface is.
@@ -63,7 +63,9 @@ def render(
         raise InputError(f"render surfaces; got {surfaces!r}; expected a list of Surface")
     if not isinstance(camera, Camera):
         raise InputError(f"render camera; got {camera!r}; expected a Camera")
-    if lights is not None and not _all_are(PointLight | AreaLight | AmbientLight, lights):
+    if lights is not None and not (
+        isinstance(lights, Sequence) and all(is_light(light) for light in lights)
+    ):
         raise InputError(f"render lights; got {lights!r}; expected a list of lights, or None")
     if not (np.isfinite(error) and error >= FINEST_ERROR):
         raise InputError(f"render error; got {error}; expected at least {FINEST_ERROR} grey levels")
@@ -75,7 +77,7 @@ def render(
         if size > WIDEST:
             raise InputError(f"render: image {name}; got {size}; expected at most {WIDEST} px")
     view = look(surfaces, camera, lit=lights is not None)
-    setup = Setup.build(view, lights, background)
+    setup = Setup.build(view, lights, background, surfaces)
     edges = bin_edges(view)
     if backend == "numpy":
         interior = shade_twin(setup, visibility_twin(view))
@@ -84,6 +86,7 @@ def render(
     rows = min(camera.height, max(16, BAND_BYTES // (4 * camera.width)))
     tables = Tables(device, setup)
     shade_pass, edge_pass = ShadePass(tables, rows), EdgePass(tables, edges)
+    shadow_pass = ShadowPass(tables) if setup.lighting.shadows is not None else None
     stride = shade_pass.stride
     bands = []
     for row0 in range(0, camera.height, rows):
@@ -91,6 +94,9 @@ def render(
         radiance = device.empty(4 * count * stride, f"radiance[{row0}]")
         with device.recording("optics.shade") as recording:
             shade_pass.record(recording, radiance, row0, count)
+        if shadow_pass is not None and shade_pass.marks is not None:
+            with device.recording("optics.shadow") as recording:
+                shadow_pass.record(recording, shade_pass.marks, radiance, row0, count, stride)
         with device.recording("optics.edges") as recording:
             edge_pass.record(recording, radiance, row0, count, stride)
         edge_pass.write_deep(radiance, row0, count, stride)

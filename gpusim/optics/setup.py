@@ -14,19 +14,10 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.gpu.buffer import F32_MAX
 from gpusim.optics.bitmap import BITMAP, PIECES, BitmapTable, pieces_needed
 from gpusim.optics.camera import Camera
-from gpusim.optics.light import (
-    AmbientLight,
-    AreaLight,
-    Light,
-    PointLight,
-    ambient,
-    closest_points,
-    emitters,
-    irradiance,
-)
+from gpusim.optics.light import AmbientLight, AreaLight, Light, PointLight
+from gpusim.optics.lighting import Lighting
 from gpusim.optics.pattern import PatternTable
 from gpusim.optics.view import NORMAL, ST, View, barycentric_planes, look
 from gpusim.surface.paint import Checker, Dots, Image, Markers, Paint, Plain, Speckle
@@ -40,7 +31,6 @@ TRIANGLE = np.dtype(
     [("st", "<f4", 4), ("tw", "<f4", 4), ("n0", "<f4", 4), ("nx", "<f4", 4), ("ny", "<f4", 4),
      ("place", "<i4", 4), ("more", "<f4", 4)]
 )  # fmt: skip
-MOST_EMITTERS = 256
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,8 +46,7 @@ class Setup:
     view: View
     table: PatternTable
     bitmaps: BitmapTable
-    emitters: Array
-    ambient: float
+    lighting: Lighting
     background: float
     lit: bool
     planes: Array
@@ -67,20 +56,20 @@ class Setup:
     near_feature: npt.NDArray[np.bool_]
 
     @staticmethod
-    def build(view: View, lights: Sequence[Light] | None, background: float) -> Setup:
-        """Set up every triangle of ``view``; ``lights`` None shows the albedo itself."""
+    def build(
+        view: View,
+        lights: Sequence[Light] | None,
+        background: float,
+        surfaces: Sequence[Surface] = (),
+    ) -> Setup:
+        """Set up every triangle of ``view``; ``lights`` None shows the albedo itself.
+
+        ``surfaces`` are those that cast shadows.
+        """
         table = PatternTable.build(view.paints)
         bitmaps = BitmapTable.build(view.paints, table.paints)
         lit = lights is not None
-        T = view.camera.camera_from_world
-        world = (view.corners[:, :, :3] - T[:3, 3]) @ T[:3, :3]
-        rows = emitters(lights or [], closest_points(lights or [], world))
-        if len(rows) > MOST_EMITTERS:
-            raise InputError(
-                f"render lights; got {len(rows)} emitting points; expected at most "
-                f"{MOST_EMITTERS}: use fewer lamps, or smaller ones farther away"
-            )
-        rows[:, :3] -= view.camera.eye
+        lighting = Lighting.build(view, lights, surfaces)
         anchor = np.rint(view.screen.mean(axis=1)).astype(np.int32)
         size = table.paints["cell"][view.paint].astype(np.float64)
         st = bitmaps.texel_positions(view.paint, view.corners[:, :, ST])
@@ -96,7 +85,7 @@ class Setup:
         planes[:, :, 2] += np.einsum("tak,tk->ta", planes[:, :, :2], anchor.astype(np.float64))
         near = table.near_features(view.paint, st.min(axis=1), st.max(axis=1))
         return Setup(
-            view, table, bitmaps, rows, ambient(lights or []), background, lit, planes, anchor,
+            view, table, bitmaps, lighting, background, lit, planes, anchor,
             cell.astype(np.int64), mean_inverse,
             near,
         )  # fmt: skip
@@ -175,24 +164,13 @@ class Setup:
             "lit": float(self.lit),
             "patterned": float(any(groups)),
             "speckle": float((2 in groups) + 2 * (3 in groups)),
-            "emitter_count": float(len(self.emitters)),
+            **self.lighting.constants(),
             "checkers": float(0 in kinds),
             "discs": float((2 if large else 1) if 1 in kinds else 0),
             "sectors": float(2 in kinds),
             "fine": float(fine),
             "bitmaps": float(self._bitmap_variant if BITMAP in groups else 0),
         }
-
-    def lamps(self) -> dict[str, Array]:
-        """The emitters as the shader's uniform."""
-        lamps = np.zeros((MOST_EMITTERS, 8))
-        lamps[: len(self.emitters)] = self.emitters
-        if not np.abs(lamps).max() <= F32_MAX:
-            raise InputError(
-                f"render lights; got values up to {np.abs(lamps).max():.3g}; expected positions "
-                f"and intensities below {F32_MAX:.3g}"
-            )
-        return {"ambient": np.full(4, self.ambient), "emitters": lamps.reshape(-1, 4)}
 
 
 def footprint(
@@ -212,18 +190,31 @@ def footprint(
     return st, ex, ey, planes[:, 2, :2] / w
 
 
-def radiance_factor(setup: Setup, triangle: npt.NDArray[np.int64], x: Array, y: Array) -> Array:
-    """What the albedo is multiplied by at pixel positions: irradiance / pi, or 1 unlit."""
+def radiance_factor(
+    setup: Setup,
+    triangle: npt.NDArray[np.int64],
+    x: Array,
+    y: Array,
+    extent: Array | float = 1.0,
+) -> Array:
+    """What the albedo is multiplied by at pixel positions: irradiance / pi, or 1 unlit.
+
+    ``extent``: side of the area that the light stands for, px.
+    """
     if not setup.lit:
         return np.ones(len(x))
     d = np.stack([x, y], axis=1) - setup.anchor[triangle]
     planes = setup.planes[triangle]
     values = planes[:, 2:, 0] * d[:, :1] + planes[:, 2:, 1] * d[:, 1:] + planes[:, 2:, 2]
     depth = 1.0 / (values[:, 0] * setup.mean_inverse[triangle])
-    position = depth[:, None] * (np.stack([x, y, np.ones_like(x)], axis=1) @ setup.rays().T)
+    rays = setup.rays()
+    position = depth[:, None] * (np.stack([x, y, np.ones_like(x)], axis=1) @ rays.T)
     normal = values[:, 1:]
     normal = normal / np.linalg.norm(normal, axis=1)[:, None]
-    return irradiance(setup.emitters, position, normal, setup.ambient) / np.pi
+    rate = (planes[:, 2, :2] / values[:, :1])[:, None]
+    scale = np.broadcast_to(extent, len(x))[:, None, None]
+    change = scale * (depth[:, None, None] * rays[:, :2] - position[:, :, None] * rate)
+    return setup.lighting.matte(x, y, position, normal, change[:, :, 0], change[:, :, 1])
 
 
 def probe_setup() -> Setup:

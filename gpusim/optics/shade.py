@@ -15,13 +15,14 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.gpu import Buffer, Device, Recording, compare, twin_check
+from gpusim.gpu import Buffer, Device, Recording, Texture, compare, twin_check
 from gpusim.gpu.texels import Texels
 from gpusim.optics.albedo import mean_albedo
 from gpusim.optics.binning import bin_edges
 from gpusim.optics.bitmap import BITMAP, mean_over_pixels
 from gpusim.optics.pattern import FINEST, LOOP_TURNS
 from gpusim.optics.setup import Setup, footprint, probe_setup, radiance_factor
+from gpusim.optics.shadow_tables import ShadowTables
 from gpusim.optics.visibility import visibility_twin
 
 __all__ = ["ShadePass", "Tables", "shade_twin"]
@@ -34,10 +35,10 @@ class Tables:
         table, view = setup.table, setup.view
         fixed = view.fixed().reshape(-1, 2) if view.count else np.zeros((3, 2), np.int32)
         self.device, self.setup = device, setup
-        self.lamps = setup.lamps()
+        self.lamps = setup.lighting.uniform()
+        self.shadows = ShadowTables(device, setup.lighting)
         self.paints = device.buffer(table.paints, "shade.paints")
-        self.cell_start = device.buffer(table.cell_start, "shade.cells")
-        self.features = device.buffer(table.features, "shade.features")
+        self.patterns = table.texels(device)
         self.triangles = device.buffer(setup.records(), "shade.triangles")
         self.screen = device.buffer(fixed, "shade.screen")
         texels = setup.bitmaps.texels()
@@ -49,8 +50,7 @@ class Tables:
         """The bindings that both passes have, by their WGSL names."""
         return {
             "paints": self.paints,
-            "cell_start": self.cell_start,
-            "features": self.features,
+            "patterns": self.patterns,
             "triangles": self.triangles,
             "screen": self.screen,
             "lamps": self.lamps,
@@ -85,6 +85,12 @@ class ShadePass:
         self.tables, self.rows = tables, rows
         self.color = device.texture(view.camera.width, rows, "r32float", "shade.radiance")
         self.depth = device.texture(view.camera.width, rows, "depth32float", "shade.depth")
+        self.marks: Texture | None = None
+        formats: tuple[str, ...] = ("r32float",)
+        entries = ("vertex", "fragment")
+        if setup.lighting.shadows is not None:
+            self.marks = device.texture(view.camera.width, rows, "rg32uint", "shade.marks")
+            formats, entries = ("r32float", "rg32uint"), ("vertex", "fragment_marked")
         nearest = view.inverse_depth().max(axis=1, initial=0.0)
         near_first = np.argsort(-nearest, kind="stable")
         self._near, depth = view.raster_depth()
@@ -94,7 +100,7 @@ class ShadePass:
             order = near_first[(setup.groups == group)[near_first]]
             if len(order) or not group:
                 raster = device.raster(
-                    "optics/shade", ("r32float",), constants=setup.constants([group])
+                    "optics/shade", formats, constants=setup.constants([group]), entries=entries
                 )
                 numbers = order.astype(np.uint32) if len(order) else np.zeros(1, np.uint32)
                 buffer = device.buffer(numbers, "shade.order")
@@ -114,13 +120,16 @@ class ShadePass:
             "near": self._near,
         }  # fmt: skip
         clear: float | None = setup.background
+        shared = self.tables.shared()
+        shadows = self.tables.shadows.bindings()
+        shared |= {name: shadows[name] for name in ("shades", "shadow_tiles")}
         for raster, order, count in self._draws:
-            values = {**self.tables.shared(), "inverse_depth": self._inverse, "order": order}
+            values = {**shared, "inverse_depth": self._inverse, "order": order}
             bindings = raster.bind(params=params, **values)
             recording.draw(
                 raster,
                 bindings,
-                colors=(self.color,),
+                colors=(self.color,) if self.marks is None else (self.color, self.marks),
                 depth=self.depth,
                 vertices=3 * count,
                 size=(width, rows),

@@ -88,15 +88,20 @@ def _hard(
     area = coverage.polygon_area(corners)
     y = ((np.arange(ROWS) + 0.5) / ROWS - 0.5)[:, None]
     rows = _Rows(centre[:, None] - 0.5 * ex[:, None] + y * ey[:, None], ex[:, None])
-    total = np.zeros(len(centre))
+    total, whole = np.zeros(len(centre)), np.zeros(len(centre), bool)
+    reach = np.sqrt((corners**2).sum(axis=2).max(axis=1))
     for k in range(int((stop - start).max(initial=0))):
         own = np.flatnonzero(start + k < stop)
         disc = table.disc[start[own] + k]
+        gap = np.hypot(*(centre[own] - disc[:, :2]).T) - disc[:, 2]
+        whole[own] |= gap <= -reach[own]
+        crossing = np.abs(gap) < reach[own]
+        own, disc = own[crossing], disc[crossing]
         seen = corners[own] + (centre[own] - disc[:, :2])[:, None]
         total[own] += coverage.disc_area(seen, disc[:, 2]) / area[own]
         rows.add(own, disc)
     twice: Array = (rows.total - rows.union()).mean(axis=1)
-    return np.clip(total - twice, 0.0, 1.0)
+    return np.where(whole, 1.0, np.clip(total - twice, 0.0, 1.0))
 
 
 class _Rows:

@@ -23,6 +23,7 @@ from gpusim.surface.speckle import EDGE, Speckle, outer_radius
 
 __all__ = [
     "MOST_CUTS",
+    "MOST_TEXELS",
     "SpeckleGrid",
     "SpeckleTable",
     "speckle_table",
@@ -122,7 +123,7 @@ def speckle_table(regions: Sequence[tuple[Speckle, Array, Array, float]]) -> Spe
     for paint, low, high, reach in regions:
         grain = 2.0 ** np.ceil(np.log2(max(float((high - low).max()), 1e-300) / 8.0))
         start, stop = np.floor(low / grain) * grain, np.ceil(high / grain) * grain
-        wide = float(2.0 ** (np.ceil(4.0 * np.log2(max(reach, 1e-300))) / 4.0))
+        wide = float(2.0 ** (np.ceil(16.0 * np.log2(max(reach, 1e-300))) / 16.0))
         requests.append(
             (paint, (float(start[0]), float(start[1])), (float(stop[0]), float(stop[1])), wide)
         )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,10 +12,17 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.optics.view import NORMAL, POSITION, REFERENCE, View, barycentric_planes
 
-__all__ = ["Truth", "seen_in", "truth_of"]
+__all__ = ["BAND", "Truth", "TruthMap", "seen_in", "truth_of"]
+
+Array = npt.NDArray[np.float64]
 
 DEPTH_TOLERANCE = 1e-3
 """Relative depth by which a point may lie behind what its pixel sees and still count as seen."""
+BAND = 256
+"""Rows that are evaluated together: those of a chunk of truth.h5."""
+_CHUNK = 1 << 15  # pixels whose values stay in the cache
+# columns of the attribute table
+_WIDTH, _REFERENCE, _DISPLACEMENT, _NORMAL = 10, slice(1, 4), slice(4, 7), slice(7, 10)
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,53 +59,106 @@ class Truth:
         return image
 
 
+class TruthMap:
+    """The truth of a view, evaluated a band of rows at a time from its visibility ids (H, W).
+
+    ``faces`` (first, stop) keeps only pixels that see these faces, counted over all surfaces.
+    """
+
+    def __init__(
+        self, view: View, ids: npt.NDArray[np.uint32], faces: tuple[int, int] | None = None
+    ) -> None:
+        self.view, self.ids = view, ids
+        seen = np.zeros(view.count + 1, bool)
+        for first in range(0, len(ids), BAND):
+            seen[ids[first : first + BAND]] = True
+        seen[0] = False
+        if faces is not None:
+            seen[1:] &= (view.face >= faces[0]) & (view.face < faces[1])
+        self._wanted = seen
+        self._triangles = np.flatnonzero(seen[1:])
+        self._place = np.cumsum(seen) - 1
+        self._planes = _attribute_planes(view, self._triangles)
+
+    def bands(self) -> Iterator[Truth]:
+        """The whole image from top to bottom; the next band is made while one is used."""
+        firsts = range(0, len(self.ids), BAND)
+        with ThreadPoolExecutor(1) as pool:
+            coming = pool.submit(self.rows, 0, BAND)
+            for first in firsts:
+                band = coming.result()
+                if first + BAND < len(self.ids):
+                    coming = pool.submit(self.rows, first + BAND, first + 2 * BAND)
+                yield band
+
+    def rows(self, first: int, stop: int) -> Truth:
+        """The truth of the pixels in rows ``first`` … ``stop - 1``."""
+        view, camera = self.view, self.view.camera
+        ids = self.ids[first:stop]
+        row, column = np.nonzero(self._wanted[ids])
+        place = self._place[ids[row, column]]
+        row += first
+        pixels = np.stack([column, row], axis=1).astype(np.float64)
+        values = np.empty((len(row), _WIDTH))
+        flow = np.empty((len(row), 2))
+        for start in range(0, len(row), _CHUNK):
+            part = slice(start, start + _CHUNK)
+            own = values[part] = self._evaluate(place[part], pixels[part])
+            flow[part] = camera.project(own[:, _REFERENCE]) - pixels[part]
+        triangle = self._triangles[place]
+        return Truth(
+            shape=(camera.height, camera.width),
+            row=row,
+            column=column,
+            depth=values[:, 0],
+            reference=values[:, _REFERENCE],
+            displacement=values[:, _DISPLACEMENT],
+            flow=flow,
+            normal=values[:, _NORMAL],
+            face=view.face[triangle],
+            region=view.paint[triangle],
+        )
+
+    def _evaluate(self, place: npt.NDArray[np.int64], pixels: Array) -> Array:
+        """Depth and attributes (n, 10) at pixels (n, 2) of the triangles at ``place``."""
+        result: Array = self._planes[0].take(place, axis=0)
+        result *= pixels[:, :1]
+        other = self._planes[1].take(place, axis=0)
+        other *= pixels[:, 1:]
+        result += other
+        result += self._planes[2].take(place, axis=0)
+        depth = 1.0 / result[:, 0]
+        result *= depth[:, None]
+        result[:, 0] = depth
+        normal = result[:, _NORMAL]
+        normal /= np.sqrt(np.einsum("na,na->n", normal, normal))[:, None]
+        return result
+
+
 def truth_of(
     view: View, ids: npt.NDArray[np.uint32], faces: tuple[int, int] | None = None
 ) -> Truth:
-    """Evaluate the truth of a view from its visibility ids (H, W)."""
-    wanted = np.ones(view.count + 1, bool)
-    wanted[0] = False
-    if faces is not None:
-        wanted[1:] = (view.face >= faces[0]) & (view.face < faces[1])
-    row, column = np.nonzero(wanted[ids])
-    triangle = ids[row, column].astype(np.int64) - 1
-    pixels = np.stack([column, row, np.ones(len(row))], axis=1)
-    planes = barycentric_planes(view.corners, view.camera)[triangle]
-    b = np.einsum("nik,nk->ni", planes, pixels)
-    inverse = b.sum(axis=1)
-    weights = b / inverse[:, None]
-    corners = view.corners[triangle]
-    reference = np.einsum("ni,nia->na", weights, corners[:, :, REFERENCE])
-    seen = np.einsum("ni,nia->na", weights, corners[:, :, POSITION])
+    """The truth of a view's whole image at once, from its visibility ids (H, W)."""
+    return TruthMap(view, ids, faces).rows(0, len(ids))
+
+
+def _attribute_planes(view: View, triangles: npt.NDArray[np.int64]) -> Array:
+    """(3, T, 10): coefficients of x, y and 1 for 1 / z, and for every attribute times 1 / z."""
+    corners = view.corners[triangles]
     T = view.camera.camera_from_world
-    position = (seen - T[:3, 3]) @ T[:3, :3]
-    return Truth(
-        shape=(view.camera.height, view.camera.width),
-        row=row,
-        column=column,
-        depth=1.0 / inverse,
-        reference=reference,
-        displacement=position - reference,
-        flow=view.camera.project(reference) - pixels[:, :2].astype(np.float64),
-        normal=_normals(view, triangle, weights),
-        face=view.face[triangle],
-        region=view.paint[triangle],
+    world = (corners[:, :, POSITION] - T[:3, 3]) @ T[:3, :3]
+    reference = corners[:, :, REFERENCE]
+    normal = corners[:, :, NORMAL]
+    if not normal.any():  # not lit: the triangles' own
+        flat = np.cross(world[:, 1] - world[:, 0], world[:, 2] - world[:, 0])
+        flat /= np.linalg.norm(flat, axis=1)[:, None]
+        normal = np.repeat(flat[:, None], 3, axis=1)
+    values = np.concatenate(
+        [np.ones((*corners.shape[:2], 1)), reference, world - reference, normal], axis=2
     )
-
-
-def _normals(
-    view: View, triangle: npt.NDArray[np.int64], weights: npt.NDArray[np.float64]
-) -> npt.NDArray[np.float64]:
-    """Smooth normals where the view has them (it is lit), else those of the triangles."""
-    if view.corners[:, :, NORMAL].any():
-        normal = np.einsum("ni,nia->na", weights, view.corners[triangle][:, :, NORMAL])
-    else:
-        p = view.corners[:, :, POSITION]
-        flat = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
-        normal = (flat @ view.camera.camera_from_world[:3, :3])[triangle]
-    length = np.linalg.norm(normal, axis=1)
-    result: npt.NDArray[np.float64] = normal / length[:, None]
-    return result
+    basis = barycentric_planes(corners, view.camera)
+    planes: Array = np.ascontiguousarray(np.einsum("tia,tik->kta", values, basis))
+    return planes
 
 
 def seen_in(

@@ -117,11 +117,11 @@ def look(surfaces: Sequence[Surface], camera: Camera, lit: bool) -> View:
             table[:, :, NORMAL] = smooth_normals(surface.points, triangles, surface.smooth_angle)
         paint = (len(paints) + surface.regions[source]).astype(np.int32)
         keep = front if outline.closed else np.ones(len(front), bool)
+        paints += [_region(surface, index, table, paint, len(paints)) for index in
+                   range(len(surface.paints))]  # fmt: skip
         turned = ~front & keep
         table[turned] = table[turned][:, [0, 2, 1]]
         table[turned, :, NORMAL] *= -1.0
-        paints += [_region(surface, index, table, paint, len(paints)) for index in
-                   range(len(surface.paints))]  # fmt: skip
         tables.append(table[keep])
         paint_ids.append(paint[keep])
         face_ids.append((first_face + source[keep]).astype(np.int32))
@@ -155,7 +155,7 @@ def _region(
     rows = np.flatnonzero(paint_of == first + region)
     if not len(rows) or paint.features(zero, zero) is None:
         return RegionPaint(paint, zero, zero, 0.0)
-    st = surface.paint_frame(region).coordinates(table[rows][:, :, REFERENCE])
+    st = surface.paint_frame(region).of_triangles(table[rows][:, :, REFERENCE], rows)
     table[rows, :, ST] = st
     flat = st.reshape(-1, 2)
     return RegionPaint(paint, flat.min(axis=0), flat.max(axis=0), 0.0)

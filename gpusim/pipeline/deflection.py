@@ -61,6 +61,12 @@ class DeflectionResult:
     curves: dict[str, Array]
 
     @property
+    def note(self) -> str:
+        """What became of it, in a few words."""
+        count = sum(status == "OK" for status in self.status)
+        return f"{count} of {len(self.status)} markers measured"
+
+    @property
     def warnings(self) -> list[str]:
         """Markers that were not measured, and those whose white is clipped."""
         found = self._lost()

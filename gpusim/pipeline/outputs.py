@@ -11,16 +11,14 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from gpusim._version import __version__
 from gpusim.export.stl import write_region_stls
-from gpusim.export.truth import TruthWriter
 from gpusim.export.vtu import write_pvd, write_vtu
-from gpusim.optics.truth import seen_in
-from gpusim.pipeline.build import BodyParts, build_camera
+from gpusim.pipeline.build import BodyParts
 from gpusim.pipeline.deflection import DeflectionResult
-from gpusim.pipeline.images import Photographer, image_path
+from gpusim.pipeline.images import image_path
 from gpusim.pipeline.solved import Solved
 from gpusim.pipeline.stresses import Stresses
+from gpusim.pipeline.truth import frame_word
 from gpusim.report import (
     FramePair,
     Link,
@@ -34,85 +32,13 @@ from gpusim.report import (
     Stage,
 )
 from gpusim.scene import Scene
-from gpusim.scene.amplitudes import LoadHistory
 
-__all__ = ["Findings", "make_report", "write_meshes", "write_truth"]
+__all__ = ["Findings", "make_report", "write_meshes"]
 
 Array = npt.NDArray[np.float64]
 Displacement = Callable[[int, int], Array]
 GOAL = 1e-3
 """Relative error up to which a measured deflection counts as good."""
-
-
-def write_truth(
-    scene: Scene,
-    out: Path,
-    photographer: Photographer,
-    bodies: Sequence[BodyParts],
-    displacement: Displacement,
-) -> Path:
-    """truth.h5: the layers that the scene asks for, at every pixel that sees a body."""
-    path = out / "truth.h5"
-    what = _frame_word(scene)
-    history = LoadHistory(scene)
-    regions = [name for parts in bodies for name in _region_names(parts)]
-    first_cell = np.cumsum([0, *(parts.mesh.cell_count for parts in bodies)])
-    cell_of_face = np.concatenate(
-        [parts.skin.cell_of_piece + first for parts, first in zip(bodies, first_cell, strict=False)]
-        or [np.zeros(0, np.int64)]
-    )
-    attributes = {"version": __version__, "scene": scene.name, "pixels": "those that see a body"}
-    with TruthWriter(path, regions=regions, attributes=attributes) as file:
-        if bodies:
-            _write_nodes(file, scene, bodies, displacement)
-        for spec in scene.cameras:
-            camera = build_camera(spec)
-            file.write_camera(
-                spec.name,
-                width=camera.width,
-                height=camera.height,
-                K=camera.K,
-                camera_from_world=camera.camera_from_world,
-            )
-            rest = photographer.sight(spec, None)
-            for number, factor in enumerate(scene.analysis.load_factors):
-                sight = rest if history.still(number) else photographer.sight(spec, number)
-                truth = sight.truth(faces=(0, len(cell_of_face)))
-                frame = file.frame(spec.name, number, **{what: factor})
-                for layer in scene.output.truth:
-                    if layer == "element":
-                        values = cell_of_face[truth.face]
-                    elif layer == "visibility":
-                        values = seen_in(rest.view, rest.ids(), truth.reference).astype(np.int8)
-                    else:
-                        values = getattr(truth, layer)
-                    frame.write_sparse(layer, truth.row, truth.column, values)
-    return path
-
-
-def _write_nodes(
-    file: TruthWriter, scene: Scene, bodies: Sequence[BodyParts], displacement: Displacement
-) -> None:
-    """Mesh and nodal displacement, bodies one after the other as in the layer ``element``."""
-    first_node = np.cumsum([0, *(parts.mesh.node_count for parts in bodies)])
-    cells: dict[str, list[npt.NDArray[np.int32]]] = {}
-    for parts, first in zip(bodies, first_node, strict=False):
-        for kind, block in parts.mesh.cells.items():
-            cells.setdefault(kind, []).append(block + np.int32(first))
-    points = np.concatenate([parts.mesh.points for parts in bodies])
-    file.write_mesh(points, {kind: np.concatenate(blocks) for kind, blocks in cells.items()})
-    for step, factor in enumerate(scene.analysis.load_factors):
-        u = np.concatenate([displacement(body, step) for body in range(len(bodies))])
-        file.write_nodal_displacement(step, u, **{_frame_word(scene): factor})
-
-
-def _frame_word(scene: Scene) -> str:
-    """What the numbers are that a scene has one of per frame."""
-    return "time" if scene.analysis.type == "field" else "load_factor"
-
-
-def _region_names(parts: BodyParts) -> list[str]:
-    return [f"{parts.body.name}/{name}" for name in parts.surface.paints]
 
 
 def write_meshes(
@@ -323,7 +249,7 @@ def _pairs(scene: Scene, out: Path, results: Sequence[DeflectionResult]) -> tupl
     last = len(factors) - 1
     things = [thing for body in scene.bodies for thing in (*body.loads, *body.supports)]
     own = any(thing.amplitude != factors for thing in things)  # the factors don't tell all then
-    word = _frame_word(scene).replace("_", " ")
+    word = frame_word(scene).replace("_", " ")
     when = f"frames 0 and {last}" if own else f"{word} {factors[0]:g} and {factors[last]:g}"
     pairs = []
     for camera in scene.cameras:

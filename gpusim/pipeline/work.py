@@ -17,9 +17,8 @@ from gpusim.errors import GpusimError, InputError, NotConverged
 from gpusim.export.files import atomic_stream, clean_leftovers, write_text
 from gpusim.export.images import read_image
 from gpusim.gpu import Device, default_device
-from gpusim.pipeline import images, measuring, outputs
+from gpusim.pipeline import images, measurements, outputs
 from gpusim.pipeline.build import build_body, build_lights
-from gpusim.pipeline.deflection import DeflectionResult
 from gpusim.pipeline.mechanics import make_mechanics
 from gpusim.pipeline.memory import check_memory
 from gpusim.pipeline.meshing import mesh_summary
@@ -28,6 +27,8 @@ from gpusim.pipeline.props import build_prop
 from gpusim.pipeline.solved import Solved
 from gpusim.pipeline.stresses import Stresses, write_stresses
 from gpusim.pipeline.things import Things
+from gpusim.pipeline.truth import write_truth
+from gpusim.pipeline.variants import run_variants
 from gpusim.plan import Plan, PlannedStage, make_plan
 from gpusim.report import (
     Mechanics,
@@ -74,7 +75,14 @@ def run(
         raise InputError(f"run: scene; got {type(scene).__name__}; expected a Scene (load_scene)")
     if backend not in ("gpu", "numpy"):
         raise InputError(f"run: backend; got {backend!r}; expected 'gpu' or 'numpy'")
-    return _Run(scene, Path(out), backend, fresh, skip, progress or _silent).run()
+    tell = progress or _silent
+    if scene.variants:
+
+        def run_one(state: Scene, folder: Path, note: Progress) -> Report:
+            return _Run(state, folder, backend, fresh, skip, note).run()
+
+        return run_variants(scene, Path(out).resolve(), run_one, tell)
+    return _Run(scene, Path(out), backend, fresh, skip, tell).run()
 
 
 def _said(error: Exception) -> str:
@@ -102,7 +110,7 @@ class _Run:
         self.meshes: list[MeshSummary] = []
         self.models: list[fem.Model] = []
         self.stresses: Stresses | None = None
-        self.results: list[DeflectionResult] = []
+        self.results: list[measurements.Result] = []
         self.photographer: images.Photographer | None = None
         self.device: Device | None = None
         self.device_before: dict[str, float] = {}
@@ -282,30 +290,24 @@ class _Run:
 
     def _truth(self) -> list[Path]:
         assert self.photographer is not None
-        return [outputs.write_truth(self.scene, self.out, self.photographer, self.things.bodies,
+        return [write_truth(self.scene, self.out, self.photographer, self.things.bodies,
                                     self.things.displacement)]  # fmt: skip
 
     def _measure(self) -> list[Path]:
         files = []
         for measure in self.scene.measures:
-            result = measuring.measure_deflection(
-                measure,
-                self.scene,
-                self.things.bodies,
-                self.things.displacement,
-                self._image,
-                self.device,
+            result = measurements.measured(
+                measure, self.scene, self.things, self._image, self.device
             )
             self.results.append(result)
             files += result.write(self.out / "measure")
-            count = sum(status == "OK" for status in result.status)
-            self.note = f"{count} of {len(result.status)} markers measured"
+            self.note = result.note
             self.warnings += result.warnings
         return files
 
     def _remeasure(self) -> None:
         folder = self.out / "measure"
-        self.results = [DeflectionResult.read(folder, m) for m in self.scene.measures]
+        self.results = [measurements.read(measure, folder) for measure in self.scene.measures]
         self.warnings += [w for result in self.results for w in result.warnings]
 
     def _image(self, camera: str, frame: int) -> npt.NDArray[Any]:

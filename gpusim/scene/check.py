@@ -20,6 +20,7 @@ from .schema.mesh import NOTCHABLE, SETS
 __all__ = ["check_document"]
 
 Found = list[tuple[Keys, Fault]]
+_BITS = 31  # of a truth layer
 
 
 def check_document(document: Mapping[str, Any]) -> Found:
@@ -30,6 +31,7 @@ def check_document(document: Mapping[str, Any]) -> Found:
     _physics(document, found)
     _fields(document, found)
     _poses(document, found)
+    _layers(document, found)
     _deflection_is_seen(document, found)
     return found
 
@@ -56,7 +58,7 @@ def _unique_names(document: Mapping[str, Any], found: Found) -> None:
             if first != keys:
                 _add(found, keys, "name used twice", name, f"another than {dotted(first)}")
 
-    for key in ("material", "camera", "light", "measure"):
+    for key in ("material", "camera", "light", "measure", "variant"):
         unique((), document, key, {})
     things: dict[str, Keys] = {}  # bodies and props are both things in the picture,
     paints: dict[str, Keys] = {}  # and measurements know paints by their name alone
@@ -102,10 +104,19 @@ def _references(document: Mapping[str, Any], found: Found) -> None:
     cameras = _names(document, "camera")
     moving = _marker_names(document, "body")
     fixed = _marker_names(document, "prop")
+    variants = _names(document, "variant")
+    lines = [
+        str(m.get("name")) for _, m in _items(document, "measure") if m.get("type") == "deflection"
+    ]
     for index, measure in _items(document, "measure"):
         if cameras is not None:
             refer(("measure", index, "camera"), measure.get("camera"), cameras, "camera")
+        refer(("measure", index, "of"), measure.get("of"), lines, "measure of a deflection")
+        if variants is not None:
+            keys = ("measure", index, "reference")
+            refer(keys, measure.get("reference"), variants, "variant")
         lists = (
+            ("cameras", cameras, "camera"),
             ("groups", moving, "markers paint on a body"),
             ("static", fixed, "markers paint on a prop"),
         )
@@ -232,6 +243,15 @@ def _poses(document: Mapping[str, Any], found: Found) -> None:
                      "one of " + ", ".join(map(str, names)) if names else f"a {what}")  # fmt: skip
     if not list(_items(document, "camera")):
         _add(found, ("calibration",), "nobody looks", "no camera", "at least one [[camera]]")
+
+
+def _layers(document: Mapping[str, Any], found: Found) -> None:
+    output = document.get("output")
+    layers = output.get("truth") if isinstance(output, Mapping) else None
+    cameras = len(list(_items(document, "camera")))
+    if isinstance(layers, list) and "cameras" in layers and cameras > _BITS:
+        problem = 'layer "cameras" has a bit per camera'
+        _add(found, ("output", "truth"), problem, f"{cameras} cameras", f"at most {_BITS}")
 
 
 def _physics(document: Mapping[str, Any], found: Found) -> None:

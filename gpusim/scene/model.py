@@ -28,6 +28,7 @@ from .loading import (
     Vec3,
     Where,
 )
+from .measures import Damage, Deflection, Measure, Stereo, Variant
 from .recipe import (
     BeamMesh,
     BoxMesh,
@@ -53,6 +54,7 @@ __all__ = [
     "Centrifugal",
     "Checker",
     "CraneMesh",
+    "Damage",
     "Deflection",
     "Dots",
     "FieldMesh",
@@ -66,6 +68,7 @@ __all__ = [
     "Marker",
     "Markers",
     "Material",
+    "Measure",
     "MeshRecipe",
     "NodalForce",
     "NotchRecipe",
@@ -83,9 +86,11 @@ __all__ = [
     "Sensor",
     "Shape",
     "Solver",
+    "Stereo",
     "Support",
     "Thermal",
     "Traction",
+    "Variant",
     "Vec3",
     "Where",
 ]
@@ -333,21 +338,6 @@ class Sensor:
     bits: int
     exposure: float | None
     format: str
-
-
-@dataclass(frozen=True)
-class Deflection:
-    """Deflection line of the marker paints ``groups``, from the clamp; ``static`` ones stand still.
-
-    ``direction`` ("+x" … "-z") is the positive sense; ``subset`` (px) is None to choose it.
-    """
-
-    name: str
-    camera: str
-    groups: tuple[str, ...]
-    static: tuple[str, ...]
-    subset: int | None
-    direction: str
 
 
 @dataclass(frozen=True)

@@ -21,11 +21,11 @@ from .schema.load import (
     ThermalTable,
 )
 from .schema.material import MaterialTable
+from .schema.measure import DamageTable, MeasureTable, StereoTable
 from .schema.paint import CheckerTable, MarkersTable, PaintTable, PlainTable
 from .schema.prop import BoxPropTable, PlateTable, PoseTable, PropTable
 from .schema.view import AmbientLightTable, AreaLightTable, CameraTable, LightTable
 from .schema.where import WhereTable
-from .schema.work import MeasureTable
 
 __all__ = [
     "analysis",
@@ -251,7 +251,17 @@ def light(table: LightTable) -> model.Light:
     return model.Light(table.name, "point", position, None, (0.0, 0.0), table.power_W)
 
 
-def measure(table: MeasureTable) -> model.Deflection:
+def measure(table: MeasureTable) -> model.Measure:
+    if isinstance(table, StereoTable):
+        return model.Stereo(
+            table.name, tuple(table.cameras), tuple(table.groups), tuple(table.static), table.lens,
+            table.subset_px,
+        )  # fmt: skip
+    if isinstance(table, DamageTable):
+        return model.Damage(
+            table.name, table.of, table.reference, table.tolerance_mm / 1000.0,
+            table.significance, table.most,
+        )  # fmt: skip
     return model.Deflection(
         table.name, table.camera, tuple(table.groups), tuple(table.static), table.subset_px,
         table.direction,

@@ -44,7 +44,8 @@ class Scene:
     lights: tuple[model.Light, ...]
     render: model.Render
     sensor: model.Sensor
-    measures: tuple[model.Deflection, ...]
+    measures: tuple[model.Measure, ...]
+    variants: tuple[model.Variant, ...]
     output: model.Output
     calibration: model.Calibration | None
     content: str = field(repr=False)
@@ -84,6 +85,8 @@ class Scene:
             faults += faults_of(error, SceneTable, origins)
         between = [*unread, *check_document(plain)]
         faults += [with_origin(fault, keys, origins) for keys, fault in between]
+        if not faults and table is not None:
+            faults += variant_faults(plain, folder)
         if faults or table is None:
             raise SceneError(source, faults)
         materials = resolve.material_table(table)
@@ -103,6 +106,7 @@ class Scene:
             render=resolve.render(table),
             sensor=resolve.sensor(table),
             measures=tuple(resolve.measure(entry) for entry in table.measure),
+            variants=tuple(model.Variant(entry.name, entry.set) for entry in table.variant),
             output=resolve.output(table),
             calibration=resolve.calibration(table),
             content=json.dumps(content),
@@ -125,6 +129,19 @@ class Scene:
         overrides = {path: list(value) if isinstance(value, tuple) else value}
         return Scene.from_document(document, source=self.source, overrides=overrides)
 
+    def variant(self, name: str) -> Scene:
+        """The scene in the state of one variant, without variants and their comparison.
+
+        Raises SceneError if there is no such variant.
+        """
+        for entry in self.variants:
+            if entry.name == name:
+                own = without_variants(self.document)
+                source = f"{self.source}, variant {name}"
+                return Scene.from_document(own, source=source, overrides=entry.changes)
+        names = ", ".join(entry.name for entry in self.variants) or "none"
+        raise SceneError(self.source, [Fault("variant", "no such variant", name, names)])
+
     def to_toml(self) -> str:
         """The resolved scene as a TOML text that reads back to an equal scene."""
         import tomlkit  # only the writer needs it
@@ -144,6 +161,30 @@ class Scene:
             parts["mesh files"] = [content for _, content in self.files]
         text = json.dumps(parts, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()
+
+
+def without_variants(document: Mapping[str, Any]) -> dict[str, Any]:
+    """A document less its variants and what compares them."""
+    plain = copy.deepcopy({key: value for key, value in document.items() if key != "variant"})
+    measures = plain.get("measure")
+    if isinstance(measures, list):
+        plain["measure"] = [m for m in measures if m.get("type") != "damage"]
+    return plain
+
+
+def variant_faults(document: Mapping[str, Any], folder: str | Path) -> list[Fault]:
+    """What is wrong with the states that the variants describe, if the scene itself is right."""
+    faults = []
+    for index, entry in enumerate(document.get("variant", [])):
+        try:
+            Scene.from_document(
+                without_variants(document), overrides=entry.get("set", {}), folder=folder
+            )
+        except SceneError as error:
+            for one in error.faults:
+                key = f"variant.{index}.set -> {one.key}"
+                faults.append(Fault(key, one.problem, one.got, one.expected, one.hint))
+    return faults
 
 
 def _holds_mesh(keys: list[str]) -> bool:

@@ -4,6 +4,7 @@
 // The NumPy form is gpusim/optics/pattern.py (tables) and gpusim/optics/albedo.py.
 #import common/coverage
 #import common/speckle
+#import common/texel
 
 struct Paint {
     ground: f32,
@@ -37,8 +38,21 @@ override discs: u32;
 override sectors: u32;
 override fine: u32;
 
-@group(0) @binding(2) var<storage, read> cell_start: array<u32>;
-@group(0) @binding(3) var<storage, read> features: array<Feature>;
+// per cell (first texel of its features, their count, -, -), then four texels per feature: where
+// lanes read addresses of their own, a texel of four numbers costs as much as one of a buffer
+@group(0) @binding(2) var patterns: texture_2d<f32>;
+
+// First texel and count of a cell's features.
+fn feature_list(slot: u32) -> vec2u {
+    return vec2u(textureLoad(patterns, texel(slot), 0).xy);
+}
+
+fn feature_at(i: u32) -> Feature {
+    return Feature(
+        textureLoad(patterns, texel(i), 0), textureLoad(patterns, texel(i + 1u), 0),
+        textureLoad(patterns, texel(i + 2u), 0), textureLoad(patterns, texel(i + 3u), 0),
+    );
+}
 
 // (albedo * share, share) of the four squares that meet at a lattice corner, from the shares of
 // the pixel right of it, above it, and both.
@@ -173,6 +187,26 @@ fn sector_share(f: Feature, p: vec2f, ex: vec2f, ey: vec2f, q: vec2f) -> f32 {
     return clamp(sum / (ex.x * ey.y - ex.y * ey.x), 0.0, 1.0);
 }
 
+// Mean albedo over a pixel of discs alone: those out of reach are sorted out first, so that the
+// costly part runs for one or two of them only.
+fn paint_discs(ground: f32, list: vec2u, p: vec2f, ex: vec2f, ey: vec2f) -> f32 {
+    let reach = 0.5 * max(length(ex + ey), length(ex - ey));
+    var albedo = ground;
+    for (var done = 0u; done < list.y; done += 32u) {
+        var near = 0u;
+        for (var i = 0u; i < min(list.y - done, 32u); i++) {
+            let a = textureLoad(patterns, texel(list.x + 4u * (done + i)), 0);
+            near |= select(0u, 1u << i, length(p - a.xy) - a.z < reach);
+        }
+        while (near != 0u) {
+            let f = feature_at(list.x + 4u * (done + firstTrailingBit(near)));
+            near &= near - 1u;
+            albedo += (f.c.x - ground) * disc_share(p - f.a.xy, ex, ey, f.a.z);
+        }
+    }
+    return albedo;
+}
+
 // Mean albedo over the pixel with centre `st` (relative to cell `cell`), change ex, ey per column
 // and row, and relative change q of 1 / z.
 fn paint_pixel(
@@ -190,8 +224,10 @@ fn paint_pixel(
         return mix(paint.ground, paint.dot, covered);
     }
     var albedo = paint.ground;
-    for (var i = cell_start[slot]; i < cell_start[slot + 1u]; i++) {
-        let f = features[i];
+    let list = feature_list(slot);
+    if (checkers == 0u && sectors == 0u) { return paint_discs(paint.ground, list, local, ex, ey); }
+    for (var i = 0u; i < list.y; i++) {
+        let f = feature_at(list.x + 4u * i);
         let p = local - f.a.xy;
         if (checkers != 0u && f.c.z == 0.0) {
             let turn = mat2x2f(f.a.z, -f.a.w, f.a.w, f.a.z);

@@ -97,20 +97,34 @@ fn hard_cover(first: u32, count: u32, p: vec2f, ex: vec2f, ey: vec2f) -> f32 {
     var upper = no_rows();
     var lower = no_rows();
     var total = 0.0;
-    for (var i = first; i < first + count; i++) {
-        let disc = textureLoad(speckles, texel(i), 0);
-        let r = disc.z;
-        let m = p - disc.xy;
-        total += large_disc_share(m, ex, ey, r);
-        let start = m - 0.5 * ex;
-        let b = dot(start, ex);
-        let c = dot(start, start) - r * r;
-        let slope = 2.0 * dot(start, ey);
-        upper = cover_rows(upper, a, b + y0 * turn, c + y0 * (slope + y0 * tall));
-        lower = cover_rows(lower, a, b + y1 * turn, c + y1 * (slope + y1 * tall));
+    let reach = 0.5 * max(length(ex + ey), length(ex - ey));
+    var whole = false;
+    for (var done = 0u; done < count; done += 32u) {
+        // which discs' edges may cross: the costly part then runs for those alone
+        var crossing = 0u;
+        for (var i = 0u; i < min(count - done, 32u); i++) {
+            let disc = textureLoad(speckles, texel(first + done + i), 0);
+            let gap = length(p - disc.xy) - disc.z;
+            whole = whole || gap <= -reach;
+            crossing |= select(0u, 1u << i, abs(gap) < reach);
+        }
+        while (crossing != 0u) {
+            let disc = textureLoad(speckles, texel(first + done + firstTrailingBit(crossing)), 0);
+            crossing &= crossing - 1u;
+            let r = disc.z;
+            let m = p - disc.xy;
+            total += large_disc_share(m, ex, ey, r);
+            let start = m - 0.5 * ex;
+            let b = dot(start, ex);
+            let c = dot(start, start) - r * r;
+            let slope = 2.0 * dot(start, ey);
+            upper = cover_rows(upper, a, b + y0 * turn, c + y0 * (slope + y0 * tall));
+            lower = cover_rows(lower, a, b + y1 * turn, c + y1 * (slope + y1 * tall));
+        }
     }
     let twice = upper.total - union_rows(upper) + lower.total - union_rows(lower);
-    return clamp(total - 0.125 * dot(twice, vec4f(1.0)), 0.0, 1.0);
+    let share = clamp(total - 0.125 * dot(twice, vec4f(1.0)), 0.0, 1.0);
+    return select(share, 1.0, whole);
 }
 
 // Covered share of the parallelogram with centre p, from the corner of the cell whose texel is

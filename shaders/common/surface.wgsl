@@ -1,5 +1,6 @@
 // A triangle set up for shading, and the light that falls on it.
-// The NumPy form is gpusim/optics/setup.py (records) and gpusim/optics/light.py.
+// The NumPy form is gpusim/optics/setup.py.
+#import common/light
 
 // Affine functions of the offset (dx, dy) from the anchor pixel, scaled by the triangle's mean
 // depth: st = (s0, sx, sy, t0), tw = (tx, ty, wx, wy), n0 = (normal at the anchor, w0),
@@ -14,16 +15,6 @@ struct Triangle {
     place: vec4i,
     more: vec4f,
 }
-
-// Per emitter two vectors: (position, axial intensity) and (axis, 1 if it follows Lambert's law);
-// positions are relative to the camera's eye. They are uniform and their count is a constant: the
-// loop unrolls and every lane shares the loads.
-struct Lamps {
-    ambient: vec4f,
-    emitters: array<vec4f, 512>,
-}
-@group(0) @binding(5) var<uniform> lamps: Lamps;
-override emitter_count: u32;
 
 // The exact pixel area integral needs the attributes and how they change across the pixel.
 struct Footprint {
@@ -50,22 +41,6 @@ fn footprint(t: Triangle, d: vec2f) -> Footprint {
     return Footprint(st, ex, ey, t.tw.zw * w);
 }
 
-// Irradiance from all emitters at camera-relative position x with unit normal n.
-fn irradiance(x: vec3f, n: vec3f) -> f32 {
-    var total = lamps.ambient.x;
-    for (var i = 0u; i < emitter_count; i++) {
-        let at = lamps.emitters[2u * i];
-        let axis = lamps.emitters[2u * i + 1u];
-        let to = at.xyz - x;
-        let square = max(dot(to, to), 1e-30);
-        let inverse = inverseSqrt(square);
-        let falling = max(dot(to, n) * inverse, 0.0);
-        let leaving = select(1.0, max(-dot(to, axis.xyz) * inverse, 0.0), axis.w != 0.0);
-        total += at.w * leaving * falling * inverse * inverse;
-    }
-    return total;
-}
-
 // World-space ray of unit depth through a pixel: x * column + y * row + one.
 struct Rays {
     x: vec4f,
@@ -73,11 +48,34 @@ struct Rays {
     one: vec4f,
 }
 
-// Irradiance / pi at image position p, which lies at offset d from the triangle's anchor: what a
-// Lambert surface's albedo is multiplied by.
-fn light_factor(t: Triangle, rays: Rays, p: vec2f, d: vec2f) -> f32 {
-    let depth = 1.0 / (weight(t, d) * t.nx.w);
+// Where the surface is seen at image position p, which lies at offset d from the triangle's anchor,
+// relative to the eye, its unit normal there, and how the place changes per column and row.
+struct Spot {
+    x: vec3f,
+    n: vec3f,
+    dx: vec3f,
+    dy: vec3f,
+}
+fn spot(t: Triangle, rays: Rays, p: vec2f, d: vec2f) -> Spot {
+    let w = weight(t, d);
+    let depth = 1.0 / (w * t.nx.w);
     let x = depth * (rays.x.xyz * p.x + rays.y.xyz * p.y + rays.one.xyz);
     let n = normalize(t.n0.xyz + t.nx.xyz * d.x + t.ny.xyz * d.y);
-    return irradiance(x, n) * 0.3183098861837907;
+    let rate = t.tw.zw / w;
+    return Spot(x, n, depth * rays.x.xyz - rate.x * x, depth * rays.y.xyz - rate.y * x);
+}
+
+// Irradiance / pi there: what a Lambert surface's albedo is multiplied by. `bits` tells the lamps
+// that light it.
+fn light_factor(t: Triangle, rays: Rays, p: vec2f, d: vec2f, bits: u32) -> f32 {
+    let s = spot(t, rays, p, d);
+    return irradiance(s.x, s.n, bits) * 0.3183098861837907;
+}
+
+// The same where lamps may be half hidden; it stands for an area of side `extent` px.
+fn light_factor_seen(
+    t: Triangle, rays: Rays, p: vec2f, d: vec2f, extent: f32, tile: vec2u
+) -> f32 {
+    let s = spot(t, rays, p, d);
+    return irradiance_seen(s.x, s.n, extent * s.dx, extent * s.dy, tile) * 0.3183098861837907;
 }

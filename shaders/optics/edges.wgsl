@@ -219,8 +219,9 @@ fn paint_polygon(t: Triangle, d: vec2f, polygon: Polygon, centroid: vec2f) -> f3
         return mix(paint.ground, paint.dot, covered);
     }
     var albedo = paint.ground;
-    for (var i = cell_start[slot]; i < cell_start[slot + 1u]; i++) {
-        let f = features[i];
+    let list = feature_list(slot);
+    for (var i = 0u; i < list.y; i++) {
+        let f = feature_at(list.x + 4u * i);
         var local: Outline;
         local.polygon.count = polygon.count;
         let middle = 1.0 / weight(t, d + centroid);
@@ -323,7 +324,13 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
         let d = vec2f(pixel - t.place.xy);
         var light = paint_polygon(t, d, polygon, m.yz);
         if (lit != 0u) {
-            light *= light_factor(t, params.rays, vec2f(pixel) + m.yz, d + m.yz);
+            let at = vec2f(pixel) + m.yz;
+            if (shadowed != 0u) {
+                let tile = shadow_tile(pixel);
+                light *= light_factor_seen(t, params.rays, at, d + m.yz, sqrt(m.x), tile);
+            } else {
+                light *= light_factor(t, params.rays, at, d + m.yz, 0u);
+            }
         }
         if (visible) {
             free_area += m.x;

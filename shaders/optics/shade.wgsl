@@ -36,6 +36,7 @@ struct Varying {
     @location(6) @interpolate(flat, either) more: vec4f,
     @location(7) @interpolate(flat, either) grid: vec4i,
     @location(8) @interpolate(flat, either) grid_size: vec4f,
+    @location(9) @interpolate(flat, either) id: u32,
 }
 
 @vertex
@@ -51,11 +52,12 @@ fn vertex(@builtin(vertex_index) index: u32) -> Varying {
         position, t.st, t.tw, t.n0, t.nx, t.ny, t.place, t.more,
         vec4i(paint.i0, paint.j0, paint.columns, paint.rows),
         vec4f(paint.cell, bitcast<f32>(paint.first), paint.dot, f32(paint.cuts)),
+        id,
     );
 }
 
-@fragment
-fn fragment(in: Varying) -> @location(0) f32 {
+// Albedo of the pixel, and what it is multiplied by.
+fn shade(in: Varying) -> vec2f {
     let t = Triangle(in.st, in.tw, in.n0, in.nx, in.ny, in.place, in.more);
     let pixel = vec2i(floor(in.position.xy)) + vec2i(0, params.row0);
     let d = vec2f(pixel - t.place.xy);
@@ -72,8 +74,25 @@ fn fragment(in: Varying) -> @location(0) f32 {
             albedo = paint_pixel(paint, t.place.zw, f.st, f.ex, f.ey, f.q);
         }
     }
-    if (lit != 0u) {
-        albedo *= light_factor(t, params.rays, vec2f(pixel), d);
-    }
-    return albedo;
+    if (lit == 0u) { return vec2f(albedo, 1.0); }
+    var bits = 0u;
+    if (shadowed != 0u) { bits = shadow_tile(pixel).x; }
+    return vec2f(albedo, light_factor(t, params.rays, vec2f(pixel), d, bits));
+}
+
+@fragment
+fn fragment(in: Varying) -> @location(0) f32 {
+    let s = shade(in);
+    return s.x * s.y;
+}
+
+// The same for views with shadows: marks what shadow.wgsl needs to know of each pixel.
+struct Marked {
+    @location(0) radiance: f32,
+    @location(1) mark: vec2u,
+}
+@fragment
+fn fragment_marked(in: Varying) -> Marked {
+    let s = shade(in);
+    return Marked(s.x * s.y, vec2u(in.id + 1u, u32(s.x * 4294967040.0)));
 }

@@ -9,11 +9,11 @@ from pydantic import Field
 from .base import Table
 from .body import BodyTable
 from .material import MaterialTable
+from .measure import MeasureTable, VariantTable
 from .prop import CalibrationTable, PropTable
 from .view import CameraTable, LightTable
 from .work import (
     AnalysisTable,
-    MeasureTable,
     OutputTable,
     RenderTable,
     SensorTable,
@@ -43,6 +43,8 @@ class SceneTable(Table):
     render: RenderTable = RenderTable()
     sensor: SensorTable = SensorTable()
     measure: list[MeasureTable] = []
+    variant: list[VariantTable] = []
+    """States that are made in one run and compared."""
     output: OutputTable = OutputTable()
 
 

@@ -1,5 +1,5 @@
 """What is done with the scene: ``[analysis]``, ``[solver]``, ``[render]``, ``[sensor]``,
-``[[measure]]``, ``[output]``.
+``[output]``.
 """
 
 from __future__ import annotations
@@ -8,11 +8,10 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 
-from .base import Name, SignedAxis, Table, fault
+from .base import Table, fault
 
 __all__ = [
     "AnalysisTable",
-    "MeasureTable",
     "OutputTable",
     "RenderTable",
     "SensorTable",
@@ -20,7 +19,15 @@ __all__ = [
 ]
 
 TruthLayer = Literal[
-    "reference", "displacement", "depth", "flow", "region", "element", "visibility", "normal"
+    "reference",
+    "displacement",
+    "depth",
+    "flow",
+    "region",
+    "element",
+    "visibility",
+    "cameras",
+    "normal",
 ]
 
 
@@ -90,31 +97,6 @@ class SensorTable(Table):
     ] = "auto"
     """Fraction of full scale per unit of radiance; "auto": set once for all frames of a camera."""
     format: Literal["png", "tiff"] = "png"
-
-
-class MeasureTable(Table):
-    """The deflection line: markers tracked from frame 0 to the last frame."""
-
-    name: Name
-    type: Literal["deflection"]
-    camera: Name
-    groups: Annotated[list[Name], Field(min_length=1)]
-    """Paints of markers on bodies, in order from the clamp."""
-    static: list[Name] = []
-    """Paints of markers on props: what they move is the camera's motion."""
-    subset_px: Annotated[int, Field(ge=5, le=1001)] | None = None
-    """Side of the tracked square, odd; without it as large as the marker allows."""
-    direction: SignedAxis
-    """Of the deflection that counts as positive."""
-
-    @model_validator(mode="after")
-    def _check(self) -> MeasureTable:
-        if self.subset_px is not None and self.subset_px % 2 == 0:
-            raise fault("subset_px", "even", self.subset_px, "an odd number of pixels")
-        for key, names in (("groups", self.groups), ("static", self.static)):
-            if len(set(names)) != len(names):
-                raise fault(key, "the same paint twice", names, "each once")
-        return self
 
 
 class OutputTable(Table):

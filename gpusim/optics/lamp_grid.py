@@ -1,0 +1,225 @@
+"""Casters filed by where a lamp sees them, so that a receiver finds those that may hide the lamp.
+
+In the frame of a lamp, p = x / w and q = y / w across its axis and s = 1 / w along it, the lamp's
+plane lies at infinity: a ray from a receiver X to the lamp's point l runs along
+p = p_X + l (s - s_X). So a receiver has to look, around its own p and q, as far as half the lamp's
+size times the difference in s to the nearest caster there. The sun's frame is the same with s the
+distance towards it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.optics.casters import Casters, LampFaces
+from gpusim.optics.emitters import Lamp
+
+__all__ = ["LampGrid", "LampView", "Reach"]
+
+Array = npt.NDArray[np.float64]
+MOST_CELLS = 1 << 20
+
+
+@dataclass(frozen=True, eq=False)
+class Reach:
+    """Boxes (n, 2) each in p, q and s of a lamp's view: low and high ends."""
+
+    p: Array
+    q: Array
+    s: Array
+
+    def __getitem__(self, index: npt.NDArray[np.int64] | npt.NDArray[np.bool_]) -> Reach:
+        return Reach(self.p[index], self.q[index], self.s[index])
+
+
+@dataclass(frozen=True, eq=False)
+class LampView:
+    """One half space before a lamp: its frame, and half the lamp's size in it."""
+
+    lamp: Lamp
+    across: Array
+    along: Array
+    axis: Array
+    half: tuple[float, float]
+
+    @staticmethod
+    def of(lamp: Lamp) -> list[LampView]:
+        """Both half spaces of a lamp that shines all round, one of any other."""
+        if lamp.extended:
+            size = float(np.linalg.norm(lamp.u)), float(np.linalg.norm(lamp.v))
+            return [LampView(lamp, lamp.u / size[0], lamp.v / size[1], lamp.axis, size)]
+        axes = [lamp.axis]
+        if not np.any(lamp.axis):
+            axes = [np.array([0.0, 1.0, 0.0]), np.array([0.0, -1.0, 0.0])]
+        result = []
+        for axis in axes:
+            helper = np.eye(3)[int(np.argmin(np.abs(axis)))]
+            across = np.cross(axis, helper)
+            across /= np.linalg.norm(across)
+            result.append(LampView(lamp, across, np.cross(axis, across), axis, (0.0, 0.0)))
+        return result
+
+    def place(self, points: Array) -> tuple[Array, Array, Array]:
+        """p, q, s of world points (…, 3); behind the lamp all are NaN."""
+        if self.lamp.far:
+            return points @ self.across, points @ self.along, -(points @ self.axis)
+        relative = points - self.lamp.centre
+        w = relative @ self.axis
+        w = np.where(w > 1e-9 * np.abs(relative).max(initial=1e-300), w, np.nan)
+        return (relative @ self.across) / w, (relative @ self.along) / w, 1.0 / w
+
+    def reach(self, points: Array) -> Reach:
+        """Boxes around groups of points (n, k, 3): unlimited where some lie behind the lamp.
+
+        Where all do, s is -inf: nothing there can be lit, and nothing hides the lamp.
+        """
+        p, q, s = self.place(points)
+        behind = np.isnan(s).any(axis=1)
+        none = np.isnan(s).all(axis=1)
+        p, q = np.where(np.isnan(p), 0.0, p), np.where(np.isnan(q), 0.0, q)
+
+        def box(values: Array) -> Array:
+            low = np.where(behind, -np.inf, _fold(np.minimum, values))
+            return np.stack([low, np.where(behind, np.inf, _fold(np.maximum, values))], axis=1)
+
+        low = _fold(np.minimum, np.where(np.isnan(s), np.inf, s))
+        high = np.where(behind, np.inf, _fold(np.maximum, np.where(np.isnan(s), 0.0, s)))
+        low, high = np.where(none, -np.inf, low), np.where(none, -np.inf, high)
+        return Reach(box(p), box(q), np.stack([low, high], axis=1))
+
+
+def _fold(function: np.ufunc, values: Array) -> Array:
+    """``function`` over the second axis, which is short."""
+    result: Array = values[:, 0]
+    for k in range(1, values.shape[1]):
+        result = function(result, values[:, k])
+    return result
+
+
+class LampGrid:
+    """Casters of one view of a lamp, in square cells of p and q, each with its highest s."""
+
+    def __init__(self, view: LampView, casters: Casters, faces: LampFaces, lowest: float) -> None:
+        """``lowest``: the smallest s of any receiver."""
+        self.view = view
+        reach = view.reach(casters.corners[faces.face])
+        ahead = np.flatnonzero(reach.s[:, 1] > max(lowest, -1e300))
+        self.face, self.rim = faces.face[ahead], faces.rim[ahead]
+        self.side, self.reach = faces.side[ahead], reach[ahead]
+        low = np.stack([self.reach.p[:, 0], self.reach.q[:, 0]], axis=1)
+        high = np.stack([self.reach.p[:, 1], self.reach.q[:, 1]], axis=1)
+        low, high = self._mapped(low), self._mapped(high)
+        self.count = len(ahead)
+        self.origin = low.min(axis=0, initial=np.inf) if self.count else np.zeros(2)
+        extent = high.max(axis=0, initial=-np.inf) - self.origin if self.count else np.ones(2)
+        extent = np.maximum(extent, 1e-12)
+        size = float(np.median((high - low).max(axis=1))) if self.count else 1.0
+        size = max(size, float(np.sqrt(extent.prod() / MOST_CELLS)), float(extent.max()) / 2048)
+        self.size = size
+        self.shape = (np.floor(extent / size).astype(np.int64) + 1)[::-1]
+        first = np.floor((low - self.origin) / size).astype(np.int64)
+        last = np.floor((high - self.origin) / size).astype(np.int64)
+        self.first = first
+        box, cell = self._cells(first, last)
+        order = np.argsort(cell, kind="stable")
+        self.entry = box[order]
+        self.start = np.searchsorted(cell[order], np.arange(self.shape.prod() + 1))
+        top = np.full(self.shape, -np.inf)
+        np.maximum.at(top.reshape(-1), cell, self.reach.s[box, 1])
+        self.pyramid = [top]
+        while max(self.pyramid[-1].shape) > 1:
+            top = self.pyramid[-1]
+            top = np.pad(top, [(0, n % 2) for n in top.shape], constant_values=-np.inf)
+            self.pyramid.append(
+                top.reshape(top.shape[0] // 2, 2, top.shape[1] // 2, 2).max(axis=(1, 3))
+            )
+
+    def _mapped(self, values: Array) -> Array:
+        """Finite coordinates of the grid: p and q of half a space reach to infinity."""
+        values = np.clip(values, -1e150, 1e150)
+        if self.view.lamp.far:
+            return values
+        return values / (1.0 + np.abs(values))
+
+    def _cells(
+        self, first: npt.NDArray[np.int64], last: npt.NDArray[np.int64]
+    ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+        """Number of the box and of the cell for every cell of the boxes first … last (n, 2)."""
+        wide, tall = (np.maximum(last - first + 1, 0)).T
+        per = wide * tall
+        box = np.repeat(np.arange(len(per)), per)
+        offset = np.arange(len(box)) - np.repeat(np.cumsum(per) - per, per)
+        column = first[box, 0] + offset % np.maximum(wide[box], 1)
+        row = first[box, 1] + offset // np.maximum(wide[box], 1)
+        return box, row * self.shape[1] + column
+
+    def _window(
+        self, reach: Reach, top: Array
+    ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+        """Cells (n, 2) from first to last that receivers look at for casters up to s = ``top``."""
+        rise = np.clip(top - reach.s[:, 0], 0.0, 1e300)[:, None]
+        span = np.where(rise > 0.0, np.minimum(rise, 1e150) * self.view.half, 0.0)
+        low = self._mapped(np.stack([reach.p[:, 0], reach.q[:, 0]], axis=1) - span)
+        high = self._mapped(np.stack([reach.p[:, 1], reach.q[:, 1]], axis=1) + span)
+        limit = self.shape[::-1]
+        # just outside the grid on an empty side: such windows are empty
+        first = np.clip(np.floor((low - self.origin) / self.size), 0, limit).astype(np.int64)
+        last = np.clip(np.floor((high - self.origin) / self.size), -1, limit - 1).astype(np.int64)
+        return first, last
+
+    def _highest(self, first: npt.NDArray[np.int64], last: npt.NDArray[np.int64]) -> Array:
+        """An upper bound of s over windows of cells; -inf where they are empty."""
+        result = np.full(len(first), -np.inf)
+        filled = (last >= first).all(axis=1)
+        span = np.maximum(last - first, 0).max(axis=1) + 1
+        level = np.ceil(np.log2(span)).astype(np.int64)
+        for k in np.unique(level[filled]):
+            rows = np.flatnonzero(filled & (level == k))
+            grid = self.pyramid[min(int(k), len(self.pyramid) - 1)]
+            a, b = first[rows] >> k, last[rows] >> k
+            for i in (a[:, 0], b[:, 0]):
+                for j in (a[:, 1], b[:, 1]):
+                    at = np.minimum(j, grid.shape[0] - 1), np.minimum(i, grid.shape[1] - 1)
+                    result[rows] = np.maximum(result[rows], grid[at])
+        return result
+
+    def _top(self, reach: Reach) -> Array:
+        """An upper bound of s of the casters that may hide the lamp; -inf where there are none."""
+        top = np.full(len(reach.s), self.pyramid[-1].max())
+        for _ in range(3):  # the wider one looks, the nearer to the lamp things may be
+            found = self._highest(*self._window(reach, top))
+            top = np.where(found > reach.s[:, 0], np.minimum(found, top), -np.inf)
+        return np.where(np.isfinite(reach.s[:, 0]), top, -np.inf)
+
+    def may_hide(self, reach: Reach) -> npt.NDArray[np.bool_]:
+        """(n,) whether a caster may lie between the lamp and receivers in boxes; never misses."""
+        if not self.count:
+            return np.zeros(len(reach.s), bool)
+        return np.asarray(self._top(reach) > -np.inf)
+
+    def candidates(self, reach: Reach) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+        """Pairs (box, caster of this grid) that may hide the lamp from a receiver in the box."""
+        if not self.count:
+            return np.zeros(0, np.int64), np.zeros(0, np.int64)
+        first, last = self._window(reach, self._top(reach))
+        box, cell = self._cells(first, last)
+        count = self.start[cell + 1] - self.start[cell]
+        box = np.repeat(box, count)
+        offset = np.arange(len(box)) - np.repeat(np.cumsum(count) - count, count)
+        caster = self.entry[np.repeat(self.start[cell], count) + offset]
+        cell = np.repeat(cell, count)
+        # a caster in several cells of a window counts in the first of them
+        lead = np.maximum(self.first[caster], first[box])
+        keep = cell == lead[:, 1] * self.shape[1] + lead[:, 0]
+        keep &= self.reach.s[caster, 1] > reach.s[box, 0]
+        box, caster = box[keep], caster[keep]
+        rise = np.minimum(self.reach.s[caster, 1] - reach.s[box, 0], 1e150)
+        keep = np.ones(len(box), bool)
+        for k, (own, other) in enumerate(((reach.p, self.reach.p), (reach.q, self.reach.q))):
+            span = rise * self.view.half[k]
+            keep &= other[caster, 0] - span <= own[box, 1]
+            keep &= other[caster, 1] + span >= own[box, 0]
+        return box[keep], caster[keep]

@@ -1,0 +1,99 @@
+"""Shadows: the pixels of tiles in which a lamp is half hidden, shaded again.
+
+`gpusim.optics.shade` lights every pixel by the lamps that its tile sees at all; here the tiles
+that see some of them in part (`gpusim.optics.shadow_tiles`) get each lamp's exact visible share
+(`gpusim.optics.occlusion`). Views without shadows have neither the tables nor this pass.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gpusim.errors import InputError
+from gpusim.gpu import Buffer, Device, Recording, Texture, compare, twin_check
+from gpusim.optics.binning import bin_edges
+from gpusim.optics.pattern import LOOP_TURNS
+from gpusim.optics.shade import ShadePass, Tables, shade_twin
+from gpusim.optics.shadow_probe import probe_shadows
+from gpusim.optics.shadow_tiles import TILE, TURNS
+from gpusim.optics.visibility import visibility_twin
+
+__all__ = ["ShadowPass"]
+
+
+class ShadowPass:
+    """The tiles of one view in half shadow, on the device."""
+
+    def __init__(self, tables: Tables) -> None:
+        tiles = tables.setup.lighting.shadows
+        assert tiles is not None
+        self.tables, self.place = tables, tiles.place
+        most = int(tiles.count.sum(axis=1).max(initial=0))
+        if not most * TURNS <= LOOP_TURNS:
+            raise InputError(
+                f"render shadows; got {most} faces that may hide lamps from one tile of pixels; "
+                f"expected at most {LOOP_TURNS // TURNS}: take smaller or fewer lamps, a coarser "
+                "mesh, shadows = False, or backend 'numpy'"
+            )
+        places = tiles.place if len(tiles.place) else np.zeros((1, 2), np.int64)
+        self._places = tables.device.buffer(places.astype(np.uint32), "shadow.places")
+
+    def record(
+        self,
+        recording: Recording,
+        marks: Texture,
+        radiance: Buffer,
+        row0: int,
+        rows: int,
+        stride: int,
+    ) -> None:
+        """Shade the half shadows of a band of rows again, in place."""
+        first, last = np.searchsorted(
+            self.place[:, 0], [row0 // TILE, (row0 + rows - 1) // TILE + 1]
+        )
+        if first == last:
+            return
+        setup = self.tables.setup
+        kernel = self.tables.device.kernel("optics/shadow", constants=setup.lighting.constants())
+        bindings = kernel.bind(
+            params={
+                "rays": self.tables.rays(),
+                "width": setup.view.camera.width,
+                "stride": stride,
+                "row0": row0,
+                "rows": rows,
+                "first": first,
+                "count": last - first,
+            },
+            radiance=radiance,
+            triangles=self.tables.triangles,
+            marks=marks,
+            places=self._places,
+            lamps=self.tables.lamps,
+            **self.tables.shadows.bindings(),
+        )
+        across = min(int(last - first), 32768)
+        recording.dispatch(kernel, bindings, groups=(across, -(-int(last - first) // across)))
+
+
+@twin_check("optics/shadow")
+def _check(device: Device) -> None:
+    setup = probe_shadows()
+    camera = setup.view.camera
+    tables = Tables(device, setup)
+    shading, shadows = ShadePass(tables, rows=camera.height), ShadowPass(tables)
+    assert shading.marks is not None
+    out = device.empty(4 * shading.stride * camera.height, "shadow.out")
+    with device.recording("optics.shadow") as recording:
+        shading.record(recording, out, 0, camera.height)
+        shadows.record(recording, shading.marks, out, 0, camera.height, shading.stride)
+    got = out.read(np.float32, (camera.height, shading.stride))[:, : camera.width]
+    want = shade_twin(setup, visibility_twin(setup.view))
+    tiles = setup.lighting.shadows
+    assert tiles is not None
+    half = np.kron(tiles.entry > 0, np.ones((TILE, TILE), bool))
+    inside = half[: camera.height, : camera.width].reshape(-1)
+    inside[bin_edges(setup.view).pixel] = False
+    # one sample of 512 may fall to the other side of an outline
+    atol = 2.5 / 512 * float(want.max())
+    compare("optics/shadow", got.reshape(-1)[inside], want.reshape(-1)[inside], "pixel", atol=atol)

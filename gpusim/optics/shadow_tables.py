@@ -1,0 +1,88 @@
+"""The tables of `gpusim.optics.shadow_tiles` as the shaders read them (common/occlusion.wgsl)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from gpusim.gpu import Device
+from gpusim.gpu.texels import Texels
+from gpusim.optics.lighting import Lighting
+from gpusim.optics.occlusion import ROWS, TOLERANCE, lamp_masks, lattice
+from gpusim.optics.shadow_tiles import MOST_LAMPS
+
+__all__ = ["ShadowTables"]
+
+
+class ShadowTables:
+    """Uniform and textures; a view without shadows gets empty ones."""
+
+    def __init__(self, device: Device, lighting: Lighting) -> None:
+        tiles = lighting.shadows
+        self.shades = _shades(lighting)
+        faces = np.zeros((1, 4, 4), np.float32)
+        lists = np.zeros((1, 4), np.uint32)
+        grid = np.zeros((1, 4), np.uint32)
+        if tiles is not None:
+            if len(tiles.corners):
+                faces = np.zeros((len(tiles.corners), 4, 4), np.float32)
+                faces[:, :, :3] = tiles.corners
+                faces[:, 0, 3] = tiles.both_sides
+            heads = tiles.start.size
+            lists = np.zeros((heads + -(-len(tiles.face) // 4), 4), np.uint32)
+            lists[:heads, 0] = tiles.start.reshape(-1) + 4 * heads
+            lists[:heads, 1] = tiles.count.reshape(-1)
+            lists[heads:].reshape(-1)[: len(tiles.face)] = tiles.face
+            grid = np.zeros((tiles.lit.size, 4), np.uint32)
+            grid[:, 0], grid[:, 1] = tiles.lit.reshape(-1), tiles.entry.reshape(-1)
+        self.occluders = _texels(device, faces.reshape(-1, 4), "shadow.occluders")
+        self.lists = _texels(device, lists, "shadow.lists")
+        self.tiles = _texels(device, grid, "shadow.tiles")
+
+    def bindings(self) -> dict[str, Any]:
+        """By their WGSL names."""
+        return {
+            "shades": self.shades,
+            "occluders": self.occluders,
+            "shadow_lists": self.lists,
+            "shadow_tiles": self.tiles,
+        }
+
+
+def _texels(device: Device, values: np.ndarray[Any, Any], label: str) -> Texels:
+    fmt = "rgba32float" if values.dtype == np.float32 else "rgba32uint"
+    texels = device.texels(max(len(values), 1), fmt, label)
+    if len(values):
+        texels.write(values)
+    return texels
+
+
+def _shades(lighting: Lighting) -> dict[str, Any]:
+    tiles = lighting.shadows
+    lamps = [
+        {
+            "centre": np.zeros(4), "u": np.zeros(4), "v": np.zeros(4),
+            "part": np.zeros(4, np.uint32), "mask": np.zeros((4, 4), np.uint32),
+        }
+        for _ in range(MOST_LAMPS)
+    ]  # fmt: skip
+    own = lighting.emitters[:, 11]
+    for number, lamp in enumerate(tiles.lamps if tiles is not None else ()):
+        masks = lamp_masks(lamp)
+        first, stop = np.searchsorted(own, [number, number + 1])
+        lamps[number] = {
+            "centre": np.array([*lamp.centre, 0.0 if lamp.far else 1.0]),
+            "u": np.array([*lamp.u, float(lamp.extended)]),
+            "v": np.array([*lamp.v, float(np.bitwise_count(masks).sum())]),
+            "part": np.array([first, stop, 0, 0]),
+            "mask": masks.reshape(4, 4),
+        }
+    return {
+        "count": len(tiles.lamps) if tiles is not None else 0,
+        "columns": tiles.lit.shape[1] if tiles is not None else 1,
+        "mask_rows": ROWS,
+        "tolerance": TOLERANCE,
+        "rows": lattice(),
+        "lamps": lamps,
+    }

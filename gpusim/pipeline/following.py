@@ -1,0 +1,265 @@
+"""Markers found in a first image of a camera and followed into a last one.
+
+What this sees is what a tester has: two images, where the markers were put on the unloaded
+structure, and the camera's rough place (to know which marker is which).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim import measure
+from gpusim.errors import GpusimError, InputError
+from gpusim.gpu import Device
+from gpusim.optics.camera import Camera
+from gpusim.pipeline.build import BodyParts
+from gpusim.scene import Scene
+from gpusim.scene import model as m
+
+__all__ = ["Followed", "MarkerSet", "collect_markers", "follow_markers"]
+
+Array = npt.NDArray[np.float64]
+SUBSET_SHARE = 0.95
+SEARCH_SHARE = 0.5  # of a marker's width, around where the rough camera expects it
+LEAST_WIDTH = 10.0  # px; a marker's cross can't be fitted in less
+FIRST_SHARE = 0.6  # of a marker's half width that a first fit of its cross looks at
+END_MARGIN, END_SIGMAS = 1.2, 2.5  # px and lens blurs kept from a marker's own border
+MOST_GAP = 0.2  # of a width, between a tracked subset and the fit of its cross
+
+
+@dataclass(frozen=True, eq=False)
+class MarkerSet:
+    """The markers of a measurement: ``count`` on bodies, then those that can't move.
+
+    ``position`` (M, 3), m, on the unloaded structure; ``size`` (M,), m; ``names``, ``group_names``
+    (M,); ``groups``: body number and paint, in the order asked for.
+    """
+
+    groups: tuple[tuple[int, m.Markers], ...]
+    count: int
+    position: Array
+    size: Array
+    names: tuple[str, ...]
+    group_names: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Followed:
+    """What became of M markers between two images, px; NaN where something wasn't measured.
+
+    ``expected`` (M, 2) by the rough camera; ``points`` (M, 2) in the first image;
+    ``displacement`` (M, 2); ``sigma`` (M,); ``status`` names (M,); ``clipped`` (M,) bool: full
+    scale within the marker; ``subset`` px; ``tracking_px``: RMS difference between tracked subsets
+    and the fitted crosses.
+    """
+
+    names: tuple[str, ...]
+    expected: Array
+    points: Array
+    displacement: Array
+    sigma: Array
+    status: tuple[str, ...]
+    clipped: npt.NDArray[np.bool_]
+    subset: int
+    tracking_px: float
+
+    @property
+    def found(self) -> npt.NDArray[np.bool_]:
+        """(M,) bool: seen in the first image."""
+        return np.asarray(np.isfinite(self.points).all(axis=1))
+
+    def saturated(self, count: int) -> tuple[str, ...]:
+        """Names of the first ``count`` markers that have clipped pixels."""
+        return tuple(self.names[i] for i in np.flatnonzero(self.clipped[:count]))
+
+
+def collect_markers(
+    what: str,
+    groups: Sequence[str],
+    static: Sequence[str],
+    scene: Scene,
+    bodies: Sequence[BodyParts],
+) -> MarkerSet:
+    """The markers of paints on bodies, in order, and of paints on props."""
+    own = tuple(_marker_paint(what, bodies, name) for name in groups)
+    paints = [paint for _, paint in own]
+    still = [
+        paint
+        for name in static
+        for prop in scene.props
+        for paint in prop.paints
+        if paint.name == name and isinstance(paint, m.Markers)
+    ]
+    every = [(paint, marker) for paint in (*paints, *still) for marker in paint.markers]
+    return MarkerSet(
+        groups=own,
+        count=sum(len(paint.markers) for paint in paints),
+        position=np.array([marker.position for _, marker in every]),
+        size=np.array([paint.size for paint, _ in every]),
+        names=tuple(marker.name for _, marker in every),
+        group_names=tuple(paint.name for paint, _ in every),
+    )
+
+
+def follow_markers(
+    what: str,
+    marks: MarkerSet,
+    camera: Camera,
+    reference: npt.NDArray[Any],
+    deformed: npt.NDArray[Any],
+    *,
+    subset: int | None,
+    bits: int,
+    device: Device | None,
+) -> Followed:
+    """Find the markers near where ``camera`` expects them, and follow them into ``deformed``.
+
+    Harris corners and a fit of the cross find them, IC-GN subsets follow them, and the crosses are
+    fitted again: that is finer than the correlation of sharp squares. Raises InputError for a
+    marker that is too small, GpusimError if none is found.
+    """
+    expected = camera.project(marks.position)
+    widths = camera.K[0, 0] * marks.size / camera.to_camera(marks.position)[:, 2]
+    narrow = int(np.argmin(widths))
+    if not 0.95 * widths[narrow] >= LEAST_WIDTH:
+        raise InputError(
+            f"{what}: marker {marks.names[narrow]!r} is too small for camera {camera.name!r}; got "
+            f"a width of {widths[narrow]:.1f} px; expected more than {LEAST_WIDTH / 0.95:.1f} px "
+            "(a larger marker, a longer lens or more pixels)"
+        )
+    rough, arms = _found(reference, expected, widths)
+    points, _ = _crosses(reference, rough, arms, widths)
+    points = np.where(np.isfinite(points), points, rough)
+    known = np.asarray(np.isfinite(points).all(axis=1))
+    if not known[: marks.count].any():
+        raise GpusimError(
+            f"{what}: no marker of {sorted(set(marks.group_names[: marks.count]))} was found in "
+            f"the first image of camera {camera.name!r}; expected {marks.count}"
+        )
+    rows = np.flatnonzero(known)
+    chains = _chains(rows, marks.count, len(points))
+    side = subset or _odd(SUBSET_SHARE * float(widths[: marks.count].min()))
+    tracked = measure.track(
+        reference, deformed, points[rows],
+        subset=side, groups=chains, search_px=_search(points[rows], chains, side), device=device,
+    )  # fmt: skip
+    matched, sigma = np.full_like(points, np.nan), np.full(len(points), np.nan)
+    matched[rows], sigma[rows] = tracked.displacement, tracked.sigma
+    refined, own_sigma = _crosses(deformed, points + matched, arms, widths)
+    gap = np.linalg.norm(refined - points - matched, axis=1)
+    fine = np.asarray(gap <= MOST_GAP * widths)  # false for NaN
+    moved = np.where(fine[:, None], refined - points, matched)
+    sigma = np.where(fine, np.sqrt(2.0) * own_sigma, sigma)
+    status = np.full(len(points), "NOT_FOUND", dtype=object)
+    status[rows] = [measure.Status(s).name for s in tracked.status]
+    full = 2**bits - 1
+    clipped = np.array(
+        [
+            _clipped(reference, points[i], widths[i], full)
+            or _clipped(deformed, points[i] + matched[i], widths[i], full)
+            for i in range(len(points))
+        ]
+    )
+    close = gap[fine]
+    return Followed(
+        names=marks.names,
+        expected=expected,
+        points=points,
+        displacement=moved,
+        sigma=sigma,
+        status=tuple(str(s) for s in status),
+        clipped=clipped,
+        subset=side,
+        tracking_px=float(np.sqrt(np.mean(close**2))) if close.size else float("nan"),
+    )
+
+
+def _found(image: npt.NDArray[Any], near: Array, widths: Array) -> tuple[Array, Array]:
+    """Marker centres (M, 2) near where they are expected, and half widths along both borders
+    (M, 2, 2); NaN where there is none."""
+    points, arms = np.full_like(near, np.nan), np.full((len(near), 2, 2), np.nan)
+    known = np.asarray(np.isfinite(near).all(axis=1))
+    for width in np.unique(np.round(widths[known], 1)):
+        rows = np.flatnonzero(known & (np.round(widths, 1) == width))
+        located = measure.locate_markers(
+            image, near[rows], (max(LEAST_WIDTH, 0.75 * width), 1.3 * width),
+            SEARCH_SHARE * float(width),
+        )  # fmt: skip
+        hit = located.status == measure.MarkerStatus.FOUND
+        points[rows[hit]] = located.points[hit]
+        half, turn = 0.5 * located.size[hit], located.angle[hit]
+        along = np.stack([np.cos(turn), np.sin(turn)], axis=1)
+        arms[rows[hit], 0] = half[:, :1] * along
+        arms[rows[hit], 1] = half[:, 1:] * np.stack([-along[:, 1], along[:, 0]], axis=1)
+    return points, arms
+
+
+def _crosses(
+    image: npt.NDArray[Any], near: Array, arms: Array, widths: Array
+) -> tuple[Array, Array]:
+    """Centres (M, 2) by a fit of each cross, and their standard uncertainty (M,).
+
+    Fitted twice: the first fit tells the lens blur, and with it how close to a marker's own border
+    the second one may look.
+    """
+    points, sigma = np.full_like(near, np.nan), np.full(len(near), np.nan)
+    rows = np.flatnonzero(np.isfinite(near).all(axis=1) & np.isfinite(arms).all(axis=(1, 2)))
+    if not rows.size:
+        return points, sigma
+    first = measure.fit_crossings(
+        image, near[rows], arms[rows, 0], arms[rows, 1], share=FIRST_SHARE
+    )
+    rows, first_points, blur = rows[first.ok], first.points[first.ok], first.blur[first.ok]
+    if not rows.size:
+        return points, sigma
+    share = 1.0 - (END_MARGIN + END_SIGMAS * blur) / (0.5 * widths[rows])
+    fit = measure.fit_crossings(
+        image, first_points, arms[rows, 0], arms[rows, 1], share=np.clip(share, 0.4, 1.0)
+    )
+    points[rows], sigma[rows] = fit.points, fit.sigma
+    return points, sigma
+
+
+def _clipped(image: npt.NDArray[Any], at: Array, width: float, full: int) -> bool:
+    """Whether more than four pixels of a marker are at full scale."""
+    if not np.isfinite(at).all():
+        return False
+    x, y = np.rint(at).astype(int)
+    half = int(0.6 * width) + 1
+    window = image[max(y - half, 0) : y + half + 1, max(x - half, 0) : x + half + 1]
+    return int(np.count_nonzero(window >= full)) > 4
+
+
+def _marker_paint(what: str, bodies: Sequence[BodyParts], name: str) -> tuple[int, m.Markers]:
+    for index, parts in enumerate(bodies):
+        for paint in parts.body.paints:
+            if paint.name == name and isinstance(paint, m.Markers):
+                return index, paint
+    raise GpusimError(f"{what}: no markers named {name!r} on any body")
+
+
+def _chains(rows: npt.NDArray[np.int64], movable: int, total: int) -> list[list[int]]:
+    """The members' markers as one chain from the clamp, the static ones one by one."""
+    index = {int(row): i for i, row in enumerate(rows)}
+    chain = [index[row] for row in range(movable) if row in index]
+    still = [[index[row]] for row in range(movable, total) if row in index]
+    return [c for c in [chain, *still] if c]
+
+
+def _search(points: Array, chains: list[list[int]], subset: int) -> int:
+    """How far a marker is searched around its prediction: a third of the way to its neighbour."""
+    gaps = [
+        float(np.linalg.norm(np.diff(points[chain], axis=0), axis=1).min())
+        for chain in chains
+        if len(chain) > 1
+    ]
+    return int(np.clip(min(gaps, default=60.0) / 3.0, 4, 4 * subset))
+
+
+def _odd(width: float) -> int:
+    return max(9, 2 * int(np.floor(0.5 * (width - 1.0))) + 1)

@@ -1,0 +1,38 @@
+"""Every kind of measurement that a scene can ask for, behind one pair of functions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy.typing as npt
+
+from gpusim.errors import GpusimError
+from gpusim.gpu import Device
+from gpusim.pipeline.deflection import DeflectionResult
+from gpusim.pipeline.measuring import measure_deflection
+from gpusim.pipeline.things import Things
+from gpusim.scene import Scene
+from gpusim.scene import model as m
+
+__all__ = ["Result", "measured", "read"]
+
+Result = DeflectionResult
+Image = Callable[[str, int], npt.NDArray[Any]]
+
+
+def measured(
+    spec: m.Measure, scene: Scene, things: Things, image: Image, device: Device | None
+) -> Result:
+    """Do one measurement. ``image`` gives a camera's picture in a frame."""
+    if isinstance(spec, m.Deflection):
+        return measure_deflection(spec, scene, things.bodies, things.displacement, image, device)
+    raise GpusimError(f"measure {spec.name!r}: compares variants; the scene has none")
+
+
+def read(spec: m.Measure, folder: Path) -> Result:
+    """What an earlier run wrote for ``spec``."""
+    if isinstance(spec, m.Deflection):
+        return DeflectionResult.read(folder, spec)
+    raise GpusimError(f"measure {spec.name!r}: compares variants; the scene has none")

@@ -1,0 +1,216 @@
+"""Several states of one scene in one run: each made like a scene of its own, then compared."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from gpusim.errors import GpusimError
+from gpusim.export.files import clean_leftovers, write_text
+from gpusim.pipeline.damage import DamageLine, DamageResult, compare_states
+from gpusim.pipeline.deflection import DeflectionResult
+from gpusim.report import Figure, Link, Measurement, Report, Stage, write_report
+from gpusim.report.damage_figures import StateCurve, draw_deflections, draw_differences
+from gpusim.scene import Scene
+from gpusim.scene import model as m
+
+__all__ = ["run_variants", "variant_folder"]
+
+Progress = Callable[[str, float, str], None]
+RunOne = Callable[[Scene, Path, Progress], Report]
+CURVE_POINTS = 400
+
+
+def variant_folder(out: Path, name: str) -> Path:
+    """Where the results of a variant lie."""
+    return out / "variants" / name
+
+
+def run_variants(scene: Scene, out: Path, run_one: RunOne, progress: Progress) -> Report:
+    """Run every variant of ``scene`` by ``run_one`` and compare them; returns the whole report.
+
+    A variant's own report lies in its folder. Errors end the run as in a scene without variants,
+    with a report that says which variant failed.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    clean_leftovers(out)
+    for name in ("report.html", "report.json"):
+        (out / name).unlink(missing_ok=True)
+    write_text(out / "scene.toml", scene.to_toml())
+    reports: dict[str, Report] = {}
+    for variant in scene.variants:
+
+        def tell(stage: str, done: float, text: str, name: str = variant.name) -> None:
+            progress(f"{name}/{stage}", done, text)
+
+        try:
+            folder = variant_folder(out, variant.name)
+            reports[variant.name] = run_one(scene.variant(variant.name), folder, tell)
+        except Exception as error:
+            text = (
+                str(error) if isinstance(error, GpusimError) else f"{type(error).__name__}: {error}"
+            )
+            failed = _report(scene, out, reports, (), (), f"variant {variant.name!r}: {text}")
+            write_report(failed, out)
+            raise
+    comparisons, stages = [], []
+    for spec in scene.measures:
+        if not isinstance(spec, m.Damage):
+            continue
+        started = time.perf_counter()
+        progress(spec.name, 0.0, "differences of the deflection lines")
+        line = next(d for d in scene.measures if d.name == spec.of)
+        assert isinstance(line, m.Deflection)
+        results = {
+            v.name: [DeflectionResult.read(variant_folder(out, v.name) / "measure", line)]
+            for v in scene.variants
+        }
+        comparison = compare_states(spec, scene, results)
+        comparison.write(out / "measure")
+        comparisons.append(comparison)
+        seconds = time.perf_counter() - started
+        count = sum(len(one.found.position) for one in comparison.lines if one.found)
+        stages.append(Stage(spec.name, "run", "compares the variants", seconds))
+        progress(spec.name, 1.0, f"{count} changes of slope")
+    report = _report(scene, out, reports, tuple(comparisons), tuple(stages))
+    progress("report", 0.0, "figures and page")
+    write_report(report, out)
+    progress("report", 1.0, "report.html, report.json")
+    return report
+
+
+def _report(
+    scene: Scene,
+    out: Path,
+    reports: dict[str, Report],
+    comparisons: tuple[DamageResult, ...],
+    compared: tuple[Stage, ...],
+    failure: str = "",
+) -> Report:
+    stages = [
+        Stage(f"{name}/{stage.name}", stage.state, stage.reason, stage.seconds)
+        for name, report in reports.items()
+        for stage in report.stages
+    ]
+    measurements, figures, warnings = [], [], []
+    for comparison in comparisons:
+        measurements += _measurements(comparison)
+        figures += _figures(comparison, out / "figures")
+        warnings += _missing(comparison)
+    frames = []
+    for name, report in reports.items():
+        measurements += [replace(item, name=f"{name}: {item.name}") for item in report.measurements]
+        warnings += [f"{name}: {text}" for text in report.warnings]
+        frames += [replace(pair, caption=f"{name}: {pair.caption}") for pair in report.frames]
+    links = [Link("Scene as it was run", out / "scene.toml")]
+    links.append(Link("Numbers of this report", out / "report.json"))
+    links += [
+        Link(f"Report of {name}", variant_folder(out, name) / "report.html") for name in reports
+    ]
+    for comparison in comparisons:
+        links += [
+            Link("Deflection and difference curves", out / "measure" / f"{comparison.name}.csv"),
+            Link("Changes of slope", out / "measure" / f"{comparison.name}-breaks.csv"),
+        ]
+    adapters = [r.adapter for r in reports.values() if not r.adapter.startswith("not needed")]
+    last = next(reversed(reports.values())) if reports else None
+    return Report(
+        scene=scene.name,
+        adapter=adapters[0] if adapters else "not needed: all reused",
+        status="failed" if failure else "done",
+        stages=(*stages, *compared),
+        solution=last.solution if last else None,
+        measurements=tuple(measurements),
+        warnings=tuple(warnings),
+        description=scene.description,
+        failure=failure,
+        facts=last.facts if last else {},
+        scene_text=scene.to_toml(),
+        frames=tuple(frames[:1] + frames[-1:] if len(frames) > 1 else frames),
+        tolerance=scene.solver.tolerance,
+        figures=tuple(figures),
+        links=tuple(links),
+    )
+
+
+def _measurements(comparison: DamageResult) -> list[Measurement]:
+    """Each notch beside the slope change nearest to it, then the noise of each difference."""
+    rows = []
+    changed = [line for line in comparison.lines if line.state != comparison.reference]
+    for line in changed:
+        for number, place in enumerate(line.notches_mm, start=1):
+            name = f"{line.state}: notch {number} of {line.group}, by the change of slope"
+            limit = comparison.tolerance_mm / abs(place) if place else None
+            found = _nearest(line, place)
+            rows.append(
+                Measurement.compare(name, "mm", found, place, tolerance_relative=limit)
+            )  # fmt: skip
+    for line in changed:
+        noise = line.noise_px
+        name = f"{line.state}: RMS error of the difference, {line.group}"
+        rows.append(Measurement(name, "px", noise, 0.0, noise, np.nan))
+    return rows
+
+
+def _nearest(line: DamageLine, place: float) -> float:
+    """The slope change that belongs to a notch: each change only to the notch nearest to it."""
+    if line.found is None:
+        return float("nan")
+    notches = np.array(line.notches_mm)
+    own = [
+        float(at) for at in line.found.position if notches[np.argmin(np.abs(notches - at))] == place
+    ]
+    return min(own, key=lambda at: abs(at - place), default=float("nan"))
+
+
+def _missing(comparison: DamageResult) -> list[str]:
+    texts = []
+    for line in comparison.lines:
+        count = 0 if line.found is None else len(line.found.position)
+        if line.state != comparison.reference and count != len(line.notches_mm):
+            texts.append(
+                f"measure {comparison.name!r}: {line.state}, {line.group}: {count} changes of "
+                f"slope found for {len(line.notches_mm)} notches"
+            )
+    return texts
+
+
+def _figures(comparison: DamageResult, folder: Path) -> list[Figure]:
+    figures = []
+    for group in comparison.groups:
+        lines = comparison.of(group)
+        along = f"position along the {group}, {lines[0].axis} (mm)"
+        across = f"deflection along {lines[0].across} (mm)"
+        stem = f"{comparison.name}-{group}"
+        whole = [_curve(line, line.deflection_mm, line.true_mm) for line in lines]
+        figures.append(draw_deflections(whole, (along, across), folder / f"{stem}-lines.png"))
+        changed = [
+            _curve(line, line.difference_mm, line.true_difference_mm)
+            for line in lines
+            if line.state != comparison.reference
+        ]
+        if changed:
+            labels = along, f"difference along {lines[0].across} (mm)"
+            path = folder / f"{stem}-differences.png"
+            figures.append(draw_differences(changed, labels, lines[0].mm_per_px, path))
+    return figures
+
+
+def _curve(line: DamageLine, measured: np.ndarray, true: np.ndarray) -> StateCurve:
+    none, found = np.zeros(0), line.found
+    x = np.linspace(line.position_mm.min(), line.position_mm.max(), CURVE_POINTS)
+    return StateCurve(
+        name=line.state,
+        x=line.position_mm,
+        measured=measured,
+        true=true,
+        breaks=none if found is None else found.position,
+        sigma=none if found is None else found.sigma,
+        damage=np.array(line.notches_mm),
+        fitted_x=none if found is None else x,
+        fitted_y=none if found is None else found.at(x),
+    )

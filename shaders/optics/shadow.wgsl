@@ -1,0 +1,40 @@
+// Pixels of tiles in which a lamp is half hidden: their light again, with each lamp's visible share.
+// One workgroup per tile; the paint's albedo is that which shade.wgsl found and left in `marks`.
+#import common/surface
+
+struct Params {
+    rays: Rays,
+    width: u32,
+    stride: u32,
+    row0: i32,
+    rows: i32,
+    first: u32,
+    count: u32,
+}
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<storage, read_write> radiance: array<f32>;
+@group(0) @binding(4) var<storage, read> triangles: array<Triangle>;
+// (triangle + 1, albedo in 1 / 2^32) of every pixel of the band
+@group(0) @binding(6) var marks: texture_2d<u32>;
+// row and column of every tile in half shadow
+@group(0) @binding(7) var<storage, read> places: array<vec2u>;
+
+@compute @workgroup_size(8, 8)
+fn main(
+    @builtin(local_invocation_id) local: vec3u,
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+) {
+    let number = group.y * groups.x + group.x;
+    if (number >= params.count) { return; }
+    let place = places[params.first + number];
+    let pixel = vec2i(i32(8u * place.y + local.x), i32(8u * place.x + local.y));
+    let row = pixel.y - params.row0;
+    if (row < 0 || row >= params.rows || u32(pixel.x) >= params.width) { return; }
+    let mark = textureLoad(marks, vec2i(pixel.x, row), 0);
+    if (mark.x == 0u) { return; }
+    let t = triangles[mark.x - 1u];
+    let d = vec2f(pixel - t.place.xy);
+    let factor = light_factor_seen(t, params.rays, vec2f(pixel), d, 1.0, shadow_tile(pixel));
+    radiance[u32(row) * params.stride + u32(pixel.x)] = f32(mark.y) * 0x1p-32 * factor;
+}

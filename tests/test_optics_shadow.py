@@ -1,0 +1,258 @@
+"""Shadows against brute-force rays, geometry, and themselves with the skipping switched off."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+import gpusim as gs
+from gpusim.gpu import Device
+from gpusim.optics.binning import bin_edges
+from gpusim.optics.casters import Casters
+from gpusim.optics.emitters import Lamp, lamps_of
+from gpusim.optics.light import Light
+from gpusim.optics.setup import Setup
+from gpusim.optics.shade import shade_twin
+from gpusim.optics.shadow_probe import block, shadow_scene
+from gpusim.optics.view import look
+from gpusim.optics.visibility import visibility_twin
+from gpusim.surface.surface import triangulate
+
+Array = npt.NDArray[np.float64]
+QUAD = np.array([[0, 1, 2, 3]])
+
+
+def triangles_of(surfaces: list[gs.Surface]) -> Array:
+    return np.concatenate([s.points[triangulate(s.faces)[0]] for s in surfaces])
+
+
+def hits(origin: Array, way: Array, triangles: Array) -> npt.NDArray[np.bool_]:
+    """Whether the segments origin + t way, 1e-6 < t < 1, meet a triangle (Moeller-Trumbore)."""
+    found = np.zeros(len(origin), bool)
+    for a, b, c in triangles:
+        p = np.cross(way, c - a)
+        determinant = p @ (b - a)
+        safe = np.where(determinant != 0.0, determinant, np.inf)
+        s = origin - a
+        u = np.sum(s * p, axis=1) / safe
+        q = np.cross(s, b - a)
+        v = np.sum(way * q, axis=1) / safe
+        t = (q @ (c - a)) / safe
+        found |= (u >= 0) & (v >= 0) & (u + v <= 1) & (t > 1e-6) & (t < 1)
+    return found
+
+
+def lamp_samples(lamp: Lamp, n: int) -> Array:
+    g = 2.0 * (np.arange(n) + 0.5) / n - 1.0
+    a, b = (v.reshape(-1) for v in np.meshgrid(g, g))
+    keep = a * a + b * b <= 1.0 if lamp.round else np.ones(len(a), bool)
+    return lamp.centre + a[keep, None] * lamp.u + b[keep, None] * lamp.v
+
+
+def brute_share(lamp: Lamp, points: Array, triangles: Array, n: int = 24) -> Array:
+    """Share of the lamp that each point (P, 3) sees, by n x n rays."""
+    samples = lamp_samples(lamp, n if lamp.extended else 1)
+    origin = np.repeat(points, len(samples), axis=0)
+    way = np.tile(samples, (len(points), 1)) - (0.0 if lamp.far else 1.0) * origin
+    if lamp.far:
+        way *= 10.0
+    return 1.0 - hits(origin, way, triangles).reshape(len(points), -1).mean(axis=1)
+
+
+def test_every_kind_of_lamp_against_brute_force() -> None:
+    """The tiles' lists and masks, at pixel centres: 24 x 24 rays to each lamp."""
+    surfaces, camera, lights = shadow_scene()
+    view = look(surfaces, camera, lit=True)
+    setup = Setup.build(view, lights, 0.0, surfaces)
+    tiles = setup.lighting.shadows
+    assert tiles is not None
+    truth = gs.render(surfaces, camera, lights, backend="numpy").truth()
+    inside = ~np.isin(truth.row * camera.width + truth.column, bin_edges(view).pixel)
+    rows = np.flatnonzero(inside)[::7]
+    points = truth.reference[rows]
+    still = np.zeros_like(points)
+    got = tiles.shares(
+        truth.column[rows].astype(float), truth.row[rows].astype(float), points - camera.eye,
+        still, still,
+    )  # fmt: skip
+    triangles = triangles_of(surfaces)
+    for number, lamp in enumerate(lamps_of(lights)):
+        want = brute_share(lamp, points, triangles)
+        # faces that look away from the lamp are dark by their cosine
+        to = lamp.centre - (0.0 if lamp.far else 1.0) * points
+        facing = np.sum(to * truth.normal[rows], axis=1) > 0.1 * np.linalg.norm(to, axis=1)
+        off = np.abs(got[:, number] - want)[facing]
+        soft = ((want > 0.02) & (want < 0.98))[facing]
+        print(
+            f"{type(lamp.light).__name__}: {len(off)} points, {soft.sum()} in half shadow, "
+            f"{(want[facing] < 0.02).sum()} dark: mean {off.mean():.1e}, worst {off.max():.3f}"
+        )
+        assert (want[facing] < 0.5).sum() > 5
+        if lamp.extended:
+            assert off.max() < 0.04 and off[soft].mean() < 0.012
+        else:  # a ray that passes within rounding of an edge may go either way
+            assert (off > 0.0).mean() < 0.01
+
+
+def test_penumbra_is_as_wide_as_geometry_says() -> None:
+    """A straight edge at height h under a lamp at height H: width = size h / (H - h)."""
+    floor = gs.Surface(np.array([[-2.0, -1, 0], [2, -1, 0], [2, 1, 0], [-2, 1, 0]]), QUAD,
+                       paint=gs.paint.Plain(1.0))  # fmt: skip
+    height, top = 0.2, 1.5
+    screen = gs.Surface(np.array([[-2.0, -1, height], [0, -1, height], [0, 1, height],
+                                  [-2, 1, height]]), QUAD)  # fmt: skip
+    camera = gs.Camera.from_lens((36, 36 * 31 / 901), 30, (901, 31), (0.1, -1.3, 0.15), (0.1, 0, 0))
+    for size, shape, law in ((0.15, "rectangle", "box"), (0.15, "ellipse", "disc")):
+        lamp = gs.AreaLight((0.0, 0.0, top), (0, 0, 0), (size, 0.6 if law == "box" else size), 10.0,
+                            shape=shape)  # fmt: skip
+        share = {}
+        for shadows in (True, False):
+            light = replace(lamp, shadows=shadows)
+            share[shadows] = gs.render([floor, screen], camera, [light], backend="numpy")
+        truth = share[True].truth()
+        row = truth.row == 15
+        x = truth.reference[row, 0]
+        low = truth.reference[row, 2] < 0.5 * height
+        lit, plain = (share[k].radiance[15, truth.column[row]].astype(float) for k in (True, False))
+        profile = lit[low] / plain[low]
+        x = x[low]
+        width = size * height / (top - height)
+        assert profile.min() == 0.0 and profile.max() == pytest.approx(1.0, abs=1e-6)
+        assert (np.diff(profile) >= -2e-3).all()
+        low10, middle, high90 = np.interp([0.1, 0.5, 0.9], profile, x)
+        # from 10 % to 90 %: of a box 0.8 of its width, of a disc 0.687 (t sqrt(1-t^2) + asin t
+        # = 0.4 pi at t = 0.687)
+        want = width * (0.8 if law == "box" else 0.6870)
+        print(f"{shape}: 10-90 % {1e3 * (high90 - low10):.3f} mm, geometry {1e3 * want:.3f} mm")
+        assert high90 - low10 == pytest.approx(want, rel=0.01)
+        assert abs(middle) < 0.01 * width
+
+
+def test_skipping_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every tile in half shadow, with every face on its lists, gives the same picture."""
+    surfaces, camera, lights = shadow_scene()
+    view = look(surfaces, camera, lit=True)
+    setup = Setup.build(view, lights, 0.0, surfaces)
+    tiles = setup.lighting.shadows
+    assert tiles is not None
+    faces = Casters.of(surfaces)
+    count = len(faces.corners)
+    entries = tiles.lit.size
+    every = replace(
+        tiles,
+        lit=np.full_like(tiles.lit, 0xFFFF),
+        entry=np.arange(1, entries + 1, dtype=np.uint32).reshape(tiles.lit.shape),
+        start=np.zeros((entries, len(lights)), np.int64),
+        count=np.full((entries, len(lights)), count),
+        face=np.arange(count),
+        corners=faces.corners - camera.eye,
+        both_sides=faces.both_sides,
+    )
+    ids = visibility_twin(view)
+    want = shade_twin(replace(setup, lighting=replace(setup.lighting, shadows=every)), ids)
+    got = shade_twin(setup, ids)
+    assert len(tiles.place) < 0.9 * entries
+    np.testing.assert_allclose(got, want, atol=1e-6)
+
+
+def test_lit_bodies_do_not_shadow_themselves() -> None:
+    """A round closed body, finely meshed: on its lit side shadows change nothing at all."""
+    n, m = 40, 24
+    theta, phi = np.linspace(0, np.pi, m + 1), 2 * np.pi * np.arange(n) / n
+    t, p = np.meshgrid(theta, phi, indexing="ij")
+    points = 0.3 * np.stack([np.sin(t) * np.cos(p), np.sin(t) * np.sin(p), np.cos(t)], -1)
+    points = np.concatenate([points[1:-1].reshape(-1, 3), [[0, 0, 0.3], [0, 0, -0.3]]])
+    i, j = np.meshgrid(np.arange(m - 2), np.arange(n), indexing="ij")
+    k = (j + 1) % n
+    quads = np.stack([i * n + j, (i + 1) * n + j, (i + 1) * n + k, i * n + k], -1).reshape(-1, 4)
+    top, base = len(points) - 2, (m - 2) * n
+    around = np.arange(n)
+    caps = [
+        np.stack([0 * around + top, around, (around + 1) % n, 0 * around - 1], 1),
+        np.stack([0 * around + top + 1, base + (around + 1) % n, base + around, 0 * around - 1], 1),
+    ]
+    ball = gs.Surface(points, np.concatenate([quads, *caps]), paint=gs.paint.Plain(0.7))
+    camera = gs.Camera.from_lens((36, 24), 40, (151, 101), (0.2, -1.5, 0.3), (0, 0, 0))
+    lamp = gs.AreaLight((1.0, -1.2, 0.8), (0, 0, 0), (0.3, 0.2), 20.0)
+    images = [
+        gs.render([ball], camera, [light], backend="numpy").radiance
+        for light in (lamp, replace(lamp, shadows=False))
+    ]
+    # facets near the terminator stand in their neighbours' way a little, where hardly any light is
+    difference = np.abs(images[0] - images[1])
+    assert difference.max() < 0.02 * images[1].max()
+    bright = images[1] > 0.15 * images[1].max()
+    assert difference[bright].max() == 0.0
+
+
+def test_contact_shadows_begin_at_the_contact(device: Device) -> None:
+    """A box on a floor, lit from the left: right of it the floor is dark up to the very edge."""
+    floor = gs.Surface(np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]), QUAD,
+                       paint=gs.paint.Plain(0.5))  # fmt: skip
+    box = block((0.0, 0.0, 0.1), (0.1, 0.2, 0.1), 0.5)
+    camera = gs.Camera.from_lens((36, 24), 30, (301, 201), (0.3, -0.2, 1.2), (0.1, 0.0, 0.0))
+    lamp = gs.AreaLight((-1.5, 0.0, 1.0), (0, 0, 0), (0.05, 0.05), 10.0)
+    for backend in ("gpu", "numpy"):
+        frame = gs.render([floor, box], camera, [lamp], device=device, backend=backend)
+        truth = frame.truth()
+        x, y, z = truth.reference.T
+        behind = (z < 1e-9) & (x > 0.1 + 1e-9) & (x < 0.12) & (np.abs(y) < 0.15)
+        edge = np.zeros(frame.radiance.shape, bool)
+        edge.reshape(-1)[bin_edges(frame.view).pixel] = True
+        behind &= ~edge[truth.row, truth.column]
+        before = (z < 1e-9) & (x < -0.19) & (x > -0.25) & (np.abs(y) < 0.15)
+        before &= ~edge[truth.row, truth.column]
+        assert behind.sum() > 50 and before.sum() > 50
+        assert frame.radiance[truth.row[behind], truth.column[behind]].max() == 0.0
+        plain = gs.render([floor, box], camera, [replace(lamp, shadows=False)], device=device,
+                          backend=backend).radiance  # fmt: skip
+        lit = frame.radiance[truth.row[before], truth.column[before]]
+        np.testing.assert_allclose(lit, plain[truth.row[before], truth.column[before]], rtol=1e-6)
+
+
+def test_shadows_sharper_than_a_pixel_are_filtered() -> None:
+    """A point lamp and an oblique edge: shares are areas, to the 512 samples of the lattice."""
+    floor = gs.Surface(np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]), QUAD,
+                       paint=gs.paint.Plain(1.0))  # fmt: skip
+    edge = np.array([[-3.0, -0.31, 0.5], [3.0, 0.13, 0.5], [3.0, 4.0, 0.5], [-3.0, 4.0, 0.5]])
+    camera = gs.Camera.from_lens((36, 24), 30, (61, 41), (0.02, -0.03, 0.4), (0.0, 0.0, 0.0),
+                                 up=(0, 1, 0))  # fmt: skip
+    lamp = gs.PointLight((0.1, 0.2, 3.0), 1.0)
+    screen = gs.Surface(edge, QUAD)
+    both = [
+        gs.render([floor, screen], camera, [light], backend="numpy").radiance
+        for light in (lamp, replace(lamp, shadows=False))
+    ]
+    share = both[0] / both[1]
+    # the edge as the lamp throws it on the floor, on screen
+    scale = 3.0 / 2.5
+    a, b = (np.array([0.1, 0.2, 3.0]) + scale * (e - [0.1, 0.2, 3.0]) for e in edge[:2])
+    pa, pb = camera.project(np.stack([a, b]))
+    n = 64
+    g = (np.arange(n) + 0.5) / n - 0.5
+    y, x = np.mgrid[:41, :61].astype(float)
+    sx, sy = x[..., None, None] + g, y[..., None, None] + g[:, None]
+    side = (pb[0] - pa[0]) * (sy - pa[1]) - (pb[1] - pa[1]) * (sx - pa[0])
+    want = (side > 0).mean(axis=(2, 3))
+    if np.abs(share - want).mean() > 0.5:
+        want = 1.0 - want
+    partly = (want > 0) & (want < 1)
+    error = share - want
+    print(
+        f"{partly.sum()} pixels: mean {error[partly].mean():+.1e}, worst {np.abs(error).max():.1e}"
+    )
+    assert partly.sum() > 50
+    assert np.abs(error).max() < 0.02
+    assert abs(error[partly].mean()) < 1e-3
+
+
+def test_lights_that_cast_none_have_no_tables() -> None:
+    surfaces, camera, lights = shadow_scene()
+    view = look(surfaces, camera, lit=True)
+    none: list[Light] = [replace(light, shadows=False) for light in lights]  # type: ignore[type-var]
+    assert Setup.build(view, none, 0.0, surfaces).lighting.shadows is None
+    alone = look(surfaces[:1], camera, lit=True)
+    assert Setup.build(alone, lights, 0.0, surfaces[:1]).lighting.shadows is None
