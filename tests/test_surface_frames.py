@@ -155,7 +155,8 @@ def test_dots_on_a_tube_keep_their_coverage(device: Device, kind: str) -> None:
     want = 0.25 * np.pi * (0.04 / 0.062) ** 2
     for eye in ((3.0, 0.4, 0.6), (-2.4, 1.5, 0.5)):
         view = gs.Camera.from_lens((24.0, 24.0), 40.0, (81, 81), eye, middle)
-        picture = gs.render([surface], view, device=device)
+        # pixels at the ends of the tube see some background: as bright as the mean
+        picture = gs.render([surface], view, background=0.9 - 0.8 * want, device=device)
         truth = picture.truth()
         toward = (np.array(eye) - middle) / np.linalg.norm(np.array(eye) - middle)
         facing = truth.normal @ toward
@@ -164,4 +165,4 @@ def test_dots_on_a_tube_keep_their_coverage(device: Device, kind: str) -> None:
         inner, rim = facing > 0.6, (facing > 0.2) & (facing < 0.6)
         covered = [np.average(share[part], weights=1 / facing[part]) for part in (inner, rim)]
         print(f"{kind}: covered {covered[0]:.3f} inside, {covered[1]:.3f} at the rim; {want:.3f}")
-        assert rim.sum() > 200 and np.abs(np.array(covered) - want).max() < 0.03
+        assert rim.sum() > 200 and np.abs(np.array(covered) - want).max() < 0.015
