@@ -15,7 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.surface.plane import PaintFrame, face_normals, triangulate
+from gpusim.surface.plane import PaintFrame, face_normals
+from gpusim.surface.topology import triangulate
 
 __all__ = ["Atlas", "CylinderFrame", "Frame"]
 

@@ -1,4 +1,4 @@
-"""Paint coordinates of plane regions, and what there is to know of faces and their triangles."""
+"""Paint coordinates of plane regions, and the normals of faces."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 
-__all__ = ["PaintFrame", "face_normals", "plane_frame", "triangulate"]
+__all__ = ["PaintFrame", "face_normals", "plane_frame"]
 
 PLANAR_COSINE = float(np.cos(np.radians(1.0)))
 
@@ -82,17 +82,6 @@ def plane_frame(
             "than 1 degree; split the region or give frames"
         )
     return PaintFrame.facing(unit, points[np.unique(faces[faces >= 0])], up)
-
-
-def triangulate(
-    faces: npt.NDArray[np.int32],
-) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
-    """(F, 4) faces to (T, 3) triangles, and the face (T,) that each comes from."""
-    quads = np.flatnonzero(faces[:, 3] >= 0)
-    triangles = np.concatenate([faces[:, :3], faces[quads][:, [0, 2, 3]]])
-    source = np.concatenate([np.arange(len(faces)), quads]).astype(np.int32)
-    order = np.argsort(source, kind="stable")
-    return np.ascontiguousarray(triangles[order]), source[order]
 
 
 def face_normals(

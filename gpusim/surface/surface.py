@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -11,7 +13,8 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.surface.frames import Frame
 from gpusim.surface.paint import Paint, Plain
-from gpusim.surface.plane import PaintFrame, face_normals, plane_frame, triangulate
+from gpusim.surface.plane import PaintFrame, face_normals, plane_frame
+from gpusim.surface.topology import Topology, triangulate
 
 __all__ = ["PaintFrame", "Surface", "face_normals", "plane_frame", "triangulate"]
 
@@ -130,9 +133,39 @@ class Surface:
         assert self.reference is not None
         return self.reference
 
+    @cached_property
+    def topology(self) -> Topology:
+        """Triangles and edges; found once and shared by all that `moved` makes."""
+        return Topology.of(self.faces)
+
+    @cached_property
+    def extents(self) -> dict[int, tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]]:
+        """Lowest and highest paint coordinates (2,) of the regions that carry a pattern."""
+        result = {}
+        zero = np.zeros(2)
+        for region, paint in enumerate(self.paints.values()):
+            topology = self.topology
+            own = np.flatnonzero(self.regions[topology.source] == region)
+            if len(own) and paint.features(zero, zero) is not None:
+                corners = self.rest[topology.triangles[own]]
+                st = self.paint_frame(region).of_triangles(corners, own).reshape(-1, 2)
+                result[region] = st.min(axis=0), st.max(axis=0)
+        return result
+
     def moved(self, points: npt.NDArray[np.float64]) -> Surface:
         """The same surface with its vertices at ``points``; the paint stays on the material."""
-        return replace(self, points=points, frames=self._all_frames())
+        now = _points(points, f"Surface {self.name!r} points")
+        if now.shape != self.rest.shape:
+            raise InputError(
+                f"Surface {self.name!r} points; got {now.shape}; expected {self.rest.shape}"
+            )
+        frames = self._all_frames()
+        # nothing that has been checked and found for the shape at rest is done again
+        _ = self.topology, self.extents
+        result = copy.copy(self)
+        object.__setattr__(result, "points", now)
+        object.__setattr__(result, "frames", frames)
+        return result
 
     def paint_frame(self, region: int) -> Frame:
         """The paint coordinates of a region, given or made from its (plane) faces."""
