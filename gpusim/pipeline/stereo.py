@@ -25,6 +25,7 @@ __all__ = ["measure_stereo"]
 Array = npt.NDArray[np.float64]
 Image = Callable[[str, int], npt.NDArray[Any]]
 MM = 1e3
+LEAST_SPREAD = 0.05  # of static markers, width over length
 
 
 def measure_stereo(
@@ -164,6 +165,10 @@ def _steady(
         return moved.displacement, float("nan")
     start, end = frame.apply(before), frame.apply(after)
     rms = float(np.sqrt(np.mean(np.sum((end - start)[fine] ** 2, axis=1))))
+    middle = start[fine].mean(axis=0)
+    spread = np.linalg.svd(start[fine] - middle, compute_uv=False)
+    if not spread[1] > LEAST_SPREAD * spread[0]:  # a line of markers leaves a turn open
+        return end - start - (end[fine].mean(axis=0) - middle), rms
     motion = measure.align(end[fine], start[fine])
     return motion.apply(end) - start, rms
 
