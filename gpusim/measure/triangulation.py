@@ -219,7 +219,8 @@ def align(source: npt.ArrayLike, target: npt.ArrayLike, *, scale: bool = False) 
     Raises
     ------
     InputError
-        Fewer than three common points, or all in one place or on one line, which leaves a turn open.
+        Fewer than three common points, or all in one place, or on one line: that leaves a turn
+        open.
     """
     a, b = np.asarray(source, dtype=np.float64), np.asarray(target, dtype=np.float64)
     if a.shape != b.shape or a.ndim != 2 or a.shape[1] != 3:
