@@ -49,6 +49,7 @@ if _typing.TYPE_CHECKING:
         psf,
         render,
     )
+    from gpusim.optics.calibration_files import read_calibration, write_calibration
     from gpusim.pipeline import run, solve
     from gpusim.report import Report
     from gpusim.scene import Scene, load_scene
@@ -100,11 +101,13 @@ __all__ = [
     "paint",
     "photograph",
     "psf",
+    "read_calibration",
     "read_field",
     "read_mesh",
     "render",
     "run",
     "solve",
+    "write_calibration",
 ]
 
 _HOMES = {
@@ -141,6 +144,7 @@ _HOMES = {
         "psf",
         "render",
     ),
+    "gpusim.optics.calibration_files": ("read_calibration", "write_calibration"),
     "gpusim.pipeline": ("run", "solve"),
     "gpusim.report": ("Report",),
     "gpusim.scene": ("Scene", "load_scene"),

@@ -54,7 +54,8 @@ class ShadowPass:
         if first == last:
             return
         setup = self.tables.setup
-        kernel = self.tables.device.kernel("optics/shadow", constants=setup.lighting.constants())
+        constants = {**setup.lighting.constants(), "distorted": setup.constants(())["distorted"]}
+        kernel = self.tables.device.kernel("optics/shadow", constants=constants)
         bindings = kernel.bind(
             params={
                 "rays": self.tables.rays(),
@@ -70,6 +71,8 @@ class ShadowPass:
             marks=marks,
             places=self._places,
             lamps=self.tables.lamps,
+            tiles=self.tables.tiles,
+            undistortion=self.tables.undistortion,
             **self.tables.shadows.bindings(),
         )
         across = min(int(last - first), 32768)

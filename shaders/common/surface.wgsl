@@ -41,6 +41,13 @@ fn footprint(t: Triangle, d: vec2f) -> Footprint {
     return Footprint(st, ex, ey, t.tw.zw * w);
 }
 
+// The footprint of a pixel whose sides the lens bends: columns of `change` are what a column and a
+// row of the image are in pixels of the ideal image.
+fn bent_footprint(f: Footprint, change: mat2x2f) -> Footprint {
+    let turned = mat2x2f(f.ex, f.ey) * change;
+    return Footprint(f.st, turned[0], turned[1], f.q * change);
+}
+
 // World-space ray of unit depth through a pixel: x * column + y * row + one.
 struct Rays {
     x: vec4f,
@@ -72,10 +79,12 @@ fn light_factor(t: Triangle, rays: Rays, p: vec2f, d: vec2f, bits: u32) -> f32 {
     return irradiance(s.x, s.n, bits) * 0.3183098861837907;
 }
 
-// The same where lamps may be half hidden; it stands for an area of side `extent` px.
+// The same where lamps may be half hidden; it stands for a parallelogram whose sides are the
+// columns of `extent`, in pixels of the ideal image.
 fn light_factor_seen(
-    t: Triangle, rays: Rays, p: vec2f, d: vec2f, extent: f32, tile: vec2u
+    t: Triangle, rays: Rays, p: vec2f, d: vec2f, extent: mat2x2f, tile: vec2u
 ) -> f32 {
     let s = spot(t, rays, p, d);
-    return irradiance_seen(s.x, s.n, extent * s.dx, extent * s.dy, tile) * 0.3183098861837907;
+    let sides = mat2x3f(s.dx, s.dy) * extent;
+    return irradiance_seen(s.x, s.n, sides[0], sides[1], tile) * 0.3183098861837907;
 }

@@ -1,6 +1,7 @@
 // Pixels of tiles in which a lamp is half hidden: their light again, with each lamp's visible share.
 // One workgroup per tile; the paint's albedo is that which shade.wgsl found and left in `marks`.
 #import common/surface
+#import common/undistort
 
 struct Params {
     rays: Rays,
@@ -34,7 +35,11 @@ fn main(
     let mark = textureLoad(marks, vec2i(pixel.x, row), 0);
     if (mark.x == 0u) { return; }
     let t = triangles[mark.x - 1u];
-    let d = vec2f(pixel - t.place.xy);
-    let factor = light_factor_seen(t, params.rays, vec2f(pixel), d, 1.0, shadow_tile(pixel));
+    let bend = bend_at(pixel);
+    let shift = undistort(bend, vec2f(0.0));
+    let d = vec2f(pixel - t.place.xy) + shift;
+    let factor = light_factor_seen(
+        t, params.rays, vec2f(pixel) + shift, d, undistort_change(bend), shadow_tile(pixel)
+    );
     radiance[u32(row) * params.stride + u32(pixel.x)] = f32(mark.y) * 0x1p-32 * factor;
 }
