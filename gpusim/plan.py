@@ -190,7 +190,7 @@ class _Planner:
         self.decide("solve", solve, unsolved)
         frames = self._frames(surface, solve if not still and not given else "")
         targets = self._targets()
-        self._results(surface, solve, frames)
+        self._results(surface, solve, [*frames, *targets])
         self._in_memory(mesh, model, surface)
         everything = [stage.key for stage in self.stages.values()]
         report = self.key("report", ("name", "description"), *everything)

@@ -294,7 +294,7 @@ class _Run:
         files = []
         for measure in self.scene.measures:
             result = measurements.measured(
-                measure, self.scene, self.things, self._image, self.device
+                measure, self.scene, self.things, self._image, self._target, self.device
             )
             self.results.append(result)
             files += result.write(self.out / "measure")
@@ -307,8 +307,11 @@ class _Run:
         self.results = [measurements.read(measure, folder) for measure in self.scene.measures]
         self.warnings += [w for result in self.results for w in result.warnings]
 
-    def _image(self, camera: str, frame: int) -> npt.NDArray[Any]:
-        return read_image(images.image_path(self.scene, self.out, camera, frame))
+    def _image(self, camera: str, frame: int, kind: str = "") -> npt.NDArray[Any]:
+        return read_image(images.image_path(self.scene, self.out, camera, frame, kind))
+
+    def _target(self, camera: str, pose: int) -> npt.NDArray[Any]:
+        return self._image(camera, pose, "calib-")
 
     def _stress(self) -> list[Path]:
         path = self.out / "solution" / "stress.npz"
