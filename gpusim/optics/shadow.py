@@ -54,7 +54,9 @@ class ShadowPass:
         if first == last:
             return
         setup = self.tables.setup
-        kernel = self.tables.device.kernel("optics/shadow", constants=setup.lighting.constants())
+        kernel = self.tables.device.kernel(
+            "optics/shadow", constants=setup.lighting.constants(bool(setup.shiny.any()))
+        )
         bindings = kernel.bind(
             params={
                 "rays": self.tables.rays(),
@@ -70,6 +72,7 @@ class ShadowPass:
             marks=marks,
             places=self._places,
             lamps=self.tables.lamps,
+            gloss_table=self.tables.gloss,
             **self.tables.shadows.bindings(),
         )
         across = min(int(last - first), 32768)

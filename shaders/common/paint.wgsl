@@ -51,6 +51,9 @@ fn feature_at(i: u32) -> Feature {
     );
 }
 
+// Share of the footprint that squares and discs cover, added up by what finds its albedo.
+var<private> printed: f32 = 0.0;
+
 // (albedo * share, share) of the four squares that meet at a lattice corner, from the shares of
 // the pixel right of it, above it, and both.
 fn corner_squares(f: Feature, corner: vec2f, right: f32, above: f32, both: f32) -> vec2f {
@@ -163,7 +166,9 @@ fn paint_discs(ground: f32, list: vec2u, p: vec2f, ex: vec2f, ey: vec2f) -> f32 
         while (near != 0u) {
             let f = feature_at(list.x + 4u * (done + firstTrailingBit(near)));
             near &= near - 1u;
-            albedo += (f.c.x - ground) * disc_share(p - f.a.xy, ex, ey, f.a.z);
+            let share = disc_share(p - f.a.xy, ex, ey, f.a.z);
+            albedo += (f.c.x - ground) * share;
+            printed += share;
         }
     }
     return albedo;
@@ -195,9 +200,12 @@ fn paint_pixel(
             let turn = mat2x2f(f.a.z, -f.a.w, f.a.w, f.a.z);
             let s = checker_shares(f, turn * p, turn * ex, turn * ey, q);
             albedo += s.x - paint.ground * s.y;
+            printed += s.y;
         }
         if (discs != 0u && f.c.z != 0.0) {
-            albedo += (f.c.x - paint.ground) * disc_share(p, ex, ey, f.a.z);
+            let share = disc_share(p, ex, ey, f.a.z);
+            albedo += (f.c.x - paint.ground) * share;
+            printed += share;
         }
     }
     return albedo;

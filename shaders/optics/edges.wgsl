@@ -201,9 +201,12 @@ fn paint_polygon(t: Triangle, d: vec2f, polygon: Polygon, centroid: vec2f) -> f3
             for (var j = 0; j < polygon.count; j++) { local.polygon.p[j] = turn * local.polygon.p[j]; }
             let s = polygon_checker(f, local);
             albedo += s.x - paint.ground * s.y;
+            printed += s.y;
         }
         if (discs != 0u && f.c.z != 0.0) {
-            albedo += (f.c.x - paint.ground) * polygon_disc(f, local.polygon);
+            let share = polygon_disc(f, local.polygon);
+            albedo += (f.c.x - paint.ground) * share;
+            printed += share;
         }
     }
     return albedo;
@@ -285,15 +288,19 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
         if (!visible && seen == 0u) { continue; }
 
         let d = vec2f(pixel - t.place.xy);
+        printed = 0.0;
         var light = paint_polygon(t, d, polygon, m.yz);
         if (lit != 0u) {
             let at = vec2f(pixel) + m.yz;
+            var r: Reflection;
             if (shadowed != 0u) {
-                let tile = shadow_tile(pixel);
-                light *= light_factor_seen(t, params.rays, at, d + m.yz, sqrt(m.x), tile);
+                r = reflection_seen_at(t, params.rays, at, d + m.yz, sqrt(m.x), shadow_tile(pixel));
             } else {
-                light *= light_factor(t, params.rays, at, d + m.yz, 0u);
+                r = reflection_at(t, params.rays, at, d + m.yz, 0u);
             }
+            let whole = paints[u32(t.ny.w)].featured > 1u;
+            let ground = select(t.more.x, light, whole);
+            light = radiance_of(t, r, light, ground, clamp(1.0 - printed, 0.0, 1.0));
         }
         if (visible) {
             free_area += m.x;
