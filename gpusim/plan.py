@@ -20,6 +20,7 @@ from gpusim._version import __version__
 from gpusim.scene import Scene
 from gpusim.scene import cost as cost_of
 from gpusim.scene.amplitudes import LoadHistory
+from gpusim.scene.model import Camera
 from gpusim.state import StateFile
 
 __all__ = ["Plan", "PlannedStage", "make_plan"]
@@ -219,6 +220,7 @@ class _Planner:
         """Enter the render stages; returns their names."""
         names = []
         scene = self.scene
+        weights: list[Any]
         for camera in scene.cameras:
             sections = (f"camera.{camera.name}", "light", "render", "sensor")
             first = ""
@@ -226,9 +228,12 @@ class _Planner:
                 name = f"render/{camera.name}/{frame:04d}"
                 # the unloaded frame doesn't depend on the solution; an automatic exposure is that
                 # of the camera's first frame
-                unloaded = self.history.unloaded(frame)
+                near = self._near(camera, frame)
+                unloaded = all(self.history.unloaded(one) for one in near)
                 moved = "" if unloaded else solve
-                weights = [] if unloaded else self.history.weights(frame)
+                weights = [] if unloaded else [self.history.weights(one) for one in near]
+                if len(near) > 1:
+                    weights.append(scene.analysis.frame_rate)
                 key = self.key(name, sections, surface, moved, first, extra=[self.backend, weights])
                 if frame == 0 and self.scene.sensor.exposure is None:
                     first = key
@@ -237,10 +242,17 @@ class _Planner:
                     columns, rows = camera.resolution
                     factors = ", ".join(f"{w:g}" for w in self.history.shown(frame))
                     what = f"time {factors}" if self.history.given else f"load x {factors}"
-                    detail = f"{columns}x{rows} px, {self.stages[name].detail}, {what}"
+                    effects = cost_of.effects(scene, camera)
+                    detail = f"{columns}x{rows} px, {self.stages[name].detail}, {effects}, {what}"
                     self.stages[name] = replace(self.stages[name], detail=detail)
                 names.append(name)
         return names
+
+    def _near(self, camera: Camera, frame: int) -> list[int]:
+        """The frames that an image depends on: with a shutter the neighbours too."""
+        if camera.shutter is None:
+            return [frame]
+        return sorted({max(frame - 1, 0), frame, min(frame + 1, self.history.frames - 1)})
 
     def _targets(self) -> list[str]:
         """Enter the render stages of the calibration target, which no body has a part in."""

@@ -94,16 +94,19 @@ def reference(
     out = np.zeros((stop - first, camera.width))
     for row in range(first, stop):
         y = np.repeat(row + grid, camera.width * SAMPLES)
+        u, v = x, y
+        if camera.lens is not None:
+            u, v = camera.undistort(np.stack([x, y], axis=1)).T
         value = np.full(len(x), background)
         nearest = np.full(len(x), np.inf)
         for plate in plates:
             normal = np.cross(plate.s_axis, plate.t_axis)
             slope = ray.T @ normal
-            along = slope[0] * x + slope[1] * y + slope[2]
+            along = slope[0] * u + slope[1] * v + slope[2]
             depth = ((plate.origin - eye) @ normal) / np.where(along != 0.0, along, np.nan)
             relative = eye - plate.origin
-            s = depth * _linear(ray.T @ plate.s_axis, x, y) + relative @ plate.s_axis
-            t = depth * _linear(ray.T @ plate.t_axis, x, y) + relative @ plate.t_axis
+            s = depth * _linear(ray.T @ plate.s_axis, u, v) + relative @ plate.s_axis
+            t = depth * _linear(ray.T @ plate.t_axis, u, v) + relative @ plate.t_axis
             hit = (depth > 0.0) & (depth < nearest)
             hit &= (s >= 0.0) & (s <= plate.size[0]) & (t >= 0.0) & (t <= plate.size[1])
             at = np.flatnonzero(hit)

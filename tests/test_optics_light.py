@@ -14,7 +14,7 @@ from gpusim.gpu import Device
 from gpusim.optics.emitters import emitters, irradiance
 from gpusim.optics.light import AmbientLight
 from gpusim.optics.lighting import ambient
-from gpusim.optics.outline import smooth_normals
+from gpusim.optics.outline import area_normals, smooth_normals
 from gpusim.surface.surface import triangulate
 
 Array = npt.NDArray[np.float64]
@@ -162,7 +162,8 @@ def test_normals_are_smooth_on_a_cylinder_and_sharp_on_a_box() -> None:
     for sides, smooth in ((24, True), (4, False)):
         surface = prism(sides)
         triangles, source = triangulate(surface.faces)
-        normals = smooth_normals(surface.points, triangles, surface.smooth_angle)
+        area = area_normals(surface.points, triangles)
+        normals = smooth_normals(area, triangles, len(surface.points), surface.smooth_angle)
         np.testing.assert_allclose(np.linalg.norm(normals, axis=2), 1.0, atol=1e-12)
         mantle = source < sides
         at = surface.points[triangles[mantle]]

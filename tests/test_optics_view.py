@@ -10,9 +10,8 @@ import gpusim as gs
 from gpusim.errors import InputError
 from gpusim.gpu import Device
 from gpusim.optics.binning import bin_edges, segment_pixels
-from gpusim.optics.outline import feature_edges
+from gpusim.optics.outline import area_normals, feature_edges, unit
 from gpusim.optics.view import LONGEST_EDGE, look
-from gpusim.surface.surface import triangulate
 from tests.optics_reference import Array, Plate, flat, pattern, reference
 
 QUAD = np.array([[0, 1, 2, 3]])
@@ -267,18 +266,27 @@ def test_edge_pixels_list_their_triangles_from_near_to_far() -> None:
 def test_which_edges_show() -> None:
     """A cube: 12 creases; those between two hidden faces are left out; diagonals never show."""
     surface = cube((0.2, 0.1, 0.2))
-    triangles, source = triangulate(surface.faces)
-    corners = surface.points[triangles]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    front = np.sum(normal * (corners[:, 0] - [0.0, -1.0, 0.0]), axis=1) < 0.0
-    region = np.zeros(len(triangles), np.int32)
-    outline = feature_edges(triangles, source, front, region, normal, np.pi / 6)
-    assert outline.closed and len(outline.edges) == 9
-    lengths = np.linalg.norm(np.diff(surface.points[outline.edges], axis=1), axis=2)
-    np.testing.assert_allclose(lengths, 0.3, atol=1e-12)
+    topology = surface.topology
+    eye = np.array([0.0, -1.0, 0.0])
+    normal = area_normals(surface.points, topology.triangles)
+    front = np.sum(normal.T * (surface.points[topology.triangles[:, 0]] - eye), axis=1) < 0.0
+
+    def lengths(region: npt.NDArray[np.int32], smooth_angle: float) -> Array:
+        """Of the edges that show."""
+        shows = feature_edges(topology, front, region, unit(normal), smooth_angle, front)
+        owner = topology.first[shows]
+        k = np.argmax(topology.edge[owner] == np.flatnonzero(shows)[:, None], axis=1)
+        corners = topology.triangles[owner]
+        rows = np.arange(len(k))
+        ends = surface.points[corners[rows, k]] - surface.points[corners[rows, (k + 1) % 3]]
+        result: Array = np.linalg.norm(ends, axis=1)
+        return result
+
+    region = np.zeros(6, np.int32)
+    assert topology.closed and len(lengths(region, np.pi / 6)) == 9
+    np.testing.assert_allclose(lengths(region, np.pi / 6), 0.3, atol=1e-12)
     # from the front alone, with creases allowed: only the silhouette
-    smooth = feature_edges(triangles, source, front, region, normal, np.pi)
-    assert len(smooth.edges) == 6
+    assert len(lengths(region, np.pi)) == 6
     # a region border shows, whatever the angle
-    region[source == 2] = 1
-    assert len(feature_edges(triangles, source, front, region, normal, np.pi).edges) == 8
+    region[2] = 1
+    assert len(lengths(region, np.pi)) == 8

@@ -82,6 +82,7 @@ def test_json_is_exactly_the_documented_shape() -> None:
             },
         ],
         "warnings": ["ä < b"],
+        "facts": {},
     }
 
 

@@ -123,7 +123,7 @@ def test_a_file_that_cannot_be_read(tmp_path: Path) -> None:
         ("prop.0.size_mm.1", 0.0, "prop.0.size_mm.1", "out of range"),
         ("body.0.mesh.through", 0, "body.0.mesh.through", "out of range"),
         ("sensor.exposure", 0, "sensor.exposure", "not an exposure"),
-        ("sensor.bits", 12, "sensor.bits", "unknown value"),
+        ("sensor.bits", 11, "sensor.bits", "unknown value"),
         ("camera.0.up", [0.0, 1.0], "camera.0.up", "wrong length"),
         ("analysis.load_factors", [], "analysis.load_factors", "wrong length"),
         # missing

@@ -19,8 +19,10 @@ from gpusim.measure.epipolar import Matches, epipolar_distance, match_epipolar
 from gpusim.measure.interpolation import SplineImage
 from gpusim.measure.matching import Status
 from gpusim.measure.sequence import dic_sequence
+from gpusim.measure.stereo import StereoResult, stereo_dic, stereo_shape
 from gpusim.measure.strain import StrainResult, StrainStatus, strain
 from gpusim.measure.subsets import DicResult
+from gpusim.measure.surface_strain import surface_strain
 from gpusim.measure.targets import Chessboard, Sighting, TargetStatistics, target_statistics
 from gpusim.measure.tracking import TrackResult, track
 from gpusim.measure.triangulation import (
@@ -31,6 +33,7 @@ from gpusim.measure.triangulation import (
     displacement_3d,
     triangulate,
 )
+from gpusim.measure.views import rig_camera
 
 __all__ = [
     "Alignment",
@@ -50,6 +53,7 @@ __all__ = [
     "SlopeChanges",
     "SplineImage",
     "Status",
+    "StereoResult",
     "StrainResult",
     "StrainStatus",
     "TargetStatistics",
@@ -69,10 +73,14 @@ __all__ = [
     "grid_points",
     "locate_markers",
     "match_epipolar",
+    "rig_camera",
     "rigid_motion",
     "scale_coefficient",
     "slope_changes",
+    "stereo_dic",
+    "stereo_shape",
     "strain",
+    "surface_strain",
     "target_statistics",
     "track",
     "triangulate",

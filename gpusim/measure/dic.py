@@ -28,7 +28,7 @@ from gpusim.measure.subsets import (
 from gpusim.measure.usable import Usable, make_usable
 from gpusim.measure.warp import Shape
 
-__all__ = ["Start", "dic", "grid_points"]
+__all__ = ["Start", "dic", "explain", "grid_points"]
 
 Start = Literal["auto", "search", "features"]
 ENOUGH = 0.5  # share of the seeds that must be found by searching
@@ -136,7 +136,7 @@ def dic(
         front.attempt(untried, np.zeros((untried.size, 2)), keep=False)
     front.doubt()
     matches = front.matches()
-    _say_why(matches, positions, settings, first, second)
+    explain(matches, positions, settings, first, second)
     return make_result(positions, matches, subset, blur_px)
 
 
@@ -181,7 +181,7 @@ def _check_guess(
     return begin
 
 
-def _say_why(
+def explain(
     matches: Correlation, points: FloatArray, settings: Settings, first: Usable, second: Usable
 ) -> None:
     """Name masked and saturated subsets, in the reference and where they went to."""

@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 
 from gpusim.measure.images import FloatArray, Image
 
-__all__ = ["Motion", "feature_matches", "feature_motions", "global_shift"]
+__all__ = ["Motion", "common_motions", "feature_matches", "feature_motions", "global_shift"]
 
 LARGEST = 2_000_000  # px: larger images are looked at in a smaller copy
 FEATURES = 5000
@@ -56,9 +56,16 @@ class Motion:
 
 def feature_motions(reference: Image, deformed: Image) -> list[Motion]:
     """The affine motions seen in two images, those with most matches first."""
-    points, moved = feature_matches(reference, deformed)
+    return common_motions(*feature_matches(reference, deformed), float(np.hypot(*reference.shape)))
+
+
+def common_motions(points: FloatArray, moved: FloatArray, diagonal: float) -> list[Motion]:
+    """The affine motions that many of the matches (K, 2), (K, 2) agree on.
+
+    ``diagonal`` of the image, px: matches of one motion may differ from it by 0.8 % of that.
+    """
     motions: list[Motion] = []
-    threshold = max(2.0, REACH * float(np.hypot(*reference.shape)))
+    threshold = max(2.0, REACH * diagonal)
     for _ in range(MODELS):
         if len(points) < LEAST:
             break

@@ -1,14 +1,20 @@
-"""Pinhole cameras in the OpenCV convention: integer pixel coordinates are pixel centres."""
+"""Cameras in the OpenCV convention: integer pixel coordinates are pixel centres.
+
+A pinhole with a flat sensor, and a lens that may distort (`gpusim.optics.distortion`). Pixel
+positions of the same camera without distortion are called ideal.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.optics.distortion import Distortion
 
 __all__ = ["Camera"]
 
@@ -19,20 +25,22 @@ def _identity() -> npt.NDArray[np.float64]:
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """A camera with a flat sensor and a lens without distortion.
+    """A camera with a flat sensor and a lens that may distort.
 
     Parameters
     ----------
     width, height : px.
     K : (3, 3) float64, [[fx, skew, cx], [0, fy, cy], [0, 0, 1]] in px; the pixel in column i and
         row j is centred at (i, j), so that the image's centre is ((width - 1) / 2, …).
-    distortion : OpenCV coefficients; this version takes zeros only.
+    distortion : OpenCV coefficients k1 k2 p1 p2 [k3 [k4 k5 k6 [s1 s2 s3 s4 [tau_x tau_y]]]];
+        None or zeros for a lens without. They act on (x, y) = (X / Z, Y / Z) before K does.
     camera_from_world : (4, 4) rigid transform; camera axes are x right, y down, z forward.
 
     Raises
     ------
     InputError
-        Sizes, shapes or values that make no camera, or a lens with distortion.
+        Sizes, shapes or values that make no camera, or a lens whose distortion folds inside the
+        image (it isn't monotonic there: two points of the scene would share a pixel).
     """
 
     width: int
@@ -56,11 +64,6 @@ class Camera:
                 f"{where} K; got {K.tolist()}; expected [[fx, skew, cx], [0, fy, cy], [0, 0, 1]] "
                 "with fx, fy above 0"
             )
-        if self.distortion is not None and np.any(np.asarray(self.distortion, np.float64) != 0.0):
-            raise InputError(
-                f"{where} distortion; got {np.ravel(self.distortion).tolist()}; "
-                "expected zeros: this version renders undistorted lenses only"
-            )
         T = np.asarray(self.camera_from_world, np.float64)
         if T.shape != (4, 4) or not np.isfinite(T).all():
             raise InputError(
@@ -74,6 +77,51 @@ class Camera:
             )
         object.__setattr__(self, "K", K)
         object.__setattr__(self, "camera_from_world", T)
+        if self.distortion is not None:
+            try:
+                lens = Distortion(np.asarray(self.distortion, np.float64))
+            except (InputError, TypeError, ValueError) as error:
+                raise InputError(f"{where} {error}") from None
+            object.__setattr__(self, "distortion", lens.coefficients)
+            if lens.coefficients.any():
+                self._require_invertible(lens)
+
+    def _require_invertible(self, lens: Distortion) -> None:
+        """Refuse a lens whose distortion can't be undone somewhere in the image."""
+        columns = np.linspace(-0.5, self.width - 0.5, 33)
+        rows = np.linspace(-0.5, self.height - 0.5, 33)
+        pixels = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
+        points = self._from_pixels(pixels)
+        bad = np.isnan(lens.undistort(points)).any(axis=1)
+        if not bad.any():
+            return
+        radius = np.hypot(*points.T)
+        first = int(np.argmin(np.where(bad, radius, np.inf)))
+        reach = radius[first]
+        if np.isfinite(lens.limit):
+            edge = np.array([[0.999999 * lens.limit, 0.0]])
+            reach = min(reach, float(np.hypot(*lens.distort(edge)[0])))
+        if not np.isfinite(reach):
+            reach = radius[first]
+        fx, corner = self.K[0, 0], radius.max()
+        raise InputError(
+            f"Camera {self.name!r} distortion; got {lens.coefficients.tolist()}, which is "
+            f"monotonic only up to {reach * fx:.6g} px from the principal point (radius "
+            f"{reach:.6g} in focal lengths); expected a lens that is so in the whole image: pixel "
+            f"({pixels[first, 0]:g}, {pixels[first, 1]:g}) shows nothing, and the corners are at "
+            f"{corner * fx:.6g} px (radius {corner:.6g})"
+        )
+
+    @cached_property
+    def lens(self) -> Distortion | None:
+        """The distortion; None if there is none."""
+        if self.distortion is None or not np.any(self.distortion):
+            return None
+        return Distortion(np.asarray(self.distortion, np.float64))
+
+    def without_distortion(self) -> Camera:
+        """The same camera with an ideal lens."""
+        return self if self.distortion is None else replace(self, distortion=None)
 
     @staticmethod
     def from_lens(
@@ -85,6 +133,7 @@ class Camera:
         up: npt.ArrayLike = (0.0, 0.0, 1.0),
         principal_point_offset_mm: tuple[float, float] = (0.0, 0.0),
         name: str = "camera",
+        distortion: Sequence[float] | npt.NDArray[np.float64] | None = None,
     ) -> Camera:
         """A camera as a photographer describes it.
 
@@ -129,7 +178,7 @@ class Camera:
                 [0.0, 0.0, 1.0],
             ]
         )
-        return Camera(width, height, K, None, camera_from_world, name)
+        return Camera(width, height, K, distortion, camera_from_world, name)
 
     @property
     def eye(self) -> npt.NDArray[np.float64]:
@@ -151,11 +200,48 @@ class Camera:
         Xc = self.to_camera(points)
         z = Xc[..., 2]
         z = np.where(z > 0.0, z, np.nan)
-        x, y = Xc[..., 0] / z, Xc[..., 1] / z
-        K = self.K
+        flat = np.stack([Xc[..., 0] / z, Xc[..., 1] / z], axis=-1)
+        return self._to_pixels(flat if self.lens is None else self.lens.distort(flat))
+
+    def undistort(self, pixels: npt.ArrayLike) -> npt.NDArray[np.float64]:
+        """Pixel positions (…, 2) to where the camera without distortion has them, exact to 1e-12 f.
+
+        NaN where the lens shows nothing. The same as cv2.undistortPoints(pixels, K, d, P=K).
+        """
+        points = _pixels(pixels, "undistort")
+        if self.lens is None:
+            return points.copy()
+        return self._to_pixels(self.lens.undistort(self._from_pixels(points)))
+
+    def distort(self, pixels: npt.ArrayLike, beyond: bool = False) -> npt.NDArray[np.float64]:
+        """Ideal pixel positions (…, 2) to where the lens puts them; NaN beyond its domain.
+
+        ``beyond``: continued straight outwards there instead, for geometry that leaves the image.
+        """
+        points = _pixels(pixels, "distort")
+        if self.lens is None:
+            return points.copy()
+        flat = self._from_pixels(points)
+        return self._to_pixels(self.lens.extended(flat) if beyond else self.lens.distort(flat))
+
+    def _to_pixels(self, flat: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        K, x, y = self.K, flat[..., 0], flat[..., 1]
         return np.stack([K[0, 0] * x + K[0, 1] * y + K[0, 2], K[1, 1] * y + K[1, 2]], axis=-1)
+
+    def _from_pixels(self, pixels: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        K = self.K
+        y = (pixels[..., 1] - K[1, 2]) / K[1, 1]
+        x = (pixels[..., 0] - K[0, 2] - K[0, 1] * y) / K[0, 0]
+        return np.stack([x, y], axis=-1)
 
     def ray_matrix(self) -> npt.NDArray[np.float64]:
         """(3, 3) matrix D with camera-space direction = D [x, y, 1], of unit depth."""
         result: npt.NDArray[np.float64] = np.linalg.inv(self.K).astype(np.float64)
         return result
+
+
+def _pixels(values: npt.ArrayLike, what: str) -> npt.NDArray[np.float64]:
+    pixels = np.asarray(values, np.float64)
+    if pixels.shape[-1:] != (2,):
+        raise InputError(f"{what}; got pixels of shape {pixels.shape}; expected (…, 2)")
+    return pixels

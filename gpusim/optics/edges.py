@@ -16,6 +16,7 @@ from gpusim.gpu import Buffer, Device, Recording, compare, twin_check
 from gpusim.optics.albedo import mean_albedo
 from gpusim.optics.binning import EdgePixels, bin_edges
 from gpusim.optics.bitmap import BITMAP, mean_over_polygons
+from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.pattern import LOOP_TURNS, PatternTable
 from gpusim.optics.setup import Setup, probe_setup, radiance_of
 from gpusim.optics.shade import Tables
@@ -210,19 +211,21 @@ def _light(
     paint = setup.view.paint[triangle]
     albedo = setup.table.paints["ground"][paint].astype(np.float64)
     featured = setup.table.paints["featured"][paint]
+    # all of a polygon through the cubic of its pixel
+    ideal = _undistorted(setup, at, at[:, None] + np.concatenate([centroid[:, None], polygon], 1))
     rows = np.flatnonzero((featured > 0) & (featured < BITMAP))
     if len(rows):
         own = triangle[rows]
-        middle, w0 = _paint_positions(setup, own, (at + centroid)[rows][:, None])
-        corners, w = _paint_positions(setup, own, at[rows, None] + polygon[rows])
+        middle, w0 = _paint_positions(setup, own, ideal[rows, :1])
+        corners, w = _paint_positions(setup, own, ideal[rows, 1:])
         albedo[rows] = mean_albedo(
             setup.table, paint[rows], setup.cell[own], middle[:, 0], corners - middle, w / w0
         )
     for number, image in setup.bitmaps.images.items():
         rows = np.flatnonzero(paint == number)
         own = triangle[rows]
-        middle, w0 = _paint_positions(setup, own, (at + centroid)[rows][:, None])
-        corners, w = _paint_positions(setup, own, at[rows, None] + polygon[rows])
+        middle, w0 = _paint_positions(setup, own, ideal[rows, :1])
+        corners, w = _paint_positions(setup, own, ideal[rows, 1:])
         albedo[rows] = mean_over_polygons(
             image, image.ground, setup.cell[own], middle[:, 0], corners - middle, w / w0
         )
@@ -238,10 +241,20 @@ def _light(
     return radiance_of(setup, triangle, x, y, albedo, printed, np.sqrt(area))
 
 
+def _undistorted(setup: Setup, pixel: Array, at: Array) -> Array:
+    """Ideal positions of image positions (n, V, 2) in pixels (n, 2)."""
+    bends = distortion_map(setup.view.camera)
+    if bends is None:
+        return at
+    owner = np.repeat(pixel.astype(np.int64), at.shape[1], axis=0)
+    flat = at.reshape(-1, 2)
+    return (flat + bends.evaluate(owner, flat - owner)[0]).reshape(at.shape)
+
+
 def _paint_positions(
     setup: Setup, triangle: npt.NDArray[np.int64], pixels: Array
 ) -> tuple[Array, Array]:
-    """Paint positions (n, V, 2) of pixel positions (n, V, 2), and 1 / z (n, V) to scale."""
+    """Paint positions (n, V, 2) of ideal positions (n, V, 2), and 1 / z (n, V) to scale."""
     d = pixels - setup.anchor[triangle][:, None]
     planes = setup.planes[triangle][:, :3]
     values = d @ np.swapaxes(planes[:, :, :2], 1, 2) + planes[:, None, :, 2]

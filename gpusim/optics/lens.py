@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.optics.camera import Camera
-from gpusim.optics.psf import Psf
+from gpusim.optics.psf import Psf, edge_profile
 from gpusim.optics.vignette import Vignetting
 
 __all__ = ["Focus", "Lens", "aperture_points", "focus_of", "seen_through"]
@@ -145,22 +145,25 @@ def _in_polygon(points: Array, blades: int, angle: float) -> npt.NDArray[np.bool
     return np.asarray(inside)
 
 
-def edge_error(points: Array, diameter: float) -> float:
+def edge_error(points: Array, diameter: float, psf: Psf | None = None, side: float = 1.0) -> float:
     """RMS error of a full-contrast edge blurred by ``points`` x diameter / 2, at its worst angle.
 
     Against an even disc of that diameter, over the blur and a pixel on either side; the pixel's
-    own square is part of both.
+    own square of ``side`` and the point spread are part of both.
     """
     radius = 0.5 * diameter
-    x = np.linspace(-radius - 1.0, radius + 1.0, 401)
-    u = np.linspace(-radius, radius, 2001)
+    x = np.linspace(-radius - 1.0, radius + 1.0, 201)
+    reach = 2.0 * radius + 1.0
+    grid = np.linspace(-reach, reach, 801)
+    profile = edge_profile(psf, side, grid)
+    u = np.linspace(-radius, radius, 1001)
     density = np.sqrt(np.maximum(radius**2 - u**2, 0.0))
     density /= density.sum()
     worst = 0.0
-    want = np.clip(x[:, None] - u[None, :] + 0.5, 0.0, 1.0) @ density
+    want = np.interp(x[:, None] - u[None, :], grid, profile) @ density
     for angle in np.pi * np.arange(6) / 12.0:
         at = radius * (points @ [np.cos(angle), np.sin(angle)])
-        got = np.clip(x[:, None] - at[None, :] + 0.5, 0.0, 1.0).mean(axis=1)
+        got = np.interp(x[:, None] - at[None, :], grid, profile).mean(axis=1)
         worst = max(worst, float(np.sqrt(np.mean((got - want) ** 2))))
     return worst
 
@@ -183,11 +186,11 @@ def focus_of(lens: Lens, camera: Camera, depths: Array, tolerance: float) -> Foc
         return Focus(centre, 0.25 * abs(low + high), largest, 0.0)
     if lens.positions is not None:
         unit = aperture_points(lens.positions, lens.blades, lens.blade_angle)
-        return Focus(0.5 * lens.aperture * unit, 0.0, largest, edge_error(unit, largest))
+        return Focus(0.5 * lens.aperture * unit, 0.0, largest, edge_error(unit, largest, lens.psf))
     error = np.inf
+    side = float(np.sqrt(lens.fill_factor))
     for count in COUNTS:
-        round_points = aperture_points(count)
-        error = edge_error(round_points, largest)
+        error = edge_error(aperture_points(count), largest, lens.psf, side)
         if error <= tolerance:
             break
     unit = aperture_points(count, lens.blades, lens.blade_angle)

@@ -2,88 +2,121 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["Outline", "feature_edges", "smooth_normals"]
+from gpusim.surface.topology import Topology
+
+__all__ = ["area_normals", "feature_edges", "smooth_normals", "unit"]
+
+Array = npt.NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
-class Outline:
-    """``edges`` (E, 2) vertex numbers; ``closed``: every edge joins exactly two triangles."""
+def area_normals(points: Array, triangles: npt.NDArray[np.int32]) -> Array:
+    """(3, T): components of the triangles' normals, twice as long as their areas."""
+    x, y, z = (np.ascontiguousarray(points[:, k]) for k in range(3))
+    a, b, c = (np.ascontiguousarray(triangles[:, k]) for k in range(3))
+    ux, uy, uz = (v[b] - v[a] for v in (x, y, z))
+    vx, vy, vz = (v[c] - v[a] for v in (x, y, z))
+    return np.stack([uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx])
 
-    edges: npt.NDArray[np.int32]
-    closed: bool
+
+def unit(vectors: Array) -> Array:
+    """(3, T) vectors scaled to length 1; zeros stay."""
+    length = np.sqrt(vectors[0] ** 2 + vectors[1] ** 2 + vectors[2] ** 2)
+    result: Array = vectors / np.where(length > 0.0, length, 1.0)
+    return result
 
 
 def feature_edges(
-    triangles: npt.NDArray[np.int32],
-    source: npt.NDArray[np.int32],
+    topology: Topology,
     front: npt.NDArray[np.bool_],
     region: npt.NDArray[np.int32],
-    normal: npt.NDArray[np.float64],
+    normal: Array,
     smooth_angle: float,
-) -> Outline:
-    """The edges across which the picture may jump.
+    seen: npt.NDArray[np.bool_],
+) -> npt.NDArray[np.bool_]:
+    """(E,): the edges across which the picture may jump; diagonals of a face never are.
 
     Parameters
     ----------
-    triangles : (T, 3) vertices; source : (T,) face that each comes from (diagonals of a face that
-        is seen from one side never show).
-    front, region, normal : per triangle: seen from its front, paint region, normal of any length.
+    front, seen : (T,) per triangle: looks at the camera, may be in the image.
+    region : (F,) paint region of each face.
+    normal : (3, T) unit normals.
     smooth_angle : rad; a larger turn between two neighbours is a crease.
     """
-    count = len(triangles)
-    ends = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
-    owner = np.tile(np.arange(count, dtype=np.int64), 3)
-    low, high = ends.min(axis=1).astype(np.int64), ends.max(axis=1).astype(np.int64)
-    key = low * (int(triangles.max(initial=0)) + 1) + high
-    order = np.argsort(key, kind="stable")
-    key, owner, low, high = key[order], owner[order], low[order], high[order]
-    first = np.flatnonzero(np.r_[True, key[1:] != key[:-1]])
-    uses = np.diff(np.r_[first, len(key)])
-    pair = uses == 2
-    closed = bool(pair.all())
-    a = owner[first]
-    b = owner[np.minimum(first + 1, len(key) - 1)]
-    length = np.linalg.norm(normal, axis=1)
-    unit = normal / np.where(length > 0.0, length, 1.0)[:, None]
-    turned = front[a] != front[b]
-    crease = np.sum(unit[a] * unit[b], axis=1) < np.cos(smooth_angle)
-    crease &= source[a] != source[b]
-    jump = ~pair | turned | crease | (region[a] != region[b])
-    if closed:
-        jump &= front[a] | front[b]
-    return Outline(np.stack([low[first], high[first]], axis=1)[jump].astype(np.int32), closed)
+    jump = np.zeros(len(topology.first), bool)
+    edge = np.flatnonzero(seen[topology.first] | seen[topology.second])
+    a, b = topology.first[edge], topology.second[edge]
+    source_a, source_b = topology.source[a], topology.source[b]
+    cosine = normal[0][a] * normal[0][b]
+    cosine += normal[1][a] * normal[1][b]
+    cosine += normal[2][a] * normal[2][b]
+    crease = (cosine < np.cos(smooth_angle)) & (source_a != source_b)
+    shows = ~topology.manifold[edge] | crease | (front[a] != front[b])
+    if region.any():
+        shows |= region[source_a] != region[source_b]
+    jump[edge] = shows
+    return jump
 
 
 def smooth_normals(
-    points: npt.NDArray[np.float64], triangles: npt.NDArray[np.int32], smooth_angle: float
-) -> npt.NDArray[np.float64]:
-    """Unit normals (T, 3, 3) per triangle corner, averaged by area over the smooth neighbours.
+    area: Array,
+    triangles: npt.NDArray[np.int32],
+    vertices: int,
+    smooth_angle: float,
+    wanted: npt.NDArray[np.int64] | None = None,
+) -> Array:
+    """Unit normals (n, 3, 3) per corner of the ``wanted`` triangles (default: all).
 
-    A neighbour at a vertex counts if its normal lies within ``smooth_angle`` of the triangle's own.
+    They are the mean, weighted by area, of the normals ``area`` (3, T) of those triangles at the
+    vertex whose normal lies within ``smooth_angle`` of the triangle's own.
     """
-    a, b, c = (points[triangles[:, k]] for k in range(3))
-    area = np.cross(b - a, c - a)
-    length = np.linalg.norm(area, axis=1)
-    unit = area / np.where(length > 0.0, length, 1.0)[:, None]
-    corner = triangles.reshape(-1)
-    owner = np.repeat(np.arange(len(triangles)), 3)
-    order = np.argsort(corner, kind="stable")
-    sorted_vertex, sorted_owner = corner[order], owner[order]
-    start = np.searchsorted(sorted_vertex, np.arange(len(points) + 1))
-    degree = np.diff(start)[corner]
+    direction = unit(area)
+    mean = np.zeros((3, vertices))
+    for k in range(3):
+        for j in range(3):
+            mean[k] += np.bincount(triangles[:, j], weights=area[k], minlength=vertices)
+    mean = unit(mean)
+    # where all lie within half the angle of their mean, any two lie within the whole
+    sharp = np.zeros(vertices, bool)
+    for j in range(3):
+        corner = triangles[:, j]
+        cosine = sum(direction[k] * mean[k][corner] for k in range(3))
+        sharp[corner[~(cosine >= np.cos(0.5 * smooth_angle))]] = True
+    chosen = triangles if wanted is None else triangles[wanted]
+    result: Array = np.stack([mean[k][chosen] for k in range(3)], axis=-1)
+    if sharp.any():
+        rows, columns = np.nonzero(sharp[chosen])
+        own = rows if wanted is None else wanted[rows]
+        result[rows, columns] = _one_by_one(
+            area, direction, triangles, sharp, own, chosen[rows, columns], smooth_angle
+        )
+    return result
+
+
+def _one_by_one(
+    area: Array,
+    direction: Array,
+    triangles: npt.NDArray[np.int32],
+    sharp: npt.NDArray[np.bool_],
+    own: npt.NDArray[np.int64],
+    vertex: npt.NDArray[np.int32],
+    smooth_angle: float,
+) -> Array:
+    """Normals (n, 3) of triangles ``own`` at their corners ``vertex``, pair by pair."""
+    owner, corner = np.nonzero(sharp[triangles])
+    order = np.argsort(triangles[owner, corner], kind="stable")
+    around = owner[order]
+    start = np.searchsorted(triangles[owner, corner][order], np.arange(len(sharp) + 1))
+    degree = np.diff(start)[vertex]
     # pairs (corner, neighbour) laid out one after another
-    row = np.repeat(np.arange(len(corner)), degree)
-    offset = np.arange(len(row)) - np.repeat(np.cumsum(degree) - degree, degree)
-    neighbour = sorted_owner[start[corner[row]] + offset]
-    similar = np.sum(unit[owner[row]] * unit[neighbour], axis=1) >= np.cos(smooth_angle)
-    weight = np.where(similar[:, None], area[neighbour], 0.0)
-    total = np.add.reduceat(weight, np.cumsum(degree) - degree, axis=0)
-    size = np.linalg.norm(total, axis=1)
-    total = np.where(size[:, None] > 0.0, total / np.where(size > 0.0, size, 1.0)[:, None],
-                     unit[owner])  # fmt: skip
-    return total.reshape(-1, 3, 3)
+    row = np.repeat(np.arange(len(vertex)), degree)
+    begin = np.cumsum(degree) - degree
+    neighbour = around[start[vertex[row]] + np.arange(len(row)) - begin[row]]
+    cosine = np.sum(direction[:, own[row]] * direction[:, neighbour], axis=0)
+    weight = np.where(cosine >= np.cos(smooth_angle), area[:, neighbour], 0.0)
+    total = np.add.reduceat(weight, begin, axis=1)
+    found = np.any(total != 0.0, axis=0)
+    result: Array = np.where(found, unit(total), direction[:, own]).T
+    return result

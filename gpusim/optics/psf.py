@@ -23,7 +23,17 @@ from scipy.special import j1
 
 from gpusim.errors import InputError
 
-__all__ = ["Airy", "Convolved", "Disc", "Gaussian", "MeasuredPsf", "Psf", "SampledKernel", "sample"]
+__all__ = [
+    "Airy",
+    "Convolved",
+    "Disc",
+    "Gaussian",
+    "MeasuredPsf",
+    "Psf",
+    "SampledKernel",
+    "edge_profile",
+    "sample",
+]
 
 Array = npt.NDArray[np.float64]
 
@@ -298,12 +308,18 @@ def _edge_error(line: Array, psf: Psf | None, side: float, n: int) -> float:
     ends = (np.arange(len(line) + 1) - 0.5 * len(line)) / n
     x = np.linspace(-2.0, 2.0, 129)
     got = np.interp(x, ends, np.concatenate([[0.0], np.cumsum(line)]))
+    return float(np.sqrt(np.mean((got - edge_profile(psf, side, x)) ** 2)))
+
+
+def edge_profile(psf: Psf | None, side: float, x: Array) -> Array:
+    """Image of a step edge at 0 along the rows, (n,) at distances ``x`` px.
+
+    1/2 + integral of H(f) sin(2 pi f x) / (pi f), H = transfer x aperture of width ``side``.
+    """
     if psf is None:
-        want = np.clip(x / side + 0.5, 0.0, 1.0)
-    else:
-        # 1/2 + integral of H(f) sin(2 pi f x) / (pi f), H = transfer x aperture, by midpoints
-        step = 1.0 / 128.0
-        f = (np.arange(int(24 / step)).astype(np.float64) + 0.5) * step
-        H = psf.transfer(f, np.zeros_like(f)) * np.sinc(side * f)
-        want = 0.5 + step * (np.sin(2.0 * np.pi * np.outer(x, f)) @ (H / (np.pi * f)))
-    return float(np.sqrt(np.mean((got - want) ** 2)))
+        return np.asarray(np.clip(x / side + 0.5, 0.0, 1.0))
+    step = min(1.0 / 128.0, 0.25 / max(float(np.abs(x).max()), 1.0))
+    f = (np.arange(int(24 / step)).astype(np.float64) + 0.5) * step
+    H = psf.transfer(f, np.zeros_like(f)) * np.sinc(side * f)
+    waves = np.sin(2.0 * np.pi * np.outer(x, f))
+    return np.asarray(0.5 + step * (waves @ (H / (np.pi * f))))

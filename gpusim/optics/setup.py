@@ -16,10 +16,11 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.optics.bitmap import BITMAP, PIECES, BitmapTable, pieces_needed
 from gpusim.optics.camera import Camera
+from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.light import AmbientLight, AreaLight, Light, PointLight
 from gpusim.optics.lighting import Lighting
 from gpusim.optics.pattern import PatternTable
-from gpusim.optics.view import NORMAL, ST, View, barycentric_planes, look
+from gpusim.optics.view import NORMAL, ST, View, look
 from gpusim.surface.paint import Checker, Dots, Image, Markers, Paint, Plain, Speckle
 from gpusim.surface.surface import Surface
 
@@ -70,7 +71,7 @@ class Setup:
         bitmaps = BitmapTable.build(view.paints, table.paints)
         lit = lights is not None
         lighting = Lighting.build(view, lights, surfaces)
-        anchor = np.rint(view.screen.mean(axis=1)).astype(np.int32)
+        anchor = np.rint(view.ideal.mean(axis=1)).astype(np.int32)
         size = table.paints["cell"][view.paint].astype(np.float64)
         st = bitmaps.texel_positions(view.paint, view.corners[:, :, ST])
         cell = np.floor(st.mean(axis=1) / size[:, None])
@@ -80,7 +81,7 @@ class Setup:
              view.corners[:, :, NORMAL]], axis=2
         )  # fmt: skip
         mean_inverse = view.inverse_depth().mean(axis=1)
-        basis = barycentric_planes(view.corners, view.camera) / mean_inverse[:, None, None]
+        basis = view.planes / mean_inverse[:, None, None]
         planes = np.einsum("tia,tik->tak", values, basis)
         planes[:, :, 2] += np.einsum("tak,tk->ta", planes[:, :, :2], anchor.astype(np.float64))
         near = table.near_features(view.paint, st.min(axis=1), st.max(axis=1))
@@ -182,6 +183,7 @@ class Setup:
         fine, large = self._pattern_traits if 1 in groups else (False, False)
         return {
             "lit": float(self.lit),
+            "distorted": float(self.view.camera.lens is not None),
             "patterned": float(any(groups)),
             "speckle": float((2 in groups) + 2 * (3 in groups)),
             **self.lighting.constants(glossy),
@@ -191,6 +193,16 @@ class Setup:
             "bitmaps": float(self._bitmap_variant if BITMAP in groups else 0),
         }
 
+    def undistorted(self, at: Array) -> tuple[Array, Array]:
+        """Ideal positions (n, 2) of image positions ``at`` (n, 2), and the change (n, 2, 2).
+
+        Change [:, :, k] is what a column or a row of the image is in pixels of the ideal image.
+        """
+        bends = distortion_map(self.view.camera)
+        if bends is None:
+            return at, np.broadcast_to(np.eye(2), (len(at), 2, 2))
+        return bends.ideal(at)
+
 
 def footprint(
     setup: Setup, triangle: npt.NDArray[np.int64], x: Array, y: Array
@@ -199,14 +211,17 @@ def footprint(
 
     Last: the relative change (n, 2) of 1 / z per column and row.
     """
-    d = np.stack([x, y], axis=1) - setup.anchor[triangle]
+    ideal, change = setup.undistorted(np.stack([x, y], axis=1))
+    d = ideal - setup.anchor[triangle]
     planes = setup.planes[triangle]
     values = planes[:, :3, 0] * d[:, :1] + planes[:, :3, 1] * d[:, 1:] + planes[:, :3, 2]
     w = values[:, 2:3]
     st = values[:, :2] / w
     ex = (planes[:, :2, 0] - st * planes[:, 2:3, 0]) / w
     ey = (planes[:, :2, 1] - st * planes[:, 2:3, 1]) / w
-    return st, ex, ey, planes[:, 2, :2] / w
+    turned = np.stack([ex, ey], axis=2) @ change
+    q = np.einsum("ni,nik->nk", planes[:, 2, :2] / w, change)
+    return st, turned[:, :, 0], turned[:, :, 1], q
 
 
 def radiance_of(
@@ -225,17 +240,18 @@ def radiance_of(
     """
     if not setup.lit:
         return albedo
-    d = np.stack([x, y], axis=1) - setup.anchor[triangle]
+    ideal, bend = setup.undistorted(np.stack([x, y], axis=1))
+    d = ideal - setup.anchor[triangle]
     planes = setup.planes[triangle]
     values = planes[:, 2:, 0] * d[:, :1] + planes[:, 2:, 1] * d[:, 1:] + planes[:, 2:, 2]
     depth = 1.0 / (values[:, 0] * setup.mean_inverse[triangle])
     rays = setup.rays()
-    position = depth[:, None] * (np.stack([x, y, np.ones_like(x)], axis=1) @ rays.T)
+    position = depth[:, None] * (np.c_[ideal, np.ones(len(x))] @ rays.T)
     normal = values[:, 1:]
     normal = normal / np.linalg.norm(normal, axis=1)[:, None]
     rate = (planes[:, 2, :2] / values[:, :1])[:, None]
     scale = np.broadcast_to(extent, len(x))[:, None, None]
-    change = scale * (depth[:, None, None] * rays[:, :2] - position[:, :, None] * rate)
+    change = scale * (depth[:, None, None] * rays[:, :2] - position[:, :, None] * rate) @ bend
     paint = setup.view.paint[triangle]
     reflected = setup.lighting.reflect(
         paint, x, y, position, normal, change[:, :, 0], change[:, :, 1]

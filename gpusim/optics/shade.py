@@ -21,6 +21,7 @@ from gpusim.gpu.texels import Texels
 from gpusim.optics.albedo import mean_albedo
 from gpusim.optics.binning import bin_edges
 from gpusim.optics.bitmap import BITMAP, mean_over_pixels
+from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.gloss import gloss_texels
 from gpusim.optics.pattern import FINEST, LOOP_TURNS
 from gpusim.optics.setup import Setup, footprint, probe_setup, radiance_of
@@ -28,6 +29,9 @@ from gpusim.optics.shadow_tables import ShadowTables
 from gpusim.optics.visibility import visibility_twin
 
 __all__ = ["ShadePass", "Tables", "shade_twin"]
+
+
+NO_TILES = {"last": np.zeros(2), "middle": np.zeros(2), "size": 1, "columns": 1}
 
 
 class Tables:
@@ -44,6 +48,11 @@ class Tables:
         self.patterns = table.texels(device)
         self.triangles = device.buffer(setup.records(), "shade.triangles")
         self.screen = device.buffer(fixed, "shade.screen")
+        bends = distortion_map(view.camera)
+        bent = np.zeros((5, 4), np.float32) if bends is None else bends.texels()
+        self.undistortion = device.texels(len(bent), "rgba32float", "shade.undistortion")
+        self.undistortion.write(bent)
+        self.tiles = NO_TILES if bends is None else bends.tiles()
         texels = setup.bitmaps.texels()
         self.bitmap_texels = Texels(device, len(texels), "rgba32float", "shade.bitmaps")
         self.bitmap_texels.write(texels)
@@ -57,6 +66,8 @@ class Tables:
             "triangles": self.triangles,
             "screen": self.screen,
             "lamps": self.lamps,
+            "tiles": self.tiles,
+            "undistortion": self.undistortion,
             "bitmap_texels": self.bitmap_texels,
             "speckles": self.speckles,
         }

@@ -54,9 +54,9 @@ class ShadowPass:
         if first == last:
             return
         setup = self.tables.setup
-        kernel = self.tables.device.kernel(
-            "optics/shadow", constants=setup.lighting.constants(bool(setup.shiny.any()))
-        )
+        constants = setup.lighting.constants(bool(setup.shiny.any()))
+        constants["distorted"] = setup.constants((), False)["distorted"]
+        kernel = self.tables.device.kernel("optics/shadow", constants=constants)
         bindings = kernel.bind(
             params={
                 "rays": self.tables.rays(),
@@ -73,6 +73,8 @@ class ShadowPass:
             places=self._places,
             lamps=self.tables.lamps,
             gloss_table=self.tables.gloss,
+            tiles=self.tables.tiles,
+            undistortion=self.tables.undistortion,
             **self.tables.shadows.bindings(),
         )
         across = min(int(last - first), 32768)

@@ -15,10 +15,11 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.optics.binning import expand
 from gpusim.optics.casters import Casters
+from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.emitters import Lamp
 from gpusim.optics.lamp_grid import LampGrid, LampView
 from gpusim.optics.occlusion import TOLERANCE, visible_share
-from gpusim.optics.view import NORMAL, View, barycentric_planes
+from gpusim.optics.view import NORMAL, View
 
 __all__ = ["MOST_LAMPS", "TILE", "TURNS", "ShadowTiles"]
 
@@ -167,7 +168,7 @@ class _Receivers:
         self.high = np.minimum(view.screen.max(axis=1), limit)
         self.extent = (self.high - self.low).max(axis=1)
         self.large = self.extent > LARGE
-        self.planes = barycentric_planes(view.corners, camera).sum(axis=1)
+        self.planes = view.planes.sum(axis=1)
         self.rays = T[:3, :3].T @ camera.ray_matrix()
 
     def pairs(self) -> _Pairs:
@@ -194,6 +195,9 @@ class _Receivers:
         corner = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
         at = (pairs.tile[large][:, None] + corner) * pairs.size - 0.5
         at += MARGIN * (2.0 * corner - 1.0)
+        bends = distortion_map(self.view.camera)
+        if bends is not None:
+            at = bends.ideal(at.reshape(-1, 2))[0].reshape(at.shape)
         pixel = np.concatenate([at, np.ones((*at.shape[:2], 1))], axis=2)
         inverse = np.einsum("nka,na->nk", pixel, self.planes[own[large]])
         depths = self.view.inverse_depth()[own[large]]

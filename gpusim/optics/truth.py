@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.optics.view import NORMAL, POSITION, REFERENCE, View, barycentric_planes
+from gpusim.optics.view import NORMAL, POSITION, REFERENCE, View
 
 __all__ = ["BAND", "Truth", "TruthMap", "seen_in", "truth_of"]
 
@@ -103,7 +103,7 @@ class TruthMap:
         flow = np.empty((len(row), 2))
         for start in range(0, len(row), _CHUNK):
             part = slice(start, start + _CHUNK)
-            own = values[part] = self._evaluate(place[part], pixels[part])
+            own = values[part] = self._evaluate(place[part], camera.undistort(pixels[part]))
             flow[part] = camera.project(own[:, _REFERENCE]) - pixels[part]
         triangle = self._triangles[place]
         return Truth(
@@ -120,7 +120,7 @@ class TruthMap:
         )
 
     def _evaluate(self, place: npt.NDArray[np.int64], pixels: Array) -> Array:
-        """Depth and attributes (n, 10) at pixels (n, 2) of the triangles at ``place``."""
+        """Depth and attributes (n, 10) at ideal pixels (n, 2) of the triangles at ``place``."""
         result: Array = self._planes[0].take(place, axis=0)
         result *= pixels[:, :1]
         other = self._planes[1].take(place, axis=0)
@@ -156,7 +156,7 @@ def _attribute_planes(view: View, triangles: npt.NDArray[np.int64]) -> Array:
     values = np.concatenate(
         [np.ones((*corners.shape[:2], 1)), reference, world - reference, normal], axis=2
     )
-    basis = barycentric_planes(corners, view.camera)
+    basis = view.planes[triangles]
     planes: Array = np.ascontiguousarray(np.einsum("tia,tik->kta", values, basis))
     return planes
 
@@ -172,9 +172,10 @@ def seen_in(
     pixel = np.rint(np.where(inside[:, None], at, 0.0)).astype(np.int64)
     number = ids[pixel[:, 1], pixel[:, 0]].astype(np.int64)
     rows = np.flatnonzero(inside & (number > 0))
-    planes = barycentric_planes(view.corners, camera)[number[rows] - 1].sum(axis=1)
+    planes = view.planes[number[rows] - 1].sum(axis=1)
     # the seen triangle's depth at the point's own place: a steep face isn't in front of itself
-    inverse = np.sum(planes * np.concatenate([at[rows], np.ones((len(rows), 1))], 1), axis=1)
+    ideal = camera.without_distortion().project(points[rows])
+    inverse = np.sum(planes * np.concatenate([ideal, np.ones((len(rows), 1))], 1), axis=1)
     hidden = np.zeros(len(points), bool)
     z = camera.to_camera(points[rows])[:, 2]
     hidden[rows] = z * inverse > 1.0 + DEPTH_TOLERANCE

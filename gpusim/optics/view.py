@@ -11,24 +11,26 @@ Greer, "Triangle scan conversion using 2D homogeneous coordinates", 1997).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.optics.camera import Camera
-from gpusim.optics.outline import feature_edges, smooth_normals
+from gpusim.optics.cutting import LONGEST_EDGE, Pieces, Screen, clip, split
+from gpusim.optics.distortion_map import distortion_map
+from gpusim.optics.outline import area_normals, feature_edges, smooth_normals, unit
 from gpusim.surface.paint import Paint
-from gpusim.surface.surface import Surface, triangulate
+from gpusim.surface.surface import Surface
 
-__all__ = ["FIXED", "RegionPaint", "View", "look"]
+__all__ = ["FIXED", "LONGEST_EDGE", "RegionPaint", "View", "look"]
+
+Array = npt.NDArray[np.float64]
 
 FIXED = 65536
 """Steps of a screen coordinate in fixed point per pixel."""
-
-LONGEST_EDGE = 512.0
-"""px; longer edges are split so that float32 offsets from the anchor stay exact enough."""
 
 NEAR = 1e-4
 """Near plane, as a share of the farthest depth in view."""
@@ -52,9 +54,10 @@ class View:
     """The triangles that a camera may see.
 
     ``corners`` (T, 3, 11): camera-space position, paint coordinates, world normal, undeformed
-    world position per corner. ``screen`` (T, 3, 2) px. ``paint`` and ``face`` (T,): index into
-    ``paints`` and into the faces of all surfaces in order. ``edges`` (E, 2, 2): the visible
-    silhouettes, creases and region borders on screen, px.
+    world position per corner. ``screen`` (T, 3, 2) px, through the lens. ``paint`` and ``face``
+    (T,): index into ``paints`` and into the faces of all surfaces in order. ``edges`` (E, 2, 2):
+    the visible silhouettes, creases and region borders on screen, px. ``planes`` (T, 3, 3): row i
+    has barycentric i over depth as an affine function of the ideal position [x, y, 1].
     """
 
     camera: Camera
@@ -64,11 +67,19 @@ class View:
     face: npt.NDArray[np.int32]
     paints: tuple[RegionPaint, ...]
     edges: npt.NDArray[np.float64]
+    planes: npt.NDArray[np.float64]
 
     @property
     def count(self) -> int:
         """Number of triangles."""
         return len(self.corners)
+
+    @cached_property
+    def ideal(self) -> Array:
+        """(T, 3, 2) px: ``screen`` without the lens's distortion."""
+        if self.camera.lens is None:
+            return self.screen
+        return Screen(self.camera).ideal(self.corners[:, :, POSITION])
 
     def inverse_depth(self) -> npt.NDArray[np.float64]:
         """1 / z of every corner, (T, 3)."""
@@ -92,162 +103,96 @@ def look(surfaces: Sequence[Surface], camera: Camera, lit: bool) -> View:
 
     Faces of closed surfaces that look away are dropped; those of open ones are turned round.
     """
-    tables, paint_ids, face_ids, edges = [], [], [], []
+    screen = Screen(camera)
+    at = [camera.to_camera(surface.points) for surface in surfaces]
+    far = max((float(points[:, 2].max()) for points in at), default=0.0)
+    empty: npt.NDArray[np.int64] = np.zeros(0, np.int64)
+    parts = [Pieces(np.zeros((0, 3, 11)), np.zeros((0, 3), bool), empty)]
+    places = [np.zeros((0, 3, 2))]
+    paint_ids: list[npt.NDArray[np.integer]] = [empty]
+    face_ids: list[npt.NDArray[np.integer]] = [empty]
     paints: list[RegionPaint] = []
     first_face = 0
-    far = max((float(camera.to_camera(s.points)[:, 2].max()) for s in surfaces), default=0.0)
-    near = NEAR * far
-    for surface in surfaces:
-        if not far > 0.0:
-            break
-        triangles, source = triangulate(surface.faces)
-        camera_points = camera.to_camera(surface.points)
-        positions = camera_points[triangles]
-        normal = np.cross(positions[:, 1] - positions[:, 0], positions[:, 2] - positions[:, 0])
-        front = np.sum(normal * positions[:, 0], axis=1) < 0.0
-        outline = feature_edges(
-            triangles, source, front, surface.regions[source], normal, surface.smooth_angle
-        )
-        segments = _clip_segments(camera_points[outline.edges], near)
-        edges.append(_project(camera, segments))
-        table = np.zeros((len(triangles), 3, 11))
-        table[:, :, POSITION] = positions
-        table[:, :, REFERENCE] = surface.rest[triangles]
-        if lit:
-            table[:, :, NORMAL] = smooth_normals(surface.points, triangles, surface.smooth_angle)
-        paint = (len(paints) + surface.regions[source]).astype(np.int32)
-        keep = front if outline.closed else np.ones(len(front), bool)
-        turned = ~front & keep
-        table[turned] = table[turned][:, [0, 2, 1]]
-        table[turned, :, NORMAL] *= -1.0
-        paints += [_region(surface, index, table, paint, len(paints)) for index in
-                   range(len(surface.paints))]  # fmt: skip
-        tables.append(table[keep])
-        paint_ids.append(paint[keep])
-        face_ids.append((first_face + source[keep]).astype(np.int32))
+    for surface, points in zip(surfaces, at, strict=True):
+        if far > 0.0:
+            pieces, place = _pieces(surface, points, screen, NEAR * far, lit)
+            source = surface.topology.source[pieces.source]
+            paint_ids.append(len(paints) + surface.regions[source])
+            face_ids.append(first_face + source)
+            parts.append(pieces)
+            places.append(place)
+        for region, paint in enumerate(surface.paints.values()):
+            low, high = surface.extents.get(region, (np.zeros(2), np.zeros(2)))
+            paints.append(RegionPaint(paint, low, high, 0.0))
         first_face += len(surface.faces)
-    if not tables:
-        empty = np.zeros(0, np.int32)
-        return View(
-            camera, np.zeros((0, 3, 11)), np.zeros((0, 3, 2)), empty, empty, tuple(paints),
-            np.zeros((0, 2, 2)),
-        )  # fmt: skip
-    corners, index = _clip_triangles(np.concatenate(tables), near)
-    corners, index, screen = _split_long(corners, index, camera)
-    paint = np.concatenate(paint_ids)[index]
-    paints = _with_reach(paints, corners, screen, paint, camera)
+    pieces, place = Pieces.joined(parts), np.concatenate(places)
+    number, k = np.nonzero(pieces.shows)
+    planes = barycentric_planes(pieces.corners, camera)
+    number_of_paint = np.concatenate(paint_ids).astype(np.int32)
     return View(
-        camera, corners, screen, paint, np.concatenate(face_ids)[index], tuple(paints),
-        np.concatenate(edges),
+        camera, pieces.corners, place, number_of_paint, np.concatenate(face_ids).astype(np.int32),
+        tuple(_with_reach(paints, pieces.corners, planes, number_of_paint, camera)),
+        np.stack([place[number, k], place[number, (k + 1) % 3]], axis=1), planes,
     )  # fmt: skip
 
 
-def _region(
-    surface: Surface,
-    region: int,
-    table: npt.NDArray[np.float64],
-    paint_of: npt.NDArray[np.int32],
-    first: int,
-) -> RegionPaint:
-    """Fill in the paint coordinates of a region's triangles, and find their extent."""
-    paint = list(surface.paints.values())[region]
-    zero = np.zeros(2)
-    rows = np.flatnonzero(paint_of == first + region)
-    if not len(rows) or paint.features(zero, zero) is None:
-        return RegionPaint(paint, zero, zero, 0.0)
-    st = surface.paint_frame(region).coordinates(table[rows][:, :, REFERENCE])
-    table[rows, :, ST] = st
-    flat = st.reshape(-1, 2)
-    return RegionPaint(paint, flat.min(axis=0), flat.max(axis=0), 0.0)
+def _pieces(
+    surface: Surface, points: Array, screen: Screen, near: float, lit: bool
+) -> tuple[Pieces, Array]:
+    """What may be seen of a surface whose vertices are at camera-space ``points``."""
+    topology = surface.topology
+    triangles = topology.triangles
+    area = area_normals(points, triangles)
+    first = triangles[:, 0]
+    front = area[0] * points[first, 0] + area[1] * points[first, 1] + area[2] * points[first, 2] < 0
+    ahead = points[:, 2] > near
+    ideal = np.full((len(points), 2), np.inf)
+    ideal[ahead] = screen.ideal(points[ahead])
+    seen = _may_be_seen(triangles, ahead, ideal, screen)
+    keep = seen & front if topology.closed else seen
+    shows = feature_edges(topology, front, surface.regions, unit(area), surface.smooth_angle, keep)
+    kept = np.flatnonzero(keep)
+    chosen = triangles[kept]
+    table = np.zeros((len(kept), 3, 11))
+    table[:, :, POSITION] = points[chosen]
+    table[:, :, REFERENCE] = surface.rest[chosen]
+    if lit:
+        normals = smooth_normals(area, triangles, len(points), surface.smooth_angle, kept)
+        table[:, :, NORMAL] = normals @ screen.camera.camera_from_world[:3, :3]
+    region = surface.regions[topology.source[kept]]
+    for number in surface.extents:
+        rows = np.flatnonzero(region == number)
+        table[rows, :, ST] = surface.paint_frame(number).coordinates(table[rows, :, REFERENCE])
+    flags = shows[topology.edge[kept]]
+    turned = ~front[kept]
+    table[turned] = table[turned][:, [0, 2, 1]]
+    table[turned, :, NORMAL] *= -1.0
+    flags[turned] = flags[turned][:, [2, 1, 0]]
+    pieces = Pieces(table, flags, kept)
+    crossing = ~ahead[chosen].all(axis=1)
+    crossing |= screen.reaches_far(ideal[chosen])
+    if crossing.any():
+        cut = clip(pieces[crossing], np.array([0.0, 0.0, 1.0]), near)
+        for normal in screen.guards():
+            cut = clip(cut, normal, 0.0)
+        pieces = Pieces.joined([pieces[~crossing], cut])
+    return split(pieces, screen)
 
 
-def _project(camera: Camera, points: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Camera-space points (…, 3) with z > 0 to pixels (…, 2)."""
-    homogeneous = points @ camera.K.T
-    result: npt.NDArray[np.float64] = homogeneous[..., :2] / homogeneous[..., 2:]
-    return result
-
-
-def _clip_segments(segments: npt.NDArray[np.float64], near: float) -> npt.NDArray[np.float64]:
-    z = segments[:, :, 2]
-    segments, z = segments[(z > near).any(axis=1)], z[(z > near).any(axis=1)]
-    for end in (0, 1):
-        behind = z[:, end] < near
-        a, b = segments[behind, end], segments[behind, 1 - end]
-        t = (near - a[:, 2]) / (b[:, 2] - a[:, 2])
-        segments[behind, end] = a + t[:, None] * (b - a)
-        z = segments[:, :, 2]
-    return segments
-
-
-def _clip_triangles(
-    corners: npt.NDArray[np.float64], near: float
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]:
-    """Cut triangles at the near plane; returns corners and the triangle each comes from."""
-    ahead = corners[:, :, 2] > near
-    count = ahead.sum(axis=1)
-    parts, sources = [corners[count == 3]], [np.flatnonzero(count == 3)]
-
-    def cut(a: npt.NDArray[np.float64], b: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        t = (near - a[:, 2]) / (b[:, 2] - a[:, 2])
-        result: npt.NDArray[np.float64] = a + t[:, None] * (b - a)
-        return result
-
-    for k in range(3):
-        i, j = (k + 1) % 3, (k + 2) % 3
-        one = np.flatnonzero((count == 1) & ahead[:, k])
-        if len(one):
-            a, b, c = corners[one, k], corners[one, i], corners[one, j]
-            parts.append(np.stack([a, cut(a, b), cut(a, c)], axis=1))
-            sources.append(one)
-        two = np.flatnonzero((count == 2) & ~ahead[:, k])
-        if len(two):
-            c, a, b = corners[two, k], corners[two, i], corners[two, j]
-            bc, ca = cut(b, c), cut(a, c)  # as the neighbours do: no cracks
-            parts += [np.stack([a, b, bc], axis=1), np.stack([a, bc, ca], axis=1)]
-            sources += [two, two]
-    return np.concatenate(parts), np.concatenate(sources)
-
-
-def _split_long(
-    corners: npt.NDArray[np.float64], index: npt.NDArray[np.int64], camera: Camera
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64], npt.NDArray[np.float64]]:
-    """Bisect longest edges until none exceeds the limit; drop what lies outside the image.
-
-    Neighbours see the same edge and cut it at the same point, so that no cracks open.
-    """
-    done: list[tuple[npt.NDArray[np.float64], npt.NDArray[np.int64], npt.NDArray[np.float64]]] = []
-    limit = np.array([camera.width, camera.height], np.float64)
-    while len(corners):
-        screen = _project(camera, corners[:, :, POSITION])
-        inside = ((screen.max(axis=1) > -1.0) & (screen.min(axis=1) < limit)).all(axis=1)
-        area = _cross(screen[:, 1] - screen[:, 0], screen[:, 2] - screen[:, 0])
-        inside &= area != 0.0
-        corners, index, screen = corners[inside], index[inside], screen[inside]
-        length = np.linalg.norm(np.roll(screen, -1, axis=1) - screen, axis=2)
-        long = length.max(axis=1) > LONGEST_EDGE
-        done.append((corners[~long], index[~long], screen[~long]))
-        corners, index, length = corners[long], index[long], length[long]
-        if not len(corners):
-            break
-        k = np.argmax(length, axis=1)
-        rows = np.arange(len(corners))
-        a, b, c = corners[rows, k], corners[rows, (k + 1) % 3], corners[rows, (k + 2) % 3]
-        middle = 0.5 * (a + b)
-        corners = np.concatenate([np.stack([a, middle, c], 1), np.stack([middle, b, c], 1)])
-        index = np.concatenate([index, index])
-    if not done:
-        return corners, index, np.zeros((0, 3, 2))
-    return (
-        np.concatenate([d[0] for d in done]),
-        np.concatenate([d[1] for d in done]),
-        np.concatenate([d[2] for d in done]),
-    )
-
-
-def _cross(a: npt.NDArray[np.float64], b: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    result: npt.NDArray[np.float64] = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
-    return result
+def _may_be_seen(
+    triangles: npt.NDArray[np.int32], ahead: npt.NDArray[np.bool_], ideal: Array, screen: Screen
+) -> npt.NDArray[np.bool_]:
+    """(T,) whether triangles are at least partly ahead and not wholly beside the image."""
+    result: npt.NDArray[np.bool_] | None = None
+    for axis in range(2):
+        value = ideal[:, axis]
+        for beside in (value <= screen.low[axis], value >= screen.high[axis]):
+            # a corner behind the camera is on no side
+            beside &= ahead
+            misses = beside[triangles[:, 0]] & beside[triangles[:, 1]] & beside[triangles[:, 2]]
+            result = ~misses if result is None else result & ~misses
+    assert result is not None
+    return result & ahead[triangles].any(axis=1)
 
 
 def barycentric_planes(corners: npt.NDArray[np.float64], camera: Camera) -> npt.NDArray[np.float64]:
@@ -264,26 +209,24 @@ def barycentric_planes(corners: npt.NDArray[np.float64], camera: Camera) -> npt.
 
 def _with_reach(
     paints: list[RegionPaint],
-    corners: npt.NDArray[np.float64],
-    screen: npt.NDArray[np.float64],
+    corners: Array,
+    planes: Array,
     paint: npt.NDArray[np.int32],
     camera: Camera,
 ) -> list[RegionPaint]:
     """Half the largest pixel footprint of every patterned region, in paint coordinates."""
+    bends = distortion_map(camera)
+    stretch = 1.0 if bends is None else bends.stretch
     result = []
     for number, region in enumerate(paints):
-        rows = np.flatnonzero(paint == number)
-        if not len(rows) or not (region.high > region.low).any():
-            result.append(region)
-            continue
-        planes = barycentric_planes(corners[rows], camera)
-        weight = planes.sum(axis=1)
-        scaled = np.einsum("tik,tia->tak", planes, corners[rows][:, :, ST])
-        st = corners[rows][:, :, ST]
-        w = 1.0 / corners[rows][:, :, 2]
-        slope = scaled[:, None, :, :2] - st[..., None] * weight[:, None, None, :2]
-        footprint = 0.5 * np.abs(slope).sum(axis=-1) / w[..., None]
         extent = float((region.high - region.low).max())
-        reach = min(float(footprint.max()), extent)
-        result.append(RegionPaint(region.paint, region.low, region.high, reach))
+        rows = np.flatnonzero(paint == number) if extent > 0.0 else np.zeros(0, np.int64)
+        if len(rows):
+            own, plane = (v if len(rows) == len(v) else v[rows] for v in (corners, planes))
+            st = own[:, :, ST]
+            scaled = np.swapaxes(st, 1, 2) @ plane
+            slope = scaled[:, None, :, :2] - st[..., None] * plane.sum(axis=1)[:, None, None, :2]
+            footprint = 0.5 * np.abs(slope).sum(axis=-1) * own[:, :, 2, None]
+            region = replace(region, reach=min(stretch * float(footprint.max()), extent))
+        result.append(region)
     return result

@@ -18,7 +18,7 @@ from gpusim.pipeline.places import faces_of
 from gpusim.scene import Scene
 from gpusim.scene import model as m
 from gpusim.surface import PaintFrame, Skin, Surface
-from gpusim.surface.paint import Checker, Dots, Markers, Paint, Plain
+from gpusim.surface.paint import Checker, Dots, Markers, Paint, Plain, Speckle
 from gpusim.surface.surface import plane_frame
 
 __all__ = ["BodyParts", "build_body", "build_camera", "build_lights", "build_pattern"]
@@ -75,7 +75,9 @@ def build_body(body: m.Body) -> BodyParts:
     return BodyParts(body, grid, skin, skin.surface(paints, region, frames, body.name), field)
 
 
-def build_pattern(paint: m.Markers | m.Checker | m.Dots, frame: PaintFrame, where: str) -> Paint:
+def build_pattern(
+    paint: m.Markers | m.Checker | m.Dots | m.Speckle, frame: PaintFrame, where: str
+) -> Paint:
     """The paint of a plane region; ``where`` names it in errors."""
     if isinstance(paint, m.Markers):
         positions = np.array([marker.position for marker in paint.markers])
@@ -91,6 +93,14 @@ def build_pattern(paint: m.Markers | m.Checker | m.Dots, frame: PaintFrame, wher
         return Markers(
             frame.coordinates(positions), paint.size, paint.dark, paint.light, paint.albedo
         )
+    if isinstance(paint, m.Speckle):
+        try:
+            return Speckle(
+                paint.diameter, paint.coverage, paint.softness, paint.size_law, paint.spread,
+                paint.arrangement, paint.seed, paint.dot, paint.albedo,
+            )  # fmt: skip
+        except InputError as error:
+            raise InputError(f"{where}: {error}") from None
     s, t = frame.coordinates(np.array(paint.origin))
     if isinstance(paint, m.Checker):
         return Checker(

@@ -11,10 +11,13 @@ from gpusim.export.images import write_image
 from gpusim.gpu import Device
 from gpusim.optics.frame import Frame
 from gpusim.optics.light import Light
-from gpusim.optics.render import render
+from gpusim.optics.photograph import photograph
+from gpusim.optics.rolling import rolled
 from gpusim.optics.sensor import Sensor
+from gpusim.optics.shutter import SurfacesAt
 from gpusim.optics.view import look
 from gpusim.pipeline.build import build_camera
+from gpusim.pipeline.photo import build_lens, build_sensor, build_shutter, moving, opening
 from gpusim.scene import Scene
 from gpusim.scene import model as m
 from gpusim.surface import Surface
@@ -44,6 +47,8 @@ class Photographer:
         self.scene, self.out, self.device, self.backend = scene, out, device, backend
         self.lights, self.surfaces, self.kind = lights, surfaces, kind
         self._last: tuple[str, int, Frame] | None = None
+        self.facts: dict[str, str] = {}
+        """What lens and shutter did, by "camera: effect", in the latest frame."""
 
     def frame(self, camera: m.Camera, frame: int) -> Frame:
         """The linear image of a camera in a frame; the latest one is kept."""
@@ -52,22 +57,48 @@ class Photographer:
             if (name, number) == (camera.name, frame):
                 return kept
             kept.release()
-        rendered = render(
-            self.surfaces(frame),
-            build_camera(camera),
+        viewer = build_camera(camera)
+        shutter = build_shutter(camera)
+        surfaces = self._moving(camera, frame)
+        rendered = photograph(
+            surfaces,
+            viewer,
             self.lights,
+            lens=build_lens(camera),
+            shutter=shutter,
+            time=opening(shutter, viewer),
             error=self.scene.render.error,
             background=self.scene.render.background,
             device=self.device,
             backend=self.backend,
         )
         self._last = (camera.name, frame, rendered)
+        self.facts |= {f"{camera.name}: {what}": words for what, words in rendered.facts.items()}
         return rendered
 
     def sight(self, camera: m.Camera, frame: int | None) -> Frame:
         """What a camera sees in a frame, unloaded for None, without shading: for the truth."""
-        view = look(self.surfaces(frame), build_camera(camera), lit=True)
-        return Frame(view, self.device)
+        viewer, shutter = build_camera(camera), build_shutter(camera)
+        surfaces: Sequence[Surface] = self.surfaces(frame)
+        if frame is not None and shutter is not None and shutter.line_time:
+            now = self._moving(camera, frame)
+            if callable(now):
+                middle = opening(shutter, viewer) + 0.5 * shutter.exposure_time
+                surfaces, viewer = rolled(now, lambda _: viewer, middle, shutter.line_time)
+        return Frame(look(surfaces, viewer, lit=True), self.device)
+
+    def _moving(self, camera: m.Camera, frame: int) -> Sequence[Surface] | SurfacesAt:
+        """Surfaces in a frame; as a function of time where they move while the shutter is open."""
+        now = self.surfaces(frame)
+        rate = self.scene.analysis.frame_rate
+        if build_shutter(camera) is None or rate is None or self.kind:
+            return now  # a calibration target is held still
+        first = max(frame - 1, 0)
+        last = min(frame + 1, len(self.scene.analysis.load_factors) - 1)
+        if first == last:
+            return now
+        around = self.surfaces(first), self.surfaces(last)
+        return moving(around[0], now, around[1], (last - first) / rate) or now
 
     def take(self, camera: m.Camera, frame: int) -> list[Path]:
         """Render, expose and write one frame; returns its files."""
@@ -78,7 +109,7 @@ class Photographer:
         sensor = self._sensor(camera, frame, linear)
         if self.scene.sensor.exposure is None and frame == 0:
             files.append(self._exposure_file(camera))
-        image = sensor.expose(linear)
+        image = sensor.expose(linear, self.scene.sensor.seed, frame, f"{self.kind}{camera.name}")
         pixels = camera.resolution[0] / camera.sensor[0]
         write_image(path, image, pixels_per_metre=pixels)
         return files
@@ -87,13 +118,14 @@ class Photographer:
         """The scene's exposure, or one chosen from the camera's first frame and kept in a file."""
         spec = self.scene.sensor
         if spec.exposure is not None:
-            return Sensor(spec.bits, 1.0 / spec.exposure)
+            return build_sensor(spec, camera, 1.0 / spec.exposure)
         file = self._exposure_file(camera)
         if frame == 0:
-            sensor = Sensor.auto_exposed(linear, spec.bits)
+            like = build_sensor(spec, camera, 1.0)
+            sensor = Sensor.auto_exposed(linear, like=like)
             write_text(file, json.dumps({"full_scale_radiance": sensor.full_scale}) + "\n")
             return sensor
-        return Sensor(spec.bits, json.loads(file.read_text())["full_scale_radiance"])
+        return build_sensor(spec, camera, json.loads(file.read_text())["full_scale_radiance"])
 
     def _exposure_file(self, camera: m.Camera) -> Path:
         return self.out / "images" / camera.name / f"{self.kind}exposure.json"

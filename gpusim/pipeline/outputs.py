@@ -32,6 +32,7 @@ from gpusim.report import (
     Stage,
 )
 from gpusim.scene import Scene
+from gpusim.scene.cost import effects
 
 __all__ = ["Findings", "make_report", "write_meshes"]
 
@@ -111,6 +112,7 @@ class Findings:
     failure: str
     files: frozenset[Path]
     device_seconds: dict[str, float]
+    images: dict[str, str]
 
 
 def make_report(scene: Scene, out: Path, found: Findings) -> Report:
@@ -118,6 +120,9 @@ def make_report(scene: Scene, out: Path, found: Findings) -> Report:
     facts = {"Python": platform.python_version()}
     if found.solved is not None:
         facts |= found.solved.facts
+    for camera in scene.cameras:
+        facts[f"camera {camera.name}"] = effects(scene, camera)
+    facts |= {f"camera {what}": words for what, words in found.images.items()}
     for stage, seconds in sorted(found.device_seconds.items()):
         facts[f"device: {stage}"] = f"{seconds:.2f} s"
     measurements: list[Measurement] = []

@@ -390,5 +390,6 @@ class _Run:
                     file for stage in self.plan.stages for file in self.state.files(stage.key)
                 ),
                 device_seconds=self._device_seconds(),
+                images={} if self.photographer is None else self.photographer.facts,
             ),
         )

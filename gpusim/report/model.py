@@ -295,6 +295,7 @@ class Report:
                 for item in self.measurements
             ],
             "warnings": warnings,
+            "facts": dict(self.facts),
         }
         return json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 

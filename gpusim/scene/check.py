@@ -33,6 +33,7 @@ def check_document(document: Mapping[str, Any]) -> Found:
     _poses(document, found)
     _layers(document, found)
     _deflection_is_seen(document, found)
+    _shutters(document, found)
     return found
 
 
@@ -289,3 +290,23 @@ def _physics(document: Mapping[str, Any], found: Found) -> None:
         and (document.get("camera", []) == [])
     ):
         _add(found, ("camera",), "nothing to measure in", "no camera", "at least one [[camera]]")
+
+
+def _shutters(document: Mapping[str, Any], found: Found) -> None:
+    """What moves while a shutter is open depends on how fast frames follow each other."""
+    analysis = document.get("analysis", {})
+    rate = analysis.get("frame_rate_Hz") if isinstance(analysis, Mapping) else None
+    for index, camera in _items(document, "camera"):
+        shutter = camera.get("shutter")
+        if not isinstance(shutter, Mapping):
+            continue
+        if rate is None:
+            _add(found, ("camera", index, "shutter"), "without a time between frames", "a shutter",
+                 "analysis.frame_rate_Hz beside it")  # fmt: skip
+            continue
+        exposure = shutter.get("exposure_ms", 0)
+        if isinstance(exposure, int | float) and isinstance(rate, int | float) and rate > 0:
+            most = 1000.0 / rate
+            if not exposure <= most * (1 + 1e-9):
+                _add(found, ("camera", index, "shutter", "exposure_ms"), "longer than a frame",
+                     exposure, f"at most {most:g}")  # fmt: skip

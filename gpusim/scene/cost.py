@@ -6,10 +6,10 @@ The rates are those of two CPU cores with a software Vulkan device; a GPU needs 
 from __future__ import annotations
 
 from .counts import element_counts, mesh_words
-from .model import Markers
+from .model import Camera, Markers
 from .scene import Scene
 
-__all__ = ["describe", "estimate"]
+__all__ = ["describe", "effects", "estimate"]
 
 _SOLVER = {
     "auto": "direct or multigrid, whichever is quicker for the matrix",
@@ -38,6 +38,26 @@ def describe(scene: Scene) -> dict[str, str]:
     }
 
 
+def effects(scene: Scene, camera: Camera) -> str:
+    """What lens, shutter and sensor do to a camera's images, in words."""
+    words = [] if camera.lens is None else camera.lens.words()
+    words = words or ["pinhole"]
+    if camera.shutter is not None:
+        words += camera.shutter.words()
+    return ", ".join([*words, *scene.sensor.words()])
+
+
+def _renderings(camera: Camera) -> float:
+    """Roughly how many plain renderings one photograph takes."""
+    count, lens, shutter = 1.0, camera.lens, camera.shutter
+    if lens is not None:
+        count *= 24.0 if lens.f_number is not None else 1.0
+        count *= 10.0 if lens.psf is not None or lens.fill_factor != 1.0 else 1.0
+    if shutter is not None:
+        count *= 8.0 if shutter.exposure else 1.0
+    return count
+
+
 def _markers(scene: Scene) -> int:
     paints = [paint for body in scene.bodies for paint in body.paints]
     paints += [paint for prop in scene.props for paint in prop.paints]
@@ -50,6 +70,7 @@ def estimate(scene: Scene) -> Cost:
     nodes = sum(count[0] for count in counts)
     elements = sum(count[1] for count in counts)
     pixels = max((c.resolution[0] * c.resolution[1] for c in scene.cameras), default=0)
+    most = max((_renderings(c) for c in scene.cameras), default=1.0)
     frames = len(scene.cameras) * len(scene.analysis.load_factors)
     markers = _markers(scene)
     layers = len(scene.output.truth)
@@ -59,7 +80,7 @@ def estimate(scene: Scene) -> Cost:
         "model": (100 * nodes, 0.02 + 1e-6 * nodes),
         "solve": (4_500 * nodes, 1.0 + 8e-5 * nodes),
         "surface": (200 * nodes, 0.05 + 2e-6 * elements),
-        "render": (16 * pixels, 0.3 + 5e-8 * pixels),
+        "render": (16 * pixels, 0.3 + 5e-8 * pixels * most),
         "truth": (40 * pixels, frames * (0.2 + 1e-8 * layers * pixels)),
         "measure": (12 * pixels, 0.3 + 0.01 * markers + 1e-7 * pixels * len(scene.measures)),
         "stress": (600 * elements, 0.1 + steps * 2e-5 * elements),

@@ -29,6 +29,7 @@ from .loading import (
     Where,
 )
 from .measures import Damage, Deflection, Measure, Stereo, Variant
+from .photo import Lens, Psf, Sensor, Shutter, Vignetting
 from .recipe import (
     BeamMesh,
     BoxMesh,
@@ -62,6 +63,7 @@ __all__ = [
     "Force",
     "Gravity",
     "Isotropic",
+    "Lens",
     "Light",
     "LineForce",
     "Load",
@@ -82,16 +84,20 @@ __all__ = [
     "Pose",
     "Pressure",
     "Prop",
+    "Psf",
     "Render",
     "Sensor",
     "Shape",
+    "Shutter",
     "Solver",
+    "Speckle",
     "Stereo",
     "Support",
     "Thermal",
     "Traction",
     "Variant",
     "Vec3",
+    "Vignetting",
     "Where",
 ]
 
@@ -159,7 +165,28 @@ class Dots:
     dot: float
 
 
-Paint = Plain | Markers | Checker | Dots
+@dataclass(frozen=True)
+class Speckle:
+    """Random discs of mean ``diameter`` and edge ``softness`` (m); ``albedo`` is the ground's.
+
+    The other values are those of `gpusim.surface.paint.Speckle`.
+    """
+
+    name: str
+    where: Where
+    albedo: float
+    up: Vec3 | None
+    diameter: float
+    coverage: float
+    softness: float
+    size_law: str
+    spread: float
+    arrangement: str
+    seed: int
+    dot: float
+
+
+Paint = Plain | Markers | Checker | Dots | Speckle
 
 
 @dataclass(frozen=True)
@@ -279,6 +306,7 @@ class Analysis:
 
     type: str
     load_factors: tuple[float, ...]
+    frame_rate: float | None = None
 
 
 @dataclass(frozen=True)
@@ -305,6 +333,8 @@ class Camera:
     target: Vec3
     up: Vec3
     principal_point_offset: tuple[float, float]
+    lens: Lens | None = None
+    shutter: Shutter | None = None
 
 
 @dataclass(frozen=True)
@@ -329,15 +359,6 @@ class Render:
 
     error: float
     background: float
-
-
-@dataclass(frozen=True)
-class Sensor:
-    """``exposure``: fraction of full scale per unit of radiance, None to choose it from frame 0."""
-
-    bits: int
-    exposure: float | None
-    format: str
 
 
 @dataclass(frozen=True)

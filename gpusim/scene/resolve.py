@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from . import model
+from . import model, resolve_photo
 from .resolve_mesh import field_recipe, mesh_recipe, metres
 from .schema import SceneTable
 from .schema.base import norm
@@ -22,7 +22,7 @@ from .schema.load import (
 )
 from .schema.material import MaterialTable
 from .schema.measure import DamageTable, MeasureTable, StereoTable
-from .schema.paint import CheckerTable, MarkersTable, PaintTable, PlainTable
+from .schema.paint import CheckerTable, MarkersTable, PaintTable, PlainTable, SpeckleTable
 from .schema.prop import BoxPropTable, PlateTable, PoseTable, PropTable
 from .schema.view import AmbientLightTable, AreaLightTable, CameraTable, LightTable
 from .schema.where import WhereTable
@@ -161,6 +161,12 @@ def paint(table: PaintTable) -> model.Paint:
             table.name, place, table.albedo, up, table.cell_mm / 1000.0, table.columns, table.rows,
             _m(table.origin_mm), table.dark, table.light,
         )  # fmt: skip
+    if isinstance(table, SpeckleTable):
+        return model.Speckle(
+            table.name, place, table.albedo, up, table.diameter_mm / 1000.0, table.coverage,
+            table.softness_mm / 1000.0, table.size_law, table.spread, table.arrangement,
+            table.seed, table.dot,
+        )  # fmt: skip
     return model.Dots(
         table.name, place, table.albedo, up, table.diameter_mm / 1000.0, table.pitch_mm / 1000.0,
         table.columns, table.rows, _m(table.origin_mm), table.dot,
@@ -233,6 +239,8 @@ def camera(table: CameraTable) -> model.Camera:
         target=_m(table.target_mm),
         up=_vec(table.up),
         principal_point_offset=_pair(table.principal_point_offset_mm),
+        lens=resolve_photo.lens(table.lens),
+        shutter=resolve_photo.shutter(table.shutter),
     )
 
 
@@ -270,7 +278,7 @@ def measure(table: MeasureTable) -> model.Measure:
 
 def analysis(scene: SceneTable) -> model.Analysis:
     table = scene.analysis
-    return model.Analysis(table.type, tuple(table.times or table.load_factors))
+    return model.Analysis(table.type, tuple(table.times or table.load_factors), table.frame_rate_Hz)
 
 
 def solver(scene: SceneTable) -> model.Solver:
@@ -283,8 +291,7 @@ def render(scene: SceneTable) -> model.Render:
 
 
 def sensor(scene: SceneTable) -> model.Sensor:
-    exposure = None if scene.sensor.exposure == "auto" else float(scene.sensor.exposure)
-    return model.Sensor(scene.sensor.bits, exposure, scene.sensor.format)
+    return resolve_photo.sensor(scene.sensor)
 
 
 def output(scene: SceneTable) -> model.Output:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.surface.paint import Paint, Plain
+from gpusim.surface.topology import Topology, triangulate
 
 __all__ = ["PaintFrame", "Surface", "face_normals", "plane_frame", "triangulate"]
 
@@ -168,9 +171,37 @@ class Surface:
         assert self.reference is not None
         return self.reference
 
+    @cached_property
+    def topology(self) -> Topology:
+        """Triangles and edges; found once and shared by all that `moved` makes."""
+        return Topology.of(self.faces)
+
+    @cached_property
+    def extents(self) -> dict[int, tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]]:
+        """Lowest and highest paint coordinates (2,) of the regions that carry a pattern."""
+        result = {}
+        zero = np.zeros(2)
+        for region, paint in enumerate(self.paints.values()):
+            own = self.faces[self.regions == region]
+            if len(own) and paint.features(zero, zero) is not None:
+                st = self.paint_frame(region).coordinates(self.rest[np.unique(own[own >= 0])])
+                result[region] = st.min(axis=0), st.max(axis=0)
+        return result
+
     def moved(self, points: npt.NDArray[np.float64]) -> Surface:
         """The same surface with its vertices at ``points``; the paint stays on the material."""
-        return replace(self, points=points, frames=self._all_frames())
+        now = _points(points, f"Surface {self.name!r} points")
+        if now.shape != self.rest.shape:
+            raise InputError(
+                f"Surface {self.name!r} points; got {now.shape}; expected {self.rest.shape}"
+            )
+        frames = self._all_frames()
+        # nothing that has been checked and found for the shape at rest is done again
+        _ = self.topology, self.extents
+        result = copy.copy(self)
+        object.__setattr__(result, "points", now)
+        object.__setattr__(result, "frames", frames)
+        return result
 
     def paint_frame(self, region: int) -> PaintFrame:
         """The paint coordinates of a region, given or made from its (plane) faces."""
@@ -229,17 +260,6 @@ def _points(values: npt.ArrayLike, what: str) -> npt.NDArray[np.float64]:
         row = int(np.argmax(~np.isfinite(points).all(axis=1)))
         raise InputError(f"{what} row {row}; got {points[row].tolist()}; expected finite numbers")
     return points
-
-
-def triangulate(
-    faces: npt.NDArray[np.int32],
-) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
-    """(F, 4) faces to (T, 3) triangles, and the face (T,) that each comes from."""
-    quads = np.flatnonzero(faces[:, 3] >= 0)
-    triangles = np.concatenate([faces[:, :3], faces[quads][:, [0, 2, 3]]])
-    source = np.concatenate([np.arange(len(faces)), quads]).astype(np.int32)
-    order = np.argsort(source, kind="stable")
-    return np.ascontiguousarray(triangles[order]), source[order]
 
 
 def face_normals(

@@ -42,6 +42,13 @@ fn footprint(t: Triangle, d: vec2f) -> Footprint {
     return Footprint(st, ex, ey, t.tw.zw * w);
 }
 
+// The footprint of a pixel whose sides the lens bends: columns of `change` are what a column and a
+// row of the image are in pixels of the ideal image.
+fn bent_footprint(f: Footprint, change: mat2x2f) -> Footprint {
+    let turned = mat2x2f(f.ex, f.ey) * change;
+    return Footprint(f.st, turned[0], turned[1], f.q * change);
+}
+
 // World-space ray of unit depth through a pixel: x * column + y * row + one.
 struct Rays {
     x: vec4f,
@@ -77,12 +84,14 @@ fn reflection_at(t: Triangle, rays: Rays, p: vec2f, d: vec2f, bits: u32) -> Refl
     return reflection(s.x, s.n, gloss_at(t, s), bits);
 }
 
-// The same where lamps may be half hidden; it stands for an area of side `extent` px.
+// The same where lamps may be half hidden; it stands for a parallelogram whose sides are the
+// columns of `extent`, in pixels of the ideal image.
 fn reflection_seen_at(
-    t: Triangle, rays: Rays, p: vec2f, d: vec2f, extent: f32, tile: vec2u
+    t: Triangle, rays: Rays, p: vec2f, d: vec2f, extent: mat2x2f, tile: vec2u
 ) -> Reflection {
     let s = spot(t, rays, p, d);
-    return reflection_seen(s.x, s.n, gloss_at(t, s), extent * s.dx, extent * s.dy, tile);
+    let sides = mat2x3f(s.dx, s.dy) * extent;
+    return reflection_seen(s.x, s.n, gloss_at(t, s), sides[0], sides[1], tile);
 }
 
 // Radiance of a spot of mean albedo `albedo`, of which the paint's ground (albedo `ground`) shows

@@ -9,6 +9,7 @@
 #import common/polygon
 #import common/polygon_speckle
 #import common/surface
+#import common/undistort
 
 override lit: u32;
 override patterned: u32;
@@ -237,6 +238,8 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
     let stop = lists[entry + 3u];
     let pixel = vec2i(i32(index % params.width), i32(index / params.width));
 
+    let bend = bend_at(pixel);
+    let change = undistort_change(bend);
     var covered: array<u32, 16>;
     for (var r = 0; r < range.mask_rows; r++) { covered[r] = 0u; }
     var open = 512u;
@@ -288,15 +291,20 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
         if (!visible && seen == 0u) { continue; }
 
         let d = vec2f(pixel - t.place.xy);
+        let middle = undistort(bend, m.yz);
+        if (distorted != 0u) {
+            for (var k = 0; k < polygon.count; k++) { polygon.p[k] = undistort(bend, polygon.p[k]); }
+        }
         printed = 0.0;
-        var light = paint_polygon(t, d, polygon, m.yz);
+        var light = paint_polygon(t, d, polygon, middle);
         if (lit != 0u) {
-            let at = vec2f(pixel) + m.yz;
+            let at = vec2f(pixel) + middle;
             var r: Reflection;
             if (shadowed != 0u) {
-                r = reflection_seen_at(t, params.rays, at, d + m.yz, sqrt(m.x), shadow_tile(pixel));
+                let tile = shadow_tile(pixel);
+                r = reflection_seen_at(t, params.rays, at, d + middle, sqrt(m.x) * change, tile);
             } else {
-                r = reflection_at(t, params.rays, at, d + m.yz, 0u);
+                r = reflection_at(t, params.rays, at, d + middle, 0u);
             }
             let whole = paints[u32(t.ny.w)].featured > 1u;
             let ground = select(t.more.x, light, whole);

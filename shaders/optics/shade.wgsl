@@ -6,6 +6,7 @@
 #import common/paint
 #import common/screen
 #import common/surface
+#import common/undistort
 
 override lit: u32;
 override patterned: u32;
@@ -60,10 +61,12 @@ fn vertex(@builtin(vertex_index) index: u32) -> Varying {
 fn shade(in: Varying) -> vec3f {
     let t = Triangle(in.st, in.tw, in.n0, in.nx, in.ny, in.place, in.more);
     let pixel = vec2i(floor(in.position.xy)) + vec2i(0, params.row0);
-    let d = vec2f(pixel - t.place.xy);
+    let bend = bend_at(pixel);
+    let shift = undistort(bend, vec2f(0.0));
+    let d = vec2f(pixel - t.place.xy) + shift;
     var albedo = t.more.x;
     if (patterned != 0u) {
-        let f = footprint(t, d);
+        let f = bent_footprint(footprint(t, d), undistort_change(bend));
         let g = in.grid;
         let paint = Paint(t.more.x, in.grid_size.x, g.x, g.y, g.z, g.w,
             bitcast<u32>(in.grid_size.y), 1u, in.grid_size.z, u32(in.grid_size.w));
@@ -77,7 +80,7 @@ fn shade(in: Varying) -> vec3f {
     if (lit == 0u) { return vec3f(albedo, albedo, 1.0); }
     var bits = 0u;
     if (shadowed != 0u) { bits = shadow_tile(pixel).x; }
-    let r = reflection_at(t, params.rays, vec2f(pixel), d, bits);
+    let r = reflection_at(t, params.rays, vec2f(pixel) + shift, d, bits);
     let ground = select(t.more.x, albedo, speckle != 0u || bitmaps != 0u);
     let bare = clamp(1.0 - printed, 0.0, 1.0);
     return vec3f(radiance_of(t, r, albedo, ground, bare), albedo, bare);

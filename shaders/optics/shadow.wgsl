@@ -1,6 +1,7 @@
 // Pixels of tiles in which a lamp is half hidden: their light again, with each lamp's visible share.
 // One workgroup per tile; the paint's albedo is that which shade.wgsl found and left in `marks`.
 #import common/surface
+#import common/undistort
 
 struct Params {
     rays: Rays,
@@ -34,8 +35,12 @@ fn main(
     let mark = textureLoad(marks, vec2i(pixel.x, row), 0);
     if (mark.x == 0u) { return; }
     let t = triangles[mark.x - 1u];
-    let d = vec2f(pixel - t.place.xy);
-    let r = reflection_seen_at(t, params.rays, vec2f(pixel), d, 1.0, shadow_tile(pixel));
+    let bend = bend_at(pixel);
+    let shift = undistort(bend, vec2f(0.0));
+    let d = vec2f(pixel - t.place.xy) + shift;
+    let extent = undistort_change(bend);
+    let at = vec2f(pixel) + shift;
+    let r = reflection_seen_at(t, params.rays, at, d, extent, shadow_tile(pixel));
     // glossy paints share the word: albedo and the share of the ground, 16 bits each
     let both = unpack2x16unorm(mark.y);
     let shiny = glossy != 0u && t.more.z < 1.0;

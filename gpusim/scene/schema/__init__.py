@@ -11,12 +11,12 @@ from .body import BodyTable
 from .material import MaterialTable
 from .measure import MeasureTable, VariantTable
 from .prop import CalibrationTable, PropTable
+from .sensor import SensorTable
 from .view import CameraTable, LightTable
 from .work import (
     AnalysisTable,
     OutputTable,
     RenderTable,
-    SensorTable,
     SolverTable,
 )
 

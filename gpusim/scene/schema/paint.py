@@ -7,6 +7,7 @@ outside. Positions are those of the unloaded shape; the pattern moves with the m
 
 from __future__ import annotations
 
+from math import exp, log1p, pi, sqrt
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
@@ -14,7 +15,7 @@ from pydantic import Field, model_validator
 from .base import Albedo, Direction, Length, Name, Table, Vector, fault, norm, parallel
 from .where import WhereTable
 
-__all__ = ["LineTable", "MarkersTable", "PaintTable"]
+__all__ = ["LineTable", "MarkersTable", "PaintTable", "SpeckleTable"]
 
 Count = Annotated[int, Field(ge=1, le=100_000)]
 
@@ -128,6 +129,60 @@ class DotsTable(_Pattern):
         return self
 
 
+class SpeckleTable(_Pattern):
+    """Round speckles at random places, sprayed or printed, as image correlation needs them.
+
+    About 3 to 6 px wide in the image, half of the area covered, and edges at least half a pixel
+    soft is what correlates well.
+    """
+
+    type: Literal["speckle"]
+    diameter_mm: Length
+    """The mean diameter."""
+    coverage: Annotated[float, Field(gt=0, lt=1)] = 0.5
+    """The painted share of the area."""
+    softness_mm: Annotated[float, Field(ge=0)] = 0.0
+    """The standard deviation of the edges' profile; 0 is a hard edge."""
+    size_law: Literal["fixed", "uniform", "lognormal"] = "fixed"
+    """How the diameters are distributed."""
+    spread: Annotated[float, Field(ge=0)] = 0.0
+    """Standard deviation of the diameters over their mean."""
+    arrangement: Literal["random", "grid"] = "random"
+    """Sprayed speckles overlap; those on a grid are moved at random as far as none touches."""
+    seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
+    """Another seed, another pattern."""
+    dot: Albedo = 0.05
+    """Of the speckles."""
+
+    @model_validator(mode="after")
+    def _check(self) -> SpeckleTable:
+        if not self.softness_mm <= self.diameter_mm / 2:
+            raise fault(
+                "softness_mm", "more than half the diameter", self.softness_mm,
+                f"at most {self.diameter_mm / 2:g}",
+            )  # fmt: skip
+        most = {"fixed": 0.0, "uniform": 0.5, "lognormal": 1.0}[self.size_law]
+        if not self.spread <= most:
+            wanted = f"0 to {most:g} with size_law {self.size_law!r}"
+            raise fault("spread", "too much", self.spread, wanted)
+        if self.arrangement == "grid":
+            deviation = log1p(self.spread**2)
+            largest = {
+                "fixed": 1.0,
+                "uniform": 1.0 + sqrt(3.0) * self.spread,
+                "lognormal": exp(3.0 * sqrt(deviation) - 0.5 * deviation),
+            }[self.size_law]
+            # discs of a hexagonal grid touch at a share of pi / sqrt(12)
+            full = pi / sqrt(12.0) * (1.0 + self.spread**2) / largest**2
+            if not self.coverage <= full:
+                raise fault(
+                    "coverage", "the largest speckles would touch", self.coverage,
+                    f"at most {full:.3g} on a grid",
+                )  # fmt: skip
+        return self
+
+
 PaintTable = Annotated[
-    PlainTable | MarkersTable | CheckerTable | DotsTable, Field(discriminator="type")
+    PlainTable | MarkersTable | CheckerTable | DotsTable | SpeckleTable,
+    Field(discriminator="type"),
 ]

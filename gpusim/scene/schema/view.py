@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from .base import Direction, Length, Name, Pair, PositivePair, Table, Vector, fault, norm, parallel
+from .lens import LensTable, ShutterTable
 
 __all__ = ["CameraTable", "LightTable"]
 
@@ -31,6 +32,10 @@ class CameraTable(Table):
     """Roughly up in the image."""
     principal_point_offset_mm: Pair = [0.0, 0.0]
     """Where the optical axis meets the sensor: right and down from the image's centre."""
+    lens: LensTable | None = None
+    """Without it a pinhole."""
+    shutter: ShutterTable | None = None
+    """Without it an instant."""
     square_pixels: bool = True
     """Set to false to say that pixels of unequal sides are meant."""
 
@@ -49,6 +54,9 @@ class CameraTable(Table):
             raise fault("target_mm", "is where the camera is", self.target_mm, "another point")
         if parallel(view, self.up):
             raise fault("up", "is along the view, or zero", self.up, "a vector across it")
+        focus = None if self.lens is None else self.lens.focus_distance_mm
+        if focus is not None and not focus > self.focal_mm:
+            raise fault("lens.focus_distance_mm", "inside the lens", focus, "more than focal_mm")
         return self
 
 

@@ -1,12 +1,12 @@
-"""What is done with the scene: ``[analysis]``, ``[solver]``, ``[render]``, ``[sensor]``,
+"""What is done with the scene: ``[analysis]``, ``[solver]``, ``[render]``, ``[[measure]]``,
 ``[output]``.
 """
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
+from pydantic import Field, model_validator
 
 from .base import Table, fault
 
@@ -14,7 +14,6 @@ __all__ = [
     "AnalysisTable",
     "OutputTable",
     "RenderTable",
-    "SensorTable",
     "SolverTable",
 ]
 
@@ -44,6 +43,8 @@ class AnalysisTable(Table):
     times: Annotated[list[float], Field(min_length=1, max_length=10_000)] | None = None
     """Of type "field": the time of each frame, within those of the files and between their steps as
     you like; frame 0 is the reference."""
+    frame_rate_Hz: Annotated[float, Field(gt=0)] | None = None
+    """How fast frames follow each other, for what moves while a ``camera.shutter`` is open."""
 
     @model_validator(mode="after")
     def _check(self) -> AnalysisTable:
@@ -77,26 +78,6 @@ class RenderTable(Table):
     """Allowed error of a pixel, in grey levels of 8 bit; edges take as many samples as it needs."""
     background: Annotated[float, Field(ge=0)] = 0.0
     """Radiance where nothing is seen (W / (m2 sr); without lights: albedo)."""
-
-
-def _exposure(value: Any) -> Any:
-    number = isinstance(value, float | int) and not isinstance(value, bool)
-    if value == "auto" or (number and 0 < value <= 1e300):
-        return value if value == "auto" else float(value)
-    raise fault("", "not an exposure", value, '"auto" or a number > 0')
-
-
-class SensorTable(Table):
-    """From radiance to grey values."""
-
-    bits: Literal[8, 16] = 8
-    exposure: Annotated[
-        Any,
-        BeforeValidator(_exposure),
-        WithJsonSchema({"anyOf": [{"const": "auto"}, {"type": "number", "exclusiveMinimum": 0}]}),
-    ] = "auto"
-    """Fraction of full scale per unit of radiance; "auto": set once for all frames of a camera."""
-    format: Literal["png", "tiff"] = "png"
 
 
 class OutputTable(Table):

@@ -1,0 +1,117 @@
+"""``[camera.lens]``, ``[camera.shutter]``: what a real camera does to a pinhole's image."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from .base import Length, Table, fault
+
+__all__ = ["LensTable", "ShutterTable"]
+
+Rows = Annotated[list[list[float]], Field(min_length=1, max_length=401)]
+
+
+class GaussianTable(Table):
+    """A round Gaussian point spread."""
+
+    type: Literal["gaussian"]
+    sigma_px: Annotated[float, Field(gt=0, le=30)]
+    """Standard deviation."""
+
+
+class AiryTable(Table):
+    """Diffraction at a round aperture."""
+
+    type: Literal["airy"]
+    f_number: Annotated[float, Field(gt=0, le=256)]
+    wavelength_nm: Annotated[float, Field(gt=0, le=20_000)] = 550.0
+
+
+class DiscTable(Table):
+    """An even disc, as of a lens that is out of focus everywhere alike."""
+
+    type: Literal["disc"]
+    radius_px: Annotated[float, Field(gt=0, le=30)]
+
+
+class MeasuredTable(Table):
+    """A measured point spread."""
+
+    type: Literal["measured"]
+    kernel: Rows
+    """Rows of one odd length, an odd number of them; scaled to sum 1, centred on the middle."""
+    samples_per_px: Annotated[float, Field(gt=0, le=64)] = 1.0
+
+    @model_validator(mode="after")
+    def _check(self) -> MeasuredTable:
+        width = len(self.kernel[0])
+        if len(self.kernel) % 2 == 0 or width % 2 == 0 or any(len(r) != width for r in self.kernel):
+            sizes = f"{len(self.kernel)} rows of {sorted({len(r) for r in self.kernel})}"
+            raise fault("kernel", "no middle", sizes, "an odd number of rows of one odd length")
+        if not sum(map(sum, self.kernel)) > 0:
+            raise fault("kernel", "its sum isn't above 0", sum(map(sum, self.kernel)), "a sum > 0")
+        return self
+
+
+PsfTable = Annotated[
+    GaussianTable | AiryTable | DiscTable | MeasuredTable, Field(discriminator="type")
+]
+
+
+class VignettingTable(Table):
+    """Fall-off towards the corners: the product of what is given."""
+
+    cos4: bool = True
+    """The natural law, cos^4 of the angle to the axis."""
+    polynomial: list[float] = []
+    """(a1, a2, …) of 1 + a1 r^2 + a2 r^4 + …, r = 1 at half the image's diagonal."""
+    map: Rows | None = None
+    """Measured gains from corner to corner, rows of one length."""
+
+    @model_validator(mode="after")
+    def _check(self) -> VignettingTable:
+        rows = self.map
+        if rows is None:
+            return self
+        if len(rows) < 2 or len(rows[0]) < 2 or any(len(row) != len(rows[0]) for row in rows):
+            sizes = f"{len(rows)} rows of {sorted({len(row) for row in rows})}"
+            raise fault("map", "not a grid", sizes, "2 rows or more, of 2 numbers or more")
+        if min(map(min, rows)) < 0:
+            raise fault("map", "negative", min(map(min, rows)), "gains from 0 up")
+        return self
+
+
+class LensTable(Table):
+    """A real lens; what isn't given isn't rendered."""
+
+    psf: PsfTable | None = None
+    """The image of a point."""
+    fill_factor: Annotated[float, Field(gt=0, le=1)] = 1.0
+    """Light-sensitive share of a pixel's area, a square in its middle."""
+    f_number: Annotated[float, Field(gt=0, le=256)] | None = None
+    """With ``focus_distance_mm``: depth of field. ``focal_mm`` is the image distance then."""
+    focus_distance_mm: Length | None = None
+    """Along the optical axis, from the camera's position."""
+    blades: Annotated[int, Field(ge=0, le=24)] = 0
+    """Of the iris; 0 for a round one."""
+    vignetting: VignettingTable | None = None
+
+    @model_validator(mode="after")
+    def _check(self) -> LensTable:
+        if (self.f_number is None) != (self.focus_distance_mm is None):
+            key = "focus_distance_mm" if self.focus_distance_mm is None else "f_number"
+            raise fault(key, "missing", None, "f_number and focus_distance_mm, or neither")
+        if self.blades in (1, 2):
+            raise fault("blades", "no polygon", self.blades, "0 (round), or 3 to 24")
+        return self
+
+
+class ShutterTable(Table):
+    """Exposure in time, around the instant of each frame; needs ``analysis.frame_rate_Hz``."""
+
+    exposure_ms: Annotated[float, Field(ge=0)] = 0.0
+    """What moves during it is blurred; dark current gathers during it."""
+    line_time_us: float = 0.0
+    """Rolling shutter: from the read-out of a row to that of the next. 0: all rows at once."""

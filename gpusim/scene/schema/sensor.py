@@ -1,0 +1,77 @@
+"""``[sensor]``: from radiance to grey values."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
+
+from .base import Table, fault
+
+__all__ = ["SensorTable"]
+
+Some = Annotated[float, Field(ge=0)] | None
+Most = Annotated[float, Field(gt=0)] | None
+
+
+def _exposure(value: Any) -> Any:
+    number = isinstance(value, float | int) and not isinstance(value, bool)
+    if value == "auto" or (number and 0 < value <= 1e300):
+        return value if value == "auto" else float(value)
+    raise fault("", "not an exposure", value, '"auto" or a number > 0')
+
+
+class SensorTable(Table):
+    """From radiance to grey values, without noise unless a gain, a full well or a preset is given.
+
+    Noise follows EMVA 1288: shot noise and dark current are Poisson distributed, the read-out's is
+    normal, and pixels differ in offset and gain.
+    """
+
+    bits: Literal[8, 10, 12, 14, 16] = 8
+    """More than 8 are stored as 16-bit numbers, not scaled up."""
+    exposure: Annotated[
+        Any,
+        BeforeValidator(_exposure),
+        WithJsonSchema({"anyOf": [{"const": "auto"}, {"type": "number", "exclusiveMinimum": 0}]}),
+    ] = "auto"
+    """Fraction of full scale per unit of radiance; "auto": set once for all frames of a camera."""
+    format: Literal["png", "tiff"] = "png"
+    seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
+    """Of the noise; every camera and frame has its own, independent of the others."""
+    preset: Literal["stereo-dic-5mp", "imx174", "icx625-pilot", "icx625-grasshopper"] | None = None
+    """A real camera's values; keys given beside it replace them."""
+    gain_DN_per_e: Most = None
+    """Overall system gain; without it the full well is at full scale."""
+    full_well_e: Most = None
+    """Saturation capacity in electrons."""
+    read_noise_e: Some = None
+    """Standard deviation of the temporal dark noise in electrons."""
+    dark_current_e_per_s: Some = None
+    """Gathers during ``camera.shutter.exposure_ms``."""
+    dsnu_e: Some = None
+    """Standard deviation of the pixels' offsets in electrons."""
+    prnu_percent: Some = None
+    """Standard deviation of the pixels' gains."""
+    black_level_DN: Some = None
+    """Grey value of a dark pixel."""
+    gamma: Most = None
+    """Grey value = full scale x (linear share)^(1 / gamma); without it linear."""
+    bayer: Literal["RGGB", "BGGR", "GRBG", "GBRG"] | None = None
+    """A raw colour mosaic of the grey scene."""
+    bayer_response: Annotated[
+        list[Annotated[float, Field(ge=0)]], Field(min_length=3, max_length=3)
+    ] = [1.0, 1.0, 1.0]
+    """Relative responses of red, green and blue pixels."""
+
+    @model_validator(mode="after")
+    def _check(self) -> SensorTable:
+        counted = self.preset or self.gain_DN_per_e is not None or self.full_well_e is not None
+        for key in ("read_noise_e", "dark_current_e_per_s", "dsnu_e", "prnu_percent"):
+            if getattr(self, key) and not counted:
+                raise fault(key, "noise without electrons", getattr(self, key),
+                            "gain_DN_per_e, full_well_e or preset beside it")  # fmt: skip
+        black = self.black_level_DN
+        if black is not None and not black < 2**self.bits - 1:
+            raise fault("black_level_DN", "above full scale", black, f"below {2**self.bits - 1}")
+        return self

@@ -1,0 +1,60 @@
+"""What a surface's triangles share, found once and kept for every frame and camera."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+__all__ = ["Topology", "triangulate"]
+
+
+@dataclass(frozen=True, eq=False)
+class Topology:
+    """Triangles and edges of faces.
+
+    ``triangles`` (T, 3) int32 vertices; ``source`` (T,) int32 face that each comes from;
+    ``edge`` (T, 3) int32: number of the edge from corner k to the next; ``first``, ``second``
+    (E,) int32: triangles on both sides, the same one at a border; ``manifold`` (E,): exactly two
+    triangles share it; ``closed``: that holds for all edges.
+    """
+
+    triangles: npt.NDArray[np.int32]
+    source: npt.NDArray[np.int32]
+    edge: npt.NDArray[np.int32]
+    first: npt.NDArray[np.int32]
+    second: npt.NDArray[np.int32]
+    manifold: npt.NDArray[np.bool_]
+    closed: bool
+
+    @staticmethod
+    def of(faces: npt.NDArray[np.int32]) -> Topology:
+        """The topology of faces (F, 4), -1 in the last column for triangles."""
+        triangles, source = triangulate(faces)
+        ends = triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).astype(np.int64)
+        key = ends.min(axis=1) * (int(triangles.max(initial=0)) + 1) + ends.max(axis=1)
+        order = np.argsort(key, kind="stable").astype(np.int32)
+        ordered = key[order]
+        new = np.ones(len(key), bool)
+        new[1:] = ordered[1:] != ordered[:-1]
+        edge = np.empty(len(key), np.int32)
+        edge[order] = np.cumsum(new, dtype=np.int32) - 1
+        start = np.flatnonzero(new)
+        manifold = np.diff(np.append(start, len(key))) == 2
+        first = order[start] // 3
+        second = np.where(manifold, order[np.minimum(start + 1, len(key) - 1)] // 3, first)
+        return Topology(
+            triangles, source, edge.reshape(-1, 3), first, second, manifold, bool(manifold.all())
+        )
+
+
+def triangulate(
+    faces: npt.NDArray[np.int32],
+) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
+    """(F, 4) faces to (T, 3) triangles, and the face (T,) that each comes from."""
+    quads = np.flatnonzero(faces[:, 3] >= 0)
+    triangles = np.concatenate([faces[:, :3], faces[quads][:, [0, 2, 3]]])
+    source = np.concatenate([np.arange(len(faces)), quads]).astype(np.int32)
+    order = np.argsort(source, kind="stable")
+    return np.ascontiguousarray(triangles[order]), source[order]
