@@ -50,15 +50,18 @@ if _typing.TYPE_CHECKING:
         psf,
         render,
     )
+    from gpusim.optics.calibration_files import read_calibration, write_calibration
     from gpusim.pipeline import run, solve
     from gpusim.report import Report
     from gpusim.scene import Scene, load_scene
-    from gpusim.surface import PaintFrame, Skin, Surface, paint
+    from gpusim.surface import Atlas, CylinderFrame, PaintFrame, Skin, Surface, paint
 
 __all__ = [
     "AmbientLight",
     "AreaLight",
+    "Atlas",
     "Camera",
+    "CylinderFrame",
     "Deck",
     "Device",
     "DeviceError",
@@ -102,11 +105,13 @@ __all__ = [
     "paint",
     "photograph",
     "psf",
+    "read_calibration",
     "read_field",
     "read_mesh",
     "render",
     "run",
     "solve",
+    "write_calibration",
 ]
 
 _HOMES = {
@@ -144,10 +149,11 @@ _HOMES = {
         "psf",
         "render",
     ),
+    "gpusim.optics.calibration_files": ("read_calibration", "write_calibration"),
     "gpusim.pipeline": ("run", "solve"),
     "gpusim.report": ("Report",),
     "gpusim.scene": ("Scene", "load_scene"),
-    "gpusim.surface": ("PaintFrame", "Skin", "Surface", "paint"),
+    "gpusim.surface": ("Atlas", "CylinderFrame", "PaintFrame", "Skin", "Surface", "paint"),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 _MODULES = ("errors", "fem", "measure", "mesh")

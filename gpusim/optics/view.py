@@ -162,7 +162,8 @@ def _pieces(
     region = surface.regions[topology.source[kept]]
     for number in surface.extents:
         rows = np.flatnonzero(region == number)
-        table[rows, :, ST] = surface.paint_frame(number).coordinates(table[rows, :, REFERENCE])
+        frame = surface.paint_frame(number)
+        table[rows, :, ST] = frame.of_triangles(table[rows, :, REFERENCE], kept[rows])
     flags = shows[topology.edge[kept]]
     turned = ~front[kept]
     table[turned] = table[turned][:, [0, 2, 1]]

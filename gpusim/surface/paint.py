@@ -22,10 +22,28 @@ from gpusim.surface.features import (
     check_finish,
     check_grid,
     check_length,
+    check_places,
 )
+from gpusim.surface.fiducials import Aruco, Charuco, RingCodes
 from gpusim.surface.speckle import Speckle
+from gpusim.surface.targets import Circles, Lines, Star
 
-__all__ = ["Checker", "Dots", "Features", "Image", "Markers", "Paint", "Plain", "Speckle"]
+__all__ = [
+    "Aruco",
+    "Charuco",
+    "Checker",
+    "Circles",
+    "Dots",
+    "Features",
+    "Image",
+    "Lines",
+    "Markers",
+    "Paint",
+    "Plain",
+    "RingCodes",
+    "Speckle",
+    "Star",
+]
 
 MOST_DOTS = 1 << 22
 
@@ -173,9 +191,7 @@ class Markers:
 
     def __post_init__(self) -> None:
         check_finish("Markers", self.roughness, self.metallic)
-        centres = np.asarray(self.centres, np.float64)
-        if centres.ndim != 2 or centres.shape[1] != 2 or not np.isfinite(centres).all():
-            raise InputError(f"Markers centres; got shape {centres.shape}; expected finite (M, 2)")
+        centres = check_places("Markers", self.centres)
         check_length("Markers", size=self.size)
         check_albedo("Markers", dark=self.dark, light=self.light, ground=self.ground)
         if not np.isfinite(self.angle):
