@@ -78,6 +78,8 @@ __all__ = [
     "Output",
     "Paint",
     "Part",
+    "Pattern",
+    "Picture",
     "Plain",
     "Plate",
     "PlateMesh",
@@ -93,13 +95,23 @@ __all__ = [
     "Speckle",
     "Stereo",
     "Support",
+    "Target",
     "Thermal",
     "Traction",
     "Variant",
     "Vec3",
     "Vignetting",
     "Where",
+    "Wrap",
 ]
+
+
+@dataclass(frozen=True)
+class Wrap:
+    """How a pattern lies on faces that aren't plane: round an axis, or unfolded if that is None."""
+
+    axis_point: Vec3 | None = None
+    axis: Vec3 | None = None
 
 
 @dataclass(frozen=True)
@@ -131,6 +143,7 @@ class Markers:
     dark: float
     light: float
     markers: tuple[Marker, ...]
+    wrap: Wrap | None = None
 
 
 @dataclass(frozen=True)
@@ -147,6 +160,7 @@ class Checker:
     origin: Vec3
     dark: float
     light: float
+    wrap: Wrap | None = None
 
 
 @dataclass(frozen=True)
@@ -163,6 +177,7 @@ class Dots:
     rows: int
     origin: Vec3
     dot: float
+    wrap: Wrap | None = None
 
 
 @dataclass(frozen=True)
@@ -184,9 +199,46 @@ class Speckle:
     arrangement: str
     seed: int
     dot: float
+    wrap: Wrap | None = None
 
 
-Paint = Plain | Markers | Checker | Dots | Speckle
+@dataclass(frozen=True)
+class Picture:
+    """A bitmap with texels of side ``texel`` (m); ``origin`` is its lower left corner."""
+
+    name: str
+    where: Where
+    albedo: float
+    up: Vec3 | None
+    path: str
+    texel: float
+    origin: Vec3
+    dark: float
+    light: float
+    gamma: str
+    wrap: Wrap | None = None
+
+
+@dataclass(frozen=True)
+class Target:
+    """A target of ``kind`` "circles", "star", "aruco", "charuco" or "lines".
+
+    ``places`` (m): the centres, or the one lower left corner. ``values``: parameters of the class
+    of that name in `gpusim.surface.paint`, lengths in m.
+    """
+
+    name: str
+    where: Where
+    albedo: float
+    up: Vec3 | None
+    kind: str
+    places: tuple[Vec3, ...]
+    values: tuple[tuple[str, float | int | str | tuple[float, ...]], ...]
+    wrap: Wrap | None = None
+
+
+Pattern = Markers | Checker | Dots | Speckle | Picture | Target
+Paint = Plain | Pattern
 
 
 @dataclass(frozen=True)
