@@ -1,8 +1,8 @@
 """``[[body.paint]]`` and ``[[prop.paint]]``: what a surface looks like.
 
-Albedo is the diffusely reflected fraction of light, 0 to 1. Patterns lie in the plane
-of the faces they fall on (or as ``mapping`` says), with ``up`` (projected into that plane) pointing
-up, as seen from outside. Positions are those of the unloaded shape; the pattern moves with the material.
+Albedo is the diffusely reflected fraction of light, 0 to 1. Patterns lie in the plane of the faces
+they fall on (or as ``mapping`` says), with ``up`` (projected into that plane) pointing up, as seen
+from outside. Positions are those of the unloaded shape; the pattern moves with the material.
 """
 
 from __future__ import annotations
