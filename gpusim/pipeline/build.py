@@ -21,7 +21,7 @@ from gpusim.scene import model as m
 from gpusim.surface import Skin, Surface
 from gpusim.surface.paint import Paint, Plain
 
-__all__ = ["BodyParts", "build_body", "build_camera", "build_lights"]
+__all__ = ["BodyParts", "build_body", "build_camera", "build_lights", "build_pattern"]
 
 Array = npt.NDArray[np.float64]
 DEFAULT_ALBEDO = 0.5
@@ -69,10 +69,17 @@ def build_body(body: m.Body) -> BodyParts:
         if isinstance(paint, m.Plain):
             continue
         if not own.any():
-            raise InputError(f"{where}: every face it matches is painted over by a later paint")
+            raise _painted_over(where)
         frames[paint.name] = build_frame(paint, rest, skin.pieces, own, where)
         paints[paint.name] = build_pattern(paint, frames[paint.name], where)
     return BodyParts(body, grid, skin, skin.surface(paints, region, frames, body.name), field)
+
+
+def _painted_over(where: str) -> InputError:
+    """What there is to say of a paint that nobody sees."""
+    return InputError(
+        f"{where}: every face it matches is painted over by a later paint"
+    )  # fmt: skip
 
 
 def build_camera(camera: m.Camera) -> Camera:
