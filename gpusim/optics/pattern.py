@@ -223,7 +223,8 @@ def _file_speckle(
     for number, region in enumerate(regions):
         if isinstance(region.paint, Speckle) and region.reach > 0.0:
             grid_of_paint[number] = len(requests)
-            requests.append((region.paint, region.low, region.high, region.reach))
+            low, high = (region.low, region.high) if region.seen is None else region.seen
+            requests.append((region.paint, low, high, region.reach))
     table = speckle_table(requests)
     for number in np.flatnonzero(grid_of_paint >= 0).tolist():
         grid, record = table.grids[grid_of_paint[number]], paints[number]

@@ -41,12 +41,16 @@ POSITION, ST, NORMAL, REFERENCE = slice(0, 3), slice(3, 5), slice(5, 8), slice(8
 
 @dataclass(frozen=True, eq=False)
 class RegionPaint:
-    """A paint with the extent of its region in paint coordinates and the largest pixel there."""
+    """A paint with the extent of its region in paint coordinates and the largest pixel there.
+
+    ``seen`` (2, 2): lowest and highest coordinates of what may be in the image.
+    """
 
     paint: Paint
     low: npt.NDArray[np.float64]
     high: npt.NDArray[np.float64]
     reach: float
+    seen: npt.NDArray[np.float64] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,6 +232,8 @@ def _with_reach(
             scaled = np.swapaxes(st, 1, 2) @ plane
             slope = scaled[:, None, :, :2] - st[..., None] * plane.sum(axis=1)[:, None, None, :2]
             footprint = 0.5 * np.abs(slope).sum(axis=-1) * own[:, :, 2, None]
-            region = replace(region, reach=min(stretch * float(footprint.max()), extent))
+            reach = min(stretch * float(footprint.max()), extent)
+            seen = np.stack([st.min(axis=(0, 1)), st.max(axis=(0, 1))])
+            region = replace(region, reach=reach, seen=seen)
         result.append(region)
     return result
