@@ -29,6 +29,7 @@ from .loading import (
     Where,
 )
 from .measures import Damage, Deflection, Measure, Stereo, Variant
+from .patterns import Picture, Target, Wrap
 from .photo import Lens, Psf, Sensor, Shutter, Vignetting
 from .recipe import (
     BeamMesh,
@@ -104,14 +105,6 @@ __all__ = [
     "Where",
     "Wrap",
 ]
-
-
-@dataclass(frozen=True)
-class Wrap:
-    """How a pattern lies on faces that aren't plane: round an axis, or unfolded if that is None."""
-
-    axis_point: Vec3 | None = None
-    axis: Vec3 | None = None
 
 
 @dataclass(frozen=True)
@@ -199,41 +192,6 @@ class Speckle:
     arrangement: str
     seed: int
     dot: float
-    wrap: Wrap | None = None
-
-
-@dataclass(frozen=True)
-class Picture:
-    """A bitmap with texels of side ``texel`` (m); ``origin`` is its lower left corner."""
-
-    name: str
-    where: Where
-    albedo: float
-    up: Vec3 | None
-    path: str
-    texel: float
-    origin: Vec3
-    dark: float
-    light: float
-    gamma: str
-    wrap: Wrap | None = None
-
-
-@dataclass(frozen=True)
-class Target:
-    """A target of ``kind`` "circles", "star", "aruco", "charuco" or "lines".
-
-    ``places`` (m): the centres, or the one lower left corner. ``values``: parameters of the class
-    of that name in `gpusim.surface.paint`, lengths in m.
-    """
-
-    name: str
-    where: Where
-    albedo: float
-    up: Vec3 | None
-    kind: str
-    places: tuple[Vec3, ...]
-    values: tuple[tuple[str, float | int | str | tuple[float, ...]], ...]
     wrap: Wrap | None = None
 
 
