@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from weakref import WeakKeyDictionary
+
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
 import gpusim as gs
-from gpusim.errors import InputError
-from gpusim.gpu import Device
+from gpusim.errors import InputError, TwinMismatch
+from gpusim.gpu import Device, twin_checks
+from gpusim.gpu.texels import Texels
 from gpusim.optics import speckle_table as tables
 from gpusim.optics.speckle_table import speckle_table
 from gpusim.optics.view import look
@@ -209,3 +212,21 @@ def test_large_views_take_larger_cells(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tables, "MOST_TEXELS", 500)
     with pytest.raises(InputError, match=r"Speckle diameter; got 5, which makes .* at most 500"):
         speckle_table([(SOFT, low, high, 0.9)])
+
+
+@pytest.mark.parametrize("stage", ["optics/shade", "optics/edges"])
+def test_one_wrong_radius_on_the_device_is_seen(
+    device: Device, monkeypatch: pytest.MonkeyPatch, stage: str
+) -> None:
+    write = Texels.write
+
+    def corrupted(self: Texels, array: np.ndarray, first: int = 0) -> None:
+        if self.label == "speckle.discs":
+            array = array.copy()
+            array[array[:, 2] > 0.0, 2] *= 1.02
+        write(self, array, first)
+
+    monkeypatch.setattr(Texels, "write", corrupted)
+    monkeypatch.setattr(tables, "_uploaded", WeakKeyDictionary())
+    with pytest.raises(TwinMismatch, match=stage):
+        twin_checks()[stage](device)
