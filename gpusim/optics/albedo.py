@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from gpusim.optics import coverage
 from gpusim.optics.pattern import FINEST, PatternTable
-from gpusim.optics.speckle import polygon_cover, speckle_cover
+from gpusim.optics.speckle import grazing_cover, polygon_cover, speckle_cover
 
 __all__ = ["mean_albedo"]
 
@@ -26,6 +26,7 @@ def mean_albedo(
     polygon: Array,
     weight: Array,
     pixel: Pixel | None = None,
+    grazing: npt.NDArray[np.bool_] | None = None,
 ) -> Array:
     """Mean albedo (n,) over footprints.
 
@@ -38,6 +39,7 @@ def mean_albedo(
         the polygon is an affine picture of what is seen, so that perspective is exact.
     pixel : given where the footprints are whole pixels, which are cut more cheaply: change of
         s, t per column and per row, (n, 2) each, and relative change (n, 2) of 1 / z.
+    grazing : (n,) which whole pixels may have larger footprints than a speckle's table is made for.
     """
     records = table.paints[paint]
     albedo = records["ground"].astype(np.float64)
@@ -46,6 +48,7 @@ def mean_albedo(
         albedo[own] = _speckle(
             table, int(number), cell[own], st[own], polygon[own], weight[own],
             None if pixel is None else (pixel[0][own], pixel[1][own], pixel[2][own]),
+            None if grazing is None else grazing[own],
         )  # fmt: skip
     size = records["cell"].astype(np.float64)
     step = np.floor(st / size[:, None])
@@ -94,6 +97,7 @@ def _speckle(
     polygon: Array,
     weight: Array,
     pixel: Pixel | None,
+    grazing: npt.NDArray[np.bool_] | None,
 ) -> Array:
     record = table.paints[number]
     size, grid = float(record["cell"]), int(table.grid_of_paint[number])
@@ -103,7 +107,11 @@ def _speckle(
     if pixel is None:
         cover = polygon_cover(table.speckle, grid, at, local, polygon, weight)
     else:
-        cover = speckle_cover(table.speckle, grid, at, local, pixel[0], pixel[1])
+        large = np.zeros(len(at), bool) if grazing is None else grazing
+        cover = np.zeros(len(at))
+        for some, find in ((~large, speckle_cover), (large, grazing_cover)):
+            ex, ey, q = (values[some] for values in pixel)
+            cover[some] = find(table.speckle, grid, at[some], local[some], ex, ey, q)
     ground, dot = float(record["ground"]), float(record["dot"])
     return ground + (dot - ground) * cover
 

@@ -30,7 +30,8 @@ Array = npt.NDArray[np.float64]
 
 PAINT = np.dtype(
     [("ground", "<f4"), ("cell", "<f4"), ("i0", "<i4"), ("j0", "<i4"), ("columns", "<i4"),
-     ("rows", "<i4"), ("first", "<u4"), ("featured", "<u4"), ("dot", "<f4"), ("cuts", "<u4")]
+     ("rows", "<i4"), ("first", "<u4"), ("featured", "<u4"), ("dot", "<f4"), ("cuts", "<u4"),
+     ("piece", "<f4"), ("longest", "<f4"), ("coverage", "<f4")]
 )  # fmt: skip
 """``featured``: 0 one albedo, 1 features that keep apart, 2 soft and 3 hard speckle,
 4 a bitmap."""
@@ -225,13 +226,13 @@ def _file_speckle(
     regions: Sequence[RegionPaint], paints: npt.NDArray[np.void]
 ) -> tuple[SpeckleTable, npt.NDArray[np.int64]]:
     """The table of the regions with speckle; their records in ``paints`` are filled in."""
-    requests: list[tuple[Speckle, Array, Array, float]] = []
+    requests: list[tuple[Speckle, Array, Array, float, bool]] = []
     grid_of_paint = np.full(len(paints), -1)
     for number, region in enumerate(regions):
         if isinstance(region.paint, Speckle) and region.reach > 0.0:
             grid_of_paint[number] = len(requests)
             low, high = (region.low, region.high) if region.seen is None else region.seen
-            requests.append((region.paint, low, high, region.reach))
+            requests.append((region.paint, low, high, region.reach, region.grazing))
     table = speckle_table(requests)
     for number in np.flatnonzero(grid_of_paint >= 0).tolist():
         grid, record = table.grids[grid_of_paint[number]], paints[number]
@@ -239,6 +240,9 @@ def _file_speckle(
         record["i0"], record["j0"] = grid.lowest
         record["columns"], record["rows"] = grid.shape
         record["first"], record["cuts"] = grid.first, grid.cuts
+        if grid.pieces is not None:
+            record["piece"], record["longest"] = grid.pieces.usual, grid.pieces.longest
+            record["coverage"] = grid.coverage
         paint = regions[number].paint
         assert isinstance(paint, Speckle)
         record["dot"] = paint.dot

@@ -24,7 +24,7 @@ from gpusim.optics.view import NORMAL, ST, View, look
 from gpusim.surface.paint import Checker, Dots, Image, Markers, Paint, Plain, Speckle
 from gpusim.surface.surface import Surface
 
-__all__ = ["TRIANGLE", "Setup", "footprint", "probe_setup", "radiance_of"]
+__all__ = ["GRAZING", "TRIANGLE", "Setup", "footprint", "probe_setup", "radiance_of"]
 
 Array = npt.NDArray[np.float64]
 
@@ -32,6 +32,9 @@ TRIANGLE = np.dtype(
     [("st", "<f4", 4), ("tw", "<f4", 4), ("n0", "<f4", 4), ("nx", "<f4", 4), ("ny", "<f4", 4),
      ("place", "<i4", 4), ("more", "<f4", 4)]
 )  # fmt: skip
+
+GRAZING = 4
+"""Added to the number of a group of triangles whose speckle is cut pixel by pixel."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,9 +164,17 @@ class Setup:
 
     @cached_property
     def groups(self) -> npt.NDArray[np.uint32]:
-        """(T,) what a triangle's pixels may meet: 0 one albedo, else its paint's ``featured``."""
+        """(T,) what a triangle's pixels may meet: 0 one albedo, else its paint's ``featured``.
+
+        That plus `GRAZING` where speckle has larger footprints than its table was made for.
+        """
         featured = self.table.paints["featured"][self.view.paint]
-        return np.where(self.near_feature, featured, 0).astype(np.uint32)
+        groups = np.where(self.near_feature, featured, 0).astype(np.uint32)
+        for number, region in enumerate(self.view.paints):
+            if region.grazing:
+                larger = self.view.footprint > region.reach
+                groups[(self.view.paint == number) & larger] += np.uint32(GRAZING)
+        return groups
 
     @cached_property
     def shiny(self) -> npt.NDArray[np.bool_]:
@@ -179,13 +190,15 @@ class Setup:
 
         ``glossy``: whether some of them have glossy paint.
         """
+        kept = set(groups)
         kinds = self.table.kinds() if 1 in groups else set()
         fine, large = self._pattern_traits if 1 in groups else (False, False)
         return {
             "lit": float(self.lit),
             "distorted": float(self.view.camera.lens is not None),
             "patterned": float(any(groups)),
-            "speckle": float((2 in groups) + 2 * (3 in groups)),
+            "speckle": float(bool({2, 2 + GRAZING} & kept) + 2 * bool({3, 3 + GRAZING} & kept)),
+            "grazing": float(bool({2 + GRAZING, 3 + GRAZING} & kept)),
             **self.lighting.constants(glossy),
             "checkers": float(0 in kinds),
             "discs": float((2 if large else 1) if 1 in kinds else 0),

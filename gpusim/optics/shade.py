@@ -24,7 +24,7 @@ from gpusim.optics.bitmap import BITMAP, mean_over_pixels
 from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.gloss import gloss_texels
 from gpusim.optics.pattern import FINEST, LOOP_TURNS
-from gpusim.optics.setup import Setup, footprint, probe_setup, radiance_of
+from gpusim.optics.setup import GRAZING, Setup, footprint, probe_setup, radiance_of
 from gpusim.optics.shadow_tables import ShadowTables
 from gpusim.optics.visibility import visibility_twin
 
@@ -110,7 +110,9 @@ class ShadePass:
         self._near, depth = view.raster_depth()
         self._inverse = device.buffer(depth, "shade.inverse_depth")
         self._draws = []
-        for group, glossy in product((BITMAP, 3, 2, 1, 0), (True, False)):
+        for group, glossy in product(
+            (BITMAP, 3 + GRAZING, 2 + GRAZING, 3, 2, 1, 0), (True, False)
+        ):
             wanted = (setup.groups == group) & (setup.shiny == glossy)
             order = near_first[wanted[near_first]]
             if len(order) or not (group or glossy):
@@ -175,7 +177,7 @@ def shade_twin(setup: Setup, ids: npt.NDArray[np.uint32]) -> npt.NDArray[np.floa
             corners = np.stack([-ex - ey, ex - ey, ex + ey, ey - ex], axis=1) * 0.5
             albedo[rows] = mean_albedo(
                 setup.table, paint[rows], setup.cell[triangle[rows]], st, corners,
-                np.ones(corners.shape[:2]), (ex, ey, q),
+                np.ones(corners.shape[:2]), (ex, ey, q), setup.groups[triangle[rows]] > BITMAP,
             )  # fmt: skip
         for number, image in setup.bitmaps.images.items():
             rows = np.flatnonzero(paint == number)

@@ -12,10 +12,11 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.optics import coverage
+from gpusim.optics.grazing import LONGEST_ROW, MOST_PIECES, MOST_SIDE
 from gpusim.optics.speckle_table import SpeckleGrid, SpeckleTable
 from gpusim.surface.speckle import edge_opacity
 
-__all__ = ["ROWS", "polygon_cover", "speckle_cover"]
+__all__ = ["ROWS", "grazing_cover", "polygon_cover", "row_turns", "speckle_cover"]
 
 Array = npt.NDArray[np.float64]
 Long = npt.NDArray[np.int64]
@@ -28,12 +29,13 @@ WEIGHT = np.array([5.0, 8.0, 5.0]) / 18.0
 
 
 def speckle_cover(
-    table: SpeckleTable, number: int, at: Long, local: Array, ex: Array, ey: Array
+    table: SpeckleTable, number: int, at: Long, local: Array, ex: Array, ey: Array, q: Array
 ) -> Array:
     """Share (n,) of footprints that discs of region ``number`` cover.
 
     ``at`` (n, 2) cell, counted from the region's lowest; ``local`` (n, 2) the footprint's centre
-    from the cell's corner; ``ex``, ``ey`` (n, 2) its sides.
+    from the cell's corner; ``ex``, ``ey`` (n, 2) its sides; ``q`` isn't needed (as parallelograms
+    they are right to second order in it).
     """
     grid = table.grids[number]
     start, stop, inside = _lists(table, grid, at)
@@ -46,6 +48,54 @@ def speckle_cover(
             part = _soft if grid.soft else _hard
             cover[inside] += part(table, start, stop, centre, ex[inside] / n, ey[inside] / n)
     return cover / n**2
+
+
+def grazing_cover(
+    table: SpeckleTable, number: int, at: Long, local: Array, ex: Array, ey: Array, q: Array
+) -> Array:
+    """The same for footprints that may be large: in pieces, each with the list of its own cell.
+
+    ``q`` (n, 2) is the relative change of 1 / z per column and row: pieces are equal in the image.
+    A footprint that would take too many gets the mean coverage.
+    """
+    grid = table.grids[number]
+    assert grid.pieces is not None
+    sides = np.stack([np.linalg.norm(ex, axis=1), np.linalg.norm(ey, axis=1)], axis=1)
+    wanted = np.maximum(np.ceil(np.minimum(sides / grid.pieces.usual, 1e6) - 1e-4), 1.0)
+    short = np.minimum(wanted.min(axis=1), MOST_SIDE)
+    long = np.minimum(wanted.max(axis=1), np.floor(MOST_PIECES / short))
+    count = np.stack([long, short], axis=1)
+    count[wanted[:, 0] < wanted[:, 1]] = count[wanted[:, 0] < wanted[:, 1]][:, ::-1]
+    mean = (sides / count).max(axis=1) > grid.pieces.longest
+    total = np.where(mean, 0, count.prod(axis=1)).astype(np.int64)
+    cover = np.where(mean, grid.coverage, 0.0)
+    part = _soft if grid.soft else _hard
+    for k in range(int(total.max(initial=0))):
+        own = np.flatnonzero(k < total)
+        n = count[own]
+        o = (np.stack([k % n[:, 0], k // n[:, 0]], axis=1) + 0.5) / n - 0.5
+        w = 1.0 / (1.0 + (q[own] * o).sum(axis=1))[:, None]
+        move = (o[:, :1] * ex[own] + o[:, 1:] * ey[own]) * w
+        x = w / n[:, :1] * (ex[own] - move * q[own, :1])
+        y = w / n[:, 1:] * (ey[own] - move * q[own, 1:])
+        value, there = _looked_up(table, grid, at[own], local[own] + move)
+        start, stop, inside, centre = there
+        value[inside] = part(table, start, stop, centre, x[inside], y[inside])
+        cover[own] += value / total[own]
+    return cover
+
+
+def _looked_up(
+    table: SpeckleTable, grid: SpeckleGrid, at: Long, place: Array
+) -> tuple[Array, tuple[Long, Long, Long, Array]]:
+    """Mean coverage (n,), for where there are no cells, and the lists of those that there are.
+
+    ``place`` (n, 2) is relative to cells ``at``; the last is relative to its own.
+    """
+    step = np.floor(place / grid.cell)
+    start, stop, inside = _lists(table, grid, at + step.astype(np.int64))
+    local = (place - step * grid.cell)[inside]
+    return np.full(len(place), grid.coverage), (start, stop, inside, local)
 
 
 def _lists(
@@ -156,6 +206,8 @@ def polygon_cover(
     into rows from its first corner to the opposite side, evenly spaced in the image.
     """
     grid = table.grids[number]
+    if grid.pieces is not None:
+        return _grazing_polygon(table, grid, at, polygon + local[:, None], weight)
     start, stop, inside = _lists(table, grid, at)
     cover, whole = np.zeros(len(inside)), np.zeros(len(inside))
     corner, w = polygon[inside] + local[inside, None], weight[inside]
@@ -177,6 +229,102 @@ def polygon_cover(
     result = np.zeros(len(at))
     some = whole != 0.0
     result[inside[some]] = np.clip(cover[some] / whole[some], 0.0, 1.0)
+    return result
+
+
+def _grazing_polygon(
+    table: SpeckleTable, grid: SpeckleGrid, at: Long, corner: Array, weight: Array
+) -> Array:
+    """The same where polygons may be large: rows in pieces, each with the list of its own cell."""
+    cover, whole = np.zeros(len(at)), np.zeros(len(at))
+    origin, first = corner[:, 0], weight[:, 0]
+    for k in range(1, corner.shape[1] - 1):
+        a, b = corner[:, k] - origin, corner[:, k + 1] - origin
+        area = (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) * first * weight[:, k] * weight[:, k + 1]
+        longest = np.sqrt(np.maximum((a * a).sum(axis=1), (b * b).sum(axis=1)))
+        rows = _rows_over(grid, longest)
+        part = np.zeros(len(at))
+        for j in range(int(rows[area != 0.0].max(initial=0))):
+            own = np.flatnonzero((j < rows) & (area != 0.0))
+            y, share = _row_step(grid, j, rows[own])
+            # corners with their weights as a third component: straight in the image
+            ends = [
+                (1.0 - y)[:, None] * _homogeneous(origin[own], first[own])
+                + y[:, None] * _homogeneous(corner[own, m], weight[own, m])
+                for m in (k, k + 1)
+            ]
+            part[own] += 2.0 * y * share * _grazing_row(table, grid, at[own], ends[0], ends[1])
+        cover += area * part
+        whole += area
+    result = np.full(len(at), grid.coverage)
+    some = whole != 0.0
+    result[some] = np.clip(cover[some] / whole[some], 0.0, 1.0)
+    return result
+
+
+def _homogeneous(point: Array, weight: Array) -> Array:
+    return np.concatenate([point, np.ones((len(point), 1))], axis=1) * weight[:, None]
+
+
+def _count(grid: SpeckleGrid, length: Array) -> Long:
+    """Pieces of rows of a length (n,)."""
+    assert grid.pieces is not None
+    side = grid.pieces.usual * (1.0 if grid.soft else 2.0)
+    most = LONGEST_ROW[0 if grid.soft else 1]
+    wanted = np.ceil(np.minimum(length / side, 1e6) - 1e-4)
+    return np.clip(wanted, 1, most).astype(np.int64)
+
+
+def _rows_over(grid: SpeckleGrid, length: Array) -> Long:
+    """Rows (n,) of triangles up to a length (n,): hard ones are exact along rows, so that small
+    triangles need few."""
+    assert grid.pieces is not None
+    if grid.soft:
+        return 3 * _count(grid, length)
+    quarters = np.ceil(np.minimum(2.0 * length / grid.pieces.usual, 1e6) - 1e-4)
+    return 4 * np.clip(quarters, 1, ROWS // 2).astype(np.int64)
+
+
+def row_turns(grid: SpeckleGrid, length: Array) -> Long:
+    """Rows times their pieces (n,) of polygons up to a length (n,)."""
+    return _count(grid, length) * _rows_over(grid, length)
+
+
+def _row_step(grid: SpeckleGrid, j: int, rows: Long) -> tuple[Array, Array]:
+    """Position in 0 … 1 and weight of row ``j`` of ``rows`` (n,)."""
+    if not grid.soft:
+        return (j + 0.5) / rows, 1.0 / rows
+    n = rows // 3
+    return (j // 3 + 0.5 + GAUSS[j % 3]) / n, WEIGHT[j % 3] / n
+
+
+def _grazing_row(
+    table: SpeckleTable, grid: SpeckleGrid, at: Long, first: Array, last: Array
+) -> Array:
+    """Covered share (n,) of rows between homogeneous points (n, 3)."""
+    assert grid.pieces is not None
+    length = np.linalg.norm(last[:, :2] / last[:, 2:] - first[:, :2] / first[:, 2:], axis=1)
+    count = _count(grid, length)
+    shrink = np.minimum(1.0, 2.0 * grid.pieces.longest * count / np.maximum(length, 1e-300))
+    result = np.zeros(len(at))
+    steps = GAUSS if grid.soft else np.array([-0.5, 0.0, 0.5])
+    for i in range(int(count.max(initial=0))):
+        own = np.flatnonzero(i < count)
+        u = (i + 0.5 + shrink[own, None] * steps) / count[own, None]
+        points = first[own, None] + u[..., None] * (last - first)[own, None]
+        points = points[..., :2] / points[..., 2:]
+        value, there = _looked_up(table, grid, at[own], points[:, 1])
+        start, stop, inside, centre = there
+        points = points[inside] + (centre - points[inside, 1])[:, None]
+        if grid.soft:
+            value[inside] = 1.0 - _uncovered(table, start, stop, points) @ WEIGHT
+        else:
+            rows = _Rows(points[:, :1], (points[:, 2] - points[:, 0])[:, None])
+            for k in range(int((stop - start).max(initial=0))):
+                some = np.flatnonzero(start + k < stop)
+                rows.add(some, table.disc[start[some] + k])
+            value[inside] = rows.union()[:, 0]
+        result[own] += value / count[own]
     return result
 
 

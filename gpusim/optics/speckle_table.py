@@ -19,6 +19,7 @@ from scipy.sparse import coo_array
 from gpusim.errors import InputError
 from gpusim.gpu import Device
 from gpusim.gpu.texels import Texels
+from gpusim.optics.grazing import MOST_CUTS, SAFETY, Pieces, pieces_of
 from gpusim.surface.speckle import EDGE, Speckle, outer_radius
 
 __all__ = [
@@ -38,14 +39,8 @@ CELL = 0.42
 MOST_TEXELS = 1 << 24
 """Positions in the table are stored as float32, which counts exactly up to here."""
 
-MOST_CUTS = 8
-"""A footprint is cut into at most this many pieces a side."""
-
 SOFTEST = 0.4
 """Edge softness over the side of a piece from which 3 x 3 points suffice."""
-
-SAFETY = 4.0 / 3.0
-"""How far a clipped pixel's corner may lie from its centroid, in half pixels."""
 
 KEPT = 4
 """Tables kept for further frames, on the host and on each device."""
@@ -56,6 +51,8 @@ class SpeckleGrid:
     """A region's cells in paint coordinates: side ``cell``, lowest cell, and counts.
 
     ``first`` is the texel of its first cell; ``cuts`` how often a footprint is cut a side.
+    ``pieces``: how long those of larger footprints than the table was made for are, if there are
+    such, and ``coverage`` what the longest ones get.
     """
 
     cell: float
@@ -64,6 +61,8 @@ class SpeckleGrid:
     first: int
     cuts: int
     soft: bool
+    pieces: Pieces | None
+    coverage: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,11 +105,11 @@ class SpeckleTable:
 _uploaded: WeakKeyDictionary[Device, OrderedDict[int, tuple[SpeckleTable, Texels]]] = (
     WeakKeyDictionary()
 )
-Request = tuple[Speckle, tuple[float, float], tuple[float, float], float]
+Request = tuple[Speckle, tuple[float, float], tuple[float, float], float, bool]
 
 
-def speckle_table(regions: Sequence[tuple[Speckle, Array, Array, float]]) -> SpeckleTable:
-    """Tables for regions (paint, low, high, reach), kept for equal ones.
+def speckle_table(regions: Sequence[tuple[Speckle, Array, Array, float, bool]]) -> SpeckleTable:
+    """Tables for regions (paint, low, high, reach, grazing), kept for equal ones.
 
     Extents and reach are rounded up, so that the frames of a series share one table.
 
@@ -120,13 +119,14 @@ def speckle_table(regions: Sequence[tuple[Speckle, Array, Array, float]]) -> Spe
         Discs that are too small against the pixel, or too many.
     """
     requests = []
-    for paint, low, high, reach in regions:
+    for paint, low, high, reach, grazing in regions:
         grain = 2.0 ** np.ceil(np.log2(max(float((high - low).max()), 1e-300) / 32.0))
         start, stop = np.floor(low / grain) * grain, np.ceil(high / grain) * grain
         wide = float(2.0 ** (np.ceil(16.0 * np.log2(max(reach, 1e-300))) / 16.0))
         requests.append(
-            (paint, (float(start[0]), float(start[1])), (float(stop[0]), float(stop[1])), wide)
-        )
+            (paint, (float(start[0]), float(start[1])), (float(stop[0]), float(stop[1])), wide,
+             grazing)
+        )  # fmt: skip
     return _table(tuple(requests))
 
 
@@ -135,8 +135,9 @@ def _table(requests: tuple[Request, ...]) -> SpeckleTable:
     grids: list[SpeckleGrid] = []
     starts, discs = [np.zeros(1, np.int64)], [np.zeros((0, 4))]
     cells = entries = 0
-    for paint, low, high, reach in requests:
-        grid, start, disc = _region(paint, np.array(low), np.array(high), reach, cells)
+    for paint, low, high, reach, grazing in requests:
+        corners = np.array(low), np.array(high)
+        grid, start, disc = _region(paint, *corners, reach, grazing, cells)
         grids.append(grid)
         starts.append(start[1:] + entries)
         discs.append(disc)
@@ -152,7 +153,7 @@ def _table(requests: tuple[Request, ...]) -> SpeckleTable:
 
 
 def _region(
-    paint: Speckle, low: Array, high: Array, reach: float, first: int
+    paint: Speckle, low: Array, high: Array, reach: float, grazing: bool, first: int
 ) -> tuple[SpeckleGrid, Long, Array]:
     """One region's cells, where each cell's list starts (C + 1,), and the lists (E, 4)."""
     half = EDGE * paint.softness
@@ -171,7 +172,7 @@ def _region(
         )
     grid = SpeckleGrid(
         cell, (int(lowest[0]), int(lowest[1])), (columns, rows), first, _cuts(paint, reach),
-        paint.softness > 0.0,
+        paint.softness > 0.0, pieces_of(paint) if grazing else None, paint.coverage,
     )  # fmt: skip
     origin = lowest * cell
     centre, radius = paint.discs(origin, origin + cell * np.array([columns, rows]))

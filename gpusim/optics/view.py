@@ -21,8 +21,10 @@ from gpusim.errors import InputError
 from gpusim.optics.camera import Camera
 from gpusim.optics.cutting import LONGEST_EDGE, Pieces, Screen, clip, split
 from gpusim.optics.distortion_map import distortion_map
+from gpusim.optics.grazing import grazing_reach
 from gpusim.optics.outline import area_normals, feature_edges, smooth_normals, unit
 from gpusim.surface.paint import Paint
+from gpusim.surface.speckle import Speckle
 from gpusim.surface.surface import Surface
 
 __all__ = ["FIXED", "LONGEST_EDGE", "RegionPaint", "View", "look"]
@@ -43,7 +45,8 @@ POSITION, ST, NORMAL, REFERENCE = slice(0, 3), slice(3, 5), slice(5, 8), slice(8
 class RegionPaint:
     """A paint with the extent of its region in paint coordinates and the largest pixel there.
 
-    ``seen`` (2, 2): lowest and highest coordinates of what may be in the image.
+    ``seen`` (2, 2): lowest and highest coordinates of what may be in the image. ``grazing``: some
+    footprints are larger than ``reach``, which suits the usual ones.
     """
 
     paint: Paint
@@ -51,6 +54,7 @@ class RegionPaint:
     high: npt.NDArray[np.float64]
     reach: float
     seen: npt.NDArray[np.float64] | None = None
+    grazing: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +66,8 @@ class View:
     (T,): index into ``paints`` and into the faces of all surfaces in order. ``edges`` (E, 2, 2):
     the visible silhouettes, creases and region borders on screen, px. ``planes`` (T, 3, 3): row i
     has barycentric i over depth as an affine function of the ideal position [x, y, 1].
+    ``footprint`` (T,): half the width of the largest pixel on each triangle, in paint coordinates;
+    0 on plain paint.
     """
 
     camera: Camera
@@ -72,6 +78,7 @@ class View:
     paints: tuple[RegionPaint, ...]
     edges: npt.NDArray[np.float64]
     planes: npt.NDArray[np.float64]
+    footprint: npt.NDArray[np.float64]
 
     @property
     def count(self) -> int:
@@ -133,10 +140,11 @@ def look(surfaces: Sequence[Surface], camera: Camera, lit: bool) -> View:
     number, k = np.nonzero(pieces.shows)
     planes = barycentric_planes(pieces.corners, camera)
     number_of_paint = np.concatenate(paint_ids).astype(np.int32)
+    regions, footprint = _with_reach(paints, pieces.corners, planes, number_of_paint, place, camera)
     return View(
         camera, pieces.corners, place, number_of_paint, np.concatenate(face_ids).astype(np.int32),
-        tuple(_with_reach(paints, pieces.corners, planes, number_of_paint, camera)),
-        np.stack([place[number, k], place[number, (k + 1) % 3]], axis=1), planes,
+        tuple(regions),
+        np.stack([place[number, k], place[number, (k + 1) % 3]], axis=1), planes, footprint,
     )  # fmt: skip
 
 
@@ -217,12 +225,13 @@ def _with_reach(
     corners: Array,
     planes: Array,
     paint: npt.NDArray[np.int32],
+    place: Array,
     camera: Camera,
-) -> list[RegionPaint]:
-    """Half the largest pixel footprint of every patterned region, in paint coordinates."""
+) -> tuple[list[RegionPaint], Array]:
+    """Half the largest pixel footprint of every patterned region and (T,) of every triangle."""
     bends = distortion_map(camera)
     stretch = 1.0 if bends is None else bends.stretch
-    result = []
+    result, widest = [], np.zeros(len(paint))
     for number, region in enumerate(paints):
         extent = float((region.high - region.low).max())
         rows = np.flatnonzero(paint == number) if extent > 0.0 else np.zeros(0, np.int64)
@@ -231,9 +240,18 @@ def _with_reach(
             st = own[:, :, ST]
             scaled = np.swapaxes(st, 1, 2) @ plane
             slope = scaled[:, None, :, :2] - st[..., None] * plane.sum(axis=1)[:, None, None, :2]
-            footprint = 0.5 * np.abs(slope).sum(axis=-1) * own[:, :, 2, None]
-            reach = min(stretch * float(footprint.max()), extent)
+            slope *= stretch * own[:, :, 2, None, None]
+            half = 0.5 * np.abs(slope).sum(axis=-1).max(axis=-1)
+            widest[rows] = half.max(axis=1)
+            reach = min(float(half.max()), extent)
+            limit = None
+            if isinstance(region.paint, Speckle):
+                image = (camera.width, camera.height)
+                limit = grazing_reach(region.paint, half, slope, place[rows], image)
             seen = np.stack([st.min(axis=(0, 1)), st.max(axis=(0, 1))])
-            region = replace(region, reach=reach, seen=seen)
+            region = replace(
+                region, reach=reach if limit is None else limit, seen=seen,
+                grazing=limit is not None,
+            )  # fmt: skip
         result.append(region)
-    return result
+    return result, widest

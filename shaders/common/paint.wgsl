@@ -3,6 +3,7 @@
 // it changes: so their shares add.
 // The NumPy form is gpusim/optics/pattern.py (tables) and gpusim/optics/albedo.py.
 #import common/coverage
+#import common/grazing
 #import common/speckle
 #import common/texel
 
@@ -17,6 +18,10 @@ struct Paint {
     featured: u32,
     dot: f32,
     cuts: u32,
+    // 0 where no footprint of speckle is larger than its table was made for
+    piece: f32,
+    longest: f32,
+    coverage: f32,
 }
 
 // kind 0, checker patch: a = (corner relative to the cell, cos, sin), b = (square width, height,
@@ -212,11 +217,22 @@ fn paint_discs(ground: f32, list: vec2u, p: vec2f, ex: vec2f, ey: vec2f) -> f32 
     return albedo;
 }
 
+fn cells_of(paint: Paint) -> SpeckleCells {
+    return SpeckleCells(
+        paint.cell, vec2i(paint.i0, paint.j0), vec2i(paint.columns, paint.rows), paint.first,
+        paint.featured == 2u, paint.piece, paint.longest, paint.coverage,
+    );
+}
+
 // Mean albedo over the pixel with centre `st` (relative to cell `cell`), change ex, ey per column
 // and row, and relative change q of 1 / z.
 fn paint_pixel(
     paint: Paint, cell: vec2i, st: vec2f, ex: vec2f, ey: vec2f, q: vec2f
 ) -> f32 {
+    if (grazing != 0u) {
+        let covered = grazing_cover(cells_of(paint), cell, st, ex, ey, q);
+        return mix(paint.ground, paint.dot, covered);
+    }
     let k = floor(st / paint.cell);
     let at = cell + vec2i(k) - vec2i(paint.i0, paint.j0);
     if (at.x < 0 || at.y < 0 || at.x >= paint.columns || at.y >= paint.rows) {

@@ -7,6 +7,7 @@
 #import common/bitmap_polygon
 #import common/paint
 #import common/polygon
+#import common/polygon_grazing
 #import common/polygon_speckle
 #import common/surface
 #import common/undistort
@@ -205,6 +206,10 @@ fn paint_polygon(t: Triangle, d: vec2f, polygon: Polygon, centroid: vec2f) -> f3
     let paint = paints[u32(t.ny.w)];
     if (bitmaps != 0u && paint.featured == BITMAP) {
         return paint_bitmap(t, paint, d, polygon, centroid);
+    }
+    if (grazing != 0u && paint.piece > 0.0) {
+        let covered = polygon_grazing(t, d, polygon, cells_of(paint), range.hard_rows);
+        return mix(paint.ground, paint.dot, covered);
     }
     let st = paint_position(t, d + centroid);
     let k = floor(st / paint.cell);

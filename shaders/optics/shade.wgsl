@@ -38,6 +38,7 @@ struct Varying {
     @location(7) @interpolate(flat, either) grid: vec4i,
     @location(8) @interpolate(flat, either) grid_size: vec4f,
     @location(9) @interpolate(flat, either) id: u32,
+    @location(10) @interpolate(flat, either) pieces: vec4f,
 }
 
 @vertex
@@ -54,6 +55,7 @@ fn vertex(@builtin(vertex_index) index: u32) -> Varying {
         vec4i(paint.i0, paint.j0, paint.columns, paint.rows),
         vec4f(paint.cell, bitcast<f32>(paint.first), paint.dot, f32(paint.cuts)),
         id,
+        vec4f(paint.piece, paint.longest, paint.coverage, f32(paint.featured)),
     );
 }
 
@@ -69,7 +71,8 @@ fn shade(in: Varying) -> vec3f {
         let f = bent_footprint(footprint(t, d), undistort_change(bend));
         let g = in.grid;
         let paint = Paint(t.more.x, in.grid_size.x, g.x, g.y, g.z, g.w,
-            bitcast<u32>(in.grid_size.y), 1u, in.grid_size.z, u32(in.grid_size.w));
+            bitcast<u32>(in.grid_size.y), u32(in.pieces.w), in.grid_size.z, u32(in.grid_size.w),
+            in.pieces.x, in.pieces.y, in.pieces.z);
         if (bitmaps != 0u) {
             let bitmap = Bitmap(t.place.zw, g.zw, paint.first, g.x);
             albedo = bitmap_pixel(bitmap, t.more.x, f.st, f.ex, f.ey, f.q);
