@@ -110,6 +110,8 @@ def _speckle(
         large = np.zeros(len(at), bool) if grazing is None else grazing
         cover = np.zeros(len(at))
         for some, find in ((~large, speckle_cover), (large, grazing_cover)):
+            if not some.any():
+                continue
             ex, ey, q = (values[some] for values in pixel)
             cover[some] = find(table.speckle, grid, at[some], local[some], ex, ey, q)
     ground, dot = float(record["ground"]), float(record["dot"])

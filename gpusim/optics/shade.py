@@ -110,9 +110,7 @@ class ShadePass:
         self._near, depth = view.raster_depth()
         self._inverse = device.buffer(depth, "shade.inverse_depth")
         self._draws = []
-        for group, glossy in product(
-            (BITMAP, 3 + GRAZING, 2 + GRAZING, 3, 2, 1, 0), (True, False)
-        ):
+        for group, glossy in product((BITMAP, 3 + GRAZING, 2 + GRAZING, 3, 2, 1, 0), (True, False)):
             wanted = (setup.groups == group) & (setup.shiny == glossy)
             order = near_first[wanted[near_first]]
             if len(order) or not (group or glossy):

@@ -23,6 +23,7 @@ from gpusim.optics.cutting import LONGEST_EDGE, Pieces, Screen, clip, split
 from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.grazing import grazing_reach
 from gpusim.optics.outline import area_normals, feature_edges, smooth_normals, unit
+from gpusim.optics.paint_edges import speckle_jumps
 from gpusim.surface.paint import Paint
 from gpusim.surface.speckle import Speckle
 from gpusim.surface.surface import Surface
@@ -176,6 +177,11 @@ def _pieces(
         rows = np.flatnonzero(region == number)
         frame = surface.paint_frame(number)
         table[rows, :, ST] = frame.of_triangles(table[rows, :, REFERENCE], kept[rows])
+        paint = list(surface.paints.values())[number]
+        if isinstance(paint, Speckle):
+            own = region == number
+            jumps = speckle_jumps(topology, kept, own, table[:, :, ST], points, ideal, paint)
+            shows[jumps] = True
     flags = shows[topology.edge[kept]]
     turned = ~front[kept]
     table[turned] = table[turned][:, [0, 2, 1]]
