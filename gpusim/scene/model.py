@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from .lights import Ambient, Area, Environment, Light, Point, Spot, Sun
 from .loading import (
     Amplitude,
     Centrifugal,
@@ -44,8 +45,10 @@ from .recipe import (
 )
 
 __all__ = [
+    "Ambient",
     "Amplitude",
     "Analysis",
+    "Area",
     "BeamMesh",
     "Body",
     "Box",
@@ -59,6 +62,7 @@ __all__ = [
     "Damage",
     "Deflection",
     "Dots",
+    "Environment",
     "FieldMesh",
     "FileMesh",
     "Force",
@@ -84,6 +88,7 @@ __all__ = [
     "Plain",
     "Plate",
     "PlateMesh",
+    "Point",
     "Pose",
     "Pressure",
     "Prop",
@@ -94,7 +99,9 @@ __all__ = [
     "Shutter",
     "Solver",
     "Speckle",
+    "Spot",
     "Stereo",
+    "Sun",
     "Support",
     "Target",
     "Thermal",
@@ -109,11 +116,12 @@ __all__ = [
 
 @dataclass(frozen=True)
 class Plain:
-    """One albedo everywhere."""
+    """One albedo everywhere; ``finish``: roughness, and metallic share, here and elsewhere."""
 
     name: str
     where: Where
     albedo: float
+    finish: tuple[float, float] = (1.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -137,6 +145,7 @@ class Markers:
     light: float
     markers: tuple[Marker, ...]
     wrap: Wrap | None = None
+    finish: tuple[float, float] = (1.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -154,6 +163,7 @@ class Checker:
     dark: float
     light: float
     wrap: Wrap | None = None
+    finish: tuple[float, float] = (1.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -171,6 +181,7 @@ class Dots:
     origin: Vec3
     dot: float
     wrap: Wrap | None = None
+    finish: tuple[float, float] = (1.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -345,22 +356,6 @@ class Camera:
     principal_point_offset: tuple[float, float]
     lens: Lens | None = None
     shutter: Shutter | None = None
-
-
-@dataclass(frozen=True)
-class Light:
-    """A lamp of radiant flux ``power`` (W); a point lamp has no ``target`` and ``size`` (0, 0).
-
-    Type "ambient" has only a ``radiance`` (W / (m2 sr)).
-    """
-
-    name: str
-    type: str
-    position: Vec3
-    target: Vec3 | None
-    size: tuple[float, float]
-    power: float
-    radiance: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,7 @@ from .schema.measure import DamageTable, MeasureTable, StereoTable
 from .schema.paint import (
     CheckerTable,
     DotsTable,
+    FinishTable,
     ImageTable,
     MarkersTable,
     PaintTable,
@@ -35,7 +36,7 @@ from .schema.paint import (
     SpeckleTable,
 )
 from .schema.prop import BoxPropTable, PlateTable, PoseTable, PropTable
-from .schema.view import AmbientLightTable, AreaLightTable, CameraTable, LightTable
+from .schema.view import CameraTable
 from .schema.where import WhereTable
 
 __all__ = [
@@ -43,7 +44,6 @@ __all__ = [
     "body",
     "calibration",
     "camera",
-    "light",
     "material_table",
     "measure",
     "output",
@@ -152,6 +152,15 @@ def _load(table: LoadTable, factors: model.Amplitude) -> model.Load:
 
 
 def paint(table: PaintTable) -> model.Paint:
+    painted = _paint(table)
+    if isinstance(table, FinishTable) and isinstance(
+        painted, (model.Plain, model.Markers, model.Checker, model.Dots)
+    ):
+        return replace(painted, finish=(table.roughness, table.metallic))
+    return painted
+
+
+def _paint(table: PaintTable) -> model.Paint:
     if isinstance(table, PlainTable):
         return model.Plain(table.name, where(table.where), table.albedo)
     if table.mapping == "plane":
@@ -272,21 +281,6 @@ def camera(table: CameraTable) -> model.Camera:
         lens=resolve_photo.lens(table.lens),
         shutter=resolve_photo.shutter(table.shutter),
     )
-
-
-def light(table: LightTable) -> model.Light:
-    if isinstance(table, AmbientLightTable):
-        origin = (0.0, 0.0, 0.0)
-        return model.Light(
-            table.name, "ambient", origin, None, (0.0, 0.0), 0.0, table.radiance_W_m2_sr
-        )
-    position = _m(table.position_mm)
-    if isinstance(table, AreaLightTable):
-        return model.Light(
-            table.name, "area", position, _m(table.target_mm),
-            _pair(table.size_mm), table.power_W,
-        )  # fmt: skip
-    return model.Light(table.name, "point", position, None, (0.0, 0.0), table.power_W)
 
 
 def measure(table: MeasureTable) -> model.Measure:

@@ -14,7 +14,7 @@ from pydantic import ValidationError
 
 from gpusim.errors import Fault, SceneError
 
-from . import model, resolve
+from . import model, resolve, resolve_light
 from .check import check_document
 from .faults import faults_of, with_origin
 from .files import find_files
@@ -102,7 +102,7 @@ class Scene:
             analysis=analysis,
             solver=resolve.solver(table),
             cameras=tuple(resolve.camera(entry) for entry in table.camera),
-            lights=tuple(resolve.light(entry) for entry in table.light),
+            lights=tuple(resolve_light.light(entry) for entry in table.light),
             render=resolve.render(table),
             sensor=resolve.sensor(table),
             measures=tuple(resolve.measure(entry) for entry in table.measure),

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated
 
 from pydantic import Field, model_validator
 
 from .base import Direction, Length, Name, Pair, PositivePair, Table, Vector, fault, norm, parallel
 from .lens import LensTable, ShutterTable
 
-__all__ = ["CameraTable", "LightTable"]
+__all__ = ["CameraTable"]
 
 PIXEL_SQUARE = 1e-3
 
@@ -58,48 +58,3 @@ class CameraTable(Table):
         if focus is not None and not focus > self.focal_mm:
             raise fault("lens.focus_distance_mm", "inside the lens", focus, "more than focal_mm")
         return self
-
-
-class PointLightTable(Table):
-    """A small lamp that shines evenly in all directions."""
-
-    name: Name
-    type: Literal["point"]
-    position_mm: Vector
-    power_W: Length
-    """Radiant flux."""
-
-
-class AreaLightTable(Table):
-    """A rectangular lamp that faces its target and radiates as a diffuse surface does."""
-
-    name: Name
-    type: Literal["area"]
-    position_mm: Vector
-    """Its centre."""
-    target_mm: Vector
-    size_mm: PositivePair
-    """Width (level) and height."""
-    power_W: Length
-    """Radiant flux."""
-
-    @model_validator(mode="after")
-    def _check(self) -> AreaLightTable:
-        view = [b - a for a, b in zip(self.position_mm, self.target_mm, strict=True)]
-        if not norm(view) > 0:
-            raise fault("target_mm", "is where the lamp is", self.target_mm, "another point")
-        return self
-
-
-class AmbientLightTable(Table):
-    """What the surroundings send back, equally from every direction; nothing hides it."""
-
-    name: Name
-    type: Literal["ambient"]
-    radiance_W_m2_sr: Length
-    """Radiance of the surroundings."""
-
-
-LightTable = Annotated[
-    PointLightTable | AreaLightTable | AmbientLightTable, Field(discriminator="type")
-]
