@@ -11,7 +11,6 @@ from gpusim import mesh
 from gpusim.errors import InputError
 from gpusim.field import Field, read_field
 from gpusim.mesh import Mesh
-from gpusim.optics.camera import Camera
 from gpusim.optics.light import AmbientLight, AreaLight, Light, PointLight
 from gpusim.pipeline.meshing import build_mesh
 from gpusim.pipeline.places import faces_of
@@ -21,7 +20,7 @@ from gpusim.surface import PaintFrame, Skin, Surface
 from gpusim.surface.paint import Checker, Dots, Markers, Paint, Plain, Speckle
 from gpusim.surface.surface import plane_frame
 
-__all__ = ["BodyParts", "build_body", "build_camera", "build_lights", "build_pattern"]
+__all__ = ["BodyParts", "build_body", "build_lights", "build_pattern"]
 
 Array = npt.NDArray[np.float64]
 DEFAULT_ALBEDO = 0.5
@@ -111,21 +110,6 @@ def build_pattern(
         paint.diameter, paint.pitch, paint.columns, paint.rows, (float(s), float(t)), paint.dot,
         paint.albedo,
     )  # fmt: skip
-
-
-def build_camera(camera: m.Camera) -> Camera:
-    """The pinhole camera of a scene."""
-    mm = 1e3
-    return Camera.from_lens(
-        (camera.sensor[0] * mm, camera.sensor[1] * mm),
-        camera.focal * mm,
-        camera.resolution,
-        camera.position,
-        camera.target,
-        camera.up,
-        (camera.principal_point_offset[0] * mm, camera.principal_point_offset[1] * mm),
-        camera.name,
-    )
 
 
 def build_lights(scene: Scene) -> list[Light] | None:
