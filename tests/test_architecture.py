@@ -36,7 +36,7 @@ NUMERICS = set(ALLOWED)
 ALLOWED |= {
     "state": {"export"},
     "plan": {"scene", "state", "export"},
-    "bench": {"gpu", "mesh", "fem"},
+    "bench": {"gpu", "mesh", "fem", "surface", "optics"},
     "pipeline": NUMERICS | {"plan", "state"},
     "__init__": NUMERICS | {"plan", "state", "pipeline"},
     "cli": NUMERICS | {"bench", "plan", "state", "pipeline", "__init__"},

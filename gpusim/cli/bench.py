@@ -1,4 +1,4 @@
-"""``gpusim bench``: the solver against other solvers, and the stability suite."""
+"""``gpusim bench``: solver and images against other programs, and the stability suite."""
 
 from __future__ import annotations
 
@@ -62,6 +62,46 @@ def solver(
 
         result = run_solver_bench(chosen, work, peers=wanted, tell=out, save=save)
         for path in write_solver(result, output):
+            out(str(path))
+
+
+@bench_app.command()
+def render(
+    size: Annotated[
+        Size, typer.Option(help="small: up to 1.3 megapixels; standard: 5; full: 21.")
+    ] = Size.small,
+    case: Annotated[
+        list[str] | None,
+        typer.Option("--case", metavar="NAME", help="Cases that begin with NAME (repeatable)."),
+    ] = None,
+    peer: Annotated[
+        list[str] | None,
+        typer.Option(metavar="TEXT", help="Only peers whose name holds TEXT (repeatable)."),
+    ] = None,
+    no_peers: Annotated[bool, typer.Option("--no-peers", help="Measure gpusim alone.")] = False,
+    output: Folder = Path("bench"),
+    cache: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="References and arrays for peers; default DIR/work."),
+    ] = None,
+) -> None:
+    """Run time against error of the image, lit and unlit; other renderers beside it."""
+    with exit_codes():
+        from gpusim.bench.images import find_image_cases
+        from gpusim.bench.render import IMAGE_PEERS, RenderResult, run_render_bench
+        from gpusim.bench.render_tables import write_render
+
+        names = [name for text in case or [""] for name in find_image_cases(text)]
+        known = [p for p in IMAGE_PEERS if any(t.lower() in p.name.lower() for t in peer or [""])]
+
+        def save(result: RenderResult) -> None:
+            write_render(result, output)
+
+        result = run_render_bench(
+            list(dict.fromkeys(names)), size.value, cache or output / "work",
+            peers=[] if no_peers else known, tell=out, save=save,
+        )  # fmt: skip
+        for path in write_render(result, output):
             out(str(path))
 
 

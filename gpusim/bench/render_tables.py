@@ -1,0 +1,123 @@
+"""Tables and figure of the render benchmark."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from gpusim.bench.render import ImagePoint, ImageResult, RenderResult
+
+__all__ = ["ratios", "write_render"]
+
+_HEAD = "| renderer | s/frame | ns/px | image RMS | shift RMS px | bias px | time / gpusim |"
+
+
+def write_render(result: RenderResult, folder: Path) -> list[Path]:
+    """``render.md`` and ``render.png`` in ``folder``; returns their paths."""
+    folder.mkdir(parents=True, exist_ok=True)
+    lines = ["# Images: run time against error", "", result.machine, ""]
+    lines += [
+        "Warm seconds of a frame: gpusim until the image lies on the device, peers until it is an",
+        "array. Errors in windows around targets: RMS of the grey range, least-squares shift of",
+        "32-px blocks, largest mean shift. References: 32 x 32 float64 samples a pixel (unlit),",
+        "the converged image of Mitsuba (lit).",
+        "",
+    ]
+    for case in result.cases:
+        lines += _case(case)
+    path = folder / "render.md"
+    path.write_text("\n".join(lines), encoding="utf-8")
+    return [path, _figure(result, folder / "render.png")]
+
+
+def _case(case: ImageResult) -> list[str]:
+    light = "lit" if case.lit else "unlit"
+    lines = [
+        f"## {case.case}: {case.width} x {case.height} px, {case.triangles:,} triangles, {light}",
+        "", _HEAD, "|---|---|---|---|---|---|---|",
+    ]  # fmt: skip
+    own = case.own()
+    pixels = case.width * case.height
+    for p in case.points:
+        ratio = f"{p.seconds / own.seconds:.1f}" if own else ""
+        lines.append(
+            f"| {p.renderer} | {p.seconds:.3f} | {1e9 * p.seconds / pixels:.0f} | {p.rms:.1e} "
+            f"| {p.shift_rms:.1e} | {p.bias:.1e} | {ratio} |"
+        )
+    lines += ["", *(f"- {text}" for text in (*ratios(case), *case.failures)), ""]
+    return lines
+
+
+def ratios(case: ImageResult) -> list[str]:
+    """What each family of renderers needs for gpusim's error, in words."""
+    own = case.own()
+    if own is None or not np.isfinite(own.rms):
+        return []
+    told = []
+    for name in dict.fromkeys(p.renderer.split(",")[0] for p in case.points if p is not own):
+        mine = [p for p in case.points if p.renderer.split(",")[0] == name]
+        equal = [p for p in mine if p.rms <= own.rms]
+        if equal:
+            best = min(equal, key=lambda p: p.seconds)
+            told.append(
+                f"{best.renderer} reaches gpusim's image RMS in {best.seconds / own.seconds:.2g} "
+                "times its time"
+            )
+        else:
+            best = min(mine, key=lambda p: p.rms)
+            told.append(
+                f"{name} doesn't reach gpusim's image RMS: {best.rms / own.rms:.2g} times it in "
+                f"{best.seconds / own.seconds:.2g} times its time ({best.renderer})"
+            )
+    return told
+
+
+def _figure(result: RenderResult, path: Path) -> Path:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    cases = [case for case in result.cases if not case.case.startswith("faces")]
+    scaling = [case for case in result.cases if case.case.startswith("faces")]
+    count = len(cases) + bool(scaling)
+    columns = min(3, max(1, count))
+    rows = -(-max(1, count) // columns)
+    figure = Figure(figsize=(4.6 * columns, 3.6 * rows), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots(rows, columns, squeeze=False).ravel()
+    for axis, case in zip(axes, cases, strict=False):
+        for family, points in _families(case.points).items():
+            known = sorted((p for p in points if np.isfinite(p.rms)), key=lambda p: p.seconds)
+            if not known:
+                continue
+            style = {"marker": "o"} if family != "gpusim" else {"marker": "*", "markersize": 14}
+            axis.plot([p.seconds for p in known], [p.rms for p in known], label=family, **style)
+        scale = "log" if axis.has_data() else "linear"
+        axis.set(xscale=scale, yscale=scale, xlabel="s per frame", ylabel="image RMS",
+                 title=f"{case.case}, {case.width} x {case.height}")  # fmt: skip
+        axis.grid(True, which="major", alpha=0.3)
+        axis.legend(fontsize=8)
+    if scaling:
+        axis = axes[len(cases)]
+        lines: dict[str, list[tuple[int, float]]] = {}
+        for case in scaling:
+            for p in case.points:
+                lines.setdefault(p.renderer, []).append((case.triangles, p.seconds))
+        for name, pairs in lines.items():
+            x, y = zip(*sorted(pairs), strict=True)
+            axis.plot(x, y, marker="*" if name == "gpusim" else "o", label=name)
+        axis.set(xscale="log", yscale="log", xlabel="triangles", ylabel="s per frame",
+                 title="against the number of faces")  # fmt: skip
+        axis.grid(True, which="major", alpha=0.3)
+        axis.legend(fontsize=7)
+    for axis in axes[count:]:
+        axis.set_axis_off()
+    figure.savefig(path, dpi=80)
+    return path
+
+
+def _families(points: list[ImagePoint]) -> dict[str, list[ImagePoint]]:
+    found: dict[str, list[ImagePoint]] = {}
+    for point in points:
+        found.setdefault(point.renderer.split(",")[0], []).append(point)
+    return found
