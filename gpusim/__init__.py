@@ -53,12 +53,14 @@ if _typing.TYPE_CHECKING:
     from gpusim.pipeline import run, solve
     from gpusim.report import Report
     from gpusim.scene import Scene, load_scene
-    from gpusim.surface import PaintFrame, Skin, Surface, paint
+    from gpusim.surface import Atlas, CylinderFrame, PaintFrame, Skin, Surface, paint
 
 __all__ = [
     "AmbientLight",
     "AreaLight",
+    "Atlas",
     "Camera",
+    "CylinderFrame",
     "Deck",
     "Device",
     "DeviceError",
@@ -148,7 +150,7 @@ _HOMES = {
     "gpusim.pipeline": ("run", "solve"),
     "gpusim.report": ("Report",),
     "gpusim.scene": ("Scene", "load_scene"),
-    "gpusim.surface": ("PaintFrame", "Skin", "Surface", "paint"),
+    "gpusim.surface": ("Atlas", "CylinderFrame", "PaintFrame", "Skin", "Surface", "paint"),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 _MODULES = ("errors", "fem", "measure", "mesh")

@@ -190,7 +190,7 @@ class _Planner:
         self.decide("solve", solve, unsolved)
         frames = self._frames(surface, solve if not still and not given else "")
         targets = self._targets()
-        self._results(surface, solve, frames)
+        self._results(surface, solve, [*frames, *targets])
         self._in_memory(mesh, model, surface)
         everything = [stage.key for stage in self.stages.values()]
         report = self.key("report", ("name", "description"), *everything)
@@ -242,11 +242,18 @@ class _Planner:
                     columns, rows = camera.resolution
                     factors = ", ".join(f"{w:g}" for w in self.history.shown(frame))
                     what = f"time {factors}" if self.history.given else f"load x {factors}"
+                    if frame and self._alike(near, self._near(camera, frame - 1)):
+                        what += " as before: exposed again"
                     effects = cost_of.effects(scene, camera)
                     detail = f"{columns}x{rows} px, {self.stages[name].detail}, {effects}, {what}"
                     self.stages[name] = replace(self.stages[name], detail=detail)
                 names.append(name)
         return names
+
+    def _alike(self, near: list[int], before: list[int]) -> bool:
+        """Whether two frames show the same: equal loads, and no prop that moves."""
+        weights = [[self.history.weights(one) for one in frames] for frames in (near, before)]
+        return self.skip and not self.history.props_move and weights[0] == weights[1]
 
     def _near(self, camera: Camera, frame: int) -> list[int]:
         """The frames that an image depends on: with a shutter the neighbours too."""

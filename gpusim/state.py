@@ -69,6 +69,34 @@ class StateFile:
                 return f"{name} was changed"
         return None
 
+    def retire(self, stages: Iterable[str]) -> list[str]:
+        """Drop the results of stages that are no longer there, and delete their files.
+
+        Files that somebody has changed are kept; returns a sentence for each.
+        """
+        current = set(stages)
+        gone = {key: old for key, old in self._entries.items() if old.stage not in current}
+        if not gone:
+            return []
+        self._entries = {key: old for key, old in self._entries.items() if key not in gone}
+        needed = {name for old in self._entries.values() for name in old.files}
+        kept = []
+        for old in gone.values():
+            for name, facts in old.files.items():
+                path = self.folder / name
+                if name in needed or not path.is_file():
+                    continue
+                if _facts(path) != facts:
+                    kept.append(
+                        f"{name} is of an earlier scene ({old.stage}) and was changed since"
+                    )
+                    continue
+                path.unlink()
+                if path.parent != self.folder and not any(path.parent.iterdir()):
+                    path.parent.rmdir()
+        self._save()
+        return kept
+
     def record(self, stage: str, key: str, files: Iterable[str | PathLike[str]]) -> None:
         """Enter the files of a finished stage (inside the folder) and save.
 

@@ -154,3 +154,34 @@ def test_nan_start_values_are_refused(device: Device) -> None:
     for where in (None, device):
         with pytest.raises(InputError, match="start"):
             correlate(bad, Settings(np.ones((21, 21))), where)
+
+
+@pytest.mark.parametrize("stretch", [0.6, 1.15, 1.9, 2.4])
+def test_stretched_and_turned_subsets_whether_pixels_share_their_loads_or_not(
+    device: Device, stretch: float
+) -> None:
+    """Up to two pixels apart four neighbours are read together, beyond that one by one."""
+    turn = np.deg2rad(33.0)
+    matrix = stretch * np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    row, column = np.indices((141, 151), dtype=np.float64)
+
+    def pattern(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        return np.sin(0.5 * x + 0.1 * y) + np.sin(0.2 * x - 0.6 * y) + np.sin(0.35 * x + 0.4 * y)
+
+    back = np.linalg.inv(matrix)
+    x, y = column - 75.0, row - 70.0
+    moved = pattern(back[0, 0] * x + back[0, 1] * y, back[1, 0] * x + back[1, 1] * y)
+    first = pattern(column - 75.0, row - 70.0)
+    points = np.array([[75.0, 70.0], [78.2, 66.9], [70.5, 73.4]])
+    start = np.zeros((3, 2, 6))
+    start[:, :, 0] = (points - [75, 70]) @ (matrix - np.eye(2)).T + 0.2
+    start[:, :, 1:3] = 9 * (matrix - np.eye(2))
+    pair = Pair(SplineImage.from_image(first), SplineImage.from_image(moved))
+    case = Subsets(pair, points, start)
+    settings = Settings(np.ones((19, 19)))
+    want, got = correlate_numpy(case, settings), correlate(case, settings, device)
+    assert (want.status == Status.OK).all()
+    compare("status", got.status, want.status, "exact")
+    compare("warp", got.coefficients, want.coefficients, atol=TOLERANCE_PX, rtol=0)
+    truth = (points - [75, 70]) @ (matrix - np.eye(2)).T
+    assert np.abs(got.coefficients[:, :, 0] - truth).max() <= 0.02

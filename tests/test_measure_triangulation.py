@@ -92,6 +92,8 @@ def test_similarity_is_found_and_no_mirror_image() -> None:
     assert np.linalg.det(mirrored.rotation) > 0 and mirrored.rms > 10
     with pytest.raises(InputError, match="got 2 common points"):
         align(source[:2], source[:2])
+    with pytest.raises(InputError, match="on one line"):
+        align(np.outer(np.arange(5.0), [1.0, 2.0, 3.0]), np.outer(np.arange(5.0), [3.0, 2.0, 1.0]))
     with pytest.raises(InputError, match="in one place"):
         align(np.ones((4, 3)), np.ones((4, 3)))
 

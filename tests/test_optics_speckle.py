@@ -9,6 +9,8 @@ from scipy.spatial import cKDTree
 import gpusim as gs
 from gpusim.errors import InputError
 from gpusim.gpu import Device
+from gpusim.optics import speckle_table as tables
+from gpusim.optics.speckle_table import speckle_table
 from gpusim.optics.view import look
 from gpusim.surface.speckle import EDGE, edge_opacity
 
@@ -187,3 +189,23 @@ def test_correlation_finds_shifts_of_rendered_speckle(device: Device) -> None:
         assert np.isfinite(error).all() and len(error) >= 49
         # 49 points: the mean scatters by a seventh of the deviation
         assert abs(error.mean()) < 3e-4 and error.std() < 8e-4
+
+
+def test_only_what_may_be_seen_is_filed() -> None:
+    """A plate of 60 times the image's width has a table for the image's surroundings alone."""
+    half = (30.0 * WIDTH, 30.0 * HEIGHT)
+    setup = gs.optics.setup.Setup.build(look([plate(SOFT, half)], camera(), lit=False), None, 0.0)
+    (grid,) = setup.table.speckle.grids
+    assert grid.cell * grid.shape[0] < 1100.0  # pieces of the plate reach 512 px outside
+
+
+def test_large_views_take_larger_cells(monkeypatch: pytest.MonkeyPatch) -> None:
+    low, high = np.array([3.0, 2.0]), np.array([121.0, 93.0])
+    usual = speckle_table([(SOFT, low, high, 0.5)])
+    monkeypatch.setattr(tables, "MOST_TEXELS", 10_000)
+    spared = speckle_table([(SOFT, low, high, 0.501)])
+    sizes = [len(table.start) + len(table.disc) for table in (usual, spared)]
+    assert spared.grids[0].cell > usual.grids[0].cell and sizes[1] < 10_000 < sizes[0]
+    monkeypatch.setattr(tables, "MOST_TEXELS", 500)
+    with pytest.raises(InputError, match=r"Speckle diameter; got 5, which makes .* at most 500"):
+        speckle_table([(SOFT, low, high, 0.9)])

@@ -20,7 +20,7 @@ def write_render(result: RenderResult, folder: Path) -> list[Path]:
     lines += [
         "Warm seconds of a frame: gpusim until the image lies on the device, peers until it is an",
         "array. Errors in windows around targets: RMS of the grey range, least-squares shift of",
-        "32-px blocks, largest mean shift. References: 32 x 32 float64 samples a pixel (unlit),",
+        "32-px blocks, largest mean shift. References: 48 x 48 float64 samples a pixel (unlit),",
         "the converged image of Mitsuba (lit).",
         "",
     ]

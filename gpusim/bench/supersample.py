@@ -17,7 +17,7 @@ from gpusim.bench.images import ImageCase, Texture
 __all__ = ["Difference", "compare", "disc_texture", "reference_windows"]
 
 Array = npt.NDArray[np.float64]
-SAMPLES = 32
+SAMPLES = 48
 BLOCK = 32
 
 

@@ -17,6 +17,7 @@ from gpusim.measure.deflection import (
 from gpusim.measure.dic import dic, grid_points
 from gpusim.measure.epipolar import Matches, epipolar_distance, match_epipolar
 from gpusim.measure.interpolation import SplineImage
+from gpusim.measure.mapped import MappedResult, lens_mapping, mapped, plane_mapping
 from gpusim.measure.matching import Status
 from gpusim.measure.sequence import dic_sequence
 from gpusim.measure.stereo import StereoResult, stereo_dic, stereo_shape
@@ -44,6 +45,7 @@ __all__ = [
     "DeflectionLine",
     "DicResult",
     "Displacement3D",
+    "MappedResult",
     "MarkerStatus",
     "Markers",
     "Matches",
@@ -71,8 +73,11 @@ __all__ = [
     "find_markers",
     "fit_crossings",
     "grid_points",
+    "lens_mapping",
     "locate_markers",
+    "mapped",
     "match_epipolar",
+    "plane_mapping",
     "rig_camera",
     "rigid_motion",
     "scale_coefficient",

@@ -52,7 +52,7 @@ class Measured(Protocol):
         """(M, 2), NaN where not measured."""
 
     @property
-    def subset(self) -> int:
+    def subset(self) -> float:
         """Width of the subsets, in the unit of ``points``."""
 
 

@@ -33,6 +33,7 @@ __all__ = [
 STEPS = 10
 UNDISTORT_STEPS = 60
 UNDISTORTED = 1e-12
+ON_A_LINE = 1e-3  # width over length
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,13 +214,13 @@ class Alignment:
 def align(source: npt.ArrayLike, target: npt.ArrayLike, *, scale: bool = False) -> Alignment:
     """The rigid motion (with ``scale``: similarity) that takes points (M, 3) nearest to others.
 
-    Rows with NaN are left out. Points on one line leave a turn about that line open, which shows
-    in nothing that is measured along the line.
+    Rows with NaN are left out.
 
     Raises
     ------
     InputError
-        Fewer than three common points, or all in one place.
+        Fewer than three common points, or all in one place, or on one line: that leaves a turn
+        open.
     """
     a, b = np.asarray(source, dtype=np.float64), np.asarray(target, dtype=np.float64)
     if a.shape != b.shape or a.ndim != 2 or a.shape[1] != 3:
@@ -232,6 +233,8 @@ def align(source: npt.ArrayLike, target: npt.ArrayLike, *, scale: bool = False) 
     left, values, right = np.linalg.svd(other.T @ own)
     if not values[0] > 0:
         raise InputError("align: all points are in one place; expected points apart")
+    if not values[1] > ON_A_LINE**2 * values[0]:
+        raise InputError("align: all points are on one line; expected points that span a plane")
     sign = np.array([1.0, 1.0, np.sign(np.linalg.det(left) * np.linalg.det(right))])
     turn = (left * sign) @ right
     factor = float((values * sign).sum() / np.sum(own**2)) if scale else 1.0

@@ -70,10 +70,18 @@ def mean_albedo(
                 None if pixel is None else (pixel[0][own], pixel[1][own], pixel[2][own]),
             )  # fmt: skip
             albedo_share[patch], share[patch] = value, part
-        disc = ~patch
+        disc = feature[:, 10] == 1.0
         if disc.any():
             part = _disc(feature[disc], relative[disc], polygon[target[disc]])
             albedo_share[disc], share[disc] = part * feature[disc, 8], part
+        sector = feature[:, 10] == 2.0
+        if sector.any():
+            own = target[sector]
+            part = _sector(
+                feature[sector], relative[sector], polygon[own], weight[own],
+                None if pixel is None else (pixel[0][own], pixel[1][own], pixel[2][own]),
+            )  # fmt: skip
+            albedo_share[sector], share[sector] = part * feature[sector, 8], part
         albedo[target] += albedo_share - records["ground"][target] * share
     return albedo
 
@@ -108,6 +116,52 @@ def _disc(feature: Array, centre: Array, polygon: Array) -> Array:
     if near.any():
         shifted = polygon[near] + centre[near, None]
         share[near] = coverage.disc_area(shifted, radius[near]) / coverage.polygon_area(shifted)
+    return share
+
+
+def _sector(
+    feature: Array, centre: Array, polygon: Array, weight: Array, pixel: Pixel | None
+) -> Array:
+    """Share of polygons in sectors of discs with apex at -``centre``.
+
+    Seen from the apex, an edge of the polygon sweeps over an area; the sector's straight sides
+    sweep none. So only the parts of the edges between the sides count.
+    """
+    shifted = polygon + centre[:, None]
+    straight = shifted * weight[..., None]
+    area = coverage.polygon_area(straight)
+    left = np.stack([-feature[:, 5], feature[:, 4]], axis=1)
+    right = np.stack([feature[:, 7], -feature[:, 6]], axis=1)
+    disc = _disc(feature, centre, polygon)
+    sides = []
+    for normal in (left, right):
+        if pixel is not None:
+            d = np.sum(centre * normal, axis=1)
+            gx, gy = (
+                np.sum(e * normal, axis=1) + d * pixel[2][:, k] for k, e in enumerate(pixel[:2])
+            )
+            sides.append(coverage.half_plane_share(d, gx, gy))
+            continue
+        along = np.sum(straight * normal[:, None], axis=2)
+        across = straight[..., 1] * normal[:, :1] - straight[..., 0] * normal[:, 1:]
+        sides.append(coverage.half_plane_area(np.stack([along, across], axis=2)) / area)
+    parts = np.clip(np.stack([disc, *sides]), 0.0, 1.0)
+    share: Array = parts.prod(axis=0)
+    # whole in two of them: the third one's share is the answer
+    some = (share > 0.0) & ((parts < 1.0 - 1e-9).sum(axis=0) > 1)
+    if some.any():
+        p = shifted[some]
+        q = np.roll(p, -1, axis=1)
+        start, stop = np.zeros(p.shape[:2]), np.ones(p.shape[:2])
+        for normal in (left[some], right[some]):
+            a, b = np.sum(p * normal[:, None], axis=2), np.sum(q * normal[:, None], axis=2)
+            at = a / np.where(a != b, a - b, 1.0)
+            start = np.where(a < 0.0, np.where(b < 0.0, 2.0, np.maximum(start, at)), start)
+            stop = np.where((b < 0.0) & (a >= 0.0), np.minimum(stop, at), stop)
+        stop = np.maximum(start, stop)
+        u, v = p + start[..., None] * (q - p), p + stop[..., None] * (q - p)
+        swept = coverage.swept_area(u, v, feature[some, 2])
+        share[some] = np.clip(swept / coverage.polygon_area(p), 0.0, 1.0)
     return share
 
 

@@ -35,6 +35,8 @@ class Camera:
     distortion : OpenCV coefficients k1 k2 p1 p2 [k3 [k4 k5 k6 [s1 s2 s3 s4 [tau_x tau_y]]]];
         None or zeros for a lens without. They act on (x, y) = (X / Z, Y / Z) before K does.
     camera_from_world : (4, 4) rigid transform; camera axes are x right, y down, z forward.
+    lens_K : (3, 3), what turns pixels into (x, y) for the distortion; None: K. Another principal
+        point there than in K is a pencil of rays that comes through the lens off its centre.
 
     Raises
     ------
@@ -49,6 +51,7 @@ class Camera:
     distortion: Sequence[float] | npt.NDArray[np.float64] | None = None
     camera_from_world: npt.NDArray[np.float64] = field(default_factory=_identity)
     name: str = "camera"
+    lens_K: npt.NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
         where = f"Camera {self.name!r}"
@@ -63,6 +66,11 @@ class Camera:
             raise InputError(
                 f"{where} K; got {K.tolist()}; expected [[fx, skew, cx], [0, fy, cy], [0, 0, 1]] "
                 "with fx, fy above 0"
+            )
+        if self.lens_K is not None and not np.array_equal(np.asarray(self.lens_K)[:, :2], K[:, :2]):
+            raise InputError(
+                f"{where} lens_K; got {np.asarray(self.lens_K).tolist()}; expected K with another "
+                "principal point"
             )
         T = np.asarray(self.camera_from_world, np.float64)
         if T.shape != (4, 4) or not np.isfinite(T).all():
@@ -118,6 +126,11 @@ class Camera:
         if self.distortion is None or not np.any(self.distortion):
             return None
         return Distortion(np.asarray(self.distortion, np.float64))
+
+    @property
+    def distorting_K(self) -> npt.NDArray[np.float64]:
+        """``lens_K``, or K where there is none."""
+        return self.K if self.lens_K is None else self.lens_K
 
     def without_distortion(self) -> Camera:
         """The same camera with an ideal lens."""
@@ -201,7 +214,9 @@ class Camera:
         z = Xc[..., 2]
         z = np.where(z > 0.0, z, np.nan)
         flat = np.stack([Xc[..., 0] / z, Xc[..., 1] / z], axis=-1)
-        return self._to_pixels(flat if self.lens is None else self.lens.distort(flat))
+        K, x, y = self.K, flat[..., 0], flat[..., 1]
+        ideal = np.stack([K[0, 0] * x + K[0, 1] * y + K[0, 2], K[1, 1] * y + K[1, 2]], axis=-1)
+        return ideal if self.lens is None else self.distort(ideal)
 
     def undistort(self, pixels: npt.ArrayLike) -> npt.NDArray[np.float64]:
         """Pixel positions (…, 2) to where the camera without distortion has them, exact to 1e-12 f.
@@ -225,11 +240,11 @@ class Camera:
         return self._to_pixels(self.lens.extended(flat) if beyond else self.lens.distort(flat))
 
     def _to_pixels(self, flat: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        K, x, y = self.K, flat[..., 0], flat[..., 1]
+        K, x, y = self.distorting_K, flat[..., 0], flat[..., 1]
         return np.stack([K[0, 0] * x + K[0, 1] * y + K[0, 2], K[1, 1] * y + K[1, 2]], axis=-1)
 
     def _from_pixels(self, pixels: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        K = self.K
+        K = self.distorting_K
         y = (pixels[..., 1] - K[1, 2]) / K[1, 1]
         x = (pixels[..., 0] - K[0, 2] - K[0, 1] * y) / K[0, 0]
         return np.stack([x, y], axis=-1)

@@ -17,6 +17,7 @@ __all__ = [
     "half_plane_share",
     "polygon_area",
     "quadrant_area",
+    "swept_area",
 ]
 
 Array = npt.NDArray[np.float64]
@@ -83,7 +84,11 @@ def disc_area(polygon: Array, radius: Array) -> Array:
     Each edge adds the triangle with the centre where it runs inside the circle and the circular
     sector where it runs outside.
     """
-    p, q = _edges(polygon)
+    return swept_area(*_edges(polygon), radius)
+
+
+def swept_area(p: Array, q: Array, radius: Array) -> Array:
+    """Area that edges (…, V, 2) from p to q sweep, seen from the centre, inside the circle."""
     r = np.broadcast_to(np.asarray(radius, np.float64)[..., None], p.shape[:-1])
     d = q - p
     a = np.sum(d * d, axis=-1)

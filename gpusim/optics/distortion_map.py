@@ -109,8 +109,8 @@ def distortion_map(camera: Camera) -> DistortionMap | None:
     if camera.lens is None:
         return None
     return _cached(
-        camera.width, camera.height, camera.K.tobytes(), camera.lens.coefficients.tobytes(),
-        camera.name,
+        camera.width, camera.height, camera.distorting_K.tobytes(),
+        camera.lens.coefficients.tobytes(), camera.name,
     )  # fmt: skip
 
 

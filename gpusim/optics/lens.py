@@ -198,9 +198,13 @@ def focus_of(lens: Lens, camera: Camera, depths: Array, tolerance: float) -> Foc
 
 
 def seen_through(camera: Camera, point: Array, focus_distance: float) -> Camera:
-    """The camera at ``point`` (2,) of the lens, its image of the plane of focus unmoved."""
+    """The camera at ``point`` (2,) of the lens, its image of the plane of focus unmoved.
+
+    A ray is distorted by where it would meet the plane of focus, as if from the lens' centre: the
+    distortion keeps its own principal point.
+    """
     T = camera.camera_from_world.copy()
     T[:2, 3] -= point
     K = camera.K.copy()
     K[:2, 2] += K[:2, :2] @ point / focus_distance
-    return replace(camera, K=K, camera_from_world=T)
+    return replace(camera, K=K, camera_from_world=T, lens_K=camera.distorting_K)

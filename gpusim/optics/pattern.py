@@ -98,7 +98,7 @@ class PatternTable:
         return int(np.diff(self.cell_start.astype(np.int64)).max(initial=0))
 
     def kinds(self) -> set[int]:
-        """The kinds of features on file: 0 checker patch, 1 disc."""
+        """The kinds of features on file: 0 checker patch, 1 disc, 2 sector."""
         return {int(kind) for kind in np.unique(self.features[:, 10])}
 
     def texels(self, device: Device) -> Texels:
@@ -223,7 +223,8 @@ def _file_speckle(
     for number, region in enumerate(regions):
         if isinstance(region.paint, Speckle) and region.reach > 0.0:
             grid_of_paint[number] = len(requests)
-            requests.append((region.paint, region.low, region.high, region.reach))
+            low, high = (region.low, region.high) if region.seen is None else region.seen
+            requests.append((region.paint, low, high, region.reach))
     table = speckle_table(requests)
     for number in np.flatnonzero(grid_of_paint >= 0).tolist():
         grid, record = table.grids[grid_of_paint[number]], paints[number]
@@ -240,7 +241,7 @@ def _file_speckle(
 def _cell_size(features: Features, region: RegionPaint) -> float:
     """Cells of about two features' size, not below the pixel, not more than the grid may hold."""
     extent = region.high - region.low
-    size = float(np.median(features.size * features.squares)) * 2.0
+    size = float(np.median(features.extent)) * 2.0
     size = min(size, float(extent.max()))
     size = max(size, 2.0 * region.reach, float(np.sqrt(extent.prod() / MOST_CELLS)), 1e-300)
     # a power of two: cell corners are then exact in float32
@@ -249,6 +250,8 @@ def _cell_size(features: Features, region: RegionPaint) -> float:
 
 def _refuse_overlap(features: Features, low: Array, high: Array) -> None:
     order = np.argsort(low[:, 0], kind="stable")
+    if features.layer is not None:
+        order = order[features.layer[order] == 0]
     low, high = low[order], high[order]
     shrink = 1e-9 * (high - low)
     low, high = low + shrink, high - shrink
@@ -267,14 +270,17 @@ def _refuse_overlap(features: Features, low: Array, high: Array) -> None:
 
 
 def _apart(features: Features, i: int, j: int) -> bool:
-    """Whether two features whose boxes overlap don't (patches by separating axes)."""
-    if features.kind[i] == 1:
+    """Whether two features whose boxes overlap don't (patches by separating axes).
+
+    Sectors count as discs.
+    """
+    if features.kind[i] != 0:
         i, j = j, i
     slack = 1e-9 * float(max(features.size[i].max(), features.size[j].max()))
-    if features.kind[i] == 1:
+    if features.kind[i] != 0:
         gap = np.hypot(*(features.position[i] - features.position[j]))
         return bool(gap >= features.size[i, 0] + features.size[j, 0] - slack)
-    if features.kind[j] == 1:
+    if features.kind[j] != 0:
         relative = _turn(features.position[j] - features.position[i], -features.angle[i])
         outside = relative - np.clip(relative, 0.0, features.size[i] * features.squares[i])
         return bool(np.hypot(*outside) >= features.size[j, 0] - slack)
@@ -323,4 +329,8 @@ def _records(features: Features, which: npt.NDArray[np.int64], origin: Array) ->
     table[:, 8:10] = features.albedo[which]
     table[:, 10] = kind
     table[:, 12:14] = np.where(patch[:, None], index, 0.0)
+    sector = kind == 2
+    stop = angle + squares[:, 0]
+    sides = np.stack([cos, sin, np.cos(stop), np.sin(stop)], axis=1)
+    table[sector, 4:8] = sides[sector]
     return table

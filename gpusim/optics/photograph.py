@@ -215,13 +215,21 @@ class _Tile:
     def cells(self, camera: Camera, kernel: SampledKernel) -> Camera:
         """The camera whose pixels are the tile's cells, halo included."""
         n, halo = kernel.n, kernel.halo
-        K = camera.K.copy()
-        K[:2] *= n
-        # cell k is centred at (k + 0.5 - halo) / n - 0.5 px from the tile's first pixel
-        K[0, 2] = n * (camera.K[0, 2] - self.column0 + 0.5) - 0.5 + halo
-        K[1, 2] = n * (camera.K[1, 2] - self.row0 + 0.5) - 0.5 + halo
+
+        def scaled(K: Array) -> Array:
+            # cell k is centred at (k + 0.5 - halo) / n - 0.5 px from the tile's first pixel
+            result = K.copy()
+            result[:2] *= n
+            result[0, 2] = n * (K[0, 2] - self.column0 + 0.5) - 0.5 + halo
+            result[1, 2] = n * (K[1, 2] - self.row0 + 0.5) - 0.5 + halo
+            return result
+
         return replace(
-            camera, width=n * self.columns + 2 * halo, height=n * self.rows + 2 * halo, K=K
+            camera,
+            width=n * self.columns + 2 * halo,
+            height=n * self.rows + 2 * halo,
+            K=scaled(camera.K),
+            lens_K=None if camera.lens_K is None else scaled(camera.lens_K),
         )
 
 

@@ -170,6 +170,7 @@ class Setup:
             **self.lighting.constants(),
             "checkers": float(0 in kinds),
             "discs": float((2 if large else 1) if 1 in kinds else 0),
+            "sectors": float(2 in kinds),
             "fine": float(fine),
             "bitmaps": float(self._bitmap_variant if BITMAP in groups else 0),
         }

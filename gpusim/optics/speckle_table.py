@@ -32,8 +32,8 @@ __all__ = [
 Array = npt.NDArray[np.float64]
 Long = npt.NDArray[np.int64]
 
-CELL = 0.75
-"""Side of a cell over a disc's outer radius, before it is rounded down to a power of two."""
+CELL = 0.42
+"""Side of a cell over a disc's outer radius, before it is rounded to a power of two."""
 
 MOST_TEXELS = 1 << 24
 """Positions in the table are stored as float32, which counts exactly up to here."""
@@ -121,7 +121,7 @@ def speckle_table(regions: Sequence[tuple[Speckle, Array, Array, float]]) -> Spe
     """
     requests = []
     for paint, low, high, reach in regions:
-        grain = 2.0 ** np.ceil(np.log2(max(float((high - low).max()), 1e-300) / 8.0))
+        grain = 2.0 ** np.ceil(np.log2(max(float((high - low).max()), 1e-300) / 32.0))
         start, stop = np.floor(low / grain) * grain, np.ceil(high / grain) * grain
         wide = float(2.0 ** (np.ceil(16.0 * np.log2(max(reach, 1e-300))) / 16.0))
         requests.append(
@@ -158,7 +158,10 @@ def _region(
     half = EDGE * paint.softness
     # a power of two: cell corners are then exact in float32
     typical = outer_radius(0.5 * paint.diameter, paint.softness) + SAFETY * reach
-    cell = float(2.0 ** np.floor(np.log2(CELL * typical)))
+    cell = float(2.0 ** np.round(np.log2(CELL * typical)))
+    # fewer, larger cells where the table would outgrow its share
+    while _texels(paint, high - low, typical, cell) > MOST_TEXELS / 2 and cell < typical:
+        cell *= 2.0
     lowest = np.floor(low / cell).astype(int) - 1
     columns, rows = (np.floor(high / cell).astype(int) + 2 - lowest).tolist()
     if columns * rows > MOST_TEXELS:
@@ -195,6 +198,13 @@ def _region(
     disc = np.column_stack([centre[owner] - corner, radius[owner], inverse[owner]])
     counts = np.bincount(slot, minlength=columns * rows)
     return grid, np.concatenate([[0], np.cumsum(counts)]), disc
+
+
+def _texels(paint: Speckle, extent: Array, outer: float, cell: float) -> float:
+    """About how many texels a region takes: its cells, and each disc in those that it meets."""
+    meets = (np.pi * outer**2 + 4.0 * outer * cell + cell**2) / cell**2
+    area = float(np.prod(extent + 2.0 * outer))
+    return area / cell**2 + meets * paint.intensity * area
 
 
 def _sorted(slots: list[Long], owners: list[Long], cells: int, discs: int) -> tuple[Long, Long]:

@@ -46,12 +46,16 @@ POSITION, ST, NORMAL, REFERENCE = slice(0, 3), slice(3, 5), slice(5, 8), slice(8
 
 @dataclass(frozen=True, eq=False)
 class RegionPaint:
-    """A paint with the extent of its region in paint coordinates and the largest pixel there."""
+    """A paint with the extent of its region in paint coordinates and the largest pixel there.
+
+    ``seen`` (2, 2): lowest and highest coordinates of what may be in the image.
+    """
 
     paint: Paint
     low: npt.NDArray[np.float64]
     high: npt.NDArray[np.float64]
     reach: float
+    seen: npt.NDArray[np.float64] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,7 +171,8 @@ def _pieces(
     region = surface.regions[topology.source[kept]]
     for number in surface.extents:
         rows = np.flatnonzero(region == number)
-        table[rows, :, ST] = surface.paint_frame(number).coordinates(table[rows, :, REFERENCE])
+        frame = surface.paint_frame(number)
+        table[rows, :, ST] = frame.of_triangles(table[rows, :, REFERENCE], kept[rows])
     flags = shows[topology.edge[kept]]
     turned = ~front[kept]
     table[turned] = table[turned][:, [0, 2, 1]]
@@ -248,7 +253,9 @@ def _with_reach(
                 _largest_footprint(corners[part], planes[part])
                 for part in np.array_split(rows, -(-len(rows) // CHUNK))
             )
-            region = replace(region, reach=min(stretch * reach, extent))
+            low, high = corner_range(corners[rows][:, :, ST])
+            seen = np.stack([low.min(axis=0), high.max(axis=0)])
+            region = replace(region, reach=min(stretch * reach, extent), seen=seen)
         result.append(region)
     return result
 

@@ -27,6 +27,8 @@ Array = npt.NDArray[np.float64]
 SUBSET_SHARE = 0.95
 SEARCH_SHARE = 0.5  # of a marker's width, around where the rough camera expects it
 LEAST_WIDTH = 10.0  # px; a marker's cross can't be fitted in less
+SIZES = (0.5, 1.3)  # of the width that a marker has when it is seen from the front
+LOST_SHARE = 0.45  # of the way to its neighbour, where a marker that got lost is looked for
 FIRST_SHARE = 0.6  # of a marker's half width that a first fit of its cross looks at
 END_MARGIN, END_SIGMAS = 1.2, 2.5  # px and lens blurs kept from a marker's own border
 MOST_GAP = 0.2  # of a width, between a tracked subset and the fit of its cross
@@ -150,13 +152,14 @@ def follow_markers(
     )  # fmt: skip
     matched, sigma = np.full_like(points, np.nan), np.full(len(points), np.nan)
     matched[rows], sigma[rows] = tracked.displacement, tracked.sigma
+    status = np.full(len(points), "NOT_FOUND", dtype=object)
+    status[rows] = [measure.Status(s).name for s in tracked.status]
+    _rescue(deformed, points, matched, arms, widths, status, [rows[c] for c in chains])
     refined, own_sigma = _crosses(deformed, points + matched, arms, widths)
     gap = np.linalg.norm(refined - points - matched, axis=1)
     fine = np.asarray(gap <= MOST_GAP * widths)  # false for NaN
     moved = np.where(fine[:, None], refined - points, matched)
     sigma = np.where(fine, np.sqrt(2.0) * own_sigma, sigma)
-    status = np.full(len(points), "NOT_FOUND", dtype=object)
-    status[rows] = [measure.Status(s).name for s in tracked.status]
     full = 2**bits - 1
     clipped = np.array(
         [
@@ -187,16 +190,53 @@ def _found(image: npt.NDArray[Any], near: Array, widths: Array) -> tuple[Array, 
     for width in np.unique(np.round(widths[known], 1)):
         rows = np.flatnonzero(known & (np.round(widths, 1) == width))
         located = measure.locate_markers(
-            image, near[rows], (max(LEAST_WIDTH, 0.75 * width), 1.3 * width),
+            image, near[rows], (max(LEAST_WIDTH, SIZES[0] * width), SIZES[1] * width),
             SEARCH_SHARE * float(width),
         )  # fmt: skip
         hit = located.status == measure.MarkerStatus.FOUND
         points[rows[hit]] = located.points[hit]
-        half, turn = 0.5 * located.size[hit], located.angle[hit]
-        along = np.stack([np.cos(turn), np.sin(turn)], axis=1)
-        arms[rows[hit], 0] = half[:, :1] * along
-        arms[rows[hit], 1] = half[:, 1:] * np.stack([-along[:, 1], along[:, 0]], axis=1)
+        arms[rows[hit]] = _arms(located)[hit]
     return points, arms
+
+
+def _arms(located: measure.Markers) -> Array:
+    """Half widths (M, 2, 2) along both borders, px."""
+    half, turn = 0.5 * located.size, located.angle
+    along = np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    across = np.stack([-along[:, 1], along[:, 0]], axis=1)
+    return np.stack([half[:, :1] * along, half[:, 1:] * across], axis=1)
+
+
+def _rescue(
+    image: npt.NDArray[Any],
+    points: Array,
+    matched: Array,
+    arms: Array,
+    widths: Array,
+    status: npt.NDArray[Any],
+    chains: Sequence[npt.NDArray[np.int64]],
+) -> None:
+    """Look for markers that correlation lost, in place: a turned one no longer looks the same.
+
+    Along a member, the displacement is carried on from the neighbours before; the marker itself is
+    found by its cross, nearer to there than to any other.
+    """
+    for chain in chains:
+        for place, i in enumerate(chain[1:], start=1):
+            before = [k for k in chain[:place][-2:] if status[k] == "OK"]
+            if status[i] == "OK" or not before or before[-1] != chain[place - 1]:
+                continue
+            gap = float(np.linalg.norm(points[i] - points[before[-1]]))
+            guess = matched[before[-1]]
+            if len(before) == 2:
+                passed = float(np.linalg.norm(points[before[1]] - points[before[0]]))
+                guess = guess + (guess - matched[before[0]]) * (gap / passed)
+            sizes = max(LEAST_WIDTH, SIZES[0] * widths[i]), SIZES[1] * widths[i]
+            near = points[i] + guess
+            located = measure.locate_markers(image, near[None], sizes, LOST_SHARE * gap)
+            if located.status[0] == measure.MarkerStatus.FOUND:
+                matched[i], status[i] = located.points[0] - points[i], "OK"
+                arms[i] = _arms(located)[0]
 
 
 def _crosses(

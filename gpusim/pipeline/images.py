@@ -9,12 +9,14 @@ from pathlib import Path
 from gpusim.export.files import write_text
 from gpusim.export.images import write_image
 from gpusim.gpu import Device
+from gpusim.optics.camera import Camera
 from gpusim.optics.frame import Frame
 from gpusim.optics.light import Light
 from gpusim.optics.photograph import photograph
 from gpusim.optics.rolling import rolled
 from gpusim.optics.sensor import Sensor
 from gpusim.optics.shutter import SurfacesAt
+from gpusim.optics.unchanged import same_surfaces, unseen_change
 from gpusim.optics.view import look
 from gpusim.pipeline.cameras import build_camera
 from gpusim.pipeline.photo import build_lens, build_sensor, build_shutter, moving, opening
@@ -43,10 +45,12 @@ class Photographer:
         lights: Sequence[Light] | None,
         surfaces: Callable[[int | None], list[Surface]],
         kind: str = "",
+        skip: bool = True,
     ) -> None:
         self.scene, self.out, self.device, self.backend = scene, out, device, backend
-        self.lights, self.surfaces, self.kind = lights, surfaces, kind
+        self.lights, self.surfaces, self.kind, self.skip = lights, surfaces, kind, skip
         self._last: tuple[str, int, Frame] | None = None
+        self._shown: Sequence[Surface] = ()
         self.facts: dict[str, str] = {}
         """What lens and shutter did, by "camera: effect", in the latest frame."""
 
@@ -56,10 +60,14 @@ class Photographer:
             name, number, kept = self._last
             if (name, number) == (camera.name, frame):
                 return kept
-            kept.release()
         viewer = build_camera(camera)
         shutter = build_shutter(camera)
         surfaces = self._moving(camera, frame)
+        if self._last is not None:
+            if name == camera.name and self._unchanged(surfaces, camera, viewer):
+                self._last = (name, frame, kept)
+                return kept
+            kept.release()
         rendered = photograph(
             surfaces,
             viewer,
@@ -73,8 +81,20 @@ class Photographer:
             backend=self.backend,
         )
         self._last = (camera.name, frame, rendered)
+        self._shown = () if callable(surfaces) else surfaces
         self.facts |= {f"{camera.name}: {what}": words for what, words in rendered.facts.items()}
         return rendered
+
+    def _unchanged(
+        self, surfaces: Sequence[Surface] | SurfacesAt, camera: m.Camera, viewer: Camera
+    ) -> bool:
+        """Whether the kept frame of this camera shows the same, to the last bit."""
+        if not self.skip or callable(surfaces) or not self._shown:
+            return False
+        if same_surfaces(self._shown, surfaces):
+            return True
+        sharp = build_lens(camera) is None and build_shutter(camera) is None
+        return self.lights is None and sharp and unseen_change(self._shown, surfaces, viewer)
 
     def sight(self, camera: m.Camera, frame: int | None) -> Frame:
         """What a camera sees in a frame, unloaded for None, without shading: for the truth."""

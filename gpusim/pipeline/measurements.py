@@ -12,22 +12,34 @@ from gpusim.errors import GpusimError
 from gpusim.gpu import Device
 from gpusim.pipeline.deflection import DeflectionResult
 from gpusim.pipeline.measuring import measure_deflection
+from gpusim.pipeline.stereo import measure_stereo
+from gpusim.pipeline.stereo_result import StereoResult
 from gpusim.pipeline.things import Things
 from gpusim.scene import Scene
 from gpusim.scene import model as m
 
 __all__ = ["Result", "measured", "read"]
 
-Result = DeflectionResult
+Result = DeflectionResult | StereoResult
 Image = Callable[[str, int], npt.NDArray[Any]]
 
 
 def measured(
-    spec: m.Measure, scene: Scene, things: Things, image: Image, device: Device | None
+    spec: m.Measure,
+    scene: Scene,
+    things: Things,
+    image: Image,
+    target: Image,
+    device: Device | None,
 ) -> Result:
-    """Do one measurement. ``image`` gives a camera's picture in a frame."""
+    """Do one measurement.
+
+    ``image`` gives a camera's picture in a frame, ``target`` that of a calibration pose.
+    """
     if isinstance(spec, m.Deflection):
         return measure_deflection(spec, scene, things.bodies, things.displacement, image, device)
+    if isinstance(spec, m.Stereo):
+        return measure_stereo(spec, scene, things, image, target, device)
     raise GpusimError(f"measure {spec.name!r}: compares variants; the scene has none")
 
 
@@ -35,4 +47,6 @@ def read(spec: m.Measure, folder: Path) -> Result:
     """What an earlier run wrote for ``spec``."""
     if isinstance(spec, m.Deflection):
         return DeflectionResult.read(folder, spec)
+    if isinstance(spec, m.Stereo):
+        return StereoResult.read(folder, spec.name)
     raise GpusimError(f"measure {spec.name!r}: compares variants; the scene has none")

@@ -16,10 +16,18 @@ from gpusim.export.vtu import write_pvd, write_vtu
 from gpusim.pipeline.build import BodyParts
 from gpusim.pipeline.deflection import DeflectionResult
 from gpusim.pipeline.images import image_path
+from gpusim.pipeline.measurements import Result
 from gpusim.pipeline.solved import Solved
+from gpusim.pipeline.stereo_report import (
+    stereo_figures,
+    stereo_measurements,
+    stereo_overlays,
+)
+from gpusim.pipeline.stereo_result import StereoResult
 from gpusim.pipeline.stresses import Stresses
 from gpusim.pipeline.truth import frame_word
 from gpusim.report import (
+    Figure,
     FramePair,
     Link,
     Measurement,
@@ -107,7 +115,7 @@ class Findings:
     solved: Solved | None
     mechanics: Mechanics | None
     meshes: tuple[MeshSummary, ...]
-    results: tuple[DeflectionResult, ...]
+    results: tuple[Result, ...]
     warnings: tuple[str, ...]
     failure: str
     files: frozenset[Path]
@@ -128,7 +136,13 @@ def make_report(scene: Scene, out: Path, found: Findings) -> Report:
     measurements: list[Measurement] = []
     series: list[Series] = []
     overlays: list[Overlay] = []
+    figures: list[Figure] = []
     for result in found.results:
+        if isinstance(result, StereoResult):
+            measurements += stereo_measurements(result)
+            overlays += stereo_overlays(result, scene, out)
+            figures += stereo_figures(result, out / "figures")
+            continue
         measurements += _measurements(result)
         series += _series(result)
         overlays.append(
@@ -159,6 +173,7 @@ def make_report(scene: Scene, out: Path, found: Findings) -> Report:
         overlays=tuple(overlays),
         residuals=found.solved.residuals if found.solved is not None else (),
         tolerance=scene.solver.tolerance,
+        figures=tuple(figures),
         links=_links(out, found.files),
     )
 
@@ -249,7 +264,7 @@ def _unit(axis: str) -> Array:
     return vector
 
 
-def _pairs(scene: Scene, out: Path, results: Sequence[DeflectionResult]) -> tuple[FramePair, ...]:
+def _pairs(scene: Scene, out: Path, results: Sequence[Result]) -> tuple[FramePair, ...]:
     factors = scene.analysis.load_factors
     last = len(factors) - 1
     things = [thing for body in scene.bodies for thing in (*body.loads, *body.supports)]
@@ -261,22 +276,34 @@ def _pairs(scene: Scene, out: Path, results: Sequence[DeflectionResult]) -> tupl
         paths = [image_path(scene, out, camera.name, k) for k in (0, last)]
         if last == 0 or not all(path.is_file() for path in paths):
             continue
-        crops = []
-        for result in results:
-            if result.camera == camera.name:
-                ok = np.flatnonzero(np.isfinite(result.displacement_px).all(axis=1))
-                for i in (
-                    ok[np.unique(np.linspace(0, len(ok) - 1, 3).astype(int))] if len(ok) else ()
-                ):
-                    x, y = result.points_px[i]
-                    dx, dy = result.displacement_px[i]
-                    crops.append(
-                        (result.marker[i], float(x), float(y), float(x + dx), float(y + dy))
-                    )
+        crops = [crop for result in results for crop in _crops(result, camera.name)]
         columns, rows = camera.resolution
         caption = f"Camera {camera.name}, {columns} x {rows} px; {when}."
         pairs.append(FramePair(camera.name, paths[0], paths[1], caption, tuple(crops[:4])))
     return tuple(pairs)
+
+
+def _crops(result: Result, camera: str) -> list[tuple[str, float, float, float, float]]:
+    """The first, the middle and the last marker that were followed in a camera."""
+    if isinstance(result, StereoResult):
+        names = [c.name for c in result.cameras]
+        if camera not in names:
+            return []
+        points = result.points_px[names.index(camera)]
+        moved = result.moved_px[names.index(camera)]
+    elif result.camera == camera:
+        points, moved = result.points_px, result.displacement_px
+    else:
+        return []
+    ok = np.flatnonzero(np.isfinite(points + moved).all(axis=1))
+    if not len(ok):
+        return []
+    shown = ok[np.unique(np.linspace(0, len(ok) - 1, 3).astype(int))]
+    ends = points + moved
+    return [
+        (result.marker[i], *(float(v) for v in points[i]), *(float(v) for v in ends[i]))
+        for i in shown
+    ]
 
 
 def _links(out: Path, files: frozenset[Path]) -> tuple[Link, ...]:

@@ -100,7 +100,7 @@ class _Run:
     ) -> None:
         # absolute: the state file takes relative names as names inside the folder
         self.scene, self.out = scene, out.resolve()
-        self.backend, self.progress = backend, progress
+        self.backend, self.skip, self.progress = backend, skip, progress
         self.history = LoadHistory(scene, scaled=skip)
         self.plan: Plan = make_plan(scene, self.out, backend, fresh, skip)
         self.stages: list[Stage] = []
@@ -123,6 +123,7 @@ class _Run:
             self.device_before = self.device.timer.seconds()
         self._in_memory()
         self.state = StateFile(self.out)
+        self.warnings += self.state.retire(stage.name for stage in self.plan.stages)
         try:
             clean_leftovers(self.out)
             if any(stage.runs for stage in self.plan.stages if stage.name != "report"):
@@ -269,19 +270,15 @@ class _Run:
 
     def _pictures(self) -> None:
         scene = self.scene
-        lights = build_lights(scene)
-        self.photographer = images.Photographer(
-            scene, self.out, self.device, self.backend, lights, self.things.surfaces
-        )
+        common = (scene, self.out, self.device, self.backend, build_lights(scene))
+        self.photographer = images.Photographer(*common, self.things.surfaces, "", self.skip)
         for camera in scene.cameras:
             for frame in range(len(scene.analysis.load_factors)):
                 planned = self.plan[f"render/{camera.name}/{frame:04d}"]
                 self._stage(planned, partial(self.photographer.take, camera, frame))
         if not scene.cameras:
             self._timed(self.plan["render"], None)
-        targets = images.Photographer(
-            scene, self.out, self.device, self.backend, lights, self.things.target, "calib-"
-        )
+        targets = images.Photographer(*common, self.things.target, "calib-", self.skip)
         by_name = {camera.name: camera for camera in scene.cameras}
         for planned in self.plan.stages:
             if planned.pose is not None:
@@ -297,7 +294,7 @@ class _Run:
         files = []
         for measure in self.scene.measures:
             result = measurements.measured(
-                measure, self.scene, self.things, self._image, self.device
+                measure, self.scene, self.things, self._image, self._target, self.device
             )
             self.results.append(result)
             files += result.write(self.out / "measure")
@@ -310,8 +307,11 @@ class _Run:
         self.results = [measurements.read(measure, folder) for measure in self.scene.measures]
         self.warnings += [w for result in self.results for w in result.warnings]
 
-    def _image(self, camera: str, frame: int) -> npt.NDArray[Any]:
-        return read_image(images.image_path(self.scene, self.out, camera, frame))
+    def _image(self, camera: str, frame: int, kind: str = "") -> npt.NDArray[Any]:
+        return read_image(images.image_path(self.scene, self.out, camera, frame, kind))
+
+    def _target(self, camera: str, pose: int) -> npt.NDArray[Any]:
+        return self._image(camera, pose, "calib-")
 
     def _stress(self) -> list[Path]:
         path = self.out / "solution" / "stress.npz"

@@ -116,6 +116,9 @@ def _references(document: Mapping[str, Any], found: Found) -> None:
         if variants is not None:
             keys = ("measure", index, "reference")
             refer(keys, measure.get("reference"), variants, "variant")
+        if measure.get("type") == "stereo" and "calibration" not in document:
+            _add(found, ("measure", index), "no images of a target", "no [calibration]",
+                 "[calibration] of a board with a checker")  # fmt: skip
         lists = (
             ("cameras", cameras, "camera"),
             ("groups", moving, "markers paint on a body"),

@@ -10,7 +10,15 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 
-__all__ = ["Features", "Paint", "check_albedo", "check_grid", "check_length"]
+__all__ = [
+    "Features",
+    "Paint",
+    "Stack",
+    "check_albedo",
+    "check_grid",
+    "check_length",
+    "check_places",
+]
 
 
 @dataclass(frozen=True)
@@ -20,6 +28,12 @@ class Features:
     ``kind`` 0 is a checker patch with its first corner at ``position`` (F, 2), turned by ``angle``
     (rad), ``squares`` (F, 2) columns x rows of ``size`` (F, 2); even squares have ``albedo[:, 0]``.
     ``kind`` 1 is a disc centred at ``position`` with radius ``size[:, 0]`` and ``albedo[:, 0]``.
+    ``kind`` 2 is the sector of such a disc from ``angle`` on, ``squares[:, 0]`` (rad, at most pi)
+    wide.
+
+    Features keep apart, or have a ``layer`` (F,): those of layer 0 keep apart, others lie within
+    them. One that lies on another adds to it: its albedo is that of the ground plus the change that
+    it makes (see `Stack`).
     """
 
     kind: npt.NDArray[np.int32]
@@ -28,6 +42,7 @@ class Features:
     size: npt.NDArray[np.float64]
     squares: npt.NDArray[np.float64]
     albedo: npt.NDArray[np.float64]
+    layer: npt.NDArray[np.int32] | None = None
 
     def __len__(self) -> int:
         return len(self.kind)
@@ -44,6 +59,82 @@ class Features:
         low = np.where(self.kind[:, None] == 0, box.min(axis=0), -self.size)
         high = np.where(self.kind[:, None] == 0, box.max(axis=0), self.size)
         return self.position + low, self.position + high
+
+    @property
+    def extent(self) -> npt.NDArray[np.float64]:
+        """Sides (F, 2) of patches, radii of round features."""
+        return np.where(self.kind[:, None] == 0, self.size * self.squares, self.size)
+
+
+class Stack:
+    """Collects features that lie on one another, each with what it covers."""
+
+    def __init__(self, ground: float) -> None:
+        self.ground = ground
+        self._rows: list[npt.NDArray[np.float64]] = []
+
+    def patches(
+        self,
+        corner: npt.NDArray[np.float64],
+        size: npt.ArrayLike,
+        albedo: float,
+        under: float,
+        layer: int,
+        angle: float = 0.0,
+    ) -> None:
+        """Rectangles of ``size`` ((2,), (n, 2)) with first corners (n, 2), turned by ``angle``."""
+        self._add(0, corner, angle, size, 1.0, albedo, under, layer)
+
+    def discs(
+        self,
+        centre: npt.NDArray[np.float64],
+        radius: float,
+        albedo: float,
+        under: float,
+        layer: int,
+    ) -> None:
+        """Discs with centres (n, 2)."""
+        self._add(1, centre, 0.0, radius, 1.0, albedo, under, layer)
+
+    def sectors(
+        self,
+        centre: npt.NDArray[np.float64],
+        radius: float,
+        start: npt.ArrayLike,
+        width: npt.ArrayLike,
+        albedo: float,
+        under: float,
+        layer: int,
+    ) -> None:
+        """Sectors of discs with centres (n, 2), from angles ``start`` on, ``width`` wide (rad)."""
+        self._add(2, centre, start, radius, width, albedo, under, layer)
+
+    def _add(
+        self,
+        kind: int,
+        position: npt.NDArray[np.float64],
+        angle: npt.ArrayLike,
+        size: npt.ArrayLike,
+        squares: npt.ArrayLike,
+        albedo: float,
+        under: float,
+        layer: int,
+    ) -> None:
+        row = np.zeros((len(position), 9))
+        row[:, 0], row[:, 1:3], row[:, 3] = kind, position, angle
+        row[:, 4:6], row[:, 6], row[:, 8] = size, squares, layer
+        row[:, 7] = self.ground + albedo - under
+        self._rows.append(row)
+
+    def features(self) -> Features:
+        """All of them."""
+        rows = np.concatenate([np.zeros((0, 9)), *self._rows])
+        squares = np.ones((len(rows), 2))
+        squares[:, 0] = rows[:, 6]
+        return Features(
+            rows[:, 0].astype(np.int32), rows[:, 1:3], rows[:, 3], rows[:, 4:6], squares,
+            np.repeat(rows[:, 7:8], 2, axis=1), rows[:, 8].astype(np.int32),
+        )  # fmt: skip
 
 
 class Paint(Protocol):
@@ -81,3 +172,11 @@ def check_grid(
     for name, count in (("columns", columns), ("rows", rows)):
         if count is not None and not (count >= 1 and count == int(count)):
             raise InputError(f"{what} {name}; got {count}; expected a whole number of at least 1")
+
+
+def check_places(what: str, places: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    """Positions as a finite float64 (M, 2) array."""
+    array = np.asarray(places, np.float64)
+    if array.ndim != 2 or array.shape[1] != 2 or not np.isfinite(array).all():
+        raise InputError(f"{what} centres; got shape {array.shape}; expected finite (M, 2)")
+    return array

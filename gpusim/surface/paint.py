@@ -15,10 +15,34 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.surface.bitmap import Image
-from gpusim.surface.features import Features, Paint, check_albedo, check_grid, check_length
+from gpusim.surface.features import (
+    Features,
+    Paint,
+    check_albedo,
+    check_grid,
+    check_length,
+    check_places,
+)
+from gpusim.surface.fiducials import Aruco, Charuco, RingCodes
 from gpusim.surface.speckle import Speckle
+from gpusim.surface.targets import Circles, Lines, Star
 
-__all__ = ["Checker", "Dots", "Features", "Image", "Markers", "Paint", "Plain", "Speckle"]
+__all__ = [
+    "Aruco",
+    "Charuco",
+    "Checker",
+    "Circles",
+    "Dots",
+    "Features",
+    "Image",
+    "Lines",
+    "Markers",
+    "Paint",
+    "Plain",
+    "RingCodes",
+    "Speckle",
+    "Star",
+]
 
 MOST_DOTS = 1 << 22
 
@@ -148,9 +172,7 @@ class Markers:
     angle: float = 0.0
 
     def __post_init__(self) -> None:
-        centres = np.asarray(self.centres, np.float64)
-        if centres.ndim != 2 or centres.shape[1] != 2 or not np.isfinite(centres).all():
-            raise InputError(f"Markers centres; got shape {centres.shape}; expected finite (M, 2)")
+        centres = check_places("Markers", self.centres)
         check_length("Markers", size=self.size)
         check_albedo("Markers", dark=self.dark, light=self.light, ground=self.ground)
         if not np.isfinite(self.angle):

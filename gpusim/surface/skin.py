@@ -10,9 +10,11 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.mesh import Faces, Mesh
 from gpusim.mesh.shapes import FACE_TYPES, shape_functions, shape_gradients
+from gpusim.surface.frames import Frame
 from gpusim.surface.paint import Paint
 from gpusim.surface.pieces import cut
-from gpusim.surface.surface import PaintFrame, Surface, face_normals
+from gpusim.surface.plane import face_normals
+from gpusim.surface.surface import Surface
 
 __all__ = ["Skin"]
 
@@ -68,7 +70,7 @@ class Skin:
         self,
         paint: Mapping[str, Paint],
         region: npt.NDArray[np.int32],
-        frames: Mapping[str, PaintFrame],
+        frames: Mapping[str, Frame],
         name: str,
     ) -> Surface:
         """The undeformed surface with one paint per region; ``region`` (F,) per boundary face."""

@@ -58,7 +58,16 @@ fn small_disc_edge(p: vec2f, q: vec2f, r: f32) -> f32 {
 
 // Signed area of the circular sector between the directions of p and q.
 fn sector(p: vec2f, q: vec2f, r: f32) -> f32 {
-    return 0.5 * r * r * atan2(p.x * q.y - p.y * q.x, dot(p, q));
+    let across = p.x * q.y - p.y * q.x;
+    let along = dot(p, q);
+    var angle = atan2(across, along);
+    if (abs(across) < 0.1 * along) {
+        // drivers' atan2 is good to 1e-7 rad only, which r^2 makes large: the series
+        let z = across / along;
+        let k = z * z;
+        angle = z * (1.0 - k * (1.0 / 3.0 - k * (1.0 / 5.0 - k * (1.0 / 7.0 - k * (1.0 / 9.0)))));
+    }
+    return 0.5 * r * r * angle;
 }
 
 // Integral of r - sqrt(r^2 - x^2) from 0 to x, by its series; |x| < r / 3.

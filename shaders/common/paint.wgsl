@@ -1,5 +1,6 @@
 // Paint: a ground albedo and features (checker patches, discs) found through a grid of cells.
-// Features of one paint don't overlap (the host checks it), so their shares add.
+// Features of one layer don't overlap (the host checks it), and what lies on another says how much
+// it changes: so their shares add.
 // The NumPy form is gpusim/optics/pattern.py (tables) and gpusim/optics/albedo.py.
 #import common/coverage
 #import common/speckle
@@ -21,6 +22,7 @@ struct Paint {
 // kind 0, checker patch: a = (corner relative to the cell, cos, sin), b = (square width, height,
 // columns, rows), c = (albedo of even squares, of odd squares, kind, -), d = (index of the corner)
 // kind 1, disc: a = (centre relative to the cell, radius, -), c = (albedo, -, kind, -)
+// kind 2, sector of a disc: the same, and b = (cos, sin) of its first and of its last side
 struct Feature {
     a: vec4f,
     b: vec4f,
@@ -33,6 +35,7 @@ struct Feature {
 override checkers: u32;
 // discs: 0 none, 1 of any size, 2 only large against a pixel
 override discs: u32;
+override sectors: u32;
 override fine: u32;
 
 // per cell (first texel of its features, their count, -, -), then four texels per feature: where
@@ -149,6 +152,41 @@ fn disc_share(p: vec2f, ex: vec2f, ey: vec2f, r: f32) -> f32 {
     return clamp(sum / area, 0.0, 1.0);
 }
 
+// What the edge p -> q sweeps over, seen from the apex, of a sector with inward normals l and m.
+// The sector's straight sides sweep nothing.
+fn sector_edge(p: vec2f, q: vec2f, l: vec2f, m: vec2f, r: f32) -> f32 {
+    let a = vec2f(dot(p, l), dot(p, m));
+    let b = vec2f(dot(q, l), dot(q, m));
+    if ((a.x < 0.0 && b.x < 0.0) || (a.y < 0.0 && b.y < 0.0)) { return 0.0; }
+    let t = a / select(vec2f(1.0), a - b, a != b);
+    let start = max(select(0.0, t.x, a.x < 0.0), select(0.0, t.y, a.y < 0.0));
+    let stop = min(select(1.0, t.x, b.x < 0.0), select(1.0, t.y, b.y < 0.0));
+    if (start >= stop) { return 0.0; }
+    return small_disc_edge(p + start * (q - p), p + stop * (q - p), r);
+}
+
+// Share of the parallelogram with centre p (relative to the apex) inside a sector.
+fn sector_share(f: Feature, p: vec2f, ex: vec2f, ey: vec2f, q: vec2f) -> f32 {
+    let r = f.a.z;
+    let l = vec2f(-f.b.y, f.b.x);
+    let m = vec2f(f.b.w, -f.b.z);
+    let inside = disc_share(p, ex, ey, r);
+    let gl = vec2f(dot(ex, l), dot(ey, l)) + dot(p, l) * q;
+    let gm = vec2f(dot(ex, m), dot(ey, m)) + dot(p, m) * q;
+    let share = vec3f(inside, half_plane_share(dot(p, l), gl), half_plane_share(dot(p, m), gm));
+    let product = share.x * share.y * share.z;
+    // whole in two of them: the third one's share is the answer
+    let partly = select(vec3f(0.0), vec3f(1.0), share < vec3f(1.0));
+    if (product <= 0.0 || partly.x + partly.y + partly.z <= 1.0) { return product; }
+    let p0 = p - 0.5 * ex - 0.5 * ey;
+    let p1 = p + 0.5 * ex - 0.5 * ey;
+    let p2 = p + 0.5 * ex + 0.5 * ey;
+    let p3 = p - 0.5 * ex + 0.5 * ey;
+    let sum = sector_edge(p0, p1, l, m, r) + sector_edge(p1, p2, l, m, r)
+        + sector_edge(p2, p3, l, m, r) + sector_edge(p3, p0, l, m, r);
+    return clamp(sum / (ex.x * ey.y - ex.y * ey.x), 0.0, 1.0);
+}
+
 // Mean albedo over a pixel of discs alone: those out of reach are sorted out first, so that the
 // costly part runs for one or two of them only.
 fn paint_discs(ground: f32, list: vec2u, p: vec2f, ex: vec2f, ey: vec2f) -> f32 {
@@ -187,7 +225,7 @@ fn paint_pixel(
     }
     var albedo = paint.ground;
     let list = feature_list(slot);
-    if (checkers == 0u) { return paint_discs(paint.ground, list, local, ex, ey); }
+    if (checkers == 0u && sectors == 0u) { return paint_discs(paint.ground, list, local, ex, ey); }
     for (var i = 0u; i < list.y; i++) {
         let f = feature_at(list.x + 4u * i);
         let p = local - f.a.xy;
@@ -196,8 +234,11 @@ fn paint_pixel(
             let s = checker_shares(f, turn * p, turn * ex, turn * ey, q);
             albedo += s.x - paint.ground * s.y;
         }
-        if (discs != 0u && f.c.z != 0.0) {
+        if (discs != 0u && f.c.z == 1.0) {
             albedo += (f.c.x - paint.ground) * disc_share(p, ex, ey, f.a.z);
+        }
+        if (sectors != 0u && f.c.z == 2.0) {
+            albedo += (f.c.x - paint.ground) * sector_share(f, p, ex, ey, q);
         }
     }
     return albedo;

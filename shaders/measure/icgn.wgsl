@@ -110,6 +110,36 @@ struct Sums {
     c: vec4f,
 }
 
+// Add a pixel whose deformed grey value, less the level and times the contrast, is `there`;
+// `counted` is false for what a square of pixels has beyond the subset.
+fn add_residual(
+    own: ptr<function, Sums>, first: vec2i, pixel: vec2i, fraction: vec2f, half: f32, mean: f32,
+    there: f32, inside: bool, counted: bool,
+) {
+    let r = textureLoad(reference, first + pixel, 0);
+    let w = select(0.0, weight_of(pixel, r.w), counted);
+    let f = r.x - mean;
+    let e = select(0.0, f - there, inside);
+    let s = (vec2f(pixel) - half - fraction) / half;
+    let we = w * e;
+    let v = we * r.yz;
+    (*own).head += vec4f(we, we * f, we * e, select(1.0, 0.0, inside || !counted));
+    (*own).a += vec4f(v, s.x * v);
+    (*own).b += vec4f(s.y * v, 0.5 * s.x * s.x * v);
+    (*own).c += vec4f(s.x * s.y * v, 0.5 * s.y * s.y * v);
+}
+
+// The most that neighbouring pixels are apart along an axis after the warp, diagonal ones too.
+fn spread(c: Warp, half: f32) -> f32 {
+    // second derivatives act over the subset's half width and half a pixel
+    let bend_x = abs(c.x.high.x) + 2.0 * abs(c.x.high.y) + abs(c.x.high.z);
+    let bend_y = abs(c.y.high.x) + 2.0 * abs(c.y.high.y) + abs(c.y.high.z);
+    return max(
+        abs(1.0 + c.x.low.y / half) + abs(c.x.low.z / half) + 1.2 * bend_x / half,
+        abs(1.0 + c.y.low.z / half) + abs(c.y.low.y / half) + 1.2 * bend_y / half,
+    );
+}
+
 fn write(id: u32, c: Warp, zncc: f32, iterations: u32, status: f32, sigma: f32) {
     let at = id * FLOATS_OUT;
     result[at] = c.x.low.x;
@@ -191,6 +221,9 @@ fn main(
     let fraction = vec2f(starts[id * FLOATS_IN], starts[id * FLOATS_IN + 1u]);
     let columns = threads % width;
     let rows = threads / width;
+    let across = params.half + 1u; // squares of 2x2 pixels
+    let block_columns = threads % across;
+    let block_rows = threads / across;
     let first = place.xy - vec2i(i32(params.half));
     let lowest = vec2f(params.box.xy - place.zw) - SLACK;
     let highest = vec2f(params.box.zw - place.zw) + SLACK;
@@ -250,25 +283,40 @@ fn main(
         iteration++;
         // given explicitly: naga doesn't reset a variable of a loop body by itself
         var own = Sums(vec4f(0.0), vec4f(0.0), vec4f(0.0), vec4f(0.0));
-        for (var at = walk_from(thread, width); at.index < pixels;
+        let close = spread(c, half) < 1.99;
+        let squares = select(0u, across * across, close);
+        for (var at = walk_from(thread, across); at.index < squares;
+            at = walk_on(at, across, block_columns, block_rows)) {
+            let pixel = 2 * vec2i(i32(at.column), i32(at.row));
+            let x = vec4f(vec2f(pixel).xx + vec2f(0.0, 1.0), vec2f(pixel).xx + vec2f(0.0, 1.0)) - half;
+            let y = vec4f(vec2f(pixel).yy, vec2f(pixel).yy + 1.0) - half;
+            let d0 = displacement(c, (vec2f(x.x, y.x) - fraction) / half);
+            let d1 = displacement(c, (vec2f(x.y, y.y) - fraction) / half);
+            let d2 = displacement(c, (vec2f(x.z, y.z) - fraction) / half);
+            let d3 = displacement(c, (vec2f(x.w, y.w) - fraction) / half);
+            let x_there = x + vec4f(d0.x, d1.x, d2.x, d3.x);
+            let y_there = y + vec4f(d0.y, d1.y, d2.y, d3.y);
+            let g = spline_values(deformed, place.zw, x_there, y_there);
+            let in_x = (x_there >= lowest.xxxx) & (x_there <= highest.xxxx);
+            let inside = in_x & (y_there >= lowest.yyyy) & (y_there <= highest.yyyy);
+            let e = contrast * (g - level);
+            let more = pixel + 1 < vec2i(i32(width));
+            add_residual(&own, first, pixel, fraction, half, mean, e.x, inside.x, true);
+            add_residual(&own, first, pixel + vec2i(1, 0), fraction, half, mean, e.y, inside.y, more.x);
+            add_residual(&own, first, pixel + vec2i(0, 1), fraction, half, mean, e.z, inside.z, more.y);
+            add_residual(&own, first, pixel + 1, fraction, half, mean, e.w, inside.w, all(more));
+        }
+        // stretched so much that neighbours are further apart than two pixels
+        let single = select(pixels, 0u, close);
+        for (var at = walk_from(thread, width); at.index < single;
             at = walk_on(at, width, columns, rows)) {
             let pixel = vec2i(i32(at.column), i32(at.row));
             let offset = vec2f(pixel) - half;
-            let s = (offset - fraction) / half;
-            let x = offset + displacement(c, s);
+            let x = offset + displacement(c, (offset - fraction) / half);
             let low = floor(x);
             let inside = all(x >= lowest) && all(x <= highest);
-            let r = textureLoad(reference, first + pixel, 0);
-            let w = weight_of(pixel, r.w);
-            let f = r.x - mean;
             let g = spline_value(deformed, place.zw + vec2i(low), x - low);
-            let e = select(0.0, f - contrast * (g - level), inside);
-            let we = w * e;
-            let v = we * r.yz;
-            own.head += vec4f(we, we * f, we * e, select(1.0, 0.0, inside));
-            own.a += vec4f(v, s.x * v);
-            own.b += vec4f(s.y * v, 0.5 * s.x * s.x * v);
-            own.c += vec4f(s.x * s.y * v, 0.5 * s.y * s.y * v);
+            add_residual(&own, first, pixel, fraction, half, mean, contrast * (g - level), inside, true);
         }
         partial[thread] = own.head;
         partial[threads + thread] = own.a;

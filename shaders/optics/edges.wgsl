@@ -138,6 +138,40 @@ fn polygon_disc(f: Feature, polygon: Polygon) -> f32 {
     return clamp(sum / area, 0.0, 1.0);
 }
 
+fn polygon_sector(f: Feature, outline: Outline) -> f32 {
+    let inside = polygon_disc(f, outline.polygon);
+    let l = vec2f(-f.b.y, f.b.x);
+    let m = vec2f(f.b.w, -f.b.z);
+    let last = outline.polygon.count - 1;
+    let c = outline.polygon.p[0] * outline.w[0];
+    var areas = vec2f(0.0);   // seen straight, and on the paint
+    var sides = vec2f(0.0);
+    var swept = 0.0;
+    var p = outline.polygon.p[last];
+    var a = p * outline.w[last];
+    for (var i = 0; i <= last; i++) {
+        let q = outline.polygon.p[i];
+        let b = q * outline.w[i];
+        let u = a - c;
+        let v = b - c;
+        let s = p - outline.polygon.p[0];
+        let t = q - outline.polygon.p[0];
+        areas += 0.5 * vec2f(u.x * v.y - u.y * v.x, s.x * t.y - s.y * t.x);
+        let step = b - a;
+        sides += vec2f(relu_mean(dot(a, l), dot(b, l)) * (step.y * l.x - step.x * l.y),
+            relu_mean(dot(a, m), dot(b, m)) * (step.y * m.x - step.x * m.y));
+        swept += sector_edge(p, q, l, m, f.a.z);
+        p = q;
+        a = b;
+    }
+    if (areas.x == 0.0 || areas.y == 0.0) { return 0.0; }
+    let share = vec3f(inside, clamp(sides / areas.x, vec2f(0.0), vec2f(1.0)));
+    let product = share.x * share.y * share.z;
+    let partly = select(vec3f(0.0), vec3f(1.0), share < vec3f(1.0 - 1e-6));
+    if (product <= 0.0 || partly.x + partly.y + partly.z <= 1.0) { return product; }
+    return clamp(swept / areas.y, 0.0, 1.0);
+}
+
 // The same where the paint is a bitmap: its mean, and the exact share that lies on it.
 fn paint_bitmap(t: Triangle, paint: Paint, d: vec2f, polygon: Polygon, centroid: vec2f) -> f32 {
     let place = paint_position(t, d + centroid);
@@ -203,8 +237,11 @@ fn paint_polygon(t: Triangle, d: vec2f, polygon: Polygon, centroid: vec2f) -> f3
             let s = polygon_checker(f, local);
             albedo += s.x - paint.ground * s.y;
         }
-        if (discs != 0u && f.c.z != 0.0) {
+        if (discs != 0u && f.c.z == 1.0) {
             albedo += (f.c.x - paint.ground) * polygon_disc(f, local.polygon);
+        }
+        if (sectors != 0u && f.c.z == 2.0) {
+            albedo += (f.c.x - paint.ground) * polygon_sector(f, local);
         }
     }
     return albedo;

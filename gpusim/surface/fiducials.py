@@ -1,0 +1,247 @@
+"""Coded targets: ArUco and AprilTag markers, ChArUco boards, ring codes. All are exact shapes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import InputError
+from gpusim.surface.features import (
+    Features,
+    Stack,
+    check_albedo,
+    check_grid,
+    check_length,
+    check_places,
+)
+
+__all__ = ["Aruco", "Charuco", "RingCodes", "ring_codes"]
+
+Array = npt.NDArray[np.float64]
+
+
+def _dictionary(what: str, name: str) -> Any:
+    names = sorted(n[5:] for n in dir(cv2.aruco) if n.startswith("DICT_"))
+    if name not in names:
+        raise InputError(f"{what} dictionary; got {name!r}; expected one of {names}")
+    return cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, f"DICT_{name}"))
+
+
+def _white_runs(dictionary: Any, number: int) -> tuple[Array, int]:
+    """Runs of white cells (n, 4): column, row from below, length, 1; and the cells a side."""
+    cells = int(dictionary.markerSize) + 2
+    bits = cv2.aruco.generateImageMarker(dictionary, number, cells)[::-1] > 127
+    runs = []
+    for row, line in enumerate(bits):
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], line.astype(int), [0]])))
+        runs += [(a, row, b - a, 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    return np.array(runs, np.float64).reshape(-1, 4), cells
+
+
+def _marker(
+    stack: Stack, dictionary: Any, number: int, corner: Array, size: float, angle: float,
+    albedo: tuple[float, float], under: float, layer: int,
+) -> None:  # fmt: skip
+    """A marker with its lower left corner at ``corner``: a dark square and white runs on it."""
+    runs, cells = _white_runs(dictionary, number)
+    dark, light = albedo
+    stack.patches(corner[None], size, dark, under, layer, angle)
+    cell = size / cells
+    cos, sin = np.cos(angle), np.sin(angle)
+    turn = np.array([[cos, sin], [-sin, cos]])
+    stack.patches(
+        corner + runs[:, :2] * cell @ turn, runs[:, 2:] * cell, light, dark, layer + 1, angle
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Aruco:
+    """Markers of one of OpenCV's dictionaries ("4X4_50", "APRILTAG_36h11", …).
+
+    ``centres`` (M, 2); ``ids`` one number per centre; ``size`` is the side of the dark square,
+    which needs a lighter ground around it. ``angle`` (rad) turns every marker.
+    """
+
+    centres: Array
+    ids: tuple[int, ...]
+    size: float
+    dictionary: str = "4X4_50"
+    angle: float = 0.0
+    dark: float = 0.05
+    light: float = 0.9
+    ground: float = 0.9
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "centres", check_places("Aruco", self.centres))
+        check_length("Aruco", size=self.size)
+        check_albedo("Aruco", dark=self.dark, light=self.light, ground=self.ground)
+        if not np.isfinite(self.angle):
+            raise InputError(f"Aruco angle; got {self.angle}; expected a finite angle in rad")
+        count = len(_dictionary("Aruco", self.dictionary).bytesList)
+        if len(self.ids) != len(self.centres) or not all(
+            i == int(i) and 0 <= i < count for i in self.ids
+        ):
+            raise InputError(
+                f"Aruco ids; got {list(self.ids)} for {len(self.centres)} centres; expected as "
+                f"many numbers from 0 to {count - 1}"
+            )
+
+    def features(self, low: Array, high: Array) -> Features | None:
+        """A dark square per marker, and its white cells."""
+        stack, dictionary = Stack(self.ground), _dictionary("Aruco", self.dictionary)
+        cos, sin = np.cos(self.angle), np.sin(self.angle)
+        half = 0.5 * self.size * np.array([cos - sin, sin + cos])
+        for centre, number in zip(self.centres, self.ids, strict=True):
+            _marker(
+                stack, dictionary, int(number), centre - half, self.size, self.angle,
+                (self.dark, self.light), self.ground, 0,
+            )  # fmt: skip
+        return stack.features()
+
+
+@dataclass(frozen=True)
+class Charuco:
+    """OpenCV's ChArUco board: a chessboard whose light squares hold markers.
+
+    The square at the upper left is dark, as in OpenCV from 4.6 on; markers are numbered row by row
+    from there. ``origin`` (s, t) is the board's lower left corner.
+    """
+
+    columns: int
+    rows: int
+    square: float
+    marker: float
+    dictionary: str = "4X4_50"
+    origin: tuple[float, float] = (0.0, 0.0)
+    dark: float = 0.05
+    light: float = 0.9
+    ground: float = 0.9
+
+    def __post_init__(self) -> None:
+        check_length("Charuco", square=self.square, marker=self.marker)
+        check_albedo("Charuco", dark=self.dark, light=self.light, ground=self.ground)
+        check_grid("Charuco", self.origin, self.columns, self.rows)
+        if not self.marker < self.square:
+            raise InputError(f"Charuco marker; got {self.marker}; expected less than the square")
+        count = len(_dictionary("Charuco", self.dictionary).bytesList)
+        if not self.columns * self.rows // 2 <= count:
+            raise InputError(
+                f"Charuco dictionary; got {self.dictionary!r} with {count} markers; expected at "
+                f"least {self.columns * self.rows // 2}"
+            )
+
+    def board(self) -> Any:
+        """The `cv2.aruco.CharucoBoard` that detects it, in the unit of ``square``."""
+        dictionary = _dictionary("Charuco", self.dictionary)
+        return cv2.aruco.CharucoBoard(
+            (self.columns, self.rows), self.square, self.marker, dictionary
+        )
+
+    def corners(self) -> Array:
+        """Paint coordinates (M, 2) of the inner corners, in the order of OpenCV's numbers."""
+        i, j = np.meshgrid(np.arange(1, self.columns), np.arange(1, self.rows))
+        place = np.stack([i.ravel(), self.rows - j.ravel()], axis=1)
+        result: Array = np.array(self.origin) + self.square * place
+        return result
+
+    def features(self, low: Array, high: Array) -> Features | None:
+        """Squares, and a marker in every light one."""
+        stack, dictionary = Stack(self.ground), _dictionary("Charuco", self.dictionary)
+        origin = np.array(self.origin)
+        i, j = (a.ravel() for a in np.meshgrid(np.arange(self.columns), np.arange(self.rows)))
+        corner = origin + self.square * np.stack([i, self.rows - 1 - j], axis=1)
+        even = (i + j) % 2 == 0
+        stack.patches(corner[even], self.square, self.dark, self.ground, 0)
+        stack.patches(corner[~even], self.square, self.light, self.ground, 0)
+        inset = 0.5 * (self.square - self.marker)
+        for number, place in enumerate(corner[~even]):
+            _marker(
+                stack, dictionary, number, place + inset, self.marker, 0.0,
+                (self.dark, self.light), self.light, 1,
+            )  # fmt: skip
+        return stack.features()
+
+
+def ring_codes(bits: int) -> tuple[int, ...]:
+    """Codes of ``bits`` bits that no turn makes another one: the least number of each ring.
+
+    Rings of equal bits only, which couldn't be told from a plain ring, are left out.
+    """
+    codes = []
+    for code in range(1, (1 << bits) - 1):
+        turned = (((code << k) | (code >> (bits - k))) & ((1 << bits) - 1) for k in range(1, bits))
+        if all(code <= other for other in turned):
+            codes.append(code)
+    return tuple(codes)
+
+
+@dataclass(frozen=True, eq=False)
+class RingCodes:
+    """Circular coded targets as photogrammetry uses them: a disc and a ring of light and dark bits.
+
+    ``diameter`` is that of the central disc; the ring reaches from twice to three times as far. Bit
+    k of a code fills the k-th sector from ``angle`` on, counter-clockwise (Schneider and Sinnreich,
+    "Optical 3-D measurement systems for quality control in industry", 1992).
+    """
+
+    centres: Array
+    codes: tuple[int, ...]
+    diameter: float
+    bits: int = 12
+    angle: float = 0.0
+    dot: float = 0.9
+    ground: float = 0.05
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "centres", check_places("RingCodes", self.centres))
+        check_length("RingCodes", diameter=self.diameter)
+        check_albedo("RingCodes", dot=self.dot, ground=self.ground)
+        if not (3 <= self.bits <= 20 and self.bits == int(self.bits)):
+            raise InputError(f"RingCodes bits; got {self.bits}; expected 3 to 20")
+        if not np.isfinite(self.angle):
+            raise InputError(f"RingCodes angle; got {self.angle}; expected a finite angle in rad")
+        if len(self.codes) != len(self.centres) or not all(
+            c == int(c) and 0 <= c < 1 << self.bits for c in self.codes
+        ):
+            raise InputError(
+                f"RingCodes codes; got {list(self.codes)} for {len(self.centres)} centres; "
+                f"expected as many numbers of {self.bits} bits"
+            )
+
+    def features(self, low: Array, high: Array) -> Features | None:
+        """The discs, and per run of set bits a sector less the same of the ring's inner radius.
+
+        Below all of it is a disc that changes nothing, so that targets that overlap are refused.
+        """
+        stack = Stack(self.ground)
+        stack.discs(self.centres, 1.5 * self.diameter, self.ground, self.ground, 0)
+        stack.discs(self.centres, 0.5 * self.diameter, self.dot, self.ground, 1)
+        bit = 2.0 * np.pi / self.bits
+        for centre, code in zip(self.centres, self.codes, strict=True):
+            # of at most half a turn each
+            longest = self.bits // 2
+            for start, count in _runs(int(code), self.bits, longest):
+                begin, width = self.angle + start * bit, count * bit
+                for layer, reach in enumerate((1.5, 1.0)):
+                    albedo, under = (self.dot, self.ground)[:: 1 - 2 * layer]
+                    stack.sectors(
+                        centre[None], reach * self.diameter, begin, width, albedo, under, 1 + layer
+                    )
+        return stack.features()
+
+
+def _runs(code: int, bits: int, longest: int) -> list[tuple[int, int]]:
+    """First bit and number of bits of the runs of ones, each of at most ``longest`` bits."""
+    runs: list[tuple[int, int]] = []
+    for k in range(bits):
+        if not code >> k & 1:
+            continue
+        if runs and sum(runs[-1]) == k and runs[-1][1] < longest:
+            runs[-1] = (runs[-1][0], runs[-1][1] + 1)
+        else:
+            runs.append((k, 1))
+    return runs

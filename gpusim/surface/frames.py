@@ -1,0 +1,239 @@
+"""Paint coordinates of regions that aren't plane: round a cylinder, or any surface unfolded.
+
+A pattern laid on by projection smears where the surface turns away, as in holes and on side faces.
+Here lengths on the surface are lengths of the pattern. Where a surface closes upon itself, or can't
+be unfolded, the pattern has a seam: a line across which it doesn't go on.
+"""
+
+from __future__ import annotations
+
+import heapq
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import InputError
+from gpusim.surface.plane import PaintFrame, face_normals
+from gpusim.surface.topology import triangulate
+
+__all__ = ["Atlas", "CylinderFrame", "Frame"]
+
+Array = npt.NDArray[np.float64]
+
+ROUND = 0.02
+"""Share of the radius by which the points of a cylinder may miss it."""
+STRETCH = 0.02
+"""Share of an edge by which an unfolded triangle may be out of shape to fit its neighbours."""
+
+
+class Frame(Protocol):
+    """Where the corners of a surface's triangles lie on the pattern."""
+
+    def of_triangles(self, corners: Array, number: npt.NDArray[np.int64]) -> Array:
+        """Undeformed corners (n, 3, 3) of the surface's triangles ``number`` (n,), in the order of
+        `triangulate`, to paint coordinates (n, 3, 2)."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class CylinderFrame:
+    """Paint coordinates round a cylinder: s = radius x angle, t along ``axis``.
+
+    ``origin`` is a point on the axis, where t is 0, and ``start`` the direction (across the axis)
+    where s is 0; the seam lies opposite. Seen from outside with the axis up, s grows to the right;
+    with ``inside`` (a bore), seen from within.
+    """
+
+    origin: Array
+    axis: Array
+    start: Array
+    radius: float
+    inside: bool = False
+
+    def __post_init__(self) -> None:
+        axis, start = np.asarray(self.axis, np.float64), np.asarray(self.start, np.float64)
+        length = float(np.linalg.norm(axis))
+        if axis.shape != (3,) or not (length > 0.0 and np.isfinite(length)):
+            raise InputError(f"CylinderFrame axis; got {self.axis}; expected a direction (3,)")
+        axis = axis / length
+        across = start - axis * (start @ axis)
+        size = float(np.linalg.norm(across))
+        if not size > 1e-9 * float(np.linalg.norm(start)):
+            raise InputError(f"CylinderFrame start; got {self.start}; expected one across the axis")
+        if not (np.isfinite(self.radius) and self.radius > 0.0):
+            raise InputError(f"CylinderFrame radius; got {self.radius}; expected a length above 0")
+        object.__setattr__(self, "origin", np.asarray(self.origin, np.float64))
+        object.__setattr__(self, "axis", axis)
+        object.__setattr__(self, "start", across / size)
+
+    @staticmethod
+    def fit(
+        points: Array, faces: npt.NDArray[np.int32], origin: npt.ArrayLike, axis: npt.ArrayLike,
+        where: str,
+    ) -> CylinderFrame:  # fmt: skip
+        """The frame of a region's ``faces`` (F, 4) around a given axis; ``where`` names it.
+
+        The radius is the mean one and t starts at the lowest point; s is 0 at the middle of the
+        region or, if it goes all round, towards +x, +y or +z, whichever is most across the axis.
+
+        Raises
+        ------
+        InputError
+            The points aren't at one distance from the axis.
+        """
+        base, unit = np.asarray(origin, np.float64), np.asarray(axis, np.float64)
+        unit = unit / float(np.linalg.norm(unit))
+        used = points[np.unique(faces[faces >= 0])] - base
+        across = used - np.outer(used @ unit, unit)
+        distance = np.linalg.norm(across, axis=1)
+        radius = float(distance.mean())
+        if not (np.abs(distance - radius) <= ROUND * radius).all():
+            raise InputError(
+                f"{where}: a region round an axis; got points {distance.min():.6g} to "
+                f"{distance.max():.6g} away from it; expected one distance within {ROUND:.0%}"
+            )
+        normals = face_normals(points, faces)
+        last = np.where(faces[:, 3:] >= 0, faces[:, 3:], faces[:, 2:3])
+        centre = points[np.concatenate([faces[:, :3], last], axis=1)].mean(axis=1) - base
+        inside = bool(np.sum(normals * (centre - np.outer(centre @ unit, unit))) < 0.0)
+        start = across.mean(axis=0)
+        if not np.linalg.norm(start) > 0.1 * radius:
+            start = np.eye(3)[int(np.argmin(np.abs(unit)))]
+        lowest = float((used @ unit).min())
+        return CylinderFrame(base + lowest * unit, unit, start, radius, inside)
+
+    def coordinates(self, points: Array) -> Array:
+        """(…, 3) points to (…, 2) paint coordinates; s from -pi to pi times the radius."""
+        relative = points - self.origin
+        right = np.cross(self.axis, self.start) * (-1.0 if self.inside else 1.0)
+        angle = np.arctan2(relative @ right, relative @ self.start)
+        return np.stack([self.radius * angle, relative @ self.axis], axis=-1)
+
+    def of_triangles(self, corners: Array, number: npt.NDArray[np.int64]) -> Array:
+        """Each triangle lies on the side of the seam that its first corner is on."""
+        st = self.coordinates(corners)
+        turn = 2.0 * np.pi * self.radius
+        st[..., 0] -= turn * np.rint((st[..., 0] - st[:, :1, 0]) / turn)
+        return st
+
+
+@dataclass(frozen=True, eq=False)
+class Atlas:
+    """Paint coordinates ``st`` (T, 3, 2) of every triangle's corners; NaN where there are none."""
+
+    st: Array
+
+    @staticmethod
+    def unfold(
+        points: Array,
+        faces: npt.NDArray[np.int32],
+        wanted: npt.NDArray[np.bool_] | None = None,
+        up: npt.ArrayLike | None = None,
+    ) -> Atlas:
+        """Lay the ``wanted`` (F,) faces (F, 4) of a surface out flat.
+
+        From the largest triangle on, neighbours are laid beside each other, those across the
+        flattest and nearest edges first, each in its true shape. A corner that already has a place
+        within 2 % of an edge's length of the right one takes it, so that the pattern goes on
+        without a seam wherever the surface can be unfolded.
+        """
+        triangles, source = triangulate(faces)
+        used = np.ones(len(faces), bool) if wanted is None else np.asarray(wanted, bool)
+        chosen = np.flatnonzero(used[source])
+        st = np.full((len(triangles), 3, 2), np.nan)
+        corners = points[triangles]
+        a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+        normal = np.cross(a, b)
+        area = np.linalg.norm(normal, axis=1)
+        unit = normal / np.where(area > 0.0, area, 1.0)[:, None]
+        centre = corners.mean(axis=1)
+        neighbours = _neighbours(triangles, chosen)
+        order = chosen[np.argsort(-area[chosen], kind="stable")]
+        done = np.zeros(len(triangles), bool)
+        for first in order.tolist():
+            if done[first]:
+                continue
+            frame = PaintFrame.facing(unit[first], points[triangles[chosen]].reshape(-1, 3), up)
+            st[first] = frame.coordinates(corners[first])
+            places: dict[int, list[Array]] = {}
+            _grow(first, triangles, corners, unit, centre, neighbours, st, done, places)
+        return Atlas(st)
+
+    def of_triangles(self, corners: Array, number: npt.NDArray[np.int64]) -> Array:
+        """The coordinates kept; the surface's triangles must be those that were unfolded."""
+        if number.size and not number.max() < len(self.st):
+            raise InputError(
+                f"Atlas; got triangle {number.max()}; expected the {len(self.st)} it was made for"
+            )
+        st = self.st[number]
+        if not np.isfinite(st).all():
+            raise InputError("Atlas: got a triangle outside the faces that were unfolded")
+        return st
+
+
+def _neighbours(
+    triangles: npt.NDArray[np.int32], chosen: npt.NDArray[np.int64]
+) -> dict[tuple[int, int], list[tuple[int, int]]]:
+    """Triangles and the number of their side, by edge (lower vertex, higher vertex)."""
+    edges: dict[tuple[int, int], list[tuple[int, int]]] = {}
+    for number in chosen.tolist():
+        v = triangles[number].tolist()
+        for side in range(3):
+            a, b = v[side], v[(side + 1) % 3]
+            edges.setdefault((min(a, b), max(a, b)), []).append((number, side))
+    return edges
+
+
+def _grow(
+    first: int,
+    triangles: npt.NDArray[np.int32],
+    corners: Array,
+    unit: Array,
+    centre: Array,
+    neighbours: dict[tuple[int, int], list[tuple[int, int]]],
+    st: Array,
+    done: npt.NDArray[np.bool_],
+    places: dict[int, list[Array]],
+) -> None:
+    """Lay out all that hangs together with triangle ``first``, which has its place."""
+    heap: list[tuple[bool, float, int, int, int]] = []
+
+    def settle(number: int, distance: float) -> None:
+        done[number] = True
+        for vertex, place in zip(triangles[number].tolist(), st[number], strict=True):
+            places.setdefault(vertex, []).append(place)
+        v = triangles[number].tolist()
+        for side in range(3):
+            a, b = v[side], v[(side + 1) % 3]
+            for other, own in neighbours[min(a, b), max(a, b)]:
+                if not done[other]:
+                    step = distance + float(np.linalg.norm(centre[other] - centre[number]))
+                    crease = float(unit[other] @ unit[number]) < 0.8
+                    heapq.heappush(heap, (crease, step, other, own, number))
+
+    settle(first, 0.0)
+    while heap:
+        _, distance, number, side, parent = heapq.heappop(heap)
+        if done[number]:
+            continue
+        v, above = triangles[number].tolist(), triangles[parent].tolist()
+        i, j, k = side, (side + 1) % 3, (side + 2) % 3
+        a, b = st[parent][above.index(v[i])], st[parent][above.index(v[j])]
+        along, arm = (
+            corners[number][j] - corners[number][i],
+            corners[number][k] - corners[number][i],
+        )
+        length = float(np.linalg.norm(along))
+        x = float(arm @ along) / length
+        y = float(np.sqrt(max(float(arm @ arm) - x * x, 0.0)))
+        e = (b - a) / max(float(np.linalg.norm(b - a)), 1e-300)
+        # counter-clockwise corners stay so: the third lies to the left
+        third = a + x * e + y * np.array([-e[1], e[0]])
+        near = places.get(v[k], [])
+        gaps = [float(np.hypot(*(place - third))) for place in near]
+        if gaps and min(gaps) <= STRETCH * length:
+            third = near[int(np.argmin(gaps))]
+        st[number][i], st[number][j], st[number][k] = a, b, third
+        settle(number, distance)

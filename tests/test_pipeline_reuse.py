@@ -1,0 +1,131 @@
+"""A camera that sees nothing changed keeps its frame; cameras that are gone leave nothing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gpusim as gs
+from gpusim.export.images import read_image
+from gpusim.optics.unchanged import same_surfaces, unseen_change
+from gpusim.pipeline import images
+from gpusim.plan import make_plan
+from gpusim.scene import Scene
+
+WALL = {"name": "wall", "center_mm": [0.0, 300.0, 0.0], "normal": [0.0, -1.0, 0.0],
+        "size_mm": [900.0, 500.0],
+        "paint": [{"name": "dots", "type": "dots", "albedo": 0.8, "diameter_mm": 9.0,
+                   "pitch_mm": 25.0, "columns": 30, "rows": 17,
+                   "origin_mm": [-362.0, 300.0, -200.0]}]}  # fmt: skip
+
+
+def camera(name: str, x: float) -> dict[str, Any]:
+    return {"name": name, "sensor_mm": [6.0, 4.0], "resolution_px": [180, 120], "focal_mm": 12.0,
+            "position_mm": [x, -500.0, 10.0], "target_mm": [x, 0.0, 0.0]}  # fmt: skip
+
+
+def scene(**more: Any) -> Scene:
+    """A block on the left moves after the second frame; the camera on the right can't see it."""
+    places = [-250.0, -250.0, -230.0, -210.0]
+    block = {"name": "block", "type": "box", "center_mm": [-250.0, 0.0, 0.0],
+             "size_mm": [60.0, 40.0, 50.0],
+             "poses": [{"position_mm": [x, 0.0, 0.0]} for x in places],
+             "paint": [{"name": "grey", "type": "plain", "albedo": 0.3}]}  # fmt: skip
+    return Scene.from_document(
+        {"schema": 1, "name": "reuse", "prop": [WALL, block],
+         "camera": [camera("left", -240.0), camera("right", 160.0)],
+         "analysis": {"load_factors": [0.0, 0.0, 0.0, 0.0]}, **more}
+    )  # fmt: skip
+
+
+@pytest.fixture
+def rendered(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Names of the cameras, one for each frame that is rendered."""
+    names: list[str] = []
+    original = images.photograph
+
+    def photograph(surfaces: Any, viewer: gs.Camera, *rest: Any, **options: Any) -> gs.Frame:
+        names.append(viewer.name)
+        return original(surfaces, viewer, *rest, **options)
+
+    monkeypatch.setattr(images, "photograph", photograph)
+    return names
+
+
+def pictures(folder: Path) -> dict[str, np.ndarray]:
+    return {
+        str(p.relative_to(folder)): read_image(p) for p in sorted(folder.rglob("images/*/*.png"))
+    }
+
+
+@pytest.mark.parametrize("lit", [False, True])
+def test_frames_that_show_the_same_are_rendered_once(
+    lit: bool, rendered: list[str], tmp_path: Path
+) -> None:
+    lamp = {"name": "bulb", "type": "point", "position_mm": [0.0, -900.0, 500.0], "power_W": 9.0}
+    given = scene(light=[lamp] if lit else [], sensor={"full_well_e": 9000.0} if lit else {})
+    gs.run(given, tmp_path / "skip", backend="numpy")
+    # lit: what moves outside of the image may throw a shadow into it
+    assert rendered == ["left"] * 3 + ["right"] * (3 if lit else 1)
+    rendered.clear()
+    gs.run(given, tmp_path / "all", backend="numpy", skip=False)
+    assert rendered == ["left"] * 4 + ["right"] * 4
+    quick, whole = pictures(tmp_path / "skip"), pictures(tmp_path / "all")
+    assert len(quick) == 8 and quick.keys() == whole.keys()
+    for name, image in quick.items():
+        np.testing.assert_array_equal(image, whole[name])
+    if lit:  # exposed again: noise of its own
+        pair = [quick[f"images/left/{k:04d}.png"] for k in (0, 1)]
+        assert (pair[0] != pair[1]).mean() > 0.1
+
+
+def test_a_camera_that_is_gone_leaves_no_images(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    both = scene()
+    gs.run(both, out, backend="numpy")
+    mine = out / "images" / "right" / "notes.txt"
+    mine.write_text("kept")
+    (out / "images" / "right" / "0002.png").write_bytes(b"touched up")
+    one = scene(camera=[camera("left", -240.0)])
+    states = {s.name: s.state for s in make_plan(one, out, "numpy").stages}
+    assert states["render/left/0003"] == "reused"
+    report = gs.run(one, out, backend="numpy")
+    assert sorted(p.name for p in (out / "images" / "right").iterdir()) == ["0002.png", "notes.txt"]
+    assert [text for text in report.warnings if "right" in text] == [
+        "images/right/0002.png is of an earlier scene (render/right/0002) and was changed since"
+    ]
+    assert len(list((out / "images" / "left").glob("*.png"))) == 4
+    gs.run(both, out, backend="numpy")
+    assert len(pictures(out)) == 8
+
+
+def test_changes_outside_of_the_image() -> None:
+    viewer = gs.Camera.from_lens((6, 4), 12.0, (90, 60), (0, -1.0, 0), (0, 0, 0))
+    points = np.array([[-0.1, 0, -0.1], [0.1, 0, -0.1], [0.1, 0, 0.1], [-0.1, 0, 0.1],
+                       [0.4, 0, -0.1], [0.4, 0, 0.1], [0.9, 0, -0.1], [0.9, 0, 0.1]])  # fmt: skip
+    faces = np.array([[0, 1, 2, 3], [1, 4, 5, 2], [4, 6, 7, 5]])
+    surface = gs.Surface(points, faces)
+
+    def moved(node: int, by: float) -> gs.Surface:
+        u = np.zeros(points.shape)
+        u[node, 0] = by
+        return surface.moved(points + u)
+
+    assert same_surfaces([surface], [surface.moved(points.copy())])
+    far = moved(6, -0.1)
+    assert not same_surfaces([surface], [far])
+    assert unseen_change([surface], [far], viewer)
+    # the face between 0.1 and 0.4 reaches into the image, whose edge is at 0.25
+    assert not unseen_change([surface], [moved(4, 0.01)], viewer)
+    assert not unseen_change([surface], [moved(6, -0.75)], viewer)  # arrives in the image
+    assert not unseen_change([surface], [surface, surface], viewer)
+    white = replace(surface, paint=gs.paint.Plain(0.9))
+    assert not unseen_change([surface], [white], viewer)
+    behind = gs.Surface(points + np.array([0, -3.0, 0]), faces)
+    assert unseen_change([behind], [behind.moved(behind.points * 1.1)], viewer)
+    barrel = replace(viewer, distortion=[-0.2, 0.0, 0.0, 0.0])
+    assert unseen_change([surface], [far], barrel)
