@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from importlib import import_module
+
 import numpy as np
 import pytest
 
@@ -58,6 +60,24 @@ def test_faces_smaller_than_a_pixel_are_integrated(
     error = np.abs(got - want)
     print(f"faces of {pixels} px, {backend}: worst {error.max():.1e}, mean {error.mean():.1e}")
     assert np.ptp(want) > 0.3 and error.max() < 2e-3 and error.mean() < 1e-4
+
+
+def test_an_image_in_parts_equals_the_whole(
+    device: Device, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """More triangles than one binding holds are drawn a part of the rows at a time."""
+    surface, camera = board(33, 25, 0.7)
+    lights = [gs.PointLight((3.0, -2.0, 1.0), 4e4)]
+    whole = gs.render([surface], camera, lights, background=0.2, device=device)
+    module = import_module("gpusim.optics.render")
+    monkeypatch.setattr(module, "MOST_TRIANGLES", 900)
+    monkeypatch.setattr(module, "FEWEST_ROWS", 3)
+    parts = gs.render([surface], camera, lights, background=0.2, device=device)
+    assert len(parts.bands) > 2 and len(whole.bands) == 1
+    assert np.abs(parts.radiance - whole.radiance).max() < 1e-6 * whole.radiance.max()
+    np.testing.assert_array_equal(parts.ids(), whole.ids())
+    image = gs.Sensor(8, 2.0).expose(parts)
+    np.testing.assert_array_equal(image, gs.Sensor(8, 2.0).expose(whole))
 
 
 def test_topology_and_extents_are_found_once_for_all_frames() -> None:

@@ -90,6 +90,17 @@ class View:
             return self.screen
         return Screen(self.camera).ideal(self.corners[:, :, POSITION])
 
+    def over_rows(self, first: int, stop: int) -> View:
+        """The triangles and edges that touch rows ``first`` … ``stop - 1``; others are left out."""
+        low, high = corner_range(self.screen[:, :, 1])
+        own = (high > first - 1.0) & (low < stop)
+        y = self.edges[:, :, 1]
+        near = (np.maximum(y[:, 0], y[:, 1]) > first - 1.0) & (np.minimum(y[:, 0], y[:, 1]) < stop)
+        return replace(
+            self, corners=self.corners[own], screen=self.screen[own], paint=self.paint[own],
+            face=self.face[own], edges=self.edges[near], planes=self.planes[own],
+        )  # fmt: skip
+
     def inverse_depth(self) -> npt.NDArray[np.float64]:
         """1 / z of every corner, (T, 3)."""
         result: npt.NDArray[np.float64] = 1.0 / self.corners[:, :, 2]
