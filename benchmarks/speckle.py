@@ -21,6 +21,7 @@ from scipy.optimize import minimize_scalar
 
 import gpusim as gs
 from gpusim.gpu import Device
+from gpusim.optics import Lens, photograph, psf
 
 RESULTS = Path(__file__).parent / "results" / "speckle.md"
 PEER = Path(__file__).parent / "peers" / "riley_speckle.py"
@@ -106,6 +107,38 @@ def accuracy(size: int, step: int, device: Device) -> list[str]:
             error = error[np.isfinite(error)]
             cells.append(f"{error.mean():+.5f} / {error.std():.5f}")
         lines.append(f"| {title} | " + " | ".join(cells) + " |")
+    return lines
+
+
+def chain(size: int, device: Device) -> list[str]:
+    """Rigid shifts through a lens: PSF of 0.7 px, 8 bit."""
+    lens = Lens(psf=psf.Gaussian(0.7))
+    sensor = gs.Sensor(8, 1.0)
+    lines = [
+        f"Shifts of 0 to 1 px in steps of 0.05, Gaussian PSF of 0.7 px, {size} x {size} px, "
+        "8 bit, 31 px subsets",
+        "",
+        "| speckle | worst bias px | largest standard deviation px |",
+        "|---|---|---|",
+    ]
+    for name, softness in (("5 px, hard edges", 0.0), ("5 px, edges 0.4 px soft", 0.4)):
+        paint = gs.paint.Speckle(5.0, 0.5, softness, seed=2, ground=0.95)
+        found = []
+        reference = None
+        for shift in 0.05 * np.arange(21):
+            surface, camera = plate(paint, size, size, (shift, 0.0))
+            image = sensor.expose(photograph([surface], camera, lens=lens, device=device))
+            reference = image if reference is None else reference
+            edge = size - 9
+            got = gs.measure.dic(
+                reference, image, subset=31, step=11, search_px=3, roi=(8, 8, edge, edge),
+                device=device,
+            )  # fmt: skip
+            error = got.displacement[:, 0] - shift
+            error = error[np.isfinite(error)]
+            found.append((abs(error.mean()), error.std()))
+        bias, deviation = np.max(found, axis=0)
+        lines.append(f"| {name} | {bias:.5f} | {deviation:.5f} |")
     return lines
 
 
@@ -204,6 +237,7 @@ def main() -> None:
     for part in (
         timing(device, arguments.repeats),
         accuracy(arguments.size, arguments.step, device),
+        chain(arguments.size // 4 + 20, device),
         size_and_coverage(device),
     ):
         print("\n".join(part), flush=True)

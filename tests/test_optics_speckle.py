@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from weakref import WeakKeyDictionary
+
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
 import gpusim as gs
-from gpusim.errors import InputError
-from gpusim.gpu import Device
+from gpusim.errors import InputError, TwinMismatch
+from gpusim.gpu import Device, twin_checks
+from gpusim.gpu.texels import Texels
+from gpusim.optics import psf
 from gpusim.optics import speckle_table as tables
 from gpusim.optics.speckle_table import speckle_table
 from gpusim.optics.view import look
@@ -209,3 +213,43 @@ def test_large_views_take_larger_cells(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tables, "MOST_TEXELS", 500)
     with pytest.raises(InputError, match=r"Speckle diameter; got 5, which makes .* at most 500"):
         speckle_table([(SOFT, low, high, 0.9)])
+
+
+def test_shifts_behind_a_lens_are_found_without_bias(device: Device) -> None:
+    """Hard speckle, PSF of 0.7 px, 8 bit: |bias| <= 0.001 px where interpolants err most."""
+    size, half = 120, (75.0, 75.0)
+    lens = gs.Lens(psf=psf.Gaussian(0.7))
+    paint = gs.paint.Speckle(5.0, 0.5, seed=2, ground=0.95)
+
+    def image(dx: float) -> np.ndarray:
+        move = np.array([[1.0, 0.0, dx], [0.0, 1.0, 0.0]])
+        frame = gs.photograph(
+            [plate(paint, half, move)], camera(size, size), lens=lens, device=device
+        )
+        return gs.Sensor(8, 1.0).expose(frame)
+
+    reference = image(0.0)
+    found = gs.measure.dic(reference, image(0.2), subset=31, step=11, search_px=3,
+                           roi=(8, 8, size - 9, size - 9))  # fmt: skip
+    error = found.displacement[:, 0] - 0.2
+    print(f"behind a lens: bias {error.mean():+.5f}, deviation {error.std():.5f}")
+    assert np.isfinite(error).all() and len(error) >= 36
+    assert abs(error.mean()) <= 1e-3 and error.std() < 1e-3
+
+
+@pytest.mark.parametrize("stage", ["optics/shade", "optics/edges"])
+def test_one_wrong_radius_on_the_device_is_seen(
+    device: Device, monkeypatch: pytest.MonkeyPatch, stage: str
+) -> None:
+    write = Texels.write
+
+    def corrupted(self: Texels, array: np.ndarray, first: int = 0) -> None:
+        if self.label == "speckle.discs":
+            array = array.copy()
+            array[array[:, 2] > 0.0, 2] *= 1.02
+        write(self, array, first)
+
+    monkeypatch.setattr(Texels, "write", corrupted)
+    monkeypatch.setattr(tables, "_uploaded", WeakKeyDictionary())
+    with pytest.raises(TwinMismatch, match=stage):
+        twin_checks()[stage](device)

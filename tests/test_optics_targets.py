@@ -33,7 +33,7 @@ CENTRES = np.array([[0.21, 0.16], [0.49, 0.31]])
 CIRCLES = gs.paint.Circles(CENTRES, (0.21, 0.14, 0.037), 0.1, 0.8, 0.6)
 LINES = gs.paint.Lines(0.053, 0.011, "both", 9, 5, (0.09, 0.07), 0.1, 0.8)
 ALONG = gs.paint.Lines(0.031, 0.012, "t", None, None, (0.013, 0.0))
-STAR = gs.paint.Star((0.34, 0.22), 0.41, 18, 0.21, 0.1, 0.7, 0.5)
+STAR = gs.paint.Star(np.array([[0.34, 0.22]]), 0.41, 18, 0.21, 0.1, 0.7, 0.5)
 RINGS = gs.paint.RingCodes(CENTRES, (0b101100111011, 0b000000011111), 0.071, angle=0.3)
 
 

@@ -7,6 +7,7 @@ from gpusim.optics.lens import Lens
 from gpusim.optics.light import (
     AmbientLight,
     AreaLight,
+    EnvironmentLight,
     PointLight,
     SpotLight,
     SunLight,
@@ -22,6 +23,7 @@ __all__ = [
     "AmbientLight",
     "AreaLight",
     "Camera",
+    "EnvironmentLight",
     "Frame",
     "Lens",
     "PointLight",

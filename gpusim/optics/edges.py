@@ -18,7 +18,7 @@ from gpusim.optics.binning import EdgePixels, bin_edges
 from gpusim.optics.bitmap import BITMAP, mean_over_polygons
 from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.pattern import LOOP_TURNS, PatternTable
-from gpusim.optics.setup import Setup, probe_setup, radiance_factor
+from gpusim.optics.setup import Setup, probe_setup, radiance_of
 from gpusim.optics.shade import Tables
 from gpusim.optics.shadow_tiles import TILE, TURNS
 from gpusim.optics.speckle import ROWS as SPECKLE_ROWS
@@ -40,7 +40,7 @@ class EdgePass:
 
     def __init__(self, tables: Tables, edges: EdgePixels) -> None:
         # about what one triangle takes: clipping and samples, then its features' corners
-        table, fine = tables.setup.table, tables.setup.constants([1])["fine"]
+        table, fine = tables.setup.table, tables.setup.constants([1], False)["fine"]
         turns = 200 + table.most_in_a_cell * (2000 if fine else 50) + speckle_turns(table)
         turns += 3000 if (tables.setup.groups == BITMAP).any() else 0
         each = turns + _shadow_turns(tables.setup, edges)
@@ -66,7 +66,8 @@ class EdgePass:
         if first == last:
             return
         groups = np.unique(setup.groups).tolist()
-        kernel = self.tables.device.kernel("optics/edges", constants=setup.constants(groups))
+        constants = setup.constants(groups, bool(setup.shiny.any()))
+        kernel = self.tables.device.kernel("optics/edges", constants=constants)
         bindings = kernel.bind(
             params={
                 "rays": self.tables.rays(),
@@ -87,6 +88,7 @@ class EdgePass:
             radiance=radiance,
             **self.tables.shared(),
             **self.tables.shadows.bindings(),
+            gloss_table=self.tables.gloss,
         )
         recording.dispatch(kernel, bindings, threads=(int(last - first),))
 
@@ -227,7 +229,16 @@ def _light(
         albedo[rows] = mean_over_polygons(
             image, image.ground, setup.cell[own], middle[:, 0], corners - middle, w / w0
         )
-    return albedo * radiance_factor(setup, triangle, x, y, np.sqrt(area))
+    printed = np.zeros(len(albedo))
+    rows = np.flatnonzero((featured == 1) & setup.shiny[triangle])
+    if len(rows):
+        own = triangle[rows]
+        middle, w0 = _paint_positions(setup, own, (at + centroid)[rows][:, None])
+        corners, w = _paint_positions(setup, own, at[rows, None] + polygon[rows])
+        printed[rows] = mean_albedo(
+            setup.table.mask(), paint[rows], setup.cell[own], middle[:, 0], corners - middle, w / w0
+        )
+    return radiance_of(setup, triangle, x, y, albedo, printed, np.sqrt(area))
 
 
 def _undistorted(setup: Setup, pixel: Array, at: Array) -> Array:

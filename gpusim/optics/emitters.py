@@ -16,13 +16,14 @@ import numpy.typing as npt
 from gpusim.optics.light import (
     AmbientLight,
     AreaLight,
+    EnvironmentLight,
     Light,
     PointLight,
     SpotLight,
     SunLight,
 )
 
-__all__ = ["Lamp", "closest_points", "emitters", "irradiance", "lamps_of"]
+__all__ = ["Lamp", "closest_points", "emitter_light", "emitters", "irradiance", "lamps_of"]
 
 Array = npt.NDArray[np.float64]
 MOST_ACROSS = 8
@@ -56,7 +57,7 @@ def lamps_of(lights: Sequence[Light]) -> list[Lamp]:
     zero = np.zeros(3)
     lamps = []
     for light in lights:
-        if isinstance(light, AmbientLight):
+        if isinstance(light, (AmbientLight, EnvironmentLight)):
             continue
         if isinstance(light, SunLight):
             axis = np.array(light.direction, np.float64)

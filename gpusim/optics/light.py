@@ -9,12 +9,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from gpusim.errors import InputError
 
 __all__ = [
     "AmbientLight",
     "AreaLight",
+    "EnvironmentLight",
     "Light",
     "PointLight",
     "SpotLight",
@@ -167,7 +169,44 @@ class AmbientLight:
         _check_positive("AmbientLight", "a radiance", radiance=self.radiance)
 
 
-Light = PointLight | SpotLight | AreaLight | SunLight | AmbientLight
+@dataclass(frozen=True, eq=False)
+class EnvironmentLight:
+    """Surroundings at a distance, given by their radiance (W per square unit and sr).
+
+    Either ``sky`` above and ``ground`` below the horizon, or an equirectangular ``image`` (H, W):
+    its first row looks ``up``, its middle column along ``forward``, columns run to the right as
+    seen from the middle. They light diffusely and are mirrored by glossy paints; surfaces don't
+    hide them.
+    """
+
+    sky: float = 0.0
+    ground: float = 0.0
+    image: npt.NDArray[np.float64] | None = None
+    up: Vector = (0.0, 0.0, 1.0)
+    forward: Vector = (0.0, 1.0, 0.0)
+
+    def __post_init__(self) -> None:
+        _check("EnvironmentLight", up=self.up, forward=self.forward)
+        if not float(np.linalg.norm(np.cross(self.up, self.forward))) > 0.0:
+            raise InputError(f"EnvironmentLight up; got {self.up}, along forward {self.forward}")
+        if self.image is None:
+            for name, value in (("sky", self.sky), ("ground", self.ground)):
+                if not (np.isfinite(value) and value >= 0.0):
+                    raise InputError(
+                        f"EnvironmentLight {name}; got {value}; expected a radiance from 0 up"
+                    )
+            return
+        image = np.asarray(self.image, np.float64)
+        if image.ndim != 2 or min(image.shape) < 1 or not np.isfinite(image).all():
+            raise InputError(
+                f"EnvironmentLight image; got shape {image.shape}; expected finite values (H, W)"
+            )
+        if not (image >= 0.0).all():
+            raise InputError(f"EnvironmentLight image; got {image.min()}; expected radiances >= 0")
+        object.__setattr__(self, "image", image)
+
+
+Light = PointLight | SpotLight | AreaLight | SunLight | AmbientLight | EnvironmentLight
 
 
 def is_light(value: object) -> bool:

@@ -14,7 +14,9 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.gpu.buffer import F32_MAX
 from gpusim.optics.casters import Casters
-from gpusim.optics.emitters import closest_points, emitters, irradiance, lamps_of
+from gpusim.optics.emitters import closest_points, emitter_light, emitters, lamps_of
+from gpusim.optics.environment import Environment
+from gpusim.optics.gloss import Gloss, Reflection, sharpest
 from gpusim.optics.light import AmbientLight, Light
 from gpusim.optics.shadow_tiles import ShadowTiles
 from gpusim.optics.view import View
@@ -36,11 +38,14 @@ class Lighting:
     """What lights a view; positions are relative to the camera's eye.
 
     ``emitters`` (E, 12): see `gpusim.optics.emitters.emitters`. ``ambient``: irradiance from
-    everywhere. ``shadows``: None where nothing in view is hidden from any lamp.
+    everywhere. ``environment``: other surroundings. ``gloss``: None without glossy paint.
+    ``shadows``: None where nothing in view is hidden from any lamp.
     """
 
     emitters: Array
     ambient: float
+    environment: Environment | None
+    gloss: Gloss | None
     shadows: ShadowTiles | None
 
     @staticmethod
@@ -57,7 +62,7 @@ class Lighting:
         lights = lights or []
         T = view.camera.camera_from_world
         world = (view.corners[:, :, :3] - T[:3, 3]) @ T[:3, :3]
-        rows = emitters(lights, closest_points(lights, world))
+        rows = emitters(lights, closest_points(lights, world), sharpest(view.paints))
         if len(rows) > MOST_EMITTERS:
             raise InputError(
                 f"render lights; got {len(rows)} emitting points; expected at most "
@@ -74,11 +79,16 @@ class Lighting:
         if surfaces and any(lamp.light.shadows for lamp in lamps):
             found = ShadowTiles.build(view, lamps, Casters.of(surfaces))
             shadows = found if found.any else None
-        return Lighting(rows, ambient(lights), shadows)
+        environment = Environment.of(lights)
+        even = ambient(lights)
+        gloss = Gloss.build(view.paints, environment, even / np.pi) if lights else None
+        return Lighting(rows, even, environment, gloss, shadows)
 
-    def constants(self) -> dict[str, float]:
-        """Override constants of the shaders."""
+    def constants(self, glossy: bool) -> dict[str, float]:
+        """Override constants of the shaders; ``glossy``: for triangles with such paint."""
         return {
+            "glossy": float(glossy),
+            "sky": float(self.environment is not None),
             "emitter_count": float(len(self.emitters)),
             "shadowed": float(self.shadows is not None),
         }
@@ -87,19 +97,54 @@ class Lighting:
         """The emitters as the shaders' uniform ``lamps``."""
         rows = np.zeros((MOST_EMITTERS, 12))
         rows[: len(self.emitters)] = self.emitters
-        return {"ambient": np.full(4, self.ambient), "emitters": rows.reshape(-1, 4)}
+        linear, square, axes = np.zeros(4), np.zeros((3, 3)), np.zeros((3, 4))
+        if self.environment is not None:
+            linear[:3], linear[3] = self.environment.linear, self.environment.constant
+            square, axes[:, :3] = self.environment.quadratic, self.environment.axes
+        shape = self.gloss.maps.shape[1:] if self.gloss is not None else (2, 1)
+        return {
+            "ambient": np.array([self.ambient, self.ambient / np.pi, *shape]),
+            "linear": linear,
+            "diagonal": np.array([*np.diag(square), 0.0]),
+            "mixed": np.array([square[1, 2], square[2, 0], square[0, 1], 0.0]),
+            "per_paint": np.full(4, self.gloss.per_paint if self.gloss is not None else 1),
+            "axes": axes,
+            "emitters": rows.reshape(-1, 4),
+        }
 
-    def matte(
-        self, x: Array, y: Array, at: Array, normal: Array, across: Array, down: Array
-    ) -> Array:
-        """What the albedo of a matte surface is multiplied by, (n,): irradiance / pi.
+    def reflect(
+        self,
+        paint: npt.NDArray[np.int32],
+        x: Array,
+        y: Array,
+        at: Array,
+        normal: Array,
+        across: Array,
+        down: Array,
+    ) -> Reflection:
+        """What surfaces at (n, 3) relative to the eye send towards it.
 
-        ``x``, ``y`` px; ``at`` (n, 3) relative to the eye; ``normal`` (n, 3) unit; ``across`` and
-        ``down`` (n, 3): how ``at`` changes over the pixel, for shadows sharper than a pixel.
+        ``paint`` (n,); ``x``, ``y`` px; ``normal`` (n, 3) unit; ``across`` and ``down`` (n, 3):
+        how ``at`` changes over the pixel, for shadows sharper than a pixel.
         """
-        parts = irradiance(self.emitters, at, normal)
+        around = np.full(len(x), self.ambient)
+        if self.environment is not None:
+            around = around + self.environment.diffuse(normal)
+        share = np.ones((len(x), len(self.emitters)))
         if self.shadows is not None:
-            share = self.shadows.shares(x, y, at, across, down)
-            parts = parts * share[:, self.emitters[:, 11].astype(np.int64)]
-        result: Array = (parts.sum(axis=1) + self.ambient) / np.pi
-        return result
+            seen = self.shadows.shares(x, y, at, across, down)
+            share = seen[:, self.emitters[:, 11].astype(np.int64)]
+        matte = around / np.pi
+        p = q = np.zeros(len(x))
+        view = -at / np.linalg.norm(at, axis=1)[:, None]
+        if self.gloss is not None:
+            first = self.gloss.surroundings(paint, normal, view, around)
+            p, q = first.p, first.q
+        for k, row in enumerate(self.emitters):
+            irradiance, unit, _ = emitter_light(row, at, normal)
+            irradiance = irradiance * share[:, k]
+            matte = matte + irradiance / np.pi
+            if self.gloss is not None:
+                more = self.gloss.from_lamp(paint, normal, view, unit, irradiance)
+                p, q = p + more.p, q + more.q
+        return Reflection(matte, p, q)

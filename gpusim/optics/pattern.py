@@ -9,7 +9,7 @@ float32 exact far from the origin. Twin of ``shaders/common/paint.wgsl``.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -91,6 +91,13 @@ class PatternTable:
         speckle, grid_of_paint = _file_speckle(regions, paints)
         starting = np.concatenate(starts).astype(np.uint32)
         return PatternTable(paints, starting, table, speckle, grid_of_paint)
+
+    def mask(self) -> PatternTable:
+        """The same pattern with albedo 1 on a ground of 0: its mean is the share it covers."""
+        paints, features = self.paints.copy(), self.features.copy()
+        paints["ground"] = 0.0
+        features[:, 8:10] = 1.0
+        return replace(self, paints=paints, features=features)
 
     @property
     def most_in_a_cell(self) -> int:

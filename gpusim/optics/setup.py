@@ -24,7 +24,7 @@ from gpusim.optics.view import NORMAL, ST, View, corner_mean, corner_range, look
 from gpusim.surface.paint import Checker, Dots, Image, Markers, Paint, Plain, Speckle
 from gpusim.surface.surface import Surface
 
-__all__ = ["TRIANGLE", "Setup", "footprint", "probe_setup", "radiance_factor"]
+__all__ = ["TRIANGLE", "Setup", "footprint", "probe_setup", "radiance_of"]
 
 Array = npt.NDArray[np.float64]
 
@@ -104,7 +104,15 @@ class Setup:
         records["ny"] = np.concatenate([p[:, 3:, 1], self.view.paint[:, None]], axis=1)
         records["place"] = np.concatenate([self.anchor, self.cell], axis=1)
         records["more"][:, 0] = self.table.paints["ground"][self.view.paint]
-        records["more"][:, 1] = self.near_feature
+        # beside "near a feature": 2 where a pattern is one material with its ground
+        featured = self.table.paints["featured"][self.view.paint]
+        records["more"][:, 1] = self.near_feature * np.where(featured > 1, 2.0, 1.0)
+        records["more"][:, 2], records["more"][:, 3] = 1.0, 0.0
+        gloss = self.lighting.gloss
+        if gloss is not None:
+            own = self.view.paint
+            records["more"][:, 2] = np.where(gloss.glossy, gloss.alpha, 1.0)[own]
+            records["more"][:, 3] = gloss.metallic[own]
         for name in ("st", "tw", "n0", "nx", "ny"):
             bad = ~np.isfinite(records[name])
             if bad.any():
@@ -158,8 +166,20 @@ class Setup:
         featured = self.table.paints["featured"][self.view.paint]
         return np.where(self.near_feature, featured, 0).astype(np.uint32)
 
-    def constants(self, groups: Collection[int]) -> dict[str, float]:
-        """Override constants that leave out of a shader what ``groups`` of triangles don't have."""
+    @cached_property
+    def shiny(self) -> npt.NDArray[np.bool_]:
+        """(T,) whether a triangle's paint is glossy and lit."""
+        gloss = self.lighting.gloss
+        if gloss is None or not self.lit:
+            return np.zeros(self.view.count, bool)
+        result: npt.NDArray[np.bool_] = gloss.glossy[self.view.paint]
+        return result
+
+    def constants(self, groups: Collection[int], glossy: bool) -> dict[str, float]:
+        """Override constants that leave out of a shader what ``groups`` of triangles don't have.
+
+        ``glossy``: whether some of them have glossy paint.
+        """
         kinds = self.table.kinds() if 1 in groups else set()
         fine, large = self._pattern_traits if 1 in groups else (False, False)
         return {
@@ -167,7 +187,7 @@ class Setup:
             "distorted": float(self.view.camera.lens is not None),
             "patterned": float(any(groups)),
             "speckle": float((2 in groups) + 2 * (3 in groups)),
-            **self.lighting.constants(),
+            **self.lighting.constants(glossy),
             "checkers": float(0 in kinds),
             "discs": float((2 if large else 1) if 1 in kinds else 0),
             "sectors": float(2 in kinds),
@@ -206,19 +226,22 @@ def footprint(
     return st, turned[:, :, 0], turned[:, :, 1], q
 
 
-def radiance_factor(
+def radiance_of(
     setup: Setup,
     triangle: npt.NDArray[np.int64],
     x: Array,
     y: Array,
+    albedo: Array,
+    printed: Array,
     extent: Array | float = 1.0,
 ) -> Array:
-    """What the albedo is multiplied by at pixel positions: irradiance / pi, or 1 unlit.
+    """Radiance (n,) towards the eye at pixel positions; the mean albedo itself if unlit.
 
-    ``extent``: side of the area that the light stands for, px.
+    ``printed``: share of the area that a glossy paint's matte pattern covers; ``extent``: side of
+    the area that the light stands for, px.
     """
     if not setup.lit:
-        return np.ones(len(x))
+        return albedo
     ideal, bend = setup.undistorted(np.stack([x, y], axis=1))
     d = ideal - setup.anchor[triangle]
     planes = setup.planes[triangle]
@@ -231,7 +254,19 @@ def radiance_factor(
     rate = (planes[:, 2, :2] / values[:, :1])[:, None]
     scale = np.broadcast_to(extent, len(x))[:, None, None]
     change = scale * (depth[:, None, None] * rays[:, :2] - position[:, :, None] * rate) @ bend
-    return setup.lighting.matte(x, y, position, normal, change[:, :, 0], change[:, :, 1])
+    paint = setup.view.paint[triangle]
+    reflected = setup.lighting.reflect(
+        paint, x, y, position, normal, change[:, :, 0], change[:, :, 1]
+    )
+    gloss = setup.lighting.gloss
+    if gloss is None:
+        return albedo * reflected.matte
+    whole = setup.table.paints["featured"][paint] > 1
+    ground = np.where(whole, albedo, setup.table.paints["ground"][paint])
+    bare = np.clip(1.0 - printed, 0.0, 1.0)
+    shiny = (albedo - ground * bare) * reflected.matte
+    shiny += bare * (ground * reflected.p + reflected.q)
+    return np.where(gloss.glossy[paint], shiny, albedo * reflected.matte)
 
 
 def probe_setup() -> Setup:

@@ -9,6 +9,7 @@ the albedo itself.
 
 from __future__ import annotations
 
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -21,8 +22,9 @@ from gpusim.optics.albedo import mean_albedo
 from gpusim.optics.binning import bin_edges
 from gpusim.optics.bitmap import BITMAP, mean_over_pixels
 from gpusim.optics.distortion_map import distortion_map
+from gpusim.optics.gloss import gloss_texels
 from gpusim.optics.pattern import FINEST, LOOP_TURNS
-from gpusim.optics.setup import Setup, footprint, probe_setup, radiance_factor
+from gpusim.optics.setup import Setup, footprint, probe_setup, radiance_of
 from gpusim.optics.shadow_tables import ShadowTables
 from gpusim.optics.visibility import visibility_twin
 
@@ -40,6 +42,7 @@ class Tables:
         fixed = view.fixed().reshape(-1, 2) if view.count else np.zeros((3, 2), np.int32)
         self.device, self.setup = device, setup
         self.lamps = setup.lighting.uniform()
+        self.gloss = gloss_texels(device, setup.lighting.gloss)
         self.shadows = ShadowTables(device, setup.lighting)
         self.paints = device.buffer(table.paints, "shade.paints")
         self.patterns = table.texels(device)
@@ -86,7 +89,7 @@ class ShadePass:
     def __init__(self, tables: Tables, rows: int) -> None:
         device, setup = tables.device, tables.setup
         view = setup.view
-        turns = FINEST * (FINEST + 1) + 1 if setup.constants([1])["fine"] else 1
+        turns = FINEST * (FINEST + 1) + 1 if setup.constants([1], False)["fine"] else 1
         if not setup.table.most_in_a_cell * turns <= LOOP_TURNS:
             raise InputError(
                 f"render: paint patterns; got up to {setup.table.most_in_a_cell} features that one "
@@ -107,11 +110,15 @@ class ShadePass:
         self._near, depth = view.raster_depth()
         self._inverse = device.buffer(depth, "shade.inverse_depth")
         self._draws = []
-        for group in (BITMAP, 3, 2, 1, 0):
-            order = near_first[(setup.groups == group)[near_first]]
-            if len(order) or not group:
+        for group, glossy in product((BITMAP, 3, 2, 1, 0), (True, False)):
+            wanted = (setup.groups == group) & (setup.shiny == glossy)
+            order = near_first[wanted[near_first]]
+            if len(order) or not (group or glossy):
                 raster = device.raster(
-                    "optics/shade", formats, constants=setup.constants([group]), entries=entries
+                    "optics/shade",
+                    formats,
+                    constants=setup.constants([group], glossy),
+                    entries=entries,
                 )
                 numbers = order.astype(np.uint32) if len(order) else np.zeros(1, np.uint32)
                 buffer = device.buffer(numbers, "shade.order")
@@ -134,6 +141,7 @@ class ShadePass:
         shared = self.tables.shared()
         shadows = self.tables.shadows.bindings()
         shared |= {name: shadows[name] for name in ("shades", "shadow_tiles")}
+        shared["gloss_table"] = self.tables.gloss
         for raster, order, count in self._draws:
             values = {**shared, "inverse_depth": self._inverse, "order": order}
             bindings = raster.bind(params=params, **values)
@@ -175,7 +183,16 @@ def shade_twin(setup: Setup, ids: npt.NDArray[np.uint32]) -> npt.NDArray[np.floa
             albedo[rows] = mean_over_pixels(
                 image, image.ground, setup.cell[triangle[rows]], st, ex, ey, q
             )
-        radiance[y + row0, x] = albedo * radiance_factor(setup, triangle, column, row)
+        printed = np.zeros(len(albedo))
+        rows = np.flatnonzero((featured == 1) & setup.shiny[triangle])
+        if len(rows):
+            st, ex, ey, q = footprint(setup, triangle[rows], column[rows], row[rows])
+            corners = np.stack([-ex - ey, ex - ey, ex + ey, ey - ex], axis=1) * 0.5
+            printed[rows] = mean_albedo(
+                setup.table.mask(), paint[rows], setup.cell[triangle[rows]], st, corners,
+                np.ones(corners.shape[:2]), (ex, ey, q),
+            )  # fmt: skip
+        radiance[y + row0, x] = radiance_of(setup, triangle, column, row, albedo, printed)
     return radiance
 
 

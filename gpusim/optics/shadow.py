@@ -54,7 +54,8 @@ class ShadowPass:
         if first == last:
             return
         setup = self.tables.setup
-        constants = {**setup.lighting.constants(), "distorted": setup.constants(())["distorted"]}
+        constants = setup.lighting.constants(bool(setup.shiny.any()))
+        constants["distorted"] = setup.constants((), False)["distorted"]
         kernel = self.tables.device.kernel("optics/shadow", constants=constants)
         bindings = kernel.bind(
             params={
@@ -71,6 +72,7 @@ class ShadowPass:
             marks=marks,
             places=self._places,
             lamps=self.tables.lamps,
+            gloss_table=self.tables.gloss,
             tiles=self.tables.tiles,
             undistortion=self.tables.undistortion,
             **self.tables.shadows.bindings(),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gpusim.optics.camera import Camera
-from gpusim.optics.light import AreaLight, Light, PointLight, SpotLight, SunLight
+from gpusim.optics.light import AreaLight, EnvironmentLight, Light, PointLight, SpotLight, SunLight
 from gpusim.optics.setup import Setup
 from gpusim.optics.view import look
 from gpusim.surface.paint import Checker, Plain
@@ -17,13 +17,13 @@ __all__ = ["block", "probe_shadows", "shadow_scene"]
 def block(
     centre: tuple[float, float, float], half: tuple[float, float, float], albedo: float
 ) -> Surface:
-    """A closed box."""
+    """A closed box of bare metal."""
     signs = np.array([[x, y, z] for z in (-1, 1) for y in (-1, 1) for x in (-1, 1)], np.float64)
     faces = np.array(
         [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]]
     )
     points = np.array(centre) + signs * half
-    return Surface(points, faces, paint=Plain(albedo), name="block")
+    return Surface(points, faces, paint=Plain(albedo, 0.45, 1.0), name="block")
 
 
 def shadow_scene() -> tuple[list[Surface], Camera, list[Light]]:
@@ -34,7 +34,7 @@ def shadow_scene() -> tuple[list[Surface], Camera, list[Light]]:
     face = np.array([[0, 1, 2, 3]])
     surfaces = [
         Surface(table, face, paint=Checker(0.23, origin=(0.05, 0.11)), name="table"),
-        Surface(plate, face, paint=Plain(0.7), name="plate"),
+        Surface(plate, face, paint=Plain(0.7, 0.6), name="plate"),
         block((-0.15, -0.05, 0.11), (0.13, 0.08, 0.11), 0.6),
     ]
     camera = Camera.from_lens((36.0, 24.0), 30.0, (119, 83), (0.3, -1.4, 0.95), (0.03, 0.05, 0.05))
@@ -49,6 +49,7 @@ def shadow_scene() -> tuple[list[Surface], Camera, list[Light]]:
 
 
 def probe_shadows() -> Setup:
-    """The scene set up for shading."""
+    """The scene set up for shading, with a sky above it."""
     surfaces, camera, lights = shadow_scene()
+    lights.append(EnvironmentLight(0.3, 0.1, up=(0.1, 0.2, 1.0)))
     return Setup.build(look(surfaces, camera, lit=True), lights, 0.05, surfaces)

@@ -13,12 +13,12 @@ from gpusim.field import Field, read_field
 from gpusim.mesh import Mesh
 from gpusim.optics.light import AmbientLight, AreaLight, Light, PointLight
 from gpusim.pipeline.meshing import build_mesh
+from gpusim.pipeline.painting import Frame, build_frame, build_pattern
 from gpusim.pipeline.places import faces_of
 from gpusim.scene import Scene
 from gpusim.scene import model as m
-from gpusim.surface import PaintFrame, Skin, Surface
-from gpusim.surface.paint import Checker, Dots, Markers, Paint, Plain, Speckle
-from gpusim.surface.surface import plane_frame
+from gpusim.surface import Skin, Surface
+from gpusim.surface.paint import Paint, Plain
 
 __all__ = ["BodyParts", "build_body", "build_lights", "build_pattern"]
 
@@ -60,55 +60,24 @@ def build_body(body: m.Body) -> BodyParts:
             raise InputError(f"body {body.name!r}, paint {paint.name!r}: {error}") from None
         region[skin.numbers(painted)] = number
         paints[paint.name] = Plain(paint.albedo)
-    frames: dict[str, PaintFrame] = {}
+    frames: dict[str, Frame] = {}
     rest = skin.at_vertices(grid.points)
     for number, paint in enumerate(body.paints, start=1):
-        own = skin.pieces[(region == number)[skin.face_of_piece]]
+        own = (region == number)[skin.face_of_piece]
         where = f"body {body.name!r}, paint {paint.name!r}"
         if isinstance(paint, m.Plain):
             continue
-        if not len(own):
-            raise InputError(f"{where}: every face it matches is painted over by a later paint")
-        frames[paint.name] = plane_frame(rest, own, where, paint.up)
+        if not own.any():
+            raise _painted_over(where)
+        frames[paint.name] = build_frame(paint, rest, skin.pieces, own, where)
         paints[paint.name] = build_pattern(paint, frames[paint.name], where)
     return BodyParts(body, grid, skin, skin.surface(paints, region, frames, body.name), field)
 
 
-def build_pattern(
-    paint: m.Markers | m.Checker | m.Dots | m.Speckle, frame: PaintFrame, where: str
-) -> Paint:
-    """The paint of a plane region; ``where`` names it in errors."""
-    if isinstance(paint, m.Markers):
-        positions = np.array([marker.position for marker in paint.markers])
-        normal = np.cross(frame.s_axis, frame.t_axis)
-        off = np.abs((positions - frame.origin) @ normal)
-        bad = np.flatnonzero(~(off <= 1e-3 * paint.size))
-        if len(bad):
-            marker = paint.markers[bad[0]]
-            raise InputError(
-                f"{where}: marker {marker.name!r}; got position {list(marker.position)} m, "
-                f"{off[bad[0]] * 1e3:.3g} mm off the painted plane; expected a point on it"
-            )
-        return Markers(
-            frame.coordinates(positions), paint.size, paint.dark, paint.light, paint.albedo
-        )
-    if isinstance(paint, m.Speckle):
-        try:
-            return Speckle(
-                paint.diameter, paint.coverage, paint.softness, paint.size_law, paint.spread,
-                paint.arrangement, paint.seed, paint.dot, paint.albedo,
-            )  # fmt: skip
-        except InputError as error:
-            raise InputError(f"{where}: {error}") from None
-    s, t = frame.coordinates(np.array(paint.origin))
-    if isinstance(paint, m.Checker):
-        return Checker(
-            paint.cell, paint.columns, paint.rows, (float(s), float(t)), paint.dark, paint.light,
-            paint.albedo,
-        )  # fmt: skip
-    return Dots(
-        paint.diameter, paint.pitch, paint.columns, paint.rows, (float(s), float(t)), paint.dot,
-        paint.albedo,
+def _painted_over(where: str) -> InputError:
+    """What there is to say of a paint that nobody sees."""
+    return InputError(
+        f"{where}: every face it matches is painted over by a later paint"
     )  # fmt: skip
 
 

@@ -9,11 +9,12 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.mesh import read_surface
-from gpusim.pipeline.build import build_body, build_pattern
+from gpusim.pipeline.build import build_body
+from gpusim.pipeline.painting import Frame, build_frame, build_pattern
 from gpusim.pipeline.places import surface_faces_of
 from gpusim.scene import model as m
 from gpusim.scene.schema.prop import SURFACE_SUFFIXES
-from gpusim.surface import PaintFrame, Surface
+from gpusim.surface import Surface
 from gpusim.surface.paint import Paint, Plain
 from gpusim.surface.surface import plane_frame
 
@@ -66,18 +67,18 @@ def _faces(prop: m.Shape) -> Surface:
     points = points * prop.scale
     region = np.zeros(len(faces), np.int32)
     paints: dict[str, Paint] = {"unpainted": Plain(DEFAULT_ALBEDO)}
-    frames: dict[str, PaintFrame] = {}
+    frames: dict[str, Frame] = {}
     places = [f"prop {prop.name!r}, paint {paint.name!r}" for paint in prop.paints]
     for number, (paint, where) in enumerate(zip(prop.paints, places, strict=True), start=1):
         region[surface_faces_of(points, faces, paint.where, where)] = number
     for number, (paint, where) in enumerate(zip(prop.paints, places, strict=True), start=1):
         paints[paint.name] = Plain(paint.albedo)
-        own = faces[region == number]
+        own = region == number
         if isinstance(paint, m.Plain):
             continue
-        if not len(own):
+        if not own.any():
             raise InputError(f"{where}: every face it matches is painted over by a later paint")
-        frames[paint.name] = plane_frame(points, own, where, paint.up)
+        frames[paint.name] = build_frame(paint, points, faces, own, where)
         paints[paint.name] = build_pattern(paint, frames[paint.name], where)
     return Surface(points, faces, paints, region, frames=frames, name=prop.name)
 

@@ -31,6 +31,7 @@ def find_files(document: dict[str, Any], folder: Path) -> tuple[Found, tuple[tup
     for index, body in enumerate(bodies if isinstance(bodies, list) else ()):
         if not isinstance(body, dict):
             continue
+        _pictures(body, ("body", index), folder, found, hashes)
         for key, expected in (("mesh", "a mesh or CAD file"), ("field", "a result file")):
             table = body.get(key)
             if not isinstance(table, dict) or not isinstance(table.get("file"), str):
@@ -43,6 +44,7 @@ def find_files(document: dict[str, Any], folder: Path) -> tuple[Found, tuple[tup
     props = document.get("prop")
     for index, prop in enumerate(props if isinstance(props, list) else ()):
         if isinstance(prop, dict):
+            _pictures(prop, ("prop", index), folder, found, hashes)
             prop.setdefault("type", "plate")
             if prop["type"] == "mesh" and isinstance(prop.get("file"), str):
                 _enter(prop, ("prop", index, "file"), folder, "a file of faces or a mesh", found,
@@ -53,6 +55,16 @@ def find_files(document: dict[str, Any], folder: Path) -> tuple[Found, tuple[tup
             _enter(camera, ("camera", index, "calibration"), folder, "a calibration file", found,
                    hashes)  # fmt: skip
     return found, tuple(sorted(hashes.items()))
+
+
+def _pictures(
+    thing: dict[str, Any], keys: Keys, folder: Path, found: Found, hashes: dict[str, str]
+) -> None:
+    """The bitmaps that a body or prop is painted with."""
+    paints = thing.get("paint")
+    for place, paint in enumerate(paints if isinstance(paints, list) else ()):
+        if isinstance(paint, dict) and isinstance(paint.get("file"), str):
+            _enter(paint, (*keys, "paint", place, "file"), folder, "a PNG or TIFF", found, hashes)
 
 
 def _enter(

@@ -29,6 +29,7 @@ from .loading import (
     Where,
 )
 from .measures import Damage, Deflection, Measure, Stereo, Variant
+from .patterns import Picture, Target, Wrap
 from .photo import Lens, Psf, Sensor, Shutter, Vignetting
 from .recipe import (
     BeamMesh,
@@ -78,6 +79,8 @@ __all__ = [
     "Output",
     "Paint",
     "Part",
+    "Pattern",
+    "Picture",
     "Plain",
     "Plate",
     "PlateMesh",
@@ -93,12 +96,14 @@ __all__ = [
     "Speckle",
     "Stereo",
     "Support",
+    "Target",
     "Thermal",
     "Traction",
     "Variant",
     "Vec3",
     "Vignetting",
     "Where",
+    "Wrap",
 ]
 
 
@@ -131,6 +136,7 @@ class Markers:
     dark: float
     light: float
     markers: tuple[Marker, ...]
+    wrap: Wrap | None = None
 
 
 @dataclass(frozen=True)
@@ -147,6 +153,7 @@ class Checker:
     origin: Vec3
     dark: float
     light: float
+    wrap: Wrap | None = None
 
 
 @dataclass(frozen=True)
@@ -163,6 +170,7 @@ class Dots:
     rows: int
     origin: Vec3
     dot: float
+    wrap: Wrap | None = None
 
 
 @dataclass(frozen=True)
@@ -184,9 +192,11 @@ class Speckle:
     arrangement: str
     seed: int
     dot: float
+    wrap: Wrap | None = None
 
 
-Paint = Plain | Markers | Checker | Dots | Speckle
+Pattern = Markers | Checker | Dots | Speckle | Picture | Target
+Paint = Plain | Pattern
 
 
 @dataclass(frozen=True)

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 from . import model, resolve_photo
 from .resolve_mesh import field_recipe, mesh_recipe, metres
+from .resolve_targets import target_values
 from .schema import SceneTable
 from .schema.base import norm
 from .schema.body import BodyTable, SupportTable
@@ -22,7 +24,16 @@ from .schema.load import (
 )
 from .schema.material import MaterialTable
 from .schema.measure import DamageTable, MeasureTable, StereoTable
-from .schema.paint import CheckerTable, MarkersTable, PaintTable, PlainTable, SpeckleTable
+from .schema.paint import (
+    CheckerTable,
+    DotsTable,
+    ImageTable,
+    MarkersTable,
+    PaintTable,
+    PatternTable,
+    PlainTable,
+    SpeckleTable,
+)
 from .schema.prop import BoxPropTable, PlateTable, PoseTable, PropTable
 from .schema.view import AmbientLightTable, AreaLightTable, CameraTable, LightTable
 from .schema.where import WhereTable
@@ -141,9 +152,17 @@ def _load(table: LoadTable, factors: model.Amplitude) -> model.Load:
 
 
 def paint(table: PaintTable) -> model.Paint:
-    place = where(table.where)
     if isinstance(table, PlainTable):
-        return model.Plain(table.name, place, table.albedo)
+        return model.Plain(table.name, where(table.where), table.albedo)
+    if table.mapping == "plane":
+        return _pattern(table)
+    if table.axis_point_mm is None or table.axis is None:
+        return replace(_pattern(table), wrap=model.Wrap())
+    return replace(_pattern(table), wrap=model.Wrap(_m(table.axis_point_mm), _vec(table.axis)))
+
+
+def _pattern(table: PatternTable) -> model.Pattern:
+    place = where(table.where)
     up = None if table.up is None else _vec(table.up)
     if isinstance(table, MarkersTable):
         centres = table.centres_mm()
@@ -166,6 +185,17 @@ def paint(table: PaintTable) -> model.Paint:
             table.name, place, table.albedo, up, table.diameter_mm / 1000.0, table.coverage,
             table.softness_mm / 1000.0, table.size_law, table.spread, table.arrangement,
             table.seed, table.dot,
+        )  # fmt: skip
+    if isinstance(table, ImageTable):
+        return model.Picture(
+            table.name, place, table.albedo, up, table.file, table.texel_mm / 1000.0,
+            _m(table.origin_mm), table.dark, table.light, table.gamma,
+        )  # fmt: skip
+    if not isinstance(table, DotsTable):
+        kind, places, values = target_values(table)
+        return model.Target(
+            table.name, place, table.albedo, up, kind, tuple(_m(p) for p in places),
+            tuple(values.items()),
         )  # fmt: skip
     return model.Dots(
         table.name, place, table.albedo, up, table.diameter_mm / 1000.0, table.pitch_mm / 1000.0,

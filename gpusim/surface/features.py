@@ -15,6 +15,7 @@ __all__ = [
     "Paint",
     "Stack",
     "check_albedo",
+    "check_finish",
     "check_grid",
     "check_length",
     "check_places",
@@ -156,6 +157,13 @@ def check_albedo(what: str, **values: float) -> None:
     for name, value in values.items():
         if not (np.isfinite(value) and 0.0 <= value <= 1.0):
             raise InputError(f"{what} {name}; got {value}; expected an albedo from 0 to 1")
+
+
+def check_finish(what: str, roughness: float, metallic: float) -> None:
+    """Refuse a finish that isn't one: both are shares."""
+    for name, value in (("roughness", roughness), ("metallic", metallic)):
+        if not (np.isfinite(value) and 0.0 <= value <= 1.0):
+            raise InputError(f"{what} {name}; got {value}; expected 0 to 1")
 
 
 def check_length(what: str, **values: float) -> None:

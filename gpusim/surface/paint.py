@@ -19,6 +19,7 @@ from gpusim.surface.features import (
     Features,
     Paint,
     check_albedo,
+    check_finish,
     check_grid,
     check_length,
     check_places,
@@ -49,11 +50,20 @@ MOST_DOTS = 1 << 22
 
 @dataclass(frozen=True)
 class Plain:
-    """One albedo everywhere."""
+    """One albedo everywhere.
+
+    ``roughness`` below 1 makes it glossy (the lobe of GGX with alpha = roughness^2), as a coat of
+    lacquer over a diffuse base; ``metallic`` 1 makes it bare metal, which has no base and mirrors
+    with its albedo. At roughness 1 and metallic 0 it is matte (Lambert). The same holds for the
+    ground of a pattern; squares, dots and markers are matte prints on it.
+    """
 
     albedo: float = 0.5
+    roughness: float = 1.0
+    metallic: float = 0.0
 
     def __post_init__(self) -> None:
+        check_finish("Plain", self.roughness, self.metallic)
         check_albedo("Plain", albedo=self.albedo)
 
     @property
@@ -83,8 +93,11 @@ class Checker:
     dark: float = 0.05
     light: float = 0.9
     ground: float = 0.9
+    roughness: float = 1.0
+    metallic: float = 0.0
 
     def __post_init__(self) -> None:
+        check_finish("Checker", self.roughness, self.metallic)
         check_length("Checker", size=self.size)
         check_albedo("Checker", dark=self.dark, light=self.light, ground=self.ground)
         check_grid("Checker", self.origin, self.columns, self.rows)
@@ -120,8 +133,11 @@ class Dots:
     origin: tuple[float, float] = (0.0, 0.0)
     albedo: float = 0.05
     ground: float = 0.9
+    roughness: float = 1.0
+    metallic: float = 0.0
 
     def __post_init__(self) -> None:
+        check_finish("Dots", self.roughness, self.metallic)
         check_length("Dots", diameter=self.diameter, pitch=self.pitch)
         check_albedo("Dots", albedo=self.albedo, ground=self.ground)
         check_grid("Dots", self.origin, self.columns, self.rows)
@@ -170,8 +186,11 @@ class Markers:
     light: float = 0.9
     ground: float = 0.5
     angle: float = 0.0
+    roughness: float = 1.0
+    metallic: float = 0.0
 
     def __post_init__(self) -> None:
+        check_finish("Markers", self.roughness, self.metallic)
         centres = check_places("Markers", self.centres)
         check_length("Markers", size=self.size)
         check_albedo("Markers", dark=self.dark, light=self.light, ground=self.ground)

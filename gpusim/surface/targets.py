@@ -118,13 +118,13 @@ class Lines:
 
 @dataclass(frozen=True, eq=False)
 class Star:
-    """A Siemens star: ``spokes`` dark sectors around the ``centre``, as wide as the gaps between.
+    """Siemens stars: ``spokes`` dark sectors around every centre (M, 2), as wide as the gaps.
 
-    The first spoke begins at ``angle`` (rad) from the s axis. At the distance r from the centre the
+    The first spoke begins at ``angle`` (rad) from the s axis. At the distance r from a centre the
     period is 2 pi r / spokes.
     """
 
-    centre: tuple[float, float]
+    centres: Array
     diameter: float
     spokes: int = 36
     angle: float = 0.0
@@ -133,7 +133,7 @@ class Star:
     ground: float = 0.9
 
     def __post_init__(self) -> None:
-        check_grid("Star", self.centre, None, None)
+        object.__setattr__(self, "centres", check_places("Star", self.centres))
         check_length("Star", diameter=self.diameter)
         check_albedo("Star", dark=self.dark, light=self.light, ground=self.ground)
         if not (2 <= self.spokes <= 1000 and self.spokes == int(self.spokes)):
@@ -142,13 +142,13 @@ class Star:
             raise InputError(f"Star angle; got {self.angle}; expected a finite angle in rad")
 
     def features(self, low: Array, high: Array) -> Features | None:
-        """A light disc and the spokes on it."""
+        """Light discs and the spokes on them."""
         stack = Stack(self.ground)
-        centre = np.array([self.centre])
-        stack.discs(centre, 0.5 * self.diameter, self.light, self.ground, 0)
+        stack.discs(self.centres, 0.5 * self.diameter, self.light, self.ground, 0)
         start = self.angle + np.arange(self.spokes) * (2.0 * np.pi / self.spokes)
         stack.sectors(
-            np.repeat(centre, self.spokes, axis=0), 0.5 * self.diameter, start,
+            np.repeat(self.centres, self.spokes, axis=0), 0.5 * self.diameter,
+            np.tile(start, len(self.centres)),
             np.pi / self.spokes, self.dark, self.light, 1,
         )  # fmt: skip
         return stack.features()

@@ -54,6 +54,9 @@ fn feature_at(i: u32) -> Feature {
     );
 }
 
+// Share of the footprint that squares and discs cover, added up by what finds its albedo.
+var<private> printed: f32 = 0.0;
+
 // (albedo * share, share) of the four squares that meet at a lattice corner, from the shares of
 // the pixel right of it, above it, and both.
 fn corner_squares(f: Feature, corner: vec2f, right: f32, above: f32, both: f32) -> vec2f {
@@ -201,7 +204,9 @@ fn paint_discs(ground: f32, list: vec2u, p: vec2f, ex: vec2f, ey: vec2f) -> f32 
         while (near != 0u) {
             let f = feature_at(list.x + 4u * (done + firstTrailingBit(near)));
             near &= near - 1u;
-            albedo += (f.c.x - ground) * disc_share(p - f.a.xy, ex, ey, f.a.z);
+            let share = disc_share(p - f.a.xy, ex, ey, f.a.z);
+            albedo += (f.c.x - ground) * share;
+            printed += share;
         }
     }
     return albedo;
@@ -233,9 +238,12 @@ fn paint_pixel(
             let turn = mat2x2f(f.a.z, -f.a.w, f.a.w, f.a.z);
             let s = checker_shares(f, turn * p, turn * ex, turn * ey, q);
             albedo += s.x - paint.ground * s.y;
+            printed += s.y;
         }
         if (discs != 0u && f.c.z == 1.0) {
-            albedo += (f.c.x - paint.ground) * disc_share(p, ex, ey, f.a.z);
+            let share = disc_share(p, ex, ey, f.a.z);
+            albedo += (f.c.x - paint.ground) * share;
+            printed += share;
         }
         if (sectors != 0u && f.c.z == 2.0) {
             albedo += (f.c.x - paint.ground) * sector_share(f, p, ex, ey, q);

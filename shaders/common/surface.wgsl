@@ -5,7 +5,8 @@
 // Affine functions of the offset (dx, dy) from the anchor pixel, scaled by the triangle's mean
 // depth: st = (s0, sx, sy, t0), tw = (tx, ty, wx, wy), n0 = (normal at the anchor, w0),
 // nx = (change per column, 1 / mean depth), ny = (change per row, paint),
-// place = (anchor column, row, cell i, cell j), more = (ground albedo, 1 if a feature is near, -, -).
+// place = (anchor column, row, cell i, cell j), more = (ground albedo, 1 if a feature is near, GGX alpha
+// or 1 if matte, metallic).
 struct Triangle {
     st: vec4f,
     tw: vec4f,
@@ -72,19 +73,31 @@ fn spot(t: Triangle, rays: Rays, p: vec2f, d: vec2f) -> Spot {
     return Spot(x, n, depth * rays.x.xyz - rate.x * x, depth * rays.y.xyz - rate.y * x);
 }
 
-// Irradiance / pi there: what a Lambert surface's albedo is multiplied by. `bits` tells the lamps
-// that light it.
-fn light_factor(t: Triangle, rays: Rays, p: vec2f, d: vec2f, bits: u32) -> f32 {
+fn gloss_at(t: Triangle, s: Spot) -> Gloss {
+    if (glossy == 0u) { return Gloss(); }
+    return gloss_of(u32(t.ny.w), lamps.per_paint.x, t.more.z, t.more.w, normalize(-s.x), s.n);
+}
+
+// What is reflected there. `bits` tells the lamps that light it.
+fn reflection_at(t: Triangle, rays: Rays, p: vec2f, d: vec2f, bits: u32) -> Reflection {
     let s = spot(t, rays, p, d);
-    return irradiance(s.x, s.n, bits) * 0.3183098861837907;
+    return reflection(s.x, s.n, gloss_at(t, s), bits);
 }
 
 // The same where lamps may be half hidden; it stands for a parallelogram whose sides are the
 // columns of `extent`, in pixels of the ideal image.
-fn light_factor_seen(
+fn reflection_seen_at(
     t: Triangle, rays: Rays, p: vec2f, d: vec2f, extent: mat2x2f, tile: vec2u
-) -> f32 {
+) -> Reflection {
     let s = spot(t, rays, p, d);
     let sides = mat2x3f(s.dx, s.dy) * extent;
-    return irradiance_seen(s.x, s.n, sides[0], sides[1], tile) * 0.3183098861837907;
+    return reflection_seen(s.x, s.n, gloss_at(t, s), sides[0], sides[1], tile);
+}
+
+// Radiance of a spot of mean albedo `albedo`, of which the paint's ground (albedo `ground`) shows
+// over `bare`; the rest is matte print.
+fn radiance_of(t: Triangle, r: Reflection, albedo: f32, ground: f32, bare: f32) -> f32 {
+    if (glossy == 0u) { return albedo * r.matte; }
+    let shiny = (albedo - ground * bare) * r.matte + bare * (ground * r.p + r.q);
+    return select(albedo * r.matte, shiny, t.more.z < 1.0);
 }

@@ -236,9 +236,12 @@ fn paint_polygon(t: Triangle, d: vec2f, polygon: Polygon, centroid: vec2f) -> f3
             for (var j = 0; j < polygon.count; j++) { local.polygon.p[j] = turn * local.polygon.p[j]; }
             let s = polygon_checker(f, local);
             albedo += s.x - paint.ground * s.y;
+            printed += s.y;
         }
         if (discs != 0u && f.c.z == 1.0) {
-            albedo += (f.c.x - paint.ground) * polygon_disc(f, local.polygon);
+            let share = polygon_disc(f, local.polygon);
+            albedo += (f.c.x - paint.ground) * share;
+            printed += share;
         }
         if (sectors != 0u && f.c.z == 2.0) {
             albedo += (f.c.x - paint.ground) * polygon_sector(f, local);
@@ -329,15 +332,20 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
         if (distorted != 0u) {
             for (var k = 0; k < polygon.count; k++) { polygon.p[k] = undistort(bend, polygon.p[k]); }
         }
+        printed = 0.0;
         var light = paint_polygon(t, d, polygon, middle);
         if (lit != 0u) {
             let at = vec2f(pixel) + middle;
+            var r: Reflection;
             if (shadowed != 0u) {
                 let tile = shadow_tile(pixel);
-                light *= light_factor_seen(t, params.rays, at, d + middle, sqrt(m.x) * change, tile);
+                r = reflection_seen_at(t, params.rays, at, d + middle, sqrt(m.x) * change, tile);
             } else {
-                light *= light_factor(t, params.rays, at, d + middle, 0u);
+                r = reflection_at(t, params.rays, at, d + middle, 0u);
             }
+            let whole = paints[u32(t.ny.w)].featured > 1u;
+            let ground = select(t.more.x, light, whole);
+            light = radiance_of(t, r, light, ground, clamp(1.0 - printed, 0.0, 1.0));
         }
         if (visible) {
             free_area += m.x;

@@ -57,8 +57,8 @@ fn vertex(@builtin(vertex_index) index: u32) -> Varying {
     );
 }
 
-// Albedo of the pixel, and what it is multiplied by.
-fn shade(in: Varying) -> vec2f {
+// Radiance and albedo of the pixel, and the share of it that shows the paint's ground.
+fn shade(in: Varying) -> vec3f {
     let t = Triangle(in.st, in.tw, in.n0, in.nx, in.ny, in.place, in.more);
     let pixel = vec2i(floor(in.position.xy)) + vec2i(0, params.row0);
     let bend = bend_at(pixel);
@@ -77,16 +77,18 @@ fn shade(in: Varying) -> vec2f {
             albedo = paint_pixel(paint, t.place.zw, f.st, f.ex, f.ey, f.q);
         }
     }
-    if (lit == 0u) { return vec2f(albedo, 1.0); }
+    if (lit == 0u) { return vec3f(albedo, albedo, 1.0); }
     var bits = 0u;
     if (shadowed != 0u) { bits = shadow_tile(pixel).x; }
-    return vec2f(albedo, light_factor(t, params.rays, vec2f(pixel) + shift, d, bits));
+    let r = reflection_at(t, params.rays, vec2f(pixel) + shift, d, bits);
+    let ground = select(t.more.x, albedo, speckle != 0u || bitmaps != 0u);
+    let bare = clamp(1.0 - printed, 0.0, 1.0);
+    return vec3f(radiance_of(t, r, albedo, ground, bare), albedo, bare);
 }
 
 @fragment
 fn fragment(in: Varying) -> @location(0) f32 {
-    let s = shade(in);
-    return s.x * s.y;
+    return shade(in).x;
 }
 
 // The same for views with shadows: marks what shadow.wgsl needs to know of each pixel.
@@ -97,5 +99,7 @@ struct Marked {
 @fragment
 fn fragment_marked(in: Varying) -> Marked {
     let s = shade(in);
-    return Marked(s.x * s.y, vec2u(in.id + 1u, u32(s.x * 4294967040.0)));
+    var mark = u32(s.y * 4294967040.0);
+    if (glossy != 0u) { mark = pack2x16unorm(s.yz); }
+    return Marked(s.x, vec2u(in.id + 1u, mark));
 }

@@ -38,8 +38,13 @@ fn main(
     let bend = bend_at(pixel);
     let shift = undistort(bend, vec2f(0.0));
     let d = vec2f(pixel - t.place.xy) + shift;
-    let factor = light_factor_seen(
-        t, params.rays, vec2f(pixel) + shift, d, undistort_change(bend), shadow_tile(pixel)
-    );
-    radiance[u32(row) * params.stride + u32(pixel.x)] = f32(mark.y) * 0x1p-32 * factor;
+    let extent = undistort_change(bend);
+    let at = vec2f(pixel) + shift;
+    let r = reflection_seen_at(t, params.rays, at, d, extent, shadow_tile(pixel));
+    // glossy paints share the word: albedo and the share of the ground, 16 bits each
+    let both = unpack2x16unorm(mark.y);
+    let shiny = glossy != 0u && t.more.z < 1.0;
+    let albedo = select(f32(mark.y) * 0x1p-32, both.x, shiny);
+    let ground = select(t.more.x, albedo, t.more.y > 1.0);
+    radiance[u32(row) * params.stride + u32(pixel.x)] = radiance_of(t, r, albedo, ground, both.y);
 }

@@ -1,12 +1,13 @@
 """``[[body.paint]]`` and ``[[prop.paint]]``: what a surface looks like.
 
-Albedo is the diffusely reflected fraction of light, 0 to 1. Patterns are flat: they lie in the
-plane of the faces they fall on, with ``up`` (projected into that plane) pointing up, as seen from
-outside. Positions are those of the unloaded shape; the pattern moves with the material.
+Albedo is the diffusely reflected fraction of light, 0 to 1. Patterns lie in the plane of the faces
+they fall on (or as ``mapping`` says), with ``up`` (projected into that plane) pointing up, as seen
+from outside. Positions are those of the unloaded shape; the pattern moves with the material.
 """
 
 from __future__ import annotations
 
+from itertools import pairwise
 from math import exp, log1p, pi, sqrt
 from typing import Annotated, Literal
 
@@ -15,7 +16,7 @@ from pydantic import Field, model_validator
 from .base import Albedo, Direction, Length, Name, Table, Vector, fault, norm, parallel
 from .where import WhereTable
 
-__all__ = ["LineTable", "MarkersTable", "PaintTable", "SpeckleTable"]
+__all__ = ["ImageTable", "LineTable", "MarkersTable", "PaintTable", "PatternTable"]
 
 Count = Annotated[int, Field(ge=1, le=100_000)]
 
@@ -31,6 +32,26 @@ class _Paint(Table):
 class _Pattern(_Paint):
     up: Direction | None = None
     """Roughly up on the surface; without it +z, on horizontal faces +y."""
+    mapping: Literal["plane", "cylinder", "unfold"] = "plane"
+    """How the pattern lies on the faces: "plane" faces only; round a "cylinder"; or laid on any
+    faces as if they were unfolded, without smearing in holes and on sides (speckle only)."""
+    axis_point_mm: Vector | None = None
+    """A point on the axis of the cylinder."""
+    axis: Direction | None = None
+    """The cylinder's axis, which is up."""
+
+    @model_validator(mode="after")
+    def _check_mapping(self) -> _Pattern:
+        round_an_axis = self.mapping == "cylinder"
+        for key in ("axis_point_mm", "axis"):
+            if (getattr(self, key) is not None) != round_an_axis:
+                got, wanted = ("none", "one") if round_an_axis else (getattr(self, key), "none")
+                raise fault(key, f"with mapping {self.mapping!r}", got, wanted)
+        if self.axis is not None and not norm(self.axis) > 0:
+            raise fault("axis", "has no direction", self.axis, "a vector that isn't zero")
+        if self.mapping == "unfold" and not isinstance(self, SpeckleTable):
+            raise fault("mapping", "a pattern with places", "unfold", "plane or cylinder")
+        return self
 
     @model_validator(mode="after")
     def _check_up(self) -> _Pattern:
@@ -182,7 +203,126 @@ class SpeckleTable(_Pattern):
         return self
 
 
-PaintTable = Annotated[
-    PlainTable | MarkersTable | CheckerTable | DotsTable | SpeckleTable,
-    Field(discriminator="type"),
-]
+class ImageTable(_Pattern):
+    """A picture: its grey values are albedo, its pixels squares on the surface."""
+
+    type: Literal["image"]
+    file: Annotated[str, Field(min_length=1)]
+    """PNG or TIFF, 8 or 16 bit; relative to the scene file."""
+    texel_mm: Length
+    """Side of a pixel of the picture on the surface."""
+    origin_mm: Vector
+    """The lower left corner of the picture, seen from outside."""
+    dark: Albedo = 0.0
+    """Of the value 0."""
+    light: Albedo = 1.0
+    """Of the largest value."""
+    gamma: Literal["linear", "srgb"] = "linear"
+    """How the file's values are coded."""
+
+
+class _Places(_Pattern):
+    positions_mm: Annotated[list[Vector], Field(min_length=1)]
+    """Their centres."""
+    dark: Albedo = 0.05
+    light: Albedo = 0.9
+
+
+class CirclesTable(_Places):
+    """Concentric circles: the largest is dark, then light and dark alternate."""
+
+    type: Literal["circles"]
+    diameters_mm: Annotated[list[Length], Field(min_length=1)]
+    """From the largest to the smallest."""
+
+    @model_validator(mode="after")
+    def _check(self) -> CirclesTable:
+        sizes = self.diameters_mm
+        if any(not a > b for a, b in pairwise(sizes)):
+            raise fault("diameters_mm", "don't fall", sizes, "the largest first")
+        return self
+
+
+class StarTable(_Places):
+    """Siemens stars: dark spokes as wide as the light gaps between them."""
+
+    type: Literal["star"]
+    diameter_mm: Length
+    spokes: Annotated[int, Field(ge=2, le=1000)] = 36
+
+
+class ArucoTable(_Places):
+    """ArUco or AprilTag markers; the ground around them has to be light."""
+
+    type: Literal["aruco"]
+    size_mm: Length
+    """Side of the dark square."""
+    ids: list[Annotated[int, Field(ge=0)]]
+    """One number per position."""
+    dictionary: str = "4X4_50"
+    """OpenCV's name without DICT_: 4X4_50, 6X6_250, APRILTAG_36h11, ..."""
+
+    @model_validator(mode="after")
+    def _check(self) -> ArucoTable:
+        if len(self.ids) != len(self.positions_mm):
+            wanted = f"{len(self.positions_mm)}, as many as positions_mm"
+            raise fault("ids", "not one per position", len(self.ids), wanted)
+        return self
+
+
+class CharucoTable(_Pattern):
+    """OpenCV's ChArUco board: a chessboard with a marker in every light square."""
+
+    type: Literal["charuco"]
+    square_mm: Length
+    marker_mm: Length
+    """Side of the markers, less than that of the squares."""
+    columns: Count
+    rows: Count
+    origin_mm: Vector
+    """The lower left corner of the board, seen from outside."""
+    dictionary: str = "4X4_50"
+    dark: Albedo = 0.05
+    light: Albedo = 0.9
+
+    @model_validator(mode="after")
+    def _check(self) -> CharucoTable:
+        if not self.marker_mm < self.square_mm:
+            raise fault("marker_mm", "no margin", self.marker_mm, f"less than {self.square_mm:g}")
+        return self
+
+
+class LinesTable(_Pattern):
+    """Lines at equal distances, along the surface's horizontal, its up direction, or both."""
+
+    type: Literal["lines"]
+    pitch_mm: Length
+    width_mm: Length
+    along: Literal["both", "across", "up"] = "both"
+    columns: Count
+    rows: Count
+    """Pitches of the grid."""
+    origin_mm: Vector
+    """The crossing at the lower left, seen from outside."""
+    line: Albedo = 0.05
+
+    @model_validator(mode="after")
+    def _check(self) -> LinesTable:
+        if not self.width_mm < self.pitch_mm:
+            raise fault("width_mm", "no gaps", self.width_mm, f"less than {self.pitch_mm:g}")
+        return self
+
+
+PatternTable = (
+    MarkersTable
+    | CheckerTable
+    | DotsTable
+    | SpeckleTable
+    | ImageTable
+    | CirclesTable
+    | StarTable
+    | ArucoTable
+    | CharucoTable
+    | LinesTable
+)
+PaintTable = Annotated[PlainTable | PatternTable, Field(discriminator="type")]

@@ -1,0 +1,154 @@
+"""Every pattern of a scene file, as the paint that it becomes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+import gpusim as gs
+from gpusim.pipeline.build import build_body
+from gpusim.pipeline.props import build_prop
+from gpusim.scene import Scene
+
+HEAD = """
+schema = 1
+name = "paints"
+[[camera]]
+name = "left"
+sensor_mm = [24.0, 16.0]
+resolution_px = [90, 60]
+focal_mm = 20.0
+position_mm = [0.0, -400.0, 0.0]
+target_mm = [0.0, 0.0, 0.0]
+"""
+
+
+def plate(paint: str) -> str:
+    return f"""
+[[prop]]
+name = "plate"
+center_mm = [10.0, 0.0, 5.0]
+normal = [0.0, -1.0, 0.0]
+size_mm = [200.0, 120.0]
+[[prop.paint]]
+name = "paint"
+albedo = 0.8
+{paint}
+"""
+
+
+def load(tmp_path: Path, text: str) -> Scene:
+    path = tmp_path / "scene.toml"
+    path.write_text(HEAD + text, encoding="utf-8")
+    return gs.load_scene(path)
+
+
+def paint_of(tmp_path: Path, text: str) -> Any:
+    scene = load(tmp_path, plate(text))
+    return build_prop(scene.props[0]).paints["paint"]
+
+
+def test_targets_lie_where_the_scene_says(tmp_path: Path) -> None:
+    """The plate's lower left corner is at (-90, 0, -55) mm."""
+    place = "positions_mm = [[-40.0, 0.0, -15.0], [60.0, 0.0, 25.0]]"
+    centres = [[0.05, 0.04], [0.15, 0.08]]
+    circles = paint_of(tmp_path, f'type = "circles"\ndiameters_mm = [20.0, 10.0]\n{place}')
+    assert isinstance(circles, gs.paint.Circles) and circles.diameters == (0.02, 0.01)
+    np.testing.assert_allclose(circles.centres, centres)
+    star = paint_of(tmp_path, f'type = "star"\ndiameter_mm = 30.0\nspokes = 24\n{place}')
+    assert isinstance(star, gs.paint.Star) and (star.spokes, star.diameter) == (24, 0.03)
+    np.testing.assert_allclose(star.centres, centres)
+    tags = paint_of(tmp_path, f'type = "aruco"\nsize_mm = 25.0\nids = [7, 3]\n{place}')
+    assert isinstance(tags, gs.paint.Aruco) and tags.ids == (7, 3) and tags.ground == 0.8
+    corner = "origin_mm = [-70.0, 0.0, -45.0]\ncolumns = 5\nrows = 4"
+    board = paint_of(tmp_path, f'type = "charuco"\nsquare_mm = 20.0\nmarker_mm = 14.0\n{corner}')
+    assert isinstance(board, gs.paint.Charuco) and (board.columns, board.marker) == (5, 0.014)
+    np.testing.assert_allclose(board.origin, [0.02, 0.01])
+    lines = paint_of(
+        tmp_path, f'type = "lines"\npitch_mm = 20.0\nwidth_mm = 2.0\nalong = "up"\n{corner}'
+    )
+    assert isinstance(lines, gs.paint.Lines) and (lines.along, lines.rows) == ("t", 4)
+
+
+def test_a_picture_comes_from_beside_the_scene(tmp_path: Path) -> None:
+    cv2.imwrite(str(tmp_path / "p.png"), np.arange(120, dtype=np.uint16).reshape(8, 15) * 500)
+    text = 'type = "image"\nfile = "p.png"\ntexel_mm = 2.0\norigin_mm = [-90.0, 0.0, -55.0]'
+    image = paint_of(tmp_path, text)
+    assert isinstance(image, gs.paint.Image)
+    assert image.pixels.dtype == np.uint16 and image.size == pytest.approx((0.03, 0.016))
+    np.testing.assert_allclose(image.origin, [0.0, 0.0], atol=1e-12)
+    with pytest.raises(gs.SceneError, match="not found"):
+        paint_of(tmp_path, text.replace("p.png", "q.png"))
+    (tmp_path / "text.png").write_text("no picture", encoding="utf-8")
+    with pytest.raises(gs.InputError, match=r"plate.*no picture"):
+        paint_of(tmp_path, text.replace("p.png", "text.png"))
+
+
+@pytest.mark.parametrize(
+    ("text", "match"),
+    [
+        ('type = "circles"\ndiameters_mm = [1.0, 2.0]\npositions_mm = [[0, 0, 0]]', "the largest"),
+        ('type = "aruco"\nsize_mm = 9.0\nids = [1]\npositions_mm = [[0,0,0],[30,0,0]]', "as many"),
+        ('type = "speckle"\ndiameter_mm = 2.0\nmapping = "cylinder"', "axis"),
+        ('type = "speckle"\ndiameter_mm = 2.0\naxis = [0.0, 0.0, 1.0]', "axis"),
+        (
+            'type = "dots"\ndiameter_mm = 2.0\npitch_mm = 4.0\ncolumns = 2\nrows = 2\n'
+            'origin_mm = [0, 0, 0]\nmapping = "unfold"',
+            "plane or cylinder",
+        ),
+    ],
+)
+def test_wrong_patterns_are_refused(tmp_path: Path, text: str, match: str) -> None:
+    with pytest.raises(gs.SceneError, match=match):
+        paint_of(tmp_path, text)
+
+
+def body(paint: str) -> str:
+    return f"""
+[[material]]
+name = "steel"
+type = "isotropic"
+youngs_modulus_GPa = 200.0
+poissons_ratio = 0.3
+[[body]]
+name = "plate"
+material = "steel"
+[body.mesh]
+builder = "plate_with_hole"
+length_mm = 80.0
+width_mm = 60.0
+thickness_mm = 10.0
+hole_diameter_mm = 20.0
+around = 32
+radial = 4
+through = 2
+[[body.support]]
+name = "clamp"
+where = {{ set = "x_min" }}
+fix = ["x", "y", "z"]
+[[body.paint]]
+name = "paint"
+albedo = 0.8
+type = "speckle"
+diameter_mm = 1.0
+softness_mm = 0.2
+{paint}
+"""
+
+
+def test_speckle_unfolds_over_a_whole_body(tmp_path: Path) -> None:
+    scene = load(tmp_path, body('mapping = "unfold"'))
+    surface = build_body(scene.bodies[0]).surface
+    frame = surface.frames["paint"]
+    assert isinstance(frame, gs.Atlas) and np.isfinite(frame.st).all()
+    corners = surface.rest[surface.topology.triangles]
+    sides = [
+        np.linalg.norm(np.roll(p, -1, axis=1) - p, axis=2) for p in (frame.st, corners)
+    ]  # fmt: skip
+    np.testing.assert_allclose(sides[0], sides[1], rtol=0.05)
+    with pytest.raises(gs.InputError, match="plane region"):
+        build_body(load(tmp_path, body("")).bodies[0])
