@@ -120,6 +120,13 @@ def test_full_scale_of_a_camera(bits: int, shift: int) -> None:
     assert full_scale(image.astype(np.float32)) is None
 
 
+def test_pictures_that_have_nothing_in_common_give_no_numbers() -> None:
+    size = {"width": 150, "height": 120}
+    result = dic(speckles(**size), speckles(**size, seed=77), subset=21, step=9)
+    assert not result.ok.any()
+    assert np.isnan(result.displacement).all() and np.isnan(result.sigma).all()
+
+
 def test_a_second_look_repairs_a_match_in_a_wrong_place() -> None:
     """Two far parts look alike; the integer search of single points takes the better one."""
     from gpusim.measure.matching import Settings

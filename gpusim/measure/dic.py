@@ -53,7 +53,7 @@ def dic(
     saturation: float | None = None,
     blur_px: float = 0.0,
     tolerance: float = 1e-4,
-    max_iterations: int = 40,
+    max_iterations: int = 80,
     min_zncc: float = 0.8,
     device: Device | None = None,
 ) -> DicResult:
@@ -82,6 +82,8 @@ def dic(
         interpolation error off images with hard edges, for a little resolution.
     tolerance : the iteration stops when no pixel of the subset has further to go than this, px,
         as the shrinking of the last two steps tells.
+    max_iterations : where noise outweighs the pattern's slopes, steps shrink slowly; ``blur_px`` of
+        1 px then helps more than patience.
     min_zncc : matches below are reported as ``LOW_CORRELATION``.
     device : where to iterate; None runs the NumPy twin in float64.
 

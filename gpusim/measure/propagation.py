@@ -27,6 +27,7 @@ IntArray = npt.NDArray[np.int64]
 
 NEIGHBOURS = 9
 SEED_EVERY = 8  # one seed per 8x8 points
+SURE = 0.95  # correlation that needs no neighbour to be believed
 ATTEMPTS = 4  # starts per point
 APART = 0.5  # px: further from what its neighbours say, a point is looked at again
 
@@ -176,11 +177,16 @@ class Front:
         """Look again at points that their neighbours would have put elsewhere.
 
         A pattern that resembles itself can match in a wrong place. The start that the neighbours
-        give wins if it leads to a better correlation.
+        give wins if it leads to a better correlation. A mediocre match none of whose neighbours
+        was found is chance, and counts as ``LOW_CORRELATION``.
         """
-        if self.ok.sum() < NEIGHBOURS:
+        if len(self.points) < NEIGHBOURS:
             return
         neighbour = self._neighbours()
+        lonely = self.ok & ~self.ok[neighbour].any(axis=1) & ~(self.zncc >= SURE)
+        self.status[lonely] = Status.LOW_CORRELATION
+        self.coefficients[lonely] = np.nan
+        self.sigma[lonely] = np.nan
         ok = self.ok
         own = self.coefficients[:, :, 0]
         said = np.stack(
