@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.optics.view import View
+from gpusim.optics.view import View, corner_range
 
 __all__ = ["EdgePixels", "bin_edges", "expand", "segment_pixels"]
 
@@ -88,8 +88,9 @@ def bin_edges(view: View) -> EdgePixels:
     """
     width, height = view.camera.width, view.camera.height
     pixel = segment_pixels(view.edges, width, height)
-    low = np.floor(view.screen.min(axis=1) + 0.5).astype(np.int64)
-    high = np.floor(view.screen.max(axis=1) + 0.5).astype(np.int64)
+    lowest, highest = corner_range(view.screen)
+    low = np.floor(lowest + 0.5).astype(np.int64)
+    high = np.floor(highest + 0.5).astype(np.int64)
     low, high = np.maximum(low, 0), np.minimum(high, [width - 1, height - 1])
     triangle, step = expand(np.maximum(high[:, 1] - low[:, 1] + 1, 0))
     row = low[triangle, 1] + step

@@ -50,12 +50,17 @@ class Pieces:
     shows: Flags
     source: npt.NDArray[np.int64]
 
-    def __getitem__(self, rows: npt.NDArray[np.int64] | Flags) -> Pieces:
+    def __getitem__(self, rows: Flags) -> Pieces:
+        if rows.all():
+            return self
         return Pieces(self.corners[rows], self.shows[rows], self.source[rows])
 
     @staticmethod
     def joined(parts: list[Pieces]) -> Pieces:
         """Several in one, in order."""
+        parts = [p for p in parts if len(p.source)] or parts[:1]
+        if len(parts) == 1:
+            return parts[0]
         return Pieces(
             np.concatenate([p.corners for p in parts]),
             np.concatenate([p.shows for p in parts]),
@@ -95,14 +100,18 @@ class Screen:
 
     def inside(self, ideal: Array) -> Flags:
         """Which triangles (n, 3, 2) of the ideal image may be in view."""
-        low, high = ideal.min(axis=1), ideal.max(axis=1)
-        return np.asarray(((high > self.low) & (low < self.high)).all(axis=1))
+        result = np.ones(len(ideal), bool)
+        for axis in (0, 1):
+            a, b, c = (ideal[:, k, axis] for k in range(3))
+            result &= np.maximum(np.maximum(a, b), c) > self.low[axis]
+            result &= np.minimum(np.minimum(a, b), c) < self.high[axis]
+        return result
 
     def reaches_far(self, ideal: Array) -> Flags:
         """Which triangles (n, 3, 2) reach far beyond what is in view."""
         reach = FAR_OUT if self.camera.lens is None else FAR_OUT_BENT
         far = (ideal < self.low - reach) | (ideal > self.high + reach)
-        return np.asarray(far.any(axis=(1, 2)))
+        return np.asarray(far.reshape(-1, 6).any(axis=1)) if far.any() else far[:, 0, 0]
 
     def guards(self) -> Array:
         """(4, 3) camera-space normals: n . X > 0 inside the guard band."""
@@ -163,22 +172,24 @@ def split(pieces: Pieces, screen: Screen) -> tuple[Pieces, Array]:
     while True:
         ideal = screen.ideal(pieces.corners[:, :, :3])
         keep = screen.inside(ideal) & ~_without_area(ideal)
-        pieces, ideal = pieces[keep], ideal[keep]
+        if not keep.all():
+            pieces, ideal = pieces[keep], ideal[keep]
         place = ideal if screen.camera.lens is None else screen.bent(ideal)
         excess = edge_excess(ideal, place, pieces.shows, screen)
-        long = excess.max(axis=1, initial=0.0) > 1.0
+        above = excess > 1.0
+        long = above[:, 0] | above[:, 1] | above[:, 2]
         area = _cross(place[:, 1] - place[:, 0], place[:, 2] - place[:, 0])
         good = ~long & (area != 0.0)
         done.append(pieces[good])
-        places.append(place[good])
+        places.append(place if good.all() else place[good])
         if not long.any():
-            return Pieces.joined(done), np.concatenate(places)
+            return Pieces.joined(done), np.concatenate(places) if len(places) > 1 else place[good]
         pieces = _halved(pieces[long], np.argmax(excess[long], axis=1))
 
 
 def edge_excess(ideal: Array, place: Array, shows: Flags, screen: Screen) -> Array:
     """(n, 3): above 1 where the edge from a corner of a triangle to the next must be halved."""
-    side = np.roll(place, -1, axis=1) - place
+    side = place[:, [1, 2, 0]] - place
     length = np.sqrt(side[..., 0] ** 2 + side[..., 1] ** 2)
     if screen.camera.lens is None:
         return length / LONGEST_EDGE
@@ -225,8 +236,9 @@ def _halved(pieces: Pieces, k: npt.NDArray[np.int64]) -> Pieces:
 def _without_area(triangles: Array) -> Flags:
     """Which triangles (n, 3, 2) are lines but for rounding."""
     a, b, c = (triangles[:, k] for k in range(3))
-    square = np.sum((b - a) ** 2, axis=1) + np.sum((c - a) ** 2, axis=1)
-    return np.asarray(np.abs(_cross(b - a, c - a)) <= 1e-13 * square)
+    u, v = b - a, c - a
+    square = u[:, 0] ** 2 + u[:, 1] ** 2 + v[:, 0] ** 2 + v[:, 1] ** 2
+    return np.asarray(np.abs(_cross(u, v)) <= 1e-13 * square)
 
 
 def _cross(a: Array, b: Array) -> Array:

@@ -20,7 +20,7 @@ from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.light import AmbientLight, AreaLight, Light, PointLight
 from gpusim.optics.lighting import Lighting
 from gpusim.optics.pattern import PatternTable
-from gpusim.optics.view import NORMAL, ST, View, look
+from gpusim.optics.view import NORMAL, ST, View, corner_mean, corner_range, look
 from gpusim.surface.paint import Checker, Dots, Image, Markers, Paint, Plain, Speckle
 from gpusim.surface.surface import Surface
 
@@ -71,20 +71,21 @@ class Setup:
         bitmaps = BitmapTable.build(view.paints, table.paints)
         lit = lights is not None
         lighting = Lighting.build(view, lights, surfaces)
-        anchor = np.rint(view.ideal.mean(axis=1)).astype(np.int32)
+        anchor = np.rint(corner_mean(view.ideal)).astype(np.int32)
         size = table.paints["cell"][view.paint].astype(np.float64)
         st = bitmaps.texel_positions(view.paint, view.corners[:, :, ST])
-        cell = np.floor(st.mean(axis=1) / size[:, None])
+        cell = np.floor(corner_mean(st) / size[:, None])
         cell = np.where((table.paints["featured"][view.paint] > 0)[:, None], cell, 0.0)
         values = np.concatenate(
             [st - (cell * size[:, None])[:, None], np.ones((*st.shape[:2], 1)),
              view.corners[:, :, NORMAL]], axis=2
         )  # fmt: skip
-        mean_inverse = view.inverse_depth().mean(axis=1)
+        mean_inverse = corner_mean(view.inverse_depth())
         basis = view.planes / mean_inverse[:, None, None]
-        planes = np.einsum("tia,tik->tak", values, basis)
-        planes[:, :, 2] += np.einsum("tak,tk->ta", planes[:, :, :2], anchor.astype(np.float64))
-        near = table.near_features(view.paint, st.min(axis=1), st.max(axis=1))
+        planes = np.swapaxes(values, 1, 2) @ basis
+        for axis in (0, 1):
+            planes[:, :, 2] += planes[:, :, axis] * anchor[:, axis : axis + 1]
+        near = table.near_features(view.paint, *corner_range(st))
         return Setup(
             view, table, bitmaps, lighting, background, lit, planes, anchor,
             cell.astype(np.int64), mean_inverse,

@@ -25,12 +25,17 @@ from gpusim.optics.outline import area_normals, feature_edges, smooth_normals, u
 from gpusim.surface.paint import Paint
 from gpusim.surface.surface import Surface
 
-__all__ = ["FIXED", "LONGEST_EDGE", "RegionPaint", "View", "look"]
+__all__ = [
+    "FIXED", "LONGEST_EDGE", "RegionPaint", "View", "corner_mean", "corner_range", "look",
+]  # fmt: skip
 
 Array = npt.NDArray[np.float64]
 
 FIXED = 65536
 """Steps of a screen coordinate in fixed point per pixel."""
+
+CHUNK = 1 << 14
+"""Triangles worked on at a time, so that they stay in the processor's cache."""
 
 NEAR = 1e-4
 """Near plane, as a share of the farthest depth in view."""
@@ -84,6 +89,17 @@ class View:
         if self.camera.lens is None:
             return self.screen
         return Screen(self.camera).ideal(self.corners[:, :, POSITION])
+
+    def over_rows(self, first: int, stop: int) -> View:
+        """The triangles and edges that touch rows ``first`` … ``stop - 1``; others are left out."""
+        low, high = corner_range(self.screen[:, :, 1])
+        own = (high > first - 1.0) & (low < stop)
+        y = self.edges[:, :, 1]
+        near = (np.maximum(y[:, 0], y[:, 1]) > first - 1.0) & (np.minimum(y[:, 0], y[:, 1]) < stop)
+        return replace(
+            self, corners=self.corners[own], screen=self.screen[own], paint=self.paint[own],
+            face=self.face[own], edges=self.edges[near], planes=self.planes[own],
+        )  # fmt: skip
 
     def inverse_depth(self) -> npt.NDArray[np.float64]:
         """1 / z of every corner, (T, 3)."""
@@ -200,16 +216,33 @@ def _may_be_seen(
     return result & ahead[triangles].any(axis=1)
 
 
-def barycentric_planes(corners: npt.NDArray[np.float64], camera: Camera) -> npt.NDArray[np.float64]:
+def barycentric_planes(corners: Array, camera: Camera) -> Array:
     """(T, 3, 3): row i holds the coefficients of b_i as an affine function of [x, y, 1]."""
-    M = np.swapaxes(corners[:, :, POSITION], 1, 2)
-    a, b, c = M[:, :, 0], M[:, :, 1], M[:, :, 2]
-    cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
-    determinant = np.sum(a * cofactors[:, 0], axis=1)
-    if not (determinant != 0.0).all():
+    p = [[np.ascontiguousarray(corners[:, k, axis]) for axis in range(3)] for k in range(3)]
+    cofactors = np.empty((len(corners), 3, 3))
+    for i in range(3):
+        (ux, uy, uz), (vx, vy, vz) = p[(i + 1) % 3], p[(i + 2) % 3]
+        cofactors[:, i, 0] = uy * vz - uz * vy
+        cofactors[:, i, 1] = uz * vx - ux * vz
+        cofactors[:, i, 2] = ux * vy - uy * vx
+    determinant = sum(p[0][axis] * cofactors[:, 0, axis] for axis in range(3))
+    if not np.all(determinant != 0.0):
         raise InputError("a triangle is seen exactly edge-on; it should have been dropped")
-    result: npt.NDArray[np.float64] = cofactors @ camera.ray_matrix() / determinant[:, None, None]
+    cofactors /= np.asarray(determinant)[:, None, None]
+    result: Array = (cofactors.reshape(-1, 3) @ camera.ray_matrix()).reshape(-1, 3, 3)
     return result
+
+
+def corner_mean(values: Array) -> Array:
+    """Mean over the corners of (T, 3, …); NumPy's own is slow along so short an axis."""
+    result: Array = (values[:, 0] + values[:, 1] + values[:, 2]) / 3.0
+    return result
+
+
+def corner_range(values: Array) -> tuple[Array, Array]:
+    """Lowest and highest over the corners of (T, 3, …)."""
+    a, b, c = values[:, 0], values[:, 1], values[:, 2]
+    return np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
 
 
 def _with_reach(
@@ -227,13 +260,26 @@ def _with_reach(
         extent = float((region.high - region.low).max())
         rows = np.flatnonzero(paint == number) if extent > 0.0 else np.zeros(0, np.int64)
         if len(rows):
-            own, plane = (v if len(rows) == len(v) else v[rows] for v in (corners, planes))
-            st = own[:, :, ST]
-            scaled = np.swapaxes(st, 1, 2) @ plane
-            slope = scaled[:, None, :, :2] - st[..., None] * plane.sum(axis=1)[:, None, None, :2]
-            footprint = 0.5 * np.abs(slope).sum(axis=-1) * own[:, :, 2, None]
-            reach = min(stretch * float(footprint.max()), extent)
-            seen = np.stack([st.min(axis=(0, 1)), st.max(axis=(0, 1))])
-            region = replace(region, reach=reach, seen=seen)
+            reach = max(
+                _largest_footprint(corners[part], planes[part])
+                for part in np.array_split(rows, -(-len(rows) // CHUNK))
+            )
+            low, high = corner_range(corners[rows][:, :, ST])
+            seen = np.stack([low.min(axis=0), high.max(axis=0)])
+            region = replace(region, reach=min(stretch * reach, extent), seen=seen)
         result.append(region)
     return result
+
+
+def _largest_footprint(corners: Array, planes: Array) -> float:
+    """Half the largest pixel in paint coordinates at the corners of triangles."""
+    weight = [planes[:, 0, k] + planes[:, 1, k] + planes[:, 2, k] for k in (0, 1)]
+    most = 0.0
+    for axis in (ST.start, ST.start + 1):
+        value = [np.ascontiguousarray(corners[:, k, axis]) for k in range(3)]
+        slope = [sum(value[i] * planes[:, i, k] for i in range(3)) for k in (0, 1)]
+        for corner in range(3):
+            size = np.abs(slope[0] - value[corner] * weight[0])
+            size += np.abs(slope[1] - value[corner] * weight[1])
+            most = max(most, float((size * corners[:, corner, 2]).max()))
+    return 0.5 * most

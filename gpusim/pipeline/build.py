@@ -11,7 +11,6 @@ from gpusim import mesh
 from gpusim.errors import InputError
 from gpusim.field import Field, read_field
 from gpusim.mesh import Mesh
-from gpusim.optics.camera import Camera
 from gpusim.optics.light import (
     AmbientLight,
     AreaLight,
@@ -29,7 +28,7 @@ from gpusim.scene import model as m
 from gpusim.surface import Skin, Surface
 from gpusim.surface.paint import Paint, Plain
 
-__all__ = ["BodyParts", "build_body", "build_camera", "build_lights", "build_pattern"]
+__all__ = ["BodyParts", "build_body", "build_lights", "build_pattern"]
 
 Array = npt.NDArray[np.float64]
 DEFAULT_ALBEDO = 0.5
@@ -88,21 +87,6 @@ def _painted_over(where: str) -> InputError:
     return InputError(
         f"{where}: every face it matches is painted over by a later paint"
     )  # fmt: skip
-
-
-def build_camera(camera: m.Camera) -> Camera:
-    """The pinhole camera of a scene."""
-    mm = 1e3
-    return Camera.from_lens(
-        (camera.sensor[0] * mm, camera.sensor[1] * mm),
-        camera.focal * mm,
-        camera.resolution,
-        camera.position,
-        camera.target,
-        camera.up,
-        (camera.principal_point_offset[0] * mm, camera.principal_point_offset[1] * mm),
-        camera.name,
-    )
 
 
 def finish_of(paint: m.Paint) -> tuple[float, float]:

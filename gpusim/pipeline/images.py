@@ -18,7 +18,7 @@ from gpusim.optics.sensor import Sensor
 from gpusim.optics.shutter import SurfacesAt
 from gpusim.optics.unchanged import same_surfaces, unseen_change
 from gpusim.optics.view import look
-from gpusim.pipeline.build import build_camera
+from gpusim.pipeline.cameras import build_camera
 from gpusim.pipeline.photo import build_lens, build_sensor, build_shutter, moving, opening
 from gpusim.scene import Scene
 from gpusim.scene import model as m
@@ -130,7 +130,8 @@ class Photographer:
         if self.scene.sensor.exposure is None and frame == 0:
             files.append(self._exposure_file(camera))
         image = sensor.expose(linear, self.scene.sensor.seed, frame, f"{self.kind}{camera.name}")
-        pixels = camera.resolution[0] / camera.sensor[0]
+        wide = camera.sensor[0]
+        pixels = camera.resolution[0] / wide if wide else None
         write_image(path, image, pixels_per_metre=pixels)
         return files
 

@@ -13,7 +13,7 @@ from gpusim import measure
 from gpusim.errors import GpusimError, InputError
 from gpusim.gpu import Device
 from gpusim.optics.camera import Camera
-from gpusim.pipeline.build import build_camera
+from gpusim.pipeline.cameras import build_camera
 from gpusim.pipeline.following import Followed, MarkerSet, collect_markers, follow_markers
 from gpusim.pipeline.stereo_result import CameraFound, StereoResult
 from gpusim.pipeline.things import Things

@@ -12,7 +12,8 @@ from gpusim._version import __version__
 from gpusim.export.truth import TruthWriter
 from gpusim.optics.frame import Frame
 from gpusim.optics.truth import Truth, seen_in
-from gpusim.pipeline.build import BodyParts, build_camera
+from gpusim.pipeline.build import BodyParts
+from gpusim.pipeline.cameras import build_camera
 from gpusim.pipeline.images import Photographer
 from gpusim.scene import Scene
 from gpusim.scene.amplitudes import LoadHistory

@@ -341,21 +341,32 @@ class Solver:
 
 @dataclass(frozen=True)
 class Camera:
-    """Pinhole camera: lengths in m, ``resolution`` (columns, rows) in px.
+    """Camera: lengths in m, ``resolution`` (columns, rows) in px.
 
     ``principal_point_offset`` is right and down from the image's centre, on the sensor.
+    ``intrinsics`` (fx, fy, cx, cy, skew) px come before ``focal``, which is 0 where nobody said
+    it, as are the sides of the ``sensor``. ``position`` and ``target`` are None for a camera with
+    a ``rotation`` (a Rodrigues vector, or nine numbers row by row) and ``translation``, or with
+    the pose of its ``calibration`` file.
     """
 
     name: str
     sensor: tuple[float, float]
     resolution: tuple[int, int]
     focal: float
-    position: Vec3
-    target: Vec3
+    position: Vec3 | None
+    target: Vec3 | None
     up: Vec3
     principal_point_offset: tuple[float, float]
     lens: Lens | None = None
     shutter: Shutter | None = None
+    intrinsics: tuple[float, ...] = ()
+    distortion: tuple[float, ...] = ()
+    rotation: tuple[float, ...] = ()
+    translation: Vec3 | None = None
+    calibration: str = ""
+    calibration_camera: str | int = 0
+    calibration_unit: float = 0.0
 
 
 @dataclass(frozen=True)

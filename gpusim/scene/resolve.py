@@ -269,15 +269,32 @@ def calibration(scene: SceneTable) -> model.Calibration | None:
 
 def camera(table: CameraTable) -> model.Camera:
     columns, rows = table.resolution_px
+    intrinsics: tuple[float, ...] = ()
+    if table.fx_px is not None:
+        assert table.fy_px is not None and table.cx_px is not None and table.cy_px is not None
+        intrinsics = (table.fx_px, table.fy_px, table.cx_px, table.cy_px, table.skew_px)
+    focal = table.focal_mm or 0.0
+    if table.fx_px is not None and table.sensor_mm is not None:
+        focal = table.fx_px * table.sensor_mm[0] / columns
+    rotation = table.rotation_vector or []
+    if table.rotation_matrix is not None:
+        rotation = [value for row in table.rotation_matrix for value in row]
     return model.Camera(
         name=table.name,
-        sensor=_pair(table.sensor_mm),
+        sensor=(0.0, 0.0) if table.sensor_mm is None else _pair(table.sensor_mm),
         resolution=(columns, rows),
-        focal=table.focal_mm / 1000.0,
-        position=_m(table.position_mm),
-        target=_m(table.target_mm),
+        focal=focal / 1000.0,
+        position=None if table.position_mm is None else _m(table.position_mm),
+        target=None if table.target_mm is None else _m(table.target_mm),
         up=_vec(table.up),
         principal_point_offset=_pair(table.principal_point_offset_mm),
+        intrinsics=intrinsics,
+        distortion=tuple(table.distortion),
+        rotation=tuple(rotation),
+        translation=None if table.translation_mm is None else _m(table.translation_mm),
+        calibration=table.calibration or "",
+        calibration_camera=table.calibration_camera,
+        calibration_unit=(table.calibration_unit_mm or 0.0) / 1000.0,
         lens=resolve_photo.lens(table.lens),
         shutter=resolve_photo.shutter(table.shutter),
     )
