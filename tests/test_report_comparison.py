@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from gpusim.report import Budget, BudgetRow, Published, Report, write_report
+from gpusim.report import Budget, BudgetRow, Measurement, Published, Report, write_report
 
 BUDGET = Budget(
     quantities=(("tip", "mm"), ("RMS", "px")),
@@ -38,7 +38,8 @@ def test_published_errors_and_what_is_better() -> None:
 
 def test_both_stand_in_json_and_on_the_page(tmp_path: Path) -> None:
     published = (Published("tip of the crane", 0.0004, 0.0026, "Somebody 2021"),)
-    report = Report("a", "b", "done", published=published, budget=BUDGET)
+    own = (Measurement.compare("tip of the crane", "mm", 10.004, 10.0),)
+    report = Report("a", "b", "done", measurements=own, published=published, budget=BUDGET)
     paths = write_report(report, tmp_path)
     content = json.loads(paths.json.read_text(encoding="utf-8"))
     assert content["published"] == [
