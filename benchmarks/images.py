@@ -19,7 +19,8 @@ from gpusim.gpu import Device
 from gpusim.optics.binning import bin_edges
 from gpusim.optics.setup import Setup
 from gpusim.optics.view import look
-from gpusim.pipeline.build import build_body, build_camera, build_lights
+from gpusim.pipeline.build import build_body, build_lights
+from gpusim.pipeline.cameras import build_camera
 from gpusim.pipeline.props import build_prop
 from tests.optics_reference import Plate, difference, pattern, reference
 

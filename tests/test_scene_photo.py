@@ -13,7 +13,7 @@ import pytest
 import gpusim as gs
 from gpusim.errors import SceneError
 from gpusim.optics.presets import CAMERAS
-from gpusim.pipeline.build import build_camera
+from gpusim.pipeline.cameras import build_camera
 from gpusim.pipeline.photo import build_lens, build_sensor, build_shutter, moving
 from gpusim.plan import make_plan
 from gpusim.scene.schema.sensor import SensorTable

@@ -54,7 +54,7 @@ def test_a_new_run_of_the_crane(crane: Scene, tmp_path: Path) -> None:
     assert len({stage.key for stage in plan.stages}) == len(plan.stages)
     frame = plan["render/front/0001"]
     assert (frame.camera, frame.frame) == ("front", 1)
-    assert frame.detail == "5616x3744 px, 3 lights, pinhole, no noise, load x 1"
+    assert frame.detail == "5616x3744 px, 3 lights, shadows of 2, pinhole, no noise, load x 1"
     assert plan["measure"].detail == "26 markers"
     json.dumps(plan.to_dict(), allow_nan=False)
     with pytest.raises(KeyError):

@@ -18,7 +18,7 @@ from gpusim.errors import InputError, SceneError
 from gpusim.export import write_stl
 from gpusim.export.images import read_image
 from gpusim.mesh import read_surface
-from gpusim.pipeline.build import build_camera
+from gpusim.pipeline.cameras import build_camera
 from gpusim.pipeline.props import build_prop, posed, rotation
 from gpusim.plan import make_plan
 from gpusim.scene import Scene

@@ -193,7 +193,7 @@ def test_other_paints_lights_and_loads() -> None:
     assert checker.origin == (0.001, 0.002, 0.03)
     assert isinstance(grid, model.Dots)
     assert (grid.diameter, grid.pitch, grid.dot) == (0.002, 0.005, 0.04)
-    assert scene.lights[0].target is None
+    assert isinstance(scene.lights[0], model.Point) and scene.lights[0].shadows
     assert Scene.from_document(tomllib.loads(scene.to_toml())) == scene
 
 

@@ -49,7 +49,7 @@ def _scene(problem, crop=None):
     for number, (value, corners) in enumerate(problem.groups()):
         colour = {"type": "uniform", "value": value}
         if problem.textured:
-            data = problem.texture[::-1].astype(np.float32)[:, :, None] / 255.0
+            data = problem.texture.astype(np.float32)[:, :, None] / 255.0
             colour = {"type": "bitmap", "bitmap": mi.Bitmap(data), "raw": True}
         scene[f"group{number}"] = _mesh(problem, corners, colour, problem.lit)
     for number, (centre, a, b) in enumerate(problem.lamps):

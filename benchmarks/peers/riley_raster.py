@@ -36,7 +36,7 @@ def _mesh(problem):
     if problem.textured:
         shader = riley.TextureShader(
             uvs=np.ascontiguousarray(problem.uv.reshape(-1, 2)),
-            texture=problem.texture[::-1].copy(),
+            texture=problem.texture[None].copy(),
         )
     else:
         field = np.repeat(255.0 * problem.albedo, 3)[:, None]

@@ -210,8 +210,8 @@ def _write_problem(case: ImageCase, folder: Path) -> None:
         relative = case.soup.corners - plate.origin
         st = np.stack([relative @ plate.s_axis, relative @ plate.t_axis], axis=-1)
         arrays["uv"] = st / np.array(plate.size)
-        texel = float(np.linalg.norm(plate.origin - camera.eye)) / camera.K[0, 0]
-        arrays["texture"] = disc_texture(plate, texel)  # about one texel per pixel
+        pixel = float(np.linalg.norm(plate.origin - camera.eye)) / camera.K[0, 0]
+        arrays["texture"] = disc_texture(plate, 0.5 * pixel)
     np.savez(folder / "problem.npz", allow_pickle=False, **arrays)
     facts = {"width": camera.width, "height": camera.height, "focal": camera.K[0, 0],
              "lit": bool(case.lights)}  # fmt: skip

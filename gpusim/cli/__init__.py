@@ -1,4 +1,4 @@
-"""The command line: ``gpusim run | solve | dic | plan | schema | doctor | check | bench``.
+"""The command line: ``gpusim run | solve | dic | calibrate | plan | schema | doctor | check`` …
 
 Exit codes: 0 good, 1 unexpected, 2 bad scene or usage, 3 not converged, 4 no usable adapter or
 device lost, 5 twin mismatch, 130 interrupted. Heavy modules are imported by the command that needs
@@ -219,6 +219,40 @@ def dic(
             backend.value,
         )
         correlate_files(reference, deformed, output, choices, quiet, as_json)
+
+
+@app.command()
+def calibrate(
+    images: Annotated[
+        list[Path], typer.Argument(metavar="IMAGES...", help="Pictures of a board, or a folder.")
+    ],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="OUT", help="Output folder.")],
+    board: Annotated[str, typer.Option(metavar="COLSxROWS", help="Fields, not inner corners.")],
+    square_mm: Annotated[float, typer.Option(help="Side of a field.")],
+    others: Annotated[
+        list[Path] | None,
+        typer.Option("--with", metavar="FOLDER", help="One more camera's pictures (repeatable)."),
+    ] = None,
+    lens: Annotated[
+        str, typer.Option(help="pinhole, radial, radial3, brown, rational, prism or tilted.")
+    ] = "brown",
+    square_pixels: Annotated[
+        bool, typer.Option("--square-pixels", help="One focal length for both directions.")
+    ] = False,
+    formats: Annotated[
+        list[str] | None,
+        typer.Option("--format", help="opencv, kalibr, matchid, vic, dice (repeatable)."),
+    ] = None,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
+    as_json: Json = False,
+) -> None:
+    """Calibrate one camera or a rig from pictures of a chessboard."""
+    with exit_codes():
+        _check_folder(output)
+        from gpusim.cli.calibrating import Wishes, calibrate_files
+
+        wishes = Wishes(board, square_mm, lens, square_pixels, tuple(formats or ["opencv"]))
+        calibrate_files(images, others or [], output, wishes, quiet, as_json)
 
 
 @app.command()

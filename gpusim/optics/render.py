@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from types import UnionType
 
 import numpy as np
 
 from gpusim.errors import InputError
 from gpusim.gpu import Device, default_device
-from gpusim.optics.binning import bin_edges
+from gpusim.optics.binning import EdgePixels, bin_edges
 from gpusim.optics.camera import Camera
 from gpusim.optics.edges import EdgePass, edges_twin
 from gpusim.optics.frame import Band, Frame
@@ -17,7 +17,7 @@ from gpusim.optics.light import Light, is_light
 from gpusim.optics.setup import Setup
 from gpusim.optics.shade import ShadePass, Tables, shade_twin
 from gpusim.optics.shadow import ShadowPass
-from gpusim.optics.view import look
+from gpusim.optics.view import View, look
 from gpusim.optics.visibility import visibility_twin
 from gpusim.surface.surface import Surface
 
@@ -25,6 +25,10 @@ __all__ = ["render"]
 
 BAND_BYTES = 1 << 25
 WIDEST = 8192
+MOST_TRIANGLES = 1_000_000
+"""Triangles set up at once: their records fill most of a portable binding (128 MiB)."""
+
+FEWEST_ROWS = 16
 FINEST_ERROR = 0.25
 
 
@@ -77,20 +81,39 @@ def render(
         if size > WIDEST:
             raise InputError(f"render: image {name}; got {size}; expected at most {WIDEST} px")
     view = look(surfaces, camera, lit=lights is not None)
-    setup = Setup.build(view, lights, background, surfaces)
-    edges = bin_edges(view)
     if backend == "numpy":
+        setup = Setup.build(view, lights, background, surfaces)
         interior = shade_twin(setup, visibility_twin(view))
-        return Frame(view, None, radiance=edges_twin(setup, edges, interior))
+        return Frame(view, None, radiance=edges_twin(setup, bin_edges(view), interior))
     device = device or default_device()
-    rows = min(camera.height, max(16, BAND_BYTES // (4 * camera.width)))
+    bands: list[Band] = []
+    for first, stop, part in _parts(view, 0, camera.height):
+        setup = Setup.build(part, lights, background, surfaces)
+        bands += _draw(device, setup, bin_edges(part), first, stop)
+    return Frame(view, device, tuple(bands))
+
+
+def _parts(view: View, first: int, stop: int) -> Iterator[tuple[int, int, View]]:
+    """Rows of the image with no more triangles over them than one binding holds."""
+    part = view if stop - first == view.camera.height else view.over_rows(first, stop)
+    if part.count <= MOST_TRIANGLES or stop - first <= FEWEST_ROWS:
+        yield first, stop, part
+        return
+    middle = (first + stop) // 2
+    yield from _parts(view, first, middle)
+    yield from _parts(view, middle, stop)
+
+
+def _draw(device: Device, setup: Setup, edges: EdgePixels, first: int, stop: int) -> Iterator[Band]:
+    """Rows ``first`` … ``stop - 1`` in bands of what a texture may hold."""
+    width = setup.view.camera.width
+    rows = min(stop - first, max(16, BAND_BYTES // (4 * width)))
     tables = Tables(device, setup)
     shade_pass, edge_pass = ShadePass(tables, rows), EdgePass(tables, edges)
     shadow_pass = ShadowPass(tables) if setup.lighting.shadows is not None else None
     stride = shade_pass.stride
-    bands = []
-    for row0 in range(0, camera.height, rows):
-        count = min(rows, camera.height - row0)
+    for row0 in range(first, stop, rows):
+        count = min(rows, stop - row0)
         radiance = device.empty(4 * count * stride, f"radiance[{row0}]")
         with device.recording("optics.shade") as recording:
             shade_pass.record(recording, radiance, row0, count)
@@ -100,8 +123,7 @@ def render(
         with device.recording("optics.edges") as recording:
             edge_pass.record(recording, radiance, row0, count, stride)
         edge_pass.write_deep(radiance, row0, count, stride)
-        bands.append(Band(row0, count, stride, radiance))
-    return Frame(view, device, tuple(bands))
+        yield Band(row0, count, stride, radiance)
 
 
 def _all_are(kind: type | UnionType, values: object) -> bool:

@@ -176,6 +176,9 @@ class _Receivers:
         size = LEVELS[0]
         first = np.floor((self.low + 0.5) / size).astype(np.int64)
         last = np.floor((self.high + 0.5) / size).astype(np.int64)
+        # what ends on the picture's border may end on that of a tile too, and begin none
+        camera = self.view.camera
+        last = np.minimum(last, np.array([-(-camera.width // size), -(-camera.height // size)]) - 1)
         wide, tall = np.maximum(last - first + 1, 0).T
         triangle = np.repeat(np.arange(self.view.count), wide * tall)
         per = wide * tall

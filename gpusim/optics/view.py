@@ -19,21 +19,27 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.optics.camera import Camera
-from gpusim.optics.cutting import LONGEST_EDGE, Pieces, Screen, clip, split
+from gpusim.optics.cutting import LONGEST_EDGE, Pieces, Screen, clip, split, without_area
 from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.grazing import grazing_reach
-from gpusim.optics.outline import area_normals, feature_edges, smooth_normals, unit
+from gpusim.optics.outline import area_normals, feature_edges, sharp_normals, smooth_normals, unit
 from gpusim.optics.paint_edges import speckle_jumps
 from gpusim.surface.paint import Paint
+from gpusim.surface.plane import PaintFrame
 from gpusim.surface.speckle import Speckle
 from gpusim.surface.surface import Surface
 
-__all__ = ["FIXED", "LONGEST_EDGE", "RegionPaint", "View", "look"]
+__all__ = [
+    "FIXED", "LONGEST_EDGE", "RegionPaint", "View", "corner_mean", "corner_range", "look",
+]  # fmt: skip
 
 Array = npt.NDArray[np.float64]
 
 FIXED = 65536
 """Steps of a screen coordinate in fixed point per pixel."""
+
+CHUNK = 1 << 14
+"""Triangles worked on at a time, so that they stay in the processor's cache."""
 
 NEAR = 1e-4
 """Near plane, as a share of the farthest depth in view."""
@@ -92,6 +98,17 @@ class View:
         if self.camera.lens is None:
             return self.screen
         return Screen(self.camera).ideal(self.corners[:, :, POSITION])
+
+    def over_rows(self, first: int, stop: int) -> View:
+        """The triangles and edges that touch rows ``first`` … ``stop - 1``; others are left out."""
+        low, high = corner_range(self.screen[:, :, 1])
+        own = (high > first - 1.0) & (low < stop)
+        y = self.edges[:, :, 1]
+        near = (np.maximum(y[:, 0], y[:, 1]) > first - 1.0) & (np.minimum(y[:, 0], y[:, 1]) < stop)
+        return replace(
+            self, corners=self.corners[own], screen=self.screen[own], paint=self.paint[own],
+            face=self.face[own], edges=self.edges[near], planes=self.planes[own],
+        )  # fmt: skip
 
     def inverse_depth(self) -> npt.NDArray[np.float64]:
         """1 / z of every corner, (T, 3)."""
@@ -165,37 +182,85 @@ def _pieces(
     keep = seen & front if topology.closed else seen
     shows = feature_edges(topology, front, surface.regions, unit(area), surface.smooth_angle, keep)
     kept = np.flatnonzero(keep)
+    if ahead.all():
+        # as `split` would do later, with more to carry
+        corner = [np.ascontiguousarray(triangles[kept, k]) for k in range(3)]
+        kept = kept[~without_area(*([ideal[:, axis][c] for c in corner] for axis in (0, 1)))]
+    table = _table(surface, points, area, kept, front, lit, screen.camera)
     chosen = triangles[kept]
-    table = np.zeros((len(kept), 3, 11))
-    table[:, :, POSITION] = points[chosen]
-    table[:, :, REFERENCE] = surface.rest[chosen]
-    if lit:
-        normals = smooth_normals(area, triangles, len(points), surface.smooth_angle, kept)
-        table[:, :, NORMAL] = normals @ screen.camera.camera_from_world[:3, :3]
-    region = surface.regions[topology.source[kept]]
-    for number in surface.extents:
-        rows = np.flatnonzero(region == number)
-        frame = surface.paint_frame(number)
-        table[rows, :, ST] = frame.of_triangles(table[rows, :, REFERENCE], kept[rows])
-        paint = list(surface.paints.values())[number]
+    for number, paint in enumerate(surface.paints.values()):
         if isinstance(paint, Speckle):
-            own = region == number
-            jumps = speckle_jumps(topology, kept, own, table[:, :, ST], points, ideal, paint)
-            shows[jumps] = True
+            own = surface.regions[topology.source[kept]] == number
+            st = table[:, :, ST].copy()
+            st[~front[kept]] = st[~front[kept]][:, [0, 2, 1]]
+            shows[speckle_jumps(topology, kept, own, st, points, ideal, paint)] = True
     flags = shows[topology.edge[kept]]
     turned = ~front[kept]
-    table[turned] = table[turned][:, [0, 2, 1]]
-    table[turned, :, NORMAL] *= -1.0
-    flags[turned] = flags[turned][:, [2, 1, 0]]
+    if turned.any():
+        flags[turned] = flags[turned][:, [2, 1, 0]]
     pieces = Pieces(table, flags, kept)
-    crossing = ~ahead[chosen].all(axis=1)
-    crossing |= screen.reaches_far(ideal[chosen])
+    out = (~ahead | screen.beyond(ideal))[chosen]
+    crossing = out[:, 0] | out[:, 1] | out[:, 2]
     if crossing.any():
         cut = clip(pieces[crossing], np.array([0.0, 0.0, 1.0]), near)
         for normal in screen.guards():
             cut = clip(cut, normal, 0.0)
         pieces = Pieces.joined([pieces[~crossing], cut])
     return split(pieces, screen)
+
+
+def _table(
+    surface: Surface,
+    points: Array,
+    area: Array,
+    kept: npt.NDArray[np.int64],
+    front: npt.NDArray[np.bool_],
+    lit: bool,
+    camera: Camera,
+) -> Array:
+    """Corners (n, 3, 11) of the triangles ``kept``, those that look away turned round.
+
+    A view of (3, 11, n), so that whatever passes over one column reads nothing else.
+    """
+    triangles = surface.topology.triangles
+    turned = ~front[kept]
+    away = np.flatnonzero(turned)
+    corner = [np.ascontiguousarray(triangles[kept, k]) for k in range(3)]
+    corner[1][away], corner[2][away] = corner[2][away], corner[1][away]
+    columns = np.zeros((3, 11, len(kept)))
+    table = np.moveaxis(columns, 2, 0)
+
+    def fill(first: int, values: Array) -> None:
+        """From values (n, V) at the vertices."""
+        for axis, column in enumerate(values):
+            column = np.ascontiguousarray(column)
+            for k in range(3):
+                np.take(column, corner[k], out=columns[k, first + axis], mode="clip")
+
+    fill(POSITION.start, points.T)
+    fill(REFERENCE.start, surface.rest.T)
+    if lit:
+        angle, to_world = surface.smooth_angle, camera.camera_from_world[:3, :3].T
+        normal, sharp = smooth_normals(area, triangles, len(points), angle)
+        fill(NORMAL.start, to_world @ normal)
+        if sharp.any():
+            rows, k = np.nonzero(np.stack([sharp[c] for c in corner], axis=1))
+            vertex = np.stack(corner, axis=1)[rows, k]
+            own = sharp_normals(area, triangles, sharp, kept[rows], vertex, angle)
+            table[rows, k, NORMAL] = own @ to_world.T
+        if len(away):
+            columns[:, NORMAL] *= np.where(turned, -1.0, 1.0)
+    region = surface.regions[surface.topology.source[kept]] if surface.extents else kept
+    for number in surface.extents:
+        rows = np.flatnonzero(region == number)
+        frame = surface.paint_frame(number)
+        if len(rows) == len(kept) and isinstance(frame, PaintFrame):
+            fill(ST.start, frame.coordinates(surface.rest).T)
+            continue
+        own = frame.of_triangles(surface.rest[triangles[kept[rows]]], kept[rows])
+        own[turned[rows]] = own[turned[rows]][:, [0, 2, 1]]
+        table[rows, :, ST] = own
+    return table
 
 
 def _may_be_seen(
@@ -214,16 +279,40 @@ def _may_be_seen(
     return result & ahead[triangles].any(axis=1)
 
 
-def barycentric_planes(corners: npt.NDArray[np.float64], camera: Camera) -> npt.NDArray[np.float64]:
+def barycentric_planes(corners: Array, camera: Camera) -> Array:
     """(T, 3, 3): row i holds the coefficients of b_i as an affine function of [x, y, 1]."""
-    M = np.swapaxes(corners[:, :, POSITION], 1, 2)
-    a, b, c = M[:, :, 0], M[:, :, 1], M[:, :, 2]
-    cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
-    determinant = np.sum(a * cofactors[:, 0], axis=1)
-    if not (determinant != 0.0).all():
-        raise InputError("a triangle is seen exactly edge-on; it should have been dropped")
-    result: npt.NDArray[np.float64] = cofactors @ camera.ray_matrix() / determinant[:, None, None]
+    p = [[np.ascontiguousarray(corners[:, k, axis]) for axis in range(3)] for k in range(3)]
+    columns = np.empty((3, 3, len(corners)))
+    D = camera.ray_matrix()
+    for i in range(3):
+        (ux, uy, uz), (vx, vy, vz) = p[(i + 1) % 3], p[(i + 2) % 3]
+        x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+        if i == 0:
+            determinant = p[0][0] * x + p[0][1] * y + p[0][2] * z
+            if not np.all(determinant != 0.0):
+                raise InputError("a triangle is seen exactly edge-on; it should have been dropped")
+            scale = 1.0 / determinant
+        for k in range(3):
+            # the ray matrix is upper triangular
+            row = x * D[0, k]
+            if k > 0:
+                row += y * D[1, k]
+            if k > 1:
+                row += z * D[2, k]
+            np.multiply(row, scale, out=columns[i, k])
+    return np.moveaxis(columns, 2, 0)
+
+
+def corner_mean(values: Array) -> Array:
+    """Mean over the corners of (T, 3, …); NumPy's own is slow along so short an axis."""
+    result: Array = (values[:, 0] + values[:, 1] + values[:, 2]) / 3.0
     return result
+
+
+def corner_range(values: Array) -> tuple[Array, Array]:
+    """Lowest and highest over the corners of (T, 3, …)."""
+    a, b, c = values[:, 0], values[:, 1], values[:, 2]
+    return np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
 
 
 def _with_reach(
@@ -242,22 +331,47 @@ def _with_reach(
         extent = float((region.high - region.low).max())
         rows = np.flatnonzero(paint == number) if extent > 0.0 else np.zeros(0, np.int64)
         if len(rows):
-            own, plane = (v if len(rows) == len(v) else v[rows] for v in (corners, planes))
-            st = own[:, :, ST]
-            scaled = np.swapaxes(st, 1, 2) @ plane
-            slope = scaled[:, None, :, :2] - st[..., None] * plane.sum(axis=1)[:, None, None, :2]
-            slope *= stretch * own[:, :, 2, None, None]
-            half = 0.5 * np.abs(slope).sum(axis=-1).max(axis=-1)
-            widest[rows] = half.max(axis=1)
-            reach = min(float(half.max()), extent)
+            seen = np.array(
+                [[float(pick(corners[:, :, axis][rows])) for axis in range(ST.start, ST.stop)]
+                 for pick in (np.min, np.max)]
+            )  # fmt: skip
             limit = None
             if isinstance(region.paint, Speckle):
+                slope = stretch * _footprints(corners[rows], planes[rows])
+                half = 0.5 * np.abs(slope).sum(axis=-1).max(axis=-1)
+                widest[rows] = half.max(axis=1)
+                reach = float(half.max())
                 image = (camera.width, camera.height)
                 limit = grazing_reach(region.paint, half, slope, place[rows], image)
-            seen = np.stack([st.min(axis=(0, 1)), st.max(axis=(0, 1))])
-            region = replace(
-                region, reach=reach if limit is None else limit, seen=seen,
-                grazing=limit is not None,
-            )  # fmt: skip
+            else:
+                reach = stretch * max(
+                    _largest_footprint(corners[part], planes[part])
+                    for part in np.array_split(rows, -(-len(rows) // CHUNK))
+                )
+            reach = min(reach, extent) if limit is None else limit
+            region = replace(region, reach=reach, seen=seen, grazing=limit is not None)
         result.append(region)
     return result, widest
+
+
+def _footprints(corners: Array, planes: Array) -> Array:
+    """(n, 3, 2, 2): change of s and t per column and row at the corners of triangles."""
+    st = corners[:, :, ST]
+    scaled = np.swapaxes(st, 1, 2) @ planes
+    slope = scaled[:, None, :, :2] - st[..., None] * planes.sum(axis=1)[:, None, None, :2]
+    result: Array = slope * corners[:, :, 2, None, None]
+    return result
+
+
+def _largest_footprint(corners: Array, planes: Array) -> float:
+    """Half the largest pixel in paint coordinates at the corners of triangles."""
+    weight = [planes[:, 0, k] + planes[:, 1, k] + planes[:, 2, k] for k in (0, 1)]
+    most = 0.0
+    for axis in (ST.start, ST.start + 1):
+        value = [np.ascontiguousarray(corners[:, k, axis]) for k in range(3)]
+        slope = [sum(value[i] * planes[:, i, k] for i in range(3)) for k in (0, 1)]
+        for corner in range(3):
+            size = np.abs(slope[0] - value[corner] * weight[0])
+            size += np.abs(slope[1] - value[corner] * weight[1])
+            most = max(most, float((size * corners[:, corner, 2]).max()))
+    return 0.5 * most

@@ -11,8 +11,15 @@ from gpusim import mesh
 from gpusim.errors import InputError
 from gpusim.field import Field, read_field
 from gpusim.mesh import Mesh
-from gpusim.optics.camera import Camera
-from gpusim.optics.light import AmbientLight, AreaLight, Light, PointLight
+from gpusim.optics.light import (
+    AmbientLight,
+    AreaLight,
+    EnvironmentLight,
+    Light,
+    PointLight,
+    SpotLight,
+    SunLight,
+)
 from gpusim.pipeline.meshing import build_mesh
 from gpusim.pipeline.painting import Frame, build_frame, build_pattern
 from gpusim.pipeline.places import faces_of
@@ -21,7 +28,7 @@ from gpusim.scene import model as m
 from gpusim.surface import Skin, Surface
 from gpusim.surface.paint import Paint, Plain
 
-__all__ = ["BodyParts", "build_body", "build_camera", "build_lights", "build_pattern"]
+__all__ = ["BodyParts", "build_body", "build_lights", "build_pattern"]
 
 Array = npt.NDArray[np.float64]
 DEFAULT_ALBEDO = 0.5
@@ -60,7 +67,7 @@ def build_body(body: m.Body) -> BodyParts:
         except InputError as error:
             raise InputError(f"body {body.name!r}, paint {paint.name!r}: {error}") from None
         region[skin.numbers(painted)] = number
-        paints[paint.name] = Plain(paint.albedo)
+        paints[paint.name] = Plain(paint.albedo, *finish_of(paint))
     frames: dict[str, Frame] = {}
     rest = skin.at_vertices(grid.points)
     for number, paint in enumerate(body.paints, start=1):
@@ -82,30 +89,31 @@ def _painted_over(where: str) -> InputError:
     )  # fmt: skip
 
 
-def build_camera(camera: m.Camera) -> Camera:
-    """The pinhole camera of a scene."""
-    mm = 1e3
-    return Camera.from_lens(
-        (camera.sensor[0] * mm, camera.sensor[1] * mm),
-        camera.focal * mm,
-        camera.resolution,
-        camera.position,
-        camera.target,
-        camera.up,
-        (camera.principal_point_offset[0] * mm, camera.principal_point_offset[1] * mm),
-        camera.name,
-    )
+def finish_of(paint: m.Paint) -> tuple[float, float]:
+    """Roughness and metallic share; of paints without a finish those of a matte one."""
+    return getattr(paint, "finish", (1.0, 0.0))
 
 
 def build_lights(scene: Scene) -> list[Light] | None:
-    """The lamps, or None for a scene without: it then shows albedo."""
-    lights: list[Light] = []
-    for lamp in scene.lights:
-        if lamp.type == "ambient":
-            lights.append(AmbientLight(lamp.radiance))
-        elif lamp.type == "point":
-            lights.append(PointLight(lamp.position, lamp.power))
-        else:
-            assert lamp.target is not None
-            lights.append(AreaLight(lamp.position, lamp.target, lamp.size, lamp.power))
-    return lights or None
+    """The lights, or None for a scene without: it then shows albedo."""
+    return [_light(light) for light in scene.lights] or None
+
+
+def _light(light: m.Light) -> Light:
+    if isinstance(light, m.Ambient):
+        return AmbientLight(light.radiance)
+    if isinstance(light, m.Environment):
+        # sky and ground look alike all round: any direction that isn't up will do
+        x, y, z = np.eye(3)[int(np.argmin(np.abs(light.up)))].tolist()
+        return EnvironmentLight(light.sky, light.ground, up=light.up, forward=(x, y, z))
+    if isinstance(light, m.Point):
+        return PointLight(light.position, light.power, light.shadows)
+    if isinstance(light, m.Spot):
+        return SpotLight(
+            light.position, light.target, light.power, light.cone, light.penumbra, light.shadows
+        )
+    if isinstance(light, m.Area):
+        return AreaLight(
+            light.position, light.target, light.size, light.power, light.shape, light.shadows
+        )
+    return SunLight(light.direction, light.irradiance, light.diameter, light.shadows)

@@ -16,7 +16,8 @@ import numpy.typing as npt
 from gpusim import measure
 from gpusim.gpu import Device
 from gpusim.optics.camera import Camera
-from gpusim.pipeline.build import BodyParts, build_camera
+from gpusim.pipeline.build import BodyParts
+from gpusim.pipeline.cameras import build_camera
 from gpusim.pipeline.deflection import DeflectionResult
 from gpusim.pipeline.following import collect_markers, follow_markers
 from gpusim.scene import Scene

@@ -64,8 +64,9 @@ def _pattern(paint: m.Pattern, frame: Frame, where: str) -> paints.Paint:
                 f"{off[bad[0]] * 1e3:.3g} mm off the painted plane; expected a point on it"
             )
         return paints.Markers(
-            frame.coordinates(positions), paint.size, paint.dark, paint.light, paint.albedo
-        )
+            frame.coordinates(positions), paint.size, paint.dark, paint.light, paint.albedo,
+            roughness=paint.finish[0], metallic=paint.finish[1],
+        )  # fmt: skip
     if isinstance(paint, m.Target):
         return _target(paint, frame.coordinates(np.array(paint.places)))
     s, t = (float(value) for value in frame.coordinates(np.array(paint.origin)))
@@ -76,11 +77,13 @@ def _pattern(paint: m.Pattern, frame: Frame, where: str) -> paints.Paint:
         )  # fmt: skip
     if isinstance(paint, m.Checker):
         return paints.Checker(
-            paint.cell, paint.columns, paint.rows, (s, t), paint.dark, paint.light, paint.albedo
-        )
+            paint.cell, paint.columns, paint.rows, (s, t), paint.dark, paint.light, paint.albedo,
+            *paint.finish,
+        )  # fmt: skip
     return paints.Dots(
-        paint.diameter, paint.pitch, paint.columns, paint.rows, (s, t), paint.dot, paint.albedo
-    )
+        paint.diameter, paint.pitch, paint.columns, paint.rows, (s, t), paint.dot, paint.albedo,
+        *paint.finish,
+    )  # fmt: skip
 
 
 def _target(paint: m.Target, places: Array) -> paints.Paint:

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.mesh import read_surface
-from gpusim.pipeline.build import build_body
+from gpusim.pipeline.build import build_body, finish_of
 from gpusim.pipeline.painting import Frame, build_frame, build_pattern
 from gpusim.pipeline.places import surface_faces_of
 from gpusim.scene import model as m
@@ -54,7 +54,8 @@ def _plate(prop: m.Plate) -> Surface:
     faces = np.array([[0, 1, 2, 3]], np.int32)
     where = f"prop {prop.name!r}, paint {prop.paint.name!r}"
     if isinstance(prop.paint, m.Plain):
-        return Surface(points, faces, Plain(prop.paint.albedo), name=prop.name)
+        plain = Plain(prop.paint.albedo, *finish_of(prop.paint))
+        return Surface(points, faces, plain, name=prop.name)
     frame = plane_frame(points, faces, where, prop.paint.up or prop.up)
     name = prop.paint.name
     paint = build_pattern(prop.paint, frame, where)
@@ -72,7 +73,7 @@ def _faces(prop: m.Shape) -> Surface:
     for number, (paint, where) in enumerate(zip(prop.paints, places, strict=True), start=1):
         region[surface_faces_of(points, faces, paint.where, where)] = number
     for number, (paint, where) in enumerate(zip(prop.paints, places, strict=True), start=1):
-        paints[paint.name] = Plain(paint.albedo)
+        paints[paint.name] = Plain(paint.albedo, *finish_of(paint))
         own = region == number
         if isinstance(paint, m.Plain):
             continue

@@ -12,7 +12,8 @@ from gpusim._version import __version__
 from gpusim.export.truth import TruthWriter
 from gpusim.optics.frame import Frame
 from gpusim.optics.truth import Truth, seen_in
-from gpusim.pipeline.build import BodyParts, build_camera
+from gpusim.pipeline.build import BodyParts
+from gpusim.pipeline.cameras import build_camera
 from gpusim.pipeline.images import Photographer
 from gpusim.scene import Scene
 from gpusim.scene.amplitudes import LoadHistory
@@ -54,6 +55,7 @@ def write_truth(
                 height=camera.height,
                 K=camera.K,
                 camera_from_world=camera.camera_from_world,
+                distortion=() if camera.distortion is None else camera.distortion,
             )
         rest = {spec.name: photographer.sight(spec, None) for spec in scene.cameras}
         for number, factor in enumerate(scene.analysis.load_factors):

@@ -27,6 +27,8 @@ def describe(scene: Scene) -> dict[str, str]:
     size = f"{3 * nodes:,} unknowns, " if all(count[0] for count in counts) else ""
     lights = len(scene.lights)
     lit = f"{lights} light{'s' if lights > 1 else ''}" if lights else "no light: albedo"
+    casting = sum(getattr(light, "shadows", False) for light in scene.lights)
+    lit += f", shadows of {casting}" if casting else ", no shadows" if lights else ""
     wanted = [name for name in ("vtu", "stl") if getattr(scene.output, name)]
     return {
         "mesh": "; ".join(mesh_words(body.mesh) for body in scene.bodies),

@@ -49,6 +49,11 @@ def find_files(document: dict[str, Any], folder: Path) -> tuple[Found, tuple[tup
             if prop["type"] == "mesh" and isinstance(prop.get("file"), str):
                 _enter(prop, ("prop", index, "file"), folder, "a file of faces or a mesh", found,
                        hashes)  # fmt: skip
+    cameras = document.get("camera")
+    for index, camera in enumerate(cameras if isinstance(cameras, list) else ()):
+        if isinstance(camera, dict) and isinstance(camera.get("calibration"), str):
+            _enter(camera, ("camera", index, "calibration"), folder, "a calibration file", found,
+                   hashes)  # fmt: skip
     return found, tuple(sorted(hashes.items()))
 
 
@@ -71,12 +76,13 @@ def _enter(
     hashes: dict[str, str],
 ) -> None:
     """Make the file of a table absolute and enter its hash, or its fault."""
-    if not table["file"]:
+    key = str(keys[-1])
+    if not table[key]:
         return
-    path = folder.absolute() / table["file"]
+    path = folder.absolute() / table[key]
     if problem := _hash(path, hashes):
         found.append((keys, Fault(dotted(keys), problem, shown(str(path)), expected)))
-    table["file"] = str(path)
+    table[key] = str(path)
 
 
 def _hash(path: Path, hashes: dict[str, str]) -> str:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from .lights import Ambient, Area, Environment, Light, Point, Spot, Sun
 from .loading import (
     Amplitude,
     Centrifugal,
@@ -28,7 +29,7 @@ from .loading import (
     Vec3,
     Where,
 )
-from .measures import Damage, Deflection, Measure, Stereo, Variant
+from .measures import Damage, Deflection, Measure, Published, Stereo, Variant
 from .patterns import Picture, Target, Wrap
 from .photo import Lens, Psf, Sensor, Shutter, Vignetting
 from .recipe import (
@@ -44,8 +45,10 @@ from .recipe import (
 )
 
 __all__ = [
+    "Ambient",
     "Amplitude",
     "Analysis",
+    "Area",
     "BeamMesh",
     "Body",
     "Box",
@@ -59,6 +62,7 @@ __all__ = [
     "Damage",
     "Deflection",
     "Dots",
+    "Environment",
     "FieldMesh",
     "FileMesh",
     "Force",
@@ -84,17 +88,21 @@ __all__ = [
     "Plain",
     "Plate",
     "PlateMesh",
+    "Point",
     "Pose",
     "Pressure",
     "Prop",
     "Psf",
+    "Published",
     "Render",
     "Sensor",
     "Shape",
     "Shutter",
     "Solver",
     "Speckle",
+    "Spot",
     "Stereo",
+    "Sun",
     "Support",
     "Target",
     "Thermal",
@@ -109,11 +117,12 @@ __all__ = [
 
 @dataclass(frozen=True)
 class Plain:
-    """One albedo everywhere."""
+    """One albedo everywhere; ``finish``: roughness, and metallic share, here and elsewhere."""
 
     name: str
     where: Where
     albedo: float
+    finish: tuple[float, float] = (1.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -137,6 +146,7 @@ class Markers:
     light: float
     markers: tuple[Marker, ...]
     wrap: Wrap | None = None
+    finish: tuple[float, float] = (1.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -154,6 +164,7 @@ class Checker:
     dark: float
     light: float
     wrap: Wrap | None = None
+    finish: tuple[float, float] = (1.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -171,6 +182,7 @@ class Dots:
     origin: Vec3
     dot: float
     wrap: Wrap | None = None
+    finish: tuple[float, float] = (1.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -330,37 +342,32 @@ class Solver:
 
 @dataclass(frozen=True)
 class Camera:
-    """Pinhole camera: lengths in m, ``resolution`` (columns, rows) in px.
+    """Camera: lengths in m, ``resolution`` (columns, rows) in px.
 
     ``principal_point_offset`` is right and down from the image's centre, on the sensor.
+    ``intrinsics`` (fx, fy, cx, cy, skew) px come before ``focal``, which is 0 where nobody said
+    it, as are the sides of the ``sensor``. ``position`` and ``target`` are None for a camera with
+    a ``rotation`` (a Rodrigues vector, or nine numbers row by row) and ``translation``, or with
+    the pose of its ``calibration`` file.
     """
 
     name: str
     sensor: tuple[float, float]
     resolution: tuple[int, int]
     focal: float
-    position: Vec3
-    target: Vec3
+    position: Vec3 | None
+    target: Vec3 | None
     up: Vec3
     principal_point_offset: tuple[float, float]
     lens: Lens | None = None
     shutter: Shutter | None = None
-
-
-@dataclass(frozen=True)
-class Light:
-    """A lamp of radiant flux ``power`` (W); a point lamp has no ``target`` and ``size`` (0, 0).
-
-    Type "ambient" has only a ``radiance`` (W / (m2 sr)).
-    """
-
-    name: str
-    type: str
-    position: Vec3
-    target: Vec3 | None
-    size: tuple[float, float]
-    power: float
-    radiance: float = 0.0
+    intrinsics: tuple[float, ...] = ()
+    distortion: tuple[float, ...] = ()
+    rotation: tuple[float, ...] = ()
+    translation: Vec3 | None = None
+    calibration: str = ""
+    calibration_camera: str | int = 0
+    calibration_unit: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -23,10 +23,11 @@ from .schema.load import (
     ThermalTable,
 )
 from .schema.material import MaterialTable
-from .schema.measure import DamageTable, MeasureTable, StereoTable
+from .schema.measure import DamageTable, DeflectionTable, MeasureTable, StereoTable
 from .schema.paint import (
     CheckerTable,
     DotsTable,
+    FinishTable,
     ImageTable,
     MarkersTable,
     PaintTable,
@@ -35,7 +36,7 @@ from .schema.paint import (
     SpeckleTable,
 )
 from .schema.prop import BoxPropTable, PlateTable, PoseTable, PropTable
-from .schema.view import AmbientLightTable, AreaLightTable, CameraTable, LightTable
+from .schema.view import CameraTable
 from .schema.where import WhereTable
 
 __all__ = [
@@ -43,7 +44,6 @@ __all__ = [
     "body",
     "calibration",
     "camera",
-    "light",
     "material_table",
     "measure",
     "output",
@@ -152,6 +152,15 @@ def _load(table: LoadTable, factors: model.Amplitude) -> model.Load:
 
 
 def paint(table: PaintTable) -> model.Paint:
+    painted = _paint(table)
+    if isinstance(table, FinishTable) and isinstance(
+        painted, (model.Plain, model.Markers, model.Checker, model.Dots)
+    ):
+        return replace(painted, finish=(table.roughness, table.metallic))
+    return painted
+
+
+def _paint(table: PaintTable) -> model.Paint:
     if isinstance(table, PlainTable):
         return model.Plain(table.name, where(table.where), table.albedo)
     if table.mapping == "plane":
@@ -260,40 +269,42 @@ def calibration(scene: SceneTable) -> model.Calibration | None:
 
 def camera(table: CameraTable) -> model.Camera:
     columns, rows = table.resolution_px
+    intrinsics: tuple[float, ...] = ()
+    if table.fx_px is not None:
+        assert table.fy_px is not None and table.cx_px is not None and table.cy_px is not None
+        intrinsics = (table.fx_px, table.fy_px, table.cx_px, table.cy_px, table.skew_px)
+    focal = table.focal_mm or 0.0
+    if table.fx_px is not None and table.sensor_mm is not None:
+        focal = table.fx_px * table.sensor_mm[0] / columns
+    rotation = table.rotation_vector or []
+    if table.rotation_matrix is not None:
+        rotation = [value for row in table.rotation_matrix for value in row]
     return model.Camera(
         name=table.name,
-        sensor=_pair(table.sensor_mm),
+        sensor=(0.0, 0.0) if table.sensor_mm is None else _pair(table.sensor_mm),
         resolution=(columns, rows),
-        focal=table.focal_mm / 1000.0,
-        position=_m(table.position_mm),
-        target=_m(table.target_mm),
+        focal=focal / 1000.0,
+        position=None if table.position_mm is None else _m(table.position_mm),
+        target=None if table.target_mm is None else _m(table.target_mm),
         up=_vec(table.up),
         principal_point_offset=_pair(table.principal_point_offset_mm),
+        intrinsics=intrinsics,
+        distortion=tuple(table.distortion),
+        rotation=tuple(rotation),
+        translation=None if table.translation_mm is None else _m(table.translation_mm),
+        calibration=table.calibration or "",
+        calibration_camera=table.calibration_camera,
+        calibration_unit=(table.calibration_unit_mm or 0.0) / 1000.0,
         lens=resolve_photo.lens(table.lens),
         shutter=resolve_photo.shutter(table.shutter),
     )
-
-
-def light(table: LightTable) -> model.Light:
-    if isinstance(table, AmbientLightTable):
-        origin = (0.0, 0.0, 0.0)
-        return model.Light(
-            table.name, "ambient", origin, None, (0.0, 0.0), 0.0, table.radiance_W_m2_sr
-        )
-    position = _m(table.position_mm)
-    if isinstance(table, AreaLightTable):
-        return model.Light(
-            table.name, "area", position, _m(table.target_mm),
-            _pair(table.size_mm), table.power_W,
-        )  # fmt: skip
-    return model.Light(table.name, "point", position, None, (0.0, 0.0), table.power_W)
 
 
 def measure(table: MeasureTable) -> model.Measure:
     if isinstance(table, StereoTable):
         return model.Stereo(
             table.name, tuple(table.cameras), tuple(table.groups), tuple(table.static), table.lens,
-            table.subset_px,
+            table.subset_px, _published(table),
         )  # fmt: skip
     if isinstance(table, DamageTable):
         return model.Damage(
@@ -302,8 +313,13 @@ def measure(table: MeasureTable) -> model.Measure:
         )  # fmt: skip
     return model.Deflection(
         table.name, table.camera, tuple(table.groups), tuple(table.static), table.subset_px,
-        table.direction,
+        table.direction, _published(table),
     )  # fmt: skip
+
+
+def _published(table: DeflectionTable | StereoTable) -> model.Published | None:
+    own = table.published
+    return None if own is None else model.Published(own.error_percent / 100.0, own.source)
 
 
 def analysis(scene: SceneTable) -> model.Analysis:

@@ -14,7 +14,7 @@ from pydantic import ValidationError
 
 from gpusim.errors import Fault, SceneError
 
-from . import model, resolve
+from . import model, resolve, resolve_light
 from .check import check_document
 from .faults import faults_of, with_origin
 from .files import find_files
@@ -102,7 +102,7 @@ class Scene:
             analysis=analysis,
             solver=resolve.solver(table),
             cameras=tuple(resolve.camera(entry) for entry in table.camera),
-            lights=tuple(resolve.light(entry) for entry in table.light),
+            lights=tuple(resolve_light.light(entry) for entry in table.light),
             render=resolve.render(table),
             sensor=resolve.sensor(table),
             measures=tuple(resolve.measure(entry) for entry in table.measure),
@@ -113,6 +113,11 @@ class Scene:
             source=source,
             files=files,
         )
+
+    @property
+    def measures_space(self) -> bool:
+        """Whether something is measured with the cameras that [calibration] calibrates."""
+        return any(isinstance(one, model.Stereo) for one in self.measures)
 
     @property
     def document(self) -> dict[str, Any]:

@@ -8,11 +8,12 @@ from pydantic import Field
 
 from .base import Table
 from .body import BodyTable
+from .light import LightTable
 from .material import MaterialTable
 from .measure import MeasureTable, VariantTable
 from .prop import CalibrationTable, PropTable
 from .sensor import SensorTable
-from .view import CameraTable, LightTable
+from .view import CameraTable
 from .work import (
     AnalysisTable,
     OutputTable,

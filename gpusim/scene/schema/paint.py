@@ -16,7 +16,7 @@ from pydantic import Field, model_validator
 from .base import Albedo, Direction, Length, Name, Table, Vector, fault, norm, parallel
 from .where import WhereTable
 
-__all__ = ["ImageTable", "LineTable", "MarkersTable", "PaintTable", "PatternTable"]
+__all__ = ["FinishTable", "ImageTable", "LineTable", "MarkersTable", "PaintTable", "PatternTable"]
 
 Count = Annotated[int, Field(ge=1, le=100_000)]
 
@@ -65,7 +65,16 @@ class _Pattern(_Paint):
         return self
 
 
-class PlainTable(_Paint):
+class FinishTable(Table):
+    """How the ground shines; patterns on it are matte prints."""
+
+    roughness: Albedo = 1.0
+    """1: matte. Less: glossy, lacquer at about 0.3, brushed steel (with metallic) at 0.4."""
+    metallic: Albedo = 0.0
+    """1: bare metal, which mirrors with its albedo and has no colour of its own below."""
+
+
+class PlainTable(_Paint, FinishTable):
     """One even colour."""
 
     type: Literal["plain"]
@@ -79,7 +88,7 @@ class LineTable(Table):
     count: Annotated[int, Field(ge=2, le=100_000)]
 
 
-class MarkersTable(_Pattern):
+class MarkersTable(_Pattern, FinishTable):
     """Square markers of 2x2 black and white fields, dark at the lower left and upper right."""
 
     type: Literal["markers"]
@@ -118,7 +127,7 @@ class MarkersTable(_Pattern):
         ]
 
 
-class CheckerTable(_Pattern):
+class CheckerTable(_Pattern, FinishTable):
     """A chessboard; the field at its lower left corner is dark."""
 
     type: Literal["checker"]
@@ -131,7 +140,7 @@ class CheckerTable(_Pattern):
     light: Albedo = 0.9
 
 
-class DotsTable(_Pattern):
+class DotsTable(_Pattern, FinishTable):
     """A regular grid of round dots."""
 
     type: Literal["dots"]

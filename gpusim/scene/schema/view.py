@@ -2,104 +2,149 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated
 
 from pydantic import Field, model_validator
 
 from .base import Direction, Length, Name, Pair, PositivePair, Table, Vector, fault, norm, parallel
 from .lens import LensTable, ShutterTable
 
-__all__ = ["CameraTable", "LightTable"]
+__all__ = ["CameraTable"]
 
 PIXEL_SQUARE = 1e-3
 
 
 class CameraTable(Table):
-    """A pinhole camera, described as a photographer would."""
+    """A camera: as a photographer describes it, by its calibration, or from a calibration file.
+
+    The lens is ``sensor_mm`` and ``focal_mm``, or ``fx_px`` … ``cy_px``, or ``calibration``; the
+    pose ``position_mm`` and ``target_mm``, or a rotation and ``translation_mm``, or the file's.
+    """
 
     name: Name
-    sensor_mm: PositivePair
+    sensor_mm: PositivePair | None = None
     """Width and height of the sensor."""
     resolution_px: Annotated[
         list[Annotated[int, Field(ge=1, le=65535)]], Field(min_length=2, max_length=2)
     ]
-    focal_mm: Length
-    position_mm: Vector
+    focal_mm: Length | None = None
+    fx_px: Length | None = None
+    """Focal length in columns; the pixel in column i and row j is centred at (i, j)."""
+    fy_px: Length | None = None
+    """Focal length in rows."""
+    cx_px: float | None = None
+    """Column of the principal point."""
+    cy_px: float | None = None
+    """Row of the principal point."""
+    skew_px: float = 0.0
+    """Entry (1, 2) of the camera matrix."""
+    distortion: list[float] = []
+    """OpenCV's k1 k2 p1 p2 [k3 [k4 k5 k6 [s1 s2 s3 s4 [tau_x tau_y]]]]; tau in rad."""
+    calibration: str | None = None
+    """File of OpenCV, Kalibr, MatchID (.caldat), VIC (.xml) or DICe (.xml)."""
+    calibration_camera: str | Annotated[int, Field(ge=0)] = 0
+    """Which camera of the file: its name, or its number from 0 on."""
+    calibration_unit_mm: Length | None = None
+    """Length of the file's unit; by default 1, and 1000 for Kalibr."""
+    position_mm: Vector | None = None
     """The centre of projection."""
-    target_mm: Vector
+    target_mm: Vector | None = None
     """A point on the optical axis."""
     up: Direction = [0.0, 0.0, 1.0]
     """Roughly up in the image."""
+    rotation_vector: Vector | None = None
+    """Rotation R of X_camera = R X + T as a Rodrigues vector, rad."""
+    rotation_matrix: Annotated[list[Vector], Field(min_length=3, max_length=3)] | None = None
+    """The same as three rows; camera axes are x right, y down, z forward."""
+    translation_mm: Vector | None = None
+    """T of X_camera = R X + T."""
     principal_point_offset_mm: Pair = [0.0, 0.0]
     """Where the optical axis meets the sensor: right and down from the image's centre."""
+    square_pixels: bool = True
+    """Set to false to say that pixels of unequal sides are meant."""
     lens: LensTable | None = None
     """Without it a pinhole."""
     shutter: ShutterTable | None = None
     """Without it an instant."""
-    square_pixels: bool = True
-    """Set to false to say that pixels of unequal sides are meant."""
 
     @model_validator(mode="after")
     def _check(self) -> CameraTable:
-        (width, height), (columns, rows) = self.sensor_mm, self.resolution_px
-        ratio = (width / columns) / (height / rows)
-        if self.square_pixels and not abs(ratio - 1) <= PIXEL_SQUARE:
-            raise fault(
-                "resolution_px", "sensor_mm and resolution_px make pixels that aren't square",
-                f"{1000 * width / columns:.4g} x {1000 * height / rows:.4g} um",
-                "equal sides within 0.1 %, or square_pixels = false",
-            )  # fmt: skip
-        view = [b - a for a, b in zip(self.position_mm, self.target_mm, strict=True)]
-        if not norm(view) > 0:
-            raise fault("target_mm", "is where the camera is", self.target_mm, "another point")
-        if parallel(view, self.up):
-            raise fault("up", "is along the view, or zero", self.up, "a vector across it")
+        self._check_lens()
+        self._check_pose()
+        self._check_blur()
+        return self
+
+    def _check_blur(self) -> None:
+        """What blurs needs lengths on the sensor."""
         focus = None if self.lens is None else self.lens.focus_distance_mm
-        if focus is not None and not focus > self.focal_mm:
+        pitch = None if self.sensor_mm is None else self.sensor_mm[0] / self.resolution_px[0]
+        focal = self.focal_mm
+        if focal is None and self.fx_px is not None and pitch is not None:
+            focal = self.fx_px * pitch
+        if focus is not None and focal is None:
+            raise fault("lens.focus_distance_mm", "needs lengths on the sensor", focus,
+                        "focal_mm and sensor_mm, or fx_px and sensor_mm")  # fmt: skip
+        if focus is not None and focal is not None and not focus > focal:
             raise fault("lens.focus_distance_mm", "inside the lens", focus, "more than focal_mm")
-        return self
+        spread = None if self.lens is None else self.lens.psf
+        if getattr(spread, "type", "") == "airy" and pitch is None:
+            raise fault("lens.psf", "needs lengths on the sensor", "airy", "sensor_mm")
 
+    def _check_lens(self) -> None:
+        inner = {key: getattr(self, key) for key in ("fx_px", "fy_px", "cx_px", "cy_px")}
+        given = [key for key, value in inner.items() if value is not None]
+        ways = [self.calibration is not None, bool(given), self.focal_mm is not None]
+        if sum(ways) != 1:
+            expected = "focal_mm with sensor_mm, or fx_px, fy_px, cx_px, cy_px, or calibration"
+            raise fault(
+                "focal_mm", "the lens must be said in one way", f"{sum(ways)} ways", expected
+            )
+        if given and len(given) < 4:
+            raise fault(given[0], "the camera matrix is incomplete", given, "all of fx_px … cy_px")
+        if self.focal_mm is not None and self.sensor_mm is None:
+            raise fault("sensor_mm", "needed with focal_mm", "nothing", "the sensor's size")
+        if self.focal_mm is None and any(self.principal_point_offset_mm):
+            raise fault("principal_point_offset_mm", "goes with focal_mm only",
+                        self.principal_point_offset_mm, "cx_px and cy_px")  # fmt: skip
+        if not given and self.skew_px != 0.0:
+            raise fault("skew_px", "goes with fx_px … cy_px only", self.skew_px, "no skew_px")
+        if self.calibration is not None and self.distortion:
+            raise fault("distortion", "stands in the calibration file", self.distortion, "nothing")
+        if len(self.distortion) not in (0, 4, 5, 8, 12, 14):
+            raise fault("distortion", "no model of OpenCV", f"{len(self.distortion)} numbers",
+                        "4, 5, 8, 12 or 14")  # fmt: skip
+        if self.sensor_mm is not None:
+            (width, height), (columns, rows) = self.sensor_mm, self.resolution_px
+            ratio = (width / columns) / (height / rows)
+            if self.square_pixels and not abs(ratio - 1) <= PIXEL_SQUARE:
+                raise fault(
+                    "resolution_px", "sensor_mm and resolution_px make pixels that aren't square",
+                    f"{1000 * width / columns:.4g} x {1000 * height / rows:.4g} um",
+                    "equal sides within 0.1 %, or square_pixels = false",
+                )  # fmt: skip
 
-class PointLightTable(Table):
-    """A small lamp that shines evenly in all directions."""
-
-    name: Name
-    type: Literal["point"]
-    position_mm: Vector
-    power_W: Length
-    """Radiant flux."""
-
-
-class AreaLightTable(Table):
-    """A rectangular lamp that faces its target and radiates as a diffuse surface does."""
-
-    name: Name
-    type: Literal["area"]
-    position_mm: Vector
-    """Its centre."""
-    target_mm: Vector
-    size_mm: PositivePair
-    """Width (level) and height."""
-    power_W: Length
-    """Radiant flux."""
-
-    @model_validator(mode="after")
-    def _check(self) -> AreaLightTable:
-        view = [b - a for a, b in zip(self.position_mm, self.target_mm, strict=True)]
-        if not norm(view) > 0:
-            raise fault("target_mm", "is where the lamp is", self.target_mm, "another point")
-        return self
-
-
-class AmbientLightTable(Table):
-    """What the surroundings send back, equally from every direction; nothing hides it."""
-
-    name: Name
-    type: Literal["ambient"]
-    radiance_W_m2_sr: Length
-    """Radiance of the surroundings."""
-
-
-LightTable = Annotated[
-    PointLightTable | AreaLightTable | AmbientLightTable, Field(discriminator="type")
-]
+    def _check_pose(self) -> None:
+        turned = [self.rotation_vector is not None, self.rotation_matrix is not None]
+        by_matrix = any(turned) or self.translation_mm is not None
+        by_place = self.position_mm is not None or self.target_mm is not None
+        if by_matrix and by_place:
+            expected = "position_mm with target_mm, or a rotation with translation_mm"
+            raise fault("position_mm", "the pose must be said in one way", "two ways", expected)
+        if by_matrix:
+            if sum(turned) != 1 or self.translation_mm is None:
+                problem, got = "the pose is incomplete or said twice", f"{sum(turned)} rotations"
+                raise fault("translation_mm", problem, got, "one rotation and translation_mm")
+        elif by_place:
+            if self.position_mm is None or self.target_mm is None:
+                key = "position_mm" if self.position_mm is None else "target_mm"
+                raise fault(
+                    key, "missing: the pose is incomplete", None, "position_mm and target_mm"
+                )
+            view = [b - a for a, b in zip(self.position_mm, self.target_mm, strict=True)]
+            if not norm(view) > 0:
+                raise fault("target_mm", "is where the camera is", self.target_mm, "another point")
+            if parallel(view, self.up):
+                raise fault("up", "is along the view, or zero", self.up, "a vector across it")
+        elif self.calibration is None:
+            raise fault("position_mm", "the camera's pose is missing", "nothing",
+                        "position_mm and target_mm, or a rotation and translation_mm")  # fmt: skip

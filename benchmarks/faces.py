@@ -1,0 +1,105 @@
+"""Time of an image against its number of faces: ``python -m benchmarks.faces [--write]``.
+
+A bumpy plate fills the image, patterned and lit by a lamp without shadows. Its faces are cut
+finer and finer, and nothing else changes: what they cost is what the image's time grows by.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+
+import gpusim as gs
+from gpusim.gpu import Device
+from gpusim.optics.binning import bin_edges
+from gpusim.optics.setup import Setup
+from gpusim.optics.view import look
+
+RESULTS = Path(__file__).parent / "results"
+COUNTS = (600, 6_000, 30_000, 100_000, 300_000, 1_000_000)
+
+
+def plate(faces: int) -> gs.Surface:
+    """A plate of 1 x 0.66 with gentle bumps, painted with squares, in about ``faces`` quads."""
+    rows = max(int(np.sqrt(faces / 1.5)), 2)
+    columns = max(faces // rows, 2)
+    x, z = np.linspace(-0.5, 0.5, columns + 1), np.linspace(-0.33, 0.33, rows + 1)
+    flat = np.stack(np.meshgrid(x, [0.0], z, indexing="ij"), axis=-1).reshape(-1, 3)
+    bumpy = flat.copy()
+    bumpy[:, 1] = 0.01 * np.sin(7.0 * flat[:, 0]) * np.cos(5.0 * flat[:, 2])
+    number = np.arange(len(flat)).reshape(columns + 1, rows + 1)
+    quads = np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], -1)
+    return gs.Surface(bumpy, quads.reshape(-1, 4), gs.paint.Checker(0.05), reference=flat)
+
+
+def measure(faces: int, width: int, device: Device, repeats: int) -> tuple[float, float, float]:
+    """Seconds of the whole image, of its host part, and of the first image with this mesh."""
+    surface = plate(faces)
+    camera = gs.Camera.from_lens(
+        (36.0, 24.0), 34.0, (width, width * 2 // 3), (0.1, -1.0, 0.1), (0, 0, 0)
+    )
+    lights = [gs.PointLight((-1.0, -2.0, 1.0), 50.0, shadows=False)]
+    whole, host = [], []
+    for _ in range(repeats + 1):
+        start = time.perf_counter()
+        frame = gs.render([surface], camera, lights, device=device)
+        device.sync()
+        whole.append(time.perf_counter() - start)
+        frame.release()
+        start = time.perf_counter()
+        view = look([surface], camera, lit=True)
+        Setup.build(view, lights, 0.0, [surface]).records()
+        bin_edges(view)
+        host.append(time.perf_counter() - start)
+    return min(whole[1:]), min(host[1:]), whole[0]
+
+
+def plot(rows: list[tuple[int, float, float, float]], width: int, path: Path) -> None:
+    """Seconds over faces, both logarithmic."""
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    faces, whole, host, _ = np.array(rows).T
+    figure, axes = pyplot.subplots(figsize=(6.0, 4.0))
+    axes.loglog(faces, whole, "o-", label="image")
+    axes.loglog(faces, host, "s--", label="of that, on the host")
+    axes.set_xlabel("faces")
+    axes.set_ylabel("s")
+    axes.set_title(f"{width} x {width * 2 // 3} px, lit, patterned")
+    axes.grid(True, which="both", alpha=0.3)
+    axes.legend()
+    figure.tight_layout()
+    figure.savefig(path, dpi=110)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--width", type=int, default=2464, help="px")
+    parser.add_argument("--most", type=int, default=COUNTS[-1], help="faces")
+    parser.add_argument("--repeats", type=int, default=3, help="warm images of each")
+    parser.add_argument("--write", action="store_true", help="also write results/faces.*")
+    arguments = parser.parse_args()
+    device = Device()
+    lines = [
+        "# Faces", "", f"{device.name}, {arguments.width} px wide", "",
+        "| faces | image s | host s | first image s |", "|---|---|---|---|",
+    ]  # fmt: skip
+    print("\n".join(lines), flush=True)
+    rows = []
+    for faces in (n for n in COUNTS if n <= arguments.most):
+        whole, host, first = measure(faces, arguments.width, device, arguments.repeats)
+        rows.append((faces, whole, host, first))
+        lines.append(f"| {faces} | {whole:.3f} | {host:.3f} | {first:.3f} |")
+        print(lines[-1], flush=True)
+    if arguments.write:
+        RESULTS.mkdir(exist_ok=True)
+        (RESULTS / "faces.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
+        plot(rows, arguments.width, RESULTS / "faces.png")
+
+
+if __name__ == "__main__":
+    main()

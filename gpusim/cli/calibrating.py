@@ -1,0 +1,220 @@
+"""``gpusim calibrate``: cameras calibrated from pictures of a chessboard."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gpusim import measure
+from gpusim._version import __version__
+from gpusim.cli.console import out
+from gpusim.errors import InputError
+from gpusim.export.correlation import read_grey
+from gpusim.export.files import write_text
+from gpusim.optics.calibration_files import UNIT_MM, write_calibration
+from gpusim.optics.camera import Camera
+from gpusim.report import Link, Report, write_report
+from gpusim.report.stereo_figures import RigCamera, draw_calibration
+
+__all__ = ["Wishes", "calibrate_files"]
+
+SUFFIXES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".bmp")
+ENDINGS = {
+    "opencv": "yml", "kalibr": "yaml", "matchid": "caldat", "vic": "xml", "dice": "xml",
+}  # fmt: skip
+UNITS = {"fx": "px", "fy": "px", "f": "px", "cx": "px", "cy": "px"}
+
+
+@dataclass(frozen=True)
+class Wishes:
+    """What the command line says beside the pictures."""
+
+    board: str
+    square_mm: float
+    lens: str
+    square_pixels: bool
+    formats: tuple[str, ...]
+
+
+def calibrate_files(
+    first: Sequence[Path],
+    others: Sequence[Path],
+    folder: Path,
+    wishes: Wishes,
+    quiet: bool,
+    as_json: bool,
+) -> None:
+    """Calibrate and write ``calibration.json``, files for other programs, and ``report.html``.
+
+    ``first`` are pictures, or a folder of them; every path of ``others`` is the folder of one more
+    camera, whose pictures in the order of their names belong to those of the first. Raises
+    InputError for what can't be read or calibrated.
+    """
+    board = _board(wishes)
+    unknown = [name for name in wishes.formats if name not in ENDINGS]
+    if unknown:
+        raise InputError(f"--format: got {unknown[0]!r}; expected one of {', '.join(ENDINGS)}")
+    pictures = {"camera-1": _pictures(first)}
+    for number, path in enumerate(others, start=2):
+        pictures[f"camera-{number}"] = _pictures([path])
+    counts = {name: len(files) for name, files in pictures.items()}
+    if len(set(counts.values())) > 1:
+        raise InputError(f"calibrate: got pictures {counts}; expected as many of every camera")
+    seen = {name: _sightings(files, board) for name, files in pictures.items()}
+    missed = [
+        f"{file.name}: {sighting.problem}"
+        for name, files in pictures.items()
+        for file, sighting in zip(files, seen[name], strict=True)
+        if sighting.problem
+    ]
+    found = measure.calibrate(seen, lens=wishes.lens, square_pixels=wishes.square_pixels)
+    content = _content(found, seen, pictures, wishes)
+    files = [write_text(folder / "calibration.json", json.dumps(content, indent=1) + "\n")]
+    for name in wishes.formats:
+        path = folder / f"calibration-{name}.{ENDINGS[name]}"
+        write_calibration(path, _cameras(found, UNIT_MM[name]), name)
+        files.append(path)
+    report = _report(found, seen, missed, files, folder)
+    write_report(report, folder)
+    if as_json:
+        out(json.dumps(content, indent=2))
+    elif not quiet:
+        for label, value in report.facts.items():
+            out(f"{label:<34}{value}")
+        for text in missed:
+            out(f"not used: {text}")
+        out(f"\nReport: {folder / 'report.html'}")
+
+
+def _board(wishes: Wishes) -> measure.Chessboard:
+    match = re.fullmatch(r"(\d+)[xX](\d+)", wishes.board)
+    if not match:
+        raise InputError(f"--board: got {wishes.board!r}; expected fields, COLUMNSxROWS like 9x8")
+    return measure.Chessboard(int(match[1]), int(match[2]), wishes.square_mm)
+
+
+def _pictures(paths: Sequence[Path]) -> list[Path]:
+    """Files as given, folders as the pictures in them by name."""
+    files: list[Path] = []
+    for path in paths:
+        if path.is_dir():
+            own = sorted(p for p in path.iterdir() if p.suffix.lower() in SUFFIXES)
+            if not own:
+                raise InputError(f"calibrate: {path}: no pictures ({', '.join(SUFFIXES)})")
+            files += own
+        elif path.is_file():
+            files.append(path)
+        else:
+            raise InputError(f"calibrate: {path}: not found")
+    return files
+
+
+def _sightings(files: Sequence[Path], board: measure.Chessboard) -> list[measure.Sighting]:
+    with ThreadPoolExecutor(max_workers=2) as pool:
+        return list(pool.map(lambda file: measure.find_chessboard(read_grey(file), board), files))
+
+
+def _cameras(found: measure.Calibration, unit_mm: float) -> list[Camera]:
+    """The rig with the first camera at the origin; lengths in the file's unit."""
+    cameras = []
+    for own in found.cameras:
+        pose = own.camera_from_rig.copy()
+        pose[:3, 3] /= unit_mm
+        width, height = own.resolution
+        used = 14 if own.distortion[8:].any() else 8 if own.distortion[5:].any() else 5
+        cameras.append(Camera(width, height, own.K, own.distortion[:used], pose, own.name))
+    return cameras
+
+
+def _content(
+    found: measure.Calibration,
+    seen: dict[str, list[measure.Sighting]],
+    pictures: dict[str, list[Path]],
+    wishes: Wishes,
+) -> dict[str, Any]:
+    names = [f"{kind} {number} {name}" for kind, number, name in found.names]
+    inner = [i for i, (kind, _, _) in enumerate(found.names) if kind != "view"]
+    content: dict[str, Any] = {
+        "schema": 1,
+        "version": __version__,
+        "board": {"fields": wishes.board, "square_mm": wishes.square_mm},
+        "lens": found.lens,
+        "rms_px": found.rms,
+        "points": found.used,
+        "outliers": found.outliers,
+        "cameras": [],
+        "parameters": [names[i] for i in inner],
+        "covariance": found.covariance[np.ix_(inner, inner)].tolist(),
+    }
+    for k, own in enumerate(found.cameras):
+        views = zip(pictures[own.name], found.view_rms[k], seen[own.name], strict=True)
+        entry = {
+            "name": own.name,
+            "resolution_px": list(own.resolution),
+            "K": own.K.tolist(),
+            "distortion": own.distortion.tolist(),
+            "camera_from_first_mm": own.camera_from_rig.tolist(),
+            "sigma": own.sigma,
+            "rms_px": own.rms,
+            "images": [
+                {"file": file.name, "rms_px": float(rms) if np.isfinite(rms) else None,
+                 "points": len(sighting), "problem": sighting.problem}
+                for file, rms, sighting in views
+            ],
+        }  # fmt: skip
+        if k:
+            entry["baseline_mm"], entry["baseline_sigma_mm"] = found.baseline(k)
+            entry["angle_deg"], entry["angle_sigma_deg"] = np.degrees(found.angle(k)).tolist()
+        content["cameras"].append(entry)
+    return content
+
+
+def _report(
+    found: measure.Calibration,
+    seen: dict[str, list[measure.Sighting]],
+    missed: Sequence[str],
+    files: Sequence[Path],
+    folder: Path,
+) -> Report:
+    facts = {"reprojection error": f"{found.rms:.4f} px over {found.used} corners"}
+    if found.outliers:
+        facts["left out as outliers"] = f"{found.outliers} corners"
+    coefficients = "k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 tau_x tau_y".split()
+    for k, own in enumerate(found.cameras):
+        values = dict(fx=own.K[0, 0], fy=own.K[1, 1], cx=own.K[0, 2], cy=own.K[1, 2])
+        values |= dict(zip(coefficients, own.distortion, strict=True))
+        for name, value in values.items():
+            sigma = own.sigma.get(name, own.sigma.get("f") if name in ("fx", "fy") else None)
+            if sigma is not None:
+                unit = UNITS.get(name, "")
+                facts[f"{own.name}: {name}"] = f"{value:.7g} ± {sigma:.2g} {unit}".rstrip()
+        if k:
+            length, angle = found.baseline(k), np.degrees(found.angle(k))
+            facts[f"{own.name}: distance to the first"] = f"{length[0]:.7g} ± {length[1]:.2g} mm"
+            facts[f"{own.name}: angle to the first"] = f"{angle[0]:.6g} ± {angle[1]:.2g} deg"
+        statistics = measure.target_statistics(seen[own.name])
+        facts[f"{own.name}: images"] = (
+            f"{statistics.found} of {statistics.images}; corners {100 * statistics.share:.1f} %, "
+            f"blur {statistics.blur:.2f} px, {100 * statistics.covered:.0f} % of the picture"
+        )
+    cameras = [
+        RigCamera(own.name, np.zeros(3), np.zeros(3), points, gaps, own.resolution)
+        for own, points, gaps in zip(found.cameras, found.points, found.residuals, strict=True)
+    ]
+    figure = draw_calibration(cameras, found.view_rms, folder / "figures" / "calibration.png")
+    return Report(
+        scene="Calibration",
+        adapter="not needed",
+        status="done",
+        warnings=tuple(f"not used: {text}" for text in missed),
+        facts=facts,
+        figures=(figure,),
+        links=tuple(Link(file.name, file) for file in files),
+    )

@@ -1,0 +1,143 @@
+"""``[[light]]``: lamps, the sun and the surroundings.
+
+Radiant flux is ``power_W``, or ``power_lm`` taken as light of 555 nm (683 lm are 1 W).
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from .base import Direction, Length, Name, PositivePair, Table, Vector, fault, norm
+
+__all__ = [
+    "AmbientLightTable",
+    "AreaLightTable",
+    "EnvironmentLightTable",
+    "LightTable",
+    "PointLightTable",
+    "SpotLightTable",
+    "SunLightTable",
+]
+
+LUMENS_PER_WATT = 683.0
+Radiance = Annotated[float, Field(ge=0)]
+
+
+class _Lamp(Table):
+    name: Name
+    shadows: bool = True
+    """Whether surfaces hide it."""
+
+
+class _Powered(_Lamp):
+    position_mm: Vector
+    """Its centre."""
+    power_W: Length | None = None
+    """Radiant flux; or give power_lm."""
+    power_lm: Length | None = None
+    """Luminous flux."""
+
+    @model_validator(mode="after")
+    def _check_power(self) -> _Powered:
+        if (self.power_W is None) == (self.power_lm is None):
+            got = "neither" if self.power_W is None else "both"
+            raise fault("power_W", "how strong the lamp is", got, "power_W or power_lm")
+        return self
+
+    def watts(self) -> float:
+        """Radiant flux."""
+        return self.power_W or (self.power_lm or 0.0) / LUMENS_PER_WATT
+
+
+class PointLightTable(_Powered):
+    """A small lamp that shines evenly in all directions."""
+
+    type: Literal["point"]
+
+
+class _Aimed(_Powered):
+    target_mm: Vector
+
+    @model_validator(mode="after")
+    def _check_aim(self) -> _Aimed:
+        view = [b - a for a, b in zip(self.position_mm, self.target_mm, strict=True)]
+        if not norm(view) > 0:
+            raise fault("target_mm", "is where the lamp is", self.target_mm, "another point")
+        return self
+
+
+class SpotLightTable(_Aimed):
+    """A small lamp with a beam, as of a halogen spot."""
+
+    type: Literal["spot"]
+    cone_deg: Annotated[float, Field(gt=0, lt=180)] = 60.0
+    """The full angle of the beam."""
+    penumbra: Annotated[float, Field(ge=0, le=1)] = 0.2
+    """Share of the half angle over which the beam fades."""
+
+
+class AreaLightTable(_Aimed):
+    """A lamp with a face, which looks at its target and radiates as a diffuse surface does."""
+
+    type: Literal["area"]
+    size_mm: PositivePair
+    """Width (level) and height."""
+    shape: Literal["rectangle", "ellipse"] = "rectangle"
+
+
+class SunLightTable(_Lamp):
+    """Light from infinitely far."""
+
+    type: Literal["sun"]
+    direction: Direction
+    """The way the light goes."""
+    irradiance_W_m2: Length
+    """On a face square to it."""
+    diameter_deg: Annotated[float, Field(ge=0, le=10)] = 0.533
+    """How large it looks: the softness of its shadows."""
+
+    @model_validator(mode="after")
+    def _check(self) -> SunLightTable:
+        if not norm(self.direction) > 0:
+            raise fault("direction", "has no direction", self.direction, "one that isn't zero")
+        return self
+
+
+class AmbientLightTable(Table):
+    """What the surroundings send back, equally from every direction; nothing hides it."""
+
+    name: Name
+    type: Literal["ambient"]
+    radiance_W_m2_sr: Length
+    """Radiance of the surroundings."""
+
+
+class EnvironmentLightTable(Table):
+    """Bright sky (or ceiling) above, ground below: lights all faces, is mirrored by glossy ones."""
+
+    name: Name
+    type: Literal["environment"]
+    sky_W_m2_sr: Radiance
+    """Radiance above the horizon."""
+    ground_W_m2_sr: Radiance
+    """Radiance below it."""
+    up: Direction = [0.0, 0.0, 1.0]
+
+    @model_validator(mode="after")
+    def _check(self) -> EnvironmentLightTable:
+        if not norm(self.up) > 0:
+            raise fault("up", "has no direction", self.up, "one that isn't zero")
+        return self
+
+
+LightTable = Annotated[
+    PointLightTable
+    | SpotLightTable
+    | AreaLightTable
+    | SunLightTable
+    | AmbientLightTable
+    | EnvironmentLightTable,
+    Field(discriminator="type"),
+]

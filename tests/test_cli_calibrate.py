@@ -1,0 +1,76 @@
+"""``gpusim calibrate``: from pictures to files that other programs read."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import gpusim as gs
+from gpusim.cli import app
+from gpusim.export.images import write_image
+from gpusim.measure import Chessboard
+from tests.target_images import board_poses, board_surface
+
+BOARD = Chessboard(9, 8, 40.0)
+CAMERAS = [
+    gs.Camera.from_lens((36, 24), 30, (600, 400), (100, -1000, 300), (300, 0, 290)),
+    gs.Camera.from_lens((36, 24), 32, (600, 400), (600, -980, 300), (310, 0, 300)),
+]
+
+
+@pytest.fixture(scope="module")
+def pictures(tmp_path_factory: pytest.TempPathFactory, device: gs.Device) -> Path:
+    folder = tmp_path_factory.mktemp("pictures")
+    for k, pose in enumerate(board_poses(5, np.array([300.0, 0.0, 290.0]), 3, 60.0)):
+        for name, camera in zip(("left", "right"), CAMERAS, strict=True):
+            (folder / name).mkdir(exist_ok=True)
+            frame = gs.render([board_surface(BOARD, pose)], camera, background=0.3, device=device)
+            write_image(folder / name / f"{k:02d}.png", gs.Sensor().expose(frame))
+    write_image(folder / "left" / "99.png", np.full((400, 600), 90, np.uint8))
+    write_image(folder / "right" / "99.png", np.full((400, 600), 90, np.uint8))
+    return folder
+
+
+def test_a_pair_is_calibrated_and_written(pictures: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    done = CliRunner().invoke(
+        app,
+        ["calibrate", str(pictures / "left"), "--with", str(pictures / "right"), "--board", "9x8",
+         "--square-mm", "40", "--lens", "pinhole", "-o", str(out), "--format", "opencv",
+         "--format", "kalibr"],
+    )  # fmt: skip
+    assert done.exit_code == 0, done.output
+    assert "not used: 99.png: no board found" in done.output
+    content = json.loads((out / "calibration.json").read_text())
+    assert content["rms_px"] <= 0.01 and len(content["cameras"]) == 2
+    for own, camera in zip(content["cameras"], CAMERAS, strict=True):
+        assert abs(own["K"][0][0] / camera.K[0, 0] - 1) <= 2e-4
+    relative = CAMERAS[1].camera_from_world @ np.linalg.inv(CAMERAS[0].camera_from_world)
+    assert abs(content["cameras"][1]["baseline_mm"] / np.linalg.norm(relative[:3, 3]) - 1) <= 2e-4
+    assert (out / "report.html").is_file() and (out / "figures" / "calibration.png").is_file()
+    for name in ("calibration-opencv.yml", "calibration-kalibr.yaml"):
+        again = gs.read_calibration(out / name)
+        assert np.abs(again[1].K - np.array(content["cameras"][1]["K"])).max() <= 1e-6
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (["--board", "9by8"], "COLUMNSxROWS"),
+        (["--format", "excel"], "got 'excel'"),
+        (["--lens", "fisheye"], "got 'fisheye'"),
+        (["--with", "nowhere"], "nowhere: not found"),
+    ],
+)
+def test_wrong_wishes_are_refused(
+    pictures: Path, tmp_path: Path, change: list[str], message: str
+) -> None:
+    files = [str(pictures / "left" / f"{k:02d}.png") for k in range(3)]
+    wishes = ["--board", "9x8", "--square-mm", "40", "-o", str(tmp_path / "out")]
+    done = CliRunner().invoke(app, ["calibrate", *files, *wishes, *change])
+    assert done.exit_code == 2
+    assert message in " ".join(done.output.split())
