@@ -161,7 +161,7 @@ class LampGrid:
         sign = np.sign(turns.sum(axis=1))
         normal = sign[:, None, None] * np.stack([way[..., 1], -way[..., 0]], axis=2)
         convex = (turns * sign[:, None] >= 0.0).all(axis=1)  # false for NaN
-        known = (convex & np.isfinite(normal).all(axis=(1, 2)))[:, None, None]
+        known = np.asarray(convex & np.isfinite(normal).all(axis=(1, 2)))[:, None, None]
         return np.where(known, start, 0.0), np.where(known, normal, 0.0)
 
     def meets(self, reach: Reach, caster: Numbers) -> tuple[Flags, Flags]:
