@@ -160,8 +160,9 @@ class LampGrid:
         turns = way[..., 0] * after[..., 1] - way[..., 1] * after[..., 0]
         sign = np.sign(turns.sum(axis=1))
         normal = sign[:, None, None] * np.stack([way[..., 1], -way[..., 0]], axis=2)
-        convex = (turns * sign[:, None] >= 0.0).all(axis=1)  # false for NaN
-        known = np.asarray(convex & np.isfinite(normal).all(axis=(1, 2)))[:, None, None]
+        convex = np.all(turns * sign[:, None] >= 0.0, axis=1)  # false for NaN
+        sound = convex & np.all(np.isfinite(normal), axis=(1, 2))
+        known = np.reshape(sound, (-1, 1, 1))
         return np.where(known, start, 0.0), np.where(known, normal, 0.0)
 
     def meets(self, reach: Reach, caster: Numbers) -> tuple[Flags, Flags]:
@@ -173,7 +174,7 @@ class LampGrid:
         rise = np.clip(self.reach.s[caster, 1] - reach.s[:, 0], 0.0, 1e150)
         low = np.stack([reach.p[:, 0], reach.q[:, 0]], axis=1)
         high = np.stack([reach.p[:, 1], reach.q[:, 1]], axis=1)
-        bounded = np.isfinite(low).all(axis=1) & np.isfinite(high).all(axis=1)
+        bounded = np.asarray((np.isfinite(low) & np.isfinite(high)).all(axis=1))
         low, high = np.where(bounded[:, None], low, 0.0), np.where(bounded[:, None], high, 0.0)
         middle, half = 0.5 * (low + high), 0.5 * (high - low) + rise[:, None] * self.view.half
         inside, past = np.ones(len(caster), bool), np.zeros(len(caster), bool)
