@@ -266,7 +266,7 @@ class _Planner:
         calibration, names = self.scene.calibration, []
         for camera in calibration.cameras if calibration else ():
             sections = (f"camera.{camera}", "light", "render", "sensor", "prop", "calibration")
-            key = self.key("calibration", sections, extra=self.backend)
+            key = self.key("calibration", sections, extra=[self.backend, self.scene.measures_space])
             (spec,) = [one for one in self.scene.cameras if one.name == camera]
             for pose in range(len(calibration.poses) if calibration else 0):
                 name = f"render/{camera}/calib-{pose:04d}"
@@ -274,6 +274,8 @@ class _Planner:
                 if self.stages[name].runs:
                     columns, rows = spec.resolution
                     detail = f"{columns}x{rows} px, {self.stages[name].detail}, target"
+                    if self.scene.measures_space:
+                        detail += " and its corners"
                     self.stages[name] = replace(self.stages[name], detail=detail)
                 names.append(name)
         return names

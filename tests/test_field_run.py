@@ -9,6 +9,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import cv2
 import h5py
 import numpy as np
 import pytest
@@ -21,7 +22,11 @@ from gpusim.export.images import read_image
 from gpusim.plan import make_plan
 from tests import calculix
 
-SMALL = ["camera.above.resolution_px=[480, 320]", "analysis.times=[0.0, 0.6, 1.0]"]
+LENS = [-0.3, 0.2, 0.002, -0.001]
+SMALL = [
+    "camera.above.resolution_px=[480, 320]", f"camera.above.distortion={LENS}",
+    "analysis.times=[0.0, 0.6, 1.0]",
+]  # fmt: skip
 
 
 def test_the_elastica_ends_where_theory_says(checkout: Path) -> None:
@@ -88,12 +93,14 @@ def test_the_command_line_renders_without_solving(done: Path, checkout: Path) ->
             np.testing.assert_allclose(nodal[:], field.at(time), atol=1e-12)
         group = file["camera/above"]
         X, u = group["frame/0001/reference"][:], group["frame/0001/displacement"][:]
-        K, pose = group["K"][:], group["camera_from_world"][:]
+        K, lens, pose = (group[key][:] for key in ("K", "distortion", "camera_from_world"))
+    np.testing.assert_array_equal(lens, LENS)
     row, column = np.nonzero(np.isfinite(X[..., 0]))
     assert len(row) > 3000
-    seen = (X + u)[row, column].astype(float) @ pose[:3, :3].T + pose[:3, 3]
-    pixel = seen @ K.T
-    assert np.abs(pixel[:, :2] / pixel[:, 2:] - np.stack([column, row], axis=1)).max() <= 2e-3
+    seen = (X + u)[row, column].astype(float)
+    turn = cv2.Rodrigues(pose[:3, :3])[0]
+    pixel = cv2.projectPoints(seen, turn, pose[:3, 3], K, lens)[0].reshape(-1, 2)
+    assert np.abs(pixel - np.stack([column, row], axis=1)).max() <= 2e-3
 
 
 def test_a_changed_file_is_rendered_again(checkout: Path, tmp_path: Path) -> None:

@@ -43,6 +43,14 @@ def test_8_bits_light_falloff_and_lens_blur(blur: float) -> None:
     assert np.abs(error).max() <= 0.004  # measured: 0.0013
 
 
+def test_a_small_marker_between_four_pixels_of_a_large_range_is_found() -> None:
+    for size in (10.6, 13.0, 16.0):
+        markers = [Marker(40.5, 40.5, size, size, 0.0), Marker(110.5, 40.5, size, size, 0.0)]
+        found = find_markers(board(150, 84, markers), (10.0, 20.8))
+        assert len(found.points) == 2
+        assert np.abs(np.sort(found.points[:, 0]) - [40.5, 110.5]).max() <= 0.003
+
+
 def test_what_is_no_marker_is_not_reported() -> None:
     """Plain squares, stripes, a big checker and a marker of another size."""
     pieces = [

@@ -255,3 +255,20 @@ def test_edges_twin_agrees_on_bars(device: Device) -> None:
     twin = edges_twin(setup, edges, shade_twin(setup, visibility_twin(frame.view)))
     pixels: npt.NDArray[np.int64] = edges.pixel
     compare("bars", frame.radiance.reshape(-1)[pixels], twin.reshape(-1)[pixels], "pixel")
+
+
+@pytest.mark.parametrize("covered", [0.96, 0.975, 0.99])
+@pytest.mark.parametrize("backend", ["gpu", "numpy"])
+def test_strips_between_samples(covered: float, backend: str) -> None:
+    """A level edge leaves a strip that no sample hits to what lies behind it."""
+    view = gs.Camera(9, 8, np.array([[100.0, 0.0, 0.0], [0.0, 100.0, 0.0], [0.0, 0.0, 1.0]]))
+
+    def plate(y: float, z: float, albedo: float) -> gs.Surface:
+        corners = np.array([[-50, -50], [-50, y], [50, y], [50, -50]]) / 100.0
+        points = z * np.column_stack([corners, np.ones(4)])
+        return gs.Surface(points, QUAD, gs.paint.Plain(albedo))
+
+    front, back = plate(3.5 + covered, 1.0, 0.8), plate(50.0, 2.0, 0.3)
+    for surfaces, behind in (([front], 0.1), ([front, back], 0.3)):
+        image = gs.render(surfaces, view, background=0.1, backend=backend).radiance
+        np.testing.assert_allclose(image[4], behind + covered * (0.8 - behind), atol=5e-5)

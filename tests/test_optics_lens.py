@@ -75,8 +75,7 @@ def test_a_distorting_lens_keeps_its_plane_of_focus(device: Device) -> None:
     binned = gs.photograph(
         [half_plane(FOCUS, shift=22.0)], view, lens=cells, device=device
     ).radiance
-    # where faces are cut for the bends of a lens, single cells between them may be missed
-    assert np.mean(np.abs(binned - sharp) * 255.0 <= 0.2) >= 0.998
+    assert np.abs(binned - sharp).max() * 255.0 <= 0.2
     # out of focus, the centre of the blur stays where the pinhole has the edge
     blurred = gs.photograph([half_plane(0.9, shift=22.0)], view, lens=lens, device=device).radiance
     pinhole = gs.render([half_plane(0.9, shift=22.0)], view, device=device).radiance

@@ -116,3 +116,13 @@ def test_a_released_frame_keeps_what_was_read(device: Device) -> None:
 def test_sensors_that_cannot_be(bits: int, full_scale: float, part: str) -> None:
     with pytest.raises(InputError, match=part):
         replace(gs.Sensor(), bits=bits, full_scale=full_scale)
+
+
+def test_exposures_that_cannot_be(device: Device) -> None:
+    frame = frame_of(device, np.full((4, 7), np.float32(0.3)), 64)
+    with pytest.raises(InputError, match="got a ndarray; expected a Frame"):
+        gs.Sensor().expose(frame.radiance)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="seed; got -1"):
+        gs.Sensor().expose(frame, seed=-1)
+    with pytest.raises(InputError, match=r"number; got 1.5"):
+        gs.Sensor().expose(frame, number=1.5)  # type: ignore[arg-type]

@@ -81,6 +81,8 @@ def test_json_is_exactly_the_documented_shape() -> None:
                 "error_relative": None,
             },
         ],
+        "published": [],
+        "budget": None,
         "warnings": ["ä < b"],
         "facts": {},
     }

@@ -94,13 +94,21 @@ def _detect(grey: npt.NDArray[np.uint8], corners: tuple[int, int]) -> FloatArray
     sizes = [size for size in DETECTION_SIZES if size < 0.9 * longest] or [longest]
     if longest <= DETECTION_SIZES[-1] and longest not in sizes:
         sizes.append(longest)
-    reduced = [(size / longest, _resized(grey, size / longest)) for size in sizes]
+    kept: dict[float, npt.NDArray[np.uint8]] = {}
+
+    def reduced(size: int) -> tuple[float, npt.NDArray[np.uint8]]:
+        # the first size nearly always does, and reducing costs as much as detecting
+        scale = size / longest
+        if scale not in kept:
+            kept[scale] = _resized(grey, scale)
+        return scale, kept[scale]
+
     for flags in (0, cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_NORMALIZE_IMAGE):
-        for scale, small in reduced:
+        for scale, small in map(reduced, sizes):
             found, points = cv2.findChessboardCornersSB(small, corners, flags=flags)
             if found:
                 return _full_size(points, scale)
-    for scale, small in reduced:
+    for scale, small in map(reduced, sizes):
         flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
         found, points = cv2.findChessboardCorners(small, corners, flags=flags)
         if found:

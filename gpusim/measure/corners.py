@@ -97,11 +97,12 @@ def find_markers(
         smooth = np.asarray(cv2.GaussianBlur(grey, (0, 0), low / 8.0), dtype=np.float32)
         tried: set[tuple[int, int]] = set()
         for corner in _corner_pixels(grey, low, min_response):
-            pixel = _saddle_pixel(smooth, corner, low)
-            if pixel is None or pixel in tried:
+            saddle = _saddle(smooth, corner, low)
+            if saddle is None or saddle[0] in tried:
                 continue
+            pixel, place = saddle
             tried.add(pixel)
-            if _checkered(grey, pixel, low):
+            if _checkered(grey, place, low):
                 cross = fit_cross(grey, pixel, low, high)
                 if cross is not None and cross.residual <= max_residual:
                     found.append(cross)
@@ -194,10 +195,12 @@ def _corner_pixels(
     return [(int(x), int(y)) for x, y in zip(columns, rows, strict=True)]
 
 
-def _saddle_pixel(
+def _saddle(
     smooth: npt.NDArray[np.float32], corner: tuple[int, int], size: float
-) -> tuple[int, int] | None:
+) -> tuple[tuple[int, int], tuple[float, float]] | None:
     """Walk from a Harris corner to the saddle point of the smoothed image, within size / 3.
+
+    Returns its pixel and its place (x, y) within that.
 
     The response is flat around a checker's centre and its peak up to 2 px off.
     """
@@ -217,13 +220,16 @@ def _saddle_pixel(
         column, row = column + step[0], row + step[1]
         if step == (0, 0):
             near = np.hypot(column - corner[0], row - corner[1]) <= max(2.0, size / 3)
-            return (column, row) if near else None
+            return ((column, row), (column + float(dx), row + float(dy))) if near else None
     return None
 
 
-def _checkered(grey: npt.NDArray[np.float32], pixel: tuple[int, int], size: float) -> bool:
-    """Whether the rings around a pixel look like a 2x2 checker."""
-    column, row = pixel
+def _checkered(grey: npt.NDArray[np.float32], place: tuple[float, float], size: float) -> bool:
+    """Whether the rings around a place (x, y) look like a 2x2 checker.
+
+    In a marker 10 px wide, half a pixel beside its centre, the smaller ring no longer does.
+    """
+    column, row = place
     height, width = grey.shape
     angle = np.arange(RING) * (2 * np.pi / RING)
     for share in (0.22, 0.32):

@@ -1,10 +1,11 @@
 """Triangles cut to what a camera sees and to what float32 and a bent lens allow.
 
-All of it is float64. A cut of an edge depends on that edge alone, so that neighbours cut it at the
-same point and no cracks open. A bent lens makes curves of edges: those that show are cut until
-their chords leave the curves by less than 0.0004 px. The others separate triangles that continue
-each other; what they miss is covered by the neighbour, whose paint is evaluated exactly there, so
-that only depth and smooth shading are concerned, and 0.02 px will do.
+All of it is float64. Whether and where an edge is cut depends on its two ends alone, to the last
+bit whichever way round it is given, so that neighbours cut it at the same points and no cracks
+open. A bent lens makes curves of edges: those that show are cut until their chords leave the
+curves by less than 0.0004 px. The others separate triangles that continue each other; what they
+miss is covered by the neighbour, whose paint is evaluated exactly there, so that only depth and
+smooth shading are concerned, and 0.02 px will do. Beside the image nothing has to be exact.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.errors import InputError
 from gpusim.optics.camera import Camera
 from gpusim.optics.distortion_map import distortion_map
 
@@ -28,14 +30,21 @@ LONGEST_EDGE = 512.0
 LONGEST_BENT = 256.0
 """px; the same with a bent lens, so that the tests of an edge see all of its bends."""
 
-CHORD, CHORD_INSIDE = 0.0004, 0.02
-"""px between a chord and its curve: for edges that show, and for others."""
+CHORD, CHORD_INSIDE, CHORD_BESIDE = 0.0004, 0.02, 0.5
+"""px between a chord and its curve: for edges that show, for others, and beside the image."""
 
-GUARD = 8.0
-"""px around what is in view to which triangles are clipped that reach far beyond."""
+MARGIN = 2.0
+"""px around the image within which something counts as in view; above what chords are off by."""
 
-FAR_OUT, FAR_OUT_BENT = 4096.0, 32.0
-"""px that is far; with a bent lens little, because edges out there would be split in vain."""
+GUARD, GUARD_BENT = 1024.0, 32.0
+"""px around what is in view to which triangles are clipped; with a bent lens few, because edges
+out there would be split in vain.
+
+Clipping is where vertices lie beyond: an edge between two others is left to both its neighbours.
+"""
+
+MOST_ROUNDS, MOST_PIECES = 96, 4_000_000
+"""Halvings of one triangle, and triangles made by splitting, that no usable camera needs."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,14 +88,16 @@ class Screen:
         bends = distortion_map(camera)
         self.straight = np.inf if bends is None else 2.0 / np.sqrt(max(bends.bend, 1e-30))
         width, height = camera.width, camera.height
+        self.image = np.full(2, -0.5 - MARGIN), np.array([width, height]) - 0.5 + MARGIN
         self.low, self.high = np.full(2, -1.0), np.array([width, height], np.float64)
+        self.guard = GUARD if bends is None else GUARD_BENT
         if bends is not None:
             t = np.linspace(0.0, 1.0, 129)
             x, y = t * width - 0.5, t * height - 0.5
             border = [np.stack([x, np.full(129, v)], axis=1) for v in (-0.5, height - 0.5)]
             border += [np.stack([np.full(129, v), y], axis=1) for v in (-0.5, width - 0.5)]
             ideal = camera.undistort(np.concatenate(border))
-            self.low, self.high = ideal.min(axis=0) - 2.0, ideal.max(axis=0) + 2.0
+            self.low, self.high = ideal.min(axis=0) - MARGIN, ideal.max(axis=0) + MARGIN
 
     def ideal(self, points: Array) -> Array:
         """Camera-space points (…, 3) with z > 0 to pixels (…, 2) of the ideal lens."""
@@ -100,23 +111,26 @@ class Screen:
 
     def inside(self, ideal: Array) -> Flags:
         """Which triangles (n, 3, 2) of the ideal image may be in view."""
-        result = np.ones(len(ideal), bool)
-        for axis in (0, 1):
-            a, b, c = (ideal[:, k, axis] for k in range(3))
-            result &= np.maximum(np.maximum(a, b), c) > self.low[axis]
-            result &= np.minimum(np.minimum(a, b), c) < self.high[axis]
+        return _overlaps(ideal, self.low, self.high)
+
+    def beside(self, ideal: Array, place: Array) -> Flags:
+        """Which edges from a corner of a triangle to the next (n, 3) lie wholly out of view."""
+        result = np.zeros(ideal.shape[:2], bool)
+        for at, (low, high) in ((ideal, (self.low, self.high)), (place, self.image)):
+            for out in (at < low, at > high):
+                result |= (out & out[:, [1, 2, 0]]).any(axis=2)
         return result
 
-    def reaches_far(self, ideal: Array) -> Flags:
-        """Which triangles (n, 3, 2) reach far beyond what is in view."""
-        reach = FAR_OUT if self.camera.lens is None else FAR_OUT_BENT
-        far = (ideal < self.low - reach) | (ideal > self.high + reach)
-        return np.asarray(far.reshape(-1, 6).any(axis=1)) if far.any() else far[:, 0, 0]
+    def beyond(self, ideal: Array) -> Flags:
+        """Which points (n, 2) of the ideal image lie beyond the guard band."""
+        x, y = ideal[:, 0], ideal[:, 1]
+        (left, top), (right, bottom) = self.low - self.guard, self.high + self.guard
+        return np.asarray(~((x >= left) & (x <= right) & (y >= top) & (y <= bottom)))
 
     def guards(self) -> Array:
         """(4, 3) camera-space normals: n . X > 0 inside the guard band."""
         K = self.camera.K
-        low, high = self.low - GUARD, self.high + GUARD
+        low, high = self.low - self.guard, self.high + self.guard
         return np.array(
             [
                 [K[0, 0], K[0, 1], K[0, 2] - low[0]],
@@ -130,7 +144,9 @@ class Screen:
 def clip(pieces: Pieces, normal: Array, offset: float) -> Pieces:
     """The parts of triangles where normal . X > offset, X their position in camera space."""
     corners, shows = pieces.corners, pieces.shows
-    height = corners[:, :, :3] @ normal - offset
+    # no matrix product: its rounding depends on where in the array a corner is
+    height = corners[..., 0] * normal[0] + corners[..., 1] * normal[1]
+    height = height + corners[..., 2] * normal[2] - offset
     ahead = height > 0.0
     count = ahead.sum(axis=1)
     parts = [pieces[count == 3]]
@@ -166,25 +182,45 @@ def split(pieces: Pieces, screen: Screen) -> tuple[Pieces, Array]:
     """Halve edges until all are short and straight enough; drop what lies outside the image.
 
     Returns the triangles and their positions (n, 3, 2) on the image.
+
+    Raises
+    ------
+    InputError
+        A lens that bends edges in view so strongly that halving them doesn't end in good time.
     """
     done: list[Pieces] = []
     places: list[Array] = []
-    while True:
+    most = len(pieces.source) + MOST_PIECES
+    for _ in range(MOST_ROUNDS):
         ideal = screen.ideal(pieces.corners[:, :, :3])
         keep = screen.inside(ideal) & ~_without_area(ideal)
         if not keep.all():
             pieces, ideal = pieces[keep], ideal[keep]
-        place = ideal if screen.camera.lens is None else screen.bent(ideal)
-        excess = edge_excess(ideal, place, pieces.shows, screen)
-        above = excess > 1.0
-        long = above[:, 0] | above[:, 1] | above[:, 2]
-        area = _cross(place[:, 1] - place[:, 0], place[:, 2] - place[:, 0])
-        good = ~long & (area != 0.0)
+        if screen.camera.lens is None:
+            place, good = ideal, np.ones(len(ideal), bool)
+        else:
+            place = screen.bent(ideal)
+            # what a lens turns over is a sliver within the tolerance, or beyond the lens's domain
+            good = _twice_area(place) * _twice_area(ideal) > 0.0
+        above = edge_excess(ideal, place, pieces.shows, screen)
+        long = (above[:, 0] > 1.0) | (above[:, 1] > 1.0) | (above[:, 2] > 1.0)
+        good &= ~long
+        if screen.camera.lens is not None:
+            good &= _overlaps(place, *screen.image)
         done.append(pieces[good])
         places.append(place if good.all() else place[good])
         if not long.any():
-            return Pieces.joined(done), np.concatenate(places) if len(places) > 1 else place[good]
-        pieces = _halved(pieces[long], np.argmax(excess[long], axis=1))
+            return Pieces.joined(done), np.concatenate(places) if len(places) > 1 else places[0]
+        pieces = _halved(pieces[long], np.argmax(above[long], axis=1))
+        if len(pieces.source) > most:
+            break
+    lens = screen.camera.lens
+    raise InputError(
+        f"Camera {screen.camera.name!r} distortion; got "
+        f"{None if lens is None else lens.coefficients.tolist()}, "
+        f"which bends edges that are in view so strongly that {len(pieces.source)} triangles are "
+        "still not straight; expected a lens that stays clear of folding at the image's border"
+    )
 
 
 def edge_excess(ideal: Array, place: Array, shows: Flags, screen: Screen) -> Array:
@@ -193,25 +229,28 @@ def edge_excess(ideal: Array, place: Array, shows: Flags, screen: Screen) -> Arr
     length = np.sqrt(side[..., 0] ** 2 + side[..., 1] ** 2)
     if screen.camera.lens is None:
         return length / LONGEST_EDGE
-    excess = length / LONGEST_BENT
-    # shorter ones are straight enough for certain
     limit = np.where(shows, CHORD, CHORD_INSIDE)
-    # and what lies wholly beside the image needn't be
-    ends = np.stack([ideal, np.roll(ideal, -1, axis=1)])
-    beside = (ends.max(axis=0) < screen.low) | (ends.min(axis=0) > screen.high)
-    test = (length > np.sqrt(limit) * screen.straight) & (excess <= 1.0) & ~beside.any(axis=2)
-    rows, k = np.nonzero(test)
-    a, b = ideal[rows, k], ideal[rows, (k + 1) % 3]
-    start, along = place[rows, k], side[rows, k]
+    limit[screen.beside(ideal, place)] = CHORD_BESIDE
+    # the longest first, before any that is merely bent: nothing else keeps needles from forming
+    long = length > LONGEST_BENT
+    excess = np.where(long, 1e6 * length, 0.0)
+    # shorter ones are straight enough for certain
+    rows, k = np.nonzero((length > np.sqrt(limit) * screen.straight) & ~long)
+    after = (k + 1) % 3
+    # always from the same end, so that both neighbours find the same
+    ahead = ideal[rows, k] - ideal[rows, after]
+    back = np.where(ahead[:, 0] == 0.0, ahead[:, 1], ahead[:, 0]) > 0.0
+    first, last = np.where(back, after, k), np.where(back, k, after)
+    a, b, start = ideal[rows, first], ideal[rows, last], place[rows, first]
+    along = place[rows, last] - start
     # second differences over thirds, not the rise alone: an S would hide what its parts then show,
     # and halving wouldn't end. Of a parabola they are 8/9 of the rise.
     rise = [0.0 * along[:, 0]]
     for share in (1.0 / 3.0, 2.0 / 3.0):
         at = screen.bent(a + share * (b - a)) - start
         rise.append(_cross(along, at) / length[rows, k])
-    first, second = np.abs(rise[2] - 2.0 * rise[1]), np.abs(rise[1] - 2.0 * rise[2])
-    off = 1.125 * np.maximum(first, second)
-    excess[rows, k] = np.maximum(excess[rows, k], np.sqrt(off / limit[rows, k]))
+    second = np.abs(rise[2] - 2.0 * rise[1]), np.abs(rise[1] - 2.0 * rise[2])
+    excess[rows, k] = np.sqrt(1.125 * np.maximum(*second) / limit[rows, k])
     return excess
 
 
@@ -239,6 +278,18 @@ def _without_area(triangles: Array) -> Flags:
     u, v = b - a, c - a
     square = u[:, 0] ** 2 + u[:, 1] ** 2 + v[:, 0] ** 2 + v[:, 1] ** 2
     return np.asarray(np.abs(_cross(u, v)) <= 1e-13 * square)
+
+
+def _twice_area(triangles: Array) -> Array:
+    a, b, c = (triangles[:, k] for k in range(3))
+    return _cross(b - a, c - a)
+
+
+def _overlaps(triangles: Array, low: Array, high: Array) -> Flags:
+    """Which triangles (n, 3, 2) aren't wholly beside a box."""
+    a, b, c = (triangles[:, k] for k in range(3))
+    most, least = np.maximum(np.maximum(a, b), c), np.minimum(np.minimum(a, b), c)
+    return np.asarray(((most > low) & (least < high)).all(axis=1))
 
 
 def _cross(a: Array, b: Array) -> Array:

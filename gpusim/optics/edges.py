@@ -4,7 +4,8 @@ A triangle that nothing hides takes exactly the area of its polygon inside the p
 shared by partly hidden triangles and the background in proportion to a 16 x 32 sample mask. A
 sliver that falls between the samples is seen or hidden as a whole, as its centroid is
 (Carpenter, "The A-buffer", SIGGRAPH 1984, with exact areas in place of counts where they are
-known). The twin repeats the shader's steps in float64.
+known). A strip between the samples that nothing in front covers belongs to the nearest hidden
+triangle at its centroid, else to the background. The twin repeats the shader's steps in float64.
 """
 
 from __future__ import annotations
@@ -29,6 +30,8 @@ __all__ = ["EdgePass", "edges_twin"]
 Array = npt.NDArray[np.float64]
 ROWS, COLUMNS = 16, 32
 SMALLEST = 1e-9
+THIN = 5e-4
+"""Open area between all samples that is looked into; less of it is a seam between neighbours."""
 DEEPEST = 128
 """Triangles over a pixel beyond which the host resolves it; fewer where patterns are dense."""
 
@@ -83,6 +86,7 @@ class EdgePass:
                 "corners": 4,
                 "mask_rows": ROWS,
                 "hard_rows": 2 * SPECKLE_ROWS,
+                "thin": THIN,
             },
             lists=self._lists,
             radiance=radiance,
@@ -135,11 +139,13 @@ def _resolve(setup: Setup, edges: EdgePixels) -> Array:
     covered = np.zeros((count, ROWS), np.uint32)
     opened = np.full(count, ROWS * COLUMNS)
     free_area, free_light = np.zeros(count), np.zeros(count)
+    free_moment = np.zeros((count, 2))
     hidden_count, hidden_light = np.zeros(count), np.zeros(count)
     corners_of = np.rint(view.screen * FIXED) / FIXED
     depth = edges.depth
     for k in range(int(depth.max(initial=0))):
-        entry = np.flatnonzero((depth > k) & (opened > 0))
+        strip = (hidden_count == 0) & (free_area < 1.0 - THIN)
+        entry = np.flatnonzero((depth > k) & ((opened > 0) | strip))
         triangle = edges.triangle[edges.start[entry] + k]
         pixel = edges.pixel[entry]
         at = np.stack([pixel % width, pixel // width], axis=1).astype(np.float64)
@@ -164,17 +170,25 @@ def _resolve(setup: Setup, edges: EdgePixels) -> Array:
             visible[doubtful] = ~_is_covered(
                 corners_of, edges, entry[doubtful], k, at[doubtful] + centroid[doubtful]
             )
-        opened[entry] -= seen
+        between = np.flatnonzero(~visible & (own > 0) & (opened[entry] == 0))
+        gap = -free_moment[entry[between]] / (1.0 - free_area[entry[between]])[:, None]
+        reach = np.sum(planes[between, :, :2] * gap[:, None], axis=2) + planes[between, :, 2]
+        seen[between[(reach >= 0.0).all(axis=1)]] = 1
+        opened[entry] = np.maximum(opened[entry] - seen, 0)
         keep = visible | (seen > 0)
         entry, triangle, at, area = entry[keep], triangle[keep], at[keep], area[keep]
-        light = _light(setup, triangle, at, polygon[keep], centroid[keep], area)
+        centroid = centroid[keep]
+        light = _light(setup, triangle, at, polygon[keep], centroid, area)
         visible, seen = visible[keep], seen[keep]
         free_area[entry] += np.where(visible, area, 0.0)
+        free_moment[entry] += np.where(visible, area, 0.0)[:, None] * centroid
         free_light[entry] += np.where(visible, area * light, 0.0)
         hidden_count[entry] += np.where(visible, 0, seen)
         hidden_light[entry] += np.where(visible, 0.0, seen * light)
     hidden_light += opened * setup.background
     hidden_count += opened
+    beyond = (hidden_count == 0) & (free_area < 1.0 - THIN)
+    hidden_light[beyond], hidden_count[beyond] = setup.background, 1.0
     rest = np.maximum(1.0 - free_area, 0.0)
     value = free_light / np.maximum(free_area, 1.0)
     some = hidden_count > 0

@@ -223,7 +223,17 @@ class Sensor:
 
         Noise is that of (``seed``, ``camera``, ``number``), where ``camera`` is the name of the
         frame's camera unless given; DSNU and PRNU stay the same for every frame ``number``.
+
+        Raises
+        ------
+        InputError
+            Something else than a frame, or a seed or number that isn't whole or is below 0.
         """
+        if not isinstance(frame, Frame):
+            raise InputError(f"Sensor expose; got a {type(frame).__name__}; expected a Frame")
+        for key, value in (("seed", seed), ("number", number)):
+            if not (isinstance(value, int | np.integer) and value >= 0):
+                raise InputError(f"Sensor expose {key}; got {value}; expected a whole number >= 0")
         name = frame.view.camera.name if camera is None else camera
         signal = self.signal(seed, number, name)
         if frame.device is None or not frame.bands:  # made by the twin, or released

@@ -190,8 +190,8 @@ def _pieces(
     table[turned, :, NORMAL] *= -1.0
     flags[turned] = flags[turned][:, [2, 1, 0]]
     pieces = Pieces(table, flags, kept)
-    crossing = ~ahead[chosen].all(axis=1)
-    crossing |= screen.reaches_far(ideal[chosen])
+    out = (~ahead | screen.beyond(ideal))[chosen]
+    crossing = out[:, 0] | out[:, 1] | out[:, 2]
     if crossing.any():
         cut = clip(pieces[crossing], np.array([0.0, 0.0, 1.0]), near)
         for normal in screen.guards():

@@ -5,6 +5,9 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
+
+import numpy.typing as npt
 
 from gpusim.export.files import write_text
 from gpusim.export.images import write_image
@@ -20,6 +23,7 @@ from gpusim.optics.unchanged import same_surfaces, unseen_change
 from gpusim.optics.view import look
 from gpusim.pipeline.cameras import build_camera
 from gpusim.pipeline.photo import build_lens, build_sensor, build_shutter, moving, opening
+from gpusim.pipeline.window import Window, window_of
 from gpusim.scene import Scene
 from gpusim.scene import model as m
 from gpusim.surface import Surface
@@ -51,20 +55,24 @@ class Photographer:
         self.lights, self.surfaces, self.kind, self.skip = lights, surfaces, kind, skip
         self._last: tuple[str, int, Frame] | None = None
         self._shown: Sequence[Surface] = ()
+        self.image: npt.NDArray[Any] | None = None
+        """The latest image that was taken."""
         self.facts: dict[str, str] = {}
         """What lens and shutter did, by "camera: effect", in the latest frame."""
 
-    def frame(self, camera: m.Camera, frame: int) -> Frame:
-        """The linear image of a camera in a frame; the latest one is kept."""
+    def frame(self, camera: m.Camera, frame: int, window: Window | None = None) -> Frame:
+        """The linear image of a camera in a frame, or a part of it; the latest one is kept."""
         if self._last is not None:
             name, number, kept = self._last
             if (name, number) == (camera.name, frame):
                 return kept
         viewer = build_camera(camera)
+        if window is not None:
+            viewer = window.camera(viewer)
         shutter = build_shutter(camera)
         surfaces = self._moving(camera, frame)
         if self._last is not None:
-            if name == camera.name and self._unchanged(surfaces, camera, viewer):
+            if name == camera.name and not self.kind and self._unchanged(surfaces, camera, viewer):
                 self._last = (name, frame, kept)
                 return kept
             kept.release()
@@ -122,18 +130,30 @@ class Photographer:
 
     def take(self, camera: m.Camera, frame: int) -> list[Path]:
         """Render, expose and write one frame; returns its files."""
-        linear = self.frame(camera, frame)
         path = image_path(self.scene, self.out, camera.name, frame, self.kind)
         path.parent.mkdir(parents=True, exist_ok=True)
         files = [path]
+        window = self._window(camera, frame)
+        linear = self.frame(camera, frame, window)
         sensor = self._sensor(camera, frame, linear)
         if self.scene.sensor.exposure is None and frame == 0:
             files.append(self._exposure_file(camera))
         image = sensor.expose(linear, self.scene.sensor.seed, frame, f"{self.kind}{camera.name}")
+        if window is not None:
+            image = window.placed(image, build_camera(camera))
+        self.image = image
         wide = camera.sensor[0]
         pixels = camera.resolution[0] / wide if wide else None
         write_image(path, image, pixels_per_metre=pixels)
         return files
+
+    def _window(self, camera: m.Camera, frame: int) -> Window | None:
+        """The part of a target's image that isn't background, if nothing acts on that as well."""
+        if not self.kind or not self.skip or self.scene.render.background > 0.0:
+            return None
+        if camera.lens is not None or build_sensor(self.scene.sensor, camera, 1.0).signal():
+            return None  # a blurred border, noise, or a black level
+        return window_of(self.surfaces(frame), build_camera(camera))
 
     def _sensor(self, camera: m.Camera, frame: int, linear: Frame) -> Sensor:
         """The scene's exposure, or one chosen from the camera's first frame and kept in a file."""

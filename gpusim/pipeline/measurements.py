@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from gpusim.errors import GpusimError
 from gpusim.gpu import Device
+from gpusim.measure.targets import Sighting
 from gpusim.pipeline.deflection import DeflectionResult
 from gpusim.pipeline.measuring import measure_deflection
 from gpusim.pipeline.stereo import measure_stereo
@@ -22,6 +23,7 @@ __all__ = ["Result", "measured", "read"]
 
 Result = DeflectionResult | StereoResult
 Image = Callable[[str, int], npt.NDArray[Any]]
+Corners = Callable[[str, int], Sighting]
 
 
 def measured(
@@ -29,17 +31,18 @@ def measured(
     scene: Scene,
     things: Things,
     image: Image,
-    target: Image,
+    corners: Corners,
     device: Device | None,
 ) -> Result:
     """Do one measurement.
 
-    ``image`` gives a camera's picture in a frame, ``target`` that of a calibration pose.
+    ``image`` gives a camera's picture in a frame, ``corners`` what was found of the board
+    in a calibration pose.
     """
     if isinstance(spec, m.Deflection):
         return measure_deflection(spec, scene, things.bodies, things.displacement, image, device)
     if isinstance(spec, m.Stereo):
-        return measure_stereo(spec, scene, things, image, target, device)
+        return measure_stereo(spec, scene, things, image, corners, device)
     raise GpusimError(f"measure {spec.name!r}: compares variants; the scene has none")
 
 

@@ -34,12 +34,14 @@ from gpusim.report import (
     Mechanics,
     MeshSummary,
     Overlay,
+    Published,
     Report,
     Series,
     SolutionSummary,
     Stage,
 )
 from gpusim.scene import Scene
+from gpusim.scene import model as m
 from gpusim.scene.cost import effects
 
 __all__ = ["Findings", "make_report", "write_meshes"]
@@ -163,6 +165,7 @@ def make_report(scene: Scene, out: Path, found: Findings) -> Report:
         mechanics=found.mechanics,
         meshes=found.meshes,
         measurements=tuple(measurements),
+        published=_published(scene, measurements),
         warnings=found.warnings,
         description=scene.description,
         failure=found.failure,
@@ -176,6 +179,17 @@ def make_report(scene: Scene, out: Path, found: Findings) -> Report:
         figures=tuple(figures),
         links=_links(out, found.files),
     )
+
+
+def _published(scene: Scene, measurements: Sequence[Measurement]) -> tuple[Published, ...]:
+    """The main number of each measure beside what somebody else reached."""
+    rows = []
+    for spec in scene.measures:
+        own = [item for item in measurements if item.name.startswith(f"{spec.name}: ")]
+        other = None if isinstance(spec, m.Damage) else spec.published
+        if other is not None and own:
+            rows.append(Published(own[0].name, own[0].error_relative, other.error, other.source))
+    return tuple(rows)
 
 
 def _along(result: DeflectionResult) -> tuple[int, float]:

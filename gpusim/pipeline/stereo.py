@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from gpusim.errors import GpusimError, InputError
 from gpusim.gpu import Device
 from gpusim.optics.camera import Camera
 from gpusim.pipeline.cameras import build_camera
+from gpusim.pipeline.corners import board_of
 from gpusim.pipeline.following import Followed, MarkerSet, collect_markers, follow_markers
 from gpusim.pipeline.stereo_result import CameraFound, StereoResult
 from gpusim.pipeline.things import Things
@@ -29,11 +29,17 @@ LEAST_SPREAD = 0.05  # of static markers, width over length
 
 
 def measure_stereo(
-    spec: m.Stereo, scene: Scene, things: Things, image: Image, target: Image, device: Device | None
+    spec: m.Stereo,
+    scene: Scene,
+    things: Things,
+    image: Image,
+    corners: Callable[[str, int], measure.Sighting],
+    device: Device | None,
 ) -> StereoResult:
     """Displacement in space of the markers of ``spec`` between the first frame and the last.
 
-    ``image`` gives a camera's picture in a frame, ``target`` that of a calibration pose. What the
+    ``image`` gives a camera's picture in a frame, ``corners`` what was found of the board in a
+    calibration pose. What the
     scene knows of its cameras is used to tell markers apart and afterwards as the truth, never for
     a number: the calibration is that of the chessboard images alone.
 
@@ -47,7 +53,7 @@ def measure_stereo(
     """
     what = f"measure {spec.name!r}"
     board = _board(what, spec, scene)
-    calibration = measure.calibrate(_sightings(spec, scene, board, target), lens=spec.lens)
+    calibration = measure.calibrate(_sightings(spec, scene, corners), lens=spec.lens)
     marks = collect_markers(what, spec.groups, spec.static, scene, things.bodies)
     cameras = {c.name: build_camera(c) for c in scene.cameras}
     last = len(scene.analysis.load_factors) - 1
@@ -117,28 +123,21 @@ def _board(what: str, spec: m.Stereo, scene: Scene) -> measure.Chessboard:
         raise InputError(
             f"{what}: no images of a target for {', '.join(spec.cameras)}; expected [calibration]"
         )
-    prop = next(p for p in scene.props if p.name == calibration.board)
-    paint = prop.paints[0]
-    if not isinstance(paint, m.Checker):
+    board = board_of(scene)
+    if board is None:
         raise InputError(
-            f"{what}: calibration board {prop.name!r}; got paint {paint.name!r}; expected a checker"
+            f"{what}: calibration board {calibration.board!r}; got another paint; expected a "
+            "checker with columns and rows"
         )
-    return measure.Chessboard(paint.columns, paint.rows, MM * paint.cell)
+    return board
 
 
 def _sightings(
-    spec: m.Stereo, scene: Scene, board: measure.Chessboard, target: Image
+    spec: m.Stereo, scene: Scene, corners: Callable[[str, int], measure.Sighting]
 ) -> dict[str, list[measure.Sighting]]:
-    """The corners in every image, two images at a time: most of the work leaves Python's lock."""
     assert scene.calibration is not None
     poses = range(len(scene.calibration.poses))
-    jobs = [(name, pose) for name in spec.cameras for pose in poses]
-    with ThreadPoolExecutor(max_workers=2) as pool:
-        found = list(pool.map(lambda job: measure.find_chessboard(target(*job), board), jobs))
-    return {
-        name: [s for (camera, _), s in zip(jobs, found, strict=True) if camera == name]
-        for name in spec.cameras
-    }
+    return {name: [corners(name, pose) for pose in poses] for name in spec.cameras}
 
 
 def _ok(seen: Followed) -> npt.NDArray[np.bool_]:

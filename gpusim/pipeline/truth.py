@@ -55,6 +55,7 @@ def write_truth(
                 height=camera.height,
                 K=camera.K,
                 camera_from_world=camera.camera_from_world,
+                distortion=() if camera.distortion is None else camera.distortion,
             )
         rest = {spec.name: photographer.sight(spec, None) for spec in scene.cameras}
         for number, factor in enumerate(scene.analysis.load_factors):

@@ -19,6 +19,7 @@ from gpusim.export.images import read_image
 from gpusim.gpu import Device, default_device
 from gpusim.pipeline import images, measurements, outputs
 from gpusim.pipeline.build import build_body, build_lights
+from gpusim.pipeline.corners import read_corners, take_target
 from gpusim.pipeline.mechanics import make_mechanics
 from gpusim.pipeline.memory import check_memory
 from gpusim.pipeline.meshing import mesh_summary
@@ -283,7 +284,7 @@ class _Run:
         for planned in self.plan.stages:
             if planned.pose is not None:
                 camera = by_name[planned.camera or ""]
-                self._stage(planned, partial(targets.take, camera, planned.pose))
+                self._stage(planned, partial(take_target, targets, camera, planned.pose))
 
     def _truth(self) -> list[Path]:
         assert self.photographer is not None
@@ -291,10 +292,10 @@ class _Run:
                                     self.things.displacement)]  # fmt: skip
 
     def _measure(self) -> list[Path]:
-        files = []
+        files, corners = [], partial(read_corners, self.scene, self.out)
         for measure in self.scene.measures:
             result = measurements.measured(
-                measure, self.scene, self.things, self._image, self._target, self.device
+                measure, self.scene, self.things, self._image, corners, self.device
             )
             self.results.append(result)
             files += result.write(self.out / "measure")
@@ -309,9 +310,6 @@ class _Run:
 
     def _image(self, camera: str, frame: int, kind: str = "") -> npt.NDArray[Any]:
         return read_image(images.image_path(self.scene, self.out, camera, frame, kind))
-
-    def _target(self, camera: str, pose: int) -> npt.NDArray[Any]:
-        return self._image(camera, pose, "calib-")
 
     def _stress(self) -> list[Path]:
         path = self.out / "solution" / "stress.npz"

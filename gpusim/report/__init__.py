@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from gpusim.report.comparison import Budget, BudgetRow, Published
 from gpusim.report.mechanics import BodyForce, Mechanics, StressPeak
 from gpusim.report.meshes import MeshSummary
 from gpusim.report.model import (
@@ -19,6 +20,8 @@ from gpusim.report.write import ReportPaths, write_report
 
 __all__ = [
     "BodyForce",
+    "Budget",
+    "BudgetRow",
     "Figure",
     "FramePair",
     "Link",
@@ -26,6 +29,7 @@ __all__ = [
     "Mechanics",
     "MeshSummary",
     "Overlay",
+    "Published",
     "Report",
     "ReportPaths",
     "Series",

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any
+
+from gpusim.report.numbers import json_number
 
 __all__ = ["BodyForce", "Mechanics", "StressPeak"]
 
@@ -51,25 +52,21 @@ class Mechanics:
         """For report.json; a number that isn't finite is null."""
         return {
             "frame": self.frame,
-            "energy_balance": _number(self.energy_balance),
+            "energy_balance": json_number(self.energy_balance),
             "reactions": [
-                {"body": f.body, "support": f.name, "force_N": [_number(v) for v in f.force]}
+                {"body": f.body, "support": f.name, "force_N": [json_number(v) for v in f.force]}
                 for f in self.reactions
             ],
             "loads": [
-                {"body": f.body, "force_N": [_number(v) for v in f.force]} for f in self.loads
+                {"body": f.body, "force_N": [json_number(v) for v in f.force]} for f in self.loads
             ],
             "stress": [
                 {
                     "body": peak.body,
-                    "von_mises_Pa": _number(peak.von_mises),
-                    "position_m": [_number(v) for v in peak.position],
-                    "error_relative": _number(peak.error_relative),
+                    "von_mises_Pa": json_number(peak.von_mises),
+                    "position_m": [json_number(v) for v in peak.position],
+                    "error_relative": json_number(peak.error_relative),
                 }
                 for peak in self.stresses
             ],
         }
-
-
-def _number(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None

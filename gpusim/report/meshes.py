@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
+
+from gpusim.report.numbers import json_number
 
 __all__ = ["MeshSummary"]
 
@@ -35,12 +36,8 @@ class MeshSummary:
             "body": self.body,
             "nodes": self.nodes,
             "cells": dict(self.cells),
-            "least_scaled_jacobian": _number(self.least_jacobian),
-            "greatest_aspect": _number(self.greatest_aspect),
+            "least_scaled_jacobian": json_number(self.least_jacobian),
+            "greatest_aspect": json_number(self.greatest_aspect),
             "bad_cells": {"count": self.bad_count, "worst": list(self.bad_cells)},
             "remark": self.remark,
         }
-
-
-def _number(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None

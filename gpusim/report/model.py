@@ -14,8 +14,10 @@ import numpy.typing as npt
 
 from gpusim._version import __version__
 from gpusim.errors import InputError
+from gpusim.report.comparison import Budget, Published
 from gpusim.report.mechanics import Mechanics
 from gpusim.report.meshes import MeshSummary
+from gpusim.report.numbers import json_number
 
 __all__ = [
     "SCHEMA",
@@ -231,6 +233,8 @@ class Report:
     version: str = __version__
     mechanics: Mechanics | None = None
     meshes: tuple[MeshSummary, ...] = ()
+    published: tuple[Published, ...] = ()
+    budget: Budget | None = None
 
     description: str = ""
     failure: str = ""
@@ -268,7 +272,7 @@ class Report:
                     "name": stage.name,
                     "state": stage.state,
                     "reason": stage.reason,
-                    "seconds": _number(stage.seconds),
+                    "seconds": json_number(stage.seconds),
                 }
                 for stage in self.stages
             ],
@@ -278,7 +282,7 @@ class Report:
                 "unknowns": int(solution.unknowns),
                 "iterations": int(solution.iterations),
                 "converged": bool(solution.converged),
-                "error_estimate": _number(solution.error_estimate),
+                "error_estimate": json_number(solution.error_estimate),
                 "method": solution.method,
             },
             "mesh": [summary.content() for summary in self.meshes],
@@ -287,19 +291,16 @@ class Report:
                 {
                     "name": item.name,
                     "unit": item.unit,
-                    "measured": _number(item.measured),
-                    "truth": _number(item.truth),
-                    "error": _number(item.error),
-                    "error_relative": _number(item.error_relative),
+                    "measured": json_number(item.measured),
+                    "truth": json_number(item.truth),
+                    "error": json_number(item.error),
+                    "error_relative": json_number(item.error_relative),
                 }
                 for item in self.measurements
             ],
+            "published": [item.content() for item in self.published],
+            "budget": None if self.budget is None else self.budget.content(),
             "warnings": warnings,
             "facts": dict(self.facts),
         }
         return json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-
-
-def _number(value: float) -> float | None:
-    """Return a plain float, or None for NaN and infinity, which JSON doesn't know."""
-    return float(value) if math.isfinite(value) else None

@@ -5,7 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-__all__ = ["Damage", "Deflection", "Measure", "Stereo", "Variant"]
+__all__ = ["Damage", "Deflection", "Measure", "Published", "Stereo", "Variant"]
+
+
+@dataclass(frozen=True)
+class Published:
+    """A published relative error (1) and its source."""
+
+    error: float
+    source: str
 
 
 @dataclass(frozen=True)
@@ -21,6 +29,7 @@ class Deflection:
     static: tuple[str, ...]
     subset: int | None
     direction: str
+    published: Published | None = None
 
 
 @dataclass(frozen=True)
@@ -36,6 +45,7 @@ class Stereo:
     static: tuple[str, ...]
     lens: str
     subset: int | None
+    published: Published | None = None
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,7 @@ from .loading import (
     Vec3,
     Where,
 )
-from .measures import Damage, Deflection, Measure, Stereo, Variant
+from .measures import Damage, Deflection, Measure, Published, Stereo, Variant
 from .patterns import Picture, Target, Wrap
 from .photo import Lens, Psf, Sensor, Shutter, Vignetting
 from .recipe import (
@@ -93,6 +93,7 @@ __all__ = [
     "Pressure",
     "Prop",
     "Psf",
+    "Published",
     "Render",
     "Sensor",
     "Shape",

@@ -23,7 +23,7 @@ from .schema.load import (
     ThermalTable,
 )
 from .schema.material import MaterialTable
-from .schema.measure import DamageTable, MeasureTable, StereoTable
+from .schema.measure import DamageTable, DeflectionTable, MeasureTable, StereoTable
 from .schema.paint import (
     CheckerTable,
     DotsTable,
@@ -304,7 +304,7 @@ def measure(table: MeasureTable) -> model.Measure:
     if isinstance(table, StereoTable):
         return model.Stereo(
             table.name, tuple(table.cameras), tuple(table.groups), tuple(table.static), table.lens,
-            table.subset_px,
+            table.subset_px, _published(table),
         )  # fmt: skip
     if isinstance(table, DamageTable):
         return model.Damage(
@@ -313,8 +313,13 @@ def measure(table: MeasureTable) -> model.Measure:
         )  # fmt: skip
     return model.Deflection(
         table.name, table.camera, tuple(table.groups), tuple(table.static), table.subset_px,
-        table.direction,
+        table.direction, _published(table),
     )  # fmt: skip
+
+
+def _published(table: DeflectionTable | StereoTable) -> model.Published | None:
+    own = table.published
+    return None if own is None else model.Published(own.error_percent / 100.0, own.source)
 
 
 def analysis(scene: SceneTable) -> model.Analysis:

@@ -115,6 +115,11 @@ class Scene:
         )
 
     @property
+    def measures_space(self) -> bool:
+        """Whether something is measured with the cameras that [calibration] calibrates."""
+        return any(isinstance(one, model.Stereo) for one in self.measures)
+
+    @property
     def document(self) -> dict[str, Any]:
         """A fresh copy of the resolved document, defaults filled in, units as in the file."""
         content: dict[str, Any] = json.loads(self.content)

@@ -30,6 +30,7 @@ struct Range {
     corners: u32,
     mask_rows: i32,
     hard_rows: u32,
+    thin: f32,
 }
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(6) var<uniform> range: Range;
@@ -282,10 +283,13 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
     var open = 512u;
     var free_area = 0.0;
     var free_light = 0.0;
+    var free_moment = vec2f(0.0);
     var hidden_count = 0.0;
     var hidden_light = 0.0;
 
-    for (var c = lists[entry + 1u]; c < stop && open > 0u; c++) {
+    for (var c = lists[entry + 1u]; c < stop; c++) {
+        // a strip between all samples may be left, and lie on something behind
+        if (open == 0u && (hidden_count > 0.0 || free_area >= 1.0 - range.thin)) { break; }
         let id = lists[c];
         let t = triangles[id];
         let v0 = vec2f(screen[3u * id] - pixel * 65536) / 65536.0;
@@ -324,7 +328,12 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
             visible = (covered[r] & (1u << k)) == 0u
                 || !is_covered(m.yz, pixel, lists[entry + 1u], c);
         }
-        open -= seen;
+        if (!visible && own > 0u && open == 0u) {
+            let gap = vec3f(-free_moment / (1.0 - free_area), 1.0);
+            let reach = vec3f(dot(sides[0], gap), dot(sides[1], gap), dot(sides[2], gap));
+            seen = select(0u, 1u, all(reach >= vec3f(0.0)));
+        }
+        open -= min(seen, open);
         if (!visible && seen == 0u) { continue; }
 
         let d = vec2f(pixel - t.place.xy);
@@ -350,6 +359,7 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
         if (visible) {
             free_area += m.x;
             free_light += m.x * light;
+            free_moment += m.x * m.yz;
         } else {
             hidden_count += f32(seen);
             hidden_light += f32(seen) * light;
@@ -357,6 +367,10 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
     }
     hidden_light += f32(open) * params.background;
     hidden_count += f32(open);
+    if (hidden_count == 0.0 && free_area < 1.0 - range.thin) {
+        hidden_light = params.background;
+        hidden_count = 1.0;
+    }
     let rest = max(1.0 - free_area, 0.0);
     var value = free_light / max(free_area, 1.0);
     if (hidden_count > 0.0) { value += rest * hidden_light / hidden_count; }

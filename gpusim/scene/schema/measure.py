@@ -11,6 +11,15 @@ from .base import Length, Name, SignedAxis, Table, fault
 __all__ = ["DamageTable", "DeflectionTable", "MeasureTable", "StereoTable", "VariantTable"]
 
 
+class PublishedTable(Table):
+    """What somebody else reached; the report sets it beside this run's error."""
+
+    error_percent: Annotated[float, Field(ge=0)]
+    """Relative error of the measure's main number: the last marker's displacement."""
+    source: Annotated[str, Field(min_length=1)]
+    """Where it is written."""
+
+
 class DeflectionTable(Table):
     """The deflection line: markers tracked from frame 0 to the last frame."""
 
@@ -25,6 +34,7 @@ class DeflectionTable(Table):
     """Side of the tracked square, odd; without it as large as the marker allows."""
     direction: SignedAxis
     """Of the deflection that counts as positive."""
+    published: PublishedTable | None = None
 
     @model_validator(mode="after")
     def _check(self) -> DeflectionTable:
@@ -56,6 +66,7 @@ class StereoTable(Table):
     + tau."""
     subset_px: Annotated[int, Field(ge=5, le=1001)] | None = None
     """Side of the tracked square, odd; without it as large as the marker allows."""
+    published: PublishedTable | None = None
 
     @model_validator(mode="after")
     def _check(self) -> StereoTable:

@@ -1,0 +1,82 @@
+"""A target photographed in its own window is the one in the whole image."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import gpusim as gs
+from gpusim.pipeline.build import build_lights
+from gpusim.pipeline.cameras import build_camera
+from gpusim.pipeline.images import Photographer
+from gpusim.pipeline.props import build_prop
+from gpusim.pipeline.things import Things
+from gpusim.pipeline.window import window_of
+from gpusim.scene.amplitudes import LoadHistory
+
+CAMERA = {
+    "name": "one", "sensor_mm": [36.0, 24.0], "resolution_px": [300, 200], "focal_mm": 50.0,
+    "position_mm": [20.0, -470.0, 40.0], "target_mm": [90.0, 0.0, 25.0],
+}  # fmt: skip
+DOCUMENT = {
+    "schema": 1, "name": "board", "camera": [CAMERA],
+    "prop": [{
+        "name": "board", "center_mm": [50.0, 0.0, 5.0], "normal": [0.0, -1.0, 0.0],
+        "size_mm": [90.0, 70.0],
+        "paint": [{"name": "fields", "type": "checker", "albedo": 0.9, "cell_mm": 10.0,
+                   "columns": 7, "rows": 5, "origin_mm": [15.0, 0.0, -20.0]}],
+    }],
+    "light": [{"name": "lamp", "type": "area", "position_mm": [300.0, -900.0, 200.0],
+               "target_mm": [50.0, 0.0, 0.0], "size_mm": [100.0, 50.0], "power_W": 40.0}],
+    "calibration": {"board": "board", "cameras": ["one"], "pose": [
+        {"position_mm": [50.0, 0.0, 5.0], "rotation_deg": [0.0, 0.0, 0.0]},
+        {"position_mm": [60.0, 10.0, -5.0], "rotation_deg": [20.0, 0.0, -25.0]},
+    ]},
+}  # fmt: skip
+
+
+def photographs(scene: gs.Scene, folder: Path, skip: bool) -> list[np.ndarray]:
+    things = Things(scene, LoadHistory(scene, scaled=True))
+    things.props = [build_prop(prop) for prop in scene.props]
+    lights = build_lights(scene)
+    work = Photographer(scene, folder, None, "numpy", lights, things.target, "calib-", skip)
+    images = []
+    for pose in range(2):
+        work.take(scene.cameras[0], pose)
+        assert work.image is not None
+        images.append(work.image)
+    return images
+
+
+@pytest.mark.parametrize("distortion", [[], [-0.2, 0.05, 0.001, -0.002]])
+def test_a_window_changes_nothing(tmp_path: Path, distortion: list[float]) -> None:
+    scene = gs.Scene.from_document(
+        {**DOCUMENT, "camera": [{**CAMERA, "distortion": distortion}]}, source="test"
+    )
+    part, whole = (photographs(scene, tmp_path / str(skip), skip) for skip in (True, False))
+    for one, other in zip(part, whole, strict=True):
+        assert one.shape == other.shape == (200, 300)
+        assert np.ptp(other) > 100
+        off = np.abs(one.astype(int) - other.astype(int))
+        assert off.max() <= 1 and np.count_nonzero(off) <= 3  # a rounding that just tips over
+
+
+def test_windows_hold_all_that_is_seen() -> None:
+    scene = gs.Scene.from_document(DOCUMENT, source="test")
+    prop = build_prop(scene.props[0])
+    viewer = build_camera(scene.cameras[0])
+    window = window_of([prop], viewer)
+    assert window is not None
+    x, y = viewer.project(prop.points).T
+    assert window.left <= x.min() and x.max() <= window.left + window.width - 1
+    assert window.top <= y.min() and y.max() <= window.top + window.height - 1
+    assert window.width <= np.ptp(x) + 8 and window.height <= np.ptp(y) + 8
+    # one pixel of the window is the same pixel of the image
+    inside = window.camera(viewer).project(prop.points)
+    corner = np.array([window.left, window.top])
+    assert np.allclose(inside + corner, viewer.project(prop.points))
+    near = dataclasses.replace(viewer, K=viewer.K * np.array([[9.0], [9.0], [1.0]]))
+    assert window_of([prop], near) is None  # fills the image, or is beside it
