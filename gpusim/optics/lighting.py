@@ -60,9 +60,8 @@ class Lighting:
             More emitting points than a shader takes, or numbers beyond float32.
         """
         lights = lights or []
-        T = view.camera.camera_from_world
-        world = (view.corners[:, :, :3] - T[:3, 3]) @ T[:3, :3]
-        rows = emitters(lights, closest_points(lights, world), sharpest(view.paints))
+        closest = closest_points(lights, view.corners[:, :, :3], view.camera)
+        rows = emitters(lights, closest, sharpest(view.paints))
         if len(rows) > MOST_EMITTERS:
             raise InputError(
                 f"render lights; got {len(rows)} emitting points; expected at most "
