@@ -46,9 +46,8 @@ class EdgePass:
         # about what one triangle takes: clipping and samples, then its features' corners
         table, fine = tables.setup.table, tables.setup.constants([1], False)["fine"]
         turns = 200 + table.most_in_a_cell * (2000 if fine else 50) + speckle_turns(table)
-        turns = turns + grazing_turns(tables.setup, edges)
         turns += 3000 if (tables.setup.groups == BITMAP).any() else 0
-        each = turns + _shadow_turns(tables.setup, edges)
+        each = turns + grazing_turns(tables.setup, edges) + _shadow_turns(tables.setup, edges)
         deep = edges.depth > np.minimum(DEEPEST, LOOP_TURNS // each)
         self._deep = edges.select(deep)
         self._deep_values = _resolve(tables.setup, self._deep).astype(np.float32)
