@@ -14,7 +14,7 @@ from gpusim.gpu import Device
 from gpusim.optics.emitters import emitters, irradiance
 from gpusim.optics.light import AmbientLight
 from gpusim.optics.lighting import ambient
-from gpusim.optics.outline import area_normals, smooth_normals
+from gpusim.optics.outline import area_normals, sharp_normals, smooth_normals
 from gpusim.surface.surface import triangulate
 
 Array = npt.NDArray[np.float64]
@@ -163,7 +163,13 @@ def test_normals_are_smooth_on_a_cylinder_and_sharp_on_a_box() -> None:
         surface = prism(sides)
         triangles, source = triangulate(surface.faces)
         area = area_normals(surface.points, triangles)
-        normals = smooth_normals(area, triangles, len(surface.points), surface.smooth_angle)
+        angle = surface.smooth_angle
+        mean, sharp = smooth_normals(area, triangles, len(surface.points), angle)
+        normals = mean.T[triangles]
+        own, corner = np.nonzero(sharp[triangles])
+        normals[own, corner] = sharp_normals(
+            area, triangles, sharp, own, triangles[own, corner], angle
+        )
         np.testing.assert_allclose(np.linalg.norm(normals, axis=2), 1.0, atol=1e-12)
         mantle = source < sides
         at = surface.points[triangles[mantle]]

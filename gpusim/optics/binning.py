@@ -16,6 +16,9 @@ from gpusim.optics.view import View, corner_range
 
 __all__ = ["EdgePixels", "bin_edges", "expand", "segment_pixels"]
 
+TILE = 8
+"""px, side of the tiles by which triangles far from all edges are sorted out."""
+
 MARGIN = 2e-3
 """px by which the square of a pixel is enlarged when edges are looked up."""
 
@@ -92,12 +95,14 @@ def bin_edges(view: View) -> EdgePixels:
     low = np.floor(lowest + 0.5).astype(np.int64)
     high = np.floor(highest + 0.5).astype(np.int64)
     low, high = np.maximum(low, 0), np.minimum(high, [width - 1, height - 1])
+    some = _near_pixels(pixel, low, high, width, height)
+    low, high = low[some], high[some]
     triangle, step = expand(np.maximum(high[:, 1] - low[:, 1] + 1, 0))
     row = low[triangle, 1] + step
     first = np.searchsorted(pixel, row * width + low[triangle, 0])
     last = np.searchsorted(pixel, row * width + high[triangle, 0], side="right")
     run, step = expand(np.maximum(last - first, 0))
-    entry, triangle = first[run] + step, triangle[run]
+    entry, triangle = first[run] + step, some[triangle[run]]
     at = np.stack([pixel[entry] % width, pixel[entry] // width], axis=1).astype(np.float64)
     corners = view.screen[triangle] - at[:, None]
     keep = _touches(corners)
@@ -106,6 +111,30 @@ def bin_edges(view: View) -> EdgePixels:
     order = np.lexsort((triangle, -depth, entry))
     start = np.searchsorted(entry[order], np.arange(len(pixel) + 1))
     return EdgePixels(pixel, start, triangle[order])
+
+
+def _near_pixels(
+    pixel: npt.NDArray[np.int64],
+    low: npt.NDArray[np.int64],
+    high: npt.NDArray[np.int64],
+    width: int,
+    height: int,
+) -> npt.NDArray[np.int64]:
+    """Numbers of the boxes ``low`` to ``high`` (T, 2) px with a tile that holds an edge pixel.
+
+    Most faces of a fine mesh have none near; a summed-area table of the tiles tells.
+    """
+    held = np.zeros((-(-height // TILE), -(-width // TILE)), np.int32)
+    held[pixel // width // TILE, pixel % width // TILE] = 1
+    total = np.zeros((held.shape[0] + 1, held.shape[1] + 1), np.int32)
+    total[1:, 1:] = held.cumsum(axis=0).cumsum(axis=1)
+    a, b = low // TILE, high // TILE + 1
+    # beside the image a box is empty
+    seen = (low <= high).all(axis=1) & (b > 0).all(axis=1)
+    a, b = np.minimum(a, held.shape[::-1]), np.maximum(b, 0)
+    count = total[b[:, 1], b[:, 0]] - total[a[:, 1], b[:, 0]]
+    count += total[a[:, 1], a[:, 0]] - total[b[:, 1], a[:, 0]]
+    return np.flatnonzero(seen & (count > 0))
 
 
 def _touches(corners: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:

@@ -19,7 +19,7 @@ from gpusim.errors import InputError
 from gpusim.optics.camera import Camera
 from gpusim.optics.distortion_map import distortion_map
 
-__all__ = ["LONGEST_EDGE", "Pieces", "Screen", "clip", "split"]
+__all__ = ["LONGEST_EDGE", "Pieces", "Screen", "clip", "split", "without_area"]
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -193,11 +193,13 @@ def split(pieces: Pieces, screen: Screen) -> tuple[Pieces, Array]:
     most = len(pieces.source) + MOST_PIECES
     for _ in range(MOST_ROUNDS):
         ideal = screen.ideal(pieces.corners[:, :, :3])
-        keep = screen.inside(ideal) & ~_without_area(ideal)
+        keep = screen.inside(ideal) & ~without_area(*_columns(ideal))
         if not keep.all():
             pieces, ideal = pieces[keep], ideal[keep]
         if screen.camera.lens is None:
             place, good = ideal, np.ones(len(ideal), bool)
+            if _extent(ideal) <= 0.7 * LONGEST_EDGE:
+                return Pieces.joined([*done, pieces]), _joined([*places, place])
         else:
             place = screen.bent(ideal)
             # what a lens turns over is a sliver within the tolerance, or beyond the lens's domain
@@ -210,7 +212,7 @@ def split(pieces: Pieces, screen: Screen) -> tuple[Pieces, Array]:
         done.append(pieces[good])
         places.append(place if good.all() else place[good])
         if not long.any():
-            return Pieces.joined(done), np.concatenate(places) if len(places) > 1 else places[0]
+            return Pieces.joined(done), _joined(places)
         pieces = _halved(pieces[long], np.argmax(above[long], axis=1))
         if len(pieces.source) > most:
             break
@@ -272,12 +274,31 @@ def _halved(pieces: Pieces, k: npt.NDArray[np.int64]) -> Pieces:
     )
 
 
-def _without_area(triangles: Array) -> Flags:
-    """Which triangles (n, 3, 2) are lines but for rounding."""
-    a, b, c = (triangles[:, k] for k in range(3))
-    u, v = b - a, c - a
-    square = u[:, 0] ** 2 + u[:, 1] ** 2 + v[:, 0] ** 2 + v[:, 1] ** 2
-    return np.asarray(np.abs(_cross(u, v)) <= 1e-13 * square)
+def _joined(parts: list[Array]) -> Array:
+    parts = [part for part in parts if len(part)] or parts[:1]
+    return np.concatenate(parts) if len(parts) > 1 else parts[0]
+
+
+def _columns(triangles: Array) -> tuple[list[Array], list[Array]]:
+    """x and y of the three corners (n, 3, 2), each contiguous: strided passes take many times."""
+    x, y = ([np.ascontiguousarray(triangles[:, k, axis]) for k in range(3)] for axis in (0, 1))
+    return x, y
+
+
+def _extent(triangles: Array) -> float:
+    """The longest side of a box round any of triangles (n, 3, 2)."""
+    most = 0.0
+    for a, b, c in _columns(triangles):
+        size = np.maximum(np.maximum(a, b), c) - np.minimum(np.minimum(a, b), c)
+        most = max(most, float(size.max(initial=0.0)))
+    return most
+
+
+def without_area(x: list[Array], y: list[Array]) -> Flags:
+    """Which triangles with corners at x and y, three arrays (n,) each, are lines but for
+    rounding."""
+    ux, uy, vx, vy = x[1] - x[0], y[1] - y[0], x[2] - x[0], y[2] - y[0]
+    return np.asarray(np.abs(ux * vy - uy * vx) <= 1e-13 * (ux * ux + uy * uy + vx * vx + vy * vy))
 
 
 def _twice_area(triangles: Array) -> Array:
@@ -287,9 +308,11 @@ def _twice_area(triangles: Array) -> Array:
 
 def _overlaps(triangles: Array, low: Array, high: Array) -> Flags:
     """Which triangles (n, 3, 2) aren't wholly beside a box."""
-    a, b, c = (triangles[:, k] for k in range(3))
-    most, least = np.maximum(np.maximum(a, b), c), np.minimum(np.minimum(a, b), c)
-    return np.asarray(((most > low) & (least < high)).all(axis=1))
+    result = np.ones(len(triangles), bool)
+    for (a, b, c), least, most in zip(_columns(triangles), low, high, strict=True):
+        result &= np.maximum(np.maximum(a, b), c) > least
+        result &= np.minimum(np.minimum(a, b), c) < most
+    return result
 
 
 def _cross(a: Array, b: Array) -> Array:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.optics.camera import Camera
 from gpusim.optics.light import (
     AmbientLight,
     AreaLight,
@@ -153,17 +154,24 @@ def _face_points(lamp: Lamp, count: int) -> list[tuple[float, float, float]]:
     return result
 
 
-def closest_points(lights: Sequence[Light], triangles: Array) -> Array:
-    """The point of triangles (T, 3, 3) that is nearest to each lamp, (L, 3)."""
+def closest_points(lights: Sequence[Light], triangles: Array, camera: Camera) -> Array:
+    """World points of camera-space triangles (T, 3, 3) nearest to each area lamp, (L, 3)."""
+    R, t = camera.camera_from_world[:3, :3], camera.camera_from_world[:3, 3]
     result = [
-        _closest(lamp.centre, triangles)
+        (_closest(R @ lamp.centre + t, triangles) - t) @ R
         for lamp in lamps_of(lights)
-        if len(triangles) and not lamp.far
+        if len(triangles) and isinstance(lamp.light, AreaLight)
     ]
     return np.array(result, np.float64).reshape(-1, 3)
 
 
 def _closest(position: Array, triangles: Array) -> Array:
+    # only triangles whose first corner is nearly as close as any, by the lengths of their sides
+    p = [[np.ascontiguousarray(triangles[:, k, axis]) for axis in range(3)] for k in range(3)]
+    distance = np.sqrt(sum((p[0][axis] - position[axis]) ** 2 for axis in range(3)))
+    sides = [np.sqrt(sum((p[k][axis] - p[0][axis]) ** 2 for axis in range(3))) for k in (1, 2)]
+    nearest_corner = float(distance.min()) * (1.0 + 1e-12)
+    triangles = triangles[distance - np.maximum(*sides) <= nearest_corner]
     a, edges = triangles, np.roll(triangles, -1, axis=1) - triangles
     normal = np.cross(edges[:, 0], edges[:, 1])
     square = np.sum(normal * normal, axis=1)

@@ -18,7 +18,7 @@ from gpusim.optics.emitters import closest_points, emitter_light, emitters, lamp
 from gpusim.optics.environment import Environment
 from gpusim.optics.gloss import Gloss, Reflection, sharpest
 from gpusim.optics.light import AmbientLight, Light
-from gpusim.optics.shadow_tiles import ShadowTiles
+from gpusim.optics.shadow_tiles import ShadowTiles, flatness
 from gpusim.optics.view import View
 from gpusim.surface.surface import Surface
 
@@ -60,9 +60,8 @@ class Lighting:
             More emitting points than a shader takes, or numbers beyond float32.
         """
         lights = lights or []
-        T = view.camera.camera_from_world
-        world = (view.corners[:, :, :3] - T[:3, 3]) @ T[:3, :3]
-        rows = emitters(lights, closest_points(lights, world), sharpest(view.paints))
+        closest = closest_points(lights, view.corners[:, :, :3], view.camera)
+        rows = emitters(lights, closest, sharpest(view.paints))
         if len(rows) > MOST_EMITTERS:
             raise InputError(
                 f"render lights; got {len(rows)} emitting points; expected at most "
@@ -77,7 +76,7 @@ class Lighting:
         lamps = lamps_of(lights)
         shadows = None
         if surfaces and any(lamp.light.shadows for lamp in lamps):
-            found = ShadowTiles.build(view, lamps, Casters.of(surfaces))
+            found = ShadowTiles.build(view, lamps, Casters.of(surfaces, flatness(view, lamps)))
             shadows = found if found.any else None
         environment = Environment.of(lights)
         even = ambient(lights)

@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from gpusim.surface.topology import Topology
 
-__all__ = ["area_normals", "feature_edges", "smooth_normals", "unit"]
+__all__ = ["area_normals", "feature_edges", "sharp_normals", "smooth_normals", "unit"]
 
 Array = npt.NDArray[np.float64]
 
@@ -61,50 +61,42 @@ def feature_edges(
 
 
 def smooth_normals(
-    area: Array,
-    triangles: npt.NDArray[np.int32],
-    vertices: int,
-    smooth_angle: float,
-    wanted: npt.NDArray[np.int64] | None = None,
-) -> Array:
-    """Unit normals (n, 3, 3) per corner of the ``wanted`` triangles (default: all).
+    area: Array, triangles: npt.NDArray[np.int32], vertices: int, smooth_angle: float
+) -> tuple[Array, npt.NDArray[np.bool_]]:
+    """Unit normals (3, vertices), and where corners have their own (vertices,).
 
-    They are the mean, weighted by area, of the normals ``area`` (3, T) of those triangles at the
-    vertex whose normal lies within ``smooth_angle`` of the triangle's own.
+    They are the mean of the normals ``area`` (3, T) of the triangles at a vertex, weighted by
+    area. Where two of those may differ by more than ``smooth_angle``, see `sharp_normals`.
     """
     direction = unit(area)
+    columns = [np.ascontiguousarray(triangles[:, j]) for j in range(3)]
     mean = np.zeros((3, vertices))
     for k in range(3):
-        for j in range(3):
-            mean[k] += np.bincount(triangles[:, j], weights=area[k], minlength=vertices)
+        for corner in columns:
+            mean[k] += np.bincount(corner, weights=area[k], minlength=vertices)
     mean = unit(mean)
     # where all lie within half the angle of their mean, any two lie within the whole
     sharp = np.zeros(vertices, bool)
-    for j in range(3):
-        corner = triangles[:, j]
+    for corner in columns:
         cosine = sum(direction[k] * mean[k][corner] for k in range(3))
         sharp[corner[~(cosine >= np.cos(0.5 * smooth_angle))]] = True
-    chosen = triangles if wanted is None else triangles[wanted]
-    result: Array = np.stack([mean[k][chosen] for k in range(3)], axis=-1)
-    if sharp.any():
-        rows, columns = np.nonzero(sharp[chosen])
-        own = rows if wanted is None else wanted[rows]
-        result[rows, columns] = _one_by_one(
-            area, direction, triangles, sharp, own, chosen[rows, columns], smooth_angle
-        )
-    return result
+    return mean, sharp
 
 
-def _one_by_one(
+def sharp_normals(
     area: Array,
-    direction: Array,
     triangles: npt.NDArray[np.int32],
     sharp: npt.NDArray[np.bool_],
     own: npt.NDArray[np.int64],
     vertex: npt.NDArray[np.int32],
     smooth_angle: float,
 ) -> Array:
-    """Normals (n, 3) of triangles ``own`` at their corners ``vertex``, pair by pair."""
+    """Normals (n, 3) of triangles ``own`` at their corners ``vertex``, which are ``sharp``.
+
+    The mean, weighted by area, of the normals ``area`` (3, T) of those triangles at the vertex
+    whose normal lies within ``smooth_angle`` of the triangle's own.
+    """
+    direction = unit(area)
     owner, corner = np.nonzero(sharp[triangles])
     order = np.argsort(triangles[owner, corner], kind="stable")
     around = owner[order]

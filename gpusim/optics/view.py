@@ -19,10 +19,11 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.optics.camera import Camera
-from gpusim.optics.cutting import LONGEST_EDGE, Pieces, Screen, clip, split
+from gpusim.optics.cutting import LONGEST_EDGE, Pieces, Screen, clip, split, without_area
 from gpusim.optics.distortion_map import distortion_map
-from gpusim.optics.outline import area_normals, feature_edges, smooth_normals, unit
+from gpusim.optics.outline import area_normals, feature_edges, sharp_normals, smooth_normals, unit
 from gpusim.surface.paint import Paint
+from gpusim.surface.plane import PaintFrame
 from gpusim.surface.surface import Surface
 
 __all__ = [
@@ -172,23 +173,16 @@ def _pieces(
     keep = seen & front if topology.closed else seen
     shows = feature_edges(topology, front, surface.regions, unit(area), surface.smooth_angle, keep)
     kept = np.flatnonzero(keep)
+    if ahead.all():
+        # as `split` would do later, with more to carry
+        corner = [np.ascontiguousarray(triangles[kept, k]) for k in range(3)]
+        kept = kept[~without_area(*([ideal[:, axis][c] for c in corner] for axis in (0, 1)))]
+    table = _table(surface, points, area, kept, front, lit, screen.camera)
     chosen = triangles[kept]
-    table = np.zeros((len(kept), 3, 11))
-    table[:, :, POSITION] = points[chosen]
-    table[:, :, REFERENCE] = surface.rest[chosen]
-    if lit:
-        normals = smooth_normals(area, triangles, len(points), surface.smooth_angle, kept)
-        table[:, :, NORMAL] = normals @ screen.camera.camera_from_world[:3, :3]
-    region = surface.regions[topology.source[kept]]
-    for number in surface.extents:
-        rows = np.flatnonzero(region == number)
-        frame = surface.paint_frame(number)
-        table[rows, :, ST] = frame.of_triangles(table[rows, :, REFERENCE], kept[rows])
     flags = shows[topology.edge[kept]]
     turned = ~front[kept]
-    table[turned] = table[turned][:, [0, 2, 1]]
-    table[turned, :, NORMAL] *= -1.0
-    flags[turned] = flags[turned][:, [2, 1, 0]]
+    if turned.any():
+        flags[turned] = flags[turned][:, [2, 1, 0]]
     pieces = Pieces(table, flags, kept)
     out = (~ahead | screen.beyond(ideal))[chosen]
     crossing = out[:, 0] | out[:, 1] | out[:, 2]
@@ -198,6 +192,60 @@ def _pieces(
             cut = clip(cut, normal, 0.0)
         pieces = Pieces.joined([pieces[~crossing], cut])
     return split(pieces, screen)
+
+
+def _table(
+    surface: Surface,
+    points: Array,
+    area: Array,
+    kept: npt.NDArray[np.int64],
+    front: npt.NDArray[np.bool_],
+    lit: bool,
+    camera: Camera,
+) -> Array:
+    """Corners (n, 3, 11) of the triangles ``kept``, those that look away turned round.
+
+    A view of (3, 11, n), so that whatever passes over one column reads nothing else.
+    """
+    triangles = surface.topology.triangles
+    turned = ~front[kept]
+    away = np.flatnonzero(turned)
+    corner = [np.ascontiguousarray(triangles[kept, k]) for k in range(3)]
+    corner[1][away], corner[2][away] = corner[2][away], corner[1][away]
+    columns = np.zeros((3, 11, len(kept)))
+    table = np.moveaxis(columns, 2, 0)
+
+    def fill(first: int, values: Array) -> None:
+        """From values (n, V) at the vertices."""
+        for axis, column in enumerate(values):
+            column = np.ascontiguousarray(column)
+            for k in range(3):
+                np.take(column, corner[k], out=columns[k, first + axis], mode="clip")
+
+    fill(POSITION.start, points.T)
+    fill(REFERENCE.start, surface.rest.T)
+    if lit:
+        angle, to_world = surface.smooth_angle, camera.camera_from_world[:3, :3].T
+        normal, sharp = smooth_normals(area, triangles, len(points), angle)
+        fill(NORMAL.start, to_world @ normal)
+        if sharp.any():
+            rows, k = np.nonzero(np.stack([sharp[c] for c in corner], axis=1))
+            vertex = np.stack(corner, axis=1)[rows, k]
+            own = sharp_normals(area, triangles, sharp, kept[rows], vertex, angle)
+            table[rows, k, NORMAL] = own @ to_world.T
+        if len(away):
+            columns[:, NORMAL] *= np.where(turned, -1.0, 1.0)
+    region = surface.regions[surface.topology.source[kept]] if surface.extents else kept
+    for number in surface.extents:
+        rows = np.flatnonzero(region == number)
+        frame = surface.paint_frame(number)
+        if len(rows) == len(kept) and isinstance(frame, PaintFrame):
+            fill(ST.start, frame.coordinates(surface.rest).T)
+            continue
+        own = frame.of_triangles(surface.rest[triangles[kept[rows]]], kept[rows])
+        own[turned[rows]] = own[turned[rows]][:, [0, 2, 1]]
+        table[rows, :, ST] = own
+    return table
 
 
 def _may_be_seen(
@@ -219,18 +267,25 @@ def _may_be_seen(
 def barycentric_planes(corners: Array, camera: Camera) -> Array:
     """(T, 3, 3): row i holds the coefficients of b_i as an affine function of [x, y, 1]."""
     p = [[np.ascontiguousarray(corners[:, k, axis]) for axis in range(3)] for k in range(3)]
-    cofactors = np.empty((len(corners), 3, 3))
+    columns = np.empty((3, 3, len(corners)))
+    D = camera.ray_matrix()
     for i in range(3):
         (ux, uy, uz), (vx, vy, vz) = p[(i + 1) % 3], p[(i + 2) % 3]
-        cofactors[:, i, 0] = uy * vz - uz * vy
-        cofactors[:, i, 1] = uz * vx - ux * vz
-        cofactors[:, i, 2] = ux * vy - uy * vx
-    determinant = sum(p[0][axis] * cofactors[:, 0, axis] for axis in range(3))
-    if not np.all(determinant != 0.0):
-        raise InputError("a triangle is seen exactly edge-on; it should have been dropped")
-    cofactors /= np.asarray(determinant)[:, None, None]
-    result: Array = (cofactors.reshape(-1, 3) @ camera.ray_matrix()).reshape(-1, 3, 3)
-    return result
+        x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+        if i == 0:
+            determinant = p[0][0] * x + p[0][1] * y + p[0][2] * z
+            if not np.all(determinant != 0.0):
+                raise InputError("a triangle is seen exactly edge-on; it should have been dropped")
+            scale = 1.0 / determinant
+        for k in range(3):
+            # the ray matrix is upper triangular
+            row = x * D[0, k]
+            if k > 0:
+                row += y * D[1, k]
+            if k > 1:
+                row += z * D[2, k]
+            np.multiply(row, scale, out=columns[i, k])
+    return np.moveaxis(columns, 2, 0)
 
 
 def corner_mean(values: Array) -> Array:
@@ -264,8 +319,10 @@ def _with_reach(
                 _largest_footprint(corners[part], planes[part])
                 for part in np.array_split(rows, -(-len(rows) // CHUNK))
             )
-            low, high = corner_range(corners[rows][:, :, ST])
-            seen = np.stack([low.min(axis=0), high.max(axis=0)])
+            seen = np.array(
+                [[float(pick(corners[:, :, axis][rows])) for axis in range(ST.start, ST.stop)]
+                 for pick in (np.min, np.max)]
+            )  # fmt: skip
             region = replace(region, reach=min(stretch * reach, extent), seen=seen)
         result.append(region)
     return result

@@ -172,6 +172,15 @@ class Surface:
         name = list(self.paints)[region]
         if name in self.frames:
             return self.frames[name]
+        if region not in self._found_frames:
+            self._found_frames[region] = self._own_frame(region, name)
+        return self._found_frames[region]
+
+    @cached_property
+    def _found_frames(self) -> dict[int, Frame]:
+        return {}
+
+    def _own_frame(self, region: int, name: str) -> Frame:
         where = f"Surface {self.name!r} region {name!r}"
         return plane_frame(self.rest, self.faces[self.regions == region], where)
 
