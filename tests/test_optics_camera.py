@@ -125,6 +125,8 @@ def changed(matrix: np.ndarray, row: int, column: int, value: float) -> np.ndarr
         ({"width": 0}, ("width", "0", "1 to 65535")),
         ({"height": 12.5}, ("height", "12.5", "1 to 65535")),
         ({"width": float("nan")}, ("width", "nan", "1 to 65535")),
+        ({"width": "40"}, ("width", "40", "1 to 65535")),
+        ({"K": "eye"}, ("K", "eye", "numbers")),
         ({"K": K[:2]}, ("K", "(2, 3)", "(3, 3)")),
         ({"K": changed(K, 0, 0, np.nan)}, ("K", "finite")),
         ({"K": changed(K, 0, 0, -100.0)}, ("K", "-100", "fx, fy above 0")),

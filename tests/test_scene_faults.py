@@ -135,10 +135,10 @@ def test_a_file_that_cannot_be_read(tmp_path: Path) -> None:
         # unknown
         ("schema", 2, "schema", "unknown value"),
         ("body.0.mesh.builder", "cran", "body.0.mesh.builder", "unknown value"),
-        ("light.1.type", "spot", "light.1.type", "unknown value"),
+        ("light.1.type", "laser", "light.1.type", "unknown value"),
         ("output.truth.2", "dept", "output.truth.2", "unknown value"),
         ("body.0.load.0.where.normal", "z", "body.0.load.0.where.normal", "unknown value"),
-        ("light.0.power_lm", 3.0, "light.0.power_lm", "unknown key"),
+        ("light.0.power_lm", 3.0, "light.0.power_W", "how strong"),
         ("camera.0.name", "a/b", "camera.0.name", "not a usable name"),
         ("camera.0.name", "../b", "camera.0.name", "not a usable name"),
         # between the keys of a table

@@ -20,6 +20,10 @@ LOW, HIGH = np.array([0.0, 0.0]), np.array([1.0, 0.7])
     [
         (lambda: Plain(1.2), ("Plain albedo", "1.2", "0 to 1")),
         (lambda: Plain(float("nan")), ("Plain albedo", "nan", "0 to 1")),
+        (lambda: Plain("grey"), ("Plain albedo", "grey", "0 to 1")),
+        (lambda: Checker([0.1, 0.2]), ("Checker size", "[0.1, 0.2]", "above 0")),
+        (lambda: Checker(0.1, columns="8"), ("Checker columns", "8", "at least 1")),
+        (lambda: Checker(0.1, origin=("a", 0.0)), ("Checker origin", "a", "two finite")),
         (lambda: Checker(0.0), ("Checker size", "0.0", "above 0")),
         (lambda: Checker(float("inf")), ("Checker size", "inf", "above 0")),
         (lambda: Checker(0.1, dark=-0.1), ("Checker dark", "-0.1", "0 to 1")),

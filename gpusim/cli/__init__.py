@@ -75,6 +75,14 @@ Sets = Annotated[
         help="Change a key of the scene: camera.front.focal_mm=35 (repeatable).",
     ),
 ]
+Only = Annotated[
+    list[str] | None,
+    typer.Option("--only", metavar="EFFECT", help="Leave other effects out: noise (repeatable)."),
+]
+No = Annotated[
+    list[str] | None,
+    typer.Option("--no", metavar="EFFECT", help="Leave an effect out: distortion (repeatable)."),
+]
 BackendOption = Annotated[Backend, typer.Option(help="gpu: any Vulkan device; numpy: none.")]
 Fresh = Annotated[bool, typer.Option("--fresh", help="Reuse nothing of an earlier run.")]
 NoSkip = Annotated[bool, typer.Option("--no-skip", help="Switch every shortcut off.")]
@@ -118,6 +126,8 @@ def run(
     scene: ScenePath,
     output: Annotated[Path, typer.Option("-o", "--output", metavar="OUT", help="Output folder.")],
     sets: Sets = None,
+    only: Only = None,
+    no: No = None,
     backend: BackendOption = Backend.gpu,
     fresh: Fresh = False,
     no_skip: NoSkip = False,
@@ -126,7 +136,7 @@ def run(
 ) -> None:
     """Solve, render, measure, report; reuse what is unchanged in OUT."""
     with exit_codes():
-        loaded = _load(scene, sets)
+        loaded = _load(scene, sets).with_effects(only or (), no or ())
         _check_folder(output)
         from gpusim import pipeline
 
@@ -143,6 +153,30 @@ def run(
             out(report.to_json().rstrip())
         elif not quiet:
             _print_report(report, output)
+
+
+@app.command()
+def budget(
+    scene: ScenePath,
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="OUT", help="Output folder.")],
+    sets: Sets = None,
+    backend: BackendOption = Backend.gpu,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
+    as_json: Json = False,
+) -> None:
+    """Run a scene, then with and without each effect: what each adds to the measured error."""
+    with exit_codes():
+        loaded = _load(scene, sets)
+        _check_folder(output)
+        from gpusim.cli.budgeting import print_budget
+        from gpusim.pipeline.budget import run_budget
+
+        with ProgressDisplay(quiet, stream_is_result=as_json) as progress:
+            report = run_budget(loaded, output, backend=backend.value, progress=progress)
+        if as_json:
+            out(report.to_json().rstrip())
+        elif not quiet and report.budget is not None:
+            print_budget(report.budget, output)
 
 
 @app.command()

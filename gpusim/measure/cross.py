@@ -78,7 +78,7 @@ def fit_cross(
     ends = _ends(patch, coarse, low, high)
     if ends is None:
         return None
-    margin = END_MARGIN + END_SIGMAS * abs(float(coarse[8]))
+    margin = (END_MARGIN + END_SIGMAS * abs(float(coarse[8]))) / np.cos(coarse[2] - coarse[3])
     reach_1 = max(MIN_REACH, min(ends[0:2]) - margin)
     reach_2 = max(MIN_REACH, min(ends[2:4]) - margin)
     fine = _fit(patch, coarse, (reach_1, reach_2), FINE)
@@ -131,8 +131,10 @@ def _region(
     y, x = grid[0], grid[1]
     along_1, along_2, normal_1, normal_2 = _frame(p)
     dx, dy = x - p[0], y - p[1]
-    far_1 = np.abs(dx * along_1[0] + dy * along_1[1])
-    far_2 = np.abs(dx * along_2[0] + dy * along_2[1])
+    # how far along both borders: a marker seen at an angle is a parallelogram
+    sine = along_1[0] * along_2[1] - along_1[1] * along_2[0]
+    far_1 = np.abs(dx * normal_2[0] + dy * normal_2[1]) / sine
+    far_2 = np.abs(dx * normal_1[0] + dy * normal_1[1]) / sine
     use = (far_1 <= reach[0]) & (far_2 <= reach[1])
     off_1 = np.abs(dx * normal_1[0] + dy * normal_1[1])
     off_2 = np.abs(dx * normal_2[0] + dy * normal_2[1])

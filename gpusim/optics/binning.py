@@ -128,13 +128,16 @@ def _near_pixels(
     held[pixel // width // TILE, pixel % width // TILE] = 1
     total = np.zeros((held.shape[0] + 1, held.shape[1] + 1), np.int32)
     total[1:, 1:] = held.cumsum(axis=0).cumsum(axis=1)
-    a, b = low // TILE, high // TILE + 1
     # beside the image a box is empty
-    seen = (low <= high).all(axis=1) & (b > 0).all(axis=1)
-    a, b = np.minimum(a, held.shape[::-1]), np.maximum(b, 0)
-    count = total[b[:, 1], b[:, 0]] - total[a[:, 1], b[:, 0]]
-    count += total[a[:, 1], a[:, 0]] - total[b[:, 1], a[:, 0]]
-    return np.flatnonzero(seen & (count > 0))
+    seen = (low[:, 0] <= high[:, 0]) & (low[:, 1] <= high[:, 1])
+    number = np.flatnonzero(seen)
+    left, top = (low[number, axis] // TILE for axis in (0, 1))
+    right, bottom = (high[number, axis] // TILE + 1 for axis in (0, 1))
+    flat, across = total.ravel(), total.shape[1]
+    top, bottom = top * across, bottom * across
+    count = flat[bottom + right] - flat[top + right] - flat[bottom + left] + flat[top + left]
+    result: npt.NDArray[np.int64] = number[count > 0]
+    return result
 
 
 def _touches(corners: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:

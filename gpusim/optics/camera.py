@@ -56,10 +56,11 @@ class Camera:
     def __post_init__(self) -> None:
         where = f"Camera {self.name!r}"
         for key, value in (("width", self.width), ("height", self.height)):
-            if not (1 <= value <= 65535 and int(value) == value):
+            whole = isinstance(value, int | float | np.integer | np.floating)
+            if not (whole and 1 <= value <= 65535 and int(value) == value):
                 raise InputError(f"{where} {key}; got {value}; expected 1 to 65535 pixels")
             object.__setattr__(self, key, int(value))
-        K = np.asarray(self.K, np.float64)
+        K = _matrix(self.K, f"{where} K")
         if K.shape != (3, 3) or not np.isfinite(K).all():
             raise InputError(f"{where} K; got shape {K.shape}; expected finite (3, 3)")
         if not (K[0, 0] > 0 and K[1, 1] > 0) or K[1, 0] != 0 or (K[2] != [0, 0, 1]).any():
@@ -72,7 +73,7 @@ class Camera:
                 f"{where} lens_K; got {np.asarray(self.lens_K).tolist()}; expected K with another "
                 "principal point"
             )
-        T = np.asarray(self.camera_from_world, np.float64)
+        T = _matrix(self.camera_from_world, f"{where} camera_from_world")
         if T.shape != (4, 4) or not np.isfinite(T).all():
             raise InputError(
                 f"{where} camera_from_world; got shape {T.shape}; expected finite (4, 4)"
@@ -253,6 +254,13 @@ class Camera:
         """(3, 3) matrix D with camera-space direction = D [x, y, 1], of unit depth."""
         result: npt.NDArray[np.float64] = np.linalg.inv(self.K).astype(np.float64)
         return result
+
+
+def _matrix(values: npt.ArrayLike, where: str) -> npt.NDArray[np.float64]:
+    try:
+        return np.asarray(values, np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"{where}; got {values!r}; expected a matrix of numbers") from None
 
 
 def _pixels(values: npt.ArrayLike, what: str) -> npt.NDArray[np.float64]:

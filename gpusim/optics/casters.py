@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.optics.emitters import Lamp
+from gpusim.optics.merging import merge_flat, neighbours
 from gpusim.surface.surface import Surface, face_normals
 
 __all__ = ["Casters", "LampFaces"]
@@ -25,8 +26,8 @@ FLAT = 1e-9
 class LampFaces:
     """``face`` (n,): the faces that may hide a lamp from something.
 
-    ``rim`` (n,): those at whose edges visibility may change; across all other edges a shadow goes
-    on without a gap. ``side`` (n,): 1 if the whole lamp is before the face's plane, -1 behind it,
+    ``rim`` (n, 4): the edges at which visibility may change; across all others a shadow goes on
+    without a gap. ``side`` (n,): 1 if the whole lamp is before the face's plane, -1 behind it,
     0 if the plane meets the lamp.
     """
 
@@ -37,37 +38,56 @@ class LampFaces:
 
 @dataclass(frozen=True, eq=False)
 class Casters:
-    """Faces of all surfaces: ``corners`` (F, 4, 3) world, a triangle's last corner twice.
+    """Faces of all surfaces, flat parts joined.
 
-    ``normal`` (F, 3) outward, as long as the area; ``both_sides`` (F,): of surfaces that aren't
-    closed; ``beside`` (F, 4): the face across each edge, -1 for none or several.
+    ``corners`` (F, 4, 3) world, a triangle's last one twice; ``normal`` (F, 3) outward, as long as
+    the area; ``both_sides`` (F,): of surfaces that aren't closed. Of the edges of the surfaces' own
+    faces that aren't inside a joined one: ``edge`` (E, 2) joined face and place among its edges,
+    ``beside`` (E,) the joined face across, -1 for none or several, -2 where a triangle has no
+    fourth edge.
     """
 
     corners: Array
     normal: Array
     both_sides: npt.NDArray[np.bool_]
+    edge: npt.NDArray[np.int64]
     beside: npt.NDArray[np.int64]
 
     @staticmethod
-    def of(surfaces: Sequence[Surface]) -> Casters:
-        """Collect the faces of ``surfaces``."""
-        corners, normals, both, beside = [], [], [], []
+    def of(
+        surfaces: Sequence[Surface], flatness: Callable[[Array], Array] | None = None
+    ) -> Casters:
+        """Collect the faces of ``surfaces``.
+
+        ``flatness``: how far joined faces may pass from points (N, 3), (N,); None joins none.
+        """
+        corners, normals, both = [np.zeros((0, 4, 3))], [np.zeros((0, 3))], [np.zeros(0, bool)]
+        edges, beside = [np.zeros((0, 2), np.int64)], [np.zeros(0, np.int64)]
         first = 0
         for surface in surfaces:
             faces = surface.faces.astype(np.int64)
             faces = np.where(faces >= 0, faces, np.roll(faces, 1, axis=1))
-            neighbours, closed = _neighbours(faces)
-            corners.append(surface.points[faces])
-            normals.append(face_normals(surface.points, surface.faces))
-            both.append(np.full(len(faces), not closed))
-            beside.append(np.where(neighbours >= 0, neighbours + first, neighbours))
-            first += len(faces)
-        if not corners:
-            empty = np.zeros((0, 4), np.int64)
-            return Casters(np.zeros((0, 4, 3)), np.zeros((0, 3)), np.zeros(0, bool), empty)
+            across, closed = neighbours(faces)
+            tolerance = None if flatness is None else flatness(surface.points)
+            merged = merge_flat(surface.points, faces, tolerance)
+            count = len(merged.faces)
+            corners.append(surface.points[merged.faces])
+            area = face_normals(surface.points, surface.faces)
+            normals.append(
+                np.stack(
+                    [np.bincount(merged.owner, area[:, k], minlength=count) for k in range(3)],
+                    axis=1,
+                )
+            )
+            both.append(np.full(count, not closed))
+            face, place = np.nonzero(~merged.inner)
+            edges.append(np.stack([merged.owner[face] + first, place], axis=1))
+            other = across[face, place]
+            beside.append(np.where(other >= 0, merged.owner[other] + first, other))
+            first += count
         return Casters(
             np.concatenate(corners), np.concatenate(normals), np.concatenate(both),
-            np.concatenate(beside),
+            np.concatenate(edges), np.concatenate(beside),
         )  # fmt: skip
 
     def seen_by(self, lamp: Lamp, receivers: Array) -> LampFaces:
@@ -95,29 +115,10 @@ class Casters:
             size = float(np.linalg.norm(self.normal[face]))
             caster[face] = bool((ahead < -1e-7 * reach * size).any())
         # a face goes on into its neighbour where both turn the same side to the lamp
-        known = self.beside >= 0
-        same = side[np.where(known, self.beside, 0)] == side[:, None]
-        own_edge = self.beside == -2  # an edge of a triangle's double corner
-        smooth = ((known & same) | own_edge).all(axis=1) & (side != 0)
+        own = side[self.edge[:, 0]]
+        goes_on = (self.beside >= 0) & (side[np.maximum(self.beside, 0)] == own) & (own != 0)
+        rim = np.zeros((len(side), 4), bool)
+        ends = ~goes_on & (self.beside != -2)
+        rim[self.edge[ends, 0], self.edge[ends, 1]] = True
         face = np.flatnonzero(caster)
-        return LampFaces(face, ~smooth[face], side[face])
-
-
-def _neighbours(faces: npt.NDArray[np.int64]) -> tuple[npt.NDArray[np.int64], bool]:
-    """Across each edge of (F, 4) faces: -1 none or several, -2 no edge. Whether all have one."""
-    count = len(faces)
-    a, b = faces.reshape(-1), np.roll(faces, -1, axis=1).reshape(-1)
-    owner = np.repeat(np.arange(count), 4)
-    result = np.full(4 * count, -1, np.int64)
-    result[a == b] = -2
-    real = np.flatnonzero(a != b)
-    low, high = np.minimum(a, b)[real], np.maximum(a, b)[real]
-    key = low * (int(faces.max(initial=0)) + 1) + high
-    order = np.argsort(key, kind="stable")
-    key, slot = key[order], real[order]
-    first = np.flatnonzero(np.r_[True, key[1:] != key[:-1]]) if len(key) else np.zeros(0, int)
-    uses = np.diff(np.r_[first, len(key)])
-    pair = first[uses == 2]
-    result[slot[pair]] = owner[slot[pair + 1]]
-    result[slot[pair + 1]] = owner[slot[pair]]
-    return result.reshape(-1, 4), bool((uses == 2).all())
+        return LampFaces(face, rim[face], side[face])

@@ -20,7 +20,11 @@ from gpusim.optics.emitters import Lamp
 __all__ = ["LampGrid", "LampView", "Reach"]
 
 Array = npt.NDArray[np.float64]
-MOST_CELLS = 1 << 20
+Numbers = npt.NDArray[np.int64]
+Flags = npt.NDArray[np.bool_]
+LEAST_CELLS, MOST_CELLS = 1 << 14, 1 << 20
+MOST_ENTRIES = 1 << 20
+"""Of casters in cells, unless all are that small; large ones lie in many."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +35,7 @@ class Reach:
     q: Array
     s: Array
 
-    def __getitem__(self, index: npt.NDArray[np.int64] | npt.NDArray[np.bool_]) -> Reach:
+    def __getitem__(self, index: Numbers | Flags) -> Reach:
         return Reach(self.p[index], self.q[index], self.s[index])
 
 
@@ -113,15 +117,22 @@ class LampGrid:
         high = np.stack([self.reach.p[:, 1], self.reach.q[:, 1]], axis=1)
         low, high = self._mapped(low), self._mapped(high)
         self.count = len(ahead)
+        self.start_of, self.normal_of = self._outlines(casters)
         self.origin = low.min(axis=0, initial=np.inf) if self.count else np.zeros(2)
         extent = high.max(axis=0, initial=-np.inf) - self.origin if self.count else np.ones(2)
         extent = np.maximum(extent, 1e-12)
-        size = float(np.median((high - low).max(axis=1))) if self.count else 1.0
+        size = float(np.sqrt(extent.prod() / LEAST_CELLS))
+        if self.count:
+            size = min(size, float(np.median((high - low).max(axis=1))))
         size = max(size, float(np.sqrt(extent.prod() / MOST_CELLS)), float(extent.max()) / 2048)
+        while True:
+            first = np.floor((low - self.origin) / size).astype(np.int64)
+            last = np.floor((high - self.origin) / size).astype(np.int64)
+            if (last - first + 1).prod(axis=1).sum() <= MOST_ENTRIES + 4 * self.count:
+                break
+            size *= 2.0
         self.size = size
         self.shape = (np.floor(extent / size).astype(np.int64) + 1)[::-1]
-        first = np.floor((low - self.origin) / size).astype(np.int64)
-        last = np.floor((high - self.origin) / size).astype(np.int64)
         self.first = first
         box, cell = self._cells(first, last)
         order = np.argsort(cell, kind="stable")
@@ -137,6 +148,44 @@ class LampGrid:
                 top.reshape(top.shape[0] // 2, 2, top.shape[1] // 2, 2).max(axis=(1, 3))
             )
 
+    def _outlines(self, casters: Casters) -> tuple[Array, Array]:
+        """Per edge of the casters (n, 4, 2): where it starts in p and q, and its normal outwards.
+
+        All normals of a face are 0 where it reaches behind the lamp, or its outline isn't convex.
+        """
+        p, q, _ = self.view.place(casters.corners[self.face])
+        start = np.stack([p, q], axis=2)
+        way = np.roll(start, -1, axis=1) - start
+        after = np.roll(way, -1, axis=1)
+        turns = way[..., 0] * after[..., 1] - way[..., 1] * after[..., 0]
+        sign = np.sign(turns.sum(axis=1))
+        normal = sign[:, None, None] * np.stack([way[..., 1], -way[..., 0]], axis=2)
+        convex = np.all(turns * sign[:, None] >= 0.0, axis=1)  # false for NaN
+        sound = convex & np.all(np.isfinite(normal), axis=(1, 2))
+        known = np.reshape(sound, (-1, 1, 1))
+        return np.where(known, start, 0.0), np.where(known, normal, 0.0)
+
+    def meets(self, reach: Reach, caster: Numbers) -> tuple[Flags, Flags]:
+        """What boxes (n) have to do with casters (n), as far as the lamp's view tells.
+
+        Whether a box may see the lamp hidden by the caster; and whether it may see the lamp past
+        an edge at which the caster's shadow ends.
+        """
+        rise = np.clip(self.reach.s[caster, 1] - reach.s[:, 0], 0.0, 1e150)
+        low = np.stack([reach.p[:, 0], reach.q[:, 0]], axis=1)
+        high = np.stack([reach.p[:, 1], reach.q[:, 1]], axis=1)
+        bounded = np.asarray((np.isfinite(low) & np.isfinite(high)).all(axis=1))
+        low, high = np.where(bounded[:, None], low, 0.0), np.where(bounded[:, None], high, 0.0)
+        middle, half = 0.5 * (low + high), 0.5 * (high - low) + rise[:, None] * self.view.half
+        inside, past = np.ones(len(caster), bool), np.zeros(len(caster), bool)
+        for k in range(4):
+            start, normal = self.start_of[caster, k], self.normal_of[caster, k]
+            gap = np.sum(normal * (middle - start), axis=1)
+            width = np.sum(np.abs(normal) * half, axis=1) * (1.0 + 1e-9)
+            inside &= ~(gap > width)
+            past |= self.rim[caster, k] & ~(np.abs(gap) > width)
+        return inside | ~bounded, past | ~bounded
+
     def _mapped(self, values: Array) -> Array:
         """Finite coordinates of the grid: p and q of half a space reach to infinity."""
         values = np.clip(values, -1e150, 1e150)
@@ -144,9 +193,7 @@ class LampGrid:
             return values
         return values / (1.0 + np.abs(values))
 
-    def _cells(
-        self, first: npt.NDArray[np.int64], last: npt.NDArray[np.int64]
-    ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    def _cells(self, first: Numbers, last: Numbers) -> tuple[Numbers, Numbers]:
         """Number of the box and of the cell for every cell of the boxes first … last (n, 2)."""
         wide, tall = (np.maximum(last - first + 1, 0)).T
         per = wide * tall
@@ -156,9 +203,7 @@ class LampGrid:
         row = first[box, 1] + offset // np.maximum(wide[box], 1)
         return box, row * self.shape[1] + column
 
-    def _window(
-        self, reach: Reach, top: Array
-    ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    def _window(self, reach: Reach, top: Array) -> tuple[Numbers, Numbers]:
         """Cells (n, 2) from first to last that receivers look at for casters up to s = ``top``."""
         rise = np.clip(top - reach.s[:, 0], 0.0, 1e300)[:, None]
         span = np.where(rise > 0.0, np.minimum(rise, 1e150) * self.view.half, 0.0)
@@ -170,7 +215,7 @@ class LampGrid:
         last = np.clip(np.floor((high - self.origin) / self.size), -1, limit - 1).astype(np.int64)
         return first, last
 
-    def _highest(self, first: npt.NDArray[np.int64], last: npt.NDArray[np.int64]) -> Array:
+    def _highest(self, first: Numbers, last: Numbers) -> Array:
         """An upper bound of s over windows of cells; -inf where they are empty."""
         result = np.full(len(first), -np.inf)
         filled = (last >= first).all(axis=1)
@@ -194,13 +239,13 @@ class LampGrid:
             top = np.where(found > reach.s[:, 0], np.minimum(found, top), -np.inf)
         return np.where(np.isfinite(reach.s[:, 0]), top, -np.inf)
 
-    def may_hide(self, reach: Reach) -> npt.NDArray[np.bool_]:
+    def may_hide(self, reach: Reach) -> Flags:
         """(n,) whether a caster may lie between the lamp and receivers in boxes; never misses."""
         if not self.count:
             return np.zeros(len(reach.s), bool)
         return np.asarray(self._top(reach) > -np.inf)
 
-    def candidates(self, reach: Reach) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    def candidates(self, reach: Reach) -> tuple[Numbers, Numbers]:
         """Pairs (box, caster of this grid) that may hide the lamp from a receiver in the box."""
         if not self.count:
             return np.zeros(0, np.int64), np.zeros(0, np.int64)

@@ -18,7 +18,7 @@ from gpusim.optics.emitters import closest_points, emitter_light, emitters, lamp
 from gpusim.optics.environment import Environment
 from gpusim.optics.gloss import Gloss, Reflection, sharpest
 from gpusim.optics.light import AmbientLight, Light
-from gpusim.optics.shadow_tiles import ShadowTiles
+from gpusim.optics.shadow_tiles import ShadowTiles, flatness
 from gpusim.optics.view import View
 from gpusim.surface.surface import Surface
 
@@ -76,7 +76,7 @@ class Lighting:
         lamps = lamps_of(lights)
         shadows = None
         if surfaces and any(lamp.light.shadows for lamp in lamps):
-            found = ShadowTiles.build(view, lamps, Casters.of(surfaces))
+            found = ShadowTiles.build(view, lamps, Casters.of(surfaces, flatness(view, lamps)))
             shadows = found if found.any else None
         environment = Environment.of(lights)
         even = ambient(lights)

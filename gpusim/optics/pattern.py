@@ -147,15 +147,19 @@ class PatternTable:
             filled = np.diff(self.cell_start[first : first + shape[0] * shape[1] + 1].astype(int))
             total = np.zeros((shape[0] + 1, shape[1] + 1), np.int64)
             total[1:, 1:] = filled.reshape(shape).cumsum(axis=0).cumsum(axis=1)
-            start = np.array([record["i0"], record["j0"]])
-            limit = [shape[1], shape[0]]
-            # one cell more on each side: a pixel's centre may lie just outside its triangle
-            a = np.clip(np.floor(low[rows] / record["cell"]).astype(int) - start - 1, 0, limit)
-            b = np.clip(np.floor(high[rows] / record["cell"]).astype(int) - start + 2, 0, limit)
-            count = (
-                total[b[:, 1], b[:, 0]] - total[a[:, 1], b[:, 0]]
-                - total[b[:, 1], a[:, 0]] + total[a[:, 1], a[:, 0]]
-            )  # fmt: skip
+            flat, across = total.ravel(), shape[1] + 1
+            ends = []
+            for axis, most in ((0, shape[1]), (1, shape[0])):
+                start = int(record[("i0", "j0")[axis]])
+                # one cell more on each side: a pixel's centre may lie just outside its triangle
+                for bound, more in ((low, -1), (high, 2)):
+                    own = bound[:, axis] if len(rows) == len(paint) else bound[rows, axis]
+                    cell = np.floor(own / record["cell"]) + (more - start)
+                    ends.append(np.clip(cell, 0, most).astype(np.int64))
+            left, right, top, bottom = ends
+            top, bottom = top * across, bottom * across
+            count = flat[bottom + right] - flat[top + right] - flat[bottom + left]
+            count += flat[top + left]
             result[rows] = count > 0
         return result
 

@@ -89,36 +89,37 @@ class Setup:
         result = np.zeros(max(self.view.count, 1), TRIANGLE)
         records = result[: self.view.count]
         p = self.planes
-        inverse, paint = self.mean_inverse, self.view.paint
-        for name, values in (
-            ("st", (p[:, 0, 2], p[:, 0, 0], p[:, 0, 1], p[:, 1, 2])),
-            ("tw", (p[:, 1, 0], p[:, 1, 1], p[:, 2, 0], p[:, 2, 1])),
-            ("n0", (p[:, 3, 2], p[:, 4, 2], p[:, 5, 2], p[:, 2, 2])),
-            ("nx", (p[:, 3, 0], p[:, 4, 0], p[:, 5, 0], inverse)),
-            ("ny", (p[:, 3, 1], p[:, 4, 1], p[:, 5, 1], paint)),
-            ("place", (self.anchor[:, 0], self.anchor[:, 1], self.cell[:, 0], self.cell[:, 1])),
-        ):
-            for k, value in enumerate(values):
-                records[name][:, k] = value
-        records["more"][:, 0] = self.table.paints["ground"][self.view.paint]
+        paint, gloss = self.view.paint, self.lighting.gloss
+        featured = self.table.paints["featured"][paint]
         # beside "near a feature": 2 where a pattern is one material with its ground
-        featured = self.table.paints["featured"][self.view.paint]
-        records["more"][:, 1] = self.near_feature * np.where(featured > 1, 2.0, 1.0)
-        records["more"][:, 2], records["more"][:, 3] = 1.0, 0.0
-        gloss = self.lighting.gloss
+        near = self.near_feature * np.where(featured > 1, 2.0, 1.0)
+        rough, metallic = np.ones(len(paint)), np.zeros(len(paint))
         if gloss is not None:
-            own = self.view.paint
-            records["more"][:, 2] = np.where(gloss.glossy, gloss.alpha, 1.0)[own]
-            records["more"][:, 3] = gloss.metallic[own]
-        for name in ("st", "tw", "n0", "nx", "ny"):
-            bad = ~np.isfinite(records[name])
-            if bad.any():
-                triangle = int(np.argmax(bad.any(axis=1)))
-                raise InputError(
-                    f"render: triangle {triangle}, {name}: beyond float32; got "
-                    f"{records[name][triangle].tolist()}; expected coordinates whose ratios to the "
-                    "distance stay below 1e38: choose another unit of length"
-                )
+            rough = np.where(gloss.glossy, gloss.alpha, 1.0)[paint]
+            metallic = gloss.metallic[paint]
+        columns: dict[str, tuple[npt.NDArray[np.generic], ...]] = {
+            "st": (p[:, 0, 2], p[:, 0, 0], p[:, 0, 1], p[:, 1, 2]),
+            "tw": (p[:, 1, 0], p[:, 1, 1], p[:, 2, 0], p[:, 2, 1]),
+            "n0": (p[:, 3, 2], p[:, 4, 2], p[:, 5, 2], p[:, 2, 2]),
+            "nx": (p[:, 3, 0], p[:, 4, 0], p[:, 5, 0], self.mean_inverse),
+            "ny": (p[:, 3, 1], p[:, 4, 1], p[:, 5, 1], paint),
+            "place": (self.anchor[:, 0], self.anchor[:, 1], self.cell[:, 0], self.cell[:, 1]),
+            "more": (self.table.paints["ground"][paint], near, rough, metallic),
+        }
+        # a few thousand at a time, so that they stay in the processor's cache
+        for first in range(0, len(records), CHUNK // 4):
+            part = records[first : first + CHUNK // 4]
+            for name, values in columns.items():
+                for k, value in enumerate(values):
+                    part[name][:, k] = value[first : first + CHUNK // 4]
+                bad = ~np.isfinite(part[name])
+                if bad.any():
+                    triangle = int(np.argmax(bad.any(axis=1)))
+                    raise InputError(
+                        f"render: triangle {first + triangle}, {name}: beyond float32; got "
+                        f"{part[name][triangle].tolist()}; expected coordinates whose ratios to "
+                        "the distance stay below 1e38: choose another unit of length"
+                    )
         return result
 
     def rays(self) -> Array:

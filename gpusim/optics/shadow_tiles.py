@@ -7,6 +7,7 @@ only the rest is resolved pixel by pixel. Tiles are divided from 128 px down to 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,7 +22,7 @@ from gpusim.optics.lamp_grid import LampGrid, LampView
 from gpusim.optics.occlusion import TOLERANCE, visible_share
 from gpusim.optics.view import NORMAL, View
 
-__all__ = ["MOST_LAMPS", "TILE", "TURNS", "ShadowTiles"]
+__all__ = ["MOST_LAMPS", "TILE", "TURNS", "ShadowTiles", "flatness"]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
@@ -38,6 +39,33 @@ LARGE = 3.0 * TILE
 """px; triangles up to this size are one receiver, larger ones are divided into tiles."""
 
 ALL = (1 << MOST_LAMPS) - 1
+
+
+FLATNESS = 1e-3
+"""px of the picture by which joining casters' faces may move a shadow."""
+
+
+def flatness(view: View, lamps: list[Lamp]) -> Callable[[Array], Array]:
+    """How far joined faces may pass from casters' points (N, 3), as `Casters.of` asks.
+
+    A caster's error is seen at the nearest receiver, as much larger as that is farther from the
+    lamp. It stays below what the exact test of a face's plane lets through (`TOLERANCE`).
+    """
+    T = view.camera.camera_from_world
+    receivers = ((view.corners[:, :, :3] - T[:3, 3]) @ T[:3, :3]).reshape(-1, 3)
+    depth = 1.0 / max(float(view.inverse_depth().max(initial=0.0)), 1e-300)
+    share = min(FLATNESS / float(np.abs(np.diag(view.camera.K)[:2]).max()), 0.1 * TOLERANCE)
+
+    def allowed(points: Array) -> Array:
+        result = np.full(len(points), share * depth)
+        for lamp in lamps:
+            if not lamp.far and len(receivers):
+                farthest = float(np.linalg.norm(receivers - lamp.centre, axis=1).max())
+                near = np.linalg.norm(points - lamp.centre, axis=1)
+                result = np.minimum(result, share * depth * near / farthest)
+        return result
+
+    return allowed
 
 
 @dataclass(frozen=True, eq=False)
@@ -295,7 +323,9 @@ def _candidates(
         # one side of a plane sees nothing of it hidden; closed bodies hide outwards only
         drop = (ahead & (side == 1)) | (behind & ((side == -1) | ~casters.both_sides[face]))
         box, face, caster = box[~drop], face[~drop], caster[~drop]
-        sure = ~grid.rim[caster] & (grid.reach.s[caster, 0] > reach.s[box, 1])
+        inside, past = grid.meets(reach[box], caster)
+        box, face, caster, past = box[inside], face[inside], caster[inside], past[inside]
+        sure = (grid.reach.s[caster, 0] > reach.s[box, 1]) & ~past
         half = np.zeros(len(points), bool)
         half[box[~sure]] = True
         hit = np.zeros(len(points), bool)

@@ -315,28 +315,31 @@ def _with_reach(
         extent = float((region.high - region.low).max())
         rows = np.flatnonzero(paint == number) if extent > 0.0 else np.zeros(0, np.int64)
         if len(rows):
-            reach = max(
-                _largest_footprint(corners[part], planes[part])
-                for part in np.array_split(rows, -(-len(rows) // CHUNK))
-            )
-            seen = np.array(
-                [[float(pick(corners[:, :, axis][rows])) for axis in range(ST.start, ST.stop)]
-                 for pick in (np.min, np.max)]
+            whole = len(rows) == len(paint)
+            starts = range(0, len(rows), CHUNK)
+            parts = [slice(k, k + CHUNK) if whole else rows[k : k + CHUNK] for k in starts]
+            reach = max(_largest_footprint(corners, planes, part) for part in parts)
+            st = [corners[:, k, ST] if whole else corners[:, k, ST][rows] for k in range(3)]
+            seen = np.stack(
+                [np.min([v.min(axis=0) for v in st], axis=0),
+                 np.max([v.max(axis=0) for v in st], axis=0)]
             )  # fmt: skip
             region = replace(region, reach=min(stretch * reach, extent), seen=seen)
         result.append(region)
     return result
 
 
-def _largest_footprint(corners: Array, planes: Array) -> float:
-    """Half the largest pixel in paint coordinates at the corners of triangles."""
-    weight = [planes[:, 0, k] + planes[:, 1, k] + planes[:, 2, k] for k in (0, 1)]
+def _largest_footprint(corners: Array, planes: Array, part: slice | npt.NDArray[np.int64]) -> float:
+    """Half the largest pixel in paint coordinates at the corners of some triangles."""
+    basis = [[planes[:, i, k][part] for k in (0, 1)] for i in range(3)]
+    weight = [basis[0][k] + basis[1][k] + basis[2][k] for k in (0, 1)]
+    depth = [corners[:, corner, 2][part] for corner in range(3)]
     most = 0.0
     for axis in (ST.start, ST.start + 1):
-        value = [np.ascontiguousarray(corners[:, k, axis]) for k in range(3)]
-        slope = [sum(value[i] * planes[:, i, k] for i in range(3)) for k in (0, 1)]
+        value = [corners[:, k, axis][part] for k in range(3)]
+        slope = [sum(value[i] * basis[i][k] for i in range(3)) for k in (0, 1)]
         for corner in range(3):
             size = np.abs(slope[0] - value[corner] * weight[0])
             size += np.abs(slope[1] - value[corner] * weight[1])
-            most = max(most, float((size * corners[:, corner, 2]).max()))
+            most = max(most, float((size * depth[corner]).max()))
     return 0.5 * most

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -133,6 +133,17 @@ class Scene:
         document = self.document
         overrides = {path: list(value) if isinstance(value, tuple) else value}
         return Scene.from_document(document, source=self.source, overrides=overrides)
+
+    def with_effects(self, only: Sequence[str] = (), no: Sequence[str] = ()) -> Scene:
+        """The scene with ``only`` these effects of `gpusim.scene.sources` (none given: all), and
+        without those in ``no``. Raises InputError for an unknown effect."""
+        from .sources import with_only, without_sources
+
+        document = self.document
+        if only:
+            document = with_only(document, only)
+        document = without_sources(document, no)
+        return Scene.from_document(document, source=self.source) if only or no else self
 
     def variant(self, name: str) -> Scene:
         """The scene in the state of one variant, without variants and their comparison.

@@ -153,32 +153,37 @@ class Paint(Protocol):
         ...
 
 
+def _is_number(value: object) -> bool:
+    """Whether it is one finite real number."""
+    return isinstance(value, int | float | np.integer | np.floating) and bool(np.isfinite(value))
+
+
 def check_albedo(what: str, **values: float) -> None:
     for name, value in values.items():
-        if not (np.isfinite(value) and 0.0 <= value <= 1.0):
+        if not (_is_number(value) and 0.0 <= value <= 1.0):
             raise InputError(f"{what} {name}; got {value}; expected an albedo from 0 to 1")
 
 
 def check_finish(what: str, roughness: float, metallic: float) -> None:
     """Refuse a finish that isn't one: both are shares."""
     for name, value in (("roughness", roughness), ("metallic", metallic)):
-        if not (np.isfinite(value) and 0.0 <= value <= 1.0):
+        if not (_is_number(value) and 0.0 <= value <= 1.0):
             raise InputError(f"{what} {name}; got {value}; expected 0 to 1")
 
 
 def check_length(what: str, **values: float) -> None:
     for name, value in values.items():
-        if not (np.isfinite(value) and value > 0.0):
+        if not (_is_number(value) and value > 0.0):
             raise InputError(f"{what} {name}; got {value}; expected a length above 0")
 
 
 def check_grid(
     what: str, origin: tuple[float, float], columns: int | None, rows: int | None
 ) -> None:
-    if np.shape(origin) != (2,) or not np.isfinite(origin).all():
+    if np.shape(origin) != (2,) or not all(map(_is_number, origin)):
         raise InputError(f"{what} origin; got {origin}; expected two finite numbers")
     for name, count in (("columns", columns), ("rows", rows)):
-        if count is not None and not (count >= 1 and count == int(count)):
+        if count is not None and not (_is_number(count) and count >= 1 and count == int(count)):
             raise InputError(f"{what} {name}; got {count}; expected a whole number of at least 1")
 
 

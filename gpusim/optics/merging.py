@@ -1,0 +1,141 @@
+"""Flat parts of a mesh as fewer, larger quadrilaterals, as far as a lamp can tell.
+
+A finite element mesh divides flat sides into many faces; for a shadow only their common outline
+counts. Neighbours in a row are joined in pairs, again and again, while the corners between them
+stay within a tolerance of the straight sides.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+__all__ = ["Merged", "merge_flat", "neighbours"]
+
+Array = npt.NDArray[np.float64]
+Numbers = npt.NDArray[np.int64]
+ROUNDS = 6
+"""At most 2^6 faces of a row become one."""
+
+
+@dataclass(frozen=True, eq=False)
+class Merged:
+    """``faces`` (M, 4) vertices; ``owner`` (F,): in which of them each face went.
+
+    ``inner`` (F, 4): the edges of the faces that lie inside them. The others keep their place: the
+    k-th edges of the faces lie on the k-th edge of their owner.
+    """
+
+    faces: Numbers
+    owner: Numbers
+    inner: npt.NDArray[np.bool_]
+
+
+def merge_flat(points: Array, faces: Numbers, tolerance: Array | None) -> Merged:
+    """Join faces (F, 4) of ``points`` (N, 3); triangles, with a corner twice, stay.
+
+    ``tolerance`` (N,): how far from a vertex the joined side may pass; None joins nothing.
+    """
+    count = len(faces)
+    owner, inner = np.arange(count), np.zeros((count, 4), bool)
+    current, name = faces, np.arange(count)  # the faces left, and their numbers among all
+    for k in (1, 2):  # across a face's edges 1 and 3, then 2 and 0
+        for _ in range(ROUNDS if tolerance is not None else 0):
+            first, second = _pairs(points, current, k, tolerance)
+            if not len(first):
+                break
+            into = np.arange(count)
+            into[name[second]] = name[first]
+            out, back = np.zeros(count, bool), np.zeros(count, bool)
+            out[name[first]], back[name[second]] = True, True
+            inner[:, k] |= out[owner]
+            inner[:, (k + 2) % 4] |= back[owner]
+            owner = into[owner]
+            current = current.copy()
+            for j in (k, (k + 1) % 4):
+                current[first, j] = current[second, j]
+            left = np.ones(len(current), bool)
+            left[second] = False
+            current, name = current[left], name[left]
+    return Merged(current, np.searchsorted(name, owner), inner)
+
+
+def _pairs(
+    points: Array, faces: Numbers, k: int, tolerance: Array | None
+) -> tuple[Numbers, Numbers]:
+    """Disjoint pairs of faces that may be joined across the first one's edge ``k``."""
+    beside = neighbours(faces)[0]
+    count = len(faces)
+    other = beside[:, k]
+    known = np.flatnonzero((other >= 0) & (faces != np.roll(faces, 1, axis=1)).all(axis=1))
+    partner = other[known]
+    known = known[beside[partner, (k + 2) % 4] == known]
+    partner = other[known]
+    good = (faces[partner] != np.roll(faces[partner], 1, axis=1)).all(axis=1)
+    known, partner = known[good], partner[good]
+    a, b = np.roll(faces[known], -k, axis=1).T, np.roll(faces[partner], -k, axis=1).T
+    # the common edge runs a[0] a[1] in the first, b[3] b[2] in the second
+    good = (a[0] == b[3]) & (a[1] == b[2])
+    if tolerance is not None:
+        good &= _on_segment(points, a[0], a[3], b[0], tolerance)
+        good &= _on_segment(points, a[1], a[2], b[1], tolerance)
+        good &= _flat(points, (a[3], b[0], b[1], a[2]), tolerance)
+    known, partner = known[good], partner[good]
+    # places along the rows: every second face is joined with the next
+    before = np.full(count, -1)
+    before[partner] = known
+    place = (before >= 0).astype(np.int64)
+    jump = before
+    while True:
+        ahead = jump >= 0
+        step = np.where(ahead, place[jump], 0)
+        following = np.where(ahead, jump[jump], -1)
+        if not (step > 0).any() or place.max(initial=0) > count:
+            break
+        place, jump = place + step, following
+    keep = (place[known] % 2 == 0) & (place[known] <= count)
+    return known[keep], partner[keep]
+
+
+def _on_segment(
+    points: Array, middle: Numbers, start: Numbers, end: Numbers, tolerance: Array
+) -> npt.NDArray[np.bool_]:
+    """Whether vertices lie on the way from ``start`` to ``end``, within their tolerance."""
+    way, to = points[end] - points[start], points[middle] - points[start]
+    length = np.sum(way * way, axis=1)
+    share = np.sum(to * way, axis=1) / np.where(length > 0.0, length, 1.0)
+    gap = np.linalg.norm(to - share[:, None] * way, axis=1)
+    return np.asarray((share > 0.0) & (share < 1.0) & (gap <= tolerance[middle]))
+
+
+def _flat(
+    points: Array, quad: tuple[Numbers, Numbers, Numbers, Numbers], tolerance: Array
+) -> npt.NDArray[np.bool_]:
+    """Whether the diagonals of quadrilaterals meet, within the tolerance."""
+    P = [points[v] for v in quad]
+    normal = np.cross(P[2] - P[0], P[3] - P[1])
+    size = np.linalg.norm(normal, axis=1)
+    gap = np.abs(np.sum(normal * (P[1] - P[0]), axis=1)) / np.where(size > 0.0, size, 1.0)
+    return np.asarray((gap <= tolerance[quad[0]]) & (size > 0.0))
+
+
+def neighbours(faces: Numbers) -> tuple[Numbers, bool]:
+    """Across each edge of (F, 4) faces: -1 none or several, -2 no edge. Whether all have one."""
+    count = len(faces)
+    a, b = faces.reshape(-1), np.roll(faces, -1, axis=1).reshape(-1)
+    owner = np.repeat(np.arange(count), 4)
+    result = np.full(4 * count, -1, np.int64)
+    result[a == b] = -2
+    real = np.flatnonzero(a != b)
+    low, high = np.minimum(a, b)[real], np.maximum(a, b)[real]
+    key = low * (int(faces.max(initial=0)) + 1) + high
+    order = np.argsort(key, kind="stable")
+    key, slot = key[order], real[order]
+    first = np.flatnonzero(np.r_[True, key[1:] != key[:-1]]) if len(key) else np.zeros(0, int)
+    uses = np.diff(np.r_[first, len(key)])
+    pair = first[uses == 2]
+    result[slot[pair]] = owner[slot[pair + 1]]
+    result[slot[pair + 1]] = owner[slot[pair]]
+    return result.reshape(-1, 4), bool((uses == 2).all())

@@ -1,0 +1,85 @@
+"""Effects switched off one by one, and what the budget makes of them."""
+
+from __future__ import annotations
+
+import copy
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import gpusim as gs
+from gpusim.errors import InputError
+from gpusim.pipeline.budget import run_budget
+from gpusim.scene.sources import SOURCES, active_sources, with_only, without_sources
+
+CHANGES: dict[str, Any] = {
+    "camera.0.distortion": [-0.1, 0.02, 0.0, 0.0],
+    "camera.0.lens": {
+        "psf": {"type": "gaussian", "sigma_px": 0.7}, "f_number": 8.0,
+        "focus_distance_mm": 900.0, "vignetting": {"cos4": True},
+    },
+    "camera.0.shutter": {"exposure_ms": 2.0},
+    "analysis.frame_rate_Hz": 50.0,
+    "sensor.full_well_e": 32000.0,
+    "sensor.read_noise_e": 12.0,
+}  # fmt: skip
+
+
+def full(checkout: Path) -> gs.Scene:
+    return gs.load_scene(checkout / "examples" / "cantilever.toml", CHANGES)
+
+
+def test_every_effect_can_go_and_the_rest_stays(checkout: Path) -> None:
+    document = full(checkout).document
+    assert active_sources(document) == tuple(SOURCES)
+    before = copy.deepcopy(document)
+    for name in SOURCES:
+        left = without_sources(document, [name])
+        gone = {"shadows", name} if name == "light" else {name}
+        assert active_sources(left) == tuple(one for one in SOURCES if one not in gone)
+        assert without_sources(left, [name]) == left
+        gs.Scene.from_document(left)  # still a scene
+        assert left["body"] == document["body"] and left["measure"] == document["measure"]
+    assert document == before
+    nothing = with_only(document, [])
+    assert active_sources(nothing) == () and nothing["sensor"]["bits"] == 16
+
+
+def test_only_some_effects(checkout: Path) -> None:
+    scene = full(checkout)
+    only = scene.with_effects(only=["noise", "distortion"])
+    assert active_sources(only.document) == ("noise", "distortion")
+    assert only.sensor.values == scene.sensor.values
+    shaded = scene.with_effects(only=["shadows"])  # shadows need the light that they keep away
+    assert active_sources(shaded.document) == ("shadows", "light")
+    assert scene.with_effects() is scene
+    with pytest.raises(InputError, match="did you mean distortion"):
+        scene.with_effects(no=["distorsion"])
+
+
+def test_the_budget_of_noise(checkout: Path, tmp_path: Path) -> None:
+    changes = {"light": [], "sensor.bits": 16, "sensor.full_well_e": 800.0, "output.truth": []}
+    scene = gs.load_scene(checkout / "examples" / "cantilever.toml", changes)
+    report = run_budget(scene, tmp_path)
+    budget = report.budget
+    assert budget is not None and budget.sources == ("noise",)
+    names = [name for name, _ in budget.quantities]
+    assert names[0] == report.measurements[0].name and any("RMS" in name for name in names)
+    rms = next(k for k, name in enumerate(names) if "RMS" in name)
+    # one effect: alone and among all it is the same, and noise of 28 electrons outweighs the rest
+    assert budget.row("only", "noise").errors == pytest.approx(budget.row("all").errors, rel=1e-9)
+    assert budget.row("no", "noise").errors == pytest.approx(budget.row("none").errors, rel=1e-9)
+    assert budget.row("all").errors[rms] > 3.0 * budget.row("none").errors[rms]
+    assert '"budget": {' in (tmp_path / "report.json").read_text(encoding="utf-8")
+
+
+def test_a_budget_needs_measures_and_effects(checkout: Path, tmp_path: Path) -> None:
+    path = checkout / "examples" / "cantilever.toml"
+    bare = gs.load_scene(path, {"light": [], "sensor.bits": 16})
+    with pytest.raises(InputError, match="none of the effects"):
+        run_budget(bare, tmp_path / "out")
+    unmeasured = gs.load_scene(path, {"measure": []})
+    with pytest.raises(InputError, match="0 measures"):
+        run_budget(unmeasured, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
