@@ -2,6 +2,7 @@
 points in space. Sees pictures only."""
 
 from gpusim.measure.calibration import CalibratedCamera, Calibration, calibrate
+from gpusim.measure.charuco import CharucoBoard, find_charuco
 from gpusim.measure.chessboard import find_chessboard
 from gpusim.measure.corners import Markers, MarkerStatus, find_markers, locate_markers
 from gpusim.measure.crossings import Crossings, fit_crossings
@@ -40,6 +41,7 @@ __all__ = [
     "Alignment",
     "CalibratedCamera",
     "Calibration",
+    "CharucoBoard",
     "Chessboard",
     "Crossings",
     "DeflectionLine",
@@ -69,6 +71,7 @@ __all__ = [
     "difference_curve",
     "displacement_3d",
     "epipolar_distance",
+    "find_charuco",
     "find_chessboard",
     "find_markers",
     "fit_crossings",

@@ -55,6 +55,7 @@ def dic(
     tolerance: float = 1e-4,
     max_iterations: int = 80,
     min_zncc: float = 0.8,
+    apart_px: float = 0.2,
     device: Device | None = None,
 ) -> DicResult:
     """Measure how ``reference`` moved to become ``deformed``.
@@ -85,6 +86,9 @@ def dic(
     max_iterations : where noise outweighs the pattern's slopes, steps shrink slowly; ``blur_px`` of
         1 px then helps more than patience.
     min_zncc : matches below are reported as ``LOW_CORRELATION``.
+    apart_px : subsets of shape "affine" or "quadratic" of which a ninth moved further than this
+        from the rest, px, or doesn't match at all, are reported as ``INCOHERENT``: they see the
+        edge of a body, a hole or a crack. inf: not looked at.
     device : where to iterate; None runs the NumPy twin in float64.
 
     Raises
@@ -100,6 +104,7 @@ def dic(
         max_iterations=max_iterations,
         min_zncc=min_zncc,
         max_move=float(subset),
+        apart_px=apart_px,
     )
     first = make_usable(reference, "reference", subset, mask, saturation)
     second = make_usable(deformed, "deformed", subset, None, saturation)
@@ -137,6 +142,7 @@ def dic(
         untried = np.flatnonzero(front.attempts == 0)
         front.attempt(untried, np.zeros((untried.size, 2)), keep=False)
     front.doubt()
+    front.split()
     matches = front.matches()
     explain(matches, positions, settings, first, second)
     return make_result(positions, matches, subset, blur_px)

@@ -36,6 +36,7 @@ class Status(IntEnum):
     MASKED = 8  # its subset is masked, or not a number, for the most part
     SATURATED = 9  # its subset lies in an area at full scale, here or where it went
     EPIPOLAR = 10  # the two cameras of a pair don't see it on matching lines
+    INCOHERENT = 11  # parts of its subset move differently, or don't match: an edge, a crack
 
 
 @dataclass(frozen=True)
@@ -45,6 +46,7 @@ class Settings:
     window : (S, S) float64 weights in 0..1, S odd.
     tolerance : how far a pixel of the subset may still be from where it would end, px.
     max_move : a subset that leaves its start by more than this has diverged, px.
+    apart_px : how far parts of a subset may move apart, px; see ``coherence``.
     """
 
     window: FloatArray
@@ -53,6 +55,7 @@ class Settings:
     max_iterations: int = 40
     min_zncc: float = 0.8
     max_move: float = 10.0
+    apart_px: float = 0.2
 
     @property
     def half(self) -> int:

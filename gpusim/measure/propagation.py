@@ -14,6 +14,7 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from gpusim.gpu import Device
+from gpusim.measure.coherence import beside_texture, incoherent
 from gpusim.measure.features import Motion
 from gpusim.measure.icgn import correlate
 from gpusim.measure.images import FloatArray, Image
@@ -29,6 +30,9 @@ NEIGHBOURS = 9
 SEED_EVERY = 8  # one seed per 8x8 points
 SURE = 0.95  # correlation that needs no neighbour to be believed
 ATTEMPTS = 4  # starts per point
+PARTED = ("affine", "quadratic")  # shapes that follow a smooth field: what they leave is news
+DOUBT = 0.01  # px beyond four standard deviations: further from what a neighbour says, look
+POOR = 1.5  # residual over the lower quartile of all points
 APART = 0.5  # px: further from what its neighbours say, a point is looked at again
 
 
@@ -200,6 +204,32 @@ class Front:
         middle = np.nanmedian(said[which], axis=1)
         odd = np.abs(middle - own[which]).max(axis=1) > APART
         self.attempt(which[odd], middle[odd])
+
+    def split(self) -> None:
+        """Give up subsets that see two motions, or something that isn't in both images.
+
+        Only those are looked at that stand out: from what a neighbour says, or by what they leave.
+        """
+        if not (np.isfinite(self.settings.apart_px) and self.settings.shape in PARTED):
+            return
+        which = np.flatnonzero(self.ok)
+        if which.size >= NEIGHBOURS:
+            neighbour = self._neighbours()[which]
+            said = np.stack([self._extrapolated(which, column)[0] for column in neighbour.T], 1)
+            away = np.abs(said - self.coefficients[which, None, :, 0]).max(axis=2)
+            doubtful = away - 4.0 * np.hypot(self.sigma[which][:, None], self.sigma[neighbour])
+            alone = ~self.ok[neighbour].all(axis=1)
+            left = 1.0 - self.zncc[which]
+            poor = left > POOR * np.quantile(left, 0.25)
+            which = which[(np.nan_to_num(doubtful).max(axis=1) > DOUBT) | alone | poor]
+        found = self.points[which], self.coefficients[which]
+        aside = beside_texture(self.pair, self.points[which], self.settings)
+        torn = incoherent(self.pair, *found, self.settings, self.blur_px)
+        self.status[which[torn]] = Status.INCOHERENT
+        self.status[which[aside]] = Status.NO_TEXTURE
+        lost = which[torn | aside]
+        self.coefficients[lost] = np.nan
+        self.sigma[lost] = np.nan
 
     def _neighbours(self) -> IntArray:
         number = min(NEIGHBOURS, len(self.points))

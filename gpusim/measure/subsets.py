@@ -107,6 +107,7 @@ def make_settings(
     max_iterations: int,
     min_zncc: float,
     max_move: float,
+    apart_px: float = 0.2,
 ) -> Settings:
     """Check the numbers that steer a correlation."""
     if not 0 < tolerance < 1:
@@ -117,6 +118,8 @@ def make_settings(
         raise InputError(f"min_zncc: got {min_zncc!r}; expected -1..1")
     if not 0 < max_move < np.inf:
         raise InputError(f"max_move: got {max_move!r}; expected px > 0")
+    if not apart_px > 0:
+        raise InputError(f"apart_px: got {apart_px!r}; expected px > 0, or inf")
     return Settings(
         make_window(subset, window),
         check_shape(shape),
@@ -124,6 +127,7 @@ def make_settings(
         int(max_iterations),
         float(min_zncc),
         float(max_move),
+        float(apart_px),
     )
 
 

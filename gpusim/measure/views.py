@@ -117,6 +117,7 @@ def match_views(
     untried = np.flatnonzero(front.attempts == 0)
     front.attempt(untried, np.zeros((untried.size, 2)), keep=False)
     front.doubt()
+    front.split()
     matches = front.matches()
     ok = np.flatnonzero(front.ok)
     miss = epipolar_misses(cameras, points[ok], points[ok] + matches.coefficients[ok, :, 0])

@@ -32,6 +32,7 @@ _STATUS = {
     Status.NO_GUESS: "#7a5195",
     Status.MASKED: "#56b4e9",
     Status.SATURATED: "#f0e442",
+    Status.INCOHERENT: "#8c564b",
 }
 
 

@@ -1,0 +1,170 @@
+"""Whether all of a subset moved as its warp says, from what the match leaves in its parts.
+
+A subset across the edge of a body, a hole or a crack sees two motions; the fit settles between
+them, often with a high correlation. Its parts tell: each ninth of the subset is asked for the
+motion d that would explain what is left there, e = J d, and how much of the pattern it can't
+explain at all. Subsets that merely are noisy are the same in all their parts.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.measure.images import FloatArray
+from gpusim.measure.interpolation import SplineImage
+from gpusim.measure.matching import Pair, Settings
+from gpusim.measure.warp import basis, steepest_descent
+
+__all__ = ["beside_texture", "incoherent"]
+
+BoolArray = npt.NDArray[np.bool_]
+
+PARTS = 3  # parts along each side of a subset
+LEAST = 6.0  # px with weight that a part needs to be asked
+SHARE = 0.25  # of its pixels that a part must have
+SURE = 25.0  # square of the standard deviations by which a part's motion must stand out
+# residual variance of a part over the lower quartile of all parts: shot noise differs by 2, chance
+# by the number of pixels n
+ODD, CHANCE = 2.0, 8.0  # ODD + CHANCE / sqrt(n)
+TEXTURED = 0.4  # sum of squared slopes over the mean one of the parts: with less, not asked
+ROUND = 0.2  # likewise 4 det / trace^2 of those sums, 1 without a preferred direction
+LEVER = 2.5  # uncertainty of the point over that with known slopes; 1.0 to 1.2 usually
+VAGUE = 3.0  # uncertainty of the point over the lower quartile of all
+FOREIGN = 0.15  # residual variance of a part over the variance of the subset's grey values
+CHUNK = 1 << 20  # pixels handled at once
+LARGEST = 32_000  # px: sides of the images that cv2.remap takes
+
+
+def incoherent(
+    pair: Pair,
+    points: FloatArray,
+    coefficients: FloatArray,
+    settings: Settings,
+    blur_px: float = 0.0,
+) -> BoolArray:
+    """(M,) bool: subsets a part of which moved by more than ``settings.apart_px`` from the rest.
+
+    points, coefficients : (M, 2) and (M, 2, 6), matched subsets, px; all inside both images.
+
+    A part counts if its own motion is well beyond the noise left in it, or if it doesn't match:
+    what is left there is ``FOREIGN`` of the pattern and far more than in the other parts.
+    """
+    # blurred noise is correlated: it moves a part by more than its variance says
+    sure = SURE * max(1.0, 4.0 * np.pi * blur_px**2)
+    chunk = max(1, CHUNK // settings.window.size)
+    parts = [
+        _chunk(pair, points[i : i + chunk], coefficients[i : i + chunk], settings, sure)
+        for i in range(0, len(points), chunk)
+    ]
+    return np.concatenate(parts) if parts else np.zeros(0, dtype=np.bool_)
+
+
+def beside_texture(pair: Pair, points: FloatArray, settings: Settings) -> BoolArray:
+    """(M,) bool: subsets whose texture lies to one side, so that their point is extrapolated.
+
+    A subset on the plain background of a body sees a strip of it at most. What an affine warp says
+    of the point then is the strip's motion plus a badly known slope times the distance.
+    """
+    chunk = max(1, CHUNK // (4 * settings.window.size))
+    parts = [_levers(pair, points[i : i + chunk], settings) for i in range(0, len(points), chunk)]
+    if not parts:
+        return np.zeros(0, dtype=np.bool_)
+    lever, spread = np.concatenate(parts, axis=1)
+    # a bright edge within a good texture has a long lever too, but the point is well known
+    return np.asarray((lever > LEVER) & (spread > VAGUE * np.quantile(spread, 0.25)))
+
+
+def _levers(pair: Pair, points: FloatArray, settings: Settings) -> FloatArray:
+    """Uncertainty of each point for grey noise 1 (lower row), and that over what it would be if
+    the slopes of the warp were known (upper row): (2, M)."""
+    column, row, planes = _subsets(pair, points, settings)
+    weight = np.sqrt(settings.window.ravel() * planes[..., 3])
+    a, b = (column - points[:, :1]) / settings.half, (row - points[:, 1:]) / settings.half
+    descent = steepest_descent("affine", weight * planes[..., 1], weight * planes[..., 2], a, b)
+    descent = descent.transpose(1, 0, 2)
+    normal = descent @ descent.transpose(0, 2, 1)
+    spread = np.linalg.pinv(normal, hermitian=True)
+    own, known = (np.stack([m[:, k, k] for k in (0, 3)]) for m in (spread, normal))
+    own = np.sqrt(np.maximum(own, 0.0))
+    result: FloatArray = np.stack([(own * np.sqrt(known)).max(axis=0), own.max(axis=0)])
+    return result
+
+
+def _subsets(
+    pair: Pair, points: FloatArray, settings: Settings
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], FloatArray]:
+    """Pixels (M, n) of subsets in the whole reference image, columns and rows, and the planes."""
+    half = settings.half
+    offset = np.arange(-half, half + 1)
+    column = np.rint(points[:, :1]).astype(np.int64) + np.tile(offset, offset.size)
+    row = np.rint(points[:, 1:]).astype(np.int64) + np.repeat(offset, offset.size)
+    x, y = pair.reference.origin
+    return column, row, pair.planes_at(column[:, 0] - x, row[:, 0] - y, offset.size)
+
+
+def _chunk(
+    pair: Pair, points: FloatArray, coefficients: FloatArray, settings: Settings, sure: float
+) -> BoolArray:
+    half = settings.half
+    size = 2 * half + 1
+    column, row, planes = _subsets(pair, points, settings)
+    weight = settings.window.ravel() * planes[..., 3]
+    total = weight.sum(axis=1, keepdims=True)
+    terms = basis((column - points[:, :1]) / half, (row - points[:, 1:]) / half, 6)
+    motion = np.einsum("bik,kbn->ibn", coefficients, terms)
+    g = _look_up(pair.deformed, column + motion[0], row + motion[1])
+    f = planes[..., 0] - (weight * planes[..., 0]).sum(axis=1, keepdims=True) / total
+    g -= (weight * g).sum(axis=1, keepdims=True) / total
+    contrast = (weight * f * f).sum(axis=1, keepdims=True)
+    rest = (
+        f - np.sqrt(contrast / np.maximum((weight * g * g).sum(axis=1, keepdims=True), 1e-30)) * g
+    )
+
+    third = np.arange(size) * PARTS // size
+    part = PARTS * np.repeat(third, size) + np.tile(third, size)
+    member = (part[:, None] == np.arange(PARTS * PARTS)).astype(np.float64)
+    pixels = weight @ member
+    divisor = np.maximum(pixels, 1e-30)
+    x, y = planes[..., 1], planes[..., 2]
+    mean_x, mean_y, mean_e = ((weight * v) @ member / divisor for v in (x, y, rest))
+    xx = (weight * x * x) @ member - pixels * mean_x**2
+    xy = (weight * x * y) @ member - pixels * mean_x * mean_y
+    yy = (weight * y * y) @ member - pixels * mean_y**2
+    xe = (weight * x * rest) @ member - pixels * mean_x * mean_e
+    ye = (weight * y * rest) @ member - pixels * mean_y * mean_e
+    ee = (weight * rest * rest) @ member - pixels * mean_e**2
+
+    asked = (pixels >= LEAST) & (pixels >= SHARE * settings.window.sum() / PARTS**2)
+    determinant = xx * yy - xy * xy
+    slopes = np.where(asked, xx + yy, 0.0)
+    usual_slopes = slopes.sum(axis=1) / np.maximum(asked.sum(axis=1), 1)
+    solvable = asked & (determinant > ROUND * (0.5 * slopes) ** 2)
+    solvable &= slopes > TEXTURED * usual_slopes[:, None]
+    divisor = np.where(solvable, determinant, 1.0)
+    dx, dy = (yy * xe - xy * ye) / divisor, (xx * ye - xy * xe) / divisor
+    explained = dx * xe + dy * ye
+    noise = np.maximum(ee - explained, 0.0) / np.maximum(pixels - 3.0, 1.0)
+    variance = np.where(asked, ee / np.maximum(pixels, 1.0), np.nan)
+    known = np.where(asked.any(axis=1)[:, None], variance, 0.0)
+    usual = np.nanquantile(known, 0.25, axis=1)[:, None]
+    noise = np.maximum(noise, usual)
+    moved = solvable & (np.hypot(dx, dy) > settings.apart_px) & (explained > sure * noise)
+    odd = ODD + CHANCE / np.sqrt(np.maximum(pixels, 1.0))
+    foreign = asked & (variance > odd * usual) & (variance > FOREIGN * contrast / total)
+    return np.asarray((moved | foreign).any(axis=1))
+
+
+def _look_up(image: SplineImage, x: FloatArray, y: FloatArray) -> FloatArray:
+    """Grey values of an image at positions (B, n), to 1/32 px: enough to see what doesn't fit."""
+    if max(*image.pixels.shape, *x.shape) > LARGEST:
+        return image.values(x, y)
+    found = cv2.remap(
+        image.pixels,
+        (x - image.origin[0]).astype(np.float32),
+        (y - image.origin[1]).astype(np.float32),
+        cv2.INTER_LANCZOS4,
+        borderMode=cv2.BORDER_REPLICATE,
+    )
+    return np.asarray(found, dtype=np.float64)
