@@ -129,6 +129,8 @@ def test_a_peer_is_given_the_scene_in_camera_axes_and_its_failure_is_told(
     board = small("board")
     monkeypatch.setitem(IMAGE_CASES, "board", lambda size: board)
     monkeypatch.setenv("GPUSIM_PEERS_PYTHON", str(tmp_path / "no-python"))
+    # the scripts are in a checkout only, and this may be the installed package
+    monkeypatch.setattr("gpusim.bench.render.peer_folder", lambda: tmp_path)
     found = run_render_bench(["board"], "small", tmp_path, peers=IMAGE_PEERS[:1], tell=print)
     (case,) = found.cases
     own = case.own()
