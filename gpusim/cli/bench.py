@@ -27,6 +27,17 @@ class Size(StrEnum):
     full = "full"
 
 
+Peers = Annotated[
+    list[str] | None,
+    typer.Option(metavar="TEXT", help="Only peers whose name holds TEXT (repeatable)."),
+]
+NoPeers = Annotated[bool, typer.Option("--no-peers", help="Measure gpusim alone.")]
+Cache = Annotated[
+    Path | None,
+    typer.Option(metavar="DIR", help="References and arrays for peers; default DIR/work."),
+]
+
+
 @bench_app.command()
 def solver(
     sizes: Annotated[
@@ -35,16 +46,10 @@ def solver(
     case: Annotated[
         str | None, typer.Option("--case", metavar="NAME", help="One case, or family of cases.")
     ] = None,
-    peer: Annotated[
-        list[str] | None,
-        typer.Option(metavar="TEXT", help="Only peers whose name holds TEXT (repeatable)."),
-    ] = None,
-    no_peers: Annotated[bool, typer.Option("--no-peers", help="Measure gpusim alone.")] = False,
+    peer: Peers = None,
+    no_peers: NoPeers = False,
     output: Folder = Path("bench"),
-    cache: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", help="References and arrays for peers; default DIR/work."),
-    ] = None,
+    cache: Cache = None,
 ) -> None:
     """Run time against displacement error, memory, bandwidth and scaling; peers beside it."""
     with exit_codes():
@@ -74,16 +79,10 @@ def render(
         list[str] | None,
         typer.Option("--case", metavar="NAME", help="Cases that begin with NAME (repeatable)."),
     ] = None,
-    peer: Annotated[
-        list[str] | None,
-        typer.Option(metavar="TEXT", help="Only peers whose name holds TEXT (repeatable)."),
-    ] = None,
-    no_peers: Annotated[bool, typer.Option("--no-peers", help="Measure gpusim alone.")] = False,
+    peer: Peers = None,
+    no_peers: NoPeers = False,
     output: Folder = Path("bench"),
-    cache: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", help="References and arrays for peers; default DIR/work."),
-    ] = None,
+    cache: Cache = None,
 ) -> None:
     """Run time against error of the image, lit and unlit; other renderers beside it."""
     with exit_codes():

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import ndtr
 
-__all__ = ["MIN_BOX", "profile_and_slopes"]
+__all__ = ["profile_and_slopes", "slope_by_turn"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -53,3 +53,22 @@ def profile_and_slopes(
     by_wide[near] = (once[0] - once[1] + once[2] - once[3] - 2.0 * total / wide) / area
     by_narrow[near] = (once[0] + once[1] - once[2] - once[3] - 2.0 * total / narrow) / area
     return value, by_distance, by_sigma, by_wide, by_narrow
+
+
+def slope_by_turn(
+    profile: tuple[FloatArray, ...],
+    normal: FloatArray,
+    change: FloatArray,
+    dx: FloatArray,
+    dy: FloatArray,
+) -> FloatArray:
+    """Derivative of a border profile by its angle; ``change`` (…,2) is that of the ``normal``."""
+    _, by_distance, _, by_wide, by_narrow = profile
+    # the pixel's box, where it isn't held at its least width
+    box = np.sign(normal) * change * (np.abs(normal) > MIN_BOX)
+    result: FloatArray = (
+        by_distance * (dx * change[..., :1] + dy * change[..., 1:])
+        + by_wide * box[..., :1]
+        + by_narrow * box[..., 1:]
+    )
+    return result

@@ -20,7 +20,7 @@ import numpy.typing as npt
 from scipy import ndimage
 from scipy.optimize import least_squares
 
-from gpusim.measure.border import MIN_BOX, profile_and_slopes
+from gpusim.measure.border import profile_and_slopes, slope_by_turn
 from gpusim.measure.images import FloatArray
 
 __all__ = ["Cross", "border_profile", "fit_cross"]
@@ -164,8 +164,8 @@ def _residual(
             -by_1 * first[1] * normal_1[i] - by_2 * second[1] * normal_2[i] - p[6 + i] * pattern
         )
     # turning a border takes normal_1 to -along_1, and normal_2 to along_2
-    jacobian[2] = by_1 * _by_turn(first, normal_1, -along_1, dx, dy)
-    jacobian[3] = by_2 * _by_turn(second, normal_2, along_2, dx, dy)
+    jacobian[2] = by_1 * slope_by_turn(first, normal_1, -along_1, dx, dy)
+    jacobian[3] = by_2 * slope_by_turn(second, normal_2, along_2, dx, dy)
     jacobian[4] = light
     jacobian[5] = light * first[0] * second[0]
     jacobian[6] = dx * pattern
@@ -173,23 +173,6 @@ def _residual(
     by_sigma = by_1 * first[2] + by_2 * second[2]
     jacobian[8] = by_sigma * np.sign(p[8]) * (abs(p[8]) > MIN_SIGMA)
     return light * pattern - grey, jacobian.T
-
-
-def _by_turn(
-    profile: tuple[FloatArray, ...],
-    normal: FloatArray,
-    change: FloatArray,
-    dx: FloatArray,
-    dy: FloatArray,
-) -> FloatArray:
-    """Derivative of a border profile by its angle; ``change`` is that of the normal."""
-    _, by_distance, _, by_wide, by_narrow = profile
-    # the pixel's box, where it isn't held at its least width
-    box = np.sign(normal) * change * (np.abs(normal) > MIN_BOX)
-    result: FloatArray = (
-        by_distance * (dx * change[0] + dy * change[1]) + by_wide * box[0] + by_narrow * box[1]
-    )
-    return result
 
 
 def _fit(

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.measure.border import MIN_BOX, profile_and_slopes
+from gpusim.measure.border import profile_and_slopes, slope_by_turn
 from gpusim.measure.images import FloatArray, check_image, check_points
 from gpusim.measure.levenberg import fit_many
 
@@ -226,8 +226,8 @@ def _residual(
             - p[:, 6 + i : 7 + i] * pattern
         )
     # turning a border takes normal_1 to -along_1, and normal_2 to along_2
-    slopes[:, 2] = by_1 * _by_turn(first, normal_1, -along_1, dx, dy)
-    slopes[:, 3] = by_2 * _by_turn(second, normal_2, along_2, dx, dy)
+    slopes[:, 2] = by_1 * slope_by_turn(first, normal_1, -along_1, dx, dy)
+    slopes[:, 3] = by_2 * slope_by_turn(second, normal_2, along_2, dx, dy)
     slopes[:, 4] = light
     slopes[:, 5] = light * first[0] * second[0]
     slopes[:, 6] = dx * pattern
@@ -235,24 +235,6 @@ def _residual(
     rising = np.sign(p[:, 8:9]) * (np.abs(p[:, 8:9]) > MIN_SIGMA)
     slopes[:, 8] = (by_1 * first[2] + by_2 * second[2]) * rising
     return light * pattern - grey, slopes
-
-
-def _by_turn(
-    profile: tuple[FloatArray, ...],
-    normal: FloatArray,
-    change: FloatArray,
-    dx: FloatArray,
-    dy: FloatArray,
-) -> FloatArray:
-    """Derivative of a border profile by its angle; ``change`` is that of the normal."""
-    _, by_distance, _, by_wide, by_narrow = profile
-    box = np.sign(normal) * change * (np.abs(normal) > MIN_BOX)
-    result: FloatArray = (
-        by_distance * (dx * change[:, :1] + dy * change[:, 1:])
-        + by_wide * box[:, :1]
-        + by_narrow * box[:, 1:]
-    )
-    return result
 
 
 def _failed(count: int) -> Crossings:
