@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.inputs import checked
 
 __all__ = [
     "AmbientLight",
@@ -55,6 +56,7 @@ def _check_aim(what: str, position: Vector, target: Vector) -> None:
         raise InputError(f"{what} target; got the lamp's own position {target}")
 
 
+@checked
 @dataclass(frozen=True)
 class PointLight:
     """Shines equally in all directions: radiant flux ``power`` (W), intensity power / 4 pi.
@@ -71,6 +73,7 @@ class PointLight:
         _check("PointLight", position=self.position)
 
 
+@checked
 @dataclass(frozen=True)
 class SpotLight:
     """A small lamp whose beam has a ``cone`` (full angle, rad) around the way to ``target``.
@@ -107,6 +110,7 @@ class SpotLight:
         return self.power / (2.0 * np.pi * (1.0 - 0.5 * (outer + inner)))
 
 
+@checked
 @dataclass(frozen=True)
 class AreaLight:
     """A lamp of ``size`` (width, height) that faces ``target`` and emits by Lambert's law.
@@ -134,6 +138,7 @@ class AreaLight:
             )
 
 
+@checked
 @dataclass(frozen=True)
 class SunLight:
     """Light from infinitely far: it travels along ``direction``.
@@ -156,6 +161,7 @@ class SunLight:
             raise InputError(f"SunLight diameter; got {self.diameter}; expected 0 to 0.2 (rad)")
 
 
+@checked
 @dataclass(frozen=True)
 class AmbientLight:
     """Surroundings of one ``radiance`` (W per square unit and sr) in every direction.
@@ -169,6 +175,7 @@ class AmbientLight:
         _check_positive("AmbientLight", "a radiance", radiance=self.radiance)
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class EnvironmentLight:
     """Surroundings at a distance, given by their radiance (W per square unit and sr).

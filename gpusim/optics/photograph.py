@@ -10,13 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.gpu import Device, default_device
+from gpusim.inputs import checked
 from gpusim.optics.accumulate import accumulate, accumulate_twin
 from gpusim.optics.camera import Camera
 from gpusim.optics.convolve import ConvolvePass, Target, convolve_twin
@@ -56,6 +56,7 @@ class Exposure:
         return len(self.parts) == 1 and self.kernel is SAME_IMAGE
 
 
+@checked
 def photograph(
     surfaces: Sequence[Surface] | SurfacesAt,
     camera: Camera | CameraAt,
@@ -68,7 +69,6 @@ def photograph(
     background: float = 0.0,
     device: Device | None = None,
     backend: str = "gpu",
-    **options: Any,
 ) -> Frame:
     """Photograph ``surfaces`` with a real lens and shutter.
 
@@ -80,7 +80,7 @@ def photograph(
     time : when row 0 begins to collect light.
     error : RMS error in grey levels of 8 bit, of a picture half of whose pixels see full-contrast
         edges: it decides the cells per pixel and the lens positions.
-    lights, background, device, backend, options : as for `render`.
+    lights, background, device, backend : as for `render`.
 
     Returns
     -------
@@ -96,6 +96,10 @@ def photograph(
         raise InputError(f"photograph lens; got {lens!r}; expected a Lens")
     if shutter is not None and not isinstance(shutter, Shutter):
         raise InputError(f"photograph shutter; got {shutter!r}; expected a Shutter")
+    fixed = [] if callable(surfaces) else surfaces
+    if not (isinstance(fixed, Sequence) and all(isinstance(one, Surface) for one in fixed)):
+        expected = "a list of Surface, or a function of the time that returns one"
+        raise InputError(f"photograph surfaces; got {surfaces!r}; expected {expected}")
     if not np.isfinite(time):
         raise InputError(f"photograph time; got {time}; expected seconds")
     if backend not in ("gpu", "numpy"):
@@ -108,7 +112,7 @@ def photograph(
     def shoot(what: Sequence[Surface], whence: Camera) -> Frame:
         return render(
             what, whence, lights, error=error, background=background, device=device,
-            backend=backend, **options,
+            backend=backend,
         )  # fmt: skip
 
     if exposure.plain:

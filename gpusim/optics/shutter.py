@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.inputs import checked
 from gpusim.optics.camera import Camera
 from gpusim.surface.surface import Surface
 
@@ -24,6 +25,7 @@ POINTS_PER_PX = 3.2
 MOST_MOMENTS = 256
 
 
+@checked
 @dataclass(frozen=True)
 class Shutter:
     """When the pixels collect light; times in s.
