@@ -42,15 +42,20 @@ def nearest_name(name: str, names: Iterable[str]) -> str:
 
 def checked(thing: T) -> T:
     """Decorator of functions, methods and dataclasses: InputError in place of a TypeError for
-    arguments that are unknown, missing, or of another type than annotated."""
+    arguments that are unknown, missing, or of another type than annotated.
+
+    A dataclass' own checks come first: they know what is expected better than its types do.
+    """
     if not isinstance(thing, type):
         return typing.cast(T, _wrapped(thing, thing.__name__))
     init: Any = thing.__init__  # type: ignore[misc]
-    thing.__init__ = _wrapped(init, thing.__name__)  # type: ignore[misc]
+    thing.__init__ = _wrapped(init, thing.__name__, own_first=True)  # type: ignore[misc]
     return thing
 
 
-def _wrapped(function: Callable[..., Any], name: str) -> Callable[..., Any]:
+def _wrapped(
+    function: Callable[..., Any], name: str, own_first: bool = False
+) -> Callable[..., Any]:
     signature = inspect.signature(function)
     own = [p for p in signature.parameters if p != "self"]
 
@@ -61,17 +66,30 @@ def _wrapped(function: Callable[..., Any], name: str) -> Callable[..., Any]:
         found = {key: _tests(hints[key]) for key in own if key in hints}
         return {key: kinds for key, kinds in found.items() if kinds}
 
+    def check(given: dict[str, Any]) -> None:
+        for key, kinds in tests().items():
+            if key in given and not any(fits(given[key]) for _, fits in kinds):
+                words = " or ".join(dict.fromkeys(word for word, _ in kinds))
+                raise InputError(f"{name} {key}; got {_shown(given[key])}; expected {words}")
+
     @functools.wraps(function)
     def call(*args: Any, **kwargs: Any) -> Any:
         try:
             given = signature.bind(*args, **kwargs).arguments
         except TypeError as error:
             raise _misfit(name, own, kwargs, error) from None
-        for key, kinds in tests().items():
-            if key in given and not any(fits(given[key]) for _, fits in kinds):
-                words = " or ".join(dict.fromkeys(word for word, _ in kinds))
-                raise InputError(f"{name} {key}; got {_shown(given[key])}; expected {words}")
-        return function(*args, **kwargs)
+        if not own_first:
+            check(given)
+            return function(*args, **kwargs)
+        try:
+            function(*args, **kwargs)
+        except InputError:
+            raise
+        except (TypeError, ValueError, AttributeError, IndexError):
+            check(given)
+            raise
+        check(given)
+        return None
 
     return call
 

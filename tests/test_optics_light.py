@@ -204,7 +204,7 @@ def test_a_coarse_cylinder_is_shaded_without_facets(device: Device) -> None:
         (lambda: gs.PointLight((0, 0, 0), 0.0), "power"),
         (lambda: gs.PointLight((0, 0, 0), np.nan), "power"),
         (lambda: gs.PointLight((0, np.inf, 0), 1.0), "three finite"),
-        (lambda: gs.PointLight((0, 0), 1.0), "position"),  # type: ignore[arg-type]
+        (lambda: gs.PointLight((0, 0), 1.0), "three finite"),  # type: ignore[arg-type]
         (lambda: gs.AreaLight((0, 0, 0), (0, 0, 0), (1, 1), 1.0), "target"),
         (lambda: gs.AreaLight((0, 0, 0), (0, 0, 1), (1, 0), 1.0), "size"),
         (lambda: gs.AreaLight((0, 0, 0), (0, np.nan, 1), (1, 1), 1.0), "three finite"),

@@ -90,8 +90,8 @@ class Camera:
         object.__setattr__(self, "camera_from_world", T)
         if self.distortion is not None:
             try:
-                lens = Distortion(np.asarray(self.distortion, np.float64))
-            except (InputError, TypeError, ValueError) as error:
+                lens = Distortion(real_numbers(self.distortion, "distortion"))
+            except InputError as error:
                 raise InputError(f"{where} {error}") from None
             object.__setattr__(self, "distortion", lens.coefficients)
             if lens.coefficients.any():
