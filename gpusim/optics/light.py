@@ -7,12 +7,14 @@ exact for monochromatic green light and a matter of definition for everything el
 from __future__ import annotations
 
 from dataclasses import dataclass
+from os import PathLike
 
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.inputs import checked
+from gpusim.optics.panorama import read_panorama
 
 __all__ = [
     "AmbientLight",
@@ -211,6 +213,22 @@ class EnvironmentLight:
         if not (image >= 0.0).all():
             raise InputError(f"EnvironmentLight image; got {image.min()}; expected radiances >= 0")
         object.__setattr__(self, "image", image)
+
+    @staticmethod
+    @checked
+    def read(
+        path: str | PathLike[str],
+        *,
+        scale: float = 1.0,
+        up: Vector = (0.0, 0.0, 1.0),
+        forward: Vector = (0.0, 1.0, 0.0),
+    ) -> EnvironmentLight:
+        """The surroundings in an equirectangular picture of radiances (`read_panorama`).
+
+        ``scale`` is the radiance of its value 1. Raises InputError naming the file.
+        """
+        _check_positive("EnvironmentLight", "a radiance", scale=scale)
+        return EnvironmentLight(image=scale * read_panorama(path), up=up, forward=forward)
 
 
 Light = PointLight | SpotLight | AreaLight | SunLight | AmbientLight | EnvironmentLight

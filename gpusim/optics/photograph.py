@@ -26,7 +26,7 @@ from gpusim.optics.light import Light
 from gpusim.optics.psf import Convolved, Disc, SampledKernel, sample
 from gpusim.optics.render import BAND_BYTES, FINEST_ERROR, WIDEST, render
 from gpusim.optics.rolling import rolled
-from gpusim.optics.shutter import CameraAt, Shutter, SurfacesAt, moments, motion
+from gpusim.optics.shutter import CameraAt, Shutter, SurfacesAt, moments, moments_for, motion
 from gpusim.optics.view import look
 from gpusim.surface.surface import Surface
 
@@ -42,13 +42,15 @@ class Exposure:
     """What one photograph is put together from.
 
     ``parts``: weight, surfaces and camera of each rendering; ``sight``: surfaces and camera at the
-    middle of the exposure, for the truth. ``facts`` say in words what was done and left out.
+    middle of the exposure, for the truth. ``facts`` say in words what was done and left out,
+    ``warnings`` where less was done than the error asks for.
     """
 
     parts: tuple[tuple[float, Sequence[Surface], Camera], ...]
     sight: tuple[Sequence[Surface], Camera]
     kernel: SampledKernel
     facts: Mapping[str, str] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
 
     @property
     def plain(self) -> bool:
@@ -86,7 +88,8 @@ def photograph(
     -------
     Frame
         Its truth is that of the pinhole camera at the middle of the exposure, at the time of each
-        row where the shutter rolls. ``facts`` say what was done.
+        row where the shutter rolls. ``facts`` say what was done, ``warnings`` what was left
+        short: a motion or a blur so long that more than 256 renderings would be needed.
 
     Raises
     ------
@@ -126,7 +129,7 @@ def photograph(
             frame = Frame(view, device, tuple(_combine(exposure, shoot, device)))
     if lens.vignetting is not None:
         frame = _vignetted(frame, lens, exposure.sight[1])
-    frame.facts = dict(exposure.facts)
+    frame.facts, frame.warnings = dict(exposure.facts), exposure.warnings
     return frame
 
 
@@ -144,6 +147,7 @@ def plan_exposure(
     still = not callable(surfaces) and not callable(camera)
     tolerance = error * np.sqrt(2.0) / 255.0
     facts: dict[str, str] = {}
+    warnings: list[str] = []
     middle = time + 0.5 * shutter.exposure_time
     sharp = camera_at(middle)
     if not isinstance(sharp, Camera):
@@ -157,6 +161,13 @@ def plan_exposure(
             travel = motion(surfaces_at, camera_at, time, shutter.exposure_time)
         shares, weights = moments(shutter, travel)
         facts["motion"] = f"{travel:.3g} px during the exposure, {len(shares)} moments"
+        if shutter.samples is None and len(shares) < moments_for(travel) and shutter.exposure_time:
+            # the widest gap of Gauss-Legendre points is pi / 2 times their mean distance
+            warnings.append(
+                f"motion of {travel:.4g} px in {len(shares)} moments: edges go in steps of up to "
+                f"{0.5 * np.pi * travel / len(shares):.2g} px; {moments_for(travel)} samples of "
+                "the shutter would show none"
+            )
 
         def moment(at: float) -> tuple[Sequence[Surface], Camera]:
             if shutter.line_time:
@@ -182,6 +193,12 @@ def plan_exposure(
             words += ": left out"
         else:
             words += f", {len(focus.points)} lens positions, edge error {focus.edge_error:.1e}"
+            if lens.positions is None and not focus.edge_error <= tolerance:
+                warnings.append(
+                    f"blur of {focus.largest:.4g} px by {len(focus.points)} lens positions: edge "
+                    f"error {focus.edge_error:.1e}; expected {tolerance:.1e}, by more positions "
+                    "of the lens"
+                )
         facts["depth of field"] = words
     kernel = SAME_IMAGE
     if psf is not None or lens.fill_factor != 1.0:
@@ -194,13 +211,18 @@ def plan_exposure(
         )
     if lens.vignetting is not None:
         facts["vignetting"] = "applied"
+    if len(scenes) > 1 and len(focus.points) > 1:
+        facts["renderings"] = (
+            f"{len(scenes) * len(focus.points)}: {len(focus.points)} lens positions at each of "
+            f"{len(scenes)} moments"
+        )
     share = 1.0 / len(focus.points)
     parts = [
         (weight * share, what, _at(whence, point, lens))
         for weight, what, whence in scenes
         for point in focus.points
     ]
-    return Exposure(tuple(parts), sight, kernel, facts)
+    return Exposure(tuple(parts), sight, kernel, facts, tuple(warnings))
 
 
 def _at(camera: Camera, point: Array, lens: Lens) -> Camera:
