@@ -126,7 +126,7 @@ def test_a_run_refuses_a_late_nan_before_it_writes(tmp_path: Path) -> None:
 def test_a_run_refuses_a_calibration_before_it_writes(tmp_path: Path) -> None:
     path = given_field(tmp_path)
     (tmp_path / "rig.yml").write_text(RIG.format(61, "0."))
-    with pytest.raises(InputError, match=r"rig.yml: Camera .* K; got"):
+    with pytest.raises(InputError, match=r"rig\.yml: Camera .* K; got"):
         gs.run(gs.load_scene(path), tmp_path / "out", backend="numpy")
     assert not (tmp_path / "out").exists()
 
