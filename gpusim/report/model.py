@@ -236,9 +236,9 @@ class Table:
 class Report:
     """Everything a run has to say. Only the first block goes into report.json.
 
-    ``failure`` is the error's message if ``status`` is "failed". ``highlights`` are label -> (value,
-    note) of the cards on top, ``facts`` label -> value pairs (device, versions, sizes), and
-    ``scene_text`` is the resolved scene file.
+    ``failure`` is the error's message if ``status`` is "failed". ``highlights`` are label ->
+    (value, note) of the cards on top, ``facts`` label -> value pairs (device, versions, sizes),
+    and ``scene_text`` is the resolved scene file.
     """
 
     scene: str
