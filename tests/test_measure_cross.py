@@ -50,7 +50,7 @@ def test_sharp_markers_are_located_to_a_ten_thousandth(size: float) -> None:
 
 
 def test_sharp_markers_along_the_pixels_are_all_fitted() -> None:
-    """Where borders run along pixels the grey values hardly tell the blur: fits end all the same."""
+    """Where borders run along pixels the grey values hardly tell the blur: fits still end."""
     rng = np.random.default_rng(4)
     places = np.array([[40 * i + 30.0, 40 * j + 30.0] for j in range(5) for i in range(8)])
     places += rng.uniform(-0.5, 0.5, places.shape)
