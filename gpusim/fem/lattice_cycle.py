@@ -142,7 +142,6 @@ class PlaneTransfer:
         self._into[self._held] = 0.0
 
 
-
 class LatticeCycle:
     """The levels of a hierarchy from the finest on that are lattices of repeating rows."""
 
