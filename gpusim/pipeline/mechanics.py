@@ -49,8 +49,8 @@ def large_displacements(things: Things) -> list[str]:
         frame = int(np.argmax(reach))
         if not reach[frame] <= _LARGE * size:
             warnings.append(
-                f"body {parts.body.name!r}: displacements differ by {1e3 * reach[frame]:.3g} mm in "
-                f"frame {frame}, {100 * reach[frame] / size:.3g} % of its size; linear statics holds "
-                "for small ones only: are units, loads and moduli meant so?"
+                f"body {parts.body.name!r}: displacements differ by {1e3 * reach[frame]:.3g} mm "
+                f"in frame {frame}, {100 * reach[frame] / size:.3g} % of its size; linear statics "
+                "holds for small ones only: are units, loads and moduli meant so?"
             )
     return warnings
