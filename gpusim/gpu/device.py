@@ -101,6 +101,8 @@ class Device:
         # wgpu free the memory, after the last submit that uses it
         self._live: WeakKeyDictionary[Any, int] = WeakKeyDictionary()
         self._opaque: Buffer | None = None
+        self._targets: dict[str, Texture] = {}
+        self._no_texels: dict[str, Texels] = {}
         self._fence = self.gpu.create_buffer(
             label="gpusim.fence", size=4, usage=wgpu.BufferUsage.COPY_SRC
         )
@@ -325,6 +327,24 @@ class Device:
     def texels(self, count: int, fmt: str, label: str) -> Texels:
         """An array of texels, zero at first: ``fmt`` "rgba32float" or "rgba32uint"."""
         return Texels(self, count, fmt, label)
+
+    def target(self, width: int, height: int, fmt: str, label: str) -> Texture:
+        """A texture for one frame after the other: the last one of that label if it fits.
+
+        What it holds is good until the next one of that label is drawn into.
+        """
+        kept = self._targets.pop(label, None)
+        if kept is None or (kept.width, kept.height, kept.format) != (width, height, fmt):
+            del kept
+            kept = self.texture(width, height, fmt, label)
+        self._targets[label] = kept
+        return kept
+
+    def no_texels(self, fmt: str) -> Texels:
+        """A zero for bindings that have nothing to hold; not to be written."""
+        if fmt not in self._no_texels:
+            self._no_texels[fmt] = self.texels(1, fmt, "none")
+        return self._no_texels[fmt]
 
     def recording(self, stage: str) -> Recording:
         """A list of dispatches and draws, submitted together when its ``with`` block ends."""

@@ -60,6 +60,11 @@ class Recording:
             raise
         self.device.timer.submitted(self._slots)
 
+    def begin(self, stage: str) -> None:
+        """Name what follows, for its time and in errors."""
+        self._end_pass()
+        self.stage = stage
+
     def dispatch(
         self,
         kernel: Kernel,

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.gpu import Buffer, Device, Recording, Texture, compare, twin_check
+from gpusim.gpu import Buffer, Device, Raster, Recording, Texture, Uniform, compare, twin_check
 from gpusim.gpu.texels import Texels
 from gpusim.optics.albedo import mean_albedo
 from gpusim.optics.binning import bin_edges
@@ -41,7 +41,7 @@ class Tables:
         table, view = setup.table, setup.view
         fixed = view.fixed().reshape(-1, 2) if view.count else np.zeros((3, 2), np.int32)
         self.device, self.setup = device, setup
-        self.lamps = setup.lighting.uniform()
+        self.lamps = Uniform(device, setup.lighting.uniform(), "shade.lamps")
         self.gloss = gloss_texels(device, setup.lighting.gloss)
         self.shadows = ShadowTables(device, setup.lighting)
         self.paints = device.buffer(table.paints, "shade.paints")
@@ -49,13 +49,17 @@ class Tables:
         self.triangles = device.buffer(setup.records(), "shade.triangles")
         self.screen = device.buffer(fixed, "shade.screen")
         bends = distortion_map(view.camera)
-        bent = np.zeros((5, 4), np.float32) if bends is None else bends.texels()
-        self.undistortion = device.texels(len(bent), "rgba32float", "shade.undistortion")
-        self.undistortion.write(bent)
-        self.tiles = NO_TILES if bends is None else bends.tiles()
-        texels = setup.bitmaps.texels()
-        self.bitmap_texels = Texels(device, len(texels), "rgba32float", "shade.bitmaps")
-        self.bitmap_texels.write(texels)
+        self.undistortion = self.bitmap_texels = device.no_texels("rgba32float")
+        if bends is not None:
+            bent = bends.texels()
+            self.undistortion = device.texels(len(bent), "rgba32float", "shade.undistortion")
+            self.undistortion.write(bent)
+        tiles = NO_TILES if bends is None else bends.tiles()
+        self.tiles = Uniform(device, tiles, "shade.tiles")
+        if setup.bitmaps.images:
+            texels = setup.bitmaps.texels()
+            self.bitmap_texels = Texels(device, len(texels), "rgba32float", "shade.bitmaps")
+            self.bitmap_texels.write(texels)
         self.speckles = table.speckle.texels(device)
 
     def shared(self) -> dict[str, Any]:
@@ -97,23 +101,24 @@ class ShadePass:
                 "a view that is less grazing, or backend 'numpy'"
             )
         self.tables, self.rows = tables, rows
-        self.color = device.texture(view.camera.width, rows, "r32float", "shade.radiance")
-        self.depth = device.texture(view.camera.width, rows, "depth32float", "shade.depth")
+        self.color = device.target(view.camera.width, rows, "r32float", "shade.radiance")
+        self.depth = device.target(view.camera.width, rows, "depth32float", "shade.depth")
         self.marks: Texture | None = None
         formats: tuple[str, ...] = ("r32float",)
         entries = ("vertex", "fragment")
         if setup.lighting.shadows is not None:
-            self.marks = device.texture(view.camera.width, rows, "rg32uint", "shade.marks")
+            self.marks = device.target(view.camera.width, rows, "rg32uint", "shade.marks")
             formats, entries = ("r32float", "rg32uint"), ("vertex", "fragment_marked")
         nearest = view.inverse_depth().max(axis=1, initial=0.0)
         near_first = np.argsort(-nearest, kind="stable")
         self._near, depth = view.raster_depth()
         self._inverse = device.buffer(depth, "shade.inverse_depth")
-        self._draws = []
+        self._draws: list[tuple[Raster, Buffer, int]] = []
         for group, glossy in product((BITMAP, 3 + GRAZING, 2 + GRAZING, 3, 2, 1, 0), (True, False)):
             wanted = (setup.groups == group) & (setup.shiny == glossy)
             order = near_first[wanted[near_first]]
-            if len(order) or not (group or glossy):
+            # one at least, to clear the targets
+            if len(order) or not (group or glossy or self._draws):
                 raster = device.raster(
                     "optics/shade",
                     formats,
