@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.inputs import checked
 from gpusim.surface.features import Features, check_albedo, check_grid, check_length
 from gpusim.surface.pyramid import Level, pyramid
 
@@ -20,6 +21,7 @@ __all__ = ["Image"]
 WIDEST = 16384
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Image:
     """A grey bitmap whose pixels (texels) are squares of side ``texel`` on the surface.

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.inputs import checked
 from gpusim.surface.features import (
     Features,
     Stack,
@@ -58,6 +59,7 @@ def _marker(
     )
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Aruco:
     """Markers of one of OpenCV's dictionaries ("4X4_50", "APRILTAG_36h11", …).
@@ -103,6 +105,7 @@ class Aruco:
         return stack.features()
 
 
+@checked
 @dataclass(frozen=True)
 class Charuco:
     """OpenCV's ChArUco board: a chessboard whose light squares hold markers.
@@ -179,6 +182,7 @@ def ring_codes(bits: int) -> tuple[int, ...]:
     return tuple(codes)
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class RingCodes:
     """Circular coded targets as photogrammetry uses them: a disc and a ring of light and dark bits.

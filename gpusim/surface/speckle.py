@@ -18,6 +18,7 @@ import numpy.typing as npt
 from scipy.special import ndtri
 
 from gpusim.errors import InputError
+from gpusim.inputs import checked
 from gpusim.surface.features import Features, check_albedo, check_length
 
 __all__ = ["EDGE", "Speckle", "edge_opacity", "opaque_area"]
@@ -38,6 +39,7 @@ MOST_DISCS = 1 << 23
 GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 
 
+@checked
 @dataclass(frozen=True)
 class Speckle:
     """Discs of albedo ``dot`` at random places on ``ground``.

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.inputs import checked
 from gpusim.surface.features import (
     Features,
     Stack,
@@ -23,6 +24,7 @@ Array = npt.NDArray[np.float64]
 MOST_LINES = 1 << 20
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Circles:
     """Concentric circles around every centre (M, 2): the largest is ``dark``, then they alternate.
@@ -56,6 +58,7 @@ class Circles:
         return stack.features()
 
 
+@checked
 @dataclass(frozen=True)
 class Lines:
     """Lines of ``width`` at a ``pitch``: along s, along t, or both, a grid.
@@ -116,6 +119,7 @@ class Lines:
         return stack.features()
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Star:
     """Siemens stars: ``spokes`` dark sectors around every centre (M, 2), as wide as the gaps.
