@@ -240,12 +240,12 @@ fn paint_polygon(t: Triangle, d: vec2f, polygon: Polygon, centroid: vec2f) -> f3
             for (var j = 0; j < polygon.count; j++) { local.polygon.p[j] = turn * local.polygon.p[j]; }
             let s = polygon_checker(f, local);
             albedo += s.x - paint.ground * s.y;
-            printed += s.y;
+            printed += s.y * f.c.w;
         }
         if (discs != 0u && f.c.z == 1.0) {
             let share = polygon_disc(f, local.polygon);
             albedo += (f.c.x - paint.ground) * share;
-            printed += share;
+            printed += share * f.c.w;
         }
         if (sectors != 0u && f.c.z == 2.0) {
             albedo += (f.c.x - paint.ground) * polygon_sector(f, local);
