@@ -24,6 +24,18 @@ struct Paint {
     coverage: f32,
 }
 
+// four texels per paint: its members in order
+@group(0) @binding(1) var paints: texture_2d<u32>;
+fn paint_at(number: u32) -> Paint {
+    let a = textureLoad(paints, texel(4u * number), 0);
+    let b = textureLoad(paints, texel(4u * number + 1u), 0);
+    let c = textureLoad(paints, texel(4u * number + 2u), 0);
+    let d = textureLoad(paints, texel(4u * number + 3u), 0);
+    return Paint(bitcast<f32>(a.x), bitcast<f32>(a.y), bitcast<i32>(a.z), bitcast<i32>(a.w),
+        bitcast<i32>(b.x), bitcast<i32>(b.y), b.z, b.w, bitcast<f32>(c.x), c.y,
+        bitcast<f32>(c.z), bitcast<f32>(c.w), bitcast<f32>(d.x));
+}
+
 // kind 0, checker patch: a = (corner relative to the cell, cos, sin), b = (square width, height,
 // columns, rows), c = (albedo of even squares, of odd squares, kind, covers), d = (index of the corner)
 // kind 1, disc: a = (centre relative to the cell, radius, -), c = (albedo, -, kind, covers)
