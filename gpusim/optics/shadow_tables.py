@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from gpusim.gpu import Device
+from gpusim.gpu import Device, Uniform
 from gpusim.gpu.texels import Texels
 from gpusim.optics.lighting import Lighting
 from gpusim.optics.occlusion import ROWS, TOLERANCE, lamp_masks, lattice
@@ -20,10 +20,9 @@ class ShadowTables:
 
     def __init__(self, device: Device, lighting: Lighting) -> None:
         tiles = lighting.shadows
-        self.shades = _shades(lighting)
-        faces = np.zeros((1, 4, 4), np.float32)
-        lists = np.zeros((1, 4), np.uint32)
-        grid = np.zeros((1, 4), np.uint32)
+        self.shades = Uniform(device, _shades(lighting), "shade.shades")
+        faces = np.zeros((0, 4, 4), np.float32)
+        lists = grid = np.zeros((0, 4), np.uint32)
         if tiles is not None:
             if len(tiles.corners):
                 faces = np.zeros((len(tiles.corners), 4, 4), np.float32)
@@ -52,32 +51,29 @@ class ShadowTables:
 
 def _texels(device: Device, values: np.ndarray[Any, Any], label: str) -> Texels:
     fmt = "rgba32float" if values.dtype == np.float32 else "rgba32uint"
-    texels = device.texels(max(len(values), 1), fmt, label)
-    if len(values):
-        texels.write(values)
+    if not len(values):
+        return device.no_texels(fmt)
+    texels = device.texels(len(values), fmt, label)
+    texels.write(values)
     return texels
 
 
 def _shades(lighting: Lighting) -> dict[str, Any]:
     tiles = lighting.shadows
-    lamps = [
-        {
-            "centre": np.zeros(4), "u": np.zeros(4), "v": np.zeros(4),
-            "part": np.zeros(4, np.uint32), "mask": np.zeros((4, 4), np.uint32),
-        }
-        for _ in range(MOST_LAMPS)
-    ]  # fmt: skip
+    lamps: dict[str, np.ndarray[Any, Any]] = {
+        "centre": np.zeros((MOST_LAMPS, 4)), "u": np.zeros((MOST_LAMPS, 4)),
+        "v": np.zeros((MOST_LAMPS, 4)), "part": np.zeros((MOST_LAMPS, 4), np.uint32),
+        "mask": np.zeros((MOST_LAMPS, 4, 4), np.uint32),
+    }  # fmt: skip
     own = lighting.emitters[:, 11]
     for number, lamp in enumerate(tiles.lamps if tiles is not None else ()):
         masks = lamp_masks(lamp)
         first, stop = np.searchsorted(own, [number, number + 1])
-        lamps[number] = {
-            "centre": np.array([*lamp.centre, 0.0 if lamp.far else 1.0]),
-            "u": np.array([*lamp.u, float(lamp.extended)]),
-            "v": np.array([*lamp.v, float(np.bitwise_count(masks).sum())]),
-            "part": np.array([first, stop, 0, 0]),
-            "mask": masks.reshape(4, 4),
-        }
+        lamps["centre"][number] = *lamp.centre, 0.0 if lamp.far else 1.0
+        lamps["u"][number] = *lamp.u, float(lamp.extended)
+        lamps["v"][number] = *lamp.v, float(np.bitwise_count(masks).sum())
+        lamps["part"][number, :2] = first, stop
+        lamps["mask"][number] = masks.reshape(4, 4)
     return {
         "count": len(tiles.lamps) if tiles is not None else 0,
         "columns": tiles.lit.shape[1] if tiles is not None else 1,
