@@ -150,6 +150,9 @@ def _iterated(
         chosen, norm, product = _preconditioner(kind, model, assembled, system)
     if compiled is not None:
         compiled.result()
+    exact = product.in_differences if isinstance(product, StencilProduct) else None
+    if exact is not None:
+        system = replace(system, apply=exact)
     clock.mark("preconditioner")
     most = options.most if options.most is not None else _MOST_ITERATIONS[kind]
     run = partial(

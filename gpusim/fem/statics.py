@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.fem.assembly import assemble
+from gpusim.fem.assembly import assemble, model_lattice
 from gpusim.fem.block_rows import BlockRows
 from gpusim.fem.formulation import resolve_formulation
 from gpusim.fem.iterate import Outcome, System
@@ -98,11 +98,12 @@ def _solve_static(
 ) -> Solution:
     clock = Clock()
     _check_arguments(model, device, tolerance, backend, max_iterations, method)
-    check_supports(model)
+    lattice = model_lattice(model)
+    check_supports(model, lattice)
     formulations = resolve_formulation(model, formulation)
     options = Options(device, backend, tolerance, max_iterations, _start(model, start), progress)
     clock.mark("check")
-    assembled = assemble(model, formulations)
+    assembled = assemble(model, formulations, lattice)
     clock.mark("assembly")
     system = make_system(model, assembled.rows)
     if "reduced" in formulations.values():
