@@ -302,17 +302,30 @@ class RunPattern:
             if self._empty[kind]:
                 result[box] = 0.0
                 continue
-            extent = tuple(one.stop - one.start for one in box)
+            slabs, rows, runs = (one.stop - one.start for one in box)
             begin = layout.origin - layout.slab - layout.row - 3
             begin += box[0].start * layout.slab + box[1].start * layout.row + box[2].start * wide
+            seen = np.ndarray(
+                (slabs, rows + 2, runs, 3, wide + 6), x.dtype, x.data, begin * item,
+                (step[0], step[1], step[2], step[0], item),
+            ).copy()  # fmt: skip
+            count, matrix = rows * runs, matrices[kind]
+            own = seen[:, :, :, 1, 3:6].copy() if relative else None
+            if own is not None:
+                seen -= np.tile(own, _RUN + 2)[:, :, :, None]
+                own = own.reshape(slabs, -1, 3)
+            inner = seen.strides
             windows = np.ndarray(
-                (*extent, 3, 3, wide + 6), x.dtype, x.data, begin * item,
-                (*step, step[1], step[0], item),
+                (slabs, rows, runs, 3, 3 * (wide + 6)), x.dtype, seen.data, 0,
+                (inner[0], inner[1], inner[2], inner[1], item),
             )  # fmt: skip
-            matrix = matrices[kind].reshape(-1, wide)
-            if relative:
-                windows = windows - np.tile(windows[..., 1, 1, 3:6], _RUN + 2)[..., None, None, :]
-            value = (windows.reshape(-1, len(matrix)) @ matrix).reshape(*extent, wide)
+            value = windows.reshape(-1, 9 * (wide + 6)) @ matrix.reshape(-1, wide)
+            value = value.reshape(slabs, count, wide)
+            if own is not None:
+                for row in (0, 2):
+                    apart = own[:, row * runs :][:, :count] - own[:, runs:][:, :count]
+                    value += apart @ matrix[row].reshape(-1, 3, wide).sum(axis=0)
+            value = value.reshape(slabs, rows, runs, wide)
             if more is not None:
                 value += more[box]
             result[box] = value
