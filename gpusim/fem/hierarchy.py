@@ -114,7 +114,7 @@ def _assembled(matrix: bsr_matrix | Stencil) -> bsr_matrix:
 
 
 def _product(matrix: bsr_matrix | Stencil) -> Product | StencilProduct:
-    product = StencilProduct.of(matrix) if isinstance(matrix, Stencil) else None
+    product = matrix.product if isinstance(matrix, Stencil) else None
     return Product(_assembled(matrix)) if product is None else product
 
 

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from gpusim.errors import NotConverged
 from gpusim.fem.congruence import noise
 from gpusim.fem.indefinite import indefinite
+from gpusim.fem.stencil import Stencil
 from gpusim.fem.stopping import energy_bound, smallest_ritz_value
 
 __all__ = ["HARSH", "Norm", "Outcome", "System", "iterate"]
@@ -46,7 +47,7 @@ class System:
     absolute values in a row of K', diagonal block left out. ``contrast`` is the ratio of the
     stiffest to the softest node. ``pull`` (1,N,3) is K times the
     prescribed displacements, unscaled, None where there are none. ``free`` (N,3).
-    ``prescribed`` (1,N,3), unscaled.
+    ``prescribed`` (1,N,3), unscaled. ``stencil`` is K' by place on a lattice whose rows repeat.
     """
 
     apply: Callable[[Float], Float]
@@ -59,6 +60,7 @@ class System:
     load_scale: Float
     prescribed: Float
     pull: Float | None
+    stencil: Stencil | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -142,13 +142,13 @@ def _lowest_corners(place: Int, block: Int) -> Int | None:
 
     The corners of a cell that is in order follow its least one by eight known steps.
     """
-    code = place.astype(np.int64) @ [1, 1 << _BITS, 1 << 2 * _BITS]
+    code = place.astype(np.int64) @ np.array([1, 1 << _BITS, 1 << 2 * _BITS])
     result = np.empty((len(block), 3), dtype=np.int32)
     for start in range(0, len(block), _CHUNK):
         cells = block[start : start + _CHUNK]
         corners = code[cells]
         lowest = corners.argmin(axis=1)[:, None]
-        step = corners - np.take_along_axis(corners, lowest, axis=1)
+        step: Long = corners - np.take_along_axis(corners, lowest, axis=1)
         x, y, z = step & 1, step >> _BITS & 1, step >> 2 * _BITS & 1
         if (step != x + (y << _BITS) + (z << 2 * _BITS)).any():
             return None

@@ -66,7 +66,7 @@ class PlaneWeights:
         grid = np.zeros((*self.fine.node.shape, 3))
         grid[tuple(self.fine.place.T)] = r
         for axis in range(3):
-            grid = _along(self.axes[axis].T, grid, axis)
+            grid = _along(csr_matrix(self.axes[axis].T), grid, axis)
         return np.asarray(grid[tuple(self.coarse.place.T)])
 
     @cached_property

@@ -19,6 +19,8 @@ Float = npt.NDArray[np.float64]
 _MOST = 20
 # a correction that is not at least this much smaller than the one before has met rounding
 _CONTRACTION = 0.5
+# safety on the factor by which corrections shrink, and the least that is believed of it
+_CAUTION, _LEAST_SHARE = 100.0, 1e-3
 
 
 def refine(
@@ -31,9 +33,10 @@ def refine(
     """Corrections x += K^-1 (f - K x) with the float64 residual in differences.
 
     The size of a correction is the error of the solution before it, as long as corrections
-    shrink; the estimate is the last correction's greatest displacement over the solution's, plus
-    what the rounding of K leaves open (``gpusim.fem.rounding``). One correction at least is
-    always made, so the estimate rests on a measured residual.
+    shrink, and the error after it is smaller by the same factor once more. The estimate is the
+    last correction's greatest displacement over the solution's, times a hundred times that factor
+    (between 0.001 and 1), plus what the rounding of K leaves open (``gpusim.fem.rounding``). One
+    correction at least is always made, so the estimate rests on a measured residual.
     """
     right = system.right
     cases = len(right)
@@ -59,7 +62,11 @@ def refine(
         size = np.where(size > 0.0, size, 1e-300)
         change = np.abs(correction).max(axis=(1, 2))
         history.append(change / np.where(before > 0.0, before, 1.0) * history[-1])
-        estimate = (change + blur) / size
+        # each correction is smaller than the one before by a factor that it shows itself
+        shrinks = np.clip(
+            _CAUTION * change / np.where(before > 0.0, before, 1.0), _LEAST_SHARE, 1.0
+        )
+        estimate = (change * shrinks + blur) / size
         if progress is not None:
             progress(number + 1, float(estimate.max()))
         if bool((estimate <= tolerance).all()):

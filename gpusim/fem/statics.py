@@ -19,7 +19,6 @@ from gpusim.fem.model import Model
 from gpusim.fem.product import one_blas_thread
 from gpusim.fem.rounding import extremes
 from gpusim.fem.solution import Solution
-from gpusim.fem.stiffness import apply_stiffness
 from gpusim.fem.supports import check_supports
 from gpusim.fem.system import make_system
 from gpusim.gpu import Device
@@ -105,7 +104,7 @@ def _solve_static(
     clock.mark("check")
     assembled = assemble(model, formulations, lattice)
     clock.mark("assembly")
-    system = make_system(model, assembled.rows)
+    system = make_system(model, assembled)
     if "reduced" in formulations.values():
         # hourglass modes may be left: as soft as can be, and not felt by the loads
         system = replace(system, contrast=np.inf)
@@ -170,7 +169,7 @@ def _solution(
         message += f"; the model has {cause}" if cause else ""
     forces = model.load_cases
     if outcome.image is None:
-        internal = apply_stiffness(rows, u)
+        internal = system.apply(u) * system.scale
     else:
         internal = outcome.image * system.load_scale[:, None, None]
         internal = internal if system.pull is None else internal + system.pull

@@ -42,6 +42,11 @@ class Stencil:
         return self.blocks[:, 13]
 
     @cached_property
+    def product(self) -> StencilProduct | None:
+        """See ``StencilProduct.of``."""
+        return StencilProduct.of(self)
+
+    @cached_property
     def matrix(self) -> bsr_matrix:
         """The same as a SciPy block matrix."""
         neighbours = self.lattice.neighbours()
