@@ -9,6 +9,7 @@ import numpy as np
 
 from gpusim.errors import InputError
 from gpusim.gpu import Device, default_device
+from gpusim.inputs import checked
 from gpusim.optics.binning import EdgePixels, bin_edges
 from gpusim.optics.camera import Camera
 from gpusim.optics.edges import EdgePass, edges_twin
@@ -32,6 +33,7 @@ FEWEST_ROWS = 16
 FINEST_ERROR = 0.25
 
 
+@checked
 def render(
     surfaces: Sequence[Surface],
     camera: Camera,
