@@ -33,10 +33,11 @@ def refine(
     """Corrections x += K^-1 (f - K x) with the float64 residual in differences.
 
     The size of a correction is the error of the solution before it, as long as corrections
-    shrink, and the error after it is smaller by the same factor once more. The estimate is the
-    last correction's greatest displacement over the solution's, times a hundred times that factor
-    (between 0.001 and 1), plus what the rounding of K leaves open (``gpusim.fem.rounding``). One
-    correction at least is always made, so the estimate rests on a measured residual.
+    shrink; the estimate is the last correction's greatest displacement over the solution's, plus
+    what the rounding of K leaves open (``gpusim.fem.rounding``). The error after a correction is
+    smaller by the factor by which corrections shrink once more: a hundred times that factor (at
+    least 0.001) is believed where the tolerance asks for it, and the tolerance is what is stated
+    then. One correction at least is always made, so the estimate rests on a measured residual.
     """
     right = system.right
     cases = len(right)
@@ -66,10 +67,12 @@ def refine(
         shrinks = np.clip(
             _CAUTION * change / np.where(before > 0.0, before, 1.0), _LEAST_SHARE, 1.0
         )
-        estimate = (change * shrinks + blur) / size
+        estimate = (change + blur) / size
+        reached = bool(((change * shrinks + blur) / size <= tolerance).all())
         if progress is not None:
             progress(number + 1, float(estimate.max()))
-        if bool((estimate <= tolerance).all()):
+        if reached:
+            estimate = np.minimum(estimate, tolerance)
             message = "converged"
             break
         if not bool((change <= np.maximum(_CONTRACTION * before, blur)).all()):
