@@ -28,6 +28,8 @@ _SAMPLE = {"u32": "uint", "i32": "sint", "f32": "unfilterable-float"}
 def pack(values: dict[str, Any], dtype: np.dtype[np.void], where: str) -> npt.NDArray[np.void]:
     """A dict as one WGSL struct; every member must be given, none may be unknown.
 
+    An array of structs may come as a list of dicts, or as one dict of arrays.
+
     Raises
     ------
     InputError
@@ -43,7 +45,9 @@ def pack(values: dict[str, Any], dtype: np.dtype[np.void], where: str) -> npt.ND
     for key, value in values.items():
         member = dtype[key]
         at = f"{where}.{key}"
-        if member.base.names:
+        if member.base.names and member.shape and isinstance(value, Mapping):
+            record[key] = _columns(value, member, at)
+        elif member.base.names:
             items = list(value) if member.shape else [value]
             if member.shape not in ((), (len(items),)):
                 raise InputError(f"{at}; got {len(items)} structs; expected {member.shape[0]}")
@@ -52,6 +56,22 @@ def pack(values: dict[str, Any], dtype: np.dtype[np.void], where: str) -> npt.ND
         else:
             record[key] = _numbers(value, member, at)
     return record
+
+
+def _columns(values: Mapping[str, Any], array: np.dtype[Any], where: str) -> npt.NDArray[np.void]:
+    """An array of WGSL structs from a dict of arrays, whose first axis is the structs'."""
+    result = np.zeros(array.shape, array.base)
+    if set(values) != set(array.base.names or ()):
+        raise InputError(
+            f"{where}; got members {sorted(values)}; expected {sorted(array.base.names or ())}"
+        )
+    for key, value in values.items():
+        member = array.base[key]
+        if member.base.names:
+            raise InputError(f"{where}.{key}; got columns of structs; expected a list of dicts")
+        shape = np.dtype((member.base, (*array.shape, *member.shape)))
+        result[key] = _numbers(value, shape, f"{where}.{key}")
+    return result
 
 
 def _numbers(value: Any, member: np.dtype[Any], where: str) -> npt.NDArray[Any]:

@@ -31,19 +31,25 @@ TOLERANCE = 2e-6
 STEP_A, STEP_B = 2.0 / COLUMNS, 2.0 / (ROWS * COLUMNS)
 
 
-def lattice() -> Array:
-    """(16, 4): a and b (-1 to 1) of the first sample of each row; the pixel offset of its rows.
+SHIFT = (13, 10, 4, 9, 8, 12, 2, 0, 14, 15, 6, 11, 3, 7, 5, 1)
+OFFSET = (6, 10, 0, 14, 5, 2, 15, 8, 13, 4, 9, 1, 12, 11, 3, 7)
+STRIP = (1, 4, 5, 6, 9, 11, 12, 14, 0, 2, 3, 7, 8, 10, 13, 15)
 
-    Sample c of a row lies ``STEP_A`` c further in a and ``STEP_B`` c in b.
+
+def lattice() -> Array:
+    """(16, 4): a and b (-1 to 1) of the first sample of each row, the pixel offset in x that the
+    row looks from, and the change of that in y with a (1 / 2 or -1 / 2).
+
+    Sample c of a row lies ``STEP_A`` c further in a and ``STEP_B`` c in b. Along a row the offset
+    in y goes once through the pixel, so that no strip of the lamp is looked at from one side.
     """
     row = np.arange(ROWS)
-    shift = ((row * 7) % ROWS + 0.5) / ROWS
     return np.stack(
         [
-            STEP_A * shift - 1.0,
-            2.0 * (row + 0.5 / COLUMNS) / ROWS - 1.0,
-            ((row * 3) % ROWS + 0.5) / ROWS - 0.5,
-            ((row * 5) % ROWS + 0.5) / ROWS - 0.5,
+            STEP_A * (np.array(SHIFT) + 0.5) / ROWS - 1.0,
+            2.0 * (np.array(STRIP) + 0.5 / COLUMNS) / ROWS - 1.0,
+            (np.array(OFFSET) + 0.5) / ROWS - 0.5,
+            np.where(row < ROWS // 2, 0.5, -0.5),
         ],
         axis=1,
     )
@@ -134,9 +140,9 @@ def _covered(
         + rows[:, :1] * a[:, None]
         + rows[:, 1:2] * b[:, None]
         + rows[:, 2:3] * gx[:, None]
-        + rows[:, 3:] * gy[:, None]
+        + (rows[:, :1] * rows[:, 3:]) * gy[:, None]
     )
-    slope = (STEP_A * a + STEP_B * b)[:, None]
+    slope = STEP_A * (a[:, None] + rows[:, 3:] * gy[:, None]) + STEP_B * b[:, None]
     cut = -first / np.where(slope != 0.0, slope, 1.0)
     low = np.where(slope > 0.0, cut, 0.0).max(axis=2)
     high = np.where(slope < 0.0, cut, float(COLUMNS)).min(axis=2)

@@ -9,7 +9,7 @@ import numpy as np
 from gpusim.gpu import Device
 from gpusim.gpu.texels import Texels
 from gpusim.optics.lighting import Lighting
-from gpusim.optics.occlusion import ROWS, TOLERANCE, lamp_masks, lattice
+from gpusim.optics.occlusion import TOLERANCE, lamp_masks, lattice
 from gpusim.optics.shadow_tiles import MOST_LAMPS
 
 __all__ = ["ShadowTables"]
@@ -60,29 +60,29 @@ def _texels(device: Device, values: np.ndarray[Any, Any], label: str) -> Texels:
 
 def _shades(lighting: Lighting) -> dict[str, Any]:
     tiles = lighting.shadows
-    lamps = [
-        {
-            "centre": np.zeros(4), "u": np.zeros(4), "v": np.zeros(4),
-            "part": np.zeros(4, np.uint32), "mask": np.zeros((4, 4), np.uint32),
-        }
-        for _ in range(MOST_LAMPS)
-    ]  # fmt: skip
+    lamps = {
+        "centre": np.zeros((MOST_LAMPS, 4)), "u": np.zeros((MOST_LAMPS, 4)),
+        "v": np.zeros((MOST_LAMPS, 4)), "part": np.zeros((MOST_LAMPS, 4), np.uint32),
+        "mask": np.zeros((MOST_LAMPS, 4, 4), np.uint32),
+    }  # fmt: skip
     own = lighting.emitters[:, 11]
     for number, lamp in enumerate(tiles.lamps if tiles is not None else ()):
         masks = lamp_masks(lamp)
-        first, stop = np.searchsorted(own, [number, number + 1])
-        lamps[number] = {
-            "centre": np.array([*lamp.centre, 0.0 if lamp.far else 1.0]),
-            "u": np.array([*lamp.u, float(lamp.extended)]),
-            "v": np.array([*lamp.v, float(np.bitwise_count(masks).sum())]),
-            "part": np.array([first, stop, 0, 0]),
-            "mask": masks.reshape(4, 4),
-        }
+        lamps["centre"][number] = [*lamp.centre, 0.0 if lamp.far else 1.0]
+        lamps["u"][number] = [*lamp.u, float(lamp.extended)]
+        lamps["v"][number] = [*lamp.v, float(np.bitwise_count(masks).sum())]
+        lamps["part"][number, :2] = np.searchsorted(own, [number, number + 1])
+        lamps["mask"][number] = masks.reshape(4, 4)
     return {
         "count": len(tiles.lamps) if tiles is not None else 0,
         "columns": tiles.lit.shape[1] if tiles is not None else 1,
-        "mask_rows": ROWS,
         "tolerance": TOLERANCE,
-        "rows": lattice(),
+        "groups": 4,
+        "rows": _rows(),
         "lamps": lamps,
     }
+
+
+def _rows() -> dict[str, Any]:
+    """The sample lattice, four rows at a time."""
+    return dict(zip("abxy", lattice().T.reshape(4, 4, 4), strict=True))

@@ -29,7 +29,7 @@ Numbers = npt.NDArray[np.int64]
 LEVELS = (128, 32, 8)
 TILE = LEVELS[-1]
 MOST_LAMPS = 16
-TURNS = 18
+TURNS = 6
 """Turns of the shaders' loops that one face may take."""
 
 MARGIN = 1.0
