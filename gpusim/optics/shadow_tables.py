@@ -60,7 +60,7 @@ def _texels(device: Device, values: np.ndarray[Any, Any], label: str) -> Texels:
 
 def _shades(lighting: Lighting) -> dict[str, Any]:
     tiles = lighting.shadows
-    lamps = {
+    lamps: dict[str, np.ndarray[Any, Any]] = {
         "centre": np.zeros((MOST_LAMPS, 4)), "u": np.zeros((MOST_LAMPS, 4)),
         "v": np.zeros((MOST_LAMPS, 4)), "part": np.zeros((MOST_LAMPS, 4), np.uint32),
         "mask": np.zeros((MOST_LAMPS, 4, 4), np.uint32),
@@ -83,6 +83,6 @@ def _shades(lighting: Lighting) -> dict[str, Any]:
     }
 
 
-def _rows() -> dict[str, Any]:
+def _rows() -> dict[str, np.ndarray[Any, Any]]:
     """The sample lattice, four rows at a time."""
-    return dict(zip("abxy", lattice().T.reshape(4, 4, 4), strict=True))
+    return dict(zip(("a", "b", "x", "way"), lattice().T.reshape(4, 4, 4), strict=True))

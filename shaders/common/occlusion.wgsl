@@ -14,13 +14,13 @@ struct LampFace {
     part: vec4u,
     mask: array<vec4u, 4>,
 }
-// rows: for four rows of samples at a time a, b of the first ones, the pixel offset in x that they
-// look from, and how that in y changes with a
+// rows: for four rows of samples at a time a and b of the first ones, the pixel offset in x that they
+// look from, and the direction that a takes along them
 struct SampleRows {
     a: vec4f,
     b: vec4f,
     x: vec4f,
-    y: vec4f,
+    way: vec4f,
 }
 struct Shades {
     count: u32,
@@ -121,7 +121,7 @@ fn lamp_share(l: u32, x: vec3f, dx: vec3f, dy: vec3f, tile: vec2u) -> f32 {
         let used = vec4u(select(0u, 0xffffffffu, counts));
         for (var g = 0u; g < shades.groups; g++) {
             let rows = shades.rows[g];
-            let at = a + rows.y.x * py;
+            let at = rows.way.x * a + 0.5 * py;
             var span = Span(vec4f(0.0), vec4f(32.0));
             span = cut_rows(span, value.x, at.x, b.x, px.x, rows);
             span = cut_rows(span, value.y, at.y, b.y, px.y, rows);
