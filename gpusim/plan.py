@@ -235,7 +235,7 @@ class _Planner:
                 if len(near) > 1:
                     weights.append(scene.analysis.frame_rate)
                 key = self.key(name, sections, surface, moved, first, extra=[self.backend, weights])
-                if frame == 0 and self.scene.sensor.exposure is None:
+                if frame == 0 and scene.sensor_of(camera.name).exposure is None:
                     first = key
                 self.decide(name, key, camera=camera.name, frame=frame)
                 if self.stages[name].runs:

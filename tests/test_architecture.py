@@ -14,10 +14,11 @@ PACKAGE = Path(gpusim.__file__).parent
 
 # Who may import whom. Foundation: anybody. Numerics see frozen dataclasses, never the scene.
 # `measure` sees images and numbers only: no inverse crime.
-FOUNDATION = {"_version", "errors", "series"}
+FOUNDATION = {"_version", "errors", "inputs", "series"}
 ALLOWED: dict[str, set[str]] = {
     "_version": set(),
     "errors": set(),
+    "inputs": set(),
     "series": set(),
     "gpu": set(),
     "scene": {"gpu"},

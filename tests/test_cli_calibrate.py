@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from typer.testing import CliRunner
 
 import gpusim as gs
 from gpusim.cli import app
+from gpusim.cli.calibration_table import stated
 from gpusim.export.images import write_image
 from gpusim.measure import Chessboard
 from tests.target_images import board_poses, board_surface
@@ -74,3 +76,25 @@ def test_wrong_wishes_are_refused(
     done = CliRunner().invoke(app, ["calibrate", *files, *wishes, *change])
     assert done.exit_code == 2
     assert message in " ".join(done.output.split())
+
+
+def test_a_value_is_stated_to_two_figures_of_its_uncertainty() -> None:
+    assert stated(533.930243, 0.2692, "px") == "533.93 ± 0.27 px"
+    assert stated(-0.28324, 0.0046) == "-0.2832 ± 0.0046"
+    assert stated(83173.8, 347.0, "mm") == "83174 ± 347 mm"
+    assert stated(12.5, float("nan"), "mm") == "12.5 mm"
+
+
+def test_the_report_has_a_column_for_each_camera(pictures: Path, tmp_path: Path) -> None:
+    done = CliRunner().invoke(
+        app,
+        ["calibrate", str(pictures / "left"), "--with", str(pictures / "right"), "--board", "9x8",
+         "--square-mm", "40", "--lens", "radial", "-o", str(tmp_path)],
+    )  # fmt: skip
+    assert done.exit_code == 0, done.output
+    page = (tmp_path / "report.html").read_text()
+    titles = re.findall(r"<th scope=\"col\"[^>]*>([^<]*)</th>", page)
+    assert titles == ["parameter", "camera-1", "camera-2"]
+    row = re.search(r"<th scope=\"row\">distance to the first</th>(.*)</tr>", page)
+    assert row is not None and row[1].count("±") == 1
+    assert not re.search(r"<th scope=\"row\">p1</th>", page) and "Run time" not in page

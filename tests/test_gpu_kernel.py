@@ -10,7 +10,7 @@ import pytest
 
 from gpusim.errors import DeviceError, InputError
 from gpusim.gpu import Device, Kernel
-from gpusim.gpu.kernel import pack
+from gpusim.gpu.uniform import pack
 from gpusim.gpu.wgsl import load
 
 COUNT = """

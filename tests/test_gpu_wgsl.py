@@ -9,7 +9,7 @@ import pytest
 
 from gpusim.errors import InputError
 from gpusim.gpu import Device
-from gpusim.gpu.kernel import pack
+from gpusim.gpu.uniform import pack
 from gpusim.gpu.wgsl import Module, load
 
 ENTRY = "@compute @workgroup_size(1)\nfn main() {{ {body} }}\n"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gpusim.measure import locate_markers
+from gpusim.measure import fit_crossings, locate_markers
 from gpusim.measure.cross import _residual, border_profile
 from tests.measure_images import Marker, board
 
@@ -47,3 +47,20 @@ def test_sharp_markers_are_located_to_a_ten_thousandth(size: float) -> None:
         # measured: 3e-5
         assert np.abs(found.points - [[x, y]]).max() <= 2e-4
         assert found.residual.max() <= 1e-3
+
+
+def test_sharp_markers_along_the_pixels_are_all_fitted() -> None:
+    """Where borders run along pixels the grey values hardly tell the blur: fits still end."""
+    rng = np.random.default_rng(4)
+    places = np.array([[40 * i + 30.0, 40 * j + 30.0] for j in range(5) for i in range(8)])
+    places += rng.uniform(-0.5, 0.5, places.shape)
+    angles = rng.uniform(-0.01, 0.01, len(places))
+    markers = [Marker(x, y, 27, 27, a) for (x, y), a in zip(places, angles, strict=True)]
+    image = np.rint(board(350, 230, markers)).astype(np.uint8)
+    along = 13.5 * np.column_stack([np.cos(angles), np.sin(angles)])
+    across = along[:, ::-1] * [-1, 1]
+    start = places + rng.uniform(-0.1, 0.1, places.shape)
+    found = fit_crossings(image, start, along, across, share=0.85)
+    assert found.ok.all()
+    # an edge within one row of pixels is as good as their grey values: half a level of the step
+    assert np.abs(found.points - places).max() <= 0.5 / (2 * np.abs(found.contrast).min()) + 2e-4

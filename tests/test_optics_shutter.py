@@ -11,8 +11,9 @@ import pytest
 import gpusim as gs
 from gpusim.errors import InputError
 from gpusim.gpu import Device
+from gpusim.optics.photograph import Exposure, plan_exposure
 from gpusim.optics.rolling import divided, rolled
-from gpusim.optics.shutter import moments
+from gpusim.optics.shutter import moments, moments_for
 from tests.optics_edges import ANGLE, HEIGHT, camera, half_plane, pixel_transfer, transfer
 
 FREQUENCY = np.linspace(0.02, 0.5, 25)
@@ -185,3 +186,45 @@ def test_what_cannot_be_is_refused(device: Device) -> None:
 
     with pytest.raises(InputError, match=r"1\.3 rows per line_time"):
         gs.photograph(falling, camera(), shutter=rolling, device=device)
+
+
+def planned(way: float, lens: gs.Lens, shutter: gs.Shutter) -> Exposure:
+    """A wall (2 m, before a camera of 100 px / rad) that goes ``way`` px during 10 ms."""
+    corners = np.array([[-2.0, -1.0, 2.0], [2.0, -1.1, 2.0], [1.9, 1.0, 2.3]])
+    wall = gs.Surface(corners, np.array([[0, 2, 1]]))
+    K = np.array([[100.0, 0.0, 30.5], [0.0, 100.0, 20.5], [0.0, 0.0, 1.0]])
+    speed = np.array([way * 2.0 / 100.0 / 0.01, 0.0, 0.0])
+    return plan_exposure(
+        lambda time: [wall.moved(corners + time * speed)], gs.Camera(62, 42, K), lens, shutter,
+        0.0, 0.25,
+    )  # fmt: skip
+
+
+def test_too_few_moments_are_told() -> None:
+    """80 px and more would need over 256 moments: how far the edges' steps are is said."""
+    shutter = gs.Shutter(0.01)
+    assert planned(70.0, gs.Lens(), shutter).warnings == ()
+    exposure = planned(100.0, gs.Lens(), shutter)
+    assert len(exposure.parts) == 256 and len(exposure.warnings) == 1
+    nodes, _ = moments(shutter, 100.0)
+    widest = 100.0 * float(np.diff(nodes).max())
+    assert f"steps of up to {widest:.2g} px" in exposure.warnings[0]
+    wanted = moments_for(100.0)
+    assert f"{wanted} samples of the shutter" in exposure.warnings[0]
+    more = planned(100.0, gs.Lens(), gs.Shutter(0.01, samples=wanted))
+    assert len(more.parts) == wanted == 322 and more.warnings == ()
+
+
+def test_too_few_lens_positions_are_told() -> None:
+    lens = gs.Lens(f_number=1.0, focal_length=0.5, focus_distance=0.9)
+    exposure = planned(0.0, lens, gs.Shutter())
+    assert len(exposure.parts) == 256
+    (warning,) = exposure.warnings
+    assert "by 256 lens positions" in warning and "expected 1.4e-03" in warning
+    weaker = gs.Lens(f_number=60.0, focal_length=0.5, focus_distance=1.9)
+    fine = planned(0.0, weaker, gs.Shutter())
+    assert 1 < len(fine.parts) < 256 and fine.warnings == ()
+    both = planned(5.0, weaker, gs.Shutter(0.01))
+    count = len(fine.parts) * moments_for(5.0)
+    assert len(both.parts) == count and both.facts["renderings"].startswith(f"{count}: ")
+    assert "renderings" not in fine.facts

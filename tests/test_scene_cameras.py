@@ -120,7 +120,7 @@ def test_files_that_do_not_fit(tmp_path: Path) -> None:
         (INNER + POSE + "distortion = [0.1, 0.2]\n", "no model of OpenCV"),
         (INNER + POSE + "principal_point_offset_mm = [1, 0]\n", "focal_mm only"),
         ('calibration = "scene.toml"\n' + BENT + POSE, "calibration file"),
-        (INNER + POSE + "[camera.lens]\nf_number = 4\nfocus_distance_mm = 900\n", "lengths on"),
+        (INNER + POSE + "[camera.lens]\nf_number = 4\nfocus_distance_mm = 900\n", "aperture"),
     ],
 )
 def test_cameras_said_wrongly(tmp_path: Path, text: str, part: str) -> None:

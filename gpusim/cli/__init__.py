@@ -11,6 +11,7 @@ import io
 import json
 import sys
 from enum import StrEnum
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -304,8 +305,9 @@ def plan(
     """Validate a scene and tell what a run would do, why, and what it costs; run nothing."""
     with exit_codes():
         loaded = _load(scene, sets)
-        if output is not None:
-            _check_folder(output)
+        _check_folder(output)
+        if loaded.reads_files:
+            import_module("gpusim.pipeline.files").check_files(loaded)
         from gpusim.plan import make_plan
 
         made = make_plan(loaded, output, backend.value, fresh, not no_skip)
@@ -361,8 +363,8 @@ def _load(path: Path, sets: list[str] | None) -> Scene:
     return load_scene(path, overrides)
 
 
-def _check_folder(folder: Path) -> None:
-    if folder.exists() and not folder.is_dir():
+def _check_folder(folder: Path | None) -> None:
+    if folder is not None and folder.exists() and not folder.is_dir():
         raise InputError(f"-o: not a folder; got {folder}; expected a folder, or a new name")
 
 
@@ -384,11 +386,8 @@ def _print_report(report: Report, folder: Path) -> None:
         wide = max(len(item.name) for item in report.measurements) + 2
         out(f"{'':<{wide}}{'measured':>12}{'truth':>12}{'error':>12}{'':>10}")
         for item in report.measurements:
-            relative = (
-                f"{100 * item.error_relative:+.3f} %"
-                if item.error_relative == item.error_relative
-                else ""
-            )
+            known = item.error_relative == item.error_relative
+            relative = f"{100 * item.error_relative:+.3f} %" if known else ""
             out(
                 f"{item.name:<{wide}}{item.measured:12.6g}{item.truth:12.6g}{item.error:12.3g} "
                 f"{item.unit:<4}{relative:>12}"

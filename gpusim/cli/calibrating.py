@@ -14,6 +14,7 @@ import numpy as np
 
 from gpusim import measure
 from gpusim._version import __version__
+from gpusim.cli.calibration_table import rig_table
 from gpusim.cli.console import out
 from gpusim.errors import InputError
 from gpusim.export.correlation import read_grey
@@ -29,7 +30,6 @@ SUFFIXES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".bmp")
 ENDINGS = {
     "opencv": "yml", "kalibr": "yaml", "matchid": "caldat", "vic": "xml", "dice": "xml",
 }  # fmt: skip
-UNITS = {"fx": "px", "fy": "px", "f": "px", "cx": "px", "cy": "px"}
 
 
 @dataclass(frozen=True)
@@ -86,8 +86,13 @@ def calibrate_files(
     if as_json:
         out(json.dumps(content, indent=2))
     elif not quiet:
+        for label, (value, note) in report.highlights.items():
+            out(f"{label:<24}{value}  ({note})")
+        for table in report.tables:
+            for row in (table.columns, *table.rows):
+                out("".join(f"{cell:<26}" for cell in row).rstrip())
         for label, value in report.facts.items():
-            out(f"{label:<34}{value}")
+            out(f"{label:<24}{value}")
         for text in missed:
             out(f"not used: {text}")
         out(f"\nReport: {folder / 'report.html'}")
@@ -183,22 +188,9 @@ def _report(
     files: Sequence[Path],
     folder: Path,
 ) -> Report:
-    facts = {"reprojection error": f"{found.rms:.4f} px over {found.used} corners"}
-    if found.outliers:
-        facts["left out as outliers"] = f"{found.outliers} corners"
-    coefficients = "k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 tau_x tau_y".split()
-    for k, own in enumerate(found.cameras):
-        values = dict(fx=own.K[0, 0], fy=own.K[1, 1], cx=own.K[0, 2], cy=own.K[1, 2])
-        values |= dict(zip(coefficients, own.distortion, strict=True))
-        for name, value in values.items():
-            sigma = own.sigma.get(name, own.sigma.get("f") if name in ("fx", "fy") else None)
-            if sigma is not None:
-                unit = UNITS.get(name, "")
-                facts[f"{own.name}: {name}"] = f"{value:.7g} ± {sigma:.2g} {unit}".rstrip()
-        if k:
-            length, angle = found.baseline(k), np.degrees(found.angle(k))
-            facts[f"{own.name}: distance to the first"] = f"{length[0]:.7g} ± {length[1]:.2g} mm"
-            facts[f"{own.name}: angle to the first"] = f"{angle[0]:.6g} ± {angle[1]:.2g} deg"
+    facts = {}
+    table = rig_table(found)
+    for own in found.cameras:
         statistics = measure.target_statistics(seen[own.name])
         facts[f"{own.name}: images"] = (
             f"{statistics.found} of {statistics.images}; corners {100 * statistics.share:.1f} %, "
@@ -214,7 +206,13 @@ def _report(
         adapter="not needed",
         status="done",
         warnings=tuple(f"not used: {text}" for text in missed),
+        highlights={
+            "Reprojection error": (f"{found.rms:.4f} px", f"RMS over {found.used} points"),
+            "Views": (str(found.view_rms.shape[1]), f"{len(found.cameras)} cameras"),
+            "Left out": (str(found.outliers), "points far from where they should be"),
+        },
         facts=facts,
+        tables=(table,),
         figures=(figure,),
         links=tuple(Link(file.name, file) for file in files),
     )

@@ -17,6 +17,7 @@ from scipy.sparse import csr_matrix
 from gpusim.fem.congruence import unique_rows
 from gpusim.fem.groups import Group, held_matrices, masked
 from gpusim.fem.lattice import CORNERS, Lattice
+from gpusim.fem.planes import PlaneWeights, plane_shares
 from gpusim.mesh.cells import CELL_TYPES
 
 __all__ = ["Coarser", "drop_midsides", "drop_planes", "has_midsides"]
@@ -36,14 +37,20 @@ _CHUNK = 2048
 
 @dataclass(frozen=True, eq=False)
 class Coarser:
-    """``weights`` (N,K) interpolate from the coarse nodes; ``kept`` (K,) are their numbers on the
+    """``interpolation`` (N,K) from the coarse nodes; ``kept`` (K,) are their numbers on the
     fine level; ``groups`` the coarse elements, fixed unknowns zeroed; ``lattice`` of the coarse
     nodes, or None."""
 
-    weights: csr_matrix
+    interpolation: csr_matrix | PlaneWeights
     kept: Int
     groups: list[Group]
     lattice: Lattice | None
+
+    @property
+    def weights(self) -> csr_matrix:
+        """(N,K) weights of the coarse nodes."""
+        own = self.interpolation
+        return own.matrix if isinstance(own, PlaneWeights) else own
 
 
 def has_midsides(groups: list[Group]) -> bool:
@@ -142,7 +149,8 @@ def drop_planes(group: Group, lattice: Lattice, free: Bool) -> Coarser | None:
     planes = tuple(lattice.planes[axis][keep[axis]] for axis in range(3))
     coarse = Lattice(number, cell, place, (planes[0], planes[1], planes[2]))
     parts = _inside(lattice, coarse, keep, masked(group, free))
-    return Coarser(_plane_weights(lattice, number, keep), kept, [masked(parts, free[kept])], coarse)
+    weights = PlaneWeights(lattice, coarse, keep)
+    return Coarser(weights, kept, [masked(parts, free[kept])], coarse)
 
 
 def _kept_planes(lattice: Lattice) -> list[Long] | None:
@@ -174,37 +182,6 @@ def _thinnest(lines: Bool) -> int:
     return int((np.nonzero(step == -1)[1] - np.nonzero(step == 1)[1]).min(initial=len(lines)))
 
 
-def _shares(planes: Float, keep: Long) -> tuple[Long, Float]:
-    """For each plane: number of the kept plane at or below it, and the share of the next one."""
-    below = np.searchsorted(keep, np.arange(len(planes)), side="right") - 1
-    below = np.minimum(below, len(keep) - 2)
-    low, high = planes[keep[below]], planes[keep[below + 1]]
-    return below, (planes - low) / (high - low)
-
-
-def _plane_weights(lattice: Lattice, number: Int, keep: list[Long]) -> csr_matrix:
-    """Trilinear weights between kept planes."""
-    count = lattice.node_count
-    below = np.empty((count, 3), dtype=np.int64)
-    share = np.empty((count, 3))
-    for axis in range(3):
-        low, part = _shares(lattice.planes[axis], keep[axis])
-        below[:, axis] = low[lattice.place[:, axis]]
-        share[:, axis] = part[lattice.place[:, axis]]
-    rows, columns, values = [], [], []
-    for corner in CORNERS:
-        value = np.where(corner == 1, share, 1.0 - share).prod(axis=1)
-        used = np.flatnonzero(value > 0.0)
-        at = below[used] + corner
-        rows.append(used)
-        columns.append(number[at[:, 0], at[:, 1], at[:, 2]])
-        values.append(value[used])
-    return csr_matrix(
-        (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))),
-        shape=(count, int(number.max()) + 1),
-    )
-
-
 def _inside(lattice: Lattice, coarse: Lattice, keep: list[Long], group: Group) -> Group:
     """Coarse elements: sums over the one to eight fine ones inside each."""
     at, nodes = coarse.corner_nodes()
@@ -220,7 +197,7 @@ def _inside(lattice: Lattice, coarse: Lattice, keep: list[Long], group: Group) -
         spot = [np.where(here, first[axis] + child[axis], 0) for axis in range(3)]
         columns.append(np.where(here, kind[spot[0], spot[1], spot[2]], -1))
     for axis in range(3):
-        _, share = _shares(lattice.planes[axis], keep[axis])
+        _, share = plane_shares(lattice.planes[axis], keep[axis])
         middle = np.where(double[axis], share[first[axis] + 1 * double[axis]], -1.0)
         columns.append(np.rint(middle * 2.0**40).astype(np.int64))
     key = np.stack(columns, axis=1)

@@ -85,7 +85,7 @@ def build_hierarchy(
         if levels:
             inverse = _inverses(matrix, free)
         coarse_free = free[coarser.kept]
-        transfer = NodeTransfer(coarser.weights, free, coarse_free)
+        transfer = NodeTransfer(coarser.interpolation, free, coarse_free)
         product, patches = _product(matrix), None
         if patched and lattice is not None:
             patches = make_patches(_assembled(matrix), groups[0], lattice, free)
@@ -166,7 +166,7 @@ def _on_lattice(coarser: Coarser, points: Float) -> Coarser:
     if not (group.cells[order] == nodes).all():
         return coarser  # corners in another order than the lattice's
     group = Group("hex8", nodes, group.kind[order], group.matrices)
-    return Coarser(coarser.weights, coarser.kept, [group], lattice)
+    return Coarser(coarser.interpolation, coarser.kept, [group], lattice)
 
 
 def _aggregate(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 import numpy.typing as npt
@@ -10,6 +10,7 @@ import numpy.typing as npt
 from gpusim.fem.arena import Allocator
 from gpusim.fem.device_multigrid import DeviceMultigrid, multigrid_bytes
 from gpusim.fem.hierarchy import Hierarchy, Level
+from gpusim.fem.lattice_cycle import LatticeCycle
 from gpusim.fem.product import Product
 from gpusim.fem.relax import DeviceRelaxation
 from gpusim.fem.smooth import Relaxation, chebyshev, columns, relax
@@ -87,9 +88,17 @@ class Multigrid:
         """x (L,3N) -> K x on the finest level."""
         return self.hierarchy.levels[0].product
 
+    @cached_property
+    def _lattice(self) -> LatticeCycle | None:
+        return LatticeCycle.of(self.hierarchy, smoothing_steps)
+
     def apply(self, r: Float) -> Float:
         """z = M^-1 r for (L,3N) r."""
-        return self._cycle(0, r)
+        lattice = self._lattice
+        if lattice is None:
+            return self._cycle(0, r)
+        below = partial(self._cycle, lattice.depth)
+        return np.stack([lattice.apply(one, below) for one in r])
 
     def _cycle(self, number: int, b: Float) -> Float:
         levels = self.hierarchy.levels

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 import numpy.typing as npt
 from scipy.sparse import bsr_matrix, csr_matrix, diags, kron
+
+from gpusim.fem.planes import PlaneWeights
 
 __all__ = ["MatrixTransfer", "NodeTransfer", "Transfer"]
 
@@ -15,13 +19,24 @@ Bool = npt.NDArray[np.bool_]
 class NodeTransfer:
     """Nodal weights (N,K), the same for x, y and z; fixed unknowns (N,3), (K,3) are left out."""
 
-    def __init__(self, weights: csr_matrix, free: Bool, coarse_free: Bool) -> None:
-        self.weights, self.free, self.coarse_free = weights, free, coarse_free
-        self._back = weights.T.tocsr()
+    def __init__(
+        self, interpolation: csr_matrix | PlaneWeights, free: Bool, coarse_free: Bool
+    ) -> None:
+        self.interpolation, self.free, self.coarse_free = interpolation, free, coarse_free
+
+    @cached_property
+    def weights(self) -> csr_matrix:
+        """(N,K)."""
+        own = self.interpolation
+        return own.matrix if isinstance(own, PlaneWeights) else own
+
+    @cached_property
+    def _back(self) -> csr_matrix:
+        return self.weights.T.tocsr()
 
     @property
     def shape(self) -> tuple[int, int]:
-        return 3 * int(self.weights.shape[0]), 3 * int(self.weights.shape[1])
+        return self.free.size, self.coarse_free.size
 
     def interpolate(self, x: Float) -> Float:
         """(L,3K) -> (L,3N)."""

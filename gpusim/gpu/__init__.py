@@ -8,6 +8,7 @@ from gpusim.gpu.raster import Raster, Texture
 from gpusim.gpu.recording import Recording
 from gpusim.gpu.texels import Texels
 from gpusim.gpu.twin import TOLERANCES, Tolerance, compare, twin_check, twin_checks
+from gpusim.gpu.uniform import Uniform
 
 __all__ = [
     "PORTABLE_LIMITS",
@@ -23,6 +24,7 @@ __all__ = [
     "Texels",
     "Texture",
     "Tolerance",
+    "Uniform",
     "compare",
     "default_device",
     "software_adapter",

@@ -101,6 +101,8 @@ class Device:
         # wgpu free the memory, after the last submit that uses it
         self._live: WeakKeyDictionary[Any, int] = WeakKeyDictionary()
         self._opaque: Buffer | None = None
+        self._targets: dict[str, Texture] = {}
+        self._no_texels: dict[str, Texels] = {}
         self._fence = self.gpu.create_buffer(
             label="gpusim.fence", size=4, usage=wgpu.BufferUsage.COPY_SRC
         )
@@ -309,12 +311,13 @@ class Device:
         color_formats: tuple[str, ...],
         constants: dict[str, float] | None = None,
         entries: tuple[str, str] = ("vertex", "fragment"),
+        depth: str = "greater",
     ) -> Raster:
         """The vertex + fragment program of ``shaders/<name>.wgsl`` (see `Raster`)."""
-        key = (name, color_formats, entries, tuple(sorted((constants or {}).items())))
+        key = (name, color_formats, entries, depth, tuple(sorted((constants or {}).items())))
         if key not in self._kernels:
             module = load(name, self.real, self.shaders)
-            self._kernels[key] = Raster(self, module, color_formats, entries, constants)
+            self._kernels[key] = Raster(self, module, color_formats, entries, constants, depth)
         found: Raster = self._kernels[key]
         return found
 
@@ -325,6 +328,24 @@ class Device:
     def texels(self, count: int, fmt: str, label: str) -> Texels:
         """An array of texels, zero at first: ``fmt`` "rgba32float" or "rgba32uint"."""
         return Texels(self, count, fmt, label)
+
+    def target(self, width: int, height: int, fmt: str, label: str) -> Texture:
+        """A texture for one frame after the other: the last one of that label if it fits.
+
+        What it holds is good until the next one of that label is drawn into.
+        """
+        kept = self._targets.pop(label, None)
+        if kept is None or (kept.width, kept.height, kept.format) != (width, height, fmt):
+            del kept
+            kept = self.texture(width, height, fmt, label)
+        self._targets[label] = kept
+        return kept
+
+    def no_texels(self, fmt: str) -> Texels:
+        """A zero for bindings that have nothing to hold; not to be written."""
+        if fmt not in self._no_texels:
+            self._no_texels[fmt] = self.texels(1, fmt, "none")
+        return self._no_texels[fmt]
 
     def recording(self, stage: str) -> Recording:
         """A list of dispatches and draws, submitted together when its ``with`` block ends."""

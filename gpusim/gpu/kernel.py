@@ -3,89 +3,25 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 import wgpu
 
 from gpusim.errors import DeviceError, InputError
 from gpusim.gpu.buffer import Buffer, SplitBuffer
 from gpusim.gpu.texels import Texels
+from gpusim.gpu.uniform import Uniform, pack
 from gpusim.gpu.wgsl import Binding, Module, type_layout
 
 if TYPE_CHECKING:
     from gpusim.gpu.device import Device
 
-__all__ = ["Bindings", "Kernel", "Layout", "pack"]
+__all__ = ["Bindings", "Kernel", "Layout"]
 
 _STORED = re.compile(r"texture_storage_2d<\s*(\w+)\s*,\s*write\s*>")
 _SAMPLE = {"u32": "uint", "i32": "sint", "f32": "unfilterable-float"}
-
-
-def pack(values: dict[str, Any], dtype: np.dtype[np.void], where: str) -> npt.NDArray[np.void]:
-    """A dict as one WGSL struct; every member must be given, none may be unknown.
-
-    An array of structs may come as a list of dicts, or as one dict of arrays.
-
-    Raises
-    ------
-    InputError
-        Members missing or unknown, a wrong shape, NaN or infinity, or a number that the member's
-        type can't hold (a fraction or a negative number as u32, 1e39 as f32).
-    """
-    if not isinstance(values, Mapping):
-        raise InputError(f"{where}; got {type(values).__name__}; expected a dict of the members")
-    names = set(dtype.names or ())
-    if set(values) != names:
-        raise InputError(f"{where}; got members {sorted(values)}; expected {sorted(names)}")
-    record = np.zeros((), dtype)
-    for key, value in values.items():
-        member = dtype[key]
-        at = f"{where}.{key}"
-        if member.base.names and member.shape and isinstance(value, Mapping):
-            record[key] = _columns(value, member, at)
-        elif member.base.names:
-            items = list(value) if member.shape else [value]
-            if member.shape not in ((), (len(items),)):
-                raise InputError(f"{at}; got {len(items)} structs; expected {member.shape[0]}")
-            packed = [pack(item, member.base, at) for item in items]
-            record[key] = np.array(packed, member.base) if member.shape else packed[0]
-        else:
-            record[key] = _numbers(value, member, at)
-    return record
-
-
-def _columns(values: Mapping[str, Any], array: np.dtype[Any], where: str) -> npt.NDArray[np.void]:
-    """An array of WGSL structs from a dict of arrays, whose first axis is the structs'."""
-    result = np.zeros(array.shape, array.base)
-    if set(values) != set(array.base.names or ()):
-        raise InputError(
-            f"{where}; got members {sorted(values)}; expected {sorted(array.base.names or ())}"
-        )
-    for key, value in values.items():
-        member = array.base[key]
-        if member.base.names:
-            raise InputError(f"{where}.{key}; got columns of structs; expected a list of dicts")
-        shape = np.dtype((member.base, (*array.shape, *member.shape)))
-        result[key] = _numbers(value, shape, f"{where}.{key}")
-    return result
-
-
-def _numbers(value: Any, member: np.dtype[Any], where: str) -> npt.NDArray[Any]:
-    given = np.asarray(value)
-    if given.shape != member.shape or given.dtype.kind not in "biuf":
-        raise InputError(f"{where}; got {value!r}; expected numbers of shape {member.shape}")
-    with np.errstate(over="ignore", invalid="ignore"):
-        stored = given.astype(member.base)
-    whole = member.base.kind in "iu"
-    if not np.isfinite(given).all() or not (
-        (stored == given).all() if whole else np.isfinite(stored).all()
-    ):
-        raise InputError(f"{where}; got {value!r}; expected finite values that {member.base} holds")
-    return stored
 
 
 class Layout:
@@ -163,7 +99,10 @@ class Layout:
             binding = self.bindings[name]
             if binding.space == "uniform":
                 with self.device.guard(where):
-                    value = uniforms[name] = self._uniform(binding, value, where)
+                    if isinstance(value, Uniform):
+                        value = self._shared_uniform(binding, value, where)
+                    else:
+                        value = uniforms[name] = self._uniform(binding, value, where)
             if isinstance(value, SplitBuffer) and binding.space != "storage":
                 raise InputError(f"{where}.{name}; got a split buffer; expected {binding.type}")
             for i in range(parts):
@@ -180,15 +119,16 @@ class Layout:
 
     def _uniform(self, binding: Binding, value: Any, where: str) -> Any:
         dtype, _ = type_layout(binding.type, self.module.structs, where)
-        data = pack(value, dtype, f"{where}.{binding.name}")
-        size = -(-data.nbytes // 16) * 16
-        gpu = self.device.gpu.create_buffer(
-            label=f"gpusim.{self.module.name}.{binding.name}",
-            size=size,
-            usage=wgpu.BufferUsage.UNIFORM | wgpu.BufferUsage.COPY_DST,
-        )
-        self.device.gpu.queue.write_buffer(gpu, 0, data.tobytes().ljust(size, b"\0"))
-        return gpu
+        return Uniform(self.device, value, f"{self.module.name}.{binding.name}").live(dtype, where)
+
+    def _shared_uniform(self, binding: Binding, value: Uniform, where: str) -> Any:
+        if value.device is not self.device:
+            raise InputError(
+                f"{where}.{binding.name}; got a uniform of another device ({value.label}); "
+                f"expected one of {self.device.name}"
+            )
+        dtype, _ = type_layout(binding.type, self.module.structs, where)
+        return value.live(dtype, where)
 
     def _resource(self, binding: Binding, value: Any, where: str) -> Any:
         if binding.space == "uniform":

@@ -84,6 +84,12 @@ class Mesh:
         for field_name, sets in checked.items():
             object.__setattr__(self, field_name, MappingProxyType(sets))
 
+    def __repr__(self) -> str:
+        """Counts, not arrays: a mesh is named in many a message."""
+        cells = ", ".join(f"{len(block)} {kind}" for kind, block in self.cells.items())
+        sets = sum(map(len, (self.node_sets, self.face_sets, self.cell_sets)))
+        return f"Mesh({self.node_count} nodes, {cells}{f', {sets} named sets' if sets else ''})"
+
     @property
     def node_count(self) -> int:
         return len(self.points)

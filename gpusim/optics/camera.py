@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.inputs import checked, real_numbers
 from gpusim.optics.distortion import Distortion
 
 __all__ = ["Camera"]
@@ -23,6 +24,7 @@ def _identity() -> npt.NDArray[np.float64]:
     return np.eye(4)
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Camera:
     """A camera with a flat sensor and a lens that may distort.
@@ -68,10 +70,10 @@ class Camera:
                 f"{where} K; got {K.tolist()}; expected [[fx, skew, cx], [0, fy, cy], [0, 0, 1]] "
                 "with fx, fy above 0"
             )
-        if self.lens_K is not None and not np.array_equal(np.asarray(self.lens_K)[:, :2], K[:, :2]):
+        through = K if self.lens_K is None else np.asarray(self.lens_K, np.float64)
+        if through.shape != (3, 3) or not np.array_equal(through[:, :2], K[:, :2]):
             raise InputError(
-                f"{where} lens_K; got {np.asarray(self.lens_K).tolist()}; expected K with another "
-                "principal point"
+                f"{where} lens_K; got {through.tolist()}; expected K with another principal point"
             )
         T = _matrix(self.camera_from_world, f"{where} camera_from_world")
         if T.shape != (4, 4) or not np.isfinite(T).all():
@@ -88,8 +90,8 @@ class Camera:
         object.__setattr__(self, "camera_from_world", T)
         if self.distortion is not None:
             try:
-                lens = Distortion(np.asarray(self.distortion, np.float64))
-            except (InputError, TypeError, ValueError) as error:
+                lens = Distortion(real_numbers(self.distortion, "distortion"))
+            except InputError as error:
                 raise InputError(f"{where} {error}") from None
             object.__setattr__(self, "distortion", lens.coefficients)
             if lens.coefficients.any():
@@ -138,6 +140,7 @@ class Camera:
         return self if self.distortion is None else replace(self, distortion=None)
 
     @staticmethod
+    @checked
     def from_lens(
         sensor_mm: tuple[float, float],
         focal_mm: float,
@@ -160,7 +163,10 @@ class Camera:
         if not all(np.isfinite(v) and v > 0 for v in numbers):
             raise InputError(f"{where} sensor_mm, focal_mm; got {numbers}; expected above 0")
         width, height = resolution
-        eye3, target3, up3 = (np.asarray(v, np.float64) for v in (eye, target, up))
+        eye3, target3, up3 = (
+            real_numbers(value, f"{where} {key}")
+            for key, value in (("eye", eye), ("target", target), ("up", up))
+        )
         for key, vector, shape in (
             ("eye", eye3, (3,)),
             ("target", target3, (3,)),
@@ -208,7 +214,7 @@ class Camera:
 
     def project(self, X: npt.ArrayLike) -> npt.NDArray[np.float64]:
         """World points (…, 3) to pixel coordinates (…, 2); NaN for points not in front."""
-        points = np.asarray(X, np.float64)
+        points = real_numbers(X, "project")
         if points.shape[-1:] != (3,):
             raise InputError(f"project; got points of shape {points.shape}; expected (…, 3)")
         Xc = self.to_camera(points)
@@ -264,7 +270,7 @@ def _matrix(values: npt.ArrayLike, where: str) -> npt.NDArray[np.float64]:
 
 
 def _pixels(values: npt.ArrayLike, what: str) -> npt.NDArray[np.float64]:
-    pixels = np.asarray(values, np.float64)
+    pixels = real_numbers(values, what)
     if pixels.shape[-1:] != (2,):
         raise InputError(f"{what}; got pixels of shape {pixels.shape}; expected (…, 2)")
     return pixels

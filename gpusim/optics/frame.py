@@ -45,6 +45,8 @@ class Frame:
         self._radiance = radiance
         self.facts: dict[str, str] = {}
         """What lens and shutter did, in words (`gpusim.optics.photograph`)."""
+        self.warnings: tuple[str, ...] = ()
+        """Where they did less than the error asks for."""
         self._ids: npt.NDArray[np.uint32] | None = None
 
     @property

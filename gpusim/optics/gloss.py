@@ -127,7 +127,7 @@ class Gloss:
 def gloss_texels(device: Device, gloss: Gloss | None) -> Texels:
     """The tables as common/gloss.wgsl reads them."""
     if gloss is None:
-        return device.texels(1, "rgba32float", "shade.gloss")
+        return device.no_texels("rgba32float")
     rows = np.zeros((len(gloss.alpha), gloss.per_paint, 4), np.float32)
     rows[:, :SAMPLES, :2] = gloss.table
     rows[:, SAMPLES:, 0] = gloss.maps.reshape(len(gloss.alpha), -1)

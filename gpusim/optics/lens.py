@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.inputs import checked
 from gpusim.optics.camera import Camera
 from gpusim.optics.psf import Psf, edge_profile
 from gpusim.optics.vignette import Vignetting
@@ -31,6 +32,7 @@ COUNTS = (8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256)
 GOLDEN = np.pi * (3.0 - np.sqrt(5.0))
 
 
+@checked
 @dataclass(frozen=True)
 class Lens:
     """What a lens does to the image of a pinhole camera; lengths in world units.

@@ -7,11 +7,14 @@ exact for monochromatic green light and a matter of definition for everything el
 from __future__ import annotations
 
 from dataclasses import dataclass
+from os import PathLike
 
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.inputs import checked
+from gpusim.optics.panorama import read_panorama
 
 __all__ = [
     "AmbientLight",
@@ -55,6 +58,7 @@ def _check_aim(what: str, position: Vector, target: Vector) -> None:
         raise InputError(f"{what} target; got the lamp's own position {target}")
 
 
+@checked
 @dataclass(frozen=True)
 class PointLight:
     """Shines equally in all directions: radiant flux ``power`` (W), intensity power / 4 pi.
@@ -71,6 +75,7 @@ class PointLight:
         _check("PointLight", position=self.position)
 
 
+@checked
 @dataclass(frozen=True)
 class SpotLight:
     """A small lamp whose beam has a ``cone`` (full angle, rad) around the way to ``target``.
@@ -107,6 +112,7 @@ class SpotLight:
         return self.power / (2.0 * np.pi * (1.0 - 0.5 * (outer + inner)))
 
 
+@checked
 @dataclass(frozen=True)
 class AreaLight:
     """A lamp of ``size`` (width, height) that faces ``target`` and emits by Lambert's law.
@@ -134,6 +140,7 @@ class AreaLight:
             )
 
 
+@checked
 @dataclass(frozen=True)
 class SunLight:
     """Light from infinitely far: it travels along ``direction``.
@@ -156,6 +163,7 @@ class SunLight:
             raise InputError(f"SunLight diameter; got {self.diameter}; expected 0 to 0.2 (rad)")
 
 
+@checked
 @dataclass(frozen=True)
 class AmbientLight:
     """Surroundings of one ``radiance`` (W per square unit and sr) in every direction.
@@ -169,6 +177,7 @@ class AmbientLight:
         _check_positive("AmbientLight", "a radiance", radiance=self.radiance)
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class EnvironmentLight:
     """Surroundings at a distance, given by their radiance (W per square unit and sr).
@@ -204,6 +213,22 @@ class EnvironmentLight:
         if not (image >= 0.0).all():
             raise InputError(f"EnvironmentLight image; got {image.min()}; expected radiances >= 0")
         object.__setattr__(self, "image", image)
+
+    @staticmethod
+    @checked
+    def read(
+        path: str | PathLike[str],
+        *,
+        scale: float = 1.0,
+        up: Vector = (0.0, 0.0, 1.0),
+        forward: Vector = (0.0, 1.0, 0.0),
+    ) -> EnvironmentLight:
+        """The surroundings in an equirectangular picture of radiances (`read_panorama`).
+
+        ``scale`` is the radiance of its value 1. Raises InputError naming the file.
+        """
+        _check_positive("EnvironmentLight", "a radiance", scale=scale)
+        return EnvironmentLight(image=scale * read_panorama(path), up=up, forward=forward)
 
 
 Light = PointLight | SpotLight | AreaLight | SunLight | AmbientLight | EnvironmentLight

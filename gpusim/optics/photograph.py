@@ -10,13 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.gpu import Device, default_device
+from gpusim.inputs import checked
 from gpusim.optics.accumulate import accumulate, accumulate_twin
 from gpusim.optics.camera import Camera
 from gpusim.optics.convolve import ConvolvePass, Target, convolve_twin
@@ -26,7 +26,7 @@ from gpusim.optics.light import Light
 from gpusim.optics.psf import Convolved, Disc, SampledKernel, sample
 from gpusim.optics.render import BAND_BYTES, FINEST_ERROR, WIDEST, render
 from gpusim.optics.rolling import rolled
-from gpusim.optics.shutter import CameraAt, Shutter, SurfacesAt, moments, motion
+from gpusim.optics.shutter import CameraAt, Shutter, SurfacesAt, moments, moments_for, motion
 from gpusim.optics.view import look
 from gpusim.surface.surface import Surface
 
@@ -42,13 +42,15 @@ class Exposure:
     """What one photograph is put together from.
 
     ``parts``: weight, surfaces and camera of each rendering; ``sight``: surfaces and camera at the
-    middle of the exposure, for the truth. ``facts`` say in words what was done and left out.
+    middle of the exposure, for the truth. ``facts`` say in words what was done and left out,
+    ``warnings`` where less was done than the error asks for.
     """
 
     parts: tuple[tuple[float, Sequence[Surface], Camera], ...]
     sight: tuple[Sequence[Surface], Camera]
     kernel: SampledKernel
     facts: Mapping[str, str] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
 
     @property
     def plain(self) -> bool:
@@ -56,6 +58,7 @@ class Exposure:
         return len(self.parts) == 1 and self.kernel is SAME_IMAGE
 
 
+@checked
 def photograph(
     surfaces: Sequence[Surface] | SurfacesAt,
     camera: Camera | CameraAt,
@@ -68,7 +71,6 @@ def photograph(
     background: float = 0.0,
     device: Device | None = None,
     backend: str = "gpu",
-    **options: Any,
 ) -> Frame:
     """Photograph ``surfaces`` with a real lens and shutter.
 
@@ -80,13 +82,14 @@ def photograph(
     time : when row 0 begins to collect light.
     error : RMS error in grey levels of 8 bit, of a picture half of whose pixels see full-contrast
         edges: it decides the cells per pixel and the lens positions.
-    lights, background, device, backend, options : as for `render`.
+    lights, background, device, backend : as for `render`.
 
     Returns
     -------
     Frame
         Its truth is that of the pinhole camera at the middle of the exposure, at the time of each
-        row where the shutter rolls. ``facts`` say what was done.
+        row where the shutter rolls. ``facts`` say what was done, ``warnings`` what was left
+        short: a motion or a blur so long that more than 256 renderings would be needed.
 
     Raises
     ------
@@ -96,6 +99,10 @@ def photograph(
         raise InputError(f"photograph lens; got {lens!r}; expected a Lens")
     if shutter is not None and not isinstance(shutter, Shutter):
         raise InputError(f"photograph shutter; got {shutter!r}; expected a Shutter")
+    fixed = [] if callable(surfaces) else surfaces
+    if not (isinstance(fixed, Sequence) and all(isinstance(one, Surface) for one in fixed)):
+        expected = "a list of Surface, or a function of the time that returns one"
+        raise InputError(f"photograph surfaces; got {surfaces!r}; expected {expected}")
     if not np.isfinite(time):
         raise InputError(f"photograph time; got {time}; expected seconds")
     if backend not in ("gpu", "numpy"):
@@ -108,7 +115,7 @@ def photograph(
     def shoot(what: Sequence[Surface], whence: Camera) -> Frame:
         return render(
             what, whence, lights, error=error, background=background, device=device,
-            backend=backend, **options,
+            backend=backend,
         )  # fmt: skip
 
     if exposure.plain:
@@ -122,7 +129,7 @@ def photograph(
             frame = Frame(view, device, tuple(_combine(exposure, shoot, device)))
     if lens.vignetting is not None:
         frame = _vignetted(frame, lens, exposure.sight[1])
-    frame.facts = dict(exposure.facts)
+    frame.facts, frame.warnings = dict(exposure.facts), exposure.warnings
     return frame
 
 
@@ -140,6 +147,7 @@ def plan_exposure(
     still = not callable(surfaces) and not callable(camera)
     tolerance = error * np.sqrt(2.0) / 255.0
     facts: dict[str, str] = {}
+    warnings: list[str] = []
     middle = time + 0.5 * shutter.exposure_time
     sharp = camera_at(middle)
     if not isinstance(sharp, Camera):
@@ -153,6 +161,13 @@ def plan_exposure(
             travel = motion(surfaces_at, camera_at, time, shutter.exposure_time)
         shares, weights = moments(shutter, travel)
         facts["motion"] = f"{travel:.3g} px during the exposure, {len(shares)} moments"
+        if shutter.samples is None and len(shares) < moments_for(travel) and shutter.exposure_time:
+            # the widest gap of Gauss-Legendre points is pi / 2 times their mean distance
+            warnings.append(
+                f"motion of {travel:.4g} px in {len(shares)} moments: edges go in steps of up to "
+                f"{0.5 * np.pi * travel / len(shares):.2g} px; {moments_for(travel)} samples of "
+                "the shutter would show none"
+            )
 
         def moment(at: float) -> tuple[Sequence[Surface], Camera]:
             if shutter.line_time:
@@ -178,6 +193,12 @@ def plan_exposure(
             words += ": left out"
         else:
             words += f", {len(focus.points)} lens positions, edge error {focus.edge_error:.1e}"
+            if lens.positions is None and not focus.edge_error <= tolerance:
+                warnings.append(
+                    f"blur of {focus.largest:.4g} px by {len(focus.points)} lens positions: edge "
+                    f"error {focus.edge_error:.1e}; expected {tolerance:.1e}, by more positions "
+                    "of the lens"
+                )
         facts["depth of field"] = words
     kernel = SAME_IMAGE
     if psf is not None or lens.fill_factor != 1.0:
@@ -190,13 +211,18 @@ def plan_exposure(
         )
     if lens.vignetting is not None:
         facts["vignetting"] = "applied"
+    if len(scenes) > 1 and len(focus.points) > 1:
+        facts["renderings"] = (
+            f"{len(scenes) * len(focus.points)}: {len(focus.points)} lens positions at each of "
+            f"{len(scenes)} moments"
+        )
     share = 1.0 / len(focus.points)
     parts = [
         (weight * share, what, _at(whence, point, lens))
         for weight, what, whence in scenes
         for point in focus.points
     ]
-    return Exposure(tuple(parts), sight, kernel, facts)
+    return Exposure(tuple(parts), sight, kernel, facts, tuple(warnings))
 
 
 def _at(camera: Camera, point: Array, lens: Lens) -> Camera:

@@ -22,6 +22,7 @@ from scipy.signal import fftconvolve
 from scipy.special import j1
 
 from gpusim.errors import InputError
+from gpusim.inputs import checked
 
 __all__ = [
     "Airy",
@@ -62,6 +63,7 @@ class Psf(Protocol):
         """(2m + 1, 2m + 1) weights of sum 1 on a grid of pitch 1 / n px."""
 
 
+@checked
 @dataclass(frozen=True)
 class Gaussian:
     """A round Gaussian of standard deviation ``sigma`` (px)."""
@@ -82,6 +84,7 @@ class Gaussian:
         return np.asarray(np.outer(row, row) / row.sum() ** 2)
 
 
+@checked
 @dataclass(frozen=True)
 class Airy:
     """Diffraction at a round aperture: ``wavelength``, and ``pitch`` of a pixel, in one unit.
@@ -124,6 +127,7 @@ class Airy:
         return np.asarray(core + np.where(inside, (1.0 - core.sum()) / inside.sum(), 0.0))
 
 
+@checked
 @dataclass(frozen=True)
 class Disc:
     """Defocus by geometrical optics: an even disc of ``radius`` px."""
@@ -156,6 +160,7 @@ class Disc:
         return np.asarray(share / share.sum())
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class MeasuredPsf:
     """A measured kernel (rows, columns) of ``samples_per_px``, centred on its middle sample.

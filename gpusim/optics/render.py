@@ -9,6 +9,7 @@ import numpy as np
 
 from gpusim.errors import InputError
 from gpusim.gpu import Device, default_device
+from gpusim.inputs import checked
 from gpusim.optics.binning import EdgePixels, bin_edges
 from gpusim.optics.camera import Camera
 from gpusim.optics.edges import EdgePass, edges_twin
@@ -32,6 +33,7 @@ FEWEST_ROWS = 16
 FINEST_ERROR = 0.25
 
 
+@checked
 def render(
     surfaces: Sequence[Surface],
     camera: Camera,
@@ -117,10 +119,10 @@ def _draw(device: Device, setup: Setup, edges: EdgePixels, first: int, stop: int
         radiance = device.empty(4 * count * stride, f"radiance[{row0}]")
         with device.recording("optics.shade") as recording:
             shade_pass.record(recording, radiance, row0, count)
-        if shadow_pass is not None and shade_pass.marks is not None:
-            with device.recording("optics.shadow") as recording:
+            if shadow_pass is not None and shade_pass.marks is not None:
+                recording.begin("optics.shadow")
                 shadow_pass.record(recording, shade_pass.marks, radiance, row0, count, stride)
-        with device.recording("optics.edges") as recording:
+            recording.begin("optics.edges")
             edge_pass.record(recording, radiance, row0, count, stride)
         edge_pass.write_deep(radiance, row0, count, stride)
         yield Band(row0, count, stride, radiance)

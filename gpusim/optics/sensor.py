@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.gpu import Buffer, Device, compare, twin_check
+from gpusim.inputs import checked
 from gpusim.optics.emva import Signal, emva_twin, expose_noisy
 from gpusim.optics.frame import Frame
 from gpusim.optics.presets import CAMERAS
@@ -28,6 +29,7 @@ UNLIMITED = 1e30  # electrons
 PLANCK_TIMES_LIGHT = 6.62607015e-34 * 299_792_458.0
 
 
+@checked
 @dataclass(frozen=True)
 class Sensor:
     """A sensor with a linear response, grey unless it has a Bayer mosaic.

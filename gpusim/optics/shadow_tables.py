@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from gpusim.gpu import Device
+from gpusim.gpu import Device, Uniform
 from gpusim.gpu.texels import Texels
 from gpusim.optics.lighting import Lighting
 from gpusim.optics.occlusion import TOLERANCE, lamp_masks, lattice
@@ -20,10 +20,9 @@ class ShadowTables:
 
     def __init__(self, device: Device, lighting: Lighting) -> None:
         tiles = lighting.shadows
-        self.shades = _shades(lighting)
-        faces = np.zeros((1, 4, 4), np.float32)
-        lists = np.zeros((1, 4), np.uint32)
-        grid = np.zeros((1, 4), np.uint32)
+        self.shades = Uniform(device, _shades(lighting), "shade.shades")
+        faces = np.zeros((0, 4, 4), np.float32)
+        lists = grid = np.zeros((0, 4), np.uint32)
         if tiles is not None:
             if len(tiles.corners):
                 faces = np.zeros((len(tiles.corners), 4, 4), np.float32)
@@ -52,9 +51,10 @@ class ShadowTables:
 
 def _texels(device: Device, values: np.ndarray[Any, Any], label: str) -> Texels:
     fmt = "rgba32float" if values.dtype == np.float32 else "rgba32uint"
-    texels = device.texels(max(len(values), 1), fmt, label)
-    if len(values):
-        texels.write(values)
+    if not len(values):
+        return device.no_texels(fmt)
+    texels = device.texels(len(values), fmt, label)
+    texels.write(values)
     return texels
 
 
@@ -68,10 +68,11 @@ def _shades(lighting: Lighting) -> dict[str, Any]:
     own = lighting.emitters[:, 11]
     for number, lamp in enumerate(tiles.lamps if tiles is not None else ()):
         masks = lamp_masks(lamp)
-        lamps["centre"][number] = [*lamp.centre, 0.0 if lamp.far else 1.0]
-        lamps["u"][number] = [*lamp.u, float(lamp.extended)]
-        lamps["v"][number] = [*lamp.v, float(np.bitwise_count(masks).sum())]
-        lamps["part"][number, :2] = np.searchsorted(own, [number, number + 1])
+        first, stop = np.searchsorted(own, [number, number + 1])
+        lamps["centre"][number] = *lamp.centre, 0.0 if lamp.far else 1.0
+        lamps["u"][number] = *lamp.u, float(lamp.extended)
+        lamps["v"][number] = *lamp.v, float(np.bitwise_count(masks).sum())
+        lamps["part"][number, :2] = first, stop
         lamps["mask"][number] = masks.reshape(4, 4)
     return {
         "count": len(tiles.lamps) if tiles is not None else 0,

@@ -9,10 +9,11 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.inputs import checked
 from gpusim.optics.camera import Camera
 from gpusim.surface.surface import Surface
 
-__all__ = ["CameraAt", "Shutter", "SurfacesAt", "moments", "motion"]
+__all__ = ["CameraAt", "Shutter", "SurfacesAt", "moments", "moments_for", "motion"]
 
 Array = npt.NDArray[np.float64]
 SurfacesAt = Callable[[float], Sequence[Surface]]
@@ -24,6 +25,7 @@ POINTS_PER_PX = 3.2
 MOST_MOMENTS = 256
 
 
+@checked
 @dataclass(frozen=True)
 class Shutter:
     """When the pixels collect light; times in s.
@@ -69,16 +71,20 @@ def _seen_step(a: Array, b: Array, camera: Camera) -> Array:
     return np.asarray(np.minimum(np.nan_to_num(step, nan=0.0), camera.width + camera.height))
 
 
+def moments_for(travel: float) -> int:
+    """How many moments have gaps of half a pixel at most, for a motion of ``travel`` px."""
+    return 1 if travel <= STILL else int(np.ceil(POINTS_PER_PX * travel)) + 2
+
+
 def moments(shutter: Shutter, travel: float) -> tuple[Array, Array]:
     """Shares of the exposure (K,) and weights (K,) for a motion of ``travel`` px.
 
     Gauss-Legendre points, which integrate a motion's transfer function to 1e-6 up to the Nyquist
-    frequency, and enough of them that the widest gap is half a pixel, so that edges show no steps.
+    frequency, and enough of them (`moments_for`) that edges show no steps; no more than
+    MOST_MOMENTS unless the shutter's ``samples`` say so.
     """
-    count = shutter.samples
-    if count is None:
-        count = 1 if travel <= STILL else int(np.ceil(POINTS_PER_PX * travel)) + 2
-    if not count <= MOST_MOMENTS or shutter.exposure_time == 0.0:
-        count = MOST_MOMENTS if shutter.exposure_time else 1
+    count = shutter.samples or min(moments_for(travel), MOST_MOMENTS)
+    if shutter.exposure_time == 0.0:
+        count = 1
     nodes, weights = np.polynomial.legendre.leggauss(count)
     return 0.5 + 0.5 * nodes, 0.5 * weights

@@ -9,6 +9,7 @@ import numpy.typing as npt
 from scipy.ndimage import map_coordinates
 
 from gpusim.errors import InputError
+from gpusim.inputs import checked
 from gpusim.optics.camera import Camera
 
 __all__ = ["Vignetting"]
@@ -16,6 +17,7 @@ __all__ = ["Vignetting"]
 Array = npt.NDArray[np.float64]
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Vignetting:
     """The product of what is given.

@@ -90,8 +90,8 @@ def _painted_over(where: str) -> InputError:
 
 
 def finish_of(paint: m.Paint) -> tuple[float, float]:
-    """Roughness and metallic share; of paints without a finish those of a matte one."""
-    return getattr(paint, "finish", (1.0, 0.0))
+    """Roughness and metallic share."""
+    return paint.finish
 
 
 def build_lights(scene: Scene) -> list[Light] | None:
@@ -103,9 +103,13 @@ def _light(light: m.Light) -> Light:
     if isinstance(light, m.Ambient):
         return AmbientLight(light.radiance)
     if isinstance(light, m.Environment):
-        # sky and ground look alike all round: any direction that isn't up will do
-        x, y, z = np.eye(3)[int(np.argmin(np.abs(light.up)))].tolist()
-        return EnvironmentLight(light.sky, light.ground, up=light.up, forward=(x, y, z))
+        along_y = abs(light.up[1]) > 0.999999 * float(np.linalg.norm(light.up))
+        forward = light.forward or ((1.0, 0.0, 0.0) if along_y else (0.0, 1.0, 0.0))
+        if light.path:
+            return EnvironmentLight.read(
+                light.path, scale=light.scale, up=light.up, forward=forward
+            )
+        return EnvironmentLight(light.sky, light.ground, up=light.up, forward=forward)
     if isinstance(light, m.Point):
         return PointLight(light.position, light.power, light.shadows)
     if isinstance(light, m.Spot):

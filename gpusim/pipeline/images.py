@@ -59,6 +59,8 @@ class Photographer:
         """The latest image that was taken."""
         self.facts: dict[str, str] = {}
         """What lens and shutter did, by "camera: effect", in the latest frame."""
+        self.warnings: list[str] = []
+        """Where a frame is less exact than asked for."""
 
     def frame(self, camera: m.Camera, frame: int, window: Window | None = None) -> Frame:
         """The linear image of a camera in a frame, or a part of it; the latest one is kept."""
@@ -90,6 +92,8 @@ class Photographer:
         )
         self._last = (camera.name, frame, rendered)
         self._shown = () if callable(surfaces) else surfaces
+        self.warnings += [f"image {self.kind}{frame:04d} of {camera.name}: {text}"
+                          for text in rendered.warnings]  # fmt: skip
         self.facts |= {f"{camera.name}: {what}": words for what, words in rendered.facts.items()}
         return rendered
 
@@ -101,7 +105,7 @@ class Photographer:
             return False
         if same_surfaces(self._shown, surfaces):
             return True
-        sharp = build_lens(camera) is None and build_shutter(camera) is None
+        sharp = camera.lens is None and build_shutter(camera) is None
         return self.lights is None and sharp and unseen_change(self._shown, surfaces, viewer)
 
     def sight(self, camera: m.Camera, frame: int | None) -> Frame:
@@ -136,7 +140,7 @@ class Photographer:
         window = self._window(camera, frame)
         linear = self.frame(camera, frame, window)
         sensor = self._sensor(camera, frame, linear)
-        if self.scene.sensor.exposure is None and frame == 0:
+        if self.scene.sensor_of(camera.name).exposure is None and frame == 0:
             files.append(self._exposure_file(camera))
         image = sensor.expose(linear, self.scene.sensor.seed, frame, f"{self.kind}{camera.name}")
         if window is not None:
@@ -151,13 +155,14 @@ class Photographer:
         """The part of a target's image that isn't background, if nothing acts on that as well."""
         if not self.kind or not self.skip or self.scene.render.background > 0.0:
             return None
-        if camera.lens is not None or build_sensor(self.scene.sensor, camera, 1.0).signal():
+        spec = self.scene.sensor_of(camera.name)
+        if camera.lens is not None or build_sensor(spec, camera, 1.0).signal():
             return None  # a blurred border, noise, or a black level
         return window_of(self.surfaces(frame), build_camera(camera))
 
     def _sensor(self, camera: m.Camera, frame: int, linear: Frame) -> Sensor:
         """The scene's exposure, or one chosen from the camera's first frame and kept in a file."""
-        spec = self.scene.sensor
+        spec = self.scene.sensor_of(camera.name)
         if spec.exposure is not None:
             return build_sensor(spec, camera, 1.0 / spec.exposure)
         file = self._exposure_file(camera)

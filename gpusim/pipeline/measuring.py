@@ -58,7 +58,7 @@ def measure_deflection(
     reference, deformed = image(spec.camera, 0), image(spec.camera, last)
     seen = follow_markers(
         what, marks, camera, reference, deformed,
-        subset=spec.subset, bits=scene.sensor.bits, device=device,
+        subset=spec.subset, bits=scene.sensor_of(spec.camera).bits, device=device,
     )  # fmt: skip
     count, points, moved = marks.count, seen.points, seen.displacement
     position = marks.position[:count]

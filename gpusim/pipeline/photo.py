@@ -7,12 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from gpusim.errors import InputError
 from gpusim.optics import psf
 from gpusim.optics.camera import Camera
 from gpusim.optics.lens import Lens
 from gpusim.optics.sensor import Sensor
 from gpusim.optics.shutter import Shutter, SurfacesAt
 from gpusim.optics.vignette import Vignetting
+from gpusim.pipeline.cameras import build_camera
 from gpusim.scene import model as m
 from gpusim.surface import Surface
 
@@ -20,13 +22,26 @@ __all__ = ["build_lens", "build_sensor", "build_shutter", "moving", "opening"]
 
 
 def build_lens(camera: m.Camera) -> Lens | None:
-    """The lens; the camera's focal length is its image distance v, so that f = v s / (s + v)."""
+    """The lens; the camera's focal length is its image distance v, so that f = v s / (s + v).
+
+    Raises
+    ------
+    InputError
+        The calibration file's focal length isn't less than the distance of focus.
+    """
     spec = camera.lens
     if spec is None:
         return None
-    focal = None
-    if spec.focus_distance is not None:
-        focal = camera.focal * spec.focus_distance / (camera.focal + spec.focus_distance)
+    focal = spec.focal
+    if spec.focus_distance is not None and focal is None:
+        distance = camera.focal or build_camera(camera).K[0, 0] * _pitch(camera)
+        if not spec.focus_distance > distance:
+            raise InputError(
+                f"camera {camera.name!r} lens.focus_distance_mm; got "
+                f"{1e3 * spec.focus_distance:g}; expected more than the focal length of the "
+                f"calibration, {1e3 * distance:.4g} mm"
+            )
+        focal = distance * spec.focus_distance / (distance + spec.focus_distance)
     fall = spec.vignetting
     return Lens(
         psf=None if spec.psf is None else _psf(spec.psf, camera),
@@ -35,6 +50,7 @@ def build_lens(camera: m.Camera) -> Lens | None:
         focal_length=focal,
         focus_distance=spec.focus_distance,
         blades=spec.blades,
+        positions=spec.positions,
         vignetting=None
         if fall is None
         else Vignetting(
@@ -47,11 +63,14 @@ def _psf(spec: m.Psf, camera: m.Camera) -> psf.Psf:
     if spec.type == "gaussian":
         return psf.Gaussian(spec.size)
     if spec.type == "airy":
-        pitch = camera.sensor[0] / camera.resolution[0]
-        return psf.Airy(spec.wavelength, spec.size, pitch)
+        return psf.Airy(spec.wavelength, spec.size, _pitch(camera))
     if spec.type == "disc":
         return psf.Disc(spec.size)
     return psf.MeasuredPsf(np.array(spec.kernel), spec.size)
+
+
+def _pitch(camera: m.Camera) -> float:
+    return camera.sensor[0] / camera.resolution[0]
 
 
 def build_shutter(camera: m.Camera) -> Shutter | None:
@@ -59,7 +78,7 @@ def build_shutter(camera: m.Camera) -> Shutter | None:
     spec = camera.shutter
     if spec is None or not (spec.exposure or spec.line_time):
         return None
-    return Shutter(spec.exposure, spec.line_time)
+    return Shutter(spec.exposure, spec.line_time, spec.samples)
 
 
 def opening(shutter: Shutter | None, camera: Camera) -> float:

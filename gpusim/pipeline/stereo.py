@@ -60,7 +60,7 @@ def measure_stereo(
     seen = [
         follow_markers(
             what, marks, cameras[name], image(name, 0), image(name, last),
-            subset=spec.subset, bits=scene.sensor.bits, device=device,
+            subset=spec.subset, bits=scene.sensor_of(name).bits, device=device,
         )
         for name in spec.cameras
     ]  # fmt: skip

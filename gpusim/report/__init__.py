@@ -15,6 +15,7 @@ from gpusim.report.model import (
     Series,
     SolutionSummary,
     Stage,
+    Table,
 )
 from gpusim.report.write import ReportPaths, write_report
 
@@ -36,5 +37,6 @@ __all__ = [
     "SolutionSummary",
     "Stage",
     "StressPeak",
+    "Table",
     "write_report",
 ]

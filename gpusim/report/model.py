@@ -216,11 +216,29 @@ class Link:
 
 
 @dataclass(frozen=True)
+class Table:
+    """Results as text: a heading, column titles, and rows whose first cell names the row."""
+
+    title: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+    def __post_init__(self) -> None:
+        for row in self.rows:
+            if len(row) != len(self.columns):
+                raise InputError(
+                    f"table {self.title!r}: got a row of {len(row)} cells; expected"
+                    f" {len(self.columns)}"
+                )
+
+
+@dataclass(frozen=True)
 class Report:
     """Everything a run has to say. Only the first block goes into report.json.
 
-    ``failure`` is the error's message if ``status`` is "failed". ``facts`` are label -> value
-    pairs (device, versions, sizes) and ``scene_text`` is the resolved scene file.
+    ``failure`` is the error's message if ``status`` is "failed". ``highlights`` are label ->
+    (value, note) of the cards on top, ``facts`` label -> value pairs (device, versions, sizes),
+    and ``scene_text`` is the resolved scene file.
     """
 
     scene: str
@@ -238,6 +256,7 @@ class Report:
 
     description: str = ""
     failure: str = ""
+    highlights: Mapping[str, tuple[str, str]] = field(default_factory=dict)
     facts: Mapping[str, str] = field(default_factory=dict)
     scene_text: str = ""
     frames: tuple[FramePair, ...] = ()
@@ -246,6 +265,7 @@ class Report:
     residuals: tuple[float, ...] = ()
     tolerance: float | None = None
     figures: tuple[Figure, ...] = ()
+    tables: tuple[Table, ...] = ()
     links: tuple[Link, ...] = ()
 
     def __post_init__(self) -> None:

@@ -104,8 +104,10 @@ def draw_calibration(cameras: Sequence[RigCamera], view_rms: Floats, path: PathL
 
     def draw(canvas: Canvas) -> None:
         count = len(cameras)
+        # one grid for all: plots of two grids are laid out without regard for one another
+        grid = canvas.add_gridspec(2, count)
         for k, camera in enumerate(cameras):
-            plot = canvas.add_subplot(2, count, k + 1)
+            plot = canvas.add_subplot(grid[0, k])
             step = max(1, len(camera.corners) // _MOST_CORNERS)
             at, error = camera.corners[::step], camera.errors[::step]
             plot.quiver(*at.T, *error.T, angles="xy", scale_units="width",
@@ -115,7 +117,7 @@ def draw_calibration(cameras: Sequence[RigCamera], view_rms: Floats, path: PathL
             plot.set_ylim(camera.resolution[1], 0)
             plot.set_aspect("equal")
             axis_title(plot, camera.name)
-        bars = canvas.add_subplot(2, 1, 2)
+        bars = canvas.add_subplot(grid[1, :])
         for k, (camera, rms) in enumerate(zip(cameras, view_rms, strict=True)):
             place = np.arange(len(rms)) + 0.8 * (k / count) - 0.4
             bars.bar(place, rms, width=0.8 / count, align="edge", label=camera.name)

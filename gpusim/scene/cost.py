@@ -46,7 +46,7 @@ def effects(scene: Scene, camera: Camera) -> str:
     words = words or ["pinhole"]
     if camera.shutter is not None:
         words += camera.shutter.words()
-    return ", ".join([*words, *scene.sensor.words()])
+    return ", ".join([*words, *scene.sensor_of(camera.name).words()])
 
 
 def _renderings(camera: Camera) -> float:

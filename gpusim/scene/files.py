@@ -54,6 +54,10 @@ def find_files(document: dict[str, Any], folder: Path) -> tuple[Found, tuple[tup
         if isinstance(camera, dict) and isinstance(camera.get("calibration"), str):
             _enter(camera, ("camera", index, "calibration"), folder, "a calibration file", found,
                    hashes)  # fmt: skip
+    lights = document.get("light")
+    for index, light in enumerate(lights if isinstance(lights, list) else ()):
+        if isinstance(light, dict) and isinstance(light.get("file"), str):
+            _enter(light, ("light", index, "file"), folder, "a picture of radiances", found, hashes)
     return found, tuple(sorted(hashes.items()))
 
 

@@ -66,12 +66,19 @@ class Ambient:
 
 @dataclass(frozen=True)
 class Environment:
-    """Radiance of the ``sky`` and of the ``ground`` (W / (m2 sr))."""
+    """Radiance of the ``sky`` and of the ``ground`` (W / (m2 sr)), or a picture of it all.
+
+    ``path`` (absolute) of an equirectangular picture whose middle looks ``forward``; ``scale`` is
+    the radiance of its value 1.
+    """
 
     name: str
     sky: float
     ground: float
     up: Vec3
+    path: str = ""
+    scale: float = 1.0
+    forward: Vec3 | None = None
 
 
 Light = Point | Spot | Area | Sun | Ambient | Environment

@@ -205,6 +205,7 @@ class Speckle:
     seed: int
     dot: float
     wrap: Wrap | None = None
+    finish: tuple[float, float] = (1.0, 0.0)
 
 
 Pattern = Markers | Checker | Dots | Speckle | Picture | Target
@@ -348,7 +349,7 @@ class Camera:
     ``intrinsics`` (fx, fy, cx, cy, skew) px come before ``focal``, which is 0 where nobody said
     it, as are the sides of the ``sensor``. ``position`` and ``target`` are None for a camera with
     a ``rotation`` (a Rodrigues vector, or nine numbers row by row) and ``translation``, or with
-    the pose of its ``calibration`` file.
+    the pose of its ``calibration`` file. ``electronics``: its sensor where it isn't the scene's.
     """
 
     name: str
@@ -368,6 +369,7 @@ class Camera:
     calibration: str = ""
     calibration_camera: str | int = 0
     calibration_unit: float = 0.0
+    electronics: Sensor | None = None
 
 
 @dataclass(frozen=True)

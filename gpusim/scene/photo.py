@@ -33,7 +33,11 @@ class Vignetting:
 
 @dataclass(frozen=True)
 class Lens:
-    """``f_number`` and ``focus_distance`` are None together: no depth of field."""
+    """``f_number`` and ``focus_distance`` are None together: no depth of field.
+
+    ``focal``: as it stands on the lens; None to find it from the image distance. ``positions``:
+    None for as many as needed.
+    """
 
     psf: Psf | None
     fill_factor: float
@@ -41,6 +45,8 @@ class Lens:
     focus_distance: float | None
     blades: int
     vignetting: Vignetting | None
+    focal: float | None = None
+    positions: int | None = None
 
     def words(self) -> list[str]:
         """What it does."""
@@ -59,10 +65,11 @@ class Lens:
 
 @dataclass(frozen=True)
 class Shutter:
-    """Times in s; ``line_time`` 0 is a global shutter."""
+    """Times in s; ``line_time`` 0 is a global shutter; ``samples`` None: as many as needed."""
 
     exposure: float
     line_time: float
+    samples: int | None = None
 
     def words(self) -> list[str]:
         """What it does."""

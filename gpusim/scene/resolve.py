@@ -27,7 +27,6 @@ from .schema.measure import DamageTable, DeflectionTable, MeasureTable, StereoTa
 from .schema.paint import (
     CheckerTable,
     DotsTable,
-    FinishTable,
     ImageTable,
     MarkersTable,
     PaintTable,
@@ -36,6 +35,7 @@ from .schema.paint import (
     SpeckleTable,
 )
 from .schema.prop import BoxPropTable, PlateTable, PoseTable, PropTable
+from .schema.sensor import SensorTable, merged
 from .schema.view import CameraTable
 from .schema.where import WhereTable
 
@@ -153,11 +153,7 @@ def _load(table: LoadTable, factors: model.Amplitude) -> model.Load:
 
 def paint(table: PaintTable) -> model.Paint:
     painted = _paint(table)
-    if isinstance(table, FinishTable) and isinstance(
-        painted, (model.Plain, model.Markers, model.Checker, model.Dots)
-    ):
-        return replace(painted, finish=(table.roughness, table.metallic))
-    return painted
+    return replace(painted, finish=(table.roughness, table.metallic))
 
 
 def _paint(table: PaintTable) -> model.Paint:
@@ -267,21 +263,23 @@ def calibration(scene: SceneTable) -> model.Calibration | None:
     return model.Calibration(table.board, tuple(cameras), tuple(table.show), poses)
 
 
-def camera(table: CameraTable) -> model.Camera:
+def camera(table: CameraTable, common: SensorTable) -> model.Camera:
+    """``common`` is the scene's [sensor]."""
     columns, rows = table.resolution_px
+    size = table.size_mm()
     intrinsics: tuple[float, ...] = ()
     if table.fx_px is not None:
         assert table.fy_px is not None and table.cx_px is not None and table.cy_px is not None
         intrinsics = (table.fx_px, table.fy_px, table.cx_px, table.cy_px, table.skew_px)
     focal = table.focal_mm or 0.0
-    if table.fx_px is not None and table.sensor_mm is not None:
-        focal = table.fx_px * table.sensor_mm[0] / columns
+    if table.fx_px is not None and size is not None:
+        focal = table.fx_px * size[0] / columns
     rotation = table.rotation_vector or []
     if table.rotation_matrix is not None:
         rotation = [value for row in table.rotation_matrix for value in row]
     return model.Camera(
         name=table.name,
-        sensor=(0.0, 0.0) if table.sensor_mm is None else _pair(table.sensor_mm),
+        sensor=(0.0, 0.0) if size is None else _pair(size),
         resolution=(columns, rows),
         focal=focal / 1000.0,
         position=None if table.position_mm is None else _m(table.position_mm),
@@ -297,6 +295,9 @@ def camera(table: CameraTable) -> model.Camera:
         calibration_unit=(table.calibration_unit_mm or 0.0) / 1000.0,
         lens=resolve_photo.lens(table.lens),
         shutter=resolve_photo.shutter(table.shutter),
+        electronics=None
+        if table.sensor is None
+        else resolve_photo.sensor(merged(common, table.sensor, "sensor")),
     )
 
 

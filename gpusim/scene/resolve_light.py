@@ -23,8 +23,10 @@ def light(table: LightTable) -> model.Light:
         return model.Ambient(table.name, table.radiance_W_m2_sr)
     if isinstance(table, EnvironmentLightTable):
         return model.Environment(
-            table.name, table.sky_W_m2_sr, table.ground_W_m2_sr, _vec(table.up)
-        )
+            table.name, table.sky_W_m2_sr or 0.0, table.ground_W_m2_sr or 0.0, _vec(table.up),
+            table.file or "", table.scale_W_m2_sr,
+            None if table.forward is None else _vec(table.forward),
+        )  # fmt: skip
     if isinstance(table, PointLightTable):
         return model.Point(table.name, _m(table.position_mm), table.watts(), table.shadows)
     if isinstance(table, SpotLightTable):

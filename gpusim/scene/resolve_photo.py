@@ -51,6 +51,8 @@ def lens(table: LensTable | None) -> photo.Lens | None:
         else photo.Vignetting(
             fall.cos4, tuple(fall.polynomial), None if fall.map is None else _grid(fall.map)
         ),
+        focal=None if table.focal_mm is None else table.focal_mm / 1000.0,
+        positions=table.positions,
     )
 
 
@@ -58,7 +60,7 @@ def shutter(table: ShutterTable | None) -> photo.Shutter | None:
     """The shutter; None for an instant."""
     if table is None:
         return None
-    return photo.Shutter(table.exposure_ms / 1e3, table.line_time_us / 1e6)
+    return photo.Shutter(table.exposure_ms / 1e3, table.line_time_us / 1e6, table.samples)
 
 
 def sensor(table: SensorTable) -> photo.Sensor:

@@ -101,7 +101,7 @@ class Scene:
             props=tuple(resolve.prop(entry) for entry in table.prop),
             analysis=analysis,
             solver=resolve.solver(table),
-            cameras=tuple(resolve.camera(entry) for entry in table.camera),
+            cameras=tuple(resolve.camera(entry, table.sensor) for entry in table.camera),
             lights=tuple(resolve_light.light(entry) for entry in table.light),
             render=resolve.render(table),
             sensor=resolve.sensor(table),
@@ -118,6 +118,24 @@ class Scene:
     def measures_space(self) -> bool:
         """Whether something is measured with the cameras that [calibration] calibrates."""
         return any(isinstance(one, model.Stereo) for one in self.measures)
+
+    @property
+    def reads_files(self) -> bool:
+        """Whether there is something in files, or in a lens, that only the numerics can check."""
+        paints = [paint for thing in (*self.bodies, *self.props) for paint in thing.paints]
+        return (
+            any(camera.calibration or camera.distortion for camera in self.cameras)
+            or any(isinstance(body.mesh, model.FieldMesh) for body in self.bodies)
+            or any(isinstance(paint, model.Picture) for paint in paints)
+            or any(isinstance(light, model.Environment) and light.path for light in self.lights)
+        )
+
+    def sensor_of(self, camera: str) -> model.Sensor:
+        """The sensor of the camera of that name: its own, or that of all. Raises KeyError."""
+        for one in self.cameras:
+            if one.name == camera:
+                return one.electronics or self.sensor
+        raise KeyError(camera)
 
     @property
     def document(self) -> dict[str, Any]:

@@ -21,17 +21,25 @@ ELECTRONS = ("read_noise_e", "dark_current_e_per_s", "dsnu_e", "prnu_percent", "
 FINEST_BITS = 16
 
 
+def _sensors(document: Document) -> list[Document]:
+    """[sensor], and what cameras have of their own."""
+    own = [camera.get("sensor") for camera in document.get("camera", [])]
+    return [document.setdefault("sensor", {}), *(one for one in own if one)]
+
+
 def _noise(document: Document) -> None:
     """Shot, dark and read-out noise, pixels that differ; with them the black level."""
-    sensor = document.get("sensor", {})
-    if any(sensor.get(key) is not None for key in ("preset", "full_well_e", "gain_DN_per_e")):
-        for key in ELECTRONS:
-            sensor.pop(key, None)
+    counted, sensors = ("preset", "full_well_e", "gain_DN_per_e"), _sensors(document)
+    if any(sensor.get(key) is not None for sensor in sensors for key in counted):
+        for sensor in sensors:
+            for key in ELECTRONS:
+                sensor.pop(key, None)
 
 
 def _quantisation(document: Document) -> None:
     """Grey values in whole numbers: 16 bits instead of the sensor's."""
-    document.setdefault("sensor", {})["bits"] = FINEST_BITS
+    for sensor in _sensors(document):
+        sensor["bits"] = FINEST_BITS
 
 
 def _psf(document: Document) -> None:
@@ -47,7 +55,7 @@ def _defocus(document: Document) -> None:
     """Depth of field."""
     for camera in document.get("camera", []):
         lens = camera.get("lens") or {}
-        for key in ("f_number", "focus_distance_mm"):
+        for key in ("f_number", "focus_distance_mm", "focal_mm", "positions"):
             lens.pop(key, None)
 
 
@@ -80,7 +88,8 @@ def _light(document: Document) -> None:
     """Uneven light, shadows included: every paint has its albedo's grey."""
     if document.get("light"):
         document["light"] = []
-        document.setdefault("sensor", {})["exposure"] = "auto"  # radiance is albedo now
+        for sensor in _sensors(document):
+            sensor["exposure"] = "auto"  # radiance is albedo now
 
 
 SOURCES: Mapping[str, Callable[[Document], None]] = {

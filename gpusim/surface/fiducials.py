@@ -10,10 +10,12 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.inputs import checked
 from gpusim.surface.features import (
     Features,
     Stack,
     check_albedo,
+    check_finish,
     check_grid,
     check_length,
     check_places,
@@ -58,6 +60,7 @@ def _marker(
     )
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Aruco:
     """Markers of one of OpenCV's dictionaries ("4X4_50", "APRILTAG_36h11", …).
@@ -74,8 +77,11 @@ class Aruco:
     dark: float = 0.05
     light: float = 0.9
     ground: float = 0.9
+    roughness: float = 1.0
+    metallic: float = 0.0
 
     def __post_init__(self) -> None:
+        check_finish("Aruco", self.roughness, self.metallic)
         object.__setattr__(self, "centres", check_places("Aruco", self.centres))
         check_length("Aruco", size=self.size)
         check_albedo("Aruco", dark=self.dark, light=self.light, ground=self.ground)
@@ -103,6 +109,7 @@ class Aruco:
         return stack.features()
 
 
+@checked
 @dataclass(frozen=True)
 class Charuco:
     """OpenCV's ChArUco board: a chessboard whose light squares hold markers.
@@ -120,8 +127,11 @@ class Charuco:
     dark: float = 0.05
     light: float = 0.9
     ground: float = 0.9
+    roughness: float = 1.0
+    metallic: float = 0.0
 
     def __post_init__(self) -> None:
+        check_finish("Charuco", self.roughness, self.metallic)
         check_length("Charuco", square=self.square, marker=self.marker)
         check_albedo("Charuco", dark=self.dark, light=self.light, ground=self.ground)
         check_grid("Charuco", self.origin, self.columns, self.rows)
@@ -179,6 +189,7 @@ def ring_codes(bits: int) -> tuple[int, ...]:
     return tuple(codes)
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class RingCodes:
     """Circular coded targets as photogrammetry uses them: a disc and a ring of light and dark bits.
@@ -195,8 +206,11 @@ class RingCodes:
     angle: float = 0.0
     dot: float = 0.9
     ground: float = 0.05
+    roughness: float = 1.0
+    metallic: float = 0.0
 
     def __post_init__(self) -> None:
+        check_finish("RingCodes", self.roughness, self.metallic)
         object.__setattr__(self, "centres", check_places("RingCodes", self.centres))
         check_length("RingCodes", diameter=self.diameter)
         check_albedo("RingCodes", dot=self.dot, ground=self.ground)

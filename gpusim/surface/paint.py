@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.inputs import checked
 from gpusim.surface.bitmap import Image
 from gpusim.surface.features import (
     Features,
@@ -48,6 +49,7 @@ __all__ = [
 MOST_DOTS = 1 << 22
 
 
+@checked
 @dataclass(frozen=True)
 class Plain:
     """One albedo everywhere.
@@ -78,6 +80,7 @@ class Plain:
         return None
 
 
+@checked
 @dataclass(frozen=True)
 class Checker:
     """A chessboard of squares of side ``size``; the square at ``origin`` (s, t) is ``dark``.
@@ -122,6 +125,7 @@ class Checker:
         )
 
 
+@checked
 @dataclass(frozen=True)
 class Dots:
     """Discs of ``diameter`` on a grid of ``pitch``; the first centre is at ``origin``."""
@@ -172,6 +176,7 @@ class Dots:
         )
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Markers:
     """Square targets of side ``size`` made of 2 x 2 black and white squares, at given centres.

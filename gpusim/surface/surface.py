@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.inputs import checked
 from gpusim.surface.frames import Frame
 from gpusim.surface.paint import Paint, Plain
 from gpusim.surface.plane import PaintFrame, face_normals, plane_frame
@@ -19,6 +20,7 @@ from gpusim.surface.topology import Topology, triangulate
 __all__ = ["PaintFrame", "Surface", "face_normals", "plane_frame", "triangulate"]
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Surface:
     """Faces to be seen by cameras.
@@ -103,6 +105,8 @@ class Surface:
                 f"{where} region; got shape {region.shape}, values {region.min(initial=0)} to "
                 f"{region.max(initial=0)}; expected ({len(faces)},) with 0 to {len(paints) - 1}"
             )
+        if not isinstance(self.frames, Mapping):
+            raise InputError(f"{where} frames; got {self.frames!r}; expected a mapping by region")
         unknown = sorted(set(self.frames) - set(paints))
         if unknown:
             raise InputError(f"{where} frames; got regions {unknown}; expected {sorted(paints)}")
@@ -114,6 +118,12 @@ class Surface:
             ("paint", dict(paints)),
         ):
             object.__setattr__(self, key, value)
+
+    def __repr__(self) -> str:
+        """Counts, not arrays."""
+        painted = ", ".join(f"{key}: {type(paint).__name__}" for key, paint in self.paints.items())
+        counts = f"{len(self.points)} points, {len(self.faces)} faces"
+        return f"Surface({self.name!r}, {counts}, {painted})"
 
     @property
     def paints(self) -> dict[str, Paint]:

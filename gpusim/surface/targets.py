@@ -8,10 +8,12 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.inputs import checked
 from gpusim.surface.features import (
     Features,
     Stack,
     check_albedo,
+    check_finish,
     check_grid,
     check_length,
     check_places,
@@ -23,6 +25,7 @@ Array = npt.NDArray[np.float64]
 MOST_LINES = 1 << 20
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Circles:
     """Concentric circles around every centre (M, 2): the largest is ``dark``, then they alternate.
@@ -35,8 +38,11 @@ class Circles:
     dark: float = 0.05
     light: float = 0.9
     ground: float = 0.9
+    roughness: float = 1.0
+    metallic: float = 0.0
 
     def __post_init__(self) -> None:
+        check_finish("Circles", self.roughness, self.metallic)
         object.__setattr__(self, "centres", check_places("Circles", self.centres))
         sizes = np.asarray(self.diameters, np.float64)
         good = sizes.ndim == 1 and len(sizes) > 0 and np.isfinite(sizes).all()
@@ -56,6 +62,7 @@ class Circles:
         return stack.features()
 
 
+@checked
 @dataclass(frozen=True)
 class Lines:
     """Lines of ``width`` at a ``pitch``: along s, along t, or both, a grid.
@@ -72,8 +79,11 @@ class Lines:
     origin: tuple[float, float] = (0.0, 0.0)
     albedo: float = 0.05
     ground: float = 0.9
+    roughness: float = 1.0
+    metallic: float = 0.0
 
     def __post_init__(self) -> None:
+        check_finish("Lines", self.roughness, self.metallic)
         check_length("Lines", pitch=self.pitch, width=self.width)
         check_albedo("Lines", albedo=self.albedo, ground=self.ground)
         check_grid("Lines", self.origin, self.columns, self.rows)
@@ -107,15 +117,16 @@ class Lines:
             corner[:, k], corner[:, 1 - k] = places[k][0], places[1 - k]
             size = np.full(2, self.width)
             size[k] = length[k]
-            stack.patches(corner - 0.5 * self.width, size, self.albedo, self.ground, k)
+            stack.patches(corner - 0.5 * self.width, size, self.albedo, self.ground, k, covers=1.0)
         if self.along == "both":
             # both lines darken a crossing: that is one too many
             s, t = np.meshgrid(*places)
             corner = np.stack([s.ravel(), t.ravel()], axis=1) - 0.5 * self.width
-            stack.patches(corner, self.width, self.ground, self.albedo, 2)
+            stack.patches(corner, self.width, self.ground, self.albedo, 2, covers=-1.0)
         return stack.features()
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Star:
     """Siemens stars: ``spokes`` dark sectors around every centre (M, 2), as wide as the gaps.
@@ -131,8 +142,11 @@ class Star:
     dark: float = 0.05
     light: float = 0.9
     ground: float = 0.9
+    roughness: float = 1.0
+    metallic: float = 0.0
 
     def __post_init__(self) -> None:
+        check_finish("Star", self.roughness, self.metallic)
         object.__setattr__(self, "centres", check_places("Star", self.centres))
         check_length("Star", diameter=self.diameter)
         check_albedo("Star", dark=self.dark, light=self.light, ground=self.ground)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from .base import Table
 from .body import BodyTable
@@ -12,7 +12,7 @@ from .light import LightTable
 from .material import MaterialTable
 from .measure import MeasureTable, VariantTable
 from .prop import CalibrationTable, PropTable
-from .sensor import SensorTable
+from .sensor import SensorTable, merged
 from .view import CameraTable
 from .work import (
     AnalysisTable,
@@ -47,6 +47,13 @@ class SceneTable(Table):
     variant: list[VariantTable] = []
     """States that are made in one run and compared."""
     output: OutputTable = OutputTable()
+
+    @model_validator(mode="after")
+    def _check_sensors(self) -> SceneTable:
+        for index, camera in enumerate(self.camera):
+            if camera.sensor is not None:
+                merged(self.sensor, camera.sensor, f"camera.{index}.sensor")
+        return self
 
 
 def json_schema() -> dict[str, Any]:

@@ -91,11 +91,17 @@ class LensTable(Table):
     fill_factor: Annotated[float, Field(gt=0, le=1)] = 1.0
     """Light-sensitive share of a pixel's area, a square in its middle."""
     f_number: Annotated[float, Field(gt=0, le=256)] | None = None
-    """With ``focus_distance_mm``: depth of field. ``focal_mm`` is the image distance then."""
+    """With ``focus_distance_mm``: depth of field (the camera's focal_mm is the image distance)."""
+    focal_mm: Length | None = None
+    """Focal length as it stands on the lens, for the width of the aperture; without it it follows
+    from the image distance. A camera with ``fx_px`` or ``calibration`` needs it, or the pixel."""
     focus_distance_mm: Length | None = None
     """Along the optical axis, from the camera's position."""
     blades: Annotated[int, Field(ge=0, le=24)] = 0
     """Of the iris; 0 for a round one."""
+    positions: Annotated[int, Field(ge=1, le=4096)] | None = None
+    """Points of the aperture that are rendered; without it as many, up to 256, as
+    ``render.error`` needs."""
     vignetting: VignettingTable | None = None
 
     @model_validator(mode="after")
@@ -103,6 +109,10 @@ class LensTable(Table):
         if (self.f_number is None) != (self.focus_distance_mm is None):
             key = "focus_distance_mm" if self.focus_distance_mm is None else "f_number"
             raise fault(key, "missing", None, "f_number and focus_distance_mm, or neither")
+        for name in ("focal_mm", "positions"):
+            if getattr(self, name) is not None and self.f_number is None:
+                raise fault(name, "without depth of field", getattr(self, name),
+                            "f_number and focus_distance_mm beside it")  # fmt: skip
         if self.blades in (1, 2):
             raise fault("blades", "no polygon", self.blades, "0 (round), or 3 to 24")
         return self
@@ -115,3 +125,6 @@ class ShutterTable(Table):
     """What moves during it is blurred; dark current gathers during it."""
     line_time_us: float = 0.0
     """Rolling shutter: from the read-out of a row to that of the next. 0: all rows at once."""
+    samples: Annotated[int, Field(ge=1, le=4096)] | None = None
+    """Moments that the exposure is averaged over; without it as many, up to 256, as the motion
+    needs to show no steps."""

@@ -5,13 +5,15 @@ Radiant flux is ``power_W``, or ``power_lm`` taken as light of 555 nm (683 lm ar
 
 from __future__ import annotations
 
+from pathlib import PurePath
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from .base import Direction, Length, Name, PositivePair, Table, Vector, fault, norm
+from .base import Direction, Length, Name, PositivePair, Table, Vector, fault, norm, parallel
 
 __all__ = [
+    "PANORAMA_SUFFIXES",
     "AmbientLightTable",
     "AreaLightTable",
     "EnvironmentLightTable",
@@ -22,6 +24,8 @@ __all__ = [
 ]
 
 LUMENS_PER_WATT = 683.0
+# The endings that the reader knows; said here too, because a plan loads no numerics.
+PANORAMA_SUFFIXES = (".hdr", ".pic", ".tif", ".tiff", ".npy")
 Radiance = Annotated[float, Field(ge=0)]
 
 
@@ -115,20 +119,45 @@ class AmbientLightTable(Table):
 
 
 class EnvironmentLightTable(Table):
-    """Bright sky (or ceiling) above, ground below: lights all faces, is mirrored by glossy ones."""
+    """Surroundings that light all faces and are mirrored by glossy ones: bright sky (or ceiling)
+    above and ground below, or a picture of them all."""
 
     name: Name
     type: Literal["environment"]
-    sky_W_m2_sr: Radiance
-    """Radiance above the horizon."""
-    ground_W_m2_sr: Radiance
+    sky_W_m2_sr: Radiance | None = None
+    """Radiance above the horizon; or give file."""
+    ground_W_m2_sr: Radiance | None = None
     """Radiance below it."""
+    file: Annotated[str, Field(min_length=1)] | None = None
+    """Equirectangular picture of radiances (.hdr, .tif of floats, .npy), relative to the
+    scene file; colours count by their luminance."""
+    scale_W_m2_sr: Length = 1.0
+    """Radiance of the value 1 in the file."""
     up: Direction = [0.0, 0.0, 1.0]
+    """Where the file's first row looks."""
+    forward: Direction | None = None
+    """Where the file's middle column looks; without it +y, or +x where up is along y."""
 
     @model_validator(mode="after")
     def _check(self) -> EnvironmentLightTable:
         if not norm(self.up) > 0:
             raise fault("up", "has no direction", self.up, "one that isn't zero")
+        if self.file is None:
+            for key in ("sky_W_m2_sr", "ground_W_m2_sr"):
+                if getattr(self, key) is None:
+                    raise fault(key, "missing", "neither file nor both radiances",
+                                "sky_W_m2_sr and ground_W_m2_sr, or file")  # fmt: skip
+            if self.forward is not None:
+                raise fault("forward", "without file", self.forward, "a file beside it")
+            return self
+        for key in ("sky_W_m2_sr", "ground_W_m2_sr"):
+            if getattr(self, key) is not None:
+                raise fault(key, "beside file", getattr(self, key), "one of them")
+        if PurePath(self.file).suffix.lower() not in PANORAMA_SUFFIXES:
+            expected = "one of " + ", ".join(PANORAMA_SUFFIXES)
+            raise fault("file", "unknown kind of picture", self.file, expected)
+        if self.forward is not None and parallel(self.up, self.forward):
+            raise fault("forward", "is along up, or zero", self.forward, "a vector across it")
         return self
 
 

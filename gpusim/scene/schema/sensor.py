@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
+from pydantic import BeforeValidator, Field, ValidationError, WithJsonSchema, model_validator
 
 from .base import Table, fault
 
-__all__ = ["SensorTable"]
+__all__ = ["CameraSensorTable", "SensorTable", "merged"]
 
 Some = Annotated[float, Field(ge=0)] | None
 Most = Annotated[float, Field(gt=0)] | None
@@ -21,6 +21,19 @@ def _exposure(value: Any) -> Any:
     raise fault("", "not an exposure", value, '"auto" or a number > 0')
 
 
+Bits = Literal[8, 10, 12, 14, 16]
+Exposure = Annotated[
+    Any,
+    BeforeValidator(_exposure),
+    WithJsonSchema({"anyOf": [{"const": "auto"}, {"type": "number", "exclusiveMinimum": 0}]}),
+]
+Preset = Literal["stereo-dic-5mp", "imx174", "icx625-pilot", "icx625-grasshopper"]
+Mosaic = Literal["RGGB", "BGGR", "GRBG", "GBRG"]
+Response = Annotated[list[Annotated[float, Field(ge=0)]], Field(min_length=3, max_length=3)]
+NOISE = ("gain_DN_per_e", "full_well_e", "read_noise_e", "dark_current_e_per_s", "dsnu_e",
+         "prnu_percent", "black_level_DN")  # fmt: skip
+
+
 class SensorTable(Table):
     """From radiance to grey values, without noise unless a gain, a full well or a preset is given.
 
@@ -28,18 +41,14 @@ class SensorTable(Table):
     normal, and pixels differ in offset and gain.
     """
 
-    bits: Literal[8, 10, 12, 14, 16] = 8
+    bits: Bits = 8
     """More than 8 are stored as 16-bit numbers, not scaled up."""
-    exposure: Annotated[
-        Any,
-        BeforeValidator(_exposure),
-        WithJsonSchema({"anyOf": [{"const": "auto"}, {"type": "number", "exclusiveMinimum": 0}]}),
-    ] = "auto"
+    exposure: Exposure = "auto"
     """Fraction of full scale per unit of radiance; "auto": set once for all frames of a camera."""
     format: Literal["png", "tiff"] = "png"
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
     """Of the noise; every camera and frame has its own, independent of the others."""
-    preset: Literal["stereo-dic-5mp", "imx174", "icx625-pilot", "icx625-grasshopper"] | None = None
+    preset: Preset | None = None
     """A real camera's values; keys given beside it replace them."""
     gain_DN_per_e: Most = None
     """Overall system gain; without it the full well is at full scale."""
@@ -57,11 +66,9 @@ class SensorTable(Table):
     """Grey value of a dark pixel."""
     gamma: Most = None
     """Grey value = full scale x (linear share)^(1 / gamma); without it linear."""
-    bayer: Literal["RGGB", "BGGR", "GRBG", "GBRG"] | None = None
+    bayer: Mosaic | None = None
     """A raw colour mosaic of the grey scene."""
-    bayer_response: Annotated[
-        list[Annotated[float, Field(ge=0)]], Field(min_length=3, max_length=3)
-    ] = [1.0, 1.0, 1.0]
+    bayer_response: Response = [1.0, 1.0, 1.0]
     """Relative responses of red, green and blue pixels."""
 
     @model_validator(mode="after")
@@ -75,3 +82,39 @@ class SensorTable(Table):
         if black is not None and not black < 2**self.bits - 1:
             raise fault("black_level_DN", "above full scale", black, f"below {2**self.bits - 1}")
         return self
+
+
+class CameraSensorTable(Table):
+    """What is another sensor in one camera: keys given here replace those of [sensor].
+
+    A ``preset`` given here replaces all that [sensor] says of gain, noise and black level.
+    """
+
+    bits: Bits | None = None
+    exposure: Exposure | None = None
+    preset: Preset | None = None
+    gain_DN_per_e: Most = None
+    full_well_e: Most = None
+    read_noise_e: Some = None
+    dark_current_e_per_s: Some = None
+    dsnu_e: Some = None
+    prnu_percent: Some = None
+    black_level_DN: Some = None
+    gamma: Most = None
+    bayer: Mosaic | None = None
+    bayer_response: Response | None = None
+
+
+def merged(common: SensorTable, own: CameraSensorTable, where: str) -> SensorTable:
+    """The sensor of a camera. Raises a fault under the key ``where`` if both don't go together."""
+    values = common.model_dump(exclude_none=True)
+    if own.preset is not None:
+        values = {key: value for key, value in values.items() if key not in NOISE}
+    values |= own.model_dump(exclude_none=True)
+    try:
+        return SensorTable.model_validate(values)
+    except ValidationError as error:
+        found = error.errors()[0].get("ctx", {})
+        key = f"{where}.{found['key']}"
+        problem = f"{found['problem']}, with what [sensor] says"
+        raise fault(key, problem, found["got"], found["expected"]) from None

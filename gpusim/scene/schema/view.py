@@ -8,6 +8,7 @@ from pydantic import Field, model_validator
 
 from .base import Direction, Length, Name, Pair, PositivePair, Table, Vector, fault, norm, parallel
 from .lens import LensTable, ShutterTable
+from .sensor import CameraSensorTable
 
 __all__ = ["CameraTable"]
 
@@ -24,6 +25,8 @@ class CameraTable(Table):
     name: Name
     sensor_mm: PositivePair | None = None
     """Width and height of the sensor."""
+    pixel_um: Length | None = None
+    """Side of its pixels, in place of ``sensor_mm``."""
     resolution_px: Annotated[
         list[Annotated[int, Field(ge=1, le=65535)]], Field(min_length=2, max_length=2)
     ]
@@ -66,6 +69,8 @@ class CameraTable(Table):
     """Without it a pinhole."""
     shutter: ShutterTable | None = None
     """Without it an instant."""
+    sensor: CameraSensorTable | None = None
+    """What differs from [sensor] in this camera."""
 
     @model_validator(mode="after")
     def _check(self) -> CameraTable:
@@ -77,18 +82,29 @@ class CameraTable(Table):
     def _check_blur(self) -> None:
         """What blurs needs lengths on the sensor."""
         focus = None if self.lens is None else self.lens.focus_distance_mm
-        pitch = None if self.sensor_mm is None else self.sensor_mm[0] / self.resolution_px[0]
+        size = self.size_mm()
+        pitch = None if size is None else size[0] / self.resolution_px[0]
         focal = self.focal_mm
         if focal is None and self.fx_px is not None and pitch is not None:
             focal = self.fx_px * pitch
-        if focus is not None and focal is None:
-            raise fault("lens.focus_distance_mm", "needs lengths on the sensor", focus,
-                        "focal_mm and sensor_mm, or fx_px and sensor_mm")  # fmt: skip
+        named = None if self.lens is None else self.lens.focal_mm
+        if focus is not None and focal is None and named is None:
+            # a calibration file says fx in pixels
+            if self.calibration is None or pitch is None:
+                raise fault("lens.focus_distance_mm", "needs the width of the aperture", focus,
+                            "lens.focal_mm as it stands on the lens, or pixel_um")  # fmt: skip
+        focal = focal if named is None else named
         if focus is not None and focal is not None and not focus > focal:
             raise fault("lens.focus_distance_mm", "inside the lens", focus, "more than focal_mm")
         spread = None if self.lens is None else self.lens.psf
         if getattr(spread, "type", "") == "airy" and pitch is None:
-            raise fault("lens.psf", "needs lengths on the sensor", "airy", "sensor_mm")
+            raise fault("lens.psf", "needs lengths on the sensor", "airy", "sensor_mm or pixel_um")
+
+    def size_mm(self) -> list[float] | None:
+        """Width and height of the sensor, if they are known."""
+        if self.pixel_um is None:
+            return self.sensor_mm
+        return [count * self.pixel_um / 1000.0 for count in self.resolution_px]
 
     def _check_lens(self) -> None:
         inner = {key: getattr(self, key) for key in ("fx_px", "fy_px", "cx_px", "cy_px")}
@@ -101,8 +117,10 @@ class CameraTable(Table):
             )
         if given and len(given) < 4:
             raise fault(given[0], "the camera matrix is incomplete", given, "all of fx_px … cy_px")
-        if self.focal_mm is not None and self.sensor_mm is None:
-            raise fault("sensor_mm", "needed with focal_mm", "nothing", "the sensor's size")
+        if self.sensor_mm is not None and self.pixel_um is not None:
+            raise fault("pixel_um", "beside sensor_mm", "both", "one of them")
+        if self.focal_mm is not None and self.size_mm() is None:
+            raise fault("sensor_mm", "needed with focal_mm", "nothing", "sensor_mm or pixel_um")
         if self.focal_mm is None and any(self.principal_point_offset_mm):
             raise fault("principal_point_offset_mm", "goes with focal_mm only",
                         self.principal_point_offset_mm, "cx_px and cy_px")  # fmt: skip

@@ -1,0 +1,214 @@
+"""The finest levels of multigrid on a lattice, on the host: every vector stays stored as runs.
+
+A step of Chebyshev smoothing by D^-1 A is a product with rows of blocks of its own,
+
+    x + g D^-1 (b - A x) + k (x - y) = ((1 + k) I - g D^-1 A) x + g D^-1 b - k y,
+
+so that a cycle is four products with dense matrices (``runs``) and hardly anything else. Float32
+is enough for a preconditioner as long as the softest motion is felt above its rounding; where it
+wouldn't be, the same is done in float64.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import csr_matrix
+
+from gpusim.fem.hierarchy import Hierarchy, Level
+from gpusim.fem.planes import PlaneWeights
+from gpusim.fem.runs import RunLayout, RunPattern
+from gpusim.fem.smooth import Relaxation
+from gpusim.fem.stencil import Stencil, StencilProduct
+from gpusim.fem.transfer import NodeTransfer
+
+__all__ = ["LatticeCycle", "LatticeLevel", "PlaneTransfer", "cycle_dtype"]
+
+Real = npt.NDArray[np.floating]
+Float = npt.NDArray[np.float64]
+Bool = npt.NDArray[np.bool_]
+
+# rounding in float32 over the least eigenvalue from which on float64 is used
+_FELT = 0.1
+
+
+def cycle_dtype(lowest: float) -> type[np.float32] | type[np.float64]:
+    """What cycles of a matrix with greatest diagonal 1 and least eigenvalue ``lowest`` take."""
+    single = float(np.finfo(np.float32).eps)
+    return np.float32 if single <= _FELT * lowest else np.float64
+
+
+class LatticeLevel:
+    """One level: ``steps`` are the two of its smoother, ``inverse`` (N,3,3) the inverted diagonal
+    blocks, zero where fixed."""
+
+    def __init__(
+        self,
+        stencil: Stencil,
+        layout: RunLayout,
+        free: Bool,
+        inverse: Float,
+        steps: tuple[Relaxation, ...],
+        dtype: npt.DTypeLike,
+    ) -> None:
+        self.layout = layout
+        key = 8 * stencil.row_class.astype(np.int64) + free @ [1, 2, 4]
+        held = np.full(8 * len(stencil.blocks), -1)
+        held[key[::-1]] = np.arange(len(key))[::-1]
+        used = np.flatnonzero(held >= 0)
+        first, number = held[used], np.cumsum(held >= 0) - 1
+        self._pattern = RunPattern(layout, number[key], len(used))
+        self.worthwhile = self._pattern.worthwhile
+        if not self.worthwhile:
+            return
+        blocks = stencil.blocks[stencil.row_class[first]]
+        scaled = np.matmul(inverse[first][:, None], blocks)
+        one = free[first][:, None, :] * np.eye(3)
+        begin, go = steps
+        self._keep, self._more = float(go.keep), float(go.gain / begin.gain)
+        before = -(go.gain / begin.gain) * begin.gain * scaled
+        before[:, 13] += (1.0 + go.keep + go.gain / begin.gain) * one
+        after = -begin.gain * scaled, -go.gain * scaled
+        after[0][:, 13] += one
+        after[1][:, 13] += (1.0 + go.keep) * one
+        self._gain = self._pattern.own_matrices(begin.gain * inverse[first], dtype)
+        self._before, self._left, self._first, self._second = (
+            self._pattern.matrices(rows, dtype)
+            for rows in (before, np.where(free[first][:, None, :, None], -blocks, 0.0), *after)
+        )
+        self.held = layout.places(~free)
+        self.b, self._w, self._x, self._y = (layout.zeros(dtype) for _ in range(4))
+
+    def cycle(self, transfer: PlaneTransfer, below: Callable[[], Real]) -> Real:
+        """The stored solution for ``self.b``; ``below`` solves for what ``transfer`` leaves."""
+        apply, w, x, y = self._pattern.apply, self._w, self._x, self._y
+        self._pattern.scale(self._gain, self.b, w)
+        apply(self._before, w, x)
+        apply(self._left, x, y, self.b)
+        transfer.restrict(y)
+        transfer.interpolate(below(), x)
+        x[self.held] = 0.0
+        apply(self._first, x, y, w)
+        w *= self._more
+        x *= self._keep
+        w -= x
+        apply(self._second, y, x, w)
+        return x
+
+
+class PlaneTransfer:
+    """Interpolation between two stored levels, axis after axis; ``coarse`` receives what is left.
+
+    ``held`` are the places of the coarse level that aren't free.
+    """
+
+    def __init__(
+        self,
+        weights: PlaneWeights,
+        fine: RunLayout,
+        coarse: RunLayout,
+        held: npt.NDArray[np.int64],
+        into: Real,
+    ) -> None:
+        self._fine, self._coarse, self._held, self._into = fine, coarse, held, into
+        slow, middle, fast = (weights.axes[axis].astype(into.dtype) for axis in fine.order)
+        self._slow, self._slow_back = csr_matrix(slow), csr_matrix(slow.T)
+        self._middle = np.zeros((fine.shape[1] + 1, coarse.shape[1] + 1), dtype=into.dtype)
+        self._middle[:-1, :-1] = middle.toarray()
+        spread = np.zeros((fine.row // 3, 3, coarse.row // 3, 3), dtype=into.dtype)
+        dense = fast.toarray()
+        for k in range(3):
+            spread[: dense.shape[0], k, : dense.shape[1], k] = dense
+        self._fast = spread.reshape(fine.row, coarse.row)
+
+    def interpolate(self, coarse: Real, x: Real) -> None:
+        """x += P coarse, places that aren't free included."""
+        body = self._coarse.body(coarse)
+        wide = np.matmul(body.reshape(-1, body.shape[2]), self._fast.T)
+        high = np.matmul(self._middle, wide.reshape(*body.shape[:2], -1))
+        into = self._fine.body(x)
+        into += (self._slow @ high.reshape(len(high), -1)).reshape(into.shape)
+
+    def restrict(self, r: Real) -> None:
+        """The transpose, into the coarse level's right-hand side."""
+        body = self._fine.body(r)
+        thick = self._slow_back @ body.reshape(len(body), -1)
+        high = np.matmul(self._middle.T, thick.reshape(-1, *body.shape[1:]))
+        into = self._coarse.body(self._into)
+        np.matmul(high.reshape(-1, body.shape[2]), self._fast, out=into.reshape(-1, into.shape[2]))
+        self._into[self._held] = 0.0
+
+
+class LatticeCycle:
+    """The levels of a hierarchy from the finest on that are lattices of repeating rows."""
+
+    @staticmethod
+    def of(
+        hierarchy: Hierarchy, smoothing: Callable[[Level], tuple[Relaxation, ...]]
+    ) -> LatticeCycle | None:
+        """None where the finest level isn't one."""
+        first = hierarchy.levels[0].product
+        if not isinstance(first, StencilProduct):
+            return None
+        dtype = cycle_dtype(hierarchy.lowest)
+        levels: list[LatticeLevel] = []
+        for level in hierarchy.levels:
+            product = level.product
+            if not isinstance(product, StencilProduct) or level.patches is not None:
+                break
+            assert isinstance(level.transfer, NodeTransfer)
+            layout = product.layout
+            if layout.order != first.layout.order:
+                layout = RunLayout(product.stencil.lattice, first.layout.order)
+            one = LatticeLevel(
+                product.stencil, layout, level.transfer.free, level.inverse, smoothing(level), dtype
+            )
+            if not one.worthwhile:
+                break
+            levels.append(one)
+        return LatticeCycle(hierarchy, levels, dtype) if levels else None
+
+    def __init__(
+        self, hierarchy: Hierarchy, levels: list[LatticeLevel], dtype: npt.DTypeLike
+    ) -> None:
+        self.depth, self._levels = len(levels), levels
+        last = hierarchy.levels[self.depth - 1].transfer
+        assert isinstance(last, NodeTransfer)
+        assert isinstance(last.interpolation, PlaneWeights)
+        # the level below takes and gives its vectors in the order of its nodes
+        self._below = RunLayout(last.interpolation.coarse, levels[0].layout.order)
+        self._below_b, self._below_x = self._below.zeros(dtype), self._below.zeros(dtype)
+        layouts = [*(level.layout for level in levels), self._below]
+        rights = [*(level.b for level in levels), self._below_b]
+        held = [*(level.held for level in levels), self._below.places(~last.coarse_free)]
+        self._transfers = []
+        for number in range(self.depth):
+            transfer = hierarchy.levels[number].transfer
+            assert isinstance(transfer, NodeTransfer)
+            assert isinstance(transfer.interpolation, PlaneWeights)
+            self._transfers.append(
+                PlaneTransfer(
+                    transfer.interpolation, layouts[number], layouts[number + 1],
+                    held[number + 1], rights[number + 1],
+                )
+            )  # fmt: skip
+
+    def apply(self, b: Float, below: Callable[[Float], Float]) -> Float:
+        """z (3N,) for b (3N,); ``below`` solves on the level below these, for (1,n)."""
+        top = self._levels[0]
+        top.layout.put(b, top.b)
+        # residuals hold reactions, too
+        top.b[top.held] = 0.0
+        return top.layout.get(self._solve(0, below))
+
+    def _solve(self, number: int, below: Callable[[Float], Float]) -> Real:
+        if number < self.depth:
+            return self._levels[number].cycle(
+                self._transfers[number], partial(self._solve, number + 1, below)
+            )
+        right = self._below.get(self._below_b)
+        self._below.put(below(right[None])[0], self._below_x)
+        return self._below_x

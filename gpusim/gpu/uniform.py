@@ -1,0 +1,103 @@
+"""Uniform structs: checked, packed, and written to the device once for all that bind them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+import wgpu
+
+from gpusim.errors import InputError
+
+if TYPE_CHECKING:
+    from gpusim.gpu.device import Device
+
+__all__ = ["Uniform", "pack"]
+
+
+class Uniform:
+    """The values of a uniform struct, for several programs to bind."""
+
+    def __init__(self, device: Device, values: Any, label: str) -> None:
+        self.device, self.values, self.label = device, values, label
+        self._buffers: dict[np.dtype[np.void], Any] = {}
+
+    def live(self, dtype: np.dtype[np.void], where: str) -> Any:
+        """The wgpu buffer with the values laid out as ``dtype``.
+
+        Raises
+        ------
+        InputError
+            See `pack`.
+        """
+        if dtype not in self._buffers:
+            data = pack(self.values, dtype, f"{where}.{self.label.rpartition('.')[2]}").tobytes()
+            size = -(-len(data) // 16) * 16
+            gpu = self.device.gpu.create_buffer(
+                label=f"gpusim.{self.label}",
+                size=size,
+                usage=wgpu.BufferUsage.UNIFORM | wgpu.BufferUsage.COPY_DST,
+            )
+            self.device.gpu.queue.write_buffer(gpu, 0, data.ljust(size, b"\0"))
+            self._buffers[dtype] = gpu
+        return self._buffers[dtype]
+
+
+def pack(values: dict[str, Any], dtype: np.dtype[np.void], where: str) -> npt.NDArray[np.void]:
+    """A dict as one WGSL struct; every member must be given, none may be unknown.
+
+    Raises
+    ------
+    InputError
+        Members missing or unknown, a wrong shape, NaN or infinity, or a number that the member's
+        type can't hold (a fraction or a negative number as u32, 1e39 as f32).
+    """
+    if not isinstance(values, Mapping):
+        raise InputError(f"{where}; got {type(values).__name__}; expected a dict of the members")
+    names = set(dtype.names or ())
+    if set(values) != names:
+        raise InputError(f"{where}; got members {sorted(values)}; expected {sorted(names)}")
+    record = np.zeros((), dtype)
+    for key, value in values.items():
+        member = dtype[key]
+        at = f"{where}.{key}"
+        if member.base.names:
+            record[key] = _structs(value, member, at)
+        else:
+            record[key] = _numbers(value, member, at)
+    return record
+
+
+def _structs(value: Any, member: np.dtype[Any], where: str) -> npt.NDArray[np.void]:
+    """One struct from a dict, or an array of n from n dicts or from a dict of n rows each."""
+    if not member.shape:
+        return pack(value, member, where)
+    if isinstance(value, Mapping):
+        names = member.base.names or ()
+        parts = [(name, member.base[name]) for name in names]
+        rows = np.dtype([(name, part.base, member.shape + part.shape) for name, part in parts])
+        columns = pack(dict(value), rows, where)
+        result = np.zeros(member.shape, member.base)
+        for name in names:
+            result[name] = columns[name]
+        return result
+    items = list(value)
+    if member.shape != (len(items),):
+        raise InputError(f"{where}; got {len(items)} structs; expected {member.shape[0]}")
+    return np.array([pack(item, member.base, where) for item in items], member.base)
+
+
+def _numbers(value: Any, member: np.dtype[Any], where: str) -> npt.NDArray[Any]:
+    given = np.asarray(value)
+    if given.shape != member.shape or given.dtype.kind not in "biuf":
+        raise InputError(f"{where}; got {value!r}; expected numbers of shape {member.shape}")
+    with np.errstate(over="ignore", invalid="ignore"):
+        stored = given.astype(member.base)
+    whole = member.base.kind in "iu"
+    if not np.isfinite(given).all() or not (
+        (stored == given).all() if whole else np.isfinite(stored).all()
+    ):
+        raise InputError(f"{where}; got {value!r}; expected finite values that {member.base} holds")
+    return stored

@@ -1,0 +1,157 @@
+"""Arguments of the Python API: refused with one clear message, before anything works with them.
+
+`checked` reads the types from a function's or dataclass' annotations, so that what the signature
+says is what is checked: numbers, whole numbers, texts, switches, arrays and tuples of numbers.
+Other types, ranges and shapes are left to the function itself.
+"""
+
+from __future__ import annotations
+
+import difflib
+import functools
+import inspect
+import types
+import typing
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import InputError
+
+__all__ = ["checked", "nearest_name", "real_numbers"]
+
+T = TypeVar("T", bound=Callable[..., Any])
+Test = tuple[str, Callable[[Any], bool]]
+
+
+def real_numbers(value: Any, what: str) -> npt.NDArray[np.float64]:
+    """``value`` as a float64 array. Raises InputError naming ``what`` if it isn't numbers."""
+    array = _array(value)
+    if array is None:
+        raise InputError(f"{what}; got {_shown(value)}; expected an array of real numbers")
+    return array
+
+
+def nearest_name(name: str, names: Iterable[str]) -> str:
+    """ " (did you mean x?)" if one of the ``names`` is close, else ""."""
+    near = difflib.get_close_matches(name, list(names), 1, 0.6)
+    return f" (did you mean {near[0]}?)" if near else ""
+
+
+def checked(thing: T) -> T:
+    """Decorator of functions, methods and dataclasses: InputError in place of a TypeError for
+    arguments that are unknown, missing, or of another type than annotated.
+
+    A dataclass' own checks come first: they know what is expected better than its types do.
+    """
+    if not isinstance(thing, type):
+        return typing.cast(T, _wrapped(thing, thing.__name__))
+    init: Any = thing.__init__  # type: ignore[misc]
+    thing.__init__ = _wrapped(init, thing.__name__, own_first=True)  # type: ignore[misc]
+    return thing
+
+
+def _wrapped(
+    function: Callable[..., Any], name: str, own_first: bool = False
+) -> Callable[..., Any]:
+    signature = inspect.signature(function)
+    own = [p for p in signature.parameters if p != "self"]
+
+    @functools.cache
+    def tests() -> dict[str, list[Test]]:
+        # at the first call: annotations may name what the module defines further down
+        hints = typing.get_type_hints(function)
+        found = {key: _tests(hints[key]) for key in own if key in hints}
+        return {key: kinds for key, kinds in found.items() if kinds}
+
+    def check(given: dict[str, Any]) -> None:
+        for key, kinds in tests().items():
+            if key in given and not any(fits(given[key]) for _, fits in kinds):
+                words = " or ".join(dict.fromkeys(word for word, _ in kinds))
+                raise InputError(f"{name} {key}; got {_shown(given[key])}; expected {words}")
+
+    @functools.wraps(function)
+    def call(*args: Any, **kwargs: Any) -> Any:
+        try:
+            given = signature.bind(*args, **kwargs).arguments
+        except TypeError as error:
+            raise _misfit(name, own, kwargs, error) from None
+        if not own_first:
+            check(given)
+            return function(*args, **kwargs)
+        try:
+            function(*args, **kwargs)
+        except InputError:
+            raise
+        except (TypeError, ValueError, AttributeError, IndexError):
+            check(given)
+            raise
+        check(given)
+        return None
+
+    return call
+
+
+def _misfit(name: str, own: Sequence[str], given: Iterable[str], error: TypeError) -> InputError:
+    for key in given:
+        if key not in own:
+            expected = f"expected some of {', '.join(own)}{nearest_name(key, own)}"
+            return InputError(f"{name}: unknown argument; got {key!r}; {expected}")
+    return InputError(f"{name}: {error}; expected ({', '.join(own)})")
+
+
+def _shown(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:40]}… ({type(value).__name__})"
+
+
+def _tests(hint: Any) -> list[Test]:
+    """What a value of an annotated type must be, one entry per alternative; [] if not known."""
+    origin = typing.get_origin(hint)
+    if origin in (types.UnionType, typing.Union):
+        parts = [_tests(part) for part in typing.get_args(hint)]
+        return [test for part in parts for test in part] if all(parts) else []
+    if hint is type(None):
+        return [("None", lambda value: value is None)]
+    if hint is bool:
+        return [("True or False", lambda value: isinstance(value, bool | np.bool_))]
+    if hint is str:
+        return [("a text", lambda value: isinstance(value, str))]
+    if hint is float:
+        return [("a number", _is_number)]
+    if hint is int:
+        return [("a whole number", lambda value: _is_number(value) and float(value).is_integer())]
+    if hint is np.ndarray or origin is np.ndarray:
+        return [("an array of real numbers", _is_real)]
+    items = [part for part in typing.get_args(hint) if part is not Ellipsis]
+    if origin in (tuple, Sequence) and items and all(part in (int, float) for part in items):
+        count = len(items) if origin is tuple and Ellipsis not in typing.get_args(hint) else None
+        words = "numbers" if count is None else f"{count} numbers"
+
+        def row(value: Any) -> bool:
+            array = _array(value)
+            return array is not None and array.ndim == 1 and count in (None, len(array))
+
+        return [(words, row)]
+    return []
+
+
+def _is_number(value: Any) -> bool:
+    if isinstance(value, np.ndarray) and value.ndim == 0:
+        value = value[()]
+    real = isinstance(value, int | float | np.integer | np.floating)
+    return real and not isinstance(value, bool | np.bool_)
+
+
+def _is_real(value: Any) -> bool:
+    """Whether it is numbers in an array or lists; NumPy would take texts and None as well."""
+    try:
+        return np.asarray(value).dtype.kind in "iuf"
+    except (TypeError, ValueError):
+        return False
+
+
+def _array(value: Any) -> npt.NDArray[np.float64] | None:
+    return np.asarray(value, np.float64) if _is_real(value) else None

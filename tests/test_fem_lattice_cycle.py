@@ -1,0 +1,98 @@
+"""The cycle on stored runs against the same cycle by assembled matrices, on asymmetric bodies."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import gpusim.fem.lattice_cycle as lattice_cycle
+from gpusim import fem
+from gpusim.fem.assembly import assemble
+from gpusim.fem.boxes import equal_boxes
+from gpusim.fem.formulation import resolve_formulation
+from gpusim.fem.hierarchy import build_hierarchy
+from gpusim.fem.lattice_cycle import cycle_dtype
+from gpusim.fem.preconditioner import Multigrid
+from gpusim.fem.stencil import stencil_of
+from gpusim.mesh import Mesh, box
+
+
+def multigrid(mesh: Mesh, fixed: np.ndarray, material_of_cell: np.ndarray) -> Multigrid:
+    materials = [fem.Isotropic(1.0, 0.3), fem.Isotropic(3.0, 0.2)]
+    model = fem.Model(mesh, materials, material_of_cell=material_of_cell, fixed=fixed)
+    parts = assemble(model, resolve_formulation(model, None))
+    assert parts.lattice is not None
+    return Multigrid(
+        build_hierarchy(
+            stencil_of(parts.rows, parts.lattice, 2.0), parts.groups, parts.lattice, ~fixed,
+            mesh.points, parts.rows, 2.0,
+        )
+    )  # fmt: skip
+
+
+def uneven(kind: str) -> tuple[Mesh, np.ndarray, np.ndarray]:
+    """A body, its supports (a patch, and one component elsewhere), and materials of its cells."""
+    mesh = box((1.0, 0.8, 0.9), (17, 20, 26))
+    centre = mesh.points[mesh.cells["hex8"]].mean(axis=1)
+    if kind == "angle":
+        gone = (centre[:, 0] > 0.5) & (centre[:, 1] > 0.44)
+        cells = mesh.cells["hex8"][~gone]
+        used, number = np.unique(cells, return_inverse=True)
+        mesh = Mesh(mesh.points[used], {"hex8": number.reshape(-1, 8)})
+    if kind == "shuffled":
+        number = np.random.default_rng(2).permutation(mesh.node_count)
+        points = np.empty_like(mesh.points)
+        points[number] = mesh.points
+        mesh = Mesh(points, {"hex8": number[mesh.cells["hex8"]]})
+    centre = mesh.points[mesh.cells["hex8"]].mean(axis=1)
+    x, y, z = mesh.points.T
+    fixed = np.zeros(mesh.points.shape, dtype=bool)
+    fixed[(x < 1e-9) & (y < 0.5)] = True
+    fixed[z < 1e-9, 1] = True
+    layer = (centre[:, 2] > 0.45).astype(np.int64) if kind == "layered" else np.zeros(len(centre))
+    return mesh, fixed, layer.astype(np.int64)
+
+
+@pytest.mark.parametrize("kind", ["plain", "angle", "shuffled", "layered"])
+def test_it_is_the_cycle_by_assembled_matrices(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    mesh, fixed, layer = uneven(kind)
+    plain = multigrid(mesh, fixed, layer)
+    rng = np.random.default_rng(3)
+    # with reactions in the fixed unknowns, which mustn't matter
+    r = rng.normal(size=(2, fixed.size))
+    expected = plain._cycle(0, r)
+    size = np.abs(expected).max()
+    assert plain.hierarchy.levels[0].product.unknowns == fixed.size
+    for dtype, tolerance in ((np.float64, 1e-13), (np.float32, 2e-5)):
+        monkeypatch.setattr(lattice_cycle, "cycle_dtype", lambda lowest, dtype=dtype: dtype)
+        got = Multigrid(plain.hierarchy).apply(r)
+        assert np.isfinite(got).all()
+        assert np.abs(got - expected).max() <= tolerance * size
+        assert not got[:, fixed.ravel()].any()
+        if dtype == np.float32:
+            # and it is indeed the other arithmetic
+            assert np.abs(got - expected).max() > 1e-12 * size
+
+
+def test_rounding_that_would_drown_the_softest_motion_asks_for_float64() -> None:
+    assert cycle_dtype(1e-4) is np.float32
+    assert cycle_dtype(1e-7) is np.float64
+    assert cycle_dtype(float("nan")) is np.float64
+
+
+def test_boxes_cover_what_is_wanted_once_and_hold_one_label() -> None:
+    rng = np.random.default_rng(7)
+    label = np.zeros((9, 7, 5), dtype=np.int64)
+    label[0], label[:, -1], label[2:5, 1:4, 3] = 1, 2, 3
+    label[rng.random(label.shape) < 0.05] = 4
+    wanted = label > 0
+    covered = np.zeros(label.shape, dtype=int)
+    boxes = equal_boxes(label, wanted)
+    for value, x0, x1, y0, y1, z0, z1 in boxes.tolist():
+        here = np.s_[x0:x1, y0:y1, z0:z1]
+        assert (label[here] == value).all()
+        covered[here] += 1
+    assert (covered == wanted).all()
+    # a plain face is one box
+    assert len(equal_boxes(np.ones((3, 4, 5), np.int64), np.ones((3, 4, 5), bool))) == 1
+    assert equal_boxes(label, np.zeros(label.shape, bool)).shape == (0, 7)

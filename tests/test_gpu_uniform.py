@@ -1,0 +1,82 @@
+"""Uniforms that programs share, arrays of structs, and textures kept from frame to frame."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gpusim.errors import InputError
+from gpusim.gpu import Device, Uniform
+from gpusim.gpu.uniform import pack
+
+LAMPS = """
+struct Lamp { power: f32, side: array<vec4f, 2>, mask: vec2u }
+struct Lamps { count: u32, lamps: array<Lamp, 3> }
+@group(0) @binding(0) var<uniform> lamps: Lamps;
+@group(0) @binding(1) var<storage, read_write> result: array<f32>;
+@compute @workgroup_size(1)
+fn main() { result[0] = lamps.lamps[lamps.count].power; }
+@compute @workgroup_size(1)
+fn other() { result[1] = lamps.lamps[1].side[1].z + f32(lamps.lamps[1].mask.y); }
+"""
+COLUMNS = {
+    "power": np.array([1.5, 2.5, 4.0]),
+    "side": np.arange(24.0).reshape(3, 2, 4),
+    "mask": np.array([[1, 2], [3, 4], [5, 6]]),
+}
+
+
+@pytest.fixture(scope="module")
+def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Device]:
+    folder: Path = tmp_path_factory.mktemp("shaders")
+    (folder / "lamps.wgsl").write_text(LAMPS, encoding="utf-8")
+    yield Device(shaders=folder)
+
+
+def test_columns_pack_like_rows(lab: Device) -> None:
+    dtype = lab.kernel("lamps").layout.module.structs["Lamps"].dtype
+    rows = [{name: values[k] for name, values in COLUMNS.items()} for k in range(3)]
+    packed = pack({"count": 2, "lamps": COLUMNS}, dtype, "lamps")
+    assert packed.tobytes() == pack({"count": 2, "lamps": rows}, dtype, "lamps").tobytes()
+    np.testing.assert_array_equal(packed["lamps"]["mask"], COLUMNS["mask"])
+    short = {**COLUMNS, "power": np.ones(2)}
+    with pytest.raises(InputError, match=r"lamps\.lamps\.power; .*numbers of shape \(3,\)"):
+        pack({"count": 2, "lamps": short}, dtype, "lamps")
+
+
+def test_programs_share_a_uniform(lab: Device, device: Device) -> None:
+    shared = Uniform(lab, {"count": 2, "lamps": COLUMNS}, "test.lamps")
+    result = lab.empty(8, "result")
+    first, second = lab.kernel("lamps"), lab.kernel("lamps", "other")
+    with lab.recording("test") as recording:
+        for kernel in (first, second):
+            recording.dispatch(kernel, kernel.bind(lamps=shared, result=result), groups=(1,))
+    assert result.read(np.float32).tolist() == [4.0, 18.0]
+    dtype = first.layout.module.structs["Lamps"].dtype
+    assert shared.live(dtype, "a") is shared.live(dtype, "b"), "written once"
+    foreign = Uniform(device, {"count": 2, "lamps": COLUMNS}, "test.lamps")
+    with pytest.raises(InputError, match=r"lamps\.lamps; got a uniform of another device"):
+        first.bind(lamps=foreign, result=result)
+    with pytest.raises(InputError, match=r"lamps\.lamps; got members \['count'\]"):
+        first.bind(lamps=Uniform(lab, {"count": 1}, "test.lamps"), result=result)
+
+
+def test_a_target_is_kept_while_it_fits(lab: Device) -> None:
+    first = lab.target(20, 10, "r32float", "test")
+    used = lab.allocated
+    assert lab.target(20, 10, "r32float", "test") is first
+    assert lab.target(20, 10, "r32float", "other") is not first
+    other = lab.target(30, 10, "r32float", "test")
+    assert (other.width, other.height) == (30, 10)
+    del first
+    assert lab.allocated == used + 4 * 10 * 30
+    assert lab.target(30, 10, "depth32float", "test").format == "depth32float"
+
+
+def test_missing_texels_are_zero(lab: Device) -> None:
+    none = lab.no_texels("rgba32float")
+    assert none is lab.no_texels("rgba32float")
+    assert none.read().tolist() == [[0.0, 0.0, 0.0, 0.0]]
