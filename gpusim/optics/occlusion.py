@@ -31,7 +31,7 @@ TOLERANCE = 2e-6
 STEP_A, STEP_B = 2.0 / COLUMNS, 2.0 / (ROWS * COLUMNS)
 
 
-SHIFT = (15, 13, 10, 6, 4, 5, 0, 1, 14, 3, 12, 11, 8, 2, 7, 9)
+SHIFT = (14, 8, 2, 12, 6, 0, 10, 4, 11, 5, 15, 9, 3, 13, 7, 1)
 OFFSET = (13, 8, 1, 15, 4, 6, 14, 2, 3, 9, 12, 7, 0, 10, 5, 11)
 STRIP = (0, 2, 4, 6, 8, 10, 12, 14, 1, 3, 5, 7, 9, 11, 13, 15)
 """Places of the rows of samples, from a search for the least errors over lamp and pixel: of edges
@@ -40,7 +40,7 @@ in all directions, of penumbrae of all widths, of those along the lamp's sides a
 
 def lattice() -> Array:
     """(16, 4): -a or a and b (-1 to 1) of the first sample of each row, the pixel offset in x that
-    the row looks from, and the direction (1 or -1) that a takes along it.
+    the row looks from, and the direction (1 or -1) that a takes along it (of a lamp with a size).
 
     Sample c of a row lies ``STEP_A`` c further along a and ``STEP_B`` c in b. On its way the offset
     in y goes once through the pixel, so that no strip of the lamp is looked at from one side.
@@ -137,7 +137,7 @@ def _covered(
     else:
         a, b, gx, gy = 0.5 * gx, 0.5 * gy, 0.0 * gx, 0.0 * gy
     rows = lattice()
-    along = rows[:, 3:] * a[:, None] + 0.5 * gy[:, None]
+    along = (rows[:, 3:] if lamp.extended else 1.0) * a[:, None] + 0.5 * gy[:, None]
     first = (
         value[:, None]
         + rows[:, :1] * along

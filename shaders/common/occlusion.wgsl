@@ -121,7 +121,7 @@ fn lamp_share(l: u32, x: vec3f, dx: vec3f, dy: vec3f, tile: vec2u) -> f32 {
         let used = vec4u(select(0u, 0xffffffffu, counts));
         for (var g = 0u; g < shades.groups; g++) {
             let rows = shades.rows[g];
-            let at = rows.way.x * a + 0.5 * py;
+            let at = select(a, rows.way.x * a, extended) + 0.5 * py;
             var span = Span(vec4f(0.0), vec4f(32.0));
             span = cut_rows(span, value.x, at.x, b.x, px.x, rows);
             span = cut_rows(span, value.y, at.y, b.y, px.y, rows);
