@@ -18,6 +18,7 @@ from tests.measure_images import speckles
 WIDTH, HEIGHT = 137, 101
 K = np.array([[400.0, 0.0, 61.0], [0.0, 410.0, 53.0], [0.0, 0.0, 1.0]])
 LENS = np.array([-0.9, 0.4, 0.002, -0.003, 0.0])
+MOTION = np.array([1.5, -0.75])  # px
 DISTANCE, BASELINE = 800.0, 25.0  # mm: a disparity of 12.5 px
 
 
@@ -54,15 +55,15 @@ def test_the_lens_is_undone(tmp_path: Path) -> None:
     def undone(points: np.ndarray) -> np.ndarray:
         return cv2.undistortPoints(points[:, None], K, LENS, None, None, K).reshape(-1, 2)
 
-    true = undone(place + [1.5, -0.75]) - undone(place)
-    assert np.abs(true - [1.5, -0.75]).max() >= 0.02  # the lens matters
+    true = undone(place + MOTION) - undone(place)
+    assert np.abs(true - MOTION).max() >= 0.02  # the lens matters
     assert np.abs(numbers(table, "u", "v") - true).max() <= 4e-3
     strain = [row for row in table if row["exx"]]
     # what moves stiffly in the picture is strained in space
     place = numbers(strain, "x", "y")
     step = np.array([2.0, 0.0])
     ends = [undone(place + s) for s in (-step, step)]
-    moved = [undone(place + s + [1.5, -0.75]) for s in (-step, step)]
+    moved = [undone(place + s + MOTION) for s in (-step, step)]
     before, after = (np.linalg.norm(e[1] - e[0], axis=1) for e in (ends, moved))
     assert np.abs(numbers(strain, "exx")[:, 0] - (after / before - 1)).max() <= 1e-3
 

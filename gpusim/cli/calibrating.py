@@ -112,11 +112,9 @@ def _board(wishes: Wishes) -> measure.Chessboard | measure.CharucoBoard:
         return measure.Chessboard(columns, rows, wishes.square_mm)
     if wishes.marker_mm is None:
         raise InputError("--marker-mm: missing; a ChArUco board needs the side of its markers")
-    made = measure.CharucoBoard(
+    return measure.CharucoBoard(
         columns, rows, wishes.square_mm, wishes.marker_mm, wishes.dictionary
     )
-    made.detector()  # a dictionary with too few markers shows before any picture is read
-    return made
 
 
 def _pictures(paths: Sequence[Path]) -> list[Path]:

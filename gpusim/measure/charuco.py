@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.measure.codes import check_dictionary
 from gpusim.measure.crossings import fit_crossings
 from gpusim.measure.images import check_image, eight_bit
 from gpusim.measure.targets import Sighting, grid_steps
@@ -43,13 +44,16 @@ class CharucoBoard:
                 f"CharucoBoard: got marker {self.marker}, square {self.square}; expected "
                 "0 < marker < square"
             )
-        if not hasattr(cv2.aruco, f"DICT_{self.dictionary}"):
-            raise InputError(f"CharucoBoard dictionary; got {self.dictionary!r}; expected 4X4_50 …")
+        markers = len(check_dictionary(self.dictionary, "CharucoBoard dictionary").bytesList)
+        if self.columns * self.rows // 2 > markers:
+            raise InputError(
+                f"CharucoBoard dictionary: got {self.dictionary} of {markers} markers; expected at "
+                f"least {self.columns * self.rows // 2} for {self.columns} x {self.rows} squares"
+            )
 
     def detector(self) -> Any:
         """OpenCV's detector of this board."""
-        number = getattr(cv2.aruco, f"DICT_{self.dictionary}")
-        dictionary = cv2.aruco.getPredefinedDictionary(number)
+        dictionary = check_dictionary(self.dictionary, "CharucoBoard dictionary")
         size = self.columns, self.rows
         return cv2.aruco.CharucoDetector(
             cv2.aruco.CharucoBoard(size, self.square, self.marker, dictionary)

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 
-__all__ = ["check_image", "check_points", "crop_float"]
+__all__ = ["check_image", "check_points", "crop_float", "eight_bit"]
 
 Image = npt.NDArray[Any]
 FloatArray = npt.NDArray[np.float64]
