@@ -91,7 +91,7 @@ def _gathered(
     before = np.roll(lines, 1, axis=1)
     system = np.stack([before[..., :2], lines[..., :2]], axis=2)
     right = np.stack([before[..., 2], lines[..., 2]], axis=2)
-    corners = np.linalg.solve(system, right[..., None])[..., 0]
+    corners: FloatArray = np.asarray(np.linalg.solve(system, right[..., None])[..., 0], np.float64)
     first, second = corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1]
     between = corners[:, 1] - corners[:, 0]
     along = _cross(between, second) / _cross(first, second)
