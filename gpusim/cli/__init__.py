@@ -22,12 +22,13 @@ from gpusim.cli.bench import bench_app
 from gpusim.cli.console import (
     INTERRUPTED,
     ProgressDisplay,
+    check_folder,
     exit_codes,
     out,
     size_text,
     time_text,
 )
-from gpusim.errors import Fault, InputError, SceneError
+from gpusim.errors import Fault, SceneError
 
 if TYPE_CHECKING:
     from gpusim.plan import Plan
@@ -138,7 +139,7 @@ def run(
     """Solve, render, measure, report; reuse what is unchanged in OUT."""
     with exit_codes():
         loaded = _load(scene, sets).with_effects(only or (), no or ())
-        _check_folder(output)
+        check_folder(output)
         from gpusim import pipeline
 
         with ProgressDisplay(quiet, stream_is_result=as_json) as progress:
@@ -168,7 +169,7 @@ def budget(
     """Run a scene, then with and without each effect: what each adds to the measured error."""
     with exit_codes():
         loaded = _load(scene, sets)
-        _check_folder(output)
+        check_folder(output)
         from gpusim.cli.budgeting import print_budget
         from gpusim.pipeline.budget import run_budget
 
@@ -194,7 +195,7 @@ def solve(
 ) -> None:
     """Solve the linear static steps of an input deck and write displacements and reactions."""
     with exit_codes():
-        _check_folder(output)
+        check_folder(output)
         from gpusim.cli.decks import solve_deck
 
         solve_deck(deck, output, backend.value, tolerance, stress, quiet, as_json)
@@ -233,7 +234,7 @@ def dic(
 ) -> None:
     """Measure how pictures moved against the first one: displacement and strain (DIC)."""
     with exit_codes():
-        _check_folder(output)
+        check_folder(output)
         from gpusim.cli.correlation import Choices, correlate_files
 
         choices = Choices(
@@ -283,7 +284,7 @@ def calibrate(
 ) -> None:
     """Calibrate one camera or a rig from pictures of a chessboard."""
     with exit_codes():
-        _check_folder(output)
+        check_folder(output)
         from gpusim.cli.calibrating import Wishes, calibrate_files
 
         wishes = Wishes(board, square_mm, lens, square_pixels, tuple(formats or ["opencv"]))
@@ -305,7 +306,7 @@ def plan(
     """Validate a scene and tell what a run would do, why, and what it costs; run nothing."""
     with exit_codes():
         loaded = _load(scene, sets)
-        _check_folder(output)
+        check_folder(output)
         if loaded.reads_files:
             import_module("gpusim.pipeline.files").check_files(loaded)
         from gpusim.plan import make_plan
@@ -361,11 +362,6 @@ def _load(path: Path, sets: list[str] | None) -> Scene:
             raise SceneError("--set", [Fault("--set", "no value", entry, "KEY=VALUE")])
         overrides[key.strip()] = parse_value(value.strip())
     return load_scene(path, overrides)
-
-
-def _check_folder(folder: Path | None) -> None:
-    if folder is not None and folder.exists() and not folder.is_dir():
-        raise InputError(f"-o: not a folder; got {folder}; expected a folder, or a new name")
 
 
 def _print_plan(made: Plan) -> None:
