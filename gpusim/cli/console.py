@@ -12,7 +12,6 @@ import traceback
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from types import TracebackType
 from typing import Any
 
@@ -20,17 +19,9 @@ import typer
 from rich.console import Console
 from rich.text import Text
 
-from gpusim.errors import GpusimError, InputError
+from gpusim.errors import GpusimError
 
-__all__ = [
-    "INTERRUPTED",
-    "ProgressDisplay",
-    "check_folder",
-    "exit_codes",
-    "out",
-    "size_text",
-    "time_text",
-]
+__all__ = ["INTERRUPTED", "ProgressDisplay", "exit_codes", "out", "size_text", "time_text"]
 
 INTERRUPTED = 130
 
@@ -74,17 +65,6 @@ def exit_codes() -> Iterator[None]:
         kind = "" if isinstance(error, OSError) else f"internal error, {type(error).__name__}: "
         _complain(f"{kind}{error} (GPUSIM_DEBUG=1 shows where)")
         raise typer.Exit(1) from None
-
-
-def check_folder(folder: Path | None) -> None:
-    """Refuse an output folder that is a file, lies in one, or can't be written to (InputError)."""
-    if folder is None:
-        return
-    existing = next(path for path in (folder, *folder.absolute().parents) if path.exists())
-    if not existing.is_dir():
-        raise InputError(f"-o: not a folder; got {existing}; expected a folder, or a new name")
-    if not os.access(existing, os.W_OK | os.X_OK):
-        raise InputError(f"-o: can't be written to; got {existing}; expected a folder of yours")
 
 
 def _debugging() -> bool:
