@@ -62,14 +62,19 @@ def make_result(points: FloatArray, matches: Correlation, subset: int, blur_px: 
     """Turn raw matches into the public result.
 
     A Gaussian blur of s px shrinks white noise to 1 / (2 s sqrt(pi)) but not its effect on a
-    displacement, which comes from sums over many pixels: sigma is scaled back.
+    displacement, which comes from sums over many pixels: sigma is scaled back. A match is uncertain
+    in the pixels of the reference; what it says of the deformed image is stretched with the subset.
     """
     coefficients = matches.coefficients
-    widening = max(1.0, 2.0 * blur_px * np.sqrt(np.pi))
+    gradient = coefficients[:, :, 1:3] / (subset // 2)
+    stretch = np.full(len(points), np.nan)
+    known = np.isfinite(gradient).all(axis=(1, 2))
+    stretch[known] = np.linalg.norm(np.eye(2) + gradient[known], ord=2, axis=(1, 2))
+    widening = stretch * max(1.0, 2.0 * blur_px * np.sqrt(np.pi))
     return DicResult(
         points=points,
         displacement=coefficients[:, :, 0].copy(),
-        gradient=coefficients[:, :, 1:3] / (subset // 2),
+        gradient=gradient,
         zncc=matches.zncc,
         sigma=matches.sigma * widening,
         iterations=matches.iterations,
