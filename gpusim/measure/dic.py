@@ -108,6 +108,7 @@ def dic(
         min_zncc=min_zncc,
         max_move=float(subset),
         apart_px=apart_px,
+        blur_px=blur_px,
     )
     first = make_usable(reference, "reference", subset, mask, saturation)
     second = make_usable(deformed, "deformed", subset, None, saturation)

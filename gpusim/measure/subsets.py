@@ -12,12 +12,13 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.measure.images import FloatArray, Image
-from gpusim.measure.matching import Correlation, Settings, Status
+from gpusim.measure.matching import SLOPE_NOISE, Correlation, Settings, Status
 from gpusim.measure.warp import check_shape
 
 __all__ = ["DicResult", "Window", "check_mask", "make_result", "make_settings", "make_window"]
 
 Window = Literal["square", "round"]
+LEAST_BLUR = 0.5  # px
 
 
 @dataclass(frozen=True)
@@ -113,6 +114,7 @@ def make_settings(
     min_zncc: float,
     max_move: float,
     apart_px: float = 0.2,
+    blur_px: float = 0.0,
 ) -> Settings:
     """Check the numbers that steer a correlation."""
     if not 0 < tolerance < 1:
@@ -133,6 +135,8 @@ def make_settings(
         float(min_zncc),
         float(max_move),
         float(apart_px),
+        # a blur takes noise off the slopes first
+        SLOPE_NOISE if blur_px < LEAST_BLUR else 0.0,
     )
 
 
