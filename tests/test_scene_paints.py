@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import gpusim as gs
+from gpusim.errors import SceneError
 from gpusim.pipeline.build import build_body
 from gpusim.pipeline.props import build_prop
 from gpusim.scene import Scene
@@ -72,6 +73,48 @@ def test_targets_lie_where_the_scene_says(tmp_path: Path) -> None:
         tmp_path, f'type = "lines"\npitch_mm = 20.0\nwidth_mm = 2.0\nalong = "up"\n{corner}'
     )
     assert isinstance(lines, gs.paint.Lines) and (lines.along, lines.rows) == ("t", 4)
+
+
+def test_ring_codes_lie_where_the_scene_says(tmp_path: Path) -> None:
+    place = "positions_mm = [[-40.0, 0.0, -15.0], [60.0, 0.0, 25.0]]"
+    rings = 'type = "ring_codes"\ndiameter_mm = 8.0\ncodes = [5, 177]\nbits = 10\n' + place
+    paint = paint_of(tmp_path, rings)
+    assert isinstance(paint, gs.paint.RingCodes)
+    assert (paint.codes, paint.bits, paint.diameter) == ((5, 177), 10, 0.008)
+    assert (paint.dot, paint.ground) == (0.9, 0.8)
+    np.testing.assert_allclose(paint.centres, [[0.05, 0.04], [0.15, 0.08]])
+    for text, words in (
+        (rings.replace("[5, 177]", "[5]"), "codes: not one per position"),
+        (rings.replace("bits = 10", "bits = 7"), "codes: more than 7 bits"),
+        (rings.replace("bits = 10", "bits = 21"), "bits: out of range"),
+    ):
+        with pytest.raises(SceneError) as caught:
+            load(tmp_path, plate(text))
+        assert f"prop.0.paint.0.{words}" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "kind",
+    [
+        'type = "speckle"\ndiameter_mm = 3.0',
+        'type = "circles"\ndiameters_mm = [20.0, 10.0]\npositions_mm = [[0.0, 0.0, 0.0]]',
+        'type = "star"\ndiameter_mm = 30.0\npositions_mm = [[0.0, 0.0, 0.0]]',
+        'type = "aruco"\nsize_mm = 25.0\nids = [7]\npositions_mm = [[0.0, 0.0, 0.0]]',
+        'type = "ring_codes"\ndiameter_mm = 8.0\ncodes = [5]\npositions_mm = [[0.0, 0.0, 0.0]]',
+        'type = "lines"\npitch_mm = 20.0\nwidth_mm = 2.0\norigin_mm = [-70.0, 0.0, -45.0]\n'
+        "columns = 5\nrows = 4",
+        'type = "charuco"\nsquare_mm = 20.0\nmarker_mm = 14.0\norigin_mm = [-70.0, 0.0, -45.0]\n'
+        "columns = 5\nrows = 4",
+        'type = "image"\nfile = "p.png"\ntexel_mm = 2.0\norigin_mm = [-90.0, 0.0, -55.0]',
+    ],
+)
+def test_every_pattern_may_lie_on_glossy_ground(tmp_path: Path, kind: str) -> None:
+    cv2.imwrite(str(tmp_path / "p.png"), np.full((8, 15), 90, np.uint8))
+    plain, shiny = (
+        paint_of(tmp_path, kind + more) for more in ("", "\nroughness = 0.35\nmetallic = 1.0")
+    )
+    assert (plain.roughness, plain.metallic) == (1.0, 0.0)
+    assert (shiny.roughness, shiny.metallic) == (0.35, 1.0)
 
 
 def test_a_picture_comes_from_beside_the_scene(tmp_path: Path) -> None:

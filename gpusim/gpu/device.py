@@ -311,12 +311,13 @@ class Device:
         color_formats: tuple[str, ...],
         constants: dict[str, float] | None = None,
         entries: tuple[str, str] = ("vertex", "fragment"),
+        depth: str = "greater",
     ) -> Raster:
         """The vertex + fragment program of ``shaders/<name>.wgsl`` (see `Raster`)."""
-        key = (name, color_formats, entries, tuple(sorted((constants or {}).items())))
+        key = (name, color_formats, entries, depth, tuple(sorted((constants or {}).items())))
         if key not in self._kernels:
             module = load(name, self.real, self.shaders)
-            self._kernels[key] = Raster(self, module, color_formats, entries, constants)
+            self._kernels[key] = Raster(self, module, color_formats, entries, constants, depth)
         found: Raster = self._kernels[key]
         return found
 

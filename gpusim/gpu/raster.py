@@ -56,6 +56,7 @@ class Raster:
     """A triangle-list pipeline with a float32 reversed depth buffer (nearer is larger).
 
     Vertices are pulled from storage buffers by index; ``entries`` are (vertex, fragment).
+    ``depth``: how what is drawn compares with what is there; only "greater" changes the depth.
     """
 
     def __init__(
@@ -65,6 +66,7 @@ class Raster:
         color_formats: tuple[str, ...],
         entries: tuple[str, str] = ("vertex", "fragment"),
         constants: dict[str, float] | None = None,
+        depth: str = "greater",
     ) -> None:
         for entry in entries:
             if entry not in module.entries:
@@ -100,8 +102,8 @@ class Raster:
                 primitive={"topology": "triangle-list", "cull_mode": "none"},
                 depth_stencil={
                     "format": "depth32float",
-                    "depth_write_enabled": True,
-                    "depth_compare": "greater",
+                    "depth_write_enabled": depth == "greater",
+                    "depth_compare": depth,
                 },
             )
 

@@ -137,11 +137,13 @@ class Recording:
         vertices: int,
         size: tuple[int, int],
         clear: float | None = 0.0,
+        keep_depth: bool = False,
     ) -> None:
         """Draw a triangle list into the top-left ``size`` (w, h) pixels.
 
         The targets are set to ``clear`` (those of integers to 0) and the depth to far before; with
-        None both are kept, and the list adds to what an earlier draw left.
+        None both are kept, and the list adds to what an earlier draw left. ``keep_depth``: the
+        depth is kept in any case.
         """
         if bindings.layout is not raster.layout:
             raise InputError(f"draw of {raster.name}: the bindings were made for another program")
@@ -161,7 +163,7 @@ class Recording:
             color_attachments=attachments,
             depth_stencil_attachment={
                 "view": depth.view,
-                "depth_load_op": "clear" if clear is not None else "load",
+                "depth_load_op": "load" if keep_depth or clear is None else "clear",
                 "depth_store_op": "store",
                 "depth_clear_value": 0.0,
             },

@@ -94,10 +94,13 @@ class PatternTable:
         return PatternTable(paints, starting, table, speckle, grid_of_paint)
 
     def mask(self) -> PatternTable:
-        """The same pattern with albedo 1 on a ground of 0: its mean is the share it covers."""
+        """The same pattern with what each feature covers as its albedo, on a ground of 0.
+
+        Its mean is the share of the ground that is hidden.
+        """
         paints, features = self.paints.copy(), self.features.copy()
         paints["ground"] = 0.0
-        features[:, 8:10] = 1.0
+        features[:, 8:10] = features[:, 11:12]
         return replace(self, paints=paints, features=features)
 
     @property
@@ -343,6 +346,8 @@ def _records(features: Features, which: npt.NDArray[np.int64], origin: Array) ->
     table[:, 6:8] = squares
     table[:, 8:10] = features.albedo[which]
     table[:, 10] = kind
+    assert features.covers is not None
+    table[:, 11] = features.covers[which]
     table[:, 12:14] = np.where(patch[:, None], index, 0.0)
     sector = kind == 2
     stop = angle + squares[:, 0]

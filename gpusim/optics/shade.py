@@ -9,6 +9,7 @@ the albedo itself.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
@@ -24,11 +25,12 @@ from gpusim.optics.bitmap import BITMAP, mean_over_pixels
 from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.gloss import gloss_texels
 from gpusim.optics.pattern import FINEST, LOOP_TURNS
+from gpusim.optics.seen import SeenPass, small_triangles
 from gpusim.optics.setup import GRAZING, Setup, footprint, probe_setup, radiance_of
 from gpusim.optics.shadow_tables import ShadowTables
 from gpusim.optics.visibility import visibility_twin
 
-__all__ = ["ShadePass", "Tables", "shade_twin"]
+__all__ = ["Program", "ShadePass", "Tables", "shade_twin"]
 
 
 NO_TILES = {"last": np.zeros(2), "middle": np.zeros(2), "size": 1, "columns": 1}
@@ -44,9 +46,9 @@ class Tables:
         self.lamps = Uniform(device, setup.lighting.uniform(), "shade.lamps")
         self.gloss = gloss_texels(device, setup.lighting.gloss)
         self.shadows = ShadowTables(device, setup.lighting)
-        self.paints = device.buffer(table.paints, "shade.paints")
+        self.paints = _as_texels(device, table.paints, "shade.paints")
         self.patterns = table.texels(device)
-        self.triangles = device.buffer(setup.records(), "shade.triangles")
+        self.triangles = _as_texels(device, setup.records(), "shade.triangles")
         self.screen = device.buffer(fixed, "shade.screen")
         bends = distortion_map(view.camera)
         self.undistortion = self.bitmap_texels = device.no_texels("rgba32float")
@@ -83,14 +85,33 @@ class Tables:
         return {"x": columns[0], "y": columns[1], "one": columns[2]}
 
 
-class ShadePass:
-    """Draws a view's radiance band by band: triangles near features, then plain ones.
+def _as_texels(device: Device, records: npt.NDArray[np.void], label: str) -> Texels:
+    """Records of 32-bit words, each filled up to whole texels."""
+    words = records.view(np.uint32).reshape(len(records), -1)
+    if words.shape[1] % 4:
+        words = np.pad(words, ((0, 0), (0, -words.shape[1] % 4)))
+    texels = Texels(device, words.size // 4, "rgba32uint", label)
+    texels.write(words.reshape(-1, 4))
+    return texels
 
-    A program for each kind, because software rasterisers run both sides of every branch: a plain
-    wall must not pay for the pattern on a marker.
+
+@dataclass(frozen=True, eq=False)
+class Program:
+    """Override constants, and the numbers of the triangles to draw with them, nearest first."""
+
+    constants: dict[str, float]
+    triangles: npt.NDArray[np.uint32]
+
+
+class ShadePass:
+    """Draws a view's radiance band by band.
+
+    A program for each kind of paint, because software rasterisers run both sides of every branch:
+    a plain wall must not pay for the pattern on a marker. ``by_pixel``: whether pixels are shaded
+    once their triangle is known (`gpusim.optics.seen`); None decides by the triangles' size.
     """
 
-    def __init__(self, tables: Tables, rows: int) -> None:
+    def __init__(self, tables: Tables, rows: int, by_pixel: bool | None = None) -> None:
         device, setup = tables.device, tables.setup
         view = setup.view
         turns = FINEST * (FINEST + 1) + 1 if setup.constants([1], False)["fine"] else 1
@@ -102,32 +123,29 @@ class ShadePass:
             )
         self.tables, self.rows = tables, rows
         self.color = device.target(view.camera.width, rows, "r32float", "shade.radiance")
-        self.depth = device.target(view.camera.width, rows, "depth32float", "shade.depth")
+        self.colors: tuple[Texture, ...] = (self.color,)
         self.marks: Texture | None = None
-        formats: tuple[str, ...] = ("r32float",)
-        entries = ("vertex", "fragment")
         if setup.lighting.shadows is not None:
             self.marks = device.target(view.camera.width, rows, "rg32uint", "shade.marks")
-            formats, entries = ("r32float", "rg32uint"), ("vertex", "fragment_marked")
-        nearest = view.inverse_depth().max(axis=1, initial=0.0)
-        near_first = np.argsort(-nearest, kind="stable")
+            self.colors = (self.color, self.marks)
         self._near, depth = view.raster_depth()
         self._inverse = device.buffer(depth, "shade.inverse_depth")
+        by_pixel = small_triangles(view) if by_pixel is None else by_pixel
+        programs = _programs(setup, sort=not by_pixel)
+        self._seen = SeenPass(tables, rows, programs, self._near) if by_pixel else None
         self._draws: list[tuple[Raster, Buffer, int]] = []
-        for group, glossy in product((BITMAP, 3 + GRAZING, 2 + GRAZING, 3, 2, 1, 0), (True, False)):
-            wanted = (setup.groups == group) & (setup.shiny == glossy)
-            order = near_first[wanted[near_first]]
-            # one at least, to clear the targets
-            if len(order) or not (group or glossy or self._draws):
-                raster = device.raster(
-                    "optics/shade",
-                    formats,
-                    constants=setup.constants([group], glossy),
-                    entries=entries,
-                )
-                numbers = order.astype(np.uint32) if len(order) else np.zeros(1, np.uint32)
-                buffer = device.buffer(numbers, "shade.order")
-                self._draws.append((raster, buffer, len(order)))
+        if by_pixel:
+            return
+        self.depth = device.target(view.camera.width, rows, "depth32float", "shade.depth")
+        entries = ("vertex", "fragment" if self.marks is None else "fragment_marked")
+        formats = tuple(texture.format for texture in self.colors)
+        for program in programs:
+            raster = device.raster(
+                "optics/shade", formats, constants=program.constants, entries=entries
+            )
+            count = len(program.triangles)
+            numbers = program.triangles if count else np.zeros(1, np.uint32)
+            self._draws.append((raster, device.buffer(numbers, "shade.order"), count))
 
     @property
     def stride(self) -> int:
@@ -140,20 +158,23 @@ class ShadePass:
         width = setup.view.camera.width
         params = {
             "rays": self.tables.rays(), "width": width, "rows": rows, "row0": row0,
-            "near": self._near,
+            "near": self._near, "level": 0.0,
         }  # fmt: skip
-        clear: float | None = setup.background
         shared = self.tables.shared()
         shadows = self.tables.shadows.bindings()
         shared |= {name: shadows[name] for name in ("shades", "shadow_tiles")}
         shared["gloss_table"] = self.tables.gloss
+        clear: float | None = setup.background
+        if self._seen is not None:
+            del shared["screen"]
+            self._seen.record(recording, self.colors, self._inverse, params, shared)
         for raster, order, count in self._draws:
             values = {**shared, "inverse_depth": self._inverse, "order": order}
             bindings = raster.bind(params=params, **values)
             recording.draw(
                 raster,
                 bindings,
-                colors=(self.color,) if self.marks is None else (self.color, self.marks),
+                colors=self.colors,
                 depth=self.depth,
                 vertices=3 * count,
                 size=(width, rows),
@@ -161,6 +182,21 @@ class ShadePass:
             )
             clear = None
         recording.copy_texture(self.color, radiance, rows)
+
+
+def _programs(setup: Setup, sort: bool) -> list[Program]:
+    """The programs that a view needs, one at least (which clears the targets)."""
+    result: list[Program] = []
+    order: npt.NDArray[np.integer] = np.arange(setup.view.count)
+    if sort:
+        nearest = setup.view.inverse_depth().max(axis=1, initial=0.0)
+        order = np.argsort(-nearest, kind="stable")
+    for group, glossy in product((BITMAP, 3 + GRAZING, 2 + GRAZING, 3, 2, 1, 0), (True, False)):
+        wanted = (setup.groups == group) & (setup.shiny == glossy)
+        own = order[wanted[order]].astype(np.uint32)
+        if len(own) or not (group or glossy or result):
+            result.append(Program(setup.constants([group], glossy), own))
+    return result
 
 
 def shade_twin(setup: Setup, ids: npt.NDArray[np.uint32]) -> npt.NDArray[np.float32]:
@@ -205,13 +241,15 @@ def shade_twin(setup: Setup, ids: npt.NDArray[np.uint32]) -> npt.NDArray[np.floa
 def _check(device: Device) -> None:
     setup = probe_setup()
     camera = setup.view.camera
-    shading = ShadePass(Tables(device, setup), rows=camera.height)
-    out = device.empty(4 * shading.stride * camera.height, "shade.out")
-    with device.recording("optics.shade") as recording:
-        shading.record(recording, out, 0, camera.height)
-    got = out.read(np.float32, (camera.height, shading.stride))[:, : camera.width]
     want = shade_twin(setup, visibility_twin(setup.view))
     # where edges cross a pixel, hardware and twin may see different triangles at its centre
-    inside = np.ones(got.size, bool)
+    inside = np.ones(want.size, bool)
     inside[bin_edges(setup.view).pixel] = False
-    compare("optics/shade", got.reshape(-1)[inside], want.reshape(-1)[inside], "pixel")
+    tables = Tables(device, setup)
+    for by_pixel in (False, True):
+        shading = ShadePass(tables, camera.height, by_pixel)
+        out = device.empty(4 * shading.stride * camera.height, "shade.out")
+        with device.recording("optics.shade") as recording:
+            shading.record(recording, out, 0, camera.height)
+        got = out.read(np.float32, (camera.height, shading.stride))[:, : camera.width]
+        compare("optics/shade", got.reshape(-1)[inside], want.reshape(-1)[inside], "pixel")

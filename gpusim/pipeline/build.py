@@ -90,8 +90,8 @@ def _painted_over(where: str) -> InputError:
 
 
 def finish_of(paint: m.Paint) -> tuple[float, float]:
-    """Roughness and metallic share; of paints without a finish those of a matte one."""
-    return getattr(paint, "finish", (1.0, 0.0))
+    """Roughness and metallic share."""
+    return paint.finish
 
 
 def build_lights(scene: Scene) -> list[Light] | None:

@@ -17,7 +17,7 @@ __all__ = ["Frame", "build_frame", "build_pattern"]
 
 Array = npt.NDArray[np.float64]
 Frame = PaintFrame | CylinderFrame | Atlas
-MIDDLES = {"circles": paints.Circles, "aruco": paints.Aruco}
+MIDDLES = {"circles": paints.Circles, "aruco": paints.Aruco, "ring_codes": paints.RingCodes}
 CORNERS = {"charuco": paints.Charuco, "lines": paints.Lines}
 
 
@@ -49,7 +49,7 @@ def _pattern(paint: m.Pattern, frame: Frame, where: str) -> paints.Paint:
     if isinstance(paint, m.Speckle):
         return paints.Speckle(
             paint.diameter, paint.coverage, paint.softness, paint.size_law, paint.spread,
-            paint.arrangement, paint.seed, paint.dot, paint.albedo,
+            paint.arrangement, paint.seed, paint.dot, paint.albedo, *paint.finish,
         )  # fmt: skip
     if isinstance(frame, Atlas):
         raise InputError(f"{where}; got mapping 'unfold'; expected it for speckle only")
@@ -73,7 +73,8 @@ def _pattern(paint: m.Pattern, frame: Frame, where: str) -> paints.Paint:
     if isinstance(paint, m.Picture):
         return paints.Image.read(
             paint.path, paint.texel, origin=(s, t), dark=paint.dark, light=paint.light,
-            ground=paint.albedo, gamma=paint.gamma,
+            ground=paint.albedo, gamma=paint.gamma, roughness=paint.finish[0],
+            metallic=paint.finish[1],
         )  # fmt: skip
     if isinstance(paint, m.Checker):
         return paints.Checker(
@@ -88,6 +89,7 @@ def _pattern(paint: m.Pattern, frame: Frame, where: str) -> paints.Paint:
 
 def _target(paint: m.Target, places: Array) -> paints.Paint:
     values: dict[str, Any] = dict(paint.values)
+    values["roughness"], values["metallic"] = paint.finish
     result: paints.Paint
     if paint.kind in CORNERS:
         s, t = (float(value) for value in places[0])

@@ -205,6 +205,7 @@ class Speckle:
     seed: int
     dot: float
     wrap: Wrap | None = None
+    finish: tuple[float, float] = (1.0, 0.0)
 
 
 Pattern = Markers | Checker | Dots | Speckle | Picture | Target

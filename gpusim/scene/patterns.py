@@ -19,7 +19,10 @@ class Wrap:
 
 @dataclass(frozen=True)
 class Picture:
-    """A bitmap with texels of side ``texel`` (m); ``origin`` is its lower left corner."""
+    """A bitmap with texels of side ``texel`` (m); ``origin`` is its lower left corner.
+
+    ``finish``: roughness and metallic share, here and below.
+    """
 
     name: str
     where: Where
@@ -32,11 +35,12 @@ class Picture:
     light: float
     gamma: str
     wrap: Wrap | None = None
+    finish: tuple[float, float] = (1.0, 0.0)
 
 
 @dataclass(frozen=True)
 class Target:
-    """A target of ``kind`` "circles", "star", "aruco", "charuco" or "lines".
+    """A target of ``kind`` "circles", "star", "aruco", "charuco", "ring_codes" or "lines".
 
     ``places`` (m): the centres, or the one lower left corner. ``values``: parameters of the class
     of that name in `gpusim.surface.paint`, lengths in m.
@@ -50,3 +54,4 @@ class Target:
     places: tuple[Vec3, ...]
     values: tuple[tuple[str, float | int | str | tuple[float, ...]], ...]
     wrap: Wrap | None = None
+    finish: tuple[float, float] = (1.0, 0.0)

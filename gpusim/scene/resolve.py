@@ -27,7 +27,6 @@ from .schema.measure import DamageTable, DeflectionTable, MeasureTable, StereoTa
 from .schema.paint import (
     CheckerTable,
     DotsTable,
-    FinishTable,
     ImageTable,
     MarkersTable,
     PaintTable,
@@ -154,11 +153,7 @@ def _load(table: LoadTable, factors: model.Amplitude) -> model.Load:
 
 def paint(table: PaintTable) -> model.Paint:
     painted = _paint(table)
-    if isinstance(table, FinishTable) and isinstance(
-        painted, (model.Plain, model.Markers, model.Checker, model.Dots)
-    ):
-        return replace(painted, finish=(table.roughness, table.metallic))
-    return painted
+    return replace(painted, finish=(table.roughness, table.metallic))
 
 
 def _paint(table: PaintTable) -> model.Paint:

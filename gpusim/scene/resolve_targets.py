@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
-from .schema.paint import ArucoTable, CharucoTable, CirclesTable, LinesTable, StarTable
+from .schema.paint import (
+    ArucoTable,
+    CharucoTable,
+    CirclesTable,
+    LinesTable,
+    RingCodesTable,
+    StarTable,
+)
 
 __all__ = ["target_values"]
 
-Table = ArucoTable | CharucoTable | CirclesTable | LinesTable | StarTable
+Table = ArucoTable | CharucoTable | CirclesTable | LinesTable | RingCodesTable | StarTable
 Values = dict[str, float | int | str | tuple[float, ...]]
 ALONG = {"both": "both", "across": "s", "up": "t"}
 
@@ -21,6 +28,12 @@ def target_values(table: Table) -> tuple[str, list[list[float]], Values]:
             "albedo": table.line, "ground": table.albedo,
         }  # fmt: skip
         return table.type, [table.origin_mm], values
+    if isinstance(table, RingCodesTable):
+        values = {
+            "codes": tuple(table.codes), "diameter": table.diameter_mm / 1000.0,
+            "bits": table.bits, "dot": table.dot, "ground": table.albedo,
+        }  # fmt: skip
+        return table.type, table.positions_mm, values
     values = {"dark": table.dark, "light": table.light, "ground": table.albedo}
     if isinstance(table, CharucoTable):
         values |= {

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.inputs import checked
-from gpusim.surface.features import Features, check_albedo, check_grid, check_length
+from gpusim.surface.features import Features, check_albedo, check_finish, check_grid, check_length
 from gpusim.surface.pyramid import Level, pyramid
 
 __all__ = ["Image"]
@@ -40,6 +40,7 @@ class Image:
     ground : albedo beyond the bitmap.
     gamma : "linear", or "srgb" for files whose values are to be decoded by the sRGB curve
         (IEC 61966-2-1) first.
+    roughness, metallic : as of `gpusim.surface.paint.Plain`, of the picture and what is around it.
 
     Raises
     ------
@@ -55,8 +56,11 @@ class Image:
     light: float = 1.0
     ground: float = 0.5
     gamma: str = "linear"
+    roughness: float = 1.0
+    metallic: float = 0.0
 
     def __post_init__(self) -> None:
+        check_finish("Image", self.roughness, self.metallic)
         pixels = np.asarray(self.pixels)
         if pixels.ndim != 2 or not pixels.size or pixels.dtype.kind not in "uif":
             raise InputError(

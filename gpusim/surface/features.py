@@ -34,7 +34,8 @@ class Features:
 
     Features keep apart, or have a ``layer`` (F,): those of layer 0 keep apart, others lie within
     them. One that lies on another adds to it: its albedo is that of the ground plus the change that
-    it makes (see `Stack`).
+    it makes (see `Stack`). ``covers`` (F,), by default 1 on layer 0 and 0 above, is what a feature
+    adds to the share of the ground that prints hide; a glossy ground shines through the rest.
     """
 
     kind: npt.NDArray[np.int32]
@@ -44,6 +45,12 @@ class Features:
     squares: npt.NDArray[np.float64]
     albedo: npt.NDArray[np.float64]
     layer: npt.NDArray[np.int32] | None = None
+    covers: npt.NDArray[np.float64] | None = None
+
+    def __post_init__(self) -> None:
+        if self.covers is None:
+            lowest = np.zeros(len(self.kind)) if self.layer is None else self.layer
+            object.__setattr__(self, "covers", (lowest == 0).astype(np.float64))
 
     def __len__(self) -> int:
         return len(self.kind)
@@ -82,9 +89,13 @@ class Stack:
         under: float,
         layer: int,
         angle: float = 0.0,
+        covers: float | None = None,
     ) -> None:
-        """Rectangles of ``size`` ((2,), (n, 2)) with first corners (n, 2), turned by ``angle``."""
-        self._add(0, corner, angle, size, 1.0, albedo, under, layer)
+        """Rectangles of ``size`` ((2,), (n, 2)) with first corners (n, 2), turned by ``angle``.
+
+        ``covers``: where it isn't 1 on layer 0 and 0 above it.
+        """
+        self._add(0, corner, angle, size, 1.0, albedo, under, layer, covers)
 
     def discs(
         self,
@@ -120,21 +131,23 @@ class Stack:
         albedo: float,
         under: float,
         layer: int,
+        covers: float | None = None,
     ) -> None:
-        row = np.zeros((len(position), 9))
+        row = np.zeros((len(position), 10))
         row[:, 0], row[:, 1:3], row[:, 3] = kind, position, angle
         row[:, 4:6], row[:, 6], row[:, 8] = size, squares, layer
         row[:, 7] = self.ground + albedo - under
+        row[:, 9] = float(layer == 0) if covers is None else covers
         self._rows.append(row)
 
     def features(self) -> Features:
         """All of them."""
-        rows = np.concatenate([np.zeros((0, 9)), *self._rows])
+        rows = np.concatenate([np.zeros((0, 10)), *self._rows])
         squares = np.ones((len(rows), 2))
         squares[:, 0] = rows[:, 6]
         return Features(
             rows[:, 0].astype(np.int32), rows[:, 1:3], rows[:, 3], rows[:, 4:6], squares,
-            np.repeat(rows[:, 7:8], 2, axis=1), rows[:, 8].astype(np.int32),
+            np.repeat(rows[:, 7:8], 2, axis=1), rows[:, 8].astype(np.int32), rows[:, 9],
         )  # fmt: skip
 
 

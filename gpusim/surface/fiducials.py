@@ -15,6 +15,7 @@ from gpusim.surface.features import (
     Features,
     Stack,
     check_albedo,
+    check_finish,
     check_grid,
     check_length,
     check_places,
@@ -76,8 +77,11 @@ class Aruco:
     dark: float = 0.05
     light: float = 0.9
     ground: float = 0.9
+    roughness: float = 1.0
+    metallic: float = 0.0
 
     def __post_init__(self) -> None:
+        check_finish("Aruco", self.roughness, self.metallic)
         object.__setattr__(self, "centres", check_places("Aruco", self.centres))
         check_length("Aruco", size=self.size)
         check_albedo("Aruco", dark=self.dark, light=self.light, ground=self.ground)
@@ -123,8 +127,11 @@ class Charuco:
     dark: float = 0.05
     light: float = 0.9
     ground: float = 0.9
+    roughness: float = 1.0
+    metallic: float = 0.0
 
     def __post_init__(self) -> None:
+        check_finish("Charuco", self.roughness, self.metallic)
         check_length("Charuco", square=self.square, marker=self.marker)
         check_albedo("Charuco", dark=self.dark, light=self.light, ground=self.ground)
         check_grid("Charuco", self.origin, self.columns, self.rows)
@@ -199,8 +206,11 @@ class RingCodes:
     angle: float = 0.0
     dot: float = 0.9
     ground: float = 0.05
+    roughness: float = 1.0
+    metallic: float = 0.0
 
     def __post_init__(self) -> None:
+        check_finish("RingCodes", self.roughness, self.metallic)
         object.__setattr__(self, "centres", check_places("RingCodes", self.centres))
         check_length("RingCodes", diameter=self.diameter)
         check_albedo("RingCodes", dot=self.dot, ground=self.ground)

@@ -19,7 +19,7 @@ from scipy.special import ndtri
 
 from gpusim.errors import InputError
 from gpusim.inputs import checked
-from gpusim.surface.features import Features, check_albedo, check_length
+from gpusim.surface.features import Features, check_albedo, check_finish, check_length
 
 __all__ = ["EDGE", "Speckle", "edge_opacity", "opaque_area"]
 
@@ -59,6 +59,8 @@ class Speckle:
     arrangement : "random" is the Boolean model: discs overlap. "grid" is a hexagonal grid whose
         discs are each moved at random as far as none can touch another, like a printed pattern.
     seed : equal seeds give equal patterns.
+    roughness, metallic : as of `gpusim.surface.paint.Plain`, of ground and discs alike, as under a
+        coat of varnish.
 
     Raises
     ------
@@ -74,8 +76,11 @@ class Speckle:
     seed: int = 0
     dot: float = 0.05
     ground: float = 0.9
+    roughness: float = 1.0
+    metallic: float = 0.0
 
     def __post_init__(self) -> None:
+        check_finish("Speckle", self.roughness, self.metallic)
         check_length("Speckle", diameter=self.diameter)
         check_albedo("Speckle", dot=self.dot, ground=self.ground)
         if not (np.isfinite(self.coverage) and 0.0 < self.coverage < 1.0):

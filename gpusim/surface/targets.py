@@ -13,6 +13,7 @@ from gpusim.surface.features import (
     Features,
     Stack,
     check_albedo,
+    check_finish,
     check_grid,
     check_length,
     check_places,
@@ -37,8 +38,11 @@ class Circles:
     dark: float = 0.05
     light: float = 0.9
     ground: float = 0.9
+    roughness: float = 1.0
+    metallic: float = 0.0
 
     def __post_init__(self) -> None:
+        check_finish("Circles", self.roughness, self.metallic)
         object.__setattr__(self, "centres", check_places("Circles", self.centres))
         sizes = np.asarray(self.diameters, np.float64)
         good = sizes.ndim == 1 and len(sizes) > 0 and np.isfinite(sizes).all()
@@ -75,8 +79,11 @@ class Lines:
     origin: tuple[float, float] = (0.0, 0.0)
     albedo: float = 0.05
     ground: float = 0.9
+    roughness: float = 1.0
+    metallic: float = 0.0
 
     def __post_init__(self) -> None:
+        check_finish("Lines", self.roughness, self.metallic)
         check_length("Lines", pitch=self.pitch, width=self.width)
         check_albedo("Lines", albedo=self.albedo, ground=self.ground)
         check_grid("Lines", self.origin, self.columns, self.rows)
@@ -110,12 +117,12 @@ class Lines:
             corner[:, k], corner[:, 1 - k] = places[k][0], places[1 - k]
             size = np.full(2, self.width)
             size[k] = length[k]
-            stack.patches(corner - 0.5 * self.width, size, self.albedo, self.ground, k)
+            stack.patches(corner - 0.5 * self.width, size, self.albedo, self.ground, k, covers=1.0)
         if self.along == "both":
             # both lines darken a crossing: that is one too many
             s, t = np.meshgrid(*places)
             corner = np.stack([s.ravel(), t.ravel()], axis=1) - 0.5 * self.width
-            stack.patches(corner, self.width, self.ground, self.albedo, 2)
+            stack.patches(corner, self.width, self.ground, self.albedo, 2, covers=-1.0)
         return stack.features()
 
 
@@ -135,8 +142,11 @@ class Star:
     dark: float = 0.05
     light: float = 0.9
     ground: float = 0.9
+    roughness: float = 1.0
+    metallic: float = 0.0
 
     def __post_init__(self) -> None:
+        check_finish("Star", self.roughness, self.metallic)
         object.__setattr__(self, "centres", check_places("Star", self.centres))
         check_length("Star", diameter=self.diameter)
         check_albedo("Star", dark=self.dark, light=self.light, ground=self.ground)

@@ -24,10 +24,23 @@ struct Paint {
     coverage: f32,
 }
 
+// four texels per paint: its members in order
+@group(0) @binding(1) var paints: texture_2d<u32>;
+fn paint_at(number: u32) -> Paint {
+    let a = textureLoad(paints, texel(4u * number), 0);
+    let b = textureLoad(paints, texel(4u * number + 1u), 0);
+    let c = textureLoad(paints, texel(4u * number + 2u), 0);
+    let d = textureLoad(paints, texel(4u * number + 3u), 0);
+    return Paint(bitcast<f32>(a.x), bitcast<f32>(a.y), bitcast<i32>(a.z), bitcast<i32>(a.w),
+        bitcast<i32>(b.x), bitcast<i32>(b.y), b.z, b.w, bitcast<f32>(c.x), c.y,
+        bitcast<f32>(c.z), bitcast<f32>(c.w), bitcast<f32>(d.x));
+}
+
 // kind 0, checker patch: a = (corner relative to the cell, cos, sin), b = (square width, height,
-// columns, rows), c = (albedo of even squares, of odd squares, kind, -), d = (index of the corner)
-// kind 1, disc: a = (centre relative to the cell, radius, -), c = (albedo, -, kind, -)
-// kind 2, sector of a disc: the same, and b = (cos, sin) of its first and of its last side
+// columns, rows), c = (albedo of even squares, of odd squares, kind, covers), d = (index of the corner)
+// kind 1, disc: a = (centre relative to the cell, radius, -), c = (albedo, -, kind, covers)
+// covers: 1, or 0 for what lies on another feature, -1 for what two of them cover
+// kind 2, sector of a disc: as a disc, and b = (cos, sin) of its first and of its last side
 struct Feature {
     a: vec4f,
     b: vec4f,
@@ -59,7 +72,7 @@ fn feature_at(i: u32) -> Feature {
     );
 }
 
-// Share of the footprint that squares and discs cover, added up by what finds its albedo.
+// Share of the footprint that prints cover, added up by what finds its albedo.
 var<private> printed: f32 = 0.0;
 
 // (albedo * share, share) of the four squares that meet at a lattice corner, from the shares of
@@ -211,7 +224,7 @@ fn paint_discs(ground: f32, list: vec2u, p: vec2f, ex: vec2f, ey: vec2f) -> f32 
             near &= near - 1u;
             let share = disc_share(p - f.a.xy, ex, ey, f.a.z);
             albedo += (f.c.x - ground) * share;
-            printed += share;
+            printed += share * f.c.w;
         }
     }
     return albedo;
@@ -254,12 +267,12 @@ fn paint_pixel(
             let turn = mat2x2f(f.a.z, -f.a.w, f.a.w, f.a.z);
             let s = checker_shares(f, turn * p, turn * ex, turn * ey, q);
             albedo += s.x - paint.ground * s.y;
-            printed += s.y;
+            printed += s.y * f.c.w;
         }
         if (discs != 0u && f.c.z == 1.0) {
             let share = disc_share(p, ex, ey, f.a.z);
             albedo += (f.c.x - paint.ground) * share;
-            printed += share;
+            printed += share * f.c.w;
         }
         if (sectors != 0u && f.c.z == 2.0) {
             albedo += (f.c.x - paint.ground) * sector_share(f, p, ex, ey, q);

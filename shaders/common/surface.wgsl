@@ -1,6 +1,7 @@
 // A triangle set up for shading, and the light that falls on it.
 // The NumPy form is gpusim/optics/setup.py.
 #import common/light
+#import common/texel
 
 // Affine functions of the offset (dx, dy) from the anchor pixel, scaled by the triangle's mean
 // depth: st = (s0, sx, sy, t0), tw = (tx, ty, wx, wy), n0 = (normal at the anchor, w0),
@@ -15,6 +16,18 @@ struct Triangle {
     ny: vec4f,
     place: vec4i,
     more: vec4f,
+}
+
+// seven texels per triangle: its members in order
+@group(0) @binding(4) var triangles: texture_2d<u32>;
+fn triangle_word(i: u32) -> vec4f {
+    return bitcast<vec4f>(textureLoad(triangles, texel(i), 0));
+}
+fn triangle_at(id: u32) -> Triangle {
+    let i = 7u * id;
+    let place = bitcast<vec4i>(textureLoad(triangles, texel(i + 5u), 0));
+    return Triangle(triangle_word(i), triangle_word(i + 1u), triangle_word(i + 2u),
+        triangle_word(i + 3u), triangle_word(i + 4u), place, triangle_word(i + 6u));
 }
 
 // The exact pixel area integral needs the attributes and how they change across the pixel.

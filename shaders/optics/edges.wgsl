@@ -35,8 +35,6 @@ struct Range {
 }
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(6) var<uniform> range: Range;
-@group(0) @binding(4) var<storage, read> triangles: array<Triangle>;
-@group(0) @binding(1) var<storage, read> paints: array<Paint>;
 // three vec2i per triangle in 1/65536 px
 @group(0) @binding(7) var<storage, read> screen: array<vec2i>;
 // per edge pixel two words: its index in the image and where its triangles start in this list
@@ -204,7 +202,7 @@ fn paint_bitmap(t: Triangle, paint: Paint, d: vec2f, polygon: Polygon, centroid:
 // offset d from the triangle's anchor; `centroid` decides the pattern cell.
 fn paint_polygon(t: Triangle, d: vec2f, polygon: Polygon, centroid: vec2f) -> f32 {
     if (patterned == 0u || t.more.y == 0.0) { return t.more.x; }
-    let paint = paints[u32(t.ny.w)];
+    let paint = paint_at(u32(t.ny.w));
     if (bitmaps != 0u && paint.featured == BITMAP) {
         return paint_bitmap(t, paint, d, polygon, centroid);
     }
@@ -242,12 +240,12 @@ fn paint_polygon(t: Triangle, d: vec2f, polygon: Polygon, centroid: vec2f) -> f3
             for (var j = 0; j < polygon.count; j++) { local.polygon.p[j] = turn * local.polygon.p[j]; }
             let s = polygon_checker(f, local);
             albedo += s.x - paint.ground * s.y;
-            printed += s.y;
+            printed += s.y * f.c.w;
         }
         if (discs != 0u && f.c.z == 1.0) {
             let share = polygon_disc(f, local.polygon);
             albedo += (f.c.x - paint.ground) * share;
-            printed += share;
+            printed += share * f.c.w;
         }
         if (sectors != 0u && f.c.z == 2.0) {
             albedo += (f.c.x - paint.ground) * polygon_sector(f, local);
@@ -296,7 +294,7 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
         // a strip between all samples may be left, and lie on something behind
         if (open == 0u && (hidden_count > 0.0 || free_area >= 1.0 - range.thin)) { break; }
         let id = lists[c];
-        let t = triangles[id];
+        let t = triangle_at(id);
         let v0 = vec2f(screen[3u * id] - pixel * 65536) / 65536.0;
         let v1 = vec2f(screen[3u * id + 1u] - pixel * 65536) / 65536.0;
         let v2 = vec2f(screen[3u * id + 2u] - pixel * 65536) / 65536.0;
@@ -357,7 +355,7 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
             } else {
                 r = reflection_at(t, params.rays, at, d + middle, 0u);
             }
-            let whole = paints[u32(t.ny.w)].featured > 1u;
+            let whole = paint_at(u32(t.ny.w)).featured > 1u;
             let ground = select(t.more.x, light, whole);
             light = radiance_of(t, r, light, ground, clamp(1.0 - printed, 0.0, 1.0));
         }

@@ -1,7 +1,9 @@
 // Radiance of every pixel whose centre is hit: the closed-form mean of the paint over the pixel's
 // footprint times the light at its centre. Pixels that an edge crosses are redone by edges.wgsl.
 //
-// All that a triangle's pixels share travels in flat varyings, which cost nothing per pixel.
+// All that a large triangle's pixels share travels in flat varyings, which cost nothing per pixel.
+// Where triangles are small, that and the pixels beside them that are shaded in vain cost more than
+// the picture: their numbers are drawn first (visibility.wgsl), then every pixel reads its own.
 #import common/bitmap
 #import common/paint
 #import common/screen
@@ -17,10 +19,9 @@ struct Params {
     rows: f32,
     row0: i32,
     near: f32,
+    level: f32,
 }
 @group(0) @binding(0) var<uniform> params: Params;
-@group(0) @binding(1) var<storage, read> paints: array<Paint>;
-@group(0) @binding(4) var<storage, read> triangles: array<Triangle>;
 @group(0) @binding(6) var<storage, read> screen: array<vec2i>;
 @group(0) @binding(7) var<storage, read> inverse_depth: array<f32>;
 // the triangles to draw, from near to far
@@ -48,8 +49,8 @@ fn vertex(@builtin(vertex_index) index: u32) -> Varying {
     let depth = params.near * inverse_depth[corner];
     let size = vec2f(params.width, params.rows);
     let position = band_position(screen[corner], params.row0, size, depth);
-    let t = triangles[id];
-    let paint = paints[u32(t.ny.w)];
+    let t = triangle_at(id);
+    let paint = paint_at(u32(t.ny.w));
     return Varying(
         position, t.st, t.tw, t.n0, t.nx, t.ny, t.place, t.more,
         vec4i(paint.i0, paint.j0, paint.columns, paint.rows),
@@ -59,22 +60,18 @@ fn vertex(@builtin(vertex_index) index: u32) -> Varying {
     );
 }
 
-// Radiance and albedo of the pixel, and the share of it that shows the paint's ground.
-fn shade(in: Varying) -> vec3f {
-    let t = Triangle(in.st, in.tw, in.n0, in.nx, in.ny, in.place, in.more);
-    let pixel = vec2i(floor(in.position.xy)) + vec2i(0, params.row0);
+// Radiance and albedo of a pixel, and the share of it that shows the paint's ground.
+fn shade(t: Triangle, paint: Paint, at: vec2i) -> vec3f {
+    let pixel = at + vec2i(0, params.row0);
     let bend = bend_at(pixel);
     let shift = undistort(bend, vec2f(0.0));
     let d = vec2f(pixel - t.place.xy) + shift;
     var albedo = t.more.x;
     if (patterned != 0u) {
         let f = bent_footprint(footprint(t, d), undistort_change(bend));
-        let g = in.grid;
-        let paint = Paint(t.more.x, in.grid_size.x, g.x, g.y, g.z, g.w,
-            bitcast<u32>(in.grid_size.y), u32(in.pieces.w), in.grid_size.z, u32(in.grid_size.w),
-            in.pieces.x, in.pieces.y, in.pieces.z);
         if (bitmaps != 0u) {
-            let bitmap = Bitmap(t.place.zw, g.zw, paint.first, g.x);
+            let size = vec2i(paint.columns, paint.rows);
+            let bitmap = Bitmap(t.place.zw, size, paint.first, paint.i0);
             albedo = bitmap_pixel(bitmap, t.more.x, f.st, f.ex, f.ey, f.q);
         } else {
             albedo = paint_pixel(paint, t.place.zw, f.st, f.ex, f.ey, f.q);
@@ -89,20 +86,63 @@ fn shade(in: Varying) -> vec3f {
     return vec3f(radiance_of(t, r, albedo, ground, bare), albedo, bare);
 }
 
-@fragment
-fn fragment(in: Varying) -> @location(0) f32 {
-    return shade(in).x;
+fn shade_inside(in: Varying) -> vec3f {
+    let t = Triangle(in.st, in.tw, in.n0, in.nx, in.ny, in.place, in.more);
+    let g = in.grid;
+    let paint = Paint(t.more.x, in.grid_size.x, g.x, g.y, g.z, g.w, bitcast<u32>(in.grid_size.y),
+        u32(in.pieces.w), in.grid_size.z, u32(in.grid_size.w),
+        in.pieces.x, in.pieces.y, in.pieces.z);
+    return shade(t, paint, vec2i(floor(in.position.xy)));
 }
 
-// The same for views with shadows: marks what shadow.wgsl needs to know of each pixel.
+// For views with shadows: marks what shadow.wgsl needs to know of each pixel.
 struct Marked {
     @location(0) radiance: f32,
     @location(1) mark: vec2u,
 }
-@fragment
-fn fragment_marked(in: Varying) -> Marked {
-    let s = shade(in);
+fn marked(s: vec3f, number: u32) -> Marked {
     var mark = u32(s.y * 4294967040.0);
     if (glossy != 0u) { mark = pack2x16unorm(s.yz); }
-    return Marked(s.x, vec2u(in.id + 1u, mark));
+    return Marked(s.x, vec2u(number, mark));
+}
+
+@fragment
+fn fragment(in: Varying) -> @location(0) f32 {
+    return shade_inside(in).x;
+}
+@fragment
+fn fragment_marked(in: Varying) -> Marked {
+    return marked(shade_inside(in), in.id + 1u);
+}
+
+// number + 1 of the triangle that each pixel's centre sees
+@group(0) @binding(9) var ids: texture_2d<u32>;
+// per triangle the depth that stands for its program
+@group(0) @binding(10) var<storage, read> levels: array<f32>;
+
+// All of the band, at the depth of one program.
+@vertex
+fn vertex_band(@builtin(vertex_index) index: u32) -> @builtin(position) vec4f {
+    let corner = vec2f(f32(index & 1u), f32(index >> 1u));
+    return vec4f(4.0 * corner - 1.0, params.level, 1.0);
+}
+// Depths by program: each then draws the band where they equal its own.
+@fragment
+fn fragment_levels(@builtin(position) at: vec4f) -> @builtin(frag_depth) f32 {
+    let number = textureLoad(ids, vec2u(at.xy), 0).x;
+    return select(0.0, levels[max(number, 1u) - 1u], number > 0u);
+}
+
+fn shade_seen(at: vec4f, number: u32) -> vec3f {
+    let t = triangle_at(max(number, 1u) - 1u);
+    return shade(t, paint_at(u32(t.ny.w)), vec2i(floor(at.xy)));
+}
+@fragment
+fn fragment_seen(@builtin(position) at: vec4f) -> @location(0) f32 {
+    return shade_seen(at, textureLoad(ids, vec2u(at.xy), 0).x).x;
+}
+@fragment
+fn fragment_seen_marked(@builtin(position) at: vec4f) -> Marked {
+    let number = textureLoad(ids, vec2u(at.xy), 0).x;
+    return marked(shade_seen(at, number), number);
 }

@@ -14,7 +14,6 @@ struct Params {
 }
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read_write> radiance: array<f32>;
-@group(0) @binding(4) var<storage, read> triangles: array<Triangle>;
 // (triangle + 1, albedo in 1 / 2^32) of every pixel of the band
 @group(0) @binding(6) var marks: texture_2d<u32>;
 // row and column of every tile in half shadow
@@ -34,7 +33,7 @@ fn main(
     if (row < 0 || row >= params.rows || u32(pixel.x) >= params.width) { return; }
     let mark = textureLoad(marks, vec2i(pixel.x, row), 0);
     if (mark.x == 0u) { return; }
-    let t = triangles[mark.x - 1u];
+    let t = triangle_at(mark.x - 1u);
     let bend = bend_at(pixel);
     let shift = undistort(bend, vec2f(0.0));
     let d = vec2f(pixel - t.place.xy) + shift;

@@ -21,7 +21,17 @@ __all__ = ["FinishTable", "ImageTable", "LineTable", "MarkersTable", "PaintTable
 Count = Annotated[int, Field(ge=1, le=100_000)]
 
 
-class _Paint(Table):
+class FinishTable(Table):
+    """How the ground shines. Markers, fields, dots and targets on it are matte prints; speckle and
+    pictures shine with their ground, as under a varnish."""
+
+    roughness: Albedo = 1.0
+    """1: matte. Less: glossy, lacquer at about 0.3, brushed steel (with metallic) at 0.4."""
+    metallic: Albedo = 0.0
+    """1: bare metal, which mirrors with its albedo and has no colour of its own below."""
+
+
+class _Paint(FinishTable):
     name: Name
     where: WhereTable = WhereTable()
     """The faces; without it all."""
@@ -65,16 +75,7 @@ class _Pattern(_Paint):
         return self
 
 
-class FinishTable(Table):
-    """How the ground shines; patterns on it are matte prints."""
-
-    roughness: Albedo = 1.0
-    """1: matte. Less: glossy, lacquer at about 0.3, brushed steel (with metallic) at 0.4."""
-    metallic: Albedo = 0.0
-    """1: bare metal, which mirrors with its albedo and has no colour of its own below."""
-
-
-class PlainTable(_Paint, FinishTable):
+class PlainTable(_Paint):
     """One even colour."""
 
     type: Literal["plain"]
@@ -88,7 +89,7 @@ class LineTable(Table):
     count: Annotated[int, Field(ge=2, le=100_000)]
 
 
-class MarkersTable(_Pattern, FinishTable):
+class MarkersTable(_Pattern):
     """Square markers of 2x2 black and white fields, dark at the lower left and upper right."""
 
     type: Literal["markers"]
@@ -127,7 +128,7 @@ class MarkersTable(_Pattern, FinishTable):
         ]
 
 
-class CheckerTable(_Pattern, FinishTable):
+class CheckerTable(_Pattern):
     """A chessboard; the field at its lower left corner is dark."""
 
     type: Literal["checker"]
@@ -140,7 +141,7 @@ class CheckerTable(_Pattern, FinishTable):
     light: Albedo = 0.9
 
 
-class DotsTable(_Pattern, FinishTable):
+class DotsTable(_Pattern):
     """A regular grid of round dots."""
 
     type: Literal["dots"]
@@ -279,6 +280,33 @@ class ArucoTable(_Places):
         return self
 
 
+class RingCodesTable(_Pattern):
+    """Coded targets of photogrammetry: a disc, and around it a ring of light and dark bits."""
+
+    type: Literal["ring_codes"]
+    positions_mm: Annotated[list[Vector], Field(min_length=1)]
+    """Their centres."""
+    codes: list[Annotated[int, Field(ge=0)]]
+    """One number per position; bit k fills the k-th sector, counter-clockwise from the surface's
+    horizontal."""
+    diameter_mm: Length
+    """Of the disc; the ring reaches from twice to three times as far."""
+    bits: Annotated[int, Field(ge=3, le=20)] = 12
+    """Sectors of the ring."""
+    dot: Albedo = 0.9
+    """Of the disc and of bits that are set; the ground (``albedo``) is darker, or lighter."""
+
+    @model_validator(mode="after")
+    def _check(self) -> RingCodesTable:
+        if len(self.codes) != len(self.positions_mm):
+            wanted = f"{len(self.positions_mm)}, as many as positions_mm"
+            raise fault("codes", "not one per position", len(self.codes), wanted)
+        if not max(self.codes) < 1 << self.bits:
+            raise fault("codes", f"more than {self.bits} bits", max(self.codes),
+                        f"at most {(1 << self.bits) - 1}")  # fmt: skip
+        return self
+
+
 class CharucoTable(_Pattern):
     """OpenCV's ChArUco board: a chessboard with a marker in every light square."""
 
@@ -331,6 +359,7 @@ PatternTable = (
     | CirclesTable
     | StarTable
     | ArucoTable
+    | RingCodesTable
     | CharucoTable
     | LinesTable
 )

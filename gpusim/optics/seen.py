@@ -1,0 +1,106 @@
+"""Shading pixel by pixel: first which triangle each one sees, then its light.
+
+Where triangles cover a few pixels each, rasterisers shade several times what is seen (blocks of
+pixels at every border), and set up all that a triangle's pixels share for those few. Here the
+triangles draw their numbers only, and every pixel reads its own one's record. Each program draws
+the whole band at a depth of its own, so that it runs where the triangle seen is of its kind.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gpusim.gpu import Buffer, Recording, Texture
+from gpusim.optics.view import View
+
+if TYPE_CHECKING:
+    from gpusim.optics.shade import Program, Tables
+
+__all__ = ["SeenPass", "small_triangles"]
+
+SMALL = 200.0
+"""px; triangles that cover fewer are shaded pixel by pixel."""
+
+FEWEST = 2000
+"""Triangles of a view that is worth it."""
+
+SAMPLED = 4096
+LEVELS = 64
+
+
+def small_triangles(view: View) -> bool:
+    """Whether the triangles of a view (some of them, if they are many) cover few pixels each."""
+    if view.count < FEWEST:
+        return False
+    corners = view.screen[:: -(-view.count // SAMPLED)]
+    a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    area = 0.5 * np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
+    return bool(area.mean() <= SMALL)
+
+
+class SeenPass:
+    """The programs of a view, each over the pixels that see triangles of its kind."""
+
+    def __init__(self, tables: Tables, rows: int, programs: list[Program], near: float) -> None:
+        device, width = tables.device, tables.setup.view.camera.width
+        self.tables, self.programs, self.near = tables, programs, near
+        self.ids = device.target(width, rows, "r32uint", "shade.ids")
+        self.depth = device.target(width, rows, "depth32float", "shade.depth")
+        self._levels: Buffer | None = None
+        if len(programs) > 1:
+            levels = np.zeros(max(tables.setup.view.count, 1), np.float32)
+            for k, program in enumerate(programs):
+                levels[program.triangles] = self._level(k)
+            self._levels = device.buffer(levels, "shade.levels")
+            self.level_depth = device.target(width, rows, "depth32float", "shade.level_depth")
+
+    def _level(self, k: int) -> float:
+        """The depth of program k; one alone draws before all that was drawn."""
+        return (k + 1) / LEVELS if len(self.programs) > 1 else 0.0
+
+    def record(
+        self,
+        recording: Recording,
+        colors: tuple[Texture, ...],
+        inverse_depth: Buffer,
+        params: dict[str, Any],
+        shared: dict[str, Any],
+    ) -> None:
+        """Shade a band into ``colors``, whose first one is cleared to ``shared``'s background."""
+        device = self.tables.device
+        size = (int(params["width"]), int(params["rows"]))
+        raster = device.raster("optics/visibility", ("r32uint",))
+        place = {name: params[name] for name in ("width", "rows", "row0", "near")}
+        bindings = raster.bind(params=place, screen=self.tables.screen, inverse_depth=inverse_depth)
+        count = 3 * self.tables.setup.view.count
+        recording.draw(
+            raster, bindings, colors=(self.ids,), depth=self.depth, vertices=count, size=size
+        )
+        depth = self.depth
+        if self._levels is not None:
+            depth = self.level_depth
+            raster = device.raster(
+                "optics/shade", (), self.programs[0].constants,
+                entries=("vertex_band", "fragment_levels"),
+            )  # fmt: skip
+            bindings = raster.bind(
+                params={**params, "level": 0.0}, ids=self.ids, levels=self._levels
+            )
+            recording.draw(raster, bindings, colors=(), depth=depth, vertices=3, size=size)
+        entry = "fragment_seen" if len(colors) == 1 else "fragment_seen_marked"
+        clear: float | None = self.tables.setup.background
+        for k, program in enumerate(self.programs):
+            raster = device.raster(
+                "optics/shade", tuple(texture.format for texture in colors), program.constants,
+                entries=("vertex_band", entry), depth="equal" if self._levels else "less",
+            )  # fmt: skip
+            bindings = raster.bind(
+                params={**params, "level": self._level(k)}, ids=self.ids, **shared
+            )
+            recording.draw(
+                raster, bindings, colors=colors, depth=depth, vertices=3, size=size, clear=clear,
+                keep_depth=True,
+            )  # fmt: skip
+            clear = None
