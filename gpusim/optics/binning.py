@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.optics.contact import settle
 from gpusim.optics.view import View, corner_range
 
 __all__ = ["EdgePixels", "bin_edges", "expand", "segment_pixels"]
@@ -87,7 +88,8 @@ def bin_edges(view: View) -> EdgePixels:
     """The edge pixels of a view, each with the triangles over it from the nearest to the farthest.
 
     The order is that of 1 / z at the triangle's point nearest to the pixel's centre, which never
-    extrapolates a steep plane beyond the triangle.
+    extrapolates a steep plane beyond the triangle; where things touch, a place that both cover
+    decides.
     """
     width, height = view.camera.width, view.camera.height
     pixel = segment_pixels(view.edges, width, height)
@@ -107,8 +109,10 @@ def bin_edges(view: View) -> EdgePixels:
     corners = view.screen[triangle] - at[:, None]
     keep = _touches(corners)
     entry, triangle, corners = entry[keep], triangle[keep], corners[keep]
-    depth = _nearest_depth(corners, view.inverse_depth()[triangle])
+    inverse = view.inverse_depth()[triangle]
+    depth = _nearest_depth(corners, inverse)
     order = np.lexsort((triangle, -depth, entry))
+    order = settle(order, entry, view.paint[triangle], corners, inverse)
     start = np.searchsorted(entry[order], np.arange(len(pixel) + 1))
     return EdgePixels(pixel, start, triangle[order])
 

@@ -1,0 +1,86 @@
+"""Which of two triangles is in front where things touch within a pixel (float64, vectorised).
+
+One depth per triangle and pixel orders what lies apart. Where a thing stands on another, the depths
+of both run through each other within the pixel, and only a place that both cover tells.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.optics.polygon import SMALLEST, clip_square, half_planes, moments
+
+__all__ = ["settle"]
+
+Array = npt.NDArray[np.float64]
+Long = npt.NDArray[np.int64]
+
+MOST_THINGS = 12
+"""Triangles over a pixel; more of them keep the order of their depths."""
+
+EQUAL = 1e-9
+"""Relative 1 / z within which neither is in front."""
+
+
+def settle(
+    order: Long, entry: Long, paint: npt.NDArray[np.integer], corners: Array, inverse: Array
+) -> Long:
+    """``order`` with the triangles of touching things put right, pixel by pixel.
+
+    Rows (n,) are triangles over pixels ``entry``: ``paint``, ``corners`` (n, 3, 2) relative to the
+    pixel's centre, and ``inverse`` (n, 3) 1 / z there.
+    ``order`` sorts rows by entry, then the nearest first.
+    """
+    slope, height = _planes(corners, inverse)
+    reach = 0.5 * np.abs(slope).sum(axis=1)
+    own = entry[order]
+    count = np.bincount(own)
+    place = np.arange(len(order)) - (np.cumsum(count) - count)[own]
+    pairs = [np.zeros((0, 2), np.int64)]
+    for gap in range(1, min(MOST_THINGS, int(count.max(initial=0)))):
+        first = np.flatnonzero((place + gap < count[own]) & (count[own] <= MOST_THINGS))
+        a, b = order[first], order[first + gap]
+        other = paint[a] != paint[b]
+        pairs.append(np.stack([a, b], axis=1)[other])
+    a, b = np.concatenate(pairs).T
+    # anywhere in the pixel, on its plane
+    maybe = np.flatnonzero(height[b] + reach[b] > height[a] - reach[a])
+    one, two = a[maybe], b[maybe]
+    polygon, size = clip_square(
+        np.concatenate([half_planes(corners[one]), half_planes(corners[two])], axis=1)
+    )
+    area, middle = moments(polygon)
+    over = [np.sum(slope[k] * middle, axis=1) + height[k] for k in (one, two)]
+    both, behind = np.ones(len(a), bool), np.zeros(len(a), bool)
+    both[maybe] = (size > 2) & (area > SMALLEST)
+    behind[maybe] = both[maybe] & (over[1] > over[0] * (1.0 + EQUAL))
+    if not behind.any():
+        return order
+    result = order.copy()
+    start = np.cumsum(count) - count
+    wrong = np.unique(entry[a[behind]])
+    told = np.flatnonzero(both & np.isin(entry[a], wrong))
+    front: set[tuple[int, int]] = set()
+    for k in told:
+        pair = int(a[k]), int(b[k])
+        front.add(pair[::-1] if behind[k] else pair)
+    for k in wrong:
+        rows = order[start[k] : start[k] + count[k]].tolist()
+        sorted_rows: list[int] = []
+        while rows:
+            free = (row for row in rows if not any((one, row) in front for one in rows))
+            sorted_rows.append(next(free, rows[0]))
+            rows.remove(sorted_rows[-1])
+        result[start[k] : start[k] + count[k]] = sorted_rows
+    return result
+
+
+def _planes(corners: Array, inverse: Array) -> tuple[Array, Array]:
+    """1 / z = slope . p + height: slopes (n, 2), heights (n,)."""
+    p, q = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    u, v = inverse[:, 1] - inverse[:, 0], inverse[:, 2] - inverse[:, 0]
+    twice = p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]
+    safe = np.where(twice != 0.0, twice, np.inf)
+    slope = np.stack([u * q[:, 1] - v * p[:, 1], v * p[:, 0] - u * q[:, 0]], axis=1) / safe[:, None]
+    return slope, inverse[:, 0] - np.sum(slope * corners[:, 0], axis=1)
