@@ -248,15 +248,15 @@ def _preconditioner(
         diagonal = rows.diagonal[rows.row_class] / system.scale
         inverse = invert_blocks(diagonal, system.free)
         return BlockJacobi(inverse), Norm(diagonal, None), Product(matrix)
-    matrix: bsr_matrix | Stencil | RowsProduct
+    finest: bsr_matrix | Stencil | RowsProduct
     if system.stencil is not None:
-        matrix = system.stencil
+        finest = system.stencil
     elif RowsProduct.fits(rows):
-        matrix = RowsProduct(rows, system.scale)
+        finest = RowsProduct(rows, system.scale)
     else:
-        matrix = block_matrix(rows, system.scale)
+        finest = block_matrix(rows, system.scale)
     hierarchy = build_hierarchy(
-        matrix,
+        finest,
         assembled.groups,
         assembled.lattice,
         system.free,
