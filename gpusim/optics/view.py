@@ -108,6 +108,7 @@ class View:
         return replace(
             self, corners=self.corners[own], screen=self.screen[own], paint=self.paint[own],
             face=self.face[own], edges=self.edges[near], planes=self.planes[own],
+            footprint=self.footprint[own],
         )  # fmt: skip
 
     def inverse_depth(self) -> npt.NDArray[np.float64]:
