@@ -18,8 +18,9 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.gpu import Device
 from gpusim.gpu.texels import Texels
+from gpusim.optics.corners import CHUNK, corner_range
 from gpusim.optics.speckle_table import MOST_TEXELS, SpeckleTable, speckle_table
-from gpusim.optics.view import CHUNK, RegionPaint, corner_range
+from gpusim.optics.view import RegionPaint
 from gpusim.surface.features import Features, Paint
 from gpusim.surface.paint import Checker, Dots
 from gpusim.surface.speckle import Speckle
@@ -142,7 +143,7 @@ class PatternTable:
         Counts come from a summed-area table per paint.
         """
         result = self.paints["featured"][paint] > 1  # speckle and bitmaps are everywhere
-        for number in np.flatnonzero(self.paints["featured"] == 1):
+        for number in np.flatnonzero(self.paints["featured"] == 1).tolist():
             rows = np.flatnonzero(paint == number)
             whole = len(rows) == len(paint)
             for first in range(0, len(rows), CHUNK):

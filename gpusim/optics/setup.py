@@ -147,8 +147,9 @@ class Setup:
 
     def _refuse(self, triangle: int, columns: npt.NDArray[np.float32], first: int) -> None:
         word = int(np.argmin(np.isfinite(columns[:20, triangle]))) // 4
+        name = list(TRIANGLE.fields or ())[word]
         raise InputError(
-            f"render: triangle {first + triangle}, {TRIANGLE.names[word]}: beyond float32; got "
+            f"render: triangle {first + triangle}, {name}: beyond float32; got "
             f"{columns[4 * word : 4 * word + 4, triangle].tolist()}; expected coordinates whose "
             "ratios to the distance stay below 1e38: choose another unit of length"
         )
