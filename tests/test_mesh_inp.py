@@ -62,6 +62,12 @@ some nodes, 22, 11,
     assert mesh.cells["hex8"][0].tolist() == [0, 1, 4, 3, 6, 7, 10, 9]
 
 
+def test_the_byte_order_mark_and_line_ends_of_windows(tmp_path: Path) -> None:
+    (tmp_path / "windows.inp").write_bytes(b"\xef\xbb\xbf" + MODEL.replace("\n", "\r\n").encode())
+    mesh = read_inp(tmp_path / "windows.inp")
+    assert mesh.cells["hex8"][0].tolist() == [0, 1, 4, 3, 6, 7, 10, 9]
+
+
 def test_sets_grow_and_name_other_sets(tmp_path: Path) -> None:
     text = MODEL + (
         "*NSET, NSET=left\n16\n*ELSET, ELSET=ONE\n9\n*NSET, NSET=OF ONE, ELSET=ONE\n"

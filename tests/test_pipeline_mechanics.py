@@ -153,6 +153,13 @@ def test_a_moved_support_has_its_own_amplitude(tmp_path: Path) -> None:
     assert held[2] == pytest.approx(-3 * 200e9 * 0.02 * 0.01**3 / 12 * 1e-3 / 0.24**3, rel=0.03)
 
 
+def test_linear_statics_bent_too_far_is_warned_of(tmp_path: Path) -> None:
+    soft = {**STEEL, "youngs_modulus_GPa": 0.2}  # MPa taken for GPa: F L^3 / 3 E I is 691 mm
+    (warning,) = gs.run(scene(material=soft), tmp_path, backend="numpy").warnings
+    assert "differ by 680 mm in frame 1, 282 % of its size" in warning
+    assert gs.run(scene(), tmp_path, backend="numpy").warnings == ()
+
+
 def test_collinear_amplitudes_are_scaled_not_solved() -> None:
     twice = {**ASIDE, "amplitude": [0.0, 2.0, 3.0]}
     none = {**ASIDE, "name": "none", "amplitude": [0.0, 0.0, 0.0]}

@@ -3,7 +3,8 @@
 A subset across the edge of a body, a hole or a crack sees two motions; the fit settles between
 them, often with a high correlation. Its parts tell: each ninth of the subset is asked for the
 motion d that would explain what is left there, e = J d, and how much of the pattern it can't
-explain at all. Subsets that merely are noisy are the same in all their parts.
+explain at all. Subsets that merely are noisy are the same in all their parts. A small jump across a
+line leaves next to nothing in the parts: it is looked for by itself (see ``tear``).
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import numpy.typing as npt
 from gpusim.measure.images import FloatArray
 from gpusim.measure.interpolation import SplineImage
 from gpusim.measure.matching import Pair, Settings
+from gpusim.measure.tear import jumps
 from gpusim.measure.warp import basis, steepest_descent
 
 __all__ = ["beside_texture", "incoherent"]
@@ -33,7 +35,10 @@ ROUND = 0.2  # likewise 4 det / trace^2 of those sums, 1 without a preferred dir
 LEVER = 2.5  # uncertainty of the point over that with known slopes; 1.0 to 1.2 usually
 VAGUE = 3.0  # uncertainty of the point over the lower quartile of all
 FOREIGN = 0.15  # residual variance of a part over the variance of the subset's grey values
+SMOOTH = 1.25  # what terms of third degree explain over what a jump does: with more, no jump
+FAR = 0.6  # px: a part that moved by more isn't asked whether it did so smoothly
 CHUNK = 1 << 20  # pixels handled at once
+FEW = 64  # subsets asked for a jump at once: what they need stays in the cache
 LARGEST = 32_000  # px: sides of the images that cv2.remap takes
 
 
@@ -44,12 +49,13 @@ def incoherent(
     settings: Settings,
     blur_px: float = 0.0,
 ) -> BoolArray:
-    """(M,) bool: subsets a part of which moved by more than ``settings.apart_px`` from the rest.
+    """(M,) bool: subsets a part or a side of which moved by more than ``apart_px`` from the rest.
 
     points, coefficients : (M, 2) and (M, 2, 6), matched subsets, px; all inside both images.
 
     A part counts if its own motion is well beyond the noise left in it, or if it doesn't match:
-    what is left there is ``FOREIGN`` of the pattern and far more than in the other parts.
+    what is left there is ``FOREIGN`` of the pattern and far more than in the other parts. Motions
+    below ``FAR`` count only if a jump explains them better than a smooth field does.
     """
     # blurred noise is correlated: it moves a part by more than its variance says
     sure = SURE * max(1.0, 4.0 * np.pi * blur_px**2)
@@ -150,10 +156,17 @@ def _chunk(
     known = np.where(asked.any(axis=1)[:, None], variance, 0.0)
     usual = np.nanquantile(known, 0.25, axis=1)[:, None]
     noise = np.maximum(noise, usual)
-    moved = solvable & (np.hypot(dx, dy) > settings.apart_px) & (explained > sure * noise)
+    motion_left = np.where(solvable & (explained > sure * noise), np.hypot(dx, dy), 0.0).max(axis=1)
     odd = ODD + CHANCE / np.sqrt(np.maximum(pixels, 1.0))
     foreign = asked & (variance > odd * usual) & (variance > FOREIGN * contrast / total)
-    return np.asarray((moved | foreign).any(axis=1))
+    found = np.asarray(foreign.any(axis=1) | (motion_left > max(FAR, settings.apart_px)))
+    open_ = np.flatnonzero(~found)
+    for i in range(0, open_.size, FEW):
+        some = open_[i : i + FEW]
+        jump = jumps(weight[some], (x[some], y[some]), f[some], rest[some])
+        torn = np.maximum(jump.length, motion_left[some]) > settings.apart_px
+        found[some] = torn & (jump.sure > sure) & (jump.smooth < SMOOTH * jump.sure)
+    return found
 
 
 def _look_up(image: SplineImage, x: FloatArray, y: FloatArray) -> FloatArray:

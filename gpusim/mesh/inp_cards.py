@@ -119,7 +119,7 @@ def _text(path: Path) -> str:
         raise InputError(
             f"{path}: not a text file; got binary data; expected an Abaqus or CalculiX input file"
         )
-    return raw.decode("utf-8", errors="replace")
+    return raw.decode("utf-8-sig", errors="replace")
 
 
 def _card(head: str, lines: list[str], numbers: list[int], file: str, line: int) -> Card:

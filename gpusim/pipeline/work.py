@@ -22,7 +22,7 @@ from gpusim.pipeline.build import build_body, build_lights
 from gpusim.pipeline.cameras import build_camera
 from gpusim.pipeline.corners import read_corners, take_target
 from gpusim.pipeline.files import check_field
-from gpusim.pipeline.mechanics import make_mechanics
+from gpusim.pipeline.mechanics import large_displacements, make_mechanics
 from gpusim.pipeline.memory import check_memory
 from gpusim.pipeline.meshing import mesh_summary
 from gpusim.pipeline.modelling import build_model, held_by
@@ -386,6 +386,7 @@ class _Run:
                 results=() if failure else tuple(self.results),
                 warnings=(
                     *(self.things.solved.warnings if self.things.solved else ()),
+                    *large_displacements(self.things),
                     *self.warnings,
                     *(self.photographer.warnings if self.photographer else ()),
                 ),
