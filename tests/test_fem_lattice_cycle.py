@@ -64,7 +64,7 @@ def test_it_is_the_cycle_by_assembled_matrices(kind: str, monkeypatch: pytest.Mo
     size = np.abs(expected).max()
     assert plain.hierarchy.levels[0].product.unknowns == fixed.size
     for dtype, tolerance in ((np.float64, 1e-13), (np.float32, 2e-5)):
-        monkeypatch.setattr(lattice_cycle, "cycle_dtype", lambda lowest, dtype=dtype: dtype)
+        monkeypatch.setattr(lattice_cycle, "cycle_dtype", lambda *_, dtype=dtype: dtype)
         got = Multigrid(plain.hierarchy).apply(r)
         assert np.isfinite(got).all()
         assert np.abs(got - expected).max() <= tolerance * size
@@ -75,9 +75,10 @@ def test_it_is_the_cycle_by_assembled_matrices(kind: str, monkeypatch: pytest.Mo
 
 
 def test_rounding_that_would_drown_the_softest_motion_asks_for_float64() -> None:
-    assert cycle_dtype(1e-4) is np.float32
-    assert cycle_dtype(1e-7) is np.float64
-    assert cycle_dtype(float("nan")) is np.float64
+    assert cycle_dtype(1e-4, 10.0) is np.float32
+    assert cycle_dtype(1e-7, 10.0) is np.float64
+    assert cycle_dtype(1e-4, 1e5) is np.float64
+    assert cycle_dtype(float("nan"), 10.0) is np.float64
 
 
 def test_boxes_cover_what_is_wanted_once_and_hold_one_label() -> None:

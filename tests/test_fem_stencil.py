@@ -10,6 +10,7 @@ from gpusim.fem.assembly import Assembled, assemble
 from gpusim.fem.block_rows import block_matrix
 from gpusim.fem.formulation import resolve_formulation
 from gpusim.fem.stencil import StencilProduct, stencil_of
+from gpusim.fem.stiffness import apply_stiffness
 from gpusim.mesh import Mesh, box
 
 SOFT, HARD = fem.Isotropic(1.0, 0.3), fem.Isotropic(3.0, 0.2)
@@ -95,3 +96,29 @@ def test_rows_that_hardly_repeat_are_left_to_the_matrix() -> None:
     direct = fem.solve(model, method="direct")
     iterated = fem.solve(model, method="multigrid", backend="numpy")
     assert np.abs(iterated.u - direct.u).max() <= 1e-6 * np.abs(direct.u).max()
+
+
+@pytest.mark.parametrize("shape", [lambda mesh: mesh, holed])
+def test_differences_in_runs_keep_the_digits_of_bodies_that_move_as_a_whole(shape) -> None:
+    mesh = shape(box((1.0, 0.3, 0.4), (21, 15, 14)))
+    parts = assembled(mesh)
+    product = StencilProduct.of(stencil_of(parts.rows, parts.lattice, 1.0))
+    x, y, z = mesh.points.T
+    strained = np.stack([1e-3 * x * x, 1e-3 * z * z, x * y], axis=1)[None]
+    moved = strained + np.array([1e6, -3e6, 5e5])
+    exact = apply_stiffness(parts.rows, strained)
+    # what rounding the sum of both leaves of the small one
+    left = float(np.abs(apply_stiffness(parts.rows, moved) - exact).max())
+    assert np.abs(product.in_differences(moved) - exact).max() <= 3.0 * left
+    assert np.abs(product(moved.reshape(1, -1)).reshape(moved.shape) - exact).max() > 10.0 * left
+
+
+def test_differences_in_runs_arent_offered_where_nodes_are_missing() -> None:
+    mesh = box((1.0, 0.8, 0.9), (21, 15, 14))
+    centre = mesh.points[mesh.cells["hex8"]].mean(axis=1)
+    cells = mesh.cells["hex8"][~((centre[:, 0] > 0.5) & (centre[:, 1] > 0.5))]
+    used, number = np.unique(cells, return_inverse=True)
+    parts = assembled(Mesh(mesh.points[used], {"hex8": number.reshape(-1, 8)}))
+    product = StencilProduct.of(stencil_of(parts.rows, parts.lattice, 1.0))
+    assert product is not None
+    assert product.in_differences is None

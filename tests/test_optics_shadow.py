@@ -14,6 +14,7 @@ from gpusim.optics.binning import bin_edges
 from gpusim.optics.casters import Casters
 from gpusim.optics.emitters import Lamp, lamps_of
 from gpusim.optics.light import Light
+from gpusim.optics.occlusion import visible_share
 from gpusim.optics.setup import Setup
 from gpusim.optics.shade import shade_twin
 from gpusim.optics.shadow_probe import block, shadow_scene
@@ -256,3 +257,29 @@ def test_lights_that_cast_none_have_no_tables() -> None:
     assert Setup.build(view, none, 0.0, surfaces).lighting.shadows is None
     alone = look(surfaces[:1], camera, lit=True)
     assert Setup.build(alone, lights, 0.0, surfaces[:1]).lighting.shadows is None
+
+
+@pytest.mark.parametrize("pixels", [0.7, 3.0, 7.0, 15.0])
+@pytest.mark.parametrize("axis", [0, 1])
+def test_a_penumbra_some_pixels_wide_is_integrated_over_lamp_and_pixel(
+    pixels: float, axis: int
+) -> None:
+    """Closed form: what a half plane hides of a box (the lamp) seen through another (the pixel)."""
+    (lamp,) = lamps_of([gs.AreaLight((0.0, 0.0, 2.0), (0.0, 0.0, 0.0), (0.1, 0.1), 1.0)])
+    step = 0.1 / pixels  # the shadow's edge moves as far as the lamp, the other way
+    t = np.linspace(-0.6, 0.6, 61) * (0.1 + step)
+    at = np.zeros((len(t), 3))
+    at[:, axis] = t
+    screen = np.array([[-3.0, -3.0, 1.0], [0.0, -3.0, 1.0], [0.0, 3.0, 1.0], [-3.0, 3.0, 1.0]])
+    if axis == 1:
+        screen = screen[:, [1, 0, 2]][::-1]
+    across, down = np.broadcast_to(step * np.eye(3)[:2, None], (2, len(t), 3))
+    shares = visible_share(
+        lamp, at, across, down, np.arange(len(t)), np.broadcast_to(screen, (len(t), 4, 3)),
+        np.ones(len(t), bool), np.full(len(t), 1e-6),
+    )  # fmt: skip
+    fine = t[:, None] + step * ((np.arange(4000) + 0.5) / 4000 - 0.5)
+    exact = np.clip(0.5 + fine / 0.1, 0.0, 1.0).mean(axis=1)
+    error = shares - exact
+    assert np.abs(error).max() <= 0.013 and np.sqrt(np.mean(error**2)) <= 0.006
+    assert exact.min() == 0.0 and exact.max() == 1.0

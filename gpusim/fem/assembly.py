@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -24,6 +25,7 @@ __all__ = [
     "assemble_lattice",
     "group_matrix",
     "lattice_stencil",
+    "model_lattice",
 ]
 
 Float = npt.NDArray[np.float64]
@@ -43,12 +45,21 @@ class Assembled:
     lattice: Lattice | None
 
 
-def assemble(model: Model, formulation: Mapping[str, str]) -> Assembled:
-    """Element matrices and block rows of a model, by way of a lattice where its mesh has one."""
+def model_lattice(model: Model) -> Lattice | None:
+    """The lattice of a model's nodes and cells, if it has one."""
     mesh = model.mesh
-    lattice = None
-    if set(mesh.cells) == {"hex8"} and not mesh.dangling_nodes.size:
-        lattice = find_lattice(mesh.points, mesh.cells["hex8"])
+    if set(mesh.cells) != {"hex8"} or mesh.dangling_nodes.size:
+        return None
+    return find_lattice(mesh.points, mesh.cells["hex8"])
+
+
+def assemble(
+    model: Model, formulation: Mapping[str, str], lattice: Lattice | None = None
+) -> Assembled:
+    """Element matrices and block rows of a model, by way of a lattice where its mesh has one
+    (``lattice``, if it is known already)."""
+    mesh = model.mesh
+    lattice = model_lattice(model) if lattice is None else lattice
     if lattice is None:
         groups = model_groups(model, formulation)
         return Assembled(assemble_groups(groups, mesh.node_count), groups, None)
@@ -72,7 +83,7 @@ def assemble_groups(groups: Sequence[Group], count: int) -> BlockRows:
     owner = np.repeat(np.arange(len(representative)), degree)
     diagonal = -_sums(owner, table.reshape(-1, 9), len(representative)).reshape(-1, 3, 3)
     return BlockRows(
-        edges.start, edges.neighbour, row_class.astype(np.int32), table, table_start,
+        edges.links, row_class.astype(np.int32), table, table_start,
         0.5 * (diagonal + diagonal.transpose(0, 2, 1)), classes,
     )  # fmt: skip
 
@@ -150,6 +161,10 @@ class _Edges:
         self._mirrored = np.zeros(int(self.start[-1]), dtype=bool)
         self._mirrored[at_below] = True
         self._edges = len(edge)
+
+    def links(self) -> tuple[Long, Int]:
+        """The pattern, see ``BlockRows``."""
+        return self.start, self.neighbour
 
     def blocks(self, nodes: Long | None) -> Float:
         """(T,3,3) blocks of the rows of ``nodes`` (None: all), summed over elements."""
@@ -231,34 +246,26 @@ def _lattice_rows(group: Group, lattice: Lattice) -> tuple[Long, Long, Float]:
     return representative, row_class, blocks
 
 
-def _linked(lattice: Lattice) -> npt.NDArray[np.bool_]:
-    """(N,27) whether a cell joins a node and its neighbour there."""
-    present = lattice.around((lattice.cell >= 0).astype(np.int64), 0) == 1
-    linked = np.zeros((lattice.node_count, 27), dtype=bool)
-    for corner in range(len(CORNERS)):
-        linked[:, node_offsets(corner)] |= present[:, corner, None]
-    return linked
-
-
 def assemble_lattice(group: Group, lattice: Lattice) -> BlockRows:
     """Block rows of hex8 elements on a lattice: no sorting, and one row per kind of node."""
     representative, row_class, blocks = _lattice_rows(group, lattice)
-    linked = _linked(lattice)
-    linked[:, 13] = False
-    degree = linked.sum(axis=1)
-    neighbour = lattice.neighbours()[linked]
-    own = linked[representative]
+    own = lattice.linked(representative)
     table = blocks[own]
     diagonal = -np.where(own[..., None, None], blocks, 0.0).sum(axis=1)
     return BlockRows(
-        np.concatenate([[0], np.cumsum(degree)]).astype(np.int64),
-        neighbour,
+        partial(_lattice_links, lattice),
         row_class.astype(np.int32),
         table,
         np.concatenate([[0], np.cumsum(own.sum(axis=1))]).astype(np.int64),
         0.5 * (diagonal + diagonal.transpose(0, 2, 1)),
         len(group.matrices),
     )
+
+
+def _lattice_links(lattice: Lattice) -> tuple[Long, Int]:
+    linked = lattice.linked(np.arange(lattice.node_count))
+    start = np.concatenate([[0], np.cumsum(linked.sum(axis=1))]).astype(np.int64)
+    return start, lattice.neighbours()[linked]
 
 
 def lattice_stencil(group: Group, lattice: Lattice, scale: float = 1.0) -> Stencil:

@@ -14,6 +14,7 @@ bodies, whose neighbours move nearly alike, well below that of the usual product
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -32,19 +33,33 @@ Long = npt.NDArray[np.int64]
 class BlockRows:
     """Distinct block rows of K, float64.
 
-    ``start`` (N+1,) int64: the neighbours of node i are ``neighbour[start[i]:start[i+1]]``, itself
-    left out. ``row_class`` (N,) int32. The blocks of class c, in the order of the neighbours, are
-    ``table[table_start[c]:table_start[c+1]]``; ``table`` (T,3,3), ``table_start`` (C+1,) int64.
-    ``diagonal`` (C,3,3). ``element_classes`` the number of distinct element matrices.
+    ``links`` gives ``start`` and ``neighbour`` when they are first asked for: on a lattice of
+    repeating rows hardly anything needs them. ``row_class`` (N,) int32. The blocks of class c, in
+    the order of the neighbours, are ``table[table_start[c]:table_start[c+1]]``; ``table`` (T,3,3),
+    ``table_start`` (C+1,) int64. ``diagonal`` (C,3,3). ``element_classes`` the number of distinct
+    element matrices.
     """
 
-    start: Long
-    neighbour: Int
+    links: Callable[[], tuple[Long, Int]]
     row_class: Int
     table: Float
     table_start: Long
     diagonal: Float
     element_classes: int
+
+    @cached_property
+    def _linked(self) -> tuple[Long, Int]:
+        return self.links()
+
+    @property
+    def start(self) -> Long:
+        """(N+1,) int64: the neighbours of node i are ``neighbour[start[i]:start[i+1]]``."""
+        return self._linked[0]
+
+    @property
+    def neighbour(self) -> Int:
+        """(start[N],) int32 neighbours of every node, itself left out."""
+        return self._linked[1]
 
     @property
     def node_count(self) -> int:
@@ -57,12 +72,13 @@ class BlockRows:
     @cached_property
     def degree(self) -> Long:
         """(N,) neighbours per node."""
-        return np.diff(self.start)
+        return np.asarray(np.diff(self.table_start)[self.row_class])
 
     @property
     def nbytes(self) -> int:
         """Bytes of the table and of the lists of neighbours."""
-        return self.table.nbytes + self.neighbour.nbytes + self.row_class.nbytes + self.start.nbytes
+        links = 4 * int(self.degree.sum()) + 8 * (self.node_count + 1)
+        return self.table.nbytes + self.row_class.nbytes + links
 
 
 def ranges(start: Long, length: Long) -> Long:

@@ -123,7 +123,9 @@ def rows_of_matrix(matrix: bsr_matrix) -> BlockRows:
     table[at] = -total[has]
     neighbour = matrix.indices.astype(np.int32)
     neighbour[own] = count
-    return BlockRows(start, neighbour, kind.astype(np.int32), table, table_start, diagonal, 0)
+    return BlockRows(
+        lambda: (start, neighbour), kind.astype(np.int32), table, table_start, diagonal, 0
+    )
 
 
 def _equal_rows(blocks: Float, start: Long) -> tuple[Long, Long]:

@@ -78,6 +78,10 @@ class NumpyCG:
         """The solution of this run so far, (L,n)."""
         return self._x.copy()
 
+    def residual(self) -> Float | None:
+        """What is left of the right-hand side by the recursion, (L,n)."""
+        return self._r
+
 
 class DeviceCG:
     """The same on a device; ``preconditioner`` has ``record(recording, r, z)`` for texels."""
@@ -139,6 +143,9 @@ class DeviceCG:
     def correction(self) -> Float:
         """The solution of this run so far, (L,n)."""
         return self._x.read()
+
+    def residual(self) -> None:
+        """Not told: reading it back costs as much as it saves."""
 
     def _iterate(self, recording: Recording) -> None:
         self._stiffness.record(recording, self._p, self._q)

@@ -27,6 +27,8 @@ _PER_UNKNOWN = 3e-6
 _MEMORY = 0.4
 # a band this many times slower than multigrid isn't looked at any closer
 _HOPELESS = 30.0
+# share of the work in a band of a lattice's widest plane that any band takes at least
+_NARROWER = 0.3
 # unknowns beyond which it isn't worth looking for a band
 _MOST_BANDED = 2_000_000
 
@@ -88,7 +90,10 @@ def direct_solver(
             )
     # a bandwidth that isn't worth a closer look; that of a lattice is about its widest plane
     hopeless = np.sqrt(_HOPELESS * multigrid_seconds(unknowns) * _BAND_RATE / max(unknowns, 1))
-    if unknowns <= _MOST_BANDED and widest <= hopeless:
+    # no numbering of a lattice has a band much narrower than its planes
+    band = _NARROWER * unknowns * float(widest) ** 2 / _BAND_RATE
+    beaten = bool(found) and found[0].seconds < band
+    if unknowns <= _MOST_BANDED and widest <= hopeless and not beaten:
         ordering = band_ordering(assembled.rows, free, points, float(hopeless))
         found.append(
             Direct(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 
@@ -15,6 +17,9 @@ Hash = npt.NDArray[np.uint64]
 _GRID = 2.0**-38
 # rows of more columns than this are compared as bytes
 _WIDE = 100
+# rows with fewer possible values than this become one number each, and with fewer than this many
+# times the rows a table finds them
+_ONE_NUMBER, _TABLE = 2**62, 8
 
 
 def mix(value: npt.NDArray[np.integer], seed: int) -> Hash:
@@ -40,12 +45,37 @@ def unique_rows(rows: Long) -> tuple[Long, Long]:
     columns = rows.shape[1]
     if columns > _WIDE:
         return _unique_wide(rows)
+    if len(rows):
+        low = rows.min(axis=0)
+        extent = [int(one) + 1 for one in rows.max(axis=0) - low]
+        if math.prod(extent) < _ONE_NUMBER:
+            return _unique_numbers(rows, low, extent)
     first_hash = np.zeros(len(rows), dtype=np.uint64)
     second_hash = np.zeros(len(rows), dtype=np.uint64)
     for column in range(columns):
         first_hash = mix(first_hash ^ mix(rows[:, column], 2 * column), 0)
         second_hash = mix(second_hash ^ mix(rows[:, column], 2 * column + 1), 1)
     return unique_hashes(first_hash, second_hash)
+
+
+def _unique_numbers(rows: Long, low: Long, extent: list[int]) -> tuple[Long, Long]:
+    """The same where a row's values fit one number."""
+    place = np.concatenate([[1], np.cumprod(extent[:-1], dtype=np.int64)]).astype(np.int64)
+    number = (rows - low) @ place
+    if math.prod(extent) > _TABLE * len(rows):
+        return _by_first(*np.unique(number, return_index=True, return_inverse=True)[1:])
+    first = np.full(math.prod(extent), -1, dtype=np.int64)
+    first[number[::-1]] = np.arange(len(rows))[::-1]
+    used = first >= 0
+    return _by_first(first[used], (np.cumsum(used) - 1)[number])
+
+
+def _by_first(first: Long, kind: Long) -> tuple[Long, Long]:
+    """Classes numbered by first occurrence."""
+    order = np.argsort(first, kind="stable")
+    rank = np.empty_like(order)
+    rank[order] = np.arange(len(order))
+    return first[order].astype(np.int64), rank[kind].astype(np.int64)
 
 
 def _unique_wide(rows: Long) -> tuple[Long, Long]:
@@ -66,10 +96,7 @@ def unique_hashes(first_hash: Hash, second_hash: Hash) -> tuple[Long, Long]:
     if not np.array_equal(second_hash[first][inverse], second_hash):
         everyone = np.arange(len(first_hash), dtype=np.int64)
         return everyone, everyone
-    order = np.argsort(first, kind="stable")
-    rank = np.empty_like(order)
-    rank[order] = np.arange(len(order))
-    return first[order].astype(np.int64), rank[inverse].astype(np.int64)
+    return _by_first(first, inverse)
 
 
 def congruence_classes(nodes: Float, material: npt.NDArray[np.int32]) -> tuple[Long, Long]:

@@ -52,8 +52,7 @@ class Level:
 @dataclass(frozen=True, eq=False)
 class Hierarchy:
     """Levels from fine to coarse, the inverse on the coarsest one (dense), and ``lowest``: an
-    estimate of the smallest eigenvalue of K (Rayleigh-Ritz in the coarsest space, so never below
-    it)."""
+    estimate of the smallest eigenvalue of K (by the coarsest level's matrix)."""
 
     levels: tuple[Level, ...]
     coarse_inverse: Float
@@ -115,7 +114,7 @@ def _assembled(matrix: bsr_matrix | Stencil) -> bsr_matrix:
 
 
 def _product(matrix: bsr_matrix | Stencil) -> Product | StencilProduct:
-    product = StencilProduct.of(matrix) if isinstance(matrix, Stencil) else None
+    product = matrix.product if isinstance(matrix, Stencil) else None
     return Product(_assembled(matrix)) if product is None else product
 
 
@@ -205,12 +204,23 @@ def _inverse(matrix: Float) -> Float:
 
 
 def _lowest_eigenvalue(inverse: Float, levels: list[Level], matrix: bsr_matrix) -> float:
-    """Of K in the coarsest space by inverse iteration; every iterate bounds it from above."""
+    """Of K in the coarsest space, by inverse iteration.
+
+    Interpolated values weigh on coarse nodes by their shares, P^T w for P^T diag(w) P: that is
+    never less where shares aren't negative and add up to one, so the estimate errs to the low,
+    safe side, by little for smooth motions. Aggregates have no such shares and are gone through.
+    """
+    weight: Float | None = None
+    by_nodes = [level.transfer for level in levels if isinstance(level.transfer, NodeTransfer)]
+    for transfer in by_nodes:
+        weight = transfer.restrict(np.ones((1, transfer.shape[0])) if weight is None else weight)
+    rest = levels[len(by_nodes) :]
 
     def overlap(x: Float) -> Float:
-        for level in reversed(levels):
+        for level in reversed(rest):
             x = level.transfer.interpolate(x)
-        for level in levels:
+        x = x if weight is None else weight * x
+        for level in rest:
             x = level.transfer.restrict(x)
         return x
 

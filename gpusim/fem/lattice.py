@@ -30,6 +30,9 @@ OFFSETS = np.stack(np.meshgrid([-1, 0, 1], [-1, 0, 1], [-1, 0, 1], indexing="ij"
 _SAME = 1e-10
 # a lattice with fewer nodes than this share of its bounding grid isn't worth the grid
 _FULLEST = 0.05
+# bits of a plane's number where three of them stand in one integer
+_BITS = 21
+_CHUNK = 4096
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,17 +65,26 @@ class Lattice:
         result[self.cell >= 0] = values
         return result
 
-    def around(self, per_cell: Long, outside: int = -1) -> Long:
+    def around(self, per_cell: Long, outside: int = -1, nodes: Long | None = None) -> Long:
         """(N,8): the value in the cell at each corner of a node; ``per_cell`` is (X-1,Y-1,Z-1).
 
-        Column k is the cell of which the node is corner k.
+        Column k is the cell of which the node is corner k. ``nodes``: of these only.
         """
         padded = np.full(tuple(n + 2 for n in per_cell.shape), outside, dtype=np.int64)
         padded[1:-1, 1:-1, 1:-1] = per_cell
-        x, y, z = self.place.T
-        return np.stack(
-            [padded[x + 1 - a, y + 1 - b, z + 1 - c] for a, b, c in CORNERS.tolist()], axis=1
-        )
+        step = np.array([padded.shape[1] * padded.shape[2], padded.shape[2], 1])
+        place = self.place if nodes is None else self.place[nodes]
+        own = (place.astype(np.int64) + 1) @ step
+        return np.asarray(padded.ravel()[own[:, None] - CORNERS @ step])
+
+    def linked(self, nodes: Long) -> npt.NDArray[np.bool_]:
+        """(K,27) whether a cell joins each of ``nodes`` (K,) and another one at ``OFFSETS``."""
+        present = self.around((self.cell >= 0).astype(np.int64), 0, nodes) == 1
+        result = np.zeros((len(nodes), 27), dtype=bool)
+        for corner in range(len(CORNERS)):
+            result[:, node_offsets(corner)] |= present[:, corner, None]
+        result[:, 13] = False
+        return result
 
     def neighbours(self) -> Int:
         """(N,27) node numbers at ``OFFSETS``, -1 where there is none."""
@@ -99,28 +111,20 @@ def find_lattice(points: Float, block: Int) -> Lattice | None:
     grid = float((high - low).max()) * _SAME
     planes, place = [], np.empty(points.shape, dtype=np.int32)
     for axis in range(3):
-        value, first, number = np.unique(
-            np.rint((points[:, axis] - low[axis]) / grid).astype(np.int64),
-            return_index=True,
-            return_inverse=True,
-        )
+        coordinate = np.rint((points[:, axis] - low[axis]) / grid).astype(np.int64)
+        value = np.unique(coordinate)
         if (np.diff(value) <= 2).any():
             return None
-        planes.append(points[first, axis])
-        place[:, axis] = number
+        place[:, axis] = number = np.searchsorted(value, coordinate)
+        plane = np.empty(len(value))
+        # the coordinate of the first of its nodes
+        plane[number[::-1]] = points[::-1, axis]
+        planes.append(plane)
     shape = tuple(len(one) for one in planes)
     if int(np.prod(shape, dtype=np.int64)) > len(points) / _FULLEST:
         return None
-    low_corner = place[block[:, 0]]
-    for k in range(1, 8):
-        np.minimum(low_corner, place[block[:, k]], out=low_corner)
-    seen = np.zeros(len(block), dtype=np.int64)
-    for k in range(8):
-        step = place[block[:, k]] - low_corner
-        if ((step < 0) | (step > 1)).any():
-            return None
-        seen |= np.int64(1) << (step[:, 0] + 2 * step[:, 1] + 4 * step[:, 2]).astype(np.int64)
-    if (seen != 255).any():
+    low_corner = _lowest_corners(place, block)
+    if low_corner is None:
         return None
     node = np.full(shape, -1, dtype=np.int32)
     node[tuple(place.T)] = np.arange(len(points), dtype=np.int32)
@@ -131,3 +135,24 @@ def find_lattice(points: Float, block: Int) -> Lattice | None:
     if int((cell >= 0).sum()) != len(block):
         return None
     return Lattice(node, cell, place, (planes[0], planes[1], planes[2]))
+
+
+def _lowest_corners(place: Int, block: Int) -> Int | None:
+    """(M,3) planes of the least corner of each cell; None where one isn't a brick of the lattice.
+
+    The corners of a cell that is in order follow its least one by eight known steps.
+    """
+    code = place.astype(np.int64) @ np.array([1, 1 << _BITS, 1 << 2 * _BITS])
+    result = np.empty((len(block), 3), dtype=np.int32)
+    for start in range(0, len(block), _CHUNK):
+        cells = block[start : start + _CHUNK]
+        corners = code[cells]
+        lowest = corners.argmin(axis=1)[:, None]
+        step: Long = corners - np.take_along_axis(corners, lowest, axis=1)
+        x, y, z = step & 1, step >> _BITS & 1, step >> 2 * _BITS & 1
+        if (step != x + (y << _BITS) + (z << 2 * _BITS)).any():
+            return None
+        if (np.bitwise_or.reduce(1 << (x + 2 * y + 4 * z), axis=1) != 255).any():
+            return None
+        result[start : start + _CHUNK] = place[np.take_along_axis(cells, lowest, axis=1)[:, 0]]
+    return result

@@ -33,12 +33,15 @@ Bool = npt.NDArray[np.bool_]
 
 # rounding in float32 over the least eigenvalue from which on float64 is used
 _FELT = 0.1
+# ratio of stiffnesses beyond which soft parts may be felt worse than the least eigenvalue tells
+_EVEN = 1e3
 
 
-def cycle_dtype(lowest: float) -> type[np.float32] | type[np.float64]:
-    """What cycles of a matrix with greatest diagonal 1 and least eigenvalue ``lowest`` take."""
+def cycle_dtype(lowest: float, contrast: float) -> type[np.float32] | type[np.float64]:
+    """What cycles of a matrix take whose greatest diagonal is 1, least eigenvalue ``lowest``, and
+    the ratio of its diagonal blocks ``contrast``."""
     single = float(np.finfo(np.float32).eps)
-    return np.float32 if single <= _FELT * lowest else np.float64
+    return np.float32 if single <= _FELT * lowest and contrast <= _EVEN else np.float64
 
 
 class LatticeLevel:
@@ -153,7 +156,9 @@ class LatticeCycle:
         first = hierarchy.levels[0].product
         if not isinstance(first, StencilProduct):
             return None
-        dtype = cycle_dtype(hierarchy.lowest)
+        trace = np.einsum("cii->c", first.stencil.diagonal)
+        contrast = float(trace.max() / trace[trace > 0.0].min(initial=np.inf))
+        dtype = cycle_dtype(hierarchy.lowest, contrast)
         levels: list[LatticeLevel] = []
         for level in hierarchy.levels:
             product = level.product

@@ -28,7 +28,7 @@ from gpusim.fem.patch_multigrid import PatchMultigrid
 from gpusim.fem.preconditioner import BlockJacobi, Multigrid
 from gpusim.fem.product import Product
 from gpusim.fem.refine import refine
-from gpusim.fem.stencil import StencilProduct, stencil_of
+from gpusim.fem.stencil import StencilProduct
 from gpusim.fem.stiffness import DeviceStiffness
 from gpusim.gpu import Device, default_device, software_adapter
 
@@ -47,8 +47,6 @@ _HARSH_PATIENCE, _HARSH_SECONDS = 30.0, 30.0
 _NEGLIGIBLE = 0.02
 # ratio of greatest and least modulus, 300 at nu = 0.495, from which on patches are worth their cost
 _STIFF_IN_BULK = 300.0
-# nodes per distinct row from which on a stencil isn't larger than the matrix
-_REPEATS = 8
 
 
 @dataclass
@@ -249,14 +247,10 @@ def _preconditioner(
         diagonal = rows.diagonal[rows.row_class] / system.scale
         inverse = invert_blocks(diagonal, system.free)
         return BlockJacobi(inverse), Norm(diagonal, None), Product(matrix)
-    lattice = assembled.lattice
-    repeats = lattice is not None and rows.class_count <= rows.node_count // _REPEATS
     hierarchy = build_hierarchy(
-        stencil_of(rows, lattice, system.scale)
-        if lattice is not None and repeats
-        else block_matrix(rows, system.scale),
+        block_matrix(rows, system.scale) if system.stencil is None else system.stencil,
         assembled.groups,
-        lattice,
+        assembled.lattice,
         system.free,
         model.mesh.points,
         rows,

@@ -86,4 +86,4 @@ def _rows(matrix: csr_matrix | bsr_matrix) -> BlockRows:
     number = np.arange(count, dtype=np.int32)
     nothing = np.zeros((count, 3, 3))
     neighbour = blocks.indices.astype(np.int32)
-    return BlockRows(start, neighbour, number, blocks.data, start, nothing, 0)
+    return BlockRows(lambda: (start, neighbour), number, blocks.data, start, nothing, 0)

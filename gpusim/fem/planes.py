@@ -53,6 +53,22 @@ class PlaneWeights:
         matrix.eliminate_zeros()
         return matrix
 
+    def interpolate(self, x: Float) -> Float:
+        """(K,3) on the coarse nodes -> (N,3), axis after axis."""
+        grid = np.zeros((*self.coarse.node.shape, 3))
+        grid[tuple(self.coarse.place.T)] = x
+        for axis in range(3):
+            grid = _along(self.axes[axis], grid, axis)
+        return np.asarray(grid[tuple(self.fine.place.T)])
+
+    def restrict(self, r: Float) -> Float:
+        """The transpose, (N,3) -> (K,3)."""
+        grid = np.zeros((*self.fine.node.shape, 3))
+        grid[tuple(self.fine.place.T)] = r
+        for axis in range(3):
+            grid = _along(csr_matrix(self.axes[axis].T), grid, axis)
+        return np.asarray(grid[tuple(self.coarse.place.T)])
+
     @cached_property
     def matrix(self) -> csr_matrix:
         """(fine nodes, coarse nodes)."""
@@ -76,3 +92,10 @@ class PlaneWeights:
             (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))),
             shape=(count, self.coarse.node_count),
         )
+
+
+def _along(weights: csr_matrix, grid: Float, axis: int) -> Float:
+    """The values along one axis combined by ``weights``."""
+    first = np.moveaxis(grid, axis, 0)
+    result = weights @ first.reshape(len(first), -1)
+    return np.moveaxis(result.reshape(-1, *first.shape[1:]), 0, axis)

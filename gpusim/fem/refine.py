@@ -19,6 +19,8 @@ Float = npt.NDArray[np.float64]
 _MOST = 20
 # a correction that is not at least this much smaller than the one before has met rounding
 _CONTRACTION = 0.5
+# safety on the factor by which corrections shrink, and the least that is believed of it
+_CAUTION, _LEAST_SHARE = 100.0, 1e-3
 
 
 def refine(
@@ -32,8 +34,10 @@ def refine(
 
     The size of a correction is the error of the solution before it, as long as corrections
     shrink; the estimate is the last correction's greatest displacement over the solution's, plus
-    what the rounding of K leaves open (``gpusim.fem.rounding``). One correction at least is
-    always made, so the estimate rests on a measured residual.
+    what the rounding of K leaves open (``gpusim.fem.rounding``). The error after a correction is
+    smaller by the factor by which corrections shrink once more: a hundred times that factor (at
+    least 0.001) is believed where the tolerance asks for it, and the tolerance is what is stated
+    then. One correction at least is always made, so the estimate rests on a measured residual.
     """
     right = system.right
     cases = len(right)
@@ -59,10 +63,16 @@ def refine(
         size = np.where(size > 0.0, size, 1e-300)
         change = np.abs(correction).max(axis=(1, 2))
         history.append(change / np.where(before > 0.0, before, 1.0) * history[-1])
+        # each correction is smaller than the one before by a factor that it shows itself
+        shrinks = np.clip(
+            _CAUTION * change / np.where(before > 0.0, before, 1.0), _LEAST_SHARE, 1.0
+        )
         estimate = (change + blur) / size
+        reached = bool(((change * shrinks + blur) / size <= tolerance).all())
         if progress is not None:
             progress(number + 1, float(estimate.max()))
-        if bool((estimate <= tolerance).all()):
+        if reached:
+            estimate = np.minimum(estimate, tolerance)
             message = "converged"
             break
         if not bool((change <= np.maximum(_CONTRACTION * before, blur)).all()):

@@ -206,11 +206,17 @@ class RunPattern:
             result[:, k, :, k, :] = blocks[self._classes[:, k]].transpose(0, 2, 1)
         return result.reshape(-1, 3 * _RUN, 3 * _RUN)
 
-    def apply(self, matrices: Real, x: Real, out: Real, add: Real | None = None) -> None:
-        """out = A x (+ add) for stored vectors; ``out`` must be none of the others."""
-        self._share(partial(self._common, matrices, x, out, add), self._chunks)
-        self._share(partial(self._box, matrices, x, out, add), self._boxes)
-        self._share(partial(self._gather, matrices, x, out, add), self._gathered)
+    def apply(
+        self, matrices: Real, x: Real, out: Real, add: Real | None = None, relative: bool = False
+    ) -> None:
+        """out = A x (+ add) for stored vectors; ``out`` must be none of the others.
+
+        ``relative``: rows of A add up to zero, and x enters relative to the first node of each run,
+        so that bodies that move as a whole cost no digits.
+        """
+        self._share(partial(self._common, matrices, x, out, add, relative), self._chunks)
+        self._share(partial(self._box, matrices, x, out, add, relative), self._boxes)
+        self._share(partial(self._gather, matrices, x, out, add, relative), self._gathered)
         self._clear(out)
 
     def scale(self, matrices: Real, x: Real, out: Real) -> None:
@@ -247,7 +253,7 @@ class RunPattern:
         return body.reshape(*body.shape[:2], self.layout.runs, 3 * _RUN)
 
     def _common(
-        self, matrices: Real, x: Real, out: Real, add: Real | None,
+        self, matrices: Real, x: Real, out: Real, add: Real | None, relative: bool,
         chunks: list[tuple[int, int, int]],
     ) -> None:  # fmt: skip
         """Rows of runs by the matrix of their slab's commonest kind."""
@@ -262,6 +268,10 @@ class RunPattern:
                 seen.shape, x.dtype, x.data, begin * item,
                 (layout.row * item, wide * item, layout.slab * item, item),
             )  # fmt: skip
+            if relative:
+                own = seen[:, :, 1, 3:6].copy()
+                seen -= np.tile(own, _RUN + 2)[:, :, None]
+                own = own.reshape(-1, 3)
             rows = seen.reshape(-1, 3 * (wide + 6))
             count = (stop - first) * layout.runs
             here = slice(layout.origin + first * layout.row, layout.origin + stop * layout.row)
@@ -272,9 +282,15 @@ class RunPattern:
             for row in (1, 2):
                 np.matmul(rows[row * layout.runs :][:count], matrix[row], out=part)
                 into += part
+            if relative:
+                # the rows beside have been taken relative to nodes of their own
+                middle = own[layout.runs :][:count]
+                for row in (0, 2):
+                    step = own[row * layout.runs :][:count] - middle
+                    into += step @ matrix[row].reshape(-1, 3, wide).sum(axis=0)
 
     def _box(
-        self, matrices: Real, x: Real, out: Real, add: Real | None,
+        self, matrices: Real, x: Real, out: Real, add: Real | None, relative: bool,
         boxes: list[tuple[int, tuple[slice, slice, slice]]],
     ) -> None:  # fmt: skip
         """Boxes of runs of another kind than their slab's commonest."""
@@ -286,22 +302,38 @@ class RunPattern:
             if self._empty[kind]:
                 result[box] = 0.0
                 continue
-            extent = tuple(one.stop - one.start for one in box)
+            slabs, rows, runs = (one.stop - one.start for one in box)
             begin = layout.origin - layout.slab - layout.row - 3
             begin += box[0].start * layout.slab + box[1].start * layout.row + box[2].start * wide
+            seen = np.ndarray(
+                (slabs, rows + 2, runs, 3, wide + 6), x.dtype, x.data, begin * item,
+                (step[0], step[1], step[2], step[0], item),
+            ).copy()  # fmt: skip
+            count, matrix = rows * runs, matrices[kind]
+            own = seen[:, :, :, 1, 3:6].copy() if relative else None
+            if own is not None:
+                seen -= np.tile(own, _RUN + 2)[:, :, :, None]
+                own = own.reshape(slabs, -1, 3)
+            inner = seen.strides
             windows = np.ndarray(
-                (*extent, 3, 3, wide + 6), x.dtype, x.data, begin * item,
-                (*step, step[1], step[0], item),
+                (slabs, rows, runs, 3, 3 * (wide + 6)), x.dtype, seen.data, 0,
+                (inner[0], inner[1], inner[2], inner[1], item),
             )  # fmt: skip
-            matrix = matrices[kind].reshape(-1, wide)
-            value = (windows.reshape(-1, len(matrix)) @ matrix).reshape(*extent, wide)
+            value = windows.reshape(-1, 9 * (wide + 6)) @ matrix.reshape(-1, wide)
+            value = value.reshape(slabs, count, wide)
+            if own is not None:
+                for row in (0, 2):
+                    apart = own[:, row * runs :][:, :count] - own[:, runs:][:, :count]
+                    value += apart @ matrix[row].reshape(-1, 3, wide).sum(axis=0)
+            value = value.reshape(slabs, rows, runs, wide)
             if more is not None:
                 value += more[box]
             result[box] = value
 
     def _gather(
-        self, matrices: Real, x: Real, out: Real, add: Real | None, parts: list[tuple[int, Long]]
-    ) -> None:
+        self, matrices: Real, x: Real, out: Real, add: Real | None, relative: bool,
+        parts: list[tuple[int, Long]],
+    ) -> None:  # fmt: skip
         """Single runs of another kind."""
         layout, wide, item = self.layout, 3 * _RUN, x.itemsize
         into = layout.body(out).reshape(-1, wide)
@@ -313,5 +345,8 @@ class RunPattern:
         )  # fmt: skip
         for kind, place in parts:
             matrix = matrices[kind].reshape(-1, wide)
-            value = every[place].reshape(len(place), -1) @ matrix
+            windows = every[place]
+            if relative:
+                windows = windows - np.tile(windows[:, 1, 1, 3:6], _RUN + 2)[:, None, None]
+            value = windows.reshape(len(place), -1) @ matrix
             into[place] = value if more is None else value + more[place]

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.fem.assembly import assemble
+from gpusim.fem.assembly import assemble, model_lattice
 from gpusim.fem.block_rows import BlockRows
 from gpusim.fem.formulation import resolve_formulation
 from gpusim.fem.iterate import Outcome, System
@@ -19,7 +19,6 @@ from gpusim.fem.model import Model
 from gpusim.fem.product import one_blas_thread
 from gpusim.fem.rounding import extremes
 from gpusim.fem.solution import Solution
-from gpusim.fem.stiffness import apply_stiffness
 from gpusim.fem.supports import check_supports
 from gpusim.fem.system import make_system
 from gpusim.gpu import Device
@@ -98,13 +97,14 @@ def _solve_static(
 ) -> Solution:
     clock = Clock()
     _check_arguments(model, device, tolerance, backend, max_iterations, method)
-    check_supports(model)
+    lattice = model_lattice(model)
+    check_supports(model, lattice)
     formulations = resolve_formulation(model, formulation)
     options = Options(device, backend, tolerance, max_iterations, _start(model, start), progress)
     clock.mark("check")
-    assembled = assemble(model, formulations)
+    assembled = assemble(model, formulations, lattice)
     clock.mark("assembly")
-    system = make_system(model, assembled.rows)
+    system = make_system(model, assembled)
     if "reduced" in formulations.values():
         # hourglass modes may be left: as soft as can be, and not felt by the loads
         system = replace(system, contrast=np.inf)
@@ -169,7 +169,7 @@ def _solution(
         message += f"; the model has {cause}" if cause else ""
     forces = model.load_cases
     if outcome.image is None:
-        internal = apply_stiffness(rows, u)
+        internal = system.apply(u) * system.scale
     else:
         internal = outcome.image * system.load_scale[:, None, None]
         internal = internal if system.pull is None else internal + system.pull

@@ -6,6 +6,7 @@ bytes a node.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -41,6 +42,11 @@ class Stencil:
         return self.blocks[:, 13]
 
     @cached_property
+    def product(self) -> StencilProduct | None:
+        """See ``StencilProduct.of``."""
+        return StencilProduct.of(self)
+
+    @cached_property
     def matrix(self) -> bsr_matrix:
         """The same as a SciPy block matrix."""
         neighbours = self.lattice.neighbours()
@@ -56,11 +62,8 @@ def stencil_of(rows: BlockRows, lattice: Lattice, scale: float) -> Stencil:
     """The rows of K / scale by their place on the lattice."""
     _, first = np.unique(rows.row_class, return_index=True)
     blocks = np.zeros((rows.class_count, 27, 3, 3))
-    place = lattice.place.astype(np.int64)
-    for number, node in enumerate(first.tolist()):
-        step = place[rows.neighbour[rows.start[node] : rows.start[node + 1]]] - place[node] + 1
-        own = slice(int(rows.table_start[number]), int(rows.table_start[number + 1]))
-        blocks[number, step @ [1, 3, 9]] = rows.table[own]
+    # the table is in the order of the neighbours, class by class
+    blocks[lattice.linked(first)] = rows.table
     blocks[:, 13] = rows.diagonal
     return Stencil(lattice, rows.row_class, blocks / scale)
 
@@ -97,7 +100,15 @@ class StencilProduct:
     def __call__(self, x: Float) -> Float:
         return np.stack([self._one(one) for one in x])
 
-    def _one(self, x: Float) -> Float:
+    @property
+    def in_differences(self) -> Callable[[Float], Float] | None:
+        """(L,N,3) -> K x as accurate as from differences u_j - u_i, for rows that add up to zero;
+        None where places are empty."""
+        if not bool(self.layout.present.all()):
+            return None
+        return lambda x: np.stack([self._one(one, True) for one in x]).reshape(x.shape)
+
+    def _one(self, x: Float, relative: bool = False) -> Float:
         self.layout.put(x, self._x)
-        self._pattern.apply(self._matrices, self._x, self._result)
+        self._pattern.apply(self._matrices, self._x, self._result, relative=relative)
         return self.layout.get(self._result)

@@ -25,7 +25,7 @@ __all__ = ["DeviceStiffness", "apply_stiffness"]
 Float = npt.NDArray[np.float64]
 Long = npt.NDArray[np.int64]
 
-_CHUNK = 16384
+_CHUNK = 1024
 
 
 def apply_stiffness(rows: BlockRows, u: Float, absolute: bool = False) -> Float:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
+from scipy.ndimage import label
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from gpusim.errors import InputError
 from gpusim.fem.congruence import mix
+from gpusim.fem.lattice import Lattice
 from gpusim.fem.model import Model
 from gpusim.mesh import Mesh
 from gpusim.mesh.cells import CELL_TYPES
@@ -32,8 +34,8 @@ def rigid_modes(points: Float, origin: Float, length: float) -> Float:
     return modes
 
 
-def check_supports(model: Model) -> None:
-    """Refuse a model that can move without deforming.
+def check_supports(model: Model, lattice: Lattice | None = None) -> None:
+    """Refuse a model that can move without deforming; ``lattice`` of its cells, if it is known.
 
     Cells are joined into parts through shared faces, and parts into bodies through shared nodes
     (a hinge). For each body the rank of all constraints on the six rigid-body motions of every
@@ -41,7 +43,7 @@ def check_supports(model: Model) -> None:
 
     Raises InputError naming the free motions ("translation x", "rotation about z through …").
     """
-    part_of_cell = _parts(model.mesh)
+    part_of_cell = _parts(model.mesh) if lattice is None else _lattice_parts(lattice)
     count = model.mesh.node_count
     parts = int(part_of_cell.max()) + 1
     if parts == 1:
@@ -51,8 +53,8 @@ def check_supports(model: Model) -> None:
         return
     node, part = _incidence(model.mesh, part_of_cell)
     graph = coo_matrix((np.ones(len(node)), (node, count + part)), shape=(count + parts,) * 2)
-    _, label = connected_components(graph.tocsr(), directed=False)
-    body_of_part = label[count:]
+    _, number = connected_components(graph.tocsr(), directed=False)
+    body_of_part = number[count:]
     for body in np.unique(body_of_part):
         own = np.flatnonzero(body_of_part == body)
         inside = np.isin(part, own) if len(own) < parts else np.ones(len(part), dtype=bool)
@@ -61,6 +63,15 @@ def check_supports(model: Model) -> None:
         else:
             local = np.searchsorted(own, part[inside])
             _check_body(model, node[inside], local, part[inside], len(own))
+
+
+def _lattice_parts(lattice: Lattice) -> npt.NDArray[np.int64]:
+    """The same as ``_parts``, by cells beside one another."""
+    present = lattice.cell >= 0
+    number, _ = label(present)
+    result = np.empty(int(present.sum()), dtype=np.int64)
+    result[lattice.cell[present]] = number[present] - 1
+    return result
 
 
 def _parts(mesh: Mesh) -> npt.NDArray[np.int64]:
@@ -109,13 +120,13 @@ def _check_body(
 ) -> None:
     if part is None:
         local = np.zeros(len(node), dtype=np.int64)
-    points = model.mesh.points[np.unique(node)]
+    first = np.concatenate([[True], node[1:] != node[:-1]])
+    points = model.mesh.points[node[first]]
     origin = points.mean(axis=0)
     length = float(np.abs(points - origin).max())
     rows = [np.zeros((0, 6 * parts))]
     assert model.fixed is not None
     held = model.fixed[node]
-    first = np.concatenate([[True], node[1:] != node[:-1]])
     for axis in range(3):
         chosen = np.flatnonzero(held[:, axis])
         rows.append(

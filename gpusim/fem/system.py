@@ -5,19 +5,25 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.fem.assembly import Assembled
 from gpusim.fem.block_rows import BlockRows
 from gpusim.fem.iterate import System
 from gpusim.fem.model import Model
 from gpusim.fem.rounding import rounding_forces
+from gpusim.fem.stencil import stencil_of
 from gpusim.fem.stiffness import apply_stiffness
 
 __all__ = ["make_system"]
 
 Float = npt.NDArray[np.float64]
 
+# nodes per distinct row from which on a stencil isn't larger than the matrix
+_REPEATS = 8
 
-def make_system(model: Model, rows: BlockRows) -> System:
+
+def make_system(model: Model, assembled: Assembled) -> System:
     """Free unknowns, right-hand sides with what prescribed displacements pull, and the scales."""
+    rows, lattice = assembled.rows, assembled.lattice
     assert model.fixed is not None
     free = ~model.fixed
     free[model.mesh.dangling_nodes] = False
@@ -29,8 +35,14 @@ def make_system(model: Model, rows: BlockRows) -> System:
     right = np.where(free, model.load_cases - (0.0 if pull is None else pull), 0.0)
     size = np.abs(right).max(axis=(1, 2))
     load_scale: Float = np.exp2(np.round(np.log2(np.where(size > 0.0, size, 1.0))))
+    stencil = None
+    if lattice is not None and rows.class_count <= rows.node_count // _REPEATS:
+        stencil = stencil_of(rows, lattice, scale)
+    product = None if stencil is None else stencil.product
+    by_runs = None if product is None else product.in_differences
     return System(
-        apply=lambda u: apply_stiffness(rows, u) / scale,
+        apply=(lambda u: apply_stiffness(rows, u) / scale) if by_runs is None else by_runs,
+        stencil=stencil,
         rounding=lambda u: rounding_forces(rows, u) / scale,
         row_sum=_row_sum(rows) / scale,
         contrast=_contrast(rows),

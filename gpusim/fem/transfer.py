@@ -41,13 +41,17 @@ class NodeTransfer:
     def interpolate(self, x: Float) -> Float:
         """(L,3K) -> (L,3N)."""
         nodes = np.where(self.coarse_free, x.reshape(len(x), -1, 3), 0.0)
-        moved = np.stack([np.where(self.free, self.weights @ one, 0.0) for one in nodes])
+        own = self.interpolation
+        there = own.interpolate if isinstance(own, PlaneWeights) else self.weights.__matmul__
+        moved = np.stack([np.where(self.free, there(one), 0.0) for one in nodes])
         return moved.reshape(len(x), -1)
 
     def restrict(self, r: Float) -> Float:
         """The transpose, (L,3N) -> (L,3K)."""
         nodes = np.where(self.free, r.reshape(len(r), -1, 3), 0.0)
-        moved = np.stack([np.where(self.coarse_free, self._back @ one, 0.0) for one in nodes])
+        own = self.interpolation
+        back = own.restrict if isinstance(own, PlaneWeights) else self._back.__matmul__
+        moved = np.stack([np.where(self.coarse_free, back(one), 0.0) for one in nodes])
         return moved.reshape(len(r), -1)
 
     def matrix(self) -> csr_matrix:

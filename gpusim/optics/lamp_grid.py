@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.optics.binning import expand
 from gpusim.optics.casters import Casters, LampFaces
 from gpusim.optics.emitters import Lamp
 
@@ -117,7 +118,7 @@ class LampGrid:
         high = np.stack([self.reach.p[:, 1], self.reach.q[:, 1]], axis=1)
         low, high = self._mapped(low), self._mapped(high)
         self.count = len(ahead)
-        self.start_of, self.normal_of = self._outlines(casters)
+        self.lines = self._outlines(casters)
         self.origin = low.min(axis=0, initial=np.inf) if self.count else np.zeros(2)
         extent = high.max(axis=0, initial=-np.inf) - self.origin if self.count else np.ones(2)
         extent = np.maximum(extent, 1e-12)
@@ -136,8 +137,9 @@ class LampGrid:
         self.first = first
         box, cell = self._cells(first, last)
         order = np.argsort(cell, kind="stable")
-        self.entry = box[order]
+        self.entry, self.column = box[order], cell[order] % self.shape[1]
         self.start = np.searchsorted(cell[order], np.arange(self.shape.prod() + 1))
+        self.highest = np.ascontiguousarray(self.reach.s[:, 1])
         top = np.full(self.shape, -np.inf)
         np.maximum.at(top.reshape(-1), cell, self.reach.s[box, 1])
         self.pyramid = [top]
@@ -148,8 +150,8 @@ class LampGrid:
                 top.reshape(top.shape[0] // 2, 2, top.shape[1] // 2, 2).max(axis=(1, 3))
             )
 
-    def _outlines(self, casters: Casters) -> tuple[Array, Array]:
-        """Per edge of the casters (n, 4, 2): where it starts in p and q, and its normal outwards.
+    def _outlines(self, casters: Casters) -> list[tuple[Array, Array, Array]]:
+        """Of each side of the casters' outlines (n,): normal outwards in p and q, and its place.
 
         All normals of a face are 0 where it reaches behind the lamp, or its outline isn't convex.
         """
@@ -163,7 +165,11 @@ class LampGrid:
         convex = np.all(turns * sign[:, None] >= 0.0, axis=1)  # false for NaN
         sound = convex & np.all(np.isfinite(normal), axis=(1, 2))
         known = np.reshape(sound, (-1, 1, 1))
-        return np.where(known, start, 0.0), np.where(known, normal, 0.0)
+        start, normal = np.where(known, start, 0.0), np.where(known, normal, 0.0)
+        place = np.sum(normal * start, axis=2)
+        return [
+            (normal[:, k, 0].copy(), normal[:, k, 1].copy(), place[:, k].copy()) for k in range(4)
+        ]
 
     def meets(self, reach: Reach, caster: Numbers) -> tuple[Flags, Flags]:
         """What boxes (n) have to do with casters (n), as far as the lamp's view tells.
@@ -171,19 +177,24 @@ class LampGrid:
         Whether a box may see the lamp hidden by the caster; and whether it may see the lamp past
         an edge at which the caster's shadow ends.
         """
-        rise = np.clip(self.reach.s[caster, 1] - reach.s[:, 0], 0.0, 1e150)
-        low = np.stack([reach.p[:, 0], reach.q[:, 0]], axis=1)
-        high = np.stack([reach.p[:, 1], reach.q[:, 1]], axis=1)
-        bounded = np.asarray((np.isfinite(low) & np.isfinite(high)).all(axis=1))
-        low, high = np.where(bounded[:, None], low, 0.0), np.where(bounded[:, None], high, 0.0)
-        middle, half = 0.5 * (low + high), 0.5 * (high - low) + rise[:, None] * self.view.half
+        rise = np.clip(self.highest[caster] - reach.s[:, 0], 0.0, 1e150)
+        bounded = np.ones(len(caster), bool)
+        middle, half = [], []
+        for size, own in zip(self.view.half, (reach.p, reach.q), strict=True):
+            low, high = own[:, 0], own[:, 1]
+            finite = np.isfinite(low) & np.isfinite(high)
+            if not finite.all():
+                low, high = np.where(finite, low, 0.0), np.where(finite, high, 0.0)
+                bounded &= finite
+            middle.append(0.5 * (low + high))
+            half.append(0.5 * (high - low) + rise * size)
         inside, past = np.ones(len(caster), bool), np.zeros(len(caster), bool)
-        for k in range(4):
-            start, normal = self.start_of[caster, k], self.normal_of[caster, k]
-            gap = np.sum(normal * (middle - start), axis=1)
-            width = np.sum(np.abs(normal) * half, axis=1) * (1.0 + 1e-9)
-            inside &= ~(gap > width)
-            past |= self.rim[caster, k] & ~(np.abs(gap) > width)
+        for k, (normal_p, normal_q, offset) in enumerate(self.lines):
+            p, q = normal_p[caster], normal_q[caster]
+            gap = p * middle[0] + q * middle[1] - offset[caster]
+            width = (np.abs(p) * half[0] + np.abs(q) * half[1]) * (1.0 + 1e-9)
+            inside &= gap <= width
+            past |= self.rim[:, k][caster] & (np.abs(gap) <= width)
         return inside | ~bounded, past | ~bounded
 
     def _mapped(self, values: Array) -> Array:
@@ -250,21 +261,24 @@ class LampGrid:
         if not self.count:
             return np.zeros(0, np.int64), np.zeros(0, np.int64)
         first, last = self._window(reach, self._top(reach))
-        box, cell = self._cells(first, last)
-        count = self.start[cell + 1] - self.start[cell]
-        box = np.repeat(box, count)
-        offset = np.arange(len(box)) - np.repeat(np.cumsum(count) - count, count)
-        caster = self.entry[np.repeat(self.start[cell], count) + offset]
-        cell = np.repeat(cell, count)
+        # the casters of a row of cells lie side by side
+        run, row = expand(np.where(last[:, 0] < first[:, 0], 0, last[:, 1] - first[:, 1] + 1))
+        row += first[run, 1]
+        start = self.start[row * self.shape[1] + first[run, 0]]
+        stop = self.start[row * self.shape[1] + last[run, 0] + 1]
+        which, offset = expand(stop - start)
+        offset += start[which]
+        box, caster = run[which], self.entry[offset]
         # a caster in several cells of a window counts in the first of them
-        lead = np.maximum(self.first[caster], first[box])
-        keep = cell == lead[:, 1] * self.shape[1] + lead[:, 0]
-        keep &= self.reach.s[caster, 1] > reach.s[box, 0]
-        box, caster = box[keep], caster[keep]
-        rise = np.minimum(self.reach.s[caster, 1] - reach.s[box, 0], 1e150)
-        keep = np.ones(len(box), bool)
-        for k, (own, other) in enumerate(((reach.p, self.reach.p), (reach.q, self.reach.q))):
-            span = rise * self.view.half[k]
-            keep &= other[caster, 0] - span <= own[box, 1]
-            keep &= other[caster, 1] + span >= own[box, 0]
-        return box[keep], caster[keep]
+        keep = np.maximum(self.first[:, 0][caster], first[:, 0][box]) == self.column[offset]
+        keep &= np.maximum(self.first[:, 1][caster], first[:, 1][box]) == row[which]
+        rise = self.highest[caster] - reach.s[:, 0][box]
+        keep &= rise > 0.0
+        rise = np.minimum(rise, 1e150)
+        sides = ((reach.p, self.reach.p), (reach.q, self.reach.q))
+        for half, (own, other) in zip(self.view.half, sides, strict=True):
+            span = half * rise
+            keep &= other[:, 0][caster] - span <= own[:, 1][box]
+            keep &= other[:, 1][caster] + span >= own[:, 0][box]
+        kept = np.flatnonzero(keep)
+        return box[kept], caster[kept]

@@ -31,19 +31,27 @@ TOLERANCE = 2e-6
 STEP_A, STEP_B = 2.0 / COLUMNS, 2.0 / (ROWS * COLUMNS)
 
 
-def lattice() -> Array:
-    """(16, 4): a and b (-1 to 1) of the first sample of each row; the pixel offset of its rows.
+SHIFT = (14, 8, 2, 12, 6, 0, 10, 4, 11, 5, 15, 9, 3, 13, 7, 1)
+OFFSET = (13, 8, 1, 15, 4, 6, 14, 2, 3, 9, 12, 7, 0, 10, 5, 11)
+STRIP = (0, 2, 4, 6, 8, 10, 12, 14, 1, 3, 5, 7, 9, 11, 13, 15)
+"""Places of the rows of samples, from a search for the least errors over lamp and pixel: of edges
+in all directions, of penumbrae of all widths, of those along the lamp's sides above all."""
 
-    Sample c of a row lies ``STEP_A`` c further in a and ``STEP_B`` c in b.
+
+def lattice() -> Array:
+    """(16, 4): -a or a and b (-1 to 1) of the first sample of each row, the pixel offset in x that
+    the row looks from, and the direction (1 or -1) that a takes along it (of a lamp with a size).
+
+    Sample c of a row lies ``STEP_A`` c further along a and ``STEP_B`` c in b. On its way the offset
+    in y goes once through the pixel, so that no strip of the lamp is looked at from one side.
     """
     row = np.arange(ROWS)
-    shift = ((row * 7) % ROWS + 0.5) / ROWS
     return np.stack(
         [
-            STEP_A * shift - 1.0,
-            2.0 * (row + 0.5 / COLUMNS) / ROWS - 1.0,
-            ((row * 3) % ROWS + 0.5) / ROWS - 0.5,
-            ((row * 5) % ROWS + 0.5) / ROWS - 0.5,
+            STEP_A * (np.array(SHIFT) + 0.5) / ROWS - 1.0,
+            2.0 * (np.array(STRIP) + 0.5 / COLUMNS) / ROWS - 1.0,
+            (np.array(OFFSET) + 0.5) / ROWS - 0.5,
+            np.where(row < ROWS // 2, 1.0, -1.0),
         ],
         axis=1,
     )
@@ -129,14 +137,14 @@ def _covered(
     else:
         a, b, gx, gy = 0.5 * gx, 0.5 * gy, 0.0 * gx, 0.0 * gy
     rows = lattice()
+    along = (rows[:, 3:] if lamp.extended else 1.0) * a[:, None] + 0.5 * gy[:, None]
     first = (
         value[:, None]
-        + rows[:, :1] * a[:, None]
+        + rows[:, :1] * along
         + rows[:, 1:2] * b[:, None]
         + rows[:, 2:3] * gx[:, None]
-        + rows[:, 3:] * gy[:, None]
     )
-    slope = (STEP_A * a + STEP_B * b)[:, None]
+    slope = STEP_A * along + STEP_B * b[:, None]
     cut = -first / np.where(slope != 0.0, slope, 1.0)
     low = np.where(slope > 0.0, cut, 0.0).max(axis=2)
     high = np.where(slope < 0.0, cut, float(COLUMNS)).min(axis=2)

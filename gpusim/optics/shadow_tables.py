@@ -9,7 +9,7 @@ import numpy as np
 from gpusim.gpu import Device, Uniform
 from gpusim.gpu.texels import Texels
 from gpusim.optics.lighting import Lighting
-from gpusim.optics.occlusion import ROWS, TOLERANCE, lamp_masks, lattice
+from gpusim.optics.occlusion import TOLERANCE, lamp_masks, lattice
 from gpusim.optics.shadow_tiles import MOST_LAMPS
 
 __all__ = ["ShadowTables"]
@@ -77,8 +77,13 @@ def _shades(lighting: Lighting) -> dict[str, Any]:
     return {
         "count": len(tiles.lamps) if tiles is not None else 0,
         "columns": tiles.lit.shape[1] if tiles is not None else 1,
-        "mask_rows": ROWS,
         "tolerance": TOLERANCE,
-        "rows": lattice(),
+        "groups": 4,
+        "rows": _rows(),
         "lamps": lamps,
     }
+
+
+def _rows() -> dict[str, np.ndarray[Any, Any]]:
+    """The sample lattice, four rows at a time."""
+    return dict(zip(("a", "b", "x", "way"), lattice().T.reshape(4, 4, 4), strict=True))

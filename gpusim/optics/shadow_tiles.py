@@ -16,27 +16,20 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.optics.binning import expand
 from gpusim.optics.casters import Casters
-from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.emitters import Lamp
 from gpusim.optics.lamp_grid import LampGrid, LampView
 from gpusim.optics.occlusion import TOLERANCE, visible_share
-from gpusim.optics.view import NORMAL, View
+from gpusim.optics.receivers import TILE, Pairs, Receivers
+from gpusim.optics.view import View
 
 __all__ = ["MOST_LAMPS", "TILE", "TURNS", "ShadowTiles", "flatness"]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
-LEVELS = (128, 32, 8)
-TILE = LEVELS[-1]
+LEVELS = (128, 32, TILE)
 MOST_LAMPS = 16
-TURNS = 18
+TURNS = 6
 """Turns of the shaders' loops that one face may take."""
-
-MARGIN = 1.0
-"""px around a tile that count as its own: edge pixels look at points of their neighbourhood."""
-
-LARGE = 3.0 * TILE
-"""px; triangles up to this size are one receiver, larger ones are divided into tiles."""
 
 ALL = (1 << MOST_LAMPS) - 1
 
@@ -99,7 +92,7 @@ class ShadowTiles:
             )
         shape = (-(-view.camera.height // TILE), -(-view.camera.width // TILE))
         lit = np.full(shape, ALL, np.uint32)
-        receivers = _Receivers(view)
+        receivers = Receivers(view)
         tiles, lamp_of, faces = [], [], []
         for number, lamp in enumerate(lamps):
             if not lamp.light.shadows or not view.count or not len(casters.corners):
@@ -162,98 +155,8 @@ class ShadowTiles:
         return bool(len(self.place) or (self.lit != ALL).any())
 
 
-@dataclass(frozen=True, eq=False)
-class _Pairs:
-    """Triangles and tiles (column, row) of one size that they lie in."""
-
-    triangle: Numbers
-    tile: Numbers
-    size: int
-
-    def __getitem__(self, index: Numbers | npt.NDArray[np.bool_]) -> _Pairs:
-        return _Pairs(self.triangle[index], self.tile[index], self.size)
-
-    def split(self, size: int, low: Array, high: Array) -> _Pairs:
-        """The smaller tiles under the boxes ``low`` … ``high`` (T, 2) px of the triangles."""
-        parts = self.size // size
-        step = np.stack(np.meshgrid(np.arange(parts), np.arange(parts)), axis=-1).reshape(-1, 2)
-        triangle = np.repeat(self.triangle, parts * parts)
-        tile = (self.tile[:, None] * parts + step).reshape(-1, 2)
-        first, last = tile * size - 0.5, (tile + 1) * size - 0.5
-        keep = ((low[triangle] < last) & (high[triangle] > first)).all(axis=1)
-        return _Pairs(triangle[keep], tile[keep], size)
-
-
-class _Receivers:
-    """The triangles of a view as receivers of light, tile by tile."""
-
-    def __init__(self, view: View) -> None:
-        self.view, camera = view, view.camera
-        T = camera.camera_from_world
-        self.corners = (view.corners[:, :, :3] - T[:3, 3]) @ T[:3, :3]
-        limit = np.array([camera.width, camera.height]) - 0.5
-        self.low = np.maximum(view.screen.min(axis=1), -0.5)
-        self.high = np.minimum(view.screen.max(axis=1), limit)
-        self.extent = (self.high - self.low).max(axis=1)
-        self.large = self.extent > LARGE
-        self.planes = view.planes.sum(axis=1)
-        self.rays = T[:3, :3].T @ camera.ray_matrix()
-
-    def pairs(self) -> _Pairs:
-        """Every triangle with the largest tiles that its box touches."""
-        size = LEVELS[0]
-        first = np.floor((self.low + 0.5) / size).astype(np.int64)
-        last = np.floor((self.high + 0.5) / size).astype(np.int64)
-        # what ends on the picture's border may end on that of a tile too, and begin none
-        camera = self.view.camera
-        last = np.minimum(last, np.array([-(-camera.width // size), -(-camera.height // size)]) - 1)
-        wide, tall = np.maximum(last - first + 1, 0).T
-        triangle = np.repeat(np.arange(self.view.count), wide * tall)
-        per = wide * tall
-        offset = np.arange(len(triangle)) - np.repeat(np.cumsum(per) - per, per)
-        step = np.stack([offset % wide[triangle], offset // wide[triangle]], axis=1)
-        return _Pairs(triangle, first[triangle] + step, size)
-
-    def points(self, pairs: _Pairs) -> Array:
-        """(n, 4, 3) world points around what lies in each tile: of the tile or the triangle.
-
-        Where a triangle is larger than the tile, its plane in the tile's corners: the box around
-        them holds what is seen there, as long as the plane is ahead in all of them.
-        """
-        own = pairs.triangle
-        result = self.corners[own][:, [0, 1, 2, 2]]
-        large = np.flatnonzero(self.large[own] & (self.extent[own] > 0.7 * pairs.size))
-        corner = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
-        at = (pairs.tile[large][:, None] + corner) * pairs.size - 0.5
-        at += MARGIN * (2.0 * corner - 1.0)
-        bends = distortion_map(self.view.camera)
-        if bends is not None:
-            at = bends.ideal(at.reshape(-1, 2))[0].reshape(at.shape)
-        pixel = np.concatenate([at, np.ones((*at.shape[:2], 1))], axis=2)
-        inverse = np.einsum("nka,na->nk", pixel, self.planes[own[large]])
-        depths = self.view.inverse_depth()[own[large]]
-        # the tile's corners may lie beyond the triangle, where its plane runs away
-        sound = (inverse > 0.2 * depths.min(axis=1)[:, None]).all(axis=1)
-        large, inverse, pixel = large[sound], inverse[sound], pixel[sound]
-        camera = self.view.camera
-        result[large] = (pixel @ self.rays.T) / inverse[..., None] + camera.eye
-        return result
-
-    def turned_away(self, lamp: Lamp) -> npt.NDArray[np.bool_]:
-        """(T,) whether no corner of a triangle faces any part of the lamp."""
-        away = np.ones(self.view.count, bool)
-        normal = self.view.corners[:, :, NORMAL]
-        near = 0.0 if lamp.far else 1.0
-        for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1)):
-            to = lamp.centre + a * lamp.u + b * lamp.v - near * self.corners
-            away &= (np.sum(normal * to, axis=2) <= 0.0).all(axis=1)
-        if np.any(lamp.axis) and not lamp.far:
-            away |= (((self.corners - lamp.centre) @ lamp.axis) <= 0.0).all(axis=1)
-        return away
-
-
 def _half_shadow(
-    receivers: _Receivers, lamp: Lamp, casters: Casters, shape: tuple[int, int]
+    receivers: Receivers, lamp: Lamp, casters: Casters, shape: tuple[int, int]
 ) -> tuple[Numbers, Numbers, Numbers]:
     """Tiles (linear) that a lamp doesn't light; pairs (tile, face) of those that it half lights."""
     everything = receivers.corners.reshape(-1, 3)
@@ -263,25 +166,35 @@ def _half_shadow(
         s = lamp_view.place(everything)[2]
         s = s[np.isfinite(s)]
         grids.append(LampGrid(lamp_view, casters, faces, float(s.min(initial=np.inf))))
-    pairs = receivers.pairs()
-    pairs = pairs[~receivers.turned_away(lamp)[pairs.triangle]]
+    facing = ~receivers.turned_away(lamp)
     lit = np.zeros(shape, bool)
+    # a small triangle is the same receiver in each of its tiles
+    small = np.flatnonzero(facing & ~receivers.large)
+    points = receivers.corners[small][:, [0, 1, 2, 2]]
+    maybe = _may_hide(grids, points)
+    spots = receivers.pairs(small, TILE)
+    owner = np.searchsorted(small, spots.triangle)
+    _mark(lit, spots[~maybe[owner]])
+    spots, owner = spots[maybe[owner]], (np.cumsum(maybe) - 1)[owner[maybe[owner]]]
+    boxes = [points[maybe]]
+    pairs = receivers.pairs(np.flatnonzero(facing & receivers.large), LEVELS[0])
     for size in LEVELS:
         if size != pairs.size:
-            pairs = pairs.split(size, receivers.low, receivers.high)
+            pairs = receivers.touched(pairs.split(size))
         points = receivers.points(pairs)
-        maybe = np.zeros(len(pairs.triangle), bool)
-        for grid in grids:
-            maybe |= grid.may_hide(grid.view.reach(points))
+        maybe = _may_hide(grids, points)
         _mark(lit, pairs[~maybe])
         pairs, points = pairs[maybe], points[maybe]
-    # a small triangle is the same receiver in each of its tiles
-    key = np.where(receivers.large[pairs.triangle], -1 - np.arange(len(points)), pairs.triangle)
-    box, first, which = np.unique(key, return_index=True, return_inverse=True)
-    state, owner, face = _candidates(grids, casters, points[first])
-    state = state[which]
+    which = np.concatenate([owner, len(boxes[0]) + np.arange(len(points))])
+    boxes.append(points)
+    pairs = Pairs(
+        np.concatenate([spots.triangle, pairs.triangle]),
+        np.concatenate([spots.tile, pairs.tile]), TILE,
+    )  # fmt: skip
+    state, owner, face = _candidates(grids, casters, np.concatenate(boxes))
     order = np.argsort(owner, kind="stable")
-    start = np.searchsorted(owner[order], np.arange(len(box) + 1))
+    start = np.searchsorted(owner[order], np.arange(len(state) + 1))
+    state = state[which]
     pair, offset = expand(np.diff(start)[which])
     face = face[order][start[which[pair]] + offset]
     tile = pairs.tile[:, 1] * shape[1] + pairs.tile[:, 0]
@@ -300,6 +213,14 @@ def _half_shadow(
 LIT, DARK, HALF = 0, 1, 2
 
 
+def _may_hide(grids: list[LampGrid], points: Array) -> npt.NDArray[np.bool_]:
+    """(n,) whether something may lie between the lamp and points (n, 4, 3)."""
+    result = np.zeros(len(points), bool)
+    for grid in grids:
+        result |= grid.may_hide(grid.view.reach(points))
+    return result
+
+
 def _candidates(
     grids: list[LampGrid], casters: Casters, points: Array
 ) -> tuple[npt.NDArray[np.int8], Numbers, Numbers]:
@@ -312,19 +233,14 @@ def _candidates(
         box, caster = grid.candidates(reach[usable])
         box = usable[box]
         face, side = grid.face[caster], grid.side[caster]
-        offset = np.sum(casters.corners[face, 0] * casters.normal[face], axis=1)
-        slack = 1e-7 * np.linalg.norm(casters.normal[face], axis=1)
-        slack *= np.abs(points).max(initial=0.0)
-        ahead, behind = np.ones(len(box), bool), np.ones(len(box), bool)
-        for k in range(points.shape[1]):
-            height = np.sum(points[box, k] * casters.normal[face], axis=1) - offset
-            ahead &= height >= -slack
-            behind &= height <= slack
+        behind, ahead = _sides_of(casters, face, points, box)
         # one side of a plane sees nothing of it hidden; closed bodies hide outwards only
         drop = (ahead & (side == 1)) | (behind & ((side == -1) | ~casters.both_sides[face]))
-        box, face, caster = box[~drop], face[~drop], caster[~drop]
+        kept = np.flatnonzero(~drop)
+        box, face, caster = box[kept], face[kept], caster[kept]
         inside, past = grid.meets(reach[box], caster)
-        box, face, caster, past = box[inside], face[inside], caster[inside], past[inside]
+        kept = np.flatnonzero(inside)
+        box, face, caster, past = box[kept], face[kept], caster[kept], past[kept]
         sure = (grid.reach.s[caster, 0] > reach.s[box, 1]) & ~past
         half = np.zeros(len(points), bool)
         half[box[~sure]] = True
@@ -338,6 +254,24 @@ def _candidates(
     return state, np.concatenate(pairs), np.concatenate(faces)
 
 
+def _sides_of(
+    casters: Casters, face: Numbers, points: Array, box: Numbers
+) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
+    """Whether boxes of points lie behind the planes of faces, or before them, pair by pair."""
+    normal = [np.ascontiguousarray(casters.normal[:, axis]) for axis in range(3)]
+    offset = np.sum(casters.corners[:, 0] * casters.normal, axis=1)[face]
+    slack = (1e-7 * np.abs(points).max(initial=0.0)) * np.linalg.norm(casters.normal, axis=1)[face]
+    own = [n[face] for n in normal]
+    low, high = np.full(len(face), np.inf), np.full(len(face), -np.inf)
+    for k in range(points.shape[1]):
+        height = -offset
+        for axis in range(3):
+            height += own[axis] * points[:, k, axis][box]
+        np.minimum(low, height, out=low)
+        np.maximum(high, height, out=high)
+    return high <= slack, low >= -slack
+
+
 def _meets(lamp: Lamp, at: Array, corners: Array) -> npt.NDArray[np.bool_]:
     """Whether the way from points (n, 3) to the lamp's centre goes through faces (n, 4, 3)."""
     to = lamp.centre - (0.0 if lamp.far else 1.0) * at
@@ -348,7 +282,7 @@ def _meets(lamp: Lamp, at: Array, corners: Array) -> npt.NDArray[np.bool_]:
     return np.asarray(inside & (sign[:, 0] != 0.0))
 
 
-def _mark(grid: npt.NDArray[np.bool_], pairs: _Pairs) -> None:
+def _mark(grid: npt.NDArray[np.bool_], pairs: Pairs) -> None:
     """Set the small tiles under tiles of any size."""
     parts = pairs.size // TILE
     small = np.zeros((-(-grid.shape[0] // parts), -(-grid.shape[1] // parts)), bool)

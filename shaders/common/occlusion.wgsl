@@ -14,13 +14,20 @@ struct LampFace {
     part: vec4u,
     mask: array<vec4u, 4>,
 }
-// rows: per row of samples a and b of the first one, and the pixel offset that it looks from
+// rows: for four rows of samples at a time a and b of the first ones, the pixel offset in x that they
+// look from, and the direction that a takes along them
+struct SampleRows {
+    a: vec4f,
+    b: vec4f,
+    x: vec4f,
+    way: vec4f,
+}
 struct Shades {
     count: u32,
     columns: u32,
-    mask_rows: u32,
     tolerance: f32,
-    rows: array<vec4f, 16>,
+    groups: u32,
+    rows: array<SampleRows, 4>,
     lamps: array<LampFace, 16>,
 }
 @group(0) @binding(60) var<uniform> shades: Shades;
@@ -39,9 +46,29 @@ fn shadow_tile(pixel: vec2i) -> vec2u {
     return textureLoad(shadow_tiles, texel(tile.y * shades.columns + tile.x), 0).xy;
 }
 
-// n low bits
-fn low_bits(n: u32) -> u32 {
-    return select((1u << (n & 31u)) - 1u, 0xffffffffu, n >= 32u);
+// All bits from the n-th on.
+fn bits_from(n: vec4f) -> vec4u {
+    let first = vec4u(ceil(clamp(n, vec4f(0.0), vec4f(32.0))));
+    return select(vec4u(0xffffffffu) << (first & vec4u(31u)), vec4u(0u), first >= vec4u(32u));
+}
+
+// Where rows of samples are inside, in steps from their first ones.
+struct Span {
+    low: vec4f,
+    high: vec4f,
+}
+
+// What an edge leaves of it: inside is where value + a A + b B + x X >= 0.
+fn cut_rows(span: Span, value: f32, a: f32, b: f32, x: f32, rows: SampleRows) -> Span {
+    let start = vec4f(value) + a * rows.a + b * rows.b + x * rows.x;
+    let slope = STEP_A * a + STEP_B * b;
+    // an edge along the rows lies before or behind all of their samples
+    let cut = start * select(-1e30, -1.0 / slope, slope != 0.0);
+    let rising = vec4<bool>(slope >= 0.0);
+    return Span(
+        select(span.low, max(span.low, cut), rising),
+        select(min(span.high, cut), span.high, rising),
+    );
 }
 
 fn lamp_share(l: u32, x: vec3f, dx: vec3f, dy: vec3f, tile: vec2u) -> f32 {
@@ -52,8 +79,12 @@ fn lamp_share(l: u32, x: vec3f, dx: vec3f, dy: vec3f, tile: vec2u) -> f32 {
     let lamp = shades.lamps[l];
     let to = lamp.centre.xyz - lamp.centre.w * x;
     let tolerance = shades.tolerance * length(x);
-    var covered: array<u32, 16>;
-    for (var r = 0u; r < shades.mask_rows; r++) { covered[r] = 0u; }
+    // where the sample lattice is on the lamp, it is in part on the pixel
+    let extended = lamp.u.w != 0.0;
+    var covered0 = vec4u(0u);
+    var covered1 = vec4u(0u);
+    var covered2 = vec4u(0u);
+    var covered3 = vec4u(0u);
     for (var i = list.x; i < list.x + list.y; i++) {
         let face = 4u * textureLoad(shadow_lists, texel(i >> 2u), 0)[i & 3u];
         let first = textureLoad(occluders, texel(face), 0);
@@ -75,41 +106,36 @@ fn lamp_share(l: u32, x: vec3f, dx: vec3f, dy: vec3f, tile: vec2u) -> f32 {
         let b4 = vec4f(dot(n0, lamp.v.xyz), dot(n1, lamp.v.xyz), dot(n2, lamp.v.xyz),
             dot(n3, lamp.v.xyz));
         let reach = abs(a4.x + a4.y + a4.z + a4.w) + abs(b4.x + b4.y + b4.z + b4.w);
-        var use_rows = above > tolerance * length(normal) && apart + reach > 0.0;
-        // where the sample lattice is on the lamp, it is in part on the pixel
+        let counts = above > tolerance * length(normal) && apart + reach > 0.0;
         let g0 = cross(to, d1 - d0) - lamp.centre.w * n0;
         let g1 = cross(to, d2 - d1) - lamp.centre.w * n1;
         let g2 = cross(to, d3 - d2) - lamp.centre.w * n2;
         let g3 = cross(to, d0 - d3) - lamp.centre.w * n3;
-        let gx = vec4f(dot(g0, dx), dot(g1, dx), dot(g2, dx), dot(g3, dx));
-        let gy = vec4f(dot(g0, dy), dot(g1, dy), dot(g2, dy), dot(g3, dy));
-        let extended = lamp.u.w != 0.0;
-        let a = side * select(0.5 * gx, a4, extended);
-        let b = side * select(0.5 * gy, b4, extended);
-        let px = side * select(vec4f(0.0), gx, extended);
-        let py = side * select(vec4f(0.0), gy, extended);
+        let gx = side * vec4f(dot(g0, dx), dot(g1, dx), dot(g2, dx), dot(g3, dx));
+        let gy = side * vec4f(dot(g0, dy), dot(g1, dy), dot(g2, dy), dot(g3, dy));
+        let a = select(0.5 * gx, side * a4, extended);
+        let b = select(0.5 * gy, side * b4, extended);
+        let px = select(vec4f(0.0), gx, extended);
+        let py = select(vec4f(0.0), gy, extended);
         let value = side * vec4f(dot(n0, to), dot(n1, to), dot(n2, to), dot(n3, to));
-        let most = value + abs(a) + abs(b) + 0.5 * (abs(px) + abs(py));
-        use_rows = use_rows && all(most >= vec4f(0.0));
-        let slope = STEP_A * a + STEP_B * b;
-        let inverse = select(vec4f(0.0), 1.0 / slope, slope != vec4f(0.0));
-        let count = select(0u, shades.mask_rows, use_rows);
-        for (var r = 0u; r < count; r++) {
-            let row = shades.rows[r];
-            let start = value + row.x * a + row.y * b + row.z * px + row.w * py;
-            let cut = -start * inverse;
-            let low = select(vec4f(0.0), cut, slope > vec4f(0.0));
-            let high = select(vec4f(32.0), cut, slope < vec4f(0.0));
-            let empty = any((slope == vec4f(0.0)) & (start < vec4f(0.0)));
-            let begin = clamp(max(max(low.x, low.y), max(low.z, low.w)), 0.0, 32.0);
-            let end = clamp(min(min(high.x, high.y), min(high.z, high.w)), 0.0, 32.0);
-            let bits = low_bits(u32(ceil(end))) & ~low_bits(u32(ceil(begin)));
-            covered[r] |= select(bits, 0u, empty || begin >= end || r >= count);
+        let used = vec4u(select(0u, 0xffffffffu, counts));
+        for (var g = 0u; g < shades.groups; g++) {
+            let rows = shades.rows[g];
+            let at = select(a, rows.way.x * a, extended) + 0.5 * py;
+            var span = Span(vec4f(0.0), vec4f(32.0));
+            span = cut_rows(span, value.x, at.x, b.x, px.x, rows);
+            span = cut_rows(span, value.y, at.y, b.y, px.y, rows);
+            span = cut_rows(span, value.z, at.z, b.z, px.z, rows);
+            span = cut_rows(span, value.w, at.w, b.w, px.w, rows);
+            let bits = covered0 | (used & bits_from(span.low) & ~bits_from(span.high));
+            // each turn takes the first four rows and puts them last
+            covered0 = covered1;
+            covered1 = covered2;
+            covered2 = covered3;
+            covered3 = bits;
         }
     }
-    var seen = 0u;
-    for (var r = 0u; r < shades.mask_rows; r++) {
-        seen += countOneBits(lamp.mask[r >> 2u][r & 3u] & ~covered[r]);
-    }
-    return f32(seen) / lamp.v.w;
+    let seen = countOneBits(lamp.mask[0] & ~covered0) + countOneBits(lamp.mask[1] & ~covered1)
+        + countOneBits(lamp.mask[2] & ~covered2) + countOneBits(lamp.mask[3] & ~covered3);
+    return f32(seen.x + seen.y + seen.z + seen.w) / lamp.v.w;
 }

@@ -1,0 +1,145 @@
+"""The triangles of a view as receivers of light, and the tiles of the picture that they lie in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.optics.binning import expand
+from gpusim.optics.distortion_map import distortion_map
+from gpusim.optics.emitters import Lamp
+from gpusim.optics.view import NORMAL, View
+
+__all__ = ["TILE", "Pairs", "Receivers"]
+
+Array = npt.NDArray[np.float64]
+Numbers = npt.NDArray[np.int64]
+TILE = 8
+"""px, side of the smallest tiles."""
+
+MARGIN = 1.0
+"""px around a tile that count as its own: edge pixels look at points of their neighbourhood."""
+
+LARGE = 3.0 * TILE
+"""px; triangles up to this size are one receiver, larger ones are divided into tiles."""
+
+
+@dataclass(frozen=True, eq=False)
+class Pairs:
+    """Triangles and tiles (column, row) of one size that they lie in."""
+
+    triangle: Numbers
+    tile: Numbers
+    size: int
+
+    def __getitem__(self, index: Numbers | npt.NDArray[np.bool_]) -> Pairs:
+        return Pairs(self.triangle[index], self.tile[index], self.size)
+
+    def split(self, size: int) -> Pairs:
+        """The smaller tiles under all of them."""
+        parts = self.size // size
+        step = np.stack(np.meshgrid(np.arange(parts), np.arange(parts)), axis=-1).reshape(-1, 2)
+        triangle = np.repeat(self.triangle, parts * parts)
+        return Pairs(triangle, (self.tile[:, None] * parts + step).reshape(-1, 2), size)
+
+
+class Receivers:
+    """The triangles of a view as receivers of light, tile by tile."""
+
+    def __init__(self, view: View) -> None:
+        self.view, camera = view, view.camera
+        T = camera.camera_from_world
+        self.corners = (view.corners[:, :, :3] - T[:3, 3]) @ T[:3, :3]
+        limit = np.array([camera.width, camera.height]) - 0.5
+        self.low = np.maximum(view.screen.min(axis=1), -0.5)
+        self.high = np.minimum(view.screen.max(axis=1), limit)
+        self.extent = (self.high - self.low).max(axis=1)
+        self.large = self.extent > LARGE
+        self.planes = view.planes.sum(axis=1)
+        self.rays = T[:3, :3].T @ camera.ray_matrix()
+        self.sides = _sides(view.screen)
+
+    def pairs(self, triangles: Numbers, size: int) -> Pairs:
+        """Triangles with the tiles of one size that they may touch."""
+        first = np.floor((self.low[triangles] + 0.5) / size).astype(np.int64)
+        last = np.floor((self.high[triangles] + 0.5) / size).astype(np.int64)
+        # what ends on the picture's border may end on that of a tile too, and begin none
+        camera = self.view.camera
+        last = np.minimum(last, np.array([-(-camera.width // size), -(-camera.height // size)]) - 1)
+        wide, tall = np.maximum(last - first + 1, 0).T
+        own, offset = expand(wide * tall)
+        step = np.stack([offset % wide[own], offset // wide[own]], axis=1)
+        return self.touched(Pairs(triangles[own], first[own] + step, size))
+
+    def touched(self, pairs: Pairs) -> Pairs:
+        """Those whose tile the triangle may touch."""
+        own, size = pairs.triangle, pairs.size
+        keep = np.ones(len(own), bool)
+        middle = []
+        for axis in range(2):
+            first = pairs.tile[:, axis] * float(size) - 0.5
+            keep &= self.low[:, axis][own] < first + size
+            keep &= self.high[:, axis][own] > first
+            middle.append(first + 0.5 * size)
+        rows = np.flatnonzero(keep & self.large[own])
+        own, inside = own[rows], np.ones(len(rows), bool)
+        x, y = middle[0][rows], middle[1][rows]
+        for nx, ny, offset, width in self.sides:
+            away = nx[own] * x + ny[own] * y + offset[own]
+            inside &= away >= -0.5 * size * width[own] - MARGIN
+        keep[rows] = inside
+        return pairs[np.flatnonzero(keep)]
+
+    def points(self, pairs: Pairs) -> Array:
+        """(n, 4, 3) world points around what lies in each tile: of the tile or the triangle.
+
+        Where a triangle is larger than the tile, its plane in the tile's corners: the box around
+        them holds what is seen there, as long as the plane is ahead in all of them.
+        """
+        own = pairs.triangle
+        result = self.corners[own][:, [0, 1, 2, 2]]
+        large = np.flatnonzero(self.large[own] & (self.extent[own] > 0.7 * pairs.size))
+        corner = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+        at = (pairs.tile[large][:, None] + corner) * pairs.size - 0.5
+        at += MARGIN * (2.0 * corner - 1.0)
+        bends = distortion_map(self.view.camera)
+        if bends is not None:
+            at = bends.ideal(at.reshape(-1, 2))[0].reshape(at.shape)
+        pixel = np.concatenate([at, np.ones((*at.shape[:2], 1))], axis=2)
+        inverse = np.einsum("nka,na->nk", pixel, self.planes[own[large]])
+        depths = self.view.inverse_depth()[own[large]]
+        # the tile's corners may lie beyond the triangle, where its plane runs away
+        sound = (inverse > 0.2 * depths.min(axis=1)[:, None]).all(axis=1)
+        large, inverse, pixel = large[sound], inverse[sound], pixel[sound]
+        camera = self.view.camera
+        result[large] = (pixel @ self.rays.T) / inverse[..., None] + camera.eye
+        return result
+
+    def turned_away(self, lamp: Lamp) -> npt.NDArray[np.bool_]:
+        """(T,) whether no corner of a triangle faces any part of the lamp."""
+        away = np.ones(self.view.count, bool)
+        normal = self.view.corners[:, :, NORMAL]
+        near = 0.0 if lamp.far else 1.0
+        for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1)):
+            to = lamp.centre + a * lamp.u + b * lamp.v - near * self.corners
+            away &= (np.sum(normal * to, axis=2) <= 0.0).all(axis=1)
+        if np.any(lamp.axis) and not lamp.far:
+            away |= (((self.corners - lamp.centre) @ lamp.axis) <= 0.0).all(axis=1)
+        return away
+
+
+def _sides(screen: Array) -> list[tuple[Array, Array, Array, Array]]:
+    """Per side of triangles (T, 3, 2): x, y, offset of the distance inwards; |x| + |y|."""
+    x = [np.ascontiguousarray(screen[:, k, 0]) for k in range(3)]
+    y = [np.ascontiguousarray(screen[:, k, 1]) for k in range(3)]
+    area = (x[1] - x[0]) * (y[2] - y[0]) - (y[1] - y[0]) * (x[2] - x[0])
+    result = []
+    for k in range(3):
+        dx, dy = x[(k + 1) % 3] - x[k], y[(k + 1) % 3] - y[k]
+        length = np.hypot(dx, dy)
+        scale = np.where(area < 0.0, -1.0, 1.0) / np.where(length > 0.0, length, 1.0)
+        nx, ny = -dy * scale, dx * scale
+        result.append((nx, ny, -(nx * x[k] + ny * y[k]), np.abs(nx) + np.abs(ny)))
+    return result
