@@ -144,6 +144,7 @@ class _Planner:
         if cases > 1:
             self.details["solve"] += f", {cases} load cases"
         self.stages: dict[str, PlannedStage] = {}
+        self.compiled: set[str] = set()
 
     def key(self, stage: str, sections: tuple[str, ...], *upstream: str, extra: Any = None) -> str:
         """Hash of everything the stage's result depends on."""
@@ -242,13 +243,31 @@ class _Planner:
                     columns, rows = camera.resolution
                     factors = ", ".join(f"{w:g}" for w in self.history.shown(frame))
                     what = f"time {factors}" if self.history.given else f"load x {factors}"
+                    seconds = self.stages[name].seconds
                     if frame and self._alike(near, self._near(camera, frame - 1)):
                         what += " as before: exposed again"
+                        seconds = 0.05 + 5e-8 * columns * rows
                     effects = cost_of.effects(scene, camera)
+                    compiling, words = self._compiling(camera)
                     detail = f"{columns}x{rows} px, {self.stages[name].detail}, {effects}, {what}"
-                    self.stages[name] = replace(self.stages[name], detail=detail)
+                    self.stages[name] = replace(
+                        self.stages[name], detail=detail + words, seconds=seconds + compiling
+                    )
                 names.append(name)
         return names
+
+    def _compiling(self, camera: Camera) -> tuple[float, str]:
+        """Seconds and words for the shaders that no image before this one has needed."""
+        if self.backend == "numpy":
+            return 0.0, ""
+        needed = cost_of.compiled_for(self.scene, camera)
+        seconds = sum(value for name, value in needed.items() if name not in self.compiled)
+        self.compiled |= needed.keys()
+        if not seconds:
+            return 0.0, ""
+        if self.state is not None and self.state.begun:
+            return cost_of.KEPT * seconds, "; shaders are loaded"
+        return seconds, "; shaders are compiled, unless the driver has kept them"
 
     def _alike(self, near: list[int], before: list[int]) -> bool:
         """Whether two frames show the same: equal loads, and no prop that moves."""
@@ -276,7 +295,11 @@ class _Planner:
                     detail = f"{columns}x{rows} px, {self.stages[name].detail}, target"
                     if self.scene.measures_space:
                         detail += " and its corners"
-                    self.stages[name] = replace(self.stages[name], detail=detail)
+                    compiling, words = self._compiling(spec)
+                    self.stages[name] = replace(
+                        self.stages[name], detail=detail + words,
+                        seconds=self.stages[name].seconds + compiling,
+                    )  # fmt: skip
                 names.append(name)
         return names
 

@@ -50,6 +50,11 @@ class StateFile:
             self.problem = f"{_NAME} is damaged ({error})"
             self._entries = {}
 
+    @property
+    def begun(self) -> bool:
+        """Whether an earlier run has left results."""
+        return bool(self._entries)
+
     def files(self, key: str) -> tuple[Path, ...]:
         """The files recorded for a stage key; empty if there are none."""
         entry = self._entries.get(key)

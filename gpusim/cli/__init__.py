@@ -10,10 +10,9 @@ from __future__ import annotations
 import io
 import json
 import sys
-from enum import StrEnum
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -27,7 +26,9 @@ from gpusim.cli.console import (
     size_text,
     time_text,
 )
-from gpusim.errors import Fault, InputError, SceneError
+from gpusim.cli.measuring import calibrate, dic
+from gpusim.cli.options import Backend, BackendOption, Json, check_folder
+from gpusim.errors import Fault, SceneError
 
 if TYPE_CHECKING:
     from gpusim.plan import Plan
@@ -44,27 +45,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 app.add_typer(bench_app, name="bench")
-
-
-class Backend(StrEnum):
-    """Where the numbers are made."""
-
-    gpu = "gpu"
-    numpy = "numpy"
-
-
-Shape = Literal["translation", "rigid", "affine", "quadratic"]
-Update = Literal["never", "auto", "always"]
-Start = Literal["auto", "search", "features"]
-Strain = Literal["small", "green-lagrange", "hencky", "almansi", "none"]
-
-
-class Format(StrEnum):
-    """How tables are written."""
-
-    csv = "csv"
-    npz = "npz"
-    h5 = "h5"
 
 
 ScenePath = Annotated[Path, typer.Argument(metavar="SCENE.toml", help="The scene file.")]
@@ -84,10 +64,8 @@ No = Annotated[
     list[str] | None,
     typer.Option("--no", metavar="EFFECT", help="Leave an effect out: distortion (repeatable)."),
 ]
-BackendOption = Annotated[Backend, typer.Option(help="gpu: any Vulkan device; numpy: none.")]
 Fresh = Annotated[bool, typer.Option("--fresh", help="Reuse nothing of an earlier run.")]
 NoSkip = Annotated[bool, typer.Option("--no-skip", help="Switch every shortcut off.")]
-Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")]
 
 
 def main() -> int:
@@ -138,7 +116,7 @@ def run(
     """Solve, render, measure, report; reuse what is unchanged in OUT."""
     with exit_codes():
         loaded = _load(scene, sets).with_effects(only or (), no or ())
-        _check_folder(output)
+        check_folder(output)
         from gpusim import pipeline
 
         with ProgressDisplay(quiet, stream_is_result=as_json) as progress:
@@ -168,7 +146,7 @@ def budget(
     """Run a scene, then with and without each effect: what each adds to the measured error."""
     with exit_codes():
         loaded = _load(scene, sets)
-        _check_folder(output)
+        check_folder(output)
         from gpusim.cli.budgeting import print_budget
         from gpusim.pipeline.budget import run_budget
 
@@ -194,100 +172,14 @@ def solve(
 ) -> None:
     """Solve the linear static steps of an input deck and write displacements and reactions."""
     with exit_codes():
-        _check_folder(output)
+        check_folder(output)
         from gpusim.cli.decks import solve_deck
 
         solve_deck(deck, output, backend.value, tolerance, stress, quiet, as_json)
 
 
-@app.command()
-def dic(
-    reference: Annotated[Path, typer.Argument(metavar="REF", help="The picture before.")],
-    deformed: Annotated[list[Path], typer.Argument(metavar="DEF...", help="Pictures after it.")],
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="OUT", help="Output folder.")],
-    subset: Annotated[int, typer.Option(help="Odd width of the subsets, px.")] = 31,
-    step: Annotated[int, typer.Option(help="Distance of the points, px.")] = 10,
-    shape: Annotated[Shape, typer.Option(help="How a subset may deform.")] = "affine",
-    roi: Annotated[
-        str | None, typer.Option(metavar="X0,Y0,X1,Y1", help="Region of interest, px.")
-    ] = None,
-    mask: Annotated[
-        Path | None, typer.Option(metavar="IMAGE", help="Black pixels aren't used.")
-    ] = None,
-    update: Annotated[
-        Update, typer.Option(help="When to renew the reference; auto: as strains get large.")
-    ] = "never",
-    start: Annotated[Start, typer.Option(help="How the motion is found first.")] = "auto",
-    search_px: Annotated[int, typer.Option(help="Reach of the search, px.")] = 20,
-    blur_px: Annotated[float, typer.Option(help="Gaussian over the pictures first, px.")] = 0.0,
-    min_zncc: Annotated[float, typer.Option(help="Least correlation of a match.")] = 0.8,
-    tolerance: Annotated[float, typer.Option(help="Where the iteration stops, px.")] = 1e-4,
-    strain: Annotated[Strain, typer.Option(help="Which strain.")] = "green-lagrange",
-    strain_window: Annotated[int, typer.Option(help="Points across the strain gauge.")] = 5,
-    formats: Annotated[
-        list[Format] | None, typer.Option("--format", help="Of the tables (repeatable).")
-    ] = None,
-    backend: BackendOption = Backend.gpu,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
-    as_json: Json = False,
-) -> None:
-    """Measure how pictures moved against the first one: displacement and strain (DIC)."""
-    with exit_codes():
-        _check_folder(output)
-        from gpusim.cli.correlation import Choices, correlate_files
-
-        choices = Choices(
-            subset,
-            step,
-            shape,
-            roi,
-            mask,
-            update,
-            start,
-            search_px,
-            blur_px,
-            min_zncc,
-            tolerance,
-            strain,
-            strain_window,
-            tuple(one.value for one in formats or [Format.csv]),
-            backend.value,
-        )
-        correlate_files(reference, deformed, output, choices, quiet, as_json)
-
-
-@app.command()
-def calibrate(
-    images: Annotated[
-        list[Path], typer.Argument(metavar="IMAGES...", help="Pictures of a board, or a folder.")
-    ],
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="OUT", help="Output folder.")],
-    board: Annotated[str, typer.Option(metavar="COLSxROWS", help="Fields, not inner corners.")],
-    square_mm: Annotated[float, typer.Option(help="Side of a field.")],
-    others: Annotated[
-        list[Path] | None,
-        typer.Option("--with", metavar="FOLDER", help="One more camera's pictures (repeatable)."),
-    ] = None,
-    lens: Annotated[
-        str, typer.Option(help="pinhole, radial, radial3, brown, rational, prism or tilted.")
-    ] = "brown",
-    square_pixels: Annotated[
-        bool, typer.Option("--square-pixels", help="One focal length for both directions.")
-    ] = False,
-    formats: Annotated[
-        list[str] | None,
-        typer.Option("--format", help="opencv, kalibr, matchid, vic, dice (repeatable)."),
-    ] = None,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
-    as_json: Json = False,
-) -> None:
-    """Calibrate one camera or a rig from pictures of a chessboard."""
-    with exit_codes():
-        _check_folder(output)
-        from gpusim.cli.calibrating import Wishes, calibrate_files
-
-        wishes = Wishes(board, square_mm, lens, square_pixels, tuple(formats or ["opencv"]))
-        calibrate_files(images, others or [], output, wishes, quiet, as_json)
+app.command()(dic)
+app.command()(calibrate)
 
 
 @app.command()
@@ -305,7 +197,7 @@ def plan(
     """Validate a scene and tell what a run would do, why, and what it costs; run nothing."""
     with exit_codes():
         loaded = _load(scene, sets)
-        _check_folder(output)
+        check_folder(output)
         if loaded.reads_files:
             import_module("gpusim.pipeline.files").check_files(loaded)
         from gpusim.plan import make_plan
@@ -361,11 +253,6 @@ def _load(path: Path, sets: list[str] | None) -> Scene:
             raise SceneError("--set", [Fault("--set", "no value", entry, "KEY=VALUE")])
         overrides[key.strip()] = parse_value(value.strip())
     return load_scene(path, overrides)
-
-
-def _check_folder(folder: Path | None) -> None:
-    if folder is not None and folder.exists() and not folder.is_dir():
-        raise InputError(f"-o: not a folder; got {folder}; expected a folder, or a new name")
 
 
 def _print_plan(made: Plan) -> None:

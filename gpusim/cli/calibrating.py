@@ -1,4 +1,4 @@
-"""``gpusim calibrate``: cameras calibrated from pictures of a chessboard."""
+"""``gpusim calibrate``: cameras calibrated from pictures of a chessboard or a ChArUco board."""
 
 from __future__ import annotations
 
@@ -38,6 +38,9 @@ class Wishes:
 
     board: str
     square_mm: float
+    kind: str
+    marker_mm: float | None
+    dictionary: str
     lens: str
     square_pixels: bool
     formats: tuple[str, ...]
@@ -98,11 +101,20 @@ def calibrate_files(
         out(f"\nReport: {folder / 'report.html'}")
 
 
-def _board(wishes: Wishes) -> measure.Chessboard:
+def _board(wishes: Wishes) -> measure.Chessboard | measure.CharucoBoard:
     match = re.fullmatch(r"(\d+)[xX](\d+)", wishes.board)
     if not match:
         raise InputError(f"--board: got {wishes.board!r}; expected fields, COLUMNSxROWS like 9x8")
-    return measure.Chessboard(int(match[1]), int(match[2]), wishes.square_mm)
+    columns, rows = int(match[1]), int(match[2])
+    if wishes.kind == "chessboard":
+        if wishes.marker_mm is not None:
+            raise InputError("--marker-mm: a chessboard has no markers; expected --kind charuco")
+        return measure.Chessboard(columns, rows, wishes.square_mm)
+    if wishes.marker_mm is None:
+        raise InputError("--marker-mm: missing; a ChArUco board needs the side of its markers")
+    return measure.CharucoBoard(
+        columns, rows, wishes.square_mm, wishes.marker_mm, wishes.dictionary
+    )
 
 
 def _pictures(paths: Sequence[Path]) -> list[Path]:
@@ -121,9 +133,17 @@ def _pictures(paths: Sequence[Path]) -> list[Path]:
     return files
 
 
-def _sightings(files: Sequence[Path], board: measure.Chessboard) -> list[measure.Sighting]:
+def _sightings(
+    files: Sequence[Path], board: measure.Chessboard | measure.CharucoBoard
+) -> list[measure.Sighting]:
+    def sighting(file: Path) -> measure.Sighting:
+        image = read_grey(file)
+        if isinstance(board, measure.CharucoBoard):
+            return measure.find_charuco(image, board)
+        return measure.find_chessboard(image, board)
+
     with ThreadPoolExecutor(max_workers=2) as pool:
-        return list(pool.map(lambda file: measure.find_chessboard(read_grey(file), board), files))
+        return list(pool.map(sighting, files))
 
 
 def _cameras(found: measure.Calibration, unit_mm: float) -> list[Camera]:
@@ -138,6 +158,13 @@ def _cameras(found: measure.Calibration, unit_mm: float) -> list[Camera]:
     return cameras
 
 
+def _board_notes(wishes: Wishes) -> dict[str, Any]:
+    notes = {"kind": wishes.kind, "fields": wishes.board, "square_mm": wishes.square_mm}
+    if wishes.kind == "charuco":
+        notes |= {"marker_mm": wishes.marker_mm, "dictionary": wishes.dictionary}
+    return notes
+
+
 def _content(
     found: measure.Calibration,
     seen: dict[str, list[measure.Sighting]],
@@ -149,7 +176,7 @@ def _content(
     content: dict[str, Any] = {
         "schema": 1,
         "version": __version__,
-        "board": {"fields": wishes.board, "square_mm": wishes.square_mm},
+        "board": _board_notes(wishes),
         "lens": found.lens,
         "rms_px": found.rms,
         "points": found.used,

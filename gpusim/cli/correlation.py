@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -15,21 +15,36 @@ import numpy.typing as npt
 from gpusim._version import __version__
 from gpusim.cli.console import ProgressDisplay, out
 from gpusim.errors import InputError, NotConverged
-from gpusim.export.correlation import read_grey, write_correlation
+from gpusim.export.correlation import read_grey, write_correlation, write_stereo
 from gpusim.export.files import safe_name, write_text
 from gpusim.gpu import Device
-from gpusim.measure import DicResult, dic_sequence, strain
+from gpusim.measure import (
+    CalibratedCamera,
+    DicResult,
+    MappedResult,
+    StrainResult,
+    dic_sequence,
+    lens_mapping,
+    mapped,
+    rig_camera,
+    stereo_dic,
+    stereo_shape,
+    strain,
+    surface_strain,
+)
 from gpusim.measure.dic import Start
 from gpusim.measure.sequence import Update
 from gpusim.measure.strain import StrainKind
 from gpusim.measure.warp import Shape
-from gpusim.report.correlation import correlation_page, summary
-from gpusim.report.maps import draw_maps
+from gpusim.optics.calibration_files import UNIT_MM, calibration_format, read_calibration
+from gpusim.report.correlation import correlation_page, stereo_summary, summary
+from gpusim.report.maps import draw_maps, draw_stereo_maps
 from gpusim.report.model import Figure
 
-__all__ = ["Choices", "correlate_files"]
+__all__ = ["Choices", "correlate_files", "correlate_pairs"]
 
 _SCHEMA = 1
+SURFACE_STRAINS = ("green-lagrange", "hencky", "none")
 
 
 @dataclass(frozen=True)
@@ -41,11 +56,13 @@ class Choices:
     shape: Shape
     roi: str | None
     mask: Path | None
+    calibration: Path | None
     update: Update
     start: Start
     search_px: int
     blur_px: float
     min_zncc: float
+    apart_px: float
     tolerance: float
     strain: StrainKind | Literal["none"]
     strain_window: int
@@ -67,12 +84,11 @@ def correlate_files(
     choices that are wrong, NotConverged, after all is written, if an image has no point measured.
     """
     _check_choices(choices)
-    missing = [str(path) for path in (reference, *deformed) if not path.is_file()]
-    if missing:
-        raise InputError(
-            f"image file{'s' if len(missing) > 1 else ''} not found: {', '.join(missing)}"
-        )
+    _check_files([reference, *deformed])
     first = read_grey(reference)
+    lens = None
+    if choices.calibration is not None:
+        (lens,) = _cameras(choices.calibration, [first.shape], "--calibration")
     roi = _roi(choices.roi)
     mask = None if choices.mask is None else _mask(choices.mask, first.shape)
     device = Device() if choices.backend == "gpu" else None
@@ -84,9 +100,12 @@ def correlate_files(
 
         def keep(number: int, result: DicResult) -> None:
             nonlocal clock
-            found = None
+            found: StrainResult | None = None
+            flat: DicResult | MappedResult = result
+            if lens is not None:
+                result, flat = _undistorted(result, lens)
             if choices.strain != "none":
-                found = strain(result, window=choices.strain_window, kind=choices.strain)
+                found = strain(flat, window=choices.strain_window, kind=choices.strain)
             seconds = time.perf_counter() - clock
             path = deformed[number]
             name = f"{number + 1:04d}_{safe_name(path.stem)}"
@@ -115,13 +134,151 @@ def correlate_files(
             search_px=choices.search_px,
             blur_px=choices.blur_px,
             min_zncc=choices.min_zncc,
+            apart_px=choices.apart_px,
             tolerance=choices.tolerance,
             device=device,
         )
+    _finish(reference.name, rows, figures, settings, folder, quiet, as_json)
+
+
+def correlate_pairs(
+    pictures: Sequence[Path],
+    calibration: Path,
+    folder: Path,
+    choices: Choices,
+    quiet: bool,
+    as_json: bool,
+) -> None:
+    """Correlate pairs, left before right, the reference pair first; lengths are mm.
+
+    With one pair only its shape is measured. Raises as ``correlate_files`` does.
+    """
+    _check_choices(choices)
+    if len(pictures) % 2:
+        raise InputError(
+            f"--stereo: got {len(pictures)} pictures; expected pairs: LEFT_REF RIGHT_REF "
+            "LEFT_1 RIGHT_1 …"
+        )
+    if choices.calibration is not None:
+        raise InputError("--calibration: the cameras are in --stereo; expected one of the two")
+    if choices.strain not in SURFACE_STRAINS:
+        raise InputError(
+            f"--strain: got {choices.strain}; expected {', '.join(SURFACE_STRAINS)} with --stereo"
+        )
+    _check_files(pictures)
+    lefts, rights = pictures[0::2], pictures[1::2]
+    left, right = read_grey(lefts[0]), read_grey(rights[0])
+    one, two = _cameras(calibration, [left.shape, right.shape], "--stereo")
+    mask = None if choices.mask is None else _mask(choices.mask, left.shape)
+    device = Device() if choices.backend == "gpu" else None
+    settings = _settings(lefts[0], choices, device) | {"stereo": str(calibration)}
+    common: dict[str, Any] = {
+        "subset": choices.subset,
+        "step": choices.step,
+        "roi": _roi(choices.roi),
+        "mask": mask,
+        "blur_px": choices.blur_px,
+        "min_zncc": choices.min_zncc,
+        "tolerance": choices.tolerance,
+        "device": device,
+    }
+    rows: list[dict[str, Any]] = []
+    figures: list[tuple[str, Figure]] = []
+    with ProgressDisplay(quiet, stream_is_result=as_json) as progress:
+        clock = time.perf_counter()
+        progress("dic", 0.0, f"{len(lefts)} pairs")
+        if len(lefts) == 1:
+            results = [stereo_shape(left, right, (one, two), **common)]
+        else:
+            results = stereo_dic(
+                left,
+                right,
+                map(read_grey, lefts[1:]),
+                map(read_grey, rights[1:]),
+                (one, two),
+                shape=choices.shape,
+                update=choices.update,
+                start=choices.start,
+                search_px=choices.search_px,
+                apart_px=choices.apart_px,
+                **common,
+            )
+        seconds = (time.perf_counter() - clock) / len(results)
+        seen = list(zip(lefts, rights, strict=True))[-len(results) :]
+        for number, (result, pair) in enumerate(zip(results, seen, strict=True), start=1):
+            found = None
+            if choices.strain != "none" and len(results) == len(lefts) - 1:
+                kind: Any = choices.strain
+                found = surface_strain(result, window=choices.strain_window, kind=kind)
+            name = f"{number:04d}_{safe_name(pair[0].stem)}"
+            notes = settings | {"reference": str(lefts[0]), "left": str(pair[0]),
+                                "right": str(pair[1])}  # fmt: skip
+            for suffix in choices.formats:
+                write_stereo(folder / f"{name}.{suffix}", result, found, notes)
+            figure = draw_stereo_maps(left, result, found, folder / f"{name}.png")
+            figures.append((f"{pair[0].name}, {pair[1].name}", figure))
+            rows.append(stereo_summary(str(pair[0]), result, found, seconds))
+            progress("dic", number / len(results), f"{pair[0].name}: {rows[-1]['measured']} points")
+    _finish(lefts[0].name, rows, figures, settings, folder, quiet, as_json)
+
+
+def _undistorted(result: DicResult, lens: CalibratedCamera) -> tuple[DicResult, MappedResult]:
+    """The result with the lens undone, at its places in the picture; and where they really are."""
+    flat = mapped(result, lens_mapping(lens))
+    own = replace(
+        result,
+        displacement=flat.displacement,
+        gradient=flat.gradient,
+        sigma=flat.sigma,
+        status=flat.status,
+    )
+    return own, flat
+
+
+def _cameras(path: Path, shapes: Sequence[tuple[int, ...]], option: str) -> list[CalibratedCamera]:
+    """As many cameras from a calibration file as there are picture sizes; lengths in mm."""
+    unit = UNIT_MM[calibration_format(path)]
+    cameras = read_calibration(path, (shapes[0][1], shapes[0][0]))
+    if len(cameras) < len(shapes):
+        raise InputError(f"{option}: {path}: got {len(cameras)} cameras; expected {len(shapes)}")
+    result = []
+    first = np.linalg.inv(cameras[0].camera_from_world)
+    for camera, shape in zip(cameras, shapes, strict=False):
+        if (camera.height, camera.width) != tuple(shape):
+            raise InputError(
+                f"{option}: {path}: camera {camera.name!r} has {camera.width}x{camera.height} px; "
+                f"expected {shape[1]}x{shape[0]} as its pictures"
+            )
+        pose = camera.camera_from_world @ first
+        result.append(
+            rig_camera((camera.width, camera.height), camera.K, camera.distortion, pose[:3, :3],
+                       unit * pose[:3, 3], camera.name)
+        )  # fmt: skip
+    return result
+
+
+def _check_files(paths: Sequence[Path]) -> None:
+    missing = [str(path) for path in paths if not path.is_file()]
+    if missing:
+        raise InputError(
+            f"image file{'s' if len(missing) > 1 else ''} not found: {', '.join(missing)}"
+        )
+
+
+def _finish(
+    title: str,
+    rows: list[dict[str, Any]],
+    figures: list[tuple[str, Figure]],
+    settings: dict[str, Any],
+    folder: Path,
+    quiet: bool,
+    as_json: bool,
+) -> None:
+    """Report, and say so if an image has no point measured."""
     report = {"schema": _SCHEMA, "version": __version__, "settings": settings, "images": rows}
     text = json.dumps(report, indent=2)
     write_text(folder / "report.json", text + "\n")
-    write_text(folder / "report.html", correlation_page(reference.name, rows, figures, settings))
+    write_text(folder / "report.html", correlation_page(title, rows, figures, settings))
     if as_json:
         out(text)
     elif not quiet:
@@ -169,11 +326,13 @@ def _settings(reference: Path, choices: Choices, device: Device | None) -> dict[
         "shape": choices.shape,
         "roi": choices.roi or "all",
         "mask": str(choices.mask or "none"),
+        "calibration": str(choices.calibration or "none"),
         "update": choices.update,
         "start": choices.start,
         "search_px": choices.search_px,
         "blur_px": choices.blur_px,
         "min_zncc": choices.min_zncc,
+        "apart_px": choices.apart_px,
         "tolerance": choices.tolerance,
         "strain": choices.strain,
         "strain_window": choices.strain_window,
@@ -184,14 +343,15 @@ def _settings(reference: Path, choices: Choices, device: Device | None) -> dict[
 
 def _print(rows: Sequence[dict[str, Any]], folder: Path) -> None:
     wide = max(5, max(len(Path(row["image"]).name) for row in rows)) + 2
+    flat = ("u_mean", "v_mean", "sigma_median")
+    keys = flat if flat[0] in rows[0] else ("U_mean", "V_mean", "W_mean", "sigma_median_mm")
+    heads = [key.replace("_mean", "").replace("_median", "").replace("_", " ") for key in keys]
     out()
-    out(f"{'image':<{wide}}{'measured':>16}{'mean u':>10}{'mean v':>10}{'sigma':>10}")
+    titles = "".join(f"{head if 'sigma' in head else f'mean {head}':>10}" for head in heads)
+    out(f"{'image':<{wide}}{'measured':>16}{titles}")
     for row in rows:
         name, share = Path(row["image"]).name, f"{row['measured']} of {row['points']}"
-        numbers = "".join(
-            f"{'':>10}" if row[key] is None else f"{row[key]:>10.4f}"
-            for key in ("u_mean", "v_mean", "sigma_median")
-        )
+        numbers = "".join(f"{'':>10}" if row[key] is None else f"{row[key]:>10.4f}" for key in keys)
         out(f"{name:<{wide}}{share:>16}{numbers}")
         lost = {k: n for k, n in row["counts"].items() if k != "OK"}
         if lost:

@@ -19,12 +19,22 @@ import tifffile
 
 from gpusim.errors import InputError
 from gpusim.export.files import PathLike, atomic_path, atomic_stream, write_text
-from gpusim.measure import DicResult, Status, StrainResult
+from gpusim.measure import DicResult, Status, StereoResult, StrainResult
 
-__all__ = ["FORMATS", "read_grey", "result_columns", "write_correlation"]
+__all__ = [
+    "FORMATS",
+    "read_grey",
+    "result_columns",
+    "stereo_columns",
+    "write_correlation",
+    "write_stereo",
+]
 
 FORMATS = ("csv", "npz", "h5")
-UNITS = {"x": "px", "y": "px", "u": "px", "v": "px", "sigma": "px"}
+UNITS = dict.fromkeys(("x", "y", "u", "v", "sigma", "x_right", "y_right", "residual"), "px")
+UNITS |= dict.fromkeys(("X", "Y", "Z", "U", "V", "W", "sigma_X", "sigma_Y", "sigma_Z"), "mm")
+PICTURE_FRAME = "pixels of the reference image, x right, y down"
+RIG_FRAME = "x, y: pixels of the left picture; X, Y, Z: left camera, x right, y down, z forward"
 GREY_WEIGHTS = np.array([0.114, 0.587, 0.299])  # blue, green, red: ITU-R BT.601
 
 
@@ -76,16 +86,40 @@ def result_columns(
         "sigma": result.sigma,
         "iterations": result.iterations,
     }
-    if strain is not None:
-        columns |= {
-            "exx": strain.tensor[:, 0, 0],
-            "eyy": strain.tensor[:, 1, 1],
-            "exy": strain.tensor[:, 0, 1],
-            "e1": strain.principal[:, 0],
-            "e2": strain.principal[:, 1],
-            "strain_residual": strain.residual,
-        }
-    return columns | {"status": result.status}
+    return columns | _strain_columns(strain) | {"status": result.status}
+
+
+def stereo_columns(
+    result: StereoResult, strain: StrainResult | None = None
+) -> dict[str, npt.NDArray[Any]]:
+    """The columns of a table in space, (M,) each: where a point is seen and was, how it moved."""
+    columns: dict[str, npt.NDArray[Any]] = {
+        "x": result.points[:, 0],
+        "y": result.points[:, 1],
+        "x_right": result.right[:, 0],
+        "y_right": result.right[:, 1],
+    }
+    for names, values in (
+        (("X", "Y", "Z"), result.shape),
+        (("U", "V", "W"), result.displacement),
+        (("sigma_X", "sigma_Y", "sigma_Z"), result.sigma),
+    ):
+        columns |= dict(zip(names, values.T, strict=True))
+    columns["residual"] = result.residual
+    return columns | _strain_columns(strain) | {"status": result.status}
+
+
+def _strain_columns(strain: StrainResult | None) -> dict[str, npt.NDArray[Any]]:
+    if strain is None:
+        return {}
+    return {
+        "exx": strain.tensor[:, 0, 0],
+        "eyy": strain.tensor[:, 1, 1],
+        "exy": strain.tensor[:, 0, 1],
+        "e1": strain.principal[:, 0],
+        "e2": strain.principal[:, 1],
+        "strain_residual": strain.residual,
+    }
 
 
 def write_correlation(
@@ -99,12 +133,36 @@ def write_correlation(
     In CSV ``status`` is a word, in the others a number; their names come with the file. Attributes
     (settings, versions) go into comment lines or the file's own attributes.
     """
-    target = Path(path)
-    columns = result_columns(result, strain)
-    notes: dict[str, str | float | int] = {"subset_px": result.subset}
+    notes = _notes(result.subset, strain, attributes)
+    return _write(Path(path), result_columns(result, strain), notes, PICTURE_FRAME)
+
+
+def write_stereo(
+    path: PathLike,
+    result: StereoResult,
+    strain: StrainResult | None = None,
+    attributes: Mapping[str, str | float | int] | None = None,
+) -> Path:
+    """Write a result in space as ``write_correlation`` does one in the picture; lengths in mm."""
+    notes = _notes(result.subset, strain, attributes)
+    return _write(Path(path), stereo_columns(result, strain), notes, RIG_FRAME)
+
+
+def _notes(
+    subset: int, strain: StrainResult | None, attributes: Mapping[str, str | float | int] | None
+) -> dict[str, str | float | int]:
+    notes: dict[str, str | float | int] = {"subset_px": subset}
     if strain is not None:
         notes |= {"strain": strain.kind, "strain_gauge_px": strain.gauge_px}
-    notes |= dict(attributes or {})
+    return notes | dict(attributes or {})
+
+
+def _write(
+    target: Path,
+    columns: dict[str, npt.NDArray[Any]],
+    notes: Mapping[str, str | float | int],
+    frame: str,
+) -> Path:
     suffix = target.suffix.lower().lstrip(".")
     if suffix == "csv":
         return _write_csv(target, columns, notes)
@@ -121,11 +179,11 @@ def write_correlation(
                 data = file.create_dataset(name, data=values, compression="gzip")
                 data.attrs["unit"] = UNITS.get(name, "1")
             file.attrs["status_names"] = [str(name) for name in names]
-            file.attrs["frame"] = "pixels of the reference image, x right, y down"
+            file.attrs["frame"] = frame
             for key, value in notes.items():
                 file.attrs[key] = value
         return target
-    raise InputError(f"{path}: unknown format; expected a name ending in one of {FORMATS}")
+    raise InputError(f"{target}: unknown format; expected a name ending in one of {FORMATS}")
 
 
 def _write_csv(

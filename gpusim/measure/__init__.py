@@ -4,6 +4,7 @@ points in space. Sees pictures only."""
 from gpusim.measure.calibration import CalibratedCamera, Calibration, calibrate
 from gpusim.measure.charuco import CharucoBoard, find_charuco
 from gpusim.measure.chessboard import find_chessboard
+from gpusim.measure.codes import Codes, find_aruco
 from gpusim.measure.corners import Markers, MarkerStatus, find_markers, locate_markers
 from gpusim.measure.crossings import Crossings, fit_crossings
 from gpusim.measure.damage import SlopeChanges, difference_curve, slope_changes
@@ -43,6 +44,7 @@ __all__ = [
     "Calibration",
     "CharucoBoard",
     "Chessboard",
+    "Codes",
     "Crossings",
     "DeflectionLine",
     "DicResult",
@@ -71,6 +73,7 @@ __all__ = [
     "difference_curve",
     "displacement_3d",
     "epipolar_distance",
+    "find_aruco",
     "find_charuco",
     "find_chessboard",
     "find_markers",

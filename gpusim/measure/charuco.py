@@ -13,8 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.measure.codes import check_dictionary
 from gpusim.measure.crossings import fit_crossings
-from gpusim.measure.images import check_image
+from gpusim.measure.images import check_image, eight_bit
 from gpusim.measure.targets import Sighting, grid_steps
 
 __all__ = ["CharucoBoard", "find_charuco"]
@@ -43,32 +44,33 @@ class CharucoBoard:
                 f"CharucoBoard: got marker {self.marker}, square {self.square}; expected "
                 "0 < marker < square"
             )
-        if not hasattr(cv2.aruco, f"DICT_{self.dictionary}"):
-            raise InputError(f"CharucoBoard dictionary; got {self.dictionary!r}; expected 4X4_50 …")
+        markers = len(check_dictionary(self.dictionary, "CharucoBoard dictionary").bytesList)
+        if self.columns * self.rows // 2 > markers:
+            raise InputError(
+                f"CharucoBoard dictionary: got {self.dictionary} of {markers} markers; expected at "
+                f"least {self.columns * self.rows // 2} for {self.columns} x {self.rows} squares"
+            )
 
     def detector(self) -> Any:
         """OpenCV's detector of this board."""
-        number = getattr(cv2.aruco, f"DICT_{self.dictionary}")
-        dictionary = cv2.aruco.getPredefinedDictionary(number)
+        dictionary = check_dictionary(self.dictionary, "CharucoBoard dictionary")
         size = self.columns, self.rows
         return cv2.aruco.CharucoDetector(
             cv2.aruco.CharucoBoard(size, self.square, self.marker, dictionary)
         )
 
 
-def find_charuco(image: npt.NDArray[np.uint8], board: CharucoBoard) -> Sighting:
-    """The inner corners of ``board`` in a grey 8-bit image; board places as in `Chessboard`.
+def find_charuco(image: npt.NDArray[Any], board: CharucoBoard) -> Sighting:
+    """The inner corners of ``board`` in a grey image; board places as in `Chessboard`.
 
     A board that isn't found gives a sighting without points that says why. Raises InputError for
-    another image.
+    anything else.
     """
     array = check_image(image, "image")
-    if array.dtype != np.uint8:
-        raise InputError(f"find_charuco image; got {array.dtype}; expected uint8")
     across = board.columns - 1
     total = across * (board.rows - 1)
     resolution = array.shape[1], array.shape[0]
-    rough, numbers, _, _ = board.detector().detectBoard(np.ascontiguousarray(array))
+    rough, numbers, _, _ = board.detector().detectBoard(eight_bit(array))
     if numbers is None or len(numbers) < 4:
         return Sighting.none(resolution, total, "no board found")
     number = np.asarray(numbers).reshape(-1).astype(np.int64)

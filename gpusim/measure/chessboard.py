@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.measure.crossings import fit_crossings
-from gpusim.measure.images import FloatArray, check_image
+from gpusim.measure.images import FloatArray, check_image, eight_bit
 from gpusim.measure.targets import Chessboard, Sighting, grid_steps
 
 __all__ = ["find_chessboard"]
@@ -42,7 +42,7 @@ def find_chessboard(image: npt.NDArray[Any], board: Chessboard) -> Sighting:
     height, width = array.shape
     across, down = board.corners
     nothing = (width, height), across * down
-    rough = _detect(_eight_bit(array), board.corners)
+    rough = _detect(eight_bit(array), board.corners)
     if rough is None:
         return Sighting.none(*nothing, "no board found")
     grid = _upright(rough.reshape(down, across, 2))
@@ -74,17 +74,6 @@ def find_chessboard(image: npt.NDArray[Any], board: Chessboard) -> Sighting:
         resolution=(width, height),
         missed=int(np.count_nonzero(~ok)),
     )
-
-
-def _eight_bit(array: npt.NDArray[Any]) -> npt.NDArray[np.uint8]:
-    """The picture for the detectors: 0 to 255 from its darkest to its brightest thousandth."""
-    if array.dtype == np.uint8:
-        result: npt.NDArray[np.uint8] = np.ascontiguousarray(array)
-        return result
-    sample = array[:: max(1, array.shape[0] // 500), :: max(1, array.shape[1] // 500)]
-    low, high = np.quantile(sample, [0.001, 0.999])
-    scaled = (array.astype(np.float32) - low) * (255.0 / max(high - low, 1e-30))
-    return np.asarray(np.clip(scaled, 0, 255), dtype=np.uint8)
 
 
 def _detect(grey: npt.NDArray[np.uint8], corners: tuple[int, int]) -> FloatArray | None:

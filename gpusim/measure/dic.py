@@ -82,7 +82,8 @@ def dic(
     blur_px : standard deviation of a Gaussian put over both images first; 1 px takes most of the
         interpolation error off images with hard edges, for a little resolution.
     tolerance : the iteration stops when no pixel of the subset has further to go than this, px,
-        as the shrinking of the last two steps tells.
+        as the shrinking of the last two steps tells; or by a tenth of the standard uncertainty,
+        where noise keeps it from that.
     max_iterations : where noise outweighs the pattern's slopes, steps shrink slowly; ``blur_px`` of
         1 px then helps more than patience.
     min_zncc : matches below are reported as ``LOW_CORRELATION``.
@@ -141,6 +142,7 @@ def dic(
         # nothing led there; let the kernel say if it could have been measured at all
         untried = np.flatnonzero(front.attempts == 0)
         front.attempt(untried, np.zeros((untried.size, 2)), keep=False)
+    front.settle()
     front.doubt()
     front.split()
     matches = front.matches()

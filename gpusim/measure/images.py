@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 
-__all__ = ["check_image", "check_points", "crop_float"]
+__all__ = ["check_image", "check_points", "crop_float", "eight_bit"]
 
 Image = npt.NDArray[Any]
 FloatArray = npt.NDArray[np.float64]
@@ -67,3 +67,14 @@ def _span(low: float, high: float, margin: int, size: int) -> tuple[int, int]:
     first = int(np.clip(np.floor(low) - margin, 0, size - 7))
     last = int(np.clip(np.ceil(high) + margin, first + 6, size - 1))
     return first, last
+
+
+def eight_bit(array: npt.NDArray[Any]) -> npt.NDArray[np.uint8]:
+    """The picture for the detectors: 0 to 255 from its darkest to its brightest thousandth."""
+    if array.dtype == np.uint8:
+        result: npt.NDArray[np.uint8] = np.ascontiguousarray(array)
+        return result
+    sample = array[:: max(1, array.shape[0] // 500), :: max(1, array.shape[1] // 500)]
+    low, high = np.quantile(sample, [0.001, 0.999])
+    scaled = (array.astype(np.float32) - low) * (255.0 / max(high - low, 1e-30))
+    return np.asarray(np.clip(scaled, 0, 255), dtype=np.uint8)

@@ -33,6 +33,8 @@ ATTEMPTS = 4  # starts per point
 PARTED = ("affine", "quadratic")  # shapes that follow a smooth field: what they leave is news
 DOUBT = 0.01  # px beyond four standard deviations: further from what a neighbour says, look
 POOR = 1.5  # residual over the lower quartile of all points
+SETTLED = (1e-3, 2e-3, 4e-3, 8e-3, 1.6e-2)  # px: tolerances where the one asked for isn't reached
+WIDER = 10.0  # standard uncertainty over the tolerance that then is enough
 APART = 0.5  # px: further from what its neighbours say, a point is looked at again
 
 
@@ -128,11 +130,13 @@ class Front:
         gradient: FloatArray | None = None,
         *,
         keep: bool = True,
+        tolerance: float | None = None,
     ) -> None:
         """Correlate ``which`` from start values; ``keep`` = accept a match.
 
         ``gradient`` are the linear coefficients of the warp, (K, 2, 2), px. A measured point
-        changes only for a better match.
+        changes only for a better match. With a ``tolerance`` of its own, only matches count whose
+        standard uncertainty is ten times that.
         """
         if which.size == 0:
             return
@@ -140,11 +144,13 @@ class Front:
         start[:, :, 0] = displacement
         if gradient is not None and self.settings.shape != "translation":
             start[:, :, 1:3] = gradient
-        result = correlate(
-            Subsets(self.pair, self.points[which], start),
-            self.settings if keep else replace(self.settings, max_iterations=1),
-            self.device,
-        )
+        settings = self.settings if keep else replace(self.settings, max_iterations=1)
+        if tolerance is not None:
+            settings = replace(settings, tolerance=tolerance)
+        result = correlate(Subsets(self.pair, self.points[which], start), settings, self.device)
+        if tolerance is not None:
+            early = (result.status == Status.OK) & ~(result.sigma >= WIDER * tolerance)
+            result.status[early] = Status.NOT_CONVERGED
         self.attempts[which] += 1
         if keep:
             better = (result.status == Status.OK) & (result.zncc > self.zncc[which])
@@ -157,6 +163,23 @@ class Front:
         self.sigma[target] = result.sigma[chosen]
         self.iterations[target] = result.iterations[chosen]
         self.status[target] = result.status[chosen]
+
+    def settle(self) -> None:
+        """Measure what noise keeps from converging as far as its own uncertainty makes sense.
+
+        Where noise outweighs the pattern's slopes, steps shrink slowly and may not come below the
+        tolerance; a tenth of the standard uncertainty is as good a place to stop.
+        """
+        for tolerance in SETTLED:
+            which = np.flatnonzero(self.status == Status.NOT_CONVERGED)
+            if len(self.points) < 2 or which.size == 0 or tolerance <= self.settings.tolerance:
+                continue
+            neighbour = self._neighbours()[which]
+            score = np.where(self.ok[neighbour], self.zncc[neighbour], -1.0)
+            source = neighbour[np.arange(which.size), np.argmax(score, axis=1)]
+            near = score.max(axis=1) > 0
+            start = self._extrapolated(which[near], source[near])
+            self.attempt(which[near], *start, tolerance=tolerance)
 
     def propagate(self) -> None:
         """Let the measured points hand their motion on until nothing new can be started."""

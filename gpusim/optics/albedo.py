@@ -250,7 +250,10 @@ def _squares(feature: Array, polygon: Array, weight: Array) -> tuple[Array, Arra
             for di, dj, sign in ((0, 0, 1.0), (1, 0, -1.0), (0, 1, -1.0), (1, 1, 1.0)):
                 corner = (square + np.array([di, dj])) * size[rows]
                 seen = (polygon[rows] - corner[:, None]) * weight[rows][..., None]
-                share += sign * coverage.quadrant_area(seen) / coverage.polygon_area(seen)
+                area = coverage.polygon_area(seen)
+                # slivers may have none left after rounding
+                area[area == 0.0] = np.inf
+                share += sign * coverage.quadrant_area(seen) / area
             even = (square + index[rows]).sum(axis=1) % 2 == 0
             value[rows] += share * np.where(even, feature[rows, 8], feature[rows, 9])
             total[rows] += share

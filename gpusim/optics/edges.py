@@ -1,11 +1,8 @@
 """Edge pixels: exact polygon areas of every triangle over the pixel, from front to back.
 
-A triangle that nothing hides takes exactly the area of its polygon inside the pixel; the rest is
-shared by partly hidden triangles and the background in proportion to a 16 x 32 sample mask. A
-sliver that falls between the samples is seen or hidden as a whole, as its centroid is
-(Carpenter, "The A-buffer", SIGGRAPH 1984, with exact areas in place of counts where they are
-known). A strip between the samples that nothing in front covers belongs to the nearest hidden
-triangle at its centroid, else to the background. The twin repeats the shader's steps in float64.
+A triangle takes the area of its polygon inside the pixel less what those in front of it hide
+(`gpusim.optics.hidden`): the paint's mean over the pieces that are left, the light at their common
+centroid. What no triangle takes shows the background. The twin does the same in float64.
 """
 
 from __future__ import annotations
@@ -19,7 +16,9 @@ from gpusim.optics.binning import EdgePixels, bin_edges
 from gpusim.optics.bitmap import BITMAP, mean_over_polygons
 from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.edge_turns import grazing_turns, shadow_turns, speckle_turns
+from gpusim.optics.hidden import visible_pieces
 from gpusim.optics.pattern import LOOP_TURNS
+from gpusim.optics.polygon import clip_square, half_planes, moments
 from gpusim.optics.setup import Setup, probe_setup, radiance_of
 from gpusim.optics.shade import Tables
 from gpusim.optics.speckle import ROWS as SPECKLE_ROWS
@@ -28,14 +27,14 @@ from gpusim.optics.view import FIXED
 __all__ = ["EdgePass", "edges_twin"]
 
 Array = npt.NDArray[np.float64]
-ROWS, COLUMNS = 16, 32
-SMALLEST = 1e-9
 THIN = 5e-4
-"""Open area between all samples that is looked into; less of it is a seam between neighbours."""
-DEEPEST = 128
+"""Area, px^2, that no triangle takes; less of it is a seam between neighbours."""
+
+DEEPEST = 32
 """Triangles over a pixel beyond which the host resolves it; fewer where patterns are dense."""
 
-SHIFT = ((np.arange(ROWS) * 7) % ROWS + 0.5) / ROWS
+SURE = 2e-4
+"""Share of the brightest radiance by which a pixel may be wrong: the host resolves others."""
 
 
 class EdgePass:
@@ -58,6 +57,7 @@ class EdgePass:
         lists[1 : 2 * count + 2 : 2] = edges.start + 2 * (count + 1)
         lists[2 * (count + 1) :] = edges.triangle
         self._lists = tables.device.buffer(lists, "edges.lists")
+        self._doubts = tables.device.buffer(np.zeros(count + 1, np.uint32), "edges.doubts")
 
     def record(
         self, recording: Recording, radiance: Buffer, row0: int, rows: int, stride: int
@@ -84,12 +84,13 @@ class EdgePass:
                 "count": last - first,
                 "sides": 3,
                 "corners": 4,
-                "mask_rows": ROWS,
                 "hard_rows": 2 * SPECKLE_ROWS,
                 "thin": THIN,
+                "sure": SURE,
             },
             lists=self._lists,
             radiance=radiance,
+            doubts=self._doubts,
             **self.tables.shared(),
             **self.tables.shadows.bindings(),
             gloss_table=self.tables.gloss,
@@ -97,13 +98,29 @@ class EdgePass:
         recording.dispatch(kernel, bindings, threads=(int(last - first),))
 
     def write_deep(self, radiance: Buffer, row0: int, rows: int, stride: int) -> None:
-        """Write the few pixels that the host resolved; call it once the recording is submitted."""
+        """Write the few pixels that the host resolves; call it once the recording is submitted.
+
+        Those are pixels under many triangles, and those that the device was in doubt about: what
+        shows of a triangle there isn't convex, and makes a difference.
+        """
         width = self.tables.setup.view.camera.width
-        first, last = np.searchsorted(self._deep.pixel, [row0 * width, (row0 + rows) * width])
-        for k in range(first, last):
-            row, column = divmod(int(self._deep.pixel[k]), width)
-            place = (row - row0) * stride + column
-            radiance.write(self._deep_values[k : k + 1], 4 * place)
+        pixels = [row0 * width, (row0 + rows) * width]
+        first, last = np.searchsorted(self._deep.pixel, pixels)
+        found = [(self._deep.pixel[first:last], self._deep_values[first:last])]
+        first, last = np.searchsorted(self.edges.pixel, pixels)
+        if (self.edges.depth[first:last] > 1).any():
+            count = int(self._doubts.read(np.uint32, (1,))[0])
+            if count:
+                wanted = np.zeros(len(self.edges.pixel), bool)
+                wanted[self._doubts.read(np.uint32, (count + 1,))[1:]] = True
+                doubtful = self.edges.select(wanted)
+                values = _resolve(self.tables.setup, doubtful).astype(np.float32)
+                found.append((doubtful.pixel, values))
+                self._doubts.write(np.zeros(1, np.uint32))
+        for pixel, values in found:
+            row, column = np.divmod(pixel, width)
+            for place, value in zip((row - row0) * stride + column, values, strict=True):
+                radiance.write(np.array([value]), 4 * int(place))
 
 
 def edges_twin(
@@ -119,92 +136,39 @@ def _resolve(setup: Setup, edges: EdgePixels) -> Array:
     """Radiance of the edge pixels."""
     view, width = setup.view, setup.view.camera.width
     count = len(edges.pixel)
-    covered = np.zeros((count, ROWS), np.uint32)
-    opened = np.full(count, ROWS * COLUMNS)
-    free_area, free_light = np.zeros(count), np.zeros(count)
-    free_moment = np.zeros((count, 2))
-    hidden_count, hidden_light = np.zeros(count), np.zeros(count)
-    corners_of = np.rint(view.screen * FIXED) / FIXED
-    depth = edges.depth
-    for k in range(int(depth.max(initial=0))):
-        strip = (hidden_count == 0) & (free_area < 1.0 - THIN)
-        entry = np.flatnonzero((depth > k) & ((opened > 0) | strip))
-        triangle = edges.triangle[edges.start[entry] + k]
-        pixel = edges.pixel[entry]
-        at = np.stack([pixel % width, pixel // width], axis=1).astype(np.float64)
-        planes = _half_planes(corners_of[triangle] - at[:, None])
-        polygon = _clip_square(planes)
-        area, centroid = _moments(polygon)
-        keep = area > SMALLEST
-        entry, triangle, at, planes = entry[keep], triangle[keep], at[keep], planes[keep]
-        polygon, area, centroid = polygon[keep], area[keep], centroid[keep]
-        bits = _mask(planes)
-        own = np.bitwise_count(bits).sum(axis=1).astype(np.int64)
-        seen = np.bitwise_count(bits & ~covered[entry]).sum(axis=1).astype(np.int64)
-        visible = seen == own
-        covered[entry] |= bits
-        sliver = np.flatnonzero(own == 0)
-        if len(sliver):
-            r = np.clip(np.floor((centroid[sliver, 1] + 0.5) * ROWS), 0, ROWS - 1).astype(int)
-            c = np.clip(np.floor((centroid[sliver, 0] + 0.5) * COLUMNS), 0, COLUMNS - 1)
-            bit = np.uint32(1) << c.astype(np.uint32)
-            visible[sliver] = (covered[entry[sliver], r] & bit) == 0
-            doubtful = sliver[~visible[sliver]]
-            visible[doubtful] = ~_is_covered(
-                corners_of, edges, entry[doubtful], k, at[doubtful] + centroid[doubtful]
-            )
-        between = np.flatnonzero(~visible & (own > 0) & (opened[entry] == 0))
-        gap = -free_moment[entry[between]] / (1.0 - free_area[entry[between]])[:, None]
-        reach = np.sum(planes[between, :, :2] * gap[:, None], axis=2) + planes[between, :, 2]
-        seen[between[(reach >= 0.0).all(axis=1)]] = 1
-        opened[entry] = np.maximum(opened[entry] - seen, 0)
-        keep = visible | (seen > 0)
-        entry, triangle, at, area = entry[keep], triangle[keep], at[keep], area[keep]
-        centroid = centroid[keep]
-        light = _light(setup, triangle, at, polygon[keep], centroid, area)
-        visible, seen = visible[keep], seen[keep]
-        free_area[entry] += np.where(visible, area, 0.0)
-        free_moment[entry] += np.where(visible, area, 0.0)[:, None] * centroid
-        free_light[entry] += np.where(visible, area * light, 0.0)
-        hidden_count[entry] += np.where(visible, 0, seen)
-        hidden_light[entry] += np.where(visible, 0.0, seen * light)
-    hidden_light += opened * setup.background
-    hidden_count += opened
-    beyond = (hidden_count == 0) & (free_area < 1.0 - THIN)
-    hidden_light[beyond], hidden_count[beyond] = setup.background, 1.0
-    rest = np.maximum(1.0 - free_area, 0.0)
-    value = free_light / np.maximum(free_area, 1.0)
-    some = hidden_count > 0
-    value[some] += rest[some] * hidden_light[some] / hidden_count[some]
-    bare = ~some & (free_area < 1.0)
-    value[bare] = free_light[bare] / free_area[bare]
-    result: Array = value
+    pixel, first = (
+        np.repeat(np.arange(count), edges.depth),
+        np.repeat(edges.start[:-1], edges.depth),
+    )
+    number = edges.pixel[pixel]
+    at = np.stack([number % width, number // width], axis=1).astype(np.float64)
+    triangle = edges.triangle[: len(pixel)]
+    corners = np.rint(view.screen * FIXED)[triangle] / FIXED - at[:, None]
+    planes = half_planes(corners)
+    row, piece = visible_pieces(*clip_square(planes), planes, corners, first)
+    size, middle = moments(piece)
+    albedo, printed = _mean_albedo(setup, triangle[row], at[row], piece, middle)
+    area = np.bincount(row, size, len(pixel))
+    some = np.flatnonzero(area > 0.0)
+    means = [
+        np.bincount(row, size * values, len(pixel))[some] / area[some]
+        for values in (albedo, printed, *middle.T)
+    ]
+    area, x, y = area[some], at[some, 0] + means[2], at[some, 1] + means[3]
+    light = radiance_of(setup, triangle[some], x, y, means[0], means[1], np.sqrt(area))
+    seen = np.bincount(pixel[some], area, count)
+    value = np.bincount(pixel[some], area * light, count)
+    opened = 1.0 - seen
+    result: Array = np.where(
+        opened > THIN, value + opened * setup.background, value / np.maximum(seen, 1.0 - THIN)
+    )
     return result
 
 
-def _is_covered(
-    corners: Array, edges: EdgePixels, entry: npt.NDArray[np.int64], k: int, at: Array
-) -> npt.NDArray[np.bool_]:
-    """Whether points (n, 2) px lie inside one of the first k triangles of their edge pixels."""
-    triangle = edges.triangle[edges.start[entry][:, None] + np.arange(k)]
-    v = corners[triangle] - at[:, None, None]
-    w = np.roll(v, -1, axis=2)
-    side = v[..., 0] * w[..., 1] - v[..., 1] * w[..., 0]
-    inside = (side > 0.0).all(axis=2) | (side < 0.0).all(axis=2)
-    result: npt.NDArray[np.bool_] = inside.any(axis=1)
-    return result
-
-
-def _light(
-    setup: Setup,
-    triangle: npt.NDArray[np.int64],
-    at: Array,
-    polygon: Array,
-    centroid: Array,
-    area: Array,
-) -> Array:
-    """Radiance of clipped polygons: mean albedo x light at the centroid."""
-    x, y = (at + centroid).T
+def _mean_albedo(
+    setup: Setup, triangle: npt.NDArray[np.int64], at: Array, polygon: Array, centroid: Array
+) -> tuple[Array, Array]:
+    """Mean albedo (n,) of polygons (n, 8, 2) in pixels ``at``, and the share that is printed."""
     paint = setup.view.paint[triangle]
     albedo = setup.table.paints["ground"][paint].astype(np.float64)
     featured = setup.table.paints["featured"][paint]
@@ -230,12 +194,12 @@ def _light(
     rows = np.flatnonzero((featured == 1) & setup.shiny[triangle])
     if len(rows):
         own = triangle[rows]
-        middle, w0 = _paint_positions(setup, own, (at + centroid)[rows][:, None])
-        corners, w = _paint_positions(setup, own, at[rows, None] + polygon[rows])
+        middle, w0 = _paint_positions(setup, own, ideal[rows, :1])
+        corners, w = _paint_positions(setup, own, ideal[rows, 1:])
         printed[rows] = mean_albedo(
             setup.table.mask(), paint[rows], setup.cell[own], middle[:, 0], corners - middle, w / w0
         )
-    return radiance_of(setup, triangle, x, y, albedo, printed, np.sqrt(area))
+    return albedo, printed
 
 
 def _undistorted(setup: Setup, pixel: Array, at: Array) -> Array:
@@ -256,79 +220,6 @@ def _paint_positions(
     planes = setup.planes[triangle][:, :3]
     values = d @ np.swapaxes(planes[:, :, :2], 1, 2) + planes[:, None, :, 2]
     return values[..., :2] / values[..., 2:], values[..., 2]
-
-
-def _half_planes(corners: Array) -> Array:
-    """(n, 3, 3): a x + b y + c >= 0 inside the triangles (n, 3, 2)."""
-    v, w = corners, np.roll(corners, -1, axis=1)
-    planes = np.stack(
-        [v[..., 1] - w[..., 1], w[..., 0] - v[..., 0],
-         v[..., 0] * w[..., 1] - v[..., 1] * w[..., 0]], axis=-1
-    )  # fmt: skip
-    result: Array = planes * np.where(planes[..., 2].sum(axis=1) > 0.0, 1.0, -1.0)[:, None, None]
-    return result
-
-
-def _clip_square(planes: Array) -> Array:
-    """The unit square cut by three half planes: (n, 8, 2), padded by repeating a vertex."""
-    square = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
-    n = len(planes)
-    polygon = np.zeros((n, 8, 2))
-    polygon[:, :4] = square
-    count = np.full(n, 4)
-    rows = np.arange(n)
-    for k in range(3):
-        d = planes[:, k]
-        clipped, size = np.zeros_like(polygon), np.zeros(n, np.int64)
-        a = polygon[rows, np.maximum(count - 1, 0)]
-        da = np.sum(d[:, :2] * a, axis=1) + d[:, 2]
-        for i in range(7):
-            active = i < count
-            b = polygon[:, i]
-            db = np.sum(d[:, :2] * b, axis=1) + d[:, 2]
-            crossing = active & ((da < 0.0) != (db < 0.0)) & (size < 8)
-            t = np.where(crossing, da / np.where(crossing, da - db, 1.0), 0.0)
-            clipped[rows[crossing], size[crossing]] = (a + t[:, None] * (b - a))[crossing]
-            size += crossing
-            inside = active & (db >= 0.0) & (size < 8)
-            clipped[rows[inside], size[inside]] = b[inside]
-            size += inside
-            a, da = np.where(active[:, None], b, a), np.where(active, db, da)
-        polygon, count = clipped, size
-    last = polygon[rows, np.maximum(count - 1, 0)]
-    padding = np.arange(8) >= count[:, None]
-    polygon[padding] = np.broadcast_to(last[:, None], polygon.shape)[padding]
-    return polygon
-
-
-def _moments(polygon: Array) -> tuple[Array, Array]:
-    """Signed area (n,) and centroid (n, 2)."""
-    origin = polygon[:, :1]
-    a, b = polygon[:, 1:-1] - origin, polygon[:, 2:] - origin
-    twice = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
-    total = twice.sum(axis=1)
-    safe = np.where(total != 0.0, 3.0 * total, 1.0)[:, None]
-    centroid = origin[:, 0] + np.sum(twice[..., None] * (a + b), axis=1) / safe
-    return 0.5 * total, centroid
-
-
-def _mask(planes: Array) -> npt.NDArray[np.uint32]:
-    """(n, 16) rows of 32 samples inside three half planes."""
-    y = (np.arange(ROWS) + 0.5) / ROWS - 0.5
-    low = np.full((len(planes), ROWS), -1.0)
-    high = np.ones((len(planes), ROWS))
-    for k in range(3):
-        a, b, c = (planes[:, k, i : i + 1] for i in range(3))
-        value = b * y + c
-        cut = -value / np.where(a != 0.0, a, 1.0)
-        low = np.where(a > 0.0, np.maximum(low, cut), low)
-        high = np.where(a < 0.0, np.minimum(high, cut), high)
-        high = np.where((a == 0.0) & (value < 0.0), -1.0, high)
-    first = np.clip(np.ceil((low + 0.5) * COLUMNS - SHIFT), 0, COLUMNS).astype(np.uint64)
-    last = np.clip(np.ceil((high + 0.5) * COLUMNS - SHIFT), 0, COLUMNS).astype(np.uint64)
-    one = np.uint64(1)
-    bits = ((one << last) - one) & ~((one << first) - one)
-    return np.where(low < high, bits, 0).astype(np.uint32)
 
 
 @twin_check("optics/edges")

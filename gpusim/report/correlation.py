@@ -9,12 +9,12 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from gpusim._version import __version__
-from gpusim.measure import DicResult, StrainResult
+from gpusim.measure import DicResult, StereoResult, StrainResult
 from gpusim.report.model import Figure
 from gpusim.report.pictures import photo_uri
 from gpusim.report.text import number
 
-__all__ = ["correlation_page", "summary"]
+__all__ = ["correlation_page", "stereo_summary", "summary"]
 
 _COLUMNS = {
     "image": "image",
@@ -24,6 +24,12 @@ _COLUMNS = {
     "v_mean": "mean v (px)",
     "motion_max": "largest motion (px)",
     "sigma_median": "median sigma (px)",
+    "U_mean": "mean U (mm)",
+    "V_mean": "mean V (mm)",
+    "W_mean": "mean W (mm)",
+    "motion_max_mm": "largest motion (mm)",
+    "sigma_median_mm": "median sigma (mm)",
+    "residual_median": "median epipolar residual (px)",
     "zncc_median": "median correlation",
     "e1_max": "largest strain",
     "e2_min": "smallest strain",
@@ -48,13 +54,41 @@ def summary(
         "sigma_median": float(np.median(result.sigma[ok])) if u.size else None,
         "zncc_median": float(np.median(result.zncc[ok])) if u.size else None,
     }
-    if strain is not None:
-        known = strain.ok
-        # quantiles: a single point at a rough border isn't the strain of the piece
-        values["e1_max"] = _quantile(strain.principal[known, 0], 0.995)
-        values["e2_min"] = _quantile(strain.principal[known, 1], 0.005)
-        values["strain_gauge_px"] = strain.gauge_px
-    return values | {"seconds": round(seconds, 3)}
+    return values | _strains(strain) | {"seconds": round(seconds, 3)}
+
+
+def stereo_summary(
+    image: str, result: StereoResult, strain: StrainResult | None, seconds: float
+) -> dict[str, Any]:
+    """What one pair gave; lengths in mm, ``sigma_median_mm`` along the worst axis."""
+    ok = result.ok
+    moved = result.displacement[ok]
+    some = bool(ok.any())
+    values: dict[str, Any] = {
+        "image": image,
+        "points": len(ok),
+        "measured": int(ok.sum()),
+        "counts": result.counts(),
+    }
+    values |= {f"{name}_mean": _mean(moved[:, k]) for k, name in enumerate("UVW")}
+    values |= {
+        "motion_max_mm": float(np.linalg.norm(moved, axis=1).max()) if some else None,
+        "sigma_median_mm": float(np.median(result.sigma[ok].max(axis=1))) if some else None,
+        "residual_median": float(np.median(result.residual[ok])) if some else None,
+    }
+    return values | _strains(strain) | {"seconds": round(seconds, 3)}
+
+
+def _strains(strain: StrainResult | None) -> dict[str, Any]:
+    if strain is None:
+        return {}
+    known = strain.ok
+    # quantiles: a single point at a rough border isn't the strain of the piece
+    return {
+        "e1_max": _quantile(strain.principal[known, 0], 0.995),
+        "e2_min": _quantile(strain.principal[known, 1], 0.005),
+        "strain_gauge_px": strain.gauge_px,
+    }
 
 
 def correlation_page(

@@ -15,11 +15,11 @@ from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import ScalarFormatter
 
 from gpusim.export.files import PathLike
-from gpusim.measure import DicResult, Status, StrainResult
+from gpusim.measure import DicResult, Status, StereoResult, StrainResult
 from gpusim.report.model import Figure
 from gpusim.report.style import BAD, axis_title, draw_png
 
-__all__ = ["draw_maps"]
+__all__ = ["draw_maps", "draw_stereo_maps"]
 
 _PICTURE_PX = 900  # width of the picture below a map
 SHOWN = 0.02  # share of the values beyond the ends of a colour bar, at each end
@@ -32,6 +32,7 @@ _STATUS = {
     Status.NO_GUESS: "#7a5195",
     Status.MASKED: "#56b4e9",
     Status.SATURATED: "#f0e442",
+    Status.EPIPOLAR: "#009e73",
     Status.INCOHERENT: "#8c564b",
 }
 
@@ -57,14 +58,40 @@ def draw_maps(
         _Map(result.displacement[:, 1], "v (px, down)"),
     ]
     if strain is not None:
-        maps += [
-            _Map(strain.tensor[:, i, j], f"{name}, {strain.kind}", centred=True)
-            for name, i, j in (("exx", 0, 0), ("eyy", 1, 1), ("exy", 0, 1))
-        ]
+        maps += _strains(strain)
     else:
         maps.append(_Map(np.where(result.ok, result.sigma, np.nan), "sigma (px)"))
+    return _draw(image, result, maps, strain, path)
+
+
+def draw_stereo_maps(
+    image: npt.NDArray[Any], result: StereoResult, strain: StrainResult | None, path: PathLike
+) -> Figure:
+    """Draw shape, displacement and strains in space over the left reference picture."""
+    maps = [_Map(result.shape[:, 2], "Z (mm, from the left camera)")]
+    for axis, name in enumerate(("U (mm, to the right)", "V (mm, down)", "W (mm, away)")):
+        maps.append(_Map(result.displacement[:, axis], name))
+    return _draw(image, result, maps + _strains(strain), strain, path)
+
+
+def _strains(strain: StrainResult | None) -> list[_Map]:
+    if strain is None:
+        return []
+    return [
+        _Map(strain.tensor[:, i, j], f"{name}, {strain.kind}", centred=True)
+        for name, i, j in (("exx", 0, 0), ("eyy", 1, 1), ("exy", 0, 1))
+    ]
+
+
+def _draw(
+    image: npt.NDArray[Any],
+    result: DicResult | StereoResult,
+    maps: list[_Map],
+    strain: StrainResult | None,
+    path: PathLike,
+) -> Figure:
     picture, frame = _picture(image)
-    columns = 2 if len(maps) < 4 else 3
+    columns = 2 if len(maps) < 4 else 3 if len(maps) < 6 else 4
     rows = -(-(len(maps) + 1) // columns)
     height, width = image.shape
     tall = float(np.clip(_PANEL * height / width, 1.2, 6.0))
@@ -147,7 +174,7 @@ def _draw_missing(
     axes: Axes,
     picture: npt.NDArray[np.float32],
     frame: tuple[float, float, float, float],
-    result: DicResult,
+    result: DicResult | StereoResult,
 ) -> None:
     _backdrop(axes, picture, frame)
     for status, colour in _STATUS.items():

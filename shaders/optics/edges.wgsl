@@ -1,10 +1,11 @@
 // Pixels that an edge crosses: exact polygon areas of the triangles over them, front to back.
 //
-// Each triangle is clipped to the pixel's square. Its share is the exact area of that polygon if
-// nothing in front hides any of it (a 16 x 32 sample mask decides); what is left of the pixel is
-// divided among partly hidden triangles and the background in proportion to their samples.
-// The paint's mean is taken over the clipped polygon, the light at its centroid.
+// Each triangle is clipped to the pixel's square and loses what those in front of it hide, as long
+// as that leaves it convex. The paint's mean is taken over what is left, the light at its centroid;
+// what no triangle takes of the pixel shows the background. A pixel that depends on a shape that
+// isn't convex is noted: the host resolves it.
 #import common/bitmap_polygon
+#import common/hidden
 #import common/paint
 #import common/polygon
 #import common/polygon_grazing
@@ -29,9 +30,9 @@ struct Range {
     count: u32,
     sides: u32,
     corners: u32,
-    mask_rows: i32,
     hard_rows: u32,
     thin: f32,
+    sure: f32,
 }
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(6) var<uniform> range: Range;
@@ -41,6 +42,11 @@ struct Range {
 // (one more pair ends the last); the numbers of the triangles follow, nearest first
 @group(0) @binding(8) var<storage, read> lists: array<u32>;
 @group(0) @binding(9) var<storage, read_write> radiance: array<f32>;
+// how many pixels the host has to resolve, and which of the list
+@group(0) @binding(30) var<storage, read_write> doubts: array<atomic<u32>>;
+
+// Seen share of a pixel from which on nothing behind can matter.
+const FULL: f32 = 1.0 - 1e-6;
 
 // A polygon on the paint and 1 / z at its corners, relative to that at its centroid.
 struct Outline {
@@ -254,20 +260,12 @@ fn paint_polygon(t: Triangle, d: vec2f, polygon: Polygon, centroid: vec2f) -> f3
     return albedo;
 }
 
-// Whether a point (px from the pixel's centre) lies inside one of the triangles first … stop - 1 of
-// the list. A neighbour in the same surface never covers it, however close.
-fn is_covered(at: vec2f, pixel: vec2i, first: u32, stop: u32) -> bool {
-    for (var c = first; c < stop; c++) {
-        let id = lists[c];
-        let v0 = vec2f(screen[3u * id] - pixel * 65536) / 65536.0 - at;
-        let v1 = vec2f(screen[3u * id + 1u] - pixel * 65536) / 65536.0 - at;
-        let v2 = vec2f(screen[3u * id + 2u] - pixel * 65536) / 65536.0 - at;
-        let side = vec3f(
-            v0.x * v1.y - v0.y * v1.x, v1.x * v2.y - v1.y * v2.x, v2.x * v0.y - v2.y * v0.x
-        );
-        if (all(side > vec3f(0.0)) || all(side < vec3f(0.0))) { return true; }
-    }
-    return false;
+fn triangle_sides(id: u32, pixel: vec2i) -> Sides {
+    return sides_of(
+        vec2f(screen[3u * id] - pixel * 65536) / 65536.0,
+        vec2f(screen[3u * id + 1u] - pixel * 65536) / 65536.0,
+        vec2f(screen[3u * id + 2u] - pixel * 65536) / 65536.0,
+    );
 }
 
 @compute @workgroup_size(64)
@@ -281,63 +279,55 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
 
     let bend = bend_at(pixel);
     let change = undistort_change(bend);
-    var covered: array<u32, 16>;
-    for (var r = 0; r < range.mask_rows; r++) { covered[r] = 0u; }
-    var open = 512u;
-    var free_area = 0.0;
-    var free_light = 0.0;
-    var free_moment = vec2f(0.0);
-    var hidden_count = 0.0;
-    var hidden_light = 0.0;
+    let nearest = lists[entry + 1u];
+    var seen = 0.0;
+    var value = 0.0;
+    // those of which more shows, or less, than can be told here
+    var doubtful = 0u;
+    var behind = 0.0;
+    var lights = vec2f(1e30, 0.0);
+    var share = vec2f(0.0);
+    var unsure = false;
 
-    for (var c = lists[entry + 1u]; c < stop; c++) {
-        // a strip between all samples may be left, and lie on something behind
-        if (open == 0u && (hidden_count > 0.0 || free_area >= 1.0 - range.thin)) { break; }
+    for (var c = nearest; c < stop && seen < FULL && behind < FULL; c++) {
         let id = lists[c];
         let t = triangle_at(id);
-        let v0 = vec2f(screen[3u * id] - pixel * 65536) / 65536.0;
-        let v1 = vec2f(screen[3u * id + 1u] - pixel * 65536) / 65536.0;
-        let v2 = vec2f(screen[3u * id + 2u] - pixel * 65536) / 65536.0;
-        let twice = (v1.x - v0.x) * (v2.y - v0.y) - (v1.y - v0.y) * (v2.x - v0.x);
-        let s = select(-1.0, 1.0, twice > 0.0);
-        var sides: array<vec3f, 3>;
-        sides[0] = s * vec3f(v0.y - v1.y, v1.x - v0.x, v0.x * v1.y - v0.y * v1.x);
-        sides[1] = s * vec3f(v1.y - v2.y, v2.x - v1.x, v1.x * v2.y - v1.y * v2.x);
-        sides[2] = s * vec3f(v2.y - v0.y, v0.x - v2.x, v2.x * v0.y - v2.y * v0.x);
+        let own = triangle_sides(id, pixel);
         var polygon: Polygon;
         polygon.count = 4;
         polygon.p[0] = vec2f(-0.5, -0.5);
         polygon.p[1] = vec2f(0.5, -0.5);
         polygon.p[2] = vec2f(0.5, 0.5);
         polygon.p[3] = vec2f(-0.5, 0.5);
-        for (var k = 0u; k < range.sides; k++) { polygon = clip(polygon, sides[k]); }
+        for (var k = 0u; k < range.sides; k++) { polygon = clip(polygon, own.s[k]); }
         if (polygon.count < 3) { continue; }
-        let m = moments(polygon);
-        if (!(m.x > 1e-9)) { continue; }
 
-        var own = 0u;
-        var seen = 0u;
-        for (var r = 0; r < range.mask_rows; r++) {
-            let bits = mask_row(r, sides[0], sides[1], sides[2]);
-            own += countOneBits(bits);
-            seen += countOneBits(bits & ~covered[r]);
-            covered[r] |= bits;
+        // one or two lines leave it convex
+        let reach = reach_of(polygon);
+        var cuts = 0;
+        var line0 = vec3f(0.0);
+        var line1 = vec3f(0.0);
+        var gone = false;
+        var doubt = false;
+        var layer = 0u;
+        for (var b = nearest; b < c; b++) {
+            let m = meeting(reach, own, triangle_sides(lists[b], pixel));
+            gone = gone || m.kind == 1u;
+            doubt = doubt || m.kind == 3u;
+            if (m.kind == 2u) {
+                line1 = line0;
+                line0 = m.line;
+                cuts++;
+            }
+            if (m.kind != 0u) { layer |= doubtful & (1u << (b - nearest)); }
         }
-        var visible = seen == own;
-        if (own == 0u) {
-            // a sliver between samples: its centroid decides, if anything lies near it at all
-            let r = i32(clamp(floor((m.z + 0.5) * 16.0), 0.0, 15.0));
-            let k = u32(clamp(floor((m.y + 0.5) * 32.0), 0.0, 31.0));
-            visible = (covered[r] & (1u << k)) == 0u
-                || !is_covered(m.yz, pixel, lists[entry + 1u], c);
+        doubt = doubt || cuts > 2 || (cuts > 0 && polygon.count > 6);
+        if (!doubt) {
+            for (var k = 0; k < cuts; k++) { polygon = clip(polygon, select(-line1, -line0, k == 0)); }
         }
-        if (!visible && own > 0u && open == 0u) {
-            let gap = vec3f(-free_moment / (1.0 - free_area), 1.0);
-            let reach = vec3f(dot(sides[0], gap), dot(sides[1], gap), dot(sides[2], gap));
-            seen = select(0u, 1u, all(reach >= vec3f(0.0)));
-        }
-        open -= min(seen, open);
-        if (!visible && seen == 0u) { continue; }
+        if (gone || polygon.count < 3) { continue; }
+        let m = moments(polygon);
+        if (!(m.x > SMALLEST)) { continue; }
 
         let d = vec2f(pixel - t.place.xy);
         let middle = undistort(bend, m.yz);
@@ -359,24 +349,31 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
             let ground = select(t.more.x, light, whole);
             light = radiance_of(t, r, light, ground, clamp(1.0 - printed, 0.0, 1.0));
         }
-        if (visible) {
-            free_area += m.x;
-            free_light += m.x * light;
-            free_moment += m.x * m.yz;
+        if (doubt) {
+            doubtful |= 1u << (c - nearest);
+            if (layer == 0u) { behind += m.x; }
+            lights = vec2f(min(lights.x, light), max(lights.y, light));
+            share += m.x * vec2f(light, 1.0);
+            unsure = unsure || (patterned != 0u && t.more.y != 0.0);
         } else {
-            hidden_count += f32(seen);
-            hidden_light += f32(seen) * light;
+            seen += m.x;
+            value += m.x * light;
         }
     }
-    hidden_light += f32(open) * params.background;
-    hidden_count += f32(open);
-    if (hidden_count == 0.0 && free_area < 1.0 - range.thin) {
-        hidden_light = params.background;
-        hidden_count = 1.0;
+    let open = 1.0 - seen;
+    // what is open is a seam between neighbours, shows the background, or the doubtful ones
+    if (open <= range.thin) {
+        value /= seen;
+    } else if (doubtful == 0u) {
+        value += open * params.background;
+    } else {
+        if (behind < FULL) {
+            lights = vec2f(min(lights.x, params.background), max(lights.y, params.background));
+        }
+        value += open * share.x / share.y;
+        if (unsure || (lights.y - lights.x) * open > range.sure * lights.y) {
+            atomicStore(&doubts[1u + atomicAdd(&doubts[0], 1u)], range.first + n);
+        }
     }
-    let rest = max(1.0 - free_area, 0.0);
-    var value = free_light / max(free_area, 1.0);
-    if (hidden_count > 0.0) { value += rest * hidden_light / hidden_count; }
-    else if (free_area < 1.0) { value = free_light / free_area; }
     radiance[u32(pixel.y - i32(params.row0)) * params.stride + u32(pixel.x)] = value;
 }

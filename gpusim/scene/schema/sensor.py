@@ -91,18 +91,31 @@ class CameraSensorTable(Table):
     """
 
     bits: Bits | None = None
+    """Of its images."""
     exposure: Exposure | None = None
+    """Fraction of full scale per unit of radiance, or "auto"."""
     preset: Preset | None = None
+    """A real camera's values."""
     gain_DN_per_e: Most = None
+    """Overall system gain."""
     full_well_e: Most = None
+    """Saturation capacity in electrons."""
     read_noise_e: Some = None
+    """Temporal dark noise."""
     dark_current_e_per_s: Some = None
+    """Gathers during the exposure."""
     dsnu_e: Some = None
+    """Spread of the pixels' offsets."""
     prnu_percent: Some = None
+    """Spread of the pixels' gains."""
     black_level_DN: Some = None
+    """Grey value of a dark pixel."""
     gamma: Most = None
+    """As in [sensor]."""
     bayer: Mosaic | None = None
+    """A raw colour mosaic."""
     bayer_response: Response | None = None
+    """Of red, green and blue pixels."""
 
 
 def merged(common: SensorTable, own: CameraSensorTable, where: str) -> SensorTable:

@@ -1,0 +1,164 @@
+"""The commands that measure pictures: ``gpusim dic`` and ``gpusim calibrate``."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from gpusim.cli.console import exit_codes
+from gpusim.cli.options import Backend, BackendOption, Json, Output, Quiet, check_folder
+
+__all__ = ["calibrate", "dic"]
+
+Shape = Literal["translation", "rigid", "affine", "quadratic"]
+Update = Literal["never", "auto", "always"]
+Start = Literal["auto", "search", "features"]
+Strain = Literal["small", "green-lagrange", "hencky", "almansi", "none"]
+
+
+class Format(StrEnum):
+    """How tables are written."""
+
+    csv = "csv"
+    npz = "npz"
+    h5 = "h5"
+
+
+class Board(StrEnum):
+    """What a camera is calibrated from."""
+
+    chessboard = "chessboard"
+    charuco = "charuco"
+
+
+def dic(
+    reference: Annotated[Path, typer.Argument(metavar="REF", help="The picture before.")],
+    deformed: Annotated[list[Path], typer.Argument(metavar="DEF...", help="Pictures after it.")],
+    output: Output,
+    subset: Annotated[int, typer.Option(help="Odd width of the subsets, px.")] = 31,
+    step: Annotated[int, typer.Option(help="Distance of the points, px.")] = 10,
+    shape: Annotated[Shape, typer.Option(help="How a subset may deform.")] = "affine",
+    roi: Annotated[
+        str | None, typer.Option(metavar="X0,Y0,X1,Y1", help="Region of interest, px.")
+    ] = None,
+    mask: Annotated[
+        Path | None, typer.Option(metavar="IMAGE", help="Black pixels aren't used.")
+    ] = None,
+    calibration: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Undo the lens: opencv, kalibr, matchid, vic, dice."),
+    ] = None,
+    stereo: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Calibration of two cameras: pictures are pairs."),
+    ] = None,
+    update: Annotated[
+        Update, typer.Option(help="When to renew the reference; auto: as strains get large.")
+    ] = "never",
+    start: Annotated[Start, typer.Option(help="How the motion is found first.")] = "auto",
+    search_px: Annotated[int, typer.Option(help="Reach of the search, px.")] = 20,
+    blur_px: Annotated[float, typer.Option(help="Gaussian over the pictures first, px.")] = 0.0,
+    min_zncc: Annotated[float, typer.Option(help="Least correlation of a match.")] = 0.8,
+    apart_px: Annotated[
+        float, typer.Option(help="Jump within a subset that makes it incoherent, px; or inf.")
+    ] = 0.2,
+    tolerance: Annotated[float, typer.Option(help="Where the iteration stops, px.")] = 1e-4,
+    strain: Annotated[Strain, typer.Option(help="Which strain.")] = "green-lagrange",
+    strain_window: Annotated[int, typer.Option(help="Points across the strain gauge.")] = 5,
+    formats: Annotated[
+        list[Format] | None, typer.Option("--format", help="Of the tables (repeatable).")
+    ] = None,
+    backend: BackendOption = Backend.gpu,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Measure how pictures moved against the first one: displacement and strain (DIC).
+
+    gpusim dic ref.tif load_*.tif -o out --subset 31 --step 10
+
+    gpusim dic ref.tif load_*.tif -o out --calibration camera.yml     (in px without distortion)
+
+    gpusim dic --stereo rig.caldat left0.tif right0.tif left1.tif right1.tif … -o out     (in mm)
+    """
+    with exit_codes():
+        check_folder(output)
+        from gpusim.cli.correlation import Choices, correlate_files, correlate_pairs
+
+        choices = Choices(
+            subset=subset,
+            step=step,
+            shape=shape,
+            roi=roi,
+            mask=mask,
+            calibration=calibration,
+            update=update,
+            start=start,
+            search_px=search_px,
+            blur_px=blur_px,
+            min_zncc=min_zncc,
+            apart_px=apart_px,
+            tolerance=tolerance,
+            strain=strain,
+            strain_window=strain_window,
+            formats=tuple(one.value for one in formats or [Format.csv]),
+            backend=backend.value,
+        )
+        if stereo is None:
+            correlate_files(reference, deformed, output, choices, quiet, as_json)
+        else:
+            correlate_pairs([reference, *deformed], stereo, output, choices, quiet, as_json)
+
+
+def calibrate(
+    images: Annotated[
+        list[Path], typer.Argument(metavar="IMAGES...", help="Pictures of a board, or a folder.")
+    ],
+    output: Output,
+    board: Annotated[str, typer.Option(metavar="COLSxROWS", help="Fields, not inner corners.")],
+    square_mm: Annotated[float, typer.Option(help="Side of a field.")],
+    kind: Annotated[Board, typer.Option(help="What is on the board.")] = Board.chessboard,
+    marker_mm: Annotated[
+        float | None, typer.Option(help="Side of a marker of a ChArUco board.")
+    ] = None,
+    dictionary: Annotated[str, typer.Option(help="Of its markers, as OpenCV says.")] = "4X4_50",
+    others: Annotated[
+        list[Path] | None,
+        typer.Option("--with", metavar="FOLDER", help="One more camera's pictures (repeatable)."),
+    ] = None,
+    lens: Annotated[
+        str, typer.Option(help="pinhole, radial, radial3, brown, rational, prism or tilted.")
+    ] = "brown",
+    square_pixels: Annotated[
+        bool, typer.Option("--square-pixels", help="One focal length for both directions.")
+    ] = False,
+    formats: Annotated[
+        list[str] | None,
+        typer.Option("--format", help="opencv, kalibr, matchid, vic, dice (repeatable)."),
+    ] = None,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Calibrate one camera or a rig from pictures of a chessboard or a ChArUco board.
+
+    gpusim calibrate left/ --with right/ --board 9x8 --square-mm 40 -o out --format matchid
+
+    gpusim calibrate photos/ --kind charuco --board 7x5 --square-mm 30 --marker-mm 22 -o out
+    """
+    with exit_codes():
+        check_folder(output)
+        from gpusim.cli.calibrating import Wishes, calibrate_files
+
+        wishes = Wishes(
+            board=board,
+            square_mm=square_mm,
+            kind=kind.value,
+            marker_mm=marker_mm,
+            dictionary=dictionary,
+            lens=lens,
+            square_pixels=square_pixels,
+            formats=tuple(formats or ["opencv"]),
+        )
+        calibrate_files(images, others or [], output, wishes, quiet, as_json)

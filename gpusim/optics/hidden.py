@@ -1,0 +1,143 @@
+"""What is seen of triangles that others hide in part, as exact convex pieces (float64).
+
+Each triangle's polygon inside its pixel loses the triangles in front of it one by one. A convex
+polygon less a triangle is at most three convex polygons: the part beyond the first side, the rest
+of it beyond the second, and beyond the third (Weiler and Atherton, "Hidden surface removal using
+polygon area sorting", SIGGRAPH 1977, with convex parts only). Twin of
+``shaders/common/hidden.wgsl``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.optics.polygon import SMALLEST, clip, moments
+
+__all__ = ["TOUCH", "visible_pieces"]
+
+Array = npt.NDArray[np.float64]
+Long = npt.NDArray[np.int64]
+
+TOUCH = 2e-5
+"""px by which neighbours may overlap from rounding alone."""
+
+CORNERS = 5
+"""Corners of a piece: three cuts then leave eight at most. Pieces with more are halved."""
+
+SLIVER = 1e-7
+"""px^2; smaller parts of what is cut are left out."""
+
+PAIRS = 1 << 20
+"""Pairs of triangles that are looked at together, which bounds the memory."""
+
+
+def visible_pieces(
+    polygon: Array, count: Long, planes: Array, corners: Array, first: Long
+) -> tuple[Long, Array]:
+    """Visible parts of triangles: the row (M,) that each belongs to, and the part (M, 8, 2).
+
+    Parameters
+    ----------
+    polygon, count : (n, 8, 2) and (n,), each triangle inside its pixel.
+    planes, corners : (n, 3, 3) half planes and (n, 3, 2) corners, relative to the pixel's centre.
+    first : (n,) row of the first triangle over the same pixel; those up to the row itself are in
+        front of it.
+    """
+    area, _ = moments(polygon)
+    drawn = area > SMALLEST
+    # nothing shows behind a triangle that fills the pixel
+    filled = np.concatenate([[0], np.cumsum(area >= 1.0 - SMALLEST)])
+    drawn &= filled[:-1] == filled[first]
+    row = np.arange(len(polygon))
+    before = np.where(drawn, row - first, 0)
+    stops = np.cumsum(before)
+    behind, front = [], []
+    start = 0
+    while start < len(row):
+        done = stops[start - 1] if start else 0
+        stop = max(int(np.searchsorted(stops, done + PAIRS, side="right")), start + 1)
+        own = np.repeat(row[start:stop], before[start:stop])
+        step = np.arange(len(own)) - np.repeat(
+            stops[start:stop] - before[start:stop] - done, before[start:stop]
+        )
+        other = first[own] + step
+        meets = _overlap(polygon, planes, corners, own, other)
+        behind.append(own[meets])
+        front.append(other[meets])
+        start = stop
+    hidden, by = (
+        np.concatenate([np.zeros(0, np.int64), *behind]),
+        np.concatenate([np.zeros(0, np.int64), *front]),
+    )
+    many = np.bincount(hidden, minlength=len(row))
+    begin = np.cumsum(many) - many
+    owner = np.flatnonzero(drawn)
+    pieces, size = polygon[owner], count[owner]
+    finished: list[tuple[Long, Array]] = []
+    turn = 0
+    while len(owner):
+        due = many[owner] > turn
+        finished.append((owner[~due], pieces[~due]))
+        owner, pieces, size = owner[due], pieces[due], size[due]
+        cutter = planes[by[begin[owner] + turn]]
+        owner, pieces, size = _subtracted(owner, pieces, size, cutter)
+        turn += 1
+    whose = np.concatenate([np.zeros(0, np.int64), *(part[0] for part in finished)])
+    shapes = np.concatenate([np.zeros((0, *polygon.shape[1:])), *(part[1] for part in finished)])
+    order = np.argsort(whose, kind="stable")
+    return whose[order], shapes[order]
+
+
+def _overlap(
+    polygon: Array, planes: Array, corners: Array, own: Long, other: Long
+) -> npt.NDArray[np.bool_]:
+    """Whether no side of either triangle separates those of rows ``own`` from ``other`` (n,)."""
+    low, high = polygon.min(axis=1), polygon.max(axis=1)
+    near = ((low[own] < high[other]) & (low[other] < high[own])).all(axis=1)
+    some = np.flatnonzero(near)
+    for shapes, sides, a, b in ((polygon, planes, own, other), (corners, planes, other, own)):
+        plane = sides[b[some]]
+        reach = np.einsum("nkd,nvd->nkv", plane[..., :2], shapes[a[some]]).max(axis=2)
+        length = np.hypot(plane[..., 0], plane[..., 1])
+        some = some[(reach + plane[..., 2] > TOUCH * length).all(axis=1)]
+    result = np.zeros(len(own), bool)
+    result[some] = True
+    return result
+
+
+def _subtracted(owner: Long, pieces: Array, size: Long, planes: Array) -> tuple[Long, Array, Long]:
+    """Pieces less the triangles with half planes (n, 3, 3)."""
+    owner, pieces, size, planes = _halved(owner, pieces, size, planes)
+    rest, corners = pieces, size
+    outside = []
+    for k in range(3):
+        outside.append(clip(rest, corners, -planes[:, k]))
+        rest, corners = clip(rest, corners, planes[:, k])
+    touched = moments(rest)[0] > SLIVER
+    parts = [(owner[~touched], pieces[~touched], size[~touched])]
+    for shape, count in outside:
+        some = touched & (moments(shape)[0] > SLIVER)
+        parts.append((owner[some], shape[some], count[some]))
+    whose, shapes, counts = (np.concatenate([part[k] for part in parts]) for k in range(3))
+    return whose, shapes, counts
+
+
+def _halved(
+    owner: Long, pieces: Array, size: Long, planes: Array
+) -> tuple[Long, Array, Long, Array]:
+    """The same with pieces of at most `CORNERS` corners."""
+    large = size > CORNERS
+    if not large.any():
+        return owner, pieces, size, planes
+    first = np.where((np.arange(8) < CORNERS)[:, None], pieces, pieces[:, CORNERS - 1 : CORNERS])
+    # padded by its last corner, which is the last of the whole
+    second = np.concatenate(
+        [pieces[:, :1], pieces[:, CORNERS - 1 :], np.repeat(pieces[:, -1:], 3, axis=1)], axis=1
+    )
+    shapes = np.concatenate([np.where(large[:, None, None], first, pieces), second[large]])
+    counts = np.concatenate([np.minimum(size, CORNERS), size[large] - CORNERS + 2])
+    return (
+        np.concatenate([owner, owner[large]]), shapes, counts,
+        np.concatenate([planes, planes[large]]),
+    )  # fmt: skip

@@ -1,0 +1,82 @@
+"""Convex polygons inside a pixel: half planes, clipping, moments (float64, vectorised).
+
+Twin of ``shaders/common/polygon.wgsl``. Polygons are (n, 8, 2) arrays relative to the pixel's
+centre, with ``count`` (n,) corners each; the others repeat the last corner, which adds no area.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+__all__ = ["MOST", "SMALLEST", "clip", "clip_square", "half_planes", "moments"]
+
+Array = npt.NDArray[np.float64]
+Long = npt.NDArray[np.int64]
+
+MOST = 8
+"""Corners that a polygon may have."""
+
+SMALLEST = 1e-9
+"""px^2; what is smaller isn't drawn."""
+
+
+def half_planes(corners: Array) -> Array:
+    """(n, 3, 3): a x + b y + c >= 0 inside the triangles (n, 3, 2), of either orientation."""
+    v, w = corners, np.roll(corners, -1, axis=1)
+    planes = np.stack(
+        [v[..., 1] - w[..., 1], w[..., 0] - v[..., 0],
+         v[..., 0] * w[..., 1] - v[..., 1] * w[..., 0]], axis=-1
+    )  # fmt: skip
+    result: Array = planes * np.where(planes[..., 2].sum(axis=1) > 0.0, 1.0, -1.0)[:, None, None]
+    return result
+
+
+def clip(polygon: Array, count: Long, plane: Array) -> tuple[Array, Long]:
+    """The parts of polygons where a x + b y + c >= 0, ``plane`` (n, 3), and their corners (n,).
+
+    Sutherland and Hodgman, "Reentrant polygon clipping", CACM 1974.
+    """
+    n = len(polygon)
+    rows = np.arange(n)
+    clipped, size = np.zeros_like(polygon), np.zeros(n, np.int64)
+    a = polygon[rows, np.maximum(count - 1, 0)]
+    da = np.sum(plane[:, :2] * a, axis=1) + plane[:, 2]
+    for i in range(int(count.max(initial=0))):
+        active = i < count
+        b = polygon[:, i]
+        db = np.sum(plane[:, :2] * b, axis=1) + plane[:, 2]
+        crossing = active & ((da < 0.0) != (db < 0.0)) & (size < MOST)
+        t = np.where(crossing, da / np.where(crossing, da - db, 1.0), 0.0)
+        clipped[rows[crossing], size[crossing]] = (a + t[:, None] * (b - a))[crossing]
+        size += crossing
+        inside = active & (db >= 0.0) & (size < MOST)
+        clipped[rows[inside], size[inside]] = b[inside]
+        size += inside
+        a, da = np.where(active[:, None], b, a), np.where(active, db, da)
+    last = clipped[rows, np.maximum(size - 1, 0)]
+    padding = np.arange(MOST) >= size[:, None]
+    clipped[padding] = np.broadcast_to(last[:, None], clipped.shape)[padding]
+    return clipped, size
+
+
+def clip_square(planes: Array) -> tuple[Array, Long]:
+    """The pixel's square cut by half planes (n, K, 3), and its corners (n,)."""
+    square = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
+    n = len(planes)
+    polygon = np.concatenate([square, np.repeat(square[-1:], MOST - 4, axis=0)])
+    polygon, count = np.tile(polygon, (n, 1, 1)), np.full(n, 4)
+    for k in range(planes.shape[1]):
+        polygon, count = clip(polygon, count, planes[:, k])
+    return polygon, count
+
+
+def moments(polygon: Array) -> tuple[Array, Array]:
+    """Signed area (n,) and centroid (n, 2)."""
+    origin = polygon[:, :1]
+    a, b = polygon[:, 1:-1] - origin, polygon[:, 2:] - origin
+    twice = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+    total = twice.sum(axis=1)
+    safe = np.where(total != 0.0, 3.0 * total, 1.0)[:, None]
+    centroid = origin[:, 0] + np.sum(twice[..., None] * (a + b), axis=1) / safe
+    return 0.5 * total, centroid
