@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["Topology", "triangulate"]
+__all__ = ["Topology", "sorted_keys", "triangulate"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +34,7 @@ class Topology:
         triangles, source = triangulate(faces)
         ends = triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).astype(np.int64)
         key = ends.min(axis=1) * (int(triangles.max(initial=0)) + 1) + ends.max(axis=1)
-        order, ordered = _sorted(key)
+        order, ordered = sorted_keys(key)
         new = np.ones(len(key), bool)
         new[1:] = ordered[1:] != ordered[:-1]
         edge = np.empty(len(key), np.int32)
@@ -48,7 +48,7 @@ class Topology:
         )
 
 
-def _sorted(
+def sorted_keys(
     key: npt.NDArray[np.int64],
 ) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int64]]:
     """The stable order of keys from 0 up, and the keys in it."""
