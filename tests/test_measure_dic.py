@@ -54,6 +54,47 @@ def test_sigma_is_the_scatter_that_noise_makes(blur: float) -> None:
     assert 0.6 <= np.sqrt((error**2).mean()) / np.sqrt((result.sigma**2).mean()) <= 1.2
 
 
+@pytest.mark.parametrize("shape", ["affine", "quadratic"])
+def test_sigma_knows_that_slopes_are_noisy_too(shape: str) -> None:
+    """Noise of a quarter of the contrast: a third of the squared slopes is noise."""
+    first, second = speckles(217, 153), speckles(217, 153, shift=(0.3, -0.2))
+    errors, variances = [], []
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        noisy = (image + 5.0 * rng.normal(size=image.shape) for image in (first, second))
+        result = dic(*noisy, subset=31, step=31, roi=(6, 6, 210, 146), shape=shape)  # type: ignore[misc,arg-type]
+        assert result.ok.all()
+        errors.append(result.displacement - [0.3, -0.2])
+        variances.append(result.sigma**2)
+    # measured: 1.00 and 1.09; 1.60 and 1.73 if the slopes were taken as exact
+    assert 0.8 <= np.sqrt(np.mean(np.square(errors)) / np.mean(variances)) <= 1.2
+
+
+def test_sigma_grows_with_the_stretch_of_the_subset() -> None:
+    """Twice as long, the pattern is as well known as before, but a pixel of it is two."""
+    rng = np.random.default_rng(9)
+    size = {"width": 261, "height": 203}
+    first = speckles(**size, seed=3)
+    second = speckles(**size, seed=3, gradient=((0.9, 0.0), (0.0, 0.9)))
+    first, second = (image + 0.5 * rng.normal(size=image.shape) for image in (first, second))
+    middle = [130.0, 101.0] + 15.0 * np.stack(np.meshgrid([-2, -1, 0, 1, 2], [-1, 0, 1])).reshape(
+        2, -1
+    ).T
+    truth = 0.9 * (middle - [130.0, 101.0])
+    result = dic(first, second, subset=15, points=middle, guess=truth, apart_px=np.inf)
+    assert result.ok.all()
+    ratio = np.sqrt(((result.displacement - truth) ** 2).mean() / (result.sigma**2).mean())
+    # measured over 20 noises: 0.97; 1.9 without the stretch
+    assert 0.7 <= ratio <= 1.3
+
+
+def test_a_region_is_four_whole_numbers() -> None:
+    image = speckles(**SIZE)
+    for region in ((5, 5, 60), (5.5, 5, 60, 60), "all"):
+        with pytest.raises(InputError, match="roi: got"):
+            dic(image, image, roi=region)  # type: ignore[arg-type]
+
+
 def test_16_bit_float_and_contrast_change_give_the_same_motion() -> None:
     first, second = speckles(**SIZE), speckles(**SIZE, shift=(0.37, 0.81))
     base = dic(first, second, subset=21, step=11)

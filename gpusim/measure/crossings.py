@@ -25,12 +25,13 @@ __all__ = ["Crossings", "fit_crossings"]
 CENTRE = 1.5  # px: both borders within this distance: the pixel isn't used
 INSIDE = 0.62  # of the way to the next corner
 LEAST_REACH, MOST_REACH = 3.0, 12.0  # px
-MIN_SIGMA, MOST_SIGMA = 0.004, 6.0  # px
+MIN_SIGMA, FIRST_SIGMA, MOST_SIGMA = 0.004, 0.5, 6.0  # px
 MOST_DRIFT = 3.0  # px from the start
 MIN_CONTRAST = 0.02  # of the image's grey range
 MOST_RESIDUAL = 0.25  # of the contrast
-# a blur far below a pixel changes next to nothing: its steps needn't become as small
-SCALE = np.array([1.0, 1.0, 0.1, 0.1, 1.0, 1.0, 0.1, 0.1, 1e3])
+# the last parameter is the logarithm of the blur: it can't change its sign, and far below a pixel,
+# where it changes next to nothing, its steps needn't become small
+SCALE = np.array([1.0, 1.0, 0.1, 0.1, 1.0, 1.0, 0.1, 0.1, 100.0])
 
 
 @dataclass(frozen=True)
@@ -114,7 +115,7 @@ def _fit(
         at = rows[which]
         return _residual(p, x[at], y[at], grey[at])
 
-    fit = fit_many(model, p0[rows], weight[rows], SCALE, tolerance=1e-6, iterations=100)
+    fit = fit_many(model, p0[rows], weight[rows], SCALE, tolerance=1e-5, iterations=100)
     p = np.full((len(start), 9), np.nan)
     p[rows] = fit.parameters
     rms, sigma = np.full(len(start), np.nan), np.full(len(start), np.nan)
@@ -123,7 +124,7 @@ def _fit(
     sigma[rows] = np.sqrt(np.maximum(variance, 0.0))
     settled = np.zeros(len(start), dtype=bool)
     settled[rows] = fit.converged
-    contrast = p[:, 5]
+    contrast, blur = p[:, 5], np.exp(np.minimum(p[:, 8], np.log(10.0 * MOST_SIGMA)))
     place = p[:, :2] + middle
     with np.errstate(invalid="ignore"):
         residual = rms / np.abs(contrast)
@@ -132,10 +133,10 @@ def _fit(
             settled
             & (np.abs(contrast) >= 0.5 * MIN_CONTRAST)
             & (residual <= MOST_RESIDUAL)
-            & (np.abs(p[:, 8]) <= MOST_SIGMA)
+            & (blur <= MOST_SIGMA)
             & (drift <= MOST_DRIFT)
         )
-    found = Crossings(place, sigma, contrast * span, np.abs(p[:, 8]), residual, ok)
+    found = Crossings(place, sigma, contrast * span, blur, residual, ok)
     return _kept(found, ok)
 
 
@@ -185,7 +186,7 @@ def _first(
     angle_1 = np.arctan2(steps[:, 0, 1], steps[:, 0, 0])
     angle_2 = np.arctan2(-steps[:, 1, 0], steps[:, 1, 1])
     p = np.column_stack([at, angle_1, angle_2, level, np.ones(count), np.zeros((count, 2)),
-                         np.full(count, 0.5)])  # fmt: skip
+                         np.full(count, np.log(FIRST_SIGMA))])  # fmt: skip
     _, _, normal_1, normal_2 = _frames(p)
     dx, dy = x - at[:, :1], y - at[:, 1:]
     sign = np.sign(dx * normal_1[:, :1] + dy * normal_1[:, 1:]) * np.sign(
@@ -210,7 +211,7 @@ def _residual(
     """Model less grey value (C, P) and its derivatives (C, 9, P), as in `cross._residual`."""
     along_1, along_2, normal_1, normal_2 = _frames(p)
     dx, dy = x - p[:, :1], y - p[:, 1:2]
-    sigma = np.clip(np.abs(p[:, 8]), MIN_SIGMA, 10.0 * MOST_SIGMA)
+    sigma = np.exp(np.clip(p[:, 8], np.log(MIN_SIGMA), np.log(10.0 * MOST_SIGMA)))
     first, second = (
         profile_and_slopes(dx * normal[:, :1] + dy * normal[:, 1:], normal, sigma)
         for normal in (normal_1, normal_2)
@@ -233,7 +234,7 @@ def _residual(
     slopes[:, 5] = light * first[0] * second[0]
     slopes[:, 6] = dx * pattern
     slopes[:, 7] = dy * pattern
-    rising = np.sign(p[:, 8:9]) * (np.abs(p[:, 8:9]) > MIN_SIGMA)
+    rising = sigma[:, None] * (sigma[:, None] > 1.001 * MIN_SIGMA)
     slopes[:, 8] = (by_1 * first[2] + by_2 * second[2]) * rising
     return light * pattern - grey, slopes
 

@@ -11,6 +11,7 @@ from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial import cKDTree
 
 from gpusim.errors import InputError
 from gpusim.gpu import Device
@@ -33,6 +34,8 @@ __all__ = ["Start", "dic", "explain", "grid_points"]
 Start = Literal["auto", "search", "features"]
 ENOUGH = 0.5  # share of the seeds that must be found by searching
 COVERED = 0.02  # share of a subset in the deformed image that may be unusable
+# a subset that ended like this may have met with something that covers the deformed image
+UNEXPLAINED = (Status.NOT_CONVERGED, Status.LOW_CORRELATION, Status.NO_GUESS, Status.INCOHERENT)
 PROBES = 9  # positions across a subset at which that is looked up
 
 
@@ -106,6 +109,7 @@ def dic(
         min_zncc=min_zncc,
         max_move=float(subset),
         apart_px=apart_px,
+        blur_px=blur_px,
     )
     first = make_usable(reference, "reference", subset, mask, saturation)
     second = make_usable(deformed, "deformed", subset, None, saturation)
@@ -203,12 +207,17 @@ def explain(
         matches.status[lost[named]] = reasons[named]
     if second.masked is None and second.saturated is None:
         return
-    good = np.flatnonzero(matches.status == Status.OK)
+    # what wasn't found went with its nearest neighbour, as far as anybody can tell
+    known = np.flatnonzero(matches.status == Status.OK)
+    if not known.size:
+        return
+    asked = np.flatnonzero((matches.status == Status.OK) | np.isin(matches.status, UNEXPLAINED))
+    guide = known[cKDTree(points[known]).query(points[asked])[1]]
     offset = np.linspace(-1.0, 1.0, PROBES)
     a, b = (axis.ravel() for axis in np.meshgrid(offset, offset))
-    c = matches.coefficients[good]
+    c = matches.coefficients[guide]
     terms = np.stack([np.ones_like(a), a, b, 0.5 * a * a, a * b, 0.5 * b * b])
-    here = points[good][:, :, None] + half * np.stack([a, b])
+    here = points[asked][:, :, None] + half * np.stack([a, b])
     there = here + c @ terms
     # what the reference leaves out anyway may be covered: white patches of the pattern itself
     used = ~first.bad_at(here)[..., None]
@@ -218,7 +227,7 @@ def explain(
     )
     covered = masked + saturated > COVERED
     reason = np.where(saturated > masked, Status.SATURATED, Status.MASKED)
-    target = good[covered]
+    target = asked[covered]
     matches.status[target] = reason[covered]
     matches.coefficients[target] = np.nan
     matches.sigma[target] = np.nan
@@ -235,7 +244,10 @@ def grid_points(
     if not isinstance(step, (int, np.integer)) or step < 1:
         raise InputError(f"step: got {step!r}; expected a whole number of px >= 1")
     height, width = image_shape
-    x0, y0, x1, y1 = (0, 0, width - 1, height - 1) if roi is None else roi
+    corners = np.asarray((0, 0, width - 1, height - 1) if roi is None else roi)
+    if corners.shape != (4,) or corners.dtype.kind not in "iu":
+        raise InputError(f"roi: got {roi!r}; expected (x0, y0, x1, y1) in whole pixels")
+    x0, y0, x1, y1 = corners.tolist()
     if not (0 <= x0 <= x1 < width and 0 <= y0 <= y1 < height):
         raise InputError(
             f"roi: got {roi}; expected (x0, y0, x1, y1) inside the image of {width}x{height} px"

@@ -51,6 +51,7 @@ BoolArray = npt.NDArray[np.bool_]
 MIN_CONTRAST = 5e-4  # standard deviation of a subset over the grey range of the image
 MIN_WEIGHT = 0.3  # share of the window that the mask must leave
 FASTEST = 0.03  # ratio of two steps that is trusted to go on
+MOST_NOISE = 0.75  # share of noise in the squared slopes that is reckoned with
 CHUNK = 1 << 17  # pixels handled at once by the twin
 # threads of a workgroup; on a CPU, one vector of eight: what a subset does once isn't repeated
 THREADS, THREADS_CPU = 32, 8
@@ -171,7 +172,8 @@ def _correlate_chunk(subsets: Subsets, settings: Settings, part: slice) -> Corre
         status[active[done & ~lost]] = Status.OK
         if done.any():
             variance = (fe * rest - along**2) / ge / (ta - unknowns - 2)
-            spread = np.maximum(*displacement_variance(factor[active], shape))
+            noise = settings.slope_noise * (1.0 - zncc[active]) * fe
+            spread = np.maximum(*displacement_variance(factor[active], shape, noise))
             sigma[active] = np.sqrt(np.maximum(variance, 0.0) * spread)
         active = active[~(done | lost)]
     poor = (status == Status.OK) & ~(zncc >= settings.min_zncc)
@@ -195,14 +197,22 @@ def remaining(size: FloatArray, before: FloatArray) -> FloatArray:
     return np.asarray(size * ratio / (1.0 - ratio))
 
 
-def displacement_variance(factor: FloatArray, shape: Shape) -> tuple[FloatArray, FloatArray]:
-    """Diagonal entries of the inverse normal matrix for the two displacement unknowns."""
+def displacement_variance(
+    factor: FloatArray, shape: Shape, noise: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Diagonal entries of the inverse normal matrix for the two displacement unknowns.
+
+    ``noise`` (B,) is what noise adds to each sum of squared slopes. It tells nothing of a motion,
+    so that a share r of it in a sum makes the displacement 1 / (1 - r) times as uncertain.
+    """
     second = 1 if shape in ("translation", "rigid") else COEFFICIENTS[shape]
     entries = []
     for index in (0, second):
         unit = np.zeros(factor.shape[:2])
         unit[:, index] = 1.0
-        entries.append(solve(factor, unit)[:, index])
+        share = noise / (factor[:, index] ** 2).sum(axis=1)
+        widening = 1.0 / (1.0 - np.clip(share, 0.0, MOST_NOISE))
+        entries.append(widening**2 * solve(factor, unit)[:, index])
     return entries[0], entries[1]
 
 
@@ -313,6 +323,7 @@ def _dispatch(
             "max_iterations": settings.max_iterations,
             "tolerance": settings.tolerance,
             "max_move": settings.max_move,
+            "slope_noise": settings.slope_noise,
             "window_sum": float(settings.window.sum()),
             "beyond": Status.OUTSIDE if covered else BEYOND_TILE,
             "box": box,

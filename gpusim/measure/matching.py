@@ -19,6 +19,8 @@ __all__ = ["Correlation", "Pair", "Settings", "Status", "Subsets", "check_subset
 
 
 IntArray = npt.NDArray[np.int64]
+# sum of squares of the slope filter: spline coefficients of an impulse, read by quintic_slopes(0)
+SLOPE_NOISE = 1.89396
 KEEP_PLANES = 1 << 22  # pixels of a reference crop: 134 MB of planes
 
 
@@ -47,6 +49,7 @@ class Settings:
     tolerance : how far a pixel of the subset may still be from where it would end, px.
     max_move : a subset that leaves its start by more than this has diverged, px.
     apart_px : how far parts of a subset may move apart, px; see ``coherence``.
+    slope_noise : variance of the spline's slope at a pixel for white noise of variance 1.
     """
 
     window: FloatArray
@@ -56,6 +59,7 @@ class Settings:
     min_zncc: float = 0.8
     max_move: float = 10.0
     apart_px: float = 0.2
+    slope_noise: float = SLOPE_NOISE
 
     @property
     def half(self) -> int:

@@ -122,6 +122,7 @@ def stereo_shape(
         max_iterations=max_iterations,
         min_zncc=min_zncc,
         max_move=float(subset),
+        blur_px=blur_px,
     )
     first = make_usable(left, "left", subset, mask, saturation)
     second = make_usable(right, "right", subset, None, saturation)

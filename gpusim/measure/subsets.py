@@ -12,12 +12,13 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.measure.images import FloatArray, Image
-from gpusim.measure.matching import Correlation, Settings, Status
+from gpusim.measure.matching import SLOPE_NOISE, Correlation, Settings, Status
 from gpusim.measure.warp import check_shape
 
 __all__ = ["DicResult", "Window", "check_mask", "make_result", "make_settings", "make_window"]
 
 Window = Literal["square", "round"]
+LEAST_BLUR = 0.5  # px
 
 
 @dataclass(frozen=True)
@@ -62,14 +63,19 @@ def make_result(points: FloatArray, matches: Correlation, subset: int, blur_px: 
     """Turn raw matches into the public result.
 
     A Gaussian blur of s px shrinks white noise to 1 / (2 s sqrt(pi)) but not its effect on a
-    displacement, which comes from sums over many pixels: sigma is scaled back.
+    displacement, which comes from sums over many pixels: sigma is scaled back. A match is uncertain
+    in the pixels of the reference; what it says of the deformed image is stretched with the subset.
     """
     coefficients = matches.coefficients
-    widening = max(1.0, 2.0 * blur_px * np.sqrt(np.pi))
+    gradient = coefficients[:, :, 1:3] / (subset // 2)
+    stretch = np.full(len(points), np.nan)
+    known = np.isfinite(gradient).all(axis=(1, 2))
+    stretch[known] = np.linalg.norm(np.eye(2) + gradient[known], ord=2, axis=(1, 2))
+    widening = stretch * max(1.0, 2.0 * blur_px * np.sqrt(np.pi))
     return DicResult(
         points=points,
         displacement=coefficients[:, :, 0].copy(),
-        gradient=coefficients[:, :, 1:3] / (subset // 2),
+        gradient=gradient,
         zncc=matches.zncc,
         sigma=matches.sigma * widening,
         iterations=matches.iterations,
@@ -108,6 +114,7 @@ def make_settings(
     min_zncc: float,
     max_move: float,
     apart_px: float = 0.2,
+    blur_px: float = 0.0,
 ) -> Settings:
     """Check the numbers that steer a correlation."""
     if not 0 < tolerance < 1:
@@ -128,6 +135,8 @@ def make_settings(
         float(min_zncc),
         float(max_move),
         float(apart_px),
+        # a blur takes noise off the slopes first
+        SLOPE_NOISE if blur_px < LEAST_BLUR else 0.0,
     )
 
 

@@ -100,6 +100,7 @@ def track(
         max_iterations=max_iterations,
         min_zncc=min_zncc,
         max_move=max(3.0, subset / 4),
+        blur_px=blur_px,
     )
     tracker = _Tracker(
         first,

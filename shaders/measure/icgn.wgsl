@@ -17,6 +17,7 @@ const MIN_CONTRAST = 5e-4;
 const MIN_WEIGHT = 0.3;
 const SLACK = 0.1;
 const FASTEST = 0.03;
+const MOST_NOISE = 0.75;
 
 // gpusim.measure.matching.Status
 const OK = 0.0;
@@ -36,6 +37,7 @@ struct Params {
     max_iterations: u32,
     tolerance: f32,
     max_move: f32,
+    slope_noise: f32, // see Settings
     window_sum: f32,
     beyond: f32, // status of a subset that leaves the box
     // closed box of pixels of the deformed texture (lowest x, y, highest x, y) for samples
@@ -127,6 +129,17 @@ fn add_residual(
     (*own).a += vec4f(v, s.x * v);
     (*own).b += vec4f(s.y * v, 0.5 * s.x * s.x * v);
     (*own).c += vec4f(s.x * s.y * v, 0.5 * s.y * s.y * v);
+}
+
+// Variance of a displacement; `noise` is what noise adds to the squared slopes it is told from.
+fn widened(index: u32, noise: f32) -> f32 {
+    var slopes = 0.0;
+    for (var k = 0u; k <= index; k++) {
+        let entry = factor[index * 12u + k];
+        slopes += entry * entry;
+    }
+    let rest = 1.0 - clamp(noise / slopes, 0.0, MOST_NOISE);
+    return variance(index) / (rest * rest);
 }
 
 // The most that neighbouring pixels are apart along an axis after the warp, diagonal ones too.
@@ -353,8 +366,9 @@ fn main(
                 let left = max((energy * rest - along * along) / seen, 0.0)
                     / (weight - f32(unknowns) - 2.0);
                 let second = select(unknowns / 2u, 1u, shape < 2u);
-                let spread = variance(0u);
-                sigma = sqrt(left * max(spread, variance(second)));
+                let noise = params.slope_noise * (1.0 - zncc) * energy;
+                let spread = widened(0u, noise);
+                sigma = sqrt(left * max(spread, widened(second, noise)));
             }
             break;
         }
