@@ -170,6 +170,18 @@ def test_a_file_where_the_folder_should_be(
         result = cli(command, scene, "-o", tmp_path / "out")
         assert result.exit_code == 2
         assert "not a folder" in result.stderr
+        assert "not a folder" in cli(command, scene, "-o", tmp_path / "out" / "below").stderr
+    assert pipeline.calls == []
+
+
+def test_a_folder_that_cannot_be_written_to(
+    cli: Run, scene: Path, tmp_path: Path, pipeline: types.SimpleNamespace,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    monkeypatch.setattr(os, "access", lambda path, mode: path != tmp_path)
+    result = cli("run", scene, "-o", tmp_path / "new" / "out")
+    assert result.exit_code == 2
+    assert f"can't be written to; got {tmp_path};" in result.stderr
     assert pipeline.calls == []
 
 

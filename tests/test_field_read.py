@@ -198,6 +198,8 @@ def test_a_single_vtu_is_the_state_at_time_1_and_loose_nodes_are_left_out(tmp_pa
     np.testing.assert_allclose(field.at(0.5), 0.5 * u[1:], rtol=1e-12)
     with pytest.raises(InputError, match=r"state.vtu: .*got U_x, U_y, U_z; expected 'V'"):
         read_field(path, name="V")
+    with pytest.raises(InputError, match=r"'U_x' has one number per node; expected a vector"):
+        read_field(path, name="U_x")
 
 
 def test_readers_and_scene_know_the_same_files() -> None:

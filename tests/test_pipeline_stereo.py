@@ -114,3 +114,25 @@ def test_example_is_valid(checkout: Path) -> None:
     scene = gs.load_scene(checkout / "examples" / "crane_stereo.toml")
     assert scene.calibration is not None and len(scene.calibration.poses) == 21
     assert [camera.focal for camera in scene.cameras] == [0.03, 0.032]
+
+
+def test_a_charuco_board_calibrates_as_well(checkout: Path, tmp_path: Path) -> None:
+    paint = {
+        "name": "fields",
+        "type": "charuco",
+        "albedo": 0.9,
+        "square_mm": 18.0,
+        "marker_mm": 11.0,
+        "columns": 8,
+        "rows": 7,
+        "origin_mm": [48.0, 0.0, -58.0],
+    }
+    path = checkout / "examples" / "cantilever.toml"
+    props = gs.load_scene(path).document["prop"]
+    board = {**BOARD, "paint": [paint]}
+    report = run(scene_of(checkout, prop=[*props, board]), tmp_path / "out")
+    row = {m.name.removeprefix("space: "): m for m in report.measurements}
+    assert abs(row["side-08, total"].error_relative) <= 1e-3
+    assert row["calibration, reprojection error"].measured <= 0.01
+    for name in ("left, fx", "right, fx", "right, baseline"):
+        assert abs(row[name].error_relative) <= 5e-4

@@ -199,6 +199,9 @@ def test_what_is_no_picture_of_radiances(tmp_path: Path) -> None:
         EnvironmentLight.read(tmp_path / "room.hdr", scale=0.0)
     with pytest.raises(InputError, match=r"bad\.hdr: damaged"):
         check_files(lit(tmp_path, LIT.replace("room.hdr", "bad.hdr")))
+    with pytest.raises(InputError, match=r"bad\.hdr: damaged"):
+        gs.run(lit(tmp_path, LIT.replace("room.hdr", "bad.hdr")), tmp_path / "out")
+    assert not (tmp_path / "out").exists()
     for text, key in (
         (LIT.replace("room.hdr", "none.hdr"), "light.0.file: not found"),
         (LIT.replace("room.hdr", "room.exr"), "light.0.file: unknown kind"),

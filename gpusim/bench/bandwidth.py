@@ -10,6 +10,7 @@ import numpy as np
 
 from gpusim.bench.cases import Case
 from gpusim.fem import Model
+from gpusim.fem.product import one_blas_thread
 from gpusim.gpu import Device, default_device
 
 __all__ = ["device_copy_bandwidth", "host_copy_bandwidth", "measure_operator"]
@@ -40,7 +41,7 @@ def host_copy_bandwidth(nbytes: int = _COPY_BYTES) -> float:
     return 2.0 * nbytes / best_of(lambda: np.copyto(target, source), 7)
 
 
-def best_of(work: Callable[[], None], times: int) -> float:
+def best_of(work: Callable[[], object], times: int) -> float:
     """Least seconds of ``times`` runs after one that isn't counted."""
     work()
     best = np.inf
@@ -52,17 +53,25 @@ def best_of(work: Callable[[], None], times: int) -> float:
 
 
 def measure_operator(case: Case, model: Model) -> dict[str, Any]:
-    """Time and bytes of y = K u on the device, beside a copy."""
-    from gpusim.bench.operator import operator_probe
+    """Time and bytes of y = K u on the device and on the host, each beside a copy."""
+    from gpusim.bench.operator import host_probe, operator_probe
 
     device = default_device()
     copy = device_copy_bandwidth(device)
     probe = operator_probe(case, model, device)
     seconds = best_of(probe.apply, 9) / probe.repeat
+    host_copy = host_copy_bandwidth()
+    host = host_probe(case, model)
+    with one_blas_thread():
+        host_seconds = best_of(host.apply, 9)
     return {
         "device": device.name,
         "copy_bytes_per_s": copy,
-        "host_copy_bytes_per_s": host_copy_bandwidth(),
+        "host_copy_bytes_per_s": host_copy,
+        "host_operator_seconds": host_seconds,
+        "host_bytes": host.nbytes,
+        "host_share": host.nbytes / host_seconds / host_copy,
+        "host_assembled_share": host.assembled / host_seconds / host_copy,
         "operator_seconds": seconds,
         "operator_bytes": probe.nbytes,
         "stored_bytes": probe.stored,

@@ -1,4 +1,4 @@
-"""The stiffness operator alone on the device: what one product moves, and how to repeat it."""
+"""The stiffness operator alone: what one product moves, and how to repeat it."""
 
 from __future__ import annotations
 
@@ -10,23 +10,26 @@ import numpy as np
 from gpusim.bench.cases import Case
 from gpusim.fem import Model
 from gpusim.fem.assembly import assemble
+from gpusim.fem.block_rows import block_matrix
 from gpusim.fem.formulation import resolve_formulation
+from gpusim.fem.product import Product
 from gpusim.fem.stiffness import DeviceStiffness
+from gpusim.fem.system import make_system
 from gpusim.gpu import Device
 
-__all__ = ["Probe", "operator_probe"]
+__all__ = ["Probe", "host_probe", "operator_probe"]
 
 
 @dataclass(frozen=True)
 class Probe:
-    """``apply`` runs products until the device is idle again, ``repeat`` of them in one submit.
+    """``apply`` runs products until they are done, on a device ``repeat`` of them in one submit.
 
     ``nbytes`` moved by one product: every stored byte of the operator once, u read once, K u
     written once. ``stored`` the operator's bytes. ``assembled`` what a product with the whole
     matrix in blocks of float64 would move: 76 bytes a block, and both vectors.
     """
 
-    apply: Callable[[], None]
+    apply: Callable[[], object]
     repeat: int
     nbytes: int
     stored: int
@@ -53,3 +56,18 @@ def operator_probe(case: Case, model: Model, device: Device, repeat: int = 8) ->
     blocks = len(rows.neighbour) + rows.node_count
     vectors = 2 * u.nbytes
     return Probe(apply, repeat, stored + vectors, stored, 76 * blocks + vectors, u.size)
+
+
+def host_probe(case: Case, model: Model) -> Probe:
+    """The product that conjugate gradients take on the host: runs of nodes on a lattice whose rows
+    repeat, blocks of 3x3 elsewhere."""
+    assembled = assemble(model, resolve_formulation(model, {case.kind: case.rule}))
+    rows, system = assembled.rows, make_system(model, assembled)
+    by_runs = None if system.stencil is None else system.stencil.product
+    product = Product(block_matrix(rows, system.scale)) if by_runs is None else by_runs
+    u = np.random.default_rng(1).normal(size=(1, model.mesh.points.size))
+    blocks = int(rows.degree.sum()) + rows.node_count
+    vectors = 2 * u.nbytes
+    whole = 76 * blocks
+    stored = whole if by_runs is None else by_runs.nbytes
+    return Probe(lambda: product(u), 1, stored + vectors, stored, whole + vectors, u.size)

@@ -88,6 +88,27 @@ def _bandwidth(cases: Sequence[CaseResult]) -> list[str]:
             f"| {found['operator_bytes'] / found['unknowns']:.0f} | {_percent(found['share'])} "
             f"| {_percent(found['assembled_share'])} |"
         )
+    return [*lines, "", *_host_bandwidth(measured)]
+
+
+def _host_bandwidth(measured: Sequence[CaseResult]) -> list[str]:
+    found = [(case.case, case.operator) for case in measured if "host_share" in case.operator]
+    if not found:
+        return []
+    lines = [
+        "The same on the host, as conjugate gradients do it there on all cores (runs of nodes on a "
+        "lattice whose rows repeat, blocks of 3x3 elsewhere), against NumPy's copy on one core:",
+        "",
+        "| case | product ms | bytes moved per unknown | share of the copy bandwidth "
+        "| as if the matrix were assembled |",
+        "|---|---|---|---|---|",
+    ]
+    lines += [
+        f"| {name} | {1e3 * one['host_operator_seconds']:.2f} "
+        f"| {one['host_bytes'] / one['unknowns']:.0f} | {_percent(one['host_share'])} "
+        f"| {_percent(one['host_assembled_share'])} |"
+        for name, one in found
+    ]
     return lines
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import tempfile
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -19,6 +20,7 @@ from gpusim.cli.console import out
 from gpusim.errors import InputError
 from gpusim.export.correlation import read_grey
 from gpusim.export.files import write_text
+from gpusim.measure.bundle import LENSES
 from gpusim.optics.calibration_files import UNIT_MM, write_calibration
 from gpusim.optics.camera import Camera
 from gpusim.report import Link, Report, write_report
@@ -70,6 +72,7 @@ def calibrate_files(
     counts = {name: len(files) for name, files in pictures.items()}
     if len(set(counts.values())) > 1:
         raise InputError(f"calibrate: got pictures {counts}; expected as many of every camera")
+    _check_formats(wishes, len(pictures))
     seen = {name: _sightings(files, board) for name, files in pictures.items()}
     missed = [
         f"{file.name}: {sighting.problem}"
@@ -99,6 +102,38 @@ def calibrate_files(
         for text in missed:
             out(f"not used: {text}")
         out(f"\nReport: {folder / 'report.html'}")
+
+
+def _check_formats(wishes: Wishes, cameras: int) -> None:
+    """Refuse a format that has no place for the lens, before the work and not after it."""
+    for name in wishes.formats:
+        able = [lens for lens in LENSES if _holds(name, lens, cameras)]
+        if wishes.lens in LENSES and wishes.lens not in able:
+            raise InputError(
+                f"--format {name}: can't hold {cameras} camera{'s'[: cameras > 1]} with --lens "
+                f"{wishes.lens}; expected "
+                + (f"--lens {' or '.join(able)}" if able else "another format")
+            )
+
+
+def _holds(name: str, lens: str, cameras: int) -> bool:
+    """Whether a format takes so many cameras with all the coefficients of a lens."""
+    free = LENSES[lens]
+    distortion = np.zeros(14)
+    distortion[list(free)] = 1e-3
+    used = next(count for count in (5, 8, 12, 14) if not free or max(free) < count)
+    K, pose = np.array([[1e3, 0, 320], [0, 1e3, 240], [0, 0, 1]]), np.eye(4)
+    rig = []
+    for number in range(cameras):
+        pose = pose.copy()
+        pose[0, 3] = -float(number)
+        rig.append(Camera(640, 480, K, distortion[:used], pose, f"camera-{number + 1}"))
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            write_calibration(Path(folder) / f"probe.{ENDINGS[name]}", rig, name)
+        except InputError:
+            return False
+    return True
 
 
 def _board(wishes: Wishes) -> measure.Chessboard | measure.CharucoBoard:

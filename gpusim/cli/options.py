@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -27,6 +28,11 @@ Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")
 
 
 def check_folder(folder: Path | None) -> None:
-    """Raise InputError if the output folder is something else."""
-    if folder is not None and folder.exists() and not folder.is_dir():
-        raise InputError(f"-o: not a folder; got {folder}; expected a folder, or a new name")
+    """Refuse an output folder that is a file, lies in one, or can't be written to (InputError)."""
+    if folder is None:
+        return
+    existing = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+    if not existing.is_dir():
+        raise InputError(f"-o: not a folder; got {existing}; expected a folder, or a new name")
+    if not os.access(existing, os.W_OK | os.X_OK):
+        raise InputError(f"-o: can't be written to; got {existing}; expected a folder of yours")

@@ -19,7 +19,7 @@ from gpusim.fem.groups import Group
 from gpusim.fem.indefinite import indefinite
 from gpusim.fem.lattice import Lattice, find_lattice
 from gpusim.fem.patches import Patches, make_patches
-from gpusim.fem.product import Product
+from gpusim.fem.product import Product, RowsProduct
 from gpusim.fem.stencil import Stencil, StencilProduct
 from gpusim.fem.supports import rigid_modes
 from gpusim.fem.transfer import MatrixTransfer, NodeTransfer, Transfer
@@ -60,7 +60,7 @@ class Hierarchy:
 
 
 def build_hierarchy(
-    matrix: bsr_matrix | Stencil,
+    matrix: bsr_matrix | Stencil | RowsProduct,
     groups: list[Group],
     lattice: Lattice | None,
     free: Bool,
@@ -71,9 +71,9 @@ def build_hierarchy(
 ) -> Hierarchy:
     """Coarsen until at most a few hundred unknowns remain.
 
-    ``matrix`` K / scale with 3x3 blocks or as a stencil, ``rows`` the same as block rows of K,
-    ``groups`` the elements of K, ``lattice`` of their nodes or None, ``free`` (N,3), ``points``
-    (N,3). ``patched`` asks for patches as smoothers on lattices.
+    ``matrix`` K / scale with 3x3 blocks, as a stencil or as its product, ``rows`` the same as
+    block rows of K, ``groups`` the elements of K, ``lattice`` of their nodes or None, ``free``
+    (N,3), ``points`` (N,3). ``patched`` asks for patches as smoothers on lattices.
     """
     levels: list[Level] = []
     inverse = invert_repeated(rows.diagonal / scale, rows.row_class, free)
@@ -109,19 +109,21 @@ def build_hierarchy(
     )  # fmt: skip
 
 
-def _assembled(matrix: bsr_matrix | Stencil) -> bsr_matrix:
-    return matrix.matrix if isinstance(matrix, Stencil) else matrix
+def _assembled(matrix: bsr_matrix | Stencil | RowsProduct) -> bsr_matrix:
+    return matrix.matrix if isinstance(matrix, Stencil | RowsProduct) else matrix
 
 
-def _product(matrix: bsr_matrix | Stencil) -> Product | StencilProduct:
+def _product(matrix: bsr_matrix | Stencil | RowsProduct) -> Product | StencilProduct:
+    if isinstance(matrix, RowsProduct):
+        return matrix
     product = matrix.product if isinstance(matrix, Stencil) else None
     return Product(_assembled(matrix)) if product is None else product
 
 
-def _inverses(matrix: bsr_matrix | Stencil, free: Bool) -> Float:
+def _inverses(matrix: bsr_matrix | Stencil | RowsProduct, free: Bool) -> Float:
     if isinstance(matrix, Stencil):
         return invert_repeated(matrix.diagonal, matrix.row_class, free)
-    return invert_blocks(diagonal_blocks(matrix), free)
+    return invert_blocks(diagonal_blocks(_assembled(matrix)), free)
 
 
 def _element_bound(matrices: Float) -> float:

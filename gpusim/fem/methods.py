@@ -10,6 +10,7 @@ from functools import partial
 
 import numpy as np
 import numpy.typing as npt
+from scipy.sparse import bsr_matrix
 
 from gpusim.errors import InputError, NotConverged, OutOfDeviceMemory
 from gpusim.fem.arena import Arena
@@ -26,9 +27,9 @@ from gpusim.fem.iterate import HARSH, Norm, Outcome, System, iterate
 from gpusim.fem.model import Model
 from gpusim.fem.patch_multigrid import PatchMultigrid
 from gpusim.fem.preconditioner import BlockJacobi, Multigrid
-from gpusim.fem.product import Product
+from gpusim.fem.product import Product, RowsProduct
 from gpusim.fem.refine import refine
-from gpusim.fem.stencil import StencilProduct
+from gpusim.fem.stencil import Stencil, StencilProduct
 from gpusim.fem.stiffness import DeviceStiffness
 from gpusim.gpu import Device, default_device, software_adapter
 
@@ -247,8 +248,15 @@ def _preconditioner(
         diagonal = rows.diagonal[rows.row_class] / system.scale
         inverse = invert_blocks(diagonal, system.free)
         return BlockJacobi(inverse), Norm(diagonal, None), Product(matrix)
+    finest: bsr_matrix | Stencil | RowsProduct
+    if system.stencil is not None:
+        finest = system.stencil
+    elif RowsProduct.fits(rows):
+        finest = RowsProduct(rows, system.scale)
+    else:
+        finest = block_matrix(rows, system.scale)
     hierarchy = build_hierarchy(
-        block_matrix(rows, system.scale) if system.stencil is None else system.stencil,
+        finest,
         assembled.groups,
         assembled.lattice,
         system.free,

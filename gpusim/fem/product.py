@@ -14,7 +14,9 @@ import numpy.typing as npt
 from scipy.sparse import bsr_matrix
 from threadpoolctl import threadpool_limits
 
-__all__ = ["Product", "one_blas_thread", "pool", "processors"]
+from gpusim.fem.block_rows import BlockRows, block_matrix
+
+__all__ = ["Product", "RowsProduct", "one_blas_thread", "pool", "processors"]
 
 Float = npt.NDArray[np.float64]
 
@@ -75,7 +77,7 @@ class Product:
     """x (L,n) -> A x (L,m) for a block matrix."""
 
     def __init__(self, matrix: bsr_matrix) -> None:
-        self.matrix = matrix
+        self._matrix = matrix
         size = matrix.blocksize[0]
         rows = matrix.shape[0] // size
         parts = processors() if matrix.data.size > _SMALL else 1
@@ -98,8 +100,12 @@ class Product:
             self._parts.append(part)
 
     @property
+    def matrix(self) -> bsr_matrix:
+        return self._matrix
+
+    @property
     def unknowns(self) -> int:
-        return int(self.matrix.shape[0])
+        return int(self._matrix.shape[0])
 
     def __call__(self, x: Float) -> Float:
         if len(self._parts) == 1:
@@ -108,3 +114,34 @@ class Product:
         done = list(pool().map(lambda task: task[0] @ task[1], tasks))
         count = len(self._parts)
         return np.stack([np.concatenate(done[k : k + count]) for k in range(0, len(done), count)])
+
+
+class RowsProduct(Product):
+    """x (L,3N) -> K x / scale for block rows that are all of their own kind: their table is the
+    matrix, but for the diagonal, and isn't stored a second time. ``scale`` is a power of two."""
+
+    def __init__(self, rows: BlockRows, scale: float) -> None:
+        count = rows.node_count
+        shape = (3 * count, 3 * count)
+        super().__init__(bsr_matrix((rows.table, rows.neighbour, rows.start), shape=shape))
+        self._rows, self._scale = rows, scale
+        one = np.arange(count + 1)
+        self._own = bsr_matrix((rows.diagonal, one[:-1], one), shape=shape)
+
+    @staticmethod
+    def fits(rows: BlockRows) -> bool:
+        """Whether the rows' table is in the order of the nodes."""
+        same = rows.class_count == rows.node_count
+        return same and bool((rows.row_class == np.arange(rows.node_count)).all())
+
+    @property
+    def matrix(self) -> bsr_matrix:
+        """K / scale with its diagonal."""
+        return block_matrix(self._rows, self._scale)
+
+    def __call__(self, x: Float) -> Float:
+        result = super().__call__(x)
+        for one, into in zip(x, result, strict=True):
+            into += self._own @ one
+        result /= self._scale
+        return result

@@ -31,6 +31,8 @@ Float = npt.NDArray[np.float64]
 Long = npt.NDArray[np.int64]
 
 _Task = TypeVar("_Task")
+# a kind of runs, and a box of them or their places
+_Odd = tuple[int, tuple[slice, slice, slice] | Long]
 
 # nodes in a run: more waste work on zeros, fewer are slow to multiply
 _RUN = 4
@@ -183,6 +185,7 @@ class RunPattern:
             joined = np.concatenate(places)
             for start in range(0, len(joined), _ODD_CHUNK):
                 self._gathered.append((kind, joined[start : start + _ODD_CHUNK]))
+        self._odd_runs: list[_Odd] = [*self._boxes, *self._gathered]
 
     def matrices(self, blocks: Float, dtype: npt.DTypeLike) -> Real:
         """(T, 3, 9 (R + 2), 3 R) for blocks (C,27,3,3) at ``OFFSETS`` of each class of nodes: for
@@ -215,8 +218,7 @@ class RunPattern:
         so that bodies that move as a whole cost no digits.
         """
         self._share(partial(self._common, matrices, x, out, add, relative), self._chunks)
-        self._share(partial(self._box, matrices, x, out, add, relative), self._boxes)
-        self._share(partial(self._gather, matrices, x, out, add, relative), self._gathered)
+        self._share(partial(self._odd, matrices, x, out, add, relative), self._odd_runs)
         self._clear(out)
 
     def scale(self, matrices: Real, x: Real, out: Real) -> None:
@@ -288,6 +290,16 @@ class RunPattern:
                 for row in (0, 2):
                     step = own[row * layout.runs :][:count] - middle
                     into += step @ matrix[row].reshape(-1, 3, wide).sum(axis=0)
+
+    def _odd(
+        self, matrices: Real, x: Real, out: Real, add: Real | None, relative: bool,
+        tasks: list[_Odd],
+    ) -> None:  # fmt: skip
+        """Runs of another kind than their slab's commonest: boxes, and single ones."""
+        boxes = [(kind, place) for kind, place in tasks if isinstance(place, tuple)]
+        single = [(kind, place) for kind, place in tasks if not isinstance(place, tuple)]
+        self._box(matrices, x, out, add, relative, boxes)
+        self._gather(matrices, x, out, add, relative, single)
 
     def _box(
         self, matrices: Real, x: Real, out: Real, add: Real | None, relative: bool,

@@ -94,6 +94,11 @@ class StencilProduct:
         return self.stencil.matrix
 
     @property
+    def nbytes(self) -> int:
+        """Bytes of the matrices of all kinds of runs."""
+        return int(self._matrices.nbytes)
+
+    @property
     def unknowns(self) -> int:
         return 3 * self.stencil.lattice.node_count
 

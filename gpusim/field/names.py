@@ -33,6 +33,8 @@ def scalar_names(known: Sequence[str], wanted: str | None) -> tuple[str, str, st
                 names = [f"{start}{between}{end}" for end in (x, y, z)]
                 if all(name in by_fold for name in names):
                     return by_fold[names[0]], by_fold[names[1]], by_fold[names[2]]
+    if wanted in known:
+        raise InputError(f"{wanted!r} has one number per node; expected a vector of three")
     raise InputError(
         f"no displacement among the nodal variables; got {', '.join(known) or 'none'}; expected "
         + (repr(wanted) if wanted is not None else "one called displacement, disp, U …: say which")

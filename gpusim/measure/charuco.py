@@ -51,6 +51,11 @@ class CharucoBoard:
                 f"least {self.columns * self.rows // 2} for {self.columns} x {self.rows} squares"
             )
 
+    @property
+    def corners(self) -> tuple[int, int]:
+        """Inner corners across and down."""
+        return self.columns - 1, self.rows - 1
+
     def detector(self) -> Any:
         """OpenCV's detector of this board."""
         dictionary = check_dictionary(self.dictionary, "CharucoBoard dictionary")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -14,21 +15,31 @@ from gpusim.pipeline.images import Photographer, image_path
 from gpusim.scene import Scene
 from gpusim.scene import model as m
 
-__all__ = ["board_of", "read_corners", "take_target"]
+__all__ = ["Board", "board_of", "read_corners", "take_target"]
 
 MM = 1e3
+Board = measure.Chessboard | measure.CharucoBoard
 
 
-def board_of(scene: Scene) -> measure.Chessboard | None:
-    """The chessboard (mm) that the scene's calibration shows; None if it shows another thing."""
+def board_of(scene: Scene) -> Board | None:
+    """The board (mm) that the scene's calibration shows; None if it shows another thing."""
     calibration = scene.calibration
     if calibration is None:
         return None
     prop = next(p for p in scene.props if p.name == calibration.board)
     paint = prop.paints[0] if prop.paints else None
-    if not isinstance(paint, m.Checker):
-        return None
-    return measure.Chessboard(paint.columns, paint.rows, MM * paint.cell)
+    if isinstance(paint, m.Checker):
+        return measure.Chessboard(paint.columns, paint.rows, MM * paint.cell)
+    if isinstance(paint, m.Target) and paint.kind == "charuco":
+        values: dict[str, Any] = dict(paint.values)
+        return measure.CharucoBoard(
+            values["columns"],
+            values["rows"],
+            MM * values["square"],
+            MM * values["marker"],
+            values["dictionary"],
+        )
+    return None
 
 
 def take_target(photographer: Photographer, camera: m.Camera, pose: int) -> list[Path]:
@@ -36,7 +47,11 @@ def take_target(photographer: Photographer, camera: m.Camera, pose: int) -> list
     files, scene = photographer.take(camera, pose), photographer.scene
     board = board_of(scene)
     if scene.measures_space and board is not None and photographer.image is not None:
-        seen = measure.find_chessboard(photographer.image, board)
+        image = photographer.image
+        if isinstance(board, measure.CharucoBoard):
+            seen = measure.find_charuco(image, board)
+        else:
+            seen = measure.find_chessboard(image, board)
         files.append(_corners_path(files[0]))
         with atomic_stream(files[-1]) as stream:
             np.savez(

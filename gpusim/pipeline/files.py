@@ -14,7 +14,7 @@ from gpusim.scene import Scene
 from gpusim.scene import model as m
 from gpusim.surface.paint import Image
 
-__all__ = ["check_field", "check_files"]
+__all__ = ["check_field", "check_files", "check_views"]
 
 
 def check_files(scene: Scene) -> None:
@@ -53,6 +53,14 @@ def _checks(scene: Scene) -> Iterator[Callable[[], object]]:
             if isinstance(paint, m.Picture):
                 yield partial(Image.read, paint.path, paint.texel, gamma=paint.gamma)
     yield partial(build_lights, scene)
+
+
+def check_views(scene: Scene) -> None:
+    """Make every camera, lens and light once. Raises InputError for what is wrong in them."""
+    for camera in scene.cameras:
+        build_camera(camera)
+        build_lens(camera)
+    build_lights(scene)
 
 
 def _read_and_check(mesh: m.FieldMesh, times: tuple[float, ...]) -> None:

@@ -13,7 +13,7 @@ from gpusim.errors import GpusimError, InputError
 from gpusim.gpu import Device
 from gpusim.optics.camera import Camera
 from gpusim.pipeline.cameras import build_camera
-from gpusim.pipeline.corners import board_of
+from gpusim.pipeline.corners import Board, board_of
 from gpusim.pipeline.following import Followed, MarkerSet, collect_markers, follow_markers
 from gpusim.pipeline.stereo_result import CameraFound, StereoResult
 from gpusim.pipeline.things import Things
@@ -117,7 +117,7 @@ def measure_stereo(
     )
 
 
-def _board(what: str, spec: m.Stereo, scene: Scene) -> measure.Chessboard:
+def _board(what: str, spec: m.Stereo, scene: Scene) -> Board:
     calibration = scene.calibration
     if calibration is None or not set(spec.cameras) <= set(calibration.cameras):
         raise InputError(
@@ -127,7 +127,7 @@ def _board(what: str, spec: m.Stereo, scene: Scene) -> measure.Chessboard:
     if board is None:
         raise InputError(
             f"{what}: calibration board {calibration.board!r}; got another paint; expected a "
-            "checker with columns and rows"
+            "checker or charuco"
         )
     return board
 
@@ -213,9 +213,7 @@ def _camera(calibration: measure.Calibration, k: int, true: Camera, first: Camer
     )
 
 
-def _boards(
-    calibration: measure.Calibration, frame: measure.Alignment, board: measure.Chessboard
-) -> Array:
+def _boards(calibration: measure.Calibration, frame: measure.Alignment, board: Board) -> Array:
     """Outlines (V, 4, 3) of the board in each view, in the axes of the structure, mm."""
     a, (across, down) = board.square, board.corners
     corners = np.array(

@@ -19,14 +19,12 @@ from gpusim.export.images import read_image
 from gpusim.gpu import Device, default_device
 from gpusim.pipeline import images, measurements, outputs
 from gpusim.pipeline.build import build_body, build_lights
-from gpusim.pipeline.cameras import build_camera
 from gpusim.pipeline.corners import read_corners, take_target
-from gpusim.pipeline.files import check_field
+from gpusim.pipeline.files import check_field, check_views
 from gpusim.pipeline.mechanics import large_displacements, make_mechanics
 from gpusim.pipeline.memory import check_memory
 from gpusim.pipeline.meshing import mesh_summary
 from gpusim.pipeline.modelling import build_model, held_by
-from gpusim.pipeline.photo import build_lens
 from gpusim.pipeline.props import build_prop
 from gpusim.pipeline.solved import Solved
 from gpusim.pipeline.stresses import Stresses, write_stresses
@@ -165,9 +163,7 @@ class _Run:
     def _in_memory(self) -> None:
         """Mesh, model and surfaces; faults in them show before the output folder is touched."""
         scene = self.scene
-        for camera in scene.cameras:
-            build_camera(camera)
-            build_lens(camera)
+        check_views(scene)
 
         def meshes() -> str:
             self.things.bodies = [build_body(body) for body in scene.bodies]

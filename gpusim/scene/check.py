@@ -118,7 +118,7 @@ def _references(document: Mapping[str, Any], found: Found) -> None:
             refer(keys, measure.get("reference"), variants, "variant")
         if measure.get("type") == "stereo" and "calibration" not in document:
             _add(found, ("measure", index), "no images of a target", "no [calibration]",
-                 "[calibration] of a board with a checker")  # fmt: skip
+                 "[calibration] of a checker or charuco")  # fmt: skip
         lists = (
             ("cameras", cameras, "camera"),
             ("groups", moving, "markers paint on a body"),

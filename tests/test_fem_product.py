@@ -1,0 +1,55 @@
+"""Host products against dense matrices, on meshes whose rows are all different."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gpusim import fem
+from gpusim.bench.cases import CASES
+from gpusim.bench.operator import host_probe
+from gpusim.fem.assembly import assemble
+from gpusim.fem.block_rows import BlockRows, block_matrix
+from gpusim.fem.formulation import resolve_formulation
+from gpusim.fem.product import Product, RowsProduct
+from gpusim.mesh import Mesh, box
+
+
+def rows_of(mesh: Mesh) -> BlockRows:
+    model = fem.Model(mesh, [fem.Isotropic(3.0, 0.3)], fixed=np.zeros(mesh.points.shape, bool))
+    return assemble(model, resolve_formulation(model, None)).rows
+
+
+def uneven() -> Mesh:
+    mesh = box((1.0, 0.4, 0.7), (5, 4, 3))
+    return mesh.moved(0.02 * np.random.default_rng(5).random(mesh.points.shape))
+
+
+@pytest.mark.parametrize("scale", [1.0, 8.0])
+def test_a_table_that_is_the_matrix_multiplies_like_it(scale: float) -> None:
+    rows = rows_of(uneven())
+    assert RowsProduct.fits(rows)
+    product = RowsProduct(rows, scale)
+    dense = block_matrix(rows).toarray() / scale
+    np.testing.assert_allclose(product.matrix.toarray(), dense, rtol=1e-15)
+    x = np.random.default_rng(1).normal(size=(2, len(dense)))
+    expected = x @ dense.T
+    assert product.unknowns == len(dense)
+    np.testing.assert_allclose(product(x), expected, atol=1e-13 * np.abs(expected).max())
+    plain = Product(block_matrix(rows, scale))
+    np.testing.assert_allclose(product(x), plain(x), atol=1e-13 * np.abs(expected).max())
+
+
+def test_a_table_of_repeating_rows_is_not_the_matrix() -> None:
+    assert not RowsProduct.fits(rows_of(box((1.0, 0.4, 0.7), (7, 6, 5))))
+
+
+def test_the_probe_counts_what_its_product_reads() -> None:
+    case = next(case for case in CASES if case.name == "cube-10k")
+    probe = host_probe(case, case.model())
+    assert probe.unknowns > 9000
+    # 27 blocks of 76 bytes for three unknowns, and two vectors: somewhat less at the border
+    assert 500 < probe.assembled / probe.unknowns < 27 * 76 / 3 + 16
+    result = probe.apply()
+    assert result.shape == (1, probe.unknowns)
+    assert np.isfinite(result).all()
