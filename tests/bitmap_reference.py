@@ -25,7 +25,7 @@ def mean_of_pixels(pixels: Array, at: Array, ex: Array, ey: Array, q: Array, n: 
     w = 1.0 / (1.0 + q[:, :1] * i + q[:, 1:] * j)
     x = at[:, :1] + (ex[:, :1] * i + ey[:, :1] * j) * w
     y = at[:, 1:] + (ex[:, 1:] * i + ey[:, 1:] * j) * w
-    result: Array = np.maximum(surface(pixels, x, y).mean(axis=1), 0.0)
+    result: Array = surface(pixels, x, y).mean(axis=1)
     return result
 
 

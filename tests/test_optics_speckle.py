@@ -85,7 +85,7 @@ def brute_force(
 
 @pytest.mark.parametrize("name", PAINTS)
 def test_pixels_are_area_integrals(device: Device, name: str) -> None:
-    """Soft edges to 2e-4 RMS; hard ones to 2.5e-3: double cover is measured in rows of 1/8 px."""
+    """Soft edges to 2e-4 RMS; hard ones to 1.2e-3: double cover is measured in rows of 1/8 px."""
     paint, half = PAINTS[name], (32.0, 26.0)
     want = brute_force(paint, half)
     frame = gs.render([plate(paint, half)], camera(), device=device).radiance
@@ -94,7 +94,7 @@ def test_pixels_are_area_integrals(device: Device, name: str) -> None:
     print(f"{name}: RMS {np.sqrt(np.mean(error**2)):.1e}, worst {np.abs(error).max():.1e}, "
           f"mean {error.mean():+.1e}")  # fmt: skip
     assert np.ptp(want) > 0.8
-    assert np.sqrt(np.mean(error**2)) < (2e-4 if paint.softness else 2.5e-3)
+    assert np.sqrt(np.mean(error**2)) < (2e-4 if paint.softness else 1.2e-3)
     assert abs(error.mean()) < (2e-5 if paint.softness else 4e-4)
     assert np.abs(frame - twin).max() < 2e-5
 
@@ -116,7 +116,7 @@ def test_edge_pixels_integrate_what_is_seen_of_them(
     twin = gs.render([surface], camera(), background=0.3, backend="numpy").radiance
     assert np.abs(frame - twin).max() < 5e-5
     inside = edge < -0.8
-    assert np.sqrt(np.mean((frame - want)[inside] ** 2)) < (2e-4 if paint.softness else 2.5e-3)
+    assert np.sqrt(np.mean((frame - want)[inside] ** 2)) < (2e-4 if paint.softness else 1.2e-3)
     # a second plate behind continues the pattern: the seam between them must not show
     seam = plate(paint, half, move)
     cut = np.array([[0.0, 0.0], [2 * half[0], 2 * half[1] * 0.8]])
@@ -132,7 +132,7 @@ def test_edge_pixels_integrate_what_is_seen_of_them(
     changed = np.abs(two - frame)[inside]
     print(f"seam: {np.sqrt(np.mean(changed**2)):.1e} RMS, worst {changed.max():.1e}")
     assert (changed > 0).sum() > 20
-    assert np.sqrt(np.mean(changed**2)) < (2e-4 if paint.softness else 2.5e-3)
+    assert np.sqrt(np.mean(changed**2)) < (2e-4 if paint.softness else 1.2e-3)
 
 
 def _at(st: np.ndarray, half: tuple[float, float], move: np.ndarray) -> np.ndarray:

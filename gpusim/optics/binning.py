@@ -1,21 +1,26 @@
 """Edge pixels and the triangles that touch them, nearest first (float64, vectorised).
 
 A pixel is an edge pixel if a silhouette, border, crease or region border of the view passes
-through its square. The list is exact up to a small margin outwards, so that no pixel that needs
-resolving is missed; extra ones cost time, not accuracy.
+through its square, or a line in which two bodies cut each other. The list is exact up to a small
+margin outwards, so that no pixel that needs resolving is missed; extra ones cost time, not
+accuracy.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.optics.corners import CHUNK, corner_range
-from gpusim.optics.view import View
+from gpusim.optics.cutting import Screen
+from gpusim.optics.piercing import piercings
+from gpusim.optics.ragged import expand
+from gpusim.optics.view import POSITION, View
 
-__all__ = ["EdgePixels", "bin_edges", "expand", "segment_pixels"]
+__all__ = ["EdgePixels", "bin_edges", "segment_pixels"]
 
 TILE = 8
 """px, side of the tiles by which triangles far from all edges are sorted out."""
@@ -26,11 +31,15 @@ MARGIN = 2e-3
 
 @dataclass(frozen=True, eq=False)
 class EdgePixels:
-    """``pixel`` (E,) sorted linear indices; triangles ``triangle[start[k] : start[k + 1]]``."""
+    """``pixel`` (E,) sorted linear indices; triangles ``triangle[start[k] : start[k + 1]]``.
+
+    ``pierced`` (E,): bodies cut each other there, so that no order of the triangles is right.
+    """
 
     pixel: npt.NDArray[np.int64]
     start: npt.NDArray[np.int64]
     triangle: npt.NDArray[np.int64]
+    pierced: npt.NDArray[np.bool_]
 
     @property
     def depth(self) -> npt.NDArray[np.int64]:
@@ -40,13 +49,8 @@ class EdgePixels:
     def select(self, wanted: npt.NDArray[np.bool_]) -> EdgePixels:
         """The pixels that are ``wanted`` (E,)."""
         start = np.concatenate([[0], np.cumsum(self.depth[wanted])])
-        return EdgePixels(self.pixel[wanted], start, self.triangle[np.repeat(wanted, self.depth)])
-
-
-def expand(count: npt.NDArray[np.int64]) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """Owner and running number of ``count[i]`` items of each owner i."""
-    owner = np.repeat(np.arange(len(count)), count)
-    return owner, np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
+        triangle = self.triangle[np.repeat(wanted, self.depth)]
+        return EdgePixels(self.pixel[wanted], start, triangle, self.pierced[wanted])
 
 
 def segment_pixels(
@@ -92,6 +96,9 @@ def bin_edges(view: View) -> EdgePixels:
     """
     width, height = view.camera.width, view.camera.height
     pixel = segment_pixels(view.edges, width, height)
+    cut = segment_pixels(_cuts(view), width, height)
+    if len(cut):
+        pixel = np.union1d(pixel, cut)
     some, low, high = _near_pixels(pixel, view)
     triangle, step = expand(np.maximum(high[:, 1] - low[:, 1] + 1, 0))
     row = low[triangle, 1] + step
@@ -106,7 +113,22 @@ def bin_edges(view: View) -> EdgePixels:
     depth = _nearest_depth(corners, view.inverse_depth()[triangle])
     order = np.lexsort((triangle, -depth, entry))
     start = np.searchsorted(entry[order], np.arange(len(pixel) + 1))
-    return EdgePixels(pixel, start, triangle[order])
+    return EdgePixels(pixel, start, triangle[order], np.isin(pixel, cut))
+
+
+def _cuts(view: View) -> npt.NDArray[np.float64]:
+    """Segments (S, 2, 2) px in which surfaces cut each other ahead of the camera."""
+    if not view.count or view.body[0] == view.body[-1]:
+        return np.zeros((0, 2, 2))
+    number = np.searchsorted(view.body, np.arange(int(view.body[-1]) + 2))
+    triangles = view.corners[:, :, POSITION]
+    lines = piercings([triangles[a:b] for a, b in pairwise(number)])
+    lines = lines[(lines[:, :, 2] > 0.0).all(axis=1)]
+    screen = Screen(view.camera)
+    ideal = screen.ideal(lines)
+    if view.camera.lens is None:
+        return ideal
+    return screen.bent(ideal.reshape(-1, 2)).reshape(ideal.shape)
 
 
 def _near_pixels(

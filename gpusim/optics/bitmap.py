@@ -134,7 +134,6 @@ def mean_over_pixels(
         corners = _parallelogram(ex[rows], ey[rows])
         bend = (ex[rows] * q[rows, :1] + ey[rows] * q[rows, 1:]) / 12.0
         value[rows] = _in_window(image, cell[rows], at[rows] - bend, corners)
-    value = np.maximum(value, 0.0)
     return ground + (value - ground) * _share_of_pixel(image, cell, at, ex, ey)
 
 
@@ -154,7 +153,6 @@ def mean_over_polygons(
     ):
         if len(rows):
             value[rows] = method(image, cell[rows], at[rows], polygon[rows])
-    value = np.maximum(value, 0.0)
     share = np.zeros(len(at))
     size = np.array([image.pixels.shape[1], image.pixels.shape[0]])
     for i, j, sign in ((0, 0, 1.0), (1, 0, -1.0), (0, 1, -1.0), (1, 1, 1.0)):

@@ -9,8 +9,7 @@ from gpusim.optics.binning import EdgePixels
 from gpusim.optics.pattern import PatternTable
 from gpusim.optics.setup import Setup, footprint
 from gpusim.optics.shadow_tiles import TILE, TURNS
-from gpusim.optics.speckle import ROWS as SPECKLE_ROWS
-from gpusim.optics.speckle import row_turns
+from gpusim.optics.speckle import EDGE_ROWS, row_turns
 from gpusim.optics.view import ST
 
 __all__ = ["grazing_turns", "shadow_turns", "speckle_turns"]
@@ -35,7 +34,7 @@ def speckle_turns(table: PatternTable) -> int:
     if not usual:
         return 0
     most = max(usual)
-    return 6 * max(most**2, 2 * SPECKLE_ROWS) * table.speckle.most_in_a_cell
+    return 6 * max(most**2, EDGE_ROWS) * table.speckle.most_in_a_cell
 
 
 def grazing_turns(setup: Setup, edges: EdgePixels) -> npt.NDArray[np.int64]:

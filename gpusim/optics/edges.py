@@ -16,12 +16,12 @@ from gpusim.optics.binning import EdgePixels, bin_edges
 from gpusim.optics.bitmap import BITMAP, mean_over_polygons
 from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.edge_turns import grazing_turns, shadow_turns, speckle_turns
-from gpusim.optics.hidden import visible_pieces
+from gpusim.optics.hidden import Cutting, depth_planes, visible_pieces
 from gpusim.optics.pattern import LOOP_TURNS
 from gpusim.optics.polygon import clip_square, half_planes, moments
 from gpusim.optics.setup import Setup, probe_setup, radiance_of
 from gpusim.optics.shade import Tables
-from gpusim.optics.speckle import ROWS as SPECKLE_ROWS
+from gpusim.optics.speckle import EDGE_ROWS
 from gpusim.optics.view import FIXED
 
 __all__ = ["EdgePass", "edges_twin"]
@@ -46,7 +46,7 @@ class EdgePass:
         turns = 200 + table.most_in_a_cell * (2000 if fine else 50) + speckle_turns(table)
         turns += 3000 if (tables.setup.groups == BITMAP).any() else 0
         each = turns + grazing_turns(tables.setup, edges) + shadow_turns(tables.setup, edges)
-        deep = edges.depth > np.minimum(DEEPEST, LOOP_TURNS // each)
+        deep = edges.pierced | (edges.depth > np.minimum(DEEPEST, LOOP_TURNS // each))
         self._deep = edges.select(deep)
         self._deep_values = _resolve(tables.setup, self._deep).astype(np.float32)
         edges = edges.select(~deep)
@@ -84,7 +84,7 @@ class EdgePass:
                 "count": last - first,
                 "sides": 3,
                 "corners": 4,
-                "hard_rows": 2 * SPECKLE_ROWS,
+                "hard_rows": EDGE_ROWS,
                 "thin": THIN,
                 "sure": SURE,
             },
@@ -100,8 +100,9 @@ class EdgePass:
     def write_deep(self, radiance: Buffer, row0: int, rows: int, stride: int) -> None:
         """Write the few pixels that the host resolves; call it once the recording is submitted.
 
-        Those are pixels under many triangles, and those that the device was in doubt about: what
-        shows of a triangle there isn't convex, and makes a difference.
+        Those are pixels under many triangles, pixels where bodies cut each other, and those that
+        the device was in doubt about: what shows of a triangle there isn't convex, and makes a
+        difference.
         """
         width = self.tables.setup.view.camera.width
         pixels = [row0 * width, (row0 + rows) * width]
@@ -143,9 +144,15 @@ def _resolve(setup: Setup, edges: EdgePixels) -> Array:
     number = edges.pixel[pixel]
     at = np.stack([number % width, number // width], axis=1).astype(np.float64)
     triangle = edges.triangle[: len(pixel)]
-    corners = np.rint(view.screen * FIXED)[triangle] / FIXED - at[:, None]
+    corners = np.rint(view.screen[triangle] * FIXED) / FIXED - at[:, None]
     planes = half_planes(corners)
-    row, piece = visible_pieces(*clip_square(planes), planes, corners, first)
+    pierced = edges.pierced[pixel] if edges.pierced.any() else None
+    cutting = None
+    if pierced is not None:
+        last = np.repeat(edges.start[1:], edges.depth)
+        depth = depth_planes(view.screen[triangle] - at[:, None], view.inverse_depth()[triangle])
+        cutting = Cutting(pierced, last, depth)
+    row, piece = visible_pieces(*clip_square(planes), planes, corners, first, cutting)
     size, middle = moments(piece)
     albedo, printed = _mean_albedo(setup, triangle[row], at[row], piece, middle)
     area = np.bincount(row, size, len(pixel))

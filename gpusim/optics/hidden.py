@@ -9,12 +9,14 @@ polygon area sorting", SIGGRAPH 1977, with convex parts only). Twin of
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.optics.polygon import SMALLEST, clip, moments
 
-__all__ = ["TOUCH", "visible_pieces"]
+__all__ = ["TOUCH", "Cutting", "depth_planes", "visible_pieces"]
 
 Array = npt.NDArray[np.float64]
 Long = npt.NDArray[np.int64]
@@ -22,8 +24,8 @@ Long = npt.NDArray[np.int64]
 TOUCH = 2e-5
 """px by which neighbours may overlap from rounding alone."""
 
-CORNERS = 5
-"""Corners of a piece: three cuts then leave eight at most. Pieces with more are halved."""
+CORNERS = 4
+"""Corners of a piece: four cuts then leave eight at most. Pieces with more are halved."""
 
 SLIVER = 1e-7
 """px^2; smaller parts of what is cut are left out."""
@@ -32,8 +34,37 @@ PAIRS = 1 << 20
 """Pairs of triangles that are looked at together, which bounds the memory."""
 
 
+@dataclass(frozen=True, eq=False)
+class Cutting:
+    """Which rows (n,) lie over pixels where bodies cut each other, and what tells who is in front.
+
+    ``last`` (n,): the row after the last one over the same pixel; ``depth`` (n, 3): 1 / z as an
+    affine function of the place from the pixel's centre.
+    """
+
+    pierced: npt.NDArray[np.bool_]
+    last: Long
+    depth: Array
+
+
+def depth_planes(corners: Array, inverse: Array) -> Array:
+    """(n, 3): 1 / z = a x + b y + c through corners (n, 3, 2), where it is ``inverse`` (n, 3)."""
+    u, v = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    area = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
+    safe = np.where(area != 0.0, area, np.inf)
+    p, q = inverse[:, 1] - inverse[:, 0], inverse[:, 2] - inverse[:, 0]
+    a = (p * v[:, 1] - q * u[:, 1]) / safe
+    b = (q * u[:, 0] - p * v[:, 0]) / safe
+    return np.stack([a, b, inverse[:, 0] - a * corners[:, 0, 0] - b * corners[:, 0, 1]], axis=1)
+
+
 def visible_pieces(
-    polygon: Array, count: Long, planes: Array, corners: Array, first: Long
+    polygon: Array,
+    count: Long,
+    planes: Array,
+    corners: Array,
+    first: Long,
+    cutting: Cutting | None = None,
 ) -> tuple[Long, Array]:
     """Visible parts of triangles: the row (M,) that each belongs to, and the part (M, 8, 2).
 
@@ -43,16 +74,22 @@ def visible_pieces(
     planes, corners : (n, 3, 3) half planes and (n, 3, 2) corners, relative to the pixel's centre.
     first : (n,) row of the first triangle over the same pixel; those up to the row itself are in
         front of it.
+    cutting : where bodies cut each other, triangles hide each other only where they are nearer.
     """
     area, _ = moments(polygon)
     drawn = area > SMALLEST
     # nothing shows behind a triangle that fills the pixel
     filled = np.concatenate([[0], np.cumsum(area >= 1.0 - SMALLEST)])
-    drawn &= filled[:-1] == filled[first]
     row = np.arange(len(polygon))
-    before = np.where(drawn, row - first, 0)
+    fronts = row - first
+    ahead = filled[:-1] == filled[first]
+    if cutting is not None:
+        fronts = np.where(cutting.pierced, cutting.last - first, fronts)
+        ahead |= cutting.pierced
+    drawn &= ahead
+    before = np.where(drawn, fronts, 0)
     stops = np.cumsum(before)
-    behind, front = [], []
+    behind, before_it = [], []
     start = 0
     while start < len(row):
         done = stops[start - 1] if start else 0
@@ -64,11 +101,11 @@ def visible_pieces(
         other = first[own] + step
         meets = _overlap(polygon, planes, corners, own, other)
         behind.append(own[meets])
-        front.append(other[meets])
+        before_it.append(other[meets])
         start = stop
     hidden, by = (
         np.concatenate([np.zeros(0, np.int64), *behind]),
-        np.concatenate([np.zeros(0, np.int64), *front]),
+        np.concatenate([np.zeros(0, np.int64), *before_it]),
     )
     many = np.bincount(hidden, minlength=len(row))
     begin = np.cumsum(many) - many
@@ -80,7 +117,12 @@ def visible_pieces(
         due = many[owner] > turn
         finished.append((owner[~due], pieces[~due]))
         owner, pieces, size = owner[due], pieces[due], size[due]
-        cutter = planes[by[begin[owner] + turn]]
+        front = by[begin[owner] + turn]
+        cutter = planes[front]
+        if cutting is not None:
+            nearer = cutting.depth[front] - cutting.depth[owner]
+            nearer[~cutting.pierced[owner]] = (0.0, 0.0, 1.0)
+            cutter = np.concatenate([cutter, nearer[:, None]], axis=1)
         owner, pieces, size = _subtracted(owner, pieces, size, cutter)
         turn += 1
     whose = np.concatenate([np.zeros(0, np.int64), *(part[0] for part in finished)])
@@ -102,16 +144,16 @@ def _overlap(
         length = np.hypot(plane[..., 0], plane[..., 1])
         some = some[(reach + plane[..., 2] > TOUCH * length).all(axis=1)]
     result = np.zeros(len(own), bool)
-    result[some] = True
+    result[some[own[some] != other[some]]] = True
     return result
 
 
 def _subtracted(owner: Long, pieces: Array, size: Long, planes: Array) -> tuple[Long, Array, Long]:
-    """Pieces less the triangles with half planes (n, 3, 3)."""
+    """Pieces less the convex shapes with half planes (n, K, 3)."""
     owner, pieces, size, planes = _halved(owner, pieces, size, planes)
     rest, corners = pieces, size
     outside = []
-    for k in range(3):
+    for k in range(planes.shape[1]):
         outside.append(clip(rest, corners, -planes[:, k]))
         rest, corners = clip(rest, corners, planes[:, k])
     touched = moments(rest)[0] > SLIVER
@@ -130,14 +172,13 @@ def _halved(
     large = size > CORNERS
     if not large.any():
         return owner, pieces, size, planes
+    number = np.concatenate([np.arange(len(size)), np.flatnonzero(large)])
     first = np.where((np.arange(8) < CORNERS)[:, None], pieces, pieces[:, CORNERS - 1 : CORNERS])
     # padded by its last corner, which is the last of the whole
     second = np.concatenate(
-        [pieces[:, :1], pieces[:, CORNERS - 1 :], np.repeat(pieces[:, -1:], 3, axis=1)], axis=1
+        [pieces[:, :1], pieces[:, CORNERS - 1 :], np.repeat(pieces[:, -1:], CORNERS - 2, axis=1)],
+        axis=1,
     )
     shapes = np.concatenate([np.where(large[:, None, None], first, pieces), second[large]])
     counts = np.concatenate([np.minimum(size, CORNERS), size[large] - CORNERS + 2])
-    return (
-        np.concatenate([owner, owner[large]]), shapes, counts,
-        np.concatenate([planes, planes[large]]),
-    )  # fmt: skip
+    return _halved(owner[number], shapes, counts, planes[number])

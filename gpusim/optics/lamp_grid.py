@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.optics.binning import expand
 from gpusim.optics.casters import Casters, LampFaces
 from gpusim.optics.emitters import Lamp
+from gpusim.optics.ragged import expand
 
 __all__ = ["LampGrid", "LampView", "Reach"]
 

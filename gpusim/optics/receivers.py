@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.optics.binning import expand
 from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.emitters import Lamp
+from gpusim.optics.ragged import expand
 from gpusim.optics.view import NORMAL, View
 
 __all__ = ["TILE", "Pairs", "Receivers"]

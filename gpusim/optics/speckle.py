@@ -3,7 +3,8 @@
 Soft discs are polynomials of the position wherever they aren't 0 or 1, so that a 3 x 3 Gauss rule
 over the footprint (cut into pieces where the edge is narrow against it) is right to 2e-4. Hard
 discs add the closed-form areas of their circle segments; what several of them cover twice is taken
-off row by row, each row being exact. Twin of ``shaders/common/speckle.wgsl``.
+off row by row, each row being exact; rows run where they meet the edges squarely. Twin of
+``shaders/common/speckle.wgsl``.
 """
 
 from __future__ import annotations
@@ -16,13 +17,16 @@ from gpusim.optics.grazing import LONGEST_ROW, MOST_PIECES, MOST_SIDE
 from gpusim.optics.speckle_table import SpeckleGrid, SpeckleTable
 from gpusim.surface.speckle import edge_opacity
 
-__all__ = ["ROWS", "grazing_cover", "polygon_cover", "row_turns", "speckle_cover"]
+__all__ = ["EDGE_ROWS", "grazing_cover", "polygon_cover", "row_turns", "speckle_cover"]
 
 Array = npt.NDArray[np.float64]
 Long = npt.NDArray[np.int64]
 
 ROWS = 8
 """Rows in which a piece's doubly covered area is measured."""
+
+EDGE_ROWS = 32
+"""Rows, at most, in which what is covered of a part of a pixel is measured."""
 
 GAUSS = np.sqrt(0.15) * np.array([-1.0, 0.0, 1.0])
 WEIGHT = np.array([5.0, 8.0, 5.0]) / 18.0
@@ -136,10 +140,11 @@ def _hard(
 ) -> Array:
     corners = np.stack([-ex - ey, ex - ey, ex + ey, ey - ex], axis=1) * 0.5
     area = coverage.polygon_area(corners)
-    y = ((np.arange(ROWS) + 0.5) / ROWS - 0.5)[:, None]
-    rows = _Rows(centre[:, None] - 0.5 * ex[:, None] + y * ey[:, None], ex[:, None])
-    total, whole = np.zeros(len(centre)), np.zeros(len(centre), bool)
     reach = np.sqrt((corners**2).sum(axis=2).max(axis=1))
+    along, across = _by_steepness(table, start, stop, centre, ex, ey, reach)
+    y = ((np.arange(ROWS) + 0.5) / ROWS - 0.5)[:, None]
+    rows = _Rows(centre[:, None] - 0.5 * along[:, None] + y * across[:, None], along[:, None])
+    total, whole = np.zeros(len(centre)), np.zeros(len(centre), bool)
     for k in range(int((stop - start).max(initial=0))):
         own = np.flatnonzero(start + k < stop)
         disc = table.disc[start[own] + k]
@@ -152,6 +157,27 @@ def _hard(
         rows.add(own, disc)
     twice: Array = (rows.total - rows.union()).mean(axis=1)
     return np.where(whole, 1.0, np.clip(total - twice, 0.0, 1.0))
+
+
+def _by_steepness(
+    table: SpeckleTable, start: Long, stop: Long, centre: Array, ex: Array, ey: Array, reach: Array
+) -> tuple[Array, Array]:
+    """The sides (n, 2) along and across which rows run: they meet the circles' edges squarely.
+
+    What two discs share is a wedge; rows along one of its edges would jump over it. The first 32
+    discs of a list decide, as on the device.
+    """
+    steep = np.zeros(len(centre))
+    for k in range(min(int((stop - start).max(initial=0)), 32)):
+        own = np.flatnonzero(start + k < stop)
+        disc = table.disc[start[own] + k]
+        m = centre[own] - disc[:, :2]
+        away = np.hypot(m[:, 0], m[:, 1])
+        slope = np.abs((m * ex[own]).sum(axis=1)) - np.abs((m * ey[own]).sum(axis=1))
+        crosses = np.abs(away - disc[:, 2]) < reach[own]
+        steep[own] += np.where(crosses, slope / np.maximum(away, 1e-300), 0.0)
+    turned = (steep < 0.0)[:, None]
+    return np.where(turned, ey, ex), np.where(turned, -ex, ey)
 
 
 class _Rows:
@@ -282,7 +308,7 @@ def _rows_over(grid: SpeckleGrid, length: Array) -> Long:
     if grid.soft:
         return 3 * _count(grid, length)
     quarters = np.ceil(np.minimum(2.0 * length / grid.pieces.usual, 1e6) - 1e-4)
-    return 4 * np.clip(quarters, 1, ROWS // 2).astype(np.int64)
+    return 4 * np.clip(quarters, 1, EDGE_ROWS // 4).astype(np.int64)
 
 
 def row_turns(grid: SpeckleGrid, length: Array) -> Long:
@@ -331,7 +357,7 @@ def _grazing_row(
 def _steps(grid: SpeckleGrid) -> list[tuple[float, float]]:
     """Positions in 0 … 1 and weights of a triangle's rows, and of a soft row's points."""
     if not grid.soft:
-        count = 2 * ROWS
+        count = EDGE_ROWS
         return [((i + 0.5) / count, 1.0 / count) for i in range(count)]
     n = grid.cuts
     return [

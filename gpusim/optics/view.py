@@ -84,7 +84,7 @@ class View:
     the visible silhouettes, creases and region borders on screen, px. ``planes`` (T, 3, 3): row i
     has barycentric i over depth as an affine function of the ideal position [x, y, 1].
     ``footprint`` (T,): half the width of the largest pixel on each triangle, in paint coordinates;
-    0 on plain paint.
+    0 on plain paint. ``body`` (T,): number of the surface, ascending.
     """
 
     camera: Camera
@@ -96,6 +96,7 @@ class View:
     edges: npt.NDArray[np.float64]
     planes: npt.NDArray[np.float64]
     footprint: npt.NDArray[np.float64]
+    body: npt.NDArray[np.int32]
 
     @property
     def count(self) -> int:
@@ -118,7 +119,7 @@ class View:
         return replace(
             self, corners=self.corners[own], screen=self.screen[own], paint=self.paint[own],
             face=self.face[own], edges=self.edges[near], planes=self.planes[own],
-            footprint=self.footprint[own],
+            footprint=self.footprint[own], body=self.body[own],
         )  # fmt: skip
 
     def inverse_depth(self) -> npt.NDArray[np.float64]:
@@ -156,13 +157,15 @@ def look(surfaces: Sequence[Surface], camera: Camera, lit: bool) -> View:
     paint_ids: list[npt.NDArray[np.integer]] = [empty]
     face_ids: list[npt.NDArray[np.integer]] = [empty]
     paints: list[RegionPaint] = []
+    body_ids: list[npt.NDArray[np.integer]] = [empty]
     first_face = 0
-    for surface, points in zip(surfaces, at, strict=True):
+    for number, (surface, points) in enumerate(zip(surfaces, at, strict=True)):
         if far > 0.0:
             pieces, place = _pieces(surface, points, screen, NEAR * far, lit)
             source = surface.topology.source[pieces.source]
             paint_ids.append(len(paints) + surface.regions[source])
             face_ids.append(first_face + source)
+            body_ids.append(np.full(len(source), number))
             parts.append(pieces)
             places.append(place)
         for region, paint in enumerate(surface.paints.values()):
@@ -170,14 +173,15 @@ def look(surfaces: Sequence[Surface], camera: Camera, lit: bool) -> View:
             paints.append(RegionPaint(paint, low, high, 0.0))
         first_face += len(surface.faces)
     pieces, place = Pieces.joined(parts), np.concatenate(places)
-    number, k = np.nonzero(pieces.shows)
+    shown, k = np.nonzero(pieces.shows)
     planes = barycentric_planes(pieces.corners, camera)
     number_of_paint = np.concatenate(paint_ids).astype(np.int32)
     regions, footprint = _with_reach(paints, pieces.corners, planes, number_of_paint, place, camera)
     return View(
         camera, pieces.corners, place, number_of_paint, np.concatenate(face_ids).astype(np.int32),
         tuple(regions),
-        np.stack([place[number, k], place[number, (k + 1) % 3]], axis=1), planes, footprint,
+        np.stack([place[shown, k], place[shown, (k + 1) % 3]], axis=1), planes, footprint,
+        np.concatenate(body_ids).astype(np.int32),
     )  # fmt: skip
 
 

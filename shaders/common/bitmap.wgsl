@@ -157,16 +157,16 @@ fn bitmap_across(w: BitmapWindow, x: vec4f) -> vec4f {
     return select(vec4f(0.0), part, own);
 }
 
-// Mean over a parallelogram that spans many texels: a coefficient's weight is the product over the
-// sides of the spline's integral up to the side.
-fn bitmap_wide(bitmap: Bitmap, place: vec2f, ex: vec2f, ey: vec2f) -> f32 {
-    let reach = 0.5 * (abs(ex) + abs(ey));
-    let w = bitmap_window(bitmap, place, -reach, reach);
-    let area = abs(ex.x * ey.y - ex.y * ey.x) * w.level.scale;
-    let nx = vec2f(-ex.y, ex.x) / length(ex);
-    let ny = vec2f(-ey.y, ey.x) / length(ey);
-    // half the distance between opposite sides
-    let gap = 0.5 * area / vec2f(length(ex), length(ey));
+// The sides of a convex shape that spans many texels: each s.x * x + s.y * y + s.z is the distance
+// inwards in texels of the level, from where the window's place is.
+struct BitmapSides {
+    count: i32,
+    s: array<vec3f, 8>,
+}
+
+// Mean over such a shape: a coefficient's weight is the product over the sides of the spline's
+// integral up to the side.
+fn bitmap_inside(w: BitmapWindow, sides: BitmapSides) -> f32 {
     let start = (w.first.x + w.level.cell.x + BITMAP_MARGIN) >> 2u;
     let stop = (w.last.x + w.level.cell.x + BITMAP_MARGIN) >> 2u;
     var sum = vec2f(0.0);
@@ -178,15 +178,33 @@ fn bitmap_wide(bitmap: Bitmap, place: vec2f, ex: vec2f, ey: vec2f) -> f32 {
             let c = textureLoad(bitmap_texels, texel(u32(row + block)), 0);
             let i = vec4f(0.0, 1.0, 2.0, 3.0) + f32((block << 2u) - BITMAP_MARGIN - w.level.cell.x);
             let x = i - w.p.x;
-            let a = nx.x * x + nx.y * y;
-            let b = ny.x * x + ny.y * y;
-            let weight = spline_integral(gap.x - a) * spline_integral(gap.x + a)
-                * spline_integral(gap.y - b) * spline_integral(gap.y + b);
-            let own = weight * inside * bitmap_across(w, i);
-            sum += vec2f(dot(own, c), dot(own, vec4f(1.0)));
+            var weight = inside * bitmap_across(w, i);
+            for (var k = 0; k < sides.count; k++) {
+                let s = sides.s[k];
+                weight *= spline_integral(s.x * x + (s.y * y + s.z));
+            }
+            sum += vec2f(dot(weight, c), dot(weight, vec4f(1.0)));
         }
     }
     return sum.x / max(sum.y, TINY);
+}
+
+// The same over a parallelogram.
+fn bitmap_wide(bitmap: Bitmap, place: vec2f, ex: vec2f, ey: vec2f) -> f32 {
+    let reach = 0.5 * (abs(ex) + abs(ey));
+    let w = bitmap_window(bitmap, place, -reach, reach);
+    let area = abs(ex.x * ey.y - ex.y * ey.x) * w.level.scale;
+    let nx = vec2f(-ex.y, ex.x) / length(ex);
+    let ny = vec2f(-ey.y, ey.x) / length(ey);
+    // half the distance between opposite sides
+    let gap = 0.5 * area / vec2f(length(ex), length(ey));
+    var sides: BitmapSides;
+    sides.count = 4;
+    sides.s[0] = vec3f(-nx, gap.x);
+    sides.s[1] = vec3f(nx, gap.x);
+    sides.s[2] = vec3f(-ny, gap.y);
+    sides.s[3] = vec3f(ny, gap.y);
+    return bitmap_inside(w, sides);
 }
 
 // Mean albedo over the pixel with centre `place` (relative to the bitmap's cell), change ex, ey
@@ -228,5 +246,5 @@ fn bitmap_pixel(
     let gy = vec2f(ex.y, ey.y);
     let share = max(half_plane_share(low.x, gx) + half_plane_share(high.x, gx) - 1.0, 0.0)
         * max(half_plane_share(low.y, gy) + half_plane_share(high.y, gy) - 1.0, 0.0);
-    return ground + (max(value, 0.0) - ground) * share;
+    return ground + (value - ground) * share;
 }

@@ -53,34 +53,20 @@ fn bitmap_wide_polygon(
         let b = outline.p[k + 1] - outline.p[0];
         twice += a.x * b.y - a.y * b.x;
     }
-    let start = (w.first.x + w.level.cell.x + BITMAP_MARGIN) >> 2u;
-    let stop = (w.last.x + w.level.cell.x + BITMAP_MARGIN) >> 2u;
-    var sum = vec2f(0.0);
-    for (var j = w.first.y; j <= w.last.y; j++) {
-        let row = w.level.start + (j + w.level.cell.y + BITMAP_MARGIN) * w.level.stride;
-        let y = f32(j) - w.p.y;
-        let inside = bitmap_border(w, f32(j));
-        for (var block = start; block <= stop; block++) {
-            let c = textureLoad(bitmap_texels, texel(u32(row + block)), 0);
-            let i = vec4f(0.0, 1.0, 2.0, 3.0) + f32((block << 2u) - BITMAP_MARGIN - w.level.cell.x);
-            let x = i - w.p.x;
-            var weight = inside * bitmap_across(w, i);
-            var a = outline.p[outline.count - 1];
-            for (var k = 0; k < outline.count; k++) {
-                let b = outline.p[k];
-                let side = b - a;
-                let size = length(side) * select(-1.0, 1.0, twice > 0.0);
-                if (size != 0.0) {
-                    let n = vec2f(-side.y, side.x) / size;
-                    let depth = n.x * (x - a.x * w.level.scale) + n.y * (y - a.y * w.level.scale);
-                    weight *= spline_integral(depth);
-                }
-                a = b;
-            }
-            sum += vec2f(dot(weight, c), dot(weight, vec4f(1.0)));
+    var sides: BitmapSides;
+    var a = outline.p[outline.count - 1];
+    for (var k = 0; k < outline.count; k++) {
+        let b = outline.p[k];
+        let side = b - a;
+        let size = length(side) * select(-1.0, 1.0, twice > 0.0);
+        if (size != 0.0) {
+            let n = vec2f(-side.y, side.x) / size;
+            sides.s[sides.count] = vec3f(n, -dot(n, a) * w.level.scale);
+            sides.count++;
         }
+        a = b;
     }
-    return sum.x / max(sum.y, TINY);
+    return bitmap_inside(w, sides);
 }
 
 // Mean of the bitmap over the polygon, which lies at `place` relative to the bitmap's cell.
@@ -92,7 +78,7 @@ fn bitmap_polygon(bitmap: Bitmap, place: vec2f, outline: BitmapOutline) -> f32 {
         high = max(high, outline.p[k]);
     }
     if (max(high.x - low.x, high.y - low.y) > POLYGON * f32(CUTS)) {
-        return max(bitmap_wide_polygon(bitmap, place, low, high, outline), 0.0);
+        return bitmap_wide_polygon(bitmap, place, low, high, outline);
     }
-    return max(bitmap_fan(bitmap, place, outline), 0.0);
+    return bitmap_fan(bitmap, place, outline);
 }

@@ -87,13 +87,13 @@ fn union_rows(rows: Rows) -> vec4f {
 }
 
 // Covered share of a parallelogram: circle segments in closed form, less what eight rows find
-// covered twice.
+// covered twice. They run along the side that the circles' edges are more square to.
 fn hard_cover(first: u32, count: u32, p: vec2f, ex: vec2f, ey: vec2f) -> f32 {
     let y0 = vec4f(-0.4375, -0.3125, -0.1875, -0.0625);
     let y1 = -y0;
-    let a = dot(ex, ex);
-    let turn = dot(ex, ey);
-    let tall = dot(ey, ey);
+    var along = ex;
+    var across = ey;
+    var steep = 0.0;
     var upper = no_rows();
     var lower = no_rows();
     var total = 0.0;
@@ -104,20 +104,33 @@ fn hard_cover(first: u32, count: u32, p: vec2f, ex: vec2f, ey: vec2f) -> f32 {
         var crossing = 0u;
         for (var i = 0u; i < min(count - done, 32u); i++) {
             let disc = textureLoad(speckles, texel(first + done + i), 0);
-            let gap = length(p - disc.xy) - disc.z;
+            let m = p - disc.xy;
+            let away = length(m);
+            let gap = away - disc.z;
             whole = whole || gap <= -reach;
-            crossing |= select(0u, 1u << i, abs(gap) < reach);
+            let crosses = abs(gap) < reach;
+            crossing |= select(0u, 1u << i, crosses);
+            let slope = (abs(dot(m, ex)) - abs(dot(m, ey))) / max(away, 1e-37);
+            steep += select(0.0, slope, crosses);
         }
+        // the first 32 discs decide
+        if (done == 0u && steep < 0.0) {
+            along = ey;
+            across = -ex;
+        }
+        let a = dot(along, along);
+        let turn = dot(along, across);
+        let tall = dot(across, across);
         while (crossing != 0u) {
             let disc = textureLoad(speckles, texel(first + done + firstTrailingBit(crossing)), 0);
             crossing &= crossing - 1u;
             let r = disc.z;
             let m = p - disc.xy;
             total += large_disc_share(m, ex, ey, r);
-            let start = m - 0.5 * ex;
-            let b = dot(start, ex);
+            let start = m - 0.5 * along;
+            let b = dot(start, along);
             let c = dot(start, start) - r * r;
-            let slope = 2.0 * dot(start, ey);
+            let slope = 2.0 * dot(start, across);
             upper = cover_rows(upper, a, b + y0 * turn, c + y0 * (slope + y0 * tall));
             lower = cover_rows(lower, a, b + y1 * turn, c + y1 * (slope + y1 * tall));
         }
