@@ -19,7 +19,7 @@ def surface(pixels: Array, x: Array, y: Array) -> Array:
 
 
 def mean_of_pixels(pixels: Array, at: Array, ex: Array, ey: Array, q: Array, n: int) -> Array:
-    """Mean (m,) over footprints at (m, 2), by n x n samples each; nothing is below 0."""
+    """Mean (m,) over footprints at (m, 2), by n x n samples each."""
     grid = (np.arange(n) + 0.5) / n - 0.5
     i, j = (a.ravel() for a in np.meshgrid(grid, grid))
     w = 1.0 / (1.0 + q[:, :1] * i + q[:, 1:] * j)

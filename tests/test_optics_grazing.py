@@ -148,13 +148,13 @@ def dome(paint: gs.paint.Speckle, rings: int = 14, sectors: int = 40) -> gs.Surf
     return gs.Surface(*mesh, {"dome": paint}, frames={"dome": gs.Atlas.unfold(*mesh)})
 
 
-def test_an_unfolded_dome_with_its_seams(device: Device) -> None:
-    paint = SOFT
+@pytest.mark.parametrize("paint", [HARD, SOFT], ids=["hard", "soft"])
+def test_an_unfolded_dome_with_its_seams(device: Device, paint: gs.paint.Speckle) -> None:
     surface = dome(paint)
     frame = gs.render([surface], camera(), background=0.3, device=device).radiance
     rng = np.random.default_rng(4)
     pixels = rng.integers(20, SIZE - 20, (80, 2))
-    d = rays(pixels, 24)
+    d = rays(pixels, 64 if paint is HARD else 24)
     triangles = surface.topology.triangles
     corners = surface.points[triangles] + [0.0, DISTANCE, 0.0]
     inverse = np.linalg.inv(np.swapaxes(corners, 1, 2))
@@ -176,4 +176,4 @@ def test_an_unfolded_dome_with_its_seams(device: Device) -> None:
         error.append(frame[pixel[0], pixel[1]] - albedo(paint, st).mean())
     rms = np.sqrt(np.mean(np.square(error)))
     print(f"dome: RMS {rms:.1e} of {len(error)}")
-    assert len(error) > 45 and rms < 5e-4
+    assert len(error) > 45 and rms < (1.5e-3 if paint is HARD else 5e-4)

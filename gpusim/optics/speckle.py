@@ -302,13 +302,10 @@ def _count(grid: SpeckleGrid, length: Array) -> Long:
 
 
 def _rows_over(grid: SpeckleGrid, length: Array) -> Long:
-    """Rows (n,) of triangles up to a length (n,): hard ones are exact along rows, so that small
-    triangles need few."""
-    assert grid.pieces is not None
+    """Rows (n,) of triangles up to a length (n,)."""
     if grid.soft:
         return 3 * _count(grid, length)
-    quarters = np.ceil(np.minimum(2.0 * length / grid.pieces.usual, 1e6) - 1e-4)
-    return 4 * np.clip(quarters, 1, EDGE_ROWS // 4).astype(np.int64)
+    return np.full(len(length), EDGE_ROWS)
 
 
 def row_turns(grid: SpeckleGrid, length: Array) -> Long:

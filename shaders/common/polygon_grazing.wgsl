@@ -30,9 +30,7 @@ fn polygon_grazing(
         if (area == 0.0) { continue; }
         let far = max(length(paint_position(t, d + polygon.p[k]) - origin),
             length(paint_position(t, d + polygon.p[k + 1]) - origin));
-        // hard edges are exact along rows, so that small triangles need few
-        let quarters = max(ceil(min(2.0 * far / cells.piece, 1e6) - 1e-4), 1.0);
-        var steps = min(4u * u32(quarters), hard_rows);
+        var steps = hard_rows;
         if (cells.soft) { steps = 3u * u32(row_pieces(cells, far)); }
         for (var j = 0u; j < steps; j++) {
             let row = row_step(j, steps, cells.soft);
