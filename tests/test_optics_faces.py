@@ -11,7 +11,8 @@ import gpusim as gs
 from gpusim.errors import InputError
 from gpusim.gpu import Device
 from gpusim.optics.view import look
-from gpusim.surface.topology import Topology
+from gpusim.surface.plane import used_vertices
+from gpusim.surface.topology import Topology, sorted_keys
 
 
 def board(columns: int, rows: int, pixels: float) -> tuple[gs.Surface, gs.Camera]:
@@ -106,3 +107,31 @@ def test_many_faces_off_the_image_are_dropped_before_any_work() -> None:
     surface, camera = board(200, 200, 4.0)
     view = look([surface], camera, lit=True)
     assert len(surface.faces) == 40_000 and 80 < view.count < 400
+
+
+@pytest.mark.parametrize("largest", [50, 2**62])
+def test_keys_are_sorted_in_stable_order(largest: int) -> None:
+    rng = np.random.default_rng(2)
+    keys = rng.integers(0, 40, 300) * (largest // 50)
+    order, found = sorted_keys(keys)
+    np.testing.assert_array_equal(order, np.argsort(keys, kind="stable"))
+    np.testing.assert_array_equal(found, keys[order])
+
+
+def test_vertices_without_a_face_are_left_out() -> None:
+    faces = np.array([[5, 2, 1, -1], [2, 5, 7, 4]], np.int32)
+    assert used_vertices(faces, 9).tolist() == [1, 2, 4, 5, 7]
+    assert used_vertices(faces[:1, :3], 6).tolist() == [1, 2, 5]
+
+
+def test_rows_keep_all_that_belongs_to_their_triangles() -> None:
+    surface, camera = board(9, 7, 2.3)
+    speckled = gs.Surface(
+        surface.points, surface.faces, gs.paint.Speckle(3.0, 0.4, seed=1), reference=surface.points
+    )
+    view = look([speckled], camera, lit=False)
+    part = view.over_rows(5, 9)
+    assert 0 < part.count < view.count and view.footprint.any()
+    own = [np.flatnonzero((view.screen == one).all(axis=(1, 2)))[0] for one in part.screen]
+    for name in ("corners", "planes", "paint", "face", "footprint"):
+        np.testing.assert_array_equal(getattr(part, name), getattr(view, name)[own])

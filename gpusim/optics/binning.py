@@ -15,10 +15,11 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.optics.contact import settle
+from gpusim.optics.corners import CHUNK, corner_range
 from gpusim.optics.cutting import Screen
 from gpusim.optics.piercing import piercings
 from gpusim.optics.ragged import expand
-from gpusim.optics.view import POSITION, View, corner_range
+from gpusim.optics.view import POSITION, View
 
 __all__ = ["EdgePixels", "bin_edges", "segment_pixels"]
 
@@ -100,12 +101,7 @@ def bin_edges(view: View) -> EdgePixels:
     cut = segment_pixels(_cuts(view), width, height)
     if len(cut):
         pixel = np.union1d(pixel, cut)
-    lowest, highest = corner_range(view.screen)
-    low = np.floor(lowest + 0.5).astype(np.int64)
-    high = np.floor(highest + 0.5).astype(np.int64)
-    low, high = np.maximum(low, 0), np.minimum(high, [width - 1, height - 1])
-    some = _near_pixels(pixel, low, high, width, height)
-    low, high = low[some], high[some]
+    some, low, high = _near_pixels(pixel, view)
     triangle, step = expand(np.maximum(high[:, 1] - low[:, 1] + 1, 0))
     row = low[triangle, 1] + step
     first = np.searchsorted(pixel, row * width + low[triangle, 0])
@@ -140,30 +136,34 @@ def _cuts(view: View) -> npt.NDArray[np.float64]:
 
 
 def _near_pixels(
-    pixel: npt.NDArray[np.int64],
-    low: npt.NDArray[np.int64],
-    high: npt.NDArray[np.int64],
-    width: int,
-    height: int,
-) -> npt.NDArray[np.int64]:
-    """Numbers of the boxes ``low`` to ``high`` (T, 2) px with a tile that holds an edge pixel.
+    pixel: npt.NDArray[np.int64], view: View
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """Numbers (n,) of the triangles in whose boxes a tile holds an edge pixel, and these boxes:
+    lowest and highest column and row (n, 2) in the image.
 
     Most faces of a fine mesh have none near; a summed-area table of the tiles tells.
     """
+    width, height = view.camera.width, view.camera.height
     held = np.zeros((-(-height // TILE), -(-width // TILE)), np.int32)
     held[pixel // width // TILE, pixel % width // TILE] = 1
     total = np.zeros((held.shape[0] + 1, held.shape[1] + 1), np.int32)
     total[1:, 1:] = held.cumsum(axis=0).cumsum(axis=1)
-    # beside the image a box is empty
-    seen = (low[:, 0] <= high[:, 0]) & (low[:, 1] <= high[:, 1])
-    number = np.flatnonzero(seen)
-    left, top = (low[number, axis] // TILE for axis in (0, 1))
-    right, bottom = (high[number, axis] // TILE + 1 for axis in (0, 1))
     flat, across = total.ravel(), total.shape[1]
-    top, bottom = top * across, bottom * across
-    count = flat[bottom + right] - flat[top + right] - flat[bottom + left] + flat[top + left]
-    result: npt.NDArray[np.int64] = number[count > 0]
-    return result
+    parts = [(np.zeros(0, np.int64), np.zeros((0, 2), np.int64), np.zeros((0, 2), np.int64))]
+    for start in range(0, view.count if len(pixel) else 0, CHUNK):
+        lowest, highest = corner_range(view.screen[start : start + CHUNK])
+        low = np.maximum(np.floor(lowest + 0.5), 0.0).astype(np.int64)
+        high = np.minimum(np.floor(highest + 0.5), [width - 1, height - 1]).astype(np.int64)
+        # beside the image a box is empty
+        number = np.flatnonzero((low[:, 0] <= high[:, 0]) & (low[:, 1] <= high[:, 1]))
+        left, top = (low[number, axis] // TILE for axis in (0, 1))
+        right, bottom = (high[number, axis] // TILE + 1 for axis in (0, 1))
+        top, bottom = top * across, bottom * across
+        count = flat[bottom + right] - flat[top + right] - flat[bottom + left] + flat[top + left]
+        near = number[count > 0]
+        parts.append((start + near, low[near], high[near]))
+    some, low, high = (np.concatenate([part[k] for part in parts]) for k in range(3))
+    return some, low, high
 
 
 def _touches(corners: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:

@@ -19,13 +19,18 @@ from gpusim.errors import InputError
 from gpusim.optics.camera import Camera
 from gpusim.optics.distortion_map import distortion_map
 
-__all__ = ["LONGEST_EDGE", "Pieces", "Screen", "clip", "split", "without_area"]
+__all__ = [
+    "LONGEST_EDGE", "SHORT_EDGE", "Pieces", "Screen", "clip", "extent", "split", "without_area",
+]  # fmt: skip
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
 LONGEST_EDGE = 512.0
 """px; longer edges are split so that float32 offsets from the anchor stay exact enough."""
+
+SHORT_EDGE = 0.7 * LONGEST_EDGE
+"""px; no edge of a triangle within a box of this side is longer."""
 
 LONGEST_BENT = 256.0
 """px; the same with a bent lens, so that the tests of an edge see all of its bends."""
@@ -198,7 +203,7 @@ def split(pieces: Pieces, screen: Screen) -> tuple[Pieces, Array]:
             pieces, ideal = pieces[keep], ideal[keep]
         if screen.camera.lens is None:
             place, good = ideal, np.ones(len(ideal), bool)
-            if _extent(ideal) <= 0.7 * LONGEST_EDGE:
+            if extent(ideal) <= SHORT_EDGE:
                 return Pieces.joined([*done, pieces]), _joined([*places, place])
         else:
             place = screen.bent(ideal)
@@ -285,7 +290,7 @@ def _columns(triangles: Array) -> tuple[list[Array], list[Array]]:
     return x, y
 
 
-def _extent(triangles: Array) -> float:
+def extent(triangles: Array) -> float:
     """The longest side of a box round any of triangles (n, 3, 2)."""
     most = 0.0
     for a, b, c in _columns(triangles):

@@ -61,14 +61,18 @@ def feature_edges(
 
 
 def smooth_normals(
-    area: Array, triangles: npt.NDArray[np.int32], vertices: int, smooth_angle: float
+    area: Array,
+    direction: Array,
+    triangles: npt.NDArray[np.int32],
+    vertices: int,
+    smooth_angle: float,
 ) -> tuple[Array, npt.NDArray[np.bool_]]:
     """Unit normals (3, vertices), and where corners have their own (vertices,).
 
     They are the mean of the normals ``area`` (3, T) of the triangles at a vertex, weighted by
-    area. Where two of those may differ by more than ``smooth_angle``, see `sharp_normals`.
+    area; ``direction`` (3, T) are those of length 1. Where two of those may differ by more than
+    ``smooth_angle``, see `sharp_normals`.
     """
-    direction = unit(area)
     columns = [np.ascontiguousarray(triangles[:, j]) for j in range(3)]
     mean = np.zeros((3, vertices))
     for k in range(3):

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +18,7 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.gpu import Device
 from gpusim.gpu.texels import Texels
+from gpusim.optics.corners import CHUNK, corner_range
 from gpusim.optics.speckle_table import MOST_TEXELS, SpeckleTable, speckle_table
 from gpusim.optics.view import RegionPaint
 from gpusim.surface.features import Features, Paint
@@ -135,37 +136,53 @@ class PatternTable:
         texels.write(data)
         return texels
 
-    def near_features(
-        self, paint: npt.NDArray[np.int32], low: Array, high: Array
-    ) -> npt.NDArray[np.bool_]:
-        """Whether any cell under boxes ``low`` to ``high`` (n, 2) of the paints (n,) has features.
+    def near_features(self, paint: npt.NDArray[np.int32], st: Array) -> npt.NDArray[np.bool_]:
+        """Whether any cell under triangles with corners ``st`` (n, 3, 2) of paints (n,) has
+        features.
 
         Counts come from a summed-area table per paint.
         """
         result = self.paints["featured"][paint] > 1  # speckle and bitmaps are everywhere
-        for number in np.flatnonzero(self.paints["featured"] == 1):
+        for number in np.flatnonzero(self.paints["featured"] == 1).tolist():
             rows = np.flatnonzero(paint == number)
+            whole = len(rows) == len(paint)
+            for first in range(0, len(rows), CHUNK):
+                part = slice(first, first + CHUNK) if whole else rows[first : first + CHUNK]
+                low, high = corner_range(st[part])
+                result[part] = self._filled(number, low, high) > 0
+        return result
+
+    def _filled(self, number: int, low: Array, high: Array) -> npt.NDArray[np.int64]:
+        """Features on file in the cells under boxes ``low`` to ``high`` (n, 2) of a paint."""
+        record = self.paints[number]
+        total = self._sums(number)
+        flat, across = total.ravel(), total.shape[1]
+        ends = []
+        for axis, most in ((0, int(record["columns"])), (1, int(record["rows"]))):
+            start = int(record[("i0", "j0")[axis]])
+            # one cell more on each side: a pixel's centre may lie just outside its triangle
+            for bound, more in ((low, -1), (high, 2)):
+                cell = np.floor(bound[:, axis] / record["cell"]) + (more - start)
+                ends.append(np.clip(cell, 0, most).astype(np.int64))
+        left, right, top, bottom = ends
+        top, bottom = top * across, bottom * across
+        count = flat[bottom + right] - flat[top + right] - flat[bottom + left] + flat[top + left]
+        return np.asarray(count)
+
+    def _sums(self, number: int) -> npt.NDArray[np.int64]:
+        """The summed-area table of a paint's cells, one row and column more."""
+        if number not in self._summed:
             record = self.paints[number]
-            shape = (int(record["rows"]), int(record["columns"]))
-            first = int(record["first"])
+            shape, first = (int(record["rows"]), int(record["columns"])), int(record["first"])
             filled = np.diff(self.cell_start[first : first + shape[0] * shape[1] + 1].astype(int))
             total = np.zeros((shape[0] + 1, shape[1] + 1), np.int64)
             total[1:, 1:] = filled.reshape(shape).cumsum(axis=0).cumsum(axis=1)
-            flat, across = total.ravel(), shape[1] + 1
-            ends = []
-            for axis, most in ((0, shape[1]), (1, shape[0])):
-                start = int(record[("i0", "j0")[axis]])
-                # one cell more on each side: a pixel's centre may lie just outside its triangle
-                for bound, more in ((low, -1), (high, 2)):
-                    own = bound[:, axis] if len(rows) == len(paint) else bound[rows, axis]
-                    cell = np.floor(own / record["cell"]) + (more - start)
-                    ends.append(np.clip(cell, 0, most).astype(np.int64))
-            left, right, top, bottom = ends
-            top, bottom = top * across, bottom * across
-            count = flat[bottom + right] - flat[top + right] - flat[bottom + left]
-            count += flat[top + left]
-            result[rows] = count > 0
-        return result
+            self._summed[number] = total
+        return self._summed[number]
+
+    @cached_property
+    def _summed(self) -> dict[int, npt.NDArray[np.int64]]:
+        return {}
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,8 +26,8 @@ __all__ = ["render"]
 
 BAND_BYTES = 1 << 25
 WIDEST = 8192
-MOST_TRIANGLES = 1_000_000
-"""Triangles set up at once: their records fill most of a portable binding (128 MiB)."""
+MOST_TRIANGLES = 4_000_000
+"""Triangles set up at once: their records fill most of a portable texture (2^25 texels)."""
 
 FEWEST_ROWS = 16
 FINEST_ERROR = 0.25

@@ -21,7 +21,10 @@ if TYPE_CHECKING:
 __all__ = ["SeenPass", "small_triangles"]
 
 SMALL = 200.0
-"""px; triangles that cover fewer are shaded pixel by pixel."""
+"""px; triangles that cover fewer are shaded pixel by pixel.
+
+Several programs pass over all of the image once more.
+"""
 
 FEWEST = 2000
 """Triangles of a view that is worth it."""
@@ -36,8 +39,10 @@ def small_triangles(view: View) -> bool:
         return False
     corners = view.screen[:: -(-view.count // SAMPLED)]
     a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    area = 0.5 * np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
-    return bool(area.mean() <= SMALL)
+    pixels = 0.5 * float(np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).mean()) * view.count
+    if len(view.paints) > 1:
+        pixels += view.camera.width * view.camera.height
+    return pixels <= SMALL * view.count
 
 
 class SeenPass:

@@ -6,7 +6,7 @@ evaluate the same coefficients at pixels.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -16,11 +16,12 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.optics.bitmap import BITMAP, PIECES, BitmapTable, pieces_needed
 from gpusim.optics.camera import Camera
+from gpusim.optics.coefficients import BLOCK, Coefficients, coefficients
 from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.light import AmbientLight, AreaLight, Light, PointLight
 from gpusim.optics.lighting import Lighting
 from gpusim.optics.pattern import PatternTable
-from gpusim.optics.view import CHUNK, NORMAL, ST, View, corner_mean, corner_range, look
+from gpusim.optics.view import ST, View, look
 from gpusim.surface.paint import Checker, Dots, Image, Markers, Paint, Plain, Speckle
 from gpusim.surface.surface import Surface
 
@@ -33,6 +34,13 @@ TRIANGLE = np.dtype(
      ("place", "<i4", 4), ("more", "<f4", 4)]
 )  # fmt: skip
 
+WORDS = {
+    0: (0, 2), 1: (0, 0), 2: (0, 1), 3: (1, 2), 4: (1, 0), 5: (1, 1), 6: (2, 0), 7: (2, 1),
+    8: (3, 2), 9: (4, 2), 10: (5, 2), 11: (2, 2), 12: (3, 0), 13: (4, 0), 14: (5, 0),
+    16: (3, 1), 17: (4, 1), 18: (5, 1),
+}  # fmt: skip
+"""Which of a record's words are which of `Setup.planes`."""
+
 GRAZING = 4
 """Added to the number of a group of triangles whose speckle is cut pixel by pixel."""
 
@@ -41,10 +49,10 @@ GRAZING = 4
 class Setup:
     """Per-triangle shading coefficients of a view, float64.
 
-    ``planes`` (T, 6, 3): s, t, w and the three normal components as affine functions of
+    ``near_feature`` (T,): whether a pixel in it can reach a feature of its pattern, or shows a
+    bitmap. ``planes`` (T, 6, 3): s, t, w and the three normal components as affine functions of
     (dx, dy, 1), the offset from ``anchor`` (T, 2); ``cell`` (T, 2): the pattern cell that s and t
-    are relative to; ``mean_inverse`` (T,): 1 / depth that w is relative to; ``near_feature`` (T,):
-    whether a pixel in it can reach a feature of its pattern, or shows a bitmap.
+    are relative to; ``mean_inverse`` (T,): 1 / depth that w is relative to.
     """
 
     view: View
@@ -53,10 +61,6 @@ class Setup:
     lighting: Lighting
     background: float
     lit: bool
-    planes: Array
-    anchor: npt.NDArray[np.int32]
-    cell: npt.NDArray[np.int64]
-    mean_inverse: Array
     near_feature: npt.NDArray[np.bool_]
 
     @staticmethod
@@ -74,56 +78,81 @@ class Setup:
         bitmaps = BitmapTable.build(view.paints, table.paints)
         lit = lights is not None
         lighting = Lighting.build(view, lights, surfaces)
-        anchor = np.rint(corner_mean(view.ideal)).astype(np.int32)
-        size = table.paints["cell"][view.paint].astype(np.float64)
-        st = bitmaps.texel_positions(view.paint, view.corners[:, :, ST])
-        cell = np.floor(corner_mean(st) / size[:, None])
-        cell *= (table.paints["featured"][view.paint] > 0)[:, None]
-        mean_inverse = corner_mean(view.inverse_depth())
-        planes = _planes(view, st, cell * size[:, None], mean_inverse, anchor, lit)
-        near = table.near_features(view.paint, *corner_range(st))
-        return Setup(
-            view, table, bitmaps, lighting, background, lit, planes, anchor,
-            cell.astype(np.int64), mean_inverse, near,
-        )  # fmt: skip
+        near = table.near_features(view.paint, view.corners[:, :, ST])
+        return Setup(view, table, bitmaps, lighting, background, lit, near)
+
+    def _coefficients(self) -> Iterator[Coefficients]:
+        return coefficients(self.view, self.table, self.bitmaps, self.lit)
+
+    @cached_property
+    def _all_coefficients(self) -> tuple[Array, Array, Array, Array]:
+        """Planes, anchors, cells and mean 1 / z of all triangles, for the twins."""
+        count = self.view.count
+        planes, anchor = np.zeros((count, 6, 3)), np.zeros((count, 2))
+        cell, mean_inverse = np.zeros((count, 2)), np.zeros(count)
+        for found in self._coefficients():
+            planes[found.part] = np.moveaxis(found.planes, 2, 0)
+            anchor[found.part], cell[found.part] = found.anchor.T, found.cell.T
+            mean_inverse[found.part] = found.mean_inverse
+        return planes, anchor, cell, mean_inverse
+
+    @property
+    def planes(self) -> Array:
+        """(T, 6, 3): s, t, w and the three normal components, affine in (dx, dy, 1)."""
+        return self._all_coefficients[0]
+
+    @property
+    def anchor(self) -> Array:
+        """(T, 2): whole px of the ideal image."""
+        return self._all_coefficients[1]
+
+    @cached_property
+    def cell(self) -> npt.NDArray[np.int64]:
+        """(T, 2): pattern cells."""
+        return self._all_coefficients[2].astype(np.int64)
+
+    @property
+    def mean_inverse(self) -> Array:
+        """(T,): 1 / depth."""
+        return self._all_coefficients[3]
 
     def records(self) -> npt.NDArray[np.void]:
         """The triangles as the shader reads them."""
         result = np.zeros(max(self.view.count, 1), TRIANGLE)
-        records = result[: self.view.count]
-        p = self.planes
-        paint, gloss = self.view.paint, self.lighting.gloss
-        featured = self.table.paints["featured"][paint]
-        # beside "near a feature": 2 where a pattern is one material with its ground
-        near = self.near_feature * np.where(featured > 1, 2.0, 1.0)
-        rough, metallic = np.ones(len(paint)), np.zeros(len(paint))
+        words = result.view(np.float32).reshape(len(result), -1)
+        gloss, paints = self.lighting.gloss, self.table.paints
+        rough, metallic = np.ones(len(paints)), np.zeros(len(paints))
         if gloss is not None:
-            rough = np.where(gloss.glossy, gloss.alpha, 1.0)[paint]
-            metallic = gloss.metallic[paint]
-        columns: dict[str, tuple[npt.NDArray[np.generic], ...]] = {
-            "st": (p[:, 0, 2], p[:, 0, 0], p[:, 0, 1], p[:, 1, 2]),
-            "tw": (p[:, 1, 0], p[:, 1, 1], p[:, 2, 0], p[:, 2, 1]),
-            "n0": (p[:, 3, 2], p[:, 4, 2], p[:, 5, 2], p[:, 2, 2]),
-            "nx": (p[:, 3, 0], p[:, 4, 0], p[:, 5, 0], self.mean_inverse),
-            "ny": (p[:, 3, 1], p[:, 4, 1], p[:, 5, 1], paint),
-            "place": (self.anchor[:, 0], self.anchor[:, 1], self.cell[:, 0], self.cell[:, 1]),
-            "more": (self.table.paints["ground"][paint], near, rough, metallic),
-        }
-        # a few thousand at a time, so that they stay in the processor's cache
-        for first in range(0, len(records), CHUNK // 4):
-            part = records[first : first + CHUNK // 4]
-            for name, values in columns.items():
-                for k, value in enumerate(values):
-                    part[name][:, k] = value[first : first + CHUNK // 4]
-                bad = ~np.isfinite(part[name])
-                if bad.any():
-                    triangle = int(np.argmax(bad.any(axis=1)))
-                    raise InputError(
-                        f"render: triangle {first + triangle}, {name}: beyond float32; got "
-                        f"{part[name][triangle].tolist()}; expected coordinates whose ratios to "
-                        "the distance stay below 1e38: choose another unit of length"
-                    )
+            rough, metallic = np.where(gloss.glossy, gloss.alpha, 1.0), gloss.metallic
+        # beside "near a feature": 2 where a pattern is one material with its ground
+        whole = np.where(paints["featured"] > 1, 2.0, 1.0)
+        block = np.zeros((words.shape[1], BLOCK), np.float32)
+        for found in self._coefficients():
+            part, paint = found.part, self.view.paint[found.part]
+            columns = block[:, : len(paint)]
+            for word, (row, k) in WORDS.items():
+                if row < 3 or self.lit:
+                    columns[word] = found.planes[row, k]
+            columns[15], columns[19] = found.mean_inverse, paint
+            places = columns[20:24].view(np.int32)
+            places[:2], places[2:] = found.anchor, found.cell
+            columns[24] = paints["ground"][paint]
+            columns[25] = self.near_feature[part] * whole[paint]
+            columns[26], columns[27] = rough[paint], metallic[paint]
+            bad = ~np.isfinite(columns[:20])
+            if bad.any():
+                self._refuse(int(np.argmax(bad.any(axis=0))), columns, part.start)
+            words[part] = columns.T
         return result
+
+    def _refuse(self, triangle: int, columns: npt.NDArray[np.float32], first: int) -> None:
+        word = int(np.argmin(np.isfinite(columns[:20, triangle]))) // 4
+        name = list(TRIANGLE.fields or ())[word]
+        raise InputError(
+            f"render: triangle {first + triangle}, {name}: beyond float32; got "
+            f"{columns[4 * word : 4 * word + 4, triangle].tolist()}; expected coordinates whose "
+            "ratios to the distance stay below 1e38: choose another unit of length"
+        )
 
     def rays(self) -> Array:
         """(3, 3): columns x, y, 1 of the world-space ray of unit depth through a pixel."""
@@ -215,37 +244,6 @@ class Setup:
         if bends is None:
             return at, np.broadcast_to(np.eye(2), (len(at), 2, 2))
         return bends.ideal(at)
-
-
-def _planes(
-    view: View,
-    st: Array,
-    origin: Array,
-    mean_inverse: Array,
-    anchor: npt.NDArray[np.int32],
-    lit: bool,
-) -> Array:
-    """`Setup.planes`: attributes (s, t from ``origin``, 1, normals) times barycentric planes.
-
-    A few thousand triangles at a time, so that they stay in the processor's cache.
-    """
-    columns = np.zeros((6, 3, view.count))
-    for first in range(0, view.count, CHUNK):
-        part = slice(first, first + CHUNK)
-        scale = 1.0 / mean_inverse[part]
-        basis = [[view.planes[part, i, k] * scale for k in range(3)] for i in range(3)]
-        at = [anchor[part, axis].astype(np.float64) for axis in (0, 1)]
-        for row in range(6 if lit else 3):
-            if row == 2:
-                value = [np.ones(len(scale))] * 3
-            elif row < 2:
-                value = [st[part, i, row] - origin[part, row] for i in range(3)]
-            else:
-                value = [view.corners[part, i, NORMAL.start + row - 3] for i in range(3)]
-            slope = [sum(value[i] * basis[i][k] for i in range(3)) for k in range(3)]
-            columns[row, 0, part], columns[row, 1, part] = slope[0], slope[1]
-            columns[row, 2, part] = slope[2] + slope[0] * at[0] + slope[1] * at[1]
-    return np.moveaxis(columns, 2, 0)
 
 
 def footprint(

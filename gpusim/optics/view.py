@@ -17,9 +17,24 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.errors import InputError
 from gpusim.optics.camera import Camera
-from gpusim.optics.cutting import LONGEST_EDGE, Pieces, Screen, clip, split, without_area
+from gpusim.optics.corners import (
+    CHUNK,
+    at_corners,
+    barycentric_planes,
+    corner_range,
+    in_camera,
+)  # fmt: skip
+from gpusim.optics.cutting import (
+    LONGEST_EDGE,
+    SHORT_EDGE,
+    Pieces,
+    Screen,
+    clip,
+    extent,
+    split,
+    without_area,
+)  # fmt: skip
 from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.grazing import grazing_reach
 from gpusim.optics.outline import area_normals, feature_edges, sharp_normals, smooth_normals, unit
@@ -29,17 +44,12 @@ from gpusim.surface.plane import PaintFrame
 from gpusim.surface.speckle import Speckle
 from gpusim.surface.surface import Surface
 
-__all__ = [
-    "FIXED", "LONGEST_EDGE", "RegionPaint", "View", "corner_mean", "corner_range", "look",
-]  # fmt: skip
+__all__ = ["FIXED", "LONGEST_EDGE", "RegionPaint", "View", "look"]
 
 Array = npt.NDArray[np.float64]
 
 FIXED = 65536
 """Steps of a screen coordinate in fixed point per pixel."""
-
-CHUNK = 1 << 14
-"""Triangles worked on at a time, so that they stay in the processor's cache."""
 
 NEAR = 1e-4
 """Near plane, as a share of the farthest depth in view."""
@@ -109,7 +119,7 @@ class View:
         return replace(
             self, corners=self.corners[own], screen=self.screen[own], paint=self.paint[own],
             face=self.face[own], edges=self.edges[near], planes=self.planes[own],
-            body=self.body[own],
+            footprint=self.footprint[own], body=self.body[own],
         )  # fmt: skip
 
     def inverse_depth(self) -> npt.NDArray[np.float64]:
@@ -126,7 +136,11 @@ class View:
 
     def fixed(self) -> npt.NDArray[np.int32]:
         """Screen positions in fixed point, (T, 3, 2)."""
-        return np.rint(self.screen * FIXED).astype(np.int32)
+        result = np.empty(self.screen.shape, np.int32)
+        for first in range(0, self.count, CHUNK):
+            part = slice(first, first + CHUNK)
+            result[part] = np.rint(self.screen[part] * FIXED)
+        return result
 
 
 def look(surfaces: Sequence[Surface], camera: Camera, lit: bool) -> View:
@@ -135,7 +149,7 @@ def look(surfaces: Sequence[Surface], camera: Camera, lit: bool) -> View:
     Faces of closed surfaces that look away are dropped; those of open ones are turned round.
     """
     screen = Screen(camera)
-    at = [camera.to_camera(surface.points) for surface in surfaces]
+    at = [in_camera(camera, surface.points) for surface in surfaces]
     far = max((float(points[:, 2].max()) for points in at), default=0.0)
     empty: npt.NDArray[np.int64] = np.zeros(0, np.int64)
     parts = [Pieces(np.zeros((0, 3, 11)), np.zeros((0, 3), bool), empty)]
@@ -185,13 +199,14 @@ def _pieces(
     ideal[ahead] = screen.ideal(points[ahead])
     seen = _may_be_seen(triangles, ahead, ideal, screen)
     keep = seen & front if topology.closed else seen
-    shows = feature_edges(topology, front, surface.regions, unit(area), surface.smooth_angle, keep)
+    direction = unit(area)
+    shows = feature_edges(topology, front, surface.regions, direction, surface.smooth_angle, keep)
     kept = np.flatnonzero(keep)
     if ahead.all():
         # as `split` would do later, with more to carry
         corner = [np.ascontiguousarray(triangles[kept, k]) for k in range(3)]
         kept = kept[~without_area(*([ideal[:, axis][c] for c in corner] for axis in (0, 1)))]
-    table = _table(surface, points, area, kept, front, lit, screen.camera)
+    table, corner = _table(surface, points, (area, direction), kept, front, lit, screen.camera)
     chosen = triangles[kept]
     for number, paint in enumerate(surface.paints.values()):
         if isinstance(paint, Speckle):
@@ -211,22 +226,29 @@ def _pieces(
         for normal in screen.guards():
             cut = clip(cut, normal, 0.0)
         pieces = Pieces.joined([pieces[~crossing], cut])
+    elif ahead.all() and screen.camera.lens is None:
+        place = at_corners(ideal, corner)
+        if extent(place) <= SHORT_EDGE:
+            # what `split` would find, which has been seen to already
+            return pieces, place
     return split(pieces, screen)
 
 
 def _table(
     surface: Surface,
     points: Array,
-    area: Array,
+    normals: tuple[Array, Array],
     kept: npt.NDArray[np.int64],
     front: npt.NDArray[np.bool_],
     lit: bool,
     camera: Camera,
-) -> Array:
+) -> tuple[Array, list[npt.NDArray[np.int32]]]:
     """Corners (n, 3, 11) of the triangles ``kept``, those that look away turned round.
 
-    A view of (3, 11, n), so that whatever passes over one column reads nothing else.
+    A view of (3, 11, n), so that whatever passes over one column reads nothing else. Also the
+    vertices (n,) at each corner. ``normals``: by area, and of length 1.
     """
+    area, direction = normals
     triangles = surface.topology.triangles
     turned = ~front[kept]
     away = np.flatnonzero(turned)
@@ -246,7 +268,7 @@ def _table(
     fill(REFERENCE.start, surface.rest.T)
     if lit:
         angle, to_world = surface.smooth_angle, camera.camera_from_world[:3, :3].T
-        normal, sharp = smooth_normals(area, triangles, len(points), angle)
+        normal, sharp = smooth_normals(area, direction, triangles, len(points), angle)
         fill(NORMAL.start, to_world @ normal)
         if sharp.any():
             rows, k = np.nonzero(np.stack([sharp[c] for c in corner], axis=1))
@@ -265,59 +287,26 @@ def _table(
         own = frame.of_triangles(surface.rest[triangles[kept[rows]]], kept[rows])
         own[turned[rows]] = own[turned[rows]][:, [0, 2, 1]]
         table[rows, :, ST] = own
-    return table
+    return table, corner
 
 
 def _may_be_seen(
     triangles: npt.NDArray[np.int32], ahead: npt.NDArray[np.bool_], ideal: Array, screen: Screen
 ) -> npt.NDArray[np.bool_]:
     """(T,) whether triangles are at least partly ahead and not wholly beside the image."""
-    result: npt.NDArray[np.bool_] | None = None
+    # a bit for every side that a corner is beside; one behind the camera is on no side
+    sides = np.zeros(len(ideal), np.uint8)
     for axis in range(2):
         value = ideal[:, axis]
-        for beside in (value <= screen.low[axis], value >= screen.high[axis]):
-            # a corner behind the camera is on no side
-            beside &= ahead
-            misses = beside[triangles[:, 0]] & beside[triangles[:, 1]] & beside[triangles[:, 2]]
-            result = ~misses if result is None else result & ~misses
-    assert result is not None
-    return result & ahead[triangles].any(axis=1)
-
-
-def barycentric_planes(corners: Array, camera: Camera) -> Array:
-    """(T, 3, 3): row i holds the coefficients of b_i as an affine function of [x, y, 1]."""
-    p = [[np.ascontiguousarray(corners[:, k, axis]) for axis in range(3)] for k in range(3)]
-    columns = np.empty((3, 3, len(corners)))
-    D = camera.ray_matrix()
-    for i in range(3):
-        (ux, uy, uz), (vx, vy, vz) = p[(i + 1) % 3], p[(i + 2) % 3]
-        x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-        if i == 0:
-            determinant = p[0][0] * x + p[0][1] * y + p[0][2] * z
-            if not np.all(determinant != 0.0):
-                raise InputError("a triangle is seen exactly edge-on; it should have been dropped")
-            scale = 1.0 / determinant
-        for k in range(3):
-            # the ray matrix is upper triangular
-            row = x * D[0, k]
-            if k > 0:
-                row += y * D[1, k]
-            if k > 1:
-                row += z * D[2, k]
-            np.multiply(row, scale, out=columns[i, k])
-    return np.moveaxis(columns, 2, 0)
-
-
-def corner_mean(values: Array) -> Array:
-    """Mean over the corners of (T, 3, …); NumPy's own is slow along so short an axis."""
-    result: Array = (values[:, 0] + values[:, 1] + values[:, 2]) / 3.0
+        sides |= (value <= screen.low[axis]).view(np.uint8) << np.uint8(2 * axis)
+        sides |= (value >= screen.high[axis]).view(np.uint8) << np.uint8(2 * axis + 1)
+    sides *= ahead.view(np.uint8)
+    corner = [triangles[:, k] for k in range(3)]
+    result: npt.NDArray[np.bool_]
+    result = (sides[corner[0]] & sides[corner[1]] & sides[corner[2]]) == 0
+    if not ahead.all():
+        result &= ahead[corner[0]] | ahead[corner[1]] | ahead[corner[2]]
     return result
-
-
-def corner_range(values: Array) -> tuple[Array, Array]:
-    """Lowest and highest over the corners of (T, 3, …)."""
-    a, b, c = values[:, 0], values[:, 1], values[:, 2]
-    return np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
 
 
 def _with_reach(

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 
-__all__ = ["PaintFrame", "face_normals", "plane_frame"]
+__all__ = ["PaintFrame", "face_normals", "plane_frame", "used_vertices"]
 
 PLANAR_COSINE = float(np.cos(np.radians(1.0)))
 
@@ -81,16 +81,30 @@ def plane_frame(
             f"{where}: a pattern needs a plane region; got faces whose normals differ by more "
             "than 1 degree; split the region or give frames"
         )
-    return PaintFrame.facing(unit, points[np.unique(faces[faces >= 0])], up)
+    return PaintFrame.facing(unit, points[used_vertices(faces, len(points))], up)
+
+
+def used_vertices(faces: npt.NDArray[np.int32], count: int) -> npt.NDArray[np.int64]:
+    """The numbers of those of ``count`` vertices that faces (F, 3) or (F, 4) have, in order."""
+    used = np.zeros(count + 1, bool)  # -1 is the last one
+    used[faces] = True
+    return np.flatnonzero(used[:count])
 
 
 def face_normals(
     points: npt.NDArray[np.float64], faces: npt.NDArray[np.int32]
 ) -> npt.NDArray[np.float64]:
     """Outward normals (F, 3) of (F, 4) faces, as long as the face's area."""
-    last = np.where(faces[:, 3] >= 0, faces[:, 3], faces[:, 2])
-    a, b, c, d = (points[index] for index in (faces[:, 0], faces[:, 1], faces[:, 2], last))
-    normals: npt.NDArray[np.float64] = 0.5 * np.cross(c - a, d - b)
-    triangle = faces[:, 3] < 0
-    normals[triangle] = 0.5 * np.cross(b - a, c - a)[triangle]
+    a, b, c, d = (np.ascontiguousarray(faces[:, k]) for k in range(4))
+    triangle = d < 0
+    # of a triangle: from its first corner to the others
+    first = np.where(triangle, b, c), a
+    second = np.where(triangle, c, d), np.where(triangle, a, b)
+    columns = [np.ascontiguousarray(points[:, axis]) for axis in range(3)]
+    (ux, uy, uz), (vx, vy, vz) = (
+        [column[to] - column[start] for column in columns] for to, start in (first, second)
+    )
+    normals = np.empty((len(faces), 3))
+    for axis, normal in enumerate((uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx)):
+        normals[:, axis] = 0.5 * normal
     return normals

@@ -14,7 +14,7 @@ from gpusim.errors import InputError
 from gpusim.inputs import checked
 from gpusim.surface.frames import Frame
 from gpusim.surface.paint import Paint, Plain
-from gpusim.surface.plane import PaintFrame, face_normals, plane_frame
+from gpusim.surface.plane import PaintFrame, face_normals, plane_frame, used_vertices
 from gpusim.surface.topology import Topology, triangulate
 
 __all__ = ["PaintFrame", "Surface", "face_normals", "plane_frame", "triangulate"]
@@ -157,8 +157,13 @@ class Surface:
             topology = self.topology
             own = np.flatnonzero(self.regions[topology.source] == region)
             if len(own) and paint.features(zero, zero) is not None:
-                corners = self.rest[topology.triangles[own]]
-                st = self.paint_frame(region).of_triangles(corners, own).reshape(-1, 2)
+                frame = self.paint_frame(region)
+                if isinstance(frame, PaintFrame):
+                    used = used_vertices(topology.triangles[own], len(self.rest))
+                    st = frame.coordinates(self.rest[used])
+                else:
+                    st = frame.of_triangles(self.rest[topology.triangles[own]], own)
+                    st = st.reshape(-1, 2)
                 result[region] = st.min(axis=0), st.max(axis=0)
         return result
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["Topology", "triangulate"]
+__all__ = ["Topology", "sorted_keys", "triangulate"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,8 +34,7 @@ class Topology:
         triangles, source = triangulate(faces)
         ends = triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).astype(np.int64)
         key = ends.min(axis=1) * (int(triangles.max(initial=0)) + 1) + ends.max(axis=1)
-        order = np.argsort(key, kind="stable").astype(np.int32)
-        ordered = key[order]
+        order, ordered = sorted_keys(key)
         new = np.ones(len(key), bool)
         new[1:] = ordered[1:] != ordered[:-1]
         edge = np.empty(len(key), np.int32)
@@ -47,6 +46,19 @@ class Topology:
         return Topology(
             triangles, source, edge.reshape(-1, 3), first, second, manifold, bool(manifold.all())
         )
+
+
+def sorted_keys(
+    key: npt.NDArray[np.int64],
+) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int64]]:
+    """The stable order of keys from 0 up, and the keys in it."""
+    bits = len(key).bit_length()
+    if int(key.max(initial=0)).bit_length() + bits > 63:
+        order = np.argsort(key, kind="stable")
+        return order.astype(np.int32), key[order]
+    # sorting numbers takes a fraction of the time of sorting their places
+    both = np.sort((key << bits) | np.arange(len(key)))
+    return (both & ((1 << bits) - 1)).astype(np.int32), both >> bits
 
 
 def triangulate(

@@ -1,0 +1,88 @@
+"""Arrays over the corners of triangles, a few thousand at a time or a column after another.
+
+Passes over whole columns of large arrays, or along short axes of them, cost many times more than
+the arithmetic.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import InputError
+from gpusim.optics.camera import Camera
+
+__all__ = [
+    "CHUNK", "at_corners", "barycentric_planes", "corner_mean", "corner_range", "in_camera",
+]  # fmt: skip
+
+Array = npt.NDArray[np.float64]
+
+CHUNK = 1 << 13
+"""Triangles worked on at a time, so that they stay in the processor's cache."""
+
+
+def in_camera(camera: Camera, points: Array) -> Array:
+    """World points (n, 3) in camera coordinates, a view of (3, n): no matrix product, whose
+    rounding depends on where in the array a point is."""
+    T = camera.camera_from_world
+    x, y, z = (np.ascontiguousarray(points[:, k]) for k in range(3))
+    columns = np.empty((3, len(points)))
+    for k in range(3):
+        np.multiply(x, T[k, 0], out=columns[k])
+        columns[k] += T[k, 1] * y
+        columns[k] += T[k, 2] * z
+        columns[k] += T[k, 3]
+    return columns.T
+
+
+def at_corners(values: Array, corner: list[npt.NDArray[np.int32]]) -> Array:
+    """Values (P, V) at the corners of triangles: (n, 3, V), a view of (3, V, n)."""
+    columns = np.empty((3, values.shape[1], len(corner[0])))
+    for axis in range(values.shape[1]):
+        column = np.ascontiguousarray(values[:, axis])
+        for k in range(3):
+            np.take(column, corner[k], out=columns[k, axis], mode="clip")
+    return np.moveaxis(columns, 2, 0)
+
+
+def barycentric_planes(corners: Array, camera: Camera) -> Array:
+    """(T, 3, 3): row i holds the coefficients of b_i as an affine function of [x, y, 1]."""
+    columns = np.empty((3, 3, len(corners)))
+    D = camera.ray_matrix()
+    for first in range(0, len(corners), CHUNK):
+        part = slice(first, first + CHUNK)
+        _barycentric_planes(corners[part], D, columns[:, :, part])
+    return np.moveaxis(columns, 2, 0)
+
+
+def _barycentric_planes(corners: Array, D: Array, columns: Array) -> None:
+    p = [[np.ascontiguousarray(corners[:, k, axis]) for axis in range(3)] for k in range(3)]
+    for i in range(3):
+        (ux, uy, uz), (vx, vy, vz) = p[(i + 1) % 3], p[(i + 2) % 3]
+        x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+        if i == 0:
+            determinant = p[0][0] * x + p[0][1] * y + p[0][2] * z
+            if not np.all(determinant != 0.0):
+                raise InputError("a triangle is seen exactly edge-on; it should have been dropped")
+            scale = 1.0 / determinant
+        for k in range(3):
+            # the ray matrix is upper triangular
+            row = x * D[0, k]
+            if k > 0:
+                row += y * D[1, k]
+            if k > 1:
+                row += z * D[2, k]
+            np.multiply(row, scale, out=columns[i, k])
+
+
+def corner_mean(values: Array) -> Array:
+    """Mean over the corners of (T, 3, …); NumPy's own is slow along so short an axis."""
+    result: Array = (values[:, 0] + values[:, 1] + values[:, 2]) / 3.0
+    return result
+
+
+def corner_range(values: Array) -> tuple[Array, Array]:
+    """Lowest and highest over the corners of (T, 3, …)."""
+    a, b, c = values[:, 0], values[:, 1], values[:, 2]
+    return np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
