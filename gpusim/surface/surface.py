@@ -189,7 +189,8 @@ class Surface:
             return self.frames[name]
         if region not in self._found_frames:
             self._found_frames[region] = self._own_frame(region, name)
-        return self._found_frames[region]
+        found: Frame = self._found_frames[region]
+        return found
 
     @cached_property
     def _found_frames(self) -> dict[int, Frame]:
