@@ -79,3 +79,8 @@ def test_difference_is_taken_at_the_same_places() -> None:
     assert np.isnan(other[[1, 3]]).all() and other[[0, 2]].tolist() == [4.0, 3.5]
     with pytest.raises(InputError, match="one length"):
         difference_curve(x, y[:2], x, y)
+
+
+def test_a_state_like_the_reference_has_no_damage() -> None:
+    found = slope_changes(np.linspace(0.0, 800.0, 57), np.zeros(57))
+    assert found.position.size == 0 and found.residual == 0.0

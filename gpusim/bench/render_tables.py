@@ -21,7 +21,9 @@ def write_render(result: RenderResult, folder: Path) -> list[Path]:
         "Warm seconds of a frame: gpusim until the image lies on the device, peers until it is an",
         "array. Errors in windows around targets: RMS of the grey range, least-squares shift of",
         "32-px blocks, largest mean shift. References: 48 x 48 float64 samples a pixel (unlit),",
-        "the converged image of Mitsuba (lit).",
+        "the converged image of Mitsuba (lit), each window in mm about its middle: Mitsuba's",
+        "shadow rays start 9e-5 (1 + the largest coordinate) off the surface, which in m would",
+        "move shadows by 0.04 px, and does in its own rows. Its own noise there is 5e-3 per pixel.",
         "",
     ]
     for case in result.cases:

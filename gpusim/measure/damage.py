@@ -144,7 +144,7 @@ def slope_changes(
     breaks = np.zeros(0)
     squares = _line(a, b, breaks)[1]
     floor = 1e-24 * float(b @ b)
-    while len(breaks) < most and len(a) > 2 * len(breaks) + 5:
+    while squares > floor and len(breaks) < most and len(a) > 2 * len(breaks) + 5:
         best = _one_more(a, b, breaks, gap)
         if best is None:
             break

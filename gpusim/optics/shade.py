@@ -24,6 +24,7 @@ from gpusim.optics.binning import bin_edges
 from gpusim.optics.bitmap import BITMAP, mean_over_pixels
 from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.gloss import gloss_texels
+from gpusim.optics.light_tiles import LightTiles, LightTilesPass
 from gpusim.optics.pattern import FINEST, LOOP_TURNS
 from gpusim.optics.seen import SeenPass, small_triangles
 from gpusim.optics.setup import GRAZING, Setup, footprint, probe_setup, radiance_of
@@ -131,7 +132,9 @@ class ShadePass:
         self._near, depth = view.raster_depth()
         self._inverse = device.buffer(depth, "shade.inverse_depth")
         by_pixel = small_triangles(view) if by_pixel is None else by_pixel
-        programs = _programs(setup, sort=not by_pixel)
+        light = LightTiles.of(setup)
+        self._light = None if light is None else LightTilesPass(tables, light)
+        programs = _programs(setup, light, sort=not by_pixel)
         self._seen = SeenPass(tables, rows, programs, self._near) if by_pixel else None
         self._draws: list[tuple[Raster, Buffer, int]] = []
         if by_pixel:
@@ -164,6 +167,10 @@ class ShadePass:
         shadows = self.tables.shadows.bindings()
         shared |= {name: shadows[name] for name in ("shades", "shadow_tiles")}
         shared["gloss_table"] = self.tables.gloss
+        shared["light_tiles"] = self.tables.device.no_texels("rgba32float")
+        if self._light is not None:
+            self._light.record(recording)
+            shared["light_tiles"] = self._light.texels
         clear: float | None = setup.background
         if self._seen is not None:
             del shared["screen"]
@@ -184,18 +191,21 @@ class ShadePass:
         recording.copy_texture(self.color, radiance, rows)
 
 
-def _programs(setup: Setup, sort: bool) -> list[Program]:
+def _programs(setup: Setup, light: LightTiles | None, sort: bool) -> list[Program]:
     """The programs that a view needs, one at least (which clears the targets)."""
     result: list[Program] = []
     order: npt.NDArray[np.integer] = np.arange(setup.view.count)
     if sort:
         nearest = setup.view.inverse_depth().max(axis=1, initial=0.0)
         order = np.argsort(-nearest, kind="stable")
-    for group, glossy in product((BITMAP, 3 + GRAZING, 2 + GRAZING, 3, 2, 1, 0), (True, False)):
-        wanted = (setup.groups == group) & (setup.shiny == glossy)
+    tiled = np.zeros(setup.view.count, bool) if light is None else light.member
+    groups = (BITMAP, 3 + GRAZING, 2 + GRAZING, 3, 2, 1, 0)
+    for group, glossy, lit in product(groups, (True, False), (True, False)):
+        wanted = (setup.groups == group) & (setup.shiny == glossy) & (tiled == lit)
         own = order[wanted[order]].astype(np.uint32)
-        if len(own) or not (group or glossy or result):
-            result.append(Program(setup.constants([group], glossy), own))
+        if len(own) or not (group or glossy or lit or result):
+            constants = {**setup.constants([group], glossy), "light_tiled": float(lit)}
+            result.append(Program(constants, own))
     return result
 
 

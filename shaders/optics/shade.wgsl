@@ -12,6 +12,7 @@
 
 override lit: u32;
 override patterned: u32;
+override light_tiled: u32;
 
 struct Params {
     rays: Rays,
@@ -26,6 +27,9 @@ struct Params {
 @group(0) @binding(7) var<storage, read> inverse_depth: array<f32>;
 // the triangles to draw, from near to far
 @group(0) @binding(8) var<storage, read> order: array<u32>;
+
+// per tile of 8 x 8 px its light (light_tiles.wgsl), for triangles of large planes
+@group(0) @binding(11) var light_tiles: texture_2d<f32>;
 
 struct Varying {
     @builtin(position) position: vec4f,
@@ -78,9 +82,18 @@ fn shade(t: Triangle, paint: Paint, at: vec2i) -> vec3f {
         }
     }
     if (lit == 0u) { return vec3f(albedo, albedo, 1.0); }
-    var bits = 0u;
-    if (shadowed != 0u) { bits = shadow_tile(pixel).x; }
-    let r = reflection_at(t, params.rays, vec2f(pixel) + shift, d, bits);
+    var r = Reflection(0.0, 0.0, 0.0);
+    if (light_tiled != 0u) {
+        let tile = vec2u(pixel) / 8u;
+        let columns = (u32(params.width) + 7u) / 8u;
+        let c = textureLoad(light_tiles, texel(tile.y * columns + tile.x), 0);
+        let q = (vec2f(vec2u(pixel) % 8u) + 0.5) / 8.0;
+        r.matte = c.x + c.y * q.x + (c.z + c.w * q.x) * q.y;
+    } else {
+        var bits = 0u;
+        if (shadowed != 0u) { bits = shadow_tile(pixel).x; }
+        r = reflection_at(t, params.rays, vec2f(pixel) + shift, d, bits);
+    }
     let ground = select(t.more.x, albedo, speckle != 0u || bitmaps != 0u);
     let bare = clamp(1.0 - printed, 0.0, 1.0);
     return vec3f(radiance_of(t, r, albedo, ground, bare), albedo, bare);
