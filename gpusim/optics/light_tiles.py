@@ -17,10 +17,10 @@ import numpy.typing as npt
 
 from gpusim.gpu import Device, Recording, compare, twin_check
 from gpusim.gpu.texels import Texels
-from gpusim.optics.binning import expand
 from gpusim.optics.camera import Camera
 from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.light import AreaLight, EnvironmentLight, Light, PointLight, SunLight
+from gpusim.optics.ragged import expand
 from gpusim.optics.receivers import TILE
 from gpusim.optics.setup import Setup, radiance_of
 from gpusim.optics.view import NORMAL, look
