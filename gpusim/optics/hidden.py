@@ -24,8 +24,9 @@ Long = npt.NDArray[np.int64]
 TOUCH = 2e-5
 """px by which neighbours may overlap from rounding alone."""
 
-CORNERS = 4
-"""Corners of a piece: four cuts then leave eight at most. Pieces with more are halved."""
+CORNERS = 8
+"""Corners of a piece at most: as each cut may add one, pieces that have too many are halved first,
+but no others: a mean over a patterned polygon isn't quite that over its halves."""
 
 SLIVER = 1e-7
 """px^2; smaller parts of what is cut are left out."""
@@ -118,12 +119,13 @@ def visible_pieces(
         finished.append((owner[~due], pieces[~due]))
         owner, pieces, size = owner[due], pieces[due], size[due]
         front = by[begin[owner] + turn]
-        cutter = planes[front]
-        if cutting is not None:
-            nearer = cutting.depth[front] - cutting.depth[owner]
-            nearer[~cutting.pierced[owner]] = (0.0, 0.0, 1.0)
-            cutter = np.concatenate([cutter, nearer[:, None]], axis=1)
-        owner, pieces, size = _subtracted(owner, pieces, size, cutter)
+        cut = np.zeros(len(owner), bool) if cutting is None else cutting.pierced[owner]
+        parts = [_subtracted(owner[~cut], pieces[~cut], size[~cut], planes[front[~cut]])]
+        if cutting is not None and cut.any():
+            nearer = cutting.depth[front[cut]] - cutting.depth[owner[cut]]
+            cutter = np.concatenate([planes[front[cut]], nearer[:, None]], axis=1)
+            parts.append(_subtracted(owner[cut], pieces[cut], size[cut], cutter))
+        owner, pieces, size = (np.concatenate([part[k] for part in parts]) for k in range(3))
         turn += 1
     whose = np.concatenate([np.zeros(0, np.int64), *(part[0] for part in finished)])
     shapes = np.concatenate([np.zeros((0, *polygon.shape[1:])), *(part[1] for part in finished)])
@@ -168,17 +170,18 @@ def _subtracted(owner: Long, pieces: Array, size: Long, planes: Array) -> tuple[
 def _halved(
     owner: Long, pieces: Array, size: Long, planes: Array
 ) -> tuple[Long, Array, Long, Array]:
-    """The same with pieces of at most `CORNERS` corners."""
-    large = size > CORNERS
+    """The same with pieces that all the cuts together leave within `CORNERS` corners."""
+    most = CORNERS - planes.shape[1]
+    large = size > most
     if not large.any():
         return owner, pieces, size, planes
     number = np.concatenate([np.arange(len(size)), np.flatnonzero(large)])
-    first = np.where((np.arange(8) < CORNERS)[:, None], pieces, pieces[:, CORNERS - 1 : CORNERS])
+    first = np.where((np.arange(8) < most)[:, None], pieces, pieces[:, most - 1 : most])
     # padded by its last corner, which is the last of the whole
     second = np.concatenate(
-        [pieces[:, :1], pieces[:, CORNERS - 1 :], np.repeat(pieces[:, -1:], CORNERS - 2, axis=1)],
+        [pieces[:, :1], pieces[:, most - 1 :], np.repeat(pieces[:, -1:], most - 2, axis=1)],
         axis=1,
     )
     shapes = np.concatenate([np.where(large[:, None, None], first, pieces), second[large]])
-    counts = np.concatenate([np.minimum(size, CORNERS), size[large] - CORNERS + 2])
+    counts = np.concatenate([np.minimum(size, most), size[large] - most + 2])
     return _halved(owner[number], shapes, counts, planes[number])
