@@ -124,9 +124,18 @@ def _disc(feature: Array, centre: Array, polygon: Array) -> Array:
     share: Array = (distance < radius).astype(np.float64)
     near = np.abs(distance - radius) < reach
     if near.any():
-        shifted = polygon[near] + centre[near, None]
-        share[near] = coverage.disc_area(shifted, radius[near]) / coverage.polygon_area(shifted)
+        inside = coverage.disc_area(polygon[near] + centre[near, None], radius[near])
+        # about its own middle a polygon's area loses no figures; slivers may have none at all
+        area = coverage.polygon_area(polygon[near])
+        known = area != 0.0
+        some = np.flatnonzero(near)[known]
+        share[some] = np.clip(inside[known] / area[known], 0.0, 1.0)
     return share
+
+
+def _divisor(area: Array) -> Array:
+    """Areas of polygons to divide by; slivers may have none left after rounding."""
+    return np.where(area != 0.0, area, np.inf)
 
 
 def _sector(
@@ -139,7 +148,7 @@ def _sector(
     """
     shifted = polygon + centre[:, None]
     straight = shifted * weight[..., None]
-    area = coverage.polygon_area(straight)
+    area = _divisor(coverage.polygon_area(straight))
     left = np.stack([-feature[:, 5], feature[:, 4]], axis=1)
     right = np.stack([feature[:, 7], -feature[:, 6]], axis=1)
     disc = _disc(feature, centre, polygon)
@@ -171,7 +180,7 @@ def _sector(
         stop = np.maximum(start, stop)
         u, v = p + start[..., None] * (q - p), p + stop[..., None] * (q - p)
         swept = coverage.swept_area(u, v, feature[some, 2])
-        share[some] = np.clip(swept / coverage.polygon_area(p), 0.0, 1.0)
+        share[some] = np.clip(swept / _divisor(coverage.polygon_area(p)), 0.0, 1.0)
     return share
 
 
@@ -250,9 +259,7 @@ def _squares(feature: Array, polygon: Array, weight: Array) -> tuple[Array, Arra
             for di, dj, sign in ((0, 0, 1.0), (1, 0, -1.0), (0, 1, -1.0), (1, 1, 1.0)):
                 corner = (square + np.array([di, dj])) * size[rows]
                 seen = (polygon[rows] - corner[:, None]) * weight[rows][..., None]
-                area = coverage.polygon_area(seen)
-                # slivers may have none left after rounding
-                area[area == 0.0] = np.inf
+                area = _divisor(coverage.polygon_area(seen))
                 share += sign * coverage.quadrant_area(seen) / area
             even = (square + index[rows]).sum(axis=1) % 2 == 0
             value[rows] += share * np.where(even, feature[rows, 8], feature[rows, 9])
