@@ -23,6 +23,8 @@ from gpusim.measure.images import FloatArray, Image, check_image, check_points
 
 __all__ = ["MarkerStatus", "Markers", "find_markers", "locate_markers"]
 
+MIN_RESPONSE = 0.01  # lowest Harris response over the highest of the image
+MAX_RESIDUAL = 0.15  # RMS of what a fit leaves over the contrast
 HARRIS_K = 0.04
 RING = 48  # samples per ring
 MIN_HALF_TURN = 0.5  # correlation of a ring with itself turned by 180 degrees
@@ -77,8 +79,8 @@ def find_markers(
     image: npt.NDArray[Any],
     size_px: tuple[float, float],
     *,
-    min_response: float = 0.01,
-    max_residual: float = 0.15,
+    min_response: float = MIN_RESPONSE,
+    max_residual: float = MAX_RESIDUAL,
 ) -> Markers:
     """Find every 2x2 checker marker whose width lies in ``size_px`` = (lowest, highest), >= 10 px.
 
@@ -91,6 +93,20 @@ def find_markers(
         raise InputError(
             f"min_response, max_residual: got {min_response!r}, {max_residual!r}; expected 0..1"
         )
+    found, span = _crosses(array, low, high, min_response, max_residual, None)
+    return _markers(found, span)
+
+
+def _crosses(
+    array: Image,
+    low: float,
+    high: float,
+    min_response: float,
+    max_residual: float,
+    near: tuple[float, float, float] | None,
+) -> tuple[list[Cross], float]:
+    """The markers of an image, and its range of grey values; with ``near`` = (x, y, distance) none
+    is fitted that can't end within that distance."""
     grey, span = _grey(array)
     found: list[Cross] = []
     if span > 0:
@@ -102,11 +118,16 @@ def find_markers(
                 continue
             pixel, place = saddle
             tried.add(pixel)
+            if near is not None:
+                away = np.hypot(pixel[0] - near[0], pixel[1] - near[1])
+                # as far as a fit may move, and as two that are one may lie apart
+                if away > near[2] + max(2.0, 0.2 * low) + 0.25 * low:
+                    continue
             if _checkered(grey, place, low):
                 cross = fit_cross(grey, pixel, low, high)
                 if cross is not None and cross.residual <= max_residual:
                     found.append(cross)
-    return _markers(_distinct(found, low), span)
+    return _distinct(found, low), span
 
 
 def locate_markers(
@@ -138,7 +159,8 @@ def locate_markers(
         window = array[y0 : int(y + reach) + 2, x0 : int(x + reach) + 2]
         if min(window.shape) < 7:
             continue
-        near = find_markers(window, (low, high))
+        around = x - x0, y - y0, search_px
+        near = _markers(*_crosses(window, low, high, MIN_RESPONSE, MAX_RESIDUAL, around))
         apart = np.hypot(near.points[:, 0] + x0 - x, near.points[:, 1] + y0 - y)
         close = np.flatnonzero(apart <= search_px)
         if close.size > 1:

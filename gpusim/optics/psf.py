@@ -18,7 +18,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import map_coordinates
-from scipy.signal import fftconvolve
+from scipy import fft
 from scipy.special import j1
 
 from gpusim.errors import InputError
@@ -216,7 +216,11 @@ class Convolved:
     def cells(self, n: int) -> Array:
         """The convolution of both sets of weights."""
         a, b = self.first.cells(n), self.second.cells(n)
-        return np.asarray(fftconvolve(a, b))
+        shape = [m + k - 1 for m, k in zip(a.shape, b.shape, strict=True)]
+        # of real arrays, padded to a length that transforms fast: the sum of all shifts
+        whole = [fft.next_fast_len(side, real=True) for side in shape]
+        product = fft.rfft2(a, whole) * fft.rfft2(b, whole)
+        return np.asarray(fft.irfft2(product, whole)[: shape[0], : shape[1]])
 
 
 def _positive(what: str, value: float, unit: str) -> None:

@@ -107,44 +107,55 @@ class Skin:
         names = np.empty(len(faces), dtype=object)
         for name, rows in faces.kinds():
             names[rows] = name
-        nodes = np.zeros((len(points), faces.nodes.shape[1]), np.int32)
-        weights = np.zeros((len(points), faces.nodes.shape[1]))
-        for i, point in enumerate(points):
+        of_point: list[npt.NDArray[np.int64]] = []
+        for point in points:
             relative = point - centre
             off = np.abs(np.sum(relative * normal, axis=1))
             near = np.linalg.norm(relative, axis=1) <= 1.5 * radius + tolerance
-            rows = np.flatnonzero(near & (off <= 2.0 * bulge + tolerance))
-            best, least = -1, np.inf
-            for row in rows:
-                columns = list(FACE_TYPES[names[row]])
-                place = faces.points[faces.nodes[row, columns]]
-                outside, distance, share = _nearest(names[row], place, point)
-                if distance <= tolerance and outside < least:
-                    best, least = int(row), outside
-                    weights[i] = 0.0
-                    weights[i, columns] = share
-            if best < 0 or not least <= 1e-6:
-                raise InputError(
-                    f"skin: got point {point.tolist()}; expected one on the surface, between "
-                    f"{low.tolist()} and {high.tolist()}"
-                )
-            nodes[i] = np.maximum(faces.nodes[best], 0)
-        return nodes, weights
+            of_point.append(np.flatnonzero(near & (off <= 2.0 * bulge + tolerance)))
+        owner = np.repeat(np.arange(len(points)), [len(rows) for rows in of_point])
+        face = np.concatenate([np.zeros(0, np.int64), *of_point])
+        outside, share = np.full(len(face), np.inf), np.zeros((len(face), faces.nodes.shape[1]))
+        for name in np.unique(names[face].astype(str)):
+            some = np.flatnonzero(names[face] == name)
+            columns = list(FACE_TYPES[name])
+            place = faces.points[faces.nodes[face[some]][:, columns]]
+            beyond, distance, part = _nearest(name, place, points[owner[some]])
+            outside[some] = np.where(distance <= tolerance, beyond, np.inf)
+            share[some[:, None], columns] = part
+        order = np.lexsort((outside, owner))
+        which, first = np.unique(owner[order], return_index=True)
+        best = order[first]
+        found = np.zeros(len(points), dtype=bool)
+        found[which] = outside[best] <= 1e-6
+        if not found.all():
+            raise InputError(
+                f"skin: got point {points[int(np.argmin(found))].tolist()}; expected one on the "
+                f"surface, between {low.tolist()} and {high.tolist()}"
+            )
+        nodes = np.maximum(faces.nodes[face[best]], 0).astype(np.int32)
+        return nodes, share[best]
 
 
-def _nearest(name: str, nodes: Array, point: Array) -> tuple[float, float, Array]:
-    """How far outside the face (reference coordinates) the nearest place of the extended face to
-    ``point`` is, its distance, and the shape functions (n,) there. Gauss-Newton iteration."""
+def _nearest(name: str, nodes: Array, point: Array) -> tuple[Array, Array, Array]:
+    """How far outside their faces (reference coordinates) the nearest places of the extended faces
+    (n, k, 3) to points (n, 3) are, their distances, and the shape functions (n, k) there.
+    Gauss-Newton iteration, all at once."""
     triangle = name.startswith("tri")
-    xi = np.full((1, 2), 1.0 / 3.0 if triangle else 0.0)
+    xi = np.full((len(point), 2), 1.0 / 3.0 if triangle else 0.0)
     for _ in range(30):
-        slope = nodes.T @ shape_gradients(name, xi)[0]
-        gap = point - shape_functions(name, xi)[0] @ nodes
-        step = np.linalg.lstsq(slope, gap, rcond=None)[0]
+        slope = np.einsum("nka,nkd->nad", nodes, shape_gradients(name, xi))
+        gap = point - np.einsum("nk,nka->na", shape_functions(name, xi), nodes)
+        step = np.einsum("nda,na->nd", np.linalg.pinv(slope), gap)
         xi = np.clip(xi + step, -3.0, 3.0)
-        if np.abs(step).max() < 1e-13:
+        if not np.abs(step).max(initial=0.0) >= 1e-13:
             break
-    share = shape_functions(name, xi)[0]
-    a, b = xi[0]
-    outside = max(-a, -b, a + b - 1.0) if triangle else max(abs(a), abs(b)) - 1.0
-    return float(outside), float(np.linalg.norm(point - share @ nodes)), share
+    share = shape_functions(name, xi)
+    a, b = xi.T
+    outside = (
+        np.maximum(np.maximum(-a, -b), a + b - 1.0)
+        if triangle
+        else np.maximum(np.abs(a), np.abs(b)) - 1.0
+    )
+    gap = point - np.einsum("nk,nka->na", share, nodes)
+    return outside, np.linalg.norm(gap, axis=1), share
