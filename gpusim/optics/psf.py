@@ -17,8 +17,8 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
-from scipy.ndimage import map_coordinates
 from scipy import fft
+from scipy.ndimage import map_coordinates
 from scipy.special import j1
 
 from gpusim.errors import InputError
