@@ -44,23 +44,24 @@ def settle(
         other = paint[a] != paint[b]
         pairs.append(np.stack([a, b], axis=1)[other])
     a, b = np.concatenate(pairs).T
-    # anywhere in the pixel, on its plane
-    maybe = np.flatnonzero(height[b] + reach[b] > height[a] - reach[a])
-    one, two = a[maybe], b[maybe]
-    polygon, size = clip_square(
-        np.concatenate([half_planes(corners[one]), half_planes(corners[two])], axis=1)
-    )
-    area, middle = moments(polygon)
-    over = [np.sum(slope[k] * middle, axis=1) + height[k] for k in (one, two)]
+    # the one behind is in front somewhere in the pixel, on the two planes
+    steeper = 0.5 * np.abs(slope[b] - slope[a]).sum(axis=1)
+    nearer = height[b] - height[a] + steeper
+    maybe = np.flatnonzero(nearer > 0.5 * EQUAL * np.maximum(height[a] - reach[a], 0.0))
     both, behind = np.ones(len(a), bool), np.zeros(len(a), bool)
-    both[maybe] = (size > 2) & (area > SMALLEST)
+    both[maybe], middle = _common(corners[a[maybe]], corners[b[maybe]])
+    over = [np.sum(slope[k[maybe]] * middle, axis=1) + height[k[maybe]] for k in (a, b)]
     behind[maybe] = both[maybe] & (over[1] > over[0] * (1.0 + EQUAL))
     if not behind.any():
         return order
     result = order.copy()
     start = np.cumsum(count) - count
     wrong = np.unique(entry[a[behind]])
-    told = np.flatnonzero(both & np.isin(entry[a], wrong))
+    there = np.isin(entry[a], wrong)
+    rest = there.copy()
+    rest[maybe] = False
+    both[rest], _ = _common(corners[a[rest]], corners[b[rest]])
+    told = np.flatnonzero(both & there)
     front: set[tuple[int, int]] = set()
     for k in told:
         pair = int(a[k]), int(b[k])
@@ -74,6 +75,25 @@ def settle(
             rows.remove(sorted_rows[-1])
         result[start[k] : start[k] + count[k]] = sorted_rows
     return result
+
+
+def _common(one: Array, two: Array) -> tuple[npt.NDArray[np.bool_], Array]:
+    """Whether triangles (n, 3, 2) have a part of the pixel in common, and its middle (n, 2)."""
+    own, other = half_planes(one), half_planes(two)
+    # neighbours share a side: most pairs are told apart by one line
+    meet = np.flatnonzero(~_apart(own, two) & ~_apart(other, one))
+    polygon, size = clip_square(np.concatenate([own[meet], other[meet]], axis=1))
+    area, centre = moments(polygon)
+    both, middle = np.zeros(len(one), bool), np.zeros((len(one), 2))
+    both[meet], middle[meet] = (size > 2) & (area > SMALLEST), centre
+    return both, middle
+
+
+def _apart(planes: Array, corners: Array) -> npt.NDArray[np.bool_]:
+    """Whether all corners (n, 3, 2) lie beyond one of the half planes (n, 3, 3)."""
+    inside = np.einsum("nkd,nvd->nkv", planes[..., :2], corners).max(axis=2) + planes[..., 2]
+    length = np.hypot(planes[..., 0], planes[..., 1])
+    return np.asarray((inside <= SMALLEST * length).any(axis=1))
 
 
 def _planes(corners: Array, inverse: Array) -> tuple[Array, Array]:
