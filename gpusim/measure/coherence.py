@@ -35,7 +35,8 @@ ROUND = 0.2  # likewise 4 det / trace^2 of those sums, 1 without a preferred dir
 LEVER = 2.5  # uncertainty of the point over that with known slopes; 1.0 to 1.2 usually
 VAGUE = 3.0  # uncertainty of the point over the lower quartile of all
 FOREIGN = 0.15  # residual variance of a part over the variance of the subset's grey values
-SMOOTH = 1.1  # what a smooth field explains over what a jump does: with more, no jump
+SMOOTH = 1.0  # what a smooth field explains over what a jump does: with more, no jump
+CHOSEN = 1.6  # times SURE for a jump: the best of 120 lines fits noise better than one part does
 FAR = 0.6  # px: a part that moved by more isn't asked whether it did so smoothly
 CHUNK = 1 << 20  # pixels handled at once
 FEW = 64  # subsets asked for a jump at once: what they need stays in the cache
@@ -165,7 +166,7 @@ def _chunk(
         some = open_[i : i + FEW]
         jump = jumps(weight[some], (x[some], y[some]), f[some], rest[some])
         torn = np.maximum(jump.length, motion_left[some]) > settings.apart_px
-        found[some] = torn & (jump.sure > sure) & (jump.smooth < SMOOTH * jump.sure)
+        found[some] = torn & (jump.sure > CHOSEN * sure) & (jump.smooth < SMOOTH * jump.sure)
     return found
 
 
