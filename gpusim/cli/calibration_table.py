@@ -11,7 +11,7 @@ from gpusim.report import Table
 
 __all__ = ["rig_table", "stated"]
 
-UNITS = {"fx": "px", "fy": "px", "f": "px", "cx": "px", "cy": "px"}
+UNITS = {"fx": "px", "fy": "px", "cx": "px", "cy": "px"}
 COEFFICIENTS = tuple("k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 tau_x tau_y".split())
 
 

@@ -9,7 +9,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.optics.polygon import SMALLEST, clip_square, half_planes, moments
+from gpusim.optics.hidden import depth_planes
+from gpusim.optics.polygon import SMALLEST, beyond, clip_square, half_planes, moments
 
 __all__ = ["settle"]
 
@@ -32,7 +33,8 @@ def settle(
     pixel's centre, and ``inverse`` (n, 3) 1 / z there.
     ``order`` sorts rows by entry, then the nearest first.
     """
-    slope, height = _planes(corners, inverse)
+    planes = depth_planes(corners, inverse)
+    slope, height = planes[:, :2], planes[:, 2]
     reach = 0.5 * np.abs(slope).sum(axis=1)
     own = entry[order]
     count = np.bincount(own)
@@ -81,26 +83,9 @@ def _common(one: Array, two: Array) -> tuple[npt.NDArray[np.bool_], Array]:
     """Whether triangles (n, 3, 2) have a part of the pixel in common, and its middle (n, 2)."""
     own, other = half_planes(one), half_planes(two)
     # neighbours share a side: most pairs are told apart by one line
-    meet = np.flatnonzero(~_apart(own, two) & ~_apart(other, one))
+    meet = np.flatnonzero(~beyond(own, two, SMALLEST) & ~beyond(other, one, SMALLEST))
     polygon, size = clip_square(np.concatenate([own[meet], other[meet]], axis=1))
     area, centre = moments(polygon)
     both, middle = np.zeros(len(one), bool), np.zeros((len(one), 2))
     both[meet], middle[meet] = (size > 2) & (area > SMALLEST), centre
     return both, middle
-
-
-def _apart(planes: Array, corners: Array) -> npt.NDArray[np.bool_]:
-    """Whether all corners (n, 3, 2) lie beyond one of the half planes (n, 3, 3)."""
-    inside = np.einsum("nkd,nvd->nkv", planes[..., :2], corners).max(axis=2) + planes[..., 2]
-    length = np.hypot(planes[..., 0], planes[..., 1])
-    return np.asarray((inside <= SMALLEST * length).any(axis=1))
-
-
-def _planes(corners: Array, inverse: Array) -> tuple[Array, Array]:
-    """1 / z = slope . p + height: slopes (n, 2), heights (n,)."""
-    p, q = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    u, v = inverse[:, 1] - inverse[:, 0], inverse[:, 2] - inverse[:, 0]
-    twice = p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]
-    safe = np.where(twice != 0.0, twice, np.inf)
-    slope = np.stack([u * q[:, 1] - v * p[:, 1], v * p[:, 0] - u * q[:, 0]], axis=1) / safe[:, None]
-    return slope, inverse[:, 0] - np.sum(slope * corners[:, 0], axis=1)

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.optics.polygon import SMALLEST, clip, moments
+from gpusim.optics.polygon import SMALLEST, beyond, clip, moments
 
 __all__ = ["TOUCH", "Cutting", "depth_planes", "visible_pieces"]
 
@@ -141,10 +141,7 @@ def _overlap(
     near = ((low[own] < high[other]) & (low[other] < high[own])).all(axis=1)
     some = np.flatnonzero(near)
     for shapes, sides, a, b in ((polygon, planes, own, other), (corners, planes, other, own)):
-        plane = sides[b[some]]
-        reach = np.einsum("nkd,nvd->nkv", plane[..., :2], shapes[a[some]]).max(axis=2)
-        length = np.hypot(plane[..., 0], plane[..., 1])
-        some = some[(reach + plane[..., 2] > TOUCH * length).all(axis=1)]
+        some = some[~beyond(sides[b[some]], shapes[a[some]], TOUCH)]
     result = np.zeros(len(own), bool)
     result[some[own[some] != other[some]]] = True
     return result

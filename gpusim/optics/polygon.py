@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["MOST", "SMALLEST", "clip", "clip_square", "half_planes", "moments"]
+__all__ = ["MOST", "SMALLEST", "beyond", "clip", "clip_square", "half_planes", "moments"]
 
 Array = npt.NDArray[np.float64]
 Long = npt.NDArray[np.int64]
@@ -30,6 +30,14 @@ def half_planes(corners: Array) -> Array:
     )  # fmt: skip
     result: Array = planes * np.where(planes[..., 2].sum(axis=1) > 0.0, 1.0, -1.0)[:, None, None]
     return result
+
+
+def beyond(planes: Array, corners: Array, slack: float) -> npt.NDArray[np.bool_]:
+    """Whether all ``corners`` (n, V, 2) lie outside one of the half planes (n, K, 3), or no more
+    than ``slack`` px inside it."""
+    inside = np.einsum("nkd,nvd->nkv", planes[..., :2], corners).max(axis=2) + planes[..., 2]
+    length = np.hypot(planes[..., 0], planes[..., 1])
+    return np.asarray(~(inside > slack * length).all(axis=1))
 
 
 def clip(polygon: Array, count: Long, plane: Array) -> tuple[Array, Long]:
