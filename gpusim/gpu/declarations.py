@@ -20,7 +20,7 @@ def parse_names_alone(ffi: Any) -> None:
 
     The types are the same. Where cffi's parser isn't what is known here nothing is changed.
     """
-    parser = getattr(ffi, "_parser", None)
+    parser: Any = getattr(ffi, "_parser", None)
     parse = getattr(parser, "_parse", None)
     known = getattr(parser, "_declarations", None)
     if parse is None or not isinstance(known, dict) or getattr(parser, _DONE, False):

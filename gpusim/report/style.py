@@ -59,7 +59,7 @@ def draw_png(path: PathLike, size: tuple[float, float], draw: Callable[[Canvas],
     """Let ``draw`` fill a canvas of ``size`` inches and write it to ``path`` (PNG, 200 dpi)."""
     with matplotlib.rc_context(_SETTINGS):
         canvas = Canvas(figsize=size, dpi=_DPI, layout="constrained")
-        page = FigureCanvasAgg(canvas)
+        page: Any = FigureCanvasAgg(canvas)
         draw(canvas)
         with atomic_path(path) as part:
             # savefig would draw twice, the first time for a layout that drawing makes anyway
