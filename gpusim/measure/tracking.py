@@ -82,7 +82,7 @@ def track(
     blur_px : Gaussian put over both images first, px. Hard black-white borders need it: tracking
         a perfectly sharp 19 px marker turned by 4 degrees is off by 0.045 px without it, by
         0.012 px with 1 px and 0.007 px with 1.5 px.
-    shape, window, mask, tolerance, min_zncc, device : as for ``dic``; a software adapter isn't used.
+    shape, window, mask, tolerance, min_zncc, device : as for ``dic`` (no software adapter).
     backward_px : a marker is accepted if tracking back returns within this distance.
     """
     first = check_image(reference, "reference")
