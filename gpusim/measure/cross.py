@@ -65,7 +65,7 @@ def fit_crosses(
             own = grey[y0 : at[1] + size, x0 : at[0] + size]
             inner = slice(y0 - at[1], y0 - at[1] + own.shape[0])
             patch[inner, x0 - at[0] : x0 - at[0] + own.shape[1]] = own
-        start = np.array([[x, y] for _, x, y in part]) - corner
+        start = np.array([[x, y] for _, x, y in part], dtype=np.float64) - corner.astype(np.float64)
         found += _fit_patches(patches, corner, start, low, high)
     return found
 
@@ -113,7 +113,7 @@ def _fit_patches(
 def _sampled(patches: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
     """Each patch at its own positions (K, …), linearly between pixels; NaN outside."""
     which = np.arange(len(patches)).reshape(-1, *[1] * (x.ndim - 1))
-    where = [np.broadcast_to(which, x.shape), y, x]
+    where: list[FloatArray] = [np.broadcast_to(which, x.shape).astype(np.float64), y, x]
     result: FloatArray = ndimage.map_coordinates(
         patches, where, order=1, mode="constant", cval=np.nan
     )
