@@ -10,9 +10,11 @@ from glob import glob
 from typing import Any
 
 import wgpu
+from wgpu.backends.wgpu_native import ffi
 from wgpu.backends.wgpu_native.extras import set_instance_extras
 
 from gpusim.errors import NoAdapter
+from gpusim.gpu.declarations import parse_names_alone
 
 __all__ = ["find_adapter", "free_memory", "software_adapter"]
 
@@ -28,6 +30,7 @@ def find_adapter(name: str | None) -> Any:
     ------
     NoAdapter
     """
+    parse_names_alone(ffi)
     try:
         with _no_display():
             # "Primary" leaves OpenGL out, whose start-up opens window systems and prints; an

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-from scipy.stats import f as fisher
+from scipy.special import fdtrc
 
 from gpusim.errors import InputError
 from gpusim.measure.images import FloatArray
@@ -151,13 +151,18 @@ def slope_changes(
         tried, new_squares = best
         freedom = len(a) - 2 - 2 * len(tried)
         gain = (squares - new_squares) / 2 / max(new_squares / freedom, floor)
-        if not fisher.sf(gain, 2, freedom) <= significance:
+        if not _chance(gain, freedom) <= significance:
             break
         breaks, squares = tried, new_squares
         if squares <= floor:
             break
     breaks = _without_small(a, b, breaks, gap, least_share)
     return _result(a, b, breaks)
+
+
+def _chance(gain: float, freedom: int) -> float:
+    """Probability that noise alone gains as much by two more parameters (F test)."""
+    return float(fdtrc(2, freedom, max(gain, 0.0)))
 
 
 def _line(x: FloatArray, y: FloatArray, breaks: FloatArray) -> tuple[FloatArray, float]:
@@ -246,7 +251,7 @@ def _result(x: FloatArray, y: FloatArray, breaks: FloatArray) -> SlopeChanges:
     for k in range(count):
         without = _line(x, y, np.delete(breaks, k))[1]
         gain = (without - squares) / 2 / max(squares / freedom, floor)
-        p_values[k] = fisher.sf(gain, 2, freedom)
+        p_values[k] = _chance(gain, freedom)
     return SlopeChanges(
         position=breaks,
         sigma=sigma[2 + count :],
