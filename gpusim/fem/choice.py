@@ -75,7 +75,7 @@ def direct_solver(
     lattice = assembled.lattice
     widest = 0
     if lattice is not None:
-        group = assembled.groups[0]
+        group = assembled.lattice_group
         slabs = cut_slabs(group, lattice, free)
         if slabs is not None:
             widest = max(len(one) for one in slabs.planes)

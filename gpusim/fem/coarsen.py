@@ -7,6 +7,7 @@ matrix product is needed, and congruent elements stay congruent.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -15,9 +16,10 @@ import numpy.typing as npt
 from scipy.sparse import csr_matrix
 
 from gpusim.fem.congruence import unique_rows
-from gpusim.fem.groups import Group, held_matrices, masked
+from gpusim.fem.groups import DistinctGroup, Elements, Group, held_matrices, masked
 from gpusim.fem.lattice import CORNERS, Lattice
 from gpusim.fem.planes import PlaneWeights, plane_shares
+from gpusim.fem.straight_tets import StraightTets
 from gpusim.mesh.cells import CELL_TYPES
 
 __all__ = ["Coarser", "drop_midsides", "drop_planes", "has_midsides"]
@@ -43,7 +45,7 @@ class Coarser:
 
     interpolation: csr_matrix | PlaneWeights
     kept: Int
-    groups: list[Group]
+    groups: list[Elements]
     lattice: Lattice | None
 
     @property
@@ -53,12 +55,12 @@ class Coarser:
         return own.matrix if isinstance(own, PlaneWeights) else own
 
 
-def has_midsides(groups: list[Group]) -> bool:
+def has_midsides(groups: Sequence[Elements]) -> bool:
     """Whether any element has nodes between its corners."""
     return any(CELL_TYPES[group.name].linear != group.name for group in groups)
 
 
-def drop_midsides(groups: list[Group], free: Bool) -> Coarser:
+def drop_midsides(groups: Sequence[Elements], free: Bool) -> Coarser:
     """Quadratic elements become linear ones on their corners (p-multigrid)."""
     count = len(free)
     corner = np.zeros(count, dtype=bool)
@@ -69,7 +71,8 @@ def drop_midsides(groups: list[Group], free: Bool) -> Coarser:
     number[kept] = np.arange(len(kept), dtype=np.int32)
     rows, columns, values = [kept], [number[kept]], [np.ones(len(kept))]
     done = corner.copy()
-    coarse = []
+    coarse: list[Group] = []
+    formed: list[Elements] = []
     for group in groups:
         kind = CELL_TYPES[group.name]
         for local, parents in enumerate(kind.parents, start=kind.corners):
@@ -80,24 +83,40 @@ def drop_midsides(groups: list[Group], free: Bool) -> Coarser:
             rows.append(np.repeat(node, len(parents)).astype(np.int32))
             columns.append(number[group.cells[np.ix_(first, np.array(parents))]].ravel())
             values.append(np.full(len(node) * len(parents), 1.0 / len(parents)))
+        if isinstance(group, DistinctGroup) and isinstance(group.source, StraightTets):
+            # linear elements are theirs without midsides, but for fixed unknowns
+            touched = np.asarray(~free[group.cells].all(axis=(1, 2)))
+            cells = number[group.cells[~touched, :4]]
+            formed.append(DistinctGroup("tet4", cells, group.source.chosen(~touched).linear()))
+            group = DistinctGroup(group.name, group.cells[touched], group.source.chosen(touched))
         coarse.append(_linear(group, free, number))
     weights = csr_matrix(
         (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))),
         shape=(count, len(kept)),
     )
-    groups = [masked(group, free[kept]) for group in _joined(coarse)]
-    return Coarser(weights, kept, groups, None)
+    stored = [masked(group, free[kept]) for group in _joined(coarse)]
+    return Coarser(weights, kept, [one for one in (*formed, *stored) if len(one.cells)], None)
 
 
-def _linear(group: Group, free: Bool, number: Int) -> Group:
+def _linear(group: Elements, free: Bool, number: Int) -> Group:
     kind = CELL_TYPES[group.name]
     cells = number[group.cells[:, : kind.corners]]
-    of_cell, extra = held_matrices(group, free)
     weight = np.zeros((kind.nodes, kind.corners))
     weight[np.arange(kind.corners), np.arange(kind.corners)] = 1.0
     for local, parents in enumerate(kind.parents, start=kind.corners):
         weight[local, list(parents)] = 1.0 / len(parents)
     spread = np.kron(weight, np.eye(3))
+    if isinstance(group, DistinctGroup):
+        held = ~free[group.cells].reshape(len(group.cells), -1)
+        of_cell = np.arange(len(group.cells))
+        matrices = np.empty((len(group.cells), spread.shape[1], spread.shape[1]))
+        for first in range(0, len(matrices), _CHUNK):
+            which = of_cell[first : first + _CHUNK]
+            own = group.at(which)
+            own *= ~(held[which, :, None] | held[which, None, :])
+            matrices[which] = np.matmul(spread.T, np.matmul(own, spread))
+        return Group(kind.linear, cells, of_cell, matrices)
+    of_cell, extra = held_matrices(group, free)
     count = len(group.matrices)
     matrices = np.empty((count + len(extra), spread.shape[1], spread.shape[1]))
     for source, start in ((group.matrices, 0), (extra, count)):

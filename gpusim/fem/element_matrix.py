@@ -19,7 +19,7 @@ from gpusim.errors import InputError
 from gpusim.fem.element import ELEMENTS, Rule, mode_gradient
 from gpusim.fem.isoparametric import determinant, inverse, reference_gradient
 
-__all__ = ["element_stiffness", "strain_matrix"]
+__all__ = ["element_stiffness", "modulus_tensor", "strain_matrix"]
 
 Float = npt.NDArray[np.float64]
 
@@ -131,11 +131,15 @@ def _contract(products: Float, moduli: Float) -> Float:
     """K (M,3k,3k), components of a node together, with K_ij = C_ikjl H_kl."""
     count, size = products.shape[:2]
     inward, outward = _orders(size // 3)
-    # tensor[kl, ij] = C_ikjl
-    tensor = np.take(moduli.reshape(*moduli.shape[:-2], 36), _MODULUS, axis=-1)
+    tensor = modulus_tensor(moduli)
     pairs = np.take(products.reshape(count, -1), inward, axis=1).reshape(count, -1, 9)
     blocks = np.matmul(pairs, tensor).reshape(count, -1)
     return np.take(blocks, outward, axis=1).reshape(products.shape)
+
+
+def modulus_tensor(moduli: Float) -> Float:
+    """(…,9,9) C_ikjl in row kl and column ij, of (…,6,6) moduli."""
+    return np.asarray(np.take(moduli.reshape(*moduli.shape[:-2], 36), _MODULUS, axis=-1))
 
 
 @cache

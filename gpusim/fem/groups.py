@@ -1,20 +1,35 @@
-"""Elements with their matrices, before assembly: equal ones share a matrix."""
+"""Elements with their matrices, before assembly: equal ones share a matrix.
+
+Where hardly any two are equal, as in a mesh of tetrahedra, matrices aren't stored: those of a
+hundred thousand quadratic tetrahedra take a gigabyte, and each is wanted once or twice.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.fem.congruence import congruence_classes, unique_rows
+from gpusim.fem.congruence import congruence_classes, mix, unique_rows
 from gpusim.fem.element_matrix import element_stiffness
 from gpusim.fem.lattice import Lattice
 from gpusim.fem.model import Model
 from gpusim.fem.product import pool
+from gpusim.fem.straight_tets import StraightTets, is_straight
 
-__all__ = ["Group", "held_matrices", "lattice_group", "masked", "model_groups"]
+__all__ = [
+    "DistinctGroup",
+    "Elements",
+    "Group",
+    "held_matrices",
+    "lattice_group",
+    "masked",
+    "model_groups",
+    "pair_blocks",
+]
 
 Float = npt.NDArray[np.float64]
 Int = npt.NDArray[np.int32]
@@ -25,6 +40,10 @@ Bool = npt.NDArray[np.bool_]
 _SAME_SPACING = 2.0**-36
 # distinct elements that one processor takes at a time
 _PORTION = 4096
+# matrices are stored where they repeat at least this often on average
+REPEATS = 4
+# elements that are compared for a first look, per square root of their number
+_LOOK = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,21 +56,140 @@ class Group:
     kind: Long
     matrices: Float
 
+    @property
+    def distinct(self) -> int:
+        return len(self.matrices)
 
-def model_groups(model: Model, formulation: Mapping[str, str]) -> list[Group]:
-    """One group per cell type of a model."""
+    def at(self, which: Long) -> Float:
+        """(m,3k,3k) matrices of the elements ``which``."""
+        return np.asarray(self.matrices[self.kind[which]])
+
+    def blocks(self, which: Long, diagonal: bool) -> tuple[Float, Float | None]:
+        """Blocks (P,m,9) of the pairs a < b of nodes, and the diagonal ones (k,m,9) if wanted."""
+        return pair_blocks(self.at(which), diagonal)
+
+
+class Source(Protocol):
+    """Matrices of M elements of a cell type, formed when they are asked for."""
+
+    def __len__(self) -> int: ...
+
+    def at(self, which: Long) -> Float: ...
+
+    def blocks(self, which: Long, diagonal: bool) -> tuple[Float, Float | None]: ...
+
+
+@dataclass(frozen=True, eq=False)
+class DistinctGroup:
+    """Elements no two of which are taken to be equal: ``cells`` (M,k), ``source`` of as many."""
+
+    name: str
+    cells: Int
+    source: Source
+
+    @property
+    def distinct(self) -> int:
+        return len(self.cells)
+
+    def at(self, which: Long) -> Float:
+        """(m,3k,3k) matrices of the elements ``which``."""
+        return self.source.at(which)
+
+    def blocks(self, which: Long, diagonal: bool) -> tuple[Float, Float | None]:
+        """As a ``Group``."""
+        return self.source.blocks(which, diagonal)
+
+
+Elements = Group | DistinctGroup
+
+
+def pair_blocks(matrices: Float, diagonal: bool) -> tuple[Float, Float | None]:
+    """Blocks of element matrices (m,3k,3k) by pair of nodes; see ``Group.blocks``."""
+    width = matrices.shape[1] // 3
+    order = np.arange(9 * width * width).reshape(width, 3, width, 3).transpose(0, 2, 1, 3)
+    place = order.reshape(width, width, 9)
+    flat = matrices.reshape(len(matrices), -1)
+
+    def chosen(where: npt.NDArray[np.intp]) -> Float:
+        picked = np.take(flat, where.ravel(), axis=1).reshape(len(flat), -1, 9)
+        return np.ascontiguousarray(picked.transpose(1, 0, 2))
+
+    pairs = chosen(place[np.triu_indices(width, 1)])
+    return pairs, chosen(place[np.arange(width), np.arange(width)]) if diagonal else None
+
+
+class _Integrated:
+    """Element matrices by quadrature."""
+
+    def __init__(
+        self, name: str, points: Float, cells: Int, elasticity: Float, material: Int, rule: str
+    ) -> None:
+        self._name, self._points, self._cells = name, points, cells
+        self._elasticity, self._material, self._rule = elasticity, material, rule
+
+    def __len__(self) -> int:
+        return len(self._cells)
+
+    def at(self, which: Long) -> Float:
+        nodes = self._points[self._cells[which]]
+        own = self._material[which]
+        moduli = self._elasticity[own if (own != own[:1]).any() else own[0]]
+        return element_stiffness(self._name, nodes, moduli, self._rule)
+
+    def blocks(self, which: Long, diagonal: bool) -> tuple[Float, Float | None]:
+        return pair_blocks(self.at(which), diagonal)
+
+
+def model_groups(model: Model, formulation: Mapping[str, str]) -> list[Elements]:
+    """The elements of a model, one group or two per cell type."""
     elasticity = _elasticity(model)
+    points = model.mesh.points
     assert model.material_of_cell is not None
-    groups = []
+    groups: list[Elements] = []
     for name, first, cells in model.mesh.blocks():
         if len(cells) == 0:
             continue
         material = model.material_of_cell[first : first + len(cells)]
-        nodes = model.mesh.points[cells]
-        representative, kind = congruence_classes(nodes, material)
-        matrices = _matrices(name, nodes, elasticity, material, representative, formulation[name])
-        groups.append(Group(name, cells, kind, matrices))
+        if _repeat(points, cells, material):
+            nodes = points[cells]
+            representative, kind = congruence_classes(nodes, material)
+            if len(representative) * REPEATS <= len(cells):
+                rule = formulation[name]
+                matrices = _matrices(name, nodes, elasticity, material, representative, rule)
+                groups.append(Group(name, cells, kind, matrices))
+                continue
+        groups += _distinct_groups(name, points, cells, elasticity, material, formulation[name])
     return groups
+
+
+def _repeat(points: Float, cells: Int, material: Int) -> bool:
+    """Whether elements may repeat: where they do, some of a few are equal too."""
+    few = int(_LOOK * np.sqrt(len(cells)))
+    if few >= len(cells):
+        return True
+    chosen = np.unique(mix(np.arange(few), 17) % np.uint64(len(cells))).astype(np.int64)
+    representative, _ = congruence_classes(points[cells[chosen]], material[chosen])
+    return len(representative) < len(chosen)
+
+
+def _distinct_groups(
+    name: str, points: Float, cells: Int, elasticity: Float, material: Int, rule: str
+) -> Iterator[DistinctGroup]:
+    # in the order of the nodes: what is added up together then lies together
+    order = np.argsort(cells.min(axis=1), kind="stable")
+    cells, material = cells[order], material[order]
+    straight = np.zeros(len(cells), dtype=bool)
+    if name == "tet10":
+        for start in range(0, len(cells), _PORTION):
+            part = slice(start, start + _PORTION)
+            straight[part] = is_straight(points[cells[part]])
+    if straight.any():
+        corners = cells[straight, :4]
+        source = StraightTets(points, corners, elasticity, material[straight])
+        yield DistinctGroup(name, cells[straight], source)
+    if not straight.all():
+        own, what = cells[~straight], material[~straight]
+        yield DistinctGroup(name, own, _Integrated(name, points, own, elasticity, what, rule))
 
 
 def _matrices(

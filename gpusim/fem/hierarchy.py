@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +16,7 @@ from gpusim.fem.block_rows import BlockRows
 from gpusim.fem.coarsen import Coarser, drop_midsides, drop_planes, has_midsides
 from gpusim.fem.congruence import noise
 from gpusim.fem.diagonal import diagonal_blocks, invert_blocks, invert_repeated
-from gpusim.fem.groups import Group
+from gpusim.fem.groups import Elements, Group
 from gpusim.fem.indefinite import indefinite
 from gpusim.fem.lattice import Lattice, find_lattice
 from gpusim.fem.patches import Patches, make_patches
@@ -61,7 +62,7 @@ class Hierarchy:
 
 def build_hierarchy(
     matrix: bsr_matrix | Stencil | RowsProduct,
-    groups: list[Group],
+    groups: Sequence[Elements],
     lattice: Lattice | None,
     free: Bool,
     points: Float,
@@ -87,18 +88,18 @@ def build_hierarchy(
         transfer = NodeTransfer(coarser.interpolation, free, coarse_free)
         product, patches = _product(matrix), None
         if patched and lattice is not None:
-            patches = make_patches(_assembled(matrix), groups[0], lattice, free)
+            patches = make_patches(_assembled(matrix), _stored(groups), lattice, free)
         if patches is not None:
             largest = largest_eigenvalue(product, patches)
-        elif sum(len(group.matrices) for group in groups) <= _FEW:
-            largest = max(_element_bound(group.matrices) for group in groups)
+        elif sum(group.distinct for group in groups) <= _FEW:
+            largest = max(_element_bound(_distinct_matrices(group)) for group in groups)
         else:
             largest = largest_eigenvalue(product, inverse)
         levels.append(Level(product, inverse, largest, transfer, patches))
         groups, lattice, free = coarser.groups, coarser.lattice, coarse_free
         points = points[coarser.kept]
         if lattice is not None:
-            matrix = lattice_stencil(groups[0], lattice, scale)
+            matrix = lattice_stencil(_stored(groups), lattice, scale)
         else:
             matrix = group_matrix(groups, len(points))
             matrix.data /= scale
@@ -126,6 +127,17 @@ def _inverses(matrix: bsr_matrix | Stencil | RowsProduct, free: Bool) -> Float:
     return invert_blocks(diagonal_blocks(_assembled(matrix)), free)
 
 
+def _stored(groups: Sequence[Elements]) -> Group:
+    """The one group of a lattice."""
+    (group,) = groups
+    assert isinstance(group, Group)
+    return group
+
+
+def _distinct_matrices(group: Elements) -> Float:
+    return group.matrices if isinstance(group, Group) else group.at(np.arange(group.distinct))
+
+
 def _element_bound(matrices: Float) -> float:
     """Bound of the eigenvalues of D^-1 K: the greatest of any element's own.
 
@@ -144,21 +156,21 @@ def _element_bound(matrices: Float) -> float:
 
 
 def _geometric(
-    groups: list[Group], lattice: Lattice | None, free: Bool, points: Float
+    groups: Sequence[Elements], lattice: Lattice | None, free: Bool, points: Float
 ) -> Coarser | None:
     if has_midsides(groups):
         coarser = drop_midsides(groups, free)
         return _on_lattice(coarser, points[coarser.kept])
     if lattice is not None and 3 * len(free) > _COARSEST:
-        return drop_planes(groups[0], lattice, free)
+        return drop_planes(_stored(groups), lattice, free)
     return None
 
 
 def _on_lattice(coarser: Coarser, points: Float) -> Coarser:
     """The same, with the lattice of the coarse hex8 elements where there is one."""
-    if len(coarser.groups) != 1 or coarser.groups[0].name != "hex8":
-        return coarser
     group = coarser.groups[0]
+    if len(coarser.groups) != 1 or group.name != "hex8" or not isinstance(group, Group):
+        return coarser
     lattice = find_lattice(points, group.cells)
     if lattice is None:
         return coarser

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from functools import cache
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -16,9 +17,11 @@ from threadpoolctl import threadpool_limits
 
 from gpusim.fem.block_rows import BlockRows, block_matrix
 
-__all__ = ["Product", "RowsProduct", "one_blas_thread", "pool", "processors"]
+__all__ = ["Product", "RowsProduct", "ahead", "one_blas_thread", "pool", "processors"]
 
 Float = npt.NDArray[np.float64]
+T = TypeVar("T")
+R = TypeVar("R")
 
 # below this many stored numbers a thread costs more than it saves
 _SMALL = 200_000
@@ -34,6 +37,16 @@ def processors() -> int:
 def pool() -> ThreadPoolExecutor:
     """Threads for work that NumPy and SciPy do outside the interpreter lock."""
     return ThreadPoolExecutor(processors(), thread_name_prefix="gpusim")
+
+
+def ahead(work: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:
+    """``work`` of each item in their order, by the pool, at most a few beyond the one taken."""
+    waiting = [pool().submit(work, item) for item in items[: processors()]]
+    for number in range(len(items)):
+        result = waiting.pop(0).result()
+        if number + processors() < len(items):
+            waiting.append(pool().submit(work, items[number + processors()]))
+        yield result
 
 
 class _Limit:

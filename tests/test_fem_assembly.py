@@ -1,0 +1,125 @@
+"""Assembly of elements no two of which are equal: against plain sums of element matrices."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gpusim.errors import InputError
+from gpusim.fem import Isotropic, Model, Orthotropic
+from gpusim.fem.assembly import assemble_groups, group_matrix
+from gpusim.fem.block_rows import block_matrix
+from gpusim.fem.coarsen import drop_midsides
+from gpusim.fem.edges import Edges
+from gpusim.fem.element_matrix import element_stiffness
+from gpusim.fem.groups import DistinctGroup, Group, model_groups
+from gpusim.fem.straight_tets import StraightTets, is_straight
+from gpusim.fem.transfer import NodeTransfer
+from gpusim.mesh import Mesh, box, quadratic, split
+
+STEEL = Isotropic(2.0, 0.3)
+WOOD = Orthotropic((2.0, 0.3, 0.2), (0.3, 0.25, 0.1), (0.2, 0.1, 0.15))
+RULE = {"tet10": "full", "hex8": "incompatible", "wedge15": "full"}
+
+
+def irregular(kind: str) -> Mesh:
+    """Elements all of different shape, nodes and cells in no order."""
+    rng = np.random.default_rng(3)
+    mesh = box((1.3, 0.9, 0.7), (4, 3, 2))
+    mesh = mesh.moved(0.04 * rng.normal(size=mesh.points.shape))
+    if kind != "hex8":
+        mesh = quadratic(split(mesh, {"tet10": "tet4", "wedge15": "wedge6"}[kind]))
+    order = rng.permutation(mesh.node_count)
+    number = np.empty_like(order)
+    number[order] = np.arange(len(order))
+    return Mesh(mesh.points[order], {kind: rng.permutation(number[mesh.cells[kind]])})
+
+
+def curved(mesh: Mesh) -> Mesh:
+    """With the midsides of some tet10 off the middle."""
+    moved = np.zeros(mesh.points.shape)
+    moved[np.unique(mesh.cells["tet10"][:5, 4:])] = [0.004, -0.003, 0.002]
+    return mesh.moved(moved)
+
+
+def plain_sum(mesh: Mesh, materials: list, of_cell: np.ndarray) -> np.ndarray:  # type: ignore[type-arg]
+    (kind, cells), *rest = mesh.cells.items()
+    assert not rest
+    moduli = np.stack([one.stiffness() for one in materials])[of_cell]
+    total = np.zeros((3 * mesh.node_count,) * 2)
+    matrices = element_stiffness(kind, mesh.points[cells], moduli, RULE[kind])
+    for cell, matrix in zip(cells, matrices, strict=True):
+        at = (3 * cell[:, None] + np.arange(3)).ravel()
+        total[np.ix_(at, at)] += matrix
+    return total
+
+
+@pytest.mark.parametrize("kind", ["hex8", "wedge15", "tet10", "curved tet10"])
+def test_unequal_elements_add_up_as_in_a_plain_sum(kind: str) -> None:
+    mesh = irregular(kind.removeprefix("curved "))
+    mesh = curved(mesh) if kind.startswith("curved") else mesh
+    of_cell = np.arange(mesh.cell_count) % 2
+    model = Model(mesh, [STEEL, WOOD], material_of_cell=of_cell)
+    groups = model_groups(model, RULE)
+    assert len(groups) == 1 + kind.startswith("curved")
+    assert all(isinstance(one, DistinctGroup) for one in groups)
+    wanted = plain_sum(mesh, [STEEL, WOOD], of_cell)
+    limit = 2e-14 * np.abs(wanted).max()
+    rows = assemble_groups(groups, mesh.node_count)
+    assert rows.class_count == mesh.node_count
+    matrix = block_matrix(rows).toarray()
+    np.testing.assert_allclose(matrix, wanted, atol=limit)
+    # to the last bit: what refinement rests on
+    np.testing.assert_array_equal(matrix, matrix.T)
+    np.testing.assert_allclose(group_matrix(groups, mesh.node_count).toarray(), wanted, atol=limit)
+
+
+def test_only_the_rows_of_some_nodes() -> None:
+    mesh = irregular("wedge15")
+    edges = Edges(model_groups(Model(mesh, [WOOD]), RULE), mesh.node_count)
+    every = edges.blocks(None)
+    nodes = np.array([17, 3, 80])
+    wanted = [every[edges.start[k] : edges.start[k + 1]] for k in nodes]
+    found = edges.blocks(nodes)
+    np.testing.assert_allclose(found, np.concatenate(wanted), atol=1e-15 * np.abs(every).max())
+
+
+def test_straight_tetrahedra_in_closed_form() -> None:
+    mesh = irregular("tet10")
+    cells = mesh.cells["tet10"]
+    assert is_straight(mesh.points[cells]).all()
+    # as far from the origin as coordinates in float64 allow
+    assert is_straight(mesh.points[cells] + 1e6).all()
+    bent = is_straight(curved(mesh).points[cells])
+    assert 0 < bent.sum() < len(bent)
+    moduli = np.stack([WOOD.stiffness(), STEEL.stiffness()])
+    of_cell = (np.arange(len(cells)) % 3 == 0).astype(np.int32)
+    source = StraightTets(mesh.points, cells[:, :4], moduli, of_cell)
+    which = np.array([3, 1, 44])
+    for form, kind, nodes in ((source, "tet10", cells), (source.linear(), "tet4", cells[:, :4])):
+        wanted = element_stiffness(kind, mesh.points[nodes[which]], moduli[of_cell[which]])
+        np.testing.assert_allclose(form.at(which), wanted, atol=1e-14 * np.abs(wanted).max())
+
+
+def test_an_inverted_tetrahedron_is_refused() -> None:
+    mesh = irregular("tet10")
+    turned = mesh.cells["tet10"][:, [0, 2, 1, 3]]
+    source = StraightTets(mesh.points, turned, STEEL.stiffness()[None], np.zeros(len(turned), int))
+    with pytest.raises(InputError, match="3 elements are inverted"):
+        source.at(np.arange(3))
+
+
+def test_midsides_left_out_of_unequal_tetrahedra() -> None:
+    mesh = curved(irregular("tet10"))
+    fixed = np.zeros(mesh.points.shape, dtype=bool)
+    fixed[mesh.points[:, 0] < 0.2] = True
+    # a midside that is held in one direction while its corners are free
+    fixed[mesh.cells["tet10"][np.argmax(mesh.points[mesh.cells["tet10"][:, 0], 0]), 5], 1] = True
+    groups = model_groups(Model(mesh, [WOOD], fixed), RULE)
+    coarser = drop_midsides(groups, ~fixed)
+    assert {type(one) for one in coarser.groups} == {Group, DistinctGroup}
+    transfer = NodeTransfer(coarser.weights, ~fixed, ~fixed[coarser.kept]).matrix()
+    fine = block_matrix(assemble_groups(groups, mesh.node_count))
+    wanted = (transfer.T @ fine @ transfer).toarray()
+    found = group_matrix(coarser.groups, len(coarser.kept)).toarray()
+    np.testing.assert_allclose(found, wanted, atol=1e-13 * np.abs(wanted).max())
