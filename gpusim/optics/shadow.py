@@ -54,8 +54,7 @@ class ShadowPass:
         if first == last:
             return
         setup = self.tables.setup
-        constants = setup.lighting.constants(bool(setup.shiny.any()))
-        constants["distorted"] = setup.constants((), False)["distorted"]
+        constants = setup.light_constants(bool(setup.shiny.any()), bool(setup.bumpy.any()))
         kernel = self.tables.device.kernel("optics/shadow", constants=constants)
         bindings = kernel.bind(
             params={
@@ -68,13 +67,9 @@ class ShadowPass:
                 "count": last - first,
             },
             radiance=radiance,
-            triangles=self.tables.triangles,
             marks=marks,
             places=self._places,
-            lamps=self.tables.lamps,
-            gloss_table=self.tables.gloss,
-            tiles=self.tables.tiles,
-            undistortion=self.tables.undistortion,
+            **self.tables.surface(),
             **self.tables.shadows.bindings(),
         )
         across = min(int(last - first), 32768)
