@@ -82,7 +82,7 @@ def track(
     blur_px : Gaussian put over both images first, px. Hard black-white borders need it: tracking
         a perfectly sharp 19 px marker turned by 4 degrees is off by 0.045 px without it, by
         0.012 px with 1 px and 0.007 px with 1.5 px.
-    shape, window, mask, tolerance, min_zncc, device : as for ``dic``.
+    shape, window, mask, tolerance, min_zncc, device : as for ``dic`` (no software adapter).
     backward_px : a marker is accepted if tracking back returns within this distance.
     """
     first = check_image(reference, "reference")
@@ -172,7 +172,9 @@ class _Tracker:
         self.search_px = search_px
         self.backward_px = backward_px
         self.blur_px = blur_px
-        self.device = device
+        # markers come one after the other: what one takes is less than a software adapter's own way
+        software = device is not None and device.info.get("adapter_type") == "CPU"
+        self.device = None if software else device
         self.matches: list[_Match | None] = [None] * len(points)
 
     def follow(self, chain: list[int]) -> None:

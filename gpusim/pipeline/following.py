@@ -251,16 +251,10 @@ def _crosses(
     rows = np.flatnonzero(np.isfinite(near).all(axis=1) & np.isfinite(arms).all(axis=(1, 2)))
     if not rows.size:
         return points, sigma
-    first = measure.fit_crossings(
-        image, near[rows], arms[rows, 0], arms[rows, 1], share=FIRST_SHARE
-    )
-    rows, first_points, blur = rows[first.ok], first.points[first.ok], first.blur[first.ok]
-    if not rows.size:
-        return points, sigma
-    share = 1.0 - (END_MARGIN + END_SIGMAS * blur) / (0.5 * widths[rows])
     fit = measure.fit_crossings(
-        image, first_points, arms[rows, 0], arms[rows, 1], share=np.clip(share, 0.4, 1.0)
-    )
+        image, near[rows], arms[rows, 0], arms[rows, 1], share=FIRST_SHARE,
+        margin=(END_MARGIN, END_SIGMAS),
+    )  # fmt: skip
     points[rows], sigma[rows] = fit.points, fit.sigma
     return points, sigma
 
