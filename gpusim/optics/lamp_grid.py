@@ -117,7 +117,7 @@ def _along(axis: Array, x: Array, y: Array, z: Array) -> Array:
 
 def _fold(function: np.ufunc, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """``function`` over the first axis, which is short."""
-    result = values[0]
+    result: npt.NDArray[Any] = values[0]
     for row in values[1:]:
         result = function(result, row)
     return result
@@ -285,7 +285,7 @@ class LampGrid:
         above, below = (
             start + np.minimum(end[1] >> level, rows) * columns for end in (first, last)
         )
-        result = self.pyramid[above + left]
+        result: Array = self.pyramid[above + left]
         for place in (above + right, below + left, below + right):
             np.maximum(result, self.pyramid[np.maximum(place, 0)], out=result)
         result[(last[0] < first[0]) | (last[1] < first[1])] = -np.inf
