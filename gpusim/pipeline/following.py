@@ -15,7 +15,6 @@ import numpy.typing as npt
 
 from gpusim import measure
 from gpusim.errors import GpusimError, InputError
-from gpusim.gpu import Device
 from gpusim.optics.camera import Camera
 from gpusim.pipeline.build import BodyParts
 from gpusim.scene import Scene
@@ -117,7 +116,6 @@ def follow_markers(
     *,
     subset: int | None,
     bits: int,
-    device: Device | None,
 ) -> Followed:
     """Find the markers near where ``camera`` expects them, and follow them into ``deformed``.
 
@@ -148,7 +146,7 @@ def follow_markers(
     side = subset or _odd(SUBSET_SHARE * float(widths[: marks.count].min()))
     tracked = measure.track(
         reference, deformed, points[rows],
-        subset=side, groups=chains, search_px=_search(points[rows], chains, side), device=device,
+        subset=side, groups=chains, search_px=_search(points[rows], chains, side),
     )  # fmt: skip
     matched, sigma = np.full_like(points, np.nan), np.full(len(points), np.nan)
     matched[rows], sigma[rows] = tracked.displacement, tracked.sigma
