@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from scipy import ndimage
 
 from gpusim.measure.crops import Crops
 from gpusim.measure.icgn import correlate_numpy
@@ -17,6 +18,20 @@ from gpusim.measure.search import search_template
 __all__ = ["Match", "Matcher"]
 
 BoolArray = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class _Piles(Pair):
+    """A pair whose subsets fill a small part of the crops around them."""
+
+    def planes_at(
+        self, x: npt.NDArray[np.int64], y: npt.NDArray[np.int64], size: int
+    ) -> FloatArray:
+        """As `Pair.planes_at`, without those of the whole pile."""
+        found = np.zeros((x.size, size, size, 4))
+        for i, (left, top) in enumerate(zip(x.tolist(), y.tolist(), strict=True)):
+            self.fill_planes((left, top, left + size, top + size), found[i])
+        return found.reshape(x.size, size * size, 4)
 
 
 @dataclass(frozen=True)
@@ -88,8 +103,10 @@ class Matcher:
         x0, y0, x1, y1 = self.crops.limits[index]
         if not (x0 <= x1 and y0 <= y1):
             return c[:, 0].copy()
-        template = self.crops.values(
-            np.clip(x, x0, x1), np.clip(y, y0, y1) + index * self.crops.size
+        rows = slice(index * self.crops.size, (index + 1) * self.crops.size)
+        # between pixels linearly: the search is for whole pixels, and the picture is blurred
+        template = ndimage.map_coordinates(
+            self.crops.pixels[rows], [np.clip(y, y0, y1), np.clip(x, x0, x1)], order=1
         )
         column, row, score = search_template(
             template, self.deformed, (int(target[0]), int(target[1])), self.search_px
@@ -111,7 +128,7 @@ class Matcher:
         target = points + starts[:, :, 0]
         deformed = Crops.around(self.deformed, target, self.reach, self.blur_px)
         mask = None if self.mask is None else reference.piled(self.mask)
-        found = self._correlate(Pair(reference, deformed, mask), points, starts)
+        found = self._correlate(_Piles(reference, deformed, mask), points, starts)
         missed = np.full(len(which), np.nan)
         good = np.flatnonzero(found.status == Status.OK)
         if good.size:
@@ -132,7 +149,7 @@ class Matcher:
             for k, source in enumerate(sources)
         ]
 
-    def _correlate(self, pair: Pair, points: FloatArray, starts: FloatArray) -> Correlation:
+    def _correlate(self, pair: _Piles, points: FloatArray, starts: FloatArray) -> Correlation:
         """`correlate_numpy` for points and displacements as in the images, not in the piles."""
         assert isinstance(pair.reference, Crops) and isinstance(pair.deformed, Crops)
         every = np.arange(len(points))
@@ -155,7 +172,7 @@ class Matcher:
         start[:, :, 0] = -forward[:, :, 0]
         start[:, :, 1:3] = (inverse - np.eye(2)) * half
         mask = self._turned_mask(points, there, inverse, deformed)
-        back = self._correlate(Pair(deformed, reference, mask), there, start)
+        back = self._correlate(_Piles(deformed, reference, mask), there, start)
         return np.asarray(np.linalg.norm(there + back.coefficients[:, :, 0] - points, axis=1))
 
     def _turned_mask(

@@ -96,6 +96,7 @@ def measure_deflection(
         scale_residual_px=scale.residual_px,
         subset_px=seen.subset,
         saturated=seen.saturated(count),
+        unrefined=seen.by_correlation(count),
         tilt_deg=_tilt(camera, plane),
         tracking_px=seen.tracking_px,
         curves=curves,

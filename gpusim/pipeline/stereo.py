@@ -112,6 +112,7 @@ def measure_stereo(
         points_px=tuple(s.points[:count] for s in seen),
         moved_px=tuple(np.where(_ok(s)[:, None], s.displacement, np.nan)[:count] for s in seen),
         saturated=tuple(dict.fromkeys(name for s in seen for name in s.saturated(count))),
+        unrefined=tuple(dict.fromkeys(name for s in seen for name in s.by_correlation(count))),
     )
 
 
