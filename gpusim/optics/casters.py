@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import numpy.typing as npt
@@ -11,12 +12,15 @@ import numpy.typing as npt
 from gpusim.optics.emitters import Lamp
 from gpusim.optics.merging import merge_flat, neighbours
 from gpusim.surface.surface import Surface, face_normals
+from gpusim.surface.topology import Topology
 
 __all__ = ["Casters", "LampFaces"]
 
 Array = npt.NDArray[np.float64]
 MOST_WALLS = 32
 """Faces of open surfaces that are looked at one by one."""
+
+_ACROSS: WeakKeyDictionary[Topology, tuple[npt.NDArray[np.int64], bool]] = WeakKeyDictionary()
 
 FLAT = 1e-9
 """Distance from a face's plane, per distance and face size, that counts as on it."""
@@ -44,7 +48,7 @@ class Casters:
     the area; ``both_sides`` (F,): of surfaces that aren't closed. Of the edges of the surfaces' own
     faces that aren't inside a joined one: ``edge`` (E, 2) joined face and place among its edges,
     ``beside`` (E,) the joined face across, -1 for none or several, -2 where a triangle has no
-    fourth edge.
+    fourth edge. ``sag`` (F,): how far joined faces may pass from the surface.
     """
 
     corners: Array
@@ -52,6 +56,7 @@ class Casters:
     both_sides: npt.NDArray[np.bool_]
     edge: npt.NDArray[np.int64]
     beside: npt.NDArray[np.int64]
+    sag: Array
 
     @staticmethod
     def of(
@@ -63,11 +68,12 @@ class Casters:
         """
         corners, normals, both = [np.zeros((0, 4, 3))], [np.zeros((0, 3))], [np.zeros(0, bool)]
         edges, beside = [np.zeros((0, 2), np.int64)], [np.zeros(0, np.int64)]
+        sags = [np.zeros(0)]
         first = 0
         for surface in surfaces:
             faces = surface.faces.astype(np.int64)
             faces = np.where(faces >= 0, faces, np.roll(faces, 1, axis=1))
-            across, closed = neighbours(faces)
+            across, closed = _across(surface.topology, faces)
             tolerance = None if flatness is None else flatness(surface.points)
             merged = merge_flat(surface.points, faces, tolerance)
             count = len(merged.faces)
@@ -84,10 +90,22 @@ class Casters:
             edges.append(np.stack([merged.owner[face] + first, place], axis=1))
             other = across[face, place]
             beside.append(np.where(other >= 0, merged.owner[other] + first, other))
+            most = np.zeros(len(surface.points)) if tolerance is None else tolerance
+            sags.append(most[merged.faces].max(axis=1))
             first += count
         return Casters(
             np.concatenate(corners), np.concatenate(normals), np.concatenate(both),
-            np.concatenate(edges), np.concatenate(beside),
+            np.concatenate(edges), np.concatenate(beside), np.concatenate(sags),
+        )  # fmt: skip
+
+    def beside_others(self, others: Casters) -> Casters:
+        """These casters and ``others``, numbered behind them, for their faces only."""
+        return Casters(
+            np.concatenate([self.corners, others.corners]),
+            np.concatenate([self.normal, others.normal]),
+            np.concatenate([self.both_sides, others.both_sides]),
+            self.edge, self.beside,
+            np.concatenate([self.sag, others.sag]),
         )  # fmt: skip
 
     def seen_by(self, lamp: Lamp, receivers: Array) -> LampFaces:
@@ -122,3 +140,10 @@ class Casters:
         rim[self.edge[ends, 0], self.edge[ends, 1]] = True
         face = np.flatnonzero(caster)
         return LampFaces(face, rim[face], side[face])
+
+
+def _across(topology: Topology, faces: npt.NDArray[np.int64]) -> tuple[npt.NDArray[np.int64], bool]:
+    """`neighbours`, found once for all frames."""
+    if topology not in _ACROSS:
+        _ACROSS[topology] = neighbours(faces)
+    return _ACROSS[topology]

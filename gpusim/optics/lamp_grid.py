@@ -104,6 +104,12 @@ def _fold(function: np.ufunc, values: Array) -> Array:
     return result
 
 
+def _farthest(values: Array) -> Array:
+    """The largest distance from 0 of intervals (n, 2)."""
+    result: Array = np.maximum(np.abs(values[:, 0]), np.abs(values[:, 1]))
+    return result
+
+
 class LampGrid:
     """Casters of one view of a lamp, in square cells of p and q, each with its highest s."""
 
@@ -196,6 +202,21 @@ class LampGrid:
             inside &= gap <= width
             past |= self.rim[:, k][caster] & (np.abs(gap) <= width)
         return inside | ~bounded, past | ~bounded
+
+    def moves(self, reach: Reach, box: Numbers, caster: Numbers, sag: Array) -> Array:
+        """Share (n,) of the lamp by which casters that are off by ``sag`` (F,) may change it.
+
+        Boxes ``box`` of ``reach`` see the lamp as large as the caster's height above them says.
+        """
+        shift = sag[self.face]
+        if not self.view.lamp.far:
+            # p and q of a point that is off along the axis as well
+            slope = 1.0 + np.maximum(_farthest(self.reach.p), _farthest(self.reach.q))
+            shift = shift * slope * self.highest
+        rise = np.maximum(self.reach.s[:, 0][caster] - reach.s[:, 1][box], 0.0)
+        size = 2.0 * min(self.view.half) * rise
+        own = shift[caster]
+        return np.where(own < size, own / np.where(size > 0.0, size, 1.0), np.sign(own))
 
     def _mapped(self, values: Array) -> Array:
         """Finite coordinates of the grid: p and q of half a space reach to infinity."""

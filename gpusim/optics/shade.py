@@ -134,6 +134,7 @@ class ShadePass:
         by_pixel = small_triangles(view) if by_pixel is None else by_pixel
         light = LightTiles.of(setup)
         self._light = None if light is None else LightTilesPass(tables, light)
+        self._light_found = False
         programs = _programs(setup, light, sort=not by_pixel)
         self._seen = SeenPass(tables, rows, programs, self._near) if by_pixel else None
         self._draws: list[tuple[Raster, Buffer, int]] = []
@@ -169,7 +170,9 @@ class ShadePass:
         shared["gloss_table"] = self.tables.gloss
         shared["light_tiles"] = self.tables.device.no_texels("rgba32float")
         if self._light is not None:
-            self._light.record(recording)
+            if not self._light_found:
+                self._light.record(recording)
+                self._light_found = True
             shared["light_tiles"] = self._light.texels
         clear: float | None = setup.background
         if self._seen is not None:

@@ -18,7 +18,7 @@ from gpusim.optics.casters import Casters
 from gpusim.optics.emitters import Lamp
 from gpusim.optics.lamp_grid import LampGrid, LampView
 from gpusim.optics.occlusion import TOLERANCE, visible_share
-from gpusim.optics.ragged import expand
+from gpusim.optics.ragged import distinct, expand
 from gpusim.optics.receivers import TILE, Pairs, Receivers
 from gpusim.optics.view import View
 
@@ -38,16 +38,25 @@ FLATNESS = 1e-3
 """px of the picture by which joining casters' faces may move a shadow."""
 
 
-def flatness(view: View, lamps: list[Lamp]) -> Callable[[Array], Array]:
+COARSER = 10.0
+"""Times `FLATNESS`: what is joined where a lamp's penumbra is wide, as far as `SHARE` allows."""
+
+SHARE = 5e-4
+"""Of a lamp, by which what is seen of it may change; the lattice's step is four times that."""
+
+
+def flatness(view: View, lamps: list[Lamp], times: float = 1.0) -> Callable[[Array], Array]:
     """How far joined faces may pass from casters' points (N, 3), as `Casters.of` asks.
 
     A caster's error is seen at the nearest receiver, as much larger as that is farther from the
-    lamp. It stays below what the exact test of a face's plane lets through (`TOLERANCE`).
+    lamp. It stays below what the exact test of a face's plane lets through (`TOLERANCE`), unless
+    it is taken several ``times``.
     """
     T = view.camera.camera_from_world
     receivers = ((view.corners[:, :, :3] - T[:3, 3]) @ T[:3, :3]).reshape(-1, 3)
     depth = 1.0 / max(float(view.inverse_depth().max(initial=0.0)), 1e-300)
     share = min(FLATNESS / float(np.abs(np.diag(view.camera.K)[:2]).max()), 0.1 * TOLERANCE)
+    share *= times
 
     def allowed(points: Array) -> Array:
         result = np.full(len(points), share * depth)
@@ -84,8 +93,13 @@ class ShadowTiles:
     both_sides: npt.NDArray[np.bool_]
 
     @staticmethod
-    def build(view: View, lamps: list[Lamp], casters: Casters) -> ShadowTiles:
-        """Classify every tile of ``view`` for every lamp that casts shadows."""
+    def build(
+        view: View, lamps: list[Lamp], casters: Casters, coarse: Casters | None = None
+    ) -> ShadowTiles:
+        """Classify every tile of ``view`` for every lamp that casts shadows.
+
+        ``coarse``: the same casters with more of their faces joined, for wide penumbrae.
+        """
         if len(lamps) > MOST_LAMPS:
             raise InputError(
                 f"render lights; got {len(lamps)} lamps; expected at most {MOST_LAMPS}"
@@ -97,19 +111,23 @@ class ShadowTiles:
         for number, lamp in enumerate(lamps):
             if not lamp.light.shadows or not view.count or not len(casters.corners):
                 continue
-            dark, tile, face = _half_shadow(receivers, lamp, casters, shape)
+            dark, tile, face = _half_shadow(receivers, lamp, casters, coarse, shape)
             lit.reshape(-1)[dark] &= np.uint32(ALL ^ (1 << number))
             tiles.append(tile)
             faces.append(face)
             lamp_of.append(np.full(len(tile), number))
+        if coarse is not None:
+            casters = casters.beside_others(coarse)
         tile = np.concatenate([np.zeros(0, np.int64), *tiles])
         lamp_number = np.concatenate([np.zeros(0, np.int64), *lamp_of])
         face = np.concatenate([np.zeros(0, np.int64), *faces])
-        entries = np.unique(tile)
+        entries = distinct(tile)
         row = np.searchsorted(entries, tile) * max(len(lamps), 1) + lamp_number
         order = np.argsort(row, kind="stable")
         count = np.bincount(row, minlength=len(entries) * max(len(lamps), 1))
-        used, face = np.unique(face[order], return_inverse=True)
+        seen = np.zeros(len(casters.corners), bool)
+        seen[face] = True
+        used, face = np.flatnonzero(seen), (np.cumsum(seen) - 1)[face[order]]
         entry = np.zeros(shape, np.uint32)
         entry.reshape(-1)[entries] = np.arange(1, len(entries) + 1)
         return ShadowTiles(
@@ -117,7 +135,7 @@ class ShadowTiles:
             np.stack([entries // shape[1], entries % shape[1]], axis=1),
             (np.cumsum(count) - count).reshape(len(entries), len(lamps)),
             count.reshape(len(entries), len(lamps)),
-            face.reshape(-1).astype(np.int64),
+            face,
             casters.corners[used] - view.camera.eye,
             casters.both_sides[used],
         )  # fmt: skip
@@ -156,16 +174,19 @@ class ShadowTiles:
 
 
 def _half_shadow(
-    receivers: Receivers, lamp: Lamp, casters: Casters, shape: tuple[int, int]
+    receivers: Receivers,
+    lamp: Lamp,
+    casters: Casters,
+    coarse: Casters | None,
+    shape: tuple[int, int],
 ) -> tuple[Numbers, Numbers, Numbers]:
-    """Tiles (linear) that a lamp doesn't light; pairs (tile, face) of those that it half lights."""
-    everything = receivers.corners.reshape(-1, 3)
-    faces = casters.seen_by(lamp, everything)
-    grids = []
-    for lamp_view in LampView.of(lamp):
-        s = lamp_view.place(everything)[2]
-        s = s[np.isfinite(s)]
-        grids.append(LampGrid(lamp_view, casters, faces, float(s.min(initial=np.inf))))
+    """Tiles (linear) that a lamp doesn't light; pairs (tile, face) of those that it half lights.
+
+    Faces of ``coarse`` are numbered behind those of ``casters``; they serve the receivers that no
+    joined face is so near to that its error would be more than `SHARE` of the lamp.
+    """
+    wide = coarse if coarse is not None and lamp.extended else casters
+    grids = _grids(receivers, lamp, wide)
     facing = ~receivers.turned_away(lamp)
     lit = np.zeros(shape, bool)
     # a small triangle is the same receiver in each of its tiles
@@ -191,7 +212,15 @@ def _half_shadow(
         np.concatenate([spots.triangle, pairs.triangle]),
         np.concatenate([spots.tile, pairs.tile]), TILE,
     )  # fmt: skip
-    state, owner, face = _candidates(grids, casters, np.concatenate(boxes))
+    everything = np.concatenate(boxes)
+    state, owner, face, near = _candidates(grids, wide, everything)
+    if wide is not casters:
+        close = np.flatnonzero(near)
+        exact = _candidates(_grids(receivers, lamp, casters), casters, everything[close])
+        state[close] = exact[0]
+        far = np.flatnonzero(~near[owner])
+        owner = np.concatenate([close[exact[1]], owner[far]])
+        face = np.concatenate([exact[2], face[far] + len(casters.corners)])
     order = np.argsort(owner, kind="stable")
     start = np.searchsorted(owner[order], np.arange(len(state) + 1))
     state = state[which]
@@ -206,8 +235,21 @@ def _half_shadow(
     half |= dark & lit.reshape(-1)
     dark &= ~half
     mixed = half[tile[pair]]
-    keys = np.unique(tile[pair[mixed]] * np.int64(len(casters.corners)) + face[mixed])
-    return np.flatnonzero(dark), keys // len(casters.corners), keys % len(casters.corners)
+    count = np.int64(len(casters.corners) + (0 if coarse is None else len(coarse.corners)))
+    keys = distinct(tile[pair[mixed]] * count + face[mixed])
+    return np.flatnonzero(dark), keys // count, keys % count
+
+
+def _grids(receivers: Receivers, lamp: Lamp, casters: Casters) -> list[LampGrid]:
+    """The casters as seen from a lamp, for each half space before it."""
+    everything = receivers.corners.reshape(-1, 3)
+    faces = casters.seen_by(lamp, everything)
+    grids = []
+    for lamp_view in LampView.of(lamp):
+        s = lamp_view.place(everything)[2]
+        s = s[np.isfinite(s)]
+        grids.append(LampGrid(lamp_view, casters, faces, float(s.min(initial=np.inf))))
+    return grids
 
 
 LIT, DARK, HALF = 0, 1, 2
@@ -223,15 +265,18 @@ def _may_hide(grids: list[LampGrid], points: Array) -> npt.NDArray[np.bool_]:
 
 def _candidates(
     grids: list[LampGrid], casters: Casters, points: Array
-) -> tuple[npt.NDArray[np.int8], Numbers, Numbers]:
-    """State of each receiver box, and pairs (box, face) of those not lit."""
+) -> tuple[npt.NDArray[np.int8], Numbers, Numbers, npt.NDArray[np.bool_]]:
+    """State of each receiver box, pairs (box, face) of those not lit, and whether it is too near
+    to a joined face."""
     state = np.full(len(points), LIT, np.int8)
+    near = np.zeros(len(points), bool)
     pairs, faces = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
     for grid in grids:
         reach = grid.view.reach(points)
         usable = np.flatnonzero(np.isfinite(reach.s[:, 0]))
         box, caster = grid.candidates(reach[usable])
         box = usable[box]
+        near[box[grid.moves(reach, box, caster, casters.sag) > SHARE]] = True
         face, side = grid.face[caster], grid.side[caster]
         behind, ahead = _sides_of(casters, face, points, box)
         # one side of a plane sees nothing of it hidden; closed bodies hide outwards only
@@ -251,7 +296,7 @@ def _candidates(
         state = np.maximum(state, np.where(half, HALF, np.where(hit, DARK, LIT)).astype(np.int8))
         pairs.append(box)
         faces.append(face)
-    return state, np.concatenate(pairs), np.concatenate(faces)
+    return state, np.concatenate(pairs), np.concatenate(faces), near
 
 
 def _sides_of(
