@@ -126,7 +126,7 @@ def _own_share(steps: FloatArray, blur: FloatArray, margin: tuple[float, float])
     """Share of the steps up to the pattern's own border, as far as it and its blur reach."""
     length = np.linalg.norm(steps, axis=2).mean(axis=1)
     own = 1.0 - (margin[0] + margin[1] * blur) / np.maximum(length, 1e-9)
-    return np.clip(own, LEAST_SHARE, 1.0)
+    return np.asarray(np.clip(own, LEAST_SHARE, 1.0))
 
 
 def _fit(
