@@ -46,7 +46,7 @@ class EdgePass:
 
     def __init__(self, tables: Tables, edges: EdgePixels) -> None:
         # about what one triangle takes: clipping and samples, then its features' corners
-        table, fine = tables.setup.table, tables.setup.constants([1], False)["fine"]
+        table, fine = tables.setup.table, tables.setup.constants([1], False, False)["fine"]
         turns = 200 + table.most_in_a_cell * (2000 if fine else 50) + speckle_turns(table)
         turns += 3000 if (tables.setup.groups == BITMAP).any() else 0
         each = turns + grazing_turns(tables.setup, edges) + shadow_turns(tables.setup, edges)
@@ -73,7 +73,7 @@ class EdgePass:
         if first == last:
             return
         groups = np.unique(setup.groups).tolist()
-        constants = setup.constants(groups, bool(setup.shiny.any()))
+        constants = setup.constants(groups, bool(setup.shiny.any()), bool(setup.bumpy.any()))
         kernel = self.tables.device.kernel("optics/edges", constants=constants)
         bindings = kernel.bind(
             params={
@@ -97,7 +97,6 @@ class EdgePass:
             doubts=self._doubts,
             **self.tables.shared(),
             **self.tables.shadows.bindings(),
-            gloss_table=self.tables.gloss,
         )
         recording.dispatch(kernel, bindings, threads=(int(last - first),))
 

@@ -133,11 +133,13 @@ class Lighting:
         normal: Array,
         across: Array,
         down: Array,
+        widened: Array,
     ) -> Reflection:
         """What surfaces at (n, 3) relative to the eye send towards it.
 
         ``paint`` (n,); ``x``, ``y`` px; ``normal`` (n, 3) unit; ``across`` and ``down`` (n, 3):
-        how ``at`` changes over the pixel, for shadows sharper than a pixel.
+        how ``at`` changes over the pixel, for shadows sharper than a pixel; ``widened`` (n,): what
+        a relief adds to the square of alpha.
         """
         around = np.full(len(x), self.ambient)
         if self.environment is not None:
@@ -157,6 +159,6 @@ class Lighting:
             irradiance = irradiance * share[:, k]
             matte = matte + irradiance / np.pi
             if self.gloss is not None:
-                more = self.gloss.from_lamp(paint, normal, view, unit, irradiance)
+                more = self.gloss.from_lamp(paint, normal, view, unit, irradiance, widened)
                 p, q = p + more.p, q + more.q
         return Reflection(matte, p, q)

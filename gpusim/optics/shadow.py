@@ -62,8 +62,7 @@ class ShadowPass:
             if first == last:
                 continue
             setup = self.tables.setup
-            constants = setup.lighting.constants(glossy)
-            constants["distorted"] = setup.constants((), False)["distorted"]
+            constants = setup.light_constants(glossy, bool(setup.bumpy.any()))
             kernel = self.tables.device.kernel("optics/shadow", constants=constants)
             bindings = kernel.bind(
                 params={
@@ -76,13 +75,9 @@ class ShadowPass:
                     "count": last - first,
                 },
                 radiance=radiance,
-                triangles=self.tables.triangles,
                 marks=marks,
                 places=places,
-                lamps=self.tables.lamps,
-                gloss_table=self.tables.gloss,
-                tiles=self.tables.tiles,
-                undistortion=self.tables.undistortion,
+                **self.tables.surface(),
                 **self.tables.shadows.bindings(),
             )
             across = min(int(last - first), 32768)
