@@ -9,7 +9,7 @@ both borders cross) doesn't move it. ``cv2.cornerSubPix`` is off by 0.035-0.08 p
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -29,6 +29,7 @@ MOST_DRIFT = 3.0  # px from the start
 MIN_CONTRAST = 0.02  # of the image's grey range
 MOST_RESIDUAL = 0.25  # of the contrast
 LEAST_PIXELS = 24
+MORE_BLUR = 0.1  # px
 
 
 @dataclass(frozen=True)
@@ -62,6 +63,7 @@ def fit_crossings(
     *,
     share: npt.ArrayLike = INSIDE,
     margin: tuple[float, float] | None = None,
+    blur: npt.ArrayLike | None = None,
 ) -> Crossings:
     """Fit the corners near ``start`` (C, 2).
 
@@ -69,7 +71,8 @@ def fit_crossings(
     turning from the first to the second is turning from +x to +y (down). The fit looks at most
     12 px and ``share`` (a number, or (C,)) of these steps far. It is done twice, the second time
     around what was found. Where the pattern ends after a step, ``margin`` = (px, lens blurs) says
-    how close to there the second fit may look; ``share`` then holds for the first one only.
+    how close to there the second fit may look; ``share`` then holds for the first one only. Where
+    ``blur`` (C,) in px is known, from another picture, the first one is left out.
 
     Raises
     ------
@@ -87,16 +90,43 @@ def fit_crossings(
     span = float(array.max()) - float(array.min())
     if not span > 0:
         return _failed(len(points))
-    result, before = _fit(array, points, steps, inside, span, None)
+    known = _known_blur(blur, len(points))
+    around, before = points, None
+    sharp = known
+    if sharp is None:
+        rough, before = _fit(array, points, steps, inside, span, None, rough=True)
+        around, sharp = np.where(rough.ok[:, None], rough.points, points), rough.blur
     if margin is not None:
-        # the pattern's own border, as far as it and its blur reach
-        length = np.linalg.norm(steps, axis=2).mean(axis=1)
-        own = 1.0 - (margin[0] + margin[1] * result.blur) / np.maximum(length, 1e-9)
-        inside = np.where(result.ok, np.clip(own, LEAST_SHARE, 1.0), inside)
-    around = np.where(result.ok[:, None], result.points, points)
+        inside = np.where(np.isfinite(sharp), _own_share(steps, sharp, margin), inside)
     result, _ = _fit(array, around, steps, inside, span, before)
+    if known is not None and margin is not None:
+        # where the picture is less sharp than was said, the pattern's border reaches further
+        rows = np.flatnonzero(result.ok & (result.blur > known + MORE_BLUR))
+        if rows.size:
+            again = fit_crossings(
+                array, result.points[rows], *steps[rows].transpose(1, 0, 2), margin=margin,
+                blur=result.blur[rows] + MORE_BLUR,
+            )  # fmt: skip
+            for field in fields(result):
+                getattr(result, field.name)[rows] = getattr(again, field.name)
     drift = np.linalg.norm(result.points - points, axis=1)
     return _kept(result, result.ok & (drift <= 2 * MOST_DRIFT))
+
+
+def _known_blur(blur: npt.ArrayLike | None, count: int) -> FloatArray | None:
+    if blur is None:
+        return None
+    known = np.asarray(blur, dtype=np.float64)
+    if known.shape != (count,) or not (known >= 0).all():
+        raise InputError(f"fit_crossings: blur; got {known.shape}; expected ({count},), px >= 0")
+    return known
+
+
+def _own_share(steps: FloatArray, blur: FloatArray, margin: tuple[float, float]) -> FloatArray:
+    """Share of the steps up to the pattern's own border, as far as it and its blur reach."""
+    length = np.linalg.norm(steps, axis=2).mean(axis=1)
+    own = 1.0 - (margin[0] + margin[1] * blur) / np.maximum(length, 1e-9)
+    return np.asarray(np.clip(own, LEAST_SHARE, 1.0))
 
 
 def _fit(
@@ -106,6 +136,8 @@ def _fit(
     inside: FloatArray,
     span: float,
     before: FloatArray | None,
+    *,
+    rough: bool = False,
 ) -> tuple[Crossings, FloatArray]:
     """The fits, and their parameters (C, 9): NaN where it isn't ok.
 
@@ -122,7 +154,7 @@ def _fit(
     if before is not None:
         known = np.isfinite(before).all(axis=1)
         p0[known, 2:] = before[known, 2:]
-    fit = fit_junctions(x[rows], y[rows], grey[rows], weight[rows], p0[rows], rough=before is None)
+    fit = fit_junctions(x[rows], y[rows], grey[rows], weight[rows], p0[rows], rough=rough)
     p[rows] = fit.parameters
     rms, sigma = np.full(len(start), np.nan), np.full(len(start), np.nan)
     rms[rows] = fit.rms

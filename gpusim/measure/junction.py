@@ -24,6 +24,8 @@ from gpusim.measure.border import profile_and_slopes, slope_by_turn
 from gpusim.measure.images import FloatArray
 from gpusim.measure.levenberg import ManyFits, fit_many
 
+Rows = npt.NDArray[np.int64]
+
 __all__ = ["CENTRE", "PARAMETERS", "fit_junctions", "frames", "residual_and_slopes"]
 
 PARAMETERS = 9
@@ -36,7 +38,7 @@ ROUNDING = 0.02**2
 SCALE = np.array([1.0, 1.0, 0.1, 0.1, 1.0, 1.0, 0.1, 0.1, 10.0])
 TOLERANCE, ROUGH = 2e-5, 1e-3  # px; the last step is far longer than what is left to go
 ITERATIONS = 40
-POLISH = 8  # iterations without that
+POLISH = 5  # iterations without that
 
 
 def frames(p: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
@@ -101,23 +103,31 @@ def fit_junctions(
     for those that don't count. ``rough`` fits are a start for another: right to a thousandth.
     """
 
-    def model(p: FloatArray, which: npt.NDArray[np.int64]) -> tuple[FloatArray, FloatArray]:
-        return residual_and_slopes(p, x[which], y[which], grey[which])
+    def fit(rows: Rows, first: FloatArray, least: float, tolerance: float, most: int) -> ManyFits:
+        own = x[rows], y[rows], grey[rows]
 
-    lower = np.array([-np.inf] * 8 + [ROUNDING])
-    first, tolerance = np.maximum(start, lower), ROUGH if rough else TOLERANCE
-    fit = fit_many(
-        model, first, weight, SCALE, lower=lower, tolerance=tolerance, iterations=ITERATIONS
-    )
-    sharp = np.flatnonzero(fit.parameters[:, 8] <= ROUNDING)
-    if rough or not sharp.size:
-        return fit
-    x, y, grey = x[sharp], y[sharp], grey[sharp]
-    lower[8] = MIN_VARIANCE
-    again = fit_many(
-        model, fit.parameters[sharp], weight[sharp], SCALE,
-        lower=lower, tolerance=tolerance, iterations=POLISH,
-    )  # fmt: skip
-    for name in ("parameters", "rms", "covariance"):
-        getattr(fit, name)[sharp] = getattr(again, name)
-    return fit
+        def model(p: FloatArray, which: Rows) -> tuple[FloatArray, FloatArray]:
+            return residual_and_slopes(p, *(values[which] for values in own))
+
+        lower = np.array([-np.inf] * 8 + [least])
+        return fit_many(
+            model, np.maximum(first, lower), weight[rows], SCALE,
+            lower=lower, tolerance=tolerance, iterations=most,
+        )  # fmt: skip
+
+    found = fit(np.arange(len(start)), start, ROUNDING, ROUGH, ITERATIONS)
+    if rough:
+        return found
+    sharp = found.parameters[:, 8] <= ROUNDING
+    for rows, least, most in (
+        (np.flatnonzero(~sharp), ROUNDING, ITERATIONS),
+        (np.flatnonzero(sharp), MIN_VARIANCE, POLISH),
+    ):
+        if not rows.size:
+            continue
+        fine = fit(rows, found.parameters[rows], least, TOLERANCE, most)
+        for name in ("parameters", "rms", "covariance"):
+            getattr(found, name)[rows] = getattr(fine, name)
+        if least == ROUNDING:
+            found.converged[rows] &= fine.converged
+    return found
