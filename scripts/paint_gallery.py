@@ -6,6 +6,7 @@ python scripts/paint_gallery.py
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -39,6 +40,21 @@ def tube(backend: str) -> npt.NDArray[np.uint8]:
     return picture(gs.Surface(points, faces, paint=paint, frames={"surface": frame}), view, backend)
 
 
+def relief(bump: gs.paint.Bump, roughness: float, metallic: float, backend: str) -> Any:
+    """A glossy plate with a fine relief under a lamp."""
+    points = np.array([[0.0, 0, 0], [1, 0, 0], [1, 0, 1], [0, 0, 1]])
+    view = gs.Camera.from_lens((24.0, 24.0), 36.0, (SIDE, SIDE), (0.85, -1.6, 0.75), (0.5, 0, 0.49))
+    paint = gs.paint.Plain(0.6, roughness, metallic, bump)
+    lights = [
+        gs.AreaLight((0.0, -1.6, 1.0), (0.5, 0.0, 0.5), (0.5, 0.5), 18.0),
+        gs.EnvironmentLight(0.6, 0.3, up=(0.0, 0.0, 1.0)),
+    ]
+    surface = gs.Surface(points, np.array([[0, 1, 2, 3]]), paint=paint)
+    radiance = gs.render([surface], view, lights, background=0.25, backend=backend).radiance
+    grey = np.clip(radiance / np.percentile(radiance, 99.5), 0.0, 1.0) ** (1.0 / 2.2)
+    return np.round(255.0 * grey).astype(np.uint8)
+
+
 def picture(surface: gs.Surface, view: gs.Camera, backend: str) -> npt.NDArray[np.uint8]:
     radiance = gs.render([surface], view, background=0.25, backend=backend).radiance
     return np.round(255.0 * np.clip(radiance, 0.0, 1.0)).astype(np.uint8)
@@ -67,6 +83,10 @@ def main(backend: str = "gpu") -> None:
     }.items():
         sheets[name] = plate(example, backend)
     sheets["CylinderFrame"] = tube(backend)
+    orange = paint.Bump(0.0012, 0.04)
+    sheets["Bump"] = relief(orange, 0.3, 0.0, backend)
+    brushed = paint.Bump(0.0005, 0.008, (1.0, 0.0, 0.0), 40.0)
+    sheets["Bump (brushed)"] = relief(brushed, 0.4, 1.0, backend)
     cells = []
     for name, image in sheets.items():
         label = np.full((22, SIDE), 255, np.uint8)

@@ -6,25 +6,32 @@ import numpy as np
 import pytest
 
 from gpusim.measure import fit_crossings, locate_markers
-from gpusim.measure.cross import _residual, border_profile
+from gpusim.measure.border import profile_and_slopes
+from gpusim.measure.junction import residual_and_slopes
 from tests.measure_images import Marker, board
 
 
-@pytest.mark.parametrize("sigma", [0.4, 0.01])
+@pytest.mark.parametrize("sigma", [0.4, 0.05])
 @pytest.mark.parametrize("angles", [(0.12, 0.15), (-0.7, -0.69)])
 def test_derivatives_are_those_of_the_residual(sigma: float, angles: tuple[float, float]) -> None:
     x, y = (axis.ravel() for axis in np.meshgrid(np.arange(-9.0, 10.0), np.arange(-8.0, 7.0)))
-    region = (x, y, np.zeros(x.size))
-    at = np.array([0.31, -0.23, *angles, 0.5, 0.3, 0.002, -0.001, sigma])
+    grid = np.stack([x, x + 0.1]), np.stack([y, y - 0.2]), np.zeros((2, x.size))
+    at = np.array([[0.31, -0.23, *angles, 0.5, 0.3, 0.002, -0.001, sigma**2]]).repeat(2, axis=0)
     step = 1e-7
     differences = np.stack(
         [
-            (_residual(at + step * e, region)[0] - _residual(at - step * e, region)[0]) / (2 * step)
+            (
+                residual_and_slopes(at + step * e, *grid)[0]
+                - residual_and_slopes(at - step * e, *grid)[0]
+            )
+            / (2 * step)
             for e in np.eye(9)
         ],
         axis=1,
     )
-    assert np.abs(_residual(at, region)[1] - differences).max() <= 1e-5
+    slopes = residual_and_slopes(at, *grid)[1]
+    assert np.abs(slopes[0] - slopes[1]).max() > 1e-3
+    assert np.abs(slopes - differences).max() <= 1e-5
 
 
 def test_profile_is_the_mean_over_the_pixel() -> None:
@@ -34,7 +41,7 @@ def test_profile_is_the_mean_over_the_pixel() -> None:
     across = offset[:, None] * normal[0] + offset[None, :] * normal[1]
     distance = np.array([-1.2, -0.61, -0.3, 0.0, 0.17, 0.55, 3.0])
     want = [np.sign(d + across).mean() for d in distance]
-    assert np.abs(border_profile(distance, normal, 0.004) - want).max() <= 1e-3
+    assert np.abs(profile_and_slopes(distance, normal, 0.004**2)[0] - want).max() <= 1e-3
 
 
 @pytest.mark.parametrize("size", [13.0, 19.4, 28.0])

@@ -142,13 +142,11 @@ def test_background_that_stays_must_be_kept_out_of_the_subset() -> None:
     assert np.abs(masked.displacement - truth).max() <= 0.1
 
 
-def test_the_whole_chain_from_finding_to_following(device: object) -> None:
+def test_the_whole_chain_from_finding_to_following() -> None:
     first, second, _, truth = images()
     found = find_markers(first, (16, 22))
     order = np.argsort(found.points[:, 0])
-    result = track(
-        first, second, found.points[order], subset=17, groups=[list(range(COUNT))], device=device
-    )
+    result = track(first, second, found.points[order], subset=17, groups=[list(range(COUNT))])
     assert np.abs(result.displacement - truth).max() <= 0.02
 
 

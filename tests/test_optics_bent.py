@@ -13,6 +13,7 @@ from gpusim.optics.binning import bin_edges
 from gpusim.optics.cutting import CHORD, Screen
 from gpusim.optics.distortion_map import FINE, distortion_map
 from gpusim.optics.edges import EdgePass, edges_twin
+from gpusim.optics.frame import Band
 from gpusim.optics.setup import Setup
 from gpusim.optics.shade import ShadePass, Tables, shade_twin
 from gpusim.optics.view import look
@@ -136,7 +137,7 @@ def test_bent_stages_agree_with_their_twins(device: Device) -> None:
     edge_pass = EdgePass(tables, edges)
     with device.recording("optics.edges") as recording:
         edge_pass.record(recording, flat, 0, camera.height, camera.width)
-    edge_pass.write_deep(flat, 0, camera.height, camera.width)
+    edge_pass.write_deep([Band(0, camera.height, camera.width, flat)])
     want = edges_twin(setup, edges, np.full(shape, 0.25, np.float32))
     compare("bent edges", flat.read(np.float32, shape), want, "pixel")
     assert len(np.unique(want)) > 100

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import gpusim as gs
+from gpusim.optics import lighting
 from gpusim.optics.casters import Casters
 from gpusim.optics.merging import merge_flat
 from gpusim.optics.setup import Setup
@@ -92,3 +93,40 @@ def test_joined_faces_cast_the_same_shadow(monkeypatch: pytest.MonkeyPatch) -> N
     assert len(joined.face) < 0.6 * len(single.face)
     changed = np.abs(got - want)
     assert (changed <= 3.0 / 512 * want.max()).all() and (changed > 0).mean() < 0.05
+
+
+def test_wide_penumbrae_take_more_faces_joined(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A bent sheet that stands on the ground: exact faces near its foot, joined ones farther."""
+    points, faces = strip(160, 4, 0.004)
+    upright = np.stack([points[:, 1] - 0.2, points[:, 2] + 0.1, points[:, 0]], axis=1)
+    sheet = gs.Surface(upright, faces, paint=gs.paint.Plain(0.4))
+    ground = gs.Surface(
+        np.array([[-1.5, -1.2, 0], [1.5, -1.2, 0], [1.5, 2.5, 0], [-1.5, 2.5, 0.0]]),
+        np.array([[0, 1, 2, 3]]), paint=gs.paint.Plain(0.7),
+    )  # fmt: skip
+    camera = gs.Camera.from_lens(
+        (36.0, 27.0), 30.0, (128, 96), eye=(1.9, -1.4, 2.4), target=(0, 0.7, 0.3)
+    )
+    lamp = gs.AreaLight((0.4, -2.4, 2.1), (0.0, 0.1, 0.0), size=(0.3, 0.2), power=40.0)
+    view = look([sheet, ground], camera, lit=True)
+    ids = visibility_twin(view)
+    setup = Setup.build(view, [lamp], 0.0, [sheet, ground])
+    joined, got = setup.lighting.shadows, shade_twin(setup, ids)
+    monkeypatch.setattr(lighting, "WORTH", 0.0)
+    setup = Setup.build(view, [lamp], 0.0, [sheet, ground])
+    single, want = setup.lighting.shadows, shade_twin(setup, ids)
+    assert joined is not None and single is not None
+    assert len(joined.face) < 0.6 * len(single.face)
+    lists = {
+        tuple(place): set(map(bytes, tiles.corners[tiles.face[a : a + n]]))
+        for tiles in (joined,)
+        for place, a, n in zip(tiles.place, tiles.start[:, 0], tiles.count[:, 0], strict=True)
+    }
+    exact = {
+        tuple(place): set(map(bytes, single.corners[single.face[a : a + n]]))
+        for place, a, n in zip(single.place, single.start[:, 0], single.count[:, 0], strict=True)
+    }
+    same = [place for place in exact if lists.get(place) == exact[place]]
+    assert 0 < len(same) < 0.5 * len(exact)
+    changed = np.abs(got - want)
+    assert (changed <= 1.5 / 512 * want.max()).all() and (changed > 0).mean() < 0.05

@@ -117,6 +117,7 @@ def test_a_file_that_cannot_be_read(tmp_path: Path) -> None:
         ("camera.0.sensor_mm.0", -36.0, "camera.0.sensor_mm.0", "out of range"),
         ("material.0.poissons_ratio", 0.5, "material.0.poissons_ratio", "out of range"),
         ("material.0.youngs_modulus_GPa", 0, "material.0.youngs_modulus_GPa", "out of range"),
+        ("material.0.youngs_modulus_GPa", "210", "material.0.youngs_modulus_GPa", "wrong type"),
         ("body.0.paint.0.albedo", 1.01, "body.0.paint.0.albedo", "out of range"),
         ("solver.tolerance", 0.0, "solver.tolerance", "out of range"),
         ("light.0.power_W", 0.0, "light.0.power_W", "out of range"),

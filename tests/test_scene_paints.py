@@ -14,6 +14,7 @@ from gpusim.errors import SceneError
 from gpusim.pipeline.build import build_body
 from gpusim.pipeline.props import build_prop
 from gpusim.scene import Scene
+from gpusim.scene.cost import compiled_for, describe
 
 HEAD = """
 schema = 1
@@ -115,6 +116,35 @@ def test_every_pattern_may_lie_on_glossy_ground(tmp_path: Path, kind: str) -> No
     )
     assert (plain.roughness, plain.metallic) == (1.0, 0.0)
     assert (shiny.roughness, shiny.metallic) == (0.35, 1.0)
+    assert plain.bump is None
+    brushed = "\nbump_um = 3.0\nbump_length_mm = 0.25\nbump_seed = 5"
+    brushed += "\nbump_along = [1.0, 0.0, 2.0]\nbump_stretch = 12.0"
+    bump = paint_of(tmp_path, kind + brushed).bump
+    assert bump == gs.paint.Bump(3e-6, 2.5e-4, (1.0, 0.0, 2.0), 12.0, 5)
+
+
+@pytest.mark.parametrize(
+    ("keys", "text"),
+    [
+        ("bump_um = 200.0", "too steep for a fine relief"),
+        ("bump_um = -1.0", "out of range"),
+        ("bump_um = 1.0\nbump_stretch = 4.0", "goes with bump_stretch"),
+        ("bump_um = 1.0\nbump_along = [1.0, 0.0, 0.0]", "goes with bump_stretch"),
+        ("bump_um = 1.0\nbump_along = [0, 0, 0]\nbump_stretch = 2.0", "has no direction"),
+        ("bumb_um = 1.0", "did you mean bump_um"),
+    ],
+)
+def test_a_relief_that_is_none_is_refused(tmp_path: Path, keys: str, text: str) -> None:
+    with pytest.raises(SceneError, match=text):
+        load(tmp_path, plate(f'type = "plain"\n{keys}'))
+
+
+def test_plan_says_that_there_is_a_relief(tmp_path: Path) -> None:
+    lamp = '[[light]]\nname = "lamp"\ntype = "point"\nposition_mm = [0, -300, 0]\npower_W = 5\n'
+    for more, there in (("", False), ("bump_um = 1.0\n", True)):
+        scene = load(tmp_path, plate(f'type = "plain"\n{more}') + lamp)
+        assert ("fine relief" in describe(scene)["render"]) == there
+        assert ("bump" in compiled_for(scene, scene.cameras[0])) == there
 
 
 def test_a_picture_comes_from_beside_the_scene(tmp_path: Path) -> None:

@@ -15,44 +15,53 @@ __all__ = ["profile_and_slopes", "slope_by_turn"]
 
 FloatArray = npt.NDArray[np.float64]
 
-FLAT_SIGMAS = 8.3  # 1 - 1e-16 of the Gaussian step
+FLAT_SIGMAS = 7.0  # 1 - 1e-12 of the Gaussian step
 MIN_BOX = 1e-3  # px, narrower sides of the pixel box are widened to this
 
 
 def profile_and_slopes(
-    distance: FloatArray, normal: FloatArray, sigma: FloatArray | float
+    distance: FloatArray, normal: FloatArray, variance: FloatArray | float
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """The profile -1..1 and its derivatives by the distance, sigma, |normal_x|, |normal_y|.
+    """The profile -1..1 and its derivatives by the distance, the variance, |normal_x|, |normal_y|.
 
     ``distance`` (…, P) in px from the border to the pixel centres, ``normal`` (…, 2) its unit
-    normal, ``sigma`` (…) the blur in px: the leading axes are borders of their own.
+    normal, ``variance`` (…) of the blur in px^2, above 0: the leading axes are borders of their
+    own. The variance, not sigma: a profile changes with it in proportion even where it is small.
     """
-    sides = np.maximum(np.abs(normal), MIN_BOX)
-    wide, narrow, blur = (
-        np.broadcast_to(np.asarray(value, np.float64)[..., None], distance.shape)
-        for value in (sides[..., 0], sides[..., 1], sigma)
-    )
-    value = np.sign(distance)
-    by_distance, by_sigma, by_wide, by_narrow = np.zeros((4, *distance.shape))
-    # further away the profile is flat to the last digit
-    near = np.abs(distance) < 0.5 * (wide + narrow) + FLAT_SIGMAS * blur
-    wide, narrow, blur = wide[near], narrow[near], blur[near]
-    plus, minus = 0.5 * (wide + narrow), 0.5 * (wide - narrow)
-    z = distance[near] + np.stack([plus, minus, -minus, -plus])
+    shape = distance.shape
+    sides = np.maximum(np.abs(normal), MIN_BOX).reshape(-1, 2)
+    sigma = np.sqrt(np.broadcast_to(np.asarray(variance, np.float64), shape[:-1]).ravel())
+    flat = np.ascontiguousarray(distance, np.float64).reshape(len(sides), shape[-1])
+    value = np.sign(flat)
+    slopes = np.zeros((4, *shape))
+    # further away the profile is flat to the last digits
+    reach = 0.5 * (sides[:, 0] + sides[:, 1]) + FLAT_SIGMAS * sigma
+    near = np.flatnonzero(np.abs(flat) < reach[:, None])
+    border = near // shape[-1]
+    half = 0.5 * (sides[:, 0] + sides[:, 1]), 0.5 * (sides[:, 0] - sides[:, 1])
+    offset = np.stack([half[0], half[1], -half[1], -half[0]])
+    z = flat.ravel()[near] + offset[:, border]
+    blur = sigma[border]
     q = z / blur
     step = ndtr(q)
-    density = np.exp(-0.5 * q * q) / np.sqrt(2 * np.pi)
+    density = np.exp(-0.5 * q * q)
+    density *= blur / np.sqrt(2 * np.pi)
     # antiderivatives of the step; the second one is z^2/2 for z >> sigma, 0 for z << -sigma
-    once = z * step + blur * density
-    twice = 0.5 * (z * once + blur * blur * step)
+    once = z * step + density
+    twice = z * once + blur * blur * step
+    wide, narrow = sides[border].T
     area = wide * narrow
-    total = twice[0] - twice[1] - twice[2] + twice[3]
-    value[near] = 2.0 * total / area - 1.0
-    by_distance[near] = 2.0 * (once[0] - once[1] - once[2] + once[3]) / area
-    by_sigma[near] = 2.0 * blur * (step[0] - step[1] - step[2] + step[3]) / area
-    by_wide[near] = (once[0] - once[1] + once[2] - once[3] - 2.0 * total / wide) / area
-    by_narrow[near] = (once[0] + once[1] - once[2] - once[3] - 2.0 * total / narrow) / area
-    return value, by_distance, by_sigma, by_wide, by_narrow
+    # sums over the four ends of the trapezoid, halved in ``twice``
+    inner, outer = once[1] + once[2], once[0] + once[3]
+    across, along = once[0] - once[3], once[1] - once[2]
+    total = 0.5 * (twice[0] - twice[1] - twice[2] + twice[3])
+    value.ravel()[near] = 2.0 * total / area - 1.0
+    by_distance, by_variance, by_wide, by_narrow = slopes.reshape(4, -1)
+    by_distance[near] = 2.0 * (outer - inner) / area
+    by_variance[near] = (step[0] - step[1] - step[2] + step[3]) / area
+    by_wide[near] = (across - along - 2.0 * total / wide) / area
+    by_narrow[near] = (across + along - 2.0 * total / narrow) / area
+    return value.reshape(shape), slopes[0], slopes[1], slopes[2], slopes[3]
 
 
 def slope_by_turn(

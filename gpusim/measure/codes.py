@@ -25,7 +25,8 @@ SHARE = 0.8  # of a side that is fitted
 BAND = 0.6  # cells on either side of it, at most MOST px
 MOST = 4.0
 LEAST_CELL = 2.5  # px
-PARAMETERS = 5  # offset, turn, log blur, middle grey, half contrast
+PARAMETERS = 5  # offset, turn, variance of the blur, middle grey, half contrast
+MIN_SIGMA, FIRST_SIGMA, MOST_SIGMA = 0.004, 0.5, 7.0  # px
 FURTHEST = 2.0  # px that a side may lie from where OpenCV has it
 
 
@@ -129,7 +130,7 @@ def _sides(
         good[k] &= len(own) >= 4 * PARAMETERS
     values, weights = grey[..., 0], weight[..., 0]
     start = np.zeros((len(samples), PARAMETERS))
-    start[:, 1], start[:, 2] = angle, np.log(0.5)
+    start[:, 1], start[:, 2] = angle, FIRST_SIGMA**2
     low, high = (
         np.array([f(s[:, 2]) if len(s) else 0.0 for s in samples]) for f in (np.min, np.max)
     )
@@ -139,23 +140,22 @@ def _sides(
         normal = np.stack([np.cos(p[:, 1]), np.sin(p[:, 1])], axis=1)
         change = np.stack([-normal[:, 1], normal[:, 0]], axis=1)
         dx, dy = offset[rows, :, 0], offset[rows, :, 1]
-        sigma = np.exp(np.clip(p[:, 2], -4.0, 2.0))
         distance = dx * normal[:, :1] + dy * normal[:, 1:] - p[:, :1]
-        profile = profile_and_slopes(distance, normal, sigma)
+        profile = profile_and_slopes(distance, normal, np.minimum(p[:, 2], MOST_SIGMA**2))
         half = p[:, 4:5]
         slopes = [
             -half * profile[1],
             half * slope_by_turn(profile, normal, change, dx, dy),
-            half * profile[2] * sigma[:, None],
+            half * profile[2],
             np.ones_like(dx),
             profile[0],
         ]
         return p[:, 3:4] + half * profile[0] - values[rows], np.stack(slopes, axis=1)
 
-    # a blur below the pixel changes nothing: its steps may be of any size
-    scale = np.array([1.0, 0.1, 1e6, 1.0, 1.0])
+    scale = np.array([1.0, 0.1, 10.0, 1.0, 1.0])
     scale[3:] = max(float(np.ptp(values)), 1e-9)
-    fit = fit_many(model, start, weights, scale, tolerance=1e-5)
+    lower = np.array([-np.inf, -np.inf, MIN_SIGMA**2, -np.inf, -np.inf])
+    fit = fit_many(model, start, weights, scale, lower=lower, tolerance=1e-5)
     p = fit.parameters
     good &= fit.converged & (np.abs(p[:, 0]) <= FURTHEST) & (p[:, 4] > 0)
     good &= fit.rms <= 0.25 * np.maximum(p[:, 4], 1e-9)

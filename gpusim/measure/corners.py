@@ -8,7 +8,8 @@ values. ``cv2.cornerSubPix`` isn't used: on perfect images it is off by 0.035-0.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import Any
 
@@ -18,7 +19,7 @@ import numpy.typing as npt
 from scipy import ndimage
 
 from gpusim.errors import InputError
-from gpusim.measure.cross import Cross, fit_cross
+from gpusim.measure.cross import Cross, fit_crosses
 from gpusim.measure.images import FloatArray, Image, check_image, check_points
 
 __all__ = ["MarkerStatus", "Markers", "find_markers", "locate_markers"]
@@ -29,6 +30,7 @@ HARRIS_K = 0.04
 RING = 48  # samples per ring
 MIN_HALF_TURN = 0.5  # correlation of a ring with itself turned by 180 degrees
 MAX_QUARTER_TURN = -0.4  # and by 90 degrees
+SAME = 1.0  # px: two starts nearer to each other end at the same marker
 MIN_STEP = 0.02  # contrast of a marker over the grey range of the image
 # least-squares quadratic over 5x5 pixels: value, slopes, and second derivatives xx, xy, yy
 _X, _Y = (axis.ravel() for axis in np.meshgrid(np.arange(-2.0, 3.0), np.arange(-2.0, 3.0)))
@@ -93,41 +95,59 @@ def find_markers(
         raise InputError(
             f"min_response, max_residual: got {min_response!r}, {max_residual!r}; expected 0..1"
         )
-    found, span = _crosses(array, low, high, min_response, max_residual, None)
-    return _markers(found, span)
+    return _markers(_crosses([array], low, high, min_response, max_residual, [None])[0])
 
 
 def _crosses(
-    array: Image,
+    images: Sequence[Image],
     low: float,
     high: float,
     min_response: float,
     max_residual: float,
-    near: tuple[float, float, float] | None,
-) -> tuple[list[Cross], float]:
-    """The markers of an image, and its range of grey values; with ``near`` = (x, y, distance) none
+    near: Sequence[tuple[float, float, float] | None],
+) -> list[list[Cross]]:
+    """The markers of each image, contrast in grey levels; with ``near`` = (x, y, distance) none
     is fitted that can't end within that distance."""
-    grey, span = _grey(array)
-    found: list[Cross] = []
-    if span > 0:
-        smooth = np.asarray(cv2.GaussianBlur(grey, (0, 0), low / 8.0), dtype=np.float32)
-        tried: set[tuple[int, int]] = set()
-        for corner in _corner_pixels(grey, low, min_response):
-            saddle = _saddle(smooth, corner, low)
-            if saddle is None or saddle[0] in tried:
-                continue
-            pixel, place = saddle
-            tried.add(pixel)
-            if near is not None:
-                away = np.hypot(pixel[0] - near[0], pixel[1] - near[1])
-                # as far as a fit may move, and as two that are one may lie apart
-                if away > near[2] + max(2.0, 0.2 * low) + 0.25 * low:
-                    continue
-            if _checkered(grey, place, low):
-                cross = fit_cross(grey, pixel, low, high)
-                if cross is not None and cross.residual <= max_residual:
-                    found.append(cross)
-    return _distinct(found, low), span
+    places: list[tuple[npt.NDArray[np.float32], float, float]] = []
+    spans, whose = [], []
+    for k, (array, around) in enumerate(zip(images, near, strict=True)):
+        grey, span = _grey(array)
+        spans.append(span)
+        if span > 0:
+            own = _candidates(grey, low, min_response, around)
+            places += [(grey, *place) for place in own]
+            whose += [k] * len(own)
+    found: list[list[Cross]] = [[] for _ in images]
+    for k, cross in zip(whose, fit_crosses(places, low, high), strict=True):
+        if cross is not None and cross.residual <= max_residual:
+            found[k].append(replace(cross, contrast=cross.contrast * spans[k]))
+    return [_distinct(one, low) for one in found]
+
+
+def _candidates(
+    grey: npt.NDArray[np.float32],
+    size: float,
+    min_response: float,
+    near: tuple[float, float, float] | None,
+) -> list[tuple[float, float]]:
+    """Places (x, y) that look like the centre of a marker, ``size`` px wide at least."""
+    smooth = np.asarray(cv2.GaussianBlur(grey, (0, 0), size / 8.0), dtype=np.float32)
+    # as far as a fit may move, and as two that are one may lie apart
+    limit = np.inf if near is None else near[2] + max(2.0, 0.2 * size) + 0.25 * size
+    centre = (0.0, 0.0) if near is None else near[:2]
+    kept: list[tuple[float, float]] = []
+    for corner in _corner_pixels(grey, size, min_response):
+        if np.hypot(corner[0] - centre[0], corner[1] - centre[1]) > limit + max(2.0, size / 3):
+            continue
+        place = _saddle(smooth, corner, size)
+        if place is None or np.hypot(place[0] - centre[0], place[1] - centre[1]) > limit:
+            continue
+        # several peaks of the response lead to one saddle
+        if any(np.hypot(place[0] - x, place[1] - y) < SAME for x, y in kept):
+            continue
+        if _checkered(grey, place, size):
+            kept.append(place)
+    return kept
 
 
 def locate_markers(
@@ -151,6 +171,9 @@ def locate_markers(
     found: list[Cross | None] = [None] * count
     height, width = array.shape
     reach = search_px + high
+    rows: list[int] = []
+    windows: list[Image] = []
+    corners: list[tuple[int, int]] = []
     for i, (x, y) in enumerate(places):
         if not (0 <= x <= width - 1 and 0 <= y <= height - 1):
             status[i] = MarkerStatus.OUTSIDE
@@ -159,31 +182,26 @@ def locate_markers(
         window = array[y0 : int(y + reach) + 2, x0 : int(x + reach) + 2]
         if min(window.shape) < 7:
             continue
-        around = x - x0, y - y0, search_px
-        near = _markers(*_crosses(window, low, high, MIN_RESPONSE, MAX_RESIDUAL, around))
-        apart = np.hypot(near.points[:, 0] + x0 - x, near.points[:, 1] + y0 - y)
-        close = np.flatnonzero(apart <= search_px)
-        if close.size > 1:
+        rows.append(i)
+        windows.append(window)
+        corners.append((x0, y0))
+    around = [(*(places[i] - c), search_px) for i, c in zip(rows, corners, strict=True)]
+    near = _crosses(windows, low, high, MIN_RESPONSE, MAX_RESIDUAL, around)
+    for i, (x0, y0), own in zip(rows, corners, near, strict=True):
+        moved = [replace(cross, x=cross.x + x0, y=cross.y + y0) for cross in own]
+        x, y = places[i]
+        close = [cross for cross in moved if np.hypot(cross.x - x, cross.y - y) <= search_px]
+        if len(close) > 1:
             status[i] = MarkerStatus.AMBIGUOUS
-        elif close.size == 1:
-            k = int(close[0])
+        elif close:
             status[i] = MarkerStatus.FOUND
-            found[i] = Cross(
-                float(near.points[k, 0] + x0),
-                float(near.points[k, 1] + y0),
-                float(near.angle[k]),
-                float(near.contrast[k]),
-                float(near.residual[k]),
-                (float(near.size[k, 0]), float(near.size[k, 1])),
-            )
+            found[i] = close[0]
     for i, one in enumerate(found):
         for k in range(i):
             other = found[k]
             if one and other and np.hypot(one.x - other.x, one.y - other.y) < 0.25 * low:
                 status[i] = status[k] = MarkerStatus.AMBIGUOUS
-    return _markers(
-        [c if s == 0 else None for c, s in zip(found, status, strict=True)], 1.0, status
-    )
+    return _markers([c if s == 0 else None for c, s in zip(found, status, strict=True)], status)
 
 
 def _check_size(size_px: tuple[float, float]) -> tuple[float, float]:
@@ -219,10 +237,8 @@ def _corner_pixels(
 
 def _saddle(
     smooth: npt.NDArray[np.float32], corner: tuple[int, int], size: float
-) -> tuple[tuple[int, int], tuple[float, float]] | None:
-    """Walk from a Harris corner to the saddle point of the smoothed image, within size / 3.
-
-    Returns its pixel and its place (x, y) within that.
+) -> tuple[float, float] | None:
+    """Walk from a Harris corner to the saddle point (x, y) of the smoothed image, within size / 3.
 
     The response is flat around a checker's centre and its peak up to 2 px off.
     """
@@ -242,7 +258,7 @@ def _saddle(
         column, row = column + step[0], row + step[1]
         if step == (0, 0):
             near = np.hypot(column - corner[0], row - corner[1]) <= max(2.0, size / 3)
-            return ((column, row), (column + float(dx), row + float(dy))) if near else None
+            return (column + float(dx), row + float(dy)) if near else None
     return None
 
 
@@ -286,7 +302,6 @@ def _distinct(found: list[Cross], size: float) -> list[Cross]:
 
 def _markers(
     found: list[Cross] | list[Cross | None],
-    span: float,
     status: npt.NDArray[np.int8] | None = None,
 ) -> Markers:
     empty = Cross(np.nan, np.nan, np.nan, np.nan, np.nan, (np.nan, np.nan))
@@ -295,7 +310,7 @@ def _markers(
         points=np.array([[c.x, c.y] for c in rows], dtype=np.float64).reshape(-1, 2),
         size=np.array([c.size for c in rows], dtype=np.float64).reshape(-1, 2),
         angle=np.array([c.angle for c in rows], dtype=np.float64),
-        contrast=np.array([c.contrast * span for c in rows], dtype=np.float64),
+        contrast=np.array([c.contrast for c in rows], dtype=np.float64),
         residual=np.array([c.residual for c in rows], dtype=np.float64),
         status=np.zeros(len(rows), dtype=np.int8) if status is None else status,
     )

@@ -1,6 +1,6 @@
 """Chessboard corners to a thousandth of a pixel: all crossings of an image fitted at once.
 
-The model is that of `gpusim.measure.cross`: two straight borders, integrated over the pixels and
+The model is that of `gpusim.measure.junction`: two straight borders, integrated over the pixels and
 blurred by the lens, under a light that varies linearly. A corner of a board has no ends to find
 but neighbours that give its two directions, also under strong perspective. The true image and the
 model are both symmetric about the corner, so that what the model leaves out (the few pixels that
@@ -9,29 +9,27 @@ both borders cross) doesn't move it. ``cv2.cornerSubPix`` is off by 0.035-0.08 p
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.measure.border import profile_and_slopes, slope_by_turn
 from gpusim.measure.images import FloatArray, check_image, check_points
-from gpusim.measure.levenberg import fit_many
+from gpusim.measure.junction import CENTRE, PARAMETERS, fit_junctions, frames
 
 __all__ = ["Crossings", "fit_crossings"]
 
-CENTRE = 1.5  # px: both borders within this distance: the pixel isn't used
 INSIDE = 0.62  # of the way to the next corner
+LEAST_SHARE = 0.4  # … at least, next to a pattern's end
 LEAST_REACH, MOST_REACH = 3.0, 12.0  # px
-MIN_SIGMA, FIRST_SIGMA, MOST_SIGMA = 0.004, 0.5, 6.0  # px
+FIRST_SIGMA, MOST_SIGMA = 0.5, 6.0  # px
 MOST_DRIFT = 3.0  # px from the start
 MIN_CONTRAST = 0.02  # of the image's grey range
 MOST_RESIDUAL = 0.25  # of the contrast
-# the last parameter is the logarithm of the blur: it can't change its sign, and far below a pixel,
-# where it changes next to nothing, its steps needn't become small
-SCALE = np.array([1.0, 1.0, 0.1, 0.1, 1.0, 1.0, 0.1, 0.1, 100.0])
+LEAST_PIXELS = 24
+MORE_BLUR = 0.1  # px
 
 
 @dataclass(frozen=True)
@@ -64,12 +62,17 @@ def fit_crossings(
     second: npt.ArrayLike,
     *,
     share: npt.ArrayLike = INSIDE,
+    margin: tuple[float, float] | None = None,
+    blur: npt.ArrayLike | None = None,
 ) -> Crossings:
     """Fit the corners near ``start`` (C, 2).
 
     ``first`` and ``second`` (C, 2) are the steps in px to the next corner along the two borders;
     turning from the first to the second is turning from +x to +y (down). The fit looks at most
-    12 px and ``share`` (a number, or (C,)) of these steps far.
+    12 px and ``share`` (a number, or (C,)) of these steps far. It is done twice, the second time
+    around what was found. Where the pattern ends after a step, ``margin`` = (px, lens blurs) says
+    how close to there the second fit may look; ``share`` then holds for the first one only. Where
+    ``blur`` (C,) in px is known, from another picture, the first one is left out.
 
     Raises
     ------
@@ -85,15 +88,45 @@ def fit_crossings(
     if not ((inside > 0) & (inside <= 2)).all():
         raise InputError(f"fit_crossings: share; got {share!r}; expected above 0, at most 2")
     span = float(array.max()) - float(array.min())
-    rounds = [points, points]
-    result = _failed(len(points))
     if not span > 0:
-        return result
-    for _ in range(2):  # the window is set again around the first result
-        result = _fit(array, rounds[-1], steps, inside, span)
-        rounds.append(np.where(result.ok[:, None], result.points, rounds[-1]))
+        return _failed(len(points))
+    known = _known_blur(blur, len(points))
+    around, before = points, None
+    sharp = known
+    if sharp is None:
+        rough, before = _fit(array, points, steps, inside, span, None, rough=True)
+        around, sharp = np.where(rough.ok[:, None], rough.points, points), rough.blur
+    if margin is not None:
+        inside = np.where(np.isfinite(sharp), _own_share(steps, sharp, margin), inside)
+    result, _ = _fit(array, around, steps, inside, span, before)
+    if known is not None and margin is not None:
+        # where the picture is less sharp than was said, the pattern's border reaches further
+        rows = np.flatnonzero(result.ok & (result.blur > known + MORE_BLUR))
+        if rows.size:
+            again = fit_crossings(
+                array, result.points[rows], *steps[rows].transpose(1, 0, 2), margin=margin,
+                blur=result.blur[rows] + MORE_BLUR,
+            )  # fmt: skip
+            for field in fields(result):
+                getattr(result, field.name)[rows] = getattr(again, field.name)
     drift = np.linalg.norm(result.points - points, axis=1)
     return _kept(result, result.ok & (drift <= 2 * MOST_DRIFT))
+
+
+def _known_blur(blur: npt.ArrayLike | None, count: int) -> FloatArray | None:
+    if blur is None:
+        return None
+    known = np.asarray(blur, dtype=np.float64)
+    if known.shape != (count,) or not (known >= 0).all():
+        raise InputError(f"fit_crossings: blur; got {known.shape}; expected ({count},), px >= 0")
+    return known
+
+
+def _own_share(steps: FloatArray, blur: FloatArray, margin: tuple[float, float]) -> FloatArray:
+    """Share of the steps up to the pattern's own border, as far as it and its blur reach."""
+    length = np.linalg.norm(steps, axis=2).mean(axis=1)
+    own = 1.0 - (margin[0] + margin[1] * blur) / np.maximum(length, 1e-9)
+    return np.asarray(np.clip(own, LEAST_SHARE, 1.0))
 
 
 def _fit(
@@ -102,21 +135,26 @@ def _fit(
     steps: FloatArray,
     inside: FloatArray,
     span: float,
-) -> Crossings:
+    before: FloatArray | None,
+    *,
+    rough: bool = False,
+) -> tuple[Crossings, FloatArray]:
+    """The fits, and their parameters (C, 9): NaN where it isn't ok.
+
+    ``before`` are those of an earlier fit, around ``start``.
+    """
     x, y, grey, weight, middle = _windows(array, start, steps, inside)
-    usable = (weight.sum(axis=1) >= 24) & (np.abs(np.linalg.det(steps)) > 4.0)
+    usable = (weight.sum(axis=1) >= LEAST_PIXELS) & (np.abs(np.linalg.det(steps)) > 4.0)
     rows = np.flatnonzero(usable)
+    p = np.full((len(start), PARAMETERS), np.nan)
     if not rows.size:
-        return _failed(len(start))
+        return _failed(len(start)), p
     grey /= span
     p0 = _first(x, y, grey, weight, start - middle, steps)
-
-    def model(p: FloatArray, which: npt.NDArray[np.int64]) -> tuple[FloatArray, FloatArray]:
-        at = rows[which]
-        return _residual(p, x[at], y[at], grey[at])
-
-    fit = fit_many(model, p0[rows], weight[rows], SCALE, tolerance=1e-5, iterations=100)
-    p = np.full((len(start), 9), np.nan)
+    if before is not None:
+        known = np.isfinite(before).all(axis=1)
+        p0[known, 2:] = before[known, 2:]
+    fit = fit_junctions(x[rows], y[rows], grey[rows], weight[rows], p0[rows], rough=rough)
     p[rows] = fit.parameters
     rms, sigma = np.full(len(start), np.nan), np.full(len(start), np.nan)
     rms[rows] = fit.rms
@@ -124,7 +162,7 @@ def _fit(
     sigma[rows] = np.sqrt(np.maximum(variance, 0.0))
     settled = np.zeros(len(start), dtype=bool)
     settled[rows] = fit.converged
-    contrast, blur = p[:, 5], np.exp(np.minimum(p[:, 8], np.log(10.0 * MOST_SIGMA)))
+    contrast, blur = p[:, 5], np.sqrt(p[:, 8])
     place = p[:, :2] + middle
     with np.errstate(invalid="ignore"):
         residual = rms / np.abs(contrast)
@@ -137,7 +175,7 @@ def _fit(
             & (drift <= MOST_DRIFT)
         )
     found = Crossings(place, sigma, contrast * span, blur, residual, ok)
-    return _kept(found, ok)
+    return _kept(found, ok), np.where(ok[:, None], p, np.nan)
 
 
 def _windows(
@@ -186,57 +224,14 @@ def _first(
     angle_1 = np.arctan2(steps[:, 0, 1], steps[:, 0, 0])
     angle_2 = np.arctan2(-steps[:, 1, 0], steps[:, 1, 1])
     p = np.column_stack([at, angle_1, angle_2, level, np.ones(count), np.zeros((count, 2)),
-                         np.full(count, np.log(FIRST_SIGMA))])  # fmt: skip
-    _, _, normal_1, normal_2 = _frames(p)
+                         np.full(count, FIRST_SIGMA**2)])  # fmt: skip
+    _, _, normal_1, normal_2 = frames(p)
     dx, dy = x - at[:, :1], y - at[:, 1:]
     sign = np.sign(dx * normal_1[:, :1] + dy * normal_1[:, 1:]) * np.sign(
         dx * normal_2[:, :1] + dy * normal_2[:, 1:]
     )
     p[:, 5] = (weight * sign * (grey - level[:, None])).sum(axis=1) / total
     return p
-
-
-def _frames(p: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Directions (C, 2) of both borders and their normals."""
-    along_1 = np.stack([np.cos(p[:, 2]), np.sin(p[:, 2])], axis=1)
-    along_2 = np.stack([-np.sin(p[:, 3]), np.cos(p[:, 3])], axis=1)
-    normal_1 = np.stack([-along_1[:, 1], along_1[:, 0]], axis=1)
-    normal_2 = np.stack([along_2[:, 1], -along_2[:, 0]], axis=1)
-    return along_1, along_2, normal_1, normal_2
-
-
-def _residual(
-    p: FloatArray, x: FloatArray, y: FloatArray, grey: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Model less grey value (C, P) and its derivatives (C, 9, P), as in `cross._residual`."""
-    along_1, along_2, normal_1, normal_2 = _frames(p)
-    dx, dy = x - p[:, :1], y - p[:, 1:2]
-    sigma = np.exp(np.clip(p[:, 8], np.log(MIN_SIGMA), np.log(10.0 * MOST_SIGMA)))
-    first, second = (
-        profile_and_slopes(dx * normal[:, :1] + dy * normal[:, 1:], normal, sigma)
-        for normal in (normal_1, normal_2)
-    )
-    light = 1.0 + p[:, 6:7] * dx + p[:, 7:8] * dy
-    pattern = p[:, 4:5] + p[:, 5:6] * first[0] * second[0]
-    scale = p[:, 5:6] * light
-    by_1, by_2 = scale * second[0], scale * first[0]
-    slopes = np.empty((len(p), 9, x.shape[1]))
-    for i in range(2):
-        slopes[:, i] = (
-            -by_1 * first[1] * normal_1[:, i : i + 1]
-            - by_2 * second[1] * normal_2[:, i : i + 1]
-            - p[:, 6 + i : 7 + i] * pattern
-        )
-    # turning a border takes normal_1 to -along_1, and normal_2 to along_2
-    slopes[:, 2] = by_1 * slope_by_turn(first, normal_1, -along_1, dx, dy)
-    slopes[:, 3] = by_2 * slope_by_turn(second, normal_2, along_2, dx, dy)
-    slopes[:, 4] = light
-    slopes[:, 5] = light * first[0] * second[0]
-    slopes[:, 6] = dx * pattern
-    slopes[:, 7] = dy * pattern
-    rising = sigma[:, None] * (sigma[:, None] > 1.001 * MIN_SIGMA)
-    slopes[:, 8] = (by_1 * first[2] + by_2 * second[2]) * rising
-    return light * pattern - grey, slopes
 
 
 def _failed(count: int) -> Crossings:

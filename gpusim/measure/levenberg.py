@@ -21,6 +21,10 @@ Model = Callable[[FloatArray, Rows], tuple[FloatArray, FloatArray]]
 
 FIRST_DAMPING = 1e-3
 MOST_DAMPING = 1e8
+LEAST_DAMPING = 1e-7
+# in a kink, as where a sharp border lies between two columns of pixels, steps go to and fro across
+# the valley and hardly down: a fit that gained no more than this share by so many is there
+LEAST_GAIN, GAIN_STEPS = 1e-4, 4
 
 
 @dataclass(frozen=True)
@@ -32,7 +36,7 @@ class ManyFits:
     parameters : (C, Q) float64.
     rms : (C,) RMS of the residuals.
     covariance : (C, Q, Q), from the residuals and the slopes at the end.
-    converged : (C,) bool; steps became smaller than the tolerance, or none goes down any more.
+    converged : (C,) bool; steps became smaller than the tolerance, or hardly go down any more.
     """
 
     parameters: FloatArray
@@ -47,6 +51,7 @@ def fit_many(
     weight: FloatArray,
     scale: FloatArray,
     *,
+    lower: FloatArray | None = None,
     tolerance: float = 1e-6,
     iterations: int = 40,
 ) -> ManyFits:
@@ -59,6 +64,8 @@ def fit_many(
     weight : (C, P), 0 for samples that don't count.
     scale : (Q,) sizes of a step in each parameter that is one unit; a fit has converged when its
         step is below ``tolerance`` in all of them.
+    lower : (Q,) least values of the parameters, or None. One that is there and would go further
+        down is held while the others take their step.
     """
     count, size = start.shape
     p = start.copy()
@@ -67,26 +74,39 @@ def fit_many(
     active = np.arange(count)
     normal, gradient, square = _normal(model, p, active, weight)
     diagonal = np.arange(size)
+    earlier, steps = square.copy(), np.zeros(count, dtype=np.int64)
     for _ in range(iterations):
-        damped = normal[active].copy()
+        damped, down = normal[active], -gradient[active]
         main = damped[:, diagonal, diagonal]
         floor = 1e-12 * main.max(axis=1, keepdims=True) + 1e-300
         damped[:, diagonal, diagonal] = main + damping[active, None] * main + floor
-        step = -np.linalg.solve(damped, gradient[active][..., None])[..., 0]
+        if lower is not None:
+            held = (p[active] <= lower) & (down <= 0)
+            damped[held[:, :, None] | held[:, None, :]] = 0.0
+            damped[:, diagonal, diagonal] += held
+            down[held] = 0.0
+        step = np.linalg.solve(damped, down[..., None])[..., 0]
         trial = p.copy()
         trial[active] += step
+        if lower is not None:
+            trial[active] = np.maximum(trial[active], lower)
+            step = trial[active] - p[active]
         new_normal, new_gradient, new_square = _normal(model, trial, active, weight)
         better = new_square <= square[active]  # false for NaN
         taken = active[better]
         p[taken] = trial[taken]
         normal[taken], gradient[taken] = new_normal[better], new_gradient[better]
         square[taken] = new_square[better]
-        damping[taken] = np.maximum(0.1 * damping[taken], 1e-12)
+        steps[taken] += 1
+        damping[taken] = np.maximum(0.1 * damping[taken], LEAST_DAMPING)
         damping[active[~better]] *= 10.0
         small = np.asarray((np.abs(step) <= tolerance * scale).all(axis=1))
         converged[active[small]] = True
         # where no damping makes a step go down any more, rounding decides: that is the minimum too
         stuck = damping[active] > MOST_DAMPING
+        due = better & (steps[active] % GAIN_STEPS == 0)
+        stuck |= due & (earlier[active] - square[active] <= LEAST_GAIN * square[active])
+        earlier[active[due]] = square[active[due]]
         converged[active[stuck]] = True
         active = active[~small & ~stuck]
         if not active.size:

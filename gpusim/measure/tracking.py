@@ -15,12 +15,9 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.gpu import Device
-from gpusim.measure.icgn import correlate
-from gpusim.measure.images import FloatArray, Image, check_image, check_points
-from gpusim.measure.interpolation import SplineImage
-from gpusim.measure.matching import Correlation, Pair, Settings, Status, Subsets
-from gpusim.measure.search import search_template
+from gpusim.measure.images import FloatArray, check_image, check_points
+from gpusim.measure.matching import Correlation, Status
+from gpusim.measure.pairing import Match, Matcher
 from gpusim.measure.subsets import (
     DicResult,
     Window,
@@ -33,6 +30,7 @@ from gpusim.measure.warp import Shape
 __all__ = ["TrackResult", "track"]
 
 SOURCES = 3  # tracked markers from which each one is predicted
+SPAN = 4  # markers back along a chain, whose chord tells how the member has turned
 SURE = 0.95  # correlation from which no further prediction is tried
 
 
@@ -64,7 +62,6 @@ def track(
     max_iterations: int = 60,
     min_zncc: float = 0.8,
     backward_px: float = 0.05,
-    device: Device | None = None,
 ) -> TrackResult:
     """Track M markers from ``reference`` to ``deformed``.
 
@@ -82,7 +79,7 @@ def track(
     blur_px : Gaussian put over both images first, px. Hard black-white borders need it: tracking
         a perfectly sharp 19 px marker turned by 4 degrees is off by 0.045 px without it, by
         0.012 px with 1 px and 0.007 px with 1.5 px.
-    shape, window, mask, tolerance, min_zncc, device : as for ``dic``.
+    shape, window, mask, tolerance, min_zncc : as for ``dic``.
     backward_px : a marker is accepted if tracking back returns within this distance.
     """
     first = check_image(reference, "reference")
@@ -103,22 +100,22 @@ def track(
         blur_px=blur_px,
     )
     tracker = _Tracker(
-        first,
-        second,
-        positions,
-        settings,
-        check_mask(mask, first, blur_px),
-        int(search_px),
-        float(backward_px),
-        float(blur_px),
-        device,
+        Matcher(
+            first,
+            second,
+            positions,
+            settings,
+            check_mask(mask, first, blur_px),
+            int(search_px),
+            float(backward_px),
+            float(blur_px),
+        )
     )
     if groups is None:
         tracker.grow()
     else:
-        for chain in check_groups(groups, len(positions)):
-            tracker.follow(chain)
-    return tracker.result(subset)
+        tracker.follow(check_groups(groups, len(positions)))
+    return tracker.result(subset, float(blur_px))
 
 
 def check_groups(groups: Sequence[Sequence[int]], count: int) -> list[list[int]]:
@@ -132,80 +129,61 @@ def check_groups(groups: Sequence[Sequence[int]], count: int) -> list[list[int]]
     return chains
 
 
-@dataclass(frozen=True)
-class _Match:
-    """One marker matched from one prediction."""
-
-    found: Correlation
-    backward: float
-    source: int
-
-    @property
-    def good(self) -> bool:
-        return int(self.found.status[0]) == Status.OK
-
-    @property
-    def zncc(self) -> float:
-        return float(self.found.zncc[0])
-
-
 class _Tracker:
     """The markers in progress."""
 
-    def __init__(
-        self,
-        reference: Image,
-        deformed: Image,
-        points: FloatArray,
-        settings: Settings,
-        mask: npt.NDArray[np.bool_] | None,
-        search_px: int,
-        backward_px: float,
-        blur_px: float,
-        device: Device | None,
-    ) -> None:
-        self.reference = reference
-        self.deformed = deformed
-        self.points = points
-        self.settings = settings
-        self.mask = mask
-        self.search_px = search_px
-        self.backward_px = backward_px
-        self.blur_px = blur_px
-        self.device = device
-        self.matches: list[_Match | None] = [None] * len(points)
+    def __init__(self, matcher: Matcher) -> None:
+        self.matcher = matcher
+        self.points = matcher.points
+        self.half = matcher.settings.half
+        self.matches: list[Match | None] = [None] * len(self.points)
 
-    def follow(self, chain: list[int]) -> None:
-        """Track one chain in its order."""
-        done: list[int] = []
-        for index in chain:
-            match = self._best(index, self._nearest(index, done), still=not done)
-            self.matches[index] = match
-            if match is not None and match.good:
-                done.append(index)
+    def follow(self, chains: Sequence[Sequence[int]]) -> None:
+        """Track chains, each in its order.
+
+        Where every marker goes is sketched to a pixel first, so that all can be correlated at
+        once; one that isn't surely where its neighbour says is tracked again by itself.
+        """
+        order = [index for chain in chains for index in chain]
+        starts, sources = np.zeros((len(order), 2, 6)), [-1] * len(order)
+        first = 0
+        for chain in chains:
+            last = first + len(chain)
+            starts[first:last] = self._sketch(chain)
+            sources[first + 1 : last] = chain[:-1]
+            first = last
+        sketched = dict(zip(order, self.matcher.match(order, starts, sources), strict=True))
+        for chain in chains:
+            done: list[int] = []
+            for index in chain:
+                match: Match | None = sketched[index]
+                if not self._sure(index, sketched[index], done):
+                    match = self._best(index, self._nearest(index, done), still=not done)
+                self.matches[index] = match
+                if match is not None and match.good:
+                    done.append(index)
 
     def grow(self) -> None:
         """Track what hardly moved, then always the marker nearest to a tracked one."""
-        waiting = set(range(len(self.points)))
-        done: list[int] = []
-        for index in sorted(waiting):
-            match = self._best(index, [], still=True)
-            self.matches[index] = match
-            if match is not None and match.good:
-                done.append(index)
-        waiting -= set(done)
+        every = list(range(len(self.points)))
+        starts = np.zeros((len(every), 2, 6))
+        for index in every:
+            starts[index, :, 0] = self.matcher.search(index, starts[index])
+        self.matches = list(self.matcher.match(every, starts, [-1] * len(every)))
+        done = [i for i, match in enumerate(self.matches) if match is not None and match.good]
+        waiting = set(every) - set(done)
         tried: set[tuple[int, ...]] = set()
         while waiting and done:
             open_ = np.array(sorted(waiting))
             apart = np.linalg.norm(self.points[open_][:, None] - self.points[done], axis=2)
             progress = False
             for index in open_[np.argsort(apart.min(axis=1), kind="stable")]:
-                sources = self._nearest(int(index), done)
-                key = (int(index), *sources)
+                near = self._nearest(int(index), done)
+                key = (int(index), *near)
                 if key in tried:
                     continue
                 tried.add(key)
-                match = self._best(int(index), sources, still=False)
+                match = self._best(int(index), near, still=False)
                 if match is not None and match.good:
                     self.matches[index] = match
                     waiting.remove(int(index))
@@ -215,7 +193,7 @@ class _Tracker:
             if not progress:
                 return
 
-    def result(self, subset: int) -> TrackResult:
+    def result(self, subset: int, blur_px: float) -> TrackResult:
         """Gather the matches; markers never tried are ``NO_GUESS``."""
         count = len(self.points)
         coefficients = np.full((count, 2, 6), np.nan)
@@ -226,13 +204,8 @@ class _Tracker:
         for i, match in enumerate(self.matches):
             if match is None:
                 continue
-            found = match.found
-            coefficients[i], zncc[i], sigma[i] = (
-                found.coefficients[0],
-                found.zncc[0],
-                found.sigma[0],
-            )
-            iterations[i], status[i] = found.iterations[0], found.status[0]
+            coefficients[i], zncc[i], sigma[i] = match.coefficients, match.zncc, match.sigma
+            iterations[i], status[i] = match.iterations, match.status
             backward[i], source[i] = match.backward, match.source
         shared = self._shared(coefficients[:, :, 0])
         status[shared] = Status.AMBIGUOUS
@@ -240,7 +213,7 @@ class _Tracker:
         sigma[shared] = np.nan
         raw = Correlation(coefficients, zncc, sigma, iterations, status)
         return TrackResult(
-            **vars(make_result(self.points, raw, subset, self.blur_px)),
+            **vars(make_result(self.points, raw, subset, blur_px)),
             backward=backward,
             source=source,
         )
@@ -250,7 +223,7 @@ class _Tracker:
 
         Tracking back can't tell perfect look-alikes, but two of them can't be in one place.
         """
-        subset = 2 * self.settings.half + 1
+        subset = 2 * self.half + 1
         after = self.points + displacement
         apart = np.linalg.norm(self.points[:, None] - self.points, axis=2)
         ends = np.linalg.norm(after[:, None] - after, axis=2)
@@ -262,11 +235,44 @@ class _Tracker:
         apart = [float(np.linalg.norm(self.points[i] - self.points[index])) for i in done]
         return [done[i] for i in np.argsort(apart, kind="stable")[:SOURCES]]
 
-    def _best(self, index: int, sources: list[int], *, still: bool) -> _Match | None:
+    def _sketch(self, chain: Sequence[int]) -> FloatArray:
+        """Starts (K, 2, 6) along a chain to a pixel: each marker as its neighbours moved and
+        turned."""
+        starts = np.zeros((len(chain), 2, 6))
+        turns = self.matcher.settings.shape != "translation"
+        for k, index in enumerate(chain):
+            c = starts[k]
+            if k:
+                turn = np.zeros((2, 2))
+                if k > 1 and turns:
+                    back = max(0, k - SPAN)
+                    chord = self.points[chain[k - 1]] - self.points[chain[back]]
+                    moved = chord + starts[k - 1, :, 0] - starts[back, :, 0]
+                    turn = _rotation(chord, moved) - np.eye(2)
+                c[:, 0] = starts[k - 1, :, 0]
+                c[:, 0] += turn @ (self.points[index] - self.points[chain[k - 1]])
+                c[:, 1:3] = turn * self.half
+            c[:, 0] = self.matcher.search(index, c)
+        return starts
+
+    def _sure(self, index: int, match: Match, done: list[int]) -> bool:
+        """Whether a sketched match is what tracking by itself would find: as good that no further
+        prediction is tried, and where the neighbour's own motion and turn predict it."""
+        if not (match.good and match.zncc >= SURE):
+            return False
+        if (match.source not in done) if done else (match.source != -1):
+            return False
+        near = [match.source] if done else []
+        (_, start), *_ = self._predictions(index, near, still=not done)
+        off = np.abs(match.coefficients[:, 0] - start[:, 0]).max()
+        return bool(off <= self.matcher.search_px + 1.0)
+
+    def _best(self, index: int, sources: list[int], *, still: bool) -> Match | None:
         """The best match of one marker over its predictions."""
-        best: _Match | None = None
+        best: Match | None = None
         for source, start in self._predictions(index, sources, still=still):
-            match = self._match(index, start, source)
+            start[:, 0] = self.matcher.search(index, start)
+            (match,) = self.matcher.match([index], start[None], [source])
             if best is None or (match.good, match.zncc) > (best.good, best.zncc):
                 best = match
             if best.good and best.zncc >= SURE:
@@ -276,120 +282,26 @@ class _Tracker:
     def _predictions(
         self, index: int, sources: list[int], *, still: bool
     ) -> list[tuple[int, FloatArray]]:
-        """Start coefficients (1, 2, 6): from each source, and along the two nearest ones."""
-        half = self.settings.half
+        """Start coefficients (2, 6): from no displacement, or from each source."""
         starts: list[tuple[int, FloatArray]] = []
         if still:
-            starts.append((-1, np.zeros((1, 2, 6))))
+            starts.append((-1, np.zeros((2, 6))))
         for source in sources:
             match = self.matches[source]
             assert match is not None
-            c = match.found.coefficients.copy()
-            offset = (self.points[index] - self.points[source]) / half
-            c[0, :, 0] += c[0, :, 1:3] @ offset
-            c[:, :, 3:] = 0.0
+            c = match.coefficients.copy()
+            offset = (self.points[index] - self.points[source]) / self.half
+            c[:, 0] += c[:, 1:3] @ offset
+            c[:, 3:] = 0.0
             starts.append((source, c))
         return starts
 
-    def _match(self, index: int, start: FloatArray, source: int) -> _Match:
-        """Search near the prediction, correlate, and track back."""
-        point = self.points[index : index + 1]
-        reach = self.settings.half + 2.0
-        reference = self._spline(self.reference, point[0], reach)
-        begin = start.copy()
-        begin[0, :, 0] = self._search(reference, point[0], start[0])
-        target = point[0] + begin[0, :, 0]
-        deformed = self._spline(self.deformed, target, 1.5 * reach + self.settings.max_move)
-        found = correlate(
-            Subsets(Pair(reference, deformed, self.mask), point, begin), self.settings, self.device
-        )
-        if found.status[0] != Status.OK:
-            return _Match(found, float("nan"), source)
-        return self._check_back(found, point, source)
 
-    def _search(self, reference: SplineImage, point: FloatArray, c: FloatArray) -> FloatArray:
-        """Displacement near the prediction ``c`` (2, 6) where the turned template fits best."""
-        half = self.settings.half
-        offset = np.arange(-half, half + 1, dtype=np.float64)
-        a, b = np.meshgrid(offset, offset)
-        linear = np.eye(2) + c[:, 1:3] / half
-        if not abs(np.linalg.det(linear)) > 0.1:
-            return c[:, 0]
-        target = np.rint(point + c[:, 0])
-        inverse = np.linalg.inv(linear)
-        # the template's centre pixel shows the point moved by ``lag``
-        lag = target - (point + c[:, 0])
-        x = point[0] + inverse[0, 0] * (a + lag[0]) + inverse[0, 1] * (b + lag[1])
-        y = point[1] + inverse[1, 0] * (a + lag[0]) + inverse[1, 1] * (b + lag[1])
-        x0, y0, x1, y1 = reference.valid
-        template = reference.values(np.clip(x, x0, x1), np.clip(y, y0, y1))
-        column, row, score = search_template(
-            template, self.deformed, (int(target[0]), int(target[1])), self.search_px
-        )
-        if score < 0:
-            return c[:, 0]
-        found: FloatArray = c[:, 0] + np.array([column, row], dtype=np.float64) - target
-        return found
-
-    def _check_back(self, found: Correlation, point: FloatArray, source: int) -> _Match:
-        """Track from the deformed image to the reference and compare with the start."""
-        half = self.settings.half
-        displacement = found.coefficients[:, :, 0]
-        linear = np.eye(2) + found.coefficients[0, :, 1:3] / half
-        start = np.zeros((1, 2, 6))
-        start[:, :, 0] = -displacement
-        inverse = np.linalg.inv(linear)
-        start[0, :, 1:3] = (inverse - np.eye(2)) * half
-        there = point + displacement
-        reach = self.settings.half + 2.0
-        back = correlate(
-            Subsets(
-                Pair(
-                    self._spline(self.deformed, there[0], reach),
-                    self._spline(self.reference, point[0], 1.5 * reach + self.settings.max_move),
-                    self._turned_mask(point[0], there[0], inverse),
-                ),
-                there,
-                start,
-            ),
-            self.settings,
-            self.device,
-        )
-        missed = float(np.linalg.norm(there + back.coefficients[:, :, 0] - point))
-        if missed <= self.backward_px:
-            return _Match(found, missed, source)
-        rejected = Correlation(
-            np.full_like(found.coefficients, np.nan),
-            found.zncc,
-            np.full_like(found.sigma, np.nan),
-            found.iterations,
-            np.full_like(found.status, Status.BACKWARD),
-        )
-        return _Match(rejected, missed, source)
-
-    def _turned_mask(
-        self, point: FloatArray, there: FloatArray, inverse: npt.NDArray[Any]
-    ) -> npt.NDArray[np.bool_] | None:
-        """The reference mask as it lies over the subset in the deformed image."""
-        if self.mask is None:
-            return None
-        half = self.settings.half + 1
-        height, width = self.deformed.shape
-        x, y = round(float(there[0])), round(float(there[1]))
-        columns = np.arange(max(x - half, 0), min(x + half + 1, width))
-        rows = np.arange(max(y - half, 0), min(y + half + 1, height))
-        dx, dy = columns[None, :] - there[0], rows[:, None] - there[1]
-        source_x = np.rint(point[0] + inverse[0, 0] * dx + inverse[0, 1] * dy).astype(np.int64)
-        source_y = np.rint(point[1] + inverse[1, 0] * dx + inverse[1, 1] * dy).astype(np.int64)
-        inside = (source_x >= 0) & (source_x < self.mask.shape[1])
-        inside &= (source_y >= 0) & (source_y < self.mask.shape[0])
-        result = np.zeros((height, width), dtype=np.bool_)
-        result[np.ix_(rows, columns)] = (
-            inside & (self.mask[np.where(inside, source_y, 0), np.where(inside, source_x, 0)])
-        )
-        return result
-
-    def _spline(self, image: Image, centre: FloatArray, reach: float) -> SplineImage:
-        x, y = float(centre[0]), float(centre[1])
-        box = (x - reach, y - reach, x + reach, y + reach)
-        return SplineImage.from_image(image, box, blur_px=self.blur_px)
+def _rotation(before: FloatArray, after: FloatArray) -> FloatArray:
+    """The rotation (2, 2) that turns the direction of one vector into that of another."""
+    size = float(np.linalg.norm(before) * np.linalg.norm(after))
+    if not size > 0:
+        return np.eye(2)
+    cosine = float(before @ after) / size
+    sine = float(before[0] * after[1] - before[1] * after[0]) / size
+    return np.array([[cosine, -sine], [sine, cosine]])

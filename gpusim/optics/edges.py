@@ -7,6 +7,8 @@ centroid. What no triangle takes shows the background. The twin does the same in
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import numpy.typing as npt
 
@@ -16,9 +18,11 @@ from gpusim.optics.binning import EdgePixels, bin_edges
 from gpusim.optics.bitmap import BITMAP, mean_over_polygons
 from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.edge_turns import grazing_turns, shadow_turns, speckle_turns
+from gpusim.optics.frame import Band
 from gpusim.optics.hidden import Cutting, depth_planes, visible_pieces
 from gpusim.optics.pattern import LOOP_TURNS
 from gpusim.optics.polygon import clip_square, half_planes, moments
+from gpusim.optics.scatter import scatter
 from gpusim.optics.setup import Setup, probe_setup, radiance_of
 from gpusim.optics.shade import Tables
 from gpusim.optics.speckle import EDGE_ROWS
@@ -42,7 +46,7 @@ class EdgePass:
 
     def __init__(self, tables: Tables, edges: EdgePixels) -> None:
         # about what one triangle takes: clipping and samples, then its features' corners
-        table, fine = tables.setup.table, tables.setup.constants([1], False)["fine"]
+        table, fine = tables.setup.table, tables.setup.constants([1], False, False)["fine"]
         turns = 200 + table.most_in_a_cell * (2000 if fine else 50) + speckle_turns(table)
         turns += 3000 if (tables.setup.groups == BITMAP).any() else 0
         each = turns + grazing_turns(tables.setup, edges) + shadow_turns(tables.setup, edges)
@@ -69,7 +73,7 @@ class EdgePass:
         if first == last:
             return
         groups = np.unique(setup.groups).tolist()
-        constants = setup.constants(groups, bool(setup.shiny.any()))
+        constants = setup.constants(groups, bool(setup.shiny.any()), bool(setup.bumpy.any()))
         kernel = self.tables.device.kernel("optics/edges", constants=constants)
         bindings = kernel.bind(
             params={
@@ -93,35 +97,33 @@ class EdgePass:
             doubts=self._doubts,
             **self.tables.shared(),
             **self.tables.shadows.bindings(),
-            gloss_table=self.tables.gloss,
         )
         recording.dispatch(kernel, bindings, threads=(int(last - first),))
 
-    def write_deep(self, radiance: Buffer, row0: int, rows: int, stride: int) -> None:
-        """Write the few pixels that the host resolves; call it once the recording is submitted.
+    def write_deep(self, bands: Sequence[Band]) -> None:
+        """Write the few pixels that the host resolves; call it once the recordings are submitted.
 
         Those are pixels under many triangles, pixels where bodies cut each other, and those that
         the device was in doubt about: what shows of a triangle there isn't convex, and makes a
-        difference.
+        difference. ``bands``: all that were recorded since the last call.
         """
         width = self.tables.setup.view.camera.width
-        pixels = [row0 * width, (row0 + rows) * width]
-        first, last = np.searchsorted(self._deep.pixel, pixels)
-        found = [(self._deep.pixel[first:last], self._deep_values[first:last])]
-        first, last = np.searchsorted(self.edges.pixel, pixels)
-        if (self.edges.depth[first:last] > 1).any():
+        pixel, value = self._deep.pixel, self._deep_values
+        if (self.edges.depth > 1).any():
             count = int(self._doubts.read(np.uint32, (1,))[0])
             if count:
                 wanted = np.zeros(len(self.edges.pixel), bool)
                 wanted[self._doubts.read(np.uint32, (count + 1,))[1:]] = True
                 doubtful = self.edges.select(wanted)
                 values = _resolve(self.tables.setup, doubtful).astype(np.float32)
-                found.append((doubtful.pixel, values))
+                pixel = np.concatenate([pixel, doubtful.pixel])
+                value = np.concatenate([value, values])
                 self._doubts.write(np.zeros(1, np.uint32))
-        for pixel, values in found:
-            row, column = np.divmod(pixel, width)
-            for place, value in zip((row - row0) * stride + column, values, strict=True):
-                radiance.write(np.array([value]), 4 * int(place))
+        row, column = np.divmod(pixel, width)
+        for band in bands:
+            own = np.flatnonzero((row >= band.row0) & (row < band.row0 + band.rows))
+            places = (row[own] - band.row0) * band.stride + column[own]
+            scatter(self.tables.device, places, value[own], band.buffer)
 
 
 def edges_twin(
@@ -239,6 +241,6 @@ def _check(device: Device) -> None:
     with device.recording("optics.edges") as recording:
         edge_pass = EdgePass(Tables(device, setup), edges)
         edge_pass.record(recording, out, 0, camera.height, camera.width)
-    edge_pass.write_deep(out, 0, camera.height, camera.width)
+    edge_pass.write_deep([Band(0, camera.height, camera.width, out)])
     got = out.read(np.float32, start.shape)
     compare("optics/edges", got, edges_twin(setup, edges, start), "pixel")

@@ -106,11 +106,16 @@ class Gloss:
         view: Array,
         light: Array,
         irradiance: Array,
+        widened: Array | float = 0.0,
     ) -> Reflection:
-        """Reflection of light from unit directions ``light`` (n, 3) of given irradiance (n,)."""
+        """Reflection of light from unit directions ``light`` (n, 3) of given irradiance (n,).
+
+        ``widened`` (n,): what a relief too fine to be seen adds to the square of alpha.
+        """
         nv = np.clip(np.sum(normal * view, axis=1), 0.0, 1.0)
         a, b = reflectance(self.table[paint], nv).T
-        facets, fresnel = facet_terms(self.alpha[paint], normal, view, light)
+        alpha = np.minimum(np.sqrt(self.alpha[paint] ** 2 + widened), 1.0)
+        facets, fresnel = facet_terms(alpha, normal, view, light)
         metallic = self.metallic[paint]
         mirrored = facets * irradiance
         base = (1.0 - metallic) * self._base(a, b) * irradiance / np.pi

@@ -70,7 +70,9 @@ class LightTiles:
             return None
         low = np.maximum(view.screen.min(axis=1), -0.5)
         high = np.minimum(view.screen.max(axis=1), np.array([camera.width, camera.height]) - 0.5)
-        area = np.where(setup.shiny, 0.0, 0.5 * np.maximum(high - low, 0.0).prod(axis=1))
+        area = np.where(
+            setup.shiny | setup.bumpy, 0.0, 0.5 * np.maximum(high - low, 0.0).prod(axis=1)
+        )
         large = np.flatnonzero(area >= SMALLEST)
         large = large[_flat(setup, large)]
         large = large[_smooth(setup, large, TOLERANCE if tolerance is None else tolerance)]
@@ -170,8 +172,7 @@ class LightTilesPass:
     def record(self, recording: Recording) -> None:
         """Find the light of all tiles."""
         setup, tables = self.tables.setup, self.tables
-        constants = setup.lighting.constants(False)
-        constants["distorted"] = setup.constants((), False)["distorted"]
+        constants = setup.light_constants(False, False)
         kernel = tables.device.kernel("optics/light_tiles", constants=constants)
         shadows = tables.shadows.bindings()
         bindings = kernel.bind(
@@ -184,11 +185,7 @@ class LightTilesPass:
             },
             owners=self._owners,
             light=self.texels,
-            triangles=tables.triangles,
-            lamps=tables.lamps,
-            gloss_table=tables.gloss,
-            tiles=tables.tiles,
-            undistortion=tables.undistortion,
+            **tables.surface(),
             shades=shadows["shades"],
             shadow_tiles=shadows["shadow_tiles"],
         )

@@ -14,11 +14,11 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.gpu.buffer import F32_MAX
 from gpusim.optics.casters import Casters
-from gpusim.optics.emitters import closest_points, emitter_light, emitters, lamps_of
+from gpusim.optics.emitters import Lamp, closest_points, emitter_light, emitters, lamps_of
 from gpusim.optics.environment import Environment
 from gpusim.optics.gloss import Gloss, Reflection, sharpest
 from gpusim.optics.light import AmbientLight, Light
-from gpusim.optics.shadow_tiles import ShadowTiles, flatness
+from gpusim.optics.shadow_tiles import COARSER, ShadowTiles, flatness
 from gpusim.optics.view import View
 from gpusim.surface.surface import Surface
 
@@ -26,11 +26,24 @@ __all__ = ["MOST_EMITTERS", "Lighting", "ambient"]
 
 Array = npt.NDArray[np.float64]
 MOST_EMITTERS = 256
+FEWEST, WORTH = 100, 0.7
+"""Faces that cast shadows, and the share left of them, which are worth a second set."""
 
 
 def ambient(lights: Sequence[Light]) -> float:
     """Irradiance that every face receives from even surroundings."""
     return float(np.pi * sum(v.radiance for v in lights if isinstance(v, AmbientLight)))
+
+
+def _casters(
+    view: View, lamps: list[Lamp], surfaces: Sequence[Surface]
+) -> tuple[Casters, Casters | None]:
+    """What casts shadows; and with more faces joined, where that makes a difference."""
+    casters = Casters.of(surfaces, flatness(view, lamps))
+    if len(casters.corners) < FEWEST or not any(lamp.extended for lamp in lamps):
+        return casters, None
+    coarse = casters.joined(flatness(view, lamps, COARSER))
+    return casters, coarse if len(coarse.corners) < WORTH * len(casters.corners) else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +89,7 @@ class Lighting:
         lamps = lamps_of(lights)
         shadows = None
         if surfaces and any(lamp.light.shadows for lamp in lamps):
-            found = ShadowTiles.build(view, lamps, Casters.of(surfaces, flatness(view, lamps)))
+            found = ShadowTiles.build(view, lamps, *_casters(view, lamps, surfaces))
             shadows = found if found.any else None
         environment = Environment.of(lights)
         even = ambient(lights)
@@ -120,11 +133,13 @@ class Lighting:
         normal: Array,
         across: Array,
         down: Array,
+        widened: Array,
     ) -> Reflection:
         """What surfaces at (n, 3) relative to the eye send towards it.
 
         ``paint`` (n,); ``x``, ``y`` px; ``normal`` (n, 3) unit; ``across`` and ``down`` (n, 3):
-        how ``at`` changes over the pixel, for shadows sharper than a pixel.
+        how ``at`` changes over the pixel, for shadows sharper than a pixel; ``widened`` (n,): what
+        a relief adds to the square of alpha.
         """
         around = np.full(len(x), self.ambient)
         if self.environment is not None:
@@ -144,6 +159,6 @@ class Lighting:
             irradiance = irradiance * share[:, k]
             matte = matte + irradiance / np.pi
             if self.gloss is not None:
-                more = self.gloss.from_lamp(paint, normal, view, unit, irradiance)
+                more = self.gloss.from_lamp(paint, normal, view, unit, irradiance, widened)
                 p, q = p + more.p, q + more.q
         return Reflection(matte, p, q)

@@ -106,14 +106,14 @@ def _parts(view: View, first: int, stop: int) -> Iterator[tuple[int, int, View]]
     yield from _parts(view, middle, stop)
 
 
-def _draw(device: Device, setup: Setup, edges: EdgePixels, first: int, stop: int) -> Iterator[Band]:
+def _draw(device: Device, setup: Setup, edges: EdgePixels, first: int, stop: int) -> list[Band]:
     """Rows ``first`` … ``stop - 1`` in bands of what a texture may hold."""
     width = setup.view.camera.width
     rows = min(stop - first, max(16, BAND_BYTES // (4 * width)))
     tables = Tables(device, setup)
     shade_pass, edge_pass = ShadePass(tables, rows), EdgePass(tables, edges)
     shadow_pass = ShadowPass(tables) if setup.lighting.shadows is not None else None
-    stride = shade_pass.stride
+    stride, bands = shade_pass.stride, []
     for row0 in range(first, stop, rows):
         count = min(rows, stop - row0)
         radiance = device.empty(4 * count * stride, f"radiance[{row0}]")
@@ -124,8 +124,9 @@ def _draw(device: Device, setup: Setup, edges: EdgePixels, first: int, stop: int
                 shadow_pass.record(recording, shade_pass.marks, radiance, row0, count, stride)
             recording.begin("optics.edges")
             edge_pass.record(recording, radiance, row0, count, stride)
-        edge_pass.write_deep(radiance, row0, count, stride)
-        yield Band(row0, count, stride, radiance)
+        bands.append(Band(row0, count, stride, radiance))
+    edge_pass.write_deep(bands)
+    return bands
 
 
 def _all_are(kind: type | UnionType, values: object) -> bool:

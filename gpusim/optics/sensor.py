@@ -7,6 +7,7 @@ clipped to [0, 2^bits - 1]. With a gain or a full well it is a camera by EMVA 12
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 from zlib import crc32
@@ -15,10 +16,10 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.gpu import Buffer, Device, compare, twin_check
+from gpusim.gpu import Device, compare, twin_check
 from gpusim.inputs import checked
 from gpusim.optics.emva import Signal, emva_twin, expose_noisy
-from gpusim.optics.frame import Frame
+from gpusim.optics.frame import Band, Frame
 from gpusim.optics.presets import CAMERAS
 
 __all__ = ["Sensor", "sensor_twin"]
@@ -242,36 +243,39 @@ class Sensor:
             if signal is not None:
                 return emva_twin(signal, frame.radiance).astype(self.dtype)
             return sensor_twin(self, frame.radiance)
-        parts = []
-        for band in frame.bands:
-            shape = (band.rows, frame.width)
-            if signal is None:
-                parts.append(_expose(frame.device, self, band.buffer, shape, band.stride))
-            else:
-                parts.append(
-                    expose_noisy(
-                        frame.device, signal, band.buffer, shape, band.stride, band.row0, self.dtype
-                    )
+        if signal is None:
+            return _expose(frame.device, self, frame.bands, frame.width)
+        return np.concatenate(
+            [
+                expose_noisy(
+                    frame.device, signal, band.buffer, (band.rows, frame.width), band.stride,
+                    band.row0, self.dtype,
                 )
-        return np.concatenate(parts)
+                for band in frame.bands
+            ]
+        )  # fmt: skip
 
 
-def _expose(
-    device: Device, sensor: Sensor, radiance: Buffer, shape: tuple[int, int], stride: int
-) -> npt.NDArray[Any]:
-    count = shape[0] * shape[1]
+def _expose(device: Device, sensor: Sensor, bands: Sequence[Band], width: int) -> npt.NDArray[Any]:
+    """The bands' rows one below the other."""
     kernel = device.kernel("optics/sensor", constants={"bits": float(sensor.bits)})
     per_word = 4 // sensor.dtype.itemsize
-    words = -(-count // per_word)
-    out = device.empty(4 * words, "sensor.words")
-    bindings = kernel.bind(
-        params={"count": count, "width": shape[1], "stride": stride, "scale": sensor.scale},
-        radiance=radiance,
-        words=out,
-    )
+    columns = -(-width // per_word)
+    height = sum(band.rows for band in bands)
+    out = device.empty(4 * columns * height, "sensor.words")
     with device.recording("optics.sensor") as recording:
-        recording.dispatch(kernel, bindings, threads=(words,))
-    return out.read(sensor.dtype, shape)
+        row = 0
+        for band in bands:
+            bindings = kernel.bind(
+                params={"width": width, "rows": band.rows, "stride": band.stride,
+                        "first_word": row * columns, "scale": sensor.scale},
+                radiance=band.buffer,
+                words=out,
+            )  # fmt: skip
+            recording.dispatch(kernel, bindings, threads=(columns, band.rows))
+            row += band.rows
+    image = out.read(sensor.dtype, (height, columns * per_word))
+    return np.ascontiguousarray(image[:, :width])
 
 
 def sensor_twin(sensor: Sensor, radiance: npt.NDArray[np.float32]) -> npt.NDArray[Any]:
@@ -287,5 +291,5 @@ def _check(device: Device) -> None:
     for bits in (8, 12):
         sensor = Sensor(bits, 0.9)
         buffer = device.buffer(radiance, "sensor.radiance")
-        got = _expose(device, sensor, buffer, (33, 57), 64)
+        got = _expose(device, sensor, [Band(0, 33, 64, buffer)], 57)
         compare(f"optics/sensor, {bits} bit", got, sensor_twin(sensor, radiance[:, :57]), "exact")

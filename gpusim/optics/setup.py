@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.optics.bitmap import BITMAP, PIECES, BitmapTable, pieces_needed
+from gpusim.optics.bump import Bumps, bump_of
 from gpusim.optics.camera import Camera
 from gpusim.optics.coefficients import BLOCK, Coefficients, coefficients
 from gpusim.optics.distortion_map import distortion_map
@@ -22,7 +23,7 @@ from gpusim.optics.light import AmbientLight, AreaLight, Light, PointLight
 from gpusim.optics.lighting import Lighting
 from gpusim.optics.pattern import PatternTable
 from gpusim.optics.view import ST, View, look
-from gpusim.surface.paint import Checker, Dots, Image, Markers, Paint, Plain, Speckle
+from gpusim.surface.paint import Bump, Checker, Dots, Image, Markers, Paint, Plain, Speckle
 from gpusim.surface.surface import Surface
 
 __all__ = ["GRAZING", "TRIANGLE", "Setup", "footprint", "probe_setup", "radiance_of"]
@@ -205,6 +206,18 @@ class Setup:
         return groups
 
     @cached_property
+    def bumps(self) -> Bumps | None:
+        """The fine relief of the triangles, if some of them have any and light shows it."""
+        if not self.lit or all(bump_of(region) is None for region in self.view.paints):
+            return None
+        return Bumps.build(self.view, self.anchor, self.mean_inverse)
+
+    @cached_property
+    def bumpy(self) -> npt.NDArray[np.bool_]:
+        """(T,) whether a triangle has a fine relief."""
+        return np.zeros(self.view.count, bool) if self.bumps is None else self.bumps.member
+
+    @cached_property
     def shiny(self) -> npt.NDArray[np.bool_]:
         """(T,) whether a triangle's paint is glossy and lit."""
         gloss = self.lighting.gloss
@@ -213,21 +226,29 @@ class Setup:
         result: npt.NDArray[np.bool_] = gloss.glossy[self.view.paint]
         return result
 
-    def constants(self, groups: Collection[int], glossy: bool) -> dict[str, float]:
+    def light_constants(self, glossy: bool, bumpy: bool) -> dict[str, float]:
+        """Override constants of how triangles are lit; whether some of them are ``glossy`` or
+        ``bumpy``."""
+        return {
+            "distorted": float(self.view.camera.lens is not None),
+            "bumpy": float(bumpy),
+            **self.lighting.constants(glossy),
+        }
+
+    def constants(self, groups: Collection[int], glossy: bool, bumpy: bool) -> dict[str, float]:
         """Override constants that leave out of a shader what ``groups`` of triangles don't have.
 
-        ``glossy``: whether some of them have glossy paint.
+        ``glossy`` and ``bumpy``: whether some of them have glossy paint, or a relief.
         """
         kept = set(groups)
         kinds = self.table.kinds() if 1 in groups else set()
         fine, large = self._pattern_traits if 1 in groups else (False, False)
         return {
             "lit": float(self.lit),
-            "distorted": float(self.view.camera.lens is not None),
             "patterned": float(any(groups)),
             "speckle": float(bool({2, 2 + GRAZING} & kept) + 2 * bool({3, 3 + GRAZING} & kept)),
             "grazing": float(bool({2 + GRAZING, 3 + GRAZING} & kept)),
-            **self.lighting.constants(glossy),
+            **self.light_constants(glossy, bumpy),
             "checkers": float(0 in kinds),
             "discs": float((2 if large else 1) if 1 in kinds else 0),
             "sectors": float(2 in kinds),
@@ -293,10 +314,16 @@ def radiance_of(
     normal = normal / np.linalg.norm(normal, axis=1)[:, None]
     rate = (planes[:, 2, :2] / values[:, :1])[:, None]
     scale = np.broadcast_to(extent, len(x))[:, None, None]
-    change = scale * (depth[:, None, None] * rays[:, :2] - position[:, :, None] * rate) @ bend
+    change = depth[:, None, None] * rays[:, :2] - position[:, :, None] * rate
+    widened = np.zeros(len(x))
+    if setup.bumps is not None:
+        normal, widened = setup.bumps.leaning(
+            triangle, d, values[:, 0], planes[:, 2, :2], normal, change[:, :, 0], change[:, :, 1]
+        )
+    change = scale * change @ bend
     paint = setup.view.paint[triangle]
     reflected = setup.lighting.reflect(
-        paint, x, y, position, normal, change[:, :, 0], change[:, :, 1]
+        paint, x, y, position, normal, change[:, :, 0], change[:, :, 1], widened
     )
     gloss = setup.lighting.gloss
     if gloss is None:
@@ -322,8 +349,10 @@ def probe_setup() -> Setup:
         Checker(0.31, 5, 4, (0.17, 0.21), 0.1, 0.8, 0.4),
         Dots(0.22, 0.4, None, None, (0.11, 0.05)),
         Markers(np.array([[0.6, 0.7], [1.4, 1.2]]), 0.5, angle=0.4),
-        Plain(0.7),
-        Speckle(0.23, 0.5, 0.03, "lognormal", 0.25, seed=3),
+        Plain(0.7, bump=Bump(0.011, 0.13)),
+        Speckle(
+            0.23, 0.5, 0.03, "lognormal", 0.25, seed=3, bump=Bump(0.02, 0.3, (1, 2, 0), 3.0, 4)
+        ),
         Speckle(0.31, 0.4, seed=4),
         # one seen at about a texel a pixel, one at many
         Image(_ripples(23, 37), 0.04, (0.13, 0.09), 0.1, 0.9, 0.3),

@@ -22,6 +22,7 @@ from gpusim.gpu.texels import Texels
 from gpusim.optics.albedo import mean_albedo
 from gpusim.optics.binning import bin_edges
 from gpusim.optics.bitmap import BITMAP, mean_over_pixels
+from gpusim.optics.bump import bump_texels, bump_uniform
 from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.gloss import gloss_texels
 from gpusim.optics.light_tiles import LightTiles, LightTilesPass
@@ -46,6 +47,8 @@ class Tables:
         self.device, self.setup = device, setup
         self.lamps = Uniform(device, setup.lighting.uniform(), "shade.lamps")
         self.gloss = gloss_texels(device, setup.lighting.gloss)
+        self.relief = Uniform(device, bump_uniform(setup.bumps), "shade.relief")
+        self.bumps = bump_texels(device, setup.bumps)
         self.shadows = ShadowTables(device, setup.lighting)
         self.paints = _as_texels(device, table.paints, "shade.paints")
         self.patterns = table.texels(device)
@@ -70,13 +73,22 @@ class Tables:
         return {
             "paints": self.paints,
             "patterns": self.patterns,
-            "triangles": self.triangles,
             "screen": self.screen,
-            "lamps": self.lamps,
-            "tiles": self.tiles,
-            "undistortion": self.undistortion,
+            **self.surface(),
             "bitmap_texels": self.bitmap_texels,
             "speckles": self.speckles,
+        }
+
+    def surface(self) -> dict[str, Any]:
+        """The bindings of all that light a surface."""
+        return {
+            "triangles": self.triangles,
+            "lamps": self.lamps,
+            "gloss_table": self.gloss,
+            "relief": self.relief,
+            "bumps": self.bumps,
+            "tiles": self.tiles,
+            "undistortion": self.undistortion,
         }
 
     def rays(self) -> dict[str, npt.NDArray[np.float64]]:
@@ -115,7 +127,7 @@ class ShadePass:
     def __init__(self, tables: Tables, rows: int, by_pixel: bool | None = None) -> None:
         device, setup = tables.device, tables.setup
         view = setup.view
-        turns = FINEST * (FINEST + 1) + 1 if setup.constants([1], False)["fine"] else 1
+        turns = FINEST * (FINEST + 1) + 1 if setup.constants([1], False, False)["fine"] else 1
         if not setup.table.most_in_a_cell * turns <= LOOP_TURNS:
             raise InputError(
                 f"render: paint patterns; got up to {setup.table.most_in_a_cell} features that one "
@@ -134,6 +146,7 @@ class ShadePass:
         by_pixel = small_triangles(view) if by_pixel is None else by_pixel
         light = LightTiles.of(setup)
         self._light = None if light is None else LightTilesPass(tables, light)
+        self._light_found = False
         programs = _programs(setup, light, sort=not by_pixel)
         self._seen = SeenPass(tables, rows, programs, self._near) if by_pixel else None
         self._draws: list[tuple[Raster, Buffer, int]] = []
@@ -166,10 +179,11 @@ class ShadePass:
         shared = self.tables.shared()
         shadows = self.tables.shadows.bindings()
         shared |= {name: shadows[name] for name in ("shades", "shadow_tiles")}
-        shared["gloss_table"] = self.tables.gloss
         shared["light_tiles"] = self.tables.device.no_texels("rgba32float")
         if self._light is not None:
-            self._light.record(recording)
+            if not self._light_found:
+                self._light.record(recording)
+                self._light_found = True
             shared["light_tiles"] = self._light.texels
         clear: float | None = setup.background
         if self._seen is not None:
@@ -200,11 +214,13 @@ def _programs(setup: Setup, light: LightTiles | None, sort: bool) -> list[Progra
         order = np.argsort(-nearest, kind="stable")
     tiled = np.zeros(setup.view.count, bool) if light is None else light.member
     groups = (BITMAP, 3 + GRAZING, 2 + GRAZING, 3, 2, 1, 0)
-    for group, glossy, lit in product(groups, (True, False), (True, False)):
-        wanted = (setup.groups == group) & (setup.shiny == glossy) & (tiled == lit)
+    each = (True, False)
+    for group, glossy, bumpy, lit in product(groups, each, each, each):
+        wanted = (setup.groups == group) & (setup.shiny == glossy)
+        wanted &= (setup.bumpy == bumpy) & (tiled == lit)
         own = order[wanted[order]].astype(np.uint32)
-        if len(own) or not (group or glossy or lit or result):
-            constants = {**setup.constants([group], glossy), "light_tiled": float(lit)}
+        if len(own) or not (group or glossy or bumpy or lit or result):
+            constants = {**setup.constants([group], glossy, bumpy), "light_tiled": float(lit)}
             result.append(Program(constants, own))
     return result
 

@@ -8,11 +8,14 @@ that see some of them in part (`gpusim.optics.shadow_tiles`) get each lamp's exa
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.gpu import Buffer, Device, Recording, Texture, compare, twin_check
 from gpusim.optics.binning import bin_edges
+from gpusim.optics.corners import corner_range
 from gpusim.optics.pattern import LOOP_TURNS
+from gpusim.optics.setup import Setup
 from gpusim.optics.shade import ShadePass, Tables, shade_twin
 from gpusim.optics.shadow_probe import probe_shadows
 from gpusim.optics.shadow_tiles import TILE, TURNS
@@ -27,7 +30,7 @@ class ShadowPass:
     def __init__(self, tables: Tables) -> None:
         tiles = tables.setup.lighting.shadows
         assert tiles is not None
-        self.tables, self.place = tables, tiles.place
+        self.tables = tables
         most = int(tiles.count.sum(axis=1).max(initial=0))
         if not most * TURNS <= LOOP_TURNS:
             raise InputError(
@@ -35,8 +38,14 @@ class ShadowPass:
                 f"expected at most {LOOP_TURNS // TURNS}: take smaller or fewer lamps, a coarser "
                 "mesh, shadows = False, or backend 'numpy'"
             )
-        places = tiles.place if len(tiles.place) else np.zeros((1, 2), np.int64)
-        self._places = tables.device.buffer(places.astype(np.uint32), "shadow.places")
+        # a program each for tiles with and without gloss: the wall behind steel is most of them
+        shiny = _shiny_tiles(tables.setup, tiles.lit.shape)[tiles.place[:, 0], tiles.place[:, 1]]
+        self._parts: list[tuple[bool, npt.NDArray[np.int64], Buffer]] = []
+        for glossy in (True, False):
+            own = tiles.place[shiny == glossy]
+            if len(own):
+                buffer = tables.device.buffer(own.astype(np.uint32), "shadow.places")
+                self._parts.append((glossy, own[:, 0], buffer))
 
     def record(
         self,
@@ -48,37 +57,45 @@ class ShadowPass:
         stride: int,
     ) -> None:
         """Shade the half shadows of a band of rows again, in place."""
-        first, last = np.searchsorted(
-            self.place[:, 0], [row0 // TILE, (row0 + rows - 1) // TILE + 1]
-        )
-        if first == last:
-            return
-        setup = self.tables.setup
-        constants = setup.lighting.constants(bool(setup.shiny.any()))
-        constants["distorted"] = setup.constants((), False)["distorted"]
-        kernel = self.tables.device.kernel("optics/shadow", constants=constants)
-        bindings = kernel.bind(
-            params={
-                "rays": self.tables.rays(),
-                "width": setup.view.camera.width,
-                "stride": stride,
-                "row0": row0,
-                "rows": rows,
-                "first": first,
-                "count": last - first,
-            },
-            radiance=radiance,
-            triangles=self.tables.triangles,
-            marks=marks,
-            places=self._places,
-            lamps=self.tables.lamps,
-            gloss_table=self.tables.gloss,
-            tiles=self.tables.tiles,
-            undistortion=self.tables.undistortion,
-            **self.tables.shadows.bindings(),
-        )
-        across = min(int(last - first), 32768)
-        recording.dispatch(kernel, bindings, groups=(across, -(-int(last - first) // across)))
+        for glossy, tile_row, places in self._parts:
+            first, last = np.searchsorted(tile_row, [row0 // TILE, (row0 + rows - 1) // TILE + 1])
+            if first == last:
+                continue
+            setup = self.tables.setup
+            constants = setup.light_constants(glossy, bool(setup.bumpy.any()))
+            kernel = self.tables.device.kernel("optics/shadow", constants=constants)
+            bindings = kernel.bind(
+                params={
+                    "rays": self.tables.rays(),
+                    "width": setup.view.camera.width,
+                    "stride": stride,
+                    "row0": row0,
+                    "rows": rows,
+                    "first": first,
+                    "count": last - first,
+                },
+                radiance=radiance,
+                marks=marks,
+                places=places,
+                **self.tables.surface(),
+                **self.tables.shadows.bindings(),
+            )
+            across = min(int(last - first), 32768)
+            recording.dispatch(kernel, bindings, groups=(across, -(-int(last - first) // across)))
+
+
+def _shiny_tiles(setup: Setup, shape: tuple[int, int]) -> npt.NDArray[np.bool_]:
+    """Tiles (rows, columns) that the boxes of glossy triangles touch."""
+    low, high = corner_range(setup.view.screen[setup.shiny])
+    limit = np.array([shape[1], shape[0]])
+    first = np.clip(np.floor((low - 0.5) / TILE), 0, limit).astype(np.int64)
+    last = np.clip(np.floor((high + 1.5) / TILE) + 1, 0, limit).astype(np.int64)
+    # the number of boxes over a tile is a sum over their corners
+    steps = np.zeros((shape[0] + 1, shape[1] + 1), np.int64)
+    for x, y, sign in ((first, first, 1), (last, first, -1), (first, last, -1), (last, last, 1)):
+        np.add.at(steps, (y[:, 1], x[:, 0]), sign)
+    held: npt.NDArray[np.bool_] = steps.cumsum(axis=0).cumsum(axis=1)[:-1, :-1] > 0
+    return held
 
 
 @twin_check("optics/shadow")

@@ -18,7 +18,7 @@ from gpusim.optics.casters import Casters
 from gpusim.optics.emitters import Lamp
 from gpusim.optics.lamp_grid import LampGrid, LampView
 from gpusim.optics.occlusion import TOLERANCE, visible_share
-from gpusim.optics.ragged import expand
+from gpusim.optics.ragged import distinct, expand
 from gpusim.optics.receivers import TILE, Pairs, Receivers
 from gpusim.optics.view import View
 
@@ -38,16 +38,25 @@ FLATNESS = 1e-3
 """px of the picture by which joining casters' faces may move a shadow."""
 
 
-def flatness(view: View, lamps: list[Lamp]) -> Callable[[Array], Array]:
+COARSER = 10.0
+"""Times `FLATNESS`: what is joined where a lamp's penumbra is wide, as far as `SHARE` allows."""
+
+SHARE = 5e-4
+"""Of a lamp, by which what is seen of it may change; the lattice's step is four times that."""
+
+
+def flatness(view: View, lamps: list[Lamp], times: float = 1.0) -> Callable[[Array], Array]:
     """How far joined faces may pass from casters' points (N, 3), as `Casters.of` asks.
 
     A caster's error is seen at the nearest receiver, as much larger as that is farther from the
-    lamp. It stays below what the exact test of a face's plane lets through (`TOLERANCE`).
+    lamp. It stays below what the exact test of a face's plane lets through (`TOLERANCE`), unless
+    it is taken several ``times``.
     """
     T = view.camera.camera_from_world
     receivers = ((view.corners[:, :, :3] - T[:3, 3]) @ T[:3, :3]).reshape(-1, 3)
     depth = 1.0 / max(float(view.inverse_depth().max(initial=0.0)), 1e-300)
     share = min(FLATNESS / float(np.abs(np.diag(view.camera.K)[:2]).max()), 0.1 * TOLERANCE)
+    share *= times
 
     def allowed(points: Array) -> Array:
         result = np.full(len(points), share * depth)
@@ -84,8 +93,13 @@ class ShadowTiles:
     both_sides: npt.NDArray[np.bool_]
 
     @staticmethod
-    def build(view: View, lamps: list[Lamp], casters: Casters) -> ShadowTiles:
-        """Classify every tile of ``view`` for every lamp that casts shadows."""
+    def build(
+        view: View, lamps: list[Lamp], casters: Casters, coarse: Casters | None = None
+    ) -> ShadowTiles:
+        """Classify every tile of ``view`` for every lamp that casts shadows.
+
+        ``coarse``: the same casters with more of their faces joined, for wide penumbrae.
+        """
         if len(lamps) > MOST_LAMPS:
             raise InputError(
                 f"render lights; got {len(lamps)} lamps; expected at most {MOST_LAMPS}"
@@ -97,19 +111,23 @@ class ShadowTiles:
         for number, lamp in enumerate(lamps):
             if not lamp.light.shadows or not view.count or not len(casters.corners):
                 continue
-            dark, tile, face = _half_shadow(receivers, lamp, casters, shape)
+            dark, tile, face = _half_shadow(receivers, lamp, casters, coarse, shape)
             lit.reshape(-1)[dark] &= np.uint32(ALL ^ (1 << number))
             tiles.append(tile)
             faces.append(face)
             lamp_of.append(np.full(len(tile), number))
+        if coarse is not None:
+            casters = casters.beside_others(coarse)
         tile = np.concatenate([np.zeros(0, np.int64), *tiles])
         lamp_number = np.concatenate([np.zeros(0, np.int64), *lamp_of])
         face = np.concatenate([np.zeros(0, np.int64), *faces])
-        entries = np.unique(tile)
+        entries = distinct(tile)
         row = np.searchsorted(entries, tile) * max(len(lamps), 1) + lamp_number
         order = np.argsort(row, kind="stable")
         count = np.bincount(row, minlength=len(entries) * max(len(lamps), 1))
-        used, face = np.unique(face[order], return_inverse=True)
+        seen = np.zeros(len(casters.corners), bool)
+        seen[face] = True
+        used, face = np.flatnonzero(seen), (np.cumsum(seen) - 1)[face[order]]
         entry = np.zeros(shape, np.uint32)
         entry.reshape(-1)[entries] = np.arange(1, len(entries) + 1)
         return ShadowTiles(
@@ -117,7 +135,7 @@ class ShadowTiles:
             np.stack([entries // shape[1], entries % shape[1]], axis=1),
             (np.cumsum(count) - count).reshape(len(entries), len(lamps)),
             count.reshape(len(entries), len(lamps)),
-            face.reshape(-1).astype(np.int64),
+            face,
             casters.corners[used] - view.camera.eye,
             casters.both_sides[used],
         )  # fmt: skip
@@ -156,27 +174,30 @@ class ShadowTiles:
 
 
 def _half_shadow(
-    receivers: Receivers, lamp: Lamp, casters: Casters, shape: tuple[int, int]
+    receivers: Receivers,
+    lamp: Lamp,
+    casters: Casters,
+    coarse: Casters | None,
+    shape: tuple[int, int],
 ) -> tuple[Numbers, Numbers, Numbers]:
-    """Tiles (linear) that a lamp doesn't light; pairs (tile, face) of those that it half lights."""
-    everything = receivers.corners.reshape(-1, 3)
-    faces = casters.seen_by(lamp, everything)
-    grids = []
-    for lamp_view in LampView.of(lamp):
-        s = lamp_view.place(everything)[2]
-        s = s[np.isfinite(s)]
-        grids.append(LampGrid(lamp_view, casters, faces, float(s.min(initial=np.inf))))
+    """Tiles (linear) that a lamp doesn't light; pairs (tile, face) of those that it half lights.
+
+    Faces of ``coarse`` are numbered behind those of ``casters``; they serve the receivers that no
+    joined face is so near to that its error would be more than `SHARE` of the lamp.
+    """
+    wide = coarse if coarse is not None and lamp.extended else casters
+    grids = _grids(receivers, lamp, wide)
     facing = ~receivers.turned_away(lamp)
     lit = np.zeros(shape, bool)
     # a small triangle is the same receiver in each of its tiles
     small = np.flatnonzero(facing & ~receivers.large)
-    points = receivers.corners[small][:, [0, 1, 2, 2]]
+    points = np.take(receivers.columns, small, axis=2)[[0, 1, 2, 2]]
     maybe = _may_hide(grids, points)
     spots = receivers.pairs(small, TILE)
     owner = np.searchsorted(small, spots.triangle)
     _mark(lit, spots[~maybe[owner]])
     spots, owner = spots[maybe[owner]], (np.cumsum(maybe) - 1)[owner[maybe[owner]]]
-    boxes = [points[maybe]]
+    boxes = [np.compress(maybe, points, axis=2)]
     pairs = receivers.pairs(np.flatnonzero(facing & receivers.large), LEVELS[0])
     for size in LEVELS:
         if size != pairs.size:
@@ -184,14 +205,24 @@ def _half_shadow(
         points = receivers.points(pairs)
         maybe = _may_hide(grids, points)
         _mark(lit, pairs[~maybe])
-        pairs, points = pairs[maybe], points[maybe]
-    which = np.concatenate([owner, len(boxes[0]) + np.arange(len(points))])
+        pairs, points = pairs[maybe], np.compress(maybe, points, axis=2)
+    which = np.concatenate([owner, boxes[0].shape[2] + np.arange(points.shape[2])])
     boxes.append(points)
     pairs = Pairs(
         np.concatenate([spots.triangle, pairs.triangle]),
         np.concatenate([spots.tile, pairs.tile]), TILE,
     )  # fmt: skip
-    state, owner, face = _candidates(grids, casters, np.concatenate(boxes))
+    everything = np.concatenate(boxes, axis=2)
+    state, owner, face, near = _candidates(grids, wide, everything)
+    if wide is not casters:
+        close = np.flatnonzero(near)
+        exact = _candidates(
+            _grids(receivers, lamp, casters), casters, np.take(everything, close, axis=2)
+        )
+        state[close] = exact[0]
+        far = np.flatnonzero(~near[owner])
+        owner = np.concatenate([close[exact[1]], owner[far]])
+        face = np.concatenate([exact[2], face[far] + len(casters.corners)])
     order = np.argsort(owner, kind="stable")
     start = np.searchsorted(owner[order], np.arange(len(state) + 1))
     state = state[which]
@@ -206,16 +237,28 @@ def _half_shadow(
     half |= dark & lit.reshape(-1)
     dark &= ~half
     mixed = half[tile[pair]]
-    keys = np.unique(tile[pair[mixed]] * np.int64(len(casters.corners)) + face[mixed])
-    return np.flatnonzero(dark), keys // len(casters.corners), keys % len(casters.corners)
+    count = np.int64(len(casters.corners) + (0 if coarse is None else len(coarse.corners)))
+    keys = distinct(tile[pair[mixed]] * count + face[mixed])
+    return np.flatnonzero(dark), keys // count, keys % count
+
+
+def _grids(receivers: Receivers, lamp: Lamp, casters: Casters) -> list[LampGrid]:
+    """The casters as seen from a lamp, for each half space before it."""
+    faces = casters.seen_by(lamp, receivers.corners.reshape(-1, 3))
+    grids = []
+    for lamp_view in LampView.of(lamp):
+        s = lamp_view.place(*np.moveaxis(receivers.columns, 1, 0))[2]
+        s = s[np.isfinite(s)]
+        grids.append(LampGrid(lamp_view, casters, faces, float(s.min(initial=np.inf))))
+    return grids
 
 
 LIT, DARK, HALF = 0, 1, 2
 
 
 def _may_hide(grids: list[LampGrid], points: Array) -> npt.NDArray[np.bool_]:
-    """(n,) whether something may lie between the lamp and points (n, 4, 3)."""
-    result = np.zeros(len(points), bool)
+    """(n,) whether something may lie between the lamp and points (4, 3, n)."""
+    result = np.zeros(points.shape[2], bool)
     for grid in grids:
         result |= grid.may_hide(grid.view.reach(points))
     return result
@@ -223,15 +266,22 @@ def _may_hide(grids: list[LampGrid], points: Array) -> npt.NDArray[np.bool_]:
 
 def _candidates(
     grids: list[LampGrid], casters: Casters, points: Array
-) -> tuple[npt.NDArray[np.int8], Numbers, Numbers]:
-    """State of each receiver box, and pairs (box, face) of those not lit."""
-    state = np.full(len(points), LIT, np.int8)
+) -> tuple[npt.NDArray[np.int8], Numbers, Numbers, npt.NDArray[np.bool_]]:
+    """State of each receiver box (4, 3, n), pairs (box, face) of those not lit, and whether it is
+    too near to a joined face."""
+    count = points.shape[2]
+    state = np.full(count, LIT, np.int8)
+    near = np.zeros(count, bool)
     pairs, faces = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
     for grid in grids:
         reach = grid.view.reach(points)
-        usable = np.flatnonzero(np.isfinite(reach.s[:, 0]))
-        box, caster = grid.candidates(reach[usable])
-        box = usable[box]
+        usable = np.flatnonzero(np.isfinite(reach.s[0]))
+        if len(usable) == count:
+            box, caster = grid.candidates(reach)
+        else:
+            box, caster = grid.candidates(reach[usable])
+            box = usable[box]
+        near[box[grid.moves(reach, box, caster, casters.sag) > SHARE]] = True
         face, side = grid.face[caster], grid.side[caster]
         behind, ahead = _sides_of(casters, face, points, box)
         # one side of a plane sees nothing of it hidden; closed bodies hide outwards only
@@ -241,17 +291,17 @@ def _candidates(
         inside, past = grid.meets(reach[box], caster)
         kept = np.flatnonzero(inside)
         box, face, caster, past = box[kept], face[kept], caster[kept], past[kept]
-        sure = (grid.reach.s[caster, 0] > reach.s[box, 1]) & ~past
-        half = np.zeros(len(points), bool)
+        sure = (grid.reach.s[0][caster] > reach.s[1][box]) & ~past
+        half = np.zeros(count, bool)
         half[box[~sure]] = True
-        hit = np.zeros(len(points), bool)
+        hit = np.zeros(count, bool)
         ask = np.flatnonzero(~half[box])
-        middle = points[box[ask]].mean(axis=1)
+        middle = points[:, :, box[ask]].mean(axis=0).T
         hit[box[ask[_meets(grid.view.lamp, middle, casters.corners[face[ask]])]]] = True
         state = np.maximum(state, np.where(half, HALF, np.where(hit, DARK, LIT)).astype(np.int8))
         pairs.append(box)
         faces.append(face)
-    return state, np.concatenate(pairs), np.concatenate(faces)
+    return state, np.concatenate(pairs), np.concatenate(faces), near
 
 
 def _sides_of(
@@ -263,10 +313,10 @@ def _sides_of(
     slack = (1e-7 * np.abs(points).max(initial=0.0)) * np.linalg.norm(casters.normal, axis=1)[face]
     own = [n[face] for n in normal]
     low, high = np.full(len(face), np.inf), np.full(len(face), -np.inf)
-    for k in range(points.shape[1]):
+    for corner in points:
         height = -offset
         for axis in range(3):
-            height += own[axis] * points[:, k, axis][box]
+            height += own[axis] * corner[axis][box]
         np.minimum(low, height, out=low)
         np.maximum(high, height, out=high)
     return high <= slack, low >= -slack

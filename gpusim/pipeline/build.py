@@ -21,7 +21,7 @@ from gpusim.optics.light import (
     SunLight,
 )
 from gpusim.pipeline.meshing import build_mesh
-from gpusim.pipeline.painting import Frame, build_frame, build_pattern
+from gpusim.pipeline.painting import Frame, build_frame, build_pattern, finish_of
 from gpusim.pipeline.places import faces_of
 from gpusim.scene import Scene
 from gpusim.scene import model as m
@@ -87,11 +87,6 @@ def _painted_over(where: str) -> InputError:
     return InputError(
         f"{where}: every face it matches is painted over by a later paint"
     )  # fmt: skip
-
-
-def finish_of(paint: m.Paint) -> tuple[float, float]:
-    """Roughness and metallic share."""
-    return paint.finish
 
 
 def build_lights(scene: Scene) -> list[Light] | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ import numpy.typing as npt
 from gpusim.export.files import safe_name, write_text
 from gpusim.scene import model as m
 
-__all__ = ["DeflectionResult"]
+__all__ = ["DeflectionResult", "unrefined_text"]
 
 Array = npt.NDArray[np.float64]
 MOST_TILT_DEG = 1.0
@@ -32,7 +33,8 @@ class DeflectionResult:
     ``status`` names. ``axes``: those axes, such as ("+x", "+z"). ``curves``: per group, (3, K)
     position along the group and the true displacement in both axes. ``static_px`` (S, 2): what the
     markers that can't move seemed to do. ``tracking_px``: RMS difference of the tracked subsets
-    and the refined centres. ``saturated``: markers with clipped pixels.
+    and the refined centres. ``saturated``: markers with clipped pixels. ``unrefined``: markers
+    measured by correlation alone, because their cross couldn't be fitted.
     ``tilt_deg``: how far the camera looks off the normal of the plane it measures in.
     """
 
@@ -57,6 +59,7 @@ class DeflectionResult:
     subset_px: int
     tracking_px: float
     saturated: tuple[str, ...]
+    unrefined: tuple[str, ...]
     tilt_deg: float
     curves: dict[str, Array]
 
@@ -75,6 +78,7 @@ class DeflectionResult:
                 f"measure {self.name!r}: saturated pixels on {', '.join(self.saturated)}; a "
                 "clipped edge moves its marker: lower [sensor] exposure"
             )
+        found += unrefined_text(self.name, self.unrefined)
         if not self.tilt_deg <= MOST_TILT_DEG:
             short = 100.0 * (1.0 - np.cos(np.radians(self.tilt_deg)))
             found.append(
@@ -134,6 +138,7 @@ class DeflectionResult:
     def read(folder: Path, spec: m.Deflection) -> DeflectionResult:
         """What an earlier run wrote for ``spec``."""
         values = json.loads((folder / f"{safe_name(spec.name)}.json").read_text())
+        values.setdefault("unrefined", [])  # earlier runs didn't say
         for item in fields(DeflectionResult):
             value = values[item.name]
             if item.name == "curves":
@@ -146,6 +151,16 @@ class DeflectionResult:
             elif value is None:
                 values[item.name] = np.nan
         return DeflectionResult(**values)
+
+
+def unrefined_text(name: str, markers: Sequence[str]) -> list[str]:
+    """The warning, if any, for markers that correlation alone has measured."""
+    if not markers:
+        return []
+    return [
+        f"measure {name!r}: by correlation alone, without a fit of the cross: "
+        f"{', '.join(markers)}; a sharp marker may be off by 0.02 px then (others: 0.003)"
+    ]
 
 
 def _plain(values: Array) -> Any:

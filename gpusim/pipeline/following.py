@@ -15,9 +15,9 @@ import numpy.typing as npt
 
 from gpusim import measure
 from gpusim.errors import GpusimError, InputError
-from gpusim.gpu import Device
 from gpusim.optics.camera import Camera
 from gpusim.pipeline.build import BodyParts
+from gpusim.pipeline.found import LEAST_WIDTH, arms_of, find_near, fit_near, size_range
 from gpusim.scene import Scene
 from gpusim.scene import model as m
 
@@ -25,12 +25,7 @@ __all__ = ["Followed", "MarkerSet", "collect_markers", "follow_markers"]
 
 Array = npt.NDArray[np.float64]
 SUBSET_SHARE = 0.95
-SEARCH_SHARE = 0.5  # of a marker's width, around where the rough camera expects it
-LEAST_WIDTH = 10.0  # px; a marker's cross can't be fitted in less
-SIZES = (0.5, 1.3)  # of the width that a marker has when it is seen from the front
 LOST_SHARE = 0.45  # of the way to its neighbour, where a marker that got lost is looked for
-FIRST_SHARE = 0.6  # of a marker's half width that a first fit of its cross looks at
-END_MARGIN, END_SIGMAS = 1.2, 2.5  # px and lens blurs kept from a marker's own border
 MOST_GAP = 0.2  # of a width, between a tracked subset and the fit of its cross
 
 
@@ -56,8 +51,9 @@ class Followed:
 
     ``expected`` (M, 2) by the rough camera; ``points`` (M, 2) in the first image;
     ``displacement`` (M, 2); ``sigma`` (M,); ``status`` names (M,); ``clipped`` (M,) bool: full
-    scale within the marker; ``subset`` px; ``tracking_px``: RMS difference between tracked subsets
-    and the fitted crosses.
+    scale within the marker; ``unrefined`` (M,) bool: measured, but without a fit of its cross in
+    one of the images; ``subset`` px; ``tracking_px``: RMS difference between tracked subsets and
+    the fitted crosses.
     """
 
     names: tuple[str, ...]
@@ -67,6 +63,7 @@ class Followed:
     sigma: Array
     status: tuple[str, ...]
     clipped: npt.NDArray[np.bool_]
+    unrefined: npt.NDArray[np.bool_]
     subset: int
     tracking_px: float
 
@@ -78,6 +75,10 @@ class Followed:
     def saturated(self, count: int) -> tuple[str, ...]:
         """Names of the first ``count`` markers that have clipped pixels."""
         return tuple(self.names[i] for i in np.flatnonzero(self.clipped[:count]))
+
+    def by_correlation(self, count: int) -> tuple[str, ...]:
+        """Names of those of the first ``count`` markers that rest on correlation alone."""
+        return tuple(self.names[i] for i in np.flatnonzero(self.unrefined[:count]))
 
 
 def collect_markers(
@@ -117,7 +118,6 @@ def follow_markers(
     *,
     subset: int | None,
     bits: int,
-    device: Device | None,
 ) -> Followed:
     """Find the markers near where ``camera`` expects them, and follow them into ``deformed``.
 
@@ -134,10 +134,8 @@ def follow_markers(
             f"a width of {widths[narrow]:.1f} px; expected more than {LEAST_WIDTH / 0.95:.1f} px "
             "(a larger marker, a longer lens or more pixels)"
         )
-    rough, arms = _found(reference, expected, widths)
-    points, _ = _crosses(reference, rough, arms, widths)
-    points = np.where(np.isfinite(points), points, rough)
-    known = np.asarray(np.isfinite(points).all(axis=1))
+    found = find_near(reference, expected, widths)
+    points, arms, known = found.points, found.arms.copy(), found.known
     if not known[: marks.count].any():
         raise GpusimError(
             f"{what}: no marker of {sorted(set(marks.group_names[: marks.count]))} was found in "
@@ -148,14 +146,18 @@ def follow_markers(
     side = subset or _odd(SUBSET_SHARE * float(widths[: marks.count].min()))
     tracked = measure.track(
         reference, deformed, points[rows],
-        subset=side, groups=chains, search_px=_search(points[rows], chains, side), device=device,
+        subset=side, groups=chains, search_px=_search(points[rows], chains, side),
     )  # fmt: skip
     matched, sigma = np.full_like(points, np.nan), np.full(len(points), np.nan)
     matched[rows], sigma[rows] = tracked.displacement, tracked.sigma
     status = np.full(len(points), "NOT_FOUND", dtype=object)
     status[rows] = [measure.Status(s).name for s in tracked.status]
+    # borders turn with their marker
+    turn = np.tile(np.eye(2), (len(points), 1, 1))
+    turn[rows] += np.where(np.isfinite(tracked.gradient), tracked.gradient, 0.0)
+    arms = np.einsum("mij,maj->mai", turn, arms)
     _rescue(deformed, points, matched, arms, widths, status, [rows[c] for c in chains])
-    refined, own_sigma = _crosses(deformed, points + matched, arms, widths)
+    refined, own_sigma, _ = fit_near(deformed, points + matched, arms, found.blur)
     gap = np.linalg.norm(refined - points - matched, axis=1)
     fine = np.asarray(gap <= MOST_GAP * widths)  # false for NaN
     moved = np.where(fine[:, None], refined - points, matched)
@@ -168,6 +170,7 @@ def follow_markers(
             for i in range(len(points))
         ]
     )
+    unrefined = np.isfinite(moved).all(axis=1) & (found.rough | ~fine)
     close = gap[fine]
     return Followed(
         names=marks.names,
@@ -177,34 +180,10 @@ def follow_markers(
         sigma=sigma,
         status=tuple(str(s) for s in status),
         clipped=clipped,
+        unrefined=unrefined,
         subset=side,
         tracking_px=float(np.sqrt(np.mean(close**2))) if close.size else float("nan"),
     )
-
-
-def _found(image: npt.NDArray[Any], near: Array, widths: Array) -> tuple[Array, Array]:
-    """Marker centres (M, 2) near where they are expected, and half widths along both borders
-    (M, 2, 2); NaN where there is none."""
-    points, arms = np.full_like(near, np.nan), np.full((len(near), 2, 2), np.nan)
-    known = np.asarray(np.isfinite(near).all(axis=1))
-    for width in np.unique(np.round(widths[known], 1)):
-        rows = np.flatnonzero(known & (np.round(widths, 1) == width))
-        located = measure.locate_markers(
-            image, near[rows], (max(LEAST_WIDTH, SIZES[0] * width), SIZES[1] * width),
-            SEARCH_SHARE * float(width),
-        )  # fmt: skip
-        hit = located.status == measure.MarkerStatus.FOUND
-        points[rows[hit]] = located.points[hit]
-        arms[rows[hit]] = _arms(located)[hit]
-    return points, arms
-
-
-def _arms(located: measure.Markers) -> Array:
-    """Half widths (M, 2, 2) along both borders, px."""
-    half, turn = 0.5 * located.size, located.angle
-    along = np.stack([np.cos(turn), np.sin(turn)], axis=1)
-    across = np.stack([-along[:, 1], along[:, 0]], axis=1)
-    return np.stack([half[:, :1] * along, half[:, 1:] * across], axis=1)
 
 
 def _rescue(
@@ -231,38 +210,12 @@ def _rescue(
             if len(before) == 2:
                 passed = float(np.linalg.norm(points[before[1]] - points[before[0]]))
                 guess = guess + (guess - matched[before[0]]) * (gap / passed)
-            sizes = max(LEAST_WIDTH, SIZES[0] * widths[i]), SIZES[1] * widths[i]
             near = points[i] + guess
+            sizes = size_range(float(widths[i]))
             located = measure.locate_markers(image, near[None], sizes, LOST_SHARE * gap)
             if located.status[0] == measure.MarkerStatus.FOUND:
                 matched[i], status[i] = located.points[0] - points[i], "OK"
-                arms[i] = _arms(located)[0]
-
-
-def _crosses(
-    image: npt.NDArray[Any], near: Array, arms: Array, widths: Array
-) -> tuple[Array, Array]:
-    """Centres (M, 2) by a fit of each cross, and their standard uncertainty (M,).
-
-    Fitted twice: the first fit tells the lens blur, and with it how close to a marker's own border
-    the second one may look.
-    """
-    points, sigma = np.full_like(near, np.nan), np.full(len(near), np.nan)
-    rows = np.flatnonzero(np.isfinite(near).all(axis=1) & np.isfinite(arms).all(axis=(1, 2)))
-    if not rows.size:
-        return points, sigma
-    first = measure.fit_crossings(
-        image, near[rows], arms[rows, 0], arms[rows, 1], share=FIRST_SHARE
-    )
-    rows, first_points, blur = rows[first.ok], first.points[first.ok], first.blur[first.ok]
-    if not rows.size:
-        return points, sigma
-    share = 1.0 - (END_MARGIN + END_SIGMAS * blur) / (0.5 * widths[rows])
-    fit = measure.fit_crossings(
-        image, first_points, arms[rows, 0], arms[rows, 1], share=np.clip(share, 0.4, 1.0)
-    )
-    points[rows], sigma[rows] = fit.points, fit.sigma
-    return points, sigma
+                arms[i] = arms_of(located)[0]
 
 
 def _clipped(image: npt.NDArray[Any], at: Array, width: float, full: int) -> bool:

@@ -9,7 +9,6 @@ from typing import Any
 import numpy.typing as npt
 
 from gpusim.errors import GpusimError
-from gpusim.gpu import Device
 from gpusim.measure.targets import Sighting
 from gpusim.pipeline.deflection import DeflectionResult
 from gpusim.pipeline.measuring import measure_deflection
@@ -32,7 +31,6 @@ def measured(
     things: Things,
     image: Image,
     corners: Corners,
-    device: Device | None,
 ) -> Result:
     """Do one measurement.
 
@@ -40,9 +38,9 @@ def measured(
     in a calibration pose.
     """
     if isinstance(spec, m.Deflection):
-        return measure_deflection(spec, scene, things.bodies, things.displacement, image, device)
+        return measure_deflection(spec, scene, things.bodies, things.displacement, image)
     if isinstance(spec, m.Stereo):
-        return measure_stereo(spec, scene, things, image, corners, device)
+        return measure_stereo(spec, scene, things, image, corners)
     raise GpusimError(f"measure {spec.name!r}: compares variants; the scene has none")
 
 

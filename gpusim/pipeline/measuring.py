@@ -14,7 +14,6 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim import measure
-from gpusim.gpu import Device
 from gpusim.optics.camera import Camera
 from gpusim.pipeline.build import BodyParts
 from gpusim.pipeline.cameras import build_camera
@@ -36,13 +35,11 @@ def measure_deflection(
     bodies: Sequence[BodyParts],
     displacement: Displacement,
     image: Callable[[str, int], npt.NDArray[Any]],
-    device: Device | None,
 ) -> DeflectionResult:
     """Track the markers of ``spec`` from the first frame to the last and scale to mm.
 
     Marker centres come from the first image (Harris corners, then a fit of the cross); IC-GN
-    subsets follow them into the last image, where the centres are fitted again. ``device`` runs
-    the correlation; None uses the NumPy twin.
+    subsets follow them into the last image, where the centres are fitted again.
 
     Raises
     ------
@@ -58,7 +55,7 @@ def measure_deflection(
     reference, deformed = image(spec.camera, 0), image(spec.camera, last)
     seen = follow_markers(
         what, marks, camera, reference, deformed,
-        subset=spec.subset, bits=scene.sensor_of(spec.camera).bits, device=device,
+        subset=spec.subset, bits=scene.sensor_of(spec.camera).bits,
     )  # fmt: skip
     count, points, moved = marks.count, seen.points, seen.displacement
     position = marks.position[:count]
@@ -99,6 +96,7 @@ def measure_deflection(
         scale_residual_px=scale.residual_px,
         subset_px=seen.subset,
         saturated=seen.saturated(count),
+        unrefined=seen.by_correlation(count),
         tilt_deg=_tilt(camera, plane),
         tracking_px=seen.tracking_px,
         curves=curves,

@@ -13,11 +13,12 @@ from gpusim.surface import Atlas, CylinderFrame, PaintFrame
 from gpusim.surface import paint as paints
 from gpusim.surface.surface import plane_frame
 
-__all__ = ["Frame", "build_frame", "build_pattern"]
+__all__ = ["Frame", "build_frame", "build_pattern", "finish_of"]
 
 Array = npt.NDArray[np.float64]
 Frame = PaintFrame | CylinderFrame | Atlas
 MIDDLES = {"circles": paints.Circles, "aruco": paints.Aruco, "ring_codes": paints.RingCodes}
+FINISH = ("roughness", "metallic", "bump")
 CORNERS = {"charuco": paints.Charuco, "lines": paints.Lines}
 
 
@@ -36,6 +37,15 @@ def build_frame(
     return CylinderFrame.fit(points, faces[own], paint.wrap.axis_point, paint.wrap.axis, where)
 
 
+def finish_of(paint: m.Paint) -> tuple[float, float, paints.Bump | None]:
+    """Roughness, metallic share and relief of any paint."""
+    roughness, metallic, bump = paint.finish
+    if bump is None:
+        return roughness, metallic, None
+    relief = paints.Bump(bump.height, bump.length, bump.along, bump.stretch, bump.seed)
+    return roughness, metallic, relief
+
+
 def build_pattern(paint: m.Pattern, frame: Frame, where: str) -> paints.Paint:
     """The paint of a region; ``where`` names it in errors."""
     try:
@@ -49,8 +59,9 @@ def _pattern(paint: m.Pattern, frame: Frame, where: str) -> paints.Paint:
     if isinstance(paint, m.Speckle):
         return paints.Speckle(
             paint.diameter, paint.coverage, paint.softness, paint.size_law, paint.spread,
-            paint.arrangement, paint.seed, paint.dot, paint.albedo, *paint.finish,
+            paint.arrangement, paint.seed, paint.dot, paint.albedo, *finish_of(paint),
         )  # fmt: skip
+    finish: dict[str, Any] = dict(zip(FINISH, finish_of(paint), strict=True))
     if isinstance(frame, Atlas):
         raise InputError(f"{where}; got mapping 'unfold'; expected it for speckle only")
     if isinstance(paint, m.Markers):
@@ -65,7 +76,7 @@ def _pattern(paint: m.Pattern, frame: Frame, where: str) -> paints.Paint:
             )
         return paints.Markers(
             frame.coordinates(positions), paint.size, paint.dark, paint.light, paint.albedo,
-            roughness=paint.finish[0], metallic=paint.finish[1],
+            **finish,
         )  # fmt: skip
     if isinstance(paint, m.Target):
         return _target(paint, frame.coordinates(np.array(paint.places)))
@@ -73,23 +84,22 @@ def _pattern(paint: m.Pattern, frame: Frame, where: str) -> paints.Paint:
     if isinstance(paint, m.Picture):
         return paints.Image.read(
             paint.path, paint.texel, origin=(s, t), dark=paint.dark, light=paint.light,
-            ground=paint.albedo, gamma=paint.gamma, roughness=paint.finish[0],
-            metallic=paint.finish[1],
+            ground=paint.albedo, gamma=paint.gamma, **finish,
         )  # fmt: skip
     if isinstance(paint, m.Checker):
         return paints.Checker(
             paint.cell, paint.columns, paint.rows, (s, t), paint.dark, paint.light, paint.albedo,
-            *paint.finish,
+            *finish_of(paint),
         )  # fmt: skip
     return paints.Dots(
         paint.diameter, paint.pitch, paint.columns, paint.rows, (s, t), paint.dot, paint.albedo,
-        *paint.finish,
+        *finish_of(paint),
     )  # fmt: skip
 
 
 def _target(paint: m.Target, places: Array) -> paints.Paint:
     values: dict[str, Any] = dict(paint.values)
-    values["roughness"], values["metallic"] = paint.finish
+    values |= zip(FINISH, finish_of(paint), strict=True)
     result: paints.Paint
     if paint.kind in CORNERS:
         s, t = (float(value) for value in places[0])

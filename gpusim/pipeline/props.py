@@ -9,8 +9,8 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.mesh import read_surface
-from gpusim.pipeline.build import build_body, finish_of
-from gpusim.pipeline.painting import Frame, build_frame, build_pattern
+from gpusim.pipeline.build import build_body
+from gpusim.pipeline.painting import Frame, build_frame, build_pattern, finish_of
 from gpusim.pipeline.places import surface_faces_of
 from gpusim.scene import model as m
 from gpusim.scene.schema.prop import SURFACE_SUFFIXES

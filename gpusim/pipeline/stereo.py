@@ -10,7 +10,6 @@ import numpy.typing as npt
 
 from gpusim import measure
 from gpusim.errors import GpusimError, InputError
-from gpusim.gpu import Device
 from gpusim.optics.camera import Camera
 from gpusim.pipeline.cameras import build_camera
 from gpusim.pipeline.corners import Board, board_of
@@ -34,7 +33,6 @@ def measure_stereo(
     things: Things,
     image: Image,
     corners: Callable[[str, int], measure.Sighting],
-    device: Device | None,
 ) -> StereoResult:
     """Displacement in space of the markers of ``spec`` between the first frame and the last.
 
@@ -60,7 +58,7 @@ def measure_stereo(
     seen = [
         follow_markers(
             what, marks, cameras[name], image(name, 0), image(name, last),
-            subset=spec.subset, bits=scene.sensor_of(name).bits, device=device,
+            subset=spec.subset, bits=scene.sensor_of(name).bits,
         )
         for name in spec.cameras
     ]  # fmt: skip
@@ -114,6 +112,7 @@ def measure_stereo(
         points_px=tuple(s.points[:count] for s in seen),
         moved_px=tuple(np.where(_ok(s)[:, None], s.displacement, np.nan)[:count] for s in seen),
         saturated=tuple(dict.fromkeys(name for s in seen for name in s.saturated(count))),
+        unrefined=tuple(dict.fromkeys(name for s in seen for name in s.by_correlation(count))),
     )
 
 

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.export.files import safe_name, write_text
+from gpusim.pipeline.deflection import unrefined_text
 
 __all__ = ["CameraFound", "StereoResult"]
 
@@ -49,7 +50,8 @@ class StereoResult:
     ``measured_mm``, ``true_mm``, ``sigma_mm`` (M, 3) along the world's axes, ``epipolar_px`` and
     ``residual_px`` (M,). ``rig_motion_mm``: what static markers seemed to do, NaN without. Of the
     calibration: ``boards_mm`` (V, 4, 3) outlines, ``view_rms_px`` (C, V), corners and their errors
-    (N, 2) per camera. ``points_px``, ``moved_px`` (M, 2) per camera.
+    (N, 2) per camera. ``points_px``, ``moved_px`` (M, 2) per camera. ``unrefined``: markers
+    that correlation alone has measured in one of the images.
     """
 
     name: str
@@ -77,6 +79,7 @@ class StereoResult:
     points_px: Pixels
     moved_px: Pixels
     saturated: tuple[str, ...]
+    unrefined: tuple[str, ...]
 
     @property
     def note(self) -> str:
@@ -101,7 +104,7 @@ class StereoResult:
                 f"measure {self.name!r}: saturated pixels on {', '.join(self.saturated)}; a "
                 "clipped edge moves its marker: lower [sensor] exposure"
             )
-        return found
+        return found + unrefined_text(self.name, self.unrefined)
 
     def write(self, folder: Path) -> list[Path]:
         """``<name>.csv`` and ``<name>-cameras.csv`` for people, ``<name>.json`` with everything."""
@@ -142,6 +145,7 @@ class StereoResult:
     def read(folder: Path, name: str) -> StereoResult:
         """What an earlier run wrote."""
         values = json.loads((folder / f"{safe_name(name)}.json").read_text())
+        values.setdefault("unrefined", [])  # earlier runs didn't say
         count = len(values["marker"])
         shapes = {"epipolar_px": (count,), "residual_px": (count,), "boards_mm": (-1, 4, 3)}
         for item in fields(StereoResult):

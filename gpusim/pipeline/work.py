@@ -155,7 +155,7 @@ class _Run:
         """Open the device before anything else, if a stage that runs needs it."""
         if self.backend == "numpy":
             return None
-        needs = ("solve", "render", "truth", "measure")
+        needs = ("solve", "render", "truth")
         if any(s.runs and s.name.split("/")[0] in needs for s in self.plan.stages):
             return default_device()
         return None
@@ -295,9 +295,7 @@ class _Run:
     def _measure(self) -> list[Path]:
         files, corners = [], partial(read_corners, self.scene, self.out)
         for measure in self.scene.measures:
-            result = measurements.measured(
-                measure, self.scene, self.things, self._image, corners, self.device
-            )
+            result = measurements.measured(measure, self.scene, self.things, self._image, corners)
             self.results.append(result)
             files += result.write(self.out / "measure")
             self.note = result.note

@@ -8,7 +8,7 @@ later runs, at a quarter of the time.
 from __future__ import annotations
 
 from .counts import element_counts, mesh_words
-from .model import Camera, Markers
+from .model import Camera, Markers, Paint
 from .scene import Scene
 
 __all__ = ["KEPT", "compiled_for", "describe", "effects", "estimate"]
@@ -23,7 +23,7 @@ _SOLVER = {
     "block_jacobi": "conjugate gradients without multigrid",
 }
 # Seconds to compile what an image with this in it needs for the first time
-_COMPILE = {"drawing": 5.0, "light": 1.0, "shadows": 1.0, "gloss": 4.5, "lens": 0.5}
+_COMPILE = {"drawing": 5.0, "light": 1.0, "shadows": 1.0, "gloss": 4.5, "bump": 0.5, "lens": 0.5}
 Cost = dict[str, tuple[int, float]]
 
 
@@ -36,6 +36,8 @@ def describe(scene: Scene) -> dict[str, str]:
     lit = f"{lights} light{'s' if lights > 1 else ''}" if lights else "no light: albedo"
     casting = sum(getattr(light, "shadows", False) for light in scene.lights)
     lit += f", shadows of {casting}" if casting else ", no shadows" if lights else ""
+    if lights and any(paint.finish.bump for paint in _paints(scene)):
+        lit += ", fine relief"
     wanted = [name for name in ("vtu", "stl") if getattr(scene.output, name)]
     return {
         "mesh": "; ".join(mesh_words(body.mesh) for body in scene.bodies),
@@ -58,12 +60,13 @@ def effects(scene: Scene, camera: Camera) -> str:
 
 def compiled_for(scene: Scene, camera: Camera) -> dict[str, float]:
     """What the images of a camera need compiled, and the seconds that each takes the first time."""
-    paints = [paint for thing in (*scene.bodies, *scene.props) for paint in thing.paints]
+    paints = _paints(scene)
     has = {
         "drawing": True,
         "light": bool(scene.lights),
         "shadows": any(getattr(light, "shadows", False) for light in scene.lights),
-        "gloss": bool(scene.lights) and any(paint.finish[0] < 1.0 for paint in paints),
+        "gloss": bool(scene.lights) and any(paint.finish.roughness < 1.0 for paint in paints),
+        "bump": bool(scene.lights) and any(paint.finish.bump for paint in paints),
         "lens": camera.lens is not None,
     }
     return {name: _COMPILE[name] for name, there in has.items() if there}
@@ -85,10 +88,12 @@ def _renderings(camera: Camera) -> float:
     return count
 
 
+def _paints(scene: Scene) -> list[Paint]:
+    return [paint for thing in (*scene.bodies, *scene.props) for paint in thing.paints]
+
+
 def _markers(scene: Scene) -> int:
-    paints = [paint for body in scene.bodies for paint in body.paints]
-    paints += [paint for prop in scene.props for paint in prop.paints]
-    return sum(len(paint.markers) for paint in paints if isinstance(paint, Markers))
+    return sum(len(paint.markers) for paint in _paints(scene) if isinstance(paint, Markers))
 
 
 def estimate(scene: Scene) -> Cost:

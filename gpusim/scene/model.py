@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from .finish import MATTE, Bump, Finish
 from .lights import Ambient, Area, Environment, Light, Point, Spot, Sun
 from .loading import (
     Amplitude,
@@ -54,6 +55,7 @@ __all__ = [
     "Box",
     "BoxMesh",
     "BracketMesh",
+    "Bump",
     "Calibration",
     "Camera",
     "Centrifugal",
@@ -65,6 +67,7 @@ __all__ = [
     "Environment",
     "FieldMesh",
     "FileMesh",
+    "Finish",
     "Force",
     "Gravity",
     "Isotropic",
@@ -117,12 +120,12 @@ __all__ = [
 
 @dataclass(frozen=True)
 class Plain:
-    """One albedo everywhere; ``finish``: roughness, and metallic share, here and elsewhere."""
+    """One albedo everywhere; ``finish``: how it shines, here and elsewhere."""
 
     name: str
     where: Where
     albedo: float
-    finish: tuple[float, float] = (1.0, 0.0)
+    finish: Finish = MATTE
 
 
 @dataclass(frozen=True)
@@ -146,7 +149,7 @@ class Markers:
     light: float
     markers: tuple[Marker, ...]
     wrap: Wrap | None = None
-    finish: tuple[float, float] = (1.0, 0.0)
+    finish: Finish = MATTE
 
 
 @dataclass(frozen=True)
@@ -164,7 +167,7 @@ class Checker:
     dark: float
     light: float
     wrap: Wrap | None = None
-    finish: tuple[float, float] = (1.0, 0.0)
+    finish: Finish = MATTE
 
 
 @dataclass(frozen=True)
@@ -182,7 +185,7 @@ class Dots:
     origin: Vec3
     dot: float
     wrap: Wrap | None = None
-    finish: tuple[float, float] = (1.0, 0.0)
+    finish: Finish = MATTE
 
 
 @dataclass(frozen=True)
@@ -205,7 +208,7 @@ class Speckle:
     seed: int
     dot: float
     wrap: Wrap | None = None
-    finish: tuple[float, float] = (1.0, 0.0)
+    finish: Finish = MATTE
 
 
 Pattern = Markers | Checker | Dots | Speckle | Picture | Target

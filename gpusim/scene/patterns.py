@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from .finish import MATTE, Finish
 from .loading import Vec3, Where
 
 __all__ = ["Picture", "Target", "Wrap"]
@@ -21,7 +22,7 @@ class Wrap:
 class Picture:
     """A bitmap with texels of side ``texel`` (m); ``origin`` is its lower left corner.
 
-    ``finish``: roughness and metallic share, here and below.
+    ``finish``: how it shines, here and below.
     """
 
     name: str
@@ -35,7 +36,7 @@ class Picture:
     light: float
     gamma: str
     wrap: Wrap | None = None
-    finish: tuple[float, float] = (1.0, 0.0)
+    finish: Finish = MATTE
 
 
 @dataclass(frozen=True)
@@ -54,4 +55,4 @@ class Target:
     places: tuple[Vec3, ...]
     values: tuple[tuple[str, float | int | str | tuple[float, ...]], ...]
     wrap: Wrap | None = None
-    finish: tuple[float, float] = (1.0, 0.0)
+    finish: Finish = MATTE

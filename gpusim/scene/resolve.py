@@ -152,8 +152,14 @@ def _load(table: LoadTable, factors: model.Amplitude) -> model.Load:
 
 
 def paint(table: PaintTable) -> model.Paint:
-    painted = _paint(table)
-    return replace(painted, finish=(table.roughness, table.metallic))
+    bump = None
+    if table.bump_um > 0.0:
+        along = None if table.bump_along is None else _vec(table.bump_along)
+        bump = model.Bump(
+            table.bump_um / 1e6, table.bump_length_mm / 1000.0, along, table.bump_stretch,
+            table.bump_seed,
+        )  # fmt: skip
+    return replace(_paint(table), finish=model.Finish(table.roughness, table.metallic, bump))
 
 
 def _paint(table: PaintTable) -> model.Paint:

@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.inputs import checked
+from gpusim.surface.bump import Bump
 from gpusim.surface.features import Features, check_albedo, check_finish, check_grid, check_length
 from gpusim.surface.pyramid import Level, pyramid
 
@@ -58,6 +59,7 @@ class Image:
     gamma: str = "linear"
     roughness: float = 1.0
     metallic: float = 0.0
+    bump: Bump | None = None
 
     def __post_init__(self) -> None:
         check_finish("Image", self.roughness, self.metallic)

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.inputs import checked
+from gpusim.surface.bump import Bump
 from gpusim.surface.features import (
     Features,
     Stack,
@@ -79,6 +80,7 @@ class Aruco:
     ground: float = 0.9
     roughness: float = 1.0
     metallic: float = 0.0
+    bump: Bump | None = None
 
     def __post_init__(self) -> None:
         check_finish("Aruco", self.roughness, self.metallic)
@@ -129,6 +131,7 @@ class Charuco:
     ground: float = 0.9
     roughness: float = 1.0
     metallic: float = 0.0
+    bump: Bump | None = None
 
     def __post_init__(self) -> None:
         check_finish("Charuco", self.roughness, self.metallic)
@@ -208,6 +211,7 @@ class RingCodes:
     ground: float = 0.05
     roughness: float = 1.0
     metallic: float = 0.0
+    bump: Bump | None = None
 
     def __post_init__(self) -> None:
         check_finish("RingCodes", self.roughness, self.metallic)

@@ -16,6 +16,7 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.inputs import checked
 from gpusim.surface.bitmap import Image
+from gpusim.surface.bump import Bump
 from gpusim.surface.features import (
     Features,
     Paint,
@@ -31,6 +32,7 @@ from gpusim.surface.targets import Circles, Lines, Star
 
 __all__ = [
     "Aruco",
+    "Bump",
     "Charuco",
     "Checker",
     "Circles",
@@ -56,13 +58,14 @@ class Plain:
 
     ``roughness`` below 1 makes it glossy (the lobe of GGX with alpha = roughness^2), as a coat of
     lacquer over a diffuse base; ``metallic`` 1 makes it bare metal, which has no base and mirrors
-    with its albedo. At roughness 1 and metallic 0 it is matte (Lambert). The same holds for the
-    ground of a pattern; squares, dots and markers are matte prints on it.
+    with its albedo. At roughness 1 and metallic 0 it is matte (Lambert). ``bump`` is a fine relief.
+    The same holds for the ground of a pattern; squares, dots and markers are matte prints on it.
     """
 
     albedo: float = 0.5
     roughness: float = 1.0
     metallic: float = 0.0
+    bump: Bump | None = None
 
     def __post_init__(self) -> None:
         check_finish("Plain", self.roughness, self.metallic)
@@ -98,6 +101,7 @@ class Checker:
     ground: float = 0.9
     roughness: float = 1.0
     metallic: float = 0.0
+    bump: Bump | None = None
 
     def __post_init__(self) -> None:
         check_finish("Checker", self.roughness, self.metallic)
@@ -139,6 +143,7 @@ class Dots:
     ground: float = 0.9
     roughness: float = 1.0
     metallic: float = 0.0
+    bump: Bump | None = None
 
     def __post_init__(self) -> None:
         check_finish("Dots", self.roughness, self.metallic)
@@ -193,6 +198,7 @@ class Markers:
     angle: float = 0.0
     roughness: float = 1.0
     metallic: float = 0.0
+    bump: Bump | None = None
 
     def __post_init__(self) -> None:
         check_finish("Markers", self.roughness, self.metallic)

@@ -107,12 +107,21 @@ class Skin:
         names = np.empty(len(faces), dtype=object)
         for name, rows in faces.kinds():
             names[rows] = name
+        reach = 1.5 * radius + tolerance
+        # along the body's longest axis only a few faces are near a point
+        axis = int(np.argmax(high - low))
+        order = np.argsort(centre[:, axis], kind="stable")
+        first, last = (
+            np.searchsorted(centre[order, axis], points[:, axis] + side * reach.max())
+            for side in (-1.0, 1.0)
+        )
         of_point: list[npt.NDArray[np.int64]] = []
-        for point in points:
-            relative = point - centre
-            off = np.abs(np.sum(relative * normal, axis=1))
-            near = np.linalg.norm(relative, axis=1) <= 1.5 * radius + tolerance
-            of_point.append(np.flatnonzero(near & (off <= 2.0 * bulge + tolerance)))
+        for point, begin, end in zip(points, first, last, strict=True):
+            some = order[begin:end]
+            relative = point - centre[some]
+            off = np.abs(np.sum(relative * normal[some], axis=1))
+            near = np.linalg.norm(relative, axis=1) <= reach[some]
+            of_point.append(np.sort(some[near & (off <= 2.0 * bulge[some] + tolerance)]))
         owner = np.repeat(np.arange(len(points)), [len(rows) for rows in of_point])
         face = np.concatenate([np.zeros(0, np.int64), *of_point])
         outside, share = np.full(len(face), np.inf), np.zeros((len(face), faces.nodes.shape[1]))

@@ -19,6 +19,7 @@ from scipy.special import ndtri
 
 from gpusim.errors import InputError
 from gpusim.inputs import checked
+from gpusim.surface.bump import Bump
 from gpusim.surface.features import Features, check_albedo, check_finish, check_length
 
 __all__ = ["EDGE", "Speckle", "edge_opacity", "opaque_area"]
@@ -78,6 +79,7 @@ class Speckle:
     ground: float = 0.9
     roughness: float = 1.0
     metallic: float = 0.0
+    bump: Bump | None = None
 
     def __post_init__(self) -> None:
         check_finish("Speckle", self.roughness, self.metallic)

@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.inputs import checked
+from gpusim.surface.bump import Bump
 from gpusim.surface.features import (
     Features,
     Stack,
@@ -40,6 +41,7 @@ class Circles:
     ground: float = 0.9
     roughness: float = 1.0
     metallic: float = 0.0
+    bump: Bump | None = None
 
     def __post_init__(self) -> None:
         check_finish("Circles", self.roughness, self.metallic)
@@ -81,6 +83,7 @@ class Lines:
     ground: float = 0.9
     roughness: float = 1.0
     metallic: float = 0.0
+    bump: Bump | None = None
 
     def __post_init__(self) -> None:
         check_finish("Lines", self.roughness, self.metallic)
@@ -144,6 +147,7 @@ class Star:
     ground: float = 0.9
     roughness: float = 1.0
     metallic: float = 0.0
+    bump: Bump | None = None
 
     def __post_init__(self) -> None:
         check_finish("Star", self.roughness, self.metallic)

@@ -1,5 +1,6 @@
 // A triangle set up for shading, and the light that falls on it.
 // The NumPy form is gpusim/optics/setup.py.
+#import common/bump
 #import common/light
 #import common/texel
 
@@ -7,7 +8,7 @@
 // depth: st = (s0, sx, sy, t0), tw = (tx, ty, wx, wy), n0 = (normal at the anchor, w0),
 // nx = (change per column, 1 / mean depth), ny = (change per row, paint),
 // place = (anchor column, row, cell i, cell j), more = (ground albedo, 1 if a feature is near, GGX alpha
-// or 1 if matte, metallic).
+// or 1 if matte, metallic), id: its number.
 struct Triangle {
     st: vec4f,
     tw: vec4f,
@@ -16,6 +17,7 @@ struct Triangle {
     ny: vec4f,
     place: vec4i,
     more: vec4f,
+    id: u32,
 }
 
 // seven texels per triangle: its members in order
@@ -27,7 +29,7 @@ fn triangle_at(id: u32) -> Triangle {
     let i = 7u * id;
     let place = bitcast<vec4i>(textureLoad(triangles, texel(i + 5u), 0));
     return Triangle(triangle_word(i), triangle_word(i + 1u), triangle_word(i + 2u),
-        triangle_word(i + 3u), triangle_word(i + 4u), place, triangle_word(i + 6u));
+        triangle_word(i + 3u), triangle_word(i + 4u), place, triangle_word(i + 6u), id);
 }
 
 // The exact pixel area integral needs the attributes and how they change across the pixel.
@@ -70,12 +72,14 @@ struct Rays {
 }
 
 // Where the surface is seen at image position p, which lies at offset d from the triangle's anchor,
-// relative to the eye, its unit normal there, and how the place changes per column and row.
+// relative to the eye, its unit normal there, how the place changes per column and row, and what a
+// relief adds to the square of alpha.
 struct Spot {
     x: vec3f,
     n: vec3f,
     dx: vec3f,
     dy: vec3f,
+    widened: f32,
 }
 fn spot(t: Triangle, rays: Rays, p: vec2f, d: vec2f) -> Spot {
     let w = weight(t, d);
@@ -83,12 +87,18 @@ fn spot(t: Triangle, rays: Rays, p: vec2f, d: vec2f) -> Spot {
     let x = depth * (rays.x.xyz * p.x + rays.y.xyz * p.y + rays.one.xyz);
     let n = normalize(t.n0.xyz + t.nx.xyz * d.x + t.ny.xyz * d.y);
     let rate = t.tw.zw / w;
-    return Spot(x, n, depth * rays.x.xyz - rate.x * x, depth * rays.y.xyz - rate.y * x);
+    let dx = depth * rays.x.xyz - rate.x * x;
+    let dy = depth * rays.y.xyz - rate.y * x;
+    if (bumpy == 0u) { return Spot(x, n, dx, dy, 0.0); }
+    let relief = leaning(t.id, d, w, t.tw.zw, n, dx, dy);
+    return Spot(x, relief.n, dx, dy, relief.widened);
 }
 
 fn gloss_at(t: Triangle, s: Spot) -> Gloss {
     if (glossy == 0u) { return Gloss(); }
-    return gloss_of(u32(t.ny.w), lamps.per_paint.x, t.more.z, t.more.w, normalize(-s.x), s.n);
+    var alpha = t.more.z;
+    if (bumpy != 0u) { alpha = min(sqrt(alpha * alpha + s.widened), 1.0); }
+    return gloss_of(u32(t.ny.w), lamps.per_paint.x, alpha, t.more.w, normalize(-s.x), s.n);
 }
 
 // What is reflected there. `bits` tells the lamps that light it.

@@ -354,7 +354,7 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
             if (layer == 0u) { behind += m.x; }
             lights = vec2f(min(lights.x, light), max(lights.y, light));
             share += m.x * vec2f(light, 1.0);
-            unsure = unsure || (patterned != 0u && t.more.y != 0.0);
+            unsure = unsure || bumpy != 0u || (patterned != 0u && t.more.y != 0.0);
         } else {
             seen += m.x;
             value += m.x * light;

@@ -100,7 +100,7 @@ fn shade(t: Triangle, paint: Paint, at: vec2i) -> vec3f {
 }
 
 fn shade_inside(in: Varying) -> vec3f {
-    let t = Triangle(in.st, in.tw, in.n0, in.nx, in.ny, in.place, in.more);
+    let t = Triangle(in.st, in.tw, in.n0, in.nx, in.ny, in.place, in.more, in.id);
     let g = in.grid;
     let paint = Paint(t.more.x, in.grid_size.x, g.x, g.y, g.z, g.w, bitcast<u32>(in.grid_size.y),
         u32(in.pieces.w), in.grid_size.z, u32(in.grid_size.w),

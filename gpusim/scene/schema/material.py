@@ -28,6 +28,8 @@ def _one_or_three(positive: bool) -> Any:
         if isinstance(value, list) and len(value) == 3:
             if all(_is_number(item, positive) for item in value):
                 return [float(item) for item in value]
+        if isinstance(value, str):
+            raise fault("", "wrong type", value, f"{expected}, without quotes")
         raise fault("", "out of range", value, expected)
 
     return check

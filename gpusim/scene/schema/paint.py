@@ -14,21 +14,12 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from .base import Albedo, Direction, Length, Name, Table, Vector, fault, norm, parallel
+from .finish import FinishTable
 from .where import WhereTable
 
-__all__ = ["FinishTable", "ImageTable", "LineTable", "MarkersTable", "PaintTable", "PatternTable"]
+__all__ = ["ImageTable", "LineTable", "MarkersTable", "PaintTable", "PatternTable"]
 
 Count = Annotated[int, Field(ge=1, le=100_000)]
-
-
-class FinishTable(Table):
-    """How the ground shines. Markers, fields, dots and targets on it are matte prints; speckle and
-    pictures shine with their ground, as under a varnish."""
-
-    roughness: Albedo = 1.0
-    """1: matte. Less: glossy, lacquer at about 0.3, brushed steel (with metallic) at 0.4."""
-    metallic: Albedo = 0.0
-    """1: bare metal, which mirrors with its albedo and has no colour of its own below."""
 
 
 class _Paint(FinishTable):

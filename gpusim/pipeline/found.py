@@ -1,0 +1,137 @@
+"""Markers found in a picture near where they are expected, and the fit of their crosses.
+
+The states of a structure have first pictures that are alike but for where they differ: what was
+found from the same pixels is remembered within the process.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections import OrderedDict
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim import measure
+
+__all__ = ["LEAST_WIDTH", "Found", "arms_of", "find_near", "fit_near", "size_range"]
+
+Array = npt.NDArray[np.float64]
+SEARCH_SHARE = 0.5  # of a marker's width, around where the rough camera expects it
+LEAST_WIDTH = 10.0  # px; a marker's cross can't be fitted in less
+SIZES = (0.5, 1.3)  # of the width that a marker has when it is seen from the front
+FIRST_SHARE = 0.6  # of a marker's half width that a first fit of its cross looks at
+END_MARGIN = 1.2, 2.5  # px, and lens blurs, kept from a marker's own border
+REMEMBERED = 4096  # markers
+
+_remembered: OrderedDict[bytes, Array] = OrderedDict()
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """M markers, px; NaN where there is none.
+
+    ``points`` (M, 2); ``arms`` (M, 2, 2), half widths along both borders; ``blur`` (M,) of the
+    lens; ``rough`` (M,) bool: only located, because the fit of the cross didn't settle.
+    """
+
+    points: Array
+    arms: Array
+    blur: Array
+    rough: npt.NDArray[np.bool_]
+
+    @property
+    def known(self) -> npt.NDArray[np.bool_]:
+        """(M,) bool: seen."""
+        return np.asarray(np.isfinite(self.points).all(axis=1))
+
+
+def size_range(width: float) -> tuple[float, float]:
+    """Lowest and highest width (px) of a marker that is ``width`` px wide from the front."""
+    return max(LEAST_WIDTH, SIZES[0] * width), SIZES[1] * width
+
+
+def find_near(image: npt.NDArray[Any], near: Array, widths: Array) -> Found:
+    """Find the markers that are about ``widths`` (M,) px wide near the places (M, 2)."""
+    values = np.full((len(near), 8), np.nan)
+    seen = np.flatnonzero(np.isfinite(near).all(axis=1))
+    keys = _keys(image, near[seen], widths[seen])
+    new = []
+    for i, key in zip(seen, keys, strict=True):
+        if key in _remembered:
+            values[i] = _remembered[key]
+            _remembered.move_to_end(key)
+        else:
+            new.append((i, key))
+    if new:
+        rows = np.array([i for i, _ in new])
+        values[rows] = _look(image, near[rows], widths[rows])
+        for i, key in new:
+            _remembered[key] = values[i]
+        while len(_remembered) > REMEMBERED:
+            _remembered.popitem(last=False)
+    return Found(values[:, :2], values[:, 2:6].reshape(-1, 2, 2), values[:, 6], values[:, 7] > 0)
+
+
+def fit_near(
+    image: npt.NDArray[Any], near: Array, arms: Array, blur: Array | None = None
+) -> tuple[Array, Array, Array]:
+    """Centres (M, 2) by a fit of each cross, their standard uncertainty and the lens blur (M,).
+
+    Where the ``blur`` isn't known, a first fit tells it, and with it how close to a marker's own
+    border the last one may look.
+    """
+    points, sigma, found = np.full_like(near, np.nan), np.full(len(near), np.nan), near[:, 0].copy()
+    found[:] = np.nan
+    rows = np.flatnonzero(np.isfinite(near).all(axis=1) & np.isfinite(arms).all(axis=(1, 2)))
+    if rows.size:
+        fit = measure.fit_crossings(
+            image, near[rows], arms[rows, 0], arms[rows, 1], share=FIRST_SHARE,
+            margin=END_MARGIN, blur=None if blur is None else np.nan_to_num(blur[rows]),
+        )  # fmt: skip
+        points[rows], sigma[rows], found[rows] = fit.points, fit.sigma, fit.blur
+    return points, sigma, found
+
+
+def arms_of(located: measure.Markers) -> Array:
+    """Half widths (M, 2, 2) along both borders, px."""
+    half, turn = 0.5 * located.size, located.angle
+    along = np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    across = np.stack([-along[:, 1], along[:, 0]], axis=1)
+    return np.stack([half[:, :1] * along, half[:, 1:] * across], axis=1)
+
+
+def _look(image: npt.NDArray[Any], near: Array, widths: Array) -> Array:
+    """Points, arms, blur and whether that is rough, in eight columns."""
+    points, arms = np.full_like(near, np.nan), np.full((len(near), 2, 2), np.nan)
+    for width in np.unique(np.round(widths, 1)):
+        rows = np.flatnonzero(np.round(widths, 1) == width)
+        located = measure.locate_markers(
+            image, near[rows], size_range(float(width)), SEARCH_SHARE * float(width)
+        )
+        hit = located.status == measure.MarkerStatus.FOUND
+        points[rows[hit]] = located.points[hit]
+        arms[rows[hit]] = arms_of(located)[hit]
+    fine, _, blur = fit_near(image, points, arms)
+    rough = np.isfinite(points).all(axis=1) & ~np.isfinite(fine).all(axis=1)
+    points = np.where(np.isfinite(fine), fine, points)
+    return np.column_stack([points, arms.reshape(-1, 4), blur, rough])
+
+
+def _keys(image: npt.NDArray[Any], near: Array, widths: Array) -> list[bytes]:
+    """What the result for each marker depends on: the pixels around it, and where they are."""
+    level = float(image.min()), float(image.max()), image.shape, image.dtype.str
+    every = np.concatenate([near, widths[:, None]], axis=1).tobytes()
+    keys = []
+    for (x, y), width in zip(near, widths, strict=True):
+        reach = (SEARCH_SHARE + SIZES[1] + 1.0) * width + 4.0
+        x0, y0 = max(int(x - reach), 0), max(int(y - reach), 0)
+        window = image[y0 : int(y + reach) + 2, x0 : int(x + reach) + 2]
+        digest = hashlib.blake2b(np.ascontiguousarray(window).tobytes(), digest_size=16)
+        digest.update(repr((x, y, width, level)).encode())
+        # markers may claim each other's places
+        digest.update(every)
+        keys.append(digest.digest())
+    return keys
