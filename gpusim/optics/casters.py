@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -44,19 +45,26 @@ class LampFaces:
 class Casters:
     """Faces of all surfaces, flat parts joined.
 
-    ``corners`` (F, 4, 3) world, a triangle's last one twice; ``normal`` (F, 3) outward, as long as
-    the area; ``both_sides`` (F,): of surfaces that aren't closed. Of the edges of the surfaces' own
-    faces that aren't inside a joined one: ``edge`` (E, 2) joined face and place among its edges,
-    ``beside`` (E,) the joined face across, -1 for none or several, -2 where a triangle has no
-    fourth edge. ``sag`` (F,): how far joined faces may pass from the surface.
+    ``points`` (N, 3) world; ``faces`` (F, 4) of them, a triangle's last one twice; ``normal``
+    (F, 3) outward, as long as the area; ``both_sides`` (F,): of surfaces that aren't closed. Of
+    the edges of the surfaces' own faces that aren't inside a joined one: ``edge`` (E, 2) joined
+    face and place among its edges, ``beside`` (E,) the joined face across, -1 for none or several,
+    -2 where a triangle has no fourth edge. ``sag`` (F,): how far a joined face may pass from the
+    surface.
     """
 
-    corners: Array
+    points: Array
+    faces: npt.NDArray[np.int64]
     normal: Array
     both_sides: npt.NDArray[np.bool_]
     edge: npt.NDArray[np.int64]
     beside: npt.NDArray[np.int64]
     sag: Array
+
+    @cached_property
+    def corners(self) -> Array:
+        """(F, 4, 3) world, a triangle's last one twice."""
+        return self.points[self.faces]
 
     @staticmethod
     def of(
@@ -66,42 +74,53 @@ class Casters:
 
         ``flatness``: how far joined faces may pass from points (N, 3), (N,); None joins none.
         """
-        corners, normals, both = [np.zeros((0, 4, 3))], [np.zeros((0, 3))], [np.zeros(0, bool)]
+        points, faces = [np.zeros((0, 3))], [np.zeros((0, 4), np.int64)]
+        normals, both = [np.zeros((0, 3))], [np.zeros(0, bool)]
         edges, beside = [np.zeros((0, 2), np.int64)], [np.zeros(0, np.int64)]
-        sags = [np.zeros(0)]
-        first = 0
+        first = vertex = 0
         for surface in surfaces:
-            faces = surface.faces.astype(np.int64)
-            faces = np.where(faces >= 0, faces, np.roll(faces, 1, axis=1))
-            across, closed = _across(surface.topology, faces)
-            tolerance = None if flatness is None else flatness(surface.points)
-            merged = merge_flat(surface.points, faces, tolerance)
-            count = len(merged.faces)
-            corners.append(surface.points[merged.faces])
-            area = face_normals(surface.points, surface.faces)
-            normals.append(
-                np.stack(
-                    [np.bincount(merged.owner, area[:, k], minlength=count) for k in range(3)],
-                    axis=1,
-                )
-            )
+            own = surface.faces.astype(np.int64)
+            own = np.where(own >= 0, own, np.roll(own, 1, axis=1))
+            across, closed = _across(surface.topology, own)
+            count = len(own)
+            points.append(surface.points)
+            faces.append(own + vertex)
+            normals.append(face_normals(surface.points, surface.faces))
             both.append(np.full(count, not closed))
-            face, place = np.nonzero(~merged.inner)
-            edges.append(np.stack([merged.owner[face] + first, place], axis=1))
-            other = across[face, place]
-            beside.append(np.where(other >= 0, merged.owner[other] + first, other))
-            most = np.zeros(len(surface.points)) if tolerance is None else tolerance
-            sags.append(most[merged.faces].max(axis=1))
+            face, place = np.divmod(np.arange(4 * count), 4)
+            edges.append(np.stack([face + first, place], axis=1))
+            other = across.reshape(-1)
+            beside.append(np.where(other >= 0, other + first, other))
             first += count
+            vertex += len(surface.points)
+        single = Casters(
+            np.concatenate(points), np.concatenate(faces), np.concatenate(normals),
+            np.concatenate(both), np.concatenate(edges), np.concatenate(beside), np.zeros(first),
+        )  # fmt: skip
+        return single if flatness is None else single.joined(flatness)
+
+    def joined(self, flatness: Callable[[Array], Array]) -> Casters:
+        """These with flat parts joined: see `of`."""
+        tolerance = flatness(self.points)
+        merged = merge_flat(self.points, self.faces, tolerance)
+        count = len(merged.faces)
+        normal = [np.bincount(merged.owner, self.normal[:, k], minlength=count) for k in range(3)]
+        one = np.zeros(count, np.int64)
+        one[merged.owner] = np.arange(len(self.faces))
+        face, place = self.edge.T
+        kept = np.flatnonzero(~merged.inner[face, place])
+        other = self.beside[kept]
         return Casters(
-            np.concatenate(corners), np.concatenate(normals), np.concatenate(both),
-            np.concatenate(edges), np.concatenate(beside), np.concatenate(sags),
+            self.points, merged.faces, np.stack(normal, axis=1), self.both_sides[one],
+            np.stack([merged.owner[face[kept]], place[kept]], axis=1),
+            np.where(other >= 0, merged.owner[other], other),
+            tolerance[merged.faces].max(axis=1, initial=0.0) + self.sag.max(initial=0.0),
         )  # fmt: skip
 
     def beside_others(self, others: Casters) -> Casters:
         """These casters and ``others``, numbered behind them, for their faces only."""
         return Casters(
-            np.concatenate([self.corners, others.corners]),
+            self.points, np.concatenate([self.faces, others.faces]),
             np.concatenate([self.normal, others.normal]),
             np.concatenate([self.both_sides, others.both_sides]),
             self.edge, self.beside,

@@ -150,18 +150,26 @@ def _overlap(
 def _subtracted(owner: Long, pieces: Array, size: Long, planes: Array) -> tuple[Long, Array, Long]:
     """Pieces less the convex shapes with half planes (n, K, 3)."""
     owner, pieces, size, planes = _halved(owner, pieces, size, planes)
-    rest, corners = pieces, size
-    outside = []
+    rest, corners, n = pieces, size, len(owner)
+    shapes, counts = [], []
     for k in range(planes.shape[1]):
-        outside.append(clip(rest, corners, -planes[:, k]))
-        rest, corners = clip(rest, corners, planes[:, k])
+        sides = np.concatenate([-planes[:, k], planes[:, k]])
+        shape, count = clip(np.concatenate([rest, rest]), np.concatenate([corners, corners]), sides)
+        shapes.append(shape[:n])
+        counts.append(count[:n])
+        rest, corners = shape[n:], count[n:]
     touched = moments(rest)[0] > SLIVER
-    parts = [(owner[~touched], pieces[~touched], size[~touched])]
-    for shape, count in outside:
-        some = touched & (moments(shape)[0] > SLIVER)
-        parts.append((owner[some], shape[some], count[some]))
-    whose, shapes, counts = (np.concatenate([part[k] for part in parts]) for k in range(3))
-    return whose, shapes, counts
+    shape, count, whose = (
+        np.concatenate(shapes),
+        np.concatenate(counts),
+        np.tile(owner, len(shapes)),
+    )
+    some = np.tile(touched, len(shapes)) & (moments(shape)[0] > SLIVER)
+    return (
+        np.concatenate([owner[~touched], whose[some]]),
+        np.concatenate([pieces[~touched], shape[some]]),
+        np.concatenate([size[~touched], count[some]]),
+    )
 
 
 def _halved(

@@ -10,6 +10,7 @@ distance towards it.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -30,14 +31,15 @@ MOST_ENTRIES = 1 << 20
 
 @dataclass(frozen=True, eq=False)
 class Reach:
-    """Boxes (n, 2) each in p, q and s of a lamp's view: low and high ends."""
+    """Boxes in p, q and s of a lamp's view: low and high ends (2, n) of each."""
 
     p: Array
     q: Array
     s: Array
 
     def __getitem__(self, index: Numbers | Flags) -> Reach:
-        return Reach(self.p[index], self.q[index], self.s[index])
+        places = np.flatnonzero(index) if index.dtype == bool else index
+        return Reach(*(np.take(ends, places, axis=1) for ends in (self.p, self.q, self.s)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,46 +69,63 @@ class LampView:
             result.append(LampView(lamp, across, np.cross(axis, across), axis, (0.0, 0.0)))
         return result
 
-    def place(self, points: Array) -> tuple[Array, Array, Array]:
-        """p, q, s of world points (…, 3); behind the lamp all are NaN."""
+    def place(self, x: Array, y: Array, z: Array) -> tuple[Array, Array, Array]:
+        """p, q, s of world points; behind the lamp all are NaN."""
         if self.lamp.far:
-            return points @ self.across, points @ self.along, -(points @ self.axis)
-        relative = points - self.lamp.centre
-        w = relative @ self.axis
-        w = np.where(w > 1e-9 * np.abs(relative).max(initial=1e-300), w, np.nan)
-        return (relative @ self.across) / w, (relative @ self.along) / w, 1.0 / w
+            return (
+                _along(self.across, x, y, z), _along(self.along, x, y, z),
+                -_along(self.axis, x, y, z),
+            )  # fmt: skip
+        x, y, z = (v - own for v, own in zip((x, y, z), self.lamp.centre, strict=True))
+        w = _along(self.axis, x, y, z)
+        most = max(float(np.abs(v).max(initial=0.0)) for v in (x, y, z))
+        w[~(w > 1e-9 * max(most, 1e-300))] = np.nan
+        s = 1.0 / w
+        return _along(self.across, x, y, z) * s, _along(self.along, x, y, z) * s, s
 
     def reach(self, points: Array) -> Reach:
-        """Boxes around groups of points (n, k, 3): unlimited where some lie behind the lamp.
+        """Boxes around groups of points (k, 3, n): unlimited where some lie behind the lamp.
 
         Where all do, s is -inf: nothing there can be lit, and nothing hides the lamp.
         """
-        p, q, s = self.place(points)
-        behind = np.isnan(s).any(axis=1)
-        none = np.isnan(s).all(axis=1)
-        p, q = np.where(np.isnan(p), 0.0, p), np.where(np.isnan(q), 0.0, q)
+        p, q, s = self.place(points[:, 0], points[:, 1], points[:, 2])
+        unknown = np.isnan(s)
+        if not unknown.any():
+            return Reach(
+                *(np.stack([_fold(np.minimum, v), _fold(np.maximum, v)]) for v in (p, q, s))
+            )
+        behind, none = _fold(np.logical_or, unknown), _fold(np.logical_and, unknown)
 
         def box(values: Array) -> Array:
+            values = np.where(unknown, 0.0, values)
             low = np.where(behind, -np.inf, _fold(np.minimum, values))
-            return np.stack([low, np.where(behind, np.inf, _fold(np.maximum, values))], axis=1)
+            return np.stack([low, np.where(behind, np.inf, _fold(np.maximum, values))])
 
-        low = _fold(np.minimum, np.where(np.isnan(s), np.inf, s))
-        high = np.where(behind, np.inf, _fold(np.maximum, np.where(np.isnan(s), 0.0, s)))
+        low = _fold(np.minimum, np.where(unknown, np.inf, s))
+        high = np.where(behind, np.inf, _fold(np.maximum, np.where(unknown, 0.0, s)))
         low, high = np.where(none, -np.inf, low), np.where(none, -np.inf, high)
-        return Reach(box(p), box(q), np.stack([low, high], axis=1))
+        return Reach(box(p), box(q), np.stack([low, high]))
 
 
-def _fold(function: np.ufunc, values: Array) -> Array:
-    """``function`` over the second axis, which is short."""
-    result: Array = values[:, 0]
-    for k in range(1, values.shape[1]):
-        result = function(result, values[:, k])
+def _along(axis: Array, x: Array, y: Array, z: Array) -> Array:
+    """The component of vectors along an axis."""
+    result: Array = axis[0] * x
+    result += axis[1] * y
+    result += axis[2] * z
+    return result
+
+
+def _fold(function: np.ufunc, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """``function`` over the first axis, which is short."""
+    result: npt.NDArray[Any] = values[0]
+    for row in values[1:]:
+        result = function(result, row)
     return result
 
 
 def _farthest(values: Array) -> Array:
-    """The largest distance from 0 of intervals (n, 2)."""
-    result: Array = np.maximum(np.abs(values[:, 0]), np.abs(values[:, 1]))
+    """The largest distance from 0 of intervals (2, n)."""
+    result: Array = np.maximum(np.abs(values[0]), np.abs(values[1]))
     return result
 
 
@@ -116,26 +135,26 @@ class LampGrid:
     def __init__(self, view: LampView, casters: Casters, faces: LampFaces, lowest: float) -> None:
         """``lowest``: the smallest s of any receiver."""
         self.view = view
-        reach = view.reach(casters.corners[faces.face])
-        ahead = np.flatnonzero(reach.s[:, 1] > max(lowest, -1e300))
+        reach = view.reach(np.moveaxis(casters.corners[faces.face], 0, 2))
+        ahead = np.flatnonzero(reach.s[1] > max(lowest, -1e300))
         self.face, self.rim = faces.face[ahead], faces.rim[ahead]
         self.side, self.reach = faces.side[ahead], reach[ahead]
-        low = np.stack([self.reach.p[:, 0], self.reach.q[:, 0]], axis=1)
-        high = np.stack([self.reach.p[:, 1], self.reach.q[:, 1]], axis=1)
-        low, high = self._mapped(low), self._mapped(high)
+        low = self._mapped(np.stack([self.reach.p[0], self.reach.q[0]]))
+        high = self._mapped(np.stack([self.reach.p[1], self.reach.q[1]]))
         self.count = len(ahead)
         self.lines = self._outlines(casters)
-        self.origin = low.min(axis=0, initial=np.inf) if self.count else np.zeros(2)
-        extent = high.max(axis=0, initial=-np.inf) - self.origin if self.count else np.ones(2)
+        self.origin = low.min(axis=1, initial=np.inf) if self.count else np.zeros(2)
+        extent = high.max(axis=1, initial=-np.inf) - self.origin if self.count else np.ones(2)
         extent = np.maximum(extent, 1e-12)
         size = float(np.sqrt(extent.prod() / LEAST_CELLS))
         if self.count:
-            size = min(size, float(np.median((high - low).max(axis=1))))
+            size = min(size, float(np.median((high - low).max(axis=0))))
         size = max(size, float(np.sqrt(extent.prod() / MOST_CELLS)), float(extent.max()) / 2048)
+        origin = self.origin[:, None]
         while True:
-            first = np.floor((low - self.origin) / size).astype(np.int64)
-            last = np.floor((high - self.origin) / size).astype(np.int64)
-            if (last - first + 1).prod(axis=1).sum() <= MOST_ENTRIES + 4 * self.count:
+            first = np.floor((low - origin) / size).astype(np.int64)
+            last = np.floor((high - origin) / size).astype(np.int64)
+            if (last - first + 1).prod(axis=0).sum() <= MOST_ENTRIES + 4 * self.count:
                 break
             size *= 2.0
         self.size = size
@@ -145,23 +164,27 @@ class LampGrid:
         order = np.argsort(cell, kind="stable")
         self.entry, self.column = box[order], cell[order] % self.shape[1]
         self.start = np.searchsorted(cell[order], np.arange(self.shape.prod() + 1))
-        self.highest = np.ascontiguousarray(self.reach.s[:, 1])
+        self.highest = self.reach.s[1]
         top = np.full(self.shape, -np.inf)
-        np.maximum.at(top.reshape(-1), cell, self.reach.s[box, 1])
-        self.pyramid = [top]
-        while max(self.pyramid[-1].shape) > 1:
-            top = self.pyramid[-1]
+        np.maximum.at(top.reshape(-1), cell, self.highest[box])
+        levels = [top]
+        while max(top.shape) > 1:
             top = np.pad(top, [(0, n % 2) for n in top.shape], constant_values=-np.inf)
-            self.pyramid.append(
-                top.reshape(top.shape[0] // 2, 2, top.shape[1] // 2, 2).max(axis=(1, 3))
-            )
+            top = np.maximum(top[::2], top[1::2])
+            top = np.maximum(top[:, ::2], top[:, 1::2])
+            levels.append(top)
+        # the pyramid of highest s, level after level
+        self.pyramid = np.concatenate([level.reshape(-1) for level in levels])
+        self.rows, self.columns = np.array([level.shape for level in levels]).T
+        self.level = np.cumsum(self.rows * self.columns) - self.rows * self.columns
 
     def _outlines(self, casters: Casters) -> list[tuple[Array, Array, Array]]:
         """Of each side of the casters' outlines (n,): normal outwards in p and q, and its place.
 
         All normals of a face are 0 where it reaches behind the lamp, or its outline isn't convex.
         """
-        p, q, _ = self.view.place(casters.corners[self.face])
+        corners = casters.corners[self.face]
+        p, q, _ = self.view.place(corners[..., 0], corners[..., 1], corners[..., 2])
         start = np.stack([p, q], axis=2)
         way = np.roll(start, -1, axis=1) - start
         after = np.roll(way, -1, axis=1)
@@ -183,11 +206,11 @@ class LampGrid:
         Whether a box may see the lamp hidden by the caster; and whether it may see the lamp past
         an edge at which the caster's shadow ends.
         """
-        rise = np.clip(self.highest[caster] - reach.s[:, 0], 0.0, 1e150)
+        rise = np.clip(self.highest[caster] - reach.s[0], 0.0, 1e150)
         bounded = np.ones(len(caster), bool)
         middle, half = [], []
         for size, own in zip(self.view.half, (reach.p, reach.q), strict=True):
-            low, high = own[:, 0], own[:, 1]
+            low, high = own
             finite = np.isfinite(low) & np.isfinite(high)
             if not finite.all():
                 low, high = np.where(finite, low, 0.0), np.where(finite, high, 0.0)
@@ -213,7 +236,7 @@ class LampGrid:
             # p and q of a point that is off along the axis as well
             slope = 1.0 + np.maximum(_farthest(self.reach.p), _farthest(self.reach.q))
             shift = shift * slope * self.highest
-        rise = np.maximum(self.reach.s[:, 0][caster] - reach.s[:, 1][box], 0.0)
+        rise = np.maximum(self.reach.s[0][caster] - reach.s[1][box], 0.0)
         size = 2.0 * min(self.view.half) * rise
         own = shift[caster]
         return np.where(own < size, own / np.where(size > 0.0, size, 1.0), np.sign(own))
@@ -226,55 +249,64 @@ class LampGrid:
         return values / (1.0 + np.abs(values))
 
     def _cells(self, first: Numbers, last: Numbers) -> tuple[Numbers, Numbers]:
-        """Number of the box and of the cell for every cell of the boxes first … last (n, 2)."""
-        wide, tall = (np.maximum(last - first + 1, 0)).T
-        per = wide * tall
-        box = np.repeat(np.arange(len(per)), per)
-        offset = np.arange(len(box)) - np.repeat(np.cumsum(per) - per, per)
-        column = first[box, 0] + offset % np.maximum(wide[box], 1)
-        row = first[box, 1] + offset // np.maximum(wide[box], 1)
+        """Number of the box and of the cell for every cell of the boxes first … last (2, n)."""
+        wide, tall = np.maximum(last - first + 1, 0)
+        box, offset = expand(wide * tall)
+        column = first[0][box] + offset % np.maximum(wide, 1)[box]
+        row = first[1][box] + offset // np.maximum(wide, 1)[box]
         return box, row * self.shape[1] + column
 
     def _window(self, reach: Reach, top: Array) -> tuple[Numbers, Numbers]:
-        """Cells (n, 2) from first to last that receivers look at for casters up to s = ``top``."""
-        rise = np.clip(top - reach.s[:, 0], 0.0, 1e300)[:, None]
-        span = np.where(rise > 0.0, np.minimum(rise, 1e150) * self.view.half, 0.0)
-        low = self._mapped(np.stack([reach.p[:, 0], reach.q[:, 0]], axis=1) - span)
-        high = self._mapped(np.stack([reach.p[:, 1], reach.q[:, 1]], axis=1) + span)
-        limit = self.shape[::-1]
-        # just outside the grid on an empty side: such windows are empty
-        first = np.clip(np.floor((low - self.origin) / self.size), 0, limit).astype(np.int64)
-        last = np.clip(np.floor((high - self.origin) / self.size), -1, limit - 1).astype(np.int64)
+        """Cells (2, n) from first to last that receivers look at for casters up to s = ``top``."""
+        rise = np.clip(top - reach.s[0], 0.0, 1e150)
+        first, last = np.empty((2, 2, len(rise)), np.int64)
+        for axis, own in enumerate((reach.p, reach.q)):
+            span = rise * self.view.half[axis]
+            limit = int(self.shape[1 - axis])
+            low = self._mapped(own[0] - span)
+            low -= self.origin[axis]
+            low /= self.size
+            high = self._mapped(own[1] + span)
+            high -= self.origin[axis]
+            high /= self.size
+            # just outside the grid on an empty side: such windows are empty
+            first[axis] = np.clip(np.floor(low, out=low), 0, limit, out=low)
+            last[axis] = np.clip(np.floor(high, out=high), -1, limit - 1, out=high)
         return first, last
 
     def _highest(self, first: Numbers, last: Numbers) -> Array:
         """An upper bound of s over windows of cells; -inf where they are empty."""
-        result = np.full(len(first), -np.inf)
-        filled = (last >= first).all(axis=1)
-        span = np.maximum(last - first, 0).max(axis=1) + 1
-        level = np.ceil(np.log2(span)).astype(np.int64)
-        for k in np.unique(level[filled]):
-            rows = np.flatnonzero(filled & (level == k))
-            grid = self.pyramid[min(int(k), len(self.pyramid) - 1)]
-            a, b = first[rows] >> k, last[rows] >> k
-            for i in (a[:, 0], b[:, 0]):
-                for j in (a[:, 1], b[:, 1]):
-                    at = np.minimum(j, grid.shape[0] - 1), np.minimum(i, grid.shape[1] - 1)
-                    result[rows] = np.maximum(result[rows], grid[at])
+        span = np.maximum(np.maximum(last[0] - first[0], last[1] - first[1]), 0) + 1
+        # the level at which a window has two cells at most either way
+        level = np.minimum(np.frexp(span - 0.5)[1], len(self.level) - 1).astype(np.int64)
+        rows, columns = self.rows[level] - 1, self.columns[level]
+        left, right = (np.minimum(end[0] >> level, columns - 1) for end in (first, last))
+        start = self.level[level]
+        above, below = (
+            start + np.minimum(end[1] >> level, rows) * columns for end in (first, last)
+        )
+        result: Array = self.pyramid[above + left]
+        for place in (above + right, below + left, below + right):
+            np.maximum(result, self.pyramid[np.maximum(place, 0)], out=result)
+        result[(last[0] < first[0]) | (last[1] < first[1])] = -np.inf
         return result
 
     def _top(self, reach: Reach) -> Array:
         """An upper bound of s of the casters that may hide the lamp; -inf where there are none."""
-        top = np.full(len(reach.s), self.pyramid[-1].max())
+        top = np.full(reach.s.shape[1], -np.inf)
+        left = np.flatnonzero(np.isfinite(reach.s[0]))
+        own, most = reach[left], np.full(len(left), self.pyramid[-1])
         for _ in range(3):  # the wider one looks, the nearer to the lamp things may be
-            found = self._highest(*self._window(reach, top))
-            top = np.where(found > reach.s[:, 0], np.minimum(found, top), -np.inf)
-        return np.where(np.isfinite(reach.s[:, 0]), top, -np.inf)
+            found = self._highest(*self._window(own, most))
+            some = np.flatnonzero(found > own.s[0])
+            left, own, most = left[some], own[some], np.minimum(found, most)[some]
+        top[left] = most
+        return top
 
     def may_hide(self, reach: Reach) -> Flags:
         """(n,) whether a caster may lie between the lamp and receivers in boxes; never misses."""
         if not self.count:
-            return np.zeros(len(reach.s), bool)
+            return np.zeros(reach.s.shape[1], bool)
         return np.asarray(self._top(reach) > -np.inf)
 
     def candidates(self, reach: Reach) -> tuple[Numbers, Numbers]:
@@ -283,23 +315,28 @@ class LampGrid:
             return np.zeros(0, np.int64), np.zeros(0, np.int64)
         first, last = self._window(reach, self._top(reach))
         # the casters of a row of cells lie side by side
-        run, row = expand(np.where(last[:, 0] < first[:, 0], 0, last[:, 1] - first[:, 1] + 1))
-        row += first[run, 1]
-        start = self.start[row * self.shape[1] + first[run, 0]]
-        stop = self.start[row * self.shape[1] + last[run, 0] + 1]
+        run, row = expand(np.where(last[0] < first[0], 0, np.maximum(last[1] - first[1] + 1, 0)))
+        row += first[1][run]
+        cell = row * self.shape[1]
+        start = self.start[cell + first[0][run]]
+        stop = self.start[cell + last[0][run] + 1]
+        filled = np.flatnonzero(stop > start)
+        run, row, start, stop = run[filled], row[filled], start[filled], stop[filled]
         which, offset = expand(stop - start)
         offset += start[which]
         box, caster = run[which], self.entry[offset]
         # a caster in several cells of a window counts in the first of them
-        keep = np.maximum(self.first[:, 0][caster], first[:, 0][box]) == self.column[offset]
-        keep &= np.maximum(self.first[:, 1][caster], first[:, 1][box]) == row[which]
-        rise = self.highest[caster] - reach.s[:, 0][box]
-        keep &= rise > 0.0
+        keep = np.maximum(self.first[1][caster], first[1][box]) == row[which]
+        keep &= np.maximum(self.first[0][caster], first[0][box]) == self.column[offset]
+        kept = np.flatnonzero(keep)
+        box, caster = box[kept], caster[kept]
+        rise = self.highest[caster] - reach.s[0][box]
+        keep = rise > 0.0
         rise = np.minimum(rise, 1e150)
         sides = ((reach.p, self.reach.p), (reach.q, self.reach.q))
         for half, (own, other) in zip(self.view.half, sides, strict=True):
             span = half * rise
-            keep &= other[:, 0][caster] - span <= own[:, 1][box]
-            keep &= other[:, 1][caster] + span >= own[:, 0][box]
+            keep &= other[0][caster] - span <= own[1][box]
+            keep &= other[1][caster] + span >= own[0][box]
         kept = np.flatnonzero(keep)
         return box[kept], caster[kept]

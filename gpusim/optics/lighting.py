@@ -42,7 +42,7 @@ def _casters(
     casters = Casters.of(surfaces, flatness(view, lamps))
     if len(casters.corners) < FEWEST or not any(lamp.extended for lamp in lamps):
         return casters, None
-    coarse = Casters.of(surfaces, flatness(view, lamps, COARSER))
+    coarse = casters.joined(flatness(view, lamps, COARSER))
     return casters, coarse if len(coarse.corners) < WORTH * len(casters.corners) else None
 
 

@@ -45,22 +45,36 @@ def clip(polygon: Array, count: Long, plane: Array) -> tuple[Array, Long]:
 
     Sutherland and Hodgman, "Reentrant polygon clipping", CACM 1974.
     """
+    x, y = (np.ascontiguousarray(polygon[:, :, axis]) for axis in range(2))
+    height = plane[:, :1] * x
+    height += plane[:, 1:2] * y
+    height += plane[:, 2:]
+    # what follows the corners repeats the last one
+    out = (height < 0.0).sum(axis=1)
+    clipped = np.where((out == 0)[:, None, None], polygon, 0.0)
+    size = np.where(out == 0, count, 0)
+    some = np.flatnonzero((out > 0) & (out < MOST) & (count > 0))
+    clipped[some], size[some] = _crossed(polygon[some], count[some], height[some])
+    return clipped, size
+
+
+def _crossed(polygon: Array, count: Long, height: Array) -> tuple[Array, Long]:
+    """`clip` for polygons that a plane crosses, by the corners' heights (n, 8) over it."""
     n = len(polygon)
     rows = np.arange(n)
     clipped, size = np.zeros_like(polygon), np.zeros(n, np.int64)
-    a = polygon[rows, np.maximum(count - 1, 0)]
-    da = np.sum(plane[:, :2] * a, axis=1) + plane[:, 2]
+    a, da = polygon[rows, count - 1], height[rows, count - 1]
     for i in range(int(count.max(initial=0))):
         active = i < count
-        b = polygon[:, i]
-        db = np.sum(plane[:, :2] * b, axis=1) + plane[:, 2]
-        crossing = active & ((da < 0.0) != (db < 0.0)) & (size < MOST)
-        t = np.where(crossing, da / np.where(crossing, da - db, 1.0), 0.0)
-        clipped[rows[crossing], size[crossing]] = (a + t[:, None] * (b - a))[crossing]
-        size += crossing
-        inside = active & (db >= 0.0) & (size < MOST)
-        clipped[rows[inside], size[inside]] = b[inside]
-        size += inside
+        b, db = polygon[:, i], height[:, i]
+        crossing = np.flatnonzero(active & ((da < 0.0) != (db < 0.0)) & (size < MOST))
+        start, end = a[crossing], b[crossing]
+        t = da[crossing] / (da[crossing] - db[crossing])
+        clipped[crossing, size[crossing]] = start + t[:, None] * (end - start)
+        size[crossing] += 1
+        inside = np.flatnonzero(active & (db >= 0.0) & (size < MOST))
+        clipped[inside, size[inside]] = b[inside]
+        size[inside] += 1
         a, da = np.where(active[:, None], b, a), np.where(active, db, da)
     last = clipped[rows, np.maximum(size - 1, 0)]
     padding = np.arange(MOST) >= size[:, None]

@@ -52,6 +52,8 @@ class Receivers:
         self.view, camera = view, view.camera
         T = camera.camera_from_world
         self.corners = (view.corners[:, :, :3] - T[:3, 3]) @ T[:3, :3]
+        # (3, 3, T): corner, axis
+        self.columns = np.ascontiguousarray(np.moveaxis(self.corners, 0, 2))
         limit = np.array([camera.width, camera.height]) - 0.5
         self.low = np.maximum(view.screen.min(axis=1), -0.5)
         self.high = np.minimum(view.screen.max(axis=1), limit)
@@ -93,28 +95,36 @@ class Receivers:
         return pairs[np.flatnonzero(keep)]
 
     def points(self, pairs: Pairs) -> Array:
-        """(n, 4, 3) world points around what lies in each tile: of the tile or the triangle.
+        """(4, 3, n) world points around what lies in each tile: of the tile or the triangle.
 
         Where a triangle is larger than the tile, its plane in the tile's corners: the box around
         them holds what is seen there, as long as the plane is ahead in all of them.
         """
-        own = pairs.triangle
-        result = self.corners[own][:, [0, 1, 2, 2]]
+        own, camera = pairs.triangle, self.view.camera
+        result = np.take(self.columns, own, axis=2)[[0, 1, 2, 2]]
         large = np.flatnonzero(self.large[own] & (self.extent[own] > 0.7 * pairs.size))
-        corner = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
-        at = (pairs.tile[large][:, None] + corner) * pairs.size - 0.5
-        at += MARGIN * (2.0 * corner - 1.0)
-        bends = distortion_map(self.view.camera)
+        own = own[large]
+        x, y = (pairs.tile[large, axis] * float(pairs.size) - 0.5 for axis in range(2))
+        far = pairs.size + MARGIN
+        corner = ((-MARGIN, -MARGIN), (far, -MARGIN), (far, far), (-MARGIN, far))
+        at = [(x + dx, y + dy) for dx, dy in corner]
+        bends = distortion_map(camera)
         if bends is not None:
-            at = bends.ideal(at.reshape(-1, 2))[0].reshape(at.shape)
-        pixel = np.concatenate([at, np.ones((*at.shape[:2], 1))], axis=2)
-        inverse = np.einsum("nka,na->nk", pixel, self.planes[own[large]])
-        depths = self.view.inverse_depth()[own[large]]
+            at = [tuple(bends.ideal(np.stack(place, axis=1))[0].T) for place in at]
+        px, py, p1 = (np.ascontiguousarray(self.planes[:, k])[own] for k in range(3))
+        inverse = [px * u + py * v + p1 for u, v in at]
+        z = self.view.corners[:, :, 2]
+        least = 0.2 / np.maximum(np.maximum(z[:, 0], z[:, 1]), z[:, 2])[own]
         # the tile's corners may lie beyond the triangle, where its plane runs away
-        sound = (inverse > 0.2 * depths.min(axis=1)[:, None]).all(axis=1)
-        large, inverse, pixel = large[sound], inverse[sound], pixel[sound]
-        camera = self.view.camera
-        result[large] = (pixel @ self.rays.T) / inverse[..., None] + camera.eye
+        sound = (inverse[0] > least) & (inverse[1] > least)
+        sound &= (inverse[2] > least) & (inverse[3] > least)
+        rows = slice(None) if sound.all() else np.flatnonzero(sound)
+        large, eye = large[rows], camera.eye
+        for k, (u, v) in enumerate(at):
+            depth = 1.0 / inverse[k][rows]
+            u, v = u[rows], v[rows]
+            for axis, (a, b, c) in enumerate(self.rays):
+                result[k, axis][large] = (a * u + b * v + c) * depth + eye[axis]
         return result
 
     def turned_away(self, lamp: Lamp) -> npt.NDArray[np.bool_]:

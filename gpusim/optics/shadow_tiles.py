@@ -191,13 +191,13 @@ def _half_shadow(
     lit = np.zeros(shape, bool)
     # a small triangle is the same receiver in each of its tiles
     small = np.flatnonzero(facing & ~receivers.large)
-    points = receivers.corners[small][:, [0, 1, 2, 2]]
+    points = np.take(receivers.columns, small, axis=2)[[0, 1, 2, 2]]
     maybe = _may_hide(grids, points)
     spots = receivers.pairs(small, TILE)
     owner = np.searchsorted(small, spots.triangle)
     _mark(lit, spots[~maybe[owner]])
     spots, owner = spots[maybe[owner]], (np.cumsum(maybe) - 1)[owner[maybe[owner]]]
-    boxes = [points[maybe]]
+    boxes = [np.compress(maybe, points, axis=2)]
     pairs = receivers.pairs(np.flatnonzero(facing & receivers.large), LEVELS[0])
     for size in LEVELS:
         if size != pairs.size:
@@ -205,18 +205,20 @@ def _half_shadow(
         points = receivers.points(pairs)
         maybe = _may_hide(grids, points)
         _mark(lit, pairs[~maybe])
-        pairs, points = pairs[maybe], points[maybe]
-    which = np.concatenate([owner, len(boxes[0]) + np.arange(len(points))])
+        pairs, points = pairs[maybe], np.compress(maybe, points, axis=2)
+    which = np.concatenate([owner, boxes[0].shape[2] + np.arange(points.shape[2])])
     boxes.append(points)
     pairs = Pairs(
         np.concatenate([spots.triangle, pairs.triangle]),
         np.concatenate([spots.tile, pairs.tile]), TILE,
     )  # fmt: skip
-    everything = np.concatenate(boxes)
+    everything = np.concatenate(boxes, axis=2)
     state, owner, face, near = _candidates(grids, wide, everything)
     if wide is not casters:
         close = np.flatnonzero(near)
-        exact = _candidates(_grids(receivers, lamp, casters), casters, everything[close])
+        exact = _candidates(
+            _grids(receivers, lamp, casters), casters, np.take(everything, close, axis=2)
+        )
         state[close] = exact[0]
         far = np.flatnonzero(~near[owner])
         owner = np.concatenate([close[exact[1]], owner[far]])
@@ -242,11 +244,10 @@ def _half_shadow(
 
 def _grids(receivers: Receivers, lamp: Lamp, casters: Casters) -> list[LampGrid]:
     """The casters as seen from a lamp, for each half space before it."""
-    everything = receivers.corners.reshape(-1, 3)
-    faces = casters.seen_by(lamp, everything)
+    faces = casters.seen_by(lamp, receivers.corners.reshape(-1, 3))
     grids = []
     for lamp_view in LampView.of(lamp):
-        s = lamp_view.place(everything)[2]
+        s = lamp_view.place(*np.moveaxis(receivers.columns, 1, 0))[2]
         s = s[np.isfinite(s)]
         grids.append(LampGrid(lamp_view, casters, faces, float(s.min(initial=np.inf))))
     return grids
@@ -256,8 +257,8 @@ LIT, DARK, HALF = 0, 1, 2
 
 
 def _may_hide(grids: list[LampGrid], points: Array) -> npt.NDArray[np.bool_]:
-    """(n,) whether something may lie between the lamp and points (n, 4, 3)."""
-    result = np.zeros(len(points), bool)
+    """(n,) whether something may lie between the lamp and points (4, 3, n)."""
+    result = np.zeros(points.shape[2], bool)
     for grid in grids:
         result |= grid.may_hide(grid.view.reach(points))
     return result
@@ -266,16 +267,20 @@ def _may_hide(grids: list[LampGrid], points: Array) -> npt.NDArray[np.bool_]:
 def _candidates(
     grids: list[LampGrid], casters: Casters, points: Array
 ) -> tuple[npt.NDArray[np.int8], Numbers, Numbers, npt.NDArray[np.bool_]]:
-    """State of each receiver box, pairs (box, face) of those not lit, and whether it is too near
-    to a joined face."""
-    state = np.full(len(points), LIT, np.int8)
-    near = np.zeros(len(points), bool)
+    """State of each receiver box (4, 3, n), pairs (box, face) of those not lit, and whether it is
+    too near to a joined face."""
+    count = points.shape[2]
+    state = np.full(count, LIT, np.int8)
+    near = np.zeros(count, bool)
     pairs, faces = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
     for grid in grids:
         reach = grid.view.reach(points)
-        usable = np.flatnonzero(np.isfinite(reach.s[:, 0]))
-        box, caster = grid.candidates(reach[usable])
-        box = usable[box]
+        usable = np.flatnonzero(np.isfinite(reach.s[0]))
+        if len(usable) == count:
+            box, caster = grid.candidates(reach)
+        else:
+            box, caster = grid.candidates(reach[usable])
+            box = usable[box]
         near[box[grid.moves(reach, box, caster, casters.sag) > SHARE]] = True
         face, side = grid.face[caster], grid.side[caster]
         behind, ahead = _sides_of(casters, face, points, box)
@@ -286,12 +291,12 @@ def _candidates(
         inside, past = grid.meets(reach[box], caster)
         kept = np.flatnonzero(inside)
         box, face, caster, past = box[kept], face[kept], caster[kept], past[kept]
-        sure = (grid.reach.s[caster, 0] > reach.s[box, 1]) & ~past
-        half = np.zeros(len(points), bool)
+        sure = (grid.reach.s[0][caster] > reach.s[1][box]) & ~past
+        half = np.zeros(count, bool)
         half[box[~sure]] = True
-        hit = np.zeros(len(points), bool)
+        hit = np.zeros(count, bool)
         ask = np.flatnonzero(~half[box])
-        middle = points[box[ask]].mean(axis=1)
+        middle = points[:, :, box[ask]].mean(axis=0).T
         hit[box[ask[_meets(grid.view.lamp, middle, casters.corners[face[ask]])]]] = True
         state = np.maximum(state, np.where(half, HALF, np.where(hit, DARK, LIT)).astype(np.int8))
         pairs.append(box)
@@ -308,10 +313,10 @@ def _sides_of(
     slack = (1e-7 * np.abs(points).max(initial=0.0)) * np.linalg.norm(casters.normal, axis=1)[face]
     own = [n[face] for n in normal]
     low, high = np.full(len(face), np.inf), np.full(len(face), -np.inf)
-    for k in range(points.shape[1]):
+    for corner in points:
         height = -offset
         for axis in range(3):
-            height += own[axis] * points[:, k, axis][box]
+            height += own[axis] * corner[axis][box]
         np.minimum(low, height, out=low)
         np.maximum(high, height, out=high)
     return high <= slack, low >= -slack
