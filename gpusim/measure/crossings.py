@@ -23,7 +23,7 @@ __all__ = ["Crossings", "fit_crossings"]
 
 INSIDE = 0.62  # of the way to the next corner
 LEAST_SHARE = 0.4  # … at least, next to a pattern's end
-LEAST_REACH, MOST_REACH = 3.0, 12.0  # px
+LEAST_REACH, ROUGH_REACH, MOST_REACH = 3.0, 7.0, 12.0  # px; the second in a first fit
 FIRST_SIGMA, MOST_SIGMA = 0.5, 6.0  # px
 MOST_DRIFT = 3.0  # px from the start
 MIN_CONTRAST = 0.02  # of the image's grey range
@@ -143,7 +143,9 @@ def _fit(
 
     ``before`` are those of an earlier fit, around ``start``.
     """
-    x, y, grey, weight, middle = _windows(array, start, steps, inside)
+    x, y, grey, weight, middle = _windows(
+        array, start, steps, inside, ROUGH_REACH if rough else MOST_REACH
+    )
     usable = (weight.sum(axis=1) >= LEAST_PIXELS) & (np.abs(np.linalg.det(steps)) > 4.0)
     rows = np.flatnonzero(usable)
     p = np.full((len(start), PARAMETERS), np.nan)
@@ -179,11 +181,11 @@ def _fit(
 
 
 def _windows(
-    array: npt.NDArray[Any], start: FloatArray, steps: FloatArray, share: FloatArray
+    array: npt.NDArray[Any], start: FloatArray, steps: FloatArray, share: FloatArray, most: float
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
     """Pixels around each corner: x, y from the window's middle, grey, weight (C, P); middle."""
     length = (share * np.linalg.norm(steps, axis=2).max(axis=1)).max(initial=0.0)
-    radius = int(np.ceil(np.clip(length, LEAST_REACH, MOST_REACH)))
+    radius = int(np.ceil(np.clip(length, LEAST_REACH, most)))
     middle = np.rint(start)
     offset = np.arange(-radius, radius + 1.0)
     y, x = (axis.ravel() for axis in np.meshgrid(offset, offset, indexing="ij"))

@@ -31,6 +31,7 @@ __all__ = ["TrackResult", "track"]
 
 SOURCES = 3  # tracked markers from which each one is predicted
 SPAN = 4  # markers back along a chain, whose chord tells how the member has turned
+SAME = 0.3  # px between starts, over the subset
 SURE = 0.95  # correlation from which no further prediction is tried
 
 
@@ -270,12 +271,19 @@ class _Tracker:
     def _best(self, index: int, sources: list[int], *, still: bool) -> Match | None:
         """The best match of one marker over its predictions."""
         best: Match | None = None
+        tried: list[FloatArray] = []
         for source, start in self._predictions(index, sources, still=still):
             start[:, 0] = self.matcher.search(index, start)
+            # the same start but for less than a pixel and a degree or so ends the same
+            if any(np.abs(start[:, :3] - other[:, :3]).max() < SAME for other in tried):
+                continue
+            tried.append(start.copy())
             (match,) = self.matcher.match([index], start[None], [source])
             if best is None or (match.good, match.zncc) > (best.good, best.zncc):
                 best = match
-            if best.good and best.zncc >= SURE:
+            # converged on what fits well: another start would go there too, the way back as well
+            settled = best.good or best.status == Status.BACKWARD
+            if settled and best.zncc >= SURE:
                 break
         return best
 

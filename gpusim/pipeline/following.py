@@ -158,6 +158,9 @@ def follow_markers(
     arms = np.einsum("mij,maj->mai", turn, arms)
     _rescue(deformed, points, matched, arms, widths, status, [rows[c] for c in chains])
     refined, own_sigma, _ = fit_near(deformed, points + matched, arms, found.blur)
+    same = _unchanged(reference, deformed, points, matched, widths)
+    refined = np.where(same[:, None], points, refined)
+    own_sigma = np.where(same, found.sigma, own_sigma)
     gap = np.linalg.norm(refined - points - matched, axis=1)
     fine = np.asarray(gap <= MOST_GAP * widths)  # false for NaN
     moved = np.where(fine[:, None], refined - points, matched)
@@ -216,6 +219,23 @@ def _rescue(
             if located.status[0] == measure.MarkerStatus.FOUND:
                 matched[i], status[i] = located.points[0] - points[i], "OK"
                 arms[i] = arms_of(located)[0]
+
+
+def _unchanged(
+    reference: npt.NDArray[Any],
+    deformed: npt.NDArray[Any],
+    points: Array,
+    matched: Array,
+    widths: Array,
+) -> npt.NDArray[np.bool_]:
+    """Markers (M,) that show the same pixels in both pictures: the same pixels, the same centre."""
+    same = np.zeros(len(points), dtype=bool)
+    for i in np.flatnonzero(np.abs(matched).max(axis=1) < 0.5):  # false for NaN
+        x, y = np.rint(points[i]).astype(int)
+        half = int(0.75 * widths[i]) + 3
+        window = np.s_[max(y - half, 0) : y + half + 1, max(x - half, 0) : x + half + 1]
+        same[i] = np.array_equal(reference[window], deformed[window])
+    return same
 
 
 def _clipped(image: npt.NDArray[Any], at: Array, width: float, full: int) -> bool:

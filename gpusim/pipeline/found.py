@@ -22,6 +22,7 @@ Array = npt.NDArray[np.float64]
 SEARCH_SHARE = 0.5  # of a marker's width, around where the rough camera expects it
 LEAST_WIDTH = 10.0  # px; a marker's cross can't be fitted in less
 SIZES = (0.5, 1.3)  # of the width that a marker has when it is seen from the front
+ALIKE = 0.08  # logarithm of the ratio of widths that are looked for together
 FIRST_SHARE = 0.6  # of a marker's half width that a first fit of its cross looks at
 END_MARGIN = 1.2, 2.5  # px, and lens blurs, kept from a marker's own border
 REMEMBERED = 4096  # markers
@@ -34,12 +35,14 @@ class Found:
     """M markers, px; NaN where there is none.
 
     ``points`` (M, 2); ``arms`` (M, 2, 2), half widths along both borders; ``blur`` (M,) of the
-    lens; ``rough`` (M,) bool: only located, because the fit of the cross didn't settle.
+    lens; ``sigma`` (M,), standard uncertainty; ``rough`` (M,) bool: only located, because the fit
+    of the cross didn't settle.
     """
 
     points: Array
     arms: Array
     blur: Array
+    sigma: Array
     rough: npt.NDArray[np.bool_]
 
     @property
@@ -55,7 +58,7 @@ def size_range(width: float) -> tuple[float, float]:
 
 def find_near(image: npt.NDArray[Any], near: Array, widths: Array) -> Found:
     """Find the markers that are about ``widths`` (M,) px wide near the places (M, 2)."""
-    values = np.full((len(near), 8), np.nan)
+    values = np.full((len(near), 9), np.nan)
     seen = np.flatnonzero(np.isfinite(near).all(axis=1))
     keys = _keys(image, near[seen], widths[seen])
     new = []
@@ -72,7 +75,13 @@ def find_near(image: npt.NDArray[Any], near: Array, widths: Array) -> Found:
             _remembered[key] = values[i]
         while len(_remembered) > REMEMBERED:
             _remembered.popitem(last=False)
-    return Found(values[:, :2], values[:, 2:6].reshape(-1, 2, 2), values[:, 6], values[:, 7] > 0)
+    return Found(
+        values[:, :2],
+        values[:, 2:6].reshape(-1, 2, 2),
+        values[:, 6],
+        values[:, 7],
+        values[:, 8] > 0,
+    )
 
 
 def fit_near(
@@ -104,20 +113,20 @@ def arms_of(located: measure.Markers) -> Array:
 
 
 def _look(image: npt.NDArray[Any], near: Array, widths: Array) -> Array:
-    """Points, arms, blur and whether that is rough, in eight columns."""
+    """Points, arms, blur, sigma and whether that is rough, in nine columns."""
     points, arms = np.full_like(near, np.nan), np.full((len(near), 2, 2), np.nan)
-    for width in np.unique(np.round(widths, 1)):
-        rows = np.flatnonzero(np.round(widths, 1) == width)
-        located = measure.locate_markers(
-            image, near[rows], size_range(float(width)), SEARCH_SHARE * float(width)
-        )
+    # markers of about the same size together; which sizes are near one doesn't depend on the others
+    kind = np.round(np.log(widths) / ALIKE)
+    for one in np.unique(kind):
+        rows, width = np.flatnonzero(kind == one), float(np.exp(ALIKE * one))
+        located = measure.locate_markers(image, near[rows], size_range(width), SEARCH_SHARE * width)
         hit = located.status == measure.MarkerStatus.FOUND
         points[rows[hit]] = located.points[hit]
         arms[rows[hit]] = arms_of(located)[hit]
-    fine, _, blur = fit_near(image, points, arms)
+    fine, sigma, blur = fit_near(image, points, arms)
     rough = np.isfinite(points).all(axis=1) & ~np.isfinite(fine).all(axis=1)
     points = np.where(np.isfinite(fine), fine, points)
-    return np.column_stack([points, arms.reshape(-1, 4), blur, rough])
+    return np.column_stack([points, arms.reshape(-1, 4), blur, sigma, rough])
 
 
 def _keys(image: npt.NDArray[Any], near: Array, widths: Array) -> list[bytes]:
