@@ -19,7 +19,6 @@ from gpusim.fem.stiffness import DeviceStiffness
 from gpusim.fem.system import make_system
 from gpusim.gpu import Device
 
-
 __all__ = ["Probe", "host_probe", "operator_probe"]
 
 Float = npt.NDArray[np.float64]
