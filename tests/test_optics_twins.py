@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from importlib import import_module
 from typing import Any
 
@@ -75,18 +75,18 @@ def _triangle(stage: str) -> int:
 def test_one_corrupted_input_of_a_kernel_is_seen(
     device: Device, monkeypatch: pytest.MonkeyPatch, stage: str, change: Callable[[Any], None]
 ) -> None:
-    records = setup.Setup.records
+    blocks = setup.Setup.record_blocks
     number = _triangle(stage)
 
-    def corrupted(self: setup.Setup) -> np.ndarray:
-        result = records(self)
-        assert result.dtype == TRIANGLE
+    def corrupted(self: setup.Setup) -> Iterator[tuple[int, np.ndarray]]:
+        (found,) = blocks(self)
+        result = found[1].view(TRIANGLE)[:, 0]
         # the triangle with most pixels may have a plain rim: edges see all of them moved
         for record in result if stage == "optics/edges" else result[number : number + 1]:
             change(record)
-        return result
+        yield found
 
-    monkeypatch.setattr(setup.Setup, "records", corrupted)
+    monkeypatch.setattr(setup.Setup, "record_blocks", corrupted)
     with pytest.raises(TwinMismatch, match=stage):
         twin_checks()[stage](device)
 

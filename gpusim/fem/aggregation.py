@@ -57,7 +57,7 @@ def aggregate_level(
 
 
 def largest_eigenvalue(
-    product: Product | StencilProduct, inverse: Float | Patches, steps: int = 10
+    product: Product | StencilProduct, inverse: Float | Patches, steps: int
 ) -> float:
     """Of M A for the smoother's M, D^-1 or patches: Lanczos in the norm of M^-1 from a fixed
     start, with the residual and a little more on top (Zhou & Li, Linear Algebra Appl. 435 (2011)

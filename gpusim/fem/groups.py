@@ -27,6 +27,7 @@ __all__ = [
     "held_matrices",
     "lattice_group",
     "masked",
+    "may_repeat",
     "model_groups",
     "pair_blocks",
 ]
@@ -160,6 +161,16 @@ def model_groups(model: Model, formulation: Mapping[str, str]) -> list[Elements]
                 continue
         groups += _distinct_groups(name, points, cells, elasticity, material, formulation[name])
     return groups
+
+
+def may_repeat(model: Model) -> bool:
+    """Whether elements of some type may repeat, by a look at a few."""
+    assert model.material_of_cell is not None
+    return any(
+        _repeat(model.mesh.points, cells, model.material_of_cell[first : first + len(cells)])
+        for _, first, cells in model.mesh.blocks()
+        if len(cells)
+    )
 
 
 def _repeat(points: Float, cells: Int, material: Int) -> bool:

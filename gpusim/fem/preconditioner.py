@@ -28,6 +28,8 @@ _DEGREE = 2
 # eigenvalues of D^-1 A from 1/12 of the greatest on are the smoother's: half and twice as many
 # cost an iteration
 _RANGE = 12.0
+# the same of a single step, which mustn't come near twice the inverse of the greatest
+_LIGHT_RANGE = 8.0
 
 
 class BlockJacobi:
@@ -64,6 +66,8 @@ class _DeviceJacobi:
 
 def smoothing_steps(level: Level) -> tuple[Relaxation, ...]:
     """Chebyshev steps before and after the coarser levels."""
+    if level.lightly:
+        return chebyshev(level.largest / _LIGHT_RANGE, level.largest, 1)
     return chebyshev(level.largest / _RANGE, level.largest, _DEGREE)
 
 

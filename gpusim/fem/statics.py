@@ -16,6 +16,7 @@ from gpusim.fem.formulation import resolve_formulation
 from gpusim.fem.iterate import Outcome, System
 from gpusim.fem.methods import METHODS, Clock, Options, Result, solve_system
 from gpusim.fem.model import Model
+from gpusim.fem.numbering import Numbering
 from gpusim.fem.product import one_blas_thread
 from gpusim.fem.rounding import extremes
 from gpusim.fem.solution import Solution
@@ -100,7 +101,12 @@ def _solve_static(
     lattice = model_lattice(model)
     check_supports(model, lattice)
     formulations = resolve_formulation(model, formulation)
-    options = Options(device, backend, tolerance, max_iterations, _start(model, start), progress)
+    begin = _start(model, start)
+    numbering = None if lattice is not None else Numbering.of(model)
+    if numbering is not None:
+        model = numbering.renumbered(model)
+        begin = None if begin is None else numbering.forward(begin)
+    options = Options(device, backend, tolerance, max_iterations, begin, progress)
     clock.mark("check")
     assembled = assemble(model, formulations, lattice)
     clock.mark("assembly")
@@ -114,7 +120,8 @@ def _solve_static(
         result = Result(trivial, "none", backend, "none")
     else:
         result = solve_system(method, model, assembled, system, options, clock)
-    return _solution(model, system, assembled.rows, result, clock)
+    solution = _solution(model, system, assembled.rows, result, clock)
+    return solution if numbering is None else numbering.back(solution)
 
 
 def _check_arguments(

@@ -11,7 +11,7 @@ from functools import partial
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import csr_matrix
+from scipy.sparse import bsr_matrix, csr_matrix
 
 from gpusim.fem.arena import Allocator
 from gpusim.fem.block_rows import BlockRows, ranges
@@ -76,17 +76,18 @@ def _apply_range(
     low, high = rows.start[first], rows.start[last]
     degree = rows.degree[first:last]
     classes = rows.row_class[first:last]
-    difference = u[rows.neighbour[low:high]] - np.repeat(u[first:last], degree, axis=0)
+    difference = np.take(u, rows.neighbour[low:high], axis=0)
+    difference -= np.take(u, np.repeat(np.arange(first, last), degree), axis=0)
     if classes[0] + len(classes) - 1 == classes[-1] and rows.class_count == rows.node_count:
         blocks = rows.table[low:high]
     else:
         blocks = rows.table[ranges(rows.table_start[classes], degree)]
     if absolute:
         blocks, difference = np.abs(blocks), np.abs(difference)
-    force = np.einsum("kij,kj->ki", blocks, difference)
-    filled = np.flatnonzero(degree)
-    if filled.size:
-        result[first + filled] = np.add.reduceat(force, (rows.start[first:last] - low)[filled])
+    # each difference is the entry of a vector of its own
+    own = np.arange(high - low), rows.start[first : last + 1] - low
+    matrix = bsr_matrix((blocks, *own), shape=(3 * (last - first), 3 * int(high - low)))
+    result[first:last] = (matrix @ difference.ravel()).reshape(-1, 3)
 
 
 class DeviceStiffness:

@@ -25,6 +25,9 @@ LEAST_DAMPING = 1e-7
 # in a kink, as where a sharp border lies between two columns of pixels, steps go to and fro across
 # the valley and hardly down: a fit that gained no more than this share by so many is there
 LEAST_GAIN, GAIN_STEPS = 1e-4, 4
+# noise makes the kink jagged, and no step is the last: at the end this much will do, less than what
+# an error of one standard deviation adds to the squares of a thousand samples
+LAST_GAIN = 1e-3
 
 
 @dataclass(frozen=True)
@@ -111,6 +114,7 @@ def fit_many(
         active = active[~small & ~stuck]
         if not active.size:
             break
+    converged[active] = earlier[active] - square[active] <= LAST_GAIN * square[active]
     freedom = np.maximum((weight > 0).sum(axis=1) - size, 1)
     main = normal[:, diagonal, diagonal]
     # a parameter that changes nothing (a blur of none) is left out of the others' covariance

@@ -167,7 +167,7 @@ class Matcher:
         half = self.settings.half
         there = points + forward[:, :, 0]
         linear = np.eye(2) + forward[:, :, 1:3] / half
-        inverse = np.linalg.inv(linear)
+        inverse = np.asarray(np.linalg.inv(linear), dtype=np.float64)
         start = np.zeros_like(forward)
         start[:, :, 0] = -forward[:, :, 0]
         start[:, :, 1:3] = (inverse - np.eye(2)) * half

@@ -39,38 +39,55 @@ def coefficients(
     view: View, table: PatternTable, bitmaps: BitmapTable, lit: bool
 ) -> Iterator[Coefficients]:
     """All of a view's triangles in order, `BLOCK` at a time; the arrays are used again."""
-    patterned = bool((table.paints["featured"] > 0).any())
-    rows = [*((0, 1) if patterned else ()), 2, *((3, 4, 5) if lit else ())]
-    all_planes = np.zeros((6, 3, BLOCK))
+    featured = table.paints["featured"] > 0
+    patterned = bool(featured.any())
+    cell_of_paint = table.paints["cell"].astype(np.float64)
+    all_planes, all_basis = np.zeros((6, 3, BLOCK)), np.empty((3, 3, BLOCK))
+    spare, all_local = np.empty(BLOCK), np.empty((2, 3, BLOCK))
     ideal = view.ideal
     for first in range(0, view.count, BLOCK):
         part = slice(first, min(first + BLOCK, view.count))
+        count = part.stop - first
         corners, own = view.corners[part], view.planes[part]
-        planes = all_planes[:, :, : part.stop - first]
+        planes, basis, term = all_planes[:, :, :count], all_basis[:, :, :count], spare[:count]
         inverse = [1.0 / corners[:, i, 2] for i in range(3)]
         mean_inverse = (inverse[0] + inverse[1] + inverse[2]) / 3.0
         at = np.rint(corner_mean(ideal[part])).T
         cell = np.zeros_like(at)
-        local: list[Array] = []
+        values: dict[int, list[Array]] = {}
         if patterned:
-            record = table.paints[view.paint[part]]
-            size = record["cell"].astype(np.float64)
-            st = bitmaps.texel_positions(view.paint[part], corners[:, :, ST])
-            cell = np.floor(corner_mean(st).T / size) * (record["featured"] > 0)
-            local = [st[:, i].T - cell * size for i in range(3)]
+            paint = view.paint[part]
+            size, some = cell_of_paint[paint], featured[paint]
+            st = corners[:, :, ST]
+            if bitmaps.images:
+                st = bitmaps.texel_positions(paint, st)
+            for axis in range(2):
+                across = [st[:, i, axis] for i in range(3)]
+                cell[axis] = np.floor((across[0] + across[1] + across[2]) / 3.0 / size) * some
+                corner = cell[axis] * size
+                local = all_local[axis, :, :count]
+                for i in range(3):
+                    np.subtract(across[i], corner, out=local[i])
+                values[axis] = list(local)
+        if lit:
+            for axis in range(3):
+                values[3 + axis] = [corners[:, i, NORMAL.start + axis] for i in range(3)]
         scale = 1.0 / mean_inverse
-        basis = [[own[:, i, k] * scale for k in range(3)] for i in range(3)]
-        for row in rows:
+        for i in range(3):
             for k in range(3):
-                if row == 2:
-                    slope = basis[0][k] + basis[1][k] + basis[2][k]
-                elif row < 2:
-                    slope = local[0][row] * basis[0][k] + local[1][row] * basis[1][k]
-                    slope += local[2][row] * basis[2][k]
-                else:
-                    value = NORMAL.start + row - 3
-                    slope = corners[:, 0, value] * basis[0][k] + corners[:, 1, value] * basis[1][k]
-                    slope += corners[:, 2, value] * basis[2][k]
-                planes[row, k] = slope
-            planes[row, 2] = planes[row, 2] + planes[row, 0] * at[0] + planes[row, 1] * at[1]
+                np.multiply(own[:, i, k], scale, out=basis[i, k])
+        for k in range(3):
+            np.add(basis[0, k], basis[1, k], out=planes[2, k])
+            planes[2, k] += basis[2, k]
+        for row, corner_values in values.items():
+            for k in range(3):
+                slope = planes[row, k]
+                np.multiply(corner_values[0], basis[0, k], out=slope)
+                for i in (1, 2):
+                    np.multiply(corner_values[i], basis[i, k], out=term)
+                    slope += term
+        for row in (2, *values):
+            for k in range(2):
+                np.multiply(planes[row, k], at[k], out=term)
+                planes[row, 2] += term
         yield Coefficients(part, planes, at, cell, mean_inverse)

@@ -10,11 +10,12 @@ import numpy as np
 from gpusim.errors import InputError
 from gpusim.gpu import Device, default_device
 from gpusim.inputs import checked
-from gpusim.optics.binning import EdgePixels, bin_edges
+from gpusim.optics.binning import bin_edges
 from gpusim.optics.camera import Camera
 from gpusim.optics.edges import EdgePass, edges_twin
 from gpusim.optics.frame import Band, Frame
 from gpusim.optics.light import Light, is_light
+from gpusim.optics.seen import Sight, small_triangles
 from gpusim.optics.setup import Setup
 from gpusim.optics.shade import ShadePass, Tables, shade_twin
 from gpusim.optics.shadow import ShadowPass
@@ -90,8 +91,7 @@ def render(
     device = device or default_device()
     bands: list[Band] = []
     for first, stop, part in _parts(view, 0, camera.height):
-        setup = Setup.build(part, lights, background, surfaces)
-        bands += _draw(device, setup, bin_edges(part), first, stop)
+        bands += _draw(device, part, lights, background, surfaces, first, stop)
     return Frame(view, device, tuple(bands))
 
 
@@ -106,12 +106,26 @@ def _parts(view: View, first: int, stop: int) -> Iterator[tuple[int, int, View]]
     yield from _parts(view, middle, stop)
 
 
-def _draw(device: Device, setup: Setup, edges: EdgePixels, first: int, stop: int) -> list[Band]:
-    """Rows ``first`` … ``stop - 1`` in bands of what a texture may hold."""
-    width = setup.view.camera.width
-    rows = min(stop - first, max(16, BAND_BYTES // (4 * width)))
-    tables = Tables(device, setup)
-    shade_pass, edge_pass = ShadePass(tables, rows), EdgePass(tables, edges)
+def _draw(
+    device: Device,
+    view: View,
+    lights: Sequence[Light] | None,
+    background: float,
+    surfaces: Sequence[Surface],
+    first: int,
+    stop: int,
+) -> list[Band]:
+    """Rows ``first`` … ``stop - 1`` in bands of what a texture may hold.
+
+    The device begins with what is ready, while the host works on what comes next.
+    """
+    rows = min(stop - first, max(16, BAND_BYTES // (4 * view.camera.width)))
+    sight = Sight(device, view, rows) if small_triangles(view) else None
+    if sight is not None:
+        sight.begin(first, rows)
+    setup = Setup.build(view, lights, background, surfaces)
+    tables = Tables(device, setup, sight)
+    shade_pass = ShadePass(tables, rows, sight is not None, sight)
     shadow_pass = ShadowPass(tables) if setup.lighting.shadows is not None else None
     stride, bands = shade_pass.stride, []
     for row0 in range(first, stop, rows):
@@ -122,9 +136,11 @@ def _draw(device: Device, setup: Setup, edges: EdgePixels, first: int, stop: int
             if shadow_pass is not None and shade_pass.marks is not None:
                 recording.begin("optics.shadow")
                 shadow_pass.record(recording, shade_pass.marks, radiance, row0, count, stride)
-            recording.begin("optics.edges")
-            edge_pass.record(recording, radiance, row0, count, stride)
         bands.append(Band(row0, count, stride, radiance))
+    edge_pass = EdgePass(tables, bin_edges(view))
+    with device.recording("optics.edges") as recording:
+        for band in bands:
+            edge_pass.record(recording, band.buffer, band.row0, band.rows, stride)
     edge_pass.write_deep(bands)
     return bands
 

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gpusim.gpu import Buffer, Recording, Texture
+from gpusim.gpu import Buffer, Device, Recording, Texture
 from gpusim.optics.view import View
 
 if TYPE_CHECKING:
     from gpusim.optics.shade import Program, Tables
 
-__all__ = ["SeenPass", "small_triangles"]
+__all__ = ["SeenPass", "Sight", "small_triangles"]
 
 SMALL = 200.0
 """px; triangles that cover fewer are shaded pixel by pixel.
@@ -45,14 +45,52 @@ def small_triangles(view: View) -> bool:
     return pixels <= SMALL * view.count
 
 
+class Sight:
+    """The triangle that each pixel of a band sees.
+
+    It takes no more than where triangles are, so that the device draws it while the host still
+    works on what they look like.
+    """
+
+    def __init__(self, device: Device, view: View, rows: int) -> None:
+        fixed = view.fixed().reshape(-1, 2) if view.count else np.zeros((3, 2), np.int32)
+        self.device, self.view = device, view
+        self.screen = device.buffer(fixed, "shade.screen")
+        self.near, depth = view.raster_depth()
+        self.inverse_depth = device.buffer(depth, "shade.inverse_depth")
+        self.ids = device.target(view.camera.width, rows, "r32uint", "shade.ids")
+        self.depth = device.target(view.camera.width, rows, "depth32float", "shade.depth")
+        self._begun: tuple[int, int] | None = None
+
+    def begin(self, row0: int, rows: int) -> None:
+        """Let the device draw a band, which `record` then finds there."""
+        with self.device.recording("optics.visibility") as recording:
+            self._draw(recording, row0, rows)
+        self._begun = row0, rows
+
+    def record(self, recording: Recording, row0: int, rows: int) -> None:
+        """Draw a band, unless that has begun already."""
+        begun, self._begun = self._begun, None
+        if begun != (row0, rows):
+            self._draw(recording, row0, rows)
+
+    def _draw(self, recording: Recording, row0: int, rows: int) -> None:
+        raster = self.device.raster("optics/visibility", ("r32uint",))
+        width = self.view.camera.width
+        place = {"width": width, "rows": rows, "row0": row0, "near": self.near}
+        bindings = raster.bind(params=place, screen=self.screen, inverse_depth=self.inverse_depth)
+        recording.draw(
+            raster, bindings, colors=(self.ids,), depth=self.depth,
+            vertices=3 * self.view.count, size=(width, rows),
+        )  # fmt: skip
+
+
 class SeenPass:
     """The programs of a view, each over the pixels that see triangles of its kind."""
 
-    def __init__(self, tables: Tables, rows: int, programs: list[Program], near: float) -> None:
+    def __init__(self, tables: Tables, rows: int, programs: list[Program], sight: Sight) -> None:
         device, width = tables.device, tables.setup.view.camera.width
-        self.tables, self.programs, self.near = tables, programs, near
-        self.ids = device.target(width, rows, "r32uint", "shade.ids")
-        self.depth = device.target(width, rows, "depth32float", "shade.depth")
+        self.tables, self.programs, self.sight = tables, programs, sight
         self._levels: Buffer | None = None
         if len(programs) > 1:
             levels = np.zeros(max(tables.setup.view.count, 1), np.float32)
@@ -69,30 +107,21 @@ class SeenPass:
         self,
         recording: Recording,
         colors: tuple[Texture, ...],
-        inverse_depth: Buffer,
         params: dict[str, Any],
         shared: dict[str, Any],
     ) -> None:
         """Shade a band into ``colors``, whose first one is cleared to ``shared``'s background."""
         device = self.tables.device
         size = (int(params["width"]), int(params["rows"]))
-        raster = device.raster("optics/visibility", ("r32uint",))
-        place = {name: params[name] for name in ("width", "rows", "row0", "near")}
-        bindings = raster.bind(params=place, screen=self.tables.screen, inverse_depth=inverse_depth)
-        count = 3 * self.tables.setup.view.count
-        recording.draw(
-            raster, bindings, colors=(self.ids,), depth=self.depth, vertices=count, size=size
-        )
-        depth = self.depth
+        self.sight.record(recording, int(params["row0"]), size[1])
+        ids, depth = self.sight.ids, self.sight.depth
         if self._levels is not None:
             depth = self.level_depth
             raster = device.raster(
                 "optics/shade", (), self.programs[0].constants,
                 entries=("vertex_band", "fragment_levels"),
             )  # fmt: skip
-            bindings = raster.bind(
-                params={**params, "level": 0.0}, ids=self.ids, levels=self._levels
-            )
+            bindings = raster.bind(params={**params, "level": 0.0}, ids=ids, levels=self._levels)
             recording.draw(raster, bindings, colors=(), depth=depth, vertices=3, size=size)
         entry = "fragment_seen" if len(colors) == 1 else "fragment_seen_marked"
         clear: float | None = self.tables.setup.background
@@ -101,9 +130,7 @@ class SeenPass:
                 "optics/shade", tuple(texture.format for texture in colors), program.constants,
                 entries=("vertex_band", entry), depth="equal" if self._levels else "less",
             )  # fmt: skip
-            bindings = raster.bind(
-                params={**params, "level": self._level(k)}, ids=self.ids, **shared
-            )
+            bindings = raster.bind(params={**params, "level": self._level(k)}, ids=ids, **shared)
             recording.draw(
                 raster, bindings, colors=colors, depth=depth, vertices=3, size=size, clear=clear,
                 keep_depth=True,

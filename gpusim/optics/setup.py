@@ -121,6 +121,13 @@ class Setup:
         """The triangles as the shader reads them."""
         result = np.zeros(max(self.view.count, 1), TRIANGLE)
         words = result.view(np.float32).reshape(len(result), -1)
+        for first, block in self.record_blocks():
+            words[first : first + len(block)] = block
+        return result
+
+    def record_blocks(self) -> Iterator[tuple[int, npt.NDArray[np.float32]]]:
+        """The same block by block: the first triangle's number and words (n, 28), used again."""
+        words = np.empty((BLOCK, TRIANGLE.itemsize // 4), np.float32)
         gloss, paints = self.lighting.gloss, self.table.paints
         rough, metallic = np.ones(len(paints)), np.zeros(len(paints))
         if gloss is not None:
@@ -143,8 +150,8 @@ class Setup:
             bad = ~np.isfinite(columns[:20])
             if bad.any():
                 self._refuse(int(np.argmax(bad.any(axis=0))), columns, part.start)
-            words[part] = columns.T
-        return result
+            np.copyto(words[: len(paint)], columns.T)
+            yield part.start, words[: len(paint)]
 
     def _refuse(self, triangle: int, columns: npt.NDArray[np.float32], first: int) -> None:
         word = int(np.argmin(np.isfinite(columns[:20, triangle]))) // 4

@@ -27,8 +27,8 @@ from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.gloss import gloss_texels
 from gpusim.optics.light_tiles import LightTiles, LightTilesPass
 from gpusim.optics.pattern import FINEST, LOOP_TURNS
-from gpusim.optics.seen import SeenPass, small_triangles
-from gpusim.optics.setup import GRAZING, Setup, footprint, probe_setup, radiance_of
+from gpusim.optics.seen import SeenPass, Sight, small_triangles
+from gpusim.optics.setup import GRAZING, TRIANGLE, Setup, footprint, probe_setup, radiance_of
 from gpusim.optics.shadow_tables import ShadowTables
 from gpusim.optics.visibility import visibility_twin
 
@@ -41,9 +41,9 @@ NO_TILES = {"last": np.zeros(2), "middle": np.zeros(2), "size": 1, "columns": 1}
 class Tables:
     """A setup on the device, shared by the interior and the edge pass."""
 
-    def __init__(self, device: Device, setup: Setup) -> None:
+    def __init__(self, device: Device, setup: Setup, sight: Sight | None = None) -> None:
+        """``sight``: what is on the device already."""
         table, view = setup.table, setup.view
-        fixed = view.fixed().reshape(-1, 2) if view.count else np.zeros((3, 2), np.int32)
         self.device, self.setup = device, setup
         self.lamps = Uniform(device, setup.lighting.uniform(), "shade.lamps")
         self.gloss = gloss_texels(device, setup.lighting.gloss)
@@ -52,8 +52,12 @@ class Tables:
         self.shadows = ShadowTables(device, setup.lighting)
         self.paints = _as_texels(device, table.paints, "shade.paints")
         self.patterns = table.texels(device)
-        self.triangles = _as_texels(device, setup.records(), "shade.triangles")
-        self.screen = device.buffer(fixed, "shade.screen")
+        self.triangles = _triangles(device, setup)
+        if sight is None:
+            fixed = view.fixed().reshape(-1, 2) if view.count else np.zeros((3, 2), np.int32)
+            self.screen = device.buffer(fixed, "shade.screen")
+        else:
+            self.screen = sight.screen
         bends = distortion_map(view.camera)
         self.undistortion = self.bitmap_texels = device.no_texels("rgba32float")
         if bends is not None:
@@ -108,6 +112,15 @@ def _as_texels(device: Device, records: npt.NDArray[np.void], label: str) -> Tex
     return texels
 
 
+def _triangles(device: Device, setup: Setup) -> Texels:
+    """The triangles' records; written block by block, while they are in the processor's cache."""
+    per = TRIANGLE.itemsize // 16
+    texels = device.texels(per * max(setup.view.count, 1), "rgba32uint", "shade.triangles")
+    for first, words in setup.record_blocks():
+        texels.write(words.view(np.uint32).reshape(-1, 4), per * first)
+    return texels
+
+
 @dataclass(frozen=True, eq=False)
 class Program:
     """Override constants, and the numbers of the triangles to draw with them, nearest first."""
@@ -122,9 +135,16 @@ class ShadePass:
     A program for each kind of paint, because software rasterisers run both sides of every branch:
     a plain wall must not pay for the pattern on a marker. ``by_pixel``: whether pixels are shaded
     once their triangle is known (`gpusim.optics.seen`); None decides by the triangles' size.
+    ``sight``: the pixels' triangles, where they are found already.
     """
 
-    def __init__(self, tables: Tables, rows: int, by_pixel: bool | None = None) -> None:
+    def __init__(
+        self,
+        tables: Tables,
+        rows: int,
+        by_pixel: bool | None = None,
+        sight: Sight | None = None,
+    ) -> None:
         device, setup = tables.device, tables.setup
         view = setup.view
         turns = FINEST * (FINEST + 1) + 1 if setup.constants([1], False, False)["fine"] else 1
@@ -141,17 +161,20 @@ class ShadePass:
         if setup.lighting.shadows is not None:
             self.marks = device.target(view.camera.width, rows, "rg32uint", "shade.marks")
             self.colors = (self.color, self.marks)
-        self._near, depth = view.raster_depth()
-        self._inverse = device.buffer(depth, "shade.inverse_depth")
         by_pixel = small_triangles(view) if by_pixel is None else by_pixel
         light = LightTiles.of(setup)
         self._light = None if light is None else LightTilesPass(tables, light)
         self._light_found = False
         programs = _programs(setup, light, sort=not by_pixel)
-        self._seen = SeenPass(tables, rows, programs, self._near) if by_pixel else None
+        self._seen: SeenPass | None = None
         self._draws: list[tuple[Raster, Buffer, int]] = []
         if by_pixel:
+            sight = sight or Sight(device, view, rows)
+            self._near, self._inverse = sight.near, sight.inverse_depth
+            self._seen = SeenPass(tables, rows, programs, sight)
             return
+        self._near, depth = view.raster_depth()
+        self._inverse = device.buffer(depth, "shade.inverse_depth")
         self.depth = device.target(view.camera.width, rows, "depth32float", "shade.depth")
         entries = ("vertex", "fragment" if self.marks is None else "fragment_marked")
         formats = tuple(texture.format for texture in self.colors)
@@ -188,7 +211,7 @@ class ShadePass:
         clear: float | None = setup.background
         if self._seen is not None:
             del shared["screen"]
-            self._seen.record(recording, self.colors, self._inverse, params, shared)
+            self._seen.record(recording, self.colors, params, shared)
         for raster, order, count in self._draws:
             values = {**shared, "inverse_depth": self._inverse, "order": order}
             bindings = raster.bind(params=params, **values)

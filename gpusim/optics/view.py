@@ -207,20 +207,22 @@ def _pieces(
         corner = [np.ascontiguousarray(triangles[kept, k]) for k in range(3)]
         kept = kept[~without_area(*([ideal[:, axis][c] for c in corner] for axis in (0, 1)))]
     table, corner = _table(surface, points, (area, direction), kept, front, lit, screen.camera)
-    chosen = triangles[kept]
+    every = slice(None) if len(kept) == len(triangles) else kept
     for number, paint in enumerate(surface.paints.values()):
         if isinstance(paint, Speckle):
             own = surface.regions[topology.source[kept]] == number
             st = table[:, :, ST].copy()
             st[~front[kept]] = st[~front[kept]][:, [0, 2, 1]]
             shows[speckle_jumps(topology, kept, own, st, points, ideal, paint)] = True
-    flags = shows[topology.edge[kept]]
-    turned = ~front[kept]
+    flags = shows[topology.edge[every]]
+    turned = ~front[every]
     if turned.any():
         flags[turned] = flags[turned][:, [2, 1, 0]]
     pieces = Pieces(table, flags, kept)
-    out = (~ahead | screen.beyond(ideal))[chosen]
-    crossing = out[:, 0] | out[:, 1] | out[:, 2]
+    out = ~ahead | screen.beyond(ideal)
+    crossing = np.zeros(len(kept), bool)
+    if out.any():
+        crossing = out[corner[0]] | out[corner[1]] | out[corner[2]]
     if crossing.any():
         cut = clip(pieces[crossing], np.array([0.0, 0.0, 1.0]), near)
         for normal in screen.guards():
@@ -254,7 +256,10 @@ def _table(
     away = np.flatnonzero(turned)
     corner = [np.ascontiguousarray(triangles[kept, k]) for k in range(3)]
     corner[1][away], corner[2][away] = corner[2][away], corner[1][away]
-    columns = np.zeros((3, 11, len(kept)))
+    columns = np.empty((3, 11, len(kept)))
+    columns[:, ST] = 0.0
+    if not lit:
+        columns[:, NORMAL] = 0.0
     table = np.moveaxis(columns, 2, 0)
 
     def fill(first: int, values: Array) -> None:
