@@ -54,8 +54,10 @@ def aggregate_level(
     largest thing there is, and a copy of it with the diagonal in place isn't needed.
     """
     apart = isinstance(matrix, RowsProduct)
-    off, scale = (matrix.others, matrix.scale) if apart else (matrix, 1.0)
-    diagonal = matrix.diagonal if apart else diagonal_blocks(matrix)
+    if isinstance(matrix, RowsProduct):
+        off, diagonal, scale = matrix.others, matrix.diagonal, matrix.scale
+    else:
+        off, diagonal, scale = matrix, diagonal_blocks(matrix), 1.0
     aggregate, count = _shrinking_aggregates(off, diagonal, mask)
     tentative, coarse_null, coarse_mask = _tentative(near_null, aggregate, count)
     # P = (I - 4/(3 lambda) D^-1 A) T, with D^-1 D T = T

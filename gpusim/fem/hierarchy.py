@@ -201,7 +201,8 @@ def _aggregate(
     length = float(np.abs(points - origin).max()) or 1.0
     near_null, mask = rigid_modes(points, origin, length) * free[:, :, None], free
     stalled = False
-    while not levels or (matrix.shape[0] > coarsest and not stalled):
+    unknowns = free.size
+    while not levels or (unknowns > coarsest and not stalled):
         if isinstance(matrix, RowsProduct):
             product: Product = matrix
             inverse = invert_blocks(matrix.diagonal / matrix.scale, mask)
@@ -210,7 +211,8 @@ def _aggregate(
         largest = largest_eigenvalue(product, inverse, _STEPS)
         coarser = aggregate_level(matrix, inverse, largest, near_null, mask)
         levels.append(Level(product, inverse, largest, MatrixTransfer(coarser.prolongation)))
-        stalled = coarser.matrix.shape[0] > 0.9 * product.unknowns
+        unknowns = coarser.matrix.shape[0]
+        stalled = unknowns > 0.9 * product.unknowns
         matrix, near_null, mask = coarser.matrix, coarser.near_null, coarser.mask
     assert not isinstance(matrix, RowsProduct)
     keep = mask.ravel()
