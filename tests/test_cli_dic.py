@@ -12,11 +12,13 @@ import cv2
 import h5py
 import numpy as np
 import pytest
+import tifffile
 from typer.testing import CliRunner
 
 from gpusim.cli import app
 from gpusim.errors import InputError
-from gpusim.export.correlation import read_grey, write_correlation
+from gpusim.export.correlation import write_correlation
+from gpusim.export.pictures import pages_of, read_grey
 from gpusim.measure import Status, dic, strain
 from tests.measure_images import speckles
 
@@ -146,3 +148,33 @@ def test_a_table_needs_a_known_suffix(tmp_path: Path) -> None:
     result = dic(image, image, subset=15, step=6)
     with pytest.raises(InputError, match="xlsx"):
         write_correlation(tmp_path / "table.xlsx", result, strain(result))
+
+
+def test_pages_of_a_stack_are_named_or_all_taken(cli: Run, tmp_path: Path) -> None:
+    pages = [
+        np.rint(speckles(**SIZE, shift=(2.0 * (k == 1), 0.0))).astype(np.uint8) for k in range(3)
+    ]
+    stack = tmp_path / "stack.tif"
+    with tifffile.TiffWriter(stack) as tiff:
+        for page in pages:
+            tiff.write(page)
+        tiff.write(pages[0][::2, ::2].copy(), subfiletype=1)  # a preview is no page
+    with pytest.raises(InputError, match=r"3 pages.*stack\.tif#1"):
+        read_grey(stack)
+    assert np.array_equal(read_grey(f"{stack}#2"), pages[1])
+    with pytest.raises(InputError, match="page 4; expected 1 to 3"):
+        read_grey(f"{stack}#4")
+    assert [page.name for page in pages_of(stack)] == ["stack.tif#1", "stack.tif#2", "stack.tif#3"]
+
+    common = ("-o", tmp_path / "out", "--backend", "numpy", "--step", 20)
+    refused = cli("dic", stack, stack, *common)
+    assert refused.exit_code == 2 and "3 pages" in " ".join(refused.output.split())
+    done = cli("dic", f"{stack}#1", stack, *common, "--json")
+    assert done.exit_code == 0, done.output
+    rows = json.loads(done.stdout)["images"]
+    assert [Path(row["image"]).name for row in rows] == [
+        "stack.tif#1",
+        "stack.tif#2",
+        "stack.tif#3",
+    ]
+    assert [round(row["u_mean"], 2) for row in rows] == [0.0, 2.0, 0.0]

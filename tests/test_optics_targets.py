@@ -10,6 +10,8 @@ import pytest
 
 import gpusim as gs
 from gpusim.gpu import Device
+from gpusim.optics.pattern import PatternTable
+from gpusim.optics.view import RegionPaint
 from gpusim.surface.fiducials import ring_codes
 from tests.optics_reference import Array, Plate, difference, reference
 
@@ -203,3 +205,7 @@ def test_wrong_targets_are_refused(device: Device) -> None:
     board = plate(circles)
     with pytest.raises(gs.InputError, match="overlap"):
         gs.render([gs.Surface(board.corners(), QUAD, paint=close)], camera(31, 19), device=device)
+    far, near = np.full(2, 1e12), CENTRES + 1e12
+    region = RegionPaint(gs.paint.Circles(near, (0.1,)), far - 1.0, far + 2.0, 1e-3)
+    with pytest.raises(gs.InputError, match="surface too large for its pattern"):
+        PatternTable.build([region])

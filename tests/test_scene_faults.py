@@ -311,3 +311,10 @@ def test_junk_anywhere_ends_in_a_scene_error_or_a_scene(crane: Document, junk: A
             assert error.faults, path
         else:
             assert "nan" not in scene.content.lower(), path
+
+
+@pytest.mark.parametrize("size", [1e21, float("inf")])
+def test_a_prop_too_large_for_what_is_on_it_is_a_fault(crane: Document, size: float) -> None:
+    found = faults(with_value(crane, "prop.0.size_mm", [size, 400.0]))
+    (fault,) = (one for key, one in found.items() if key.startswith("prop.0.size_mm"))
+    assert repr(size)[:3] in fault.got

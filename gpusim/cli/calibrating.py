@@ -18,8 +18,8 @@ from gpusim._version import __version__
 from gpusim.cli.calibration_table import rig_table
 from gpusim.cli.console import out
 from gpusim.errors import InputError
-from gpusim.export.correlation import read_grey
 from gpusim.export.files import write_text
+from gpusim.export.pictures import pages_of, picture_file, read_grey
 from gpusim.measure.bundle import LENSES
 from gpusim.optics.calibration_files import UNIT_MM, write_calibration
 from gpusim.optics.camera import Camera
@@ -153,7 +153,7 @@ def _board(wishes: Wishes) -> measure.Chessboard | measure.CharucoBoard:
 
 
 def _pictures(paths: Sequence[Path]) -> list[Path]:
-    """Files as given, folders as the pictures in them by name."""
+    """Files as given, with all pages of a stack; folders as the pictures in them by name."""
     files: list[Path] = []
     for path in paths:
         if path.is_dir():
@@ -161,8 +161,8 @@ def _pictures(paths: Sequence[Path]) -> list[Path]:
             if not own:
                 raise InputError(f"calibrate: {path}: no pictures ({', '.join(SUFFIXES)})")
             files += own
-        elif path.is_file():
-            files.append(path)
+        elif picture_file(path)[0].is_file():
+            files += pages_of(path)
         else:
             raise InputError(f"calibrate: {path}: not found")
     return files

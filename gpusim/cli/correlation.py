@@ -15,8 +15,9 @@ import numpy.typing as npt
 from gpusim._version import __version__
 from gpusim.cli.console import ProgressDisplay, out
 from gpusim.errors import InputError, NotConverged
-from gpusim.export.correlation import read_grey, write_correlation, write_stereo
+from gpusim.export.correlation import write_correlation, write_stereo
 from gpusim.export.files import safe_name, write_text
+from gpusim.export.pictures import pages_of, picture_file, read_grey
 from gpusim.gpu import Device
 from gpusim.measure import (
     CalibratedCamera,
@@ -85,6 +86,7 @@ def correlate_files(
     """
     _check_choices(choices)
     _check_files([reference, *deformed])
+    deformed = [page for path in deformed for page in pages_of(path)]
     first = read_grey(reference)
     lens = None
     if choices.calibration is not None:
@@ -258,7 +260,7 @@ def _cameras(path: Path, shapes: Sequence[tuple[int, ...]], option: str) -> list
 
 
 def _check_files(paths: Sequence[Path]) -> None:
-    missing = [str(path) for path in paths if not path.is_file()]
+    missing = [str(path) for path in paths if not picture_file(path)[0].is_file()]
     if missing:
         raise InputError(
             f"image file{'s' if len(missing) > 1 else ''} not found: {', '.join(missing)}"

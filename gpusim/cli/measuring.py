@@ -35,8 +35,14 @@ class Board(StrEnum):
 
 
 def dic(
-    reference: Annotated[Path, typer.Argument(metavar="REF", help="The picture before.")],
-    deformed: Annotated[list[Path], typer.Argument(metavar="DEF...", help="Pictures after it.")],
+    reference: Annotated[
+        Path,
+        typer.Argument(metavar="REF", help="The picture before; page 1 of a stack: FILE.tif#1."),
+    ],
+    deformed: Annotated[
+        list[Path],
+        typer.Argument(metavar="DEF...", help="Pictures after it; a TIFF stack: all its pages."),
+    ],
     output: Output,
     subset: Annotated[int, typer.Option(help="Odd width of the subsets, px.")] = 31,
     step: Annotated[int, typer.Option(help="Distance of the points, px.")] = 10,

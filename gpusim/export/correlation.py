@@ -1,4 +1,4 @@
-"""Measured displacements and strains as CSV, NPZ and HDF5; pictures of any kind as grey images.
+"""Measured displacements and strains as CSV, NPZ and HDF5.
 
 Every table has one row per point. What couldn't be measured is an empty field (CSV) or NaN, with
 the reason in ``status``.
@@ -6,16 +6,13 @@ the reason in ``status``.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import cv2
 import h5py
 import numpy as np
 import numpy.typing as npt
-import tifffile
 
 from gpusim.errors import InputError
 from gpusim.export.files import PathLike, atomic_path, atomic_stream, write_text
@@ -23,7 +20,6 @@ from gpusim.measure import DicResult, Status, StereoResult, StrainResult
 
 __all__ = [
     "FORMATS",
-    "read_grey",
     "result_columns",
     "stereo_columns",
     "write_correlation",
@@ -35,37 +31,6 @@ UNITS = dict.fromkeys(("x", "y", "u", "v", "sigma", "x_right", "y_right", "resid
 UNITS |= dict.fromkeys(("X", "Y", "Z", "U", "V", "W", "sigma_X", "sigma_Y", "sigma_Z"), "mm")
 PICTURE_FRAME = "pixels of the reference image, x right, y down"
 RIG_FRAME = "x, y: pixels of the left picture; X, Y, Z: left camera, x right, y down, z forward"
-GREY_WEIGHTS = np.array([0.114, 0.587, 0.299])  # blue, green, red: ITU-R BT.601
-
-
-def read_grey(path: PathLike) -> npt.NDArray[Any]:
-    """Read any picture as (H, W) grey, at the bit depth that it has.
-
-    Colour becomes luma (ITU-R BT.601) in float32, transparency is dropped, of several pages the
-    first is taken. Raises InputError for a file that is missing or no picture.
-    """
-    if not Path(path).is_file():
-        raise InputError(f"image file: {path}: not found")
-    image: npt.NDArray[Any] | None = cv2.imread(os.fspath(path), cv2.IMREAD_UNCHANGED)
-    if image is None:
-        try:
-            image = np.asarray(tifffile.imread(path, key=0))
-        except (tifffile.TiffFileError, ValueError, KeyError, IndexError, OSError) as error:
-            raise InputError(f"image file: {path}: can't be read as a picture") from error
-        if image.ndim == 3:
-            image = image[..., ::-1] if image.shape[2] == 3 else image
-    if image.ndim == 3 and image.shape[2] in (3, 4):
-        colour = image[..., :3]
-        if (colour == colour[..., :1]).all():
-            return np.ascontiguousarray(colour[..., 0])
-        return np.asarray(colour @ GREY_WEIGHTS, dtype=np.float32)
-    if image.ndim == 3 and image.shape[2] in (1, 2):
-        image = image[..., 0]
-    if image.ndim != 2 or image.dtype.kind not in "uif":
-        raise InputError(
-            f"image file: {path}: got shape {image.shape}, {image.dtype}; expected grey or colour"
-        )
-    return np.ascontiguousarray(image)
 
 
 def result_columns(

@@ -30,6 +30,7 @@ _BINDING = re.compile(
 )
 _OVERRIDE = re.compile(r"\boverride\s+(\w+)\s*(?::\s*\w+)?\s*(=)?")
 _NUMBER = re.compile(r"\b(?:const|override)\s+(\w+)(?:\s*:\s*\w+)?\s*=\s*(\d+)[ui]?\s*;")
+_BRACE = re.compile(r"[{}]")
 _FUNCTION = re.compile(r"((?:@\w+(?:\([^)]*\))?\s*)*)\bfn\s+(\w+)\s*\(")
 _STAGE = re.compile(r"@(compute|vertex|fragment)\b")
 _WORD = re.compile(r"\b[A-Za-z_]\w*\b")
@@ -211,14 +212,14 @@ def _functions(plain: str, module: str) -> dict[str, tuple[str, str]]:
     """Name -> (attributes, text from the parameter list to the closing brace)."""
     found = {}
     for match in _FUNCTION.finditer(plain):
-        end = 1 + plain.find("{", match.end())
-        depth = 1
-        while depth:
-            if end <= 0 or end >= len(plain):
-                raise InputError(f"{module}: the braces of function {match.group(2)} don't match")
-            depth += {"{": 1, "}": -1}.get(plain[end], 0)
-            end += 1
-        found[match.group(2)] = (match.group(1), plain[match.end() : end])
+        depth = 0
+        for brace in _BRACE.finditer(plain, match.end()):
+            depth += 1 if brace.group() == "{" else -1
+            if depth <= 0:
+                break
+        else:
+            raise InputError(f"{module}: the braces of function {match.group(2)} don't match")
+        found[match.group(2)] = (match.group(1), plain[match.end() : brace.end()])
     return found
 
 

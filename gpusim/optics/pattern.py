@@ -47,6 +47,9 @@ FINEST = 8
 """A footprint over small squares is cut into at most this many pieces a side."""
 
 
+CELL_NUMBERS = 2**31  # of 32 bits
+
+
 @dataclass(frozen=True, eq=False)
 class PatternTable:
     """``paints`` as the shader reads them, and the features of each cell.
@@ -68,7 +71,7 @@ class PatternTable:
         Raises
         ------
         InputError
-            Two features of one region overlap.
+            Two features of one region overlap, or a surface is too large for its pattern.
         """
         paints = np.zeros(max(len(regions), 1), PAINT)
         starts, rows = [np.zeros(1, np.int64)], [np.zeros((0, 16))]
@@ -83,6 +86,13 @@ class PatternTable:
                 continue
             rows.append(filed.records)
             starts.append(total + np.cumsum(filed.counts))
+            furthest = max(abs(k) + n for k, n in zip(filed.lowest, filed.shape, strict=True))
+            if not furthest < CELL_NUMBERS:
+                raise InputError(
+                    f"paint: surface too large for its pattern; got cells of {filed.cell:g} up to "
+                    f"{furthest * filed.cell:.3g} from the pattern's origin; expected below "
+                    f"{CELL_NUMBERS * filed.cell:.3g}"
+                )
             record["cell"], record["featured"] = filed.cell, 1
             record["i0"], record["j0"] = filed.lowest
             record["columns"], record["rows"] = filed.shape

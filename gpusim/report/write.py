@@ -14,6 +14,9 @@ from gpusim.report.model import Report
 
 __all__ = ["ReportPaths", "write_report"]
 
+# iterations; a direct solve takes one or two, and there is nothing to see of them
+_WORTH_A_PLOT = 4
+
 
 @dataclass(frozen=True)
 class ReportPaths:
@@ -50,7 +53,7 @@ def _draw(report: Report, folder: Path) -> FigureSet:
     judged = [item for item in report.measurements if np.isfinite(item.error_relative)]
     errors = draw_errors(judged, folder / "errors.png") if judged else None
     convergence = None
-    if report.residuals:
+    if len(report.residuals) >= _WORTH_A_PLOT:
         convergence = draw_convergence(report.residuals, folder / "convergence.png")
     return FigureSet(series, errors, overlays, convergence, report.figures)
 

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from .base import Direction, Length, Name, PositivePair, Table, Vector, fault, norm, parallel
+from .base import Direction, Name, Table, Vector, fault, norm, parallel
 from .mesh import MESH_SUFFIXES
 from .paint import MarkersTable, PaintTable
 
@@ -15,6 +15,8 @@ __all__ = ["SURFACE_SUFFIXES", "CalibrationTable", "PoseTable", "PropTable"]
 
 # Files of faces alone; said here too, because a plan loads no numerics.
 SURFACE_SUFFIXES = (".stl", ".ply", ".obj", ".off")
+
+PropLength = Annotated[float, Field(gt=0, le=1e10)]
 
 
 class PoseTable(Table):
@@ -41,8 +43,8 @@ class PlateTable(_Prop):
     normal: Direction
     """Out of its front."""
     up: Direction = [0.0, 0.0, 1.0]
-    size_mm: PositivePair
-    """Width (across ``up``) and height."""
+    size_mm: Annotated[list[PropLength], Field(min_length=2, max_length=2)]
+    """Width (across ``up``) and height, at most 1e10 mm: beyond, rounding moves what is on it."""
     paint: Annotated[list[PaintTable], Field(min_length=1, max_length=1)]
     """One paint: a plate has one face."""
 
@@ -90,8 +92,8 @@ class BoxPropTable(_Shaped):
 
     type: Literal["box"]
     center_mm: Vector
-    size_mm: Annotated[list[Length], Field(min_length=3, max_length=3)]
-    """Along x, y, z, before rotation."""
+    size_mm: Annotated[list[PropLength], Field(min_length=3, max_length=3)]
+    """Along x, y, z, before rotation, at most 1e10 mm."""
 
 
 class MeshPropTable(_Shaped):
