@@ -157,7 +157,7 @@ def _resolve(setup: Setup, edges: EdgePixels) -> Array:
     row, piece = visible_pieces(*clip_square(planes), planes, corners, first, cutting)
     size, middle = moments(piece)
     albedo, printed = _mean_albedo(setup, triangle[row], at[row], piece, middle)
-    area = np.bincount(row, size, len(pixel))
+    area: Array = np.bincount(row, size, len(pixel)).astype(np.float64)
     some = np.flatnonzero(area > 0.0)
     means = [
         np.bincount(row, size * values, len(pixel))[some] / area[some]
@@ -167,7 +167,7 @@ def _resolve(setup: Setup, edges: EdgePixels) -> Array:
     sides: Array | None = None
     if setup.lighting.shadows is not None:
         own = second_moments(piece)
-        second = np.stack([np.bincount(row, v, len(pixel))[some] for v in own.T], axis=1)
+        second: Array = np.stack([np.bincount(row, v, len(pixel))[some] for v in own.T], axis=1)
         sides = rectangles(area, np.stack([means[2], means[3]], axis=1), second)
     light = radiance_of(setup, triangle[some], x, y, means[0], means[1], sides)
     seen = np.bincount(pixel[some], area, count)
