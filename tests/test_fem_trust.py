@@ -10,9 +10,11 @@ import pytest
 from threadpoolctl import threadpool_info
 
 from gpusim import Isotropic, Mesh, Model, NotConverged, solve
+from gpusim.fem import supports
 from gpusim.fem.assembly import assemble
 from gpusim.fem.block_rows import block_matrix
 from gpusim.fem.formulation import resolve_formulation
+from gpusim.mesh import box, quadratic, split
 
 Float = npt.NDArray[np.float64]
 
@@ -124,3 +126,41 @@ def test_threads_get_the_same_bits_and_leave_blas_as_it_was() -> None:
     assert [one["num_threads"] for one in threadpool_info()] == before
     for number in range(4):
         assert np.array_equal(together[number], alone[number % 2])
+
+
+def irregular(tets: bool, size: tuple[float, float, float]) -> Model:
+    """A clamped bar, pulled at a corner and twisted, with elements all of different shape."""
+    mesh = box(size, tuple(round(5 * length) for length in size))
+    mesh = split(mesh, "tet4") if tets else mesh
+    low, high = mesh.bounds
+    inside = ((mesh.points > low) & (mesh.points < high)).all(axis=1)
+    step = 0.03 * np.random.default_rng(6).uniform(-1.0, 1.0, mesh.points.shape)
+    mesh = mesh.moved(np.where(inside[:, None], step, 0.0))
+    mesh = quadratic(mesh) if tets else mesh
+    forces = np.zeros((2, *mesh.points.shape))
+    forces[0, int(np.argmax(mesh.points.sum(axis=1)))] = (1.0, 0.3, -2.0)
+    end = mesh.points[:, 0] == mesh.points[:, 0].max()
+    forces[1, end] = np.cross(mesh.points[end] - mesh.points[end].mean(axis=0), (1.0, 0.0, 0.0))
+    fixed = np.repeat(mesh.points[:, :1] == 0.0, 3, axis=1)
+    return Model(mesh, [Isotropic(1.0, 0.3)], fixed=fixed, forces=forces)
+
+
+@pytest.mark.parametrize("tets", [True, False])
+@pytest.mark.parametrize("size", [(1.4, 1.0, 0.8), (8.0, 0.8, 0.6)])
+def test_the_estimate_covers_every_node(tets: bool, size: tuple[float, float, float]) -> None:
+    model = irregular(tets, size)
+    exact = solve(model, tolerance=1e-12, method="direct").u
+    for tolerance in (1e-2, 1e-4, 1e-6, 1e-8):
+        found = solve(model, tolerance=tolerance, method="multigrid", backend="numpy")
+        error = np.abs(found.u - exact).max(axis=(1, 2)) / np.abs(exact).max(axis=(1, 2))
+        assert found.converged and error.max() <= found.error_estimate <= tolerance
+
+
+def test_supports_are_looked_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    model = irregular(True, (1.0, 0.6, 0.4))
+    looks: list[int] = []
+    parts = supports._parts
+    monkeypatch.setattr(supports, "_parts", lambda mesh: (looks.append(1), parts(mesh))[1])
+    supports.check_supports(model)
+    solve(model, backend="numpy")
+    assert looks == [1]

@@ -6,18 +6,22 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from gpusim.bench.cases import Case
 from gpusim.fem import Model
-from gpusim.fem.assembly import assemble
+from gpusim.fem.assembly import assemble, model_lattice
 from gpusim.fem.block_rows import block_matrix
 from gpusim.fem.formulation import resolve_formulation
-from gpusim.fem.product import Product
+from gpusim.fem.numbering import Numbering
+from gpusim.fem.product import Product, RowsProduct
 from gpusim.fem.stiffness import DeviceStiffness
 from gpusim.fem.system import make_system
 from gpusim.gpu import Device
 
 __all__ = ["Probe", "host_probe", "operator_probe"]
+
+Float = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -39,6 +43,7 @@ class Probe:
 
 def operator_probe(case: Case, model: Model, device: Device, repeat: int = 8) -> Probe:
     """The operator of a model, uploaded."""
+    model = _as_solved(model)
     rows = assemble(model, resolve_formulation(model, {case.kind: case.rule})).rows
     before = device.allocated
     operator = DeviceStiffness(device, rows, 1.0, 1)
@@ -58,13 +63,23 @@ def operator_probe(case: Case, model: Model, device: Device, repeat: int = 8) ->
     return Probe(apply, repeat, stored + vectors, stored, 76 * blocks + vectors, u.size)
 
 
+def _as_solved(model: Model) -> Model:
+    numbering = None if model_lattice(model) is not None else Numbering.of(model)
+    return model if numbering is None else numbering.renumbered(model)
+
+
 def host_probe(case: Case, model: Model) -> Probe:
     """The product that conjugate gradients take on the host: runs of nodes on a lattice whose rows
-    repeat, blocks of 3x3 elsewhere."""
+    repeat, blocks of 3x3 elsewhere, in the solver's own numbers of nodes."""
+    model = _as_solved(model)
     assembled = assemble(model, resolve_formulation(model, {case.kind: case.rule}))
     rows, system = assembled.rows, make_system(model, assembled)
     by_runs = None if system.stencil is None else system.stencil.product
-    product = Product(block_matrix(rows, system.scale)) if by_runs is None else by_runs
+    product: Callable[[Float], Float] = by_runs or (
+        RowsProduct(rows, system.scale)
+        if RowsProduct.fits(rows)
+        else Product(block_matrix(rows, system.scale))
+    )
     u = np.random.default_rng(1).normal(size=(1, model.mesh.points.size))
     blocks = int(rows.degree.sum()) + rows.node_count
     vectors = 2 * u.nbytes

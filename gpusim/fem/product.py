@@ -12,7 +12,7 @@ from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import bsr_matrix
+from scipy.sparse import _sparsetools, bsr_matrix
 from threadpoolctl import threadpool_limits
 
 from gpusim.fem.block_rows import BlockRows, block_matrix
@@ -25,6 +25,8 @@ R = TypeVar("R")
 
 # below this many stored numbers a thread costs more than it saves
 _SMALL = 200_000
+# parts per processor, so that none waits long for another
+_PIECES = 4
 
 
 @cache
@@ -91,26 +93,16 @@ class Product:
 
     def __init__(self, matrix: bsr_matrix) -> None:
         self._matrix = matrix
-        size = matrix.blocksize[0]
-        rows = matrix.shape[0] // size
-        parts = processors() if matrix.data.size > _SMALL else 1
+        rows = matrix.shape[0] // matrix.blocksize[0]
+        parts = _PIECES * processors() if matrix.data.size > _SMALL else 1
         # equal shares of stored blocks
         share = np.linspace(0, matrix.indptr[-1], parts + 1)
         cuts = np.searchsorted(matrix.indptr, share)
         cuts[0], cuts[-1] = 0, rows
-        self._parts = []
-        for first, last in zip(cuts[:-1].tolist(), cuts[1:].tolist(), strict=True):
-            low, high = int(matrix.indptr[first]), int(matrix.indptr[last])
-            part = bsr_matrix(
-                (
-                    matrix.data[low:high],
-                    matrix.indices[low:high],
-                    matrix.indptr[first : last + 1] - low,
-                ),
-                shape=(size * (last - first), matrix.shape[1]),
-                copy=False,
-            )
-            self._parts.append(part)
+        self._parts = [
+            _Rows(matrix, first, last)
+            for first, last in zip(cuts[:-1].tolist(), cuts[1:].tolist(), strict=True)
+        ]
 
     @property
     def matrix(self) -> bsr_matrix:
@@ -121,12 +113,42 @@ class Product:
         return int(self._matrix.shape[0])
 
     def __call__(self, x: Float) -> Float:
+        result = np.zeros((len(x), self.unknowns))
+        tasks = [
+            (part, np.ascontiguousarray(one), into)
+            for one, into in zip(x, result, strict=True)
+            for part in self._parts
+        ]
         if len(self._parts) == 1:
-            return np.stack([self._parts[0] @ one for one in x])
-        tasks = [(part, one) for one in x for part in self._parts]
-        done = list(pool().map(lambda task: task[0] @ task[1], tasks))
-        count = len(self._parts)
-        return np.stack([np.concatenate(done[k : k + count]) for k in range(0, len(done), count)])
+            for task in tasks:
+                self._add(*task)
+        else:
+            list(pool().map(lambda task: self._add(*task), tasks))
+        return result
+
+    def _add(self, part: _Rows, x: Float, into: Float) -> None:
+        part.add(x, into)
+
+
+class _Rows:
+    """Some rows of a block matrix. SciPy's own kernel, which its classes call, adds to what is
+    there: no sums of parts, no copies (``_sparsetools``)."""
+
+    def __init__(self, matrix: bsr_matrix, first: int, last: int) -> None:
+        self.first, self.last, self._blocksize = first, last, matrix.blocksize
+        low, high = int(matrix.indptr[first]), int(matrix.indptr[last])
+        self._start = matrix.indptr[first : last + 1] - matrix.indptr[first]
+        self._column = matrix.indices[low:high]
+        self._data = matrix.data[low:high].reshape(-1)
+        self._columns = matrix.shape[1] // matrix.blocksize[1]
+        self.own = slice(matrix.blocksize[0] * first, matrix.blocksize[0] * last)
+
+    def add(self, x: Float, into: Float) -> None:
+        """Add the product with all of ``x`` to the rows' part of ``into``."""
+        _sparsetools.bsr_matvec(
+            self.last - self.first, self._columns, *self._blocksize, self._start, self._column,
+            self._data, x, into[self.own],
+        )  # fmt: skip
 
 
 class RowsProduct(Product):
@@ -138,8 +160,9 @@ class RowsProduct(Product):
         shape = (3 * count, 3 * count)
         super().__init__(bsr_matrix((rows.table, rows.neighbour, rows.start), shape=shape))
         self._rows, self._scale = rows, scale
-        one = np.arange(count + 1)
-        self._own = bsr_matrix((rows.diagonal, one[:-1], one), shape=shape)
+        one = np.arange(count + 1, dtype=np.int32)
+        own = bsr_matrix((rows.diagonal, one[:-1], one), shape=shape)
+        self._own = [_Rows(own, part.first, part.last) for part in self._parts]
 
     @staticmethod
     def fits(rows: BlockRows) -> bool:
@@ -152,9 +175,7 @@ class RowsProduct(Product):
         """K / scale with its diagonal."""
         return block_matrix(self._rows, self._scale)
 
-    def __call__(self, x: Float) -> Float:
-        result = super().__call__(x)
-        for one, into in zip(x, result, strict=True):
-            into += self._own @ one
-        result /= self._scale
-        return result
+    def _add(self, part: _Rows, x: Float, into: Float) -> None:
+        part.add(x, into)
+        self._own[self._parts.index(part)].add(x, into)
+        into[part.own] /= self._scale

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from weakref import WeakSet
+
 import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import label
@@ -19,6 +21,8 @@ __all__ = ["check_supports", "rigid_modes"]
 
 Float = npt.NDArray[np.float64]
 
+# models that have passed: they and their arrays can't change
+_HELD: WeakSet[Model] = WeakSet()
 # beyond this many face-connected parts in one body, parts are taken as joined at shared nodes
 _MOST_PARTS = 60
 
@@ -41,8 +45,16 @@ def check_supports(model: Model, lattice: Lattice | None = None) -> None:
     (a hinge). For each body the rank of all constraints on the six rigid-body motions of every
     part is found: one row per fixed degree of freedom, three per node that parts share.
 
-    Raises InputError naming the free motions ("translation x", "rotation about z through …").
+    A model that has passed isn't looked at again. Raises InputError naming the free motions
+    ("translation x", "rotation about z through …").
     """
+    if model in _HELD:
+        return
+    _check_parts(model, lattice)
+    _HELD.add(model)
+
+
+def _check_parts(model: Model, lattice: Lattice | None) -> None:
     part_of_cell = _parts(model.mesh) if lattice is None else _lattice_parts(lattice)
     count = model.mesh.node_count
     parts = int(part_of_cell.max()) + 1
