@@ -21,7 +21,7 @@ from gpusim.optics.edge_turns import grazing_turns, shadow_turns, speckle_turns
 from gpusim.optics.frame import Band
 from gpusim.optics.hidden import Cutting, depth_planes, visible_pieces
 from gpusim.optics.pattern import LOOP_TURNS
-from gpusim.optics.polygon import clip_square, half_planes, moments
+from gpusim.optics.polygon import clip_square, half_planes, moments, rectangles, second_moments
 from gpusim.optics.scatter import scatter
 from gpusim.optics.setup import Setup, probe_setup, radiance_of
 from gpusim.optics.shade import Tables
@@ -157,14 +157,19 @@ def _resolve(setup: Setup, edges: EdgePixels) -> Array:
     row, piece = visible_pieces(*clip_square(planes), planes, corners, first, cutting)
     size, middle = moments(piece)
     albedo, printed = _mean_albedo(setup, triangle[row], at[row], piece, middle)
-    area = np.bincount(row, size, len(pixel))
+    area: Array = np.bincount(row, size, len(pixel)).astype(np.float64)
     some = np.flatnonzero(area > 0.0)
     means = [
         np.bincount(row, size * values, len(pixel))[some] / area[some]
         for values in (albedo, printed, *middle.T)
     ]
     area, x, y = area[some], at[some, 0] + means[2], at[some, 1] + means[3]
-    light = radiance_of(setup, triangle[some], x, y, means[0], means[1], np.sqrt(area))
+    sides: Array | None = None
+    if setup.lighting.shadows is not None:
+        own = second_moments(piece)
+        second: Array = np.stack([np.bincount(row, v, len(pixel))[some] for v in own.T], axis=1)
+        sides = rectangles(area, np.stack([means[2], means[3]], axis=1), second)
+    light = radiance_of(setup, triangle[some], x, y, means[0], means[1], sides)
     seen = np.bincount(pixel[some], area, count)
     value = np.bincount(pixel[some], area * light, count)
     opened = 1.0 - seen

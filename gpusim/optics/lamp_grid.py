@@ -28,6 +28,9 @@ LEAST_CELLS, MOST_CELLS = 1 << 14, 1 << 20
 MOST_ENTRIES = 1 << 20
 """Of casters in cells, unless all are that small; large ones lie in many."""
 
+EACH = 4
+"""Entries of cells that cost as much as a receiver and a caster looked at by themselves."""
+
 
 @dataclass(frozen=True, eq=False)
 class Reach:
@@ -309,6 +312,22 @@ class LampGrid:
             return np.zeros(reach.s.shape[1], bool)
         return np.asarray(self._top(reach) > -np.inf)
 
+    def _one_by_one(self, reach: Reach, box: Numbers) -> tuple[Numbers, Numbers]:
+        """`candidates` among the boxes ``box``, caster by caster: where these fill many cells."""
+        own = reach[box]
+        boxes, casters = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
+        for caster in range(self.count):
+            rise = np.clip(self.highest[caster] - own.s[0], 0.0, 1e150)
+            keep = rise > 0.0
+            sides = ((own.p, self.reach.p), (own.q, self.reach.q))
+            for half, (ends, other) in zip(self.view.half, sides, strict=True):
+                span = half * rise
+                keep &= other[0, caster] - span <= ends[1]
+                keep &= other[1, caster] + span >= ends[0]
+            boxes.append(box[keep])
+            casters.append(np.full(len(boxes[-1]), caster))
+        return np.concatenate(boxes), np.concatenate(casters)
+
     def candidates(self, reach: Reach) -> tuple[Numbers, Numbers]:
         """Pairs (box, caster of this grid) that may hide the lamp from a receiver in the box."""
         if not self.count:
@@ -322,6 +341,8 @@ class LampGrid:
         stop = self.start[cell + last[0][run] + 1]
         filled = np.flatnonzero(stop > start)
         run, row, start, stop = run[filled], row[filled], start[filled], stop[filled]
+        if self.count * len(reach.s[0]) < EACH * int((stop - start).sum()):
+            return self._one_by_one(reach, np.flatnonzero((last >= first).all(axis=0)))
         which, offset = expand(stop - start)
         offset += start[which]
         box, caster = run[which], self.entry[offset]

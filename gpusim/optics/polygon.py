@@ -9,7 +9,17 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["MOST", "SMALLEST", "beyond", "clip", "clip_square", "half_planes", "moments"]
+__all__ = [
+    "MOST",
+    "SMALLEST",
+    "beyond",
+    "clip",
+    "clip_square",
+    "half_planes",
+    "moments",
+    "rectangles",
+    "second_moments",
+]
 
 Array = npt.NDArray[np.float64]
 Long = npt.NDArray[np.int64]
@@ -102,3 +112,42 @@ def moments(polygon: Array) -> tuple[Array, Array]:
     safe = np.where(total != 0.0, 3.0 * total, 1.0)[:, None]
     centroid = origin[:, 0] + np.sum(twice[..., None] * (a + b), axis=1) / safe
     return 0.5 * total, centroid
+
+
+def second_moments(polygon: Array) -> Array:
+    """(n, 3): integrals of x x, x y and y y over polygons, about the pixel's centre."""
+    a, b = polygon, np.roll(polygon, -1, axis=1)
+    ax, ay, bx, by = a[..., 0], a[..., 1], b[..., 0], b[..., 1]
+    twice = ax * by - ay * bx
+    return np.stack(
+        [
+            np.sum(twice * (ax * ax + bx * bx + ax * bx), axis=1) / 12.0,
+            np.sum(twice * (2.0 * (ax * ay + bx * by) + ax * by + ay * bx), axis=1) / 24.0,
+            np.sum(twice * (ay * ay + by * by + ay * by), axis=1) / 12.0,
+        ],
+        axis=1,
+    )
+
+
+def rectangles(area: Array, centroid: Array, second: Array) -> Array:
+    """(n, 2, 2): sides, as columns, of the rectangles with the same area's second moments.
+
+    ``second`` (n, 3) as `second_moments` has them. The first side is the one nearer to the rows.
+    """
+    x, y = centroid.T
+    xx, xy, yy = 12.0 * (second.T / area - np.stack([x * x, x * y, y * y]))
+    xx, yy = np.maximum(xx, 0.0), np.maximum(yy, 0.0)
+    middle, off = 0.5 * (xx + yy), 0.5 * (xx - yy)
+    spread = np.hypot(off, xy)
+    # what is nearly as long as it is wide keeps to rows and columns
+    turned = spread > 1e-3 * middle
+    spread = np.where(turned, spread, 0.0)
+    angle = np.where(turned, 0.5 * np.arctan2(xy, off), 0.0)
+    c, s = np.cos(angle), np.sin(angle)
+    long, short = np.sqrt(middle + spread), np.sqrt(np.maximum(middle - spread, 0.0))
+    along = np.stack([c * long, s * long], axis=1)
+    across = np.stack([-s * short, c * short], axis=1)
+    flat = (np.abs(c) >= np.abs(s))[:, None]
+    up = np.sign(s)[:, None]
+    first, last = np.where(flat, along, -across * up), np.where(flat, across, along * up)
+    return np.stack([first, last], axis=2)

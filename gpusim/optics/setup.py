@@ -301,12 +301,12 @@ def radiance_of(
     y: Array,
     albedo: Array,
     printed: Array,
-    extent: Array | float = 1.0,
+    sides: Array | None = None,
 ) -> Array:
     """Radiance (n,) towards the eye at pixel positions; the mean albedo itself if unlit.
 
-    ``printed``: share of the area that a glossy paint's matte pattern covers; ``extent``: side of
-    the area that the light stands for, px.
+    ``printed``: share of the area that a glossy paint's matte pattern covers; ``sides`` (n, 2, 2),
+    px: of the parallelogram that the light stands for, as columns; None for the pixel.
     """
     if not setup.lit:
         return albedo
@@ -320,14 +320,13 @@ def radiance_of(
     normal = values[:, 1:]
     normal = normal / np.linalg.norm(normal, axis=1)[:, None]
     rate = (planes[:, 2, :2] / values[:, :1])[:, None]
-    scale = np.broadcast_to(extent, len(x))[:, None, None]
     change = depth[:, None, None] * rays[:, :2] - position[:, :, None] * rate
     widened = np.zeros(len(x))
     if setup.bumps is not None:
         normal, widened = setup.bumps.leaning(
             triangle, d, values[:, 0], planes[:, 2, :2], normal, change[:, :, 0], change[:, :, 1]
         )
-    change = scale * change @ bend
+    change = change @ bend if sides is None else change @ (bend @ sides)
     paint = setup.view.paint[triangle]
     reflected = setup.lighting.reflect(
         paint, x, y, position, normal, change[:, :, 0], change[:, :, 1], widened

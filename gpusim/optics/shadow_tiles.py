@@ -7,7 +7,9 @@ only the rest is resolved pixel by pixel. Tiles are divided from 128 px down to 
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -107,15 +109,23 @@ class ShadowTiles:
         shape = (-(-view.camera.height // TILE), -(-view.camera.width // TILE))
         lit = np.full(shape, ALL, np.uint32)
         receivers = Receivers(view)
+        used = [
+            number
+            for number, lamp in enumerate(lamps)
+            if lamp.light.shadows and view.count and len(casters.corners)
+        ]
+
+        def found(number: int) -> tuple[Numbers, Numbers, Numbers]:
+            return _half_shadow(receivers, lamps[number], casters, coarse, shape)
+
         tiles, lamp_of, faces = [], [], []
-        for number, lamp in enumerate(lamps):
-            if not lamp.light.shadows or not view.count or not len(casters.corners):
-                continue
-            dark, tile, face = _half_shadow(receivers, lamp, casters, coarse, shape)
-            lit.reshape(-1)[dark] &= np.uint32(ALL ^ (1 << number))
-            tiles.append(tile)
-            faces.append(face)
-            lamp_of.append(np.full(len(tile), number))
+        # NumPy lets go of the interpreter in passes over long arrays: lamps share the processors
+        with ThreadPoolExecutor(max(1, min(len(used), os.cpu_count() or 1))) as pool:
+            for number, (dark, tile, face) in zip(used, pool.map(found, used), strict=True):
+                lit.reshape(-1)[dark] &= np.uint32(ALL ^ (1 << number))
+                tiles.append(tile)
+                faces.append(face)
+                lamp_of.append(np.full(len(tile), number))
         if coarse is not None:
             casters = casters.beside_others(coarse)
         tile = np.concatenate([np.zeros(0, np.int64), *tiles])
@@ -127,7 +137,7 @@ class ShadowTiles:
         count = np.bincount(row, minlength=len(entries) * max(len(lamps), 1))
         seen = np.zeros(len(casters.corners), bool)
         seen[face] = True
-        used, face = np.flatnonzero(seen), (np.cumsum(seen) - 1)[face[order]]
+        shown, face = np.flatnonzero(seen), (np.cumsum(seen) - 1)[face[order]]
         entry = np.zeros(shape, np.uint32)
         entry.reshape(-1)[entries] = np.arange(1, len(entries) + 1)
         return ShadowTiles(
@@ -136,8 +146,8 @@ class ShadowTiles:
             (np.cumsum(count) - count).reshape(len(entries), len(lamps)),
             count.reshape(len(entries), len(lamps)),
             face,
-            casters.corners[used] - view.camera.eye,
-            casters.both_sides[used],
+            casters.corners[shown] - view.camera.eye,
+            casters.both_sides[shown],
         )  # fmt: skip
 
     def shares(self, x: Array, y: Array, at: Array, across: Array, down: Array) -> Array:

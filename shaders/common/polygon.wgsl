@@ -46,3 +46,29 @@ fn moments(polygon: Polygon) -> vec3f {
     if (sum.x == 0.0) { return vec3f(0.0, o); }
     return vec3f(area, o + sum.yz / sum.x);
 }
+
+// Sides of the rectangle with a polygon's second moments, as columns; m is its area and centroid.
+// The first side is the one nearer to the rows.
+fn rectangle_of(polygon: Polygon, m: vec3f) -> mat2x2f {
+    var sum = vec3f(0.0);
+    var a = polygon.p[polygon.count - 1] - m.yz;
+    for (var i = 0; i < polygon.count; i++) {
+        let b = polygon.p[i] - m.yz;
+        let both = vec3f(a.x * b.x, 0.5 * (a.x * b.y + a.y * b.x), a.y * b.y);
+        let own = vec3f(a.x * a.x + b.x * b.x, a.x * a.y + b.x * b.y, a.y * a.y + b.y * b.y);
+        sum += (a.x * b.y - a.y * b.x) * (own + both);
+        a = b;
+    }
+    let squares = max(sum / m.x, vec3f(0.0, -1e30, 0.0));
+    let middle = 0.5 * (squares.x + squares.z);
+    let off = vec2f(0.5 * (squares.x - squares.z), squares.y);
+    let spread = length(off);
+    // what is nearly as long as it is wide keeps to rows and columns
+    let turned = spread > 1e-3 * middle;
+    let angle = select(0.0, 0.5 * atan2(off.y, off.x), turned);
+    let axis = vec2f(cos(angle), sin(angle));
+    let long = sqrt(middle + select(0.0, spread, turned)) * axis;
+    let short = sqrt(max(middle - select(0.0, spread, turned), 0.0)) * vec2f(-axis.y, axis.x);
+    if (abs(axis.x) >= abs(axis.y)) { return mat2x2f(long, short); }
+    return mat2x2f(-short, long) * sign(axis.y);
+}

@@ -331,6 +331,8 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
 
         let d = vec2f(pixel - t.place.xy);
         let middle = undistort(bend, m.yz);
+        var extent = change;
+        if (shadowed != 0u) { extent = change * rectangle_of(polygon, m); }
         if (distorted != 0u) {
             for (var k = 0; k < polygon.count; k++) { polygon.p[k] = undistort(bend, polygon.p[k]); }
         }
@@ -341,7 +343,9 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
             var r: Reflection;
             if (shadowed != 0u) {
                 let tile = shadow_tile(pixel);
-                r = reflection_seen_at(t, params.rays, at, d + middle, sqrt(m.x) * change, tile);
+                // what is in front may end where its shadow begins
+                unsure = unsure || (doubt && tile.y != 0u);
+                r = reflection_seen_at(t, params.rays, at, d + middle, extent, tile);
             } else {
                 r = reflection_at(t, params.rays, at, d + middle, 0u);
             }
