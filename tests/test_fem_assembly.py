@@ -7,13 +7,17 @@ import pytest
 
 from gpusim.errors import InputError
 from gpusim.fem import Isotropic, Model, Orthotropic
+from gpusim.fem.aggregation import aggregate_level
 from gpusim.fem.assembly import assemble_groups, group_matrix
 from gpusim.fem.block_rows import block_matrix
 from gpusim.fem.coarsen import drop_midsides
+from gpusim.fem.diagonal import invert_blocks
 from gpusim.fem.edges import Edges
 from gpusim.fem.element_matrix import element_stiffness
 from gpusim.fem.groups import DistinctGroup, Group, model_groups
+from gpusim.fem.product import RowsProduct
 from gpusim.fem.straight_tets import StraightTets, is_straight
+from gpusim.fem.supports import rigid_modes
 from gpusim.fem.transfer import NodeTransfer
 from gpusim.mesh import Mesh, box, quadratic, split
 
@@ -123,3 +127,23 @@ def test_midsides_left_out_of_unequal_tetrahedra() -> None:
     wanted = (transfer.T @ fine @ transfer).toarray()
     found = group_matrix(coarser.groups, len(coarser.kept)).toarray()
     np.testing.assert_allclose(found, wanted, atol=1e-13 * np.abs(wanted).max())
+
+
+def test_a_diagonal_stored_apart_gives_the_same_coarse_level() -> None:
+    mesh = irregular("wedge15")
+    rows = assemble_groups(model_groups(Model(mesh, [WOOD]), RULE), mesh.node_count)
+    free = np.ones(mesh.points.shape, dtype=bool)
+    free[mesh.points[:, 0] < 0.1] = False
+    free[5, 1] = False
+    scale = 0.25
+    inverse = invert_blocks(rows.diagonal / scale, free)
+    near_null = rigid_modes(mesh.points, np.zeros(3), 1.0) * free[:, :, None]
+    apart, whole = (
+        aggregate_level(one, inverse, 2.1, near_null, free)
+        for one in (RowsProduct(rows, scale), block_matrix(rows, scale))
+    )
+    for one, two in ((apart.prolongation, whole.prolongation), (apart.matrix, whole.matrix)):
+        wanted = two.toarray()
+        assert 6 < wanted.shape[1] < 0.5 * 3 * mesh.node_count
+        np.testing.assert_allclose(one.toarray(), wanted, atol=1e-13 * np.abs(wanted).max())
+    np.testing.assert_array_equal(apart.mask, whole.mask)

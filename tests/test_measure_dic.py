@@ -42,7 +42,7 @@ def test_shift_of_an_8_bit_image_is_within_its_own_uncertainty() -> None:
     assert 0.5 <= np.sqrt((error**2).mean()) / np.median(result.sigma) <= 2.0
 
 
-@pytest.mark.parametrize("blur", [0.0, 1.0])
+@pytest.mark.parametrize("blur", [0.0, 0.5, 1.0, 2.0])
 def test_sigma_is_the_scatter_that_noise_makes(blur: float) -> None:
     rng = np.random.default_rng(8)
     noise = 2.0
@@ -51,7 +51,8 @@ def test_sigma_is_the_scatter_that_noise_makes(blur: float) -> None:
     result = dic(first, second, subset=21, step=21, roi=(6, 6, 210, 146), blur_px=blur)
     error = result.displacement - [0.3, -0.2]
     assert result.ok.all()
-    assert 0.6 <= np.sqrt((error**2).mean()) / np.sqrt((result.sigma**2).mean()) <= 1.2
+    # measured: 0.92 to 1.04; 0.59 at 2 px if the blurred noise counted as white
+    assert 0.8 <= np.sqrt((error**2).mean()) / np.sqrt((result.sigma**2).mean()) <= 1.15
 
 
 @pytest.mark.parametrize("shape", ["affine", "quadratic"])

@@ -13,8 +13,9 @@ from scipy.linalg import eigh_tridiagonal
 from scipy.sparse import bsr_matrix, csr_matrix
 
 from gpusim.fem.congruence import mix, noise
+from gpusim.fem.diagonal import diagonal_blocks
 from gpusim.fem.patches import Patches
-from gpusim.fem.product import Product
+from gpusim.fem.product import Product, RowsProduct
 from gpusim.fem.stencil import StencilProduct
 
 __all__ = ["Aggregated", "aggregate_level", "largest_eigenvalue"]
@@ -44,16 +45,39 @@ class Aggregated:
 
 
 def aggregate_level(
-    matrix: bsr_matrix, inverse: Float, largest: float, near_null: Float, mask: Bool
+    matrix: bsr_matrix | RowsProduct, inverse: Float, largest: float, near_null: Float, mask: Bool
 ) -> Aggregated:
     """Coarsen once. ``matrix`` has s x s blocks, ``inverse`` (B,s,s) its inverted diagonal blocks,
-    ``largest`` bounds the eigenvalues of D^-1 A, ``near_null`` (B,s,6), ``mask`` (B,s) free."""
-    first = matrix.blocksize[0] == 3
-    aggregate, count = _shrinking_aggregates(matrix, mask, first)
+    ``largest`` bounds the eigenvalues of D^-1 A, ``near_null`` (B,s,6), ``mask`` (B,s) free.
+
+    Of block rows the diagonal is stored apart, and is taken into account apart: the matrix is the
+    largest thing there is, and a copy of it with the diagonal in place isn't needed.
+    """
+    apart = isinstance(matrix, RowsProduct)
+    if isinstance(matrix, RowsProduct):
+        off, diagonal, scale = matrix.others, matrix.diagonal, matrix.scale
+    else:
+        off, diagonal, scale = matrix, diagonal_blocks(matrix), 1.0
+    aggregate, count = _shrinking_aggregates(off, diagonal, mask)
     tentative, coarse_null, coarse_mask = _tentative(near_null, aggregate, count)
-    prolongation = _smoothed(matrix, inverse, largest, tentative)
-    coarse = (prolongation.T @ (matrix @ prolongation)).tobsr((6, 6))
+    # P = (I - 4/(3 lambda) D^-1 A) T, with D^-1 D T = T
+    step = 4.0 / (3.0 * largest)
+    image = (off @ tentative).tobsr((off.blocksize[0], 6))
+    smoothed = (1.0 - step if apart else 1.0) * tentative - (step / scale) * (
+        _block_diagonal(inverse) @ image
+    )
+    prolongation = bsr_matrix(smoothed.tobsr((off.blocksize[0], 6)))
+    coarse = prolongation.T @ (off @ prolongation)
+    if apart:
+        coarse = coarse + prolongation.T @ (_block_diagonal(diagonal) @ prolongation)
+    coarse = coarse.tobsr((6, 6))
+    coarse.data /= scale
     return Aggregated(prolongation, coarse, coarse_null, coarse_mask)
+
+
+def _block_diagonal(blocks: Float) -> bsr_matrix:
+    one = np.arange(len(blocks) + 1)
+    return bsr_matrix((blocks, one[:-1], one), shape=(len(blocks) * blocks.shape[1],) * 2)
 
 
 def largest_eigenvalue(
@@ -98,34 +122,35 @@ def largest_eigenvalue(
 
 
 def _shrinking_aggregates(
-    matrix: bsr_matrix, mask: npt.NDArray[np.bool_], first: bool
+    matrix: bsr_matrix, blocks: Float, mask: npt.NDArray[np.bool_]
 ) -> tuple[Long, int]:
-    """Aggregates by strong links; by weaker ones where these don't coarsen enough."""
-    rows = matrix.shape[0] // matrix.blocksize[0]
-    for strength in (_STRENGTH, 0.0) if first else _COARSE_STRENGTHS:
-        aggregate, count = _aggregate(matrix, mask, strength)
+    """Aggregates by strong links; by weaker ones where these don't coarsen enough. ``blocks``
+    (B,s,s) are the diagonal ones, whether ``matrix`` has them or not."""
+    rows = len(blocks)
+    for strength in (_STRENGTH, 0.0) if blocks.shape[1] == 3 else _COARSE_STRENGTHS:
+        aggregate, count = _aggregate(matrix, blocks, mask, strength)
         if count <= _LEAST_SHRINKAGE * rows:
             break
     return aggregate, count
 
 
 def _aggregate(
-    matrix: bsr_matrix, mask: npt.NDArray[np.bool_], strength: float
+    matrix: bsr_matrix, blocks: Float, mask: npt.NDArray[np.bool_], strength: float
 ) -> tuple[Long, int]:
     """Aggregate number of each block row, -1 where nothing is free."""
-    size = matrix.blocksize[0]
-    count = matrix.shape[0] // size
-    row = np.repeat(np.arange(count), np.diff(matrix.indptr))
-    column = matrix.indices.astype(np.int64)
+    count = len(blocks)
+    row = np.repeat(np.arange(count, dtype=np.int32), np.diff(matrix.indptr))
+    column = matrix.indices
     weight = np.einsum("bij,bij->b", matrix.data, matrix.data)
-    diagonal = np.zeros(count)
-    here = row == column
-    diagonal[row[here]] = weight[here]
+    diagonal = np.einsum("bij,bij->b", blocks, blocks)
     alive: npt.NDArray[np.bool_] = np.asarray(mask.any(axis=1))
     bound = strength**4 * diagonal[row] * diagonal[column]
     strong = (weight * weight > bound) if strength else (weight > 0.0)
-    keep = (strong | here) & alive[row] & alive[column]
-    graph = csr_matrix((np.sqrt(weight[keep]), (row[keep], column[keep])), shape=(count, count))
+    keep = strong & (row != column) & alive[row] & alive[column]
+    own = np.flatnonzero(alive)
+    ends = [np.concatenate([one[keep], own]) for one in (row, column)]
+    size = np.sqrt(np.concatenate([weight[keep], diagonal[own]]))
+    graph = csr_matrix((size, (ends[0], ends[1])), shape=(count, count))
     root = _independent_set(graph, alive)
     aggregate = np.full(count, -1, dtype=np.int64)
     roots = np.flatnonzero(root)
@@ -210,14 +235,3 @@ def _gather(values: Float, owner: Long, count: int) -> Float:
     if values.ndim == 1:
         return np.asarray(np.bincount(owner, weights=values, minlength=count), np.float64)
     return np.stack([_gather(column, owner, count) for column in values.T], axis=1)
-
-
-def _smoothed(
-    matrix: bsr_matrix, inverse: Float, largest: float, tentative: bsr_matrix
-) -> bsr_matrix:
-    """P = (I - 4/(3 lambda) D^-1 A) T."""
-    size, count = inverse.shape[1], inverse.shape[0]
-    scaling = bsr_matrix((inverse, np.arange(count), np.arange(count + 1)), shape=matrix.shape)
-    image = (matrix @ tentative).tobsr((size, 6))
-    smoothed = tentative - (4.0 / (3.0 * largest)) * (scaling @ image)
-    return bsr_matrix(smoothed.tobsr((size, 6)))

@@ -113,7 +113,7 @@ def build_hierarchy(
             matrix.data /= scale
     smoothed_by_patches = bool(levels) and levels[-1].patches is not None
     return _aggregate(
-        levels, _assembled(matrix), free, points,
+        levels, matrix if isinstance(matrix, RowsProduct) else _assembled(matrix), free, points,
         _COARSEST_PATCHED if smoothed_by_patches else _COARSEST,
     )  # fmt: skip
 
@@ -191,20 +191,30 @@ def _on_lattice(coarser: Coarser, points: Float) -> Coarser:
 
 
 def _aggregate(
-    levels: list[Level], matrix: bsr_matrix, free: Bool, points: Float, coarsest: int
+    levels: list[Level],
+    matrix: bsr_matrix | RowsProduct,
+    free: Bool,
+    points: Float,
+    coarsest: int,
 ) -> Hierarchy:
     origin = points.mean(axis=0)
     length = float(np.abs(points - origin).max()) or 1.0
     near_null, mask = rigid_modes(points, origin, length) * free[:, :, None], free
     stalled = False
-    while not levels or (matrix.shape[0] > coarsest and not stalled):
-        inverse = invert_blocks(diagonal_blocks(matrix), mask)
-        product = Product(matrix)
+    unknowns = free.size
+    while not levels or (unknowns > coarsest and not stalled):
+        if isinstance(matrix, RowsProduct):
+            product: Product = matrix
+            inverse = invert_blocks(matrix.diagonal / matrix.scale, mask)
+        else:
+            product, inverse = Product(matrix), invert_blocks(diagonal_blocks(matrix), mask)
         largest = largest_eigenvalue(product, inverse, _STEPS)
         coarser = aggregate_level(matrix, inverse, largest, near_null, mask)
         levels.append(Level(product, inverse, largest, MatrixTransfer(coarser.prolongation)))
-        stalled = coarser.matrix.shape[0] > 0.9 * matrix.shape[0]
+        unknowns = coarser.matrix.shape[0]
+        stalled = unknowns > 0.9 * product.unknowns
         matrix, near_null, mask = coarser.matrix, coarser.near_null, coarser.mask
+    assert not isinstance(matrix, RowsProduct)
     keep = mask.ravel()
     inside = np.ix_(keep, keep)
     inverse_dense = np.zeros(matrix.shape)

@@ -159,7 +159,7 @@ class RowsProduct(Product):
         count = rows.node_count
         shape = (3 * count, 3 * count)
         super().__init__(bsr_matrix((rows.table, rows.neighbour, rows.start), shape=shape))
-        self._rows, self._scale = rows, scale
+        self._rows, self.scale = rows, scale
         one = np.arange(count + 1, dtype=np.int32)
         own = bsr_matrix((rows.diagonal, one[:-1], one), shape=shape)
         self._own = [_Rows(own, part.first, part.last) for part in self._parts]
@@ -173,9 +173,19 @@ class RowsProduct(Product):
     @property
     def matrix(self) -> bsr_matrix:
         """K / scale with its diagonal."""
-        return block_matrix(self._rows, self._scale)
+        return block_matrix(self._rows, self.scale)
+
+    @property
+    def others(self) -> bsr_matrix:
+        """K without its diagonal blocks."""
+        return self._matrix
+
+    @property
+    def diagonal(self) -> Float:
+        """(N,3,3) diagonal blocks of K."""
+        return self._rows.diagonal
 
     def _add(self, part: _Rows, x: Float, into: Float) -> None:
         part.add(x, into)
         self._own[self._parts.index(part)].add(x, into)
-        into[part.own] /= self._scale
+        into[part.own] /= self.scale

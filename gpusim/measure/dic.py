@@ -15,6 +15,7 @@ from scipy.spatial import cKDTree
 
 from gpusim.errors import InputError
 from gpusim.gpu import Device
+from gpusim.measure.blurred import noise_factor
 from gpusim.measure.features import feature_motions, global_shift
 from gpusim.measure.images import FloatArray, check_points
 from gpusim.measure.matching import Correlation, Settings, Status
@@ -151,7 +152,8 @@ def dic(
     front.split()
     matches = front.matches()
     explain(matches, positions, settings, first, second)
-    return make_result(positions, matches, subset, blur_px)
+    widening = noise_factor(front.pair.reference, positions, settings.half, blur_px)
+    return make_result(positions, matches, subset, widening)
 
 
 def _seed(front: Front, start: Start, search_px: int) -> None:

@@ -16,9 +16,11 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.gpu import Device
+from gpusim.measure.blurred import noise_factor
 from gpusim.measure.calibration import CalibratedCamera
 from gpusim.measure.dic import explain, grid_points
 from gpusim.measure.images import FloatArray, check_points
+from gpusim.measure.interpolation import SplineImage
 from gpusim.measure.matching import Status
 from gpusim.measure.sequence import Update, dic_sequence
 from gpusim.measure.subsets import DicResult, check_mask, make_settings
@@ -145,7 +147,11 @@ def stereo_shape(
     there = places + matches.coefficients[:, :, 0]
     # both images count alike, as they do later: what the calibration leaves between the rays is
     # split in the same way in every state and cancels in the displacement
-    sigma = np.stack([matches.sigma, matches.sigma])
+    own = matches.sigma
+    if blur_px > 0:
+        blurred = SplineImage.from_image(first.image, blur_px=blur_px)
+        own = own * noise_factor(blurred, places, settings.half, blur_px)
+    sigma = np.stack([own, own])
     return _triangulated(cameras, places, places, there, sigma, matches.status, None, subset)
 
 

@@ -59,25 +59,26 @@ class DicResult:
         return {name: number for name, number in numbers.items() if number}
 
 
-def make_result(points: FloatArray, matches: Correlation, subset: int, blur_px: float) -> DicResult:
+def make_result(
+    points: FloatArray, matches: Correlation, subset: int, widening: FloatArray
+) -> DicResult:
     """Turn raw matches into the public result.
 
-    A Gaussian blur of s px shrinks white noise to 1 / (2 s sqrt(pi)) but not its effect on a
-    displacement, which comes from sums over many pixels: sigma is scaled back. A match is uncertain
-    in the pixels of the reference; what it says of the deformed image is stretched with the subset.
+    ``widening`` (M,) is what a blur does to sigma, see `gpusim.measure.blurred`. A match is
+    uncertain in the pixels of the reference; what it says of the deformed image is stretched with
+    the subset.
     """
     coefficients = matches.coefficients
     gradient = coefficients[:, :, 1:3] / (subset // 2)
     stretch = np.full(len(points), np.nan)
     known = np.isfinite(gradient).all(axis=(1, 2))
     stretch[known] = np.linalg.norm(np.eye(2) + gradient[known], ord=2, axis=(1, 2))
-    widening = stretch * max(1.0, 2.0 * blur_px * np.sqrt(np.pi))
     return DicResult(
         points=points,
         displacement=coefficients[:, :, 0].copy(),
         gradient=gradient,
         zncc=matches.zncc,
-        sigma=matches.sigma * widening,
+        sigma=matches.sigma * stretch * widening,
         iterations=matches.iterations,
         status=matches.status,
         subset=subset,

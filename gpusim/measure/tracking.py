@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.measure.blurred import noise_factor
 from gpusim.measure.images import FloatArray, check_image, check_points
 from gpusim.measure.matching import Correlation, Status
 from gpusim.measure.pairing import Match, Matcher
@@ -116,7 +117,7 @@ def track(
         tracker.grow()
     else:
         tracker.follow(check_groups(groups, len(positions)))
-    return tracker.result(subset, float(blur_px))
+    return tracker.result(subset)
 
 
 def check_groups(groups: Sequence[Sequence[int]], count: int) -> list[list[int]]:
@@ -194,7 +195,7 @@ class _Tracker:
             if not progress:
                 return
 
-    def result(self, subset: int, blur_px: float) -> TrackResult:
+    def result(self, subset: int) -> TrackResult:
         """Gather the matches; markers never tried are ``NO_GUESS``."""
         count = len(self.points)
         coefficients = np.full((count, 2, 6), np.nan)
@@ -213,8 +214,11 @@ class _Tracker:
         coefficients[shared] = np.nan
         sigma[shared] = np.nan
         raw = Correlation(coefficients, zncc, sigma, iterations, status)
+        crops = self.matcher.crops
+        piled = self.points + crops.to_pile(np.arange(count))
+        widening = noise_factor(crops, piled, self.half, self.matcher.blur_px)
         return TrackResult(
-            **vars(make_result(self.points, raw, subset, blur_px)),
+            **vars(make_result(self.points, raw, subset, widening)),
             backward=backward,
             source=source,
         )
