@@ -96,8 +96,8 @@ def visible_share(
     masks = lamp_masks(lamp)
     total = int(np.bitwise_count(masks).sum())
     covered = np.zeros((len(at), ROWS), np.uint32)
-    for start in range(0, len(receiver), CHUNK):
-        part = slice(start, start + CHUNK)
+    for start in range(0, len(receiver), 8 * CHUNK):
+        part = slice(start, start + 8 * CHUNK)
         own = receiver[part]
         bits = _covered(
             lamp, at[own], across[own], down[own], corners[part], both_sides[part], tolerance[own]
@@ -139,14 +139,29 @@ def _covered(
         a, b = sign * (planes @ lamp.u), sign * (planes @ lamp.v)
     else:
         a, b, gx, gy = 0.5 * gx, 0.5 * gy, 0.0 * gx, 0.0 * gy
+    # a face beside all of the lamp and the pixel hides nothing
+    most = value + np.abs(a) + np.abs(b) + 0.5 * (np.abs(gx) + np.abs(gy))
+    counts &= (most[:, 0] >= 0.0) & (most[:, 1] >= 0.0) & (most[:, 2] >= 0.0) & (most[:, 3] >= 0.0)
+    some = np.flatnonzero(counts)
+    result = np.zeros((len(at), ROWS), np.uint32)
+    for start in range(0, len(some), CHUNK):
+        part = some[start : start + CHUNK]
+        result[part] = _bits(lamp, *(v[part].T[..., None] for v in (value, a, b, gx, gy)))
+    return result
+
+
+def _bits(
+    lamp: Lamp, value: Array, a: Array, b: Array, gx: Array, gy: Array
+) -> npt.NDArray[np.uint32]:
+    """(P, 16) words: the samples inside four edges, by their functions (4, P, 1) of the lamp."""
     rows = lattice().T
-    low, high = np.zeros((len(at), ROWS)), np.full((len(at), ROWS), float(COLUMNS))
+    count = value.shape[1]
+    low, high = np.zeros((count, ROWS)), np.full((count, ROWS), float(COLUMNS))
     # edge by edge: passes along an axis of four take several times as long
     for edge in range(4):
-        value_k, a_k, b_k, gx_k, gy_k = (v[:, edge, None] for v in (value, a, b, gx, gy))
-        along = (rows[3] if lamp.extended else 1.0) * a_k + 0.5 * gy_k
-        first = value_k + rows[0] * along + rows[1] * b_k + rows[2] * gx_k
-        slope = STEP_A * along + STEP_B * b_k
+        along = (rows[3] if lamp.extended else 1.0) * a[edge] + 0.5 * gy[edge]
+        first = value[edge] + rows[0] * along + rows[1] * b[edge] + rows[2] * gx[edge]
+        slope = STEP_A * along + STEP_B * b[edge]
         cut = -first / np.where(slope != 0.0, slope, 1.0)
         np.maximum(low, np.where(slope > 0.0, cut, 0.0), out=low)
         np.minimum(high, np.where(slope < 0.0, cut, float(COLUMNS)), out=high)
@@ -155,4 +170,4 @@ def _covered(
     end = np.ceil(np.clip(high, 0.0, COLUMNS)).astype(np.uint64)
     one = np.uint64(1)
     bits = ((one << end) - one) & ~((one << begin) - one)
-    return np.where(counts[:, None] & (low < high), bits, 0).astype(np.uint32)
+    return np.where(low < high, bits, 0).astype(np.uint32)
