@@ -22,19 +22,22 @@ _COLUMNS = {
     "points": "points",
     "u_mean": "mean u (px)",
     "v_mean": "mean v (px)",
-    "motion_max": "largest motion (px)",
-    "sigma_median": "median sigma (px)",
+    "motion_max": "most motion (px)",
+    "sigma_median": "sigma, median (px)",
     "U_mean": "mean U (mm)",
     "V_mean": "mean V (mm)",
     "W_mean": "mean W (mm)",
-    "motion_max_mm": "largest motion (mm)",
-    "sigma_median_mm": "median sigma (mm)",
-    "residual_median": "median epipolar residual (px)",
-    "zncc_median": "median correlation",
-    "e1_max": "largest strain",
-    "e2_min": "smallest strain",
-    "seconds": "seconds",
+    "motion_max_mm": "most motion (mm)",
+    "sigma_median_mm": "sigma, median (mm)",
+    "residual_median": "epipolar residual, median (px)",
+    "zncc_median": "correlation, median",
+    "e1_max": "most strain",
+    "e2_min": "least strain",
+    "seconds": "time (s)",
 }
+
+
+DIGITS = 4
 
 
 def summary(
@@ -117,14 +120,17 @@ def correlation_page(
         names=[_COLUMNS[key] for key in keys],
         rows=[[_cell(row.get(key)) for key in keys] for row in rows],
         figures=figures,
-        settings=[(key, _cell(value)) for key, value in settings.items()],
+        settings=[
+            (key, f"{value:g}" if isinstance(value, float) else _cell(value))
+            for key, value in settings.items()
+        ],
     )
 
 
 def _cell(value: Any) -> str:
     if value is None:
         return "-"
-    return number(value, 5) if isinstance(value, float) else str(value)
+    return number(value, DIGITS) if isinstance(value, float) else str(value)
 
 
 def _mean(values: Any) -> float | None:

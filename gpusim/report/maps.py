@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -105,7 +105,7 @@ def _draw(
         _draw_missing(panels[len(maps)], picture, frame, result)
 
     draw_png(path, (columns * (_PANEL + 0.9), rows * (tall + 0.55)), draw)
-    counts = ", ".join(f"{number} {name}" for name, number in result.counts().items())
+    counts = ", ".join(f"{number} {_said(name)}" for name, number in result.counts().items())
     caption = f"Over the reference image; {counts}."
     if strain is not None:
         caption += f" Virtual strain gauge {strain.gauge_px:.0f} px."
@@ -134,6 +134,7 @@ def _draw_map(
     one: _Map,
 ) -> None:
     _backdrop(axes, picture, frame)
+    one = _readable(one)
     known = np.isfinite(one.values)
     if known.any():
         low, high = (float(v) for v in np.quantile(one.values[known], [SHOWN, 1 - SHOWN]))
@@ -162,12 +163,23 @@ def _draw_map(
             )
         bar = axes.figure.colorbar(drawn, ax=axes, shrink=0.9, pad=0.02, extend="both")
         bar.outline.set_visible(False)
-        digits = ScalarFormatter(useOffset=False)
-        digits.set_powerlimits((-3, 3))
-        bar.ax.yaxis.set_major_formatter(digits)
+        bar.ax.yaxis.set_major_formatter(ScalarFormatter(useOffset=False))
     axes.set_xlim(frame[0], frame[1])
     axes.set_ylim(frame[2], frame[3])
     axis_title(axes, one.title)
+
+
+def _readable(one: _Map) -> _Map:
+    """Small or large values with their power of ten in the title, not beside the colour bar."""
+    known = np.abs(one.values[np.isfinite(one.values)])
+    most = float(np.quantile(known, 1 - SHOWN)) if known.size else 0.0
+    power = int(np.floor(np.log10(most))) if most > 0 else 0
+    if -3 < power < 4:
+        return one
+    name, bracket, unit = one.title.partition(" (")
+    raised = f"10$^{{{power}}}$"
+    title = f"{name} ({raised} {unit}" if bracket else f"{name} ({raised})"
+    return replace(one, values=one.values / 10.0**power, title=title)
 
 
 def _draw_missing(
@@ -180,13 +192,17 @@ def _draw_missing(
     for status, colour in _STATUS.items():
         there = result.status == status
         if there.any():
-            label = f"{status.name.lower().replace('_', ' ')} ({int(there.sum())})"
+            label = f"{_said(status.name)} ({int(there.sum())})"
             axes.plot(*result.points[there].T, "s", color=colour, markersize=3, label=label)
     if (~result.ok).any():
         axes.legend(loc="upper right", fontsize=7, frameon=True, framealpha=0.85, markerscale=2)
     axes.set_xlim(frame[0], frame[1])
     axes.set_ylim(frame[2], frame[3])
     axis_title(axes, f"not measured: {int((~result.ok).sum())} of {result.ok.size}")
+
+
+def _said(status: str) -> str:
+    return "measured" if status == "OK" else status.lower().replace("_", " ")
 
 
 def _backdrop(
