@@ -140,7 +140,7 @@ class _State:
             return np.full(len(x), np.inf)
         size = np.abs(x + self.given).max(axis=(1, 2))
         left = np.abs(z).max(axis=1) / np.where(size > 0.0, size, 1e-300)
-        good = self.mu >= _GOOD
+        good = np.isfinite(self.mu) & (self.mu >= _GOOD)
         return np.where(good, _SAFETY * left / np.where(good, self.mu, 1.0), np.inf)
 
     def apart(self, residual: Float, expected: Float | None, x: Float) -> Float:
