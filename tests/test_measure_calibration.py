@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -79,6 +81,23 @@ def test_wrong_points_are_left_out() -> None:
     found = calibrate(seen)
     assert found.outliers == 2
     assert abs(found.cameras[1].K[0, 0] / 1611.0 - 1) <= 5e-4
+
+
+def test_a_view_taken_for_another_part_of_the_board_is_left_out() -> None:
+    """One camera took one board for a line of fields further on, which fits perfectly by itself."""
+    rig = stereo_rig()
+    sightings = rig.sightings(BOARD, seen_poses(9, 2), 0.02, 1)
+    name = list(sightings)[1]
+    views = list(sightings[name])
+    views[4] = replace(views[4], board=views[4].board + np.array([0.0, 40.0, 0.0]))
+    found = calibrate({**sightings, name: views})
+    assert found.outliers == 56 and found.rms <= 0.035
+    views[4] = Sighting.none(views[4].resolution, 56, "left out")
+    without = calibrate({**sightings, name: views})
+    assert (
+        np.abs(found.cameras[1].camera_from_rig - without.cameras[1].camera_from_rig).max() <= 1e-4
+    )
+    assert np.abs(found.cameras[1].K - without.cameras[1].K).max() <= 1e-4
 
 
 def test_views_of_one_camera_alone_count_too() -> None:

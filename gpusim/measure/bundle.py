@@ -221,6 +221,8 @@ def _normal(
 
 def _project(layout: _Layout, rig: Rig, r: Rows) -> tuple[FloatArray, FloatArray]:
     """Image points (N, 2) and their derivatives (2N, …) by the parameters at `places`."""
+    if not len(r.board):
+        return np.zeros((0, 2)), np.zeros((0, len(layout.places(r.camera, r.view))))
     view, own = rig.view_pose[r.view], rig.camera_pose[r.camera]
     pose = view
     if r.camera:

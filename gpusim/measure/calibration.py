@@ -36,6 +36,7 @@ LEAST_POINTS = 6  # per view
 LEAST_VIEWS = 3
 OUTLIER = 6.0  # robust standard deviations
 MOST_ROUNDS = 8
+ELSEWHERE = 30.0  # px that a view may be off at the start
 OUTLIER_FLOOR = 0.02  # px; a smaller residual is never an outlier
 
 
@@ -288,8 +289,9 @@ def _robust(
 
     The furthest go first: they pull at the result, and points near them only seem wrong.
     """
-    adjusted, used = adjust(start, rows, lens, square_pixels), rows
-    kept = [np.ones(len(r.image), dtype=bool) for r in rows]
+    kept = _plausible(start, rows)
+    used = without(rows, kept)
+    adjusted = adjust(start, used, lens, square_pixels)
     for _ in range(MOST_ROUNDS):
         lengths = [np.linalg.norm(own, axis=1) for own in residuals(adjusted.rig, rows)]
         mine = np.concatenate([length[k] for length, k in zip(lengths, kept, strict=True)])
@@ -302,6 +304,17 @@ def _robust(
         kept, used = now, without(rows, now)
         adjusted = adjust(adjusted.rig, used, lens, square_pixels)
     return adjusted, used
+
+
+def _plausible(start: Rig, rows: list[Rows]) -> list[npt.NDArray[np.bool_]]:
+    """Points to begin with: none of a camera's view that lies wholly elsewhere.
+
+    A board that one camera took for a line of fields further on fits by itself, but no pose of it
+    fits all cameras; an adjustment that begins with it doesn't settle.
+    """
+    sizes = np.array([_rms(own) for own in residuals(start, rows)])
+    limit = max(ELSEWHERE, 10.0 * float(np.median(sizes)))
+    return [np.full(len(r.image), size <= limit) for r, size in zip(rows, sizes, strict=True)]
 
 
 def _result(

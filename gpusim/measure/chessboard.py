@@ -8,6 +8,8 @@ fails), since it only has to be right to some pixels. Sub-pixel positions come f
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from itertools import islice
 from typing import Any
 
 import cv2
@@ -21,6 +23,7 @@ from gpusim.measure.targets import Chessboard, Sighting, grid_steps
 __all__ = ["find_chessboard"]
 
 DETECTION_SIZES = (1000, 1800, 500, 3200)  # px on the longer side, tried in this order
+ATTEMPTS = 3  # detections that are tried while a whole line of corners is missing
 LEAST_STEP = 6.0  # px between corners
 LEAST_SHARE = 0.5  # of the corners that have to be fitted
 
@@ -42,9 +45,22 @@ def find_chessboard(image: npt.NDArray[Any], board: Chessboard) -> Sighting:
     height, width = array.shape
     across, down = board.corners
     nothing = (width, height), across * down
-    rough = _detect(eight_bit(array), board.corners)
-    if rough is None:
-        return Sighting.none(*nothing, "no board found")
+    best = Sighting.none(*nothing, "no board found")
+    for rough in islice(_detections(eight_bit(array), board.corners), ATTEMPTS):
+        seen = _fitted(array, board, rough)
+        if len(seen.image) > len(best.image) or not len(best.image):
+            best = seen
+        # a grid that is off by one line has no corners along another one
+        if len(best.image) > across * down - min(across, down):
+            break
+    return best
+
+
+def _fitted(array: npt.NDArray[Any], board: Chessboard, rough: FloatArray) -> Sighting:
+    """The corners near rough ones (N, 2), in row order, and which of the board's they are."""
+    height, width = array.shape
+    across, down = board.corners
+    nothing = (width, height), across * down
     grid = _upright(rough.reshape(down, across, 2))
     index = np.stack(np.meshgrid(np.arange(across), np.arange(down)), axis=-1).reshape(-1, 2)
     flat = grid.reshape(-1, 2)
@@ -76,8 +92,8 @@ def find_chessboard(image: npt.NDArray[Any], board: Chessboard) -> Sighting:
     )
 
 
-def _detect(grey: npt.NDArray[np.uint8], corners: tuple[int, int]) -> FloatArray | None:
-    """Rough corner positions (N, 2) in row order, or None."""
+def _detections(grey: npt.NDArray[np.uint8], corners: tuple[int, int]) -> Iterator[FloatArray]:
+    """Rough corner positions (N, 2) in row order, as one detector after the other sees them."""
     longest = max(grey.shape)
     # each detector over all sizes: the sector-based one first, the quad detector as a last resort
     sizes = [size for size in DETECTION_SIZES if size < 0.9 * longest] or [longest]
@@ -97,13 +113,12 @@ def _detect(grey: npt.NDArray[np.uint8], corners: tuple[int, int]) -> FloatArray
         for factor, small in map(reduced, factors):
             found, points = cv2.findChessboardCornersSB(small, corners, flags=flags)
             if found:
-                return _full_size(points, factor)
+                yield _full_size(points, factor)
     for factor, small in map(reduced, factors):
         flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
         found, points = cv2.findChessboardCorners(small, corners, flags=flags)
         if found:
-            return _full_size(points, factor)
-    return None
+            yield _full_size(points, factor)
 
 
 def _reduced(grey: npt.NDArray[np.uint8], factor: int) -> npt.NDArray[np.uint8]:

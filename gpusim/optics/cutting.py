@@ -20,7 +20,8 @@ from gpusim.optics.camera import Camera
 from gpusim.optics.distortion_map import distortion_map
 
 __all__ = [
-    "LONGEST_EDGE", "SHORT_EDGE", "Pieces", "Screen", "clip", "extent", "split", "without_area",
+    "LONGEST_EDGE", "SHORT_EDGE", "Pieces", "Screen", "clip", "extent", "joined", "split",
+    "without_area",
 ]  # fmt: skip
 
 Array = npt.NDArray[np.float64]
@@ -204,7 +205,7 @@ def split(pieces: Pieces, screen: Screen) -> tuple[Pieces, Array]:
         if screen.camera.lens is None:
             place, good = ideal, np.ones(len(ideal), bool)
             if extent(ideal) <= SHORT_EDGE:
-                return Pieces.joined([*done, pieces]), _joined([*places, place])
+                return Pieces.joined([*done, pieces]), joined([*places, place])
         else:
             place = screen.bent(ideal)
             # what a lens turns over is a sliver within the tolerance, or beyond the lens's domain
@@ -217,7 +218,7 @@ def split(pieces: Pieces, screen: Screen) -> tuple[Pieces, Array]:
         done.append(pieces[good])
         places.append(place if good.all() else place[good])
         if not long.any():
-            return Pieces.joined(done), _joined(places)
+            return Pieces.joined(done), joined(places)
         pieces = _halved(pieces[long], np.argmax(above[long], axis=1))
         if len(pieces.source) > most:
             break
@@ -279,7 +280,8 @@ def _halved(pieces: Pieces, k: npt.NDArray[np.int64]) -> Pieces:
     )
 
 
-def _joined(parts: list[Array]) -> Array:
+def joined(parts: list[Array]) -> Array:
+    """Several arrays in one, in order; a single one that isn't empty as it is."""
     parts = [part for part in parts if len(part)] or parts[:1]
     return np.concatenate(parts) if len(parts) > 1 else parts[0]
 

@@ -32,6 +32,7 @@ from gpusim.optics.cutting import (
     Screen,
     clip,
     extent,
+    joined,
     split,
     without_area,
 )  # fmt: skip
@@ -172,7 +173,7 @@ def look(surfaces: Sequence[Surface], camera: Camera, lit: bool) -> View:
             low, high = surface.extents.get(region, (np.zeros(2), np.zeros(2)))
             paints.append(RegionPaint(paint, low, high, 0.0))
         first_face += len(surface.faces)
-    pieces, place = Pieces.joined(parts), np.concatenate(places)
+    pieces, place = Pieces.joined(parts), joined(places)
     shown, k = np.nonzero(pieces.shows)
     planes = barycentric_planes(pieces.corners, camera)
     number_of_paint = np.concatenate(paint_ids).astype(np.int32)
