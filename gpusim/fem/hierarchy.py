@@ -35,7 +35,9 @@ _COARSEST = 800
 _FEW = 400
 # Quadratic tetrahedra take a few iterations more with one step of smoothing in place of two, each
 # with three products in place of five; bricks take half as many again, and gain nothing.
-_LIGHT = ("tet10",)
+# Flat tetrahedra need both, too: the diagonal cubed over six volumes is about 5 for a good one. Some
+# of them are looked at.
+_COMPACT, _LOOK = 20.0, 10_000
 # of Lanczos; what one step takes needn't be as sharp
 _STEPS, _FEW_STEPS = 10, 6
 # aggregation is of no use to nearly incompressible bodies: a larger dense inverse in its place
@@ -94,7 +96,7 @@ def build_hierarchy(
         coarse_free = free[coarser.kept]
         transfer = NodeTransfer(coarser.interpolation, free, coarse_free)
         product, patches = _product(matrix), None
-        lightly = all(group.name in _LIGHT for group in groups)
+        lightly = all(_compact_tets(group, points) for group in groups)
         if patched and lattice is not None:
             patches = make_patches(_assembled(matrix), _stored(groups), lattice, free)
         if patches is not None:
@@ -133,6 +135,16 @@ def _inverses(matrix: bsr_matrix | Stencil | RowsProduct, free: Bool) -> Float:
     if isinstance(matrix, Stencil):
         return invert_repeated(matrix.diagonal, matrix.row_class, free)
     return invert_blocks(diagonal_blocks(_assembled(matrix)), free)
+
+
+def _compact_tets(group: Elements, points: Float) -> bool:
+    """Whether these are quadratic tetrahedra of good proportions."""
+    if group.name != "tet10":
+        return False
+    nodes = points[group.cells[:: 1 + len(group.cells) // _LOOK, :4]]
+    edges = nodes[:, 1:] - nodes[:, :1]
+    diagonal = np.linalg.norm(np.ptp(nodes, axis=1), axis=1)
+    return bool(np.mean(diagonal**3 / np.abs(np.linalg.det(edges))) <= _COMPACT)
 
 
 def _stored(groups: Sequence[Elements]) -> Group:
