@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from gpusim.fem import Isotropic, Model, numbering, solve
+from gpusim.fem.groups import DistinctGroup, model_groups
 from gpusim.fem.numbering import Numbering
 from gpusim.mesh import Mesh, box, split
 
@@ -52,6 +53,18 @@ def test_neighbours_lie_close_together() -> None:
 def test_good_numbers_stay_and_so_do_repeating_cells() -> None:
     assert Numbering.of(model(False)) is None
     assert Numbering.of(model(True, move=0.0)) is None
+
+
+def test_a_few_equal_cells_among_many_keep_no_bad_numbers() -> None:
+    shuffled = model(True)
+    points = shuffled.mesh.points.copy()
+    regular = model(True, move=0.0).mesh.points
+    part = points[:, 0] > 1.05
+    points[part] = regular[part]
+    mixed = Model(Mesh(points, shuffled.mesh.cells), [STEEL], fixed=shuffled.fixed)
+    assert Numbering.of(mixed) is not None
+    groups = model_groups(mixed, {"tet4": "full"})
+    assert [type(one) for one in groups] == [DistinctGroup]
 
 
 def test_the_answer_is_in_the_models_own_numbers(monkeypatch: pytest.MonkeyPatch) -> None:

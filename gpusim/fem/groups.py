@@ -27,9 +27,9 @@ __all__ = [
     "held_matrices",
     "lattice_group",
     "masked",
-    "may_repeat",
     "model_groups",
     "pair_blocks",
+    "repeating",
 ]
 
 Float = npt.NDArray[np.float64]
@@ -151,29 +151,37 @@ def model_groups(model: Model, formulation: Mapping[str, str]) -> list[Elements]
         if len(cells) == 0:
             continue
         material = model.material_of_cell[first : first + len(cells)]
-        if _repeat(points, cells, material):
-            nodes = points[cells]
-            representative, kind = congruence_classes(nodes, material)
-            if len(representative) * REPEATS <= len(cells):
-                rule = formulation[name]
-                matrices = _matrices(name, nodes, elasticity, material, representative, rule)
-                groups.append(Group(name, cells, kind, matrices))
-                continue
+        classes = _shared(points, cells, material)
+        if classes is not None:
+            representative, kind = classes
+            rule = formulation[name]
+            matrices = _matrices(name, points[cells], elasticity, material, representative, rule)
+            groups.append(Group(name, cells, kind, matrices))
+            continue
         groups += _distinct_groups(name, points, cells, elasticity, material, formulation[name])
     return groups
 
 
-def may_repeat(model: Model) -> bool:
-    """Whether elements of some type may repeat, by a look at a few."""
-    assert model.material_of_cell is not None
+def repeating(model: Model) -> bool:
+    """Whether elements of some type share their matrices."""
+    own, of_cell = model.mesh, model.material_of_cell
+    assert of_cell is not None
     return any(
-        _repeat(model.mesh.points, cells, model.material_of_cell[first : first + len(cells)])
-        for _, first, cells in model.mesh.blocks()
+        _shared(own.points, cells, of_cell[first : first + len(cells)]) is not None
+        for _, first, cells in own.blocks()
         if len(cells)
     )
 
 
-def _repeat(points: Float, cells: Int, material: Int) -> bool:
+def _shared(points: Float, cells: Int, material: Int) -> tuple[Long, Long] | None:
+    """Classes of equal elements (see ``congruence_classes``), where these are few."""
+    if not _may_repeat(points, cells, material):
+        return None
+    representative, kind = congruence_classes(points[cells], material)
+    return (representative, kind) if len(representative) * REPEATS <= len(cells) else None
+
+
+def _may_repeat(points: Float, cells: Int, material: Int) -> bool:
     """Whether elements may repeat: where they do, some of a few are equal too."""
     few = int(_LOOK * np.sqrt(len(cells)))
     if few >= len(cells):

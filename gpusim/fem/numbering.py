@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.fem.groups import may_repeat
+from gpusim.fem.groups import repeating
 from gpusim.fem.model import Model
 from gpusim.fem.solution import Solution
 from gpusim.mesh import Mesh
@@ -46,7 +46,7 @@ class Numbering:
     def of(model: Model) -> Numbering | None:
         """A better numbering; None where the model's is good, or repeats along with its cells."""
         mesh = model.mesh
-        if mesh.node_count <= _FEW or may_repeat(model):
+        if mesh.node_count <= _FEW:
             return None
         # every so many cells tell enough
         reach = [
@@ -54,7 +54,8 @@ class Numbering:
             for cells in mesh.cells.values()
             if len(cells)
         ]
-        if sum(reach) <= _FAR * mesh.node_count ** (2.0 / 3.0) * mesh.cell_count:
+        good = sum(reach) <= _FAR * mesh.node_count ** (2.0 / 3.0) * mesh.cell_count
+        if good or repeating(model):
             return None
         return Numbering(np.argsort(_along_curve(mesh.points), kind="stable"))
 
