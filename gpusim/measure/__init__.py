@@ -17,6 +17,7 @@ from gpusim.measure.deflection import (
     scale_coefficient,
 )
 from gpusim.measure.dic import dic, grid_points
+from gpusim.measure.dots import Dots, circle_centres, find_dots
 from gpusim.measure.epipolar import Matches, epipolar_distance, match_epipolar
 from gpusim.measure.interpolation import SplineImage
 from gpusim.measure.mapped import MappedResult, lens_mapping, mapped, plane_mapping
@@ -49,6 +50,7 @@ __all__ = [
     "DeflectionLine",
     "DicResult",
     "Displacement3D",
+    "Dots",
     "MappedResult",
     "MarkerStatus",
     "Markers",
@@ -67,6 +69,7 @@ __all__ = [
     "Triangulated",
     "align",
     "calibrate",
+    "circle_centres",
     "deflection_line",
     "dic",
     "dic_sequence",
@@ -76,6 +79,7 @@ __all__ = [
     "find_aruco",
     "find_charuco",
     "find_chessboard",
+    "find_dots",
     "find_markers",
     "fit_crossings",
     "grid_points",
