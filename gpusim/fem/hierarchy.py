@@ -35,8 +35,8 @@ _COARSEST = 800
 _FEW = 400
 # Quadratic tetrahedra take a few iterations more with one step of smoothing in place of two, each
 # with three products in place of five; bricks take half as many again, and gain nothing.
-# Flat tetrahedra need both, too: the diagonal cubed over six volumes is about 5 for a good one. Some
-# of them are looked at.
+# Flat tetrahedra need both, too: the diagonal cubed over six volumes is about 5 for a good one.
+# Some of them are looked at.
 _COMPACT, _LOOK = 20.0, 10_000
 # of Lanczos; what one step takes needn't be as sharp
 _STEPS, _FEW_STEPS = 10, 6
