@@ -28,6 +28,7 @@ from gpusim.cli.console import (
 )
 from gpusim.cli.measuring import calibrate, dic
 from gpusim.cli.options import Backend, BackendOption, Json, check_folder
+from gpusim.cli.startup import importing
 from gpusim.errors import Fault, SceneError
 
 if TYPE_CHECKING:
@@ -115,9 +116,10 @@ def run(
 ) -> None:
     """Solve, render, measure, report; reuse what is unchanged in OUT."""
     with exit_codes():
-        loaded = _load(scene, sets).with_effects(only or (), no or ())
-        check_folder(output)
-        from gpusim import pipeline
+        with importing():
+            loaded = _load(scene, sets).with_effects(only or (), no or ())
+            check_folder(output)
+            from gpusim import pipeline
 
         with ProgressDisplay(quiet, stream_is_result=as_json) as progress:
             report = pipeline.run(

@@ -11,6 +11,8 @@ from typing import Annotated, Any
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
+from .schema.described import descriptions
+
 __all__ = ["Place", "locate"]
 
 Keys = tuple[str | int, ...]
@@ -32,8 +34,8 @@ class Place:
     @property
     def description(self) -> str:
         """First clause of what the schema says about the last key, else ""."""
-        info = _field(self.table, self.keys[-1]) if self.keys else None
-        text = (info.description or "") if info else ""
+        name = _name(self.table, self.keys[-1]) if self.keys else None
+        text = descriptions(self.table).get(name, "") if name else ""
         return text.split("\n")[0].split(";")[0].rstrip(".")
 
     @property
@@ -63,11 +65,16 @@ def locate(root: type[BaseModel], location: Sequence[str | int]) -> Place:
     return Place(tuple(keys), table, here)
 
 
-def _field(table: type[BaseModel], key: str | int) -> FieldInfo | None:
+def _name(table: type[BaseModel], key: str | int) -> str | None:
     for name, info in table.model_fields.items():
         if key == (info.alias or name):
-            return info
+            return name
     return None
+
+
+def _field(table: type[BaseModel], key: str | int) -> FieldInfo | None:
+    name = _name(table, key)
+    return None if name is None else table.model_fields[name]
 
 
 def _strip(annotation: Any) -> Any:

@@ -8,6 +8,7 @@ from pydantic import Field, model_validator
 
 from .base import Table
 from .body import BodyTable
+from .described import add_descriptions
 from .light import LightTable
 from .material import MaterialTable
 from .measure import MeasureTable, VariantTable
@@ -59,4 +60,5 @@ class SceneTable(Table):
 def json_schema() -> dict[str, Any]:
     """The JSON schema of a scene file, for editors."""
     schema = SceneTable.model_json_schema(by_alias=True)
+    add_descriptions(schema, SceneTable)
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}

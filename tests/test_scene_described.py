@@ -1,0 +1,65 @@
+"""Texts of the schema's keys, and a start of commands without garbage collection."""
+
+from __future__ import annotations
+
+import gc
+
+import pytest
+
+from gpusim.cli.startup import importing
+from gpusim.scene import json_schema
+from gpusim.scene.schema import SceneTable
+from gpusim.scene.schema.base import Table
+from gpusim.scene.schema.described import descriptions
+from gpusim.scene.schema.finish import FinishTable
+from gpusim.scene.schema.paint import SpeckleTable
+
+
+class _Base(Table):
+    """Not a key's text."""
+
+    first: float = 1.0
+    """Of the base."""
+    bare: int = 2
+
+
+class _Derived(_Base):
+    second_mm: list[float] = [1.0]
+    """Two lines,
+    put together as they are."""
+    first: float = 3.0
+    """Said again."""
+
+
+def test_texts_are_those_below_the_keys() -> None:
+    assert descriptions(_Base) == {"first": "Of the base."}
+    assert descriptions(_Derived) == {
+        "first": "Said again.",
+        "second_mm": "Two lines,\nput together as they are.",
+    }
+    assert descriptions(SpeckleTable)["roughness"] == descriptions(FinishTable)["roughness"]
+
+
+def test_schema_for_editors_holds_them_all() -> None:
+    schema = json_schema()
+
+    held = [field.get("description") for field in schema["properties"].values()]
+    assert set(descriptions(SceneTable).values()) <= set(held)
+    # two classes of one name, and a key with another name in the file
+    plates = [d for name, d in schema["$defs"].items() if name.endswith("PlateTable")]
+    assert len(plates) == 2 and all("description" in str(plate["properties"]) for plate in plates)
+    assert "description" in schema["properties"]["schema"]
+
+
+@pytest.mark.parametrize("enabled", [True, False])
+def test_collection_is_as_it_was_after_importing(enabled: bool) -> None:
+    before = gc.isenabled()
+    try:
+        (gc.enable if enabled else gc.disable)()
+        with pytest.raises(KeyError), importing():
+            assert not gc.isenabled()
+            raise KeyError
+        assert gc.isenabled() == enabled
+    finally:
+        (gc.enable if before else gc.disable)()
+        gc.unfreeze()
