@@ -24,7 +24,7 @@ class _Base(Table):
 
 
 class _Derived(_Base):
-    second_mm: list[float] = [1.0]
+    second_mm: tuple[float, ...] = (1.0,)
     """Two lines,
     put together as they are."""
     first: float = 3.0

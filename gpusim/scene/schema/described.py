@@ -1,7 +1,7 @@
 """What the schema says about each key: the text below it in the source.
 
 Read when somebody asks for it. pydantic would read it whenever the classes are made
-(``use_attribute_docstrings``), which takes a third of the time that a scene's classes need, in every
+(``use_attribute_docstrings``): a third of the time that a scene's classes take, in every
 command.
 """
 
