@@ -14,8 +14,6 @@ from gpusim.fem import supports
 from gpusim.fem.assembly import assemble
 from gpusim.fem.block_rows import block_matrix
 from gpusim.fem.formulation import resolve_formulation
-from gpusim.fem.iterate import Norm, _State
-from gpusim.fem.system import make_system
 from gpusim.mesh import box, quadratic, split
 
 Float = npt.NDArray[np.float64]
@@ -156,18 +154,6 @@ def test_the_estimate_covers_every_node(tets: bool, size: tuple[float, float, fl
         found = solve(model, tolerance=tolerance, method="multigrid", backend="numpy")
         error = np.abs(found.u - exact).max(axis=(1, 2)) / np.abs(exact).max(axis=(1, 2))
         assert found.converged and error.max() <= found.error_estimate <= tolerance
-
-
-def test_no_iteration_tells_nothing_of_the_error() -> None:
-    model = irregular(False, (1.0, 0.6, 0.4))
-    system = make_system(model, assemble(model, resolve_formulation(model, None)))
-    state = _State(system, Norm(None, 1e-3))
-    z = np.full((2, system.free.size), 1e-9)
-    x = np.ones_like(system.right)
-    assert (state.near(z, x) == np.inf).all()
-    state.mu[:] = 0.5, 0.01
-    np.testing.assert_allclose(state.near(z, x), [1.2e-8, np.inf])
-    assert (state.near(None, x) == np.inf).all()
 
 
 def test_supports_are_looked_at_once(monkeypatch: pytest.MonkeyPatch) -> None:

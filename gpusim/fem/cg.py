@@ -52,9 +52,9 @@ class NumpyCG:
         """Start from a zero correction; returns r.z per case (L,)."""
         self._r = residual.copy()
         self._x = np.zeros_like(residual)
-        self._z = self._precondition(self._r)
-        self._p = self._z.copy()
-        self._rz = _dot(self._r, self._z)
+        z = self._precondition(self._r)
+        self._p = z.copy()
+        self._rz = _dot(self._r, z)
         return self._rz.copy()
 
     def run(self, count: int, active: npt.NDArray[np.bool_]) -> Float:
@@ -66,13 +66,13 @@ class NumpyCG:
             alpha = np.divide(self._rz, pq, out=np.zeros_like(pq), where=active & (pq > 0.0))
             self._x += alpha[:, None] * self._p
             self._r -= alpha[:, None] * q
-            self._z = self._precondition(self._r)
-            rz = _dot(self._r, self._z)
+            z = self._precondition(self._r)
+            rz = _dot(self._r, z)
             beta = np.divide(rz, self._rz, out=np.zeros_like(rz), where=active & (self._rz > 0.0))
             line[:] = np.stack([self._rz, alpha, beta, pq], axis=1)
             self._rz = rz
             self._p *= beta[:, None]
-            self._p += self._z
+            self._p += z
         return history
 
     def correction(self) -> Float:
@@ -82,10 +82,6 @@ class NumpyCG:
     def residual(self) -> Float | None:
         """What is left of the right-hand side by the recursion, (L,n)."""
         return self._r
-
-    def preconditioned(self) -> Float | None:
-        """z = M^-1 r of that residual, (L,n)."""
-        return self._z
 
 
 class DeviceCG:
@@ -151,9 +147,6 @@ class DeviceCG:
 
     def residual(self) -> None:
         """Not told: reading it back costs as much as it saves."""
-
-    def preconditioned(self) -> None:
-        """Not told, for the same reason."""
 
     def _iterate(self, recording: Recording) -> None:
         self._stiffness.record(recording, self._p, self._q)

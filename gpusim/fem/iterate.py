@@ -31,11 +31,6 @@ HARSH, _PROBE, _HARSH_AIM = 1e3, 40, 0.03
 # where the true residual has reached its own rounding, what a run left and what it moved the
 # solution by stand for the error, with this factor of safety
 _SAFETY = 3.0
-# twice what the worst of them needed for the greatest displacement to be below the estimate: see
-# ``_State.near``
-_NEAR_SAFETY = 6.0
-# least Ritz value of a preconditioner that stands in for the inverse
-_GOOD = 0.15
 # a Ritz value below this tells of motions that the coarse levels, and ``Norm.lowest``, don't see
 _UNSEEN = 1e-6
 # iterations in half a run from which on its Ritz values can tell anything
@@ -131,22 +126,6 @@ class _State:
         energy = np.sqrt(np.maximum(rz, 0.0) / (_BELOW * np.where(known, self.mu, 1.0)))
         return np.where(known, self.relative(energy, x), np.inf)
 
-    def near(self, z: Float | None, x: Float) -> Float:
-        """Relative displacement error (L,) by what M^-1 r would still move, ``z`` (L,n).
-
-        The eigenvalues of M^-1 A lie between mu and about one, so that z is the error but for a
-        factor between them: exactly so in the energy norm. For the greatest displacement that
-        isn't proven: over the iterates of some 90 models with a good M, z / mu was never below 0.35
-        of the error, and ``_NEAR_SAFETY`` is twice what that asks for. inf where M isn't good, or
-        z isn't known.
-        """
-        if z is None or self.norm.lowest is None or self.system.contrast > HARSH:
-            return np.full(len(x), np.inf)
-        size = np.abs(x + self.given).max(axis=(1, 2))
-        left = np.abs(z).max(axis=1) / np.where(size > 0.0, size, 1e-300)
-        good = np.isfinite(self.mu) & (self.mu >= _GOOD)
-        return np.where(good, _NEAR_SAFETY * left / np.where(good, self.mu, 1.0), np.inf)
-
     def apart(self, residual: Float, expected: Float | None, x: Float) -> Float:
         """Relative displacement error (L,) from what the true residual (L,n) has more than the
         one that the loop went by: ||A^-1 d||_A <= ||d|| / sqrt(least eigenvalue)."""
@@ -227,9 +206,6 @@ def iterate(
             # r.z below zero says nothing of the error, least of all that there is none
             none = np.where(rz < 0.0, np.inf, 0.0)
             estimate = np.where(rz > 0.0, state.relative(energy, x), none)
-            estimate = np.where(
-                rz > 0.0, np.minimum(estimate, state.near(loop.preconditioned(), x)), estimate
-            )
             if known.all() and bool((estimate <= tolerance).all()):
                 message = "converged"
                 break
@@ -250,7 +226,7 @@ def iterate(
             system, loop, state, x, rz, aim * tolerance_inside, most - iterations, chunk, report
         )
         x, image = x + correction, None
-        left = np.minimum(state.left(history, rz, x), state.near(loop.preconditioned(), x))
+        left = state.left(history, rz, x)
         size = norm.size(x + state.given)
         drift = norm.size(correction) / np.where(size > 0.0, size, 1e-300)
         iterations += len(history)
@@ -313,15 +289,11 @@ def _run(
         history = np.concatenate([history, lines])
         state.learn(history)
         correction = loop.correction().reshape(x.shape)
-        near = state.near(loop.preconditioned(), x + correction)
         for case in np.flatnonzero(active):
             energy = energy_bound(history[:, case], _BELOW * state.mu[case])
-            estimate[case] = min(
-                state.relative(np.where(np.arange(len(rz)) == case, energy, 0.0), x + correction)[
-                    case
-                ],
-                near[case],
-            )
+            estimate[case] = state.relative(
+                np.where(np.arange(len(rz)) == case, energy, 0.0), x + correction
+            )[case]
         active &= ~(estimate <= tolerance)
         if progress is not None:
             progress(len(history), float(estimate.max()))
