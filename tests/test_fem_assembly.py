@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gpusim.errors import InputError
-from gpusim.fem import Isotropic, Model, Orthotropic
+from gpusim.fem import Isotropic, Model, Orthotropic, solve
 from gpusim.fem.aggregation import aggregate_level
 from gpusim.fem.assembly import assemble_groups, group_matrix
 from gpusim.fem.block_rows import block_matrix
@@ -147,3 +147,24 @@ def test_a_diagonal_stored_apart_gives_the_same_coarse_level() -> None:
         assert 6 < wanted.shape[1] < 0.5 * 3 * mesh.node_count
         np.testing.assert_allclose(one.toarray(), wanted, atol=1e-13 * np.abs(wanted).max())
     np.testing.assert_array_equal(apart.mask, whole.mask)
+
+
+def test_no_straight_element_is_held() -> None:
+    """Those at the support are all curved: none of the straight ones has a fixed unknown."""
+    mesh = irregular("tet10")
+    cells = mesh.cells["tet10"]
+    held = np.zeros(mesh.node_count, dtype=bool)
+    held[cells[np.argsort(mesh.points[cells, 0].min(axis=1))[:4], :4]] = True
+    at_support = np.unique(cells[held[cells].any(axis=1)][:, 4:])
+    moved = np.zeros(mesh.points.shape)
+    moved[at_support] = [0.003, -0.002, 0.001]
+    mesh = mesh.moved(moved)
+    fixed = np.repeat(held[:, None], 3, axis=1)
+    forces = np.zeros((1, *mesh.points.shape))
+    forces[0, np.argsort(mesh.points[:, 0])[-9:]] = (0.1, 1.0, -0.3)
+    model = Model(mesh, [STEEL], fixed=fixed, forces=forces)
+    straight = is_straight(mesh.points[cells])
+    assert straight.any() and not held[cells[straight]].any()
+    found = solve(model, method="multigrid", backend="numpy", tolerance=1e-8)
+    exact = solve(model, method="direct", tolerance=1e-10)
+    assert np.abs(found.u - exact.u).max() <= 1e-8 * np.abs(exact.u).max()

@@ -107,7 +107,7 @@ def _linear(group: Elements, free: Bool, number: Int) -> Group:
         weight[local, list(parents)] = 1.0 / len(parents)
     spread = np.kron(weight, np.eye(3))
     if isinstance(group, DistinctGroup):
-        held = ~free[group.cells].reshape(len(group.cells), -1)
+        held = ~free[group.cells].reshape(-1, 3 * kind.nodes)
         of_cell = np.arange(len(group.cells))
         matrices = np.empty((len(group.cells), spread.shape[1], spread.shape[1]))
         for first in range(0, len(matrices), _CHUNK):
