@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 
 from gpusim.measure import fit_crossings, locate_markers
 from gpusim.measure.border import profile_and_slopes
 from gpusim.measure.junction import residual_and_slopes
+from gpusim.measure.levenberg import fit_many
 from tests.measure_images import Marker, board
 
 
@@ -71,3 +73,18 @@ def test_sharp_markers_along_the_pixels_are_all_fitted() -> None:
     assert found.ok.all()
     # an edge within one row of pixels is as good as their grey values: half a level of the step
     assert np.abs(found.points - places).max() <= 0.5 / (2 * np.abs(found.contrast).min()) + 2e-4
+
+
+@pytest.mark.parametrize("iterations", [37, 38, 39, 40])
+def test_a_fit_that_still_goes_down_has_not_settled(iterations: int) -> None:
+    """exp(-p) falls for ever; the last iteration may end a row of steps or not."""
+
+    def model(
+        p: npt.NDArray[np.float64], which: npt.NDArray[np.int64]
+    ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+        assert len(which) == len(p)
+        value = np.repeat(np.exp(-p), 20, axis=1)
+        return value, -value[:, None]
+
+    fit = fit_many(model, np.zeros((1, 1)), np.ones((1, 20)), np.ones(1), iterations=iterations)
+    assert not fit.converged.any()

@@ -78,6 +78,7 @@ def fit_many(
     normal, gradient, square = _normal(model, p, active, weight)
     diagonal = np.arange(size)
     earlier, steps = square.copy(), np.zeros(count, dtype=np.int64)
+    gained = np.full(count, np.inf)
     for _ in range(iterations):
         damped, down = normal[active], -gradient[active]
         main = damped[:, diagonal, diagonal]
@@ -109,12 +110,15 @@ def fit_many(
         stuck = damping[active] > MOST_DAMPING
         due = better & (steps[active] % GAIN_STEPS == 0)
         stuck |= due & (earlier[active] - square[active] <= LEAST_GAIN * square[active])
+        gained[active[due]] = earlier[active[due]] - square[active[due]]
         earlier[active[due]] = square[active[due]]
         converged[active[stuck]] = True
         active = active[~small & ~stuck]
         if not active.size:
             break
-    converged[active] = earlier[active] - square[active] <= LAST_GAIN * square[active]
+    # by the last whole row of steps, and since
+    gain = np.maximum(gained, earlier - square)[active]
+    converged[active] = gain <= LAST_GAIN * square[active]
     freedom = np.maximum((weight > 0).sum(axis=1) - size, 1)
     main = normal[:, diagonal, diagonal]
     # a parameter that changes nothing (a blur of none) is left out of the others' covariance
