@@ -147,10 +147,11 @@ def budget(
 ) -> None:
     """Run a scene, then with and without each effect: what each adds to the measured error."""
     with exit_codes():
-        loaded = _load(scene, sets)
-        check_folder(output)
-        from gpusim.cli.budgeting import print_budget
-        from gpusim.pipeline.budget import run_budget
+        with importing():
+            loaded = _load(scene, sets)
+            check_folder(output)
+            from gpusim.cli.budgeting import print_budget
+            from gpusim.pipeline.budget import run_budget
 
         with ProgressDisplay(quiet, stream_is_result=as_json) as progress:
             report = run_budget(loaded, output, backend=backend.value, progress=progress)

@@ -13,7 +13,7 @@ from scipy.sparse import bsr_matrix
 from gpusim.fem.block_rows import BlockRows
 from gpusim.fem.congruence import unique_rows
 from gpusim.fem.edges import Edges, row_sums
-from gpusim.fem.groups import REPEATS, Elements, Group, lattice_group, model_groups
+from gpusim.fem.groups import REPEATS, Elements, Group, lattice_group, model_groups, only_group
 from gpusim.fem.lattice import CORNERS, Lattice, find_lattice, node_offsets
 from gpusim.fem.model import Model
 from gpusim.fem.stencil import Stencil
@@ -44,9 +44,7 @@ class Assembled:
     @property
     def lattice_group(self) -> Group:
         """The elements of the lattice."""
-        (group,) = self.groups
-        assert isinstance(group, Group)
-        return group
+        return only_group(self.groups)
 
 
 def model_lattice(model: Model) -> Lattice | None:

@@ -6,7 +6,7 @@ hundred thousand quadratic tetrahedra take a gigabyte, and each is wanted once o
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -28,6 +28,7 @@ __all__ = [
     "lattice_group",
     "masked",
     "model_groups",
+    "only_group",
     "pair_blocks",
     "repeating",
 ]
@@ -246,6 +247,13 @@ def lattice_group(model: Model, lattice: Lattice, formulation: Mapping[str, str]
         formulation["hex8"],
     )
     return Group("hex8", nodes, kind, matrices)
+
+
+def only_group(groups: Sequence[Elements]) -> Group:
+    """The one group that a lattice's elements are."""
+    (group,) = groups
+    assert isinstance(group, Group)
+    return group
 
 
 def _distinct(spacing: Float) -> Long:

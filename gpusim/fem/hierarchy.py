@@ -16,7 +16,7 @@ from gpusim.fem.block_rows import BlockRows
 from gpusim.fem.coarsen import Coarser, drop_midsides, drop_planes, has_midsides
 from gpusim.fem.congruence import noise
 from gpusim.fem.diagonal import diagonal_blocks, invert_blocks, invert_repeated
-from gpusim.fem.groups import Elements, Group
+from gpusim.fem.groups import Elements, Group, only_group
 from gpusim.fem.indefinite import indefinite
 from gpusim.fem.lattice import Lattice, find_lattice
 from gpusim.fem.patches import Patches, make_patches
@@ -98,7 +98,7 @@ def build_hierarchy(
         product, patches = _product(matrix), None
         lightly = all(_compact_tets(group, points) for group in groups)
         if patched and lattice is not None:
-            patches = make_patches(_assembled(matrix), _stored(groups), lattice, free)
+            patches = make_patches(_assembled(matrix), only_group(groups), lattice, free)
         if patches is not None:
             largest = largest_eigenvalue(product, patches, _STEPS)
         elif sum(group.distinct for group in groups) <= _FEW:
@@ -109,7 +109,7 @@ def build_hierarchy(
         groups, lattice, free = coarser.groups, coarser.lattice, coarse_free
         points = points[coarser.kept]
         if lattice is not None:
-            matrix = lattice_stencil(_stored(groups), lattice, scale)
+            matrix = lattice_stencil(only_group(groups), lattice, scale)
         else:
             matrix = group_matrix(groups, len(points))
             matrix.data /= scale
@@ -147,13 +147,6 @@ def _compact_tets(group: Elements, points: Float) -> bool:
     return bool(np.mean(diagonal**3 / np.abs(np.linalg.det(edges))) <= _COMPACT)
 
 
-def _stored(groups: Sequence[Elements]) -> Group:
-    """The one group of a lattice."""
-    (group,) = groups
-    assert isinstance(group, Group)
-    return group
-
-
 def _distinct_matrices(group: Elements) -> Float:
     return group.matrices if isinstance(group, Group) else group.at(np.arange(group.distinct))
 
@@ -182,7 +175,7 @@ def _geometric(
         coarser = drop_midsides(groups, free)
         return _on_lattice(coarser, points[coarser.kept])
     if lattice is not None and 3 * len(free) > _COARSEST:
-        return drop_planes(_stored(groups), lattice, free)
+        return drop_planes(only_group(groups), lattice, free)
     return None
 
 

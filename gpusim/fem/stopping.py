@@ -17,9 +17,6 @@ where N = I (root-mean-square displacement of the nodes) and lambda_N comes from
 hierarchy; or, for block Jacobi, N = D = M and lambda_N = mu. The bound assumes that the whole
 error sits in the softest mode, so it is pessimistic for stiff load cases. It speaks of the root
 mean square; a single node may be off by more, most of all where soft and stiff parts meet.
-
-With multigrid on the host there is a second estimate, of the greatest displacement error: by the
-size of z = M^-1 r over mu (``iterate._State.near``); the lesser of the two counts.
 """
 
 from __future__ import annotations

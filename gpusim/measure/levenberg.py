@@ -109,9 +109,9 @@ def fit_many(
         # where no damping makes a step go down any more, rounding decides: that is the minimum too
         stuck = damping[active] > MOST_DAMPING
         due = better & (steps[active] % GAIN_STEPS == 0)
-        stuck |= due & (earlier[active] - square[active] <= LEAST_GAIN * square[active])
-        gained[active[due]] = earlier[active[due]] - square[active[due]]
-        earlier[active[due]] = square[active[due]]
+        row = active[due]
+        gained[row], earlier[row] = earlier[row] - square[row], square[row]
+        stuck |= due & (gained[active] <= LEAST_GAIN * square[active])
         converged[active[stuck]] = True
         active = active[~small & ~stuck]
         if not active.size:

@@ -92,8 +92,8 @@ def fit_near(
     Where the ``blur`` isn't known, a first fit tells it, and with it how close to a marker's own
     border the last one may look.
     """
-    points, sigma, found = np.full_like(near, np.nan), np.full(len(near), np.nan), near[:, 0].copy()
-    found[:] = np.nan
+    points = np.full_like(near, np.nan)
+    sigma, found = np.full((2, len(near)), np.nan)
     rows = np.flatnonzero(np.isfinite(near).all(axis=1) & np.isfinite(arms).all(axis=(1, 2)))
     if rows.size:
         fit = measure.fit_crossings(

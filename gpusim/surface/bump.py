@@ -54,8 +54,8 @@ class Bump:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        for name, value, least in (("height", self.height, 0.0), ("length", self.length, 0.0)):
-            if not least < value < np.inf:
+        for name, value in (("height", self.height), ("length", self.length)):
+            if not 0.0 < value < np.inf:
                 raise InputError(f"Bump {name}; got {value}; expected a length above 0")
         if not 1.0 <= self.stretch <= 1e4:
             raise InputError(f"Bump stretch; got {self.stretch}; expected 1 to 1e4")
