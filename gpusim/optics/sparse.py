@@ -1,8 +1,8 @@
 """Where a pattern leaves most of its region bare: large triangles are cut there.
 
-A pixel of a triangle that a feature lies on pays for the whole pattern. A wall with a few targets is
-two triangles; cut near the targets, all of it but them is plain. Edges are told by their two ends
-alone, so that neighbours cut them alike.
+A pixel of a triangle that a feature lies on pays for the whole pattern. A wall with a few targets
+is two triangles; cut near the targets, all of it but them is plain. Edges are told by their two
+ends alone, so that neighbours cut them alike.
 """
 
 from __future__ import annotations
@@ -54,7 +54,12 @@ class Sparse:
         first = np.clip((first - low) // cell, 0, CELLS).astype(np.int64)
         last = np.clip((last - low) // cell + 1, 0, CELLS).astype(np.int64)
         steps = np.zeros((CELLS + 1, CELLS + 1), np.int64)
-        for x, y, sign in ((first, first, 1), (last, first, -1), (first, last, -1), (last, last, 1)):
+        for x, y, sign in (
+            (first, first, 1),
+            (last, first, -1),
+            (first, last, -1),
+            (last, last, 1),
+        ):
             np.add.at(steps, (y[:, 1], x[:, 0]), sign)
         filled = steps.cumsum(axis=0).cumsum(axis=1)[:-1, :-1] > 0
         if filled.mean() > DENSE:
