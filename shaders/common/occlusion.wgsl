@@ -114,8 +114,11 @@ fn lamp_share(l: u32, x: vec3f, dx: vec3f, dy: vec3f, tile: vec2u) -> f32 {
         let g1 = cross(to, d2 - d1) - lamp.centre.w * n1;
         let g2 = cross(to, d3 - d2) - lamp.centre.w * n2;
         let g3 = cross(to, d0 - d3) - lamp.centre.w * n3;
-        let gx = side * vec4f(dot(g0, dx), dot(g1, dx), dot(g2, dx), dot(g3, dx));
-        let gy = side * vec4f(dot(g0, dy), dot(g1, dy), dot(g2, dy), dot(g3, dy));
+        // seen from beyond its plane, a face would seem to hide what lies behind the receiver
+        let crossed = abs(height) < 0.5 * (abs(dot(normal, dx)) + abs(dot(normal, dy)));
+        let whole = select(side, 0.0, first.w != 0.0 && crossed);
+        let gx = whole * vec4f(dot(g0, dx), dot(g1, dx), dot(g2, dx), dot(g3, dx));
+        let gy = whole * vec4f(dot(g0, dy), dot(g1, dy), dot(g2, dy), dot(g3, dy));
         let a = select(0.5 * gx, side * a4, extended);
         let b = select(0.5 * gy, side * b4, extended);
         let px = select(vec4f(0.0), gx, extended);
