@@ -135,8 +135,8 @@ def _backdrop(image: npt.NDArray[Any]) -> Canvas:
         image = cv2.resize(image[: size[1] * whole, : size[0] * whole], size,
                            interpolation=cv2.INTER_AREA)  # fmt: skip
     size = wide, max(1, round(wide * height / width))
-    small = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA))
-    grey = small if small.dtype == np.uint8 else (small >> 8).astype(np.uint8)
+    small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+    grey = np.asarray(small if image.dtype == np.uint8 else small // 256, dtype=np.uint8)
     return Canvas(np.ascontiguousarray(np.repeat(grey[:, :, None], 3, axis=2)))
 
 

@@ -100,8 +100,9 @@ def draw_calibration(cameras: Sequence[RigCamera], view_rms: Floats, path: PathL
         step = max(1, len(camera.corners) // _MOST_CORNERS)
         at = camera.corners[::step]
         end = at + camera.errors[::step] * (_TYPICAL * width / max(typical, 1e-12))
-        plot.segments(*(np.stack([at[:, i], end[:, i]], axis=1) for i in range(2)), MEASURED, 0.5)
-        plot.marks(*at.T, TRUTH, ".", 0.9)
+        x, y = (np.stack([at[:, i], end[:, i]], axis=1) for i in range(2))
+        plot.segments(x, y, MEASURED, 0.5)
+        plot.marks(at[:, 0], at[:, 1], TRUTH, ".", 0.9)
         plots.append(plot)
         place = np.arange(len(rms)) + 0.8 * (k / count) - 0.4
         sides = np.stack([place, np.zeros(len(rms)), place + 0.8 / count, rms], axis=1)
