@@ -43,7 +43,8 @@ def _astride(casters: Casters, lamp: Lamp) -> npt.NDArray[np.int64]:
     both = np.flatnonzero((ahead.max(axis=1) > slack) & (ahead.min(axis=1) < -slack))
     normal = casters.normal[both]
     away = np.abs(np.sum(normal * to[both].mean(axis=1), axis=1))
-    return both[away <= np.abs(normal @ lamp.u) + np.abs(normal @ lamp.v)]
+    cut = away <= np.abs(normal @ lamp.u) + np.abs(normal @ lamp.v)
+    return np.asarray(both[cut])
 
 
 def _parted(casters: Casters, lamp: Lamp, faces: npt.NDArray[np.int64]) -> Casters:
