@@ -51,7 +51,8 @@ def take_target(photographer: Photographer, camera: m.Camera, pose: int) -> list
         if isinstance(board, measure.CharucoBoard):
             seen = measure.find_charuco(image, board)
         else:
-            seen = measure.find_chessboard(image, board)
+            window = photographer.window
+            seen = measure.find_chessboard(image, board, window.box if window else None)
         files.append(_corners_path(files[0]))
         with atomic_stream(files[-1]) as stream:
             np.savez(
