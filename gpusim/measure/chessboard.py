@@ -60,7 +60,7 @@ def find_chessboard(
     best = Sighting.none(*nothing, "no board found")
     looked_at = eight_bit(array[y0:y1, x0:x1])
     for rough in islice(_detections(looked_at, board.corners, max(array.shape)), ATTEMPTS):
-        seen = _fitted(array, board, rough + [x0, y0])
+        seen = _fitted(array, board, rough + np.array([x0, y0]))
         if len(seen.image) > len(best.image) or not len(best.image):
             best = seen
         # a grid that is off by one line has no corners along another one
