@@ -12,7 +12,7 @@ import tifffile
 from PIL import Image
 
 from gpusim.errors import InputError
-from gpusim.export import images
+from gpusim.export import images, recent
 from gpusim.export.images import GreyImage, read_image, write_image
 
 
@@ -123,3 +123,29 @@ def test_unreadable_images(tmp_path: Path) -> None:
     cv2.imwrite(str(tmp_path / "colour.png"), np.zeros((5, 4, 3), np.uint8))
     with pytest.raises(InputError, match=r"\(5, 4, 3\)"):
         read_image(tmp_path / "colour.png")
+
+
+def test_an_image_read_again_comes_from_memory_while_the_file_is_the_same(tmp_path: Path) -> None:
+    first, second = np.arange(600, dtype=np.uint16).reshape(20, 30), np.full((20, 30), 7, np.uint8)
+    path = write_image(tmp_path / "a.png", first)
+    read = read_image(path)
+    assert read_image(path) is read and not read.flags.writeable
+    write_image(path, second)
+    again = read_image(path)
+    assert np.array_equal(again, second) and np.array_equal(read, first)
+    path.unlink()
+    with pytest.raises(InputError, match="not found"):
+        read_image(path)
+
+
+def test_the_images_seen_longest_ago_are_forgotten(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(recent, "MOST_BYTES", 1500)
+    paths = [write_image(tmp_path / f"{k}.png", np.full((20, 30), k, np.uint8)) for k in range(3)]
+    images = [read_image(path) for path in paths]
+    assert read_image(paths[2]) is images[2] and read_image(paths[1]) is images[1]
+    assert read_image(paths[0]) is not images[0] and np.array_equal(read_image(paths[0]), images[0])
+    large = write_image(tmp_path / "large.png", np.full((40, 40), 9, np.uint8))
+    assert read_image(large) is not read_image(large)
+    assert read_image(paths[0]) is read_image(paths[0])

@@ -283,3 +283,33 @@ def test_a_penumbra_some_pixels_wide_is_integrated_over_lamp_and_pixel(
     error = shares - exact
     assert np.abs(error).max() <= 0.013 and np.sqrt(np.mean(error**2)) <= 0.006
     assert exact.min() == 0.0 and exact.max() == 1.0
+
+
+@pytest.mark.parametrize("backend", ["numpy", "gpu"])
+def test_pixels_across_the_facets_of_a_bent_open_sheet_are_lit(
+    backend: str, request: pytest.FixtureRequest
+) -> None:
+    """A sheet arched towards its lamps: from no place on it does another part hide them."""
+    device = request.getfixturevalue("device") if backend == "gpu" else None
+    u, v = np.meshgrid(np.linspace(-0.5, 0.5, 10), np.linspace(-0.4, 0.4, 4))
+    points = np.stack([u, v + 0.05 * u, 0.2 - 0.6 * u * u], axis=-1).reshape(-1, 3)
+    i, j = np.meshgrid(np.arange(9), np.arange(3))
+    first = (10 * j + i).reshape(-1)
+    faces = np.stack([first, first + 1, first + 11, first + 10], axis=1)
+    sheet = gs.Surface(points, faces, paint=gs.paint.Plain(0.7))
+    camera = gs.Camera.from_lens((36.0, 24.0), 40.0, (101, 67), (0.2, -0.9, 1.1), (0, 0, 0.1))
+    lamps: list[Light] = [
+        gs.AreaLight((0.3, 0.2, 1.9), (0.0, 0.0, 0.0), (0.3, 0.2), 5.0),
+        gs.PointLight((0.1, -0.4, 1.5), 5.0),
+        gs.SunLight((0.2, 0.3, -1.0), 1.0),
+    ]
+    for lamp in lamps:
+        lit, plain = (
+            gs.render(
+                [sheet], camera, [replace(lamp, shadows=shadows)], backend=backend, device=device
+            ).radiance
+            for shadows in (True, False)
+        )
+        seen = plain > 0.0
+        assert seen.sum() > 2000
+        assert np.abs(lit[seen] / plain[seen] - 1.0).max() <= 2.0 / 512

@@ -80,3 +80,27 @@ def test_windows_hold_all_that_is_seen() -> None:
     assert np.allclose(inside + corner, viewer.project(prop.points))
     near = dataclasses.replace(viewer, K=viewer.K * np.array([[9.0], [9.0], [1.0]]))
     assert window_of([prop], near) is None  # fills the image, or is beside it
+
+
+def test_the_truth_of_a_window_is_that_of_the_whole(tmp_path: Path) -> None:
+    camera = {**CAMERA, "distortion": [-0.2, 0.05, 0.001, -0.002]}
+    document = {key: value for key, value in DOCUMENT.items() if key != "calibration"}
+    board = DOCUMENT["prop"][0]  # type: ignore[index]
+    wall = {**board, "name": "wall", "center_mm": [50.0, 90.0, 5.0], "size_mm": [900.0, 700.0]}
+    wall["paint"] = [{"name": "grey", "type": "plain", "albedo": 0.5}]
+    scene = gs.Scene.from_document(
+        {**document, "camera": [camera], "prop": [board, wall]}, source="test"
+    )
+    props = [build_prop(prop) for prop in scene.props]
+    found = []
+    for skip in (True, False):
+        work = Photographer(scene, tmp_path, None, "numpy", None, lambda _: props, "", skip)
+        frame, window = work.sight(scene.cameras[0], None, 1)
+        truth = frame.truth(faces=(0, len(props[0].faces)))
+        found.append((truth, truth.row + window.top, truth.column + window.left))
+        assert (frame.width * frame.height < 0.7 * 300 * 200) == skip
+    (part, *place), (whole, *whole_place) = found
+    assert len(whole.row) > 4000
+    assert np.array_equal(place, whole_place)
+    for layer in ("depth", "reference", "flow", "normal"):
+        assert np.abs(getattr(part, layer) - getattr(whole, layer)).max() <= 1e-9

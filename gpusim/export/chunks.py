@@ -10,6 +10,7 @@ import os
 import zlib
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 
 import h5py
 import numpy as np
@@ -24,6 +25,7 @@ CHUNK = 256  # pixels per side
 _LEVEL = 1
 _SAMPLE, _WORTH = 4096, 0.95  # bytes tried of a plane; most that is left of them
 _FLUSH = zlib.Z_FULL_FLUSH
+_WORKERS = min(8, os.cpu_count() or 1)
 
 Index = tuple[int, int]
 Tile = npt.NDArray[np.generic]
@@ -139,23 +141,24 @@ class ChunkedLayer:
         self, rows: npt.NDArray[np.integer], cols: npt.NDArray[np.integer], values: Tile
     ) -> Iterator[tuple[Index, Tile]]:
         """Pixels in the order of their rows, a row of chunks at a time."""
-        width = self._shape[1]
+        across = -(-self._shape[1] // CHUNK)
         for chunk_row in range(int(rows[0]) // CHUNK, int(rows[-1]) // CHUNK + 1):
             r0 = chunk_row * CHUNK
             first, stop = np.searchsorted(rows, [r0, r0 + CHUNK])
-            dense = np.full((self._chunk[0], width, *self._tail), self._fill, self._dtype)
-            for c0 in range(0, width, CHUNK):
-                index = chunk_row, c0 // CHUNK
-                if index in self._stored:
-                    dense[:, c0 : c0 + CHUNK] = self._tile(index)[:, : min(CHUNK, width - c0)]
-            dense[rows[first:stop] - r0, cols[first:stop]] = values[first:stop]
-            touched = np.zeros(-(-width // CHUNK), bool)
-            touched[cols[first:stop] // CHUNK] = True
-            for chunk_col in np.flatnonzero(touched).tolist():
-                part = dense[:, chunk_col * CHUNK : (chunk_col + 1) * CHUNK]
-                tile = np.full(self._chunk, self._fill, self._dtype)
-                tile[:, : part.shape[1]] = part
-                yield (chunk_row, chunk_col), tile
+            chunk_col = cols[first:stop] // CHUNK
+            touched = np.flatnonzero(np.bincount(chunk_col, minlength=across))
+            tiles = np.full((len(touched), *self._chunk), self._fill, self._dtype)
+            for tile, column in zip(tiles, touched.tolist(), strict=True):
+                if (chunk_row, column) in self._stored:
+                    tile[...] = self._tile((chunk_row, column))
+            place = np.zeros(across, np.int64)
+            place[touched] = np.arange(len(touched))
+            # one linear index: faster than three
+            at = place[chunk_col] * self._chunk[0] + (rows[first:stop] - r0)
+            at = at * self._chunk[1] + cols[first:stop] % CHUNK
+            tiles.reshape(-1, *self._tail)[at] = values[first:stop]
+            for tile, column in zip(tiles, touched.tolist(), strict=True):
+                yield (chunk_row, column), tile
 
     def _tiles_of_pixels(
         self, rows: npt.NDArray[np.integer], cols: npt.NDArray[np.integer], values: Tile
@@ -185,15 +188,14 @@ class ChunkedLayer:
         return tile
 
     def _store(self, tiles: Iterator[tuple[Index, Tile]]) -> None:
-        workers = min(8, os.cpu_count() or 1)
-        with ThreadPoolExecutor(workers) as pool:
-            batch: list[tuple[Index, Tile]] = []
-            for item in tiles:
-                batch.append(item)
-                if len(batch) == 8 * workers:  # bounds the memory held at a time
-                    self._store_batch(pool, batch)
-                    batch = []
-            self._store_batch(pool, batch)
+        pool = _pool()
+        batch: list[tuple[Index, Tile]] = []
+        for item in tiles:
+            batch.append(item)
+            if len(batch) == 8 * _WORKERS:  # bounds the memory held at a time
+                self._store_batch(pool, batch)
+                batch = []
+        self._store_batch(pool, batch)
 
     def _store_batch(self, pool: ThreadPoolExecutor, batch: list[tuple[Index, Tile]]) -> None:
         packed = pool.map(_packed, [tile for _, tile in batch])
@@ -201,6 +203,12 @@ class ChunkedLayer:
             offset = (index[0] * CHUNK, index[1] * CHUNK, *(0 for _ in self._tail))
             self._data.id.write_direct_chunk(offset, data)
             self._stored.add(index)
+
+
+@cache
+def _pool() -> ThreadPoolExecutor:
+    """Threads that pack, kept: a frame's layers are some hundred small batches."""
+    return ThreadPoolExecutor(_WORKERS, thread_name_prefix="gpusim.truth")
 
 
 def _packed(tile: Tile) -> bytes:

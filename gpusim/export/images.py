@@ -14,7 +14,7 @@ import zlib
 from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 import cv2
 import numpy as np
@@ -23,8 +23,9 @@ import tifffile
 
 from gpusim.errors import InputError
 from gpusim.export.files import PathLike, atomic_path, atomic_stream
+from gpusim.export.recent import keep, recall
 
-__all__ = ["GreyImage", "read_image", "write_image", "write_png", "write_tiff"]
+__all__ = ["GreyImage", "read_image", "write_colour_png", "write_image", "write_png", "write_tiff"]
 
 GreyImage = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 
@@ -78,11 +79,33 @@ def write_png(
     Format: PNG specification (W3C, 3rd edition), colour type 0, one IDAT chunk per band.
     """
     _check(image, pixels_per_metre)
-    height, width = image.shape
+    _write_png(path, image, 0, pixels_per_metre, text)
+    return Path(path)
+
+
+def write_colour_png(path: PathLike, image: npt.NDArray[np.uint8]) -> Path:
+    """Write a figure (H, W, 3) uint8, RGB, as PNG; errors as in `write_image`."""
+    if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3 or 0 in image.shape:
+        raise InputError(
+            f"colour image: got shape {image.shape}, {image.dtype}; expected (H, W, 3) uint8"
+        )
+    _write_png(path, image, 2)
+    return Path(path)
+
+
+def _write_png(
+    path: PathLike,
+    image: npt.NDArray[Any],
+    colour_type: int,
+    pixels_per_metre: float | None = None,
+    text: Mapping[str, str] | None = None,
+) -> None:
+    height, width = image.shape[:2]
+    bits = 8 * image.itemsize
+    header = struct.pack(">IIBBBBB", width, height, bits, colour_type, 0, 0, 0)
     with atomic_stream(path) as stream:
         stream.write(_SIGNATURE)
-        bits = 8 * image.itemsize
-        stream.write(_chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, bits, 0, 0, 0, 0)))
+        stream.write(_chunk(b"IHDR", header))
         if pixels_per_metre is not None:
             density = max(1, round(pixels_per_metre))
             stream.write(_chunk(b"pHYs", struct.pack(">IIB", density, density, 1)))
@@ -91,7 +114,6 @@ def write_png(
         for part in _deflated(_filtered(image)):
             stream.write(_chunk(b"IDAT", part))
         stream.write(_chunk(b"IEND", b""))
-    return Path(path)
 
 
 def write_tiff(
@@ -123,10 +145,14 @@ def write_tiff(
 def read_image(path: PathLike) -> GreyImage:
     """Read a grey image as it is stored: (H, W) uint8 or uint16.
 
-    Raises InputError if the file is missing, unreadable or not grey.
+    One that was read or written lately comes from memory (`gpusim.export.recent`), so the array
+    can't be written to. Raises InputError if the file is missing, unreadable or not grey.
     """
     if not Path(path).is_file():
         raise InputError(f"image file: {path}: not found")
+    known = recall(path)
+    if known is not None:
+        return cast(GreyImage, known)
     image = cv2.imread(os.fspath(path), cv2.IMREAD_UNCHANGED)
     if image is None:
         raise InputError(f"image file: {path}: can't be read; expected a PNG or TIFF image")
@@ -135,7 +161,7 @@ def read_image(path: PathLike) -> GreyImage:
             f"image file: {path}: got shape {image.shape}, {image.dtype}; expected (H, W) grey,"
             " uint8 or uint16"
         )
-    return cast(GreyImage, image)
+    return cast(GreyImage, keep(path, image))
 
 
 def _check(image: GreyImage, pixels_per_metre: float | None) -> None:
@@ -166,7 +192,7 @@ def _chunk(kind: bytes, data: bytes) -> bytes:
     return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", checksum)
 
 
-def _filtered(image: GreyImage) -> npt.NDArray[np.uint8]:
+def _filtered(image: npt.NDArray[Any]) -> npt.NDArray[np.uint8]:
     """Return the scan lines, (H, 1 + row bytes) uint8: filter type, then bytes minus those above.
 
     Samples are big-endian. The row above the first is zero, so every row takes the same filter.
@@ -189,8 +215,18 @@ def _deflated(lines: npt.NDArray[np.uint8]) -> Iterator[bytes]:
     """
     step = max(1, _BAND_BYTES // lines.shape[1])
     bands = [lines[start : start + step] for start in range(0, len(lines), step)]
+    even: dict[tuple[int, bool], bytes] = {}
 
     def deflate(index: int) -> bytes:
+        # most of a target's picture is background: bands without any change are packed once
+        own = len(bands[index]), index == len(bands) - 1
+        if bands[index][:, 1:].any():
+            return pack(index)
+        if own not in even:
+            even[own] = pack(index)
+        return even[own]
+
+    def pack(index: int) -> bytes:
         # The run-length strategy is as small as a full search on filtered grey rows, and no
         # slower on noise: a full search at level 1 doubles the time of a noisy 16-bit frame.
         packer = zlib.compressobj(1, zlib.DEFLATED, -15, 9, zlib.Z_RLE)

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy import ndimage
 
 from gpusim.measure.images import FloatArray
 from gpusim.measure.junction import CENTRE, fit_junctions, frames
@@ -113,11 +112,16 @@ def _fit_patches(
 def _sampled(patches: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
     """Each patch at its own positions (K, …), linearly between pixels; NaN outside."""
     which = np.arange(len(patches)).reshape(-1, *[1] * (x.ndim - 1))
-    where: list[FloatArray] = [np.broadcast_to(which, x.shape).astype(np.float64), y, x]
-    result: FloatArray = ndimage.map_coordinates(
-        patches, where, order=1, mode="constant", cval=np.nan
-    )
-    return result
+    last = patches.shape[1] - 1
+    inside = (x >= 0) & (x <= last) & (y >= 0) & (y <= last)
+    x, y = np.where(inside, x, 0.0), np.where(inside, y, 0.0)
+    column, row = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
+    # a neighbour that has no part in a value may be NaN
+    beside, below = np.ceil(x).astype(np.int64), np.ceil(y).astype(np.int64)
+    right, down = x - column, y - row
+    upper = (1.0 - right) * patches[which, row, column] + right * patches[which, row, beside]
+    lower = (1.0 - right) * patches[which, below, column] + right * patches[which, below, beside]
+    return np.where(inside, (1.0 - down) * upper + down * lower, np.nan)
 
 
 def _first_angles(

@@ -18,6 +18,7 @@ from gpusim.optics.contact import settle
 from gpusim.optics.corners import CHUNK, corner_range
 from gpusim.optics.cutting import Screen
 from gpusim.optics.piercing import piercings
+from gpusim.optics.polygon import pick
 from gpusim.optics.ragged import expand
 from gpusim.optics.view import POSITION, View
 
@@ -108,11 +109,12 @@ def bin_edges(view: View) -> EdgePixels:
     last = np.searchsorted(pixel, row * width + high[triangle, 0], side="right")
     run, step = expand(np.maximum(last - first, 0))
     entry, triangle = first[run] + step, some[triangle[run]]
-    at = np.stack([pixel[entry] % width, pixel[entry] // width], axis=1).astype(np.float64)
-    corners = view.screen[triangle] - at[:, None]
-    keep = _touches(corners)
-    entry, triangle, corners = entry[keep], triangle[keep], corners[keep]
-    inverse = view.inverse_depth()[triangle]
+    row, column = np.divmod(pixel, width)
+    at = np.stack([column, row]).astype(np.float64)
+    corners = _relative(view.screen, triangle, np.take(at, entry, axis=1))
+    keep = np.flatnonzero(_touches(corners))
+    entry, triangle, corners = entry[keep], triangle[keep], pick(corners, keep)
+    inverse = 1.0 / pick(view.corners[:, :, 2], triangle)
     depth = _nearest_depth(corners, inverse)
     order = np.lexsort((triangle, -depth, entry))
     order = settle(order, entry, view.paint[triangle], corners, inverse)
@@ -166,31 +168,46 @@ def _near_pixels(
     return some, low, high
 
 
+def _relative(
+    screen: npt.NDArray[np.float64], triangle: npt.NDArray[np.int64], at: npt.NDArray[np.float64]
+) -> npt.NDArray[np.float64]:
+    """Corners (n, 3, 2) of triangles of ``screen`` (T, 3, 2) from places ``at`` (2, n) each."""
+    result = np.empty((2, 3, len(triangle)))
+    for axis in range(2):
+        for k in range(3):
+            np.take(screen[:, k, axis], triangle, out=result[axis, k], mode="clip")
+        result[axis] -= at[axis]
+    return result.T
+
+
 def _touches(corners: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
     """Whether triangles (n, 3, 2) overlap the unit square about the origin (separating axes)."""
-    a, b = corners, np.roll(corners, -1, axis=1)
-    normal = np.stack([a[..., 1] - b[..., 1], b[..., 0] - a[..., 0]], axis=-1)
-    offset = -np.sum(normal * a, axis=-1)
-    area = np.sum(normal[:, 0] * (corners[:, 2] - corners[:, 0]), axis=-1)
-    sign = np.where(area < 0.0, -1.0, 1.0)[:, None]
-    best = sign * offset + 0.5 * np.abs(normal).sum(axis=-1)
-    return np.asarray((best > 0.0).all(axis=1))
+    x, y = np.asfortranarray(corners).T
+    sides = []
+    for k, after in ((0, 1), (1, 2), (2, 0)):
+        nx, ny = y[k] - y[after], x[after] - x[k]
+        sides.append((nx, ny, -(nx * x[k] + ny * y[k])))
+    nx, ny, _ = sides[0]
+    sign = np.where(nx * (x[2] - x[0]) + ny * (y[2] - y[0]) < 0.0, -1.0, 1.0)
+    result = np.ones(len(corners), bool)
+    for nx, ny, offset in sides:
+        result &= sign * offset + 0.5 * (np.abs(nx) + np.abs(ny)) > 0.0
+    return result
 
 
 def _nearest_depth(
     corners: npt.NDArray[np.float64], inverse: npt.NDArray[np.float64]
 ) -> npt.NDArray[np.float64]:
     """1 / z where the triangle comes closest to the origin (by clamped barycentrics)."""
-    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
-
-    def cross(p: npt.NDArray[np.float64], q: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        result: npt.NDArray[np.float64] = p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]
-        return result
-
-    weights = np.stack([cross(b, c), cross(c, a), cross(a, b)], axis=1)
-    total = weights.sum(axis=1, keepdims=True)
-    weights = np.maximum(weights / np.where(total != 0.0, total, 1.0), 0.0)
-    total = weights.sum(axis=1, keepdims=True)
-    weights = np.where(total > 0.0, weights / np.where(total > 0.0, total, 1.0), 1.0 / 3.0)
-    result: npt.NDArray[np.float64] = np.sum(weights * inverse, axis=1)
+    x, y = np.asfortranarray(corners).T
+    z = np.asfortranarray(inverse).T
+    weights = [x[i] * y[j] - y[i] * x[j] for i, j in ((1, 2), (2, 0), (0, 1))]
+    total = weights[0] + weights[1] + weights[2]
+    scale = 1.0 / np.where(total != 0.0, total, 1.0)
+    inside = [np.maximum(weight * scale, 0.0) for weight in weights]
+    total = inside[0] + inside[1] + inside[2]
+    mean = (inside[0] * z[0] + inside[1] * z[1] + inside[2] * z[2]) / np.where(
+        total > 0.0, total, 1.0
+    )
+    result: npt.NDArray[np.float64] = np.where(total > 0.0, mean, (z[0] + z[1] + z[2]) / 3.0)
     return result

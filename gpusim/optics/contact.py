@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.optics.hidden import depth_planes
-from gpusim.optics.polygon import SMALLEST, beyond, clip_square, half_planes, moments
+from gpusim.optics.polygon import SMALLEST, beyond, clip_square, half_planes, moments, pick
 
 __all__ = ["settle"]
 
@@ -33,26 +33,32 @@ def settle(
     pixel's centre, and ``inverse`` (n, 3) 1 / z there.
     ``order`` sorts rows by entry, then the nearest first.
     """
-    planes = depth_planes(corners, inverse)
-    slope, height = planes[:, :2], planes[:, 2]
-    reach = 0.5 * np.abs(slope).sum(axis=1)
+    across, down, height = depth_planes(corners, inverse).T
+    reach = 0.5 * (np.abs(across) + np.abs(down))
     own = entry[order]
     count = np.bincount(own)
-    place = np.arange(len(order)) - (np.cumsum(count) - count)[own]
-    pairs = [np.zeros((0, 2), np.int64)]
-    for gap in range(1, min(MOST_THINGS, int(count.max(initial=0)))):
-        first = np.flatnonzero((place + gap < count[own]) & (count[own] <= MOST_THINGS))
-        a, b = order[first], order[first + gap]
-        other = paint[a] != paint[b]
-        pairs.append(np.stack([a, b], axis=1)[other])
-    a, b = np.concatenate(pairs).T
+    # rows of the same pixel that come after each one
+    after = (np.cumsum(count) - 1)[own] - np.arange(len(order))
+    after[(count > MOST_THINGS)[own]] = 0
+    kind = paint[order]
+    firsts, seconds = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
+    first = np.arange(len(order))
+    for gap in range(1, MOST_THINGS):
+        first = first[after[first] >= gap]
+        if not len(first):
+            break
+        other = first[kind[first] != kind[first + gap]]
+        firsts.append(order[other])
+        seconds.append(order[other + gap])
+    a, b = np.concatenate(firsts), np.concatenate(seconds)
     # the one behind is in front somewhere in the pixel, on the two planes
-    steeper = 0.5 * np.abs(slope[b] - slope[a]).sum(axis=1)
+    steeper = 0.5 * (np.abs(across[b] - across[a]) + np.abs(down[b] - down[a]))
     nearer = height[b] - height[a] + steeper
     maybe = np.flatnonzero(nearer > 0.5 * EQUAL * np.maximum(height[a] - reach[a], 0.0))
     both, behind = np.ones(len(a), bool), np.zeros(len(a), bool)
-    both[maybe], middle = _common(corners[a[maybe]], corners[b[maybe]])
-    over = [np.sum(slope[k[maybe]] * middle, axis=1) + height[k[maybe]] for k in (a, b)]
+    both[maybe], middle = _common(pick(corners, a[maybe]), pick(corners, b[maybe]))
+    x, y = middle.T
+    over = [across[k] * x + down[k] * y + height[k] for k in (a[maybe], b[maybe])]
     behind[maybe] = both[maybe] & (over[1] > over[0] * (1.0 + EQUAL))
     if not behind.any():
         return order
@@ -62,19 +68,19 @@ def settle(
     there = np.isin(entry[a], wrong)
     rest = there.copy()
     rest[maybe] = False
-    both[rest], _ = _common(corners[a[rest]], corners[b[rest]])
+    both[rest], _ = _common(pick(corners, a[rest]), pick(corners, b[rest]))
     told = np.flatnonzero(both & there)
     front: set[tuple[int, int]] = set()
     for k in told:
         pair = int(a[k]), int(b[k])
         front.add(pair[::-1] if behind[k] else pair)
     for k in wrong:
-        rows = order[start[k] : start[k] + count[k]].tolist()
+        left = order[start[k] : start[k] + count[k]].tolist()
         sorted_rows: list[int] = []
-        while rows:
-            free = (row for row in rows if not any((one, row) in front for one in rows))
-            sorted_rows.append(next(free, rows[0]))
-            rows.remove(sorted_rows[-1])
+        while left:
+            free = (row for row in left if not any((one, row) in front for one in left))
+            sorted_rows.append(next(free, left[0]))
+            left.remove(sorted_rows[-1])
         result[start[k] : start[k] + count[k]] = sorted_rows
     return result
 
@@ -83,8 +89,9 @@ def _common(one: Array, two: Array) -> tuple[npt.NDArray[np.bool_], Array]:
     """Whether triangles (n, 3, 2) have a part of the pixel in common, and its middle (n, 2)."""
     own, other = half_planes(one), half_planes(two)
     # neighbours share a side: most pairs are told apart by one line
-    meet = np.flatnonzero(~beyond(own, two, SMALLEST) & ~beyond(other, one, SMALLEST))
-    polygon, size = clip_square(np.concatenate([own[meet], other[meet]], axis=1))
+    meet = np.flatnonzero(~beyond(own, two, SMALLEST))
+    meet = meet[~beyond(pick(other, meet), pick(one, meet), SMALLEST)]
+    polygon, size = clip_square(np.concatenate([pick(own, meet), pick(other, meet)], axis=1))
     area, centre = moments(polygon)
     both, middle = np.zeros(len(one), bool), np.zeros((len(one), 2))
     both[meet], middle[meet] = (size > 2) & (area > SMALLEST), centre

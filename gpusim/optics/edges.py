@@ -21,7 +21,14 @@ from gpusim.optics.edge_turns import grazing_turns, shadow_turns, speckle_turns
 from gpusim.optics.frame import Band
 from gpusim.optics.hidden import Cutting, depth_planes, visible_pieces
 from gpusim.optics.pattern import LOOP_TURNS
-from gpusim.optics.polygon import clip_square, half_planes, moments, rectangles, second_moments
+from gpusim.optics.polygon import (
+    clip_square,
+    half_planes,
+    moments,
+    pick,
+    rectangles,
+    second_moments,
+)
 from gpusim.optics.scatter import scatter
 from gpusim.optics.setup import Setup, probe_setup, radiance_of
 from gpusim.optics.shade import Tables
@@ -137,6 +144,8 @@ def edges_twin(
 
 def _resolve(setup: Setup, edges: EdgePixels) -> Array:
     """Radiance of the edge pixels."""
+    if not len(edges.pixel):
+        return np.zeros(0)
     view, width = setup.view, setup.view.camera.width
     count = len(edges.pixel)
     pixel, first = (
@@ -146,7 +155,8 @@ def _resolve(setup: Setup, edges: EdgePixels) -> Array:
     number = edges.pixel[pixel]
     at = np.stack([number % width, number // width], axis=1).astype(np.float64)
     triangle = edges.triangle[: len(pixel)]
-    corners = np.rint(view.screen[triangle] * FIXED) / FIXED - at[:, None]
+    corners = np.rint(pick(view.screen, triangle) * FIXED) / FIXED
+    corners -= at[:, None]
     planes = half_planes(corners)
     pierced = edges.pierced[pixel] if edges.pierced.any() else None
     cutting = None

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.optics.polygon import SMALLEST, beyond, clip, moments
+from gpusim.optics.polygon import SMALLEST, beyond, clip, moments, pick
 
 __all__ = ["TOUCH", "Cutting", "depth_planes", "visible_pieces"]
 
@@ -50,13 +50,15 @@ class Cutting:
 
 def depth_planes(corners: Array, inverse: Array) -> Array:
     """(n, 3): 1 / z = a x + b y + c through corners (n, 3, 2), where it is ``inverse`` (n, 3)."""
-    u, v = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    area = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
+    x, y = np.asfortranarray(corners).T
+    z = np.asfortranarray(inverse).T
+    ux, uy, vx, vy = x[1] - x[0], y[1] - y[0], x[2] - x[0], y[2] - y[0]
+    area = ux * vy - uy * vx
     safe = np.where(area != 0.0, area, np.inf)
-    p, q = inverse[:, 1] - inverse[:, 0], inverse[:, 2] - inverse[:, 0]
-    a = (p * v[:, 1] - q * u[:, 1]) / safe
-    b = (q * u[:, 0] - p * v[:, 0]) / safe
-    return np.stack([a, b, inverse[:, 0] - a * corners[:, 0, 0] - b * corners[:, 0, 1]], axis=1)
+    p, q = z[1] - z[0], z[2] - z[0]
+    a = (p * vy - q * uy) / safe
+    b = (q * ux - p * vx) / safe
+    return np.stack([a, b, z[0] - a * x[0] - b * y[0]]).T
 
 
 def visible_pieces(
@@ -111,37 +113,44 @@ def visible_pieces(
     many = np.bincount(hidden, minlength=len(row))
     begin = np.cumsum(many) - many
     owner = np.flatnonzero(drawn)
-    pieces, size = polygon[owner], count[owner]
+    pieces, size = pick(polygon, owner), count[owner]
     finished: list[tuple[Long, Array]] = []
     turn = 0
     while len(owner):
         due = many[owner] > turn
-        finished.append((owner[~due], pieces[~due]))
-        owner, pieces, size = owner[due], pieces[due], size[due]
+        finished.append((owner[~due], pick(pieces, ~due)))
+        owner, pieces, size = owner[due], pick(pieces, due), size[due]
         front = by[begin[owner] + turn]
-        cut = np.zeros(len(owner), bool) if cutting is None else cutting.pierced[owner]
-        parts = [_subtracted(owner[~cut], pieces[~cut], size[~cut], planes[front[~cut]])]
-        if cutting is not None and cut.any():
+        if cutting is None or not cutting.pierced[owner].any():
+            owner, pieces, size = _subtracted(owner, pieces, size, pick(planes, front))
+        else:
+            cut = cutting.pierced[owner]
             nearer = cutting.depth[front[cut]] - cutting.depth[owner[cut]]
             cutter = np.concatenate([planes[front[cut]], nearer[:, None]], axis=1)
-            parts.append(_subtracted(owner[cut], pieces[cut], size[cut], cutter))
-        owner, pieces, size = (np.concatenate([part[k] for part in parts]) for k in range(3))
+            parts = [
+                _subtracted(owner[~cut], pick(pieces, ~cut), size[~cut], pick(planes, front[~cut])),
+                _subtracted(owner[cut], pick(pieces, cut), size[cut], cutter),
+            ]
+            owner, pieces, size = (np.concatenate([part[k] for part in parts]) for k in range(3))
         turn += 1
-    whose = np.concatenate([np.zeros(0, np.int64), *(part[0] for part in finished)])
-    shapes = np.concatenate([np.zeros((0, *polygon.shape[1:])), *(part[1] for part in finished)])
+    none = np.zeros(0, np.int64)
+    whose = np.concatenate([none, *(part[0] for part in finished)])
+    shapes = np.concatenate([pick(polygon, none), *(part[1] for part in finished)])
     order = np.argsort(whose, kind="stable")
-    return whose[order], shapes[order]
+    return whose[order], pick(shapes, order)
 
 
 def _overlap(
     polygon: Array, planes: Array, corners: Array, own: Long, other: Long
 ) -> npt.NDArray[np.bool_]:
     """Whether no side of either triangle separates those of rows ``own`` from ``other`` (n,)."""
-    low, high = polygon.min(axis=1), polygon.max(axis=1)
-    near = ((low[own] < high[other]) & (low[other] < high[own])).all(axis=1)
+    near = np.ones(len(own), bool)
+    for axis in np.asfortranarray(polygon).T:
+        low, high = axis.min(axis=0), axis.max(axis=0)
+        near &= (low[own] < high[other]) & (low[other] < high[own])
     some = np.flatnonzero(near)
     for shapes, sides, a, b in ((polygon, planes, own, other), (corners, planes, other, own)):
-        some = some[~beyond(sides[b[some]], shapes[a[some]], TOUCH)]
+        some = some[~beyond(pick(sides, b[some]), pick(shapes, a[some]), TOUCH)]
     result = np.zeros(len(own), bool)
     result[some[own[some] != other[some]]] = True
     return result
@@ -153,8 +162,9 @@ def _subtracted(owner: Long, pieces: Array, size: Long, planes: Array) -> tuple[
     rest, corners, n = pieces, size, len(owner)
     shapes, counts = [], []
     for k in range(planes.shape[1]):
+        both = np.concatenate([rest, rest])
         sides = np.concatenate([-planes[:, k], planes[:, k]])
-        shape, count = clip(np.concatenate([rest, rest]), np.concatenate([corners, corners]), sides)
+        shape, count = clip(both, np.concatenate([corners, corners]), sides)
         shapes.append(shape[:n])
         counts.append(count[:n])
         rest, corners = shape[n:], count[n:]
@@ -167,7 +177,7 @@ def _subtracted(owner: Long, pieces: Array, size: Long, planes: Array) -> tuple[
     some = np.tile(touched, len(shapes)) & (moments(shape)[0] > SLIVER)
     return (
         np.concatenate([owner[~touched], whose[some]]),
-        np.concatenate([pieces[~touched], shape[some]]),
+        np.concatenate([pick(pieces, ~touched), pick(shape, some)]),
         np.concatenate([size[~touched], count[some]]),
     )
 
@@ -189,4 +199,4 @@ def _halved(
     )
     shapes = np.concatenate([np.where(large[:, None, None], first, pieces), second[large]])
     counts = np.concatenate([np.minimum(size, most), size[large] - most + 2])
-    return _halved(owner[number], shapes, counts, planes[number])
+    return _halved(owner[number], shapes, counts, pick(planes, number))

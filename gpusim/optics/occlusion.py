@@ -10,7 +10,8 @@ are exact.
 
 The 512 samples are a lattice: 512 distinct places along either side of the lamp. Each of the 16
 rows looks from another place in the pixel, so that a shadow sharper than a pixel is filtered as
-its edges are; a lamp without size uses the whole lattice for that. Twin of
+its edges are; a lamp without size uses the whole lattice for that. Where the plane of an open
+surface's face passes through the pixel, all rows look from its middle. Twin of
 ``shaders/common/occlusion.wgsl``.
 """
 
@@ -133,8 +134,11 @@ def _covered(
     counts &= apart + np.abs(normal @ lamp.u) + np.abs(normal @ lamp.v) > 0.0
     value = sign * np.einsum("pka,pa->pk", planes, to)
     turned = np.cross(to[:, None], following - D) - near * planes
-    gx = sign * np.einsum("pka,pa->pk", turned, across)
-    gy = sign * np.einsum("pka,pa->pk", turned, down)
+    # seen from beyond its plane, a face would seem to hide what lies behind the receiver
+    spread = np.abs(np.sum(normal * across, axis=1)) + np.abs(np.sum(normal * down, axis=1))
+    whole = np.where(both_sides & (np.abs(height) < 0.5 * spread), 0.0, sign[:, 0])[:, None]
+    gx = whole * np.einsum("pka,pa->pk", turned, across)
+    gy = whole * np.einsum("pka,pa->pk", turned, down)
     if lamp.extended:
         a, b = sign * (planes @ lamp.u), sign * (planes @ lamp.v)
     else:

@@ -2,6 +2,9 @@
 
 Twin of ``shaders/common/polygon.wgsl``. Polygons are (n, 8, 2) arrays relative to the pixel's
 centre, with ``count`` (n,) corners each; the others repeat the last corner, which adds no area.
+
+What is made here lies corner by corner in memory (in Fortran's order), as passes along short axes
+take many times as long; `pick` keeps it so. Any order is taken.
 """
 
 from __future__ import annotations
@@ -17,6 +20,7 @@ __all__ = [
     "clip_square",
     "half_planes",
     "moments",
+    "pick",
     "rectangles",
     "second_moments",
 ]
@@ -30,74 +34,97 @@ MOST = 8
 SMALLEST = 1e-9
 """px^2; what is smaller isn't drawn."""
 
+_PLACE = np.arange(MOST)[:, None]
+
+
+def pick(array: Array, index: Long | npt.NDArray[np.bool_]) -> Array:
+    """``array[index]`` for an index (m,) into the first axis, in Fortran's order."""
+    if index.dtype == bool:
+        index = np.flatnonzero(index)
+    result: Array = np.take(array.T, index, axis=-1).T
+    return result
+
 
 def half_planes(corners: Array) -> Array:
     """(n, 3, 3): a x + b y + c >= 0 inside the triangles (n, 3, 2), of either orientation."""
-    v, w = corners, np.roll(corners, -1, axis=1)
-    planes = np.stack(
-        [v[..., 1] - w[..., 1], w[..., 0] - v[..., 0],
-         v[..., 0] * w[..., 1] - v[..., 1] * w[..., 0]], axis=-1
-    )  # fmt: skip
-    result: Array = planes * np.where(planes[..., 2].sum(axis=1) > 0.0, 1.0, -1.0)[:, None, None]
-    return result
+    x, y = np.asfortranarray(corners).T
+    planes = np.empty((3, 3, len(corners)))
+    for k, after in ((0, 1), (1, 2), (2, 0)):
+        np.subtract(y[k], y[after], out=planes[0, k])
+        np.subtract(x[after], x[k], out=planes[1, k])
+        np.subtract(x[k] * y[after], y[k] * x[after], out=planes[2, k])
+    planes *= np.where(planes[2, 0] + planes[2, 1] + planes[2, 2] > 0.0, 1.0, -1.0)
+    return planes.T
 
 
 def beyond(planes: Array, corners: Array, slack: float) -> npt.NDArray[np.bool_]:
     """Whether all ``corners`` (n, V, 2) lie outside one of the half planes (n, K, 3), or no more
     than ``slack`` px inside it."""
-    inside = np.einsum("nkd,nvd->nkv", planes[..., :2], corners).max(axis=2) + planes[..., 2]
-    length = np.hypot(planes[..., 0], planes[..., 1])
-    return np.asarray(~(inside > slack * length).all(axis=1))
+    x, y = np.asfortranarray(corners).T
+    a, b, c = np.asfortranarray(planes).T
+    result = np.zeros(len(planes), bool)
+    for k in range(len(a)):
+        inside = (a[k] * x + b[k] * y).max(axis=0) + c[k]
+        result |= ~(inside > slack * np.hypot(a[k], b[k]))
+    return result
 
 
 def clip(polygon: Array, count: Long, plane: Array) -> tuple[Array, Long]:
     """The parts of polygons where a x + b y + c >= 0, ``plane`` (n, 3), and their corners (n,).
 
-    Sutherland and Hodgman, "Reentrant polygon clipping", CACM 1974.
+    As Sutherland and Hodgman, "Reentrant polygon clipping", CACM 1974; but all corners that stay
+    follow each other, so that two crossings and a turn of the numbers are all that it takes.
     """
-    x, y = (np.ascontiguousarray(polygon[:, :, axis]) for axis in range(2))
-    height = plane[:, :1] * x
-    height += plane[:, 1:2] * y
-    height += plane[:, 2:]
+    corners = np.asfortranarray(polygon).T
+    height = plane[:, 0] * corners[0]
+    height += plane[:, 1] * corners[1]
+    height += plane[:, 2]
     # what follows the corners repeats the last one
-    out = (height < 0.0).sum(axis=1)
-    clipped = np.where((out == 0)[:, None, None], polygon, 0.0)
-    size = np.where(out == 0, count, 0)
+    out = (height < 0.0).view(np.uint8).sum(axis=0, dtype=np.uint8)
+    within = out == 0
+    clipped, size = corners * within, count * within
     some = np.flatnonzero((out > 0) & (out < MOST) & (count > 0))
-    clipped[some], size[some] = _crossed(polygon[some], count[some], height[some])
-    return clipped, size
+    if len(some):
+        part, number = _crossed(corners[:, :, some], count[some], height[:, some])
+        clipped[:, :, some], size[some] = part, number
+    return clipped.T, size
 
 
-def _crossed(polygon: Array, count: Long, height: Array) -> tuple[Array, Long]:
-    """`clip` for polygons that a plane crosses, by the corners' heights (n, 8) over it."""
-    n = len(polygon)
-    rows = np.arange(n)
-    clipped, size = np.zeros_like(polygon), np.zeros(n, np.int64)
-    a, da = polygon[rows, count - 1], height[rows, count - 1]
-    for i in range(int(count.max(initial=0))):
-        active = i < count
-        b, db = polygon[:, i], height[:, i]
-        crossing = np.flatnonzero(active & ((da < 0.0) != (db < 0.0)) & (size < MOST))
-        start, end = a[crossing], b[crossing]
-        t = da[crossing] / (da[crossing] - db[crossing])
-        clipped[crossing, size[crossing]] = start + t[:, None] * (end - start)
-        size[crossing] += 1
-        inside = np.flatnonzero(active & (db >= 0.0) & (size < MOST))
-        clipped[inside, size[inside]] = b[inside]
-        size[inside] += 1
-        a, da = np.where(active[:, None], b, a), np.where(active, db, da)
-    last = clipped[rows, np.maximum(size - 1, 0)]
-    padding = np.arange(MOST) >= size[:, None]
-    clipped[padding] = np.broadcast_to(last[:, None], clipped.shape)[padding]
-    return clipped, size
+def _crossed(corners: Array, count: Long, height: Array) -> tuple[Array, Long]:
+    """`clip` for polygons (2, 8, n) that a plane crosses, by their corners' heights (8, n)."""
+    column = np.arange(len(count))
+    inside = height >= 0.0
+    # before the first corner comes the last one, which the padding repeats
+    rises = inside & ~np.concatenate([inside[-1:], inside[:-1]])
+    first = rises.argmax(axis=0)
+    kept = (inside & (_PLACE < count)).view(np.uint8).sum(axis=0, dtype=np.int64)
+
+    def cut(start: Long, end: Long) -> Array:
+        """Where the side between two corners (n,) is crossed, (2, n)."""
+        below, above = height[start, column], height[end, column]
+        a, b = corners[:, start, column], corners[:, end, column]
+        result: Array = a + (below / (below - above)) * (b - a)
+        return result
+
+    def turned(number: Long) -> Long:
+        return number - count * (number >= count)
+
+    enters = cut(np.where(first == 0, count, first) - 1, first)
+    leaves = cut(turned(first + kept - 1), turned(first + kept))
+    place = turned(first + np.clip(_PLACE - 1, 0, kept - 1))
+    clipped = np.take_along_axis(corners, place[None], axis=1)
+    clipped[:, 0] = enters
+    np.copyto(clipped, leaves[:, None], where=_PLACE > kept)
+    return clipped, np.minimum(kept + 2, MOST)
 
 
 def clip_square(planes: Array) -> tuple[Array, Long]:
     """The pixel's square cut by half planes (n, K, 3), and its corners (n,)."""
     square = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
     n = len(planes)
-    polygon = np.concatenate([square, np.repeat(square[-1:], MOST - 4, axis=0)])
-    polygon, count = np.tile(polygon, (n, 1, 1)), np.full(n, 4)
+    corners = np.concatenate([square, np.repeat(square[-1:], MOST - 4, axis=0)])
+    polygon: Array = np.repeat(corners.T[:, :, None], n, axis=2).T
+    count = np.full(n, 4)
     for k in range(planes.shape[1]):
         polygon, count = clip(polygon, count, planes[:, k])
     return polygon, count
@@ -105,28 +132,28 @@ def clip_square(planes: Array) -> tuple[Array, Long]:
 
 def moments(polygon: Array) -> tuple[Array, Array]:
     """Signed area (n,) and centroid (n, 2)."""
-    origin = polygon[:, :1]
-    a, b = polygon[:, 1:-1] - origin, polygon[:, 2:] - origin
-    twice = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
-    total = twice.sum(axis=1)
-    safe = np.where(total != 0.0, 3.0 * total, 1.0)[:, None]
-    centroid = origin[:, 0] + np.sum(twice[..., None] * (a + b), axis=1) / safe
-    return 0.5 * total, centroid
+    corners = np.asfortranarray(polygon).T
+    away = corners[:, 1:] - corners[:, :1]
+    (ax, ay), (bx, by) = away[:, :-1], away[:, 1:]
+    twice = ax * by - ay * bx
+    total = twice.sum(axis=0)
+    safe = np.where(total != 0.0, 3.0 * total, 1.0)
+    centroid = np.stack([(twice * (ax + bx)).sum(axis=0), (twice * (ay + by)).sum(axis=0)])
+    return 0.5 * total, (corners[:, 0] + centroid / safe).T
 
 
 def second_moments(polygon: Array) -> Array:
     """(n, 3): integrals of x x, x y and y y over polygons, about the pixel's centre."""
-    a, b = polygon, np.roll(polygon, -1, axis=1)
-    ax, ay, bx, by = a[..., 0], a[..., 1], b[..., 0], b[..., 1]
+    ax, ay = np.asfortranarray(polygon).T
+    bx, by = np.roll(ax, -1, axis=0), np.roll(ay, -1, axis=0)
     twice = ax * by - ay * bx
     return np.stack(
         [
-            np.sum(twice * (ax * ax + bx * bx + ax * bx), axis=1) / 12.0,
-            np.sum(twice * (2.0 * (ax * ay + bx * by) + ax * by + ay * bx), axis=1) / 24.0,
-            np.sum(twice * (ay * ay + by * by + ay * by), axis=1) / 12.0,
-        ],
-        axis=1,
-    )
+            np.sum(twice * (ax * ax + bx * bx + ax * bx), axis=0) / 12.0,
+            np.sum(twice * (2.0 * (ax * ay + bx * by) + ax * by + ay * bx), axis=0) / 24.0,
+            np.sum(twice * (ay * ay + by * by + ay * by), axis=0) / 12.0,
+        ]
+    ).T
 
 
 def rectangles(area: Array, centroid: Array, second: Array) -> Array:

@@ -40,6 +40,7 @@ from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.grazing import grazing_reach
 from gpusim.optics.outline import area_normals, feature_edges, sharp_normals, smooth_normals, unit
 from gpusim.optics.paint_edges import speckle_jumps
+from gpusim.optics.sparse import sparse_excess
 from gpusim.surface.paint import Paint
 from gpusim.surface.plane import PaintFrame
 from gpusim.surface.speckle import Speckle
@@ -234,7 +235,7 @@ def _pieces(
         if extent(place) <= SHORT_EDGE:
             # what `split` would find, which has been seen to already
             return pieces, place
-    return split(pieces, screen)
+    return split(pieces, screen, sparse_excess(surface, ST))
 
 
 def _table(

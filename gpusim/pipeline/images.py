@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from gpusim.export.files import write_text
 from gpusim.export.images import write_image
+from gpusim.export.recent import keep
 from gpusim.gpu import Device
 from gpusim.optics.camera import Camera
 from gpusim.optics.frame import Frame
@@ -19,11 +20,12 @@ from gpusim.optics.photograph import photograph
 from gpusim.optics.rolling import rolled
 from gpusim.optics.sensor import Sensor
 from gpusim.optics.shutter import SurfacesAt
+from gpusim.optics.truth import BAND
 from gpusim.optics.unchanged import same_surfaces, unseen_change
 from gpusim.optics.view import look
 from gpusim.pipeline.cameras import build_camera
 from gpusim.pipeline.photo import build_lens, build_sensor, build_shutter, moving, opening
-from gpusim.pipeline.window import Window, window_of
+from gpusim.pipeline.window import Window, whole, window_of
 from gpusim.scene import Scene
 from gpusim.scene import model as m
 from gpusim.surface import Surface
@@ -108,8 +110,11 @@ class Photographer:
         sharp = camera.lens is None and build_shutter(camera) is None
         return self.lights is None and sharp and unseen_change(self._shown, surfaces, viewer)
 
-    def sight(self, camera: m.Camera, frame: int | None) -> Frame:
-        """What a camera sees in a frame, unloaded for None, without shading: for the truth."""
+    def sight(self, camera: m.Camera, frame: int | None, bodies: int) -> tuple[Frame, Window]:
+        """What a camera sees in a frame, unloaded for None, without shading: for the truth.
+
+        Only where the first ``bodies`` surfaces may be; returns that window, too.
+        """
         viewer, shutter = build_camera(camera), build_shutter(camera)
         surfaces: Sequence[Surface] = self.surfaces(frame)
         if frame is not None and shutter is not None and shutter.line_time:
@@ -117,7 +122,10 @@ class Photographer:
             if callable(now):
                 middle = opening(shutter, viewer) + 0.5 * shutter.exposure_time
                 surfaces, viewer = rolled(now, lambda _: viewer, middle, shutter.line_time)
-        return Frame(look(surfaces, viewer, lit=True), self.device)
+                return Frame(look(surfaces, viewer, lit=True), self.device), whole(viewer)
+        window = window_of(surfaces[:bodies], viewer, BAND) if self.skip else None
+        window = window or whole(viewer)
+        return Frame(look(surfaces, window.camera(viewer), lit=True), self.device), window
 
     def _moving(self, camera: m.Camera, frame: int) -> Sequence[Surface] | SurfacesAt:
         """Surfaces in a frame; as a function of time where they move while the shutter is open."""
@@ -149,6 +157,8 @@ class Photographer:
         wide = camera.sensor[0]
         pixels = camera.resolution[0] / wide if wide else None
         write_image(path, image, pixels_per_metre=pixels)
+        if not self.kind:  # it will be measured and shown
+            self.image = keep(path, image)
         return files
 
     def _window(self, camera: m.Camera, frame: int) -> Window | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -57,19 +57,26 @@ def write_truth(
                 camera_from_world=camera.camera_from_world,
                 distortion=() if camera.distortion is None else camera.distortion,
             )
-        rest = {spec.name: photographer.sight(spec, None) for spec in scene.cameras}
+        rest = {spec.name: photographer.sight(spec, None, len(bodies)) for spec in scene.cameras}
         for number, factor in enumerate(scene.analysis.load_factors):
             now = rest
             if not history.still(number):
-                now = {spec.name: photographer.sight(spec, number) for spec in scene.cameras}
+                now = {
+                    spec.name: photographer.sight(spec, number, len(bodies))
+                    for spec in scene.cameras
+                }
             for spec in scene.cameras:
                 frame = file.frame(spec.name, number, **{word: factor})
-                for truth in now[spec.name].truth_bands(faces=(0, len(cells))):
+                sight, window = now[spec.name]
+                others = [other for other, _ in now.values()]
+                before = None if now is rest else rest[spec.name][0]
+                for truth in sight.truth_bands(faces=(0, len(cells))):
                     if not len(truth.row):
                         continue
+                    place = truth.row + window.top, truth.column + window.left
                     for layer in wanted:
-                        values = _values(layer, truth, rest[spec.name], now, cells)
-                        frame.write_sparse(layer, truth.row, truth.column, values)
+                        values = _values(layer, truth, before, others, cells)
+                        frame.write_sparse(layer, *place, values)
                 if "cameras" not in wanted and now is not rest:
                     del now[spec.name]  # its ids are needed no longer
     return path
@@ -78,19 +85,21 @@ def write_truth(
 def _values(
     layer: str,
     truth: Truth,
-    rest: Frame,
-    now: Mapping[str, Frame],
+    before: Frame | None,
+    others: Sequence[Frame],
     cells: npt.NDArray[np.int64],
 ) -> npt.NDArray[np.generic]:
-    """A layer at the pixels of a band."""
+    """A layer at the pixels of a band; ``before``: the frame at rest, None if this is that one."""
     if layer == "element":
         return cells[truth.face]
     if layer == "visibility":
-        return seen_in(rest.view, rest.ids(), truth.reference).astype(np.int8)
+        if before is None:
+            return np.ones(len(truth.row), np.int8)
+        return seen_in(before.view, before.ids(), truth.reference).astype(np.int8)
     if layer == "cameras":
         points = truth.reference + truth.displacement
         bits = np.zeros(len(points), np.int32)
-        for number, other in enumerate(now.values()):
+        for number, other in enumerate(others):
             bits |= seen_in(other.view, other.ids(), points).astype(np.int32) << number
         return bits
     return np.asarray(getattr(truth, layer))

@@ -13,7 +13,7 @@ from gpusim.optics.camera import Camera
 from gpusim.optics.view import look
 from gpusim.surface import Surface
 
-__all__ = ["Window", "window_of"]
+__all__ = ["Window", "whole", "window_of"]
 
 MARGIN = 2  # px around the outermost corner
 
@@ -45,10 +45,15 @@ class Window:
         return image
 
 
-def window_of(surfaces: Sequence[Surface], camera: Camera) -> Window | None:
+def whole(camera: Camera) -> Window:
+    """The window that is all of the image."""
+    return Window(0, 0, camera.width, camera.height)
+
+
+def window_of(surfaces: Sequence[Surface], camera: Camera, rows: int = 1) -> Window | None:
     """The smallest window with all that ``camera`` sees of ``surfaces``; None for the whole image.
 
-    Also None if it sees nothing of them.
+    It begins at a multiple of ``rows``. Also None if the camera sees nothing of them.
     """
     view = look(surfaces, camera, lit=False)
     if not view.count:
@@ -56,6 +61,7 @@ def window_of(surfaces: Sequence[Surface], camera: Camera) -> Window | None:
     size = np.array([camera.width, camera.height])
     corners = view.screen.reshape(-1, 2)
     low = np.clip(np.floor(corners.min(axis=0)) - MARGIN, 0, size - 1).astype(int)
+    low[1] -= low[1] % rows
     high = np.clip(np.ceil(corners.max(axis=0)) + MARGIN + 1, low + 1, size).astype(int)
     width, height = (int(v) for v in high - low)
     if not width * height < 0.7 * camera.width * camera.height:

@@ -100,7 +100,8 @@ fn bitmap_piece(level: BitmapLevel, place: vec2f, square: vec2f, mixed: f32) -> 
     let s2 = (spline(high.x - x2) - spline(low.x - x2)) * across.x;
     var at = level.start + (first.y + level.cell.y + BITMAP_MARGIN) * level.stride + block;
     var sum = 0.0;
-    for (var j = first.y; j <= last; j++) {
+    var j = first.y;
+    loop {
         let c0 = textureLoad(bitmap_texels, texel(u32(at)), 0);
         let c1 = textureLoad(bitmap_texels, texel(u32(at + 1)), 0);
         let c2 = textureLoad(bitmap_texels, texel(u32(at + 2)), 0);
@@ -110,6 +111,8 @@ fn bitmap_piece(level: BitmapLevel, place: vec2f, square: vec2f, mixed: f32) -> 
         sum += (total.x - total.y) * across.y * (dot(a0, c0) + dot(a1, c1) + dot(a2, c2))
             + mixed * (value.x - value.y) * across.y * (dot(s0, c0) + dot(s1, c1) + dot(s2, c2));
         at += level.stride;
+        j++;
+        if (j > last) { break; }
     }
     let inside = (high - low) * across;
     return vec2f(sum, inside.x * inside.y);
@@ -222,17 +225,20 @@ fn bitmap_pixel(
         let level = bitmap_level(bitmap, 0);
         let n = vec2i(count);
         let step = 1.0 / count;
-        for (var j = 0; j < n.y; j++) {
-            for (var i = 0; i < n.x; i++) {
-                let o = (vec2f(f32(i), f32(j)) + 0.5) * step - 0.5;
-                let w = 1.0 / (1.0 + dot(q, o));
-                let offset = (o.x * ex + o.y * ey) * w;
-                let fx = (ex - offset * q.x) * (w * step.x);
-                let fy = (ey - offset * q.y) * (w * step.y);
-                let bend = (fx * q.x * step.x + fy * q.y * step.y) * (1.0 / 12.0);
-                let mixed = (fx.x * fx.y + fy.x * fy.y) * (1.0 / 12.0);
-                sum += bitmap_piece(level, place + offset - bend, fx * fx + fy * fy, mixed);
-            }
+        // the test comes last: see paint.wgsl
+        var k = 0;
+        loop {
+            let row = floor((f32(k) + 0.5) * step.x);
+            let o = (vec2f(f32(k) - row * count.x, row) + 0.5) * step - 0.5;
+            let w = 1.0 / (1.0 + dot(q, o));
+            let offset = (o.x * ex + o.y * ey) * w;
+            let fx = (ex - offset * q.x) * (w * step.x);
+            let fy = (ey - offset * q.y) * (w * step.y);
+            let bend = (fx * q.x * step.x + fy * q.y * step.y) * (1.0 / 12.0);
+            let mixed = (fx.x * fx.y + fy.x * fy.y) * (1.0 / 12.0);
+            sum += bitmap_piece(level, place + offset - bend, fx * fx + fy * fy, mixed);
+            k++;
+            if (k >= n.x * n.y) { break; }
         }
         value = sum.x / max(sum.y, TINY);
     }

@@ -51,11 +51,12 @@ fn grazing_cover(
     let n = select(vec2f(short, long), vec2f(long, short), wanted.x >= wanted.y);
     let size = sides / n;
     if (max(size.x, size.y) > cells.longest) { return cells.coverage; }
-    let across = u32(n.x);
-    let total = across * u32(n.y);
+    let total = u32(n.x) * u32(n.y);
     var sum = 0.0;
-    for (var k = 0u; k < total; k++) {
-        let o = (vec2f(f32(k % across), f32(k / across)) + 0.5) / n - 0.5;
+    var k = 0u;
+    loop {
+        let row = floor((f32(k) + 0.5) / n.x);
+        let o = (vec2f(f32(k) - row * n.x, row) + 0.5) / n - 0.5;
         let w = 1.0 / (1.0 + dot(q, o));
         let move_by = (o.x * ex + o.y * ey) * w;
         let x = (w / n.x) * (ex - move_by * q.x);
@@ -70,6 +71,8 @@ fn grazing_cover(
             covered = select(covered, soft, found.first > 0u);
         }
         sum += covered;
+        k++;
+        if (k >= total) { break; }
     }
     return sum / f32(total);
 }

@@ -33,7 +33,7 @@ struct Reach {
 fn reach_of(polygon: Polygon) -> Reach {
     let last = polygon.p[polygon.count - 1];
     var p = polygon.p;
-    for (var i = polygon.count; i < MOST; i++) { p[i] = last; }
+    for (var i = 3; i < MOST; i++) { p[i] = select(p[i], last, i >= polygon.count); }
     return Reach(
         vec4f(p[0].x, p[1].x, p[2].x, p[3].x), vec4f(p[0].y, p[1].y, p[2].y, p[3].y),
         vec4f(p[4].x, p[5].x, p[6].x, p[7].x), vec4f(p[4].y, p[5].y, p[6].y, p[7].y),

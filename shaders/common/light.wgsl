@@ -97,12 +97,19 @@ fn reflection_seen(
     x: vec3f, n: vec3f, g: Gloss, dx: vec3f, dy: vec3f, tile: vec2u
 ) -> Reflection {
     var total = surroundings(n, g);
-    for (var l = 0u; l < shades.count; l++) {
+    // tests come last, as in `lamp_share`; every lamp has emitters
+    var l = 0u;
+    loop {
         let share = lamp_share(l, x, dx, dy, tile);
         let part = shades.lamps[l].part;
-        for (var i = part.x; i < part.y; i++) {
+        var i = part.x;
+        loop {
             total = plus(total, share, emitter_reflection(i, x, n, g));
+            i++;
+            if (i >= part.y) { break; }
         }
+        l++;
+        if (l >= shades.count) { break; }
     }
     return total;
 }

@@ -85,7 +85,10 @@ fn lamp_share(l: u32, x: vec3f, dx: vec3f, dy: vec3f, tile: vec2u) -> f32 {
     var covered1 = vec4u(0u);
     var covered2 = vec4u(0u);
     var covered3 = vec4u(0u);
-    for (var i = list.x; i < list.x + list.y; i++) {
+    // The tests of loops come last: software drivers pass over a loop's body until no lane is left,
+    // so that a test at its beginning costs one pass more.
+    var i = list.x;
+    loop {
         let face = 4u * textureLoad(shadow_lists, texel(i >> 2u), 0)[i & 3u];
         let first = textureLoad(occluders, texel(face), 0);
         let d0 = first.xyz - x;
@@ -111,15 +114,21 @@ fn lamp_share(l: u32, x: vec3f, dx: vec3f, dy: vec3f, tile: vec2u) -> f32 {
         let g1 = cross(to, d2 - d1) - lamp.centre.w * n1;
         let g2 = cross(to, d3 - d2) - lamp.centre.w * n2;
         let g3 = cross(to, d0 - d3) - lamp.centre.w * n3;
-        let gx = side * vec4f(dot(g0, dx), dot(g1, dx), dot(g2, dx), dot(g3, dx));
-        let gy = side * vec4f(dot(g0, dy), dot(g1, dy), dot(g2, dy), dot(g3, dy));
+        // seen from beyond its plane, a face would seem to hide what lies behind the receiver
+        let crossed = abs(height) < 0.5 * (abs(dot(normal, dx)) + abs(dot(normal, dy)));
+        let whole = select(side, 0.0, first.w != 0.0 && crossed);
+        let gx = whole * vec4f(dot(g0, dx), dot(g1, dx), dot(g2, dx), dot(g3, dx));
+        let gy = whole * vec4f(dot(g0, dy), dot(g1, dy), dot(g2, dy), dot(g3, dy));
         let a = select(0.5 * gx, side * a4, extended);
         let b = select(0.5 * gy, side * b4, extended);
         let px = select(vec4f(0.0), gx, extended);
         let py = select(vec4f(0.0), gy, extended);
         let value = side * vec4f(dot(n0, to), dot(n1, to), dot(n2, to), dot(n3, to));
-        let used = vec4u(select(0u, 0xffffffffu, counts));
-        for (var g = 0u; g < shades.groups; g++) {
+        // a face beside all of the lamp and the pixel hides nothing
+        let most = value + abs(a) + abs(b) + 0.5 * (abs(px) + abs(py));
+        let used = vec4u(select(0u, 0xffffffffu, counts && all(most >= vec4f(0.0))));
+        var g = 0u;
+        loop {
             let rows = shades.rows[g];
             let at = select(a, rows.way.x * a, extended) + 0.5 * py;
             var span = Span(vec4f(0.0), vec4f(32.0));
@@ -133,7 +142,13 @@ fn lamp_share(l: u32, x: vec3f, dx: vec3f, dy: vec3f, tile: vec2u) -> f32 {
             covered1 = covered2;
             covered2 = covered3;
             covered3 = bits;
+            g++;
+            if (g >= shades.groups) { break; }
         }
+        let open = (lamp.mask[0] & ~covered0) | (lamp.mask[1] & ~covered1)
+            | (lamp.mask[2] & ~covered2) | (lamp.mask[3] & ~covered3);
+        i++;
+        if (i >= list.x + list.y || all(open == vec4u(0u))) { break; }
     }
     let seen = countOneBits(lamp.mask[0] & ~covered0) + countOneBits(lamp.mask[1] & ~covered1)
         + countOneBits(lamp.mask[2] & ~covered2) + countOneBits(lamp.mask[3] & ~covered3);

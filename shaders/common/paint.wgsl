@@ -1,6 +1,9 @@
 // Paint: a ground albedo and features (checker patches, discs) found through a grid of cells.
 // Features of one layer don't overlap (the host checks it), and what lies on another says how much
 // it changes: so their shares add.
+//
+// Loops test at their end: software drivers pass over the body until no lane is left, so that a
+// test at the beginning costs one pass more than there are turns.
 // The NumPy form is gpusim/optics/pattern.py (tables) and gpusim/optics/albedo.py.
 #import common/coverage
 #import common/grazing
@@ -143,15 +146,19 @@ fn checker_shares(
     }
     let step = 1.0 / f32(n);
     var sum = vec2f(0.0);
-    for (var j = 0; j < n; j++) {
-        for (var i = 0; i < n; i++) {
-            let o = (vec2f(f32(i), f32(j)) + 0.5) * step - 0.5;
-            let w = 1.0 / (1.0 + dot(q, o));
-            let offset = (o.x * ex + o.y * ey) * w;
-            let s = step * w;
-            sum += checker_share(m.f, m.p + offset, s * (ex - offset * q.x), s * (ey - offset * q.y),
-                s * q);
-        }
+    // row by row in one loop; a division of integers takes longer than all of this
+    let total = n * n;
+    var k = 0;
+    loop {
+        let row = floor((f32(k) + 0.5) * step);
+        let o = (vec2f(f32(k) - row * f32(n), row) + 0.5) * step - 0.5;
+        let w = 1.0 / (1.0 + dot(q, o));
+        let offset = (o.x * ex + o.y * ey) * w;
+        let s = step * w;
+        sum += checker_share(m.f, m.p + offset, s * (ex - offset * q.x), s * (ey - offset * q.y),
+            s * q);
+        k++;
+        if (k >= total) { break; }
     }
     return sum * step * step;
 }
@@ -213,19 +220,30 @@ fn sector_share(f: Feature, p: vec2f, ex: vec2f, ey: vec2f, q: vec2f) -> f32 {
 fn paint_discs(ground: f32, list: vec2u, p: vec2f, ex: vec2f, ey: vec2f) -> f32 {
     let reach = 0.5 * max(length(ex + ey), length(ex - ey));
     var albedo = ground;
-    for (var done = 0u; done < list.y; done += 32u) {
+    if (list.y == 0u) { return ground; }
+    var done = 0u;
+    loop {
+        let count = min(list.y - done, 32u);
         var near = 0u;
-        for (var i = 0u; i < min(list.y - done, 32u); i++) {
+        var i = 0u;
+        loop {
             let a = textureLoad(patterns, texel(list.x + 4u * (done + i)), 0);
             near |= select(0u, 1u << i, length(p - a.xy) - a.z < reach);
+            i++;
+            if (i >= count) { break; }
         }
-        while (near != 0u) {
-            let f = feature_at(list.x + 4u * (done + firstTrailingBit(near)));
-            near &= near - 1u;
-            let share = disc_share(p - f.a.xy, ex, ey, f.a.z);
-            albedo += (f.c.x - ground) * share;
-            printed += share * f.c.w;
+        if (near != 0u) {
+            loop {
+                let f = feature_at(list.x + 4u * (done + firstTrailingBit(near)));
+                let share = disc_share(p - f.a.xy, ex, ey, f.a.z);
+                albedo += (f.c.x - ground) * share;
+                printed += share * f.c.w;
+                near &= near - 1u;
+                if (near == 0u) { break; }
+            }
         }
+        done += 32u;
+        if (done >= list.y) { break; }
     }
     return albedo;
 }
@@ -260,7 +278,9 @@ fn paint_pixel(
     var albedo = paint.ground;
     let list = feature_list(slot);
     if (checkers == 0u && sectors == 0u) { return paint_discs(paint.ground, list, local, ex, ey); }
-    for (var i = 0u; i < list.y; i++) {
+    if (list.y == 0u) { return paint.ground; }
+    var i = 0u;
+    loop {
         let f = feature_at(list.x + 4u * i);
         let p = local - f.a.xy;
         if (checkers != 0u && f.c.z == 0.0) {
@@ -277,6 +297,8 @@ fn paint_pixel(
         if (sectors != 0u && f.c.z == 2.0) {
             albedo += (f.c.x - paint.ground) * sector_share(f, p, ex, ey, q);
         }
+        i++;
+        if (i >= list.y) { break; }
     }
     return albedo;
 }

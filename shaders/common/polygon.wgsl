@@ -15,7 +15,9 @@ fn clip(polygon: Polygon, d: vec3f) -> Polygon {
     if (polygon.count == 0) { return result; }
     var a = polygon.p[polygon.count - 1];
     var da = dot(d.xy, a) + d.z;
-    for (var i = 0; i < polygon.count; i++) {
+    // tests of loops come last: see paint.wgsl
+    var i = 0;
+    loop {
         let b = polygon.p[i];
         let db = dot(d.xy, b) + d.z;
         if ((da < 0.0) != (db < 0.0) && result.count < MOST) {
@@ -28,19 +30,24 @@ fn clip(polygon: Polygon, d: vec3f) -> Polygon {
         }
         a = b;
         da = db;
+        i++;
+        if (i >= polygon.count) { break; }
     }
     return result;
 }
 
-// Signed area and centroid: (area, x, y).
+// Signed area and centroid: (area, x, y), of three corners or more.
 fn moments(polygon: Polygon) -> vec3f {
     var sum = vec3f(0.0);
     let o = polygon.p[0];
-    for (var i = 1; i + 1 < polygon.count; i++) {
+    var i = 1;
+    loop {
         let a = polygon.p[i] - o;
         let b = polygon.p[i + 1] - o;
         let twice = a.x * b.y - a.y * b.x;
         sum += twice * vec3f(3.0, a + b);
+        i++;
+        if (i + 1 >= polygon.count) { break; }
     }
     let area = sum.x / 6.0;
     if (sum.x == 0.0) { return vec3f(0.0, o); }
@@ -52,12 +59,15 @@ fn moments(polygon: Polygon) -> vec3f {
 fn rectangle_of(polygon: Polygon, m: vec3f) -> mat2x2f {
     var sum = vec3f(0.0);
     var a = polygon.p[polygon.count - 1] - m.yz;
-    for (var i = 0; i < polygon.count; i++) {
+    var i = 0;
+    loop {
         let b = polygon.p[i] - m.yz;
         let both = vec3f(a.x * b.x, 0.5 * (a.x * b.y + a.y * b.x), a.y * b.y);
         let own = vec3f(a.x * a.x + b.x * b.x, a.x * a.y + b.x * b.y, a.y * a.y + b.y * b.y);
         sum += (a.x * b.y - a.y * b.x) * (own + both);
         a = b;
+        i++;
+        if (i >= polygon.count) { break; }
     }
     let squares = max(sum / m.x, vec3f(0.0, -1e30, 0.0));
     let middle = 0.5 * (squares.x + squares.z);

@@ -15,45 +15,62 @@ fn polygon_speckle(
     let last = first + u32(list.y);
     let soft = speckle == 1u || (speckle == 3u && kind == 2u);
     let steps = select(hard_rows, 3u * cuts, soft);
+    if (last == first) { return 0.0; }
     var sum = 0.0;
     var whole = 0.0;
-    for (var k = 1; k + 1 < polygon.count; k++) {
+    // tests come last: see paint.wgsl
+    var k = 1;
+    loop {
         let a = polygon.p[k] - polygon.p[0];
         let b = polygon.p[k + 1] - polygon.p[0];
         let area = a.x * b.y - a.y * b.x;
-        for (var j = 0u; j < steps; j++) {
+        var j = 0u;
+        loop {
             let row = row_step(j, steps, soft);
             let p0 = polygon.p[0] + row.x * a;
             let p1 = polygon.p[0] + row.x * b;
             var covered = 0.0;
             if (speckle != 2u && soft) {
-                for (var i = 0u; i < steps; i++) {
+                var i = 0u;
+                loop {
                     let point = row_step(i, steps, soft);
                     let st = paint_position(t, d + mix(p0, p1, point.x)) - corner;
                     var open = 1.0;
-                    for (var n = first; n < last; n++) {
+                    var n = first;
+                    loop {
                         let disc = textureLoad(speckles, texel(n), 0);
                         let m = st - disc.xy;
                         open *= leaves(vec3f((disc.z * disc.z - dot(m, m)) * disc.w)).x;
+                        n++;
+                        if (n >= last) { break; }
                     }
                     covered += point.y * (1.0 - open);
+                    i++;
+                    if (i >= steps) { break; }
                 }
             }
             if (speckle != 1u && !soft) {
                 let start = paint_position(t, d + p0) - corner;
                 let along = paint_position(t, d + p1) - corner - start;
                 var rows = no_rows();
-                for (var n = first; n < last; n++) {
+                var n = first;
+                loop {
                     let disc = textureLoad(speckles, texel(n), 0);
                     let m = start - disc.xy;
                     rows = cover_rows(rows, dot(along, along), vec4f(dot(m, along)),
                         vec4f(dot(m, m) - disc.z * disc.z));
+                    n++;
+                    if (n >= last) { break; }
                 }
                 covered = union_rows(rows).x;
             }
             sum += area * 2.0 * row.x * row.y * covered;
+            j++;
+            if (j >= steps) { break; }
         }
         whole += area;
+        k++;
+        if (k + 1 >= polygon.count) { break; }
     }
     if (whole == 0.0) { return 0.0; }
     return clamp(sum / whole, 0.0, 1.0);

@@ -32,7 +32,10 @@ fn soft_cover(first: u32, count: u32, p: vec2f, ex: vec2f, ey: vec2f) -> f32 {
     var t0 = vec3f(1.0);
     var t1 = vec3f(1.0);
     var t2 = vec3f(1.0);
-    for (var i = first; i < first + count; i++) {
+    if (count == 0u) { return 0.0; }
+    // tests come last, here and below: see paint.wgsl
+    var i = first;
+    loop {
         let disc = textureLoad(speckles, texel(i), 0);
         let m = p - disc.xy;
         let row = disc.z * disc.z - dot(m, m) - vec3f(-2.0, 0.0, 2.0) * dot(m, x);
@@ -40,6 +43,8 @@ fn soft_cover(first: u32, count: u32, p: vec2f, ex: vec2f, ey: vec2f) -> f32 {
         t0 *= leaves((row + up - square0) * disc.w);
         t1 *= leaves((row - across) * disc.w);
         t2 *= leaves((row - up - square2) * disc.w);
+        i++;
+        if (i >= first + count) { break; }
     }
     let w = vec3f(END, MIDDLE, END);
     return 1.0 - (END * (dot(t0, w) + dot(t2, w)) + MIDDLE * dot(t1, w));
@@ -99,10 +104,14 @@ fn hard_cover(first: u32, count: u32, p: vec2f, ex: vec2f, ey: vec2f) -> f32 {
     var total = 0.0;
     let reach = 0.5 * max(length(ex + ey), length(ex - ey));
     var whole = false;
-    for (var done = 0u; done < count; done += 32u) {
+    if (count == 0u) { return 0.0; }
+    var done = 0u;
+    loop {
         // which discs' edges may cross: the costly part then runs for those alone
+        let few = min(count - done, 32u);
         var crossing = 0u;
-        for (var i = 0u; i < min(count - done, 32u); i++) {
+        var i = 0u;
+        loop {
             let disc = textureLoad(speckles, texel(first + done + i), 0);
             let m = p - disc.xy;
             let away = length(m);
@@ -112,6 +121,8 @@ fn hard_cover(first: u32, count: u32, p: vec2f, ex: vec2f, ey: vec2f) -> f32 {
             crossing |= select(0u, 1u << i, crosses);
             let slope = (abs(dot(m, ex)) - abs(dot(m, ey))) / max(away, 1e-37);
             steep += select(0.0, slope, crosses);
+            i++;
+            if (i >= few) { break; }
         }
         // the first 32 discs decide
         if (done == 0u && steep < 0.0) {
@@ -121,19 +132,24 @@ fn hard_cover(first: u32, count: u32, p: vec2f, ex: vec2f, ey: vec2f) -> f32 {
         let a = dot(along, along);
         let turn = dot(along, across);
         let tall = dot(across, across);
-        while (crossing != 0u) {
-            let disc = textureLoad(speckles, texel(first + done + firstTrailingBit(crossing)), 0);
-            crossing &= crossing - 1u;
-            let r = disc.z;
-            let m = p - disc.xy;
-            total += large_disc_share(m, ex, ey, r);
-            let start = m - 0.5 * along;
-            let b = dot(start, along);
-            let c = dot(start, start) - r * r;
-            let slope = 2.0 * dot(start, across);
-            upper = cover_rows(upper, a, b + y0 * turn, c + y0 * (slope + y0 * tall));
-            lower = cover_rows(lower, a, b + y1 * turn, c + y1 * (slope + y1 * tall));
+        if (crossing != 0u) {
+            loop {
+                let disc = textureLoad(speckles, texel(first + done + firstTrailingBit(crossing)), 0);
+                let r = disc.z;
+                let m = p - disc.xy;
+                total += large_disc_share(m, ex, ey, r);
+                let start = m - 0.5 * along;
+                let b = dot(start, along);
+                let c = dot(start, start) - r * r;
+                let slope = 2.0 * dot(start, across);
+                upper = cover_rows(upper, a, b + y0 * turn, c + y0 * (slope + y0 * tall));
+                lower = cover_rows(lower, a, b + y1 * turn, c + y1 * (slope + y1 * tall));
+                crossing &= crossing - 1u;
+                if (crossing == 0u) { break; }
+            }
         }
+        done += 32u;
+        if (done >= count) { break; }
     }
     let twice = upper.total - union_rows(upper) + lower.total - union_rows(lower);
     let share = clamp(total - 0.125 * dot(twice, vec4f(1.0)), 0.0, 1.0);
@@ -148,16 +164,20 @@ fn speckle_cover(cell: u32, p: vec2f, ex: vec2f, ey: vec2f, n: u32) -> f32 {
     let count = u32(list.y);
     let step = 1.0 / f32(n);
     var sum = 0.0;
-    for (var j = 0u; j < n; j++) {
-        for (var i = 0u; i < n; i++) {
-            let o = (vec2f(f32(i), f32(j)) + 0.5) * step - 0.5;
-            let at = p + o.x * ex + o.y * ey;
-            if (speckle == 2u) {
-                sum += hard_cover(first, count, at, step * ex, step * ey);
-            } else {
-                sum += soft_cover(first, count, at, step * ex, step * ey);
-            }
+    let pieces = n * n;
+    var k = 0u;
+    loop {
+        // a division of integers would take many times as long
+        let row = floor((f32(k) + 0.5) * step);
+        let o = (vec2f(f32(k) - row * f32(n), row) + 0.5) * step - 0.5;
+        let at = p + o.x * ex + o.y * ey;
+        if (speckle == 2u) {
+            sum += hard_cover(first, count, at, step * ex, step * ey);
+        } else {
+            sum += soft_cover(first, count, at, step * ex, step * ey);
         }
+        k++;
+        if (k >= pieces) { break; }
     }
     return sum * step * step;
 }
