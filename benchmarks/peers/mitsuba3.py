@@ -8,7 +8,7 @@ from pictures import main
 mi.set_variant("llvm_ad_mono")
 
 PATHS = 24_000_000
-"""Traced at once: their state takes some hundred bytes each, 21 Mpx at 16 samples 50 GB and more."""
+"""Traced at once: their state takes some hundred bytes each (21 Mpx at 16 samples: 50 GB)."""
 
 
 def run(problem, options):
