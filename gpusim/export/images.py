@@ -14,7 +14,7 @@ import zlib
 from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any, cast
+from typing import cast
 
 import cv2
 import numpy as np
@@ -25,7 +25,7 @@ from gpusim.errors import InputError
 from gpusim.export.files import PathLike, atomic_path, atomic_stream
 from gpusim.export.recent import keep, recall
 
-__all__ = ["GreyImage", "read_image", "write_colour_png", "write_image", "write_png", "write_tiff"]
+__all__ = ["GreyImage", "read_image", "write_image", "write_png", "write_tiff"]
 
 GreyImage = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 
@@ -79,33 +79,11 @@ def write_png(
     Format: PNG specification (W3C, 3rd edition), colour type 0, one IDAT chunk per band.
     """
     _check(image, pixels_per_metre)
-    _write_png(path, image, 0, pixels_per_metre, text)
-    return Path(path)
-
-
-def write_colour_png(path: PathLike, image: npt.NDArray[np.uint8]) -> Path:
-    """Write a figure (H, W, 3) uint8, RGB, as PNG; errors as in `write_image`."""
-    if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3 or 0 in image.shape:
-        raise InputError(
-            f"colour image: got shape {image.shape}, {image.dtype}; expected (H, W, 3) uint8"
-        )
-    _write_png(path, image, 2)
-    return Path(path)
-
-
-def _write_png(
-    path: PathLike,
-    image: npt.NDArray[Any],
-    colour_type: int,
-    pixels_per_metre: float | None = None,
-    text: Mapping[str, str] | None = None,
-) -> None:
-    height, width = image.shape[:2]
-    bits = 8 * image.itemsize
-    header = struct.pack(">IIBBBBB", width, height, bits, colour_type, 0, 0, 0)
+    height, width = image.shape
     with atomic_stream(path) as stream:
         stream.write(_SIGNATURE)
-        stream.write(_chunk(b"IHDR", header))
+        bits = 8 * image.itemsize
+        stream.write(_chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, bits, 0, 0, 0, 0)))
         if pixels_per_metre is not None:
             density = max(1, round(pixels_per_metre))
             stream.write(_chunk(b"pHYs", struct.pack(">IIB", density, density, 1)))
@@ -114,6 +92,7 @@ def _write_png(
         for part in _deflated(_filtered(image)):
             stream.write(_chunk(b"IDAT", part))
         stream.write(_chunk(b"IEND", b""))
+    return Path(path)
 
 
 def write_tiff(
@@ -192,7 +171,7 @@ def _chunk(kind: bytes, data: bytes) -> bytes:
     return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", checksum)
 
 
-def _filtered(image: npt.NDArray[Any]) -> npt.NDArray[np.uint8]:
+def _filtered(image: GreyImage) -> npt.NDArray[np.uint8]:
     """Return the scan lines, (H, 1 + row bytes) uint8: filter type, then bytes minus those above.
 
     Samples are big-endian. The row above the first is zero, so every row takes the same filter.

@@ -16,9 +16,8 @@ from matplotlib.ticker import ScalarFormatter
 
 from gpusim.export.files import PathLike
 from gpusim.measure import DicResult, Status, StereoResult, StrainResult
-from gpusim.report.mapping import axis_title, draw_png
 from gpusim.report.model import Figure
-from gpusim.report.style import BAD
+from gpusim.report.style import BAD, axis_title, draw_png
 
 __all__ = ["draw_maps", "draw_stereo_maps"]
 

@@ -5,22 +5,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
+from matplotlib.figure import Figure as Canvas
 
 from gpusim.export.files import PathLike
-from gpusim.report.chart import draw_chart
 from gpusim.report.model import Figure
-from gpusim.report.panel import Floats, Panel
-from gpusim.report.space import flat, space_panel
-from gpusim.report.style import MEASURED, MUTED, TRUTH
+from gpusim.report.style import MEASURED, MUTED, TRUTH, axis_title, draw_png
 
 __all__ = ["RigCamera", "draw_calibration", "draw_reconstruction", "draw_rig"]
 
+Floats = npt.NDArray[np.float64]
 _LABELS = ("x (mm)", "y (mm)", "z (mm)")
 _MOST_CORNERS = 4000  # drawn
-_COLOURS = (TRUTH, MEASURED, "#0b8f6a", "#b0569a")
-_TYPICAL = 0.04  # of a picture's width: how long an error of the usual size is drawn
 
 
 @dataclass(frozen=True)
@@ -42,20 +41,27 @@ def draw_reconstruction(
     """Points (M, 3) unloaded, and displaced as measured and as true, ``factor`` times: in space
     and in two projections."""
     there, real = rest + factor * measured, rest + factor * true
-    space = space_panel(np.concatenate([rest, real, there]), "mm")
-    panels = [space]
-    for k, (a, b) in enumerate(((0, 2), (0, 1))):
-        name = ("From the front", "From above")[k]
-        panels.append(Panel(name, _LABELS[a], _LABELS[b], equal=True))
-    places = (flat, *((lambda p, a=a, b=b: (p[:, a], p[:, b])) for a, b in ((0, 2), (0, 1))))
-    for panel, place in zip(panels, places, strict=True):
-        words = panel is space
-        panel.line(*place(real), TRUTH, label="loaded, finite elements" if words else "")
-        panel.marks(*place(rest), MUTED, ".", 2.5,
-                    label="unloaded, triangulated" if words else "")  # fmt: skip
-        panel.marks(*place(there), MEASURED, "o", 4.0, inside=None,
-                    label="loaded, measured" if words else "")  # fmt: skip
-    draw_chart(path, (7.2, 8.0), [[space], panels[1:]])
+
+    def draw(canvas: Canvas) -> None:
+        space: Any = canvas.add_subplot(2, 1, 1, projection="3d")
+        space.plot(*rest.T, ".", color=MUTED, markersize=5, label="unloaded, triangulated")
+        space.plot(*real.T, "-", color=TRUTH, linewidth=1.4, label="loaded, finite elements")
+        space.plot(
+            *there.T, "o", color=MEASURED, markersize=4, mfc="none", label="loaded, measured"
+        )
+        space.set(xlabel=_LABELS[0], ylabel=_LABELS[1], zlabel=_LABELS[2])
+        space.legend(loc="upper left", fontsize=8.5)
+        space.set_aspect("equal", adjustable="datalim")
+        for k, (a, b) in enumerate(((0, 2), (0, 1))):
+            plot = canvas.add_subplot(2, 2, 3 + k)
+            plot.plot(rest[:, a], rest[:, b], ".", color=MUTED, markersize=5)
+            plot.plot(real[:, a], real[:, b], "-", color=TRUTH, linewidth=1.4)
+            plot.plot(there[:, a], there[:, b], "o", color=MEASURED, markersize=4, mfc="none")
+            plot.set(xlabel=_LABELS[a], ylabel=_LABELS[b])
+            plot.set_aspect("equal", adjustable="datalim")
+            axis_title(plot, ("From the front", "From above")[k])
+
+    draw_png(path, (7.2, 8.0), draw)
     size = f" drawn {factor:g} times their length" if factor != 1 else ""
     return Figure(
         Path(path),
@@ -69,19 +75,24 @@ def draw_rig(
     cameras: Sequence[RigCamera], points: Floats, boards: Floats, path: PathLike
 ) -> Figure:
     """Where the cameras stand, the markers (M, 3), and every calibration board (V, 4, 3)."""
-    reach = 0.25 * float(np.linalg.norm(cameras[0].eye - np.nanmean(points, axis=0)))
-    eyes = np.stack([camera.eye for camera in cameras])
-    seen = boards[np.isfinite(boards).all(axis=(1, 2))]
-    space = space_panel(np.concatenate([points, eyes, seen.reshape(-1, 3)]), "mm")
-    for board in seen:
-        space.line(*flat(board[[0, 1, 2, 3, 0]]), MUTED, 0.7)
-    space.marks(*flat(points), TRUTH, ".", 2.5, label="markers")
-    for camera in cameras:
-        space.line(*flat(np.stack([camera.eye, camera.eye + reach * camera.axis])), MEASURED, 1.6)
-        space.marks(*flat(camera.eye[None]), MEASURED, "s", 6.0, inside=MEASURED)
-        x, y = flat(camera.eye)
-        space.note(float(x), float(y), camera.name, ahead=8.0)
-    draw_chart(path, (7.2, 5.6), [[space]])
+
+    def draw(canvas: Canvas) -> None:
+        space: Any = canvas.add_subplot(1, 1, 1, projection="3d")
+        for board in boards:
+            if np.isfinite(board).all():
+                space.plot(*board[[0, 1, 2, 3, 0]].T, color=MUTED, linewidth=0.7)
+        space.plot(*points.T, ".", color=TRUTH, markersize=5, label="markers")
+        reach = 0.25 * float(np.linalg.norm(cameras[0].eye - np.nanmean(points, axis=0)))
+        for camera in cameras:
+            end = camera.eye + reach * camera.axis
+            space.plot(*np.stack([camera.eye, end]).T, color=MEASURED, linewidth=1.6)
+            space.plot(*camera.eye[:, None], "s", color=MEASURED, markersize=6)
+            space.text(*camera.eye, f"  {camera.name}")
+        space.set(xlabel=_LABELS[0], ylabel=_LABELS[1], zlabel=_LABELS[2])
+        space.set_aspect("equal", adjustable="datalim")
+        space.legend(loc="upper left")
+
+    draw_png(path, (7.2, 5.6), draw)
     caption = f"Cameras with their axes, markers, and the {len(boards)} boards of the calibration."
     return Figure(Path(path), "The rig", caption)
 
@@ -90,24 +101,32 @@ def draw_calibration(cameras: Sequence[RigCamera], view_rms: Floats, path: PathL
     """Where corners were seen with their errors as arrows, and each view's RMS (C, V)."""
     lengths = np.concatenate([np.linalg.norm(c.errors, axis=1) for c in cameras])
     typical = float(np.sqrt(np.mean(lengths**2))) if lengths.size else 0.0
-    plots = []
-    bars = Panel("Reprojection error", "Image of the target", "RMS (px)", whole=True)
-    count = len(cameras)
-    for k, (camera, rms) in enumerate(zip(cameras, view_rms, strict=True)):
-        width, height = camera.resolution
-        plot = Panel(camera.name, x_range=(0.0, width), y_range=(0.0, height), equal=True,
-                     downwards=True, rows=5)  # fmt: skip
-        step = max(1, len(camera.corners) // _MOST_CORNERS)
-        at = camera.corners[::step]
-        end = at + camera.errors[::step] * (_TYPICAL * width / max(typical, 1e-12))
-        x, y = (np.stack([at[:, i], end[:, i]], axis=1) for i in range(2))
-        plot.segments(x, y, MEASURED, 0.5)
-        plot.marks(at[:, 0], at[:, 1], TRUTH, ".", 0.9)
-        plots.append(plot)
-        place = np.arange(len(rms)) + 0.8 * (k / count) - 0.4
-        sides = np.stack([place, np.zeros(len(rms)), place + 0.8 / count, rms], axis=1)
-        bars.bars(sides[np.isfinite(sides).all(axis=1)], _COLOURS[k % 4], camera.name)
-    draw_chart(path, (7.2, 5.8), [plots, [bars]])
+
+    def draw(canvas: Canvas) -> None:
+        count = len(cameras)
+        # one grid for all: plots of two grids are laid out without regard for one another
+        grid = canvas.add_gridspec(2, count)
+        for k, camera in enumerate(cameras):
+            plot = canvas.add_subplot(grid[0, k])
+            step = max(1, len(camera.corners) // _MOST_CORNERS)
+            at, error = camera.corners[::step], camera.errors[::step]
+            plot.quiver(*at.T, *error.T, angles="xy", scale_units="width",
+                        scale=max(25.0 * typical, 1e-12), width=0.002, color=MEASURED)  # fmt: skip
+            plot.plot(*at.T, ".", color=TRUTH, markersize=1.2)
+            plot.set_xlim(0, camera.resolution[0])
+            plot.set_ylim(camera.resolution[1], 0)
+            plot.set_aspect("equal")
+            axis_title(plot, camera.name)
+        bars = canvas.add_subplot(grid[1, :])
+        for k, (camera, rms) in enumerate(zip(cameras, view_rms, strict=True)):
+            place = np.arange(len(rms)) + 0.8 * (k / count) - 0.4
+            bars.bar(place, rms, width=0.8 / count, align="edge", label=camera.name)
+        bars.set_xlabel("Image of the target")
+        bars.set_ylabel("RMS (px)")
+        bars.legend(loc="best")
+        axis_title(bars, "Reprojection error")
+
+    draw_png(path, (7.2, 5.8), draw)
     caption = (
         f"Above: corners with their reprojection errors (RMS {typical:.4f} px), magnified; below: "
         "error of each image."
