@@ -111,7 +111,9 @@ def test_the_board_is_found_in_its_window_as_in_the_whole(tmp_path: Path) -> Non
     scene = gs.Scene.from_document({**DOCUMENT, "camera": [camera]}, source="test")
     things = Things(scene, LoadHistory(scene, scaled=True))
     things.props = [build_prop(prop) for prop in scene.props]
-    work = Photographer(scene, tmp_path, None, "numpy", build_lights(scene), things.target, "calib-")
+    work = Photographer(
+        scene, tmp_path, None, "numpy", build_lights(scene), things.target, "calib-"
+    )
     work.take(scene.cameras[0], 1)
     assert work.image is not None and work.window is not None
     board = gs.measure.Chessboard(7, 5, 10.0)

@@ -54,9 +54,7 @@ class Targets:
     poses in the order in which `take` will be called.
     """
 
-    def __init__(
-        self, photographer: Photographer, wanted: Iterable[tuple[m.Camera, int]]
-    ) -> None:
+    def __init__(self, photographer: Photographer, wanted: Iterable[tuple[m.Camera, int]]) -> None:
         self.photographer, self._wanted = photographer, deque(wanted)
         self._pool = ThreadPoolExecutor(1, thread_name_prefix="gpusim.corners")
         self._coming: Future[list[Path]] | None = None
