@@ -114,7 +114,8 @@ def test_the_board_is_found_in_its_window_as_in_the_whole(tmp_path: Path) -> Non
     work = Photographer(
         scene, tmp_path, None, "numpy", build_lights(scene), things.target, "calib-"
     )
-    work.take(scene.cameras[0], 1)
+    for pose in range(2):
+        work.take(scene.cameras[0], pose)
     assert work.image is not None and work.window is not None
     board = gs.measure.Chessboard(7, 5, 10.0)
     left, top, right, bottom = work.window.box
