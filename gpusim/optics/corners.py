@@ -13,10 +13,14 @@ from gpusim.errors import InputError
 from gpusim.optics.camera import Camera
 
 __all__ = [
-    "CHUNK", "at_corners", "barycentric_planes", "corner_mean", "corner_range", "in_camera",
+    "CHUNK", "NORMAL", "POSITION", "REFERENCE", "ST", "at_corners", "barycentric_planes",
+    "corner_mean", "corner_range", "in_camera",
 ]  # fmt: skip
 
 Array = npt.NDArray[np.float64]
+
+POSITION, ST, NORMAL, REFERENCE = slice(0, 3), slice(3, 5), slice(5, 8), slice(8, 11)
+"""Columns of the attribute table that travels through clipping and splitting."""
 
 CHUNK = 1 << 13
 """Triangles worked on at a time, so that they stay in the processor's cache."""

@@ -35,6 +35,7 @@ def feature_edges(
     normal: Array,
     smooth_angle: float,
     seen: npt.NDArray[np.bool_],
+    sharp: npt.NDArray[np.bool_] | None = None,
 ) -> npt.NDArray[np.bool_]:
     """(E,): the edges across which the picture may jump; diagonals of a face never are.
 
@@ -44,19 +45,33 @@ def feature_edges(
     region : (F,) paint region of each face.
     normal : (3, T) unit normals.
     smooth_angle : rad; a larger turn between two neighbours is a crease.
+    sharp : (P,) vertices at which `smooth_normals` found such turns, where it has been asked: no
+        crease is anywhere else.
     """
-    jump = np.zeros(len(topology.first), bool)
-    edge = np.flatnonzero(seen[topology.first] | seen[topology.second])
-    a, b = topology.first[edge], topology.second[edge]
-    source_a, source_b = topology.source[a], topology.source[b]
-    cosine = normal[0][a] * normal[0][b]
-    cosine += normal[1][a] * normal[1][b]
-    cosine += normal[2][a] * normal[2][b]
-    crease = (cosine < np.cos(smooth_angle)) & (source_a != source_b)
-    shows = ~topology.manifold[edge] | crease | (front[a] != front[b])
+    first, second = topology.first, topology.second
+    jump = ~topology.manifold
+    if not front.all():
+        jump |= front[first] != front[second]
     if region.any():
-        shows |= region[source_a] != region[source_b]
-    jump[edge] = shows
+        own = region[topology.source]
+        jump |= own[first] != own[second]
+    if not seen.all():
+        jump &= seen[first] | seen[second]
+    turns = seen
+    if sharp is not None:
+        turns = sharp[topology.triangles].any(axis=1) if sharp.any() else np.zeros(len(seen), bool)
+    if turns.any():
+        # a crease's vertices are those of the triangles on both sides
+        either = (
+            (turns[first] & turns[second]) if sharp is not None else turns[first] | turns[second]
+        )
+        edge = np.flatnonzero(either & ~jump)
+        a, b = first[edge], second[edge]
+        cosine = normal[0][a] * normal[0][b]
+        cosine += normal[1][a] * normal[1][b]
+        cosine += normal[2][a] * normal[2][b]
+        crease = (cosine < np.cos(smooth_angle)) & (topology.source[a] != topology.source[b])
+        jump[edge] = crease & (seen[a] | seen[b])
     return jump
 
 
