@@ -17,8 +17,8 @@ Array = npt.NDArray[np.float64]
 
 
 def turned_corners(
-    triangles: npt.NDArray[np.int32], kept: npt.NDArray[np.int64], front: npt.NDArray[np.bool_]
-) -> list[npt.NDArray[np.int32]]:
+    triangles: npt.NDArray[np.int64], kept: npt.NDArray[np.int64], front: npt.NDArray[np.bool_]
+) -> list[npt.NDArray[np.int64]]:
     """The vertices (n,) at each corner of triangles ``kept``; those that look away turned round."""
     corner = [np.take(triangles[:, k], kept) for k in range(3)]
     away = np.flatnonzero(~front[kept])
@@ -32,7 +32,7 @@ def corner_table(
     area: Array,
     smooth: tuple[Array, npt.NDArray[np.bool_]] | None,
     kept: npt.NDArray[np.int64],
-    corner: list[npt.NDArray[np.int32]],
+    corner: list[npt.NDArray[np.int64]],
     front: npt.NDArray[np.bool_],
     camera: Camera,
 ) -> Array:

@@ -12,12 +12,13 @@ __all__ = ["area_normals", "feature_edges", "sharp_normals", "smooth_normals", "
 Array = npt.NDArray[np.float64]
 
 
-def area_normals(points: Array, triangles: npt.NDArray[np.int32]) -> Array:
+def area_normals(points: Array, triangles: npt.NDArray[np.int64]) -> Array:
     """(3, T): components of the triangles' normals, twice as long as their areas."""
     x, y, z = (np.ascontiguousarray(points[:, k]) for k in range(3))
     a, b, c = (np.ascontiguousarray(triangles[:, k]) for k in range(3))
-    ux, uy, uz = (v[b] - v[a] for v in (x, y, z))
-    vx, vy, vz = (v[c] - v[a] for v in (x, y, z))
+    p, q, r = ([np.take(v, corner) for v in (x, y, z)] for corner in (a, b, c))
+    ux, uy, uz = (end - start for start, end in zip(p, q, strict=True))
+    vx, vy, vz = (end - start for start, end in zip(p, r, strict=True))
     return np.stack([uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx])
 
 
@@ -78,7 +79,7 @@ def feature_edges(
 def smooth_normals(
     area: Array,
     direction: Array,
-    triangles: npt.NDArray[np.int32],
+    triangles: npt.NDArray[np.int64],
     vertices: int,
     smooth_angle: float,
 ) -> tuple[Array, npt.NDArray[np.bool_]]:
@@ -97,17 +98,19 @@ def smooth_normals(
     # where all lie within half the angle of their mean, any two lie within the whole
     sharp = np.zeros(vertices, bool)
     for corner in columns:
-        cosine = sum(direction[k] * mean[k][corner] for k in range(3))
+        cosine = direction[0] * np.take(mean[0], corner)
+        cosine += direction[1] * np.take(mean[1], corner)
+        cosine += direction[2] * np.take(mean[2], corner)
         sharp[corner[~(cosine >= np.cos(0.5 * smooth_angle))]] = True
     return mean, sharp
 
 
 def sharp_normals(
     area: Array,
-    triangles: npt.NDArray[np.int32],
+    triangles: npt.NDArray[np.int64],
     sharp: npt.NDArray[np.bool_],
     own: npt.NDArray[np.int64],
-    vertex: npt.NDArray[np.int32],
+    vertex: npt.NDArray[np.int64],
     smooth_angle: float,
 ) -> Array:
     """Normals (n, 3) of triangles ``own`` at their corners ``vertex``, which are ``sharp``.

@@ -193,8 +193,8 @@ def _pieces(
     topology = surface.topology
     triangles = topology.triangles
     area = area_normals(points, triangles)
-    first = triangles[:, 0]
-    front = area[0] * points[first, 0] + area[1] * points[first, 1] + area[2] * points[first, 2] < 0
+    x, y, z = (np.take(points[:, axis], triangles[:, 0]) for axis in range(3))
+    front = area[0] * x + area[1] * y + area[2] * z < 0
     ahead = points[:, 2] > near
     ideal = np.full((len(points), 2), np.inf)
     ideal[ahead] = screen.ideal(points[ahead])
@@ -248,7 +248,7 @@ def _pieces(
 
 
 def _may_be_seen(
-    triangles: npt.NDArray[np.int32], ahead: npt.NDArray[np.bool_], ideal: Array, screen: Screen
+    triangles: npt.NDArray[np.int64], ahead: npt.NDArray[np.bool_], ideal: Array, screen: Screen
 ) -> npt.NDArray[np.bool_]:
     """(T,) whether triangles are at least partly ahead and not wholly beside the image."""
     # a bit for every side that a corner is beside; one behind the camera is on no side
