@@ -92,8 +92,9 @@ def test_a_fit_that_still_goes_down_has_not_settled(iterations: int) -> None:
 
 def test_markers_at_the_border_are_found_whatever_is_fitted_beside_them() -> None:
     """Fitted together, a marker next to the border must not take from those inside."""
-    places = [(31.3, 20.4), (90.2, 13.3), (13.2, 61.6), (58.4, 57.1), (106.7, 49.7), (50.6, 96.8)]
-    image = board(121, 111, [Marker(x, y, 24.0, 24.0, 0.03 * i) for i, (x, y) in enumerate(places)])
+    places = [(31.3, 20.4), (90.2, 17.3), (12.3, 61.6), (58.4, 57.1), (107.6, 49.7), (50.6, 92.8)]
+    turns = [0.1, 0.2, 0.0, 0.3, 0.0, -0.1]
+    image = board(121, 111, [Marker(*p, 24.0, 24.0, t) for p, t in zip(places, turns, strict=True)])
     found = locate_markers(image, np.array(places) + 0.7, (20.0, 28.0), 6.0)
     assert found.ok.all()
     np.testing.assert_allclose(found.points, places, atol=0.002)

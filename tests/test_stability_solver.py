@@ -51,7 +51,7 @@ def test_multigrid_never_fails_silently(
     names = ("E contrast 1e+08 incompatible scattered", "E contrast 1e+08 incompatible layers",
              "E contrast 1e+08 incompatible islands",
              "offset in cells 1e+06 incompatible", "two bodies 1e+06 incompatible",
-             "tets 100 tet4 full")  # fmt: skip
+             "tets 100 tet4 full", "pulled plate 0.0001 tet10 full 0.03 thick, to 0.1")  # fmt: skip
     _, backend, real = WAYS[way]
     device = Device(real=real) if backend == "gpu" else None
     for case in QUICK:

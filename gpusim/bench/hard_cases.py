@@ -23,7 +23,8 @@ STEEL = Isotropic(210e9, 0.3)
 
 @dataclass(frozen=True)
 class HardCase:
-    """One model. ``value`` is what the family varies; ``quick``: part of the small test."""
+    """One model. ``value`` is what the family varies; ``quick``: part of the small test;
+    ``tolerance`` None: the suite's."""
 
     family: str
     value: float
@@ -31,6 +32,7 @@ class HardCase:
     rules: dict[str, str]
     quick: bool = False
     note: str = ""
+    tolerance: float | None = None
 
     @property
     def name(self) -> str:
@@ -73,7 +75,21 @@ def brick20_bar(size: Triple, divisions: Counts, nu: float = 0.3) -> Model:
     return cantilever(quadratic(box(size, divisions)), [Isotropic(210e9, nu)])
 
 
+def pulled_plate(share: float, thickness: float) -> Model:
+    """Quadratic tetrahedra; a pull along the plate, and ``share`` of it across, which decides the
+    displacement where the plate is thin."""
+    mesh = _tets((2.0, 1.0, thickness), (8, 5, 1), second_order=True)
+    fixed = np.repeat(mesh.points[:, :1] == 0.0, 3, axis=1)
+    end = select_faces(mesh, plane=(mesh.bounds[1], "+x"))
+    forces = face_force(mesh, end, np.array([1.0, 0.3, share]))
+    return Model(mesh, [STEEL], fixed=fixed, forces=forces)
+
+
 def tet_bar(size: Triple, divisions: Counts, second_order: bool = False) -> Model:
+    return cantilever(_tets(size, divisions, second_order))
+
+
+def _tets(size: Triple, divisions: Counts, second_order: bool) -> Mesh:
     """Every brick cut into six tetrahedra about its diagonal."""
     bricks = box(size, divisions)
     around = [1, 2, 3, 7, 4, 5]
@@ -83,7 +99,7 @@ def tet_bar(size: Triple, divisions: Counts, second_order: bool = False) -> Mode
     volume = np.linalg.det(p[:, 1:] - p[:, :1])
     cells = np.where((volume < 0.0)[:, None], cells[:, [0, 2, 1, 3]], cells)
     mesh = Mesh(bricks.points, {"tet4": cells})
-    return cantilever(quadratic(mesh) if second_order else mesh)
+    return quadratic(mesh) if second_order else mesh
 
 
 def distorted(amount: float) -> Model:
@@ -244,6 +260,11 @@ def hard_cases() -> Iterator[HardCase]:
         yield HardCase("thin plate", ratio, partial(bar, (ratio, ratio, 1.0), (10, 8, 1)), modes,
                        ratio == 1000)  # fmt: skip
         yield HardCase("thin plate", ratio, partial(bar, (ratio, ratio, 1.0), (10, 8, 1)), full)
+    for share, thickness in ((1e-4, 0.03), (1e-6, 0.01)):
+        for tolerance in (1e-1, 1e-2, 1e-3):
+            yield HardCase("pulled plate", share, partial(pulled_plate, share, thickness),
+                           {"tet10": "full"}, thickness == 0.03 and tolerance == 1e-1,
+                           f"{thickness:g} thick, to {tolerance:g}", tolerance)  # fmt: skip
     for amount in (0.3, 0.6, 0.9):
         yield HardCase("distortion", amount, partial(distorted, amount), modes)
         yield HardCase("distortion", amount, partial(distorted, amount), full)

@@ -83,8 +83,9 @@ def try_case(
     known: tuple[Model, Reference],
     tolerance: float = 1e-6,
 ) -> Verdict:
-    """Solve one case, built as ``known``, and judge the answer."""
+    """Solve one case, built as ``known``, and judge the answer by its own tolerance, or this."""
     model, reference = known
+    tolerance = tolerance if case.tolerance is None else case.tolerance
     verdict = Verdict(case.name, case.family, case.value, way, tolerance)
     method, backend, _ = WAYS[way]
     start = time.perf_counter()

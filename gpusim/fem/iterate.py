@@ -11,8 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import NotConverged
-from gpusim.fem.congruence import noise
-from gpusim.fem.indefinite import indefinite
+from gpusim.fem.probe import probe
 from gpusim.fem.stencil import Stencil
 from gpusim.fem.stopping import energy_bound, smallest_ritz_value
 
@@ -25,9 +24,16 @@ _BELOW = 0.9
 _MOST_REFINEMENTS = 12
 # share of the tolerance that the first run of conjugate gradients may leave, and a later one
 _AIM, _LATER_AIM = 0.7, 0.15
-# ratio of stiffnesses from node to node beyond which the loads may not feel all soft modes, the
-# iterations that look for them, and how much closer to go there
-HARSH, _PROBE, _HARSH_AIM = 1e3, 40, 0.03
+# ratio of stiffnesses from node to node beyond which the loads may not feel all soft modes, and
+# how much closer to go there
+HARSH, _HARSH_AIM = 1e3, 0.03
+# a Ritz value below which the preconditioner is poor, and iterations per decimal beyond which it
+# is: the loads may not feel all soft modes then, either
+_POOR, _MANY = 0.03, 5.0
+# iterations that may be spent on such modes where they give no bound
+_GLANCE = 40
+# a run goes this far at least: after a few steps Ritz values tell little
+_LOOSEST = 1e-3
 # where the true residual has reached its own rounding, what a run left and what it moved the
 # solution by stand for the error, with this factor of safety
 _SAFETY = 3.0
@@ -106,6 +112,24 @@ class _State:
         self.mu = np.full(len(system.right), np.inf)
         self.settled = np.full(len(system.right), norm.lowest is not None)
         self.given = system.prescribed * (system.scale / system.load_scale)[:, None, None]
+        self.lowest, self.probed = norm.lowest, False
+
+    def doubtful(self, iterations: int, tolerance: float) -> bool:
+        """Whether there may be soft modes that the loads haven't told of, by a first run."""
+        if self.probed or self.lowest is None:
+            return False
+        return bool((self.mu < _POOR).any()) or iterations > _MANY * -np.log10(tolerance)
+
+    def probe(self, loop: Any, most: int) -> str:
+        """Look for them; the loop's run is lost. Returns what to say of it."""
+        bounded = self.lowest is not None
+        found = probe(self.system, loop, most if bounded else _GLANCE)
+        self.probed = True
+        self.mu = np.minimum(self.mu, found.mu)
+        if self.lowest is not None:
+            self.lowest = min(self.lowest, found.lowest)
+            self.settled &= found.settled
+        return f" ({found.iterations} more iterations looked for soft modes)"
 
     def learn(self, history: Float) -> None:
         for case in range(len(self.mu)):
@@ -129,17 +153,17 @@ class _State:
     def apart(self, residual: Float, expected: Float | None, x: Float) -> Float:
         """Relative displacement error (L,) from what the true residual (L,n) has more than the
         one that the loop went by: ||A^-1 d||_A <= ||d|| / sqrt(least eigenvalue)."""
-        if expected is None or self.norm.lowest is None or self.norm.blocks is not None:
+        if expected is None or self.lowest is None or self.norm.blocks is not None:
             return np.full(len(residual), np.inf)
         gap = np.where(self.system.free.ravel(), residual - expected, 0.0)
         size = np.sqrt(np.einsum("ln,ln->l", gap, gap))
-        return self.relative(size / np.sqrt(_BELOW * self.norm.lowest), x)
+        return self.relative(size / np.sqrt(_BELOW * self.lowest), x)
 
     def relative(self, energy: Float, x: Float) -> Float:
         """Estimated relative displacement error for energy-norm errors (L,)."""
         lowest = _BELOW * self.mu
-        if self.norm.lowest is not None:
-            lowest = _BELOW * self.norm.lowest * np.minimum(1.0, self.mu / _UNSEEN)
+        if self.lowest is not None:
+            lowest = _BELOW * self.lowest * np.minimum(1.0, self.mu / _UNSEEN)
         size = self.norm.size(x + self.given)
         bound = np.where(self.settled, energy / np.sqrt(lowest), np.inf)
         return np.where(energy > 0.0, bound / np.where(size > 0.0, size, 1e-300), 0.0)
@@ -178,11 +202,10 @@ def iterate(
     first: Float | None = None
     estimate = np.full(cases, np.inf)
     message = f"stopped after {most} iterations"
+    tolerance_inside, note = min(tolerance, _LOOSEST), ""
     if system.contrast > HARSH:
-        state.learn(_probe(system, loop, chunk))
-        tolerance_inside = tolerance * _HARSH_AIM
-    else:
-        tolerance_inside = tolerance
+        note = state.probe(loop, most)
+        tolerance_inside *= _HARSH_AIM
     inside, drift = np.full(cases, np.inf), np.full(cases, np.inf)
     left = np.full(cases, np.inf)
     image: Float | None = None
@@ -190,7 +213,7 @@ def iterate(
         image = system.apply(x) if x.any() else np.zeros_like(x)
         residual = system.right - image
         residual = np.where(system.free, residual, 0.0).reshape(cases, -1)
-        if refinement == 1 and system.contrast <= HARSH:
+        if refinement == 1 and not state.probed:
             spread = state.apart(residual, loop.residual(), x)
             if bool((left + spread <= tolerance).all()):
                 estimate, message = left + spread, "converged"
@@ -231,6 +254,9 @@ def iterate(
         drift = norm.size(correction) / np.where(size > 0.0, size, 1e-300)
         iterations += len(history)
         histories.append(history)
+        if state.doubtful(iterations, aim * tolerance_inside):
+            note = state.probe(loop, most)
+            tolerance_inside = tolerance  # they are known now
     else:
         message = f"stopped after {_MOST_REFINEMENTS} refinements"
     converged = bool((estimate <= tolerance).all())
@@ -239,24 +265,9 @@ def iterate(
         lines = np.concatenate(histories)[:, :, 0]
         residuals = np.sqrt(np.maximum(lines, 0.0) / np.where(first > 0.0, first, 1.0))
     u = np.where(system.free, x / factor, system.prescribed)
-    return Outcome(u, converged, float(estimate.max()), iterations, residuals, message, image)
-
-
-def _probe(system: System, loop: Any, chunk: int) -> Float:
-    """History of some iterations from a rough right-hand side, which holds every mode.
-
-    The loads may not feel the modes that are soft for the preconditioner, stiff islands in a soft
-    matrix that turn by themselves, but rounding does; their eigenvalues must enter the bound.
-    """
-    rough = noise(system.right.size, 11)
-    rough = np.where(system.free, rough.reshape(system.right.shape), 0.0)
-    active = loop.begin(rough.reshape(len(rough), -1)) > 0.0
-    lines = [loop.run(min(chunk, _PROBE), active) for _ in range(0, _PROBE, min(chunk, _PROBE))]
-    history: Float = np.concatenate(lines)
-    _refuse(history, "conjugate gradients")
-    if ((history[:, :, 3] <= 0.0) & (history[:, :, 0] > 0.0)).any():
-        raise indefinite("conjugate gradients")
-    return history
+    return Outcome(
+        u, converged, float(estimate.max()), iterations, residuals, message + note, image
+    )
 
 
 def _run(

@@ -18,6 +18,7 @@ from gpusim.optics.emitters import Lamp, closest_points, emitter_light, emitters
 from gpusim.optics.environment import Environment
 from gpusim.optics.gloss import Gloss, Reflection, sharpest
 from gpusim.optics.light import AmbientLight, Light
+from gpusim.optics.parting import parted
 from gpusim.optics.shadow_tiles import COARSER, ShadowTiles, flatness
 from gpusim.optics.view import View
 from gpusim.surface.surface import Surface
@@ -40,10 +41,12 @@ def _casters(
 ) -> tuple[Casters, Casters | None]:
     """What casts shadows; and with more faces joined, where that makes a difference."""
     casters = Casters.of(surfaces, flatness(view, lamps))
-    if len(casters.corners) < FEWEST or not any(lamp.extended for lamp in lamps):
-        return casters, None
-    coarse = casters.joined(flatness(view, lamps, COARSER))
-    return casters, coarse if len(coarse.corners) < WORTH * len(casters.corners) else None
+    coarse = None
+    if len(casters.corners) >= FEWEST and any(lamp.extended for lamp in lamps):
+        joined = casters.joined(flatness(view, lamps, COARSER))
+        if len(joined.corners) < WORTH * len(casters.corners):
+            coarse = parted(joined, lamps)
+    return parted(casters, lamps), coarse
 
 
 @dataclass(frozen=True, eq=False)

@@ -50,9 +50,9 @@ class Sparse:
         if features is None or not len(features) or not (high > low).all():
             return None
         cell = (high - low) / CELLS
-        first, last = features.bounds()
-        first = np.clip((first - low) // cell, 0, CELLS).astype(np.int64)
-        last = np.clip((last - low) // cell + 1, 0, CELLS).astype(np.int64)
+        lower, upper = features.bounds()
+        first = np.clip((lower - low) // cell, 0, CELLS).astype(np.int64)
+        last = np.clip((upper - low) // cell + 1, 0, CELLS).astype(np.int64)
         steps = np.zeros((CELLS + 1, CELLS + 1), np.int64)
         for x, y, sign in (
             (first, first, 1),

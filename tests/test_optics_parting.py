@@ -1,0 +1,94 @@
+"""Lamps that lean at bodies or are half sunk into them: what lies before the lamp hides it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import gpusim as gs
+from gpusim.gpu import Device
+from gpusim.optics.binning import bin_edges
+from gpusim.optics.casters import Casters
+from gpusim.optics.emitters import lamps_of
+from gpusim.optics.light import AreaLight
+from gpusim.optics.parting import parted
+from gpusim.optics.shadow_probe import block
+from gpusim.optics.view import look
+from tests.test_optics_shadow import brute_share, triangles_of
+
+FLOOR = gs.Surface(
+    np.array([[-1.2, -1.1, 0], [1.2, -1.1, 0], [1.2, 1.1, 0], [-1.2, 1.1, 0.0]]),
+    np.array([[0, 1, 2, 3]]), paint=gs.paint.Plain(0.7),
+)  # fmt: skip
+COLUMN = block((-0.3, 0.6, 0.4), (0.05, 0.05, 0.4), 0.5)
+CAMERA = gs.Camera.from_lens((36.0, 24.0), 30.0, (95, 63), (0.3, -1.4, 0.95), (0.03, 0.05, 0.05))
+LEANING = AreaLight((-0.3, 0.5, 0.6), (0.1, -0.5, 0.1), (0.5, 0.3), 2.0)
+SUNK = AreaLight((0.1, -0.8, 0.0), (0.1, 0.9, 0.0), (0.6, 0.3), 2.0)
+
+
+def test_a_lamp_is_seen_before_the_column_that_it_leans_at(device: Device) -> None:
+    surfaces = [FLOOR, COLUMN]
+    lit, plain = (
+        gs.render(surfaces, CAMERA, [replace(LEANING, shadows=shadows)], device=device)
+        for shadows in (True, False)
+    )
+    truth = lit.truth()
+    row, column = truth.row, truth.column
+    # not beside the lamp's own plane, where what is seen of it changes within a pixel
+    bright = plain.radiance[row, column] > 0.1 * plain.radiance.max()
+    edges = bin_edges(look(surfaces, CAMERA, lit=True)).pixel
+    inside = bright & (truth.face == 0) & ~np.isin(row * CAMERA.width + column, edges)
+    rows = np.flatnonzero(inside)[::7]
+    got = lit.radiance[row[rows], column[rows]] / plain.radiance[row[rows], column[rows]]
+    (lamp,) = lamps_of([LEANING])
+    want = brute_share(lamp, truth.reference[rows], triangles_of(surfaces), n=40)
+    assert len(want) > 60 and want.min() < 0.5 and want.max() > 0.95
+    # without it, 0.15 on average
+    assert np.abs(got - want).mean() < 0.006
+    assert np.abs(got - want).max() < 0.1
+
+
+@pytest.mark.parametrize("backend", ["numpy", "gpu"])
+def test_half_of_a_lamp_that_is_half_sunk_is_seen(
+    backend: str, request: pytest.FixtureRequest
+) -> None:
+    device = request.getfixturevalue("device") if backend == "gpu" else None
+    surfaces = [FLOOR, block((0.0, 0.2, 0.3), (0.4, 0.1, 0.3), 0.5)]
+    lit, plain = (
+        gs.render(
+            surfaces, CAMERA, [replace(SUNK, shadows=shadows)], backend=backend, device=device
+        )
+        for shadows in (True, False)
+    )
+    truth = lit.truth()
+    front = truth.normal[:, 1] < -0.9
+    front &= (np.abs(truth.reference - [0.0, 0.1, 0.3]) < [0.36, 0.01, 0.26]).all(axis=1)
+    seen = truth.row[front], truth.column[front]
+    assert len(seen[0]) > 300
+    np.testing.assert_allclose(lit.radiance[seen] / plain.radiance[seen], 0.5, atol=2 / 512)
+
+
+def test_parts_are_the_whole_face_again() -> None:
+    casters = Casters.of([FLOOR, COLUMN])
+    lamps = lamps_of([LEANING, SUNK, AreaLight((0.0, 0.0, 3.0), (0, 0, 0), (0.2, 0.2), 1.0)])
+    got = parted(casters, lamps)
+    assert parted(casters, lamps[2:]) is casters
+    assert len(got.faces) > len(casters.faces)
+    np.testing.assert_allclose(got.normal.sum(axis=0), casters.normal.sum(axis=0), atol=1e-15)
+    size = np.linalg.norm(casters.normal, axis=1).sum()
+    assert np.linalg.norm(got.normal, axis=1).sum() == pytest.approx(size, rel=1e-12)
+    # every lamp has each of its faces on one side, or looks at it from one side
+    for lamp in lamps:
+        height = (got.corners - lamp.centre) @ lamp.axis
+        astride = (height.max(axis=1) > 1e-9) & (height.min(axis=1) < -1e-9)
+        to = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) @ np.array([lamp.u, lamp.v])
+        away = np.einsum("fka,fa->fk", lamp.centre + to[None] - got.corners[:, :1], got.normal)
+        cut = (away.max(axis=1) > 1e-9) & (away.min(axis=1) < -1e-9)
+        assert not (astride & cut).any()
+    # edges of the parts: all of them may end a shadow, and nothing goes on into them
+    new = np.flatnonzero((got.faces[: len(casters.faces)] != casters.faces).any(axis=1))
+    assert len(new) and not np.isin(got.beside, new).any()
+    numbers, edges = np.unique(got.edge[:, 0], return_counts=True)
+    assert len(numbers) == len(got.faces) and (edges == 4).all()
