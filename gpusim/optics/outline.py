@@ -60,7 +60,10 @@ def feature_edges(
         jump &= seen[first] | seen[second]
     turns = seen
     if sharp is not None:
-        turns = sharp[topology.triangles].any(axis=1) if sharp.any() else np.zeros(len(seen), bool)
+        turns = np.zeros(len(seen), bool)
+        if sharp.any():
+            for corner in topology.triangles.T:
+                turns |= sharp[corner]
     if turns.any():
         # a crease's vertices are those of the triangles on both sides
         either = (

@@ -245,8 +245,8 @@ def _programs(setup: Setup, light: LightTiles | None, sort: bool) -> list[Progra
     kind = kind[order] if sort else kind
     for group, glossy, bumpy, lit in product(groups, each, each, each):
         wanted = 8 * group + 4 * glossy + 2 * bumpy + lit
-        own = order[kind == wanted] if many[wanted] else order[:0]
-        own = own.astype(np.uint32)
+        numbers = order[kind == wanted] if many[wanted] else order[:0]
+        own: npt.NDArray[np.uint32] = numbers.astype(np.uint32)
         if len(own) or not (group or glossy or bumpy or lit or result):
             constants = {**setup.constants([group], glossy, bumpy), "light_tiled": float(lit)}
             result.append(Program(constants, own))

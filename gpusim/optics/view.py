@@ -211,9 +211,9 @@ def _pieces(
     place = None
     if ahead.all():
         place = at_corners(ideal, corner)
-        x, y = ([place[:, k, axis] for k in range(3)] for axis in (0, 1))
+        across, down = ([place[:, k, axis] for k in range(3)] for axis in (0, 1))
         # as `split` would do later, with more to carry
-        none = without_area(x, y)
+        none = without_area(across, down)
         if none.any():
             kept, place = kept[~none], None
             corner = turned_corners(triangles, kept, front)
