@@ -261,10 +261,10 @@ def _programs(
     tiled = np.zeros(setup.view.count, bool) if light is None else light.member
     if cells is not None:
         for lit in (True, False):
-            own = setup.view.count + np.flatnonzero(tiled[cells.parent] == lit)
-            if len(own):
+            even = setup.view.count + np.flatnonzero(tiled[cells.parent] == lit)
+            if len(even):
                 constants = {**setup.constants([0], False, False), "light_tiled": float(lit)}
-                result.append(Program(constants, own.astype(np.uint32)))
+                result.append(Program(constants, even.astype(np.uint32)))
     groups = (BITMAP, 3 + GRAZING, 2 + GRAZING, 3, 2, 1, 0)
     each = (True, False)
     kind = setup.groups.astype(np.uint8) << np.uint8(3)
