@@ -13,7 +13,7 @@ import gpusim as gs
 from gpusim.errors import TwinMismatch
 from gpusim.gpu import Device, compare
 from gpusim.optics.hidden import visible_pieces
-from gpusim.optics.polygon import clip_square, half_planes, moments
+from gpusim.optics.polygon import _crossed, clip_square, half_planes, moments
 from tests.optics_reference import Plate, flat, pattern, reference
 
 Array = npt.NDArray[np.float64]
@@ -177,3 +177,18 @@ def test_device_and_twin_agree_on_deep_stacks(
     wrong = gs.render(surfaces, CAMERA, background=BACKGROUND, backend="numpy").radiance
     with pytest.raises(TwinMismatch):
         compare("optics/edges", got, wrong, "pixel")
+
+
+def test_slivers_whose_corners_go_in_and_out_stay_where_they_are() -> None:
+    """Of corners on a line, rounding leaves some on either side of it."""
+    line = np.array([[-0.4, -0.1], [-0.1, 0.05], [0.1, 0.15], [0.3, 0.25]])
+    corners = np.concatenate([line, np.repeat(line[-1:], 4, axis=0)]).T[:, :, None]
+    height = np.full((8, 1), -3e-17)
+    height[[0, 2]] = 0.0, 1e-17
+    for turn in range(4):
+        own = np.concatenate([np.roll(height[:4], turn, axis=0), height[4:]])
+        own[4:] = own[3]
+        piece, _ = _crossed(corners, np.array([4]), own)
+        assert np.isfinite(piece).all()
+        assert (piece.min(axis=1) >= line.min(axis=0)[:, None]).all()
+        assert (piece.max(axis=1) <= line.max(axis=0)[:, None]).all()
