@@ -135,9 +135,9 @@ def test_bent_stages_agree_with_their_twins(device: Device) -> None:
     compare("bent shade", got.reshape(-1)[inside], twin.reshape(-1)[inside], "pixel")
     flat = device.buffer(np.full(shape, 0.25, np.float32), "bent.radiance")
     edge_pass = EdgePass(tables, edges)
-    with device.recording("optics.edges") as recording:
-        edge_pass.record(recording, flat, 0, camera.height, camera.width)
-    edge_pass.write_deep([Band(0, camera.height, camera.width, flat)])
+    edge_pass.begin()
+    edge_pass.fetch()
+    edge_pass.write([Band(0, camera.height, camera.width, flat)])
     want = edges_twin(setup, edges, np.full(shape, 0.25, np.float32))
     compare("bent edges", flat.read(np.float32, shape), want, "pixel")
     assert len(np.unique(want)) > 100

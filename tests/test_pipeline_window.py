@@ -104,3 +104,27 @@ def test_the_truth_of_a_window_is_that_of_the_whole(tmp_path: Path) -> None:
     assert np.array_equal(place, whole_place)
     for layer in ("depth", "reference", "flow", "normal"):
         assert np.abs(getattr(part, layer) - getattr(whole, layer)).max() <= 1e-9
+
+
+def test_the_board_is_found_in_its_window_as_in_the_whole(tmp_path: Path) -> None:
+    camera = {**CAMERA, "resolution_px": [900, 600]}
+    scene = gs.Scene.from_document({**DOCUMENT, "camera": [camera]}, source="test")
+    things = Things(scene, LoadHistory(scene, scaled=True))
+    things.props = [build_prop(prop) for prop in scene.props]
+    work = Photographer(
+        scene, tmp_path, None, "numpy", build_lights(scene), things.target, "calib-"
+    )
+    for pose in range(2):
+        work.take(scene.cameras[0], pose)
+    assert work.image is not None and work.window is not None
+    board = gs.measure.Chessboard(7, 5, 10.0)
+    left, top, right, bottom = work.window.box
+    part = gs.measure.find_chessboard(work.image, board, work.window.box)
+    whole = gs.measure.find_chessboard(work.image, board)
+    assert len(part.image) == len(whole.image) == 24
+    assert np.abs(part.image - whole.image).max() <= 1e-3
+    assert (part.image > [left, top]).all() and (part.image < [right, bottom]).all()
+    nothing = gs.measure.find_chessboard(work.image, board, (0, 0, left, top))
+    assert not len(nothing.image) and nothing.resolution == (900, 600)
+    with pytest.raises(gs.errors.InputError, match="find_chessboard region"):
+        gs.measure.find_chessboard(work.image, board, (0, 0, 901, 600))

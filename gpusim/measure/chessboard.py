@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.errors import InputError
 from gpusim.measure.crossings import fit_crossings
 from gpusim.measure.images import FloatArray, check_image, eight_bit
 from gpusim.measure.targets import Chessboard, Sighting, grid_steps
@@ -28,26 +29,38 @@ LEAST_STEP = 6.0  # px between corners
 LEAST_SHARE = 0.5  # of the corners that have to be fitted
 
 
-def find_chessboard(image: npt.NDArray[Any], board: Chessboard) -> Sighting:
+def find_chessboard(
+    image: npt.NDArray[Any],
+    board: Chessboard,
+    region: tuple[int, int, int, int] | None = None,
+) -> Sighting:
     """The inner corners of ``board`` in a grey image.
 
     Corners are good to 0.001 px on sharp area-sampled images without noise. Corners whose fit
     fails (covered, clipped, smeared) are left out. A board that isn't found gives a sighting
     without points that says why. Where it can be told, the first corner is the one beside the
-    dark field (`Chessboard.unique`).
+    dark field (`Chessboard.unique`). ``region`` (left, top, right, bottom), px: where the board
+    is looked for, the whole image unless given.
 
     Raises
     ------
     InputError
-        Not a grey image.
+        Not a grey image, or a region outside of it.
     """
     array = check_image(image, "image")
+    x0, y0, x1, y1 = region or (0, 0, array.shape[1], array.shape[0])
+    if not (0 <= x0 < x1 <= array.shape[1] and 0 <= y0 < y1 <= array.shape[0]):
+        raise InputError(
+            f"find_chessboard region; got {region}; expected left < right <= {array.shape[1]} and "
+            f"top < bottom <= {array.shape[0]}"
+        )
     height, width = array.shape
     across, down = board.corners
     nothing = (width, height), across * down
     best = Sighting.none(*nothing, "no board found")
-    for rough in islice(_detections(eight_bit(array), board.corners), ATTEMPTS):
-        seen = _fitted(array, board, rough)
+    looked_at = eight_bit(array[y0:y1, x0:x1])
+    for rough in islice(_detections(looked_at, board.corners, max(array.shape)), ATTEMPTS):
+        seen = _fitted(array, board, rough + np.array([x0, y0]))
         if len(seen.image) > len(best.image) or not len(best.image):
             best = seen
         # a grid that is off by one line has no corners along another one
@@ -92,9 +105,13 @@ def _fitted(array: npt.NDArray[Any], board: Chessboard, rough: FloatArray) -> Si
     )
 
 
-def _detections(grey: npt.NDArray[np.uint8], corners: tuple[int, int]) -> Iterator[FloatArray]:
-    """Rough corner positions (N, 2) in row order, as one detector after the other sees them."""
-    longest = max(grey.shape)
+def _detections(
+    grey: npt.NDArray[np.uint8], corners: tuple[int, int], longest: int
+) -> Iterator[FloatArray]:
+    """Rough corner positions (N, 2) in row order, as one detector after the other sees them.
+
+    ``longest``: side of the whole image, which decides the sizes; a part of it is as much reduced.
+    """
     # each detector over all sizes: the sector-based one first, the quad detector as a last resort
     sizes = [size for size in DETECTION_SIZES if size < 0.9 * longest] or [longest]
     if longest <= DETECTION_SIZES[-1] and longest not in sizes:

@@ -274,15 +274,18 @@ class _Tracker:
 
     def _best(self, index: int, sources: list[int], *, still: bool) -> Match | None:
         """The best match of one marker over its predictions."""
-        best: Match | None = None
         tried: list[FloatArray] = []
+        of: list[int] = []
         for source, start in self._predictions(index, sources, still=still):
             start[:, 0] = self.matcher.search(index, start)
             # the same start but for less than a pixel and a degree or so ends the same
             if any(np.abs(start[:, :3] - other[:, :3]).max() < SAME for other in tried):
                 continue
-            tried.append(start.copy())
-            (match,) = self.matcher.match([index], start[None], [source])
+            tried.append(start)
+            of.append(source)
+        best: Match | None = None
+        # one by one they would take as long each as all of them at once
+        for match in self.matcher.match([index] * len(tried), np.array(tried), of):
             if best is None or (match.good, match.zncc) > (best.good, best.zncc):
                 best = match
             # converged on what fits well: another start would go there too, the way back as well

@@ -15,12 +15,12 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.optics.contact import settle
-from gpusim.optics.corners import CHUNK, corner_range
+from gpusim.optics.corners import CHUNK, POSITION, corner_range
 from gpusim.optics.cutting import Screen
 from gpusim.optics.piercing import piercings
 from gpusim.optics.polygon import pick
 from gpusim.optics.ragged import expand
-from gpusim.optics.view import POSITION, View
+from gpusim.optics.view import View
 
 __all__ = ["EdgePixels", "bin_edges", "segment_pixels"]
 

@@ -18,8 +18,8 @@ import numpy.typing as npt
 
 from gpusim.gpu import Device
 from gpusim.gpu.texels import Texels
-from gpusim.optics.corners import corner_mean
-from gpusim.optics.view import REFERENCE, RegionPaint, View
+from gpusim.optics.corners import REFERENCE, corner_mean
+from gpusim.optics.view import RegionPaint, View
 from gpusim.surface.bump import PERIOD, WAVES, Bump, bump_waves
 
 __all__ = ["Bumps", "bump_of", "bump_texels", "bump_uniform"]

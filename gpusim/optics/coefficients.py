@@ -13,9 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.optics.bitmap import BitmapTable
-from gpusim.optics.corners import corner_mean
+from gpusim.optics.corners import NORMAL, ST, corner_mean
 from gpusim.optics.pattern import PatternTable
-from gpusim.optics.view import NORMAL, ST, View
+from gpusim.optics.view import View
 
 __all__ = ["BLOCK", "Coefficients", "coefficients"]
 

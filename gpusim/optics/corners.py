@@ -13,10 +13,14 @@ from gpusim.errors import InputError
 from gpusim.optics.camera import Camera
 
 __all__ = [
-    "CHUNK", "at_corners", "barycentric_planes", "corner_mean", "corner_range", "in_camera",
+    "CHUNK", "NORMAL", "POSITION", "REFERENCE", "ST", "at_corners", "barycentric_planes",
+    "corner_mean", "corner_range", "in_camera",
 ]  # fmt: skip
 
 Array = npt.NDArray[np.float64]
+
+POSITION, ST, NORMAL, REFERENCE = slice(0, 3), slice(3, 5), slice(5, 8), slice(8, 11)
+"""Columns of the attribute table that travels through clipping and splitting."""
 
 CHUNK = 1 << 13
 """Triangles worked on at a time, so that they stay in the processor's cache."""
@@ -36,7 +40,7 @@ def in_camera(camera: Camera, points: Array) -> Array:
     return columns.T
 
 
-def at_corners(values: Array, corner: list[npt.NDArray[np.int32]]) -> Array:
+def at_corners(values: Array, corner: list[npt.NDArray[np.int64]]) -> Array:
     """Values (P, V) at the corners of triangles: (n, 3, V), a view of (3, V, n)."""
     columns = np.empty((3, values.shape[1], len(corner[0])))
     for axis in range(values.shape[1]):
@@ -48,32 +52,42 @@ def at_corners(values: Array, corner: list[npt.NDArray[np.int32]]) -> Array:
 
 def barycentric_planes(corners: Array, camera: Camera) -> Array:
     """(T, 3, 3): row i holds the coefficients of b_i as an affine function of [x, y, 1]."""
-    columns = np.empty((3, 3, len(corners)))
+    columns, spare = np.empty((3, 3, len(corners))), np.empty((5, CHUNK))
     D = camera.ray_matrix()
     for first in range(0, len(corners), CHUNK):
         part = slice(first, first + CHUNK)
-        _barycentric_planes(corners[part], D, columns[:, :, part])
+        own = columns[:, :, part]
+        _barycentric_planes(corners[part], D, own, spare[:, : own.shape[2]])
     return np.moveaxis(columns, 2, 0)
 
 
-def _barycentric_planes(corners: Array, D: Array, columns: Array) -> None:
-    p = [[np.ascontiguousarray(corners[:, k, axis]) for axis in range(3)] for k in range(3)]
+def _barycentric_planes(corners: Array, D: Array, columns: Array, spare: Array) -> None:
+    p = [[corners[:, k, axis] for axis in range(3)] for k in range(3)]
+    x, y, z, scale, term = spare
     for i in range(3):
         (ux, uy, uz), (vx, vy, vz) = p[(i + 1) % 3], p[(i + 2) % 3]
-        x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+        for out, (a, b, c, d) in zip(
+            (x, y, z), ((uy, vz, uz, vy), (uz, vx, ux, vz), (ux, vy, uy, vx)), strict=True
+        ):
+            np.multiply(a, b, out=out)
+            np.multiply(c, d, out=term)
+            out -= term
         if i == 0:
-            determinant = p[0][0] * x + p[0][1] * y + p[0][2] * z
-            if not np.all(determinant != 0.0):
+            np.multiply(p[0][0], x, out=scale)
+            for own, normal in ((p[0][1], y), (p[0][2], z)):
+                np.multiply(own, normal, out=term)
+                scale += term
+            if not np.all(scale != 0.0):
                 raise InputError("a triangle is seen exactly edge-on; it should have been dropped")
-            scale = 1.0 / determinant
-        for k in range(3):
+            np.divide(1.0, scale, out=scale)
+        for k, row in enumerate(columns[i]):
             # the ray matrix is upper triangular
-            row = x * D[0, k]
-            if k > 0:
-                row += y * D[1, k]
-            if k > 1:
-                row += z * D[2, k]
-            np.multiply(row, scale, out=columns[i, k])
+            np.multiply(x, D[0, k], out=row)
+            for axis, normal in ((1, y), (2, z)):
+                if k >= axis:
+                    np.multiply(normal, D[axis, k], out=term)
+                    row += term
+            row *= scale
 
 
 def corner_mean(values: Array) -> Array:

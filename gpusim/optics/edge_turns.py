@@ -6,11 +6,11 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.optics.binning import EdgePixels
+from gpusim.optics.corners import ST
 from gpusim.optics.pattern import PatternTable
 from gpusim.optics.setup import Setup, footprint
 from gpusim.optics.shadow_tiles import TILE, TURNS
 from gpusim.optics.speckle import EDGE_ROWS, row_turns
-from gpusim.optics.view import ST
 
 __all__ = ["grazing_turns", "shadow_turns", "speckle_turns"]
 

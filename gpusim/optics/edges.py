@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.gpu import Buffer, Device, Recording, compare, twin_check
+from gpusim.gpu import Buffer, Device, compare, twin_check
 from gpusim.optics.albedo import mean_albedo
 from gpusim.optics.binning import EdgePixels, bin_edges
 from gpusim.optics.bitmap import BITMAP, mean_over_polygons
@@ -49,7 +49,11 @@ SURE = 2e-4
 
 
 class EdgePass:
-    """The edge pixels of one view on the device."""
+    """The edge pixels of one view: `begin`, `fetch`, then `write`.
+
+    The device finds them by themselves, so that the host can resolve what it is left with while the
+    device shades all other pixels.
+    """
 
     def __init__(self, tables: Tables, edges: EdgePixels) -> None:
         # about what one triangle takes: clipping and samples, then its features' corners
@@ -58,74 +62,66 @@ class EdgePass:
         turns += 3000 if (tables.setup.groups == BITMAP).any() else 0
         each = turns + grazing_turns(tables.setup, edges) + shadow_turns(tables.setup, edges)
         deep = edges.pierced | (edges.depth > np.minimum(DEEPEST, LOOP_TURNS // each))
-        self._deep = edges.select(deep)
-        self._deep_values = _resolve(tables.setup, self._deep).astype(np.float32)
-        edges = edges.select(~deep)
-        self.tables, self.edges = tables, edges
+        self.tables = tables
+        self._deep, self.edges = edges.select(deep), edges.select(~deep)
+        self._found: Buffer | None = None
+        self._values = np.zeros((0, 2), np.float32)
+
+    def begin(self) -> None:
+        """Let the device find the pixels."""
+        edges, setup, device = self.edges, self.tables.setup, self.tables.device
         count = len(edges.pixel)
+        if not count:
+            return
         lists = np.zeros(2 * (count + 1) + len(edges.triangle), np.uint32)
         lists[0 : 2 * count : 2] = edges.pixel
         lists[1 : 2 * count + 2 : 2] = edges.start + 2 * (count + 1)
         lists[2 * (count + 1) :] = edges.triangle
-        self._lists = tables.device.buffer(lists, "edges.lists")
-        self._doubts = tables.device.buffer(np.zeros(count + 1, np.uint32), "edges.doubts")
-
-    def record(
-        self, recording: Recording, radiance: Buffer, row0: int, rows: int, stride: int
-    ) -> None:
-        """Resolve the edge pixels of a band of rows in place; ``stride`` px from row to row."""
-        setup = self.tables.setup
-        width = setup.view.camera.width
-        first, last = np.searchsorted(self.edges.pixel, [row0 * width, (row0 + rows) * width])
-        if first == last:
-            return
+        self._found = device.empty(8 * count, "edges.found")
         groups = np.unique(setup.groups).tolist()
         constants = setup.constants(groups, bool(setup.shiny.any()), bool(setup.bumpy.any()))
-        kernel = self.tables.device.kernel("optics/edges", constants=constants)
+        kernel = device.kernel("optics/edges", constants=constants)
         bindings = kernel.bind(
             params={
                 "rays": self.tables.rays(),
-                "width": width,
-                "stride": stride,
-                "row0": row0,
+                "width": setup.view.camera.width,
                 "background": setup.background,
             },
             range={
-                "first": first,
-                "count": last - first,
+                "count": count,
                 "sides": 3,
                 "corners": 4,
                 "hard_rows": EDGE_ROWS,
                 "thin": THIN,
                 "sure": SURE,
             },
-            lists=self._lists,
-            radiance=radiance,
-            doubts=self._doubts,
+            lists=device.buffer(lists, "edges.lists"),
+            found=self._found,
             **self.tables.shared(),
             **self.tables.shadows.bindings(),
         )
-        recording.dispatch(kernel, bindings, threads=(int(last - first),))
+        with device.recording("optics.edges") as recording:
+            recording.dispatch(kernel, bindings, threads=(count,))
 
-    def write_deep(self, bands: Sequence[Band]) -> None:
-        """Write the few pixels that the host resolves; call it once the recordings are submitted.
+    def fetch(self) -> None:
+        """Wait for what the device found."""
+        if self._found is not None:
+            self._values = self._found.read(np.float32, (len(self.edges.pixel), 2))
 
-        Those are pixels under many triangles, pixels where bodies cut each other, and those that
-        the device was in doubt about: what shows of a triangle there isn't convex, and makes a
-        difference. ``bands``: all that were recorded since the last call.
+    def write(self, bands: Sequence[Band]) -> None:
+        """Write the pixels into ``bands``, whose other pixels are shaded or on their way.
+
+        The host resolves pixels under many triangles, pixels where bodies cut each other, and those
+        that the device was in doubt about: what shows of a triangle there isn't convex, and makes
+        a difference.
         """
         width = self.tables.setup.view.camera.width
-        pixel, value = self._deep.pixel, self._deep_values
-        if (self.edges.depth > 1).any():
-            count = int(self._doubts.read(np.uint32, (1,))[0])
-            if count:
-                wanted = np.zeros(len(self.edges.pixel), bool)
-                wanted[self._doubts.read(np.uint32, (count + 1,))[1:]] = True
-                doubtful = self.edges.select(wanted)
-                values = _resolve(self.tables.setup, doubtful).astype(np.float32)
-                pixel = np.concatenate([pixel, doubtful.pixel])
-                value = np.concatenate([value, values])
-                self._doubts.write(np.zeros(1, np.uint32))
+        value, doubt = self._values[:, 0].copy(), self._values[:, 1] > 0.0
+        if doubt.any():
+            value[doubt] = _resolve(self.tables.setup, self.edges.select(doubt))
+        pixel = np.concatenate([self.edges.pixel, self._deep.pixel])
+        deep = _resolve(self.tables.setup, self._deep).astype(np.float32)
+        value = np.concatenate([value, deep])
         row, column = np.divmod(pixel, width)
         for band in bands:
             own = np.flatnonzero((row >= band.row0) & (row < band.row0 + band.rows))
@@ -253,9 +249,9 @@ def _check(device: Device) -> None:
     camera = setup.view.camera
     start = np.full((camera.height, camera.width), 0.25, np.float32)
     out = device.buffer(start, "edges.radiance")
-    with device.recording("optics.edges") as recording:
-        edge_pass = EdgePass(Tables(device, setup), edges)
-        edge_pass.record(recording, out, 0, camera.height, camera.width)
-    edge_pass.write_deep([Band(0, camera.height, camera.width, out)])
+    edge_pass = EdgePass(Tables(device, setup), edges)
+    edge_pass.begin()
+    edge_pass.fetch()
+    edge_pass.write([Band(0, camera.height, camera.width, out)])
     got = out.read(np.float32, start.shape)
     compare("optics/edges", got, edges_twin(setup, edges, start), "pixel")

@@ -18,12 +18,13 @@ import numpy.typing as npt
 from gpusim.gpu import Device, Recording, compare, twin_check
 from gpusim.gpu.texels import Texels
 from gpusim.optics.camera import Camera
+from gpusim.optics.corners import NORMAL, corner_range
 from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.light import AreaLight, EnvironmentLight, Light, PointLight, SunLight
 from gpusim.optics.ragged import expand
 from gpusim.optics.receivers import TILE
 from gpusim.optics.setup import Setup, radiance_of
-from gpusim.optics.view import NORMAL, look
+from gpusim.optics.view import look
 from gpusim.surface.paint import Plain
 from gpusim.surface.surface import Surface
 
@@ -68,11 +69,11 @@ class LightTiles:
         view, camera = setup.view, setup.view.camera
         if not setup.lit or not view.count or _has_spots(setup):
             return None
-        low = np.maximum(view.screen.min(axis=1), -0.5)
-        high = np.minimum(view.screen.max(axis=1), np.array([camera.width, camera.height]) - 0.5)
-        area = np.where(
-            setup.shiny | setup.bumpy, 0.0, 0.5 * np.maximum(high - low, 0.0).prod(axis=1)
-        )
+        low, high = corner_range(view.screen)
+        low = np.maximum(low, -0.5)
+        high = np.minimum(high, np.array([camera.width, camera.height]) - 0.5)
+        wide, tall = np.maximum(high - low, 0.0).T
+        area = np.where(setup.shiny | setup.bumpy, 0.0, 0.5 * (wide * tall))
         large = np.flatnonzero(area >= SMALLEST)
         large = large[_flat(setup, large)]
         large = large[_smooth(setup, large, TOLERANCE if tolerance is None else tolerance)]

@@ -12,12 +12,13 @@ __all__ = ["area_normals", "feature_edges", "sharp_normals", "smooth_normals", "
 Array = npt.NDArray[np.float64]
 
 
-def area_normals(points: Array, triangles: npt.NDArray[np.int32]) -> Array:
+def area_normals(points: Array, triangles: npt.NDArray[np.int64]) -> Array:
     """(3, T): components of the triangles' normals, twice as long as their areas."""
     x, y, z = (np.ascontiguousarray(points[:, k]) for k in range(3))
     a, b, c = (np.ascontiguousarray(triangles[:, k]) for k in range(3))
-    ux, uy, uz = (v[b] - v[a] for v in (x, y, z))
-    vx, vy, vz = (v[c] - v[a] for v in (x, y, z))
+    p, q, r = ([np.take(v, corner) for v in (x, y, z)] for corner in (a, b, c))
+    ux, uy, uz = (end - start for start, end in zip(p, q, strict=True))
+    vx, vy, vz = (end - start for start, end in zip(p, r, strict=True))
     return np.stack([uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx])
 
 
@@ -35,6 +36,7 @@ def feature_edges(
     normal: Array,
     smooth_angle: float,
     seen: npt.NDArray[np.bool_],
+    sharp: npt.NDArray[np.bool_] | None = None,
 ) -> npt.NDArray[np.bool_]:
     """(E,): the edges across which the picture may jump; diagonals of a face never are.
 
@@ -44,26 +46,43 @@ def feature_edges(
     region : (F,) paint region of each face.
     normal : (3, T) unit normals.
     smooth_angle : rad; a larger turn between two neighbours is a crease.
+    sharp : (P,) vertices at which `smooth_normals` found such turns, where it has been asked: no
+        crease is anywhere else.
     """
-    jump = np.zeros(len(topology.first), bool)
-    edge = np.flatnonzero(seen[topology.first] | seen[topology.second])
-    a, b = topology.first[edge], topology.second[edge]
-    source_a, source_b = topology.source[a], topology.source[b]
-    cosine = normal[0][a] * normal[0][b]
-    cosine += normal[1][a] * normal[1][b]
-    cosine += normal[2][a] * normal[2][b]
-    crease = (cosine < np.cos(smooth_angle)) & (source_a != source_b)
-    shows = ~topology.manifold[edge] | crease | (front[a] != front[b])
+    first, second = topology.first, topology.second
+    jump = ~topology.manifold
+    if not front.all():
+        jump |= front[first] != front[second]
     if region.any():
-        shows |= region[source_a] != region[source_b]
-    jump[edge] = shows
+        own = region[topology.source]
+        jump |= own[first] != own[second]
+    if not seen.all():
+        jump &= seen[first] | seen[second]
+    turns = seen
+    if sharp is not None:
+        turns = np.zeros(len(seen), bool)
+        if sharp.any():
+            for corner in topology.triangles.T:
+                turns |= sharp[corner]
+    if turns.any():
+        # a crease's vertices are those of the triangles on both sides
+        either = (
+            (turns[first] & turns[second]) if sharp is not None else turns[first] | turns[second]
+        )
+        edge = np.flatnonzero(either & ~jump)
+        a, b = first[edge], second[edge]
+        cosine = normal[0][a] * normal[0][b]
+        cosine += normal[1][a] * normal[1][b]
+        cosine += normal[2][a] * normal[2][b]
+        crease = (cosine < np.cos(smooth_angle)) & (topology.source[a] != topology.source[b])
+        jump[edge] = crease & (seen[a] | seen[b])
     return jump
 
 
 def smooth_normals(
     area: Array,
     direction: Array,
-    triangles: npt.NDArray[np.int32],
+    triangles: npt.NDArray[np.int64],
     vertices: int,
     smooth_angle: float,
 ) -> tuple[Array, npt.NDArray[np.bool_]]:
@@ -82,17 +101,19 @@ def smooth_normals(
     # where all lie within half the angle of their mean, any two lie within the whole
     sharp = np.zeros(vertices, bool)
     for corner in columns:
-        cosine = sum(direction[k] * mean[k][corner] for k in range(3))
+        cosine = direction[0] * np.take(mean[0], corner)
+        cosine += direction[1] * np.take(mean[1], corner)
+        cosine += direction[2] * np.take(mean[2], corner)
         sharp[corner[~(cosine >= np.cos(0.5 * smooth_angle))]] = True
     return mean, sharp
 
 
 def sharp_normals(
     area: Array,
-    triangles: npt.NDArray[np.int32],
+    triangles: npt.NDArray[np.int64],
     sharp: npt.NDArray[np.bool_],
     own: npt.NDArray[np.int64],
-    vertex: npt.NDArray[np.int32],
+    vertex: npt.NDArray[np.int64],
     smooth_angle: float,
 ) -> Array:
     """Normals (n, 3) of triangles ``own`` at their corners ``vertex``, which are ``sharp``.

@@ -79,7 +79,7 @@ def speckle_jumps(
 def _side(
     topology: Topology, kept: npt.NDArray[np.int64], rows: npt.NDArray[np.int64],
     edge: npt.NDArray[np.int64],
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int32]]:  # fmt: skip
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:  # fmt: skip
     """Which side (n,) of triangles an edge is, and its vertices (n, 2) in their order."""
     number = kept[rows]
     k = np.argmax(topology.edge[number] == edge[:, None], axis=1)

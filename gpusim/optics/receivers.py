@@ -7,10 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.optics.corners import NORMAL, corner_range
 from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.emitters import Lamp
 from gpusim.optics.ragged import expand
-from gpusim.optics.view import NORMAL, View
+from gpusim.optics.view import View
 
 __all__ = ["TILE", "Pairs", "Receivers"]
 
@@ -51,15 +52,21 @@ class Receivers:
     def __init__(self, view: View) -> None:
         self.view, camera = view, view.camera
         T = camera.camera_from_world
-        self.corners = (view.corners[:, :, :3] - T[:3, 3]) @ T[:3, :3]
         # (3, 3, T): corner, axis
-        self.columns = np.ascontiguousarray(np.moveaxis(self.corners, 0, 2))
+        self.columns = np.zeros((3, 3, view.count))
+        for k in range(3):
+            for j in range(3):
+                from_eye = view.corners[:, k, j] - T[j, 3]
+                for axis in range(3):
+                    self.columns[k, axis] += T[j, axis] * from_eye
+        self.corners = np.moveaxis(self.columns, 2, 0)
         limit = np.array([camera.width, camera.height]) - 0.5
-        self.low = np.maximum(view.screen.min(axis=1), -0.5)
-        self.high = np.minimum(view.screen.max(axis=1), limit)
-        self.extent = (self.high - self.low).max(axis=1)
+        low, high = corner_range(view.screen)
+        self.low, self.high = np.maximum(low, -0.5), np.minimum(high, limit)
+        extent = self.high - self.low
+        self.extent = np.maximum(extent[:, 0], extent[:, 1])
         self.large = self.extent > LARGE
-        self.planes = view.planes.sum(axis=1)
+        self.planes = view.planes[:, 0] + view.planes[:, 1] + view.planes[:, 2]
         self.rays = T[:3, :3].T @ camera.ray_matrix()
         self.sides = _sides(view.screen)
 
@@ -130,14 +137,26 @@ class Receivers:
     def turned_away(self, lamp: Lamp) -> npt.NDArray[np.bool_]:
         """(T,) whether no corner of a triangle faces any part of the lamp."""
         away = np.ones(self.view.count, bool)
-        normal = self.view.corners[:, :, NORMAL]
+        behind = away.copy()
         near = 0.0 if lamp.far else 1.0
-        for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1)):
-            to = lamp.centre + a * lamp.u + b * lamp.v - near * self.corners
-            away &= (np.sum(normal * to, axis=2) <= 0.0).all(axis=1)
+        for k, at in enumerate(self.columns):
+            normal = self.view.corners[:, k, NORMAL].T
+            own = near * _along(normal, at)
+            reach = np.zeros(len(away))
+            for side in (lamp.u, lamp.v):
+                reach += np.abs(_along(normal, side))
+            # a lamp's farthest corner along the normal
+            away &= _along(normal, lamp.centre) + reach - own <= 0.0
+            behind &= _along(at, lamp.axis) - float(lamp.axis @ lamp.centre) <= 0.0
         if np.any(lamp.axis) and not lamp.far:
-            away |= (((self.corners - lamp.centre) @ lamp.axis) <= 0.0).all(axis=1)
+            away |= behind
         return away
+
+
+def _along(vectors: Array, other: Array) -> Array:
+    """Products of vectors (3, n) with one (3,) or as many."""
+    result: Array = vectors[0] * other[0] + vectors[1] * other[1] + vectors[2] * other[2]
+    return result
 
 
 def _sides(screen: Array) -> list[tuple[Array, Array, Array, Array]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from types import UnionType
 
 import numpy as np
@@ -123,11 +124,17 @@ def _draw(
     sight = Sight(device, view, rows) if small_triangles(view) else None
     if sight is not None:
         sight.begin(first, rows)
-    setup = Setup.build(view, lights, background, surfaces)
-    tables = Tables(device, setup, sight)
+    with ThreadPoolExecutor(1) as pool:
+        # NumPy lets go of the interpreter in passes over long arrays
+        found = pool.submit(bin_edges, view)
+        setup = Setup.build(view, lights, background, surfaces)
+        tables = Tables(device, setup, sight)
+        edge_pass = EdgePass(tables, found.result())
+    edge_pass.begin()
     shade_pass = ShadePass(tables, rows, sight is not None, sight)
     shadow_pass = ShadowPass(tables) if setup.lighting.shadows is not None else None
-    stride, bands = shade_pass.stride, []
+    stride = shade_pass.stride
+    bands: list[Band] = []
     for row0 in range(first, stop, rows):
         count = min(rows, stop - row0)
         radiance = device.empty(4 * count * stride, f"radiance[{row0}]")
@@ -136,12 +143,11 @@ def _draw(
             if shadow_pass is not None and shade_pass.marks is not None:
                 recording.begin("optics.shadow")
                 shadow_pass.record(recording, shade_pass.marks, radiance, row0, count, stride)
+            if not bands:
+                # before anything else is submitted that one would wait for as well
+                edge_pass.fetch()
         bands.append(Band(row0, count, stride, radiance))
-    edge_pass = EdgePass(tables, bin_edges(view))
-    with device.recording("optics.edges") as recording:
-        for band in bands:
-            edge_pass.record(recording, band.buffer, band.row0, band.rows, stride)
-    edge_pass.write_deep(bands)
+    edge_pass.write(bands)
     return bands
 
 

@@ -18,11 +18,12 @@ from gpusim.optics.bitmap import BITMAP, PIECES, BitmapTable, pieces_needed
 from gpusim.optics.bump import Bumps, bump_of
 from gpusim.optics.camera import Camera
 from gpusim.optics.coefficients import BLOCK, Coefficients, coefficients
+from gpusim.optics.corners import ST
 from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.light import AmbientLight, AreaLight, Light, PointLight
 from gpusim.optics.lighting import Lighting
 from gpusim.optics.pattern import PatternTable
-from gpusim.optics.view import ST, View, look
+from gpusim.optics.view import View, look
 from gpusim.surface.paint import Bump, Checker, Dots, Image, Markers, Paint, Plain, Speckle
 from gpusim.surface.surface import Surface
 

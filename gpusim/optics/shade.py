@@ -238,10 +238,15 @@ def _programs(setup: Setup, light: LightTiles | None, sort: bool) -> list[Progra
     tiled = np.zeros(setup.view.count, bool) if light is None else light.member
     groups = (BITMAP, 3 + GRAZING, 2 + GRAZING, 3, 2, 1, 0)
     each = (True, False)
+    kind = setup.groups.astype(np.uint8) << np.uint8(3)
+    for bit, flags in enumerate((tiled, setup.bumpy, setup.shiny)):
+        kind |= flags.view(np.uint8) << np.uint8(bit)
+    many = np.bincount(kind, minlength=256)
+    kind = kind[order] if sort else kind
     for group, glossy, bumpy, lit in product(groups, each, each, each):
-        wanted = (setup.groups == group) & (setup.shiny == glossy)
-        wanted &= (setup.bumpy == bumpy) & (tiled == lit)
-        own = order[wanted[order]].astype(np.uint32)
+        wanted = 8 * group + 4 * glossy + 2 * bumpy + lit
+        numbers = order[kind == wanted] if many[wanted] else order[:0]
+        own: npt.NDArray[np.uint32] = numbers.astype(np.uint32)
         if len(own) or not (group or glossy or bumpy or lit or result):
             constants = {**setup.constants([group], glossy, bumpy), "light_tiled": float(lit)}
             result.append(Program(constants, own))

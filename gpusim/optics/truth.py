@@ -10,7 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.optics.view import NORMAL, POSITION, REFERENCE, View
+from gpusim.optics.corners import NORMAL, POSITION, REFERENCE
+from gpusim.optics.view import View
 
 __all__ = ["BAND", "Truth", "TruthMap", "seen_in", "truth_of"]
 

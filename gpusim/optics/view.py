@@ -18,8 +18,11 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.optics.camera import Camera
+from gpusim.optics.corner_table import corner_table, turned_corners
 from gpusim.optics.corners import (
     CHUNK,
+    POSITION,
+    ST,
     at_corners,
     barycentric_planes,
     corner_range,
@@ -38,11 +41,10 @@ from gpusim.optics.cutting import (
 )  # fmt: skip
 from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.grazing import grazing_reach
-from gpusim.optics.outline import area_normals, feature_edges, sharp_normals, smooth_normals, unit
+from gpusim.optics.outline import area_normals, feature_edges, smooth_normals, unit
 from gpusim.optics.paint_edges import speckle_jumps
 from gpusim.optics.sparse import sparse_excess
 from gpusim.surface.paint import Paint
-from gpusim.surface.plane import PaintFrame
 from gpusim.surface.speckle import Speckle
 from gpusim.surface.surface import Surface
 
@@ -55,9 +57,6 @@ FIXED = 65536
 
 NEAR = 1e-4
 """Near plane, as a share of the farthest depth in view."""
-
-# columns of the attribute table that travels through clipping and splitting
-POSITION, ST, NORMAL, REFERENCE = slice(0, 3), slice(3, 5), slice(5, 8), slice(8, 11)
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,21 +193,31 @@ def _pieces(
     topology = surface.topology
     triangles = topology.triangles
     area = area_normals(points, triangles)
-    first = triangles[:, 0]
-    front = area[0] * points[first, 0] + area[1] * points[first, 1] + area[2] * points[first, 2] < 0
+    x, y, z = (np.take(points[:, axis], triangles[:, 0]) for axis in range(3))
+    front = area[0] * x + area[1] * y + area[2] * z < 0
     ahead = points[:, 2] > near
     ideal = np.full((len(points), 2), np.inf)
     ideal[ahead] = screen.ideal(points[ahead])
     seen = _may_be_seen(triangles, ahead, ideal, screen)
     keep = seen & front if topology.closed else seen
     direction = unit(area)
-    shows = feature_edges(topology, front, surface.regions, direction, surface.smooth_angle, keep)
+    angle, smooth = surface.smooth_angle, None
+    if lit:
+        smooth = smooth_normals(area, direction, triangles, len(points), angle)
+    sharp = None if smooth is None else smooth[1]
+    shows = feature_edges(topology, front, surface.regions, direction, angle, keep, sharp)
     kept = np.flatnonzero(keep)
+    corner = turned_corners(triangles, kept, front)
+    place = None
     if ahead.all():
+        place = at_corners(ideal, corner)
+        across, down = ([place[:, k, axis] for k in range(3)] for axis in (0, 1))
         # as `split` would do later, with more to carry
-        corner = [np.ascontiguousarray(triangles[kept, k]) for k in range(3)]
-        kept = kept[~without_area(*([ideal[:, axis][c] for c in corner] for axis in (0, 1)))]
-    table, corner = _table(surface, points, (area, direction), kept, front, lit, screen.camera)
+        none = without_area(across, down)
+        if none.any():
+            kept, place = kept[~none], None
+            corner = turned_corners(triangles, kept, front)
+    table = corner_table(surface, points, area, smooth, kept, corner, front, screen.camera)
     every = slice(None) if len(kept) == len(triangles) else kept
     for number, paint in enumerate(surface.paints.values()):
         if isinstance(paint, Speckle):
@@ -231,74 +240,15 @@ def _pieces(
             cut = clip(cut, normal, 0.0)
         pieces = Pieces.joined([pieces[~crossing], cut])
     elif ahead.all() and screen.camera.lens is None:
-        place = at_corners(ideal, corner)
+        place = at_corners(ideal, corner) if place is None else place
         if extent(place) <= SHORT_EDGE:
             # what `split` would find, which has been seen to already
             return pieces, place
     return split(pieces, screen, sparse_excess(surface, ST))
 
 
-def _table(
-    surface: Surface,
-    points: Array,
-    normals: tuple[Array, Array],
-    kept: npt.NDArray[np.int64],
-    front: npt.NDArray[np.bool_],
-    lit: bool,
-    camera: Camera,
-) -> tuple[Array, list[npt.NDArray[np.int32]]]:
-    """Corners (n, 3, 11) of the triangles ``kept``, those that look away turned round.
-
-    A view of (3, 11, n), so that whatever passes over one column reads nothing else. Also the
-    vertices (n,) at each corner. ``normals``: by area, and of length 1.
-    """
-    area, direction = normals
-    triangles = surface.topology.triangles
-    turned = ~front[kept]
-    away = np.flatnonzero(turned)
-    corner = [np.ascontiguousarray(triangles[kept, k]) for k in range(3)]
-    corner[1][away], corner[2][away] = corner[2][away], corner[1][away]
-    columns = np.empty((3, 11, len(kept)))
-    columns[:, ST] = 0.0
-    if not lit:
-        columns[:, NORMAL] = 0.0
-    table = np.moveaxis(columns, 2, 0)
-
-    def fill(first: int, values: Array) -> None:
-        """From values (n, V) at the vertices."""
-        for axis, column in enumerate(values):
-            column = np.ascontiguousarray(column)
-            for k in range(3):
-                np.take(column, corner[k], out=columns[k, first + axis], mode="clip")
-
-    fill(POSITION.start, points.T)
-    fill(REFERENCE.start, surface.rest.T)
-    if lit:
-        angle, to_world = surface.smooth_angle, camera.camera_from_world[:3, :3].T
-        normal, sharp = smooth_normals(area, direction, triangles, len(points), angle)
-        fill(NORMAL.start, to_world @ normal)
-        if sharp.any():
-            rows, k = np.nonzero(np.stack([sharp[c] for c in corner], axis=1))
-            vertex = np.stack(corner, axis=1)[rows, k]
-            own = sharp_normals(area, triangles, sharp, kept[rows], vertex, angle)
-            table[rows, k, NORMAL] = own @ to_world.T
-        if len(away):
-            columns[:, NORMAL] *= np.where(turned, -1.0, 1.0)
-    region = surface.regions[surface.topology.source[kept]] if surface.extents else kept
-    for number in surface.extents:
-        rows = np.flatnonzero(region == number)
-        frame = surface.paint_frame(number)
-        if len(rows) == len(kept) and isinstance(frame, PaintFrame):
-            fill(ST.start, frame.coordinates(surface.rest).T)
-            continue
-        own = frame.of_triangles(surface.rest[triangles[kept[rows]]], kept[rows])
-        own[turned[rows]] = own[turned[rows]][:, [0, 2, 1]]
-        table[rows, :, ST] = own
-    return table, corner
-
-
 def _may_be_seen(
-    triangles: npt.NDArray[np.int32], ahead: npt.NDArray[np.bool_], ideal: Array, screen: Screen
+    triangles: npt.NDArray[np.int64], ahead: npt.NDArray[np.bool_], ideal: Array, screen: Screen
 ) -> npt.NDArray[np.bool_]:
     """(T,) whether triangles are at least partly ahead and not wholly beside the image."""
     # a bit for every side that a corner is beside; one behind the camera is on no side

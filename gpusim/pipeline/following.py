@@ -26,6 +26,7 @@ __all__ = ["Followed", "MarkerSet", "collect_markers", "follow_markers"]
 Array = npt.NDArray[np.float64]
 SUBSET_SHARE = 0.95
 LOST_SHARE = 0.45  # of the way to its neighbour, where a marker that got lost is looked for
+TRIES = 30  # iterations; those that find a marker take 16 at most, others go on for ever
 MOST_GAP = 0.2  # of a width, between a tracked subset and the fit of its cross
 
 
@@ -147,6 +148,7 @@ def follow_markers(
     tracked = measure.track(
         reference, deformed, points[rows],
         subset=side, groups=chains, search_px=_search(points[rows], chains, side),
+        max_iterations=TRIES,
     )  # fmt: skip
     matched, sigma = np.full_like(points, np.nan), np.full(len(points), np.nan)
     matched[rows], sigma[rows] = tracked.displacement, tracked.sigma

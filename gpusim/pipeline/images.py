@@ -59,6 +59,8 @@ class Photographer:
         self._shown: Sequence[Surface] = ()
         self.image: npt.NDArray[Any] | None = None
         """The latest image that was taken."""
+        self.window: Window | None = None
+        """The part of it that isn't background alone; None for all of it."""
         self.facts: dict[str, str] = {}
         """What lens and shutter did, by "camera: effect", in the latest frame."""
         self.warnings: list[str] = []
@@ -145,7 +147,7 @@ class Photographer:
         path = image_path(self.scene, self.out, camera.name, frame, self.kind)
         path.parent.mkdir(parents=True, exist_ok=True)
         files = [path]
-        window = self._window(camera, frame)
+        window = self.window = self._window(camera, frame)
         linear = self.frame(camera, frame, window)
         sensor = self._sensor(camera, frame, linear)
         if self.scene.sensor_of(camera.name).exposure is None and frame == 0:

@@ -27,6 +27,11 @@ class Window:
     width: int
     height: int
 
+    @property
+    def box(self) -> tuple[int, int, int, int]:
+        """Left, top, right and bottom; the last two just outside."""
+        return self.left, self.top, self.left + self.width, self.top + self.height
+
     def camera(self, whole: Camera) -> Camera:
         """The camera whose image is this part of the one of ``whole``."""
 

@@ -19,7 +19,7 @@ from gpusim.export.images import read_image
 from gpusim.gpu import Device, default_device
 from gpusim.pipeline import images, measurements, outputs
 from gpusim.pipeline.build import build_body, build_lights
-from gpusim.pipeline.corners import read_corners, take_target
+from gpusim.pipeline.corners import Targets, read_corners
 from gpusim.pipeline.files import check_field, check_views
 from gpusim.pipeline.mechanics import large_displacements, make_mechanics
 from gpusim.pipeline.memory import check_memory
@@ -282,10 +282,11 @@ class _Run:
             self._timed(self.plan["render"], None)
         targets = images.Photographer(*common, self.things.target, "calib-", self.skip)
         by_name = {camera.name: camera for camera in scene.cameras}
-        for planned in self.plan.stages:
-            if planned.pose is not None:
-                camera = by_name[planned.camera or ""]
-                self._stage(planned, partial(take_target, targets, camera, planned.pose))
+        stages = [stage for stage in self.plan.stages if stage.pose is not None]
+        wanted = ((by_name[s.camera or ""], s.pose or 0) for s in stages if s.runs)
+        with Targets(targets, wanted) as pictures:
+            for planned in stages:
+                self._stage(planned, pictures.take)
 
     def _truth(self) -> list[Path]:
         assert self.photographer is not None

@@ -84,7 +84,7 @@ def plane_frame(
     return PaintFrame.facing(unit, points[used_vertices(faces, len(points))], up)
 
 
-def used_vertices(faces: npt.NDArray[np.int32], count: int) -> npt.NDArray[np.int64]:
+def used_vertices(faces: npt.NDArray[np.integer], count: int) -> npt.NDArray[np.int64]:
     """The numbers of those of ``count`` vertices that faces (F, 3) or (F, 4) have, in order."""
     used = np.zeros(count + 1, bool)  # -1 is the last one
     used[faces] = True

@@ -152,12 +152,16 @@ def _nearest(name: str, nodes: Array, point: Array) -> tuple[Array, Array, Array
     Gauss-Newton iteration, all at once."""
     triangle = name.startswith("tri")
     xi = np.full((len(point), 2), 1.0 / 3.0 if triangle else 0.0)
+    left = np.arange(len(point))
     for _ in range(30):
-        slope = np.einsum("nka,nkd->nad", nodes, shape_gradients(name, xi))
-        gap = point - np.einsum("nk,nka->na", shape_functions(name, xi), nodes)
+        own, at = nodes[left], xi[left]
+        slope = np.einsum("nka,nkd->nad", own, shape_gradients(name, at))
+        gap = point[left] - np.einsum("nk,nka->na", shape_functions(name, at), own)
         step = np.einsum("nda,na->nd", np.linalg.pinv(slope), gap)
-        xi = np.clip(xi + step, -3.0, 3.0)
-        if not np.abs(step).max(initial=0.0) >= 1e-13:
+        xi[left] = np.clip(at + step, -3.0, 3.0)
+        # a place beside its face stays at a limit: that is no reason to go on with all the others
+        left = left[np.abs(xi[left] - at).max(axis=1) >= 1e-13]
+        if not left.size:
             break
     share = shape_functions(name, xi)
     a, b = xi.T

@@ -14,17 +14,18 @@ __all__ = ["Topology", "sorted_keys", "triangulate"]
 class Topology:
     """Triangles and edges of faces.
 
-    ``triangles`` (T, 3) int32 vertices; ``source`` (T,) int32 face that each comes from;
-    ``edge`` (T, 3) int32: number of the edge from corner k to the next; ``first``, ``second``
-    (E,) int32: triangles on both sides, the same one at a border; ``manifold`` (E,): exactly two
-    triangles share it; ``closed``: that holds for all edges.
+    ``triangles`` (T, 3) vertices, corner by corner in memory; ``source`` (T,) int32 face that each
+    comes from; ``edge`` (T, 3): number of the edge from corner k to the next; ``first``, ``second``
+    (E,): triangles on both sides, the same one at a border; ``manifold`` (E,): exactly two
+    triangles share it; ``closed``: that holds for all edges. Indices are 64 bits wide, which is
+    what NumPy makes of others at every use.
     """
 
-    triangles: npt.NDArray[np.int32]
+    triangles: npt.NDArray[np.int64]
     source: npt.NDArray[np.int32]
-    edge: npt.NDArray[np.int32]
-    first: npt.NDArray[np.int32]
-    second: npt.NDArray[np.int32]
+    edge: npt.NDArray[np.int64]
+    first: npt.NDArray[np.int64]
+    second: npt.NDArray[np.int64]
     manifold: npt.NDArray[np.bool_]
     closed: bool
 
@@ -37,14 +38,15 @@ class Topology:
         order, ordered = sorted_keys(key)
         new = np.ones(len(key), bool)
         new[1:] = ordered[1:] != ordered[:-1]
-        edge = np.empty(len(key), np.int32)
-        edge[order] = np.cumsum(new, dtype=np.int32) - 1
+        edge = np.empty(len(key), np.int64)
+        edge[order] = np.cumsum(new) - 1
         start = np.flatnonzero(new)
         manifold = np.diff(np.append(start, len(key))) == 2
-        first = order[start] // 3
+        first = order[start].astype(np.int64) // 3
         second = np.where(manifold, order[np.minimum(start + 1, len(key) - 1)] // 3, first)
+        corners = np.asfortranarray(triangles.astype(np.int64))
         return Topology(
-            triangles, source, edge.reshape(-1, 3), first, second, manifold, bool(manifold.all())
+            corners, source, edge.reshape(-1, 3), first, second, manifold, bool(manifold.all())
         )
 
 

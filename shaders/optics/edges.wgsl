@@ -14,14 +14,11 @@ override lit: u32;
 struct Params {
     rays: Rays,
     width: u32,
-    stride: u32,
-    row0: u32,
     background: f32,
 }
 // Loop bounds that never change are uniforms here: compilers would unroll the loops otherwise,
 // and software rasterisers then spend seconds compiling what runs in milliseconds.
 struct Range {
-    first: u32,
     count: u32,
     sides: u32,
     corners: u32,
@@ -36,9 +33,8 @@ struct Range {
 // per edge pixel two words: its index in the image and where its triangles start in this list
 // (one more pair ends the last); the numbers of the triangles follow, nearest first
 @group(0) @binding(8) var<storage, read> lists: array<u32>;
-@group(0) @binding(9) var<storage, read_write> radiance: array<f32>;
-// how many pixels the host has to resolve, and which of the list
-@group(0) @binding(30) var<storage, read_write> doubts: array<atomic<u32>>;
+// (radiance, 1 if the host has to resolve it) of every edge pixel
+@group(0) @binding(9) var<storage, read_write> found: array<vec2f>;
 
 // Seen share of a pixel from which on nothing behind can matter.
 const FULL: f32 = 1.0 - 1e-6;
@@ -55,7 +51,7 @@ fn triangle_sides(id: u32, pixel: vec2i) -> Sides {
 fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let n = gid.y * (groups.x * 64u) + gid.x;
     if (n >= range.count) { return; }
-    let entry = 2u * (range.first + n);
+    let entry = 2u * n;
     let index = lists[entry];
     let stop = lists[entry + 3u];
     let pixel = vec2i(i32(index % params.width), i32(index / params.width));
@@ -169,6 +165,7 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
         c++;
         if (!(c < stop && seen < FULL && behind < FULL)) { break; }
     }
+    var doubts = 0.0;
     let open = 1.0 - seen;
     // what is open is a seam between neighbours, shows the background, or the doubtful ones
     if (open <= range.thin) {
@@ -181,8 +178,8 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
         }
         value += open * share.x / share.y;
         if (unsure || (lights.y - lights.x) * open > range.sure * lights.y) {
-            atomicStore(&doubts[1u + atomicAdd(&doubts[0], 1u)], range.first + n);
+            doubts = 1.0;
         }
     }
-    radiance[u32(pixel.y - i32(params.row0)) * params.stride + u32(pixel.x)] = value;
+    found[n] = vec2f(value, doubts);
 }
