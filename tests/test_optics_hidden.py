@@ -184,7 +184,7 @@ def test_slivers_whose_corners_go_in_and_out_stay_where_they_are() -> None:
     line = np.array([[-0.4, -0.1], [-0.1, 0.05], [0.1, 0.15], [0.3, 0.25]])
     corners = np.concatenate([line, np.repeat(line[-1:], 4, axis=0)]).T[:, :, None]
     height = np.full((8, 1), -3e-17)
-    height[[0, 2]] = 0.0, 1e-17
+    height[[0, 2], 0] = 0.0, 1e-17
     for turn in range(4):
         own = np.concatenate([np.roll(height[:4], turn, axis=0), height[4:]])
         own[4:] = own[3]
