@@ -77,7 +77,7 @@ def test_every_kind_of_lamp_against_brute_force() -> None:
     still = np.zeros_like(points)
     got = tiles.shares(
         truth.column[rows].astype(float), truth.row[rows].astype(float), points - camera.eye,
-        still, still,
+        truth.normal[rows], still, still,
     )  # fmt: skip
     triangles = triangles_of(surfaces)
     for number, lamp in enumerate(lamps_of(lights)):
@@ -275,8 +275,8 @@ def test_a_penumbra_some_pixels_wide_is_integrated_over_lamp_and_pixel(
         screen = screen[:, [1, 0, 2]][::-1]
     across, down = np.broadcast_to(step * np.eye(3)[:2, None], (2, len(t), 3))
     shares = visible_share(
-        lamp, at, across, down, np.arange(len(t)), np.broadcast_to(screen, (len(t), 4, 3)),
-        np.ones(len(t), bool), np.full(len(t), 1e-6),
+        lamp, at, np.broadcast_to(np.eye(3)[2], (len(t), 3)), across, down, np.arange(len(t)),
+        np.broadcast_to(screen, (len(t), 4, 3)), np.ones(len(t), bool), np.full(len(t), 1e-6),
     )  # fmt: skip
     fine = t[:, None] + step * ((np.arange(4000) + 0.5) / 4000 - 0.5)
     exact = np.clip(0.5 + fine / 0.1, 0.0, 1.0).mean(axis=1)

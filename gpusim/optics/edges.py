@@ -162,22 +162,25 @@ def _resolve(setup: Setup, edges: EdgePixels) -> Array:
         cutting = Cutting(pierced, last, depth)
     row, piece = visible_pieces(*clip_square(planes), planes, corners, first, cutting)
     size, middle = moments(piece)
+    solid = np.flatnonzero(size > 0.0)
+    row, size, middle, piece = row[solid], size[solid], middle[solid], pick(piece, solid)
     albedo, printed = _mean_albedo(setup, triangle[row], at[row], piece, middle)
-    area: Array = np.bincount(row, size, len(pixel)).astype(np.float64)
-    some = np.flatnonzero(area > 0.0)
-    means = [
-        np.bincount(row, size * values, len(pixel))[some] / area[some]
-        for values in (albedo, printed, *middle.T)
-    ]
-    area, x, y = area[some], at[some, 0] + means[2], at[some, 1] + means[3]
     sides: Array | None = None
     if setup.lighting.shadows is not None:
-        own = second_moments(piece)
-        second: Array = np.stack([np.bincount(row, v, len(pixel))[some] for v in own.T], axis=1)
-        sides = rectangles(area, np.stack([means[2], means[3]], axis=1), second)
-    light = radiance_of(setup, triangle[some], x, y, means[0], means[1], sides)
-    seen = np.bincount(pixel[some], area, count)
-    value = np.bincount(pixel[some], area * light, count)
+        # each piece by itself: the middle of those round a corner may lie under what hides it
+        sides = rectangles(size, middle, second_moments(piece))
+    else:
+        area: Array = np.bincount(row, size, len(pixel)).astype(np.float64)
+        some = np.flatnonzero(area > 0.0)
+        albedo, printed, *places = (
+            np.bincount(row, size * values, len(pixel))[some] / area[some]
+            for values in (albedo, printed, *middle.T)
+        )
+        row, size, middle = some, area[some], np.stack(places, axis=1)
+    x, y = at[row, 0] + middle[:, 0], at[row, 1] + middle[:, 1]
+    light = radiance_of(setup, triangle[row], x, y, albedo, printed, sides)
+    seen = np.bincount(pixel[row], size, count)
+    value = np.bincount(pixel[row], size * light, count)
     opened = 1.0 - seen
     result: Array = np.where(
         opened > THIN, value + opened * setup.background, value / np.maximum(seen, 1.0 - THIN)

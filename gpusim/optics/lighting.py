@@ -149,7 +149,7 @@ class Lighting:
             around = around + self.environment.diffuse(normal)
         share = np.ones((len(x), len(self.emitters)))
         if self.shadows is not None:
-            seen = self.shadows.shares(x, y, at, across, down)
+            seen = self.shadows.shares(x, y, at, normal, across, down)
             share = seen[:, self.emitters[:, 11].astype(np.int64)]
         matte = around / np.pi
         p = q = np.zeros(len(x))

@@ -6,7 +6,8 @@ face's own side. Along a row of samples on the lamp this is linear, so that each
 interval of 32 bits (Eisemann and Decoret, "Visibility sampling on GPU and applications", 2007,
 with exact outlines in place of a table). Nothing is biased: of closed bodies only faces whose
 outside looks at the receiver can begin a shadow, so that no surface shadows itself, and contacts
-are exact.
+are exact: a receiver in a face's plane is hidden by it if the two look at each other, as a floor is
+under a box (samples of a pixel beside the box reach there).
 
 The 512 samples are a lattice: 512 distinct places along either side of the lamp. Each of the 16
 rows looks from another place in the pixel, so that a shadow sharper than a pixel is filtered as
@@ -28,6 +29,9 @@ Array = npt.NDArray[np.float64]
 ROWS, COLUMNS = 16, 32
 TOLERANCE = 2e-6
 """A face begins no shadow nearer to its plane than this times the distance from the eye."""
+
+AGAINST = -0.5
+"""Cosine between the normals of face and receiver below which they may lie against each other."""
 
 CHUNK = 1 << 9
 """Pairs of receivers and faces at a time, so that they stay in the processor's cache."""
@@ -76,6 +80,7 @@ def lamp_masks(lamp: Lamp) -> npt.NDArray[np.uint32]:
 def visible_share(
     lamp: Lamp,
     at: Array,
+    normal: Array,
     across: Array,
     down: Array,
     receiver: npt.NDArray[np.int64],
@@ -88,6 +93,7 @@ def visible_share(
     Parameters
     ----------
     lamp : its centre in the frame of ``at``.
+    normal : (N, 3) unit normals of the receivers.
     across, down : (N, 3) how the receiver's place changes per pixel column and row.
     receiver : (P,) sorted: the receiver of each pair; ``corners`` (P, 4, 3) the face that may hide
         the lamp from it, counter-clockwise seen from outside, and ``both_sides`` (P,) whether
@@ -101,8 +107,9 @@ def visible_share(
         part = slice(start, start + 8 * CHUNK)
         own = receiver[part]
         bits = _covered(
-            lamp, at[own], across[own], down[own], corners[part], both_sides[part], tolerance[own]
-        )
+            lamp, at[own], normal[own], across[own], down[own], corners[part], both_sides[part],
+            tolerance[own],
+        )  # fmt: skip
         np.bitwise_or.at(covered, own, bits)
     free = np.bitwise_count(masks & ~covered).sum(axis=1)
     result: Array = free / total
@@ -112,6 +119,7 @@ def visible_share(
 def _covered(
     lamp: Lamp,
     at: Array,
+    looks: Array,
     across: Array,
     down: Array,
     corners: Array,
@@ -127,8 +135,10 @@ def _covered(
     normal = planes.sum(axis=1)
     height = np.sum(normal * D.mean(axis=1), axis=1)
     size = np.linalg.norm(normal, axis=1)
-    counts = np.where(both_sides, np.abs(height), -height) > tolerance * size
-    sign = np.where(height > 0.0, 1.0, -1.0)[:, None]
+    against = ~both_sides & (np.abs(height) <= tolerance * size)
+    against &= np.sum(normal * looks, axis=1) < AGAINST * size
+    counts = (np.where(both_sides, np.abs(height), -height) > tolerance * size) | against
+    sign = np.where((height > 0.0) & ~against, 1.0, -1.0)[:, None]
     # a plane that has the receiver and the whole lamp on one side comes between for neither
     apart = sign[:, 0] * (np.sum(normal * to, axis=1) - near * height)
     counts &= apart + np.abs(normal @ lamp.u) + np.abs(normal @ lamp.v) > 0.0

@@ -150,11 +150,13 @@ class ShadowTiles:
             casters.both_sides[shown],
         )  # fmt: skip
 
-    def shares(self, x: Array, y: Array, at: Array, across: Array, down: Array) -> Array:
+    def shares(
+        self, x: Array, y: Array, at: Array, normal: Array, across: Array, down: Array
+    ) -> Array:
         """What receivers see of each lamp, (n, L), 0 to 1.
 
-        ``x``, ``y`` (n,) px; ``at`` (n, 3) their places relative to the eye; ``across``, ``down``
-        (n, 3) how these change per column and row.
+        ``x``, ``y`` (n,) px; ``at`` (n, 3) their places relative to the eye, ``normal`` (n, 3)
+        unit; ``across``, ``down`` (n, 3) how the places change per column and row.
         """
         limit = np.array(self.lit.shape) - 1
         row = np.clip(np.floor((y + 0.5) / TILE).astype(np.int64), 0, limit[0])
@@ -172,8 +174,8 @@ class ShadowTiles:
             offset = np.arange(len(receiver)) - np.repeat(np.cumsum(count) - count, count)
             face = self.face[self.start[own, number][receiver] + offset]
             result[half, number] = visible_share(
-                lamp, at[half], across[half], down[half], receiver, self.corners[face],
-                self.both_sides[face], tolerance[half],
+                lamp, at[half], normal[half], across[half], down[half], receiver,
+                self.corners[face], self.both_sides[face], tolerance[half],
             )  # fmt: skip
         return result
 
@@ -295,19 +297,24 @@ def _candidates(
         face, side = grid.face[caster], grid.side[caster]
         behind, ahead = _sides_of(casters, face, points, box)
         # one side of a plane sees nothing of it hidden; closed bodies hide outwards only
-        drop = (ahead & (side == 1)) | (behind & ((side == -1) | ~casters.both_sides[face]))
+        closed = ~casters.both_sides[face]
+        # what is turned to the lamp in the plane of a face that is turned away lies against it
+        against = ahead & behind & closed & (side == -1)
+        drop = (ahead & (side == 1)) | (behind & ~against & ((side == -1) | closed))
         kept = np.flatnonzero(~drop)
-        box, face, caster = box[kept], face[kept], caster[kept]
+        box, face, caster, against = box[kept], face[kept], caster[kept], against[kept]
         inside, past = grid.meets(reach[box], caster)
         kept = np.flatnonzero(inside)
         box, face, caster, past = box[kept], face[kept], caster[kept], past[kept]
-        sure = (grid.reach.s[0][caster] > reach.s[1][box]) & ~past
+        against = against[kept]
+        sure = (against | (grid.reach.s[0][caster] > reach.s[1][box])) & ~past
         half = np.zeros(count, bool)
         half[box[~sure]] = True
         hit = np.zeros(count, bool)
         ask = np.flatnonzero(~half[box])
         middle = points[:, :, box[ask]].mean(axis=0).T
-        hit[box[ask[_meets(grid.view.lamp, middle, casters.corners[face[ask]])]]] = True
+        corners = casters.corners[face[ask]]
+        hit[box[ask[_meets(grid.view.lamp, middle, corners, against[ask])]]] = True
         state = np.maximum(state, np.where(half, HALF, np.where(hit, DARK, LIT)).astype(np.int8))
         pairs.append(box)
         faces.append(face)
@@ -332,12 +339,18 @@ def _sides_of(
     return high <= slack, low >= -slack
 
 
-def _meets(lamp: Lamp, at: Array, corners: Array) -> npt.NDArray[np.bool_]:
-    """Whether the way from points (n, 3) to the lamp's centre goes through faces (n, 4, 3)."""
+def _meets(
+    lamp: Lamp, at: Array, corners: Array, against: npt.NDArray[np.bool_]
+) -> npt.NDArray[np.bool_]:
+    """Whether the way from points (n, 3) to the lamp's centre goes through faces (n, 4, 3).
+
+    ``against`` (n,): the point lies in the face's plane, and counts as before it.
+    """
     to = lamp.centre - (0.0 if lamp.far else 1.0) * at
     D = corners - at[:, None]
     planes = np.cross(D, np.roll(D, -1, axis=1))
     sign = np.sign(np.sum(planes.sum(axis=1) * D.mean(axis=1), axis=1))[:, None]
+    sign[against] = -1.0
     inside = (sign * np.einsum("nka,na->nk", planes, to) >= 0.0).all(axis=1)
     return np.asarray(inside & (sign[:, 0] != 0.0))
 

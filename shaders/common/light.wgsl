@@ -100,7 +100,7 @@ fn reflection_seen(
     // tests come last, as in `lamp_share`; every lamp has emitters
     var l = 0u;
     loop {
-        let share = lamp_share(l, x, dx, dy, tile);
+        let share = lamp_share(l, x, n, dx, dy, tile);
         let part = shades.lamps[l].part;
         var i = part.x;
         loop {

@@ -38,6 +38,7 @@ struct Shades {
 // per tile of 8 x 8 px (bits of the lamps that light it, number among the half shadowed + 1, -, -)
 @group(0) @binding(63) var shadow_tiles: texture_2d<u32>;
 
+const AGAINST: f32 = -0.5;   // cosine between the normals of what lies against each other
 const STEP_A: f32 = 0.0625;
 const STEP_B: f32 = 0.00390625;
 
@@ -71,7 +72,8 @@ fn cut_rows(span: Span, value: f32, a: f32, b: f32, x: f32, rows: SampleRows) ->
     );
 }
 
-fn lamp_share(l: u32, x: vec3f, dx: vec3f, dy: vec3f, tile: vec2u) -> f32 {
+// n: the receiver's normal. A closed body hides from a receiver that lies against it, too.
+fn lamp_share(l: u32, x: vec3f, n: vec3f, dx: vec3f, dy: vec3f, tile: vec2u) -> f32 {
     let lit = f32((tile.x >> l) & 1u);
     if (tile.y == 0u) { return lit; }
     let list = textureLoad(shadow_lists, texel((tile.y - 1u) * shades.count + l), 0);
@@ -101,7 +103,10 @@ fn lamp_share(l: u32, x: vec3f, dx: vec3f, dy: vec3f, tile: vec2u) -> f32 {
         let n3 = cross(d3, d0);
         let normal = n0 + n1 + n2 + n3;
         let height = 0.25 * dot(normal, d0 + d1 + d2 + d3);
-        let side = select(-1.0, 1.0, height > 0.0);
+        let size = length(normal);
+        let against = first.w == 0.0 && abs(height) <= tolerance * size
+            && dot(normal, n) < AGAINST * size;
+        let side = select(-1.0, 1.0, height > 0.0 && !against);
         let above = select(-height, abs(height), first.w != 0.0);
         let apart = side * (dot(normal, to) - lamp.centre.w * height);
         let a4 = vec4f(dot(n0, lamp.u.xyz), dot(n1, lamp.u.xyz), dot(n2, lamp.u.xyz),
@@ -109,7 +114,7 @@ fn lamp_share(l: u32, x: vec3f, dx: vec3f, dy: vec3f, tile: vec2u) -> f32 {
         let b4 = vec4f(dot(n0, lamp.v.xyz), dot(n1, lamp.v.xyz), dot(n2, lamp.v.xyz),
             dot(n3, lamp.v.xyz));
         let reach = abs(a4.x + a4.y + a4.z + a4.w) + abs(b4.x + b4.y + b4.z + b4.w);
-        let counts = above > tolerance * length(normal) && apart + reach > 0.0;
+        let counts = (above > tolerance * size || against) && apart + reach > 0.0;
         let g0 = cross(to, d1 - d0) - lamp.centre.w * n0;
         let g1 = cross(to, d2 - d1) - lamp.centre.w * n1;
         let g2 = cross(to, d3 - d2) - lamp.centre.w * n2;

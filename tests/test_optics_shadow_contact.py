@@ -1,0 +1,42 @@
+"""Shadows where a body stands on another: no light gets out from below."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import gpusim as gs
+
+
+def box(centre: tuple[float, float, float], size: tuple[float, float, float]) -> gs.Surface:
+    """A closed box, turned by 25 degrees about z."""
+    unit = np.array([[x, y, z] for z in (-0.5, 0.5) for y in (-0.5, 0.5) for x in (-0.5, 0.5)])
+    c, s = np.cos(np.deg2rad(25.0)), np.sin(np.deg2rad(25.0))
+    points = unit * size @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]) + centre
+    faces = np.array([[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2],
+                      [1, 3, 7, 5]])  # fmt: skip
+    return gs.Surface(points, faces, gs.paint.Plain(0.3))
+
+
+@pytest.mark.parametrize("backend", ["numpy", "gpu"])
+def test_a_lamp_in_a_box_on_a_floor_lights_nothing(
+    backend: str, request: pytest.FixtureRequest
+) -> None:
+    """The truth is darkness. What a pixel's samples find under the box is hidden by its bottom."""
+    device = request.getfixturevalue("device") if backend == "gpu" else None
+    corners = np.array([[-0.19, -0.175, 0], [0.21, -0.175, 0], [0.21, 0.185, 0], [-0.19, 0.185, 0]])
+    floor = gs.Surface(corners, np.array([[0, 1, 2, 3]]), gs.paint.Plain(0.6))
+    body = box((0.02, -0.01, 0.03), (0.04, 0.03, 0.06))
+    camera = gs.Camera.from_lens(
+        (9.64, 7.24), 12.0, (241, 181), (-0.06, -0.33, 0.3), (0.01, 0.0, 0.01)
+    )
+    lamp = gs.PointLight((0.02, -0.01, 0.03), 30.0)
+    frame = gs.render([floor, body], camera, [lamp], backend=backend, device=device)
+    below = 30.0 / (4.0 * np.pi) / 0.03**2 * 0.6 / np.pi  # the floor's radiance in the box
+    lit = frame.radiance > 0.0
+    # at two corners of the box, pieces of the floor are sampled beyond them
+    assert lit.sum() <= 2
+    assert frame.radiance.max() <= 0.01 * below
+    # without the box the same lamp lights the floor
+    alone = gs.render([floor], camera, [lamp], backend=backend, device=device)
+    assert alone.radiance.max() >= 0.9 * below
