@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,9 +15,11 @@ from gpusim.export.files import clean_leftovers, write_text
 from gpusim.pipeline.damage import DamageLine, DamageResult, compare_states
 from gpusim.pipeline.deflection import DeflectionResult
 from gpusim.report import Figure, Link, Measurement, Report, Stage, write_report
-from gpusim.report.damage_figures import StateCurve, draw_deflections, draw_differences
 from gpusim.scene import Scene
 from gpusim.scene import model as m
+
+if TYPE_CHECKING:
+    from gpusim.report.damage_figures import StateCurve
 
 __all__ = ["run_variants", "variant_folder"]
 
@@ -180,6 +183,8 @@ def _missing(comparison: DamageResult) -> list[str]:
 
 
 def _figures(comparison: DamageResult, folder: Path) -> list[Figure]:
+    from gpusim.report.damage_figures import draw_deflections, draw_differences
+
     figures = []
     for group in comparison.groups:
         lines = comparison.of(group)
@@ -201,6 +206,8 @@ def _figures(comparison: DamageResult, folder: Path) -> list[Figure]:
 
 
 def _curve(line: DamageLine, measured: np.ndarray, true: np.ndarray) -> StateCurve:
+    from gpusim.report.damage_figures import StateCurve
+
     none, found = np.zeros(0), line.found
     x = np.linspace(line.position_mm.min(), line.position_mm.max(), CURVE_POINTS)
     return StateCurve(

@@ -5,8 +5,10 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from functools import partial
+from importlib import import_module
 from os import PathLike
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 import numpy as np
@@ -122,6 +124,8 @@ class _Run:
         self.device = self._device()
         if self.device is not None:
             self.device_before = self.device.timer.seconds()
+            # what draws figures takes half a second to import: beside the device, not after it
+            Thread(target=import_module, args=("gpusim.report.figures",), daemon=True).start()
         self._in_memory()
         self.state = StateFile(self.out)
         self.warnings += self.state.retire(stage.name for stage in self.plan.stages)

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 
 from gpusim.export.files import PathLike, safe_name, write_text
-from gpusim.report.figures import draw_convergence, draw_errors, draw_overlay, draw_series
 from gpusim.report.html import FigureSet, render_html
 from gpusim.report.model import Report
 
@@ -42,6 +41,9 @@ def write_report(report: Report, out_dir: PathLike) -> ReportPaths:
 
 
 def _draw(report: Report, folder: Path) -> FigureSet:
+    # matplotlib takes half a second to import: not before there is something to draw
+    from gpusim.report.figures import draw_convergence, draw_errors, draw_overlay, draw_series
+
     series = tuple(
         draw_series(item, folder / f"{_stem('line', index, item.name)}.png")
         for index, item in enumerate(report.series)
