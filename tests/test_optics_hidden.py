@@ -13,7 +13,7 @@ import gpusim as gs
 from gpusim.errors import TwinMismatch
 from gpusim.gpu import Device, compare
 from gpusim.optics.hidden import visible_pieces
-from gpusim.optics.polygon import clip_square, half_planes, moments
+from gpusim.optics.polygon import _crossed, clip_square, half_planes, moments
 from tests.optics_reference import Plate, flat, pattern, reference
 
 Array = npt.NDArray[np.float64]
@@ -177,3 +177,16 @@ def test_device_and_twin_agree_on_deep_stacks(
     wrong = gs.render(surfaces, CAMERA, background=BACKGROUND, backend="numpy").radiance
     with pytest.raises(TwinMismatch):
         compare("optics/edges", got, wrong, "pixel")
+
+
+def test_slivers_whose_corners_go_in_and_out_stay_where_they_are() -> None:
+    """Of corners on a line, rounding leaves some on either side of it."""
+    line = np.array([[-0.4, -0.1], [-0.1, 0.05], [0.1, 0.15], [0.3, 0.25], [0.4, 0.3]])
+    corners = np.concatenate([line, np.repeat(line[-1:], 3, axis=0)]).T[:, :, None]
+    for turn in range(5):
+        own = np.roll([0.0, -3e-17, -3e-17, 1e-17, -2e-17], turn)
+        own = np.concatenate([own, own[-1:].repeat(3)])[:, None]
+        piece, _ = _crossed(corners, np.array([5]), own)
+        assert np.isfinite(piece).all()
+        assert (piece.min(axis=1) >= line.min(axis=0)[:, None] - 1e-15).all()
+        assert (piece.max(axis=1) <= line.max(axis=0)[:, None] + 1e-15).all()

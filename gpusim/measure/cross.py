@@ -171,7 +171,8 @@ def _fit(
     p[rows], rms[rows] = fit.parameters, fit.rms
     own = p[rows]
     good[rows] = (
-        fit.converged
+        # a start for another fit need not have settled
+        (fit.converged | rough)
         & np.isfinite(own).all(axis=1)
         & (np.abs(own[:, 5]) > 1e-3)
         & (own[:, 8] < MOST_SIGMA**2)

@@ -103,7 +103,10 @@ def _crossed(corners: Array, count: Long, height: Array) -> tuple[Array, Long]:
         """Where the side between two corners (n,) is crossed, (2, n)."""
         below, above = height[start, column], height[end, column]
         a, b = corners[:, start, column], corners[:, end, column]
-        result: Array = a + (below / (below - above)) * (b - a)
+        # where rounding makes a sliver's corners go in and out again, both may lie on one side
+        span = below - above
+        share = np.clip(below / np.where(span != 0.0, span, 1.0), 0.0, 1.0)
+        result: Array = a + share * (b - a)
         return result
 
     def turned(number: Long) -> Long:
