@@ -14,7 +14,9 @@ FEWEST = 2000
 """Triangles of a view from which on threads gain: NumPy lets go of the interpreter in passes over
 long arrays only, and threads that wait for it get it 5 ms later."""
 
-P, R, A = ParamSpec("P"), TypeVar("R"), TypeVar("A")
+P = ParamSpec("P")
+R = TypeVar("R")
+A = TypeVar("A")
 
 
 class Aside:

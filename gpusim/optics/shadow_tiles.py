@@ -198,7 +198,8 @@ def _half_shadow(
     wide = coarse if coarse is not None and lamp.extended else casters
     grids = _grids(receivers, lamp, wide)
     if not grids:
-        return tuple(np.zeros((3, 0), np.int64))
+        none = np.zeros(0, np.int64)
+        return none, none, none
     facing = ~receivers.turned_away(lamp)
     lit = np.zeros(shape, bool)
     # a small triangle is the same receiver in each of its tiles
