@@ -5,10 +5,8 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from functools import partial
-from importlib import import_module
 from os import PathLike
 from pathlib import Path
-from threading import Thread
 from typing import Any
 
 import numpy as np
@@ -39,6 +37,7 @@ from gpusim.report import (
     Report,
     SolutionSummary,
     Stage,
+    prepare_figures,
     write_report,
 )
 from gpusim.scene import Scene
@@ -124,8 +123,7 @@ class _Run:
         self.device = self._device()
         if self.device is not None:
             self.device_before = self.device.timer.seconds()
-            # what draws figures takes half a second to import: beside the device, not after it
-            Thread(target=import_module, args=("gpusim.report.figures",), daemon=True).start()
+            prepare_figures()
         self._in_memory()
         self.state = StateFile(self.out)
         self.warnings += self.state.retire(stage.name for stage in self.plan.stages)

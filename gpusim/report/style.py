@@ -110,7 +110,7 @@ def draw_png(
     share a page with colour bars, "none" for those that are in place.
     """
     with matplotlib.rc_context(_SETTINGS):
-        own = "constrained" if layout == "constrained" else "none"
+        own: Any = "constrained" if layout == "constrained" else "none"
         canvas = Canvas(figsize=size, dpi=_DPI, layout=own)
         page: Any = FigureCanvasAgg(canvas)
         draw(canvas)
