@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from gpusim.export.files import atomic_path, atomic_stream, clean_leftovers, safe_name
-from gpusim.export.images import read_image, write_image
-from gpusim.export.stl import write_region_stls, write_stl
-from gpusim.export.truth import FrameWriter, TruthWriter
-from gpusim.export.vtu import write_pvd, write_vtu
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from gpusim.export.files import atomic_path, atomic_stream, clean_leftovers, safe_name
+    from gpusim.export.images import read_image, write_image
+    from gpusim.export.stl import write_region_stls, write_stl
+    from gpusim.export.truth import FrameWriter, TruthWriter
+    from gpusim.export.vtu import write_pvd, write_vtu
 
 __all__ = [
     "FrameWriter",
@@ -22,3 +26,19 @@ __all__ = [
     "write_stl",
     "write_vtu",
 ]
+
+# HDF5 and mesh formats take a tenth of a second to import, which most runs don't need
+_HOMES = {
+    "files": ("atomic_path", "atomic_stream", "clean_leftovers", "safe_name"),
+    "images": ("read_image", "write_image"),
+    "stl": ("write_region_stls", "write_stl"),
+    "truth": ("FrameWriter", "TruthWriter"),
+    "vtu": ("write_pvd", "write_vtu"),
+}
+_HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
+
+
+def __getattr__(name: str) -> Any:
+    if name in _HOME_OF:
+        return getattr(importlib.import_module(f"gpusim.export.{_HOME_OF[name]}"), name)
+    raise AttributeError(f"module 'gpusim.export' has no attribute {name!r}")

@@ -97,7 +97,7 @@ class Casters:
             np.concatenate(points), np.concatenate(faces), np.concatenate(normals),
             np.concatenate(both), np.concatenate(edges), np.concatenate(beside), np.zeros(first),
         )  # fmt: skip
-        return single if flatness is None else single.joined(flatness)
+        return single if flatness is None or first < 2 else single.joined(flatness)
 
     def joined(self, flatness: Callable[[Array], Array]) -> Casters:
         """These with flat parts joined: see `of`."""

@@ -73,6 +73,15 @@ class Frame:
             )
         return self._radiance
 
+    def brightest(self) -> float:
+        """The largest radiance; the picture isn't kept for it."""
+        if self._radiance is not None or not self.bands:
+            return float(self.radiance.max())
+        return max(
+            float(band.buffer.read(np.float32, (band.rows, band.stride))[:, : self.width].max())
+            for band in self.bands
+        )
+
     def ids(self) -> npt.NDArray[np.uint32]:
         """(H, W) uint32: number + 1 of the triangle under each pixel's centre, 0 for none."""
         if self._ids is None:

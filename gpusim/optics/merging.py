@@ -12,6 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.surface.topology import sorted_keys
+
 __all__ = ["Merged", "merge_flat", "neighbours"]
 
 Array = npt.NDArray[np.float64]
@@ -39,6 +41,7 @@ def merge_flat(points: Array, faces: Numbers, tolerance: Array | None) -> Merged
     ``tolerance`` (N,): how far from a vertex the joined side may pass; None joins nothing.
     """
     count = len(faces)
+    points = np.ascontiguousarray(points.T)
     owner, inner = np.arange(count), np.zeros((count, 4), bool)
     current, name = faces, np.arange(count)  # the faces left, and their numbers among all
     for k in (1, 2):  # across a face's edges 1 and 3, then 2 and 0
@@ -65,17 +68,20 @@ def merge_flat(points: Array, faces: Numbers, tolerance: Array | None) -> Merged
 def _pairs(
     points: Array, faces: Numbers, k: int, tolerance: Array | None
 ) -> tuple[Numbers, Numbers]:
-    """Disjoint pairs of faces that may be joined across the first one's edge ``k``."""
+    """Disjoint pairs of faces that may be joined across the first one's edge ``k``; of ``points``
+    (3, N)."""
     beside = neighbours(faces)[0]
     count = len(faces)
-    other = beside[:, k]
-    known = np.flatnonzero((other >= 0) & (faces != np.roll(faces, 1, axis=1)).all(axis=1))
+    other, back = beside[:, k], beside[:, (k + 2) % 4]
+    corner = np.ascontiguousarray(faces.T)
+    quad = np.ones(count, bool)
+    for j in range(4):
+        quad &= corner[j] != corner[j - 1]
+    known = np.flatnonzero((other >= 0) & quad)
     partner = other[known]
-    known = known[beside[partner, (k + 2) % 4] == known]
-    partner = other[known]
-    good = (faces[partner] != np.roll(faces[partner], 1, axis=1)).all(axis=1)
+    good = (back[partner] == known) & quad[partner]
     known, partner = known[good], partner[good]
-    a, b = np.roll(faces[known], -k, axis=1).T, np.roll(faces[partner], -k, axis=1).T
+    a, b = ([corner[(j + k) % 4][own] for j in range(4)] for own in (known, partner))
     # the common edge runs a[0] a[1] in the first, b[3] b[2] in the second
     good = (a[0] == b[3]) & (a[1] == b[2])
     if tolerance is not None:
@@ -103,10 +109,12 @@ def _on_segment(
     points: Array, middle: Numbers, start: Numbers, end: Numbers, tolerance: Array
 ) -> npt.NDArray[np.bool_]:
     """Whether vertices lie on the way from ``start`` to ``end``, within their tolerance."""
-    way, to = points[end] - points[start], points[middle] - points[start]
-    length = np.sum(way * way, axis=1)
-    share = np.sum(to * way, axis=1) / np.where(length > 0.0, length, 1.0)
-    gap = np.linalg.norm(to - share[:, None] * way, axis=1)
+    origin = np.take(points, start, axis=1)
+    way, to = np.take(points, end, axis=1) - origin, np.take(points, middle, axis=1) - origin
+    length = _product(way, way)
+    share = _product(to, way) / np.where(length > 0.0, length, 1.0)
+    rest = to - share * way
+    gap = np.sqrt(_product(rest, rest))
     return np.asarray((share > 0.0) & (share < 1.0) & (gap <= tolerance[middle]))
 
 
@@ -114,11 +122,18 @@ def _flat(
     points: Array, quad: tuple[Numbers, Numbers, Numbers, Numbers], tolerance: Array
 ) -> npt.NDArray[np.bool_]:
     """Whether the diagonals of quadrilaterals meet, within the tolerance."""
-    P = [points[v] for v in quad]
-    normal = np.cross(P[2] - P[0], P[3] - P[1])
-    size = np.linalg.norm(normal, axis=1)
-    gap = np.abs(np.sum(normal * (P[1] - P[0]), axis=1)) / np.where(size > 0.0, size, 1.0)
+    P = [np.take(points, v, axis=1) for v in quad]
+    (ux, uy, uz), (vx, vy, vz) = P[2] - P[0], P[3] - P[1]
+    normal = np.stack([uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx])
+    size = np.sqrt(_product(normal, normal))
+    gap = np.abs(_product(normal, P[1] - P[0])) / np.where(size > 0.0, size, 1.0)
     return np.asarray((gap <= tolerance[quad[0]]) & (size > 0.0))
+
+
+def _product(u: Array, v: Array) -> Array:
+    """Scalar products (n,) of vectors (3, n)."""
+    result: Array = u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
+    return result
 
 
 def neighbours(faces: Numbers) -> tuple[Numbers, bool]:
@@ -131,8 +146,8 @@ def neighbours(faces: Numbers) -> tuple[Numbers, bool]:
     real = np.flatnonzero(a != b)
     low, high = np.minimum(a, b)[real], np.maximum(a, b)[real]
     key = low * (int(faces.max(initial=0)) + 1) + high
-    order = np.argsort(key, kind="stable")
-    key, slot = key[order], real[order]
+    order, key = sorted_keys(key)
+    slot = real[order]
     first = np.flatnonzero(np.r_[True, key[1:] != key[:-1]]) if len(key) else np.zeros(0, int)
     uses = np.diff(np.r_[first, len(key)])
     pair = first[uses == 2]

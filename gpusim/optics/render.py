@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from types import UnionType
 
 import numpy as np
@@ -11,6 +10,7 @@ import numpy as np
 from gpusim.errors import InputError
 from gpusim.gpu import Device, default_device
 from gpusim.inputs import checked
+from gpusim.optics.aside import Aside
 from gpusim.optics.binning import bin_edges
 from gpusim.optics.camera import Camera
 from gpusim.optics.edges import EdgePass, edges_twin
@@ -124,12 +124,11 @@ def _draw(
     sight = Sight(device, view, rows) if small_triangles(view) else None
     if sight is not None:
         sight.begin(first, rows)
-    with ThreadPoolExecutor(1) as pool:
-        # NumPy lets go of the interpreter in passes over long arrays
-        found = pool.submit(bin_edges, view)
+    with Aside(view.count) as aside:
+        found = aside.begin(bin_edges, view)
         setup = Setup.build(view, lights, background, surfaces)
         tables = Tables(device, setup, sight)
-        edge_pass = EdgePass(tables, found.result())
+        edge_pass = EdgePass(tables, found())
     edge_pass.begin()
     shade_pass = ShadePass(tables, rows, sight is not None, sight)
     shadow_pass = ShadowPass(tables) if setup.lighting.shadows is not None else None

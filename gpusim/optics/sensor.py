@@ -132,7 +132,7 @@ class Sensor:
         clipped edge moves. Radiance has no noise, so that no outlier can decide. ``like`` gives
         everything but the exposure.
         """
-        level = float(frame.radiance.max())
+        level = frame.brightest()
         if not level > 0.0:
             raise InputError("auto exposure: the frame is black; got radiance 0; add a light")
         sensor = Sensor(bits) if like is None else like

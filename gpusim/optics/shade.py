@@ -27,6 +27,7 @@ from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.gloss import gloss_texels
 from gpusim.optics.light_tiles import LightTiles, LightTilesPass
 from gpusim.optics.pattern import FINEST, LOOP_TURNS
+from gpusim.optics.plain_cells import PlainCells
 from gpusim.optics.seen import SeenPass, Sight, small_triangles
 from gpusim.optics.setup import GRAZING, TRIANGLE, Setup, footprint, probe_setup, radiance_of
 from gpusim.optics.shadow_tables import ShadowTables
@@ -34,6 +35,9 @@ from gpusim.optics.visibility import visibility_twin
 
 __all__ = ["Program", "ShadePass", "Tables", "shade_twin"]
 
+
+ALBEDO = 24
+"""Word of a triangle's record with its ground's albedo; the next: whether it has features."""
 
 NO_TILES = {"last": np.zeros(2), "middle": np.zeros(2), "size": 1, "columns": 1}
 
@@ -52,9 +56,13 @@ class Tables:
         self.shadows = ShadowTables(device, setup.lighting)
         self.paints = _as_texels(device, table.paints, "shade.paints")
         self.patterns = table.texels(device)
-        self.triangles = _triangles(device, setup)
+        # triangles that are shaded pixel by pixel take no parts
+        self.cells = PlainCells.of(setup) if sight is None else None
+        self.triangles = _triangles(device, setup, self.cells)
         if sight is None:
             fixed = view.fixed().reshape(-1, 2) if view.count else np.zeros((3, 2), np.int32)
+            if self.cells is not None:
+                fixed = np.concatenate([fixed, self.cells.fixed().reshape(-1, 2)])
             self.screen = device.buffer(fixed, "shade.screen")
         else:
             self.screen = sight.screen
@@ -112,12 +120,22 @@ def _as_texels(device: Device, records: npt.NDArray[np.void], label: str) -> Tex
     return texels
 
 
-def _triangles(device: Device, setup: Setup) -> Texels:
-    """The triangles' records; written block by block, while they are in the processor's cache."""
-    per = TRIANGLE.itemsize // 16
-    texels = device.texels(per * max(setup.view.count, 1), "rgba32uint", "shade.triangles")
+def _triangles(device: Device, setup: Setup, cells: PlainCells | None) -> Texels:
+    """The triangles' records; written block by block, while they are in the processor's cache.
+
+    Behind them those of the plain ``cells``, which are their parents' but for the albedo.
+    """
+    per, count = TRIANGLE.itemsize // 16, setup.view.count
+    parent = np.zeros(0, np.int64) if cells is None else cells.parent
+    own = np.zeros((len(parent), 4 * per), np.float32)
+    texels = device.texels(per * max(count + len(parent), 1), "rgba32uint", "shade.triangles")
     for first, words in setup.record_blocks():
         texels.write(words.view(np.uint32).reshape(-1, 4), per * first)
+        rows = np.flatnonzero((parent >= first) & (parent < first + len(words)))
+        own[rows] = words[parent[rows] - first]
+    if cells is not None:
+        own[:, ALBEDO], own[:, ALBEDO + 1] = cells.albedo, 0.0
+        texels.write(own.view(np.uint32).reshape(-1, 4), per * count)
     return texels
 
 
@@ -165,7 +183,8 @@ class ShadePass:
         light = LightTiles.of(setup)
         self._light = None if light is None else LightTilesPass(tables, light)
         self._light_found = False
-        programs = _programs(setup, light, sort=not by_pixel)
+        cells = None if by_pixel else tables.cells
+        programs = _programs(setup, light, cells, sort=not by_pixel)
         self._seen: SeenPass | None = None
         self._draws: list[tuple[Raster, Buffer, int]] = []
         if by_pixel:
@@ -174,6 +193,8 @@ class ShadePass:
             self._seen = SeenPass(tables, rows, programs, sight)
             return
         self._near, depth = view.raster_depth()
+        if cells is not None:
+            depth = np.concatenate([depth, cells.inverse_depth.astype(np.float32).reshape(-1)])
         self._inverse = device.buffer(depth, "shade.inverse_depth")
         self.depth = device.target(view.camera.width, rows, "depth32float", "shade.depth")
         entries = ("vertex", "fragment" if self.marks is None else "fragment_marked")
@@ -228,7 +249,9 @@ class ShadePass:
         recording.copy_texture(self.color, radiance, rows)
 
 
-def _programs(setup: Setup, light: LightTiles | None, sort: bool) -> list[Program]:
+def _programs(
+    setup: Setup, light: LightTiles | None, cells: PlainCells | None, sort: bool
+) -> list[Program]:
     """The programs that a view needs, one at least (which clears the targets)."""
     result: list[Program] = []
     order: npt.NDArray[np.integer] = np.arange(setup.view.count)
@@ -236,6 +259,12 @@ def _programs(setup: Setup, light: LightTiles | None, sort: bool) -> list[Progra
         nearest = setup.view.inverse_depth().max(axis=1, initial=0.0)
         order = np.argsort(-nearest, kind="stable")
     tiled = np.zeros(setup.view.count, bool) if light is None else light.member
+    if cells is not None:
+        for lit in (True, False):
+            even = setup.view.count + np.flatnonzero(tiled[cells.parent] == lit)
+            if len(even):
+                constants = {**setup.constants([0], False, False), "light_tiled": float(lit)}
+                result.append(Program(constants, even.astype(np.uint32)))
     groups = (BITMAP, 3 + GRAZING, 2 + GRAZING, 3, 2, 1, 0)
     each = (True, False)
     kind = setup.groups.astype(np.uint8) << np.uint8(3)

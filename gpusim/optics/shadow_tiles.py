@@ -7,15 +7,14 @@ only the rest is resolved pixel by pixel. Tiles are divided from 128 px down to 
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.optics.aside import Aside
 from gpusim.optics.casters import Casters
 from gpusim.optics.emitters import Lamp
 from gpusim.optics.lamp_grid import LampGrid, LampView
@@ -119,9 +118,8 @@ class ShadowTiles:
             return _half_shadow(receivers, lamps[number], casters, coarse, shape)
 
         tiles, lamp_of, faces = [], [], []
-        # NumPy lets go of the interpreter in passes over long arrays: lamps share the processors
-        with ThreadPoolExecutor(max(1, min(len(used), os.cpu_count() or 1))) as pool:
-            for number, (dark, tile, face) in zip(used, pool.map(found, used), strict=True):
+        with Aside(view.count, len(used)) as aside:
+            for number, (dark, tile, face) in zip(used, aside.map(found, used), strict=True):
                 lit.reshape(-1)[dark] &= np.uint32(ALL ^ (1 << number))
                 tiles.append(tile)
                 faces.append(face)
@@ -199,6 +197,9 @@ def _half_shadow(
     """
     wide = coarse if coarse is not None and lamp.extended else casters
     grids = _grids(receivers, lamp, wide)
+    if not grids:
+        none = np.zeros(0, np.int64)
+        return none, none, none
     facing = ~receivers.turned_away(lamp)
     lit = np.zeros(shape, bool)
     # a small triangle is the same receiver in each of its tiles
@@ -255,8 +256,10 @@ def _half_shadow(
 
 
 def _grids(receivers: Receivers, lamp: Lamp, casters: Casters) -> list[LampGrid]:
-    """The casters as seen from a lamp, for each half space before it."""
+    """The casters as seen from a lamp, for each half space before it; none where nothing hides."""
     faces = casters.seen_by(lamp, receivers.corners.reshape(-1, 3))
+    if not len(faces.face):
+        return []
     grids = []
     for lamp_view in LampView.of(lamp):
         s = lamp_view.place(*np.moveaxis(receivers.columns, 1, 0))[2]

@@ -1,19 +1,15 @@
-"""What a run leaves behind besides images: truth, meshes, and the report."""
+"""The report of a run, from what its stages found."""
 
 from __future__ import annotations
 
 import platform
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.export.stl import write_region_stls
-from gpusim.export.vtu import write_pvd, write_vtu
-from gpusim.pipeline.build import BodyParts
 from gpusim.pipeline.deflection import DeflectionResult
 from gpusim.pipeline.images import image_path
 from gpusim.pipeline.measurements import Result
@@ -24,8 +20,7 @@ from gpusim.pipeline.stereo_report import (
     stereo_overlays,
 )
 from gpusim.pipeline.stereo_result import StereoResult
-from gpusim.pipeline.stresses import Stresses
-from gpusim.pipeline.truth import frame_word
+from gpusim.pipeline.things import frame_word
 from gpusim.report import (
     Figure,
     FramePair,
@@ -44,67 +39,11 @@ from gpusim.scene import Scene
 from gpusim.scene import model as m
 from gpusim.scene.cost import effects
 
-__all__ = ["Findings", "make_report", "write_meshes"]
+__all__ = ["Findings", "make_report"]
 
 Array = npt.NDArray[np.float64]
-Displacement = Callable[[int, int], Array]
 GOAL = 1e-3
 """Relative error up to which a measured deflection counts as good."""
-
-
-def write_meshes(
-    scene: Scene,
-    out: Path,
-    bodies: Sequence[BodyParts],
-    displacement: Displacement,
-    stresses: Stresses | None,
-) -> list[Path]:
-    """VTU per body and step with a .pvd each, STL per paint region and step."""
-    files: list[Path] = []
-    factors = scene.analysis.load_factors
-    # the time of a .pvd file has to grow: the load factor where it does, else the frame
-    grows = all(a < b for a, b in pairwise(factors))
-    times = factors if grows else tuple(float(frame) for frame in range(len(factors)))
-    for index, parts in enumerate(bodies):
-        name = parts.body.name
-        steps: list[tuple[float, Path]] = []
-        for step, time in enumerate(times):
-            u = displacement(index, step)
-            if scene.output.vtu:
-                file = out / "solution" / f"{name}-{step:04d}.vtu"
-                file.parent.mkdir(parents=True, exist_ok=True)
-                of_points, of_cells = (
-                    stresses.fields(index, step, parts) if stresses is not None else ({}, {})
-                )
-                write_vtu(
-                    file, parts.mesh.points, parts.mesh.cells, point_data={"u": u, **of_points},
-                    cell_data=of_cells,
-                )  # fmt: skip
-                steps.append((time, file))
-            if scene.output.stl:
-                surface = parts.surface
-                folder = out / "stl"
-                if len(bodies) > 1:
-                    folder = folder / name
-                files += write_region_stls(
-                    folder,
-                    surface.rest + parts.skin.at_vertices(u),
-                    _with_triangles(surface.faces),
-                    surface.regions,
-                    list(surface.paints),
-                    step=step,
-                )
-        files += [file for _, file in steps]
-        if steps:
-            files.append(write_pvd(out / "solution" / f"{name}.pvd", steps))
-    return files
-
-
-def _with_triangles(faces: npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:
-    """Quads, a triangle's missing corner repeated."""
-    result = faces.copy()
-    result[:, 3] = np.where(faces[:, 3] < 0, faces[:, 2], faces[:, 3])
-    return result
 
 
 @dataclass(frozen=True, eq=False)

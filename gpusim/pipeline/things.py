@@ -14,7 +14,7 @@ from gpusim.scene import Scene
 from gpusim.scene.amplitudes import LoadHistory
 from gpusim.surface import Surface
 
-__all__ = ["Things"]
+__all__ = ["Things", "frame_word"]
 
 
 @dataclass
@@ -63,3 +63,8 @@ class Things:
             for prop, surface in zip(self.scene.props, self.props, strict=True)
             if prop.name in shown or prop.name in calibration.show
         ]
+
+
+def frame_word(scene: Scene) -> str:
+    """What the numbers are that a scene has one of per frame."""
+    return "time" if scene.analysis.type == "field" else "load_factor"

@@ -15,10 +15,11 @@ from gpusim.optics.truth import Truth, seen_in
 from gpusim.pipeline.build import BodyParts
 from gpusim.pipeline.cameras import build_camera
 from gpusim.pipeline.images import Photographer
+from gpusim.pipeline.things import frame_word
 from gpusim.scene import Scene
 from gpusim.scene.amplitudes import LoadHistory
 
-__all__ = ["frame_word", "write_truth"]
+__all__ = ["write_truth"]
 
 Array = npt.NDArray[np.float64]
 Displacement = Callable[[int, int], Array]
@@ -126,11 +127,6 @@ def _write_nodes(
     for step, factor in enumerate(scene.analysis.load_factors):
         u = np.concatenate([displacement(body, step) for body in range(len(bodies))])
         file.write_nodal_displacement(step, u, **{frame_word(scene): factor})
-
-
-def frame_word(scene: Scene) -> str:
-    """What the numbers are that a scene has one of per frame."""
-    return "time" if scene.analysis.type == "field" else "load_factor"
 
 
 def _region_names(parts: BodyParts) -> list[str]:

@@ -29,7 +29,6 @@ from gpusim.pipeline.props import build_prop
 from gpusim.pipeline.solved import Solved
 from gpusim.pipeline.stresses import Stresses, write_stresses
 from gpusim.pipeline.things import Things
-from gpusim.pipeline.truth import write_truth
 from gpusim.pipeline.variants import run_variants
 from gpusim.plan import Plan, PlannedStage, make_plan
 from gpusim.report import (
@@ -289,6 +288,8 @@ class _Run:
                 self._stage(planned, pictures.take)
 
     def _truth(self) -> list[Path]:
+        from gpusim.pipeline.truth import write_truth  # HDF5 only where it is written
+
         assert self.photographer is not None
         return [write_truth(self.scene, self.out, self.photographer, self.things.bodies,
                                     self.things.displacement)]  # fmt: skip
@@ -326,7 +327,9 @@ class _Run:
         self.stresses = Stresses(path)
 
     def _export(self) -> list[Path]:
-        files = outputs.write_meshes(
+        from gpusim.pipeline.exporting import write_meshes  # as are these formats
+
+        files = write_meshes(
             self.scene, self.out, self.things.bodies, self.things.displacement, self.stresses
         )
         self.note = f"{len(files)} files for other programs"
