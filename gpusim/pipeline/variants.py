@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,6 +15,7 @@ from gpusim.errors import GpusimError
 from gpusim.export.files import clean_leftovers, write_text
 from gpusim.pipeline.damage import DamageLine, DamageResult, compare_states
 from gpusim.pipeline.deflection import DeflectionResult
+from gpusim.pipeline.outputs import write_page
 from gpusim.report import Figure, Link, Measurement, Report, Stage, write_report
 from gpusim.scene import Scene
 from gpusim.scene import model as m
@@ -25,6 +27,7 @@ __all__ = ["run_variants", "variant_folder"]
 
 Progress = Callable[[str, float, str], None]
 RunOne = Callable[[Scene, Path, Progress], Report]
+"""Does all of a scene's run but for its page."""
 CURVE_POINTS = 400
 
 
@@ -45,21 +48,29 @@ def run_variants(scene: Scene, out: Path, run_one: RunOne, progress: Progress) -
         (out / name).unlink(missing_ok=True)
     write_text(out / "scene.toml", scene.to_toml())
     reports: dict[str, Report] = {}
-    for variant in scene.variants:
+    # a variant's page is drawn while the device works on the next one
+    with ThreadPoolExecutor(1, thread_name_prefix="gpusim.report") as pool:
+        pages = []
+        for variant in scene.variants:
 
-        def tell(stage: str, done: float, text: str, name: str = variant.name) -> None:
-            progress(f"{name}/{stage}", done, text)
+            def tell(stage: str, done: float, text: str, name: str = variant.name) -> None:
+                progress(f"{name}/{stage}", done, text)
 
-        try:
-            folder = variant_folder(out, variant.name)
-            reports[variant.name] = run_one(scene.variant(variant.name), folder, tell)
-        except Exception as error:
-            text = (
-                str(error) if isinstance(error, GpusimError) else f"{type(error).__name__}: {error}"
-            )
-            failed = _report(scene, out, reports, (), (), f"variant {variant.name!r}: {text}")
-            write_report(failed, out)
-            raise
+            try:
+                folder = variant_folder(out, variant.name)
+                report = reports[variant.name] = run_one(scene.variant(variant.name), folder, tell)
+            except Exception as error:
+                text = (
+                    str(error)
+                    if isinstance(error, GpusimError)
+                    else f"{type(error).__name__}: {error}"
+                )
+                failed = _report(scene, out, reports, (), (), f"variant {variant.name!r}: {text}")
+                write_report(failed, out)
+                raise
+            pages.append(pool.submit(write_page, report, folder, tell))
+        for page in pages:
+            page.result()
     comparisons, stages = [], []
     for spec in scene.measures:
         if not isinstance(spec, m.Damage):

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from threading import Lock
 from typing import Any, Literal
 
 import matplotlib
@@ -45,6 +46,8 @@ BAD = "#c2321b"
 _DPI = 200
 # zlib's run-length strategy: a third of the time of its default
 _PACKING = {"compress_level": 1, "compress_type": 3}
+# matplotlib's settings are the process's
+_drawing = Lock()
 _SETTINGS: dict[Any, Any] = {
     "font.family": ["DejaVu Sans"],  # comes with matplotlib: the same letters everywhere
     "font.size": 10.5,
@@ -109,7 +112,7 @@ def draw_png(
     ``layout``: margins around the plots, usual ones unless given; "constrained" for plots that
     share a page with colour bars, "none" for those that are in place.
     """
-    with matplotlib.rc_context(_SETTINGS):
+    with _drawing, matplotlib.rc_context(_SETTINGS):
         own: Any = "constrained" if layout == "constrained" else "none"
         canvas = Canvas(figsize=size, dpi=_DPI, layout=own)
         page: Any = FigureCanvasAgg(canvas)
