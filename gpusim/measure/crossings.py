@@ -16,8 +16,15 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.measure.correlated import widening
 from gpusim.measure.images import FloatArray, check_image, check_points
-from gpusim.measure.junction import CENTRE, PARAMETERS, fit_junctions, frames
+from gpusim.measure.junction import (
+    CENTRE,
+    PARAMETERS,
+    fit_junctions,
+    frames,
+    residual_and_slopes,
+)
 
 __all__ = ["Crossings", "fit_crossings"]
 
@@ -39,7 +46,8 @@ class Crossings:
     Attributes
     ----------
     points : (C, 2) float64, x, y in px.
-    sigma : (C,) float64, standard uncertainty of a coordinate from the fit's own residuals, px.
+    sigma : (C,) float64, standard uncertainty of a coordinate from the fit's own residuals, px;
+        how much those of neighbouring pixels are alike is taken from all fits together.
     contrast : (C,) float64, half the step in grey levels, positive if the quadrant between the
         first and the second direction is bright.
     blur : (C,) float64, width of the lens blur, px.
@@ -162,6 +170,17 @@ def _fit(
     rms[rows] = fit.rms
     variance = 0.5 * (fit.covariance[:, 0, 0] + fit.covariance[:, 1, 1])
     sigma[rows] = np.sqrt(np.maximum(variance, 0.0))
+    sure = np.flatnonzero(fit.converged)
+    if sure.size and not rough:
+        own = rows[sure]
+        left, slopes = residual_and_slopes(fit.parameters[sure], x[own], y[own], grey[own])
+        influence = fit.covariance[sure, :2] @ (slopes * weight[own, None])
+        side = round(np.sqrt(x.shape[1]))
+        sigma[own] *= widening(
+            left.reshape(-1, side, side),
+            weight[own].reshape(-1, side, side),
+            influence.reshape(-1, 2, side, side),
+        )
     settled = np.zeros(len(start), dtype=bool)
     settled[rows] = fit.converged
     contrast, blur = p[:, 5], np.sqrt(p[:, 8])
