@@ -114,11 +114,17 @@ def _crossed(corners: Array, count: Long, height: Array) -> tuple[Array, Long]:
 
     enters = cut(np.where(first == 0, count, first) - 1, first)
     leaves = cut(turned(first + kept - 1), turned(first + kept))
-    place = turned(first + np.clip(_PLACE - 1, 0, kept - 1))
+    # in the order of the corners' numbers, as the shader finds them: what both make of a polygon
+    # may depend on its first corner
+    size = kept + 2
+    step = np.minimum(_PLACE, size - 1)
+    step += np.where((first > 0) & (first + kept >= count), 1 + count - first, 0)
+    step -= size * (step >= size)
+    place = turned(first + np.clip(step - 1, 0, kept - 1))
     clipped = np.take_along_axis(corners, place[None], axis=1)
-    clipped[:, 0] = enters
-    np.copyto(clipped, leaves[:, None], where=_PLACE > kept)
-    return clipped, np.minimum(kept + 2, MOST)
+    np.copyto(clipped, enters[:, None], where=step == 0)
+    np.copyto(clipped, leaves[:, None], where=step > kept)
+    return clipped, np.minimum(size, MOST)
 
 
 def clip_square(planes: Array) -> tuple[Array, Long]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -34,12 +34,13 @@ from gpusim.report import (
     Series,
     SolutionSummary,
     Stage,
+    write_report,
 )
 from gpusim.scene import Scene
 from gpusim.scene import model as m
 from gpusim.scene.cost import effects
 
-__all__ = ["Findings", "make_report"]
+__all__ = ["Findings", "make_report", "write_page"]
 
 Array = npt.NDArray[np.float64]
 GOAL = 1e-3
@@ -118,6 +119,13 @@ def make_report(scene: Scene, out: Path, found: Findings) -> Report:
         figures=tuple(figures),
         links=_links(out, found.files),
     )
+
+
+def write_page(report: Report, out: Path, progress: Callable[[str, float, str], None]) -> None:
+    """Write a run's report into its folder."""
+    progress("report", 0.0, "figures and page")
+    write_report(report, out)
+    progress("report", 1.0, "report.html, report.json")
 
 
 def _published(scene: Scene, measurements: Sequence[Measurement]) -> tuple[Published, ...]:

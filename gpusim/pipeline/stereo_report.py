@@ -10,12 +10,6 @@ from gpusim.export.files import safe_name
 from gpusim.pipeline.images import image_path
 from gpusim.pipeline.stereo_result import CameraFound, StereoResult
 from gpusim.report import Figure, Measurement, Overlay
-from gpusim.report.stereo_figures import (
-    RigCamera,
-    draw_calibration,
-    draw_reconstruction,
-    draw_rig,
-)
 from gpusim.scene import Scene
 
 __all__ = ["stereo_figures", "stereo_measurements", "stereo_overlays"]
@@ -85,6 +79,13 @@ def _calibration(name: str, camera: CameraFound) -> list[Measurement]:
 
 def stereo_figures(result: StereoResult, folder: Path) -> list[Figure]:
     """Rig, calibration and reconstruction, drawn into ``folder``."""
+    from gpusim.report.stereo_figures import (
+        RigCamera,
+        draw_calibration,
+        draw_reconstruction,
+        draw_rig,
+    )
+
     stem = safe_name(result.name)
     cameras = [
         RigCamera(c.name, c.eye_mm, c.axis, corners, errors, c.resolution)

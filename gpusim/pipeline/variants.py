@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,15 +15,19 @@ from gpusim.errors import GpusimError
 from gpusim.export.files import clean_leftovers, write_text
 from gpusim.pipeline.damage import DamageLine, DamageResult, compare_states
 from gpusim.pipeline.deflection import DeflectionResult
+from gpusim.pipeline.outputs import write_page
 from gpusim.report import Figure, Link, Measurement, Report, Stage, write_report
-from gpusim.report.damage_figures import StateCurve, draw_deflections, draw_differences
 from gpusim.scene import Scene
 from gpusim.scene import model as m
+
+if TYPE_CHECKING:
+    from gpusim.report.damage_figures import StateCurve
 
 __all__ = ["run_variants", "variant_folder"]
 
 Progress = Callable[[str, float, str], None]
 RunOne = Callable[[Scene, Path, Progress], Report]
+"""Does all of a scene's run but for its page."""
 CURVE_POINTS = 400
 
 
@@ -42,21 +48,29 @@ def run_variants(scene: Scene, out: Path, run_one: RunOne, progress: Progress) -
         (out / name).unlink(missing_ok=True)
     write_text(out / "scene.toml", scene.to_toml())
     reports: dict[str, Report] = {}
-    for variant in scene.variants:
+    # a variant's page is drawn while the device works on the next one
+    with ThreadPoolExecutor(1, thread_name_prefix="gpusim.report") as pool:
+        pages = []
+        for variant in scene.variants:
 
-        def tell(stage: str, done: float, text: str, name: str = variant.name) -> None:
-            progress(f"{name}/{stage}", done, text)
+            def tell(stage: str, done: float, text: str, name: str = variant.name) -> None:
+                progress(f"{name}/{stage}", done, text)
 
-        try:
-            folder = variant_folder(out, variant.name)
-            reports[variant.name] = run_one(scene.variant(variant.name), folder, tell)
-        except Exception as error:
-            text = (
-                str(error) if isinstance(error, GpusimError) else f"{type(error).__name__}: {error}"
-            )
-            failed = _report(scene, out, reports, (), (), f"variant {variant.name!r}: {text}")
-            write_report(failed, out)
-            raise
+            try:
+                folder = variant_folder(out, variant.name)
+                report = reports[variant.name] = run_one(scene.variant(variant.name), folder, tell)
+            except Exception as error:
+                text = (
+                    str(error)
+                    if isinstance(error, GpusimError)
+                    else f"{type(error).__name__}: {error}"
+                )
+                failed = _report(scene, out, reports, (), (), f"variant {variant.name!r}: {text}")
+                write_report(failed, out)
+                raise
+            pages.append(pool.submit(write_page, report, folder, tell))
+        for page in pages:
+            page.result()
     comparisons, stages = [], []
     for spec in scene.measures:
         if not isinstance(spec, m.Damage):
@@ -180,6 +194,8 @@ def _missing(comparison: DamageResult) -> list[str]:
 
 
 def _figures(comparison: DamageResult, folder: Path) -> list[Figure]:
+    from gpusim.report.damage_figures import draw_deflections, draw_differences
+
     figures = []
     for group in comparison.groups:
         lines = comparison.of(group)
@@ -201,6 +217,8 @@ def _figures(comparison: DamageResult, folder: Path) -> list[Figure]:
 
 
 def _curve(line: DamageLine, measured: np.ndarray, true: np.ndarray) -> StateCurve:
+    from gpusim.report.damage_figures import StateCurve
+
     none, found = np.zeros(0), line.found
     x = np.linspace(line.position_mm.min(), line.position_mm.max(), CURVE_POINTS)
     return StateCurve(

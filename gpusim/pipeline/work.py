@@ -37,6 +37,7 @@ from gpusim.report import (
     Report,
     SolutionSummary,
     Stage,
+    prepare_figures,
     write_report,
 )
 from gpusim.scene import Scene
@@ -80,10 +81,12 @@ def run(
     if scene.variants:
 
         def run_one(state: Scene, folder: Path, note: Progress) -> Report:
-            return _Run(state, folder, backend, fresh, skip, note).run()
+            return _Run(state, folder, backend, fresh, skip, note).work()
 
         return run_variants(scene, Path(out).resolve(), run_one, tell)
-    return _Run(scene, Path(out), backend, fresh, skip, tell).run()
+    report = _Run(scene, Path(out), backend, fresh, skip, tell).work()
+    outputs.write_page(report, Path(out).resolve(), tell)
+    return report
 
 
 def _said(error: Exception) -> str:
@@ -116,12 +119,13 @@ class _Run:
         self.device: Device | None = None
         self.device_before: dict[str, float] = {}
 
-    def run(self) -> Report:
-        """Every stage in the plan's order."""
+    def work(self) -> Report:
+        """Every stage in the plan's order; the report is written by the caller, but for errors."""
         check_memory(self.plan)
         self.device = self._device()
         if self.device is not None:
             self.device_before = self.device.timer.seconds()
+            prepare_figures()
         self._in_memory()
         self.state = StateFile(self.out)
         self.warnings += self.state.retire(stage.name for stage in self.plan.stages)
@@ -142,11 +146,7 @@ class _Run:
             failed = self._report(failure=_said(error))
             write_report(failed, self.out)
             raise
-        report = self._report()
-        self.progress("report", 0.0, "figures and page")
-        write_report(report, self.out)
-        self.progress("report", 1.0, "report.html, report.json")
-        return report
+        return self._report()
 
     # -- the frame around each stage -------------------------------------------------------
 

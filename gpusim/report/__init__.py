@@ -17,7 +17,7 @@ from gpusim.report.model import (
     Stage,
     Table,
 )
-from gpusim.report.write import ReportPaths, write_report
+from gpusim.report.write import ReportPaths, prepare_figures, write_report
 
 __all__ = [
     "BodyForce",
@@ -38,5 +38,6 @@ __all__ = [
     "Stage",
     "StressPeak",
     "Table",
+    "prepare_figures",
     "write_report",
 ]

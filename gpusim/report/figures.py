@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 import numpy.typing as npt
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import MaxNLocator, NullLocator
@@ -20,13 +20,25 @@ from gpusim.errors import InputError
 from gpusim.export.files import PathLike
 from gpusim.export.images import read_image
 from gpusim.report.model import Figure, Measurement, Overlay, Series
-from gpusim.report.style import BAD, GOOD, MEASURED, MUTED, PAGE, TEXT, TRUTH, axis_title, draw_png
+from gpusim.report.pictures import reduced
+from gpusim.report.style import (
+    BAD,
+    GOOD,
+    MEASURED,
+    MUTED,
+    PAGE,
+    TEXT,
+    TRUTH,
+    Margins,
+    axis_title,
+    draw_png,
+    text_inches,
+)
 from gpusim.report.text import number, signed_percent
 
 __all__ = ["draw_convergence", "draw_errors", "draw_overlay", "draw_series"]
 
 _WIDTH = 7.2  # inches
-_OVERLAY_PX = 1600  # width of the picture below the arrows
 _ARROW_FRACTION = 0.12  # the longest arrow covers about this part of the image's width
 
 
@@ -56,7 +68,8 @@ def draw_series(series: Series, path: PathLike) -> Figure:
         axis_title(upper, series.name)
         _draw_residual(lower, series, residual)
 
-    draw_png(path, (_WIDTH, 5.2), draw)
+    margins = Margins(right=1.1 if series.units_per_px else 0.15)
+    draw_png(path, (_WIDTH, 5.2), draw, margins)
     finite = np.abs(residual[np.isfinite(residual)])
     caption = f"{finite.size} of {residual.size} points measured"
     if finite.size:
@@ -127,20 +140,15 @@ def draw_overlay(overlay: Overlay, path: PathLike) -> Figure:
     """Draw tracked points with magnified displacement arrows on the down-scaled image."""
     image = read_image(overlay.image)
     height, width = image.shape
-    scale = min(1.0, _OVERLAY_PX / width)
-    size = max(1, round(width * scale)), max(1, round(height * scale))
-    small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
-    white = 255 if image.dtype == np.uint8 else 65535
     found = np.isfinite(overlay.displacement[:, 0] + overlay.displacement[:, 1])
     longest = float(np.hypot(*overlay.displacement[found].T).max(initial=0.0))
     factor = _round_down(_ARROW_FRACTION * width / longest) if longest > 0.0 else 1.0
 
     def draw(canvas: Canvas) -> None:
-        canvas.set_layout_engine("none")
-        axes = canvas.add_axes((0.0, 0.0, 1.0, 1.0))
+        canvas.add_artist(_Backdrop(image))
+        axes = canvas.add_axes((0.0, 0.0, 1.0, 1.0), facecolor="none")
         # Pixel centres are integers: the outer edges of the image lie half a pixel outside.
         frame = (-0.5, width - 0.5, height - 0.5, -0.5)
-        axes.imshow(small, cmap="gray", vmin=0, vmax=white, extent=frame, aspect="equal")
         axes.set_xlim(frame[0], frame[1])
         axes.set_ylim(frame[2], frame[3])
         axes.set_axis_off()
@@ -172,7 +180,7 @@ def draw_overlay(overlay: Overlay, path: PathLike) -> Figure:
             )
             key.text.set_bbox({"facecolor": "#000000a0", "edgecolor": "none", "pad": 3})
 
-    draw_png(path, (_WIDTH, _WIDTH * height / width), draw)
+    draw_png(path, (_WIDTH, _WIDTH * height / width), draw, "none")
     caption = f"{int(found.sum())} of {found.size} markers tracked"
     if longest > 0.0:
         caption += f"; displacements drawn {factor:g} times their length, the longest is"
@@ -182,6 +190,25 @@ def draw_overlay(overlay: Overlay, path: PathLike) -> Figure:
     if not found.all():
         caption += "; crosses mark lost markers"
     return Figure(Path(path), overlay.title, caption + ".", photo=True)
+
+
+class _Backdrop(Artist):
+    """A grey picture over the whole page, put there as it is: no colours to map, no resampling."""
+
+    def __init__(self, image: npt.NDArray[Any]) -> None:
+        super().__init__()
+        self.set_zorder(-1)
+        self._image = image
+
+    def draw(self, renderer: Any) -> None:
+        """Put it onto the page."""
+        size = round(renderer.width), round(renderer.height)
+        grey = reduced(self._image, size)
+        opaque = np.full((size[1], size[0], 4), 255, np.uint8)
+        opaque[..., :3] = grey[::-1, :, None]
+        context = renderer.new_gc()
+        renderer.draw_image(context, 0, 0, opaque)
+        context.restore()
 
 
 def _key(overlay: Overlay, longest: float) -> tuple[float, str]:
@@ -228,7 +255,8 @@ def draw_errors(measurements: Sequence[Measurement], path: PathLike) -> Figure:
         axes.set_xlim(-span, span)
         axes.set_xlabel("Error relative to the truth (%)")
 
-    draw_png(path, (_WIDTH, 1.1 + 0.42 * len(shown)), draw)
+    margins = Margins(left=max(text_inches(item.name) for item in shown) + 0.2, top=0.12)
+    draw_png(path, (_WIDTH, 1.1 + 0.42 * len(shown)), draw, margins)
     caption = "Error of each measured number; the grey marks are its tolerance."
     return Figure(Path(path), "Errors", caption)
 

@@ -104,7 +104,7 @@ def _draw(
             _draw_map(axes, picture, frame, result.points, one)
         _draw_missing(panels[len(maps)], picture, frame, result)
 
-    draw_png(path, (columns * (_PANEL + 0.9), rows * (tall + 0.55)), draw)
+    draw_png(path, (columns * (_PANEL + 0.9), rows * (tall + 0.55)), draw, "constrained")
     counts = ", ".join(f"{number} {_said(name)}" for name, number in result.counts().items())
     caption = f"Over the reference image; {counts}."
     if strain is not None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -14,7 +15,7 @@ from gpusim.errors import GpusimError, InputError
 from gpusim.export.images import GreyImage, read_image
 from gpusim.report.model import FramePair
 
-__all__ = ["PagePair", "file_uri", "page_pair", "photo_uri"]
+__all__ = ["PagePair", "file_uri", "page_pair", "photo_uri", "reduced"]
 
 _PHOTO_WIDTH = 1800  # px
 _PAGE_WIDTH = 1600  # px of a down-scaled frame: sharp on a wide screen, ~100 kB
@@ -90,9 +91,22 @@ def _frame_uri(image: GreyImage) -> str:
     """Down-scale by area average and encode as JPEG; grey levels are kept, 16 bit become 8."""
     height, width = image.shape
     scale = min(1.0, _PAGE_WIDTH / width)
-    size = max(1, round(width * scale)), max(1, round(height * scale))
-    small = _eight_bit(cv2.resize(image, size, interpolation=cv2.INTER_AREA))
+    small = reduced(image, (max(1, round(width * scale)), max(1, round(height * scale))))
     return _encoded(small, ".jpg", "image/jpeg", [cv2.IMWRITE_JPEG_QUALITY, 86])
+
+
+def reduced(image: GreyImage, size: tuple[int, int]) -> Bytes:
+    """``image`` as 8 bit of ``size`` (width, height), by area average.
+
+    Whole pixels first: ten times faster than any other share of them, and nearly as good.
+    """
+    whole = max(1, image.shape[1] // size[0])
+    part: npt.NDArray[Any] = image
+    if whole > 1:
+        inner = image.shape[1] // whole, image.shape[0] // whole
+        part = image[: inner[1] * whole, : inner[0] * whole]
+        part = cv2.resize(part, inner, interpolation=cv2.INTER_AREA)
+    return _eight_bit(cv2.resize(part, size, interpolation=cv2.INTER_AREA))
 
 
 def _crop_uri(image: GreyImage, x: float, y: float) -> str:

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure as Canvas
 
 from gpusim.export.files import PathLike
 from gpusim.report.model import Figure
-from gpusim.report.style import MEASURED, MUTED, TRUTH, axis_title, draw_png
+from gpusim.report.style import MEASURED, MUTED, TRUTH, Margins, axis_title, draw_png
 
 __all__ = ["RigCamera", "draw_calibration", "draw_reconstruction", "draw_rig"]
 
@@ -43,7 +43,8 @@ def draw_reconstruction(
     there, real = rest + factor * measured, rest + factor * true
 
     def draw(canvas: Canvas) -> None:
-        space: Any = canvas.add_subplot(2, 1, 1, projection="3d")
+        grid = canvas.add_gridspec(2, 2)
+        space: Any = canvas.add_subplot(grid[0, :], projection="3d")
         space.plot(*rest.T, ".", color=MUTED, markersize=5, label="unloaded, triangulated")
         space.plot(*real.T, "-", color=TRUTH, linewidth=1.4, label="loaded, finite elements")
         space.plot(
@@ -53,7 +54,7 @@ def draw_reconstruction(
         space.legend(loc="upper left", fontsize=8.5)
         space.set_aspect("equal", adjustable="datalim")
         for k, (a, b) in enumerate(((0, 2), (0, 1))):
-            plot = canvas.add_subplot(2, 2, 3 + k)
+            plot = canvas.add_subplot(grid[1, k])
             plot.plot(rest[:, a], rest[:, b], ".", color=MUTED, markersize=5)
             plot.plot(real[:, a], real[:, b], "-", color=TRUTH, linewidth=1.4)
             plot.plot(there[:, a], there[:, b], "o", color=MEASURED, markersize=4, mfc="none")
@@ -61,7 +62,7 @@ def draw_reconstruction(
             plot.set_aspect("equal", adjustable="datalim")
             axis_title(plot, ("From the front", "From above")[k])
 
-    draw_png(path, (7.2, 8.0), draw)
+    draw_png(path, (7.2, 8.0), draw, Margins(left=0.8, top=0.1))
     size = f" drawn {factor:g} times their length" if factor != 1 else ""
     return Figure(
         Path(path),
@@ -92,7 +93,7 @@ def draw_rig(
         space.set_aspect("equal", adjustable="datalim")
         space.legend(loc="upper left")
 
-    draw_png(path, (7.2, 5.6), draw)
+    draw_png(path, (7.2, 5.6), draw, Margins(0.1, 0.1, 0.1, 0.1))
     caption = f"Cameras with their axes, markers, and the {len(boards)} boards of the calibration."
     return Figure(Path(path), "The rig", caption)
 

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
+from threading import Thread
 
 import numpy as np
 
 from gpusim.export.files import PathLike, safe_name, write_text
-from gpusim.report.figures import draw_convergence, draw_errors, draw_overlay, draw_series
 from gpusim.report.html import FigureSet, render_html
 from gpusim.report.model import Report
 
-__all__ = ["ReportPaths", "write_report"]
+__all__ = ["ReportPaths", "prepare_figures", "write_report"]
 
 # iterations; a direct solve takes one or two, and there is nothing to see of them
 _WORTH_A_PLOT = 4
@@ -25,6 +26,14 @@ class ReportPaths:
     html: Path
     json: Path
     figures: tuple[Path, ...]
+
+
+def prepare_figures() -> None:
+    """Import what draws figures, half a second's work, while the caller goes on.
+
+    Worth it where the caller waits for a device meanwhile.
+    """
+    Thread(target=import_module, args=("gpusim.report.figures",), daemon=True).start()
 
 
 def write_report(report: Report, out_dir: PathLike) -> ReportPaths:
@@ -42,6 +51,9 @@ def write_report(report: Report, out_dir: PathLike) -> ReportPaths:
 
 
 def _draw(report: Report, folder: Path) -> FigureSet:
+    # matplotlib takes half a second to import: not before there is something to draw
+    from gpusim.report.figures import draw_convergence, draw_errors, draw_overlay, draw_series
+
     series = tuple(
         draw_series(item, folder / f"{_stem('line', index, item.name)}.png")
         for index, item in enumerate(report.series)
