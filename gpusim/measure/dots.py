@@ -172,7 +172,8 @@ def _dot(
     free = ring & ~(cv2.dilate(others, _disc(RIM)) > 0)
     if not np.count_nonzero(free) >= LEAST_SHARE * np.count_nonzero(ring):
         return None
-    y, x = np.indices(window.shape, dtype=np.float64)
+    places = np.indices(window.shape, dtype=np.float64)
+    y, x = places[0], places[1]
     level = _brightness(window, x, y, free, cv2.erode(mine, _disc(2 * RIM)) > 0)
     if not (level[wide] > 0).all():
         return None
