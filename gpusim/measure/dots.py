@@ -31,6 +31,7 @@ RING = 3  # … and of its surroundings beyond
 LEAST_CONTRAST = 0.08  # of the image's grey range
 ROUND = 0.1  # of a dot stretched to a circle: its harmonics of order 3 and 4; 0.43 for a square
 LEAST_SHARE = 0.5  # of the ring that has to be free
+LEAST_CORE = 9  # px that tell a slope
 RADII, TURNS = 8, 24  # samples over a disc
 ROUNDS = 8
 
@@ -171,9 +172,9 @@ def _dot(
     free = ring & ~(cv2.dilate(others, _disc(RIM)) > 0)
     if not np.count_nonzero(free) >= LEAST_SHARE * np.count_nonzero(ring):
         return None
-    y, x = np.indices(window.shape, dtype=np.float64)
-    plane = np.stack([np.ones_like(x), x, y], axis=-1)
-    level = plane @ np.linalg.lstsq(plane[free], window[free], rcond=None)[0]
+    places = np.indices(window.shape, dtype=np.float64)
+    y, x = places[0], places[1]
+    level = _brightness(window, x, y, free, cv2.erode(mine, _disc(2 * RIM)) > 0)
     if not (level[wide] > 0).all():
         return None
     taken = np.where(wide, 1.0 - window / level, 0.0)
@@ -200,6 +201,34 @@ def _dot(
     angle -= np.pi * np.round(angle / np.pi)
     contrast = depth * float(np.mean(level[inside]))
     return cx + x0, cy + y0, float(axes[0]), float(axes[1]), angle, contrast
+
+
+def _brightness(
+    window: FloatArray,
+    x: FloatArray,
+    y: FloatArray,
+    free: npt.NDArray[np.bool_],
+    core: npt.NDArray[np.bool_],
+) -> FloatArray:
+    """Brightness of the surroundings, a plane through the pixels that are ``free``.
+
+    Dark ones tell less of the light's slope than a bright dot's own ``core``, which then counts as
+    far as it is the brighter one: noise is the same in both, and the slope goes by the brightness.
+    """
+    middle = float(x[free].mean()), float(y[free].mean())
+    plane = np.stack([np.ones_like(x), x - middle[0], y - middle[1]], axis=-1)
+    fitted = np.linalg.lstsq(plane[free], window[free], rcond=None)[0]
+    if np.count_nonzero(core) >= LEAST_CORE and window[core].mean() > window[free].mean() > 0:
+        known, told = np.zeros((2, 2)), np.zeros(2)
+        for part in (free, core):
+            own = plane[part]
+            mean, across = own.mean(axis=0), float(window[part].mean())
+            slopes = own[:, 1:] - mean[1:]
+            known += across**2 * slopes.T @ slopes
+            told += across * slopes.T @ window[part]
+        slope = np.linalg.solve(known, told)
+        fitted = fitted[0] * np.array([1.0, *slope])
+    return np.asarray(plane @ fitted)
 
 
 def _disc(radius: int) -> npt.NDArray[np.uint8]:
