@@ -13,10 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.optics.corners import POSITION, ST
 from gpusim.optics.polygon import MOST, clip, half_planes, moments
 from gpusim.optics.ragged import expand
 from gpusim.optics.setup import Setup
-from gpusim.optics.view import FIXED, POSITION, ST
+from gpusim.optics.view import FIXED
 from gpusim.surface.paint import Checker
 
 __all__ = ["PlainCells"]
