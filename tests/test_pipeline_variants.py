@@ -121,6 +121,20 @@ def test_a_state_that_fails_says_so(checkout: Path, tmp_path: Path) -> None:
     assert report["status"] == "failed" and "variant 'cut'" in report["warnings"][0]
 
 
+def test_a_state_whose_page_cannot_be_written_says_so(
+    checkout: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> None:
+        raise OSError("no space left")
+
+    monkeypatch.setattr("gpusim.pipeline.variants.write_page", full)
+    with pytest.raises(OSError, match="no space left"):
+        run(scene_of(checkout, variant=[{"name": "whole"}], measure=[]), tmp_path / "out")
+    report = json.loads((tmp_path / "out" / "report.json").read_text(encoding="utf-8"))
+    assert report["status"] == "failed"
+    assert "variant 'whole': OSError: no space left" in report["warnings"][0]
+
+
 def test_example_is_valid(checkout: Path) -> None:
     scene = gs.load_scene(checkout / "examples" / "damaged_beam.toml")
     assert [v.name for v in scene.variants] == [

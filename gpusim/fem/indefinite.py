@@ -1,10 +1,22 @@
-"""The error for a stiffness that isn't positive definite in float64."""
+"""The errors for stiffnesses that float64 can't hold: indefinite ones, and numbers beyond it."""
 
 from __future__ import annotations
 
+import numpy as np
+import numpy.typing as npt
+
 from gpusim.errors import NotConverged
 
-__all__ = ["indefinite"]
+__all__ = ["check_finite", "indefinite"]
+
+
+def check_finite(values: npt.NDArray[np.float64], what: str) -> None:
+    """Raise NotConverged unless all ``values`` are finite."""
+    if not np.isfinite(values).all():
+        raise NotConverged(
+            f"{what}: got values that aren't finite; expected finite numbers "
+            "(is the stiffness of some material or the size of some element extreme?)"
+        )
 
 
 def indefinite(where: str) -> NotConverged:

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import NotConverged
+from gpusim.fem.indefinite import check_finite
 from gpusim.fem.probe import probe
 from gpusim.fem.stencil import Stencil
 from gpusim.fem.stopping import energy_bound, smallest_ritz_value
@@ -219,7 +220,7 @@ def iterate(
                 estimate, message = left + spread, "converged"
                 break
         rz = loop.begin(residual)
-        _refuse(rz[None, :, None], "the preconditioned residual")
+        check_finite(rz[None, :, None], "the preconditioned residual")
         first = rz if first is None else first
         if refinement or start is not None:
             before = estimate
@@ -289,7 +290,7 @@ def _run(
     correction = np.zeros_like(system.right)
     while active.any() and len(history) < most:
         lines = loop.run(min(chunk, most - len(history)), active)
-        _refuse(lines, "conjugate gradients")
+        check_finite(lines, "conjugate gradients")
         bent = active & ((lines[:, :, 3] <= 0.0) & (lines[:, :, 0] > 0.0)).any(axis=0)
         if bent.any():
             raise NotConverged(
@@ -322,12 +323,4 @@ def _refuse_indefinite(bad: npt.NDArray[np.bool_]) -> None:
             "conjugate gradients: the preconditioner isn't positive definite in load case "
             f"{np.flatnonzero(bad)[0]}; got r.z < 0 (are materials or element sizes extremely "
             "unequal?); expected r.z > 0, or method 'direct' or 'block_jacobi'"
-        )
-
-
-def _refuse(values: Float, what: str) -> None:
-    if not np.isfinite(values).all():
-        raise NotConverged(
-            f"{what}: got values that aren't finite; expected finite numbers "
-            "(is the stiffness of some material or the size of some element extreme?)"
         )

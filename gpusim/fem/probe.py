@@ -14,9 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.errors import NotConverged
 from gpusim.fem.congruence import noise
-from gpusim.fem.indefinite import indefinite
+from gpusim.fem.indefinite import check_finite, indefinite
 from gpusim.fem.stopping import smallest_ritz_value
 
 if TYPE_CHECKING:
@@ -59,11 +58,7 @@ def probe(system: System, loop: Any, most: int) -> Probed:
     while len(history) < most and not settled.all():
         count = min(max(_FIRST, len(history)), most - len(history))
         history = np.concatenate([history, loop.run(count, active)])
-        if not np.isfinite(history).all():
-            raise NotConverged(
-                "conjugate gradients: got values that aren't finite; expected finite numbers "
-                "(is the stiffness of some material or the size of some element extreme?)"
-            )
+        check_finite(history, "conjugate gradients")
         if ((history[:, :, 3] <= 0.0) & (history[:, :, 0] > 0.0)).any():
             raise indefinite("conjugate gradients")
         before, quotient_before = mu, lowest

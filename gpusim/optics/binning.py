@@ -14,6 +14,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.optics.areas import in_boxes, summed
 from gpusim.optics.contact import settle
 from gpusim.optics.corners import CHUNK, POSITION, corner_range
 from gpusim.optics.cutting import Screen
@@ -148,9 +149,7 @@ def _near_pixels(
     width, height = view.camera.width, view.camera.height
     held = np.zeros((-(-height // TILE), -(-width // TILE)), np.int32)
     held[pixel // width // TILE, pixel % width // TILE] = 1
-    total = np.zeros((held.shape[0] + 1, held.shape[1] + 1), np.int32)
-    total[1:, 1:] = held.cumsum(axis=0).cumsum(axis=1)
-    flat, across = total.ravel(), total.shape[1]
+    total = summed(held)
     parts = [(np.zeros(0, np.int64), np.zeros((0, 2), np.int64), np.zeros((0, 2), np.int64))]
     for start in range(0, view.count if len(pixel) else 0, CHUNK):
         lowest, highest = corner_range(view.screen[start : start + CHUNK])
@@ -160,9 +159,7 @@ def _near_pixels(
         number = np.flatnonzero((low[:, 0] <= high[:, 0]) & (low[:, 1] <= high[:, 1]))
         left, top = (low[number, axis] // TILE for axis in (0, 1))
         right, bottom = (high[number, axis] // TILE + 1 for axis in (0, 1))
-        top, bottom = top * across, bottom * across
-        count = flat[bottom + right] - flat[top + right] - flat[bottom + left] + flat[top + left]
-        near = number[count > 0]
+        near = number[in_boxes(total, left, top, right, bottom) > 0]
         parts.append((start + near, low[near], high[near]))
     some, low, high = (np.concatenate([part[k] for part in parts]) for k in range(3))
     return some, low, high

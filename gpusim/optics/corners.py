@@ -14,7 +14,7 @@ from gpusim.optics.camera import Camera
 
 __all__ = [
     "CHUNK", "NORMAL", "POSITION", "REFERENCE", "ST", "at_corners", "barycentric_planes",
-    "corner_mean", "corner_range", "in_camera",
+    "corner_mean", "corner_range", "in_camera", "products",
 ]  # fmt: skip
 
 Array = npt.NDArray[np.float64]
@@ -88,6 +88,12 @@ def _barycentric_planes(corners: Array, D: Array, columns: Array, spare: Array) 
                     np.multiply(normal, D[axis, k], out=term)
                     row += term
             row *= scale
+
+
+def products(vectors: Array, others: Array) -> Array:
+    """Scalar products (n,) of vectors (3, n) with one (3,) or as many (3, n)."""
+    result: Array = vectors[0] * others[0] + vectors[1] * others[1] + vectors[2] * others[2]
+    return result
 
 
 def corner_mean(values: Array) -> Array:

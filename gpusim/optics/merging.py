@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.optics.corners import products
 from gpusim.surface.topology import sorted_keys
 
 __all__ = ["Merged", "merge_flat", "neighbours"]
@@ -111,10 +112,10 @@ def _on_segment(
     """Whether vertices lie on the way from ``start`` to ``end``, within their tolerance."""
     origin = np.take(points, start, axis=1)
     way, to = np.take(points, end, axis=1) - origin, np.take(points, middle, axis=1) - origin
-    length = _product(way, way)
-    share = _product(to, way) / np.where(length > 0.0, length, 1.0)
+    length = products(way, way)
+    share = products(to, way) / np.where(length > 0.0, length, 1.0)
     rest = to - share * way
-    gap = np.sqrt(_product(rest, rest))
+    gap = np.sqrt(products(rest, rest))
     return np.asarray((share > 0.0) & (share < 1.0) & (gap <= tolerance[middle]))
 
 
@@ -125,15 +126,9 @@ def _flat(
     P = [np.take(points, v, axis=1) for v in quad]
     (ux, uy, uz), (vx, vy, vz) = P[2] - P[0], P[3] - P[1]
     normal = np.stack([uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx])
-    size = np.sqrt(_product(normal, normal))
-    gap = np.abs(_product(normal, P[1] - P[0])) / np.where(size > 0.0, size, 1.0)
+    size = np.sqrt(products(normal, normal))
+    gap = np.abs(products(normal, P[1] - P[0])) / np.where(size > 0.0, size, 1.0)
     return np.asarray((gap <= tolerance[quad[0]]) & (size > 0.0))
-
-
-def _product(u: Array, v: Array) -> Array:
-    """Scalar products (n,) of vectors (3, n)."""
-    result: Array = u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
-    return result
 
 
 def neighbours(faces: Numbers) -> tuple[Numbers, bool]:

@@ -18,6 +18,7 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.gpu import Device
 from gpusim.gpu.texels import Texels
+from gpusim.optics.areas import in_boxes, summed
 from gpusim.optics.corners import CHUNK, corner_range
 from gpusim.optics.speckle_table import MOST_TEXELS, SpeckleTable, speckle_table
 from gpusim.optics.view import RegionPaint
@@ -166,7 +167,6 @@ class PatternTable:
         """Features on file in the cells under boxes ``low`` to ``high`` (n, 2) of a paint."""
         record = self.paints[number]
         total = self._sums(number)
-        flat, across = total.ravel(), total.shape[1]
         ends = []
         for axis, most in ((0, int(record["columns"])), (1, int(record["rows"]))):
             start = int(record[("i0", "j0")[axis]])
@@ -175,9 +175,7 @@ class PatternTable:
                 cell = np.floor(bound[:, axis] / record["cell"]) + (more - start)
                 ends.append(np.clip(cell, 0, most).astype(np.int64))
         left, right, top, bottom = ends
-        top, bottom = top * across, bottom * across
-        count = flat[bottom + right] - flat[top + right] - flat[bottom + left] + flat[top + left]
-        return np.asarray(count)
+        return in_boxes(total, left, top, right, bottom)
 
     def _sums(self, number: int) -> npt.NDArray[np.int64]:
         """The summed-area table of a paint's cells, one row and column more."""
@@ -185,9 +183,7 @@ class PatternTable:
             record = self.paints[number]
             shape, first = (int(record["rows"]), int(record["columns"])), int(record["first"])
             filled = np.diff(self.cell_start[first : first + shape[0] * shape[1] + 1].astype(int))
-            total = np.zeros((shape[0] + 1, shape[1] + 1), np.int64)
-            total[1:, 1:] = filled.reshape(shape).cumsum(axis=0).cumsum(axis=1)
-            self._summed[number] = total
+            self._summed[number] = summed(filled.reshape(shape))
         return self._summed[number]
 
     @cached_property

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.optics.corners import NORMAL, corner_range
+from gpusim.optics.corners import NORMAL, corner_range, products
 from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.emitters import Lamp
 from gpusim.optics.ragged import expand
@@ -141,22 +141,16 @@ class Receivers:
         near = 0.0 if lamp.far else 1.0
         for k, at in enumerate(self.columns):
             normal = self.view.corners[:, k, NORMAL].T
-            own = near * _along(normal, at)
+            own = near * products(normal, at)
             reach = np.zeros(len(away))
             for side in (lamp.u, lamp.v):
-                reach += np.abs(_along(normal, side))
+                reach += np.abs(products(normal, side))
             # a lamp's farthest corner along the normal
-            away &= _along(normal, lamp.centre) + reach - own <= 0.0
-            behind &= _along(at, lamp.axis) - float(lamp.axis @ lamp.centre) <= 0.0
+            away &= products(normal, lamp.centre) + reach - own <= 0.0
+            behind &= products(at, lamp.axis) - float(lamp.axis @ lamp.centre) <= 0.0
         if np.any(lamp.axis) and not lamp.far:
             away |= behind
         return away
-
-
-def _along(vectors: Array, other: Array) -> Array:
-    """Products of vectors (3, n) with one (3,) or as many."""
-    result: Array = vectors[0] * other[0] + vectors[1] * other[1] + vectors[2] * other[2]
-    return result
 
 
 def _sides(screen: Array) -> list[tuple[Array, Array, Array, Array]]:

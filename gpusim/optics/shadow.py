@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.gpu import Buffer, Device, Recording, Texture, compare, twin_check
+from gpusim.optics.areas import covered
 from gpusim.optics.binning import bin_edges
 from gpusim.optics.corners import corner_range
 from gpusim.optics.pattern import LOOP_TURNS
@@ -90,12 +91,7 @@ def _shiny_tiles(setup: Setup, shape: tuple[int, int]) -> npt.NDArray[np.bool_]:
     limit = np.array([shape[1], shape[0]])
     first = np.clip(np.floor((low - 0.5) / TILE), 0, limit).astype(np.int64)
     last = np.clip(np.floor((high + 1.5) / TILE) + 1, 0, limit).astype(np.int64)
-    # the number of boxes over a tile is a sum over their corners
-    steps = np.zeros((shape[0] + 1, shape[1] + 1), np.int64)
-    for x, y, sign in ((first, first, 1), (last, first, -1), (first, last, -1), (last, last, 1)):
-        np.add.at(steps, (y[:, 1], x[:, 0]), sign)
-    held: npt.NDArray[np.bool_] = steps.cumsum(axis=0).cumsum(axis=1)[:-1, :-1] > 0
-    return held
+    return covered(first, last, shape)
 
 
 @twin_check("optics/shadow")

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.optics.areas import covered, in_boxes, summed
 from gpusim.surface.paint import Paint, Speckle
 from gpusim.surface.surface import Surface
 
@@ -53,20 +54,10 @@ class Sparse:
         lower, upper = features.bounds()
         first = np.clip((lower - low) // cell, 0, CELLS).astype(np.int64)
         last = np.clip((upper - low) // cell + 1, 0, CELLS).astype(np.int64)
-        steps = np.zeros((CELLS + 1, CELLS + 1), np.int64)
-        for x, y, sign in (
-            (first, first, 1),
-            (last, first, -1),
-            (first, last, -1),
-            (last, last, 1),
-        ):
-            np.add.at(steps, (y[:, 1], x[:, 0]), sign)
-        filled = steps.cumsum(axis=0).cumsum(axis=1)[:-1, :-1] > 0
+        filled = covered(first, last, (CELLS, CELLS))
         if filled.mean() > DENSE:
             return None
-        total = np.zeros((CELLS + 1, CELLS + 1), np.int64)
-        total[1:, 1:] = filled.cumsum(axis=0).cumsum(axis=1)
-        return Sparse(low, cell, total)
+        return Sparse(low, cell, summed(filled))
 
     def near(self, a: Array, b: Array) -> Flags:
         """Which edges from ``a`` to ``b`` (n, 2), in paint coordinates, pass a feature closely."""
@@ -74,9 +65,7 @@ class Sparse:
         low = np.clip((np.minimum(a, b) - reach - self.low) // self.cell, 0, CELLS)
         high = np.clip((np.maximum(a, b) + reach - self.low) // self.cell + 1, 0, CELLS)
         (left, top), (right, bottom) = low.T.astype(np.int64), high.T.astype(np.int64)
-        total = self.total
-        count = total[bottom, right] - total[top, right] - total[bottom, left] + total[top, left]
-        return np.asarray(count > 0)
+        return np.asarray(in_boxes(self.total, left, top, right, bottom) > 0)
 
 
 def sparse_excess(

@@ -48,9 +48,15 @@ def run_variants(scene: Scene, out: Path, run_one: RunOne, progress: Progress) -
         (out / name).unlink(missing_ok=True)
     write_text(out / "scene.toml", scene.to_toml())
     reports: dict[str, Report] = {}
+
+    def tell_failure(name: str, error: Exception) -> None:
+        text = str(error) if isinstance(error, GpusimError) else f"{type(error).__name__}: {error}"
+        failed = _report(scene, out, reports, (), (), f"variant {name!r}: {text}")
+        write_report(failed, out)
+
     # a variant's page is drawn while the device works on the next one
     with ThreadPoolExecutor(1, thread_name_prefix="gpusim.report") as pool:
-        pages = []
+        pages = {}
         for variant in scene.variants:
 
             def tell(stage: str, done: float, text: str, name: str = variant.name) -> None:
@@ -60,17 +66,15 @@ def run_variants(scene: Scene, out: Path, run_one: RunOne, progress: Progress) -
                 folder = variant_folder(out, variant.name)
                 report = reports[variant.name] = run_one(scene.variant(variant.name), folder, tell)
             except Exception as error:
-                text = (
-                    str(error)
-                    if isinstance(error, GpusimError)
-                    else f"{type(error).__name__}: {error}"
-                )
-                failed = _report(scene, out, reports, (), (), f"variant {variant.name!r}: {text}")
-                write_report(failed, out)
+                tell_failure(variant.name, error)
                 raise
-            pages.append(pool.submit(write_page, report, folder, tell))
-        for page in pages:
-            page.result()
+            pages[variant.name] = pool.submit(write_page, report, folder, tell)
+        for name, page in pages.items():
+            try:
+                page.result()
+            except Exception as error:
+                tell_failure(name, error)
+                raise
     comparisons, stages = [], []
     for spec in scene.measures:
         if not isinstance(spec, m.Damage):
