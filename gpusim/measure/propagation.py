@@ -152,6 +152,8 @@ class Front:
         if tolerance is not None:
             early = (result.status == Status.OK) & ~(result.sigma >= WIDER * tolerance)
             result.status[early] = Status.NOT_CONVERGED
+            result.coefficients[early] = np.nan
+            result.sigma[early] = np.nan
         self.attempts[which] += 1
         if keep:
             better = (result.status == Status.OK) & (result.zncc > self.zncc[which])
