@@ -96,7 +96,7 @@ class Device:
         self.limits: dict[str, int] = dict(self.gpu.limits)
         self.memory_limit = memory_limit if memory_limit is not None else free_memory(self.info)
         self.shaders = shaders
-        self._transfer = Transfer(self.gpu, MAPPABLE in self.features)
+        self.transfer = Transfer(self.gpu, MAPPABLE in self.features)
         self.timer = StageTimer(self, "timestamp-query" in self.features)
         self._kernels: dict[Any, Any] = {}
         self._modules: dict[str, Any] = {}
@@ -220,7 +220,7 @@ class Device:
             )
         self.require_memory(size, label)
         with self.guard(f"buffer {label} of {size} bytes"):
-            gpu = self._transfer.create(label, size, data if nbytes else None)
+            gpu = self.transfer.create(label, size, data if nbytes else None)
         self.account(gpu, size)
         return gpu
 
@@ -259,7 +259,7 @@ class Device:
         with ExitStack() as opened:
             with self.guard(f"reading {buffer.label}"):
                 try:
-                    data = opened.enter_context(self._transfer.seen(gpu, offset, size))
+                    data = opened.enter_context(self.transfer.seen(gpu, offset, size))
                 except (RuntimeError, AttributeError) as error:
                     # wgpu-py's words for a failed map, and for one on a device that is gone
                     reason = error if self._alive() else "device is lost"
@@ -281,7 +281,7 @@ class Device:
             words[offset - first : end - first] = data.reshape(-1).view(np.uint8)
             data, offset = words, first
         with self.guard(f"writing {buffer.label}"):
-            self._transfer.write(gpu, data, offset)
+            self.transfer.write(gpu, data, offset)
 
     # -- programs --------------------------------------------------------------------------
 
@@ -377,7 +377,7 @@ class Device:
     def submit(self, commands: Any, stage: str) -> None:
         """Send a finished command buffer; device errors come back as `DeviceError`."""
         with self.guard(stage):
-            self._transfer.submit([commands])
+            self.transfer.submit([commands])
 
 
 _default: Device | None = None

@@ -32,31 +32,33 @@ class Transfer:
         # the queue keeps what is written until something is submitted; mapping doesn't wait for it
         self._kept_back = False
 
-    def create(self, label: str, size: int, data: npt.NDArray[Any] | None) -> Any:
-        """A storage buffer of ``size`` bytes, a multiple of 16: contiguous ``data``, then zeros."""
+    def create(
+        self, label: str, size: int, data: npt.NDArray[Any] | None, uniform: bool = False
+    ) -> Any:
+        """A storage or ``uniform`` buffer of ``size`` bytes, a multiple of 16.
+
+        It holds contiguous ``data``, then zeros.
+        """
         usage = wgpu.BufferUsage
-        flags = usage.STORAGE | usage.COPY_SRC | usage.COPY_DST | usage.INDIRECT
+        flags = usage.UNIFORM if uniform else usage.STORAGE | usage.COPY_SRC | usage.INDIRECT
+        flags |= usage.COPY_DST
         if self.direct:
             flags |= usage.MAP_READ | usage.MAP_WRITE
         at_once = self.direct and data is not None
         gpu = self.gpu.create_buffer(
             label=f"gpusim.{label}", size=size, usage=flags, mapped_at_creation=at_once
         )
-        if data is not None:
-            words = data.reshape(-1).view(np.uint8)
-            if len(words) % 4:
-                words = np.pad(words, (0, -len(words) % 4))
-            if at_once:
-                gpu.write_mapped(words)
-                gpu.unmap()
-            else:
-                self.write(gpu, words, 0)
+        if at_once:
+            gpu.write_mapped(_words(data))
+            gpu.unmap()
+        elif data is not None:
+            self.write(gpu, data, 0)
         return gpu
 
     def write(self, gpu: Any, data: npt.NDArray[Any], offset: int) -> None:
-        """Whole words into a buffer, after all that was submitted before."""
+        """Contiguous data into a buffer after all that was submitted before, whole words."""
         self._kept_back = True
-        self.gpu.queue.write_buffer(gpu, offset, data)
+        self.gpu.queue.write_buffer(gpu, offset, _words(data))
 
     def submit(self, commands: list[Any]) -> None:
         """Send command buffers, and what was written."""
@@ -81,3 +83,9 @@ class Transfer:
             yield gpu.read_mapped(first, offset + size - first, copy=False)[offset - first :]
         finally:
             gpu.unmap()
+
+
+def _words(data: npt.NDArray[Any]) -> npt.NDArray[np.uint8]:
+    """The bytes of contiguous data, then zeros up to a multiple of 4."""
+    found = data.reshape(-1).view(np.uint8)
+    return found if len(found) % 4 == 0 else np.pad(found, (0, -len(found) % 4))
