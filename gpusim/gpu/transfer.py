@@ -48,10 +48,12 @@ class Transfer:
         gpu = self.gpu.create_buffer(
             label=f"gpusim.{label}", size=size, usage=flags, mapped_at_creation=at_once
         )
+        if data is None:
+            return gpu
         if at_once:
             gpu.write_mapped(_words(data))
             gpu.unmap()
-        elif data is not None:
+        else:
             self.write(gpu, data, 0)
         return gpu
 
