@@ -36,6 +36,7 @@ DOUBT = 0.01  # px beyond four standard deviations: further from what a neighbou
 POOR = 1.5  # residual over the lower quartile of all points
 SETTLED = (1e-3, 2e-3, 4e-3, 8e-3, 1.6e-2)  # px: tolerances where the one asked for isn't reached
 WIDER = 10.0  # standard uncertainty over the tolerance that then is enough
+MANY = 0.1  # share of what was looked at that has no texture: look at everything
 APART = 0.5  # px: further from what its neighbours say, a point is looked at again
 
 
@@ -249,13 +250,21 @@ class Front:
             poor = left > POOR * np.quantile(left, 0.25)
             which = which[(np.nan_to_num(doubtful).max(axis=1) > DOUBT) | alone | poor]
         found = self.points[which], self.coefficients[which]
-        aside = beside_texture(self.pair, self.points[which], self.settings)
+        aside = self._aside(which)
         torn = incoherent(self.pair, *found, self.settings, self.blur_px)
         self.status[which[torn]] = Status.INCOHERENT
         self.status[which[aside]] = Status.NO_TEXTURE
         lost = which[torn | aside]
+        if aside.any() and aside.mean() > MANY:  # the pattern itself may have slopes one way only
+            others = np.setdiff1d(np.flatnonzero(self.ok), which)
+            others = others[self._aside(others)]
+            self.status[others] = Status.NO_TEXTURE
+            lost = np.concatenate([lost, others])
         self.coefficients[lost] = np.nan
         self.sigma[lost] = np.nan
+
+    def _aside(self, which: IntArray) -> npt.NDArray[np.bool_]:
+        return beside_texture(self.pair, self.points[which], self.zncc[which], self.settings)
 
     @cached_property
     def _neighbours(self) -> IntArray:
