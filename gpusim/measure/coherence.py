@@ -40,6 +40,7 @@ ONE_WAY = 0.1  # … or this share of those across them
 FOREIGN = 0.15  # residual variance of a part over the variance of the subset's grey values
 SEEN = 2.0  # what a smooth field explains over what a jump does, by coarse lines: no jump with more
 SMOOTH = np.array([0.9, 1.05])  # likewise by fine lines, as the jump is less sure or …
+PROMISING = 0.5  # of a jump's length and surety that coarse lines must show
 CLEAR = 3.2  # … more than this times SURE: noise no longer decides
 CHOSEN = 1.6  # times SURE for a jump: the best of 120 lines fits noise better than one part does
 FAR = 0.6  # px: a part that moved by more isn't asked whether it did so smoothly
@@ -200,16 +201,18 @@ def _chunk(
     foreign = asked & (variance > odd * usual) & (variance > FOREIGN * contrast / total)
     found = np.asarray(foreign.any(axis=1) | (motion_left > max(FAR, settings.apart_px)))
     open_ = np.flatnonzero(~found)
-    for search in (COARSE, FINE):
+    for search, part in ((COARSE, PROMISING), (FINE, 1.0)):
         seen = np.zeros(len(points), dtype=np.bool_)
         few = FEW if search is COARSE else FEW // 4
         for i in range(0, open_.size, few):
             some = open_[i : i + few]
             jump = jumps(weight[some], (x[some], y[some]), f[some], rest[some], search)
-            torn = np.maximum(jump.length, motion_left[some]) > settings.apart_px
+            torn = np.maximum(jump.length, motion_left[some]) > part * settings.apart_px
             clear = SMOOTH[(jump.sure > CLEAR * sure).astype(np.int64)]
             most = SEEN if search is COARSE else clear
-            seen[some] = torn & (jump.sure > CHOSEN * sure) & (jump.smooth < most * jump.sure)
+            seen[some] = (
+                torn & (jump.sure > part * CHOSEN * sure) & (jump.smooth < most * jump.sure)
+            )
         open_ = np.flatnonzero(seen)
     found[open_] = True
     return found
