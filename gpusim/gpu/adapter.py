@@ -16,7 +16,7 @@ from wgpu.backends.wgpu_native.extras import set_instance_extras
 from gpusim.errors import NoAdapter
 from gpusim.gpu.declarations import parse_names_alone
 
-__all__ = ["find_adapter", "free_memory", "software_adapter"]
+__all__ = ["find_adapter", "free_memory", "is_processor", "software_adapter"]
 
 # what a graphics card's driver makes under Linux, Windows' subsystem included
 _HARDWARE = ("/dev/dri/renderD*", "/dev/nvidia*", "/dev/dxg", "/dev/mali*", "/dev/kgsl*")
@@ -65,7 +65,12 @@ def software_adapter() -> bool:
         adapter = find_adapter(named)
     except NoAdapter:
         return True
-    return str(adapter.info.get("adapter_type")) == "CPU"
+    return is_processor(dict(adapter.info))
+
+
+def is_processor(info: dict[str, Any]) -> bool:
+    """Whether an adapter is the processor itself, by what wgpu says of it."""
+    return str(info.get("adapter_type")) == "CPU"
 
 
 @contextmanager
@@ -87,7 +92,7 @@ def _no_display() -> Iterator[None]:
 
 def free_memory(info: dict[str, Any]) -> int | None:
     """Bytes that a CPU adapter may take (90 % of what is free); None: the driver decides."""
-    if str(info.get("adapter_type")) != "CPU":
+    if not is_processor(info):
         return None
     try:
         with open("/proc/meminfo", encoding="ascii") as lines:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -65,6 +67,14 @@ class Buffer:
         self, dtype: npt.DTypeLike, shape: tuple[int, ...] | None = None, offset: int = 0
     ) -> npt.NDArray[Any]:
         """Copy back to the host (waits for the device); ``offset`` in bytes."""
+        with self.seen(dtype, shape, offset) as values:
+            return values.copy()
+
+    @contextmanager
+    def seen(
+        self, dtype: npt.DTypeLike, shape: tuple[int, ...] | None = None, offset: int = 0
+    ) -> Iterator[npt.NDArray[Any]]:
+        """The same without a copy, to be used only inside the ``with`` block."""
         kind = np.dtype(dtype)
         size = self.nbytes - offset
         if shape is not None:
@@ -78,12 +88,13 @@ class Buffer:
             )
         self.live("reading")
         if size == 0:
-            return np.zeros(shape if shape is not None else 0, kind)
+            yield np.zeros(shape if shape is not None else 0, kind)
+            return
         first, last = offset - offset % 4, -(-(offset + size) // 4) * 4
-        data = np.frombuffer(self.device.read_bytes(self, first, last - first), np.uint8)
-        data = data[offset - first : offset - first + size]
-        array = (data if offset == first else data.copy()).view(kind)
-        return array if shape is None else array.reshape(shape)
+        with self.device.seen_bytes(self, first, last - first) as raw:
+            data = np.frombuffer(raw, np.uint8)[offset - first : offset - first + size]
+            array = (data if offset == first else data.copy()).view(kind)
+            yield array if shape is None else array.reshape(shape)
 
     def write(self, array: npt.NDArray[Any], offset: int = 0) -> None:
         """Copy from the host; ``offset`` in bytes."""

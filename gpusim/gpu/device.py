@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -16,13 +16,14 @@ import wgpu
 
 from gpusim.errors import InputError, NoAdapter, OutOfDeviceMemory
 from gpusim.gpu import faults
-from gpusim.gpu.adapter import find_adapter, free_memory
+from gpusim.gpu.adapter import find_adapter, free_memory, is_processor
 from gpusim.gpu.buffer import Buffer, RealBuffer, SplitBuffer, to_real
 from gpusim.gpu.kernel import Kernel
 from gpusim.gpu.raster import Raster, Texture
 from gpusim.gpu.recording import Recording
 from gpusim.gpu.texels import Texels
 from gpusim.gpu.timing import StageTimer
+from gpusim.gpu.transfer import MAPPABLE, Transfer
 from gpusim.gpu.wgsl import Module, load
 
 __all__ = ["PORTABLE_LIMITS", "Device", "default_device"]
@@ -81,9 +82,10 @@ class Device:
             raise NoAdapter(f"{self.name}: no 64-bit floats; got real='f64'; use 'double_single'")
         self.real = real or ("f64" if has_f64 else "double_single")
         features = ["shader-f64"] if self.real == "f64" else []
-        for extra in ("timestamp-query", "primitive-index"):
-            if extra in self.adapter.features:
-                features.append(extra)
+        wanted = ["timestamp-query", "primitive-index"]
+        if is_processor(self.info):
+            wanted.append(MAPPABLE)
+        features += [extra for extra in wanted if extra in self.adapter.features]
         self.features = frozenset(features)
         try:
             self.gpu: Any = self.adapter.request_device_sync(
@@ -94,6 +96,7 @@ class Device:
         self.limits: dict[str, int] = dict(self.gpu.limits)
         self.memory_limit = memory_limit if memory_limit is not None else free_memory(self.info)
         self.shaders = shaders
+        self.transfer = Transfer(self.gpu, MAPPABLE in self.features)
         self.timer = StageTimer(self, "timestamp-query" in self.features)
         self._kernels: dict[Any, Any] = {}
         self._modules: dict[str, Any] = {}
@@ -154,9 +157,7 @@ class Device:
                 f"buffer {label}: got {data.dtype}; expected a type that WGSL has: 32-bit "
                 "(or smaller, packed) numbers or structs of them"
             )
-        result = self.empty(data.nbytes, label)
-        result.write(data)
-        return result
+        return Buffer(self, self._allocate(data.nbytes, label, data), data.nbytes, label)
 
     def real_buffer(
         self,
@@ -171,11 +172,8 @@ class Device:
             return RealBuffer(self, self._allocate(nbytes, label), nbytes, label, wanted)
         values = np.asarray(array, np.float64)
         data = to_real(values, self.real, label)
-        gpu = self._allocate(data.nbytes, label)
-        result = RealBuffer(self, gpu, data.nbytes, label, values.shape)
-        if data.nbytes:
-            self.write_bytes(result, data, 0)
-        return result
+        gpu = self._allocate(data.nbytes, label, data)
+        return RealBuffer(self, gpu, data.nbytes, label, values.shape)
 
     def split(
         self,
@@ -213,7 +211,7 @@ class Device:
             parts.append(self.real_buffer(piece, name) if is_real else self.buffer(piece, name))
         return SplitBuffer(tuple(parts), starts)
 
-    def _allocate(self, nbytes: int, label: str) -> Any:
+    def _allocate(self, nbytes: int, label: str, data: npt.NDArray[Any] | None = None) -> Any:
         size = max(16, -(-int(nbytes) // 16) * 16)
         if size > self.limits["max-buffer-size"]:
             raise OutOfDeviceMemory(
@@ -221,13 +219,8 @@ class Device:
                 f"{self.limits['max-buffer-size']} in one buffer on {self.name}"
             )
         self.require_memory(size, label)
-        usage = wgpu.BufferUsage
         with self.guard(f"buffer {label} of {size} bytes"):
-            gpu = self.gpu.create_buffer(
-                label=f"gpusim.{label}",
-                size=size,
-                usage=usage.STORAGE | usage.COPY_SRC | usage.COPY_DST | usage.INDIRECT,
-            )
+            gpu = self.transfer.create(label, size, data if nbytes else None)
         self.account(gpu, size)
         return gpu
 
@@ -256,14 +249,22 @@ class Device:
             buffer.gpu.destroy()
             buffer.gpu = None
 
-    def read_bytes(self, buffer: Buffer, offset: int, size: int) -> memoryview:
-        """Raw bytes (offset and size multiples of 4); waits until the device has finished."""
+    @contextmanager
+    def seen_bytes(self, buffer: Buffer, offset: int, size: int) -> Iterator[memoryview]:
+        """Raw bytes (offset and size multiples of 4) for as long as the block runs.
+
+        Waits until the device has finished.
+        """
         gpu = buffer.live("reading")
-        with self.guard(f"reading {buffer.label}"):
-            try:
-                return self.gpu.queue.read_buffer(gpu, offset, size)  # type: ignore[no-any-return]
-            except RuntimeError as error:  # wgpu-py's word for a failed map
-                raise faults.translate(error, f"reading {buffer.label}") from error
+        with ExitStack() as opened:
+            with self.guard(f"reading {buffer.label}"):
+                try:
+                    data = opened.enter_context(self.transfer.seen(gpu, offset, size))
+                except (RuntimeError, AttributeError) as error:
+                    # wgpu-py's words for a failed map, and for one on a device that is gone
+                    reason = error if self._alive() else "device is lost"
+                    raise faults.translate(reason, f"reading {buffer.label}") from error
+            yield data
 
     def write_bytes(self, buffer: Buffer, data: npt.NDArray[Any], offset: int) -> None:
         """Raw bytes into a buffer; the device takes whole words, so partial ones are merged."""
@@ -275,12 +276,12 @@ class Device:
             for start in {first, last - 4}:
                 # nothing worth keeping lies before the start or behind the end of the buffer
                 if start < offset or start + 4 > end < buffer.nbytes:
-                    word = np.frombuffer(self.read_bytes(buffer, start, 4), np.uint8)
-                    words[start - first : start - first + 4] = word
+                    with self.seen_bytes(buffer, start, 4) as word:
+                        words[start - first : start - first + 4] = word
             words[offset - first : end - first] = data.reshape(-1).view(np.uint8)
             data, offset = words, first
         with self.guard(f"writing {buffer.label}"):
-            self.gpu.queue.write_buffer(gpu, offset, data)
+            self.transfer.write(gpu, data, offset)
 
     # -- programs --------------------------------------------------------------------------
 
@@ -376,7 +377,7 @@ class Device:
     def submit(self, commands: Any, stage: str) -> None:
         """Send a finished command buffer; device errors come back as `DeviceError`."""
         with self.guard(stage):
-            self.gpu.queue.submit([commands])
+            self.transfer.submit([commands])
 
 
 _default: Device | None = None

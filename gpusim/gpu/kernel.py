@@ -216,10 +216,9 @@ class Bindings:
             binding = self.layout.bindings[name]
             module = self.layout.module
             dtype, _ = type_layout(binding.type, module.structs, module.name)
-            data = pack(value, dtype, f"{module.name}.{name}").tobytes()
-            padded = data.ljust(-(-len(data) // 16) * 16, b"\0")
+            data = pack(value, dtype, f"{module.name}.{name}")
             with self.layout.device.guard(f"updating {module.name}.{name}"):
-                self.layout.device.gpu.queue.write_buffer(self.uniforms[name], 0, padded)
+                self.layout.device.transfer.write(self.uniforms[name], data, 0)
 
     def check_live(self) -> None:
         """Raise `InputError` if a bound buffer was released since: submitting would end the

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
-import wgpu
 
 from gpusim.errors import InputError
 
@@ -33,15 +32,9 @@ class Uniform:
             See `pack`.
         """
         if dtype not in self._buffers:
-            data = pack(self.values, dtype, f"{where}.{self.label.rpartition('.')[2]}").tobytes()
-            size = -(-len(data) // 16) * 16
-            gpu = self.device.gpu.create_buffer(
-                label=f"gpusim.{self.label}",
-                size=size,
-                usage=wgpu.BufferUsage.UNIFORM | wgpu.BufferUsage.COPY_DST,
-            )
-            self.device.gpu.queue.write_buffer(gpu, 0, data.ljust(size, b"\0"))
-            self._buffers[dtype] = gpu
+            data = pack(self.values, dtype, f"{where}.{self.label.rpartition('.')[2]}")
+            size = -(-data.nbytes // 16) * 16
+            self._buffers[dtype] = self.device.transfer.create(self.label, size, data, uniform=True)
         return self._buffers[dtype]
 
 

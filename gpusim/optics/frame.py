@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,6 +26,10 @@ class Band:
     rows: int
     stride: int
     buffer: Buffer
+
+    def seen(self) -> AbstractContextManager[npt.NDArray[np.float32]]:
+        """(rows, stride) float32, to be used only inside a ``with`` block."""
+        return self.buffer.seen(np.float32, (self.rows, self.stride))
 
 
 class Frame:
@@ -65,22 +70,22 @@ class Frame:
         if self._radiance is None:
             if not self.bands:
                 raise InputError("frame radiance; got a released frame; read it before release()")
-            self._radiance = np.concatenate(
-                [
-                    band.buffer.read(np.float32, (band.rows, band.stride))[:, : self.width]
-                    for band in self.bands
-                ]
-            )
+            result = np.empty((self.height, self.width), np.float32)
+            for band in self.bands:
+                with band.seen() as values:
+                    result[band.row0 : band.row0 + band.rows] = values[:, : self.width]
+            self._radiance = result
         return self._radiance
 
     def brightest(self) -> float:
         """The largest radiance; the picture isn't kept for it."""
         if self._radiance is not None or not self.bands:
             return float(self.radiance.max())
-        return max(
-            float(band.buffer.read(np.float32, (band.rows, band.stride))[:, : self.width].max())
-            for band in self.bands
-        )
+        most = -np.inf
+        for band in self.bands:
+            with band.seen() as values:
+                most = max(most, float(values[:, : self.width].max()))
+        return most
 
     def ids(self) -> npt.NDArray[np.uint32]:
         """(H, W) uint32: number + 1 of the triangle under each pixel's centre, 0 for none."""
