@@ -86,7 +86,7 @@ def _key(
 def _stored(path: Path, key: str) -> Followed | None:
     """What lies there for ``key``; None if that is another one's, or damaged."""
     try:
-        with np.load(path, allow_pickle=False) as file:
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
             if str(file[_KEY]) != key:
                 return None
             values = {item.name: file[item.name] for item in fields(Followed)}
