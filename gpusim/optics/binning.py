@@ -34,7 +34,7 @@ MARGIN = 2e-3
 
 @dataclass(frozen=True, eq=False)
 class EdgePixels:
-    """``pixel`` (E,) sorted linear indices; triangles ``triangle[start[k] : start[k + 1]]``.
+    """``pixel`` (E,) linear indices; triangles ``triangle[start[k] : start[k + 1]]``.
 
     ``pierced`` (E,): bodies cut each other there, so that no order of the triangles is right.
     """
@@ -49,11 +49,12 @@ class EdgePixels:
         """(E,) number of triangles over each pixel."""
         return np.diff(self.start)
 
-    def select(self, wanted: npt.NDArray[np.bool_]) -> EdgePixels:
-        """The pixels that are ``wanted`` (E,)."""
-        start = np.concatenate([[0], np.cumsum(self.depth[wanted])])
-        triangle = self.triangle[np.repeat(wanted, self.depth)]
-        return EdgePixels(self.pixel[wanted], start, triangle, self.pierced[wanted])
+    def select(self, wanted: npt.NDArray[np.bool_] | npt.NDArray[np.int64]) -> EdgePixels:
+        """The pixels that are ``wanted`` (E,), or those of these numbers in their order."""
+        depth = self.depth[wanted]
+        start = np.concatenate([[0], np.cumsum(depth)])
+        own = np.repeat(self.start[:-1][wanted] - start[:-1], depth) + np.arange(start[-1])
+        return EdgePixels(self.pixel[wanted], start, self.triangle[own], self.pierced[wanted])
 
 
 def segment_pixels(
