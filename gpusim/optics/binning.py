@@ -14,6 +14,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.distinct import distinct
 from gpusim.optics.areas import in_boxes, summed
 from gpusim.optics.contact import settle
 from gpusim.optics.corners import CHUNK, POSITION, corner_range
@@ -89,7 +90,7 @@ def segment_pixels(
     run, step = expand(right - left + 1)
     column, row = left[run] + step, row[run]
     inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
-    return np.unique(row[inside] * width + column[inside])
+    return distinct(row[inside] * width + column[inside])
 
 
 def bin_edges(view: View) -> EdgePixels:
@@ -103,7 +104,7 @@ def bin_edges(view: View) -> EdgePixels:
     pixel = segment_pixels(view.edges, width, height)
     cut = segment_pixels(_cuts(view), width, height)
     if len(cut):
-        pixel = np.union1d(pixel, cut)
+        pixel = distinct(np.concatenate([pixel, cut]))
     some, low, high = _near_pixels(pixel, view)
     triangle, step = expand(np.maximum(high[:, 1] - low[:, 1] + 1, 0))
     row = low[triangle, 1] + step

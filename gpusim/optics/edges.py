@@ -78,7 +78,7 @@ class EdgePass:
         lists[1 : 2 * count + 2 : 2] = edges.start + 2 * (count + 1)
         lists[2 * (count + 1) :] = edges.triangle
         self._found = device.empty(8 * count, "edges.found")
-        groups = np.unique(setup.groups).tolist()
+        groups = np.flatnonzero(np.bincount(setup.groups)).tolist()
         constants = setup.constants(groups, bool(setup.shiny.any()), bool(setup.bumpy.any()))
         kernel = device.kernel("optics/edges", constants=constants)
         bindings = kernel.bind(
