@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import splu
 
@@ -50,8 +51,12 @@ def test_patches_are_exact_local_solutions() -> None:
     np.testing.assert_allclose(patches.apply(r), wanted, atol=1e-9 * np.abs(wanted).max())
 
 
-def test_nearly_incompressible_bodies_converge_in_few_iterations() -> None:
+def test_nearly_incompressible_bodies_converge_in_few_iterations(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     model = rubber(12)
+    # pressures would be cheaper here
+    monkeypatch.setattr("gpusim.fem.methods.mixed_solver", lambda *_: None)
     solution = solve(model, backend="numpy", method="multigrid", formulation="bbar")
     assert solution.converged and "patches" in solution.message
     assert solution.iterations <= 60  # Jacobi smoothing takes 240

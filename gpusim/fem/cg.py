@@ -79,6 +79,9 @@ class NumpyCG:
         """The solution of this run so far, (L,n)."""
         return self._x.copy()
 
+    def keep(self) -> None:
+        """The correction has been added to the solution."""
+
     def residual(self) -> Float | None:
         """What is left of the right-hand side by the recursion, (L,n)."""
         return self._r
@@ -144,6 +147,9 @@ class DeviceCG:
     def correction(self) -> Float:
         """The solution of this run so far, (L,n)."""
         return self._x.read()
+
+    def keep(self) -> None:
+        """The correction has been added to the solution."""
 
     def residual(self) -> None:
         """Not told: reading it back costs as much as it saves."""

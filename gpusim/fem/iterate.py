@@ -75,10 +75,12 @@ class Norm:
     """The norm of the stopping rule: sum of squares, or u.D u with blocks (N,3,3).
 
     ``lowest`` is the least eigenvalue of N^-1 K'; None: the smallest Ritz value serves.
+    ``sought``: soft modes have been looked for already, as ``probe`` does.
     """
 
     blocks: Float | None
     lowest: float | None
+    sought: bool = False
 
     def size(self, u: Float) -> Float:
         """(L,) norms of (L,N,3)."""
@@ -119,7 +121,8 @@ class _State:
         """Whether there may be soft modes that the loads haven't told of, by a first run."""
         if self.probed or self.lowest is None:
             return False
-        return bool((self.mu < _POOR).any()) or iterations > _MANY * -np.log10(tolerance)
+        many = iterations > _MANY * -np.log10(tolerance) and not self.norm.sought
+        return bool((self.mu < _POOR).any()) or many
 
     def probe(self, loop: Any, most: int) -> str:
         """Look for them; the loop's run is lost. Returns what to say of it."""
@@ -250,6 +253,7 @@ def iterate(
             system, loop, state, x, rz, aim * tolerance_inside, most - iterations, chunk, report
         )
         x, image = x + correction, None
+        loop.keep()
         left = state.left(history, rz, x)
         size = norm.size(x + state.given)
         drift = norm.size(correction) / np.where(size > 0.0, size, 1e-300)

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import bsr_matrix
 
 from gpusim.errors import InputError, NotConverged, OutOfDeviceMemory
 from gpusim.fem.arena import Arena
@@ -24,13 +23,15 @@ from gpusim.fem.device_multigrid import compile_kernels
 from gpusim.fem.diagonal import invert_blocks
 from gpusim.fem.hierarchy import build_hierarchy
 from gpusim.fem.iterate import HARSH, Norm, Outcome, System, iterate
+from gpusim.fem.mixed import Mixed, mixed_solver
 from gpusim.fem.model import Model
 from gpusim.fem.patch_multigrid import PatchMultigrid
 from gpusim.fem.preconditioner import BlockJacobi, Multigrid
-from gpusim.fem.product import Product, RowsProduct
+from gpusim.fem.product import Product
 from gpusim.fem.refine import refine
-from gpusim.fem.stencil import Stencil, StencilProduct
+from gpusim.fem.stencil import StencilProduct
 from gpusim.fem.stiffness import DeviceStiffness
+from gpusim.fem.system import finest_matrix
 from gpusim.gpu import Device, default_device, software_adapter
 
 __all__ = ["METHODS", "Clock", "Options", "Result", "solve_system"]
@@ -38,6 +39,8 @@ __all__ = ["METHODS", "Clock", "Options", "Result", "solve_system"]
 Float = npt.NDArray[np.float64]
 
 METHODS = ("auto", "direct", "multigrid", "block_jacobi")
+# of conjugate gradients with pressures; with more something is wrong
+_MOST_WITH_PRESSURES = 200
 _MOST_ITERATIONS = {"multigrid": 1000, "block_jacobi": 100_000}
 # where multigrid has failed, a direct solver may take this long (s, estimated)
 _PATIENCE = 600.0
@@ -65,7 +68,7 @@ class Clock:
 
 @dataclass(frozen=True)
 class Options:
-    """How to iterate."""
+    """How to iterate, and the ``formulation`` per cell type of what was assembled."""
 
     device: Device | None
     backend: str
@@ -73,6 +76,7 @@ class Options:
     most: int | None
     start: Float | None
     progress: Callable[[int, float], None] | None
+    formulation: Mapping[str, str]
 
 
 @dataclass(frozen=True)
@@ -139,6 +143,10 @@ def _factorised(
 def _iterated(
     kind: str, model: Model, assembled: Assembled, system: System, options: Options, clock: Clock
 ) -> Result:
+    if kind == "multigrid" and _nearly_incompressible(model):
+        result = _with_pressures(model, assembled, system, options, clock)
+        if result is not None:
+            return result
     on_device = _on_device(options)
     if on_device:
         # the operator and the vectors at least; what multigrid adds is known once it is set up
@@ -179,6 +187,32 @@ def _iterated(
         return Result(outcome, kind, "gpu", arena.real)
 
 
+def _with_pressures(
+    model: Model, assembled: Assembled, system: System, options: Options, clock: Clock
+) -> Result | None:
+    """None where the bodies aren't fit for it, or it has failed; on the host."""
+    try:
+        mixed = mixed_solver(model, options.formulation, assembled, system)
+        clock.mark("preconditioner")
+        if mixed is None:
+            return None
+        outcome = iterate(
+            system, mixed.loop(len(system.right)), mixed.norm, options.start,
+            tolerance=options.tolerance, most=options.most or _MOST_WITH_PRESSURES, chunk=1,
+            progress=options.progress,
+        )  # fmt: skip
+    except NotConverged:
+        return None
+    finally:
+        clock.mark("iterations")
+    outcome = _blurred(outcome, system, mixed, options)
+    if not outcome.converged and options.most is None:
+        return None
+    note = f"displacements and pressures: a nearly incompressible material; {mixed.probed} more"
+    message = f"{outcome.message} ({note} iterations looked for soft modes)"
+    return Result(replace(outcome, message=message), "multigrid", "numpy", "f64")
+
+
 def _on_device(options: Options) -> bool:
     if options.backend == "auto":
         return options.device is not None or not software_adapter()
@@ -199,17 +233,17 @@ def _ask(device: Device, nbytes: int, system: System) -> None:
 
 
 def _blurred(
-    outcome: Outcome, system: System, chosen: BlockJacobi | Multigrid, options: Options
+    outcome: Outcome, system: System, chosen: BlockJacobi | Multigrid | Mixed, options: Options
 ) -> Outcome:
     """The outcome, with what the rounding of the stiffness leaves open added to the estimate.
 
     The preconditioner stands in for the inverse; it is within a factor of two for the soft
     motions that matter here. Block Jacobi isn't, and says nothing.
     """
-    if not isinstance(chosen, Multigrid):
+    if isinstance(chosen, BlockJacobi):
         return outcome
     # |K| u is at most twice the greatest sum of a row: far too much for a body of good proportions
-    worst = np.finfo(np.float64).eps * system.row_sum / chosen.hierarchy.lowest
+    worst = np.finfo(np.float64).eps * system.row_sum / chosen.lowest
     if worst <= _NEGLIGIBLE * options.tolerance:
         return outcome
     u = outcome.u * (system.scale / system.load_scale)[:, None, None]
@@ -248,15 +282,8 @@ def _preconditioner(
         diagonal = rows.diagonal[rows.row_class] / system.scale
         inverse = invert_blocks(diagonal, system.free)
         return BlockJacobi(inverse), Norm(diagonal, None), Product(matrix)
-    finest: bsr_matrix | Stencil | RowsProduct
-    if system.stencil is not None:
-        finest = system.stencil
-    elif RowsProduct.fits(rows):
-        finest = RowsProduct(rows, system.scale)
-    else:
-        finest = block_matrix(rows, system.scale)
     hierarchy = build_hierarchy(
-        finest,
+        finest_matrix(rows, system),
         assembled.groups,
         assembled.lattice,
         system.free,

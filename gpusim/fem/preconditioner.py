@@ -88,6 +88,11 @@ class Multigrid:
         return [columns(level.inverse) for level in self.hierarchy.levels]
 
     @property
+    def lowest(self) -> float:
+        """The hierarchy's estimate of the least eigenvalue of K."""
+        return self.hierarchy.lowest
+
+    @property
     def product(self) -> Product | StencilProduct:
         """x (L,3N) -> K x on the finest level."""
         return self.hierarchy.levels[0].product

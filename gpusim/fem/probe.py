@@ -42,8 +42,9 @@ class Probed:
     iterations: int
 
 
-def probe(system: System, loop: Any, most: int) -> Probed:
-    """Solve for noise until the least Ritz value and the Rayleigh quotient of the solution settle.
+def probe(system: System, loop: Any, most: int, first: int = _FIRST) -> Probed:
+    """Solve for noise until the least Ritz value and the Rayleigh quotient of the solution settle
+    between ``first`` and twice as many iterations, or 2 and 4 times as many, and so on.
 
     One solution of A x = noise is a step of inverse iteration, so its quotient is near the least
     eigenvalue. Raises NotConverged for stiffnesses that aren't positive definite.
@@ -56,7 +57,7 @@ def probe(system: System, loop: Any, most: int) -> Probed:
     mu, lowest = np.full(cases, np.inf), np.inf
     settled = ~active
     while len(history) < most and not settled.all():
-        count = min(max(_FIRST, len(history)), most - len(history))
+        count = min(max(first, len(history)), most - len(history))
         history = np.concatenate([history, loop.run(count, active)])
         check_finite(history, "conjugate gradients")
         if ((history[:, :, 3] <= 0.0) & (history[:, :, 0] > 0.0)).any():

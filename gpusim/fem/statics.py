@@ -106,7 +106,7 @@ def _solve_static(
     if numbering is not None:
         model = numbering.renumbered(model)
         begin = None if begin is None else numbering.forward(begin)
-    options = Options(device, backend, tolerance, max_iterations, begin, progress)
+    options = Options(device, backend, tolerance, max_iterations, begin, progress, formulations)
     clock.mark("check")
     assembled = assemble(model, formulations, lattice)
     clock.mark("assembly")

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
+from scipy.sparse import bsr_matrix
 
 from gpusim.fem.assembly import Assembled
-from gpusim.fem.block_rows import BlockRows
+from gpusim.fem.block_rows import BlockRows, block_matrix
 from gpusim.fem.iterate import System
 from gpusim.fem.model import Model
+from gpusim.fem.product import RowsProduct
 from gpusim.fem.rounding import rounding_forces
-from gpusim.fem.stencil import stencil_of
+from gpusim.fem.stencil import Stencil, stencil_of
 from gpusim.fem.stiffness import apply_stiffness
 
-__all__ = ["make_system"]
+__all__ = ["finest_matrix", "make_system"]
 
 Float = npt.NDArray[np.float64]
 
@@ -53,6 +55,15 @@ def make_system(model: Model, assembled: Assembled) -> System:
         prescribed=prescribed,
         pull=pull,
     )
+
+
+def finest_matrix(rows: BlockRows, system: System) -> bsr_matrix | Stencil | RowsProduct:
+    """K / scale in the form that takes the least: by place, as its own table, or assembled."""
+    if system.stencil is not None:
+        return system.stencil
+    if RowsProduct.fits(rows):
+        return RowsProduct(rows, system.scale)
+    return block_matrix(rows, system.scale)
 
 
 def _contrast(rows: BlockRows) -> float:
