@@ -13,13 +13,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.distinct import distinct
 from gpusim.errors import InputError
 from gpusim.optics.aside import Aside
 from gpusim.optics.casters import Casters
 from gpusim.optics.emitters import Lamp
 from gpusim.optics.lamp_grid import LampGrid, LampView
 from gpusim.optics.occlusion import TOLERANCE, visible_share
-from gpusim.optics.ragged import distinct, expand
+from gpusim.optics.ragged import expand
 from gpusim.optics.receivers import TILE, Pairs, Receivers
 from gpusim.optics.view import View
 
