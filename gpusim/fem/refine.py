@@ -34,10 +34,11 @@ def refine(
 
     The size of a correction is the error of the solution before it, as long as corrections
     shrink; the estimate is the last correction's greatest displacement over the solution's, plus
-    what the rounding of K leaves open (``gpusim.fem.rounding``; found once for all load cases). The error after a correction is
-    smaller by the factor by which corrections shrink once more: a hundred times that factor (at
-    least 0.001) is believed where the tolerance asks for it, and the tolerance is what is stated
-    then. One correction at least is always made, so the estimate rests on a measured residual.
+    what the rounding of K leaves open (``gpusim.fem.rounding``; found once for all load cases).
+    The error after a correction is smaller by the factor by which corrections shrink once more: a
+    hundred times that factor (at least 0.001) is believed where the tolerance asks for it, and the
+    tolerance is what is stated then. One correction at least is always made, so the estimate rests
+    on a measured residual.
     """
     right = system.right
     cases = len(right)
