@@ -8,6 +8,8 @@ import pytest
 from gpusim.errors import InputError
 from gpusim.measure import Status, dic
 from gpusim.measure.features import feature_motions, global_shift
+from gpusim.measure.propagation import Front
+from gpusim.measure.subsets import make_settings
 from gpusim.measure.usable import full_scale, make_usable
 from tests.measure_images import speckles
 
@@ -179,3 +181,18 @@ def test_noise_that_outweighs_the_slopes_is_measured_to_its_own_uncertainty() ->
     assert result.ok.mean() >= 0.8
     error = np.abs(result.displacement[result.ok] - shift)
     assert np.median(error) <= 0.1
+
+
+def test_a_match_that_is_stopped_too_early_is_no_number() -> None:
+    image = speckles(91, 71, sigma=1.8)
+    points = np.array([[30.0, 30.0], [45.0, 35.0]])
+    settings = make_settings(
+        21, "square", shape="affine", tolerance=1e-4, max_iterations=40, min_zncc=0.8, max_move=21.0
+    )
+    front = Front(image, image, points, settings, None, 0.0, 5.0, None)
+    front.attempt(np.arange(2), np.full((2, 2), 0.3), tolerance=1e-2)
+    matches = front.matches()
+    assert (matches.status == Status.NOT_CONVERGED).all()  # a perfect match is known much better
+    assert np.isnan(matches.coefficients).all() and np.isnan(matches.sigma).all()
+    front.attempt(np.arange(2), np.full((2, 2), 0.3))
+    assert (front.matches().status == Status.OK).all()

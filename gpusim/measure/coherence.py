@@ -154,8 +154,7 @@ def _chunk(
     explained = dx * xe + dy * ye
     noise = np.maximum(ee - explained, 0.0) / np.maximum(pixels - 3.0, 1.0)
     variance = np.where(asked, ee / np.maximum(pixels, 1.0), np.nan)
-    known = np.where(asked.any(axis=1)[:, None], variance, 0.0)
-    usual = np.nanquantile(known, 0.25, axis=1)[:, None]
+    usual = _lower_quartile(ee / np.maximum(pixels, 1.0), asked)[:, None]
     noise = np.maximum(noise, usual)
     motion_left = np.where(solvable & (explained > sure * noise), np.hypot(dx, dy), 0.0).max(axis=1)
     odd = ODD + CHANCE / np.sqrt(np.maximum(pixels, 1.0))
@@ -168,6 +167,19 @@ def _chunk(
         torn = np.maximum(jump.length, motion_left[some]) > settings.apart_px
         found[some] = torn & (jump.sure > CHOSEN * sure) & (jump.smooth < SMOOTH * jump.sure)
     return found
+
+
+def _lower_quartile(values: FloatArray, valid: BoolArray) -> FloatArray:
+    """Of the valid values in each row (B, n), between two of them linearly; 0 without any."""
+    rows = np.arange(len(values))
+    ordered = np.sort(np.where(valid, values, np.inf), axis=1)
+    place = 0.25 * np.maximum(valid.sum(axis=1) - 1, 0)
+    before = place.astype(np.int64)
+    share = place - before
+    low, high = ordered[rows, before], ordered[rows, np.ceil(place).astype(np.int64)]
+    found = valid.any(axis=1)
+    low, high = np.where(found, low, 0.0), np.where(found, high, 0.0)
+    return np.asarray(low + share * (high - low))
 
 
 def _look_up(image: SplineImage, x: FloatArray, y: FloatArray) -> FloatArray:

@@ -104,6 +104,16 @@ class Pair:
                 self.fill_planes((left, top, left + size, top + size), found[i])
         return found.reshape(x.size, size * size, 4)
 
+    def part(self, box: Box) -> npt.NDArray[np.float32]:
+        """The planes of a part of the reference crop, for a device; ``box`` as in ``tiles``."""
+        x0, y0, x1, y1 = box
+        size = self.reference.pixels.size
+        if size <= KEEP_PLANES and 2 * (x1 - x0) * (y1 - y0) > size:
+            return self.planes[y0:y1, x0:x1].astype(np.float32)  # the host will ask for them, too
+        planes = np.empty((y1 - y0, x1 - x0, 4), dtype=np.float32)
+        self.fill_planes(box, planes)
+        return planes
+
     def fill_planes(
         self, box: Box, planes: npt.NDArray[np.float64] | npt.NDArray[np.float32]
     ) -> None:

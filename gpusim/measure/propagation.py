@@ -8,6 +8,7 @@ tried again from another neighbour as the front passes.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -151,6 +152,8 @@ class Front:
         if tolerance is not None:
             early = (result.status == Status.OK) & ~(result.sigma >= WIDER * tolerance)
             result.status[early] = Status.NOT_CONVERGED
+            result.coefficients[early] = np.nan
+            result.sigma[early] = np.nan
         self.attempts[which] += 1
         if keep:
             better = (result.status == Status.OK) & (result.zncc > self.zncc[which])
@@ -174,7 +177,7 @@ class Front:
             which = np.flatnonzero(self.status == Status.NOT_CONVERGED)
             if len(self.points) < 2 or which.size == 0 or tolerance <= self.settings.tolerance:
                 continue
-            neighbour = self._neighbours()[which]
+            neighbour = self._neighbours[which]
             score = np.where(self.ok[neighbour], self.zncc[neighbour], -1.0)
             source = neighbour[np.arange(which.size), np.argmax(score, axis=1)]
             near = score.max(axis=1) > 0
@@ -186,7 +189,7 @@ class Front:
         count = len(self.points)
         if count < 2:
             return
-        neighbour = self._neighbours()
+        neighbour = self._neighbours
         while True:
             ok = self.ok
             open_points = ~ok & (self.status != Status.NO_TEXTURE) & (self.attempts < ATTEMPTS)
@@ -209,7 +212,7 @@ class Front:
         """
         if len(self.points) < NEIGHBOURS:
             return
-        neighbour = self._neighbours()
+        neighbour = self._neighbours
         lonely = self.ok & ~self.ok[neighbour].any(axis=1) & ~(self.zncc >= SURE)
         self.status[lonely] = Status.LOW_CORRELATION
         self.coefficients[lonely] = np.nan
@@ -237,7 +240,7 @@ class Front:
             return
         which = np.flatnonzero(self.ok)
         if which.size >= NEIGHBOURS:
-            neighbour = self._neighbours()[which]
+            neighbour = self._neighbours[which]
             said = np.stack([self._extrapolated(which, column)[0] for column in neighbour.T], 1)
             away = np.abs(said - self.coefficients[which, None, :, 0]).max(axis=2)
             doubtful = away - 4.0 * np.hypot(self.sigma[which][:, None], self.sigma[neighbour])
@@ -254,7 +257,9 @@ class Front:
         self.coefficients[lost] = np.nan
         self.sigma[lost] = np.nan
 
+    @cached_property
     def _neighbours(self) -> IntArray:
+        """(M, 8) the points nearest to each, nearest first."""
         number = min(NEIGHBOURS, len(self.points))
         nearest = np.asarray(cKDTree(self.points).query(self.points, k=number)[1], dtype=np.int64)
         return nearest[:, 1:]

@@ -153,17 +153,11 @@ class Uploads:
 
     def reference(self, device: Device, box: Box, limits: Limits) -> Sampled:
         """Grey value, slopes by x and y, mask."""
-        return self._get(device, "reference", box, limits, self._planes)
+        return self._get(device, "reference", box, limits, self.pair.part)
 
     def deformed(self, device: Device, box: Box, limits: Limits) -> Sampled:
         """Spline coefficients; a texel holds those of 2x2 pixels, row by row."""
         return self._get(device, "deformed", box, limits, self._coefficients)
-
-    def _planes(self, box: Box) -> npt.NDArray[np.float32]:
-        x0, y0, x1, y1 = box
-        planes = np.empty((y1 - y0, x1 - x0, 4), dtype=np.float32)
-        self.pair.fill_planes(box, planes)
-        return planes
 
     def _coefficients(self, box: Box) -> npt.NDArray[np.float32]:
         x0, y0, x1, y1 = box

@@ -59,15 +59,23 @@ var<workgroup> partial: array<vec4f, 672>; // threads * MOMENTS at most
 var<workgroup> solvable: u32;
 
 // Sums over the threads of the first `count` vectors that each left in `partial`, into `total`;
-// always in the same order.
+// always in the same order. There are never more vectors than can be left, so that the first turn
+// may run in every thread.
 fn reduce(thread: u32, count: u32) {
     workgroupBarrier();
-    for (var k = thread; k < count; k += threads) {
-        var sum = partial[k * threads];
-        for (var t = 1u; t < threads; t++) {
-            sum += partial[k * threads + t];
+    var k = thread;
+    loop {
+        let first = min(k, count - 1u) * threads;
+        var sum = partial[first];
+        var t = 1u;
+        loop {
+            sum += partial[first + t];
+            t++;
+            if (t >= threads) { break; }
         }
-        total[k] = sum;
+        if (k < count) { total[k] = sum; }
+        k += threads;
+        if (k >= count) { break; }
     }
     workgroupBarrier();
 }
@@ -93,6 +101,8 @@ fn walk_on(at: Walk, width: u32, columns: u32, rows: u32) -> Walk {
     );
 }
 
+// Loops test at their end: software drivers pass over a body until no lane is left, so that a test
+// at its beginning costs one pass more. The first turn runs in threads that have no pixel, too.
 fn weight_of(pixel: vec2i, mask: f32) -> f32 {
     if (windowed == 0u) { return mask; }
     return textureLoad(window, pixel, 0).x * mask;
@@ -245,12 +255,14 @@ fn main(
 
     // reference: weight, mean
     var own = vec4f(0.0);
-    for (var at = walk_from(thread, width); at.index < pixels;
-        at = walk_on(at, width, columns, rows)) {
+    var at = walk_from(thread, width);
+    loop {
         let pixel = vec2i(i32(at.column), i32(at.row));
         let r = textureLoad(reference, first + pixel, 0);
-        let w = weight_of(pixel, r.w);
+        let w = select(0.0, weight_of(pixel, r.w), at.index < pixels);
         own += vec4f(w, w * r.x, 0.0, 0.0);
+        at = walk_on(at, width, columns, rows);
+        if (at.index >= pixels) { break; }
     }
     partial[thread] = own;
     reduce(thread, 1u);
@@ -261,12 +273,14 @@ fn main(
 
     // reference: normal matrix
     var moments = array<vec4f, MOMENTS>();
-    for (var at = walk_from(thread, width); at.index < pixels;
-        at = walk_on(at, width, columns, rows)) {
+    at = walk_from(thread, width);
+    loop {
         let pixel = vec2i(i32(at.column), i32(at.row));
         let r = textureLoad(reference, first + pixel, 0);
-        let w = weight_of(pixel, r.w);
+        let w = select(0.0, weight_of(pixel, r.w), at.index < pixels);
         add_pixel(&moments, w, r.x - mean, r.yz, (vec2f(pixel) - half - fraction) / half);
+        at = walk_on(at, width, columns, rows);
+        if (at.index >= pixels) { break; }
     }
     let vectors = select(select(2u, 9u, shape > 0u), MOMENTS, shape > 2u);
     for (var k = 0u; k < vectors; k++) {
@@ -298,8 +312,9 @@ fn main(
         var own = Sums(vec4f(0.0), vec4f(0.0), vec4f(0.0), vec4f(0.0));
         let close = spread(c, half) < 1.99;
         let squares = select(0u, across * across, close);
-        for (var at = walk_from(thread, across); at.index < squares;
-            at = walk_on(at, across, block_columns, block_rows)) {
+        var at = walk_from(thread, across);
+        loop {
+            let has = at.index < squares;
             let pixel = 2 * vec2i(i32(at.column), i32(at.row));
             let x = vec4f(vec2f(pixel).xx + vec2f(0.0, 1.0), vec2f(pixel).xx + vec2f(0.0, 1.0)) - half;
             let y = vec4f(vec2f(pixel).yy, vec2f(pixel).yy + 1.0) - half;
@@ -313,23 +328,28 @@ fn main(
             let in_x = (x_there >= lowest.xxxx) & (x_there <= highest.xxxx);
             let inside = in_x & (y_there >= lowest.yyyy) & (y_there <= highest.yyyy);
             let e = contrast * (g - level);
-            let more = pixel + 1 < vec2i(i32(width));
-            add_residual(&own, first, pixel, fraction, half, mean, e.x, inside.x, true);
+            let more = (pixel + 1 < vec2i(i32(width))) & vec2(has);
+            add_residual(&own, first, pixel, fraction, half, mean, e.x, inside.x, has);
             add_residual(&own, first, pixel + vec2i(1, 0), fraction, half, mean, e.y, inside.y, more.x);
             add_residual(&own, first, pixel + vec2i(0, 1), fraction, half, mean, e.z, inside.z, more.y);
             add_residual(&own, first, pixel + 1, fraction, half, mean, e.w, inside.w, all(more));
+            at = walk_on(at, across, block_columns, block_rows);
+            if (at.index >= squares) { break; }
         }
         // stretched so much that neighbours are further apart than two pixels
         let single = select(pixels, 0u, close);
-        for (var at = walk_from(thread, width); at.index < single;
-            at = walk_on(at, width, columns, rows)) {
+        at = walk_from(thread, width);
+        loop {
+            let has = at.index < single;
             let pixel = vec2i(i32(at.column), i32(at.row));
             let offset = vec2f(pixel) - half;
             let x = offset + displacement(c, (offset - fraction) / half);
             let low = floor(x);
             let inside = all(x >= lowest) && all(x <= highest);
             let g = spline_value(deformed, place.zw + vec2i(low), x - low);
-            add_residual(&own, first, pixel, fraction, half, mean, contrast * (g - level), inside, true);
+            add_residual(&own, first, pixel, fraction, half, mean, contrast * (g - level), inside, has);
+            at = walk_on(at, width, columns, rows);
+            if (at.index >= single) { break; }
         }
         partial[thread] = own.head;
         partial[threads + thread] = own.a;
