@@ -15,6 +15,7 @@ from gpusim.fem.assembly import assemble
 from gpusim.fem.block_rows import block_matrix
 from gpusim.fem.checkerboards import PressureScaling
 from gpusim.fem.pressure_chebyshev import PressureChebyshev
+from gpusim.fem.product import one_blas_thread
 from gpusim.fem.volume_split import VolumeSplit, split_volume
 from gpusim.mesh import Mesh, box
 
@@ -97,8 +98,13 @@ def test_what_is_not_split() -> None:
         assert split_volume(model, {"hex8": rule}, parts.lattice, ~model.fixed) is None
 
 
-@pytest.mark.parametrize("mesh", [uneven((7, 8, 6)), holed((9, 8, 5))], ids=["box", "holed"])
+@pytest.mark.parametrize("mesh", [uneven((7, 8, 6)), holed((12, 10, 6))], ids=["box", "holed"])
 def test_pressures_are_scaled_evenly(mesh: Mesh) -> None:
+    with one_blas_thread():
+        _look_at_pressures(mesh)
+
+
+def _look_at_pressures(mesh: Mesh) -> None:
     """Eigenvalues of Q^-1 (B A^-1 B^T + C), with the checkerboards and by mass alone."""
     model = loaded(mesh, [Isotropic(1.0, 0.49999)])
     split = split_of(model)
@@ -116,14 +122,15 @@ def test_pressures_are_scaled_evenly(mesh: Mesh) -> None:
     for scaled in (inverse, np.diag(split.shear / split.volume)):
         values = eigh(complement, np.linalg.inv(scaled), eigvals_only=True)
         ratio.append(values[-1] / values[0])
-    # it is 12 to 16, and more than 60
-    assert ratio[0] <= 20.0 and ratio[1] >= 5.0 * ratio[0]
+    # 6 and 69, 8 and 47
+    assert ratio[0] <= 20.0 and ratio[1] >= 3.0 * ratio[0]
     chebyshev = PressureChebyshev(split, diagonal)
     inverse = np.stack([chebyshev.apply(one) for one in np.eye(len(b))])
     np.testing.assert_allclose(inverse, inverse.T, rtol=0.0, atol=1e-10 * np.abs(inverse).max())
     values = eigh(complement, np.linalg.inv(0.5 * (inverse + inverse.T)), eigvals_only=True)
     assert values[0] > 0.0 and values[-1] / values[0] <= 20.0
     # the energies of all hat functions are those of the functions themselves, or above
+    equal = [1.0]
     for hats, inverses in scaling._hats:
         full = [np.eye(n) if h is None else h for n, h in zip(scaling._shape, hats, strict=True)]
         functions = np.einsum("ia,jb,kc->ijkabc", *full).reshape(-1, inverses.size)[scaling._at]
@@ -135,7 +142,10 @@ def test_pressures_are_scaled_evenly(mesh: Mesh) -> None:
         if len(scaling._at) == np.prod(scaling._shape):
             np.testing.assert_allclose(told, energy, rtol=1e-10)
         else:
-            assert (told >= energy * (1.0 - 1e-10)).all() and told.min() < 2.0 * energy.max()
+            assert (told >= energy * (1.0 - 1e-10)).all()
+            equal.append(np.isclose(told, energy, rtol=1e-9).mean())
+    # away from the hole nothing is above
+    assert len(equal) == 1 or max(equal[1:]) > 0.2
 
 
 @pytest.mark.parametrize(
