@@ -19,13 +19,12 @@ from typing import cast
 import cv2
 import numpy as np
 import numpy.typing as npt
-import tifffile
 
 from gpusim.errors import InputError
 from gpusim.export.files import PathLike, atomic_path, atomic_stream
 from gpusim.export.recent import keep, recall
 
-__all__ = ["GreyImage", "read_image", "write_image", "write_png", "write_tiff"]
+__all__ = ["GreyImage", "read_image", "write_colour", "write_image", "write_png", "write_tiff"]
 
 GreyImage = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 
@@ -95,6 +94,24 @@ def write_png(
     return Path(path)
 
 
+def write_colour(path: PathLike, image: npt.NDArray[np.uint8], *, pixels_per_metre: float) -> Path:
+    """Write a drawing (H, W, 3), red, green and blue, as PNG (colour type 2).
+
+    Rows aren't filtered: what is drawn is mostly even, and packs better so, in a third of the time.
+    """
+    height, width, _ = image.shape
+    lines = np.zeros((height, 1 + 3 * width), np.uint8)
+    lines[:, 1:] = image.reshape(height, -1)
+    with atomic_stream(path) as stream:
+        stream.write(_SIGNATURE)
+        stream.write(_chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)))
+        density = max(1, round(pixels_per_metre))
+        stream.write(_chunk(b"pHYs", struct.pack(">IIB", density, density, 1)))
+        stream.write(_chunk(b"IDAT", zlib.compress(lines.data, 1)))
+        stream.write(_chunk(b"IEND", b""))
+    return Path(path)
+
+
 def write_tiff(
     path: PathLike,
     image: GreyImage,
@@ -103,6 +120,8 @@ def write_tiff(
     text: Mapping[str, str] | None = None,
 ) -> Path:
     """Write a grey uncompressed TIFF; parameters and errors as in `write_image`."""
+    import tifffile  # most pictures are PNG
+
     _check(image, pixels_per_metre)
     lines = [f"{key}: {value}" for key, value in (text or {}).items()]
     description = b"\n".join(_latin1(line) for line in lines)

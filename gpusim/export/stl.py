@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.distinct import distinct
 from gpusim.errors import InputError
 from gpusim.export.files import PathLike, atomic_stream, safe_name
 
@@ -118,7 +119,7 @@ def _triangles(
         raise InputError(
             f"faces: got node {faces.min()} to {faces.max()}; expected 0 to {len(points) - 1}"
         )
-    if not np.isfinite(points[np.unique(faces)]).all():
+    if not np.isfinite(points[distinct(faces)]).all():
         raise InputError("points: got a value that is not finite; expected finite numbers, m")
     indices = faces.astype(np.int64)
     if faces.shape[1] == 4:

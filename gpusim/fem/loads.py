@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.distinct import distinct
 from gpusim.errors import InputError
 from gpusim.fem.element import ELEMENTS
 from gpusim.fem.face_element import face_groups
@@ -35,7 +36,7 @@ def nodal_force(mesh: Mesh, nodes: npt.ArrayLike, total: npt.ArrayLike) -> Float
     given = np.asarray(nodes)
     if given.size and given.dtype.kind not in "iu":
         raise InputError(f"nodal_force: nodes; got {given.dtype}; expected integer node numbers")
-    numbers = np.unique(given.astype(np.int64).ravel())
+    numbers = distinct(given.astype(np.int64))
     if numbers.size == 0 or numbers[0] < 0 or numbers[-1] >= mesh.node_count:
         raise InputError(
             f"nodal_force: nodes; got {numbers.size} numbers "

@@ -10,6 +10,7 @@ from types import MappingProxyType
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.distinct import distinct
 from gpusim.errors import InputError
 from gpusim.fem.element import ELEMENTS, Rule
 from gpusim.fem.formulation import resolve_formulation
@@ -296,7 +297,7 @@ def _number(arrays: list[Long], limit: int) -> Long:
         for array in arrays:
             array[:] = place[array]
         return np.flatnonzero(present)
-    keys = np.unique(np.concatenate([array.ravel() for array in arrays]))
+    keys = distinct(np.concatenate([array.ravel() for array in arrays]))
     for array in arrays:
         array[:] = np.searchsorted(keys, array)
     return keys

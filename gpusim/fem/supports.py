@@ -10,6 +10,7 @@ from scipy.ndimage import label
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from gpusim.distinct import distinct
 from gpusim.errors import InputError
 from gpusim.fem.congruence import mix
 from gpusim.fem.lattice import Lattice
@@ -71,7 +72,7 @@ def _check_parts(model: Model, lattice: Lattice | None) -> None:
         own = np.flatnonzero(body_of_part == body)
         inside = np.isin(part, own) if len(own) < parts else np.ones(len(part), dtype=bool)
         if len(own) > _MOST_PARTS:
-            _check_body(model, np.unique(node[inside]), np.zeros(0, dtype=np.int64), None, 1)
+            _check_body(model, distinct(node[inside]), np.zeros(0, dtype=np.int64), None, 1)
         else:
             local = np.searchsorted(own, part[inside])
             _check_body(model, node[inside], local, part[inside], len(own))
@@ -119,7 +120,7 @@ def _incidence(
         (block.astype(np.int64) * parts + part_of_cell[first : first + len(block), None]).ravel()
         for _, first, block in mesh.blocks()
     ]
-    key = np.unique(np.concatenate(keys))
+    key = distinct(np.concatenate(keys))
     return key // parts, key % parts
 
 

@@ -164,7 +164,7 @@ def _fit(
     if before is not None:
         known = np.isfinite(before).all(axis=1)
         p0[known, 2:] = before[known, 2:]
-    fit = fit_junctions(x[rows], y[rows], grey[rows], weight[rows], p0[rows], rough=rough)
+    fit = fit_junctions(*_used(rows, weight, x, y, grey), p0[rows], rough=rough)
     p[rows] = fit.parameters
     rms, sigma = np.full(len(start), np.nan), np.full(len(start), np.nan)
     rms[rows] = fit.rms
@@ -228,6 +228,18 @@ def _windows(
     use &= ~((off_1 < CENTRE) & (off_2 < CENTRE))
     across = np.broadcast_to(x, use.shape), np.broadcast_to(y, use.shape)
     return across[0], across[1], grey, use.astype(np.float64), middle
+
+
+def _used(
+    rows: npt.NDArray[np.int64], weight: FloatArray, *values: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """``values`` (C, P) and ``weight`` of the corners ``rows``: pixels that are used come first,
+    and the rest is left out as far as it goes for all of them."""
+    own = weight[rows]
+    most = int(np.count_nonzero(own, axis=1).max())
+    order = np.argsort(own == 0, axis=1, kind="stable")[:, :most]
+    x, y, grey = (np.take_along_axis(v[rows], order, axis=1) for v in values)
+    return x, y, grey, np.take_along_axis(own, order, axis=1)
 
 
 def _first(

@@ -20,7 +20,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.measure.border import profile_and_slopes, slope_by_turn
+from gpusim.measure.border import box_by_turn, near_border
 from gpusim.measure.images import FloatArray
 from gpusim.measure.levenberg import ManyFits, fit_many
 
@@ -60,32 +60,51 @@ def residual_and_slopes(
     along_1, along_2, normal_1, normal_2 = frames(p)
     dx, dy = x - p[:, :1], y - p[:, 1:2]
     variance = np.clip(p[:, 8], MIN_VARIANCE, MOST_VARIANCE)
-    first, second = (
-        profile_and_slopes(dx * normal[:, :1] + dy * normal[:, 1:], normal, variance)
-        for normal in (normal_1, normal_2)
-    )
-    light = 1.0 + p[:, 6:7] * dx + p[:, 7:8] * dy
-    both = first[0] * second[0]
-    pattern = p[:, 4:5] + p[:, 5:6] * both
-    scale = p[:, 5:6] * light
-    by_1, by_2 = scale * second[0], scale * first[0]
-    slope_1, slope_2 = by_1 * first[1], by_2 * second[1]
-    slopes = np.empty((len(p), PARAMETERS, x.shape[1]))
-    for i in range(2):
-        slopes[:, i] = (
-            -slope_1 * normal_1[:, i : i + 1]
-            - slope_2 * normal_2[:, i : i + 1]
-            - p[:, 6 + i : 7 + i] * pattern
-        )
-    # turning a border takes normal_1 to -along_1, and normal_2 to along_2
-    slopes[:, 2] = by_1 * slope_by_turn(first, normal_1, -along_1, dx, dy)
-    slopes[:, 3] = by_2 * slope_by_turn(second, normal_2, along_2, dx, dy)
+    profiles, borders = [], []
+    for normal in (normal_1, normal_2):
+        distance = dx * normal[:, :1]
+        distance += dy * normal[:, 1:]
+        near = near_border(distance, normal, variance)
+        profile = np.sign(distance, out=distance)
+        profile.ravel()[near.pixel] = near.value
+        profiles.append(profile)
+        borders.append(near)
+    light = p[:, 6:7] * dx
+    light += p[:, 7:8] * dy
+    light += 1.0
+    both = profiles[0] * profiles[1]
+    pattern = p[:, 5:6] * both
+    pattern += p[:, 4:5]
+    count, samples = dx.shape
+    slopes = np.empty((count, PARAMETERS, samples))
+    np.multiply(-p[:, 6:7], pattern, out=slopes[:, 0])
+    np.multiply(-p[:, 7:8], pattern, out=slopes[:, 1])
+    slopes[:, 2:4] = 0.0
     slopes[:, 4] = light
-    slopes[:, 5] = light * both
-    slopes[:, 6] = dx * pattern
-    slopes[:, 7] = dy * pattern
-    slopes[:, 8] = by_1 * first[2] + by_2 * second[2]
-    return light * pattern - grey, slopes
+    np.multiply(light, both, out=slopes[:, 5])
+    np.multiply(dx, pattern, out=slopes[:, 6])
+    np.multiply(dy, pattern, out=slopes[:, 7])
+    slopes[:, 8] = 0.0
+    # turning a border takes normal_1 to -along_1, and normal_2 to along_2
+    turns = (normal_1, -along_1, 2), (normal_2, along_2, 3)
+    for near, other, (normal, change, turn) in zip(borders, profiles[::-1], turns, strict=True):
+        pixel, own = near.pixel, near.border
+        scale = p[own, 5] * light.ravel()[pixel] * other.ravel()[pixel]
+        moved = scale * near.by_distance
+        lever = dx.ravel()[pixel] * change[own, 0] + dy.ravel()[pixel] * change[own, 1]
+        wide, narrow = box_by_turn(normal, change)[own].T
+        # the place of a pixel's first slope
+        place = pixel + own * ((PARAMETERS - 1) * samples)
+        flat = slopes.ravel()
+        flat[place] -= moved * normal[own, 0]
+        flat[place + samples] -= moved * normal[own, 1]
+        flat[place + turn * samples] = moved * lever + scale * (
+            near.by_wide * wide + near.by_narrow * narrow
+        )
+        flat[place + 8 * samples] += scale * near.by_variance
+    residual = light * pattern
+    residual -= grey
+    return residual, slopes
 
 
 def fit_junctions(
@@ -104,10 +123,13 @@ def fit_junctions(
     """
 
     def fit(rows: Rows, first: FloatArray, least: float, tolerance: float, most: int) -> ManyFits:
-        own = x[rows], y[rows], grey[rows]
+        own = (x, y, grey)
+        if len(rows) < len(start):
+            own = x[rows], y[rows], grey[rows]
 
         def model(p: FloatArray, which: Rows) -> tuple[FloatArray, FloatArray]:
-            return residual_and_slopes(p, *(values[which] for values in own))
+            every = len(which) == len(rows)
+            return residual_and_slopes(p, *(own if every else (v[which] for v in own)))
 
         lower = np.array([-np.inf] * 8 + [least])
         return fit_many(

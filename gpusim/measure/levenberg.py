@@ -90,21 +90,26 @@ def fit_many(
             damped[:, diagonal, diagonal] += held
             down[held] = 0.0
         step = np.linalg.solve(damped, down[..., None])[..., 0]
-        trial = p.copy()
-        trial[active] += step
+        new = p[active] + step
         if lower is not None:
-            trial[active] = np.maximum(trial[active], lower)
-            step = trial[active] - p[active]
-        new_normal, new_gradient, new_square = _normal(model, trial, active, weight)
+            new = np.maximum(new, lower)
+            step = new - p[active]
+        small = np.asarray((np.abs(step) <= tolerance * scale).all(axis=1))
+        # the last step of a fit that is hardly damped needs no look at what it changes
+        last = small & (damping[active] <= FIRST_DAMPING)
+        p[active[last]], converged[active[last]] = new[last], True
+        active, new, small = active[~last], new[~last], small[~last]
+        if not active.size:
+            break
+        new_normal, new_gradient, new_square = _normal(model, new, active, weight)
         better = new_square <= square[active]  # false for NaN
         taken = active[better]
-        p[taken] = trial[taken]
+        p[taken] = new[better]
         normal[taken], gradient[taken] = new_normal[better], new_gradient[better]
         square[taken] = new_square[better]
         steps[taken] += 1
         damping[taken] = np.maximum(0.1 * damping[taken], LEAST_DAMPING)
         damping[active[~better]] *= 10.0
-        small = np.asarray((np.abs(step) <= tolerance * scale).all(axis=1))
         converged[active[small]] = True
         # where no damping makes a step go down any more, rounding decides: that is the minimum too
         stuck = damping[active] > MOST_DAMPING
@@ -133,10 +138,11 @@ def fit_many(
 def _normal(
     model: Model, p: FloatArray, rows: Rows, weight: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Normal matrices, gradients and squares of the problems ``rows``."""
-    residual, slopes = model(p[rows], rows)
-    weighted = slopes * weight[rows][:, None, :]
+    """Normal matrices, gradients and squares of the problems ``rows``, at parameters ``p``."""
+    residual, slopes = model(p, rows)
+    own = weight[rows]
+    weighted = slopes * own[:, None, :]
     normal = weighted @ slopes.transpose(0, 2, 1)
-    gradient = np.einsum("kqp,kp->kq", weighted, residual)
-    square = np.einsum("kp,kp->k", weight[rows], residual * residual)
+    gradient = (weighted @ residual[..., None])[..., 0]
+    square = np.einsum("kp,kp->k", own, residual * residual)
     return normal, gradient, square

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.distinct import distinct
 from gpusim.errors import InputError
 from gpusim.mesh.cells import CELL_TYPES
 from gpusim.mesh.mesh import Mesh
@@ -125,7 +126,7 @@ class Faces:
 
     def node_numbers(self) -> Int:
         """Sorted numbers of the nodes on these faces."""
-        return np.unique(self.nodes[self.nodes >= 0]).astype(np.int32)
+        return distinct(self.nodes[self.nodes >= 0]).astype(np.int32)
 
     def pairs(self) -> Int:
         """(F,2) pairs (cell, local face), the form in which a mesh keeps its face sets."""

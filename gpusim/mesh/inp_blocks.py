@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.distinct import distinct
 from gpusim.errors import InputError
 from gpusim.mesh.inp_cards import Card, nearest
 from gpusim.mesh.inp_types import NODES, SOLID_TYPES
@@ -74,7 +75,7 @@ def read_content(cards: Sequence[Card]) -> InpContent:
                 cell_parts.setdefault(name.upper(), []).append(block.labels)
                 shown.setdefault(name.upper(), name)
     for key, parts in cell_parts.items():
-        content.cell_sets.set(shown[key], np.unique(np.concatenate(parts)))
+        content.cell_sets.set(shown[key], distinct(np.concatenate(parts)))
     numbers = [block.labels for block in content.blocks]
     content.cell_labels = np.sort(np.concatenate([np.zeros(0, dtype=np.int64), *numbers]))
     _refuse_repeated(content)
@@ -234,7 +235,7 @@ def _name(card: Card, key: str) -> str:
 def _add(sets: Names[Int], name: str, labels: Int) -> None:
     if name.upper() in sets.values:
         labels = np.union1d(sets.values[name.upper()], labels)
-    sets.set(name, np.unique(labels))
+    sets.set(name, distinct(labels))
 
 
 def _members(card: Card, sets: Names[Int], known: Int) -> Int:
@@ -292,7 +293,7 @@ def _node_members(card: Card, content: InpContent) -> Int:
         return _members(card, content.node_sets, content.node_labels)
     wanted = content.cell_sets.get(source, card.where())
     parts = [block.nodes[np.isin(block.labels, wanted)].ravel() for block in content.blocks]
-    return np.unique(np.concatenate(parts))
+    return distinct(np.concatenate(parts))
 
 
 def _surface(card: Card, content: InpContent) -> None:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.distinct import distinct
 from gpusim.errors import InputError
 from gpusim.mesh.cells import CELL_TYPES
 from gpusim.mesh.mesh import Mesh
@@ -144,7 +145,7 @@ def _solids(solids: list[RawBlock], number: Long) -> tuple[dict[str, Int], dict[
                 sets.setdefault(name, []).append(first + rows)
             first += len(block.nodes)
         cells[kind] = _int32(number[np.concatenate([block.nodes for block in blocks])])
-    return cells, {name: _int32(np.unique(np.concatenate(parts))) for name, parts in sets.items()}
+    return cells, {name: _int32(distinct(np.concatenate(parts))) for name, parts in sets.items()}
 
 
 def _node_sets(raw: RawMesh, used: npt.NDArray[np.bool_], number: Long) -> dict[str, Int]:
@@ -153,7 +154,7 @@ def _node_sets(raw: RawMesh, used: npt.NDArray[np.bool_], number: Long) -> dict[
         if DIMENSIONS.get(block.kind, 3) < 2:
             for name, rows in block.groups.items():
                 parts.setdefault(name, []).append(block.nodes[rows].ravel())
-    sets = {name: np.unique(np.concatenate(nodes)) for name, nodes in parts.items()}
+    sets = {name: distinct(np.concatenate(nodes)) for name, nodes in parts.items()}
     return {name: _int32(number[nodes[used[nodes]]]) for name, nodes in sets.items()}
 
 

@@ -14,6 +14,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.distinct import distinct
 from gpusim.optics.areas import in_boxes, summed
 from gpusim.optics.contact import settle
 from gpusim.optics.corners import CHUNK, POSITION, corner_range
@@ -34,7 +35,7 @@ MARGIN = 2e-3
 
 @dataclass(frozen=True, eq=False)
 class EdgePixels:
-    """``pixel`` (E,) sorted linear indices; triangles ``triangle[start[k] : start[k + 1]]``.
+    """``pixel`` (E,) linear indices; triangles ``triangle[start[k] : start[k + 1]]``.
 
     ``pierced`` (E,): bodies cut each other there, so that no order of the triangles is right.
     """
@@ -49,11 +50,12 @@ class EdgePixels:
         """(E,) number of triangles over each pixel."""
         return np.diff(self.start)
 
-    def select(self, wanted: npt.NDArray[np.bool_]) -> EdgePixels:
-        """The pixels that are ``wanted`` (E,)."""
-        start = np.concatenate([[0], np.cumsum(self.depth[wanted])])
-        triangle = self.triangle[np.repeat(wanted, self.depth)]
-        return EdgePixels(self.pixel[wanted], start, triangle, self.pierced[wanted])
+    def select(self, wanted: npt.NDArray[np.bool_] | npt.NDArray[np.int64]) -> EdgePixels:
+        """The pixels that are ``wanted`` (E,), or those of these numbers in their order."""
+        depth = self.depth[wanted]
+        start = np.concatenate([[0], np.cumsum(depth)])
+        own = np.repeat(self.start[:-1][wanted] - start[:-1], depth) + np.arange(start[-1])
+        return EdgePixels(self.pixel[wanted], start, self.triangle[own], self.pierced[wanted])
 
 
 def segment_pixels(
@@ -88,7 +90,7 @@ def segment_pixels(
     run, step = expand(right - left + 1)
     column, row = left[run] + step, row[run]
     inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
-    return np.unique(row[inside] * width + column[inside])
+    return distinct(row[inside] * width + column[inside])
 
 
 def bin_edges(view: View) -> EdgePixels:
@@ -102,7 +104,7 @@ def bin_edges(view: View) -> EdgePixels:
     pixel = segment_pixels(view.edges, width, height)
     cut = segment_pixels(_cuts(view), width, height)
     if len(cut):
-        pixel = np.union1d(pixel, cut)
+        pixel = distinct(np.concatenate([pixel, cut]))
     some, low, high = _near_pixels(pixel, view)
     triangle, step = expand(np.maximum(high[:, 1] - low[:, 1] + 1, 0))
     row = low[triangle, 1] + step

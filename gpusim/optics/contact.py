@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.distinct import distinct
 from gpusim.optics.hidden import depth_planes
 from gpusim.optics.polygon import SMALLEST, beyond, clip_square, half_planes, moments, pick
 
@@ -64,7 +65,7 @@ def settle(
         return order
     result = order.copy()
     start = np.cumsum(count) - count
-    wrong = np.unique(entry[a[behind]])
+    wrong = distinct(entry[a[behind]])
     there = np.isin(entry[a], wrong)
     rest = there.copy()
     rest[maybe] = False

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.distinct import distinct
 from gpusim.optics.binning import EdgePixels
 from gpusim.optics.corners import ST
 from gpusim.optics.pattern import PatternTable
@@ -44,7 +45,7 @@ def grazing_turns(setup: Setup, edges: EdgePixels) -> npt.NDArray[np.int64]:
     """
     view, table = setup.view, setup.table
     turns = np.zeros(view.count + 1, np.int64)
-    shown = np.unique(edges.triangle[: edges.start[-1]])
+    shown = distinct(edges.triangle[: edges.start[-1]])
     for number, region in enumerate(view.paints):
         rows = shown[view.paint[shown] == number] if region.grazing else shown[:0]
         if len(rows):

@@ -63,7 +63,7 @@ class EdgePass:
         each = turns + grazing_turns(tables.setup, edges) + shadow_turns(tables.setup, edges)
         deep = edges.pierced | (edges.depth > np.minimum(DEEPEST, LOOP_TURNS // each))
         self.tables = tables
-        self._deep, self.edges = edges.select(deep), edges.select(~deep)
+        self._deep, self.edges = edges.select(deep), _alike(edges.select(~deep), tables.setup)
         self._found: Buffer | None = None
         self._values = np.zeros((0, 2), np.float32)
 
@@ -78,7 +78,7 @@ class EdgePass:
         lists[1 : 2 * count + 2 : 2] = edges.start + 2 * (count + 1)
         lists[2 * (count + 1) :] = edges.triangle
         self._found = device.empty(8 * count, "edges.found")
-        groups = np.unique(setup.groups).tolist()
+        groups = np.flatnonzero(np.bincount(setup.groups)).tolist()
         constants = setup.constants(groups, bool(setup.shiny.any()), bool(setup.bumpy.any()))
         kernel = device.kernel("optics/edges", constants=constants)
         bindings = kernel.bind(
@@ -127,6 +127,16 @@ class EdgePass:
             own = np.flatnonzero((row >= band.row0) & (row < band.row0 + band.rows))
             places = (row[own] - band.row0) * band.stride + column[own]
             scatter(self.tables.device, places, value[own], band.buffer)
+
+
+def _alike(edges: EdgePixels, setup: Setup) -> EdgePixels:
+    """The same pixels, those under as many triangles and of equal paint side by side.
+
+    Software rasterisers work on several in step: all of them wait for the deepest.
+    """
+    # behind the last triangle stands that of pixels that have none
+    nearest = np.append(setup.groups[edges.triangle], 0)[edges.start[:-1]]
+    return edges.select(np.lexsort((nearest, edges.depth)))
 
 
 def edges_twin(

@@ -51,7 +51,7 @@ class Frame:
         self.facts: dict[str, str] = {}
         """What lens and shutter did, in words (`gpusim.optics.photograph`)."""
         self.warnings: tuple[str, ...] = ()
-        """Where they did less than the error asks for."""
+        """Where they did less than the error asks for, and what in the scene looks wrong."""
         self._ids: npt.NDArray[np.uint32] | None = None
 
     @property

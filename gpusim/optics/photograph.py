@@ -28,6 +28,7 @@ from gpusim.optics.render import BAND_BYTES, FINEST_ERROR, WIDEST, render
 from gpusim.optics.rolling import rolled
 from gpusim.optics.shutter import CameraAt, Shutter, SurfacesAt, moments, moments_for, motion
 from gpusim.optics.view import look
+from gpusim.optics.winding import wound_inwards
 from gpusim.surface.surface import Surface
 
 __all__ = ["Exposure", "photograph", "plan_exposure"]
@@ -129,7 +130,8 @@ def photograph(
             frame = Frame(view, device, tuple(_combine(exposure, shoot, device)))
     if lens.vignetting is not None:
         frame = _vignetted(frame, lens, exposure.sight[1])
-    frame.facts, frame.warnings = dict(exposure.facts), exposure.warnings
+    frame.facts = dict(exposure.facts)
+    frame.warnings = (*wound_inwards(*exposure.sight), *exposure.warnings)
     return frame
 
 

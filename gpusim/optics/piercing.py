@@ -14,6 +14,7 @@ from itertools import combinations
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.distinct import distinct
 from gpusim.optics.ragged import expand
 
 __all__ = ["piercings"]
@@ -74,7 +75,7 @@ def _pairs(own: Array, other: Array, low: Array, high: Array) -> tuple[Long, Lon
     (cell, number), (cells, numbers) = listed
     first = np.searchsorted(cells, cell)
     run, step = expand(np.searchsorted(cells, cell, side="right") - first)
-    pair = np.unique(number[run] * max(len(other), 1) + numbers[first[run] + step])
+    pair = distinct(number[run] * max(len(other), 1) + numbers[first[run] + step])
     i, j = np.divmod(pair, max(len(other), 1))
     meets = (own[i].min(axis=1) <= other[j].max(axis=1)).all(axis=1)
     meets &= (own[i].max(axis=1) >= other[j].min(axis=1)).all(axis=1)

@@ -22,6 +22,7 @@ from gpusim.optics.shade import ShadePass, Tables, shade_twin
 from gpusim.optics.shadow import ShadowPass
 from gpusim.optics.view import View, look
 from gpusim.optics.visibility import visibility_twin
+from gpusim.optics.winding import wound_inwards
 from gpusim.surface.surface import Surface
 
 __all__ = ["render"]
@@ -61,7 +62,8 @@ def render(
     -------
     Frame
         Each pixel is the mean radiance over its square: paint patterns and edges are integrated
-        in closed form, light varies smoothly and is taken at the centre.
+        in closed form, light varies smoothly and is taken at the centre. Its ``warnings`` name
+        closed surfaces whose faces are wound inwards.
 
     Raises
     ------
@@ -88,12 +90,15 @@ def render(
     if backend == "numpy":
         setup = Setup.build(view, lights, background, surfaces)
         interior = shade_twin(setup, visibility_twin(view))
-        return Frame(view, None, radiance=edges_twin(setup, bin_edges(view), interior))
-    device = device or default_device()
-    bands: list[Band] = []
-    for first, stop, part in _parts(view, 0, camera.height):
-        bands += _draw(device, part, lights, background, surfaces, first, stop)
-    return Frame(view, device, tuple(bands))
+        frame = Frame(view, None, radiance=edges_twin(setup, bin_edges(view), interior))
+    else:
+        device = device or default_device()
+        bands: list[Band] = []
+        for first, stop, part in _parts(view, 0, camera.height):
+            bands += _draw(device, part, lights, background, surfaces, first, stop)
+        frame = Frame(view, device, tuple(bands))
+    frame.warnings = wound_inwards(surfaces, camera)
+    return frame
 
 
 def _parts(view: View, first: int, stop: int) -> Iterator[tuple[int, int, View]]:

@@ -13,13 +13,15 @@ from threading import Lock
 from typing import Any, Literal
 
 import matplotlib
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure as Canvas
 from matplotlib.font_manager import FontProperties
 from matplotlib.textpath import TextToPath
 
-from gpusim.export.files import PathLike, atomic_path
+from gpusim.export.files import PathLike
+from gpusim.export.images import write_colour
 
 __all__ = [
     "BAD",
@@ -44,8 +46,6 @@ GOOD = "#0b8f6a"
 BAD = "#c2321b"
 
 _DPI = 200
-# zlib's run-length strategy: a third of the time of its default
-_PACKING = {"compress_level": 1, "compress_type": 3}
 # matplotlib's settings are the process's
 _drawing = Lock()
 _SETTINGS: dict[Any, Any] = {
@@ -69,6 +69,8 @@ _SETTINGS: dict[Any, Any] = {
     "xtick.labelcolor": TEXT,
     "ytick.labelcolor": TEXT,
     "legend.frameon": False,
+    # where titles go is said, and not looked for above all that there is
+    "axes.titley": 1.0,
     "lines.solid_capstyle": "round",
 }
 
@@ -119,9 +121,9 @@ def draw_png(
         draw(canvas)
         if not isinstance(layout, str):
             (layout or Margins()).fit(canvas)
-        with atomic_path(path) as part:
-            # savefig would draw twice, the first time for a layout that drawing makes anyway
-            page.print_png(part, pil_kwargs=_PACKING)
+        # savefig would draw twice, the first time for a layout that drawing makes anyway
+        page.draw()
+        write_colour(path, np.asarray(page.buffer_rgba())[..., :3], pixels_per_metre=_DPI / 0.0254)
 
 
 def text_inches(text: str) -> float:

@@ -14,6 +14,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.distinct import distinct
 from gpusim.errors import InputError
 from gpusim.surface.plane import PaintFrame, face_normals
 from gpusim.surface.topology import triangulate
@@ -85,7 +86,7 @@ class CylinderFrame:
         """
         base, unit = np.asarray(origin, np.float64), np.asarray(axis, np.float64)
         unit = unit / float(np.linalg.norm(unit))
-        used = points[np.unique(faces[faces >= 0])] - base
+        used = points[distinct(faces[faces >= 0])] - base
         across = used - np.outer(used @ unit, unit)
         distance = np.linalg.norm(across, axis=1)
         radius = float(distance.mean())

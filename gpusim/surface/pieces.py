@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.distinct import distinct
 from gpusim.errors import InputError
 from gpusim.mesh import Faces
 from gpusim.mesh.shapes import FACE_TYPES, shape_functions
@@ -83,7 +84,7 @@ def cut(faces: Faces, subdivisions: int) -> tuple[Int, Long, Vertices]:
 
 def _numbered(nodes: Int) -> tuple[Long, Int]:
     """The distinct node numbers, and ``nodes`` as positions among them (-1 stays)."""
-    used = np.unique(nodes[nodes >= 0]).astype(np.int64)
+    used = distinct(nodes[nodes >= 0]).astype(np.int64)
     position = np.searchsorted(used, np.maximum(nodes, 0))
     return used, np.where(nodes < 0, -1, position).astype(np.int32)
 

@@ -149,6 +149,15 @@ class Surface:
         return Topology.of(self.faces)
 
     @cached_property
+    def inside_out(self) -> bool:
+        """Whether it is closed and encloses, undeformed, a negative volume."""
+        if not self.topology.closed:
+            return False
+        middle = self.rest.mean(axis=0)
+        a, b, c = (self.rest[self.topology.triangles[:, k]] - middle for k in range(3))
+        return bool(np.einsum("ij,ij->", a, np.cross(b, c)) < 0.0)
+
+    @cached_property
     def extents(self) -> dict[int, tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]]:
         """Lowest and highest paint coordinates (2,) of the regions that carry a pattern."""
         result = {}
@@ -176,7 +185,7 @@ class Surface:
             )
         frames = self._all_frames()
         # nothing that has been checked and found for the shape at rest is done again
-        _ = self.topology, self.extents
+        _ = self.topology, self.extents, self.inside_out
         result = copy.copy(self)
         object.__setattr__(result, "points", now)
         object.__setattr__(result, "frames", frames)
