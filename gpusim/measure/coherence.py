@@ -201,17 +201,17 @@ def _chunk(
     foreign = asked & (variance > odd * usual) & (variance > FOREIGN * contrast / total)
     found = np.asarray(foreign.any(axis=1) | (motion_left > max(FAR, settings.apart_px)))
     open_ = np.flatnonzero(~found)
-    for search, part in ((COARSE, PROMISING), (FINE, 1.0)):
+    for search, share in ((COARSE, PROMISING), (FINE, 1.0)):
         seen = np.zeros(len(points), dtype=np.bool_)
         few = FEW if search is COARSE else FEW // 4
         for i in range(0, open_.size, few):
             some = open_[i : i + few]
             jump = jumps(weight[some], (x[some], y[some]), f[some], rest[some], search)
-            torn = np.maximum(jump.length, motion_left[some]) > part * settings.apart_px
+            torn = np.maximum(jump.length, motion_left[some]) > share * settings.apart_px
             clear = SMOOTH[(jump.sure > CLEAR * sure).astype(np.int64)]
             most = SEEN if search is COARSE else clear
             seen[some] = (
-                torn & (jump.sure > part * CHOSEN * sure) & (jump.smooth < most * jump.sure)
+                torn & (jump.sure > share * CHOSEN * sure) & (jump.smooth < most * jump.sure)
             )
         open_ = np.flatnonzero(seen)
     found[open_] = True

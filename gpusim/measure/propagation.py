@@ -281,7 +281,7 @@ class Front:
         alone = ~self.ok[neighbour].all(axis=1)
         left = 1.0 - self.zncc[which]
         poor = left > POOR * np.quantile(left, 0.25)
-        return which[(np.nan_to_num(doubtful).max(axis=1) > 0.0) | alone | poor]
+        return np.asarray(which[(np.nan_to_num(doubtful).max(axis=1) > 0.0) | alone | poor])
 
     def _aside(self, which: IntArray) -> npt.NDArray[np.bool_]:
         return beside_texture(self.pair, self.points[which], self.zncc[which], self.settings)
