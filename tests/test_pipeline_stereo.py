@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,8 @@ import pytest
 
 import gpusim as gs
 from gpusim.errors import SceneError
-from gpusim.pipeline import run
+from gpusim.pipeline import kept, run
+from gpusim.pipeline.following import follow_markers
 from gpusim.pipeline.stereo_result import StereoResult
 
 LENS = {"sensor_mm": [36.0, 24.0], "resolution_px": [1050, 700], "focal_mm": 50.0}
@@ -98,6 +100,35 @@ def test_files_and_rerun(done: tuple[gs.Scene, gs.Report, Path]) -> None:
     again = run(scene, out)
     assert [s.name for s in again.stages if s.state == "run"] == []
     assert again.measurements == first.measurements
+
+
+def test_a_new_lens_leaves_the_other_camera_alone(
+    done: tuple[gs.Scene, gs.Report, Path], checkout: Path, tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    _, _, earlier = done
+    out = tmp_path / "out"
+    shutil.copytree(earlier, out)
+    followed = []
+
+    def follow(what: str, marks: Any, camera: Any, *pictures: Any, **more: Any) -> Any:
+        followed.append(camera.name)
+        return follow_markers(what, marks, camera, *pictures, **more)
+
+    monkeypatch.setattr(kept, "follow_markers", follow)
+    left, right = CHANGES["camera"]
+    scene = scene_of(checkout, camera=[{**left, "focal_mm": 48.0}, right])
+    report = run(scene, out)
+    assert followed == ["left"]
+    own = [stage for stage in report.stages if stage.name.startswith("render/right")]
+    assert len(own) == 2 + len(TILTS) and {stage.state for stage in own} == {"reused"}
+    assert abs(report.measurements[0].error_relative) <= 1e-3
+    before, after = (StereoResult.read(folder / "measure", "space") for folder in (earlier, out))
+    assert np.array_equal(before.points_px[1], after.points_px[1])
+    assert np.array_equal(before.moved_px[1], after.moved_px[1])
+    assert np.abs(before.points_px[0] - after.points_px[0]).max() > 1.0
+    run(scene, out, fresh=True)
+    assert followed == ["left", "left", "right"]
 
 
 def test_a_scene_without_a_target_is_refused(checkout: Path) -> None:

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from gpusim.errors import GpusimError
 from gpusim.measure.targets import Sighting
 from gpusim.pipeline.deflection import DeflectionResult
+from gpusim.pipeline.kept import KeptMarkers
 from gpusim.pipeline.measuring import measure_deflection
 from gpusim.pipeline.stereo import measure_stereo
 from gpusim.pipeline.stereo_result import StereoResult
@@ -31,16 +32,17 @@ def measured(
     things: Things,
     image: Image,
     corners: Corners,
+    markers: KeptMarkers,
 ) -> Result:
     """Do one measurement.
 
     ``image`` gives a camera's picture in a frame, ``corners`` what was found of the board
-    in a calibration pose.
+    in a calibration pose, ``markers`` follows those of a rig.
     """
     if isinstance(spec, m.Deflection):
         return measure_deflection(spec, scene, things.bodies, things.displacement, image)
     if isinstance(spec, m.Stereo):
-        return measure_stereo(spec, scene, things, image, corners)
+        return measure_stereo(spec, scene, things, image, corners, markers)
     raise GpusimError(f"measure {spec.name!r}: compares variants; the scene has none")
 
 

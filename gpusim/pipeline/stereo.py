@@ -13,7 +13,8 @@ from gpusim.errors import GpusimError, InputError
 from gpusim.optics.camera import Camera
 from gpusim.pipeline.cameras import build_camera
 from gpusim.pipeline.corners import Board, board_of
-from gpusim.pipeline.following import Followed, MarkerSet, collect_markers, follow_markers
+from gpusim.pipeline.following import Followed, MarkerSet, collect_markers
+from gpusim.pipeline.kept import KeptMarkers
 from gpusim.pipeline.stereo_result import CameraFound, StereoResult
 from gpusim.pipeline.things import Things
 from gpusim.scene import Scene
@@ -33,11 +34,12 @@ def measure_stereo(
     things: Things,
     image: Image,
     corners: Callable[[str, int], measure.Sighting],
+    markers: KeptMarkers,
 ) -> StereoResult:
     """Displacement in space of the markers of ``spec`` between the first frame and the last.
 
     ``image`` gives a camera's picture in a frame, ``corners`` what was found of the board in a
-    calibration pose. What the
+    calibration pose, ``markers`` where they are in a camera's pictures. What the
     scene knows of its cameras is used to tell markers apart and afterwards as the truth, never for
     a number: the calibration is that of the chessboard images alone.
 
@@ -56,8 +58,8 @@ def measure_stereo(
     cameras = {c.name: build_camera(c) for c in scene.cameras}
     last = len(scene.analysis.load_factors) - 1
     seen = [
-        follow_markers(
-            what, marks, cameras[name], image(name, 0), image(name, last),
+        markers.follow(
+            spec.name, marks, cameras[name], image(name, 0), image(name, last),
             subset=spec.subset, bits=scene.sensor_of(name).bits,
         )
         for name in spec.cameras

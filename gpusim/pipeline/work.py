@@ -21,6 +21,7 @@ from gpusim.pipeline import images, measurements, outputs
 from gpusim.pipeline.build import build_body, build_lights
 from gpusim.pipeline.corners import Targets, read_corners
 from gpusim.pipeline.files import check_field, check_views
+from gpusim.pipeline.kept import KeptMarkers
 from gpusim.pipeline.mechanics import large_displacements, make_mechanics
 from gpusim.pipeline.memory import check_memory
 from gpusim.pipeline.meshing import mesh_summary
@@ -103,8 +104,8 @@ class _Run:
         self, scene: Scene, out: Path, backend: str, fresh: bool, skip: bool, progress: Progress
     ) -> None:
         # absolute: the state file takes relative names as names inside the folder
-        self.scene, self.out = scene, out.resolve()
-        self.backend, self.skip, self.progress = backend, skip, progress
+        self.scene, self.out, self.progress = scene, out.resolve(), progress
+        self.backend, self.skip, self.reuse = backend, skip, skip and not fresh
         self.history = LoadHistory(scene, scaled=skip)
         self.plan: Plan = make_plan(scene, self.out, backend, fresh, skip)
         self.stages: list[Stage] = []
@@ -295,14 +296,15 @@ class _Run:
                                     self.things.displacement)]  # fmt: skip
 
     def _measure(self) -> list[Path]:
-        files, corners = [], partial(read_corners, self.scene, self.out)
+        files, markers = [], KeptMarkers(self.out / "measure", self.reuse)
+        sources = self._image, partial(read_corners, self.scene, self.out), markers
         for measure in self.scene.measures:
-            result = measurements.measured(measure, self.scene, self.things, self._image, corners)
+            result = measurements.measured(measure, self.scene, self.things, *sources)
             self.results.append(result)
             files += result.write(self.out / "measure")
             self.note = result.note
             self.warnings += result.warnings
-        return files
+        return files + markers.files
 
     def _remeasure(self) -> None:
         folder = self.out / "measure"

@@ -1,0 +1,98 @@
+"""Markers followed in a camera's pictures, kept beside the results they are for.
+
+A rig's result depends on all of its cameras; where its markers went in one picture doesn't. So a
+new lens on one camera leaves the others' alone.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import zipfile
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim._version import __version__
+from gpusim.export.files import atomic_stream, safe_name
+from gpusim.optics.camera import Camera
+from gpusim.pipeline.following import Followed, MarkerSet, follow_markers
+
+__all__ = ["KeptMarkers"]
+
+_KEY = "key"
+
+
+class KeptMarkers:
+    """`follow_markers`, once for the same pictures.
+
+    ``folder``: where what was found is kept; ``reuse``: whether an earlier run's is taken.
+    ``files`` are those of this run.
+    """
+
+    def __init__(self, folder: Path, reuse: bool = True) -> None:
+        self.folder, self.reuse = folder, reuse
+        self.files: list[Path] = []
+
+    def follow(
+        self,
+        name: str,
+        marks: MarkerSet,
+        camera: Camera,
+        reference: npt.NDArray[Any],
+        deformed: npt.NDArray[Any],
+        *,
+        subset: int | None,
+        bits: int,
+    ) -> Followed:
+        """As `follow_markers`, for the measure ``name``."""
+        key = _key(marks, camera, reference, deformed, subset, bits)
+        path = self.folder / f"{safe_name(name)}-{safe_name(camera.name)}-markers.npz"
+        self.files.append(path)
+        found = _stored(path, key) if self.reuse else None
+        if found is None:
+            found = follow_markers(
+                f"measure {name!r}", marks, camera, reference, deformed, subset=subset, bits=bits
+            )
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with atomic_stream(path) as stream:
+                np.savez(stream, allow_pickle=False, **{_KEY: np.array(key)}, **vars(found))
+        return found
+
+
+def _key(
+    marks: MarkerSet,
+    camera: Camera,
+    reference: npt.NDArray[Any],
+    deformed: npt.NDArray[Any],
+    subset: int | None,
+    bits: int,
+) -> str:
+    """A digest of all that the result depends on."""
+    digest = hashlib.blake2b(digest_size=16)
+    bent = np.zeros(0) if camera.distortion is None else camera.distortion
+    for values in (reference, deformed, camera.K, camera.camera_from_world, bent,
+                   marks.position, marks.size):  # fmt: skip
+        digest.update(f"{values.shape} {values.dtype}".encode())
+        digest.update(np.ascontiguousarray(values).data)
+    places = [len(paint.markers) for _, paint in marks.groups]
+    rest = (__version__, marks.count, marks.names, marks.group_names, places, subset, bits)
+    digest.update(repr(rest).encode())
+    return digest.hexdigest()
+
+
+def _stored(path: Path, key: str) -> Followed | None:
+    """What lies there for ``key``; None if that is another one's, or damaged."""
+    try:
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
+            if str(file[_KEY]) != key:
+                return None
+            values = {item.name: file[item.name] for item in fields(Followed)}
+    except (OSError, EOFError, ValueError, KeyError, zipfile.BadZipFile):
+        return None
+    for name in ("names", "status"):
+        values[name] = tuple(str(word) for word in values[name])
+    return Followed(**values | {"subset": int(values["subset"]),
+                                "tracking_px": float(values["tracking_px"])})  # fmt: skip

@@ -1,0 +1,100 @@
+"""What became of a camera's markers is kept for the same pictures, and for these alone."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gpusim.optics.camera import Camera
+from gpusim.pipeline import kept
+from gpusim.pipeline.following import Followed, MarkerSet
+from gpusim.pipeline.kept import KeptMarkers
+
+CAMERA = Camera.from_lens((36.0, 24.0), 50.0, (30, 20), (0.0, -1.0, 0.2), (0.0, 0.0, 0.1), name="a")
+MARKS = MarkerSet((), 2, np.array([[0.1, 0.2, 0.3], [0.4, 0.5, 0.7]]), np.array([0.01, 0.012]),
+                  ("m-1", "m-2"), ("m", "m"))  # fmt: skip
+FOUND = Followed(
+    names=("m-1", "m-2"), expected=np.array([[1.0, 2.0], [3.5, 4.0]]),
+    points=np.array([[1.1, 2.2], [np.nan, np.nan]]),
+    displacement=np.array([[0.3, 0.4], [np.nan, np.nan]]), sigma=np.array([0.01, np.nan]),
+    status=("OK", "NOT_FOUND"), clipped=np.array([False, True]), unrefined=np.array([True, False]),
+    subset=15, tracking_px=0.02,
+)  # fmt: skip
+
+
+@pytest.fixture
+def calls(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    made: list[str] = []
+
+    def follow(what: str, *_: Any, **__: Any) -> Followed:
+        made.append(what)
+        return FOUND
+
+    monkeypatch.setattr(kept, "follow_markers", follow)
+    return made
+
+
+def ask(folder: Path, reuse: bool = True, **changed: Any) -> Followed:
+    before = np.arange(600, dtype=np.uint8).reshape(20, 30)
+    given: dict[str, Any] = {"marks": MARKS, "camera": CAMERA, "reference": before,
+                             "deformed": before.T.copy().reshape(20, 30), "subset": None,
+                             "bits": 8} | changed  # fmt: skip
+    markers = KeptMarkers(folder, reuse)
+    found = markers.follow("space", **given)
+    assert [file.is_file() for file in markers.files] == [True]
+    return found
+
+
+def test_kept_for_the_same_pictures(tmp_path: Path, calls: list[str]) -> None:
+    first, again = ask(tmp_path), ask(tmp_path)
+    assert calls == ["measure 'space'"]
+    for item in fields(Followed):
+        one, other = getattr(first, item.name), getattr(again, item.name)
+        assert type(one) is type(other)
+        assert np.array_equal(
+            one, other, equal_nan=isinstance(one, np.ndarray) and one.dtype == float
+        )
+    ask(tmp_path, reuse=False)
+    assert len(calls) == 2
+
+
+def other_pixel() -> np.ndarray:
+    picture = np.arange(600, dtype=np.uint8).reshape(20, 30)
+    picture[19, 29] += 1
+    return picture
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"reference": other_pixel()},
+        {"deformed": other_pixel()},
+        {"camera": replace(CAMERA, K=CAMERA.K + np.diag([0.5, 0.0, 0.0]))},
+        {"camera": replace(CAMERA, distortion=np.array([0.01, 0.0, 0.0, 0.0]))},
+        {"marks": replace(MARKS, size=np.array([0.01, 0.013]))},
+        {"marks": replace(MARKS, names=("m-1", "m-3"))},
+        {"subset": 17},
+        {"bits": 10},
+    ],
+    ids=["reference", "deformed", "lens", "distortion", "size", "name", "subset", "bits"],
+)
+def test_anything_else_is_followed_anew(
+    tmp_path: Path, calls: list[str], changed: dict[str, Any]
+) -> None:
+    ask(tmp_path)
+    ask(tmp_path, **changed)
+    assert len(calls) == 2
+
+
+def test_a_damaged_file_is_made_anew(tmp_path: Path, calls: list[str]) -> None:
+    ask(tmp_path)
+    (path,) = tmp_path.iterdir()
+    whole = path.read_bytes()
+    for content in (b"", whole[: len(whole) // 2], b"no archive at all"):
+        path.write_bytes(content)
+        ask(tmp_path)
+    assert len(calls) == 4
