@@ -14,6 +14,8 @@ from gpusim.fem import Isotropic, Model, Orthotropic, solve
 from gpusim.fem.assembly import assemble
 from gpusim.fem.block_rows import block_matrix
 from gpusim.fem.checkerboards import PressureScaling
+from gpusim.fem.pressure_chebyshev import PressureChebyshev
+from gpusim.fem.product import one_blas_thread
 from gpusim.fem.volume_split import VolumeSplit, split_volume
 from gpusim.mesh import Mesh, box
 
@@ -45,9 +47,19 @@ def holed(divisions: tuple[int, int, int]) -> Mesh:
     return Mesh(mesh.points[used], {"hex8": number.reshape(-1, 8).astype(np.int32)})
 
 
+def distorted(divisions: tuple[int, int, int], size: tuple[float, float, float]) -> Mesh:
+    """A box whose nodes beside the ends have moved."""
+    mesh = box(size, divisions)
+    steps = 0.15 * np.array(size) / divisions
+    inside = (mesh.points[:, :1] > 0.0) & (mesh.points[:, :1] < size[0])
+    return mesh.moved(
+        np.random.default_rng(4).uniform(-1.0, 1.0, (len(inside), 3)) * steps * inside
+    )
+
+
 def split_of(model: Model) -> VolumeSplit:
     parts = assemble(model, BBAR)
-    assert parts.lattice is not None and model.fixed is not None
+    assert model.fixed is not None
     split = split_volume(model, BBAR, parts.lattice, ~model.fixed)
     assert split is not None
     return split
@@ -60,8 +72,10 @@ def dense(model: Model) -> Float:
     return np.asarray(np.where(held[:, None] | held, 0.0, matrix))
 
 
-def test_stiffness_is_that_of_an_ordinary_body_and_pressures() -> None:
-    mesh = uneven((4, 3, 2))
+@pytest.mark.parametrize(
+    "mesh", [uneven((4, 3, 2)), distorted((4, 3, 2), (1.0, 1.1, 0.7))], ids=["lattice", "distorted"]
+)
+def test_stiffness_is_that_of_an_ordinary_body_and_pressures(mesh: Mesh) -> None:
     of_cell = (np.arange(mesh.cell_count) % 3).astype(np.int32)
     materials = [Isotropic(1.0, 0.4999), Isotropic(3.0, 0.25), Isotropic(0.2, 0.49)]
     model = loaded(mesh, materials, of_cell)
@@ -84,8 +98,13 @@ def test_what_is_not_split() -> None:
         assert split_volume(model, {"hex8": rule}, parts.lattice, ~model.fixed) is None
 
 
-@pytest.mark.parametrize("mesh", [uneven((8, 9, 8)), holed((12, 10, 6))], ids=["box", "holed"])
+@pytest.mark.parametrize("mesh", [uneven((7, 8, 6)), holed((12, 10, 6))], ids=["box", "holed"])
 def test_pressures_are_scaled_evenly(mesh: Mesh) -> None:
+    with one_blas_thread():
+        _look_at_pressures(mesh)
+
+
+def _look_at_pressures(mesh: Mesh) -> None:
     """Eigenvalues of Q^-1 (B A^-1 B^T + C), with the checkerboards and by mass alone."""
     model = loaded(mesh, [Isotropic(1.0, 0.49999)])
     split = split_of(model)
@@ -103,9 +122,15 @@ def test_pressures_are_scaled_evenly(mesh: Mesh) -> None:
     for scaled in (inverse, np.diag(split.shear / split.volume)):
         values = eigh(complement, np.linalg.inv(scaled), eigvals_only=True)
         ratio.append(values[-1] / values[0])
-    # it is 12 to 16, and more than 100
-    assert ratio[0] <= 20.0 and ratio[1] >= 5.0 * ratio[0]
+    # 6 and 69, 8 and 47
+    assert ratio[0] <= 20.0 and ratio[1] >= 3.0 * ratio[0]
+    chebyshev = PressureChebyshev(split, diagonal)
+    inverse = np.stack([chebyshev.apply(one) for one in np.eye(len(b))])
+    np.testing.assert_allclose(inverse, inverse.T, rtol=0.0, atol=1e-10 * np.abs(inverse).max())
+    values = eigh(complement, np.linalg.inv(0.5 * (inverse + inverse.T)), eigvals_only=True)
+    assert values[0] > 0.0 and values[-1] / values[0] <= 20.0
     # the energies of all hat functions are those of the functions themselves, or above
+    equal = [1.0]
     for hats, inverses in scaling._hats:
         full = [np.eye(n) if h is None else h for n, h in zip(scaling._shape, hats, strict=True)]
         functions = np.einsum("ia,jb,kc->ijkabc", *full).reshape(-1, inverses.size)[scaling._at]
@@ -117,7 +142,10 @@ def test_pressures_are_scaled_evenly(mesh: Mesh) -> None:
         if len(scaling._at) == np.prod(scaling._shape):
             np.testing.assert_allclose(told, energy, rtol=1e-10)
         else:
-            assert (told >= energy * (1.0 - 1e-10)).all() and told.min() < 2.0 * energy.max()
+            assert (told >= energy * (1.0 - 1e-10)).all()
+            equal.append(np.isclose(told, energy, rtol=1e-9).mean())
+    # away from the hole nothing is above
+    assert len(equal) == 1 or max(equal[1:]) > 0.2
 
 
 @pytest.mark.parametrize(
@@ -125,9 +153,11 @@ def test_pressures_are_scaled_evenly(mesh: Mesh) -> None:
     [
         (uneven((12, 11, 10)), [Isotropic(1.0, 0.4999)], 70),
         (holed((16, 14, 9)), [Isotropic(1.0, 0.49999)], 65),
+        (distorted((12, 11, 10), (1.0, 1.1, 0.9)), [Isotropic(1.0, 0.4999)], 60),
+        (distorted((20, 10, 1), (2.0, 1.0, 0.05)), [Isotropic(1.0, 0.4999)], 320),
         (box((1.0, 1.1, 0.9), (14, 13, 12)), [Isotropic(1.0, 0.4999), Isotropic(9.0, 0.3)], 65),
     ],
-    ids=["graded", "holed", "two materials"],
+    ids=["graded", "holed", "distorted", "thin", "two materials"],
 )
 def test_displacements_within_the_stated_error(
     mesh: Mesh, materials: list[Isotropic], most: int
@@ -144,6 +174,22 @@ def test_displacements_within_the_stated_error(
     for one, other in zip(found.u, exact, strict=True):
         assert np.abs(one - other).max() <= found.error_estimate * np.abs(other).max()
     assert found.error_estimate <= 1e-6
+
+
+def test_motions_that_a_load_hardly_feels_count_in_what_is_stated() -> None:
+    """A plate pulled along its plane, and a ten-thousandth of that across."""
+    mesh = distorted((20, 10, 1), (2.0, 1.0, 0.05))
+    model = loaded(mesh, [Isotropic(1.0, 0.4999)])
+    forces = np.zeros(mesh.points.shape)
+    forces[mesh.points[:, 0] == 2.0] = (1.0, 0.3, 1e-4)
+    model = replace(model, forces=forces)
+    exact = solve(model, method="direct", formulation="bbar", tolerance=1e-9).u
+    for tolerance in (1e-1, 1e-4):
+        found = solve(
+            model, method="multigrid", backend="numpy", formulation="bbar", tolerance=tolerance
+        )
+        assert found.converged and "pressures" in found.message
+        assert np.abs(found.u - exact).max() <= found.error_estimate * np.abs(exact).max()
 
 
 def test_iterations_hardly_grow_with_the_mesh() -> None:

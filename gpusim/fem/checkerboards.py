@@ -37,6 +37,7 @@ class PressureScaling:
 
     def __init__(self, split: VolumeSplit, diagonal: Float) -> None:
         lattice = split.lattice
+        assert lattice is not None
         shape = lattice.cell.shape
         self._shape = shape
         self._at = np.ravel_multi_index(tuple(split.place.T), shape)

@@ -19,7 +19,7 @@ from gpusim.errors import InputError
 from gpusim.fem.element import ELEMENTS, Rule, mode_gradient
 from gpusim.fem.isoparametric import determinant, inverse, reference_gradient
 
-__all__ = ["element_stiffness", "modulus_tensor", "strain_matrix"]
+__all__ = ["element_stiffness", "modulus_tensor", "strain_matrix", "volume_gradients"]
 
 Float = npt.NDArray[np.float64]
 
@@ -90,6 +90,19 @@ def element_stiffness(
         np.add(matrix, matrix.transpose(0, 2, 1), out=result[part])
         result[part] *= 0.5
     return result
+
+
+def volume_gradients(nodes: Float) -> Float:
+    """(M,8,3) integrals of the shape gradients of hex8 with nodes (M,8,3): what each displacement
+    adds to the volume."""
+    rule = ELEMENTS["hex8"].rule("bbar")
+    step = _CHUNK_NUMBERS // (24 * len(rule.weight))
+    parts = []
+    for start in range(0, len(nodes), step):
+        part = nodes[start : start + step]
+        gradient, volume, _ = _gradients("hex8", part - part[:, :1], rule)
+        parts.append(np.einsum("mqik,mq->mki", gradient, volume))
+    return np.concatenate(parts)
 
 
 def _gradients(kind: str, nodes: Float, rule: Rule) -> tuple[Float, Float, Float]:

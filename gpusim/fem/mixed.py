@@ -1,4 +1,4 @@
-"""Nearly incompressible bricks on a lattice: multigrid of an ordinary body, and pressures."""
+"""Nearly incompressible bricks: multigrid of an ordinary body, and pressures beside it."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from gpusim.fem.hierarchy import build_hierarchy
 from gpusim.fem.iterate import Norm, System
 from gpusim.fem.model import Model
 from gpusim.fem.preconditioner import Multigrid
+from gpusim.fem.pressure_chebyshev import PressureChebyshev
 from gpusim.fem.probe import probe
 from gpusim.fem.saddle import SaddleCG
 from gpusim.fem.system import finest_matrix, make_system
@@ -27,7 +28,9 @@ Float = npt.NDArray[np.float64]
 # multigrid is scaled to this share of A: closer takes fewer iterations, but bounds displacements
 # worse, and the least Ritz value that it is measured by lies above the least eigenvalue
 _BELOW = 0.7
-_PROBES, _FIRST = 100, 5
+# of the search for these: most iterations, its first ones, and the factor by which the least Ritz
+# value may still fall while they double
+_PROBES, _FIRST, _SHARP = 160, 5, 1.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +40,7 @@ class Mixed:
 
     multigrid: Multigrid
     split: VolumeSplit
-    pressures: PressureScaling
+    pressures: PressureScaling | PressureChebyshev
     theta: float
     unit: float
     norm: Norm
@@ -68,8 +71,6 @@ def mixed_solver(
 
     Raises NotConverged for an A that isn't positive definite.
     """
-    if assembled.lattice is None:
-        return None
     split = split_volume(model, formulation, assembled.lattice, system.free)
     if split is None:
         return None
@@ -81,13 +82,18 @@ def mixed_solver(
     )  # fmt: skip
     multigrid = Multigrid(hierarchy)
     one = replace(own, right=own.right[:1])
-    found = probe(one, NumpyCG(multigrid.product, multigrid), _PROBES, first=_FIRST)
+    found = probe(one, NumpyCG(multigrid.product, multigrid), _PROBES, _FIRST, _SHARP)
     if not found.settled.all():
         return None
     unit = own.scale / system.scale
     split = replace(split, compliance=split.compliance * own.scale, shear=split.shear / own.scale)
     diagonal = np.einsum("cii->ci", parts.rows.diagonal)[parts.rows.row_class] / own.scale
-    pressures = PressureScaling(split, np.where(system.free, diagonal, 0.0))
+    diagonal = np.where(system.free, diagonal, 0.0)
+    pressures: PressureScaling | PressureChebyshev = (
+        PressureChebyshev(split, diagonal)
+        if split.lattice is None
+        else PressureScaling(split, diagonal)
+    )
     lowest = unit * min(hierarchy.lowest, found.lowest) * (1.0 - _BELOW)
     theta = _BELOW * float(found.mu.min())
     return Mixed(

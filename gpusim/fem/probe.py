@@ -42,7 +42,7 @@ class Probed:
     iterations: int
 
 
-def probe(system: System, loop: Any, most: int, first: int = _FIRST) -> Probed:
+def probe(system: System, loop: Any, most: int, first: int = _FIRST, ritz: float = _RITZ) -> Probed:
     """Solve for noise until the least Ritz value and the Rayleigh quotient of the solution settle
     between ``first`` and twice as many iterations, or 2 and 4 times as many, and so on.
 
@@ -72,5 +72,5 @@ def probe(system: System, loop: Any, most: int, first: int = _FIRST) -> Probed:
         energy = (history[:, :, 0] * history[:, :, 1]).sum(axis=0)
         held = size > 0.0
         lowest = float((energy[held] / size[held]).min()) if held.any() else np.inf
-        settled = ~active | ((before <= _RITZ * mu) & bool(quotient_before <= _RAYLEIGH * lowest))
+        settled = ~active | ((before <= ritz * mu) & bool(quotient_before <= _RAYLEIGH * lowest))
     return Probed(mu, settled, lowest, len(history))

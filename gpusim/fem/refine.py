@@ -34,10 +34,11 @@ def refine(
 
     The size of a correction is the error of the solution before it, as long as corrections
     shrink; the estimate is the last correction's greatest displacement over the solution's, plus
-    what the rounding of K leaves open (``gpusim.fem.rounding``). The error after a correction is
-    smaller by the factor by which corrections shrink once more: a hundred times that factor (at
-    least 0.001) is believed where the tolerance asks for it, and the tolerance is what is stated
-    then. One correction at least is always made, so the estimate rests on a measured residual.
+    what the rounding of K leaves open (``gpusim.fem.rounding``; found once for all load cases).
+    The error after a correction is smaller by the factor by which corrections shrink once more: a
+    hundred times that factor (at least 0.001) is believed where the tolerance asks for it, and the
+    tolerance is what is stated then. One correction at least is always made, so the estimate rests
+    on a measured residual.
     """
     right = system.right
     cases = len(right)
@@ -53,9 +54,11 @@ def refine(
         if number:
             correction = factor.apply(residual)
         else:
+            size = np.abs(x + given).max(axis=(1, 2))
             forces = np.where(system.free, system.rounding(x + given), 0.0).reshape(cases, -1)
-            correction, error = np.split(factor.apply(np.concatenate([residual, forces])), 2)
-            blur = np.abs(error).max(axis=1)
+            worst = _worst(forces / np.where(size > 0.0, size, 1.0)[:, None])
+            solved = factor.apply(np.concatenate([residual, worst]))
+            correction, blur = solved[:-1], np.abs(solved[-1]).max() * size
         correction = correction.reshape(right.shape)
         x = x + correction
         _refuse(x)
@@ -89,6 +92,13 @@ def refine(
     u = np.where(system.free, x / factor_of, system.prescribed)
     good = bool((estimate <= tolerance).all())
     return Outcome(u, good, float(estimate.max()), len(history), np.stack(history), message)
+
+
+def _worst(forces: Float) -> Float:
+    """(1,n): the greatest of all load cases' forces (L,n), with its sign: one solution with them
+    tells what they do, whichever case they come from."""
+    at = np.abs(forces).argmax(axis=0)
+    return np.asarray(np.take_along_axis(forces, at[None], axis=0))
 
 
 def _refuse(x: Float) -> None:

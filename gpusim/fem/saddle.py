@@ -23,6 +23,7 @@ from scipy.sparse import csr_matrix
 
 from gpusim.fem.checkerboards import PressureScaling
 from gpusim.fem.preconditioner import Multigrid
+from gpusim.fem.pressure_chebyshev import PressureChebyshev
 
 __all__ = ["SaddleCG"]
 
@@ -47,7 +48,7 @@ class SaddleCG:
         theta: float,
         divergence: csr_matrix,
         compliance: Float,
-        pressures: PressureScaling,
+        pressures: PressureScaling | PressureChebyshev,
         unit: float,
         cases: int,
     ) -> None:

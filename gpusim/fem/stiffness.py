@@ -34,10 +34,9 @@ def apply_stiffness(rows: BlockRows, u: Float, absolute: bool = False) -> Float:
     result = np.zeros_like(u)
     count = rows.node_count
     if rows.class_count <= count // 8:
-        by_class = list(_by_class(rows))
-        for case in range(len(u)):
-            into = partial(_apply_class, rows, u[case], result[case], absolute)
-            list(pool().map(into, by_class))
+        # all load cases of a node side by side: its neighbours are looked up once
+        together = np.ascontiguousarray(u.transpose(1, 0, 2))
+        list(pool().map(partial(_apply_class, rows, together, result, absolute), _by_class(rows)))
     else:
         by_range = [(first, min(first + _CHUNK, count)) for first in range(0, count, _CHUNK)]
         for case in range(len(u)):
@@ -61,12 +60,15 @@ def _apply_class(
     number, nodes = task
     blocks = rows.table[rows.table_start[number] : rows.table_start[number + 1]]
     at = rows.start[nodes][:, None] + np.arange(len(blocks))
-    difference = u[rows.neighbour[at]] - u[nodes, None]
+    difference = np.take(u, rows.neighbour[at], axis=0)
+    difference -= u[nodes, None]
     # (3, neighbours x 3): the row of blocks as one matrix
     left = blocks.transpose(1, 0, 2).reshape(3, -1)
     if absolute:
-        left, difference = np.abs(left), np.abs(difference)
-    result[nodes] = difference.reshape(len(nodes), -1) @ left.T
+        left = np.abs(left)
+        np.abs(difference, out=difference)
+    for case, into in enumerate(result):
+        into[nodes] = difference[:, :, case].reshape(len(nodes), -1) @ left.T
 
 
 def _apply_range(

@@ -20,6 +20,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csr_matrix
 
+from gpusim.fem.element_matrix import volume_gradients
 from gpusim.fem.lattice import CORNERS, Lattice
 from gpusim.fem.material import Isotropic, Material
 from gpusim.fem.model import Model
@@ -39,14 +40,16 @@ _SAME = 1e-10
 
 @dataclass(frozen=True, eq=False)
 class VolumeSplit:
-    """``model`` is A's. Per cell of the lattice, in the order of its ``corner_nodes``: ``place``
-    (M,3), ``volume`` (M,), ``compliance`` C (M,), ``shear`` (M,) which B A^-1 B^T is about volume
-    over, and ``split`` (M,) whether it has a pressure at all. ``divergence`` B (M,3N) csr, zero for
-    fixed unknowns and cells without pressure."""
+    """``model`` is A's. Per cell ``nodes`` (M,8), ``volume`` (M,), ``compliance`` C (M,), ``shear``
+    (M,) which B A^-1 B^T is about volume over, and ``split`` (M,) whether it has a pressure at all.
+    ``divergence`` B (M,3N) csr, zero for fixed unknowns and cells without pressure. ``place`` (M,3)
+    of each cell where there is a ``lattice``; the cells are in the order of its ``corner_nodes``
+    then, in that of the mesh otherwise."""
 
     model: Model
-    lattice: Lattice
+    lattice: Lattice | None
     place: Long
+    nodes: Long
     volume: Float
     compliance: Float
     shear: Float
@@ -55,13 +58,13 @@ class VolumeSplit:
 
 
 def split_volume(
-    model: Model, formulation: Mapping[str, str], lattice: Lattice, free: Bool
+    model: Model, formulation: Mapping[str, str], lattice: Lattice | None, free: Bool
 ) -> VolumeSplit | None:
-    """None unless all cells are mean-dilatation bricks on a lattice, of isotropic materials.
+    """None unless all cells are mean-dilatation bricks of isotropic materials.
 
     ``free`` (N,3).
     """
-    if formulation.get("hex8") != "bbar":
+    if formulation != {"hex8": "bbar"}:
         return None
     parts = [_isotropic(material) for material in model.materials]
     known = [part for part in parts if part is not None]
@@ -74,23 +77,42 @@ def split_volume(
         Isotropic(2.0 * (1.0 + _ORDINARY) * g, _ORDINARY) if soften else material
         for material, g, soften in zip(model.materials, shear.tolist(), stiff, strict=True)
     ]
-    at, nodes = lattice.corner_nodes()
-    place = np.stack(np.unravel_index(at, lattice.cell.shape), axis=1)
     assert model.material_of_cell is not None
-    material = model.material_of_cell[lattice.cell.ravel()[at]]
-    size = np.stack([np.diff(lattice.planes[k])[place[:, k]] for k in range(3)], axis=1)
-    volume, split = size.prod(axis=1), stiff[material]
+    material = model.material_of_cell
+    if lattice is None:
+        nodes = model.mesh.cells["hex8"].astype(np.int64)
+        place = np.zeros((0, 3), dtype=np.int64)
+        gradient = volume_gradients(model.mesh.points[nodes])
+        # x is linear: what moving along with it adds is the volume
+        volume = np.einsum("mk,mk->m", gradient[:, :, 0], _from_first(model, nodes))
+    else:
+        at, corners = lattice.corner_nodes()
+        nodes = corners.astype(np.int64)
+        place = np.stack(np.unravel_index(at, lattice.cell.shape), axis=1).astype(np.int64)
+        material = material[lattice.cell.ravel()[at]]
+        size = np.stack([np.diff(lattice.planes[k])[place[:, k]] for k in range(3)], axis=1)
+        volume = size.prod(axis=1)
+        # faces' areas times mean displacements
+        gradient = (2.0 * CORNERS - 1.0) * (0.25 * volume[:, None] / size)[:, None, :]
+    split = stiff[material]
     rest = np.where(stiff, bulk - left, 1.0)[material]
     return VolumeSplit(
         replace(model, materials=ordinary),
         lattice,
         place,
+        nodes,
         volume,
         np.where(split, volume / rest, 1.0),
         (2.0 * shear + left)[material],
         split,
-        _divergence(nodes.astype(np.int64), size, volume, split, free),
+        _divergence(nodes, gradient, split, free),
     )
+
+
+def _from_first(model: Model, nodes: Long) -> Float:
+    """(M,8) x relative to each cell's first node."""
+    x = model.mesh.points[nodes, 0]
+    return np.asarray(x - x[:, :1])
 
 
 def _isotropic(material: Material) -> tuple[float, float] | None:
@@ -105,12 +127,10 @@ def _isotropic(material: Material) -> tuple[float, float] | None:
     return (bulk, shear) if close and bulk > 0.0 else None
 
 
-def _divergence(nodes: Long, size: Float, volume: Float, split: Bool, free: Bool) -> csr_matrix:
-    """Integral of div u over each brick: its faces' areas times mean displacements."""
+def _divergence(nodes: Long, gradient: Float, split: Bool, free: Bool) -> csr_matrix:
+    """Integral of div u over each brick."""
     count = len(nodes)
-    sign = 2.0 * CORNERS - 1.0
-    values = sign[None] * (0.25 * volume[:, None] / size)[:, None, :]
-    values = np.where(free[nodes] & split[:, None, None], values, 0.0)
+    values = np.where(free[nodes] & split[:, None, None], gradient, 0.0)
     columns = (3 * nodes[:, :, None] + np.arange(3)).reshape(-1)
     start = np.arange(0, 24 * count + 1, 24)
     return csr_matrix((values.reshape(-1), columns, start), shape=(count, free.size))
