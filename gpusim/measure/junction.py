@@ -122,7 +122,7 @@ def fit_junctions(
     for those that don't count. ``rough`` fits are a start for another: right to a thousandth.
     """
 
-    def fit(rows: Rows, first: FloatArray, least: float, held: float, most: int) -> ManyFits:
+    def fit(rows: Rows, first: FloatArray, least: float, tolerance: float, most: int) -> ManyFits:
         own = (x, y, grey)
         if len(rows) < len(start):
             own = x[rows], y[rows], grey[rows]
@@ -133,15 +133,23 @@ def fit_junctions(
 
         lower = np.array([-np.inf] * 8 + [least])
         return fit_many(
-            model, np.maximum(first, lower), weight[rows], SCALE, lower=lower,
-            tolerance=ROUGH if rough else TOLERANCE, held_tolerance=held, iterations=most,
+            model, np.maximum(first, lower), weight[rows], SCALE,
+            lower=lower, tolerance=tolerance, iterations=most,
         )  # fmt: skip
 
     found = fit(np.arange(len(start)), start, ROUNDING, ROUGH, ITERATIONS)
-    sharp = np.flatnonzero(found.parameters[:, 8] <= ROUNDING)
-    if rough or not sharp.size:
+    if rough:
         return found
-    fine = fit(sharp, found.parameters[sharp], MIN_VARIANCE, TOLERANCE, POLISH)
-    for name in ("parameters", "rms", "covariance"):
-        getattr(found, name)[sharp] = getattr(fine, name)
+    sharp = found.parameters[:, 8] <= ROUNDING
+    for rows, least, most in (
+        (np.flatnonzero(~sharp), ROUNDING, ITERATIONS),
+        (np.flatnonzero(sharp), MIN_VARIANCE, POLISH),
+    ):
+        if not rows.size:
+            continue
+        fine = fit(rows, found.parameters[rows], least, TOLERANCE, most)
+        for name in ("parameters", "rms", "covariance"):
+            getattr(found, name)[rows] = getattr(fine, name)
+        if least == ROUNDING:
+            found.converged[rows] &= fine.converged
     return found

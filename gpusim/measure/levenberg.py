@@ -56,7 +56,6 @@ def fit_many(
     *,
     lower: FloatArray | None = None,
     tolerance: float = 1e-6,
-    held_tolerance: float | None = None,
     iterations: int = 40,
 ) -> ManyFits:
     """Minimise the weighted squares of many residuals.
@@ -70,7 +69,6 @@ def fit_many(
         step is below ``tolerance`` in all of them.
     lower : (Q,) least values of the parameters, or None. One that is there and would go further
         down is held while the others take their step.
-    held_tolerance : that of fits with a parameter at its least value; ``tolerance`` unless given.
     """
     count, size = start.shape
     p = start.copy()
@@ -93,13 +91,10 @@ def fit_many(
             down[held] = 0.0
         step = np.linalg.solve(damped, down[..., None])[..., 0]
         new = p[active] + step
-        limit = np.full(len(active), tolerance)
         if lower is not None:
             new = np.maximum(new, lower)
             step = new - p[active]
-            if held_tolerance is not None:
-                limit[(new <= lower).any(axis=1)] = held_tolerance
-        small = np.asarray((np.abs(step) <= limit[:, None] * scale).all(axis=1))
+        small = np.asarray((np.abs(step) <= tolerance * scale).all(axis=1))
         # the last step of a fit that is hardly damped needs no look at what it changes
         last = small & (damping[active] <= FIRST_DAMPING)
         p[active[last]], converged[active[last]] = new[last], True
