@@ -70,7 +70,7 @@ def dic(
     min_zncc: Annotated[float, typer.Option(help="Least correlation of a match.")] = 0.8,
     apart_px: Annotated[
         float, typer.Option(help="Jump within a subset that makes it incoherent, px; or inf.")
-    ] = 0.2,
+    ] = 0.1,
     tolerance: Annotated[float, typer.Option(help="Where the iteration stops, px.")] = 1e-4,
     strain: Annotated[Strain, typer.Option(help="Which strain.")] = "green-lagrange",
     strain_window: Annotated[int, typer.Option(help="Points across the strain gauge.")] = 5,

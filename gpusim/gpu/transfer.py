@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -30,7 +31,8 @@ class Transfer:
     def __init__(self, gpu: Any, direct: bool) -> None:
         self.gpu, self.direct = gpu, direct
         # the queue keeps what is written until something is submitted; mapping doesn't wait for it
-        self._kept_back = False
+        self._written, self._sent = 0, 0
+        self._counting = Lock()
 
     def create(
         self, label: str, size: int, data: npt.NDArray[Any] | None, uniform: bool = False
@@ -59,13 +61,16 @@ class Transfer:
 
     def write(self, gpu: Any, data: npt.NDArray[Any], offset: int) -> None:
         """Contiguous data into a buffer after all that was submitted before, whole words."""
-        self._kept_back = True
         self.gpu.queue.write_buffer(gpu, offset, _words(data))
+        with self._counting:
+            self._written += 1
 
     def submit(self, commands: list[Any]) -> None:
         """Send command buffers, and what was written."""
-        self._kept_back = False
+        written = self._written
         self.gpu.queue.submit(commands)
+        with self._counting:
+            self._sent = max(self._sent, written)
 
     @contextmanager
     def seen(self, gpu: Any, offset: int, size: int) -> Iterator[memoryview]:
@@ -74,10 +79,9 @@ class Transfer:
         Waits until the device has finished. wgpu's own errors pass through.
         """
         if not self.direct:
-            self._kept_back = False
             yield self.gpu.queue.read_buffer(gpu, offset, size)
             return
-        if self._kept_back:
+        if self._sent < self._written:
             self.submit([])
         first = offset - offset % _STEP
         gpu.map_async("READ_NOSYNC", first, offset + size - first).sync_wait()

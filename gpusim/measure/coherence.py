@@ -16,7 +16,7 @@ import numpy.typing as npt
 from gpusim.measure.images import FloatArray
 from gpusim.measure.interpolation import SplineImage
 from gpusim.measure.matching import Pair, Settings
-from gpusim.measure.tear import jumps
+from gpusim.measure.tear import COARSE, FINE, jumps
 from gpusim.measure.warp import basis, steepest_descent
 
 __all__ = ["beside_texture", "incoherent"]
@@ -34,8 +34,14 @@ TEXTURED = 0.4  # sum of squared slopes over the mean one of the parts: with les
 ROUND = 0.2  # likewise 4 det / trace^2 of those sums, 1 without a preferred direction
 LEVER = 2.5  # uncertainty of the point over that with known slopes; 1.0 to 1.2 usually
 VAGUE = 3.0  # uncertainty of the point over the lower quartile of all
+LEAST_SHARE = 1e-4  # eigenvalue of the scaled normal matrix without noise, at least
+UNSURE = 6.0  # standard deviations of the noise's slopes that those of a pattern must exceed …
+ONE_WAY = 0.1  # … or this share of those across them
 FOREIGN = 0.15  # residual variance of a part over the variance of the subset's grey values
-SMOOTH = 1.0  # what a smooth field explains over what a jump does: with more, no jump
+SEEN = 2.0  # what a smooth field explains over what a jump does, by coarse lines: no jump with more
+SMOOTH = np.array([0.9, 1.05])  # likewise by fine lines, as the jump is less sure or …
+PROMISING = 0.5  # of a jump's length and surety that coarse lines must show
+CLEAR = 3.2  # … more than this times SURE: noise no longer decides
 CHOSEN = 1.6  # times SURE for a jump: the best of 120 lines fits noise better than one part does
 FAR = 0.6  # px: a part that moved by more isn't asked whether it did so smoothly
 CHUNK = 1 << 20  # pixels handled at once
@@ -68,35 +74,69 @@ def incoherent(
     return np.concatenate(parts) if parts else np.zeros(0, dtype=np.bool_)
 
 
-def beside_texture(pair: Pair, points: FloatArray, settings: Settings) -> BoolArray:
-    """(M,) bool: subsets whose texture lies to one side, so that their point is extrapolated.
+def beside_texture(
+    pair: Pair, points: FloatArray, zncc: FloatArray, settings: Settings
+) -> BoolArray:
+    """(M,) bool: subsets whose texture lies to one side, so that their point is extrapolated, or
+    goes one way only.
 
     A subset on the plain background of a body sees a strip of it at most. What an affine warp says
-    of the point then is the strip's motion plus a badly known slope times the distance.
+    of the point then is the strip's motion plus a badly known slope times the distance. Stripes say
+    nothing of the way along them. ``zncc`` (M,) tells how much of the slopes is noise.
     """
     chunk = max(1, CHUNK // (4 * settings.window.size))
-    parts = [_levers(pair, points[i : i + chunk], settings) for i in range(0, len(points), chunk)]
+    parts = [
+        _levers(pair, points[i : i + chunk], zncc[i : i + chunk], settings)
+        for i in range(0, len(points), chunk)
+    ]
     if not parts:
         return np.zeros(0, dtype=np.bool_)
-    lever, spread = np.concatenate(parts, axis=1)
+    lever, spread, striped = np.concatenate(parts, axis=1)
     # a bright edge within a good texture has a long lever too, but the point is well known
-    return np.asarray((lever > LEVER) & (spread > VAGUE * np.quantile(spread, 0.25)))
+    far = (lever > LEVER) & (spread > VAGUE * np.quantile(spread, 0.25))
+    return np.asarray(far | (striped > 0))
 
 
-def _levers(pair: Pair, points: FloatArray, settings: Settings) -> FloatArray:
-    """Uncertainty of each point for grey noise 1 (lower row), and that over what it would be if
-    the slopes of the warp were known (upper row): (2, M)."""
+def _levers(pair: Pair, points: FloatArray, zncc: FloatArray, settings: Settings) -> FloatArray:
+    """(3, M): uncertainty of each point over what it would be if the slopes of the warp were known,
+    that for grey noise 1, and 1 where the pattern has slopes one way only.
+
+    Noise has slopes too, which tell nothing: their part is taken out of the normal matrix.
+    """
     column, row, planes = _subsets(pair, points, settings)
-    weight = np.sqrt(settings.window.ravel() * planes[..., 3])
+    weight = settings.window.ravel() * planes[..., 3]
+    root = np.sqrt(weight)
     a, b = (column - points[:, :1]) / settings.half, (row - points[:, 1:]) / settings.half
-    descent = steepest_descent("affine", weight * planes[..., 1], weight * planes[..., 2], a, b)
+    descent = steepest_descent("affine", root * planes[..., 1], root * planes[..., 2], a, b)
     descent = descent.transpose(1, 0, 2)
     normal = descent @ descent.transpose(0, 2, 1)
-    spread = np.linalg.pinv(normal, hermitian=True)
+    total = np.maximum(weight.sum(axis=1), 1.0)
+    f = planes[..., 0] - ((weight * planes[..., 0]).sum(axis=1) / total)[:, None]
+    noise = settings.slope_noise * (1.0 - zncc) * (weight * f * f).sum(axis=1) / total
+    terms = (root * basis(a, b, 3)).transpose(1, 0, 2)
+    moments = noise[:, None, None] * (terms @ terms.transpose(0, 2, 1))
+    striped = _one_way(normal[:, ::3, ::3], moments[:, 0, 0], total)
+    diagonal = np.einsum("bii->bi", normal).copy()
+    for first in (0, 3):
+        normal[:, first : first + 3, first : first + 3] -= moments
+    scale = 1.0 / np.sqrt(np.maximum(diagonal, 1e-30))
+    values, vectors = np.linalg.eigh(normal * scale[:, :, None] * scale[:, None, :])
+    values = np.maximum(values, LEAST_SHARE)
+    normal = np.einsum("bik,bk,bjk->bij", vectors, values, vectors)
+    spread = np.einsum("bik,bk,bjk->bij", vectors, 1.0 / values, vectors)
     own, known = (np.stack([m[:, k, k] for k in (0, 3)]) for m in (spread, normal))
-    own = np.sqrt(np.maximum(own, 0.0))
-    result: FloatArray = np.stack([(own * np.sqrt(known)).max(axis=0), own.max(axis=0)])
-    return result
+    own = np.sqrt(own)
+    return np.stack(
+        [(own * np.sqrt(known)).max(axis=0), (own * scale[:, ::3].T).max(axis=0), striped]
+    )
+
+
+def _one_way(slopes: FloatArray, noise: FloatArray, pixels: FloatArray) -> BoolArray:
+    """Whether sums of products of slopes (B, 2, 2) tell one direction only, beside those that noise
+    makes: each of ``noise`` on the diagonal, known to a share of sqrt(2 / number of pixels), of
+    which the slope filter leaves about one in three independent."""
+    low, high = np.linalg.eigvalsh(slopes).T - noise
+    return np.asarray((low < UNSURE * np.sqrt(6.0 / pixels) * noise) & (low < ONE_WAY * high))
 
 
 def _subsets(
@@ -161,11 +201,20 @@ def _chunk(
     foreign = asked & (variance > odd * usual) & (variance > FOREIGN * contrast / total)
     found = np.asarray(foreign.any(axis=1) | (motion_left > max(FAR, settings.apart_px)))
     open_ = np.flatnonzero(~found)
-    for i in range(0, open_.size, FEW):
-        some = open_[i : i + FEW]
-        jump = jumps(weight[some], (x[some], y[some]), f[some], rest[some])
-        torn = np.maximum(jump.length, motion_left[some]) > settings.apart_px
-        found[some] = torn & (jump.sure > CHOSEN * sure) & (jump.smooth < SMOOTH * jump.sure)
+    for search, share in ((COARSE, PROMISING), (FINE, 1.0)):
+        seen = np.zeros(len(points), dtype=np.bool_)
+        few = FEW if search is COARSE else FEW // 4
+        for i in range(0, open_.size, few):
+            some = open_[i : i + few]
+            jump = jumps(weight[some], (x[some], y[some]), f[some], rest[some], search)
+            torn = np.maximum(jump.length, motion_left[some]) > share * settings.apart_px
+            clear = SMOOTH[(jump.sure > CLEAR * sure).astype(np.int64)]
+            most = SEEN if search is COARSE else clear
+            seen[some] = (
+                torn & (jump.sure > share * CHOSEN * sure) & (jump.smooth < most * jump.sure)
+            )
+        open_ = np.flatnonzero(seen)
+    found[open_] = True
     return found
 
 

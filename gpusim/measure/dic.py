@@ -59,7 +59,7 @@ def dic(
     tolerance: float = 1e-4,
     max_iterations: int = 80,
     min_zncc: float = 0.8,
-    apart_px: float = 0.2,
+    apart_px: float = 0.1,
     device: Device | None = None,
 ) -> DicResult:
     """Measure how ``reference`` moved to become ``deformed``.
@@ -200,34 +200,45 @@ def _check_guess(
 def explain(
     matches: Correlation, points: FloatArray, settings: Settings, first: Usable, second: Usable
 ) -> None:
-    """Name masked and saturated subsets, in the reference and where they went to."""
+    """Name subsets that are masked or saturated, in the reference or where they went to, and those
+    that left the deformed image."""
     half = settings.half
     lost = np.flatnonzero(np.isin(matches.status, (Status.OUTSIDE, Status.NO_GUESS)))
     if lost.size and (first.masked is not None or first.saturated is not None):
         reasons = first.reasons(points[lost], half)
         named = reasons != Status.OUTSIDE
         matches.status[lost[named]] = reasons[named]
-    if second.masked is None and second.saturated is None:
-        return
     # what wasn't found went with its nearest neighbour, as far as anybody can tell
     known = np.flatnonzero(matches.status == Status.OK)
     if not known.size:
         return
-    asked = np.flatnonzero((matches.status == Status.OK) | np.isin(matches.status, UNEXPLAINED))
+    covers = second.masked is not None or second.saturated is not None
+    unknown = np.isin(matches.status, UNEXPLAINED)
+    asked = np.flatnonzero(unknown | ((matches.status == Status.OK) & covers))
+    if not asked.size:
+        return
     guide = known[point_tree(points[known]).query(points[asked])[1]]
     offset = np.linspace(-1.0, 1.0, PROBES)
     a, b = (axis.ravel() for axis in np.meshgrid(offset, offset))
     c = matches.coefficients[guide]
     terms = np.stack([np.ones_like(a), a, b, 0.5 * a * a, a * b, 0.5 * b * b])
     here = points[asked][:, :, None] + half * np.stack([a, b])
-    there = here + c @ terms
+    away = (points[asked] - points[guide]) / half
+    motion = c @ terms + np.einsum("mij,mj->mi", c[:, :, 1:3], away)[:, :, None]
+    there = here + motion
+    last = np.array(second.image.shape[::-1])[:, None] - 0.5
+    gone = ~((there >= -0.5) & (there <= last)).all(axis=(1, 2))
+    gone &= unknown[asked] & (matches.status[asked] != Status.INCOHERENT)
+    matches.status[asked[gone]] = Status.OUTSIDE
+    if not covers:
+        return
     # what the reference leaves out anyway may be covered: white patches of the pattern itself
     used = ~first.bad_at(here)[..., None]
     masked, saturated = (
         (part & used).sum(axis=(1, 2)) / np.maximum(used.sum(axis=(1, 2)), 1)
         for part in np.split(second.parts_at(there), 2, axis=-1)
     )
-    covered = masked + saturated > COVERED
+    covered = (masked + saturated > COVERED) & ~gone
     reason = np.where(saturated > masked, Status.SATURATED, Status.MASKED)
     target = asked[covered]
     matches.status[target] = reason[covered]

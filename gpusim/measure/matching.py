@@ -58,7 +58,7 @@ class Settings:
     max_iterations: int = 40
     min_zncc: float = 0.8
     max_move: float = 10.0
-    apart_px: float = 0.2
+    apart_px: float = 0.1
     slope_noise: float = SLOPE_NOISE
 
     @property

@@ -36,6 +36,10 @@ DOUBT = 0.01  # px beyond four standard deviations: further from what a neighbou
 POOR = 1.5  # residual over the lower quartile of all points
 SETTLED = (1e-3, 2e-3, 4e-3, 8e-3, 1.6e-2)  # px: tolerances where the one asked for isn't reached
 WIDER = 10.0  # standard uncertainty over the tolerance that then is enough
+BENT = (
+    0.5  # over the jump that is looked for: less change of slopes, px at a subset's rim, is smooth
+)
+MANY = 0.1  # share of what was looked at that has no texture: look at everything
 APART = 0.5  # px: further from what its neighbours say, a point is looked at again
 
 
@@ -214,9 +218,7 @@ class Front:
             return
         neighbour = self._neighbours
         lonely = self.ok & ~self.ok[neighbour].any(axis=1) & ~(self.zncc >= SURE)
-        self.status[lonely] = Status.LOW_CORRELATION
-        self.coefficients[lonely] = np.nan
-        self.sigma[lonely] = np.nan
+        self._give_up(np.flatnonzero(lonely), Status.LOW_CORRELATION)
         ok = self.ok
         own = self.coefficients[:, :, 0]
         said = np.stack(
@@ -234,28 +236,55 @@ class Front:
     def split(self) -> None:
         """Give up subsets that see two motions, or something that isn't in both images.
 
-        Only those are looked at that stand out: from what a neighbour says, or by what they leave.
+        Only those are looked at that stand out, and the neighbours of those that are torn.
         """
         if not (np.isfinite(self.settings.apart_px) and self.settings.shape in PARTED):
             return
+        which = self._standing_out()
+        aside = self._aside(which)
+        if aside.any() and aside.mean() > MANY:  # the pattern itself may have slopes one way only
+            others = np.setdiff1d(np.flatnonzero(self.ok), which)
+            which = np.concatenate([which, others])
+            aside = np.concatenate([aside, self._aside(others)])
+        asked = np.zeros(len(self.points), dtype=np.bool_)
+        while which.size:
+            asked[which] = True
+            found = self.points[which], self.coefficients[which]
+            torn = incoherent(self.pair, *found, self.settings, self.blur_px)
+            self._give_up(which[torn], Status.INCOHERENT)
+            self._give_up(which[aside], Status.NO_TEXTURE)
+            if len(self.points) < NEIGHBOURS:
+                return
+            near = np.unique(self._neighbours[which[torn]])
+            which = near[self.ok[near] & ~asked[near]]
+            aside = self._aside(which)
+
+    def _give_up(self, which: IntArray, status: Status) -> None:
+        self.status[which] = status
+        self.coefficients[which] = np.nan
+        self.sigma[which] = np.nan
+
+    def _standing_out(self) -> IntArray:
+        """Measured points that a neighbour would put elsewhere, or that leave much."""
         which = np.flatnonzero(self.ok)
-        if which.size >= NEIGHBOURS:
-            neighbour = self._neighbours[which]
-            said = np.stack([self._extrapolated(which, column)[0] for column in neighbour.T], 1)
-            away = np.abs(said - self.coefficients[which, None, :, 0]).max(axis=2)
-            doubtful = away - 4.0 * np.hypot(self.sigma[which][:, None], self.sigma[neighbour])
-            alone = ~self.ok[neighbour].all(axis=1)
-            left = 1.0 - self.zncc[which]
-            poor = left > POOR * np.quantile(left, 0.25)
-            which = which[(np.nan_to_num(doubtful).max(axis=1) > DOUBT) | alone | poor]
-        found = self.points[which], self.coefficients[which]
-        aside = beside_texture(self.pair, self.points[which], self.settings)
-        torn = incoherent(self.pair, *found, self.settings, self.blur_px)
-        self.status[which[torn]] = Status.INCOHERENT
-        self.status[which[aside]] = Status.NO_TEXTURE
-        lost = which[torn | aside]
-        self.coefficients[lost] = np.nan
-        self.sigma[lost] = np.nan
+        if which.size < NEIGHBOURS:
+            return which
+        neighbour = self._neighbours[which]
+        said = np.stack([self._extrapolated(which, column)[0] for column in neighbour.T], 1)
+        away = np.abs(said - self.coefficients[which, None, :, 0]).max(axis=2)
+        unsure = np.hypot(self.sigma[which][:, None], self.sigma[neighbour])
+        # a jump bends the field before it moves a point: slopes are known sqrt(3) times worse
+        slopes = self.coefficients[:, :, 1:3]
+        bent = np.abs(slopes[neighbour] - slopes[which, None]).sum(axis=3).max(axis=2)
+        bent -= np.maximum(BENT * self.settings.apart_px, 10.0 * unsure)
+        doubtful = np.maximum(away - 4.0 * unsure - DOUBT, bent)
+        alone = ~self.ok[neighbour].all(axis=1)
+        left = 1.0 - self.zncc[which]
+        poor = left > POOR * np.quantile(left, 0.25)
+        return np.asarray(which[(np.nan_to_num(doubtful).max(axis=1) > 0.0) | alone | poor])
+
+    def _aside(self, which: IntArray) -> npt.NDArray[np.bool_]:
+        return beside_texture(self.pair, self.points[which], self.zncc[which], self.settings)
 
     @cached_property
     def _neighbours(self) -> IntArray:

@@ -9,12 +9,16 @@ from gpusim.measure.images import FloatArray, Image
 
 __all__ = ["integer_search", "search_template"]
 
+LOWEST = 0.7  # score over the best one that a peak as good may have between two pixels
+ALIKE = 0.03  # less correlation than the best peak: as good
+
 
 def search_template(
     template: FloatArray, image: Image, centre: tuple[int, int], search_px: int
 ) -> tuple[int, int, float]:
     """Find ``template`` (S, S), S odd, in ``image`` around the pixel ``centre`` = (x, y).
 
+    Of places that fit alike, as those of a grid do, the one nearest to ``centre`` is taken.
     Returns the pixel (x, y) on which the template's centre fits best and the correlation
     coefficient there; -1 where the search square holds no place for the template or no texture.
     """
@@ -36,8 +40,33 @@ def search_template(
         cv2.TM_CCOEFF_NORMED,
     )
     score = np.where(np.isfinite(score) & (np.abs(score) <= 1.001), score, -1.0)
-    row, column = np.unravel_index(int(np.argmax(score)), score.shape)
+    row, column = _nearest_peak(score, (centre[1] - y0 - half, centre[0] - x0 - half))
     return x0 + half + int(column), y0 + half + int(row), float(score[row, column])
+
+
+def _nearest_peak(score: FloatArray, centre: tuple[int, int]) -> tuple[int, int]:
+    """Row and column of the best score, or of a peak as good that is nearer to ``centre``.
+
+    Peaks are compared by the heights of parabolas through them: between two pixels they look lower.
+    """
+    best = np.unravel_index(int(np.argmax(score)), score.shape)
+    top = float(score[best])
+    highest = cv2.dilate(score, np.ones((3, 3), dtype=np.uint8))
+    rows, columns = np.nonzero((score >= highest) & (score > LOWEST * top))
+    if top <= 0 or rows.size < 2:
+        return int(best[0]), int(best[1])
+    height = score[rows, columns].astype(np.float64)
+    wide = np.pad(score.astype(np.float64), 1, mode="edge")
+    middle = height.copy()
+    for down, across in ((1, 0), (0, 1)):
+        before = wide[rows + 1 - down, columns + 1 - across]
+        after = wide[rows + 1 + down, columns + 1 + across]
+        bend = 2.0 * middle - before - after
+        height += np.where(bend > 0, (after - before) ** 2 / (8.0 * np.maximum(bend, 1e-12)), 0.0)
+    alike = height >= height.max() - ALIKE
+    away = np.hypot(rows - centre[0], columns - centre[1])
+    chosen = int(np.argmin(np.where(alike, away, np.inf)))
+    return int(rows[chosen]), int(columns[chosen])
 
 
 def integer_search(

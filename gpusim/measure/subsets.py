@@ -114,7 +114,7 @@ def make_settings(
     max_iterations: int,
     min_zncc: float,
     max_move: float,
-    apart_px: float = 0.2,
+    apart_px: float = 0.1,
     blur_px: float = 0.0,
 ) -> Settings:
     """Check the numbers that steer a correlation."""
