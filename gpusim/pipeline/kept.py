@@ -71,7 +71,7 @@ def _key(
     bits: int,
 ) -> str:
     """A digest of all that the result depends on."""
-    digest = hashlib.blake2b(digest_size=16)
+    digest = hashlib.sha256()
     bent = np.zeros(0) if camera.distortion is None else camera.distortion
     for values in (reference, deformed, camera.K, camera.camera_from_world, bent,
                    marks.position, marks.size):  # fmt: skip
