@@ -155,9 +155,14 @@ def _look_at_pressures(mesh: Mesh) -> None:
         (holed((16, 14, 9)), [Isotropic(1.0, 0.49999)], 65),
         (distorted((12, 11, 10), (1.0, 1.1, 0.9)), [Isotropic(1.0, 0.4999)], 60),
         (distorted((20, 10, 1), (2.0, 1.0, 0.05)), [Isotropic(1.0, 0.4999)], 320),
+        (
+            distorted((20, 10, 2), (2.0, 1.0, 0.1)),
+            [Isotropic(1.0, 0.4999), Isotropic(5.0, 0.3)],
+            260,
+        ),
         (box((1.0, 1.1, 0.9), (14, 13, 12)), [Isotropic(1.0, 0.4999), Isotropic(9.0, 0.3)], 65),
     ],
-    ids=["graded", "holed", "distorted", "thin", "two materials"],
+    ids=["graded", "holed", "distorted", "thin", "two in one", "two materials"],
 )
 def test_displacements_within_the_stated_error(
     mesh: Mesh, materials: list[Isotropic], most: int

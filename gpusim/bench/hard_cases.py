@@ -102,12 +102,12 @@ def _tets(size: Triple, divisions: Counts, second_order: bool) -> Mesh:
     return quadratic(mesh) if second_order else mesh
 
 
-def distorted(amount: float) -> Model:
+def distorted(amount: float, material: Isotropic = STEEL) -> Model:
     """Inner nodes moved at random, by up to half a cell where ``amount`` is 1."""
     mesh = box((1.5, 1.0, 0.8), (6, 4, 4))
     inner = ((mesh.points > mesh.bounds[0]) & (mesh.points < mesh.bounds[1])).all(axis=1)
     step = 0.1 * amount * np.random.default_rng(7).uniform(-1.0, 1.0, mesh.points.shape)
-    return cantilever(mesh.moved(np.where(inner[:, None], step, 0.0)))
+    return cantilever(mesh.moved(np.where(inner[:, None], step, 0.0)), [material])
 
 
 def crushed(least: float) -> Model:
@@ -285,6 +285,11 @@ def hard_cases() -> Iterator[HardCase]:
             material = Isotropic(210e9, nu)
             yield HardCase("nu", nu, partial(bar, (2.0, 1.0, 0.8), (8, 4, 4), material), rules,
                            nu == 0.49999)  # fmt: skip
+    for nu in (0.4999, 0.49999):
+        rubber = Isotropic(1e6, nu)
+        yield HardCase("nu", nu, partial(distorted, 0.6, rubber), bbar, note="distorted")
+        yield HardCase("nu", nu, partial(bar, (2.0, 1.0, 0.05), (20, 10, 2), rubber), bbar,
+                       note="plate")  # fmt: skip
     for cells in (1e3, 1e6, 1e9):
         shift = (0.25 * cells, -0.21 * cells, 0.37 * cells)
         build = partial(bar, (4.0, 1.0, 0.7), (16, 4, 3), shift=shift)

@@ -46,8 +46,10 @@ def unique_rows(rows: Long) -> tuple[Long, Long]:
     if columns > _WIDE:
         return _unique_wide(rows)
     if len(rows):
-        low = rows.min(axis=0)
-        extent = [int(one) + 1 for one in rows.max(axis=0) - low]
+        # column by column: several times as fast as along the first axis
+        low = np.array([rows[:, column].min() for column in range(columns)])
+        high = [int(rows[:, column].max()) for column in range(columns)]
+        extent = [top - int(bottom) + 1 for top, bottom in zip(high, low, strict=True)]
         if math.prod(extent) < _ONE_NUMBER:
             return _unique_numbers(rows, low, extent)
     first_hash = np.zeros(len(rows), dtype=np.uint64)

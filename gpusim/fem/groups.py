@@ -279,15 +279,16 @@ def held_matrices(group: Group, free: Bool) -> tuple[Long, Float]:
     ``free`` (N,3). Returns (kind of each element, the additional matrices); additional ones are
     numbered after ``group.matrices``.
     """
-    held = ~free[group.cells].reshape(len(group.cells), -1)
-    touched = np.flatnonzero(held.any(axis=1))
+    held_node: Bool = np.asarray((~free).any(axis=1))
+    touched = np.flatnonzero(held_node[group.cells].any(axis=1))
+    held = ~free[group.cells[touched]].reshape(len(touched), -1)
     width = held.shape[1]
     bits = np.zeros((len(touched), -(-width // 62)), dtype=np.int64)
     for column in range(width):
-        bits[:, column // 62] |= held[touched, column].astype(np.int64) << (column % 62)
+        bits[:, column // 62] |= held[:, column].astype(np.int64) << (column % 62)
     key = np.concatenate([group.kind[touched, None], bits], axis=1)
     representative, number = unique_rows(key)
-    keep = ~held[touched[representative]]
+    keep = ~held[representative]
     extra = group.matrices[group.kind[touched[representative]]]
     extra = extra * keep[:, :, None] * keep[:, None, :]
     kind = group.kind.copy()

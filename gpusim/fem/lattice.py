@@ -52,11 +52,10 @@ class Lattice:
 
     def corner_nodes(self) -> tuple[Long, Int]:
         """(flat positions of the cells (M,), their nodes (M,8) in VTK order)."""
-        at = np.argwhere(self.cell >= 0)
-        corner = at[:, None, :] + CORNERS[None]
-        nodes = self.node[corner[..., 0], corner[..., 1], corner[..., 2]]
-        place = np.asarray(np.ravel_multi_index(tuple(at.T), self.cell.shape))
-        return place.reshape(-1), np.asarray(nodes)
+        place = np.flatnonzero(self.cell.ravel() >= 0)
+        at = np.stack(np.unravel_index(place, self.cell.shape), axis=1)
+        step = np.array([self.node.shape[1] * self.node.shape[2], self.node.shape[2], 1])
+        return place, np.take(self.node.ravel(), (at @ step)[:, None] + CORNERS @ step)
 
     def grid(self, values: Long) -> Long:
         """(X-1,Y-1,Z-1): ``values`` (M,), in the order of ``corner_nodes``, in their places; -1
@@ -107,7 +106,9 @@ def find_lattice(points: Float, block: Int) -> Lattice | None:
 
     Every node must be used by a cell.
     """
-    low, high = points.min(axis=0), points.max(axis=0)
+    # column by column: several times as fast as along the first axis
+    low = np.array([points[:, axis].min() for axis in range(3)])
+    high = np.array([points[:, axis].max() for axis in range(3)])
     grid = float((high - low).max()) * _SAME
     planes, place = [], np.empty(points.shape, dtype=np.int32)
     for axis in range(3):
@@ -143,10 +144,14 @@ def _lowest_corners(place: Int, block: Int) -> Int | None:
     The corners of a cell that is in order follow its least one by eight known steps.
     """
     code = place.astype(np.int64) @ np.array([1, 1 << _BITS, 1 << 2 * _BITS])
+    usual = CORNERS @ np.array([1, 1 << _BITS, 1 << 2 * _BITS])
     result = np.empty((len(block), 3), dtype=np.int32)
     for start in range(0, len(block), _CHUNK):
         cells = block[start : start + _CHUNK]
         corners = code[cells]
+        if (corners - corners[:, :1] == usual).all():
+            result[start : start + _CHUNK] = place[cells[:, 0]]
+            continue
         lowest = corners.argmin(axis=1)[:, None]
         step: Long = corners - np.take_along_axis(corners, lowest, axis=1)
         x, y, z = step & 1, step >> _BITS & 1, step >> 2 * _BITS & 1

@@ -40,7 +40,7 @@ Float = npt.NDArray[np.float64]
 
 METHODS = ("auto", "direct", "multigrid", "block_jacobi")
 # of conjugate gradients with pressures; with more something is wrong
-_MOST_WITH_PRESSURES = 400
+_MOST_WITH_PRESSURES = 600
 _MOST_ITERATIONS = {"multigrid": 1000, "block_jacobi": 100_000}
 # where multigrid has failed, a direct solver may take this long (s, estimated)
 _PATIENCE = 600.0
