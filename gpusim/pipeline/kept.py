@@ -72,7 +72,7 @@ def _key(
 ) -> str:
     """A digest of all that the result depends on."""
     digest = hashlib.sha256()
-    bent = np.zeros(0) if camera.distortion is None else camera.distortion
+    bent = np.zeros(0) if camera.distortion is None else np.asarray(camera.distortion)
     for values in (reference, deformed, camera.K, camera.camera_from_world, bent,
                    marks.position, marks.size):  # fmt: skip
         digest.update(f"{values.shape} {values.dtype}".encode())
