@@ -51,7 +51,8 @@ if _typing.TYPE_CHECKING:
         render,
     )
     from gpusim.optics.calibration_files import read_calibration, write_calibration
-    from gpusim.pipeline import run, solve
+    from gpusim.pipeline import run
+    from gpusim.pipeline.solving import solve
     from gpusim.report import Report
     from gpusim.scene import Scene, load_scene
     from gpusim.surface import Atlas, CylinderFrame, PaintFrame, Skin, Surface, paint
@@ -150,7 +151,8 @@ _HOMES = {
         "render",
     ),
     "gpusim.optics.calibration_files": ("read_calibration", "write_calibration"),
-    "gpusim.pipeline": ("run", "solve"),
+    "gpusim.pipeline": ("run",),
+    "gpusim.pipeline.solving": ("solve",),
     "gpusim.report": ("Report",),
     "gpusim.scene": ("Scene", "load_scene"),
     "gpusim.surface": ("Atlas", "CylinderFrame", "PaintFrame", "Skin", "Surface", "paint"),

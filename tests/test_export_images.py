@@ -13,7 +13,7 @@ from PIL import Image
 
 from gpusim.errors import InputError
 from gpusim.export import images, recent
-from gpusim.export.images import GreyImage, read_image, write_image
+from gpusim.export.images import GreyImage, read_image, write_colour, write_image
 
 
 def noise(height: int, width: int, dtype: type[np.unsignedinteger]) -> GreyImage:
@@ -36,6 +36,19 @@ def test_round_trip_by_three_readers(
     ):
         assert got.dtype == image.dtype
         assert np.array_equal(got, image)
+
+
+def test_drawings_keep_their_colours_and_size(tmp_path: Path) -> None:
+    drawing = np.dstack([noise(33, 57, np.uint8) for _ in range(3)])
+    drawing[:, :, 1] //= 2
+    drawing[:, :, 2] = 255 - drawing[:, :, 2]
+    path = write_colour(tmp_path / "a.png", drawing[:, ::-1], pixels_per_metre=200 / 0.0254)
+    with Image.open(path) as picture:
+        picture.verify()
+    with Image.open(path) as picture:
+        assert picture.info["dpi"] == pytest.approx((200, 200), abs=0.01)
+        assert np.array_equal(np.asarray(picture), drawing[:, ::-1])
+    assert np.array_equal(cv2.imread(str(path))[:, :, ::-1], drawing[:, ::-1])
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])

@@ -7,7 +7,8 @@ import pytest
 
 from gpusim.errors import InputError
 from gpusim.measure import MarkerStatus, find_markers, locate_markers
-from tests.measure_images import Marker, blurred_board, board
+from gpusim.measure.graininess import allowed_residual, noise_level
+from tests.measure_images import Marker, Waves, blurred_board, board
 
 
 def row_of(size: float, degrees: float, count: int = 3) -> list[Marker]:
@@ -109,3 +110,43 @@ def test_wrong_arguments_name_themselves() -> None:
         locate_markers(image, [[np.nan, 3.0]], (17, 24), 5.0)
     with pytest.raises(InputError, match="search_px"):
         locate_markers(image, [[3.0, 3.0]], (17, 24), 0.0)
+
+
+@pytest.mark.parametrize("noise", [18.0, 24.0])
+def test_markers_are_found_in_noise_of_a_tenth_of_their_step(noise: float) -> None:
+    """What a fit may leave grows with the picture's noise: of 20 markers none was found before."""
+    rng = np.random.default_rng(6)
+    places = np.array([[30.0 + 38 * i, 32.0 + 40 * j] for j in range(4) for i in range(5)])
+    places += rng.uniform(-0.5, 0.5, places.shape)
+    turns = rng.uniform(-0.6, 0.6, len(places))
+    clean = board(215, 190, [Marker(*p, 24.0, 24.0, t) for p, t in zip(places, turns, strict=True)])
+    image = np.clip(np.rint(clean + noise * rng.normal(size=clean.shape)), 0, 255).astype(np.uint8)
+    found = locate_markers(image, places + 0.6, (21.0, 27.0), 8.0)
+    assert found.ok.mean() >= 0.9
+    assert np.nanmax(np.abs(found.points - places)) <= 0.3
+    everywhere = find_markers(image, (21.0, 27.0)).points
+    apart = np.linalg.norm(everywhere[:, None] - places, axis=2)
+    assert len(everywhere) >= 18 and apart.min(axis=1).max() <= 1.0
+
+
+def test_noise_and_speckle_are_no_markers() -> None:
+    rng = np.random.default_rng(2)
+    y, x = np.indices((150, 210), dtype=np.float64)
+    for image in (
+        128 + 25 * rng.normal(size=x.shape),
+        Waves(3).at(x, y) + 8 * rng.normal(size=x.shape),
+    ):
+        picture = np.clip(np.rint(image), 0, 255).astype(np.uint8)
+        assert len(find_markers(picture, (16.0, 24.0)).points) == 0
+
+
+def test_noise_is_that_of_flat_parts() -> None:
+    rng = np.random.default_rng(9)
+    clean = board(160, 120, [Marker(50, 60, 40, 40, 0.2), Marker(110, 60, 40, 40, -0.2)])
+    for noise in (2.0, 9.0):
+        level = noise_level((clean + noise * rng.normal(size=clean.shape)).astype(np.float32))
+        assert 0.85 * noise <= level <= 1.05 * noise
+    assert noise_level(np.zeros((5, 40), dtype=np.float32)) == 0.0
+    assert allowed_residual(0.15, 0.0, 0.4) == pytest.approx(0.15)
+    assert allowed_residual(0.15, 0.1, -0.5) == pytest.approx(np.hypot(0.15, 0.26))
+    assert allowed_residual(0.15, 0.3, 0.5) == pytest.approx(0.15)  # all noise

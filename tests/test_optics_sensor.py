@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -12,7 +13,7 @@ import gpusim as gs
 from gpusim.errors import InputError
 from gpusim.gpu import Device
 from gpusim.optics.frame import Band
-from gpusim.optics.sensor import sensor_twin
+from gpusim.optics.sensor import _expose, _expose_seen, sensor_twin
 
 
 def frame_of(device: Device, radiance: npt.NDArray[np.float32], stride: int) -> gs.Frame:
@@ -29,16 +30,26 @@ def frame_of(device: Device, radiance: npt.NDArray[np.float32], stride: int) -> 
     return gs.Frame(view, device, tuple(bands))
 
 
+def exposures(sensor: gs.Sensor, frame: gs.Frame) -> list[npt.NDArray[Any]]:
+    """By what suits the adapter, by the kernel, and by NumPy from the bands' memory."""
+    assert frame.device is not None
+    return [
+        sensor.expose(frame),
+        _expose(frame.device, sensor, frame.bands, frame.width),
+        _expose_seen(sensor, frame.bands, frame.width),
+    ]
+
+
 @pytest.mark.parametrize("bits", [8, 10, 12, 16])
 @pytest.mark.parametrize("width", [57, 58])
 def test_device_equals_twin_exactly(device: Device, bits: int, width: int) -> None:
     radiance = np.random.default_rng(bits).uniform(-0.2, 1.3, (33, width)).astype(np.float32)
     sensor = gs.Sensor(bits, 0.9)
-    image = sensor.expose(frame_of(device, radiance, 64))
-    assert image.shape == (33, width)
-    assert image.dtype == (np.uint8 if bits == 8 else np.uint16)
-    np.testing.assert_array_equal(image, sensor_twin(sensor, radiance))
-    assert image.min() == 0 and image.max() == 2**bits - 1
+    for image in exposures(sensor, frame_of(device, radiance, 64)):
+        assert image.shape == (33, width)
+        assert image.dtype == (np.uint8 if bits == 8 else np.uint16)
+        np.testing.assert_array_equal(image, sensor_twin(sensor, radiance))
+        assert image.min() == 0 and image.max() == 2**bits - 1
     want = np.clip(np.rint(radiance * (2**bits - 1) / 0.9), 0, 2**bits - 1)
     assert np.abs(image - want).max() <= 1  # float64 may fall on the other side of one half
 
@@ -47,7 +58,8 @@ def test_halves_round_to_even(device: Device) -> None:
     halves = (np.arange(57 * 33) % 250 + 0.5).reshape(33, 57).astype(np.float32)
     sensor = gs.Sensor(8, 255.0)
     want = (np.floor(halves / 2 + 0.25) * 2).astype(np.uint8)
-    for image in (sensor.expose(frame_of(device, halves, 64)), sensor_twin(sensor, halves)):
+    made = exposures(sensor, frame_of(device, halves, 64))
+    for image in (*made, sensor_twin(sensor, halves)):
         np.testing.assert_array_equal(image, want)
 
 
@@ -59,10 +71,10 @@ def test_values_that_are_not_finite_become_full_scale(device: Device) -> None:
         sensor = gs.Sensor(bits, 1.0)
         with np.errstate(over="ignore", invalid="ignore"):
             twin = sensor_twin(sensor, radiance)
-        image = sensor.expose(frame_of(device, radiance, 64))
-        np.testing.assert_array_equal(image, twin)
-        assert (image == 2**bits - 1).sum() == 4
-        assert (image[3, 5:8] == 2**bits - 1).all() and image[4, 5] == 2**bits - 1
+        for image in exposures(sensor, frame_of(device, radiance, 64)):
+            np.testing.assert_array_equal(image, twin)
+            assert (image == 2**bits - 1).sum() == 4
+            assert (image[3, 5:8] == 2**bits - 1).all() and image[4, 5] == 2**bits - 1
 
 
 def test_numpy_and_device_frames_give_the_same_image(device: Device) -> None:

@@ -8,9 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.ndimage import binary_erosion, gaussian_filter
 
 import gpusim as gs
 from gpusim.errors import SceneError
+from gpusim.export.pictures import read_grey
 from gpusim.pipeline import run
 from gpusim.plan import make_plan
 
@@ -94,6 +96,31 @@ def test_one_new_state_leaves_the_others_alone(
              "position_mm": 60.0}]}}]  # fmt: skip
     plan = make_plan(scene_of(checkout, variant=moved), out)
     assert not plan["whole/solve"].runs and plan["cut/solve"].runs
+
+
+def test_states_share_no_noise_but_the_sensor(checkout: Path, tmp_path: Path) -> None:
+    """Photographed one after the other: noise that they shared would cancel in differences."""
+    twice = [{"name": "whole"}, {"name": "again"}, {"name": "same", "set": {"sensor.series": 0}}]
+    scene = scene_of(
+        checkout, variant=twice, measure=[],
+        sensor={"bits": 12, "full_well_e": 8000.0, "dsnu_e": 60.0, "read_noise_e": 20.0,
+                "black_level_DN": 200.0},
+    )  # fmt: skip
+    run(scene, tmp_path)
+    whole, again, same = (
+        read_grey(tmp_path / "variants" / v["name"] / "images" / "side" / "0001.png").astype(float)
+        for v in twice
+    )
+    assert np.array_equal(whole, same)
+    # few electrons: the offsets of the pixels outweigh the other noise
+    dark = binary_erosion(gaussian_filter(whole, 3.0) < 300, iterations=12)
+    assert dark.sum() > 5000
+    assert (whole - again)[dark].std() > 10
+    left = [image - gaussian_filter(image, 3.0) for image in (whole, again)]
+    # offsets of 60 e in both, 20 e of their own
+    assert 0.7 < np.corrcoef(left[0][dark], left[1][dark])[0, 1] < 0.98
+    series = [scene.variant(v["name"]).sensor.series for v in twice]
+    assert series == [0, 1, 0]
 
 
 def test_what_is_wrong_in_a_state_is_told(checkout: Path) -> None:

@@ -114,7 +114,7 @@ def test_plan_says_which_sensor(tmp_path: Path) -> None:
 
 def test_keys_of_both_tables_agree() -> None:
     common, own = set(SensorTable.model_fields), set(CameraSensorTable.model_fields)
-    assert common - own == {"format", "seed"} and not own - common
+    assert common - own == {"format", "seed", "series"} and not own - common
 
 
 def test_faults_between_both_sensors_name_the_camera(tmp_path: Path) -> None:

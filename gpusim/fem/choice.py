@@ -6,7 +6,6 @@ because where two of them come close either choice is good.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -16,8 +15,9 @@ import numpy.typing as npt
 from gpusim.fem.assembly import Assembled
 from gpusim.fem.banded import Banded, band_ordering
 from gpusim.fem.chain import Chain, cut_slabs
+from gpusim.gpu.host import host_memory
 
-__all__ = ["Direct", "direct_solver", "host_memory", "multigrid_seconds"]
+__all__ = ["Direct", "direct_solver", "multigrid_seconds"]
 
 # operations per second
 _CHAIN_RATE = 1.2e10
@@ -47,20 +47,6 @@ class Direct:
     def fits(self) -> bool:
         """Whether its factors fit the free memory."""
         return self.nbytes <= _MEMORY * host_memory()
-
-
-def host_memory() -> int:
-    """Free bytes of main memory, or a guess where the system doesn't tell."""
-    try:
-        with open("/proc/meminfo", encoding="ascii") as lines:
-            for line in lines:
-                if line.startswith("MemAvailable:"):
-                    return int(line.split()[1]) * 1024
-    except OSError:
-        pass
-    if hasattr(os, "sysconf") and "SC_AVPHYS_PAGES" in os.sysconf_names:
-        return os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    return 4 << 30
 
 
 def direct_solver(

@@ -27,6 +27,8 @@ class Recording:
         with device.guard(stage):
             self._encoder = device.gpu.create_command_encoder(label=f"gpusim.{stage}")
         self._pass: Any = None
+        # what the open pass draws into; None: it computes
+        self._drawn: tuple[Any, ...] | None = None
         self._bindings: dict[int, Bindings] = {}
         self._buffers: list[Buffer] = []
         self._slots: list[int] = []
@@ -87,7 +89,8 @@ class Recording:
         if not 1 <= len(given) <= 3 or any(n < 0 for n in given):
             raise InputError(f"dispatch of {kernel.name}; got {given}; expected 1 to 3 sizes >= 0")
         self._bindings[id(bindings)] = bindings
-        if self._pass is None:
+        if self._pass is None or self._drawn is not None:
+            self._end_pass()
             self._pass = self._encoder.begin_compute_pass(
                 label=f"gpusim.{self.stage}", **self._timing()
             )
@@ -148,6 +151,23 @@ class Recording:
         if bindings.layout is not raster.layout:
             raise InputError(f"draw of {raster.name}: the bindings were made for another program")
         self._bindings[id(bindings)] = bindings
+        drawn = (colors, depth, size)
+        if self._pass is None or clear is not None or self._drawn != drawn:
+            # one pass for all draws that add to each other: its targets are read and written once
+            self._begin_drawing(colors, depth, clear, keep_depth)
+            self._drawn = drawn
+        render = self._pass
+        render.set_pipeline(raster.pipeline)
+        for index, group in enumerate(bindings.groups[0]):
+            render.set_bind_group(index, group)
+        render.set_viewport(0, 0, size[0], size[1], 0, 1)
+        render.set_scissor_rect(0, 0, size[0], size[1])
+        if vertices:
+            render.draw(vertices)
+
+    def _begin_drawing(
+        self, colors: tuple[Texture, ...], depth: Texture, clear: float | None, keep_depth: bool
+    ) -> None:
         self._end_pass()
         attachments = [
             {
@@ -158,7 +178,7 @@ class Recording:
             }
             for texture in colors
         ]
-        render = self._encoder.begin_render_pass(
+        self._pass = self._encoder.begin_render_pass(
             label=f"gpusim.{self.stage}",
             color_attachments=attachments,
             depth_stencil_attachment={
@@ -169,14 +189,6 @@ class Recording:
             },
             **self._timing(),
         )
-        render.set_pipeline(raster.pipeline)
-        for index, group in enumerate(bindings.groups[0]):
-            render.set_bind_group(index, group)
-        render.set_viewport(0, 0, size[0], size[1], 0, 1)
-        render.set_scissor_rect(0, 0, size[0], size[1])
-        if vertices:
-            render.draw(vertices)
-        render.end()
 
     def copy_texture(self, texture: Texture, target: Buffer, rows: int) -> None:
         """Copy the top ``rows`` of a texture to ``target``, ``texture.stride`` bytes a row."""
@@ -220,4 +232,4 @@ class Recording:
     def _end_pass(self) -> None:
         if self._pass is not None:
             self._pass.end()
-            self._pass = None
+            self._pass = self._drawn = None

@@ -20,12 +20,13 @@ from scipy import ndimage
 
 from gpusim.errors import InputError
 from gpusim.measure.cross import Cross, fit_crosses
+from gpusim.measure.graininess import allowed_residual, noise_level
 from gpusim.measure.images import FloatArray, Image, check_image, check_points
 
 __all__ = ["MarkerStatus", "Markers", "find_markers", "locate_markers"]
 
 MIN_RESPONSE = 0.01  # lowest Harris response over the highest of the image
-MAX_RESIDUAL = 0.15  # RMS of what a fit leaves over the contrast
+MAX_RESIDUAL = 0.15  # RMS of what a fit leaves over the contrast, besides the picture's noise
 HARRIS_K = 0.04
 RING = 48  # samples per ring
 MIN_HALF_TURN = 0.5  # correlation of a ring with itself turned by 180 degrees
@@ -87,7 +88,8 @@ def find_markers(
     """Find every 2x2 checker marker whose width lies in ``size_px`` = (lowest, highest), >= 10 px.
 
     Centres are good to 0.01 px on sharp area-sampled images, row by row from the top left.
-    ``min_response`` is the lowest Harris response over the highest of the image.
+    ``min_response`` is the lowest Harris response over the highest of the image, ``max_residual``
+    what a fit may leave over the contrast; more in noisy pictures, by their noise.
     """
     array = check_image(image, "image")
     low, high = _check_size(size_px)
@@ -109,7 +111,7 @@ def _crosses(
     """The markers of each image, contrast in grey levels; with ``near`` = (x, y, distance) none
     is fitted that can't end within that distance."""
     places: list[tuple[npt.NDArray[np.float32], float, float]] = []
-    spans, whose = [], []
+    spans, whose, greys = [], [], {}
     for k, (array, around) in enumerate(zip(images, near, strict=True)):
         grey, span = _grey(array)
         spans.append(span)
@@ -117,10 +119,18 @@ def _crosses(
             own = _candidates(grey, low, min_response, around)
             places += [(grey, *place) for place in own]
             whose += [k] * len(own)
+            greys[k] = grey
     found: list[list[Cross]] = [[] for _ in images]
+    noise: dict[int, float] = {}
     for k, cross in zip(whose, fit_crosses(places, low, high), strict=True):
-        if cross is not None and cross.residual <= max_residual:
-            found[k].append(replace(cross, contrast=cross.contrast * spans[k]))
+        if cross is None:
+            continue
+        if not cross.residual <= max_residual:
+            if k not in noise:
+                noise[k] = noise_level(greys[k])
+            if not cross.residual <= allowed_residual(max_residual, noise[k], cross.contrast):
+                continue
+        found[k].append(replace(cross, contrast=cross.contrast * spans[k]))
     return [_distinct(one, low) for one in found]
 
 

@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.measure.correlated import widening
+from gpusim.measure.graininess import allowed_residual, noise_level
 from gpusim.measure.images import FloatArray, check_image, check_points
 from gpusim.measure.junction import (
     CENTRE,
@@ -34,7 +35,7 @@ LEAST_REACH, ROUGH_REACH, MOST_REACH = 3.0, 7.0, 12.0  # px; the second in a fir
 FIRST_SIGMA, MOST_SIGMA = 0.5, 6.0  # px
 MOST_DRIFT = 3.0  # px from the start
 MIN_CONTRAST = 0.02  # of the image's grey range
-MOST_RESIDUAL = 0.25  # of the contrast
+MOST_RESIDUAL = 0.25  # of the contrast, besides the picture's noise
 LEAST_PIXELS = 24
 MORE_BLUR = 0.1  # px
 
@@ -187,11 +188,15 @@ def _fit(
     place = p[:, :2] + middle
     with np.errstate(invalid="ignore"):
         residual = rms / np.abs(contrast)
+        most = np.full(len(start), MOST_RESIDUAL)
+        if (residual > MOST_RESIDUAL).any():
+            noise = noise_level(np.asarray(array, dtype=np.float32)) / span
+            most = allowed_residual(MOST_RESIDUAL, noise, contrast)
         drift = np.linalg.norm(place - start, axis=1)
         ok = (
             settled
             & (np.abs(contrast) >= 0.5 * MIN_CONTRAST)
-            & (residual <= MOST_RESIDUAL)
+            & (residual <= most)
             & (blur <= MOST_SIGMA)
             & (drift <= MOST_DRIFT)
         )

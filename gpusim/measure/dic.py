@@ -11,7 +11,6 @@ from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
 
 from gpusim.errors import InputError
 from gpusim.gpu import Device
@@ -19,6 +18,7 @@ from gpusim.measure.blurred import noise_factor
 from gpusim.measure.features import feature_motions, global_shift
 from gpusim.measure.images import FloatArray, check_points
 from gpusim.measure.matching import Correlation, Settings, Status
+from gpusim.measure.nearest import point_tree
 from gpusim.measure.propagation import Front, seeds
 from gpusim.measure.subsets import (
     DicResult,
@@ -217,7 +217,7 @@ def explain(
     asked = np.flatnonzero(unknown | ((matches.status == Status.OK) & covers))
     if not asked.size:
         return
-    guide = known[cKDTree(points[known]).query(points[asked])[1]]
+    guide = known[point_tree(points[known]).query(points[asked])[1]]
     offset = np.linspace(-1.0, 1.0, PROBES)
     a, b = (axis.ravel() for axis in np.meshgrid(offset, offset))
     c = matches.coefficients[guide]

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
 
 from gpusim.measure.images import FloatArray, Image
+from gpusim.measure.nearest import point_tree
 
 __all__ = ["Motion", "common_motions", "feature_matches", "feature_motions", "global_shift"]
 
@@ -47,7 +47,7 @@ class Motion:
         The affine motion, corrected by what the nearest matches differ from it (median).
         """
         number = min(NEAREST, len(self.points))
-        apart, near = cKDTree(self.points).query(points, k=number)
+        apart, near = point_tree(self.points).query(points, k=number)
         rest = self.displacement - self.points @ self.matrix.T - self.offset
         correction = np.median(rest[np.asarray(near).reshape(len(points), -1)], axis=1)
         distance = np.asarray(apart, dtype=np.float64).reshape(len(points), -1)[:, 0]

@@ -12,7 +12,6 @@ from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
 
 from gpusim.gpu import Device
 from gpusim.measure.coherence import beside_texture, incoherent
@@ -21,6 +20,7 @@ from gpusim.measure.icgn import correlate
 from gpusim.measure.images import FloatArray, Image
 from gpusim.measure.interpolation import SplineImage
 from gpusim.measure.matching import Correlation, Pair, Settings, Status, Subsets
+from gpusim.measure.nearest import point_tree
 from gpusim.measure.search import integer_search
 
 __all__ = ["Front", "seeds"]
@@ -47,7 +47,7 @@ def seeds(points: FloatArray) -> IntArray:
     """One point per cell of 8x8 points, the one nearest to the cell's centre."""
     if len(points) < 4:
         return np.arange(len(points))
-    apart = np.asarray(cKDTree(points).query(points, k=2)[0], dtype=np.float64)
+    apart = np.asarray(point_tree(points).query(points, k=2)[0], dtype=np.float64)
     spacing = float(np.median(apart[:, 1]))
     size = SEED_EVERY * max(spacing, 1.0)
     cell = np.floor((points - points.min(axis=0)) / size)
@@ -290,7 +290,9 @@ class Front:
     def _neighbours(self) -> IntArray:
         """(M, 8) the points nearest to each, nearest first."""
         number = min(NEIGHBOURS, len(self.points))
-        nearest = np.asarray(cKDTree(self.points).query(self.points, k=number)[1], dtype=np.int64)
+        nearest = np.asarray(
+            point_tree(self.points).query(self.points, k=number)[1], dtype=np.int64
+        )
         return nearest[:, 1:]
 
     def _extrapolated(self, which: IntArray, source: IntArray) -> tuple[FloatArray, FloatArray]:

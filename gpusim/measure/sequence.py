@@ -14,12 +14,12 @@ from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
 
 from gpusim.errors import InputError
 from gpusim.measure.dic import dic, grid_points
 from gpusim.measure.images import FloatArray, check_points
 from gpusim.measure.matching import Status
+from gpusim.measure.nearest import point_tree
 from gpusim.measure.subsets import DicResult
 
 __all__ = ["Update", "dic_sequence"]
@@ -172,7 +172,7 @@ def _moved_mask(
     nearest point; beyond the first image nothing is masked."""
     row, column = np.indices(shape)
     pixels = np.column_stack([column.ravel(), row.ravel()]).astype(np.float64)
-    nearest = np.asarray(cKDTree(points).query(pixels)[1], dtype=np.int64)
+    nearest = np.asarray(point_tree(points).query(pixels)[1], dtype=np.int64)
     back = np.linalg.inv(deformation)[nearest]
     origin = first[nearest] + np.einsum("nij,nj->ni", back, pixels - points[nearest])
     x, y = np.rint(origin).astype(np.int64).T

@@ -15,10 +15,10 @@ from typing import Any, Literal, Protocol, get_args
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
 
 from gpusim.errors import InputError
 from gpusim.measure.images import FloatArray
+from gpusim.measure.nearest import point_tree
 
 __all__ = ["StrainKind", "StrainResult", "StrainStatus", "check_kind", "strain", "strain_tensor"]
 
@@ -134,7 +134,7 @@ def strain(
     if len(points) < 2:
         raise InputError(f"strain: got {len(points)} points; expected at least 2")
     if spacing is None:
-        apart = np.asarray(cKDTree(points).query(points, k=2)[0], dtype=np.float64)
+        apart = np.asarray(point_tree(points).query(points, k=2)[0], dtype=np.float64)
         spacing = float(np.median(apart[:, 1]))
     if not 0 < spacing < np.inf:
         raise InputError(f"spacing: got {spacing!r}; expected a distance > 0 between points")
@@ -240,7 +240,7 @@ def _pairs(
     points: FloatArray, known: FloatArray, reach: float, window: int
 ) -> Iterator[tuple[int, int, IntArray, IntArray]]:
     """Ranges (first, last) of points, with their pairs: row in the range, known point."""
-    tree = cKDTree(known)
+    tree = point_tree(known)
     chunk = max(1, CHUNK // (window * window))
     for first in range(0, len(points), chunk):
         part = points[first : first + chunk]

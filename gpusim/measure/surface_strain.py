@@ -8,9 +8,9 @@ the surface is C = R^-T a^T a R^-1: no reference plane, no projection.
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from gpusim.errors import InputError
+from gpusim.measure.nearest import point_tree
 from gpusim.measure.stereo import StereoResult
 from gpusim.measure.strain import StrainKind, StrainResult, StrainStatus, fit_gradients
 
@@ -39,7 +39,7 @@ def surface_strain(
     points = result.points
     if len(points) < 2:
         raise InputError(f"surface_strain: got {len(points)} points; expected at least 2")
-    apart = np.asarray(cKDTree(points).query(points, k=2)[0], dtype=np.float64)
+    apart = np.asarray(point_tree(points).query(points, k=2)[0], dtype=np.float64)
     spacing = float(np.median(apart[:, 1]))
     reach = 0.5 * (window - 1) * spacing
     before, _, _ = fit_gradients(points, result.shape, reach, 1, window)

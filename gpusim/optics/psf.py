@@ -17,7 +17,6 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
-from scipy import fft
 from scipy.ndimage import map_coordinates
 from scipy.special import j1
 
@@ -218,6 +217,8 @@ class Convolved:
         a, b = self.first.cells(n), self.second.cells(n)
         shape = [m + k - 1 for m, k in zip(a.shape, b.shape, strict=True)]
         # of real arrays, padded to a length that transforms fast: the sum of all shifts
+        from scipy import fft  # not without a lens
+
         whole = [fft.next_fast_len(side, real=True) for side in shape]
         product = fft.rfft2(a, whole) * fft.rfft2(b, whole)
         return np.asarray(fft.irfft2(product, whole)[: shape[0], : shape[1]])

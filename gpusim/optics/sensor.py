@@ -27,6 +27,7 @@ __all__ = ["Sensor", "sensor_twin"]
 AUTO_LEVEL = 0.95
 TILES = {"RGGB": (0, 1, 1, 2), "BGGR": (2, 1, 1, 0), "GRBG": (1, 0, 2, 1), "GBRG": (1, 2, 0, 1)}
 UNLIMITED = 1e30  # electrons
+CHUNK = 1 << 16  # pixels at a time, so that they stay in the cache
 PLANCK_TIMES_LIGHT = 6.62607015e-34 * 299_792_458.0
 
 
@@ -244,6 +245,8 @@ class Sensor:
                 return emva_twin(signal, frame.radiance).astype(self.dtype)
             return sensor_twin(self, frame.radiance)
         if signal is None:
+            if frame.device.transfer.direct:
+                return _expose_seen(self, frame.bands, frame.width)
             return _expose(frame.device, self, frame.bands, frame.width)
         return np.concatenate(
             [
@@ -276,6 +279,21 @@ def _expose(device: Device, sensor: Sensor, bands: Sequence[Band], width: int) -
             row += band.rows
     image = out.read(sensor.dtype, (height, columns * per_word))
     return np.ascontiguousarray(image[:, :width])
+
+
+def _expose_seen(sensor: Sensor, bands: Sequence[Band], width: int) -> npt.NDArray[Any]:
+    """The same by NumPy, where bands lie in the host's memory: a kernel's lanes load words one by
+    one, three times as slow."""
+    image = np.empty((sum(band.rows for band in bands), width), sensor.dtype)
+    step, row = max(1, CHUNK // width), 0
+    for band in bands:
+        # what overflows is full scale, as what isn't finite
+        with band.seen() as values, np.errstate(over="ignore", invalid="ignore"):
+            for first in range(0, band.rows, step):
+                part = values[first : first + step, :width]
+                image[row + first : row + first + len(part)] = sensor_twin(sensor, part)
+        row += band.rows
+    return image
 
 
 def sensor_twin(sensor: Sensor, radiance: npt.NDArray[np.float32]) -> npt.NDArray[Any]:

@@ -14,7 +14,6 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import coo_array
 
 from gpusim.errors import InputError
 from gpusim.gpu import Device
@@ -210,6 +209,8 @@ def _texels(paint: Speckle, extent: Array, outer: float, cell: float) -> float:
 
 def _sorted(slots: list[Long], owners: list[Long], cells: int, discs: int) -> tuple[Long, Long]:
     """Pairs of cell and disc by cell, then by disc."""
+    from scipy.sparse import coo_array  # not without speckle
+
     if not slots:
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
     slot, owner = np.concatenate(slots), np.concatenate(owners)

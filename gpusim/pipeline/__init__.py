@@ -1,6 +1,5 @@
 """From a scene to an output folder: the one place that knows every stage."""
 
-from gpusim.pipeline.solving import solve
 from gpusim.pipeline.work import run
 
-__all__ = ["run", "solve"]
+__all__ = ["run"]

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial.transform import Rotation
 
 from gpusim.errors import InputError
 from gpusim.optics.calibration_files import UNIT_MM, calibration_format, read_calibration
@@ -59,6 +58,8 @@ def _pose(camera: m.Camera) -> Array | None:
         return None
     pose = np.eye(4)
     if len(camera.rotation) == 3:
+        from scipy.spatial.transform import Rotation  # seldom: most cameras look at a target
+
         pose[:3, :3] = Rotation.from_rotvec(camera.rotation).as_matrix()
     else:
         given = np.array(camera.rotation).reshape(3, 3)

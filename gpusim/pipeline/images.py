@@ -32,6 +32,8 @@ from gpusim.surface import Surface
 
 __all__ = ["Photographer", "image_path"]
 
+SERIES = 10_000  # frames that a scene may have: series of the same sensor share none of their noise
+
 
 def image_path(scene: Scene, out: Path, camera: str, frame: int, kind: str = "") -> Path:
     """Where the image of a frame lies; ``kind`` "calib-" for those of a calibration target."""
@@ -152,7 +154,9 @@ class Photographer:
         sensor = self._sensor(camera, frame, linear)
         if self.scene.sensor_of(camera.name).exposure is None and frame == 0:
             files.append(self._exposure_file(camera))
-        image = sensor.expose(linear, self.scene.sensor.seed, frame, f"{self.kind}{camera.name}")
+        common = self.scene.sensor
+        number = common.series * SERIES + frame
+        image = sensor.expose(linear, common.seed, number, f"{self.kind}{camera.name}")
         if window is not None:
             image = window.placed(image, build_camera(camera))
         self.image = image

@@ -71,8 +71,8 @@ def _key(
     bits: int,
 ) -> str:
     """A digest of all that the result depends on."""
-    digest = hashlib.blake2b(digest_size=16)
-    bent = np.zeros(0) if camera.distortion is None else camera.distortion
+    digest = hashlib.sha256()
+    bent = np.zeros(0) if camera.distortion is None else np.asarray(camera.distortion)
     for values in (reference, deformed, camera.K, camera.camera_from_world, bent,
                    marks.position, marks.size):  # fmt: skip
         digest.update(f"{values.shape} {values.dtype}".encode())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gpusim.errors import InputError
-from gpusim.fem.choice import host_memory
+from gpusim.gpu.host import host_memory
 from gpusim.plan import Plan
 
 __all__ = ["check_memory"]

@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.fem import Model, Solution
+if TYPE_CHECKING:
+    from gpusim.fem import Model, Solution
 
 __all__ = ["Solved"]
 

@@ -1,18 +1,22 @@
-"""Solving a model, or the body of a scene, without making images."""
+"""Solving the bodies of a scene; or a model, or one body, without making images."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from typing import Any
 
+import numpy as np
+
 from gpusim import fem
-from gpusim.errors import InputError
+from gpusim.errors import InputError, NotConverged
 from gpusim.gpu import Device
-from gpusim.pipeline.build import build_body
+from gpusim.pipeline.build import BodyParts, build_body
 from gpusim.pipeline.modelling import build_model
 from gpusim.scene import Scene
+from gpusim.scene import model as m
 from gpusim.scene.amplitudes import load_groups
 
-__all__ = ["solve"]
+__all__ = ["solve", "solve_bodies"]
 
 
 def solve(problem: fem.Model | Scene, device: Device | None = None, **options: Any) -> fem.Solution:
@@ -47,3 +51,45 @@ def solve(problem: fem.Model | Scene, device: Device | None = None, **options: A
         model = build_model(build_body(body), groups)
         return fem.solve(model, device, **{**defaults, **options})
     return fem.solve(problem, device, **options)
+
+
+def solve_bodies(
+    solver: m.Solver,
+    bodies: Sequence[BodyParts],
+    models: Sequence[fem.Model],
+    backend: str,
+    progress: Callable[[float, str], None],
+) -> list[fem.Solution]:
+    """Solve each body's model; ``progress`` is called with (done 0..1, text).
+
+    Raises
+    ------
+    NotConverged
+        Naming the body; and what `gpusim.fem.solve` raises.
+    """
+    solutions = []
+    for parts, model in zip(bodies, models, strict=True):
+
+        def note(iterations: int, estimate: float, name: str = parts.body.name) -> None:
+            done = min(0.99, max(0.0, np.log(max(estimate, 1e-300)) / np.log(solver.tolerance)))
+            progress(done, f"{name}: iteration {iterations}, {estimate:.1e}")
+
+        solution = fem.solve(
+            model,
+            tolerance=solver.tolerance,
+            formulation=parts.body.formulation,
+            # a software adapter is the host's own processors: no detour through it
+            backend="auto" if backend == "gpu" else backend,
+            max_iterations=solver.max_iterations,
+            method=solver.method,
+            progress=note,
+        )
+        if not solution.converged:
+            raise NotConverged(
+                f"solve, body {parts.body.name!r}: stopped after {solution.iterations} "
+                f"iterations at an estimated displacement error of "
+                f"{solution.error_estimate:.2e}; expected {solver.tolerance:.1e}: "
+                f"{solution.message}"
+            )
+        solutions.append(solution)
+    return solutions

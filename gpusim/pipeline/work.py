@@ -7,13 +7,12 @@ from collections.abc import Callable
 from functools import partial
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from gpusim import fem
-from gpusim.errors import GpusimError, InputError, NotConverged
+from gpusim.errors import GpusimError, InputError
 from gpusim.export.files import atomic_stream, clean_leftovers, write_text
 from gpusim.export.images import read_image
 from gpusim.gpu import Device, default_device
@@ -25,10 +24,8 @@ from gpusim.pipeline.kept import KeptMarkers
 from gpusim.pipeline.mechanics import large_displacements, make_mechanics
 from gpusim.pipeline.memory import check_memory
 from gpusim.pipeline.meshing import mesh_summary
-from gpusim.pipeline.modelling import build_model, held_by
 from gpusim.pipeline.props import build_prop
 from gpusim.pipeline.solved import Solved
-from gpusim.pipeline.stresses import Stresses, write_stresses
 from gpusim.pipeline.things import Things
 from gpusim.pipeline.variants import run_variants
 from gpusim.plan import Plan, PlannedStage, make_plan
@@ -44,6 +41,10 @@ from gpusim.report import (
 from gpusim.scene import Scene
 from gpusim.scene.amplitudes import LoadHistory
 from gpusim.state import StateFile
+
+if TYPE_CHECKING:
+    from gpusim.fem import Model
+    from gpusim.pipeline.stresses import Stresses
 
 __all__ = ["Progress", "run"]
 
@@ -113,7 +114,7 @@ class _Run:
         self.note = ""
         self.things = Things(scene, self.history)
         self.meshes: list[MeshSummary] = []
-        self.models: list[fem.Model] = []
+        self.models: list[Model] = []
         self.stresses: Stresses | None = None
         self.results: list[measurements.Result] = []
         self.photographer: images.Photographer | None = None
@@ -176,6 +177,8 @@ class _Run:
             return f"{sum(b.mesh.cell_count for b in self.things.bodies)} elements"
 
         def models() -> str:
+            from gpusim.pipeline.modelling import build_model
+
             self.models = [
                 build_model(parts, groups)
                 for parts, groups in zip(self.things.bodies, self.history.groups, strict=True)
@@ -230,32 +233,14 @@ class _Run:
     # -- stages ----------------------------------------------------------------------------
 
     def _solve(self) -> list[Path]:
-        solver = self.scene.solver
-        solutions = []
-        for parts, model in zip(self.things.bodies, self.models, strict=True):
+        # what solves is imported where something is solved: most runs of a scene only look again
+        from gpusim.pipeline.modelling import held_by
+        from gpusim.pipeline.solving import solve_bodies
 
-            def note(iterations: int, estimate: float, name: str = parts.body.name) -> None:
-                done = min(0.99, max(0.0, np.log(max(estimate, 1e-300)) / np.log(solver.tolerance)))
-                self.progress("solve", done, f"{name}: iteration {iterations}, {estimate:.1e}")
-
-            solution = fem.solve(
-                model,
-                tolerance=solver.tolerance,
-                formulation=parts.body.formulation,
-                # a software adapter is the host's own processors: no detour through it
-                backend="auto" if self.backend == "gpu" else self.backend,
-                max_iterations=solver.max_iterations,
-                method=solver.method,
-                progress=note,
-            )
-            if not solution.converged:
-                raise NotConverged(
-                    f"solve, body {parts.body.name!r}: stopped after {solution.iterations} "
-                    f"iterations at an estimated displacement error of "
-                    f"{solution.error_estimate:.2e}; expected {solver.tolerance:.1e}: "
-                    f"{solution.message}"
-                )
-            solutions.append(solution)
+        note = partial(self.progress, "solve")
+        solutions = solve_bodies(
+            self.scene.solver, self.things.bodies, self.models, self.backend, note
+        )
         held = [held_by(parts) for parts in self.things.bodies]
         solved = self.things.solved = Solved.of(solutions, self.models, held)
         self.note = f"{solved.iterations} iterations, estimated error {solved.error_estimate:.1e}"
@@ -315,6 +300,8 @@ class _Run:
         return read_image(images.image_path(self.scene, self.out, camera, frame, kind))
 
     def _stress(self) -> list[Path]:
+        from gpusim.pipeline.stresses import write_stresses
+
         path = self.out / "solution" / "stress.npz"
         self.stresses = write_stresses(
             path, self.things.bodies, self.models, self.history, self.things.displacement,
@@ -325,6 +312,8 @@ class _Run:
         return [path]
 
     def _restress(self) -> None:
+        from gpusim.pipeline.stresses import Stresses
+
         (path,) = self.state.files(self.plan["stress"].key)
         self.stresses = Stresses(path)
 

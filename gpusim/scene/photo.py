@@ -94,6 +94,7 @@ class Sensor:
     seed: int = 0
     preset: str | None = None
     values: tuple[tuple[str, float | str | tuple[float, ...]], ...] = ()
+    series: int = 0
 
     @property
     def noisy(self) -> bool:

@@ -73,4 +73,6 @@ def sensor(table: SensorTable) -> photo.Sensor:
     if table.bayer is not None:
         values += [("bayer", table.bayer), ("bayer_response", tuple(table.bayer_response))]
     exposure = None if table.exposure == "auto" else float(table.exposure)
-    return photo.Sensor(table.bits, exposure, table.format, table.seed, table.preset, tuple(values))
+    return photo.Sensor(
+        table.bits, exposure, table.format, table.seed, table.preset, tuple(values), table.series
+    )

@@ -168,11 +168,13 @@ class Scene:
 
         Raises SceneError if there is no such variant.
         """
-        for entry in self.variants:
+        for index, entry in enumerate(self.variants):
             if entry.name == name:
                 own = without_variants(self.document)
                 source = f"{self.source}, variant {name}"
-                return Scene.from_document(own, source=source, overrides=entry.changes)
+                # noise that states share would cancel in their difference
+                changes = {"sensor.series": self.sensor.series + index, **entry.changes}
+                return Scene.from_document(own, source=source, overrides=changes)
         names = ", ".join(entry.name for entry in self.variants) or "none"
         raise SceneError(self.source, [Fault("variant", "no such variant", name, names)])
 

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy import fft
 
 __all__ = ["MARGIN", "Level", "pyramid"]
 
@@ -60,6 +59,8 @@ def _level(coefficients: Array) -> Level:
 
 def _solve(values: Array, taps: tuple[float, ...]) -> Array:
     """Coefficients whose symmetric filter with ``taps`` along both axes gives ``values``."""
+    from scipy import fft  # not without a bitmap
+
     spectrum = fft.dctn(values, type=2)
     for axis, n in enumerate(values.shape):
         angle = np.pi * np.arange(n) / n

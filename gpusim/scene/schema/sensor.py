@@ -48,6 +48,9 @@ class SensorTable(Table):
     format: Literal["png", "tiff"] = "png"
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
     """Of the noise; every camera and frame has its own, independent of the others."""
+    series: Annotated[int, Field(ge=0, lt=100_000)] = 0
+    """Of the same sensor: pixels keep their offsets and gains, all other noise is new. Variants are
+    series 0, 1, 2 … unless they say otherwise."""
     preset: Preset | None = None
     """A real camera's values; keys given beside it replace them."""
     gain_DN_per_e: Most = None
