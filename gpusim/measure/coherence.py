@@ -34,6 +34,7 @@ TEXTURED = 0.4  # sum of squared slopes over the mean one of the parts: with les
 ROUND = 0.2  # likewise 4 det / trace^2 of those sums, 1 without a preferred direction
 LEVER = 2.5  # uncertainty of the point over that with known slopes; 1.0 to 1.2 usually
 VAGUE = 3.0  # uncertainty of the point over the lower quartile of all
+BORDER = 2.0  # px
 LEAST_SHARE = 1e-4  # eigenvalue of the scaled normal matrix without noise, at least
 UNSURE = 6.0  # standard deviations of the noise's slopes that those of a pattern must exceed …
 ONE_WAY = 0.1  # … or this share of those across them
@@ -157,11 +158,16 @@ def _chunk(
     half = settings.half
     size = 2 * half + 1
     column, row, planes = _subsets(pair, points, settings)
-    weight = settings.window.ravel() * planes[..., 3]
-    total = weight.sum(axis=1, keepdims=True)
     terms = basis((column - points[:, :1]) / half, (row - points[:, 1:]) / half, 6)
     motion = np.einsum("bik,kbn->ibn", coefficients, terms)
-    g = _look_up(pair.deformed, column + motion[0], row + motion[1])
+    x_there, y_there = column + motion[0], row + motion[1]
+    weight = settings.window.ravel() * planes[..., 3]
+    # at the border, what lies beyond is guessed: that looks like a strip that moved
+    left, top, right, bottom = pair.deformed.valid
+    weight = weight * ((x_there >= left + BORDER) & (x_there <= right - BORDER))
+    weight = weight * ((y_there >= top + BORDER) & (y_there <= bottom - BORDER))
+    total = np.maximum(weight.sum(axis=1, keepdims=True), 1.0)
+    g = _look_up(pair.deformed, x_there, y_there)
     f = planes[..., 0] - (weight * planes[..., 0]).sum(axis=1, keepdims=True) / total
     g -= (weight * g).sum(axis=1, keepdims=True) / total
     contrast = (weight * f * f).sum(axis=1, keepdims=True)
