@@ -1,8 +1,15 @@
 """How uncertain fits are where the noise of neighbouring pixels is alike.
 
 Colour filters, sharpening and compression correlate noise. A fit whose parameter is p = sum h_i n_i
-of the noise n then varies by s^2 sum_ij h_i h_j r(j - i), where independent noise gives
-s^2 sum_i h_i^2. The correlation r is taken from what all fits of an image leave.
+of the noise n then varies by sum_ij h_i h_j c(j - i), where independent noise gives s^2 sum_i h_i^2.
+
+The covariance c at each distance is taken from what all fits of an image leave. A fit takes up part
+of the noise: it leaves e = (I - H) n with H = Q Q^T, Q an orthonormal basis of its slopes, and so
+
+    E[e e^T] = C - H C - C H + H C H
+
+whose sums over pairs at a distance are linear in c. Where a marker has 14 px and nine parameters,
+what is left looks much less alike than the noise is.
 """
 
 from __future__ import annotations
@@ -15,16 +22,24 @@ import numpy.typing as npt
 __all__ = ["widening"]
 
 FloatArray = npt.NDArray[np.float64]
+Lag = tuple[int, int]
 
 REACH = 3  # px: noise further apart counts as independent
 SURE = 4.0  # standard deviations by which a correlation must stand out
+MOST_TAKEN = 3.0  # variance of the noise over that of what fits leave, if distances are known
+BLURS = np.linspace(0.3, 1.8, 31)  # px
+ASKED = 8  # fits that tell how much of the noise is taken up
+LAGS = [(d, a) for d in range(REACH + 1) for a in range(-REACH, REACH + 1) if d > 0 or a > 0]
 
 
-def widening(residual: FloatArray, weight: FloatArray, influence: FloatArray) -> FloatArray:
+def widening(
+    residual: FloatArray, weight: FloatArray, influence: FloatArray, slopes: FloatArray
+) -> FloatArray:
     """Standard uncertainty over that for independent noise, at least 1, of C fits (C,).
 
     ``residual``, ``weight`` (C, S, S): what the fits leave of their pixels, and 0 for those that
-    they don't use; ``influence`` (C, Q, S, S): h of the parameters whose variances are added.
+    they don't use; ``influence`` (C, Q, S, S): h of the parameters whose variances are added;
+    ``slopes`` (C, P, S, S): of the model by all its parameters.
     """
     used = weight > 0
     count = np.maximum(used.sum(axis=(1, 2)), 1)
@@ -32,23 +47,102 @@ def widening(residual: FloatArray, weight: FloatArray, influence: FloatArray) ->
     scale = np.sqrt((left * left).sum(axis=(1, 2)) / count)
     left = left / np.where(scale > 0, scale, 1.0)[:, None, None]
     own = np.where(used[:, None], influence, 0.0)
+    some = np.unique(np.linspace(0, len(used) - 1, min(ASKED, len(used))).astype(np.int64))
+    taken = _overlaps(np.where(used[some, None], slopes[some], 0.0))
+    share = len(used) / len(some)
+    observed, pairs = {(0, 0): float((left * left).sum())}, {(0, 0): int(used.sum())}
+    known: list[Lag] = [(0, 0)]
+    for lag in LAGS:
+        one, other = _shifted(used, *lag)
+        pairs[lag] = int((one & other).sum())
+        if not pairs[lag]:
+            continue
+        one, other = _shifted(left, *lag)
+        observed[lag] = float((one * other).sum())
+        independent = -share * float(np.trace(taken[lag], axis1=1, axis2=2).sum())
+        if abs(observed[lag] - independent) > SURE * np.sqrt(pairs[lag]):
+            known.append(lag)
+    if len(known) == 1:
+        return np.ones(len(used))
+    covariance = _solved(known, taken, share, pairs, observed)
+    if not (np.abs(covariance[1:]) <= covariance[0]).all() or not covariance[0] <= MOST_TAKEN:
+        # so much is taken up that distances can't be told apart
+        known = [(0, 0), *(lag for lag in LAGS if pairs[lag])]
+        covariance = _as_blurred(known, taken, share, pairs, observed)
     alone = (own * own).sum(axis=(1, 2, 3))
-    together = alone.copy()
-    for down in range(REACH + 1):
-        for across in range(-REACH, REACH + 1):
-            if down == 0 and across <= 0:
-                continue
-            one, other = _shifted(used, down, across)
-            pairs = int((one & other).sum())
-            if not pairs:
-                continue
-            one, other = _shifted(left, down, across)
-            alike = float((one * other).sum()) / pairs
-            if abs(alike) * np.sqrt(pairs) > SURE:
-                one, other = _shifted(own, down, across)
-                together += 2.0 * alike * (one * other).sum(axis=(1, 2, 3))
-    ratio = together / np.where(alone > 0, alone, 1.0)
+    together = covariance[0] * alone
+    for value, lag in zip(covariance[1:], known[1:], strict=True):
+        one, other = _shifted(own, *lag)
+        together += 2.0 * value * (one * other).sum(axis=(1, 2, 3))
+    stated = count / np.maximum(count - slopes.shape[1], 1)
+    ratio = together / np.where(alone > 0, alone * stated, 1.0)
     return np.asarray(np.sqrt(np.maximum(ratio, 1.0)))
+
+
+def _matrix(
+    known: list[Lag], taken: dict[Lag, FloatArray], share: float, pairs: dict[Lag, int]
+) -> FloatArray:
+    matrix = np.array([[share * _left_over(taken, d, k) for k in known] for d in known])
+    return matrix + np.diag([float(pairs[lag]) for lag in known])
+
+
+def _solved(
+    known: list[Lag],
+    taken: dict[Lag, FloatArray],
+    share: float,
+    pairs: dict[Lag, int],
+    observed: dict[Lag, float],
+) -> FloatArray:
+    """Covariance at the distances ``known``, 0 at others."""
+    matrix = _matrix(known, taken, share, pairs)
+    found: FloatArray = np.linalg.lstsq(matrix, np.array([observed[k] for k in known]))[0]
+    return found
+
+
+def _as_blurred(
+    known: list[Lag],
+    taken: dict[Lag, FloatArray],
+    share: float,
+    pairs: dict[Lag, int],
+    observed: dict[Lag, float],
+) -> FloatArray:
+    """The same as that of white noise behind a Gaussian blur, which fits best."""
+    matrix = _matrix(known, taken, share, pairs)
+    sums = np.array([observed[k] for k in known])
+    square = np.array([float(d * d + a * a) for d, a in known])
+    best, found = np.inf, np.zeros(len(known))
+    for blur in BLURS:
+        alike = np.exp(-square / (4.0 * blur * blur))
+        left = matrix @ alike
+        scale = float(left @ sums / max(float(left @ left), 1e-300))
+        error = float(np.square(sums - scale * left).sum())
+        if error < best:
+            best, found = error, scale * alike
+    return found
+
+
+def _overlaps(slopes: FloatArray) -> dict[Lag, FloatArray]:
+    """G(m) = sum_i Q_(i+m) Q_i^T of each fit, (C, P, P), by distance m up to twice the reach."""
+    count, number, size, _ = slopes.shape
+    flat = slopes.reshape(count, number, -1).transpose(0, 2, 1)
+    basis = np.linalg.qr(flat)[0].transpose(0, 2, 1).reshape(slopes.shape)
+    found = {}
+    for down in range(2 * REACH + 1):
+        for across in range(-2 * REACH, 2 * REACH + 1):
+            one, other = (v.reshape(count, number, -1) for v in _shifted(basis, down, across))
+            found[down, across] = other @ one.transpose(0, 2, 1)
+            found[-down, -across] = found[down, across].transpose(0, 2, 1)
+    return found
+
+
+def _left_over(taken: dict[Lag, FloatArray], at: Lag, of: Lag) -> float:
+    """Sum over pairs at distance ``at`` of H S H - H S - S H, S = 1 at the distances +-``of``."""
+    if of == (0, 0):
+        return -float(np.trace(taken[at], axis1=1, axis2=2).sum())
+    both = taken[of] + taken[-of[0], -of[1]]
+    inner = np.einsum("cij,cji->", both, taken[at])
+    ends = taken[at[0] + of[0], at[1] + of[1]] + taken[at[0] - of[0], at[1] - of[1]]
+    return float(inner - 2.0 * np.trace(ends, axis1=1, axis2=2).sum())
 
 
 def _shifted(

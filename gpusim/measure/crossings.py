@@ -181,6 +181,7 @@ def _fit(
             left.reshape(-1, side, side),
             weight[own].reshape(-1, side, side),
             influence.reshape(-1, 2, side, side),
+            slopes.reshape(-1, PARAMETERS, side, side),
         )
     settled = np.zeros(len(start), dtype=bool)
     settled[rows] = fit.converged
