@@ -135,13 +135,13 @@ def test_wide_penumbrae_take_more_faces_joined(monkeypatch: pytest.MonkeyPatch) 
 def test_a_ray_between_faces_lights_no_tile(monkeypatch: pytest.MonkeyPatch) -> None:
     """Joined faces needn't meet corner by corner; a tile in the umbra has one ray."""
     points, faces = strip(24, 6, 0.004)
-    sheet = gs.Surface(points + np.array([-0.4, -0.3, 0.1]), faces, paint=gs.paint.Plain(0.4))
+    sheet = gs.Surface(points + np.array([-0.4, -0.3, 0.7]), faces, paint=gs.paint.Plain(0.4))
     ground = gs.Surface(
         np.array([[-1.5, -1.2, 0], [1.5, -1.2, 0], [1.5, 1.2, 0], [-1.5, 1.2, 0.0]]),
         np.array([[0, 1, 2, 3]]), paint=gs.paint.Plain(0.7),
     )  # fmt: skip
     camera = gs.Camera.from_lens(
-        (36.0, 27.0), 30.0, (160, 120), eye=(0.2, -2.6, 0.9), target=(0.3, 0, 0.05)
+        (36.0, 27.0), 30.0, (256, 192), eye=(0.2, -2.6, 2.4), target=(0.2, -0.3, 0)
     )
     lamp = gs.AreaLight((0.3, 0.9, 2.9), (0.1, 0.0, 0.0), size=(0.1, 0.05), power=40.0)
     view = look([sheet, ground], camera, lit=True)
