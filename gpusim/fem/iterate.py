@@ -25,6 +25,8 @@ _BELOW = 0.9
 _MOST_REFINEMENTS = 12
 # share of the tolerance that the first run of conjugate gradients may leave, and a later one
 _AIM, _LATER_AIM = 0.7, 0.15
+# share of the tolerance to which r.z must have fallen, by the plain bound that is stated
+_ENOUGH = 0.95
 # ratio of stiffnesses from node to node beyond which the loads may not feel all soft modes, and
 # how much closer to go there
 HARSH, _HARSH_AIM = 1e3, 0.03
@@ -250,8 +252,9 @@ def iterate(
         aim = _LATER_AIM if refinement else _AIM
         report = None if progress is None else partial(_shifted, progress, iterations)
         correction, history, inside = _run(
-            system, loop, state, x, rz, aim * tolerance_inside, most - iterations, chunk, report
-        )
+            system, loop, state, x, rz, aim * tolerance_inside, _ENOUGH * tolerance,
+            most - iterations, chunk, report,
+        )  # fmt: skip
         x, image = x + correction, None
         loop.keep()
         left = state.left(history, rz, x)
@@ -282,15 +285,21 @@ def _run(
     x: Float,
     rz: Float,
     tolerance: float,
+    enough: float,
     most: int,
     chunk: int,
     progress: Callable[[int, float], None] | None,
 ) -> tuple[Float, Float, Float]:
-    """One run from the residual that the loop holds; returns (correction, history, estimate)."""
+    """One run from the residual that the loop holds; returns (correction, history, estimate).
+
+    It ends where the sharp bound is at ``tolerance``, and the plain one by r.z, which the caller
+    goes by, at ``enough``: another run for the rest would begin anew.
+    """
     history = np.zeros((0, len(rz), 4))
     active = rz > 0.0
     estimate = np.full(len(rz), np.inf)
     estimate[~active] = 0.0
+    plain = estimate.copy()
     correction = np.zeros_like(system.right)
     while active.any() and len(history) < most:
         lines = loop.run(min(chunk, most - len(history)), active)
@@ -310,7 +319,9 @@ def _run(
             estimate[case] = state.relative(
                 np.where(np.arange(len(rz)) == case, energy, 0.0), x + correction
             )[case]
-        active &= ~(estimate <= tolerance)
+            left = np.sqrt(history[-1, case, 0] * history[-1, case, 2] / (_BELOW * state.mu[case]))
+            plain[case] = estimate[case] * (left / energy if energy > 0.0 else 1.0)
+        active &= ~((estimate <= tolerance) & (plain <= enough))
         if progress is not None:
             progress(len(history), float(estimate.max()))
     return correction, history, estimate
