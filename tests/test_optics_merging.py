@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import gpusim as gs
-from gpusim.optics import joining
+from gpusim.optics import joining, shadow_tiles
 from gpusim.optics.casters import Casters
 from gpusim.optics.merging import merge_flat
 from gpusim.optics.setup import Setup
@@ -130,3 +130,28 @@ def test_wide_penumbrae_take_more_faces_joined(monkeypatch: pytest.MonkeyPatch) 
     assert 0 < len(same) < 0.5 * len(exact)
     changed = np.abs(got - want)
     assert (changed <= 1.5 / 512 * want.max()).all() and (changed > 0).mean() < 0.05
+
+
+def test_a_ray_between_faces_lights_no_tile(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Joined faces needn't meet corner by corner; a tile in the umbra has one ray."""
+    points, faces = strip(24, 6, 0.004)
+    sheet = gs.Surface(points + np.array([-0.4, -0.3, 0.7]), faces, paint=gs.paint.Plain(0.4))
+    ground = gs.Surface(
+        np.array([[-1.5, -1.2, 0], [1.5, -1.2, 0], [1.5, 1.2, 0], [-1.5, 1.2, 0.0]]),
+        np.array([[0, 1, 2, 3]]), paint=gs.paint.Plain(0.7),
+    )  # fmt: skip
+    camera = gs.Camera.from_lens(
+        (36.0, 27.0), 30.0, (256, 192), eye=(0.2, -2.6, 2.4), target=(0.2, -0.3, 0)
+    )
+    lamp = gs.AreaLight((0.3, 0.9, 2.9), (0.1, 0.0, 0.0), size=(0.1, 0.05), power=40.0)
+    view = look([sheet, ground], camera, lit=True)
+    ids = visibility_twin(view)
+    setup = Setup.build(view, [lamp], 0.0, [sheet, ground])
+    before, want = setup.lighting.shadows, shade_twin(setup, ids)
+    monkeypatch.setattr(shadow_tiles, "_meets", lambda lamp, at, *_: np.zeros(len(at), bool))
+    setup = Setup.build(view, [lamp], 0.0, [sheet, ground])
+    after, got = setup.lighting.shadows, shade_twin(setup, ids)
+    assert before is not None and after is not None
+    assert ((before.lit & 1) == 0).any()  # tiles in the umbra
+    assert len(after.place) > len(before.place)
+    assert np.abs(got - want).max() <= 1e-6 * want.max()

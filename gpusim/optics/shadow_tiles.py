@@ -321,6 +321,9 @@ def _candidates(
         middle = points[:, :, box[ask]].mean(axis=0).T
         corners = casters.corners[face[ask]]
         hit[box[ask[_meets(grid.view.lamp, middle, corners, against[ask])]]] = True
+        # inside of an outline, yet no face in the way: a ray between faces that were joined, which
+        # needn't meet corner by corner; pixel by pixel it is one sample
+        half[box[~hit[box]]] = True
         state = np.maximum(state, np.where(half, HALF, np.where(hit, DARK, LIT)).astype(np.int8))
         pairs.append(box)
         faces.append(face)
