@@ -1,7 +1,7 @@
 """How uncertain fits are where the noise of neighbouring pixels is alike.
 
 Colour filters, sharpening and compression correlate noise. A fit whose parameter is p = sum h_i n_i
-of the noise n then varies by sum_ij h_i h_j c(j - i), where independent noise gives s^2 sum_i h_i^2.
+of the noise n then varies by sum_ij h_i h_j c(j - i); independent noise gives s^2 sum_i h_i^2.
 
 The covariance c at each distance is taken from what all fits of an image leave. A fit takes up part
 of the noise: it leaves e = (I - H) n with H = Q Q^T, Q an orthonormal basis of its slopes, and so
@@ -123,7 +123,7 @@ def _as_blurred(
 
 def _overlaps(slopes: FloatArray) -> dict[Lag, FloatArray]:
     """G(m) = sum_i Q_(i+m) Q_i^T of each fit, (C, P, P), by distance m up to twice the reach."""
-    count, number, size, _ = slopes.shape
+    count, number = slopes.shape[:2]
     flat = slopes.reshape(count, number, -1).transpose(0, 2, 1)
     basis = np.linalg.qr(flat)[0].transpose(0, 2, 1).reshape(slopes.shape)
     found = {}
