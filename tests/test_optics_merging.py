@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import gpusim as gs
-from gpusim.optics import joining, shadow_tiles
+from gpusim.optics import lighting, shadow_tiles
 from gpusim.optics.casters import Casters
 from gpusim.optics.merging import merge_flat
 from gpusim.optics.setup import Setup
@@ -112,7 +112,7 @@ def test_wide_penumbrae_take_more_faces_joined(monkeypatch: pytest.MonkeyPatch) 
     ids = visibility_twin(view)
     setup = Setup.build(view, [lamp], 0.0, [sheet, ground])
     joined, got = setup.lighting.shadows, shade_twin(setup, ids)
-    monkeypatch.setattr(joining, "WORTH", 0.0)
+    monkeypatch.setattr(lighting, "WORTH", 0.0)
     setup = Setup.build(view, [lamp], 0.0, [sheet, ground])
     single, want = setup.lighting.shadows, shade_twin(setup, ids)
     assert joined is not None and single is not None

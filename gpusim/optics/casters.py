@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.optics.emitters import Lamp
-from gpusim.optics.merging import Merged, merge_flat, neighbours
+from gpusim.optics.merging import merge_flat, neighbours
 from gpusim.surface.surface import Surface, face_normals
 from gpusim.surface.topology import Topology
 
@@ -49,8 +49,8 @@ class Casters:
     (F, 3) outward, as long as the area; ``both_sides`` (F,): of surfaces that aren't closed. Of
     the edges of the surfaces' own faces that aren't inside a joined one: ``edge`` (E, 2) joined
     face and place among its edges, ``beside`` (E,) the joined face across, -1 for none or several,
-    -2 where a triangle has no fourth edge. ``sag`` (F,): how far the outlines of faces that were
-    joined for one lamp are off in its view (`gpusim.optics.joining`).
+    -2 where a triangle has no fourth edge. ``sag`` (F,): how far a joined face may pass from the
+    surface.
     """
 
     points: Array
@@ -101,11 +101,8 @@ class Casters:
 
     def joined(self, flatness: Callable[[Array], Array]) -> Casters:
         """These with flat parts joined: see `of`."""
-        merged = merge_flat(self.points, self.faces, flatness(self.points))
-        return self.joined_as(merged, np.zeros(len(merged.faces)))
-
-    def joined_as(self, merged: Merged, sag: Array) -> Casters:
-        """These with the faces of each of ``merged`` as one, which is ``sag`` (M,) off."""
+        tolerance = flatness(self.points)
+        merged = merge_flat(self.points, self.faces, tolerance)
         count = len(merged.faces)
         normal = [np.bincount(merged.owner, self.normal[:, k], minlength=count) for k in range(3)]
         one = np.zeros(count, np.int64)
@@ -116,7 +113,18 @@ class Casters:
         return Casters(
             self.points, merged.faces, np.stack(normal, axis=1), self.both_sides[one],
             np.stack([merged.owner[face[kept]], place[kept]], axis=1),
-            np.where(other >= 0, merged.owner[other], other), sag,
+            np.where(other >= 0, merged.owner[other], other),
+            tolerance[merged.faces].max(axis=1, initial=0.0) + self.sag.max(initial=0.0),
+        )  # fmt: skip
+
+    def beside_others(self, others: Casters) -> Casters:
+        """These casters and ``others``, numbered behind them, for their faces only."""
+        return Casters(
+            self.points, np.concatenate([self.faces, others.faces]),
+            np.concatenate([self.normal, others.normal]),
+            np.concatenate([self.both_sides, others.both_sides]),
+            self.edge, self.beside,
+            np.concatenate([self.sag, others.sag]),
         )  # fmt: skip
 
     def seen_by(self, lamp: Lamp, receivers: Array) -> LampFaces:

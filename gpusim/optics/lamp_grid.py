@@ -126,12 +126,18 @@ def _fold(function: np.ufunc, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
     return result
 
 
+def _farthest(values: Array) -> Array:
+    """The largest distance from 0 of intervals (2, n)."""
+    result: Array = np.maximum(np.abs(values[0]), np.abs(values[1]))
+    return result
+
+
 class LampGrid:
     """Casters of one view of a lamp, in square cells of p and q, each with its highest s."""
 
     def __init__(self, view: LampView, casters: Casters, faces: LampFaces, lowest: float) -> None:
         """``lowest``: the smallest s of any receiver."""
-        self.view, self.faces, self.lowest = view, faces, lowest
+        self.view = view
         reach = view.reach(np.moveaxis(casters.corners[faces.face], 0, 2))
         ahead = np.flatnonzero(reach.s[1] > max(lowest, -1e300))
         self.face, self.rim = faces.face[ahead], faces.rim[ahead]
@@ -223,15 +229,19 @@ class LampGrid:
             past |= self.rim[:, k][caster] & (np.abs(gap) <= width)
         return inside | ~bounded, past | ~bounded
 
-    def moves(self, highest: Array, caster: Numbers, sag: Array) -> Array:
+    def moves(self, reach: Reach, box: Numbers, caster: Numbers, sag: Array) -> Array:
         """Share (n,) of the lamp by which casters that are off by ``sag`` (F,) may change it.
 
-        Receivers up to an s of ``highest`` (n,) see the lamp as large as the caster's height above
-        them says.
+        Boxes ``box`` of ``reach`` see the lamp as large as the caster's height above them says.
         """
-        rise = np.maximum(self.reach.s[0][caster] - highest, 0.0)
+        shift = sag[self.face]
+        if not self.view.lamp.far:
+            # p and q of a point that is off along the axis as well
+            slope = 1.0 + np.maximum(_farthest(self.reach.p), _farthest(self.reach.q))
+            shift = shift * slope * self.highest
+        rise = np.maximum(self.reach.s[0][caster] - reach.s[1][box], 0.0)
         size = 2.0 * min(self.view.half) * rise
-        own = sag[self.face][caster]
+        own = shift[caster]
         return np.where(own < size, own / np.where(size > 0.0, size, 1.0), np.sign(own))
 
     def _mapped(self, values: Array) -> Array:

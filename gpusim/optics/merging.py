@@ -36,25 +36,18 @@ class Merged:
     inner: npt.NDArray[np.bool_]
 
 
-def merge_flat(
-    points: Array,
-    faces: Numbers,
-    tolerance: Array | None,
-    among: npt.NDArray[np.bool_] | None = None,
-) -> Merged:
+def merge_flat(points: Array, faces: Numbers, tolerance: Array | None) -> Merged:
     """Join faces (F, 4) of ``points`` (N, 3); triangles, with a corner twice, stay.
 
     ``tolerance`` (N,): how far from a vertex the joined side may pass; None joins nothing.
-    ``among`` (F,): the faces that may be joined, all unless given.
     """
     count = len(faces)
-    among = np.ones(count, bool) if among is None else among
     points = np.ascontiguousarray(points.T)
     owner, inner = np.arange(count), np.zeros((count, 4), bool)
     current, name = faces, np.arange(count)  # the faces left, and their numbers among all
     for k in (1, 2):  # across a face's edges 1 and 3, then 2 and 0
         for _ in range(ROUNDS if tolerance is not None else 0):
-            first, second = _pairs(points, current, k, tolerance, among[name])
+            first, second = _pairs(points, current, k, tolerance)
             if not len(first):
                 break
             into = np.arange(count)
@@ -74,11 +67,7 @@ def merge_flat(
 
 
 def _pairs(
-    points: Array,
-    faces: Numbers,
-    k: int,
-    tolerance: Array | None,
-    among: npt.NDArray[np.bool_],
+    points: Array, faces: Numbers, k: int, tolerance: Array | None
 ) -> tuple[Numbers, Numbers]:
     """Disjoint pairs of faces that may be joined across the first one's edge ``k``; of ``points``
     (3, N)."""
@@ -86,7 +75,7 @@ def _pairs(
     count = len(faces)
     other, back = beside[:, k], beside[:, (k + 2) % 4]
     corner = np.ascontiguousarray(faces.T)
-    quad = among.copy()
+    quad = np.ones(count, bool)
     for j in range(4):
         quad &= corner[j] != corner[j - 1]
     known = np.flatnonzero((other >= 0) & quad)

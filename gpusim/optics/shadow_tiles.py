@@ -18,7 +18,6 @@ from gpusim.errors import InputError
 from gpusim.optics.aside import Aside
 from gpusim.optics.casters import Casters
 from gpusim.optics.emitters import Lamp
-from gpusim.optics.joining import SHARE, joined_for
 from gpusim.optics.lamp_grid import LampGrid, LampView
 from gpusim.optics.occlusion import TOLERANCE, visible_share
 from gpusim.optics.ragged import expand
@@ -41,16 +40,25 @@ FLATNESS = 1e-3
 """px of the picture by which joining casters' faces may move a shadow."""
 
 
-def flatness(view: View, lamps: list[Lamp]) -> Callable[[Array], Array]:
+COARSER = 10.0
+"""Times `FLATNESS`: what is joined where a lamp's penumbra is wide, as far as `SHARE` allows."""
+
+SHARE = 5e-4
+"""Of a lamp, by which what is seen of it may change; the lattice's step is four times that."""
+
+
+def flatness(view: View, lamps: list[Lamp], times: float = 1.0) -> Callable[[Array], Array]:
     """How far joined faces may pass from casters' points (N, 3), as `Casters.of` asks.
 
     A caster's error is seen at the nearest receiver, as much larger as that is farther from the
-    lamp. It stays below what the exact test of a face's plane lets through (`TOLERANCE`).
+    lamp. It stays below what the exact test of a face's plane lets through (`TOLERANCE`), unless
+    it is taken several ``times``.
     """
     T = view.camera.camera_from_world
     receivers = ((view.corners[:, :, :3] - T[:3, 3]) @ T[:3, :3]).reshape(-1, 3)
     depth = 1.0 / max(float(view.inverse_depth().max(initial=0.0)), 1e-300)
     share = min(FLATNESS / float(np.abs(np.diag(view.camera.K)[:2]).max()), 0.1 * TOLERANCE)
+    share *= times
 
     def allowed(points: Array) -> Array:
         result = np.full(len(points), share * depth)
@@ -87,8 +95,13 @@ class ShadowTiles:
     both_sides: npt.NDArray[np.bool_]
 
     @staticmethod
-    def build(view: View, lamps: list[Lamp], casters: Casters) -> ShadowTiles:
-        """Classify every tile of ``view`` for every lamp that casts shadows."""
+    def build(
+        view: View, lamps: list[Lamp], casters: Casters, coarse: Casters | None = None
+    ) -> ShadowTiles:
+        """Classify every tile of ``view`` for every lamp that casts shadows.
+
+        ``coarse``: the same casters with more of their faces joined, for wide penumbrae.
+        """
         if len(lamps) > MOST_LAMPS:
             raise InputError(
                 f"render lights; got {len(lamps)} lamps; expected at most {MOST_LAMPS}"
@@ -102,23 +115,18 @@ class ShadowTiles:
             if lamp.light.shadows and view.count and len(casters.corners)
         ]
 
-        def found(number: int) -> tuple[Numbers, Numbers, Numbers, Casters | None]:
-            return _half_shadow(receivers, lamps[number], casters, shape)
+        def found(number: int) -> tuple[Numbers, Numbers, Numbers]:
+            return _half_shadow(receivers, lamps[number], casters, coarse, shape)
 
         tiles, lamp_of, faces = [], [], []
-        corners, both_sides = [casters.corners], [casters.both_sides]
         with Aside(view.count, len(used)) as aside:
-            for number, own in zip(used, aside.map(found, used), strict=True):
-                dark, tile, face, joined = own
+            for number, (dark, tile, face) in zip(used, aside.map(found, used), strict=True):
                 lit.reshape(-1)[dark] &= np.uint32(ALL ^ (1 << number))
                 tiles.append(tile)
+                faces.append(face)
                 lamp_of.append(np.full(len(tile), number))
-                # the faces that were joined for this lamp lie behind all before
-                more = sum(map(len, both_sides)) - len(both_sides[0])
-                faces.append(face + np.where(face < len(both_sides[0]), 0, more))
-                if joined is not None:
-                    corners.append(joined.corners)
-                    both_sides.append(joined.both_sides)
+        if coarse is not None:
+            casters = casters.beside_others(coarse)
         tile = np.concatenate([np.zeros(0, np.int64), *tiles])
         lamp_number = np.concatenate([np.zeros(0, np.int64), *lamp_of])
         face = np.concatenate([np.zeros(0, np.int64), *faces])
@@ -126,8 +134,7 @@ class ShadowTiles:
         row = np.searchsorted(entries, tile) * max(len(lamps), 1) + lamp_number
         order = np.argsort(row, kind="stable")
         count = np.bincount(row, minlength=len(entries) * max(len(lamps), 1))
-        every = np.concatenate(corners)
-        seen = np.zeros(len(every), bool)
+        seen = np.zeros(len(casters.corners), bool)
         seen[face] = True
         shown, face = np.flatnonzero(seen), (np.cumsum(seen) - 1)[face[order]]
         entry = np.zeros(shape, np.uint32)
@@ -138,8 +145,8 @@ class ShadowTiles:
             (np.cumsum(count) - count).reshape(len(entries), len(lamps)),
             count.reshape(len(entries), len(lamps)),
             face,
-            every[shown] - view.camera.eye,
-            np.concatenate(both_sides)[shown],
+            casters.corners[shown] - view.camera.eye,
+            casters.both_sides[shown],
         )  # fmt: skip
 
     def shares(
@@ -178,29 +185,30 @@ class ShadowTiles:
 
 
 def _half_shadow(
-    receivers: Receivers, lamp: Lamp, casters: Casters, shape: tuple[int, int]
-) -> tuple[Numbers, Numbers, Numbers, Casters | None]:
+    receivers: Receivers,
+    lamp: Lamp,
+    casters: Casters,
+    coarse: Casters | None,
+    shape: tuple[int, int],
+) -> tuple[Numbers, Numbers, Numbers]:
     """Tiles (linear) that a lamp doesn't light; pairs (tile, face) of those that it half lights.
 
-    Faces joined for the lamp, the last result, are numbered behind those of ``casters``; they serve
-    the receivers that no joined face is so near to that it would change more than `SHARE` of it.
+    Faces of ``coarse`` are numbered behind those of ``casters``; they serve the receivers that no
+    joined face is so near to that its error would be more than `SHARE` of the lamp.
     """
-    grids, joined = _grids(receivers, lamp, casters), None
+    wide = coarse if coarse is not None and lamp.extended else casters
+    grids = _grids(receivers, lamp, wide)
     if not grids:
         none = np.zeros(0, np.int64)
-        return none, none, none, None
-    if lamp.extended:
-        (grid,) = grids
-        joined = joined_for(grid.view, casters, grid.faces, grid.lowest)
+        return none, none, none
     facing = ~receivers.turned_away(lamp)
-    lit, nearest = np.zeros(shape, bool), np.full(shape, -np.inf)
+    lit = np.zeros(shape, bool)
     # a small triangle is the same receiver in each of its tiles
     small = np.flatnonzero(facing & ~receivers.large)
     points = np.take(receivers.columns, small, axis=2)[[0, 1, 2, 2]]
-    maybe, highest = _may_hide(grids, points)
+    maybe = _may_hide(grids, points)
     spots = receivers.pairs(small, TILE)
     owner = np.searchsorted(small, spots.triangle)
-    _raise(nearest, spots, highest[owner])
     _mark(lit, spots[~maybe[owner]])
     spots, owner = spots[maybe[owner]], (np.cumsum(maybe) - 1)[owner[maybe[owner]]]
     boxes = [np.compress(maybe, points, axis=2)]
@@ -209,9 +217,7 @@ def _half_shadow(
         if size != pairs.size:
             pairs = receivers.touched(pairs.split(size))
         points = receivers.points(pairs)
-        maybe, highest = _may_hide(grids, points)
-        done = ~maybe if size > TILE else np.ones(len(maybe), bool)
-        _raise(nearest, pairs[done], highest[done])
+        maybe = _may_hide(grids, points)
         _mark(lit, pairs[~maybe])
         pairs, points = pairs[maybe], np.compress(maybe, points, axis=2)
     which = np.concatenate([owner, boxes[0].shape[2] + np.arange(points.shape[2])])
@@ -220,28 +226,23 @@ def _half_shadow(
         np.concatenate([spots.triangle, pairs.triangle]),
         np.concatenate([spots.tile, pairs.tile]), TILE,
     )  # fmt: skip
-    tile = pairs.tile[:, 1] * shape[1] + pairs.tile[:, 0]
     everything = np.concatenate(boxes, axis=2)
-    if joined is None:
-        state, owner, face, _ = _candidates(grids, casters, everything)
-    else:
-        # all receivers of a tile share its faces
-        beside = np.full(everything.shape[2], -np.inf)
-        np.maximum.at(beside, which, nearest.reshape(-1)[tile])
-        seen = joined.seen_by(lamp, receivers.corners.reshape(-1, 3))
-        wide = [LampGrid(grid.view, joined, seen, grid.lowest)]
-        state, owner, face, near = _candidates(wide, joined, everything, beside)
+    state, owner, face, near = _candidates(grids, wide, everything)
+    if wide is not casters:
         close = np.flatnonzero(near)
-        own = _candidates(grids, casters, np.take(everything, close, axis=2))
-        state[close] = own[0]
+        exact = _candidates(
+            _grids(receivers, lamp, casters), casters, np.take(everything, close, axis=2)
+        )
+        state[close] = exact[0]
         far = np.flatnonzero(~near[owner])
-        owner = np.concatenate([close[own[1]], owner[far]])
-        face = np.concatenate([own[2], face[far] + len(casters.corners)])
+        owner = np.concatenate([close[exact[1]], owner[far]])
+        face = np.concatenate([exact[2], face[far] + len(casters.corners)])
     order = np.argsort(owner, kind="stable")
     start = np.searchsorted(owner[order], np.arange(len(state) + 1))
     state = state[which]
     pair, offset = expand(np.diff(start)[which])
     face = face[order][start[which[pair]] + offset]
+    tile = pairs.tile[:, 1] * shape[1] + pairs.tile[:, 0]
     _mark(lit, pairs[state == LIT])
     half = np.zeros(shape, bool).reshape(-1)
     half[tile[state == HALF]] = True
@@ -250,9 +251,9 @@ def _half_shadow(
     half |= dark & lit.reshape(-1)
     dark &= ~half
     mixed = half[tile[pair]]
-    count = np.int64(len(casters.corners) + (0 if joined is None else len(joined.corners)))
+    count = np.int64(len(casters.corners) + (0 if coarse is None else len(coarse.corners)))
     keys = distinct(tile[pair[mixed]] * count + face[mixed])
-    return np.flatnonzero(dark), keys // count, keys % count, joined
+    return np.flatnonzero(dark), keys // count, keys % count
 
 
 def _grids(receivers: Receivers, lamp: Lamp, casters: Casters) -> list[LampGrid]:
@@ -271,21 +272,19 @@ def _grids(receivers: Receivers, lamp: Lamp, casters: Casters) -> list[LampGrid]
 LIT, DARK, HALF = 0, 1, 2
 
 
-def _may_hide(grids: list[LampGrid], points: Array) -> tuple[npt.NDArray[np.bool_], Array]:
-    """(n,) whether something may lie between the lamp and points (4, 3, n), and their highest s."""
-    result, highest = np.zeros(points.shape[2], bool), np.full(points.shape[2], -np.inf)
+def _may_hide(grids: list[LampGrid], points: Array) -> npt.NDArray[np.bool_]:
+    """(n,) whether something may lie between the lamp and points (4, 3, n)."""
+    result = np.zeros(points.shape[2], bool)
     for grid in grids:
-        reach = grid.view.reach(points)
-        result |= grid.may_hide(reach)
-        np.maximum(highest, reach.s[1], out=highest)
-    return result, highest
+        result |= grid.may_hide(grid.view.reach(points))
+    return result
 
 
 def _candidates(
-    grids: list[LampGrid], casters: Casters, points: Array, beside: Array | None = None
+    grids: list[LampGrid], casters: Casters, points: Array
 ) -> tuple[npt.NDArray[np.int8], Numbers, Numbers, npt.NDArray[np.bool_]]:
     """State of each receiver box (4, 3, n), pairs (box, face) of those not lit, and whether it is
-    too near to a joined face; or what is ``beside`` it, (n,) up to that s."""
+    too near to a joined face."""
     count = points.shape[2]
     state = np.full(count, LIT, np.int8)
     near = np.zeros(count, bool)
@@ -298,8 +297,7 @@ def _candidates(
         else:
             box, caster = grid.candidates(reach[usable])
             box = usable[box]
-        if beside is not None:
-            near[box[grid.moves(beside[box], caster, casters.sag) > SHARE]] = True
+        near[box[grid.moves(reach, box, caster, casters.sag) > SHARE]] = True
         face, side = grid.face[caster], grid.side[caster]
         behind, ahead = _sides_of(casters, face, points, box)
         # one side of a plane sees nothing of it hidden; closed bodies hide outwards only
@@ -370,15 +368,6 @@ def _mark(grid: npt.NDArray[np.bool_], pairs: Pairs) -> None:
     small = np.zeros((-(-grid.shape[0] // parts), -(-grid.shape[1] // parts)), bool)
     small[pairs.tile[:, 1], pairs.tile[:, 0]] = True
     grid |= np.kron(small, np.ones((parts, parts), bool))[: grid.shape[0], : grid.shape[1]]
-
-
-def _raise(grid: Array, pairs: Pairs, values: Array) -> None:
-    """Raise the small tiles under tiles of any size to ``values`` (n,) at least."""
-    parts = pairs.size // TILE
-    own = np.full((-(-grid.shape[0] // parts), -(-grid.shape[1] // parts)), -np.inf)
-    np.maximum.at(own, (pairs.tile[:, 1], pairs.tile[:, 0]), values)
-    own = own.repeat(parts, axis=0).repeat(parts, axis=1)
-    np.maximum(grid, own[: grid.shape[0], : grid.shape[1]], out=grid)
 
 
 def _relative_to(lamp: Lamp, eye: Array) -> Lamp:
