@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
 import numpy.typing as npt
 
 if TYPE_CHECKING:
@@ -12,7 +13,7 @@ if TYPE_CHECKING:
 __all__ = ["point_tree"]
 
 
-def point_tree(points: npt.ArrayLike) -> cKDTree:
+def point_tree(points: npt.NDArray[np.float64]) -> cKDTree:
     """A k-d tree of ``points`` (N, D)."""
     # a fifth of what all of the measuring takes to import, and markers don't need it
     from scipy.spatial import cKDTree
