@@ -87,6 +87,7 @@ def diagnose(stage: str | None = None) -> Diagnosis:
     facts["system"] = platform.platform()
     try:
         from gpusim.gpu import Device, twin_checks
+        from gpusim.gpu.adapter import is_processor
 
         checks = twin_checks()
         if stage is not None and stage not in checks:
@@ -114,7 +115,7 @@ def diagnose(stage: str | None = None) -> Diagnosis:
     wanted = checks if stage is None else {stage: checks[stage]}
     results = tuple(_run(name, check, device) for name, check in wanted.items())
     advice = []
-    if str(info.get("adapter_type")) == "CPU":
+    if is_processor(info):
         advice.append("This is a software adapter: results are the same as on a GPU, only slower.")
     if any(result.verdict == "mismatch" for result in results):
         advice.append("A kernel disagrees with NumPy: update the driver, or use --backend numpy.")

@@ -15,6 +15,7 @@ from wgpu.backends.wgpu_native.extras import set_instance_extras
 
 from gpusim.errors import NoAdapter
 from gpusim.gpu.declarations import parse_names_alone
+from gpusim.gpu.host import available_memory
 
 __all__ = ["find_adapter", "free_memory", "is_processor", "software_adapter"]
 
@@ -92,13 +93,5 @@ def _no_display() -> Iterator[None]:
 
 def free_memory(info: dict[str, Any]) -> int | None:
     """Bytes that a CPU adapter may take (90 % of what is free); None: the driver decides."""
-    if not is_processor(info):
-        return None
-    try:
-        with open("/proc/meminfo", encoding="ascii") as lines:
-            for line in lines:
-                if line.startswith("MemAvailable:"):
-                    return int(line.split()[1]) * 1024 * 9 // 10
-    except OSError:
-        pass
-    return None
+    available = available_memory() if is_processor(info) else None
+    return None if available is None else available * 9 // 10

@@ -64,11 +64,12 @@ def widening(
             known.append(lag)
     if len(known) == 1:
         return np.ones(len(used))
-    covariance = _solved(known, taken, share, pairs, observed)
+    matrix, sums = _equations(known, taken, share, pairs, observed)
+    covariance: FloatArray = np.linalg.lstsq(matrix, sums)[0]
     if not (np.abs(covariance[1:]) <= covariance[0]).all() or not covariance[0] <= MOST_TAKEN:
         # so much is taken up that distances can't be told apart
         known = [(0, 0), *(lag for lag in LAGS if pairs[lag])]
-        covariance = _as_blurred(known, taken, share, pairs, observed)
+        covariance = _as_blurred(known, *_equations(known, taken, share, pairs, observed))
     alone = (own * own).sum(axis=(1, 2, 3))
     together = covariance[0] * alone
     for value, lag in zip(covariance[1:], known[1:], strict=True):
@@ -79,36 +80,21 @@ def widening(
     return np.asarray(np.sqrt(np.maximum(ratio, 1.0)))
 
 
-def _matrix(
-    known: list[Lag], taken: dict[Lag, FloatArray], share: float, pairs: dict[Lag, int]
-) -> FloatArray:
+def _equations(
+    known: list[Lag],
+    taken: dict[Lag, FloatArray],
+    share: float,
+    pairs: dict[Lag, int],
+    observed: dict[Lag, float],
+) -> tuple[FloatArray, FloatArray]:
+    """Matrix and right-hand side for the covariance at the distances ``known``, 0 at others."""
     matrix = np.array([[share * _left_over(taken, d, k) for k in known] for d in known])
-    return matrix + np.diag([float(pairs[lag]) for lag in known])
+    matrix += np.diag([float(pairs[lag]) for lag in known])
+    return matrix, np.array([observed[lag] for lag in known])
 
 
-def _solved(
-    known: list[Lag],
-    taken: dict[Lag, FloatArray],
-    share: float,
-    pairs: dict[Lag, int],
-    observed: dict[Lag, float],
-) -> FloatArray:
-    """Covariance at the distances ``known``, 0 at others."""
-    matrix = _matrix(known, taken, share, pairs)
-    found: FloatArray = np.linalg.lstsq(matrix, np.array([observed[k] for k in known]))[0]
-    return found
-
-
-def _as_blurred(
-    known: list[Lag],
-    taken: dict[Lag, FloatArray],
-    share: float,
-    pairs: dict[Lag, int],
-    observed: dict[Lag, float],
-) -> FloatArray:
-    """The same as that of white noise behind a Gaussian blur, which fits best."""
-    matrix = _matrix(known, taken, share, pairs)
-    sums = np.array([observed[k] for k in known])
+def _as_blurred(known: list[Lag], matrix: FloatArray, sums: FloatArray) -> FloatArray:
+    """The covariance of white noise behind a Gaussian blur that fits the equations best."""
     square = np.array([float(d * d + a * a) for d, a in known])
     best, found = np.inf, np.zeros(len(known))
     for blur in BLURS:

@@ -21,6 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.gpu import Device, compare, twin_check
+from gpusim.gpu.adapter import is_processor
 from gpusim.measure.images import FloatArray
 from gpusim.measure.interpolation import PAD, SplineImage
 from gpusim.measure.matching import (
@@ -311,7 +312,7 @@ def _dispatch(
         constants={
             "shape": SHAPES.index(settings.shape),
             "unknowns": UNKNOWNS[settings.shape],
-            "threads": THREADS_CPU if device.info.get("adapter_type") == "CPU" else THREADS,
+            "threads": THREADS_CPU if is_processor(device.info) else THREADS,
             "windowed": windowed,
         },
     )

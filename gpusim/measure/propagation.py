@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.distinct import distinct
 from gpusim.gpu import Device
 from gpusim.measure.coherence import beside_texture, incoherent
 from gpusim.measure.features import Motion
@@ -255,7 +256,7 @@ class Front:
             self._give_up(which[aside], Status.NO_TEXTURE)
             if len(self.points) < NEIGHBOURS:
                 return
-            near = np.unique(self._neighbours[which[torn]])
+            near = distinct(self._neighbours[which[torn]])
             which = near[self.ok[near] & ~asked[near]]
             aside = self._aside(which)
 
