@@ -65,7 +65,7 @@ def widening(
     if len(known) == 1:
         return np.ones(len(used))
     matrix, sums = _equations(known, taken, share, pairs, observed)
-    covariance: FloatArray = np.linalg.lstsq(matrix, sums)[0]
+    covariance = np.asarray(np.linalg.lstsq(matrix, sums)[0], dtype=np.float64)
     if not (np.abs(covariance[1:]) <= covariance[0]).all() or not covariance[0] <= MOST_TAKEN:
         # so much is taken up that distances can't be told apart
         known = [(0, 0), *(lag for lag in LAGS if pairs[lag])]
