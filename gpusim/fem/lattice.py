@@ -58,7 +58,7 @@ class Lattice:
     @cached_property
     def _position(self) -> Long:
         """(N,) flat position of each node in the grid."""
-        return np.ravel_multi_index(tuple(self.place.T), self.node.shape)
+        return np.asarray(np.ravel_multi_index(tuple(self.place.T), self.node.shape))
 
     def spread(self, values: npt.NDArray[T]) -> npt.NDArray[T]:
         """(X,Y,Z,k): ``values`` (N,k) of the nodes in their places, 0 where there is none."""
