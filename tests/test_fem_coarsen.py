@@ -50,6 +50,55 @@ def test_a_lattice_is_found_in_any_order_and_gives_the_same_matrix() -> None:
     assert rows.class_count == 27 < plain.class_count
 
 
+def test_nodes_between_equal_layers_are_alike_and_no_others() -> None:
+    # a hole, a layer of another material, and single cells of it: against every node's own cells
+    mesh = shuffled(box((1.0, 0.8, 0.5), (9, 7, 6)))
+    centre = mesh.points[mesh.cells["hex8"]].mean(axis=1)
+    kept = ~((centre[:, 0] > 0.4) & (centre[:, 0] < 0.7) & (centre[:, 2] > 0.2))
+    cells, centre = mesh.cells["hex8"][kept], centre[kept]
+    used, cells = np.unique(cells, return_inverse=True)
+    mesh = Mesh(mesh.points[used], {"hex8": cells.reshape(-1, 8)})
+    of_cell = ((centre[:, 1] > 0.5) | (np.arange(len(centre)) % 97 == 5)).astype(np.int32)
+    model = Model(mesh, [STEEL, Isotropic(3.0, 0.2)], material_of_cell=of_cell)
+    lattice = find_lattice(mesh.points, mesh.cells["hex8"])
+    assert lattice is not None
+    group = lattice_group(model, lattice, {"hex8": "incompatible"})
+    rows = assemble_lattice(group, lattice)
+    around = lattice.around(lattice.grid(group.kind))
+    distinct, number = np.unique(around, axis=0, return_inverse=True)
+    assert rows.class_count == len(distinct) < mesh.node_count
+    # one class of ours to each of theirs
+    pairs = np.unique(np.stack([rows.row_class, number.ravel()], axis=1), axis=0)
+    assert len(pairs) == len(distinct)
+    plain = assemble_groups(model_groups(model, {"hex8": "incompatible"}), mesh.node_count)
+    one, two = block_matrix(rows).toarray(), block_matrix(plain).toarray()
+    np.testing.assert_allclose(one, two, atol=1e-14 * np.abs(two).max())
+
+
+def test_elements_that_touch_held_nodes_are_known_by_their_places() -> None:
+    mesh = shuffled(box((1.0, 0.8, 0.5), (5, 4, 3)))
+    lattice = find_lattice(mesh.points, mesh.cells["hex8"])
+    assert lattice is not None
+    model = Model(mesh, [STEEL], held(mesh))
+    group = lattice_group(model, lattice, {"hex8": "incompatible"})
+    touching = lattice.touching(lattice.spread(held(mesh)).any(axis=3))
+    assert (touching == held(mesh)[group.cells].any(axis=(1, 2))).all() and 0 < touching.sum() < 60
+
+
+def test_planes_that_few_nodes_lie_on_are_found() -> None:
+    # one column of cells stands out: the planes of its top hold four nodes each
+    mesh = box((1.0, 1.0, 1.0), (12, 12, 3))
+    tall = box((1.0 / 12.0, 1.0 / 12.0, 9.0), (1, 1, 27))
+    points = np.concatenate([mesh.points, tall.points])
+    cells = np.concatenate([mesh.cells["hex8"], tall.cells["hex8"] + mesh.node_count])
+    _, first, number = np.unique(
+        np.rint(1e6 * points).astype(int), axis=0, return_index=True, return_inverse=True
+    )
+    cells = np.unique(number.ravel()[cells], axis=0)
+    lattice = find_lattice(points[first], cells)
+    assert lattice is not None and lattice.node.shape == (13, 13, 28)
+
+
 @pytest.mark.parametrize("spoil", ["moved node", "missing node plane", "crack"])
 def test_what_is_no_lattice_is_refused(spoil: str) -> None:
     mesh = box((1.0, 0.8, 0.5), (5, 4, 3))

@@ -12,7 +12,7 @@ from gpusim.fem.assembly import Assembled, assemble
 from gpusim.fem.banded import Banded, band_ordering
 from gpusim.fem.block_rows import block_matrix
 from gpusim.fem.chain import Chain, cut_slabs
-from gpusim.fem.choice import direct_solver
+from gpusim.fem.choice import direct_solver, least_seconds
 from gpusim.fem.formulation import resolve_formulation
 from gpusim.mesh import Mesh, box
 
@@ -179,6 +179,40 @@ def test_an_estimate_knows_what_is_cheap() -> None:
     parts = assembled(beam())
     direct = direct_solver(parts, ~beam().fixed, beam().mesh.points, 1.0)  # type: ignore[operator]
     assert direct is not None and direct.fits and 0.0 < direct.seconds < 1.0
+
+
+@pytest.mark.parametrize("divisions", [(37, 3, 2), (6, 12, 9), (9, 9, 9), (2, 2, 2), (3, 1, 5)])
+def test_what_counting_planes_says_is_less_than_the_estimate(
+    divisions: tuple[int, int, int],
+) -> None:
+    whole = box((1.0, 0.8, 0.9), divisions)
+    notched = without_some_cells(box((9.0, 0.7, 0.4), divisions))
+    for mesh in (whole, notched):
+        fixed = np.zeros(mesh.points.shape, dtype=bool)
+        fixed[mesh.points[:, 0] == 0.0] = True
+        fixed[mesh.points[:, 2] == 0.0, 2] = True
+        parts = assembled(Model(mesh, [Isotropic(1.0, 0.3)], fixed, np.ones(mesh.points.shape)))
+        direct = direct_solver(parts, ~fixed, mesh.points, 1.0)
+        assert direct is not None and least_seconds(parts, ~fixed) <= direct.seconds
+    assert max(divisions) < 3 or least_seconds(parts, ~fixed) > 0.0
+
+
+def test_thick_bodies_are_factorised_only_where_multigrid_has_failed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    mesh = box((1.0, 1.0, 1.0), (24, 24, 24))
+    fixed = np.zeros(mesh.points.shape, dtype=bool)
+    fixed[mesh.points[:, 0] == 0.0] = True
+    cube = Model(mesh, [Isotropic(1.0, 0.3)], fixed, RNG.normal(size=mesh.points.shape))
+    looked = []
+
+    def look(*_: object) -> None:
+        looked.append(True)
+
+    monkeypatch.setattr("gpusim.fem.methods.direct_solver", look)
+    assert solve(cube, backend="numpy").method == "multigrid" and not looked
+    failed = solve(cube, backend="numpy", max_iterations=1)
+    assert not failed.converged and looked
 
 
 @pytest.mark.parametrize(("software", "backend"), [(True, "numpy"), (False, "gpu")])

@@ -99,17 +99,49 @@ def group_matrix(groups: Sequence[Elements], count: int) -> bsr_matrix:
 
 def _lattice_rows(group: Group, lattice: Lattice) -> tuple[Long, Long, Float]:
     """(first node of each class, class of each node, its 27 blocks (C,27,3,3))."""
-    around = lattice.around(lattice.grid(group.kind))
-    representative, row_class = unique_rows(around)
+    around, representative, row_class = _rows_around(lattice.grid(group.kind), lattice)
     blocks = np.zeros((len(representative), 27, 3, 3))
     split = group.matrices.reshape(-1, 8, 3, 8, 3).transpose(0, 1, 3, 2, 4)
     # in lattice order, so that either end of an edge adds its cells up in the same order: K_ij and
     # K_ji^T are equal to the last bit
     for corner in np.lexsort(CORNERS.T).tolist():
-        number = around[representative, corner]
+        number = around[:, corner]
         here = np.flatnonzero(number >= 0)
         blocks[here[:, None], node_offsets(corner)] += split[number[here], corner]
     return representative, row_class, blocks
+
+
+def _rows_around(kind: Long, lattice: Lattice) -> tuple[Long, Long, Long]:
+    """(the cells around the node of each class (C,8), a node of each class, class of each node).
+
+    ``kind`` (X-1,Y-1,Z-1) of the cells. Of planes of nodes that lie between equal layers of cells
+    one is looked at.
+    """
+    chosen, number = [], []
+    for axis in range(3):
+        layers = np.moveaxis(kind, axis, 0)
+        differs = np.ones(len(layers) + 1, dtype=bool)
+        differs[1:-1] = (layers[1:] != layers[:-1]).any(axis=(1, 2))
+        new = differs.copy()
+        new[1:] |= differs[:-1]
+        chosen.append(np.flatnonzero(new))
+        number.append(np.cumsum(new) - 1)
+    padded = np.pad(kind, 1, constant_values=-1)
+    around = np.stack(
+        [
+            padded[
+                np.ix_(*(planes + 1 - step for planes, step in zip(chosen, corner, strict=True)))
+            ]
+            for corner in CORNERS
+        ],
+        axis=-1,
+    )
+    present = (around >= 0).any(axis=-1)
+    first, own = unique_rows(around[present])
+    row_class = np.full(present.shape, -1, dtype=np.int64)
+    row_class[present] = own
+    node = lattice.node[np.ix_(*chosen)][present][first].astype(np.int64)
+    return around[present][first], node, lattice.gathered(row_class[np.ix_(*number)])
 
 
 def assemble_lattice(group: Group, lattice: Lattice) -> BlockRows:

@@ -167,7 +167,8 @@ def drop_planes(group: Group, lattice: Lattice, free: Bool) -> Coarser | None:
     cell[filled] = np.arange(int(filled.sum()), dtype=np.int32)
     planes = tuple(lattice.planes[axis][keep[axis]] for axis in range(3))
     coarse = Lattice(number, cell, place, (planes[0], planes[1], planes[2]))
-    parts = _inside(lattice, coarse, keep, masked(group, free))
+    held = lattice.spread(~(free[:, :1] & free[:, 1:2] & free[:, 2:]))[..., 0]
+    parts = _inside(lattice, coarse, keep, masked(group, free, lattice.touching(held)))
     weights = PlaneWeights(lattice, coarse, keep)
     return Coarser(weights, kept, [masked(parts, free[kept])], coarse)
 
@@ -195,6 +196,8 @@ def _kept_planes(lattice: Lattice) -> list[Long] | None:
 
 def _thinnest(lines: Bool) -> int:
     """Fewest solid cells one after the other, down the columns of (n,m)."""
+    if lines.all():
+        return len(lines)
     edge = np.zeros((1, lines.shape[1]), dtype=np.int8)
     step = np.diff(np.concatenate([edge, lines.astype(np.int8), edge]), axis=0).T
     # by column, so that the n-th beginning belongs to the n-th end

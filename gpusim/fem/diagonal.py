@@ -39,12 +39,17 @@ def invert_blocks(blocks: Float, free: npt.NDArray[np.bool_]) -> Float:
 def invert_repeated(
     blocks: Float, kind: npt.NDArray[np.int32], free: npt.NDArray[np.bool_]
 ) -> Float:
-    """The same for blocks ``blocks[kind]``: each distinct one is inverted once, but for nodes that
-    are partly fixed. ``blocks`` (C,s,s), ``kind`` (B,), ``free`` (B,s)."""
-    inverse = invert_blocks(blocks, np.ones(blocks.shape[:2], dtype=bool))[kind]
-    partly = np.flatnonzero(~free.all(axis=1))
-    inverse[partly] = invert_blocks(blocks[kind[partly]], free[partly])
-    return inverse
+    """The same for blocks ``blocks[kind]``: each distinct one is inverted once for all nodes where
+    the same unknowns are free. ``blocks`` (C,s,s), ``kind`` (B,), ``free`` (B,s)."""
+    size = free.shape[1]
+    key = kind.astype(np.int64) << size
+    for column in range(size):
+        key |= free[:, column].astype(np.int64) << column
+    used = np.flatnonzero(np.bincount(key, minlength=len(blocks) << size))
+    number = np.zeros(len(blocks) << size, dtype=np.int64)
+    number[used] = np.arange(len(used))
+    own = (used[:, None] >> np.arange(size) & 1).astype(bool)
+    return np.asarray(np.take(invert_blocks(blocks[used >> size], own), number[key], axis=0))
 
 
 def _regular(blocks: Float) -> Float:

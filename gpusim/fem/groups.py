@@ -234,11 +234,13 @@ def lattice_group(model: Model, lattice: Lattice, formulation: Mapping[str, str]
     """The hex8 elements of a lattice, nodes in lattice order: compared by spacings alone."""
     assert model.material_of_cell is not None
     at, nodes = lattice.corner_nodes()
-    place = np.stack(np.unravel_index(at, lattice.cell.shape), axis=1)
     material = model.material_of_cell[lattice.cell.ravel()[at]]
-    columns = [material.astype(np.int64)]
+    number = np.zeros(lattice.cell.shape, dtype=np.int64)
     for axis in range(3):
-        columns.append(_distinct(np.diff(lattice.planes[axis]))[place[:, axis]])
+        spacing = _distinct(np.diff(lattice.planes[axis]))
+        number *= int(spacing.max()) + 1
+        number += np.expand_dims(spacing, [other for other in range(3) if other != axis])
+    columns = [material.astype(np.int64), np.take(number.ravel(), at)]
     representative, kind = unique_rows(np.stack(columns, axis=1))
     matrices = element_stiffness(
         "hex8",
@@ -273,14 +275,19 @@ def _elasticity(model: Model) -> Float:
     return np.stack([material.stiffness() for material in model.materials])
 
 
-def held_matrices(group: Group, free: Bool) -> tuple[Long, Float]:
+def held_matrices(group: Group, free: Bool, touching: Bool | None = None) -> tuple[Long, Float]:
     """Elements with fixed unknowns get matrices of their own, with those rows and columns zero.
 
-    ``free`` (N,3). Returns (kind of each element, the additional matrices); additional ones are
-    numbered after ``group.matrices``.
+    ``free`` (N,3); ``touching`` (M,) elements with some, if they are known. Returns (kind of each
+    element, the additional matrices); additional ones are numbered after ``group.matrices``.
     """
-    held_node: Bool = np.asarray((~free).any(axis=1))
-    touched = np.flatnonzero(held_node[group.cells].any(axis=1))
+    # column by column: several times as fast as along the second axis
+    if touching is None:
+        held_node: Bool = np.asarray(~(free[:, 0] & free[:, 1] & free[:, 2]))
+        touching = np.zeros(len(group.cells), dtype=bool)
+        for corner in group.cells.T:
+            touching |= held_node[corner]
+    touched = np.flatnonzero(touching)
     held = ~free[group.cells[touched]].reshape(len(touched), -1)
     width = held.shape[1]
     bits = np.zeros((len(touched), -(-width // 62)), dtype=np.int64)
@@ -296,9 +303,9 @@ def held_matrices(group: Group, free: Bool) -> tuple[Long, Float]:
     return kind, extra
 
 
-def masked(group: Group, free: Bool) -> Group:
-    """The group with rows and columns of fixed unknowns set to zero."""
-    kind, extra = held_matrices(group, free)
+def masked(group: Group, free: Bool, touching: Bool | None = None) -> Group:
+    """The group with rows and columns of fixed unknowns set to zero; see ``held_matrices``."""
+    kind, extra = held_matrices(group, free, touching)
     if len(extra) == 0:
         return group
     return Group(group.name, group.cells, kind, np.concatenate([group.matrices, extra]))

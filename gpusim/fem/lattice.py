@@ -7,6 +7,8 @@ come. It may have holes, notches and several parts; only the node planes must be
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +18,7 @@ __all__ = ["CORNERS", "OFFSETS", "Lattice", "find_lattice", "node_offsets"]
 Float = npt.NDArray[np.float64]
 Int = npt.NDArray[np.int32]
 Long = npt.NDArray[np.int64]
+T = TypeVar("T", bound=np.generic)
 
 # lattice position of the hex8 corners, VTK order
 CORNERS = np.array(
@@ -33,6 +36,8 @@ _FULLEST = 0.05
 # bits of a plane's number where three of them stand in one integer
 _BITS = 21
 _CHUNK = 4096
+# one node in this many is looked at for the planes that there are, here and there by a prime
+_SPARSE, _SCATTER = 16, 7_368_787
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,12 +55,45 @@ class Lattice:
     def node_count(self) -> int:
         return len(self.place)
 
+    @cached_property
+    def _position(self) -> Long:
+        """(N,) flat position of each node in the grid."""
+        return np.asarray(np.ravel_multi_index(tuple(self.place.T), self.node.shape))
+
+    def spread(self, values: npt.NDArray[T]) -> npt.NDArray[T]:
+        """(X,Y,Z,k): ``values`` (N,k) of the nodes in their places, 0 where there is none."""
+        grid = np.take(values, self.node.ravel(), axis=0, mode="wrap")
+        if self.node_count < self.node.size:
+            grid[self.node.ravel() < 0] = 0
+        return grid.reshape(*self.node.shape, -1)
+
+    def gathered(self, grid: npt.NDArray[T]) -> npt.NDArray[T]:
+        """(N,…) of the nodes from a grid (X,Y,Z,…)."""
+        flat = grid.reshape(self.node.size, *grid.shape[3:])
+        return np.asarray(np.take(flat, self._position, axis=0))
+
     def corner_nodes(self) -> tuple[Long, Int]:
         """(flat positions of the cells (M,), their nodes (M,8) in VTK order)."""
-        place = np.flatnonzero(self.cell.ravel() >= 0)
-        at = np.stack(np.unravel_index(place, self.cell.shape), axis=1)
-        step = np.array([self.node.shape[1] * self.node.shape[2], self.node.shape[2], 1])
-        return place, np.take(self.node.ravel(), (at @ step)[:, None] + CORNERS @ step)
+        filled = self.cell >= 0
+        nodes = np.empty((int(filled.sum()), len(CORNERS)), dtype=np.int32)
+        for corner, into in zip(CORNERS.tolist(), nodes.T, strict=True):
+            x, y, z = (
+                slice(first, first + count)
+                for first, count in zip(corner, self.cell.shape, strict=True)
+            )
+            into[:] = self.node[x, y, z][filled]
+        return np.flatnonzero(filled), nodes
+
+    def touching(self, nodes: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+        """(M,) whether cells, in the order of ``corner_nodes``, touch any ``nodes`` (X,Y,Z)."""
+        result = np.zeros(self.cell.shape, dtype=bool)
+        for corner in CORNERS.tolist():
+            x, y, z = (
+                slice(first, first + count)
+                for first, count in zip(corner, self.cell.shape, strict=True)
+            )
+            result |= nodes[x, y, z]
+        return np.asarray(result[self.cell >= 0])
 
     def grid(self, values: Long) -> Long:
         """(X-1,Y-1,Z-1): ``values`` (M,), in the order of ``corner_nodes``, in their places; -1
@@ -113,10 +151,10 @@ def find_lattice(points: Float, block: Int) -> Lattice | None:
     planes, place = [], np.empty(points.shape, dtype=np.int32)
     for axis in range(3):
         coordinate = np.rint((points[:, axis] - low[axis]) / grid).astype(np.int64)
-        value = np.unique(coordinate)
+        value, number = _planes(coordinate)
         if (np.diff(value) <= 2).any():
             return None
-        place[:, axis] = number = np.searchsorted(value, coordinate)
+        place[:, axis] = number
         plane = np.empty(len(value))
         # the coordinate of the first of its nodes
         plane[number[::-1]] = points[::-1, axis]
@@ -136,6 +174,18 @@ def find_lattice(points: Float, block: Int) -> Lattice | None:
     if int((cell >= 0).sum()) != len(block):
         return None
     return Lattice(node, cell, place, (planes[0], planes[1], planes[2]))
+
+
+def _planes(coordinate: Long) -> tuple[Long, Long]:
+    """Distinct values, and the number of each one's own. Those of some nodes are most often all
+    that there are."""
+    some = coordinate[np.arange(0, len(coordinate), _SPARSE) * _SCATTER % len(coordinate)]
+    value = np.unique(some)
+    number = np.minimum(np.searchsorted(value, coordinate), len(value) - 1)
+    if not (value[number] == coordinate).all():
+        value = np.unique(coordinate)
+        number = np.searchsorted(value, coordinate)
+    return value, number
 
 
 def _lowest_corners(place: Int, block: Int) -> Int | None:

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 import numpy.typing as npt
@@ -17,7 +17,7 @@ from gpusim.fem.assembly import Assembled
 from gpusim.fem.block_rows import BlockRows, block_matrix
 from gpusim.fem.block_texels import block_texels_bytes
 from gpusim.fem.cg import DeviceCG, NumpyCG
-from gpusim.fem.choice import Direct, direct_solver, multigrid_seconds
+from gpusim.fem.choice import Direct, direct_solver, least_seconds, multigrid_seconds
 from gpusim.fem.congruence import noise
 from gpusim.fem.device_multigrid import compile_kernels
 from gpusim.fem.diagonal import invert_blocks
@@ -97,22 +97,26 @@ def solve_system(
     options: Options,
     clock: Clock,
 ) -> Result:
-    direct = None
-    if method in ("auto", "direct"):
-        direct = direct_solver(assembled, system.free, model.mesh.points, system.scale)
-        if method == "direct" and (direct is None or not direct.fits):
+    look = cache(partial(direct_solver, assembled, system.free, model.mesh.points, system.scale))
+    if method == "direct":
+        direct = look()
+        if direct is None or not direct.fits:
             raise InputError(
                 "solve: method 'direct'; got a body whose factors "
                 + ("can't be ordered" if direct is None else f"need {direct.nbytes / 1e9:.1f} GB")
                 + "; expected one that fits the free memory, or method 'multigrid'"
             )
         clock.mark("choice")
+        return _factorised(direct, system, options, clock, "")
+    if method == "auto":
         patience = multigrid_seconds(int(system.free.sum()))
         if system.contrast > HARSH:
             # multigrid takes many times as long there, and its error is harder to tell
             patience = max(_HARSH_PATIENCE * patience, _HARSH_SECONDS)
-        cheaper = direct is not None and direct.seconds <= patience
-        if direct is not None and (method == "direct" or (cheaper and direct.fits)):
+        worth = least_seconds(assembled, system.free) <= patience
+        direct = look() if worth else None
+        clock.mark("choice")
+        if direct is not None and direct.seconds <= patience and direct.fits:
             return _factorised(direct, system, options, clock, "")
     kind = "multigrid" if method == "auto" else method
     try:
@@ -121,11 +125,14 @@ def solve_system(
         if result.outcome.converged:
             return result
     except NotConverged as error:
+        result, reason = None, str(error)
+        direct = look() if method == "auto" else None
         if direct is None or not (direct.fits and direct.seconds <= _PATIENCE):
             raise
-        reason = str(error)
+    direct = look() if method == "auto" else None
     if direct is not None and direct.fits and direct.seconds <= _PATIENCE:
         return _factorised(direct, system, options, clock, f"; multigrid had failed: {reason}")
+    assert result is not None
     return result
 
 

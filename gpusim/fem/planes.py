@@ -55,19 +55,17 @@ class PlaneWeights:
 
     def interpolate(self, x: Float) -> Float:
         """(K,3) on the coarse nodes -> (N,3), axis after axis."""
-        grid = np.zeros((*self.coarse.node.shape, 3))
-        grid[tuple(self.coarse.place.T)] = x
+        grid = self.coarse.spread(x)
         for axis in range(3):
             grid = _along(self.axes[axis], grid, axis)
-        return np.asarray(grid[tuple(self.fine.place.T)])
+        return self.fine.gathered(grid)
 
     def restrict(self, r: Float) -> Float:
         """The transpose, (N,3) -> (K,3)."""
-        grid = np.zeros((*self.fine.node.shape, 3))
-        grid[tuple(self.fine.place.T)] = r
+        grid = self.fine.spread(r)
         for axis in range(3):
             grid = _along(csr_matrix(self.axes[axis].T), grid, axis)
-        return np.asarray(grid[tuple(self.coarse.place.T)])
+        return self.coarse.gathered(grid)
 
     @cached_property
     def matrix(self) -> csr_matrix:

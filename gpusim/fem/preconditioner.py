@@ -84,8 +84,14 @@ class Multigrid:
         self.hierarchy = hierarchy
 
     @cached_property
-    def _inverses(self) -> list[Float]:
-        return [columns(level.inverse) for level in self.hierarchy.levels]
+    def _inverses(self) -> dict[int, Float]:
+        return {}
+
+    def _inverse(self, number: int) -> Float:
+        """By columns; the levels that ``LatticeCycle`` goes through are never asked for."""
+        if number not in self._inverses:
+            self._inverses[number] = columns(self.hierarchy.levels[number].inverse)
+        return self._inverses[number]
 
     @property
     def lowest(self) -> float:
@@ -113,7 +119,7 @@ class Multigrid:
         levels = self.hierarchy.levels
         if number == len(levels):
             return np.asarray(b @ self.hierarchy.coarse_inverse)
-        level, inverse = levels[number], self._inverses[number]
+        level, inverse = levels[number], self._inverse(number)
         product, steps = level.product, smoothing_steps(level)
         r, d, x = relax(inverse, b, None, None, None, _from_zero(steps[0]))
         for step in steps[1:]:

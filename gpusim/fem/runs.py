@@ -36,6 +36,8 @@ _Odd = tuple[int, tuple[slice, slice, slice] | Long]
 
 # nodes in a run: more waste work on zeros, fewer are slow to multiply
 _RUN = 4
+# lines of nodes that are looked at for the order in which they are numbered
+_LINES = 200
 # runs at a time: what they see and give should stay in the cache
 _CHUNK = 768
 _ODD_CHUNK = 384
@@ -48,10 +50,13 @@ _MOST_KINDS, _MOST_ODD = 512, 0.8
 
 def numbering_axes(lattice: Lattice) -> tuple[int, int, int]:
     """The lattice's axes from slow to fast in the numbering of its nodes."""
-    node = lattice.node.astype(np.int64)
     step = []
     for axis in range(3):
-        a, b = np.moveaxis(node, axis, 0)[:-1], np.moveaxis(node, axis, 0)[1:]
+        node = np.moveaxis(lattice.node, axis, 0)
+        lines = node.reshape(len(node), -1)
+        # a few hundred lines tell
+        lines = lines[:, :: 1 + lines.shape[1] // _LINES].astype(np.int64)
+        a, b = lines[:-1], lines[1:]
         both = (a >= 0) & (b >= 0)
         step.append(float(np.median(np.abs(b[both] - a[both]))) if both.any() else 0.0)
     order = sorted(range(3), key=lambda axis: -step[axis])

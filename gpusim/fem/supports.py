@@ -81,6 +81,8 @@ def _check_parts(model: Model, lattice: Lattice | None) -> None:
 def _lattice_parts(lattice: Lattice) -> npt.NDArray[np.int64]:
     """The same as ``_parts``, by cells beside one another."""
     present = lattice.cell >= 0
+    if present.all():
+        return np.zeros(present.size, dtype=np.int64)
     number, _ = label(present)
     result = np.empty(int(present.sum()), dtype=np.int64)
     result[lattice.cell[present]] = number[present] - 1

@@ -6,12 +6,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from gpusim._version import __version__
 from gpusim.measure import DicResult, StereoResult, StrainResult
 from gpusim.report.model import Figure
-from gpusim.report.pictures import photo_uri
+from gpusim.report.pages import page_template
 from gpusim.report.text import number
 
 __all__ = ["correlation_page", "stereo_summary", "summary"]
@@ -101,18 +100,10 @@ def correlation_page(
     settings: Mapping[str, Any],
 ) -> str:
     """One self-contained page of all images; raises InputError if a figure can't be read."""
-    environment = Environment(
-        loader=PackageLoader("gpusim.report", "page"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters["uri"] = photo_uri
     keys = [key for key in _COLUMNS if any(key in row for row in rows)]
     count = sum(row["measured"] for row in rows)
     total = sum(row["points"] for row in rows)
-    return environment.get_template("correlation.html.j2").render(
+    return page_template("correlation.html.j2").render(
         title=title,
         version=__version__,
         lead=f"{len(rows)} image{'s' if len(rows) != 1 else ''}, "

@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from urllib.parse import quote
-
-from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from gpusim.report.model import Figure, Report, Stage
-from gpusim.report.pictures import file_uri, page_pair
-from gpusim.report.text import aligned, duration, number, percent, signed_percent
+from gpusim.report.pages import page_template
+from gpusim.report.pictures import page_pair
 
 __all__ = ["FigureSet", "render_html"]
 
@@ -40,22 +36,8 @@ def render_html(report: Report, figures: FigureSet, folder: Path) -> str:
     Pictures are embedded; links to full-size files are relative to ``folder``, where the page will
     be written. Raises InputError if a picture can't be read.
     """
-    environment = Environment(
-        loader=PackageLoader("gpusim.report", "page"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        finalize=lambda value: "" if value is None else value,
-    )
-    environment.filters["number"] = number
-    environment.filters["percent"] = percent
-    environment.filters["signed_percent"] = signed_percent
-    environment.filters["aligned"] = aligned
-    environment.filters["duration"] = duration
-    environment.filters["uri"] = file_uri
-    environment.filters["link"] = lambda path: _link(path, folder)
-    return environment.get_template("report.html.j2").render(
+    return page_template("report.html.j2").render(
+        folder=folder,
         report=report,
         figures=figures,
         pairs=[page_pair(pair) for pair in report.frames],
@@ -75,9 +57,3 @@ def _bars(stages: Sequence[Stage]) -> list[tuple[Stage, float]]:
         )
         for stage in stages
     ]
-
-
-def _link(path: Path, folder: Path) -> str:
-    """Return a URL of ``path`` relative to ``folder``."""
-    relative = os.path.relpath(Path(path).resolve(), Path(folder).resolve())
-    return quote(Path(relative).as_posix())

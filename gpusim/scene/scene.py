@@ -7,6 +7,7 @@ import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -180,6 +181,10 @@ class Scene:
 
     def to_toml(self) -> str:
         """The resolved scene as a TOML text that reads back to an equal scene."""
+        return self._toml
+
+    @cached_property
+    def _toml(self) -> str:
         import tomlkit  # only the writer needs it
 
         return tomlkit.dumps(self.document)

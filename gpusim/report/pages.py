@@ -1,0 +1,48 @@
+"""Templates of the reports' pages: read and compiled once in a process."""
+
+from __future__ import annotations
+
+import os
+from functools import cache
+from pathlib import Path
+from urllib.parse import quote
+
+from jinja2 import Environment, PackageLoader, StrictUndefined, Template
+
+from gpusim.report.pictures import file_uri, photo_uri
+from gpusim.report.text import aligned, duration, number, percent, signed_percent
+
+__all__ = ["page_template"]
+
+
+@cache
+def page_template(name: str) -> Template:
+    """The template ``name`` of the folder ``page``; what it is given goes to its ``render``."""
+    return _environment().get_template(name)
+
+
+@cache
+def _environment() -> Environment:
+    environment = Environment(
+        loader=PackageLoader("gpusim.report", "page"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        finalize=lambda value: "" if value is None else value,
+    )
+    environment.filters["number"] = number
+    environment.filters["percent"] = percent
+    environment.filters["signed_percent"] = signed_percent
+    environment.filters["aligned"] = aligned
+    environment.filters["duration"] = duration
+    environment.filters["uri"] = file_uri
+    environment.filters["photo_uri"] = photo_uri
+    environment.filters["link"] = _link
+    return environment
+
+
+def _link(path: Path, folder: Path) -> str:
+    """Return a URL of ``path`` relative to ``folder``."""
+    relative = os.path.relpath(Path(path).resolve(), Path(folder).resolve())
+    return quote(Path(relative).as_posix())
