@@ -85,6 +85,8 @@ def make_report(folder: Path, bits: int = 8) -> Report:
         measurements=(
             Measurement.compare("tip", "mm", -4.02, -4.0, tolerance_relative=1e-3),
             Measurement.compare("middle", "mm", math.nan, -2.0),
+            Measurement.compare("quarter", "mm", -0.5003, -0.5),
+            Measurement.compare("scale", "mm/px", 0.2001, 0.2, tolerance_relative=1e-3),
         ),
         warnings=("marker beam-02 was lost",),
         facts={"Driver": "Mesa"},
@@ -181,6 +183,7 @@ def test_the_headline_is_the_first_quantity_even_if_it_was_not_measured(tmp_path
     cards = page[page.index('class="cards"') :].split("</section>")[0]
     assert "tip, measured" in cards and "scale" not in cards
     assert 'class="card bad"' in cards and 'class="card good"' not in cards
+    assert not (tmp_path / "figures" / "errors.png").exists()  # a bar for one error says nothing
 
 
 def test_an_empty_report_still_makes_a_page(tmp_path: Path) -> None:

@@ -57,6 +57,7 @@ class Raster:
 
     Vertices are pulled from storage buffers by index; ``entries`` are (vertex, fragment).
     ``depth``: how what is drawn compares with what is there; only "greater" changes the depth.
+    "none" has no depth buffer: what is drawn last is seen.
     """
 
     def __init__(
@@ -100,7 +101,9 @@ class Raster:
                     "targets": [{"format": fmt} for fmt in color_formats],
                 },
                 primitive={"topology": "triangle-list", "cull_mode": "none"},
-                depth_stencil={
+                depth_stencil=None
+                if depth == "none"
+                else {
                     "format": "depth32float",
                     "depth_write_enabled": depth == "greater",
                     "depth_compare": depth,

@@ -136,7 +136,7 @@ class Recording:
         bindings: Bindings,
         *,
         colors: tuple[Texture, ...],
-        depth: Texture,
+        depth: Texture | None,
         vertices: int,
         size: tuple[int, int],
         clear: float | None = 0.0,
@@ -146,7 +146,7 @@ class Recording:
 
         The targets are set to ``clear`` (those of integers to 0) and the depth to far before; with
         None both are kept, and the list adds to what an earlier draw left. ``keep_depth``: the
-        depth is kept in any case.
+        depth is kept in any case. ``depth`` is None for programs without.
         """
         if bindings.layout is not raster.layout:
             raise InputError(f"draw of {raster.name}: the bindings were made for another program")
@@ -166,9 +166,21 @@ class Recording:
             render.draw(vertices)
 
     def _begin_drawing(
-        self, colors: tuple[Texture, ...], depth: Texture, clear: float | None, keep_depth: bool
+        self,
+        colors: tuple[Texture, ...],
+        depth: Texture | None,
+        clear: float | None,
+        keep_depth: bool,
     ) -> None:
         self._end_pass()
+        compared = None
+        if depth is not None:
+            compared = {
+                "view": depth.view,
+                "depth_load_op": "load" if keep_depth or clear is None else "clear",
+                "depth_store_op": "store",
+                "depth_clear_value": 0.0,
+            }
         attachments = [
             {
                 "view": texture.view,
@@ -181,12 +193,7 @@ class Recording:
         self._pass = self._encoder.begin_render_pass(
             label=f"gpusim.{self.stage}",
             color_attachments=attachments,
-            depth_stencil_attachment={
-                "view": depth.view,
-                "depth_load_op": "load" if keep_depth or clear is None else "clear",
-                "depth_store_op": "store",
-                "depth_clear_value": 0.0,
-            },
+            depth_stencil_attachment=compared,
             **self._timing(),
         )
 

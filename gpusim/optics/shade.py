@@ -22,12 +22,12 @@ from gpusim.gpu.texels import Texels
 from gpusim.optics.albedo import mean_albedo
 from gpusim.optics.binning import bin_edges
 from gpusim.optics.bitmap import BITMAP, mean_over_pixels
+from gpusim.optics.board_lines import BoardLines
 from gpusim.optics.bump import bump_texels, bump_uniform
 from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.gloss import gloss_texels
 from gpusim.optics.light_tiles import LightTiles, LightTilesPass
 from gpusim.optics.pattern import FINEST, LOOP_TURNS
-from gpusim.optics.plain_cells import PlainCells
 from gpusim.optics.seen import SeenPass, Sight, small_triangles
 from gpusim.optics.setup import GRAZING, TRIANGLE, Setup, footprint, probe_setup, radiance_of
 from gpusim.optics.shadow_tables import ShadowTables
@@ -35,9 +35,6 @@ from gpusim.optics.visibility import visibility_twin
 
 __all__ = ["Program", "ShadePass", "Tables", "shade_twin"]
 
-
-ALBEDO = 24
-"""Word of a triangle's record with its ground's albedo; the next: whether it has features."""
 
 NO_TILES = {"last": np.zeros(2), "middle": np.zeros(2), "size": 1, "columns": 1}
 
@@ -57,12 +54,12 @@ class Tables:
         self.paints = _as_texels(device, table.paints, "shade.paints")
         self.patterns = table.texels(device)
         # triangles that are shaded pixel by pixel take no parts
-        self.cells = PlainCells.of(setup) if sight is None else None
-        self.triangles = _triangles(device, setup, self.cells)
+        self.lines = BoardLines.of(setup) if sight is None else None
+        self.triangles = _triangles(device, setup, self.lines)
         if sight is None:
             fixed = view.fixed().reshape(-1, 2) if view.count else np.zeros((3, 2), np.int32)
-            if self.cells is not None:
-                fixed = np.concatenate([fixed, self.cells.fixed().reshape(-1, 2)])
+            if self.lines is not None:
+                fixed = np.concatenate([fixed, self.lines.fixed().reshape(-1, 2)])
             self.screen = device.buffer(fixed, "shade.screen")
         else:
             self.screen = sight.screen
@@ -120,21 +117,20 @@ def _as_texels(device: Device, records: npt.NDArray[np.void], label: str) -> Tex
     return texels
 
 
-def _triangles(device: Device, setup: Setup, cells: PlainCells | None) -> Texels:
+def _triangles(device: Device, setup: Setup, lines: BoardLines | None) -> Texels:
     """The triangles' records; written block by block, while they are in the processor's cache.
 
-    Behind them those of the plain ``cells``, which are their parents' but for the albedo.
+    Behind them those of the strips along ``lines``, which are their parents'.
     """
     per, count = TRIANGLE.itemsize // 16, setup.view.count
-    parent = np.zeros(0, np.int64) if cells is None else cells.parent
+    parent = np.zeros(0, np.int64) if lines is None else lines.parent
     own = np.zeros((len(parent), 4 * per), np.float32)
     texels = device.texels(per * max(count + len(parent), 1), "rgba32uint", "shade.triangles")
     for first, words in setup.record_blocks():
         texels.write(words.view(np.uint32).reshape(-1, 4), per * first)
         rows = np.flatnonzero((parent >= first) & (parent < first + len(words)))
         own[rows] = words[parent[rows] - first]
-    if cells is not None:
-        own[:, ALBEDO], own[:, ALBEDO + 1] = cells.albedo, 0.0
+    if lines is not None:
         texels.write(own.view(np.uint32).reshape(-1, 4), per * count)
     return texels
 
@@ -183,8 +179,8 @@ class ShadePass:
         light = LightTiles.of(setup)
         self._light = None if light is None else LightTilesPass(tables, light)
         self._light_found = False
-        cells = None if by_pixel else tables.cells
-        programs = _programs(setup, light, cells, sort=not by_pixel)
+        lines = None if by_pixel else tables.lines
+        programs = _programs(setup, light, lines, sort=not by_pixel)
         self._seen: SeenPass | None = None
         self._draws: list[tuple[Raster, Buffer, int]] = []
         if by_pixel:
@@ -193,16 +189,20 @@ class ShadePass:
             self._seen = SeenPass(tables, rows, programs, sight)
             return
         self._near, depth = view.raster_depth()
-        if cells is not None:
-            depth = np.concatenate([depth, cells.inverse_depth.astype(np.float32).reshape(-1)])
+        if lines is not None:
+            depth = np.concatenate([depth, lines.inverse_depth.astype(np.float32).reshape(-1)])
         self._inverse = device.buffer(depth, "shade.inverse_depth")
-        self.depth = device.target(view.camera.width, rows, "depth32float", "shade.depth")
+        self.depth: Texture | None = None
+        if not view.flat:
+            self.depth = device.target(view.camera.width, rows, "depth32float", "shade.depth")
         entries = ("vertex", "fragment" if self.marks is None else "fragment_marked")
         formats = tuple(texture.format for texture in self.colors)
-        for program in programs:
+        # what is in front comes first where depths are compared, else last
+        for program in reversed(programs) if view.flat else programs:
             raster = device.raster(
-                "optics/shade", formats, constants=program.constants, entries=entries
-            )
+                "optics/shade", formats, constants=program.constants, entries=entries,
+                depth="none" if view.flat else "greater",
+            )  # fmt: skip
             count = len(program.triangles)
             numbers = program.triangles if count else np.zeros(1, np.uint32)
             self._draws.append((raster, device.buffer(numbers, "shade.order"), count))
@@ -250,7 +250,7 @@ class ShadePass:
 
 
 def _programs(
-    setup: Setup, light: LightTiles | None, cells: PlainCells | None, sort: bool
+    setup: Setup, light: LightTiles | None, lines: BoardLines | None, sort: bool
 ) -> list[Program]:
     """The programs that a view needs, one at least (which clears the targets)."""
     result: list[Program] = []
@@ -258,27 +258,29 @@ def _programs(
     if sort:
         nearest = setup.view.inverse_depth().max(axis=1, initial=0.0)
         order = np.argsort(-nearest, kind="stable")
-    tiled = np.zeros(setup.view.count, bool) if light is None else light.member
-    if cells is not None:
-        for lit in (True, False):
-            even = setup.view.count + np.flatnonzero(tiled[cells.parent] == lit)
-            if len(even):
-                constants = {**setup.constants([0], False, False), "light_tiled": float(lit)}
-                result.append(Program(constants, even.astype(np.uint32)))
+    none = np.zeros(setup.view.count, bool)
+    tiled = none if light is None else light.member
+    boards = none if lines is None else lines.member
     groups = (BITMAP, 3 + GRAZING, 2 + GRAZING, 3, 2, 1, 0)
     each = (True, False)
-    kind = setup.groups.astype(np.uint8) << np.uint8(3)
-    for bit, flags in enumerate((tiled, setup.bumpy, setup.shiny)):
+    kind = setup.groups.astype(np.uint8) << np.uint8(4)
+    for bit, flags in enumerate((tiled, setup.bumpy, setup.shiny, boards)):
         kind |= flags.view(np.uint8) << np.uint8(bit)
     many = np.bincount(kind, minlength=256)
+    if lines is not None:
+        strips = kind[lines.parent]
     kind = kind[order] if sort else kind
-    for group, glossy, bumpy, lit in product(groups, each, each, each):
-        wanted = 8 * group + 4 * glossy + 2 * bumpy + lit
+    for group, board, glossy, bumpy, lit in product(groups, each, each, each, each):
+        wanted = 16 * group + 8 * board + 4 * glossy + 2 * bumpy + lit
         numbers = order[kind == wanted] if many[wanted] else order[:0]
         own: npt.NDArray[np.uint32] = numbers.astype(np.uint32)
-        if len(own) or not (group or glossy or bumpy or lit or result):
+        if len(own) or not (group or board or glossy or bumpy or lit or result):
             constants = {**setup.constants([group], glossy, bumpy), "light_tiled": float(lit)}
-            result.append(Program(constants, own))
+            if board and lines is not None:
+                # in front of the others, which are then left out where they are
+                strip = setup.view.count + np.flatnonzero(strips == wanted)
+                result.insert(0, Program({**constants, "board": 2.0}, strip.astype(np.uint32)))
+            result.append(Program({**constants, "board": float(board)}, own))
     return result
 
 

@@ -59,6 +59,10 @@ NEAR = 1e-4
 """Near plane, as a share of the farthest depth in view."""
 
 
+FLAT = 1e-9
+"""Share of the depth by which corners may lie off a plane."""
+
+
 @dataclass(frozen=True, eq=False)
 class RegionPaint:
     """A paint with the extent of its region in paint coordinates and the largest pixel there.
@@ -110,6 +114,19 @@ class View:
         if self.camera.lens is None:
             return self.screen
         return Screen(self.camera).ideal(self.corners[:, :, POSITION])
+
+    @cached_property
+    def flat(self) -> bool:
+        """Whether all triangles are of one body and in one plane: none of them hides another."""
+        if not self.count or self.body[0] != self.body[-1]:
+            return False
+        points = self.corners[:, :, POSITION].reshape(-1, 3)
+        a, b = points[1::3] - points[::3], points[2::3] - points[::3]
+        normal = np.cross(a, b)
+        normal = normal[np.argmax(np.einsum("ij,ij->i", normal, normal))]
+        away = np.abs((points - points[0]) @ normal)
+        # far less than the depth of a triangle in front of another could be told by
+        return bool(away.max() <= FLAT * np.linalg.norm(normal) * points[:, 2].min())
 
     def over_rows(self, first: int, stop: int) -> View:
         """The triangles and edges that touch rows ``first`` … ``stop - 1``; others are left out."""

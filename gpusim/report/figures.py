@@ -233,10 +233,14 @@ def draw_errors(measurements: Sequence[Measurement], path: PathLike) -> Figure:
     def draw(canvas: Canvas) -> None:
         axes = canvas.subplots()
         colour = {"good": GOOD, "bad": BAD, "unknown": TRUTH}
-        for place, (item, value, limit) in enumerate(zip(shown, percent, limits, strict=True)):
-            axes.barh(place, value, height=0.5, color=colour[item.verdict])
-            if limit > 0.0:
-                axes.vlines([-limit, limit], place - 0.36, place + 0.36, colors=MUTED)
+        places = np.arange(len(shown))
+        # one call for all bars: each costs as much as a hundred bars
+        axes.barh(places, percent, height=0.5, color=[colour[item.verdict] for item in shown])
+        judged = [place for place in places if limits[place] > 0.0]
+        ends = np.array([limits[place] for place in judged])
+        rows = np.tile(judged, 2)
+        axes.vlines(np.concatenate([-ends, ends]), rows - 0.36, rows + 0.36, colors=MUTED)
+        for place, (item, value) in enumerate(zip(shown, percent, strict=True)):
             axes.annotate(
                 signed_percent(item.error_relative, 2),
                 (value, place),

@@ -17,6 +17,8 @@ __all__ = ["ReportPaths", "prepare_figures", "write_report"]
 
 # iterations; a direct solve takes one or two, and there is nothing to see of them
 _WORTH_A_PLOT = 4
+# errors; the table above them tells one or two as well
+_WORTH_BARS = 3
 
 
 @dataclass(frozen=True)
@@ -63,7 +65,7 @@ def _draw(report: Report, folder: Path) -> FigureSet:
         for index, item in enumerate(report.overlays)
     )
     judged = [item for item in report.measurements if np.isfinite(item.error_relative)]
-    errors = draw_errors(judged, folder / "errors.png") if judged else None
+    errors = draw_errors(judged, folder / "errors.png") if len(judged) >= _WORTH_BARS else None
     convergence = None
     if len(report.residuals) >= _WORTH_A_PLOT:
         convergence = draw_convergence(report.residuals, folder / "convergence.png")

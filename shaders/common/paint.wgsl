@@ -91,6 +91,19 @@ fn corner_squares(f: Feature, corner: vec2f, right: f32, above: f32, both: f32) 
     return vec2f(dot(albedo, share), dot(share, vec4f(1.0)));
 }
 
+// Share of the pixel with centre d and change ex, ey per column and row that is right of x = 0 and
+// above y = 0, from the shares of both sides.
+fn corner_share(d: vec2f, ex: vec2f, ey: vec2f, right: f32, above: f32) -> f32 {
+    let area = ex.x * ey.y - ex.y * ey.x;
+    let p0 = d - 0.5 * ex - 0.5 * ey;
+    let p1 = d + 0.5 * ex - 0.5 * ey;
+    let p2 = d + 0.5 * ex + 0.5 * ey;
+    let p3 = d - 0.5 * ex + 0.5 * ey;
+    let sum = quadrant_edge(p0, p1) + quadrant_edge(p1, p2)
+        + quadrant_edge(p2, p3) + quadrant_edge(p3, p0);
+    return clamp(sum / area, max(0.0, right + above - 1.0), min(right, above));
+}
+
 // A checker patch over the pixel with centre p and change ex, ey per column and row (patch axes).
 // q is the relative change of 1 / z per column and row: a line of the pattern at distance d from p
 // is straight on screen, with gradient e + d q, so that perspective inside the pixel is exact.
@@ -105,14 +118,7 @@ fn checker_share(f: Feature, p: vec2f, dx: vec2f, dy: vec2f, q: vec2f) -> vec2f 
     let above = half_plane_share(d.y, vec2f(ex.y, ey.y));
     var both = right * above;
     if (right > 0.0 && right < 1.0 && above > 0.0 && above < 1.0) {
-        let area = ex.x * ey.y - ex.y * ey.x;
-        let p0 = d - 0.5 * ex - 0.5 * ey;
-        let p1 = d + 0.5 * ex - 0.5 * ey;
-        let p2 = d + 0.5 * ex + 0.5 * ey;
-        let p3 = d - 0.5 * ex + 0.5 * ey;
-        let sum = quadrant_edge(p0, p1) + quadrant_edge(p1, p2)
-            + quadrant_edge(p2, p3) + quadrant_edge(p3, p0);
-        both = clamp(sum / area, max(0.0, right + above - 1.0), min(right, above));
+        both = corner_share(d, ex, ey, right, above);
     }
     return corner_squares(f, corner + f.d.xy, right, above, both);
 }

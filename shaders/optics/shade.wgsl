@@ -5,6 +5,7 @@
 // Where triangles are small, that and the pixels beside them that are shaded in vain cost more than
 // the picture: their numbers are drawn first (visibility.wgsl), then every pixel reads its own.
 #import common/bitmap
+#import common/board
 #import common/paint
 #import common/screen
 #import common/surface
@@ -55,17 +56,25 @@ fn vertex(@builtin(vertex_index) index: u32) -> Varying {
     let position = band_position(screen[corner], params.row0, size, depth);
     let t = triangle_at(id);
     let paint = paint_at(u32(t.ny.w));
-    return Varying(
+    var out = Varying(
         position, t.st, t.tw, t.n0, t.nx, t.ny, t.place, t.more,
         vec4i(paint.i0, paint.j0, paint.columns, paint.rows),
         vec4f(paint.cell, bitcast<f32>(paint.first), paint.dot, f32(paint.cuts)),
         id,
         vec4f(paint.piece, paint.longest, paint.coverage, f32(paint.featured)),
     );
+    if (board != 0u) {
+        // these don't look into the paint's table
+        let lattice = board_of(paint, t.place.zw);
+        out.grid = bitcast<vec4i>(vec4f(lattice.corner, lattice.index));
+        out.grid_size = vec4f(lattice.size, lattice.albedo, lattice.covers);
+        out.pieces = vec4f(lattice.squares, 0.0, out.pieces.w);
+    }
+    return out;
 }
 
 // Radiance and albedo of a pixel, and the share of it that shows the paint's ground.
-fn shade(t: Triangle, paint: Paint, at: vec2i) -> vec3f {
+fn shade(t: Triangle, paint: Paint, lattice: Board, at: vec2i) -> vec3f {
     let pixel = at + vec2i(0, params.row0);
     let bend = bend_at(pixel);
     let shift = undistort(bend, vec2f(0.0));
@@ -77,6 +86,8 @@ fn shade(t: Triangle, paint: Paint, at: vec2i) -> vec3f {
             let size = vec2i(paint.columns, paint.rows);
             let bitmap = Bitmap(t.place.zw, size, paint.first, paint.i0);
             albedo = bitmap_pixel(bitmap, t.more.x, f.st, f.ex, f.ey, f.q);
+        } else if (board != 0u) {
+            albedo = board_pixel(lattice, t.more.x, f.st, f.ex, f.ey, f.q);
         } else {
             albedo = paint_pixel(paint, t.place.zw, f.st, f.ex, f.ey, f.q);
         }
@@ -105,7 +116,10 @@ fn shade_inside(in: Varying) -> vec3f {
     let paint = Paint(t.more.x, in.grid_size.x, g.x, g.y, g.z, g.w, bitcast<u32>(in.grid_size.y),
         u32(in.pieces.w), in.grid_size.z, u32(in.grid_size.w),
         in.pieces.x, in.pieces.y, in.pieces.z);
-    return shade(t, paint, vec2i(floor(in.position.xy)));
+    let corner = bitcast<vec4f>(g);
+    let size = in.grid_size;
+    let lattice = Board(corner.xy, corner.zw, in.pieces.xy, size.x, size.yz, size.w);
+    return shade(t, paint, lattice, vec2i(floor(in.position.xy)));
 }
 
 // For views with shadows: marks what shadow.wgsl needs to know of each pixel.
@@ -148,7 +162,9 @@ fn fragment_levels(@builtin(position) at: vec4f) -> @builtin(frag_depth) f32 {
 
 fn shade_seen(at: vec4f, number: u32) -> vec3f {
     let t = triangle_at(max(number, 1u) - 1u);
-    return shade(t, paint_at(u32(t.ny.w)), vec2i(floor(at.xy)));
+    let paint = paint_at(u32(t.ny.w));
+    let none = Board(vec2f(0.0), vec2f(0.0), vec2f(0.0), 1.0, vec2f(0.0), 0.0);
+    return shade(t, paint, none, vec2i(floor(at.xy)));
 }
 @fragment
 fn fragment_seen(@builtin(position) at: vec4f) -> @location(0) f32 {
