@@ -51,7 +51,7 @@ class _AtOnce:
         self._z: dict[int, Float] = {}
 
     def down(self, r: Float, cases: Sequence[int]) -> Float:
-        z = self._preconditioner.apply(r)
+        z: Float = self._preconditioner.apply(r)
         self._z.update(zip(cases, z, strict=True))
         return _dot(r, z)
 
@@ -77,7 +77,7 @@ class NumpyCG:
         self._x, self._p = np.zeros_like(residual), np.zeros_like(residual)
         self._beta, self._pq = np.zeros(len(residual)), np.zeros(len(residual))
         self._rz = self._precondition.down(self._r, range(len(residual)))
-        return self._rz.copy()
+        return np.array(self._rz)
 
     def run(self, count: int, active: npt.NDArray[np.bool_]) -> Float:
         """``count`` iterations; history (count,L,4): r.z, alpha, beta, p.q."""

@@ -132,7 +132,8 @@ class Multigrid:
         smoothed, left, corrected = self._down(0, r)
         for case, one, x in zip(cases, r, corrected, strict=True):
             self._begun[case] = one, x
-        return np.einsum("ln,ln->l", r, smoothed) + np.einsum("ln,ln->l", left, corrected)
+        energy: Float = np.einsum("ln,ln->l", r, smoothed) + np.einsum("ln,ln->l", left, corrected)
+        return energy
 
     def up(self, cases: Sequence[int]) -> Float:
         """z (L,3N) of the load cases of ``down``."""
