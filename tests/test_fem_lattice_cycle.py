@@ -74,6 +74,30 @@ def test_it_is_the_cycle_by_assembled_matrices(kind: str, monkeypatch: pytest.Mo
             assert np.abs(got - expected).max() > 1e-12 * size
 
 
+@pytest.mark.parametrize("way", ["runs", "runs float32", "assembled"])
+def test_half_a_cycle_tells_the_energy_and_load_cases_keep_apart(
+    way: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mesh, fixed, layer = uneven("layered")
+    dtype = np.float32 if way == "runs float32" else np.float64
+    monkeypatch.setattr(lattice_cycle, "cycle_dtype", lambda *_: dtype)
+    if way == "assembled":
+        monkeypatch.setattr(Multigrid, "_lattice", None)
+    one = multigrid(mesh, fixed, layer)
+    r = np.random.default_rng(3).normal(size=(3, fixed.size)) * np.array([[1.0], [1e-9], [1e7]])
+    z = one.apply(r)
+    tolerance = 3e-6 if dtype == np.float32 else 1e-13
+    first = one.down(r[:2], [0, 1])
+    rest = one.down(r[2:], [2])
+    np.testing.assert_allclose(
+        np.concatenate([first, rest]), np.einsum("ln,ln->l", r, z), rtol=tolerance
+    )
+    # ended in another order than begun, and not all of them
+    for case in (2, 0):
+        (got,) = one.up([case])
+        assert np.abs(got - z[case]).max() <= 1e-14 * np.abs(z[case]).max()
+
+
 def test_rounding_that_would_drown_the_softest_motion_asks_for_float64() -> None:
     assert cycle_dtype(1e-4, 10.0) is np.float32
     assert cycle_dtype(1e-7, 10.0) is np.float64

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -13,6 +13,7 @@ from gpusim.errors import InputError, NotConverged, OutOfDeviceMemory, TwinMisma
 from gpusim.fem import Isotropic, Model, Solution, face_force, solve
 from gpusim.fem.assembly import assemble
 from gpusim.fem.block_rows import block_matrix
+from gpusim.fem.cg import NumpyCG
 from gpusim.fem.formulation import resolve_formulation
 from gpusim.fem.stiffness import DeviceStiffness, apply_stiffness
 from gpusim.gpu import Device, compare
@@ -261,6 +262,38 @@ def test_a_preconditioner_that_returns_nan_is_caught(monkeypatch: pytest.MonkeyP
     )
     with pytest.raises(NotConverged, match="finite"):
         solve(cantilever(), backend="numpy", method="block_jacobi")
+
+
+def test_a_load_case_at_rest_is_left_alone_while_others_go_on() -> None:
+    rng = np.random.default_rng(5)
+    root = rng.normal(size=(30, 30))
+    matrix = root @ root.T + 3.0 * np.eye(30)
+
+    class Scaling:
+        name = "diagonal"
+        seen: ClassVar[list[int]] = []
+
+        def apply(self, r: np.ndarray) -> np.ndarray:
+            self.seen.append(len(r))
+            return r / matrix.diagonal()
+
+        def upload(self, *_: Any) -> None: ...
+
+    b = rng.normal(size=(3, 30))
+    loop, alone = (NumpyCG(lambda v: v @ matrix, Scaling()) for _ in range(2))
+    loop.begin(b)
+    alone.begin(b[2:])
+    loop.run(3, np.array([True, True, True]))
+    before, residual = loop.correction(), np.array(loop.residual())
+    history = loop.run(60, np.array([False, False, True]))
+    assert Scaling.seen == [3, 1, 3, 3, 3] + 60 * [1]
+    assert not history[:, :2, 1:3].any() and (history[:, :2, 3] > 0.0).all()
+    assert (loop.correction()[:2] == before[:2]).all()
+    assert (np.array(loop.residual())[:2] == residual[:2]).all()
+    # the third goes its own way, as if it were alone
+    wanted = alone.run(63, np.array([True]))
+    np.testing.assert_allclose(history[:5, 2], wanted[3:8, 0], rtol=1e-9)
+    assert np.abs(loop.correction()[2] - np.linalg.solve(matrix, b[2])).max() <= 1e-9
 
 
 def test_memory_is_asked_for_before_it_is_taken() -> None:

@@ -8,6 +8,7 @@ float32 textures.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Protocol
 
 import numpy as np
@@ -42,38 +43,71 @@ class Preconditioner(Protocol):
     def upload(self, device: Allocator, stiffness: Any, cases: int) -> Any: ...
 
 
+class _AtOnce:
+    """``down`` and ``up`` of a preconditioner that has no such parts."""
+
+    def __init__(self, preconditioner: Preconditioner) -> None:
+        self._preconditioner = preconditioner
+        self._z: dict[int, Float] = {}
+
+    def down(self, r: Float, cases: Sequence[int]) -> Float:
+        z: Float = self._preconditioner.apply(r)
+        self._z.update(zip(cases, z, strict=True))
+        return _dot(r, z)
+
+    def up(self, cases: Sequence[int]) -> Float:
+        return np.stack([self._z[case] for case in cases])
+
+
 class NumpyCG:
-    """Conjugate gradients in NumPy for L load cases at once; ``apply`` is v -> K v."""
+    """Conjugate gradients in NumPy for L load cases at once; ``apply`` is v -> K v.
+
+    A preconditioner with ``down`` and ``up`` (see ``Multigrid``) tells r.z first and gives z where
+    the iteration goes on. Load cases at rest take no time.
+    """
 
     def __init__(self, apply: Any, preconditioner: Preconditioner) -> None:
-        self._apply, self._precondition = apply, preconditioner.apply
+        halves = hasattr(preconditioner, "down")
+        self._apply = apply
+        self._precondition: Any = preconditioner if halves else _AtOnce(preconditioner)
 
     def begin(self, residual: Float) -> Float:
         """Start from a zero correction; returns r.z per case (L,)."""
         self._r = residual.copy()
-        self._x = np.zeros_like(residual)
-        z = self._precondition(self._r)
-        self._p = z.copy()
-        self._rz = _dot(self._r, z)
-        return self._rz.copy()
+        self._x, self._p = np.zeros_like(residual), np.zeros_like(residual)
+        self._beta, self._pq = np.zeros(len(residual)), np.zeros(len(residual))
+        self._rz = self._precondition.down(self._r, range(len(residual)))
+        return np.array(self._rz)
 
     def run(self, count: int, active: npt.NDArray[np.bool_]) -> Float:
         """``count`` iterations; history (count,L,4): r.z, alpha, beta, p.q."""
         history = np.empty((count, len(self._r), 4))
+        on = np.flatnonzero(active).tolist()
         for line in history:
-            q = self._apply(self._p)
-            pq = _dot(self._p, q)
-            alpha = np.divide(self._rz, pq, out=np.zeros_like(pq), where=active & (pq > 0.0))
-            self._x += alpha[:, None] * self._p
-            self._r -= alpha[:, None] * q
-            z = self._precondition(self._r)
-            rz = _dot(self._r, z)
-            beta = np.divide(rz, self._rz, out=np.zeros_like(rz), where=active & (self._rz > 0.0))
-            line[:] = np.stack([self._rz, alpha, beta, pq], axis=1)
-            self._rz = rz
-            self._p *= beta[:, None]
-            self._p += z
+            line[:] = np.stack([self._rz, *np.zeros((2, len(line))), self._pq], axis=1)
+            if on:
+                line[on] = self._iterate(on)
         return history
+
+    def _iterate(self, on: list[int]) -> Float:
+        """One iteration of some load cases; their history (L,4)."""
+        z = self._precondition.up(on)
+        for case, one in zip(on, z, strict=True):
+            self._p[case] *= self._beta[case]
+            self._p[case] += one
+        every = len(on) == len(self._p)
+        p, rz = self._p if every else self._p[on], self._rz[on]
+        q = self._apply(p)
+        pq = _dot(p, q)
+        alpha = np.divide(rz, pq, out=np.zeros_like(pq), where=pq > 0.0)
+        for case, step, image in zip(on, alpha, q, strict=True):
+            self._x[case] += step * self._p[case]
+            image *= step
+            self._r[case] -= image
+        after = self._precondition.down(self._r if every else self._r[on], on)
+        beta = np.divide(after, rz, out=np.zeros_like(rz), where=rz > 0.0)
+        self._rz[on], self._beta[on], self._pq[on] = after, beta, pq
+        return np.stack([rz, alpha, beta, pq], axis=1)
 
     def correction(self) -> Float:
         """The solution of this run so far, (L,n)."""

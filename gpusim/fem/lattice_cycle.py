@@ -83,23 +83,56 @@ class LatticeLevel:
             for rows in (before, np.where(free[first][:, None, :, None], -blocks, 0.0), *after)
         )
         self.held = layout.places(~free)
-        self.b, self._w, self._x, self._y = (layout.zeros(dtype) for _ in range(4))
+        self.b, self._y = layout.zeros(dtype), layout.zeros(dtype)
+        self._kept: dict[int, tuple[Real, Real]] = {}
+        self.keep(0)
+
+    def keep(self, case: int) -> None:
+        """``down`` and ``up`` are of this load case: one may begin before another one has ended."""
+        if case not in self._kept:
+            dtype = self.b.dtype
+            self._kept[case] = self.layout.zeros(dtype), self.layout.zeros(dtype)
+        self._w, self._x = self._kept[case]
 
     def cycle(self, transfer: PlaneTransfer, below: Callable[[], Real]) -> Real:
         """The stored solution for ``self.b``; ``below`` solves for what ``transfer`` leaves."""
+        self._smooth()
+        self._correct(transfer, below)
+        return self.up()
+
+    def down(self, transfer: PlaneTransfer, below: Callable[[], Real]) -> float:
+        """As far as to know b.z, by the smoothed x, its residual y and the corrected x' (the
+        smoother is symmetric): b.z = b.x + y.x'."""
+        self._smooth()
+        before = self._dot(self.b, self._x)
+        self._correct(transfer, below)
+        return before + self._dot(self._y, self._x)
+
+    def up(self) -> Real:
+        """The rest; returns the stored solution."""
         apply, w, x, y = self._pattern.apply, self._w, self._x, self._y
-        self._pattern.scale(self._gain, self.b, w)
-        apply(self._before, w, x)
-        apply(self._left, x, y, self.b)
-        transfer.restrict(y)
-        transfer.interpolate(below(), x)
-        x[self.held] = 0.0
         apply(self._first, x, y, w)
         w *= self._more
         x *= self._keep
         w -= x
         apply(self._second, y, x, w)
         return x
+
+    def _smooth(self) -> None:
+        apply, w, x, y = self._pattern.apply, self._w, self._x, self._y
+        self._pattern.scale(self._gain, self.b, w)
+        apply(self._before, w, x)
+        apply(self._left, x, y, self.b)
+
+    def _correct(self, transfer: PlaneTransfer, below: Callable[[], Real]) -> None:
+        transfer.restrict(self._y)
+        transfer.interpolate(below(), self._x)
+        self._x[self.held] = 0.0
+
+    def _dot(self, one: Real, two: Real) -> float:
+        """Row by row, so that sums in float32 stay short."""
+        rows = (self.layout.body(v).reshape(-1, self.layout.row) for v in (one, two))
+        return float(np.einsum("ij,ij->i", *rows).sum(dtype=np.float64))
 
 
 class PlaneTransfer:
@@ -203,11 +236,26 @@ class LatticeCycle:
 
     def apply(self, b: Float, below: Callable[[Float], Float]) -> Float:
         """z (3N,) for b (3N,); ``below`` solves on the level below these, for (1,n)."""
+        return self._begin(b, 0).layout.get(self._solve(0, below))
+
+    def down(self, b: Float, below: Callable[[Float], Float], case: int) -> float:
+        """b.z; ``up`` then gives z of this load case."""
+        solve = partial(self._solve, 1, below)
+        return self._begin(b, case).down(self._transfers[0], solve)
+
+    def up(self, case: int) -> Float:
+        """The z (3N,) that ``down`` of the same load case has begun."""
         top = self._levels[0]
+        top.keep(case)
+        return top.layout.get(top.up())
+
+    def _begin(self, b: Float, case: int) -> LatticeLevel:
+        top = self._levels[0]
+        top.keep(case)
         top.layout.put(b, top.b)
         # residuals hold reactions, too
         top.b[top.held] = 0.0
-        return top.layout.get(self._solve(0, below))
+        return top
 
     def _solve(self, number: int, below: Callable[[Float], Float]) -> Real:
         if number < self.depth:

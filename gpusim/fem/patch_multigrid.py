@@ -24,17 +24,24 @@ class PatchMultigrid(Multigrid):
     matrix products do well.
     """
 
-    def _cycle(self, number: int, b: Float) -> Float:
-        levels = self.hierarchy.levels
-        if number == len(levels) or levels[number].patches is None:
-            return super()._cycle(number, b)
-        level = levels[number]
-        steps = chebyshev(level.largest / _RANGE, level.largest, _DEGREE)
-        x = _smooth(level, steps, b, np.zeros_like(b))
+    def _down(self, number: int, b: Float) -> tuple[Float, Float, Float]:
+        level = self.hierarchy.levels[number]
+        if level.patches is None:
+            return super()._down(number, b)
+        x = _smooth(level, _steps(level), b, np.zeros_like(b))
         r = b - level.product(x)
         coarse = self._cycle(number + 1, level.transfer.restrict(r))
-        x = x + level.transfer.interpolate(coarse)
-        return _smooth(level, steps, b, x)
+        return x, r, x + level.transfer.interpolate(coarse)
+
+    def _up(self, number: int, b: Float, x: Float) -> Float:
+        level = self.hierarchy.levels[number]
+        if level.patches is None:
+            return super()._up(number, b, x)
+        return _smooth(level, _steps(level), b, x)
+
+
+def _steps(level: Level) -> tuple[Relaxation, ...]:
+    return chebyshev(level.largest / _RANGE, level.largest, _DEGREE)
 
 
 def _smooth(level: Level, steps: tuple[Relaxation, ...], b: Float, x: Float) -> Float:

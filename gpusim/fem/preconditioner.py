@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property, partial
 
 import numpy as np
@@ -115,20 +116,59 @@ class Multigrid:
         below = partial(self._cycle, lattice.depth)
         return np.stack([lattice.apply(one, below) for one in r])
 
+    def down(self, r: Float, cases: Sequence[int]) -> Float:
+        """r.z (L,) for (L,3N) r of some load cases, whose z ``up`` gives then; whoever stops by
+        r.z needs no more.
+
+        With the smoothed x = S r, S symmetric, its residual y and x' = x + P c after the coarser
+        levels, z = x' + S (r - A x') makes r.z = r.x + y.x'.
+        """
+        lattice = self._lattice
+        if lattice is not None:
+            below = partial(self._cycle, lattice.depth)
+            return np.array(
+                [lattice.down(one, below, case) for one, case in zip(r, cases, strict=True)]
+            )
+        smoothed, left, corrected = self._down(0, r)
+        for case, one, x in zip(cases, r, corrected, strict=True):
+            self._begun[case] = one, x
+        energy: Float = np.einsum("ln,ln->l", r, smoothed) + np.einsum("ln,ln->l", left, corrected)
+        return energy
+
+    def up(self, cases: Sequence[int]) -> Float:
+        """z (L,3N) of the load cases of ``down``."""
+        lattice = self._lattice
+        if lattice is not None:
+            return np.stack([lattice.up(case) for case in cases])
+        b, x = (np.stack(parts) for parts in zip(*map(self._begun.pop, cases), strict=True))
+        return self._up(0, b, x)
+
+    @cached_property
+    def _begun(self) -> dict[int, tuple[Float, Float]]:
+        return {}
+
     def _cycle(self, number: int, b: Float) -> Float:
-        levels = self.hierarchy.levels
-        if number == len(levels):
+        if number == len(self.hierarchy.levels):
             return np.asarray(b @ self.hierarchy.coarse_inverse)
-        level, inverse = levels[number], self._inverse(number)
-        product, steps = level.product, smoothing_steps(level)
+        return self._up(number, b, self._down(number, b)[2])
+
+    def _down(self, number: int, b: Float) -> tuple[Float, Float, Float]:
+        """The smoothed x, its residual, and x with what coarser levels add."""
+        level, inverse = self.hierarchy.levels[number], self._inverse(number)
+        steps = smoothing_steps(level)
         r, d, x = relax(inverse, b, None, None, None, _from_zero(steps[0]))
         for step in steps[1:]:
-            r, d, x = relax(inverse, r, product(d), d, x, step)
-        r = r - product(d)
-        x = x + level.transfer.interpolate(self._cycle(number + 1, level.transfer.restrict(r)))
-        r, d, x = relax(inverse, b, product(x), d, x, steps[0])
+            r, d, x = relax(inverse, r, level.product(d), d, x, step)
+        r = r - level.product(d)
+        coarse = self._cycle(number + 1, level.transfer.restrict(r))
+        return x, r, x + level.transfer.interpolate(coarse)
+
+    def _up(self, number: int, b: Float, x: Float) -> Float:
+        level, inverse = self.hierarchy.levels[number], self._inverse(number)
+        steps = smoothing_steps(level)
+        r, d, x = relax(inverse, b, level.product(x), None, x, steps[0])
         for step in steps[1:]:
-            r, d, x = relax(inverse, r, product(d), d, x, step)
+            r, d, x = relax(inverse, r, level.product(d), d, x, step)
         return x
 
     def upload(self, device: Allocator, stiffness: DeviceStiffness, cases: int) -> DeviceMultigrid:
