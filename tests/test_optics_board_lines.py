@@ -8,6 +8,7 @@ import pytest
 import gpusim as gs
 from gpusim.optics import board_lines
 from gpusim.optics.board_lines import BoardLines
+from gpusim.optics.border import Border
 from gpusim.optics.light import AreaLight
 from gpusim.optics.polygon import half_planes
 from gpusim.optics.setup import Setup, footprint
@@ -60,6 +61,7 @@ def test_a_board_is_the_same_with_and_without(
     lines = BoardLines.of(Setup.build(view, lights, 0.0, surfaces))
     assert lines is not None and len(lines.parent) > 40
     assert view.flat == alone
+    monkeypatch.setattr(Border, "suits", staticmethod(lambda view: False))
     part = gs.render(surfaces, camera(), lights, device=device).radiance
     monkeypatch.setattr(View, "flat", False)
     deep = gs.render(surfaces, camera(), lights, device=device).radiance

@@ -24,7 +24,7 @@ from gpusim.optics.polygon import pick
 from gpusim.optics.ragged import expand
 from gpusim.optics.view import View
 
-__all__ = ["EdgePixels", "bin_edges", "segment_pixels"]
+__all__ = ["MARGIN", "EdgePixels", "bin_edges", "segment_hits", "segment_pixels"]
 
 TILE = 8
 """px, side of the tiles by which triangles far from all edges are sorted out."""
@@ -62,6 +62,14 @@ def segment_pixels(
     segments: npt.NDArray[np.float64], width: int, height: int
 ) -> npt.NDArray[np.int64]:
     """Sorted linear indices of the pixels whose squares the segments (E, 2, 2) px touch."""
+    return distinct(segment_hits(segments, width, height)[0])
+
+
+def segment_hits(
+    segments: npt.NDArray[np.float64], width: int, height: int
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """Linear index of a pixel and number of a segment (E, 2, 2) px that touches its square, once
+    or more for every such pair."""
     a, b = segments[:, 0], segments[:, 1]
     # clip to the image (Liang and Barsky 1984)
     low = np.full(2, -0.5 - MARGIN)
@@ -72,7 +80,7 @@ def segment_pixels(
         t1 = np.where(d != 0.0, (high - a) / d, np.where((a >= low) & (a <= high), np.inf, -np.inf))
     enter = np.maximum(np.minimum(t0, t1).max(axis=1), 0.0)
     leave = np.minimum(np.maximum(t0, t1).min(axis=1), 1.0)
-    keep = enter <= leave
+    keep = np.flatnonzero(enter <= leave)
     a, d = a[keep] + enter[keep, None] * d[keep], (leave - enter)[keep, None] * d[keep]
     b = a + d
     first = np.floor(np.minimum(a[:, 1], b[:, 1]) + 0.5 - MARGIN).astype(np.int64)
@@ -90,18 +98,19 @@ def segment_pixels(
     run, step = expand(right - left + 1)
     column, row = left[run] + step, row[run]
     inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
-    return distinct(row[inside] * width + column[inside])
+    return row[inside] * width + column[inside], keep[segment[run[inside]]]
 
 
-def bin_edges(view: View) -> EdgePixels:
+def bin_edges(view: View, pixel: npt.NDArray[np.int64] | None = None) -> EdgePixels:
     """The edge pixels of a view, each with the triangles over it from the nearest to the farthest.
 
     The order is that of 1 / z at the triangle's point nearest to the pixel's centre, which never
     extrapolates a steep plane beyond the triangle; where things touch, a place that both cover
-    decides.
+    decides. ``pixel``: those of the view's edges, sorted, that are wanted; None for all.
     """
     width, height = view.camera.width, view.camera.height
-    pixel = segment_pixels(view.edges, width, height)
+    if pixel is None:
+        pixel = segment_pixels(view.edges, width, height)
     cut = segment_pixels(_cuts(view), width, height)
     if len(cut):
         pixel = distinct(np.concatenate([pixel, cut]))

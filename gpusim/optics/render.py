@@ -12,6 +12,7 @@ from gpusim.gpu import Device, default_device
 from gpusim.inputs import checked
 from gpusim.optics.aside import Aside
 from gpusim.optics.binning import bin_edges
+from gpusim.optics.border import Border
 from gpusim.optics.camera import Camera
 from gpusim.optics.edges import EdgePass, edges_twin
 from gpusim.optics.frame import Band, Frame
@@ -129,12 +130,17 @@ def _draw(
     sight = Sight(device, view, rows) if small_triangles(view) else None
     if sight is not None:
         sight.begin(first, rows)
+    # edges that the host is done with while the device shades
+    simple = lights is None and Border.suits(view)
+    edge_pass: EdgePass | None = None
     with Aside(view.count) as aside:
-        found = aside.begin(bin_edges, view)
+        found = None if simple else aside.begin(bin_edges, view)
         setup = Setup.build(view, lights, background, surfaces)
         tables = Tables(device, setup, sight)
-        edge_pass = EdgePass(tables, found())
-    edge_pass.begin()
+        if found is not None:
+            edge_pass = EdgePass(tables, found())
+    if edge_pass is not None:
+        edge_pass.begin()
     shade_pass = ShadePass(tables, rows, sight is not None, sight)
     shadow_pass = ShadowPass(tables) if setup.lighting.shadows is not None else None
     stride = shade_pass.stride
@@ -147,10 +153,15 @@ def _draw(
             if shadow_pass is not None and shade_pass.marks is not None:
                 recording.begin("optics.shadow")
                 shadow_pass.record(recording, shade_pass.marks, radiance, row0, count, stride)
-            if not bands:
+            if not bands and edge_pass is not None:
                 # before anything else is submitted that one would wait for as well
                 edge_pass.fetch()
         bands.append(Band(row0, count, stride, radiance))
+    if edge_pass is None:
+        border = Border.of(view, background)
+        edge_pass = EdgePass(tables, bin_edges(view, border.rest), border)
+        edge_pass.begin()
+        edge_pass.fetch()
     edge_pass.write(bands)
     return bands
 

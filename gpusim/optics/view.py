@@ -89,7 +89,8 @@ class View:
     the visible silhouettes, creases and region borders on screen, px. ``planes`` (T, 3, 3): row i
     has barycentric i over depth as an affine function of the ideal position [x, y, 1].
     ``footprint`` (T,): half the width of the largest pixel on each triangle, in paint coordinates;
-    0 on plain paint. ``body`` (T,): number of the surface, ascending.
+    0 on plain paint. ``body`` (T,): number of the surface, ascending. ``edge_source`` (E, 2): the
+    triangle that each edge is of, and its corner that it begins at.
     """
 
     camera: Camera
@@ -102,6 +103,7 @@ class View:
     planes: npt.NDArray[np.float64]
     footprint: npt.NDArray[np.float64]
     body: npt.NDArray[np.int32]
+    edge_source: npt.NDArray[np.int64]
 
     @property
     def count(self) -> int:
@@ -134,10 +136,12 @@ class View:
         own = (high > first - 1.0) & (low < stop)
         y = self.edges[:, :, 1]
         near = (np.maximum(y[:, 0], y[:, 1]) > first - 1.0) & (np.minimum(y[:, 0], y[:, 1]) < stop)
+        source = self.edge_source[near]
+        source[:, 0] = (np.cumsum(own) - 1)[source[:, 0]]
         return replace(
             self, corners=self.corners[own], screen=self.screen[own], paint=self.paint[own],
             face=self.face[own], edges=self.edges[near], planes=self.planes[own],
-            footprint=self.footprint[own], body=self.body[own],
+            footprint=self.footprint[own], body=self.body[own], edge_source=source,
         )  # fmt: skip
 
     def inverse_depth(self) -> npt.NDArray[np.float64]:
@@ -199,7 +203,7 @@ def look(surfaces: Sequence[Surface], camera: Camera, lit: bool) -> View:
         camera, pieces.corners, place, number_of_paint, np.concatenate(face_ids).astype(np.int32),
         tuple(regions),
         np.stack([place[shown, k], place[shown, (k + 1) % 3]], axis=1), planes, footprint,
-        np.concatenate(body_ids).astype(np.int32),
+        np.concatenate(body_ids).astype(np.int32), np.stack([shown, k], axis=1),
     )  # fmt: skip
 
 

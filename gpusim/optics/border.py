@@ -1,0 +1,96 @@
+"""Edge pixels that one straight border crosses, and nothing else: background beside one albedo.
+
+Where all that a camera sees is one flat, evenly painted plate (or a board with a rim), unlit, a
+pixel on its border is the share of its square on one side of a line, in closed form. Nothing has
+to be sorted, clipped or looked up; what is left, corners mostly, goes the general way
+(`gpusim.optics.edges`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.optics.binning import MARGIN, segment_hits
+from gpusim.optics.corners import ST
+from gpusim.optics.coverage import half_plane_share
+from gpusim.optics.view import RegionPaint, View
+from gpusim.surface.paint import Checker, Plain
+
+__all__ = ["Border"]
+
+Array = npt.NDArray[np.float64]
+
+
+MOST_EDGES = 64
+"""Of a plate; where they are more, so are the pixels with two of them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Border:
+    """``pixel`` (n,) linear indices and their radiance ``value`` (n,); ``rest`` (m,): the sorted
+    indices of all other edge pixels."""
+
+    pixel: npt.NDArray[np.int64]
+    value: Array
+    rest: npt.NDArray[np.int64]
+
+    @staticmethod
+    def suits(view: View) -> bool:
+        """Whether an unlit view shows one flat plate, and its ground alone along the border."""
+        if view.camera.lens is not None or not 0 < len(view.edges) <= MOST_EDGES:
+            return False
+        if not view.flat or np.ptp(view.paint):
+            return False
+        return _even(view, view.paints[view.paint[0]])
+
+    @staticmethod
+    def of(view: View, background: float) -> Border:
+        """Those of a view that suits."""
+        width, height = view.camera.width, view.camera.height
+        pixel, segment = segment_hits(view.edges, width, height)
+        order = np.argsort(pixel, kind="stable")
+        pixel, segment = pixel[order], segment[order]
+        new = np.concatenate([[True], pixel[1:] != pixel[:-1], [True]])
+        at = np.stack([pixel % width, pixel // width], axis=1).astype(np.float64)
+        a, b = view.edges[segment, 0] - at, view.edges[segment, 1] - at
+        # one that ends here isn't all that there is
+        near = (np.abs([a, b]) <= 0.5 + 2.0 * MARGIN).all(axis=2).any(axis=0)
+        alone = new[:-1] & new[1:] & ~near
+        first = new[:-1] & ~alone
+        a, b = a[alone], b[alone]
+        along = b - a
+        inwards = np.stack([-along[:, 1], along[:, 0]]) * _turn(view)
+        inwards /= np.hypot(*along.T)
+        share = half_plane_share(-(inwards[0] * a[:, 0] + inwards[1] * a[:, 1]), *inwards)
+        ground = view.paints[view.paint[0]].paint.ground
+        value = background + share * (ground - background)
+        return Border(pixel[alone], value, pixel[first])
+
+
+def _turn(view: View) -> float:
+    """1 where the triangles' corners go round counter-clockwise in x, y of the image, else -1."""
+    a, b = view.screen[:, 1] - view.screen[:, 0], view.screen[:, 2] - view.screen[:, 0]
+    return float(np.sign((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum()))
+
+
+def _even(view: View, region: RegionPaint) -> bool:
+    """Whether the paint shows its ground alone along all edges; False for those that may not."""
+    paint = region.paint
+    if isinstance(paint, Plain):
+        return True
+    if not isinstance(paint, Checker):
+        return False
+    triangle, corner = view.edge_source.T
+    ends = np.stack([corner, (corner + 1) % 3], axis=1)
+    st = view.corners[triangle[:, None], ends][:, :, ST] - np.array(paint.origin)
+    # straight lines stay straight: beyond one side at both ends is beyond it everywhere
+    away = 3.0 * region.reach
+    beyond = np.zeros(len(st), bool)
+    for axis, many in enumerate((paint.columns, paint.rows)):
+        if many is not None:
+            beyond |= (st[:, :, axis] < -away).all(axis=1)
+            beyond |= (st[:, :, axis] > many * paint.size + away).all(axis=1)
+    return bool(beyond.all())
