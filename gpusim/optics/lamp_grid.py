@@ -1,25 +1,19 @@
 """Casters filed by where a lamp sees them, so that a receiver finds those that may hide the lamp.
 
-In the frame of a lamp, p = x / w and q = y / w across its axis and s = 1 / w along it, the lamp's
-plane lies at infinity: a ray from a receiver X to the lamp's point l runs along
-p = p_X + l (s - s_X). So a receiver has to look, around its own p and q, as far as half the lamp's
-size times the difference in s to the nearest caster there. The sun's frame is the same with s the
-distance towards it.
+In the lamp's view (p, q, s), a receiver has to look, around its own p and q, as far as half the
+lamp's size times the difference in s to the nearest caster there.
 """
 
 from __future__ import annotations
-
-from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.optics.casters import Casters, LampFaces
-from gpusim.optics.emitters import Lamp
+from gpusim.optics.lamp_view import LampView, Reach
 from gpusim.optics.ragged import expand
 
-__all__ = ["LampGrid", "LampView", "Reach"]
+__all__ = ["LampGrid"]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
@@ -28,102 +22,11 @@ LEAST_CELLS, MOST_CELLS = 1 << 14, 1 << 20
 MOST_ENTRIES = 1 << 20
 """Of casters in cells, unless all are that small; large ones lie in many."""
 
+LONG = 3
+"""Cells across which a caster is worth a closer look."""
+
 EACH = 4
 """Entries of cells that cost as much as a receiver and a caster looked at by themselves."""
-
-
-@dataclass(frozen=True, eq=False)
-class Reach:
-    """Boxes in p, q and s of a lamp's view: low and high ends (2, n) of each."""
-
-    p: Array
-    q: Array
-    s: Array
-
-    def __getitem__(self, index: Numbers | Flags) -> Reach:
-        places = np.flatnonzero(index) if index.dtype == bool else index
-        return Reach(*(np.take(ends, places, axis=1) for ends in (self.p, self.q, self.s)))
-
-
-@dataclass(frozen=True, eq=False)
-class LampView:
-    """One half space before a lamp: its frame, and half the lamp's size in it."""
-
-    lamp: Lamp
-    across: Array
-    along: Array
-    axis: Array
-    half: tuple[float, float]
-
-    @staticmethod
-    def of(lamp: Lamp) -> list[LampView]:
-        """Both half spaces of a lamp that shines all round, one of any other."""
-        if lamp.extended:
-            size = float(np.linalg.norm(lamp.u)), float(np.linalg.norm(lamp.v))
-            return [LampView(lamp, lamp.u / size[0], lamp.v / size[1], lamp.axis, size)]
-        axes = [lamp.axis]
-        if not np.any(lamp.axis):
-            axes = [np.array([0.0, 1.0, 0.0]), np.array([0.0, -1.0, 0.0])]
-        result = []
-        for axis in axes:
-            helper = np.eye(3)[int(np.argmin(np.abs(axis)))]
-            across = np.cross(axis, helper)
-            across /= np.linalg.norm(across)
-            result.append(LampView(lamp, across, np.cross(axis, across), axis, (0.0, 0.0)))
-        return result
-
-    def place(self, x: Array, y: Array, z: Array) -> tuple[Array, Array, Array]:
-        """p, q, s of world points; behind the lamp all are NaN."""
-        if self.lamp.far:
-            return (
-                _along(self.across, x, y, z), _along(self.along, x, y, z),
-                -_along(self.axis, x, y, z),
-            )  # fmt: skip
-        x, y, z = (v - own for v, own in zip((x, y, z), self.lamp.centre, strict=True))
-        w = _along(self.axis, x, y, z)
-        most = max(float(np.abs(v).max(initial=0.0)) for v in (x, y, z))
-        w[~(w > 1e-9 * max(most, 1e-300))] = np.nan
-        s = 1.0 / w
-        return _along(self.across, x, y, z) * s, _along(self.along, x, y, z) * s, s
-
-    def reach(self, points: Array) -> Reach:
-        """Boxes around groups of points (k, 3, n): unlimited where some lie behind the lamp.
-
-        Where all do, s is -inf: nothing there can be lit, and nothing hides the lamp.
-        """
-        p, q, s = self.place(points[:, 0], points[:, 1], points[:, 2])
-        unknown = np.isnan(s)
-        if not unknown.any():
-            return Reach(
-                *(np.stack([_fold(np.minimum, v), _fold(np.maximum, v)]) for v in (p, q, s))
-            )
-        behind, none = _fold(np.logical_or, unknown), _fold(np.logical_and, unknown)
-
-        def box(values: Array) -> Array:
-            values = np.where(unknown, 0.0, values)
-            low = np.where(behind, -np.inf, _fold(np.minimum, values))
-            return np.stack([low, np.where(behind, np.inf, _fold(np.maximum, values))])
-
-        low = _fold(np.minimum, np.where(unknown, np.inf, s))
-        high = np.where(behind, np.inf, _fold(np.maximum, np.where(unknown, 0.0, s)))
-        low, high = np.where(none, -np.inf, low), np.where(none, -np.inf, high)
-        return Reach(box(p), box(q), np.stack([low, high]))
-
-
-def _along(axis: Array, x: Array, y: Array, z: Array) -> Array:
-    """The component of vectors along an axis."""
-    result: Array = axis[0] * x
-    result += axis[1] * y
-    result += axis[2] * z
-    return result
-
-
-def _fold(function: np.ufunc, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """``function`` over the first axis, which is short."""
-    result: npt.NDArray[Any] = values[0]
-    for row in values[1:]:
-        result = function(result, row)
-    return result
 
 
 def _farthest(values: Array) -> Array:
@@ -168,8 +71,10 @@ class LampGrid:
         self.entry, self.column = box[order], cell[order] % self.shape[1]
         self.start = np.searchsorted(cell[order], np.arange(self.shape.prod() + 1))
         self.highest = self.reach.s[1]
+        self.long: Flags = np.any(last - first >= LONG, axis=0)
+        met, height = self._heights(box, cell, casters)
         top = np.full(self.shape, -np.inf)
-        np.maximum.at(top.reshape(-1), cell, self.highest[box])
+        np.maximum.at(top.reshape(-1), cell[met], height[met])
         levels = [top]
         while max(top.shape) > 1:
             top = np.pad(top, [(0, n % 2) for n in top.shape], constant_values=-np.inf)
@@ -258,6 +163,65 @@ class LampGrid:
         column = first[0][box] + offset % np.maximum(wide, 1)[box]
         row = first[1][box] + offset // np.maximum(wide, 1)[box]
         return box, row * self.shape[1] + column
+
+    def _heights(self, box: Numbers, cell: Numbers, casters: Casters) -> tuple[Flags, Array]:
+        """Whether casters ``box`` (n,) have a part in cells of the rectangles around them, and an
+        upper bound of its s: a long one that lies aslant is in few, and high in fewer still.
+        """
+        met, height = np.ones(len(box), bool), self.highest[box]
+        asked = np.flatnonzero(self.long[box])
+        if not len(asked):
+            return met, height
+        box, cell = box[asked], cell[asked]
+        middle, half = [], []
+        for axis, index in enumerate((cell % self.shape[1], cell // self.shape[1])):
+            low = self.origin[axis] + (index - 1e-6) * self.size
+            low, high = self._unmapped(low), self._unmapped(low + (1.0 + 2e-6) * self.size)
+            middle.append(0.5 * (low + high))
+            half.append(0.5 * (high - low))
+        inside = np.ones(len(box), bool)
+        for normal_p, normal_q, offset in self.lines:
+            p, q = normal_p[box], normal_q[box]
+            gap = p * middle[0] + q * middle[1] - offset[box]
+            inside &= gap <= (np.abs(p) * half[0] + np.abs(q) * half[1]) * (1.0 + 1e-9)
+        met[asked] = inside
+        slopes, rest = self._slopes(casters)
+        bound = rest[box]
+        for slope, at, reach in zip(slopes, middle, half, strict=True):
+            bound += slope[box] * at + np.abs(slope[box]) * reach
+        height[asked] = np.minimum(bound, height[asked])
+        return met, height
+
+    def _slopes(self, casters: Casters) -> tuple[tuple[Array, Array], Array]:
+        """How s of each caster changes with p and q, (n,) each, and the most that is left of it.
+
+        A plane's s is linear in p and q; what lies between corners is no farther from any linear
+        function than they are.
+        """
+        corners = casters.corners[self.face]
+        p, q, s = self.view.place(corners[..., 0], corners[..., 1], corners[..., 2])
+        (p0, q0, s0), (p1, q1, s1) = (
+            [v[:, 2] - v[:, 0] for v in (p, q, s)], [v[:, 3] - v[:, 1] for v in (p, q, s)],
+        )  # fmt: skip
+        with np.errstate(divide="ignore", invalid="ignore"):
+            area = p0 * q1 - p1 * q0
+            along = (s0 * q1 - s1 * q0) / area, (s1 * p0 - s0 * p1) / area
+            rest = s - along[0][:, None] * p - along[1][:, None] * q
+            most = rest.max(axis=1)
+        sound = np.isfinite(most)
+        scale = np.abs(along[0][:, None] * p).max(axis=1) + np.abs(along[1][:, None] * q).max(
+            axis=1
+        )
+        most = np.where(
+            sound, most + 1e-9 * np.where(sound, scale + self.highest, 0.0), self.highest
+        )
+        return (np.where(sound, along[0], 0.0), np.where(sound, along[1], 0.0)), most
+
+    def _unmapped(self, values: Array) -> Array:
+        """The inverse of `_mapped`."""
+        if self.view.lamp.far:
+            return values
+        return np.clip(values / np.maximum(1.0 - np.abs(values), 1e-150), -1e150, 1e150)
 
     def _window(self, reach: Reach, top: Array) -> tuple[Numbers, Numbers]:
         """Cells (2, n) from first to last that receivers look at for casters up to s = ``top``."""

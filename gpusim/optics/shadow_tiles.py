@@ -18,7 +18,8 @@ from gpusim.errors import InputError
 from gpusim.optics.aside import Aside
 from gpusim.optics.casters import Casters
 from gpusim.optics.emitters import Lamp
-from gpusim.optics.lamp_grid import LampGrid, LampView
+from gpusim.optics.lamp_grid import LampGrid
+from gpusim.optics.lamp_view import LampView
 from gpusim.optics.occlusion import TOLERANCE, visible_share
 from gpusim.optics.ragged import expand
 from gpusim.optics.receivers import TILE, Pairs, Receivers

@@ -1,0 +1,116 @@
+"""A lamp's view of the scene: the frame in which what hides it is looked for.
+
+In it, p = x / w and q = y / w across the lamp's axis and s = 1 / w along it, the lamp's plane lies
+at infinity: a ray from a receiver X to the lamp's point l runs along p = p_X + l (s - s_X). The
+sun's frame is the same with s the distance towards it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.optics.emitters import Lamp
+
+__all__ = ["LampView", "Reach"]
+
+Array = npt.NDArray[np.float64]
+Numbers = npt.NDArray[np.int64]
+Flags = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Reach:
+    """Boxes in p, q and s of a lamp's view: low and high ends (2, n) of each."""
+
+    p: Array
+    q: Array
+    s: Array
+
+    def __getitem__(self, index: Numbers | Flags) -> Reach:
+        places = np.flatnonzero(index) if index.dtype == bool else index
+        return Reach(*(np.take(ends, places, axis=1) for ends in (self.p, self.q, self.s)))
+
+
+@dataclass(frozen=True, eq=False)
+class LampView:
+    """One half space before a lamp: its frame, and half the lamp's size in it."""
+
+    lamp: Lamp
+    across: Array
+    along: Array
+    axis: Array
+    half: tuple[float, float]
+
+    @staticmethod
+    def of(lamp: Lamp) -> list[LampView]:
+        """Both half spaces of a lamp that shines all round, one of any other."""
+        if lamp.extended:
+            size = float(np.linalg.norm(lamp.u)), float(np.linalg.norm(lamp.v))
+            return [LampView(lamp, lamp.u / size[0], lamp.v / size[1], lamp.axis, size)]
+        axes = [lamp.axis]
+        if not np.any(lamp.axis):
+            axes = [np.array([0.0, 1.0, 0.0]), np.array([0.0, -1.0, 0.0])]
+        result = []
+        for axis in axes:
+            helper = np.eye(3)[int(np.argmin(np.abs(axis)))]
+            across = np.cross(axis, helper)
+            across /= np.linalg.norm(across)
+            result.append(LampView(lamp, across, np.cross(axis, across), axis, (0.0, 0.0)))
+        return result
+
+    def place(self, x: Array, y: Array, z: Array) -> tuple[Array, Array, Array]:
+        """p, q, s of world points; behind the lamp all are NaN."""
+        if self.lamp.far:
+            return (
+                _along(self.across, x, y, z), _along(self.along, x, y, z),
+                -_along(self.axis, x, y, z),
+            )  # fmt: skip
+        x, y, z = (v - own for v, own in zip((x, y, z), self.lamp.centre, strict=True))
+        w = _along(self.axis, x, y, z)
+        most = max(float(np.abs(v).max(initial=0.0)) for v in (x, y, z))
+        w[~(w > 1e-9 * max(most, 1e-300))] = np.nan
+        s = 1.0 / w
+        return _along(self.across, x, y, z) * s, _along(self.along, x, y, z) * s, s
+
+    def reach(self, points: Array) -> Reach:
+        """Boxes around groups of points (k, 3, n): unlimited where some lie behind the lamp.
+
+        Where all do, s is -inf: nothing there can be lit, and nothing hides the lamp.
+        """
+        p, q, s = self.place(points[:, 0], points[:, 1], points[:, 2])
+        unknown = np.isnan(s)
+        if not unknown.any():
+            return Reach(
+                *(np.stack([_fold(np.minimum, v), _fold(np.maximum, v)]) for v in (p, q, s))
+            )
+        behind, none = _fold(np.logical_or, unknown), _fold(np.logical_and, unknown)
+
+        def box(values: Array) -> Array:
+            values = np.where(unknown, 0.0, values)
+            low = np.where(behind, -np.inf, _fold(np.minimum, values))
+            return np.stack([low, np.where(behind, np.inf, _fold(np.maximum, values))])
+
+        low = _fold(np.minimum, np.where(unknown, np.inf, s))
+        high = np.where(behind, np.inf, _fold(np.maximum, np.where(unknown, 0.0, s)))
+        low, high = np.where(none, -np.inf, low), np.where(none, -np.inf, high)
+        return Reach(box(p), box(q), np.stack([low, high]))
+
+
+def _along(axis: Array, x: Array, y: Array, z: Array) -> Array:
+    """The component of vectors along an axis."""
+    result: Array = axis[0] * x
+    result += axis[1] * y
+    result += axis[2] * z
+    return result
+
+
+def _fold(function: np.ufunc, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """``function`` over the first axis, which is short."""
+    result: npt.NDArray[Any] = values[0]
+    for row in values[1:]:
+        result = function(result, row)
+    return result

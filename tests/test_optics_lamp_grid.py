@@ -1,0 +1,67 @@
+"""The grid in which receivers look for what hides a lamp from them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import gpusim as gs
+from gpusim.optics.casters import Casters
+from gpusim.optics.emitters import lamps_of
+from gpusim.optics.lamp_grid import LampGrid
+from gpusim.optics.lamp_view import LampView
+
+LIGHTS = {
+    "point": gs.PointLight((0.3, -1.5, 1.2), 10.0),
+    "area": gs.AreaLight((0.3, -1.5, 1.2), (0.0, 0.0, 0.0), (0.3, 0.2), 10.0),
+    "sun": gs.SunLight((0.3, 0.8, -1.0), 1.0),
+}
+
+
+def strips(rng: np.random.Generator, count: int) -> gs.Surface:
+    """Long thin quads that lie aslant, the corners of every other one not in a plane."""
+    middle = rng.uniform(-0.4, 0.4, (count, 1, 3))
+    way = rng.normal(size=(count, 1, 3))
+    way *= 0.5 / np.linalg.norm(way, axis=2, keepdims=True)
+    across = 0.03 * rng.normal(size=(count, 1, 3))
+    sign = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])[None, :, :, None]
+    points = middle + sign[:, :, 0] * way + sign[:, :, 1] * across
+    points[::2] += 0.01 * rng.normal(size=points[::2].shape)
+    return gs.Surface(points.reshape(-1, 3), np.arange(4 * count).reshape(-1, 4))
+
+
+def grids(light: str, casters: Casters) -> list[LampGrid]:
+    (lamp,) = lamps_of([LIGHTS[light]])
+    faces = casters.seen_by(lamp, np.array([[0.0, 9.0, -9.0]]))
+    return [LampGrid(view, casters, faces, -np.inf) for view in LampView.of(lamp)]
+
+
+@pytest.mark.parametrize("light", LIGHTS)
+def test_nothing_of_a_caster_lies_above_the_heights_of_its_cells(light: str) -> None:
+    rng = np.random.default_rng(5)
+    casters = Casters.of([strips(rng, 40)])
+    checked = 0
+    for grid in grids(light, casters):
+        corners = casters.corners[grid.face]
+        share = rng.dirichlet(np.ones(4), (300, len(corners)))
+        points = np.concatenate([np.einsum("nfk,fka->nfa", share, corners).reshape(-1, 3),
+                                 corners.reshape(-1, 3)])  # fmt: skip
+        p, q, s = grid.view.place(*points.T)
+        known = np.isfinite(s)
+        size = np.array(grid.shape)
+        column = np.floor((grid._mapped(p[known]) - grid.origin[0]) / grid.size).astype(int)
+        row = np.floor((grid._mapped(q[known]) - grid.origin[1]) / grid.size).astype(int)
+        assert (row >= 0).all() and (row < size[0]).all()
+        top = grid.pyramid[row * size[1] + column]
+        assert (s[known] <= top + 1e-12 * np.abs(top)).all()
+        checked += int(known.sum())
+    assert checked > 10_000
+
+
+@pytest.mark.parametrize("light", LIGHTS)
+def test_a_strip_aslant_leaves_the_cells_beside_it_empty(light: str) -> None:
+    casters = Casters.of([strips(np.random.default_rng(8), 1)])
+    (grid, *_) = (grid for grid in grids(light, casters) if grid.count)
+    top = grid.pyramid[: int(np.prod(grid.shape))]
+    assert 0.0 < np.isfinite(top).mean() < 0.7  # the rectangle around it fills all of them
+    assert np.ptp(top[np.isfinite(top)]) > 0.05 * np.abs(grid.highest[0])  # and it isn't level
