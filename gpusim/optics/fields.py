@@ -6,14 +6,17 @@ one; on fine meshes that is most of a board.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.optics.corners import CHUNK, ST, corner_range
-from gpusim.optics.view import View
+from gpusim.optics.gloss import Gloss
+from gpusim.optics.view import RegionPaint, View
 from gpusim.surface.paint import Checker
 
-__all__ = ["MARGIN", "field_of", "within_fields"]
+__all__ = ["MARGIN", "field_of", "matte_boards", "within_fields"]
 
 Array = npt.NDArray[np.float64]
 
@@ -45,6 +48,15 @@ def field_of(
         field += np.floor(0.5 * (a + b) / paint.size)
     albedo = np.where(field % 2.0 == 0.0, paint.dark, paint.light)
     return near & ~beside, np.where(beside, paint.ground, albedo)
+
+
+def matte_boards(paints: Sequence[RegionPaint], gloss: Gloss | None) -> list[int]:
+    """Numbers of the chessboards that don't shine: fields are matte prints on others' ground."""
+    return [
+        number
+        for number, region in enumerate(paints)
+        if isinstance(region.paint, Checker) and not (gloss and gloss.glossy[number])
+    ]
 
 
 def within_fields(

@@ -147,7 +147,7 @@ def _draw(
     bands: list[Band] = []
     for row0 in range(first, stop, rows):
         count = min(rows, stop - row0)
-        radiance = device.empty(4 * count * stride, f"radiance[{row0}]")
+        radiance = device.kept.take(4 * count * stride, f"radiance[{row0}]")
         with device.recording("optics.shade") as recording:
             shade_pass.record(recording, radiance, row0, count)
             if shadow_pass is not None and shade_pass.marks is not None:

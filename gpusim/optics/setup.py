@@ -20,7 +20,7 @@ from gpusim.optics.camera import Camera
 from gpusim.optics.coefficients import BLOCK, Coefficients, coefficients
 from gpusim.optics.corners import ST
 from gpusim.optics.distortion_map import distortion_map
-from gpusim.optics.fields import within_fields
+from gpusim.optics.fields import matte_boards, within_fields
 from gpusim.optics.light import AmbientLight, AreaLight, Light, PointLight
 from gpusim.optics.lighting import Lighting
 from gpusim.optics.pattern import PatternTable
@@ -83,13 +83,11 @@ class Setup:
         bitmaps = BitmapTable.build(view.paints, table.paints)
         lit = lights is not None
         lighting = Lighting.build(view, lights, surfaces)
-        near = table.near_features(view.paint, view.corners[:, :, ST])
+        boards = matte_boards(view.paints, lighting.gloss)
+        near = table.near_features(view.paint, view.corners[:, :, ST], boards)
         albedo = table.paints["ground"][view.paint]
-        for number, region in enumerate(view.paints):
-            gloss = lighting.gloss
-            # fields are matte prints on a ground that may be glossy
-            if isinstance(region.paint, Checker) and not (gloss and gloss.glossy[number]):
-                within_fields(view, number, near, albedo)
+        for number in boards:
+            within_fields(view, number, near, albedo)
         return Setup(view, table, bitmaps, lighting, background, lit, near, albedo)
 
     def _coefficients(self) -> Iterator[Coefficients]:
