@@ -18,6 +18,7 @@ from gpusim.errors import InputError, NoAdapter, OutOfDeviceMemory
 from gpusim.gpu import faults
 from gpusim.gpu.adapter import find_adapter, free_memory, is_processor
 from gpusim.gpu.buffer import Buffer, RealBuffer, SplitBuffer, to_real
+from gpusim.gpu.kept import Kept
 from gpusim.gpu.kernel import Kernel
 from gpusim.gpu.raster import Raster, Texture
 from gpusim.gpu.recording import Recording
@@ -98,6 +99,7 @@ class Device:
         self.shaders = shaders
         self.transfer = Transfer(self.gpu, MAPPABLE in self.features)
         self.timer = StageTimer(self, "timestamp-query" in self.features)
+        self.kept = Kept(self)
         self._kernels: dict[Any, Any] = {}
         self._modules: dict[str, Any] = {}
         # bytes by wgpu object: an entry goes when Python drops the object, and only then does
@@ -236,6 +238,8 @@ class Device:
         OutOfDeviceMemory
         """
         limit = self.memory_limit
+        if limit is not None and not self.allocated + nbytes <= limit:
+            self.kept.free()
         if limit is not None and not self.allocated + nbytes <= limit:
             raise OutOfDeviceMemory(
                 f"{what}: needs {nbytes / 1e6:.0f} MB beside the {self.allocated / 1e6:.0f} MB in "

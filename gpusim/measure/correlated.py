@@ -48,20 +48,16 @@ def widening(
     left = left / np.where(scale > 0, scale, 1.0)[:, None, None]
     own = np.where(used[:, None], influence, 0.0)
     some = np.unique(np.linspace(0, len(used) - 1, min(ASKED, len(used))).astype(np.int64))
-    taken = _overlaps(np.where(used[some, None], slopes[some], 0.0))
+    taken = _Taken(np.where(used[some, None], slopes[some], 0.0))
     share = len(used) / len(some)
-    observed, pairs = {(0, 0): float((left * left).sum())}, {(0, 0): int(used.sum())}
-    known: list[Lag] = [(0, 0)]
-    for lag in LAGS:
-        one, other = _shifted(used, *lag)
-        pairs[lag] = int((one & other).sum())
-        if not pairs[lag]:
-            continue
-        one, other = _shifted(left, *lag)
-        observed[lag] = float((one * other).sum())
-        independent = -share * float(np.trace(taken[lag], axis1=1, axis2=2).sum())
-        if abs(observed[lag] - independent) > SURE * np.sqrt(pairs[lag]):
-            known.append(lag)
+    observed = _alike(left, REACH, (0,))
+    pairs = np.rint(_alike(used.astype(np.float64), REACH, (0,)))
+    independent = -share * taken.trace
+    known = [(0, 0)] + [
+        lag
+        for lag in LAGS
+        if pairs[lag] and abs(observed[lag] - independent[lag]) > SURE * np.sqrt(pairs[lag])
+    ]
     if len(known) == 1:
         return np.ones(len(used))
     matrix, sums = _equations(known, taken, share, pairs, observed)
@@ -70,11 +66,11 @@ def widening(
         # so much is taken up that distances can't be told apart
         known = [(0, 0), *(lag for lag in LAGS if pairs[lag])]
         covariance = _as_blurred(known, *_equations(known, taken, share, pairs, observed))
-    alone = (own * own).sum(axis=(1, 2, 3))
+    alike = _alike(own, REACH, (1,))
+    alone = alike[:, 0, 0]
     together = covariance[0] * alone
-    for value, lag in zip(covariance[1:], known[1:], strict=True):
-        one, other = _shifted(own, *lag)
-        together += 2.0 * value * (one * other).sum(axis=(1, 2, 3))
+    for value, (down, across) in zip(covariance[1:], known[1:], strict=True):
+        together += 2.0 * value * alike[:, down, across]
     stated = count / np.maximum(count - slopes.shape[1], 1)
     ratio = together / np.where(alone > 0, alone * stated, 1.0)
     return np.asarray(np.sqrt(np.maximum(ratio, 1.0)))
@@ -82,13 +78,13 @@ def widening(
 
 def _equations(
     known: list[Lag],
-    taken: dict[Lag, FloatArray],
+    taken: _Taken,
     share: float,
-    pairs: dict[Lag, int],
-    observed: dict[Lag, float],
+    pairs: FloatArray,
+    observed: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
     """Matrix and right-hand side for the covariance at the distances ``known``, 0 at others."""
-    matrix = np.array([[share * _left_over(taken, d, k) for k in known] for d in known])
+    matrix = share * taken.matrix(known)
     matrix += np.diag([float(pairs[lag]) for lag in known])
     return matrix, np.array([observed[lag] for lag in known])
 
@@ -107,28 +103,50 @@ def _as_blurred(known: list[Lag], matrix: FloatArray, sums: FloatArray) -> Float
     return found
 
 
-def _overlaps(slopes: FloatArray) -> dict[Lag, FloatArray]:
-    """G(m) = sum_i Q_(i+m) Q_i^T of each fit, (C, P, P), by distance m up to twice the reach."""
-    count, number = slopes.shape[:2]
-    flat = slopes.reshape(count, number, -1).transpose(0, 2, 1)
-    basis = np.linalg.qr(flat)[0].transpose(0, 2, 1).reshape(slopes.shape)
-    found = {}
-    for down in range(2 * REACH + 1):
-        for across in range(-2 * REACH, 2 * REACH + 1):
-            one, other = (v.reshape(count, number, -1) for v in _shifted(basis, down, across))
-            found[down, across] = other @ one.transpose(0, 2, 1)
-            found[-down, -across] = found[down, across].transpose(0, 2, 1)
-    return found
+class _Taken:
+    """What fits take up of the noise, by distance."""
+
+    def __init__(self, slopes: FloatArray) -> None:
+        """``slopes`` (C, P, S, S) of some fits, 0 at pixels that they don't use."""
+        count, number = slopes.shape[:2]
+        flat = slopes.reshape(count, number, -1).transpose(0, 2, 1)
+        basis = np.linalg.qr(flat)[0].transpose(0, 2, 1).reshape(slopes.shape)
+        # G(m) = sum_i Q_(i+m) Q_i^T of each fit by distance m: [m, -m wraps round, C, P, P]
+        self.overlap = np.zeros((2 * REACH + 1, 2 * REACH + 1, count, number, number))
+        for down in range(REACH + 1):
+            for across in range(-REACH if down else 0, REACH + 1):
+                one, other = (v.reshape(count, number, -1) for v in _shifted(basis, down, across))
+                found = other @ one.transpose(0, 2, 1)
+                self.overlap[down, across] = found
+                self.overlap[-down, -across] = found.transpose(0, 2, 1)
+        self.trace = _alike(basis, 2 * REACH, (0, 1))
+        """Sum over pairs at each distance of H: the trace of G, up to twice the reach."""
+
+    def matrix(self, lags: list[Lag]) -> FloatArray:
+        """Sums over pairs at each distance (rows) of H S H - H S - S H, S = 1 at the distances
+        +- each (columns)."""
+        down, across = np.array(lags).T
+        at, count = self.overlap[down, across], len(lags)
+        both = (at + self.overlap[-down, -across]).reshape(count, -1)
+        inner = at.swapaxes(3, 2).reshape(count, -1) @ both.T
+        ends = (
+            self.trace[down[:, None] + down, across[:, None] + across]
+            + self.trace[down[:, None] - down, across[:, None] - across]
+        )
+        result: FloatArray = inner - 2.0 * ends
+        result[:, (down == 0) & (across == 0)] *= 0.5  # one distance, not two
+        return result
 
 
-def _left_over(taken: dict[Lag, FloatArray], at: Lag, of: Lag) -> float:
-    """Sum over pairs at distance ``at`` of H S H - H S - S H, S = 1 at the distances +-``of``."""
-    if of == (0, 0):
-        return -float(np.trace(taken[at], axis1=1, axis2=2).sum())
-    both = taken[of] + taken[-of[0], -of[1]]
-    inner = np.einsum("cij,cji->", both, taken[at])
-    ends = taken[at[0] + of[0], at[1] + of[1]] + taken[at[0] - of[0], at[1] - of[1]]
-    return float(inner - 2.0 * np.trace(ends, axis1=1, axis2=2).sum())
+def _alike(values: FloatArray, reach: int, summed: tuple[int, ...]) -> FloatArray:
+    """Sums of products of values (…, S, S) with those at each distance, up to ``reach`` either way.
+
+    Distances are the last two indices, negative ones wrap round; axes ``summed`` are summed over.
+    """
+    size = 2 * (values.shape[-1] + reach,)
+    spectrum = np.fft.rfft2(values, size)
+    power = (spectrum.real**2 + spectrum.imag**2).sum(axis=summed)
+    return np.asarray(np.fft.irfft2(power, size))
 
 
 def _shifted(

@@ -101,16 +101,15 @@ def segment_hits(
     return row[inside] * width + column[inside], keep[segment[run[inside]]]
 
 
-def bin_edges(view: View, pixel: npt.NDArray[np.int64] | None = None) -> EdgePixels:
+def bin_edges(view: View) -> EdgePixels:
     """The edge pixels of a view, each with the triangles over it from the nearest to the farthest.
 
     The order is that of 1 / z at the triangle's point nearest to the pixel's centre, which never
     extrapolates a steep plane beyond the triangle; where things touch, a place that both cover
-    decides. ``pixel``: those of the view's edges, sorted, that are wanted; None for all.
+    decides.
     """
     width, height = view.camera.width, view.camera.height
-    if pixel is None:
-        pixel = segment_pixels(view.edges, width, height)
+    pixel = segment_pixels(view.edges, width, height)
     cut = segment_pixels(_cuts(view), width, height)
     if len(cut):
         pixel = distinct(np.concatenate([pixel, cut]))

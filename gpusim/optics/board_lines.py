@@ -29,7 +29,7 @@ LEAST = 8.0
 MARGIN = 1.05
 """Of half of the largest pixel, how far strips reach from their line."""
 
-OVERLAP = 0.04
+OVERLAP = 0.012
 """Of half of the largest pixel, how far strips reach out of their triangle, so that no rounding
 leaves a gap between two of them. Beyond the surface's border lie edge pixels only."""
 

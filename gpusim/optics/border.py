@@ -1,9 +1,8 @@
-"""Edge pixels that one straight border crosses, and nothing else: background beside one albedo.
+"""Edge pixels of one flat plate before the background, where it shows one albedo: shares of areas.
 
-Where all that a camera sees is one flat, evenly painted plate (or a board with a rim), unlit, a
-pixel on its border is the share of its square on one side of a line, in closed form. Nothing has
-to be sorted, clipped or looked up; what is left, corners mostly, goes the general way
-(`gpusim.optics.edges`).
+Unlit, such a pixel is as bright as the share of its square that the plate covers: one side of a
+line for most, the areas of the triangles over it at corners. Nothing has to be sorted, nor looked
+up (`gpusim.optics.edges` does that for all other views).
 """
 
 from __future__ import annotations
@@ -14,8 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.optics.binning import MARGIN, segment_hits
-from gpusim.optics.corners import ST
+from gpusim.optics.corners import ST, corner_range
 from gpusim.optics.coverage import half_plane_share
+from gpusim.optics.polygon import clip_square, half_planes, moments
 from gpusim.optics.view import RegionPaint, View
 from gpusim.surface.paint import Checker, Plain
 
@@ -27,22 +27,22 @@ Array = npt.NDArray[np.float64]
 MOST_EDGES = 64
 """Of a plate; where they are more, so are the pixels with two of them."""
 
+MOST_TRIANGLES = 4096
+
 
 @dataclass(frozen=True, eq=False)
 class Border:
-    """``pixel`` (n,) linear indices and their radiance ``value`` (n,); ``rest`` (m,): the sorted
-    indices of all other edge pixels."""
+    """All edge pixels of a view: ``pixel`` (n,) linear indices, radiance ``value`` (n,)."""
 
     pixel: npt.NDArray[np.int64]
     value: Array
-    rest: npt.NDArray[np.int64]
 
     @staticmethod
     def suits(view: View) -> bool:
         """Whether an unlit view shows one flat plate, and its ground alone along the border."""
         if view.camera.lens is not None or not 0 < len(view.edges) <= MOST_EDGES:
             return False
-        if not view.flat or np.ptp(view.paint):
+        if view.count > MOST_TRIANGLES or not view.flat or np.ptp(view.paint):
             return False
         return _even(view, view.paints[view.paint[0]])
 
@@ -59,15 +59,27 @@ class Border:
         # one that ends here isn't all that there is
         near = (np.abs([a, b]) <= 0.5 + 2.0 * MARGIN).all(axis=2).any(axis=0)
         alone = new[:-1] & new[1:] & ~near
-        first = new[:-1] & ~alone
+        corner = np.flatnonzero(new[:-1] & ~alone)
+        other = _covered(view, at[corner])
         a, b = a[alone], b[alone]
         along = b - a
         inwards = np.stack([-along[:, 1], along[:, 0]]) * _turn(view)
         inwards /= np.hypot(*along.T)
         share = half_plane_share(-(inwards[0] * a[:, 0] + inwards[1] * a[:, 1]), *inwards)
+        share = np.concatenate([share, other])
         ground = view.paints[view.paint[0]].paint.ground
         value = background + share * (ground - background)
-        return Border(pixel[alone], value, pixel[first])
+        return Border(np.concatenate([pixel[alone], pixel[corner]]), value)
+
+
+def _covered(view: View, at: Array) -> Array:
+    """Share (n,) of the squares of pixels ``at`` (n, 2) that lie under triangles."""
+    low, high = corner_range(view.screen)
+    over = (low < at[:, None] + 0.5).all(axis=2) & (high > at[:, None] - 0.5).all(axis=2)
+    pixel, triangle = np.nonzero(over)
+    corners = view.screen[triangle] - at[pixel][:, None]
+    area = moments(clip_square(half_planes(corners))[0])[0]
+    return np.minimum(np.bincount(pixel, area, len(at)), 1.0)
 
 
 def _turn(view: View) -> float:

@@ -16,7 +16,6 @@ from gpusim.gpu import Buffer, Device, compare, twin_check
 from gpusim.optics.albedo import mean_albedo
 from gpusim.optics.binning import EdgePixels, bin_edges
 from gpusim.optics.bitmap import BITMAP, mean_over_polygons
-from gpusim.optics.border import Border
 from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.edge_turns import grazing_turns, shadow_turns, speckle_turns
 from gpusim.optics.frame import Band
@@ -30,7 +29,7 @@ from gpusim.optics.polygon import (
     rectangles,
     second_moments,
 )
-from gpusim.optics.scatter import scatter
+from gpusim.optics.scatter import write_pixels
 from gpusim.optics.setup import Setup, probe_setup, radiance_of
 from gpusim.optics.shade import Tables
 from gpusim.optics.speckle import EDGE_ROWS
@@ -45,9 +44,6 @@ THIN = 5e-4
 DEEPEST = 32
 """Triangles over a pixel beyond which the host resolves it; fewer where patterns are dense."""
 
-FEW = 64
-"""Pixels up to which the host resolves all: it is done before the device could begin."""
-
 SURE = 2e-4
 """Share of the brightest radiance by which a pixel may be wrong: the host resolves others."""
 
@@ -56,19 +52,17 @@ class EdgePass:
     """The edge pixels of one view: `begin`, `fetch`, then `write`.
 
     The device finds them by themselves, so that the host can resolve what it is left with while the
-    device shades all other pixels. ``border``: further ones that are known.
+    device shades all other pixels.
     """
 
-    def __init__(self, tables: Tables, edges: EdgePixels, border: Border | None = None) -> None:
+    def __init__(self, tables: Tables, edges: EdgePixels) -> None:
         # about what one triangle takes: clipping and samples, then its features' corners
         table, fine = tables.setup.table, tables.setup.constants([1], False, False)["fine"]
         turns = 200 + table.most_in_a_cell * (2000 if fine else 50) + speckle_turns(table)
         turns += 3000 if (tables.setup.groups == BITMAP).any() else 0
         each = turns + grazing_turns(tables.setup, edges) + shadow_turns(tables.setup, edges)
         deep = edges.pierced | (edges.depth > np.minimum(DEEPEST, LOOP_TURNS // each))
-        if len(edges.pixel) <= FEW:
-            deep[:] = True
-        self.tables, self._border = tables, border
+        self.tables = tables
         self._deep, self.edges = edges.select(deep), _alike(edges.select(~deep), tables.setup)
         self._found: Buffer | None = None
         self._values = np.zeros((0, 2), np.float32)
@@ -128,14 +122,7 @@ class EdgePass:
         pixel = np.concatenate([self.edges.pixel, self._deep.pixel])
         deep = _resolve(self.tables.setup, self._deep).astype(np.float32)
         value = np.concatenate([value, deep])
-        if self._border is not None:
-            pixel = np.concatenate([pixel, self._border.pixel])
-            value = np.concatenate([value, self._border.value.astype(np.float32)])
-        row, column = np.divmod(pixel, width)
-        for band in bands:
-            own = np.flatnonzero((row >= band.row0) & (row < band.row0 + band.rows))
-            places = (row[own] - band.row0) * band.stride + column[own]
-            scatter(self.tables.device, places, value[own], band.buffer)
+        write_pixels(self.tables.device, bands, width, pixel, value)
 
 
 def _alike(edges: EdgePixels, setup: Setup) -> EdgePixels:

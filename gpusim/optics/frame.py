@@ -112,5 +112,5 @@ class Frame:
     def release(self) -> None:
         """Give the device memory back; radiance already read stays."""
         for band in self.bands:
-            band.buffer.release()
+            band.buffer.device.kept.give(band.buffer)
         self.bands = ()

@@ -8,7 +8,7 @@ float32 exact far from the origin. Twin of ``shaders/common/paint.wgsl``.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
@@ -147,15 +147,20 @@ class PatternTable:
         texels.write(data)
         return texels
 
-    def near_features(self, paint: npt.NDArray[np.int32], st: Array) -> npt.NDArray[np.bool_]:
+    def near_features(
+        self, paint: npt.NDArray[np.int32], st: Array, taken: Collection[int] = ()
+    ) -> npt.NDArray[np.bool_]:
         """Whether any cell under triangles with corners ``st`` (n, 3, 2) of paints (n,) has
         features.
 
-        Counts come from a summed-area table per paint.
+        Counts come from a summed-area table per paint; of the paints ``taken`` all are.
         """
         result = self.paints["featured"][paint] > 1  # speckle and bitmaps are everywhere
         for number in np.flatnonzero(self.paints["featured"] == 1).tolist():
             rows = np.flatnonzero(paint == number)
+            if number in taken:
+                result[rows] = True
+                continue
             whole = len(rows) == len(paint)
             for first in range(0, len(rows), CHUNK):
                 part = slice(first, first + CHUNK) if whole else rows[first : first + CHUNK]

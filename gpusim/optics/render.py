@@ -17,6 +17,7 @@ from gpusim.optics.camera import Camera
 from gpusim.optics.edges import EdgePass, edges_twin
 from gpusim.optics.frame import Band, Frame
 from gpusim.optics.light import Light, is_light
+from gpusim.optics.scatter import write_pixels
 from gpusim.optics.seen import Sight, small_triangles
 from gpusim.optics.setup import Setup
 from gpusim.optics.shade import ShadePass, Tables, shade_twin
@@ -147,7 +148,7 @@ def _draw(
     bands: list[Band] = []
     for row0 in range(first, stop, rows):
         count = min(rows, stop - row0)
-        radiance = device.empty(4 * count * stride, f"radiance[{row0}]")
+        radiance = device.kept.take(4 * count * stride, f"radiance[{row0}]")
         with device.recording("optics.shade") as recording:
             shade_pass.record(recording, radiance, row0, count)
             if shadow_pass is not None and shade_pass.marks is not None:
@@ -159,10 +160,10 @@ def _draw(
         bands.append(Band(row0, count, stride, radiance))
     if edge_pass is None:
         border = Border.of(view, background)
-        edge_pass = EdgePass(tables, bin_edges(view, border.rest), border)
-        edge_pass.begin()
-        edge_pass.fetch()
-    edge_pass.write(bands)
+        value = border.value.astype(np.float32)
+        write_pixels(device, bands, view.camera.width, border.pixel, value)
+    else:
+        edge_pass.write(bands)
     return bands
 
 

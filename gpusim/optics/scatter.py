@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.gpu import Buffer, Device, compare, twin_check
+from gpusim.optics.frame import Band
 
-__all__ = ["scatter", "scatter_twin"]
+__all__ = ["scatter", "scatter_twin", "write_pixels"]
 
 
 def scatter(
@@ -28,6 +31,21 @@ def scatter(
     )
     with device.recording("optics.scatter") as recording:
         recording.dispatch(kernel, bindings, threads=(len(places),))
+
+
+def write_pixels(
+    device: Device,
+    bands: Sequence[Band],
+    width: int,
+    pixel: npt.NDArray[np.int64],
+    value: npt.NDArray[np.float32],
+) -> None:
+    """Write ``value`` (n,) to the pixels of linear indices ``pixel`` (n,) in an image's bands."""
+    row, column = np.divmod(pixel, width)
+    for band in bands:
+        own = np.flatnonzero((row >= band.row0) & (row < band.row0 + band.rows))
+        places = (row[own] - band.row0) * band.stride + column[own]
+        scatter(device, places, value[own], band.buffer)
 
 
 def scatter_twin(

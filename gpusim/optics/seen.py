@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gpusim.gpu import Buffer, Device, Recording, Texture
+from gpusim.gpu import Device, Recording, Texture
+from gpusim.gpu.texels import Texels
 from gpusim.optics.view import View
 
 if TYPE_CHECKING:
@@ -31,6 +32,9 @@ FEWEST = 2000
 
 SAMPLED = 4096
 LEVELS = 64
+"""More than there are programs; as in the shader."""
+
+PER_TEXEL = 16
 
 
 def small_triangles(view: View) -> bool:
@@ -91,12 +95,14 @@ class SeenPass:
     def __init__(self, tables: Tables, rows: int, programs: list[Program], sight: Sight) -> None:
         device, width = tables.device, tables.setup.view.camera.width
         self.tables, self.programs, self.sight = tables, programs, sight
-        self._levels: Buffer | None = None
+        self._levels: Texels | None = None
         if len(programs) > 1:
-            levels = np.zeros(max(tables.setup.view.count, 1), np.float32)
+            count = -(-tables.setup.view.count // PER_TEXEL)
+            levels = np.zeros(PER_TEXEL * count, np.uint8)
             for k, program in enumerate(programs):
-                levels[program.triangles] = self._level(k)
-            self._levels = device.buffer(levels, "shade.levels")
+                levels[program.triangles] = k + 1
+            self._levels = device.texels(count, "rgba32uint", "shade.levels")
+            self._levels.write(levels.view(np.uint32).reshape(-1, 4))
             self.level_depth = device.target(width, rows, "depth32float", "shade.level_depth")
 
     def _level(self, k: int) -> float:

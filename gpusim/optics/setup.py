@@ -20,6 +20,7 @@ from gpusim.optics.camera import Camera
 from gpusim.optics.coefficients import BLOCK, Coefficients, coefficients
 from gpusim.optics.corners import ST
 from gpusim.optics.distortion_map import distortion_map
+from gpusim.optics.fields import matte_boards, within_fields
 from gpusim.optics.light import AmbientLight, AreaLight, Light, PointLight
 from gpusim.optics.lighting import Lighting
 from gpusim.optics.pattern import PatternTable
@@ -52,9 +53,10 @@ class Setup:
     """Per-triangle shading coefficients of a view, float64.
 
     ``near_feature`` (T,): whether a pixel in it can reach a feature of its pattern, or shows a
-    bitmap. ``planes`` (T, 6, 3): s, t, w and the three normal components as affine functions of
-    (dx, dy, 1), the offset from ``anchor`` (T, 2); ``cell`` (T, 2): the pattern cell that s and t
-    are relative to; ``mean_inverse`` (T,): 1 / depth that w is relative to.
+    bitmap; ``albedo`` (T,): of what it can't. ``planes`` (T, 6, 3): s, t, w and the three normal
+    components as affine functions of (dx, dy, 1), the offset from ``anchor`` (T, 2); ``cell``
+    (T, 2): the pattern cell that s and t are relative to; ``mean_inverse`` (T,): 1 / depth that w
+    is relative to.
     """
 
     view: View
@@ -64,6 +66,7 @@ class Setup:
     background: float
     lit: bool
     near_feature: npt.NDArray[np.bool_]
+    albedo: npt.NDArray[np.float32]
 
     @staticmethod
     def build(
@@ -80,8 +83,12 @@ class Setup:
         bitmaps = BitmapTable.build(view.paints, table.paints)
         lit = lights is not None
         lighting = Lighting.build(view, lights, surfaces)
-        near = table.near_features(view.paint, view.corners[:, :, ST])
-        return Setup(view, table, bitmaps, lighting, background, lit, near)
+        boards = matte_boards(view.paints, lighting.gloss)
+        near = table.near_features(view.paint, view.corners[:, :, ST], boards)
+        albedo = table.paints["ground"][view.paint]
+        for number in boards:
+            within_fields(view, number, near, albedo)
+        return Setup(view, table, bitmaps, lighting, background, lit, near, albedo)
 
     def _coefficients(self) -> Iterator[Coefficients]:
         return coefficients(self.view, self.table, self.bitmaps, self.lit)
@@ -145,7 +152,7 @@ class Setup:
             columns[15], columns[19] = found.mean_inverse, paint
             places = columns[20:24].view(np.int32)
             places[:2], places[2:] = found.anchor, found.cell
-            columns[24] = paints["ground"][paint]
+            columns[24] = self.albedo[part]
             columns[25] = self.near_feature[part] * whole[paint]
             columns[26], columns[27] = rough[paint], metallic[paint]
             bad = ~np.isfinite(columns[:20])

@@ -144,8 +144,8 @@ fn fragment_marked(in: Varying) -> Marked {
 
 // number + 1 of the triangle that each pixel's centre sees
 @group(0) @binding(9) var ids: texture_2d<u32>;
-// per triangle the depth that stands for its program
-@group(0) @binding(10) var<storage, read> levels: array<f32>;
+// per triangle a byte, which program it has; sixteen of them a texel
+@group(0) @binding(10) var levels: texture_2d<u32>;
 
 // All of the band, at the depth of one program.
 @vertex
@@ -154,10 +154,17 @@ fn vertex_band(@builtin(vertex_index) index: u32) -> @builtin(position) vec4f {
     return vec4f(4.0 * corner - 1.0, params.level, 1.0);
 }
 // Depths by program: each then draws the band where they equal its own.
+const LEVELS: f32 = 64.0;
 @fragment
 fn fragment_levels(@builtin(position) at: vec4f) -> @builtin(frag_depth) f32 {
     let number = textureLoad(ids, vec2u(at.xy), 0).x;
-    return select(0.0, levels[max(number, 1u) - 1u], number > 0u);
+    let i = max(number, 1u) - 1u;
+    let four = textureLoad(levels, texel(i / 16u), 0);
+    // no array: what is indexed by a variable goes through memory
+    let two = select(four.xy, four.zw, (i & 8u) != 0u);
+    let one = select(two.x, two.y, (i & 4u) != 0u);
+    let program = (one >> (8u * (i & 3u))) & 255u;
+    return select(0.0, f32(program) / LEVELS, number > 0u);
 }
 
 fn shade_seen(at: vec4f, number: u32) -> vec3f {

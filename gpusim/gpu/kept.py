@@ -1,0 +1,56 @@
+"""Memory that one frame gives back and the next one takes.
+
+Systems hand out new memory page by page when it is first touched, which takes longer than what is
+written there then.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from gpusim.gpu.buffer import Buffer
+
+if TYPE_CHECKING:
+    from gpusim.gpu.device import Device
+
+__all__ = ["Kept"]
+
+MOST_BYTES = 1 << 27
+"""Enough for the largest frames; others go back to the system."""
+
+
+class Kept:
+    """Buffers of a device that wait for somebody who needs their size."""
+
+    def __init__(self, device: Device) -> None:
+        self.device = device
+        self._waiting: list[Any] = []
+
+    @property
+    def nbytes(self) -> int:
+        """What is waiting."""
+        return sum(int(gpu.size) for gpu in self._waiting)
+
+    def take(self, nbytes: int, label: str) -> Buffer:
+        """A buffer whose content is anything."""
+        for place, gpu in enumerate(self._waiting):
+            if gpu.size - 16 < nbytes <= gpu.size:
+                return Buffer(self.device, self._waiting.pop(place), nbytes, label)
+        return self.device.empty(nbytes, label)
+
+    def give(self, buffer: Buffer) -> None:
+        """Release a buffer; the oldest ones are freed where they become too many."""
+        if buffer.gpu is None:
+            return
+        self._waiting.append(buffer.gpu)
+        buffer.gpu = None
+        while self.nbytes > MOST_BYTES:
+            self._free(self._waiting.pop(0))
+
+    def free(self) -> None:
+        """Free all that waits."""
+        while self._waiting:
+            self._free(self._waiting.pop())
+
+    def _free(self, gpu: Any) -> None:
+        self.device.forget(Buffer(self.device, gpu, int(gpu.size), "kept"))
