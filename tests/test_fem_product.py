@@ -53,3 +53,16 @@ def test_the_probe_counts_what_its_product_reads() -> None:
     result = probe.apply()
     assert result.shape == (1, probe.unknowns)
     assert np.isfinite(result).all()
+
+
+def test_shares_of_the_rows_give_the_same_to_the_last_bit(monkeypatch: pytest.MonkeyPatch) -> None:
+    matrix = block_matrix(rows_of(uneven()))
+    x = np.random.default_rng(1).normal(size=(2, matrix.shape[1]))
+    whole = Product(matrix)(x)
+    monkeypatch.setattr("gpusim.fem.product._SMALL", 0)
+    monkeypatch.setattr("gpusim.fem.product._LEAST_PART", matrix.data.size // 3 + 1)
+    monkeypatch.setattr("gpusim.fem.product.processors", lambda: 2)
+    shared = Product(matrix)
+    assert len(shared._parts) == 3 and (shared(x) == whole).all()
+    monkeypatch.setattr("gpusim.fem.product._LEAST_PART", 1)
+    assert len(Product(matrix)._parts) == 8 and (Product(matrix)(x) == whole).all()

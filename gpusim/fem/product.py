@@ -23,8 +23,8 @@ Float = npt.NDArray[np.float64]
 T = TypeVar("T")
 R = TypeVar("R")
 
-# below this many stored numbers a thread costs more than it saves
-_SMALL = 200_000
+# below this many stored numbers a thread costs more than it saves, and a part of this many as well
+_SMALL, _LEAST_PART = 600_000, 250_000
 # parts per processor, so that none waits long for another
 _PIECES = 4
 
@@ -94,7 +94,9 @@ class Product:
     def __init__(self, matrix: bsr_matrix) -> None:
         self._matrix = matrix
         rows = matrix.shape[0] // matrix.blocksize[0]
-        parts = _PIECES * processors() if matrix.data.size > _SMALL else 1
+        numbers = matrix.data.size
+        most = _PIECES * processors() if numbers > _SMALL else 1
+        parts = min(most, 1 + numbers // _LEAST_PART)
         # equal shares of stored blocks
         share = np.linspace(0, matrix.indptr[-1], parts + 1)
         cuts = np.searchsorted(matrix.indptr, share)
