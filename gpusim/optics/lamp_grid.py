@@ -208,10 +208,9 @@ class LampGrid:
             along = (s0 * q1 - s1 * q0) / area, (s1 * p0 - s0 * p1) / area
             rest = s - along[0][:, None] * p - along[1][:, None] * q
             most = rest.max(axis=1)
+            scale = np.abs(along[0][:, None] * p).max(axis=1)
+            scale += np.abs(along[1][:, None] * q).max(axis=1)
         sound = np.isfinite(most)
-        scale = np.abs(along[0][:, None] * p).max(axis=1) + np.abs(along[1][:, None] * q).max(
-            axis=1
-        )
         most = np.where(
             sound, most + 1e-9 * np.where(sound, scale + self.highest, 0.0), self.highest
         )
