@@ -11,6 +11,7 @@ from gpusim.fem.block_rows import block_matrix
 from gpusim.fem.coarsen import drop_midsides, drop_planes
 from gpusim.fem.groups import lattice_group, masked, model_groups
 from gpusim.fem.lattice import find_lattice
+from gpusim.fem.product import RowsProduct
 from gpusim.fem.transfer import NodeTransfer
 from gpusim.mesh import Mesh, box, crane, quadratic, split
 
@@ -73,6 +74,23 @@ def test_nodes_between_equal_layers_are_alike_and_no_others() -> None:
     plain = assemble_groups(model_groups(model, {"hex8": "incompatible"}), mesh.node_count)
     one, two = block_matrix(rows).toarray(), block_matrix(plain).toarray()
     np.testing.assert_allclose(one, two, atol=1e-14 * np.abs(two).max())
+
+
+def test_rows_that_all_differ_are_numbered_as_their_nodes() -> None:
+    # what takes their table for the matrix relies on that
+    mesh = shuffled(box((1.0, 0.8, 0.5), (5, 4, 3)))
+    materials = [Isotropic(1.0 + k, 0.3) for k in range(mesh.cell_count)]
+    of_cell = np.arange(mesh.cell_count, dtype=np.int32)
+    model = Model(mesh, materials, material_of_cell=of_cell, fixed=held(mesh))
+    lattice = find_lattice(mesh.points, mesh.cells["hex8"])
+    assert lattice is not None
+    rows = assemble_lattice(lattice_group(model, lattice, {"hex8": "full"}), lattice)
+    assert (rows.row_class == np.arange(mesh.node_count)).all()
+    plain = block_matrix(assemble_groups(model_groups(model, {"hex8": "full"}), mesh.node_count))
+    product = RowsProduct(rows, 1.0)
+    x = np.random.default_rng(2).normal(size=(1, 3 * mesh.node_count))
+    wanted = plain @ x[0]
+    assert np.abs(product(x)[0] - wanted).max() <= 1e-14 * np.abs(wanted).max()
 
 
 def test_elements_that_touch_held_nodes_are_known_by_their_places() -> None:

@@ -112,7 +112,7 @@ def _lattice_rows(group: Group, lattice: Lattice) -> tuple[Long, Long, Float]:
 
 
 def _rows_around(kind: Long, lattice: Lattice) -> tuple[Long, Long, Long]:
-    """(the cells around the node of each class (C,8), a node of each class, class of each node).
+    """(cells around the nodes of each class (C,8), its first node, the class of each node).
 
     ``kind`` (X-1,Y-1,Z-1) of the cells. Of planes of nodes that lie between equal layers of cells
     one is looked at.
@@ -140,8 +140,14 @@ def _rows_around(kind: Long, lattice: Lattice) -> tuple[Long, Long, Long]:
     first, own = unique_rows(around[present])
     row_class = np.full(present.shape, -1, dtype=np.int64)
     row_class[present] = own
-    node = lattice.node[np.ix_(*chosen)][present][first].astype(np.int64)
-    return around[present][first], node, lattice.gathered(row_class[np.ix_(*number)])
+    of_node = lattice.gathered(row_class[np.ix_(*number)])
+    # numbered by their first nodes: where all rows differ, a row's class is its node
+    node = np.empty(len(first), dtype=np.int64)
+    node[of_node[::-1]] = np.arange(len(of_node))[::-1]
+    order = np.argsort(node)
+    rank = np.empty_like(order)
+    rank[order] = np.arange(len(order))
+    return around[present][first][order], node[order], rank[of_node]
 
 
 def assemble_lattice(group: Group, lattice: Lattice) -> BlockRows:

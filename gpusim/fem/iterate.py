@@ -167,10 +167,13 @@ class _State:
 
     def relative(self, energy: Float, x: Float) -> Float:
         """Estimated relative displacement error for energy-norm errors (L,)."""
+        return self.over(energy, self.norm.size(x + self.given))
+
+    def over(self, energy: Float, size: Float) -> Float:
+        """The same for solutions whose norms are ``size`` (L,)."""
         lowest = _BELOW * self.mu
         if self.lowest is not None:
             lowest = _BELOW * self.lowest * np.minimum(1.0, self.mu / _UNSEEN)
-        size = self.norm.size(x + self.given)
         bound = np.where(self.settled, energy / np.sqrt(lowest), np.inf)
         return np.where(energy > 0.0, bound / np.where(size > 0.0, size, 1e-300), 0.0)
 
@@ -300,7 +303,7 @@ def _run(
     estimate = np.full(len(rz), np.inf)
     estimate[~active] = 0.0
     plain = estimate.copy()
-    correction = np.zeros_like(system.right)
+    correction, base = np.zeros_like(system.right), x + state.given
     while active.any() and len(history) < most:
         lines = loop.run(min(chunk, most - len(history)), active)
         check_finite(lines, "conjugate gradients")
@@ -314,13 +317,14 @@ def _run(
         history = np.concatenate([history, lines])
         state.learn(history)
         correction = loop.correction().reshape(x.shape)
+        energy, left = np.zeros(len(rz)), np.zeros(len(rz))
         for case in np.flatnonzero(active):
-            energy = energy_bound(history[:, case], _BELOW * state.mu[case])
-            estimate[case] = state.relative(
-                np.where(np.arange(len(rz)) == case, energy, 0.0), x + correction
-            )[case]
-            left = np.sqrt(history[-1, case, 0] * history[-1, case, 2] / (_BELOW * state.mu[case]))
-            plain[case] = estimate[case] * (left / energy if energy > 0.0 else 1.0)
+            energy[case] = energy_bound(history[:, case], _BELOW * state.mu[case])
+            last = history[-1, case]
+            left[case] = np.sqrt(last[0] * last[2] / (_BELOW * state.mu[case]))
+        size = state.norm.size(base + correction)
+        estimate = np.where(active, state.over(energy, size), estimate)
+        plain = np.where(active & (energy > 0.0), state.over(left, size), estimate)
         active &= ~((estimate <= tolerance) & (plain <= enough))
         if progress is not None:
             progress(len(history), float(estimate.max()))
