@@ -33,14 +33,15 @@ __all__ = ["GRAZING", "TRIANGLE", "Setup", "footprint", "probe_setup", "radiance
 Array = npt.NDArray[np.float64]
 
 TRIANGLE = np.dtype(
-    [("st", "<f4", 4), ("tw", "<f4", 4), ("n0", "<f4", 4), ("nx", "<f4", 4), ("ny", "<f4", 4),
-     ("place", "<i4", 4), ("more", "<f4", 4)]
+    [("n0", "<f4", 4), ("nx", "<f4", 4), ("ny", "<f4", 4), ("w", "<f4", 2), ("anchor", "<i4", 2),
+     ("st", "<f4", 4), ("t", "<f4", 2), ("cell", "<i4", 2), ("more", "<f4", 4)]
 )  # fmt: skip
+"""Texels of four words: the first four are all that plain matte paint needs."""
 
 WORDS = {
-    0: (0, 2), 1: (0, 0), 2: (0, 1), 3: (1, 2), 4: (1, 0), 5: (1, 1), 6: (2, 0), 7: (2, 1),
-    8: (3, 2), 9: (4, 2), 10: (5, 2), 11: (2, 2), 12: (3, 0), 13: (4, 0), 14: (5, 0),
-    16: (3, 1), 17: (4, 1), 18: (5, 1),
+    0: (3, 2), 1: (4, 2), 2: (5, 2), 3: (2, 2), 4: (3, 0), 5: (4, 0), 6: (5, 0), 8: (3, 1),
+    9: (4, 1), 10: (5, 1), 12: (2, 0), 13: (2, 1), 16: (0, 2), 17: (0, 0), 18: (0, 1), 19: (1, 2),
+    20: (1, 0), 21: (1, 1),
 }  # fmt: skip
 """Which of a record's words are which of `Setup.planes`."""
 
@@ -149,21 +150,23 @@ class Setup:
             for word, (row, k) in WORDS.items():
                 if row < 3 or self.lit:
                     columns[word] = found.planes[row, k]
-            columns[15], columns[19] = found.mean_inverse, paint
-            places = columns[20:24].view(np.int32)
-            places[:2], places[2:] = found.anchor, found.cell
-            columns[24] = self.albedo[part]
+            columns[7], columns[11] = found.mean_inverse, self.albedo[part]
+            columns[14:16].view(np.int32)[:] = found.anchor
+            columns[22:24].view(np.int32)[:] = found.cell
+            columns[24] = paint
             columns[25] = self.near_feature[part] * whole[paint]
             columns[26], columns[27] = rough[paint], metallic[paint]
-            bad = ~np.isfinite(columns[:20])
-            if bad.any():
-                self._refuse(int(np.argmax(bad.any(axis=0))), columns, part.start)
+            for words_of in (slice(14), slice(16, 22)):
+                bad = ~np.isfinite(columns[words_of])
+                if bad.any():
+                    self._refuse(int(np.argmax(bad.any(axis=0))), columns, part.start)
             np.copyto(words[: len(paint)], columns.T)
             yield part.start, words[: len(paint)]
 
     def _refuse(self, triangle: int, columns: npt.NDArray[np.float32], first: int) -> None:
-        word = int(np.argmin(np.isfinite(columns[:20, triangle]))) // 4
-        name = list(TRIANGLE.fields or ())[word]
+        numbers = [*range(14), *range(16, 22)]
+        word = next(word for word in numbers if not np.isfinite(columns[word, triangle])) // 4
+        name = ("n0", "nx", "ny", "w", "st", "t")[word]
         raise InputError(
             f"render: triangle {first + triangle}, {name}: beyond float32; got "
             f"{columns[4 * word : 4 * word + 4, triangle].tolist()}; expected coordinates whose "
