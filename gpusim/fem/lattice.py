@@ -6,6 +6,7 @@ come. It may have holes, notches and several parts; only the node planes must be
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TypeVar
@@ -76,24 +77,26 @@ class Lattice:
         """(flat positions of the cells (M,), their nodes (M,8) in VTK order)."""
         filled = self.cell >= 0
         nodes = np.empty((int(filled.sum()), len(CORNERS)), dtype=np.int32)
-        for corner, into in zip(CORNERS.tolist(), nodes.T, strict=True):
-            x, y, z = (
-                slice(first, first + count)
-                for first, count in zip(corner, self.cell.shape, strict=True)
-            )
-            into[:] = self.node[x, y, z][filled]
+        for corner, into in zip(self._at_corners(self.node), nodes.T, strict=True):
+            into[:] = corner[filled]
         return np.flatnonzero(filled), nodes
 
     def touching(self, nodes: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
         """(M,) whether cells, in the order of ``corner_nodes``, touch any ``nodes`` (X,Y,Z)."""
         result = np.zeros(self.cell.shape, dtype=bool)
+        for corner in self._at_corners(nodes):
+            result |= corner
+        return np.asarray(result[self.cell >= 0])
+
+    def _at_corners(self, grid: npt.NDArray[T]) -> Iterator[npt.NDArray[T]]:
+        """(X-1,Y-1,Z-1) of the cells: what ``grid`` (X,Y,Z) has at the first corner of each, at the
+        second one, …"""
         for corner in CORNERS.tolist():
             x, y, z = (
                 slice(first, first + count)
                 for first, count in zip(corner, self.cell.shape, strict=True)
             )
-            result |= nodes[x, y, z]
-        return np.asarray(result[self.cell >= 0])
+            yield grid[x, y, z]
 
     def grid(self, values: Long) -> Long:
         """(X-1,Y-1,Z-1): ``values`` (M,), in the order of ``corner_nodes``, in their places; -1

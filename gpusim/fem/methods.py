@@ -118,22 +118,24 @@ def solve_system(
         clock.mark("choice")
         if direct is not None and direct.seconds <= patience and direct.fits:
             return _factorised(direct, system, options, clock, "")
+
+    def instead(reason: str) -> Result | None:
+        direct = look() if method == "auto" else None
+        if direct is None or not (direct.fits and direct.seconds <= _PATIENCE):
+            return None
+        return _factorised(direct, system, options, clock, f"; multigrid had failed: {reason}")
+
     kind = "multigrid" if method == "auto" else method
     try:
         result = _iterated(kind, model, assembled, system, options, clock)
-        reason = result.outcome.message
-        if result.outcome.converged:
-            return result
     except NotConverged as error:
-        result, reason = None, str(error)
-        direct = look() if method == "auto" else None
-        if direct is None or not (direct.fits and direct.seconds <= _PATIENCE):
+        other = instead(str(error))
+        if other is None:
             raise
-    direct = look() if method == "auto" else None
-    if direct is not None and direct.fits and direct.seconds <= _PATIENCE:
-        return _factorised(direct, system, options, clock, f"; multigrid had failed: {reason}")
-    assert result is not None
-    return result
+        return other
+    if result.outcome.converged:
+        return result
+    return instead(result.outcome.message) or result
 
 
 def _factorised(

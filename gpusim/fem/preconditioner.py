@@ -83,10 +83,9 @@ class Multigrid:
 
     def __init__(self, hierarchy: Hierarchy) -> None:
         self.hierarchy = hierarchy
-
-    @cached_property
-    def _inverses(self) -> dict[int, Float]:
-        return {}
+        self._inverses: dict[int, Float] = {}
+        # what ``down`` of a load case leaves for ``up``
+        self._begun: dict[int, tuple[Float, Float]] = {}
 
     def _inverse(self, number: int) -> Float:
         """By columns; the levels that ``LatticeCycle`` goes through are never asked for."""
@@ -142,10 +141,6 @@ class Multigrid:
             return np.stack([lattice.up(case) for case in cases])
         b, x = (np.stack(parts) for parts in zip(*map(self._begun.pop, cases), strict=True))
         return self._up(0, b, x)
-
-    @cached_property
-    def _begun(self) -> dict[int, tuple[Float, Float]]:
-        return {}
 
     def _cycle(self, number: int, b: Float) -> Float:
         if number == len(self.hierarchy.levels):

@@ -238,9 +238,10 @@ class Device:
         OutOfDeviceMemory
         """
         limit = self.memory_limit
-        if limit is not None and not self.allocated + nbytes <= limit:
-            self.kept.free()
-        if limit is not None and not self.allocated + nbytes <= limit:
+        if limit is None or self.allocated + nbytes <= limit:
+            return
+        self.kept.free()
+        if not self.allocated + nbytes <= limit:
             raise OutOfDeviceMemory(
                 f"{what}: needs {nbytes / 1e6:.0f} MB beside the {self.allocated / 1e6:.0f} MB in "
                 f"use; got a limit of {limit / 1e6:.0f} MB on {self.name}"

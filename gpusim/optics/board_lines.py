@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.optics.corners import POSITION, ST
+from gpusim.optics.fields import MARGIN, lines_near
 from gpusim.optics.polygon import MOST, clip, half_planes
 from gpusim.optics.ragged import expand
 from gpusim.optics.setup import Setup
@@ -25,9 +26,6 @@ Array = npt.NDArray[np.float64]
 Long = npt.NDArray[np.int64]
 LEAST = 8.0
 """Size of a field over half of the largest pixel on it, from which on it is worth it."""
-
-MARGIN = 1.05
-"""Of half of the largest pixel, how far strips reach from their line."""
 
 OVERLAP = 0.012
 """Of half of the largest pixel, how far strips reach out of their triangle, so that no rounding
@@ -97,12 +95,8 @@ def _strips(
     None if they are too many."""
     st = setup.view.corners[rows][:, :, ST] - np.array(paint.origin)
     inset = MARGIN * reach
-    squares = np.array([np.inf if n is None else n for n in (paint.columns, paint.rows)])
     lowest, highest = st.min(axis=1), st.max(axis=1)
-    first = np.ceil((lowest - inset) / paint.size)
-    last = np.floor((highest + inset) / paint.size)
-    first = np.where(np.isinf(squares), first, np.maximum(first, 0.0))
-    last = np.minimum(last, squares)
+    first, last = lines_near(paint, reach, lowest, highest)
     many = np.maximum(last - first + 1.0, 0.0)
     if not many.sum() <= MOST_STRIPS:
         return None

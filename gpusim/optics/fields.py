@@ -16,12 +16,26 @@ from gpusim.optics.gloss import Gloss
 from gpusim.optics.view import RegionPaint, View
 from gpusim.surface.paint import Checker
 
-__all__ = ["MARGIN", "field_of", "matte_boards", "within_fields"]
+__all__ = ["MARGIN", "field_of", "lines_near", "matte_boards", "within_fields"]
 
 Array = npt.NDArray[np.float64]
 
 MARGIN = 1.05
 """Of half of the largest pixel, how far from a line its pixels may be."""
+
+
+def lines_near(paint: Checker, reach: float, low: Array, high: Array) -> tuple[Array, Array]:
+    """First and last line of a board across either axis, (n, 2) each, that pixels on pieces may
+    reach over; none where the last one is before the first.
+
+    ``low`` and ``high`` (n, 2): extent of each piece, from the board's origin; ``reach``: half of
+    the largest pixel there.
+    """
+    inset = MARGIN * reach
+    squares = np.array([np.inf if n is None else n for n in (paint.columns, paint.rows)])
+    first, last = np.ceil((low - inset) / paint.size), np.floor((high + inset) / paint.size)
+    first = np.where(np.isinf(squares), first, np.maximum(first, 0.0))
+    return first, np.minimum(last, squares)
 
 
 def field_of(
@@ -34,17 +48,15 @@ def field_of(
     largest pixel there.
     """
     inset = MARGIN * reach
-    origin = np.array(paint.origin)
-    near = np.zeros(len(low), bool)
+    low, high = low - np.array(paint.origin), high - np.array(paint.origin)
+    first, last = lines_near(paint, reach, low, high)
+    near = (last >= first).any(axis=1)
     beside = np.zeros(len(low), bool)
     field = np.zeros(len(low))
     for axis, many in enumerate((paint.columns, paint.rows)):
-        a, b = low[:, axis] - origin[axis], high[:, axis] - origin[axis]
-        first, last = np.ceil((a - inset) / paint.size), np.floor((b + inset) / paint.size)
+        a, b = low[:, axis], high[:, axis]
         if many is not None:
-            first, last = np.maximum(first, 0.0), np.minimum(last, float(many))
             beside |= (b < -inset) | (a > many * paint.size + inset)
-        near |= last >= first
         field += np.floor(0.5 * (a + b) / paint.size)
     albedo = np.where(field % 2.0 == 0.0, paint.dark, paint.light)
     return near & ~beside, np.where(beside, paint.ground, albedo)

@@ -6,6 +6,8 @@ lamp's size times the difference in s to the nearest caster there.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 import numpy.typing as npt
 
@@ -35,6 +37,25 @@ def _farthest(values: Array) -> Array:
     return result
 
 
+def _outlines(p: Array, q: Array) -> list[tuple[Array, Array, Array]]:
+    """Of each side of outlines with corners (n, 4): normal outwards in p and q, and its place.
+
+    All normals of a face are 0 where it reaches behind the lamp, or its outline isn't convex.
+    """
+    start = np.stack([p, q], axis=2)
+    way = np.roll(start, -1, axis=1) - start
+    after = np.roll(way, -1, axis=1)
+    turns = way[..., 0] * after[..., 1] - way[..., 1] * after[..., 0]
+    sign = np.sign(turns.sum(axis=1))
+    normal = sign[:, None, None] * np.stack([way[..., 1], -way[..., 0]], axis=2)
+    convex = np.all(turns * sign[:, None] >= 0.0, axis=1)  # false for NaN
+    sound = convex & np.all(np.isfinite(normal), axis=(1, 2))
+    known = np.reshape(sound, (-1, 1, 1))
+    start, normal = np.where(known, start, 0.0), np.where(known, normal, 0.0)
+    place = np.sum(normal * start, axis=2)
+    return [(normal[:, k, 0].copy(), normal[:, k, 1].copy(), place[:, k].copy()) for k in range(4)]
+
+
 class LampGrid:
     """Casters of one view of a lamp, in square cells of p and q, each with its highest s."""
 
@@ -48,7 +69,8 @@ class LampGrid:
         low = self._mapped(np.stack([self.reach.p[0], self.reach.q[0]]))
         high = self._mapped(np.stack([self.reach.p[1], self.reach.q[1]]))
         self.count = len(ahead)
-        self.lines = self._outlines(casters)
+        corners = view.place(*np.moveaxis(casters.corners[self.face], 2, 0))
+        self.lines = _outlines(*corners[:2])
         self.origin = low.min(axis=1, initial=np.inf) if self.count else np.zeros(2)
         extent = high.max(axis=1, initial=-np.inf) - self.origin if self.count else np.ones(2)
         extent = np.maximum(extent, 1e-12)
@@ -71,8 +93,8 @@ class LampGrid:
         self.entry, self.column = box[order], cell[order] % self.shape[1]
         self.start = np.searchsorted(cell[order], np.arange(self.shape.prod() + 1))
         self.highest = self.reach.s[1]
-        self.long: Flags = np.any(last - first >= LONG, axis=0)
-        met, height = self._heights(box, cell, casters)
+        long = np.any(last - first >= LONG, axis=0)
+        met, height = self._heights(box, cell, long, corners)
         top = np.full(self.shape, -np.inf)
         np.maximum.at(top.reshape(-1), cell[met], height[met])
         levels = [top]
@@ -85,28 +107,6 @@ class LampGrid:
         self.pyramid = np.concatenate([level.reshape(-1) for level in levels])
         self.rows, self.columns = np.array([level.shape for level in levels]).T
         self.level = np.cumsum(self.rows * self.columns) - self.rows * self.columns
-
-    def _outlines(self, casters: Casters) -> list[tuple[Array, Array, Array]]:
-        """Of each side of the casters' outlines (n,): normal outwards in p and q, and its place.
-
-        All normals of a face are 0 where it reaches behind the lamp, or its outline isn't convex.
-        """
-        corners = casters.corners[self.face]
-        p, q, _ = self.view.place(corners[..., 0], corners[..., 1], corners[..., 2])
-        start = np.stack([p, q], axis=2)
-        way = np.roll(start, -1, axis=1) - start
-        after = np.roll(way, -1, axis=1)
-        turns = way[..., 0] * after[..., 1] - way[..., 1] * after[..., 0]
-        sign = np.sign(turns.sum(axis=1))
-        normal = sign[:, None, None] * np.stack([way[..., 1], -way[..., 0]], axis=2)
-        convex = np.all(turns * sign[:, None] >= 0.0, axis=1)  # false for NaN
-        sound = convex & np.all(np.isfinite(normal), axis=(1, 2))
-        known = np.reshape(sound, (-1, 1, 1))
-        start, normal = np.where(known, start, 0.0), np.where(known, normal, 0.0)
-        place = np.sum(normal * start, axis=2)
-        return [
-            (normal[:, k, 0].copy(), normal[:, k, 1].copy(), place[:, k].copy()) for k in range(4)
-        ]
 
     def meets(self, reach: Reach, caster: Numbers) -> tuple[Flags, Flags]:
         """What boxes (n) have to do with casters (n), as far as the lamp's view tells.
@@ -126,13 +126,20 @@ class LampGrid:
             middle.append(0.5 * (low + high))
             half.append(0.5 * (high - low) + rise * size)
         inside, past = np.ones(len(caster), bool), np.zeros(len(caster), bool)
-        for k, (normal_p, normal_q, offset) in enumerate(self.lines):
-            p, q = normal_p[caster], normal_q[caster]
-            gap = p * middle[0] + q * middle[1] - offset[caster]
-            width = (np.abs(p) * half[0] + np.abs(q) * half[1]) * (1.0 + 1e-9)
+        for k, (gap, width) in enumerate(self._beside(caster, middle, half)):
             inside &= gap <= width
             past |= self.rim[:, k][caster] & (np.abs(gap) <= width)
         return inside | ~bounded, past | ~bounded
+
+    def _beside(
+        self, caster: Numbers, middle: list[Array], half: list[Array]
+    ) -> Iterator[tuple[Array, Array]]:
+        """Of each side of the outlines of casters (n,): how far outside of it rectangles of p and q
+        have their ``middle``, and how far they reach towards it."""
+        for normal_p, normal_q, offset in self.lines:
+            p, q = normal_p[caster], normal_q[caster]
+            gap = p * middle[0] + q * middle[1] - offset[caster]
+            yield gap, (np.abs(p) * half[0] + np.abs(q) * half[1]) * (1.0 + 1e-9)
 
     def moves(self, reach: Reach, box: Numbers, caster: Numbers, sag: Array) -> Array:
         """Share (n,) of the lamp by which casters that are off by ``sag`` (F,) may change it.
@@ -164,12 +171,16 @@ class LampGrid:
         row = first[1][box] + offset // np.maximum(wide, 1)[box]
         return box, row * self.shape[1] + column
 
-    def _heights(self, box: Numbers, cell: Numbers, casters: Casters) -> tuple[Flags, Array]:
+    def _heights(
+        self, box: Numbers, cell: Numbers, long: Flags, corners: tuple[Array, Array, Array]
+    ) -> tuple[Flags, Array]:
         """Whether casters ``box`` (n,) have a part in cells of the rectangles around them, and an
-        upper bound of its s: a long one that lies aslant is in few, and high in fewer still.
+        upper bound of its s: a ``long`` one that lies aslant is in few, and high in fewer still.
+
+        ``corners``: p, q, s of theirs, (count, 4) each.
         """
         met, height = np.ones(len(box), bool), self.highest[box]
-        asked = np.flatnonzero(self.long[box])
+        asked = np.flatnonzero(long[box])
         if not len(asked):
             return met, height
         box, cell = box[asked], cell[asked]
@@ -180,26 +191,22 @@ class LampGrid:
             middle.append(0.5 * (low + high))
             half.append(0.5 * (high - low))
         inside = np.ones(len(box), bool)
-        for normal_p, normal_q, offset in self.lines:
-            p, q = normal_p[box], normal_q[box]
-            gap = p * middle[0] + q * middle[1] - offset[box]
-            inside &= gap <= (np.abs(p) * half[0] + np.abs(q) * half[1]) * (1.0 + 1e-9)
+        for gap, width in self._beside(box, middle, half):
+            inside &= gap <= width
         met[asked] = inside
-        slopes, rest = self._slopes(casters)
+        slopes, rest = self._slopes(*corners)
         bound = rest[box]
         for slope, at, reach in zip(slopes, middle, half, strict=True):
             bound += slope[box] * at + np.abs(slope[box]) * reach
         height[asked] = np.minimum(bound, height[asked])
         return met, height
 
-    def _slopes(self, casters: Casters) -> tuple[tuple[Array, Array], Array]:
+    def _slopes(self, p: Array, q: Array, s: Array) -> tuple[tuple[Array, Array], Array]:
         """How s of each caster changes with p and q, (n,) each, and the most that is left of it.
 
         A plane's s is linear in p and q; what lies between corners is no farther from any linear
         function than they are.
         """
-        corners = casters.corners[self.face]
-        p, q, s = self.view.place(corners[..., 0], corners[..., 1], corners[..., 2])
         (p0, q0, s0), (p1, q1, s1) = (
             [v[:, 2] - v[:, 0] for v in (p, q, s)], [v[:, 3] - v[:, 1] for v in (p, q, s)],
         )  # fmt: skip

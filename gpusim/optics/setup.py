@@ -45,6 +45,8 @@ WORDS = {
 }  # fmt: skip
 """Which of a record's words are which of `Setup.planes`."""
 
+REAL = slice(0, 14), slice(16, 22)  # words that may be beyond float32
+
 GRAZING = 4
 """Added to the number of a group of triangles whose speckle is cut pixel by pixel."""
 
@@ -156,7 +158,7 @@ class Setup:
             columns[24] = paint
             columns[25] = self.near_feature[part] * whole[paint]
             columns[26], columns[27] = rough[paint], metallic[paint]
-            for words_of in (slice(14), slice(16, 22)):
+            for words_of in REAL:
                 bad = ~np.isfinite(columns[words_of])
                 if bad.any():
                     self._refuse(int(np.argmax(bad.any(axis=0))), columns, part.start)
@@ -164,9 +166,9 @@ class Setup:
             yield part.start, words[: len(paint)]
 
     def _refuse(self, triangle: int, columns: npt.NDArray[np.float32], first: int) -> None:
-        numbers = [*range(14), *range(16, 22)]
-        word = next(word for word in numbers if not np.isfinite(columns[word, triangle])) // 4
-        name = ("n0", "nx", "ny", "w", "st", "t")[word]
+        word = int(np.r_[REAL][np.argmin(np.isfinite(columns[np.r_[REAL], triangle]))])
+        name = [n for n, (_, at, *_) in (TRIANGLE.fields or {}).items() if at <= 4 * word][-1]
+        word //= 4
         raise InputError(
             f"render: triangle {first + triangle}, {name}: beyond float32; got "
             f"{columns[4 * word : 4 * word + 4, triangle].tolist()}; expected coordinates whose "
