@@ -349,7 +349,8 @@ def test_multigrid_states_its_error_honestly_on_a_thin_plate() -> None:
         fixed=fixed,
         forces=face_force(plate, end, (0.0, 1.0, 3.0)),
     )
-    solution = solve(model, backend="numpy", method="multigrid")
+    # 960 to 1000 iterations by the processor's kernels: orthogonality is lost on the way
+    solution = solve(model, backend="numpy", method="multigrid", max_iterations=3000)
     rows = assemble(model, resolve_formulation(model, None)).rows
     free = ~model.fixed.ravel()
     matrix = block_matrix(rows).tocsr()[free][:, free].tocsc()

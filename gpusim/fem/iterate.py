@@ -246,7 +246,8 @@ def iterate(
                 estimate = np.minimum(estimate, _SAFETY * (inside + drift))
                 message = "converged to the rounding of the residual"
                 break
-            if refinement > 1 and not (estimate.max() <= 0.5 * before.max()):
+            stuck = refinement > 1 and not (estimate.max() <= 0.5 * before.max())
+            if stuck and iterations < most:
                 message = f"stagnated at an estimated relative error of {estimate.max():.2g}"
                 break
         if iterations >= most:

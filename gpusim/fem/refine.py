@@ -10,6 +10,7 @@ import numpy.typing as npt
 from gpusim.errors import NotConverged
 from gpusim.fem.banded import Banded
 from gpusim.fem.chain import Chain
+from gpusim.fem.indefinite import indefinite
 from gpusim.fem.iterate import Outcome, System
 
 __all__ = ["refine"]
@@ -21,6 +22,9 @@ _MOST = 20
 _CONTRACTION = 0.5
 # safety on the factor by which corrections shrink, and the least that is believed of it
 _CAUTION, _LEAST_SHARE = 100.0, 1e-3
+# a relative error beyond which there is no solution: whether the factorisation of a singular
+# stiffness breaks down is a matter of the last digits, which differ between processors
+_SINGULAR = 0.1
 
 
 def refine(
@@ -39,6 +43,8 @@ def refine(
     hundred times that factor (at least 0.001) is believed where the tolerance asks for it, and the
     tolerance is what is stated then. One correction at least is always made, so the estimate rests
     on a measured residual.
+
+    Raises NotConverged where float64 can't tell the stiffness from a singular one.
     """
     right = system.right
     cases = len(right)
@@ -91,6 +97,8 @@ def refine(
     factor_of = (system.scale / system.load_scale)[:, None, None]
     u = np.where(system.free, x / factor_of, system.prescribed)
     good = bool((estimate <= tolerance).all())
+    if not good and not estimate.max() <= _SINGULAR:
+        raise indefinite("direct solver", float(estimate.max()))
     return Outcome(u, good, float(estimate.max()), len(history), np.stack(history), message)
 
 
