@@ -6,6 +6,7 @@ from __future__ import annotations
 import base64
 import math
 import re
+from functools import partial
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -28,7 +29,13 @@ from gpusim.report import (
     Stage,
     write_report,
 )
-from gpusim.report.figures import draw_convergence, draw_errors, draw_overlay, draw_series
+from gpusim.report.figures import (
+    draw_convergence,
+    draw_errors,
+    draw_overlay,
+    draw_series,
+    photo_of,
+)
 from gpusim.report.pictures import page_pair
 
 VOID = {"meta", "link", "img", "input", "br", "source", "hr"}
@@ -192,7 +199,7 @@ def test_an_empty_report_still_makes_a_page(tmp_path: Path) -> None:
 
 
 def test_a_missing_picture_is_named_and_the_json_is_there(tmp_path: Path) -> None:
-    absent = Figure(tmp_path / "absent.png", "Extra", "none")
+    absent = partial(Figure, tmp_path / "absent.png", "Extra", "none")
     report = Report("crane", "llvmpipe", "done", figures=(absent,))
     with pytest.raises(InputError, match=r"absent\.png: can't be read"):
         write_report(report, tmp_path)
@@ -245,7 +252,7 @@ def test_captions_state_the_numbers(tmp_path: Path) -> None:
     assert line.caption == (
         "2 of 3 points measured; difference to the truth 0.014 mm RMS, at most 0.020 mm (0.10 px)."
     )
-    tracked = draw_overlay(report.overlays[0], tmp_path / "b.png")
+    tracked = draw_overlay(report.overlays[0], photo_of(report.overlays[0]), tmp_path / "b.png")
     assert tracked.photo
     assert tracked.caption == (
         "2 of 3 markers tracked; displacements drawn 2 times their length, the longest is"
@@ -269,5 +276,8 @@ def test_figures_of_awkward_data(tmp_path: Path) -> None:
         draw_convergence([], tmp_path / "e.png")
     image = write_image(tmp_path / "i.png", np.zeros((33, 57), np.uint16))
     still = Overlay("o", image, np.ones((1, 2)), np.zeros((1, 2)))
-    assert draw_overlay(still, tmp_path / "f.png").caption == "1 of 1 markers tracked."
+    assert (
+        draw_overlay(still, photo_of(still), tmp_path / "f.png").caption
+        == "1 of 1 markers tracked."
+    )
     assert not (tmp_path / "e.png").exists()

@@ -117,6 +117,9 @@ def run(
     """Solve, render, measure, report; reuse what is unchanged in OUT."""
     with exit_codes():
         with importing():
+            from gpusim.report import prepare_figures
+
+            prepare_figures()  # elsewhere, while all this is imported here
             loaded = _load(scene, sets).with_effects(only or (), no or ())
             check_folder(output)
             from gpusim import pipeline

@@ -8,6 +8,7 @@ import tempfile
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -262,7 +263,7 @@ def _report(
         RigCamera(own.name, np.zeros(3), np.zeros(3), points, gaps, own.resolution)
         for own, points, gaps in zip(found.cameras, found.points, found.residuals, strict=True)
     ]
-    figure = draw_calibration(cameras, found.view_rms, folder / "figures" / "calibration.png")
+    path = folder / "figures" / "calibration.png"
     return Report(
         scene="Calibration",
         adapter="not needed",
@@ -275,6 +276,6 @@ def _report(
         },
         facts=facts,
         tables=(table,),
-        figures=(figure,),
+        figures=(partial(draw_calibration, cameras, found.view_rms, path),),
         links=tuple(Link(file.name, file) for file in files),
     )

@@ -22,7 +22,7 @@ from gpusim.pipeline.stereo_report import (
 from gpusim.pipeline.stereo_result import StereoResult
 from gpusim.pipeline.things import frame_word
 from gpusim.report import (
-    Figure,
+    Drawing,
     FramePair,
     Link,
     Measurement,
@@ -78,7 +78,7 @@ def make_report(scene: Scene, out: Path, found: Findings) -> Report:
     measurements: list[Measurement] = []
     series: list[Series] = []
     overlays: list[Overlay] = []
-    figures: list[Figure] = []
+    figures: list[Drawing] = []
     for result in found.results:
         if isinstance(result, StereoResult):
             measurements += stereo_measurements(result)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,13 @@ import numpy as np
 from gpusim.export.files import safe_name
 from gpusim.pipeline.images import image_path
 from gpusim.pipeline.stereo_result import CameraFound, StereoResult
-from gpusim.report import Figure, Measurement, Overlay
+from gpusim.report import Drawing, Measurement, Overlay
+from gpusim.report.stereo_figures import (
+    RigCamera,
+    draw_calibration,
+    draw_reconstruction,
+    draw_rig,
+)
 from gpusim.scene import Scene
 
 __all__ = ["stereo_figures", "stereo_measurements", "stereo_overlays"]
@@ -77,15 +84,8 @@ def _calibration(name: str, camera: CameraFound) -> list[Measurement]:
     return rows
 
 
-def stereo_figures(result: StereoResult, folder: Path) -> list[Figure]:
-    """Rig, calibration and reconstruction, drawn into ``folder``."""
-    from gpusim.report.stereo_figures import (
-        RigCamera,
-        draw_calibration,
-        draw_reconstruction,
-        draw_rig,
-    )
-
+def stereo_figures(result: StereoResult, folder: Path) -> list[Drawing]:
+    """Rig, calibration and reconstruction, to be drawn into ``folder``."""
     stem = safe_name(result.name)
     cameras = [
         RigCamera(c.name, c.eye_mm, c.axis, corners, errors, c.resolution)
@@ -93,19 +93,23 @@ def stereo_figures(result: StereoResult, folder: Path) -> list[Figure]:
             result.cameras, result.corners_px, result.corner_errors_px, strict=True
         )
     ]
+    calibration = partial(
+        draw_calibration, cameras, result.view_rms_px, folder / f"{stem}-calibration.png"
+    )
     fine = np.isfinite(result.found_mm).all(axis=1)
     if not fine.any():
-        return [draw_calibration(cameras, result.view_rms_px, folder / f"{stem}-calibration.png")]
+        return [calibration]
     rest = result.found_mm
     largest = float(np.nanmax(np.linalg.norm(result.true_mm, axis=1)))
     factor = _magnification(0.15 * float(np.ptp(rest[fine], axis=0).max()), largest)
     return [
-        draw_rig(cameras, rest[fine], result.boards_mm, folder / f"{stem}-rig.png"),
-        draw_calibration(cameras, result.view_rms_px, folder / f"{stem}-calibration.png"),
-        draw_reconstruction(
-            rest, result.measured_mm, result.true_mm, factor, folder / f"{stem}-space.png"
+        partial(draw_rig, cameras, rest[fine], result.boards_mm, folder / f"{stem}-rig.png"),
+        calibration,
+        partial(
+            draw_reconstruction,
+            rest, result.measured_mm, result.true_mm, factor, folder / f"{stem}-space.png",
         ),
-    ]
+    ]  # fmt: skip
 
 
 def _magnification(wanted: float, largest: float) -> float:

@@ -6,8 +6,8 @@ import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,12 +16,10 @@ from gpusim.export.files import clean_leftovers, write_text
 from gpusim.pipeline.damage import DamageLine, DamageResult, compare_states
 from gpusim.pipeline.deflection import DeflectionResult
 from gpusim.pipeline.outputs import write_page
-from gpusim.report import Figure, Link, Measurement, Report, Stage, write_report
+from gpusim.report import Drawing, Link, Measurement, Report, Stage, write_report
+from gpusim.report.damage_figures import StateCurve, draw_deflections, draw_differences
 from gpusim.scene import Scene
 from gpusim.scene import model as m
-
-if TYPE_CHECKING:
-    from gpusim.report.damage_figures import StateCurve
 
 __all__ = ["run_variants", "variant_folder"]
 
@@ -197,17 +195,16 @@ def _missing(comparison: DamageResult) -> list[str]:
     return texts
 
 
-def _figures(comparison: DamageResult, folder: Path) -> list[Figure]:
-    from gpusim.report.damage_figures import draw_deflections, draw_differences
-
-    figures = []
+def _figures(comparison: DamageResult, folder: Path) -> list[Drawing]:
+    figures: list[Drawing] = []
     for group in comparison.groups:
         lines = comparison.of(group)
         along = f"position along the {group}, {lines[0].axis} (mm)"
         across = f"deflection along {lines[0].across} (mm)"
         stem = f"{comparison.name}-{group}"
         whole = [_curve(line, line.deflection_mm, line.true_mm) for line in lines]
-        figures.append(draw_deflections(whole, (along, across), folder / f"{stem}-lines.png"))
+        path = folder / f"{stem}-lines.png"
+        figures.append(partial(draw_deflections, whole, (along, across), path))
         changed = [
             _curve(line, line.difference_mm, line.true_difference_mm)
             for line in lines
@@ -216,13 +213,12 @@ def _figures(comparison: DamageResult, folder: Path) -> list[Figure]:
         if changed:
             labels = along, f"difference along {lines[0].across} (mm)"
             path = folder / f"{stem}-differences.png"
-            figures.append(draw_differences(changed, labels, lines[0].mm_per_px, path))
+            scale = lines[0].mm_per_px
+            figures.append(partial(draw_differences, changed, labels, scale, path))
     return figures
 
 
 def _curve(line: DamageLine, measured: np.ndarray, true: np.ndarray) -> StateCurve:
-    from gpusim.report.damage_figures import StateCurve
-
     none, found = np.zeros(0), line.found
     x = np.linspace(line.position_mm.min(), line.position_mm.max(), CURVE_POINTS)
     return StateCurve(

@@ -6,6 +6,7 @@ from gpusim.report.comparison import Budget, BudgetRow, Published
 from gpusim.report.mechanics import BodyForce, Mechanics, StressPeak
 from gpusim.report.meshes import MeshSummary
 from gpusim.report.model import (
+    Drawing,
     Figure,
     FramePair,
     Link,
@@ -23,6 +24,7 @@ __all__ = [
     "BodyForce",
     "Budget",
     "BudgetRow",
+    "Drawing",
     "Figure",
     "FramePair",
     "Link",

@@ -6,15 +6,12 @@ Each function draws one PNG, writes it atomically and returns a `Figure` with it
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
-from matplotlib.artist import Artist
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure as Canvas
-from matplotlib.ticker import MaxNLocator, NullLocator
 
 from gpusim.errors import InputError
 from gpusim.export.files import PathLike
@@ -32,11 +29,23 @@ from gpusim.report.style import (
     Margins,
     axis_title,
     draw_png,
+    page_pixels,
     text_inches,
 )
 from gpusim.report.text import number, signed_percent
 
-__all__ = ["draw_convergence", "draw_errors", "draw_overlay", "draw_series"]
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as Canvas
+
+__all__ = [
+    "Photo",
+    "draw_convergence",
+    "draw_errors",
+    "draw_overlay",
+    "draw_series",
+    "photo_of",
+]
 
 _WIDTH = 7.2  # inches
 _ARROW_FRACTION = 0.12  # the longest arrow covers about this part of the image's width
@@ -82,6 +91,8 @@ def draw_series(series: Series, path: PathLike) -> Figure:
 
 
 def _draw_residual(axes: Axes, series: Series, residual: npt.NDArray[np.float64]) -> None:
+    from matplotlib.ticker import MaxNLocator
+
     axes.axhline(0.0, color=TRUTH, linewidth=1.4)
     axes.vlines(series.x, 0.0, residual, color=MEASURED, linewidth=1.6)
     axes.plot(series.x, residual, "o", color=MEASURED, markersize=4.5)
@@ -116,6 +127,8 @@ def draw_convergence(residuals: Sequence[float], path: PathLike) -> Figure:
     shown = np.where(np.isfinite(values) & (values > 0.0), values, np.nan)
 
     def draw(canvas: Canvas) -> None:
+        from matplotlib.ticker import MaxNLocator, NullLocator
+
         axes = canvas.subplots()
         axes.semilogy(np.arange(values.size), shown, color=TRUTH, linewidth=2.0)
         axes.plot(values.size - 1, shown[-1], "o", color=TRUTH, markersize=6)
@@ -136,16 +149,37 @@ def draw_convergence(residuals: Sequence[float], path: PathLike) -> Figure:
     return Figure(Path(path), "Convergence of the solver", caption)
 
 
-def draw_overlay(overlay: Overlay, path: PathLike) -> Figure:
-    """Draw tracked points with magnified displacement arrows on the down-scaled image."""
+@dataclass(frozen=True, eq=False)
+class Photo:
+    """A picture for the page of `draw_overlay`: ``grey`` (h, w) uint8, the page's pixels, and the
+    ``size`` (width, height) px that it has itself."""
+
+    grey: npt.NDArray[np.uint8]
+    size: tuple[int, int]
+
+
+def photo_of(overlay: Overlay) -> Photo:
+    """The picture that ``overlay`` is drawn on. Raises InputError if it can't be read."""
     image = read_image(overlay.image)
     height, width = image.shape
+    return Photo(reduced(image, page_pixels(_photo_inches(width, height))), (width, height))
+
+
+def _photo_inches(width: int, height: int) -> tuple[float, float]:
+    return _WIDTH, _WIDTH * height / width
+
+
+def draw_overlay(overlay: Overlay, photo: Photo, path: PathLike) -> Figure:
+    """Draw tracked points with magnified displacement arrows on the down-scaled image."""
+    width, height = photo.size
     found = np.isfinite(overlay.displacement[:, 0] + overlay.displacement[:, 1])
     longest = float(np.hypot(*overlay.displacement[found].T).max(initial=0.0))
     factor = _round_down(_ARROW_FRACTION * width / longest) if longest > 0.0 else 1.0
 
     def draw(canvas: Canvas) -> None:
-        canvas.add_artist(_Backdrop(image))
+        from gpusim.report.backdrop import Backdrop
+
+        canvas.add_artist(Backdrop(photo.grey))
         axes = canvas.add_axes((0.0, 0.0, 1.0, 1.0), facecolor="none")
         # Pixel centres are integers: the outer edges of the image lie half a pixel outside.
         frame = (-0.5, width - 0.5, height - 0.5, -0.5)
@@ -180,7 +214,7 @@ def draw_overlay(overlay: Overlay, path: PathLike) -> Figure:
             )
             key.text.set_bbox({"facecolor": "#000000a0", "edgecolor": "none", "pad": 3})
 
-    draw_png(path, (_WIDTH, _WIDTH * height / width), draw, "none")
+    draw_png(path, _photo_inches(width, height), draw, "none")
     caption = f"{int(found.sum())} of {found.size} markers tracked"
     if longest > 0.0:
         caption += f"; displacements drawn {factor:g} times their length, the longest is"
@@ -190,25 +224,6 @@ def draw_overlay(overlay: Overlay, path: PathLike) -> Figure:
     if not found.all():
         caption += "; crosses mark lost markers"
     return Figure(Path(path), overlay.title, caption + ".", photo=True)
-
-
-class _Backdrop(Artist):
-    """A grey picture over the whole page, put there as it is: no colours to map, no resampling."""
-
-    def __init__(self, image: npt.NDArray[Any]) -> None:
-        super().__init__()
-        self.set_zorder(-1)
-        self._image = image
-
-    def draw(self, renderer: Any) -> None:
-        """Put it onto the page."""
-        size = round(renderer.width), round(renderer.height)
-        grey = reduced(self._image, size)
-        opaque = np.full((size[1], size[0], 4), 255, np.uint8)
-        opaque[..., :3] = grey[::-1, :, None]
-        context = renderer.new_gc()
-        renderer.draw_image(context, 0, 0, opaque)
-        context.restore()
 
 
 def _key(overlay: Overlay, longest: float) -> tuple[float, str]:

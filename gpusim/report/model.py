@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
@@ -21,6 +21,7 @@ from gpusim.report.numbers import json_number
 
 __all__ = [
     "SCHEMA",
+    "Drawing",
     "Figure",
     "FramePair",
     "Link",
@@ -207,6 +208,11 @@ class Figure:
     photo: bool = False
 
 
+Drawing = Callable[[], Figure]
+"""Draws a figure, maybe in another process: something that can be pickled, as `functools.partial`
+of a module's function is."""
+
+
 @dataclass(frozen=True)
 class Link:
     """A file that the run wrote, named for the reader."""
@@ -264,7 +270,7 @@ class Report:
     overlays: tuple[Overlay, ...] = ()
     residuals: tuple[float, ...] = ()
     tolerance: float | None = None
-    figures: tuple[Figure, ...] = ()
+    figures: tuple[Drawing, ...] = ()
     tables: tuple[Table, ...] = ()
     links: tuple[Link, ...] = ()
 

@@ -5,15 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
-from matplotlib.figure import Figure as Canvas
 
 from gpusim.export.files import PathLike
 from gpusim.report.model import Figure
 from gpusim.report.style import MEASURED, MUTED, TRUTH, Margins, axis_title, draw_png
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Canvas
 
 __all__ = ["RigCamera", "draw_calibration", "draw_reconstruction", "draw_rig"]
 

@@ -3,6 +3,9 @@
 The series colours are those of Okabe & Ito (2008), in the variant that keeps a contrast of 3 : 1 on
 white. On a dark page the report's style sheet inverts the lightness of plots and keeps their hues,
 so that one file serves both.
+
+Nothing imports matplotlib, half a second's work, but what draws with it: that is mostly a process
+of its own (`gpusim.apart`).
 """
 
 from __future__ import annotations
@@ -10,18 +13,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from threading import Lock
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
-import matplotlib
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure as Canvas
-from matplotlib.font_manager import FontProperties
-from matplotlib.textpath import TextToPath
 
 from gpusim.export.files import PathLike
 from gpusim.export.images import write_colour
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as Canvas
 
 __all__ = [
     "BAD",
@@ -34,6 +35,7 @@ __all__ = [
     "Margins",
     "axis_title",
     "draw_png",
+    "page_pixels",
     "text_inches",
 ]
 
@@ -114,6 +116,10 @@ def draw_png(
     ``layout``: margins around the plots, usual ones unless given; "constrained" for plots that
     share a page with colour bars, "none" for those that are in place.
     """
+    import matplotlib
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure as Canvas
+
     with _drawing, matplotlib.rc_context(_SETTINGS):
         own: Any = "constrained" if layout == "constrained" else "none"
         canvas = Canvas(figsize=size, dpi=_DPI, layout=own)
@@ -126,8 +132,16 @@ def draw_png(
         write_colour(path, np.asarray(page.buffer_rgba())[..., :3], pixels_per_metre=_DPI / 0.0254)
 
 
+def page_pixels(size: tuple[float, float]) -> tuple[int, int]:
+    """Width and height (px) of a page of ``size`` inches."""
+    return int(size[0] * _DPI), int(size[1] * _DPI)
+
+
 def text_inches(text: str) -> float:
     """How wide a line is in the usual size of letters."""
+    from matplotlib.font_manager import FontProperties
+    from matplotlib.textpath import TextToPath
+
     found = FontProperties(family=_SETTINGS["font.family"], size=_SETTINGS["font.size"])
     width, _, _ = TextToPath().get_text_width_height_descent(text, found, ismath=False)
     return float(width) / 72.0

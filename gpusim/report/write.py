@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from importlib import import_module
 from pathlib import Path
-from threading import Thread
 
 import numpy as np
 
+from gpusim import apart
 from gpusim.export.files import PathLike, safe_name, write_text
+from gpusim.report.figures import (
+    draw_convergence,
+    draw_errors,
+    draw_overlay,
+    draw_series,
+    photo_of,
+)
 from gpusim.report.html import FigureSet, render_html
 from gpusim.report.model import Report
 
@@ -31,11 +37,14 @@ class ReportPaths:
 
 
 def prepare_figures() -> None:
-    """Import what draws figures, half a second's work, while the caller goes on.
-
-    Worth it where the caller waits for a device meanwhile.
-    """
-    Thread(target=import_module, args=("gpusim.report.figures",), daemon=True).start()
+    """Let processes beside this one import what draws figures, while the caller goes on."""
+    apart.prepare(
+        "gpusim.report.figures",
+        "gpusim.report.backdrop",
+        "gpusim.report.stereo_figures",
+        "matplotlib.figure",
+        "matplotlib.backends.backend_agg",
+    )
 
 
 def write_report(report: Report, out_dir: PathLike) -> ReportPaths:
@@ -53,23 +62,33 @@ def write_report(report: Report, out_dir: PathLike) -> ReportPaths:
 
 
 def _draw(report: Report, folder: Path) -> FigureSet:
-    # matplotlib takes half a second to import: not before there is something to draw
-    from gpusim.report.figures import draw_convergence, draw_errors, draw_overlay, draw_series
-
-    series = tuple(
-        draw_series(item, folder / f"{_stem('line', index, item.name)}.png")
+    series = [
+        apart.begin(draw_series, item, folder / f"{_stem('line', index, item.name)}.png")
         for index, item in enumerate(report.series)
-    )
-    overlays = tuple(
-        draw_overlay(item, folder / f"{_stem('markers', index, item.title)}.png")
+    ]
+    overlays = [
+        apart.begin(
+            draw_overlay,
+            item,
+            photo_of(item),
+            folder / f"{_stem('markers', index, item.title)}.png",
+        )
         for index, item in enumerate(report.overlays)
-    )
+    ]
     judged = [item for item in report.measurements if np.isfinite(item.error_relative)]
-    errors = draw_errors(judged, folder / "errors.png") if len(judged) >= _WORTH_BARS else None
-    convergence = None
+    errors = convergence = None
+    if len(judged) >= _WORTH_BARS:
+        errors = apart.begin(draw_errors, judged, folder / "errors.png")
     if len(report.residuals) >= _WORTH_A_PLOT:
-        convergence = draw_convergence(report.residuals, folder / "convergence.png")
-    return FigureSet(series, errors, overlays, convergence, report.figures)
+        convergence = apart.begin(draw_convergence, report.residuals, folder / "convergence.png")
+    other = [apart.begin(drawing) for drawing in report.figures]
+    return FigureSet(
+        tuple(figure.result() for figure in series),
+        errors.result() if errors else None,
+        tuple(figure.result() for figure in overlays),
+        convergence.result() if convergence else None,
+        tuple(figure.result() for figure in other),
+    )
 
 
 def _stem(kind: str, index: int, title: str) -> str:
