@@ -28,13 +28,15 @@ class _Entry:
 class StateFile:
     """The results that an output folder holds, by stage key.
 
-    ``folder`` needn't exist; a ``state.json`` that is missing, of another version or damaged
+    ``programs``: what the run that wrote it has asked the device for, as plain data. ``folder``
+    needn't exist; a ``state.json`` that is missing, of another version or damaged
     holds nothing, so everything is run again. ``problem`` then says why.
     """
 
     def __init__(self, folder: str | PathLike[str]) -> None:
         self.folder = Path(folder)
         self.problem = ""
+        self.programs: list[Any] = []
         self._entries: dict[str, _Entry] = {}
         try:
             content = json.loads((self.folder / _NAME).read_text(encoding="utf-8"))
@@ -44,6 +46,7 @@ class StateFile:
             for key, entry in content["stages"].items():
                 files = {str(name): dict(facts) for name, facts in entry["files"].items()}
                 self._entries[key] = _Entry(str(entry["stage"]), files)
+            self.programs = list(content.get("programs", ()))
         except (FileNotFoundError, NotADirectoryError):
             return
         except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
@@ -133,11 +136,19 @@ class StateFile:
         self._entries[key] = _Entry(stage, entry)
         self._save()
 
+    def note_programs(self, programs: Iterable[Any]) -> None:
+        """Keep what a run asked the device for, so that the next one can have it ready."""
+        noted = json.loads(json.dumps(list(programs), default=float))
+        if noted and noted != self.programs:
+            self.programs = noted
+            self._save()
+
     def _save(self) -> None:
         from gpusim.export.files import write_text  # the planner reads only and stays quick
 
         stages = {key: {"stage": e.stage, "files": e.files} for key, e in self._entries.items()}
-        text = json.dumps({"version": _VERSION, "stages": stages}, indent=1)
+        content = {"version": _VERSION, "stages": stages, "programs": self.programs}
+        text = json.dumps(content, indent=1)
         write_text(self.folder / _NAME, text)
 
 

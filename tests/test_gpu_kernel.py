@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import json
+import threading
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -168,8 +171,7 @@ def test_kernels_and_modules_are_compiled_once(
         return create(**arguments)
 
     monkeypatch.setattr(lab.gpu, "create_shader_module", counted)
-    lab._kernels.clear()
-    lab._modules.clear()
+    lab.programs.clear()
     first = lab.kernel("count")
     assert lab.kernel("count") is first
     assert lab.kernel("count", "other") is not first
@@ -304,3 +306,34 @@ def test_portable_limits_are_what_the_device_has(lab: Device) -> None:
 def test_the_module_is_loaded_once_per_real() -> None:
     assert load("gpu/real", "f64") is load("gpu/real", "f64")
     assert load("gpu/real", "f64") is not load("gpu/real", "double_single")
+
+
+def test_programs_of_an_earlier_run_are_compiled_beforehand(lab: Device) -> None:
+    lab.programs.clear()
+    lab.programs.asked.clear()
+    kernel = lab.kernel("count", constants={"step": 2})
+    asked = json.loads(json.dumps(list(lab.programs.asked)))
+    assert asked == [["count", "main", [["step", 2]]]]
+    lab.programs.clear()
+    gone = (
+        ["no such file", "main", []],
+        ["count", "main", [["gone", 1]]],
+        ["broken", "main", []],
+        [1],
+    )
+    lab.programs.prepare([*gone, *asked])
+    for thread in threading.enumerate():
+        if thread.name == "gpusim.programs":
+            thread.join()
+    ready = list(lab.programs._made.values())
+    assert lab.kernel("count", constants={"step": 2}) in [one.result() for one in ready]
+    assert lab.kernel("count", constants={"step": 2}) is not kernel
+    with pytest.raises(DeviceError, match="broken"):
+        lab.kernel("broken")
+
+
+def test_threads_that_ask_at_once_get_one_program(lab: Device) -> None:
+    lab.programs.clear()
+    with ThreadPoolExecutor(4) as pool:
+        found = list(pool.map(lambda _: lab.kernel("count"), range(8)))
+    assert len(set(map(id, found))) == 1

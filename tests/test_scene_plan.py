@@ -6,6 +6,7 @@ import copy
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from gpusim.errors import InputError
@@ -267,3 +268,14 @@ def test_shaders_are_compiled_once_and_that_counts(crane: Scene, tmp_path: Path)
     )
     # a whole frame of the crane: 5.4 s, written, once everything is compiled
     assert 4.0 < make_plan(crane)["render/front/0001"].seconds < 8.0
+
+
+def test_programs_of_a_run_are_kept(tmp_path: Path) -> None:
+    state = StateFile(tmp_path)
+    assert state.programs == []
+    state.note_programs([("optics/shade", ("vertex", "fragment"), (("lit", np.float64(1)),))])
+    assert StateFile(tmp_path).programs == [
+        ["optics/shade", ["vertex", "fragment"], [["lit", 1.0]]]
+    ]
+    state.note_programs([])  # nothing was rendered: those of before are still the likely ones
+    assert len(StateFile(tmp_path).programs) == 1

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from itertools import pairwise
 from pathlib import Path
+from threading import Lock
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -20,12 +21,13 @@ from gpusim.gpu.adapter import find_adapter, free_memory, is_processor
 from gpusim.gpu.buffer import Buffer, RealBuffer, SplitBuffer, to_real
 from gpusim.gpu.kept import Kept
 from gpusim.gpu.kernel import Kernel
+from gpusim.gpu.programs import Programs
 from gpusim.gpu.raster import Raster, Texture
 from gpusim.gpu.recording import Recording
 from gpusim.gpu.texels import Texels
 from gpusim.gpu.timing import StageTimer
 from gpusim.gpu.transfer import MAPPABLE, Transfer
-from gpusim.gpu.wgsl import Module, load
+from gpusim.gpu.wgsl import Module
 
 __all__ = ["PORTABLE_LIMITS", "Device", "default_device"]
 
@@ -100,8 +102,7 @@ class Device:
         self.transfer = Transfer(self.gpu, MAPPABLE in self.features)
         self.timer = StageTimer(self, "timestamp-query" in self.features)
         self.kept = Kept(self)
-        self._kernels: dict[Any, Any] = {}
-        self._modules: dict[str, Any] = {}
+        self.programs = Programs(self)
         # bytes by wgpu object: an entry goes when Python drops the object, and only then does
         # wgpu free the memory, after the last submit that uses it
         self._live: WeakKeyDictionary[Any, int] = WeakKeyDictionary()
@@ -294,22 +295,11 @@ class Device:
         self, name: str, entry: str = "main", constants: dict[str, float] | None = None
     ) -> Kernel:
         """The compute program ``entry`` of ``shaders/<name>.wgsl``, compiled once per device."""
-        key = (name, entry, tuple(sorted((constants or {}).items())))
-        if key not in self._kernels:
-            self._kernels[key] = Kernel(
-                self, load(name, self.real, self.shaders), entry, constants or {}
-            )
-        found: Kernel = self._kernels[key]
-        return found
+        return self.programs.kernel(name, entry, constants)
 
     def shader_module(self, module: Module) -> Any:
         """The wgpu module of a shader file, compiled once however many entries it has."""
-        if module.name not in self._modules:
-            with self.guard(f"shader {module.name}"):
-                self._modules[module.name] = self.gpu.create_shader_module(
-                    label=f"gpusim.{module.name}", code=module.code
-                )
-        return self._modules[module.name]
+        return self.programs.module(module)
 
     def raster(
         self,
@@ -320,12 +310,7 @@ class Device:
         depth: str = "greater",
     ) -> Raster:
         """The vertex + fragment program of ``shaders/<name>.wgsl`` (see `Raster`)."""
-        key = (name, color_formats, entries, depth, tuple(sorted((constants or {}).items())))
-        if key not in self._kernels:
-            module = load(name, self.real, self.shaders)
-            self._kernels[key] = Raster(self, module, color_formats, entries, constants, depth)
-        found: Raster = self._kernels[key]
-        return found
+        return self.programs.raster(name, color_formats, constants, entries, depth)
 
     def texture(self, width: int, height: int, fmt: str, label: str) -> Texture:
         """A texture that can be rendered to and read by kernels."""
@@ -386,11 +371,13 @@ class Device:
 
 
 _default: Device | None = None
+_opening = Lock()
 
 
 def default_device() -> Device:
     """The process-wide device that ``gs.solve`` and ``gs.render`` use when none is given."""
     global _default
-    if _default is None:
-        _default = Device()
-    return _default
+    with _opening:
+        if _default is None:
+            _default = Device()
+        return _default

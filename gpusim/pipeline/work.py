@@ -125,11 +125,12 @@ class _Run:
         """Every stage in the plan's order; the report is written by the caller, but for errors."""
         check_memory(self.plan)
         self.device = self._device()
+        self.state = StateFile(self.out)
         if self.device is not None:
             self.device_before = self.device.timer.seconds()
+            self.device.programs.prepare(self.state.programs)
             prepare_figures()
         self._in_memory()
-        self.state = StateFile(self.out)
         self.warnings += self.state.retire(stage.name for stage in self.plan.stages)
         try:
             clean_leftovers(self.out)
@@ -139,15 +140,22 @@ class _Run:
                     (self.out / name).unlink(missing_ok=True)
             write_text(self.out / "scene.toml", self._scene_text())
             self._stage(self.plan["solve"], self._solve, self._reload)
+            if self.device is not None:  # what shows a solution is needed more often than it
+                self.device.programs.asked.clear()
             self._pictures()
             self._stage(self.plan["truth"], self._truth)
             self._stage(self.plan["measure"], self._measure, self._remeasure)
             self._stage(self.plan["stress"], self._stress, self._restress)
             self._stage(self.plan["export"], self._export)
+            if self.device is not None:
+                self.state.note_programs(self.device.programs.asked)
         except Exception as error:
             failed = self._report(failure=_said(error))
             write_report(failed, self.out)
             raise
+        finally:
+            if self.device is not None:
+                self.device.programs.leave()
         return self._report()
 
     # -- the frame around each stage -------------------------------------------------------

@@ -1,0 +1,130 @@
+"""The programs of a device, each compiled once: by who asks for it first, or in a thread before.
+
+Translating a program takes 0.05 to 0.5 s of C code, during which Python goes on. Who knows what
+will be asked for, from an earlier run, lets it be compiled meanwhile.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Iterable, Sequence
+from concurrent.futures import Future
+from threading import Event, Lock, Thread
+from typing import TYPE_CHECKING, Any, cast
+
+from gpusim.gpu.kernel import Kernel
+from gpusim.gpu.raster import Raster
+from gpusim.gpu.wgsl import Module, load
+
+if TYPE_CHECKING:
+    from gpusim.gpu.device import Device
+
+__all__ = ["Programs"]
+
+Key = tuple[Hashable, ...]
+"""(name, entry, constants) of a kernel, (name, entries, constants, formats, depth) of a raster."""
+
+
+class Programs:
+    """What has been compiled for ``device``.
+
+    ``asked``: every program that was asked for, in order, since that was emptied last.
+    """
+
+    def __init__(self, device: Device) -> None:
+        self.device = device
+        self.asked: dict[Key, None] = {}
+        self._made: dict[Hashable, Future[Any]] = {}
+        self._lock = Lock()
+        self._enough = Event()
+
+    def kernel(self, name: str, entry: str, constants: dict[str, float] | None) -> Kernel:
+        """As `Device.kernel`."""
+        key = (name, entry, _sorted(constants))
+        self.asked.setdefault(key)
+        found: Kernel = self._get(key)
+        return found
+
+    def raster(
+        self,
+        name: str,
+        formats: tuple[str, ...],
+        constants: dict[str, float] | None,
+        entries: tuple[str, str],
+        depth: str,
+    ) -> Raster:
+        """As `Device.raster`."""
+        key = (name, entries, _sorted(constants), formats, depth)
+        self.asked.setdefault(key)
+        found: Raster = self._get(key)
+        return found
+
+    def module(self, module: Module) -> Any:
+        """As `Device.shader_module`."""
+        return self._once(("module", module.name), lambda: self._module(module))
+
+    def prepare(self, programs: Iterable[Sequence[Any]]) -> None:
+        """Compile programs, as ``asked`` or read from JSON, in a thread; faults are left to who
+        asks for them."""
+        keys = [_hashable(program) for program in programs]
+        if keys:
+            self._enough.clear()
+            Thread(target=self._make_all, args=(keys,), name="gpusim.programs").start()
+
+    def leave(self) -> None:
+        """Let `prepare` end with the program that it is at."""
+        self._enough.set()
+
+    def clear(self) -> None:
+        """Forget everything that was compiled."""
+        with self._lock:
+            self._made.clear()
+
+    def _make_all(self, keys: Sequence[Key]) -> None:
+        for key in keys:
+            if self._enough.is_set():
+                return
+            try:
+                self._get(key)
+            except Exception:  # of another version of gpusim, or a fault that will be met again
+                continue
+
+    def _get(self, key: Key) -> Any:
+        return self._once(key, lambda: self._compiled(*cast(Any, key)))
+
+    def _once(self, key: Hashable, make: Callable[[], Any]) -> Any:
+        """What is made for ``key``, by the thread that asks first; an error isn't kept."""
+        with self._lock:
+            found = self._made.get(key)
+            mine = found is None
+            if found is None:
+                found = self._made[key] = Future()
+        if mine:
+            try:
+                found.set_result(make())
+            except BaseException as error:
+                with self._lock:
+                    self._made.pop(key, None)
+                found.set_exception(error)
+        return found.result()
+
+    def _compiled(
+        self, name: str, entry: Any, constants: Any, formats: Any = None, depth: str = ""
+    ) -> Kernel | Raster:
+        module, values = load(name, self.device.real, self.device.shaders), dict(constants)
+        if formats is None:
+            return Kernel(self.device, module, entry, values)
+        return Raster(self.device, module, formats, entry, values, depth)
+
+    def _module(self, module: Module) -> Any:
+        with self.device.guard(f"shader {module.name}"):
+            return self.device.gpu.create_shader_module(
+                label=f"gpusim.{module.name}", code=module.code
+            )
+
+
+def _sorted(constants: dict[str, float] | None) -> tuple[tuple[str, float], ...]:
+    return tuple(sorted((constants or {}).items()))
+
+
+def _hashable(value: Any) -> Any:
+    return tuple(_hashable(one) for one in value) if isinstance(value, list | tuple) else value
