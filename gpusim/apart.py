@@ -17,7 +17,7 @@ from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from importlib import import_module
 from queue import SimpleQueue
-from threading import Lock
+from threading import Lock, Thread
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 if TYPE_CHECKING:
@@ -78,13 +78,30 @@ class _Team:
         self.pool = ThreadPoolExecutor(count, thread_name_prefix="gpusim.apart")
         self.all: list[_Process] = []
         atexit.register(self.end)
-        for _ in range(count):
-            process = subprocess.Popen(
-                [sys.executable, "-P", "-c", _ENTRY],
-                stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=-1,
-            )  # fmt: skip
-            self.all.append(process)
-            _tell(process, _pickled(sys.path) + _pickled(modules))
+        self._start()
+        Thread(target=self._join, args=(count, modules), daemon=True).start()
+
+    def _start(self) -> None:
+        process = subprocess.Popen(
+            [sys.executable, "-P", "-c", _ENTRY], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+        )
+        self.all.append(process)
+
+    def _join(self, count: int, modules: tuple[str, ...]) -> None:
+        """Let one after the other begin: together they would hold up the caller's own start."""
+        for number in range(count):
+            if number:
+                try:
+                    self._start()
+                except OSError:
+                    return
+            process = self.all[number]
+            try:
+                _tell(process, _pickled(sys.path) + _pickled(modules))
+                assert process.stdout is not None
+                pickle.load(process.stdout)
+            except (OSError, EOFError, pickle.PickleError):
+                process.kill()  # `call` will notice
             self.idle.put(process)
 
     def call(self, function: Callable[..., Any], args: Any, options: Any) -> Any:
@@ -132,6 +149,8 @@ def serve() -> None:
     os.dup2(2, 1)  # what a library prints must not get between the answers
     for module in pickle.load(sys.stdin.buffer):
         import_module(module)
+    answers.write(_pickled("ready"))
+    answers.flush()
     while True:
         try:
             function, args, options = pickle.load(sys.stdin.buffer)

@@ -21,7 +21,7 @@ from gpusim.scene import Scene
 from gpusim.scene import cost as cost_of
 from gpusim.scene.amplitudes import LoadHistory
 from gpusim.scene.model import Camera
-from gpusim.state import StateFile
+from gpusim.state import StateFile, variant_folder
 
 __all__ = ["Plan", "PlannedStage", "make_plan"]
 
@@ -116,7 +116,7 @@ def _plan_variants(
     """The stages of every variant, named ``<variant>/<stage>``, and their comparison."""
     stages = []
     for variant in scene.variants:
-        folder = None if out is None else Path(out) / "variants" / variant.name
+        folder = None if out is None else variant_folder(Path(out), variant.name)
         plan = make_plan(scene.variant(variant.name), folder, backend, fresh, skip)
         stages += [replace(stage, name=f"{variant.name}/{stage.name}") for stage in plan.stages]
     for measure in scene.measures:

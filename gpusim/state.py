@@ -12,7 +12,7 @@ from typing import Any
 
 from gpusim.errors import InputError
 
-__all__ = ["StateFile"]
+__all__ = ["StateFile", "earlier_programs", "variant_folder"]
 
 _NAME = "state.json"
 _VERSION = 1
@@ -150,6 +150,20 @@ class StateFile:
         content = {"version": _VERSION, "stages": stages, "programs": self.programs}
         text = json.dumps(content, indent=1)
         write_text(self.folder / _NAME, text)
+
+
+def variant_folder(out: Path, name: str) -> Path:
+    """Where the results of a variant lie."""
+    return out / "variants" / name
+
+
+def earlier_programs(out: Path) -> list[Any]:
+    """What the last run into ``out`` asked the device for, or one of its variants; [] for none."""
+    for folder in (out, *sorted(variant_folder(out, "").glob("*"))):
+        programs = StateFile(folder).programs
+        if programs:
+            return programs
+    return []
 
 
 def _facts(path: Path) -> dict[str, Any]:

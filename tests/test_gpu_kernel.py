@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from gpusim.errors import DeviceError, InputError
-from gpusim.gpu import Device, Kernel
+from gpusim.gpu import Device, Kernel, default_device
+from gpusim.gpu.beforehand import beforehand
 from gpusim.gpu.uniform import pack
 from gpusim.gpu.wgsl import load
 
@@ -321,10 +322,7 @@ def test_programs_of_an_earlier_run_are_compiled_beforehand(lab: Device) -> None
         ["broken", "main", []],
         [1],
     )
-    lab.programs.prepare([*gone, *asked])
-    for thread in threading.enumerate():
-        if thread.name == "gpusim.programs":
-            thread.join()
+    lab.programs.compile([*gone, *asked], threading.Event())
     ready = list(lab.programs._made.values())
     assert lab.kernel("count", constants={"step": 2}) in [one.result() for one in ready]
     assert lab.kernel("count", constants={"step": 2}) is not kernel
@@ -337,3 +335,22 @@ def test_threads_that_ask_at_once_get_one_program(lab: Device) -> None:
     with ThreadPoolExecutor(4) as pool:
         found = list(pool.map(lambda _: lab.kernel("count"), range(8)))
     assert len(set(map(id, found))) == 1
+
+
+def test_programs_are_compiled_for_as_long_as_there_is_need(lab: Device) -> None:
+    lab.programs.clear()
+    with lab.programs.compiling([["count", "main", []]]):
+        assert lab.kernel("count") is lab.kernel("count")
+    enough = threading.Event()
+    enough.set()
+    lab.programs.clear()
+    lab.programs.compile([["count", "main", []]], enough)
+    assert not lab.programs._made
+
+
+def test_the_device_is_opened_before_it_is_needed() -> None:
+    with beforehand([["fem/no such", "main", []]]):
+        opened = default_device()
+    assert default_device() is opened
+    with pytest.raises(ZeroDivisionError), beforehand([]):
+        raise ZeroDivisionError

@@ -28,7 +28,7 @@ from gpusim.cli.console import (
 )
 from gpusim.cli.measuring import calibrate, dic
 from gpusim.cli.options import Backend, BackendOption, Json, check_folder
-from gpusim.cli.startup import importing
+from gpusim.cli.startup import importing, starting
 from gpusim.errors import Fault, SceneError
 
 if TYPE_CHECKING:
@@ -116,10 +116,7 @@ def run(
 ) -> None:
     """Solve, render, measure, report; reuse what is unchanged in OUT."""
     with exit_codes():
-        with importing():
-            from gpusim.report import prepare_figures
-
-            prepare_figures()  # elsewhere, while all this is imported here
+        with importing(), starting(output, backend):
             loaded = _load(scene, sets).with_effects(only or (), no or ())
             check_folder(output)
             from gpusim import pipeline

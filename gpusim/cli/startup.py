@@ -1,12 +1,32 @@
-"""Imports of a command, made quicker."""
+"""What a command does before it works, made quicker."""
 
 from __future__ import annotations
 
 import gc
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
-__all__ = ["importing"]
+from gpusim.cli.options import Backend
+
+__all__ = ["importing", "starting"]
+
+
+@contextmanager
+def starting(output: Path, backend: Backend) -> Iterator[None]:
+    """Begin with what a run into ``output`` will need, while the block reads and imports the rest:
+    processes that draw figures, and what an earlier run has asked the device for."""
+    from gpusim.report import prepare_figures
+
+    prepare_figures()
+    if backend is not Backend.gpu:
+        yield
+        return
+    from gpusim.gpu.beforehand import beforehand
+    from gpusim.state import earlier_programs
+
+    with beforehand(earlier_programs(output)):
+        yield
 
 
 @contextmanager

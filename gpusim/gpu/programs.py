@@ -6,8 +6,9 @@ will be asked for, from an earlier run, lets it be compiled meanwhile.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from concurrent.futures import Future
+from contextlib import contextmanager
 from threading import Event, Lock, Thread
 from typing import TYPE_CHECKING, Any, cast
 
@@ -35,7 +36,6 @@ class Programs:
         self.asked: dict[Key, None] = {}
         self._made: dict[Hashable, Future[Any]] = {}
         self._lock = Lock()
-        self._enough = Event()
 
     def kernel(self, name: str, entry: str, constants: dict[str, float] | None) -> Kernel:
         """As `Device.kernel`."""
@@ -62,31 +62,34 @@ class Programs:
         """As `Device.shader_module`."""
         return self._once(("module", module.name), lambda: self._module(module))
 
-    def prepare(self, programs: Iterable[Sequence[Any]]) -> None:
-        """Compile programs, as ``asked`` or read from JSON, in a thread; faults are left to who
-        asks for them."""
-        keys = [_hashable(program) for program in programs]
-        if keys:
-            self._enough.clear()
-            Thread(target=self._make_all, args=(keys,), name="gpusim.programs").start()
+    def compile(self, programs: Iterable[Sequence[Any]], enough: Event) -> None:
+        """Compile programs, as ``asked`` or read from JSON, until ``enough`` is set.
 
-    def leave(self) -> None:
-        """Let `prepare` end with the program that it is at."""
-        self._enough.set()
+        Faults are left to who asks for them.
+        """
+        for program in programs:
+            if enough.is_set():
+                return
+            try:
+                self._get(_hashable(program))
+            except Exception:  # of another version of gpusim, or a fault that will be met again
+                continue
+
+    @contextmanager
+    def compiling(self, programs: Sequence[Any]) -> Iterator[None]:
+        """`compile` in a thread, for as long as the block runs."""
+        enough = Event()
+        if programs:
+            Thread(target=self.compile, args=(programs, enough), name="gpusim.programs").start()
+        try:
+            yield
+        finally:
+            enough.set()
 
     def clear(self) -> None:
         """Forget everything that was compiled."""
         with self._lock:
             self._made.clear()
-
-    def _make_all(self, keys: Sequence[Key]) -> None:
-        for key in keys:
-            if self._enough.is_set():
-                return
-            try:
-                self._get(key)
-            except Exception:  # of another version of gpusim, or a fault that will be met again
-                continue
 
     def _get(self, key: Key) -> Any:
         return self._once(key, lambda: self._compiled(*cast(Any, key)))

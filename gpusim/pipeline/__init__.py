@@ -1,5 +1,5 @@
 """From a scene to an output folder: the one place that knows every stage."""
 
-from gpusim.pipeline.work import run
+from gpusim.pipeline.running import run
 
 __all__ = ["run"]

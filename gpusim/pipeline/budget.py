@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from gpusim.errors import InputError
-from gpusim.pipeline.work import run
+from gpusim.pipeline.running import run
 from gpusim.report import Budget, BudgetRow, Measurement, Report, write_report
 from gpusim.scene import Scene
 from gpusim.scene.sources import active_sources, with_only, without_sources

@@ -68,6 +68,10 @@ class Photographer:
         self.warnings: list[str] = []
         """Where a frame is less exact than asked for."""
 
+    def forget(self) -> None:
+        """Let go of the latest frame."""
+        self._last, self._shown = None, ()
+
     def frame(self, camera: m.Camera, frame: int, window: Window | None = None) -> Frame:
         """The linear image of a camera in a frame, or a part of it; the latest one is kept."""
         if self._last is not None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -20,22 +20,18 @@ from gpusim.report import Drawing, Link, Measurement, Report, Stage, write_repor
 from gpusim.report.damage_figures import StateCurve, draw_deflections, draw_differences
 from gpusim.scene import Scene
 from gpusim.scene import model as m
+from gpusim.state import variant_folder
 
-__all__ = ["run_variants", "variant_folder"]
+__all__ = ["run_variants"]
 
 Progress = Callable[[str, float, str], None]
-RunOne = Callable[[Scene, Path, Progress], Report]
-"""Does all of a scene's run but for its page."""
+Begin = Callable[[Scene, Path, Progress], Callable[[], Report]]
+"""Does what needs the device; what it returns does the rest of a scene's run but for its page."""
 CURVE_POINTS = 400
 
 
-def variant_folder(out: Path, name: str) -> Path:
-    """Where the results of a variant lie."""
-    return out / "variants" / name
-
-
-def run_variants(scene: Scene, out: Path, run_one: RunOne, progress: Progress) -> Report:
-    """Run every variant of ``scene`` by ``run_one`` and compare them; returns the whole report.
+def run_variants(scene: Scene, out: Path, begin: Begin, progress: Progress) -> Report:
+    """Run every variant of ``scene`` by ``begin`` and compare them; returns the whole report.
 
     A variant's own report lies in its folder. Errors end the run as in a scene without variants,
     with a report that says which variant failed.
@@ -52,27 +48,38 @@ def run_variants(scene: Scene, out: Path, run_one: RunOne, progress: Progress) -
         failed = _report(scene, out, reports, (), (), f"variant {name!r}: {text}")
         write_report(failed, out)
 
-    # a variant's page is drawn while the device works on the next one
+    def end(rest: Callable[[], Report], folder: Path, tell: Progress) -> Report:
+        report = rest()
+        write_page(report, folder, tell)
+        return report
+
+    # a variant is measured and its page made while the device works on the next one
     with ThreadPoolExecutor(1, thread_name_prefix="gpusim.report") as pool:
-        pages = {}
+        ends: dict[str, Future[Report]] = {}
+
+        def collect(wait: bool) -> None:
+            for name in [name for name in ends if wait or ends[name].done()]:
+                try:
+                    reports[name] = ends.pop(name).result()
+                except Exception as error:
+                    tell_failure(name, error)
+                    raise
+
         for variant in scene.variants:
 
             def tell(stage: str, done: float, text: str, name: str = variant.name) -> None:
                 progress(f"{name}/{stage}", done, text)
 
+            collect(wait=False)
+            folder = variant_folder(out, variant.name)
             try:
-                folder = variant_folder(out, variant.name)
-                report = reports[variant.name] = run_one(scene.variant(variant.name), folder, tell)
+                rest = begin(scene.variant(variant.name), folder, tell)
             except Exception as error:
+                collect(wait=True)
                 tell_failure(variant.name, error)
                 raise
-            pages[variant.name] = pool.submit(write_page, report, folder, tell)
-        for name, page in pages.items():
-            try:
-                page.result()
-            except Exception as error:
-                tell_failure(name, error)
-                raise
+            ends[variant.name] = pool.submit(end, rest, folder, tell)
+        collect(wait=True)
     comparisons, stages = [], []
     for spec in scene.measures:
         if not isinstance(spec, m.Damage):

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import partial
-from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.errors import GpusimError, InputError
+from gpusim.errors import GpusimError
 from gpusim.export.files import atomic_stream, clean_leftovers, write_text
 from gpusim.export.images import read_image
 from gpusim.gpu import Device, default_device
+from gpusim.gpu.beforehand import not_needed
 from gpusim.pipeline import images, measurements, outputs
 from gpusim.pipeline.build import build_body, build_lights
 from gpusim.pipeline.corners import Targets, read_corners
@@ -27,7 +28,6 @@ from gpusim.pipeline.meshing import mesh_summary
 from gpusim.pipeline.props import build_prop
 from gpusim.pipeline.solved import Solved
 from gpusim.pipeline.things import Things
-from gpusim.pipeline.variants import run_variants
 from gpusim.plan import Plan, PlannedStage, make_plan
 from gpusim.report import (
     Mechanics,
@@ -46,49 +46,9 @@ if TYPE_CHECKING:
     from gpusim.fem import Model
     from gpusim.pipeline.stresses import Stresses
 
-__all__ = ["Progress", "run"]
+__all__ = ["Progress", "Work"]
 
 Progress = Callable[[str, float, str], None]
-
-
-def run(
-    scene: Scene,
-    out: str | PathLike[str],
-    *,
-    backend: str = "gpu",
-    fresh: bool = False,
-    skip: bool = True,
-    progress: Progress | None = None,
-) -> Report:
-    """Run ``scene`` into the folder ``out`` and return its report.
-
-    Parameters
-    ----------
-    backend : ``"gpu"``, or ``"numpy"`` for the twins, which need no adapter.
-    fresh, skip : as for `gpusim.plan.make_plan`.
-    progress : called with (stage, done 0..1, text).
-
-    Raises
-    ------
-    InputError, SceneError, NoAdapter
-        Before ``out`` is touched.
-    NotConverged, DeviceError, GpusimError
-        While working: ``report.json`` then says what failed; finished stages are kept.
-    """
-    if not isinstance(scene, Scene):
-        raise InputError(f"run: scene; got {type(scene).__name__}; expected a Scene (load_scene)")
-    if backend not in ("gpu", "numpy"):
-        raise InputError(f"run: backend; got {backend!r}; expected 'gpu' or 'numpy'")
-    tell = progress or _silent
-    if scene.variants:
-
-        def run_one(state: Scene, folder: Path, note: Progress) -> Report:
-            return _Run(state, folder, backend, fresh, skip, note).work()
-
-        return run_variants(scene, Path(out).resolve(), run_one, tell)
-    report = _Run(scene, Path(out), backend, fresh, skip, tell).work()
-    outputs.write_page(report, Path(out).resolve(), tell)
-    return report
 
 
 def _said(error: Exception) -> str:
@@ -96,11 +56,9 @@ def _said(error: Exception) -> str:
     return str(error) if isinstance(error, GpusimError) else f"{type(error).__name__}: {error}"
 
 
-def _silent(stage: str, done: float, text: str) -> None:
-    del stage, done, text
+class Work:
+    """One scene's stages, from nothing or from what an earlier run left in ``out``."""
 
-
-class _Run:
     def __init__(
         self, scene: Scene, out: Path, backend: str, fresh: bool, skip: bool, progress: Progress
     ) -> None:
@@ -120,19 +78,26 @@ class _Run:
         self.photographer: images.Photographer | None = None
         self.device: Device | None = None
         self.device_before: dict[str, float] = {}
+        self.device_seconds: dict[str, float] = {}
 
-    def work(self) -> Report:
-        """Every stage in the plan's order; the report is written by the caller, but for errors."""
+    def begin(self) -> Callable[[], Report]:
+        """Every stage up to the pictures and their truth; what is returned does the others, which
+        need no device, and makes the report. The caller writes that, but for errors."""
         check_memory(self.plan)
         self.device = self._device()
         self.state = StateFile(self.out)
-        if self.device is not None:
-            self.device_before = self.device.timer.seconds()
-            self.device.programs.prepare(self.state.programs)
-            prepare_figures()
+        if self.device is None:
+            not_needed()
+            return self._begun()
+        self.device_before = self.device.timer.seconds()
+        prepare_figures()
+        with self.device.programs.compiling(self.state.programs):
+            return self._begun()
+
+    def _begun(self) -> Callable[[], Report]:
         self._in_memory()
         self.warnings += self.state.retire(stage.name for stage in self.plan.stages)
-        try:
+        with self._failures():
             clean_leftovers(self.out)
             if any(stage.runs for stage in self.plan.stages if stage.name != "report"):
                 # an earlier report must not speak for what a killed run leaves behind
@@ -144,19 +109,28 @@ class _Run:
                 self.device.programs.asked.clear()
             self._pictures()
             self._stage(self.plan["truth"], self._truth)
+        if self.photographer is not None:
+            self.photographer.forget()  # the next one may need its memory
+        if self.device is not None:
+            self.state.note_programs(self.device.programs.asked)
+            self.device_seconds = self._device_seconds(self.device)
+        return self._end
+
+    def _end(self) -> Report:
+        with self._failures():
             self._stage(self.plan["measure"], self._measure, self._remeasure)
             self._stage(self.plan["stress"], self._stress, self._restress)
             self._stage(self.plan["export"], self._export)
-            if self.device is not None:
-                self.state.note_programs(self.device.programs.asked)
-        except Exception as error:
-            failed = self._report(failure=_said(error))
-            write_report(failed, self.out)
-            raise
-        finally:
-            if self.device is not None:
-                self.device.programs.leave()
         return self._report()
+
+    @contextmanager
+    def _failures(self) -> Iterator[None]:
+        """Write the report of a run that an error ends."""
+        try:
+            yield
+        except Exception as error:
+            write_report(self._report(failure=_said(error)), self.out)
+            raise
 
     # -- the frame around each stage -------------------------------------------------------
 
@@ -336,13 +310,11 @@ class _Run:
 
     # -- report ----------------------------------------------------------------------------
 
-    def _device_seconds(self) -> dict[str, float]:
+    def _device_seconds(self, device: Device) -> dict[str, float]:
         """What this run took on the device, by stage; the device may be older than the run."""
-        if self.device is None:
-            return {}
         spent = {
             name: seconds - self.device_before.get(name, 0.0)
-            for name, seconds in self.device.timer.seconds().items()
+            for name, seconds in device.timer.seconds().items()
         }
         return {name: seconds for name, seconds in spent.items() if seconds > 0.0}
 
@@ -391,7 +363,7 @@ class _Run:
                 files=frozenset(
                     file for stage in self.plan.stages for file in self.state.files(stage.key)
                 ),
-                device_seconds=self._device_seconds(),
+                device_seconds=self.device_seconds,
                 images={} if self.photographer is None else self.photographer.facts,
             ),
         )

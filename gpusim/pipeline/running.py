@@ -1,0 +1,60 @@
+"""A scene run into a folder: what `gpusim.run` and ``gpusim run`` do."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from os import PathLike
+from pathlib import Path
+
+from gpusim.errors import InputError
+from gpusim.pipeline.outputs import write_page
+from gpusim.pipeline.variants import run_variants
+from gpusim.pipeline.work import Progress, Work
+from gpusim.report import Report
+from gpusim.scene import Scene
+
+__all__ = ["run"]
+
+
+def run(
+    scene: Scene,
+    out: str | PathLike[str],
+    *,
+    backend: str = "gpu",
+    fresh: bool = False,
+    skip: bool = True,
+    progress: Progress | None = None,
+) -> Report:
+    """Run ``scene`` into the folder ``out`` and return its report.
+
+    Parameters
+    ----------
+    backend : ``"gpu"``, or ``"numpy"`` for the twins, which need no adapter.
+    fresh, skip : as for `gpusim.plan.make_plan`.
+    progress : called with (stage, done 0..1, text).
+
+    Raises
+    ------
+    InputError, SceneError, NoAdapter
+        Before ``out`` is touched.
+    NotConverged, DeviceError, GpusimError
+        While working: ``report.json`` then says what failed; finished stages are kept.
+    """
+    if not isinstance(scene, Scene):
+        raise InputError(f"run: scene; got {type(scene).__name__}; expected a Scene (load_scene)")
+    if backend not in ("gpu", "numpy"):
+        raise InputError(f"run: backend; got {backend!r}; expected 'gpu' or 'numpy'")
+    tell = progress or _silent
+    if scene.variants:
+
+        def begin(state: Scene, folder: Path, note: Progress) -> Callable[[], Report]:
+            return Work(state, folder, backend, fresh, skip, note).begin()
+
+        return run_variants(scene, Path(out).resolve(), begin, tell)
+    report = Work(scene, Path(out), backend, fresh, skip, tell).begin()()
+    write_page(report, Path(out).resolve(), tell)
+    return report
+
+
+def _silent(stage: str, done: float, text: str) -> None:
+    del stage, done, text
