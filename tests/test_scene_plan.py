@@ -9,7 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gpusim.errors import InputError
+from gpusim.errors import InputError, SceneError
+from gpusim.optics.light import EnvironmentLight
+from gpusim.pipeline.build import build_lights
 from gpusim.plan import Plan, make_plan
 from gpusim.scene import Scene, load_scene
 from gpusim.state import StateFile
@@ -279,3 +281,19 @@ def test_programs_of_a_run_are_kept(tmp_path: Path) -> None:
     ]
     state.note_programs([])  # nothing was rendered: those of before are still the likely ones
     assert len(StateFile(tmp_path).programs) == 1
+
+
+def test_occlusion_is_planned_where_it_is_asked_for(crane: Scene, tmp_path: Path) -> None:
+    plain = make_plan(crane, tmp_path)["render/front/0001"]
+    hidden = crane.replace("light.room.occlusion", True)
+    frame = make_plan(hidden, tmp_path)["render/front/0001"]
+    assert "shadows of 2, surroundings hidden by surfaces, pinhole" in frame.detail
+    assert frame.seconds > plain.seconds
+    lights = build_lights(hidden)
+    assert lights is not None
+    assert isinstance(lights[2], EnvironmentLight)
+    assert lights[2].occlusion
+    with pytest.raises(SceneError, match="occlusion"):
+        crane.replace("light.room.occlusion", "yes")
+    with pytest.raises(SceneError, match="occlusion"):
+        crane.replace("light.lamp-far.occlusion", True)

@@ -62,7 +62,7 @@ class BoardLines:
         view = setup.view
         if view.camera.lens is not None:
             return None
-        plain = (setup.groups == 1) & ~setup.bumpy
+        plain = (setup.groups == 1) & ~setup.bumpy & (setup.lighting.openness is None)
         member = np.zeros(view.count, bool)
         found = []
         for number, region in enumerate(view.paints):

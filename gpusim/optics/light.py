@@ -168,10 +168,12 @@ class SunLight:
 class AmbientLight:
     """Surroundings of one ``radiance`` (W per square unit and sr) in every direction.
 
-    It stands for what a room's walls send back; every unhidden face receives pi x radiance.
+    It stands for what a room's walls send back; every face receives pi x radiance, or with
+    ``occlusion`` the share of it that surfaces around leave open (see docs/light.md).
     """
 
     radiance: float
+    occlusion: bool = False
 
     def __post_init__(self) -> None:
         _check_positive("AmbientLight", "a radiance", radiance=self.radiance)
@@ -184,8 +186,8 @@ class EnvironmentLight:
 
     Either ``sky`` above and ``ground`` below the horizon, or an equirectangular ``image`` (H, W):
     its first row looks ``up``, its middle column along ``forward``, columns run to the right as
-    seen from the middle. They light diffusely and are mirrored by glossy paints; surfaces don't
-    hide them.
+    seen from the middle. They light diffusely and are mirrored by glossy paints; with
+    ``occlusion`` surfaces hide them.
     """
 
     sky: float = 0.0
@@ -193,6 +195,7 @@ class EnvironmentLight:
     image: npt.NDArray[np.float64] | None = None
     up: Vector = (0.0, 0.0, 1.0)
     forward: Vector = (0.0, 1.0, 0.0)
+    occlusion: bool = False
 
     def __post_init__(self) -> None:
         _check("EnvironmentLight", up=self.up, forward=self.forward)
@@ -222,13 +225,15 @@ class EnvironmentLight:
         scale: float = 1.0,
         up: Vector = (0.0, 0.0, 1.0),
         forward: Vector = (0.0, 1.0, 0.0),
+        occlusion: bool = False,
     ) -> EnvironmentLight:
         """The surroundings in an equirectangular picture of radiances (`read_panorama`).
 
         ``scale`` is the radiance of its value 1. Raises InputError naming the file.
         """
         _check_positive("EnvironmentLight", "a radiance", scale=scale)
-        return EnvironmentLight(image=scale * read_panorama(path), up=up, forward=forward)
+        image = scale * read_panorama(path)
+        return EnvironmentLight(image=image, up=up, forward=forward, occlusion=occlusion)
 
 
 Light = PointLight | SpotLight | AreaLight | SunLight | AmbientLight | EnvironmentLight

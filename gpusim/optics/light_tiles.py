@@ -67,7 +67,7 @@ class LightTiles:
     def of(setup: Setup, tolerance: float | None = None) -> LightTiles | None:
         """The tiles of a view, to `TOLERANCE` unless given; None where there is little to gain."""
         view, camera = setup.view, setup.view.camera
-        if not setup.lit or not view.count or _has_spots(setup):
+        if not setup.lit or not view.count or _has_spots(setup) or setup.lighting.openness:
             return None
         low, high = corner_range(view.screen)
         low = np.maximum(low, -0.5)

@@ -12,12 +12,15 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.gpu import Device
 from gpusim.gpu.buffer import F32_MAX
 from gpusim.optics.casters import Casters
 from gpusim.optics.emitters import Lamp, closest_points, emitter_light, emitters, lamps_of
 from gpusim.optics.environment import Environment
 from gpusim.optics.gloss import Gloss, Reflection, sharpest
+from gpusim.optics.hidden_light import HiddenLight
 from gpusim.optics.light import AmbientLight, Light
+from gpusim.optics.openness import Openness
 from gpusim.optics.parting import parted
 from gpusim.optics.shadow_tiles import COARSER, ShadowTiles, flatness
 from gpusim.optics.view import View
@@ -55,7 +58,8 @@ class Lighting:
 
     ``emitters`` (E, 12): see `gpusim.optics.emitters.emitters`. ``ambient``: irradiance from
     everywhere. ``environment``: other surroundings. ``gloss``: None without glossy paint.
-    ``shadows``: None where nothing in view is hidden from any lamp.
+    ``shadows``: None where nothing in view is hidden from any lamp. ``openness``: None where
+    nothing hides surroundings.
     """
 
     emitters: Array
@@ -63,12 +67,18 @@ class Lighting:
     environment: Environment | None
     gloss: Gloss | None
     shadows: ShadowTiles | None
+    openness: Openness | None
 
     @staticmethod
     def build(
-        view: View, lights: Sequence[Light] | None, surfaces: Sequence[Surface] = ()
+        view: View,
+        lights: Sequence[Light] | None,
+        surfaces: Sequence[Surface] = (),
+        device: Device | None = None,
     ) -> Lighting:
         """Reduce ``lights`` for ``view``; ``surfaces`` may hide them.
+
+        ``device`` looks at surroundings, NumPy without one.
 
         Raises
         ------
@@ -97,7 +107,10 @@ class Lighting:
         environment = Environment.of(lights)
         even = ambient(lights)
         gloss = Gloss.build(view.paints, environment, even / np.pi) if lights else None
-        return Lighting(rows, even, environment, gloss, shadows)
+        hidden, openness = HiddenLight.of(lights, environment), None
+        if surfaces and hidden is not None:
+            openness = Openness.build(view, surfaces, hidden.share, device)
+        return Lighting(rows, even, environment, gloss, shadows, openness)
 
     def constants(self, glossy: bool) -> dict[str, float]:
         """Override constants of the shaders; ``glossy``: for triangles with such paint."""
@@ -106,6 +119,7 @@ class Lighting:
             "sky": float(self.environment is not None),
             "emitter_count": float(len(self.emitters)),
             "shadowed": float(self.shadows is not None),
+            "sheltered": float(self.openness is not None),
         }
 
     def uniform(self) -> dict[str, Array]:
@@ -129,6 +143,7 @@ class Lighting:
 
     def reflect(
         self,
+        triangle: npt.NDArray[np.int64],
         paint: npt.NDArray[np.int32],
         x: Array,
         y: Array,
@@ -140,9 +155,9 @@ class Lighting:
     ) -> Reflection:
         """What surfaces at (n, 3) relative to the eye send towards it.
 
-        ``paint`` (n,); ``x``, ``y`` px; ``normal`` (n, 3) unit; ``across`` and ``down`` (n, 3):
-        how ``at`` changes over the pixel, for shadows sharper than a pixel; ``widened`` (n,): what
-        a relief adds to the square of alpha.
+        ``triangle``, ``paint`` (n,); ``x``, ``y`` px; ``normal`` (n, 3) unit; ``across`` and
+        ``down`` (n, 3): how ``at`` changes over the pixel, for shadows sharper than a pixel;
+        ``widened`` (n,): what a relief adds to the square of alpha.
         """
         around = np.full(len(x), self.ambient)
         if self.environment is not None:
@@ -151,12 +166,13 @@ class Lighting:
         if self.shadows is not None:
             seen = self.shadows.shares(x, y, at, normal, across, down)
             share = seen[:, self.emitters[:, 11].astype(np.int64)]
-        matte = around / np.pi
+        openness = np.ones(len(x)) if self.openness is None else self.openness.at(triangle, at)
+        matte = around / np.pi * openness
         p = q = np.zeros(len(x))
         view = -at / np.linalg.norm(at, axis=1)[:, None]
         if self.gloss is not None:
             first = self.gloss.surroundings(paint, normal, view, around)
-            p, q = first.p, first.q
+            p, q = first.p * openness, first.q * openness
         for k, row in enumerate(self.emitters):
             irradiance, unit, _ = emitter_light(row, at, normal)
             irradiance = irradiance * share[:, k]

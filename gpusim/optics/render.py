@@ -136,7 +136,7 @@ def _draw(
     edge_pass: EdgePass | None = None
     with Aside(view.count) as aside:
         found = None if simple else aside.begin(bin_edges, view)
-        setup = Setup.build(view, lights, background, surfaces)
+        setup = Setup.build(view, lights, background, surfaces, device)
         tables = Tables(device, setup, sight)
         if found is not None:
             edge_pass = EdgePass(tables, found())

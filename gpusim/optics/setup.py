@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.gpu import Device
 from gpusim.optics.bitmap import BITMAP, PIECES, BitmapTable, pieces_needed
 from gpusim.optics.bump import Bumps, bump_of
 from gpusim.optics.camera import Camera
@@ -31,7 +32,6 @@ from gpusim.surface.surface import Surface
 __all__ = ["GRAZING", "TRIANGLE", "Setup", "footprint", "probe_setup", "radiance_of"]
 
 Array = npt.NDArray[np.float64]
-
 TRIANGLE = np.dtype(
     [("n0", "<f4", 4), ("nx", "<f4", 4), ("ny", "<f4", 4), ("w", "<f4", 2), ("anchor", "<i4", 2),
      ("st", "<f4", 4), ("t", "<f4", 2), ("cell", "<i4", 2), ("more", "<f4", 4)]
@@ -77,21 +77,21 @@ class Setup:
         lights: Sequence[Light] | None,
         background: float,
         surfaces: Sequence[Surface] = (),
+        device: Device | None = None,
     ) -> Setup:
         """Set up every triangle of ``view``; ``lights`` None shows the albedo itself.
 
-        ``surfaces`` are those that cast shadows.
+        ``surfaces`` cast shadows and hide surroundings, which ``device`` looks at.
         """
         table = PatternTable.build(view.paints)
         bitmaps = BitmapTable.build(view.paints, table.paints)
-        lit = lights is not None
-        lighting = Lighting.build(view, lights, surfaces)
+        lighting = Lighting.build(view, lights, surfaces, device)
         boards = matte_boards(view.paints, lighting.gloss)
         near = table.near_features(view.paint, view.corners[:, :, ST], boards)
         albedo = table.paints["ground"][view.paint]
         for number in boards:
             within_fields(view, number, near, albedo)
-        return Setup(view, table, bitmaps, lighting, background, lit, near, albedo)
+        return Setup(view, table, bitmaps, lighting, background, lights is not None, near, albedo)
 
     def _coefficients(self) -> Iterator[Coefficients]:
         return coefficients(self.view, self.table, self.bitmaps, self.lit)
@@ -342,7 +342,7 @@ def radiance_of(
     change = change @ bend if sides is None else change @ (bend @ sides)
     paint = setup.view.paint[triangle]
     reflected = setup.lighting.reflect(
-        paint, x, y, position, normal, change[:, :, 0], change[:, :, 1], widened
+        triangle, paint, x, y, position, normal, change[:, :, 0], change[:, :, 1], widened
     )
     gloss = setup.lighting.gloss
     if gloss is None:

@@ -27,6 +27,7 @@ from gpusim.optics.bump import bump_texels, bump_uniform
 from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.gloss import gloss_texels
 from gpusim.optics.light_tiles import LightTiles, LightTilesPass
+from gpusim.optics.openness_table import openness_texels
 from gpusim.optics.pattern import FINEST, LOOP_TURNS
 from gpusim.optics.seen import SeenPass, Sight, small_triangles
 from gpusim.optics.setup import GRAZING, TRIANGLE, Setup, footprint, probe_setup, radiance_of
@@ -50,6 +51,7 @@ class Tables:
         self.gloss = gloss_texels(device, setup.lighting.gloss)
         self.relief = Uniform(device, bump_uniform(setup.bumps), "shade.relief")
         self.bumps = bump_texels(device, setup.bumps)
+        self.openness = openness_texels(device, setup.lighting.openness)
         self.shadows = ShadowTables(device, setup.lighting)
         self.paints = _as_texels(device, table.paints, "shade.paints")
         self.patterns = table.texels(device)
@@ -96,6 +98,7 @@ class Tables:
             "gloss_table": self.gloss,
             "relief": self.relief,
             "bumps": self.bumps,
+            "openness": self.openness,
             "tiles": self.tiles,
             "undistortion": self.undistortion,
         }

@@ -96,15 +96,18 @@ def build_lights(scene: Scene) -> list[Light] | None:
 
 def _light(light: m.Light) -> Light:
     if isinstance(light, m.Ambient):
-        return AmbientLight(light.radiance)
+        return AmbientLight(light.radiance, light.occlusion)
     if isinstance(light, m.Environment):
         along_y = abs(light.up[1]) > 0.999999 * float(np.linalg.norm(light.up))
         forward = light.forward or ((1.0, 0.0, 0.0) if along_y else (0.0, 1.0, 0.0))
         if light.path:
             return EnvironmentLight.read(
-                light.path, scale=light.scale, up=light.up, forward=forward
-            )
-        return EnvironmentLight(light.sky, light.ground, up=light.up, forward=forward)
+                light.path, scale=light.scale, up=light.up, forward=forward,
+                occlusion=light.occlusion,
+            )  # fmt: skip
+        return EnvironmentLight(
+            light.sky, light.ground, up=light.up, forward=forward, occlusion=light.occlusion
+        )
     if isinstance(light, m.Point):
         return PointLight(light.position, light.power, light.shadows)
     if isinstance(light, m.Spot):

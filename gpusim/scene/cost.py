@@ -23,7 +23,8 @@ _SOLVER = {
     "block_jacobi": "conjugate gradients without multigrid",
 }
 # Seconds to compile what an image with this in it needs for the first time
-_COMPILE = {"drawing": 5.0, "light": 1.0, "shadows": 1.0, "gloss": 4.5, "bump": 0.5, "lens": 0.5}
+_COMPILE = {"drawing": 5.0, "light": 1.0, "shadows": 1.0, "gloss": 4.5, "bump": 0.5, "lens": 0.5,
+            "occlusion": 0.3}  # fmt: skip
 Cost = dict[str, tuple[int, float]]
 
 
@@ -36,6 +37,8 @@ def describe(scene: Scene) -> dict[str, str]:
     lit = f"{lights} light{'s' if lights > 1 else ''}" if lights else "no light: albedo"
     casting = sum(getattr(light, "shadows", False) for light in scene.lights)
     lit += f", shadows of {casting}" if casting else ", no shadows" if lights else ""
+    if any(getattr(light, "occlusion", False) for light in scene.lights):
+        lit += ", surroundings hidden by surfaces"
     if lights and any(paint.finish.bump for paint in _paints(scene)):
         lit += ", fine relief"
     wanted = [name for name in ("vtu", "stl") if getattr(scene.output, name)]
@@ -68,12 +71,15 @@ def compiled_for(scene: Scene, camera: Camera) -> dict[str, float]:
         "gloss": bool(scene.lights) and any(paint.finish.roughness < 1.0 for paint in paints),
         "bump": bool(scene.lights) and any(paint.finish.bump for paint in paints),
         "lens": camera.lens is not None,
+        "occlusion": any(getattr(light, "occlusion", False) for light in scene.lights),
     }
     return {name: _COMPILE[name] for name, there in has.items() if there}
 
 
 def _per_image(scene: Scene) -> tuple[float, float]:
     """Seconds of one rendering: for any, and per pixel."""
+    if any(getattr(light, "occlusion", False) for light in scene.lights):
+        return 1.0, 3.4e-7
     return (0.5, 2.4e-7) if scene.lights else (0.15, 1e-7)
 
 

@@ -58,10 +58,11 @@ class Sun:
 
 @dataclass(frozen=True)
 class Ambient:
-    """One ``radiance`` (W / (m2 sr)) from everywhere."""
+    """One ``radiance`` (W / (m2 sr)) from everywhere; surfaces hide it if ``occlusion``."""
 
     name: str
     radiance: float
+    occlusion: bool
 
 
 @dataclass(frozen=True)
@@ -69,13 +70,14 @@ class Environment:
     """Radiance of the ``sky`` and of the ``ground`` (W / (m2 sr)), or a picture of it all.
 
     ``path`` (absolute) of an equirectangular picture whose middle looks ``forward``; ``scale`` is
-    the radiance of its value 1.
+    the radiance of its value 1. Surfaces hide it if ``occlusion``.
     """
 
     name: str
     sky: float
     ground: float
     up: Vec3
+    occlusion: bool
     path: str = ""
     scale: float = 1.0
     forward: Vec3 | None = None

@@ -20,11 +20,11 @@ __all__ = ["light"]
 def light(table: LightTable) -> model.Light:
     """One light."""
     if isinstance(table, AmbientLightTable):
-        return model.Ambient(table.name, table.radiance_W_m2_sr)
+        return model.Ambient(table.name, table.radiance_W_m2_sr, table.occlusion)
     if isinstance(table, EnvironmentLightTable):
         return model.Environment(
             table.name, table.sky_W_m2_sr or 0.0, table.ground_W_m2_sr or 0.0, _vec(table.up),
-            table.file or "", table.scale_W_m2_sr,
+            table.occlusion, table.file or "", table.scale_W_m2_sr,
             None if table.forward is None else _vec(table.forward),
         )  # fmt: skip
     if isinstance(table, PointLightTable):

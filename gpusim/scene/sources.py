@@ -78,10 +78,11 @@ def _motion(document: Document) -> None:
 
 
 def _shadows(document: Document) -> None:
-    """Shadows of lamps."""
+    """What surfaces hide of lamps and surroundings."""
     for lamp in document.get("light", []):
-        if "shadows" in lamp:
-            lamp["shadows"] = False
+        for key in ("shadows", "occlusion"):
+            if key in lamp:
+                lamp[key] = False
 
 
 def _light(document: Document) -> None:

@@ -2,6 +2,7 @@
 // The NumPy form is gpusim/optics/lighting.py.
 #import common/gloss
 #import common/occlusion
+#import common/openness
 
 // Per emitter three vectors: (position, axial intensity), (axis, 1 if it follows Lambert's law) and
 // (1 if it is near, cosine where its beam ends, 1 / what the cosine grows by until it is full,
@@ -52,7 +53,8 @@ fn emitter_reflection(i: u32, x: vec3f, n: vec3f, g: Gloss) -> Reflection {
     return Reflection(matte, pq.x, pq.y);
 }
 
-fn surroundings(n: vec3f, g: Gloss) -> Reflection {
+// `open` is the share of them that surfaces leave.
+fn surroundings(n: vec3f, g: Gloss, open: f32) -> Reflection {
     var e = lamps.ambient.x;
     var radiance = lamps.ambient.y;
     if (sky != 0u) {
@@ -66,6 +68,10 @@ fn surroundings(n: vec3f, g: Gloss) -> Reflection {
             radiance += mirrored_map(g.first + NODES, rows, u32(lamps.ambient.w), normalize(d));
         }
     }
+    if (sheltered != 0u) {
+        e *= open;
+        radiance *= open;
+    }
     let matte = e * 0.3183098861837907;
     if (glossy == 0u) { return Reflection(matte, matte, 0.0); }
     let pq = surroundings_gloss(g, e, radiance);
@@ -78,8 +84,8 @@ fn plus(a: Reflection, share: f32, b: Reflection) -> Reflection {
 
 // What is reflected at camera-relative position x with unit normal n, of the surroundings and the
 // lamps whose bit is set.
-fn reflection(x: vec3f, n: vec3f, g: Gloss, bits: u32) -> Reflection {
-    var total = surroundings(n, g);
+fn reflection(x: vec3f, n: vec3f, g: Gloss, open: f32, bits: u32) -> Reflection {
+    var total = surroundings(n, g, open);
     for (var i = 0u; i < emitter_count; i++) {
         var share = 1.0;
         if (shadowed != 0u) {
@@ -94,9 +100,9 @@ fn reflection(x: vec3f, n: vec3f, g: Gloss, bits: u32) -> Reflection {
 // The same where lamps may be half hidden: dx, dy is how x changes over the pixel, tile what
 // `shadow_tile` found for it.
 fn reflection_seen(
-    x: vec3f, n: vec3f, g: Gloss, dx: vec3f, dy: vec3f, tile: vec2u
+    x: vec3f, n: vec3f, g: Gloss, open: f32, dx: vec3f, dy: vec3f, tile: vec2u
 ) -> Reflection {
-    var total = surroundings(n, g);
+    var total = surroundings(n, g, open);
     // tests come last, as in `lamp_share`; every lamp has emitters
     var l = 0u;
     loop {

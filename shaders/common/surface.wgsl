@@ -111,7 +111,7 @@ fn gloss_at(t: Triangle, s: Spot) -> Gloss {
 // What is reflected there. `bits` tells the lamps that light it.
 fn reflection_at(t: Triangle, rays: Rays, p: vec2f, d: vec2f, bits: u32) -> Reflection {
     let s = spot(t, rays, p, d);
-    return reflection(s.x, s.n, gloss_at(t, s), bits);
+    return reflection(s.x, s.n, gloss_at(t, s), openness_at(t.id, s.x), bits);
 }
 
 // The same where lamps may be half hidden; it stands for a parallelogram whose sides are the
@@ -121,7 +121,8 @@ fn reflection_seen_at(
 ) -> Reflection {
     let s = spot(t, rays, p, d);
     let sides = mat2x3f(s.dx, s.dy) * extent;
-    return reflection_seen(s.x, s.n, gloss_at(t, s), sides[0], sides[1], tile);
+    let open = openness_at(t.id, s.x);
+    return reflection_seen(s.x, s.n, gloss_at(t, s), open, sides[0], sides[1], tile);
 }
 
 // Radiance of a spot of mean albedo `albedo`, of which the paint's ground (albedo `ground`) shows

@@ -110,12 +110,14 @@ class SunLightTable(_Lamp):
 
 
 class AmbientLightTable(Table):
-    """What the surroundings send back, equally from every direction; nothing hides it."""
+    """What the surroundings send back, equally from every direction."""
 
     name: Name
     type: Literal["ambient"]
     radiance_W_m2_sr: Length
     """Radiance of the surroundings."""
+    occlusion: bool = False
+    """Whether bodies and props hide it from each other (ambient occlusion)."""
 
 
 class EnvironmentLightTable(Table):
@@ -137,6 +139,8 @@ class EnvironmentLightTable(Table):
     """Where the file's first row looks."""
     forward: Direction | None = None
     """Where the file's middle column looks; without it +y, or +x where up is along y."""
+    occlusion: bool = False
+    """Whether bodies and props hide it from each other (ambient occlusion)."""
 
     @model_validator(mode="after")
     def _check(self) -> EnvironmentLightTable:

@@ -1,0 +1,306 @@
+"""Surroundings that surfaces hide: against form factors, rays, and looking from every pixel."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+import gpusim as gs
+from gpusim.errors import InputError
+from gpusim.optics.binning import bin_edges
+from gpusim.optics.hemisphere import Around, Receivers, directions, seen_twin, tangent
+from gpusim.optics.light import Light
+from gpusim.optics.occluders import Occluders
+from gpusim.optics.setup import Setup
+from gpusim.optics.shadow_probe import block
+from gpusim.optics.view import look
+from gpusim.optics.visibility import visibility_twin
+from gpusim.surface.surface import Surface
+
+Array = npt.NDArray[np.float64]
+UP = np.array([[0.0, 0.0, 1.0]])
+QUAD = np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]])
+AHEAD = np.array([0.0, 1.0, 0.0])
+FACE = np.array([[0, 1, 2, 3]])
+EVEN: list[Light] = [gs.AmbientLight(1.0 / np.pi, occlusion=True)]
+
+
+def share(corners: Array, at: Array, normal: Array = UP) -> Array:
+    """What single faces (F, 4, 3), hiding on both sides, leave of the light of points (N, 3)."""
+    count = len(at)
+    points = Receivers(
+        at, np.broadcast_to(normal, at.shape), np.full(count, 1e-9), np.full(count, 1e-3)
+    )
+    both = np.ones(len(corners), bool)
+    return seen_twin(points, Around.everywhere(corners, both, count)).open_share
+
+
+def turned(points: Array, angle: float) -> Array:
+    c, s = np.cos(angle), np.sin(angle)
+    return points @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def form_factor(corners: Array) -> float:
+    """Lambert's, of a polygon (K, 3) over the horizon, as seen from the origin looking up."""
+    d = corners / np.linalg.norm(corners, axis=1)[:, None]
+    following = np.roll(d, -1, axis=0)
+    normal = np.cross(d, following)
+    normal /= np.linalg.norm(normal, axis=1)[:, None]
+    angle = np.arccos(np.clip(np.sum(d * following, axis=1), -1.0, 1.0))
+    return float(abs(np.sum(angle * normal[:, 2])) / (2.0 * np.pi))
+
+
+def plain(points: Array, faces: npt.NDArray[np.int64] = FACE) -> Surface:
+    return Surface(points, faces, paint=gs.paint.Plain(1.0))
+
+
+def white(surface: Surface) -> Surface:
+    return plain(surface.points, surface.faces)
+
+
+def camera(width: int = 160, position: tuple[float, float, float] = (1.6, -2.4, 1.9)) -> gs.Camera:
+    return gs.Camera.from_lens(
+        (36.0, 27.0), 40.0, (width, 3 * width // 4), position, (0.1, 0.0, 0.15)
+    )
+
+
+def tube(radius: float, height: float, count: int = 40) -> Surface:
+    """A closed upright cylinder."""
+    angle = np.arange(count) * 2.0 * np.pi / count
+    ring = radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    points = np.concatenate([np.c_[ring, np.zeros(count)], np.c_[ring, np.full(count, height)]])
+    points = np.concatenate([points, [[0.0, 0.0, 0.0], [0.0, 0.0, height]]])
+    i, none = np.arange(count), np.full(count, -1)
+    j = (i + 1) % count
+    low, high = np.full(count, 2 * count), np.full(count, 2 * count + 1)
+    faces = [
+        np.stack([i, j, count + j, count + i], axis=1),
+        np.stack([j, i, low, none], axis=1),
+        np.stack([count + i, count + j, high, none], axis=1),
+    ]
+    return plain(points, np.concatenate(faces))
+
+
+def from_pixels(setup: Setup, surfaces: list[Surface]) -> tuple[Array, Array]:
+    """Shares that the tables have at all pixels' centres, and that looking from there gives."""
+    view = setup.view
+    ids = visibility_twin(view)
+    y, x = np.nonzero(ids)
+    triangle = ids[y, x].astype(np.int64) - 1
+    ideal, _ = setup.undistorted(np.stack([x, y], axis=1).astype(np.float64))
+    planes, d = setup.planes[triangle], ideal - setup.anchor[triangle]
+    values = planes[:, 2:, 0] * d[:, :1] + planes[:, 2:, 1] * d[:, 1:] + planes[:, 2:, 2]
+    depth = 1.0 / (values[:, 0] * setup.mean_inverse[triangle])
+    at = depth[:, None] * (np.c_[ideal, np.ones(len(x))] @ setup.rays().T)
+    normal = values[:, 1:] / np.linalg.norm(values[:, 1:], axis=1)[:, None]
+    occluders = Occluders.of(view, surfaces)
+    fine = len(occluders.owner)
+    count = len(at)
+    points = Receivers(
+        at, normal, np.full(count, 2.0 * occluders.sag), np.full(count, 20.0 * occluders.sag)
+    )
+    around = Around.everywhere(occluders.corners[:fine], occluders.both_sides[:fine], count)
+    seen = seen_twin(points, around)
+    assert setup.lighting.openness is not None
+    got = setup.lighting.openness.at(triangle, at)
+    return got[~seen.inside], seen.open_share[~seen.inside]
+
+
+def test_samples_count_by_the_cosine() -> None:
+    sine = 1.0 - directions()[..., 2] ** 2
+    # equal shares of the squared sine, and no direction preferred
+    np.testing.assert_allclose(np.sort(sine.reshape(-1)), (np.arange(2048) + 0.5) / 2048, atol=0.02)
+    assert np.abs(directions()[..., :2].mean(axis=(0, 1))).max() < 2e-4
+    normals = np.random.default_rng(1).normal(size=(100, 3))
+    normals[:3] = [[0, 0, -1], [0, 0, 1], [1e-9, 0, -1]]
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    u = tangent(normals)
+    np.testing.assert_allclose(np.sum(u * normals, axis=1), 0.0, atol=1e-6)
+    np.testing.assert_allclose(np.linalg.norm(u, axis=1), 1.0, atol=1e-12)
+
+
+def test_an_endless_wall_leaves_half_and_half_the_cosine() -> None:
+    errors = []
+    for angle in np.linspace(0.05, 1.5, 25):
+        for way in np.linspace(0.0, 6.0, 23):
+            wall = np.array([[1.0, -1e4, 0], [1, 1e4, 0], [1, 1e4, 1], [1, -1e4, 1]])
+            wall[:, 2] *= np.tan(angle)
+            got = share(turned(wall, way)[None], np.zeros((1, 3)))[0]
+            errors.append(got - 0.5 * (1.0 + np.cos(angle)))
+    assert np.std(errors) < 1.2e-3
+    assert np.abs(errors).max() < 6e-3
+
+
+def test_a_sphere_over_a_plane_hides_the_square_of_its_sine() -> None:
+    # a sphere seen as its outline: a disc square to the way to its middle
+    angle = np.arange(128) * 2.0 * np.pi / 128
+    errors = []
+    for distance in np.linspace(1.1, 6.0, 20):
+        sine = 1.0 / distance
+        r = sine / np.sqrt(1.0 - sine * sine)
+        ring = np.c_[r * np.cos(angle), r * np.sin(angle), np.ones(128)]
+        middle = np.tile([0.0, 0.0, 1.0], (128, 1))
+        faces = np.stack([middle, ring, np.roll(ring, -1, axis=0), middle], axis=1)
+        errors.append(share(faces, np.zeros((1, 3)))[0] - (1.0 - sine * sine))
+    assert np.abs(errors).max() < 1.5e-3
+
+
+def test_plates_above_and_beside_hide_their_form_factor() -> None:
+    random = np.random.default_rng(5)
+    errors = []
+    for k in range(200):
+        size, height = random.uniform(0.2, 2.0, 2), random.uniform(0.3, 2.0)
+        plate = QUAD * [*size, 0.0] + [*random.uniform(-0.5, 0.5, 2), height]
+        if k % 2:  # upright, foot on the plane
+            plate = np.array([[height, -size[0], 0], [height, size[0], 0],
+                              [height, size[0], size[1]], [height, -size[0], size[1]]])  # fmt: skip
+        plate = turned(plate, random.uniform(0.0, 6.3))
+        errors.append(share(plate[None], np.zeros((1, 3)))[0] - (1.0 - form_factor(plate)))
+    assert np.std(errors) < 1.3e-3
+    assert np.abs(errors).max() < 6e-3
+
+
+def test_faces_that_hide_each_other_count_once() -> None:
+    """Against 40,000 rays a point through a heap of faces."""
+    random = np.random.default_rng(2)
+    middle = random.uniform(-1.0, 1.0, (60, 1, 3)) + np.array([0.0, 0.0, 1.2])
+    corners = middle + random.normal(size=(60, 4, 3)) * 0.25
+    corners[:, 3] = corners[:, 2]
+    at = np.c_[random.uniform(-1.0, 1.0, (12, 2)), np.zeros(12)]
+    got = share(corners, at)
+    side = (np.arange(200) + 0.5) / 200
+    s, azimuth = np.meshgrid(side, 2.0 * np.pi * side)
+    ray = np.stack([np.sqrt(s) * np.cos(azimuth), np.sqrt(s) * np.sin(azimuth), np.sqrt(1.0 - s)])
+    ray = ray.reshape(3, -1)
+    want = []
+    for point in at:
+        hit = np.zeros(ray.shape[1], bool)
+        for a, b, c in (corners - point)[:, :3]:
+            sides = np.stack([np.cross(a, b), np.cross(b, c), np.cross(c, a)]) @ ray
+            height = np.dot(np.cross(b - a, c - a), a)
+            hit |= ((sides * np.sign(height)) >= 0.0).all(axis=0)
+        want.append(1.0 - hit.mean())
+    assert np.sqrt(np.mean((got - want) ** 2)) < 4e-3
+    assert np.abs(got - want).max() < 8e-3
+
+
+def test_a_floor_before_a_wall_is_lit_by_the_closed_form() -> None:
+    floor = plain(QUAD * 3.0)
+    wall = plain(np.array([[1.0, -300, 0], [1, 300, 0], [1, 300, 1.5], [1, -300, 1.5]]))
+    view = look([floor, wall], camera(), lit=True)
+    setup = Setup.build(view, EVEN, 0.0, [floor, wall])
+    frame = gs.render([floor, wall], camera(), EVEN, backend="numpy")
+    ids = visibility_twin(view)
+    y, x = np.nonzero((ids > 0) & (view.face[ids.astype(np.int64) - 1] == 0))
+    ray = np.c_[x, y, np.ones(len(x))] @ setup.rays().T
+    eye = camera().eye
+    place = eye - ray * (eye[2] / ray[:, 2])[:, None]
+    away = 1.0 - place[:, 0]
+    inner = (away > 0.1) & (np.abs(place) < 2.8).all(axis=1)
+    inner[np.isin(y * camera().width + x, bin_edges(view).pixel)] = False
+    want = 0.5 * (1.0 + away / np.hypot(away, 1.5)) / np.pi
+    error = (frame.radiance[y, x] - want)[inner] * np.pi
+    assert inner.sum() > 2000
+    assert error.std() < 1e-3
+    assert np.abs(error).max() < 4e-3
+
+
+@pytest.mark.parametrize("sunk", [0.0, 0.07])
+def test_the_line_of_contact_on_one_large_face_stays_sharp(sunk: float) -> None:
+    box = block((0.013, 0.008, 0.25 - sunk), (0.31, 0.22, 0.25), 0.5)
+    surfaces = [plain(QUAD * 1.5), white(box)]
+    setup = Setup.build(look(surfaces, camera(), lit=True), EVEN, 0.0, surfaces)
+    got, want = from_pixels(setup, surfaces)
+    error = np.abs(got - want)
+    assert want.min() < 0.62
+    assert np.sqrt(np.mean(error**2)) < 3e-3
+    assert np.quantile(error, 0.99) < 8e-3
+    assert error.max() < 0.1  # at the corners of the box, where the share jumps
+
+
+def test_round_bodies_and_bent_sheets_dont_hide_themselves() -> None:
+    body = tube(0.4, 0.8)
+    frame = gs.render([body], camera(120), EVEN, backend="numpy")
+    lit = frame.radiance[visibility_twin(frame.view) > 0] * np.pi
+    np.testing.assert_allclose(np.median(lit), 1.0, atol=1e-6)
+    alone, _ = from_pixels(Setup.build(frame.view, EVEN, 0.0, [body]), [body])
+    np.testing.assert_allclose(alone, 1.0, atol=3e-3)
+    # an open sheet, bent: the hollow side sees less the deeper it is
+    angle = np.linspace(-1.2, 1.2, 25)
+    arc = np.stack([np.sin(angle), 0.0 * angle, 1.0 - np.cos(angle)], axis=1)
+    points = np.concatenate([arc - AHEAD, arc + AHEAD])
+    i = np.arange(24)
+    sheet = plain(points, np.stack([i, i + 1, 26 + i, 25 + i], axis=1))
+    above = look([sheet], camera(120, (0.3, -0.4, 4.0)), lit=True)
+    hollow, want = from_pixels(Setup.build(above, EVEN, 0.0, [sheet]), [sheet])
+    assert 0.5 < hollow.min() < 0.97
+    np.testing.assert_allclose(hollow, want, atol=0.02)
+    below = look([sheet], camera(120, (0.3, -0.4, -4.0)), lit=True)
+    domed, _ = from_pixels(Setup.build(below, EVEN, 0.0, [sheet]), [sheet])
+    np.testing.assert_allclose(domed, 1.0, atol=3e-3)
+
+
+def test_surroundings_bring_what_their_visible_part_sends() -> None:
+    """An upright face over an endless floor loses the ground's light and keeps the sky's."""
+    floor = plain(QUAD * 400.0)
+    wall = plain(QUAD[:, [0, 2, 1]] * 0.2 + [0.0, 0.0, 0.3])
+    at = camera(64, (0.1, -2.4, 0.5))
+    for sky, ground in ((1.0, 1.0), (1.0, 0.0), (0.4, 0.8)):
+        lights: list[Light] = [gs.EnvironmentLight(sky, ground, occlusion=True)]
+        setup = Setup.build(look([wall, floor], at, lit=True), lights, 0.0, [wall, floor])
+        openness = setup.lighting.openness
+        assert openness is not None
+        middle = np.array([[0.02, 0.0, 0.31]]) - at.eye
+        own = np.flatnonzero(setup.view.face == 0)[:1]
+        got = openness.at(own, middle)
+        np.testing.assert_allclose(got, sky / (sky + ground), atol=4e-3)
+    # the same from a picture, and beside light that nothing hides
+    image = np.repeat([[1.0], [0.0]], 24, axis=0).repeat(96, axis=1)
+    lights = [gs.EnvironmentLight(image=image, occlusion=True), gs.AmbientLight(0.5)]
+    setup = Setup.build(look([wall, floor], at, lit=True), lights, 0.0, [wall, floor])
+    assert setup.lighting.openness is not None
+    np.testing.assert_allclose(setup.lighting.openness.at(own, middle), 1.0, atol=0.015)
+
+
+def test_both_backends_agree_through_a_lens_and_with_lamps() -> None:
+    box = block((0.0, 0.0, 0.15), (0.3, 0.2, 0.15), 0.5)
+    surfaces = [
+        Surface(QUAD * 1.5, FACE, paint=gs.paint.Checker(0.2)), box,
+        Surface(0.2 * QUAD + [0.5, -0.5, 0.4], FACE, paint=gs.paint.Plain(0.7, 0.5)),
+    ]  # fmt: skip
+    lights: list[Light] = [
+        gs.AreaLight((-0.9, -1.4, 1.9), (0.0, 0.0, 0.1), (0.4, 0.4), 8.0),
+        gs.EnvironmentLight(0.6, 0.2, occlusion=True),
+        gs.AmbientLight(0.1, occlusion=True),
+    ]
+    bent = gs.Camera.from_lens(
+        (36.0, 27.0), 40.0, (120, 90), (1.6, -2.4, 1.9), (0.1, 0.0, 0.1),
+        distortion=[0.06, -0.02, 1e-3, 0.0],
+    )  # fmt: skip
+    for view in (camera(120), bent):
+        device = gs.render(surfaces, view, lights).radiance
+        twin = gs.render(surfaces, view, lights, backend="numpy").radiance
+        # one of 2048 samples of a node may fall to the other side of an edge
+        assert np.abs(device - twin).max() < 4e-3 * twin.max()
+        assert np.sqrt(np.mean((device - twin) ** 2)) < 2e-4 * twin.max()
+
+
+def test_it_is_absent_unless_asked_for_and_changes_nothing_in_the_open() -> None:
+    surfaces = [plain(QUAD), white(block((0.0, 0.0, 0.2), (0.2, 0.2, 0.2), 0.5))]
+    view = look(surfaces, camera(64), lit=True)
+    off: list[Light] = [gs.AmbientLight(0.3), gs.EnvironmentLight(0.2, 0.1)]
+    setup = Setup.build(view, off, 0.0, surfaces)
+    assert setup.lighting.openness is None
+    assert setup.lighting.constants(False)["sheltered"] == 0.0
+    on: list[Light] = [gs.AmbientLight(0.3, occlusion=True), gs.EnvironmentLight(0.2, 0.1)]
+    alone = surfaces[:1]
+    one, two = (gs.render(alone, camera(64), lights).radiance for lights in (off, on))
+    np.testing.assert_allclose(one, two, rtol=1e-6, atol=1e-8)
+
+
+def test_what_isnt_a_truth_value_is_refused() -> None:
+    with pytest.raises(InputError, match="occlusion"):
+        gs.AmbientLight(0.3, occlusion="yes")  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="occlusion"):
+        gs.EnvironmentLight(0.3, 0.1, occlusion=2)  # type: ignore[arg-type]
