@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import gpusim as gs
-from gpusim.optics import lighting, shadow_tiles
+from gpusim.optics import half_shadow, lamp_merging
 from gpusim.optics.casters import Casters
 from gpusim.optics.merging import merge_flat
 from gpusim.optics.setup import Setup
@@ -112,7 +112,7 @@ def test_wide_penumbrae_take_more_faces_joined(monkeypatch: pytest.MonkeyPatch) 
     ids = visibility_twin(view)
     setup = Setup.build(view, [lamp], 0.0, [sheet, ground])
     joined, got = setup.lighting.shadows, shade_twin(setup, ids)
-    monkeypatch.setattr(lighting, "WORTH", 0.0)
+    monkeypatch.setattr(lamp_merging, "WORTH", 0.0)
     setup = Setup.build(view, [lamp], 0.0, [sheet, ground])
     single, want = setup.lighting.shadows, shade_twin(setup, ids)
     assert joined is not None and single is not None
@@ -148,7 +148,7 @@ def test_a_ray_between_faces_lights_no_tile(monkeypatch: pytest.MonkeyPatch) -> 
     ids = visibility_twin(view)
     setup = Setup.build(view, [lamp], 0.0, [sheet, ground])
     before, want = setup.lighting.shadows, shade_twin(setup, ids)
-    monkeypatch.setattr(shadow_tiles, "_meets", lambda lamp, at, *_: np.zeros(len(at), bool))
+    monkeypatch.setattr(half_shadow, "_meets", lambda lamp, at, *_: np.zeros(len(at), bool))
     setup = Setup.build(view, [lamp], 0.0, [sheet, ground])
     after, got = setup.lighting.shadows, shade_twin(setup, ids)
     assert before is not None and after is not None

@@ -13,6 +13,7 @@ from gpusim.gpu import Device
 from gpusim.optics.binning import bin_edges
 from gpusim.optics.casters import Casters
 from gpusim.optics.emitters import Lamp, lamps_of
+from gpusim.optics.lamp_edges import EVERY_EDGE
 from gpusim.optics.light import Light
 from gpusim.optics.occlusion import visible_share
 from gpusim.optics.setup import Setup
@@ -149,6 +150,7 @@ def test_skipping_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
         start=np.zeros((entries, len(lights)), np.int64),
         count=np.full((entries, len(lights)), count),
         face=np.arange(count),
+        edges=np.full(count, EVERY_EDGE, np.uint8),
         corners=faces.corners - camera.eye,
         both_sides=faces.both_sides,
     )
@@ -277,6 +279,7 @@ def test_a_penumbra_some_pixels_wide_is_integrated_over_lamp_and_pixel(
     shares = visible_share(
         lamp, at, np.broadcast_to(np.eye(3)[2], (len(t), 3)), across, down, np.arange(len(t)),
         np.broadcast_to(screen, (len(t), 4, 3)), np.ones(len(t), bool), np.full(len(t), 1e-6),
+        np.full(len(t), EVERY_EDGE, np.uint8),
     )  # fmt: skip
     fine = t[:, None] + step * ((np.arange(4000) + 0.5) / 4000 - 0.5)
     exact = np.clip(0.5 + fine / 0.1, 0.0, 1.0).mean(axis=1)

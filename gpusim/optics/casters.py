@@ -49,8 +49,7 @@ class Casters:
     (F, 3) outward, as long as the area; ``both_sides`` (F,): of surfaces that aren't closed. Of
     the edges of the surfaces' own faces that aren't inside a joined one: ``edge`` (E, 2) joined
     face and place among its edges, ``beside`` (E,) the joined face across, -1 for none or several,
-    -2 where a triangle has no fourth edge. ``sag`` (F,): how far a joined face may pass from the
-    surface.
+    -2 where a triangle has no fourth edge.
     """
 
     points: Array
@@ -59,7 +58,6 @@ class Casters:
     both_sides: npt.NDArray[np.bool_]
     edge: npt.NDArray[np.int64]
     beside: npt.NDArray[np.int64]
-    sag: Array
 
     @cached_property
     def corners(self) -> Array:
@@ -95,14 +93,15 @@ class Casters:
             vertex += len(surface.points)
         single = Casters(
             np.concatenate(points), np.concatenate(faces), np.concatenate(normals),
-            np.concatenate(both), np.concatenate(edges), np.concatenate(beside), np.zeros(first),
+            np.concatenate(both), np.concatenate(edges), np.concatenate(beside),
         )  # fmt: skip
         return single if flatness is None or first < 2 else single.joined(flatness)
 
     def joined(self, flatness: Callable[[Array], Array]) -> Casters:
         """These with flat parts joined: see `of`."""
-        tolerance = flatness(self.points)
-        merged = merge_flat(self.points, self.faces, tolerance)
+        beside = np.full((len(self.faces), 4), -2)
+        beside[tuple(self.edge.T)] = self.beside
+        merged = merge_flat(self.points, self.faces, flatness(self.points), beside)
         count = len(merged.faces)
         normal = [np.bincount(merged.owner, self.normal[:, k], minlength=count) for k in range(3)]
         one = np.zeros(count, np.int64)
@@ -114,17 +113,6 @@ class Casters:
             self.points, merged.faces, np.stack(normal, axis=1), self.both_sides[one],
             np.stack([merged.owner[face[kept]], place[kept]], axis=1),
             np.where(other >= 0, merged.owner[other], other),
-            tolerance[merged.faces].max(axis=1, initial=0.0) + self.sag.max(initial=0.0),
-        )  # fmt: skip
-
-    def beside_others(self, others: Casters) -> Casters:
-        """These casters and ``others``, numbered behind them, for their faces only."""
-        return Casters(
-            self.points, np.concatenate([self.faces, others.faces]),
-            np.concatenate([self.normal, others.normal]),
-            np.concatenate([self.both_sides, others.both_sides]),
-            self.edge, self.beside,
-            np.concatenate([self.sag, others.sag]),
         )  # fmt: skip
 
     def seen_by(self, lamp: Lamp, receivers: Array) -> LampFaces:

@@ -10,7 +10,7 @@ from gpusim.optics.binning import EdgePixels
 from gpusim.optics.corners import ST
 from gpusim.optics.pattern import PatternTable
 from gpusim.optics.setup import Setup, footprint
-from gpusim.optics.shadow_tiles import TILE, TURNS
+from gpusim.optics.shadow_tiles import TILE
 from gpusim.optics.speckle import EDGE_ROWS, row_turns
 
 __all__ = ["grazing_turns", "shadow_turns", "speckle_turns"]
@@ -24,8 +24,8 @@ def shadow_turns(setup: Setup, edges: EdgePixels) -> npt.NDArray[np.int64]:
     if tiles is None:
         return np.zeros(len(edges.pixel), np.int64)
     row, column = np.divmod(edges.pixel, setup.view.camera.width)
-    faces = np.concatenate([[0], tiles.count.sum(axis=1)])
-    result: npt.NDArray[np.int64] = TURNS * faces[tiles.entry[row // TILE, column // TILE]]
+    counts = np.concatenate([[0], tiles.edge_counts])
+    result: npt.NDArray[np.int64] = counts[tiles.entry[row // TILE, column // TILE]]
     return result
 
 

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.optics.casters import Casters, LampFaces
+from gpusim.optics.lamp_edges import LampEdges
 from gpusim.optics.lamp_view import LampView, Reach
 from gpusim.optics.ragged import expand
 
@@ -29,12 +30,6 @@ LONG = 3
 
 EACH = 4
 """Entries of cells that cost as much as a receiver and a caster looked at by themselves."""
-
-
-def _farthest(values: Array) -> Array:
-    """The largest distance from 0 of intervals (2, n)."""
-    result: Array = np.maximum(np.abs(values[0]), np.abs(values[1]))
-    return result
 
 
 def _outlines(p: Array, q: Array) -> list[tuple[Array, Array, Array]]:
@@ -59,9 +54,17 @@ def _outlines(p: Array, q: Array) -> list[tuple[Array, Array, Array]]:
 class LampGrid:
     """Casters of one view of a lamp, in square cells of p and q, each with its highest s."""
 
-    def __init__(self, view: LampView, casters: Casters, faces: LampFaces, lowest: float) -> None:
-        """``lowest``: the smallest s of any receiver."""
-        self.view = view
+    def __init__(
+        self,
+        view: LampView,
+        casters: Casters,
+        faces: LampFaces,
+        lowest: float,
+        rise: float = 0.0,
+    ) -> None:
+        """``lowest``: the smallest s of any receiver. ``rise``: the least difference in s to a
+        receiver for which the casters are exact enough."""
+        self.view, self.lowest, self.rise = view, lowest, rise
         reach = view.reach(np.moveaxis(casters.corners[faces.face], 0, 2))
         ahead = np.flatnonzero(reach.s[1] > max(lowest, -1e300))
         self.face, self.rim = faces.face[ahead], faces.rim[ahead]
@@ -71,6 +74,7 @@ class LampGrid:
         self.count = len(ahead)
         corners = view.place(*np.moveaxis(casters.corners[self.face], 2, 0))
         self.lines = _outlines(*corners[:2])
+        self.edges = LampEdges.of(view, corners, self.side, casters.both_sides[self.face])
         self.origin = low.min(axis=1, initial=np.inf) if self.count else np.zeros(2)
         extent = high.max(axis=1, initial=-np.inf) - self.origin if self.count else np.ones(2)
         extent = np.maximum(extent, 1e-12)
@@ -141,20 +145,12 @@ class LampGrid:
             gap = p * middle[0] + q * middle[1] - offset[caster]
             yield gap, (np.abs(p) * half[0] + np.abs(q) * half[1]) * (1.0 + 1e-9)
 
-    def moves(self, reach: Reach, box: Numbers, caster: Numbers, sag: Array) -> Array:
-        """Share (n,) of the lamp by which casters that are off by ``sag`` (F,) may change it.
-
-        Boxes ``box`` of ``reach`` see the lamp as large as the caster's height above them says.
-        """
-        shift = sag[self.face]
-        if not self.view.lamp.far:
-            # p and q of a point that is off along the axis as well
-            slope = 1.0 + np.maximum(_farthest(self.reach.p), _farthest(self.reach.q))
-            shift = shift * slope * self.highest
-        rise = np.maximum(self.reach.s[0][caster] - reach.s[1][box], 0.0)
-        size = 2.0 * min(self.view.half) * rise
-        own = shift[caster]
-        return np.where(own < size, own / np.where(size > 0.0, size, 1.0), np.sign(own))
+    def near(self, reach: Reach, box: Numbers, caster: Numbers) -> Numbers:
+        """Those of the boxes ``box`` of ``reach`` that a caster (as many) is too near to."""
+        if not self.rise:
+            return box[:0]
+        rise = self.reach.s[0][caster] - reach.s[1][box]
+        return box[np.flatnonzero(rise < self.rise)]
 
     def _mapped(self, values: Array) -> Array:
         """Finite coordinates of the grid: p and q of half a space reach to infinity."""
@@ -264,7 +260,7 @@ class LampGrid:
         result[(last[0] < first[0]) | (last[1] < first[1])] = -np.inf
         return result
 
-    def _top(self, reach: Reach) -> Array:
+    def top(self, reach: Reach) -> Array:
         """An upper bound of s of the casters that may hide the lamp; -inf where there are none."""
         top = np.full(reach.s.shape[1], -np.inf)
         left = np.flatnonzero(np.isfinite(reach.s[0]))
@@ -280,7 +276,7 @@ class LampGrid:
         """(n,) whether a caster may lie between the lamp and receivers in boxes; never misses."""
         if not self.count:
             return np.zeros(reach.s.shape[1], bool)
-        return np.asarray(self._top(reach) > -np.inf)
+        return np.asarray(self.top(reach) > -np.inf)
 
     def _one_by_one(self, reach: Reach, box: Numbers) -> tuple[Numbers, Numbers]:
         """`candidates` among the boxes ``box``, caster by caster: where these fill many cells."""
@@ -302,7 +298,7 @@ class LampGrid:
         """Pairs (box, caster of this grid) that may hide the lamp from a receiver in the box."""
         if not self.count:
             return np.zeros(0, np.int64), np.zeros(0, np.int64)
-        first, last = self._window(reach, self._top(reach))
+        first, last = self._window(reach, self.top(reach))
         # the casters of a row of cells lie side by side
         run, row = expand(np.where(last[0] < first[0], 0, np.maximum(last[1] - first[1] + 1, 0)))
         row += first[1][run]

@@ -15,14 +15,14 @@ from gpusim.errors import InputError
 from gpusim.gpu import Device
 from gpusim.gpu.buffer import F32_MAX
 from gpusim.optics.casters import Casters
-from gpusim.optics.emitters import Lamp, closest_points, emitter_light, emitters, lamps_of
+from gpusim.optics.emitters import closest_points, emitter_light, emitters, lamps_of
 from gpusim.optics.environment import Environment
 from gpusim.optics.gloss import Gloss, Reflection, sharpest
 from gpusim.optics.hidden_light import HiddenLight
 from gpusim.optics.light import AmbientLight, Light
 from gpusim.optics.openness import Openness
 from gpusim.optics.parting import parted
-from gpusim.optics.shadow_tiles import COARSER, ShadowTiles, flatness
+from gpusim.optics.shadow_tiles import ShadowTiles, flatness
 from gpusim.optics.view import View
 from gpusim.surface.surface import Surface
 
@@ -30,26 +30,11 @@ __all__ = ["MOST_EMITTERS", "Lighting", "ambient"]
 
 Array = npt.NDArray[np.float64]
 MOST_EMITTERS = 256
-FEWEST, WORTH = 100, 0.7
-"""Faces that cast shadows, and the share left of them, which are worth a second set."""
 
 
 def ambient(lights: Sequence[Light]) -> float:
     """Irradiance that every face receives from even surroundings."""
     return float(np.pi * sum(v.radiance for v in lights if isinstance(v, AmbientLight)))
-
-
-def _casters(
-    view: View, lamps: list[Lamp], surfaces: Sequence[Surface]
-) -> tuple[Casters, Casters | None]:
-    """What casts shadows; and with more faces joined, where that makes a difference."""
-    casters = Casters.of(surfaces, flatness(view, lamps))
-    coarse = None
-    if len(casters.corners) >= FEWEST and any(lamp.extended for lamp in lamps):
-        joined = casters.joined(flatness(view, lamps, COARSER))
-        if len(joined.corners) < WORTH * len(casters.corners):
-            coarse = parted(joined, lamps)
-    return parted(casters, lamps), coarse
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +87,8 @@ class Lighting:
         lamps = lamps_of(lights)
         shadows = None
         if surfaces and any(lamp.light.shadows for lamp in lamps):
-            found = ShadowTiles.build(view, lamps, *_casters(view, lamps, surfaces))
+            casters = parted(Casters.of(surfaces, flatness(view, lamps)), lamps)
+            found = ShadowTiles.build(view, lamps, casters)
             shadows = found if found.any else None
         environment = Environment.of(lights)
         even = ambient(lights)

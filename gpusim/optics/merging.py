@@ -36,18 +36,29 @@ class Merged:
     inner: npt.NDArray[np.bool_]
 
 
-def merge_flat(points: Array, faces: Numbers, tolerance: Array | None) -> Merged:
+def merge_flat(
+    points: Array,
+    faces: Numbers,
+    tolerance: Array | None,
+    beside: Numbers | None = None,
+    plane: bool = True,
+) -> Merged:
     """Join faces (F, 4) of ``points`` (N, 3); triangles, with a corner twice, stay.
 
-    ``tolerance`` (N,): how far from a vertex the joined side may pass; None joins nothing.
+    Parameters
+    ----------
+    tolerance : (N,) how far from a vertex the joined side may pass; None joins nothing.
+    beside : (F, 4) the faces across which others may be joined, as `neighbours` finds them.
+    plane : whether what is joined has to stay as flat.
     """
     count = len(faces)
     points = np.ascontiguousarray(points.T)
+    beside = neighbours(faces)[0] if beside is None else beside
     owner, inner = np.arange(count), np.zeros((count, 4), bool)
     current, name = faces, np.arange(count)  # the faces left, and their numbers among all
     for k in (1, 2):  # across a face's edges 1 and 3, then 2 and 0
         for _ in range(ROUNDS if tolerance is not None else 0):
-            first, second = _pairs(points, current, k, tolerance)
+            first, second = _pairs(points, current, beside, k, tolerance, plane)
             if not len(first):
                 break
             into = np.arange(count)
@@ -62,16 +73,32 @@ def merge_flat(points: Array, faces: Numbers, tolerance: Array | None) -> Merged
                 current[first, j] = current[second, j]
             left = np.ones(len(current), bool)
             left[second] = False
+            beside = _beside(beside, first, second, k)[left]
             current, name = current[left], name[left]
     return Merged(current, np.searchsorted(name, owner), inner)
 
 
+def _beside(beside: Numbers, first: Numbers, second: Numbers, k: int) -> Numbers:
+    """What is across the edges (F, 4) of faces once pairs of them are joined across edges ``k``,
+    by the numbers of what is then left."""
+    result = beside.copy()
+    result[first, k] = beside[second, k]
+    into = np.arange(len(beside))
+    into[second] = first
+    for j in ((k + 1) % 4, (k + 3) % 4):
+        a, b = beside[first, j], beside[second, j]
+        # on a long side is one face, or none
+        result[first, j] = np.where((a >= 0) & (b >= 0) & (into[a] == into[b]), a, -1)
+    left = np.ones(len(beside), np.int64)
+    left[second] = 0
+    number = (np.cumsum(left) - 1)[into]
+    return np.where(result >= 0, number[result], result)
+
+
 def _pairs(
-    points: Array, faces: Numbers, k: int, tolerance: Array | None
+    points: Array, faces: Numbers, beside: Numbers, k: int, tolerance: Array | None, plane: bool
 ) -> tuple[Numbers, Numbers]:
-    """Disjoint pairs of faces that may be joined across the first one's edge ``k``; of ``points``
-    (3, N)."""
-    beside = neighbours(faces)[0]
+    """Disjoint pairs of faces that may be joined across the first one's edge ``k``."""
     count = len(faces)
     other, back = beside[:, k], beside[:, (k + 2) % 4]
     corner = np.ascontiguousarray(faces.T)
@@ -88,7 +115,8 @@ def _pairs(
     if tolerance is not None:
         good &= _on_segment(points, a[0], a[3], b[0], tolerance)
         good &= _on_segment(points, a[1], a[2], b[1], tolerance)
-        good &= _flat(points, (a[3], b[0], b[1], a[2]), tolerance)
+        if plane:
+            good &= _flat(points, (a[3], b[0], b[1], a[2]), tolerance)
     known, partner = known[good], partner[good]
     # places along the rows: every second face is joined with the next
     before = np.full(count, -1)

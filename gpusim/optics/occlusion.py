@@ -87,6 +87,7 @@ def visible_share(
     corners: Array,
     both_sides: npt.NDArray[np.bool_],
     tolerance: Array,
+    edges: npt.NDArray[np.uint8],
 ) -> Array:
     """Share (N,) of a lamp that receivers at (N, 3) see, 0 to 1.
 
@@ -99,6 +100,7 @@ def visible_share(
         the lamp from it, counter-clockwise seen from outside, and ``both_sides`` (P,) whether
         its inside hides as well.
     tolerance : (N,) distance to a face's plane within which it hides nothing.
+    edges : (P,) bit k for the k-th edge of the face; all of the lamp lies inside of the others.
     """
     masks = lamp_masks(lamp)
     total = int(np.bitwise_count(masks).sum())
@@ -108,7 +110,7 @@ def visible_share(
         own = receiver[part]
         bits = _covered(
             lamp, at[own], normal[own], across[own], down[own], corners[part], both_sides[part],
-            tolerance[own],
+            tolerance[own], edges[part],
         )  # fmt: skip
         np.bitwise_or.at(covered, own, bits)
     free = np.bitwise_count(masks & ~covered).sum(axis=1)
@@ -125,6 +127,7 @@ def _covered(
     corners: Array,
     both_sides: npt.NDArray[np.bool_],
     tolerance: Array,
+    edges: npt.NDArray[np.uint8],
 ) -> npt.NDArray[np.uint32]:
     """(P, 16) words: the samples that each face hides from its receiver."""
     near = 0.0 if lamp.far else 1.0
@@ -153,6 +156,9 @@ def _covered(
         a, b = sign * (planes @ lamp.u), sign * (planes @ lamp.v)
     else:
         a, b, gx, gy = 0.5 * gx, 0.5 * gy, 0.0 * gx, 0.0 * gy
+    asked = (edges[:, None] >> np.arange(4, dtype=np.uint8) & 1).astype(bool)
+    value[~asked] = 1.0
+    a, b, gx, gy = (np.where(asked, v, 0.0) for v in (a, b, gx, gy))
     # a face beside all of the lamp and the pixel hides nothing
     most = value + np.abs(a) + np.abs(b) + 0.5 * (np.abs(gx) + np.abs(gy))
     counts &= (most[:, 0] >= 0.0) & (most[:, 1] >= 0.0) & (most[:, 2] >= 0.0) & (most[:, 3] >= 0.0)

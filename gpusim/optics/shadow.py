@@ -19,7 +19,7 @@ from gpusim.optics.pattern import LOOP_TURNS
 from gpusim.optics.setup import Setup
 from gpusim.optics.shade import ShadePass, Tables, shade_twin
 from gpusim.optics.shadow_probe import probe_shadows
-from gpusim.optics.shadow_tiles import TILE, TURNS
+from gpusim.optics.shadow_tiles import TILE
 from gpusim.optics.visibility import visibility_twin
 
 __all__ = ["ShadowPass"]
@@ -32,11 +32,11 @@ class ShadowPass:
         tiles = tables.setup.lighting.shadows
         assert tiles is not None
         self.tables = tables
-        most = int(tiles.count.sum(axis=1).max(initial=0))
-        if not most * TURNS <= LOOP_TURNS:
+        most = int(tiles.edge_counts.max(initial=0))
+        if not most <= LOOP_TURNS:
             raise InputError(
-                f"render shadows; got {most} faces that may hide lamps from one tile of pixels; "
-                f"expected at most {LOOP_TURNS // TURNS}: take smaller or fewer lamps, a coarser "
+                f"render shadows; got {most} edges that may hide lamps from one tile of pixels; "
+                f"expected at most {LOOP_TURNS}: take smaller or fewer lamps, a coarser "
                 "mesh, shadows = False, or backend 'numpy'"
             )
         # a program each for tiles with and without gloss: the wall behind steel is most of them

@@ -5,14 +5,17 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from gpusim.gpu import Device, Uniform
 from gpusim.gpu.texels import Texels
 from gpusim.optics.lighting import Lighting
 from gpusim.optics.occlusion import TOLERANCE, lamp_masks, lattice
-from gpusim.optics.shadow_tiles import MOST_LAMPS
+from gpusim.optics.shadow_tiles import MOST_LAMPS, ShadowTiles
 
 __all__ = ["ShadowTables"]
+
+Numbers = npt.NDArray[np.int64]
 
 
 class ShadowTables:
@@ -21,18 +24,17 @@ class ShadowTables:
     def __init__(self, device: Device, lighting: Lighting) -> None:
         tiles = lighting.shadows
         self.shades = Uniform(device, _shades(lighting), "shade.shades")
-        faces = np.zeros((0, 4, 4), np.float32)
+        faces = np.zeros((0, 5, 4), np.float32)
         lists = grid = np.zeros((0, 4), np.uint32)
         if tiles is not None:
             if len(tiles.corners):
-                faces = np.zeros((len(tiles.corners), 4, 4), np.float32)
-                faces[:, :, :3] = tiles.corners
-                faces[:, 0, 3] = tiles.both_sides
-            heads = tiles.start.size
-            lists = np.zeros((heads + -(-len(tiles.face) // 4), 4), np.uint32)
-            lists[:heads, 0] = tiles.start.reshape(-1) + 4 * heads
-            lists[:heads, 1] = tiles.count.reshape(-1)
-            lists[heads:].reshape(-1)[: len(tiles.face)] = tiles.face
+                faces = _faces(tiles)
+            start, count, edges = _edge_lists(tiles)
+            heads = start.size
+            lists = np.zeros((heads + -(-len(edges) // 4), 4), np.uint32)
+            lists[:heads, 0] = start.reshape(-1) + 4 * heads
+            lists[:heads, 1] = count.reshape(-1)
+            lists[heads:].reshape(-1)[: len(edges)] = edges
             grid = np.zeros((tiles.lit.size, 4), np.uint32)
             grid[:, 0], grid[:, 1] = tiles.lit.reshape(-1), tiles.entry.reshape(-1)
         self.occluders = _texels(device, faces.reshape(-1, 4), "shadow.occluders")
@@ -47,6 +49,31 @@ class ShadowTables:
             "shadow_lists": self.lists,
             "shadow_tiles": self.tiles,
         }
+
+
+def _faces(tiles: ShadowTiles) -> npt.NDArray[np.float32]:
+    """(F, 5, 4): four corners and whether the inside hides as well; the plane's unit normal and
+    its offset from the eye."""
+    across = tiles.corners[:, 2] - tiles.corners[:, 0]
+    normal = np.cross(across, tiles.corners[:, 3] - tiles.corners[:, 1])
+    length = np.linalg.norm(normal, axis=1)[:, None]
+    normal /= np.where(length > 0.0, length, 1.0)
+    faces = np.zeros((len(tiles.corners), 5, 4), np.float32)
+    faces[:, :4, :3], faces[:, :4, 3] = tiles.corners, tiles.both_sides[:, None]
+    faces[:, 4, :3] = normal
+    faces[:, 4, 3] = np.sum(normal * tiles.corners.mean(axis=1), axis=1)
+    return faces
+
+
+def _edge_lists(tiles: ShadowTiles) -> tuple[Numbers, Numbers, Numbers]:
+    """First and number (E, L) of the edges that a lamp's share of a tile depends on, and these: 8
+    times the face, 2 times the edge, and 1 for the last one of the face."""
+    pair, edge = np.nonzero(tiles.edges[:, None] >> np.arange(4, dtype=np.uint8) & 1)
+    last = np.ones(len(pair), bool)
+    np.not_equal(pair[1:], pair[:-1], out=last[:-1])
+    begin = np.searchsorted(pair, np.arange(len(tiles.edges) + 1))
+    start = begin[tiles.start]
+    return start, begin[tiles.start + tiles.count] - start, 8 * tiles.face[pair] + 2 * edge + last
 
 
 def _texels(device: Device, values: np.ndarray[Any, Any], label: str) -> Texels:
@@ -78,7 +105,6 @@ def _shades(lighting: Lighting) -> dict[str, Any]:
         "count": len(tiles.lamps) if tiles is not None else 0,
         "columns": tiles.lit.shape[1] if tiles is not None else 1,
         "tolerance": TOLERANCE,
-        "groups": 4,
         "rows": _rows(),
         "lamps": lamps,
     }
@@ -86,4 +112,4 @@ def _shades(lighting: Lighting) -> dict[str, Any]:
 
 def _rows() -> dict[str, np.ndarray[Any, Any]]:
     """The sample lattice, four rows at a time."""
-    return dict(zip(("a", "b", "x", "way"), lattice().T.reshape(4, 4, 4), strict=True))
+    return dict(zip(("a", "b", "x"), lattice().T[:3].reshape(3, 4, 4), strict=True))

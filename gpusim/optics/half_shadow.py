@@ -1,0 +1,281 @@
+"""Tiles of a picture in a lamp's shadow: in full, or in half with the faces in the way."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.optics.casters import Casters, LampFaces
+from gpusim.optics.emitters import Lamp
+from gpusim.optics.lamp_edges import EVERY_EDGE
+from gpusim.optics.lamp_grid import LampGrid
+from gpusim.optics.lamp_merging import FEWEST, joined_grids
+from gpusim.optics.lamp_view import LampView
+from gpusim.optics.ragged import expand
+from gpusim.optics.receivers import TILE, Pairs, Receivers
+
+__all__ = ["HalfShadow", "half_shadow"]
+
+Array = npt.NDArray[np.float64]
+Numbers = npt.NDArray[np.int64]
+Bits = npt.NDArray[np.uint8]
+States = npt.NDArray[np.int8]
+Level = tuple[Casters, list[LampGrid]]
+LEVELS = (128, 32, TILE)
+LIT, DARK, HALF = 0, 1, 2
+RISES = 0.15, 0.6
+"""Of the median difference in s between receivers and the highest casters: for those less far below
+joined ones, these aren't exact enough."""
+
+
+@dataclass(frozen=True, eq=False)
+class HalfShadow:
+    """``dark``: tiles (linear) that the lamp doesn't light.
+
+    ``tile``, ``face`` (n,): pairs of those that it half lights and of ``corners`` (F, 4, 3) world,
+    ``both_sides`` (F,); ``edges`` (n,) those of the face that count there: see `ShadowTiles`.
+    """
+
+    dark: Numbers
+    tile: Numbers
+    face: Numbers
+    edges: Bits
+    corners: Array
+    both_sides: npt.NDArray[np.bool_]
+
+    @staticmethod
+    def none() -> HalfShadow:
+        """No shadow at all."""
+        number = np.zeros(0, np.int64)
+        return HalfShadow(
+            number, number, number, np.zeros(0, np.uint8), np.zeros((0, 4, 3)), np.zeros(0, bool)
+        )
+
+
+def half_shadow(
+    receivers: Receivers, lamp: Lamp, casters: Casters, shape: tuple[int, int]
+) -> HalfShadow:
+    """What ``casters`` hide of a lamp in the picture, of ``shape`` (rows, columns) tiles."""
+    faces = casters.seen_by(lamp, receivers.corners.reshape(-1, 3))
+    if not len(faces.face):
+        return HalfShadow.none()
+    grids = _grids(receivers, lamp, casters, faces)
+    facing = ~receivers.turned_away(lamp)
+    # a small triangle is the same receiver in each of its tiles
+    small = np.flatnonzero(facing & ~receivers.large)
+    points = np.take(receivers.columns, small, axis=2)[[0, 1, 2, 2]]
+    maybe = _may_hide(grids, points)
+    spots = receivers.pairs(small, TILE)
+    owner = np.searchsorted(small, spots.triangle)
+    whole = spots[~maybe[owner]]
+    spots, owner = spots[maybe[owner]], (np.cumsum(maybe) - 1)[owner[maybe[owner]]]
+    boxes = [np.compress(maybe, points, axis=2)]
+    pairs = receivers.pairs(np.flatnonzero(facing & receivers.large), LEVELS[0])
+    clear = np.zeros((1, 1), np.int64)  # receivers of each tile that nothing is before
+    for size in LEVELS:
+        if size != pairs.size:
+            clear = np.repeat(
+                np.repeat(clear, pairs.size // size, axis=0), pairs.size // size, axis=1
+            )
+            pairs = receivers.touched(pairs.split(size))
+        points = receivers.points(pairs)
+        maybe = _may_hide(grids, points)
+        clear = _count(pairs[~maybe], shape, clear)
+        pairs, points = pairs[maybe], np.compress(maybe, points, axis=2)
+    which = np.concatenate([owner, boxes[0].shape[2] + np.arange(points.shape[2])])
+    boxes.append(points)
+    pairs = Pairs(
+        np.concatenate([spots.triangle, pairs.triangle]),
+        np.concatenate([spots.tile, pairs.tile]), TILE,
+    )  # fmt: skip
+    everything = np.concatenate(boxes, axis=2)
+    levels = _levels(grids, casters, faces, everything)
+    state, owner, face, edges = _found(levels, everything)
+    order = np.argsort(owner, kind="stable")
+    start = np.searchsorted(owner[order], np.arange(len(state) + 1))
+    state = state[which]
+    pair, offset = expand(np.diff(start)[which])
+    listed = order[start[which[pair]] + offset]
+    tile = pairs.tile[:, 1] * shape[1] + pairs.tile[:, 0]
+    clear = _count(whole, shape, clear)
+    lit = _count(pairs[state == LIT], shape, clear).reshape(-1) > 0
+    half = np.zeros(shape, bool).reshape(-1)
+    half[tile[state == HALF]] = True
+    dark = np.zeros(shape, bool).reshape(-1)
+    dark[tile[state == DARK]] = True
+    half |= dark & lit
+    dark &= ~half
+    mixed = half[tile[pair]]
+    pair, listed = pair[mixed], listed[mixed]
+    corners = np.concatenate([own.corners for own, _ in reversed(levels)])
+    both_sides = np.concatenate([own.both_sides for own, _ in reversed(levels)])
+    count = len(corners)
+    # receivers of one tile share its list: 4 bits of each key tell the edges
+    keys = np.sort((tile[pair] * count + face[listed]) << 4 | edges[listed])
+    first = np.flatnonzero(np.diff(keys >> 4, prepend=-1))
+    place, face = np.divmod(keys[first] >> 4, count)
+    bits = np.bitwise_or.reduceat(keys, first) & EVERY_EDGE if len(first) else keys
+    # other receivers of the tile may look past any edge
+    every = _count(pairs, shape, clear).reshape(-1)
+    bits[np.diff(first, append=len(keys)) < every[place]] = EVERY_EDGE
+    seen = np.zeros(count, bool)
+    seen[face] = True
+    return HalfShadow(
+        np.flatnonzero(dark), place, (np.cumsum(seen) - 1)[face], bits.astype(np.uint8),
+        corners[seen], both_sides[seen],
+    )  # fmt: skip
+
+
+def _grids(receivers: Receivers, lamp: Lamp, casters: Casters, faces: LampFaces) -> list[LampGrid]:
+    """The casters as seen from a lamp, for each half space before it."""
+    grids = []
+    for view in LampView.of(lamp):
+        s = view.place(*np.moveaxis(receivers.columns, 1, 0))[2]
+        s = s[np.isfinite(s)]
+        grids.append(LampGrid(view, casters, faces, float(s.min(initial=np.inf))))
+    return grids
+
+
+def _levels(
+    grids: list[LampGrid], casters: Casters, faces: LampFaces, points: Array
+) -> list[Level]:
+    """The casters as they are, and joined as far as most receivers' boxes (4, 3, n) allow."""
+    result: list[Level] = [(casters, grids)]
+    if grids[0].view.lamp.extended and len(faces.face) >= FEWEST and points.shape[2]:
+        (grid,) = grids
+        reach = grid.view.reach(points)
+        above = grid.top(reach) - reach.s[1]
+        rises = [share * float(np.median(above)) for share in RISES]
+        result += [(own, [one]) for own, one in joined_grids(grid, casters, faces, rises)]
+    return result
+
+
+def _found(levels: list[Level], points: Array) -> tuple[States, Numbers, Numbers, Bits]:
+    """State of each receiver box (4, 3, n), pairs (box, face) of those not lit with the edges that
+    count; each by the most joined casters that none of is too near to it, numbered from the last
+    level to the first."""
+    state = np.full(points.shape[2], LIT, np.int8)
+    boxes, faces = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
+    edges = [np.zeros(0, np.uint8)]
+    left, before = np.arange(len(state)), 0
+    for casters, grids in reversed(levels):
+        own = points if len(left) == len(state) else np.take(points, left, axis=2)
+        state[left], box, face, bits, near = _candidates(grids, casters, own)
+        boxes.append(left[box])
+        faces.append(before + face)
+        edges.append(bits)
+        before += len(casters.corners)
+        left = left[near]
+        if not len(left):
+            break
+    return state, np.concatenate(boxes), np.concatenate(faces), np.concatenate(edges)
+
+
+def _may_hide(grids: list[LampGrid], points: Array) -> npt.NDArray[np.bool_]:
+    """(n,) whether something may lie between the lamp and points (4, 3, n)."""
+    result = np.zeros(points.shape[2], bool)
+    for grid in grids:
+        result |= grid.may_hide(grid.view.reach(points))
+    return result
+
+
+def _candidates(
+    grids: list[LampGrid], casters: Casters, points: Array
+) -> tuple[States, Numbers, Numbers, Bits, npt.NDArray[np.bool_]]:
+    """As `_found`, of one level; and whether a box is too near to a joined face, which has no
+    pairs then."""
+    count = points.shape[2]
+    state = np.full(count, LIT, np.int8)
+    near = np.zeros(count, bool)
+    pairs, faces = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
+    edges = [np.zeros(0, np.uint8)]
+    for grid in grids:
+        reach = grid.view.reach(points)
+        usable = np.flatnonzero(np.isfinite(reach.s[0]))
+        if len(usable) == count:
+            box, caster = grid.candidates(reach)
+        else:
+            box, caster = grid.candidates(reach[usable])
+            box = usable[box]
+        close = grid.near(reach, box, caster)
+        if len(close):
+            near[close] = True
+            kept = np.flatnonzero(~near[box])
+            box, caster = box[kept], caster[kept]
+        face, side = grid.face[caster], grid.side[caster]
+        behind, ahead = _sides_of(casters, face, points, box)
+        # one side of a plane sees nothing of it hidden; closed bodies hide outwards only
+        closed = ~casters.both_sides[face]
+        # what is turned to the lamp in the plane of a face that is turned away lies against it
+        against = ahead & behind & closed & (side == -1)
+        drop = (ahead & (side == 1)) | (behind & ~against & ((side == -1) | closed))
+        kept = np.flatnonzero(~drop)
+        box, face, caster, against = box[kept], face[kept], caster[kept], against[kept]
+        inside, past = grid.meets(reach[box], caster)
+        kept = np.flatnonzero(inside)
+        box, face, caster, past = box[kept], face[kept], caster[kept], past[kept]
+        against = against[kept]
+        sure = (against | (grid.reach.s[0][caster] > reach.s[1][box])) & ~past
+        half = np.zeros(count, bool)
+        half[box[~sure]] = True
+        hit = np.zeros(count, bool)
+        ask = np.flatnonzero(~half[box])
+        middle = points[:, :, box[ask]].mean(axis=0).T
+        corners = casters.corners[face[ask]]
+        hit[box[ask[_meets(grid.view.lamp, middle, corners, against[ask])]]] = True
+        # inside of an outline, yet no face in the way: a ray between faces that were joined, which
+        # needn't meet corner by corner; pixel by pixel it is one sample
+        half[box[~hit[box]]] = True
+        state = np.maximum(state, np.where(half, HALF, np.where(hit, DARK, LIT)).astype(np.int8))
+        pairs.append(box)
+        faces.append(face)
+        edges.append(grid.edges.needed(reach, box, caster))
+    return state, np.concatenate(pairs), np.concatenate(faces), np.concatenate(edges), near
+
+
+def _sides_of(
+    casters: Casters, face: Numbers, points: Array, box: Numbers
+) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
+    """Whether boxes of points lie behind the planes of faces, or before them, pair by pair."""
+    normal = [np.ascontiguousarray(casters.normal[:, axis]) for axis in range(3)]
+    offset = np.sum(casters.corners[:, 0] * casters.normal, axis=1)[face]
+    slack = (1e-7 * np.abs(points).max(initial=0.0)) * np.linalg.norm(casters.normal, axis=1)[face]
+    own = [n[face] for n in normal]
+    low, high = np.full(len(face), np.inf), np.full(len(face), -np.inf)
+    for corner in points:
+        height = -offset
+        for axis in range(3):
+            height += own[axis] * corner[axis][box]
+        np.minimum(low, height, out=low)
+        np.maximum(high, height, out=high)
+    return high <= slack, low >= -slack
+
+
+def _meets(
+    lamp: Lamp, at: Array, corners: Array, against: npt.NDArray[np.bool_]
+) -> npt.NDArray[np.bool_]:
+    """Whether the way from points (n, 3) to the lamp's centre goes through faces (n, 4, 3).
+
+    ``against`` (n,): the point lies in the face's plane, and counts as before it.
+    """
+    to = lamp.centre - (0.0 if lamp.far else 1.0) * at
+    D = corners - at[:, None]
+    planes = np.cross(D, np.roll(D, -1, axis=1))
+    sign = np.sign(np.sum(planes.sum(axis=1) * D.mean(axis=1), axis=1))[:, None]
+    sign[against] = -1.0
+    inside = (sign * np.einsum("nka,na->nk", planes, to) >= 0.0).all(axis=1)
+    return np.asarray(inside & (sign[:, 0] != 0.0))
+
+
+def _count(pairs: Pairs, shape: tuple[int, int], more: Numbers) -> Numbers:
+    """How many pairs there are of each tile of their size, added to ``more``; ``shape``: of the
+    smallest tiles."""
+    parts = pairs.size // TILE
+    tall, wide = -(-shape[0] // parts), -(-shape[1] // parts)
+    number = pairs.tile[:, 1] * wide + pairs.tile[:, 0]
+    own = np.bincount(number, minlength=tall * wide).reshape(tall, wide)
+    if more.size > 1:
+        own += more[:tall, :wide]
+    return own

@@ -1,0 +1,77 @@
+"""Casters joined as one lamp sees them, for receivers on which its shadows are soft.
+
+A receiver X sees an edge before the lamp's face at (p - p_X) / (s - s_X), see `lamp_view`: errors
+of its p, q and s count by the difference in s between the two. What bends towards the lamp,
+as a beam does that is pulled at, stays straight in its view. So rows of faces that no tolerance in
+space would join become one, by the share of the lamp that this changes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from gpusim.optics.casters import Casters, LampFaces
+from gpusim.optics.lamp_grid import LampGrid
+from gpusim.optics.lamp_view import LampView
+from gpusim.optics.merging import merge_flat, neighbours
+
+__all__ = ["FEWEST", "joined_grids"]
+
+SHARE = 5e-4
+"""Of a lamp, by which what is seen of it may change; the lattice's step is four times that."""
+
+FEWEST, WORTH = 100, 0.7
+"""Faces that may hide a lamp, and the share left of them, which are worth another set."""
+
+
+def joined_grids(
+    grid: LampGrid, casters: Casters, faces: LampFaces, rises: list[float]
+) -> list[tuple[Casters, LampGrid]]:
+    """Sets of the casters ``faces`` that ``grid`` holds, with more and more of them joined.
+
+    ``rises``: the least difference in s to receivers for which each is exact enough, ascending.
+    """
+    result = []
+    for rise in rises:
+        count = len(faces.face)
+        if count < FEWEST:
+            break
+        own, joined = _joined(grid.view, casters, faces, SHARE * rise)
+        if len(joined.face) < WORTH * count:
+            casters, faces = own, joined
+            result.append((own, LampGrid(grid.view, own, faces, grid.lowest, rise)))
+    return result
+
+
+def _joined(
+    view: LampView, casters: Casters, faces: LampFaces, error: float
+) -> tuple[Casters, LampFaces]:
+    """The faces that may hide a lamp, joined where that moves their edges by no more than ``error``
+    in s times the lamp's size."""
+    p, q, s = view.place(*casters.points.T)
+    points = np.stack([0.5 / view.half[0] * p, 0.5 / view.half[1] * q, 0.5 * s], axis=1)
+    corners = casters.faces[faces.face]
+    beside = neighbours(corners)[0]
+    ahead = np.asarray(np.isfinite(p)[corners].all(axis=1))
+    apart = ~ahead[:, None] | ~ahead[beside] | (faces.side[beside] != faces.side[:, None])
+    beside[(beside >= 0) & apart] = -1
+    tolerance = np.full(len(casters.points), error)
+    merged = merge_flat(points, corners, tolerance, beside, plane=False)
+    count = len(merged.faces)
+    one = np.zeros(count, np.int64)
+    one[merged.owner] = np.arange(len(corners))
+    rim = np.zeros((count, 4), bool)
+    face, place = np.nonzero(faces.rim & ~merged.inner)
+    rim[merged.owner[face], place] = True
+    normal = casters.normal[faces.face]
+    own = replace(
+        casters,
+        faces=merged.faces,
+        normal=np.stack([np.bincount(merged.owner, v, minlength=count) for v in normal.T], axis=1),
+        both_sides=casters.both_sides[faces.face][one],
+        edge=np.zeros((0, 2), np.int64),
+        beside=np.zeros(0, np.int64),
+    )
+    return own, LampFaces(np.arange(count), rim, faces.side[one])
