@@ -15,13 +15,12 @@ import subprocess
 import sys
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
+from dataclasses import dataclass
 from importlib import import_module
 from queue import SimpleQueue
 from threading import Lock, Thread
-from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
-
-if TYPE_CHECKING:
-    _Process = subprocess.Popen[bytes]
+from typing import Any, BinaryIO, ParamSpec, TypeVar, cast
 
 __all__ = ["begin", "prepare", "serve"]
 
@@ -70,39 +69,60 @@ def begin(function: Callable[P, R], *args: P.args, **options: P.kwargs) -> Futur
     return done
 
 
+@dataclass(frozen=True)
+class _Helper:
+    """Where a helper hears what to do, and where it answers."""
+
+    ear: BinaryIO
+    mouth: BinaryIO
+
+    def tell(self, what: bytes) -> None:
+        self.ear.write(what)
+        self.ear.flush()
+
+    def close(self) -> None:
+        with suppress(OSError):
+            self.ear.close()
+
+
 class _Team:
-    """Helpers, and a thread each that waits for what one of them does."""
+    """Helpers, and a thread each that waits for what one of them does.
+
+    One process imports modules, then divides where the system can do that well: it has no threads.
+    """
 
     def __init__(self, count: int, modules: tuple[str, ...]) -> None:
-        self.idle: SimpleQueue[_Process] = SimpleQueue()
-        self.pool = ThreadPoolExecutor(count, thread_name_prefix="gpusim.apart")
-        self.all: list[_Process] = []
+        twins = count - 1 if sys.platform == "linux" else 0
+        self.idle: SimpleQueue[_Helper] = SimpleQueue()
+        self.pool = ThreadPoolExecutor(1 + twins, thread_name_prefix="gpusim.apart")
+        pipes = [(os.pipe(), os.pipe()) for _ in range(twins)]
+        theirs = [(hears, says) for (hears, _), (_, says) in pipes]
+        self.process = subprocess.Popen(
+            [sys.executable, "-P", "-c", _ENTRY], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+            pass_fds=[end for both in theirs for end in both],
+            env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
+        )  # fmt: skip
+        assert self.process.stdin is not None and self.process.stdout is not None
+        self.all = [
+            _Helper(cast(BinaryIO, self.process.stdin), cast(BinaryIO, self.process.stdout))
+        ]
+        for (hears, tells), (listens, says) in pipes:
+            os.close(hears)
+            os.close(says)
+            self.all.append(_Helper(os.fdopen(tells, "wb"), os.fdopen(listens, "rb")))
         atexit.register(self.end)
-        self._start()
-        Thread(target=self._join, args=(count, modules), daemon=True).start()
+        start = _pickled(sys.path) + _pickled((modules, theirs))
+        Thread(target=self._join, args=(start,), daemon=True).start()
 
-    def _start(self) -> None:
-        process = subprocess.Popen(
-            [sys.executable, "-P", "-c", _ENTRY], stdin=subprocess.PIPE, stdout=subprocess.PIPE
-        )
-        self.all.append(process)
-
-    def _join(self, count: int, modules: tuple[str, ...]) -> None:
-        """Let one after the other begin: together they would hold up the caller's own start."""
-        for number in range(count):
-            if number:
-                try:
-                    self._start()
-                except OSError:
-                    return
-            process = self.all[number]
+    def _join(self, start: bytes) -> None:
+        for number, helper in enumerate(self.all):
             try:
-                _tell(process, _pickled(sys.path) + _pickled(modules))
-                assert process.stdout is not None
-                pickle.load(process.stdout)
-            except (OSError, EOFError, pickle.PickleError):
-                process.kill()  # `call` will notice
-            self.idle.put(process)
+                if number == 0:
+                    helper.tell(start)
+                pickle.load(helper.mouth)
+            except (OSError, ValueError, EOFError, pickle.PickleError):
+                helper.close()  # `call` will notice
+            self.idle.put(helper)
 
     def call(self, function: Callable[..., Any], args: Any, options: Any) -> Any:
         """What a helper's call of ``function`` returns."""
@@ -110,31 +130,25 @@ class _Team:
             message = _pickled((function, args, options))
         except (pickle.PickleError, AttributeError, TypeError):  # a function without a name
             return function(*args, **options)
-        process = self.idle.get()
+        helper = self.idle.get()
         try:
-            _tell(process, message)
-            assert process.stdout is not None
-            fine, result = pickle.load(process.stdout)
-        except (OSError, EOFError, pickle.PickleError, AttributeError, TypeError):
-            process.kill()  # it is gone, or in the middle of an answer
+            helper.tell(message)
+            fine, result = pickle.load(helper.mouth)
+        except (OSError, ValueError, EOFError, pickle.PickleError, AttributeError, TypeError):
+            helper.close()  # it is gone, or in the middle of an answer
             fine = False
-        self.idle.put(process)
+        self.idle.put(helper)
         return result if fine else function(*args, **options)
 
     def end(self) -> None:
-        for process in self.all:
-            process.kill()
-            process.wait()
+        self.process.kill()
+        self.process.wait()
+        for helper in self.all:  # where it ends, its twins end too
+            helper.close()
 
 
 def _pickled(what: Any) -> bytes:
     return pickle.dumps(what, protocol=pickle.HIGHEST_PROTOCOL)
-
-
-def _tell(process: _Process, message: bytes) -> None:
-    assert process.stdin is not None
-    process.stdin.write(message)
-    process.stdin.flush()
 
 
 def _cores() -> int:
@@ -145,15 +159,24 @@ def _cores() -> int:
 
 def serve() -> None:
     """What a helper does until its caller is gone."""
-    answers = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # what a library prints must not get between the answers
-    for module in pickle.load(sys.stdin.buffer):
+    modules, twins = pickle.load(sys.stdin.buffer)
+    for module in modules:
         import_module(module)
+    for hears, says in twins:
+        if os.fork() == 0:
+            os.dup2(hears, 0)
+            os.dup2(says, 1)
+            break
+    for hears, says in twins:
+        os.close(hears)
+        os.close(says)
+    questions, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # what a library prints must not get between the answers
     answers.write(_pickled("ready"))
     answers.flush()
     while True:
         try:
-            function, args, options = pickle.load(sys.stdin.buffer)
+            function, args, options = pickle.load(questions)
         except EOFError:
             os._exit(0)
         try:

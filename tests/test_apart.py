@@ -6,6 +6,7 @@ import operator
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -58,12 +59,34 @@ def test_a_helper_that_is_gone_fails_nobody(monkeypatch: pytest.MonkeyPatch) -> 
     team = apart._Team(1, ())
     try:
         monkeypatch.setattr(apart, "_team", team)
-        team.all[0].kill()
-        team.all[0].wait()
+        team.process.kill()
+        team.process.wait()
         assert apart.begin(os.getpid).result() == os.getpid()
         assert apart.begin(operator.add, 1, 2).result() == 3
     finally:
         team.end()
+
+
+@needs_helpers
+@pytest.mark.skipif(sys.platform != "linux", reason="helpers divide under Linux alone")
+def test_helpers_divide_and_end_with_their_caller() -> None:
+    team = apart._Team(2, ())
+    numbers: set[int] = set()
+    for _ in range(200):  # until both have got ready
+        numbers.add(team.call(os.getpid, (), {}))
+        time.sleep(0.02 if len(numbers) < 2 else 0.0)
+    assert len(numbers) == 2 and os.getpid() not in numbers
+    team.end()
+    for number in numbers:
+        for _ in range(100):
+            if (
+                not Path(f"/proc/{number}").exists()
+                or "Z" in Path(f"/proc/{number}/stat").read_text()
+            ):
+                break
+            time.sleep(0.02)
+        else:
+            pytest.fail(f"process {number} is still there")
 
 
 @needs_helpers

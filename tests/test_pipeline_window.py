@@ -45,9 +45,7 @@ def photographs(scene: gs.Scene, folder: Path, skip: bool) -> list[np.ndarray]:
     work = Photographer(scene, folder, None, "numpy", lights, things.target, "calib-", skip)
     images = []
     for pose in range(2):
-        work.take(scene.cameras[0], pose)
-        assert work.image is not None
-        images.append(work.image)
+        images.append(work.take(scene.cameras[0], pose).image)
     return images
 
 
@@ -115,16 +113,16 @@ def test_the_board_is_found_in_its_window_as_in_the_whole(tmp_path: Path) -> Non
         scene, tmp_path, None, "numpy", build_lights(scene), things.target, "calib-"
     )
     for pose in range(2):
-        work.take(scene.cameras[0], pose)
-    assert work.image is not None and work.window is not None
+        shot = work.take(scene.cameras[0], pose)
+    assert shot.window is not None
     board = gs.measure.Chessboard(7, 5, 10.0)
-    left, top, right, bottom = work.window.box
-    part = gs.measure.find_chessboard(work.image, board, work.window.box)
-    whole = gs.measure.find_chessboard(work.image, board)
+    left, top, right, bottom = shot.window.box
+    part = gs.measure.find_chessboard(shot.image, board, shot.window.box)
+    whole = gs.measure.find_chessboard(shot.image, board)
     assert len(part.image) == len(whole.image) == 24
     assert np.abs(part.image - whole.image).max() <= 1e-3
     assert (part.image > [left, top]).all() and (part.image < [right, bottom]).all()
-    nothing = gs.measure.find_chessboard(work.image, board, (0, 0, left, top))
+    nothing = gs.measure.find_chessboard(shot.image, board, (0, 0, left, top))
     assert not len(nothing.image) and nothing.resolution == (900, 600)
     with pytest.raises(gs.errors.InputError, match="find_chessboard region"):
-        gs.measure.find_chessboard(work.image, board, (0, 0, 901, 600))
+        gs.measure.find_chessboard(shot.image, board, (0, 0, 901, 600))

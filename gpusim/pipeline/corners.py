@@ -1,26 +1,21 @@
-"""Corners of the calibration board, found as soon as an image is taken and kept beside it."""
+"""Corners of the calibration board, kept beside the image that they were found in."""
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Iterable
-from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import fields
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from gpusim import measure
 from gpusim.errors import InputError
 from gpusim.export.files import atomic_stream
-from gpusim.pipeline.images import Photographer, image_path
-from gpusim.pipeline.window import Window
+from gpusim.pipeline.images import Shot, image_path
 from gpusim.scene import Scene
 from gpusim.scene import model as m
 
-__all__ = ["Board", "Targets", "board_of", "read_corners"]
+__all__ = ["Board", "board_of", "read_corners", "write_corners"]
 
 MM = 1e3
 Board = measure.Chessboard | measure.CharucoBoard
@@ -47,60 +42,22 @@ def board_of(scene: Scene) -> Board | None:
     return None
 
 
-class Targets:
-    """Photographs of the calibration target, and the board's corners in them.
-
-    While the corners of one picture are looked for, the next one is taken. ``wanted``: cameras and
-    poses in the order in which `take` will be called.
-    """
-
-    def __init__(self, photographer: Photographer, wanted: Iterable[tuple[m.Camera, int]]) -> None:
-        self.photographer, self._wanted = photographer, deque(wanted)
-        self._pool = ThreadPoolExecutor(1, thread_name_prefix="gpusim.corners")
-        self._coming: Future[list[Path]] | None = None
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._pool.shutdown()
-
-    def take(self) -> list[Path]:
-        """Take the next picture and find its corners; returns its files."""
-        now = self._coming or self._begin()
-        self._coming = self._begin() if self._wanted else None
-        return now.result()
-
-    def _begin(self) -> Future[list[Path]]:
-        """Photograph; the corners, if something is measured by them, come later."""
-        camera, pose = self._wanted.popleft()
-        begun: Future[list[Path]] = Future()
-        try:
-            files, scene = self.photographer.take(camera, pose), self.photographer.scene
-        except Exception as error:  # it belongs to the picture that it happened to
-            begun.set_exception(error)
-            return begun
-        board, image = board_of(scene), self.photographer.image
-        if not scene.measures_space or board is None or image is None:
-            begun.set_result(files)
-            return begun
-        return self._pool.submit(_with_corners, files, board, image, self.photographer.window)
-
-
-def _with_corners(
-    files: list[Path], board: Board, image: npt.NDArray[Any], window: Window | None
-) -> list[Path]:
-    """The files of a picture and that of its corners, which is written here."""
+def write_corners(scene: Scene, shot: Shot) -> list[Path]:
+    """Find the board in a picture of the calibration, if something is measured by it, and write
+    its corners; returns their file."""
+    board = board_of(scene)
+    if not scene.measures_space or board is None:
+        return []
     if isinstance(board, measure.CharucoBoard):
-        seen = measure.find_charuco(image, board)
+        seen = measure.find_charuco(shot.image, board)
     else:
-        seen = measure.find_chessboard(image, board, window.box if window else None)
-    path = _corners_path(files[0])
+        seen = measure.find_chessboard(shot.image, board, shot.window.box if shot.window else None)
+    path = _corners_path(shot.path)
     with atomic_stream(path) as stream:
         np.savez(
             stream, allow_pickle=False, **{f.name: getattr(seen, f.name) for f in fields(seen)}
         )
-    return [*files, path]
+    return [path]
 
 
 def read_corners(scene: Scene, out: Path, camera: str, pose: int) -> measure.Sighting:

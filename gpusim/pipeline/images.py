@@ -1,9 +1,10 @@
-"""Frames of a run: rendered, exposed and written, one camera and frame at a time."""
+"""Frames of a run: rendered and exposed, one camera and frame at a time."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +31,7 @@ from gpusim.scene import Scene
 from gpusim.scene import model as m
 from gpusim.surface import Surface
 
-__all__ = ["Photographer", "image_path"]
+__all__ = ["Photographer", "Shot", "image_path"]
 
 SERIES = 10_000  # frames that a scene may have: series of the same sensor share none of their noise
 
@@ -39,6 +40,30 @@ def image_path(scene: Scene, out: Path, camera: str, frame: int, kind: str = "")
     """Where the image of a frame lies; ``kind`` "calib-" for those of a calibration target."""
     suffix = "png" if scene.sensor.format == "png" else "tif"
     return out / "images" / camera / f"{kind}{frame:04d}.{suffix}"
+
+
+@dataclass(frozen=True, eq=False)
+class Shot:
+    """An image that was taken, and where it belongs.
+
+    ``window``: the part of it that isn't background alone; None for all of it. ``density``: pixels
+    per metre. ``beside``: files that were written with it. ``kept``: whether it will be measured
+    and shown.
+    """
+
+    path: Path
+    image: npt.NDArray[Any]
+    window: Window | None
+    density: float | None
+    beside: tuple[Path, ...]
+    kept: bool
+
+    def write(self) -> list[Path]:
+        """Write it; returns all of its files."""
+        write_image(self.path, self.image, pixels_per_metre=self.density)
+        if self.kept:
+            keep(self.path, self.image)
+        return [self.path, *self.beside]
 
 
 class Photographer:
@@ -59,10 +84,6 @@ class Photographer:
         self.lights, self.surfaces, self.kind, self.skip = lights, surfaces, kind, skip
         self._last: tuple[str, int, Frame] | None = None
         self._shown: Sequence[Surface] = ()
-        self.image: npt.NDArray[Any] | None = None
-        """The latest image that was taken."""
-        self.window: Window | None = None
-        """The part of it that isn't background alone; None for all of it."""
         self.facts: dict[str, str] = {}
         """What lens and shutter did, by "camera: effect", in the latest frame."""
         self.warnings: list[str] = []
@@ -148,28 +169,24 @@ class Photographer:
         around = self.surfaces(first), self.surfaces(last)
         return moving(around[0], now, around[1], (last - first) / rate) or now
 
-    def take(self, camera: m.Camera, frame: int) -> list[Path]:
-        """Render, expose and write one frame; returns its files."""
+    def take(self, camera: m.Camera, frame: int) -> Shot:
+        """Render and expose one frame."""
         path = image_path(self.scene, self.out, camera.name, frame, self.kind)
         path.parent.mkdir(parents=True, exist_ok=True)
-        files = [path]
-        window = self.window = self._window(camera, frame)
+        window = self._window(camera, frame)
         linear = self.frame(camera, frame, window)
         sensor = self._sensor(camera, frame, linear)
+        beside = []
         if self.scene.sensor_of(camera.name).exposure is None and frame == 0:
-            files.append(self._exposure_file(camera))
+            beside.append(self._exposure_file(camera))
         common = self.scene.sensor
         number = common.series * SERIES + frame
         image = sensor.expose(linear, common.seed, number, f"{self.kind}{camera.name}")
         if window is not None:
             image = window.placed(image, build_camera(camera))
-        self.image = image
         wide = camera.sensor[0]
-        pixels = camera.resolution[0] / wide if wide else None
-        write_image(path, image, pixels_per_metre=pixels)
-        if not self.kind:  # it will be measured and shown
-            self.image = keep(path, image)
-        return files
+        density = camera.resolution[0] / wide if wide else None
+        return Shot(path, image, window, density, tuple(beside), kept=not self.kind)
 
     def _window(self, camera: m.Camera, frame: int) -> Window | None:
         """The part of a target's image that isn't background, if nothing acts on that as well."""

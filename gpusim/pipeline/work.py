@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -18,8 +18,9 @@ from gpusim.export.images import read_image
 from gpusim.gpu import Device, default_device
 from gpusim.gpu.beforehand import not_needed
 from gpusim.pipeline import images, measurements, outputs
+from gpusim.pipeline.album import Album
 from gpusim.pipeline.build import build_body, build_lights
-from gpusim.pipeline.corners import Targets, read_corners
+from gpusim.pipeline.corners import read_corners, write_corners
 from gpusim.pipeline.files import check_field, check_views
 from gpusim.pipeline.kept import KeptMarkers
 from gpusim.pipeline.mechanics import large_displacements, make_mechanics
@@ -241,19 +242,29 @@ class Work:
         scene = self.scene
         common = (scene, self.out, self.device, self.backend, build_lights(scene))
         self.photographer = images.Photographer(*common, self.things.surfaces, "", self.skip)
-        for camera in scene.cameras:
-            for frame in range(len(scene.analysis.load_factors)):
-                planned = self.plan[f"render/{camera.name}/{frame:04d}"]
-                self._stage(planned, partial(self.photographer.take, camera, frame))
+        targets = images.Photographer(*common, self.things.target, "calib-", self.skip)
         if not scene.cameras:
             self._timed(self.plan["render"], None)
-        targets = images.Photographer(*common, self.things.target, "calib-", self.skip)
-        by_name = {camera.name: camera for camera in scene.cameras}
-        stages = [stage for stage in self.plan.stages if stage.pose is not None]
-        wanted = ((by_name[s.camera or ""], s.pose or 0) for s in stages if s.runs)
-        with Targets(targets, wanted) as pictures:
+        views = [stage for stage in self.plan.stages if stage.camera is not None]
+        self._album([stage for stage in views if stage.pose is None], self.photographer)
+        look = partial(write_corners, scene)
+        self._album([stage for stage in views if stage.pose is not None], targets, look)
+
+    def _album(
+        self,
+        stages: Sequence[PlannedStage],
+        photographer: images.Photographer,
+        look: Callable[[images.Shot], list[Path]] | None = None,
+    ) -> None:
+        by_name = {camera.name: camera for camera in self.scene.cameras}
+        wanted = (
+            (by_name[stage.camera or ""], stage.frame or stage.pose or 0)
+            for stage in stages
+            if stage.runs
+        )
+        with Album(photographer, wanted, look) as album:
             for planned in stages:
-                self._stage(planned, pictures.take)
+                self._stage(planned, album.take)
 
     def _truth(self) -> list[Path]:
         from gpusim.pipeline.truth import write_truth  # HDF5 only where it is written
