@@ -12,7 +12,7 @@ from math import sqrt
 
 import cv2
 import numpy as np
-from scipy import ndimage
+import scipy
 
 from gpusim.measure.images import FloatArray
 from gpusim.measure.interpolation import BLUR_REACH, SplineImage
@@ -42,7 +42,7 @@ def noise_factor(blurred: SplineImage, points: FloatArray, half: int, blur_px: f
     shares = []
     for axis in (0, 1):
         slope = np.gradient(pixels, axis=axis)
-        again = ndimage.gaussian_filter(slope, sqrt(2.0) * blur_px, truncate=BLUR_REACH)
+        again = scipy.ndimage.gaussian_filter(slope, sqrt(2.0) * blur_px, truncate=BLUR_REACH)
         sums = []
         for product in (slope * again, slope * slope):
             table = cv2.integral(product, sdepth=cv2.CV_64F)

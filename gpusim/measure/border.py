@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import ndtr
+import scipy
 
 __all__ = ["NearBorder", "box_by_turn", "near_border", "profile_and_slopes", "slope_by_turn"]
 
@@ -51,7 +51,7 @@ def near_border(distance: FloatArray, normal: FloatArray, variance: FloatArray) 
     z = distance.ravel()[near] + offset[:, border]
     blur = sigma[border]
     q = z / blur
-    step = ndtr(q)
+    step = scipy.special.ndtr(q)
     density = np.exp(-0.5 * q * q)
     density *= blur / np.sqrt(2 * np.pi)
     # antiderivatives of the step; the second one is z^2/2 for z >> sigma, 0 for z << -sigma

@@ -16,7 +16,7 @@ from typing import Any
 import cv2
 import numpy as np
 import numpy.typing as npt
-from scipy import ndimage
+import scipy
 
 from gpusim.errors import InputError
 from gpusim.measure.cross import Cross, fit_crosses
@@ -285,7 +285,7 @@ def _checkered(grey: npt.NDArray[np.float32], place: tuple[float, float], size: 
         reach = int(np.ceil(radius)) + 1
         if not (reach <= column < width - reach and reach <= row < height - reach):
             return False
-        ring = ndimage.map_coordinates(
+        ring = scipy.ndimage.map_coordinates(
             grey,
             [row + radius * np.sin(angle), column + radius * np.cos(angle)],
             order=1,

@@ -11,7 +11,7 @@ from math import ceil
 
 import numpy as np
 import numpy.typing as npt
-from scipy import ndimage
+import scipy
 
 from gpusim.measure.images import FloatArray, Image
 from gpusim.measure.interpolation import BLUR_REACH, PAD, SLACK, SplineImage
@@ -56,12 +56,12 @@ class Crops(SplineImage):
         pixels = np.stack([_part(image, int(x), int(y), size) for x, y in corners])
         if blur_px > 0:
             for axis in (1, 2):
-                pixels = ndimage.gaussian_filter1d(
+                pixels = scipy.ndimage.gaussian_filter1d(
                     pixels, blur_px, axis=axis, mode="mirror", truncate=BLUR_REACH
                 )
         filtered = pixels
         for axis in (1, 2):
-            filtered = ndimage.spline_filter1d(filtered, order=5, axis=axis, mode="mirror")
+            filtered = scipy.ndimage.spline_filter1d(filtered, order=5, axis=axis, mode="mirror")
         low = np.maximum(margin, -corners)
         high = np.minimum(size - 1 - margin, np.array([width, height]) - 1 - corners)
         return cls(

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import fdtrc
+import scipy
 
 from gpusim.errors import InputError
 from gpusim.measure.images import FloatArray
@@ -162,7 +162,7 @@ def slope_changes(
 
 def _chance(gain: float, freedom: int) -> float:
     """Probability that noise alone gains as much by two more parameters (F test)."""
-    return float(fdtrc(2, freedom, max(gain, 0.0)))
+    return float(scipy.special.fdtrc(2, freedom, max(gain, 0.0)))
 
 
 def _line(x: FloatArray, y: FloatArray, breaks: FloatArray) -> tuple[FloatArray, float]:

@@ -13,7 +13,7 @@ from math import ceil
 
 import numpy as np
 import numpy.typing as npt
-from scipy import ndimage
+import scipy
 
 from gpusim.errors import InputError
 from gpusim.measure.images import FloatArray, Image, check_image, crop_float
@@ -112,8 +112,8 @@ class SplineImage:
         reach = BORDER + margin - MARGIN
         wide = np.pad(crop, reach, mode="reflect", reflect_type="odd")
         if blur_px > 0:
-            wide = ndimage.gaussian_filter(wide, blur_px, mode="mirror", truncate=BLUR_REACH)
-        filtered = ndimage.spline_filter(wide, order=5, output=np.float64, mode="mirror")
+            wide = scipy.ndimage.gaussian_filter(wide, blur_px, mode="mirror", truncate=BLUR_REACH)
+        filtered = scipy.ndimage.spline_filter(wide, order=5, output=np.float64, mode="mirror")
         pixels = np.ascontiguousarray(wide[reach:-reach, reach:-reach])
         cut = slice(reach - PAD, PAD - reach)
         valid = (
@@ -194,5 +194,5 @@ class SplineImage:
 
 def _along(array: FloatArray, taps: FloatArray, axis: int) -> FloatArray:
     """Correlate with five taps along ``axis``, keeping only fully covered positions."""
-    result: FloatArray = ndimage.correlate1d(array, taps, axis=axis, mode="nearest")
+    result: FloatArray = scipy.ndimage.correlate1d(array, taps, axis=axis, mode="nearest")
     return result[2:-2] if axis == 0 else result[:, 2:-2]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy import ndimage
+import scipy
 
 from gpusim.measure.crops import Crops
 from gpusim.measure.icgn import correlate_numpy
@@ -105,7 +105,7 @@ class Matcher:
             return c[:, 0].copy()
         rows = slice(index * self.crops.size, (index + 1) * self.crops.size)
         # between pixels linearly: the search is for whole pixels, and the picture is blurred
-        template = ndimage.map_coordinates(
+        template = scipy.ndimage.map_coordinates(
             self.crops.pixels[rows], [np.clip(y, y0, y1), np.clip(x, x0, x1)], order=1
         )
         column, row, score = search_template(

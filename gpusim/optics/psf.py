@@ -17,8 +17,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
-from scipy.ndimage import map_coordinates
-from scipy.special import j1
+import scipy
 
 from gpusim.errors import InputError
 from gpusim.inputs import checked
@@ -120,7 +119,7 @@ class Airy:
         k = _grid(radius, n, "Airy")
         r = np.hypot(k[:, None], k[None, :])
         v = np.maximum(np.pi * r / self.width, 1e-9)
-        core = 0.25 * np.pi / self.width**2 * (2.0 * j1(v) / v) ** 2 / n**2
+        core = 0.25 * np.pi / self.width**2 * (2.0 * scipy.special.j1(v) / v) ** 2 / n**2
         inside = r <= radius
         core = np.where(inside, core, 0.0)
         return np.asarray(core + np.where(inside, (1.0 - core.sum()) / inside.sum(), 0.0))
@@ -139,7 +138,7 @@ class Disc:
     def transfer(self, fx: Array, fy: Array) -> Array:
         """2 J1(u) / u, u = 2 pi radius f."""
         u = np.maximum(2.0 * np.pi * self.radius * np.hypot(fx, fy), 1e-9)
-        return np.asarray(2.0 * j1(u) / u)
+        return np.asarray(2.0 * scipy.special.j1(u) / u)
 
     def cells(self, n: int) -> Array:
         """The share of each cell that the disc covers.
@@ -197,7 +196,7 @@ class MeasuredPsf:
         k = _grid(half, n, "MeasuredPsf") * self.samples_per_px
         row, column = (np.meshgrid(k + side // 2, [0.0])[0][0] for side in self.kernel.shape)
         at = np.meshgrid(row, column, indexing="ij")
-        values = map_coordinates(self.kernel, at, order=3, mode="constant")
+        values = scipy.ndimage.map_coordinates(self.kernel, at, order=3, mode="constant")
         return np.asarray(values / values.sum())
 
 

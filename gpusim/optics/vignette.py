@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.ndimage import map_coordinates
+import scipy
 
 from gpusim.errors import InputError
 from gpusim.inputs import checked
@@ -63,7 +63,7 @@ class Vignetting:
             down = (self.map.shape[0] - 1) / max(camera.height - 1, 1)
             across = (self.map.shape[1] - 1) / max(camera.width - 1, 1)
             at = np.broadcast_arrays(y * down, x * across)
-            result *= map_coordinates(self.map, at, order=1, mode="nearest")
+            result *= scipy.ndimage.map_coordinates(self.map, at, order=1, mode="nearest")
         if not result.min() >= 0.0:
             raise InputError("Vignetting: its gain falls below 0 inside the image")
         return result

@@ -29,12 +29,16 @@ class KeptMarkers:
     """`follow_markers`, once for the same pictures.
 
     ``folder``: where what was found is kept; ``reuse``: whether an earlier run's is taken.
-    ``files`` are those of this run.
     """
 
     def __init__(self, folder: Path, reuse: bool = True) -> None:
         self.folder, self.reuse = folder, reuse
-        self.files: list[Path] = []
+        self._found: dict[Path, tuple[str, Followed]] = {}
+
+    @property
+    def files(self) -> list[Path]:
+        """Those of this run."""
+        return list(self._found)
 
     def follow(
         self,
@@ -50,8 +54,9 @@ class KeptMarkers:
         """As `follow_markers`, for the measure ``name``."""
         key = _key(marks, camera, reference, deformed, subset, bits)
         path = self.folder / f"{safe_name(name)}-{safe_name(camera.name)}-markers.npz"
-        self.files.append(path)
-        found = _stored(path, key) if self.reuse else None
+        known, found = self._found.get(path, ("", None))
+        if found is None or known != key:
+            found = _stored(path, key) if self.reuse else None
         if found is None:
             found = follow_markers(
                 f"measure {name!r}", marks, camera, reference, deformed, subset=subset, bits=bits
@@ -59,6 +64,7 @@ class KeptMarkers:
             path.parent.mkdir(parents=True, exist_ok=True)
             with atomic_stream(path) as stream:
                 np.savez(stream, allow_pickle=False, **{_KEY: np.array(key)}, **vars(found))
+        self._found[path] = key, found
         return found
 
 

@@ -20,7 +20,7 @@ from gpusim.pipeline.things import Things
 from gpusim.scene import Scene
 from gpusim.scene import model as m
 
-__all__ = ["measure_stereo"]
+__all__ = ["follow_cameras", "measure_stereo"]
 
 Array = npt.NDArray[np.float64]
 Image = Callable[[str, int], npt.NDArray[Any]]
@@ -54,16 +54,9 @@ def measure_stereo(
     what = f"measure {spec.name!r}"
     board = _board(what, spec, scene)
     calibration = measure.calibrate(_sightings(spec, scene, corners), lens=spec.lens)
-    marks = collect_markers(what, spec.groups, spec.static, scene, things.bodies)
+    marks, seen = follow_cameras(spec, scene, things, image, markers)
     cameras = {c.name: build_camera(c) for c in scene.cameras}
     last = len(scene.analysis.load_factors) - 1
-    seen = [
-        markers.follow(
-            spec.name, marks, cameras[name], image(name, 0), image(name, last),
-            subset=spec.subset, bits=scene.sensor_of(name).bits,
-        )
-        for name in spec.cameras
-    ]  # fmt: skip
     noise = np.stack([np.where(s.sigma > 0, s.sigma, np.nan) / np.sqrt(2.0) for s in seen])
     noise = np.where(np.isfinite(noise), noise, np.nanmedian(noise))
     before, after = (
@@ -116,6 +109,28 @@ def measure_stereo(
         saturated=tuple(dict.fromkeys(name for s in seen for name in s.saturated(count))),
         unrefined=tuple(dict.fromkeys(name for s in seen for name in s.by_correlation(count))),
     )
+
+
+def follow_cameras(
+    spec: m.Stereo, scene: Scene, things: Things, image: Image, markers: KeptMarkers
+) -> tuple[MarkerSet, list[Followed]]:
+    """The markers of ``spec``, and where they are in each camera's first and last picture.
+
+    This needs no calibration. Raises as `follow_markers`.
+    """
+    marks = collect_markers(
+        f"measure {spec.name!r}", spec.groups, spec.static, scene, things.bodies
+    )
+    last = len(scene.analysis.load_factors) - 1
+    cameras = {c.name: build_camera(c) for c in scene.cameras}
+    seen = [
+        markers.follow(
+            spec.name, marks, cameras[name], image(name, 0), image(name, last),
+            subset=spec.subset, bits=scene.sensor_of(name).bits,
+        )
+        for name in spec.cameras
+    ]  # fmt: skip
+    return marks, seen
 
 
 def _board(what: str, spec: m.Stereo, scene: Scene) -> Board:

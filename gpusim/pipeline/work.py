@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager, suppress
 from functools import partial
+from importlib import import_module
 from pathlib import Path
+from threading import Thread
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -28,6 +31,7 @@ from gpusim.pipeline.memory import check_memory
 from gpusim.pipeline.meshing import mesh_summary
 from gpusim.pipeline.props import build_prop
 from gpusim.pipeline.solved import Solved
+from gpusim.pipeline.stereo import follow_cameras
 from gpusim.pipeline.things import Things
 from gpusim.plan import Plan, PlannedStage, make_plan
 from gpusim.report import (
@@ -40,6 +44,7 @@ from gpusim.report import (
     write_report,
 )
 from gpusim.scene import Scene
+from gpusim.scene import model as m
 from gpusim.scene.amplitudes import LoadHistory
 from gpusim.state import StateFile
 
@@ -76,6 +81,7 @@ class Work:
         self.models: list[Model] = []
         self.stresses: Stresses | None = None
         self.results: list[measurements.Result] = []
+        self.markers = KeptMarkers(self.out / "measure", self.reuse)
         self.photographer: images.Photographer | None = None
         self.device: Device | None = None
         self.device_before: dict[str, float] = {}
@@ -245,10 +251,22 @@ class Work:
         targets = images.Photographer(*common, self.things.target, "calib-", self.skip)
         if not scene.cameras:
             self._timed(self.plan["render"], None)
+        if self.plan["measure"].runs:  # a quarter of a second, beside the device
+            Thread(target=import_module, args=("scipy.ndimage",), daemon=True).start()
         views = [stage for stage in self.plan.stages if stage.camera is not None]
         self._album([stage for stage in views if stage.pose is None], self.photographer)
         look = partial(write_corners, scene)
-        self._album([stage for stage in views if stage.pose is not None], targets, look)
+        with ThreadPoolExecutor(1, thread_name_prefix="gpusim.follow") as aside:
+            aside.submit(self._follow)
+            self._album([stage for stage in views if stage.pose is not None], targets, look)
+
+    def _follow(self) -> None:
+        """What can be measured while a calibration's pictures are taken; faults are met again."""
+        specs = self.scene.measures if self.plan["measure"].runs else ()
+        for spec in specs:
+            if isinstance(spec, m.Stereo):
+                with suppress(GpusimError):
+                    follow_cameras(spec, self.scene, self.things, self._image, self.markers)
 
     def _album(
         self,
@@ -274,15 +292,15 @@ class Work:
                                     self.things.displacement)]  # fmt: skip
 
     def _measure(self) -> list[Path]:
-        files, markers = [], KeptMarkers(self.out / "measure", self.reuse)
-        sources = self._image, partial(read_corners, self.scene, self.out), markers
+        files: list[Path] = []
+        sources = self._image, partial(read_corners, self.scene, self.out), self.markers
         for measure in self.scene.measures:
             result = measurements.measured(measure, self.scene, self.things, *sources)
             self.results.append(result)
             files += result.write(self.out / "measure")
             self.note = result.note
             self.warnings += result.warnings
-        return files + markers.files
+        return files + self.markers.files
 
     def _remeasure(self) -> None:
         folder = self.out / "measure"

@@ -5,12 +5,14 @@ from __future__ import annotations
 import os
 from functools import cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 from urllib.parse import quote
-
-from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 
 from gpusim.report.pictures import file_uri, photo_uri
 from gpusim.report.text import aligned, duration, number, percent, signed_percent
+
+if TYPE_CHECKING:
+    from jinja2 import Environment, Template
 
 __all__ = ["page_template"]
 
@@ -23,6 +25,8 @@ def page_template(name: str) -> Template:
 
 @cache
 def _environment() -> Environment:
+    from jinja2 import Environment, PackageLoader, StrictUndefined  # at the end of a run
+
     environment = Environment(
         loader=PackageLoader("gpusim.report", "page"),
         autoescape=True,

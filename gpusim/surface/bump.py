@@ -13,7 +13,7 @@ from functools import cache
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import ndtri
+import scipy
 
 from gpusim.errors import InputError
 from gpusim.inputs import checked
@@ -111,7 +111,7 @@ def bump_waves() -> Array:
     # Roberts' R4 sequence, by the root of x^5 = x + 1, from where it has the correlation best
     root = float(np.real(np.roots([1.0, 0.0, 0.0, 0.0, -1.0, -1.0])[np.newaxis]).max())
     spread = (_START + np.outer(np.arange(1, WAVES + 1), root ** -np.arange(1.0, 5.0))) % 1.0
-    normal = ndtri(spread[:, :3])
+    normal = scipy.special.ndtri(spread[:, :3])
     # a wave and its negative are the same
     moment = normal.T @ normal / WAVES
     whitened = normal @ np.linalg.inv(np.linalg.cholesky(moment)).T

@@ -15,7 +15,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import ndtri
+import scipy
 
 from gpusim.errors import InputError
 from gpusim.inputs import checked
@@ -152,7 +152,7 @@ class Speckle:
         elif self.size_law == "lognormal":
             deviation = np.sqrt(np.log1p(self.spread**2))
             tail = 0.5 * (1.0 + _normal_share(LONGEST_TAIL))
-            z = ndtri(1.0 - tail + quantile * (2.0 * tail - 1.0))
+            z = scipy.special.ndtri(1.0 - tail + quantile * (2.0 * tail - 1.0))
             share = np.exp(deviation * z - 0.5 * deviation**2)
         else:
             share = np.ones_like(quantile)
