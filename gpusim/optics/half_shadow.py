@@ -64,11 +64,13 @@ def half_shadow(
     grids = _grids(receivers, lamp, casters, faces)
     facing = ~receivers.turned_away(lamp)
     # a small triangle is the same receiver in each of its tiles
-    small = np.flatnonzero(facing & ~receivers.large)
-    points = np.take(receivers.columns, small, axis=2)[[0, 1, 2, 2]]
+    spots = receivers.spots
+    spots = spots[facing[spots.triangle] & receivers.seen(spots)]
+    some = np.zeros(len(facing), bool)
+    some[spots.triangle] = True
+    owner = (np.cumsum(some) - 1)[spots.triangle]
+    points = np.take(receivers.columns, np.flatnonzero(some), axis=2)[[0, 1, 2, 2]]
     maybe = _may_hide(grids, points)
-    spots = receivers.pairs(small, TILE)
-    owner = np.searchsorted(small, spots.triangle)
     whole = spots[~maybe[owner]]
     spots, owner = spots[maybe[owner]], (np.cumsum(maybe) - 1)[owner[maybe[owner]]]
     boxes = [np.compress(maybe, points, axis=2)]
@@ -81,6 +83,9 @@ def half_shadow(
             )
             pairs = receivers.touched(pairs.split(size))
         points = receivers.points(pairs)
+        if size == TILE:
+            seen = receivers.seen(pairs, points)
+            pairs, points = pairs[seen], np.compress(seen, points, axis=2)
         maybe = _may_hide(grids, points)
         clear = _count(pairs[~maybe], shape, clear)
         pairs, points = pairs[maybe], np.compress(maybe, points, axis=2)
@@ -120,11 +125,11 @@ def half_shadow(
     # other receivers of the tile may look past any edge
     every = _count(pairs, shape, clear).reshape(-1)
     bits[np.diff(first, append=len(keys)) < every[place]] = EVERY_EDGE
-    seen = np.zeros(count, bool)
-    seen[face] = True
+    shown = np.zeros(count, bool)
+    shown[face] = True
     return HalfShadow(
-        np.flatnonzero(dark), place, (np.cumsum(seen) - 1)[face], bits.astype(np.uint8),
-        corners[seen], both_sides[seen],
+        np.flatnonzero(dark), place, (np.cumsum(shown) - 1)[face], bits.astype(np.uint8),
+        corners[shown], both_sides[shown],
     )  # fmt: skip
 
 

@@ -23,6 +23,9 @@ TILE = 8
 MARGIN = 1.0
 """px around a tile that count as its own: edge pixels look at points of their neighbourhood."""
 
+STEP = 4.0
+"""px between places along edges whose tiles are looked up; with the margin, less than a tile."""
+
 LARGE = 3.0 * TILE
 """px; triangles up to this size are one receiver, larger ones are divided into tiles."""
 
@@ -69,6 +72,46 @@ class Receivers:
         self.planes = view.planes[:, 0] + view.planes[:, 1] + view.planes[:, 2]
         self.rays = T[:3, :3].T @ camera.ray_matrix()
         self.sides = _sides(view.screen)
+        depth = view.corners[:, :, 2]
+        self.nearest = np.min([depth[:, 0], depth[:, 1], depth[:, 2]], axis=0)
+        self.spots = self.pairs(np.flatnonzero(~self.large), TILE)
+        self.behind = self._behind()
+
+    def _behind(self) -> Array:
+        """(rows, columns) of tiles: the depth beyond which nothing is seen there, or infinity.
+
+        Where no edge of a surface passes, the one that a tile's middle shows fills the tile: the
+        farthest corner of all small triangles there lies no nearer than any of it.
+        """
+        camera, spots = self.view.camera, self.spots
+        shape = (-(-camera.height // TILE), -(-camera.width // TILE))
+        own, place = spots.triangle, spots.tile[:, 1] * shape[1] + spots.tile[:, 0]
+        x, y = (TILE * (spots.tile[:, axis] + 0.5) - 0.5 for axis in range(2))
+        inside = np.ones(len(own), bool)
+        for nx, ny, offset, _ in self.sides:
+            inside &= nx[own] * x + ny[own] * y + offset[own] >= 0.0
+        filled = np.zeros(shape[0] * shape[1], bool)
+        filled[place[inside]] = True
+        if filled.any():
+            filled[_crossed(self.view.edges, shape)] = False
+        depth = np.zeros(len(filled))
+        z = self.view.corners[:, :, 2]
+        np.maximum.at(depth, place, np.max([z[:, 0], z[:, 1], z[:, 2]], axis=0)[own])
+        return np.where(filled, depth, np.inf).reshape(shape)
+
+    def seen(self, pairs: Pairs, points: Array | None = None) -> npt.NDArray[np.bool_]:
+        """(n,) whether anything of the triangles may be seen in their tiles, which are small.
+
+        ``points`` (4, 3, n) around what lies there, in place of all of the triangle.
+        """
+        behind = self.behind[pairs.tile[:, 1], pairs.tile[:, 0]]
+        nearest = self.nearest[pairs.triangle]
+        if points is not None:
+            rows = np.flatnonzero(np.isfinite(behind))
+            x, y, z = np.moveaxis(np.take(points, rows, axis=2), 1, 0)
+            depth = self.view.camera.camera_from_world[2]
+            nearest[rows] = (depth[0] * x + depth[1] * y + depth[2] * z).min(axis=0) + depth[3]
+        return np.asarray(nearest <= behind)
 
     def pairs(self, triangles: Numbers, size: int) -> Pairs:
         """Triangles with the tiles of one size that they may touch."""
@@ -151,6 +194,22 @@ class Receivers:
         if np.any(lamp.axis) and not lamp.far:
             away |= behind
         return away
+
+
+def _crossed(edges: Array, shape: tuple[int, int]) -> Numbers:
+    """Numbers of tiles that segments (E, 2, 2) px pass, or may pass within `MARGIN`."""
+    way = edges[:, 1] - edges[:, 0]
+    count = np.ceil(np.abs(way).max(axis=1, initial=0.0) / STEP).astype(np.int64) + 1
+    own, step = expand(count)
+    at = edges[own, 0] + way[own] * (step / np.maximum(count - 1, 1)[own])[:, None]
+    reach = 0.5 * STEP + MARGIN
+    found = []
+    for dx, dy in ((-reach, -reach), (reach, -reach), (-reach, reach), (reach, reach)):
+        column = np.floor((at[:, 0] + (dx + 0.5)) / TILE)
+        row = np.floor((at[:, 1] + (dy + 0.5)) / TILE)
+        inside = (column >= 0) & (row >= 0) & (column < shape[1]) & (row < shape[0])
+        found.append((row[inside] * shape[1] + column[inside]).astype(np.int64))
+    return np.concatenate(found)
 
 
 def _sides(screen: Array) -> list[tuple[Array, Array, Array, Array]]:

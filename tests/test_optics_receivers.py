@@ -1,0 +1,68 @@
+"""Receivers that others hide from the camera throughout a tile."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import gpusim as gs
+from gpusim.optics.binning import bin_edges
+from gpusim.optics.receivers import TILE, Receivers
+from gpusim.optics.setup import Setup
+from gpusim.optics.shade import shade_twin
+from gpusim.optics.view import look
+from gpusim.optics.visibility import visibility_twin
+from tests.test_optics_merging import strip
+
+
+def scene() -> tuple[list[gs.Surface], gs.Camera]:
+    """A bent sheet of small faces before a ground, on which it throws its shadow."""
+    points, faces = strip(48, 20, 0.05)
+    turn = np.array([[0.96, 0.28, 0.0], [-0.28, 0.96, 0.0], [0.0, 0.0, 1.0]])
+    sheet = gs.Surface(points @ turn + [-0.4, -0.3, 0.8], faces, paint=gs.paint.Plain(0.4))
+    ground = gs.Surface(
+        np.array([[-1.5, -1.2, 0], [1.5, -1.2, 0], [1.5, 1.2, 0], [-1.5, 1.2, 0.0]]),
+        np.array([[0, 1, 2, 3]]), paint=gs.paint.Plain(0.7),
+    )  # fmt: skip
+    camera = gs.Camera.from_lens(
+        (36.0, 27.0), 30.0, (384, 288), eye=(0.2, -1.3, 2.4), target=(0, 0, 0.1)
+    )
+    return [sheet, ground], camera
+
+
+def test_what_is_left_out_is_seen_nowhere_in_its_tile() -> None:
+    surfaces, camera = scene()
+    view = look(surfaces, camera, lit=True)
+    receivers = Receivers(view)
+    ids = visibility_twin(view).astype(np.int64) - 1
+    row, column = np.nonzero(ids >= 0)
+    tile = row // TILE, column // TILE
+    filled = np.isfinite(receivers.behind)
+    assert 0.03 < filled.mean() < 0.5
+    # the sheet fills them: each pixel shows a triangle that isn't left out
+    seen = ids[row, column]
+    assert (receivers.nearest[seen] <= receivers.behind[tile]).all()
+    assert (view.body[seen][filled[tile]] == 0).all()
+    edge_row, edge_column = np.divmod(bin_edges(view).pixel, camera.width)
+    assert not filled[edge_row // TILE, edge_column // TILE].any()
+    # and the ground is
+    ground = np.flatnonzero(view.body == 1)
+    pairs = receivers.pairs(ground, TILE)
+    left = receivers.seen(pairs, receivers.points(pairs))
+    np.testing.assert_array_equal(left, ~filled[pairs.tile[:, 1], pairs.tile[:, 0]])
+
+
+def test_leaving_them_out_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    surfaces, camera = scene()
+    lamp = gs.AreaLight((0.4, -0.5, 2.1), (0.0, 0.1, 0.0), size=(0.3, 0.2), power=40.0)
+    view = look(surfaces, camera, lit=True)
+    ids = visibility_twin(view)
+    monkeypatch.setattr("gpusim.optics.half_shadow.FEWEST", 10**9)  # joined faces depend on them
+    few = Setup.build(view, [lamp], 0.0, surfaces)
+    monkeypatch.setattr(
+        Receivers, "seen", lambda self, pairs, points=None: np.ones(len(pairs.tile), bool)
+    )
+    every = Setup.build(view, [lamp], 0.0, surfaces)
+    assert few.lighting.shadows is not None and every.lighting.shadows is not None
+    assert len(few.lighting.shadows.face) < 0.9 * len(every.lighting.shadows.face)
+    np.testing.assert_allclose(shade_twin(few, ids), shade_twin(every, ids), atol=1e-6)
