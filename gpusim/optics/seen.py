@@ -14,6 +14,7 @@ import numpy as np
 
 from gpusim.gpu import Device, Recording, Texture
 from gpusim.gpu.texels import Texels
+from gpusim.optics.drawn import Drawn
 from gpusim.optics.view import View
 
 if TYPE_CHECKING:
@@ -41,7 +42,7 @@ def small_triangles(view: View) -> bool:
     """Whether the triangles of a view (some of them, if they are many) cover few pixels each."""
     if view.count < FEWEST:
         return False
-    corners = view.screen[:: -(-view.count // SAMPLED)]
+    corners = view.screen_of(slice(None, None, -(-view.count // SAMPLED)))
     a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     pixels = 0.5 * float(np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).mean()) * view.count
     if len(view.paints) > 1:
@@ -57,11 +58,8 @@ class Sight:
     """
 
     def __init__(self, device: Device, view: View, rows: int) -> None:
-        fixed = view.fixed().reshape(-1, 2) if view.count else np.zeros((3, 2), np.int32)
         self.device, self.view = device, view
-        self.screen = device.buffer(fixed, "shade.screen")
-        self.near, depth = view.raster_depth()
-        self.inverse_depth = device.buffer(depth, "shade.inverse_depth")
+        self.drawn = Drawn(device, view, "shade")
         self.ids = device.target(view.camera.width, rows, "r32uint", "shade.ids")
         self.depth = device.target(view.camera.width, rows, "depth32float", "shade.depth")
         self._begun: tuple[int, int] | None = None
@@ -81,8 +79,8 @@ class Sight:
     def _draw(self, recording: Recording, row0: int, rows: int) -> None:
         raster = self.device.raster("optics/visibility", ("r32uint",))
         width = self.view.camera.width
-        place = {"width": width, "rows": rows, "row0": row0, "near": self.near}
-        bindings = raster.bind(params=place, screen=self.screen, inverse_depth=self.inverse_depth)
+        place = {"width": width, "rows": rows, "row0": row0, "near": self.drawn.near}
+        bindings = raster.bind(params=place, **self.drawn.bindings())
         recording.draw(
             raster, bindings, colors=(self.ids,), depth=self.depth,
             vertices=3 * self.view.count, size=(width, rows),

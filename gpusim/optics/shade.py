@@ -25,6 +25,7 @@ from gpusim.optics.bitmap import BITMAP, mean_over_pixels
 from gpusim.optics.board_lines import BoardLines
 from gpusim.optics.bump import bump_texels, bump_uniform
 from gpusim.optics.distortion_map import distortion_map
+from gpusim.optics.drawn import Drawn
 from gpusim.optics.gloss import gloss_texels
 from gpusim.optics.light_tiles import LightTiles, LightTilesPass
 from gpusim.optics.openness_table import openness_texels
@@ -59,12 +60,9 @@ class Tables:
         self.lines = BoardLines.of(setup) if sight is None else None
         self.triangles = _triangles(device, setup, self.lines)
         if sight is None:
-            fixed = view.fixed().reshape(-1, 2) if view.count else np.zeros((3, 2), np.int32)
-            if self.lines is not None:
-                fixed = np.concatenate([fixed, self.lines.fixed().reshape(-1, 2)])
-            self.screen = device.buffer(fixed, "shade.screen")
+            self.drawn = Drawn(device, view, "shade", self.lines)
         else:
-            self.screen = sight.screen
+            self.drawn = sight.drawn
         bends = distortion_map(view.camera)
         self.undistortion = self.bitmap_texels = device.no_texels("rgba32float")
         if bends is not None:
@@ -84,7 +82,7 @@ class Tables:
         return {
             "paints": self.paints,
             "patterns": self.patterns,
-            "screen": self.screen,
+            **self.drawn.outlines(),
             **self.surface(),
             "bitmap_texels": self.bitmap_texels,
             "speckles": self.speckles,
@@ -188,13 +186,8 @@ class ShadePass:
         self._draws: list[tuple[Raster, Buffer, int]] = []
         if by_pixel:
             sight = sight or Sight(device, view, rows)
-            self._near, self._inverse = sight.near, sight.inverse_depth
             self._seen = SeenPass(tables, rows, programs, sight)
             return
-        self._near, depth = view.raster_depth()
-        if lines is not None:
-            depth = np.concatenate([depth, lines.inverse_depth.astype(np.float32).reshape(-1)])
-        self._inverse = device.buffer(depth, "shade.inverse_depth")
         self.depth: Texture | None = None
         if not view.flat:
             self.depth = device.target(view.camera.width, rows, "depth32float", "shade.depth")
@@ -221,7 +214,7 @@ class ShadePass:
         width = setup.view.camera.width
         params = {
             "rays": self.tables.rays(), "width": width, "rows": rows, "row0": row0,
-            "near": self._near, "level": 0.0,
+            "near": self.tables.drawn.near, "level": 0.0,
         }  # fmt: skip
         shared = self.tables.shared()
         shadows = self.tables.shadows.bindings()
@@ -234,10 +227,11 @@ class ShadePass:
             shared["light_tiles"] = self._light.texels
         clear: float | None = setup.background
         if self._seen is not None:
-            del shared["screen"]
+            for name in self.tables.drawn.outlines():
+                del shared[name]
             self._seen.record(recording, self.colors, params, shared)
         for raster, order, count in self._draws:
-            values = {**shared, "inverse_depth": self._inverse, "order": order}
+            values = {**shared, **self.tables.drawn.bindings(), "order": order}
             bindings = raster.bind(params=params, **values)
             recording.draw(
                 raster,

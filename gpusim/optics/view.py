@@ -18,16 +18,14 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.optics.camera import Camera
-from gpusim.optics.corner_table import corner_table, turned_corners
 from gpusim.optics.corners import (
-    CHUNK,
     POSITION,
     ST,
     at_corners,
     barycentric_planes,
     corner_range,
     in_camera,
-)  # fmt: skip
+)
 from gpusim.optics.cutting import (
     LONGEST_EDGE,
     SHORT_EDGE,
@@ -35,16 +33,15 @@ from gpusim.optics.cutting import (
     Screen,
     clip,
     extent,
-    joined,
     split,
     without_area,
 )  # fmt: skip
-from gpusim.optics.distortion_map import distortion_map
-from gpusim.optics.grazing import grazing_reach
+from gpusim.optics.indexed import Indexed
 from gpusim.optics.outline import area_normals, feature_edges, smooth_normals, unit
 from gpusim.optics.paint_edges import speckle_jumps
+from gpusim.optics.reach import RegionPaint, with_reach
 from gpusim.optics.sparse import sparse_excess
-from gpusim.surface.paint import Paint
+from gpusim.optics.vertex_table import VertexTable, turned_corners
 from gpusim.surface.speckle import Speckle
 from gpusim.surface.surface import Surface
 
@@ -59,48 +56,37 @@ NEAR = 1e-4
 """Near plane, as a share of the farthest depth in view."""
 
 
+NO_PLACES = np.zeros((0, 3, 2))
+
+ALL = slice(None)
+Rows = slice | npt.NDArray[np.int64]
+
 FLAT = 1e-9
 """Share of the depth by which corners may lie off a plane."""
-
-
-@dataclass(frozen=True, eq=False)
-class RegionPaint:
-    """A paint with the extent of its region in paint coordinates and the largest pixel there.
-
-    ``seen`` (2, 2): lowest and highest coordinates of what may be in the image. ``grazing``: some
-    footprints are larger than ``reach``, which suits the usual ones.
-    """
-
-    paint: Paint
-    low: npt.NDArray[np.float64]
-    high: npt.NDArray[np.float64]
-    reach: float
-    seen: npt.NDArray[np.float64] | None = None
-    grazing: bool = False
 
 
 @dataclass(frozen=True, eq=False)
 class View:
     """The triangles that a camera may see.
 
-    ``corners`` (T, 3, 11): camera-space position, paint coordinates, world normal, undeformed
-    world position per corner. ``screen`` (T, 3, 2) px, through the lens. ``paint`` and ``face``
-    (T,): index into ``paints`` and into the faces of all surfaces in order. ``edges`` (E, 2, 2):
-    the visible silhouettes, creases and region borders on screen, px. ``planes`` (T, 3, 3): row i
-    has barycentric i over depth as an affine function of the ideal position [x, y, 1].
-    ``footprint`` (T,): half the width of the largest pixel on each triangle, in paint coordinates;
-    0 on plain paint. ``body`` (T,): number of the surface, ascending. ``edge_source`` (E, 2): the
-    triangle that each edge is of, and its corner that it begins at.
+    ``vertices`` (V, 11): camera-space position, paint coordinates, world normal, undeformed world
+    position; ``place`` (V, 2) px, through the lens. ``corner`` (T, 3): vertices of each triangle;
+    those of some of its corners may be no other triangle's. ``paint`` and ``face`` (T,): index into
+    ``paints`` and into the faces of all surfaces in order. ``edges`` (E, 2, 2): the visible
+    silhouettes, creases and region borders on screen, px. ``footprint`` (T,): half the width of the
+    largest pixel on each triangle, in paint coordinates; 0 on plain paint. ``body`` (T,): number of
+    the surface, ascending. ``edge_source`` (E, 2): the triangle that each edge is of, and its
+    corner that it begins at.
     """
 
     camera: Camera
-    corners: npt.NDArray[np.float64]
-    screen: npt.NDArray[np.float64]
+    vertices: npt.NDArray[np.float64]
+    place: npt.NDArray[np.float64]
+    corner: npt.NDArray[np.int64]
     paint: npt.NDArray[np.int32]
     face: npt.NDArray[np.int32]
     paints: tuple[RegionPaint, ...]
     edges: npt.NDArray[np.float64]
-    planes: npt.NDArray[np.float64]
     footprint: npt.NDArray[np.float64]
     body: npt.NDArray[np.int32]
     edge_source: npt.NDArray[np.int64]
@@ -108,7 +94,31 @@ class View:
     @property
     def count(self) -> int:
         """Number of triangles."""
-        return len(self.corners)
+        return len(self.corner)
+
+    @cached_property
+    def corners(self) -> Array:
+        """(T, 3, 11): ``vertices`` at every corner; large, see `corners_of`."""
+        return self.corners_of(slice(None))
+
+    def corners_of(self, triangles: Rows, columns: slice = ALL) -> Array:
+        """(n, 3, …): those of some triangles, or some ``columns`` of them."""
+        return at_corners(self.vertices[:, columns], list(self.corner[triangles].T))
+
+    @cached_property
+    def screen(self) -> Array:
+        """(T, 3, 2) px: ``place`` at every corner."""
+        return self.screen_of(slice(None))
+
+    def screen_of(self, triangles: Rows) -> Array:
+        """(n, 3, 2) px: those of some triangles."""
+        return at_corners(self.place, list(self.corner[triangles].T))
+
+    @cached_property
+    def planes(self) -> Array:
+        """(T, 3, 3): row i has barycentric i over depth as an affine function of the ideal
+        position [x, y, 1]."""
+        return barycentric_planes(self.corners_of(slice(None), POSITION), self.camera)
 
     @cached_property
     def ideal(self) -> Array:
@@ -139,30 +149,34 @@ class View:
         source = self.edge_source[near]
         source[:, 0] = (np.cumsum(own) - 1)[source[:, 0]]
         return replace(
-            self, corners=self.corners[own], screen=self.screen[own], paint=self.paint[own],
-            face=self.face[own], edges=self.edges[near], planes=self.planes[own],
-            footprint=self.footprint[own], body=self.body[own], edge_source=source,
+            self, corner=self.corner[own], paint=self.paint[own], face=self.face[own],
+            edges=self.edges[near], footprint=self.footprint[own], body=self.body[own],
+            edge_source=source,
         )  # fmt: skip
 
-    def inverse_depth(self) -> npt.NDArray[np.float64]:
+    def inverse_depth(self) -> Array:
         """1 / z of every corner, (T, 3)."""
-        result: npt.NDArray[np.float64] = 1.0 / self.corners[:, :, 2]
+        result: Array = np.take(1.0 / self.vertices[:, 2], self.corner)
         return result
 
     def raster_depth(self) -> tuple[float, npt.NDArray[np.float32]]:
-        """What 1 / z is scaled by to stay below 1 in a depth buffer, and 1 / z per corner, flat."""
+        """What 1 / z is scaled by to stay below 1 in a depth buffer, and 1 / z of every vertex."""
         if not self.count:
-            return 1.0, np.zeros(3, np.float32)
-        inverse = self.inverse_depth()
-        return 0.999 / float(inverse.max()), inverse.astype(np.float32).reshape(-1)
+            return 1.0, np.zeros(1, np.float32)
+        inverse = 1.0 / self.vertices[:, 2]
+        return 0.999 / float(inverse.max()), inverse.astype(np.float32)
 
     def fixed(self) -> npt.NDArray[np.int32]:
-        """Screen positions in fixed point, (T, 3, 2)."""
-        result = np.empty(self.screen.shape, np.int32)
-        for first in range(0, self.count, CHUNK):
-            part = slice(first, first + CHUNK)
-            result[part] = np.rint(self.screen[part] * FIXED)
+        """Screen positions of the vertices in fixed point, (V, 2), one at least."""
+        result = np.zeros((max(len(self.place), 1), 2), np.int32)
+        result[: len(self.place)] = np.rint(self.place * FIXED)
         return result
+
+    def index(self) -> npt.NDArray[np.uint32]:
+        """The triangles' vertices, three and three, (3 T,); one triangle at least."""
+        result = np.zeros((max(self.count, 1), 3), np.uint32)
+        result[: self.count] = self.corner
+        return result.reshape(-1)
 
 
 def look(surfaces: Sequence[Surface], camera: Camera, lit: bool) -> View:
@@ -174,8 +188,7 @@ def look(surfaces: Sequence[Surface], camera: Camera, lit: bool) -> View:
     at = [in_camera(camera, surface.points) for surface in surfaces]
     far = max((float(points[:, 2].max()) for points in at), default=0.0)
     empty: npt.NDArray[np.int64] = np.zeros(0, np.int64)
-    parts = [Pieces(np.zeros((0, 3, 11)), np.zeros((0, 3), bool), empty)]
-    places = [np.zeros((0, 3, 2))]
+    parts = [Indexed.of(Pieces(np.zeros((0, 3, 11)), np.zeros((0, 3), bool), empty), NO_PLACES)]
     paint_ids: list[npt.NDArray[np.integer]] = [empty]
     face_ids: list[npt.NDArray[np.integer]] = [empty]
     paints: list[RegionPaint] = []
@@ -183,33 +196,30 @@ def look(surfaces: Sequence[Surface], camera: Camera, lit: bool) -> View:
     first_face = 0
     for number, (surface, points) in enumerate(zip(surfaces, at, strict=True)):
         if far > 0.0:
-            pieces, place = _pieces(surface, points, screen, NEAR * far, lit)
-            source = surface.topology.source[pieces.source]
+            part = _seen_of(surface, points, screen, NEAR * far, lit)
+            source = surface.topology.source[part.source]
             paint_ids.append(len(paints) + surface.regions[source])
             face_ids.append(first_face + source)
             body_ids.append(np.full(len(source), number))
-            parts.append(pieces)
-            places.append(place)
+            parts.append(part)
         for region, paint in enumerate(surface.paints.values()):
             low, high = surface.extents.get(region, (np.zeros(2), np.zeros(2)))
             paints.append(RegionPaint(paint, low, high, 0.0))
         first_face += len(surface.faces)
-    pieces, place = Pieces.joined(parts), joined(places)
-    shown, k = np.nonzero(pieces.shows)
-    planes = barycentric_planes(pieces.corners, camera)
+    all_of = Indexed.joined(parts)
+    place, corner = all_of.place, all_of.corner
     number_of_paint = np.concatenate(paint_ids).astype(np.int32)
-    regions, footprint = _with_reach(paints, pieces.corners, planes, number_of_paint, place, camera)
+    regions, footprint = with_reach(paints, all_of.vertices, place, corner, number_of_paint, camera)
+    shown, k = np.nonzero(all_of.shows)
+    ends = [place[corner[shown, j]] for j in (k, (k + 1) % 3)]
     return View(
-        camera, pieces.corners, place, number_of_paint, np.concatenate(face_ids).astype(np.int32),
-        tuple(regions),
-        np.stack([place[shown, k], place[shown, (k + 1) % 3]], axis=1), planes, footprint,
-        np.concatenate(body_ids).astype(np.int32), np.stack([shown, k], axis=1),
+        camera, all_of.vertices, place, corner, number_of_paint,
+        np.concatenate(face_ids).astype(np.int32), tuple(regions), np.stack(ends, axis=1),
+        footprint, np.concatenate(body_ids).astype(np.int32), np.stack([shown, k], axis=1),
     )  # fmt: skip
 
 
-def _pieces(
-    surface: Surface, points: Array, screen: Screen, near: float, lit: bool
-) -> tuple[Pieces, Array]:
+def _seen_of(surface: Surface, points: Array, screen: Screen, near: float, lit: bool) -> Indexed:
     """What may be seen of a surface whose vertices are at camera-space ``points``."""
     topology = surface.topology
     triangles = topology.triangles
@@ -238,34 +248,35 @@ def _pieces(
         if none.any():
             kept, place = kept[~none], None
             corner = turned_corners(triangles, kept, front)
-    table = corner_table(surface, points, area, smooth, kept, corner, front, screen.camera)
-    every = slice(None) if len(kept) == len(triangles) else kept
+    out = ~ahead | screen.beyond(ideal)
+    turned = ~front[kept]
+    table = VertexTable(surface, points, corner, bool(out.any()))
+    table.paint(surface, kept, turned)
+    if smooth is not None:
+        table.smooth(surface, area, smooth, kept, turned, screen.camera)
     for number, paint in enumerate(surface.paints.values()):
         if isinstance(paint, Speckle):
             own = surface.regions[topology.source[kept]] == number
-            st = table[:, :, ST].copy()
-            st[~front[kept]] = st[~front[kept]][:, [0, 2, 1]]
+            st = at_corners(table.columns[ST].T, table.corner)
+            st[turned] = st[turned][:, [0, 2, 1]]
             shows[speckle_jumps(topology, kept, own, st, points, ideal, paint)] = True
-    flags = shows[topology.edge[every]]
-    turned = ~front[every]
+    flags = shows[topology.edge if len(kept) == len(triangles) else topology.edge[kept]]
     if turned.any():
         flags[turned] = flags[turned][:, [2, 1, 0]]
-    pieces = Pieces(table, flags, kept)
-    out = ~ahead | screen.beyond(ideal)
-    crossing = np.zeros(len(kept), bool)
-    if out.any():
-        crossing = out[corner[0]] | out[corner[1]] | out[corner[2]]
+    found = Indexed(table.columns.T, ideal[table.origin], np.stack(table.corner).T, flags, kept)
+    crossing = out[corner[0]] | out[corner[1]] | out[corner[2]]
+    if not crossing.any() and ahead.all() and screen.camera.lens is None:
+        place = at_corners(ideal, corner) if place is None else place
+        if extent(place) <= SHORT_EDGE:
+            # what `split` would find, which has been seen to already
+            return found
+    pieces = found.pieces()
     if crossing.any():
         cut = clip(pieces[crossing], np.array([0.0, 0.0, 1.0]), near)
         for normal in screen.guards():
             cut = clip(cut, normal, 0.0)
         pieces = Pieces.joined([pieces[~crossing], cut])
-    elif ahead.all() and screen.camera.lens is None:
-        place = at_corners(ideal, corner) if place is None else place
-        if extent(place) <= SHORT_EDGE:
-            # what `split` would find, which has been seen to already
-            return pieces, place
-    return split(pieces, screen, sparse_excess(surface, ST))
+    return Indexed.of(*split(pieces, screen, sparse_excess(surface, ST)))
 
 
 def _may_be_seen(
@@ -285,68 +296,3 @@ def _may_be_seen(
     if not ahead.all():
         result &= ahead[corner[0]] | ahead[corner[1]] | ahead[corner[2]]
     return result
-
-
-def _with_reach(
-    paints: list[RegionPaint],
-    corners: Array,
-    planes: Array,
-    paint: npt.NDArray[np.int32],
-    place: Array,
-    camera: Camera,
-) -> tuple[list[RegionPaint], Array]:
-    """Half the largest pixel footprint of every patterned region and (T,) of every triangle."""
-    bends = distortion_map(camera)
-    stretch = 1.0 if bends is None else bends.stretch
-    result, widest = [], np.zeros(len(paint))
-    for number, region in enumerate(paints):
-        extent = float((region.high - region.low).max())
-        rows = np.flatnonzero(paint == number) if extent > 0.0 else np.zeros(0, np.int64)
-        if len(rows):
-            whole = len(rows) == len(paint)
-            starts = range(0, len(rows), CHUNK)
-            parts = [slice(k, k + CHUNK) if whole else rows[k : k + CHUNK] for k in starts]
-            st = [corners[:, k, ST] if whole else corners[:, k, ST][rows] for k in range(3)]
-            seen = np.stack(
-                [np.min([v.min(axis=0) for v in st], axis=0),
-                 np.max([v.max(axis=0) for v in st], axis=0)]
-            )  # fmt: skip
-            limit = None
-            if isinstance(region.paint, Speckle):
-                slope = stretch * _footprints(corners[rows], planes[rows])
-                half = 0.5 * np.abs(slope).sum(axis=-1).max(axis=-1)
-                widest[rows] = half.max(axis=1)
-                reach = float(half.max())
-                image = (camera.width, camera.height)
-                limit = grazing_reach(region.paint, half, slope, place[rows], image)
-            else:
-                reach = stretch * max(_largest_footprint(corners, planes, part) for part in parts)
-            reach = min(reach, extent) if limit is None else limit
-            region = replace(region, reach=reach, seen=seen, grazing=limit is not None)
-        result.append(region)
-    return result, widest
-
-
-def _footprints(corners: Array, planes: Array) -> Array:
-    """(n, 3, 2, 2): change of s and t per column and row at the corners of triangles."""
-    st = corners[:, :, ST]
-    scaled = np.swapaxes(st, 1, 2) @ planes
-    slope = scaled[:, None, :, :2] - st[..., None] * planes.sum(axis=1)[:, None, None, :2]
-    result: Array = slope * corners[:, :, 2, None, None]
-    return result
-
-
-def _largest_footprint(corners: Array, planes: Array, part: slice | npt.NDArray[np.int64]) -> float:
-    """Half the largest pixel in paint coordinates at the corners of some triangles."""
-    basis = [[planes[:, i, k][part] for k in (0, 1)] for i in range(3)]
-    weight = [basis[0][k] + basis[1][k] + basis[2][k] for k in (0, 1)]
-    depth = [corners[:, corner, 2][part] for corner in range(3)]
-    most = 0.0
-    for axis in (ST.start, ST.start + 1):
-        value = [corners[:, k, axis][part] for k in range(3)]
-        slope = [sum(value[i] * basis[i][k] for i in range(3)) for k in (0, 1)]
-        for corner in range(3):
-            size = np.abs(slope[0] - value[corner] * weight[0])
-            size += np.abs(slope[1] - value[corner] * weight[1])
-            most = max(most, float((size * depth[corner]).max()))
-    return 0.5 * most

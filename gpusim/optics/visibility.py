@@ -12,8 +12,9 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import TwinMismatch
-from gpusim.gpu import Buffer, Device, Recording, Texture, twin_check
+from gpusim.gpu import Device, Recording, Texture, twin_check
 from gpusim.optics.camera import Camera
+from gpusim.optics.drawn import Drawn
 from gpusim.optics.view import View, look
 from gpusim.surface.surface import Surface
 
@@ -31,17 +32,14 @@ class Visibility:
         self.ids = device.texture(width, rows, "r32uint", "visibility.ids")
         self.depth = device.texture(width, rows, "depth32float", "visibility.depth")
         self._raster = device.raster("optics/visibility", ("r32uint",))
-        self._screen: Buffer = device.buffer(view.fixed().reshape(-1, 2), "visibility.screen")
-        self._near, inverse = view.raster_depth()
-        self._inverse = device.buffer(inverse, "visibility.inverse_depth")
+        self._drawn = Drawn(device, view, "visibility")
 
     def record(self, recording: Recording, row0: int, rows: int) -> Texture:
         """Draw rows ``row0 … row0 + rows - 1`` into the top of the id texture."""
         width = self.view.camera.width
         bindings = self._raster.bind(
-            params={"width": width, "rows": rows, "row0": row0, "near": self._near},
-            screen=self._screen,
-            inverse_depth=self._inverse,
+            params={"width": width, "rows": rows, "row0": row0, "near": self._drawn.near},
+            **self._drawn.bindings(),
         )
         recording.draw(
             self._raster,

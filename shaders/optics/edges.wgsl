@@ -28,8 +28,9 @@ struct Range {
 }
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(6) var<uniform> range: Range;
-// three vec2i per triangle in 1/65536 px
+// vertices in 1/65536 px, and three of them per triangle
 @group(0) @binding(7) var<storage, read> screen: array<vec2i>;
+@group(0) @binding(10) var<storage, read> corners: array<u32>;
 // per edge pixel two words: its index in the image and where its triangles start in this list
 // (one more pair ends the last); the numbers of the triangles follow, nearest first
 @group(0) @binding(8) var<storage, read> lists: array<u32>;
@@ -41,9 +42,9 @@ const FULL: f32 = 1.0 - 1e-6;
 
 fn triangle_sides(id: u32, pixel: vec2i) -> Sides {
     return sides_of(
-        vec2f(screen[3u * id] - pixel * 65536) / 65536.0,
-        vec2f(screen[3u * id + 1u] - pixel * 65536) / 65536.0,
-        vec2f(screen[3u * id + 2u] - pixel * 65536) / 65536.0,
+        vec2f(screen[corners[3u * id]] - pixel * 65536) / 65536.0,
+        vec2f(screen[corners[3u * id + 1u]] - pixel * 65536) / 65536.0,
+        vec2f(screen[corners[3u * id + 2u]] - pixel * 65536) / 65536.0,
     );
 }
 

@@ -26,6 +26,8 @@ struct Params {
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(6) var<storage, read> screen: array<vec2i>;
 @group(0) @binding(7) var<storage, read> inverse_depth: array<f32>;
+// three vertices per triangle
+@group(0) @binding(12) var<storage, read> corners: array<u32>;
 // the triangles to draw, from near to far
 @group(0) @binding(8) var<storage, read> order: array<u32>;
 
@@ -50,7 +52,7 @@ struct Varying {
 @vertex
 fn vertex(@builtin(vertex_index) index: u32) -> Varying {
     let id = order[index / 3u];
-    let corner = 3u * id + index % 3u;
+    let corner = corners[3u * id + index % 3u];
     let depth = params.near * inverse_depth[corner];
     let size = vec2f(params.width, params.rows);
     let position = band_position(screen[corner], params.row0, size, depth);

@@ -10,6 +10,8 @@ struct Params {
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> screen: array<vec2i>;
 @group(0) @binding(2) var<storage, read> inverse_depth: array<f32>;
+// three vertices per triangle
+@group(0) @binding(6) var<storage, read> corners: array<u32>;
 
 struct Varying {
     @builtin(position) position: vec4f,
@@ -18,9 +20,10 @@ struct Varying {
 
 @vertex
 fn vertex(@builtin(vertex_index) index: u32) -> Varying {
-    let depth = params.near * inverse_depth[index];
+    let corner = corners[index];
+    let depth = params.near * inverse_depth[corner];
     let size = vec2f(params.width, params.rows);
-    return Varying(band_position(screen[index], params.row0, size, depth), index / 3u + 1u);
+    return Varying(band_position(screen[corner], params.row0, size, depth), index / 3u + 1u);
 }
 
 @fragment

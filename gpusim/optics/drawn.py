@@ -1,0 +1,43 @@
+"""A view's triangles on the device, as rasterisers and the edge pass read them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from gpusim.gpu import Buffer, Device
+from gpusim.optics.board_lines import BoardLines
+from gpusim.optics.view import View
+
+__all__ = ["Drawn"]
+
+
+class Drawn:
+    """Vertices in fixed point with their depths, and which of them a triangle has.
+
+    ``near``: what 1 / depth is scaled by for the depth buffer.
+    """
+
+    def __init__(
+        self, device: Device, view: View, label: str, lines: BoardLines | None = None
+    ) -> None:
+        """Buffers are called ``label``.…; strips along ``lines`` follow the view's triangles."""
+        fixed, corners = view.fixed(), view.index()
+        self.near, depth = view.raster_depth()
+        if lines is not None:
+            strips = np.arange(3 * len(lines.parent), dtype=np.uint32) + np.uint32(len(fixed))
+            corners = np.concatenate([corners, strips])
+            fixed = np.concatenate([fixed, lines.fixed().reshape(-1, 2)])
+            depth = np.concatenate([depth, lines.inverse_depth.astype(np.float32).reshape(-1)])
+        self.screen: Buffer = device.buffer(fixed, f"{label}.screen")
+        self.inverse_depth: Buffer = device.buffer(depth, f"{label}.inverse_depth")
+        self.corners: Buffer = device.buffer(corners, f"{label}.corners")
+
+    def bindings(self) -> dict[str, Any]:
+        """All that draws them binds, by WGSL names."""
+        return {**self.outlines(), "inverse_depth": self.inverse_depth}
+
+    def outlines(self) -> dict[str, Any]:
+        """What tells where triangles lie on the image."""
+        return {"screen": self.screen, "corners": self.corners}

@@ -1,0 +1,113 @@
+"""How large pixels are on painted regions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.optics.camera import Camera
+from gpusim.optics.corners import CHUNK, ST, at_corners, barycentric_planes
+from gpusim.optics.distortion_map import distortion_map
+from gpusim.optics.grazing import grazing_reach
+from gpusim.surface.paint import Paint
+from gpusim.surface.plane import used_vertices
+from gpusim.surface.speckle import Speckle
+
+__all__ = ["RegionPaint", "with_reach"]
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class RegionPaint:
+    """A paint with the extent of its region in paint coordinates and the largest pixel there.
+
+    ``seen`` (2, 2): lowest and highest coordinates of what may be in the image. ``grazing``: some
+    footprints are larger than ``reach``, which suits the usual ones.
+    """
+
+    paint: Paint
+    low: npt.NDArray[np.float64]
+    high: npt.NDArray[np.float64]
+    reach: float
+    seen: npt.NDArray[np.float64] | None = None
+    grazing: bool = False
+
+
+def with_reach(
+    paints: list[RegionPaint],
+    vertices: Array,
+    place: Array,
+    corner: npt.NDArray[np.int64],
+    paint: npt.NDArray[np.int32],
+    camera: Camera,
+) -> tuple[list[RegionPaint], Array]:
+    """Half the largest pixel footprint of every patterned region and (T,) of every triangle.
+
+    ``vertices`` (V, 11), ``place`` (V, 2), ``corner`` and ``paint`` (T, …) are those of
+    `gpusim.optics.view.View`.
+    """
+    bends = distortion_map(camera)
+    stretch = 1.0 if bends is None else bends.stretch
+    result, widest = [], np.zeros(len(paint))
+    for number, region in enumerate(paints):
+        extent = float((region.high - region.low).max())
+        rows = np.flatnonzero(paint == number) if extent > 0.0 else np.zeros(0, np.int64)
+        if len(rows):
+            whole = len(rows) == len(paint)
+            starts = range(0, len(rows), CHUNK)
+            parts = [slice(k, k + CHUNK) if whole else rows[k : k + CHUNK] for k in starts]
+            used = used_vertices(corner if whole else corner[rows], len(place))
+            st = vertices.T[ST, used]
+            seen = np.stack([st.min(axis=1), st.max(axis=1)])
+            limit = None
+            if isinstance(region.paint, Speckle):
+                found = (_of_corners(vertices, corner[part], camera) for part in parts)
+                slope = stretch * np.concatenate([_footprints(*one) for one in found])
+                half = 0.5 * np.abs(slope).sum(axis=-1).max(axis=-1)
+                widest[rows] = half.max(axis=1)
+                reach = float(half.max())
+                image = (camera.width, camera.height)
+                limit = grazing_reach(region.paint, half, slope, place[corner[rows]], image)
+            else:
+                found = (_of_corners(vertices, corner[part], camera) for part in parts)
+                reach = stretch * max(_largest_footprint(*one) for one in found)
+            reach = min(reach, extent) if limit is None else limit
+            region = replace(region, reach=reach, seen=seen, grazing=limit is not None)
+        result.append(region)
+    return result, widest
+
+
+def _of_corners(
+    vertices: Array, corner: npt.NDArray[np.int64], camera: Camera
+) -> tuple[Array, Array]:
+    """Places and paint coordinates (n, 3, 5) at the corners of triangles, and their planes."""
+    corners = at_corners(vertices[:, : ST.stop], list(corner.T))
+    return corners, barycentric_planes(corners, camera)
+
+
+def _footprints(corners: Array, planes: Array) -> Array:
+    """(n, 3, 2, 2): change of s and t per column and row at the corners of triangles."""
+    st = corners[:, :, ST]
+    scaled = np.swapaxes(st, 1, 2) @ planes
+    slope = scaled[:, None, :, :2] - st[..., None] * planes.sum(axis=1)[:, None, None, :2]
+    result: Array = slope * corners[:, :, 2, None, None]
+    return result
+
+
+def _largest_footprint(corners: Array, planes: Array) -> float:
+    """Half the largest pixel in paint coordinates at the corners of triangles."""
+    basis = [[planes[:, i, k] for k in (0, 1)] for i in range(3)]
+    weight = [basis[0][k] + basis[1][k] + basis[2][k] for k in (0, 1)]
+    depth = [corners[:, corner, 2] for corner in range(3)]
+    most = 0.0
+    for axis in (ST.start, ST.start + 1):
+        value = [corners[:, k, axis] for k in range(3)]
+        slope = [sum(value[i] * basis[i][k] for i in range(3)) for k in (0, 1)]
+        for corner in range(3):
+            size = np.abs(slope[0] - value[corner] * weight[0])
+            size += np.abs(slope[1] - value[corner] * weight[1])
+            most = max(most, float((size * depth[corner]).max()))
+    return 0.5 * most

@@ -1,0 +1,145 @@
+"""What a surface's vertices carry: places, normals, paint coordinates."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.optics.camera import Camera
+from gpusim.optics.corners import NORMAL, POSITION, REFERENCE, ST
+from gpusim.optics.outline import sharp_normals
+from gpusim.surface.plane import PaintFrame, used_vertices
+from gpusim.surface.surface import Surface
+
+__all__ = ["VertexTable", "turned_corners"]
+
+Array = npt.NDArray[np.float64]
+Numbers = npt.NDArray[np.int64]
+Flags = npt.NDArray[np.bool_]
+
+FEW = 4
+"""Vertices per triangle from which on those of other triangles are left out."""
+
+
+def turned_corners(triangles: Numbers, kept: Numbers, front: Flags) -> list[Numbers]:
+    """The vertices (n,) at each corner of triangles ``kept``; those that look away turned round."""
+    if len(kept) == len(triangles):
+        corner = [np.ascontiguousarray(triangles[:, k]) for k in range(3)]
+    else:
+        corner = [np.take(triangles[:, k], kept) for k in range(3)]
+    away = np.flatnonzero(~front[kept])
+    if len(away):
+        one, other = corner[1], corner[2]
+        corner[1:] = one.copy(), other.copy()
+        corner[1][away], corner[2][away] = other[away], one[away]
+    return corner
+
+
+class VertexTable:
+    """The vertices of some of a surface's triangles, those that differ from corner to corner apart.
+
+    ``columns`` (11, V): as in `gpusim.optics.view.View`; ``corner``: for each corner the vertices
+    (n,) of the triangles; ``origin`` (V,): the surface's vertex that each is.
+    """
+
+    def __init__(self, surface: Surface, points: Array, corner: list[Numbers], only: bool) -> None:
+        """Of triangles with ``corner``s (n,) each; ``points`` (P, 3) in camera space.
+
+        ``only``: leave out vertices of other triangles even if they are few.
+        """
+        rest = surface.rest
+        self.origin: Numbers = np.arange(len(points))
+        self.corner = corner
+        if only or len(points) > FEW * len(corner[0]):
+            self.origin = used_vertices(np.stack(corner), len(points))
+            self._renumber(self.origin, len(points))
+            points, rest = points[self.origin], rest[self.origin]
+        self.columns = np.empty((11, len(points)))
+        self.columns[POSITION], self.columns[REFERENCE] = points.T, rest.T
+        self.columns[ST] = self.columns[NORMAL] = 0.0
+
+    def _renumber(
+        self, used: Numbers, count: int, rows: Numbers | None = None, to: int = 0
+    ) -> None:
+        """Vertex ``used[i]`` of ``count`` becomes ``to + i`` in triangles ``rows``, or all."""
+        number = np.zeros(count, np.int64)
+        number[used] = np.arange(to, to + len(used))
+        if rows is None:
+            self.corner = [number[corner] for corner in self.corner]
+            return
+        self.corner = [corner.copy() for corner in self.corner]
+        for corner in self.corner:
+            corner[rows] = number[corner[rows]]
+
+    def _copied(self, vertices: Numbers) -> Numbers:
+        """The numbers of copies of some vertices."""
+        first = len(self.origin)
+        self.columns = np.concatenate([self.columns, self.columns[:, vertices]], axis=1)
+        self.origin = np.concatenate([self.origin, self.origin[vertices]])
+        return np.arange(first, len(self.origin))
+
+    def _apart(self, rows: Numbers) -> Numbers:
+        """Gives triangles ``rows`` vertices that no others have; the numbers of these."""
+        if len(rows) == len(self.corner[0]):
+            return np.arange(len(self.origin))
+        before = len(self.origin)
+        used = used_vertices(np.stack([corner[rows] for corner in self.corner]), before)
+        copies = self._copied(used)
+        self._renumber(used, before, rows, before)
+        return copies
+
+    def _own(self, rows: Numbers, k: Numbers) -> Numbers:
+        """Gives corners ``k`` (n,) of triangles ``rows`` (n,) a vertex each; their numbers."""
+        self.corner = [corner.copy() for corner in self.corner]
+        copies = self._copied(np.stack(self.corner)[k, rows])
+        for j in range(3):
+            self.corner[j][rows[k == j]] = copies[k == j]
+        return copies
+
+    def paint(self, surface: Surface, kept: Numbers, turned: Flags) -> None:
+        """Fill in paint coordinates, of triangles ``kept`` (n,) of the surface, some ``turned``."""
+        region = surface.regions[surface.topology.source[kept]] if surface.extents else kept
+        free = True
+        for number in surface.extents:
+            rows = np.flatnonzero(region == number)
+            frame = surface.paint_frame(number)
+            if isinstance(frame, PaintFrame):
+                # the first one's coordinates do no harm to triangles without a pattern
+                own: Numbers | slice = slice(None) if free else self._apart(rows)
+                self.columns[ST, own] = frame.coordinates(self.columns[REFERENCE, own].T).T
+                free = False
+                continue
+            st = frame.of_triangles(
+                surface.rest[surface.topology.triangles[kept[rows]]], kept[rows]
+            )
+            st[turned[rows]] = st[turned[rows]][:, [0, 2, 1]]
+            for k in range(3):
+                own = self._own(rows, np.full(len(rows), k))
+                self.columns[ST, own] = st[:, k].T
+
+    def smooth(
+        self,
+        surface: Surface,
+        area: Array,
+        smooth: tuple[Array, Flags],
+        kept: Numbers,
+        turned: Flags,
+        camera: Camera,
+    ) -> None:
+        """Fill in world normals: ``smooth`` is what `gpusim.optics.outline.smooth_normals` found,
+        ``area`` (3, T) the triangles' normals, by area."""
+        to_world = camera.camera_from_world[:3, :3].T
+        normal, sharp = smooth
+        self.columns[NORMAL] = (to_world @ normal)[:, self.origin]
+        if sharp.any():
+            rows, k = np.nonzero(np.stack([sharp[self.origin[c]] for c in self.corner], axis=1))
+            own = self._own(rows, k)
+            found = sharp_normals(
+                area, surface.topology.triangles, sharp, kept[rows], self.origin[own],
+                surface.smooth_angle,
+            )  # fmt: skip
+            self.columns[NORMAL, own] = to_world @ found.T
+        away = np.flatnonzero(turned)
+        if len(away):
+            own = self._apart(away)
+            self.columns[NORMAL, own] *= -1.0
