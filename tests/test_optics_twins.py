@@ -15,7 +15,8 @@ from gpusim.gpu import Device, twin_checks
 from gpusim.gpu.buffer import Buffer
 from gpusim.optics import edges, sensor, setup, visibility
 from gpusim.optics.binning import bin_edges
-from gpusim.optics.setup import TRIANGLE, probe_setup
+from gpusim.optics.setup import TRIANGLE
+from gpusim.optics.setup_probe import probe_setup
 
 STAGES = ["optics/edges", "optics/sensor", "optics/shade", "optics/visibility"]
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from gpusim.gpu.buffer import Buffer
+from gpusim.gpu.texels import TEXEL_WIDTH, Texels
 
 if TYPE_CHECKING:
     from gpusim.gpu.device import Device
@@ -25,6 +26,7 @@ class Kept:
     def __init__(self, device: Device) -> None:
         self.device = device
         self._waiting: list[Any] = []
+        self._texels: dict[str, Texels] = {}
 
     @property
     def nbytes(self) -> int:
@@ -47,8 +49,22 @@ class Kept:
         while self.nbytes > MOST_BYTES:
             self._free(self._waiting.pop(0))
 
+    def texels(self, count: int, fmt: str, label: str) -> Texels:
+        """At least ``count`` texels for one frame after the other: the last of that label if it
+        suits.
+
+        What they hold is good until the next ones of that label are asked for.
+        """
+        kept = self._texels.pop(label, None)
+        if kept is None or kept.format != fmt or not count <= kept.count <= 4 * count + TEXEL_WIDTH:
+            del kept
+            kept = self.device.texels(count, fmt, label)
+        self._texels[label] = kept
+        return kept
+
     def free(self) -> None:
         """Free all that waits."""
+        self._texels.clear()
         while self._waiting:
             self._free(self._waiting.pop())
 

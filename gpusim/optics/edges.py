@@ -30,7 +30,8 @@ from gpusim.optics.polygon import (
     second_moments,
 )
 from gpusim.optics.scatter import write_pixels
-from gpusim.optics.setup import Setup, probe_setup, radiance_of
+from gpusim.optics.setup import Setup, radiance_of
+from gpusim.optics.setup_probe import probe_setup
 from gpusim.optics.shade import Tables
 from gpusim.optics.speckle import EDGE_ROWS
 from gpusim.optics.view import FIXED

@@ -17,19 +17,17 @@ from gpusim.errors import InputError
 from gpusim.gpu import Device
 from gpusim.optics.bitmap import BITMAP, PIECES, BitmapTable, pieces_needed
 from gpusim.optics.bump import Bumps, bump_of
-from gpusim.optics.camera import Camera
 from gpusim.optics.coefficients import BLOCK, Coefficients, coefficients
 from gpusim.optics.corners import ST
 from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.fields import matte_boards, within_fields
-from gpusim.optics.light import AmbientLight, AreaLight, Light, PointLight
+from gpusim.optics.light import Light
 from gpusim.optics.lighting import Lighting
 from gpusim.optics.pattern import PatternTable
-from gpusim.optics.view import View, look
-from gpusim.surface.paint import Bump, Checker, Dots, Image, Markers, Paint, Plain, Speckle
+from gpusim.optics.view import View
 from gpusim.surface.surface import Surface
 
-__all__ = ["GRAZING", "TRIANGLE", "Setup", "footprint", "probe_setup", "radiance_of"]
+__all__ = ["GRAZING", "TRIANGLE", "Setup", "footprint", "radiance_of"]
 
 Array = npt.NDArray[np.float64]
 TRIANGLE = np.dtype(
@@ -139,12 +137,7 @@ class Setup:
     def record_blocks(self) -> Iterator[tuple[int, npt.NDArray[np.float32]]]:
         """The same block by block: the first triangle's number and words (n, 28), used again."""
         words = np.empty((BLOCK, TRIANGLE.itemsize // 4), np.float32)
-        gloss, paints = self.lighting.gloss, self.table.paints
-        rough, metallic = np.ones(len(paints)), np.zeros(len(paints))
-        if gloss is not None:
-            rough, metallic = np.where(gloss.glossy, gloss.alpha, 1.0), gloss.metallic
-        # beside "near a feature": 2 where a pattern is one material with its ground
-        whole = np.where(paints["featured"] > 1, 2.0, 1.0)
+        whole, rough, metallic, _ = self.traits().T
         block = np.zeros((words.shape[1], BLOCK), np.float32)
         for found in self._coefficients():
             part, paint = found.part, self.view.paint[found.part]
@@ -164,6 +157,16 @@ class Setup:
                     self._refuse(int(np.argmax(bad.any(axis=0))), columns, part.start)
             np.copyto(words[: len(paint)], columns.T)
             yield part.start, words[: len(paint)]
+
+    def traits(self) -> Array:
+        """Per paint (n, 4): what "near a feature" counts, 2 where a pattern is one material with
+        its ground; GGX alpha, 1 if matte; metallic; 0."""
+        gloss, paints = self.lighting.gloss, self.table.paints
+        result = np.zeros((len(paints), 4))
+        result[:, 0], result[:, 1] = np.where(paints["featured"] > 1, 2.0, 1.0), 1.0
+        if gloss is not None:
+            result[:, 1], result[:, 2] = np.where(gloss.glossy, gloss.alpha, 1.0), gloss.metallic
+        return result
 
     def _refuse(self, triangle: int, columns: npt.NDArray[np.float32], first: int) -> None:
         word = int(np.r_[REAL][np.argmin(np.isfinite(columns[np.r_[REAL], triangle]))])
@@ -353,48 +356,3 @@ def radiance_of(
     shiny = (albedo - ground * bare) * reflected.matte
     shiny += bare * (ground * reflected.p + reflected.q)
     return np.where(gloss.glossy[paint], shiny, albedo * reflected.matte)
-
-
-def probe_setup() -> Setup:
-    """A small lit view with every kind of paint, partly overlapping, for the twin checks."""
-
-    def quad(x: float, y: float, z: float, tilt: float) -> Array:
-        c, s = np.cos(tilt), np.sin(tilt)
-        corners = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-        return np.stack([x + c * corners[:, 0], y + corners[:, 1], z + s * corners[:, 0]], axis=1)
-
-    face = np.array([[0, 3, 2, 1]])
-    paints: tuple[Paint, ...] = (
-        Checker(0.31, 5, 4, (0.17, 0.21), 0.1, 0.8, 0.4),
-        Dots(0.22, 0.4, None, None, (0.11, 0.05)),
-        Markers(np.array([[0.6, 0.7], [1.4, 1.2]]), 0.5, angle=0.4),
-        Plain(0.7, bump=Bump(0.011, 0.13)),
-        Speckle(
-            0.23, 0.5, 0.03, "lognormal", 0.25, seed=3, bump=Bump(0.02, 0.3, (1, 2, 0), 3.0, 4)
-        ),
-        Speckle(0.31, 0.4, seed=4),
-        # one seen at about a texel a pixel, one at many
-        Image(_ripples(23, 37), 0.04, (0.13, 0.09), 0.1, 0.9, 0.3),
-        Image(_ripples(300, 200), 0.002, (-0.01, 0.05), 0.2, 0.7, 0.5),
-    )
-    places = ((-1.1, -0.6, 5.0, 0.3), (1.0, -0.7, 5.5, -0.5), (-0.8, 1.0, 5.2, 0.2),
-              (0.9, 1.1, 6.0, 0.6), (-0.1, 0.2, 7.5, -0.2), (0.4, -1.6, 5.9, 0.35),
-              (0.1, -0.1, 4.4, 0.9), (-0.3, 1.9, 6.4, -1.0))  # fmt: skip
-    surfaces = [
-        Surface(quad(*place), face, paint=paint)
-        for place, paint in zip(places, paints, strict=True)
-    ]
-    camera = Camera(91, 67, np.array([[115.0, 0.2, 44.1], [0.0, 116.0, 34.3], [0.0, 0.0, 1.0]]))
-    lights: list[Light] = [
-        PointLight((-2.0, -3.0, 1.0), 90.0),
-        AreaLight((2.0, -2.0, 0.0), (0.0, 0.0, 5.0), (0.5, 0.8), 60.0),
-        AmbientLight(0.05),
-    ]
-    return Setup.build(look(surfaces, camera, lit=True), lights, background=0.05)
-
-
-def _ripples(rows: int, columns: int) -> Array:
-    """A bitmap with structure in both directions, without symmetry."""
-    y, x = np.mgrid[:rows, :columns].astype(np.float64)
-    result: Array = 0.5 + 0.25 * np.sin(0.9 * x + 0.01 * x * y) + 0.2 * np.cos(1.3 * y - 0.4 * x)
-    return result

@@ -30,8 +30,10 @@ from gpusim.optics.gloss import gloss_texels
 from gpusim.optics.light_tiles import LightTiles, LightTilesPass
 from gpusim.optics.openness_table import openness_texels
 from gpusim.optics.pattern import FINEST, LOOP_TURNS
+from gpusim.optics.records import record_texels
 from gpusim.optics.seen import SeenPass, Sight, small_triangles
-from gpusim.optics.setup import GRAZING, TRIANGLE, Setup, footprint, probe_setup, radiance_of
+from gpusim.optics.setup import GRAZING, TRIANGLE, Setup, footprint, radiance_of
+from gpusim.optics.setup_probe import probe_setup
 from gpusim.optics.shadow_tables import ShadowTables
 from gpusim.optics.visibility import visibility_twin
 
@@ -58,11 +60,13 @@ class Tables:
         self.patterns = table.texels(device)
         # triangles that are shaded pixel by pixel take no parts
         self.lines = BoardLines.of(setup) if sight is None else None
-        self.triangles = _triangles(device, setup, self.lines)
         if sight is None:
             self.drawn = Drawn(device, view, "shade", self.lines)
+            made = None
         else:
             self.drawn = sight.drawn
+            made = record_texels(device, setup, sight.drawn)
+        self.triangles = made or _triangles(device, setup, self.lines)
         bends = distortion_map(view.camera)
         self.undistortion = self.bitmap_texels = device.no_texels("rgba32float")
         if bends is not None:

@@ -123,9 +123,14 @@ class View:
     @cached_property
     def ideal(self) -> Array:
         """(T, 3, 2) px: ``screen`` without the lens's distortion."""
+        return at_corners(self.ideal_place, list(self.corner.T))
+
+    @cached_property
+    def ideal_place(self) -> Array:
+        """(V, 2) px: ``place`` without the lens's distortion."""
         if self.camera.lens is None:
-            return self.screen
-        return Screen(self.camera).ideal(self.corners[:, :, POSITION])
+            return self.place
+        return Screen(self.camera).ideal(self.vertices[:, POSITION])
 
     @cached_property
     def flat(self) -> bool:
