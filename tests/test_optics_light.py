@@ -14,7 +14,7 @@ from gpusim.gpu import Device
 from gpusim.optics.emitters import emitters, irradiance
 from gpusim.optics.light import AmbientLight
 from gpusim.optics.lighting import ambient
-from gpusim.optics.outline import area_normals, sharp_normals, smooth_normals, unit
+from gpusim.optics.outline import area_normals, sharp_normals, smooth_normals
 from gpusim.surface.surface import triangulate
 
 Array = npt.NDArray[np.float64]
@@ -164,7 +164,7 @@ def test_normals_are_smooth_on_a_cylinder_and_sharp_on_a_box() -> None:
         triangles, source = triangulate(surface.faces)
         area = area_normals(surface.points, triangles)
         angle = surface.smooth_angle
-        mean, sharp = smooth_normals(area, unit(area), triangles, len(surface.points), angle)
+        mean, sharp = smooth_normals(area, triangles, len(surface.points), angle)
         normals = mean.T[triangles]
         own, corner = np.nonzero(sharp[triangles])
         normals[own, corner] = sharp_normals(

@@ -29,6 +29,9 @@ __all__ = ["MARGIN", "EdgePixels", "bin_edges", "segment_hits", "segment_pixels"
 TILE = 8
 """px, side of the tiles by which triangles far from all edges are sorted out."""
 
+FARTHEST = 8
+"""Tiles that triangles may reach over where one of their corners tells how near they are."""
+
 MARGIN = 2e-3
 """px by which the square of a pixel is enlarged when edges are looked up."""
 
@@ -122,10 +125,10 @@ def bin_edges(view: View) -> EdgePixels:
     entry, triangle = first[run] + step, some[triangle[run]]
     row, column = np.divmod(pixel, width)
     at = np.stack([column, row]).astype(np.float64)
-    corners = _relative(view.screen, triangle, np.take(at, entry, axis=1))
+    corners = _relative(view, triangle, np.take(at, entry, axis=1))
     keep = np.flatnonzero(_touches(corners))
     entry, triangle, corners = entry[keep], triangle[keep], pick(corners, keep)
-    inverse = 1.0 / pick(view.corners[:, :, 2], triangle)
+    inverse = 1.0 / np.take(view.vertices[:, 2], view.corner[triangle])
     depth = _nearest_depth(corners, inverse)
     order = np.lexsort((triangle, -depth, entry))
     order = settle(order, entry, view.paint[triangle], corners, inverse)
@@ -161,8 +164,10 @@ def _near_pixels(
     held[pixel // width // TILE, pixel % width // TILE] = 1
     total = summed(held)
     parts = [(np.zeros(0, np.int64), np.zeros((0, 2), np.int64), np.zeros((0, 2), np.int64))]
-    for start in range(0, view.count if len(pixel) else 0, CHUNK):
-        lowest, highest = corner_range(view.screen[start : start + CHUNK])
+    some = _near_tiles(total, view) if len(pixel) else np.zeros(0, np.int64)
+    for start in range(0, len(some), CHUNK):
+        chunk = some[start : start + CHUNK]
+        lowest, highest = corner_range(view.screen_of(chunk))
         low = np.maximum(np.floor(lowest + 0.5), 0.0).astype(np.int64)
         high = np.minimum(np.floor(highest + 0.5), [width - 1, height - 1]).astype(np.int64)
         # beside the image a box is empty
@@ -170,20 +175,39 @@ def _near_pixels(
         left, top = (low[number, axis] // TILE for axis in (0, 1))
         right, bottom = (high[number, axis] // TILE + 1 for axis in (0, 1))
         near = number[in_boxes(total, left, top, right, bottom) > 0]
-        parts.append((start + near, low[near], high[near]))
+        parts.append((chunk[near], low[near], high[near]))
     some, low, high = (np.concatenate([part[k] for part in parts]) for k in range(3))
     return some, low, high
 
 
+def _near_tiles(total: npt.NDArray[np.int64], view: View) -> npt.NDArray[np.int64]:
+    """Numbers of the triangles so near to one of the tiles counted in ``total`` (rows + 1,
+    columns + 1) that their boxes may hold it: the tile of one corner tells."""
+    reach = int(view.extent // TILE) + 1
+    if not reach <= FARTHEST:
+        return np.arange(view.count)
+    most = total.shape[1] - 1, total.shape[0] - 1
+    row, column = np.indices((most[1], most[0]))
+    left, top = np.maximum(column - reach, 0), np.maximum(row - reach, 0)
+    right, bottom = np.minimum(column + reach + 1, most[0]), np.minimum(row + reach + 1, most[1])
+    near = in_boxes(total, left, top, right, bottom) > 0
+    # beside the image, the tile at its border is as near or nearer
+    column, row = (
+        np.clip((view.place[:, k] + 0.5) / TILE, 0, most[k] - 1).astype(np.int64) for k in (0, 1)
+    )
+    return np.flatnonzero(near[row, column][view.corner[:, 0]])
+
+
 def _relative(
-    screen: npt.NDArray[np.float64], triangle: npt.NDArray[np.int64], at: npt.NDArray[np.float64]
+    view: View, triangle: npt.NDArray[np.int64], at: npt.NDArray[np.float64]
 ) -> npt.NDArray[np.float64]:
-    """Corners (n, 3, 2) of triangles of ``screen`` (T, 3, 2) from places ``at`` (2, n) each."""
+    """Corners (n, 3, 2) px of some triangles from places ``at`` (2, n) each."""
     result = np.empty((2, 3, len(triangle)))
-    for axis in range(2):
-        for k in range(3):
-            np.take(screen[:, k, axis], triangle, out=result[axis, k], mode="clip")
-        result[axis] -= at[axis]
+    for k in range(3):
+        corner = np.take(view.corner[:, k], triangle)
+        for axis in range(2):
+            np.take(view.place[:, axis], corner, out=result[axis, k], mode="clip")
+            result[axis, k] -= at[axis]
     return result.T
 
 

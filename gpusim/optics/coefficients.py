@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.optics.bitmap import BitmapTable
-from gpusim.optics.corners import NORMAL, ST, corner_mean
+from gpusim.optics.corners import NORMAL, ST, at_corners, barycentric_planes, corner_mean
 from gpusim.optics.pattern import PatternTable
 from gpusim.optics.view import View
 
@@ -44,15 +44,16 @@ def coefficients(
     cell_of_paint = table.paints["cell"].astype(np.float64)
     all_planes, all_basis = np.zeros((6, 3, BLOCK)), np.empty((3, 3, BLOCK))
     spare, all_local = np.empty(BLOCK), np.empty((2, 3, BLOCK))
-    ideal = view.ideal
     for first in range(0, view.count, BLOCK):
         part = slice(first, min(first + BLOCK, view.count))
         count = part.stop - first
-        corners, own = view.corners[part], view.planes[part]
+        corners = view.corners_of(part)
+        own = barycentric_planes(corners, view.camera)
         planes, basis, term = all_planes[:, :, :count], all_basis[:, :, :count], spare[:count]
         inverse = [1.0 / corners[:, i, 2] for i in range(3)]
         mean_inverse = (inverse[0] + inverse[1] + inverse[2]) / 3.0
-        at = np.rint(corner_mean(ideal[part])).T
+        ideal = at_corners(view.ideal_place, list(view.corner[part].T))
+        at = np.rint(corner_mean(ideal)).T
         cell = np.zeros_like(at)
         values: dict[int, list[Array]] = {}
         if patterned:

@@ -114,7 +114,8 @@ class Screen:
         """Camera-space points (…, 3) with z > 0 to pixels (…, 2) of the ideal lens."""
         K, z = self.camera.K, points[..., 2]
         x, y = points[..., 0] / z, points[..., 1] / z
-        return np.stack([K[0, 0] * x + K[0, 1] * y + K[0, 2], K[1, 1] * y + K[1, 2]], axis=-1)
+        columns = np.stack([K[0, 0] * x + K[0, 1] * y + K[0, 2], K[1, 1] * y + K[1, 2]])
+        return np.moveaxis(columns, 0, -1)
 
     def bent(self, ideal: Array) -> Array:
         """Ideal pixels to those of the lens, continued smoothly beyond the image."""

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.optics.corners import at_corners
-from gpusim.optics.cutting import Pieces
+from gpusim.optics.cutting import Pieces, extent
 
 __all__ = ["Indexed"]
 
@@ -28,6 +28,7 @@ class Indexed:
 
     ``corner`` (T, 3): vertices of the triangles; ``shows`` (T, 3): whether the edge from a corner
     to the next shows; ``source`` (T,): the triangle of the surface that each comes from.
+    ``extent``: px, no box round a triangle has a longer side.
     """
 
     vertices: Array
@@ -35,6 +36,7 @@ class Indexed:
     corner: Numbers
     shows: npt.NDArray[np.bool_]
     source: Numbers
+    extent: float
 
     @staticmethod
     def of(pieces: Pieces, place: Array) -> Indexed:
@@ -46,7 +48,7 @@ class Indexed:
             columns[:, k * count : (k + 1) * count] = pieces.corners[:, k].T
             at[:, k * count : (k + 1) * count] = place[:, k].T
         corner = np.arange(3 * count).reshape(3, count).T
-        return Indexed(columns.T, at.T, corner, pieces.shows, pieces.source)
+        return Indexed(columns.T, at.T, corner, pieces.shows, pieces.source, extent(place))
 
     @staticmethod
     def joined(parts: Sequence[Indexed]) -> Indexed:
@@ -63,6 +65,7 @@ class Indexed:
             ).T,
             np.concatenate([part.shows for part in parts]),
             np.concatenate([part.source for part in parts]),
+            max(part.extent for part in parts),
         )
 
     def pieces(self) -> Pieces:

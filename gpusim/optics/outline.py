@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.optics.corners import CHUNK
 from gpusim.surface.topology import Topology
 
 __all__ = ["area_normals", "feature_edges", "sharp_normals", "smooth_normals", "unit"]
@@ -44,7 +45,7 @@ def feature_edges(
     ----------
     front, seen : (T,) per triangle: looks at the camera, may be in the image.
     region : (F,) paint region of each face.
-    normal : (3, T) unit normals.
+    normal : (3, T) normals of any length.
     smooth_angle : rad; a larger turn between two neighbours is a crease.
     sharp : (P,) vertices at which `smooth_normals` found such turns, where it has been asked: no
         crease is anywhere else.
@@ -71,9 +72,10 @@ def feature_edges(
         )
         edge = np.flatnonzero(either & ~jump)
         a, b = first[edge], second[edge]
-        cosine = normal[0][a] * normal[0][b]
-        cosine += normal[1][a] * normal[1][b]
-        cosine += normal[2][a] * normal[2][b]
+        one, other = unit(normal[:, a]), unit(normal[:, b])
+        cosine = one[0] * other[0]
+        cosine += one[1] * other[1]
+        cosine += one[2] * other[2]
         crease = (cosine < np.cos(smooth_angle)) & (topology.source[a] != topology.source[b])
         jump[edge] = crease & (seen[a] | seen[b])
     return jump
@@ -81,7 +83,6 @@ def feature_edges(
 
 def smooth_normals(
     area: Array,
-    direction: Array,
     triangles: npt.NDArray[np.int64],
     vertices: int,
     smooth_angle: float,
@@ -89,8 +90,7 @@ def smooth_normals(
     """Unit normals (3, vertices), and where corners have their own (vertices,).
 
     They are the mean of the normals ``area`` (3, T) of the triangles at a vertex, weighted by
-    area; ``direction`` (3, T) are those of length 1. Where two of those may differ by more than
-    ``smooth_angle``, see `sharp_normals`.
+    area. Where two of those may differ by more than ``smooth_angle``, see `sharp_normals`.
     """
     columns = [np.ascontiguousarray(triangles[:, j]) for j in range(3)]
     mean = np.zeros((3, vertices))
@@ -100,11 +100,15 @@ def smooth_normals(
     mean = unit(mean)
     # where all lie within half the angle of their mean, any two lie within the whole
     sharp = np.zeros(vertices, bool)
-    for corner in columns:
-        cosine = direction[0] * np.take(mean[0], corner)
-        cosine += direction[1] * np.take(mean[1], corner)
-        cosine += direction[2] * np.take(mean[2], corner)
-        sharp[corner[~(cosine >= np.cos(0.5 * smooth_angle))]] = True
+    for first in range(0, len(triangles), CHUNK):
+        part = slice(first, first + CHUNK)
+        direction = unit(area[:, part])
+        for column in columns:
+            corner = column[part]
+            cosine = direction[0] * np.take(mean[0], corner)
+            cosine += direction[1] * np.take(mean[1], corner)
+            cosine += direction[2] * np.take(mean[2], corner)
+            sharp[corner[~(cosine >= np.cos(0.5 * smooth_angle))]] = True
     return mean, sharp
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.optics.camera import Camera
-from gpusim.optics.corners import CHUNK, ST, at_corners, barycentric_planes
+from gpusim.optics.corners import CHUNK, POSITION, ST, at_corners, barycentric_planes
 from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.grazing import grazing_reach
 from gpusim.surface.paint import Paint
@@ -40,18 +40,21 @@ def with_reach(
     paints: list[RegionPaint],
     vertices: Array,
     place: Array,
+    ideal: Array,
     corner: npt.NDArray[np.int64],
     paint: npt.NDArray[np.int32],
     camera: Camera,
 ) -> tuple[list[RegionPaint], Array]:
     """Half the largest pixel footprint of every patterned region and (T,) of every triangle.
 
-    ``vertices`` (V, 11), ``place`` (V, 2), ``corner`` and ``paint`` (T, …) are those of
-    `gpusim.optics.view.View`.
+    ``vertices`` (V, 11), ``place`` and ``ideal`` (V, 2), ``corner`` and ``paint`` (T, …) are those
+    of `gpusim.optics.view.View`.
     """
     bends = distortion_map(camera)
     stretch = 1.0 if bends is None else bends.stretch
     result, widest = [], np.zeros(len(paint))
+    z = vertices[:, POSITION.stop - 1]
+    columns = [np.ascontiguousarray(v) for v in (*ideal.T, z, 1.0 / z, *vertices[:, ST].T)]
     for number, region in enumerate(paints):
         extent = float((region.high - region.low).max())
         rows = np.flatnonzero(paint == number) if extent > 0.0 else np.zeros(0, np.int64)
@@ -72,8 +75,7 @@ def with_reach(
                 image = (camera.width, camera.height)
                 limit = grazing_reach(region.paint, half, slope, place[corner[rows]], image)
             else:
-                found = (_of_corners(vertices, corner[part], camera) for part in parts)
-                reach = stretch * max(_largest_footprint(*one) for one in found)
+                reach = stretch * max(_largest_footprint(columns, corner[part]) for part in parts)
             reach = min(reach, extent) if limit is None else limit
             region = replace(region, reach=reach, seen=seen, grazing=limit is not None)
         result.append(region)
@@ -97,17 +99,31 @@ def _footprints(corners: Array, planes: Array) -> Array:
     return result
 
 
-def _largest_footprint(corners: Array, planes: Array) -> float:
-    """Half the largest pixel in paint coordinates at the corners of triangles."""
-    basis = [[planes[:, i, k] for k in (0, 1)] for i in range(3)]
-    weight = [basis[0][k] + basis[1][k] + basis[2][k] for k in (0, 1)]
-    depth = [corners[:, corner, 2] for corner in range(3)]
+def _largest_footprint(columns: list[Array], corner: npt.NDArray[np.int64]) -> float:
+    """Half the largest pixel in paint coordinates at the corners of triangles (n, 3).
+
+    ``columns`` (V,): of the vertices x, y (px of the ideal image), depth, its inverse, s and t.
+    """
+    x, y, depth, inverse, *paint = (
+        [np.take(column, corner[:, k], mode="clip") for k in range(3)] for column in columns
+    )
+    ux, uy, vx, vy = x[1] - x[0], y[1] - y[0], x[2] - x[0], y[2] - y[0]
+    area = np.abs(ux * vy - uy * vx)
+
+    def slope(value: list[Array]) -> tuple[Array, Array]:
+        """How it changes per column and row, times the triangle's area, twice."""
+        u, v = value[1] - value[0], value[2] - value[0]
+        return u * vy - v * uy, v * ux - u * vx
+
+    # s / z and 1 / z are affine in the image
+    rate = slope(inverse)
     most = 0.0
-    for axis in (ST.start, ST.start + 1):
-        value = [corners[:, k, axis] for k in range(3)]
-        slope = [sum(value[i] * basis[i][k] for i in range(3)) for k in (0, 1)]
-        for corner in range(3):
-            size = np.abs(slope[0] - value[corner] * weight[0])
-            size += np.abs(slope[1] - value[corner] * weight[1])
-            most = max(most, float((size * depth[corner]).max()))
+    for value in paint:
+        change = slope([s * w for s, w in zip(value, inverse, strict=True)])
+        for s, z in zip(value, depth, strict=True):
+            size = np.abs(change[0] - s * rate[0])
+            size += np.abs(change[1] - s * rate[1])
+            size *= z
+            size /= area
+            most = max(most, float(size.max()))
     return 0.5 * most

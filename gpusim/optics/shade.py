@@ -27,7 +27,7 @@ from gpusim.optics.bump import bump_texels, bump_uniform
 from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.drawn import Drawn
 from gpusim.optics.gloss import gloss_texels
-from gpusim.optics.light_tiles import LightTiles, LightTilesPass
+from gpusim.optics.light_tiles import SMALLEST, LightTiles, LightTilesPass
 from gpusim.optics.openness_table import openness_texels
 from gpusim.optics.pattern import FINEST, LOOP_TURNS
 from gpusim.optics.records import record_texels
@@ -181,7 +181,8 @@ class ShadePass:
             self.marks = device.target(view.camera.width, rows, "rg32uint", "shade.marks")
             self.colors = (self.color, self.marks)
         by_pixel = small_triangles(view) if by_pixel is None else by_pixel
-        light = LightTiles.of(setup)
+        # no box that is too small holds a triangle that is large enough
+        light = LightTiles.of(setup) if 0.5 * view.extent**2 >= SMALLEST else None
         self._light = None if light is None else LightTilesPass(tables, light)
         self._light_found = False
         lines = None if by_pixel else tables.lines

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.optics.camera import Camera
-from gpusim.optics.corners import NORMAL, POSITION, REFERENCE, ST
+from gpusim.optics.corners import NORMAL, POSITION, REFERENCE, ST, products
 from gpusim.optics.outline import sharp_normals
 from gpusim.surface.plane import PaintFrame, used_vertices
 from gpusim.surface.surface import Surface
@@ -130,16 +130,17 @@ class VertexTable:
         ``area`` (3, T) the triangles' normals, by area."""
         to_world = camera.camera_from_world[:3, :3].T
         normal, sharp = smooth
-        self.columns[NORMAL] = (to_world @ normal)[:, self.origin]
+        own = normal if len(self.origin) == normal.shape[1] else normal[:, self.origin]
+        for axis, row in enumerate(to_world):
+            self.columns[NORMAL.start + axis] = products(own, row)
         if sharp.any():
             rows, k = np.nonzero(np.stack([sharp[self.origin[c]] for c in self.corner], axis=1))
-            own = self._own(rows, k)
+            vertex = self._own(rows, k)
             found = sharp_normals(
-                area, surface.topology.triangles, sharp, kept[rows], self.origin[own],
+                area, surface.topology.triangles, sharp, kept[rows], self.origin[vertex],
                 surface.smooth_angle,
             )  # fmt: skip
-            self.columns[NORMAL, own] = to_world @ found.T
+            self.columns[NORMAL, vertex] = to_world @ found.T
         away = np.flatnonzero(turned)
         if len(away):
-            own = self._apart(away)
-            self.columns[NORMAL, own] *= -1.0
+            self.columns[NORMAL, self._apart(away)] *= -1.0

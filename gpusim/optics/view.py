@@ -26,18 +26,17 @@ from gpusim.optics.corners import (
     corner_range,
     in_camera,
 )
+from gpusim.optics.culling import cull
 from gpusim.optics.cutting import (
     LONGEST_EDGE,
     SHORT_EDGE,
     Pieces,
     Screen,
     clip,
-    extent,
     split,
-    without_area,
 )  # fmt: skip
 from gpusim.optics.indexed import Indexed
-from gpusim.optics.outline import area_normals, feature_edges, smooth_normals, unit
+from gpusim.optics.outline import feature_edges, smooth_normals
 from gpusim.optics.paint_edges import speckle_jumps
 from gpusim.optics.reach import RegionPaint, with_reach
 from gpusim.optics.sparse import sparse_excess
@@ -76,7 +75,7 @@ class View:
     silhouettes, creases and region borders on screen, px. ``footprint`` (T,): half the width of the
     largest pixel on each triangle, in paint coordinates; 0 on plain paint. ``body`` (T,): number of
     the surface, ascending. ``edge_source`` (E, 2): the triangle that each edge is of, and its
-    corner that it begins at.
+    corner that it begins at. ``extent``: px, no box round a triangle has a longer side.
     """
 
     camera: Camera
@@ -90,6 +89,7 @@ class View:
     footprint: npt.NDArray[np.float64]
     body: npt.NDArray[np.int32]
     edge_source: npt.NDArray[np.int64]
+    extent: float
 
     @property
     def count(self) -> int:
@@ -214,13 +214,17 @@ def look(surfaces: Sequence[Surface], camera: Camera, lit: bool) -> View:
     all_of = Indexed.joined(parts)
     place, corner = all_of.place, all_of.corner
     number_of_paint = np.concatenate(paint_ids).astype(np.int32)
-    regions, footprint = with_reach(paints, all_of.vertices, place, corner, number_of_paint, camera)
+    ideal = place if camera.lens is None else screen.ideal(all_of.vertices[:, POSITION])
+    regions, footprint = with_reach(
+        paints, all_of.vertices, place, ideal, corner, number_of_paint, camera
+    )
     shown, k = np.nonzero(all_of.shows)
     ends = [place[corner[shown, j]] for j in (k, (k + 1) % 3)]
     return View(
         camera, all_of.vertices, place, corner, number_of_paint,
         np.concatenate(face_ids).astype(np.int32), tuple(regions), np.stack(ends, axis=1),
         footprint, np.concatenate(body_ids).astype(np.int32), np.stack([shown, k], axis=1),
+        all_of.extent,
     )  # fmt: skip
 
 
@@ -228,31 +232,21 @@ def _seen_of(surface: Surface, points: Array, screen: Screen, near: float, lit: 
     """What may be seen of a surface whose vertices are at camera-space ``points``."""
     topology = surface.topology
     triangles = topology.triangles
-    area = area_normals(points, triangles)
-    x, y, z = (np.take(points[:, axis], triangles[:, 0]) for axis in range(3))
-    front = area[0] * x + area[1] * y + area[2] * z < 0
     ahead = points[:, 2] > near
-    ideal = np.full((len(points), 2), np.inf)
-    ideal[ahead] = screen.ideal(points[ahead])
-    seen = _may_be_seen(triangles, ahead, ideal, screen)
-    keep = seen & front if topology.closed else seen
-    direction = unit(area)
+    if ahead.all():
+        ideal = screen.ideal(points)
+    else:
+        ideal = np.full((len(points), 2), np.inf)
+        ideal[ahead] = screen.ideal(points[ahead])
+    culled = cull(points, triangles, ideal, ahead, topology.closed, screen)
+    area, front, keep = culled.area, culled.front, culled.keep
     angle, smooth = surface.smooth_angle, None
     if lit:
-        smooth = smooth_normals(area, direction, triangles, len(points), angle)
+        smooth = smooth_normals(area, triangles, len(points), angle)
     sharp = None if smooth is None else smooth[1]
-    shows = feature_edges(topology, front, surface.regions, direction, angle, keep, sharp)
+    shows = feature_edges(topology, front, surface.regions, area, angle, keep, sharp)
     kept = np.flatnonzero(keep)
     corner = turned_corners(triangles, kept, front)
-    place = None
-    if ahead.all():
-        place = at_corners(ideal, corner)
-        across, down = ([place[:, k, axis] for k in range(3)] for axis in (0, 1))
-        # as `split` would do later, with more to carry
-        none = without_area(across, down)
-        if none.any():
-            kept, place = kept[~none], None
-            corner = turned_corners(triangles, kept, front)
     out = ~ahead | screen.beyond(ideal)
     turned = ~front[kept]
     table = VertexTable(surface, points, corner, bool(out.any()))
@@ -268,11 +262,13 @@ def _seen_of(surface: Surface, points: Array, screen: Screen, near: float, lit: 
     flags = shows[topology.edge if len(kept) == len(triangles) else topology.edge[kept]]
     if turned.any():
         flags[turned] = flags[turned][:, [2, 1, 0]]
-    found = Indexed(table.columns.T, ideal[table.origin], np.stack(table.corner).T, flags, kept)
+    found = Indexed(
+        table.columns.T, np.take(ideal.T, table.origin, axis=1).T, np.stack(table.corner).T, flags,
+        kept, culled.extent,
+    )  # fmt: skip
     crossing = out[corner[0]] | out[corner[1]] | out[corner[2]]
     if not crossing.any() and ahead.all() and screen.camera.lens is None:
-        place = at_corners(ideal, corner) if place is None else place
-        if extent(place) <= SHORT_EDGE:
+        if culled.extent <= SHORT_EDGE:
             # what `split` would find, which has been seen to already
             return found
     pieces = found.pieces()
@@ -282,22 +278,3 @@ def _seen_of(surface: Surface, points: Array, screen: Screen, near: float, lit: 
             cut = clip(cut, normal, 0.0)
         pieces = Pieces.joined([pieces[~crossing], cut])
     return Indexed.of(*split(pieces, screen, sparse_excess(surface, ST)))
-
-
-def _may_be_seen(
-    triangles: npt.NDArray[np.int64], ahead: npt.NDArray[np.bool_], ideal: Array, screen: Screen
-) -> npt.NDArray[np.bool_]:
-    """(T,) whether triangles are at least partly ahead and not wholly beside the image."""
-    # a bit for every side that a corner is beside; one behind the camera is on no side
-    sides = np.zeros(len(ideal), np.uint8)
-    for axis in range(2):
-        value = ideal[:, axis]
-        sides |= (value <= screen.low[axis]).view(np.uint8) << np.uint8(2 * axis)
-        sides |= (value >= screen.high[axis]).view(np.uint8) << np.uint8(2 * axis + 1)
-    sides *= ahead.view(np.uint8)
-    corner = [triangles[:, k] for k in range(3)]
-    result: npt.NDArray[np.bool_]
-    result = (sides[corner[0]] & sides[corner[1]] & sides[corner[2]]) == 0
-    if not ahead.all():
-        result &= ahead[corner[0]] | ahead[corner[1]] | ahead[corner[2]]
-    return result

@@ -1,0 +1,83 @@
+"""Which triangles of a surface a camera may see, and where they look, a few thousand at a time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.optics.corners import CHUNK
+from gpusim.optics.cutting import Screen, without_area
+from gpusim.optics.outline import area_normals
+
+__all__ = ["Culled", "cull"]
+
+Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Culled:
+    """``area`` (3, T): normals in camera space, twice as long as the triangles' areas; ``front``
+    (T,): which look at the camera; ``keep`` (T,): which may be seen; ``extent``: px, the longest
+    side of a box round any of those, as far as none has a corner behind the camera."""
+
+    area: Array
+    front: Flags
+    keep: Flags
+    extent: float
+
+
+def cull(
+    points: Array,
+    triangles: npt.NDArray[np.int64],
+    ideal: Array,
+    ahead: Flags,
+    closed: bool,
+    screen: Screen,
+) -> Culled:
+    """Of triangles (T, 3) with vertices at camera-space ``points`` (P, 3), seen at ``ideal`` (P, 2)
+    px where they are ``ahead`` (P,).
+
+    What is wholly behind the camera, beside the image or seen edge-on is left out, and what looks
+    away if the surface is ``closed``.
+    """
+    count = len(triangles)
+    area, front, keep = np.empty((3, count)), np.empty(count, bool), np.empty(count, bool)
+    most = 0.0
+    places = [np.ascontiguousarray(ideal[:, k]) for k in range(2)]
+    sides = _sides(ideal, ahead, screen)
+    whole = bool(ahead.all())
+    for first in range(0, count, CHUNK):
+        part = slice(first, first + CHUNK)
+        corner = [triangles[part, k] for k in range(3)]
+        own = area[:, part] = area_normals(points, triangles[part])
+        x, y, z = (np.take(points[:, axis], corner[0]) for axis in range(3))
+        front[part] = own[0] * x + own[1] * y + own[2] * z < 0
+        seen = (sides[corner[0]] & sides[corner[1]] & sides[corner[2]]) == 0
+        if closed:
+            seen &= front[part]
+        if whole:
+            at = [[np.take(place, own, mode="clip") for own in corner] for place in places]
+            # as `split` would do later, with more to carry
+            seen &= ~without_area(*at)
+            for a, b, c in at:
+                size = np.maximum(np.maximum(a, b), c) - np.minimum(np.minimum(a, b), c)
+                most = max(most, float((size * seen).max()))
+        else:
+            seen &= ahead[corner[0]] | ahead[corner[1]] | ahead[corner[2]]
+        keep[part] = seen
+    return Culled(area, front, keep, most)
+
+
+def _sides(ideal: Array, ahead: Flags, screen: Screen) -> npt.NDArray[np.uint8]:
+    """(P,): a bit for every side of the image that a vertex is beside; one behind the camera is on
+    no side."""
+    sides = np.zeros(len(ideal), np.uint8)
+    for axis in range(2):
+        value = ideal[:, axis]
+        sides |= (value <= screen.low[axis]).view(np.uint8) << np.uint8(2 * axis)
+        sides |= (value >= screen.high[axis]).view(np.uint8) << np.uint8(2 * axis + 1)
+    sides *= ahead.view(np.uint8)
+    return sides
