@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.optics.corners import CHUNK, ST, corner_range
+from gpusim.optics.corners import CHUNK, ST
 from gpusim.optics.gloss import Gloss
 from gpusim.optics.view import RegionPaint, View
 from gpusim.surface.paint import Checker
@@ -22,6 +22,9 @@ Array = npt.NDArray[np.float64]
 
 MARGIN = 1.05
 """Of half of the largest pixel, how far from a line its pixels may be."""
+
+LINE_NEAR = -(1 << 30)
+"""In place of the number of a line."""
 
 
 def lines_near(paint: Checker, reach: float, low: Array, high: Array) -> tuple[Array, Array]:
@@ -39,27 +42,41 @@ def lines_near(paint: Checker, reach: float, low: Array, high: Array) -> tuple[A
 
 
 def field_of(
-    paint: Checker, reach: float, low: Array, high: Array
-) -> tuple[npt.NDArray[np.bool_], Array]:
-    """Whether pixels on pieces of a board may reach over a line, and the albedo of those that
+    paint: Checker, reach: float, st: Array, corner: npt.NDArray[np.int64]
+) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.float32]]:
+    """Whether pixels on triangles of a board may reach over a line, and the albedo of those that
     can't, (n,) each.
 
-    ``low`` and ``high`` (n, 2): extent of each piece in paint coordinates; ``reach``: half of the
-    largest pixel there.
+    ``st`` (V, 2): paint coordinates of vertices; ``corner`` (n, 3): those of the triangles;
+    ``reach``: half of the largest pixel there.
     """
-    inset = MARGIN * reach
-    low, high = low - np.array(paint.origin), high - np.array(paint.origin)
-    first, last = lines_near(paint, reach, low, high)
-    near = (last >= first).any(axis=1)
-    beside = np.zeros(len(low), bool)
-    field = np.zeros(len(low))
+    at = st - np.array(paint.origin)
+    first, last = lines_near(paint, reach, at, at)
+    # of each vertex the line before it, or that one is near; beside the board all are alike
+    before = np.where(first > last, np.floor(at / paint.size), LINE_NEAR)
     for axis, many in enumerate((paint.columns, paint.rows)):
-        a, b = low[:, axis], high[:, axis]
         if many is not None:
-            beside |= (b < -inset) | (a > many * paint.size + inset)
-        field += np.floor(0.5 * (a + b) / paint.size)
-    albedo = np.where(field % 2.0 == 0.0, paint.dark, paint.light)
-    return near & ~beside, np.where(beside, paint.ground, albedo)
+            far = before[:, axis] != LINE_NEAR
+            before[far, axis] = np.clip(before[far, axis], -1, many)
+    fields = before.T.astype(np.int32)
+    near, albedo = np.empty(len(corner), bool), np.empty(len(corner), np.float32)
+    shades = np.array([paint.dark, paint.light, paint.ground], np.float32)
+    for start in range(0, len(corner), CHUNK):
+        part = slice(start, start + CHUNK)
+        index = np.zeros(len(corner[part]), np.int32)
+        beside, close = np.zeros(len(index), bool), np.zeros(len(index), bool)
+        for field, many in zip(fields, (paint.columns, paint.rows), strict=True):
+            a, b, c = (field[corner[part, k]] for k in range(3))
+            alike = (a == b) & (a == c) & (a != LINE_NEAR)
+            close |= ~alike
+            index += a
+            if many is not None:
+                beside |= alike & ((a == -1) | (a == many))
+        near[part] = close & ~beside
+        index &= 1
+        index[beside] = 2
+        albedo[part] = shades[index]
+    return near, albedo
 
 
 def matte_boards(paints: Sequence[RegionPaint], gloss: Gloss | None) -> list[int]:
@@ -79,10 +96,7 @@ def within_fields(
     paint = region.paint
     assert isinstance(paint, Checker)
     rows = np.flatnonzero(near & (view.paint == number))
-    whole = len(rows) == view.count
-    for first in range(0, len(rows), CHUNK):
-        part = slice(first, first + CHUNK) if whole else rows[first : first + CHUNK]
-        low, high = corner_range(view.corners[part, :, ST])
-        close, plain = field_of(paint, region.reach, low, high)
-        near[part] = close
-        albedo[part] = np.where(close, albedo[part], plain)
+    corner = view.corner if len(rows) == view.count else view.corner[rows]
+    close, plain = field_of(paint, region.reach, view.vertices[:, ST], corner)
+    near[rows] = close
+    albedo[rows] = np.where(close, albedo[rows], plain)

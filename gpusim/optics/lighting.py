@@ -15,11 +15,12 @@ from gpusim.errors import InputError
 from gpusim.gpu import Device
 from gpusim.gpu.buffer import F32_MAX
 from gpusim.optics.casters import Casters
+from gpusim.optics.corners import POSITION
 from gpusim.optics.emitters import closest_points, emitter_light, emitters, lamps_of
 from gpusim.optics.environment import Environment
 from gpusim.optics.gloss import Gloss, Reflection, sharpest
 from gpusim.optics.hidden_light import HiddenLight
-from gpusim.optics.light import AmbientLight, Light
+from gpusim.optics.light import AmbientLight, AreaLight, Light
 from gpusim.optics.openness import Openness
 from gpusim.optics.parting import parted
 from gpusim.optics.shadow_tiles import ShadowTiles, flatness
@@ -71,7 +72,10 @@ class Lighting:
             More emitting points than a shader takes, or numbers beyond float32.
         """
         lights = lights or []
-        closest = closest_points(lights, view.corners[:, :, :3], view.camera)
+        triangles = np.zeros((0, 3, 3))
+        if any(isinstance(light, AreaLight) for light in lights):
+            triangles = view.corners_of(slice(None), POSITION)
+        closest = closest_points(lights, triangles, view.camera)
         rows = emitters(lights, closest, sharpest(view.paints))
         if len(rows) > MOST_EMITTERS:
             raise InputError(

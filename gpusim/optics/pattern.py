@@ -19,9 +19,9 @@ from gpusim.errors import InputError
 from gpusim.gpu import Device
 from gpusim.gpu.texels import Texels
 from gpusim.optics.areas import in_boxes, summed
-from gpusim.optics.corners import CHUNK, corner_range
+from gpusim.optics.corners import CHUNK, ST, corner_range
 from gpusim.optics.speckle_table import MOST_TEXELS, SpeckleTable, speckle_table
-from gpusim.optics.view import RegionPaint
+from gpusim.optics.view import RegionPaint, View
 from gpusim.surface.features import Features, Paint
 from gpusim.surface.paint import Checker, Dots
 from gpusim.surface.speckle import Speckle
@@ -147,14 +147,12 @@ class PatternTable:
         texels.write(data)
         return texels
 
-    def near_features(
-        self, paint: npt.NDArray[np.int32], st: Array, taken: Collection[int] = ()
-    ) -> npt.NDArray[np.bool_]:
-        """Whether any cell under triangles with corners ``st`` (n, 3, 2) of paints (n,) has
-        features.
+    def near_features(self, view: View, taken: Collection[int] = ()) -> npt.NDArray[np.bool_]:
+        """Whether any cell under the triangles (T,) of a view has features.
 
         Counts come from a summed-area table per paint; of the paints ``taken`` all are.
         """
+        paint = view.paint
         result = self.paints["featured"][paint] > 1  # speckle and bitmaps are everywhere
         for number in np.flatnonzero(self.paints["featured"] == 1).tolist():
             rows = np.flatnonzero(paint == number)
@@ -164,7 +162,7 @@ class PatternTable:
             whole = len(rows) == len(paint)
             for first in range(0, len(rows), CHUNK):
                 part = slice(first, first + CHUNK) if whole else rows[first : first + CHUNK]
-                low, high = corner_range(st[part])
+                low, high = corner_range(view.corners_of(part, ST))
                 result[part] = self._filled(number, low, high) > 0
         return result
 

@@ -18,7 +18,6 @@ from gpusim.gpu import Device
 from gpusim.optics.bitmap import BITMAP, PIECES, BitmapTable, pieces_needed
 from gpusim.optics.bump import Bumps, bump_of
 from gpusim.optics.coefficients import BLOCK, Coefficients, coefficients
-from gpusim.optics.corners import ST
 from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.fields import matte_boards, within_fields
 from gpusim.optics.light import Light
@@ -85,7 +84,7 @@ class Setup:
         bitmaps = BitmapTable.build(view.paints, table.paints)
         lighting = Lighting.build(view, lights, surfaces, device)
         boards = matte_boards(view.paints, lighting.gloss)
-        near = table.near_features(view.paint, view.corners[:, :, ST], boards)
+        near = table.near_features(view, boards)
         albedo = table.paints["ground"][view.paint]
         for number in boards:
             within_fields(view, number, near, albedo)
