@@ -45,7 +45,7 @@ def cull(
     """
     count = len(triangles)
     area, front, keep = np.empty((3, count)), np.empty(count, bool), np.empty(count, bool)
-    most = 0.0
+    most = np.zeros(CHUNK)
     places = [np.ascontiguousarray(ideal[:, k]) for k in range(2)]
     sides = _sides(ideal, ahead, screen)
     whole = bool(ahead.all())
@@ -64,11 +64,12 @@ def cull(
             seen &= ~without_area(*at)
             for a, b, c in at:
                 size = np.maximum(np.maximum(a, b), c) - np.minimum(np.minimum(a, b), c)
-                most = max(most, float((size * seen).max()))
+                size *= seen
+                np.maximum(most[: len(size)], size, out=most[: len(size)])
         else:
             seen &= ahead[corner[0]] | ahead[corner[1]] | ahead[corner[2]]
         keep[part] = seen
-    return Culled(area, front, keep, most)
+    return Culled(area, front, keep, float(most.max()))
 
 
 def _sides(ideal: Array, ahead: Flags, screen: Screen) -> npt.NDArray[np.uint8]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -37,14 +38,14 @@ class RegionPaint:
 
 
 def with_reach(
-    paints: list[RegionPaint],
+    regions: Sequence[RegionPaint],
     vertices: Array,
     place: Array,
     ideal: Array,
     corner: npt.NDArray[np.int64],
     paint: npt.NDArray[np.int32],
     camera: Camera,
-) -> tuple[list[RegionPaint], Array]:
+) -> tuple[tuple[RegionPaint, ...], Array]:
     """Half the largest pixel footprint of every patterned region and (T,) of every triangle.
 
     ``vertices`` (V, 11), ``place`` and ``ideal`` (V, 2), ``corner`` and ``paint`` (T, …) are those
@@ -55,7 +56,7 @@ def with_reach(
     result, widest = [], np.zeros(len(paint))
     z = vertices[:, POSITION.stop - 1]
     columns = [np.ascontiguousarray(v) for v in (*ideal.T, z, 1.0 / z, *vertices[:, ST].T)]
-    for number, region in enumerate(paints):
+    for number, region in enumerate(regions):
         extent = float((region.high - region.low).max())
         rows = np.flatnonzero(paint == number) if extent > 0.0 else np.zeros(0, np.int64)
         if len(rows):
@@ -79,7 +80,7 @@ def with_reach(
             reach = min(reach, extent) if limit is None else limit
             region = replace(region, reach=reach, seen=seen, grazing=limit is not None)
         result.append(region)
-    return result, widest
+    return tuple(result), widest
 
 
 def _of_corners(
@@ -117,13 +118,12 @@ def _largest_footprint(columns: list[Array], corner: npt.NDArray[np.int64]) -> f
 
     # s / z and 1 / z are affine in the image
     rate = slope(inverse)
-    most = 0.0
+    most = np.zeros(len(corner))
     for value in paint:
         change = slope([s * w for s, w in zip(value, inverse, strict=True)])
         for s, z in zip(value, depth, strict=True):
             size = np.abs(change[0] - s * rate[0])
             size += np.abs(change[1] - s * rate[1])
             size *= z
-            size /= area
-            most = max(most, float(size.max()))
-    return 0.5 * most
+            np.maximum(most, size, out=most)
+    return 0.5 * float((most / area).max())

@@ -45,7 +45,7 @@ def small_triangles(view: View) -> bool:
     corners = view.screen_of(slice(None, None, -(-view.count // SAMPLED)))
     a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     pixels = 0.5 * float(np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).mean()) * view.count
-    if len(view.paints) > 1:
+    if len(view.regions) > 1:
         pixels += view.camera.width * view.camera.height
     return pixels <= SMALL * view.count
 

@@ -71,11 +71,11 @@ class View:
     ``vertices`` (V, 11): camera-space position, paint coordinates, world normal, undeformed world
     position; ``place`` (V, 2) px, through the lens. ``corner`` (T, 3): vertices of each triangle;
     those of some of its corners may be no other triangle's. ``paint`` and ``face`` (T,): index into
-    ``paints`` and into the faces of all surfaces in order. ``edges`` (E, 2, 2): the visible
-    silhouettes, creases and region borders on screen, px. ``footprint`` (T,): half the width of the
-    largest pixel on each triangle, in paint coordinates; 0 on plain paint. ``body`` (T,): number of
-    the surface, ascending. ``edge_source`` (E, 2): the triangle that each edge is of, and its
-    corner that it begins at. ``extent``: px, no box round a triangle has a longer side.
+    ``paints`` and into the faces of all surfaces in order. ``regions``: ``paints`` of which not all
+    is known yet; ``found``: these and ``footprint`` where they are known. ``edges`` (E, 2, 2): the
+    visible silhouettes, creases and region borders on screen, px. ``body`` (T,): number of the
+    surface, ascending. ``edge_source`` (E, 2): the triangle that each edge is of, and its corner
+    that it begins at. ``extent``: px, no box round a triangle has a longer side.
     """
 
     camera: Camera
@@ -84,17 +84,35 @@ class View:
     corner: npt.NDArray[np.int64]
     paint: npt.NDArray[np.int32]
     face: npt.NDArray[np.int32]
-    paints: tuple[RegionPaint, ...]
+    regions: tuple[RegionPaint, ...]
     edges: npt.NDArray[np.float64]
-    footprint: npt.NDArray[np.float64]
     body: npt.NDArray[np.int32]
     edge_source: npt.NDArray[np.int64]
     extent: float
+    found: tuple[tuple[RegionPaint, ...], Array] | None = None
 
     @property
     def count(self) -> int:
         """Number of triangles."""
         return len(self.corner)
+
+    @cached_property
+    def _found(self) -> tuple[tuple[RegionPaint, ...], Array]:
+        return self.found or with_reach(
+            self.regions, self.vertices, self.place, self.ideal_place, self.corner, self.paint,
+            self.camera,
+        )  # fmt: skip
+
+    @property
+    def paints(self) -> tuple[RegionPaint, ...]:
+        """The paints of all surfaces' regions in order, with the largest pixel on each."""
+        return self._found[0]
+
+    @property
+    def footprint(self) -> Array:
+        """(T,): half the width of the largest pixel on each triangle, in paint coordinates; 0 where
+        the paint isn't speckle."""
+        return self._found[1]
 
     @cached_property
     def corners(self) -> Array:
@@ -155,8 +173,8 @@ class View:
         source[:, 0] = (np.cumsum(own) - 1)[source[:, 0]]
         return replace(
             self, corner=self.corner[own], paint=self.paint[own], face=self.face[own],
-            edges=self.edges[near], footprint=self.footprint[own], body=self.body[own],
-            edge_source=source,
+            edges=self.edges[near], body=self.body[own], edge_source=source,
+            found=(self.paints, self.footprint[own]),
         )  # fmt: skip
 
     def inverse_depth(self) -> Array:
@@ -214,16 +232,12 @@ def look(surfaces: Sequence[Surface], camera: Camera, lit: bool) -> View:
     all_of = Indexed.joined(parts)
     place, corner = all_of.place, all_of.corner
     number_of_paint = np.concatenate(paint_ids).astype(np.int32)
-    ideal = place if camera.lens is None else screen.ideal(all_of.vertices[:, POSITION])
-    regions, footprint = with_reach(
-        paints, all_of.vertices, place, ideal, corner, number_of_paint, camera
-    )
     shown, k = np.nonzero(all_of.shows)
     ends = [place[corner[shown, j]] for j in (k, (k + 1) % 3)]
     return View(
         camera, all_of.vertices, place, corner, number_of_paint,
-        np.concatenate(face_ids).astype(np.int32), tuple(regions), np.stack(ends, axis=1),
-        footprint, np.concatenate(body_ids).astype(np.int32), np.stack([shown, k], axis=1),
+        np.concatenate(face_ids).astype(np.int32), tuple(paints), np.stack(ends, axis=1),
+        np.concatenate(body_ids).astype(np.int32), np.stack([shown, k], axis=1),
         all_of.extent,
     )  # fmt: skip
 
