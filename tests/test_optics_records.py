@@ -160,3 +160,29 @@ def test_texels_serve_one_frame_after_the_other(device: Device) -> None:
     assert kept.texels(30_001, "rgba32uint", "some") is not first
     assert kept.texels(1_000, "rgba32uint", "some").count == 1_000
     assert kept.texels(30_000, "rgba32uint", "other") is not first
+
+
+@pytest.mark.parametrize("lens", [None, [0.05, -0.02, 1e-3, -2e-3]])
+@pytest.mark.parametrize("inside", [False, True])
+def test_triangles_that_are_not_cut_share_their_vertices(
+    device: Device, monkeypatch: pytest.MonkeyPatch, lens: list[float] | None, inside: bool
+) -> None:
+    """The picture is that of triangles which all went through `split`; also where some of them are
+    behind the camera."""
+    eye, target = (0.1, -1.1, 0.07), (0.0, 0.0, 0.01)
+    if inside:
+        eye, target = (-0.1, -0.08, 0.02), (0.4, 0.02, 0.0)
+    viewer = gs.Camera.from_lens((36, 24), 46, (1205, 804), eye, target, distortion=lens)
+    surface = sheet(150, 100, gs.paint.Checker(0.031))
+    view = look([surface], viewer, lit=True)
+    assert view.count > 3000 and len(view.place) < 2.5 * view.count
+    got = gs.render([surface], viewer, LIGHTS, device=device)
+    monkeypatch.setattr("gpusim.optics.view.MANY", 10**9)
+    want = gs.render([surface], viewer, LIGHTS, device=device)
+    if lens is not None or inside:
+        assert len(want.view.place) == 3 * want.view.count
+    assert want.view.count == view.count
+    # float32 on squares of up to several hundred pixels
+    most = want.radiance.max()
+    assert np.abs(got.radiance - want.radiance).max() <= 1e-3 * most
+    assert np.sqrt(np.mean((got.radiance - want.radiance) ** 2)) <= 1e-5 * most

@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from gpusim.optics.corners import at_corners
 from gpusim.optics.cutting import Pieces, extent
+from gpusim.surface.plane import used_vertices
 
 __all__ = ["Indexed"]
 
@@ -68,7 +69,21 @@ class Indexed:
             max(part.extent for part in parts),
         )
 
-    def pieces(self) -> Pieces:
-        """The same corner by corner."""
-        corners = at_corners(self.vertices, list(self.corner.T))
-        return Pieces(corners, self.shows, self.source)
+    def some(self, wanted: npt.NDArray[np.bool_], place: Array, extent: float) -> Indexed:
+        """The triangles that are ``wanted`` (T,), and their vertices, at ``place`` (V, 2) px."""
+        if wanted.all():
+            return Indexed(self.vertices, place, self.corner, self.shows, self.source, extent)
+        corner = self.corner[wanted]
+        used = used_vertices(corner, len(place))
+        number = np.zeros(len(place), np.int64)
+        number[used] = np.arange(len(used))
+        return Indexed(
+            self.vertices.T[:, used].T, place.T[:, used].T, number[corner.T].T,
+            self.shows[wanted], self.source[wanted], extent,
+        )  # fmt: skip
+
+    def pieces(self, wanted: npt.NDArray[np.bool_]) -> Pieces:
+        """Those that are ``wanted`` (T,), corner by corner."""
+        corner = self.corner if wanted.all() else self.corner[wanted]
+        corners = at_corners(self.vertices, list(corner.T))
+        return Pieces(corners, self.shows[wanted], self.source[wanted])

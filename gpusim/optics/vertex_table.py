@@ -143,4 +143,5 @@ class VertexTable:
             self.columns[NORMAL, vertex] = to_world @ found.T
         away = np.flatnonzero(turned)
         if len(away):
-            self.columns[NORMAL, self._apart(away)] *= -1.0
+            copies = self._apart(away)
+            self.columns[NORMAL, copies] *= -1.0

@@ -40,6 +40,7 @@ from gpusim.optics.outline import feature_edges, smooth_normals
 from gpusim.optics.paint_edges import speckle_jumps
 from gpusim.optics.reach import RegionPaint, with_reach
 from gpusim.optics.sparse import sparse_excess
+from gpusim.optics.uncut import uncut
 from gpusim.optics.vertex_table import VertexTable, turned_corners
 from gpusim.surface.speckle import Speckle
 from gpusim.surface.surface import Surface
@@ -54,6 +55,9 @@ FIXED = 65536
 NEAR = 1e-4
 """Near plane, as a share of the farthest depth in view."""
 
+
+MANY = 2000
+"""Triangles from which on those that aren't cut are told from the others."""
 
 NO_PLACES = np.zeros((0, 3, 2))
 
@@ -285,10 +289,18 @@ def _seen_of(surface: Surface, points: Array, screen: Screen, near: float, lit: 
         if culled.extent <= SHORT_EDGE:
             # what `split` would find, which has been seen to already
             return found
-    pieces = found.pieces()
+    more = sparse_excess(surface, ST)
+    left, parts = np.ones(len(kept), bool), []
+    if len(kept) >= MANY:
+        whole, done = uncut(found, screen, crossing, more is not None)
+        left, parts = ~done, [whole]
+        if not left.any():
+            return whole
+    pieces = found.pieces(left)
+    crossing = crossing[left]
     if crossing.any():
         cut = clip(pieces[crossing], np.array([0.0, 0.0, 1.0]), near)
         for normal in screen.guards():
             cut = clip(cut, normal, 0.0)
         pieces = Pieces.joined([pieces[~crossing], cut])
-    return Indexed.of(*split(pieces, screen, sparse_excess(surface, ST)))
+    return Indexed.joined([*parts, Indexed.of(*split(pieces, screen, more))])

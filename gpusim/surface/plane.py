@@ -49,7 +49,7 @@ class PaintFrame:
     def coordinates(self, points: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         """(…, 3) points to (…, 2) paint coordinates."""
         # no matrix product, whose rounding depends on where in the array a point is
-        x, y, z = (np.ascontiguousarray(points[..., k]) - self.origin[k] for k in range(3))
+        x, y, z = (points[..., k] - self.origin[k] for k in range(3))
         axes = (self.s_axis, self.t_axis)
         columns = np.stack([x * axis[0] + y * axis[1] + z * axis[2] for axis in axes])
         return np.moveaxis(columns, 0, -1)
