@@ -62,6 +62,8 @@ def write_report(report: Report, out_dir: PathLike) -> ReportPaths:
 
 
 def _draw(report: Report, folder: Path) -> FigureSet:
+    # these take longest: they begin
+    other = [apart.begin(drawing) for drawing in report.figures]
     series = [
         apart.begin(draw_series, item, folder / f"{_stem('line', index, item.name)}.png")
         for index, item in enumerate(report.series)
@@ -81,7 +83,6 @@ def _draw(report: Report, folder: Path) -> FigureSet:
         errors = apart.begin(draw_errors, judged, folder / "errors.png")
     if len(report.residuals) >= _WORTH_A_PLOT:
         convergence = apart.begin(draw_convergence, report.residuals, folder / "convergence.png")
-    other = [apart.begin(drawing) for drawing in report.figures]
     return FigureSet(
         tuple(figure.result() for figure in series),
         errors.result() if errors else None,
