@@ -95,7 +95,7 @@ def from_pixels(setup: Setup, surfaces: list[Surface]) -> tuple[Array, Array]:
     at = depth[:, None] * (np.c_[ideal, np.ones(len(x))] @ setup.rays().T)
     normal = values[:, 1:] / np.linalg.norm(values[:, 1:], axis=1)[:, None]
     occluders = Occluders.of(view, surfaces)
-    fine = len(occluders.owner)
+    fine = occluders.first[1]
     count = len(at)
     points = Receivers(
         at, normal, np.full(count, 2.0 * occluders.sag), np.full(count, 20.0 * occluders.sag)

@@ -55,7 +55,7 @@ TOUCHES = 1 << 16
 PARTS = 8
 """Invocations per point."""
 
-GROUP = 64
+GROUP = 16
 """Points that share a list of faces."""
 
 POINTS = 1 << 15
@@ -248,7 +248,7 @@ def _hidden(
     crossed = np.where(pierced, np.where(height > 0.0, 1, -1), 0).sum(axis=1)
     edges = np.linalg.norm(np.roll(D, -1, axis=2) - D, axis=3)
     on = np.einsum("nfka,nfa->nfk", planes, normal) >= -2.0 * near[:, :, None] * edges
-    touches = level & (facing < 0.5 * size) & ~against & on.all(axis=2)
+    touches = level & (facing < 0.5 * size) & on.all(axis=2)
     crossed += TOUCHES * touches.sum(axis=1)
     point, face = np.nonzero(against | (faces_it & (highest > ABOVE * points.tolerance[:, None])))
     side = np.where((height > 0.0) & ~against, 1.0, -1.0)[point, face]

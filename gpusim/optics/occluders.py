@@ -27,10 +27,11 @@ Numbers = npt.NDArray[np.int64]
 FLATNESS = 0.05
 """px at the nearest surface, that joined faces may pass from the surface."""
 
-COARSER = 40.0
-"""Times that for points farther away than `FAR` times as much."""
+COARSER = (1.0, 6.0, 36.0, 216.0)
+"""Times that, level by level."""
 
-FAR = 100.0
+FAR = 50.0
+"""A level is for points farther away than its faces pass from the surface, times this."""
 
 PAIRS = 1 << 18
 """Pairs of groups and faces at a time."""
@@ -38,15 +39,17 @@ PAIRS = 1 << 18
 
 @dataclass(frozen=True, eq=False)
 class Occluders:
-    """``corners`` (F, 4, 3) relative to the eye: N fine faces, and coarse ones that stand for many.
+    """``corners`` (F, 4, 3) relative to the eye, from level to level fewer and larger ones.
 
-    ``owner`` (N,): which of the coarse ones each belongs to. ``both_sides`` (F,): of surfaces that
-    aren't closed. ``sag``: how far the fine faces may pass from the surface.
+    ``first`` (L + 1,): where the levels begin. ``owner``: for all levels but the last, which face
+    of the next level each one belongs to. ``both_sides`` (F,): of surfaces that aren't closed.
+    ``sag``: how far the first level's faces may pass from the surface.
     """
 
     corners: Array
     both_sides: npt.NDArray[np.bool_]
-    owner: Numbers
+    first: tuple[int, ...]
+    owner: tuple[Numbers, ...]
     sag: float
 
     @staticmethod
@@ -55,15 +58,37 @@ class Occluders:
         depth = 1.0 / max(float(view.inverse_depth().max(initial=0.0)), 1e-300)
         sag = FLATNESS * depth / float(np.abs(np.diag(view.camera.K)[:2]).max())
         fine = Casters.of(surfaces, lambda points: np.full(len(points), sag))
-        merged = merge_flat(fine.points, fine.faces, np.full(len(fine.points), COARSER * sag))
-        both = np.zeros(len(merged.faces), bool)
-        both[merged.owner] = fine.both_sides
-        corners = np.concatenate([fine.corners, fine.points[merged.faces]]) - view.camera.eye
-        return Occluders(corners, np.concatenate([fine.both_sides, both]), merged.owner, sag)
+        corners, sides, owner = [fine.corners], [fine.both_sides], []
+        faces, both = fine.faces, fine.both_sides
+        for times in COARSER[1:]:
+            merged = merge_flat(fine.points, faces, np.full(len(fine.points), times * sag))
+            of = np.zeros(len(merged.faces), bool)
+            of[merged.owner] = both
+            faces, both = merged.faces, of
+            owner.append(merged.owner)
+            corners.append(fine.points[faces])
+            sides.append(both)
+        first = np.cumsum([0, *(len(level) for level in corners)])
+        return Occluders(
+            np.concatenate(corners) - view.camera.eye, np.concatenate(sides),
+            tuple(first.tolist()), tuple(owner), sag,
+        )  # fmt: skip
+
+    def _used(self, away: Array) -> npt.NDArray[np.bool_]:
+        """Which faces (G, F) stand for the surfaces, ``away`` (G, F) from groups of points."""
+        result = np.zeros(away.shape, bool)
+        done = np.zeros((len(away), self.first[-1] - self.first[-2]), bool)
+        for level in range(len(COARSER) - 1, -1, -1):
+            own = slice(self.first[level], self.first[level + 1])
+            result[:, own] = ~done
+            if level:
+                result[:, own] &= away[:, own] > FAR * COARSER[level] * self.sag
+                done = (done | result[:, own])[:, self.owner[level - 1]]
+        return result
 
     def around(self, points: Receivers) -> Around:
         """Those that matter to each `GROUP` of ``points`` in order."""
-        count, coarse = len(points.at), len(self.owner)
+        count = len(points.at)
         first = np.arange(0, count, GROUP)
         size = np.minimum(first + GROUP, count) - first
         group = np.repeat(np.arange(len(first)), size)
@@ -78,7 +103,6 @@ class Occluders:
         planes = np.cross(self.corners[:, 2] - self.corners[:, 0],
                           self.corners[:, 3] - self.corners[:, 1])  # fmt: skip
         planes /= np.maximum(np.linalg.norm(planes, axis=1), 1e-300)[:, None]
-        limit = FAR * COARSER * self.sag
         starts, faces = [np.zeros(1, np.int64)], [np.zeros(0, np.int64)]
         step = max(PAIRS // max(len(centre), 1), 1)
         for begin in range(0, len(first), step):
@@ -86,8 +110,7 @@ class Occluders:
             r, tilt = radius[part, None], lean[part, None]
             to = centre[None] - middle[part, None]
             away = np.sqrt(np.einsum("gfa,gfa->gf", to, to))
-            far = away - reach - r > limit
-            used = np.concatenate([~far[:, coarse:][:, self.owner], far[:, coarse:]], axis=1)
+            used = self._used(away - reach - r)
             # not below the horizon of all points
             height = np.einsum("gfa,ga->gf", to, up[part])
             beside = (away + reach) * tilt + r
@@ -110,8 +133,8 @@ def in_groups(points: Receivers) -> Numbers:
     low = points.at.min(axis=0, initial=0.0)
     size = max(float(np.ptp(points.at, axis=0).max()) if len(points.at) else 0.0, 1e-300)
     cell = np.minimum((points.at - low) / size * 1024.0, 1023.0).astype(np.int64)
-    facing = np.rint(2.0 * points.normal).astype(np.int64) + 2
-    key = (facing[:, 0] * 5 + facing[:, 1]) * 5 + facing[:, 2]
+    facing = np.rint(points.normal).astype(np.int64) + 1
+    key = (facing[:, 0] * 3 + facing[:, 1]) * 3 + facing[:, 2]
     for bit in range(9, -1, -1):
         for axis in range(3):
             key = 2 * key + ((cell[:, axis] >> bit) & 1)

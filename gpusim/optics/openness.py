@@ -40,6 +40,9 @@ STEP = 8.0
 MOST_PIECES = 128
 """Of a triangle's edge."""
 
+GAP = 4
+"""Cells of a piece's edge whose nodes tell that nothing of it shows."""
+
 FINEST = 8
 """Cells of a piece's edge."""
 
@@ -104,12 +107,13 @@ class Openness:
             at = corners[own][:, None, 0] + s * a[own][:, None] + t * b[own][:, None]
             n = normals[own]
             normal = (1.0 - s - t) * n[:, None, 0] + s * n[:, None, 1] + t * n[:, None, 2]
-            shares, buried = nodes.look(at, normal)
-            rough = _mixed(buried)
+            shares, even, buried = nodes.look(at, normal)
+            # a gap may show between nodes that all lie under bodies
+            rough = _mixed(buried) | (buried.all(axis=1) & (m < GAP))
             if m == 1:
-                rough |= ~buried.all(axis=1) & (np.ptp(shares, axis=1) > EVEN)
+                rough |= ~buried.all(axis=1) & (np.ptp(even, axis=1) > EVEN)
             else:
-                off = np.where(buried, 0.0, np.abs(shares - before))
+                off = np.where(buried, 0.0, np.abs(even - before))
                 rough |= off.max(axis=1) > TOLERANCE
             further = rough & (finest[due] > m)
             grid = _grids(shares, buried, m)
@@ -117,7 +121,7 @@ class Openness:
             cells[slot[done]] = m
             found.append((slot[done], grid[~further].reshape(-1)))
             due = due[further]
-            before = _finer(_grids(shares, buried & False, m)[further], m)
+            before = _finer(_grids(even, buried & False, m)[further], m)
             m *= 2
         start = np.zeros(len(cells), np.int64)
         values, filled = [np.ones(4)], 4
@@ -262,15 +266,15 @@ class _Nodes:
     def __init__(self, occluders: Occluders, value: Value, device: Device | None) -> None:
         self.occluders, self.value, self.device = occluders, value, device
         self._key = np.zeros(0, np.int64)
-        self._share, self._buried = np.zeros(0), np.zeros(0, bool)
+        self._share, self._even, self._buried = np.zeros(0), np.zeros(0), np.zeros(0, bool)
 
     @property
     def count(self) -> int:
         """How many were looked from."""
         return len(self._key)
 
-    def look(self, at: Array, normal: Array) -> tuple[Array, npt.NDArray[np.bool_]]:
-        """Shares and whether they are buried, of the nodes (P, N, 3) of pieces, (P, N) each."""
+    def look(self, at: Array, normal: Array) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
+        """Of the nodes (P, N, 3) of pieces, (P, N) each: shares, those of an even sky, buried ones."""
         shape = at.shape[:2]
         middle = at.mean(axis=1, keepdims=True)
         size = np.linalg.norm(at - middle, axis=2).max(axis=1, keepdims=True)
@@ -299,8 +303,8 @@ class _Nodes:
             new = ~known
             self._add(own[new], Receivers(moved, up, flat, 0.3 * thick).part(np.flatnonzero(new)))
             place = np.searchsorted(self._key, own)
-        share, buried = self._share[place], self._buried[place]
-        return share[inverse].reshape(shape), buried[inverse].reshape(shape)
+        one, two, buried = (v[place][inverse] for v in (self._share, self._even, self._buried))
+        return one.reshape(shape), two.reshape(shape), buried.reshape(shape)
 
     def _add(self, key: Numbers, points: Receivers) -> None:
         order = in_groups(points)
@@ -311,11 +315,12 @@ class _Nodes:
         else:
             found = seen(self.device, points, around)
         share = self.value(found, points.normal)
-        buried = found.inside | (found.open_share <= 0.0)
+        buried = found.inside
         keys = np.concatenate([self._key, key])
         order = np.argsort(keys, kind="stable")
         self._key = keys[order]
         self._share = np.concatenate([self._share, share])[order]
+        self._even = np.concatenate([self._even, found.open_share])[order]
         self._buried = np.concatenate([self._buried, buried])[order]
 
 

@@ -120,7 +120,7 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
         let pierced = all(up >= vec4f(0.0)) || all(up <= vec4f(0.0));
         let rise = height / select(dot(normal, n.xyz), 1.0, dot(normal, n.xyz) == 0.0);
         if (closed && pierced && rise > n.w && !level) { crossed += select(-1, 1, height > 0.0); }
-        if (level && dot(normal, n.xyz) < 0.5 * size && !against) {
+        if (level && dot(normal, n.xyz) < 0.5 * size) {
             let within = 2.0 * x.w * size;
             let on = vec4f(
                 dot(n0, normal) + within * length(d1 - d0), dot(n1, normal) + within * length(d2 - d1),
