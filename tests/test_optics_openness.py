@@ -241,6 +241,30 @@ def test_round_bodies_and_bent_sheets_dont_hide_themselves() -> None:
     np.testing.assert_allclose(domed, 1.0, atol=3e-3)
 
 
+def test_the_floor_under_a_ball_is_dark_but_not_black() -> None:
+    """A gap thinner than the pieces isn't the inside of the body over it."""
+    angle = np.linspace(0.0, np.pi, 13)[1:-1]
+    count = 24
+    turn = np.arange(count) * 2.0 * np.pi / count
+    rings = np.stack(
+        [np.outer(np.sin(angle), np.cos(turn)), np.outer(np.sin(angle), np.sin(turn)),
+         np.repeat(-np.cos(angle)[:, None], count, axis=1)], axis=2,
+    ).reshape(-1, 3)  # fmt: skip
+    points = 0.4 * np.concatenate([rings, [[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]]]) + UP * 0.4
+    i = np.arange(count)
+    j, none, top = (i + 1) % count, np.full(count, -1), len(rings) - count
+    faces = [np.stack([k + i, k + j, k + j + count, k + i + count], axis=1)
+             for k in range(0, top, count)]  # fmt: skip
+    faces.append(np.stack([j, i, np.full(count, len(rings)), none], axis=1))
+    faces.append(np.stack([top + i, top + j, np.full(count, len(rings) + 1), none], axis=1))
+    surfaces = [plain(QUAD * 1.5), plain(points, np.concatenate(faces))]
+    view = look(surfaces, camera(160, (0.2, -3.0, 0.5)), lit=True)
+    got, want = from_pixels(Setup.build(view, EVEN, 0.0, surfaces), surfaces)
+    error = np.abs(got - want)
+    assert np.sqrt(np.mean(error**2)) < 5e-3
+    assert np.quantile(error, 0.99) < 0.02
+
+
 def test_surroundings_bring_what_their_visible_part_sends() -> None:
     """An upright face over an endless floor loses the ground's light and keeps the sky's."""
     floor = plain(QUAD * 400.0)

@@ -71,8 +71,8 @@ class Receivers:
     """Points to look from.
 
     ``at`` (N, 3) and the unit ``normal`` (N, 3); ``tolerance`` (N,): distance from a face's plane
-    within which it hides nothing; ``thickness`` (N,): walls of bodies nearer than this above a
-    point don't tell whether it lies inside.
+    within which it hides nothing; ``thickness`` (N,): that a way up leaves a body nearer than this
+    doesn't tell that the point lies inside.
     """
 
     at: Array
@@ -244,7 +244,8 @@ def _hidden(
     highest = np.einsum("nfka,na->nfk", D, points.normal).max(axis=2)
     pierced = (local[..., 2] >= 0.0).all(axis=2) | (local[..., 2] <= 0.0).all(axis=2)
     rise = height / np.where(facing != 0.0, facing, 1.0)
-    pierced &= closed & ~level & (rise > points.thickness[:, None])
+    # a wall close above may be the point's own, but one that it would enter by isn't
+    pierced &= closed & ~level & (rise > np.where(height > 0.0, points.thickness[:, None], 0.0))
     crossed = np.where(pierced, np.where(height > 0.0, 1, -1), 0).sum(axis=1)
     edges = np.linalg.norm(np.roll(D, -1, axis=2) - D, axis=3)
     on = np.einsum("nfka,nfa->nfk", planes, normal) >= -2.0 * near[:, :, None] * edges

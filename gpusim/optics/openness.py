@@ -274,7 +274,7 @@ class _Nodes:
         return len(self._key)
 
     def look(self, at: Array, normal: Array) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
-        """Of the nodes (P, N, 3) of pieces, (P, N) each: shares, those of an even sky, buried ones."""
+        """Of nodes (P, N, 3), (P, N) each: shares, those of an even sky, and which are buried."""
         shape = at.shape[:2]
         middle = at.mean(axis=1, keepdims=True)
         size = np.linalg.norm(at - middle, axis=2).max(axis=1, keepdims=True)
@@ -303,8 +303,8 @@ class _Nodes:
             new = ~known
             self._add(own[new], Receivers(moved, up, flat, 0.3 * thick).part(np.flatnonzero(new)))
             place = np.searchsorted(self._key, own)
-        one, two, buried = (v[place][inverse] for v in (self._share, self._even, self._buried))
-        return one.reshape(shape), two.reshape(shape), buried.reshape(shape)
+        back = place[inverse].reshape(shape)
+        return self._share[back], self._even[back], self._buried[back]
 
     def _add(self, key: Numbers, points: Receivers) -> None:
         order = in_groups(points)

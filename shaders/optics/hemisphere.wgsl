@@ -119,7 +119,7 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
         let up = vec4f(dot(n0, n.xyz), dot(n1, n.xyz), dot(n2, n.xyz), dot(n3, n.xyz));
         let pierced = all(up >= vec4f(0.0)) || all(up <= vec4f(0.0));
         let rise = height / select(dot(normal, n.xyz), 1.0, dot(normal, n.xyz) == 0.0);
-        if (closed && pierced && rise > n.w && !level) { crossed += select(-1, 1, height > 0.0); }
+        if (closed && pierced && rise > select(0.0, n.w, height > 0.0) && !level) { crossed += select(-1, 1, height > 0.0); }
         if (level && dot(normal, n.xyz) < 0.5 * size) {
             let within = 2.0 * x.w * size;
             let on = vec4f(
