@@ -211,7 +211,10 @@ def steel() -> Picture:
 
 def penumbra(size: float) -> Picture:
     """A comb and a ball under a lamp ``size`` wide."""
-    things = [sheet((0.0, 0.0, 0.0), (3.0, 3.0), gs.paint.Plain(0.7))]
+    things = [
+        sheet((0.0, 0.0, 0.0), (3.0, 3.0), gs.paint.Plain(0.7)),
+        sheet((0.0, 2.9, 0.0), (9.0, 4.0, 0.0), gs.paint.Plain(0.7)),
+    ]
     paint = gs.paint.Plain(0.5)
     things += [box((0.22 * k - 1.0, 0.25, 0.5), (0.05, 0.05, 0.5), paint) for k in range(6)]
     things.append(box((-0.45, 0.25, 1.05), (0.66, 0.07, 0.05), paint))
