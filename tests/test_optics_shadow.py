@@ -288,14 +288,19 @@ def test_a_penumbra_some_pixels_wide_is_integrated_over_lamp_and_pixel(
     assert exact.min() == 0.0 and exact.max() == 1.0
 
 
+@pytest.mark.parametrize("bumps", [0.0, 0.006], ids=["arched", "bumpy"])
 @pytest.mark.parametrize("backend", ["numpy", "gpu"])
 def test_pixels_across_the_facets_of_a_bent_open_sheet_are_lit(
-    backend: str, request: pytest.FixtureRequest
+    backend: str, bumps: float, request: pytest.FixtureRequest
 ) -> None:
-    """A sheet arched towards its lamps: from no place on it does another part hide them."""
+    """A sheet arched towards its lamps: from no place on it does another part hide them.
+
+    With bumps its faces are bent, too, ridges and valleys.
+    """
     device = request.getfixturevalue("device") if backend == "gpu" else None
     u, v = np.meshgrid(np.linspace(-0.5, 0.5, 10), np.linspace(-0.4, 0.4, 4))
-    points = np.stack([u, v + 0.05 * u, 0.2 - 0.6 * u * u], axis=-1).reshape(-1, 3)
+    bent = bumps * np.sin(9.0 * u) * np.cos(8.0 * v)
+    points = np.stack([u, v + 0.05 * u, 0.2 - 0.6 * u * u + bent], axis=-1).reshape(-1, 3)
     i, j = np.meshgrid(np.arange(9), np.arange(3))
     first = (10 * j + i).reshape(-1)
     faces = np.stack([first, first + 1, first + 11, first + 10], axis=1)

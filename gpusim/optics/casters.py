@@ -21,7 +21,12 @@ Array = npt.NDArray[np.float64]
 MOST_WALLS = 32
 """Faces of open surfaces that are looked at one by one."""
 
-_ACROSS: WeakKeyDictionary[Topology, tuple[npt.NDArray[np.int64], bool]] = WeakKeyDictionary()
+BENT = 1e-7
+"""Of a face's size: a corner's distance from the plane of the others that makes it bent."""
+
+_ACROSS: WeakKeyDictionary[Topology, dict[int, tuple[npt.NDArray[np.int64], bool]]] = (
+    WeakKeyDictionary()
+)
 
 FLAT = 1e-9
 """Distance from a face's plane, per distance and face size, that counts as on it."""
@@ -77,13 +82,17 @@ class Casters:
         edges, beside = [np.zeros((0, 2), np.int64)], [np.zeros(0, np.int64)]
         first = vertex = 0
         for surface in surfaces:
-            own = surface.faces.astype(np.int64)
-            own = np.where(own >= 0, own, np.roll(own, 1, axis=1))
+            used = surface.faces.astype(np.int64)
+            if not surface.topology.closed and _bent(surface.points, used):
+                # both their sides hide: from its mean plane a bent face would hide part of itself
+                triangles = surface.topology.triangles
+                used = np.column_stack([triangles, np.full(len(triangles), -1)])
+            own = np.where(used >= 0, used, np.roll(used, 1, axis=1))
             across, closed = _across(surface.topology, own)
             count = len(own)
             points.append(surface.points)
             faces.append(own + vertex)
-            normals.append(face_normals(surface.points, surface.faces))
+            normals.append(face_normals(surface.points, used))
             both.append(np.full(count, not closed))
             face, place = np.divmod(np.arange(4 * count), 4)
             edges.append(np.stack([face + first, place], axis=1))
@@ -149,8 +158,18 @@ class Casters:
         return LampFaces(face, rim[face], side[face])
 
 
+def _bent(points: Array, faces: npt.NDArray[np.int64]) -> bool:
+    """Whether corners of some face (F, 4), -1 in the last column for triangles, leave a plane."""
+    a, b, c, d = (points[corner] for corner in faces[faces[:, 3] >= 0].T)
+    normal = np.cross(c - a, d - b)
+    size = np.linalg.norm(normal, axis=1)
+    gap = np.abs(np.einsum("fa,fa->f", normal, b - a))
+    return bool((gap > BENT * size * np.sqrt(size)).any())
+
+
 def _across(topology: Topology, faces: npt.NDArray[np.int64]) -> tuple[npt.NDArray[np.int64], bool]:
-    """`neighbours`, found once for all frames."""
-    if topology not in _ACROSS:
-        _ACROSS[topology] = neighbours(faces)
-    return _ACROSS[topology]
+    """`neighbours` of a topology's faces, or of its triangles, found once for all frames."""
+    found = _ACROSS.setdefault(topology, {})
+    if len(faces) not in found:
+        found[len(faces)] = neighbours(faces)
+    return found[len(faces)]

@@ -95,7 +95,7 @@ def used_vertices(faces: npt.NDArray[np.integer], count: int) -> npt.NDArray[np.
 
 
 def face_normals(
-    points: npt.NDArray[np.float64], faces: npt.NDArray[np.int32]
+    points: npt.NDArray[np.float64], faces: npt.NDArray[np.integer]
 ) -> npt.NDArray[np.float64]:
     """Outward normals (F, 3) of (F, 4) faces, as long as the face's area."""
     a, b, c, d = (np.ascontiguousarray(faces[:, k]) for k in range(4))

@@ -97,7 +97,7 @@ fn lamp_share(l: u32, x: vec3f, n: vec3f, dx: vec3f, dy: vec3f, tile: vec2u) -> 
         let reach = abs(dot(plane.xyz, lamp.u.xyz)) + abs(dot(plane.xyz, lamp.v.xyz));
         let counts = (above > tolerance || against) && apart + reach > 0.0;
         // seen from beyond its plane, a face would seem to hide what lies behind the receiver
-        let crossed = abs(height) < 0.5 * (abs(dot(plane.xyz, dx)) + abs(dot(plane.xyz, dy)));
+        let crossed = abs(height) < abs(dot(plane.xyz, dx)) + abs(dot(plane.xyz, dy));
         let whole = select(side, 0.0, begin.w != 0.0 && crossed);
 
         let normal = cross(d, way);
