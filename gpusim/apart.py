@@ -4,6 +4,11 @@ Python lets one thread of a process run at a time: drawing a page in a thread ta
 what it is waiting for. A helper is a bare interpreter that is given functions and what to call them
 with; it imports what it needs while the caller goes on. It holds nothing that has to be kept, and
 ends with the caller.
+
+A `concurrent.futures.ProcessPoolExecutor` does as much for a caller that is written for it. One
+that spawns its processes runs the caller's script in each of them, which without a
+``if __name__ == "__main__"`` begins the whole run anew and ends in an error; one that forks copies
+a process whose driver has threads and holds a device.
 """
 
 from __future__ import annotations
@@ -11,11 +16,12 @@ from __future__ import annotations
 import atexit
 import os
 import pickle
+import signal
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from importlib import import_module
 from queue import SimpleQueue
@@ -29,6 +35,7 @@ R = TypeVar("R")
 
 MOST = 2
 """Helpers; a core that only draws isn't worth more."""
+_GRACE = 0.5  # seconds for helpers with nothing to do to end by themselves
 _ENTRY = (
     "import signal, pickle, sys; signal.signal(signal.SIGINT, signal.SIG_IGN); "
     "sys.path[:] = pickle.load(sys.stdin.buffer); "
@@ -84,6 +91,14 @@ class _Helper:
         with suppress(OSError):
             self.ear.close()
 
+    def forget(self) -> None:
+        """Let go of this process's copy, without what was to be told."""
+        nothing = os.open(os.devnull, os.O_RDWR)
+        for end in (self.ear, self.mouth):
+            with suppress(ValueError):  # closed already
+                os.dup2(nothing, end.fileno(), inheritable=False)
+        os.close(nothing)
+
 
 class _Team:
     """Helpers, and a thread each that waits for what one of them does.
@@ -95,13 +110,16 @@ class _Team:
         twins = count - 1 if sys.platform == "linux" else 0
         self.idle: SimpleQueue[_Helper] = SimpleQueue()
         self.pool = ThreadPoolExecutor(1 + twins, thread_name_prefix="gpusim.apart")
-        pipes = [(os.pipe(), os.pipe()) for _ in range(twins)]
-        theirs = [(hears, says) for (hears, _), (_, says) in pipes]
-        self.process = subprocess.Popen(
-            [sys.executable, "-P", "-c", _ENTRY], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-            pass_fds=[end for both in theirs for end in both],
-            env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
-        )  # fmt: skip
+        # a backend for screens that isn't there is no reason not to draw files
+        alone = {"OPENBLAS_NUM_THREADS": "1", "MPLBACKEND": "agg"}
+        with _standard_streams() as error, _interrupts_held():
+            pipes = [(os.pipe(), os.pipe()) for _ in range(twins)]
+            theirs = [(hears, says) for (hears, _), (_, says) in pipes]
+            self.process = subprocess.Popen(
+                [sys.executable, "-P", "-c", _ENTRY], stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE, stderr=error, env={**os.environ, **alone},
+                pass_fds=[end for both in theirs for end in both],
+            )  # fmt: skip
         assert self.process.stdin is not None and self.process.stdout is not None
         self.all = [
             _Helper(cast(BinaryIO, self.process.stdin), cast(BinaryIO, self.process.stdout))
@@ -127,7 +145,7 @@ class _Team:
     def call(self, function: Callable[..., Any], args: Any, options: Any) -> Any:
         """What a helper's call of ``function`` returns."""
         try:
-            message = _pickled((function, args, options))
+            message = _pickled((_folder(), function, args, options))
         except (pickle.PickleError, AttributeError, TypeError):  # a function without a name
             return function(*args, **options)
         helper = self.idle.get()
@@ -141,14 +159,69 @@ class _Team:
         return result if fine else function(*args, **options)
 
     def end(self) -> None:
+        idle = self.idle.qsize() == len(self.all)
+        for helper in self.all:  # who hears no more ends
+            helper.close()
+        if idle:
+            with suppress(subprocess.TimeoutExpired):
+                self.process.wait(_GRACE)
         self.process.kill()
         self.process.wait()
-        for helper in self.all:  # where it ends, its twins end too
-            helper.close()
 
 
 def _pickled(what: Any) -> bytes:
     return pickle.dumps(what, protocol=pickle.HIGHEST_PROTOCOL)
+
+
+def _folder() -> str | None:
+    """The working folder, which relative names belong to; None if it was deleted."""
+    try:
+        return os.getcwd()
+    except OSError:
+        return None
+
+
+@contextmanager
+def _standard_streams() -> Iterator[int | None]:
+    """Stand-ins for standard streams that are closed: a pipe with one of their numbers would be
+    taken for it. Gives where a helper's errors go, None for where the caller's go."""
+    made = [os.open(os.devnull, os.O_RDWR)]
+    try:
+        while made[-1] <= 2:
+            made.append(os.open(os.devnull, os.O_RDWR))
+        yield subprocess.DEVNULL if 2 in made else None
+    finally:
+        for stand_in in made:
+            os.close(stand_in)
+
+
+@contextmanager
+def _interrupts_held() -> Iterator[None]:
+    """What begins here isn't interrupted before it can say that it ignores that: its caller ends
+    it."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _forked() -> None:
+    """In a copy of this process: its helpers, and the threads that wait for them, aren't there."""
+    global _lock, _team
+    _lock = Lock()
+    if _team is not None:
+        atexit.unregister(_team.end)
+        for helper in _team.all:
+            helper.forget()
+    _team = None
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_forked)
 
 
 def _cores() -> int:
@@ -162,10 +235,12 @@ def serve() -> None:
     modules, twins = pickle.load(sys.stdin.buffer)
     for module in modules:
         import_module(module)
+    twin = False
     for hears, says in twins:
         if os.fork() == 0:
             os.dup2(hears, 0)
             os.dup2(says, 1)
+            twin = True
             break
     for hears, says in twins:
         os.close(hears)
@@ -176,10 +251,14 @@ def serve() -> None:
     answers.flush()
     while True:
         try:
-            function, args, options = pickle.load(questions)
+            folder, function, args, options = pickle.load(questions)
         except EOFError:
+            if not twin:
+                atexit._run_exitfuncs()  # temporary folders are deleted, once
             os._exit(0)
         try:
+            if folder is not None:
+                os.chdir(folder)
             answer = _pickled((True, function(*args, **options)))
         except Exception:  # the caller meets it, too
             answer = _pickled((False, None))

@@ -100,6 +100,74 @@ def test_what_a_library_prints_is_no_answer(monkeypatch: pytest.MonkeyPatch) -> 
         team.end()
 
 
+@needs_helpers
+@pytest.mark.skipif(sys.platform != "linux", reason="descriptors and forks as under Linux")
+@pytest.mark.parametrize("closed", [(0,), (1,), (0, 1), (0, 1, 2)])
+def test_closed_standard_streams_are_no_pipes(closed: tuple[int, ...], tmp_path: Path) -> None:
+    found = tmp_path / "found"
+    code = f"""
+import os, sys
+for number in {closed}:
+    os.close(number)
+from gpusim import apart
+apart.prepare()
+calls = [apart.begin(os.getpid).result() for _ in range(20)]
+open({str(found)!r}, "w").write(str(os.getpid() in calls))
+"""
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert (ran.returncode, ran.stderr) == (0, "")
+    assert found.read_text() == "False"
+
+
+@needs_helpers
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no copies of a process")
+def test_a_copy_of_the_process_has_no_helpers_until_it_asks_for_some() -> None:
+    code = """
+import os
+from gpusim import apart
+apart.prepare()
+print(apart.begin(os.getpid).result() != os.getpid(), flush=True)
+if os.fork() == 0:
+    print(apart.begin(os.getpid).result() == os.getpid())
+    apart.prepare()
+    print(apart.begin(os.getpid).result() != os.getpid(), flush=True)
+    raise SystemExit
+os.wait()
+print(apart.begin(os.getpid).result() != os.getpid())
+"""
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert ran.stdout.split() == ["True"] * 4, ran.stderr
+
+
+@needs_helpers
+def test_relative_names_are_those_of_the_call(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    team = apart._Team(1, ())
+    try:
+        monkeypatch.chdir(tmp_path)
+        assert team.call(os.getcwd, (), {}) == str(tmp_path)
+    finally:
+        team.end()
+
+
+@needs_helpers
+def test_helpers_leave_no_temporary_folders(tmp_path: Path) -> None:
+    (tmp_path / "temporary").mkdir()
+    code = "import os; from gpusim import apart; from gpusim.report import prepare_figures;"
+    code += "prepare_figures(); print(apart.begin(os.getpid).result())"
+    nowhere = {"HOME": str(tmp_path / "no/home"), "TMPDIR": str(tmp_path / "temporary")}
+    nowhere |= {"XDG_CONFIG_HOME": "/dev/null", "XDG_CACHE_HOME": "/dev/null"}
+    environ = {**os.environ, **nowhere, "MPLBACKEND": "of another program"}
+    environ.pop("MPLCONFIGDIR", None)
+    ran = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=120, env=environ
+    )
+    assert "Traceback" not in ran.stderr
+    assert ran.stdout.strip().isdigit()
+    assert not list((tmp_path / "temporary").iterdir())
+
+
 @pytest.mark.usefixtures("helpers")
 def test_a_figure_is_the_same_wherever_it_is_drawn(tmp_path: Path) -> None:
     residuals = (1.0, 0.1, 0.02, 1e-7)
