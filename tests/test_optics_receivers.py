@@ -7,7 +7,7 @@ import pytest
 
 import gpusim as gs
 from gpusim.optics.binning import bin_edges
-from gpusim.optics.receivers import TILE, Receivers
+from gpusim.optics.receivers import TILE, Pairs, Receivers
 from gpusim.optics.setup import Setup
 from gpusim.optics.shade import shade_twin
 from gpusim.optics.view import look
@@ -50,6 +50,39 @@ def test_what_is_left_out_is_seen_nowhere_in_its_tile() -> None:
     pairs = receivers.pairs(ground, TILE)
     left = receivers.seen(pairs, receivers.points(pairs))
     np.testing.assert_array_equal(left, ~filled[pairs.tile[:, 1], pairs.tile[:, 0]])
+
+
+def staircase() -> gs.Surface:
+    """Small squares, a smooth step down beside them, and large faces beyond it, in one surface."""
+    x, y = np.r_[np.linspace(-1.0, 0.0, 60), 0.004], np.linspace(-1.0, 1.0, 121)
+    height = np.r_[np.zeros(60), -0.03]
+    at = [np.stack(np.broadcast_arrays(x, y[:, None], height), axis=-1).reshape(-1, 3)]
+    for u, w in ((0.012, -0.25), (0.016, -0.28), (1.0, -0.28)):
+        at.append(np.stack(np.broadcast_arrays(u, y[::30], w), axis=-1))
+    k = (np.arange(120)[:, None] * 61 + np.arange(60)).reshape(-1)
+    q, j = np.arange(4), np.arange(120)
+    border, first = 61 * np.arange(121) + 60, 61 * 121
+    # 30 squares at the border, one face beyond it
+    fan = np.stack([border[:-1], first + j // 30, border[1:], np.full(120, -1)], axis=1)
+    ends = np.stack([border[30 * q + 30], first + q, first + q + 1, np.full(4, -1)], axis=1)
+    long = [np.stack([c, c + 5, c + 6, c + 1], axis=1) for c in (first + q, first + 5 + q)]
+    faces = np.concatenate([np.stack([k, k + 1, k + 62, k + 61], axis=1), fan, ends, *long])
+    return gs.Surface(np.concatenate(at), faces, smooth_angle=np.pi)
+
+
+def test_large_faces_down_a_step_are_seen_beside_small_ones() -> None:
+    camera = gs.Camera.from_lens(
+        (36.0, 27.0), 40.0, (400, 300), eye=(0.3, -0.1, 2.5), target=(0.1, 0, 0)
+    )
+    view = look([staircase()], camera, lit=True)
+    receivers = Receivers(view)
+    assert np.isfinite(receivers.behind).any()
+    ids = visibility_twin(view).astype(np.int64) - 1
+    row, column = np.nonzero(ids >= 0)
+    shown = np.unique(np.stack([ids[row, column], column // TILE, row // TILE]), axis=1)
+    pairs = Pairs(shown[0], shown[1:].T, TILE)
+    pairs = pairs[receivers.large[pairs.triangle]]
+    assert receivers.seen(pairs, receivers.points(pairs)).all()
 
 
 def test_leaving_them_out_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:

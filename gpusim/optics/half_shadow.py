@@ -14,7 +14,7 @@ from gpusim.optics.lamp_grid import LampGrid
 from gpusim.optics.lamp_merging import FEWEST, joined_grids
 from gpusim.optics.lamp_view import LampView
 from gpusim.optics.ragged import expand
-from gpusim.optics.receivers import TILE, Pairs, Receivers
+from gpusim.optics.receivers import LEVELS, TILE, Pairs, Receivers
 
 __all__ = ["HalfShadow", "half_shadow"]
 
@@ -23,7 +23,6 @@ Numbers = npt.NDArray[np.int64]
 Bits = npt.NDArray[np.uint8]
 States = npt.NDArray[np.int8]
 Level = tuple[Casters, list[LampGrid]]
-LEVELS = (128, 32, TILE)
 LIT, DARK, HALF = 0, 1, 2
 RISES = 0.15, 0.6
 """Of the median difference in s between receivers and the highest casters: for those less far below

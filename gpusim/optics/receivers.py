@@ -13,7 +13,7 @@ from gpusim.optics.emitters import Lamp
 from gpusim.optics.ragged import expand
 from gpusim.optics.view import View
 
-__all__ = ["TILE", "Pairs", "Receivers"]
+__all__ = ["LEVELS", "TILE", "Pairs", "Receivers"]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
@@ -25,6 +25,9 @@ MARGIN = 1.0
 
 STEP = 4.0
 """px between places along edges whose tiles are looked up; with the margin, less than a tile."""
+
+LEVELS = (128, 32, TILE)
+"""px, side of the tiles that large triangles are looked up by, one after the other."""
 
 LARGE = 3.0 * TILE
 """px; triangles up to this size are one receiver, larger ones are divided into tiles."""
@@ -81,7 +84,8 @@ class Receivers:
         """(rows, columns) of tiles: the depth beyond which nothing is seen there, or infinity.
 
         Where no edge of a surface passes, the one that a tile's middle shows fills the tile: the
-        farthest corner of all small triangles there lies no nearer than any of it.
+        farthest corner of all small triangles there lies no nearer than any of it, as long as it
+        has no large ones there.
         """
         camera, spots = self.view.camera, self.spots
         shape = (-(-camera.height // TILE), -(-camera.width // TILE))
@@ -91,13 +95,28 @@ class Receivers:
         for nx, ny, offset, _ in self.sides:
             inside &= nx[own] * x + ny[own] * y + offset[own] >= 0.0
         filled = np.zeros(shape[0] * shape[1], bool)
-        filled[place[inside]] = True
+        filled[self._without_large(np.flatnonzero(inside), place)] = True
         if filled.any():
             filled[_crossed(self.view.edges, shape)] = False
         depth = np.zeros(len(filled))
         z = self.view.corners[:, :, 2]
         np.maximum.at(depth, place, np.max([z[:, 0], z[:, 1], z[:, 2]], axis=0)[own])
         return np.where(filled, depth, np.inf).reshape(shape)
+
+    def _without_large(self, middle: Numbers, place: Numbers) -> Numbers:
+        """The tiles that have a small triangle in their middle, and no large one of its surface.
+
+        ``middle`` (n,): which of ``spots`` these are; ``place``: the numbers of all spots' tiles.
+        """
+        body, wide = self.view.body, -(-self.view.camera.width // TILE)
+        filler = body[self.spots.triangle[middle]]
+        large = self.pairs(np.flatnonzero(self.large & np.isin(body, filler)), LEVELS[0])
+        for size in LEVELS[1:]:
+            large = self.touched(large.split(size))
+        bodies = int(body[-1]) + 1 if len(body) else 1
+        taken = (large.tile[:, 1] * wide + large.tile[:, 0]) * bodies + body[large.triangle]
+        own = place[middle]
+        return own[~np.isin(own * bodies + filler, taken)]
 
     def seen(self, pairs: Pairs, points: Array | None = None) -> npt.NDArray[np.bool_]:
         """(n,) whether anything of the triangles may be seen in their tiles, which are small.
