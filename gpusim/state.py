@@ -49,7 +49,9 @@ class StateFile:
             self.programs = list(content.get("programs", ()))
         except (FileNotFoundError, NotADirectoryError):
             return
-        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        except (
+            OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError
+        ) as error:  # fmt: skip
             self.problem = f"{_NAME} is damaged ({error})"
             self._entries = {}
 

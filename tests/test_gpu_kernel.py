@@ -13,7 +13,7 @@ import pytest
 
 from gpusim.errors import DeviceError, InputError
 from gpusim.gpu import Device, Kernel, default_device
-from gpusim.gpu.beforehand import beforehand
+from gpusim.gpu.beforehand import beforehand, meanwhile
 from gpusim.gpu.uniform import pack
 from gpusim.gpu.wgsl import load
 
@@ -354,3 +354,21 @@ def test_the_device_is_opened_before_it_is_needed() -> None:
     assert default_device() is opened
     with pytest.raises(ZeroDivisionError), beforehand([]):
         raise ZeroDivisionError
+
+
+def test_what_was_begun_beforehand_ends_with_the_work_that_it_is_for(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def compile_for_ever(programs: object, enough: threading.Event) -> None:
+        del programs
+        enough.wait(60)
+
+    monkeypatch.setattr(default_device().programs, "compile", compile_for_ever)
+    with beforehand([["count", "main", []]]):
+        pass
+    with pytest.raises(KeyboardInterrupt), meanwhile():
+        raise KeyboardInterrupt
+    for thread in threading.enumerate():
+        if thread.name == "gpusim.beforehand":
+            thread.join(10)
+            assert not thread.is_alive()

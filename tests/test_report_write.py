@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import base64
+import json
 import math
 import re
 from functools import partial
@@ -203,7 +204,8 @@ def test_a_missing_picture_is_named_and_the_json_is_there(tmp_path: Path) -> Non
     report = Report("crane", "llvmpipe", "done", figures=(absent,))
     with pytest.raises(InputError, match=r"absent\.png: can't be read"):
         write_report(report, tmp_path)
-    assert (tmp_path / "report.json").is_file()
+    told = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))
+    assert told["status"] == "failed" and "absent.png" in told["warnings"][0]
     assert not (tmp_path / "report.html").exists()
     assert not list(tmp_path.rglob("*.part"))
 

@@ -177,7 +177,11 @@ def test_damaged_results_are_made_again(crane: Scene, tmp_path: Path, damage: st
         assert plan["render/front/0000"].runs
 
 
-@pytest.mark.parametrize("text", ["[]", '{"version": 1}', '{"version": 1, "stages": [1]}', "3", ""])
+@pytest.mark.parametrize(
+    "text",
+    ["[]", '{"version": 1}', '{"version": 1, "stages": [1]}', "3", "", "[" * 100_000],
+    ids=["list", "bare", "wrong stages", "number", "empty", "nested"],
+)
 def test_any_state_file_is_survived(tmp_path: Path, text: str) -> None:
     (tmp_path / "state.json").write_text(text, encoding="utf-8")
     state = StateFile(tmp_path)

@@ -10,7 +10,7 @@ from typing import Any
 from gpusim.errors import GpusimError
 from gpusim.gpu.device import default_device
 
-__all__ = ["beforehand", "not_needed"]
+__all__ = ["beforehand", "meanwhile", "not_needed"]
 
 _enough = Event()
 
@@ -30,6 +30,16 @@ def beforehand(programs: Sequence[Any]) -> Iterator[None]:
     except BaseException:
         not_needed()
         raise
+
+
+@contextmanager
+def meanwhile() -> Iterator[None]:
+    """Let what `beforehand` has begun go on while the block runs, and no longer: a run that fails
+    or is interrupted needn't wait for programs that nobody will ask for."""
+    try:
+        yield
+    finally:
+        not_needed()
 
 
 def not_needed() -> None:

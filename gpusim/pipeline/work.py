@@ -19,7 +19,7 @@ from gpusim.errors import GpusimError
 from gpusim.export.files import atomic_stream, clean_leftovers, write_text
 from gpusim.export.images import read_image
 from gpusim.gpu import Device, default_device
-from gpusim.gpu.beforehand import not_needed
+from gpusim.gpu.beforehand import meanwhile, not_needed
 from gpusim.pipeline import images, measurements, outputs
 from gpusim.pipeline.album import Album
 from gpusim.pipeline.build import build_body, build_lights
@@ -98,7 +98,7 @@ class Work:
             return self._begun()
         self.device_before = self.device.timer.seconds()
         prepare_figures()
-        with self.device.programs.compiling(self.state.programs):
+        with meanwhile(), self.device.programs.compiling(self.state.programs):
             return self._begun()
 
     def _begun(self) -> Callable[[], Report]:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from gpusim import apart
+from gpusim.errors import GpusimError
 from gpusim.export.files import PathLike, safe_name, write_text
 from gpusim.report.figures import (
     draw_convergence,
@@ -50,14 +52,23 @@ def prepare_figures() -> None:
 def write_report(report: Report, out_dir: PathLike) -> ReportPaths:
     """Write ``report.json``, then the figures, then ``report.html``, each of them atomically.
 
-    The JSON comes first, so that it is there whatever happens to the pictures. A rerun replaces
+    The JSON comes first, so that it is there whatever happens to the pictures; where that fails,
+    it says so. A rerun replaces
     what an earlier one wrote. Raises InputError if a picture that the report names can't be read or
     ``out_dir`` can't be written to, GpusimError if the disk is full.
     """
     folder = Path(out_dir)
     json_path = write_text(folder / "report.json", report.to_json())
-    figures = _draw(report, folder / "figures")
-    html_path = write_text(folder / "report.html", render_html(report, figures, folder))
+    try:
+        figures = _draw(report, folder / "figures")
+        html_path = write_text(folder / "report.html", render_html(report, figures, folder))
+    except Exception as error:
+        if not report.failure:
+            failed = replace(report, status="failed", failure=f"report: {error}")
+            with suppress(OSError, GpusimError):  # it mustn't say "done", even on a full disk
+                json_path.unlink()
+                write_text(json_path, failed.to_json())
+        raise
     return ReportPaths(html_path, json_path, tuple(figure.path for figure in figures.all()))
 
 
