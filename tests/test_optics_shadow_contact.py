@@ -7,6 +7,8 @@ import pytest
 
 import gpusim as gs
 
+QUAD = np.array([[0, 1, 2, 3]])
+
 
 def box(centre: tuple[float, float, float], size: tuple[float, float, float]) -> gs.Surface:
     """A closed box, turned by 25 degrees about z."""
@@ -25,7 +27,7 @@ def test_a_lamp_in_a_box_on_a_floor_lights_nothing(
     """The truth is darkness. What a pixel's samples find under the box is hidden by its bottom."""
     device = request.getfixturevalue("device") if backend == "gpu" else None
     corners = np.array([[-0.19, -0.175, 0], [0.21, -0.175, 0], [0.21, 0.185, 0], [-0.19, 0.185, 0]])
-    floor = gs.Surface(corners, np.array([[0, 1, 2, 3]]), gs.paint.Plain(0.6))
+    floor = gs.Surface(corners, QUAD, gs.paint.Plain(0.6))
     body = box((0.02, -0.01, 0.03), (0.04, 0.03, 0.06))
     camera = gs.Camera.from_lens(
         (9.64, 7.24), 12.0, (241, 181), (-0.06, -0.33, 0.3), (0.01, 0.0, 0.01)
@@ -40,3 +42,29 @@ def test_a_lamp_in_a_box_on_a_floor_lights_nothing(
     # without the box the same lamp lights the floor
     alone = gs.render([floor], camera, [lamp], backend=backend, device=device)
     assert alone.radiance.max() >= 0.9 * below
+
+
+def standing(times: int) -> tuple[list[gs.Surface], gs.Camera]:
+    """A thin sheet upright on a floor, in a picture that is ``times`` as fine."""
+    floor = gs.Surface(2.0 * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0.0]]), QUAD)
+    foot = np.array([[-0.48, -0.15, 0.0], [0.48, 0.15, 0.0]])
+    sheet = gs.Surface(np.concatenate([foot, foot[::-1] + np.array([0.0, 0.0, 0.5])]), QUAD)
+    camera = gs.Camera.from_lens(
+        (36.0, 27.0), 40.0, (200 * times, 150 * times), eye=(0.7, -1.6, 1.3), target=(0, 0, 0.1)
+    )
+    return [floor, sheet], camera
+
+
+@pytest.mark.parametrize("backend", ["numpy", "gpu"])
+def test_shadows_are_filtered_where_the_plane_of_a_standing_sheet_meets_the_floor(
+    backend: str, request: pytest.FixtureRequest
+) -> None:
+    device = request.getfixturevalue("device") if backend == "gpu" else None
+    lamp = gs.AreaLight((1.8, 0.9, 1.2), (0.0, 0.0, 0.0), size=(0.01, 0.01), power=50.0)
+    one, fine = (
+        gs.render(*standing(times), [lamp], backend=backend, device=device).radiance
+        for times in (1, 4)
+    )
+    mean = fine.reshape(150, 4, 200, 4).mean(axis=(1, 3))
+    # 16 rows a pixel, where a shadow's edge runs along them
+    assert np.abs(one - mean).max() < 0.04 * mean.max()

@@ -12,8 +12,9 @@ under a box (samples of a pixel beside the box reach there).
 The 512 samples are a lattice: 512 distinct places along either side of the lamp. Each of the 16
 rows looks from another place in the pixel, so that a shadow sharper than a pixel is filtered as
 its edges are; a lamp without size uses the whole lattice for that. Where the plane of an open
-surface's face passes through the pixel or the halves of those around it, all rows look from its
-middle: what the receiver's plane goes on to beyond an edge may lie behind the next faces. Twin of
+surface's face passes through the pixel or the halves of those around it, at no more than 60 degrees
+to the receiver's, all rows look from its middle: what the receiver's plane goes on to beyond an
+edge may lie behind the next faces. Twin of
 ``shaders/common/occlusion.wgsl``.
 """
 
@@ -33,6 +34,10 @@ TOLERANCE = 2e-6
 
 AGAINST = -0.5
 """Cosine between the normals of face and receiver below which they may lie against each other."""
+
+BESIDE = 0.5
+"""Cosine between the normals of face and receiver, up to their signs, above which the receiver may
+be part of a sheet that goes on with the face. What stands on it or cuts it is steeper."""
 
 CHUNK = 1 << 9
 """Pairs of receivers and faces at a time, so that they stay in the processor's cache."""
@@ -150,7 +155,9 @@ def _covered(
     turned = np.cross(to[:, None], following - D) - near * planes
     # seen from beyond its plane, a face would seem to hide what lies behind the receiver
     spread = np.abs(np.sum(normal * across, axis=1)) + np.abs(np.sum(normal * down, axis=1))
-    whole = np.where(both_sides & (np.abs(height) < spread), 0.0, sign[:, 0])[:, None]
+    crossed = both_sides & (np.abs(height) < spread)
+    crossed &= np.abs(np.sum(normal * looks, axis=1)) > BESIDE * size
+    whole = np.where(crossed, 0.0, sign[:, 0])[:, None]
     gx = whole * np.einsum("pka,pa->pk", turned, across)
     gy = whole * np.einsum("pka,pa->pk", turned, down)
     if lamp.extended:

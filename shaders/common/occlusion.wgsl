@@ -39,6 +39,7 @@ struct Shades {
 @group(0) @binding(63) var shadow_tiles: texture_2d<u32>;
 
 const AGAINST: f32 = -0.5;   // cosine between the normals of what lies against each other
+const BESIDE: f32 = 0.5;     // above which a receiver may be part of a sheet that goes on with a face
 const STEP_A: f32 = 0.0625;
 const STEP_B: f32 = 0.00390625;
 
@@ -98,7 +99,8 @@ fn lamp_share(l: u32, x: vec3f, n: vec3f, dx: vec3f, dy: vec3f, tile: vec2u) -> 
         let counts = (above > tolerance || against) && apart + reach > 0.0;
         // seen from beyond its plane, a face would seem to hide what lies behind the receiver
         let crossed = abs(height) < abs(dot(plane.xyz, dx)) + abs(dot(plane.xyz, dy));
-        let whole = select(side, 0.0, begin.w != 0.0 && crossed);
+        let beside = abs(dot(plane.xyz, n)) > BESIDE;
+        let whole = select(side, 0.0, begin.w != 0.0 && crossed && beside);
 
         let normal = cross(d, way);
         let turned = cross(to, way) - lamp.centre.w * normal;
