@@ -189,6 +189,22 @@ def test_any_state_file_is_survived(tmp_path: Path, text: str) -> None:
     assert state.fault("x", "solve") == state.problem
 
 
+@pytest.mark.parametrize("at", [0, 40 << 20, (80 << 20) - 2])
+def test_large_files_of_one_size_are_told_apart(tmp_path: Path, at: int) -> None:
+    """By parts of them: another picture differs all over."""
+    path = tmp_path / "0000.tif"
+    with path.open("wb") as stream:
+        stream.truncate(80 << 20)
+    state = StateFile(tmp_path)
+    state.record("render", "key", [path])
+    assert StateFile(tmp_path).fault("key", "render") is None
+    with path.open("r+b") as stream:
+        stream.seek(max(0, at - (1 << 20)))
+        stream.write(b"x" * (2 << 20))
+        stream.truncate(80 << 20)
+    assert StateFile(tmp_path).fault("key", "render") == "0000.tif was changed"
+
+
 def test_skipped_because_the_scene_does_not_need_it(crane: Scene) -> None:
     document = crane.document
     document["body"][0]["load"] = []
