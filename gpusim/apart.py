@@ -28,6 +28,8 @@ from queue import SimpleQueue
 from threading import Lock, Thread
 from typing import Any, BinaryIO, ParamSpec, TypeVar, cast
 
+from gpusim.processors import processors
+
 __all__ = ["begin", "prepare", "serve"]
 
 P = ParamSpec("P")
@@ -53,9 +55,9 @@ def prepare(*modules: str) -> None:
     """
     global _team
     with _lock:
-        if _team is None and _cores() > 1 and sys.executable and not hasattr(sys, "frozen"):
+        if _team is None and processors() > 1 and sys.executable and not hasattr(sys, "frozen"):
             try:
-                _team = _Team(min(MOST, _cores()), modules)
+                _team = _Team(min(MOST, processors()), modules)
             except OSError:  # no room for another process
                 return
 
@@ -222,12 +224,6 @@ def _forked() -> None:
 
 if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_forked)
-
-
-def _cores() -> int:
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def serve() -> None:

@@ -12,10 +12,11 @@ from pathlib import Path
 import pytest
 
 from gpusim import apart
+from gpusim.processors import processors
 from gpusim.report import prepare_figures
 from gpusim.report.figures import draw_convergence
 
-needs_helpers = pytest.mark.skipif(apart._cores() < 2, reason="one core: calls stay here")
+needs_helpers = pytest.mark.skipif(processors() < 2, reason="one core: calls stay here")
 
 
 @pytest.fixture

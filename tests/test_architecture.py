@@ -14,13 +14,14 @@ PACKAGE = Path(gpusim.__file__).parent
 
 # Who may import whom. Foundation: anybody. Numerics see frozen dataclasses, never the scene.
 # `measure` sees images and numbers only: no inverse crime.
-FOUNDATION = {"_version", "apart", "distinct", "errors", "inputs", "series"}
+FOUNDATION = {"_version", "apart", "distinct", "errors", "inputs", "processors", "series"}
 ALLOWED: dict[str, set[str]] = {
     "_version": set(),
     "apart": set(),
     "distinct": set(),
     "errors": set(),
     "inputs": set(),
+    "processors": set(),
     "series": set(),
     "gpu": set(),
     "scene": {"gpu"},

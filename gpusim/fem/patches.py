@@ -16,7 +16,8 @@ from scipy.sparse import bsr_matrix, csr_matrix
 from gpusim.fem.congruence import unique_rows
 from gpusim.fem.groups import Group
 from gpusim.fem.lattice import OFFSETS, Lattice
-from gpusim.fem.product import pool, processors
+from gpusim.fem.product import pool
+from gpusim.processors import processors
 
 __all__ = ["Patches", "make_patches"]
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -16,8 +15,9 @@ from scipy.sparse import _sparsetools, bsr_matrix
 from threadpoolctl import threadpool_limits
 
 from gpusim.fem.block_rows import BlockRows, block_matrix
+from gpusim.processors import processors
 
-__all__ = ["Product", "RowsProduct", "ahead", "one_blas_thread", "pool", "processors"]
+__all__ = ["Product", "RowsProduct", "ahead", "one_blas_thread", "pool"]
 
 Float = npt.NDArray[np.float64]
 T = TypeVar("T")
@@ -27,12 +27,6 @@ R = TypeVar("R")
 _SMALL, _LEAST_PART = 600_000, 250_000
 # parts per processor, so that none waits long for another
 _PIECES = 4
-
-
-@cache
-def processors() -> int:
-    """Processors this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 @cache

@@ -22,7 +22,8 @@ import numpy.typing as npt
 from gpusim.fem.boxes import equal_boxes
 from gpusim.fem.congruence import unique_rows
 from gpusim.fem.lattice import OFFSETS, Lattice
-from gpusim.fem.product import pool, processors
+from gpusim.fem.product import pool
+from gpusim.processors import processors
 
 __all__ = ["RunLayout", "RunPattern", "numbering_axes"]
 
