@@ -37,7 +37,7 @@ R = TypeVar("R")
 
 MOST = 2
 """Helpers; a core that only draws isn't worth more."""
-_GRACE = 0.5  # seconds for helpers with nothing to do to end by themselves
+_GRACE = 5.0  # seconds at most for helpers with nothing to do to end by themselves
 _ENTRY = (
     "import signal, pickle, sys; signal.signal(signal.SIGINT, signal.SIG_IGN); "
     "sys.path[:] = pickle.load(sys.stdin.buffer); "
