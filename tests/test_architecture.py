@@ -14,10 +14,11 @@ PACKAGE = Path(gpusim.__file__).parent
 
 # Who may import whom. Foundation: anybody. Numerics see frozen dataclasses, never the scene.
 # `measure` sees images and numbers only: no inverse crime.
-FOUNDATION = {"_version", "apart", "distinct", "errors", "inputs", "processors", "series"}
+FOUNDATION = {"_version", "apart", "copies", "distinct", "errors", "inputs", "processors", "series"}
 ALLOWED: dict[str, set[str]] = {
     "_version": set(),
     "apart": set(),
+    "copies": set(),
     "distinct": set(),
     "errors": set(),
     "inputs": set(),

@@ -27,7 +27,7 @@ from gpusim.fem.congruence import unique_rows
 from gpusim.fem.groups import Group
 from gpusim.fem.indefinite import indefinite
 from gpusim.fem.lattice import CORNERS, Lattice
-from gpusim.fem.product import pool
+from gpusim.fem.product import shared
 
 __all__ = ["Chain", "Slabs", "cut_slabs"]
 
@@ -159,9 +159,9 @@ class Chain:
 
     def __post_init__(self) -> None:
         self._kind = self.lattice.grid(self.group.kind)
-        current = list(pool().map(self._slab, self.slabs.first.tolist()))
+        current = shared(self._slab, self.slabs.first.tolist())
         for one in self.slabs.rounds:
-            done = list(pool().map(lambda pair: _join(*pair), self._pairs(one, current)))
+            done = shared(lambda pair: _join(*pair), self._pairs(one, current))
             self._joins.append([join for _, join in done])
             lone = [current[int(self._last_kind(one))]] if one.odd else []
             current = [superelement for superelement, _ in done] + lone

@@ -17,7 +17,7 @@ from gpusim.fem.congruence import congruence_classes, mix, unique_rows
 from gpusim.fem.element_matrix import element_stiffness
 from gpusim.fem.lattice import Lattice
 from gpusim.fem.model import Model
-from gpusim.fem.product import pool
+from gpusim.fem.product import shared
 from gpusim.fem.straight_tets import StraightTets, is_straight
 
 __all__ = [
@@ -226,7 +226,7 @@ def _matrices(
             name, nodes[part], elasticity[material[part]], formulation
         )
 
-    list(pool().map(fill, range(0, len(which), _PORTION)))
+    shared(fill, range(0, len(which), _PORTION))
     return result
 
 

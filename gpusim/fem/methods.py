@@ -23,6 +23,7 @@ from gpusim.fem.device_multigrid import compile_kernels
 from gpusim.fem.diagonal import invert_blocks
 from gpusim.fem.hierarchy import build_hierarchy
 from gpusim.fem.iterate import HARSH, Norm, Outcome, System, iterate
+from gpusim.fem.load_cases import Progress, each_case
 from gpusim.fem.mixed import Mixed, mixed_solver
 from gpusim.fem.model import Model
 from gpusim.fem.patch_multigrid import PatchMultigrid
@@ -171,14 +172,17 @@ def _iterated(
     run = partial(
         iterate,
         norm=norm,
-        start=options.start,
         tolerance=options.tolerance,
         most=most,
         chunk=1 if kind == "multigrid" else 100,
-        progress=options.progress,
     )
     if not on_device or isinstance(chosen, PatchMultigrid):
-        outcome = _blurred(run(system, NumpyCG(product, chosen)), system, chosen, options)
+
+        def one(part: System, start: Float | None, progress: Progress | None) -> Outcome:
+            return run(part, NumpyCG(product, chosen), start=start, progress=progress)
+
+        outcome = each_case(one, system, options.start, options.progress)
+        outcome = _blurred(outcome, system, chosen, options)
         if isinstance(chosen, PatchMultigrid):
             note = "smoothed on patches, on the host: a nearly incompressible material"
             outcome = replace(outcome, message=f"{outcome.message} ({note})")
@@ -191,7 +195,8 @@ def _iterated(
         ready = chosen.upload(arena, operator, cases)
         loop = DeviceCG(arena, operator, ready, cases)
         clock.mark("upload")
-        outcome = _blurred(run(system, loop), system, chosen, options)
+        outcome = run(system, loop, start=options.start, progress=options.progress)
+        outcome = _blurred(outcome, system, chosen, options)
         clock.mark("iterations")
         return Result(outcome, kind, "gpu", arena.real)
 
@@ -205,11 +210,9 @@ def _with_pressures(
         clock.mark("preconditioner")
         if mixed is None:
             return None
-        outcome = iterate(
-            system, mixed.loop(len(system.right)), mixed.norm, options.start,
-            tolerance=options.tolerance, most=options.most or _MOST_WITH_PRESSURES, chunk=1,
-            progress=options.progress,
-        )  # fmt: skip
+        outcome = each_case(
+            partial(_with_pressure, mixed, options), system, options.start, options.progress
+        )
     except NotConverged:
         return None
     finally:
@@ -220,6 +223,17 @@ def _with_pressures(
     note = f"displacements and pressures: a nearly incompressible material; {mixed.probed} more"
     message = f"{outcome.message} ({note} iterations looked for soft modes)"
     return Result(replace(outcome, message=message), "multigrid", "numpy", "f64")
+
+
+def _with_pressure(
+    mixed: Mixed, options: Options, part: System, start: Float | None, progress: Progress | None
+) -> Outcome:
+    """One load case by displacements and pressures."""
+    most = options.most or _MOST_WITH_PRESSURES
+    return iterate(
+        part, mixed.loop(1), mixed.norm, start,
+        tolerance=options.tolerance, most=most, chunk=1, progress=progress,
+    )  # fmt: skip
 
 
 def _on_device(options: Options) -> bool:

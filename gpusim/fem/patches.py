@@ -16,7 +16,7 @@ from scipy.sparse import bsr_matrix, csr_matrix
 from gpusim.fem.congruence import unique_rows
 from gpusim.fem.groups import Group
 from gpusim.fem.lattice import OFFSETS, Lattice
-from gpusim.fem.product import pool
+from gpusim.fem.product import shared
 from gpusim.processors import processors
 
 __all__ = ["Patches", "make_patches"]
@@ -59,13 +59,14 @@ class Patches:
     def _apply(self, r: Float) -> Float:
         padded = np.concatenate([r.reshape(-1, 3), np.zeros((1, 3))])
         local = np.empty((len(self._nodes), 81))
+        ways = processors()
 
         def solve(share: int) -> None:
-            for number, first, last in self._ranges[share :: processors()]:
+            for number, first, last in self._ranges[share::ways]:
                 part = padded[self._nodes[first:last]].reshape(last - first, 81)
                 np.matmul(part, self._inverses[number], out=local[first:last])
 
-        list(pool().map(solve, range(processors())))
+        shared(solve, range(ways))
         return np.asarray(self._back @ local.reshape(-1, 3), dtype=np.float64).reshape(-1)
 
 

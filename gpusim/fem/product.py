@@ -15,9 +15,9 @@ from scipy.sparse import _sparsetools, bsr_matrix
 from threadpoolctl import threadpool_limits
 
 from gpusim.fem.block_rows import BlockRows, block_matrix
-from gpusim.processors import processors
+from gpusim.processors import all_processors, processors
 
-__all__ = ["Product", "RowsProduct", "ahead", "one_blas_thread", "pool"]
+__all__ = ["Product", "RowsProduct", "ahead", "one_blas_thread", "shared"]
 
 Float = npt.NDArray[np.float64]
 T = TypeVar("T")
@@ -30,18 +30,29 @@ _PIECES = 4
 
 
 @cache
-def pool() -> ThreadPoolExecutor:
-    """Threads for work that NumPy and SciPy do outside the interpreter lock."""
-    return ThreadPoolExecutor(processors(), thread_name_prefix="gpusim")
+def _pool() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(all_processors(), thread_name_prefix="gpusim")
+
+
+def shared(work: Callable[[T], R], items: Sequence[T]) -> list[R]:
+    """``work`` of each item in their order, on all processors that this thread may use; for work
+    that NumPy and SciPy do outside the interpreter lock. Not to be called by ``work`` itself."""
+    if processors() == 1 or len(items) == 1:
+        return [work(item) for item in items]
+    return list(_pool().map(work, items))
 
 
 def ahead(work: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:
-    """``work`` of each item in their order, by the pool, at most a few beyond the one taken."""
-    waiting = [pool().submit(work, item) for item in items[: processors()]]
+    """The same, at most a few beyond the one taken."""
+    threads = processors()
+    if threads == 1:
+        yield from map(work, items)
+        return
+    waiting = [_pool().submit(work, item) for item in items[:threads]]
     for number in range(len(items)):
         result = waiting.pop(0).result()
-        if number + processors() < len(items):
-            waiting.append(pool().submit(work, items[number + processors()]))
+        if number + threads < len(items):
+            waiting.append(_pool().submit(work, items[number + threads]))
         yield result
 
 
@@ -115,11 +126,7 @@ class Product:
             for one, into in zip(x, result, strict=True)
             for part in self._parts
         ]
-        if len(self._parts) == 1:
-            for task in tasks:
-                self._add(*task)
-        else:
-            list(pool().map(lambda task: self._add(*task), tasks))
+        shared(lambda task: self._add(*task), tasks)
         return result
 
     def _add(self, part: _Rows, x: Float, into: Float) -> None:

@@ -22,7 +22,7 @@ import numpy.typing as npt
 from gpusim.fem.boxes import equal_boxes
 from gpusim.fem.congruence import unique_rows
 from gpusim.fem.lattice import OFFSETS, Lattice
-from gpusim.fem.product import pool
+from gpusim.fem.product import shared
 from gpusim.processors import processors
 
 __all__ = ["RunLayout", "RunPattern", "numbering_axes"]
@@ -42,6 +42,8 @@ _LINES = 200
 # runs at a time: what they see and give should stay in the cache
 _CHUNK = 768
 _ODD_CHUNK = 384
+# runs of a lattice below which threads wait for each other longer than they work
+_LEAST_TO_SHARE = 40_000
 # boxes of fewer odd runs than this are gathered one run at a time
 _SMALL_BOX = 8
 # kinds of runs, and the share of runs that aren't their slab's commonest kind, beyond which an
@@ -244,12 +246,9 @@ class RunPattern:
 
     def _share(self, work: Callable[[list[_Task]], None], tasks: list[_Task]) -> None:
         """Do the tasks, a share of them on each processor."""
-        threads = min(processors(), len(tasks))
-        if threads <= 1:
-            work(tasks)
-            return
-        parts = [tasks[k::threads] for k in range(threads)]
-        list(pool().map(work, parts))
+        small = self.layout.runs * self.layout.shape[0] * self.layout.shape[1] < _LEAST_TO_SHARE
+        threads = 1 if small else min(processors(), len(tasks))
+        shared(work, [tasks[k::threads] for k in range(threads)])
 
     def _clear(self, out: Real) -> None:
         """Empty the row after each slab, in which whole chunks have left something."""

@@ -17,7 +17,7 @@ from gpusim.fem.arena import Allocator
 from gpusim.fem.block_rows import BlockRows, ranges
 from gpusim.fem.block_texels import BlockTexels, RowPart
 from gpusim.fem.node_texels import Pair, pair
-from gpusim.fem.product import pool
+from gpusim.fem.product import shared
 from gpusim.gpu import Bindings, Device, Recording, compare, twin_check
 
 __all__ = ["DeviceStiffness", "apply_stiffness"]
@@ -36,12 +36,12 @@ def apply_stiffness(rows: BlockRows, u: Float, absolute: bool = False) -> Float:
     if rows.class_count <= count // 8:
         # all load cases of a node side by side: its neighbours are looked up once
         together = np.ascontiguousarray(u.transpose(1, 0, 2))
-        list(pool().map(partial(_apply_class, rows, together, result, absolute), _by_class(rows)))
+        shared(partial(_apply_class, rows, together, result, absolute), list(_by_class(rows)))
     else:
         by_range = [(first, min(first + _CHUNK, count)) for first in range(0, count, _CHUNK)]
         for case in range(len(u)):
             part = partial(_apply_range, rows, u[case], result[case], absolute)
-            list(pool().map(part, by_range))
+            shared(part, by_range)
     return result
 
 

@@ -16,7 +16,7 @@ from gpusim.fem.element import ELEMENTS, Rule
 from gpusim.fem.formulation import resolve_formulation
 from gpusim.fem.isoparametric import add_to, volumes
 from gpusim.fem.model import Model
-from gpusim.fem.product import one_blas_thread, pool
+from gpusim.fem.product import one_blas_thread, shared
 from gpusim.fem.strain import point_stress
 from gpusim.fem.thermal import linear_temperature, point_temperature
 from gpusim.mesh import CELL_TYPES
@@ -191,14 +191,13 @@ class _Recovery:
         count = np.zeros((len(self.node_of), 1))
         total = np.zeros((len(self.node_of), 6))
         # parts are worked on side by side, but added up in order: the same bits in every run
-        for part, at_nodes in zip(
-            self._parts(), pool().map(self._recover, self._parts()), strict=True
-        ):
+        parts = list(self._parts())
+        for part, at_nodes in zip(parts, shared(self._recover, parts), strict=True):
             pair = self.pairs[part.kind][part.cells]
             add_to(total, pair, at_nodes)
             add_to(count, pair, np.ones((*pair.shape, 1)))
         total /= count
-        error = np.concatenate(list(pool().map(partial(self._error, total), self._parts())))
+        error = np.concatenate(shared(partial(self._error, total), parts))
         for array in self.points.values():
             array.setflags(write=False)
         return Stress(

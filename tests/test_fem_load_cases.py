@@ -1,0 +1,103 @@
+"""Load cases that are iterated each by itself: bits, errors, and what is told of them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gpusim.errors import NotConverged
+from gpusim.fem import Isotropic, Model, solve
+from gpusim.fem.assembly import assemble
+from gpusim.fem.formulation import resolve_formulation
+from gpusim.fem.iterate import Outcome, System
+from gpusim.fem.load_cases import each_case
+from gpusim.fem.system import make_system
+from gpusim.mesh import Mesh, box
+from gpusim.processors import limited
+
+LATTICE = box((1.0, 0.9, 0.8), (22, 20, 18))
+
+
+def loaded(mesh: Mesh, cases: tuple[int, ...], nu: float = 0.3) -> Model:
+    """Clamped at x = 0; the cases of these numbers out of three, a lazy one among them."""
+    points = mesh.points
+    fixed = np.repeat(points[:, :1] < 1e-9, 3, axis=1)
+    forces = np.zeros((3, *points.shape))
+    forces[0, points[:, 0] > 1.0 - 1e-9] = (0.0, 0.0, 1.0)
+    forces[1, points[:, 2] > 0.8 - 1e-9] = (1.0, -2.0, 0.3)
+    chosen = forces[list(cases)]
+    return Model(mesh, [Isotropic(1.0, nu)], fixed=fixed, forces=chosen)
+
+
+def moved(mesh: Mesh) -> Mesh:
+    rng = np.random.default_rng(3)
+    inside = ((mesh.points > 1e-9) & (mesh.points < mesh.points.max(axis=0) - 1e-9)).all(axis=1)
+    return mesh.moved(0.003 * rng.random(mesh.points.shape) * inside[:, None])
+
+
+@pytest.mark.parametrize(("mesh", "nu"), [(LATTICE, 0.3), (moved(LATTICE), 0.3), (LATTICE, 0.4999)])
+def test_a_case_doesnt_depend_on_its_companions(mesh: Mesh, nu: float) -> None:
+    options: dict[str, Any] = {"method": "multigrid", "backend": "numpy", "tolerance": 1e-6}
+    if nu > 0.49:
+        options["formulation"] = "bbar"
+    both = solve(loaded(mesh, (0, 1, 2), nu), **options)
+    with limited(1):
+        in_turn = solve(loaded(mesh, (0, 1, 2), nu), **options)
+    np.testing.assert_array_equal(both.u, in_turn.u)
+    np.testing.assert_array_equal(both.residuals, in_turn.residuals)
+    assert both.message == in_turn.message
+    alone = [solve(loaded(mesh, (case,), nu), **options) for case in (0, 1)]
+    for case, one in enumerate(alone):
+        np.testing.assert_array_equal(both.u[case], one.u[0])
+        np.testing.assert_array_equal(both.reactions[case], one.reactions[0])
+    assert not both.u[2].any()
+    assert both.converged
+    # the rounding of the stiffness is added to the worst case's, whichever has most of it
+    assert both.error_estimate == pytest.approx(max(one.error_estimate for one in alone), rel=1e-3)
+    assert both.iterations == max(one.iterations for one in alone)
+    assert both.residuals.shape == (max(len(one.residuals) for one in alone), 3)
+    assert np.isfinite(both.residuals).all()
+    assert both.energy_balance < 1e-5
+
+
+def test_starts_and_progress_are_each_cases_own() -> None:
+    model = loaded(LATTICE, (0, 1))
+    options: dict[str, Any] = {"method": "multigrid", "backend": "numpy"}
+    known = solve(model, tolerance=1e-8, **options).u
+    heard: list[tuple[int, float]] = []
+
+    def hear(iterations: int, error: float) -> None:
+        heard.append((iterations, error))
+
+    cold = solve(model, progress=hear, **options)
+    counts = [iterations for iterations, _ in heard]
+    assert counts == sorted(counts)
+    assert counts[0] == 1
+    warm = solve(model, start=known, **options)
+    assert warm.iterations < cold.iterations
+    crossed = solve(model, start=known[::-1], **options)
+    assert crossed.iterations >= cold.iterations
+    np.testing.assert_allclose(crossed.u, known, atol=1e-6 * np.abs(known).max())
+
+
+def test_the_worst_case_is_told_of() -> None:
+    model = loaded(LATTICE, (0, 1))
+    found = solve(model, method="block_jacobi", backend="numpy", max_iterations=3)
+    assert not found.converged
+    assert found.message == "stopped after 3 iterations"
+    assert found.residuals.shape == (3, 2)
+
+
+def test_a_cases_error_is_raised() -> None:
+    model = loaded(LATTICE, (0, 1))
+    system = make_system(model, assemble(model, resolve_formulation(model, None)))
+
+    def fails(part: System, start: Any, progress: Any) -> Outcome:
+        if (part.right == system.right[1]).all():
+            raise NotConverged("case 1; got nothing; expected something")
+        return Outcome(part.right, True, 0.0, 1, np.ones((1, 1)), "converged")
+
+    with pytest.raises(NotConverged, match="case 1; got nothing"):
+        each_case(fails, system, None, None)
