@@ -179,10 +179,10 @@ def _iterated(
     if not on_device or isinstance(chosen, PatchMultigrid):
 
         def one(part: System, start: Float | None, progress: Progress | None) -> Outcome:
-            return run(part, NumpyCG(product, chosen), start=start, progress=progress)
+            outcome = run(part, NumpyCG(product, chosen), start=start, progress=progress)
+            return _blurred(outcome, part, chosen, options)
 
         outcome = each_case(one, system, options.start, options.progress)
-        outcome = _blurred(outcome, system, chosen, options)
         if isinstance(chosen, PatchMultigrid):
             note = "smoothed on patches, on the host: a nearly incompressible material"
             outcome = replace(outcome, message=f"{outcome.message} ({note})")
@@ -217,7 +217,6 @@ def _with_pressures(
         return None
     finally:
         clock.mark("iterations")
-    outcome = _blurred(outcome, system, mixed, options)
     if not outcome.converged and options.most is None:
         return None
     note = f"displacements and pressures: a nearly incompressible material; {mixed.probed} more"
@@ -230,10 +229,11 @@ def _with_pressure(
 ) -> Outcome:
     """One load case by displacements and pressures."""
     most = options.most or _MOST_WITH_PRESSURES
-    return iterate(
+    outcome = iterate(
         part, mixed.loop(1), mixed.norm, start,
         tolerance=options.tolerance, most=most, chunk=1, progress=progress,
     )  # fmt: skip
+    return _blurred(outcome, part, mixed, options)
 
 
 def _on_device(options: Options) -> bool:

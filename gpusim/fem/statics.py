@@ -45,10 +45,12 @@ def solve(
 
     Long or small bodies are factorised on the host (``gpusim.fem.chain``, ``gpusim.fem.banded``)
     and refined with float64 residuals. Everything else takes conjugate gradients in float64
-    (double-single where the device has no 64-bit floats), preconditioned by multigrid, every load
-    case at once, inside a float64 refinement: after each run the true residual f - K u is formed
-    in float64 on the host and, if its estimate asks for it, corrected again. Which of them is
-    cheaper is estimated from the mesh; ``Solution.method`` and ``message`` say what was done.
+    (double-single where the device has no 64-bit floats), preconditioned by multigrid, inside a
+    float64 refinement: after each run the true residual f - K u is formed in float64 on the host
+    and, if its estimate asks for it, corrected again. Load cases share the set-up; on a device
+    they are iterated at once, on the host each by itself, side by side where there are processors
+    for it (on Linux, in copies of the process: ``gpusim.copies``). Which way is cheaper is
+    estimated from the mesh; ``Solution.method`` and ``message`` say what was done.
 
     Parameters
     ----------
