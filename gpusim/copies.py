@@ -36,7 +36,7 @@ def in_copies(work: Callable[[int], R], count: int) -> list[R]:
     the other; so is what a copy leaves undone whose process was ended from outside.
     """
     ways = min(processors(), count)
-    if ways < 2 or sys.platform != "linux":
+    if ways < 2 or sys.platform != "linux" or not hasattr(os, "memfd_create"):
         return [work(item) for item in range(count)]
     shares = [range(first, count, ways) for first in range(ways)]
     results: dict[int, R] = {}
@@ -74,14 +74,13 @@ class _Copy:
 
     def results(self) -> dict[int, Any]:
         """What it has found, as far as it came; raises the error that it ended with."""
-        assert self._process
-        _, status = os.waitpid(self._process, 0)
-        self._process = None
-        if status:
-            return {}
+        self._wait()
         os.lseek(self._answer, 0, os.SEEK_SET)
         with open(self._answer, "rb", closefd=False) as file:
-            found, error = pickle.load(file)
+            try:
+                found, error = pickle.load(file)
+            except (EOFError, pickle.UnpicklingError):  # it didn't come to the end
+                return {}
         if error is not None:
             raise error
         return dict(zip(self._share, found, strict=True))
@@ -91,9 +90,15 @@ class _Copy:
         if self._process:
             with suppress(ProcessLookupError):
                 os.kill(self._process, signal.SIGKILL)
-            os.waitpid(self._process, 0)
-            self._process = None
+            self._wait()
         os.close(self._answer)
+
+    def _wait(self) -> None:
+        assert self._process
+        # a program that ignores the ends of its processes (SIGCHLD) has none left to ask for
+        with suppress(ChildProcessError):
+            os.waitpid(self._process, 0)
+        self._process = None
 
 
 def _serve(work: Callable[[int], Any], share: Sequence[int], answer: int) -> None:

@@ -91,3 +91,14 @@ def test_an_error_here_ends_the_copies(tmp_path: Path) -> None:
     with pytest.raises(ProcessLookupError):
         os.kill(int(note.read_text()), 0)
     assert len(os.listdir("/proc/self/fd")) == files
+
+
+@needs_copies
+def test_a_program_that_ignores_the_ends_of_processes_gets_results() -> None:
+    before = signal.signal(signal.SIGCHLD, signal.SIG_IGN)
+    try:
+        here, there = in_copies(lambda item: (item, os.getpid()), 2)
+    finally:
+        signal.signal(signal.SIGCHLD, before)
+    assert (here[0], there[0]) == (0, 1)
+    assert here[1] != there[1]
