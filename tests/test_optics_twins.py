@@ -18,7 +18,7 @@ from gpusim.optics.binning import bin_edges
 from gpusim.optics.setup import TRIANGLE
 from gpusim.optics.setup_probe import probe_setup
 
-STAGES = ["optics/edges", "optics/sensor", "optics/shade", "optics/visibility"]
+STAGES = ["optics/edges", "optics/sensor", "optics/shade", "optics/sight", "optics/visibility"]
 
 
 @pytest.mark.parametrize("stage", STAGES)

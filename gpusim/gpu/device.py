@@ -50,6 +50,9 @@ PORTABLE_LIMITS = {
 }
 """What every WebGPU implementation promises; asking for more would hide non-portable code."""
 
+ATOMICS64 = frozenset({"shader-int64", "shader-int64-atomic-min-max"})
+"""What `Device.atomics64` takes."""
+
 
 class Device:
     """A Vulkan device with the limits that WebGPU promises everywhere.
@@ -86,6 +89,8 @@ class Device:
         self.real = real or ("f64" if has_f64 else "double_single")
         features = ["shader-f64"] if self.real == "f64" else []
         wanted = ["timestamp-query", "primitive-index"]
+        if ATOMICS64 <= set(self.adapter.features):
+            wanted += sorted(ATOMICS64)
         if is_processor(self.info):
             wanted.append(MAPPABLE)
         features += [extra for extra in wanted if extra in self.adapter.features]
@@ -118,6 +123,11 @@ class Device:
         """The adapter's name, driver included."""
         parts = (self.info.get("device"), self.info.get("description"))
         return ", ".join(str(part) for part in parts if part)
+
+    @property
+    def atomics64(self) -> bool:
+        """Whether kernels may keep the larger of two 64-bit numbers in one step."""
+        return ATOMICS64 <= self.features
 
     @property
     def allocated(self) -> int:

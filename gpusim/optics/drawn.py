@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -30,9 +31,14 @@ class Drawn:
             corners = np.concatenate([corners, strips])
             fixed = np.concatenate([fixed, lines.fixed().reshape(-1, 2)])
             depth = np.concatenate([depth, lines.inverse_depth.astype(np.float32).reshape(-1)])
+        self.device, self.label, self._depth = device, label, depth
         self.screen: Buffer = device.buffer(fixed, f"{label}.screen")
-        self.inverse_depth: Buffer = device.buffer(depth, f"{label}.inverse_depth")
         self.corners: Buffer = device.buffer(corners, f"{label}.corners")
+
+    @cached_property
+    def inverse_depth(self) -> Buffer:
+        """1 / depth of every vertex; rasterisers alone read it."""
+        return self.device.buffer(self._depth, f"{self.label}.inverse_depth")
 
     def bindings(self) -> dict[str, Any]:
         """All that draws them binds, by WGSL names."""

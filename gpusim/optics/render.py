@@ -18,10 +18,11 @@ from gpusim.optics.edges import EdgePass, edges_twin
 from gpusim.optics.frame import Band, Frame
 from gpusim.optics.light import Light, is_light
 from gpusim.optics.scatter import write_pixels
-from gpusim.optics.seen import Sight, small_triangles
+from gpusim.optics.seen import small_triangles
 from gpusim.optics.setup import Setup
 from gpusim.optics.shade import ShadePass, Tables, shade_twin
 from gpusim.optics.shadow import ShadowPass
+from gpusim.optics.sight import Sight
 from gpusim.optics.view import View, look
 from gpusim.optics.visibility import visibility_twin
 from gpusim.optics.winding import wound_inwards
@@ -158,6 +159,8 @@ def _draw(
                 # before anything else is submitted that one would wait for as well
                 edge_pass.fetch()
         bands.append(Band(row0, count, stride, radiance))
+    if sight is not None:
+        sight.release()
     if edge_pass is None:
         border = Border.of(view, background)
         value = border.value.astype(np.float32)

@@ -12,15 +12,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gpusim.gpu import Device, Recording, Texture
+from gpusim.gpu import Recording, Texture
 from gpusim.gpu.texels import Texels
-from gpusim.optics.drawn import Drawn
+from gpusim.optics.sight import Sight
 from gpusim.optics.view import View
 
 if TYPE_CHECKING:
     from gpusim.optics.shade import Program, Tables
 
-__all__ = ["SeenPass", "Sight", "small_triangles"]
+__all__ = ["SeenPass", "small_triangles"]
 
 SMALL = 200.0
 """px; triangles that cover fewer are shaded pixel by pixel.
@@ -50,43 +50,6 @@ def small_triangles(view: View) -> bool:
     return pixels <= SMALL * view.count
 
 
-class Sight:
-    """The triangle that each pixel of a band sees.
-
-    It takes no more than where triangles are, so that the device draws it while the host still
-    works on what they look like.
-    """
-
-    def __init__(self, device: Device, view: View, rows: int) -> None:
-        self.device, self.view = device, view
-        self.drawn = Drawn(device, view, "shade")
-        self.ids = device.target(view.camera.width, rows, "r32uint", "shade.ids")
-        self.depth = device.target(view.camera.width, rows, "depth32float", "shade.depth")
-        self._begun: tuple[int, int] | None = None
-
-    def begin(self, row0: int, rows: int) -> None:
-        """Let the device draw a band, which `record` then finds there."""
-        with self.device.recording("optics.visibility") as recording:
-            self._draw(recording, row0, rows)
-        self._begun = row0, rows
-
-    def record(self, recording: Recording, row0: int, rows: int) -> None:
-        """Draw a band, unless that has begun already."""
-        begun, self._begun = self._begun, None
-        if begun != (row0, rows):
-            self._draw(recording, row0, rows)
-
-    def _draw(self, recording: Recording, row0: int, rows: int) -> None:
-        raster = self.device.raster("optics/visibility", ("r32uint",))
-        width = self.view.camera.width
-        place = {"width": width, "rows": rows, "row0": row0, "near": self.drawn.near}
-        bindings = raster.bind(params=place, **self.drawn.bindings())
-        recording.draw(
-            raster, bindings, colors=(self.ids,), depth=self.depth,
-            vertices=3 * self.view.count, size=(width, rows),
-        )  # fmt: skip
-
-
 class SeenPass:
     """The programs of a view, each over the pixels that see triangles of its kind."""
 
@@ -94,7 +57,7 @@ class SeenPass:
         device, width = tables.device, tables.setup.view.camera.width
         self.tables, self.programs, self.sight = tables, programs, sight
         self._levels: Texels | None = None
-        if len(programs) > 1:
+        if len(programs) > 1 or sight.depth is None:
             count = -(-tables.setup.view.count // PER_TEXEL)
             levels = np.zeros(PER_TEXEL * count, np.uint8)
             for k, program in enumerate(programs):
@@ -104,8 +67,8 @@ class SeenPass:
             self.level_depth = device.target(width, rows, "depth32float", "shade.level_depth")
 
     def _level(self, k: int) -> float:
-        """The depth of program k; one alone draws before all that was drawn."""
-        return (k + 1) / LEVELS if len(self.programs) > 1 else 0.0
+        """The depth of program k; one alone may draw before the triangles that were drawn."""
+        return (k + 1) / LEVELS if self._levels else 0.0
 
     def record(
         self,

@@ -31,10 +31,11 @@ from gpusim.optics.light_tiles import SMALLEST, LightTiles, LightTilesPass
 from gpusim.optics.openness_table import openness_texels
 from gpusim.optics.pattern import FINEST, LOOP_TURNS
 from gpusim.optics.records import record_texels
-from gpusim.optics.seen import SeenPass, Sight, small_triangles
+from gpusim.optics.seen import SeenPass, small_triangles
 from gpusim.optics.setup import GRAZING, TRIANGLE, Setup, footprint, radiance_of
 from gpusim.optics.setup_probe import probe_setup
 from gpusim.optics.shadow_tables import ShadowTables
+from gpusim.optics.sight import Sight
 from gpusim.optics.visibility import visibility_twin
 
 __all__ = ["Program", "ShadePass", "Tables", "shade_twin"]

@@ -1,0 +1,182 @@
+"""The triangle that each pixel sees, where triangles are small.
+
+A rasteriser sets triangles up one after another (a software one in a single thread: 600,000 take
+0.13 s of processor time). Triangles of a few pixels are drawn here by a compute program, one
+invocation each, which takes a third of that. A pixel keeps the largest of 64-bit numbers: depth,
+then the triangle's number, so that the result doesn't depend on the order of work. Places are
+snapped to 1/256 px, as rasterisers do, and edges are whole numbers from there on: neighbours leave
+no gaps. Devices without 64-bit atomics, and views with large triangles, take the rasteriser.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.gpu import Buffer, Device, Recording, Texture, compare, twin_check
+from gpusim.gpu.texels import Texels
+from gpusim.optics.camera import Camera
+from gpusim.optics.corners import CHUNK
+from gpusim.optics.drawn import Drawn
+from gpusim.optics.ragged import expand
+from gpusim.optics.view import FIXED, View, look
+from gpusim.surface.surface import Surface
+
+__all__ = ["LARGEST", "Sight", "sight_twin"]
+
+LARGEST = 64.0
+"""px; triangles in a larger box are left to the rasteriser: their areas don't fit into 32 bits, and
+invocations beside them wait for them."""
+
+STEPS = 256
+"""Of a pixel, to which places are snapped."""
+
+
+class Sight:
+    """The triangle that each pixel of a band sees.
+
+    It takes no more than where triangles are, so that the device finds it while the host still
+    works on what they look like. ``ids`` holds numbers + 1, 0 is background; ``depth`` is what a
+    rasteriser leaves, or None.
+    """
+
+    def __init__(self, device: Device, view: View, rows: int) -> None:
+        self.device, self.view, self.rows = device, view, rows
+        width = view.camera.width
+        self.drawn = Drawn(device, view, "shade")
+        self.ids = device.target(width, rows, "r32uint", "shade.ids")
+        self.depth: Texture | None = None
+        self._begun: tuple[int, int] | None = None
+        self._nearest: Buffer | None = None
+        self._places: Texels | None = None
+        if device.atomics64 and view.extent <= LARGEST:
+            self._places = _places(device, view, self.drawn.near)
+            self._nearest = device.kept.take(8 * width * rows, "sight.nearest")
+        else:
+            self.depth = device.target(width, rows, "depth32float", "shade.depth")
+
+    def begin(self, row0: int, rows: int) -> None:
+        """Let the device look at a band, which `record` then finds there."""
+        with self.device.recording("optics.visibility") as recording:
+            self._look(recording, row0, rows)
+        self._begun = row0, rows
+
+    def record(self, recording: Recording, row0: int, rows: int) -> None:
+        """Look at a band, unless that has begun already."""
+        begun, self._begun = self._begun, None
+        if begun != (row0, rows):
+            self._look(recording, row0, rows)
+
+    def release(self) -> None:
+        """Leave its memory to the next one; ``ids`` stay."""
+        if self._nearest is not None:
+            self.device.kept.give(self._nearest)
+
+    def _look(self, recording: Recording, row0: int, rows: int) -> None:
+        if self._nearest is None or self._places is None:
+            self._draw(recording, row0, rows)
+            return
+        count, size = self.view.count, (self.view.camera.width, rows)
+        place = {"count": count, "width": size[0], "rows": rows, "row0": row0}
+        kernel = self.device.kernel("optics/sight")
+        bindings = kernel.bind(
+            params=place, corners=self.drawn.corners, places=self._places, nearest=self._nearest
+        )
+        recording.clear(self._nearest)
+        recording.dispatch(kernel, bindings, threads=(count,))
+        raster = self.device.raster("optics/sight", ("r32uint",), depth="none")
+        bindings = raster.bind(params=place, found=self._nearest)
+        recording.draw(raster, bindings, colors=(self.ids,), depth=None, vertices=3, size=size)
+
+    def _draw(self, recording: Recording, row0: int, rows: int) -> None:
+        raster = self.device.raster("optics/visibility", ("r32uint",))
+        width = self.view.camera.width
+        place = {"width": width, "rows": rows, "row0": row0, "near": self.drawn.near}
+        bindings = raster.bind(params=place, **self.drawn.bindings())
+        recording.draw(
+            raster, bindings, colors=(self.ids,), depth=self.depth,
+            vertices=3 * self.view.count, size=(width, rows),
+        )  # fmt: skip
+
+
+def _places(device: Device, view: View, near: float) -> Texels:
+    """A view's vertices as the shader reads them, block by block while they are in the cache."""
+    texels = device.kept.texels(len(view.place), "rgba32uint", "sight.places")
+    block = np.zeros((CHUNK, 4), np.uint32)
+    for first in range(0, len(view.place), CHUNK):
+        part = slice(first, min(first + CHUNK, len(view.place)))
+        words = block[: part.stop - first]
+        words.view(np.int32)[:, :2] = np.rint(view.place[part] * FIXED)
+        words.view(np.float32)[:, 2] = near / view.vertices[part, 2]
+        texels.write(words, first)
+    return texels
+
+
+def sight_twin(view: View, row0: int, rows: int) -> npt.NDArray[np.uint32]:
+    """Triangle number + 1 (0: none) per pixel of a band, (rows, W) uint32, box by box."""
+    width, none = view.camera.width, np.zeros(0, np.int64)
+    result = np.zeros((rows, width), np.uint32)
+    fixed = np.rint(view.screen * FIXED).astype(np.int64)
+    at = (fixed + FIXED // STEPS // 2) // (FIXED // STEPS)
+    at[:, :, 1] -= STEPS * row0
+    depth = view.inverse_depth()
+    area = _cross(at[:, 1] - at[:, 0], at[:, 2] - at[:, 0])
+    turned = area < 0
+    at[turned], depth[turned] = at[turned][:, [0, 2, 1]], depth[turned][:, [0, 2, 1]]
+    low = np.maximum(-(-at.min(axis=1) // STEPS), 0)
+    high = np.minimum(at.max(axis=1) // STEPS, [width - 1, rows - 1])
+    wide, tall = np.maximum(high - low + 1, 0).T
+    owner, offset = expand(np.where(area != 0, wide * tall, 0))
+    x = low[owner, 0] + offset % np.maximum(wide, 1)[owner]
+    y = low[owner, 1] + offset // np.maximum(wide, 1)[owner]
+    centre = STEPS * np.stack([x, y], axis=1)
+    inside, z = np.ones(len(owner), bool), np.zeros(len(owner))
+    for k in range(3):
+        start, end = at[owner, k], at[owner, (k + 1) % 3]
+        edge = end - start
+        upper = (edge[:, 1] < 0) | ((edge[:, 1] == 0) & (edge[:, 0] > 0))
+        opposite = _cross(edge, centre - start)
+        inside &= opposite > np.where(upper, -1, 0)
+        z += depth[owner, (k + 2) % 3] * opposite
+    z = np.where(inside, z, 0.0)[inside] / np.abs(area[owner[inside]])
+    owner, pixel = owner[inside], (y * width + x)[inside]
+    # the last one of a pixel is the nearest, and the first of those as near
+    order = np.lexsort((-owner, z, pixel)) if len(owner) else none
+    result.reshape(-1)[pixel[order]] = owner[order] + 1
+    return result
+
+
+def _cross(a: npt.NDArray[np.int64], b: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
+
+
+@twin_check("optics/sight")
+def _check(device: Device) -> None:
+    view, rows = probe_view(), 21
+    if not device.atomics64:
+        return  # the rasteriser does it: optics/visibility
+    sight = Sight(device, view, rows)
+    out = device.empty(sight.ids.stride * rows, "sight.check")
+    for row0 in (0, 18):
+        with device.recording("optics.sight") as recording:
+            sight.record(recording, row0, rows)
+            recording.copy_texture(sight.ids, out, rows)
+        got = out.read(np.uint32, (rows, sight.ids.stride // 4))[:, : view.camera.width]
+        compare("optics/sight", got, sight_twin(view, row0, rows), "exact")
+
+
+def probe_view() -> View:
+    """Small triangles over and through each other, and beyond the borders of the image."""
+    rng = np.random.default_rng(11)
+    columns, rows = 23, 17
+    grid = np.stack(np.meshgrid(np.linspace(-1, 1, columns), np.linspace(-1, 1, rows)), axis=-1)
+    flat = np.concatenate([grid.reshape(-1, 2), np.full((columns * rows, 1), 4.0)], axis=1)
+    number = np.arange(columns * rows).reshape(rows, columns)
+    faces = np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], axis=-1)
+    sheets = []
+    for wide, tall, tilt in ((0.95, 1.3, 0.0), (0.6, 0.6, 0.4)):
+        points = flat * [wide, tall, 1.0] + rng.normal(size=flat.shape) * [0.03, 0.03, 0.01]
+        points[:, 2] += tilt * points[:, 0]
+        sheets.append(Surface(points, faces.reshape(-1, 4).astype(np.int32)))
+    camera = Camera(59, 39, np.array([[111.0, 0.3, 28.7], [0.0, 110.0, 20.2], [0.0, 0.0, 1.0]]))
+    return look(sheets, camera, lit=False)

@@ -1,0 +1,108 @@
+// Which triangle each pixel's centre sees, where triangles are small: an invocation per triangle
+// walks over the few pixels of its box. Rasterisers set triangles up one after another, which takes
+// several times as long as so few pixels do. Writes the same numbers as visibility.wgsl.
+// Described in gpusim/optics/sight.py.
+#import common/index
+#import common/texel
+
+struct Params {
+    count: u32,
+    width: i32,
+    rows: i32,
+    row0: i32,
+}
+@group(0) @binding(0) var<uniform> params: Params;
+// three vertices per triangle
+@group(0) @binding(1) var<storage, read> corners: array<u32>;
+// per vertex (column, row in 1/65536 px, near / z, -)
+@group(0) @binding(2) var places: texture_2d<u32>;
+// per pixel of the band: depth above, what is left of 2^32 by the triangle's number + 1 below, so
+// that of triangles at one depth the first is seen
+@group(0) @binding(3) var<storage, read_write> nearest: array<atomic<u64>>;
+
+fn place(corner: u32) -> vec4u {
+    return textureLoad(places, texel(corners[corner]), 0);
+}
+
+// In 1/256 px, from the first row of the band on.
+fn snapped(at: vec4u) -> vec2i {
+    return ((vec2i(at.xy) + 128) >> vec2u(8u)) - vec2i(0, 256 * params.row0);
+}
+
+// Twice the area of (0, a, b): above 0 where b is on the inner side of the edge along a.
+fn cross_of(a: vec2i, b: vec2i) -> i32 {
+    return a.x * b.y - a.y * b.x;
+}
+
+// What the edge function has to be above: an edge's own points are inside where it is a left or an
+// upper one.
+fn limit(edge: vec2i) -> i32 {
+    return select(0, -1, edge.y < 0 || (edge.y == 0 && edge.x > 0));
+}
+
+@compute @workgroup_size(64)
+fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
+    let id = linear_id(gid, groups, 64u);
+    if (id >= params.count) { return; }
+    let a = place(3u * id);
+    let b = place(3u * id + 1u);
+    let c = place(3u * id + 2u);
+    var p = snapped(a);
+    var q = snapped(b);
+    var r = snapped(c);
+    let low = max((min(min(p, q), r) + 255) >> vec2u(8u), vec2i(0));
+    let high = min(max(max(p, q), r) >> vec2u(8u), vec2i(params.width, params.rows) - 1);
+    let size = high - low;
+    // from the box's first centre on numbers are small
+    p -= low << vec2u(8u);
+    q -= low << vec2u(8u);
+    r -= low << vec2u(8u);
+    var area = cross_of(q - p, r - p);
+    if (area == 0 || size.x < 0 || size.y < 0) { return; }
+    var depth = bitcast<vec3f>(vec3u(a.z, b.z, c.z));
+    if (area < 0) {
+        let other = q;
+        q = r;
+        r = other;
+        depth = depth.xzy;
+        area = -area;
+    }
+    // the edges' functions are the areas opposite to r, p and q
+    let limits = vec3i(limit(q - p), limit(r - q), limit(p - r));
+    var inside = vec3i(cross_of(q - p, -p), cross_of(r - q, -q), cross_of(p - r, -r));
+    let right = 256 * vec3i(p.y - q.y, q.y - r.y, r.y - p.y);
+    let down = 256 * vec3i(q.x - p.x, r.x - q.x, p.x - r.x);
+    let next = down - size.x * right;
+    let slope = (depth.zy - depth.xx) / f32(area);
+    let last = u64(~id);
+    var pixel = low.y * params.width + low.x;
+    var column = 0;
+    var left = (size.x + 1) * (size.y + 1);
+    loop {
+        if (all(inside > limits)) {
+            let z = max(depth.x + dot(slope, vec2f(inside.xz)), 0.0);
+            atomicMax(&nearest[pixel], (u64(bitcast<u32>(z)) << 32u) | last);
+        }
+        let end = column == size.x;
+        inside += select(right, next, end);
+        pixel += select(1, params.width - size.x, end);
+        column = select(column + 1, 0, end);
+        left--;
+        if (left <= 0) { break; }
+    }
+}
+
+// (lower, upper half) of each pixel
+@group(0) @binding(4) var<storage, read> found: array<vec2u>;
+
+@vertex
+fn vertex(@builtin(vertex_index) index: u32) -> @builtin(position) vec4f {
+    let corner = vec2f(f32(index & 1u), f32(index >> 1u));
+    return vec4f(4.0 * corner - 1.0, 0.0, 1.0);
+}
+// The number + 1 of the triangle that a pixel sees, or 0.
+@fragment
+fn fragment(@builtin(position) at: vec4f) -> @location(0) u32 {
+    let pixel = vec2i(at.xy);
+    return 0u - found[pixel.y * params.width + pixel.x].x;
+}
