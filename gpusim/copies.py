@@ -21,6 +21,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import Any, TypeVar
 
+from gpusim.interrupts import interrupts_held
 from gpusim.processors import limited, processors
 
 __all__ = ["in_copies"]
@@ -62,15 +63,15 @@ class _Copy:
         self._answer = os.memfd_create("gpusim-copy")
         self._share = share
         try:
-            with warnings.catch_warnings():
+            with interrupts_held(), warnings.catch_warnings():
                 # that other threads' locks stay locked in a copy is known: see above
                 warnings.simplefilter("ignore", DeprecationWarning)
                 self._process: int | None = os.fork()
+                if not self._process:
+                    _serve(work, share, self._answer)
         except OSError:
             os.close(self._answer)
             raise
-        if not self._process:
-            _serve(work, share, self._answer)
 
     def results(self) -> dict[int, Any]:
         """What it has found, as far as it came; raises the error that it ended with."""

@@ -14,7 +14,17 @@ PACKAGE = Path(gpusim.__file__).parent
 
 # Who may import whom. Foundation: anybody. Numerics see frozen dataclasses, never the scene.
 # `measure` sees images and numbers only: no inverse crime.
-FOUNDATION = {"_version", "apart", "copies", "distinct", "errors", "inputs", "processors", "series"}
+FOUNDATION = {
+    "_version",
+    "apart",
+    "copies",
+    "distinct",
+    "errors",
+    "inputs",
+    "interrupts",
+    "processors",
+    "series",
+}
 ALLOWED: dict[str, set[str]] = {
     "_version": set(),
     "apart": set(),
@@ -22,6 +32,7 @@ ALLOWED: dict[str, set[str]] = {
     "distinct": set(),
     "errors": set(),
     "inputs": set(),
+    "interrupts": set(),
     "processors": set(),
     "series": set(),
     "gpu": set(),
