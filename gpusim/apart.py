@@ -111,6 +111,7 @@ class _Team:
     def __init__(self, count: int, modules: tuple[str, ...]) -> None:
         twins = count - 1 if sys.platform == "linux" else 0
         self.idle: SimpleQueue[_Helper] = SimpleQueue()
+        self.at_work: list[_Helper] = []
         self.pool = ThreadPoolExecutor(1 + twins, thread_name_prefix="gpusim.apart")
         # a backend for screens that isn't there is no reason not to draw files
         alone = {"OPENBLAS_NUM_THREADS": "1", "MPLBACKEND": "agg"}
@@ -151,17 +152,20 @@ class _Team:
         except (pickle.PickleError, AttributeError, TypeError):  # a function without a name
             return function(*args, **options)
         helper = self.idle.get()
+        self.at_work.append(helper)
         try:
             helper.tell(message)
             fine, result = pickle.load(helper.mouth)
         except (OSError, ValueError, EOFError, pickle.PickleError, AttributeError, TypeError):
             helper.close()  # it is gone, or in the middle of an answer
             fine = False
+        self.at_work.remove(helper)
         self.idle.put(helper)
         return result if fine else function(*args, **options)
 
     def end(self) -> None:
-        idle = self.idle.qsize() == len(self.all)
+        # those that are still starting soon hear of it, too
+        idle = not self.at_work
         for helper in self.all:  # who hears no more ends
             helper.close()
         if idle:
