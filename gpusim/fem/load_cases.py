@@ -22,8 +22,8 @@ __all__ = ["Progress", "each_case"]
 Float = npt.NDArray[np.float64]
 Progress = Callable[[int, float], None]
 
-# a copy of the process takes some 20 ms, an iteration of this many unknowns some ms
-_LEAST_UNKNOWNS = 20_000
+# a copy of the process takes some 5 ms, the iterations of this many unknowns several times that
+_LEAST_UNKNOWNS = 5_000
 
 
 def each_case(
