@@ -1,13 +1,15 @@
-"""Which directions over a point the faces around it hide: intervals of bits along great circles.
+"""Which directions over a point the faces around it hide: bits along great circles.
 
 A matte face receives from a direction by the cosine of its angle to the normal, so that equal
 areas of the hemisphere's shadow on the face's plane count alike. 64 great circles run from near
 the normal to the horizon, turned by equal angles; along each of them lie 32 samples, at equal
-steps of the squared sine. Seen from the point, a face's edge is a plane, and a plane cuts a great
-circle once: a convex face covers one interval of each row, whatever its size (as
-`gpusim.optics.occlusion` has it for lamps). The circles pass the normal at `TILT`, and their
-samples are shifted from row to row, so that neither upright nor level edges take many samples at a
-time.
+steps of the squared sine. The circles pass the normal at `TILT`, and their samples are shifted from
+row to row, so that neither upright nor level edges take many samples at a time.
+
+How many faces lie before a sample is how many do at the start of its row, plus or minus one for
+each contour edge (`gpusim.optics.facets`) that the row crosses before it. An edge is crossed where
+its ends lie on different sides of the row's circle, whatever edges they belong to: what encloses an
+area is crossed as often inward as outward, and rounding can't open it.
 
 Of closed bodies only faces whose outside looks at the point hide anything, so that no surface
 hides itself; a face in the point's plane that looks against it lies on it and hides all. Twin of
@@ -16,7 +18,6 @@ hides itself; a face in the point's plane that looks against it lies on it and h
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,6 +25,7 @@ import numpy.typing as npt
 
 from gpusim.gpu import Device, compare, twin_check
 from gpusim.gpu.texels import Texels
+from gpusim.optics.facets import Facets
 
 __all__ = [
     "COLUMNS",
@@ -39,31 +41,35 @@ __all__ = [
 ]
 
 Array = npt.NDArray[np.float64]
+Numbers = npt.NDArray[np.int64]
 ROWS, COLUMNS = 64, 32
 TILT, TURN = 0.1, 0.1
 """Directions of a row are n - TILT e + t (d + TURN e), t from 0 up; d, e level, e left of d."""
 
-ABOVE = 1.0
-"""Tolerances that a face's highest corner must rise over the horizon by."""
-
 AGAINST = -0.5
 """Cosine between the normals of face and point below which they may lie against each other."""
+
+FAR = 1e9
+"""A parameter beyond the horizon."""
+
+NONE = 0xFFFFFFFF
+"""No face, no edge, on the device."""
+
+PARTS = 8
+"""Invocations per point, as the shader has it."""
 
 TOUCHES = 1 << 16
 """What a face that the point lies on counts, among the ways out of a body."""
 
-PARTS = 8
-"""Invocations per point."""
-
 GROUP = 16
-"""Points that share a list of faces."""
+"""Points that share lists of edges and faces."""
 
 POINTS = 1 << 15
-FACES = 1 << 12
-"""Points and faces of one dispatch."""
+ENTRIES = 1 << 21
+"""Points and entries of lists of one dispatch."""
 
-PAIRS = 1 << 12
-"""Pairs of points and faces at a time in NumPy."""
+PAIRS = 1 << 14
+"""Pairs of points and edges at a time in NumPy."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,146 +150,214 @@ def tangent(normal: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Around:
-    """Faces, and which of them each `GROUP` points in order may see.
+    """Which edges and faces of ``facets`` each `GROUP` of points in order may need.
 
-    ``corners`` (F, 4, 3), counter-clockwise from outside; ``both_sides`` (F,): of surfaces that
-    aren't closed; ``start`` (G + 1,): where the lists in ``face`` begin.
+    ``edge``: those that may be contours; ``face``: those that a point may lie on, and those on the
+    way along the normal or at the start of a row. ``edge_start``, ``face_start`` (G + 1,): where a
+    group's lists begin.
     """
 
-    corners: Array
-    both_sides: npt.NDArray[np.bool_]
-    start: npt.NDArray[np.int64]
-    face: npt.NDArray[np.int64]
+    facets: Facets
+    edge_start: Numbers
+    edge: Numbers
+    face_start: Numbers
+    face: Numbers
 
     @staticmethod
-    def everywhere(corners: Array, both_sides: npt.NDArray[np.bool_], points: int) -> Around:
-        """All faces for all points."""
-        groups = -(-points // GROUP)
-        start = len(corners) * np.arange(groups + 1)
-        return Around(corners, both_sides, start, np.tile(np.arange(len(corners)), groups))
+    def everywhere(facets: Facets, points: int) -> Around:
+        """All for all of so many points."""
+        edges, faces = len(facets.ends), len(facets.planes)
+        group = np.arange(-(-points // GROUP) + 1)
+        return Around(
+            facets, edges * group, np.tile(np.arange(edges), len(group) - 1),
+            faces * group, np.tile(np.arange(faces), len(group) - 1),
+        )  # fmt: skip
 
 
 def seen(device: Device, points: Receivers, around: Around) -> Seen:
     """What ``points`` see past the faces ``around``."""
-    corners = around.corners
-    texels = np.zeros((max(len(corners), 1), 4, 4), np.float32)
-    texels[: len(corners), :, :3] = corners
-    texels[: len(corners), 0, 3] = around.both_sides
-    faces = Texels(device, texels.size // 4, "rgba32float", "hemisphere.around")
-    faces.write(texels.reshape(-1, 4))
+    facets, words = around.facets, _words(around.facets)
+    edges, planes, borders = (
+        Texels(device, max(len(table), 1), "rgba32uint", f"hemisphere.{name}")
+        for name, table in zip(("edges", "planes", "borders"), words, strict=True)
+    )
+    for texels, table in zip((edges, planes, borders), words, strict=True):
+        if len(table):
+            texels.write(table)
     kernel = device.kernel("optics/hemisphere")
     cosine, sine, start = (v.reshape(-1, 4) for v in _rows())
     rows = {"cosine": cosine, "sine": sine, "start": start, "tilt": TILT, "turn": TURN}
     hidden, inside = [np.zeros((0, ROWS), np.uint32)], [np.zeros(0, bool)]
-    for begin in range(0, len(points.at), POINTS):
-        own = points.part(slice(begin, begin + POINTS))
+    code = 2 * np.arange(len(facets.planes)) + facets.both_sides
+    entries = around.edge_start + around.face_start
+    group, last = 0, len(entries) - 1
+    while group < last:
+        most = int(np.searchsorted(entries, entries[group] + ENTRIES, side="right")) - 1
+        stop = max(min(most, group + POINTS // GROUP, last), group + 1)
+        own = points.part(slice(group * GROUP, stop * GROUP))
         count = len(own.at)
         table = np.zeros((count, 3, 4), np.float32)
         table[:, 0, :3], table[:, 0, 3] = own.at, own.tolerance
         table[:, 1, :3], table[:, 1, 3] = own.normal, own.thickness
         table[:, 2, :3] = tangent(own.normal)
-        group = slice(begin // GROUP, begin // GROUP + -(-count // GROUP) + 1)
-        first, last = around.start[group][[0, -1]]
-        heads = around.start[group] - first
-        lists = np.concatenate([heads + len(heads), around.face[first:last]]).astype(np.uint32)
+        heads, lists = 2 * (stop - group + 1), []
+        for place, listed in (
+            (around.edge_start, around.edge), (around.face_start, code[around.face])
+        ):  # fmt: skip
+            place = place[group : stop + 1]
+            lists.append((place - place[0] + heads, listed[place[0] : place[-1]]))
+            heads += int(place[-1] - place[0])
+        numbers = np.concatenate([*(v[0] for v in lists), *(v[1] for v in lists)])
         buffers = {
             "points": device.buffer(table, "hemisphere.points"),
-            "lists": device.buffer(lists, "hemisphere.lists"),
+            "lists": device.buffer(numbers.astype(np.uint32), "hemisphere.lists"),
             "masks": device.buffer(np.zeros((count, ROWS), np.uint32), "hemisphere.masks"),
             "leaves": device.buffer(np.zeros(count, np.int32), "hemisphere.leaves"),
         }
+        params = {"count": count, "groups": stop - group, "rows": rows}
         with device.recording("optics.hemisphere") as recording:
-            for done in range(0, int(np.diff(heads).max(initial=0)), FACES):
-                params = {
-                    "count": count, "first": done, "faces": FACES, "group": GROUP, "above": ABOVE,
-                    "rows": rows,
-                }  # fmt: skip
-                bindings = kernel.bind(params=params, around=faces, **buffers)
-                recording.dispatch(kernel, bindings, threads=(count * PARTS,))
+            bindings = kernel.bind(
+                params=params, edges=edges, planes=planes, borders=borders, **buffers
+            )
+            recording.dispatch(kernel, bindings, threads=((stop - group) * GROUP * PARTS,))
         hidden.append(buffers["masks"].read(np.uint32, (count, ROWS)))
         inside.append(buffers["leaves"].read(np.int32, (count,)) > 0)
         for used in buffers.values():
             used.release()
-    faces.release()
+        group = stop
+    for texels in (edges, planes, borders):
+        texels.release()
     return Seen(np.concatenate(hidden), np.concatenate(inside))
+
+
+def _words(facets: Facets) -> list[npt.NDArray[np.uint32]]:
+    """Edges (2 E, 4), planes (F, 4) and the faces' edges (F, 4) as the shader reads them."""
+    edges = np.zeros((len(facets.ends), 2, 4), np.uint32)
+    edges[:, :, :3] = facets.ends.astype(np.float32).view(np.uint32)
+    code = 2 * facets.beside + facets.both_sides[facets.beside]
+    edges[:, :, 3] = np.where(facets.beside >= 0, code, NONE)
+    borders = np.where(facets.edges >= 0, facets.edges, NONE).astype(np.uint32)
+    planes = np.stack([facets.planes, facets.balls], axis=1).astype(np.float32)
+    return [edges.reshape(-1, 4), planes.reshape(-1, 4).view(np.uint32), borders]
 
 
 def seen_twin(points: Receivers, around: Around) -> Seen:
     """`seen` in float64."""
     count = len(points.at)
     hidden, leaves = np.zeros((count, ROWS), np.uint32), np.zeros(count, np.int64)
-    for number, (start, stop) in enumerate(itertools.pairwise(around.start)):
-        part = slice(number * GROUP, (number + 1) * GROUP)
+    facets = around.facets
+    for group in range(len(around.edge_start) - 1):
+        part = slice(group * GROUP, (group + 1) * GROUP)
         own = points.part(part)
-        for first in range(start, stop, PAIRS // GROUP):
-            face = around.face[first : min(first + PAIRS // GROUP, stop)]
-            bits, crossed = _hidden(own, around.corners[face], around.both_sides[face])
-            hidden[part] |= bits
-            leaves[part] += crossed
+        face = around.face[around.face_start[group] : around.face_start[group + 1]]
+        edge = around.edge[around.edge_start[group] : around.edge_start[group + 1]]
+        start, leaves[part] = _along_normal(own, facets, face)
+        change = np.zeros((len(own.at), ROWS, COLUMNS + 1), np.int64)
+        change[:, :, 0] = start
+        step = max(PAIRS // GROUP, 1)
+        for first in range(0, len(edge), step):
+            _cross(change, own, facets, edge[first : first + step])
+        before = np.cumsum(change, axis=2)[:, :, :COLUMNS] > 0
+        hidden[part] = (before << np.arange(COLUMNS, dtype=np.uint32)).sum(axis=2, dtype=np.uint32)
     return Seen(hidden, leaves > 0)
 
 
-def _hidden(
-    points: Receivers, corners: Array, both_sides: npt.NDArray[np.bool_]
-) -> tuple[npt.NDArray[np.uint32], npt.NDArray[np.int64]]:
-    """Masks (N, 64) of what a few faces hide, and how often the way up leaves a body (N,)."""
-    normal_of = points.normal[:, None]
-    D = corners[None] - points.at[:, None, None]
-    planes = np.cross(D, np.roll(D, -1, axis=2))
-    normal = planes.sum(axis=2)
-    size = np.linalg.norm(normal, axis=2)
-    height = np.sum(normal * D.mean(axis=2), axis=2)
-    closed, near = ~both_sides[None], points.tolerance[:, None] * size
-    level = np.abs(height) <= near
-    facing = np.sum(normal * normal_of, axis=2)
-    against = closed & level & (facing < AGAINST * size)
-    faces_it = np.where(closed, -height, np.abs(height)) > near
-    axes = np.stack([tangent(points.normal), np.zeros_like(points.normal), points.normal], axis=1)
-    axes[:, 1] = np.cross(axes[:, 2], axes[:, 0])
-    local = np.einsum("nfka,nba->nfkb", planes, axes)
-    highest = np.einsum("nfka,na->nfk", D, points.normal).max(axis=2)
-    pierced = (local[..., 2] >= 0.0).all(axis=2) | (local[..., 2] <= 0.0).all(axis=2)
+def _heights(points: Receivers, planes: Array) -> tuple[Array, Array]:
+    """(N, F): how far points lie behind planes (F, 4), and the cosines of the normals."""
+    normal = planes[:, :3].T
+    return planes[:, 3] - points.at @ normal, points.normal @ normal
+
+
+def _hiding(points: Receivers, facets: Facets, face: Numbers) -> Array:
+    """(N, F): -1 where faces (F,) hide by their outside, 1 by their inside, 0 where they don't."""
+    height, facing = _heights(points, facets.planes[face])
+    near, closed = points.tolerance[:, None], ~facets.both_sides[face]
+    against = closed & (np.abs(height) <= near) & (facing < AGAINST)
+    behind = ~closed & (height > near)
+    result = np.where(against | (height < -near), -1, behind.astype(np.int64))
+    return np.where(face >= 0, result, 0)
+
+
+def _axes(normal: Array) -> Array:
+    """(N, 3, 3): tangent, the direction across it, and unit normal."""
+    u = tangent(normal)
+    return np.stack([u, np.cross(normal, u), normal], axis=1)
+
+
+def _local(points: Receivers, ends: Array) -> Array:
+    """(N, E, 2, 3): ends (E, 2, 3) along each point's tangent, across, and along its normal."""
+    D = ends[None] - points.at[:, None, None]
+    return np.asarray(np.einsum("neka,nba->nekb", D, _axes(points.normal)))
+
+
+def _crossed(ends: Array) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_], Array, Array]:
+    """Whether half circles through the rows cross edges (P, 2, 3), and whether they leave the side
+    that the edges have on their left; (P, 64). With the edges' planes at the rows' starts and
+    along them."""
+    cosine, sine, _ = _rows()
+    x, y, z = ends[..., None, 0], ends[..., None, 1], ends[..., None, 2]
+    side = cosine * (y - TURN * x) - sine * (x + TURN * y) + TILT * z
+    rises = (side[:, 0] < 0.0) & (side[:, 1] >= 0.0)
+    falls = (side[:, 0] >= 0.0) & (side[:, 1] < 0.0)
+    x, y, up = np.cross(ends[:, 0], ends[:, 1]).T[:, :, None]
+    across = y * cosine - x * sine
+    value = up - TILT * across
+    slope = x * cosine + y * sine + TURN * across
+    leaves = value >= 0.0
+    return np.where(leaves, rises, falls), leaves, value, slope
+
+
+def _cross(change: Numbers, points: Receivers, facets: Facets, edge: Numbers) -> None:
+    """Add to ``change`` (N, 64, 33) what crossing ``edge`` changes, sample by sample."""
+    beside = facets.beside[edge]
+    weight = _hiding(points, facets, beside[:, 0]) - _hiding(points, facets, beside[:, 1])
+    point, which = np.nonzero(weight)
+    ends = _local(points, facets.ends[edge])[point, which]
+    crossed, leaves, value, slope = _crossed(ends)
+    # what is beyond the horizon doesn't count
+    pair, row = np.nonzero(crossed & np.where(leaves, slope < 0.0, slope > 0.0))
+    t = -value[pair, row] / slope[pair, row]
+    sample = _sample(t, _rows()[2][row])
+    sign = np.where(leaves[pair, row], -1, 1) * weight[point, which][pair]
+    np.add.at(change, (point[pair], row, sample), sign)
+
+
+def _along_normal(points: Receivers, facets: Facets, face: Numbers) -> tuple[Numbers, Numbers]:
+    """How many faces lie before the rows' starts (N, 64), and how often the way up leaves a body
+    (N,)."""
+    height, facing = _heights(points, facets.planes[face])
+    near, closed = points.tolerance[:, None], ~facets.both_sides[face]
+    number = facets.edges[face]
+    sign = np.where(number < 0, 0, 1 - 2 * (number % 2))
+    ends = facets.ends[np.maximum(number, 0) // 2]
+    length = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2)
+    local = _local(points, ends.reshape(-1, 2, 3)).reshape(len(points.at), len(face), 4, 2, 3)
+    planes = sign[:, :, None] * np.cross(local[..., 0, :], local[..., 1, :])
+    up, level = planes[..., 2], np.abs(height) <= near
+    pierced = (up >= 0.0).all(axis=2) | (up <= 0.0).all(axis=2)
     rise = height / np.where(facing != 0.0, facing, 1.0)
     # a wall close above may be the point's own, but one that it would enter by isn't
     pierced &= closed & ~level & (rise > np.where(height > 0.0, points.thickness[:, None], 0.0))
-    crossed = np.where(pierced, np.where(height > 0.0, 1, -1), 0).sum(axis=1)
-    edges = np.linalg.norm(np.roll(D, -1, axis=2) - D, axis=3)
-    on = np.einsum("nfka,nfa->nfk", planes, normal) >= -2.0 * near[:, :, None] * edges
-    touches = level & (facing < 0.5 * size) & on.all(axis=2)
-    crossed += TOUCHES * touches.sum(axis=1)
-    point, face = np.nonzero(against | (faces_it & (highest > ABOVE * points.tolerance[:, None])))
-    side = np.where((height > 0.0) & ~against, 1.0, -1.0)[point, face]
-    bits = _bits(side[:, None, None] * local[point, face])
-    result = np.zeros((len(points.at), ROWS), np.uint32)
-    np.bitwise_or.at(result, point, bits)
-    return result, crossed
+    leaves = np.where(pierced, np.where(height > 0.0, 1, -1), 0).sum(axis=1)
+    normal = np.einsum("fa,nba->nfb", facets.planes[face, :3], _axes(points.normal))
+    on = np.einsum("nfka,nfa->nfk", planes, normal) >= -2.0 * near[:, :, None] * length
+    leaves += TOUCHES * (level & (facing < 0.5) & on.all(axis=2)).sum(axis=1)
+    start = np.zeros((len(points.at), ROWS), np.int64)
+    hiding = _hiding(points, facets, face)
+    point, which = np.nonzero(hiding)
+    crossed, left, _, _ = _crossed(local[point, which].reshape(-1, 2, 3))
+    turn = (hiding[point, which, None] * sign[which]).reshape(-1, 1) * np.where(left, -1, 1)
+    gone = np.where(crossed, turn, 0).reshape(-1, 4, ROWS).sum(axis=1)
+    np.add.at(start, point, (gone < 0).astype(np.int64))
+    return start, leaves
 
 
-def _bits(planes: Array) -> npt.NDArray[np.uint32]:
-    """(P, 64) words: the samples inside four planes (P, 4, 3) through the point."""
-    cosine, sine, start = _rows()
-    low, high = np.zeros((len(planes), ROWS)), np.full((len(planes), ROWS), np.inf)
-    for edge in range(4):
-        x, y, up = planes[:, edge].T[:, :, None]
-        across = y * cosine - x * sine
-        value = up - TILT * across
-        slope = x * cosine + y * sine + TURN * across
-        # an edge along a row has all of it on one side
-        cut = -value * np.where(slope != 0.0, 1.0 / np.where(slope != 0.0, slope, 1.0), 1e30)
-        low = np.where(slope >= 0.0, np.maximum(low, cut), low)
-        high = np.where(slope < 0.0, np.minimum(high, cut), high)
-    begin, end = _sample(low, start), _sample(high, start)
-    one = np.uint64(1)
-    bits = ((one << end) - one) & ~((one << begin) - one)
-    return np.where(low < high, bits, 0).astype(np.uint32)
-
-
-def _sample(t: Array, start: Array) -> npt.NDArray[np.uint64]:
-    """The first sample (…, 64) of rows at or beyond the direction of parameter t."""
-    t = np.minimum(t, 1e9)
+def _sample(t: Array, start: Array) -> Numbers:
+    """The first sample, of rows that begin at ``start``, at or beyond directions of parameter t."""
+    t = np.minimum(t, FAR)
     square = 1.0 + TILT**2 + t * (t * (1.0 + TURN**2) - 2.0 * TURN * TILT)
     place = np.where(t <= 0.0, 0.0, COLUMNS * (1.0 - 1.0 / square) - start)
-    return np.asarray(np.ceil(np.clip(place, 0.0, COLUMNS)).astype(np.uint64))
+    return np.asarray(np.ceil(np.clip(place, 0.0, COLUMNS)).astype(np.int64))
 
 
 @twin_check("optics/hemisphere")
@@ -300,7 +374,7 @@ def _check(device: Device) -> None:
     normal[:150] = [0.0, 0.0, 1.0]
     normal /= np.linalg.norm(normal, axis=1)[:, None]
     points = Receivers(at, normal, np.full(301, 2e-6), np.full(301, 1e-3))
-    around = Around.everywhere(corners, both, len(at))
+    around = Around.everywhere(Facets.apart(corners, both), len(at))
     got, want = seen(device, points, around), seen_twin(points, around)
     # a few of 2048 samples may fall to the other side of an edge
     compare(
