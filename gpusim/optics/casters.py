@@ -111,15 +111,11 @@ class Casters:
         beside = np.full((len(self.faces), 4), -2)
         beside[tuple(self.edge.T)] = self.beside
         merged = merge_flat(self.points, self.faces, flatness(self.points), beside)
-        count = len(merged.faces)
-        normal = [np.bincount(merged.owner, self.normal[:, k], minlength=count) for k in range(3)]
-        one = np.zeros(count, np.int64)
-        one[merged.owner] = np.arange(len(self.faces))
         face, place = self.edge.T
         kept = np.flatnonzero(~merged.inner[face, place])
         other = self.beside[kept]
         return Casters(
-            self.points, merged.faces, np.stack(normal, axis=1), self.both_sides[one],
+            self.points, merged.faces, merged.total(self.normal), self.both_sides[merged.member],
             np.stack([merged.owner[face[kept]], place[kept]], axis=1),
             np.where(other >= 0, merged.owner[other], other),
         )  # fmt: skip

@@ -59,19 +59,16 @@ def _joined(
     beside[(beside >= 0) & apart] = -1
     tolerance = np.full(len(casters.points), error)
     merged = merge_flat(points, corners, tolerance, beside, plane=False)
-    count = len(merged.faces)
-    one = np.zeros(count, np.int64)
-    one[merged.owner] = np.arange(len(corners))
-    rim = np.zeros((count, 4), bool)
+    rim = np.zeros((len(merged.faces), 4), bool)
     face, place = np.nonzero(faces.rim & ~merged.inner)
     rim[merged.owner[face], place] = True
-    normal = casters.normal[faces.face]
+    member = faces.face[merged.member]
     own = replace(
         casters,
         faces=merged.faces,
-        normal=np.stack([np.bincount(merged.owner, v, minlength=count) for v in normal.T], axis=1),
-        both_sides=casters.both_sides[faces.face][one],
+        normal=merged.total(casters.normal[faces.face]),
+        both_sides=casters.both_sides[member],
         edge=np.zeros((0, 2), np.int64),
         beside=np.zeros(0, np.int64),
     )
-    return own, LampFaces(np.arange(count), rim, faces.side[one])
+    return own, LampFaces(np.arange(len(rim)), rim, faces.side[merged.member])

@@ -35,6 +35,18 @@ class Merged:
     owner: Numbers
     inner: npt.NDArray[np.bool_]
 
+    @property
+    def member(self) -> Numbers:
+        """(M,): a face of those that went into each, the last one."""
+        one = np.zeros(len(self.faces), np.int64)
+        one[self.owner] = np.arange(len(self.owner))
+        return one
+
+    def total(self, vectors: Array) -> Array:
+        """(M, 3): sums of the faces' (F, 3)."""
+        count = len(self.faces)
+        return np.stack([np.bincount(self.owner, v, minlength=count) for v in vectors.T], axis=1)
+
 
 def merge_flat(
     points: Array,
