@@ -339,7 +339,7 @@ def test_threads_that_ask_at_once_get_one_program(lab: Device) -> None:
 
 def test_programs_are_compiled_for_as_long_as_there_is_need(lab: Device) -> None:
     lab.programs.clear()
-    with lab.programs.compiling([["count", "main", []]]):
+    with meanwhile(lab, [["count", "main", []]]):
         assert lab.kernel("count") is lab.kernel("count")
     enough = threading.Event()
     enough.set()
@@ -366,7 +366,7 @@ def test_what_was_begun_beforehand_ends_with_the_work_that_it_is_for(
     monkeypatch.setattr(default_device().programs, "compile", compile_for_ever)
     with beforehand([["count", "main", []]]):
         pass
-    with pytest.raises(KeyboardInterrupt), meanwhile():
+    with pytest.raises(KeyboardInterrupt), meanwhile(default_device(), []):
         raise KeyboardInterrupt
     for thread in threading.enumerate():
         if thread.name == "gpusim.beforehand":

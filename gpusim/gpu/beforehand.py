@@ -8,11 +8,12 @@ from threading import Event, Thread
 from typing import Any
 
 from gpusim.errors import GpusimError
-from gpusim.gpu.device import default_device
+from gpusim.gpu.device import Device, default_device
 
 __all__ = ["beforehand", "meanwhile", "not_needed"]
 
 _enough = Event()
+_thread: Thread | None = None
 
 
 @contextmanager
@@ -22,9 +23,7 @@ def beforehand(programs: Sequence[Any]) -> Iterator[None]:
 
     Without programs nothing is opened: an earlier run did without, or there was none.
     """
-    _enough.clear()
-    if programs:
-        Thread(target=_open, args=(programs,), name="gpusim.beforehand").start()
+    _begin(None, programs)
     try:
         yield
     except BaseException:
@@ -33,9 +32,12 @@ def beforehand(programs: Sequence[Any]) -> Iterator[None]:
 
 
 @contextmanager
-def meanwhile() -> Iterator[None]:
-    """Let what `beforehand` has begun go on while the block runs, and no longer: a run that fails
-    or is interrupted needn't wait for programs that nobody will ask for."""
+def meanwhile(device: Device, programs: Sequence[Any]) -> Iterator[None]:
+    """The same for a ``device`` while the block runs, and no longer: a run that fails or is
+    interrupted needn't wait for programs that nobody will ask for. What `beforehand` is at goes
+    on in place of that."""
+    if _thread is None or not _thread.is_alive():
+        _begin(device, programs)
     try:
         yield
     finally:
@@ -47,9 +49,17 @@ def not_needed() -> None:
     _enough.set()
 
 
-def _open(programs: Sequence[Any]) -> None:
+def _begin(device: Device | None, programs: Sequence[Any]) -> None:
+    global _thread
+    _enough.clear()
+    if programs:
+        _thread = Thread(target=_compile, args=(device, programs), name="gpusim.beforehand")
+        _thread.start()
+
+
+def _compile(device: Device | None, programs: Sequence[Any]) -> None:
     try:
-        device = default_device()
+        device = device or default_device()
     except GpusimError:  # who needs the device will hear of it
         return
     device.programs.compile(programs, _enough)

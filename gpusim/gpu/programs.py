@@ -6,10 +6,9 @@ will be asked for, from an earlier run, lets it be compiled meanwhile.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from concurrent.futures import Future
-from contextlib import contextmanager
-from threading import Event, Lock, Thread
+from threading import Event, Lock
 from typing import TYPE_CHECKING, Any, cast
 
 from gpusim.gpu.kernel import Kernel
@@ -74,17 +73,6 @@ class Programs:
                 self._get(_hashable(program))
             except Exception:  # of another version of gpusim, or a fault that will be met again
                 continue
-
-    @contextmanager
-    def compiling(self, programs: Sequence[Any]) -> Iterator[None]:
-        """`compile` in a thread, for as long as the block runs."""
-        enough = Event()
-        if programs:
-            Thread(target=self.compile, args=(programs, enough), name="gpusim.programs").start()
-        try:
-            yield
-        finally:
-            enough.set()
 
     def clear(self) -> None:
         """Forget everything that was compiled."""

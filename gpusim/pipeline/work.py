@@ -98,7 +98,7 @@ class Work:
             return self._begun()
         self.device_before = self.device.timer.seconds()
         prepare_figures()
-        with meanwhile(), self.device.programs.compiling(self.state.programs):
+        with meanwhile(self.device, self.state.programs):
             return self._begun()
 
     def _begun(self) -> Callable[[], Report]:
