@@ -217,8 +217,9 @@ def _speckle(width: int) -> ImageCase:
     )  # fmt: skip
 
 
-def _faces(width: int, count: int) -> ImageCase:
-    """A wavy sheet of about ``count`` quadrilaterals, coloured like a chessboard one by one."""
+def _faces(width: int, count: int, fields: tuple[int, int] | None = None) -> ImageCase:
+    """A wavy sheet of about ``count`` quadrilaterals, coloured like a chessboard: one by one, or
+    in ``fields`` along and across of many each."""
     height = width * 2 // 3
     camera = Camera.from_lens((36.0, 24.0), 30.0, (width, height), (0.12, -1.0, 0.2),
                               (0.0, 0.0, 0.0), up=(0.1, 0.0, 1.0))  # fmt: skip
@@ -229,14 +230,17 @@ def _faces(width: int, count: int) -> ImageCase:
     points = np.stack([x, y, z], axis=-1).reshape(-1, 3)
     node = np.arange(len(points)).reshape(x.shape)
     faces = np.stack([node[:-1, :-1], node[:-1, 1:], node[1:, 1:], node[1:, :-1]], axis=-1)
-    colour = (np.add.outer(np.arange(rows), np.arange(columns)) % 2).ravel().astype(np.int32)
+    across, along = np.arange(rows), np.arange(columns)
+    if fields is not None:
+        along, across = along * fields[0] // columns, across * fields[1] // rows
+    colour = (np.add.outer(across, along) % 2).ravel().astype(np.int32)
     quads = np.asarray(faces.reshape(-1, 4), np.int32)
     surface = Surface(points, quads, {"dark": Plain(0.1), "light": Plain(0.8)}, colour)
     triangles, source = triangulate(surface.faces)
     albedo = np.array([0.1, 0.8])[colour[source]]
     spots = np.array([[-0.2, 0.0, 0.1], [0.1, 0.0, -0.1]])
     return ImageCase(
-        _faces_name(count), camera, [surface], Soup(points[triangles], albedo),
+        _faces_name(count, fields is None), camera, [surface], Soup(points[triangles], albedo),
         windows=_windows(camera, spots, 64),
     )  # fmt: skip
 
@@ -245,22 +249,28 @@ def _sized(make: Callable[[int], ImageCase], widths: tuple[int, int, int]) -> Bu
     return lambda size: make(widths[SIZES.index(size)])
 
 
-def _faces_name(count: int) -> str:
-    return f"faces-{count:.0e}".replace("+0", "")
+def _faces_name(count: int, single: bool) -> str:
+    return f"{'faces' if single else 'sheet'}-{count:.0e}".replace("+0", "")
 
 
-def _faces_case(count: int) -> Builder:
-    return _sized(lambda width: _faces(width, count), (1200, 1200, 2400))
+def _faces_case(count: int, single: bool) -> Builder:
+    fields = None if single else _FIELDS
+    return _sized(lambda width: _faces(width, count, fields), (1200, 1200, 2400))
 
 
 _COUNTS = (1_000, 10_000, 100_000, 300_000, 1_000_000)
+_FIELDS = (24, 16)
 IMAGE_CASES: dict[str, Builder] = {
     "board": _sized(lambda w: _board(w, False), (750, 750, 2448)),
     "board-lit": _sized(lambda w: _board(w, True), (750, 750, 2448)),
     "speckle": _sized(_speckle, (800, 1224, 2464)),
     "crane": _sized(lambda w: _crane(w, False), (1404, 2808, 5616)),
     "crane-lit": _sized(lambda w: _crane(w, True), (1404, 2808, 5616)),
-    **{_faces_name(count): _faces_case(count) for count in _COUNTS},
+    **{
+        _faces_name(count, single): _faces_case(count, single)
+        for single in (True, False)
+        for count in _COUNTS
+    },
 }
 
 
