@@ -55,7 +55,8 @@ def test_the_reference_of_a_half_plane_is_its_area() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "rms"), [("board", 3e-4), ("crane", 6e-4), ("speckle", 3e-3), ("faces-1e3", 5e-4)]
+    ("name", "rms"),
+    [("board", 3e-4), ("crane", 6e-4), ("speckle", 3e-3), ("faces-1e3", 5e-4), ("sheet-1e4", 3e-4)],
 )
 def test_gpusim_and_the_reference_draw_the_same_scene(
     name: str, rms: float, device: Device
