@@ -30,3 +30,12 @@ def test_a_scene_beyond_the_memory_is_refused_before_work(tmp_path: Path) -> Non
     with pytest.raises(gs.InputError, match=r"mesh: needs about .* GB of memory .*elements"):
         gs.run(scene(mesh=mesh), tmp_path / "out", backend="numpy")
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("name", ["measure", "images", "solution"])
+def test_a_file_where_a_folder_belongs_is_told_before_work(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_text("mine")
+    with pytest.raises(gs.InputError, match=rf"{name} is no folder; expected a folder, or nothing"):
+        gs.run(scene(), tmp_path, backend="numpy")
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+    assert (tmp_path / name).read_text() == "mine"

@@ -98,7 +98,6 @@ class DeflectionResult:
 
     def write(self, folder: Path) -> list[Path]:
         """``<name>.csv`` for people and ``<name>.json`` with everything."""
-        folder.mkdir(parents=True, exist_ok=True)
         stem = safe_name(self.name)
         values = {}
         for item in fields(self):

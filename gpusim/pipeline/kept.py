@@ -61,7 +61,6 @@ class KeptMarkers:
             found = follow_markers(
                 f"measure {name!r}", marks, camera, reference, deformed, subset=subset, bits=bits
             )
-            path.parent.mkdir(parents=True, exist_ok=True)
             with atomic_stream(path) as stream:
                 np.savez(stream, allow_pickle=False, **{_KEY: np.array(key)}, **vars(found))
         self._found[path] = key, found

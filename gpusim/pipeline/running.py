@@ -7,6 +7,7 @@ from os import PathLike
 from pathlib import Path
 
 from gpusim.errors import InputError
+from gpusim.pipeline.folders import check_folders
 from gpusim.pipeline.outputs import write_page
 from gpusim.pipeline.variants import run_variants
 from gpusim.pipeline.work import Progress, Work
@@ -44,6 +45,7 @@ def run(
         raise InputError(f"run: scene; got {type(scene).__name__}; expected a Scene (load_scene)")
     if backend not in ("gpu", "numpy"):
         raise InputError(f"run: backend; got {backend!r}; expected 'gpu' or 'numpy'")
+    check_folders(scene, Path(out))
     tell = progress or _silent
     if scene.variants:
 

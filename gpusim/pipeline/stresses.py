@@ -63,7 +63,6 @@ def write_stresses(
 
     A body with one load group has the same stress in all frames, but for a factor.
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
     frames = [frame for frame in range(history.frames) if not history.still(frame)]
     peaks = []
     with atomic_stream(path) as stream, ZipFile(stream, "w") as archive:

@@ -234,7 +234,6 @@ class Work:
         solved = self.things.solved = Solved.of(solutions, self.models, held)
         self.note = f"{solved.iterations} iterations, estimated error {solved.error_estimate:.1e}"
         path = self.out / "solution" / "displacement.npz"
-        path.parent.mkdir(parents=True, exist_ok=True)
         with atomic_stream(path) as stream:
             np.savez(stream, allow_pickle=False, **self.things.solved.arrays())
         return [path]
