@@ -39,9 +39,9 @@ def camera(**more: object) -> gs.Camera:
 
 
 def records(device: Device, setup: Setup) -> tuple[np.ndarray, np.ndarray]:
-    found = record_texels(device, setup, Drawn(device, setup.view, "records"))
-    assert found is not None
-    return evaluated(setup, found.read().reshape(-1, 28)[: setup.view.count])
+    made = record_texels(device, setup, Drawn(device, setup.view, "records"))
+    assert made is not None
+    return evaluated(setup, made[0].read().reshape(-1, 28)[: setup.view.count])
 
 
 @pytest.mark.parametrize(

@@ -21,6 +21,7 @@ def seen(device: Device, view: View, rows: int) -> npt.NDArray[np.uint32]:
     for row0 in range(0, view.camera.height, rows):
         with device.recording("test") as recording:
             sight.record(recording, row0, rows)
+            sight.number(recording, row0, rows)
             recording.copy_texture(sight.ids, out, rows)
         found.append(out.read(np.uint32, (rows, sight.ids.stride // 4))[:, : view.camera.width])
     return np.concatenate(found)[: view.camera.height]

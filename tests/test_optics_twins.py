@@ -18,7 +18,14 @@ from gpusim.optics.binning import bin_edges
 from gpusim.optics.setup import TRIANGLE
 from gpusim.optics.setup_probe import probe_setup
 
-STAGES = ["optics/edges", "optics/sensor", "optics/shade", "optics/sight", "optics/visibility"]
+STAGES = [
+    "optics/edges",
+    "optics/glance",
+    "optics/sensor",
+    "optics/shade",
+    "optics/sight",
+    "optics/visibility",
+]
 
 
 @pytest.mark.parametrize("stage", STAGES)

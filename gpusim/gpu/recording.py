@@ -88,13 +88,7 @@ class Recording:
         given = threads if threads is not None else groups or ()
         if not 1 <= len(given) <= 3 or any(n < 0 for n in given):
             raise InputError(f"dispatch of {kernel.name}; got {given}; expected 1 to 3 sizes >= 0")
-        self._bindings[id(bindings)] = bindings
-        if self._pass is None or self._drawn is not None:
-            self._end_pass()
-            self._pass = self._encoder.begin_compute_pass(
-                label=f"gpusim.{self.stage}", **self._timing()
-            )
-        self._pass.set_pipeline(kernel.pipeline)
+        self._begin_computing(kernel, bindings)
         has_part = "part" in kernel.layout.bindings
         for bind_groups, (first, count) in zip(bindings.groups, bindings.rows, strict=True):
             for index, group in enumerate(bind_groups):
@@ -109,6 +103,25 @@ class Recording:
             grid = self._grid(kernel, size, groups)
             if all(n > 0 for n in grid):
                 self._pass.dispatch_workgroups(*grid)
+
+    def dispatch_counted(self, kernel: Kernel, bindings: Bindings, groups: Buffer) -> None:
+        """Run ``kernel`` over as many groups (three uint32) as the device finds in a buffer."""
+        if bindings.layout is not kernel.layout:
+            raise InputError(f"dispatch of {kernel.name}: the bindings were made for another one")
+        self._begin_computing(kernel, bindings)
+        for index, group in enumerate(bindings.groups[0]):
+            self._pass.set_bind_group(index, group)
+        self._pass.dispatch_workgroups_indirect(groups.live(f"{self.stage}: counting"), 0)
+        self._buffers.append(groups)
+
+    def _begin_computing(self, kernel: Kernel, bindings: Bindings) -> None:
+        self._bindings[id(bindings)] = bindings
+        if self._pass is None or self._drawn is not None:
+            self._end_pass()
+            self._pass = self._encoder.begin_compute_pass(
+                label=f"gpusim.{self.stage}", **self._timing()
+            )
+        self._pass.set_pipeline(kernel.pipeline)
 
     def _grid(
         self, kernel: Kernel, threads: tuple[int, ...] | None, groups: tuple[int, ...] | None

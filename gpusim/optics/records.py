@@ -38,8 +38,9 @@ REAL = (3, 6, 7, 8, 9, 10, 11)
 """Words of a vertex that are float32."""
 
 
-def record_texels(device: Device, setup: Setup, drawn: Drawn) -> Texels | None:
-    """The records of ``setup``'s triangles; None where float32 or the shader can't make them.
+def record_texels(device: Device, setup: Setup, drawn: Drawn) -> tuple[Texels, Texels] | None:
+    """The records of ``setup``'s triangles, and the vertices that they were made of; None where
+    float32 or the shader can't make them.
 
     They are good until those of another view are made.
     """
@@ -72,7 +73,7 @@ def record_texels(device: Device, setup: Setup, drawn: Drawn) -> Texels | None:
     )
     with device.recording("optics.records") as recording:
         recording.dispatch(kernel, bindings, threads=(view.count,))
-    return result
+    return result, vertices
 
 
 def vertex_blocks(
@@ -132,7 +133,7 @@ def _check(device: Device) -> None:
     found = record_texels(device, setup, Drawn(device, setup.view, "records"))
     if found is None:
         raise TwinMismatch("optics/records: nothing to compare")
-    got = found.read().reshape(-1, TRIANGLE.itemsize // 4)[: setup.view.count]
+    got = found[0].read().reshape(-1, TRIANGLE.itemsize // 4)[: setup.view.count]
     for name, one, other in zip(
         ("numbers", "values"), evaluated(setup, got), evaluated(setup, setup.records()), strict=True
     ):

@@ -81,6 +81,7 @@ class SeenPass:
         device = self.tables.device
         size = (int(params["width"]), int(params["rows"]))
         self.sight.record(recording, int(params["row0"]), size[1])
+        self.sight.number(recording, int(params["row0"]), size[1])
         ids, depth = self.sight.ids, self.sight.depth
         if self._levels is not None:
             depth = self.level_depth

@@ -26,6 +26,7 @@ from gpusim.optics.board_lines import BoardLines
 from gpusim.optics.bump import bump_texels, bump_uniform
 from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.drawn import Drawn
+from gpusim.optics.glance import GlancePass
 from gpusim.optics.gloss import gloss_texels
 from gpusim.optics.light_tiles import SMALLEST, LightTiles, LightTilesPass
 from gpusim.optics.openness_table import openness_texels
@@ -67,7 +68,11 @@ class Tables:
         else:
             self.drawn = sight.drawn
             made = record_texels(device, setup, sight.drawn)
-        self.triangles = made or _triangles(device, setup, self.lines)
+        self.vertices: Texels | None = None
+        if made is None:
+            self.triangles = _triangles(device, setup, self.lines)
+        else:
+            self.triangles, self.vertices = made
         bends = distortion_map(view.camera)
         self.undistortion = self.bitmap_texels = device.no_texels("rgba32float")
         if bends is not None:
@@ -189,10 +194,14 @@ class ShadePass:
         lines = None if by_pixel else tables.lines
         programs = _programs(setup, light, lines, sort=not by_pixel)
         self._seen: SeenPass | None = None
+        self.glance: GlancePass | None = None
         self._draws: list[tuple[Raster, Buffer, int]] = []
         if by_pixel:
             sight = sight or Sight(device, view, rows)
-            self._seen = SeenPass(tables, rows, programs, sight)
+            if GlancePass.suits(tables, programs, sight):
+                self.glance = GlancePass(tables, programs, sight)
+            else:
+                self._seen = SeenPass(tables, rows, programs, sight)
             return
         self.depth: Texture | None = None
         if not view.flat:
@@ -231,6 +240,11 @@ class ShadePass:
                 self._light.record(recording)
                 self._light_found = True
             shared["light_tiles"] = self._light.texels
+        if self.glance is not None:
+            for name in self.tables.drawn.outlines():
+                del shared[name]
+            self.glance.record(recording, self.color, params, shared, radiance)
+            return
         clear: float | None = setup.background
         if self._seen is not None:
             for name in self.tables.drawn.outlines():

@@ -20,6 +20,7 @@ from gpusim.optics.corners import CHUNK
 from gpusim.optics.drawn import Drawn
 from gpusim.optics.ragged import expand
 from gpusim.optics.view import FIXED, View, look
+from gpusim.surface.paint import Paint, Plain
 from gpusim.surface.surface import Surface
 
 __all__ = ["LARGEST", "Sight", "sight_twin"]
@@ -36,7 +37,8 @@ class Sight:
     """The triangle that each pixel of a band sees.
 
     It takes no more than where triangles are, so that the device finds it while the host still
-    works on what they look like. ``ids`` holds numbers + 1, 0 is background; ``depth`` is what a
+    works on what they look like. ``nearest``: depth and triangle of each pixel as the shader says,
+    or None where a rasteriser looks; ``ids``: numbers + 1, 0 is background; ``depth``: what a
     rasteriser leaves, or None.
     """
 
@@ -47,11 +49,10 @@ class Sight:
         self.ids = device.target(width, rows, "r32uint", "shade.ids")
         self.depth: Texture | None = None
         self._begun: tuple[int, int] | None = None
-        self._nearest: Buffer | None = None
-        self._places: Texels | None = None
+        self.nearest: Buffer | None = None
         if device.atomics64 and view.extent <= LARGEST:
-            self._places = _places(device, view, self.drawn.near)
-            self._nearest = device.kept.take(8 * width * rows, "sight.nearest")
+            self.places = _places(device, view, self.drawn.near)
+            self.nearest = device.kept.take(8 * width * rows, "sight.nearest")
         else:
             self.depth = device.target(width, rows, "depth32float", "shade.depth")
 
@@ -69,23 +70,30 @@ class Sight:
 
     def release(self) -> None:
         """Leave its memory to the next one; ``ids`` stay."""
-        if self._nearest is not None:
-            self.device.kept.give(self._nearest)
+        if self.nearest is not None:
+            self.device.kept.give(self.nearest)
 
     def _look(self, recording: Recording, row0: int, rows: int) -> None:
-        if self._nearest is None or self._places is None:
+        if self.nearest is None:
             self._draw(recording, row0, rows)
             return
-        count, size = self.view.count, (self.view.camera.width, rows)
-        place = {"count": count, "width": size[0], "rows": rows, "row0": row0}
+        count, width = self.view.count, self.view.camera.width
+        place = {"count": count, "width": width, "rows": rows, "row0": row0}
         kernel = self.device.kernel("optics/sight")
         bindings = kernel.bind(
-            params=place, corners=self.drawn.corners, places=self._places, nearest=self._nearest
+            params=place, corners=self.drawn.corners, places=self.places, nearest=self.nearest
         )
-        recording.clear(self._nearest)
+        recording.clear(self.nearest)
         recording.dispatch(kernel, bindings, threads=(count,))
+
+    def number(self, recording: Recording, row0: int, rows: int) -> None:
+        """Bring ``ids`` of a band up to date, which `record` has looked at."""
+        if self.nearest is None:
+            return
+        size = (self.view.camera.width, rows)
+        place = {"count": self.view.count, "width": size[0], "rows": rows, "row0": row0}
         raster = self.device.raster("optics/sight", ("r32uint",), depth="none")
-        bindings = raster.bind(params=place, found=self._nearest)
+        bindings = raster.bind(params=place, found=self.nearest)
         recording.draw(raster, bindings, colors=(self.ids,), depth=None, vertices=3, size=size)
 
     def _draw(self, recording: Recording, row0: int, rows: int) -> None:
@@ -160,6 +168,7 @@ def _check(device: Device) -> None:
     for row0 in (0, 18):
         with device.recording("optics.sight") as recording:
             sight.record(recording, row0, rows)
+            sight.number(recording, row0, rows)
             recording.copy_texture(sight.ids, out, rows)
         got = out.read(np.uint32, (rows, sight.ids.stride // 4))[:, : view.camera.width]
         compare("optics/sight", got, sight_twin(view, row0, rows), "exact")
@@ -167,16 +176,22 @@ def _check(device: Device) -> None:
 
 def probe_view() -> View:
     """Small triangles over and through each other, and beyond the borders of the image."""
-    rng = np.random.default_rng(11)
-    columns, rows = 23, 17
-    grid = np.stack(np.meshgrid(np.linspace(-1, 1, columns), np.linspace(-1, 1, rows)), axis=-1)
-    flat = np.concatenate([grid.reshape(-1, 2), np.full((columns * rows, 1), 4.0)], axis=1)
-    number = np.arange(columns * rows).reshape(rows, columns)
-    faces = np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], axis=-1)
-    sheets = []
-    for wide, tall, tilt in ((0.95, 1.3, 0.0), (0.6, 0.6, 0.4)):
-        points = flat * [wide, tall, 1.0] + rng.normal(size=flat.shape) * [0.03, 0.03, 0.01]
-        points[:, 2] += tilt * points[:, 0]
-        sheets.append(Surface(points, faces.reshape(-1, 4).astype(np.int32)))
     camera = Camera(59, 39, np.array([[111.0, 0.3, 28.7], [0.0, 110.0, 20.2], [0.0, 0.0, 1.0]]))
-    return look(sheets, camera, lit=False)
+    return look([sheet(0.95, 1.3, 0.0), sheet(0.6, 0.6, 0.4)], camera, lit=False)
+
+
+def sheet(
+    wide: float, tall: float, tilt: float, paint: Paint | None = None, depth: float = 4.0
+) -> Surface:
+    """For probes: a sheet of 704 triangles across the viewing direction, more and more crumpled."""
+    rng, columns, rows = np.random.default_rng(11), 23, 17
+    grid = np.stack(np.meshgrid(np.linspace(-1, 1, columns), np.linspace(-1, 1, rows)), axis=-1)
+    flat = np.concatenate([grid.reshape(-1, 2), np.full((columns * rows, 1), depth)], axis=1)
+    noise = rng.normal(size=flat.shape) * [0.01 * wide, 0.01 * tall, 0.003]
+    noise[:, 2] *= (0.5 + 0.5 * flat[:, 0]) ** 3
+    points = flat * [wide, tall, 1.0] + noise
+    points[:, 2] += tilt * points[:, 0]
+    number = np.arange(columns * rows, dtype=np.int32).reshape(rows, columns)
+    faces = np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], axis=-1)
+    paint = paint or Plain()
+    return Surface(points, faces.reshape(-1, 4), paint, reference=flat * [wide, tall, 1.0])

@@ -3,10 +3,13 @@
 //
 // All that a large triangle's pixels share travels in flat varyings, which cost nothing per pixel.
 // Where triangles are small, that and the pixels beside them that are shaded in vain cost more than
-// the picture: their numbers are drawn first (visibility.wgsl), then every pixel reads its own.
+// the picture: which one each pixel sees is found first (sight.wgsl or visibility.wgsl), then every
+// pixel reads its own one's record, or an invocation per triangle shades the triangle's own pixels.
 #import common/bitmap
 #import common/board
+#import common/index
 #import common/paint
+#import common/pixel_box
 #import common/screen
 #import common/surface
 #import common/undistort
@@ -26,8 +29,6 @@ struct Params {
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(6) var<storage, read> screen: array<vec2i>;
 @group(0) @binding(7) var<storage, read> inverse_depth: array<f32>;
-// three vertices per triangle
-@group(0) @binding(12) var<storage, read> corners: array<u32>;
 // the triangles to draw, from near to far
 @group(0) @binding(8) var<storage, read> order: array<u32>;
 
@@ -183,4 +184,64 @@ fn fragment_seen(@builtin(position) at: vec4f) -> @location(0) f32 {
 fn fragment_seen_marked(@builtin(position) at: vec4f) -> Marked {
     let number = textureLoad(ids, vec2u(at.xy), 0).x;
     return marked(shade_seen(at, number), number);
+}
+
+// -- triangle by triangle ----------------------------------------------------------------------
+
+struct Band {
+    // of the triangles to shade, whose numbers + 1 are in `order` (0 where there is none)
+    count: u32,
+    // from one row of `band_radiance` to the next
+    stride: i32,
+}
+@group(0) @binding(13) var<uniform> band: Band;
+// per pixel of the band what sight.wgsl found, the lower half first
+@group(0) @binding(14) var<storage, read> band_nearest: array<vec2u>;
+@group(0) @binding(15) var<storage, read_write> band_radiance: array<f32>;
+
+// A triangle's own pixels, looked for 32 at a time, so that what costs is done for them alone.
+@compute @workgroup_size(64)
+fn own_pixels(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
+    let i = linear_id(gid, groups, 64u);
+    if (i >= band.count) { return; }
+    let number = order[i];
+    if (number == 0u) { return; }
+    let id = number - 1u;
+    let t = triangle_at(id);
+    let paint = paint_at(u32(t.ny.w));
+    let none = Board(vec2f(0.0), vec2f(0.0), vec2f(0.0), 1.0, vec2f(0.0), 0.0);
+    let size = vec2i(vec2f(params.width, params.rows));
+    let box = box_of(places_of(id, params.row0), size);
+    let columns = box.size.x + 1;
+    let share = 1.0 / f32(columns);
+    let count = select(columns * (box.size.y + 1), 0, any(box.size < vec2i(0)));
+    var pixel = box.low.y * size.x + box.low.x;
+    var column = 0;
+    var first = 0;
+    loop {
+        let many = min(count - first, 32);
+        var bits = 0u;
+        var k = 0;
+        loop {
+            if (k < many && band_nearest[pixel].x == ~id) { bits |= 1u << u32(k); }
+            let end = column == box.size.x;
+            pixel += select(1, size.x - box.size.x, end);
+            column = select(column + 1, 0, end);
+            k++;
+            if (k >= many) { break; }
+        }
+        loop {
+            if (bits != 0u) {
+                let n = first + i32(firstTrailingBit(bits));
+                let row = i32((f32(n) + 0.5) * share);
+                let at = box.low + vec2i(n - row * columns, row);
+                printed = 0.0;
+                band_radiance[at.y * band.stride + at.x] = shade(t, paint, none, at).x;
+            }
+            bits &= bits - 1u;
+            if (bits == 0u) { break; }
+        }
+        first += 32;
+        if (first >= count) { break; }
+    }
 }

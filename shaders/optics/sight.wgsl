@@ -3,7 +3,7 @@
 // several times as long as so few pixels do. Writes the same numbers as visibility.wgsl.
 // Described in gpusim/optics/sight.py.
 #import common/index
-#import common/texel
+#import common/pixel_box
 
 struct Params {
     count: u32,
@@ -12,22 +12,9 @@ struct Params {
     row0: i32,
 }
 @group(0) @binding(0) var<uniform> params: Params;
-// three vertices per triangle
-@group(0) @binding(1) var<storage, read> corners: array<u32>;
-// per vertex (column, row in 1/65536 px, near / z, -)
-@group(0) @binding(2) var places: texture_2d<u32>;
 // per pixel of the band: depth above, what is left of 2^32 by the triangle's number + 1 below, so
 // that of triangles at one depth the first is seen
-@group(0) @binding(3) var<storage, read_write> nearest: array<atomic<u64>>;
-
-fn place(corner: u32) -> vec4u {
-    return textureLoad(places, texel(corners[corner]), 0);
-}
-
-// In 1/256 px, from the first row of the band on.
-fn snapped(at: vec4u) -> vec2i {
-    return ((vec2i(at.xy) + 128) >> vec2u(8u)) - vec2i(0, 256 * params.row0);
-}
+@group(0) @binding(1) var<storage, read_write> nearest: array<atomic<u64>>;
 
 // Twice the area of (0, a, b): above 0 where b is on the inner side of the edge along a.
 fn cross_of(a: vec2i, b: vec2i) -> i32 {
@@ -44,22 +31,17 @@ fn limit(edge: vec2i) -> i32 {
 fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let id = linear_id(gid, groups, 64u);
     if (id >= params.count) { return; }
-    let a = place(3u * id);
-    let b = place(3u * id + 1u);
-    let c = place(3u * id + 2u);
-    var p = snapped(a);
-    var q = snapped(b);
-    var r = snapped(c);
-    let low = max((min(min(p, q), r) + 255) >> vec2u(8u), vec2i(0));
-    let high = min(max(max(p, q), r) >> vec2u(8u), vec2i(params.width, params.rows) - 1);
-    let size = high - low;
+    let at = places_of(id, params.row0);
+    let box = box_of(at, vec2i(params.width, params.rows));
+    let low = box.low;
+    let size = box.size;
     // from the box's first centre on numbers are small
-    p -= low << vec2u(8u);
-    q -= low << vec2u(8u);
-    r -= low << vec2u(8u);
+    let p = at.p - (low << vec2u(8u));
+    var q = at.q - (low << vec2u(8u));
+    var r = at.r - (low << vec2u(8u));
     var area = cross_of(q - p, r - p);
     if (area == 0 || size.x < 0 || size.y < 0) { return; }
-    var depth = bitcast<vec3f>(vec3u(a.z, b.z, c.z));
+    var depth = at.depth;
     if (area < 0) {
         let other = q;
         q = r;
