@@ -9,10 +9,11 @@ from scipy.sparse import csr_matrix
 from gpusim.errors import NotConverged
 from gpusim.fem import Isotropic, Model, solve
 from gpusim.fem.arena import Arena
-from gpusim.fem.assembly import assemble
+from gpusim.fem.assembly import Assembled, assemble
 from gpusim.fem.block_rows import BlockRows, block_matrix
 from gpusim.fem.block_texels import BlockTexels, rows_of_matrix
 from gpusim.fem.cg import DeviceCG
+from gpusim.fem.device_operator import device_tets, upload_operator
 from gpusim.fem.formulation import resolve_formulation
 from gpusim.fem.hierarchy import Hierarchy, build_hierarchy
 from gpusim.fem.methods import _memory
@@ -22,7 +23,7 @@ from gpusim.fem.preconditioner import Multigrid
 from gpusim.fem.row_packs import find_packs
 from gpusim.fem.stiffness import DeviceStiffness, apply_stiffness
 from gpusim.gpu import Device
-from gpusim.mesh import CELL_TYPES, Mesh, box
+from gpusim.mesh import CELL_TYPES, Mesh, box, quadratic, split
 
 _TETS = ((0, 1, 2, 6), (0, 2, 3, 6), (0, 3, 7, 6), (0, 7, 4, 6), (0, 4, 5, 6), (0, 5, 1, 6))
 
@@ -58,7 +59,16 @@ def clamped(mesh: Mesh, nu: float = 0.3, cases: int = 1) -> Model:
     return Model(mesh, [Isotropic(1e3, nu)], fixed=fixed, forces=forces)
 
 
-def rows_and_hierarchy(model: Model) -> tuple[BlockRows, Hierarchy, np.ndarray]:
+def bent_tetrahedra() -> Mesh:
+    """Irregular tet10, some of them curved: the device multiplies by their elements."""
+    corners = irregular((6, 4, 5))
+    mesh = quadratic(split(corners))
+    middle = (np.arange(mesh.node_count) >= corners.node_count) & (mesh.points[:, 0] > 0.7)
+    shift = 0.01 * np.random.default_rng(8).random(mesh.points.shape)
+    return mesh.moved(np.where(middle[:, None], shift, 0.0))
+
+
+def assembled_and_hierarchy(model: Model) -> tuple[Assembled, Hierarchy, np.ndarray]:
     assert model.fixed is not None
     assembled = assemble(model, resolve_formulation(model, None))
     matrix = block_matrix(assembled.rows, 1024.0)
@@ -72,7 +82,7 @@ def rows_and_hierarchy(model: Model) -> tuple[BlockRows, Hierarchy, np.ndarray]:
         assembled.rows,
         1024.0,
     )
-    return assembled.rows, hierarchy, free
+    return assembled, hierarchy, free
 
 
 MESHES = {
@@ -80,6 +90,7 @@ MESHES = {
     "irregular": lambda: irregular((7, 6, 8)),
     "tet4": lambda: tetrahedra(box((1.0, 0.7, 0.9), (7, 5, 6)), "tet4"),
     "tet10": lambda: tetrahedra(box((1.0, 0.7, 0.9), (5, 3, 4)), "tet10"),
+    "bent": bent_tetrahedra,
 }
 
 
@@ -139,7 +150,7 @@ def test_numbers_without_order_take_single_nodes() -> None:
 
 @pytest.mark.parametrize("name", ["lattice", "tet10"])
 def test_coarse_matrices_become_rows_of_differences(name: str) -> None:
-    _, hierarchy, _ = rows_and_hierarchy(clamped(MESHES[name]()))
+    _, hierarchy, _ = assembled_and_hierarchy(clamped(MESHES[name]()))
     rng = np.random.default_rng(4)
     for level in hierarchy.levels:
         if level.inverse.shape[1] != 3:
@@ -200,12 +211,14 @@ def test_any_matrix_times_a_vector(
 def test_the_cycle_is_that_of_the_host(name: str, real: str) -> None:
     device = Device(real)
     model = clamped(MESHES[name](), cases=2)
-    rows, hierarchy, free = rows_and_hierarchy(model)
+    assembled, hierarchy, free = assembled_and_hierarchy(model)
     multigrid = Multigrid(hierarchy)
     b = np.where(free, np.random.default_rng(5).normal(size=(2, *free.shape)), 0.0)
     wanted = multigrid.apply(b.reshape(2, -1)).reshape(b.shape)
     with Arena(device) as arena:
-        operator = DeviceStiffness(arena, rows, 1024.0, 2, free)
+        elements = device_tets(arena, assembled)
+        assert (elements is not None) == (name == "bent")
+        operator = upload_operator(arena, assembled, elements, 1024.0, 2, free)
         ready = multigrid.upload(arena, operator, 2)
         source, result = (vector_texels(arena, 2, len(free), "test") for _ in range(2))
         source.write(node_texels(b))
@@ -242,19 +255,20 @@ def test_float32_serves_slender_bodies_too(device: Device) -> None:
     assert np.abs(found.u - host.u).max() <= 1e-6 * np.abs(host.u).max()
 
 
-@pytest.mark.parametrize("name", ["lattice", "irregular", "tet10"])
+@pytest.mark.parametrize("name", ["lattice", "irregular", "tet10", "bent"])
 @pytest.mark.parametrize("cases", [1, 3])
 def test_memory_asked_for_is_memory_taken(device: Device, name: str, cases: int) -> None:
     model = clamped(MESHES[name](), cases=cases)
-    rows, hierarchy, free = rows_and_hierarchy(model)
+    assembled, hierarchy, free = assembled_and_hierarchy(model)
     multigrid = Multigrid(hierarchy)
     before = device.allocated
     with Arena(device) as arena:
-        operator = DeviceStiffness(arena, rows, 1024.0, cases, free)
+        elements = device_tets(arena, assembled)
+        operator = upload_operator(arena, assembled, elements, 1024.0, cases, free)
         loop = DeviceCG(arena, operator, multigrid.upload(arena, operator, cases), cases)
         loop.begin(np.zeros((cases, free.size)))
         taken = device.allocated - before
-    asked = _memory(rows, cases, multigrid)
+    asked = _memory(assembled, elements, cases, multigrid)
     assert taken <= asked <= 2.0 * taken
     assert device.allocated == before
 

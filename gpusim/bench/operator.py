@@ -12,10 +12,10 @@ from gpusim.bench.cases import Case
 from gpusim.fem import Model
 from gpusim.fem.assembly import assemble, model_lattice
 from gpusim.fem.block_rows import block_matrix
+from gpusim.fem.device_operator import device_tets, upload_operator
 from gpusim.fem.formulation import resolve_formulation
 from gpusim.fem.numbering import Numbering
 from gpusim.fem.product import Product, RowsProduct
-from gpusim.fem.stiffness import DeviceStiffness
 from gpusim.fem.system import make_system
 from gpusim.gpu import Device
 
@@ -44,9 +44,9 @@ class Probe:
 def operator_probe(case: Case, model: Model, device: Device, repeat: int = 8) -> Probe:
     """The operator of a model, uploaded."""
     model = _as_solved(model)
-    rows = assemble(model, resolve_formulation(model, {case.kind: case.rule})).rows
-    before = device.allocated
-    operator = DeviceStiffness(device, rows, 1.0, 1)
+    assembled = assemble(model, resolve_formulation(model, {case.kind: case.rule}))
+    rows, before = assembled.rows, device.allocated
+    operator = upload_operator(device, assembled, device_tets(device, assembled), 1.0, 1)
     stored = device.allocated - before
     u = np.random.default_rng(1).normal(size=(1, *model.mesh.points.shape))
     source = operator.vector(u)

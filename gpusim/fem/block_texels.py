@@ -22,7 +22,7 @@ from gpusim.fem.congruence import mix
 from gpusim.fem.row_packs import Packs, find_packs
 from gpusim.gpu.texels import Texels, most_texels
 
-__all__ = ["BlockTexels", "RowPart", "block_texels_bytes", "rows_of_matrix"]
+__all__ = ["WINDOW", "BlockTexels", "RowPart", "block_texels_bytes", "rows_of_matrix"]
 
 Float = npt.NDArray[np.float64]
 Bool = npt.NDArray[np.bool_]
@@ -34,7 +34,7 @@ _CHUNK = 1 << 18
 _ROWS = 4096
 _FOUR = 9
 # nodes are sorted by the length of their rows within as many of them
-_WINDOW = 2048
+WINDOW = 2048
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,7 +198,7 @@ def _upload(
     count = last - first
     # lanes that work together run as long as the longest row among them
     fours = -(-rows.degree[first:last] // 4)
-    nodes = first + np.lexsort((-fours, np.arange(count) // _WINDOW))
+    nodes = first + np.lexsort((-fours, np.arange(count) // WINDOW))
     degree = rows.degree[nodes]
     fours = -(-degree // 4)
     start = np.cumsum(fours) - fours

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.fem.arena import Allocator
+from gpusim.fem.device_operator import DeviceOperator
 from gpusim.fem.node_texels import Pair, pair, vector_texels
 from gpusim.fem.stiffness import DeviceStiffness, apply_stiffness
 from gpusim.gpu import Bindings, Device, Kernel, Recording, compare, twin_check
@@ -125,7 +126,7 @@ class DeviceCG:
     """The same on a device; ``preconditioner`` has ``record(recording, r, z)`` for texels."""
 
     def __init__(
-        self, device: Allocator, stiffness: DeviceStiffness, preconditioner: Any, cases: int
+        self, device: Allocator, stiffness: DeviceOperator, preconditioner: Any, cases: int
     ) -> None:
         self.device, self.cases, self.nodes = device, cases, stiffness.nodes
         self._stiffness, self._precondition = stiffness, preconditioner

@@ -18,9 +18,10 @@ from gpusim.fem.combine import DeviceSum
 from gpusim.fem.hierarchy import Hierarchy, Level
 from gpusim.fem.node_texels import Pair, pair
 from gpusim.fem.pair_product import DeviceProduct, product_bytes
-from gpusim.fem.relax import DeviceRelaxation
+from gpusim.fem.relax import relaxation
 from gpusim.fem.smooth import Relaxation
 from gpusim.fem.spread import DeviceWeights
+from gpusim.fem.tet_texels import TetTexels
 from gpusim.fem.transfer import MatrixTransfer, NodeTransfer
 from gpusim.gpu import Recording
 from gpusim.gpu.texels import Texels
@@ -30,8 +31,15 @@ __all__ = ["DeviceMultigrid", "compile_kernels", "multigrid_bytes"]
 Steps = tuple[Relaxation, ...]
 
 
-def compile_kernels(device: Allocator) -> None:
+def compile_kernels(device: Allocator, by_elements: bool) -> None:
     """Compile what a solve runs: half a second at first, which may pass beside other work."""
+    if by_elements:
+        for entry in ("straight", "curved", "sums"):
+            device.kernel("fem/tet_forces", entry=entry)
+        for entry in ("straight", "curved"):
+            device.kernel("fem/tet_forces_single", entry=entry)
+        for entry in ("relax", "residual"):
+            device.kernel("fem/relax", entry=f"{entry}_forces")
     for width in ("", "4"):
         device.kernel("fem/stiffness", entry=f"apply{width}")
         for entry in ("begin", "relax", "residual"):
@@ -45,14 +53,14 @@ def compile_kernels(device: Allocator) -> None:
 
 
 class DeviceMultigrid:
-    """Records z = M^-1 r; ``finest`` are the blocks of the finest level."""
+    """Records z = M^-1 r; ``finest`` is the matrix of the finest level."""
 
     def __init__(
         self,
         device: Allocator,
         hierarchy: Hierarchy,
         steps: Sequence[Steps],
-        finest: BlockTexels,
+        finest: BlockTexels | TetTexels,
         cases: int,
     ) -> None:
         below: _NodeLevel | _BlockLevel | _Bottom
@@ -63,7 +71,7 @@ class DeviceMultigrid:
                 assert not isinstance(below, _NodeLevel)
                 below = _BlockLevel(device, level, steps[number], below, cases, label)
                 continue
-            texels = finest
+            texels: BlockTexels | TetTexels = finest
             if number:
                 rows = rows_of_matrix(level.product.matrix)
                 free = np.einsum("nii->ni", level.inverse) != 0.0
@@ -190,13 +198,13 @@ class _NodeLevel:
         device: Allocator,
         level: Level,
         steps: Steps,
-        texels: BlockTexels,
+        texels: BlockTexels | TetTexels,
         below: _NodeLevel | _BlockLevel | _Bottom,
         cases: int,
         label: str,
     ) -> None:
         self._steps = steps
-        self._smoother = DeviceRelaxation(device, texels, level.inverse, cases, label)
+        self._smoother = relaxation(device, texels, level.inverse, cases, label)
         # what a step reads it can't write: now, before and next
         self._vectors = [self._smoother.vector(f"{label}.x") for _ in range(3)]
         # halves that a pair has and float32 lacks: one of zeros, one that nobody reads

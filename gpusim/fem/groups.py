@@ -24,6 +24,7 @@ __all__ = [
     "DistinctGroup",
     "Elements",
     "Group",
+    "Integrated",
     "held_matrices",
     "lattice_group",
     "masked",
@@ -120,23 +121,23 @@ def pair_blocks(matrices: Float, diagonal: bool) -> tuple[Float, Float | None]:
     return pairs, chosen(place[np.arange(width), np.arange(width)]) if diagonal else None
 
 
-class _Integrated:
+class Integrated:
     """Element matrices by quadrature."""
 
     def __init__(
         self, name: str, points: Float, cells: Int, elasticity: Float, material: Int, rule: str
     ) -> None:
-        self._name, self._points, self._cells = name, points, cells
-        self._elasticity, self._material, self._rule = elasticity, material, rule
+        self.name, self.points, self.cells = name, points, cells
+        self.elasticity, self.material, self.rule = elasticity, material, rule
 
     def __len__(self) -> int:
-        return len(self._cells)
+        return len(self.cells)
 
     def at(self, which: Long) -> Float:
-        nodes = self._points[self._cells[which]]
-        own = self._material[which]
-        moduli = self._elasticity[own if (own != own[:1]).any() else own[0]]
-        return element_stiffness(self._name, nodes, moduli, self._rule)
+        nodes = self.points[self.cells[which]]
+        own = self.material[which]
+        moduli = self.elasticity[own if (own != own[:1]).any() else own[0]]
+        return element_stiffness(self.name, nodes, moduli, self.rule)
 
     def blocks(self, which: Long, diagonal: bool) -> tuple[Float, Float | None]:
         return pair_blocks(self.at(which), diagonal)
@@ -209,7 +210,7 @@ def _distinct_groups(
         yield DistinctGroup(name, cells[straight], source)
     if not straight.all():
         own, what = cells[~straight], material[~straight]
-        yield DistinctGroup(name, own, _Integrated(name, points, own, elasticity, what, rule))
+        yield DistinctGroup(name, own, Integrated(name, points, own, elasticity, what, rule))
 
 
 def _matrices(

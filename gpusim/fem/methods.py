@@ -14,12 +14,12 @@ import numpy.typing as npt
 from gpusim.errors import InputError, NotConverged, OutOfDeviceMemory
 from gpusim.fem.arena import Arena
 from gpusim.fem.assembly import Assembled
-from gpusim.fem.block_rows import BlockRows, block_matrix
-from gpusim.fem.block_texels import block_texels_bytes
+from gpusim.fem.block_rows import block_matrix
 from gpusim.fem.cg import DeviceCG, NumpyCG
 from gpusim.fem.choice import Direct, direct_solver, least_seconds, multigrid_seconds
 from gpusim.fem.congruence import noise
 from gpusim.fem.device_multigrid import compile_kernels
+from gpusim.fem.device_operator import device_tets, operator_bytes, upload_operator
 from gpusim.fem.diagonal import invert_blocks
 from gpusim.fem.hierarchy import build_hierarchy
 from gpusim.fem.iterate import HARSH, Norm, Outcome, System, iterate
@@ -31,8 +31,8 @@ from gpusim.fem.preconditioner import BlockJacobi, Multigrid
 from gpusim.fem.product import Product
 from gpusim.fem.refine import refine
 from gpusim.fem.stencil import StencilProduct
-from gpusim.fem.stiffness import DeviceStiffness
 from gpusim.fem.system import finest_matrix
+from gpusim.fem.tet_elements import TetElements
 from gpusim.gpu import Device, default_device, software_adapter
 
 __all__ = ["METHODS", "Clock", "Options", "Result", "solve_system"]
@@ -161,9 +161,12 @@ def _iterated(
     if on_device:
         # the operator and the vectors at least; what multigrid adds is known once it is set up
         device = options.device if options.device is not None else default_device()
-        _ask(device, assembled.rows.nbytes + 5 * 8 * system.right.size, system)
+        elements = device_tets(device, assembled)
+        least = assembled.rows.nbytes if elements is None else operator_bytes(assembled, elements)
+        _ask(device, least + 5 * 8 * system.right.size, system)
     with ThreadPoolExecutor(1) as aside:
-        compiled = aside.submit(compile_kernels, device) if on_device else None
+        by_elements = on_device and elements is not None
+        compiled = aside.submit(compile_kernels, device, by_elements) if on_device else None
         chosen, norm, product = _preconditioner(kind, model, assembled, system)
     if compiled is not None:
         compiled.result()
@@ -190,8 +193,8 @@ def _iterated(
         return Result(outcome, kind, "numpy", "f64")
     with Arena(device) as arena:
         cases = len(system.right)
-        _ask(device, _memory(assembled.rows, cases, chosen), system)
-        operator = DeviceStiffness(arena, assembled.rows, system.scale, cases, system.free)
+        _ask(device, _memory(assembled, elements, cases, chosen), system)
+        operator = upload_operator(arena, assembled, elements, system.scale, cases, system.free)
         ready = chosen.upload(arena, operator, cases)
         loop = DeviceCG(arena, operator, ready, cases)
         clock.mark("upload")
@@ -333,10 +336,15 @@ def _softest(multigrid: Multigrid, system: System) -> float:
     return float(x[0] @ multigrid.product(x)[0])
 
 
-def _memory(rows: BlockRows, cases: int, chosen: BlockJacobi | Multigrid) -> int:
+def _memory(
+    assembled: Assembled,
+    elements: TetElements | None,
+    cases: int,
+    chosen: BlockJacobi | Multigrid,
+) -> int:
     """Bytes to come on a device: vectors, operator, preconditioner."""
     return (
-        DeviceCG.device_bytes(rows.node_count, cases)
-        + block_texels_bytes(rows.degree, np.diff(rows.table_start), exact=True)
+        DeviceCG.device_bytes(assembled.rows.node_count, cases)
+        + operator_bytes(assembled, elements)
         + chosen.device_bytes(cases)
     )

@@ -10,13 +10,13 @@ import numpy.typing as npt
 
 from gpusim.fem.arena import Allocator
 from gpusim.fem.device_multigrid import DeviceMultigrid, multigrid_bytes
+from gpusim.fem.device_operator import DeviceOperator
 from gpusim.fem.hierarchy import Hierarchy, Level
 from gpusim.fem.lattice_cycle import LatticeCycle
 from gpusim.fem.product import Product
-from gpusim.fem.relax import DeviceRelaxation
+from gpusim.fem.relax import relaxation
 from gpusim.fem.smooth import Relaxation, chebyshev, columns, relax
 from gpusim.fem.stencil import StencilProduct
-from gpusim.fem.stiffness import DeviceStiffness
 from gpusim.gpu import Recording
 from gpusim.gpu.texels import Texels
 
@@ -46,7 +46,7 @@ class BlockJacobi:
         """z = D^-1 r for (L,3N) r."""
         return relax(self._columns, r, None, None, None, _JACOBI)[2]
 
-    def upload(self, device: Allocator, stiffness: DeviceStiffness, cases: int) -> _DeviceJacobi:
+    def upload(self, device: Allocator, stiffness: DeviceOperator, cases: int) -> _DeviceJacobi:
         """The same on a device."""
         return _DeviceJacobi(device, self.inverse, stiffness, cases)
 
@@ -57,9 +57,9 @@ class BlockJacobi:
 
 class _DeviceJacobi:
     def __init__(
-        self, device: Allocator, inverse: Float, stiffness: DeviceStiffness, cases: int
+        self, device: Allocator, inverse: Float, stiffness: DeviceOperator, cases: int
     ) -> None:
-        self._scaling = DeviceRelaxation(device, stiffness.texels, inverse, cases, "fem.jacobi")
+        self._scaling = relaxation(device, stiffness.texels, inverse, cases, "fem.jacobi")
 
     def record(self, recording: Recording, r: Texels, z: Texels) -> None:
         self._scaling.begin(recording, r, z, 1.0)
@@ -166,8 +166,8 @@ class Multigrid:
             r, d, x = relax(inverse, r, level.product(d), d, x, step)
         return x
 
-    def upload(self, device: Allocator, stiffness: DeviceStiffness, cases: int) -> DeviceMultigrid:
-        """The same on a device; the blocks of ``stiffness`` are those of the finest level."""
+    def upload(self, device: Allocator, stiffness: DeviceOperator, cases: int) -> DeviceMultigrid:
+        """The same on a device; the matrix of ``stiffness`` is that of the finest level."""
         steps = [smoothing_steps(level) for level in self.hierarchy.levels]
         return DeviceMultigrid(device, self.hierarchy, steps, stiffness.texels, cases)
 

@@ -6,32 +6,42 @@ Where ``smooth`` works on float64 numbers in buffers and blocks of any size, thi
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.fem.arena import Allocator
-from gpusim.fem.block_rows import BlockRows
 from gpusim.fem.block_texels import BlockTexels
 from gpusim.fem.node_texels import node_texels, read_nodes, vector_texels
 from gpusim.fem.smooth import Relaxation
 from gpusim.fem.stiffness import apply_stiffness
+from gpusim.fem.tet_forces import apply_tets, check_elements
+from gpusim.fem.tet_forces_single import SingleForces
+from gpusim.fem.tet_texels import TetTexels
 from gpusim.gpu import Bindings, Device, Recording, compare, twin_check
 from gpusim.gpu.texels import Texels
 
-__all__ = ["DeviceRelaxation", "relax_nodes"]
+__all__ = ["DeviceRelaxation", "relax_nodes", "relaxation"]
 
 Float = npt.NDArray[np.float64]
 
 
 def relax_nodes(
-    rows: BlockRows, inverse: Float, x: Float, before: Float | None, b: Float, step: Relaxation
+    apply: Callable[[Float], Float],
+    inverse: Float,
+    x: Float,
+    before: Float | None,
+    b: Float,
+    step: Relaxation,
 ) -> Float:
     """x + keep (x - before) + gain D^-1 (b - A x) for (L,N,3) vectors, in float64.
 
-    The step of ``smooth.relax`` with its change d = x - before; ``inverse`` (N,3,3), ``before``
-    None is zero.
+    The step of ``smooth.relax`` with its change d = x - before; ``apply`` gives A x, ``inverse``
+    (N,3,3), ``before`` None is zero.
     """
-    left = b - apply_stiffness(rows, x)
+    left = b - apply(x)
     change = x if before is None else x - before
     scaled = np.matmul(inverse, left[..., None])[..., 0]
     return np.asarray(x + step.keep * change + step.gain * scaled)
@@ -41,7 +51,12 @@ class DeviceRelaxation:
     """A matrix and its inverted diagonal blocks (N,3,3), zero on fixed unknowns, on the device."""
 
     def __init__(
-        self, device: Allocator, texels: BlockTexels, inverse: Float, cases: int, label: str
+        self,
+        device: Allocator,
+        texels: BlockTexels | TetTexels,
+        inverse: Float,
+        cases: int,
+        label: str,
     ) -> None:
         self.device, self.cases, self.nodes = device, cases, len(inverse)
         self._texels = texels
@@ -89,31 +104,83 @@ class DeviceRelaxation:
         factors: tuple[float, float, float],
         **vectors: Texels,
     ) -> None:
+        assert isinstance(self._texels, BlockTexels)
         entry = f"{entry}4" if self._texels.packed else entry
-        kernel = self.device.kernel("fem/relax", entry=entry)
         key = (entry, factors, *(id(one) for one in vectors.values()))
         if key not in self._bound:
-            needed = kernel.layout.bindings
-            self._bound[key] = []
-            for part in self._texels.parts:
-                values: dict[str, object] = {
-                    "info": part.info,
-                    "neighbour": part.neighbour,
-                    "blocks": part.high,
-                    "inverse": self._inverse,
-                    "params": {
-                        "count": part.count,
-                        "nodes": self.nodes,
-                        "cases": self.cases,
-                        **dict(zip(("keep", "lag", "gain"), factors, strict=True)),
-                    },
-                    **vectors,
-                }
-                self._bound[key].append(
-                    kernel.bind(**{k: v for k, v in values.items() if k in needed})
+            self._bound[key] = [
+                self._bind(
+                    entry, factors, part.count, self.cases, 0,
+                    info=part.info, neighbour=part.neighbour, blocks=part.high, **vectors,
                 )
+                for part in self._texels.parts
+            ]  # fmt: skip
+        kernel = self.device.kernel("fem/relax", entry=entry)
         for part, bindings in zip(self._texels.parts, self._bound[key], strict=True):
             recording.dispatch(kernel, bindings, threads=(part.count * self.cases,))
+
+    def _bind(
+        self,
+        entry: str,
+        factors: tuple[float, float, float],
+        count: int,
+        cases: int,
+        base: int,
+        **values: Texels | None,
+    ) -> Bindings:
+        kernel = self.device.kernel("fem/relax", entry=entry)
+        sizes = {"count": count, "nodes": self.nodes, "cases": cases, "base": base}
+        given: dict[str, object] = {
+            **values,
+            "inverse": self._inverse,
+            "params": {**sizes, **dict(zip(("keep", "lag", "gain"), factors, strict=True))},
+        }
+        needed = kernel.layout.bindings
+        return kernel.bind(**{k: v for k, v in given.items() if k in needed})
+
+
+class TetRelaxation(DeviceRelaxation):
+    """The same for elements on the device: A x are sums of their forces, a load case at a time."""
+
+    def __init__(
+        self, device: Allocator, texels: TetTexels, inverse: Float, cases: int, label: str
+    ) -> None:
+        super().__init__(device, texels, inverse, cases, label)
+        self._forces = SingleForces(device, texels)
+
+    def _dispatch(
+        self,
+        recording: Recording,
+        entry: str,
+        factors: tuple[float, float, float],
+        **vectors: Texels,
+    ) -> None:
+        own = self._forces.texels
+        multiplies = entry != "begin"
+        entry = f"{entry}_forces" if multiplies else entry
+        key = (entry, factors, *(id(one) for one in vectors.values()))
+        if key not in self._bound:
+            self._bound[key] = [
+                self._bind(
+                    entry, factors, self.nodes, 1, case * (self.nodes + 1),
+                    info=own.info, lists=own.lists, forces=own.forces, **vectors,
+                )
+                for case in range(self.cases)
+            ]  # fmt: skip
+        kernel = self.device.kernel("fem/relax", entry=entry)
+        for case, bindings in enumerate(self._bound[key]):
+            if multiplies:
+                self._forces.record(recording, vectors["x_in"], case)
+            recording.dispatch(kernel, bindings, threads=(self.nodes,))
+
+
+def relaxation(
+    device: Allocator, texels: BlockTexels | TetTexels, inverse: Float, cases: int, label: str
+) -> DeviceRelaxation:
+    """The smoother of a matrix as it is held on the device."""
+    if isinstance(texels, TetTexels):
+        return TetRelaxation(device, texels, inverse, cases, label)
+    return DeviceRelaxation(device, texels, inverse, cases, label)
 
 
 @twin_check("fem/relax")
@@ -134,24 +201,40 @@ def _check(device: Device) -> None:
         rows = assemble(model, resolve_formulation(model, None)).rows
         free = mesh.points > mesh.points.min(axis=0)
         inverse = invert_blocks(rows.diagonal[rows.row_class], free)
-        x, before, b = rng.normal(size=(3, 2, *free.shape))
-        step = Relaxation(0.3, 0.7, 1.0)
         texels = BlockTexels(device, rows, free, 1.0, "fem.check", exact=False)
-        smoother = DeviceRelaxation(device, texels, inverse, 2, "fem.check")
-        x_in, before_in, b_in, *out = (smoother.vector("fem.check.vector") for _ in range(7))
-        for texture, values in ((x_in, x), (before_in, before), (b_in, b)):
-            texture.write(node_texels(values))
-        with device.recording("fem.check") as recording:
-            smoother.relax(recording, x_in, before_in, b_in, step, out[0])
-            smoother.relax(recording, x_in, None, b_in, step, out[1])
-            smoother.residual(recording, x_in, b_in, out[2])
-            smoother.begin(recording, b_in, out[3], 0.7)
-        wanted = (
-            relax_nodes(rows, inverse, x, before, b, step),
-            relax_nodes(rows, inverse, x, None, b, step),
-            np.where(free, b - apply_stiffness(rows, x), 0.0),
-            0.7 * np.matmul(inverse, b[..., None])[..., 0],
-        )
-        for texture, value in zip(out, wanted, strict=True):
-            # float32 sums of about eighty products of numbers of order one
-            compare("fem/relax", read_nodes(texture, 2), value, atol=2e-5, rtol=1e-5)
+        _compare(device, texels, partial(apply_stiffness, rows), inverse, free)
+    elements, nodes = check_elements()
+    free = rng.random((nodes, 3)) < 0.9
+    blocks = np.eye(3) + 0.1 * rng.normal(size=(nodes, 3, 3))
+    inverse = blocks * free[:, :, None] * free[:, None]
+    of_elements = TetTexels(device, elements, nodes, 1.0, "fem.check")
+    _compare(device, of_elements, partial(apply_tets, elements), inverse, free)
+
+
+def _compare(
+    device: Device,
+    texels: BlockTexels | TetTexels,
+    apply: Callable[[Float], Float],
+    inverse: Float,
+    free: npt.NDArray[np.bool_],
+) -> None:
+    x, before, b = np.random.default_rng(3).normal(size=(3, 2, *free.shape))
+    step = Relaxation(0.3, 0.7, 1.0)
+    smoother = relaxation(device, texels, inverse, 2, "fem.check")
+    x_in, before_in, b_in, *out = (smoother.vector("fem.check.vector") for _ in range(7))
+    for texture, values in ((x_in, x), (before_in, before), (b_in, b)):
+        texture.write(node_texels(values))
+    with device.recording("fem.check") as recording:
+        smoother.relax(recording, x_in, before_in, b_in, step, out[0])
+        smoother.relax(recording, x_in, None, b_in, step, out[1])
+        smoother.residual(recording, x_in, b_in, out[2])
+        smoother.begin(recording, b_in, out[3], 0.7)
+    wanted = (
+        relax_nodes(apply, inverse, x, before, b, step),
+        relax_nodes(apply, inverse, x, None, b, step),
+        np.where(free, b - apply(x), 0.0),
+        0.7 * np.matmul(inverse, b[..., None])[..., 0],
+    )
+    for texture, value in zip(out, wanted, strict=True):
+        # float32 sums of about eighty products of numbers of order one
+        compare("fem/relax", read_nodes(texture, 2), value, atol=2e-5, rtol=1e-5)

@@ -52,22 +52,22 @@ class StraightTets:
     def __init__(
         self, points: Float, corners: Int, elasticity: Float, material: Int, linear: bool = False
     ) -> None:
-        self._points, self._corners = points, corners
-        self._elasticity, self._material, self._is_linear = elasticity, material, linear
+        self.points, self.corners = points, corners
+        self.elasticity, self.material, self._is_linear = elasticity, material, linear
         self.name = "tet4" if linear else "tet10"
 
     def __len__(self) -> int:
-        return len(self._corners)
+        return len(self.corners)
 
     def linear(self) -> StraightTets:
         """The linear elements on the corners: Q^T K Q where Q interpolates linearly."""
-        own = self._points, self._corners, self._elasticity, self._material
+        own = self.points, self.corners, self.elasticity, self.material
         return StraightTets(*own, linear=True)
 
     def chosen(self, which: Long | Bool) -> StraightTets:
         """Some of the elements."""
         return StraightTets(
-            self._points, self._corners[which], self._elasticity, self._material[which],
+            self.points, self.corners[which], self.elasticity, self.material[which],
             self._is_linear,
         )  # fmt: skip
 
@@ -91,9 +91,9 @@ class StraightTets:
         own = (table[np.arange(nodes), np.arange(nodes)] @ corner).reshape(-1, len(which), 9)
         return pairs, own
 
-    def _corner_blocks(self, which: Long) -> Float:
-        """(16,9m) blocks k_vw of the linear tetrahedra."""
-        nodes = self._points[self._corners[which]]
+    def gradients(self, which: Long) -> tuple[Float, Float]:
+        """Gradients (4,m,3) of the linear shape functions, and volumes (m,)."""
+        nodes = self.points[self.corners[which]]
         # columns are edges from the first corner: d x_i / d xi_j
         jacobian = (nodes[:, 1:] - nodes[:, :1]).transpose(2, 1, 0)
         det = determinant(jacobian)
@@ -106,13 +106,18 @@ class StraightTets:
         gradient = np.empty((4, len(which), 3))
         gradient[1:] = inverse(jacobian, det).transpose(0, 2, 1)
         gradient[0] = -gradient[1:].sum(axis=0)
-        weighted = gradient * (det / 6.0)[:, None]
+        return gradient, det / 6.0
+
+    def _corner_blocks(self, which: Long) -> Float:
+        """(16,9m) blocks k_vw of the linear tetrahedra."""
+        gradient, volume = self.gradients(which)
+        weighted = gradient * volume[:, None]
         products = weighted[:, None, :, :, None] * gradient[None, :, :, None, :]
         products = products.reshape(16, len(which), 9)
         result = np.empty_like(products)
-        material = self._material[which]
+        material = self.material[which]
         for number in np.unique(material).tolist():
-            tensor = modulus_tensor(self._elasticity[number])
+            tensor = modulus_tensor(self.elasticity[number])
             own = material == number
             if own.all():
                 np.matmul(products, tensor, out=result)

@@ -1,7 +1,8 @@
 // Steps of a Chebyshev smoother with block-diagonal scaling, float32 (gpusim/fem/relax.py has twin
 // and driver, gpusim/fem/block_texels.py and row_packs.py the matrix's layouts):
 //   x_out = x + keep (x - before) + gain D^-1 (b - A x),  (A x)_i = sum_j A_ij (x_j - x_i)
-// One thread per node and load case, or per four nodes with equal rows (the entries ending in 4).
+// One thread per node and load case, or per four nodes with equal rows (the entries ending in 4),
+// or per node where A x are forces of elements, which are summed up (the entries ending in _forces).
 #import common/index
 #import common/texel
 
@@ -12,13 +13,15 @@ struct Params {
     keep: f32,
     lag: f32,     // keep, or 0 where before is zero
     gain: f32,
+    base: u32,    // texel of the first load case's first node
 }
 
 const BLOCK: u32 = 64u;
 const RUN_BITS: u32 = 8u;   // of the fourth word of a pack; the rest is the number of its row
 
 // per node: first neighbours, fours of them, first blocks, the node;
-// per pack: first node, nodes, first texel of its row, runs + 256 times the number of the row
+// per pack: first node, nodes, first texel of its row, runs + 256 times the number of the row;
+// with forces: first texel of their list, texels of it, nothing, the node
 @group(0) @binding(0) var info: texture_2d<u32>;
 @group(0) @binding(1) var neighbour: texture_2d<u32>;  // four a texel
 @group(0) @binding(2) var blocks: texture_2d<f32>;     // nine texels per four blocks, or runs
@@ -29,11 +32,13 @@ const RUN_BITS: u32 = 8u;   // of the fourth word of a pack; the rest is the num
 @group(0) @binding(6) var before_in: texture_2d<f32>;
 @group(0) @binding(7) var x_out: texture_storage_2d<rgba32float, write>;
 @group(0) @binding(8) var<uniform> params: Params;
+@group(0) @binding(9) var lists: texture_2d<u32>;   // twice the texel of a force, four a texel
+@group(0) @binding(10) var forces: texture_2d<f32>;
 
 fn place(gid: vec3u, groups: vec3u) -> vec3u {
     // number within this part, start of the load case, whether there is such a one
     let id = linear_id(gid, groups, BLOCK);
-    return vec3u(id % params.count, (id / params.count) * (params.nodes + 1u),
+    return vec3u(id % params.count, params.base + (id / params.count) * (params.nodes + 1u),
         u32(id < params.count * params.cases));
 }
 
@@ -141,6 +146,17 @@ fn packed(node: u32, pack: vec4u) -> Sums {
     return sum;
 }
 
+fn load_force(entry: u32) -> vec3f { return textureLoad(forces, texel(entry >> 1u), 0).xyz; }
+
+fn summed(row: vec4u) -> vec3f {
+    var sum = vec3f(0.0);
+    for (var k = row.x; k < row.x + row.y; k++) {
+        let list = textureLoad(lists, texel(k), 0);
+        sum += load_force(list.x) + load_force(list.y) + load_force(list.z) + load_force(list.w);
+    }
+    return sum;
+}
+
 fn scaled(at: u32, r: vec3f) -> vec3f {
     return textureLoad(inverse, texel(at), 0).xyz * r.x
         + textureLoad(inverse, texel(at + 1u), 0).xyz * r.y
@@ -201,6 +217,15 @@ fn relax(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) gro
 }
 
 @compute @workgroup_size(64)
+fn relax_forces(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
+    let here = place(gid, groups);
+    if (here.z == 0u) { return; }
+    let row = textureLoad(info, texel(here.x), 0);
+    let node = here.y + row.w;
+    step(node, 3u * row.w, load_x(node), summed(row));
+}
+
+@compute @workgroup_size(64)
 fn relax4(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let here = place(gid, groups);
     if (here.z == 0u) { return; }
@@ -223,6 +248,15 @@ fn residual(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) 
     let node = here.y + row.w;
     let own = load_x(node);
     leave(node, 3u * row.w, product(here.y, row, own));
+}
+
+@compute @workgroup_size(64)
+fn residual_forces(@builtin(global_invocation_id) gid: vec3u,
+    @builtin(num_workgroups) groups: vec3u) {
+    let here = place(gid, groups);
+    if (here.z == 0u) { return; }
+    let row = textureLoad(info, texel(here.x), 0);
+    leave(here.y + row.w, 3u * row.w, summed(row));
 }
 
 @compute @workgroup_size(64)
