@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
+import os
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 
 from gpusim.errors import NotConverged
 from gpusim.fem import Isotropic, Model, solve
 from gpusim.fem.assembly import assemble
+from gpusim.fem.cg import NumpyCG
 from gpusim.fem.formulation import resolve_formulation
-from gpusim.fem.iterate import Outcome, System
+from gpusim.fem.iterate import Norm, Outcome, System, iterate
 from gpusim.fem.load_cases import each_case
 from gpusim.fem.system import make_system
 from gpusim.mesh import Mesh, box
 from gpusim.processors import limited
+
+Float = npt.NDArray[np.float64]
 
 LATTICE = box((1.0, 0.9, 0.8), (22, 20, 18))
 
@@ -61,18 +68,40 @@ def test_a_case_doesnt_depend_on_its_companions(mesh: Mesh, nu: float) -> None:
     assert both.energy_balance < 1e-5
 
 
-def test_starts_and_progress_are_each_cases_own() -> None:
+@pytest.mark.parametrize(
+    ("method", "nu"), [("multigrid", 0.3), ("multigrid", 0.4999), ("block_jacobi", 0.3)]
+)
+def test_prescribed_displacements_are_each_cases_own(method: str, nu: float) -> None:
+    both = loaded(LATTICE, (0, 1), nu)
+    assert both.fixed is not None and both.forces is not None
+    prescribed = np.zeros_like(both.forces)
+    prescribed[1, LATTICE.points[:, 0] < 1e-9] = (0.01, 0.0, -0.02)
+    prescribed[1] += 0.1 * np.where(both.fixed, LATTICE.points, 0.0)
+    options: dict[str, Any] = {"tolerance": 1e-5, "method": method, "backend": "numpy"}
+    options["formulation"] = "bbar"
+    found = solve(replace(both, prescribed=prescribed), **options)
+    for case, (forces, given) in enumerate(zip(both.forces, prescribed, strict=True)):
+        one = solve(replace(both, forces=forces, prescribed=given), **options)
+        np.testing.assert_array_equal(found.u[case], one.u)
+        np.testing.assert_array_equal(found.reactions[case], one.reactions)
+
+
+def test_starts_and_progress_are_each_cases_own(tmp_path: Path) -> None:
     model = loaded(LATTICE, (0, 1))
     options: dict[str, Any] = {"method": "multigrid", "backend": "numpy"}
     known = solve(model, tolerance=1e-8, **options).u
     heard: list[tuple[int, float]] = []
+    note = tmp_path / "pids"
 
     def hear(iterations: int, error: float) -> None:
         heard.append((iterations, error))
+        with note.open("a") as file:
+            file.write(f"{os.getpid()} ")
 
     cold = solve(model, progress=hear, **options)
     counts = [iterations for iterations, _ in heard]
     assert counts == sorted(counts)
+    assert set(note.read_text().split()) == {str(os.getpid())}
     assert counts[0] == 1
     warm = solve(model, start=known, **options)
     assert warm.iterations < cold.iterations
@@ -99,4 +128,28 @@ def test_a_cases_error_is_raised() -> None:
         return Outcome(part.right, True, 0.0, 1, np.ones((1, 1)), "converged")
 
     with pytest.raises(NotConverged, match="case 1; got nothing"):
+        each_case(fails, system, None, None)
+
+
+class _Identity:
+    name = "identity"
+
+    def apply(self, r: Float) -> Float:
+        return r
+
+    def upload(self, device: Any, stiffness: Any, cases: int) -> None: ...
+
+
+def test_errors_name_the_load_case() -> None:
+    model = loaded(LATTICE, (2, 0))
+    system = make_system(model, assemble(model, resolve_formulation(model, None)))
+
+    def fails(part: System, start: Any, progress: Any) -> Outcome:
+        loop = NumpyCG(lambda x: -x, _Identity())
+        return iterate(
+            part, loop, Norm(None, 1.0), start,
+            tolerance=1e-6, most=3, chunk=1, progress=progress,
+        )  # fmt: skip
+
+    with pytest.raises(NotConverged, match="negative curvature in load case 1"):
         each_case(fails, system, None, None)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -54,9 +54,10 @@ class System:
     ``apply`` (L,N,3) -> K' u'; ``rounding`` the forces of its own rounding (see ``rounding``),
     which take a complete u', prescribed values included; ``row_sum`` bounds the sum of
     absolute values in a row of K', diagonal block left out. ``contrast`` is the ratio of the
-    stiffest to the softest node. ``pull`` (1,N,3) is K times the
-    prescribed displacements, unscaled, None where there are none. ``free`` (N,3).
-    ``prescribed`` (1,N,3), unscaled. ``stencil`` is K' by place on a lattice whose rows repeat.
+    stiffest to the softest node. ``pull`` is K times the prescribed displacements, unscaled, None
+    where there are none; both (1,N,3) or (L,N,3). ``free`` (N,3).
+    ``stencil`` is K' by place on a lattice whose rows repeat. ``first_case`` is the number of the
+    first load case, for messages.
     """
 
     apply: Callable[[Float], Float]
@@ -70,6 +71,20 @@ class System:
     prescribed: Float
     pull: Float | None
     stencil: Stencil | None = None
+    first_case: int = 0
+
+    def case(self, number: int) -> System:
+        """One load case by itself."""
+        own = slice(number, number + 1)
+        pull = self.pull
+        return replace(
+            self,
+            right=self.right[own],
+            load_scale=self.load_scale[own],
+            prescribed=self.prescribed[own] if len(self.prescribed) > 1 else self.prescribed,
+            pull=pull[own] if pull is not None and len(pull) > 1 else pull,
+            first_case=self.first_case + number,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,7 +267,7 @@ def iterate(
                 break
         if iterations >= most:
             break
-        _refuse_indefinite(rz < 0.0)
+        _refuse_indefinite(system, rz < 0.0)
         aim = _LATER_AIM if refinement else _AIM
         report = None if progress is None else partial(_shifted, progress, iterations)
         correction, history, inside = _run(
@@ -310,11 +325,12 @@ def _run(
         check_finite(lines, "conjugate gradients")
         bent = active & ((lines[:, :, 3] <= 0.0) & (lines[:, :, 0] > 0.0)).any(axis=0)
         if bent.any():
+            case = system.first_case + np.flatnonzero(bent)[0]
             raise NotConverged(
-                f"conjugate gradients: negative curvature in load case {np.flatnonzero(bent)[0]}; "
-                f"got p.Kp = {lines[:, bent, 3].min():.3g}; expected a positive definite stiffness"
+                f"conjugate gradients: negative curvature in load case {case}; got "
+                f"p.Kp = {lines[:, bent, 3].min():.3g}; expected a positive definite stiffness"
             )
-        _refuse_indefinite((active & (lines[:, :, 2] < 0.0)).any(axis=0))
+        _refuse_indefinite(system, (active & (lines[:, :, 2] < 0.0)).any(axis=0))
         history = np.concatenate([history, lines])
         state.learn(history)
         correction = loop.correction().reshape(x.shape)
@@ -336,11 +352,12 @@ def _shifted(progress: Callable[[int, float], None], done: int, now: int, error:
     progress(done + now, error)
 
 
-def _refuse_indefinite(bad: npt.NDArray[np.bool_]) -> None:
+def _refuse_indefinite(system: System, bad: npt.NDArray[np.bool_]) -> None:
     """``bad`` (L,): where r.z is negative."""
     if bad.any():
         raise NotConverged(
             "conjugate gradients: the preconditioner isn't positive definite in load case "
-            f"{np.flatnonzero(bad)[0]}; got r.z < 0 (are materials or element sizes extremely "
-            "unequal?); expected r.z > 0, or method 'direct' or 'block_jacobi'"
+            f"{system.first_case + np.flatnonzero(bad)[0]}; got r.z < 0 (are materials or "
+            "element sizes extremely unequal?); expected r.z > 0, or method 'direct' "
+            "or 'block_jacobi'"
         )

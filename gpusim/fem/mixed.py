@@ -81,8 +81,7 @@ def mixed_solver(
         model.mesh.points, parts.rows, own.scale,
     )  # fmt: skip
     multigrid = Multigrid(hierarchy)
-    one = replace(own, right=own.right[:1])
-    found = probe(one, NumpyCG(multigrid.product, multigrid), _PROBES, _FIRST, _SHARP)
+    found = probe(own.case(0), NumpyCG(multigrid.product, multigrid), _PROBES, _FIRST, _SHARP)
     if not found.settled.all():
         return None
     unit = own.scale / system.scale
