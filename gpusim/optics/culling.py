@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.optics.corners import CHUNK
+from gpusim.optics.corners import CHUNK, products
 from gpusim.optics.cutting import Screen, without_area
-from gpusim.optics.outline import area_normals
+from gpusim.optics.outline import corner_normals
 
 __all__ = ["Culled", "cull"]
 
@@ -52,9 +52,8 @@ def cull(
     for first in range(0, count, CHUNK):
         part = slice(first, first + CHUNK)
         corner = [triangles[part, k] for k in range(3)]
-        own = area[:, part] = area_normals(points, triangles[part])
-        x, y, z = (np.take(points[:, axis], corner[0]) for axis in range(3))
-        front[part] = own[0] * x + own[1] * y + own[2] * z < 0
+        own = area[:, part]
+        front[part] = products(own, corner_normals(points, corner, own)) < 0
         seen = (sides[corner[0]] & sides[corner[1]] & sides[corner[2]]) == 0
         if closed:
             seen &= front[part]

@@ -8,19 +8,40 @@ import numpy.typing as npt
 from gpusim.optics.corners import CHUNK
 from gpusim.surface.topology import Topology
 
-__all__ = ["area_normals", "feature_edges", "sharp_normals", "smooth_normals", "unit"]
+__all__ = [
+    "area_normals",
+    "corner_normals",
+    "feature_edges",
+    "sharp_normals",
+    "smooth_normals",
+    "unit",
+]
 
 Array = npt.NDArray[np.float64]
 
 
 def area_normals(points: Array, triangles: npt.NDArray[np.int64]) -> Array:
     """(3, T): components of the triangles' normals, twice as long as their areas."""
-    x, y, z = (np.ascontiguousarray(points[:, k]) for k in range(3))
-    a, b, c = (np.ascontiguousarray(triangles[:, k]) for k in range(3))
-    p, q, r = ([np.take(v, corner) for v in (x, y, z)] for corner in (a, b, c))
-    ux, uy, uz = (end - start for start, end in zip(p, q, strict=True))
-    vx, vy, vz = (end - start for start, end in zip(p, r, strict=True))
-    return np.stack([uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx])
+    result = np.empty((3, len(triangles)))
+    corner_normals(points, [np.ascontiguousarray(triangles[:, k]) for k in range(3)], result)
+    return result
+
+
+def corner_normals(points: Array, corner: list[npt.NDArray[np.int64]], normals: Array) -> Array:
+    """Write the normals of triangles with ``corner``s (n,) each into ``normals`` (3, n); (3, n):
+    the first corners."""
+    p, u, v = np.empty((3, 3, len(corner[0])))
+    for k in range(3):
+        column = np.ascontiguousarray(points[:, k])
+        for numbers, out in zip(corner, (p[k], u[k], v[k]), strict=True):
+            np.take(column, numbers, out=out, mode="clip")
+    u -= p
+    v -= p
+    for k in range(3):
+        i, j = (k + 1) % 3, (k + 2) % 3
+        np.multiply(u[i], v[j], out=normals[k])
+        normals[k] -= u[j] * v[i]
+    return p
 
 
 def unit(vectors: Array) -> Array:
@@ -99,7 +120,7 @@ def smooth_normals(
             mean[k] += np.bincount(corner, weights=area[k], minlength=vertices)
     mean = unit(mean)
     # where all lie within half the angle of their mean, any two lie within the whole
-    sharp = np.zeros(vertices, bool)
+    sharp, least = np.zeros(vertices, bool), np.cos(0.5 * smooth_angle)
     for first in range(0, len(triangles), CHUNK):
         part = slice(first, first + CHUNK)
         direction = unit(area[:, part])
@@ -108,7 +129,8 @@ def smooth_normals(
             cosine = direction[0] * np.take(mean[0], corner)
             cosine += direction[1] * np.take(mean[1], corner)
             cosine += direction[2] * np.take(mean[2], corner)
-            sharp[corner[~(cosine >= np.cos(0.5 * smooth_angle))]] = True
+            if not cosine.min() >= least:
+                sharp[corner[~(cosine >= least)]] = True
     return mean, sharp
 
 

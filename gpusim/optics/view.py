@@ -236,7 +236,7 @@ def look(surfaces: Sequence[Surface], camera: Camera, lit: bool) -> View:
     all_of = Indexed.joined(parts)
     place, corner = all_of.place, all_of.corner
     number_of_paint = np.concatenate(paint_ids).astype(np.int32)
-    shown, k = np.nonzero(all_of.shows)
+    shown, k = np.divmod(np.flatnonzero(all_of.shows), 3)
     ends = [place[corner[shown, j]] for j in (k, (k + 1) % 3)]
     return View(
         camera, all_of.vertices, place, corner, number_of_paint,
@@ -277,7 +277,9 @@ def _seen_of(surface: Surface, points: Array, screen: Screen, near: float, lit: 
             st = at_corners(table.columns[ST].T, table.corner)
             st[turned] = st[turned][:, [0, 2, 1]]
             shows[speckle_jumps(topology, kept, own, st, points, ideal, paint)] = True
-    flags = shows[topology.edge if len(kept) == len(triangles) else topology.edge[kept]]
+    flags = topology.sides(shows)
+    if len(kept) < len(triangles):
+        flags = flags[kept]
     if turned.any():
         flags[turned] = flags[turned][:, [2, 1, 0]]
     found = Indexed(

@@ -9,6 +9,9 @@ import numpy.typing as npt
 
 __all__ = ["Topology", "sorted_keys", "triangulate"]
 
+FEW = 8
+"""Edges for each that has a flag, from which on sides are found from the edges."""
+
 
 @dataclass(frozen=True, eq=False)
 class Topology:
@@ -48,6 +51,18 @@ class Topology:
         return Topology(
             corners, source, edge.reshape(-1, 3), first, second, manifold, bool(manifold.all())
         )
+
+    def sides(self, flags: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+        """(T, 3): of every side of the triangles, whether its edge has a flag (E,)."""
+        some = np.flatnonzero(flags)
+        two = 2 * len(flags) - np.count_nonzero(~self.manifold) == self.edge.size
+        if not two or FEW * len(some) > len(flags):
+            # more than two triangles meet somewhere, or there is little to spare
+            return np.asarray(flags[self.edge])
+        result = np.zeros(self.edge.shape, bool)
+        for triangle in (self.first[some], self.second[some]):
+            result[triangle] = flags[self.edge[triangle]]
+        return result
 
 
 def sorted_keys(
