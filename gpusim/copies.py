@@ -6,27 +6,36 @@ process (``os.fork``) has what was set up, without sending it, in a few millisec
 
 A copy has no other threads: no device may be used in it, no pool, and nothing may wait for a lock.
 Arithmetic on arrays is what it is for. It answers through a file in memory and ends at once,
-without handlers at exit, and without collecting garbage that may belong to the device.
+without handlers of signals or at exit, and without collecting garbage that may belong to the
+device.
 """
 
 from __future__ import annotations
 
+import ctypes
 import gc
 import os
 import pickle
 import signal
 import sys
+import threading
 import warnings
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from functools import partial
 from typing import Any, TypeVar
 
-from gpusim.interrupts import interrupts_held
 from gpusim.processors import limited, processors
 
 __all__ = ["in_copies"]
 
 R = TypeVar("R")
+
+# of each item: what was found, or the error
+_Found = dict[int, tuple[Any, Exception | None]]
+
+_END_WITH_PARENT = 1  # PR_SET_PDEATHSIG
+_copying = threading.Lock()
 
 
 def in_copies(work: Callable[[int], R], count: int) -> list[R]:
@@ -34,57 +43,127 @@ def in_copies(work: Callable[[int], R], count: int) -> list[R]:
 
     Results must be such as can be pickled. An error is raised here, that of the first item that
     has one. Where there is one processor, or no way of copying, all is done here, one item after
-    the other; so is what a copy leaves undone whose process was ended from outside.
+    the other; so is what a copy can't tell, or leaves undone because it was ended from outside.
     """
     ways = min(processors(), count)
-    if ways < 2 or sys.platform != "linux" or not hasattr(os, "memfd_create"):
+    if ways < 2 or not _can_be_copied():
         return [work(item) for item in range(count)]
     shares = [range(first, count, ways) for first in range(ways)]
-    results: dict[int, R] = {}
     copies: list[_Copy] = []
     try:
-        with suppress(OSError):  # no room for another process: its share is done here
+        with _undisturbed(), suppress(OSError):  # no room for another: its share is done here
             for share in shares[1:]:
                 copies.append(_Copy(work, share))
         with limited(max(1, processors() // ways)):
-            results.update((item, work(item)) for item in shares[0])
+            found = _do(work, shares[0])
         for copy in copies:
-            results.update(copy.results())
+            found.update(copy.answer())
     finally:
         for copy in copies:
             copy.end()
-    return [results[item] if item in results else work(item) for item in range(count)]
+    results = []
+    for item in range(count):
+        result, error = found[item] if item in found else (work(item), None)
+        if error is not None:
+            raise error
+        results.append(result)
+    return results
+
+
+def _do(work: Callable[[int], Any], share: Sequence[int]) -> _Found:
+    """As far as the first error."""
+    found: _Found = {}
+    for item in share:
+        try:
+            found[item] = work(item), None
+        except Exception as error:
+            found[item] = None, error
+            break
+    return found
+
+
+def _can_be_copied() -> bool:
+    """Whether there is a way, and no other thread at work here, whose processor isn't free.
+
+    OpenBLAS, moreover, ends its threads before a fork, and waits for them forever if they are
+    multiplying for another thread.
+    """
+    if sys.platform != "linux" or not hasattr(os, "memfd_create"):
+        return False
+    me = str(threading.get_native_id())
+    try:
+        for thread in os.listdir("/proc/self/task"):
+            with open(f"/proc/self/task/{thread}/stat", "rb") as file:
+                if thread != me and file.read().rpartition(b") ")[2].startswith(b"R"):
+                    return False
+    except OSError:
+        return False
+    return True
+
+
+@contextmanager
+def _undisturbed() -> Iterator[None]:
+    """No signal is handled, no garbage collected and no warning raised while copies are made, nor
+    in them; the handlers run afterwards."""
+    heard: list[Callable[[], Any]] = []
+
+    def hear(handler: Callable[..., Any], number: int, frame: Any) -> None:
+        heard.append(partial(handler, number, frame))
+
+    with _copying, ExitStack() as stack:
+        stack.callback(gc.enable if gc.isenabled() else gc.disable)
+        gc.disable()
+        if threading.current_thread() is threading.main_thread():
+            # that a signal is blocked here wouldn't do: another thread may get it for this one
+            for number in signal.valid_signals():
+                handler = signal.getsignal(number)
+                if callable(handler):
+                    stack.callback(signal.signal, number, handler)
+                    signal.signal(number, partial(hear, handler))
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, signal.valid_signals())
+        stack.callback(signal.pthread_sigmask, signal.SIG_SETMASK, before)
+        stack.enter_context(warnings.catch_warnings())
+        # that other threads' locks stay locked in a copy is known: see above
+        warnings.simplefilter("ignore", DeprecationWarning)
+        yield
+    for handle in heard:
+        handle()
 
 
 class _Copy:
     """A process that does a share of the work, and the file in which it answers."""
 
     def __init__(self, work: Callable[[int], Any], share: Sequence[int]) -> None:
+        control, parent = ctypes.CDLL(None).prctl, os.getpid()
         self._answer = os.memfd_create("gpusim-copy")
-        self._share = share
         try:
-            with interrupts_held(), warnings.catch_warnings():
-                # that other threads' locks stay locked in a copy is known: see above
-                warnings.simplefilter("ignore", DeprecationWarning)
-                self._process: int | None = os.fork()
-                if not self._process:
-                    _serve(work, share, self._answer)
+            self._process: int | None = os.fork()
         except OSError:
             os.close(self._answer)
             raise
+        if not self._process:
+            try:
+                control(_END_WITH_PARENT, signal.SIGKILL)
+                if os.getppid() == parent:
+                    self._serve(work, share)
+            finally:
+                os._exit(0)
 
-    def results(self) -> dict[int, Any]:
-        """What it has found, as far as it came; raises the error that it ended with."""
+    def _serve(self, work: Callable[[int], Any], share: Sequence[int]) -> None:
+        """The life of a copy."""
+        with limited(1):
+            found = _do(work, share)
+        with open(self._answer, "wb", closefd=False) as file:
+            pickle.dump(found, file, protocol=pickle.HIGHEST_PROTOCOL)
+
+    def answer(self) -> _Found:
+        """What it has found, or nothing if it didn't come to the end or can't tell."""
         self._wait()
         os.lseek(self._answer, 0, os.SEEK_SET)
-        with open(self._answer, "rb", closefd=False) as file:
-            try:
-                found, error = pickle.load(file)
-            except (EOFError, pickle.UnpicklingError):  # it didn't come to the end
-                return {}
-        if error is not None:
-            raise error
-        return dict(zip(self._share, found, strict=True))
+        with suppress(Exception), open(self._answer, "rb", closefd=False) as file:
+            found: _Found = pickle.load(file)
+            return found
+        return {}
 
     def end(self) -> None:
         """Whether or not it is still at work."""
@@ -100,24 +179,3 @@ class _Copy:
         with suppress(ChildProcessError):
             os.waitpid(self._process, 0)
         self._process = None
-
-
-def _serve(work: Callable[[int], Any], share: Sequence[int], answer: int) -> None:
-    """The life of a copy; doesn't return."""
-    status = 1
-    try:
-        gc.disable()
-        # the original hears of interrupts, and ends its copies
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-        signal.signal(signal.SIGTERM, signal.SIG_DFL)
-        found, error = [], None
-        try:
-            with limited(1):
-                found = [work(item) for item in share]
-        except Exception as problem:
-            error = problem
-        with open(answer, "wb", closefd=False) as file:
-            pickle.dump((found, error), file, protocol=pickle.HIGHEST_PROTOCOL)
-        status = 0
-    finally:
-        os._exit(status)

@@ -2,21 +2,33 @@
 
 from __future__ import annotations
 
+import gc
+import hashlib
 import os
 import signal
+import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from gpusim.copies import in_copies
+from gpusim.copies import _can_be_copied, in_copies
 from gpusim.processors import all_processors, limited, processors
 
 needs_copies = pytest.mark.skipif(
     all_processors() < 2 or sys.platform != "linux", reason="one core, or no way of copying"
 )
+
+
+@pytest.fixture(autouse=True)
+def _at_rest() -> None:
+    """Threads of BLAS look out for more work for 0.1 s, and nothing is copied then."""
+    end = time.monotonic() + 5.0
+    while all_processors() > 1 and not _can_be_copied() and time.monotonic() < end:
+        time.sleep(0.01)
 
 
 @pytest.mark.parametrize("count", [0, 1, 2, 3, 5])
@@ -51,6 +63,34 @@ def test_a_copys_error_is_raised_here() -> None:
         return item
 
     with pytest.raises(ValueError, match="item 1; got 1"):
+        in_copies(work, 2)
+
+
+@needs_copies
+def test_the_error_of_the_first_item_is_raised() -> None:
+    def work(item: int) -> None:
+        if item:
+            raise ValueError(f"item {item}")
+
+    # the second one's error is told by a copy
+    with pytest.raises(ValueError, match="item 1"), limited(2):
+        in_copies(work, 4)
+
+
+class _Untold(Exception):
+    """Can be pickled, but not read again."""
+
+    def __init__(self, got: int, expected: int) -> None:
+        super().__init__(f"got {got}; expected {expected}")
+
+
+@needs_copies
+def test_an_error_that_cant_be_told_is_found_here() -> None:
+    def work(item: int) -> None:
+        if item:
+            raise _Untold(1, 2)
+
+    with pytest.raises(_Untold, match="got 1; expected 2"):
         in_copies(work, 2)
 
 
@@ -91,6 +131,85 @@ def test_an_error_here_ends_the_copies(tmp_path: Path) -> None:
     with pytest.raises(ProcessLookupError):
         os.kill(int(note.read_text()), 0)
     assert len(os.listdir("/proc/self/fd")) == files
+
+
+@needs_copies
+def test_an_interrupt_while_copying_leaves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    fork = os.fork
+
+    def interrupted() -> int:
+        process = fork()
+        signal.raise_signal(signal.SIGINT)
+        return process
+
+    monkeypatch.setattr(os, "fork", interrupted)
+    files = len(os.listdir("/proc/self/fd"))
+    handler = signal.getsignal(signal.SIGINT)
+    with pytest.raises(KeyboardInterrupt):
+        in_copies(lambda item: item, 2)
+    with pytest.raises(ChildProcessError):
+        os.waitpid(-1, os.WNOHANG)
+    assert len(os.listdir("/proc/self/fd")) == files
+    assert signal.getsignal(signal.SIGINT) is handler
+    assert not signal.pthread_sigmask(signal.SIG_BLOCK, [])
+    assert gc.isenabled()
+
+
+@needs_copies
+def test_a_copy_of_another_thread_hears_no_interrupt(monkeypatch: pytest.MonkeyPatch) -> None:
+    fork = os.fork
+
+    def interrupted() -> int:
+        process = fork()
+        if not process:
+            signal.raise_signal(signal.SIGINT)
+        return process
+
+    monkeypatch.setattr(os, "fork", interrupted)
+    with ThreadPoolExecutor(1) as pool:
+        here, there = pool.submit(in_copies, lambda _: os.getpid(), 2).result()
+    assert here == os.getpid() != there
+
+
+@needs_copies
+def test_nothing_is_copied_while_another_thread_is_at_work() -> None:
+    with ThreadPoolExecutor(1) as pool:
+        other = pool.submit(hashlib.pbkdf2_hmac, "sha256", b"", b"", 1_000_000)
+        time.sleep(0.05)
+        found = in_copies(lambda _: os.getpid(), 2)
+        assert not other.done()
+    assert found == [os.getpid()] * 2
+
+
+@needs_copies
+def test_copies_end_with_a_program_that_is_killed(tmp_path: Path) -> None:
+    note = tmp_path / "pid"
+    program = f"""
+import os, signal, time
+from pathlib import Path
+from gpusim.copies import _can_be_copied, in_copies
+
+me, note = os.getpid(), Path({str(note)!r})
+
+def work(item):
+    if os.getpid() != me:
+        note.with_suffix(".part").write_text(str(os.getpid()))
+        note.with_suffix(".part").rename(note)
+        time.sleep(600.0)
+    while not note.exists():
+        time.sleep(0.01)
+    os.kill(me, signal.SIGKILL)
+
+in_copies(work, 2)
+"""
+    subprocess.run([sys.executable, "-c", program], timeout=60.0)
+    copy = Path("/proc") / note.read_text() / "stat"
+    for _ in range(500):
+        # nobody may be there to ask for its end
+        if not copy.exists() or ") Z" in copy.read_text():
+            return
+        time.sleep(0.01)
+    pytest.fail("the copy is still at work")
 
 
 @needs_copies
