@@ -21,6 +21,7 @@ from gpusim.fem.node_texels import node_texels, pair, read_nodes, vector_texels
 from gpusim.fem.pair_product import DeviceProduct
 from gpusim.fem.preconditioner import Multigrid
 from gpusim.fem.row_packs import find_packs
+from gpusim.fem.row_slices import SLICE, RowSlices
 from gpusim.fem.stiffness import DeviceStiffness, apply_stiffness
 from gpusim.gpu import Device
 from gpusim.mesh import CELL_TYPES, Mesh, box, quadratic, split
@@ -146,6 +147,30 @@ def test_numbers_without_order_take_single_nodes() -> None:
         model = clamped(one)
         rows = assemble(model, resolve_formulation(model, None)).rows
         assert (find_packs(rows, ~model.fixed, 1.0) is not None) == packed
+
+
+@pytest.mark.parametrize("most", [10**9, 600])
+def test_slices_hold_every_row(most: int) -> None:
+    model = clamped(MESHES["irregular"]())
+    rows = assemble(model, resolve_formulation(model, None)).rows
+    count = 0
+    for part in RowSlices.of(rows.degree).parts(most):
+        assert part.block_texels <= most
+        assert (part.fours <= np.repeat(part.head, SLICE)[: len(part.nodes)]).all()
+        listed, (texels,) = part.neighbours(rows), [t for _, t in part.blocks(rows, 2.0)]
+        for first, fours, block, node in part.info().tolist():
+            neighbours = listed[first::SLICE][:fours].ravel()
+            blocks = texels[block::SLICE][: 9 * fours].reshape(-1, 3, 3).transpose(0, 2, 1)
+            own = slice(rows.start[node], rows.start[node + 1])
+            degree = rows.degree[node]
+            assert (neighbours[:degree] == rows.neighbour[own]).all()
+            assert (neighbours[degree:] == node).all()
+            number = rows.row_class[node]
+            table = rows.table[rows.table_start[number] : rows.table_start[number + 1]]
+            assert (2.0 * blocks[:degree] == table).all()
+            assert (blocks[degree:] == 0.0).all()
+        count += len(part.nodes)
+    assert count == rows.node_count
 
 
 @pytest.mark.parametrize("name", ["lattice", "tet10"])

@@ -4,7 +4,8 @@ Rows are padded to whole fours of neighbours with the node itself, whose differe
 node one ``info`` texel: first texel of its neighbours, number of fours, first texel of its blocks,
 the node.
 ``neighbour`` holds four nodes a texel; the blocks of four neighbours are nine texels, block by
-block and column by column. Nodes with equal rows share their blocks.
+block and column by column. Nodes with equal rows share their blocks. Where every node has a row of
+its own, rows lie side by side (``row_slices``): a row's next texel is ``stride`` further.
 """
 
 from __future__ import annotations
@@ -20,9 +21,10 @@ from gpusim.fem.arena import Allocator
 from gpusim.fem.block_rows import BlockRows, ranges
 from gpusim.fem.congruence import mix
 from gpusim.fem.row_packs import Packs, find_packs
+from gpusim.fem.row_slices import SLICE, WINDOW, RowSlices
 from gpusim.gpu.texels import Texels, most_texels
 
-__all__ = ["WINDOW", "BlockTexels", "RowPart", "block_texels_bytes", "rows_of_matrix"]
+__all__ = ["BlockTexels", "RowPart", "block_texels_bytes", "rows_of_matrix"]
 
 Float = npt.NDArray[np.float64]
 Bool = npt.NDArray[np.bool_]
@@ -33,8 +35,6 @@ _CHUNK = 1 << 18
 # and rows that are compared
 _ROWS = 4096
 _FOUR = 9
-# nodes are sorted by the length of their rows within as many of them
-WINDOW = 2048
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +49,7 @@ class RowPart:
     neighbour: Texels | None
     high: Texels
     low: Texels | None
+    stride: int = 1
 
 
 class BlockTexels:
@@ -77,18 +78,28 @@ class BlockTexels:
         if found is not None:
             self.parts: tuple[RowPart, ...] = (_upload_packs(device, found, label, exact),)
             return
+        most = most_texels(device)
+        if rows.class_count == rows.node_count:
+            self.parts = tuple(
+                _upload_slices(device, rows, part, scale, label, exact)
+                for part in RowSlices.of(rows.degree).parts(most)
+            )
+            return
         self.parts = tuple(
             _upload(device, rows, first, last, scale, label, exact)
-            for first, last in _ranges(rows, most_texels(device))
+            for first, last in _ranges(rows, most)
         )
 
 
 def block_texels_bytes(degree: Long, class_degree: Long, *, exact: bool) -> int:
     """Bytes that rows take: (N,) neighbours per node and (C,) per distinct row; packs take less."""
-    blocks = _FOUR * int(-(-class_degree // 4).sum())
+    lists, blocks = int(-(-degree // 4).sum()), _FOUR * int(-(-class_degree // 4).sum())
+    if len(class_degree) == len(degree):
+        slices = RowSlices.of(degree)
+        lists, blocks = slices.list_texels, slices.block_texels
     return (
         Texels.footprint(len(degree))
-        + Texels.footprint(int(-(-degree // 4).sum()))
+        + Texels.footprint(lists)
         + (2 if exact else 1) * Texels.footprint(blocks)
     )
 
@@ -184,6 +195,29 @@ def _upload_packs(device: Allocator, packs: Packs, label: str, exact: bool) -> R
         low = device.texels(len(high), "rgba32float", f"{label}.blocks_low")
         low.write((packs.table - high).astype(np.float32))
     return RowPart(len(packs.info), info, None, blocks, low)
+
+
+def _upload_slices(
+    device: Allocator, rows: BlockRows, slices: RowSlices, scale: float, label: str, exact: bool
+) -> RowPart:
+    size = slices.block_texels
+    part = RowPart(
+        len(slices.nodes),
+        device.texels(len(slices.nodes), "rgba32uint", f"{label}.info"),
+        device.texels(slices.list_texels, "rgba32uint", f"{label}.neighbour"),
+        device.texels(size, "rgba32float", f"{label}.blocks"),
+        device.texels(size, "rgba32float", f"{label}.blocks_low") if exact else None,
+        SLICE,
+    )
+    part.info.write(slices.info())
+    assert part.neighbour is not None
+    part.neighbour.write(slices.neighbours(rows))
+    for first, blocks in slices.blocks(rows, scale):
+        high = blocks.astype(np.float32)
+        part.high.write(high, first)
+        if part.low is not None:
+            part.low.write((blocks - high).astype(np.float32), first)
+    return part
 
 
 def _upload(

@@ -59,6 +59,7 @@ class DeviceProduct:
                         "nodes": self.rows,
                         "columns": self.columns,
                         "cases": self.cases,
+                        "stride": part.stride,
                     },
                 )
                 for part in parts

@@ -110,7 +110,7 @@ class DeviceRelaxation:
         if key not in self._bound:
             self._bound[key] = [
                 self._bind(
-                    entry, factors, part.count, self.cases, 0,
+                    entry, factors, part.count, self.cases, 0, part.stride,
                     info=part.info, neighbour=part.neighbour, blocks=part.high, **vectors,
                 )
                 for part in self._texels.parts
@@ -126,10 +126,17 @@ class DeviceRelaxation:
         count: int,
         cases: int,
         base: int,
+        stride: int,
         **values: Texels | None,
     ) -> Bindings:
         kernel = self.device.kernel("fem/relax", entry=entry)
-        sizes = {"count": count, "nodes": self.nodes, "cases": cases, "base": base}
+        sizes = {
+            "count": count,
+            "nodes": self.nodes,
+            "cases": cases,
+            "base": base,
+            "stride": stride,
+        }
         given: dict[str, object] = {
             **values,
             "inverse": self._inverse,
@@ -162,7 +169,7 @@ class TetRelaxation(DeviceRelaxation):
         if key not in self._bound:
             self._bound[key] = [
                 self._bind(
-                    entry, factors, self.nodes, 1, case * (self.nodes + 1),
+                    entry, factors, self.nodes, 1, case * (self.nodes + 1), 1,
                     info=own.info, lists=own.lists, forces=own.forces, **vectors,
                 )
                 for case in range(self.cases)

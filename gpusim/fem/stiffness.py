@@ -142,6 +142,7 @@ class DeviceStiffness:
                 "nodes": self.nodes,
                 "columns": self.nodes,
                 "cases": self.cases,
+                "stride": part.stride,
             },
             **more,
         )

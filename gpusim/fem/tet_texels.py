@@ -17,8 +17,8 @@ import numpy.typing as npt
 
 from gpusim.fem.arena import Allocator
 from gpusim.fem.block_rows import ranges
-from gpusim.fem.block_texels import WINDOW
 from gpusim.fem.element import ELEMENTS
+from gpusim.fem.row_slices import WINDOW
 from gpusim.fem.tet_elements import TetElements
 from gpusim.gpu.texels import Texels, most_texels
 

@@ -14,6 +14,7 @@ struct Params {
     lag: f32,     // keep, or 0 where before is zero
     gain: f32,
     base: u32,    // texel of the first load case's first node
+    stride: u32,  // texels from one of a row to its next one
 }
 
 const BLOCK: u32 = 64u;
@@ -48,27 +49,28 @@ fn load_four(at: u32) -> vec4f { return textureLoad(blocks, texel(at), 0); }
 
 fn product(base: u32, row: vec4u, own: vec3f) -> vec3f {
     var sum = vec3f(0.0);
+    let stride = params.stride;
     var at = row.z;
-    for (var k = row.x; k < row.x + row.y; k++) {
-        let other = textureLoad(neighbour, texel(k), 0) + vec4u(base);
+    for (var k = 0u; k < row.y; k++) {
+        let other = textureLoad(neighbour, texel(row.x + k * stride), 0) + vec4u(base);
         let a = load_four(at);
-        let b = load_four(at + 1u);
-        let c = load_four(at + 2u);
+        let b = load_four(at + stride);
+        let c = load_four(at + 2u * stride);
         let d0 = load_x(other.x) - own;
         sum += a.xyz * d0.x + vec3f(a.w, b.xy) * d0.y + vec3f(b.zw, c.x) * d0.z;
-        let d = load_four(at + 3u);
-        let e = load_four(at + 4u);
+        let d = load_four(at + 3u * stride);
+        let e = load_four(at + 4u * stride);
         let d1 = load_x(other.y) - own;
         sum += c.yzw * d1.x + d.xyz * d1.y + vec3f(d.w, e.xy) * d1.z;
-        let f = load_four(at + 5u);
-        let g = load_four(at + 6u);
+        let f = load_four(at + 5u * stride);
+        let g = load_four(at + 6u * stride);
         let d2 = load_x(other.z) - own;
         sum += vec3f(e.zw, f.x) * d2.x + f.yzw * d2.y + g.xyz * d2.z;
-        let h = load_four(at + 7u);
-        let i = load_four(at + 8u);
+        let h = load_four(at + 7u * stride);
+        let i = load_four(at + 8u * stride);
         let d3 = load_x(other.w) - own;
         sum += vec3f(g.w, h.xy) * d3.x + vec3f(h.zw, i.x) * d3.y + i.yzw * d3.z;
-        at += 9u;
+        at += 9u * stride;
     }
     return sum;
 }

@@ -11,6 +11,7 @@ struct Params {
     nodes: u32,   // nodes in all
     columns: u32, // nodes of u: the same for the stiffness
     cases: u32,   // load cases
+    stride: u32,  // texels from one of a row to its next one
 }
 
 const BLOCK: u32 = 64u;
@@ -94,35 +95,36 @@ fn apply(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) gro
     var own = Vec(r_f32(0.0), r_f32(0.0), r_f32(0.0));
     if (plain == 0u) { own = load_u(base + row.w); }
     var sum = Vec(r_f32(0.0), r_f32(0.0), r_f32(0.0));
+    let stride = params.stride;
     var at = row.z;
-    for (var k = row.x; k < row.x + row.y; k++) {
-        let other = textureLoad(neighbour, texel(k), 0) + vec4u(base);
+    for (var k = 0u; k < row.y; k++) {
+        let other = textureLoad(neighbour, texel(row.x + k * stride), 0) + vec4u(base);
         let a = load_four(at);
-        let b = load_four(at + 1u);
-        let c = load_four(at + 2u);
+        let b = load_four(at + stride);
+        let c = load_four(at + 2u * stride);
         let d0 = difference(other.x, own);
         sum = add(sum, a.x, a.y, a.z, d0.x);
         sum = add(sum, a.w, b.x, b.y, d0.y);
         sum = add(sum, b.z, b.w, c.x, d0.z);
         let d1 = difference(other.y, own);
-        let d = load_four(at + 3u);
-        let e = load_four(at + 4u);
+        let d = load_four(at + 3u * stride);
+        let e = load_four(at + 4u * stride);
         sum = add(sum, c.y, c.z, c.w, d1.x);
         sum = add(sum, d.x, d.y, d.z, d1.y);
         sum = add(sum, d.w, e.x, e.y, d1.z);
         let d2 = difference(other.z, own);
-        let f = load_four(at + 5u);
-        let g = load_four(at + 6u);
+        let f = load_four(at + 5u * stride);
+        let g = load_four(at + 6u * stride);
         sum = add(sum, e.z, e.w, f.x, d2.x);
         sum = add(sum, f.y, f.z, f.w, d2.y);
         sum = add(sum, g.x, g.y, g.z, d2.z);
         let d3 = difference(other.w, own);
-        let h = load_four(at + 7u);
-        let i = load_four(at + 8u);
+        let h = load_four(at + 7u * stride);
+        let i = load_four(at + 8u * stride);
         sum = add(sum, g.w, h.x, h.y, d3.x);
         sum = add(sum, h.z, h.w, i.x, d3.y);
         sum = add(sum, i.y, i.z, i.w, d3.z);
-        at += 9u;
+        at += 9u * stride;
     }
     store(case_ * (params.nodes + 1u) + row.w, sum);
 }
