@@ -93,14 +93,18 @@ def multigrid_bytes(hierarchy: Hierarchy, cases: int) -> int:
     total = product_bytes(csr_matrix(hierarchy.coarse_inverse))
     for number, level in enumerate(hierarchy.levels):
         fine, coarse = (int(n) for n in level.transfer.shape)
-        matrix = level.product.matrix
         if level.inverse.shape[1] == 3:
-            degree = np.diff(matrix.indptr).astype(np.int64)
+            # the finest matrix counts as the operator, and may have to be assembled to be looked at
             if number:
+                degree = np.diff(level.product.matrix.indptr).astype(np.int64)
                 total += block_texels_bytes(degree, degree, exact=False)
             total += Texels.footprint(fine) + vectors(5, fine)
         else:
-            total += 2 * product_bytes(matrix) + product_bytes(_diagonal(level)) + vectors(12, fine)
+            total += (
+                2 * product_bytes(level.product.matrix)
+                + product_bytes(_diagonal(level))
+                + vectors(12, fine)
+            )
         if isinstance(level.transfer, NodeTransfer):
             entries = level.transfer.weights.nnz
             for rows in (fine // 3, coarse // 3):
