@@ -17,7 +17,8 @@ __all__ = ["Drawn"]
 class Drawn:
     """Vertices in fixed point with their depths, and which of them a triangle has.
 
-    ``near``: what 1 / depth is scaled by for the depth buffer.
+    ``near``: what 1 / depth is scaled by for the depth buffer; ``fixed`` (V, 2) and ``inverse``
+    (V,): that, on the host.
     """
 
     def __init__(
@@ -31,14 +32,15 @@ class Drawn:
             corners = np.concatenate([corners, strips])
             fixed = np.concatenate([fixed, lines.fixed().reshape(-1, 2)])
             depth = np.concatenate([depth, lines.inverse_depth.astype(np.float32).reshape(-1)])
-        self.device, self.label, self._depth = device, label, depth
+        self.device, self.label = device, label
+        self.fixed, self.inverse = fixed, depth
         self.screen: Buffer = device.buffer(fixed, f"{label}.screen")
         self.corners: Buffer = device.buffer(corners, f"{label}.corners")
 
     @cached_property
     def inverse_depth(self) -> Buffer:
         """1 / depth of every vertex; rasterisers alone read it."""
-        return self.device.buffer(self._depth, f"{self.label}.inverse_depth")
+        return self.device.buffer(self.inverse, f"{self.label}.inverse_depth")
 
     def bindings(self) -> dict[str, Any]:
         """All that draws them binds, by WGSL names."""

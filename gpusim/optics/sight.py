@@ -51,7 +51,7 @@ class Sight:
         self._begun: tuple[int, int] | None = None
         self.nearest: Buffer | None = None
         if device.atomics64 and view.extent <= LARGEST:
-            self.places = _places(device, view, self.drawn.near)
+            self.places = _places(self.drawn)
             self.nearest = device.kept.take(8 * width * rows, "sight.nearest")
         else:
             self.depth = device.target(width, rows, "depth32float", "shade.depth")
@@ -107,15 +107,16 @@ class Sight:
         )  # fmt: skip
 
 
-def _places(device: Device, view: View, near: float) -> Texels:
-    """A view's vertices as the shader reads them, block by block while they are in the cache."""
-    texels = device.kept.texels(len(view.place), "rgba32uint", "sight.places")
+def _places(drawn: Drawn) -> Texels:
+    """Vertices as the shader reads them, block by block while they are in the cache."""
+    count = len(drawn.fixed)
+    texels = drawn.device.kept.texels(count, "rgba32uint", "sight.places")
     block = np.zeros((CHUNK, 4), np.uint32)
-    for first in range(0, len(view.place), CHUNK):
-        part = slice(first, min(first + CHUNK, len(view.place)))
+    for first in range(0, count, CHUNK):
+        part = slice(first, min(first + CHUNK, count))
         words = block[: part.stop - first]
-        words.view(np.int32)[:, :2] = np.rint(view.place[part] * FIXED)
-        words.view(np.float32)[:, 2] = near / view.vertices[part, 2]
+        words.view(np.int32)[:, :2] = drawn.fixed[part]
+        np.multiply(drawn.inverse[part], np.float32(drawn.near), out=words.view(np.float32)[:, 2])
         texels.write(words, first)
     return texels
 

@@ -277,9 +277,7 @@ def _seen_of(surface: Surface, points: Array, screen: Screen, near: float, lit: 
             st = at_corners(table.columns[ST].T, table.corner)
             st[turned] = st[turned][:, [0, 2, 1]]
             shows[speckle_jumps(topology, kept, own, st, points, ideal, paint)] = True
-    flags = topology.sides(shows)
-    if len(kept) < len(triangles):
-        flags = flags[kept]
+    flags = topology.sides(shows, kept)
     if turned.any():
         flags[turned] = flags[turned][:, [2, 1, 0]]
     found = Indexed(

@@ -52,16 +52,21 @@ class Topology:
             corners, source, edge.reshape(-1, 3), first, second, manifold, bool(manifold.all())
         )
 
-    def sides(self, flags: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-        """(T, 3): of every side of the triangles, whether its edge has a flag (E,)."""
+    def sides(
+        self, flags: npt.NDArray[np.bool_], kept: npt.NDArray[np.int64]
+    ) -> npt.NDArray[np.bool_]:
+        """(n, 3): of every side of triangles ``kept`` (n,), ascending, whether its edge has a flag
+        (E,)."""
         some = np.flatnonzero(flags)
         two = 2 * len(flags) - np.count_nonzero(~self.manifold) == self.edge.size
-        if not two or FEW * len(some) > len(flags):
+        if not two or not len(kept) or FEW * len(some) > len(flags):
             # more than two triangles meet somewhere, or there is little to spare
-            return np.asarray(flags[self.edge])
-        result = np.zeros(self.edge.shape, bool)
+            return np.asarray(flags[self.edge if len(kept) == len(self.edge) else self.edge[kept]])
+        result = np.zeros((len(kept), 3), bool)
         for triangle in (self.first[some], self.second[some]):
-            result[triangle] = flags[self.edge[triangle]]
+            place = np.minimum(np.searchsorted(kept, triangle), len(kept) - 1)
+            seen = kept[place] == triangle
+            result[place[seen]] = flags[self.edge[triangle[seen]]]
         return result
 
 
