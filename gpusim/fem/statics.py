@@ -67,7 +67,8 @@ def solve(
         or "auto": the cheaper of the first two; direct also where multigrid doesn't converge.
     max_iterations : of conjugate gradients; None: 1000 (multigrid), 100000 (block_jacobi).
     start : (N,3) or (L,N,3) displacements to begin from; a direct solver needs none.
-    progress : called with (iterations so far, estimated relative error).
+    progress : called with (iterations so far, estimated relative error), of the load cases that
+        this process iterates itself.
 
     Raises
     ------
