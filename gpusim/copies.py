@@ -59,8 +59,9 @@ def in_copies(work: Callable[[int], R], count: int) -> list[R]:
         for copy in copies:
             found.update(copy.answer())
     finally:
-        for copy in copies:
-            copy.end()
+        with _undisturbed():
+            for copy in copies:
+                copy.end()
     results = []
     for item in range(count):
         result, error = found[item] if item in found else (work(item), None)
@@ -103,8 +104,8 @@ def _can_be_copied() -> bool:
 
 @contextmanager
 def _undisturbed() -> Iterator[None]:
-    """No signal is handled, no garbage collected and no warning raised while copies are made, nor
-    in them; the handlers run afterwards."""
+    """No signal is handled, no garbage collected and no warning raised while copies are made or
+    ended, nor in them; the handlers run afterwards."""
     heard: list[Callable[[], Any]] = []
 
     def hear(handler: Callable[..., Any], number: int, frame: Any) -> None:

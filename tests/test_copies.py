@@ -156,6 +156,26 @@ def test_an_interrupt_while_copying_leaves_nothing(monkeypatch: pytest.MonkeyPat
 
 
 @needs_copies
+def test_more_interrupts_leave_nothing_either(monkeypatch: pytest.MonkeyPatch) -> None:
+    wait = os.waitpid
+
+    def interrupted(process: int, options: int) -> tuple[int, int]:
+        signal.raise_signal(signal.SIGINT)
+        return wait(process, options)
+
+    def work(item: int) -> None:
+        if item:
+            time.sleep(600.0)
+        monkeypatch.setattr(os, "waitpid", interrupted)
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        in_copies(work, 2)
+    with pytest.raises(ChildProcessError):
+        wait(-1, os.WNOHANG)
+
+
+@needs_copies
 def test_a_copy_of_another_thread_hears_no_interrupt(monkeypatch: pytest.MonkeyPatch) -> None:
     fork = os.fork
 
