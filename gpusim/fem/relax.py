@@ -110,11 +110,14 @@ class DeviceRelaxation:
         if key not in self._bound:
             self._bound[key] = [
                 self._bind(
-                    entry, factors, part.count, self.cases, 0, part.stride,
-                    info=part.info, neighbour=part.neighbour, blocks=part.high, **vectors,
+                    entry,
+                    factors,
+                    {"count": part.count, "cases": self.cases, "base": 0, "stride": part.stride},
+                    {"info": part.info, "neighbour": part.neighbour, "blocks": part.high},
+                    vectors,
                 )
                 for part in self._texels.parts
-            ]  # fmt: skip
+            ]
         kernel = self.device.kernel("fem/relax", entry=entry)
         for part, bindings in zip(self._texels.parts, self._bound[key], strict=True):
             recording.dispatch(kernel, bindings, threads=(part.count * self.cases,))
@@ -123,24 +126,17 @@ class DeviceRelaxation:
         self,
         entry: str,
         factors: tuple[float, float, float],
-        count: int,
-        cases: int,
-        base: int,
-        stride: int,
-        **values: Texels | None,
+        sizes: dict[str, int],
+        matrix: dict[str, Texels | None],
+        vectors: dict[str, Texels],
     ) -> Bindings:
         kernel = self.device.kernel("fem/relax", entry=entry)
-        sizes = {
-            "count": count,
-            "nodes": self.nodes,
-            "cases": cases,
-            "base": base,
-            "stride": stride,
-        }
+        steps = dict(zip(("keep", "lag", "gain"), factors, strict=True))
         given: dict[str, object] = {
-            **values,
+            **matrix,
+            **vectors,
             "inverse": self._inverse,
-            "params": {**sizes, **dict(zip(("keep", "lag", "gain"), factors, strict=True))},
+            "params": {"nodes": self.nodes, **sizes, **steps},
         }
         needed = kernel.layout.bindings
         return kernel.bind(**{k: v for k, v in given.items() if k in needed})
@@ -167,13 +163,16 @@ class TetRelaxation(DeviceRelaxation):
         entry = f"{entry}_forces" if multiplies else entry
         key = (entry, factors, *(id(one) for one in vectors.values()))
         if key not in self._bound:
+            sizes = {"count": self.nodes, "cases": 1, "stride": 1}
+            matrix: dict[str, Texels | None] = {
+                "info": own.info, "lists": own.lists, "forces": own.forces
+            }  # fmt: skip
             self._bound[key] = [
                 self._bind(
-                    entry, factors, self.nodes, 1, case * (self.nodes + 1), 1,
-                    info=own.info, lists=own.lists, forces=own.forces, **vectors,
+                    entry, factors, {**sizes, "base": case * (self.nodes + 1)}, matrix, vectors
                 )
                 for case in range(self.cases)
-            ]  # fmt: skip
+            ]
         kernel = self.device.kernel("fem/relax", entry=entry)
         for case, bindings in enumerate(self._bound[key]):
             if multiplies:
