@@ -9,14 +9,16 @@ import pytest
 import gpusim as gs
 from gpusim.errors import InputError
 from gpusim.gpu import Device
+from gpusim.optics.around import around, in_groups
 from gpusim.optics.binning import bin_edges
 from gpusim.optics.facets import Facets
-from gpusim.optics.hemisphere import Around, Receivers, directions, seen, seen_twin, tangent
+from gpusim.optics.hemisphere import Around, directions, seen, seen_twin
 from gpusim.optics.light import Light
-from gpusim.optics.occluders import Occluders, in_groups
+from gpusim.optics.occluders import Occluders
 from gpusim.optics.setup import Setup
 from gpusim.optics.shadow_probe import block
 from gpusim.optics.view import look
+from gpusim.optics.viewpoints import Receivers, tangent
 from gpusim.optics.visibility import visibility_twin
 from gpusim.surface.surface import Surface
 
@@ -120,7 +122,7 @@ def from_pixels(setup: Setup, surfaces: list[Surface]) -> tuple[Array, Array]:
     points = Receivers(
         at, normal, np.full(count, 2.0 * occluders.sag), np.full(count, 20.0 * occluders.sag)
     )
-    seen = seen_twin(points, Around.everywhere(occluders.facets, count))
+    seen = seen_twin(points, Around.everywhere(occluders.contours.facets, count))
     assert setup.lighting.openness is not None
     got = setup.lighting.openness.at(triangle, at)
     return got[~seen.inside], seen.open_share[~seen.inside]
@@ -222,16 +224,16 @@ def test_only_contours_count_and_no_list_leaves_one_out(device: Device) -> None:
         at - view.camera.eye, normal, np.full(count, 2.0 * occluders.sag), np.full(count, 1e-3)
     )
     points = points.part(in_groups(points))
-    facets = occluders.facets
+    facets = occluders.contours.facets
     corners = facets.ends[np.maximum(facets.edges, 0) // 2, facets.edges % 2]
     corners[:, 2] = np.where(facets.edges[:, 2:3] < 0, corners[:, 3], corners[:, 2])
     apart = Facets.apart(corners, facets.both_sides)
     want = seen_twin(points, Around.everywhere(apart, count))
-    around = occluders.around(points)
-    assert len(around.edge) < 0.75 * len(facets.ends) * (len(around.edge_start) - 1)
+    near = around(occluders.contours, points)
+    assert len(near.edge) < 0.75 * len(facets.ends) * (len(near.edge_start) - 1)
     for got in (
-        seen_twin(points, Around.everywhere(facets, count)), seen_twin(points, around),
-        seen(device, points, around),
+        seen_twin(points, Around.everywhere(facets, count)), seen_twin(points, near),
+        seen(device, points, occluders.contours),
     ):  # fmt: skip
         # rounding moves a few of all samples over an edge
         wrong = np.bitwise_count(got.hidden ^ want.hidden).sum(axis=1)

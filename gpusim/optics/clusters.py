@@ -48,6 +48,16 @@ class Balls:
         reach = np.sqrt(np.einsum("nka,nka->nk", to, to)).max(axis=1)
         return Balls(middle, np.maximum.reduceat(reach, first))
 
+    @staticmethod
+    def around(balls: Array, size: int) -> Balls:
+        """Around every ``size`` balls (N, 4)."""
+        first = np.arange(0, len(balls), size)
+        middle, radius = balls[:, :3], balls[:, 3]
+        low = np.minimum.reduceat(middle - radius[:, None], first)
+        centre = 0.5 * (low + np.maximum.reduceat(middle + radius[:, None], first))
+        to = middle - np.repeat(centre, size, axis=0)[: len(balls)]
+        return Balls(centre, np.maximum.reduceat(np.linalg.norm(to, axis=1) + radius, first))
+
 
 @dataclass(frozen=True, eq=False)
 class Slopes:
@@ -83,8 +93,8 @@ class Slopes:
 def levels(count: int) -> list[int]:
     """How many of ``count`` things clusters have, level by level, from the largest to the things
     themselves."""
-    sizes = [1]
-    while count > MEMBERS * sizes[-1]:
+    sizes = [1] if count else []
+    while count and count > MEMBERS * sizes[-1]:
         sizes.append(MEMBERS * sizes[-1])
     return sizes[::-1]
 
@@ -97,6 +107,8 @@ def walk(
     ``counts``: clusters of each level, as `levels` has them. ``keep``: of a level's number, groups
     and clusters (P,), whether a group may need something in a cluster.
     """
+    if not counts:
+        return np.zeros(groups + 1, np.int64), np.zeros(0, np.int64)
     starts, lists = [np.zeros(1, np.int64)], [np.zeros(0, np.int64)]
     for begin in range(0, groups, GROUPS):
         many = min(GROUPS, groups - begin)

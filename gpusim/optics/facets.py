@@ -75,6 +75,18 @@ class Facets:
             np.concatenate([middle, radius[:, None]], axis=1), both_sides,
         )  # fmt: skip
 
+    def ordered(self, edge: Numbers, face: Numbers) -> Facets:
+        """The same in the order of ``edge`` (E,) and ``face`` (F,)."""
+        edge_at, face_at = np.empty_like(edge), np.empty(len(face) + 1, np.int64)
+        edge_at[edge], face_at[face] = np.arange(len(edge)), np.arange(len(face))
+        face_at[-1] = -1
+        edges = self.edges[face]
+        found = 2 * edge_at[np.maximum(edges, 0) // 2] + edges % 2
+        return Facets(
+            self.ends[edge], face_at[self.beside[edge]], np.where(edges >= 0, found, -1),
+            self.planes[face], self.balls[face], self.both_sides[face],
+        )  # fmt: skip
+
     @staticmethod
     def apart(corners: Array, both_sides: npt.NDArray[np.bool_]) -> Facets:
         """Faces with ``corners`` (F, 4, 3) that share no edges, a triangle's last corner twice."""

@@ -24,39 +24,30 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.gpu import Device, compare, twin_check
-from gpusim.gpu.texels import Texels
+from gpusim.optics.contour_tables import ContourTables
+from gpusim.optics.contours import Contours
 from gpusim.optics.facets import Facets
+from gpusim.optics.viewpoints import AGAINST, TILT, Receivers, tangent
 
 __all__ = [
     "COLUMNS",
     "GROUP",
     "ROWS",
     "Around",
-    "Receivers",
     "Seen",
     "directions",
     "seen",
     "seen_twin",
-    "tangent",
 ]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
 ROWS, COLUMNS = 64, 32
-TILT, TURN = 0.1, 0.1
+TURN = 0.1
 """Directions of a row are n - TILT e + t (d + TURN e), t from 0 up; d, e level, e left of d."""
-
-AGAINST = -0.5
-"""Cosine between the normals of face and point below which they may lie against each other."""
 
 FAR = 1e9
 """A parameter beyond the horizon."""
-
-NONE = 0xFFFFFFFF
-"""No face, no edge, on the device."""
-
-PARTS = 8
-"""Invocations per point, as the shader has it."""
 
 TOUCHES = 1 << 16
 """What a face that the point lies on counts, among the ways out of a body."""
@@ -64,33 +55,8 @@ TOUCHES = 1 << 16
 GROUP = 16
 """Points that share lists of edges and faces."""
 
-POINTS = 1 << 15
-ENTRIES = 1 << 21
-"""Points and entries of lists of one dispatch."""
-
 PAIRS = 1 << 14
 """Pairs of points and edges at a time in NumPy."""
-
-
-@dataclass(frozen=True, eq=False)
-class Receivers:
-    """Points to look from.
-
-    ``at`` (N, 3) and the unit ``normal`` (N, 3); ``tolerance`` (N,): distance from a face's plane
-    within which it hides nothing; ``thickness`` (N,): that a way up leaves a body nearer than this
-    doesn't tell that the point lies inside.
-    """
-
-    at: Array
-    normal: Array
-    tolerance: Array
-    thickness: Array
-
-    def part(self, rows: slice | npt.NDArray[np.int64]) -> Receivers:
-        """Some of them."""
-        return Receivers(
-            self.at[rows], self.normal[rows], self.tolerance[rows], self.thickness[rows]
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,19 +101,6 @@ def directions() -> Array:
     return np.asarray(result / np.linalg.norm(result, axis=2)[:, :, None])
 
 
-def tangent(normal: Array) -> Array:
-    """(N, 3) unit vectors square to unit normals, steady but where these point along -z."""
-    x, y, z = normal.T
-    below = z < -0.9999
-    s = 1.0 / (1.0 + np.where(below, 0.0, z))
-    result = np.stack([1.0 - x * x * s, -x * y * s, -x], axis=1)
-    result[below] = np.stack([np.ones_like(x), 0.0 * x, -x / np.where(below, z, -1.0)], axis=1)[
-        below
-    ]
-    length: Array = np.linalg.norm(result, axis=1)[:, None]
-    return result / length
-
-
 @dataclass(frozen=True, eq=False)
 class Around:
     """Which edges and faces of ``facets`` each `GROUP` of points in order may need.
@@ -174,71 +127,34 @@ class Around:
         )  # fmt: skip
 
 
-def seen(device: Device, points: Receivers, around: Around) -> Seen:
-    """What ``points`` see past the faces ``around``."""
-    facets, words = around.facets, _words(around.facets)
-    edges, planes, borders = (
-        Texels(device, max(len(table), 1), "rgba32uint", f"hemisphere.{name}")
-        for name, table in zip(("edges", "planes", "borders"), words, strict=True)
-    )
-    for texels, table in zip((edges, planes, borders), words, strict=True):
-        if len(table):
-            texels.write(table)
-    kernel = device.kernel("optics/hemisphere")
-    cosine, sine, start = (v.reshape(-1, 4) for v in _rows())
-    rows = {"cosine": cosine, "sine": sine, "start": start, "tilt": TILT, "turn": TURN}
+def seen(device: Device, points: Receivers, contours: Contours) -> Seen:
+    """What ``points`` see past the faces of ``contours``."""
+    tables, kernel = ContourTables(device, contours), device.kernel("optics/hemisphere")
+    rows = np.zeros((ROWS, 4))
+    rows[:, :3] = np.stack(_rows(), axis=1)
     hidden, inside = [np.zeros((0, ROWS), np.uint32)], [np.zeros(0, bool)]
-    code = 2 * np.arange(len(facets.planes)) + facets.both_sides
-    entries = around.edge_start + around.face_start
-    group, last = 0, len(entries) - 1
-    while group < last:
-        most = int(np.searchsorted(entries, entries[group] + ENTRIES, side="right")) - 1
-        stop = max(min(most, group + POINTS // GROUP, last), group + 1)
-        own = points.part(slice(group * GROUP, stop * GROUP))
-        count = len(own.at)
-        table = np.zeros((count, 3, 4), np.float32)
-        table[:, 0, :3], table[:, 0, 3] = own.at, own.tolerance
-        table[:, 1, :3], table[:, 1, 3] = own.normal, own.thickness
-        table[:, 2, :3] = tangent(own.normal)
-        heads, lists = 2 * (stop - group + 1), []
-        for place, listed in (
-            (around.edge_start, around.edge), (around.face_start, code[around.face])
-        ):  # fmt: skip
-            place = place[group : stop + 1]
-            lists.append((place - place[0] + heads, listed[place[0] : place[-1]]))
-            heads += int(place[-1] - place[0])
-        numbers = np.concatenate([*(v[0] for v in lists), *(v[1] for v in lists)])
-        buffers = {
-            "points": device.buffer(table, "hemisphere.points"),
-            "lists": device.buffer(numbers.astype(np.uint32), "hemisphere.lists"),
-            "masks": device.buffer(np.zeros((count, ROWS), np.uint32), "hemisphere.masks"),
-            "leaves": device.buffer(np.zeros(count, np.int32), "hemisphere.leaves"),
-        }
-        params = {"count": count, "groups": stop - group, "rows": rows}
+    for near in tables.batches(points):
+        count = near.count
+        masks = device.buffer(np.zeros((count, ROWS), np.uint32), "hemisphere.masks")
+        leaves = device.buffer(np.zeros(count, np.int32), "hemisphere.leaves")
         with device.recording("optics.hemisphere") as recording:
+            params = {
+                "count": count, "most_edges": near.most[0], "most_faces": near.most[1],
+                "tilt": TILT, "turn": TURN, "rows": rows,
+            }  # fmt: skip
             bindings = kernel.bind(
-                params=params, edges=edges, planes=planes, borders=borders, **buffers
-            )
-            recording.dispatch(kernel, bindings, threads=((stop - group) * GROUP * PARTS,))
-        hidden.append(buffers["masks"].read(np.uint32, (count, ROWS)))
-        inside.append(buffers["leaves"].read(np.int32, (count,)) > 0)
-        for used in buffers.values():
+                params=params, points=near.points, edges=tables.edges, planes=tables.planes,
+                borders=tables.borders, counts=near.counts, needed=near.edges, faces=near.faces,
+                masks=masks, leaves=leaves,
+            )  # fmt: skip
+            recording.dispatch(kernel, bindings, threads=(count * ROWS,))
+        hidden.append(masks.read(np.uint32, (count, ROWS)))
+        inside.append(leaves.read(np.int32, (count,)) > 0)
+        for used in (masks, leaves):
             used.release()
-        group = stop
-    for texels in (edges, planes, borders):
-        texels.release()
+        near.release()
+    tables.release()
     return Seen(np.concatenate(hidden), np.concatenate(inside))
-
-
-def _words(facets: Facets) -> list[npt.NDArray[np.uint32]]:
-    """Edges (2 E, 4), planes (F, 4) and the faces' edges (F, 4) as the shader reads them."""
-    edges = np.zeros((len(facets.ends), 2, 4), np.uint32)
-    edges[:, :, :3] = facets.ends.astype(np.float32).view(np.uint32)
-    code = 2 * facets.beside + facets.both_sides[facets.beside]
-    edges[:, :, 3] = np.where(facets.beside >= 0, code, NONE)
-    borders = np.where(facets.edges >= 0, facets.edges, NONE).astype(np.uint32)
-    planes = np.stack([facets.planes, facets.balls], axis=1).astype(np.float32)
-    return [edges.reshape(-1, 4), planes.reshape(-1, 4).view(np.uint32), borders]
 
 
 def seen_twin(points: Receivers, around: Around) -> Seen:
@@ -374,8 +290,9 @@ def _check(device: Device) -> None:
     normal[:150] = [0.0, 0.0, 1.0]
     normal /= np.linalg.norm(normal, axis=1)[:, None]
     points = Receivers(at, normal, np.full(301, 2e-6), np.full(301, 1e-3))
-    around = Around.everywhere(Facets.apart(corners, both), len(at))
-    got, want = seen(device, points, around), seen_twin(points, around)
+    facets = Facets.apart(corners, both)
+    want = seen_twin(points, Around.everywhere(facets, len(at)))
+    got = seen(device, points, Contours.of(facets))
     # a few of 2048 samples may fall to the other side of an edge
     compare(
         "optics/hemisphere", got.open_share, want.open_share, "single",

@@ -14,8 +14,9 @@ import numpy.typing as npt
 
 from gpusim.distinct import distinct
 from gpusim.optics.environment import Environment
-from gpusim.optics.hemisphere import COLUMNS, ROWS, Seen, directions, tangent
+from gpusim.optics.hemisphere import COLUMNS, ROWS, Seen, directions
 from gpusim.optics.light import AmbientLight, EnvironmentLight, Light
+from gpusim.optics.viewpoints import tangent
 
 __all__ = ["HiddenLight"]
 

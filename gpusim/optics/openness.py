@@ -18,10 +18,12 @@ import numpy.typing as npt
 
 from gpusim.distinct import distinct
 from gpusim.gpu import Device
+from gpusim.optics.around import around, in_groups
 from gpusim.optics.corners import NORMAL, POSITION
-from gpusim.optics.hemisphere import Receivers, Seen, seen, seen_twin
-from gpusim.optics.occluders import Occluders, in_groups
+from gpusim.optics.hemisphere import Seen, seen, seen_twin
+from gpusim.optics.occluders import Occluders
 from gpusim.optics.view import View
+from gpusim.optics.viewpoints import Receivers
 from gpusim.surface.surface import Surface
 
 __all__ = ["Openness", "Value", "lattice"]
@@ -309,11 +311,11 @@ class _Nodes:
     def _add(self, key: Numbers, points: Receivers) -> None:
         order = in_groups(points)
         key, points = key[order], points.part(order)
-        around = self.occluders.around(points)
+        contours = self.occluders.contours
         if self.device is None:
-            found = seen_twin(points, around)
+            found = seen_twin(points, around(contours, points))
         else:
-            found = seen(self.device, points, around)
+            found = seen(self.device, points, contours)
         share = self.value(found, points.normal)
         buried = found.inside
         keys = np.concatenate([self._key, key])

@@ -1,20 +1,17 @@
 // Which directions of the hemisphere over a point the faces around it hide: a mask of 64 rows of 32
 // samples, all of the same share of a matte face's light. The NumPy form is
-// gpusim/optics/hemisphere.py, which explains it.
+// gpusim/optics/hemisphere.py, which explains it. A workgroup looks at one point, a lane at every
+// 64th face and edge of its lists, and at the end at one row.
 #import common/texel
 
-// For four rows at a time cosine and sine of their azimuth, and the place of their first sample.
-struct Rows {
-    cosine: array<vec4f, 16>,
-    sine: array<vec4f, 16>,
-    start: array<vec4f, 16>,
-    tilt: f32,
-    turn: f32,
-}
 struct Params {
     count: u32,
-    groups: u32,
-    rows: Rows,
+    most_edges: u32,    // in the list of a point
+    most_faces: u32,
+    tilt: f32,
+    turn: f32,
+    // per row cosine and sine of its azimuth, and the place of its first sample
+    rows: array<vec4f, 64>,
 }
 @group(0) @binding(0) var<uniform> params: Params;
 // per point (position, tolerance), (unit normal, thickness), (unit tangent, -)
@@ -22,23 +19,26 @@ struct Params {
 // two texels per edge: where it begins and ends; twice the face on its left and on its right, plus
 // one where the face hides on both sides
 @group(0) @binding(2) var edges: texture_2d<u32>;
-// per face (unit normal outward, product of that with a point of it), (middle and radius of a ball
-// around it)
+// per face its unit normal outward, and the product of that with a point of it
 @group(0) @binding(3) var planes: texture_2d<u32>;
 // per face twice the number of each edge, plus one where the face is on its right
 @group(0) @binding(4) var borders: texture_2d<u32>;
-// where the list of edges of each group of points begins, the same of its faces, and the lists
-@group(0) @binding(5) var<storage, read> lists: array<u32>;
-@group(0) @binding(6) var<storage, read_write> masks: array<u32>;
+// how many edges and faces a point needs, and the lists of them (optics/around)
+@group(0) @binding(5) var<storage, read> counts: array<vec2u>;
+@group(0) @binding(6) var<storage, read> needed: array<u32>;
+@group(0) @binding(9) var<storage, read> faces: array<u32>;
+@group(0) @binding(7) var<storage, read_write> masks: array<u32>;
 // times that the way along the normal leaves a body less those that it enters one, and `TOUCHES` for
 // each face that the point lies on
-@group(0) @binding(7) var<storage, read_write> leaves: array<i32>;
+@group(0) @binding(8) var<storage, read_write> leaves: array<i32>;
 
-const GROUP: u32 = 16u;  // points that share lists
-const PARTS: u32 = 8u;   // invocations per point, of eight rows each
+const LANES: u32 = 64u;
+const ROWS: i32 = 64;
+const COLUMNS: u32 = 32u;
 const FAR: f32 = 1e9;
 const TOUCHES: i32 = 65536;
 const NONE: u32 = 0xffffffffu;
+const ROW: f32 = 0.09817477;    // radians between rows
 
 // A point, with its axes: tangent, across, normal.
 struct Point {
@@ -49,23 +49,9 @@ struct Point {
     n: vec3f,
     thickness: f32,
 }
-// An edge as a point sees it: its ends and its plane along the point's axes, and its faces.
-struct Edge {
-    a: vec3f,
-    b: vec3f,
-    plane: vec3f,
-    faces: vec2u,
-}
 fn along(p: Point, x: vec3f) -> vec3f {
     let d = x - p.at;
     return vec3f(dot(d, p.u), dot(d, p.v), dot(d, p.n));
-}
-fn edge_of(p: Point, number: u32) -> Edge {
-    let first = textureLoad(edges, texel(2u * number), 0);
-    let last = textureLoad(edges, texel(2u * number + 1u), 0);
-    let a = along(p, bitcast<vec3f>(first.xyz));
-    let b = along(p, bitcast<vec3f>(last.xyz));
-    return Edge(a, b, cross(a, b), vec2u(first.w, last.w));
 }
 
 // How far a point lies behind a face, the cosine of their normals, and how the face hides: -1 by its
@@ -78,7 +64,7 @@ struct Face {
 }
 fn face_of(p: Point, code: u32) -> Face {
     if (code == NONE) { return Face(0.0, 0.0, 0); }
-    let plane = bitcast<vec4f>(textureLoad(planes, texel(2u * (code >> 1u)), 0));
+    let plane = bitcast<vec4f>(textureLoad(planes, texel(code >> 1u), 0));
     let height = fma(-plane.x, p.at.x, fma(-plane.y, p.at.y, fma(-plane.z, p.at.z, plane.w)));
     let facing = fma(plane.x, p.n.x, fma(plane.y, p.n.y, plane.z * p.n.z));
     let closed = (code & 1u) == 0u;
@@ -89,226 +75,149 @@ fn face_of(p: Point, code: u32) -> Face {
     );
 }
 
-// Of an edge and four rows: whether half circles through them cross it, whether they leave the side
-// on its left, and its plane at their starts and along them.
+// Of an edge and a row: whether a half circle through the row crosses it, whether that leaves the side
+// on its left, and its plane at the row's start and along it.
 struct Crossing {
-    crossed: vec4<bool>,
-    leaves: vec4<bool>,
-    value: vec4f,
-    slope: vec4f,
+    crossed: bool,
+    leaves: bool,
+    value: f32,
+    slope: f32,
 }
-fn crossing(e: Edge, k: u32) -> Crossing {
-    let c = params.rows.cosine[k];
-    let s = params.rows.sine[k];
-    let tilt = params.rows.tilt;
-    let turn = params.rows.turn;
-    let a = c * (e.a.y - turn * e.a.x) - s * (e.a.x + turn * e.a.y) + tilt * e.a.z;
-    let b = c * (e.b.y - turn * e.b.x) - s * (e.b.x + turn * e.b.y) + tilt * e.b.z;
-    let left = a < vec4f(0.0);
-    let to_left = b < vec4f(0.0);
-    let across = e.plane.y * c - e.plane.x * s;
-    let value = e.plane.z - tilt * across;
-    let slope = e.plane.x * c + e.plane.y * s + turn * across;
-    let out = value >= vec4f(0.0);
-    return Crossing(select(to_left & !left, left & !to_left, out), out, value, slope);
+fn crossing(a: vec3f, b: vec3f, plane: vec3f, row: vec4f) -> Crossing {
+    let c = row.x;
+    let s = row.y;
+    let turn = params.turn;
+    let left = c * (a.y - turn * a.x) - s * (a.x + turn * a.y) + params.tilt * a.z < 0.0;
+    let to_left = c * (b.y - turn * b.x) - s * (b.x + turn * b.y) + params.tilt * b.z < 0.0;
+    let across = plane.y * c - plane.x * s;
+    let value = plane.z - params.tilt * across;
+    let slope = plane.x * c + plane.y * s + turn * across;
+    let out = value >= 0.0;
+    return Crossing(select(to_left && !left, left && !to_left, out), out, value, slope);
 }
 
-fn bits_from(n: vec4f) -> vec4u {
-    let first = vec4u(ceil(clamp(n, vec4f(0.0), vec4f(32.0))));
-    return select(vec4u(0xffffffffu) << (first & vec4u(31u)), vec4u(0u), first >= vec4u(32u));
+// The first row that may cross an edge, and how many.
+fn rows_of(a: vec3f, b: vec3f) -> vec2i {
+    let way = b.xy - a.xy;
+    let t = clamp(-dot(a.xy, way) / max(dot(way, way), 1e-30), 0.0, 1.0);
+    // an edge that passes the cone of the rows' starts may cross any
+    let rise = params.tilt * max(abs(a.z), abs(b.z));
+    if (length(a.xy + t * way) <= 1.05 * rise) { return vec2i(0, ROWS); }
+    let steep = params.tilt * inverseSqrt(1.0 + params.turn * params.turn);
+    let aside = asin(clamp(steep * vec2f(a.z, b.z) / vec2f(length(a.xy), length(b.xy)), vec2f(-1.0), vec2f(1.0)));
+    let begin = atan2(a.y, a.x) - atan(params.turn) + aside.x;
+    let sweep = atan2(a.x * b.y - a.y * b.x, dot(a.xy, b.xy)) + aside.y - aside.x;
+    // angles are told only roughly
+    let first = i32(ceil(min(begin, begin + sweep) / ROW - 0.2));
+    let last = i32(floor(max(begin, begin + sweep) / ROW + 0.2));
+    return vec2i(first, clamp(last - first + 1, 0, ROWS));
 }
 
-// Where along a row, in samples from its first one, a direction of parameter t lies.
-fn sample_at(t: vec4f, start: vec4f) -> vec4f {
-    let tilt = params.rows.tilt;
-    let turn = params.rows.turn;
+// The first sample of a row at or beyond a direction of parameter t.
+fn sample_at(t: f32, start: f32) -> u32 {
+    let tilt = params.tilt;
+    let turn = params.turn;
     let square = 1.0 + tilt * tilt + t * (t * (1.0 + turn * turn) - 2.0 * turn * tilt);
-    return select(32.0 * (1.0 - 1.0 / square) - start, vec4f(0.0), t <= vec4f(0.0));
+    let place = select(32.0 * (1.0 - 1.0 / square) - start, 0.0, t <= 0.0);
+    return u32(ceil(clamp(place, 0.0, 32.0)));
 }
 
-// Numbers of eight bits, one per sample of four rows: bit k of all of them is d[k].
-struct Count {
-    d0: vec4u, d1: vec4u, d2: vec4u, d3: vec4u, d4: vec4u, d5: vec4u, d6: vec4u, d7: vec4u,
-}
-// Adds one (or takes one off, where `less` has all bits) at the samples `ones`, two at `twos`.
-fn add(count: ptr<function, Count>, ones: vec4u, twos: vec4u, less: vec4u) {
-    var carry = ones;
-    var digit = (*count).d0;
-    (*count).d0 = digit ^ carry;
-    carry = (carry & (digit ^ less)) | twos;
-    digit = (*count).d1;
-    (*count).d1 = digit ^ carry;
-    carry &= digit ^ less;
-    if (all(carry == vec4u(0u))) { return; }
-    digit = (*count).d2;
-    (*count).d2 = digit ^ carry;
-    carry &= digit ^ less;
-    digit = (*count).d3;
-    (*count).d3 = digit ^ carry;
-    carry &= digit ^ less;
-    digit = (*count).d4;
-    (*count).d4 = digit ^ carry;
-    carry &= digit ^ less;
-    digit = (*count).d5;
-    (*count).d5 = digit ^ carry;
-    carry &= digit ^ less;
-    digit = (*count).d6;
-    (*count).d6 = digit ^ carry;
-    carry &= digit ^ less;
-    (*count).d7 ^= carry;
-}
-// Where numbers are above 0.
-fn above(c: Count) -> vec4u {
-    return (c.d0 | c.d1 | c.d2 | c.d3 | c.d4 | c.d5 | c.d6) & ~c.d7;
-}
+// How many more faces lie before a sample than before the one before it, in rows of 33.
+var<workgroup> change: array<atomic<i32>, 2112>;
+var<workgroup> left: atomic<i32>;
 
-// Adds what crossing an edge changes along four rows; it has `weight` faces more on its left.
-fn cross_edge(count: ptr<function, Count>, e: Edge, weight: i32, k: u32) {
-    let found = crossing(e, k);
-    // what is beyond the horizon doesn't count
-    let outward = select(found.slope > vec4f(0.0), found.slope < vec4f(0.0), found.leaves);
-    let crossed = found.crossed & outward;
-    if (!any(crossed)) { return; }
-    let t = min(-found.value / select(vec4f(1.0), found.slope, crossed), vec4f(FAR));
-    let bits = select(vec4u(0u), bits_from(sample_at(t, params.rows.start[k])), crossed);
-    let less = select(vec4u(0u), vec4u(NONE), found.leaves == vec4<bool>(weight > 0));
-    if (abs(weight) == 1) {
-        add(count, bits, vec4u(0u), less);
-    } else {
-        add(count, vec4u(0u), bits, less);
+// An edge: what crossing it changes.
+fn add_edge(p: Point, number: u32) {
+    let first = textureLoad(edges, texel(2u * number), 0);
+    let last = textureLoad(edges, texel(2u * number + 1u), 0);
+    let a = along(p, bitcast<vec3f>(first.xyz));
+    let b = along(p, bitcast<vec3f>(last.xyz));
+    if (a.z <= 0.0 && b.z <= 0.0) { return; }
+    let weight = face_of(p, first.w).hides - face_of(p, last.w).hides;
+    if (weight == 0) { return; }
+    let plane = cross(a, b);
+    let own = rows_of(a, b);
+    for (var k = 0; k < own.y; k++) {
+        let number = u32((own.x + k) & (ROWS - 1));
+        let row = params.rows[number];
+        let found = crossing(a, b, plane, row);
+        // what is beyond the horizon doesn't count
+        if (!found.crossed || !select(found.slope > 0.0, found.slope < 0.0, found.leaves)) { continue; }
+        let at = sample_at(min(-found.value / found.slope, FAR), row.z);
+        if (at < COLUMNS) {
+            atomicAdd(&change[33u * number + at], select(weight, -weight, found.leaves));
+        }
     }
 }
 
-// Whether an edge of the list may matter to a point.
-fn contour(p: Point, number: u32) -> bool {
-    let first = textureLoad(edges, texel(2u * number), 0);
-    let last = textureLoad(edges, texel(2u * number + 1u), 0);
-    let low = dot(bitcast<vec3f>(first.xyz) - p.at, p.n) <= 0.0
-        && dot(bitcast<vec3f>(last.xyz) - p.at, p.n) <= 0.0;
-    return !low && face_of(p, first.w).hides != face_of(p, last.w).hides;
-}
-// Whether a face of the list may touch a point, or lie on the way along its normal or where rows
-// begin.
-fn upward(p: Point, code: u32) -> bool {
-    let ball = bitcast<vec4f>(textureLoad(planes, texel(2u * (code >> 1u) + 1u), 0));
-    let to = ball.xyz - p.at;
-    let height = dot(to, p.n);
-    let reach = ball.w + p.tolerance;
-    let wide = 1.01 * (reach + params.rows.tilt * max(height + reach, 0.0));
-    return height + reach >= 0.0 && dot(to, to) - height * height <= wide * wide;
-}
-
-// Adds what a face covers where rows begin, and returns what it means for the way along the normal.
-fn add_face(count0: ptr<function, Count>, count1: ptr<function, Count>, p: Point, code: u32, own: u32) -> i32 {
+// A face: where rows begin before it, and what it means for the way along the normal.
+fn add_face(p: Point, number: u32) {
+    let border = textureLoad(borders, texel(number), 0);
+    var code = NONE;
+    for (var k = 0u; k < 4u; k++) {
+        if (border[k] != NONE) { code = textureLoad(edges, texel(border[k]), 0).w; }
+    }
     let face = face_of(p, code);
-    let border = textureLoad(borders, texel(code >> 1u), 0);
-    let normal = bitcast<vec4f>(textureLoad(planes, texel(2u * (code >> 1u)), 0)).xyz;
+    let normal = bitcast<vec4f>(textureLoad(planes, texel(number), 0)).xyz;
     let facing = vec3f(dot(normal, p.u), dot(normal, p.v), dot(normal, p.n));
-    var before0 = vec4i(0);
-    var before1 = vec4i(0);
+    var a: array<vec3f, 4>;
+    var b: array<vec3f, 4>;
+    var plane: array<vec3f, 4>;
     var over = true;
     var under = true;
     var on = true;
     for (var k = 0u; k < 4u; k++) {
         if (border[k] == NONE) { continue; }
-        let e = edge_of(p, border[k] >> 1u);
-        let sign = 1 - 2 * i32(border[k] & 1u);
-        let plane = f32(sign) * e.plane;
-        over = over && plane.z >= 0.0;
-        under = under && plane.z <= 0.0;
-        on = on && dot(plane, facing) >= -2.0 * p.tolerance * length(e.b - e.a);
-        if (face.hides != 0) {
-            let one = crossing(e, 2u * own);
-            let two = crossing(e, 2u * own + 1u);
-            let turn = sign * face.hides;
-            before0 += select(vec4i(0), select(vec4i(turn), vec4i(-turn), one.leaves), one.crossed);
-            before1 += select(vec4i(0), select(vec4i(turn), vec4i(-turn), two.leaves), two.crossed);
-        }
+        let number = border[k] & 0xfffffffeu;
+        a[k] = along(p, bitcast<vec3f>(textureLoad(edges, texel(number), 0).xyz));
+        b[k] = along(p, bitcast<vec3f>(textureLoad(edges, texel(number + 1u), 0).xyz));
+        plane[k] = cross(a[k], b[k]);
+        let outward = plane[k] * f32(1 - 2 * i32(border[k] & 1u));
+        over = over && outward.z >= 0.0;
+        under = under && outward.z <= 0.0;
+        on = on && dot(outward, facing) >= -2.0 * p.tolerance * length(b[k] - a[k]);
     }
-    let none = vec4u(0u);
-    add(count0, select(none, vec4u(NONE), before0 < vec4i(0)), none, none);
-    add(count1, select(none, vec4u(NONE), before1 < vec4i(0)), none, none);
+    for (var row = 0u; row < u32(ROWS) && face.hides != 0; row++) {
+        var before = 0;
+        for (var k = 0u; k < 4u; k++) {
+            if (border[k] == NONE) { continue; }
+            let found = crossing(a[k], b[k], plane[k], params.rows[row]);
+            let turn = face.hides * (1 - 2 * i32(border[k] & 1u));
+            before += select(0, select(turn, -turn, found.leaves), found.crossed);
+        }
+        if (before < 0) { atomicAdd(&change[33u * row], 1); }
+    }
     let closed = (code & 1u) == 0u;
     let level = abs(face.height) <= p.tolerance;
     let rise = face.height / select(face.facing, 1.0, face.facing == 0.0);
-    var left = 0;
     if (closed && (over || under) && !level && rise > select(0.0, p.thickness, face.height > 0.0)) {
-        left = select(-1, 1, face.height > 0.0);
+        atomicAdd(&left, select(-1, 1, face.height > 0.0));
     }
-    return left + select(0, TOUCHES, level && face.facing < 0.5 && on);
+    if (level && face.facing < 0.5 && on) { atomicAdd(&left, TOUCHES); }
 }
 
-// Per lane which of its 32 entries of a list its point needs.
-var<workgroup> needed: array<u32, 128>;
-
-@compute @workgroup_size(128)
+@compute @workgroup_size(64)
 fn main(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocation_index) lane: u32,
         @builtin(num_workgroups) size: vec3u) {
-    let group = workgroup.y * size.x + workgroup.x;
-    if (group >= params.groups) { return; }
-    // lanes beyond the last point repeat it
-    let place = lane % GROUP;
-    let point = min(group * GROUP + place, params.count - 1u);
-    // neighbours see the same edges cross the same rows
-    let own = lane / GROUP;
+    let point = workgroup.y * size.x + workgroup.x;
+    if (point >= params.count) { return; }
     let x = points[3u * point];
     let n = points[3u * point + 1u];
     let u = points[3u * point + 2u].xyz;
     let p = Point(x.xyz, x.w, u, cross(n.xyz, u), n.xyz, n.w);
-    var count0 = Count();
-    var count1 = Count();
-    var left = 0;
-    let faces = params.groups + 1u + group;
-    // lanes of a point share out the lists; then each looks at what is left of all of them
-    let last_face = lists[faces + 1u];
-    for (var begin = lists[faces]; begin < last_face; begin += 32u * PARTS) {
-        var bits = 0u;
-        for (var k = 0u; k < 32u; k++) {
-            let i = begin + PARTS * k + own;
-            if (i >= last_face) { break; }
-            if (upward(p, lists[i])) { bits |= 1u << k; }
-        }
-        workgroupBarrier();
-        needed[lane] = bits;
-        workgroupBarrier();
-        for (var part = 0u; part < PARTS; part++) {
-            var rest = needed[part * GROUP + place];
-            while (rest != 0u) {
-                let i = begin + PARTS * countTrailingZeros(rest) + part;
-                rest &= rest - 1u;
-                left += add_face(&count0, &count1, p, lists[i], own);
-            }
-        }
+    for (var k = 0u; k < 33u; k++) { atomicStore(&change[33u * lane + k], 0); }
+    if (lane == 0u) { atomicStore(&left, 0); }
+    workgroupBarrier();
+    let many = counts[point];
+    for (var i = lane; i < many.y; i += LANES) { add_face(p, faces[point * params.most_faces + i]); }
+    for (var i = lane; i < many.x; i += LANES) { add_edge(p, needed[point * params.most_edges + i]); }
+    workgroupBarrier();
+    var before = 0;
+    var hidden = 0u;
+    for (var k = 0u; k < COLUMNS; k++) {
+        before += atomicLoad(&change[33u * lane + k]);
+        hidden |= select(0u, 1u << k, before > 0);
     }
-    let last_edge = lists[group + 1u];
-    for (var begin = lists[group]; begin < last_edge; begin += 32u * PARTS) {
-        var bits = 0u;
-        for (var k = 0u; k < 32u; k++) {
-            let i = begin + PARTS * k + own;
-            if (i >= last_edge) { break; }
-            if (contour(p, lists[i])) { bits |= 1u << k; }
-        }
-        workgroupBarrier();
-        needed[lane] = bits;
-        workgroupBarrier();
-        for (var part = 0u; part < PARTS; part++) {
-            var rest = needed[part * GROUP + place];
-            while (rest != 0u) {
-                let e = edge_of(p, lists[begin + PARTS * countTrailingZeros(rest) + part]);
-                rest &= rest - 1u;
-                let weight = face_of(p, e.faces.x).hides - face_of(p, e.faces.y).hides;
-                cross_edge(&count0, e, weight, 2u * own);
-                cross_edge(&count1, e, weight, 2u * own + 1u);
-            }
-        }
-    }
-    if (group * GROUP + place >= params.count) { return; }
-    let at = 64u * point + 8u * own;
-    let hidden0 = above(count0);
-    let hidden1 = above(count1);
-    for (var k = 0u; k < 4u; k++) {
-        masks[at + k] = hidden0[k];
-        masks[at + 4u + k] = hidden1[k];
-    }
-    if (own == 0u) { leaves[point] = left; }
+    masks[64u * point + lane] = hidden;
+    if (lane == 0u) { leaves[point] = atomicLoad(&left); }
 }

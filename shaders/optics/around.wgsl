@@ -1,0 +1,129 @@
+// Which edges may be contours to a point, and which faces it may lie on or have on its way up: a walk
+// through clusters of them. The NumPy form is gpusim/optics/around.py, which finds them for points that
+// lie together.
+#import common/texel
+#import common/index
+
+struct Params {
+    count: u32,
+    most_edges: u32,    // of a point, as far as there is room
+    most_faces: u32,
+    tilt: f32,
+    low: f32,       // sine of the height over the horizon below which edges don't matter
+    rounding: f32,  // of heights over planes
+    // from single edges or faces up: number of the first cluster, how many, and how many levels are
+    // above single ones
+    edge_levels: array<vec4u, 12>,
+    face_levels: array<vec4u, 12>,
+}
+@group(0) @binding(0) var<uniform> params: Params;
+// per point (position, tolerance), (unit normal, thickness), (unit tangent, -)
+@group(0) @binding(1) var<storage, read> points: array<vec4f>;
+// per cluster of edges (middle and radius of a ball around them); for the planes on both sides (axis,
+// spread, of open surfaces less than -1 by it); the least and greatest products with both axes
+@group(0) @binding(2) var clusters: texture_2d<u32>;
+// per cluster of faces (middle and radius of a ball around them)
+@group(0) @binding(3) var spheres: texture_2d<u32>;
+// how many edges and faces a point needs, and the lists of them
+@group(0) @binding(4) var<storage, read_write> counts: array<vec2u>;
+@group(0) @binding(5) var<storage, read_write> edges: array<u32>;
+@group(0) @binding(6) var<storage, read_write> faces: array<u32>;
+
+const MEMBERS: u32 = 8u;        // of a cluster
+const UNKNOWN: i32 = 2;
+
+struct Point {
+    at: vec3f,
+    tolerance: f32,
+    n: vec3f,
+}
+
+// How all faces of a cluster hide, or UNKNOWN, if their planes have an axis and products with it in
+// common, and are at most `span` away.
+fn hiding(p: Point, slope: vec4f, products: vec2f, span: f32) -> i32 {
+    let opened = slope.w < 0.0;
+    let spread = select(slope.w, -1.0 - slope.w, opened);
+    let reach = spread * span + params.rounding;
+    let product = dot(slope.xyz, p.at);
+    let low = products.x - product - reach;
+    let high = products.y - product + reach;
+    if (high < -p.tolerance) { return -1; }
+    if (low > p.tolerance) { return select(0, 1, opened); }
+    let level = low > -p.tolerance && select(dot(slope.xyz, p.n) - spread >= -0.5, high < p.tolerance, opened);
+    return select(UNKNOWN, 0, level);
+}
+
+// Whether a cluster may hold contours.
+fn may_hold(p: Point, cluster: u32) -> bool {
+    let ball = bitcast<vec4f>(textureLoad(clusters, texel(4u * cluster), 0));
+    let to = ball.xyz - p.at;
+    let away = length(to);
+    if (dot(to, p.n) + ball.w <= params.low * max(away - ball.w, 0.0)) { return false; }
+    let products = bitcast<vec4f>(textureLoad(clusters, texel(4u * cluster + 3u), 0));
+    let span = away + ball.w;
+    let one = hiding(p, bitcast<vec4f>(textureLoad(clusters, texel(4u * cluster + 1u), 0)), products.xy, span);
+    if (one == UNKNOWN) { return true; }
+    let two = hiding(p, bitcast<vec4f>(textureLoad(clusters, texel(4u * cluster + 2u), 0)), products.zw, span);
+    return one != two;
+}
+
+// Whether a point may lie on a face of a cluster, or one on the way along its normal, as far aside as
+// rows begin.
+fn may_be_above(p: Point, cluster: u32) -> bool {
+    let ball = bitcast<vec4f>(textureLoad(spheres, texel(cluster), 0));
+    let to = ball.xyz - p.at;
+    let height = dot(to, p.n);
+    let reach = ball.w + p.tolerance;
+    let wide = 1.01 * (reach + params.tilt * max(height + reach, 0.0));
+    return height + reach >= 0.0 && dot(to, to) - height * height <= wide * wide;
+}
+
+// A way through clusters: level and number in it. After a cluster that is left out comes the next of
+// its siblings, or of the lowest level above that has one.
+struct Place {
+    level: u32,
+    number: u32,
+}
+fn beyond(place: Place, top: u32) -> Place {
+    var next = Place(place.level, place.number + 1u);
+    while (next.level < top && next.number % MEMBERS == 0u) {
+        next = Place(next.level + 1u, next.number / MEMBERS);
+    }
+    return next;
+}
+
+@compute @workgroup_size(64)
+fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
+    let point = linear_id(gid, groups, 64u);
+    if (point >= params.count) { return; }
+    let x = points[3u * point];
+    let p = Point(x.xyz, x.w, points[3u * point + 1u].xyz);
+    var found = vec2u(0u);
+    var top = params.edge_levels[0].z;
+    var at = Place(top, 0u);
+    while (at.number < params.edge_levels[at.level].y) {
+        if (may_hold(p, params.edge_levels[at.level].x + at.number)) {
+            if (at.level > 0u) {
+                at = Place(at.level - 1u, at.number * MEMBERS);
+                continue;
+            }
+            if (found.x < params.most_edges) { edges[point * params.most_edges + found.x] = at.number; }
+            found.x += 1u;
+        }
+        at = beyond(at, top);
+    }
+    top = params.face_levels[0].z;
+    at = Place(top, 0u);
+    while (at.number < params.face_levels[at.level].y) {
+        if (may_be_above(p, params.face_levels[at.level].x + at.number)) {
+            if (at.level > 0u) {
+                at = Place(at.level - 1u, at.number * MEMBERS);
+                continue;
+            }
+            if (found.y < params.most_faces) { faces[point * params.most_faces + found.y] = at.number; }
+            found.y += 1u;
+        }
+        at = beyond(at, top);
+    }
+    counts[point] = found;
+}
