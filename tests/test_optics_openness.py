@@ -11,6 +11,7 @@ from gpusim.errors import InputError
 from gpusim.gpu import Device
 from gpusim.optics.around import around, in_groups
 from gpusim.optics.binning import bin_edges
+from gpusim.optics.contour_tables import ContourTables
 from gpusim.optics.facets import Facets
 from gpusim.optics.hemisphere import Around, directions, seen, seen_twin
 from gpusim.optics.light import Light
@@ -233,7 +234,7 @@ def test_only_contours_count_and_no_list_leaves_one_out(device: Device) -> None:
     assert len(near.edge) < 0.75 * len(facets.ends) * (len(near.edge_start) - 1)
     for got in (
         seen_twin(points, Around.everywhere(facets, count)), seen_twin(points, near),
-        seen(device, points, occluders.contours),
+        seen(ContourTables(device, occluders.contours), points),
     ):  # fmt: skip
         # rounding moves a few of all samples over an edge
         wrong = np.bitwise_count(got.hidden ^ want.hidden).sum(axis=1)

@@ -33,7 +33,7 @@ POINTS = 1 << 13
 ENTRIES = 1 << 23
 """Of the lists of these."""
 
-MOST = (512, 128)
+MOST = (512, 384)
 """Edges and faces that there is room for per point, before more is known."""
 
 
@@ -59,7 +59,7 @@ class ContourTables:
     """Edges, planes, the faces' edges, and clusters of both."""
 
     def __init__(self, device: Device, contours: Contours) -> None:
-        self.device = device
+        self.device, self._most = device, MOST
         tables = _tables(contours)
         self.edges, self.borders, self.planes, self._clusters, self._spheres = (
             device.texels(max(len(tables[name]), 1), "rgba32uint", f"hemisphere.{name}")
@@ -79,15 +79,18 @@ class ContourTables:
 
     def batches(self, points: Receivers) -> Iterator[Near]:
         """Some of ``points`` after the other. Whoever asks releases them."""
-        begin, most = 0, MOST
+        begin = 0
         while begin < len(points.at):
-            count = min(POINTS, max(ENTRIES // max(most), 1), len(points.at) - begin)
-            near = self._near(points.part(slice(begin, begin + count)), most)
+            count = min(POINTS, max(ENTRIES // max(self._most), 1), len(points.at) - begin)
+            near = self._near(points.part(slice(begin, begin + count)), self._most)
             found = near.counts.read(np.uint32, (count, 2)).max(axis=0)
-            more = (max(most[0], int(found[0])), max(most[1], int(found[1])))
-            if more != most:
+            if (found > self._most).any():
                 near.release()
-                most = more
+                # those that come next may need some more
+                edges, faces = (
+                    int(1.25 * n) if n > m else m for n, m in zip(found, self._most, strict=True)
+                )
+                self._most = (edges, faces)
                 continue
             yield near
             begin += count

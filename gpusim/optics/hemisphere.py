@@ -127,9 +127,10 @@ class Around:
         )  # fmt: skip
 
 
-def seen(device: Device, points: Receivers, contours: Contours) -> Seen:
-    """What ``points`` see past the faces of ``contours``."""
-    tables, kernel = ContourTables(device, contours), device.kernel("optics/hemisphere")
+def seen(tables: ContourTables, points: Receivers) -> Seen:
+    """What ``points`` see past the faces in ``tables``."""
+    device = tables.device
+    kernel = device.kernel("optics/hemisphere")
     rows = np.zeros((ROWS, 4))
     rows[:, :3] = np.stack(_rows(), axis=1)
     hidden, inside = [np.zeros((0, ROWS), np.uint32)], [np.zeros(0, bool)]
@@ -153,7 +154,6 @@ def seen(device: Device, points: Receivers, contours: Contours) -> Seen:
         for used in (masks, leaves):
             used.release()
         near.release()
-    tables.release()
     return Seen(np.concatenate(hidden), np.concatenate(inside))
 
 
@@ -292,7 +292,9 @@ def _check(device: Device) -> None:
     points = Receivers(at, normal, np.full(301, 2e-6), np.full(301, 1e-3))
     facets = Facets.apart(corners, both)
     want = seen_twin(points, Around.everywhere(facets, len(at)))
-    got = seen(device, points, Contours.of(facets))
+    tables = ContourTables(device, Contours.of(facets))
+    got = seen(tables, points)
+    tables.release()
     # a few of 2048 samples may fall to the other side of an edge
     compare(
         "optics/hemisphere", got.open_share, want.open_share, "single",

@@ -19,6 +19,7 @@ import numpy.typing as npt
 from gpusim.distinct import distinct
 from gpusim.gpu import Device
 from gpusim.optics.around import around, in_groups
+from gpusim.optics.contour_tables import ContourTables
 from gpusim.optics.corners import NORMAL, POSITION
 from gpusim.optics.hemisphere import Seen, seen, seen_twin
 from gpusim.optics.occluders import Occluders
@@ -125,6 +126,7 @@ class Openness:
             due = due[further]
             before = _finer(_grids(even, buried & False, m)[further], m)
             m *= 2
+        nodes.release()
         start = np.zeros(len(cells), np.int64)
         values, filled = [np.ones(4)], 4
         for number, shares in found:
@@ -266,9 +268,15 @@ class _Nodes:
     """Shares at nodes; those of places that were looked from before are known."""
 
     def __init__(self, occluders: Occluders, value: Value, device: Device | None) -> None:
-        self.occluders, self.value, self.device = occluders, value, device
+        self.occluders, self.value = occluders, value
+        self._tables = None if device is None else ContourTables(device, occluders.contours)
         self._key = np.zeros(0, np.int64)
         self._share, self._even, self._buried = np.zeros(0), np.zeros(0), np.zeros(0, bool)
+
+    def release(self) -> None:
+        """Free what the device holds."""
+        if self._tables is not None:
+            self._tables.release()
 
     @property
     def count(self) -> int:
@@ -311,11 +319,10 @@ class _Nodes:
     def _add(self, key: Numbers, points: Receivers) -> None:
         order = in_groups(points)
         key, points = key[order], points.part(order)
-        contours = self.occluders.contours
-        if self.device is None:
-            found = seen_twin(points, around(contours, points))
+        if self._tables is None:
+            found = seen_twin(points, around(self.occluders.contours, points))
         else:
-            found = seen(self.device, points, contours)
+            found = seen(self._tables, points)
         share = self.value(found, points.normal)
         buried = found.inside
         keys = np.concatenate([self._key, key])
