@@ -1,7 +1,7 @@
 """Things in clusters of clusters, and which of them groups of points need to look at.
 
-Things that lie together and look the same way follow each other; every eight make a cluster, every
-eight of these one of the next level. A cluster that a test refuses for a group of points is left
+Things that lie together and look the same way follow each other; every four make a cluster, every
+four of these one of the next level. A cluster that a test refuses for a group of points is left
 out with all that is in it.
 """
 
@@ -21,7 +21,7 @@ Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
 Bools = npt.NDArray[np.bool_]
 
-MEMBERS = 8
+MEMBERS = 4
 """Of a cluster."""
 
 GROUPS = 256

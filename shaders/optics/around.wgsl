@@ -29,7 +29,7 @@ struct Params {
 @group(0) @binding(5) var<storage, read_write> edges: array<u32>;
 @group(0) @binding(6) var<storage, read_write> faces: array<u32>;
 
-const MEMBERS: u32 = 8u;        // of a cluster
+const MEMBERS: u32 = 4u;        // of a cluster
 const UNKNOWN: i32 = 2;
 
 struct Point {
