@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from gpusim import fem
 from gpusim.fem.assembly import Assembled, assemble
 from gpusim.fem.block_rows import block_matrix
 from gpusim.fem.formulation import resolve_formulation
+from gpusim.fem.run_sums import RowSums
 from gpusim.fem.stencil import StencilProduct, stencil_of
 from gpusim.fem.stiffness import apply_stiffness
 from gpusim.mesh import Mesh, box
@@ -122,3 +125,37 @@ def test_differences_in_runs_arent_offered_where_nodes_are_missing() -> None:
     product = StencilProduct.of(stencil_of(parts.rows, parts.lattice, 1.0))
     assert product is not None
     assert product.in_differences is None
+
+
+@pytest.mark.parametrize("shape", [(1100, 1, 1), (1, 2, 900), (21, 15, 14)])
+def test_differences_in_runs_dont_feel_what_rows_add_up_to(shape) -> None:
+    mesh = box(tuple(0.7 * n for n in shape), shape)
+    parts = assembled(mesh)
+    stencil = stencil_of(parts.rows, parts.lattice, 1.0)
+    # far more than rounding leaves, so that it shows
+    own = np.random.default_rng(5).normal(size=stencil.diagonal.shape)
+    stencil.blocks[:, 13] *= 1.0 + 1e-6 * (own + own.transpose(0, 2, 1))
+    product = StencilProduct.of(stencil)
+    u = np.random.default_rng(6).normal(size=(1, *mesh.points.shape))
+    exact = apply_stiffness(parts.rows, u)
+    assert np.abs(product.in_differences(u) - exact).max() <= 1e-13 * np.abs(exact).max()
+    assert np.abs(product(u.reshape(1, -1)) - exact.reshape(1, -1)).max() >= 1e-8
+
+
+def test_sums_of_rows_have_twice_the_digits() -> None:
+    rng = np.random.default_rng(7)
+    matrices = rng.normal(size=(2, 3, 54, 12)) * 10.0 ** rng.integers(-8, 8, (2, 3, 54, 12))
+    sums = RowSums.of(matrices)
+    terms = matrices.reshape(2, 3, 18, 3, 12)
+    for kind, row, axis, column in np.ndindex(2, 3, 3, 12):
+        these = terms[kind, row, :, axis, column].tolist()
+        exact = sum(map(Fraction, these))
+        high, low = sums.beside[kind, row, axis, column], sums.rest[kind, row, axis, column]
+        left = exact - Fraction(float(high)) - Fraction(float(low))
+        # Ogita, Rump & Oishi, SIAM J. Sci. Comput. 26 (2005) 1955, proposition 4.5
+        assert abs(left) <= (17.01 * 2.0**-53) ** 2 * sum(map(abs, these))
+    for kind, k, axis, column in np.ndindex(2, 4, 3, 3):
+        exact = sum(map(Fraction, terms[kind, :, :, axis, 3 * k + column].ravel().tolist()))
+        got = sums.own[kind, 3 * k + axis, 3 * k + column]
+        assert got == pytest.approx(float(exact), rel=1e-15)
+    assert np.count_nonzero(sums.own) == 2 * 4 * 9

@@ -23,6 +23,7 @@ from gpusim.fem.boxes import equal_boxes
 from gpusim.fem.congruence import unique_rows
 from gpusim.fem.lattice import OFFSETS, Lattice
 from gpusim.fem.product import shared
+from gpusim.fem.run_sums import RowSums
 from gpusim.processors import processors
 
 __all__ = ["RunLayout", "RunPattern", "numbering_axes"]
@@ -218,12 +219,13 @@ class RunPattern:
         return result.reshape(-1, 3 * _RUN, 3 * _RUN)
 
     def apply(
-        self, matrices: Real, x: Real, out: Real, add: Real | None = None, relative: bool = False
-    ) -> None:
+        self, matrices: Real, x: Real, out: Real, add: Real | None = None,
+        relative: RowSums | None = None,
+    ) -> None:  # fmt: skip
         """out = A x (+ add) for stored vectors; ``out`` must be none of the others.
 
-        ``relative``: rows of A add up to zero, and x enters relative to the first node of each run,
-        so that bodies that move as a whole cost no digits.
+        ``relative``, the `RowSums` of float64 matrices whose rows add up to zero but for
+        rounding: x enters by differences, so that bodies that move as a whole cost no digits.
         """
         self._share(partial(self._common, matrices, x, out, add, relative), self._chunks)
         self._share(partial(self._odd, matrices, x, out, add, relative), self._odd_runs)
@@ -260,7 +262,7 @@ class RunPattern:
         return body.reshape(*body.shape[:2], self.layout.runs, 3 * _RUN)
 
     def _common(
-        self, matrices: Real, x: Real, out: Real, add: Real | None, relative: bool,
+        self, matrices: Real, x: Real, out: Real, add: Real | None, relative: RowSums | None,
         chunks: list[tuple[int, int, int]],
     ) -> None:  # fmt: skip
         """Rows of runs by the matrix of their slab's commonest kind."""
@@ -275,7 +277,7 @@ class RunPattern:
                 seen.shape, x.dtype, x.data, begin * item,
                 (layout.row * item, wide * item, layout.slab * item, item),
             )  # fmt: skip
-            if relative:
+            if relative is not None:
                 own = seen[:, :, 1, 3:6].copy()
                 seen -= np.tile(own, _RUN + 2)[:, :, None]
                 own = own.reshape(-1, 3)
@@ -289,15 +291,16 @@ class RunPattern:
             for row in (1, 2):
                 np.matmul(rows[row * layout.runs :][:count], matrix[row], out=part)
                 into += part
-            if relative:
+            if relative is not None:
                 # the rows beside have been taken relative to nodes of their own
                 middle = own[layout.runs :][:count]
                 for row in (0, 2):
                     step = own[row * layout.runs :][:count] - middle
-                    into += step @ matrix[row].reshape(-1, 3, wide).sum(axis=0)
+                    relative.add_step(kind, row, step, into)
+                relative.take_own(kind, seen[1:-1, :, 1, 3:-3].reshape(count, wide), into)
 
     def _odd(
-        self, matrices: Real, x: Real, out: Real, add: Real | None, relative: bool,
+        self, matrices: Real, x: Real, out: Real, add: Real | None, relative: RowSums | None,
         tasks: list[_Odd],
     ) -> None:  # fmt: skip
         """Runs of another kind than their slab's commonest: boxes, and single ones."""
@@ -307,7 +310,7 @@ class RunPattern:
         self._gather(matrices, x, out, add, relative, single)
 
     def _box(
-        self, matrices: Real, x: Real, out: Real, add: Real | None, relative: bool,
+        self, matrices: Real, x: Real, out: Real, add: Real | None, relative: RowSums | None,
         boxes: list[tuple[int, tuple[slice, slice, slice]]],
     ) -> None:  # fmt: skip
         """Boxes of runs of another kind than their slab's commonest."""
@@ -327,7 +330,7 @@ class RunPattern:
                 (step[0], step[1], step[2], step[0], item),
             ).copy()  # fmt: skip
             count, matrix = rows * runs, matrices[kind]
-            own = seen[:, :, :, 1, 3:6].copy() if relative else None
+            own = None if relative is None else seen[:, :, :, 1, 3:6].copy()
             if own is not None:
                 seen -= np.tile(own, _RUN + 2)[:, :, :, None]
                 own = own.reshape(slabs, -1, 3)
@@ -339,16 +342,19 @@ class RunPattern:
             value = windows.reshape(-1, 9 * (wide + 6)) @ matrix.reshape(-1, wide)
             value = value.reshape(slabs, count, wide)
             if own is not None:
+                assert relative is not None
                 for row in (0, 2):
                     apart = own[:, row * runs :][:, :count] - own[:, runs:][:, :count]
-                    value += apart @ matrix[row].reshape(-1, 3, wide).sum(axis=0)
+                    relative.add_step(kind, row, apart, value)
+                inner_runs = seen[:, 1:-1, :, 1, 3:-3].reshape(slabs, count, wide)
+                relative.take_own(kind, inner_runs, value)
             value = value.reshape(slabs, rows, runs, wide)
             if more is not None:
                 value += more[box]
             result[box] = value
 
     def _gather(
-        self, matrices: Real, x: Real, out: Real, add: Real | None, relative: bool,
+        self, matrices: Real, x: Real, out: Real, add: Real | None, relative: RowSums | None,
         parts: list[tuple[int, Long]],
     ) -> None:  # fmt: skip
         """Single runs of another kind."""
@@ -363,7 +369,9 @@ class RunPattern:
         for kind, place in parts:
             matrix = matrices[kind].reshape(-1, wide)
             windows = every[place]
-            if relative:
+            if relative is not None:
                 windows = windows - np.tile(windows[:, 1, 1, 3:6], _RUN + 2)[:, None, None]
             value = windows.reshape(len(place), -1) @ matrix
+            if relative is not None:
+                relative.take_own(kind, windows[:, 1, 1, 3:-3], value)
             into[place] = value if more is None else value + more[place]

@@ -16,6 +16,7 @@ from scipy.sparse import bsr_matrix
 
 from gpusim.fem.block_rows import BlockRows
 from gpusim.fem.lattice import Lattice
+from gpusim.fem.run_sums import RowSums
 from gpusim.fem.runs import RunLayout, RunPattern, numbering_axes
 
 __all__ = ["Stencil", "StencilProduct", "stencil_of"]
@@ -113,7 +114,12 @@ class StencilProduct:
             return None
         return lambda x: np.stack([self._one(one, True) for one in x]).reshape(x.shape)
 
+    @cached_property
+    def _sums(self) -> RowSums:
+        return RowSums.of(self._matrices)
+
     def _one(self, x: Float, relative: bool = False) -> Float:
         self.layout.put(x, self._x)
-        self._pattern.apply(self._matrices, self._x, self._result, relative=relative)
+        sums = self._sums if relative else None
+        self._pattern.apply(self._matrices, self._x, self._result, relative=sums)
         return self.layout.get(self._result)
