@@ -4,8 +4,8 @@ Python lets one thread of a process run at a time, and lines of work that are ma
 array operations spend more time on waiting for each other than two processors gain. A copy of the
 process (``os.fork``) has what was set up, without sending it, in a few milliseconds.
 
-A copy has no other threads: no device may be used in it, no pool, and nothing may wait for a lock.
-Arithmetic on arrays is what it is for. It answers through a file in memory and ends at once,
+A copy has none of the other threads: no device may be used in it, no pool of theirs, and nothing
+may wait for a lock. Arithmetic on arrays is what it is for. It answers through a file in memory and ends at once,
 without handlers of signals or at exit, and without collecting garbage that may belong to the
 device.
 """
@@ -49,12 +49,13 @@ def in_copies(work: Callable[[int], R], count: int) -> list[R]:
     if ways < 2 or not _can_be_copied():
         return [work(item) for item in range(count)]
     shares = [range(first, count, ways) for first in range(ways)]
+    threads = processors() // ways
     copies: list[_Copy] = []
     try:
         with _undisturbed(), suppress(OSError):  # no room for another: its share is done here
             for share in shares[1:]:
-                copies.append(_Copy(work, share))
-        with limited(max(1, processors() // ways)):
+                copies.append(_Copy(work, share, threads))
+        with limited(threads):
             found = _do(work, shares[0])
         for copy in copies:
             found.update(copy.answer())
@@ -134,7 +135,7 @@ def _undisturbed() -> Iterator[None]:
 class _Copy:
     """A process that does a share of the work, and the file in which it answers."""
 
-    def __init__(self, work: Callable[[int], Any], share: Sequence[int]) -> None:
+    def __init__(self, work: Callable[[int], Any], share: Sequence[int], threads: int) -> None:
         control, parent = ctypes.CDLL(None).prctl, os.getpid()
         self._answer = os.memfd_create("gpusim-copy")
         try:
@@ -146,13 +147,13 @@ class _Copy:
             try:
                 control(_END_WITH_PARENT, signal.SIGKILL)
                 if os.getppid() == parent:
-                    self._serve(work, share)
+                    self._serve(work, share, threads)
             finally:
                 os._exit(0)
 
-    def _serve(self, work: Callable[[int], Any], share: Sequence[int]) -> None:
+    def _serve(self, work: Callable[[int], Any], share: Sequence[int], threads: int) -> None:
         """The life of a copy."""
-        with limited(1):
+        with limited(threads):
             found = _do(work, share)
         with open(self._answer, "wb", closefd=False) as file:
             pickle.dump(found, file, protocol=pickle.HIGHEST_PROTOCOL)

@@ -8,6 +8,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -16,6 +17,7 @@ import numpy as np
 import pytest
 
 from gpusim.copies import _can_be_copied, in_copies
+from gpusim.fem.product import shared
 from gpusim.processors import all_processors, limited, processors
 
 needs_copies = pytest.mark.skipif(
@@ -25,6 +27,10 @@ needs_copies = pytest.mark.skipif(
 
 @pytest.fixture(autouse=True)
 def _at_rest() -> None:
+    _wait_for_rest()
+
+
+def _wait_for_rest() -> None:
     """Threads of BLAS look out for more work for 0.1 s, and nothing is copied then."""
     end = time.monotonic() + 5.0
     while all_processors() > 1 and not _can_be_copied() and time.monotonic() < end:
@@ -41,13 +47,34 @@ def test_results_come_in_order(count: int) -> None:
 
 
 @needs_copies
-def test_the_work_is_shared_out_and_copies_dont_share_theirs() -> None:
+def test_the_work_is_shared_out_evenly() -> None:
     found = in_copies(lambda _: (os.getpid(), processors()), 2)
-    (here, left), (there, theirs) = found
+    (here, ours), (there, theirs) = found
     assert here == os.getpid() != there
-    assert left == max(1, all_processors() // 2)
-    assert theirs == 1
+    assert ours == theirs == all_processors() // 2
     assert processors() == all_processors()
+
+
+@needs_copies
+def test_copies_have_threads_of_their_own_where_there_are_processors_for_them() -> None:
+    def work(item: int) -> tuple[int, set[int], list[int]]:
+        seen: set[int] = set()
+
+        def one(number: int) -> int:
+            seen.add(threading.get_native_id())
+            time.sleep(0.01)
+            return number * item
+
+        return processors(), seen, shared(one, list(range(20)))
+
+    with limited(4):
+        shared(abs, [1, 2])  # this process's threads are there already
+        _wait_for_rest()
+        found = in_copies(work, 2)
+    for item, (count, seen, results) in enumerate(found):
+        assert count == 2
+        assert len(seen) == 2
+        assert results == [number * item for number in range(20)]
 
 
 def test_without_processors_to_spare_all_is_done_here() -> None:

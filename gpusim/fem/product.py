@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -15,7 +16,7 @@ from scipy.sparse import _sparsetools, bsr_matrix
 from threadpoolctl import threadpool_limits
 
 from gpusim.fem.block_rows import BlockRows, block_matrix
-from gpusim.processors import all_processors, processors
+from gpusim.processors import processors
 
 __all__ = ["Product", "RowsProduct", "ahead", "one_blas_thread", "shared"]
 
@@ -30,8 +31,15 @@ _PIECES = 4
 
 
 @cache
+def _threads(count: int, process: int) -> ThreadPoolExecutor:
+    """A copy of a process (`gpusim.copies`) has none of its threads."""
+    del process
+    return ThreadPoolExecutor(count, thread_name_prefix="gpusim")
+
+
 def _pool() -> ThreadPoolExecutor:
-    return ThreadPoolExecutor(all_processors(), thread_name_prefix="gpusim")
+    """As many threads as there are processors for this one."""
+    return _threads(processors(), os.getpid())
 
 
 def shared(work: Callable[[T], R], items: Sequence[T]) -> list[R]:
