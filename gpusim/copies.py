@@ -5,9 +5,9 @@ array operations spend more time on waiting for each other than two processors g
 process (``os.fork``) has what was set up, without sending it, in a few milliseconds.
 
 A copy has none of the other threads: no device may be used in it, no pool of theirs, and nothing
-may wait for a lock. Arithmetic on arrays is what it is for. It answers through a file in memory and ends at once,
-without handlers of signals or at exit, and without collecting garbage that may belong to the
-device.
+may wait for a lock. Arithmetic on arrays is what it is for. It answers through a file in memory
+and ends at once, without handlers of signals or at exit, and without collecting garbage that may
+belong to the device.
 """
 
 from __future__ import annotations
