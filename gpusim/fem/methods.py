@@ -48,6 +48,9 @@ _PATIENCE = 600.0
 # where stiffnesses differ greatly it may take this many times as long as multigrid would, or (s)
 _INVERSE_STEPS = 8
 _HARSH_PATIENCE, _HARSH_SECONDS = 30.0, 30.0
+# load cases that a direct solver refines each by itself; of many at once it solves for all with
+# matrix products
+_FEW_CASES = 4
 # share of the tolerance below which a bound of the rounding errors isn't looked at any closer
 _NEGLIGIBLE = 0.02
 # ratio of greatest and least modulus, 300 at nu = 0.495, from which on patches are worth their cost
@@ -144,7 +147,15 @@ def _factorised(
 ) -> Result:
     factor = direct.build()
     clock.mark("factorisation")
-    outcome = refine(system, factor, tolerance=options.tolerance, progress=options.progress)
+
+    def one(part: System, start: Float | None, progress: Progress | None) -> Outcome:
+        del start  # it needs none
+        return refine(part, factor, tolerance=options.tolerance, progress=progress)
+
+    if len(system.right) <= _FEW_CASES:
+        outcome = each_case(one, system, None, options.progress)
+    else:
+        outcome = one(system, None, options.progress)
     clock.mark("iterations")
     message = f"{outcome.message} ({direct.description}{note})"
     return Result(replace(outcome, message=message), "direct", "numpy", "f64")
