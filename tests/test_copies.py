@@ -10,6 +10,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -27,9 +28,13 @@ needs_copies = pytest.mark.skipif(
 
 
 @pytest.fixture(autouse=True)
-def _at_rest(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Threads that earlier tests have left, of BLAS or of a driver, are of no account here."""
+def _by_themselves(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Threads that earlier tests have left, of BLAS or of a driver, are of no account here, nor is
+    a shell that lets what it runs in the background ignore interrupts."""
     monkeypatch.setattr(copies, "_can_be_copied", lambda: sys.platform == "linux")
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
 
 
 @pytest.mark.parametrize("count", [0, 1, 2, 3, 5])

@@ -67,7 +67,7 @@ def _joined(outcomes: Sequence[Outcome]) -> Outcome:
     iterations stay as they ended."""
     worst = max(outcomes, key=lambda one: (not one.converged, one.error_estimate))
     most = max(len(one.residuals) for one in outcomes)
-    images = [one.image for one in outcomes]
+    images = [one.image for one in outcomes if one.image is not None]
     return Outcome(
         np.concatenate([one.u for one in outcomes]),
         all(one.converged for one in outcomes),
@@ -75,7 +75,7 @@ def _joined(outcomes: Sequence[Outcome]) -> Outcome:
         max(one.iterations for one in outcomes),
         np.concatenate([_stretched(one.residuals, most) for one in outcomes], axis=1),
         worst.message,
-        None if any(one is None for one in images) else np.concatenate(images),  # type: ignore[arg-type]
+        np.concatenate(images) if len(images) == len(outcomes) else None,
     )
 
 
