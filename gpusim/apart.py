@@ -16,6 +16,7 @@ from __future__ import annotations
 import atexit
 import os
 import pickle
+import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -27,7 +28,6 @@ from queue import SimpleQueue
 from threading import Lock, Thread
 from typing import Any, BinaryIO, ParamSpec, TypeVar, cast
 
-from gpusim.interrupts import interrupts_held
 from gpusim.processors import processors
 
 __all__ = ["begin", "prepare", "serve"]
@@ -115,7 +115,7 @@ class _Team:
         self.pool = ThreadPoolExecutor(1 + twins, thread_name_prefix="gpusim.apart")
         # a backend for screens that isn't there is no reason not to draw files
         alone = {"OPENBLAS_NUM_THREADS": "1", "MPLBACKEND": "agg"}
-        with _standard_streams() as error, interrupts_held():
+        with _standard_streams() as error, _interrupts_held():
             pipes = [(os.pipe(), os.pipe()) for _ in range(twins)]
             theirs = [(hears, says) for (hears, _), (_, says) in pipes]
             self.process = subprocess.Popen(
@@ -199,6 +199,20 @@ def _standard_streams() -> Iterator[int | None]:
     finally:
         for stand_in in made:
             os.close(stand_in)
+
+
+@contextmanager
+def _interrupts_held() -> Iterator[None]:
+    """What begins here isn't interrupted before it can say that it ignores that: its caller ends
+    it."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _forked() -> None:

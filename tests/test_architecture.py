@@ -21,7 +21,6 @@ FOUNDATION = {
     "distinct",
     "errors",
     "inputs",
-    "interrupts",
     "processors",
     "series",
 }
@@ -32,7 +31,6 @@ ALLOWED: dict[str, set[str]] = {
     "distinct": set(),
     "errors": set(),
     "inputs": set(),
-    "interrupts": set(),
     "processors": set(),
     "series": set(),
     "gpu": set(),
