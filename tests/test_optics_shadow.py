@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -10,12 +11,13 @@ import pytest
 
 import gpusim as gs
 from gpusim.gpu import Device
+from gpusim.gpu.wgsl import shader_folder
 from gpusim.optics.binning import bin_edges
 from gpusim.optics.casters import Casters
 from gpusim.optics.emitters import Lamp, lamps_of
 from gpusim.optics.lamp_edges import EVERY_EDGE
 from gpusim.optics.light import Light
-from gpusim.optics.occlusion import visible_share
+from gpusim.optics.occlusion import lattice, visible_share
 from gpusim.optics.setup import Setup
 from gpusim.optics.shade import shade_twin
 from gpusim.optics.shadow_probe import block, shadow_scene
@@ -321,3 +323,14 @@ def test_pixels_across_the_facets_of_a_bent_open_sheet_are_lit(
         seen = plain > 0.0
         assert seen.sum() > 2000
         assert np.abs(lit[seen] / plain[seen] - 1.0).max() <= 2.0 / 512
+
+
+def test_the_shader_has_the_lattice_of_the_twin() -> None:
+    source = (shader_folder() / "common/occlusion.wgsl").read_text(encoding="utf-8")
+    numbers = re.findall(r"\((vec4f\([^)]*\)) \+ ([0-9.]+)\) / ([0-9.]+) - ([0-9.]+),", source)
+    rows = [
+        (np.fromstring(row[6:-1], sep=",") + float(more)) / float(by) - float(less)
+        for row, more, by, less in numbers
+    ]
+    found = np.reshape(rows, (4, 3, 4)).transpose(0, 2, 1).reshape(16, 3)
+    assert np.array_equal(found, lattice()[:, :3])

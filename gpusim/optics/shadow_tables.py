@@ -10,7 +10,7 @@ import numpy.typing as npt
 from gpusim.gpu import Device, Uniform
 from gpusim.gpu.texels import Texels
 from gpusim.optics.lighting import Lighting
-from gpusim.optics.occlusion import TOLERANCE, lamp_masks, lattice
+from gpusim.optics.occlusion import TOLERANCE, lamp_masks
 from gpusim.optics.shadow_tiles import MOST_LAMPS, ShadowTiles
 
 __all__ = ["ShadowTables"]
@@ -105,11 +105,5 @@ def _shades(lighting: Lighting) -> dict[str, Any]:
         "count": len(tiles.lamps) if tiles is not None else 0,
         "columns": tiles.lit.shape[1] if tiles is not None else 1,
         "tolerance": TOLERANCE,
-        "rows": _rows(),
         "lamps": lamps,
     }
-
-
-def _rows() -> dict[str, np.ndarray[Any, Any]]:
-    """The sample lattice, four rows at a time."""
-    return dict(zip(("a", "b", "x"), lattice().T[:3].reshape(3, 4, 4), strict=True))

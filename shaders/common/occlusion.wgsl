@@ -14,18 +14,37 @@ struct LampFace {
     part: vec4u,
     mask: array<vec4u, 4>,
 }
-// rows: for four rows of samples at a time a and b of the first ones, and the pixel offset in x that
-// they look from
+// Of four rows of samples a and b of the first ones, and the pixel offset in x that they look from.
+// Constants: in a loop, uniforms are loaded again and again.
 struct SampleRows {
     a: vec4f,
     b: vec4f,
     x: vec4f,
 }
+const ROWS0 = SampleRows(
+    (vec4f(14.0, 8.0, 2.0, 12.0) + 0.5) / 256.0 - 1.0,
+    (vec4f(0.0, 2.0, 4.0, 6.0) + 0.015625) / 8.0 - 1.0,
+    (vec4f(13.0, 8.0, 1.0, 15.0) + 0.5) / 16.0 - 0.5,
+);
+const ROWS1 = SampleRows(
+    (vec4f(6.0, 0.0, 10.0, 4.0) + 0.5) / 256.0 - 1.0,
+    (vec4f(8.0, 10.0, 12.0, 14.0) + 0.015625) / 8.0 - 1.0,
+    (vec4f(4.0, 6.0, 14.0, 2.0) + 0.5) / 16.0 - 0.5,
+);
+const ROWS2 = SampleRows(
+    (vec4f(11.0, 5.0, 15.0, 9.0) + 0.5) / 256.0 - 1.0,
+    (vec4f(1.0, 3.0, 5.0, 7.0) + 0.015625) / 8.0 - 1.0,
+    (vec4f(3.0, 9.0, 12.0, 7.0) + 0.5) / 16.0 - 0.5,
+);
+const ROWS3 = SampleRows(
+    (vec4f(3.0, 13.0, 7.0, 1.0) + 0.5) / 256.0 - 1.0,
+    (vec4f(9.0, 11.0, 13.0, 15.0) + 0.015625) / 8.0 - 1.0,
+    (vec4f(0.0, 10.0, 5.0, 11.0) + 0.5) / 16.0 - 0.5,
+);
 struct Shades {
     count: u32,
     columns: u32,
     tolerance: f32,
-    rows: array<SampleRows, 4>,
     lamps: array<LampFace, 16>,
 }
 @group(0) @binding(60) var<uniform> shades: Shades;
@@ -118,10 +137,10 @@ fn lamp_share(l: u32, x: vec3f, n: vec3f, dx: vec3f, dy: vec3f, tile: vec2u) -> 
         // an edge along the rows lies before or behind all of their samples
         let inverse = select(vec2f(-1e30), -1.0 / slope, slope != vec2f(0.0));
         let falling = select(vec2u(0u), vec2u(0xffffffffu), slope < vec2f(0.0));
-        inside0 &= inside_edge(value, forth, b, across, inverse.x, falling.x, shades.rows[0]);
-        inside1 &= inside_edge(value, forth, b, across, inverse.x, falling.x, shades.rows[1]);
-        inside2 &= inside_edge(value, back, b, across, inverse.y, falling.y, shades.rows[2]);
-        inside3 &= inside_edge(value, back, b, across, inverse.y, falling.y, shades.rows[3]);
+        inside0 &= inside_edge(value, forth, b, across, inverse.x, falling.x, ROWS0);
+        inside1 &= inside_edge(value, forth, b, across, inverse.x, falling.x, ROWS1);
+        inside2 &= inside_edge(value, back, b, across, inverse.y, falling.y, ROWS2);
+        inside3 &= inside_edge(value, back, b, across, inverse.y, falling.y, ROWS3);
 
         let last = vec4u(0u - (word & 1u));
         let used = select(vec4u(0u), last, counts);
