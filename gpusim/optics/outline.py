@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import numpy as np
 import numpy.typing as npt
 
@@ -59,6 +61,7 @@ def feature_edges(
     smooth_angle: float,
     seen: npt.NDArray[np.bool_],
     sharp: npt.NDArray[np.bool_] | None = None,
+    patterned: Collection[int] = (),
 ) -> npt.NDArray[np.bool_]:
     """(E,): the edges across which the picture may jump; diagonals of a face never are.
 
@@ -68,8 +71,9 @@ def feature_edges(
     region : (F,) paint region of each face.
     normal : (3, T) normals of any length.
     smooth_angle : rad; a larger turn between two neighbours is a crease.
-    sharp : (P,) vertices at which `smooth_normals` found such turns, where it has been asked: no
-        crease is anywhere else.
+    sharp : (P,) vertices at which `smooth_normals` found such turns: no crease is anywhere else.
+        None without light, where creases show on patterns alone.
+    patterned : the regions that carry one.
     """
     first, second = topology.first, topology.second
     jump = ~topology.manifold
@@ -80,12 +84,12 @@ def feature_edges(
         jump |= own[first] != own[second]
     if not seen.all():
         jump &= seen[first] | seen[second]
-    turns = seen
-    if sharp is not None:
-        turns = np.zeros(len(seen), bool)
-        if sharp.any():
-            for corner in topology.triangles.T:
-                turns |= sharp[corner]
+    turns = np.zeros(len(seen), bool)
+    if sharp is None and patterned:
+        turns = seen & np.isin(region, list(patterned))[topology.source]
+    elif sharp is not None and sharp.any():
+        for corner in topology.triangles.T:
+            turns |= sharp[corner]
     if turns.any():
         # a crease's vertices are those of the triangles on both sides
         either = (

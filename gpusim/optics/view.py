@@ -262,7 +262,9 @@ def _seen_of(surface: Surface, points: Array, screen: Screen, near: float, lit: 
     if lit:
         smooth = smooth_normals(area, triangles, len(points), angle)
     sharp = None if smooth is None else smooth[1]
-    shows = feature_edges(topology, front, surface.regions, area, angle, keep, sharp)
+    shows = feature_edges(
+        topology, front, surface.regions, area, angle, keep, sharp, surface.extents
+    )
     kept = np.flatnonzero(keep)
     corner = turned_corners(triangles, kept, front)
     out = ~ahead | screen.beyond(ideal)
