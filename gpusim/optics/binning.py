@@ -22,6 +22,7 @@ from gpusim.optics.cutting import Screen
 from gpusim.optics.piercing import piercings
 from gpusim.optics.polygon import pick
 from gpusim.optics.ragged import expand
+from gpusim.optics.sheets import centred, outlines
 from gpusim.optics.view import View
 
 __all__ = ["MARGIN", "EdgePixels", "bin_edges", "segment_hits", "segment_pixels"]
@@ -41,12 +42,14 @@ class EdgePixels:
     """``pixel`` (E,) linear indices; triangles ``triangle[start[k] : start[k + 1]]``.
 
     ``pierced`` (E,): bodies cut each other there, so that no order of the triangles is right.
+    ``whole`` (E,): one sheet covers all of it, so that no triangle hides another.
     """
 
     pixel: npt.NDArray[np.int64]
     start: npt.NDArray[np.int64]
     triangle: npt.NDArray[np.int64]
     pierced: npt.NDArray[np.bool_]
+    whole: npt.NDArray[np.bool_]
 
     @property
     def depth(self) -> npt.NDArray[np.int64]:
@@ -58,7 +61,9 @@ class EdgePixels:
         depth = self.depth[wanted]
         start = np.concatenate([[0], np.cumsum(depth)])
         own = np.repeat(self.start[:-1][wanted] - start[:-1], depth) + np.arange(start[-1])
-        return EdgePixels(self.pixel[wanted], start, self.triangle[own], self.pierced[wanted])
+        return EdgePixels(
+            self.pixel[wanted], start, self.triangle[own], self.pierced[wanted], self.whole[wanted]
+        )
 
 
 def segment_pixels(
@@ -113,6 +118,7 @@ def bin_edges(view: View) -> EdgePixels:
     """
     width, height = view.camera.width, view.camera.height
     pixel = segment_pixels(view.edges, width, height)
+    ends = segment_pixels(view.edges[outlines(view)], width, height)
     cut = segment_pixels(_cuts(view), width, height)
     if len(cut):
         pixel = distinct(np.concatenate([pixel, cut]))
@@ -128,12 +134,29 @@ def bin_edges(view: View) -> EdgePixels:
     corners = _relative(view, triangle, np.take(at, entry, axis=1))
     keep = np.flatnonzero(_touches(corners))
     entry, triangle, corners = entry[keep], triangle[keep], pick(corners, keep)
+    pierced = np.isin(pixel, cut)
+    whole = np.bincount(entry[centred(corners)], minlength=len(pixel)) == 1
+    whole &= ~(pierced | np.isin(pixel, ends))
+    start = np.concatenate([[0], np.cumsum(np.bincount(entry, minlength=len(pixel)))])
+    order = np.argsort(entry, kind="stable")
+    others = np.flatnonzero(~whole[entry[order]])
+    if len(others):
+        rows = order[others]
+        order[others] = rows[_sorted(view, entry[rows], triangle[rows], pick(corners, rows))]
+    return EdgePixels(pixel, start, triangle[order], pierced, whole)
+
+
+def _sorted(
+    view: View,
+    entry: npt.NDArray[np.int64],
+    triangle: npt.NDArray[np.int64],
+    corners: npt.NDArray[np.float64],
+) -> npt.NDArray[np.int64]:
+    """The order of triangles (n,) over pixels ``entry``, ascending: by pixel, the nearest first."""
     inverse = 1.0 / np.take(view.vertices[:, 2], view.corner[triangle])
     depth = _nearest_depth(corners, inverse)
     order = np.lexsort((triangle, -depth, entry))
-    order = settle(order, entry, view.paint[triangle], corners, inverse)
-    start = np.searchsorted(entry[order], np.arange(len(pixel) + 1))
-    return EdgePixels(pixel, start, triangle[order], np.isin(pixel, cut))
+    return settle(order, entry, view.paint[triangle], corners, inverse)
 
 
 def _cuts(view: View) -> npt.NDArray[np.float64]:

@@ -31,7 +31,7 @@ from gpusim.optics.polygon import (
 )
 from gpusim.optics.scatter import write_pixels
 from gpusim.optics.setup import Setup, radiance_of
-from gpusim.optics.setup_probe import probe_setup
+from gpusim.optics.setup_probe import fields_setup, probe_setup
 from gpusim.optics.shade import Tables
 from gpusim.optics.speckle import EDGE_ROWS
 from gpusim.optics.view import FIXED
@@ -62,9 +62,13 @@ class EdgePass:
         turns = 200 + table.most_in_a_cell * (2000 if fine else 50) + speckle_turns(table)
         turns += 3000 if (tables.setup.groups == BITMAP).any() else 0
         each = turns + grazing_turns(tables.setup, edges) + shadow_turns(tables.setup, edges)
+        even = _even(edges, tables.setup)
         deep = edges.pierced | (edges.depth > np.minimum(DEEPEST, LOOP_TURNS // each))
+        # nothing there depends on how many triangles there are
+        deep &= ~even | (edges.depth > LOOP_TURNS)
         self.tables = tables
-        self._deep, self.edges = edges.select(deep), _alike(edges.select(~deep), tables.setup)
+        self._deep, self.edges = edges.select(deep), _alike(edges, even, deep, tables.setup)
+        self._even = int(np.count_nonzero(even & ~deep))
         self._found: Buffer | None = None
         self._values = np.zeros((0, 2), np.float32)
 
@@ -81,28 +85,32 @@ class EdgePass:
         self._found = device.empty(8 * count, "edges.found")
         groups = np.flatnonzero(np.bincount(setup.groups)).tolist()
         constants = setup.constants(groups, bool(setup.shiny.any()), bool(setup.bumpy.any()))
-        kernel = device.kernel("optics/edges", constants=constants)
-        bindings = kernel.bind(
-            params={
+        shared = {
+            "params": {
                 "rays": self.tables.rays(),
                 "width": setup.view.camera.width,
                 "background": setup.background,
             },
-            range={
-                "count": count,
-                "sides": 3,
-                "corners": 4,
-                "hard_rows": EDGE_ROWS,
-                "thin": THIN,
-                "sure": SURE,
-            },
-            lists=device.buffer(lists, "edges.lists"),
-            found=self._found,
+            "lists": device.buffer(lists, "edges.lists"),
+            "found": self._found,
             **self.tables.shared(),
             **self.tables.shadows.bindings(),
-        )
+        }
         with device.recording("optics.edges") as recording:
-            recording.dispatch(kernel, bindings, threads=(count,))
+            for entry, first, stop in (
+                ("whole_pixels", 0, self._even), ("main", self._even, count)
+            ):  # fmt: skip
+                if first == stop:
+                    continue
+                kernel = device.kernel("optics/edges", entry, constants)
+                used = kernel.layout.bindings
+                numbers = {
+                    "first": first, "count": stop, "sides": 3, "corners": 4,
+                    "hard_rows": EDGE_ROWS, "thin": THIN, "sure": SURE,
+                }  # fmt: skip
+                own = {name: value for name, value in shared.items() if name in used}
+                bindings = kernel.bind(range=numbers, **own)
+                recording.dispatch(kernel, bindings, threads=(stop - first,))
 
     def fetch(self) -> None:
         """Wait for what the device found."""
@@ -126,14 +134,27 @@ class EdgePass:
         write_pixels(self.tables.device, bands, width, pixel, value)
 
 
-def _alike(edges: EdgePixels, setup: Setup) -> EdgePixels:
-    """The same pixels, those under as many triangles and of equal paint side by side.
+def _even(edges: EdgePixels, setup: Setup) -> npt.NDArray[np.bool_]:
+    """(E,): which pixels one sheet covers that has neither patterns nor shadows there."""
+    if setup.lighting.shadows is not None:
+        return np.zeros(len(edges.pixel), bool)
+    patterned = np.concatenate([[0], np.cumsum(setup.near_feature[edges.triangle])])
+    result: npt.NDArray[np.bool_] = patterned[edges.start[1:]] == patterned[edges.start[:-1]]
+    return result & edges.whole
+
+
+def _alike(
+    edges: EdgePixels, even: npt.NDArray[np.bool_], deep: npt.NDArray[np.bool_], setup: Setup
+) -> EdgePixels:
+    """Pixels that aren't ``deep`` (E,), ``even`` ones first; those under as many triangles and of
+    equal paint side by side.
 
     Software rasterisers work on several in step: all of them wait for the deepest.
     """
     # behind the last triangle stands that of pixels that have none
     nearest = np.append(setup.groups[edges.triangle], 0)[edges.start[:-1]]
-    return edges.select(np.lexsort((nearest, edges.depth)))
+    order = np.lexsort((nearest, edges.depth, ~even))
+    return edges.select(order[~deep[order]])
 
 
 def edges_twin(
@@ -155,6 +176,8 @@ def _resolve(setup: Setup, edges: EdgePixels) -> Array:
         np.repeat(np.arange(count), edges.depth),
         np.repeat(edges.start[:-1], edges.depth),
     )
+    # nothing is in front of a triangle where one sheet covers all
+    first = np.where(edges.whole[pixel], np.arange(len(pixel)), first)
     number = edges.pixel[pixel]
     at = np.stack([number % width, number // width], axis=1).astype(np.float64)
     triangle = edges.triangle[: len(pixel)]
@@ -254,14 +277,14 @@ def _paint_positions(
 
 @twin_check("optics/edges")
 def _check(device: Device) -> None:
-    setup = probe_setup()
-    edges = bin_edges(setup.view)
-    camera = setup.view.camera
-    start = np.full((camera.height, camera.width), 0.25, np.float32)
-    out = device.buffer(start, "edges.radiance")
-    edge_pass = EdgePass(Tables(device, setup), edges)
-    edge_pass.begin()
-    edge_pass.fetch()
-    edge_pass.write([Band(0, camera.height, camera.width, out)])
-    got = out.read(np.float32, start.shape)
-    compare("optics/edges", got, edges_twin(setup, edges, start), "pixel")
+    for setup in (probe_setup(), fields_setup(True), fields_setup(False)):
+        edges = bin_edges(setup.view)
+        camera = setup.view.camera
+        start = np.full((camera.height, camera.width), 0.25, np.float32)
+        out = device.buffer(start, "edges.radiance")
+        edge_pass = EdgePass(Tables(device, setup), edges)
+        edge_pass.begin()
+        edge_pass.fetch()
+        edge_pass.write([Band(0, camera.height, camera.width, out)])
+        got = out.read(np.float32, start.shape)
+        compare("optics/edges", got, edges_twin(setup, edges, start), "pixel")

@@ -8,11 +8,12 @@ import numpy.typing as npt
 from gpusim.optics.camera import Camera
 from gpusim.optics.light import AmbientLight, AreaLight, Light, PointLight
 from gpusim.optics.setup import Setup
+from gpusim.optics.sight import sheet
 from gpusim.optics.view import look
 from gpusim.surface.paint import Bump, Checker, Dots, Image, Markers, Paint, Plain, Speckle
 from gpusim.surface.surface import Surface
 
-__all__ = ["probe_setup"]
+__all__ = ["fields_setup", "probe_setup"]
 
 Array = npt.NDArray[np.float64]
 
@@ -61,6 +62,22 @@ def probe_setup(fine: bool = True) -> Setup:
         AmbientLight(0.05),
     ]
     return Setup.build(look(surfaces, camera, lit=True), lights, background=0.05)
+
+
+def fields_setup(lit: bool) -> Setup:
+    """A bent picture of a crumpled sheet in fields of two plain paints, before a plain one."""
+    front = sheet(0.7, 0.9, 0.2)
+    row, column = np.divmod(np.arange(len(front.faces)), 22)
+    field = ((row // 3 + column // 4) % 2).astype(np.int32)
+    paints = {"dark": Plain(0.1), "light": Plain(0.8)}
+    surfaces = [
+        Surface(front.points, front.faces, paints, field),
+        sheet(0.6, 0.4, 0.0, Plain(0.5), 5.0),
+    ]
+    K = np.array([[111.0, 0.3, 28.7], [0.0, 110.0, 20.2], [0.0, 0.0, 1.0]])
+    camera = Camera(59, 39, K, distortion=[-0.1, 0.03, 1e-3, -2e-3])
+    lights: list[Light] = [PointLight((-6.0, -5.0, -9.0), 2e3, shadows=False), AmbientLight(0.3)]
+    return Setup.build(look(surfaces, camera, lit), lights if lit else None, 0.25)
 
 
 def _ripples(rows: int, columns: int) -> Array:

@@ -3,11 +3,13 @@
 // Each triangle is clipped to the pixel's square and loses what those in front of it hide, as long
 // as that leaves it convex. The paint's mean is taken over what is left, the light at its centroid;
 // what no triangle takes of the pixel shows the background. A pixel that depends on a shape that
-// isn't convex is noted: the host resolves it.
+// isn't convex is noted: the host resolves it. Where one sheet without patterns covers the pixel,
+// nothing is hidden, and each triangle counts by what lies of it within.
 #import common/hidden
 #import common/polygon_paint
 #import common/surface
 #import common/undistort
+#import common/within
 
 override lit: u32;
 
@@ -19,6 +21,8 @@ struct Params {
 // Loop bounds that never change are uniforms here: compilers would unroll the loops otherwise,
 // and software rasterisers then spend seconds compiling what runs in milliseconds.
 struct Range {
+    // edge pixels first … count - 1
+    first: u32,
     count: u32,
     sides: u32,
     corners: u32,
@@ -40,17 +44,21 @@ struct Range {
 // Seen share of a pixel from which on nothing behind can matter.
 const FULL: f32 = 1.0 - 1e-6;
 
+// A triangle's corner from the middle of a pixel, px.
+fn corner_from(place: u32, pixel: vec2i) -> vec2f {
+    return vec2f(screen[corners[place]] - pixel * 65536) / 65536.0;
+}
+
 fn triangle_sides(id: u32, pixel: vec2i) -> Sides {
     return sides_of(
-        vec2f(screen[corners[3u * id]] - pixel * 65536) / 65536.0,
-        vec2f(screen[corners[3u * id + 1u]] - pixel * 65536) / 65536.0,
-        vec2f(screen[corners[3u * id + 2u]] - pixel * 65536) / 65536.0,
+        corner_from(3u * id, pixel), corner_from(3u * id + 1u, pixel),
+        corner_from(3u * id + 2u, pixel),
     );
 }
 
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
-    let n = gid.y * (groups.x * 64u) + gid.x;
+    let n = range.first + gid.y * (groups.x * 64u) + gid.x;
     if (n >= range.count) { return; }
     let entry = 2u * n;
     let index = lists[entry];
@@ -183,4 +191,42 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
         }
     }
     found[n] = vec2f(value, doubts);
+}
+
+// Pixels that one sheet covers, without patterns or shadows on it.
+@compute @workgroup_size(64)
+fn whole_pixels(
+    @builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u
+) {
+    let n = range.first + gid.y * (groups.x * 64u) + gid.x;
+    if (n >= range.count) { return; }
+    let index = lists[2u * n];
+    let stop = lists[2u * n + 3u];
+    let pixel = vec2i(i32(index % params.width), i32(index / params.width));
+    let bend = bend_at(pixel);
+    printed = 0.0;
+    var seen = 0.0;
+    var value = 0.0;
+    var c = lists[2u * n + 1u];
+    loop {
+        let id = lists[c];
+        let t = triangle_at(id);
+        let m = within_pixel(
+            corner_from(3u * id, pixel), corner_from(3u * id + 1u, pixel),
+            corner_from(3u * id + 2u, pixel),
+        );
+        var light = t.more.x;
+        if (lit != 0u) {
+            let middle = undistort(bend, m.yz);
+            let d = vec2f(pixel - t.place.xy) + middle;
+            let r = reflection_at(t, params.rays, vec2f(pixel) + middle, d, 0u);
+            light = radiance_of(t, r, light, light, 1.0);
+        }
+        seen += m.x;
+        value += m.x * light;
+        c++;
+        if (c >= stop) { break; }
+    }
+    // the host sees to what isn't as it seemed
+    found[n] = vec2f(value / seen, select(1.0, 0.0, abs(seen - 1.0) <= range.thin));
 }
