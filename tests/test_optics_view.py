@@ -271,9 +271,13 @@ def test_which_edges_show() -> None:
     normal = area_normals(surface.points, topology.triangles)
     front = np.sum(normal.T * (surface.points[topology.triangles[:, 0]] - eye), axis=1) < 0.0
 
-    def lengths(region: npt.NDArray[np.int32], smooth_angle: float) -> Array:
-        """Of the edges that show."""
-        shows = feature_edges(topology, front, region, unit(normal), smooth_angle, front)
+    def lengths(
+        region: npt.NDArray[np.int32], smooth_angle: float, patterned: tuple[int, ...] = (0, 1)
+    ) -> Array:
+        """Of the edges that show without light."""
+        shows = feature_edges(
+            topology, front, region, unit(normal), smooth_angle, front, None, patterned
+        )
         owner = topology.first[shows]
         k = np.argmax(topology.edge[owner] == np.flatnonzero(shows)[:, None], axis=1)
         corners = topology.triangles[owner]
@@ -285,8 +289,9 @@ def test_which_edges_show() -> None:
     region = np.zeros(6, np.int32)
     assert topology.closed and len(lengths(region, np.pi / 6)) == 9
     np.testing.assert_allclose(lengths(region, np.pi / 6), 0.3, atol=1e-12)
-    # from the front alone, with creases allowed: only the silhouette
-    assert len(lengths(region, np.pi)) == 6
+    # from the front alone, with creases allowed: only the silhouette; creases of plain paint don't
+    # show
+    assert len(lengths(region, np.pi)) == len(lengths(region, np.pi / 6, ())) == 6
     # a region border shows, whatever the angle
     region[2] = 1
     assert len(lengths(region, np.pi)) == 8
