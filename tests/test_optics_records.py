@@ -13,7 +13,7 @@ from gpusim.gpu.texels import Texels
 from gpusim.optics.binning import bin_edges
 from gpusim.optics.corners import NORMAL, ST
 from gpusim.optics.drawn import Drawn
-from gpusim.optics.records import evaluated, record_texels
+from gpusim.optics.records import Records, evaluated
 from gpusim.optics.seen import small_triangles
 from gpusim.optics.setup import Setup
 from gpusim.optics.view import look
@@ -39,9 +39,11 @@ def camera(**more: object) -> gs.Camera:
 
 
 def records(device: Device, setup: Setup) -> tuple[np.ndarray, np.ndarray]:
-    made = record_texels(device, setup, Drawn(device, setup.view, "records"))
+    made = Records.of(device, setup, Drawn(device, setup.view, "records"))
     assert made is not None
-    return evaluated(setup, made[0].read().reshape(-1, 28)[: setup.view.count])
+    with device.recording("test") as recording:
+        made.make_all(recording)
+    return evaluated(setup, made.texels.read().reshape(-1, 28)[: setup.view.count])
 
 
 @pytest.mark.parametrize(
@@ -112,7 +114,7 @@ def test_numbers_beyond_float32_are_left_to_the_host(device: Device) -> None:
     setup = Setup.build(look([surface], camera(), lit=True), LIGHTS, 0.0, [surface])
     setup.view.vertices[7, NORMAL] = 1e39
     with np.errstate(over="ignore"):
-        assert record_texels(device, setup, Drawn(device, setup.view, "records")) is None
+        assert Records.of(device, setup, Drawn(device, setup.view, "records")) is None
 
 
 def test_corners_that_differ_have_vertices_of_their_own() -> None:

@@ -97,6 +97,11 @@ class EdgePass:
             **self.tables.shadows.bindings(),
         }
         with device.recording("optics.edges") as recording:
+            if self.tables.records is not None:
+                needed = np.zeros(setup.view.count, bool)
+                needed[edges.triangle] = True
+                numbers = (np.flatnonzero(needed) + 1).astype(np.uint32)
+                self.tables.records.make(recording, device.buffer(numbers, "edges.needed"))
             for entry, first, stop in (
                 ("whole_pixels", 0, self._even), ("main", self._even, count)
             ):  # fmt: skip
@@ -104,12 +109,12 @@ class EdgePass:
                     continue
                 kernel = device.kernel("optics/edges", entry, constants)
                 used = kernel.layout.bindings
-                numbers = {
+                range_of = {
                     "first": first, "count": stop, "sides": 3, "corners": 4,
                     "hard_rows": EDGE_ROWS, "thin": THIN, "sure": SURE,
                 }  # fmt: skip
                 own = {name: value for name, value in shared.items() if name in used}
-                bindings = kernel.bind(range=numbers, **own)
+                bindings = kernel.bind(range=range_of, **own)
                 recording.dispatch(kernel, bindings, threads=(stop - first,))
 
     def fetch(self) -> None:

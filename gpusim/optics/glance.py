@@ -41,7 +41,8 @@ class GlancePass:
 
     def __init__(self, tables: Tables, programs: list[Program], sight: Sight) -> None:
         device, view = tables.device, tables.setup.view
-        self.tables, self.sight = tables, sight
+        assert tables.records is not None
+        self.tables, self.sight, self._records = tables, sight, tables.records
         self._own = []
         for program in programs:
             count = len(program.triangles)
@@ -59,14 +60,14 @@ class GlancePass:
     @staticmethod
     def suits(tables: Tables, programs: list[Program], sight: Sight) -> bool:
         """Whether most triangles of a view are matte and plain, without shadows on them."""
-        lighting, count = tables.setup.lighting, tables.setup.view.count
-        if sight.nearest is None or tables.vertices is None or lighting.shadows is not None:
-            return False
-        if lighting.openness is not None:
-            return False
-        return any(
-            glanced(program) and len(program.triangles) >= LEAST_SHARE * count
-            for program in programs
+        count = tables.setup.view.count
+        return (
+            tables.records is not None
+            and glances(tables.setup, sight)
+            and any(
+                glanced(program) and len(program.triangles) >= LEAST_SHARE * count
+                for program in programs
+            )
         )
 
     def record(
@@ -85,7 +86,7 @@ class GlancePass:
         own = {
             "rays": params["rays"], "count": len(self._plain.triangles), "width": size[0],
             "row0": params["row0"], "background": self.tables.setup.background,
-            "tolerance": TOLERANCE,
+            "tolerance": TOLERANCE, "inverse_depth": self._records.inverse_depth,
         }  # fmt: skip
         constants = {
             "lit": float(self.tables.setup.lit),
@@ -93,6 +94,9 @@ class GlancePass:
         }
         if not self._found:
             self._find(recording, own, constants)
+            for _, _, numbers in self._own:
+                self._records.make(recording, numbers)
+            self._records.make(recording, self._refused, self._refusals)
             self._found = True
         raster = device.raster("optics/glance", (color.format,), constants=constants, depth="none")
         bent = {name: shared[name] for name in ("tiles", "undistortion")}
@@ -137,14 +141,29 @@ class GlancePass:
     ) -> None:
         """Find the triangles' functions, and which of them have none."""
         kernel = self.tables.device.kernel("optics/glance", constants=constants)
-        surface = self.tables.surface()
-        del surface["tiles"], surface["undistortion"]
+        records = self._records
+        surface = {
+            name: value
+            for name, value in self.tables.surface().items()
+            if name in kernel.layout.bindings
+        }
         bindings = kernel.bind(
             params=params, order=self._order, corners=self.sight.drawn.corners,
-            vertices=self.tables.vertices, glances=self._glances, refused=self._refused,
-            refusals=self._refusals, **surface,
+            vertices=records.vertices, looks=records.looks, glances=self._glances,
+            refused=self._refused, refusals=self._refusals, **surface,
         )  # fmt: skip
         recording.dispatch(kernel, bindings, threads=(len(self._plain.triangles),))
+
+
+def glances(setup: Setup, sight: Sight | None) -> bool:
+    """Whether most triangles of a view may be matte and plain, without shadows on them."""
+    lighting, count = setup.lighting, setup.view.count
+    if sight is None or sight.nearest is None:
+        return False
+    if lighting.shadows is not None or lighting.openness is not None:
+        return False
+    plain = np.count_nonzero((setup.groups == 0) & ~setup.shiny)
+    return bool(plain >= LEAST_SHARE * count)
 
 
 def glanced(program: Program) -> bool:

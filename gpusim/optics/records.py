@@ -14,14 +14,14 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import TwinMismatch
-from gpusim.gpu import Device, compare, twin_check
+from gpusim.gpu import Buffer, Device, Recording, compare, twin_check
 from gpusim.gpu.texels import Texels
 from gpusim.optics.corners import NORMAL, ST
 from gpusim.optics.drawn import Drawn
 from gpusim.optics.setup import TRIANGLE, Setup
 from gpusim.optics.setup_probe import probe_setup
 
-__all__ = ["record_texels", "vertex_blocks"]
+__all__ = ["Records", "vertex_blocks"]
 
 Array = npt.NDArray[np.float64]
 
@@ -38,42 +38,71 @@ REAL = (3, 6, 7, 8, 9, 10, 11)
 """Words of a vertex that are float32."""
 
 
-def record_texels(device: Device, setup: Setup, drawn: Drawn) -> tuple[Texels, Texels] | None:
-    """The records of ``setup``'s triangles, and the vertices that they were made of; None where
-    float32 or the shader can't make them.
+class Records:
+    """The records of a view's triangles on the device, as far as they have been asked for.
 
-    They are good until those of another view are made.
+    ``texels``: seven a triangle, good until those of another view are made; ``vertices``: what they
+    are made of, with 1 / depth relative to ``inverse_depth``; ``looks`` (T, 2) uint32: bits of the
+    triangles' albedo, and their paint.
     """
-    view = setup.view
-    if not view.count or setup.bitmaps.images or setup.bumps is not None:
-        return None
-    inverse_depth = float((1.0 / view.vertices[:, 2]).mean())
-    vertices = device.kept.texels(3 * len(view.place), "rgba32uint", "records.vertices")
-    for first, words in vertex_blocks(setup, inverse_depth):
-        if not np.isfinite(words.view(np.float32)[:, REAL]).all():
+
+    def __init__(self, setup: Setup, drawn: Drawn, vertices: Texels, inverse_depth: float) -> None:
+        view, device = setup.view, drawn.device
+        self.device, self.count, self.inverse_depth = device, view.count, inverse_depth
+        self.vertices = vertices
+        looks = np.empty((view.count, 2), np.uint32)
+        looks[:, 0] = setup.albedo.view(np.uint32)
+        looks[:, 1] = view.paint
+        looks[:, 1] |= setup.near_feature.astype(np.uint32) << np.uint32(31)
+        self.looks = device.buffer(looks, "records.looks")
+        traits = setup.traits().astype(np.float32)
+        traited = device.texels(len(traits), "rgba32float", "records.traits")
+        traited.write(traits)
+        per = TRIANGLE.itemsize // 16
+        self.texels = device.kept.texels(per * view.count, "rgba32uint", "records.triangles")
+        self._bound = {
+            "corners": drawn.corners, "looks": self.looks, "vertices": vertices,
+            "traits": traited, "triangles": self.texels,
+        }  # fmt: skip
+        self._all = False
+
+    @staticmethod
+    def of(device: Device, setup: Setup, drawn: Drawn) -> Records | None:
+        """Those of a setup, none of them made yet; None where float32 or the shader can't."""
+        view = setup.view
+        if not view.count or setup.bitmaps.images or setup.bumps is not None:
             return None
-        vertices.write(words.reshape(-1, 4), 3 * first)
-    looks = np.empty((view.count, 2), np.uint32)
-    looks[:, 0] = setup.albedo.view(np.uint32)
-    looks[:, 1] = view.paint
-    looks[:, 1] |= setup.near_feature.astype(np.uint32) << np.uint32(31)
-    traits = setup.traits().astype(np.float32)
-    traited = device.texels(len(traits), "rgba32float", "records.traits")
-    traited.write(traits)
-    per = TRIANGLE.itemsize // 16
-    result = device.kept.texels(per * view.count, "rgba32uint", "records.triangles")
-    kernel = device.kernel("optics/records")
-    bindings = kernel.bind(
-        params={"count": view.count, "inverse_depth": inverse_depth},
-        corners=drawn.corners,
-        looks=device.buffer(looks, "records.looks"),
-        vertices=vertices,
-        traits=traited,
-        triangles=result,
-    )
-    with device.recording("optics.records") as recording:
-        recording.dispatch(kernel, bindings, threads=(view.count,))
-    return result, vertices
+        inverse_depth = float((1.0 / view.vertices[:, 2]).mean())
+        vertices = device.kept.texels(3 * len(view.place), "rgba32uint", "records.vertices")
+        for first, words in vertex_blocks(setup, inverse_depth):
+            if not np.isfinite(words.view(np.float32)[:, REAL]).all():
+                return None
+            vertices.write(words.reshape(-1, 4), 3 * first)
+        return Records(setup, drawn, vertices, inverse_depth)
+
+    def make_all(self, recording: Recording) -> None:
+        """Make those of all triangles, unless that has been done."""
+        if not self._all:
+            kernel = self.device.kernel("optics/records")
+            bindings = kernel.bind(params=self._params(self.count), **self._bound)
+            recording.dispatch(kernel, bindings, threads=(self.count,))
+        self._all = True
+
+    def make(self, recording: Recording, numbers: Buffer, groups: Buffer | None = None) -> None:
+        """Make those of some: ``numbers`` + 1 (uint32), 0 where there is none; ``groups``: of 64
+        that are to be looked at, as the device counted them."""
+        if self._all:
+            return
+        kernel = self.device.kernel("optics/records", "listed")
+        count = numbers.nbytes // 4
+        bindings = kernel.bind(params=self._params(count), order=numbers, **self._bound)
+        if groups is None:
+            recording.dispatch(kernel, bindings, threads=(count,))
+        else:
+            recording.dispatch_counted(kernel, bindings, groups)
+
+    def _params(self, count: int) -> dict[str, float]:
+        return {"count": count, "inverse_depth": self.inverse_depth}
 
 
 def vertex_blocks(
@@ -130,10 +159,20 @@ def _sides(setup: Setup) -> Array:
 @twin_check("optics/records")
 def _check(device: Device) -> None:
     setup = probe_setup(fine=False)
-    found = record_texels(device, setup, Drawn(device, setup.view, "records"))
+    found = Records.of(device, setup, Drawn(device, setup.view, "records"))
     if found is None:
         raise TwinMismatch("optics/records: nothing to compare")
-    got = found[0].read().reshape(-1, TRIANGLE.itemsize // 4)[: setup.view.count]
+    count, per = setup.view.count, TRIANGLE.itemsize // 16
+    some = np.arange(0, 2 * count, 2, dtype=np.uint32) % np.uint32(count + 1)
+    found.texels.write(np.zeros((per * count, 4), np.uint32))
+    with device.recording("optics.records") as recording:
+        found.make(recording, device.buffer(some, "records.some"))
+    few = found.texels.read().reshape(-1, 4 * per)[:count]
+    with device.recording("optics.records") as recording:
+        found.make_all(recording)
+    got = found.texels.read().reshape(-1, 4 * per)[:count]
+    listed = np.isin(np.arange(1, count + 1), some)
+    compare("optics/records, some", few, np.where(listed[:, None], got, 0), "exact")
     for name, one, other in zip(
         ("numbers", "values"), evaluated(setup, got), evaluated(setup, setup.records()), strict=True
     ):

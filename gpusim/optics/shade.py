@@ -26,12 +26,12 @@ from gpusim.optics.board_lines import BoardLines
 from gpusim.optics.bump import bump_texels, bump_uniform
 from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.drawn import Drawn
-from gpusim.optics.glance import GlancePass
+from gpusim.optics.glance import GlancePass, glances
 from gpusim.optics.gloss import gloss_texels
 from gpusim.optics.light_tiles import SMALLEST, LightTiles, LightTilesPass
 from gpusim.optics.openness_table import openness_texels
 from gpusim.optics.pattern import FINEST, LOOP_TURNS
-from gpusim.optics.records import record_texels
+from gpusim.optics.records import Records
 from gpusim.optics.seen import SeenPass, small_triangles
 from gpusim.optics.setup import GRAZING, TRIANGLE, Setup, footprint, radiance_of
 from gpusim.optics.setup_probe import probe_setup
@@ -62,17 +62,19 @@ class Tables:
         self.patterns = table.texels(device)
         # triangles that are shaded pixel by pixel take no parts
         self.lines = BoardLines.of(setup) if sight is None else None
+        self.records: Records | None = None
         if sight is None:
             self.drawn = Drawn(device, view, "shade", self.lines)
-            made = None
         else:
             self.drawn = sight.drawn
-            made = record_texels(device, setup, sight.drawn)
-        self.vertices: Texels | None = None
-        if made is None:
+            self.records = Records.of(device, setup, sight.drawn)
+        if self.records is None:
             self.triangles = _triangles(device, setup, self.lines)
         else:
-            self.triangles, self.vertices = made
+            self.triangles = self.records.texels
+            if not glances(setup, sight):
+                with device.recording("optics.records") as recording:
+                    self.records.make_all(recording)
         bends = distortion_map(view.camera)
         self.undistortion = self.bitmap_texels = device.no_texels("rgba32float")
         if bends is not None:
@@ -227,6 +229,8 @@ class ShadePass:
         """Shade rows ``row0 …`` into ``radiance`` (rows x stride float32)."""
         setup = self.tables.setup
         width = setup.view.camera.width
+        if self.tables.records is not None and (self.glance is None or self._light is not None):
+            self.tables.records.make_all(recording)
         params = {
             "rays": self.tables.rays(), "width": width, "rows": rows, "row0": row0,
             "near": self.tables.drawn.near, "level": 0.0,

@@ -3,6 +3,7 @@
 #import common/index
 #import common/surface
 #import common/undistort
+#import common/vertex
 
 override lit: u32;
 
@@ -14,13 +15,15 @@ struct Params {
     background: f32,
     // of the largest light at its corners, that a triangle's function may be off by
     tolerance: f32,
+    // 1 / depth that those of the vertices are relative to
+    inverse_depth: f32,
 }
 @group(0) @binding(0) var<uniform> params: Params;
 // the triangles to look at
 @group(0) @binding(1) var<storage, read> order: array<u32>;
 @group(0) @binding(2) var<storage, read> corners: array<u32>;
-// as records.wgsl reads them
-@group(0) @binding(3) var vertices: texture_2d<u32>;
+// per triangle (bits of its albedo, its paint)
+@group(0) @binding(11) var<storage, read> looks: array<vec2u>;
 // per triangle radiance at an anchor, its change per column and per row, the anchor's column (lower
 // half) and row
 @group(0) @binding(6) var glances: texture_storage_2d<rgba32uint, write>;
@@ -29,16 +32,27 @@ struct Params {
 @group(0) @binding(7) var<storage, read_write> refused: array<u32>;
 @group(0) @binding(8) var<storage, read_write> refusals: array<atomic<u32>, 4>;
 
-// A corner's offset from the anchor in the ideal image, px.
-fn offset_of(corner: u32, anchor: vec2i) -> vec2f {
-    let at = textureLoad(vertices, texel(3u * corner), 0);
-    let rest = vec2f(vec2u(at.z & 65535u, at.z >> 16u)) / 65536.0;
-    return (vec2f(vec2i(at.xy) - anchor * 65536) + rest) / 65536.0;
+// A place on a triangle: its offset from the anchor in the ideal image, px, relative 1 / depth, and
+// the normal times that, which are affine in the image.
+struct Place {
+    at: vec2f,
+    w: f32,
+    normal: vec3f,
+}
+fn place_of(v: Vertex, anchor: vec2i) -> Place {
+    let w = 1.0 + v.offset;
+    return Place(offset_from(anchor, v), w, w * v.normal);
+}
+fn between(a: Place, b: Place) -> Place {
+    return Place(0.5 * (a.at + b.at), 0.5 * (a.w + b.w), 0.5 * (a.normal + b.normal));
 }
 
-fn light_at(t: Triangle, d: vec2f) -> f32 {
+fn light_at(place: Place, anchor: vec2f) -> f32 {
     if (lit == 0u) { return 1.0; }
-    return reflection_at(t, params.rays, vec2f(t.place.xy) + d, d, 0u).matte;
+    let p = anchor + place.at;
+    let depth = 1.0 / (place.w * params.inverse_depth);
+    let ray = params.rays.x.xyz * p.x + params.rays.y.xyz * p.y + params.rays.one.xyz;
+    return reflection(depth * ray, normalize(place.normal), Gloss(), 1.0, 0u).matte;
 }
 
 @compute @workgroup_size(64)
@@ -46,18 +60,21 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
     let i = linear_id(gid, groups, 64u);
     if (i >= params.count) { return; }
     let id = order[i];
-    let t = triangle_at(id);
-    let anchor = t.place.xy;
-    let p = offset_of(corners[3u * id], anchor);
-    let q = offset_of(corners[3u * id + 1u], anchor);
-    let r = offset_of(corners[3u * id + 2u], anchor);
-    let light = vec3f(light_at(t, p), light_at(t, q), light_at(t, r));
-    let middle = vec3f(
-        light_at(t, 0.5 * (q + r)), light_at(t, 0.5 * (r + p)), light_at(t, 0.5 * (p + q)));
+    let a = vertex_at(corners[3u * id]);
+    let b = vertex_at(corners[3u * id + 1u]);
+    let c = vertex_at(corners[3u * id + 2u]);
+    let anchor = anchor_of(a, b, c);
+    let origin = vec2f(anchor);
+    let p = place_of(a, anchor);
+    let q = place_of(b, anchor);
+    let r = place_of(c, anchor);
+    let light = vec3f(light_at(p, origin), light_at(q, origin), light_at(r, origin));
+    let middle = vec3f(light_at(between(q, r), origin), light_at(between(r, p), origin),
+        light_at(between(p, q), origin));
     let off = abs(middle - 0.5 * (light.yzx + light.zxy));
     let most = max(light.x, max(light.y, light.z));
-    let u = q - p;
-    let v = r - p;
+    let u = q.at - p.at;
+    let v = r.at - p.at;
     let area = u.x * v.y - u.y * v.x;
     let one = light.y - light.x;
     let two = light.z - light.x;
@@ -69,7 +86,7 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
         refused[place] = id + 1u;
         atomicMax(&refusals[0], place / 64u + 1u);
     }
-    let radiance = t.more.x * vec3f(light.x - dot(slope, p), slope);
+    let radiance = bitcast<f32>(looks[id].x) * vec3f(light.x - dot(slope, p.at), slope);
     let place = (u32(anchor.y) << 16u) | (u32(anchor.x) & 65535u);
     textureStore(glances, texel(id), vec4u(bitcast<vec3u>(radiance), place));
 }

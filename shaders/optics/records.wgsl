@@ -5,6 +5,7 @@
 // what matters however far from the image's or the paint's origin a triangle lies.
 #import common/index
 #import common/texel
+#import common/vertex
 
 struct Params {
     count: u32,
@@ -16,35 +17,14 @@ struct Params {
 @group(0) @binding(1) var<storage, read> corners: array<u32>;
 // per triangle (bits of its albedo, its paint, plus NEAR if it is near a feature)
 @group(0) @binding(2) var<storage, read> looks: array<vec2u>;
-// per vertex three texels: (column, row in 1/65536 px, their remainders in 16 bits each, relative
-// offset of 1 / depth), (cells of the pattern along s and t, s and t within the cell),
-// (normal, side of a cell)
-@group(0) @binding(3) var vertices: texture_2d<u32>;
 // per paint (what nearness counts, GGX alpha, metallic, -)
 @group(0) @binding(4) var traits: texture_2d<f32>;
 @group(0) @binding(5) var triangles: texture_storage_2d<rgba32uint, write>;
 
-const NEAR: u32 = 0x80000000u;
-const PIXEL: f32 = 65536.0;
+// numbers + 1 of the triangles whose records are needed, if not of all; 0 where there is none
+@group(0) @binding(6) var<storage, read> order: array<u32>;
 
-struct Vertex {
-    at: vec2i,
-    rest: vec2f,
-    // of 1 / depth
-    offset: f32,
-    cell: vec2i,
-    st: vec2f,
-    normal: vec3f,
-    side: f32,
-}
-fn vertex_at(number: u32) -> Vertex {
-    let a = textureLoad(vertices, texel(3u * number), 0);
-    let b = textureLoad(vertices, texel(3u * number + 1u), 0);
-    let c = bitcast<vec4f>(textureLoad(vertices, texel(3u * number + 2u), 0));
-    let rest = vec2f(vec2u(a.z & 65535u, a.z >> 16u)) / PIXEL;
-    return Vertex(bitcast<vec2i>(a.xy), rest, bitcast<f32>(a.w), bitcast<vec2i>(b.xy),
-        bitcast<vec2f>(b.zw), c.xyz, c.w);
-}
+const NEAR: u32 = 0x80000000u;
 
 // a.x b.y - a.y b.x, rounded once or twice: slivers leave a small difference of large products.
 // Numbers below 2^26 in halves; where `a` and `b` have remainders, those add to it.
@@ -71,7 +51,18 @@ fn plane(w: Weights, first: f32, one: f32, two: f32) -> vec3f {
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let id = linear_id(gid, groups, 64u);
-    if (id >= params.count) { return; }
+    if (id < params.count) { make(id); }
+}
+
+@compute @workgroup_size(64)
+fn listed(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
+    let i = linear_id(gid, groups, 64u);
+    if (i >= params.count) { return; }
+    let number = order[i];
+    if (number != 0u) { make(number - 1u); }
+}
+
+fn make(id: u32) {
     let p = vertex_at(corners[3u * id]);
     let q = vertex_at(corners[3u * id + 1u]);
     let r = vertex_at(corners[3u * id + 2u]);
@@ -89,9 +80,8 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
         + (vec2f(u).x * dv.y - vec2f(u).y * dv.x + du.x * fv.y - du.y * fv.x);
     var scale = 0.0;
     if (area != 0.0) { scale = PIXEL / area; }
-    // no division of whole numbers, which is done one by one
-    let anchor = (p.at + vec2i(vec2f(u + v) / 3.0) + vec2i(32768)) >> vec2u(16u);
-    let d = (vec2f(anchor * 65536 - p.at) - p.rest) / PIXEL;
+    let anchor = anchor_of(p, q, r);
+    let d = -offset_from(anchor, p);
     // barycentric coordinates of the second and the third corner
     let one = vec2f(fv.y, -fv.x) * scale;
     let two = vec2f(-fu.y, fu.x) * scale;
