@@ -211,6 +211,28 @@ def test_parts_split_at_the_texture_limit_give_the_same_product(
     assert (result.read(2) == whole).all()
 
 
+@pytest.mark.parametrize("name", ["lattice", "irregular", "bent"])
+def test_rounded_vectors_are_read_as_they_are(device: Device, name: str) -> None:
+    model = clamped(MESHES[name]())
+    assembled = assemble(model, resolve_formulation(model, None))
+    operator = upload_operator(device, assembled, device_tets(device, assembled), 1024.0, 1)
+    u = np.random.default_rng(7).normal(size=(1, *model.mesh.points.shape))
+    found = []
+    for rounded, values in (
+        (True, u),
+        (False, u.astype(np.float32).astype(np.float64)),
+        (False, u),
+    ):
+        source = operator.vector(values, rounded=rounded)
+        assert (source.low is None) == rounded
+        result = operator.vector(np.zeros_like(u))
+        with device.recording("test") as recording:
+            operator.record(recording, source, result)
+        found.append(result.read(1))
+    assert (found[0] == found[1]).all()
+    assert (found[0] != found[2]).any()
+
+
 @pytest.mark.parametrize("limit", [8192, 2])
 def test_any_matrix_times_a_vector(
     device: Device, monkeypatch: pytest.MonkeyPatch, limit: int
@@ -290,7 +312,8 @@ def test_memory_asked_for_is_memory_taken(device: Device, name: str, cases: int)
     with Arena(device) as arena:
         elements = device_tets(arena, assembled)
         operator = upload_operator(arena, assembled, elements, 1024.0, cases, free)
-        loop = DeviceCG(arena, operator, multigrid.upload(arena, operator, cases), cases)
+        ready = multigrid.upload(arena, operator, cases)
+        loop = DeviceCG(arena, operator, ready, cases, rounded=True)
         loop.begin(np.zeros((cases, free.size)))
         taken = device.allocated - before
     asked = _memory(assembled, elements, cases, multigrid)

@@ -42,14 +42,15 @@ class Probe:
 
 
 def operator_probe(case: Case, model: Model, device: Device, repeat: int = 8) -> Probe:
-    """The operator of a model, uploaded."""
+    """The operator of a model, uploaded, times directions as conjugate gradients behind multigrid
+    take them: float32 (`gpusim.fem.cg`)."""
     model = _as_solved(model)
     assembled = assemble(model, resolve_formulation(model, {case.kind: case.rule}))
     rows, before = assembled.rows, device.allocated
     operator = upload_operator(device, assembled, device_tets(device, assembled), 1.0, 1)
     stored = device.allocated - before
     u = np.random.default_rng(1).normal(size=(1, *model.mesh.points.shape))
-    source = operator.vector(u)
+    source = operator.vector(u, rounded=True)
     result = operator.vector(np.zeros_like(u))
 
     def apply() -> None:

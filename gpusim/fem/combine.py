@@ -36,9 +36,9 @@ class DeviceSum:
         full = {name: terms.get(name, (0.0, some)) for name in _NAMES}
         key = (id(out.high), *((factor, id(one.high)) for factor, one in full.values()))
         if key not in self._bound:
-            vectors = {"out_high": out.high, "out_low": out.low}
+            vectors = {"out_high": out.high, "out_low": out.second}
             for name, (_, one) in full.items():
-                vectors |= {f"{name}_high": one.high, f"{name}_low": one.low}
+                vectors |= {f"{name}_high": one.high, f"{name}_low": one.second}
             factors = {name: factor for name, (factor, _) in full.items()}
             params = {"count": self.texels, **factors}
             self._bound[key] = self._kernel.bind(**vectors, params=params)

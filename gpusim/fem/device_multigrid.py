@@ -31,25 +31,28 @@ __all__ = ["DeviceMultigrid", "compile_kernels", "multigrid_bytes"]
 Steps = tuple[Relaxation, ...]
 
 
-def compile_kernels(device: Allocator, by_elements: bool) -> None:
-    """Compile what a solve runs: half a second at first, which may pass beside other work."""
+def compile_kernels(device: Allocator, by_elements: bool, rounded: bool) -> None:
+    """Compile what a solve runs, with directions ``rounded`` or not: half a second at first, which
+    may pass beside other work."""
+    directions = {"rounded": float(rounded)}
     if by_elements:
         for entry in ("straight", "curved", "sums"):
-            device.kernel("fem/tet_forces", entry=entry)
+            device.kernel("fem/tet_forces", entry=entry, constants=directions)
         for entry in ("straight", "curved"):
             device.kernel("fem/tet_forces_single", entry=entry)
         for entry in ("relax", "residual"):
             device.kernel("fem/relax", entry=f"{entry}_forces")
     for width in ("", "4"):
-        device.kernel("fem/stiffness", entry=f"apply{width}")
+        device.kernel("fem/stiffness", entry=f"apply{width}", constants=directions)
         for entry in ("begin", "relax", "residual"):
             device.kernel("fem/relax", entry=f"{entry}{width}")
     device.kernel("fem/stiffness", entry="apply", constants={"plain": 1.0})
     device.kernel("fem/combine", entry="combine")
     for entry in ("apply", "add"):
         device.kernel("fem/spread", entry=entry)
-    for entry in ("dot_pq", "dot_rz", "start", "alpha", "beta", "advance", "turn"):
-        device.kernel("fem/cg", entry=entry)
+    turn = "turn_rounded" if rounded else "turn"
+    for entry in ("dot_pq", "dot_rz", "start", "alpha", "beta", "advance", turn):
+        device.kernel("fem/cg", entry=entry, constants=directions)
 
 
 class DeviceMultigrid:

@@ -168,7 +168,7 @@ def _iterated(
         result = _with_pressures(model, assembled, system, options, clock)
         if result is not None:
             return result
-    on_device = _on_device(options)
+    on_device, rounded = _on_device(options), kind == "multigrid"
     if on_device:
         # the operator and the vectors at least; what multigrid adds is known once it is set up
         device = options.device if options.device is not None else default_device()
@@ -177,7 +177,9 @@ def _iterated(
         _ask(device, least + 5 * 8 * system.right.size, system)
     with ThreadPoolExecutor(1) as aside:
         by_elements = on_device and elements is not None
-        compiled = aside.submit(compile_kernels, device, by_elements) if on_device else None
+        compiled = None
+        if on_device:
+            compiled = aside.submit(compile_kernels, device, by_elements, rounded)
         chosen, norm, product = _preconditioner(kind, model, assembled, system)
     if compiled is not None:
         compiled.result()
@@ -207,7 +209,7 @@ def _iterated(
         _ask(device, _memory(assembled, elements, cases, chosen), system)
         operator = upload_operator(arena, assembled, elements, system.scale, cases, system.free)
         ready = chosen.upload(arena, operator, cases)
-        loop = DeviceCG(arena, operator, ready, cases)
+        loop = DeviceCG(arena, operator, ready, cases, rounded=rounded)
         clock.mark("upload")
         outcome = run(system, loop, start=options.start, progress=options.progress)
         outcome = _blurred(outcome, system, chosen, options)
@@ -355,7 +357,7 @@ def _memory(
 ) -> int:
     """Bytes to come on a device: vectors, operator, preconditioner."""
     return (
-        DeviceCG.device_bytes(assembled.rows.node_count, cases)
+        DeviceCG.device_bytes(assembled.rows.node_count, cases, not isinstance(chosen, BlockJacobi))
         + operator_bytes(assembled, elements)
         + chosen.device_bytes(cases)
     )

@@ -21,21 +21,36 @@ Float = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Pair:
-    """A vector as the sum of two float32 ones: ``high`` the nearest, ``low`` what that leaves."""
+    """A vector as the sum of two float32 ones: ``high`` the nearest, ``low`` what that leaves.
+
+    ``low`` None: a vector that is float32 itself, which takes less time to read.
+    """
 
     high: Texels
-    low: Texels
+    low: Texels | None
 
     def write(self, values: Float) -> None:
-        """Copy float64 values (L,N,3) in, to 48 bits."""
+        """Copy float64 values (L,N,3) in, to 48 bits, or to 24."""
         high = values.astype(np.float32)
         self.high.write(node_texels(high))
-        self.low.write(node_texels(values - high))
+        if self.low is not None:
+            self.low.write(node_texels(values - high))
 
     def read(self, cases: int) -> Float:
         """The (L,N,3) values."""
-        high, low = (read_nodes(one, cases).astype(np.float64) for one in (self.high, self.low))
-        return np.asarray(high + low)
+        result = read_nodes(self.high, cases).astype(np.float64)
+        if self.low is not None:
+            result += read_nodes(self.low, cases)
+        return np.asarray(result)
+
+    @property
+    def rounded(self) -> bool:
+        return self.low is None
+
+    @property
+    def second(self) -> Texels:
+        """What is bound where a kernel takes the low half, and doesn't read of a rounded one."""
+        return self.high if self.low is None else self.low
 
 
 def vector_texels(device: Allocator, cases: int, nodes: int, label: str) -> Texels:
@@ -51,12 +66,10 @@ def node_texels(values: npt.NDArray[np.floating]) -> npt.NDArray[np.float32]:
     return result.reshape(-1, 4)
 
 
-def pair(device: Allocator, cases: int, nodes: int, label: str) -> Pair:
+def pair(device: Allocator, cases: int, nodes: int, label: str, *, rounded: bool = False) -> Pair:
     """A vector of zeros."""
-    return Pair(
-        vector_texels(device, cases, nodes, f"{label}.high"),
-        vector_texels(device, cases, nodes, f"{label}.low"),
-    )
+    high = vector_texels(device, cases, nodes, f"{label}.high")
+    return Pair(high, None if rounded else vector_texels(device, cases, nodes, f"{label}.low"))
 
 
 def read_nodes(texels: Texels, cases: int) -> npt.NDArray[np.float32]:

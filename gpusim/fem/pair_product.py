@@ -51,9 +51,9 @@ class DeviceProduct:
                     blocks_high=part.high,
                     blocks_low=part.low,
                     u_high=x.high,
-                    u_low=x.low,
+                    u_low=x.second,
                     k_high=out.high,
-                    k_low=out.low,
+                    k_low=out.second,
                     params={
                         "count": part.count,
                         "nodes": self.rows,

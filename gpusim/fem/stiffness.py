@@ -1,7 +1,8 @@
 """The stiffness operator y = K u: NumPy twin and kernel driver of ``shaders/fem/stiffness.wgsl``.
 
 K is held as distinct block rows (see ``block_rows``), on the device as texels (``block_texels``).
-K and u are sums of two float32 each there, 48 bits; the arithmetic is float64 or double-single.
+K is a sum of two float32 there, 48 bits, and so is u, unless it is rounded; the arithmetic is
+float64 or double-single.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from gpusim.fem.block_rows import BlockRows, ranges
 from gpusim.fem.block_texels import BlockTexels, RowPart
 from gpusim.fem.node_texels import Pair, pair
 from gpusim.fem.product import shared
-from gpusim.gpu import Bindings, Device, Recording, compare, twin_check
+from gpusim.gpu import Bindings, Device, Kernel, Recording, compare, twin_check
 
 __all__ = ["DeviceStiffness", "apply_stiffness"]
 
@@ -109,34 +110,35 @@ class DeviceStiffness:
         self.device, self.cases, self.nodes = device, cases, rows.node_count
         free = np.ones((self.nodes, 3), dtype=bool) if free is None else free
         self.texels = BlockTexels(device, rows, free, scale, "fem.stiffness", exact=True)
-        entry = "apply4" if self.texels.packed else "apply"
-        self._kernel = device.kernel("fem/stiffness", entry=entry)
         self._bound: dict[tuple[int, int], list[Bindings]] = {}
 
-    def vector(self, u: Float) -> Pair:
-        """Float64 values (L,N,3) in the form that ``record`` takes and gives."""
-        result = pair(self.device, len(u), self.nodes, "fem.stiffness.u")
+    def vector(self, u: Float, *, rounded: bool = False) -> Pair:
+        """Float64 values (L,N,3) in the form that ``record`` takes and, not ``rounded``, gives."""
+        result = pair(self.device, len(u), self.nodes, "fem.stiffness.u", rounded=rounded)
         result.write(u)
         return result
 
     def record(self, recording: Recording, u: Pair, result: Pair) -> None:
-        """Record result = K u, (L,N,3) values."""
+        """Record result = K u, (L,N,3) values; ``result`` not rounded."""
+        entry = "apply4" if self.texels.packed else "apply"
+        constants = {"rounded": float(u.rounded)}
+        kernel = self.device.kernel("fem/stiffness", entry=entry, constants=constants)
         key = (id(u.high), id(result.high))
         if key not in self._bound:
-            self._bound[key] = [self._bind(part, u, result) for part in self.texels.parts]
+            self._bound[key] = [self._bind(kernel, part, u, result) for part in self.texels.parts]
         for part, bindings in zip(self.texels.parts, self._bound[key], strict=True):
-            recording.dispatch(self._kernel, bindings, threads=(part.count * self.cases,))
+            recording.dispatch(kernel, bindings, threads=(part.count * self.cases,))
 
-    def _bind(self, part: RowPart, u: Pair, result: Pair) -> Bindings:
+    def _bind(self, kernel: Kernel, part: RowPart, u: Pair, result: Pair) -> Bindings:
         more = {} if part.neighbour is None else {"neighbour": part.neighbour}
-        return self._kernel.bind(
+        return kernel.bind(
             info=part.info,
             blocks_high=part.high,
             blocks_low=part.low,
             u_high=u.high,
-            u_low=u.low,
+            u_low=u.second,
             k_high=result.high,
-            k_low=result.low,
+            k_low=result.second,
             params={
                 "count": part.count,
                 "nodes": self.nodes,
@@ -168,11 +170,12 @@ def _check(device: Device) -> None:
         u = rng.normal(size=(2, *shape))
         operator = DeviceStiffness(device, rows, 1.0, 2)
         result = operator.vector(np.zeros_like(u))
-        with device.recording("fem.check") as recording:
-            operator.record(recording, operator.vector(u), result)
-        compare(
-            "fem/stiffness.apply", result.read(2), apply_stiffness(rows, u), atol=1e-11, rtol=1e-11
-        )
+        for rounded in (False, True):
+            source = operator.vector(u, rounded=rounded)
+            with device.recording("fem.check") as recording:
+                operator.record(recording, source, result)
+            wanted = apply_stiffness(rows, source.read(2))
+            compare("fem/stiffness.apply", result.read(2), wanted, atol=1e-11, rtol=1e-11)
     # the kernel's plain form, as coarse levels use it: any matrix, not square
     dense = rng.normal(size=(36, 24)) * (rng.random((36, 24)) < 0.3)
     x = rng.normal(size=(2, 8, 3))

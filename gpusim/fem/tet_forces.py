@@ -60,14 +60,14 @@ class DeviceTets:
         self.texels = TetTexels(device, elements, nodes, scale, "fem.tets")
         self._bound: dict[tuple[int, int], list[tuple[Kernel, Bindings, int]]] = {}
 
-    def vector(self, u: Float) -> Pair:
-        """Float64 values (L,N,3) in the form that ``record`` takes and gives."""
-        result = pair(self.device, len(u), self.nodes, "fem.tets.u")
+    def vector(self, u: Float, *, rounded: bool = False) -> Pair:
+        """Float64 values (L,N,3) in the form that ``record`` takes and, not ``rounded``, gives."""
+        result = pair(self.device, len(u), self.nodes, "fem.tets.u", rounded=rounded)
         result.write(u)
         return result
 
     def record(self, recording: Recording, u: Pair, result: Pair) -> None:
-        """Record result = K u, (L,N,3) values."""
+        """Record result = K u, (L,N,3) values; ``result`` not rounded."""
         key = (id(u.high), id(result.high))
         if key not in self._bound:
             self._bound[key] = [
@@ -80,17 +80,18 @@ class DeviceTets:
         own = self.texels
         base = case * (self.nodes + 1)
         steps = []
+        constants = {"rounded": float(u.rounded)}
         for entry, first, count in own.parts:
-            kernel = self.device.kernel("fem/tet_forces", entry=entry)
+            kernel = self.device.kernel("fem/tet_forces", entry=entry, constants=constants)
             bindings = kernel.bind(
-                cells=own.cells, roots=own.roots, u_high=u.high, u_low=u.low,
+                cells=own.cells, roots=own.roots, u_high=u.high, u_low=u.second,
                 forces_out=own.forces, params={"first": first, "count": count, "base": base},
             )  # fmt: skip
             steps.append((kernel, bindings, count))
-        kernel = self.device.kernel("fem/tet_forces", entry="sums")
+        kernel = self.device.kernel("fem/tet_forces", entry="sums", constants=constants)
         bindings = kernel.bind(
             info=own.info, lists=own.lists, forces=own.forces, k_high=result.high,
-            k_low=result.low, params={"first": 0, "count": self.nodes, "base": base},
+            k_low=result.second, params={"first": 0, "count": self.nodes, "base": base},
         )  # fmt: skip
         return [*steps, (kernel, bindings, self.nodes)]
 
@@ -125,6 +126,9 @@ def _check(device: Device) -> None:
     u = np.random.default_rng(6).normal(size=(2, nodes, 3))
     operator = DeviceTets(device, elements, nodes, 1.0, 2)
     result = operator.vector(np.zeros_like(u))
-    with device.recording("fem.check") as recording:
-        operator.record(recording, operator.vector(u), result)
-    compare("fem/tet_forces", result.read(2), apply_tets(elements, u), atol=1e-11, rtol=1e-11)
+    for rounded in (False, True):
+        source = operator.vector(u, rounded=rounded)
+        with device.recording("fem.check") as recording:
+            operator.record(recording, source, result)
+        wanted = apply_tets(elements, source.read(2))
+        compare("fem/tet_forces", result.read(2), wanted, atol=1e-11, rtol=1e-11)

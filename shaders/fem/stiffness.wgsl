@@ -15,7 +15,8 @@ struct Params {
 }
 
 const BLOCK: u32 = 64u;
-override plain: u32 = 0u;   // 1: sum_j A_ij u_j for any matrix
+override plain: u32 = 0u;    // 1: sum_j A_ij u_j for any matrix
+override rounded: u32 = 0u;  // 1: u is its high half
 
 // per node: first neighbours, fours of them, first blocks, the node;
 // per pack: first node, nodes, first texel of its row, runs + 256 times the number of the row
@@ -44,6 +45,7 @@ struct Four {
 
 fn load_u(at: u32) -> Vec {
     let high = textureLoad(u_high, texel(at), 0);
+    if (rounded == 1u) { return Vec(r_f32(high.x), r_f32(high.y), r_f32(high.z)); }
     let low = textureLoad(u_low, texel(at), 0);
     return Vec(r_pair(high.x, low.x), r_pair(high.y, low.y), r_pair(high.z, low.z));
 }

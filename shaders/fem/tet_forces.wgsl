@@ -13,6 +13,7 @@ struct Params {
 }
 
 const BLOCK: u32 = 64u;
+override rounded: u32 = 0u;  // 1: u is its high half
 
 // three texels per element: its nodes, its first texel of ``roots``
 @group(0) @binding(0) var cells: texture_2d<u32>;
@@ -34,6 +35,7 @@ const BLOCK: u32 = 64u;
 fn load_node(node: u32) -> Vec {
     let at = texel(params.base + node);
     let high = textureLoad(u_high, at, 0);
+    if (rounded == 1u) { return Vec(r_f32(high.x), r_f32(high.y), r_f32(high.z)); }
     let low = textureLoad(u_low, at, 0);
     return Vec(r_pair(high.x, low.x), r_pair(high.y, low.y), r_pair(high.z, low.z));
 }
