@@ -183,12 +183,18 @@ class ShadePass:
             )
         self.tables, self.rows = tables, rows
         self.color = device.target(view.camera.width, rows, "r32float", "shade.radiance")
-        self.colors: tuple[Texture, ...] = (self.color,)
-        self.marks: Texture | None = None
-        if setup.lighting.shadows is not None:
-            self.marks = device.target(view.camera.width, rows, "rg32uint", "shade.marks")
-            self.colors = (self.color, self.marks)
         by_pixel = small_triangles(view) if by_pixel is None else by_pixel
+        if by_pixel:
+            sight = sight or Sight(device, view, rows)
+        shadowed, glossy = setup.lighting.shadows is not None, bool(setup.shiny.any())
+        self.marks: Texture | None = None
+        self.colors: tuple[Texture, ...] = (self.color,)
+        if shadowed and sight is not None and not glossy:
+            self.marks = sight.ids
+        elif shadowed:
+            form = "rg32uint" if glossy else "r32uint"
+            self.marks = device.target(view.camera.width, rows, form, "shade.marks")
+            self.colors = (self.color, self.marks)
         # no box that is too small holds a triangle that is large enough
         light = LightTiles.of(setup) if 0.5 * view.extent**2 >= SMALLEST else None
         self._light = None if light is None else LightTilesPass(tables, light)
@@ -198,8 +204,7 @@ class ShadePass:
         self._seen: SeenPass | None = None
         self.glance: GlancePass | None = None
         self._draws: list[tuple[Raster, Buffer, int]] = []
-        if by_pixel:
-            sight = sight or Sight(device, view, rows)
+        if sight is not None:
             if GlancePass.suits(tables, programs, sight):
                 self.glance = GlancePass(tables, programs, sight)
             else:
@@ -208,7 +213,8 @@ class ShadePass:
         self.depth: Texture | None = None
         if not view.flat:
             self.depth = device.target(view.camera.width, rows, "depth32float", "shade.depth")
-        entries = ("vertex", "fragment" if self.marks is None else "fragment_marked")
+        marking = "fragment_marked" if glossy else "fragment_numbered"
+        entries = ("vertex", "fragment" if self.marks is None else marking)
         formats = tuple(texture.format for texture in self.colors)
         # what is in front comes first where depths are compared, else last
         for program in reversed(programs) if view.flat else programs:

@@ -64,6 +64,7 @@ class ShadowPass:
                 continue
             setup = self.tables.setup
             constants = setup.light_constants(glossy, bool(setup.bumpy.any()))
+            constants["scaled"] = float(not setup.shiny.any())
             kernel = self.tables.device.kernel("optics/shadow", constants=constants)
             bindings = kernel.bind(
                 params={
@@ -96,7 +97,11 @@ def _shiny_tiles(setup: Setup, shape: tuple[int, int]) -> npt.NDArray[np.bool_]:
 
 @twin_check("optics/shadow")
 def _check(device: Device) -> None:
-    setup = probe_shadows()
+    for matte in (False, True):
+        _compare(device, probe_shadows(matte))
+
+
+def _compare(device: Device, setup: Setup) -> None:
     camera = setup.view.camera
     tables = Tables(device, setup)
     shading, shadows = ShadePass(tables, rows=camera.height), ShadowPass(tables)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from gpusim.optics.camera import Camera
@@ -48,8 +50,10 @@ def shadow_scene() -> tuple[list[Surface], Camera, list[Light]]:
     return surfaces, camera, lights
 
 
-def probe_shadows() -> Setup:
-    """The scene set up for shading, with a sky above it."""
+def probe_shadows(matte: bool = False) -> Setup:
+    """The scene set up for shading, with a sky above it; ``matte``: without gloss."""
     surfaces, camera, lights = shadow_scene()
+    if matte:
+        surfaces = [surfaces[0], *(replace(own, paint=Plain(0.6)) for own in surfaces[1:])]
     lights.append(EnvironmentLight(0.3, 0.1, up=(0.1, 0.2, 1.0)))
     return Setup.build(look(surfaces, camera, lit=True), lights, 0.05, surfaces)

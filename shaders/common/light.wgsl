@@ -97,12 +97,18 @@ fn reflection(x: vec3f, n: vec3f, g: Gloss, open: f32, bits: u32) -> Reflection 
     return total;
 }
 
-// The same where lamps may be half hidden: dx, dy is how x changes over the pixel, tile what
-// `shadow_tile` found for it.
+// What is reflected where lamps may be half hidden, and of that what a matte surface would reflect
+// if the lamps that light the tile weren't.
+struct Seen {
+    r: Reflection,
+    unhidden: f32,
+}
+// dx, dy is how x changes over the pixel, tile what `shadow_tile` found for it.
 fn reflection_seen(
     x: vec3f, n: vec3f, g: Gloss, open: f32, dx: vec3f, dy: vec3f, tile: vec2u
-) -> Reflection {
+) -> Seen {
     var total = surroundings(n, g, open);
+    var unhidden = total.matte;
     // tests come last, as in `lamp_share`; every lamp has emitters
     var l = 0u;
     loop {
@@ -110,12 +116,14 @@ fn reflection_seen(
         let part = shades.lamps[l].part;
         var i = part.x;
         loop {
-            total = plus(total, share, emitter_reflection(i, x, n, g));
+            let all = emitter_reflection(i, x, n, g);
+            total = plus(total, share, all);
+            unhidden += f32((tile.x >> l) & 1u) * all.matte;
             i++;
             if (i >= part.y) { break; }
         }
         l++;
         if (l >= shades.count) { break; }
     }
-    return total;
+    return Seen(total, unhidden);
 }

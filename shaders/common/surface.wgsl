@@ -118,7 +118,7 @@ fn reflection_at(t: Triangle, rays: Rays, p: vec2f, d: vec2f, bits: u32) -> Refl
 // columns of `extent`, in pixels of the ideal image.
 fn reflection_seen_at(
     t: Triangle, rays: Rays, p: vec2f, d: vec2f, extent: mat2x2f, tile: vec2u
-) -> Reflection {
+) -> Seen {
     let s = spot(t, rays, p, d);
     let sides = mat2x3f(s.dx, s.dy) * extent;
     let open = openness_at(t.id, s.x);

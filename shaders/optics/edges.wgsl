@@ -152,7 +152,7 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
                     let tile = shadow_tile(pixel);
                     // what is in front may end where its shadow begins
                     unsure = unsure || (doubt && tile.y != 0u);
-                    r = reflection_seen_at(t, params.rays, at, d + middle, extent, tile);
+                    r = reflection_seen_at(t, params.rays, at, d + middle, extent, tile).r;
                 } else {
                     r = reflection_at(t, params.rays, at, d + middle, 0u);
                 }

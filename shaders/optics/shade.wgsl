@@ -125,7 +125,8 @@ fn shade_inside(in: Varying) -> vec3f {
     return shade(t, paint, lattice, vec2i(floor(in.position.xy)));
 }
 
-// For views with shadows: marks what shadow.wgsl needs to know of each pixel.
+// For views with shadows: marks what shadow.wgsl needs to know of each pixel, its triangle alone
+// where all is matte.
 struct Marked {
     @location(0) radiance: f32,
     @location(1) mark: vec2u,
@@ -136,6 +137,11 @@ fn marked(s: vec3f, number: u32) -> Marked {
     return Marked(s.x, vec2u(number, mark));
 }
 
+struct Numbered {
+    @location(0) radiance: f32,
+    @location(1) number: u32,
+}
+
 @fragment
 fn fragment(in: Varying) -> @location(0) f32 {
     return shade_inside(in).x;
@@ -143,6 +149,10 @@ fn fragment(in: Varying) -> @location(0) f32 {
 @fragment
 fn fragment_marked(in: Varying) -> Marked {
     return marked(shade_inside(in), in.id + 1u);
+}
+@fragment
+fn fragment_numbered(in: Varying) -> Numbered {
+    return Numbered(shade_inside(in).x, in.id + 1u);
 }
 
 // number + 1 of the triangle that each pixel's centre sees

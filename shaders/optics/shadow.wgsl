@@ -1,7 +1,10 @@
 // Pixels of tiles in which a lamp is half hidden: their light again, with each lamp's visible share.
-// One workgroup per tile; the paint's albedo is that which shade.wgsl found and left in `marks`.
+// One workgroup per tile. What shade.wgsl found is scaled by how much less light matte surfaces get;
+// with glossy ones in view it left the paint's albedo in `marks`.
 #import common/surface
 #import common/undistort
+
+override scaled: u32;
 
 struct Params {
     rays: Rays,
@@ -14,7 +17,7 @@ struct Params {
 }
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read_write> radiance: array<f32>;
-// (triangle + 1, albedo in 1 / 2^32) of every pixel of the band
+// triangle + 1 of every pixel of the band and, unless `scaled`, its albedo in 1 / 2^32
 @group(0) @binding(6) var marks: texture_2d<u32>;
 // row and column of every tile in half shadow
 @group(0) @binding(7) var<storage, read> places: array<vec2u>;
@@ -39,11 +42,16 @@ fn main(
     let d = vec2f(pixel - t.place.xy) + shift;
     let extent = undistort_change(bend);
     let at = vec2f(pixel) + shift;
-    let r = reflection_seen_at(t, params.rays, at, d, extent, shadow_tile(pixel));
+    let seen = reflection_seen_at(t, params.rays, at, d, extent, shadow_tile(pixel));
+    let i = u32(row) * params.stride + u32(pixel.x);
+    if (scaled != 0u) {
+        radiance[i] *= select(0.0, seen.r.matte / seen.unhidden, seen.unhidden > 0.0);
+        return;
+    }
     // glossy paints share the word: albedo and the share of the ground, 16 bits each
     let both = unpack2x16unorm(mark.y);
     let shiny = glossy != 0u && t.more.z < 1.0;
     let albedo = select(f32(mark.y) * 0x1p-32, both.x, shiny);
     let ground = select(t.more.x, albedo, t.more.y > 1.0);
-    radiance[u32(row) * params.stride + u32(pixel.x)] = radiance_of(t, r, albedo, ground, both.y);
+    radiance[i] = radiance_of(t, seen.r, albedo, ground, both.y);
 }
