@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from importlib import import_module
 
 import numpy as np
 import numpy.typing as npt
@@ -334,3 +335,33 @@ def test_the_shader_has_the_lattice_of_the_twin() -> None:
     ]
     found = np.reshape(rows, (4, 3, 4)).transpose(0, 2, 1).reshape(16, 3)
     assert np.array_equal(found, lattice()[:, :3])
+
+
+def test_shading_may_begin_before_shadows_are_known(
+    device: Device, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rendering = import_module("gpusim.optics.render")
+    x, y = np.meshgrid(np.linspace(-1.0, 1.0, 41), np.linspace(-0.8, 0.8, 31))
+    flat = np.stack([x, y, 0.0 * x], axis=-1).reshape(-1, 3)
+    points = flat + np.sin(5.0 * flat[:, :1]) * [0.0, 0.0, 0.02]
+    node = np.arange(x.size).reshape(x.shape)
+    faces = np.stack([node[:-1, :-1], node[:-1, 1:], node[1:, 1:], node[1:, :-1]], axis=-1)
+    paint = gs.paint.Checker(0.11, dark=0.1)
+    surfaces = [
+        gs.Surface(points, faces.reshape(-1, 4), paint, reference=flat),
+        *shadow_scene()[0][1:2],
+    ]
+    camera = gs.Camera.from_lens((36.0, 24.0), 30.0, (900, 600), (0.2, -0.9, 1.6), (0.0, 0.0, 0.0))
+    lights = shadow_scene()[2]
+    for matte in (False, True):
+        if matte:
+            surfaces[1] = replace(surfaces[1], paint=gs.paint.Plain(0.6))
+        images = []
+        for fewest, dark in ((2000, 1.0), (2000, 0.0), (1 << 30, 0.0)):
+            monkeypatch.setattr(rendering, "FEWEST", fewest)
+            monkeypatch.setattr(rendering, "MOST_DARK", dark)
+            images.append(gs.render(surfaces, camera, lights, device=device).radiance)
+        early, again, late = images
+        np.testing.assert_array_equal(again, late)
+        np.testing.assert_allclose(early, late, rtol=0.0, atol=2e-6 * float(late.max()))
+        assert not np.array_equal(early, late) or not matte

@@ -27,10 +27,27 @@ from gpusim.optics.shadow_tiles import ShadowTiles, flatness
 from gpusim.optics.view import View
 from gpusim.surface.surface import Surface
 
-__all__ = ["MOST_EMITTERS", "Lighting", "ambient"]
+__all__ = ["MOST_EMITTERS", "Lighting", "ambient", "casts_shadows", "find_shadows"]
 
 Array = npt.NDArray[np.float64]
 MOST_EMITTERS = 256
+
+
+def casts_shadows(lights: Sequence[Light]) -> bool:
+    """Whether some lamp is hidden by what is before it."""
+    return any(lamp.light.shadows for lamp in lamps_of(lights))
+
+
+def find_shadows(
+    view: View, lights: Sequence[Light], surfaces: Sequence[Surface]
+) -> ShadowTiles | None:
+    """What ``surfaces`` hide of ``lights`` in a view; None if that is nothing."""
+    if not surfaces or not casts_shadows(lights):
+        return None
+    lamps = lamps_of(lights)
+    casters = parted(Casters.of(surfaces, flatness(view, lamps)), lamps)
+    found = ShadowTiles.build(view, lamps, casters)
+    return found if found.any else None
 
 
 def ambient(lights: Sequence[Light]) -> float:
@@ -61,10 +78,12 @@ class Lighting:
         lights: Sequence[Light] | None,
         surfaces: Sequence[Surface] = (),
         device: Device | None = None,
+        shadows: bool = True,
     ) -> Lighting:
         """Reduce ``lights`` for ``view``; ``surfaces`` may hide them.
 
-        ``device`` looks at surroundings, NumPy without one.
+        ``device`` looks at surroundings, NumPy without one. ``shadows``: False leaves them to
+        `find_shadows`.
 
         Raises
         ------
@@ -88,19 +107,14 @@ class Lighting:
                 f"render lights; got values up to {np.abs(rows).max():.3g}; expected positions "
                 f"and intensities below {F32_MAX:.3g}"
             )
-        lamps = lamps_of(lights)
-        shadows = None
-        if surfaces and any(lamp.light.shadows for lamp in lamps):
-            casters = parted(Casters.of(surfaces, flatness(view, lamps)), lamps)
-            found = ShadowTiles.build(view, lamps, casters)
-            shadows = found if found.any else None
+        found = find_shadows(view, lights, surfaces) if shadows else None
         environment = Environment.of(lights)
         even = ambient(lights)
         gloss = Gloss.build(view.paints, environment, even / np.pi) if lights else None
         hidden, openness = HiddenLight.of(lights, environment), None
         if surfaces and hidden is not None:
             openness = Openness.build(view, surfaces, hidden.share, device)
-        return Lighting(rows, even, environment, gloss, shadows, openness)
+        return Lighting(rows, even, environment, gloss, found, openness)
 
     def constants(self, glossy: bool) -> dict[str, float]:
         """Override constants of the shaders; ``glossy``: for triangles with such paint."""

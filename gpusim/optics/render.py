@@ -8,15 +8,16 @@ from types import UnionType
 import numpy as np
 
 from gpusim.errors import InputError
-from gpusim.gpu import Device, default_device
+from gpusim.gpu import Buffer, Device, default_device
 from gpusim.inputs import checked
-from gpusim.optics.aside import Aside
+from gpusim.optics.aside import FEWEST, Aside
 from gpusim.optics.binning import bin_edges
 from gpusim.optics.border import Border
 from gpusim.optics.camera import Camera
 from gpusim.optics.edges import EdgePass, edges_twin
 from gpusim.optics.frame import Band, Frame
 from gpusim.optics.light import Light, is_light
+from gpusim.optics.lighting import casts_shadows, find_shadows
 from gpusim.optics.scatter import write_pixels
 from gpusim.optics.seen import small_triangles
 from gpusim.optics.setup import Setup
@@ -36,6 +37,10 @@ MOST_TRIANGLES = 4_000_000
 """Triangles set up at once: their records fill most of a portable texture (2^25 texels)."""
 
 FEWEST_ROWS = 16
+MOST_DARK = 0.1
+"""Share of the tiles that some lamp doesn't light from which on all is shaded again, rather than
+these tiles."""
+
 FINEST_ERROR = 0.25
 
 
@@ -135,23 +140,41 @@ def _draw(
     # edges that the host is done with while the device shades
     simple = lights is None and Border.suits(view)
     edge_pass: EdgePass | None = None
-    with Aside(view.count) as aside:
+    # where shadows take long, the device shades by all lamps meanwhile
+    early = sight is None and view.count >= FEWEST and not view.flat and casts_shadows(lights or [])
+    shade_pass: ShadePass | None = None
+    begun: Buffer | None = None
+    with Aside(view.count, 2) as aside:
         found = None if simple else aside.begin(bin_edges, view)
-        setup = Setup.build(view, lights, background, surfaces, device)
+        shadows = aside.begin(find_shadows, view, lights or [], surfaces) if early else None
+        setup = Setup.build(view, lights, background, surfaces, device, shadows=not early)
         tables = Tables(device, setup, sight)
+        if shadows is not None:
+            shade_pass = ShadePass(tables, rows, marked=True)
+            begun = device.kept.take(4 * rows * shade_pass.stride, f"radiance[{first}]")
+            with device.recording("optics.shade") as recording:
+                shade_pass.record(recording, begun, first, rows)
+            tables = tables.with_shadows(shadows())
+            tiles = tables.setup.lighting.shadows
+            if tiles is not None and tiles.dark.mean() > MOST_DARK:
+                early, shade_pass = False, None
         if found is not None:
             edge_pass = EdgePass(tables, found())
     if edge_pass is not None:
         edge_pass.begin()
-    shade_pass = ShadePass(tables, rows, sight is not None, sight)
-    shadow_pass = ShadowPass(tables) if setup.lighting.shadows is not None else None
+    shade_pass = shade_pass or ShadePass(tables, rows, sight is not None, sight)
+    shadow_pass = None
+    if tables.setup.lighting.shadows is not None:
+        shadow_pass = ShadowPass(tables, early)
     stride = shade_pass.stride
     bands: list[Band] = []
     for row0 in range(first, stop, rows):
         count = min(rows, stop - row0)
-        radiance = device.kept.take(4 * count * stride, f"radiance[{row0}]")
+        radiance = begun or device.kept.take(4 * count * stride, f"radiance[{row0}]")
         with device.recording("optics.shade") as recording:
-            shade_pass.record(recording, radiance, row0, count)
+            if begun is None or not early:
+                shade_pass.record(recording, radiance, row0, count)
+            begun = None
             if shadow_pass is not None and shade_pass.marks is not None:
                 recording.begin("optics.shadow")
                 shadow_pass.record(recording, shade_pass.marks, radiance, row0, count, stride)

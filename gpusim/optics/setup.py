@@ -7,7 +7,7 @@ evaluate the same coefficients at pixels.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -23,6 +23,7 @@ from gpusim.optics.fields import matte_boards, within_fields
 from gpusim.optics.light import Light
 from gpusim.optics.lighting import Lighting
 from gpusim.optics.pattern import PatternTable
+from gpusim.optics.shadow_tiles import ShadowTiles
 from gpusim.optics.view import View
 from gpusim.surface.surface import Surface
 
@@ -75,20 +76,26 @@ class Setup:
         background: float,
         surfaces: Sequence[Surface] = (),
         device: Device | None = None,
+        shadows: bool = True,
     ) -> Setup:
         """Set up every triangle of ``view``; ``lights`` None shows the albedo itself.
 
-        ``surfaces`` cast shadows and hide surroundings, which ``device`` looks at.
+        ``surfaces`` cast shadows and hide surroundings, which ``device`` looks at. ``shadows``:
+        False leaves them to `with_shadows`.
         """
         table = PatternTable.build(view.paints)
         bitmaps = BitmapTable.build(view.paints, table.paints)
-        lighting = Lighting.build(view, lights, surfaces, device)
+        lighting = Lighting.build(view, lights, surfaces, device, shadows)
         boards = matte_boards(view.paints, lighting.gloss)
         near = table.near_features(view, boards)
         albedo = table.paints["ground"][view.paint]
         for number in boards:
             within_fields(view, number, near, albedo)
         return Setup(view, table, bitmaps, lighting, background, lights is not None, near, albedo)
+
+    def with_shadows(self, shadows: ShadowTiles | None) -> Setup:
+        """The same view with shadows."""
+        return replace(self, lighting=replace(self.lighting, shadows=shadows))
 
     def _coefficients(self) -> Iterator[Coefficients]:
         return coefficients(self.view, self.table, self.bitmaps, self.lit)

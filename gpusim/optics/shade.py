@@ -9,6 +9,7 @@ the albedo itself.
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
@@ -36,6 +37,7 @@ from gpusim.optics.seen import SeenPass, small_triangles
 from gpusim.optics.setup import GRAZING, TRIANGLE, Setup, footprint, radiance_of
 from gpusim.optics.setup_probe import probe_setup
 from gpusim.optics.shadow_tables import ShadowTables
+from gpusim.optics.shadow_tiles import ShadowTiles
 from gpusim.optics.sight import Sight
 from gpusim.optics.visibility import visibility_twin
 
@@ -88,6 +90,13 @@ class Tables:
             self.bitmap_texels = Texels(device, len(texels), "rgba32float", "shade.bitmaps")
             self.bitmap_texels.write(texels)
         self.speckles = table.speckle.texels(device)
+
+    def with_shadows(self, shadows: ShadowTiles | None) -> Tables:
+        """The same view with shadows."""
+        result = copy(self)
+        result.setup = self.setup.with_shadows(shadows)
+        result.shadows = ShadowTables(self.device, result.setup.lighting)
+        return result
 
     def shared(self) -> dict[str, Any]:
         """The bindings that both passes have, by their WGSL names."""
@@ -162,7 +171,8 @@ class ShadePass:
     A program for each kind of paint, because software rasterisers run both sides of every branch:
     a plain wall must not pay for the pattern on a marker. ``by_pixel``: whether pixels are shaded
     once their triangle is known (`gpusim.optics.seen`); None decides by the triangles' size.
-    ``sight``: the pixels' triangles, where they are found already.
+    ``sight``: the pixels' triangles, where they are found already. ``marked``: whether pixels are
+    marked for `gpusim.optics.shadow`; None where there are shadows.
     """
 
     def __init__(
@@ -171,6 +181,7 @@ class ShadePass:
         rows: int,
         by_pixel: bool | None = None,
         sight: Sight | None = None,
+        marked: bool | None = None,
     ) -> None:
         device, setup = tables.device, tables.setup
         view = setup.view
@@ -186,12 +197,13 @@ class ShadePass:
         by_pixel = small_triangles(view) if by_pixel is None else by_pixel
         if by_pixel:
             sight = sight or Sight(device, view, rows)
-        shadowed, glossy = setup.lighting.shadows is not None, bool(setup.shiny.any())
+        marked = setup.lighting.shadows is not None if marked is None else marked
+        glossy = bool(setup.shiny.any())
         self.marks: Texture | None = None
         self.colors: tuple[Texture, ...] = (self.color,)
-        if shadowed and sight is not None and not glossy:
+        if marked and sight is not None and not glossy:
             self.marks = sight.ids
-        elif shadowed:
+        elif marked:
             form = "rg32uint" if glossy else "r32uint"
             self.marks = device.target(view.camera.width, rows, form, "shade.marks")
             self.colors = (self.color, self.marks)
@@ -205,7 +217,7 @@ class ShadePass:
         self.glance: GlancePass | None = None
         self._draws: list[tuple[Raster, Buffer, int]] = []
         if sight is not None:
-            if GlancePass.suits(tables, programs, sight):
+            if not marked and GlancePass.suits(tables, programs, sight):
                 self.glance = GlancePass(tables, programs, sight)
             else:
                 self._seen = SeenPass(tables, rows, programs, sight)

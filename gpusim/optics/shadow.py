@@ -1,8 +1,10 @@
-"""Shadows: the pixels of tiles in which a lamp is half hidden, shaded again.
+"""Shadows: the pixels of tiles in which a lamp is hidden, or half, shaded again.
 
-`gpusim.optics.shade` lights every pixel by the lamps that its tile sees at all; here the tiles
-that see some of them in part (`gpusim.optics.shadow_tiles`) get each lamp's exact visible share
-(`gpusim.optics.occlusion`). Views without shadows have neither the tables nor this pass.
+Here the tiles that see some lamps in part (`gpusim.optics.shadow_tiles`) get each lamp's exact
+visible share (`gpusim.optics.occlusion`). `gpusim.optics.shade` lights all pixels by the lamps that
+their tile sees at all, or, where the device has begun before that is known, by all lamps; what
+sees none of one is then shaded again as well. Views without shadows have neither the tables nor
+this pass.
 """
 
 from __future__ import annotations
@@ -28,10 +30,11 @@ __all__ = ["ShadowPass"]
 class ShadowPass:
     """The tiles of one view in half shadow, on the device."""
 
-    def __init__(self, tables: Tables) -> None:
+    def __init__(self, tables: Tables, dark: bool = False) -> None:
+        """``dark``: whether tiles that a lamp is hidden from were shaded as if it wasn't."""
         tiles = tables.setup.lighting.shadows
         assert tiles is not None
-        self.tables = tables
+        self.tables, self.dark = tables, dark
         most = int(tiles.edge_counts.max(initial=0))
         if not most <= LOOP_TURNS:
             raise InputError(
@@ -40,10 +43,11 @@ class ShadowPass:
                 "mesh, shadows = False, or backend 'numpy'"
             )
         # a program each for tiles with and without gloss: the wall behind steel is most of them
-        shiny = _shiny_tiles(tables.setup, tiles.lit.shape)[tiles.place[:, 0], tiles.place[:, 1]]
+        place = np.argwhere((tiles.entry > 0) | (tiles.dark if dark else False))
+        shiny = _shiny_tiles(tables.setup, tiles.lit.shape)[place[:, 0], place[:, 1]]
         self._parts: list[tuple[bool, npt.NDArray[np.int64], Buffer]] = []
         for glossy in (True, False):
-            own = tiles.place[shiny == glossy]
+            own = place[shiny == glossy]
             if len(own):
                 buffer = tables.device.buffer(own.astype(np.uint32), "shadow.places")
                 self._parts.append((glossy, own[:, 0], buffer))
@@ -64,7 +68,7 @@ class ShadowPass:
                 continue
             setup = self.tables.setup
             constants = setup.light_constants(glossy, bool(setup.bumpy.any()))
-            constants["scaled"] = float(not setup.shiny.any())
+            constants["scaled"] = 0.0 if setup.shiny.any() else 1.0 if self.dark else 2.0
             kernel = self.tables.device.kernel("optics/shadow", constants=constants)
             bindings = kernel.bind(
                 params={
@@ -98,13 +102,16 @@ def _shiny_tiles(setup: Setup, shape: tuple[int, int]) -> npt.NDArray[np.bool_]:
 @twin_check("optics/shadow")
 def _check(device: Device) -> None:
     for matte in (False, True):
-        _compare(device, probe_shadows(matte))
+        for early in (False, True):
+            _compare(device, probe_shadows(matte), early)
 
 
-def _compare(device: Device, setup: Setup) -> None:
+def _compare(device: Device, setup: Setup, early: bool) -> None:
+    """Against the twin; ``early``: shaded before shadows are known."""
     camera = setup.view.camera
     tables = Tables(device, setup)
-    shading, shadows = ShadePass(tables, rows=camera.height), ShadowPass(tables)
+    before = tables.with_shadows(None) if early else tables
+    shading, shadows = ShadePass(before, camera.height, marked=True), ShadowPass(tables, early)
     assert shading.marks is not None
     out = device.empty(4 * shading.stride * camera.height, "shadow.out")
     with device.recording("optics.shadow") as recording:
@@ -114,7 +121,7 @@ def _compare(device: Device, setup: Setup) -> None:
     want = shade_twin(setup, visibility_twin(setup.view))
     tiles = setup.lighting.shadows
     assert tiles is not None
-    half = np.kron(tiles.entry > 0, np.ones((TILE, TILE), bool))
+    half = np.kron((tiles.entry > 0) | tiles.dark, np.ones((TILE, TILE), bool))
     inside = half[: camera.height, : camera.width].reshape(-1)
     inside[bin_edges(setup.view).pixel] = False
     # one sample of 512 may fall to the other side of an outline

@@ -172,9 +172,14 @@ class ShadowTiles:
         return result
 
     @property
+    def dark(self) -> npt.NDArray[np.bool_]:
+        """(rows, columns): tiles that some lamp doesn't light at all."""
+        return np.asarray(self.lit != ALL)
+
+    @property
     def any(self) -> bool:
         """Whether there is any shadow in the picture."""
-        return bool(len(self.place) or (self.lit != ALL).any())
+        return bool(len(self.place) or self.dark.any())
 
 
 def _relative_to(lamp: Lamp, eye: Array) -> Lamp:

@@ -97,18 +97,18 @@ fn reflection(x: vec3f, n: vec3f, g: Gloss, open: f32, bits: u32) -> Reflection 
     return total;
 }
 
-// What is reflected where lamps may be half hidden, and of that what a matte surface would reflect
-// if the lamps that light the tile weren't.
+// What is reflected where lamps may be hidden, and what a matte surface would reflect of all lamps
+// and of those that light some of the tile.
 struct Seen {
     r: Reflection,
-    unhidden: f32,
+    whole: vec2f,
 }
 // dx, dy is how x changes over the pixel, tile what `shadow_tile` found for it.
 fn reflection_seen(
     x: vec3f, n: vec3f, g: Gloss, open: f32, dx: vec3f, dy: vec3f, tile: vec2u
 ) -> Seen {
     var total = surroundings(n, g, open);
-    var unhidden = total.matte;
+    var whole = vec2f(total.matte);
     // tests come last, as in `lamp_share`; every lamp has emitters
     var l = 0u;
     loop {
@@ -118,12 +118,12 @@ fn reflection_seen(
         loop {
             let all = emitter_reflection(i, x, n, g);
             total = plus(total, share, all);
-            unhidden += f32((tile.x >> l) & 1u) * all.matte;
+            whole += vec2f(1.0, f32((tile.x >> l) & 1u)) * all.matte;
             i++;
             if (i >= part.y) { break; }
         }
         l++;
         if (l >= shades.count) { break; }
     }
-    return Seen(total, unhidden);
+    return Seen(total, whole);
 }

@@ -1,9 +1,10 @@
-// Pixels of tiles in which a lamp is half hidden: their light again, with each lamp's visible share.
+// Pixels of tiles in which a lamp is hidden, or half: their light again, with its visible share.
 // One workgroup per tile. What shade.wgsl found is scaled by how much less light matte surfaces get;
 // with glossy ones in view it left the paint's albedo in `marks`.
 #import common/surface
 #import common/undistort
 
+// 1: what is there was lit by all lamps, 2: by those that light some of the tile; 0 forgets it
 override scaled: u32;
 
 struct Params {
@@ -19,7 +20,7 @@ struct Params {
 @group(0) @binding(1) var<storage, read_write> radiance: array<f32>;
 // triangle + 1 of every pixel of the band and, unless `scaled`, its albedo in 1 / 2^32
 @group(0) @binding(6) var marks: texture_2d<u32>;
-// row and column of every tile in half shadow
+// row and column of every such tile
 @group(0) @binding(7) var<storage, read> places: array<vec2u>;
 
 @compute @workgroup_size(8, 8)
@@ -45,7 +46,8 @@ fn main(
     let seen = reflection_seen_at(t, params.rays, at, d, extent, shadow_tile(pixel));
     let i = u32(row) * params.stride + u32(pixel.x);
     if (scaled != 0u) {
-        radiance[i] *= select(0.0, seen.r.matte / seen.unhidden, seen.unhidden > 0.0);
+        let whole = select(seen.whole.y, seen.whole.x, scaled == 1u);
+        radiance[i] *= select(0.0, seen.r.matte / whole, whole > 0.0);
         return;
     }
     // glossy paints share the word: albedo and the share of the ground, 16 bits each
