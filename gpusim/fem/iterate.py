@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -11,12 +11,13 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import NotConverged
+from gpusim.fem.blur import VISIBLE, Blur, rounded
 from gpusim.fem.indefinite import check_finite
 from gpusim.fem.probe import probe
-from gpusim.fem.stencil import Stencil
 from gpusim.fem.stopping import energy_bound, smallest_ritz_value
+from gpusim.fem.system import System
 
-__all__ = ["HARSH", "Norm", "Outcome", "System", "iterate"]
+__all__ = ["HARSH", "Norm", "Outcome", "iterate"]
 
 Float = npt.NDArray[np.float64]
 
@@ -47,47 +48,6 @@ _LEAST_HALF = 10
 
 
 @dataclass(frozen=True, eq=False)
-class System:
-    """The scaled problem K' u' = f': K' = K/scale, f' = f/load_scale per load case.
-
-    ``right`` (L,N,3) is zero on fixed unknowns and includes what prescribed displacements pull.
-    ``apply`` (L,N,3) -> K' u'; ``rounding`` the forces of its own rounding (see ``rounding``),
-    which take a complete u', prescribed values included; ``row_sum`` bounds the sum of
-    absolute values in a row of K', diagonal block left out. ``contrast`` is the ratio of the
-    stiffest to the softest node. ``pull`` is K times the prescribed displacements, unscaled, None
-    where there are none; both (1,N,3) or (L,N,3). ``free`` (N,3).
-    ``stencil`` is K' by place on a lattice whose rows repeat. ``first_case`` is the number of the
-    first load case, for messages.
-    """
-
-    apply: Callable[[Float], Float]
-    rounding: Callable[[Float], Float]
-    row_sum: float
-    contrast: float
-    right: Float
-    free: npt.NDArray[np.bool_]
-    scale: float
-    load_scale: Float
-    prescribed: Float
-    pull: Float | None
-    stencil: Stencil | None = None
-    first_case: int = 0
-
-    def case(self, number: int) -> System:
-        """One load case by itself."""
-        own = slice(number, number + 1)
-        pull = self.pull
-        return replace(
-            self,
-            right=self.right[own],
-            load_scale=self.load_scale[own],
-            prescribed=self.prescribed[own] if len(self.prescribed) > 1 else self.prescribed,
-            pull=pull[own] if pull is not None and len(pull) > 1 else pull,
-            first_case=self.first_case + number,
-        )
-
-
-@dataclass(frozen=True, eq=False)
 class Norm:
     """The norm of the stopping rule: sum of squares, or u.D u with blocks (N,3,3).
 
@@ -107,8 +67,8 @@ class Norm:
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """Displacements (L,N,3) in the model's units, and how the iteration ended; ``image`` is K' u'
-    (L,N,3) of the free part, if it was formed for the last estimate."""
+    """Displacements (L,N,3) in the model's units, and how the iteration ended; ``forces`` are
+    K u (L,N,3), if they were formed for the last estimate."""
 
     u: Float
     converged: bool
@@ -116,7 +76,7 @@ class Outcome:
     iterations: int
     residuals: Float
     message: str
-    image: Float | None = None
+    forces: Float | None = None
 
 
 class _State:
@@ -199,6 +159,7 @@ def iterate(
     norm: Norm,
     start: Float | None,
     *,
+    blur: Blur | None = None,
     tolerance: float,
     most: int,
     chunk: int,
@@ -215,86 +176,138 @@ def iterate(
     size of the last correction then tells the error: it solves for the same rounding. The
     solution counts as converged if the run that gave it ended within its own bound and moved the
     solution by little; the estimate is the sum of both, times a factor of safety.
+
+    ``blur`` tells what the rounding of K itself leaves open, which is added. Where that is much of
+    the tolerance, refinement goes on with forces by deformation.
     """
-    cases = len(system.right)
-    factor = (system.scale / system.load_scale)[:, None, None]
-    x = np.zeros_like(system.right)
-    if start is not None:
-        x = np.where(system.free, start * factor, 0.0)
-    state = _State(system, norm)
-    iterations, histories = 0, []
-    first: Float | None = None
-    estimate = np.full(cases, np.inf)
-    message = f"stopped after {most} iterations"
-    tolerance_inside, note = min(tolerance, _LOOSEST), ""
-    if system.contrast > HARSH:
-        note = state.probe(loop, most)
-        tolerance_inside *= _HARSH_AIM
-    inside, drift = np.full(cases, np.inf), np.full(cases, np.inf)
-    left = np.full(cases, np.inf)
-    image: Float | None = None
-    for refinement in range(_MOST_REFINEMENTS):
-        image = system.apply(x) if x.any() else np.zeros_like(x)
-        residual = system.right - image
-        residual = np.where(system.free, residual, 0.0).reshape(cases, -1)
-        if refinement == 1 and not state.probed:
-            spread = state.apart(residual, loop.residual(), x)
-            if bool((left + spread <= tolerance).all()):
-                estimate, message = left + spread, "converged"
+    refinement = _Refinement(system, loop, norm, start, tolerance, most, chunk, progress)
+    refinement.run(system)
+    left = 0.0 if blur is None else blur(system, refinement.total)
+    if left > VISIBLE * tolerance and refinement.iterations < most:
+        system = system.by_deformation()
+        refinement.run(system)
+        assert blur is not None
+        left = blur(system, refinement.total)
+    return refinement.outcome(system, left)
+
+
+class _Refinement:
+    """The solution so far; goes from one form of the system to another."""
+
+    def __init__(
+        self,
+        system: System,
+        loop: Any,
+        norm: Norm,
+        start: Float | None,
+        tolerance: float,
+        most: int,
+        chunk: int,
+        progress: Callable[[int, float], None] | None,
+    ) -> None:
+        self._loop, self._tolerance, self._most = loop, tolerance, most
+        self._chunk, self._progress = chunk, progress
+        self._factor = (system.scale / system.load_scale)[:, None, None]
+        self._begun = start is not None
+        self._x = np.zeros_like(system.right)
+        if start is not None:
+            self._x = np.where(system.free, start * self._factor, 0.0)
+        self._state = _State(system, norm)
+        self.iterations = 0
+        self._histories: list[Float] = []
+        self._first: Float | None = None
+        self._inside, self._note = min(tolerance, _LOOSEST), ""
+        if system.contrast > HARSH:
+            self._note = self._state.probe(loop, most)
+            self._inside *= _HARSH_AIM
+
+    @property
+    def total(self) -> Float:
+        """The scaled solution, prescribed displacements included."""
+        return self._x + self._state.given
+
+    def run(self, system: System) -> None:
+        """As far as one form of the system leads."""
+        state, loop, tolerance, most = self._state, self._loop, self._tolerance, self._most
+        cases, norm = len(system.right), state.norm
+        self._estimate = np.full(cases, np.inf)
+        self._message = f"stopped after {most} iterations"
+        inside, drift = np.full(cases, np.inf), np.full(cases, np.inf)
+        left = np.full(cases, np.inf)
+        self._image: Float | None = None
+        for refinement in range(_MOST_REFINEMENTS):
+            x = self._x
+            self._image = system.apply(x) if x.any() else np.zeros_like(x)
+            residual = system.right - self._image
+            residual = np.where(system.free, residual, 0.0).reshape(cases, -1)
+            if refinement == 1 and not state.probed:
+                spread = state.apart(residual, loop.residual(), x)
+                if bool((left + spread <= tolerance).all()):
+                    self._estimate, self._message = left + spread, "converged"
+                    break
+            rz = loop.begin(residual)
+            check_finite(rz[None, :, None], "the preconditioned residual")
+            self._first = rz if self._first is None else self._first
+            if refinement or self._begun:
+                before = self._estimate
+                # a case without load takes no step and needs no estimate
+                known = np.isfinite(state.mu) | ~(rz > 0.0)
+                energy = np.sqrt(np.maximum(rz, 0.0) / (_BELOW * np.where(known, state.mu, 1.0)))
+                # r.z below zero says nothing of the error, least of all that there is none
+                none = np.where(rz < 0.0, np.inf, 0.0)
+                self._estimate = estimate = np.where(rz > 0.0, state.relative(energy, x), none)
+                if known.all() and bool((estimate <= tolerance).all()):
+                    self._message = "converged"
+                    break
+                settled = _SAFETY * (inside + drift) <= tolerance
+                if refinement > 1 and bool((settled | (estimate <= tolerance)).all()):
+                    self._estimate = np.minimum(estimate, _SAFETY * (inside + drift))
+                    self._message = "converged to the rounding of the residual"
+                    break
+                stuck = refinement > 1 and not (estimate.max() <= 0.5 * before.max())
+                if stuck and self.iterations < most:
+                    error = f"{estimate.max():.2g}"
+                    self._message = f"stagnated at an estimated relative error of {error}"
+                    break
+            if self.iterations >= most:
                 break
-        rz = loop.begin(residual)
-        check_finite(rz[None, :, None], "the preconditioned residual")
-        first = rz if first is None else first
-        if refinement or start is not None:
-            before = estimate
-            # a case without load takes no step and needs no estimate
-            known = np.isfinite(state.mu) | ~(rz > 0.0)
-            energy = np.sqrt(np.maximum(rz, 0.0) / (_BELOW * np.where(known, state.mu, 1.0)))
-            # r.z below zero says nothing of the error, least of all that there is none
-            none = np.where(rz < 0.0, np.inf, 0.0)
-            estimate = np.where(rz > 0.0, state.relative(energy, x), none)
-            if known.all() and bool((estimate <= tolerance).all()):
-                message = "converged"
-                break
-            settled = _SAFETY * (inside + drift) <= tolerance
-            if refinement > 1 and bool((settled | (estimate <= tolerance)).all()):
-                estimate = np.minimum(estimate, _SAFETY * (inside + drift))
-                message = "converged to the rounding of the residual"
-                break
-            stuck = refinement > 1 and not (estimate.max() <= 0.5 * before.max())
-            if stuck and iterations < most:
-                message = f"stagnated at an estimated relative error of {estimate.max():.2g}"
-                break
-        if iterations >= most:
-            break
-        _refuse_indefinite(system, rz < 0.0)
-        aim = _LATER_AIM if refinement else _AIM
-        report = None if progress is None else partial(_shifted, progress, iterations)
-        correction, history, inside = _run(
-            system, loop, state, x, rz, aim * tolerance_inside, _ENOUGH * tolerance,
-            most - iterations, chunk, report,
-        )  # fmt: skip
-        x, image = x + correction, None
-        loop.keep()
-        left = state.left(history, rz, x)
-        size = norm.size(x + state.given)
-        drift = norm.size(correction) / np.where(size > 0.0, size, 1e-300)
-        iterations += len(history)
-        histories.append(history)
-        if state.doubtful(iterations, aim * tolerance_inside):
-            note = state.probe(loop, most)
-            tolerance_inside = tolerance  # they are known now
-    else:
-        message = f"stopped after {_MOST_REFINEMENTS} refinements"
-    converged = bool((estimate <= tolerance).all())
-    residuals = np.zeros((0, cases))
-    if histories and first is not None:
-        lines = np.concatenate(histories)[:, :, 0]
-        residuals = np.sqrt(np.maximum(lines, 0.0) / np.where(first > 0.0, first, 1.0))
-    u = np.where(system.free, x / factor, system.prescribed)
-    return Outcome(
-        u, converged, float(estimate.max()), iterations, residuals, message + note, image
-    )
+            _refuse_indefinite(system, rz < 0.0)
+            aim = _LATER_AIM if refinement else _AIM
+            report = self._progress
+            if report is not None:
+                report = partial(_shifted, report, self.iterations)
+            correction, history, inside = _run(
+                system, loop, state, x, rz, aim * self._inside, _ENOUGH * tolerance,
+                most - self.iterations, self._chunk, report,
+            )  # fmt: skip
+            self._x, self._image, self._begun = x + correction, None, True
+            loop.keep()
+            left = state.left(history, rz, self._x)
+            size = norm.size(self._x + state.given)
+            drift = norm.size(correction) / np.where(size > 0.0, size, 1e-300)
+            self.iterations += len(history)
+            self._histories.append(history)
+            if state.doubtful(self.iterations, aim * self._inside):
+                self._note = state.probe(loop, most)
+                self._inside = tolerance  # they are known now
+        else:
+            self._message = f"stopped after {_MOST_REFINEMENTS} refinements"
+
+    def outcome(self, system: System, blur: float) -> Outcome:
+        """By the form of the system that was refined last; ``blur`` is added to the estimate."""
+        converged = bool((self._estimate <= self._tolerance).all())
+        message, estimate = self._message, float(self._estimate.max()) + blur
+        if converged and not estimate <= self._tolerance:
+            converged, message = False, rounded(estimate)
+        residuals = np.zeros((0, len(self._estimate)))
+        if self._histories and self._first is not None:
+            lines, first = np.concatenate(self._histories)[:, :, 0], self._first
+            residuals = np.sqrt(np.maximum(lines, 0.0) / np.where(first > 0.0, first, 1.0))
+        u = np.where(system.free, self._x / self._factor, system.prescribed)
+        forces = None if self._image is None else system.forces(self._image)
+        return Outcome(
+            u, converged, estimate, self.iterations, residuals, message + self._note, forces
+        )
 
 
 def _run(

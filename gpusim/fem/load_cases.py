@@ -15,7 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.copies import in_copies
-from gpusim.fem.iterate import Outcome, System
+from gpusim.fem.iterate import Outcome
+from gpusim.fem.system import System
 
 __all__ = ["Progress", "each_case"]
 
@@ -67,7 +68,7 @@ def _joined(outcomes: Sequence[Outcome]) -> Outcome:
     iterations stay as they ended."""
     worst = max(outcomes, key=lambda one: (not one.converged, one.error_estimate))
     most = max(len(one.residuals) for one in outcomes)
-    images = [one.image for one in outcomes if one.image is not None]
+    forces = [one.forces for one in outcomes if one.forces is not None]
     return Outcome(
         np.concatenate([one.u for one in outcomes]),
         all(one.converged for one in outcomes),
@@ -75,7 +76,7 @@ def _joined(outcomes: Sequence[Outcome]) -> Outcome:
         max(one.iterations for one in outcomes),
         np.concatenate([_stretched(one.residuals, most) for one in outcomes], axis=1),
         worst.message,
-        np.concatenate(images) if len(images) == len(outcomes) else None,
+        np.concatenate(forces) if len(forces) == len(outcomes) else None,
     )
 
 

@@ -15,6 +15,7 @@ from gpusim.errors import InputError, NotConverged, OutOfDeviceMemory
 from gpusim.fem.arena import Arena
 from gpusim.fem.assembly import Assembled
 from gpusim.fem.block_rows import block_matrix
+from gpusim.fem.blur import Blur
 from gpusim.fem.cg import DeviceCG, NumpyCG
 from gpusim.fem.choice import Direct, direct_solver, least_seconds, multigrid_seconds
 from gpusim.fem.congruence import noise
@@ -22,7 +23,7 @@ from gpusim.fem.device_multigrid import compile_kernels
 from gpusim.fem.device_operator import device_tets, operator_bytes, upload_operator
 from gpusim.fem.diagonal import invert_blocks
 from gpusim.fem.hierarchy import build_hierarchy
-from gpusim.fem.iterate import HARSH, Norm, Outcome, System, iterate
+from gpusim.fem.iterate import HARSH, Norm, Outcome, iterate
 from gpusim.fem.load_cases import Progress, each_case
 from gpusim.fem.mixed import Mixed, mixed_solver
 from gpusim.fem.model import Model
@@ -31,7 +32,7 @@ from gpusim.fem.preconditioner import BlockJacobi, Multigrid
 from gpusim.fem.product import Product
 from gpusim.fem.refine import refine
 from gpusim.fem.stencil import StencilProduct
-from gpusim.fem.system import finest_matrix
+from gpusim.fem.system import System, finest_matrix
 from gpusim.fem.tet_elements import TetElements
 from gpusim.gpu import Device, default_device, software_adapter
 
@@ -51,8 +52,6 @@ _HARSH_PATIENCE, _HARSH_SECONDS = 30.0, 30.0
 # load cases that a direct solver refines each by itself; of many at once it solves for all with
 # matrix products
 _FEW_CASES = 4
-# share of the tolerance below which a bound of the rounding errors isn't looked at any closer
-_NEGLIGIBLE = 0.02
 # ratio of greatest and least modulus, 300 at nu = 0.495, from which on patches are worth their cost
 _STIFF_IN_BULK = 300.0
 
@@ -188,6 +187,7 @@ def _iterated(
     run = partial(
         iterate,
         norm=norm,
+        blur=None if isinstance(chosen, BlockJacobi) else Blur(chosen, options.tolerance),
         tolerance=options.tolerance,
         most=most,
         chunk=1 if kind == "multigrid" else 100,
@@ -195,8 +195,7 @@ def _iterated(
     if not on_device or isinstance(chosen, PatchMultigrid):
 
         def one(part: System, start: Float | None, progress: Progress | None) -> Outcome:
-            outcome = run(part, NumpyCG(product, chosen), start=start, progress=progress)
-            return _blurred(outcome, part, chosen, options)
+            return run(part, NumpyCG(product, chosen), start=start, progress=progress)
 
         outcome = each_case(one, system, options.start, options.progress)
         if isinstance(chosen, PatchMultigrid):
@@ -212,7 +211,6 @@ def _iterated(
         loop = DeviceCG(arena, operator, ready, cases, rounded=rounded)
         clock.mark("upload")
         outcome = run(system, loop, start=options.start, progress=options.progress)
-        outcome = _blurred(outcome, system, chosen, options)
         clock.mark("iterations")
         return Result(outcome, kind, "gpu", arena.real)
 
@@ -245,11 +243,10 @@ def _with_pressure(
 ) -> Outcome:
     """One load case by displacements and pressures."""
     most = options.most or _MOST_WITH_PRESSURES
-    outcome = iterate(
-        part, mixed.loop(1), mixed.norm, start,
+    return iterate(
+        part, mixed.loop(1), mixed.norm, start, blur=Blur(mixed, options.tolerance),
         tolerance=options.tolerance, most=most, chunk=1, progress=progress,
     )  # fmt: skip
-    return _blurred(outcome, part, mixed, options)
 
 
 def _on_device(options: Options) -> bool:
@@ -269,36 +266,6 @@ def _ask(device: Device, nbytes: int, system: System) -> None:
             f"{error}; expected at most about {fitting} unknowns of this kind (the model has "
             f"{int(system.free.sum())}), fewer load cases at once, or backend 'numpy'"
         ) from None
-
-
-def _blurred(
-    outcome: Outcome, system: System, chosen: BlockJacobi | Multigrid | Mixed, options: Options
-) -> Outcome:
-    """The outcome, with what the rounding of the stiffness leaves open added to the estimate.
-
-    The preconditioner stands in for the inverse; it is within a factor of two for the soft
-    motions that matter here. Block Jacobi isn't, and says nothing.
-    """
-    if isinstance(chosen, BlockJacobi):
-        return outcome
-    # |K| u is at most twice the greatest sum of a row: far too much for a body of good proportions
-    worst = np.finfo(np.float64).eps * system.row_sum / chosen.lowest
-    if worst <= _NEGLIGIBLE * options.tolerance:
-        return outcome
-    u = outcome.u * (system.scale / system.load_scale)[:, None, None]
-    forces = np.where(system.free, system.rounding(u), 0.0)
-    error = chosen.apply(forces.reshape(len(u), -1))
-    size = np.sqrt(np.einsum("lni,lni->l", u, u))
-    blur = np.sqrt(np.einsum("ln,ln->l", error, error)) / np.where(size > 0.0, size, 1e-300)
-    estimate = outcome.error_estimate + float(blur.max())
-    message = outcome.message
-    if outcome.converged and not estimate <= options.tolerance:
-        message = (
-            "the rounding of the stiffness in float64 leaves an estimated relative error of "
-            f"{estimate:.2g}"
-        )
-    good = outcome.converged and bool(estimate <= options.tolerance)
-    return replace(outcome, converged=good, error_estimate=estimate, message=message)
 
 
 def _nearly_incompressible(model: Model) -> bool:

@@ -12,13 +12,13 @@ from gpusim.fem.assembly import Assembled, assemble
 from gpusim.fem.cg import NumpyCG
 from gpusim.fem.checkerboards import PressureScaling
 from gpusim.fem.hierarchy import build_hierarchy
-from gpusim.fem.iterate import Norm, System
+from gpusim.fem.iterate import Norm
 from gpusim.fem.model import Model
 from gpusim.fem.preconditioner import Multigrid
 from gpusim.fem.pressure_chebyshev import PressureChebyshev
 from gpusim.fem.probe import probe
 from gpusim.fem.saddle import SaddleCG
-from gpusim.fem.system import finest_matrix, make_system
+from gpusim.fem.system import System, finest_matrix, make_system
 from gpusim.fem.volume_split import VolumeSplit, split_volume
 
 __all__ = ["Mixed", "mixed_solver"]

@@ -9,7 +9,7 @@ across. Noise in the forces holds every mode, and most of the soft ones.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -17,9 +17,7 @@ import numpy.typing as npt
 from gpusim.fem.congruence import noise
 from gpusim.fem.indefinite import check_finite, indefinite
 from gpusim.fem.stopping import smallest_ritz_value
-
-if TYPE_CHECKING:
-    from gpusim.fem.iterate import System
+from gpusim.fem.system import System
 
 __all__ = ["Probed", "probe"]
 

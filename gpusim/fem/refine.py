@@ -9,9 +9,11 @@ import numpy.typing as npt
 
 from gpusim.errors import NotConverged
 from gpusim.fem.banded import Banded
+from gpusim.fem.blur import VISIBLE, rounded
 from gpusim.fem.chain import Chain
 from gpusim.fem.indefinite import indefinite
-from gpusim.fem.iterate import Outcome, System
+from gpusim.fem.iterate import Outcome
+from gpusim.fem.system import System
 
 __all__ = ["refine"]
 
@@ -39,6 +41,7 @@ def refine(
     The size of a correction is the error of the solution before it, as long as corrections
     shrink; the estimate is the last correction's greatest displacement over the solution's, plus
     what the rounding of K leaves open (``gpusim.fem.rounding``; found once for all load cases).
+    Where that is much of the tolerance, residuals are formed by deformation.
     The error after a correction is smaller by the factor by which corrections shrink once more: a
     hundred times that factor (at least 0.001) is believed where the tolerance asks for it, and the
     tolerance is what is stated then. One correction at least is always made, so the estimate rests
@@ -46,31 +49,28 @@ def refine(
 
     Raises NotConverged where float64 can't tell the stiffness from a singular one.
     """
-    right = system.right
-    cases = len(right)
+    shape, cases, sharp = system.right.shape, len(system.right), False
     given = system.prescribed * (system.scale / system.load_scale)[:, None, None]
-    x = factor.apply(right.reshape(cases, -1)).reshape(right.shape)
-    before = np.abs(x).max(axis=(1, 2))
+    x = factor.apply(system.right.reshape(cases, -1)).reshape(shape)
+    before = _size(x)
     history = [np.ones(cases)]
     estimate = blur = np.full(cases, np.inf)
     message = f"stopped after {_MOST} refinements"
     for number in range(_MOST):
         _refuse(x)
-        residual = np.where(system.free, right - system.apply(x), 0.0).reshape(cases, -1)
         if number:
-            correction = factor.apply(residual)
+            correction = factor.apply(_residual(system, x))
         else:
-            size = np.abs(x + given).max(axis=(1, 2))
-            forces = np.where(system.free, system.rounding(x + given), 0.0).reshape(cases, -1)
-            worst = _worst(forces / np.where(size > 0.0, size, 1.0)[:, None])
-            solved = factor.apply(np.concatenate([residual, worst]))
-            correction, blur = solved[:-1], np.abs(solved[-1]).max() * size
-        correction = correction.reshape(right.shape)
+            correction, blur = _first_correction(system, factor, x, given)
+            if not bool((blur <= VISIBLE * tolerance * _size(x + given)).all()):
+                system, sharp = system.by_deformation(), True
+                correction, blur = _first_correction(system, factor, x, given)
+        correction = correction.reshape(shape)
         x = x + correction
         _refuse(x)
-        size = np.abs(x + given).max(axis=(1, 2))
+        size = _size(x + given)
         size = np.where(size > 0.0, size, 1e-300)
-        change = np.abs(correction).max(axis=(1, 2))
+        change = _size(correction)
         history.append(change / np.where(before > 0.0, before, 1.0) * history[-1])
         # each correction is smaller than the one before by a factor that it shows itself
         shrinks = np.clip(
@@ -88,10 +88,7 @@ def refine(
             message = f"stagnated at an estimated relative error of {estimate.max():.2g}"
             break
         if bool((change <= blur).all()):
-            message = (
-                f"the rounding of the stiffness in float64 leaves an estimated relative error of "
-                f"{estimate.max():.2g}"
-            )
+            message = rounded(float(estimate.max()))
             break
         before = change
     factor_of = (system.scale / system.load_scale)[:, None, None]
@@ -99,7 +96,30 @@ def refine(
     good = bool((estimate <= tolerance).all())
     if not good and not estimate.max() <= _SINGULAR:
         raise indefinite("direct solver", float(estimate.max()))
-    return Outcome(u, good, float(estimate.max()), len(history), np.stack(history), message)
+    forces = system.forces(system.apply(x)) if sharp else None
+    return Outcome(u, good, float(estimate.max()), len(history), np.stack(history), message, forces)
+
+
+def _residual(system: System, x: Float) -> Float:
+    """(L,n)."""
+    residual = np.where(system.free, system.right - system.apply(x), 0.0)
+    return np.asarray(residual.reshape(len(x), -1))
+
+
+def _first_correction(
+    system: System, factor: Banded | Chain, x: Float, given: Float
+) -> tuple[Float, Float]:
+    """The first correction (L,n), and what the rounding of K does to the displacements (L,)."""
+    size = _size(x + given)
+    forces = np.where(system.free, system.rounding(x + given), 0.0).reshape(len(x), -1)
+    worst = _worst(forces / np.where(size > 0.0, size, 1.0)[:, None])
+    solved = factor.apply(np.concatenate([_residual(system, x), worst]))
+    return solved[:-1], np.abs(solved[-1]).max() * size
+
+
+def _size(u: Float) -> Float:
+    """(L,) greatest displacements of (L,N,3)."""
+    return np.asarray(np.abs(u).max(axis=(1, 2)))
 
 
 def _worst(forces: Float) -> Float:

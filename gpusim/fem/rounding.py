@@ -21,7 +21,7 @@ from gpusim.fem.model import Model
 from gpusim.fem.stiffness import apply_stiffness
 from gpusim.mesh import mesh_quality
 
-__all__ = ["extremes", "rounding_forces"]
+__all__ = ["extremes", "rounding_forces", "signed"]
 
 Float = npt.NDArray[np.float64]
 
@@ -31,7 +31,13 @@ def rounding_forces(rows: BlockRows, u: Float) -> Float:
     # equal rows are rounded alike: along a uniform beam their errors add up and don't average out
     together = np.sqrt(rows.node_count / rows.class_count)
     size = apply_stiffness(rows, u, absolute=True) * (0.5 * np.finfo(np.float64).eps * together)
-    sign = (mix(np.arange(u[0].size), 9) >> np.uint64(63)).astype(np.float64).reshape(u[0].shape)
+    return signed(size)
+
+
+def signed(size: Float) -> Float:
+    """Forces of these sizes (L,N,3), of fixed pseudo-random sign."""
+    shape = size.shape[1:]
+    sign = (mix(np.arange(size[0].size), 9) >> np.uint64(63)).astype(np.float64).reshape(shape)
     return np.asarray(size * (2.0 * sign - 1.0))
 
 

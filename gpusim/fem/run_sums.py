@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.fem.error_free import two_sum
+
 __all__ = ["RowSums"]
 
 Float = npt.NDArray[np.float64]
@@ -51,11 +53,9 @@ class RowSums:
 
 
 def _added(terms: Real) -> tuple[Float, Float]:
-    """The sum of (K,…) over the first axis and what it lacks (Knuth's two-sum, term by term)."""
+    """The sum of (K,…) over the first axis and what it lacks, term by term."""
     total, rest = np.zeros(terms.shape[1:]), np.zeros(terms.shape[1:])
     for term in terms:
-        new = total + term
-        back = new - total
-        rest += (total - (new - back)) + (term - back)
-        total = new
+        total, lost = two_sum(total, term)
+        rest += lost
     return total, rest

@@ -13,7 +13,7 @@ from gpusim.errors import InputError
 from gpusim.fem.assembly import assemble, model_lattice
 from gpusim.fem.block_rows import BlockRows
 from gpusim.fem.formulation import resolve_formulation
-from gpusim.fem.iterate import Outcome, System
+from gpusim.fem.iterate import Outcome
 from gpusim.fem.methods import METHODS, Clock, Options, Result, solve_system
 from gpusim.fem.model import Model
 from gpusim.fem.numbering import Numbering
@@ -21,7 +21,7 @@ from gpusim.fem.product import one_blas_thread
 from gpusim.fem.rounding import extremes
 from gpusim.fem.solution import Solution
 from gpusim.fem.supports import check_supports
-from gpusim.fem.system import make_system
+from gpusim.fem.system import System, make_system
 from gpusim.gpu import Device
 
 __all__ = ["METHODS", "solve"]
@@ -178,11 +178,9 @@ def _solution(
         cause = extremes(model)
         message += f"; the model has {cause}" if cause else ""
     forces = model.load_cases
-    if outcome.image is None:
+    internal = outcome.forces
+    if internal is None:
         internal = system.apply(u) * system.scale
-    else:
-        internal = outcome.image * system.load_scale[:, None, None]
-        internal = internal if system.pull is None else internal + system.pull
     assert model.fixed is not None
     reactions = np.where(model.fixed, internal - forces, 0.0)
     single = model.forces is not None and model.forces.ndim == 2

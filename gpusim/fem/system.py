@@ -1,6 +1,9 @@
-"""The scaled system of a model."""
+"""The scaled system of a model, whatever solves it."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -8,19 +11,83 @@ from scipy.sparse import bsr_matrix
 
 from gpusim.fem.assembly import Assembled
 from gpusim.fem.block_rows import BlockRows, block_matrix
-from gpusim.fem.iterate import System
+from gpusim.fem.deformation import Deformation
 from gpusim.fem.model import Model
 from gpusim.fem.product import RowsProduct
-from gpusim.fem.rounding import rounding_forces
+from gpusim.fem.rounding import rounding_forces, signed
 from gpusim.fem.stencil import Stencil, stencil_of
 from gpusim.fem.stiffness import apply_stiffness
 
-__all__ = ["finest_matrix", "make_system"]
+__all__ = ["System", "finest_matrix", "make_system"]
 
 Float = npt.NDArray[np.float64]
 
 # nodes per distinct row from which on a stencil isn't larger than the matrix
 _REPEATS = 8
+
+
+@dataclass(frozen=True, eq=False)
+class System:
+    """The scaled problem K' u' = f': K' = K/scale, f' = f/load_scale per load case.
+
+    ``right`` (L,N,3) is zero on fixed unknowns and includes what prescribed displacements pull.
+    ``apply`` (L,N,3) -> K' u'; ``rounding`` the forces of its own rounding (see ``rounding``),
+    which take a complete u', prescribed values included; ``row_sum`` bounds the sum of
+    absolute values in a row of K', diagonal block left out. ``contrast`` is the ratio of the
+    stiffest to the softest node. ``pull`` is K times the prescribed displacements, unscaled, None
+    where there are none; both (1,N,3) or (L,N,3). ``loads`` (L,N,3) are what acts, in the model's
+    units. ``free`` (N,3). ``elements`` are those of the body, for `by_deformation`.
+    ``stencil`` is K' by place on a lattice whose rows repeat. ``first_case`` is the number of the
+    first load case, for messages.
+    """
+
+    apply: Callable[[Float], Float]
+    rounding: Callable[[Float], Float]
+    row_sum: float
+    contrast: float
+    right: Float
+    free: npt.NDArray[np.bool_]
+    scale: float
+    load_scale: Float
+    prescribed: Float
+    pull: Float | None
+    loads: Float
+    elements: Deformation
+    stencil: Stencil | None = None
+    first_case: int = 0
+
+    def case(self, number: int) -> System:
+        """One load case by itself."""
+        own = slice(number, number + 1)
+        pull = self.pull
+        return replace(
+            self,
+            right=self.right[own],
+            load_scale=self.load_scale[own],
+            loads=self.loads[own],
+            prescribed=self.prescribed[own] if len(self.prescribed) > 1 else self.prescribed,
+            pull=pull[own] if pull is not None and len(pull) > 1 else pull,
+            first_case=self.first_case + number,
+        )
+
+    def by_deformation(self) -> System:
+        """The same with products that the rounding of turned elements' matrices doesn't reach
+        (see `gpusim.fem.deformation`); they take several times as long."""
+        elements, scale = self.elements, self.scale
+        pull = None if self.pull is None else elements.product(self.prescribed)
+        right = np.where(self.free, self.loads - (0.0 if pull is None else pull), 0.0)
+        return replace(
+            self,
+            apply=lambda u: elements.product(u) / scale,
+            rounding=lambda u: signed(elements.rounding(u)) / scale,
+            right=right / self.load_scale[:, None, None],
+            pull=pull,
+        )
+
+    def forces(self, image: Float) -> Float:
+        """K u (L,N,3) in the model's units, of the free part's ``image`` K' u'."""
+        own = image * self.load_scale[:, None, None]
+        return own if self.pull is None else own + self.pull
 
 
 def make_system(model: Model, assembled: Assembled) -> System:
@@ -54,6 +121,8 @@ def make_system(model: Model, assembled: Assembled) -> System:
         load_scale=load_scale,
         prescribed=prescribed,
         pull=pull,
+        loads=model.load_cases,
+        elements=Deformation(assembled.groups, model.mesh.points),
     )
 
 
