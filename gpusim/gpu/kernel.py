@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Bindings", "Kernel", "Layout"]
 
-_STORED = re.compile(r"texture_storage_2d<\s*(\w+)\s*,\s*write\s*>")
+_STORED = re.compile(r"texture_storage_2d<\s*(\w+)\s*,\s*(read|write)\s*>")
 _SAMPLE = {"u32": "uint", "i32": "sint", "f32": "unfilterable-float"}
 
 
@@ -74,9 +74,11 @@ class Layout:
         if stored:
             return {
                 "storage_texture": {
-                    "access": "write-only", "format": stored.group(1), "view_dimension": "2d"
+                    "access": f"{stored.group(2)}-only",
+                    "format": stored.group(1),
+                    "view_dimension": "2d",
                 }
-            }  # fmt: skip
+            }
         raise InputError(f"{self.module.name}: binding {b.name} of type {b.type} isn't covered")
 
     def bind(self, values: dict[str, Any]) -> Bindings:

@@ -1,7 +1,10 @@
 """Long arrays as textures: texel i lies at (i % 4096, i / 4096).
 
 Where lanes read addresses of their own, software drivers fetch a texel of four numbers about as
-fast as one number of a storage buffer, and real devices read it through a cache.
+fast as one number of a storage buffer, and real devices read it through a cache. As a storage
+texture (``texture_storage_2d<…, read>``) it is fetched twice as fast as a sampled one: Mesa looks
+for the level of the latter in every lane, in a function of its own. An entry point may name four
+storage textures, those it writes among them; what is read most should be the rest.
 """
 
 from __future__ import annotations

@@ -146,9 +146,9 @@ fn load_nodes(a: vec4u, b: vec4u, c: vec4u) -> Nodes {
 
 // an element whose midsides lie in the middle: one Jacobian
 fn straight_cell(cell: u32) {
-    let a = textureLoad(cells, texel(3u * cell), 0);
-    let b = textureLoad(cells, texel(3u * cell + 1u), 0);
-    let c = textureLoad(cells, texel(3u * cell + 2u), 0);
+    let a = textureLoad(cells, texel(3u * cell));
+    let b = textureLoad(cells, texel(3u * cell + 1u));
+    let c = textureLoad(cells, texel(3u * cell + 2u));
     let shape = load_shape(c.z);
     let h = spread(corner_derivatives(load_nodes(a, b, c)), r_f32(1.0));
     store_forces(cell, nodal_forces(Corners(point_forces(h.a, shape), point_forces(h.b, shape),
@@ -157,9 +157,9 @@ fn straight_cell(cell: u32) {
 
 // any other: one per quadrature point
 fn curved_cell(cell: u32) {
-    let a = textureLoad(cells, texel(3u * cell), 0);
-    let b = textureLoad(cells, texel(3u * cell + 1u), 0);
-    let c = textureLoad(cells, texel(3u * cell + 2u), 0);
+    let a = textureLoad(cells, texel(3u * cell));
+    let b = textureLoad(cells, texel(3u * cell + 1u));
+    let c = textureLoad(cells, texel(3u * cell + 2u));
     let h = spread(corner_derivatives(load_nodes(a, b, c)), gamma());
     let f = Corners(point_forces(h.a, load_shape(c.z)), point_forces(h.b, load_shape(c.z + 5u)),
         point_forces(h.c, load_shape(c.z + 10u)), point_forces(h.d, load_shape(c.z + 15u)));

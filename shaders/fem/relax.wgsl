@@ -24,17 +24,17 @@ const RUN_BITS: u32 = 8u;   // of the fourth word of a pack; the rest is the num
 // per pack: first node, nodes, first texel of its row, runs + 256 times the number of the row;
 // with forces: first texel of their list, texels of it, nothing, the node
 @group(0) @binding(0) var info: texture_2d<u32>;
-@group(0) @binding(1) var neighbour: texture_2d<u32>;  // four a texel
-@group(0) @binding(2) var blocks: texture_2d<f32>;     // nine texels per four blocks, or runs
+@group(0) @binding(1) var neighbour: texture_storage_2d<rgba32uint, read>;  // four a texel
+@group(0) @binding(2) var blocks: texture_storage_2d<rgba32float, read>;     // nine texels per four blocks, or runs
 // three texels per node, or per row of packs: columns of D^-1 (xyz), whether it is free (w)
 @group(0) @binding(3) var inverse: texture_2d<f32>;
-@group(0) @binding(4) var x_in: texture_2d<f32>;
+@group(0) @binding(4) var x_in: texture_storage_2d<rgba32float, read>;
 @group(0) @binding(5) var b_in: texture_2d<f32>;
 @group(0) @binding(6) var before_in: texture_2d<f32>;
 @group(0) @binding(7) var x_out: texture_storage_2d<rgba32float, write>;
 @group(0) @binding(8) var<uniform> params: Params;
-@group(0) @binding(9) var lists: texture_2d<u32>;   // twice the texel of a force, four a texel
-@group(0) @binding(10) var forces: texture_2d<f32>;
+@group(0) @binding(9) var lists: texture_storage_2d<rgba32uint, read>;   // twice the texel of a force, four a texel
+@group(0) @binding(10) var forces: texture_storage_2d<rgba32float, read>;
 
 fn place(gid: vec3u, groups: vec3u) -> vec3u {
     // number within this part, start of the load case, whether there is such a one
@@ -43,16 +43,16 @@ fn place(gid: vec3u, groups: vec3u) -> vec3u {
         u32(id < params.count * params.cases));
 }
 
-fn load_x(at: u32) -> vec3f { return textureLoad(x_in, texel(at), 0).xyz; }
+fn load_x(at: u32) -> vec3f { return textureLoad(x_in, texel(at)).xyz; }
 
-fn load_four(at: u32) -> vec4f { return textureLoad(blocks, texel(at), 0); }
+fn load_four(at: u32) -> vec4f { return textureLoad(blocks, texel(at)); }
 
 fn product(base: u32, row: vec4u, own: vec3f) -> vec3f {
     var sum = vec3f(0.0);
     let stride = params.stride;
     var at = row.z;
     for (var k = 0u; k < row.y; k++) {
-        let other = textureLoad(neighbour, texel(row.x + k * stride), 0) + vec4u(base);
+        let other = textureLoad(neighbour, texel(row.x + k * stride)) + vec4u(base);
         let a = load_four(at);
         let b = load_four(at + stride);
         let c = load_four(at + 2u * stride);
@@ -148,12 +148,12 @@ fn packed(node: u32, pack: vec4u) -> Sums {
     return sum;
 }
 
-fn load_force(entry: u32) -> vec3f { return textureLoad(forces, texel(entry >> 1u), 0).xyz; }
+fn load_force(entry: u32) -> vec3f { return textureLoad(forces, texel(entry >> 1u)).xyz; }
 
 fn summed(row: vec4u) -> vec3f {
     var sum = vec3f(0.0);
     for (var k = row.x; k < row.x + row.y; k++) {
-        let list = textureLoad(lists, texel(k), 0);
+        let list = textureLoad(lists, texel(k));
         sum += load_force(list.x) + load_force(list.y) + load_force(list.z) + load_force(list.w);
     }
     return sum;

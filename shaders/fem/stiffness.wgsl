@@ -22,8 +22,8 @@ override rounded: u32 = 0u;  // 1: u is its high half
 // per pack: first node, nodes, first texel of its row, runs + 256 times the number of the row
 @group(0) @binding(0) var info: texture_2d<u32>;
 @group(0) @binding(1) var neighbour: texture_2d<u32>;  // four a texel
-@group(0) @binding(2) var blocks_high: texture_2d<f32>;  // nine texels per four blocks
-@group(0) @binding(3) var blocks_low: texture_2d<f32>;
+@group(0) @binding(2) var blocks_high: texture_storage_2d<rgba32float, read>;  // nine texels per four blocks
+@group(0) @binding(3) var blocks_low: texture_storage_2d<rgba32float, read>;
 @group(0) @binding(4) var u_high: texture_2d<f32>;
 @group(0) @binding(5) var u_low: texture_2d<f32>;
 @group(0) @binding(6) var k_high: texture_storage_2d<rgba32float, write>;
@@ -51,8 +51,8 @@ fn load_u(at: u32) -> Vec {
 }
 
 fn load_four(at: u32) -> Four {
-    let high = textureLoad(blocks_high, texel(at), 0);
-    let low = textureLoad(blocks_low, texel(at), 0);
+    let high = textureLoad(blocks_high, texel(at));
+    let low = textureLoad(blocks_low, texel(at));
     return Four(r_pair(high.x, low.x), r_pair(high.y, low.y), r_pair(high.z, low.z),
         r_pair(high.w, low.w));
 }
@@ -158,7 +158,7 @@ fn apply4(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) gr
         let e = load_four(at + 4u);
         let f = load_four(at + 5u);
         let g = load_four(at + 6u);
-        let first = node + bitcast<u32>(i32(textureLoad(blocks_high, texel(at + 6u), 0).w));
+        let first = node + bitcast<u32>(i32(textureLoad(blocks_high, texel(at + 6u)).w));
         at += 7u;
         let k = Block(Vec(a.x, a.y, a.z), Vec(a.w, b.x, b.y), Vec(b.z, b.w, c.x));
         let l = Block(Vec(c.y, c.z, c.w), Vec(d.x, d.y, d.z), Vec(d.w, e.x, e.y));

@@ -16,36 +16,36 @@ const BLOCK: u32 = 64u;
 override rounded: u32 = 0u;  // 1: u is its high half
 
 // three texels per element: its nodes, its first texel of ``roots``
-@group(0) @binding(0) var cells: texture_2d<u32>;
+@group(0) @binding(0) var cells: texture_storage_2d<rgba32uint, read>;
 // five texels per element, or per quadrature point
-@group(0) @binding(1) var roots: texture_2d<f32>;
-@group(0) @binding(2) var u_high: texture_2d<f32>;
+@group(0) @binding(1) var roots: texture_storage_2d<rgba32float, read>;
+@group(0) @binding(2) var u_high: texture_storage_2d<rgba32float, read>;
 @group(0) @binding(3) var u_low: texture_2d<f32>;
 // three texels per two nodes of an element
 @group(0) @binding(4) var forces_out: texture_storage_2d<rgba32float, write>;
 // per node: first texel of its list, texels, nothing, the node
 @group(0) @binding(5) var info: texture_2d<u32>;
 // twice the texel of a force, one more for the second node of two; four a texel
-@group(0) @binding(6) var lists: texture_2d<u32>;
-@group(0) @binding(7) var forces: texture_2d<f32>;
+@group(0) @binding(6) var lists: texture_storage_2d<rgba32uint, read>;
+@group(0) @binding(7) var forces: texture_storage_2d<rgba32float, read>;
 @group(0) @binding(8) var k_high: texture_storage_2d<rgba32float, write>;
 @group(0) @binding(9) var k_low: texture_storage_2d<rgba32float, write>;
 @group(0) @binding(10) var<uniform> params: Params;
 
 fn load_node(node: u32) -> Vec {
     let at = texel(params.base + node);
-    let high = textureLoad(u_high, at, 0);
+    let high = textureLoad(u_high, at);
     if (rounded == 1u) { return Vec(r_f32(high.x), r_f32(high.y), r_f32(high.z)); }
     let low = textureLoad(u_low, at, 0);
     return Vec(r_pair(high.x, low.x), r_pair(high.y, low.y), r_pair(high.z, low.z));
 }
 
 fn load_shape(at: u32) -> Shape {
-    let a = textureLoad(roots, texel(at), 0);
-    let b = textureLoad(roots, texel(at + 1u), 0);
-    let c = textureLoad(roots, texel(at + 2u), 0);
-    let d = textureLoad(roots, texel(at + 3u), 0);
-    let e = textureLoad(roots, texel(at + 4u), 0);
+    let a = textureLoad(roots, texel(at));
+    let b = textureLoad(roots, texel(at + 1u));
+    let c = textureLoad(roots, texel(at + 2u));
+    let d = textureLoad(roots, texel(at + 3u));
+    let e = textureLoad(roots, texel(at + 4u));
     return Shape(
         Three(Vec(r_pair(a.x, c.z), r_pair(a.y, c.w), r_pair(a.z, d.x)),
             Vec(r_pair(a.w, d.y), r_pair(b.x, d.z), r_pair(b.y, d.w)),
@@ -84,8 +84,8 @@ fn curved(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) gr
 }
 
 fn load_force(entry: u32) -> Vec {
-    let p = textureLoad(forces, texel(entry >> 1u), 0);
-    let q = textureLoad(forces, texel((entry >> 1u) + 1u), 0);
+    let p = textureLoad(forces, texel(entry >> 1u));
+    let q = textureLoad(forces, texel((entry >> 1u) + 1u));
     let second = (entry & 1u) == 1u;
     let high = select(p.xyz, vec3f(p.zw, q.x), second);
     let low = select(vec3f(p.w, q.xy), q.yzw, second);
@@ -99,7 +99,7 @@ fn sums(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
     let row = textureLoad(info, texel(params.first + id), 0);
     var sum = Vec(r_f32(0.0), r_f32(0.0), r_f32(0.0));
     for (var k = row.x; k < row.x + row.y; k++) {
-        let list = textureLoad(lists, texel(k), 0);
+        let list = textureLoad(lists, texel(k));
         sum = v_add(sum, load_force(list.x));
         sum = v_add(sum, load_force(list.y));
         sum = v_add(sum, load_force(list.z));

@@ -14,23 +14,23 @@ struct Params {
 const BLOCK: u32 = 64u;
 
 // three texels per element: its nodes, its first texel of ``roots``
-@group(0) @binding(0) var cells: texture_2d<u32>;
+@group(0) @binding(0) var cells: texture_storage_2d<rgba32uint, read>;
 // five texels per element, or per quadrature point
-@group(0) @binding(1) var roots: texture_2d<f32>;
-@group(0) @binding(2) var x_in: texture_2d<f32>;
+@group(0) @binding(1) var roots: texture_storage_2d<rgba32float, read>;
+@group(0) @binding(2) var x_in: texture_storage_2d<rgba32float, read>;
 // three texels per two nodes of an element, of which this takes two
 @group(0) @binding(3) var forces_out: texture_storage_2d<rgba32float, write>;
 @group(0) @binding(4) var<uniform> params: Params;
 
 fn load_node(node: u32) -> Vec {
-    let x = textureLoad(x_in, texel(params.base + node), 0);
+    let x = textureLoad(x_in, texel(params.base + node));
     return Vec(x.x, x.y, x.z);
 }
 
 fn load_shape(at: u32) -> Shape {
-    let a = textureLoad(roots, texel(at), 0);
-    let b = textureLoad(roots, texel(at + 1u), 0);
-    let c = textureLoad(roots, texel(at + 2u), 0);
+    let a = textureLoad(roots, texel(at));
+    let b = textureLoad(roots, texel(at + 1u));
+    let c = textureLoad(roots, texel(at + 2u));
     return Shape(Three(Vec(a.x, a.y, a.z), Vec(a.w, b.x, b.y), Vec(b.z, b.w, c.x)), c.y);
 }
 
