@@ -39,6 +39,7 @@ from gpusim.optics.view import FIXED
 __all__ = ["EdgePass", "edges_twin"]
 
 Array = npt.NDArray[np.float64]
+WORKGROUP = 64
 THIN = 5e-4
 """Area, px^2, that no triangle takes; less of it is a seam between neighbours."""
 
@@ -159,7 +160,19 @@ def _alike(
     # behind the last triangle stands that of pixels that have none
     nearest = np.append(setup.groups[edges.triangle], 0)[edges.start[:-1]]
     order = np.lexsort((nearest, edges.depth, ~even))
-    return edges.select(order[~deep[order]])
+    order = order[~deep[order]]
+    parts = np.split(order, [int(np.count_nonzero(even & ~deep))])
+    return edges.select(np.concatenate([_dealt(part) for part in parts]))
+
+
+def _dealt(order: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+    """``order`` workgroup by workgroup, so that any run of them has deep pixels and others.
+
+    Software rasterisers give each of their threads one run.
+    """
+    group = np.arange(len(order)) // WORKGROUP
+    turn = np.where(group < len(order) // WORKGROUP, group % WORKGROUP, WORKGROUP)
+    return order[np.argsort(turn, kind="stable")]
 
 
 def edges_twin(
