@@ -9,6 +9,8 @@ this pass.
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 import numpy.typing as npt
 
@@ -42,15 +44,17 @@ class ShadowPass:
                 f"expected at most {LOOP_TURNS}: take smaller or fewer lamps, a coarser "
                 "mesh, shadows = False, or backend 'numpy'"
             )
-        # a program each for tiles with and without gloss: the wall behind steel is most of them
+        # a program each for tiles with and without gloss, as the wall behind steel is most of them,
+        # and for those in full shadow
         place = np.argwhere((tiles.entry > 0) | (tiles.dark if dark else False))
         shiny = _shiny_tiles(tables.setup, tiles.lit.shape)[place[:, 0], place[:, 1]]
-        self._parts: list[tuple[bool, npt.NDArray[np.int64], Buffer]] = []
-        for glossy in (True, False):
-            own = place[shiny == glossy]
+        half = tiles.entry[place[:, 0], place[:, 1]] > 0
+        self._parts: list[tuple[bool, bool, npt.NDArray[np.int64], Buffer]] = []
+        for glossy, whole in product((True, False), (False, True)):
+            own = place[(shiny == glossy) & (half != whole)]
             if len(own):
                 buffer = tables.device.buffer(own.astype(np.uint32), "shadow.places")
-                self._parts.append((glossy, own[:, 0], buffer))
+                self._parts.append((glossy, whole, own[:, 0], buffer))
 
     def record(
         self,
@@ -62,13 +66,14 @@ class ShadowPass:
         stride: int,
     ) -> None:
         """Shade the half shadows of a band of rows again, in place."""
-        for glossy, tile_row, places in self._parts:
+        for glossy, whole, tile_row, places in self._parts:
             first, last = np.searchsorted(tile_row, [row0 // TILE, (row0 + rows - 1) // TILE + 1])
             if first == last:
                 continue
             setup = self.tables.setup
             constants = setup.light_constants(glossy, bool(setup.bumpy.any()))
             constants["scaled"] = 0.0 if setup.shiny.any() else 1.0 if self.dark else 2.0
+            constants["whole"] = float(whole)
             kernel = self.tables.device.kernel("optics/shadow", constants=constants)
             bindings = kernel.bind(
                 params={

@@ -6,6 +6,8 @@
 
 // 1: what is there was lit by all lamps, 2: by those that light some of the tile; 0 forgets it
 override scaled: u32;
+// whether no lamp is half hidden from these tiles
+override whole: u32;
 
 struct Params {
     rays: Rays,
@@ -43,7 +45,13 @@ fn main(
     let d = vec2f(pixel - t.place.xy) + shift;
     let extent = undistort_change(bend);
     let at = vec2f(pixel) + shift;
-    let seen = reflection_seen_at(t, params.rays, at, d, extent, shadow_tile(pixel));
+    var seen: Seen;
+    if (whole != 0u) {
+        seen.r = reflection_at(t, params.rays, at, d, shadow_tile(pixel).x);
+        seen.whole = vec2f(reflection_at(t, params.rays, at, d, 0xffffffffu).matte);
+    } else {
+        seen = reflection_seen_at(t, params.rays, at, d, extent, shadow_tile(pixel));
+    }
     let i = u32(row) * params.stride + u32(pixel.x);
     if (scaled != 0u) {
         let whole = select(seen.whole.y, seen.whole.x, scaled == 1u);
