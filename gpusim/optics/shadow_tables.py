@@ -24,20 +24,15 @@ class ShadowTables:
     def __init__(self, device: Device, lighting: Lighting) -> None:
         tiles = lighting.shadows
         self.shades = Uniform(device, _shades(lighting), "shade.shades")
-        faces = np.zeros((0, 5, 4), np.float32)
+        edges = np.zeros((0, 3, 4), np.float32)
         lists = grid = np.zeros((0, 4), np.uint32)
         if tiles is not None:
-            if len(tiles.corners):
-                faces = _faces(tiles)
-            start, count, edges = _edge_lists(tiles)
-            heads = start.size
-            lists = np.zeros((heads + -(-len(edges) // 4), 4), np.uint32)
-            lists[:heads, 0] = start.reshape(-1) + 4 * heads
-            lists[:heads, 1] = count.reshape(-1)
-            lists[heads:].reshape(-1)[: len(edges)] = edges
+            start, count, edges = _edges(tiles)
+            lists = np.zeros((start.size, 4), np.uint32)
+            lists[:, 0], lists[:, 1] = start.reshape(-1), count.reshape(-1)
             grid = np.zeros((tiles.lit.size, 4), np.uint32)
             grid[:, 0], grid[:, 1] = tiles.lit.reshape(-1), tiles.entry.reshape(-1)
-        self.occluders = _texels(device, faces.reshape(-1, 4), "shadow.occluders")
+        self.occluders = _texels(device, edges.reshape(-1, 4), "shadow.occluders")
         self.lists = _texels(device, lists, "shadow.lists")
         self.tiles = _texels(device, grid, "shadow.tiles")
 
@@ -51,29 +46,25 @@ class ShadowTables:
         }
 
 
-def _faces(tiles: ShadowTiles) -> npt.NDArray[np.float32]:
-    """(F, 5, 4): four corners and whether the inside hides as well; the plane's unit normal and
-    its offset from the eye."""
+def _edges(tiles: ShadowTiles) -> tuple[Numbers, Numbers, npt.NDArray[np.float32]]:
+    """First and number (E, L) of the edges that lamps' shares of a tile depend on, and these as the
+    shaders read them, (n, 3, 4)."""
     across = tiles.corners[:, 2] - tiles.corners[:, 0]
     normal = np.cross(across, tiles.corners[:, 3] - tiles.corners[:, 1])
     length = np.linalg.norm(normal, axis=1)[:, None]
     normal /= np.where(length > 0.0, length, 1.0)
-    faces = np.zeros((len(tiles.corners), 5, 4), np.float32)
-    faces[:, :4, :3], faces[:, :4, 3] = tiles.corners, tiles.both_sides[:, None]
-    faces[:, 4, :3] = normal
-    faces[:, 4, 3] = np.sum(normal * tiles.corners.mean(axis=1), axis=1)
-    return faces
-
-
-def _edge_lists(tiles: ShadowTiles) -> tuple[Numbers, Numbers, Numbers]:
-    """First and number (E, L) of the edges that a lamp's share of a tile depends on, and these: 8
-    times the face, 2 times the edge, and 1 for the last one of the face."""
+    faces = np.zeros((len(tiles.corners), 4, 3, 4), np.float32)
+    corners = tiles.corners.astype(np.float32)
+    faces[:, :, 0, :3], faces[:, :, 0, 3] = corners, 2.0 * tiles.both_sides[:, None]
+    faces[:, :, 1, :3] = np.roll(corners, -1, axis=1) - corners
+    faces[:, :, 2, :3] = normal[:, None]
+    faces[:, :, 2, 3] = np.sum(normal * tiles.corners.mean(axis=1), axis=1)[:, None]
     pair, edge = np.nonzero(tiles.edges[:, None] >> np.arange(4, dtype=np.uint8) & 1)
-    last = np.ones(len(pair), bool)
-    np.not_equal(pair[1:], pair[:-1], out=last[:-1])
     begin = np.searchsorted(pair, np.arange(len(tiles.edges) + 1))
+    edges = faces[tiles.face[pair], edge]
+    edges[begin[1:] - 1, 0, 3] += 1.0
     start = begin[tiles.start]
-    return start, begin[tiles.start + tiles.count] - start, 8 * tiles.face[pair] + 2 * edge + last
+    return start, begin[tiles.start + tiles.count] - start, edges
 
 
 def _texels(device: Device, values: np.ndarray[Any, Any], label: str) -> Texels:

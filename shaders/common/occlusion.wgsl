@@ -48,11 +48,11 @@ struct Shades {
     lamps: array<LampFace, 16>,
 }
 @group(0) @binding(60) var<uniform> shades: Shades;
-// per face its four corners relative to the eye (w: 1 if its inside hides as well), and its plane:
-// unit normal, offset from the eye
+// edges of the faces that may hide a lamp from a tile, three texels each: where it begins relative to
+// the eye (w: 1 for the last one of a face, 2 more if the inside hides as well), where it goes, and
+// the face's plane: unit normal, offset from the eye
 @group(0) @binding(61) var occluders: texture_2d<f32>;
-// per tile in half shadow a texel per lamp (first, count, -, -), then edges of the faces, four a
-// texel: 8 * face + 2 * edge, + 1 for the last one of a face
+// per tile in half shadow a texel per lamp: first and number of these
 @group(0) @binding(62) var shadow_lists: texture_2d<u32>;
 // per tile of 8 x 8 px (bits of the lamps that light it, number among the half shadowed + 1, -, -)
 @group(0) @binding(63) var shadow_tiles: texture_2d<u32>;
@@ -101,25 +101,23 @@ fn lamp_share(l: u32, x: vec3f, n: vec3f, dx: vec3f, dy: vec3f, tile: vec2u) -> 
     // so that a test at its beginning costs one pass more.
     var i = list.x;
     loop {
-        let word = textureLoad(shadow_lists, texel(i >> 2u), 0)[i & 3u];
-        let face = 5u * (word >> 3u);
-        let k = (word >> 1u) & 3u;
-        let begin = textureLoad(occluders, texel(face + k), 0);
+        let begin = textureLoad(occluders, texel(3u * i), 0);
+        let way = textureLoad(occluders, texel(3u * i + 1u), 0).xyz;
+        let plane = textureLoad(occluders, texel(3u * i + 2u), 0);
         let d = begin.xyz - x;
-        let way = textureLoad(occluders, texel(face + ((k + 1u) & 3u)), 0).xyz - begin.xyz;
-        let plane = textureLoad(occluders, texel(face + 4u), 0);
+        let both_sides = begin.w > 1.0;
 
         let height = plane.w - dot(plane.xyz, x);
-        let against = begin.w == 0.0 && abs(height) <= tolerance && dot(plane.xyz, n) < AGAINST;
+        let against = !both_sides && abs(height) <= tolerance && dot(plane.xyz, n) < AGAINST;
         let side = select(-1.0, 1.0, height > 0.0 && !against);
-        let above = select(-height, abs(height), begin.w != 0.0);
+        let above = select(-height, abs(height), both_sides);
         let apart = side * (dot(plane.xyz, to) - lamp.centre.w * height);
         let reach = abs(dot(plane.xyz, lamp.u.xyz)) + abs(dot(plane.xyz, lamp.v.xyz));
         let counts = (above > tolerance || against) && apart + reach > 0.0;
         // seen from beyond its plane, a face would seem to hide what lies behind the receiver
         let crossed = abs(height) < abs(dot(plane.xyz, dx)) + abs(dot(plane.xyz, dy));
         let beside = abs(dot(plane.xyz, n)) > BESIDE;
-        let whole = select(side, 0.0, begin.w != 0.0 && crossed && beside);
+        let whole = select(side, 0.0, both_sides && crossed && beside);
 
         let normal = cross(d, way);
         let turned = cross(to, way) - lamp.centre.w * normal;
@@ -142,7 +140,7 @@ fn lamp_share(l: u32, x: vec3f, n: vec3f, dx: vec3f, dy: vec3f, tile: vec2u) -> 
         inside2 &= inside_edge(value, back, b, across, inverse.y, falling.y, ROWS2);
         inside3 &= inside_edge(value, back, b, across, inverse.y, falling.y, ROWS3);
 
-        let last = vec4u(0u - (word & 1u));
+        let last = vec4u(0u - (u32(begin.w) & 1u));
         let used = select(vec4u(0u), last, counts);
         covered0 |= used & inside0;
         covered1 |= used & inside1;
