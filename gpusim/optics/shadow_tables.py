@@ -29,7 +29,12 @@ class ShadowTables:
         if tiles is not None:
             start, count, edges = _edges(tiles)
             lists = np.zeros((start.size, 4), np.uint32)
-            lists[:, 0], lists[:, 1] = start.reshape(-1), count.reshape(-1)
+            # the lamps that a tile sees in part come first
+            order = np.argsort(count == 0, axis=1, kind="stable")
+            lists[:, 0] = np.take_along_axis(start, order, axis=1).reshape(-1)
+            lists[:, 1] = np.take_along_axis(count, order, axis=1).reshape(-1)
+            lists[:, 2] = order.reshape(-1)
+            lists[:, 3] = np.repeat((count > 0).sum(axis=1), count.shape[1])
             grid = np.zeros((tiles.lit.size, 4), np.uint32)
             grid[:, 0], grid[:, 1] = tiles.lit.reshape(-1), tiles.entry.reshape(-1)
         self.occluders = _texels(device, edges.reshape(-1, 4), "shadow.occluders")

@@ -109,16 +109,30 @@ fn reflection_seen(
 ) -> Seen {
     var total = surroundings(n, g, open);
     var whole = vec2f(total.matte);
+    var shares: array<f32, 16>;
+    var half = 0u;
     // tests come last, as in `lamp_share`; every lamp has emitters
+    if (tile.y != 0u) {
+        let first = (tile.y - 1u) * shades.count;
+        var k = 0u;
+        loop {
+            let list = textureLoad(shadow_lists, texel(first + k), 0);
+            shares[list.z] = lamp_share(list, x, n, dx, dy);
+            half |= 1u << list.z;
+            k++;
+            if (k >= list.w) { break; }
+        }
+    }
     var l = 0u;
     loop {
-        let share = lamp_share(l, x, n, dx, dy, tile);
+        let lit = f32((tile.x >> l) & 1u);
+        let share = select(lit, shares[l], ((half >> l) & 1u) != 0u);
         let part = shades.lamps[l].part;
         var i = part.x;
         loop {
             let all = emitter_reflection(i, x, n, g);
             total = plus(total, share, all);
-            whole += vec2f(1.0, f32((tile.x >> l) & 1u)) * all.matte;
+            whole += vec2f(1.0, lit) * all.matte;
             i++;
             if (i >= part.y) { break; }
         }

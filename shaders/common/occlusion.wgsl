@@ -52,7 +52,8 @@ struct Shades {
 // the eye (w: 1 for the last one of a face, 2 more if the inside hides as well), where it goes, and
 // the face's plane: unit normal, offset from the eye
 @group(0) @binding(61) var occluders: texture_2d<f32>;
-// per tile in half shadow a texel per lamp: first and number of these
+// per tile in half shadow a texel per lamp: first and number of these, the lamp, and how many lamps
+// the tile sees in part, which come first
 @group(0) @binding(62) var shadow_lists: texture_2d<u32>;
 // per tile of 8 x 8 px (bits of the lamps that light it, number among the half shadowed + 1, -, -)
 @group(0) @binding(63) var shadow_tiles: texture_2d<u32>;
@@ -78,13 +79,10 @@ fn inside_edge(
     return after ^ vec4u(falling);
 }
 
-// n: the receiver's normal. A closed body hides from a receiver that lies against it, too.
-fn lamp_share(l: u32, x: vec3f, n: vec3f, dx: vec3f, dy: vec3f, tile: vec2u) -> f32 {
-    let lit = f32((tile.x >> l) & 1u);
-    if (tile.y == 0u) { return lit; }
-    let list = textureLoad(shadow_lists, texel((tile.y - 1u) * shades.count + l), 0);
-    if (list.y == 0u) { return lit; }
-    let lamp = shades.lamps[l];
+// n: the receiver's normal. A closed body hides from a receiver that lies against it, too. list: the
+// lamp's texel.
+fn lamp_share(list: vec4u, x: vec3f, n: vec3f, dx: vec3f, dy: vec3f) -> f32 {
+    let lamp = shades.lamps[list.z];
     let to = lamp.centre.xyz - lamp.centre.w * x;
     let tolerance = shades.tolerance * length(x);
     // where the sample lattice is on the lamp, it is in part on the pixel
