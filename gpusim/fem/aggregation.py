@@ -5,7 +5,11 @@ Vanek, Mandel & Brezina, Computing 56 (1996) 179, with the six rigid-body modes.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import reduce
+from itertools import pairwise
+from operator import add
 
 import numpy as np
 import numpy.typing as npt
@@ -15,7 +19,7 @@ from scipy.sparse import bsr_matrix, csr_matrix
 from gpusim.fem.congruence import mix, noise
 from gpusim.fem.diagonal import diagonal_blocks
 from gpusim.fem.patches import Patches
-from gpusim.fem.product import Product, RowsProduct
+from gpusim.fem.product import Product, RowsProduct, shared
 from gpusim.fem.stencil import StencilProduct
 
 __all__ = ["Aggregated", "aggregate_level", "largest_eigenvalue"]
@@ -29,6 +33,8 @@ _STRENGTH = 0.08
 # (iterations double or worse), so only strong links count; weaker ones do where that stalls.
 _COARSE_STRENGTHS = (0.2, 0.08, 0.0)
 _LEAST_SHRINKAGE = 0.55
+# products of matrices are shared out in so many parts, of no fewer blocks than this
+_MOST_PARTS, _LEAST_PART = 8, 50_000
 # factor on the greatest eigenvalue that Lanczos and its residual tell
 _ON_TOP = 1.03
 
@@ -62,17 +68,51 @@ def aggregate_level(
     tentative, coarse_null, coarse_mask = _tentative(near_null, aggregate, count)
     # P = (I - 4/(3 lambda) D^-1 A) T, with D^-1 D T = T
     step = 4.0 / (3.0 * largest)
-    image = (off @ tentative).tobsr((off.blocksize[0], 6))
-    smoothed = (1.0 - step if apart else 1.0) * tentative - (step / scale) * (
-        _block_diagonal(inverse) @ image
-    )
-    prolongation = bsr_matrix(smoothed.tobsr((off.blocksize[0], 6)))
-    coarse = prolongation.T @ (off @ prolongation)
-    if apart:
-        coarse = coarse + prolongation.T @ (_block_diagonal(diagonal) @ prolongation)
-    coarse = coarse.tobsr((6, 6))
+    parts = _parts(off)
+
+    def smoothed(rows: slice) -> bsr_matrix:
+        image = _rows(off, rows) @ tentative
+        own = _rows(tentative, rows) * (1.0 - step if apart else 1.0)
+        return bsr_matrix(own - (step / scale) * (_block_diagonal(inverse[rows]) @ image))
+
+    prolongation = _stacked(shared(smoothed, parts))
+
+    def coarsened(rows: slice) -> bsr_matrix:
+        own = _rows(prolongation, rows)
+        image = _rows(off, rows) @ prolongation
+        if apart:
+            image = image + _block_diagonal(diagonal[rows]) @ own
+        return bsr_matrix(own.T @ image)
+
+    coarse = reduce(add, shared(coarsened, parts)).tobsr((6, 6))
     coarse.data /= scale
     return Aggregated(prolongation, coarse, coarse_null, coarse_mask)
+
+
+def _parts(matrix: bsr_matrix) -> list[slice]:
+    """Block rows in parts, as many whatever the number of processors, which sums depend on."""
+    count = 1 + min(_MOST_PARTS - 1, len(matrix.indices) // _LEAST_PART)
+    rows = matrix.shape[0] // matrix.blocksize[0]
+    cuts = np.searchsorted(matrix.indptr, np.linspace(0, matrix.indptr[-1], count + 1)).tolist()
+    return [slice(first, last) for first, last in pairwise([0, *cuts[1:-1], rows])]
+
+
+def _rows(matrix: bsr_matrix, rows: slice) -> bsr_matrix:
+    """Some block rows, without a copy of their blocks."""
+    start = matrix.indptr[rows.start : rows.stop + 1]
+    own = slice(start[0], start[-1])
+    shape = ((rows.stop - rows.start) * matrix.blocksize[0], matrix.shape[1])
+    return bsr_matrix((matrix.data[own], matrix.indices[own], start - start[0]), shape=shape)
+
+
+def _stacked(parts: Sequence[bsr_matrix]) -> bsr_matrix:
+    """Block rows below one another."""
+    lengths = np.concatenate([np.diff(part.indptr) for part in parts])
+    start = np.concatenate([[0], np.cumsum(lengths)])
+    columns = np.concatenate([part.indices for part in parts])
+    blocks = np.concatenate([part.data for part in parts])
+    shape = (sum(part.shape[0] for part in parts), parts[0].shape[1])
+    return bsr_matrix((blocks, columns, start), shape=shape)
 
 
 def _block_diagonal(blocks: Float) -> bsr_matrix:
