@@ -22,7 +22,7 @@ Array = npt.NDArray[np.float64]
 POSITION, ST, NORMAL, REFERENCE = slice(0, 3), slice(3, 5), slice(5, 8), slice(8, 11)
 """Columns of the attribute table that travels through clipping and splitting."""
 
-CHUNK = 1 << 13
+CHUNK = 1 << 14
 """Triangles worked on at a time, so that they stay in the processor's cache."""
 
 

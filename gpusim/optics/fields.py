@@ -23,8 +23,11 @@ Array = npt.NDArray[np.float64]
 MARGIN = 1.05
 """Of half of the largest pixel, how far from a line its pixels may be."""
 
-LINE_NEAR = -(1 << 30)
-"""In place of the number of a line."""
+CLOSE = -(1 << 62)
+"""In place of the number of a field: a line is near."""
+
+BESIDE = CLOSE + 1
+"""The first of four numbers of what is beside the board, one for each of its sides."""
 
 
 def lines_near(paint: Checker, reach: float, low: Array, high: Array) -> tuple[Array, Array]:
@@ -50,32 +53,40 @@ def field_of(
     ``st`` (V, 2): paint coordinates of vertices; ``corner`` (n, 3): those of the triangles;
     ``reach``: half of the largest pixel there.
     """
-    at = st - np.array(paint.origin)
-    first, last = lines_near(paint, reach, at, at)
-    # of each vertex the line before it, or that one is near; beside the board all are alike
-    before = np.where(first > last, np.floor(at / paint.size), LINE_NEAR)
-    for axis, many in enumerate((paint.columns, paint.rows)):
-        if many is not None:
-            far = before[:, axis] != LINE_NEAR
-            before[far, axis] = np.clip(before[far, axis], -1, many)
-    fields = before.T.astype(np.int32)
+    # the field of each vertex as one number, as what is looked up costs more than what is compared
+    number, shade = np.empty(len(st), np.int64), np.empty(len(st), np.float32)
+    shades = np.array([paint.dark, paint.light], np.float32)
+    for start in range(0, len(st), CHUNK):
+        part = slice(start, start + CHUNK)
+        close, beside = np.zeros(len(st[part]), bool), np.zeros(len(st[part]), np.int64)
+        number[part] = 0
+        index = np.zeros(len(close), np.int64)
+        for axis, many in enumerate((paint.columns, paint.rows)):
+            at = (st[part, axis] - paint.origin[axis]) / paint.size
+            line, before = np.rint(at), np.floor(at)
+            if many is not None:
+                line, before = np.clip(line, 0, many), np.clip(before, -1, many)
+            near = np.abs(at - line) * paint.size <= MARGIN * reach
+            if many is not None:
+                for k, end in enumerate((-1, many)):
+                    beside[(before == end) & ~near] = BESIDE + 2 * axis + k
+            close |= near
+            whole = before.astype(np.int64)
+            index += whole
+            number[part] <<= 32
+            number[part] += whole
+        number[part][close] = CLOSE
+        shade[part] = shades[index & 1]
+        if beside.any():
+            out = beside < 0
+            number[part][out], shade[part][out] = beside[out], paint.ground
     near, albedo = np.empty(len(corner), bool), np.empty(len(corner), np.float32)
-    shades = np.array([paint.dark, paint.light, paint.ground], np.float32)
     for start in range(0, len(corner), CHUNK):
         part = slice(start, start + CHUNK)
-        index = np.zeros(len(corner[part]), np.int32)
-        beside, close = np.zeros(len(index), bool), np.zeros(len(index), bool)
-        for field, many in zip(fields, (paint.columns, paint.rows), strict=True):
-            a, b, c = (field[corner[part, k]] for k in range(3))
-            alike = (a == b) & (a == c) & (a != LINE_NEAR)
-            close |= ~alike
-            index += a
-            if many is not None:
-                beside |= alike & ((a == -1) | (a == many))
-        near[part] = close & ~beside
-        index &= 1
-        index[beside] = 2
-        albedo[part] = shades[index]
+        own = [corner[part, k] for k in range(3)]
+        a, b, c = (np.take(number, vertices, mode="clip") for vertices in own)
+        near[part] = (a != b) | (a != c) | (a == CLOSE)
+        np.take(shade, own[0], out=albedo[part], mode="clip")
     return near, albedo
 
 
@@ -95,8 +106,10 @@ def within_fields(
     region = view.paints[number]
     paint = region.paint
     assert isinstance(paint, Checker)
-    rows = np.flatnonzero(near & (view.paint == number))
-    corner = view.corner if len(rows) == view.count else view.corner[rows]
+    own = near & (view.paint == number)
+    whole = bool(own.all())
+    corner = view.corner if whole else view.corner[own]
     close, plain = field_of(paint, region.reach, view.vertices[:, ST], corner)
+    rows = slice(None) if whole else np.flatnonzero(own)
     near[rows] = close
     albedo[rows] = np.where(close, albedo[rows], plain)

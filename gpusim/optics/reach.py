@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,14 +19,25 @@ from gpusim.surface.speckle import Speckle
 __all__ = ["RegionPaint", "with_reach"]
 
 Array = npt.NDArray[np.float64]
+Single = npt.NDArray[np.float32]
+
+MANY = 2000
+"""Triangles of a region from which on a bound will do for the largest pixel."""
+
+BLOCK = 1 << 15
+"""Triangles at a time in float32: more than `CHUNK`, as a pass is short then."""
+
+LOOSE = 0.02
+"""By which the bound may be above it, twice."""
 
 
 @dataclass(frozen=True, eq=False)
 class RegionPaint:
     """A paint with the extent of its region in paint coordinates and the largest pixel there.
 
-    ``seen`` (2, 2): lowest and highest coordinates of what may be in the image. ``grazing``: some
-    footprints are larger than ``reach``, which suits the usual ones.
+    ``reach``: no less than half of its size. ``seen`` (2, 2), of speckle: lowest and highest
+    coordinates of what may be in the image; ``grazing``: some footprints are larger than ``reach``,
+    which suits the usual ones.
     """
 
     paint: Paint
@@ -61,14 +72,16 @@ def with_reach(
         rows = np.flatnonzero(paint == number) if extent > 0.0 else np.zeros(0, np.int64)
         if len(rows):
             whole = len(rows) == len(paint)
-            starts = range(0, len(rows), CHUNK)
-            parts = [slice(k, k + CHUNK) if whole else rows[k : k + CHUNK] for k in starts]
-            used = used_vertices(corner if whole else corner[rows], len(place))
-            # column by column: along an axis of two numbers NumPy takes thirty times as long
-            st = [np.take(column, used) for column in columns[4:]]
-            seen = np.array([[at.min() for at in st], [at.max() for at in st]])
-            limit = None
+            many = len(rows) >= MANY and not isinstance(region.paint, Speckle)
+            size = BLOCK if many else CHUNK
+            starts = range(0, len(rows), size)
+            parts = [slice(k, k + size) if whole else rows[k : k + size] for k in starts]
+            limit, seen = None, None
             if isinstance(region.paint, Speckle):
+                used = used_vertices(corner if whole else corner[rows], len(place))
+                # column by column: along an axis of two numbers NumPy takes thirty times as long
+                st = [np.take(column, used) for column in columns[4:]]
+                seen = np.array([[at.min() for at in st], [at.max() for at in st]])
                 found = (_of_corners(vertices, corner[part], camera) for part in parts)
                 slope = stretch * np.concatenate([_footprints(*one) for one in found])
                 half = 0.5 * np.abs(slope).sum(axis=-1).max(axis=-1)
@@ -77,7 +90,8 @@ def with_reach(
                 image = (camera.width, camera.height)
                 limit = grazing_reach(region.paint, half, slope, place[corner[rows]], image)
             else:
-                reach = stretch * max(_largest_footprint(columns, corner[part]) for part in parts)
+                find = _bound_in_float32(columns) if many else _largest_footprint
+                reach = stretch * max(find(columns, corner[part]) for part in parts)
             reach = min(reach, extent) if limit is None else limit
             region = replace(region, reach=reach, seen=seen, grazing=limit is not None)
         result.append(region)
@@ -128,3 +142,59 @@ def _largest_footprint(columns: list[Array], corner: npt.NDArray[np.int64]) -> f
             size *= z
             np.maximum(most, size, out=most)
     return 0.5 * float((most / area).max())
+
+
+def _bound_in_float32(
+    columns: list[Array],
+) -> Callable[[list[Array], npt.NDArray[np.int64]], float]:
+    """A function like `_largest_footprint` that takes half the time, and may say a little more.
+
+    It takes one depth for a triangle, and adds what that may be off by: differences d of s between
+    corners make the gradient, and perspective weighs them by ratios of depths; where these reach
+    up to 1 + r, that changes it by 2 r times the largest d times the length of the triangle's
+    sides, over its area. Triangles for which that is much are looked at one by one.
+    """
+    x, y, _, inverse, *paint = columns
+    single = [v.astype(np.float32) for v in (x, y, inverse / inverse.min())]
+    single += [(v - 0.5 * (v.min() + v.max())).astype(np.float32) for v in paint]
+    # what a difference may be off by
+    step = [float(np.spacing(np.abs(v).max())) for v in single]
+    off, off_w, off_s = max(step[:2]), step[2], max(step[3:])
+
+    def find(columns: list[Array], corner: npt.NDArray[np.int64]) -> float:
+        vertices = [corner[:, k] for k in range(3)]
+        u: list[Single] = []
+        v: list[Single] = []
+        for column in single:
+            first, second, third = (np.take(column, own, mode="clip") for own in vertices)
+            u.append(np.subtract(second, first, out=second))
+            v.append(np.subtract(third, first, out=third))
+        area = np.abs(u[0] * v[1] - u[1] * v[0])
+        most, widest = np.zeros_like(area), np.zeros_like(area)
+        for one, two in zip(u[3:], v[3:], strict=True):
+            size = np.abs(one * v[1] - two * u[1])
+            size += np.abs(two * u[0] - one * v[0])
+            np.maximum(most, size, out=most)
+            np.maximum(widest, np.abs(one), out=widest)
+            np.maximum(widest, np.abs(two), out=widest)
+        length = np.abs(u[0]) + np.abs(u[1])
+        length += np.abs(v[0])
+        length += np.abs(v[1])
+        # all three differences are within twice the two
+        depths = np.abs(u[2]) + np.abs(v[2])
+        depths += np.float32(off_w + 1e-6)
+        more = 4.0 * depths * widest
+        more += np.float32(off_s)
+        more *= length
+        more += np.float32(4.0 * off) * widest
+        least = area - (np.float32(2.0 * off) + np.float32(1e-6) * length) * length
+        sure = (more <= LOOSE * most) & (least >= (1.0 - LOOSE) * area) & (area > 0.0)
+        if sure.all():
+            return 0.5 * float(((most + more) / least).max())
+        found = _largest_footprint(columns, corner[~sure])
+        if sure.any():
+            bound = (most[sure] + more[sure]) / least[sure]
+            found = max(found, 0.5 * float(bound.max()))
+        return found
+
+    return find
