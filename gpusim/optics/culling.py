@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.optics.corners import CHUNK, products
+from gpusim.optics.corners import CHUNK
 from gpusim.optics.cutting import Screen, without_area
-from gpusim.optics.outline import corner_normals
 
 __all__ = ["Culled", "cull"]
 
@@ -19,11 +18,9 @@ Flags = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class Culled:
-    """``area`` (3, T): normals in camera space, twice as long as the triangles' areas; ``front``
-    (T,): which look at the camera; ``keep`` (T,): which may be seen; ``extent``: px, the longest
-    side of a box round any of those, as far as none has a corner behind the camera."""
+    """``front`` (T,): which look at the camera; ``keep`` (T,): which may be seen; ``extent``: px,
+    the longest side of a box round any of those, as far as none has a corner behind the camera."""
 
-    area: Array
     front: Flags
     keep: Flags
     extent: float
@@ -31,29 +28,30 @@ class Culled:
 
 def cull(
     points: Array,
+    area: Array,
     triangles: npt.NDArray[np.int64],
     ideal: Array,
     ahead: Flags,
     closed: bool,
     screen: Screen,
 ) -> Culled:
-    """Of triangles (T, 3) with vertices at camera-space ``points`` (P, 3), seen at ``ideal`` (P, 2)
-    px where they are ``ahead`` (P,).
+    """Of triangles (T, 3) with normals ``area`` (3, T) and vertices at ``points`` (P, 3) in the
+    world, seen at ``ideal`` (P, 2) px where they are ``ahead`` (P,).
 
     What is wholly behind the camera, beside the image or seen edge-on is left out, and what looks
     away if the surface is ``closed``.
     """
     count = len(triangles)
-    area, front, keep = np.empty((3, count)), np.empty(count, bool), np.empty(count, bool)
+    front, keep = np.empty(count, bool), np.empty(count, bool)
     most = np.zeros(CHUNK)
     places = [np.ascontiguousarray(ideal[:, k]) for k in range(2)]
+    away = [np.ascontiguousarray(points[:, k]) - eye for k, eye in enumerate(screen.camera.eye)]
     sides = _sides(ideal, ahead, screen)
     whole = bool(ahead.all())
     for first in range(0, count, CHUNK):
         part = slice(first, first + CHUNK)
         corner = [triangles[part, k] for k in range(3)]
-        own = area[:, part]
-        front[part] = products(own, corner_normals(points, corner, own)) < 0
+        front[part] = _facing(area[:, part], away, corner[0]) < 0.0
         seen = (sides[corner[0]] & sides[corner[1]] & sides[corner[2]]) == 0
         if closed:
             seen &= front[part]
@@ -68,7 +66,16 @@ def cull(
         else:
             seen &= ahead[corner[0]] | ahead[corner[1]] | ahead[corner[2]]
         keep[part] = seen
-    return Culled(area, front, keep, float(most.max()))
+    return Culled(front, keep, float(most.max()))
+
+
+def _facing(area: Array, away: list[Array], corner: npt.NDArray[np.int64]) -> Array:
+    """(n,): scalar products of normals (3, n) with where their triangles' corners are from the eye;
+    ``away``: of all vertices, by axis."""
+    result: Array = area[0] * np.take(away[0], corner, mode="clip")
+    for normal, column in zip(area[1:], away[1:], strict=True):
+        result += normal * np.take(column, corner, mode="clip")
+    return result
 
 
 def _sides(ideal: Array, ahead: Flags, screen: Screen) -> npt.NDArray[np.uint8]:

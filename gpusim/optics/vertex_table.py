@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.optics.camera import Camera
-from gpusim.optics.corners import NORMAL, POSITION, REFERENCE, ST, products
+from gpusim.optics.corners import NORMAL, POSITION, REFERENCE, ST
 from gpusim.optics.outline import sharp_normals
+from gpusim.optics.shape import Shape
 from gpusim.surface.plane import PaintFrame, used_vertices
 from gpusim.surface.surface import Surface
 
@@ -21,37 +21,34 @@ FEW = 4
 """Vertices per triangle from which on those of other triangles are left out."""
 
 
-def turned_corners(triangles: Numbers, kept: Numbers, front: Flags) -> list[Numbers]:
-    """The vertices (n,) at each corner of triangles ``kept``; those that look away turned round."""
-    if len(kept) == len(triangles):
-        corner = [np.ascontiguousarray(triangles[:, k]) for k in range(3)]
-    else:
-        corner = [np.take(triangles[:, k], kept) for k in range(3)]
+def turned_corners(triangles: Numbers, kept: Numbers, front: Flags) -> Numbers:
+    """(3, n): vertices at each corner of triangles ``kept``, those that look away turned round."""
     away = np.flatnonzero(~front[kept])
+    whole = len(kept) == len(triangles)
+    corner = triangles.T if whole else np.stack([np.take(one, kept) for one in triangles.T])
     if len(away):
-        one, other = corner[1], corner[2]
-        corner[1:] = one.copy(), other.copy()
-        corner[1][away], corner[2][away] = other[away], one[away]
+        corner = corner.copy() if whole else corner
+        corner[1:, away] = corner[:0:-1, away]
     return corner
 
 
 class VertexTable:
     """The vertices of some of a surface's triangles, those that differ from corner to corner apart.
 
-    ``columns`` (11, V): as in `gpusim.optics.view.View`; ``corner``: for each corner the vertices
-    (n,) of the triangles; ``origin`` (V,): the surface's vertex that each is.
+    ``columns`` (11, V): as in `gpusim.optics.view.View`; ``corner`` (3, n): for each corner the
+    vertices of the triangles; ``origin`` (V,): the surface's vertex that each is.
     """
 
-    def __init__(self, surface: Surface, points: Array, corner: list[Numbers], only: bool) -> None:
-        """Of triangles with ``corner``s (n,) each; ``points`` (P, 3) in camera space.
+    def __init__(self, surface: Surface, points: Array, corner: Numbers, only: bool) -> None:
+        """Of triangles with ``corner``s (3, n); ``points`` (P, 3) in camera space.
 
         ``only``: leave out vertices of other triangles even if they are few.
         """
         rest = surface.rest
         self.origin: Numbers = np.arange(len(points))
         self.corner = corner
-        if only or len(points) > FEW * len(corner[0]):
-            self.origin = used_vertices(np.stack(corner), len(points))
+        if only or len(points) > FEW * corner.shape[1]:
+            self.origin = used_vertices(corner, len(points))
             self._renumber(self.origin, len(points))
             points, rest = points[self.origin], rest[self.origin]
         self.columns = np.empty((11, len(points)))
@@ -65,11 +62,10 @@ class VertexTable:
         number = np.zeros(count, np.int64)
         number[used] = np.arange(to, to + len(used))
         if rows is None:
-            self.corner = [number[corner] for corner in self.corner]
+            self.corner = number[self.corner]
             return
-        self.corner = [corner.copy() for corner in self.corner]
-        for corner in self.corner:
-            corner[rows] = number[corner[rows]]
+        self.corner = self.corner.copy()
+        self.corner[:, rows] = number[self.corner[:, rows]]
 
     def _copied(self, vertices: Numbers) -> Numbers:
         """The numbers of copies of some vertices."""
@@ -80,20 +76,19 @@ class VertexTable:
 
     def _apart(self, rows: Numbers) -> Numbers:
         """Gives triangles ``rows`` vertices that no others have; the numbers of these."""
-        if len(rows) == len(self.corner[0]):
+        if len(rows) == self.corner.shape[1]:
             return np.arange(len(self.origin))
         before = len(self.origin)
-        used = used_vertices(np.stack([corner[rows] for corner in self.corner]), before)
+        used = used_vertices(self.corner[:, rows], before)
         copies = self._copied(used)
         self._renumber(used, before, rows, before)
         return copies
 
     def _own(self, rows: Numbers, k: Numbers) -> Numbers:
         """Gives corners ``k`` (n,) of triangles ``rows`` (n,) a vertex each; their numbers."""
-        self.corner = [corner.copy() for corner in self.corner]
-        copies = self._copied(np.stack(self.corner)[k, rows])
-        for j in range(3):
-            self.corner[j][rows[k == j]] = copies[k == j]
+        copies = self._copied(self.corner[k, rows])
+        self.corner = self.corner.copy()
+        self.corner[k, rows] = copies
         return copies
 
     def paint(self, surface: Surface, kept: Numbers, turned: Flags) -> None:
@@ -117,30 +112,20 @@ class VertexTable:
                 own = self._own(rows, np.full(len(rows), k))
                 self.columns[ST, own] = st[:, k].T
 
-    def smooth(
-        self,
-        surface: Surface,
-        area: Array,
-        smooth: tuple[Array, Flags],
-        kept: Numbers,
-        turned: Flags,
-        camera: Camera,
-    ) -> None:
-        """Fill in world normals: ``smooth`` is what `gpusim.optics.outline.smooth_normals` found,
-        ``area`` (3, T) the triangles' normals, by area."""
-        to_world = camera.camera_from_world[:3, :3].T
-        normal, sharp = smooth
-        own = normal if len(self.origin) == normal.shape[1] else normal[:, self.origin]
-        for axis, row in enumerate(to_world):
-            self.columns[NORMAL.start + axis] = products(own, row)
+    def smooth(self, surface: Surface, shape: Shape, kept: Numbers, turned: Flags) -> None:
+        """Fill in world normals of triangles ``kept`` (n,) of the surface, some ``turned``."""
+        normal, sharp = shape.smooth
+        self.columns[NORMAL] = (
+            normal if len(self.origin) == normal.shape[1] else normal[:, self.origin]
+        )
         if sharp.any():
             rows, k = np.nonzero(np.stack([sharp[self.origin[c]] for c in self.corner], axis=1))
             vertex = self._own(rows, k)
             found = sharp_normals(
-                area, surface.topology.triangles, sharp, kept[rows], self.origin[vertex],
+                shape.area, surface.topology.triangles, sharp, kept[rows], self.origin[vertex],
                 surface.smooth_angle,
             )  # fmt: skip
-            self.columns[NORMAL, vertex] = to_world @ found.T
+            self.columns[NORMAL, vertex] = found.T
         away = np.flatnonzero(turned)
         if len(away):
             copies = self._apart(away)

@@ -36,9 +36,10 @@ from gpusim.optics.cutting import (
     split,
 )  # fmt: skip
 from gpusim.optics.indexed import Indexed
-from gpusim.optics.outline import feature_edges, smooth_normals
+from gpusim.optics.outline import feature_edges
 from gpusim.optics.paint_edges import speckle_jumps
 from gpusim.optics.reach import RegionPaint, with_reach
+from gpusim.optics.shape import Shape, shapes_of
 from gpusim.optics.sparse import sparse_excess
 from gpusim.optics.uncut import uncut
 from gpusim.optics.vertex_table import VertexTable, turned_corners
@@ -63,6 +64,7 @@ NO_PLACES = np.zeros((0, 3, 2))
 
 ALL = slice(None)
 Rows = slice | npt.NDArray[np.int64]
+Short = npt.NDArray[np.int32]
 
 FLAT = 1e-9
 """Share of the depth by which corners may lie off a plane."""
@@ -216,18 +218,19 @@ def look(surfaces: Sequence[Surface], camera: Camera, lit: bool) -> View:
     far = max((float(points[:, 2].max()) for points in at), default=0.0)
     empty: npt.NDArray[np.int64] = np.zeros(0, np.int64)
     parts = [Indexed.of(Pieces(np.zeros((0, 3, 11)), np.zeros((0, 3), bool), empty), NO_PLACES)]
-    paint_ids: list[npt.NDArray[np.integer]] = [empty]
-    face_ids: list[npt.NDArray[np.integer]] = [empty]
+    paint_ids: list[Short] = []
+    face_ids: list[Short] = []
     paints: list[RegionPaint] = []
-    body_ids: list[npt.NDArray[np.integer]] = [empty]
+    body_ids: list[Short] = []
     first_face = 0
-    for number, (surface, points) in enumerate(zip(surfaces, at, strict=True)):
+    shapes = shapes_of(surfaces)
+    for number, (surface, shape, points) in enumerate(zip(surfaces, shapes, at, strict=True)):
         if far > 0.0:
-            part = _seen_of(surface, points, screen, NEAR * far, lit)
+            part = _seen_of(surface, shape, points, screen, NEAR * far, lit)
             source = surface.topology.source[part.source]
-            paint_ids.append(len(paints) + surface.regions[source])
-            face_ids.append(first_face + source)
-            body_ids.append(np.full(len(source), number))
+            paint_ids.append(surface.regions[source] + np.int32(len(paints)))
+            face_ids.append(source + np.int32(first_face))
+            body_ids.append(np.full(len(source), number, np.int32))
             parts.append(part)
         for region, paint in enumerate(surface.paints.values()):
             low, high = surface.extents.get(region, (np.zeros(2), np.zeros(2)))
@@ -235,18 +238,23 @@ def look(surfaces: Sequence[Surface], camera: Camera, lit: bool) -> View:
         first_face += len(surface.faces)
     all_of = Indexed.joined(parts)
     place, corner = all_of.place, all_of.corner
-    number_of_paint = np.concatenate(paint_ids).astype(np.int32)
     shown, k = np.divmod(np.flatnonzero(all_of.shows), 3)
     ends = [place[corner[shown, j]] for j in (k, (k + 1) % 3)]
     return View(
-        camera, all_of.vertices, place, corner, number_of_paint,
-        np.concatenate(face_ids).astype(np.int32), tuple(paints), np.stack(ends, axis=1),
-        np.concatenate(body_ids).astype(np.int32), np.stack([shown, k], axis=1),
+        camera, all_of.vertices, place, corner, _joined(paint_ids), _joined(face_ids),
+        tuple(paints), np.stack(ends, axis=1), _joined(body_ids), np.stack([shown, k], axis=1),
         all_of.extent,
     )  # fmt: skip
 
 
-def _seen_of(surface: Surface, points: Array, screen: Screen, near: float, lit: bool) -> Indexed:
+def _joined(parts: list[Short]) -> Short:
+    """Several in one; one alone as it is."""
+    return parts[0] if len(parts) == 1 else np.concatenate([np.zeros(0, np.int32), *parts])
+
+
+def _seen_of(
+    surface: Surface, shape: Shape, points: Array, screen: Screen, near: float, lit: bool
+) -> Indexed:
     """What may be seen of a surface whose vertices are at camera-space ``points``."""
     topology = surface.topology
     triangles = topology.triangles
@@ -256,37 +264,38 @@ def _seen_of(surface: Surface, points: Array, screen: Screen, near: float, lit: 
     else:
         ideal = np.full((len(points), 2), np.inf)
         ideal[ahead] = screen.ideal(points[ahead])
-    culled = cull(points, triangles, ideal, ahead, topology.closed, screen)
-    area, front, keep = culled.area, culled.front, culled.keep
-    angle, smooth = surface.smooth_angle, None
-    if lit:
-        smooth = smooth_normals(area, triangles, len(points), angle)
-    sharp = None if smooth is None else smooth[1]
+    culled = cull(
+        surface.points, shape.area, triangles, ideal, ahead, topology.closed, screen
+    )  # fmt: skip
+    front, keep = culled.front, culled.keep
     shows = feature_edges(
-        topology, front, surface.regions, area, angle, keep, sharp, surface.extents
-    )
+        topology, front, surface.regions, shape.area, surface.smooth_angle, keep,
+        shape.smooth[1] if lit else None, surface.extents,
+    )  # fmt: skip
     kept = np.flatnonzero(keep)
     corner = turned_corners(triangles, kept, front)
     out = ~ahead | screen.beyond(ideal)
     turned = ~front[kept]
     table = VertexTable(surface, points, corner, bool(out.any()))
     table.paint(surface, kept, turned)
-    if smooth is not None:
-        table.smooth(surface, area, smooth, kept, turned, screen.camera)
+    if lit:
+        table.smooth(surface, shape, kept, turned)
     for number, paint in enumerate(surface.paints.values()):
         if isinstance(paint, Speckle):
             own = surface.regions[topology.source[kept]] == number
-            st = at_corners(table.columns[ST].T, table.corner)
+            st = at_corners(table.columns[ST].T, list(table.corner))
             st[turned] = st[turned][:, [0, 2, 1]]
             shows[speckle_jumps(topology, kept, own, st, points, ideal, paint)] = True
     flags = topology.sides(shows, kept)
     if turned.any():
         flags[turned] = flags[turned][:, [2, 1, 0]]
     found = Indexed(
-        table.columns.T, np.take(ideal.T, table.origin, axis=1).T, np.stack(table.corner).T, flags,
-        kept, culled.extent,
+        table.columns.T, np.take(ideal.T, table.origin, axis=1).T, table.corner.T,
+        flags, kept, culled.extent,
     )  # fmt: skip
-    crossing = out[corner[0]] | out[corner[1]] | out[corner[2]]
+    crossing = np.zeros(len(kept), bool)
+    if out.any():
+        crossing = out[corner[0]] | out[corner[1]] | out[corner[2]]
     if not crossing.any() and ahead.all() and screen.camera.lens is None:
         if culled.extent <= SHORT_EDGE:
             # what `split` would find, which has been seen to already

@@ -1,0 +1,66 @@
+"""Normals of a surface's triangles and vertices: of the surface, whatever looks at it.
+
+Those of the last image are kept. Cameras that look at the same surfaces one after another (a
+stereo pair, exposures of a rig) find them there, as long as no vertex has moved.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.optics.corners import CHUNK
+from gpusim.optics.outline import corner_normals, smooth_normals
+from gpusim.surface.surface import Surface
+
+__all__ = ["Shape", "shapes_of"]
+
+Array = npt.NDArray[np.float64]
+
+
+class Shape:
+    """``area`` (3, T): world normals of a surface's triangles, twice as long as their areas."""
+
+    def __init__(self, surface: Surface) -> None:
+        self._topology, self._angle = surface.topology, surface.smooth_angle
+        # a copy: who looks for it may have moved the vertices in place
+        self._points = surface.points.copy()
+        triangles = self._topology.triangles
+        self.area = np.empty((3, len(triangles)))
+        for first in range(0, len(triangles), CHUNK):
+            part = slice(first, first + CHUNK)
+            corner = [triangles[part, k] for k in range(3)]
+            corner_normals(surface.points, corner, self.area[:, part])
+
+    @cached_property
+    def smooth(self) -> tuple[Array, npt.NDArray[np.bool_]]:
+        """What `gpusim.optics.outline.smooth_normals` makes of it: vertices' normals in the world,
+        and which corners have their own."""
+        triangles, vertices = self._topology.triangles, len(self._points)
+        return smooth_normals(self.area, triangles, vertices, self._angle)
+
+    def is_of(self, surface: Surface) -> bool:
+        """Whether a surface has this shape."""
+        return (
+            self._topology is surface.topology
+            and self._angle == surface.smooth_angle
+            and np.array_equal(self._points, surface.points)
+        )
+
+
+_last: tuple[Shape, ...] = ()
+
+
+def shapes_of(surfaces: Sequence[Surface]) -> list[Shape]:
+    """The shapes of surfaces, which are kept until the next ones are asked for."""
+    global _last
+    kept = dict(enumerate(_last))
+    found = []
+    for number, surface in enumerate(surfaces):
+        shape = kept.get(number)
+        found.append(shape if shape is not None and shape.is_of(surface) else Shape(surface))
+    _last = tuple(found)
+    return found
