@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 import gpusim as gs
 from gpusim.optics.binning import EdgePixels, bin_edges
 from gpusim.optics.polygon import clip_square, half_planes, moments
+from gpusim.optics.ranks import Ranks
 from gpusim.optics.setup_probe import fields_setup
 from gpusim.optics.sheets import centred, outlines
 from gpusim.optics.view import View, look
@@ -56,13 +58,14 @@ def test_outlines_are_all_but_the_borders_within() -> None:
     quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]]
     paint = np.array([0, 1, 1, 1, 1, 1], np.int32)
     view = look([gs.Surface(corners, np.array(quads, np.int32), PAINTS, paint)], CAMERA, lit=False)
-    ends = outlines(view)
+    ends, again = outlines(view)
     triangle, k = view.edge_source.T
     sides = np.stack([view.corner[triangle, k], view.corner[triangle, (k + 1) % 3]], axis=1)
     depth = view.vertices[sides][:, :, 2]
     # the face in front shows, and the one on its right: they have one edge in common
     within = (depth == 3.0).all(axis=1) & (view.vertices[sides][:, :, 0] > -0.2).all(axis=1)
     assert within.sum() == 2 and not ends[within].any() and ends[~within].all()
+    assert again.sum() == again[within].sum() == 1
 
 
 def test_neighbours_leave_no_gap_at_a_centre() -> None:
@@ -75,3 +78,12 @@ def test_neighbours_leave_no_gap_at_a_centre() -> None:
             continue
         fan = np.stack([np.broadcast_to(middle, rim.shape), rim, np.roll(rim, -1, axis=0)], axis=1)
         assert centred(fan).any()
+
+
+@pytest.mark.parametrize("size", [1, 64, 65, 4096, 100_003])
+def test_ranks_are_those_of_a_search(size: int) -> None:
+    rng = np.random.default_rng(size)
+    for share in (0.0, 0.03, 1.0):
+        listed = np.flatnonzero(rng.uniform(size=size) < share)
+        index = np.concatenate([[0, size], rng.integers(0, size + 1, 40_000)])
+        np.testing.assert_array_equal(Ranks(listed, size).of(index), np.searchsorted(listed, index))

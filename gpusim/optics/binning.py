@@ -22,6 +22,7 @@ from gpusim.optics.cutting import Screen
 from gpusim.optics.piercing import piercings
 from gpusim.optics.polygon import pick
 from gpusim.optics.ragged import expand
+from gpusim.optics.ranks import Ranks
 from gpusim.optics.sheets import centred, outlines
 from gpusim.optics.view import View
 
@@ -117,16 +118,19 @@ def bin_edges(view: View) -> EdgePixels:
     decides.
     """
     width, height = view.camera.width, view.camera.height
-    pixel = segment_pixels(view.edges, width, height)
-    ends = segment_pixels(view.edges[outlines(view)], width, height)
+    end, again = outlines(view)
+    ends = segment_pixels(view.edges[end], width, height)
+    pixel = segment_pixels(view.edges[~(end | again)], width, height)
+    pixel = distinct(np.concatenate([pixel, ends]))
     cut = segment_pixels(_cuts(view), width, height)
     if len(cut):
         pixel = distinct(np.concatenate([pixel, cut]))
     some, low, high = _near_pixels(pixel, view)
     triangle, step = expand(np.maximum(high[:, 1] - low[:, 1] + 1, 0))
     row = low[triangle, 1] + step
-    first = np.searchsorted(pixel, row * width + low[triangle, 0])
-    last = np.searchsorted(pixel, row * width + high[triangle, 0], side="right")
+    ranks = Ranks(pixel, width * height)
+    first = ranks.of(row * width + low[triangle, 0])
+    last = ranks.of(row * width + high[triangle, 0] + 1)
     run, step = expand(np.maximum(last - first, 0))
     entry, triangle = first[run] + step, some[triangle[run]]
     row, column = np.divmod(pixel, width)

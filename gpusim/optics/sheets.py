@@ -18,21 +18,24 @@ __all__ = ["centred", "outlines"]
 Numbers = npt.NDArray[np.int64]
 
 
-def outlines(view: View) -> npt.NDArray[np.bool_]:
-    """(E,): which edges of a view may be a sheet's end.
+def outlines(view: View) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
+    """Which edges of a view may be a sheet's end, and which have been listed before, (E,) each.
 
-    The others have a triangle on either side, which goes along it the other way: these don't
-    overlap in the image.
+    Those that are no end have a triangle on either side, which goes along them the other way: the
+    two don't overlap in the image.
     """
     triangle, k = view.edge_source.T
     start, end = view.corner[triangle, k], view.corner[triangle, (k + 1) % 3]
-    result = ~_paired(start, end)
+    ends = ~_paired(start, end)
+    again = ~ends & (start > end)
     # triangles that have been cut don't share vertices, but these lie in the same places
-    left = np.flatnonzero(result)
+    left = np.flatnonzero(ends)
     at = np.concatenate([start[left], end[left]])
     number = _numbered([*view.place[at].T, view.vertices[at, 2]])
-    result[left] = ~_paired(number[: len(left)], number[len(left) :])
-    return result
+    start, end = number[: len(left)], number[len(left) :]
+    ends[left] = ~_paired(start, end)
+    again[left] = ~ends[left] & (start > end)
+    return ends, again
 
 
 def _paired(start: Numbers, end: Numbers) -> npt.NDArray[np.bool_]:
