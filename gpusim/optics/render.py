@@ -11,7 +11,7 @@ from gpusim.errors import InputError
 from gpusim.gpu import Buffer, Device, default_device
 from gpusim.inputs import checked
 from gpusim.optics.aside import FEWEST, Aside
-from gpusim.optics.binning import bin_edges
+from gpusim.optics.binning import EdgePixels, bin_edges
 from gpusim.optics.border import Border
 from gpusim.optics.camera import Camera
 from gpusim.optics.edges import EdgePass, edges_twin
@@ -144,8 +144,9 @@ def _draw(
     early = sight is None and view.count >= FEWEST and not view.flat and casts_shadows(lights or [])
     shade_pass: ShadePass | None = None
     begun: Buffer | None = None
-    with Aside(view.count, 2) as aside:
-        found = None if simple else aside.begin(bin_edges, view)
+    # one thread beside this one: more would wait for the interpreter
+    with Aside(view.count) as aside:
+        found = None if simple or early else aside.begin(bin_edges, view)
         shadows = aside.begin(find_shadows, view, lights or [], surfaces) if early else None
         setup = Setup.build(view, lights, background, surfaces, device, shadows=not early)
         tables = Tables(device, setup, sight)
@@ -154,12 +155,15 @@ def _draw(
             begun = device.kept.take(4 * rows * shade_pass.stride, f"radiance[{first}]")
             with device.recording("optics.shade") as recording:
                 shade_pass.record(recording, begun, first, rows)
+            edges: EdgePixels | None = bin_edges(view)
             tables = tables.with_shadows(shadows())
             tiles = tables.setup.lighting.shadows
             if tiles is not None and tiles.dark.mean() > MOST_DARK:
                 early, shade_pass = False, None
-        if found is not None:
-            edge_pass = EdgePass(tables, found())
+        else:
+            edges = None if found is None else found()
+        if edges is not None:
+            edge_pass = EdgePass(tables, edges)
     if edge_pass is not None:
         edge_pass.begin()
     shade_pass = shade_pass or ShadePass(tables, rows, sight is not None, sight)
