@@ -98,10 +98,11 @@ fn reflection(x: vec3f, n: vec3f, g: Gloss, open: f32, bits: u32) -> Reflection 
 }
 
 // What is reflected where lamps may be hidden, and what a matte surface would reflect of all lamps
-// and of those that light some of the tile.
+// and of those that light some of the tile; whether it sees some lamp in part.
 struct Seen {
     r: Reflection,
     whole: vec2f,
+    half: bool,
 }
 // dx, dy is how x changes over the pixel, tile what `shadow_tile` found for it.
 fn reflection_seen(
@@ -110,15 +111,18 @@ fn reflection_seen(
     var total = surroundings(n, g, open);
     var whole = vec2f(total.matte);
     var shares: array<f32, 16>;
-    var half = 0u;
+    var known = 0u;
+    var half = false;
     // tests come last, as in `lamp_share`; every lamp has emitters
     if (tile.y != 0u) {
         let first = (tile.y - 1u) * shades.count;
         var k = 0u;
         loop {
             let list = textureLoad(shadow_lists, texel(first + k), 0);
-            shares[list.z] = lamp_share(list, x, n, dx, dy);
-            half |= 1u << list.z;
+            let share = lamp_share(list, x, n, dx, dy);
+            shares[list.z] = share;
+            known |= 1u << list.z;
+            half = half || (share > 0.0 && share < 1.0);
             k++;
             if (k >= list.w) { break; }
         }
@@ -126,7 +130,7 @@ fn reflection_seen(
     var l = 0u;
     loop {
         let lit = f32((tile.x >> l) & 1u);
-        let share = select(lit, shares[l], ((half >> l) & 1u) != 0u);
+        let share = select(lit, shares[l], ((known >> l) & 1u) != 0u);
         let part = shades.lamps[l].part;
         var i = part.x;
         loop {
@@ -139,5 +143,5 @@ fn reflection_seen(
         l++;
         if (l >= shades.count) { break; }
     }
-    return Seen(total, whole);
+    return Seen(total, whole, half);
 }

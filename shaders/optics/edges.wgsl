@@ -150,9 +150,10 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
                 var r: Reflection;
                 if (shadowed != 0u) {
                     let tile = shadow_tile(pixel);
+                    let lit = reflection_seen_at(t, params.rays, at, d + middle, extent, tile);
                     // what is in front may end where its shadow begins
-                    unsure = unsure || (doubt && tile.y != 0u);
-                    r = reflection_seen_at(t, params.rays, at, d + middle, extent, tile).r;
+                    unsure = unsure || (doubt && lit.half);
+                    r = lit.r;
                 } else {
                     r = reflection_at(t, params.rays, at, d + middle, 0u);
                 }
