@@ -138,9 +138,9 @@ def bin_edges(view: View) -> EdgePixels:
     corners = _relative(view, triangle, np.take(at, entry, axis=1))
     keep = np.flatnonzero(_touches(corners))
     entry, triangle, corners = entry[keep], triangle[keep], pick(corners, keep)
-    pierced = np.isin(pixel, cut)
+    pierced = _among(cut, pixel)
     whole = np.bincount(entry[centred(corners)], minlength=len(pixel)) == 1
-    whole &= ~(pierced | np.isin(pixel, ends))
+    whole &= ~(pierced | _among(ends, pixel))
     start = np.concatenate([[0], np.cumsum(np.bincount(entry, minlength=len(pixel)))])
     order = np.argsort(entry, kind="stable")
     others = np.flatnonzero(~whole[entry[order]])
@@ -148,6 +148,13 @@ def bin_edges(view: View) -> EdgePixels:
         rows = order[others]
         order[others] = rows[_sorted(view, entry[rows], triangle[rows], pick(corners, rows))]
     return EdgePixels(pixel, start, triangle[order], pierced, whole)
+
+
+def _among(some: npt.NDArray[np.int64], pixel: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
+    """(n,): which of ``pixel``, ascending, are ``some`` of them."""
+    result = np.zeros(len(pixel), bool)
+    result[np.searchsorted(pixel, some)] = True
+    return result
 
 
 def _sorted(
