@@ -154,3 +154,13 @@ def test_cases_are_found_by_the_beginning_of_their_name() -> None:
     assert find_image_cases("crane") == ["crane", "crane-lit"]
     with pytest.raises(InputError, match=r"got 'brd'; expected one of board, board-lit"):
         find_image_cases("brd")
+
+
+def test_a_peer_that_is_asked_for_by_name_may_take_more_samples() -> None:
+    for peer in IMAGE_PEERS:
+        more = peer.asked()
+        assert replace(more, most_samples=peer.most_samples) == peer
+        assert (more.most_samples > peer.most_samples) == (peer.name == "Cycles")
+    cycles = next(peer for peer in IMAGE_PEERS if peer.name == "Cycles")
+    case = IMAGE_CASES["crane-lit"]("standard")
+    assert cycles.most_samples < 16 * case.pixels < cycles.asked().most_samples

@@ -8,7 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -43,13 +43,19 @@ class ImagePeer:
     python: str = "GPUSIM_PEERS_PYTHON"
     most_samples: float = 4e8
     """Pixels times samples that are tried."""
+    most_asked: float = 0.0
+    """The same where the peer is asked for by its name, if that is more."""
+
+    def asked(self) -> ImagePeer:
+        """The peer with as many samples as whoever asks for it waits for."""
+        return replace(self, most_samples=max(self.most_samples, self.most_asked))
 
 
 IMAGE_PEERS = (
     ImagePeer("riley", "riley_raster.py", (1, 4, 16, 64, 256), False, True, most_samples=1e9),
     ImagePeer("Mitsuba", "mitsuba3.py", (4, 16, 64), True, True),
     ImagePeer("VTK", "vtk_gl.py", (1, 8), False, True, most_samples=1e9),
-    ImagePeer("Cycles", "blender_cycles.py", (4, 16), True, True, "GPUSIM_BPY_PYTHON", 5e7),
+    ImagePeer("Cycles", "blender_cycles.py", (4, 16), True, True, "GPUSIM_BPY_PYTHON", 5e7, 1e8),
 )
 
 

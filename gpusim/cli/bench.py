@@ -92,6 +92,8 @@ def render(
 
         names = [name for text in case or [""] for name in find_image_cases(text)]
         known = [p for p in IMAGE_PEERS if any(t.lower() in p.name.lower() for t in peer or [""])]
+        if peer:
+            known = [one.asked() for one in known]
 
         def save(result: RenderResult) -> None:
             write_render(result, output)
