@@ -44,6 +44,8 @@ def grazing_turns(setup: Setup, edges: EdgePixels) -> npt.NDArray[np.int64]:
     What is seen of a triangle is no larger than the triangle, and than the pixel's footprint.
     """
     view, table = setup.view, setup.table
+    if not any(region.grazing for region in view.paints):
+        return np.zeros(len(edges.pixel), np.int64)
     turns = np.zeros(view.count + 1, np.int64)
     shown = distinct(edges.triangle[: edges.start[-1]])
     for number, region in enumerate(view.paints):
