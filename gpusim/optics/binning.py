@@ -120,8 +120,10 @@ def bin_edges(view: View) -> EdgePixels:
     width, height = view.camera.width, view.camera.height
     end, again = outlines(view)
     ends = segment_pixels(view.edges[end], width, height)
-    pixel = segment_pixels(view.edges[~(end | again)], width, height)
-    pixel = distinct(np.concatenate([pixel, ends]))
+    pixel, within = ends, not end.all()
+    if within:
+        pixel = segment_pixels(view.edges[~(end | again)], width, height)
+        pixel = distinct(np.concatenate([pixel, ends]))
     cut = segment_pixels(_cuts(view), width, height)
     if len(cut):
         pixel = distinct(np.concatenate([pixel, cut]))
@@ -139,8 +141,10 @@ def bin_edges(view: View) -> EdgePixels:
     keep = np.flatnonzero(_touches(corners))
     entry, triangle, corners = entry[keep], triangle[keep], pick(corners, keep)
     pierced = _among(cut, pixel)
-    whole = np.bincount(entry[centred(corners)], minlength=len(pixel)) == 1
-    whole &= ~(pierced | _among(ends, pixel))
+    whole = np.zeros(len(pixel), bool)
+    if within:
+        whole = np.bincount(entry[centred(corners)], minlength=len(pixel)) == 1
+        whole &= ~(pierced | _among(ends, pixel))
     start = np.concatenate([[0], np.cumsum(np.bincount(entry, minlength=len(pixel)))])
     order = np.argsort(entry, kind="stable")
     others = np.flatnonzero(~whole[entry[order]])

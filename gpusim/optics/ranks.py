@@ -24,7 +24,8 @@ class Ranks:
         self._bits = np.zeros((size >> 6) + 1, np.uint64)
         bit = np.uint64(1) << (listed & 63).astype(np.uint64)
         np.bitwise_or.at(self._bits, word, bit)
-        self._before = np.searchsorted(listed, np.arange(len(self._bits)) << 6)
+        many = np.bitwise_count(self._bits)
+        self._before = np.cumsum(many, dtype=np.int64) - many
 
     def of(self, index: Numbers) -> Numbers:
         """(m,): how many come before linear indices 0 … ``size``."""
