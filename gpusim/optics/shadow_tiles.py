@@ -104,7 +104,7 @@ class ShadowTiles:
         def found(number: int) -> HalfShadow:
             return half_shadow(receivers, lamps[number], casters, shape)
 
-        with Aside(len(casters.corners), len(used)) as aside:
+        with Aside(view.count, len(used)) as aside:
             halves = list(aside.map(found, used))
         none = HalfShadow.none()
         for number, half in zip(used, halves, strict=True):
