@@ -328,8 +328,8 @@ def test_a_value_that_is_not_finite_is_seen(
 
     def damaged(self: BlockTexels, *arguments: object, **options: object) -> None:
         write(self, *arguments, **options)  # type: ignore[arg-type]
-        texels = self.parts[0].high
-        texels.write(np.full((1, 4), np.nan, dtype=np.float32), texels.count // 2)
+        texels = self.parts[0].blocks
+        texels.write(np.full((1, 4), np.nan, dtype=np.float32), texels.count // 4)
 
     monkeypatch.setattr(BlockTexels, "__init__", damaged)
     with pytest.raises(NotConverged, match="finite"):

@@ -42,20 +42,28 @@ class RowPart:
     """``count`` nodes whose texels fit one texture each.
 
     ``neighbour`` is None where the rows are packs (``row_packs``); ``count`` counts those then.
+    What float32 leaves of ``blocks`` begins at their texel ``low``, if that isn't 0.
     """
 
     count: int
     info: Texels
     neighbour: Texels | None
-    high: Texels
-    low: Texels | None
+    blocks: Texels
+    low: int
     stride: int = 1
+
+    def write(self, numbers: Float, first: int) -> None:
+        """Copy (t,4) numbers of blocks in, from texel ``first`` on."""
+        high = numbers.astype(np.float32)
+        self.blocks.write(high, first)
+        if self.low:
+            self.blocks.write((numbers - high).astype(np.float32), self.low + first)
 
 
 class BlockTexels:
     """The rows of a matrix on the device, divided by ``scale``, in one part or several.
 
-    ``exact`` keeps what float32 leaves of the blocks in a second texture. ``packed`` is whether
+    ``exact`` keeps what float32 leaves of the blocks behind them. ``packed`` is whether
     kernels take four nodes at a time (``row_packs``), which are all ``free`` (N,3) alike;
     ``example`` has a node for each row that they tell apart. ``packs`` False never packs.
     """
@@ -78,7 +86,7 @@ class BlockTexels:
         if found is not None:
             self.parts: tuple[RowPart, ...] = (_upload_packs(device, found, label, exact),)
             return
-        most = most_texels(device)
+        most = most_texels(device) // (2 if exact else 1)
         if rows.class_count == rows.node_count:
             self.parts = tuple(
                 _upload_slices(device, rows, part, scale, label, exact)
@@ -100,7 +108,7 @@ def block_texels_bytes(degree: Long, class_degree: Long, *, exact: bool) -> int:
     return (
         Texels.footprint(len(degree))
         + Texels.footprint(lists)
-        + (2 if exact else 1) * Texels.footprint(blocks)
+        + Texels.footprint(2 * blocks if exact else blocks)
     )
 
 
@@ -187,36 +195,32 @@ def _ranges(rows: BlockRows, most: int) -> list[tuple[int, int]]:
 def _upload_packs(device: Allocator, packs: Packs, label: str, exact: bool) -> RowPart:
     info = device.texels(len(packs.info), "rgba32uint", f"{label}.info")
     info.write(packs.info)
-    high = packs.table.astype(np.float32)
-    blocks = device.texels(len(high), "rgba32float", f"{label}.blocks")
-    blocks.write(high)
-    low = None
-    if exact:
-        low = device.texels(len(high), "rgba32float", f"{label}.blocks_low")
-        low.write((packs.table - high).astype(np.float32))
-    return RowPart(len(packs.info), info, None, blocks, low)
+    part = RowPart(len(packs.info), info, None, *_blocks(device, len(packs.table), label, exact))
+    part.write(packs.table, 0)
+    return part
+
+
+def _blocks(device: Allocator, size: int, label: str, exact: bool) -> tuple[Texels, int]:
+    """``size`` texels of blocks, twice that if ``exact``, and the first of low halves."""
+    both = 2 * size if exact else size
+    return device.texels(both, "rgba32float", f"{label}.blocks"), size if exact else 0
 
 
 def _upload_slices(
     device: Allocator, rows: BlockRows, slices: RowSlices, scale: float, label: str, exact: bool
 ) -> RowPart:
-    size = slices.block_texels
     part = RowPart(
         len(slices.nodes),
         device.texels(len(slices.nodes), "rgba32uint", f"{label}.info"),
         device.texels(slices.list_texels, "rgba32uint", f"{label}.neighbour"),
-        device.texels(size, "rgba32float", f"{label}.blocks"),
-        device.texels(size, "rgba32float", f"{label}.blocks_low") if exact else None,
+        *_blocks(device, slices.block_texels, label, exact),
         SLICE,
     )
     part.info.write(slices.info())
     assert part.neighbour is not None
     part.neighbour.write(slices.neighbours(rows))
     for first, blocks in slices.blocks(rows, scale):
-        high = blocks.astype(np.float32)
-        part.high.write(high, first)
-        if part.low is not None:
-            part.low.write((blocks - high).astype(np.float32), first)
+        part.write(blocks, first)
     return part
 
 
@@ -255,8 +259,7 @@ def _upload(
         count,
         device.texels(count, "rgba32uint", f"{label}.info"),
         listed,
-        device.texels(size, "rgba32float", f"{label}.blocks"),
-        device.texels(size, "rgba32float", f"{label}.blocks_low") if exact else None,
+        *_blocks(device, size, label, exact),
     )
     part.info.write(info)
     listed.write(neighbour.reshape(-1, 4))
@@ -267,7 +270,7 @@ def _upload(
 def _write_blocks(
     part: RowPart, rows: BlockRows, used: Long, class_start: Long, scale: float
 ) -> None:
-    ends = np.append(class_start[1:], part.high.count)
+    ends = np.append(class_start[1:], part.low or part.blocks.count)
     first = 0
     while first < len(used):
         last = int(np.searchsorted(ends, class_start[first] + _CHUNK, side="right"))
@@ -281,9 +284,5 @@ def _write_blocks(
         source = ranges(rows.table_start[some], degree)
         blocks[at] = rows.table[source].transpose(0, 2, 1)
         blocks /= scale
-        high = blocks.reshape(-1, 4).astype(np.float32)
-        part.high.write(high, int(class_start[first]))
-        if part.low is not None:
-            low = (blocks.reshape(-1, 4) - high).astype(np.float32)
-            part.low.write(low, int(class_start[first]))
+        part.write(blocks.reshape(-1, 4), int(class_start[first]))
         first = last

@@ -48,8 +48,7 @@ class DeviceProduct:
                 self._kernel.bind(
                     info=part.info,
                     neighbour=part.neighbour,
-                    blocks_high=part.high,
-                    blocks_low=part.low,
+                    blocks=part.blocks,
                     u_high=x.high,
                     u_low=x.second,
                     k_high=out.high,
@@ -60,6 +59,7 @@ class DeviceProduct:
                         "columns": self.columns,
                         "cases": self.cases,
                         "stride": part.stride,
+                        "low": part.low,
                     },
                 )
                 for part in parts

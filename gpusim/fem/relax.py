@@ -113,7 +113,7 @@ class DeviceRelaxation:
                     entry,
                     factors,
                     {"count": part.count, "cases": self.cases, "base": 0, "stride": part.stride},
-                    {"info": part.info, "neighbour": part.neighbour, "blocks": part.high},
+                    {"info": part.info, "neighbour": part.neighbour, "blocks": part.blocks},
                     vectors,
                 )
                 for part in self._texels.parts

@@ -133,8 +133,7 @@ class DeviceStiffness:
         more = {} if part.neighbour is None else {"neighbour": part.neighbour}
         return kernel.bind(
             info=part.info,
-            blocks_high=part.high,
-            blocks_low=part.low,
+            blocks=part.blocks,
             u_high=u.high,
             u_low=u.second,
             k_high=result.high,
@@ -145,6 +144,7 @@ class DeviceStiffness:
                 "columns": self.nodes,
                 "cases": self.cases,
                 "stride": part.stride,
+                "low": part.low,
             },
             **more,
         )

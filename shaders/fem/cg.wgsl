@@ -14,13 +14,13 @@ struct Params {
     capacity: u32,   // iterations that fit in the history
 }
 
-@group(0) @binding(0) var p_high: texture_2d<f32>;
+@group(0) @binding(0) var p_high: texture_storage_2d<rgba32float, read>;
 @group(0) @binding(1) var p_low: texture_2d<f32>;
-@group(0) @binding(2) var q_high: texture_2d<f32>;   // K p
+@group(0) @binding(2) var q_high: texture_storage_2d<rgba32float, read>;   // K p
 @group(0) @binding(3) var q_low: texture_2d<f32>;
 @group(0) @binding(4) var r_high_in: texture_2d<f32>;
 @group(0) @binding(5) var r_low_in: texture_2d<f32>;
-@group(0) @binding(6) var z_in: texture_2d<f32>;
+@group(0) @binding(6) var z_in: texture_storage_2d<rgba32float, read>;
 @group(0) @binding(7) var high_out: texture_storage_2d<rgba32float, write>;  // new p or r
 @group(0) @binding(8) var low_out: texture_storage_2d<rgba32float, write>;
 @group(0) @binding(9) var<storage, read_write> solution: array<real>;  // three numbers a node
@@ -39,14 +39,14 @@ struct Vec {
 }
 
 fn load_p(at: vec2u) -> Vec {
-    let high = textureLoad(p_high, at, 0);
+    let high = textureLoad(p_high, at);
     if (rounded == 1u) { return Vec(r_f32(high.x), r_f32(high.y), r_f32(high.z)); }
     let low = textureLoad(p_low, at, 0);
     return Vec(r_pair(high.x, low.x), r_pair(high.y, low.y), r_pair(high.z, low.z));
 }
 
 fn load_q(at: vec2u) -> Vec {
-    let high = textureLoad(q_high, at, 0);
+    let high = textureLoad(q_high, at);
     let low = textureLoad(q_low, at, 0);
     return Vec(r_pair(high.x, low.x), r_pair(high.y, low.y), r_pair(high.z, low.z));
 }
@@ -89,7 +89,7 @@ fn dot_pq(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) 
 fn dot_rz(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32) {
     var sum = r_f32(0.0);
     for (var i = group.x * WIDTH + lane; i < params.nodes; i += GROUPS * WIDTH) {
-        let z = textureLoad(z_in, place(group.y, i), 0);
+        let z = textureLoad(z_in, place(group.y, i));
         let r = load_r(place(group.y, i));
         sum = r_fma(r_f32(z.x), r.x, r_fma(r_f32(z.y), r.y, r_fma(r_f32(z.z), r.z, sum)));
     }
@@ -176,7 +176,7 @@ fn advance(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index)
 
 // new p = z + beta p
 fn turned(here: vec2u, ratio: real) -> Vec {
-    let z = textureLoad(z_in, here, 0);
+    let z = textureLoad(z_in, here);
     let p = load_p(here);
     return Vec(r_fma(ratio, p.x, r_f32(z.x)), r_fma(ratio, p.y, r_f32(z.y)),
         r_fma(ratio, p.z, r_f32(z.z)));

@@ -12,18 +12,19 @@ struct Params {
 const BLOCK: u32 = 64u;
 
 @group(0) @binding(0) var info: texture_2d<u32>;    // per row: first pair, pairs of weights, free
-@group(0) @binding(1) var weight: texture_2d<u32>;  // (node, bits of its weight), two of them
-@group(0) @binding(2) var v_in: texture_2d<f32>;
-@group(0) @binding(3) var x_in: texture_2d<f32>;
+// (node, bits of its weight), two of them
+@group(0) @binding(1) var weight: texture_storage_2d<rgba32uint, read>;
+@group(0) @binding(2) var v_in: texture_storage_2d<rgba32float, read>;
+@group(0) @binding(3) var x_in: texture_storage_2d<rgba32float, read>;
 @group(0) @binding(4) var x_out: texture_storage_2d<rgba32float, write>;
 @group(0) @binding(5) var<uniform> params: Params;
 
 fn total(row: vec4u, base: u32) -> vec3f {
     var sum = vec3f(0.0);
     for (var k = row.x; k < row.x + row.y; k++) {
-        let two = textureLoad(weight, texel(k), 0);
-        sum += bitcast<f32>(two.y) * textureLoad(v_in, texel(base + two.x), 0).xyz;
-        sum += bitcast<f32>(two.w) * textureLoad(v_in, texel(base + two.z), 0).xyz;
+        let two = textureLoad(weight, texel(k));
+        sum += bitcast<f32>(two.y) * textureLoad(v_in, texel(base + two.x)).xyz;
+        sum += bitcast<f32>(two.w) * textureLoad(v_in, texel(base + two.z)).xyz;
     }
     let free = (vec3u(row.z) >> vec3u(0u, 1u, 2u)) & vec3u(1u);
     return select(vec3f(0.0), sum, free == vec3u(1u));
@@ -47,6 +48,6 @@ fn add(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) group
     let case_ = id / params.rows;
     let own = case_ * (params.rows + 1u) + id % params.rows;
     let row = textureLoad(info, texel(id % params.rows), 0);
-    let x = textureLoad(x_in, texel(own), 0).xyz + total(row, case_ * (params.columns + 1u));
+    let x = textureLoad(x_in, texel(own)).xyz + total(row, case_ * (params.columns + 1u));
     textureStore(x_out, texel(own), vec4f(x, 0.0));
 }

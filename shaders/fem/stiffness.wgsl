@@ -12,6 +12,7 @@ struct Params {
     columns: u32, // nodes of u: the same for the stiffness
     cases: u32,   // load cases
     stride: u32,  // texels from one of a row to its next one
+    low: u32,     // first texel of low halves
 }
 
 const BLOCK: u32 = 64u;
@@ -22,13 +23,13 @@ override rounded: u32 = 0u;  // 1: u is its high half
 // per pack: first node, nodes, first texel of its row, runs + 256 times the number of the row
 @group(0) @binding(0) var info: texture_2d<u32>;
 @group(0) @binding(1) var neighbour: texture_2d<u32>;  // four a texel
-@group(0) @binding(2) var blocks_high: texture_storage_2d<rgba32float, read>;  // nine texels per four blocks
-@group(0) @binding(3) var blocks_low: texture_storage_2d<rgba32float, read>;
-@group(0) @binding(4) var u_high: texture_2d<f32>;
-@group(0) @binding(5) var u_low: texture_2d<f32>;
-@group(0) @binding(6) var k_high: texture_storage_2d<rgba32float, write>;
-@group(0) @binding(7) var k_low: texture_storage_2d<rgba32float, write>;
-@group(0) @binding(8) var<uniform> params: Params;
+// nine texels per four blocks; the low halves of all of them behind the high ones
+@group(0) @binding(2) var blocks: texture_storage_2d<rgba32float, read>;
+@group(0) @binding(3) var u_high: texture_storage_2d<rgba32float, read>;
+@group(0) @binding(4) var u_low: texture_2d<f32>;
+@group(0) @binding(5) var k_high: texture_storage_2d<rgba32float, write>;
+@group(0) @binding(6) var k_low: texture_storage_2d<rgba32float, write>;
+@group(0) @binding(7) var<uniform> params: Params;
 
 struct Vec {
     x: real,
@@ -44,15 +45,15 @@ struct Four {
 }
 
 fn load_u(at: u32) -> Vec {
-    let high = textureLoad(u_high, texel(at), 0);
+    let high = textureLoad(u_high, texel(at));
     if (rounded == 1u) { return Vec(r_f32(high.x), r_f32(high.y), r_f32(high.z)); }
     let low = textureLoad(u_low, texel(at), 0);
     return Vec(r_pair(high.x, low.x), r_pair(high.y, low.y), r_pair(high.z, low.z));
 }
 
 fn load_four(at: u32) -> Four {
-    let high = textureLoad(blocks_high, texel(at));
-    let low = textureLoad(blocks_low, texel(at));
+    let high = textureLoad(blocks, texel(at));
+    let low = textureLoad(blocks, texel(params.low + at));
     return Four(r_pair(high.x, low.x), r_pair(high.y, low.y), r_pair(high.z, low.z),
         r_pair(high.w, low.w));
 }
@@ -158,7 +159,7 @@ fn apply4(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) gr
         let e = load_four(at + 4u);
         let f = load_four(at + 5u);
         let g = load_four(at + 6u);
-        let first = node + bitcast<u32>(i32(textureLoad(blocks_high, texel(at + 6u)).w));
+        let first = node + bitcast<u32>(i32(textureLoad(blocks, texel(at + 6u)).w));
         at += 7u;
         let k = Block(Vec(a.x, a.y, a.z), Vec(a.w, b.x, b.y), Vec(b.z, b.w, c.x));
         let l = Block(Vec(c.y, c.z, c.w), Vec(d.x, d.y, d.z), Vec(d.w, e.x, e.y));
