@@ -213,3 +213,22 @@ def test_a_turned_support_carries_what_acts(monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.setattr(System, "by_deformation", lambda self: self)
     by_rows = found()
     assert by_rows[0].max() > 1e-8 and by_rows[1] > 100.0 * left
+
+
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-6, 1e-8])
+def test_a_support_moved_far_along_a_beam_is_right(tolerance: float) -> None:
+    """The beam's underside follows, and is free to slide: what is prescribed is far larger than
+    what strains, in the same elements as what is solved for."""
+    mesh = box((1000.0, 1.0, 0.7), (100, 1, 1))
+    below = mesh.points[:, 2] == 0.0
+    fixed = np.repeat(mesh.points[:, :1] == 0.0, 3, axis=1)
+    fixed[below, 2] = True
+    given = np.where(fixed, [0.0, 0.0, 1e5], 0.0)
+    forces = np.zeros((1, *mesh.points.shape))
+    model = Model(mesh, [Isotropic(1.0, 0.3)], fixed, forces, prescribed=given)
+    wanted = reference_solution(model, {"hex8": "incompatible"}).u
+    for method in ("direct", "multigrid"):
+        solution = solve(model, method=method, backend="numpy", tolerance=tolerance)
+        error = np.abs(solution.u - wanted).max() / np.abs(wanted).max()
+        assert error <= tolerance or not solution.converged
+        assert error <= 10.0 * solution.error_estimate

@@ -237,7 +237,7 @@ class _Refinement:
         self._image: Float | None = None
         for refinement in range(_MOST_REFINEMENTS):
             x = self._x
-            self._image = system.apply(x) if x.any() else np.zeros_like(x)
+            self._image = system.apply(x) if self._begun else np.zeros_like(x)
             residual = system.right - self._image
             residual = np.where(system.free, residual, 0.0).reshape(cases, -1)
             if refinement == 1 and not state.probed:

@@ -72,16 +72,18 @@ class System:
 
     def by_deformation(self) -> System:
         """The same with products that the rounding of turned elements' matrices doesn't reach
-        (see `gpusim.fem.deformation`); they take several times as long."""
+        (see `gpusim.fem.deformation`); they take several times as long. ``apply`` adds what is
+        prescribed itself then, and ``right`` is the loads alone."""
         elements, scale = self.elements, self.scale
-        pull = None if self.pull is None else elements.product(self.prescribed)
-        right = np.where(self.free, self.loads - (0.0 if pull is None else pull), 0.0)
+        factor = self.load_scale[:, None, None]
+        # with what is prescribed: taken apart, a far motion of supports would be rounded twice
+        given = self.prescribed * (scale / factor)
         return replace(
             self,
-            apply=lambda u: elements.product(u) / scale,
+            apply=lambda u: elements.product(u + given) / scale,
             rounding=lambda u: signed(elements.rounding(u)) / scale,
-            right=right / self.load_scale[:, None, None],
-            pull=pull,
+            right=np.where(self.free, self.loads, 0.0) / factor,
+            pull=None,
         )
 
     def forces(self, image: Float) -> Float:
@@ -109,10 +111,19 @@ def make_system(model: Model, assembled: Assembled) -> System:
         stencil = stencil_of(rows, lattice, scale)
     product = None if stencil is None else stencil.product
     by_runs = None if product is None else product.in_differences
+
+    def rounding(u: Float) -> Float:
+        size = rounding_forces(rows, u)
+        if pull is not None:
+            # what is prescribed and what is solved for are rounded each by itself
+            for part in (free, ~free):
+                size += rounding_forces(rows, np.where(part, u, 0.0))
+        return size / scale
+
     return System(
         apply=(lambda u: apply_stiffness(rows, u) / scale) if by_runs is None else by_runs,
         stencil=stencil,
-        rounding=lambda u: rounding_forces(rows, u) / scale,
+        rounding=rounding,
         row_sum=_row_sum(rows) / scale,
         contrast=_contrast(rows),
         right=right / load_scale[:, None, None],
