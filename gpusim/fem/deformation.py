@@ -30,6 +30,8 @@ Long = npt.NDArray[np.int64]
 
 # elements that are taken at a time, so that their numbers stay in the cache
 _PORTION = 1024
+# elements of a kind, on average, from which on each kind is taken by itself
+_ALIKE = 32
 # of an element of unit size: what rounding makes of a determinant that should vanish
 _FLAT = 64.0 * np.finfo(np.float64).eps
 # of float64's spacing: an element matrix's numbers are sums of some tens of products
@@ -64,10 +66,10 @@ class Deformation:
         return total
 
     def _forces(self, group: Elements, u: Float, absolute: bool, which: Long) -> tuple[Long, Float]:
-        """Forces (m,k,3) of some elements; those of a ``Group`` are all of one kind."""
+        """Forces (m,k,3) of some elements, as ``_parts`` gives them."""
         cells = group.cells[which]
         strained = deformation(self._points[cells], u[cells]).reshape(len(cells), -1)
-        alike = isinstance(group, Group)
+        alike = _alike(group)
         matrices = group.at(which[:1] if alike else which)
         if absolute:
             matrices, strained = np.abs(matrices), np.abs(strained)
@@ -78,11 +80,16 @@ class Deformation:
         return which, forces.reshape(len(cells), -1, 3)
 
 
+def _alike(group: Elements) -> bool:
+    """Whether parts of it are of one kind each."""
+    return isinstance(group, Group) and len(group.cells) >= _ALIKE * group.distinct
+
+
 def _parts(group: Elements) -> list[Long]:
-    """A group's elements, some at a time."""
+    """A group's elements, some at a time; of one kind where many are."""
     order = np.arange(len(group.cells))
     bounds = [0, len(order)]
-    if isinstance(group, Group):
+    if isinstance(group, Group) and _alike(group):
         order = np.argsort(group.kind, kind="stable")
         ends = np.cumsum(np.bincount(group.kind, minlength=group.distinct))
         bounds = [0, *ends.tolist()]
