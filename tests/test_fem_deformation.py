@@ -8,11 +8,13 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
+from gpusim.bench.elements import element_matrices
 from gpusim.bench.hard_cases import STEEL, bar, contrast
 from gpusim.bench.reference import reference_solution
 from gpusim.fem import Isotropic, Model, solve
 from gpusim.fem.assembly import assemble
-from gpusim.fem.deformation import Deformation, deformation
+from gpusim.fem.deformation import Deformation, condition, deformation
+from gpusim.fem.element_matrix import element_stiffness
 from gpusim.fem.error_free import high_half, two_sum
 from gpusim.fem.formulation import resolve_formulation
 from gpusim.fem.groups import DistinctGroup, Group
@@ -232,3 +234,50 @@ def test_a_support_moved_far_along_a_beam_is_right(tolerance: float) -> None:
         error = np.abs(solution.u - wanted).max() / np.abs(wanted).max()
         assert error <= tolerance or not solution.converged
         assert error <= 10.0 * solution.error_estimate
+
+
+CORNERS = {
+    "hex8": box((1.0, 1.0, 1.0), (1, 1, 1)).points[
+        box((1.0, 1.0, 1.0), (1, 1, 1)).cells["hex8"][0]
+    ],
+    "tet4": np.eye(4, 3, -1),
+}
+
+
+@pytest.mark.skipif(np.finfo(np.longdouble).eps > 1e-18, reason="no longer floats than float64")
+@pytest.mark.parametrize("name", CORNERS)
+@pytest.mark.parametrize("aspect", [1.0, 1e-1, 1e-3])
+def test_turned_needles_are_known_to_be_rounded_more(name: str, aspect: float) -> None:
+    """What their matrices are off by, against 80 bits."""
+    rng = np.random.default_rng(8)
+    turn, _ = np.linalg.qr(rng.normal(size=(20, 3, 3)))
+    turn[:, 0] *= np.sign(np.linalg.det(turn))[:, None]
+    straight = CORNERS[name] + 0.15 * rng.uniform(-1.0, 1.0, (20, *CORNERS[name].shape))
+    straight = straight * [1.0, aspect, aspect]
+    moduli = STEEL.stiffness()
+    for points in (straight, straight @ turn):
+        found = element_stiffness(name, points, moduli, "full")
+        longer = points.astype(np.longdouble), moduli.astype(np.longdouble)
+        exact = element_matrices(name, *longer, "full", np.dtype(np.longdouble))
+        strained = rng.normal(size=(20, found.shape[1], 1))
+        off = np.abs((found - exact).astype(np.float64) @ strained)[..., 0].max(axis=1)
+        size = EPS * (np.abs(found) @ np.abs(strained))[..., 0].max(axis=1)
+        assert (off <= 4.0 * condition(name, points) * size).all()
+    assert condition(name, straight).max() < 3.0
+    assert np.median(condition(name, straight @ turn)) > 0.4 / aspect
+
+
+def test_soft_modes_are_seen_beside_supports_that_move_far() -> None:
+    """One iteration was enough for the load to be small beside the motion: 1.8e-3 off at a stated
+    3.2e-5."""
+    model = bar((1000.0, 1.0, 0.7), (100, 1, 1))
+    assert model.fixed is not None
+    fixed, given = model.fixed.copy(), np.zeros(model.mesh.points.shape)
+    fixed[:, 2], given[:, 2] = True, 1e4
+    forces = np.zeros(given.shape)
+    forces[model.mesh.points[:, 0] == 1000.0, 1] = 250.0
+    moved = Model(model.mesh, model.materials, fixed, forces, prescribed=given)
+    wanted = reference_solution(moved, {"hex8": "incompatible"}).u[0]
+    solution = solve(moved, method="multigrid", backend="numpy", tolerance=1e-4)
+    assert solution.converged
+    assert np.abs(solution.u - wanted).max() <= 1e-4 * np.abs(wanted).max()

@@ -10,12 +10,14 @@ import numpy.typing as npt
 
 from gpusim.fem.system import System
 
-__all__ = ["VISIBLE", "Blur", "rounded"]
+__all__ = ["VISIBLE", "Blur", "extent", "rounded"]
 
 Float = npt.NDArray[np.float64]
 
 # share of the tolerance beyond which forces by deformation are worth their time
 VISIBLE = 0.1
+# root mean square of displacements in bending, of the greatest one (a cantilever: 0.29)
+_UNEVEN = 0.2
 # share of the tolerance below which a bound of it isn't looked at any closer
 _NEGLIGIBLE = 0.02
 
@@ -45,9 +47,22 @@ class Blur:
             return 0.0
         forces = np.where(system.free, system.rounding(u), 0.0)
         error = self._inverse.apply(forces.reshape(len(u), -1))
-        size = np.sqrt(np.einsum("lni,lni->l", u, u))
+        size = extent(u, even=bool(system.prescribed.any()))
         relative = np.sqrt(np.einsum("ln,ln->l", error, error)) / np.where(size > 0.0, size, 1e-300)
         return float(relative.max())
+
+
+def extent(u: Float, even: bool) -> Float:
+    """(L,) 2-norms of displacements (L,N,3), which errors are relative to.
+
+    ``even``: supports may have moved all of the body alike. Errors are uneven, as bending is, and
+    beside such a motion their 2-norm makes less of them than the greatest displacement does: the
+    size is no more then than that of bending with the same greatest displacement.
+    """
+    size = np.sqrt(np.einsum("lni,lni->l", u, u))
+    if even:
+        size = np.minimum(size, _UNEVEN * np.sqrt(u[0].size) * np.abs(u).max(axis=(1, 2)))
+    return np.asarray(size)
 
 
 def rounded(error: float) -> str:

@@ -12,18 +12,19 @@ deformation must be known to more digits than float64 has (see `gpusim.fem.error
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
+from functools import cached_property, partial
 from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.fem.element import ELEMENTS
 from gpusim.fem.error_free import high_half, two_sum
 from gpusim.fem.groups import Elements, Group
-from gpusim.fem.isoparametric import add_to, determinant, inverse
+from gpusim.fem.isoparametric import add_to, determinant, inverse, times
 from gpusim.fem.product import shared
 
-__all__ = ["Deformation", "deformation"]
+__all__ = ["Deformation", "condition", "deformation"]
 
 Float = npt.NDArray[np.float64]
 Long = npt.NDArray[np.int64]
@@ -34,8 +35,9 @@ _PORTION = 1024
 _ALIKE = 32
 # of an element of unit size: what rounding makes of a determinant that should vanish
 _FLAT = 64.0 * np.finfo(np.float64).eps
-# of float64's spacing: an element matrix's numbers are sums of some tens of products
-_OWN_ROUNDING = 2.0
+# of float64's spacing: what the numbers of an element matrix are off by, for a Jacobian without
+# cancellation; mostly less than one
+_OWN_ROUNDING = 4.0
 
 
 class Deformation:
@@ -52,6 +54,23 @@ class Deformation:
         """As much as the rounding of the element matrices can do to ``product``: (L,N,3), not
         negative."""
         return np.stack([self._added(one, absolute=True) for one in u])
+
+    @cached_property
+    def condition(self) -> Float:
+        """(N,) the greatest ``condition`` of a node's elements."""
+        result = np.ones(len(self._points))
+        for group in self._groups:
+            if isinstance(group, Group):
+                _, first = np.unique(group.kind, return_index=True)
+                own = condition(group.name, self._points[group.cells[first]])[group.kind]
+            else:
+                parts = shared(partial(self._of, group), _parts(group))
+                own = np.concatenate(parts)
+            np.maximum.at(result, group.cells, own[:, None])
+        return result
+
+    def _of(self, group: Elements, which: Long) -> Float:
+        return condition(group.name, self._points[group.cells[which]])
 
     def _added(self, u: Float, absolute: bool) -> Float:
         total = np.zeros_like(u)
@@ -73,11 +92,28 @@ class Deformation:
         matrices = group.at(which[:1] if alike else which)
         if absolute:
             matrices, strained = np.abs(matrices), np.abs(strained)
+            strained = strained * condition(group.name, self._points[cells])[:, None]
         if alike:
             forces = strained @ matrices[0]
         else:
             forces = np.matmul(matrices, strained[..., None])[..., 0]
         return which, forces.reshape(len(cells), -1, 3)
+
+
+def condition(name: str, points: Float) -> Float:
+    """(M,) how many times the rounding of their nodes' coordinates (M,k,3) cells feel in their
+    Jacobian's inverse: 1 of bricks along the axes, of turned and flat ones their aspect.
+
+    The greatest number of |J^-1| (sum of |x_k| |grad N_k|) at the centre (the componentwise
+    condition of Higham, Accuracy and Stability, 2002, section 7.2).
+    """
+    gradient = ELEMENTS[name].centre_gradient
+    arm = (points - points[:, :1]).transpose(2, 0, 1)
+    jacobian = (arm @ gradient).transpose(0, 2, 1)
+    terms = (np.abs(arm) @ np.abs(gradient)).transpose(0, 2, 1)
+    size = determinant(jacobian)
+    back = np.abs(inverse(jacobian, np.where(size > 0.0, size, 1.0)))
+    return np.asarray(np.maximum(1.0, times(back, terms).max(axis=(0, 1))))
 
 
 def _alike(group: Elements) -> bool:

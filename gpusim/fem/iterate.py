@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import NotConverged
-from gpusim.fem.blur import VISIBLE, Blur, rounded
+from gpusim.fem.blur import VISIBLE, Blur, extent, rounded
 from gpusim.fem.indefinite import check_finite
 from gpusim.fem.probe import probe
 from gpusim.fem.stopping import energy_bound, smallest_ritz_value
@@ -59,9 +59,11 @@ class Norm:
     lowest: float | None
     sought: bool = False
 
-    def size(self, u: Float) -> Float:
-        """(L,) norms of (L,N,3)."""
-        image = u if self.blocks is None else np.matmul(self.blocks, u[..., None])[..., 0]
+    def size(self, u: Float, even: bool = False) -> Float:
+        """(L,) norms of (L,N,3); ``even``: see `gpusim.fem.blur.extent`."""
+        if self.blocks is None:
+            return extent(u, even)
+        image = np.matmul(self.blocks, u[..., None])[..., 0]
         return np.asarray(np.sqrt(np.maximum(np.einsum("lni,lni->l", u, image), 0.0)))
 
 
@@ -142,7 +144,11 @@ class _State:
 
     def relative(self, energy: Float, x: Float) -> Float:
         """Estimated relative displacement error for energy-norm errors (L,)."""
-        return self.over(energy, self.norm.size(x + self.given))
+        return self.over(energy, self.size(x + self.given))
+
+    def size(self, total: Float) -> Float:
+        """What errors (L,) are relative to, for complete displacements (L,N,3)."""
+        return self.norm.size(total, even=bool(self.given.any()))
 
     def over(self, energy: Float, size: Float) -> Float:
         """The same for solutions whose norms are ``size`` (L,)."""
@@ -283,7 +289,7 @@ class _Refinement:
             self._x, self._image, self._begun = x + correction, None, True
             loop.keep()
             left = state.left(history, rz, self._x)
-            size = norm.size(self._x + state.given)
+            size = state.size(self.total)
             drift = norm.size(correction) / np.where(size > 0.0, size, 1e-300)
             self.iterations += len(history)
             self._histories.append(history)
@@ -325,9 +331,12 @@ def _run(
     """One run from the residual that the loop holds; returns (correction, history, estimate).
 
     It ends where the sharp bound is at ``tolerance``, and the plain one by r.z, which the caller
-    goes by, at ``enough``: another run for the rest would begin anew.
+    goes by, at ``enough``: another run for the rest would begin anew. A first one must have come
+    far for its own correction, too: beside supports that were moved far, or a start that is near,
+    any correction is small, and its Ritz values would tell nothing of the soft modes.
     """
     history = np.zeros((0, len(rz), 4))
+    fresh = ~np.isfinite(state.mu)
     active = rz > 0.0
     estimate = np.full(len(rz), np.inf)
     estimate[~active] = 0.0
@@ -352,10 +361,11 @@ def _run(
             energy[case] = energy_bound(history[:, case], _BELOW * state.mu[case])
             last = history[-1, case]
             left[case] = np.sqrt(last[0] * last[2] / (_BELOW * state.mu[case]))
-        size = state.norm.size(base + correction)
+        size = state.size(base + correction)
         estimate = np.where(active, state.over(energy, size), estimate)
         plain = np.where(active & (energy > 0.0), state.over(left, size), estimate)
-        active &= ~((estimate <= tolerance) & (plain <= enough))
+        told = ~fresh | (state.over(energy, state.norm.size(correction)) <= _LOOSEST)
+        active &= ~((estimate <= tolerance) & (plain <= enough) & told)
         if progress is not None:
             progress(len(history), float(estimate.max()))
     return correction, history, estimate

@@ -112,13 +112,15 @@ def make_system(model: Model, assembled: Assembled) -> System:
     product = None if stencil is None else stencil.product
     by_runs = None if product is None else product.in_differences
 
+    elements = Deformation(assembled.groups, model.mesh.points)
+
     def rounding(u: Float) -> Float:
         size = rounding_forces(rows, u)
         if pull is not None:
             # what is prescribed and what is solved for are rounded each by itself
             for part in (free, ~free):
                 size += rounding_forces(rows, np.where(part, u, 0.0))
-        return size / scale
+        return size * (elements.condition[:, None] / scale)
 
     return System(
         apply=(lambda u: apply_stiffness(rows, u) / scale) if by_runs is None else by_runs,
@@ -133,7 +135,7 @@ def make_system(model: Model, assembled: Assembled) -> System:
         prescribed=prescribed,
         pull=pull,
         loads=model.load_cases,
-        elements=Deformation(assembled.groups, model.mesh.points),
+        elements=elements,
     )
 
 
