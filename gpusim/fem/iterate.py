@@ -331,12 +331,12 @@ def _run(
     """One run from the residual that the loop holds; returns (correction, history, estimate).
 
     It ends where the sharp bound is at ``tolerance``, and the plain one by r.z, which the caller
-    goes by, at ``enough``: another run for the rest would begin anew. A first one must have come
-    far for its own correction, too: beside supports that were moved far, or a start that is near,
-    any correction is small, and its Ritz values would tell nothing of the soft modes.
+    goes by, at ``enough``: another run for the rest would begin anew. Where supports are moved, a
+    first one must have come far for its own correction, too: beside a far motion any correction is
+    small, and its Ritz values would tell nothing of the soft modes.
     """
     history = np.zeros((0, len(rz), 4))
-    fresh = ~np.isfinite(state.mu)
+    fresh = ~np.isfinite(state.mu) & bool(state.given.any() and not x.any())
     active = rz > 0.0
     estimate = np.full(len(rz), np.inf)
     estimate[~active] = 0.0
