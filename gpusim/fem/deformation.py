@@ -35,9 +35,10 @@ _PORTION = 1024
 _ALIKE = 32
 # of an element of unit size: what rounding makes of a determinant that should vanish
 _FLAT = 64.0 * np.finfo(np.float64).eps
-# of float64's spacing: what the numbers of an element matrix are off by, for a Jacobian without
-# cancellation; mostly less than one
-_OWN_ROUNDING = 4.0
+# of float64's spacing, times the Jacobian's condition: what the numbers of element matrices are off
+# by. Against 80 bits forces are up to 3 times that (flat bricks with incompatible modes: 10 times);
+# that all terms of a node add up makes far more of it than solutions feel
+_OWN_ROUNDING = 1.0
 
 
 class Deformation:

@@ -193,7 +193,7 @@ def iterate(
         system = system.by_deformation()
         refinement.run(system)
         assert blur is not None
-        left = blur(system, refinement.total)
+        left = min(left, blur(system, refinement.total))
     return refinement.outcome(system, left)
 
 

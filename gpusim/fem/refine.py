@@ -64,7 +64,9 @@ def refine(
             correction, blur = _first_correction(system, factor, x, given)
             if not bool((blur <= VISIBLE * tolerance * _size(x + given)).all()):
                 system, sharp = system.by_deformation(), True
+                by_rows = blur
                 correction, blur = _first_correction(system, factor, x, given)
+                blur = np.minimum(blur, by_rows)
         correction = correction.reshape(shape)
         x = x + correction
         _refuse(x)
