@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import reduce
-from itertools import pairwise
 from operator import add
 
 import numpy as np
@@ -19,7 +18,7 @@ from scipy.sparse import bsr_matrix, csr_matrix
 from gpusim.fem.congruence import mix, noise
 from gpusim.fem.diagonal import diagonal_blocks
 from gpusim.fem.patches import Patches
-from gpusim.fem.product import Product, RowsProduct, shared
+from gpusim.fem.product import Product, RowsProduct, row_shares, shared
 from gpusim.fem.stencil import StencilProduct
 
 __all__ = ["Aggregated", "aggregate_level", "largest_eigenvalue"]
@@ -68,7 +67,8 @@ def aggregate_level(
     tentative, coarse_null, coarse_mask = _tentative(near_null, aggregate, count)
     # P = (I - 4/(3 lambda) D^-1 A) T, with D^-1 D T = T
     step = 4.0 / (3.0 * largest)
-    parts = _parts(off)
+    # as many parts whatever the number of processors: sums depend on them
+    parts = row_shares(off, 1 + min(_MOST_PARTS - 1, len(off.indices) // _LEAST_PART))
 
     def smoothed(rows: slice) -> bsr_matrix:
         image = _rows(off, rows) @ tentative
@@ -87,14 +87,6 @@ def aggregate_level(
     coarse = reduce(add, shared(coarsened, parts)).tobsr((6, 6))
     coarse.data /= scale
     return Aggregated(prolongation, coarse, coarse_null, coarse_mask)
-
-
-def _parts(matrix: bsr_matrix) -> list[slice]:
-    """Block rows in parts, as many whatever the number of processors, which sums depend on."""
-    count = 1 + min(_MOST_PARTS - 1, len(matrix.indices) // _LEAST_PART)
-    rows = matrix.shape[0] // matrix.blocksize[0]
-    cuts = np.searchsorted(matrix.indptr, np.linspace(0, matrix.indptr[-1], count + 1)).tolist()
-    return [slice(first, last) for first, last in pairwise([0, *cuts[1:-1], rows])]
 
 
 def _rows(matrix: bsr_matrix, rows: slice) -> bsr_matrix:

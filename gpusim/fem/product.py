@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from functools import cache
+from itertools import pairwise
 from typing import TypeVar
 
 import numpy as np
@@ -18,7 +19,7 @@ from threadpoolctl import threadpool_limits
 from gpusim.fem.block_rows import BlockRows, block_matrix
 from gpusim.processors import processors
 
-__all__ = ["Product", "RowsProduct", "ahead", "one_blas_thread", "shared"]
+__all__ = ["Product", "RowsProduct", "ahead", "one_blas_thread", "row_shares", "shared"]
 
 Float = npt.NDArray[np.float64]
 T = TypeVar("T")
@@ -64,6 +65,14 @@ def ahead(work: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:
         yield result
 
 
+def row_shares(matrix: bsr_matrix, count: int) -> list[slice]:
+    """Block rows in ``count`` parts with equal shares of the stored blocks."""
+    rows = matrix.shape[0] // matrix.blocksize[0]
+    share = np.linspace(0, matrix.indptr[-1], count + 1)
+    cuts = np.searchsorted(matrix.indptr, share).tolist()
+    return [slice(first, last) for first, last in pairwise([0, *cuts[1:-1], rows])]
+
+
 class _Limit:
     """BLAS's limit on threads is the process's: the first user sets it, the last one lifts it.
 
@@ -106,18 +115,10 @@ class Product:
 
     def __init__(self, matrix: bsr_matrix) -> None:
         self._matrix = matrix
-        rows = matrix.shape[0] // matrix.blocksize[0]
         numbers = matrix.data.size
         most = _PIECES * processors() if numbers > _SMALL else 1
         parts = min(most, 1 + numbers // _LEAST_PART)
-        # equal shares of stored blocks
-        share = np.linspace(0, matrix.indptr[-1], parts + 1)
-        cuts = np.searchsorted(matrix.indptr, share)
-        cuts[0], cuts[-1] = 0, rows
-        self._parts = [
-            _Rows(matrix, first, last)
-            for first, last in zip(cuts[:-1].tolist(), cuts[1:].tolist(), strict=True)
-        ]
+        self._parts = [_Rows(matrix, own.start, own.stop) for own in row_shares(matrix, parts)]
 
     @property
     def matrix(self) -> bsr_matrix:
