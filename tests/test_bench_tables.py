@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from gpusim.bench import solver
 from gpusim.bench.cases import find_cases
 from gpusim.bench.peers import PEERS, Peer, peer_folder, run_peer
 from gpusim.bench.problem import write_problem
@@ -55,6 +57,23 @@ def test_only_answers_right_to_1e_6_count() -> None:
     assert case.best_peer(whole_runs=True).solver.startswith("CalculiX")
     case.points = [p for p in case.points if p.solver == "wrong"]
     assert case.own() is None and case.best_peer() is None
+
+
+def test_a_second_load_case_is_told_by_the_least_of_alternating_runs(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    seconds = iter([2.0, 2.9, 1.0, 1.2, 1.5, 1.25])
+    asked: list[int] = []
+
+    def worker(case: object, options: dict[str, Any]) -> dict[str, Any]:
+        asked.append(options["load_cases"])
+        return {"converged": len(asked) < 7, "seconds": next(seconds, 1.0)}
+
+    monkeypatch.setattr(solver, "_worker", worker)
+    (case,) = find_cases("small", "beam-10k")
+    assert solver._second_case(case, 3) == pytest.approx(0.2)
+    assert asked == [1, 2, 1, 2, 1, 2]
+    assert np.isnan(solver._second_case(case, 3))  # the seventh didn't converge
 
 
 def test_exponent_of_growth() -> None:

@@ -42,7 +42,9 @@ def solver_markdown(result: SolverResult) -> str:
         "displacement; for peers on beams, to the exact solution (80-bit residuals) of the matrix "
         "that they were given, whose rounding to float64 moves a slender body: the column "
         "\"to reference\" shows that. \"Best peer\" is the fastest run "
-        f"with an error of at most {ENOUGH:g}; gpusim is taken at its default tolerance.", "",
+        f"with an error of at most {ENOUGH:g}; gpusim is taken at its default tolerance. \"Second "
+        "load case\" is what it adds to the time of the first: least of several alternating runs "
+        "of both.", "",
         *_summary(result.cases), "",
     ]  # fmt: skip
     for family, exponent in result.exponents().items():

@@ -48,6 +48,9 @@ def solver(
     ] = None,
     peer: Peers = None,
     no_peers: NoPeers = False,
+    repeat: Annotated[
+        int, typer.Option(min=1, metavar="N", help="Pairs of runs, one load case and two.")
+    ] = 3,
     output: Folder = Path("bench"),
     cache: Cache = None,
 ) -> None:
@@ -65,7 +68,7 @@ def solver(
         def save(result: SolverResult) -> None:
             write_solver(result, output)
 
-        result = run_solver_bench(chosen, work, peers=wanted, tell=out, save=save)
+        result = run_solver_bench(chosen, work, peers=wanted, repeat=repeat, tell=out, save=save)
         for path in write_solver(result, output):
             out(str(path))
 
