@@ -316,6 +316,8 @@ PICTURES: dict[str, Callable[[], Picture]] = {
 
 def main(names: list[str]) -> None:
     """Render and write the pictures named, or all."""
+    if unknown := [name for name in names if name not in PICTURES]:
+        sys.exit(f"gallery: got {', '.join(unknown)}; expected some of {', '.join(PICTURES)}")
     OUT.mkdir(exist_ok=True)
     for name in names or PICTURES:
         path = OUT / f"{name}.jpg"
