@@ -45,7 +45,8 @@ class Limits:
 
 
 class Sampled:
-    """A float32 picture (h, w) or (h, w, 4) in a texture that kernels load from."""
+    """A float32 picture (h, w) or (h, w, 4) in a texture that kernels load from, as a storage
+    texture (see `gpusim.gpu.texels`)."""
 
     def __init__(self, device: Device, values: npt.NDArray[np.float32], label: str) -> None:
         height, width = values.shape[:2]
@@ -59,13 +60,14 @@ class Sampled:
         # llvmpipe compiles a kernel anew for textures whose sides are powers of two: have none
         sides = tuple(n + 1 if n & (n - 1) == 0 and n < limit else n for n in (width, height))
         self.nbytes = 4 * channels * sides[0] * sides[1]
+        usage = wgpu.TextureUsage
         device.require_memory(self.nbytes, f"texture {label}")
         with device.guard(f"texture {label} ({width}x{height})"):
             self.gpu = device.gpu.create_texture(
                 label=f"gpusim.{label}",
                 size=(*sides, 1),
                 format=FORMATS[channels],
-                usage=wgpu.TextureUsage.TEXTURE_BINDING | wgpu.TextureUsage.COPY_DST,
+                usage=usage.TEXTURE_BINDING | usage.STORAGE_BINDING | usage.COPY_DST,
             )
             self.view = self.gpu.create_view()
             device.gpu.queue.write_texture(

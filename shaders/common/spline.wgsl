@@ -27,7 +27,7 @@ fn near(t: f32) -> f32 {
 // Value at pixel `at` plus the fraction f in [0, 1)^2. A texel holds the coefficients of a square
 // of 2x2 pixels (upper left, right, lower left, right), so that 9 loads bring the 36: software
 // rasterisers load texels with vector instructions but buffers word by word.
-fn spline_value(coefficients: texture_2d<f32>, at: vec2i, f: vec2f) -> f32 {
+fn spline_value(coefficients: texture_storage_2d<rgba32float, read>, at: vec2i, f: vec2f) -> f32 {
     let x = quintic(f.x);
     let y = quintic(f.y);
     let first = at - vec2i(2, 2);
@@ -37,10 +37,10 @@ fn spline_value(coefficients: texture_2d<f32>, at: vec2i, f: vec2f) -> f32 {
 }
 
 // Sums along the line of `first` and the one below it.
-fn line_pair(coefficients: texture_2d<f32>, first: vec2i, x: Taps) -> vec2f {
-    let a = textureLoad(coefficients, first, 0);
-    let b = textureLoad(coefficients, first + vec2i(2, 0), 0);
-    let c = textureLoad(coefficients, first + vec2i(4, 0), 0);
+fn line_pair(coefficients: texture_storage_2d<rgba32float, read>, first: vec2i, x: Taps) -> vec2f {
+    let a = textureLoad(coefficients, first);
+    let b = textureLoad(coefficients, first + vec2i(2, 0));
+    let c = textureLoad(coefficients, first + vec2i(4, 0));
     return x.a.x * a.xz + x.a.y * a.yw + x.b.x * b.xz + x.b.y * b.yw + x.c.x * c.xz + x.c.y * c.yw;
 }
 
@@ -73,7 +73,9 @@ fn eight_pair(a: vec4f, b: vec4f, c: vec4f, d: vec4f, x: Eight) -> vec2f {
 
 // Values at four positions of two neighbouring lines that lie within two pixels of each other:
 // they share 16 loads instead of making 9 each. `x`, `y` are the positions as offsets from `at`.
-fn spline_values(coefficients: texture_2d<f32>, at: vec2i, x: vec4f, y: vec4f) -> vec4f {
+fn spline_values(
+    coefficients: texture_storage_2d<rgba32float, read>, at: vec2i, x: vec4f, y: vec4f,
+) -> vec4f {
     let column = floor(x);
     let row = floor(y);
     let tx = x - column;
@@ -99,14 +101,14 @@ fn spline_values(coefficients: texture_2d<f32>, at: vec2i, x: vec4f, y: vec4f) -
 
 // What the line of `first` and the one below it give to four values.
 fn eight_lines(
-    coefficients: texture_2d<f32>, first: vec2i,
+    coefficients: texture_storage_2d<rgba32float, read>, first: vec2i,
     x0: Eight, x1: Eight, x2: Eight, x3: Eight,
     y0: vec2f, y1: vec2f, y2: vec2f, y3: vec2f,
 ) -> vec4f {
-    let a = textureLoad(coefficients, first, 0);
-    let b = textureLoad(coefficients, first + vec2i(2, 0), 0);
-    let c = textureLoad(coefficients, first + vec2i(4, 0), 0);
-    let d = textureLoad(coefficients, first + vec2i(6, 0), 0);
+    let a = textureLoad(coefficients, first);
+    let b = textureLoad(coefficients, first + vec2i(2, 0));
+    let c = textureLoad(coefficients, first + vec2i(4, 0));
+    let d = textureLoad(coefficients, first + vec2i(6, 0));
     return vec4f(
         dot(y0, eight_pair(a, b, c, d, x0)),
         dot(y1, eight_pair(a, b, c, d, x1)),

@@ -46,10 +46,10 @@ struct Params {
 
 @group(0) @binding(0) var<uniform> params: Params;
 // f, df/dx, df/dy, mask
-@group(0) @binding(1) var reference: texture_2d<f32>;
+@group(0) @binding(1) var reference: texture_storage_2d<rgba32float, read>;
 // B-spline coefficients, see spline_value
-@group(0) @binding(2) var deformed: texture_2d<f32>;
-@group(0) @binding(3) var window: texture_2d<f32>;
+@group(0) @binding(2) var deformed: texture_storage_2d<rgba32float, read>;
+@group(0) @binding(3) var window: texture_storage_2d<r32float, read>;
 // centre pixel in the reference texture; the pixel of the deformed texture it starts from
 @group(0) @binding(4) var<storage, read> places: array<vec4i>;
 @group(0) @binding(5) var<storage, read> starts: array<f32>;
@@ -105,7 +105,7 @@ fn walk_on(at: Walk, width: u32, columns: u32, rows: u32) -> Walk {
 // at its beginning costs one pass more. The first turn runs in threads that have no pixel, too.
 fn weight_of(pixel: vec2i, mask: f32) -> f32 {
     if (windowed == 0u) { return mask; }
-    return textureLoad(window, pixel, 0).x * mask;
+    return textureLoad(window, pixel).x * mask;
 }
 
 // What is still to go after a step, if steps go on shrinking by the ratio of the last two.
@@ -128,7 +128,7 @@ fn add_residual(
     own: ptr<function, Sums>, first: vec2i, pixel: vec2i, fraction: vec2f, half: f32, mean: f32,
     there: f32, inside: bool, counted: bool,
 ) {
-    let r = textureLoad(reference, first + pixel, 0);
+    let r = textureLoad(reference, first + pixel);
     let w = select(0.0, weight_of(pixel, r.w), counted);
     let f = r.x - mean;
     let e = select(0.0, f - there, inside);
@@ -258,7 +258,7 @@ fn main(
     var at = walk_from(thread, width);
     loop {
         let pixel = vec2i(i32(at.column), i32(at.row));
-        let r = textureLoad(reference, first + pixel, 0);
+        let r = textureLoad(reference, first + pixel);
         let w = select(0.0, weight_of(pixel, r.w), at.index < pixels);
         own += vec4f(w, w * r.x, 0.0, 0.0);
         at = walk_on(at, width, columns, rows);
@@ -276,7 +276,7 @@ fn main(
     at = walk_from(thread, width);
     loop {
         let pixel = vec2i(i32(at.column), i32(at.row));
-        let r = textureLoad(reference, first + pixel, 0);
+        let r = textureLoad(reference, first + pixel);
         let w = select(0.0, weight_of(pixel, r.w), at.index < pixels);
         add_pixel(&moments, w, r.x - mean, r.yz, (vec2f(pixel) - half - fraction) / half);
         at = walk_on(at, width, columns, rows);
