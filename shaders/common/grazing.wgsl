@@ -34,7 +34,7 @@ fn found_at(cells: SpeckleCells, cell: vec2i, place: vec2f) -> Found {
         return Found(0u, 0u, place);
     }
     let slot = cells.first + u32(at.y * cells.size.x + at.x);
-    let list = textureLoad(speckles, texel(slot), 0);
+    let list = textureLoad(speckles, texel(slot));
     return Found(u32(list.x), u32(list.y), place - k * cells.cell);
 }
 

@@ -51,7 +51,7 @@ struct Shades {
 // edges of the faces that may hide a lamp from a tile, three texels each: where it begins relative to
 // the eye (w: 1 for the last one of a face, 2 more if the inside hides as well), where it goes, and
 // the face's plane: unit normal, offset from the eye
-@group(0) @binding(61) var occluders: texture_2d<f32>;
+@group(0) @binding(61) var occluders: texture_storage_2d<rgba32float, read>;
 // per tile in half shadow a texel per lamp: first and number of these, the lamp, and how many lamps
 // the tile sees in part, which come first
 @group(0) @binding(62) var shadow_lists: texture_2d<u32>;
@@ -99,9 +99,9 @@ fn lamp_share(list: vec4u, x: vec3f, n: vec3f, dx: vec3f, dy: vec3f) -> f32 {
     // so that a test at its beginning costs one pass more.
     var i = list.x;
     loop {
-        let begin = textureLoad(occluders, texel(3u * i), 0);
-        let way = textureLoad(occluders, texel(3u * i + 1u), 0).xyz;
-        let plane = textureLoad(occluders, texel(3u * i + 2u), 0);
+        let begin = textureLoad(occluders, texel(3u * i));
+        let way = textureLoad(occluders, texel(3u * i + 1u)).xyz;
+        let plane = textureLoad(occluders, texel(3u * i + 2u));
         let d = begin.xyz - x;
         let both_sides = begin.w > 1.0;
 

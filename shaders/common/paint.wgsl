@@ -61,17 +61,17 @@ override fine: u32;
 
 // per cell (first texel of its features, their count, -, -), then four texels per feature: where
 // lanes read addresses of their own, a texel of four numbers costs as much as one of a buffer
-@group(0) @binding(2) var patterns: texture_2d<f32>;
+@group(0) @binding(2) var patterns: texture_storage_2d<rgba32float, read>;
 
 // First texel and count of a cell's features.
 fn feature_list(slot: u32) -> vec2u {
-    return vec2u(textureLoad(patterns, texel(slot), 0).xy);
+    return vec2u(textureLoad(patterns, texel(slot)).xy);
 }
 
 fn feature_at(i: u32) -> Feature {
     return Feature(
-        textureLoad(patterns, texel(i), 0), textureLoad(patterns, texel(i + 1u), 0),
-        textureLoad(patterns, texel(i + 2u), 0), textureLoad(patterns, texel(i + 3u), 0),
+        textureLoad(patterns, texel(i)), textureLoad(patterns, texel(i + 1u)),
+        textureLoad(patterns, texel(i + 2u)), textureLoad(patterns, texel(i + 3u)),
     );
 }
 
@@ -233,7 +233,7 @@ fn paint_discs(ground: f32, list: vec2u, p: vec2f, ex: vec2f, ey: vec2f) -> f32 
         var near = 0u;
         var i = 0u;
         loop {
-            let a = textureLoad(patterns, texel(list.x + 4u * (done + i)), 0);
+            let a = textureLoad(patterns, texel(list.x + 4u * (done + i)));
             near |= select(0u, 1u << i, length(p - a.xy) - a.z < reach);
             i++;
             if (i >= count) { break; }

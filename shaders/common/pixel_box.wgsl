@@ -4,7 +4,7 @@
 // three vertices per triangle
 @group(0) @binding(12) var<storage, read> corners: array<u32>;
 // per vertex (column, row in 1/65536 px, near / z, -)
-@group(0) @binding(18) var places: texture_2d<u32>;
+@group(0) @binding(18) var places: texture_storage_2d<rgba32uint, read>;
 
 // The corners in 1/256 px from the first row of the band on, and their near / z.
 struct Places {
@@ -14,9 +14,9 @@ struct Places {
     depth: vec3f,
 }
 fn places_of(id: u32, row0: i32) -> Places {
-    let a = textureLoad(places, texel(corners[3u * id]), 0);
-    let b = textureLoad(places, texel(corners[3u * id + 1u]), 0);
-    let c = textureLoad(places, texel(corners[3u * id + 2u]), 0);
+    let a = textureLoad(places, texel(corners[3u * id]));
+    let b = textureLoad(places, texel(corners[3u * id + 1u]));
+    let c = textureLoad(places, texel(corners[3u * id + 2u]));
     let band = vec2i(0, 256 * row0);
     return Places(snapped(a) - band, snapped(b) - band, snapped(c) - band,
         bitcast<vec3f>(vec3u(a.z, b.z, c.z)));

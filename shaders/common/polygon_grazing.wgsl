@@ -63,7 +63,7 @@ fn grazing_row(t: Triangle, p0: vec2f, p1: vec2f, cells: SpeckleCells) -> f32 {
         if (found.first > 0u && speckle != 2u && cells.soft) {
             var open = vec3f(1.0);
             for (var n = found.first; n < last; n++) {
-                let disc = textureLoad(speckles, texel(n), 0);
+                let disc = textureLoad(speckles, texel(n));
                 let m0 = start - disc.xy;
                 let m1 = found.local - disc.xy;
                 let m2 = end - disc.xy;
@@ -76,7 +76,7 @@ fn grazing_row(t: Triangle, p0: vec2f, p1: vec2f, cells: SpeckleCells) -> f32 {
             let along = end - start;
             var rows = no_rows();
             for (var n = found.first; n < last; n++) {
-                let disc = textureLoad(speckles, texel(n), 0);
+                let disc = textureLoad(speckles, texel(n));
                 let m = start - disc.xy;
                 rows = cover_rows(rows, dot(along, along), vec4f(dot(m, along)),
                     vec4f(dot(m, m) - disc.z * disc.z));

@@ -10,7 +10,7 @@ fn polygon_speckle(
     t: Triangle, d: vec2f, polygon: Polygon, cell: u32, corner: vec2f, cuts: u32, kind: u32,
     hard_rows: u32,
 ) -> f32 {
-    let list = textureLoad(speckles, texel(cell), 0);
+    let list = textureLoad(speckles, texel(cell));
     let first = u32(list.x);
     let last = first + u32(list.y);
     let soft = speckle == 1u || (speckle == 3u && kind == 2u);
@@ -38,7 +38,7 @@ fn polygon_speckle(
                     var open = 1.0;
                     var n = first;
                     loop {
-                        let disc = textureLoad(speckles, texel(n), 0);
+                        let disc = textureLoad(speckles, texel(n));
                         let m = st - disc.xy;
                         open *= leaves(vec3f((disc.z * disc.z - dot(m, m)) * disc.w)).x;
                         n++;
@@ -55,7 +55,7 @@ fn polygon_speckle(
                 var rows = no_rows();
                 var n = first;
                 loop {
-                    let disc = textureLoad(speckles, texel(n), 0);
+                    let disc = textureLoad(speckles, texel(n));
                     let m = start - disc.xy;
                     rows = cover_rows(rows, dot(along, along), vec4f(dot(m, along)),
                         vec4f(dot(m, m) - disc.z * disc.z));

@@ -8,7 +8,7 @@ override speckle: u32;
 
 // a cell's texel is (start, count, -, -) of its list; a disc's (s, t, radius, 1 / (2 r h)), s and t
 // from the cell's corner, h the half width of its edge
-@group(0) @binding(16) var speckles: texture_2d<f32>;
+@group(0) @binding(16) var speckles: texture_storage_2d<rgba32float, read>;
 
 const GAUSS: f32 = 0.3872983346207417;
 const END: f32 = 0.2777777777777778;
@@ -36,7 +36,7 @@ fn soft_cover(first: u32, count: u32, p: vec2f, ex: vec2f, ey: vec2f) -> f32 {
     // tests come last, here and below: see paint.wgsl
     var i = first;
     loop {
-        let disc = textureLoad(speckles, texel(i), 0);
+        let disc = textureLoad(speckles, texel(i));
         let m = p - disc.xy;
         let row = disc.z * disc.z - dot(m, m) - vec3f(-2.0, 0.0, 2.0) * dot(m, x);
         let up = 2.0 * dot(m, y);
@@ -112,7 +112,7 @@ fn hard_cover(first: u32, count: u32, p: vec2f, ex: vec2f, ey: vec2f) -> f32 {
         var crossing = 0u;
         var i = 0u;
         loop {
-            let disc = textureLoad(speckles, texel(first + done + i), 0);
+            let disc = textureLoad(speckles, texel(first + done + i));
             let m = p - disc.xy;
             let away = length(m);
             let gap = away - disc.z;
@@ -134,7 +134,7 @@ fn hard_cover(first: u32, count: u32, p: vec2f, ex: vec2f, ey: vec2f) -> f32 {
         let tall = dot(across, across);
         if (crossing != 0u) {
             loop {
-                let disc = textureLoad(speckles, texel(first + done + firstTrailingBit(crossing)), 0);
+                let disc = textureLoad(speckles, texel(first + done + firstTrailingBit(crossing)));
                 let r = disc.z;
                 let m = p - disc.xy;
                 total += large_disc_share(m, ex, ey, r);
@@ -159,7 +159,7 @@ fn hard_cover(first: u32, count: u32, p: vec2f, ex: vec2f, ey: vec2f) -> f32 {
 // Covered share of the parallelogram with centre p, from the corner of the cell whose texel is
 // `cell`, and sides ex, ey, cut into n x n pieces.
 fn speckle_cover(cell: u32, p: vec2f, ex: vec2f, ey: vec2f, n: u32) -> f32 {
-    let list = textureLoad(speckles, texel(cell), 0);
+    let list = textureLoad(speckles, texel(cell));
     let first = u32(list.x);
     let count = u32(list.y);
     let step = 1.0 / f32(n);

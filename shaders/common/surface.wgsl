@@ -22,9 +22,9 @@ struct Triangle {
 
 // seven texels per triangle, the first four with all that plain matte paint needs: a load takes
 // longer than most arithmetic
-@group(0) @binding(4) var triangles: texture_2d<u32>;
+@group(0) @binding(4) var triangles: texture_storage_2d<rgba32uint, read>;
 fn triangle_word(i: u32) -> vec4f {
-    return bitcast<vec4f>(textureLoad(triangles, texel(i), 0));
+    return bitcast<vec4f>(textureLoad(triangles, texel(i)));
 }
 fn triangle_at(id: u32) -> Triangle {
     let i = 7u * id;

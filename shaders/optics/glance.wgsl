@@ -93,7 +93,7 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
 
 // per pixel of the band what sight.wgsl found, the lower half first
 @group(0) @binding(9) var<storage, read> nearest: array<vec2u>;
-@group(0) @binding(10) var seen: texture_2d<u32>;
+@group(0) @binding(10) var seen: texture_storage_2d<rgba32uint, read>;
 
 @vertex
 fn vertex(@builtin(vertex_index) index: u32) -> @builtin(position) vec4f {
@@ -104,7 +104,7 @@ fn vertex(@builtin(vertex_index) index: u32) -> @builtin(position) vec4f {
 fn fragment(@builtin(position) at: vec4f) -> @location(0) f32 {
     let column = vec2u(at.xy);
     let number = 0u - nearest[column.y * params.width + column.x].x;
-    let glance = textureLoad(seen, texel(max(number, 1u) - 1u), 0);
+    let glance = textureLoad(seen, texel(max(number, 1u) - 1u));
     let pixel = vec2i(column) + vec2i(0, params.row0);
     let anchor = vec2i(i32(glance.w << 16u), i32(glance.w)) >> vec2u(16u);
     let d = vec2f(pixel - anchor) + undistort(bend_at(pixel), vec2f(0.0));
