@@ -21,9 +21,9 @@ struct Params {
 @group(0) @binding(1) var<storage, read> points: array<vec4f>;
 // per cluster of edges (middle and radius of a ball around them); for the planes on both sides (axis,
 // spread, of open surfaces less than -1 by it); the least and greatest products with both axes
-@group(0) @binding(2) var clusters: texture_2d<u32>;
+@group(0) @binding(2) var clusters: texture_storage_2d<rgba32uint, read>;
 // per cluster of faces (middle and radius of a ball around them)
-@group(0) @binding(3) var spheres: texture_2d<u32>;
+@group(0) @binding(3) var spheres: texture_storage_2d<rgba32uint, read>;
 // how many edges and faces a point needs, and the lists of them
 @group(0) @binding(4) var<storage, read_write> counts: array<vec2u>;
 @group(0) @binding(5) var<storage, read_write> edges: array<u32>;
@@ -55,22 +55,22 @@ fn hiding(p: Point, slope: vec4f, products: vec2f, span: f32) -> i32 {
 
 // Whether a cluster may hold contours.
 fn may_hold(p: Point, cluster: u32) -> bool {
-    let ball = bitcast<vec4f>(textureLoad(clusters, texel(4u * cluster), 0));
+    let ball = bitcast<vec4f>(textureLoad(clusters, texel(4u * cluster)));
     let to = ball.xyz - p.at;
     let away = length(to);
     if (dot(to, p.n) + ball.w <= params.low * max(away - ball.w, 0.0)) { return false; }
-    let products = bitcast<vec4f>(textureLoad(clusters, texel(4u * cluster + 3u), 0));
+    let products = bitcast<vec4f>(textureLoad(clusters, texel(4u * cluster + 3u)));
     let span = away + ball.w;
-    let one = hiding(p, bitcast<vec4f>(textureLoad(clusters, texel(4u * cluster + 1u), 0)), products.xy, span);
+    let one = hiding(p, bitcast<vec4f>(textureLoad(clusters, texel(4u * cluster + 1u))), products.xy, span);
     if (one == UNKNOWN) { return true; }
-    let two = hiding(p, bitcast<vec4f>(textureLoad(clusters, texel(4u * cluster + 2u), 0)), products.zw, span);
+    let two = hiding(p, bitcast<vec4f>(textureLoad(clusters, texel(4u * cluster + 2u))), products.zw, span);
     return one != two;
 }
 
 // Whether a point may lie on a face of a cluster, or one on the way along its normal, as far aside as
 // rows begin.
 fn may_be_above(p: Point, cluster: u32) -> bool {
-    let ball = bitcast<vec4f>(textureLoad(spheres, texel(cluster), 0));
+    let ball = bitcast<vec4f>(textureLoad(spheres, texel(cluster)));
     let to = ball.xyz - p.at;
     let height = dot(to, p.n);
     let reach = ball.w + p.tolerance;

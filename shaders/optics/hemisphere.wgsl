@@ -18,11 +18,11 @@ struct Params {
 @group(0) @binding(1) var<storage, read> points: array<vec4f>;
 // two texels per edge: where it begins and ends; twice the face on its left and on its right, plus
 // one where the face hides on both sides
-@group(0) @binding(2) var edges: texture_2d<u32>;
+@group(0) @binding(2) var edges: texture_storage_2d<rgba32uint, read>;
 // per face its unit normal outward, and the product of that with a point of it
-@group(0) @binding(3) var planes: texture_2d<u32>;
+@group(0) @binding(3) var planes: texture_storage_2d<rgba32uint, read>;
 // per face twice the number of each edge, plus one where the face is on its right
-@group(0) @binding(4) var borders: texture_2d<u32>;
+@group(0) @binding(4) var borders: texture_storage_2d<rgba32uint, read>;
 // how many edges and faces a point needs, and the lists of them (optics/around)
 @group(0) @binding(5) var<storage, read> counts: array<vec2u>;
 @group(0) @binding(6) var<storage, read> needed: array<u32>;
@@ -64,7 +64,7 @@ struct Face {
 }
 fn face_of(p: Point, code: u32) -> Face {
     if (code == NONE) { return Face(0.0, 0.0, 0); }
-    let plane = bitcast<vec4f>(textureLoad(planes, texel(code >> 1u), 0));
+    let plane = bitcast<vec4f>(textureLoad(planes, texel(code >> 1u)));
     let height = fma(-plane.x, p.at.x, fma(-plane.y, p.at.y, fma(-plane.z, p.at.z, plane.w)));
     let facing = fma(plane.x, p.n.x, fma(plane.y, p.n.y, plane.z * p.n.z));
     let closed = (code & 1u) == 0u;
@@ -128,8 +128,8 @@ var<workgroup> left: atomic<i32>;
 
 // An edge: what crossing it changes.
 fn add_edge(p: Point, number: u32) {
-    let first = textureLoad(edges, texel(2u * number), 0);
-    let last = textureLoad(edges, texel(2u * number + 1u), 0);
+    let first = textureLoad(edges, texel(2u * number));
+    let last = textureLoad(edges, texel(2u * number + 1u));
     let a = along(p, bitcast<vec3f>(first.xyz));
     let b = along(p, bitcast<vec3f>(last.xyz));
     if (a.z <= 0.0 && b.z <= 0.0) { return; }
@@ -152,13 +152,13 @@ fn add_edge(p: Point, number: u32) {
 
 // A face: where rows begin before it, and what it means for the way along the normal.
 fn add_face(p: Point, number: u32) {
-    let border = textureLoad(borders, texel(number), 0);
+    let border = textureLoad(borders, texel(number));
     var code = NONE;
     for (var k = 0u; k < 4u; k++) {
-        if (border[k] != NONE) { code = textureLoad(edges, texel(border[k]), 0).w; }
+        if (border[k] != NONE) { code = textureLoad(edges, texel(border[k])).w; }
     }
     let face = face_of(p, code);
-    let normal = bitcast<vec4f>(textureLoad(planes, texel(number), 0)).xyz;
+    let normal = bitcast<vec4f>(textureLoad(planes, texel(number))).xyz;
     let facing = vec3f(dot(normal, p.u), dot(normal, p.v), dot(normal, p.n));
     var a: array<vec3f, 4>;
     var b: array<vec3f, 4>;
@@ -169,8 +169,8 @@ fn add_face(p: Point, number: u32) {
     for (var k = 0u; k < 4u; k++) {
         if (border[k] == NONE) { continue; }
         let number = border[k] & 0xfffffffeu;
-        a[k] = along(p, bitcast<vec3f>(textureLoad(edges, texel(number), 0).xyz));
-        b[k] = along(p, bitcast<vec3f>(textureLoad(edges, texel(number + 1u), 0).xyz));
+        a[k] = along(p, bitcast<vec3f>(textureLoad(edges, texel(number)).xyz));
+        b[k] = along(p, bitcast<vec3f>(textureLoad(edges, texel(number + 1u)).xyz));
         plane[k] = cross(a[k], b[k]);
         let outward = plane[k] * f32(1 - 2 * i32(border[k] & 1u));
         over = over && outward.z >= 0.0;
