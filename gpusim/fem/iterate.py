@@ -156,7 +156,8 @@ class _State:
         if self.lowest is not None:
             lowest = _BELOW * self.lowest * np.minimum(1.0, self.mu / _UNSEEN)
         bound = np.where(self.settled, energy / np.sqrt(lowest), np.inf)
-        return np.where(energy > 0.0, bound / np.where(size > 0.0, size, 1e-300), 0.0)
+        relative = np.divide(bound, size, out=np.full_like(bound, np.inf), where=size > 0.0)
+        return np.where(energy > 0.0, relative, 0.0)
 
 
 def iterate(
@@ -282,8 +283,9 @@ class _Refinement:
             report = self._progress
             if report is not None:
                 report = partial(_shifted, report, self.iterations)
+            near = state.apart(residual, np.zeros_like(residual), x) <= tolerance
             correction, history, inside = _run(
-                system, loop, state, x, rz, aim * self._inside, _ENOUGH * tolerance,
+                system, loop, state, x, rz, near, aim * self._inside, _ENOUGH * tolerance,
                 most - self.iterations, self._chunk, report,
             )  # fmt: skip
             self._x, self._image, self._begun = x + correction, None, True
@@ -322,6 +324,7 @@ def _run(
     state: _State,
     x: Float,
     rz: Float,
+    near: npt.NDArray[np.bool_],
     tolerance: float,
     enough: float,
     most: int,
@@ -331,12 +334,14 @@ def _run(
     """One run from the residual that the loop holds; returns (correction, history, estimate).
 
     It ends where the sharp bound is at ``tolerance``, and the plain one by r.z, which the caller
-    goes by, at ``enough``: another run for the rest would begin anew. Where supports are moved, a
-    first one must have come far for its own correction, too: beside a far motion any correction is
-    small, and its Ritz values would tell nothing of the soft modes.
+    goes by, at ``enough``: another run for the rest would begin anew. Where supports are moved, or
+    there is a start, a first one must have come far for its own correction, too: beside a far
+    motion, or a start that is nearly right, any correction is small, and its Ritz values would tell
+    nothing of the soft modes. Cases that are known to be ``near`` (L,) needn't.
     """
     history = np.zeros((0, len(rz), 4))
-    fresh = ~np.isfinite(state.mu) & bool(state.given.any() and not x.any())
+    moved = state.given.any(axis=(1, 2)) | x.any(axis=(1, 2))
+    fresh = ~np.isfinite(state.mu) & moved & ~near
     active = rz > 0.0
     estimate = np.full(len(rz), np.inf)
     estimate[~active] = 0.0
