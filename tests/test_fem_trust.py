@@ -16,6 +16,7 @@ from gpusim.fem.assembly import assemble
 from gpusim.fem.block_rows import block_matrix
 from gpusim.fem.formulation import resolve_formulation
 from gpusim.mesh import box, quadratic, split
+from tests.element_meshes import mixed_mesh
 
 Float = npt.NDArray[np.float64]
 
@@ -178,3 +179,14 @@ def test_a_start_near_the_answer_claims_nothing(other: bool, backend: str) -> No
     found = solve(model, tolerance=1e-4, method="multigrid", backend=backend, start=start)
     error = np.abs(found.u - exact).max(axis=(1, 2)) / np.abs(exact).max(axis=(1, 2))
     assert found.converged and error.max() <= found.error_estimate <= 1e-4
+
+
+def test_multigrid_where_a_type_of_cells_touches_no_support() -> None:
+    mesh = quadratic(mixed_mesh())
+    fixed = np.repeat(mesh.points[:, :1] == mesh.points[:, 0].min(), 3, axis=1)
+    forces = np.random.default_rng(4).normal(size=mesh.points.shape)
+    model = Model(mesh, [Isotropic(1.0, 0.3)], fixed=fixed, forces=forces)
+    right = solve(model, backend="numpy", method="direct").u
+    solution = solve(model, backend="numpy", method="multigrid")
+    assert solution.converged
+    np.testing.assert_allclose(solution.u, right, atol=1e-6 * np.abs(right).max())

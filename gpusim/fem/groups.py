@@ -289,7 +289,7 @@ def held_matrices(group: Group, free: Bool, touching: Bool | None = None) -> tup
         for corner in group.cells.T:
             touching |= held_node[corner]
     touched = np.flatnonzero(touching)
-    held = ~free[group.cells[touched]].reshape(len(touched), -1)
+    held = ~free[group.cells[touched]].reshape(len(touched), 3 * group.cells.shape[1])
     width = held.shape[1]
     bits = np.zeros((len(touched), -(-width // 62)), dtype=np.int64)
     for column in range(width):
