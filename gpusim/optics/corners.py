@@ -30,13 +30,15 @@ def in_camera(camera: Camera, points: Array) -> Array:
     """World points (n, 3) in camera coordinates, a view of (3, n): no matrix product, whose
     rounding depends on where in the array a point is."""
     T = camera.camera_from_world
-    x, y, z = (np.ascontiguousarray(points[:, k]) for k in range(3))
     columns = np.empty((3, len(points)))
-    for k in range(3):
-        np.multiply(x, T[k, 0], out=columns[k])
-        columns[k] += T[k, 1] * y
-        columns[k] += T[k, 2] * z
-        columns[k] += T[k, 3]
+    for first in range(0, len(points), CHUNK):
+        part = slice(first, first + CHUNK)
+        x, y, z = (np.ascontiguousarray(points[part, k]) for k in range(3))
+        for k, column in enumerate(columns[:, part]):
+            np.multiply(x, T[k, 0], out=column)
+            column += T[k, 1] * y
+            column += T[k, 2] * z
+            column += T[k, 3]
     return columns.T
 
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.optics.corners import CHUNK
-from gpusim.optics.cutting import Screen, without_area
+from gpusim.optics.cutting import Screen, wound
 
 __all__ = ["Culled", "cull"]
 
@@ -28,14 +29,14 @@ class Culled:
 
 def cull(
     points: Array,
-    area: Array,
+    area: Callable[[], Array],
     triangles: npt.NDArray[np.int64],
     ideal: Array,
     ahead: Flags,
     closed: bool,
     screen: Screen,
 ) -> Culled:
-    """Of triangles (T, 3) with normals ``area`` (3, T) and vertices at ``points`` (P, 3) in the
+    """Of triangles (T, 3) with normals ``area()`` (3, T) and vertices at ``points`` (P, 3) in the
     world, seen at ``ideal`` (P, 2) px where they are ``ahead`` (P,).
 
     What is wholly behind the camera, beside the image or seen edge-on is left out, and what looks
@@ -43,30 +44,38 @@ def cull(
     """
     count = len(triangles)
     front, keep = np.empty(count, bool), np.empty(count, bool)
-    most = np.zeros(CHUNK)
+    most = 0.0
     places = [np.ascontiguousarray(ideal[:, k]) for k in range(2)]
-    away = [np.ascontiguousarray(points[:, k]) - eye for k, eye in enumerate(screen.camera.eye)]
-    sides = _sides(ideal, ahead, screen)
     whole = bool(ahead.all())
+    if not whole:
+        sides = _sides(ideal, ahead, screen)
+        away = [np.ascontiguousarray(points[:, k]) - eye for k, eye in enumerate(screen.camera.eye)]
     for first in range(0, count, CHUNK):
         part = slice(first, first + CHUNK)
         corner = [triangles[part, k] for k in range(3)]
-        front[part] = _facing(area[:, part], away, corner[0]) < 0.0
-        seen = (sides[corner[0]] & sides[corner[1]] & sides[corner[2]]) == 0
-        if closed:
-            seen &= front[part]
         if whole:
             at = [[np.take(place, own, mode="clip") for own in corner] for place in places]
-            # as `split` would do later, with more to carry
-            seen &= ~without_area(*at)
-            for a, b, c in at:
-                size = np.maximum(np.maximum(a, b), c) - np.minimum(np.minimum(a, b), c)
-                size *= seen
-                np.maximum(most[: len(size)], size, out=most[: len(size)])
+            # the image shows which way they are wound; as `split` would do later, with more to carry
+            front[part], seen = wound(*at)
+            np.logical_not(seen, out=seen)
+            sizes = []
+            for (a, b, c), least, greatest in zip(at, screen.low, screen.high, strict=True):
+                low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
+                if not (high.min() > least and low.max() < greatest):
+                    seen &= (high > least) & (low < greatest)
+                sizes.append(np.subtract(high, low, out=high))
         else:
+            front[part] = _facing(area()[:, part], away, corner[0]) < 0.0
+            seen = (sides[corner[0]] & sides[corner[1]] & sides[corner[2]]) == 0
             seen &= ahead[corner[0]] | ahead[corner[1]] | ahead[corner[2]]
+            sizes = []
+        if closed:
+            seen &= front[part]
+        every = bool(seen.all())
+        for size in sizes:
+            most = max(most, float((size if every else size * seen).max()))
         keep[part] = seen
-    return Culled(front, keep, float(most.max()))
+    return Culled(front, keep, most)
 
 
 def _facing(area: Array, away: list[Array], corner: npt.NDArray[np.int64]) -> Array:

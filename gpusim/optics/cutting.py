@@ -23,6 +23,7 @@ from gpusim.optics.distortion_map import distortion_map
 __all__ = [
     "LONGEST_EDGE", "SHORT_EDGE", "Pieces", "Screen", "clip", "extent", "joined", "split",
     "without_area",
+    "wound",
 ]  # fmt: skip
 
 Array = npt.NDArray[np.float64]
@@ -314,8 +315,23 @@ def extent(triangles: Array) -> float:
 def without_area(x: list[Array], y: list[Array]) -> Flags:
     """Which triangles with corners at x and y, three arrays (n,) each, are lines but for
     rounding."""
+    return wound(x, y)[1]
+
+
+def wound(x: list[Array], y: list[Array]) -> tuple[Flags, Flags]:
+    """Which of these look at the camera, and which are `without_area`."""
     ux, uy, vx, vy = x[1] - x[0], y[1] - y[0], x[2] - x[0], y[2] - y[0]
-    return np.asarray(np.abs(ux * vy - uy * vx) <= 1e-13 * (ux * ux + uy * uy + vx * vx + vy * vy))
+    area = ux * vy
+    area -= uy * vx
+    front = area < 0.0
+    np.abs(area, out=area)
+    for side in (ux, uy, vx, vy):
+        side *= side
+    ux += uy
+    ux += vx
+    ux += vy
+    ux *= 1e-13
+    return front, area <= ux
 
 
 def _twice_area(triangles: Array) -> Array:

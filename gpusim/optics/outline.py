@@ -83,7 +83,8 @@ def feature_edges(
         own = region[topology.source]
         jump |= own[first] != own[second]
     if not seen.all():
-        jump &= seen[first] | seen[second]
+        edge = np.flatnonzero(jump)
+        jump[edge] = seen[first[edge]] | seen[second[edge]]
     turns = np.zeros(len(seen), bool)
     if sharp is None and patterned:
         turns = seen & np.isin(region, list(patterned))[topology.source]

@@ -21,11 +21,16 @@ FEW = 4
 """Vertices per triangle from which on those of other triangles are left out."""
 
 
-def turned_corners(triangles: Numbers, kept: Numbers, front: Flags) -> Numbers:
-    """(3, n): vertices at each corner of triangles ``kept``, those that look away turned round."""
-    away = np.flatnonzero(~front[kept])
+def turned_corners(triangles: Numbers, kept: Numbers, turned: Flags) -> Numbers:
+    """(3, n): vertices at each corner of triangles ``kept``, those that are ``turned`` (n,)
+    the other way round."""
+    away = np.flatnonzero(turned)
     whole = len(kept) == len(triangles)
-    corner = triangles.T if whole else np.stack([np.take(one, kept) for one in triangles.T])
+    corner = triangles.T
+    if not whole:
+        corner = np.empty((3, len(kept)), triangles.dtype)
+        for one, own in zip(triangles.T, corner, strict=True):
+            np.take(one, kept, out=own, mode="clip")
     if len(away):
         corner = corner.copy() if whole else corner
         corner[1:, away] = corner[:0:-1, away]
@@ -93,16 +98,18 @@ class VertexTable:
 
     def paint(self, surface: Surface, kept: Numbers, turned: Flags) -> None:
         """Fill in paint coordinates, of triangles ``kept`` (n,) of the surface, some ``turned``."""
-        region = surface.regions[surface.topology.source[kept]] if surface.extents else kept
         free = True
         for number in surface.extents:
-            rows = np.flatnonzero(region == number)
             frame = surface.paint_frame(number)
-            if isinstance(frame, PaintFrame):
+            if isinstance(frame, PaintFrame) and free:
                 # the first one's coordinates do no harm to triangles without a pattern
-                own: Numbers | slice = slice(None) if free else self._apart(rows)
-                self.columns[ST, own] = frame.coordinates(self.columns[REFERENCE, own].T).T
+                self.columns[ST] = frame.coordinates(self.columns[REFERENCE].T).T
                 free = False
+                continue
+            rows = np.flatnonzero(surface.regions[surface.topology.source[kept]] == number)
+            if isinstance(frame, PaintFrame):
+                own = self._apart(rows)
+                self.columns[ST, own] = frame.coordinates(self.columns[REFERENCE, own].T).T
                 continue
             st = frame.of_triangles(
                 surface.rest[surface.topology.triangles[kept[rows]]], kept[rows]

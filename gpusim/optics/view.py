@@ -228,7 +228,7 @@ def look(surfaces: Sequence[Surface], camera: Camera, lit: bool) -> View:
         if far > 0.0:
             part = _seen_of(surface, shape, points, screen, NEAR * far, lit)
             source = surface.topology.source[part.source]
-            paint_ids.append(surface.regions[source] + np.int32(len(paints)))
+            paint_ids.append(np.take(surface.regions, source, mode="clip") + np.int32(len(paints)))
             face_ids.append(source + np.int32(first_face))
             body_ids.append(np.full(len(source), number, np.int32))
             parts.append(part)
@@ -265,7 +265,7 @@ def _seen_of(
         ideal = np.full((len(points), 2), np.inf)
         ideal[ahead] = screen.ideal(points[ahead])
     culled = cull(
-        surface.points, shape.area, triangles, ideal, ahead, topology.closed, screen
+        surface.points, lambda: shape.area, triangles, ideal, ahead, topology.closed, screen
     )  # fmt: skip
     front, keep = culled.front, culled.keep
     shows = feature_edges(
@@ -273,9 +273,9 @@ def _seen_of(
         shape.smooth[1] if lit else None, surface.extents,
     )  # fmt: skip
     kept = np.flatnonzero(keep)
-    corner = turned_corners(triangles, kept, front)
+    turned = ~(front if len(kept) == len(front) else np.take(front, kept, mode="clip"))
+    corner = turned_corners(triangles, kept, turned)
     out = ~ahead | screen.beyond(ideal)
-    turned = ~front[kept]
     table = VertexTable(surface, points, corner, bool(out.any()))
     table.paint(surface, kept, turned)
     if lit:
