@@ -55,7 +55,8 @@ def cull(
         corner = [triangles[part, k] for k in range(3)]
         if whole:
             at = [[np.take(place, own, mode="clip") for own in corner] for place in places]
-            # the image shows which way they are wound; as `split` would do later, with more to carry
+            # the image shows which way they are wound; `split` would find lines later, with more
+            # to carry
             front[part], seen = wound(*at)
             np.logical_not(seen, out=seen)
             sizes = []

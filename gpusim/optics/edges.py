@@ -84,7 +84,8 @@ class EdgePass:
         lists[1 : 2 * count + 2 : 2] = edges.start + 2 * (count + 1)
         lists[2 * (count + 1) :] = edges.triangle
         self._found = device.empty(8 * count, "edges.found")
-        groups = np.flatnonzero(np.bincount(setup.groups)).tolist()
+        most = int(setup.groups.max(initial=0))
+        groups = [group for group in range(most + 1) if (setup.groups == group).any()]
         constants = setup.constants(groups, bool(setup.shiny.any()), bool(setup.bumpy.any()))
         shared = {
             "params": {

@@ -152,13 +152,12 @@ class PatternTable:
 
         Counts come from a summed-area table per paint; of the paints ``taken`` all are.
         """
-        paint = view.paint
-        result = self.paints["featured"][paint] > 1  # speckle and bitmaps are everywhere
-        for number in np.flatnonzero(self.paints["featured"] == 1).tolist():
+        paint, featured = view.paint, self.paints["featured"]
+        everywhere = featured > 1  # speckle and bitmaps
+        everywhere[list(taken)] |= featured[list(taken)] == 1
+        result = np.take(everywhere, paint, mode="clip")
+        for number in np.flatnonzero((featured == 1) & ~everywhere).tolist():
             rows = np.flatnonzero(paint == number)
-            if number in taken:
-                result[rows] = True
-                continue
             whole = len(rows) == len(paint)
             for first in range(0, len(rows), CHUNK):
                 part = slice(first, first + CHUNK) if whole else rows[first : first + CHUNK]

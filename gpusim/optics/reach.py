@@ -69,26 +69,28 @@ def with_reach(
     columns = [np.ascontiguousarray(v) for v in (*ideal.T, z, 1.0 / z, *vertices[:, ST].T)]
     for number, region in enumerate(regions):
         extent = float((region.high - region.low).max())
-        rows = np.flatnonzero(paint == number) if extent > 0.0 else np.zeros(0, np.int64)
-        if len(rows):
-            whole = len(rows) == len(paint)
-            many = len(rows) >= MANY and not isinstance(region.paint, Speckle)
+        own = paint == number
+        count = int(np.count_nonzero(own)) if extent > 0.0 else 0
+        if count:
+            whole = count == len(paint)
+            rows = np.flatnonzero(own) if not whole else np.zeros(0, np.int64)
+            many = count >= MANY and not isinstance(region.paint, Speckle)
             size = BLOCK if many else CHUNK
-            starts = range(0, len(rows), size)
+            starts = range(0, count, size)
             parts = [slice(k, k + size) if whole else rows[k : k + size] for k in starts]
             limit, seen = None, None
             if isinstance(region.paint, Speckle):
-                used = used_vertices(corner if whole else corner[rows], len(place))
+                used = used_vertices(corner if whole else corner[own], len(place))
                 # column by column: along an axis of two numbers NumPy takes thirty times as long
                 st = [np.take(column, used) for column in columns[4:]]
                 seen = np.array([[at.min() for at in st], [at.max() for at in st]])
                 found = (_of_corners(vertices, corner[part], camera) for part in parts)
                 slope = stretch * np.concatenate([_footprints(*one) for one in found])
                 half = 0.5 * np.abs(slope).sum(axis=-1).max(axis=-1)
-                widest[rows] = half.max(axis=1)
+                widest[own] = half.max(axis=1)
                 reach = float(half.max())
                 image = (camera.width, camera.height)
-                limit = grazing_reach(region.paint, half, slope, place[corner[rows]], image)
+                limit = grazing_reach(region.paint, half, slope, place[corner[own]], image)
             else:
                 find = _bound_in_float32(columns) if many else _largest_footprint
                 reach = stretch * max(find(columns, corner[part]) for part in parts)

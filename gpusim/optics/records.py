@@ -34,7 +34,7 @@ STEPS = 65536
 BLOCK = 8192
 """Vertices at a time, which stay in the processor's cache and fill whole rows of a texture."""
 
-REAL = (3, 6, 7, 8, 9, 10, 11)
+REAL = 3, slice(6, 12)
 """Words of a vertex that are float32."""
 
 
@@ -74,8 +74,8 @@ class Records:
             return None
         inverse_depth = float((1.0 / view.vertices[:, 2]).mean())
         vertices = device.kept.texels(3 * len(view.place), "rgba32uint", "records.vertices")
-        for first, words in vertex_blocks(setup, inverse_depth):
-            if not np.isfinite(words.view(np.float32)[:, REAL]).all():
+        for first, words, finite in vertex_blocks(setup, inverse_depth):
+            if not finite:
                 return None
             vertices.write(words.reshape(-1, 4), 3 * first)
         return Records(setup, drawn, vertices, inverse_depth)
@@ -107,9 +107,9 @@ class Records:
 
 def vertex_blocks(
     setup: Setup, inverse_depth: float
-) -> Iterator[tuple[int, npt.NDArray[np.uint32]]]:
-    """A view's vertices as the shader reads them, block by block: the first one's number and
-    words (n, 12), used again.
+) -> Iterator[tuple[int, npt.NDArray[np.uint32], bool]]:
+    """A view's vertices as the shader reads them, block by block: the first one's number, words
+    (n, 12), used again, and whether those that are float32 are finite.
 
     ``inverse_depth``: what theirs are relative to.
     """
@@ -141,7 +141,7 @@ def vertex_blocks(
         real[11] = sides[part]
         own = words[: part.stop - first]
         np.copyto(own, block.T)
-        yield first, own
+        yield first, own, all(bool(np.isfinite(real[rows]).all()) for rows in REAL)
 
 
 def _sides(setup: Setup) -> Array:

@@ -88,7 +88,7 @@ class Setup:
         lighting = Lighting.build(view, lights, surfaces, device, shadows)
         boards = matte_boards(view.paints, lighting.gloss)
         near = table.near_features(view, boards)
-        albedo = table.paints["ground"][view.paint]
+        albedo = np.take(table.paints["ground"], view.paint, mode="clip")
         for number in boards:
             within_fields(view, number, near, albedo)
         return Setup(view, table, bitmaps, lighting, background, lights is not None, near, albedo)
@@ -226,8 +226,10 @@ class Setup:
 
         That plus `GRAZING` where speckle has larger footprints than its table was made for.
         """
-        featured = self.table.paints["featured"][self.view.paint]
-        groups = np.where(self.near_feature, featured, 0).astype(np.uint32)
+        groups = np.take(
+            self.table.paints["featured"].astype(np.uint32), self.view.paint, mode="clip"
+        )
+        groups *= self.near_feature
         for number, region in enumerate(self.view.paints):
             if region.grazing:
                 larger = self.view.footprint > region.reach

@@ -293,7 +293,7 @@ def _programs(
 ) -> list[Program]:
     """The programs that a view needs, one at least (which clears the targets)."""
     result: list[Program] = []
-    order: npt.NDArray[np.integer] = np.arange(setup.view.count)
+    order = np.zeros(0, np.int64)
     if sort:
         nearest = setup.view.inverse_depth().max(axis=1, initial=0.0)
         order = np.argsort(-nearest, kind="stable")
@@ -304,15 +304,16 @@ def _programs(
     each = (True, False)
     kind = setup.groups.astype(np.uint8) << np.uint8(4)
     for bit, flags in enumerate((tiled, setup.bumpy, setup.shiny, boards)):
-        kind |= flags.view(np.uint8) << np.uint8(bit)
+        if flags.any():
+            kind |= flags.view(np.uint8) << np.uint8(bit)
     many = np.bincount(kind, minlength=256)
     if lines is not None:
         strips = kind[lines.parent]
     kind = kind[order] if sort else kind
     for group, board, glossy, bumpy, lit in product(groups, each, each, each, each):
         wanted = 16 * group + 8 * board + 4 * glossy + 2 * bumpy + lit
-        numbers = order[kind == wanted] if many[wanted] else order[:0]
-        own: npt.NDArray[np.uint32] = numbers.astype(np.uint32)
+        numbers = np.flatnonzero(kind == wanted) if many[wanted] else order[:0]
+        own: npt.NDArray[np.uint32] = (order[numbers] if sort else numbers).astype(np.uint32)
         if len(own) or not (group or board or glossy or bumpy or lit or result):
             constants = {**setup.constants([group], glossy, bumpy), "light_tiled": float(lit)}
             if board and lines is not None:
