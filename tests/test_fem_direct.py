@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import splu
 
 from gpusim.bench.reference import reference_solution
 from gpusim.errors import InputError
-from gpusim.fem import Isotropic, Model, solve
+from gpusim.fem import Isotropic, Model, banded, solve
 from gpusim.fem.assembly import Assembled, assemble
 from gpusim.fem.banded import Banded, band_ordering
 from gpusim.fem.block_rows import block_matrix
@@ -17,6 +18,7 @@ from gpusim.fem.choice import direct_solver, least_seconds
 from gpusim.fem.formulation import resolve_formulation
 from gpusim.fem.system import System
 from gpusim.mesh import Mesh, box
+from gpusim.mesh.split import split
 
 RNG = np.random.default_rng(3)
 
@@ -130,6 +132,58 @@ def test_slender_bodies_are_factorised_and_chunky_ones_iterate() -> None:
     fixed[mesh.points[:, 0] == 0.0] = True
     cube = Model(mesh, [Isotropic(1.0, 0.3)], fixed, RNG.normal(size=mesh.points.shape))
     assert solve(cube, backend="numpy").method == "multigrid"
+
+
+def frame(kind: str) -> Model:
+    """Two members at a right angle, as thick as two cells, clamped at one end."""
+    mesh = box((30.0, 1.0, 30.0), (60, 2, 60))
+    cells = mesh.cells["hex8"]
+    centre = mesh.points[cells].mean(axis=1)
+    cells = cells[(centre[:, 0] < 1.0) | (centre[:, 2] > 29.0)]
+    used, cells = np.unique(cells, return_inverse=True)
+    mesh = Mesh(mesh.points[used], {"hex8": cells.reshape(-1, 8).astype(np.int32)})
+    if kind == "tetrahedra":
+        mesh = split(mesh, "tet4")
+    fixed = np.zeros(mesh.points.shape, dtype=bool)
+    fixed[mesh.points[:, 2] == 0.0] = True
+    force = np.zeros(mesh.points.shape)
+    force[mesh.points[:, 0] == 30.0, 2] = -1e-4
+    return Model(mesh, [Isotropic(1.0, 0.3)], fixed, force)
+
+
+@pytest.mark.parametrize("kind", ["lattice", "tetrahedra"])
+def test_a_frame_is_numbered_around_its_corner(kind: str) -> None:
+    model = frame(kind)
+    parts = assembled(model)
+    free = ~model.fixed  # type: ignore[operator]
+    wide = band_ordering(parts.rows, free, model.mesh.points, hopeless=10.0).bandwidth
+    assert wide > 500  # the second member lies across the first one's length
+    assert band_ordering(parts.rows, free, model.mesh.points, hopeless=400.0).bandwidth < 100
+    direct = direct_solver(parts, free, model.mesh.points, 1.0)
+    assert least_seconds(parts, free) == 0.0 and direct is not None
+    assert "banded" in direct.description
+    solution = solve(model, backend="numpy")
+    assert solution.method == "direct" and solution.converged
+    other = solve(model, backend="numpy", method="multigrid", tolerance=1e-8)
+    assert np.abs(solution.u - other.u).max() <= 1e-6 * np.abs(other.u).max()
+
+
+def test_the_widest_place_is_counted_in_steps_from_an_end() -> None:
+    for divisions, wanted in (((12, 1, 2), 10), ((1, 1, 1), 7)):
+        parts = assembled(Model(box((1.0, 1.0, 1.0), divisions), [Isotropic(1.0, 0.3)]))
+        rows = parts.rows
+        graph = csr_matrix(
+            (np.ones(len(rows.neighbour)), rows.neighbour, rows.start),
+            shape=(rows.node_count, rows.node_count),
+        )
+        assert banded._widest(graph, 0) == wanted
+
+
+@pytest.mark.parametrize("bandwidth", [0, 5, 8, 100, 128, 129, 152, 700])
+def test_tiles_hold_the_band_and_little_more(bandwidth: int) -> None:
+    tile, deep = banded._tiles(bandwidth)
+    assert (deep - 1) * tile >= bandwidth and 8 <= tile <= 128
+    assert (deep - 1) * tile <= max(bandwidth + deep - 2, 8)
 
 
 def test_direct_and_multigrid_agree() -> None:

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from scipy.linalg.blas import dtrsm, dtrsv
 from scipy.linalg.lapack import dpotrf
 from scipy.sparse import csr_matrix
-from scipy.sparse.csgraph import reverse_cuthill_mckee
+from scipy.sparse.csgraph import breadth_first_order, reverse_cuthill_mckee
 
 from gpusim.fem.block_rows import BlockRows, ranges
 from gpusim.fem.indefinite import indefinite
@@ -27,6 +27,9 @@ Float = npt.NDArray[np.float64]
 Int = npt.NDArray[np.int32]
 Long = npt.NDArray[np.int64]
 Bool = npt.NDArray[np.bool_]
+
+# rows of a tile; a band is cut into equal ones, as half a tile too much costs half as much again
+_LARGEST_TILE = 128
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,29 +55,42 @@ class Ordering:
 
 def band_ordering(rows: BlockRows, free: Bool, points: Float, hopeless: float = np.inf) -> Ordering:
     """The best of three numberings: along the longest coordinate, along the longest principal
-    axis, and reverse Cuthill-McKee (George & Liu 1981). The first one is enough where its
-    bandwidth is ``hopeless``."""
+    axis, and reverse Cuthill-McKee (George & Liu 1981), which follows a frame around its corners.
+    The first one is enough where its bandwidth is ``hopeless`` and the body, from end to end, is
+    as wide."""
     count = rows.node_count
     owner = np.repeat(np.arange(count, dtype=np.int32), rows.degree)
     longest = np.argsort(np.ptp(points, axis=0))
     grid = max(float(np.ptp(points, axis=0).max()), 1e-300) * 1e-9
 
-    def along(coordinates: Float) -> Ordering:
+    def along(coordinates: Float) -> tuple[Long, Ordering]:
         order = np.lexsort(np.rint(coordinates / grid).T)
-        return _number(order, owner, rows.neighbour, free)
+        return order, _number(order, owner, rows.neighbour, free)
 
-    first = along(points[:, longest])
-    if first.bandwidth > hopeless:
-        return first
-    centred = points - points.mean(axis=0)
-    _, axes = np.linalg.eigh(centred.T @ centred)
+    order, first = along(points[:, longest])
     graph = csr_matrix(
         (np.ones(len(rows.neighbour), dtype=np.int8), rows.neighbour, rows.start),
         shape=(count, count),
     )
+    if first.bandwidth > hopeless and 3 * _widest(graph, int(order[0])) > hopeless:
+        return first
+    centred = points - points.mean(axis=0)
+    _, axes = np.linalg.eigh(centred.T @ centred)
     order = reverse_cuthill_mckee(graph, symmetric_mode=True).astype(np.int64)
-    others = [along(centred @ axes), _number(order, owner, rows.neighbour, free)]
+    others = [along(centred @ axes)[1], _number(order, owner, rows.neighbour, free)]
     return min([first, *others], key=lambda one: one.bandwidth)
+
+
+def _widest(graph: csr_matrix, begin: int) -> int:
+    """The most nodes that are equally far, in steps from neighbour to neighbour, from one."""
+    _, before = breadth_first_order(graph, begin)
+    steps = (before >= 0).astype(np.int64)
+    back = np.where(before >= 0, before, np.arange(len(before)))
+    # in each turn twice as far back
+    while (more := steps[back]).any():
+        steps += more
+        back = back[back]
+    return int(np.bincount(steps[steps > 0]).max(initial=1))
 
 
 def _number(order: Long, owner: Int, neighbour: Int, free: Bool) -> Ordering:
@@ -93,7 +109,7 @@ def _number(order: Long, owner: Int, neighbour: Int, free: Bool) -> Ordering:
 
 def _tiles(bandwidth: int) -> tuple[int, int]:
     """(tile size, tiles below and with the diagonal one that a column of tiles holds)."""
-    tile = min(128, max(8, bandwidth + 1))
+    tile = max(8, -(-bandwidth // max(1, -(-bandwidth // _LARGEST_TILE))))
     return tile, -(-bandwidth // tile) + 1
 
 

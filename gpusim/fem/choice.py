@@ -15,6 +15,7 @@ import numpy.typing as npt
 from gpusim.fem.assembly import Assembled
 from gpusim.fem.banded import Banded, band_ordering
 from gpusim.fem.chain import Chain, cut_slabs
+from gpusim.fem.lattice import Lattice
 from gpusim.gpu.host import host_memory
 
 __all__ = ["Direct", "direct_solver", "least_seconds", "multigrid_seconds"]
@@ -30,6 +31,9 @@ _HOPELESS = 30.0
 # share of the work in bands as wide as a lattice's planes that any band takes at least: that of a
 # cube can be three quarters as wide
 _NARROWER = 0.5
+# share of its grid that a lattice's cells fill from which on its planes are as narrow as any cut:
+# those of a frame lie along its members
+_FILLED = 0.5
 # unknowns beyond which it isn't worth looking for a band
 _MOST_BANDED = 2_000_000
 
@@ -66,7 +70,8 @@ def direct_solver(
         slabs = cut_slabs(group, lattice, free)
         if slabs is not None:
             sizes = [len(one) for one in slabs.planes]
-            widest, planes = max(sizes), sum(float(size) ** 3 for size in sizes)
+            if _filled(lattice):
+                widest, planes = max(sizes), sum(float(size) ** 3 for size in sizes)
             found.append(
                 Direct(
                     slabs.operations / _CHAIN_RATE + _PER_UNKNOWN * unknowns,
@@ -95,11 +100,12 @@ def direct_solver(
 
 def least_seconds(assembled: Assembled, free: npt.NDArray[np.bool_]) -> float:
     """Less than ``direct_solver`` estimates, found by counting the unknowns of a lattice's planes;
-    0 where there is no lattice. Bodies as thick as they are long needn't be looked at any closer.
+    0 where there is no lattice, or that of a frame. Bodies as thick as they are long needn't be
+    looked at any closer.
     """
     lattice = assembled.lattice
     layers = 0 if lattice is None else max(lattice.cell.shape)
-    if lattice is None or layers < 3:
+    if lattice is None or layers < 3 or not _filled(lattice):
         return 0.0
     place = lattice.place[:, int(np.argmax(lattice.cell.shape))]
     sizes = sum(np.bincount(place[free[:, axis]], minlength=layers + 1) for axis in range(3))
@@ -108,6 +114,10 @@ def least_seconds(assembled: Assembled, free: npt.NDArray[np.bool_]) -> float:
     chain = np.ceil(np.log2(layers)) * 7.0 / 3.0 * float(inner.min()) ** 3 / _CHAIN_RATE
     band = _NARROWER * float((np.asarray(sizes, dtype=np.float64) ** 3).sum()) / _BAND_RATE
     return min(float(chain), band)
+
+
+def _filled(lattice: Lattice) -> bool:
+    return float((lattice.cell >= 0).mean()) >= _FILLED
 
 
 def multigrid_seconds(unknowns: int) -> float:
