@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.optics.corners import POSITION, ST
+from gpusim.optics.corners import POSITION, ST, corner_range
 from gpusim.optics.fields import MARGIN, lines_near
 from gpusim.optics.polygon import MOST, clip, half_planes
 from gpusim.optics.ragged import expand
@@ -69,7 +69,7 @@ class BoardLines:
             paint = region.paint
             if isinstance(paint, Checker) and paint.size > LEAST * region.reach:
                 rows = np.flatnonzero(plain & (view.paint == number))
-                rows = rows[_spread(view.corners[rows][:, :, ST])]
+                rows = rows[_spread(view.corners_of(rows, ST))]
                 strips = _strips(setup, rows, paint, region.reach)
                 if strips is not None:
                     member[rows] = True
@@ -84,7 +84,8 @@ def _spread(st: Array) -> npt.NDArray[np.bool_]:
     the paint is thrown on from the front."""
     a, b = st[:, 1] - st[:, 0], st[:, 2] - st[:, 0]
     cross = np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
-    result: npt.NDArray[np.bool_] = cross > FLATTEST * np.maximum((a**2).sum(1), (b**2).sum(1))
+    longest = np.maximum(*(side[:, 0] ** 2 + side[:, 1] ** 2 for side in (a, b)))
+    result: npt.NDArray[np.bool_] = cross > FLATTEST * longest
     return result
 
 
@@ -93,9 +94,9 @@ def _strips(
 ) -> tuple[Long, Array, Array] | None:
     """Parents, screen positions and 1 / depth of the strips of one paint on triangles ``rows``;
     None if they are too many."""
-    st = setup.view.corners[rows][:, :, ST] - np.array(paint.origin)
+    st = setup.view.corners_of(rows, ST) - np.array(paint.origin)
     inset = MARGIN * reach
-    lowest, highest = st.min(axis=1), st.max(axis=1)
+    lowest, highest = corner_range(st)
     first, last = lines_near(paint, reach, lowest, highest)
     many = np.maximum(last - first + 1.0, 0.0)
     if not many.sum() <= MOST_STRIPS:
@@ -128,11 +129,22 @@ def _seen(setup: Setup, rows: Long, st: Array, owner: Long, places: Array) -> tu
 
     ``st`` (R, 3, 2): those of the corners of triangles ``rows``; ``owner`` (n,): which of them.
     """
-    corners = setup.view.corners[rows][:, :, POSITION]
-    sides = st[:, 1:] - st[:, :1]
-    # how the position changes with the paint coordinates
-    change = np.linalg.solve(sides, corners[:, 1:] - corners[:, :1])
-    at = corners[owner, :1] + (places - st[owner, :1]) @ change[owner]
-    rays = at @ setup.view.camera.K.T
-    depth: Array = at[..., 2]
-    return rays[..., :2] / rays[..., 2:], depth
+    corners = setup.view.corners_of(rows, POSITION)
+    (a, b), (c, d) = ((st[:, k] - st[:, 0]).T for k in (1, 2))
+    twice = a * d - b * c
+
+    def of_owners(values: Array) -> Array:
+        return np.asarray(np.take(values, owner)[:, None])
+
+    s, t = (places[..., axis] - of_owners(st[:, 0, axis]) for axis in range(2))
+    at = []
+    for axis in range(3):
+        first, second, third = corners[:, :, axis].T
+        u, v = second - first, third - first
+        # how the position changes with the paint coordinates
+        per_s, per_t = (d * u - b * v) / twice, (a * v - c * u) / twice
+        at.append(of_owners(first) + s * of_owners(per_s) + t * of_owners(per_t))
+    x, y, depth = at
+    K = setup.view.camera.K
+    image = (K[0, 0] * x + K[0, 1] * y) / depth + K[0, 2], K[1, 1] * y / depth + K[1, 2]
+    return np.stack(image, axis=-1), depth

@@ -114,8 +114,9 @@ def _squares(low: Array, high: Array, columns: int) -> tuple[Numbers, Numbers]:
 
 def _flat(setup: Setup, triangles: Numbers) -> npt.NDArray[np.bool_]:
     """Whether the normals at a triangle's corners are one."""
-    normal = setup.view.corners[triangles][:, :, NORMAL]
-    return np.asarray((np.ptp(normal, axis=1) <= 1e-9).all(axis=1))
+    low, high = corner_range(setup.view.corners_of(triangles, NORMAL))
+    x, y, z = (high - low <= 1e-9).T
+    return np.asarray(x & y & z)
 
 
 def _smooth(setup: Setup, triangles: Numbers, tolerance: float) -> npt.NDArray[np.bool_]:

@@ -25,6 +25,7 @@ from gpusim.optics.corners import (
     barycentric_planes,
     corner_range,
     in_camera,
+    products,
 )
 from gpusim.optics.culling import cull
 from gpusim.optics.cutting import (
@@ -36,7 +37,7 @@ from gpusim.optics.cutting import (
     split,
 )  # fmt: skip
 from gpusim.optics.indexed import Indexed
-from gpusim.optics.outline import feature_edges
+from gpusim.optics.outline import corner_normals, feature_edges
 from gpusim.optics.paint_edges import speckle_jumps
 from gpusim.optics.reach import RegionPaint, with_reach
 from gpusim.optics.shape import Shape, shapes_of
@@ -161,13 +162,13 @@ class View:
         """Whether all triangles are of one body and in one plane: none of them hides another."""
         if not self.count or self.body[0] != self.body[-1]:
             return False
-        points = self.corners[:, :, POSITION].reshape(-1, 3)
-        a, b = points[1::3] - points[::3], points[2::3] - points[::3]
-        normal = np.cross(a, b)
-        normal = normal[np.argmax(np.einsum("ij,ij->i", normal, normal))]
-        away = np.abs((points - points[0]) @ normal)
+        corners = self.corners_of(ALL, POSITION)
+        normals = np.empty((3, self.count))
+        corner_normals(self.vertices[:, POSITION], list(self.corner.T), normals)
+        normal = normals[:, np.argmax(products(normals, normals))]
+        away = [np.abs(products((corners[:, k] - corners[0, 0]).T, normal)).max() for k in range(3)]
         # far less than the depth of a triangle in front of another could be told by
-        return bool(away.max() <= FLAT * np.linalg.norm(normal) * points[:, 2].min())
+        return bool(max(away) <= FLAT * np.linalg.norm(normal) * corners[:, :, 2].min())
 
     def over_rows(self, first: int, stop: int) -> View:
         """The triangles and edges that touch rows ``first`` … ``stop - 1``; others are left out."""
