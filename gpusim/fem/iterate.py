@@ -51,13 +51,15 @@ _LEAST_HALF = 10
 class Norm:
     """The norm of the stopping rule: sum of squares, or u.D u with blocks (N,3,3).
 
-    ``lowest`` is the least eigenvalue of N^-1 K'; None: the smallest Ritz value serves.
+    ``lowest`` is the least eigenvalue of N^-1 K'; None: the smallest Ritz value serves, or
+    ``softest``, a Rayleigh quotient of M^-1 K' near the least eigenvalue, if that is smaller.
     ``sought``: soft modes have been looked for already, as ``probe`` does.
     """
 
     blocks: Float | None
     lowest: float | None
     sought: bool = False
+    softest: float = np.inf
 
     def size(self, u: Float, even: bool = False) -> Float:
         """(L,) norms of (L,N,3); ``even``: see `gpusim.fem.blur.extent`."""
@@ -117,7 +119,7 @@ class _State:
     def learn(self, history: Float) -> None:
         for case in range(len(self.mu)):
             lowest = smallest_ritz_value(history[:, case, 1], history[:, case, 2])
-            self.mu[case] = min(self.mu[case], lowest)
+            self.mu[case] = min(self.mu[case], lowest, self.norm.softest)
             if not self.settled[case]:
                 half = history[: len(history) // 2, case]
                 before = smallest_ritz_value(half[:, 1], half[:, 2])

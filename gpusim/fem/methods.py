@@ -22,7 +22,7 @@ from gpusim.fem.congruence import noise
 from gpusim.fem.device_multigrid import compile_kernels
 from gpusim.fem.device_operator import device_tets, operator_bytes, upload_operator
 from gpusim.fem.diagonal import invert_blocks
-from gpusim.fem.hierarchy import build_hierarchy
+from gpusim.fem.hierarchy import Hierarchy, build_hierarchy
 from gpusim.fem.iterate import HARSH, Norm, Outcome, iterate
 from gpusim.fem.load_cases import Progress, each_case
 from gpusim.fem.mixed import Mixed, mixed_solver
@@ -287,17 +287,14 @@ def _preconditioner(
         matrix = block_matrix(rows, system.scale)
         diagonal = rows.diagonal[rows.row_class] / system.scale
         inverse = invert_blocks(diagonal, system.free)
-        return BlockJacobi(inverse), Norm(diagonal, None), Product(matrix)
-    hierarchy = build_hierarchy(
-        finest_matrix(rows, system),
-        assembled.groups,
-        assembled.lattice,
-        system.free,
-        model.mesh.points,
-        rows,
-        system.scale,
-        patched=_nearly_incompressible(model),
-    )
+        try:
+            # the loads may feel the softest modes too little for Ritz values to tell of them
+            multigrid = Multigrid(_hierarchy(model, assembled, system, patched=False))
+            softest = _softest(multigrid, system, diagonal)
+        except NotConverged:
+            softest = np.inf
+        return BlockJacobi(inverse), Norm(diagonal, None, softest=softest), Product(matrix)
+    hierarchy = _hierarchy(model, assembled, system, patched=_nearly_incompressible(model))
     patched = any(level.patches is not None for level in hierarchy.levels)
     multigrid = PatchMultigrid(hierarchy) if patched else Multigrid(hierarchy)
     lowest = hierarchy.lowest
@@ -306,14 +303,35 @@ def _preconditioner(
     return multigrid, Norm(None, lowest), multigrid.product
 
 
-def _softest(multigrid: Multigrid, system: System) -> float:
-    """Rayleigh quotient of K after inverse iteration by the preconditioner: soft islands between
-    stiff ones are too small for the coarsest level, whose least eigenvalue serves elsewhere."""
+def _hierarchy(model: Model, assembled: Assembled, system: System, *, patched: bool) -> Hierarchy:
+    return build_hierarchy(
+        finest_matrix(assembled.rows, system),
+        assembled.groups,
+        assembled.lattice,
+        system.free,
+        model.mesh.points,
+        assembled.rows,
+        system.scale,
+        patched=patched,
+    )
+
+
+def _softest(multigrid: Multigrid, system: System, blocks: Float | None = None) -> float:
+    """Rayleigh quotient of K, or of D^-1 K with ``blocks`` (N,3,3) of D, after inverse iteration by
+    the preconditioner: soft islands between stiff ones are too small for the coarsest level, whose
+    least eigenvalue serves elsewhere."""
+
+    def weighed(x: Float) -> Float:
+        if blocks is None:
+            return x
+        image = np.matmul(blocks, x.reshape(len(blocks), 3, 1)).reshape(x.shape)
+        return np.where(system.free.ravel(), image, 0.0)
+
     x = np.where(system.free.ravel(), noise(system.free.size, 12), 0.0)[None]
     for _ in range(_INVERSE_STEPS):
-        x = multigrid.apply(x)
+        x = multigrid.apply(weighed(x))
         x /= np.linalg.norm(x)
-    return float(x[0] @ multigrid.product(x)[0])
+    return float(x[0] @ multigrid.product(x)[0] / (x[0] @ weighed(x)[0]))
 
 
 def _memory(
