@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +13,7 @@ from gpusim.surface.topology import Topology
 __all__ = [
     "area_normals",
     "corner_normals",
+    "creases",
     "feature_edges",
     "sharp_normals",
     "smooth_normals",
@@ -20,6 +21,8 @@ __all__ = [
 ]
 
 Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+Numbers = npt.NDArray[np.int64]
 
 
 def area_normals(points: Array, triangles: npt.NDArray[np.int64]) -> Array:
@@ -57,8 +60,7 @@ def feature_edges(
     topology: Topology,
     front: npt.NDArray[np.bool_],
     region: npt.NDArray[np.int32],
-    normal: Array,
-    smooth_angle: float,
+    creases: Callable[[Numbers | None], Flags],
     seen: npt.NDArray[np.bool_],
     sharp: npt.NDArray[np.bool_] | None = None,
     patterned: Collection[int] = (),
@@ -69,8 +71,7 @@ def feature_edges(
     ----------
     front, seen : (T,) per triangle: looks at the camera, may be in the image.
     region : (F,) paint region of each face.
-    normal : (3, T) normals of any length.
-    smooth_angle : rad; a larger turn between two neighbours is a crease.
+    creases : which of these edges are creases, or (E,) of all (None).
     sharp : (P,) vertices at which `smooth_normals` found such turns: no crease is anywhere else.
         None without light, where creases show on patterns alone.
     patterned : the regions that carry one.
@@ -85,26 +86,45 @@ def feature_edges(
     if not seen.all():
         edge = np.flatnonzero(jump)
         jump[edge] = seen[first[edge]] | seen[second[edge]]
-    turns = np.zeros(len(seen), bool)
     if sharp is None and patterned:
-        turns = seen & np.isin(region, list(patterned))[topology.source]
+        edge = np.flatnonzero(creases(None) & ~jump)
+        carries = np.isin(region, list(patterned))
+        for triangle in (first[edge], second[edge]):
+            jump[edge] |= seen[triangle] & carries[topology.source[triangle]]
     elif sharp is not None and sharp.any():
+        turns = np.zeros(len(seen), bool)
         for corner in topology.triangles.T:
             turns |= sharp[corner]
-    if turns.any():
         # a crease's vertices are those of the triangles on both sides
-        either = (
-            (turns[first] & turns[second]) if sharp is not None else turns[first] | turns[second]
-        )
-        edge = np.flatnonzero(either & ~jump)
-        a, b = first[edge], second[edge]
-        one, other = unit(normal[:, a]), unit(normal[:, b])
+        edge = np.flatnonzero(turns[first] & turns[second] & ~jump)
+        jump[edge] = creases(edge) & (seen[first[edge]] | seen[second[edge]])
+    return jump
+
+
+def creases(topology: Topology, normal: Array, smooth_angle: float, edges: Numbers | None) -> Flags:
+    """Which of ``edges`` (n,), or of all (None), lie between faces whose normals differ by more
+    than ``smooth_angle``, rad; ``normal`` (3, T): of the triangles, of any length."""
+    numbers = np.arange(len(topology.first)) if edges is None else edges
+    result = np.zeros(len(numbers), bool)
+    once = len(numbers) >= normal.shape[1]
+    if once:
+        of_triangles, normal = normal, np.empty_like(normal)
+        for first in range(0, normal.shape[1], CHUNK):
+            part = slice(first, first + CHUNK)
+            normal[:, part] = unit(of_triangles[:, part])
+    for start in range(0, len(numbers), CHUNK):
+        own = numbers[start : start + CHUNK]
+        sides = [np.take(triangle, own) for triangle in (topology.first, topology.second)]
+        a, b = (np.take(topology.source, triangle, mode="clip") for triangle in sides)
+        between = np.flatnonzero(a != b)
+        one, other = (np.take(normal, side[between], axis=1, mode="clip") for side in sides)
+        if not once:
+            one, other = unit(one), unit(other)
         cosine = one[0] * other[0]
         cosine += one[1] * other[1]
         cosine += one[2] * other[2]
-        crease = (cosine < np.cos(smooth_angle)) & (topology.source[a] != topology.source[b])
-        jump[edge] = crease & (seen[a] | seen[b])
-    return jump
+        result[start + between] = cosine < np.cos(smooth_angle)
+    return result
 
 
 def smooth_normals(

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.optics.corners import CHUNK
-from gpusim.optics.outline import corner_normals, smooth_normals
+from gpusim.optics.outline import corner_normals, creases, smooth_normals
 from gpusim.surface.surface import Surface
 
 __all__ = ["Shape", "shapes_of"]
@@ -22,18 +22,33 @@ Array = npt.NDArray[np.float64]
 
 
 class Shape:
-    """``area`` (3, T): world normals of a surface's triangles, twice as long as their areas."""
+    """A surface's normals, found where somebody asks for them."""
 
     def __init__(self, surface: Surface) -> None:
         self._topology, self._angle = surface.topology, surface.smooth_angle
         # a copy: who looks for it may have moved the vertices in place
         self._points = surface.points.copy()
+
+    @cached_property
+    def area(self) -> Array:
+        """(3, T): world normals of the triangles, twice as long as their areas."""
         triangles = self._topology.triangles
-        self.area = np.empty((3, len(triangles)))
+        result = np.empty((3, len(triangles)))
         for first in range(0, len(triangles), CHUNK):
             part = slice(first, first + CHUNK)
             corner = [triangles[part, k] for k in range(3)]
-            corner_normals(surface.points, corner, self.area[:, part])
+            corner_normals(self._points, corner, result[:, part])
+        return result
+
+    def creases(self, edges: npt.NDArray[np.int64] | None) -> npt.NDArray[np.bool_]:
+        """Which edges of the surface are creases: of some (n,), or of all (None)."""
+        if edges is None:
+            return self._creases
+        return creases(self._topology, self.area, self._angle, edges)
+
+    @cached_property
+    def _creases(self) -> npt.NDArray[np.bool_]:
+        return creases(self._topology, self.area, self._angle, None)
 
     @cached_property
     def smooth(self) -> tuple[Array, npt.NDArray[np.bool_]]:

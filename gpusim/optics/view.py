@@ -270,8 +270,8 @@ def _seen_of(
     )  # fmt: skip
     front, keep = culled.front, culled.keep
     shows = feature_edges(
-        topology, front, surface.regions, shape.area, surface.smooth_angle, keep,
-        shape.smooth[1] if lit else None, surface.extents,
+        topology, front, surface.regions, shape.creases, keep, shape.smooth[1] if lit else None,
+        surface.extents,
     )  # fmt: skip
     kept = np.flatnonzero(keep)
     turned = ~(front if len(kept) == len(front) else np.take(front, kept, mode="clip"))
