@@ -19,6 +19,7 @@ from gpusim.bench.solver import CaseResult, Point, SolverResult
 from gpusim.bench.stability import RIGHT, SILENT, Verdict
 from gpusim.bench.tables import solver_markdown, stability_markdown, write_solver, write_stability
 from gpusim.cli import app
+from gpusim.mesh import mesh_quality
 
 
 def point(solver: str, seconds: float, error: float, tolerance: float = 1e-6) -> Point:
@@ -172,3 +173,14 @@ def test_every_peer_has_its_script() -> None:
 def test_wrong_names_on_the_command_line(arguments: list[str], said: str) -> None:
     ended = CliRunner().invoke(app, ["bench", *arguments])
     assert ended.exit_code == 2 and said in ended.output
+
+
+def test_no_two_bricks_of_an_uneven_cube_are_alike() -> None:
+    (case,) = find_cases("small", "uneven-10k")
+    mesh = case.model().mesh
+    low, high = mesh.bounds
+    assert (low == 0.0).all() and (high == 100.0).all()
+    assert mesh_quality(mesh).scaled_jacobian.min() > 0.5
+    corners = mesh.points[mesh.cells["hex8"]]
+    shapes = (corners - corners[:, :1]).reshape(len(corners), -1).round(9)
+    assert len(np.unique(shapes, axis=0)) == len(shapes)

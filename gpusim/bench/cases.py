@@ -84,6 +84,23 @@ def _nearly_incompressible(label: str, size: str, n: int) -> Case:
                 nu=0.4999, rule="bbar")  # fmt: skip
 
 
+def _uneven(label: str, size: str, n: int) -> Case:
+    """A cube no two of whose bricks are alike, as a mesher leaves them."""
+    return Case(
+        f"uneven-{label}", "uneven", size, "hex8", "incompatible", STEEL,
+        partial(uneven_bricks, 100.0, n), (0.0, 300.0, -1000.0), (n, n, n), (100.0,) * 3,
+    )  # fmt: skip
+
+
+def uneven_bricks(length: float, n: int) -> Mesh:
+    """A cube of n^3 hex8 whose inner nodes are moved by up to a tenth of a cell along each axis."""
+    mesh = box((length,) * 3, (n,) * 3)
+    low, high = mesh.bounds
+    inner = ((mesh.points > low) & (mesh.points < high)).all(axis=1)
+    move = np.random.default_rng(1).uniform(-0.1, 0.1, mesh.points.shape) * length / n
+    return mesh.moved(np.where(inner[:, None], move, 0.0))
+
+
 def bracket(length: float) -> Mesh:
     """An L-shaped bracket with a hole in its base, tet10, meshed by gmsh with cells of ``length``.
 
@@ -145,6 +162,8 @@ CASES = (
     _cube("3M", "full", 100, peers=False),
     _nearly_incompressible("10k", "small", 14),
     _nearly_incompressible("100k", "standard", 32),
+    _uneven("10k", "small", 14),
+    _uneven("100k", "standard", 32),
     _bracket("15k", "small", 6.0),
     _bracket("123k", "standard", 2.6),
     _bracket("522k", "full", 1.55),

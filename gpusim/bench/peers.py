@@ -88,7 +88,9 @@ def run_peer(peer: Peer, scripts: Path, problem: Path, limit: float) -> Iterator
     lines = [line for line in done.stdout.splitlines() if line.startswith('{"variants"')]
     if done.returncode != 0 or not lines:
         said = (done.stderr.strip() or done.stdout.strip()).splitlines()
-        why = said[-1] if said else f"ended with {done.returncode}"
+        # mpiexec ends with lines of its own
+        errors = [line for line in said if "Error" in line] or said
+        why = errors[-1] if errors else f"ended with {done.returncode}"
         missing = "No module named" in why
         yield {"name": peer.name, "failed": f"missing: {why}" if missing else why[:200]}
         return
