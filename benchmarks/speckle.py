@@ -46,9 +46,11 @@ def plate(
     return surface, gs.Camera(width, height, K)
 
 
-def picture(move: tuple[float, float], size: tuple[int, int], device: Device) -> np.ndarray:
+def picture(
+    move: tuple[float, float], size: tuple[int, int], device: Device, paint: gs.paint.Paint = PAINT
+) -> np.ndarray:
     """8-bit image (H, W)."""
-    surface, camera = plate(PAINT, *size, move)
+    surface, camera = plate(paint, *size, move)
     frame = gs.render([surface], camera, device=device)
     image: np.ndarray = gs.Sensor(8, 1.0).expose(frame)
     frame.release()
@@ -73,8 +75,12 @@ def riley(folder: Path, texture: np.ndarray, **meta: object) -> list[float] | st
 
 def accuracy(size: int, step: int, device: Device) -> list[str]:
     """Bias and standard deviation of measured displacements for every renderer."""
-    images = {"gpusim, speckle": [picture(move, (size, size), device) for move in MOVES]}
     texture = picture((0.0, 0.0), (size + 80, size + 80), device)
+    paints = {"gpusim, speckle": PAINT, "gpusim, bitmap": gs.paint.Image(texture, 1.0)}
+    images = {
+        name: [picture(move, (size, size), device, paint) for move in MOVES]
+        for name, paint in paints.items()
+    }
     runs = [("cubic_catmull_rom", 4), ("quintic_bspline", 4)]
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -177,12 +183,14 @@ def size_and_coverage(device: Device) -> list[str]:
 
 def timing(device: Device, repeats: int) -> list[str]:
     """Seconds a frame of the full plate, patterns and peers in turn."""
+    texture = picture((0.0, 0.0), (FRAME[0] + 80, FRAME[1] + 80), device)
     paints = {
         "plain": gs.paint.Plain(0.5),
         "speckle, soft": PAINT,
         "speckle, hard": gs.paint.Speckle(6.0, 0.5, seed=1),
         "checker": gs.paint.Checker(11.3),
         "dots": gs.paint.Dots(6.0, 9.1),
+        "bitmap": gs.paint.Image(texture, 1.0),
     }
     pixels = FRAME[0] * FRAME[1]
     lines = [
@@ -208,12 +216,11 @@ def timing(device: Device, repeats: int) -> list[str]:
             f"| gpusim, {name} | {wall[0]:.2f} | {warm:.3f} | {1e9 * warm / pixels:.0f} "
             f"| {1e9 * min(busy[1:]) / pixels:.0f} |"
         )
-    texture = picture((0.0, 0.0), FRAME, device)
     runs = [("cubic_catmull_rom", 2), ("cubic_catmull_rom", 4), ("quintic_bspline", 4)]
     with tempfile.TemporaryDirectory() as folder:
         got = riley(
-            Path(folder), texture, width=FRAME[0], height=FRAME[1], moves=[[0.01, 0.0]], runs=runs,
-            repeats=repeats, keep=False,
+            Path(folder), texture[40:-40, 40:-40], width=FRAME[0], height=FRAME[1],
+            moves=[[0.01, 0.0]], runs=runs, repeats=repeats, keep=False,
         )  # fmt: skip
     if isinstance(got, str):
         return [*lines, "", f"riley: {got}"]
