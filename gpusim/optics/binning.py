@@ -209,11 +209,12 @@ def _near_pixels(
         low = np.maximum(np.floor(lowest + 0.5), 0.0).astype(np.int64)
         high = np.minimum(np.floor(highest + 0.5), [width - 1, height - 1]).astype(np.int64)
         # beside the image a box is empty
-        number = np.flatnonzero((low[:, 0] <= high[:, 0]) & (low[:, 1] <= high[:, 1]))
-        left, top = (low[number, axis] // TILE for axis in (0, 1))
-        right, bottom = (high[number, axis] // TILE + 1 for axis in (0, 1))
-        near = number[in_boxes(total, left, top, right, bottom) > 0]
-        parts.append((chunk[near], low[near], high[near]))
+        within = (low[:, 0] <= high[:, 0]) & (low[:, 1] <= high[:, 1])
+        if not within.all():
+            chunk, low, high = chunk[within], pick(low, within), pick(high, within)
+        (left, top), (right, bottom) = (low // TILE).T, (high // TILE + 1).T
+        near = np.flatnonzero(in_boxes(total, left, top, right, bottom) > 0)
+        parts.append((chunk[near], pick(low, near), pick(high, near)))
     some, low, high = (np.concatenate([part[k] for part in parts]) for k in range(3))
     return some, low, high
 

@@ -9,6 +9,8 @@ take many times as long; `pick` keeps it so. Any order is taken.
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 import numpy as np
 import numpy.typing as npt
 
@@ -27,6 +29,7 @@ __all__ = [
 
 Array = npt.NDArray[np.float64]
 Long = npt.NDArray[np.int64]
+T = TypeVar("T", bound=np.generic)
 
 MOST = 8
 """Corners that a polygon may have."""
@@ -37,11 +40,11 @@ SMALLEST = 1e-9
 _PLACE = np.arange(MOST)[:, None]
 
 
-def pick(array: Array, index: Long | npt.NDArray[np.bool_]) -> Array:
+def pick(array: npt.NDArray[T], index: Long | npt.NDArray[np.bool_]) -> npt.NDArray[T]:
     """``array[index]`` for an index (m,) into the first axis, in Fortran's order."""
     if index.dtype == bool:
         index = np.flatnonzero(index)
-    result: Array = np.take(array.T, index, axis=-1).T
+    result: npt.NDArray[T] = np.take(array.T, index, axis=-1).T
     return result
 
 
