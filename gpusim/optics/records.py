@@ -140,7 +140,8 @@ def vertex_blocks(
             real[8:11] = vertices[part, NORMAL].T
         real[11] = sides[part]
         own = words[: part.stop - first]
-        np.copyto(own, block.T)
+        for k, column in enumerate(block):
+            own[:, k] = column
         yield first, own, all(bool(np.isfinite(real[rows]).all()) for rows in REAL)
 
 

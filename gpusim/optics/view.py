@@ -206,13 +206,15 @@ class View:
     def fixed(self) -> npt.NDArray[np.int32]:
         """Screen positions of the vertices in fixed point, (V, 2), one at least."""
         result = np.zeros((max(len(self.place), 1), 2), np.int32)
-        result[: len(self.place)] = np.rint(self.place * FIXED)
+        for own, column in zip(result.T, self.place.T, strict=True):
+            own[: len(column)] = np.rint(column * FIXED)
         return result
 
     def index(self) -> npt.NDArray[np.uint32]:
         """The triangles' vertices, three and three, (3 T,); one triangle at least."""
         result = np.zeros((max(self.count, 1), 3), np.uint32)
-        result[: self.count] = self.corner
+        for own, vertices in zip(result.T, self.corner.T, strict=True):
+            own[: self.count] = vertices
         return result.reshape(-1)
 
 
