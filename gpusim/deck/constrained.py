@@ -14,7 +14,11 @@ from scipy.sparse.linalg import splu
 from gpusim.deck.equations import Equations, eliminate
 from gpusim.errors import InputError, NotConverged
 from gpusim.fem import Model, Solution
+from gpusim.fem.deformation import Deformation
 from gpusim.fem.element_matrix import element_stiffness
+from gpusim.fem.formulation import resolve_formulation
+from gpusim.fem.groups import model_groups
+from gpusim.fem.rounding import signed
 from gpusim.fem.supports import rigid_modes
 
 __all__ = ["solve_constrained"]
@@ -30,8 +34,9 @@ def solve_constrained(
     """The solution of a model with one load case, held by its supports and by ``equations``.
 
     Each equation gives up one unknown, u = T q + s, so that T'KT q = T'(f - K s) is symmetric and
-    positive definite; it is factorised in float64 and refined with the true residual until a
-    correction is below 1e-12 of u (five at most). The last correction over u is the error
+    positive definite; it is factorised in float64 and refined with residuals by deformation (see
+    `gpusim.fem.deformation`) until a correction is below 1e-12 of u (five at most). The last
+    correction over u, and what the rounding of element matrices leaves open, is the error
     estimate. ``reactions`` holds the forces of supports and equations.
 
     Raises InputError: equations that contradict each other, motions left free, a deck too large
@@ -56,7 +61,6 @@ def solve_constrained(
     reduced = eliminate(held, equations.right - equations.matrix @ given, where)
     own = stiffness[open_][:, open_]
     forces = model.load_cases[0].ravel()
-    target = (forces - stiffness @ given)[open_]
     system = csc_matrix(reduced.matrix.T @ own @ reduced.matrix)
     scale = float(np.abs(system.diagonal()).max())
     try:
@@ -68,28 +72,36 @@ def solve_constrained(
         )
     except RuntimeError as error:
         raise NotConverged(f"{where}: the factorisation failed ({error})") from None
-    answer = np.zeros(system.shape[0])
-    change = np.inf
+    shape = model.mesh.points.shape
+    elements = Deformation(
+        model_groups(model, resolve_formulation(model, formulation)), model.mesh.points
+    )
+    answer, u = np.zeros(system.shape[0]), given.copy()
+    u[open_] = reduced.shift
+
+    def solved(loads: Float) -> Float:
+        return np.asarray(factor.solve(reduced.matrix.T @ loads[open_] / scale))
+
+    def share(step: Float) -> float:
+        size = float(np.abs(u).max())
+        return float(np.abs(reduced.matrix @ step).max()) / (size if size > 0.0 else 1.0)
+
     for _ in range(6):
-        inner = reduced.matrix @ answer + reduced.shift
-        correction = factor.solve(reduced.matrix.T @ (target - own @ inner) / scale)
+        correction = solved(forces - elements.product(u.reshape(1, *shape)).ravel())
         answer += correction
-        size = float(np.linalg.norm(reduced.matrix @ answer + reduced.shift))
-        step = float(np.linalg.norm(reduced.matrix @ correction))
-        change = step / size if size > 0.0 else step
+        u[open_] = reduced.matrix @ answer + reduced.shift
+        change = share(correction)
         if change <= 1e-12:
             break
+    change += share(solved(signed(elements.rounding(u.reshape(1, *shape))).ravel()))
     if not change <= 1e-6:
         raise NotConverged(
             f"{where}: the refinement doesn't settle; got a change of {change:.3g} of the "
             "displacement; expected less than 1e-6 (a motion left free, or units far apart?)"
         )
-    u = given.copy()
-    u[open_] = reduced.matrix @ answer + reduced.shift
-    internal = stiffness @ u
+    internal = elements.product(u.reshape(1, *shape)).ravel()
     reactions = internal - forces
     reactions[open_[~_touched(held)]] = 0.0
-    shape = model.mesh.points.shape
     return Solution(
         u=u.reshape(shape),
         converged=True,
