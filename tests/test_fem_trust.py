@@ -10,7 +10,7 @@ import numpy.typing as npt
 import pytest
 from threadpoolctl import threadpool_info
 
-from gpusim import Isotropic, Mesh, Model, NotConverged, solve
+from gpusim import InputError, Isotropic, Mesh, Model, NotConverged, solve
 from gpusim.bench.hard_cases import cantilever
 from gpusim.fem import supports
 from gpusim.fem.assembly import assemble
@@ -208,3 +208,25 @@ def test_block_jacobi_knows_of_modes_that_the_loads_hardly_feel(begun: bool) -> 
     found = solve(model, tolerance=1e-2, **options)
     error = np.abs(found.u - exact).max() / np.abs(exact).max()
     assert found.converged and error <= found.error_estimate <= 1e-2
+
+
+@pytest.mark.parametrize("method", ["multigrid", "block_jacobi", "direct"])
+@pytest.mark.parametrize(
+    ("modulus", "contrast", "load"), [(1e-320, 1.0, 1.0), (1.0, 1.0, 1e-320), (1.0, 1e30, 1.0)]
+)
+def test_numbers_beyond_float64_are_refused(
+    modulus: float, contrast: float, load: float, method: str
+) -> None:
+    mesh = box((2.0, 1.0, 1.0), (4, 2, 2))
+    materials = [Isotropic(modulus, 0.3), Isotropic(contrast * modulus, 0.3)]
+    other = (np.arange(mesh.cell_count) % 2).astype(np.int32)
+    model = cantilever(mesh, materials, material_of_cell=other, load=load)
+    with pytest.raises(NotConverged, match="expected"):
+        solve(model, method=method, backend="numpy")
+
+
+@pytest.mark.parametrize("given", [{"start": np.full((45, 3), 1j)}, {"progress": 3}])
+def test_what_is_no_start_or_no_function_is_refused(given: dict[str, Any]) -> None:
+    model = cantilever(box((2.0, 1.0, 1.0), (4, 2, 2)))
+    with pytest.raises(InputError, match="expected"):
+        solve(model, method="multigrid", backend="numpy", **given)

@@ -230,7 +230,10 @@ def _aggregate(
 
 def _inverse(matrix: Float) -> Float:
     """Of a symmetric positive definite matrix, scaled to a unit diagonal first."""
-    scale = 1.0 / np.sqrt(matrix.diagonal())
+    diagonal = matrix.diagonal()
+    if not (diagonal > 0.0).all():
+        raise indefinite("multigrid, coarsest level")
+    scale = 1.0 / np.sqrt(diagonal)
     scaled = 0.5 * (matrix + matrix.T) * scale[:, None] * scale
     try:
         factor = cho_factor(scaled, lower=True)

@@ -101,6 +101,8 @@ def _solve_static(
 ) -> Solution:
     clock = Clock()
     _check_arguments(model, device, tolerance, backend, max_iterations, method)
+    if not (progress is None or callable(progress)):
+        raise InputError(f"solve: progress; got {progress!r}; expected a function, or None")
     lattice = model_lattice(model)
     check_supports(model, lattice)
     formulations = resolve_formulation(model, formulation)
@@ -156,6 +158,8 @@ def _start(model: Model, start: npt.ArrayLike | None) -> Float | None:
     if start is None:
         return None
     try:
+        if np.iscomplexobj(start):
+            raise TypeError("complex")
         u = np.asarray(start, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise InputError(f"solve: start; not numbers ({error}); expected float64") from None

@@ -12,6 +12,7 @@ from scipy.sparse import bsr_matrix
 from gpusim.fem.assembly import Assembled
 from gpusim.fem.block_rows import BlockRows, block_matrix
 from gpusim.fem.deformation import Deformation
+from gpusim.fem.indefinite import check_finite
 from gpusim.fem.model import Model
 from gpusim.fem.product import RowsProduct
 from gpusim.fem.rounding import rounding_forces, signed
@@ -106,6 +107,8 @@ def make_system(model: Model, assembled: Assembled) -> System:
     right = np.where(free, model.load_cases - (0.0 if pull is None else pull), 0.0)
     size = np.abs(right).max(axis=(1, 2))
     load_scale: Float = np.exp2(np.round(np.log2(np.where(size > 0.0, size, 1.0))))
+    with np.errstate(over="ignore"):
+        check_finite(np.append(scale / load_scale, 1.0 / scale), "stiffness over loads")
     stencil = None
     if lattice is not None and rows.class_count <= rows.node_count // _REPEATS:
         stencil = stencil_of(rows, lattice, scale)
