@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import TwinMismatch
-from gpusim.gpu import Buffer, Device, Recording, Texture, compare, twin_check
+from gpusim.gpu import Buffer, Device, Recording, compare, twin_check
 from gpusim.optics.camera import Camera
 from gpusim.optics.light import AmbientLight, Light, PointLight
 from gpusim.optics.setup import Setup, radiance_of
@@ -35,13 +35,22 @@ TOLERANCE = 1e-5
 LEAST_SHARE = 0.5
 """Of the triangles that have such a function; with fewer it isn't worth it."""
 
+PIXELS = 4
+"""Shaded by an invocation, as the shader says."""
+
 
 class GlancePass:
-    """The pixels of a view without shadows whose triangles are known."""
+    """The pixels of a view without shadows whose triangles are known.
+
+    ``color``: what a band is drawn into, four pixels of a row in a texel; copied into a buffer,
+    its bytes are those of single pixels.
+    """
 
     def __init__(self, tables: Tables, programs: list[Program], sight: Sight) -> None:
         device, view = tables.device, tables.setup.view
         assert tables.records is not None
+        columns = -(-view.camera.width // PIXELS)
+        self.color = device.target(columns, sight.rows, "rgba32float", "glance.radiance")
         self.tables, self.sight, self._records = tables, sight, tables.records
         self._own = []
         for program in programs:
@@ -73,12 +82,11 @@ class GlancePass:
     def record(
         self,
         recording: Recording,
-        color: Texture,
         params: dict[str, Any],
         shared: dict[str, Any],
         radiance: Buffer,
     ) -> None:
-        """Shade a band into ``radiance``, as wide as ``color``, which it is drawn into first."""
+        """Shade a band into ``radiance``, whose rows are as long as those of ``color``."""
         device, sight = self.tables.device, self.sight
         assert sight.nearest is not None
         size = int(params["width"]), int(params["rows"])
@@ -98,18 +106,23 @@ class GlancePass:
                 self._records.make(recording, numbers)
             self._records.make(recording, self._refused, self._refusals)
             self._found = True
-        raster = device.raster("optics/glance", (color.format,), constants=constants, depth="none")
+        raster = device.raster(
+            "optics/glance", (self.color.format,), constants=constants, depth="none"
+        )
         bent = {name: shared[name] for name in ("tiles", "undistortion")}
         bindings = raster.bind(params=own, nearest=sight.nearest, seen=self._glances, **bent)
-        recording.draw(raster, bindings, colors=(color,), depth=None, vertices=3, size=size)
-        recording.copy_texture(color, radiance, size[1])
+        recording.draw(
+            raster, bindings, colors=(self.color,), depth=None, vertices=3,
+            size=(self.color.width, size[1]),
+        )  # fmt: skip
+        recording.copy_texture(self.color, radiance, size[1])
         rest = (self._plain.constants, len(self._plain.triangles), self._refused)
         for constants, count, numbers in (*self._own, rest):
             kernel = device.kernel("optics/shade", "own_pixels", constants)
             bindings = kernel.bind(
-                params=params, band={"count": count, "stride": color.stride // 4}, order=numbers,
-                band_nearest=sight.nearest, band_radiance=radiance, corners=sight.drawn.corners,
-                places=sight.places, **shared,
+                params=params, band={"count": count, "stride": self.color.stride // 4},
+                order=numbers, band_nearest=sight.nearest, band_radiance=radiance,
+                corners=sight.drawn.corners, places=sight.places, **shared,
             )  # fmt: skip
             if numbers is self._refused:
                 recording.dispatch_counted(kernel, bindings, self._refusals)

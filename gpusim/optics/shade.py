@@ -193,20 +193,11 @@ class ShadePass:
                 "a view that is less grazing, or backend 'numpy'"
             )
         self.tables, self.rows = tables, rows
-        self.color = device.target(view.camera.width, rows, "r32float", "shade.radiance")
         by_pixel = small_triangles(view) if by_pixel is None else by_pixel
         if by_pixel:
             sight = sight or Sight(device, view, rows)
         marked = setup.lighting.shadows is not None if marked is None else marked
         glossy = bool(setup.shiny.any())
-        self.marks: Texture | None = None
-        self.colors: tuple[Texture, ...] = (self.color,)
-        if marked and sight is not None and not glossy:
-            self.marks = sight.ids
-        elif marked:
-            form = "rg32uint" if glossy else "r32uint"
-            self.marks = device.target(view.camera.width, rows, form, "shade.marks")
-            self.colors = (self.color, self.marks)
         # no box that is too small holds a triangle that is large enough
         light = LightTiles.of(setup) if 0.5 * view.extent**2 >= SMALLEST else None
         self._light = None if light is None else LightTilesPass(tables, light)
@@ -216,11 +207,21 @@ class ShadePass:
         self._seen: SeenPass | None = None
         self.glance: GlancePass | None = None
         self._draws: list[tuple[Raster, Buffer, int]] = []
+        self.marks: Texture | None = None
+        if sight is not None and not marked and GlancePass.suits(tables, programs, sight):
+            self.glance = GlancePass(tables, programs, sight)
+            self.color = self.glance.color
+            return
+        self.color = device.target(view.camera.width, rows, "r32float", "shade.radiance")
+        self.colors: tuple[Texture, ...] = (self.color,)
+        if marked and sight is not None and not glossy:
+            self.marks = sight.ids
+        elif marked:
+            form = "rg32uint" if glossy else "r32uint"
+            self.marks = device.target(view.camera.width, rows, form, "shade.marks")
+            self.colors = (self.color, self.marks)
         if sight is not None:
-            if not marked and GlancePass.suits(tables, programs, sight):
-                self.glance = GlancePass(tables, programs, sight)
-            else:
-                self._seen = SeenPass(tables, rows, programs, sight)
+            self._seen = SeenPass(tables, rows, programs, sight)
             return
         self.depth: Texture | None = None
         if not view.flat:
@@ -265,7 +266,7 @@ class ShadePass:
         if self.glance is not None:
             for name in self.tables.drawn.outlines():
                 del shared[name]
-            self.glance.record(recording, self.color, params, shared, radiance)
+            self.glance.record(recording, params, shared, radiance)
             return
         clear: float | None = setup.background
         if self._seen is not None:

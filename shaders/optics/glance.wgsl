@@ -100,12 +100,18 @@ fn vertex(@builtin(vertex_index) index: u32) -> @builtin(position) vec4f {
     let corner = vec2f(f32(index & 1u), f32(index >> 1u));
     return vec4f(4.0 * corner - 1.0, 0.0, 1.0);
 }
+// Four pixels side by side: what a rasteriser does for one costs as much as what the pixel reads.
 @fragment
-fn fragment(@builtin(position) at: vec4f) -> @location(0) f32 {
-    let column = vec2u(at.xy);
-    let number = 0u - nearest[column.y * params.width + column.x].x;
+fn fragment(@builtin(position) at: vec4f) -> @location(0) vec4f {
+    let four = vec2u(at.xy);
+    let column = min(4u * four.x + vec4u(0u, 1u, 2u, 3u), vec4u(params.width - 1u));
+    return vec4f(radiance_at(vec2u(column.x, four.y)), radiance_at(vec2u(column.y, four.y)),
+        radiance_at(vec2u(column.z, four.y)), radiance_at(vec2u(column.w, four.y)));
+}
+fn radiance_at(at: vec2u) -> f32 {
+    let number = 0u - nearest[at.y * params.width + at.x].x;
     let glance = textureLoad(seen, texel(max(number, 1u) - 1u));
-    let pixel = vec2i(column) + vec2i(0, params.row0);
+    let pixel = vec2i(at) + vec2i(0, params.row0);
     let anchor = vec2i(i32(glance.w << 16u), i32(glance.w)) >> vec2u(16u);
     let d = vec2f(pixel - anchor) + undistort(bend_at(pixel), vec2f(0.0));
     let affine = bitcast<vec3f>(glance.xyz);
