@@ -21,7 +21,7 @@ from gpusim.fem.patches import Patches
 from gpusim.fem.product import Product, RowsProduct, row_shares, shared
 from gpusim.fem.stencil import StencilProduct
 
-__all__ = ["Aggregated", "aggregate_level", "largest_eigenvalue"]
+__all__ = ["Aggregated", "aggregate_level", "galerkin", "largest_eigenvalue"]
 
 Float = npt.NDArray[np.float64]
 Long = npt.NDArray[np.int64]
@@ -59,23 +59,26 @@ def aggregate_level(
     largest thing there is, and a copy of it with the diagonal in place isn't needed.
     """
     apart = isinstance(matrix, RowsProduct)
-    if isinstance(matrix, RowsProduct):
-        off, diagonal, scale = matrix.others, matrix.diagonal, matrix.scale
-    else:
-        off, diagonal, scale = matrix, diagonal_blocks(matrix), 1.0
+    off, diagonal, scale = _split(matrix)
     aggregate, count = _shrinking_aggregates(off, diagonal, mask)
     tentative, coarse_null, coarse_mask = _tentative(near_null, aggregate, count)
     # P = (I - 4/(3 lambda) D^-1 A) T, with D^-1 D T = T
     step = 4.0 / (3.0 * largest)
-    # as many parts whatever the number of processors: sums depend on them
-    parts = row_shares(off, 1 + min(_MOST_PARTS - 1, len(off.indices) // _LEAST_PART))
 
     def smoothed(rows: slice) -> bsr_matrix:
         image = _rows(off, rows) @ tentative
         own = _rows(tentative, rows) * (1.0 - step if apart else 1.0)
         return bsr_matrix(own - (step / scale) * (_block_diagonal(inverse[rows]) @ image))
 
-    prolongation = _stacked(shared(smoothed, parts))
+    prolongation = _stacked(shared(smoothed, _parts(off)))
+    return Aggregated(prolongation, galerkin(matrix, prolongation), coarse_null, coarse_mask)
+
+
+def galerkin(matrix: bsr_matrix | RowsProduct, prolongation: bsr_matrix) -> bsr_matrix:
+    """P^T A P, in blocks as wide as those of the ``prolongation``."""
+    apart = isinstance(matrix, RowsProduct)
+    off, diagonal, scale = _split(matrix)
+    width = prolongation.blocksize[1]
 
     def coarsened(rows: slice) -> bsr_matrix:
         own = _rows(prolongation, rows)
@@ -84,9 +87,22 @@ def aggregate_level(
             image = image + _block_diagonal(diagonal[rows]) @ own
         return bsr_matrix(own.T @ image)
 
-    coarse = reduce(add, shared(coarsened, parts)).tobsr((6, 6))
+    coarse = reduce(add, shared(coarsened, _parts(off))).tobsr((width, width))
     coarse.data /= scale
-    return Aggregated(prolongation, coarse, coarse_null, coarse_mask)
+    return coarse
+
+
+def _split(matrix: bsr_matrix | RowsProduct) -> tuple[bsr_matrix, Float, float]:
+    """(matrix, its diagonal blocks, what both are to be divided by); the matrix is without them if
+    they are stored apart."""
+    if isinstance(matrix, RowsProduct):
+        return matrix.others, matrix.diagonal, matrix.scale
+    return matrix, diagonal_blocks(matrix), 1.0
+
+
+def _parts(matrix: bsr_matrix) -> list[slice]:
+    """As many whatever the number of processors: sums depend on them."""
+    return row_shares(matrix, 1 + min(_MOST_PARTS - 1, len(matrix.indices) // _LEAST_PART))
 
 
 def _rows(matrix: bsr_matrix, rows: slice) -> bsr_matrix:

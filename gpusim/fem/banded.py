@@ -20,6 +20,7 @@ from scipy.sparse.csgraph import breadth_first_order, reverse_cuthill_mckee
 
 from gpusim.fem.block_rows import BlockRows, ranges
 from gpusim.fem.indefinite import indefinite
+from gpusim.fem.paths import along_paths
 
 __all__ = ["Banded", "Ordering", "band_ordering"]
 
@@ -84,12 +85,7 @@ def band_ordering(rows: BlockRows, free: Bool, points: Float, hopeless: float = 
 def _widest(graph: csr_matrix, begin: int) -> int:
     """The most nodes that are equally far, in steps from neighbour to neighbour, from one."""
     _, before = breadth_first_order(graph, begin)
-    steps = (before >= 0).astype(np.int64)
-    back = np.where(before >= 0, before, np.arange(len(before)))
-    # in each turn twice as far back
-    while (more := steps[back]).any():
-        steps += more
-        back = back[back]
+    steps = along_paths(before, np.ones(len(before), dtype=np.int64))
     return int(np.bincount(steps[steps > 0]).max(initial=1))
 
 

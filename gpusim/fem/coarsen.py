@@ -22,7 +22,7 @@ from gpusim.fem.planes import PlaneWeights, plane_shares
 from gpusim.fem.straight_tets import StraightTets
 from gpusim.mesh.cells import CELL_TYPES
 
-__all__ = ["Coarser", "drop_midsides", "drop_planes", "has_midsides"]
+__all__ = ["Coarser", "coarse_lattice", "drop_midsides", "drop_planes", "has_midsides"]
 
 Float = npt.NDArray[np.float64]
 Int = npt.NDArray[np.int32]
@@ -145,7 +145,19 @@ def _joined(groups: list[Group]) -> list[Group]:
 
 
 def drop_planes(group: Group, lattice: Lattice, free: Bool) -> Coarser | None:
-    """Every second plane left out where that is fit; None where too little would be gained.
+    """Every second plane left out where that is fit (see ``coarse_lattice``), with elements."""
+    weights = coarse_lattice(lattice)
+    if weights is None:
+        return None
+    coarse, keep = weights.coarse, weights.keep
+    kept = weights.kept
+    held = lattice.spread(~(free[:, :1] & free[:, 1:2] & free[:, 2:]))[..., 0]
+    parts = _inside(lattice, coarse, keep, masked(group, free, lattice.touching(held)))
+    return Coarser(weights, kept, [masked(parts, free[kept])], coarse)
+
+
+def coarse_lattice(lattice: Lattice) -> PlaneWeights | None:
+    """Weights of a lattice without every second plane; None where too little would be gained.
 
     Planes on which the body begins or ends stay, so that coarse cells are full or empty. All
     planes stay along an axis whose spacing is already coarse. A body with a thin part is left to
@@ -159,18 +171,14 @@ def drop_planes(group: Group, lattice: Lattice, free: Bool) -> Coarser | None:
         return None
     node = lattice.node[np.ix_(*keep)]
     place = np.argwhere(node >= 0).astype(np.int32)
-    kept = node[tuple(place.T)]
     number = np.full(shape, -1, dtype=np.int32)
-    number[tuple(place.T)] = np.arange(len(kept), dtype=np.int32)
+    number[tuple(place.T)] = np.arange(len(place), dtype=np.int32)
     filled = lattice.cell[np.ix_(*(one[:-1] for one in keep))] >= 0
     cell = np.full(filled.shape, -1, dtype=np.int32)
     cell[filled] = np.arange(int(filled.sum()), dtype=np.int32)
     planes = tuple(lattice.planes[axis][keep[axis]] for axis in range(3))
     coarse = Lattice(number, cell, place, (planes[0], planes[1], planes[2]))
-    held = lattice.spread(~(free[:, :1] & free[:, 1:2] & free[:, 2:]))[..., 0]
-    parts = _inside(lattice, coarse, keep, masked(group, free, lattice.touching(held)))
-    weights = PlaneWeights(lattice, coarse, keep)
-    return Coarser(weights, kept, [masked(parts, free[kept])], coarse)
+    return PlaneWeights(lattice, coarse, keep)
 
 
 def _kept_planes(lattice: Lattice) -> list[Long] | None:

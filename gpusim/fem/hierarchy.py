@@ -10,15 +10,22 @@ import numpy.typing as npt
 from scipy.linalg import cho_factor, cho_solve, eigh
 from scipy.sparse import bsr_matrix
 
-from gpusim.fem.aggregation import aggregate_level, largest_eigenvalue
+from gpusim.fem.aggregation import aggregate_level, galerkin, largest_eigenvalue
 from gpusim.fem.assembly import group_matrix, lattice_stencil
 from gpusim.fem.block_rows import BlockRows
-from gpusim.fem.coarsen import Coarser, drop_midsides, drop_planes, has_midsides
+from gpusim.fem.coarsen import (
+    Coarser,
+    coarse_lattice,
+    drop_midsides,
+    drop_planes,
+    has_midsides,
+)
 from gpusim.fem.congruence import noise
 from gpusim.fem.diagonal import diagonal_blocks, invert_blocks, invert_repeated
 from gpusim.fem.groups import Elements, Group, only_group
 from gpusim.fem.indefinite import indefinite
 from gpusim.fem.lattice import Lattice, find_lattice
+from gpusim.fem.mapped import mapped_lattice
 from gpusim.fem.patches import Patches, make_patches
 from gpusim.fem.product import Product, RowsProduct
 from gpusim.fem.stencil import Stencil, StencilProduct
@@ -40,6 +47,8 @@ _FEW = 400
 _COMPACT, _LOOK = 20.0, 10_000
 # of Lanczos; what one step takes needn't be as sharp
 _STEPS, _FEW_STEPS = 10, 6
+# ratio of nodes' stiffnesses; a corner has an eighth of what others have, cells may differ
+_EVEN = 100.0
 # aggregation is of no use to nearly incompressible bodies: a larger dense inverse in its place
 _COARSEST_PATCHED = 2500
 
@@ -114,10 +123,52 @@ def build_hierarchy(
             matrix = group_matrix(groups, len(points))
             matrix.data /= scale
     smoothed_by_patches = bool(levels) and levels[-1].patches is not None
+    rest = matrix if isinstance(matrix, RowsProduct) else _assembled(matrix)
+    if not patched and lattice is None and [group.name for group in groups] == ["hex8"]:
+        rest, free, points = _by_sheets(levels, rest, groups[0], free, points)
     return _aggregate(
-        levels, matrix if isinstance(matrix, RowsProduct) else _assembled(matrix), free, points,
+        levels, rest, free, points,
         _COARSEST_PATCHED if smoothed_by_patches else _COARSEST,
     )  # fmt: skip
+
+
+def _by_sheets(
+    levels: list[Level],
+    matrix: bsr_matrix | RowsProduct,
+    group: Elements,
+    free: Bool,
+    points: Float,
+) -> tuple[bsr_matrix | RowsProduct, Bool, Float]:
+    """Levels of bricks that are numbered as on a lattice, as far as sheets of nodes can be left
+    out. Their elements aren't formed anew: coarse matrices are products of sparse ones."""
+    lattice = mapped_lattice(points, group.cells) if _even(matrix) else None
+    while lattice is not None and free.size > _COARSEST:
+        weights = coarse_lattice(lattice)
+        if weights is None or not free[weights.kept].any():
+            break
+        coarse_free = free[weights.kept]
+        transfer = NodeTransfer(weights, free, coarse_free)
+        product, inverse = _product_and_inverse(matrix, free)
+        largest = largest_eigenvalue(product, inverse, _STEPS)
+        levels.append(Level(product, inverse, largest, transfer))
+        matrix = galerkin(matrix, transfer.blocks())
+        lattice, free, points = weights.coarse, coarse_free, points[weights.kept]
+    return matrix, free, points
+
+
+def _even(matrix: bsr_matrix | RowsProduct) -> bool:
+    """Whether stiffnesses are about the same everywhere: sheets cut through stiff parts between
+    soft ones, which aggregates keep together (71 iterations in place of 10 on a ball, at 1e6)."""
+    blocks = matrix.diagonal if isinstance(matrix, RowsProduct) else diagonal_blocks(matrix)
+    trace = np.einsum("nii->n", blocks)
+    return bool(trace.max(initial=0.0) <= _EVEN * trace[trace > 0.0].min(initial=np.inf))
+
+
+def _product_and_inverse(matrix: bsr_matrix | RowsProduct, free: Bool) -> tuple[Product, Float]:
+    """The product with a matrix, and its inverted diagonal blocks."""
+    if isinstance(matrix, RowsProduct):
+        return matrix, invert_blocks(matrix.diagonal / matrix.scale, free)
+    return Product(matrix), invert_blocks(diagonal_blocks(matrix), free)
 
 
 def _assembled(matrix: bsr_matrix | Stencil | RowsProduct) -> bsr_matrix:
@@ -208,11 +259,7 @@ def _aggregate(
     stalled = False
     unknowns = free.size
     while not levels or (unknowns > coarsest and not stalled):
-        if isinstance(matrix, RowsProduct):
-            product: Product = matrix
-            inverse = invert_blocks(matrix.diagonal / matrix.scale, mask)
-        else:
-            product, inverse = Product(matrix), invert_blocks(diagonal_blocks(matrix), mask)
+        product, inverse = _product_and_inverse(matrix, mask)
         largest = largest_eigenvalue(product, inverse, _STEPS)
         coarser = aggregate_level(matrix, inverse, largest, near_null, mask)
         levels.append(Level(product, inverse, largest, MatrixTransfer(coarser.prolongation)))

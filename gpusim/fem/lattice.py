@@ -14,7 +14,7 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["CORNERS", "OFFSETS", "Lattice", "find_lattice", "node_offsets"]
+__all__ = ["CORNERS", "FULLEST", "OFFSETS", "Lattice", "find_lattice", "node_offsets"]
 
 Float = npt.NDArray[np.float64]
 Int = npt.NDArray[np.int32]
@@ -33,7 +33,7 @@ OFFSETS = np.stack(np.meshgrid([-1, 0, 1], [-1, 0, 1], [-1, 0, 1], indexing="ij"
 # node coordinates are compared to this fraction of the body's size
 _SAME = 1e-10
 # a lattice with fewer nodes than this share of its bounding grid isn't worth the grid
-_FULLEST = 0.05
+FULLEST = 0.05
 # bits of a plane's number where three of them stand in one integer
 _BITS = 21
 _CHUNK = 4096
@@ -163,7 +163,7 @@ def find_lattice(points: Float, block: Int) -> Lattice | None:
         plane[number[::-1]] = points[::-1, axis]
         planes.append(plane)
     shape = tuple(len(one) for one in planes)
-    if int(np.prod(shape, dtype=np.int64)) > len(points) / _FULLEST:
+    if int(np.prod(shape, dtype=np.int64)) > len(points) / FULLEST:
         return None
     low_corner = _lowest_corners(place, block)
     if low_corner is None:

@@ -34,6 +34,12 @@ class PlaneWeights:
     keep: list[Long]
 
     @cached_property
+    def kept(self) -> npt.NDArray[np.int32]:
+        """(K,) numbers of the coarse nodes on the fine lattice."""
+        node = self.fine.node[np.ix_(*self.keep)]
+        return np.asarray(node[tuple(self.coarse.place.T)])
+
+    @cached_property
     def axes(self) -> tuple[csr_matrix, csr_matrix, csr_matrix]:
         """(fine planes, coarse planes) weights along x, y and z."""
         x, y, z = (self._axis(axis) for axis in range(3))

@@ -54,6 +54,14 @@ class NodeTransfer:
         moved = np.stack([np.where(self.coarse_free, back(one), 0.0) for one in nodes])
         return moved.reshape(len(r), -1)
 
+    def blocks(self) -> bsr_matrix:
+        """(3N,3K) in blocks of 3x3."""
+        weights = self.weights
+        row = np.repeat(np.arange(weights.shape[0]), np.diff(weights.indptr))
+        both = self.free[row] & self.coarse_free[weights.indices]
+        data = (weights.data[:, None] * both)[:, :, None] * np.eye(3)
+        return bsr_matrix((data, weights.indices, weights.indptr), shape=self.shape)
+
     def matrix(self) -> csr_matrix:
         """(3N,3K), with the zeros of fixed unknowns stored where whole blocks aren't."""
         spread = kron(self.weights, np.eye(3), format="csr")
