@@ -33,7 +33,7 @@ _STRENGTH = 0.08
 _COARSE_STRENGTHS = (0.2, 0.08, 0.0)
 _LEAST_SHRINKAGE = 0.55
 # products of matrices are shared out in so many parts, of no fewer blocks than this
-_MOST_PARTS, _LEAST_PART = 8, 50_000
+_MOST_PARTS, _LEAST_PART = 16, 50_000
 # factor on the greatest eigenvalue that Lanczos and its residual tell
 _ON_TOP = 1.03
 
