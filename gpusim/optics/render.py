@@ -94,16 +94,26 @@ def render(
     for name, size in (("width", camera.width), ("height", camera.height)):
         if size > WIDEST:
             raise InputError(f"render: image {name}; got {size}; expected at most {WIDEST} px")
-    view = look(surfaces, camera, lit=lights is not None)
     if backend == "numpy":
+        view = look(surfaces, camera, lit=lights is not None)
         setup = Setup.build(view, lights, background, surfaces)
         interior = shade_twin(setup, visibility_twin(view))
         frame = Frame(view, None, radiance=edges_twin(setup, bin_edges(view), interior))
     else:
         device = device or default_device()
+        begun: list[Sight] = []
+
+        def begin(view: View) -> None:
+            if view.count <= MOST_TRIANGLES and small_triangles(view):
+                begun.append(_begun(device, view, 0, camera.height))
+
+        view = look(surfaces, camera, lights is not None, begin)
+        sight = begun[0] if begun else None
+        if sight is not None:
+            sight.complete(view)
         bands: list[Band] = []
         for first, stop, part in _parts(view, 0, camera.height):
-            bands += _draw(device, part, lights, background, surfaces, first, stop)
+            bands += _draw(device, part, lights, background, surfaces, first, stop, sight)
         frame = Frame(view, device, tuple(bands))
     frame.warnings = wound_inwards(surfaces, camera)
     return frame
@@ -120,6 +130,19 @@ def _parts(view: View, first: int, stop: int) -> Iterator[tuple[int, int, View]]
     yield from _parts(view, middle, stop)
 
 
+def _band_rows(camera: Camera, first: int, stop: int) -> int:
+    """Rows at a time of ``first`` … ``stop - 1``."""
+    return min(stop - first, max(16, BAND_BYTES // (4 * camera.width)))
+
+
+def _begun(device: Device, view: View, first: int, stop: int) -> Sight:
+    """Who sees what, of which the device finds the first band already."""
+    rows = _band_rows(view.camera, first, stop)
+    sight = Sight(device, view, rows)
+    sight.begin(first, rows)
+    return sight
+
+
 def _draw(
     device: Device,
     view: View,
@@ -128,15 +151,16 @@ def _draw(
     surfaces: Sequence[Surface],
     first: int,
     stop: int,
+    sight: Sight | None,
 ) -> list[Band]:
     """Rows ``first`` … ``stop - 1`` in bands of what a texture may hold.
 
-    The device begins with what is ready, while the host works on what comes next.
+    The device begins with what is ready, while the host works on what comes next. ``sight``: what
+    it has begun with before, of these rows.
     """
-    rows = min(stop - first, max(16, BAND_BYTES // (4 * view.camera.width)))
-    sight = Sight(device, view, rows) if small_triangles(view) else None
-    if sight is not None:
-        sight.begin(first, rows)
+    rows = _band_rows(view.camera, first, stop)
+    if sight is None and small_triangles(view):
+        sight = _begun(device, view, first, stop)
     # edges that the host is done with while the device shades
     simple = lights is None and Border.suits(view)
     edge_pass: EdgePass | None = None

@@ -56,6 +56,16 @@ class Sight:
         else:
             self.depth = device.target(width, rows, "depth32float", "shade.depth")
 
+    def complete(self, view: View) -> None:
+        """Take the whole ``view`` in place of that which told where its triangles are."""
+        known = self.view.corner
+        self.view = view
+        if not np.may_share_memory(known, view.corner):
+            # some corners have got vertices of their own; what is seen where stays as it is
+            self.drawn = Drawn(self.device, view, "shade")
+            if self.nearest is not None:
+                self.places = _places(self.drawn)
+
     def begin(self, row0: int, rows: int) -> None:
         """Let the device look at a band, which `record` then finds there."""
         with self.device.recording("optics.visibility") as recording:

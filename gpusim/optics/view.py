@@ -10,7 +10,7 @@ Greer, "Triangle scan conversion using 2D homogeneous coordinates", 1997).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -218,10 +218,17 @@ class View:
         return result.reshape(-1)
 
 
-def look(surfaces: Sequence[Surface], camera: Camera, lit: bool) -> View:
+def look(
+    surfaces: Sequence[Surface],
+    camera: Camera,
+    lit: bool,
+    begin: Callable[[View], None] | None = None,
+) -> View:
     """Prepare ``surfaces`` for ``camera``; normals are computed only where they are used.
 
     Faces of closed surfaces that look away are dropped; those of open ones are turned round.
+    ``begin``: is called as soon as it is known where the triangles lie, if that is before all else
+    is, with a view that tells no more than that: its vertices have positions alone.
     """
     screen = Screen(camera)
     at = [in_camera(camera, surface.points) for surface in surfaces]
@@ -234,17 +241,17 @@ def look(surfaces: Sequence[Surface], camera: Camera, lit: bool) -> View:
     body_ids: list[Short] = []
     first_face = 0
     shapes = shapes_of(surfaces)
+    # the places of several surfaces' triangles would have to be joined twice
+    begin = begin if len(surfaces) == 1 else None
     for number, (surface, shape, points) in enumerate(zip(surfaces, shapes, at, strict=True)):
         if far > 0.0:
-            part = _seen_of(surface, shape, points, screen, NEAR * far, lit)
+            part = _seen_of(surface, shape, points, screen, NEAR * far, lit, begin)
             source = surface.topology.source[part.source]
             paint_ids.append(np.take(surface.regions, source, mode="clip") + np.int32(len(paints)))
             face_ids.append(source + np.int32(first_face))
             body_ids.append(np.full(len(source), number, np.int32))
             parts.append(part)
-        for region, paint in enumerate(surface.paints.values()):
-            low, high = surface.extents.get(region, (np.zeros(2), np.zeros(2)))
-            paints.append(RegionPaint(paint, low, high, 0.0))
+        paints += _regions(surface)
         first_face += len(surface.faces)
     all_of = Indexed.joined(parts)
     place, corner = all_of.place, all_of.corner
@@ -257,15 +264,31 @@ def look(surfaces: Sequence[Surface], camera: Camera, lit: bool) -> View:
     )  # fmt: skip
 
 
+def _regions(surface: Surface) -> list[RegionPaint]:
+    """The paints of a surface, before it is known how large pixels are on them."""
+    none = np.zeros(2), np.zeros(2)
+    return [
+        RegionPaint(paint, *surface.extents.get(region, none), 0.0)
+        for region, paint in enumerate(surface.paints.values())
+    ]
+
+
 def _joined(parts: list[Short]) -> Short:
     """Several in one; one alone as it is."""
     return parts[0] if len(parts) == 1 else np.concatenate([np.zeros(0, np.int32), *parts])
 
 
 def _seen_of(
-    surface: Surface, shape: Shape, points: Array, screen: Screen, near: float, lit: bool
+    surface: Surface,
+    shape: Shape,
+    points: Array,
+    screen: Screen,
+    near: float,
+    lit: bool,
+    begin: Callable[[View], None] | None,
 ) -> Indexed:
-    """What may be seen of a surface whose vertices are at camera-space ``points``."""
+    """What may be seen of a surface whose vertices are at camera-space ``points``; ``begin`` as in
+    `look`."""
     topology = surface.topology
     triangles = topology.triangles
     ahead = points[:, 2] > near
@@ -278,15 +301,31 @@ def _seen_of(
         surface.points, lambda: shape.area, triangles, ideal, ahead, topology.closed, screen
     )  # fmt: skip
     front, keep = culled.front, culled.keep
-    shows = feature_edges(
-        topology, front, surface.regions, shape.creases, keep, shape.smooth[1] if lit else None,
-        surface.extents,
-    )  # fmt: skip
     kept = np.flatnonzero(keep)
     turned = ~(front if len(kept) == len(front) else np.take(front, kept, mode="clip"))
     corner = turned_corners(triangles, kept, turned)
     out = ~ahead | screen.beyond(ideal)
+    crossing = np.zeros(len(kept), bool)
+    if out.any():
+        crossing = out[corner[0]] | out[corner[1]] | out[corner[2]]
+    # then `split` would find nothing that hasn't been seen to already
+    straight = not crossing.any() and ahead.all() and screen.camera.lens is None
+    untouched = straight and culled.extent <= SHORT_EDGE
     table = VertexTable(surface, points, corner, bool(out.any()))
+    place = np.take(ideal.T, table.origin, axis=1).T
+    if untouched and begin is not None:
+        none = np.zeros(0, np.int32)
+        begin(
+            View(
+                screen.camera, table.columns[POSITION].T, place, table.corner.T, none, none,
+                tuple(_regions(surface)), np.zeros((0, 2, 2)), none, np.zeros((0, 2), np.int64),
+                culled.extent,
+            )
+        )  # fmt: skip
+    shows = feature_edges(
+        topology, front, surface.regions, shape.creases, keep, shape.smooth[1] if lit else None,
+        surface.extents,
+    )  # fmt: skip
     table.paint(surface, kept, turned)
     if lit:
         table.smooth(surface, shape, kept, turned)
@@ -299,17 +338,11 @@ def _seen_of(
     flags = topology.sides(shows, kept)
     if turned.any():
         flags[turned] = flags[turned][:, [2, 1, 0]]
-    found = Indexed(
-        table.columns.T, np.take(ideal.T, table.origin, axis=1).T, table.corner.T,
-        flags, kept, culled.extent,
-    )  # fmt: skip
-    crossing = np.zeros(len(kept), bool)
-    if out.any():
-        crossing = out[corner[0]] | out[corner[1]] | out[corner[2]]
-    if not crossing.any() and ahead.all() and screen.camera.lens is None:
-        if culled.extent <= SHORT_EDGE:
-            # what `split` would find, which has been seen to already
-            return found
+    if len(place) < len(table.origin):
+        place = np.take(ideal.T, table.origin, axis=1).T
+    found = Indexed(table.columns.T, place, table.corner.T, flags, kept, culled.extent)
+    if untouched:
+        return found
     more = sparse_excess(surface, ST)
     left, parts = np.ones(len(kept), bool), []
     if len(kept) >= MANY:
