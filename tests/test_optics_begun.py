@@ -28,9 +28,9 @@ def fine(smooth_angle: float) -> gs.Surface:
     return gs.Surface(points, faces, paint, reference=rest, smooth_angle=smooth_angle)
 
 
-def views(*args: object) -> tuple[list[View], View]:
+def views(surfaces: list[gs.Surface], camera: Camera) -> tuple[list[View], View]:
     begun: list[View] = []
-    view = look(*args, lit=True, begin=begun.append)  # type: ignore[arg-type]
+    view = look(surfaces, camera, lit=True, begin=begun.append)
     return begun, view
 
 
