@@ -7,15 +7,15 @@ from collections.abc import Mapping
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import coo_matrix, csc_matrix, csr_matrix
+from scipy.sparse import csc_matrix, csr_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
 from gpusim.deck.equations import Equations, eliminate
 from gpusim.errors import InputError, NotConverged
 from gpusim.fem import Model, Solution
+from gpusim.fem.assembly import group_matrix
 from gpusim.fem.deformation import Deformation
-from gpusim.fem.element_matrix import element_stiffness
 from gpusim.fem.formulation import resolve_formulation
 from gpusim.fem.groups import model_groups
 from gpusim.fem.rounding import signed
@@ -53,7 +53,8 @@ def solve_constrained(
             f"{where}: equations: got {len(open_)} unknowns; expected at most {_MOST_UNKNOWNS} "
             "(a deck with equations, ties or turned supports is factorised)"
         )
-    stiffness = _stiffness(model, formulation)
+    groups = model_groups(model, resolve_formulation(model, formulation))
+    stiffness = group_matrix(groups, model.mesh.node_count).tocsr()
     assembled = time.perf_counter()
     given = np.where(model.fixed, model.prescribed_cases[0], 0.0).ravel()
     held = csr_matrix(equations.matrix[:, open_])
@@ -73,9 +74,7 @@ def solve_constrained(
     except RuntimeError as error:
         raise NotConverged(f"{where}: the factorisation failed ({error})") from None
     shape = model.mesh.points.shape
-    elements = Deformation(
-        model_groups(model, resolve_formulation(model, formulation)), model.mesh.points
-    )
+    elements = Deformation(groups, model.mesh.points)
     answer, u = np.zeros(system.shape[0]), given.copy()
     u[open_] = reduced.shift
 
@@ -129,22 +128,6 @@ def solve_constrained(
 def _touched(matrix: csr_matrix) -> npt.NDArray[np.bool_]:
     """Mask of the columns that hold a number other than zero."""
     return np.bincount(matrix.indices[matrix.data != 0.0], minlength=matrix.shape[1]) > 0
-
-
-def _stiffness(model: Model, formulation: Mapping[str, str]) -> csr_matrix:
-    """(3N,3N) float64, unknowns of a node side by side."""
-    size = 3 * model.mesh.node_count
-    parts: list[tuple[Float, npt.NDArray[np.int64], npt.NDArray[np.int64]]] = []
-    moduli = np.stack([one.stiffness() for one in model.materials])[model.material_of_cell]
-    for kind, first, block in model.mesh.blocks():
-        own = moduli[first : first + len(block)]
-        matrices = element_stiffness(kind, model.mesh.points[block], own, formulation.get(kind))
-        columns = (3 * block[:, :, None] + np.arange(3)).reshape(len(block), -1)
-        rows = np.broadcast_to(columns[:, :, None], matrices.shape)
-        other = np.broadcast_to(columns[:, None, :], matrices.shape)
-        parts.append((matrices.ravel(), rows.ravel(), other.ravel()))
-    value, row, column = (np.concatenate([part[k] for part in parts]) for k in range(3))
-    return coo_matrix((value, (row, column)), shape=(size, size)).tocsr()
 
 
 def _refuse_free(model: Model, stiffness: csr_matrix, matrix: csr_matrix, where: str) -> None:

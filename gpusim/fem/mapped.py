@@ -55,8 +55,11 @@ def mapped_lattice(points: Float, block: Int) -> Lattice | None:
     cell[tuple(place.T)] = np.arange(len(block), dtype=np.int32)
     if int((node >= 0).sum()) != len(points) or int((cell >= 0).sum()) != len(block):
         return None  # two at one place: parts that lie over one another in numbers
-    planes = _planes(points, block, place)
-    if not _alike(points, block) or not _smooth(points, node, planes):
+    lengths = _lengths(points, block)
+    if not _alike(lengths):
+        return None
+    planes = _planes(lengths, place)
+    if not _smooth(points, node, planes):
         return None
     return Lattice(node, cell, of_node, planes)
 
@@ -98,29 +101,28 @@ def _places(neighbours: list[Long], count: int) -> Int | None:
     return np.asarray(place - place.min(axis=0), dtype=np.int32)
 
 
-def _planes(points: Float, block: Int, place: Int) -> tuple[Float, Float, Float]:
+def _planes(lengths: Float, place: Int) -> tuple[Float, Float, Float]:
     """Coordinates of the sheets: sums of the cells' mean lengths."""
     x, y, z = (
         np.concatenate([[0.0], np.cumsum(
             np.bincount(place[:, axis], weights=length) / np.bincount(place[:, axis])
         )])
-        for axis, length in enumerate(_lengths(points, block))
+        for axis, length in enumerate(lengths)
     )  # fmt: skip
     return x, y, z
 
 
-def _lengths(points: Float, block: Int) -> list[Float]:
-    """(M,) lengths of the cells along each axis, from side to side."""
+def _lengths(points: Float, block: Int) -> Float:
+    """(3,M) lengths of the cells along each axis, from side to side."""
     middle = [
         [points[block[:, list(side)]].mean(axis=1) for side in sides]
         for sides in zip(_BEHIND, _AHEAD, strict=True)
     ]
-    return [np.linalg.norm(end - begin, axis=1) for begin, end in middle]
+    return np.stack([np.linalg.norm(end - begin, axis=1) for begin, end in middle])
 
 
-def _alike(points: Float, block: Int) -> bool:
+def _alike(lengths: Float) -> bool:
     """Whether all cells are of about the same proportions."""
-    lengths = np.stack(_lengths(points, block))
     if not lengths.min(initial=np.inf) > 0.0:
         return False
     ratios = np.log(lengths / lengths[[1, 2, 0]])
