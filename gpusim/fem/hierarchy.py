@@ -123,11 +123,11 @@ def build_hierarchy(
             matrix = group_matrix(groups, len(points))
             matrix.data /= scale
     smoothed_by_patches = bool(levels) and levels[-1].patches is not None
-    rest = matrix if isinstance(matrix, RowsProduct) else _assembled(matrix)
     if not patched and lattice is None and [group.name for group in groups] == ["hex8"]:
-        rest, free, points = _by_sheets(levels, rest, groups[0], free, points)
+        assert not isinstance(matrix, Stencil)
+        matrix, free, points = _by_sheets(levels, matrix, groups[0], free, points)
     return _aggregate(
-        levels, rest, free, points,
+        levels, matrix, free, points,
         _COARSEST_PATCHED if smoothed_by_patches else _COARSEST,
     )  # fmt: skip
 
@@ -247,7 +247,7 @@ def _on_lattice(coarser: Coarser, points: Float) -> Coarser:
 
 def _aggregate(
     levels: list[Level],
-    matrix: bsr_matrix | RowsProduct,
+    matrix: bsr_matrix | Stencil | RowsProduct,
     free: Bool,
     points: Float,
     coarsest: int,
@@ -260,12 +260,13 @@ def _aggregate(
     while not levels or (unknowns > coarsest and not stalled):
         product, inverse = _product(matrix), _inverses(matrix, mask)
         largest = largest_eigenvalue(product, inverse, _STEPS)
-        coarser = aggregate_level(matrix, inverse, largest, near_null, mask)
+        own = matrix.matrix if isinstance(matrix, Stencil) else matrix
+        coarser = aggregate_level(own, inverse, largest, near_null, mask)
         levels.append(Level(product, inverse, largest, MatrixTransfer(coarser.prolongation)))
         unknowns = coarser.matrix.shape[0]
         stalled = unknowns > 0.9 * product.unknowns
         matrix, near_null, mask = coarser.matrix, coarser.near_null, coarser.mask
-    assert not isinstance(matrix, RowsProduct)
+    assert isinstance(matrix, bsr_matrix)
     keep = mask.ravel()
     inside = np.ix_(keep, keep)
     inverse_dense = np.zeros(matrix.shape)

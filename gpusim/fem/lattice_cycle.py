@@ -23,7 +23,7 @@ from gpusim.fem.planes import PlaneWeights
 from gpusim.fem.runs import RunLayout, RunPattern
 from gpusim.fem.smooth import Relaxation
 from gpusim.fem.stencil import Stencil, StencilProduct
-from gpusim.fem.transfer import NodeTransfer
+from gpusim.fem.transfer import MatrixTransfer, NodeTransfer
 
 __all__ = ["LatticeCycle", "LatticeLevel", "PlaneTransfer", "cycle_dtype"]
 
@@ -94,13 +94,15 @@ class LatticeLevel:
             self._kept[case] = self.layout.zeros(dtype), self.layout.zeros(dtype)
         self._w, self._x = self._kept[case]
 
-    def cycle(self, transfer: PlaneTransfer, below: Callable[[], Real]) -> Real:
+    def cycle(self, transfer: PlaneTransfer | AggregateTransfer, below: Callable[[], Real]) -> Real:
         """The stored solution for ``self.b``; ``below`` solves for what ``transfer`` leaves."""
         self._smooth()
         self._correct(transfer, below)
         return self.up()
 
-    def down(self, transfer: PlaneTransfer, below: Callable[[], Real]) -> float:
+    def down(
+        self, transfer: PlaneTransfer | AggregateTransfer, below: Callable[[], Real]
+    ) -> float:
         """As far as to know b.z, by the smoothed x, its residual y and the corrected x' (the
         smoother is symmetric): b.z = b.x + y.x'."""
         self._smooth()
@@ -124,7 +126,9 @@ class LatticeLevel:
         apply(self._before, w, x)
         apply(self._left, x, y, self.b)
 
-    def _correct(self, transfer: PlaneTransfer, below: Callable[[], Real]) -> None:
+    def _correct(
+        self, transfer: PlaneTransfer | AggregateTransfer, below: Callable[[], Real]
+    ) -> None:
         transfer.restrict(self._y)
         transfer.interpolate(below(), self._x)
         self._x[self.held] = 0.0
@@ -178,6 +182,39 @@ class PlaneTransfer:
         self._into[self._held] = 0.0
 
 
+class AggregateTransfer:
+    """Interpolation from aggregates, whose vectors are stored as they are."""
+
+    def __init__(self, transfer: MatrixTransfer, fine: RunLayout, dtype: npt.DTypeLike) -> None:
+        self._transfer, self._fine = transfer, fine
+        self._moved = fine.zeros(dtype)
+
+    def interpolate(self, coarse: Real, x: Real) -> None:
+        """x += P coarse."""
+        self._fine.put(self._transfer.interpolate(coarse[None])[0], self._moved)
+        x += self._moved
+
+    def restrict(self, r: Real) -> None:
+        """The transpose, for ``solve``."""
+        self._right = self._transfer.restrict(self._fine.get(r)[None])
+
+    def solve(self, below: Callable[[Float], Float]) -> Real:
+        """What the level below makes of it."""
+        return below(self._right)[0]
+
+
+class _Unstored:
+    """The level below the last stored one takes and gives its vectors in the order of its nodes."""
+
+    def __init__(self, layout: RunLayout, dtype: npt.DTypeLike) -> None:
+        self.layout, self.b = layout, layout.zeros(dtype)
+        self._x = layout.zeros(dtype)
+
+    def solve(self, below: Callable[[Float], Float]) -> Real:
+        self.layout.put(below(self.layout.get(self.b)[None])[0], self._x)
+        return self._x
+
+
 class LatticeCycle:
     """The levels of a hierarchy from the finest on that are lattices of repeating rows."""
 
@@ -197,12 +234,12 @@ class LatticeCycle:
             product = level.product
             if not isinstance(product, StencilProduct) or level.patches is not None:
                 break
-            assert isinstance(level.transfer, NodeTransfer)
             layout = product.layout
             if layout.order != first.layout.order:
                 layout = RunLayout(product.stencil.lattice, first.layout.order)
+            free = np.einsum("nii->ni", level.inverse) != 0.0
             one = LatticeLevel(
-                product.stencil, layout, level.transfer.free, level.inverse, smoothing(level), dtype
+                product.stencil, layout, free, level.inverse, smoothing(level), dtype
             )
             if not one.worthwhile:
                 break
@@ -213,26 +250,25 @@ class LatticeCycle:
         self, hierarchy: Hierarchy, levels: list[LatticeLevel], dtype: npt.DTypeLike
     ) -> None:
         self.depth, self._levels = len(levels), levels
-        last = hierarchy.levels[self.depth - 1].transfer
-        assert isinstance(last, NodeTransfer)
-        assert isinstance(last.interpolation, PlaneWeights)
-        # the level below takes and gives its vectors in the order of its nodes
-        self._below = RunLayout(last.interpolation.coarse, levels[0].layout.order)
-        self._below_b, self._below_x = self._below.zeros(dtype), self._below.zeros(dtype)
-        layouts = [*(level.layout for level in levels), self._below]
-        rights = [*(level.b for level in levels), self._below_b]
-        held = [*(level.held for level in levels), self._below.places(~last.coarse_free)]
-        self._transfers = []
-        for number in range(self.depth):
+        self._transfers: list[PlaneTransfer | AggregateTransfer] = []
+        self._end: AggregateTransfer | _Unstored
+        for number, level in enumerate(levels):
             transfer = hierarchy.levels[number].transfer
-            assert isinstance(transfer, NodeTransfer)
+            if isinstance(transfer, MatrixTransfer):
+                self._end = AggregateTransfer(transfer, level.layout, dtype)
+                self._transfers.append(self._end)
+                break
             assert isinstance(transfer.interpolation, PlaneWeights)
+            if number + 1 < self.depth:
+                coarser = levels[number + 1]
+                layout, held, into = coarser.layout, coarser.held, coarser.b
+            else:
+                layout = RunLayout(transfer.interpolation.coarse, levels[0].layout.order)
+                self._end = _Unstored(layout, dtype)
+                held, into = layout.places(~transfer.coarse_free), self._end.b
             self._transfers.append(
-                PlaneTransfer(
-                    transfer.interpolation, layouts[number], layouts[number + 1],
-                    held[number + 1], rights[number + 1],
-                )
-            )  # fmt: skip
+                PlaneTransfer(transfer.interpolation, level.layout, layout, held, into)
+            )
 
     def apply(self, b: Float, below: Callable[[Float], Float]) -> Float:
         """z (3N,) for b (3N,); ``below`` solves on the level below these, for (1,n)."""
@@ -262,6 +298,4 @@ class LatticeCycle:
             return self._levels[number].cycle(
                 self._transfers[number], partial(self._solve, number + 1, below)
             )
-        right = self._below.get(self._below_b)
-        self._below.put(below(right[None])[0], self._below_x)
-        return self._below_x
+        return self._end.solve(below)

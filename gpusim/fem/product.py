@@ -126,6 +126,7 @@ class Product:
 
     @property
     def unknowns(self) -> int:
+        """Number of rows."""
         return int(self._matrix.shape[0])
 
     def __call__(self, x: Float) -> Float:

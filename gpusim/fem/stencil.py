@@ -47,9 +47,9 @@ class Stencil:
         """See ``StencilProduct.of``."""
         return StencilProduct.of(self)
 
-    @cached_property
+    @property
     def matrix(self) -> bsr_matrix:
-        """The same as a SciPy block matrix."""
+        """The same as a SciPy block matrix, which is many times as large and isn't kept."""
         neighbours = self.lattice.neighbours()
         here = neighbours >= 0
         start = np.concatenate([[0], np.cumsum(here.sum(axis=1))])

@@ -9,6 +9,7 @@ import numpy.typing as npt
 from scipy.sparse import bsr_matrix, csr_matrix, diags, kron
 
 from gpusim.fem.planes import PlaneWeights
+from gpusim.fem.product import Product
 
 __all__ = ["MatrixTransfer", "NodeTransfer", "Transfer"]
 
@@ -74,24 +75,24 @@ class MatrixTransfer:
     """A prolongator with blocks of its own."""
 
     def __init__(self, prolongation: bsr_matrix) -> None:
-        self._prolongation = csr_matrix(prolongation)
-        self._restriction = self._prolongation.T.tocsr()
+        self._prolongation = Product(prolongation)
+        self._restriction = Product(prolongation.T)
 
     @property
     def shape(self) -> tuple[int, int]:
-        return int(self._prolongation.shape[0]), int(self._prolongation.shape[1])
+        return self._prolongation.unknowns, self._restriction.unknowns
 
     def interpolate(self, x: Float) -> Float:
         """(L,coarse) -> (L,fine)."""
-        return np.stack([self._prolongation @ one for one in x])
+        return self._prolongation(x)
 
     def restrict(self, r: Float) -> Float:
         """The transpose."""
-        return np.stack([self._restriction @ one for one in r])
+        return self._restriction(r)
 
     def matrix(self) -> csr_matrix:
         """(fine, coarse)."""
-        return self._prolongation
+        return csr_matrix(self._prolongation.matrix)
 
 
 Transfer = NodeTransfer | MatrixTransfer
