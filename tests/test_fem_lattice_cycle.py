@@ -11,7 +11,7 @@ from gpusim.fem.assembly import assemble
 from gpusim.fem.boxes import equal_boxes
 from gpusim.fem.formulation import resolve_formulation
 from gpusim.fem.hierarchy import build_hierarchy
-from gpusim.fem.lattice_cycle import cycle_dtype
+from gpusim.fem.lattice_cycle import AggregateTransfer, cycle_dtype
 from gpusim.fem.preconditioner import Multigrid
 from gpusim.fem.stencil import stencil_of
 from gpusim.mesh import Mesh, box
@@ -31,8 +31,13 @@ def multigrid(mesh: Mesh, fixed: np.ndarray, material_of_cell: np.ndarray) -> Mu
 
 
 def uneven(kind: str) -> tuple[Mesh, np.ndarray, np.ndarray]:
-    """A body, its supports (a patch, and one component elsewhere), and materials of its cells."""
+    """A body, its supports (a patch, and one component elsewhere), and materials of its cells.
+
+    Of the ``thin`` one no planes can be left out: aggregates are below its only lattice.
+    """
     mesh = box((1.0, 0.8, 0.9), (17, 20, 26))
+    if kind == "thin":
+        mesh = box((1.0, 0.7, 0.05), (50, 23, 4))
     centre = mesh.points[mesh.cells["hex8"]].mean(axis=1)
     if kind == "angle":
         gone = (centre[:, 0] > 0.5) & (centre[:, 1] > 0.44)
@@ -53,7 +58,7 @@ def uneven(kind: str) -> tuple[Mesh, np.ndarray, np.ndarray]:
     return mesh, fixed, layer.astype(np.int64)
 
 
-@pytest.mark.parametrize("kind", ["plain", "angle", "shuffled", "layered"])
+@pytest.mark.parametrize("kind", ["plain", "angle", "shuffled", "layered", "thin"])
 def test_it_is_the_cycle_by_assembled_matrices(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     mesh, fixed, layer = uneven(kind)
     plain = multigrid(mesh, fixed, layer)
@@ -61,6 +66,8 @@ def test_it_is_the_cycle_by_assembled_matrices(kind: str, monkeypatch: pytest.Mo
     # with reactions in the fixed unknowns, which mustn't matter
     r = rng.normal(size=(2, fixed.size))
     expected = plain._cycle(0, r)
+    assert plain._lattice is not None
+    assert isinstance(plain._lattice._end, AggregateTransfer) == (kind == "thin")
     size = np.abs(expected).max()
     assert plain.hierarchy.levels[0].product.unknowns == fixed.size
     for dtype, tolerance in ((np.float64, 1e-13), (np.float32, 2e-5)):
@@ -74,11 +81,12 @@ def test_it_is_the_cycle_by_assembled_matrices(kind: str, monkeypatch: pytest.Mo
             assert np.abs(got - expected).max() > 1e-12 * size
 
 
+@pytest.mark.parametrize("kind", ["layered", "thin"])
 @pytest.mark.parametrize("way", ["runs", "runs float32", "assembled"])
 def test_half_a_cycle_tells_the_energy_and_load_cases_keep_apart(
-    way: str, monkeypatch: pytest.MonkeyPatch
+    way: str, kind: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    mesh, fixed, layer = uneven("layered")
+    mesh, fixed, layer = uneven(kind)
     dtype = np.float32 if way == "runs float32" else np.float64
     monkeypatch.setattr(lattice_cycle, "cycle_dtype", lambda *_: dtype)
     if way == "assembled":

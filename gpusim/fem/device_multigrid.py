@@ -93,7 +93,7 @@ def multigrid_bytes(hierarchy: Hierarchy, cases: int) -> int:
     def vectors(count: int, unknowns: int) -> int:
         return count * Texels.footprint(cases * (unknowns // 3 + 1))
 
-    total = product_bytes(csr_matrix(hierarchy.coarse_inverse))
+    total = product_bytes(csr_matrix(hierarchy.bottom.inverse))
     for number, level in enumerate(hierarchy.levels):
         fine, coarse = (int(n) for n in level.transfer.shape)
         if level.inverse.shape[1] == 3:
@@ -131,7 +131,7 @@ class _Bottom:
     """The dense inverse."""
 
     def __init__(self, device: Allocator, hierarchy: Hierarchy, cases: int) -> None:
-        inverse = csr_matrix(hierarchy.coarse_inverse)
+        inverse = csr_matrix(hierarchy.bottom.inverse)
         self._inverse = DeviceProduct(device, inverse, cases, "fem.multigrid.coarse")
 
     def record(self, recording: Recording, b: Pair, x: Pair) -> None:

@@ -7,12 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg import cho_factor, cho_solve, eigh
+from scipy.linalg import eigh
 from scipy.sparse import bsr_matrix
 
+from gpusim.errors import NotConverged
 from gpusim.fem.aggregation import aggregate_level, galerkin, largest_eigenvalue
 from gpusim.fem.assembly import group_matrix, lattice_stencil
 from gpusim.fem.block_rows import BlockRows
+from gpusim.fem.bottom import Bottom, narrow_order
 from gpusim.fem.coarsen import (
     Coarser,
     coarse_lattice,
@@ -23,7 +25,6 @@ from gpusim.fem.coarsen import (
 from gpusim.fem.congruence import noise
 from gpusim.fem.diagonal import diagonal_blocks, invert_blocks, invert_repeated
 from gpusim.fem.groups import Elements, Group, only_group
-from gpusim.fem.indefinite import indefinite
 from gpusim.fem.lattice import Lattice, find_lattice
 from gpusim.fem.mapped import mapped_lattice
 from gpusim.fem.patches import Patches, make_patches
@@ -38,6 +39,10 @@ Float = npt.NDArray[np.float64]
 Bool = npt.NDArray[np.bool_]
 
 _COARSEST = 800
+# of long bodies, whose band is solved with, or, on a device, whose matrix is inverted
+_COARSEST_BAND, _COARSEST_INVERTED = 4000, 2500
+# of a body that can't be aggregated any further, 1.2 GB
+_MOST_INVERTED = 12_000
 # distinct elements up to which the greatest eigenvalue is bounded by theirs
 _FEW = 400
 # Quadratic tetrahedra take a few iterations more with one step of smoothing in place of two, each
@@ -49,8 +54,6 @@ _COMPACT, _LOOK = 20.0, 10_000
 _STEPS, _FEW_STEPS = 10, 6
 # ratio of nodes' stiffnesses; a corner has an eighth of what others have, cells may differ
 _EVEN = 100.0
-# aggregation is of no use to nearly incompressible bodies: a larger dense inverse in its place
-_COARSEST_PATCHED = 2500
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,11 +73,11 @@ class Level:
 
 @dataclass(frozen=True, eq=False)
 class Hierarchy:
-    """Levels from fine to coarse, the inverse on the coarsest one (dense), and ``lowest``: an
-    estimate of the smallest eigenvalue of K (by the coarsest level's matrix)."""
+    """Levels from fine to coarse, what solves on the coarsest one, and ``lowest``: an estimate of
+    the smallest eigenvalue of K (by the coarsest level's matrix)."""
 
     levels: tuple[Level, ...]
-    coarse_inverse: Float
+    bottom: Bottom
     lowest: float
 
 
@@ -87,12 +90,14 @@ def build_hierarchy(
     rows: BlockRows,
     scale: float,
     patched: bool = False,
+    inverted: bool = False,
 ) -> Hierarchy:
     """Coarsen until at most a few hundred unknowns remain.
 
     ``matrix`` K / scale with 3x3 blocks, as a stencil or as its product, ``rows`` the same as
     block rows of K, ``groups`` the elements of K, ``lattice`` of their nodes or None, ``free``
-    (N,3), ``points`` (N,3). ``patched`` asks for patches as smoothers on lattices.
+    (N,3), ``points`` (N,3). ``patched`` asks for patches as smoothers on lattices, ``inverted`` for
+    a coarsest matrix that can be inverted, as devices do.
     """
     levels: list[Level] = []
     inverse = invert_repeated(rows.diagonal / scale, rows.row_class, free)
@@ -126,10 +131,10 @@ def build_hierarchy(
     if not patched and lattice is None and [group.name for group in groups] == ["hex8"]:
         assert not isinstance(matrix, Stencil)
         matrix, free, points = _by_sheets(levels, matrix, groups[0], free, points)
-    return _aggregate(
-        levels, matrix, free, points,
-        _COARSEST_PATCHED if smoothed_by_patches else _COARSEST,
-    )  # fmt: skip
+    # aggregation is of no use to nearly incompressible bodies
+    coarsest = _COARSEST_INVERTED if smoothed_by_patches else _COARSEST
+    longest = _COARSEST_INVERTED if inverted else _COARSEST_BAND
+    return _aggregate(levels, matrix, free, points, coarsest, longest)
 
 
 def _by_sheets(
@@ -251,46 +256,39 @@ def _aggregate(
     free: Bool,
     points: Float,
     coarsest: int,
+    longest: int,
 ) -> Hierarchy:
+    """Aggregate until ``coarsest`` unknowns remain, or ``longest`` in a narrow band."""
     origin = points.mean(axis=0)
     length = float(np.abs(points - origin).max()) or 1.0
     near_null, mask = rigid_modes(points, origin, length) * free[:, :, None], free
     stalled = False
     unknowns = free.size
+    narrow = None
     while not levels or (unknowns > coarsest and not stalled):
+        own = matrix if isinstance(matrix, RowsProduct) else _assembled(matrix)
+        if levels and unknowns <= longest and isinstance(own, bsr_matrix):
+            narrow = narrow_order(own)
+            if narrow is not None:
+                break
         product, inverse = _product(matrix), _inverses(matrix, mask)
         largest = largest_eigenvalue(product, inverse, _STEPS)
-        own = matrix.matrix if isinstance(matrix, Stencil) else matrix
         coarser = aggregate_level(own, inverse, largest, near_null, mask)
         levels.append(Level(product, inverse, largest, MatrixTransfer(coarser.prolongation)))
         unknowns = coarser.matrix.shape[0]
         stalled = unknowns > 0.9 * product.unknowns
         matrix, near_null, mask = coarser.matrix, coarser.near_null, coarser.mask
-    assert isinstance(matrix, bsr_matrix)
-    keep = mask.ravel()
-    inside = np.ix_(keep, keep)
-    inverse_dense = np.zeros(matrix.shape)
-    inverse_dense[inside] = _inverse(matrix.toarray()[inside])
-    lowest = _lowest_eigenvalue(inverse_dense, levels, matrix)
-    return Hierarchy(tuple(levels), inverse_dense, lowest)
+    if narrow is None and unknowns > _MOST_INVERTED:
+        raise NotConverged(
+            f"multigrid: aggregation ended at {unknowns} unknowns; expected at most "
+            f"{_MOST_INVERTED} (are most elements loose from each other?); or method 'block_jacobi'"
+        )
+    coarsest_matrix = _assembled(matrix)
+    bottom = Bottom(coarsest_matrix, mask, narrow)
+    return Hierarchy(tuple(levels), bottom, _lowest_eigenvalue(bottom, levels, coarsest_matrix))
 
 
-def _inverse(matrix: Float) -> Float:
-    """Of a symmetric positive definite matrix, scaled to a unit diagonal first."""
-    diagonal = matrix.diagonal()
-    if not (diagonal > 0.0).all():
-        raise indefinite("multigrid, coarsest level")
-    scale = 1.0 / np.sqrt(diagonal)
-    scaled = 0.5 * (matrix + matrix.T) * scale[:, None] * scale
-    try:
-        factor = cho_factor(scaled, lower=True)
-    except np.linalg.LinAlgError:
-        raise indefinite("multigrid, coarsest level") from None
-    inverse = cho_solve(factor, np.eye(len(matrix)))
-    return np.asarray(0.5 * (inverse + inverse.T) * scale[:, None] * scale)
-
-
-def _lowest_eigenvalue(inverse: Float, levels: list[Level], matrix: bsr_matrix) -> float:
+def _lowest_eigenvalue(bottom: Bottom, levels: list[Level], matrix: bsr_matrix) -> float:
     """Of K in the coarsest space, by inverse iteration.
 
     Interpolated values weigh on coarse nodes by their shares, P^T w for P^T diag(w) P: that is
@@ -311,10 +309,10 @@ def _lowest_eigenvalue(inverse: Float, levels: list[Level], matrix: bsr_matrix) 
             x = level.transfer.restrict(x)
         return x
 
-    x = noise(len(inverse), 5)
+    x = noise(bottom.unknowns, 5)
     image = x[None]
     for _ in range(8):
-        x = inverse @ image[0]
+        x = bottom.solve(image)[0]
         x /= np.linalg.norm(x)
         image = overlap(x[None])
     return float((x @ (matrix @ x)) / (x @ image[0]))

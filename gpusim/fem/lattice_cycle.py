@@ -23,7 +23,7 @@ from gpusim.fem.planes import PlaneWeights
 from gpusim.fem.runs import RunLayout, RunPattern
 from gpusim.fem.smooth import Relaxation
 from gpusim.fem.stencil import Stencil, StencilProduct
-from gpusim.fem.transfer import MatrixTransfer, NodeTransfer
+from gpusim.fem.transfer import MatrixTransfer
 
 __all__ = ["LatticeCycle", "LatticeLevel", "PlaneTransfer", "cycle_dtype"]
 
@@ -100,9 +100,7 @@ class LatticeLevel:
         self._correct(transfer, below)
         return self.up()
 
-    def down(
-        self, transfer: PlaneTransfer | AggregateTransfer, below: Callable[[], Real]
-    ) -> float:
+    def down(self, transfer: PlaneTransfer | AggregateTransfer, below: Callable[[], Real]) -> float:
         """As far as to know b.z, by the smoothed x, its residual y and the corrected x' (the
         smoother is symmetric): b.z = b.x + y.x'."""
         self._smooth()
@@ -191,7 +189,8 @@ class AggregateTransfer:
 
     def interpolate(self, coarse: Real, x: Real) -> None:
         """x += P coarse."""
-        self._fine.put(self._transfer.interpolate(coarse[None])[0], self._moved)
+        moved = self._transfer.interpolate(np.asarray(coarse[None], np.float64))
+        self._fine.put(moved[0], self._moved)
         x += self._moved
 
     def restrict(self, r: Real) -> None:
@@ -200,7 +199,7 @@ class AggregateTransfer:
 
     def solve(self, below: Callable[[Float], Float]) -> Real:
         """What the level below makes of it."""
-        return below(self._right)[0]
+        return np.asarray(below(self._right)[0])
 
 
 class _Unstored:

@@ -179,7 +179,7 @@ def _iterated(
         compiled = None
         if on_device:
             compiled = aside.submit(compile_kernels, device, by_elements, rounded)
-        chosen, norm, product = _preconditioner(kind, model, assembled, system)
+        chosen, norm, product = _preconditioner(kind, model, assembled, system, on_device)
     if compiled is not None:
         compiled.result()
     clock.mark("preconditioner")
@@ -275,7 +275,7 @@ def _nearly_incompressible(model: Model) -> bool:
 
 
 def _preconditioner(
-    name: str, model: Model, assembled: Assembled, system: System
+    name: str, model: Model, assembled: Assembled, system: System, on_device: bool
 ) -> tuple[BlockJacobi | Multigrid, Norm, Product | StencilProduct]:
     """Preconditioner, norm of the stopping rule, and the NumPy loop's product with K'.
 
@@ -289,12 +289,13 @@ def _preconditioner(
         inverse = invert_blocks(diagonal, system.free)
         try:
             # the loads may feel the softest modes too little for Ritz values to tell of them
-            multigrid = Multigrid(_hierarchy(model, assembled, system, patched=False))
+            multigrid = Multigrid(_hierarchy(model, assembled, system))
             softest = _softest(multigrid, system, diagonal)
         except NotConverged:
             softest = np.inf
         return BlockJacobi(inverse), Norm(diagonal, None, softest=softest), Product(matrix)
-    hierarchy = _hierarchy(model, assembled, system, patched=_nearly_incompressible(model))
+    patched = _nearly_incompressible(model)
+    hierarchy = _hierarchy(model, assembled, system, patched=patched, inverted=on_device)
     patched = any(level.patches is not None for level in hierarchy.levels)
     multigrid = PatchMultigrid(hierarchy) if patched else Multigrid(hierarchy)
     lowest = hierarchy.lowest
@@ -303,7 +304,14 @@ def _preconditioner(
     return multigrid, Norm(None, lowest), multigrid.product
 
 
-def _hierarchy(model: Model, assembled: Assembled, system: System, *, patched: bool) -> Hierarchy:
+def _hierarchy(
+    model: Model,
+    assembled: Assembled,
+    system: System,
+    *,
+    patched: bool = False,
+    inverted: bool = False,
+) -> Hierarchy:
     return build_hierarchy(
         finest_matrix(assembled.rows, system),
         assembled.groups,
@@ -313,6 +321,7 @@ def _hierarchy(model: Model, assembled: Assembled, system: System, *, patched: b
         assembled.rows,
         system.scale,
         patched=patched,
+        inverted=inverted,
     )
 
 

@@ -144,7 +144,7 @@ class Multigrid:
 
     def _cycle(self, number: int, b: Float) -> Float:
         if number == len(self.hierarchy.levels):
-            return np.asarray(b @ self.hierarchy.coarse_inverse)
+            return self.hierarchy.bottom.solve(b)
         return self._up(number, b, self._down(number, b)[2])
 
     def _down(self, number: int, b: Float) -> tuple[Float, Float, Float]:
