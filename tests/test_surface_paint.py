@@ -117,6 +117,17 @@ def test_overlapping_features_are_refused() -> None:
     table(Dots(0.1, 0.1))  # discs that touch
 
 
+def test_boards_under_fine_meshes_have_small_cells() -> None:
+    region = RegionPaint(Checker(0.01), np.zeros(2), np.ones(2), 1e-4)
+    assert PatternTable.build([region]).paints["cell"][0] == 1.0
+    # triangles of 50 and of 1000 px, which are 0.01 and 0.2 long
+    assert PatternTable.build([region], 50.0).paints["cell"][0] == 2.0**-5
+    assert PatternTable.build([region], 1000.0).paints["cell"][0] == 0.5
+    # no more of them than a table may have
+    many = PatternTable.build([RegionPaint(Checker(1e-3), np.zeros(2), np.ones(2), 1e-5)], 50.0)
+    assert many.paints["cell"][0] == 2.0**-5
+
+
 class Scattered:
     """A paint of discs at given places, as a user might write one."""
 

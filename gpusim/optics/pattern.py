@@ -39,6 +39,7 @@ PAINT = np.dtype(
 4 a bitmap."""
 
 MOST_CELLS = 1 << 22
+MOST_BOARD_CELLS = 1 << 12
 LOOP_TURNS = 50_000
 """Turns that all loops of one shader invocation may take together.
 
@@ -66,8 +67,8 @@ class PatternTable:
     grid_of_paint: npt.NDArray[np.int64]
 
     @staticmethod
-    def build(regions: Sequence[RegionPaint]) -> PatternTable:
-        """File the features of every region.
+    def build(regions: Sequence[RegionPaint], extent: float = np.inf) -> PatternTable:
+        """File the features of every region; ``extent``: px, no box round a triangle is longer.
 
         Raises
         ------
@@ -82,7 +83,7 @@ class PatternTable:
             record["ground"], record["cell"] = region.paint.ground, 1.0
             if isinstance(region.paint, Speckle):
                 continue
-            filed = _file(region)
+            filed = _file(region, extent)
             if filed is None:
                 continue
             rows.append(filed.records)
@@ -207,31 +208,35 @@ class _Filed:
     records: Array
 
 
-def _file(region: RegionPaint) -> _Filed | None:
+def _file(region: RegionPaint, extent: float) -> _Filed | None:
     """File a region's features; None without any."""
+    # a pixel is twice the reach, at most
+    longest = 2.0 ** np.ceil(np.log2(max(2.0 * region.reach * extent, 1e-300)))
     if not isinstance(region.paint, Checker | Dots):
-        return _file_features(region)
+        return _file_features(region, longest)
     # these are equal by value: the frames of a series share what is filed
     wide = 2.0 ** (np.ceil(16.0 * np.log2(max(region.reach, 1e-300))) / 16.0)
     low, high = (tuple(corner.tolist()) for corner in (region.low, region.high))
-    return _file_again(region.paint, low, high, float(wide) if region.reach > 0.0 else 0.0)
+    reach = float(wide) if region.reach > 0.0 else 0.0
+    return _file_again(region.paint, low, high, reach, float(longest))
 
 
 @lru_cache(maxsize=16)
 def _file_again(
-    paint: Paint, low: tuple[float, float], high: tuple[float, float], reach: float
+    paint: Paint, low: tuple[float, float], high: tuple[float, float], reach: float, longest: float
 ) -> _Filed | None:
-    return _file_features(RegionPaint(paint, np.array(low), np.array(high), reach))
+    return _file_features(RegionPaint(paint, np.array(low), np.array(high), reach), longest)
 
 
-def _file_features(region: RegionPaint) -> _Filed | None:
+def _file_features(region: RegionPaint, longest: float) -> _Filed | None:
+    """``longest``: no triangle is, in paint coordinates."""
     features = region.paint.features(region.low, region.high)
     if features is None or not len(features):
         return None
     low, high = features.bounds()
     _refuse_overlap(features, low, high)
     low, high = low - region.reach, high + region.reach
-    cell = _cell_size(features, region)
+    cell = _cell_size(features, region, longest)
     lowest = np.floor(np.maximum(low.min(axis=0), region.low - cell) / cell).astype(int)
     highest = np.floor(np.minimum(high.max(axis=0), region.high + cell) / cell).astype(int)
     columns, rows = (np.maximum(highest - lowest, -1) + 1).tolist()
@@ -281,10 +286,17 @@ def _file_speckle(
     return table, grid_of_paint
 
 
-def _cell_size(features: Features, region: RegionPaint) -> float:
-    """Cells of about two features' size, not below the pixel, not more than the grid may hold."""
+def _cell_size(features: Features, region: RegionPaint, longest: float) -> float:
+    """Cells of about two features' size, not below the pixel, not more than the grid may hold.
+
+    Under fine meshes those of boards have two fields: across some twenty float32 is off by the ten
+    thousandth of a pixel. A triangle's coordinates are in one cell, whatever that is.
+    """
     extent = region.high - region.low
-    size = float(np.median(features.extent)) * 2.0
+    fields = np.where(features.kind == 0, features.size.max(axis=1), np.inf)
+    finest = max(longest, float(np.sqrt(extent.prod() / MOST_BOARD_CELLS)))
+    own = np.minimum(features.extent, np.maximum(fields, finest)[:, None])
+    size = float(np.median(own)) * 2.0
     size = min(size, float(extent.max()))
     size = max(size, 2.0 * region.reach, float(np.sqrt(extent.prod() / MOST_CELLS)), 1e-300)
     # a power of two: cell corners are then exact in float32

@@ -83,7 +83,7 @@ class Setup:
         ``surfaces`` cast shadows and hide surroundings, which ``device`` looks at. ``shadows``:
         False leaves them to `with_shadows`.
         """
-        table = PatternTable.build(view.paints)
+        table = PatternTable.build(view.paints, view.extent)
         bitmaps = BitmapTable.build(view.paints, table.paints)
         lighting = Lighting.build(view, lights, surfaces, device, shadows)
         boards = matte_boards(view.paints, lighting.gloss)
