@@ -1,20 +1,25 @@
-"""Light as an affine function of the pixel on small triangles, against each pixel's own."""
+"""Light as a function of the pixel on small triangles, against each pixel's own."""
 
 from __future__ import annotations
+
+import sys
 
 import numpy as np
 import numpy.typing as npt
 import pytest
 
+import gpusim as gs
 from gpusim.gpu import Device
 from gpusim.optics import glance
-from gpusim.optics.glance import TOLERANCE, GlancePass, glance_twin, probe_setup
+from gpusim.optics.camera import Camera
+from gpusim.optics.glance import TOLERANCE, GlancePass, glance_twin, may_glance, probe_setup
 from gpusim.optics.light import PointLight
 from gpusim.optics.setup import Setup
 from gpusim.optics.shade import ShadePass, Tables
 from gpusim.optics.sight import Sight, sheet, sight_twin
 from gpusim.optics.view import look
-from gpusim.surface.paint import Plain
+from gpusim.surface.paint import Checker, Plain
+from gpusim.surface.surface import Surface
 
 
 def shaded(
@@ -32,25 +37,61 @@ def shaded(
     return np.concatenate(found)[: camera.height], shading.glance
 
 
+# triangles of 2, 57 and 213 px: affine, affine with fields of a board, of second degree
+@pytest.mark.parametrize("scale,rows", [(1.0, 14), (5.0, 70), (10.0, 391)])
 def test_pixels_are_what_they_are_one_by_one(
-    device: Device, monkeypatch: pytest.MonkeyPatch
+    device: Device, monkeypatch: pytest.MonkeyPatch, scale: float, rows: int
 ) -> None:
-    setup = probe_setup()
+    setup = probe_setup(scale)
     if not device.atomics64:
         pytest.skip("no 64-bit atomics")
-    found, work = shaded(device, setup, 14)
+    found, work = shaded(device, setup, rows)
     assert work is not None
+    assert (len(work.bare) > 0) == (scale > 1.0) and work.quadratic == (scale > 5.0)
     monkeypatch.setattr(glance, "LEAST_SHARE", 2.0)
-    want, other = shaded(device, setup, 14)
+    want, other = shaded(device, setup, rows)
     assert other is None
     ids = sight_twin(setup.view, 0, setup.view.camera.height).astype(np.int64)
-    plain = np.isin(ids, work.triangles.astype(np.int64) + 1)
-    affine = plain & ~np.isin(ids, work.refused())
-    assert 0.2 < affine.mean() < 0.8 and (plain & ~affine).any() and (ids == 0).any()
-    np.testing.assert_array_equal(found[~affine], want[~affine])
-    # off most at the middles of sides, where it was tested; and float32
-    assert np.abs(found - want)[affine].max() <= TOLERANCE * want.max() + 1e-6
+    looked = np.isin(ids, work.triangles.astype(np.int64) + 1)
+    even = looked & ~np.isin(ids, work.refused())
+    assert 0.2 < even.mean() < 0.95 and (looked & ~even).any() and (ids == 0).any()
+    np.testing.assert_array_equal(found[~even], want[~even])
+    # off most where it was tested; and float32
+    assert np.abs(found - want)[even].max() <= TOLERANCE * want.max() + 1e-6
     assert (found != want).any()
+
+
+def test_large_triangles_are_looked_at_where_paint_and_light_are_even(
+    device: Device, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if not device.atomics64:
+        pytest.skip("no 64-bit atomics")
+    monkeypatch.setattr(glance, "FEWEST", 100)
+    rendering = sys.modules["gpusim.optics.render"]
+    camera = Camera(590, 390, np.array([[1110.0, 0.3, 287.0], [0.0, 1100.0, 202.0], [0, 0, 1]]))
+    lamp = PointLight((-60.0, -50.0, -90.0), 2e4, shadows=False)
+    hard = PointLight((-60.0, -50.0, -90.0), 2e4)
+    crumpled = sheet(0.95, 1.3, 0.4, Checker(0.31))
+
+    def images(surface: Surface, light: PointLight) -> list[npt.NDArray[np.float32]]:
+        result = []
+        for asked in (may_glance, lambda view, lights: False):
+            monkeypatch.setattr(rendering, "may_glance", asked)
+            result.append(gs.render([surface], camera, [light], device=device).radiance)
+        return result
+
+    got, other = images(crumpled, lamp)
+    assert not np.array_equal(got, other)
+    want = gs.render([crumpled], camera, [lamp], backend="numpy").radiance
+    assert np.abs(got - want).max() < 2e-4 * want.max()
+    # fields as small as footprints, shadows, gloss
+    for surface, light in (
+        (sheet(0.95, 1.3, 0.4, Checker(0.005)), lamp),
+        (crumpled, hard),
+        (sheet(0.95, 1.3, 0.4, Checker(0.31, roughness=0.4)), lamp),
+    ):
+        got, want = images(surface, light)
+        np.testing.assert_array_equal(got, want)
 
 
 def test_without_lights_it_is_the_albedo(device: Device) -> None:
@@ -80,8 +121,10 @@ def test_shadows_are_left_to_the_pixels(device: Device) -> None:
 def test_the_twin_tells_curved_light_from_even(device: Device) -> None:
     setup = probe_setup()
     plain = np.flatnonzero(setup.groups == 0)
-    radiance, off = glance_twin(setup, plain)
+    radiance, off = glance_twin(setup, plain, False)
     x = setup.view.vertices[setup.view.corner[plain], 0].mean(axis=1)
     assert radiance.shape == (len(plain), 3) and (radiance > 0.0).all()
     calm, rough = off[x < -0.5], off[x > 0.5]
     assert calm.max() < TOLERANCE < np.median(rough)
+    _, closer = glance_twin(setup, plain, True)
+    assert np.isfinite(closer).all() and np.median(closer) < 0.1 * np.median(off)

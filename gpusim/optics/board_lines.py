@@ -7,6 +7,7 @@ lines, as wide as footprints reach, are drawn a hair in front of them. The pictu
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +21,7 @@ from gpusim.optics.setup import Setup
 from gpusim.optics.view import FIXED
 from gpusim.surface.paint import Checker
 
-__all__ = ["BoardLines"]
+__all__ = ["BoardLines", "on_boards"]
 
 Array = npt.NDArray[np.float64]
 Long = npt.NDArray[np.int64]
@@ -60,23 +61,37 @@ class BoardLines:
     def of(setup: Setup) -> BoardLines | None:
         """Those of a view; None where there are none, and behind lenses that bend lines."""
         view = setup.view
-        if view.camera.lens is not None:
+        if view.camera.lens is not None or setup.lighting.openness is not None:
             return None
-        plain = (setup.groups == 1) & ~setup.bumpy & (setup.lighting.openness is None)
         member = np.zeros(view.count, bool)
         found = []
-        for number, region in enumerate(view.paints):
-            paint = region.paint
-            if isinstance(paint, Checker) and paint.size > LEAST * region.reach:
-                rows = np.flatnonzero(plain & (view.paint == number))
-                rows = rows[_spread(view.corners_of(rows, ST))]
-                strips = _strips(setup, rows, paint, region.reach)
-                if strips is not None:
-                    member[rows] = True
-                    found.append(strips)
+        for paint, reach, rows in _boards(setup):
+            rows = rows[_spread(view.corners_of(rows, ST))]
+            strips = _strips(setup, rows, paint, reach)
+            if strips is not None:
+                member[rows] = True
+                found.append(strips)
         if not found:
             return None
         return BoardLines(member, *(np.concatenate(parts) for parts in zip(*found, strict=True)))
+
+
+def on_boards(setup: Setup) -> npt.NDArray[np.bool_]:
+    """(T,): which triangles of a view are on boards with large fields, near one of their lines."""
+    member = np.zeros(setup.view.count, bool)
+    for _, _, rows in _boards(setup):
+        member[rows] = True
+    return member
+
+
+def _boards(setup: Setup) -> Iterator[tuple[Checker, float, Long]]:
+    """The boards of a view with large fields, half of the largest pixel on each, and the numbers of
+    their triangles near lines."""
+    view, near = setup.view, (setup.groups == 1) & ~setup.bumpy
+    for number, region in enumerate(view.paints):
+        paint = region.paint
+        if isinstance(paint, Checker) and paint.size > LEAST * region.reach:
+            yield paint, region.reach, np.flatnonzero(near & (view.paint == number))
 
 
 def _spread(st: Array) -> npt.NDArray[np.bool_]:

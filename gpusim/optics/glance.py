@@ -1,13 +1,18 @@
-"""Light on small matte triangles: an affine function of the pixel each, read as one texel.
+"""Light on small matte triangles: a function of the pixel each, of first or of second degree.
 
 On a triangle of a few pixels the light changes so evenly that what falls on its corners tells all
-between. A pixel then reads four numbers in place of a record of 28, and no lamp. Where the light at
-the middles of a triangle's sides is off by more than `TOLERANCE` of it, and on all other paint, an
-invocation per triangle shades the triangle's own pixels one by one, whose record it reads once.
+between; on one of some hundreds what falls on the middles of its sides does, too. A pixel then
+reads four numbers, or eight, in place of a record of 28, and no lamp. Where the light elsewhere on
+a triangle (at the middles, or at quarters of its sides and in its middle) is off by more than
+`TOLERANCE` of it, and on all other paint, an invocation per triangle shades the triangle's own
+pixels one by one, whose record it reads once. On chessboards it takes light from the function and
+looks at those pixels more closely that a line passes through.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,28 +20,61 @@ import numpy.typing as npt
 
 from gpusim.errors import TwinMismatch
 from gpusim.gpu import Buffer, Device, Recording, compare, twin_check
+from gpusim.optics.board_lines import on_boards
 from gpusim.optics.camera import Camera
 from gpusim.optics.light import AmbientLight, Light, PointLight
+from gpusim.optics.lighting import casts_shadows
+from gpusim.optics.seen import FEWEST, SMALL, mean_pixels
 from gpusim.optics.setup import Setup, radiance_of
-from gpusim.optics.sight import Sight, sheet, sight_twin
-from gpusim.optics.view import look
+from gpusim.optics.sight import LARGEST, Sight, sheet, sight_twin
+from gpusim.optics.view import View, look
 from gpusim.surface.paint import Checker, Plain
 
 if TYPE_CHECKING:
     from gpusim.optics.shade import Program, Tables
 
-__all__ = ["TOLERANCE", "GlancePass", "glance_twin"]
+__all__ = ["TOLERANCE", "GlancePass", "fields_glanced", "glance_twin", "may_glance"]
 
 Array = npt.NDArray[np.float64]
 
 TOLERANCE = 1e-5
-"""Of the light on a triangle, that its function may be off by at the middle of a side."""
+"""Of the light on a triangle, that its function may be off by where that is tested."""
+
+SLENDER = 64.0
+"""Squares of two sides of a triangle over twice its area, beyond which terms of second degree would
+be large and cancel."""
 
 LEAST_SHARE = 0.5
-"""Of the triangles that have such a function; with fewer it isn't worth it."""
+"""Of the triangles that may have such a function; with fewer it isn't worth it."""
 
 PIXELS = 4
 """Shaded by an invocation, as the shader says."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Kind:
+    """Matte triangles whose light is looked at: their program's ``constants``, their numbers + 1
+    in ``order``. ``bare``: light is found without the albedo. ``refused``: numbers + 1 of those
+    whose light is no such function, and ``refusals``: how many groups of 64 they fill, 1, 1, and
+    how many they are."""
+
+    constants: dict[str, float]
+    triangles: npt.NDArray[np.uint32]
+    bare: bool
+    order: Buffer
+    refused: Buffer
+    refusals: Buffer
+
+    @staticmethod
+    def of(device: Device, program: Program) -> _Kind:
+        own = program.triangles
+        order = device.buffer(own + np.uint32(1), "glance.order")
+        refused = device.empty(4 * len(own), "glance.refused")
+        refusals = device.buffer(np.array([0, 1, 1, 0], np.uint32), "glance.refusals")
+        # what is refused takes the closed form for all
+        constants = {**program.constants, "board": 0.0}
+        bare = bool(program.constants["board"])
+        return _Kind(constants, own, bare, order, refused, refusals)
 
 
 class GlancePass:
@@ -52,32 +90,18 @@ class GlancePass:
         columns = -(-view.camera.width // PIXELS)
         self.color = device.target(columns, sight.rows, "rgba32float", "glance.radiance")
         self.tables, self.sight, self._records = tables, sight, tables.records
-        self._own = []
+        self.quadratic = mean_pixels(view) > SMALL
+        self._own, self._kinds = [], []
         for program in programs:
             count = len(program.triangles)
-            if glanced(program):
-                self._plain = program
-                self._order = device.buffer(program.triangles, "glance.order")
-                self._refused = device.empty(4 * max(count, 1), "glance.refused")
-                self._refusals = device.buffer(np.array([0, 1, 1, 0], np.uint32), "glance.refusals")
+            if count and glanced(program):
+                self._kinds.append(_Kind.of(device, program))
             elif count:
                 numbers = device.buffer(program.triangles + np.uint32(1), "glance.numbers")
-                self._own.append((program.constants, count, numbers))
-        self._glances = device.kept.texels(max(view.count, 1), "rgba32uint", "glance.glances")
+                self._own.append((program.constants, numbers))
+        texels = (1 + self.quadratic) * max(view.count, 1)
+        self._glances = device.kept.texels(texels, "rgba32uint", "glance.glances")
         self._found = False
-
-    @staticmethod
-    def suits(tables: Tables, programs: list[Program], sight: Sight) -> bool:
-        """Whether most triangles of a view are matte and plain, without shadows on them."""
-        count = tables.setup.view.count
-        return (
-            tables.records is not None
-            and glances(tables.setup, sight)
-            and any(
-                glanced(program) and len(program.triangles) >= LEAST_SHARE * count
-                for program in programs
-            )
-        )
 
     def record(
         self,
@@ -92,122 +116,215 @@ class GlancePass:
         size = int(params["width"]), int(params["rows"])
         sight.record(recording, int(params["row0"]), size[1])
         own = {
-            "rays": params["rays"], "count": len(self._plain.triangles), "width": size[0],
-            "row0": params["row0"], "background": self.tables.setup.background,
-            "tolerance": TOLERANCE, "inverse_depth": self._records.inverse_depth,
+            "rays": params["rays"], "width": size[0], "row0": params["row0"],
+            "background": self.tables.setup.background, "tolerance": TOLERANCE, "slender": SLENDER,
+            "inverse_depth": self._records.inverse_depth,
         }  # fmt: skip
+        degree = {"quadratic": float(self.quadratic)}
         constants = {
             "lit": float(self.tables.setup.lit),
+            **degree,
             **self.tables.setup.light_constants(False, False),
         }
         if not self._found:
-            self._find(recording, own, constants)
-            for _, _, numbers in self._own:
+            for kind in self._kinds:
+                self._find(recording, kind, own, constants)
+                if kind.bare:
+                    self._records.make(recording, kind.order)
+                else:
+                    self._records.make(recording, kind.refused, kind.refusals)
+            for _, numbers in self._own:
                 self._records.make(recording, numbers)
-            self._records.make(recording, self._refused, self._refusals)
             self._found = True
         raster = device.raster(
             "optics/glance", (self.color.format,), constants=constants, depth="none"
         )
         bent = {name: shared[name] for name in ("tiles", "undistortion")}
-        bindings = raster.bind(params=own, nearest=sight.nearest, seen=self._glances, **bent)
+        bindings = raster.bind(
+            params={**own, "count": 0}, nearest=sight.nearest, seen=self._glances, **bent
+        )
         recording.draw(
             raster, bindings, colors=(self.color,), depth=None, vertices=3,
             size=(self.color.width, size[1]),
         )  # fmt: skip
         recording.copy_texture(self.color, radiance, size[1])
-        rest = (self._plain.constants, len(self._plain.triangles), self._refused)
-        for constants, count, numbers in (*self._own, rest):
-            kernel = device.kernel("optics/shade", "own_pixels", constants)
-            bindings = kernel.bind(
-                params=params, band={"count": count, "stride": self.color.stride // 4},
-                order=numbers, band_nearest=sight.nearest, band_radiance=radiance,
-                corners=sight.drawn.corners, places=sight.places, **shared,
-            )  # fmt: skip
-            if numbers is self._refused:
-                recording.dispatch_counted(kernel, bindings, self._refusals)
-            else:
-                recording.dispatch(kernel, bindings, threads=(count,))
+        values = {
+            **shared, "params": params, "band_nearest": sight.nearest, "band_radiance": radiance,
+            "corners": sight.drawn.corners, "places": sight.places, "seen": self._glances,
+        }  # fmt: skip
+        for kind in self._kinds:
+            if kind.bare:
+                self._shade(
+                    recording, "own_fields", {**kind.constants, **degree}, kind.order, values
+                )
+            self._shade(
+                recording, "own_pixels", kind.constants, kind.refused, values, kind.refusals
+            )
+        for constants, numbers in self._own:
+            self._shade(recording, "own_pixels", constants, numbers, values)
+
+    def _shade(
+        self,
+        recording: Recording,
+        entry: str,
+        constants: dict[str, float],
+        numbers: Buffer,
+        values: dict[str, Any],
+        groups: Buffer | None = None,
+    ) -> None:
+        """Shade the own pixels of triangles ``numbers`` - 1; ``groups``: of 64 that are to be
+        looked at, as the device counted them."""
+        kernel = self.tables.device.kernel("optics/shade", entry, constants)
+        count = numbers.nbytes // 4
+        values = {
+            **values, "order": numbers, "band": {"count": count, "stride": self.color.stride // 4}
+        }  # fmt: skip
+        used = kernel.layout.bindings
+        bindings = kernel.bind(**{name: value for name, value in values.items() if name in used})
+        if groups is None:
+            recording.dispatch(kernel, bindings, threads=(count,))
+        else:
+            recording.dispatch_counted(kernel, bindings, groups)
 
     @property
     def triangles(self) -> npt.NDArray[np.uint32]:
-        """Those that are matte and plain."""
-        return self._plain.triangles
+        """Those whose light was looked at."""
+        return np.concatenate([np.zeros(0, np.uint32), *(kind.triangles for kind in self._kinds)])
+
+    @property
+    def bare(self) -> npt.NDArray[np.uint32]:
+        """Those of `triangles` whose light was found without their albedo."""
+        own = [kind.triangles for kind in self._kinds if kind.bare]
+        return np.concatenate([np.zeros(0, np.uint32), *own])
 
     def refused(self) -> npt.NDArray[np.uint32]:
-        """Numbers + 1 of those that turned out to have no affine light."""
-        count = int(self._refusals.read(np.uint32, (4,))[3])
-        return self._refused.read(np.uint32, (count,))
+        """Numbers + 1 of those whose light turned out to be no such function."""
+        found = [np.zeros(0, np.uint32)]
+        for kind in self._kinds:
+            count = int(kind.refusals.read(np.uint32, (4,))[3])
+            found.append(kind.refused.read(np.uint32, (count,)))
+        return np.concatenate(found)
 
     def read(self) -> Array:
         """(T, 3): radiance at the corners by what was found; of those `triangles` alone."""
         view = self.tables.setup.view
-        words = self._glances.read()[: view.count]
-        value, slope = words.view(np.float32)[:, :1].astype(np.float64), words.view(np.float32)
+        words = self._glances.read()[: (1 + self.quadratic) * view.count]
+        words = words.reshape(view.count, -1)
+        real = words.view(np.float32).astype(np.float64)
         anchor = np.stack([words[:, 3] << np.uint32(16), words[:, 3]], axis=1).view(np.int32) >> 16
-        d = view.ideal - anchor[:, None]
-        result: Array = value + np.einsum("tck,tk->tc", d, slope[:, 1:3].astype(np.float64))
+        x, y = np.moveaxis(view.ideal - anchor[:, None], 2, 0)
+        result: Array = real[:, :1] + real[:, 1:2] * x + real[:, 2:3] * y
+        if self.quadratic:
+            result += real[:, 4:5] * x * x + real[:, 5:6] * x * y + real[:, 6:7] * y * y
         return result
 
     def _find(
-        self, recording: Recording, params: dict[str, Any], constants: dict[str, float]
+        self,
+        recording: Recording,
+        kind: _Kind,
+        params: dict[str, Any],
+        constants: dict[str, float],
     ) -> None:
         """Find the triangles' functions, and which of them have none."""
+        constants = {**constants, "bare": float(kind.bare)}
         kernel = self.tables.device.kernel("optics/glance", constants=constants)
-        records = self._records
+        records, count = self._records, len(kind.triangles)
         surface = {
             name: value
             for name, value in self.tables.surface().items()
             if name in kernel.layout.bindings
         }
         bindings = kernel.bind(
-            params=params, order=self._order, corners=self.sight.drawn.corners,
-            vertices=records.vertices, looks=records.looks, glances=self._glances,
-            refused=self._refused, refusals=self._refusals, **surface,
+            params={**params, "count": count}, order=kind.order,
+            corners=self.sight.drawn.corners, vertices=records.vertices, looks=records.looks,
+            glances=self._glances, refused=kind.refused, refusals=kind.refusals, **surface,
         )  # fmt: skip
-        recording.dispatch(kernel, bindings, threads=(len(self._plain.triangles),))
+        recording.dispatch(kernel, bindings, threads=(count,))
 
 
-def glances(setup: Setup, sight: Sight | None) -> bool:
-    """Whether most triangles of a view may be matte and plain, without shadows on them."""
+def may_glance(view: View, lights: Sequence[Light] | None) -> bool:
+    """Whether `fields_glanced` is likely to find triangles in a view, as far as its paints and
+    lights tell."""
+    if view.count < FEWEST or view.extent > LARGEST or casts_shadows(lights or []):
+        return False
+    if any(getattr(light, "occlusion", False) for light in lights or ()):
+        return False
+    # all of the image is passed over
+    if mean_pixels(view) * view.count < LEAST_SHARE * view.camera.width * view.camera.height:
+        return False
+    return all(
+        isinstance(region.paint, Plain | Checker)
+        and region.paint.bump is None
+        and region.paint.roughness == 1.0
+        for region in view.regions
+    )
+
+
+def fields_glanced(setup: Setup, sight: Sight | None) -> npt.NDArray[np.bool_] | None:
+    """(T,): which triangles of a view are large fields of boards that lines pass through; None
+    unless most triangles are those or plain, and matte, without shadows on them."""
     lighting, count = setup.lighting, setup.view.count
     if sight is None or sight.nearest is None:
-        return False
-    if lighting.shadows is not None or lighting.openness is not None:
-        return False
-    plain = np.count_nonzero((setup.groups == 0) & ~setup.shiny)
-    return bool(plain >= LEAST_SHARE * count)
+        return None
+    if lighting.shadows is not None or lighting.openness is not None or setup.bumps is not None:
+        return None
+    fields = on_boards(setup) & ~setup.shiny
+    some = np.count_nonzero((setup.groups == 0) & ~setup.shiny) + np.count_nonzero(fields)
+    return fields if some >= LEAST_SHARE * count else None
 
 
 def glanced(program: Program) -> bool:
-    """Whether the triangles of a program are matte and plain."""
-    traits = ("patterned", "glossy", "bumpy", "board", "light_tiled")
-    return not any(program.constants[name] for name in traits)
+    """Whether the triangles of a program are matte, and plain or fields of boards."""
+    traits = program.constants
+    plain = not traits["patterned"] or traits["board"]
+    return bool(plain) and not any(traits[name] for name in ("glossy", "bumpy", "light_tiled"))
 
 
-def glance_twin(setup: Setup, triangles: npt.NDArray[np.int64]) -> tuple[Array, Array]:
-    """Radiance (n, 3) at the corners of matte plain triangles, and by how much of it (n,) it is off
-    from affine at the middles of their sides."""
+def glance_twin(
+    setup: Setup, triangles: npt.NDArray[np.int64], quadratic: bool
+) -> tuple[Array, Array]:
+    """Light (n, 3) at the corners of matte triangles, and by how much of it (n,) it is off from a
+    function of first or second degree where the shader looks; of slivers infinite."""
     at = setup.view.ideal[triangles]
-    n = len(triangles)
-    places = np.concatenate([at, 0.5 * (np.roll(at, -1, 1) + np.roll(at, -2, 1))], axis=1)
-    image = setup.view.camera.distort(places.reshape(-1, 2), beyond=True)
-    each = np.repeat(triangles, 6)
-    x, y = image.T
-    light = radiance_of(setup, each, x, y, np.ones(6 * n), np.zeros(6 * n)).reshape(n, 6)
-    corner, middle = light[:, :3], light[:, 3:]
-    off = np.abs(middle - 0.5 * (np.roll(corner, -1, 1) + np.roll(corner, -2, 1)))
+    n, one, none = len(triangles), np.eye(3), np.zeros((3, 3))
+    # barycentric coordinates of the places: corners, middles of the sides opposite to them
+    middle = 0.5 * (np.roll(one, 1, 0) + np.roll(one, -1, 0))
+    looked, by = [], np.concatenate([0.5 * (1.0 - one), none], axis=1)
+    if quadratic:
+        quarter = 0.75 * one + 0.25 * np.roll(one, 1, 1)
+        looked = [quarter, np.full((1, 3), 1.0 / 3.0)]
+        by = np.concatenate(
+            [0.375 * one - 0.125 * np.roll(one, 1, 1), 0.75 * np.roll(one, -1, 1)], axis=1
+        )
+        by = np.concatenate([by, [[-1.0 / 9.0] * 3 + [4.0 / 9.0] * 3]])
+    weights = np.concatenate([one, middle, *looked])
+    each, many = np.repeat(triangles, len(weights)), n * len(weights)
+    places = np.einsum("pk,tkc->tpc", weights, at).reshape(-1, 2)
+    x, y = setup.view.camera.distort(places, beyond=True).T
+    light = radiance_of(setup, each, x, y, np.ones(many), np.zeros(many)).reshape(n, -1)
+    corner = light[:, :3]
+    tested = light[:, 6:] if quadratic else light[:, 3:]
+    off = np.abs(tested - light[:, :6] @ by.T)
     share = off.max(axis=1) / np.maximum(corner.max(axis=1), 1e-300)
-    return corner * setup.albedo[triangles].astype(np.float64)[:, None], share
+    if quadratic:
+        u, v = at[:, 1] - at[:, 0], at[:, 2] - at[:, 0]
+        area = np.abs(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0])
+        share[np.sum(u * u + v * v, axis=1) > SLENDER * area] = np.inf
+    return corner, share
 
 
 @twin_check("optics/glance")
 def _check(device: Device) -> None:
-    from gpusim.optics.shade import ShadePass, Tables, shade_twin
-
     if not device.atomics64:
         return  # pixels read records: optics/shade
-    setup = probe_setup()
+    _compare(device, probe_setup(), False)
+    _compare(device, probe_setup(5.0), False)
+    _compare(device, probe_setup(10.0), True)
+
+
+def _compare(device: Device, setup: Setup, quadratic: bool) -> None:
+    from gpusim.optics.shade import ShadePass, Tables, shade_twin
+
     view, camera = setup.view, setup.view.camera
     sight = Sight(device, view, camera.height)
     shading = ShadePass(Tables(device, setup, sight), camera.height, True, sight)
@@ -215,28 +332,32 @@ def _check(device: Device) -> None:
     with device.recording("optics.glance") as recording:
         shading.record(recording, out, 0, camera.height)
     work = shading.glance
-    assert work is not None
+    assert work is not None and work.quadratic == quadratic
     triangles = work.triangles.astype(np.int64)
-    want, off = glance_twin(setup, triangles)
-    affine = ~np.isin(triangles + 1, work.refused())
-    wrong = affine != (off <= TOLERANCE)
+    want, off = glance_twin(setup, triangles, quadratic)
+    plain = ~np.isin(triangles, work.bare)
+    want[plain] *= setup.albedo[triangles[plain]].astype(np.float64)[:, None]
+    even = ~np.isin(triangles + 1, work.refused())
+    wrong = even != (off <= TOLERANCE)
     # float32 may see those at the limit either way
     wrong &= np.abs(off - TOLERANCE) > 0.05 * TOLERANCE
-    if wrong.any() or affine.all() or not affine.any():
+    if wrong.any() or even.all() or not even.any():
         raise TwinMismatch(f"optics/glance: {int(wrong.sum())} triangles of another kind")
-    compare("optics/glance", work.read()[triangles[affine]], want[affine], "pixel")
+    compare("optics/glance", work.read()[triangles[even]], want[even], "pixel")
     radiance = out.read(np.float32, (camera.height, shading.stride))[:, : camera.width]
     compare(
         "optics/glance", radiance, shade_twin(setup, sight_twin(view, 0, camera.height)), "pixel"
     )
 
 
-def probe_setup() -> Setup:
-    """A bent picture of a plain sheet behind a checkered one, so crumpled that light isn't affine
-    on some triangles."""
+def probe_setup(scale: float = 1.0) -> Setup:
+    """A bent picture of a plain sheet behind a checkered one, so crumpled that light isn't even on
+    some triangles; on ``scale`` times as many pixels across."""
     sheets = [sheet(0.95, 1.3, 0.0, Plain(0.6)), sheet(0.3, 0.4, 0.4, Checker(0.31), 3.6)]
-    K = np.array([[111.0, 0.3, 28.7], [0.0, 110.0, 20.2], [0.0, 0.0, 1.0]])
-    camera = Camera(59, 39, K, distortion=[-0.1, 0.03, 1e-3, -2e-3])
+    K = np.array(
+        [[111.0 * scale, 0.3, 28.7 * scale], [0.0, 110.0 * scale, 20.2 * scale], [0, 0, 1]]
+    )
+    camera = Camera(round(59 * scale), round(39 * scale), K, distortion=[-0.1, 0.03, 1e-3, -2e-3])
     lights: list[Light] = [
         PointLight((-60.0, -50.0, -90.0), 2e4, shadows=False),
         PointLight((40.0, -70.0, -80.0), 3e4, shadows=False),

@@ -16,6 +16,7 @@ from gpusim.optics.border import Border
 from gpusim.optics.camera import Camera
 from gpusim.optics.edges import EdgePass, edges_twin
 from gpusim.optics.frame import Band, Frame
+from gpusim.optics.glance import fields_glanced, may_glance
 from gpusim.optics.light import Light, is_light
 from gpusim.optics.lighting import casts_shadows, find_shadows
 from gpusim.optics.scatter import write_pixels
@@ -104,7 +105,7 @@ def render(
         begun: list[Sight] = []
 
         def begin(view: View) -> None:
-            if view.count <= MOST_TRIANGLES and small_triangles(view):
+            if view.count <= MOST_TRIANGLES and _by_pixel(device, view, lights):
                 begun.append(_begun(device, view, 0, camera.height))
 
         view = look(surfaces, camera, lights is not None, begin)
@@ -135,6 +136,11 @@ def _band_rows(camera: Camera, first: int, stop: int) -> int:
     return min(stop - first, max(16, BAND_BYTES // (4 * camera.width)))
 
 
+def _by_pixel(device: Device, view: View, lights: Sequence[Light] | None) -> bool:
+    """Whether it is worth while to find first which triangle each pixel sees."""
+    return small_triangles(view) or (device.atomics64 and may_glance(view, lights))
+
+
 def _begun(device: Device, view: View, first: int, stop: int) -> Sight:
     """Who sees what, of which the device finds the first band already."""
     rows = _band_rows(view.camera, first, stop)
@@ -159,7 +165,7 @@ def _draw(
     it has begun with before, of these rows.
     """
     rows = _band_rows(view.camera, first, stop)
-    if sight is None and small_triangles(view):
+    if sight is None and _by_pixel(device, view, lights):
         sight = _begun(device, view, first, stop)
     # edges that the host is done with while the device shades
     simple = lights is None and Border.suits(view)
@@ -173,6 +179,9 @@ def _draw(
         found = None if simple or early else aside.begin(bin_edges, view)
         shadows = aside.begin(find_shadows, view, lights or [], surfaces) if early else None
         setup = Setup.build(view, lights, background, surfaces, device, shadows=not early)
+        if sight is not None and fields_glanced(setup, sight) is None and not small_triangles(view):
+            sight.release()
+            sight = None
         tables = Tables(device, setup, sight)
         if shadows is not None:
             shade_pass = ShadePass(tables, rows, marked=True)

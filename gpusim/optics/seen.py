@@ -20,7 +20,7 @@ from gpusim.optics.view import View
 if TYPE_CHECKING:
     from gpusim.optics.shade import Program, Tables
 
-__all__ = ["SeenPass", "small_triangles"]
+__all__ = ["FEWEST", "SMALL", "SeenPass", "mean_pixels", "small_triangles"]
 
 SMALL = 200.0
 """px; triangles that cover fewer are shaded pixel by pixel.
@@ -42,12 +42,18 @@ def small_triangles(view: View) -> bool:
     """Whether the triangles of a view (some of them, if they are many) cover few pixels each."""
     if view.count < FEWEST:
         return False
-    corners = view.screen_of(slice(None, None, -(-view.count // SAMPLED)))
-    a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    pixels = 0.5 * float(np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).mean()) * view.count
+    pixels = mean_pixels(view)
     if len(view.regions) > 1:
-        pixels += view.camera.width * view.camera.height
-    return pixels <= SMALL * view.count
+        pixels += view.camera.width * view.camera.height / view.count
+    return pixels <= SMALL
+
+
+def mean_pixels(view: View) -> float:
+    """How many pixels the triangles of a view (some of them, if they are many) cover each."""
+    corners = view.screen_of(slice(None, None, -(-max(view.count, 1) // SAMPLED)))
+    a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    area = np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
+    return 0.5 * float(area.mean()) if len(area) else 0.0
 
 
 class SeenPass:

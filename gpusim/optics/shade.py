@@ -27,7 +27,7 @@ from gpusim.optics.board_lines import BoardLines
 from gpusim.optics.bump import bump_texels, bump_uniform
 from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.drawn import Drawn
-from gpusim.optics.glance import GlancePass, glances
+from gpusim.optics.glance import GlancePass, fields_glanced
 from gpusim.optics.gloss import gloss_texels
 from gpusim.optics.light_tiles import SMALLEST, LightTiles, LightTilesPass
 from gpusim.optics.openness_table import openness_texels
@@ -64,6 +64,7 @@ class Tables:
         self.patterns = table.texels(device)
         # triangles that are shaded pixel by pixel take no parts
         self.lines = BoardLines.of(setup) if sight is None else None
+        self.fields = fields_glanced(setup, sight)
         self.records: Records | None = None
         if sight is None:
             self.drawn = Drawn(device, view, "shade", self.lines)
@@ -74,7 +75,7 @@ class Tables:
             self.triangles = _triangles(device, setup, self.lines)
         else:
             self.triangles = self.records.texels
-            if not glances(setup, sight):
+            if self.fields is None:
                 with device.recording("optics.records") as recording:
                     self.records.make_all(recording)
         bends = distortion_map(view.camera)
@@ -198,17 +199,19 @@ class ShadePass:
             sight = sight or Sight(device, view, rows)
         marked = setup.lighting.shadows is not None if marked is None else marked
         glossy = bool(setup.shiny.any())
+        fields = None if marked or sight is None or tables.records is None else tables.fields
         # no box that is too small holds a triangle that is large enough
-        light = LightTiles.of(setup) if 0.5 * view.extent**2 >= SMALLEST else None
+        large = fields is None and 0.5 * view.extent**2 >= SMALLEST
+        light = LightTiles.of(setup) if large else None
         self._light = None if light is None else LightTilesPass(tables, light)
         self._light_found = False
         lines = None if by_pixel else tables.lines
-        programs = _programs(setup, light, lines, sort=not by_pixel)
+        programs = _programs(setup, light, lines, fields, sort=not by_pixel)
         self._seen: SeenPass | None = None
         self.glance: GlancePass | None = None
         self._draws: list[tuple[Raster, Buffer, int]] = []
         self.marks: Texture | None = None
-        if sight is not None and not marked and GlancePass.suits(tables, programs, sight):
+        if fields is not None and sight is not None:
             self.glance = GlancePass(tables, programs, sight)
             self.color = self.glance.color
             return
@@ -248,7 +251,7 @@ class ShadePass:
         """Shade rows ``row0 …`` into ``radiance`` (rows x stride float32)."""
         setup = self.tables.setup
         width = setup.view.camera.width
-        if self.tables.records is not None and (self.glance is None or self._light is not None):
+        if self.tables.records is not None and self.glance is None:
             self.tables.records.make_all(recording)
         params = {
             "rays": self.tables.rays(), "width": width, "rows": rows, "row0": row0,
@@ -290,9 +293,16 @@ class ShadePass:
 
 
 def _programs(
-    setup: Setup, light: LightTiles | None, lines: BoardLines | None, sort: bool
+    setup: Setup,
+    light: LightTiles | None,
+    lines: BoardLines | None,
+    fields: npt.NDArray[np.bool_] | None,
+    sort: bool,
 ) -> list[Program]:
-    """The programs that a view needs, one at least (which clears the targets)."""
+    """The programs that a view needs, one at least (which clears the targets).
+
+    ``fields`` (T,): triangles of boards that have a program of their own without ``lines``.
+    """
     result: list[Program] = []
     order = np.zeros(0, np.int64)
     if sort:
@@ -300,7 +310,7 @@ def _programs(
         order = np.argsort(-nearest, kind="stable")
     none = np.zeros(setup.view.count, bool)
     tiled = none if light is None else light.member
-    boards = none if lines is None else lines.member
+    boards = lines.member if lines is not None else none if fields is None else fields
     groups = (BITMAP, 3 + GRAZING, 2 + GRAZING, 3, 2, 1, 0)
     each = (True, False)
     kind = setup.groups.astype(np.uint8) << np.uint8(4)

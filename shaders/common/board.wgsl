@@ -27,17 +27,21 @@ fn board_of(paint: Paint, cell: vec2i) -> Board {
     return Board(corner, f.d.xy, f.b.zw, f.b.x, f.c.xy, f.c.w);
 }
 
+// The lattice as what the closed form takes.
+fn squares_of(lattice: Board) -> Feature {
+    return Feature(
+        vec4f(0.0), vec4f(lattice.size, lattice.size, lattice.squares),
+        vec4f(lattice.albedo, 0.0, lattice.covers), vec4f(lattice.index, 0.0, 0.0),
+    );
+}
+
 // Mean albedo over the pixel with centre `st`, as `paint_pixel` finds it.
 fn board_pixel(
     lattice: Board, ground: f32, st: vec2f, ex: vec2f, ey: vec2f, q: vec2f
 ) -> f32 {
     let p = st - lattice.corner;
     if (board == 2u) {
-        let f = Feature(
-            vec4f(0.0), vec4f(lattice.size, lattice.size, lattice.squares),
-            vec4f(lattice.albedo, 0.0, lattice.covers), vec4f(lattice.index, 0.0, 0.0),
-        );
-        let share = checker_share(f, p, ex, ey, q);
+        let share = checker_share(squares_of(lattice), p, ex, ey, q);
         printed += share.y * lattice.covers;
         return ground + (share.x - ground * share.y);
     }
@@ -47,4 +51,23 @@ fn board_pixel(
     let albedo = select(lattice.albedo.y, lattice.albedo.x, half == floor(half));
     printed += select(0.0, lattice.covers, inside);
     return select(ground, albedo, inside);
+}
+
+// The albedo of a pixel of a board, and whether its footprint reaches over a line, where that isn't
+// its mean.
+struct Field {
+    albedo: f32,
+    line: bool,
+}
+fn field_at(lattice: Board, ground: f32, p: vec2f, dx: vec2f, dy: vec2f, q: vec2f) -> Field {
+    let low = -lattice.index;
+    let corner = clamp(round(p / lattice.size), low, low + lattice.squares);
+    let d = p - corner * lattice.size;
+    // as `checker_share` and `half_plane_share` tell
+    let reach = 0.5 * (abs(dx + d * q.x) + abs(dy + d * q.y));
+    let field = corner - low - select(vec2f(1.0), vec2f(0.0), d > vec2f(0.0));
+    let half = 0.5 * (field.x + field.y);
+    let inside = all(field >= vec2f(0.0)) && all(field < lattice.squares);
+    let albedo = select(lattice.albedo.y, lattice.albedo.x, half == floor(half));
+    return Field(select(ground, albedo, inside), any(abs(d) < reach));
 }

@@ -1,11 +1,14 @@
-// The light on small matte triangles as affine functions of the pixel, and the pixels that read them.
+// The light on small matte triangles as functions of the pixel, and the pixels that read them.
 // Described in gpusim/optics/glance.py.
+#import common/glance
 #import common/index
 #import common/surface
 #import common/undistort
 #import common/vertex
 
 override lit: u32;
+// 1 where light is found without the albedo, which then differs from pixel to pixel
+override bare: u32 = 0u;
 
 struct Params {
     rays: Rays,
@@ -15,20 +18,20 @@ struct Params {
     background: f32,
     // of the largest light at its corners, that a triangle's function may be off by
     tolerance: f32,
+    // the squares of two sides over twice the area, beyond which a triangle is a sliver
+    slender: f32,
     // 1 / depth that those of the vertices are relative to
     inverse_depth: f32,
 }
 @group(0) @binding(0) var<uniform> params: Params;
-// the triangles to look at
+// numbers + 1 of the triangles to look at
 @group(0) @binding(1) var<storage, read> order: array<u32>;
 @group(0) @binding(2) var<storage, read> corners: array<u32>;
 // per triangle (bits of its albedo, its paint)
 @group(0) @binding(11) var<storage, read> looks: array<vec2u>;
-// per triangle radiance at an anchor, its change per column and per row, the anchor's column (lower
-// half) and row
 @group(0) @binding(6) var glances: texture_storage_2d<rgba32uint, write>;
-// numbers + 1 of those whose light isn't affine, and the workgroups of 64 that they fill, 1, 1, their
-// count
+// numbers + 1 of those whose light is no such function, and the workgroups of 64 that they fill, 1, 1,
+// their count
 @group(0) @binding(7) var<storage, read_write> refused: array<u32>;
 @group(0) @binding(8) var<storage, read_write> refusals: array<atomic<u32>, 4>;
 
@@ -59,7 +62,7 @@ fn light_at(place: Place, anchor: vec2f) -> f32 {
 fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let i = linear_id(gid, groups, 64u);
     if (i >= params.count) { return; }
-    let id = order[i];
+    let id = order[i] - 1u;
     let a = vertex_at(corners[3u * id]);
     let b = vertex_at(corners[3u * id + 1u]);
     let c = vertex_at(corners[3u * id + 2u]);
@@ -68,32 +71,69 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
     let p = place_of(a, anchor);
     let q = place_of(b, anchor);
     let r = place_of(c, anchor);
+    let m = between(q, r);
+    let n = between(r, p);
+    let o = between(p, q);
     let light = vec3f(light_at(p, origin), light_at(q, origin), light_at(r, origin));
-    let middle = vec3f(light_at(between(q, r), origin), light_at(between(r, p), origin),
-        light_at(between(p, q), origin));
-    let off = abs(middle - 0.5 * (light.yzx + light.zxy));
+    let middle = vec3f(light_at(m, origin), light_at(n, origin), light_at(o, origin));
     let most = max(light.x, max(light.y, light.z));
     let u = q.at - p.at;
     let v = r.at - p.at;
     let area = u.x * v.y - u.y * v.x;
+    let scale = 1.0 / select(area, 1.0, area == 0.0);
+    var off = abs(middle - 0.5 * (light.yzx + light.zxy));
     let one = light.y - light.x;
     let two = light.z - light.x;
-    let slope = vec2f(one * v.y - two * u.y, two * u.x - one * v.x)
-        / select(area, 1.0, area == 0.0);
-    let affine = max(off.x, max(off.y, off.z)) <= params.tolerance * most && area != 0.0;
-    if (!affine) {
+    var value = light.x;
+    var slope = vec2f(one * v.y - two * u.y, two * u.x - one * v.x) / select(area, 1.0, area == 0.0);
+    var bend = vec3f(0.0);
+    var sound = area != 0.0;
+    if (quadratic != 0u) {
+        // where it is off: at a quarter of every side, and in the middle
+        let quarter = vec3f(light_at(between(p, o), origin), light_at(between(q, m), origin),
+            light_at(between(r, n), origin));
+        off = abs(quarter - (0.375 * light - 0.125 * light.yzx + 0.75 * middle.zxy));
+        let centre = Place((p.at + q.at + r.at) / 3.0, (p.w + q.w + r.w) / 3.0,
+            (p.normal + q.normal + r.normal) / 3.0);
+        let sums = vec2f(dot(light, vec3f(1.0)), dot(middle, vec3f(1.0)));
+        off.x = max(off.x, abs(light_at(centre, origin) - (4.0 * sums.y - sums.x) / 9.0));
+        // by barycentric coordinates a, b of the second and the third corner: light.x + a (one - aa)
+        // + b (two - bb) + aa a^2 + bb b^2 + ab a b
+        let aa = 2.0 * (light.x + light.y - 2.0 * middle.z);
+        let bb = 2.0 * (light.x + light.z - 2.0 * middle.y);
+        let ab = 4.0 * (light.x + middle.x - middle.y - middle.z);
+        let da = vec2f(v.y, -v.x) * scale;
+        let db = vec2f(-u.y, u.x) * scale;
+        slope = (one - aa) * da + (two - bb) * db;
+        bend = vec3f(aa * da.x * da.x + bb * db.x * db.x + ab * da.x * db.x,
+            2.0 * (aa * da.x * da.y + bb * db.x * db.y) + ab * (da.x * db.y + da.y * db.x),
+            aa * da.y * da.y + bb * db.y * db.y + ab * da.y * db.y);
+        // so far from the first corner: the anchor lies at -p.at
+        let d = -p.at;
+        value += d.x * (slope.x + bend.x * d.x + bend.y * d.y) + d.y * (slope.y + bend.z * d.y);
+        slope += vec2f(2.0 * bend.x * d.x + bend.y * d.y, bend.y * d.x + 2.0 * bend.z * d.y);
+        // on slivers large terms would cancel
+        sound = dot(u, u) + dot(v, v) <= params.slender * abs(area);
+    } else {
+        value -= dot(slope, p.at);
+    }
+    let even = max(off.x, max(off.y, off.z)) <= params.tolerance * most && sound;
+    if (!even) {
         let place = atomicAdd(&refusals[3], 1u);
         refused[place] = id + 1u;
         atomicMax(&refusals[0], place / 64u + 1u);
     }
-    let radiance = bitcast<f32>(looks[id].x) * vec3f(light.x - dot(slope, p.at), slope);
-    let place = (u32(anchor.y) << 16u) | (u32(anchor.x) & 65535u);
-    textureStore(glances, texel(id), vec4u(bitcast<vec3u>(radiance), place));
+    let albedo = select(bitcast<f32>(looks[id].x), 1.0, bare != 0u);
+    let at = select((u32(anchor.y) << 16u) | (u32(anchor.x) & 65535u), NONE, bare != 0u && !even);
+    let radiance = albedo * vec3f(value, slope);
+    textureStore(glances, texel((1u + quadratic) * id), vec4u(bitcast<vec3u>(radiance), at));
+    if (quadratic != 0u) {
+        textureStore(glances, texel((1u + quadratic) * id + 1u), vec4u(bitcast<vec3u>(albedo * bend), 0u));
+    }
 }
 
 // per pixel of the band what sight.wgsl found, the lower half first
 @group(0) @binding(9) var<storage, read> nearest: array<vec2u>;
-@group(0) @binding(10) var seen: texture_storage_2d<rgba32uint, read>;
 
 @vertex
 fn vertex(@builtin(vertex_index) index: u32) -> @builtin(position) vec4f {
@@ -110,10 +150,8 @@ fn fragment(@builtin(position) at: vec4f) -> @location(0) vec4f {
 }
 fn radiance_at(at: vec2u) -> f32 {
     let number = 0u - nearest[at.y * params.width + at.x].x;
-    let glance = textureLoad(seen, texel(max(number, 1u) - 1u));
+    let glance = glance_at(max(number, 1u) - 1u);
     let pixel = vec2i(at) + vec2i(0, params.row0);
-    let anchor = vec2i(i32(glance.w << 16u), i32(glance.w)) >> vec2u(16u);
-    let d = vec2f(pixel - anchor) + undistort(bend_at(pixel), vec2f(0.0));
-    let affine = bitcast<vec3f>(glance.xyz);
-    return select(params.background, affine.x + dot(affine.yz, d), number > 0u);
+    let d = vec2f(pixel - glance.anchor) + undistort(bend_at(pixel), vec2f(0.0));
+    return select(params.background, glance_of(glance, d), number > 0u);
 }

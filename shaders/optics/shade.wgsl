@@ -7,6 +7,7 @@
 // pixel reads its own one's record, or an invocation per triangle shades the triangle's own pixels.
 #import common/bitmap
 #import common/board
+#import common/glance
 #import common/index
 #import common/paint
 #import common/pixel_box
@@ -254,4 +255,84 @@ fn own_pixels(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups
         first += 32;
         if (first >= count) { break; }
     }
+}
+
+// The same on chessboards whose light is known as a function of the pixel: most pixels lie within a
+// field, and the closed form is for those alone whose footprints reach over a line.
+@compute @workgroup_size(64)
+fn own_fields(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
+    let i = linear_id(gid, groups, 64u);
+    if (i >= band.count) { return; }
+    let number = order[i];
+    if (number == 0u) { return; }
+    let id = number - 1u;
+    let light = glance_at(id);
+    if (light.none) { return; }
+    let t = triangle_at(id);
+    let lattice = board_of(paint_at(u32(t.ny.w)), t.place.zw);
+    let squares = squares_of(lattice);
+    let size = vec2i(vec2f(params.width, params.rows));
+    let box = box_of(places_of(id, params.row0), size);
+    let columns = box.size.x + 1;
+    let share = 1.0 / f32(columns);
+    let count = select(columns * (box.size.y + 1), 0, any(box.size < vec2i(0)));
+    var pixel = box.low.y * size.x + box.low.x;
+    var column = 0;
+    var first = 0;
+    loop {
+        let many = min(count - first, 32);
+        var bits = 0u;
+        var k = 0;
+        loop {
+            if (k < many && band_nearest[pixel].x == ~id) { bits |= 1u << u32(k); }
+            let end = column == box.size.x;
+            pixel += select(1, size.x - box.size.x, end);
+            column = select(column + 1, 0, end);
+            k++;
+            if (k >= many) { break; }
+        }
+        var lines = 0u;
+        loop {
+            if (bits != 0u) {
+                let bit = firstTrailingBit(bits);
+                let own = own_pixel(t, light, lattice, first + i32(bit), columns, share, box.low);
+                let field = field_at(lattice, t.more.x, own.at, own.f.ex, own.f.ey, own.f.q);
+                band_radiance[own.place] = field.albedo * own.light;
+                if (field.line) { lines |= 1u << bit; }
+            }
+            bits &= bits - 1u;
+            if (bits == 0u) { break; }
+        }
+        loop {
+            if (lines != 0u) {
+                let n = first + i32(firstTrailingBit(lines));
+                let own = own_pixel(t, light, lattice, n, columns, share, box.low);
+                let s = checker_share(squares, own.at, own.f.ex, own.f.ey, own.f.q);
+                band_radiance[own.place] = (t.more.x + (s.x - t.more.x * s.y)) * own.light;
+            }
+            lines &= lines - 1u;
+            if (lines == 0u) { break; }
+        }
+        first += 32;
+        if (first >= count) { break; }
+    }
+}
+
+// A pixel of a box: where it lies on a board and in the image, its footprint, and its light.
+struct OwnPixel {
+    at: vec2f,
+    f: Footprint,
+    light: f32,
+    place: i32,
+}
+fn own_pixel(
+    t: Triangle, glance: Glance, lattice: Board, n: i32, columns: i32, share: f32, low: vec2i
+) -> OwnPixel {
+    let row = i32((f32(n) + 0.5) * share);
+    let at = low + vec2i(n - row * columns, row);
+    let pixel = at + vec2i(0, params.row0);
+    let bend = bend_at(pixel);
+    let d = vec2f(pixel - t.place.xy) + undistort(bend, vec2f(0.0));
+    let f = bent_footprint(footprint(t, d), undistort_change(bend));
+    return OwnPixel(f.st - lattice.corner, f, glance_of(glance, d), at.y * band.stride + at.x);
 }
