@@ -15,8 +15,9 @@ from gpusim.errors import NotConverged
 from gpusim.fem import Isotropic, Model, solve
 from gpusim.fem.assembly import assemble
 from gpusim.fem.cg import NumpyCG
+from gpusim.fem.estimates import Norm
 from gpusim.fem.formulation import resolve_formulation
-from gpusim.fem.iterate import Norm, Outcome, iterate
+from gpusim.fem.iterate import Outcome, iterate
 from gpusim.fem.load_cases import each_case
 from gpusim.fem.system import System, make_system
 from gpusim.mesh import Mesh, box

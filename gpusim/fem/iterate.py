@@ -11,18 +11,16 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import NotConverged
-from gpusim.fem.blur import VISIBLE, Blur, extent, rounded
+from gpusim.fem.blur import VISIBLE, Blur, rounded
+from gpusim.fem.estimates import BELOW, Estimates, Norm
 from gpusim.fem.indefinite import check_finite
-from gpusim.fem.probe import probe
-from gpusim.fem.stopping import energy_bound, smallest_ritz_value
+from gpusim.fem.stopping import energy_bound
 from gpusim.fem.system import System
 
-__all__ = ["HARSH", "Norm", "Outcome", "iterate"]
+__all__ = ["HARSH", "Outcome", "iterate"]
 
 Float = npt.NDArray[np.float64]
 
-# a Ritz value lies slightly above the eigenvalue that the bounds ask for
-_BELOW = 0.9
 _MOST_REFINEMENTS = 12
 # share of the tolerance that the first run of conjugate gradients may leave, and a later one
 _AIM, _LATER_AIM = 0.7, 0.15
@@ -31,42 +29,11 @@ _ENOUGH = 0.95
 # ratio of stiffnesses from node to node beyond which the loads may not feel all soft modes, and
 # how much closer to go there
 HARSH, _HARSH_AIM = 1e3, 0.03
-# a Ritz value below which the preconditioner is poor, and iterations per decimal beyond which it
-# is: the loads may not feel all soft modes then, either
-_POOR, _MANY = 0.03, 5.0
-# iterations that may be spent on such modes where they give no bound
-_GLANCE = 40
 # a run goes this far at least: after a few steps Ritz values tell little
 _LOOSEST = 1e-3
 # where the true residual has reached its own rounding, what a run left and what it moved the
 # solution by stand for the error, with this factor of safety
 _SAFETY = 3.0
-# a Ritz value below this tells of motions that the coarse levels, and ``Norm.lowest``, don't see
-_UNSEEN = 1e-6
-# iterations in half a run from which on its Ritz values can tell anything
-_LEAST_HALF = 10
-
-
-@dataclass(frozen=True, eq=False)
-class Norm:
-    """The norm of the stopping rule: sum of squares, or u.D u with blocks (N,3,3).
-
-    ``lowest`` is the least eigenvalue of N^-1 K'; None: the smallest Ritz value serves, or
-    ``softest``, a Rayleigh quotient of M^-1 K' near the least eigenvalue, if that is smaller.
-    ``sought``: soft modes have been looked for already, as ``probe`` does.
-    """
-
-    blocks: Float | None
-    lowest: float | None
-    sought: bool = False
-    softest: float = np.inf
-
-    def size(self, u: Float, even: bool = False) -> Float:
-        """(L,) norms of (L,N,3); ``even``: see `gpusim.fem.blur.extent`."""
-        if self.blocks is None:
-            return extent(u, even)
-        image = np.matmul(self.blocks, u[..., None])[..., 0]
-        return np.asarray(np.sqrt(np.maximum(np.einsum("lni,lni->l", u, image), 0.0)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,85 +48,6 @@ class Outcome:
     residuals: Float
     message: str
     forces: Float | None = None
-
-
-class _State:
-    """Least Ritz value so far and the estimates per load case.
-
-    Where the Ritz value is all that is known of the least eigenvalue, it must have settled: it
-    may not have halved during the last half of a run of some length. Before that there is no
-    estimate.
-    """
-
-    def __init__(self, system: System, norm: Norm) -> None:
-        self.system, self.norm = system, norm
-        self.mu = np.full(len(system.right), np.inf)
-        self.settled = np.full(len(system.right), norm.lowest is not None)
-        self.given = system.prescribed * (system.scale / system.load_scale)[:, None, None]
-        self.lowest, self.probed = norm.lowest, False
-
-    def doubtful(self, iterations: int, tolerance: float) -> bool:
-        """Whether there may be soft modes that the loads haven't told of, by a first run."""
-        if self.probed or self.lowest is None:
-            return False
-        many = iterations > _MANY * -np.log10(tolerance) and not self.norm.sought
-        return bool((self.mu < _POOR).any()) or many
-
-    def probe(self, loop: Any, most: int) -> str:
-        """Look for them; the loop's run is lost. Returns what to say of it."""
-        bounded = self.lowest is not None
-        found = probe(self.system, loop, most if bounded else _GLANCE)
-        self.probed = True
-        self.mu = np.minimum(self.mu, found.mu)
-        if self.lowest is not None:
-            self.lowest = min(self.lowest, found.lowest)
-            self.settled &= found.settled
-        return f" ({found.iterations} more iterations looked for soft modes)"
-
-    def learn(self, history: Float) -> None:
-        for case in range(len(self.mu)):
-            lowest = smallest_ritz_value(history[:, case, 1], history[:, case, 2])
-            self.mu[case] = min(self.mu[case], lowest, self.norm.softest)
-            if not self.settled[case]:
-                half = history[: len(history) // 2, case]
-                before = smallest_ritz_value(half[:, 1], half[:, 2])
-                self.settled[case] = len(half) >= _LEAST_HALF and before <= 2.0 * lowest
-
-    def left(self, history: Float, rz: Float, x: Float) -> Float:
-        """Estimates (L,) by r.z after a run, which are above the bounds that stopped it; ``rz``
-        before it."""
-        for line in history:
-            # a case at rest has neither step nor change
-            rz = np.where(line[:, 1] > 0.0, line[:, 0] * line[:, 2], rz)
-        known = np.isfinite(self.mu) | ~(rz > 0.0)
-        energy = np.sqrt(np.maximum(rz, 0.0) / (_BELOW * np.where(known, self.mu, 1.0)))
-        return np.where(known, self.relative(energy, x), np.inf)
-
-    def apart(self, residual: Float, expected: Float | None, x: Float) -> Float:
-        """Relative displacement error (L,) from what the true residual (L,n) has more than the
-        one that the loop went by: ||A^-1 d||_A <= ||d|| / sqrt(least eigenvalue)."""
-        if expected is None or self.lowest is None or self.norm.blocks is not None:
-            return np.full(len(residual), np.inf)
-        gap = np.where(self.system.free.ravel(), residual - expected, 0.0)
-        size = np.sqrt(np.einsum("ln,ln->l", gap, gap))
-        return self.relative(size / np.sqrt(_BELOW * self.lowest), x)
-
-    def relative(self, energy: Float, x: Float) -> Float:
-        """Estimated relative displacement error for energy-norm errors (L,)."""
-        return self.over(energy, self.size(x + self.given))
-
-    def size(self, total: Float) -> Float:
-        """What errors (L,) are relative to, for complete displacements (L,N,3)."""
-        return self.norm.size(total, even=bool(self.given.any()))
-
-    def over(self, energy: Float, size: Float) -> Float:
-        """The same for solutions whose norms are ``size`` (L,)."""
-        lowest = _BELOW * self.mu
-        if self.lowest is not None:
-            lowest = _BELOW * self.lowest * np.minimum(1.0, self.mu / _UNSEEN)
-        bound = np.where(self.settled, energy / np.sqrt(lowest), np.inf)
-        relative = np.divide(bound, size, out=np.full_like(bound, np.inf), where=size > 0.0)
-        return np.where(energy > 0.0, relative, 0.0)
 
 
 def iterate(
@@ -221,7 +109,7 @@ class _Refinement:
         self._x = np.zeros_like(system.right)
         if start is not None:
             self._x = np.where(system.free, start * self._factor, 0.0)
-        self._state = _State(system, norm)
+        self._state = Estimates(system, norm)
         self.iterations = 0
         self._histories: list[Float] = []
         self._first: Float | None = None
@@ -259,13 +147,8 @@ class _Refinement:
             self._first = rz if self._first is None else self._first
             if refinement or self._begun:
                 before = self._estimate
-                # a case without load takes no step and needs no estimate
-                known = np.isfinite(state.mu) | ~(rz > 0.0)
-                energy = np.sqrt(np.maximum(rz, 0.0) / (_BELOW * np.where(known, state.mu, 1.0)))
-                # r.z below zero says nothing of the error, least of all that there is none
-                none = np.where(rz < 0.0, np.inf, 0.0)
-                self._estimate = estimate = np.where(rz > 0.0, state.relative(energy, x), none)
-                if known.all() and bool((estimate <= tolerance).all()):
+                self._estimate = estimate = state.by_rz(rz, x)
+                if bool((estimate <= tolerance).all()):
                     self._message = "converged"
                     break
                 settled = _SAFETY * (inside + drift) <= tolerance
@@ -323,7 +206,7 @@ class _Refinement:
 def _run(
     system: System,
     loop: Any,
-    state: _State,
+    state: Estimates,
     x: Float,
     rz: Float,
     near: npt.NDArray[np.bool_],
@@ -365,9 +248,9 @@ def _run(
         correction = loop.correction().reshape(x.shape)
         energy, left = np.zeros(len(rz)), np.zeros(len(rz))
         for case in np.flatnonzero(active):
-            energy[case] = energy_bound(history[:, case], _BELOW * state.mu[case])
+            energy[case] = energy_bound(history[:, case], BELOW * state.mu[case])
             last = history[-1, case]
-            left[case] = np.sqrt(last[0] * last[2] / (_BELOW * state.mu[case]))
+            left[case] = np.sqrt(last[0] * last[2] / (BELOW * state.mu[case]))
         size = state.size(base + correction)
         estimate = np.where(active, state.over(energy, size), estimate)
         plain = np.where(active & (energy > 0.0), state.over(left, size), estimate)

@@ -14,7 +14,15 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["CORNERS", "FULLEST", "OFFSETS", "Lattice", "find_lattice", "node_offsets"]
+__all__ = [
+    "CORNERS",
+    "OFFSETS",
+    "Lattice",
+    "crowded",
+    "filled_grids",
+    "find_lattice",
+    "node_offsets",
+]
 
 Float = npt.NDArray[np.float64]
 Int = npt.NDArray[np.int32]
@@ -33,7 +41,7 @@ OFFSETS = np.stack(np.meshgrid([-1, 0, 1], [-1, 0, 1], [-1, 0, 1], indexing="ij"
 # node coordinates are compared to this fraction of the body's size
 _SAME = 1e-10
 # a lattice with fewer nodes than this share of its bounding grid isn't worth the grid
-FULLEST = 0.05
+_FULLEST = 0.05
 # bits of a plane's number where three of them stand in one integer
 _BITS = 21
 _CHUNK = 4096
@@ -162,21 +170,32 @@ def find_lattice(points: Float, block: Int) -> Lattice | None:
         # the coordinate of the first of its nodes
         plane[number[::-1]] = points[::-1, axis]
         planes.append(plane)
-    shape = tuple(len(one) for one in planes)
-    if int(np.prod(shape, dtype=np.int64)) > len(points) / FULLEST:
+    shape = len(planes[0]), len(planes[1]), len(planes[2])
+    if crowded(shape, len(points)):
         return None
     low_corner = _lowest_corners(place, block)
-    if low_corner is None:
+    grids = None if low_corner is None else filled_grids(shape, place, low_corner)
+    if grids is None:
         return None
+    return Lattice(*grids, place, (planes[0], planes[1], planes[2]))
+
+
+def crowded(shape: tuple[int, ...], nodes: int) -> bool:
+    """Whether a grid is too large for its number of ``nodes``."""
+    return int(np.prod(shape, dtype=np.int64)) > nodes / _FULLEST
+
+
+def filled_grids(shape: tuple[int, ...], place: Int, low_corner: Int) -> tuple[Int, Int] | None:
+    """``node`` and ``cell`` of a `Lattice` with ``shape`` planes, from the ``place`` (N,3) of nodes
+    and that of cells (M,3); None where there are two at one place: parts that touch, or lie over
+    one another, without being joined."""
     node = np.full(shape, -1, dtype=np.int32)
-    node[tuple(place.T)] = np.arange(len(points), dtype=np.int32)
-    if int((node >= 0).sum()) != len(points):
-        return None  # two nodes at one place: parts that touch without being joined
     cell = np.full(tuple(n - 1 for n in shape), -1, dtype=np.int32)
-    cell[tuple(low_corner.T)] = np.arange(len(block), dtype=np.int32)
-    if int((cell >= 0).sum()) != len(block):
-        return None
-    return Lattice(node, cell, place, (planes[0], planes[1], planes[2]))
+    for grid, own in ((node, place), (cell, low_corner)):
+        grid[tuple(own.T)] = np.arange(len(own), dtype=np.int32)
+        if int((grid >= 0).sum()) != len(own):
+            return None
+    return node, cell
 
 
 def _planes(coordinate: Long) -> tuple[Long, Long]:

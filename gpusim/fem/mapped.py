@@ -12,7 +12,7 @@ import numpy.typing as npt
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import breadth_first_order
 
-from gpusim.fem.lattice import CORNERS, FULLEST, Lattice
+from gpusim.fem.lattice import CORNERS, Lattice, crowded, filled_grids
 from gpusim.fem.paths import along_paths
 
 __all__ = ["mapped_lattice"]
@@ -41,7 +41,7 @@ def mapped_lattice(points: Float, block: Int) -> Lattice | None:
     if place is None:
         return None
     shape = tuple(int(n) + 2 for n in place.max(axis=0))
-    if int(np.prod(shape, dtype=np.int64)) > len(points) / FULLEST:
+    if crowded(shape, len(points)):
         return None
     of_node = np.full((len(points), 3), -1, dtype=np.int32)
     for corner, nodes in zip(CORNERS, block.T, strict=True):
@@ -49,19 +49,16 @@ def mapped_lattice(points: Float, block: Int) -> Lattice | None:
     for corner, nodes in zip(CORNERS, block.T, strict=True):
         if (of_node[nodes] != place + corner).any():
             return None
-    node = np.full(shape, -1, dtype=np.int32)
-    node[tuple(of_node.T)] = np.arange(len(points), dtype=np.int32)
-    cell = np.full(tuple(n - 1 for n in shape), -1, dtype=np.int32)
-    cell[tuple(place.T)] = np.arange(len(block), dtype=np.int32)
-    if int((node >= 0).sum()) != len(points) or int((cell >= 0).sum()) != len(block):
-        return None  # two at one place: parts that lie over one another in numbers
+    grids = filled_grids(shape, of_node, place)
+    if grids is None:
+        return None
     lengths = _lengths(points, block)
     if not _alike(lengths):
         return None
     planes = _planes(lengths, place)
-    if not _smooth(points, node, planes):
+    if not _smooth(points, grids[0], planes):
         return None
-    return Lattice(node, cell, of_node, planes)
+    return Lattice(*grids, of_node, planes)
 
 
 def _ahead(block: Int, axis: int) -> Long:

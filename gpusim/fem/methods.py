@@ -22,8 +22,9 @@ from gpusim.fem.congruence import noise
 from gpusim.fem.device_multigrid import compile_kernels
 from gpusim.fem.device_operator import device_tets, operator_bytes, upload_operator
 from gpusim.fem.diagonal import invert_blocks
+from gpusim.fem.estimates import Norm
 from gpusim.fem.hierarchy import Hierarchy, build_hierarchy
-from gpusim.fem.iterate import HARSH, Norm, Outcome, iterate
+from gpusim.fem.iterate import HARSH, Outcome, iterate
 from gpusim.fem.load_cases import Progress, each_case
 from gpusim.fem.mixed import Mixed, mixed_solver
 from gpusim.fem.model import Model

@@ -11,8 +11,8 @@ import numpy.typing as npt
 from gpusim.fem.assembly import Assembled, assemble
 from gpusim.fem.cg import NumpyCG
 from gpusim.fem.checkerboards import PressureScaling
+from gpusim.fem.estimates import Norm
 from gpusim.fem.hierarchy import build_hierarchy
-from gpusim.fem.iterate import Norm
 from gpusim.fem.model import Model
 from gpusim.fem.preconditioner import Multigrid
 from gpusim.fem.pressure_chebyshev import PressureChebyshev
