@@ -84,6 +84,7 @@ def test_large_triangles_are_looked_at_where_paint_and_light_are_even(
     assert not np.array_equal(got, other)
     want = gs.render([crumpled], camera, [lamp], backend="numpy").radiance
     assert np.abs(got - want).max() < 2e-4 * want.max()
+    assert not may_glance(look([crumpled], camera, lit=False), None)
     # fields as small as footprints, shadows, gloss
     for surface, light in (
         (sheet(0.95, 1.3, 0.4, Checker(0.005)), lamp),

@@ -245,9 +245,10 @@ class GlancePass:
 def may_glance(view: View, lights: Sequence[Light] | None) -> bool:
     """Whether `fields_glanced` is likely to find triangles in a view, as far as its paints and
     lights tell."""
-    if view.count < FEWEST or view.extent > LARGEST or casts_shadows(lights or []):
+    # without lights the rasteriser is as fast
+    if lights is None or view.count < FEWEST or view.extent > LARGEST or casts_shadows(lights):
         return False
-    if any(getattr(light, "occlusion", False) for light in lights or ()):
+    if any(getattr(light, "occlusion", False) for light in lights):
         return False
     # all of the image is passed over
     if mean_pixels(view) * view.count < LEAST_SHARE * view.camera.width * view.camera.height:
