@@ -23,7 +23,8 @@ if TYPE_CHECKING:
 __all__ = ["FEWEST", "SMALL", "SeenPass", "mean_pixels", "small_triangles"]
 
 SMALL = 200.0
-"""px; triangles that cover fewer are shaded pixel by pixel.
+"""px; triangles that cover fewer are shaded pixel by pixel, larger ones where
+`gpusim.optics.glance.may_glance` says so.
 
 Several programs pass over all of the image once more.
 """
