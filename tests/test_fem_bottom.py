@@ -11,7 +11,6 @@ from gpusim import fem
 from gpusim.errors import NotConverged
 from gpusim.fem.bottom import Bottom, narrow_order
 from gpusim.mesh import Mesh, box
-from gpusim.mesh.split import split
 
 
 def chain(links: int, seed: int = 4) -> tuple[bsr_matrix, np.ndarray]:
@@ -33,7 +32,7 @@ def chain(links: int, seed: int = 4) -> tuple[bsr_matrix, np.ndarray]:
 @pytest.mark.parametrize("banded", [False, True])
 def test_it_solves_with_the_unknowns_that_exist(banded: bool) -> None:
     matrix, mask = chain(40)
-    order = narrow_order(matrix) if banded else None
+    order = narrow_order(matrix, 30_000) if banded else None
     assert (order is not None) == banded
     bottom = Bottom(matrix, mask, order)
     kept = mask.ravel()
@@ -52,19 +51,20 @@ def test_it_solves_with_the_unknowns_that_exist(banded: bool) -> None:
 
 def test_chains_are_narrow_in_any_numbering_and_cubes_are_not() -> None:
     matrix, _ = chain(60)
-    order = narrow_order(matrix)
+    order = narrow_order(matrix, 30_000)
     assert order is not None
     assert sorted(order) == list(range(60))
     line = np.eye(9) + np.eye(9, k=1) + np.eye(9, k=-1)
     cube = kron(kron(line, line), line)
-    assert narrow_order(bsr_matrix(kron(cube, np.ones((6, 6))), blocksize=(6, 6))) is None
+    wide = bsr_matrix(kron(cube, np.ones((6, 6))), blocksize=(6, 6))
+    assert narrow_order(wide, 30_000) is None
 
 
 @pytest.mark.parametrize("banded", [False, True])
 @pytest.mark.parametrize("how", ["negative pivot", "no diagonal"])
 def test_a_matrix_that_is_not_definite_is_told(banded: bool, how: str) -> None:
     matrix, mask = chain(40)
-    order = narrow_order(matrix) if banded else None
+    order = narrow_order(matrix, 30_000) if banded else None
     mask[:] = True
     if how == "negative pivot":
         matrix, _ = chain(40)
@@ -79,8 +79,6 @@ def slender(kind: str) -> fem.Model:
         inner = (mesh.points[:, :1] > 0.0) & (mesh.points[:, :1] < 200.0)
         move = np.random.default_rng(2).uniform(-0.05, 0.05, mesh.points.shape)
         mesh = mesh.moved(move * inner)
-    if kind == "tet4":
-        mesh = split(mesh, "tet4")
     fixed = np.repeat(mesh.points[:, :1] < 1e-9, 3, axis=1)
     return fem.Model(mesh, [fem.Isotropic(210e3, 0.3)], fixed=fixed, forces=_pull(mesh))
 
@@ -92,8 +90,8 @@ def _pull(mesh: Mesh) -> np.ndarray:
     return forces
 
 
-@pytest.mark.parametrize("kind", ["lattice", "moved", "tet4"])
-def test_long_bodies_end_in_a_band_and_take_no_more_iterations(
+@pytest.mark.parametrize("kind", ["lattice", "moved"])
+def test_long_bodies_end_in_a_band_and_take_fewer_iterations(
     kind: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     model = slender(kind)
@@ -115,4 +113,4 @@ def test_long_bodies_end_in_a_band_and_take_no_more_iterations(
     band, further = sizes
     assert 800 < band <= 4000
     assert further <= 800
-    assert iterations[0] < iterations[1] + (kind == "tet4")
+    assert iterations[0] < iterations[1]

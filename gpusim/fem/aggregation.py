@@ -13,8 +13,9 @@ from operator import add
 import numpy as np
 import numpy.typing as npt
 from scipy.linalg import eigh_tridiagonal
-from scipy.sparse import bsr_matrix, csr_matrix
+from scipy.sparse import bsr_matrix, coo_matrix, csr_matrix
 
+from gpusim.fem.columns import Columns
 from gpusim.fem.congruence import mix, noise
 from gpusim.fem.diagonal import diagonal_blocks
 from gpusim.fem.patches import Patches
@@ -50,20 +51,34 @@ class Aggregated:
 
 
 def aggregate_level(
-    matrix: bsr_matrix | RowsProduct, inverse: Float, largest: float, near_null: Float, mask: Bool
+    matrix: bsr_matrix | RowsProduct,
+    inverse: Float | Columns,
+    largest: float,
+    near_null: Float,
+    mask: Bool,
 ) -> Aggregated:
     """Coarsen once. ``matrix`` has s x s blocks, ``inverse`` (B,s,s) its inverted diagonal blocks,
-    ``largest`` bounds the eigenvalues of D^-1 A, ``near_null`` (B,s,6), ``mask`` (B,s) free.
+    or columns that stay together, ``largest`` bounds the eigenvalues of D^-1 A, ``near_null``
+    (B,s,6), ``mask`` (B,s) free.
 
     Of block rows the diagonal is stored apart, and is taken into account apart: the matrix is the
     largest thing there is, and a copy of it with the diagonal in place isn't needed.
     """
     apart = isinstance(matrix, RowsProduct)
     off, diagonal, scale = _split(matrix)
-    aggregate, count = _shrinking_aggregates(off, diagonal, mask)
+    if isinstance(inverse, Columns):
+        links, weight, alive = _between(off, diagonal, mask, inverse.column)
+        aggregate, count = _shrinking_aggregates(links, weight, alive)
+        aggregate = np.where(mask.any(axis=1), aggregate[inverse.column], -1)
+    else:
+        aggregate, count = _shrinking_aggregates(off, diagonal, mask)
     tentative, coarse_null, coarse_mask = _tentative(near_null, aggregate, count)
     # P = (I - 4/(3 lambda) D^-1 A) T, with D^-1 D T = T
     step = 4.0 / (3.0 * largest)
+    if isinstance(inverse, Columns):
+        prolongation = _smoothed_by_columns(off, diagonal if apart else None, scale, tentative,
+                                            inverse.matrix, step)  # fmt: skip
+        return Aggregated(prolongation, galerkin(matrix, prolongation), coarse_null, coarse_mask)
 
     def smoothed(rows: slice) -> bsr_matrix:
         image = _rows(off, rows) @ tentative
@@ -72,6 +87,53 @@ def aggregate_level(
 
     prolongation = _stacked(shared(smoothed, _parts(off)))
     return Aggregated(prolongation, galerkin(matrix, prolongation), coarse_null, coarse_mask)
+
+
+def _smoothed_by_columns(
+    off: bsr_matrix,
+    diagonal: Float | None,
+    scale: float,
+    tentative: bsr_matrix,
+    inverse: bsr_matrix,
+    step: float,
+) -> bsr_matrix:
+    """P as above, by an inverse whose blocks lie anywhere; ``diagonal`` of ``off`` if apart."""
+
+    def image(rows: slice) -> bsr_matrix:
+        result = _rows(off, rows) @ tentative
+        if diagonal is None:
+            return bsr_matrix(result)
+        return bsr_matrix(result + _block_diagonal(diagonal[rows]) @ _rows(tentative, rows))
+
+    whole = _stacked(shared(image, _parts(off)))
+
+    def smoothed(rows: slice) -> bsr_matrix:
+        return bsr_matrix(_rows(tentative, rows) - (step / scale) * (_rows(inverse, rows) @ whole))
+
+    return _stacked(shared(smoothed, _parts(off)))
+
+
+def _between(
+    off: bsr_matrix, diagonal: Float, mask: Bool, column: Long
+) -> tuple[bsr_matrix, Float, Bool]:
+    """Links between columns as a matrix of single numbers, the norms of all their blocks; the same
+    of each column's own (C,1,1), and whether any unknown of it is free (C,1)."""
+    count = int(column.max()) + 1
+    row = np.repeat(column, np.diff(off.indptr))
+    links = coo_matrix(
+        (np.einsum("bij,bij->b", off.data, off.data), (row, column[off.indices])),
+        shape=(count, count),
+    ).tocsr()
+    own = np.bincount(column, np.einsum("bij,bij->b", diagonal, diagonal), minlength=count)
+    # of a column's own links its nodes' blocks count for all: they are the greatest
+    data = np.sqrt(links.data)[:, None, None]
+    alive = np.bincount(column, mask.any(axis=1), minlength=count)[:, None] > 0
+    shape = (count, count)
+    return (
+        bsr_matrix((data, links.indices, links.indptr), shape=shape),
+        np.sqrt(own)[:, None, None],
+        alive,
+    )
 
 
 def galerkin(matrix: bsr_matrix | RowsProduct, prolongation: bsr_matrix) -> bsr_matrix:
@@ -129,15 +191,15 @@ def _block_diagonal(blocks: Float) -> bsr_matrix:
 
 
 def largest_eigenvalue(
-    product: Product | StencilProduct, inverse: Float | Patches, steps: int
+    product: Product | StencilProduct, inverse: Float | Patches | Columns, steps: int
 ) -> float:
-    """Of M A for the smoother's M, D^-1 or patches: Lanczos in the norm of M^-1 from a fixed
-    start, with the residual and a little more on top (Zhou & Li, Linear Algebra Appl. 435 (2011)
-    480). A value 4 % too small already makes the smoother, and the cycle, indefinite.
+    """Of M A for the smoother's M, D^-1, patches or columns: Lanczos in the norm of M^-1 from a
+    fixed start, with the residual and a little more on top (Zhou & Li, Linear Algebra Appl. 435
+    (2011) 480). A value 4 % too small already makes the smoother, and the cycle, indefinite.
     """
 
     def scaled(r: Float) -> Float:
-        if isinstance(inverse, Patches):
+        if isinstance(inverse, Patches | Columns):
             return np.asarray(inverse.apply(r[None])[0])
         size = inverse.shape[1]
         blocks = np.matmul(inverse, r.reshape(-1, size, 1))
@@ -175,7 +237,7 @@ def _shrinking_aggregates(
     """Aggregates by strong links; by weaker ones where these don't coarsen enough. ``blocks``
     (B,s,s) are the diagonal ones, whether ``matrix`` has them or not."""
     rows = len(blocks)
-    for strength in (_STRENGTH, 0.0) if blocks.shape[1] == 3 else _COARSE_STRENGTHS:
+    for strength in _COARSE_STRENGTHS if blocks.shape[1] == 6 else (_STRENGTH, 0.0):
         aggregate, count = _aggregate(matrix, blocks, mask, strength)
         if count <= _LEAST_SHRINKAGE * rows:
             break

@@ -22,18 +22,23 @@ Float = npt.NDArray[np.float64]
 Long = npt.NDArray[np.int64]
 Bool = npt.NDArray[np.bool_]
 
-# width of a band over the mean length of a row up to which solving by it costs less than smoothing
-_NARROW = 1.5
+# A band of b in n unknowns is read twice to solve with it, and n b^2 operations make its factor:
+# these are a third of a cycle, and ten cycles, of a body with one unknown
+_READ, _FACTORISED = 16.0, 6000.0
 
 
-def narrow_order(matrix: bsr_matrix) -> Long | None:
-    """An order of the block rows in which they make a narrow band, None where there is none
-    (reverse Cuthill-McKee; George & Liu 1981)."""
-    count = matrix.shape[0] // matrix.blocksize[0]
+def narrow_order(matrix: bsr_matrix, finest: int) -> Long | None:
+    """An order of the block rows in which they make a narrow band (reverse Cuthill-McKee; George &
+    Liu 1981), None where solving by it isn't worth it for a body with ``finest`` unknowns."""
+    size = matrix.blocksize[0]
+    count = matrix.shape[0] // size
     ones = np.ones(len(matrix.indices), dtype=np.int8)
     graph = csr_matrix((ones, matrix.indices, matrix.indptr), shape=(count, count))
     order = reverse_cuthill_mckee(graph, symmetric_mode=True).astype(np.int64)
-    return order if _bandwidth(graph, order) * count <= _NARROW * len(matrix.indices) else None
+    band = size * (_bandwidth(graph, order) + 1)
+    numbers = band * matrix.shape[0]
+    narrow = numbers <= _READ * finest and numbers * band <= _FACTORISED * finest
+    return order if narrow else None
 
 
 def _bandwidth(graph: csr_matrix, order: Long) -> int:

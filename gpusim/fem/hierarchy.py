@@ -22,6 +22,7 @@ from gpusim.fem.coarsen import (
     drop_planes,
     has_midsides,
 )
+from gpusim.fem.columns import Columns, columns_across
 from gpusim.fem.congruence import noise
 from gpusim.fem.diagonal import diagonal_blocks, invert_blocks, invert_repeated
 from gpusim.fem.groups import Elements, Group, only_group
@@ -40,7 +41,7 @@ Bool = npt.NDArray[np.bool_]
 
 _COARSEST = 800
 # of long bodies, whose band is solved with, or, on a device, whose matrix is inverted
-_COARSEST_BAND, _COARSEST_INVERTED = 4000, 2500
+_COARSEST_BAND, _COARSEST_INVERTED = 20_000, 2500
 # of a body that can't be aggregated any further, 1.2 GB
 _MOST_INVERTED = 12_000
 # distinct elements up to which the greatest eigenvalue is bounded by theirs
@@ -59,15 +60,15 @@ _EVEN = 100.0
 @dataclass(frozen=True, eq=False)
 class Level:
     """One level: its matrix (3x3 or 6x6 blocks) as host product, inverted diagonal blocks
-    (B,s,s), greatest eigenvalue of D^-1 A, and the transfer to the next coarser level. Where
-    ``patches`` smooth instead, the eigenvalue is theirs. ``lightly``: one step of smoothing is
-    enough, because the coarser level has the same elements."""
+    (B,s,s), greatest eigenvalue of D^-1 A, and the transfer to the next coarser level. Where a
+    ``smoother`` of patches or columns serves instead, the eigenvalue is its own. ``lightly``: one
+    step of smoothing is enough, because the coarser level has the same elements."""
 
     product: Product | StencilProduct
     inverse: Float
     largest: float
     transfer: Transfer
-    patches: Patches | None = None
+    smoother: Patches | Columns | None = None
     lightly: bool = False
 
 
@@ -127,14 +128,18 @@ def build_hierarchy(
         else:
             matrix = group_matrix(groups, len(points))
             matrix.data /= scale
-    smoothed_by_patches = bool(levels) and levels[-1].patches is not None
+    whole = len(points)
+    smoothed_by_patches = bool(levels) and levels[-1].smoother is not None
     if not patched and lattice is None and [group.name for group in groups] == ["hex8"]:
         assert not isinstance(matrix, Stencil)
         matrix, free, points = _by_sheets(levels, matrix, groups[0], free, points)
     # aggregation is of no use to nearly incompressible bodies
     coarsest = _COARSEST_INVERTED if smoothed_by_patches else _COARSEST
     longest = _COARSEST_INVERTED if inverted else _COARSEST_BAND
-    return _aggregate(levels, matrix, free, points, coarsest, longest)
+    column = None
+    if not (patched or inverted) and len(points) == whole:
+        column = columns_across(groups, points)
+    return _aggregate(levels, matrix, free, points, coarsest, longest, column)
 
 
 def _by_sheets(
@@ -257,8 +262,10 @@ def _aggregate(
     points: Float,
     coarsest: int,
     longest: int,
+    column: npt.NDArray[np.int64] | None,
 ) -> Hierarchy:
-    """Aggregate until ``coarsest`` unknowns remain, or ``longest`` in a narrow band."""
+    """Aggregate until ``coarsest`` unknowns remain, or ``longest`` in a narrow band; at first by
+    ``column``, where nodes stand in columns."""
     origin = points.mean(axis=0)
     length = float(np.abs(points - origin).max()) or 1.0
     near_null, mask = rigid_modes(points, origin, length) * free[:, :, None], free
@@ -268,13 +275,16 @@ def _aggregate(
     while not levels or (unknowns > coarsest and not stalled):
         own = matrix if isinstance(matrix, RowsProduct) else _assembled(matrix)
         if levels and unknowns <= longest and isinstance(own, bsr_matrix):
-            narrow = narrow_order(own)
+            narrow = narrow_order(own, levels[0].product.unknowns)
             if narrow is not None:
                 break
         product, inverse = _product(matrix), _inverses(matrix, mask)
-        largest = largest_eigenvalue(product, inverse, _STEPS)
-        coarser = aggregate_level(own, inverse, largest, near_null, mask)
-        levels.append(Level(product, inverse, largest, MatrixTransfer(coarser.prolongation)))
+        smoother = None if column is None else Columns(own, mask, column)
+        largest = largest_eigenvalue(product, smoother or inverse, _STEPS)
+        coarser = aggregate_level(own, smoother or inverse, largest, near_null, mask)
+        transfer = MatrixTransfer(coarser.prolongation)
+        levels.append(Level(product, inverse, largest, transfer, smoother))
+        column = None
         unknowns = coarser.matrix.shape[0]
         stalled = unknowns > 0.9 * product.unknowns
         matrix, near_null, mask = coarser.matrix, coarser.near_null, coarser.mask

@@ -231,7 +231,7 @@ class LatticeCycle:
         levels: list[LatticeLevel] = []
         for level in hierarchy.levels:
             product = level.product
-            if not isinstance(product, StencilProduct) or level.patches is not None:
+            if not isinstance(product, StencilProduct) or level.smoother is not None:
                 break
             layout = product.layout
             if layout.order != first.layout.order:

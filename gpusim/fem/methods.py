@@ -28,7 +28,6 @@ from gpusim.fem.iterate import HARSH, Outcome, iterate
 from gpusim.fem.load_cases import Progress, each_case
 from gpusim.fem.mixed import Mixed, mixed_solver
 from gpusim.fem.model import Model
-from gpusim.fem.patch_multigrid import PatchMultigrid
 from gpusim.fem.preconditioner import BlockJacobi, Multigrid
 from gpusim.fem.product import Product
 from gpusim.fem.refine import refine
@@ -193,13 +192,14 @@ def _iterated(
         most=most,
         chunk=1 if kind == "multigrid" else 100,
     )
-    if not on_device or isinstance(chosen, PatchMultigrid):
+    patched = isinstance(chosen, Multigrid) and chosen.patched
+    if not on_device or patched:
 
         def one(part: System, start: Float | None, progress: Progress | None) -> Outcome:
             return run(part, NumpyCG(product, chosen), start=start, progress=progress)
 
         outcome = each_case(one, system, options.start, options.progress)
-        if isinstance(chosen, PatchMultigrid):
+        if patched:
             note = "smoothed on patches, on the host: a nearly incompressible material"
             outcome = replace(outcome, message=f"{outcome.message} ({note})")
         clock.mark("iterations")
@@ -297,8 +297,7 @@ def _preconditioner(
         return BlockJacobi(inverse), Norm(diagonal, None, softest=softest), Product(matrix)
     patched = _nearly_incompressible(model)
     hierarchy = _hierarchy(model, assembled, system, patched=patched, inverted=on_device)
-    patched = any(level.patches is not None for level in hierarchy.levels)
-    multigrid = PatchMultigrid(hierarchy) if patched else Multigrid(hierarchy)
+    multigrid = Multigrid(hierarchy)
     lowest = hierarchy.lowest
     if system.contrast > HARSH:
         lowest = min(lowest, _softest(multigrid, system))

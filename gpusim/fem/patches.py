@@ -17,6 +17,7 @@ from gpusim.fem.congruence import unique_rows
 from gpusim.fem.groups import Group
 from gpusim.fem.lattice import OFFSETS, Lattice
 from gpusim.fem.product import shared
+from gpusim.fem.smooth import Relaxation, chebyshev
 from gpusim.processors import processors
 
 __all__ = ["Patches", "make_patches"]
@@ -28,6 +29,8 @@ Bool = npt.NDArray[np.bool_]
 # more distinct patches than this cost too much memory (52 kB each) and time
 _MOST = 2000
 _CHUNK = 512
+# stronger smoothing than Jacobi's: a step costs little beside what the coarse level can't do
+_DEGREE, _RANGE = 3, 30.0
 
 
 class Patches:
@@ -55,6 +58,10 @@ class Patches:
     def apply(self, r: Float) -> Float:
         """(L,3N) -> (L,3N)."""
         return np.stack([self._apply(one) for one in r])
+
+    def steps(self, largest: float) -> tuple[Relaxation, ...]:
+        """Of Chebyshev's iteration, for the greatest eigenvalue of this times A."""
+        return chebyshev(largest / _RANGE, largest, _DEGREE)
 
     def _apply(self, r: Float) -> Float:
         padded = np.concatenate([r.reshape(-1, 3), np.zeros((1, 3))])

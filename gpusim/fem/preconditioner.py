@@ -9,10 +9,12 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.fem.arena import Allocator
+from gpusim.fem.columns import Columns
 from gpusim.fem.device_multigrid import DeviceMultigrid, multigrid_bytes
 from gpusim.fem.device_operator import DeviceOperator
 from gpusim.fem.hierarchy import Hierarchy, Level
 from gpusim.fem.lattice_cycle import LatticeCycle
+from gpusim.fem.patches import Patches
 from gpusim.fem.product import Product
 from gpusim.fem.relax import relaxation
 from gpusim.fem.smooth import Relaxation, chebyshev, columns, relax
@@ -149,8 +151,13 @@ class Multigrid:
 
     def _down(self, number: int, b: Float) -> tuple[Float, Float, Float]:
         """The smoothed x, its residual, and x with what coarser levels add."""
-        level, inverse = self.hierarchy.levels[number], self._inverse(number)
-        steps = smoothing_steps(level)
+        level = self.hierarchy.levels[number]
+        if level.smoother is not None:
+            x = _smoothed(level, level.smoother, b, None)
+            r = b - level.product(x)
+            coarse = self._cycle(number + 1, level.transfer.restrict(r))
+            return x, r, x + level.transfer.interpolate(coarse)
+        inverse, steps = self._inverse(number), smoothing_steps(level)
         r, d, x = relax(inverse, b, None, None, None, _from_zero(steps[0]))
         for step in steps[1:]:
             r, d, x = relax(inverse, r, level.product(d), d, x, step)
@@ -159,12 +166,19 @@ class Multigrid:
         return x, r, x + level.transfer.interpolate(coarse)
 
     def _up(self, number: int, b: Float, x: Float) -> Float:
-        level, inverse = self.hierarchy.levels[number], self._inverse(number)
-        steps = smoothing_steps(level)
+        level = self.hierarchy.levels[number]
+        if level.smoother is not None:
+            return _smoothed(level, level.smoother, b, x)
+        inverse, steps = self._inverse(number), smoothing_steps(level)
         r, d, x = relax(inverse, b, level.product(x), None, x, steps[0])
         for step in steps[1:]:
             r, d, x = relax(inverse, r, level.product(d), d, x, step)
         return x
+
+    @property
+    def patched(self) -> bool:
+        """Whether patches smooth, which devices don't have."""
+        return any(isinstance(level.smoother, Patches) for level in self.hierarchy.levels)
 
     def upload(self, device: Allocator, stiffness: DeviceOperator, cases: int) -> DeviceMultigrid:
         """The same on a device; the matrix of ``stiffness`` is that of the finest level."""
@@ -174,3 +188,17 @@ class Multigrid:
     def device_bytes(self, cases: int) -> int:
         """Bytes on a device, beside the stiffness; never less than are taken."""
         return multigrid_bytes(self.hierarchy, cases)
+
+
+def _smoothed(level: Level, smoother: Patches | Columns, b: Float, x: Float | None) -> Float:
+    """Chebyshev steps with blocks larger than a node's, from x or from zero; on the host only,
+    whose matrix products do well with what has to be gathered."""
+    r = b if x is None else b - level.product(x)
+    x = np.zeros_like(b) if x is None else x
+    d = np.zeros_like(b)
+    for number, step in enumerate(smoother.steps(level.largest)):
+        if number:
+            r = r - level.product(d)
+        d = step.keep * d + step.gain * smoother.apply(r)
+        x = x + d
+    return x

@@ -1,0 +1,151 @@
+"""Columns of nodes across flat cells, as blocks that are smoothed and aggregated as a whole.
+
+Thin parts are meshed with cells several times as long as thick. Their nodes hang together across
+the thickness far more stiffly than along the surface, so that smoothing node by node stalls: what
+is left after it is rough along the surface and can't be seen by a coarser level. Solving for each
+column at once (line relaxation; Trottenberg, Oosterlee & Schueller, Multigrid (2001), 5.1) leaves
+the error of a plate whose cells are about square.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import bsr_matrix, csr_matrix
+from scipy.sparse.csgraph import connected_components
+
+from gpusim.fem.groups import Elements
+from gpusim.fem.product import Product, RowsProduct
+from gpusim.fem.smooth import Relaxation, chebyshev
+
+__all__ = ["Columns", "columns_across"]
+
+Float = npt.NDArray[np.float64]
+Long = npt.NDArray[np.int64]
+Bool = npt.NDArray[np.bool_]
+
+# edges of a cell along each of its axes
+_EDGES: dict[str, tuple[tuple[tuple[int, int], ...], ...]] = {
+    "hex8": (
+        ((0, 1), (3, 2), (4, 5), (7, 6)),
+        ((0, 3), (1, 2), (4, 7), (5, 6)),
+        ((0, 4), (1, 5), (2, 6), (3, 7)),
+    ),
+    "wedge6": (
+        ((0, 1), (3, 4)),
+        ((1, 2), (4, 5)),
+        ((2, 0), (5, 3)),
+        ((0, 3), (1, 4), (2, 5)),
+    ),
+}
+# a cell is flat where it is this many times as long, along any other axis, as along its shortest
+_FLAT = 1.4
+# nodes of a column at most, and the share of all nodes that must lie in columns
+_LONGEST, _MOSTLY = 12, 0.5
+# eigenvalues of the smoother, as of `gpusim.fem.preconditioner`
+_RANGE, _DEGREE = 12.0, 2
+
+
+def columns_across(groups: Sequence[Elements], points: Float) -> Long | None:
+    """(N,) numbers of the columns, each node in one; None where the body isn't flat in most places.
+
+    ``points`` (N,3) are the nodes of the cells in ``groups``.
+    """
+    ends = []
+    for group in groups:
+        axes = _EDGES.get(group.name)
+        if axes is None:
+            return None
+        lengths = np.stack([_mean_length(points, group.cells, edges) for edges in axes])
+        order = np.sort(lengths, axis=0)
+        flat = order[1] >= _FLAT * order[0]
+        shortest = lengths.argmin(axis=0)
+        for axis, edges in enumerate(axes):
+            own = group.cells[flat & (shortest == axis)]
+            ends += [own[:, list(edge)] for edge in edges]
+    first, second = np.concatenate(ends).T
+    count = len(points)
+    links = csr_matrix((np.ones(len(first), dtype=bool), (first, second)), shape=(count, count))
+    _, number = connected_components(links, directed=False)
+    size = np.bincount(number)[number]
+    inside = (size > 1) & (size <= _LONGEST)
+    if inside.mean() < _MOSTLY:
+        return None
+    # all others stand for themselves
+    label = np.where(inside, number, number.max() + 1 + np.arange(count))
+    return np.asarray(np.unique(label, return_inverse=True)[1], dtype=np.int64)
+
+
+def _mean_length(
+    points: Float, cells: npt.NDArray[np.int32], edges: Sequence[tuple[int, int]]
+) -> Float:
+    lengths = [np.linalg.norm(points[cells[:, b]] - points[cells[:, a]], axis=1) for a, b in edges]
+    return np.asarray(np.mean(lengths, axis=0))
+
+
+class Columns:
+    """r -> D^-1 r with the blocks of a matrix that belong to one column each."""
+
+    def __init__(self, matrix: bsr_matrix | RowsProduct, free: Bool, column: Long) -> None:
+        self.column = column
+        self._inverse = Product(_inverse(matrix, free, column))
+
+    @property
+    def matrix(self) -> bsr_matrix:
+        """D^-1 in blocks of 3x3, zero where nothing is free."""
+        return self._inverse.matrix
+
+    def apply(self, r: Float) -> Float:
+        """(L,3N) -> (L,3N)."""
+        return self._inverse(r)
+
+    def steps(self, largest: float) -> tuple[Relaxation, ...]:
+        """Of Chebyshev's iteration, for the greatest eigenvalue of D^-1 A."""
+        return chebyshev(largest / _RANGE, largest, _DEGREE)
+
+
+def _inverse(matrix: bsr_matrix | RowsProduct, free: Bool, column: Long) -> bsr_matrix:
+    count = len(column)
+    size = np.bincount(column)
+    members = np.argsort(column, kind="stable")
+    start = np.concatenate([[0], np.cumsum(size)])
+    place = np.empty(count, dtype=np.int64)
+    place[members] = np.arange(count) - start[column[members]]
+    row, other, value = _inner_blocks(matrix, column)
+    pointer = np.concatenate([[0], np.cumsum(size[column])])
+    indices = np.empty(pointer[-1], dtype=np.int64)
+    data = np.empty((pointer[-1], 3, 3))
+    for high in np.unique(size):
+        own = np.flatnonzero(size == high)
+        number = np.full(len(size), -1)
+        number[own] = np.arange(len(own))
+        nodes = members[start[own][:, None] + np.arange(high)]
+        block = np.zeros((len(own), high, 3, high, 3))
+        here = number[column[row]] >= 0
+        at = number[column[row[here]]], place[row[here]], slice(None), place[other[here]]
+        block[at] = value[here]
+        inside = free[nodes].reshape(len(own), -1)
+        both = inside[:, :, None] & inside[:, None]
+        dense = np.where(both, block.reshape(both.shape), 0.0)
+        # what isn't free stands for itself, and is left out afterwards
+        dense += ~inside[:, :, None] * np.eye(3 * high)
+        dense = np.where(both, np.linalg.inv(0.5 * (dense + dense.transpose(0, 2, 1))), 0.0)
+        into = pointer[nodes][:, :, None] + np.arange(high)
+        indices[into] = nodes[:, None]
+        data[into] = dense.reshape(block.shape).transpose(0, 1, 3, 2, 4)
+    return bsr_matrix((data, indices, pointer), shape=(3 * count, 3 * count))
+
+
+def _inner_blocks(matrix: bsr_matrix | RowsProduct, column: Long) -> tuple[Long, Long, Float]:
+    """Rows, columns and values (B,3,3) of the blocks between nodes of one column."""
+    off = matrix.others if isinstance(matrix, RowsProduct) else matrix
+    row = np.repeat(np.arange(len(column)), np.diff(off.indptr))
+    same = np.flatnonzero(column[row] == column[off.indices])
+    row, other, value = row[same], off.indices[same].astype(np.int64), off.data[same]
+    if isinstance(matrix, RowsProduct):
+        own = np.arange(len(column))
+        row, other = np.concatenate([row, own]), np.concatenate([other, own])
+        value = np.concatenate([value, matrix.diagonal]) / matrix.scale
+    return row, other, value

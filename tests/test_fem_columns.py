@@ -1,0 +1,158 @@
+"""Columns across flat cells: where they stand, their inverse, and what they do for thin bodies."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import gpusim.fem.hierarchy as hierarchy
+from gpusim import fem
+from gpusim.fem.aggregation import aggregate_level
+from gpusim.fem.assembly import assemble
+from gpusim.fem.block_rows import block_matrix
+from gpusim.fem.columns import Columns, columns_across
+from gpusim.fem.formulation import resolve_formulation
+from gpusim.fem.groups import Elements
+from gpusim.fem.hierarchy import build_hierarchy
+from gpusim.fem.preconditioner import Multigrid
+from gpusim.fem.product import RowsProduct
+from gpusim.fem.supports import rigid_modes
+from gpusim.mesh import Mesh, box
+from gpusim.mesh.split import split
+
+
+def plate(kind: str, cells: tuple[int, int, int] = (14, 12, 3), thickness: float = 0.5) -> Mesh:
+    """A plate of cells about six times as long as thick: on a lattice, moved, turned, of wedges."""
+    mesh = box((float(cells[0]), float(cells[1]), thickness), cells)
+    if kind == "wedge6":
+        return split(mesh, "wedge6")
+    if kind == "moved":
+        inner = (mesh.points[:, :1] > 0.0) & (mesh.points[:, :1] < cells[0])
+        move = np.random.default_rng(2).uniform(-0.03, 0.03, mesh.points.shape)
+        return mesh.moved(move * inner)
+    if kind == "turned":
+        # every other cell begins at another corner, so that its axes have other numbers
+        blocks = mesh.cells["hex8"].copy()
+        blocks[::2] = blocks[::2][:, [1, 5, 6, 2, 0, 4, 7, 3]]
+        return Mesh(mesh.points, {"hex8": blocks})
+    return mesh
+
+
+def model_of(mesh: Mesh) -> fem.Model:
+    x = mesh.points[:, 0]
+    fixed = np.zeros(mesh.points.shape, dtype=bool)
+    fixed[x < 1e-9] = True
+    fixed[mesh.points[:, 1] < 1e-9, 1] = True
+    forces = np.zeros(mesh.points.shape)
+    end = x > x.max() - 1e-9
+    forces[end] = np.array([0.2, 0.1, -1.0]) / end.sum()
+    return fem.Model(mesh, [fem.Isotropic(210e3, 0.3)], fixed=fixed, forces=forces)
+
+
+def groups_of(mesh: Mesh) -> list[Elements]:
+    model = model_of(mesh)
+    return list(assemble(model, resolve_formulation(model, None)).groups)
+
+
+@pytest.mark.parametrize("kind", ["lattice", "moved", "turned", "wedge6"])
+def test_columns_stand_across_the_thickness(kind: str) -> None:
+    mesh = plate(kind)
+    column = columns_across(groups_of(mesh), mesh.points)
+    assert column is not None
+    assert column.max() + 1 == 15 * 13
+    assert (np.bincount(column) == 4).all()
+    # a column's nodes lie above one another
+    lowest = np.full((15 * 13, 2), np.inf)
+    np.minimum.at(lowest, column, mesh.points[:, :2])
+    assert np.abs(mesh.points[:, :2] - lowest[column]).max() <= 0.07
+
+
+def test_there_are_none_in_cubes_thick_bodies_and_tetrahedra() -> None:
+    for mesh in (
+        box((6.0, 5.0, 4.0), (6, 5, 4)),
+        box((20.0, 20.0, 4.0), (5, 5, 16)),
+        split(box((6.0, 5.0, 0.5), (6, 5, 3)), "tet4"),
+    ):
+        assert columns_across(groups_of(mesh), mesh.points) is None
+
+
+@pytest.mark.parametrize("apart", [False, True])
+def test_the_inverse_is_that_of_each_columns_block(apart: bool) -> None:
+    mesh = plate("moved", (6, 5, 3))
+    model = model_of(mesh)
+    parts = assemble(model, resolve_formulation(model, None))
+    assert model.fixed is not None
+    free, column = ~model.fixed, columns_across(parts.groups, mesh.points)
+    assert column is not None
+    dense = block_matrix(parts.rows, 4.0).toarray()
+    matrix = RowsProduct(parts.rows, 4.0) if apart else block_matrix(parts.rows, 4.0)
+    r = np.random.default_rng(3).normal(size=(2, free.size))
+    wanted = np.zeros_like(r)
+    for one in range(column.max() + 1):
+        unknowns = np.flatnonzero(np.repeat(column == one, 3) & free.ravel())
+        wanted[:, unknowns] = np.linalg.solve(dense[np.ix_(unknowns, unknowns)], r[:, unknowns].T).T
+    got = Columns(matrix, free, column)
+    assert np.abs(got.apply(r) - wanted).max() <= 1e-12 * np.abs(wanted).max()
+    # a node in the wrong column is seen
+    column[[20, 21]] = column[[21, 20]]
+    wrong = Columns(matrix, free, column).apply(r)
+    assert np.abs(wrong - wanted).max() > 1e-3 * np.abs(wanted).max()
+
+
+def test_aggregates_keep_columns_together() -> None:
+    mesh = plate("moved")
+    model = model_of(mesh)
+    parts = assemble(model, resolve_formulation(model, None))
+    assert model.fixed is not None
+    free, column = ~model.fixed, columns_across(parts.groups, mesh.points)
+    assert column is not None
+    near_null = rigid_modes(mesh.points, mesh.points.mean(axis=0), 7.0) * free[:, :, None]
+    forms = []
+    for matrix in (RowsProduct(parts.rows, 1.0), block_matrix(parts.rows, 1.0)):
+        smoother = Columns(matrix, free, column)
+        coarser = aggregate_level(matrix, smoother, 2.6, near_null, free)
+        forms.append(coarser.prolongation.toarray())
+        # the same matrix, whether by aggregates' P or by the plain product
+        dense = block_matrix(parts.rows, 1.0).toarray()
+        product = forms[-1].T @ dense @ forms[-1]
+        assert np.abs(coarser.matrix.toarray() - product).max() <= 1e-12 * np.abs(product).max()
+    assert np.abs(forms[0] - forms[1]).max() <= 1e-12 * np.abs(forms[0]).max()
+    # rigid motions stay rigid away from what is held
+    made = (forms[0] @ coarser.near_null.reshape(-1, 6)).reshape(-1, 3, 6)
+    far = (mesh.points[:, 0] > 1.5) & (mesh.points[:, 1] > 1.5)
+    assert np.abs(made - near_null)[far].max() <= 1e-9 * np.abs(near_null).max()
+
+
+def test_half_a_cycle_tells_the_energy_of_a_symmetric_one() -> None:
+    mesh = plate("lattice", (24, 20, 3))
+    model = model_of(mesh)
+    parts = assemble(model, resolve_formulation(model, None))
+    assert model.fixed is not None
+    made = build_hierarchy(
+        block_matrix(parts.rows, 2.0), parts.groups, parts.lattice, ~model.fixed, mesh.points,
+        parts.rows, 2.0,
+    )  # fmt: skip
+    assert isinstance(made.levels[0].smoother, Columns)
+    cycle = Multigrid(made)
+    r = np.random.default_rng(4).normal(size=(2, model.fixed.size)) * ~model.fixed.ravel()
+    z = cycle.apply(r)
+    assert np.isclose(r[0] @ z[1], r[1] @ z[0], rtol=1e-12)
+    np.testing.assert_allclose(cycle.down(r, [0, 1]), np.einsum("ln,ln->l", r, z), rtol=1e-12)
+    np.testing.assert_allclose(cycle.up([0, 1]), z, atol=1e-13 * np.abs(z).max())
+
+
+@pytest.mark.parametrize("kind", ["lattice", "moved", "wedge6"])
+def test_thin_plates_take_a_fraction_of_the_iterations(
+    kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model = model_of(plate(kind, (30, 30, 4), 0.6))
+    exact = fem.solve(model, method="direct").u
+    iterations = []
+    for _ in range(2):
+        found = fem.solve(model, tolerance=1e-6, method="multigrid", backend="numpy")
+        error = np.linalg.norm(found.u - exact) / np.linalg.norm(exact)
+        assert error <= found.error_estimate <= 1e-6 or not iterations == []
+        iterations.append(found.iterations)
+        monkeypatch.setattr(hierarchy, "columns_across", lambda *_: None)
+    assert iterations[0] <= 40
+    assert iterations[0] <= iterations[1] / 3
