@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from scipy.sparse import csr_matrix
@@ -13,6 +15,7 @@ from gpusim.fem.assembly import Assembled, assemble
 from gpusim.fem.block_rows import BlockRows, block_matrix
 from gpusim.fem.block_texels import BlockTexels, rows_of_matrix
 from gpusim.fem.cg import DeviceCG
+from gpusim.fem.columns import Columns
 from gpusim.fem.device_operator import device_tets, upload_operator
 from gpusim.fem.formulation import resolve_formulation
 from gpusim.fem.hierarchy import Hierarchy, build_hierarchy
@@ -20,8 +23,10 @@ from gpusim.fem.methods import _memory
 from gpusim.fem.node_texels import node_texels, pair, read_nodes, vector_texels
 from gpusim.fem.pair_product import DeviceProduct
 from gpusim.fem.preconditioner import Multigrid
+from gpusim.fem.relax import ColumnRelaxation, relaxation
 from gpusim.fem.row_packs import find_packs
 from gpusim.fem.row_slices import SLICE, RowSlices
+from gpusim.fem.smooth import Relaxation
 from gpusim.fem.stiffness import DeviceStiffness, apply_stiffness
 from gpusim.gpu import Device
 from gpusim.mesh import CELL_TYPES, Mesh, box, quadratic, split
@@ -47,6 +52,12 @@ def irregular(cells: tuple[int, int, int]) -> Mesh:
     inside = mesh.points[:, :1] > 0.0
     shift = 0.02 * np.random.default_rng(3).random(mesh.points.shape)
     return mesh.moved(np.where(inside, shift, 0.0))
+
+
+def irregular_plate(cells: tuple[int, int, int]) -> Mesh:
+    """Flat cells: columns across them are smoothed as a whole."""
+    mesh = irregular(cells)
+    return Mesh(mesh.points * [1.0, 1.0, 0.08], mesh.cells)
 
 
 def clamped(mesh: Mesh, nu: float = 0.3, cases: int = 1) -> Model:
@@ -88,6 +99,7 @@ def assembled_and_hierarchy(model: Model) -> tuple[Assembled, Hierarchy, np.ndar
 
 MESHES = {
     "lattice": lambda: box((1.0, 0.7, 0.9), (13, 9, 11)),
+    "flat": lambda: irregular_plate((12, 11, 3)),
     "irregular": lambda: irregular((7, 6, 8)),
     "tet4": lambda: tetrahedra(box((1.0, 0.7, 0.9), (7, 5, 6)), "tet4"),
     "tet10": lambda: tetrahedra(box((1.0, 0.7, 0.9), (5, 3, 4)), "tet10"),
@@ -260,6 +272,7 @@ def test_the_cycle_is_that_of_the_host(name: str, real: str) -> None:
     model = clamped(MESHES[name](), cases=2)
     assembled, hierarchy, free = assembled_and_hierarchy(model)
     multigrid = Multigrid(hierarchy)
+    assert (hierarchy.levels[0].smoother is not None) == (name == "flat")
     b = np.where(free, np.random.default_rng(5).normal(size=(2, *free.shape)), 0.0)
     wanted = multigrid.apply(b.reshape(2, -1)).reshape(b.shape)
     with Arena(device) as arena:
@@ -334,3 +347,41 @@ def test_a_value_that_is_not_finite_is_seen(
     monkeypatch.setattr(BlockTexels, "__init__", damaged)
     with pytest.raises(NotConverged, match="finite"):
         solve(clamped(MESHES["irregular"]()), device, method="multigrid")
+
+
+def test_steps_by_columns_are_those_of_the_host(device: Device) -> None:
+    model = clamped(irregular_plate((6, 5, 3)), cases=2)
+    _, hierarchy, free = assembled_and_hierarchy(model)
+    level = hierarchy.levels[0]
+    assert isinstance(level.smoother, Columns)
+    texels = BlockTexels(
+        device, rows_of_matrix(level.product.matrix), free, 1.0, "test", exact=False
+    )
+    matrix = relaxation(device, texels, level.inverse, 2, "test")
+    x, before, b = (np.where(free, one, 0.0) for one in
+                    np.random.default_rng(6).normal(size=(3, 2, *free.shape)))  # fmt: skip
+    step = Relaxation(0.3, 0.7, 1.0)
+
+    def product(apply: Callable[[np.ndarray], np.ndarray], v: np.ndarray) -> np.ndarray:
+        return apply(v.reshape(2, -1)).reshape(v.shape)
+
+    scaled = product(level.smoother.apply, np.where(free, b - product(level.product, x), 0.0))
+    wanted = [
+        0.7 * product(level.smoother.apply, b),
+        x + step.keep * (x - before) + step.gain * scaled,
+        x + step.keep * x + step.gain * scaled,
+    ]
+    inverse = level.smoother.matrix.copy()
+    for corrupt in (False, True):
+        inverse.data[40, 1, 1] *= 1.2 if corrupt else 1.0
+        smoother = ColumnRelaxation(device, matrix, inverse, level.inverse, 2, "test")
+        x_in, before_in, b_in, *out = (smoother.vector("test") for _ in range(6))
+        for texture, values in ((x_in, x), (before_in, before), (b_in, b)):
+            texture.write(node_texels(values))
+        with device.recording("test") as recording:
+            smoother.begin(recording, b_in, out[0], 0.7)
+            smoother.relax(recording, x_in, before_in, b_in, step, out[1])
+            smoother.relax(recording, x_in, None, b_in, step, out[2])
+        for one, value in zip(out, wanted, strict=True):
+            off = np.abs(read_nodes(one, 2) - value).max() / np.abs(value).max()
+            assert (off <= 2e-6) != corrupt

@@ -14,11 +14,12 @@ from scipy.sparse import bsr_matrix, csr_matrix
 
 from gpusim.fem.arena import Allocator
 from gpusim.fem.block_texels import BlockTexels, block_texels_bytes, rows_of_matrix
+from gpusim.fem.columns import Columns
 from gpusim.fem.combine import DeviceSum
 from gpusim.fem.hierarchy import Hierarchy, Level
 from gpusim.fem.node_texels import Pair, pair
 from gpusim.fem.pair_product import DeviceProduct, product_bytes
-from gpusim.fem.relax import relaxation
+from gpusim.fem.relax import ColumnRelaxation, DeviceRelaxation, column_bytes, relaxation
 from gpusim.fem.smooth import Relaxation
 from gpusim.fem.spread import DeviceWeights
 from gpusim.fem.tet_texels import TetTexels
@@ -102,6 +103,8 @@ def multigrid_bytes(hierarchy: Hierarchy, cases: int) -> int:
                 degree = np.diff(level.product.matrix.indptr).astype(np.int64)
                 total += block_texels_bytes(degree, degree, exact=False)
             total += Texels.footprint(fine) + vectors(5, fine)
+            if isinstance(level.smoother, Columns):
+                total += column_bytes(level.smoother.matrix) + vectors(4, fine)
         else:
             total += (
                 2 * product_bytes(level.product.matrix)
@@ -211,7 +214,12 @@ class _NodeLevel:
         label: str,
     ) -> None:
         self._steps = steps
+        self._smoother: DeviceRelaxation | ColumnRelaxation
         self._smoother = relaxation(device, texels, level.inverse, cases, label)
+        if isinstance(level.smoother, Columns):
+            self._smoother = ColumnRelaxation(
+                device, self._smoother, level.smoother.matrix, level.inverse, cases, label
+            )
         # what a step reads it can't write: now, before and next
         self._vectors = [self._smoother.vector(f"{label}.x") for _ in range(3)]
         # halves that a pair has and float32 lacks: one of zeros, one that nobody reads

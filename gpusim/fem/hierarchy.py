@@ -137,7 +137,7 @@ def build_hierarchy(
     coarsest = _COARSEST_INVERTED if smoothed_by_patches else _COARSEST
     longest = _COARSEST_INVERTED if inverted else _COARSEST_BAND
     column = None
-    if not (patched or inverted) and len(points) == whole:
+    if not patched and len(points) == whole:
         column = columns_across(groups, points)
     return _aggregate(levels, matrix, free, points, coarsest, longest, column)
 

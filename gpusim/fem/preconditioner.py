@@ -69,6 +69,8 @@ class _DeviceJacobi:
 
 def smoothing_steps(level: Level) -> tuple[Relaxation, ...]:
     """Chebyshev steps before and after the coarser levels."""
+    if level.smoother is not None:
+        return level.smoother.steps(level.largest)
     if level.lightly:
         return chebyshev(level.largest / _LIGHT_RANGE, level.largest, 1)
     return chebyshev(level.largest / _RANGE, level.largest, _DEGREE)
@@ -196,7 +198,7 @@ def _smoothed(level: Level, smoother: Patches | Columns, b: Float, x: Float | No
     r = b if x is None else b - level.product(x)
     x = np.zeros_like(b) if x is None else x
     d = np.zeros_like(b)
-    for number, step in enumerate(smoother.steps(level.largest)):
+    for number, step in enumerate(smoothing_steps(level)):
         if number:
             r = r - level.product(d)
         d = step.keep * d + step.gain * smoother.apply(r)

@@ -11,10 +11,12 @@ from functools import partial
 
 import numpy as np
 import numpy.typing as npt
+from scipy.sparse import bsr_matrix
 
 from gpusim.fem.arena import Allocator
-from gpusim.fem.block_texels import BlockTexels
-from gpusim.fem.node_texels import node_texels, read_nodes, vector_texels
+from gpusim.fem.block_texels import BlockTexels, block_texels_bytes, rows_of_matrix
+from gpusim.fem.combine import DeviceSum
+from gpusim.fem.node_texels import Pair, node_texels, read_nodes, vector_texels
 from gpusim.fem.smooth import Relaxation
 from gpusim.fem.stiffness import apply_stiffness
 from gpusim.fem.tet_forces import apply_tets, check_elements
@@ -23,7 +25,7 @@ from gpusim.fem.tet_texels import TetTexels
 from gpusim.gpu import Bindings, Device, Recording, compare, twin_check
 from gpusim.gpu.texels import Texels
 
-__all__ = ["DeviceRelaxation", "relax_nodes", "relaxation"]
+__all__ = ["ColumnRelaxation", "DeviceRelaxation", "column_bytes", "relax_nodes", "relaxation"]
 
 Float = npt.NDArray[np.float64]
 
@@ -178,6 +180,71 @@ class TetRelaxation(DeviceRelaxation):
             if multiplies:
                 self._forces.record(recording, vectors["x_in"], case)
             recording.dispatch(kernel, bindings, threads=(self.nodes,))
+
+
+class ColumnRelaxation:
+    """Steps with an ``inverse`` whose blocks lie anywhere, in 3x3 (``columns``), in place of D^-1;
+    ``relaxation`` is that of the matrix, ``own`` (N,3,3) zero on fixed unknowns.
+
+    A product with the inverse is what the residual's kernel subtracts from zero.
+    """
+
+    def __init__(
+        self,
+        device: Allocator,
+        relaxation: DeviceRelaxation,
+        inverse: bsr_matrix,
+        own: Float,
+        cases: int,
+        label: str,
+    ) -> None:
+        label = f"{label}.columns"
+        free = np.einsum("nii->ni", own) != 0.0
+        texels = BlockTexels(device, rows_of_matrix(inverse), free, 1.0, label, exact=False)
+        self._matrix = relaxation
+        self._inverse = DeviceRelaxation(device, texels, free[:, :, None] * np.eye(3), cases, label)
+        self._sum = DeviceSum(device, len(own), cases)
+        self._left, self._scaled, self._zero, self._spare = (self.vector(label) for _ in range(4))
+
+    def vector(self, label: str) -> Texels:
+        """A vector of zeros, one texel per node."""
+        return self._matrix.vector(label)
+
+    def begin(self, recording: Recording, b: Texels, out: Texels, gain: float) -> None:
+        """Record out = gain D^-1 b."""
+        self._inverse.residual(recording, b, self._zero, self._scaled)
+        self._add(recording, out, product=(-gain, self._scaled))
+
+    def relax(
+        self,
+        recording: Recording,
+        x: Texels,
+        before: Texels | None,
+        b: Texels,
+        step: Relaxation,
+        out: Texels,
+    ) -> None:
+        """Record out = x + keep (x - before) + gain D^-1 (b - A x); ``before`` None is zero."""
+        self.residual(recording, x, b, self._left)
+        self._inverse.residual(recording, self._left, self._zero, self._scaled)
+        terms = {"x": (1.0 + step.keep, x), "product": (-step.gain, self._scaled)}
+        if before is not None:
+            terms["before"] = (-step.keep, before)
+        self._add(recording, out, **terms)
+
+    def residual(self, recording: Recording, x: Texels, b: Texels, out: Texels) -> None:
+        """Record out = b - A x, zero on fixed unknowns."""
+        self._matrix.residual(recording, x, b, out)
+
+    def _add(self, recording: Recording, out: Texels, **terms: tuple[float, Texels]) -> None:
+        pairs = {name: (factor, Pair(one, self._zero)) for name, (factor, one) in terms.items()}
+        self._sum.record(recording, Pair(out, self._spare), **pairs)
+
+
+def column_bytes(inverse: bsr_matrix) -> int:
+    """Bytes that ``ColumnRelaxation`` takes beside four vectors; never less."""
+    degree = np.diff(inverse.indptr).astype(np.int64)
+    return block_texels_bytes(degree, degree, exact=False) + Texels.footprint(3 * len(degree))
 
 
 def relaxation(
