@@ -41,8 +41,8 @@ _EDGES: dict[str, tuple[tuple[tuple[int, int], ...], ...]] = {
     ),
 }
 # a cell is flat where it is this many times as long, along any other axis, as along its shortest
-_FLAT = 1.4
-# nodes of a column at most, and the share of all nodes that must lie in columns
+_FLAT = 1.15
+# nodes of a column at most, and the share of cells that must be flat, and of nodes in columns
 _LONGEST, _MOSTLY = 12, 0.5
 # eigenvalues of the smoother, as of `gpusim.fem.preconditioner`
 _RANGE, _DEGREE = 12.0, 2
@@ -53,7 +53,7 @@ def columns_across(groups: Sequence[Elements], points: Float) -> Long | None:
 
     ``points`` (N,3) are the nodes of the cells in ``groups``.
     """
-    ends = []
+    ends, flat_cells = [], 0
     for group in groups:
         axes = _EDGES.get(group.name)
         if axes is None:
@@ -61,10 +61,13 @@ def columns_across(groups: Sequence[Elements], points: Float) -> Long | None:
         lengths = np.stack([_mean_length(points, group.cells, edges) for edges in axes])
         order = np.sort(lengths, axis=0)
         flat = order[1] >= _FLAT * order[0]
+        flat_cells += int(flat.sum())
         shortest = lengths.argmin(axis=0)
         for axis, edges in enumerate(axes):
             own = group.cells[flat & (shortest == axis)]
             ends += [own[:, list(edge)] for edge in edges]
+    if flat_cells < _MOSTLY * sum(len(group.cells) for group in groups):
+        return None
     first, second = np.concatenate(ends).T
     count = len(points)
     links = csr_matrix((np.ones(len(first), dtype=bool), (first, second)), shape=(count, count))
