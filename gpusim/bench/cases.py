@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.fem import Isotropic, Model, face_force
-from gpusim.mesh import Mesh, box, select_faces
+from gpusim.mesh import Mesh, box, plate_with_hole, select_faces
 
 __all__ = ["CASES", "SIZES", "Case", "find_cases"]
 
@@ -101,6 +101,15 @@ def uneven_bricks(length: float, n: int) -> Mesh:
     return mesh.moved(np.where(inner[:, None], move, 0.0))
 
 
+def _plate(label: str, size: str, around: int, radial: int) -> Case:
+    """A thin plate with a hole, swept, of cells up to twelve times as long as thick."""
+    return Case(
+        f"plate-{label}", "plate", size, "hex8", "incompatible", STEEL,
+        partial(plate_with_hole, 100.0, 40.0, 1.0, 10.0, around=around, radial=radial, through=4),
+        (500.0, 0.0, -5.0),
+    )  # fmt: skip
+
+
 def bracket(length: float) -> Mesh:
     """An L-shaped bracket with a hole in its base, tet10, meshed by gmsh with cells of ``length``.
 
@@ -164,6 +173,9 @@ CASES = (
     _nearly_incompressible("100k", "standard", 32),
     _uneven("10k", "small", 14),
     _uneven("100k", "standard", 32),
+    _plate("10k", "small", 32, 16),
+    _plate("72k", "standard", 96, 40),
+    _plate("280k", "full", 192, 80),
     _bracket("15k", "small", 6.0),
     _bracket("123k", "standard", 2.6),
     _bracket("522k", "full", 1.55),
