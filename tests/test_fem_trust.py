@@ -12,10 +12,11 @@ from threadpoolctl import threadpool_info
 
 from gpusim import InputError, Isotropic, Mesh, Model, NotConverged, solve
 from gpusim.bench.hard_cases import cantilever
-from gpusim.fem import supports
+from gpusim.fem import hierarchy, supports
 from gpusim.fem.assembly import assemble
 from gpusim.fem.block_rows import block_matrix
 from gpusim.fem.formulation import resolve_formulation
+from gpusim.fem.preconditioner import Multigrid
 from gpusim.mesh import box, quadratic, split
 from tests.element_meshes import mixed_mesh
 
@@ -180,6 +181,61 @@ def test_a_start_near_the_answer_claims_nothing(other: bool, backend: str) -> No
     found = solve(model, tolerance=1e-4, method="multigrid", backend=backend, start=start)
     error = np.abs(found.u - exact).max(axis=(1, 2)) / np.abs(exact).max(axis=(1, 2))
     assert found.converged and error.max() <= found.error_estimate <= 1e-4
+
+
+@pytest.mark.parametrize("off", [2.0, 4.0])
+def test_a_start_near_the_answer_is_not_taken_for_right_by_a_rough_eigenvalue(
+    off: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The hierarchy's least eigenvalue may be several times too large: on loose and curved bodies
+    starts counted as right that were 20 times as far off as was stated."""
+    model = cantilever(box((100.0, 1.0, 0.7), (50, 2, 2)))
+    exact = solve(model, tolerance=1e-10, method="direct").u
+    right = hierarchy._lowest_eigenvalue
+    monkeypatch.setattr(hierarchy, "_lowest_eigenvalue", lambda *given: 6.0 * right(*given))
+    start = (1.0 + off * 1e-3) * exact
+    found = solve(model, tolerance=1e-3, method="multigrid", backend="numpy", start=start)
+    error = np.linalg.norm(found.u - exact) / np.linalg.norm(exact)
+    assert found.converged and error <= found.error_estimate <= 1e-3
+
+
+def test_a_preconditioner_that_turns_signs_is_told_whatever_the_start(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """r.z below zero: with a start, it once counted as an error of zero."""
+    model = irregular(True, (1.0, 0.6, 0.4))
+    exact = solve(model, tolerance=1e-10, method="direct").u
+    monkeypatch.setattr(Multigrid, "down", lambda self, r, cases: -np.ones(len(cases)))
+    with pytest.raises(NotConverged, match="isn't positive definite"):
+        solve(model, method="multigrid", backend="numpy", start=0.5 * exact)
+
+
+@pytest.mark.parametrize("method", ["multigrid", "auto"])
+def test_coarse_elements_that_are_held_altogether_tell_nothing(method: str) -> None:
+    """Two layers of a lattice clamped: the first coarse element has no free unknown."""
+    mesh = box((1.0, 1.0, 1.0), (16, 16, 16))
+    fixed = np.repeat(mesh.points[:, :1] <= 2.1 / 16, 3, axis=1)
+    forces = np.zeros(mesh.points.shape)
+    forces[mesh.points[:, 0] == 1.0] = (0.1, 0.0, 1.0)
+    model = Model(mesh, [Isotropic(1.0, 0.3)], fixed=fixed, forces=forces)
+    exact = solve(model, tolerance=1e-10, method="direct").u
+    found = solve(model, method=method, backend="numpy")
+    assert found.converged
+    assert np.linalg.norm(found.u - exact) <= 1e-6 * np.linalg.norm(exact)
+
+
+def test_any_number_of_loose_bodies_is_solved_by_multigrid() -> None:
+    """They can't be aggregated beyond one another: 3,500 of them have 21,000 rigid motions."""
+    one, count = box((1.0, 1.0, 1.0), (1, 1, 1)), 3500
+    points = np.concatenate([one.points + np.array([0.0, 3.0 * k, 0.0]) for k in range(count)])
+    cells = np.concatenate([one.cells["hex8"] + 8 * k for k in range(count)]).astype(np.int32)
+    fixed = np.repeat(points[:, :1] == 0.0, 3, axis=1)
+    forces = np.random.default_rng(1).normal(size=points.shape)
+    model = Model(Mesh(points, {"hex8": cells}), [Isotropic(1.0, 0.3)], fixed=fixed, forces=forces)
+    found = solve(model, method="multigrid", backend="numpy")
+    assert found.converged
+    exact = solve(model, tolerance=1e-10, method="direct").u
+    assert np.linalg.norm(found.u - exact) <= 1e-6 * np.linalg.norm(exact)
 
 
 def test_multigrid_where_a_type_of_cells_touches_no_support() -> None:

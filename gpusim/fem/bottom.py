@@ -115,7 +115,9 @@ class Bottom:
             return np.asarray(b @ self.inverse)
         result = np.zeros_like(b)
         right = (b[:, self._kept] * self._scale).T
-        result[:, self._kept] = cho_solve_banded((self._band, True), right).T * self._scale
+        result[:, self._kept] = (
+            cho_solve_banded((self._band, True), right, check_finite=False).T * self._scale
+        )
         return result
 
 

@@ -66,6 +66,8 @@ class Estimates:
         self.settled = np.full(len(system.right), norm.lowest is not None)
         self.given = system.prescribed * (system.scale / system.load_scale)[:, None, None]
         self.lowest, self.probed = norm.lowest, False
+        # what a start was off by, where nothing sharper came to be known
+        self.floor = np.zeros(len(system.right))
 
     def doubtful(self, iterations: int, tolerance: float) -> bool:
         """Whether there may be soft modes that the loads haven't told of, by a first run."""
@@ -103,9 +105,10 @@ class Estimates:
         return self.by_rz(rz, x)
 
     def by_rz(self, rz: Float, x: Float) -> Float:
-        """Estimates (L,) for the residual of x, ||e||_A <= sqrt(r.z / mu); infinite where no Ritz
-        value is known. A case without load takes no step and needs none."""
-        known = np.isfinite(self.mu) | ~(rz > 0.0)
+        """Estimates (L,) for the residual of x by ||e||_A <= sqrt(r.z / mu), infinite where no Ritz
+        value is known. A case without load takes no step and needs none. That r.z is below zero
+        says nothing of the error, least of all that there is none."""
+        known = np.where(rz > 0.0, np.isfinite(self.mu), rz == 0.0)
         energy = np.sqrt(np.maximum(rz, 0.0) / (BELOW * np.where(known, self.mu, 1.0)))
         return np.where(known, self.relative(energy, x), np.inf)
 

@@ -42,8 +42,8 @@ Bool = npt.NDArray[np.bool_]
 _COARSEST = 800
 # of long bodies, whose band is solved with, or, on a device, whose matrix is inverted
 _COARSEST_BAND, _COARSEST_INVERTED = 20_000, 2500
-# of a body that can't be aggregated any further, 1.2 GB
-_MOST_INVERTED = 12_000
+# of a body that can't be aggregated any further: 1.4 GB, as an inverse is made by way of five more
+_MOST_INVERTED = 6000
 # distinct elements up to which the greatest eigenvalue is bounded by theirs
 _FEW = 400
 # Quadratic tetrahedra take a few iterations more with one step of smoothing in place of two, each
@@ -222,6 +222,8 @@ def _element_bound(matrices: Float) -> float:
         width = len(matrix)
         own = np.kron(np.eye(width // 3, dtype=bool), np.ones((3, 3), dtype=bool))
         used = np.flatnonzero(matrix.diagonal() > 0.0)
+        if not used.size:
+            continue  # held altogether
         inside = np.ix_(used, used)
         block = np.where(own, matrix, 0.0)[inside]
         greatest = max(greatest, float(eigh(matrix[inside], block, eigvals_only=True)[-1]))
@@ -288,6 +290,9 @@ def _aggregate(
         unknowns = coarser.matrix.shape[0]
         stalled = unknowns > 0.9 * product.unknowns
         matrix, near_null, mask = coarser.matrix, coarser.near_null, coarser.mask
+    if narrow is None and unknowns > coarsest and longest > _COARSEST_INVERTED:
+        # loose bodies can't be aggregated any further, however many there are
+        narrow = narrow_order(_assembled(matrix), levels[0].product.unknowns)
     if narrow is None and unknowns > _MOST_INVERTED:
         raise NotConverged(
             f"multigrid: aggregation ended at {unknowns} unknowns; expected at most "

@@ -31,6 +31,9 @@ _ENOUGH = 0.95
 HARSH, _HARSH_AIM = 1e3, 0.03
 # a run goes this far at least: after a few steps Ritz values tell little
 _LOOSEST = 1e-3
+# share of the tolerance within which a start counts as right by what its residual may do: the least
+# eigenvalue that this rests on may be several times too large
+_NEAR = 0.1
 # where the true residual has reached its own rounding, what a run left and what it moved the
 # solution by stand for the error, with this factor of safety
 _SAFETY = 3.0
@@ -168,7 +171,9 @@ class _Refinement:
             report = self._progress
             if report is not None:
                 report = partial(_shifted, report, self.iterations)
-            near = state.apart(residual, np.zeros_like(residual), x) <= tolerance
+            off = state.apart(residual, np.zeros_like(residual), x)
+            near = off <= _NEAR * tolerance
+            state.floor = np.where(near & ~np.isfinite(state.mu), off, state.floor)
             correction, history, inside = _run(
                 system, loop, state, x, rz, near, aim * self._inside, _ENOUGH * tolerance,
                 most - self.iterations, self._chunk, report,
@@ -188,8 +193,9 @@ class _Refinement:
 
     def outcome(self, system: System, blur: float) -> Outcome:
         """By the form of the system that was refined last; ``blur`` is added to the estimate."""
-        converged = bool((self._estimate <= self._tolerance).all())
-        message, estimate = self._message, float(self._estimate.max()) + blur
+        estimates = np.maximum(self._estimate, self._state.floor)
+        converged = bool((estimates <= self._tolerance).all())
+        message, estimate = self._message, float(estimates.max()) + blur
         if converged and not estimate <= self._tolerance:
             converged, message = False, rounded(estimate)
         residuals = np.zeros((0, len(self._estimate)))
