@@ -102,7 +102,7 @@ def uneven_bricks(length: float, n: int) -> Mesh:
 
 
 def _plate(label: str, size: str, around: int, radial: int) -> Case:
-    """A thin plate with a hole, swept, of cells up to twelve times as long as thick."""
+    """A thin plate with a hole, swept; cells 4 (fine) to 20 (coarse) times as long as thick."""
     return Case(
         f"plate-{label}", "plate", size, "hex8", "incompatible", STEEL,
         partial(plate_with_hole, 100.0, 40.0, 1.0, 10.0, around=around, radial=radial, through=4),

@@ -76,8 +76,7 @@ def aggregate_level(
     # P = (I - 4/(3 lambda) D^-1 A) T, with D^-1 D T = T
     step = 4.0 / (3.0 * largest)
     if isinstance(inverse, Columns):
-        prolongation = _smoothed_by_columns(off, diagonal if apart else None, scale, tentative,
-                                            inverse.matrix, step)  # fmt: skip
+        prolongation = _smoothed_by_columns(matrix, tentative, inverse.matrix, step)
         return Aggregated(prolongation, galerkin(matrix, prolongation), coarse_null, coarse_mask)
 
     def smoothed(rows: slice) -> bsr_matrix:
@@ -90,27 +89,18 @@ def aggregate_level(
 
 
 def _smoothed_by_columns(
-    off: bsr_matrix,
-    diagonal: Float | None,
-    scale: float,
-    tentative: bsr_matrix,
-    inverse: bsr_matrix,
-    step: float,
+    matrix: bsr_matrix | RowsProduct, tentative: bsr_matrix, inverse: bsr_matrix, step: float
 ) -> bsr_matrix:
-    """P as above, by an inverse whose blocks lie anywhere; ``diagonal`` of ``off`` if apart."""
-
-    def image(rows: slice) -> bsr_matrix:
-        result = _rows(off, rows) @ tentative
-        if diagonal is None:
-            return bsr_matrix(result)
-        return bsr_matrix(result + _block_diagonal(diagonal[rows]) @ _rows(tentative, rows))
-
-    whole = _stacked(shared(image, _parts(off)))
+    """P as above, by an inverse whose blocks lie anywhere."""
+    off, diagonal, scale = _split(matrix)
+    apart = diagonal if isinstance(matrix, RowsProduct) else None
+    parts = _parts(off)
+    whole = _stacked(shared(lambda rows: _image(off, apart, rows, tentative), parts))
 
     def smoothed(rows: slice) -> bsr_matrix:
         return bsr_matrix(_rows(tentative, rows) - (step / scale) * (_rows(inverse, rows) @ whole))
 
-    return _stacked(shared(smoothed, _parts(off)))
+    return _stacked(shared(smoothed, parts))
 
 
 def _between(
@@ -124,30 +114,22 @@ def _between(
         (np.einsum("bij,bij->b", off.data, off.data), (row, column[off.indices])),
         shape=(count, count),
     ).tocsr()
+    # a column's own is that of its nodes' blocks: what links them is less
     own = np.bincount(column, np.einsum("bij,bij->b", diagonal, diagonal), minlength=count)
-    # of a column's own links its nodes' blocks count for all: they are the greatest
     data = np.sqrt(links.data)[:, None, None]
     alive = np.bincount(column, mask.any(axis=1), minlength=count)[:, None] > 0
-    shape = (count, count)
-    return (
-        bsr_matrix((data, links.indices, links.indptr), shape=shape),
-        np.sqrt(own)[:, None, None],
-        alive,
-    )
+    between = bsr_matrix((data, links.indices, links.indptr), shape=(count, count))
+    return between, np.sqrt(own)[:, None, None], alive
 
 
 def galerkin(matrix: bsr_matrix | RowsProduct, prolongation: bsr_matrix) -> bsr_matrix:
     """P^T A P, in blocks as wide as those of the ``prolongation``."""
-    apart = isinstance(matrix, RowsProduct)
     off, diagonal, scale = _split(matrix)
+    apart = diagonal if isinstance(matrix, RowsProduct) else None
     width = prolongation.blocksize[1]
 
     def coarsened(rows: slice) -> bsr_matrix:
-        own = _rows(prolongation, rows)
-        image = _rows(off, rows) @ prolongation
-        if apart:
-            image = image + _block_diagonal(diagonal[rows]) @ own
-        return bsr_matrix(own.T @ image)
+        return bsr_matrix(_rows(prolongation, rows).T @ _image(off, apart, rows, prolongation))
 
     coarse = reduce(add, shared(coarsened, _parts(off))).tobsr((width, width))
     coarse.data /= scale
@@ -160,6 +142,14 @@ def _split(matrix: bsr_matrix | RowsProduct) -> tuple[bsr_matrix, Float, float]:
     if isinstance(matrix, RowsProduct):
         return matrix.others, matrix.diagonal, matrix.scale
     return matrix, diagonal_blocks(matrix), 1.0
+
+
+def _image(off: bsr_matrix, diagonal: Float | None, rows: slice, other: bsr_matrix) -> bsr_matrix:
+    """Some rows of A times another matrix; ``diagonal`` where ``off`` is without it."""
+    result = _rows(off, rows) @ other
+    if diagonal is not None:
+        result = result + _block_diagonal(diagonal[rows]) @ _rows(other, rows)
+    return bsr_matrix(result)
 
 
 def _parts(matrix: bsr_matrix) -> list[slice]:

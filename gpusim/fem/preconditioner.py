@@ -193,8 +193,9 @@ class Multigrid:
 
 
 def _smoothed(level: Level, smoother: Patches | Columns, b: Float, x: Float | None) -> Float:
-    """Chebyshev steps with blocks larger than a node's, from x or from zero; on the host only,
-    whose matrix products do well with what has to be gathered."""
+    """Chebyshev steps with blocks larger than a node's, from x or from zero; the twin of
+    `gpusim.fem.relax.ColumnRelaxation`. Patches have no device form: they gather and scatter whole
+    blocks of nodes, which the host's matrix products do well."""
     r = b if x is None else b - level.product(x)
     x = np.zeros_like(b) if x is None else x
     d = np.zeros_like(b)

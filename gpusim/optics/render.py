@@ -179,7 +179,7 @@ def _draw(
         found = None if simple or early else aside.begin(bin_edges, view)
         shadows = aside.begin(find_shadows, view, lights or [], surfaces) if early else None
         setup = Setup.build(view, lights, background, surfaces, device, shadows=not early)
-        if sight is not None and fields_glanced(setup, sight) is None and not small_triangles(view):
+        if sight is not None and not small_triangles(view) and fields_glanced(setup, sight) is None:
             sight.release()
             sight = None
         tables = Tables(device, setup, sight)

@@ -210,6 +210,31 @@ struct Band {
 @group(0) @binding(14) var<storage, read> band_nearest: array<vec2u>;
 @group(0) @binding(15) var<storage, read_write> band_radiance: array<f32>;
 
+fn band_size() -> vec2i {
+    return vec2i(vec2f(params.width, params.rows));
+}
+
+// Where a walk over a box, row by row, has come to: the pixel of the band, and the column of the box.
+struct Walk {
+    pixel: i32,
+    column: i32,
+}
+// Which of the next pixels of its box see a triangle; `many` is at most 32.
+fn seen_bits(id: u32, box: Box, many: i32, walk: ptr<function, Walk>) -> u32 {
+    let turn = band_size().x - box.size.x;
+    var bits = 0u;
+    var k = 0;
+    loop {
+        if (k < many && band_nearest[(*walk).pixel].x == ~id) { bits |= 1u << u32(k); }
+        let end = (*walk).column == box.size.x;
+        (*walk).pixel += select(1, turn, end);
+        (*walk).column = select((*walk).column + 1, 0, end);
+        k++;
+        if (k >= many) { break; }
+    }
+    return bits;
+}
+
 // A triangle's own pixels, looked for 32 at a time, so that what costs is done for them alone.
 @compute @workgroup_size(64)
 fn own_pixels(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
@@ -221,26 +246,14 @@ fn own_pixels(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups
     let t = triangle_at(id);
     let paint = paint_at(u32(t.ny.w));
     let none = Board(vec2f(0.0), vec2f(0.0), vec2f(0.0), 1.0, vec2f(0.0), 0.0);
-    let size = vec2i(vec2f(params.width, params.rows));
-    let box = box_of(places_of(id, params.row0), size);
+    let box = box_of(places_of(id, params.row0), band_size());
     let columns = box.size.x + 1;
     let share = 1.0 / f32(columns);
     let count = select(columns * (box.size.y + 1), 0, any(box.size < vec2i(0)));
-    var pixel = box.low.y * size.x + box.low.x;
-    var column = 0;
+    var walk = Walk(box.low.y * band_size().x + box.low.x, 0);
     var first = 0;
     loop {
-        let many = min(count - first, 32);
-        var bits = 0u;
-        var k = 0;
-        loop {
-            if (k < many && band_nearest[pixel].x == ~id) { bits |= 1u << u32(k); }
-            let end = column == box.size.x;
-            pixel += select(1, size.x - box.size.x, end);
-            column = select(column + 1, 0, end);
-            k++;
-            if (k >= many) { break; }
-        }
+        var bits = seen_bits(id, box, min(count - first, 32), &walk);
         loop {
             if (bits != 0u) {
                 let n = first + i32(firstTrailingBit(bits));
@@ -271,26 +284,14 @@ fn own_fields(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups
     let t = triangle_at(id);
     let lattice = board_of(paint_at(u32(t.ny.w)), t.place.zw);
     let squares = squares_of(lattice);
-    let size = vec2i(vec2f(params.width, params.rows));
-    let box = box_of(places_of(id, params.row0), size);
+    let box = box_of(places_of(id, params.row0), band_size());
     let columns = box.size.x + 1;
     let share = 1.0 / f32(columns);
     let count = select(columns * (box.size.y + 1), 0, any(box.size < vec2i(0)));
-    var pixel = box.low.y * size.x + box.low.x;
-    var column = 0;
+    var walk = Walk(box.low.y * band_size().x + box.low.x, 0);
     var first = 0;
     loop {
-        let many = min(count - first, 32);
-        var bits = 0u;
-        var k = 0;
-        loop {
-            if (k < many && band_nearest[pixel].x == ~id) { bits |= 1u << u32(k); }
-            let end = column == box.size.x;
-            pixel += select(1, size.x - box.size.x, end);
-            column = select(column + 1, 0, end);
-            k++;
-            if (k >= many) { break; }
-        }
+        var bits = seen_bits(id, box, min(count - first, 32), &walk);
         var lines = 0u;
         loop {
             if (bits != 0u) {
