@@ -15,7 +15,8 @@ from gpusim.optics.distortion_map import FINE, distortion_map
 from gpusim.optics.edges import EdgePass, edges_twin
 from gpusim.optics.frame import Band
 from gpusim.optics.setup import Setup
-from gpusim.optics.shade import ShadePass, Tables, shade_twin
+from gpusim.optics.shade import ShadePass, shade_twin
+from gpusim.optics.tables import Tables
 from gpusim.optics.view import look
 from gpusim.optics.visibility import visibility_twin
 from tests.optics_reference import Plate, difference, pattern, reference

@@ -12,11 +12,13 @@ import gpusim as gs
 from gpusim.gpu import Device
 from gpusim.optics import glance
 from gpusim.optics.camera import Camera
-from gpusim.optics.glance import TOLERANCE, GlancePass, glance_twin, may_glance, probe_setup
+from gpusim.optics.glance import TOLERANCE, GlancePass, glance_twin, may_glance
 from gpusim.optics.light import PointLight
 from gpusim.optics.setup import Setup
-from gpusim.optics.shade import ShadePass, Tables
+from gpusim.optics.setup_probe import sheets_setup
+from gpusim.optics.shade import ShadePass
 from gpusim.optics.sight import Sight, sheet, sight_twin
+from gpusim.optics.tables import Tables
 from gpusim.optics.view import look
 from gpusim.surface.paint import Checker, Plain
 from gpusim.surface.surface import Surface
@@ -42,7 +44,7 @@ def shaded(
 def test_pixels_are_what_they_are_one_by_one(
     device: Device, monkeypatch: pytest.MonkeyPatch, scale: float, rows: int
 ) -> None:
-    setup = probe_setup(scale)
+    setup = sheets_setup(scale)
     if not device.atomics64:
         pytest.skip("no 64-bit atomics")
     found, work = shaded(device, setup, rows)
@@ -96,7 +98,7 @@ def test_large_triangles_are_looked_at_where_paint_and_light_are_even(
 
 
 def test_without_lights_it_is_the_albedo(device: Device) -> None:
-    lit = probe_setup()
+    lit = sheets_setup()
     setup = Setup.build(lit.view, None, 0.25)
     found, work = shaded(device, setup, setup.view.camera.height)
     assert (work is not None) == device.atomics64
@@ -107,7 +109,7 @@ def test_without_lights_it_is_the_albedo(device: Device) -> None:
 
 
 def test_shadows_are_left_to_the_pixels(device: Device) -> None:
-    view = probe_setup().view
+    view = sheets_setup().view
     surfaces = [sheet(0.95, 1.3, 0.0, Plain(0.6))]
     view = look(surfaces, view.camera, lit=True)
     for shadows in (False, True):
@@ -120,7 +122,7 @@ def test_shadows_are_left_to_the_pixels(device: Device) -> None:
 
 
 def test_the_twin_tells_curved_light_from_even(device: Device) -> None:
-    setup = probe_setup()
+    setup = sheets_setup()
     plain = np.flatnonzero(setup.groups == 0)
     radiance, off = glance_twin(setup, plain, False)
     x = setup.view.vertices[setup.view.corner[plain], 0].mean(axis=1)

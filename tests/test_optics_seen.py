@@ -9,7 +9,8 @@ import gpusim as gs
 from gpusim.gpu import Device
 from gpusim.optics.seen import small_triangles
 from gpusim.optics.setup import Setup
-from gpusim.optics.shade import ShadePass, Tables
+from gpusim.optics.shade import ShadePass
+from gpusim.optics.tables import Tables
 from gpusim.optics.view import look
 
 CAMERA = gs.Camera.from_lens((36.0, 24.0), 40.0, (90, 61), (0.12, -1.0, 0.08), (0.02, 0, 0))

@@ -32,8 +32,8 @@ from gpusim.optics.polygon import (
 from gpusim.optics.scatter import write_pixels
 from gpusim.optics.setup import Setup, radiance_of
 from gpusim.optics.setup_probe import fields_setup, probe_setup
-from gpusim.optics.shade import Tables
 from gpusim.optics.speckle import EDGE_ROWS
+from gpusim.optics.tables import Tables
 from gpusim.optics.view import FIXED
 
 __all__ = ["EdgePass", "edges_twin"]
@@ -61,14 +61,16 @@ class EdgePass:
         # about what one triangle takes: clipping and samples, then its features' corners
         table, fine = tables.setup.table, tables.setup.constants([1], False, False)["fine"]
         turns = 200 + table.most_in_a_cell * (2000 if fine else 50) + speckle_turns(table)
-        turns += 3000 if (tables.setup.groups == BITMAP).any() else 0
+        self._present = tables.setup.groups_present()
+        turns += 3000 if BITMAP in self._present else 0
         each = turns + grazing_turns(tables.setup, edges) + shadow_turns(tables.setup, edges)
-        even = _even(edges, tables.setup)
+        groups = tables.setup.groups_of(edges.triangle)
+        even = _even(edges, tables.setup, groups)
         deep = edges.pierced | (edges.depth > np.minimum(DEEPEST, LOOP_TURNS // each))
         # nothing there depends on how many triangles there are
         deep &= ~even | (edges.depth > LOOP_TURNS)
         self.tables = tables
-        self._deep, self.edges = edges.select(deep), _alike(edges, even, deep, tables.setup)
+        self._deep, self.edges = edges.select(deep), _alike(edges, even, deep, groups)
         self._even = int(np.count_nonzero(even & ~deep))
         self._found: Buffer | None = None
         self._values = np.zeros((0, 2), np.float32)
@@ -84,9 +86,7 @@ class EdgePass:
         lists[1 : 2 * count + 2 : 2] = edges.start + 2 * (count + 1)
         lists[2 * (count + 1) :] = edges.triangle
         self._found = device.empty(8 * count, "edges.found")
-        most = int(setup.groups.max(initial=0))
-        groups = [group for group in range(most + 1) if (setup.groups == group).any()]
-        constants = setup.constants(groups, bool(setup.shiny.any()), bool(setup.bumpy.any()))
+        constants = setup.constants(self._present, bool(setup.shiny.any()), bool(setup.bumpy.any()))
         shared = {
             "params": {
                 "rays": self.tables.rays(),
@@ -141,17 +141,21 @@ class EdgePass:
         write_pixels(self.tables.device, bands, width, pixel, value)
 
 
-def _even(edges: EdgePixels, setup: Setup) -> npt.NDArray[np.bool_]:
-    """(E,): which pixels one sheet covers that has neither patterns nor shadows there."""
+def _even(edges: EdgePixels, setup: Setup, groups: npt.NDArray[np.uint32]) -> npt.NDArray[np.bool_]:
+    """(E,): which pixels one sheet covers that has neither patterns nor shadows there; ``groups``:
+    of all triangles over them."""
     if setup.lighting.shadows is not None:
         return np.zeros(len(edges.pixel), bool)
-    patterned = np.concatenate([[0], np.cumsum(setup.near_feature[edges.triangle])])
+    patterned = np.concatenate([[0], np.cumsum(groups > 0)])
     result: npt.NDArray[np.bool_] = patterned[edges.start[1:]] == patterned[edges.start[:-1]]
     return result & edges.whole
 
 
 def _alike(
-    edges: EdgePixels, even: npt.NDArray[np.bool_], deep: npt.NDArray[np.bool_], setup: Setup
+    edges: EdgePixels,
+    even: npt.NDArray[np.bool_],
+    deep: npt.NDArray[np.bool_],
+    groups: npt.NDArray[np.uint32],
 ) -> EdgePixels:
     """Pixels that aren't ``deep`` (E,), ``even`` ones first; those under as many triangles and of
     equal paint side by side.
@@ -159,7 +163,7 @@ def _alike(
     Software rasterisers work on several in step: all of them wait for the deepest.
     """
     # behind the last triangle stands that of pixels that have none
-    nearest = np.append(setup.groups[edges.triangle], 0)[edges.start[:-1]]
+    nearest = np.append(groups, 0)[edges.start[:-1]]
     order = np.lexsort((nearest, edges.depth, ~even))
     order = order[~deep[order]]
     parts = np.split(order, [int(np.count_nonzero(even & ~deep))])

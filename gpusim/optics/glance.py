@@ -12,7 +12,7 @@ looks at those pixels more closely that a line passes through.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,17 +21,19 @@ import numpy.typing as npt
 from gpusim.errors import TwinMismatch
 from gpusim.gpu import Buffer, Device, Recording, compare, twin_check
 from gpusim.optics.board_lines import on_boards
-from gpusim.optics.camera import Camera
-from gpusim.optics.light import AmbientLight, Light, PointLight
+from gpusim.optics.light import Light
 from gpusim.optics.lighting import casts_shadows
+from gpusim.optics.looks import Looks, check_looks, looks_twin
 from gpusim.optics.seen import FEWEST, SMALL, mean_pixels
 from gpusim.optics.setup import Setup, radiance_of
-from gpusim.optics.sight import LARGEST, Sight, sheet, sight_twin
-from gpusim.optics.view import View, look
+from gpusim.optics.setup_probe import sheets_setup
+from gpusim.optics.sight import LARGEST, Sight, sight_twin
+from gpusim.optics.view import View
 from gpusim.surface.paint import Checker, Plain
 
 if TYPE_CHECKING:
-    from gpusim.optics.shade import Program, Tables
+    from gpusim.optics.shade import Program
+    from gpusim.optics.tables import Tables
 
 __all__ = ["TOLERANCE", "GlancePass", "fields_glanced", "glance_twin", "may_glance"]
 
@@ -54,27 +56,43 @@ PIXELS = 4
 @dataclass(frozen=True, eq=False)
 class _Kind:
     """Matte triangles whose light is looked at: their program's ``constants``, their numbers + 1
-    in ``order``. ``bare``: light is found without the albedo. ``refused``: numbers + 1 of those
-    whose light is no such function, and ``refusals``: how many groups of 64 they fill, 1, 1, and
-    how many they are."""
+    in ``order``, how many groups of 64 they fill in ``groups``, if the device found them, or None.
+    ``bare``: light is found without the albedo. ``looks``: these are those near lines among all of
+    a view, which are looked at. ``refused``: numbers + 1 of those whose light is no such function,
+    and ``refusals``: how many groups of 64 they fill, 1, 1, and how many they are."""
 
     constants: dict[str, float]
-    triangles: npt.NDArray[np.uint32]
     bare: bool
     order: Buffer
+    looks: Looks | None
     refused: Buffer
     refusals: Buffer
 
     @staticmethod
-    def of(device: Device, program: Program) -> _Kind:
-        own = program.triangles
-        order = device.buffer(own + np.uint32(1), "glance.order")
-        refused = device.empty(4 * len(own), "glance.refused")
+    def of(device: Device, constants: dict[str, float], order: Buffer | Looks) -> _Kind:
+        bare = bool(constants["board"])
+        looks = order if isinstance(order, Looks) else None
+        order = order.lined if isinstance(order, Looks) else order
+        refused = device.empty(order.nbytes, "glance.refused")
         refusals = device.buffer(np.array([0, 1, 1, 0], np.uint32), "glance.refusals")
         # what is refused takes the closed form for all
-        constants = {**program.constants, "board": 0.0}
-        bare = bool(program.constants["board"])
-        return _Kind(constants, own, bare, order, refused, refusals)
+        constants = {**constants, "board": 0.0}
+        return _Kind(constants, bare, order, looks, refused, refusals)
+
+    @property
+    def groups(self) -> Buffer | None:
+        """How many groups of 64 those in ``order`` fill, 1, 1, if the device counted them."""
+        return None if self.looks is None else self.looks.groups
+
+    @property
+    def count(self) -> int:
+        """How many triangles are looked at."""
+        return self.order.nbytes // 4
+
+    def numbers(self) -> npt.NDArray[np.uint32]:
+        """The triangles in ``order``; waits for the device."""
+        numbers = self.order.read(np.uint32)
+        return np.asarray(numbers[numbers > 0] - np.uint32(1))
 
 
 class GlancePass:
@@ -91,17 +109,35 @@ class GlancePass:
         self.color = device.target(columns, sight.rows, "rgba32float", "glance.radiance")
         self.tables, self.sight, self._records = tables, sight, tables.records
         self.quadratic = mean_pixels(view) > SMALL
-        self._own, self._kinds = [], []
+        self._own: list[tuple[dict[str, float], Buffer]] = []
+        self._kinds: list[_Kind] = []
+        if tables.looks is not None:
+            self._kinds.append(_Kind.of(device, tables.looks.constants, tables.looks))
         for program in programs:
-            count = len(program.triangles)
-            if count and glanced(program):
-                self._kinds.append(_Kind.of(device, program))
-            elif count:
+            if len(program.triangles):
                 numbers = device.buffer(program.triangles + np.uint32(1), "glance.numbers")
-                self._own.append((program.constants, numbers))
+                if glanced(program):
+                    self._kinds.append(_Kind.of(device, program.constants, numbers))
+                else:
+                    self._own.append((program.constants, numbers))
         texels = (1 + self.quadratic) * max(view.count, 1)
         self._glances = device.kept.texels(texels, "rgba32uint", "glance.glances")
         self._found = False
+        setup = tables.setup
+        self._degree = {"quadratic": float(self.quadratic)}
+        self._constants = {
+            "lit": float(setup.lit), **self._degree, **setup.light_constants(False, False)
+        }  # fmt: skip
+        self._params = {
+            "rays": tables.rays(), "count": 0, "width": 0, "row0": 0,
+            "background": setup.background, "tolerance": TOLERANCE, "slender": SLENDER,
+            "inverse_depth": tables.records.inverse_depth, "last": 0, "stretch": 1.0, "margin": 0.0,
+        }  # fmt: skip
+
+    def begin(self) -> None:
+        """Let the device find the triangles' functions, which `record` does otherwise."""
+        with self.tables.device.recording("optics.glance") as recording:
+            self._find_all(recording)
 
     def record(
         self,
@@ -115,34 +151,16 @@ class GlancePass:
         assert sight.nearest is not None
         size = int(params["width"]), int(params["rows"])
         sight.record(recording, int(params["row0"]), size[1])
-        own = {
-            "rays": params["rays"], "width": size[0], "row0": params["row0"],
-            "background": self.tables.setup.background, "tolerance": TOLERANCE, "slender": SLENDER,
-            "inverse_depth": self._records.inverse_depth,
-        }  # fmt: skip
-        degree = {"quadratic": float(self.quadratic)}
-        constants = {
-            "lit": float(self.tables.setup.lit),
-            **degree,
-            **self.tables.setup.light_constants(False, False),
-        }
         if not self._found:
-            for kind in self._kinds:
-                self._find(recording, kind, own, constants)
-                if kind.bare:
-                    self._records.make(recording, kind.order)
-                else:
-                    self._records.make(recording, kind.refused, kind.refusals)
-            for _, numbers in self._own:
-                self._records.make(recording, numbers)
-            self._found = True
+            self._find_all(recording)
         raster = device.raster(
-            "optics/glance", (self.color.format,), constants=constants, depth="none"
+            "optics/glance", (self.color.format,), constants=self._constants, depth="none"
         )
         bent = {name: shared[name] for name in ("tiles", "undistortion")}
         bindings = raster.bind(
-            params={**own, "count": 0}, nearest=sight.nearest, seen=self._glances, **bent
-        )
+            params={**self._params, "width": size[0], "row0": params["row0"]},
+            nearest=sight.nearest, seen=self._glances, **bent,
+        )  # fmt: skip
         recording.draw(
             raster, bindings, colors=(self.color,), depth=None, vertices=3,
             size=(self.color.width, size[1]),
@@ -154,9 +172,8 @@ class GlancePass:
         }  # fmt: skip
         for kind in self._kinds:
             if kind.bare:
-                self._shade(
-                    recording, "own_fields", {**kind.constants, **degree}, kind.order, values
-                )
+                constants = {**kind.constants, **self._degree}
+                self._shade(recording, "own_fields", constants, kind.order, values, kind.groups)
             self._shade(
                 recording, "own_pixels", kind.constants, kind.refused, values, kind.refusals
             )
@@ -189,12 +206,16 @@ class GlancePass:
     @property
     def triangles(self) -> npt.NDArray[np.uint32]:
         """Those whose light was looked at."""
-        return np.concatenate([np.zeros(0, np.uint32), *(kind.triangles for kind in self._kinds)])
+        own = [
+            kind.numbers() if kind.looks is None else np.arange(kind.count, dtype=np.uint32)
+            for kind in self._kinds
+        ]
+        return np.concatenate([np.zeros(0, np.uint32), *own])
 
     @property
     def bare(self) -> npt.NDArray[np.uint32]:
         """Those of `triangles` whose light was found without their albedo."""
-        own = [kind.triangles for kind in self._kinds if kind.bare]
+        own = [kind.numbers() for kind in self._kinds if kind.bare]
         return np.concatenate([np.zeros(0, np.uint32), *own])
 
     def refused(self) -> npt.NDArray[np.uint32]:
@@ -218,28 +239,37 @@ class GlancePass:
             result += real[:, 4:5] * x * x + real[:, 5:6] * x * y + real[:, 6:7] * y * y
         return result
 
-    def _find(
-        self,
-        recording: Recording,
-        kind: _Kind,
-        params: dict[str, Any],
-        constants: dict[str, float],
-    ) -> None:
+    def _find_all(self, recording: Recording) -> None:
+        """Find the functions, and make the records of triangles that need them."""
+        for kind in self._kinds:
+            self._find(recording, kind)
+            if kind.bare:
+                self._records.make(recording, kind.order, kind.groups)
+            if kind.looks is not None or not kind.bare:
+                self._records.make(recording, kind.refused, kind.refusals)
+        for _, numbers in self._own:
+            self._records.make(recording, numbers)
+        self._found = True
+
+    def _find(self, recording: Recording, kind: _Kind) -> None:
         """Find the triangles' functions, and which of them have none."""
-        constants = {**constants, "bare": float(kind.bare)}
-        kernel = self.tables.device.kernel("optics/glance", constants=constants)
-        records, count = self._records, len(kind.triangles)
-        surface = {
-            name: value
-            for name, value in self.tables.surface().items()
-            if name in kernel.layout.bindings
-        }
-        bindings = kernel.bind(
-            params={**params, "count": count}, order=kind.order,
-            corners=self.sight.drawn.corners, vertices=records.vertices, looks=records.looks,
-            glances=self._glances, refused=kind.refused, refusals=kind.refusals, **surface,
-        )  # fmt: skip
-        recording.dispatch(kernel, bindings, threads=(count,))
+        constants = {**self._constants, "bare": float(kind.bare)}
+        params = {**self._params, "count": kind.count}
+        values = {
+            "order": kind.order, "corners": self.sight.drawn.corners,
+            "vertices": self._records.vertices, "looks": self._records.looks,
+            "glances": self._glances, "refused": kind.refused, "refusals": kind.refusals,
+            **self.tables.surface(),
+        }  # fmt: skip
+        entry = "main"
+        if kind.looks is not None:
+            entry = "looked"
+            params |= kind.looks.params
+            values |= kind.looks.bindings()
+        kernel = self.tables.device.kernel("optics/glance", entry, constants)
+        used = kernel.layout.bindings
+        own = {name: value for name, value in values.items() if name in used}
+        recording.dispatch(kernel, kernel.bind(params=params, **own), threads=(kind.count,))
 
 
 def may_glance(view: View, lights: Sequence[Light] | None) -> bool:
@@ -263,9 +293,10 @@ def may_glance(view: View, lights: Sequence[Light] | None) -> bool:
 
 def fields_glanced(setup: Setup, sight: Sight | None) -> npt.NDArray[np.bool_] | None:
     """(T,): which triangles of a view are large fields of boards that lines pass through; None
-    unless most triangles are those or plain, and matte, without shadows on them."""
+    where `gpusim.optics.looks` finds them, and unless most triangles are those or plain, and matte,
+    without shadows on them."""
     lighting, count = setup.lighting, setup.view.count
-    if sight is None or sight.nearest is None:
+    if sight is None or sight.nearest is None or setup.view.guessed:
         return None
     if lighting.shadows is not None or lighting.openness is not None or setup.bumps is not None:
         return None
@@ -318,26 +349,38 @@ def glance_twin(
 def _check(device: Device) -> None:
     if not device.atomics64:
         return  # pixels read records: optics/shade
-    _compare(device, probe_setup(), False)
-    _compare(device, probe_setup(5.0), False)
-    _compare(device, probe_setup(10.0), True)
+    _compare(device, sheets_setup(), False)
+    _compare(device, sheets_setup(5.0), False)
+    _compare(device, sheets_setup(10.0), True)
+    ending = Checker(0.11, 4, 3, (-0.21, -0.17), 0.1, 0.7, 0.4)
+    for scale in (5.0, 10.0):
+        setup = sheets_setup(scale, ending)
+        found = setup.view.paints, np.zeros(setup.view.count)
+        guessed = replace(setup.view, found=found, guessed=True)
+        _compare(device, replace(setup, view=guessed), scale > 5.0)
 
 
 def _compare(device: Device, setup: Setup, quadratic: bool) -> None:
-    from gpusim.optics.shade import ShadePass, Tables, shade_twin
+    from gpusim.optics.shade import ShadePass, shade_twin
+    from gpusim.optics.tables import Tables
 
     view, camera = setup.view, setup.view.camera
     sight = Sight(device, view, camera.height)
-    shading = ShadePass(Tables(device, setup, sight), camera.height, True, sight)
+    tables = Tables(device, setup, sight)
+    shading = ShadePass(tables, camera.height, True, sight)
     out = device.empty(4 * shading.stride * camera.height, "glance.check")
     with device.recording("optics.glance") as recording:
         shading.record(recording, out, 0, camera.height)
     work = shading.glance
     assert work is not None and work.quadratic == quadratic
+    albedo = setup.albedo
+    if tables.looks is not None:
+        check_looks(setup, tables.looks)
+        albedo = looks_twin(setup)[1]
     triangles = work.triangles.astype(np.int64)
     want, off = glance_twin(setup, triangles, quadratic)
     plain = ~np.isin(triangles, work.bare)
-    want[plain] *= setup.albedo[triangles[plain]].astype(np.float64)[:, None]
+    want[plain] *= albedo[triangles[plain]].astype(np.float64)[:, None]
     even = ~np.isin(triangles + 1, work.refused())
     wrong = even != (off <= TOLERANCE)
     # float32 may see those at the limit either way
@@ -349,19 +392,3 @@ def _compare(device: Device, setup: Setup, quadratic: bool) -> None:
     compare(
         "optics/glance", radiance, shade_twin(setup, sight_twin(view, 0, camera.height)), "pixel"
     )
-
-
-def probe_setup(scale: float = 1.0) -> Setup:
-    """A bent picture of a plain sheet behind a checkered one, so crumpled that light isn't even on
-    some triangles; on ``scale`` times as many pixels across."""
-    sheets = [sheet(0.95, 1.3, 0.0, Plain(0.6)), sheet(0.3, 0.4, 0.4, Checker(0.31), 3.6)]
-    K = np.array(
-        [[111.0 * scale, 0.3, 28.7 * scale], [0.0, 110.0 * scale, 20.2 * scale], [0, 0, 1]]
-    )
-    camera = Camera(round(59 * scale), round(39 * scale), K, distortion=[-0.1, 0.03, 1e-3, -2e-3])
-    lights: list[Light] = [
-        PointLight((-60.0, -50.0, -90.0), 2e4, shadows=False),
-        PointLight((40.0, -70.0, -80.0), 3e4, shadows=False),
-        AmbientLight(0.3),
-    ]
-    return Setup.build(look(sheets, camera, lit=True), lights, 0.25)

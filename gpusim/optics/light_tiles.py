@@ -29,7 +29,7 @@ from gpusim.surface.paint import Plain
 from gpusim.surface.surface import Surface
 
 if TYPE_CHECKING:
-    from gpusim.optics.shade import Tables
+    from gpusim.optics.tables import Tables
 
 __all__ = ["LightTiles", "LightTilesPass", "light_tiles_twin"]
 
@@ -214,7 +214,7 @@ def light_tiles_twin(setup: Setup, tiles: LightTiles) -> Array:
 
 @twin_check("optics/light_tiles")
 def _check(device: Device) -> None:
-    from gpusim.optics.shade import Tables
+    from gpusim.optics.tables import Tables
 
     setup = _probe()
     tiles = LightTiles.of(setup, tolerance=np.inf)

@@ -16,7 +16,7 @@ from gpusim.surface.paint import Paint
 from gpusim.surface.plane import used_vertices
 from gpusim.surface.speckle import Speckle
 
-__all__ = ["RegionPaint", "with_reach"]
+__all__ = ["RegionPaint", "footprint_columns", "footprint_sizes", "with_reach"]
 
 Array = npt.NDArray[np.float64]
 Single = npt.NDArray[np.float32]
@@ -65,8 +65,7 @@ def with_reach(
     bends = distortion_map(camera)
     stretch = 1.0 if bends is None else bends.stretch
     result, widest = [], np.zeros(len(paint))
-    z = vertices[:, POSITION.stop - 1]
-    columns = [np.ascontiguousarray(v) for v in (*ideal.T, z, 1.0 / z, *vertices[:, ST].T)]
+    columns = footprint_columns(vertices, ideal)
     for number, region in enumerate(regions):
         extent = float((region.high - region.low).max())
         own = paint == number
@@ -117,10 +116,22 @@ def _footprints(corners: Array, planes: Array) -> Array:
     return result
 
 
-def _largest_footprint(columns: list[Array], corner: npt.NDArray[np.int64]) -> float:
-    """Half the largest pixel in paint coordinates at the corners of triangles (n, 3).
+def footprint_columns(vertices: Array, ideal: Array) -> list[Array]:
+    """Of vertices (V, 11) at ``ideal`` (V, 2), (V,) each: x, y (px of the ideal image), depth, its
+    inverse, s and t."""
+    z = vertices[:, POSITION.stop - 1]
+    return [np.ascontiguousarray(v) for v in (*ideal.T, z, 1.0 / z, *vertices[:, ST].T)]
 
-    ``columns`` (V,): of the vertices x, y (px of the ideal image), depth, its inverse, s and t.
+
+def _largest_footprint(columns: list[Array], corner: npt.NDArray[np.int64]) -> float:
+    """The largest of `footprint_sizes`."""
+    return float(footprint_sizes(columns, corner).max())
+
+
+def footprint_sizes(columns: list[Array], corner: npt.NDArray[np.int64]) -> Array:
+    """Half the largest pixel in paint coordinates (n,) at the corners of each triangle (n, 3).
+
+    ``columns``: of the vertices, as `footprint_columns` says.
     """
     x, y, depth, inverse, *paint = (
         [np.take(column, corner[:, k], mode="clip") for k in range(3)] for column in columns
@@ -143,7 +154,8 @@ def _largest_footprint(columns: list[Array], corner: npt.NDArray[np.int64]) -> f
             size += np.abs(change[1] - s * rate[1])
             size *= z
             np.maximum(most, size, out=most)
-    return 0.5 * float((most / area).max())
+    result: Array = 0.5 * most / area
+    return result
 
 
 def _bound_in_float32(

@@ -46,15 +46,16 @@ class Records:
     triangles' albedo, and their paint.
     """
 
-    def __init__(self, setup: Setup, drawn: Drawn, vertices: Texels, inverse_depth: float) -> None:
+    def __init__(
+        self, setup: Setup, drawn: Drawn, vertices: Texels, inverse_depth: float, looked: bool
+    ) -> None:
         view, device = setup.view, drawn.device
         self.device, self.count, self.inverse_depth = device, view.count, inverse_depth
-        self.vertices = vertices
-        looks = np.empty((view.count, 2), np.uint32)
-        looks[:, 0] = setup.albedo.view(np.uint32)
-        looks[:, 1] = view.paint
-        looks[:, 1] |= setup.near_feature.astype(np.uint32) << np.uint32(31)
-        self.looks = device.buffer(looks, "records.looks")
+        self.vertices, self.corners = vertices, drawn.corners
+        if looked:
+            self.looks = device.buffer(_looks(setup), "records.looks")
+        else:
+            self.looks = device.empty(8 * view.count, "records.looks")
         traits = setup.traits().astype(np.float32)
         traited = device.texels(len(traits), "rgba32float", "records.traits")
         traited.write(traits)
@@ -67,8 +68,11 @@ class Records:
         self._all = False
 
     @staticmethod
-    def of(device: Device, setup: Setup, drawn: Drawn) -> Records | None:
-        """Those of a setup, none of them made yet; None where float32 or the shader can't."""
+    def of(device: Device, setup: Setup, drawn: Drawn, looked: bool = True) -> Records | None:
+        """Those of a setup, none of them made yet; None where float32 or the shader can't.
+
+        ``looked``: False leaves what triangles look like to `gpusim.optics.looks`.
+        """
         view = setup.view
         if not view.count or setup.bitmaps.images or setup.bumps is not None:
             return None
@@ -78,7 +82,7 @@ class Records:
             if not finite:
                 return None
             vertices.write(words.reshape(-1, 4), 3 * first)
-        return Records(setup, drawn, vertices, inverse_depth)
+        return Records(setup, drawn, vertices, inverse_depth, looked)
 
     def make_all(self, recording: Recording) -> None:
         """Make those of all triangles, unless that has been done."""
@@ -103,6 +107,15 @@ class Records:
 
     def _params(self, count: int) -> dict[str, float]:
         return {"count": count, "inverse_depth": self.inverse_depth}
+
+
+def _looks(setup: Setup) -> npt.NDArray[np.uint32]:
+    """(T, 2): bits of the triangles' albedo, and their paint."""
+    looks = np.empty((setup.view.count, 2), np.uint32)
+    looks[:, 0] = setup.albedo.view(np.uint32)
+    looks[:, 1] = setup.view.paint
+    looks[:, 1] |= setup.near_feature.astype(np.uint32) << np.uint32(31)
+    return looks
 
 
 def vertex_blocks(

@@ -19,12 +19,14 @@ from gpusim.optics.frame import Band, Frame
 from gpusim.optics.glance import fields_glanced, may_glance
 from gpusim.optics.light import Light, is_light
 from gpusim.optics.lighting import casts_shadows, find_shadows
+from gpusim.optics.looks import sampled
 from gpusim.optics.scatter import write_pixels
 from gpusim.optics.seen import small_triangles
 from gpusim.optics.setup import Setup
-from gpusim.optics.shade import ShadePass, Tables, shade_twin
+from gpusim.optics.shade import ShadePass, shade_twin
 from gpusim.optics.shadow import ShadowPass
 from gpusim.optics.sight import Sight
+from gpusim.optics.tables import Tables
 from gpusim.optics.view import View, look
 from gpusim.optics.visibility import visibility_twin
 from gpusim.optics.winding import wound_inwards
@@ -141,6 +143,14 @@ def _by_pixel(device: Device, view: View, lights: Sequence[Light] | None) -> boo
     return small_triangles(view) or (device.atomics64 and may_glance(view, lights))
 
 
+def _likely(view: View, lights: Sequence[Light] | None, sight: Sight | None) -> View | None:
+    """The view with the largest pixel guessed, where the device finds what its triangles look
+    like."""
+    if sight is None or sight.nearest is None or not may_glance(view, lights):
+        return None
+    return sampled(view)
+
+
 def _begun(device: Device, view: View, first: int, stop: int) -> Sight:
     """Who sees what, of which the device finds the first band already."""
     rows = _band_rows(view.camera, first, stop)
@@ -158,12 +168,17 @@ def _draw(
     first: int,
     stop: int,
     sight: Sight | None,
+    guess: bool = True,
 ) -> list[Band]:
     """Rows ``first`` … ``stop - 1`` in bands of what a texture may hold.
 
     The device begins with what is ready, while the host works on what comes next. ``sight``: what
-    it has begun with before, of these rows.
+    it has begun with before, of these rows. ``guess``: the largest pixel may be guessed.
     """
+
+    def certain() -> list[Band]:
+        return _draw(device, view, lights, background, surfaces, first, stop, sight, guess=False)
+
     rows = _band_rows(view.camera, first, stop)
     if sight is None and _by_pixel(device, view, lights):
         sight = _begun(device, view, first, stop)
@@ -178,11 +193,18 @@ def _draw(
     with Aside(view.count) as aside:
         found = None if simple or early else aside.begin(bin_edges, view)
         shadows = aside.begin(find_shadows, view, lights or [], surfaces) if early else None
-        setup = Setup.build(view, lights, background, surfaces, device, shadows=not early)
-        if sight is not None and not small_triangles(view) and fields_glanced(setup, sight) is None:
+        likely = _likely(view, lights, sight) if guess else None
+        setup = Setup.build(
+            likely or view, lights, background, surfaces, device, shadows=not early
+        )  # fmt: skip
+        rastered = likely is None and not small_triangles(view)
+        if sight is not None and rastered and fields_glanced(setup, sight) is None:
             sight.release()
             sight = None
         tables = Tables(device, setup, sight)
+        if likely is not None and tables.looks is None:
+            # without records nothing would tell whether the guess was right
+            return certain()
         if shadows is not None:
             shade_pass = ShadePass(tables, rows, marked=True)
             begun = device.kept.take(4 * rows * shade_pass.stride, f"radiance[{first}]")
@@ -194,6 +216,9 @@ def _draw(
             if tiles is not None and tiles.dark.mean() > MOST_DARK:
                 early, shade_pass = False, None
         else:
+            if tables.fields is not None or tables.looks is not None:
+                shade_pass = ShadePass(tables, rows, True, sight)
+                shade_pass.begin()
             edges = None if found is None else found()
         if edges is not None:
             edge_pass = EdgePass(tables, edges)
@@ -205,6 +230,7 @@ def _draw(
         shadow_pass = ShadowPass(tables, early)
     stride = shade_pass.stride
     bands: list[Band] = []
+    wrong = False
     for row0 in range(first, stop, rows):
         count = min(rows, stop - row0)
         radiance = begun or device.kept.take(4 * count * stride, f"radiance[{row0}]")
@@ -218,7 +244,11 @@ def _draw(
             if not bands and edge_pass is not None:
                 # before anything else is submitted that one would wait for as well
                 edge_pass.fetch()
+                wrong = tables.looks is not None and tables.looks.surprised
         bands.append(Band(row0, count, stride, radiance))
+        if wrong:
+            device.kept.give(radiance)
+            return certain()
     if sight is not None:
         sight.release()
     if edge_pass is None:

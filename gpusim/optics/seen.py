@@ -18,7 +18,8 @@ from gpusim.optics.sight import Sight
 from gpusim.optics.view import View
 
 if TYPE_CHECKING:
-    from gpusim.optics.shade import Program, Tables
+    from gpusim.optics.shade import Program
+    from gpusim.optics.tables import Tables
 
 __all__ = ["FEWEST", "SMALL", "SeenPass", "mean_pixels", "small_triangles"]
 

@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.distinct import distinct
 from gpusim.errors import InputError
 from gpusim.gpu import Device
 from gpusim.optics.bitmap import BITMAP, PIECES, BitmapTable, pieces_needed
@@ -53,11 +54,9 @@ GRAZING = 4
 class Setup:
     """Per-triangle shading coefficients of a view, float64.
 
-    ``near_feature`` (T,): whether a pixel in it can reach a feature of its pattern, or shows a
-    bitmap; ``albedo`` (T,): of what it can't. ``planes`` (T, 6, 3): s, t, w and the three normal
-    components as affine functions of (dx, dy, 1), the offset from ``anchor`` (T, 2); ``cell``
-    (T, 2): the pattern cell that s and t are relative to; ``mean_inverse`` (T,): 1 / depth that w
-    is relative to.
+    ``planes`` (T, 6, 3): s, t, w and the three normal components as affine functions of (dx, dy,
+    1), the offset from ``anchor`` (T, 2); ``cell`` (T, 2): the pattern cell that s and t are
+    relative to; ``mean_inverse`` (T,): 1 / depth that w is relative to.
     """
 
     view: View
@@ -66,8 +65,6 @@ class Setup:
     lighting: Lighting
     background: float
     lit: bool
-    near_feature: npt.NDArray[np.bool_]
-    albedo: npt.NDArray[np.float32]
 
     @staticmethod
     def build(
@@ -86,16 +83,36 @@ class Setup:
         table = PatternTable.build(view.paints, view.extent)
         bitmaps = BitmapTable.build(view.paints, table.paints)
         lighting = Lighting.build(view, lights, surfaces, device, shadows)
-        boards = matte_boards(view.paints, lighting.gloss)
-        near = table.near_features(view, boards)
-        albedo = np.take(table.paints["ground"], view.paint, mode="clip")
-        for number in boards:
-            within_fields(view, number, near, albedo)
-        return Setup(view, table, bitmaps, lighting, background, lights is not None, near, albedo)
+        return Setup(view, table, bitmaps, lighting, background, lights is not None)
 
     def with_shadows(self, shadows: ShadowTiles | None) -> Setup:
         """The same view with shadows."""
-        return replace(self, lighting=replace(self.lighting, shadows=shadows))
+        result = replace(self, lighting=replace(self.lighting, shadows=shadows))
+        result.__dict__["_looks"] = self._looks
+        return result
+
+    @cached_property
+    def _looks(self) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.float32]]:
+        return self._looks_in(self.view)
+
+    def _looks_in(self, view: View) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.float32]]:
+        """`near_feature` and `albedo` of the triangles of a part of the view."""
+        boards = matte_boards(view.paints, self.lighting.gloss)
+        near = self.table.near_features(view, boards)
+        albedo = np.take(self.table.paints["ground"], view.paint, mode="clip")
+        for number in boards:
+            within_fields(view, number, near, albedo)
+        return near, albedo
+
+    @property
+    def near_feature(self) -> npt.NDArray[np.bool_]:
+        """(T,): whether a pixel in it can reach a feature of its pattern, or shows a bitmap."""
+        return self._looks[0]
+
+    @property
+    def albedo(self) -> npt.NDArray[np.float32]:
+        """(T,): of what isn't near a feature."""
+        return self._looks[1]
 
     def _coefficients(self) -> Iterator[Coefficients]:
         return coefficients(self.view, self.table, self.bitmaps, self.lit)
@@ -235,6 +252,23 @@ class Setup:
                 larger = self.view.footprint > region.reach
                 groups[(self.view.paint == number) & larger] += np.uint32(GRAZING)
         return groups
+
+    def groups_of(self, triangles: npt.NDArray[np.int64]) -> npt.NDArray[np.uint32]:
+        """`groups` of some triangles (n,), of a guessed view found for them alone."""
+        if not self.view.guessed:
+            return self.groups[triangles]
+        own = distinct(triangles)
+        near, _ = self._looks_in(self.view.some(own))
+        featured = self.table.paints["featured"].astype(np.uint32)
+        groups: npt.NDArray[np.uint32] = featured[self.view.paint[own]] * near
+        return groups[np.searchsorted(own, triangles)]
+
+    def groups_present(self) -> list[int]:
+        """The different `groups` there are, or may be in a view that is guessed."""
+        if self.view.guessed:
+            return sorted({0, *self.table.paints["featured"].tolist()})
+        most = int(self.groups.max(initial=0))
+        return [group for group in range(most + 1) if (self.groups == group).any()]
 
     @cached_property
     def bumps(self) -> Bumps | None:

@@ -9,153 +9,29 @@ the albedo itself.
 
 from __future__ import annotations
 
-from copy import copy
 from dataclasses import dataclass
 from itertools import product
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.gpu import Buffer, Device, Raster, Recording, Texture, Uniform, compare, twin_check
-from gpusim.gpu.texels import Texels
+from gpusim.gpu import Buffer, Device, Raster, Recording, Texture, compare, twin_check
 from gpusim.optics.albedo import mean_albedo
 from gpusim.optics.binning import bin_edges
 from gpusim.optics.bitmap import BITMAP, mean_over_pixels
 from gpusim.optics.board_lines import BoardLines
-from gpusim.optics.bump import bump_texels, bump_uniform
-from gpusim.optics.distortion_map import distortion_map
-from gpusim.optics.drawn import Drawn
-from gpusim.optics.glance import GlancePass, fields_glanced
-from gpusim.optics.gloss import gloss_texels
+from gpusim.optics.glance import GlancePass
 from gpusim.optics.light_tiles import SMALLEST, LightTiles, LightTilesPass
-from gpusim.optics.openness_table import openness_texels
 from gpusim.optics.pattern import FINEST, LOOP_TURNS
-from gpusim.optics.records import Records
 from gpusim.optics.seen import SeenPass, small_triangles
-from gpusim.optics.setup import GRAZING, TRIANGLE, Setup, footprint, radiance_of
+from gpusim.optics.setup import GRAZING, Setup, footprint, radiance_of
 from gpusim.optics.setup_probe import probe_setup
-from gpusim.optics.shadow_tables import ShadowTables
-from gpusim.optics.shadow_tiles import ShadowTiles
 from gpusim.optics.sight import Sight
+from gpusim.optics.tables import Tables
 from gpusim.optics.visibility import visibility_twin
 
-__all__ = ["Program", "ShadePass", "Tables", "shade_twin"]
-
-
-NO_TILES = {"last": np.zeros(2), "middle": np.zeros(2), "size": 1, "columns": 1}
-
-
-class Tables:
-    """A setup on the device, shared by the interior and the edge pass."""
-
-    def __init__(self, device: Device, setup: Setup, sight: Sight | None = None) -> None:
-        """``sight``: what is on the device already."""
-        table, view = setup.table, setup.view
-        self.device, self.setup = device, setup
-        self.lamps = Uniform(device, setup.lighting.uniform(), "shade.lamps")
-        self.gloss = gloss_texels(device, setup.lighting.gloss)
-        self.relief = Uniform(device, bump_uniform(setup.bumps), "shade.relief")
-        self.bumps = bump_texels(device, setup.bumps)
-        self.openness = openness_texels(device, setup.lighting.openness)
-        self.shadows = ShadowTables(device, setup.lighting)
-        self.paints = _as_texels(device, table.paints, "shade.paints")
-        self.patterns = table.texels(device)
-        # triangles that are shaded pixel by pixel take no parts
-        self.lines = BoardLines.of(setup) if sight is None else None
-        self.fields = fields_glanced(setup, sight)
-        self.records: Records | None = None
-        if sight is None:
-            self.drawn = Drawn(device, view, "shade", self.lines)
-        else:
-            self.drawn = sight.drawn
-            self.records = Records.of(device, setup, sight.drawn)
-        if self.records is None:
-            self.triangles = _triangles(device, setup, self.lines)
-        else:
-            self.triangles = self.records.texels
-            if self.fields is None:
-                with device.recording("optics.records") as recording:
-                    self.records.make_all(recording)
-        bends = distortion_map(view.camera)
-        self.undistortion = self.bitmap_texels = device.no_texels("rgba32float")
-        if bends is not None:
-            bent = bends.texels()
-            self.undistortion = device.texels(len(bent), "rgba32float", "shade.undistortion")
-            self.undistortion.write(bent)
-        tiles = NO_TILES if bends is None else bends.tiles()
-        self.tiles = Uniform(device, tiles, "shade.tiles")
-        if setup.bitmaps.images:
-            texels = setup.bitmaps.texels()
-            self.bitmap_texels = Texels(device, len(texels), "rgba32float", "shade.bitmaps")
-            self.bitmap_texels.write(texels)
-        self.speckles = table.speckle.texels(device)
-
-    def with_shadows(self, shadows: ShadowTiles | None) -> Tables:
-        """The same view with shadows."""
-        result = copy(self)
-        result.setup = self.setup.with_shadows(shadows)
-        result.shadows = ShadowTables(self.device, result.setup.lighting)
-        return result
-
-    def shared(self) -> dict[str, Any]:
-        """The bindings that both passes have, by their WGSL names."""
-        return {
-            "paints": self.paints,
-            "patterns": self.patterns,
-            **self.drawn.outlines(),
-            **self.surface(),
-            "bitmap_texels": self.bitmap_texels,
-            "speckles": self.speckles,
-        }
-
-    def surface(self) -> dict[str, Any]:
-        """The bindings of all that light a surface."""
-        return {
-            "triangles": self.triangles,
-            "lamps": self.lamps,
-            "gloss_table": self.gloss,
-            "relief": self.relief,
-            "bumps": self.bumps,
-            "openness": self.openness,
-            "tiles": self.tiles,
-            "undistortion": self.undistortion,
-        }
-
-    def rays(self) -> dict[str, npt.NDArray[np.float64]]:
-        """The ray matrix as uniform columns."""
-        columns = np.zeros((3, 4))
-        columns[:, :3] = self.setup.rays().T
-        return {"x": columns[0], "y": columns[1], "one": columns[2]}
-
-
-def _as_texels(device: Device, records: npt.NDArray[np.void], label: str) -> Texels:
-    """Records of 32-bit words, each filled up to whole texels."""
-    words = records.view(np.uint32).reshape(len(records), -1)
-    if words.shape[1] % 4:
-        words = np.pad(words, ((0, 0), (0, -words.shape[1] % 4)))
-    texels = Texels(device, words.size // 4, "rgba32uint", label)
-    texels.write(words.reshape(-1, 4))
-    return texels
-
-
-def _triangles(device: Device, setup: Setup, lines: BoardLines | None) -> Texels:
-    """The triangles' records; written block by block, while they are in the processor's cache.
-
-    Behind them those of the strips along ``lines``, which are their parents'.
-    """
-    per, count = TRIANGLE.itemsize // 16, setup.view.count
-    parent = np.zeros(0, np.int64) if lines is None else lines.parent
-    own = np.zeros((len(parent), 4 * per), np.float32)
-    texels = device.texels(per * max(count + len(parent), 1), "rgba32uint", "shade.triangles")
-    for first, words in setup.record_blocks():
-        texels.write(words.view(np.uint32).reshape(-1, 4), per * first)
-        rows = np.flatnonzero((parent >= first) & (parent < first + len(words)))
-        own[rows] = words[parent[rows] - first]
-    if lines is not None:
-        texels.write(own.view(np.uint32).reshape(-1, 4), per * count)
-    return texels
+__all__ = ["Program", "ShadePass", "shade_twin"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,18 +76,21 @@ class ShadePass:
         marked = setup.lighting.shadows is not None if marked is None else marked
         glossy = bool(setup.shiny.any())
         fields = None if marked or sight is None or tables.records is None else tables.fields
+        glancing = fields is not None or tables.looks is not None
         # no box that is too small holds a triangle that is large enough
-        large = fields is None and 0.5 * view.extent**2 >= SMALLEST
+        large = not glancing and 0.5 * view.extent**2 >= SMALLEST
         light = LightTiles.of(setup) if large else None
         self._light = None if light is None else LightTilesPass(tables, light)
         self._light_found = False
         lines = None if by_pixel else tables.lines
-        programs = _programs(setup, light, lines, fields, sort=not by_pixel)
+        programs = []
+        if tables.looks is None:
+            programs = _programs(setup, light, lines, fields, sort=not by_pixel)
         self._seen: SeenPass | None = None
         self.glance: GlancePass | None = None
         self._draws: list[tuple[Raster, Buffer, int]] = []
         self.marks: Texture | None = None
-        if fields is not None and sight is not None:
+        if glancing and sight is not None:
             self.glance = GlancePass(tables, programs, sight)
             self.color = self.glance.color
             return
@@ -246,6 +125,11 @@ class ShadePass:
     def stride(self) -> int:
         """Pixels from one row of a band's buffer to the next."""
         return self.color.stride // 4
+
+    def begin(self) -> None:
+        """Let the device begin with what doesn't depend on the band."""
+        if self.glance is not None:
+            self.glance.begin()
 
     def record(self, recording: Recording, radiance: Buffer, row0: int, rows: int) -> None:
         """Shade rows ``row0 …`` into ``radiance`` (rows x stride float32)."""

@@ -21,9 +21,10 @@ from gpusim.optics.binning import bin_edges
 from gpusim.optics.corners import corner_range
 from gpusim.optics.pattern import LOOP_TURNS
 from gpusim.optics.setup import Setup
-from gpusim.optics.shade import ShadePass, Tables, shade_twin
+from gpusim.optics.shade import ShadePass, shade_twin
 from gpusim.optics.shadow_probe import probe_shadows
 from gpusim.optics.shadow_tiles import TILE
+from gpusim.optics.tables import Tables
 from gpusim.optics.visibility import visibility_twin
 
 __all__ = ["ShadowPass"]

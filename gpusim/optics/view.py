@@ -36,10 +36,11 @@ from gpusim.optics.cutting import (
     clip,
     split,
 )  # fmt: skip
+from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.indexed import Indexed
 from gpusim.optics.outline import corner_normals, feature_edges
 from gpusim.optics.paint_edges import speckle_jumps
-from gpusim.optics.reach import RegionPaint, with_reach
+from gpusim.optics.reach import RegionPaint, footprint_columns, footprint_sizes, with_reach
 from gpusim.optics.shape import Shape, shapes_of
 from gpusim.optics.sparse import sparse_excess
 from gpusim.optics.uncut import uncut
@@ -82,7 +83,8 @@ class View:
     is known yet; ``found``: these and ``footprint`` where they are known. ``edges`` (E, 2, 2): the
     visible silhouettes, creases and region borders on screen, px. ``body`` (T,): number of the
     surface, ascending. ``edge_source`` (E, 2): the triangle that each edge is of, and its corner
-    that it begins at. ``extent``: px, no box round a triangle has a longer side.
+    that it begins at. ``extent``: px, no box round a triangle has a longer side. ``guessed``: the
+    largest pixels in ``found`` are likely, but not certain.
     """
 
     camera: Camera
@@ -97,6 +99,7 @@ class View:
     edge_source: npt.NDArray[np.int64]
     extent: float
     found: tuple[tuple[RegionPaint, ...], Array] | None = None
+    guessed: bool = False
 
     @property
     def count(self) -> int:
@@ -190,6 +193,27 @@ class View:
             edges=self.edges[near], body=self.body[own], edge_source=source,
             found=(self.paints, self.footprint[own]),
         )  # fmt: skip
+
+    def some(self, triangles: npt.NDArray[np.int64]) -> View:
+        """The view of some triangles (n,) that share no vertices, without edges."""
+        corner = self.corner[triangles].reshape(-1)
+        return replace(
+            self, vertices=self.vertices.T[:, corner].T, place=self.place.T[:, corner].T,
+            corner=np.arange(len(corner)).reshape(-1, 3), paint=self.paint[triangles],
+            face=self.face[triangles], body=self.body[triangles], edges=self.edges[:0],
+            edge_source=self.edge_source[:0],
+        )  # fmt: skip
+
+    def footprints(self, triangles: npt.NDArray[np.int64]) -> Array:
+        """Half of the largest pixel (n,) on each of some triangles, in paint coordinates, by what
+        the lens stretches pixels at most."""
+        bends = distortion_map(self.camera)
+        vertex = self.corner[triangles].reshape(-1)
+        own = [np.take(column, vertex) for column in self.vertices[:, : ST.stop].T]
+        place = [np.take(column, vertex) for column in self.ideal_place.T]
+        columns = footprint_columns(np.stack(own, axis=1), np.stack(place, axis=1))
+        sizes = footprint_sizes(columns, np.arange(len(vertex)).reshape(-1, 3))
+        return sizes if bends is None else bends.stretch * sizes
 
     def inverse_depth(self) -> Array:
         """1 / z of every corner, (T, 3)."""

@@ -1,5 +1,6 @@
 // The light on small matte triangles as functions of the pixel, and the pixels that read them.
 // Described in gpusim/optics/glance.py.
+#import common/fields
 #import common/glance
 #import common/index
 #import common/surface
@@ -22,13 +23,18 @@ struct Params {
     slender: f32,
     // 1 / depth that those of the vertices are relative to
     inverse_depth: f32,
+    // where triangles are looked at: the last paint in `order`, by what the lens stretches a pixel at
+    // most, and of half the largest pixel on a triangle, how far from a line its pixels may be
+    last: u32,
+    stretch: f32,
+    margin: f32,
 }
 @group(0) @binding(0) var<uniform> params: Params;
-// numbers + 1 of the triangles to look at
+// numbers + 1 of the triangles to look at; or each triangle's paint, or one that all have
 @group(0) @binding(1) var<storage, read> order: array<u32>;
 @group(0) @binding(2) var<storage, read> corners: array<u32>;
-// per triangle (bits of its albedo, its paint)
-@group(0) @binding(11) var<storage, read> looks: array<vec2u>;
+// per triangle (bits of its albedo, its paint, plus 2^31 if it is near a line)
+@group(0) @binding(11) var<storage, read_write> looks: array<vec2u>;
 @group(0) @binding(6) var glances: texture_storage_2d<rgba32uint, write>;
 // numbers + 1 of those whose light is no such function, and the workgroups of 64 that they fill, 1, 1,
 // their count
@@ -66,6 +72,36 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
     let a = vertex_at(corners[3u * id]);
     let b = vertex_at(corners[3u * id + 1u]);
     let c = vertex_at(corners[3u * id + 2u]);
+    find(id, a, b, c, select(bitcast<f32>(looks[id].x), 1.0, bare != 0u), bare != 0u);
+}
+
+// numbers + 1 of the triangles near lines, and the workgroups of 64 that they fill, 1, 1, their count;
+// then 1 if a pixel is larger than its paint says
+@group(0) @binding(12) var<storage, read_write> lined: array<u32>;
+@group(0) @binding(13) var<storage, read_write> counts: array<atomic<u32>, 5>;
+
+// All triangles, and first what they look like.
+@compute @workgroup_size(64)
+fn looked(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
+    let id = linear_id(gid, groups, 64u);
+    if (id >= params.count) { return; }
+    let a = vertex_at(corners[3u * id]);
+    let b = vertex_at(corners[3u * id + 1u]);
+    let c = vertex_at(corners[3u * id + 2u]);
+    let paint = order[min(id, params.last)];
+    let look = look_of(a, b, c, paint, params.stretch, params.margin);
+    looks[id] = vec2u(bitcast<u32>(look.albedo), paint | select(0u, 0x80000000u, look.near));
+    if (look.near) {
+        let place = atomicAdd(&counts[3], 1u);
+        lined[place] = id + 1u;
+        atomicMax(&counts[0], place / 64u + 1u);
+    }
+    if (look.larger) { atomicStore(&counts[4], 1u); }
+    find(id, a, b, c, select(look.albedo, 1.0, look.near), look.near);
+}
+
+// The function of a triangle's light times `albedo`; `own`: its pixels each have one of their own.
+fn find(id: u32, a: Vertex, b: Vertex, c: Vertex, albedo: f32, own: bool) {
     let anchor = anchor_of(a, b, c);
     let origin = vec2f(anchor);
     let p = place_of(a, anchor);
@@ -123,8 +159,7 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
         refused[place] = id + 1u;
         atomicMax(&refusals[0], place / 64u + 1u);
     }
-    let albedo = select(bitcast<f32>(looks[id].x), 1.0, bare != 0u);
-    let at = select((u32(anchor.y) << 16u) | (u32(anchor.x) & 65535u), NONE, bare != 0u && !even);
+    let at = select((u32(anchor.y) << 16u) | (u32(anchor.x) & 65535u), NONE, own && !even);
     let radiance = albedo * vec3f(value, slope);
     textureStore(glances, texel((1u + quadratic) * id), vec4u(bitcast<vec3u>(radiance), at));
     if (quadratic != 0u) {
