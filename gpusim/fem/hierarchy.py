@@ -71,6 +71,12 @@ class Level:
     smoother: Patches | Columns | None = None
     lightly: bool = False
 
+    @property
+    def twice(self) -> bool:
+        """Whether a cycle goes through this level and what is below twice: aggregated levels are
+        cheap, and of flat or long bodies poor (see ``Multigrid``)."""
+        return bool(self.inverse.shape[1] == 6)
+
 
 @dataclass(frozen=True, eq=False)
 class Hierarchy:
