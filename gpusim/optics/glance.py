@@ -12,18 +12,21 @@ looks at those pixels more closely that a line passes through.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.distinct import distinct
 from gpusim.errors import TwinMismatch
-from gpusim.gpu import Buffer, Device, Recording, compare, twin_check
+from gpusim.gpu import Buffer, Device, Recording, Texture, compare, twin_check
 from gpusim.optics.board_lines import on_boards
+from gpusim.optics.glance_kind import GlanceKind
 from gpusim.optics.light import Light
 from gpusim.optics.lighting import casts_shadows
-from gpusim.optics.looks import Looks, check_looks, looks_twin
+from gpusim.optics.looks import check_looks, looks_twin
 from gpusim.optics.seen import FEWEST, SMALL, mean_pixels
 from gpusim.optics.setup import Setup, radiance_of
 from gpusim.optics.setup_probe import sheets_setup
@@ -53,71 +56,31 @@ PIXELS = 4
 """Shaded by an invocation, as the shader says."""
 
 
-@dataclass(frozen=True, eq=False)
-class _Kind:
-    """Matte triangles whose light is looked at: their program's ``constants``, their numbers + 1
-    in ``order``, how many groups of 64 they fill in ``groups``, if the device found them, or None.
-    ``bare``: light is found without the albedo. ``looks``: these are those near lines among all of
-    a view, which are looked at. ``refused``: numbers + 1 of those whose light is no such function,
-    and ``refusals``: how many groups of 64 they fill, 1, 1, and how many they are."""
-
-    constants: dict[str, float]
-    bare: bool
-    order: Buffer
-    looks: Looks | None
-    refused: Buffer
-    refusals: Buffer
-
-    @staticmethod
-    def of(device: Device, constants: dict[str, float], order: Buffer | Looks) -> _Kind:
-        bare = bool(constants["board"])
-        looks = order if isinstance(order, Looks) else None
-        order = order.lined if isinstance(order, Looks) else order
-        refused = device.empty(order.nbytes, "glance.refused")
-        refusals = device.buffer(np.array([0, 1, 1, 0], np.uint32), "glance.refusals")
-        # what is refused takes the closed form for all
-        constants = {**constants, "board": 0.0}
-        return _Kind(constants, bare, order, looks, refused, refusals)
-
-    @property
-    def groups(self) -> Buffer | None:
-        """How many groups of 64 those in ``order`` fill, 1, 1, if the device counted them."""
-        return None if self.looks is None else self.looks.groups
-
-    @property
-    def count(self) -> int:
-        """How many triangles are looked at."""
-        return self.order.nbytes // 4
-
-    def numbers(self) -> npt.NDArray[np.uint32]:
-        """The triangles in ``order``; waits for the device."""
-        numbers = self.order.read(np.uint32)
-        return np.asarray(numbers[numbers > 0] - np.uint32(1))
-
-
 class GlancePass:
     """The pixels of a view without shadows whose triangles are known.
 
-    ``color``: what a band is drawn into, four pixels of a row in a texel; copied into a buffer,
-    its bytes are those of single pixels.
+    ``stride``: pixels from one row of a band's buffer to the next.
     """
+
+    marked = False
+    """Whether triangles leave marks on their own pixels that are shaded one by one."""
 
     def __init__(self, tables: Tables, programs: list[Program], sight: Sight) -> None:
         device, view = tables.device, tables.setup.view
         assert tables.records is not None
-        columns = -(-view.camera.width // PIXELS)
-        self.color = device.target(columns, sight.rows, "rgba32float", "glance.radiance")
+        # whole rows of `color`, as textures are copied
+        self.stride = -(-view.camera.width // 64) * 64
         self.tables, self.sight, self._records = tables, sight, tables.records
         self.quadratic = mean_pixels(view) > SMALL
         self._own: list[tuple[dict[str, float], Buffer]] = []
-        self._kinds: list[_Kind] = []
+        self._kinds: list[GlanceKind] = []
         if tables.looks is not None:
-            self._kinds.append(_Kind.of(device, tables.looks.constants, tables.looks))
+            self._kinds.append(GlanceKind.of(device, tables.looks.constants, tables.looks))
         for program in programs:
             if len(program.triangles):
                 numbers = device.buffer(program.triangles + np.uint32(1), "glance.numbers")
                 if glanced(program):
-                    self._kinds.append(_Kind.of(device, program.constants, numbers))
+                    self._kinds.append(GlanceKind.of(device, program.constants, numbers))
                 else:
                     self._own.append((program.constants, numbers))
         texels = (1 + self.quadratic) * max(view.count, 1)
@@ -132,9 +95,18 @@ class GlancePass:
             "rays": tables.rays(), "count": 0, "width": 0, "row0": 0,
             "background": setup.background, "tolerance": TOLERANCE, "slender": SLENDER,
             "inverse_depth": tables.records.inverse_depth, "last": 0, "stretch": 1.0, "margin": 0.0,
+            "rows": 0, "stride": 0, "looking": 0,
         }  # fmt: skip
 
-    def begin(self) -> None:
+    @cached_property
+    def color(self) -> Texture:
+        """What a band is drawn into, four pixels of a row in a texel; copied into a buffer, its
+        bytes are those of single pixels."""
+        columns = -(-self.tables.setup.view.camera.width // PIXELS)
+        device = self.tables.device
+        return device.target(columns, self.sight.rows, "rgba32float", "glance.radiance")
+
+    def begin(self, radiance: Buffer, row0: int, rows: int) -> None:
         """Let the device find the triangles' functions, which `record` does otherwise."""
         with self.tables.device.recording("optics.glance") as recording:
             self._find_all(recording)
@@ -146,7 +118,31 @@ class GlancePass:
         shared: dict[str, Any],
         radiance: Buffer,
     ) -> None:
-        """Shade a band into ``radiance``, whose rows are as long as those of ``color``."""
+        """Shade a band into ``radiance``."""
+        self._band(recording, params, shared, radiance)
+        sight = self.sight
+        values = {
+            **shared, "params": params, "band_nearest": sight.nearest, "band_radiance": radiance,
+            "corners": sight.drawn.corners, "places": sight.places, "seen": self._glances,
+        }  # fmt: skip
+        for kind in self._kinds:
+            if kind.bare:
+                own = kind.constants
+                self._shade(recording, "own_fields", own, kind.order, values, kind.groups)
+            self._shade(
+                recording, "own_pixels", kind.constants, kind.refused, values, kind.refusals
+            )
+        for constants, numbers in self._own:
+            self._shade(recording, "own_pixels", constants, numbers, values)
+
+    def _band(
+        self,
+        recording: Recording,
+        params: dict[str, Any],
+        shared: dict[str, Any],
+        radiance: Buffer,
+    ) -> None:
+        """Shade the pixels of a band whose triangles' light is known."""
         device, sight = self.tables.device, self.sight
         assert sight.nearest is not None
         size = int(params["width"]), int(params["rows"])
@@ -167,19 +163,6 @@ class GlancePass:
             size=(self.color.width, size[1]), clear=None,
         )  # fmt: skip
         recording.copy_texture(self.color, radiance, size[1])
-        values = {
-            **shared, "params": params, "band_nearest": sight.nearest, "band_radiance": radiance,
-            "corners": sight.drawn.corners, "places": sight.places, "seen": self._glances,
-        }  # fmt: skip
-        for kind in self._kinds:
-            if kind.bare:
-                constants = {**kind.constants, **self._degree}
-                self._shade(recording, "own_fields", constants, kind.order, values, kind.groups)
-            self._shade(
-                recording, "own_pixels", kind.constants, kind.refused, values, kind.refusals
-            )
-        for constants, numbers in self._own:
-            self._shade(recording, "own_pixels", constants, numbers, values)
 
     def _shade(
         self,
@@ -192,10 +175,11 @@ class GlancePass:
     ) -> None:
         """Shade the own pixels of triangles ``numbers`` - 1; ``groups``: of 64 that are to be
         looked at, as the device counted them."""
+        constants = {**constants, **self._degree, "signed": float(self.marked)}
         kernel = self.tables.device.kernel("optics/shade", entry, constants)
         count = numbers.nbytes // 4
         values = {
-            **values, "order": numbers, "band": {"count": count, "stride": self.color.stride // 4}
+            **values, "order": numbers, "band": {"count": count, "stride": self.stride}
         }  # fmt: skip
         used = kernel.layout.bindings
         bindings = kernel.bind(**{name: value for name, value in values.items() if name in used})
@@ -244,30 +228,38 @@ class GlancePass:
         """Find the functions, and make the records of triangles that need them."""
         for kind in self._kinds:
             self._find(recording, kind)
-            if kind.bare:
-                self._records.make(recording, kind.order, kind.groups)
-            if kind.looks is not None or not kind.bare:
-                self._records.make(recording, kind.refused, kind.refusals)
+            self._make(recording, kind)
         for _, numbers in self._own:
             self._records.make(recording, numbers)
         self._found = True
 
-    def _find(self, recording: Recording, kind: _Kind) -> None:
-        """Find the triangles' functions, and which of them have none."""
-        constants = {**self._constants, "bare": float(kind.bare)}
-        params = {**self._params, "count": kind.count}
-        values = {
+    def _make(self, recording: Recording, kind: GlanceKind) -> None:
+        """Make records of those that are shaded pixel by pixel."""
+        if kind.bare:
+            self._records.make(recording, kind.order, kind.groups)
+        if kind.looks is not None or not kind.bare:
+            self._records.make(recording, kind.refused, kind.refusals)
+
+    def _values(self, kind: GlanceKind) -> dict[str, Any]:
+        """What the shader reads and writes of triangles, by WGSL names."""
+        return {
             "order": kind.order, "corners": self.sight.drawn.corners,
             "vertices": self._records.vertices, "looks": self._records.looks,
             "glances": self._glances, "refused": kind.refused, "refusals": kind.refusals,
-            **self.tables.surface(),
+            **self.tables.surface(), **({} if kind.looks is None else kind.looks.bindings()),
         }  # fmt: skip
-        entry = "main"
+
+    def _find(self, recording: Recording, kind: GlanceKind) -> None:
+        """Find the triangles' functions, and which of them have none."""
+        constants = {**self._constants, "bare": float(kind.bare)}
+        params = {**self._params, "count": kind.count}
         if kind.looks is not None:
-            entry = "looked"
             params |= kind.looks.params
-            values |= kind.looks.bindings()
-        kernel = self.tables.device.kernel("optics/glance", entry, constants)
+        entry = "main" if kind.looks is None else "looked"
+        kernel, values = (
+            self.tables.device.kernel("optics/glance", entry, constants),
+            self._values(kind),
+        )
         used = kernel.layout.bindings
         own = {name: value for name, value in values.items() if name in used}
         recording.dispatch(kernel, kernel.bind(params=params, **own), threads=(kind.count,))
@@ -359,6 +351,10 @@ def _check(device: Device) -> None:
         found = setup.view.paints, np.zeros(setup.view.count)
         guessed = replace(setup.view, found=found, guessed=True)
         _compare(device, replace(setup, view=guessed), scale > 5.0)
+        setup = sheets_setup(scale, ending, layer=True)
+        found = setup.view.paints, np.zeros(setup.view.count)
+        guessed = replace(setup.view, found=found, guessed=True, layer=True)
+        _compare(device, replace(setup, view=guessed), scale > 5.0)
 
 
 def _compare(device: Device, setup: Setup, quadratic: bool) -> None:
@@ -378,7 +374,10 @@ def _compare(device: Device, setup: Setup, quadratic: bool) -> None:
     if tables.looks is not None:
         check_looks(setup, tables.looks)
         albedo = looks_twin(setup)[1]
-    triangles = work.triangles.astype(np.int64)
+    triangles, ids = work.triangles.astype(np.int64), sight_twin(view, 0, camera.height)
+    if work.marked:
+        # others aren't looked at
+        triangles = distinct(ids[ids > 0]).astype(np.int64) - 1
     want, off = glance_twin(setup, triangles, quadratic)
     plain = ~np.isin(triangles, work.bare)
     want[plain] *= albedo[triangles[plain]].astype(np.float64)[:, None]
@@ -386,10 +385,10 @@ def _compare(device: Device, setup: Setup, quadratic: bool) -> None:
     wrong = even != (off <= TOLERANCE)
     # float32 may see those at the limit either way
     wrong &= np.abs(off - TOLERANCE) > 0.05 * TOLERANCE
-    if wrong.any() or even.all() or not even.any():
+    alike = not work.marked and (even.all() or not even.any())
+    if wrong.any() or alike:
         raise TwinMismatch(f"optics/glance: {int(wrong.sum())} triangles of another kind")
-    compare("optics/glance", work.read()[triangles[even]], want[even], "pixel")
+    if not work.marked:
+        compare("optics/glance", work.read()[triangles[even]], want[even], "pixel")
     radiance = out.read(np.float32, (camera.height, shading.stride))[:, : camera.width]
-    compare(
-        "optics/glance", radiance, shade_twin(setup, sight_twin(view, 0, camera.height)), "pixel"
-    )
+    compare("optics/glance", radiance, shade_twin(setup, ids), "pixel")

@@ -29,7 +29,8 @@ class Indexed:
 
     ``corner`` (T, 3): vertices of the triangles; ``shows`` (T, 3): whether the edge from a corner
     to the next shows; ``source`` (T,): the triangle of the surface that each comes from.
-    ``extent``: px, no box round a triangle has a longer side.
+    ``extent``: px, no box round a triangle has a longer side. ``layer``: no pixel's centre lies in
+    two of them.
     """
 
     vertices: Array
@@ -38,6 +39,7 @@ class Indexed:
     shows: npt.NDArray[np.bool_]
     source: Numbers
     extent: float
+    layer: bool = False
 
     @staticmethod
     def of(pieces: Pieces, place: Array) -> Indexed:

@@ -29,7 +29,7 @@ __all__ = ["Looks", "check_looks", "looks_twin", "sampled"]
 
 Array = npt.NDArray[np.float64]
 
-FEWEST = 30_000
+FEWEST = 2000
 """Triangles of a view from which on the device is asked."""
 
 SAMPLED = 4096
@@ -38,6 +38,9 @@ SAMPLED = 4096
 EVEN = 1.5
 """Largest pixel over the usual one, up to which others may be guessed; and what all may have over
 the largest that was found."""
+
+NONE = np.array([0, 1, 1, 0, 0, 0], np.uint32)
+"""Of `Looks.groups` before any triangle was looked at."""
 
 SURE = 0.98
 """Of the largest pixel there may be, what float32 takes for smaller."""
@@ -54,7 +57,7 @@ def sampled(view: View) -> View | None:
     """
     if view.count < FEWEST or view.found is not None:
         return None
-    some = np.arange(0, view.count, view.count // SAMPLED)
+    some = np.arange(0, view.count, max(view.count // SAMPLED, 1))
     sizes, paint_of = view.footprints(some), view.paint[some]
     paints = []
     for number, region in enumerate(view.regions):
@@ -74,9 +77,9 @@ class Looks:
     """Albedo and nearness to lines of a view's triangles, which the device writes into ``looks``.
 
     ``looks``: those of the records. ``lined``: numbers + 1 of the triangles near lines; ``groups``:
-    how many groups of 64 they fill, 1, 1, how many they are, and 1 if a pixel is larger than the
-    view's paints say. ``constants``: of a program for those; ``params``: uniforms of the shader
-    that finds them.
+    how many groups of 64 they fill, 1, 1, how many they are, 1 if a pixel is larger than the
+    view's paints say, and 1 if a triangle lies over others where none should. ``constants``: of a
+    program for those; ``params``: uniforms of the shader that finds them.
     """
 
     def __init__(self, setup: Setup, records: Records) -> None:
@@ -88,7 +91,7 @@ class Looks:
         self._boards = device.texels(3 * len(boards), "rgba32float", "looks.boards")
         self._boards.write(boards.astype(np.float32).reshape(-1, 4))
         self.lined = device.empty(4 * view.count, "looks.lined")
-        self.groups = device.buffer(np.array([0, 1, 1, 0, 0], np.uint32), "looks.groups")
+        self.groups = device.buffer(NONE, "looks.groups")
         self.constants = {
             **setup.constants(setup.groups_present(), False, False), "light_tiled": 0.0,
             "board": float(boards[:, 0, 3].any()),
@@ -108,8 +111,9 @@ class Looks:
 
     @property
     def surprised(self) -> bool:
-        """Whether a pixel is larger than the view's paints say; waits for the device."""
-        return bool(self.groups.read(np.uint32, (5,))[4])
+        """Whether a pixel is larger than the view's paints say, or the view isn't the layer that it
+        was taken for; waits for the device."""
+        return bool(self.groups.read(np.uint32, (6,))[4:].any())
 
 
 def _boards(setup: Setup) -> Array:

@@ -108,7 +108,9 @@ def render(
 
         def begin(view: View) -> None:
             if view.count <= MOST_TRIANGLES and _by_pixel(device, view, lights):
-                begun.append(_begun(device, view, 0, camera.height))
+                # in a layer triangles write their own pixels once it is known what they look like
+                wait = view.layer and may_glance(view, lights)
+                begun.append(_begun(device, view, 0, camera.height, wait))
 
         view = look(surfaces, camera, lights is not None, begin)
         sight = begun[0] if begun else None
@@ -151,11 +153,12 @@ def _likely(view: View, lights: Sequence[Light] | None, sight: Sight | None) -> 
     return sampled(view)
 
 
-def _begun(device: Device, view: View, first: int, stop: int) -> Sight:
-    """Who sees what, of which the device finds the first band already."""
+def _begun(device: Device, view: View, first: int, stop: int, wait: bool = False) -> Sight:
+    """Who sees what, of which the device finds the first band already unless it is to ``wait``."""
     rows = _band_rows(view.camera, first, stop)
     sight = Sight(device, view, rows)
-    sight.begin(first, rows)
+    if not wait:
+        sight.begin(first, rows)
     return sight
 
 
@@ -201,6 +204,8 @@ def _draw(
         if sight is not None and rastered and fields_glanced(setup, sight) is None:
             sight.release()
             sight = None
+        if sight is not None and likely is None and guess:
+            sight.begin_late(first, rows)
         tables = Tables(device, setup, sight)
         if likely is not None and tables.looks is None:
             # without records nothing would tell whether the guess was right
@@ -218,7 +223,9 @@ def _draw(
         else:
             if tables.fields is not None or tables.looks is not None:
                 shade_pass = ShadePass(tables, rows, True, sight)
-                shade_pass.begin()
+                count = min(rows, stop - first)
+                begun = device.kept.take(4 * count * shade_pass.stride, f"radiance[{first}]")
+                shade_pass.begin(begun, first, count)
             edges = None if found is None else found()
         if edges is not None:
             edge_pass = EdgePass(tables, edges)

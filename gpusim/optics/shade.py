@@ -22,6 +22,7 @@ from gpusim.optics.binning import bin_edges
 from gpusim.optics.bitmap import BITMAP, mean_over_pixels
 from gpusim.optics.board_lines import BoardLines
 from gpusim.optics.glance import GlancePass
+from gpusim.optics.layer_pass import LayerPass
 from gpusim.optics.light_tiles import SMALLEST, LightTiles, LightTilesPass
 from gpusim.optics.pattern import FINEST, LOOP_TURNS
 from gpusim.optics.seen import SeenPass, small_triangles
@@ -91,8 +92,10 @@ class ShadePass:
         self._draws: list[tuple[Raster, Buffer, int]] = []
         self.marks: Texture | None = None
         if glancing and sight is not None:
-            self.glance = GlancePass(tables, programs, sight)
-            self.color = self.glance.color
+            layered = view.layer and tables.looks is not None
+            self.glance = (
+                LayerPass(tables, sight) if layered else GlancePass(tables, programs, sight)
+            )
             return
         self.color = device.target(view.camera.width, rows, "r32float", "shade.radiance")
         self.colors: tuple[Texture, ...] = (self.color,)
@@ -124,12 +127,13 @@ class ShadePass:
     @property
     def stride(self) -> int:
         """Pixels from one row of a band's buffer to the next."""
-        return self.color.stride // 4
+        return self.color.stride // 4 if self.glance is None else self.glance.stride
 
-    def begin(self) -> None:
-        """Let the device begin with what doesn't depend on the band."""
+    def begin(self, radiance: Buffer, row0: int, rows: int) -> None:
+        """Let the device begin with a band as far as that can be told apart, or with what no band
+        depends on; `record` is to follow."""
         if self.glance is not None:
-            self.glance.begin()
+            self.glance.begin(radiance, row0, rows)
 
     def record(self, recording: Recording, radiance: Buffer, row0: int, rows: int) -> None:
         """Shade rows ``row0 …`` into ``radiance`` (rows x stride float32)."""

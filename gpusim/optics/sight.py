@@ -72,6 +72,11 @@ class Sight:
             self._look(recording, row0, rows)
         self._begun = row0, rows
 
+    def begin_late(self, row0: int, rows: int) -> None:
+        """`begin`, unless it has."""
+        if self._begun is None:
+            self.begin(row0, rows)
+
     def record(self, recording: Recording, row0: int, rows: int) -> None:
         """Look at a band, unless that has begun already."""
         begun, self._begun = self._begun, None

@@ -38,6 +38,7 @@ from gpusim.optics.cutting import (
 )  # fmt: skip
 from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.indexed import Indexed
+from gpusim.optics.layer import FEWEST, one_layer
 from gpusim.optics.outline import corner_normals, feature_edges
 from gpusim.optics.paint_edges import speckle_jumps
 from gpusim.optics.reach import RegionPaint, footprint_columns, footprint_sizes, with_reach
@@ -84,7 +85,8 @@ class View:
     visible silhouettes, creases and region borders on screen, px. ``body`` (T,): number of the
     surface, ascending. ``edge_source`` (E, 2): the triangle that each edge is of, and its corner
     that it begins at. ``extent``: px, no box round a triangle has a longer side. ``guessed``: the
-    largest pixels in ``found`` are likely, but not certain.
+    largest pixels in ``found`` are likely, but not certain. ``layer``: no pixel's centre lies in
+    two triangles, unless places are so snapped that one is turned over.
     """
 
     camera: Camera
@@ -100,6 +102,7 @@ class View:
     extent: float
     found: tuple[tuple[RegionPaint, ...], Array] | None = None
     guessed: bool = False
+    layer: bool = False
 
     @property
     def count(self) -> int:
@@ -284,7 +287,7 @@ def look(
     return View(
         camera, all_of.vertices, place, corner, _joined(paint_ids), _joined(face_ids),
         tuple(paints), np.stack(ends, axis=1), _joined(body_ids), np.stack([shown, k], axis=1),
-        all_of.extent,
+        all_of.extent, layer=all_of.layer,
     )  # fmt: skip
 
 
@@ -337,13 +340,17 @@ def _seen_of(
     untouched = straight and culled.extent <= SHORT_EDGE
     table = VertexTable(surface, points, corner, bool(out.any()))
     place = np.take(ideal.T, table.origin, axis=1).T
+    layer = False
     if untouched and begin is not None:
+        layer = len(kept) >= FEWEST and one_layer(
+            topology, front, keep, ideal, screen.camera.height
+        )
         none = np.zeros(0, np.int32)
         begin(
             View(
                 screen.camera, table.columns[POSITION].T, place, table.corner.T, none, none,
                 tuple(_regions(surface)), np.zeros((0, 2, 2)), none, np.zeros((0, 2), np.int64),
-                culled.extent,
+                culled.extent, layer=layer,
             )
         )  # fmt: skip
     shows = feature_edges(
@@ -364,7 +371,7 @@ def _seen_of(
         flags[turned] = flags[turned][:, [2, 1, 0]]
     if len(place) < len(table.origin):
         place = np.take(ideal.T, table.origin, axis=1).T
-    found = Indexed(table.columns.T, place, table.corner.T, flags, kept, culled.extent)
+    found = Indexed(table.columns.T, place, table.corner.T, flags, kept, culled.extent, layer)
     if untouched:
         return found
     more = sparse_excess(surface, ST)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -51,6 +52,16 @@ class Topology:
         return Topology(
             corners, source, edge.reshape(-1, 3), first, second, manifold, bool(manifold.all())
         )
+
+    @cached_property
+    def oriented(self) -> bool:
+        """Whether no edge has more than two triangles, which then run along it opposite ways."""
+        along = self.triangles < np.roll(self.triangles, -1, axis=1)
+        count = len(self.first)
+        edge = self.edge.reshape(-1)
+        ways = np.bincount(edge, np.where(along, 1.0, -1.0).reshape(-1), count)
+        most = np.bincount(edge, minlength=count).max(initial=0)
+        return bool(most <= 2 and (ways[self.manifold] == 0.0).all())
 
     def sides(
         self, flags: npt.NDArray[np.bool_], kept: npt.NDArray[np.int64]

@@ -7,6 +7,9 @@ override quadratic: u32 = 0u;
 // In place of the anchor of a triangle that has no such function.
 const NONE: u32 = 0x80008000u;
 
+// On a pixel that a triangle of this number (below 2^22) shades one by one: no number that it may have.
+const MARK: u32 = 0xffc00000u;
+
 // per triangle its value at an anchor, its change per column and per row, the anchor's column (lower
 // half) and row; then its part of second degree, per column squared, column and row, row squared
 @group(0) @binding(42) var seen: texture_storage_2d<rgba32uint, read>;

@@ -3,6 +3,7 @@
 #import common/fields
 #import common/glance
 #import common/index
+#import common/inside
 #import common/surface
 #import common/undistort
 #import common/vertex
@@ -28,11 +29,15 @@ struct Params {
     last: u32,
     stretch: f32,
     margin: f32,
+    // where triangles draw their own pixels: rows of the band, pixels from one row of `band_radiance` to the
+    // next, and 1 where it isn't known yet what triangles look like
+    rows: i32,
+    stride: i32,
+    looking: u32,
 }
 @group(0) @binding(0) var<uniform> params: Params;
 // numbers + 1 of the triangles to look at; or each triangle's paint, or one that all have
 @group(0) @binding(1) var<storage, read> order: array<u32>;
-@group(0) @binding(2) var<storage, read> corners: array<u32>;
 // per triangle (bits of its albedo, its paint, plus 2^31 if it is near a line)
 @group(0) @binding(11) var<storage, read_write> looks: array<vec2u>;
 @group(0) @binding(6) var glances: texture_storage_2d<rgba32uint, write>;
@@ -72,13 +77,28 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
     let a = vertex_at(corners[3u * id]);
     let b = vertex_at(corners[3u * id + 1u]);
     let c = vertex_at(corners[3u * id + 2u]);
-    find(id, a, b, c, select(bitcast<f32>(looks[id].x), 1.0, bare != 0u), bare != 0u);
+    let found = found_in(a, b, c);
+    if (!found.even) { refuse(id); }
+    keep(id, found, select(bitcast<f32>(looks[id].x), 1.0, bare != 0u), bare != 0u);
 }
 
 // numbers + 1 of the triangles near lines, and the workgroups of 64 that they fill, 1, 1, their count;
-// then 1 if a pixel is larger than its paint says
-@group(0) @binding(12) var<storage, read_write> lined: array<u32>;
-@group(0) @binding(13) var<storage, read_write> counts: array<atomic<u32>, 5>;
+// then 1 if a pixel is larger than its paint says, and 1 if a triangle lies over others
+@group(0) @binding(14) var<storage, read_write> lined: array<u32>;
+@group(0) @binding(15) var<storage, read_write> counts: array<atomic<u32>, 6>;
+
+fn looked_at(id: u32, a: Vertex, b: Vertex, c: Vertex) -> Look {
+    let paint = order[min(id, params.last)];
+    let look = look_of(a, b, c, paint, params.stretch, params.margin);
+    looks[id] = vec2u(bitcast<u32>(look.albedo), paint | select(0u, 0x80000000u, look.near));
+    if (look.larger) { atomicStore(&counts[4], 1u); }
+    return look;
+}
+fn note(id: u32) {
+    let place = atomicAdd(&counts[3], 1u);
+    lined[place] = id + 1u;
+    atomicMax(&counts[0], place / 64u + 1u);
+}
 
 // All triangles, and first what they look like.
 @compute @workgroup_size(64)
@@ -88,20 +108,74 @@ fn looked(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) gr
     let a = vertex_at(corners[3u * id]);
     let b = vertex_at(corners[3u * id + 1u]);
     let c = vertex_at(corners[3u * id + 2u]);
-    let paint = order[min(id, params.last)];
-    let look = look_of(a, b, c, paint, params.stretch, params.margin);
-    looks[id] = vec2u(bitcast<u32>(look.albedo), paint | select(0u, 0x80000000u, look.near));
-    if (look.near) {
-        let place = atomicAdd(&counts[3], 1u);
-        lined[place] = id + 1u;
-        atomicMax(&counts[0], place / 64u + 1u);
-    }
-    if (look.larger) { atomicStore(&counts[4], 1u); }
-    find(id, a, b, c, select(look.albedo, 1.0, look.near), look.near);
+    let look = looked_at(id, a, b, c);
+    if (look.near) { note(id); }
+    let found = found_in(a, b, c);
+    if (!found.even) { refuse(id); }
+    keep(id, found, select(look.albedo, 1.0, look.near), look.near);
 }
 
-// The function of a triangle's light times `albedo`; `own`: its pixels each have one of their own.
-fn find(id: u32, a: Vertex, b: Vertex, c: Vertex, albedo: f32, own: bool) {
+// per pixel of the band its radiance's bits, or MARK and a triangle's number
+@group(0) @binding(16) var<storage, read_write> band_radiance: array<u32>;
+
+// All triangles, where none lies over another: they write their own pixels, or leave their mark on those
+// that are shaded one by one.
+@compute @workgroup_size(64)
+fn layered(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
+    let id = linear_id(gid, groups, 64u);
+    if (id >= params.count) { return; }
+    let at = places_of(id, params.row0);
+    let box = box_of(at, vec2i(i32(params.width), params.rows));
+    let beside = any(box.size < vec2i(0));
+    if (beside && params.looking == 0u) { return; }
+    let a = vertex_at(corners[3u * id]);
+    let b = vertex_at(corners[3u * id + 1u]);
+    let c = vertex_at(corners[3u * id + 2u]);
+    let look = looked_at(id, a, b, c);
+    let triangle = inside_of(at, box);
+    // all are wound one way, or some lie over each other
+    if (triangle.area != 0 && !triangle.turned) { atomicStore(&counts[5], 1u); }
+    if (triangle.area == 0 || beside) { return; }
+    let found = found_in(a, b, c);
+    let own = look.near || !found.even;
+    if (own) { keep(id, found, 1.0, true); }
+    if (look.near) { note(id); }
+    if (!found.even) { refuse(id); }
+    let light = Glance(look.albedo * vec3f(found.value, found.slope), look.albedo * found.bend,
+        found.anchor, false);
+    var inside = triangle.here;
+    var place = box.low;
+    let end = box.low + box.size;
+    loop {
+        if (all(inside > triangle.limits)) {
+            let pixel = place + vec2i(0, params.row0);
+            let d = vec2f(pixel - light.anchor) + undistort(bend_at(pixel), vec2f(0.0));
+            band_radiance[place.y * params.stride + place.x] =
+                select(bitcast<u32>(glance_of(light, d)), MARK | id, own);
+        }
+        let last = place.x == end.x;
+        inside += select(triangle.right, triangle.next, last);
+        place = select(place + vec2i(1, 0), vec2i(box.low.x, place.y + 1), last);
+        if (place.y > end.y) { break; }
+    }
+}
+
+// Sets the pixels of a band to the background.
+@compute @workgroup_size(64)
+fn blank(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
+    let place = linear_id(gid, groups, 64u);
+    if (place < arrayLength(&band_radiance)) { band_radiance[place] = bitcast<u32>(params.background); }
+}
+
+// The function of a triangle's light: its value at an anchor, its changes, and whether it is one.
+struct Found {
+    value: f32,
+    slope: vec2f,
+    bend: vec3f,
+    anchor: vec2i,
+    even: bool,
+}
+fn found_in(a: Vertex, b: Vertex, c: Vertex) -> Found {
     let anchor = anchor_of(a, b, c);
     let origin = vec2f(anchor);
     let p = place_of(a, anchor);
@@ -154,16 +228,24 @@ fn find(id: u32, a: Vertex, b: Vertex, c: Vertex, albedo: f32, own: bool) {
         value -= dot(slope, p.at);
     }
     let even = max(off.x, max(off.y, off.z)) <= params.tolerance * most && sound;
-    if (!even) {
-        let place = atomicAdd(&refusals[3], 1u);
-        refused[place] = id + 1u;
-        atomicMax(&refusals[0], place / 64u + 1u);
-    }
-    let at = select((u32(anchor.y) << 16u) | (u32(anchor.x) & 65535u), NONE, own && !even);
-    let radiance = albedo * vec3f(value, slope);
+    return Found(value, slope, bend, anchor, even);
+}
+
+fn refuse(id: u32) {
+    let place = atomicAdd(&refusals[3], 1u);
+    refused[place] = id + 1u;
+    atomicMax(&refusals[0], place / 64u + 1u);
+}
+
+// `own`: the triangle's pixels each have an albedo of their own.
+fn keep(id: u32, found: Found, albedo: f32, own: bool) {
+    let anchor = found.anchor;
+    let at = select((u32(anchor.y) << 16u) | (u32(anchor.x) & 65535u), NONE, own && !found.even);
+    let radiance = albedo * vec3f(found.value, found.slope);
     textureStore(glances, texel((1u + quadratic) * id), vec4u(bitcast<vec3u>(radiance), at));
     if (quadratic != 0u) {
-        textureStore(glances, texel((1u + quadratic) * id + 1u), vec4u(bitcast<vec3u>(albedo * bend), 0u));
+        let bend = bitcast<vec3u>(albedo * found.bend);
+        textureStore(glances, texel((1u + quadratic) * id + 1u), vec4u(bend, 0u));
     }
 }
 

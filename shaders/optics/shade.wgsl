@@ -208,10 +208,23 @@ struct Band {
 @group(0) @binding(13) var<uniform> band: Band;
 // per pixel of the band what sight.wgsl found, the lower half first
 @group(0) @binding(14) var<storage, read> band_nearest: array<vec2u>;
-@group(0) @binding(15) var<storage, read_write> band_radiance: array<f32>;
+// bits of the radiance
+@group(0) @binding(15) var<storage, read_write> band_radiance: array<u32>;
 
 fn band_size() -> vec2i {
     return vec2i(vec2f(params.width, params.rows));
+}
+
+// 1: triangles left marks on their own pixels (optics/glance.wgsl), in `band_radiance`
+override signed: u32 = 0u;
+
+// From one row to the next of what tells which triangle a pixel sees.
+fn row_length() -> i32 {
+    return select(band_size().x, band.stride, signed != 0u);
+}
+fn sees(pixel: i32, id: u32) -> bool {
+    if (signed != 0u) { return band_radiance[pixel] == (MARK | id); }
+    return band_nearest[pixel].x == ~id;
 }
 
 // Where a walk over a box, row by row, has come to: the pixel of the band, and the column of the box.
@@ -221,11 +234,11 @@ struct Walk {
 }
 // Which of the next pixels of its box see a triangle; `many` is at most 32.
 fn seen_bits(id: u32, box: Box, many: i32, walk: ptr<function, Walk>) -> u32 {
-    let turn = band_size().x - box.size.x;
+    let turn = row_length() - box.size.x;
     var bits = 0u;
     var k = 0;
     loop {
-        if (k < many && band_nearest[(*walk).pixel].x == ~id) { bits |= 1u << u32(k); }
+        if (k < many && sees((*walk).pixel, id)) { bits |= 1u << u32(k); }
         let end = (*walk).column == box.size.x;
         (*walk).pixel += select(1, turn, end);
         (*walk).column = select((*walk).column + 1, 0, end);
@@ -250,7 +263,7 @@ fn own_pixels(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups
     let columns = box.size.x + 1;
     let share = 1.0 / f32(columns);
     let count = select(columns * (box.size.y + 1), 0, any(box.size < vec2i(0)));
-    var walk = Walk(box.low.y * band_size().x + box.low.x, 0);
+    var walk = Walk(box.low.y * row_length() + box.low.x, 0);
     var first = 0;
     loop {
         var bits = seen_bits(id, box, min(count - first, 32), &walk);
@@ -260,7 +273,7 @@ fn own_pixels(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups
                 let row = i32((f32(n) + 0.5) * share);
                 let at = box.low + vec2i(n - row * columns, row);
                 printed = 0.0;
-                band_radiance[at.y * band.stride + at.x] = shade(t, paint, none, at).x;
+                band_radiance[at.y * band.stride + at.x] = bitcast<u32>(shade(t, paint, none, at).x);
             }
             bits &= bits - 1u;
             if (bits == 0u) { break; }
@@ -288,7 +301,7 @@ fn own_fields(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups
     let columns = box.size.x + 1;
     let share = 1.0 / f32(columns);
     let count = select(columns * (box.size.y + 1), 0, any(box.size < vec2i(0)));
-    var walk = Walk(box.low.y * band_size().x + box.low.x, 0);
+    var walk = Walk(box.low.y * row_length() + box.low.x, 0);
     var first = 0;
     loop {
         var bits = seen_bits(id, box, min(count - first, 32), &walk);
@@ -298,7 +311,7 @@ fn own_fields(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups
                 let bit = firstTrailingBit(bits);
                 let own = own_pixel(t, light, lattice, first + i32(bit), columns, share, box.low);
                 let field = field_at(lattice, t.more.x, own.at, own.f.ex, own.f.ey, own.f.q);
-                band_radiance[own.place] = field.albedo * own.light;
+                band_radiance[own.place] = bitcast<u32>(field.albedo * own.light);
                 if (field.line) { lines |= 1u << bit; }
             }
             bits &= bits - 1u;
@@ -309,7 +322,8 @@ fn own_fields(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups
                 let n = first + i32(firstTrailingBit(lines));
                 let own = own_pixel(t, light, lattice, n, columns, share, box.low);
                 let s = checker_share(squares, own.at, own.f.ex, own.f.ey, own.f.q);
-                band_radiance[own.place] = (t.more.x + (s.x - t.more.x * s.y)) * own.light;
+                let albedo = t.more.x + (s.x - t.more.x * s.y);
+                band_radiance[own.place] = bitcast<u32>(albedo * own.light);
             }
             lines &= lines - 1u;
             if (lines == 0u) { break; }

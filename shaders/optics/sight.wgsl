@@ -3,7 +3,7 @@
 // several times as long as so few pixels do. Writes the same numbers as visibility.wgsl.
 // Described in gpusim/optics/sight.py.
 #import common/index
-#import common/pixel_box
+#import common/inside
 
 struct Params {
     count: u32,
@@ -16,57 +16,29 @@ struct Params {
 // that of triangles at one depth the first is seen
 @group(0) @binding(1) var<storage, read_write> nearest: array<atomic<u64>>;
 
-// Twice the area of (0, a, b): above 0 where b is on the inner side of the edge along a.
-fn cross_of(a: vec2i, b: vec2i) -> i32 {
-    return a.x * b.y - a.y * b.x;
-}
-
-// What the edge function has to be above: an edge's own points are inside where it is a left or an
-// upper one.
-fn limit(edge: vec2i) -> i32 {
-    return select(0, -1, edge.y < 0 || (edge.y == 0 && edge.x > 0));
-}
-
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let id = linear_id(gid, groups, 64u);
     if (id >= params.count) { return; }
     let at = places_of(id, params.row0);
     let box = box_of(at, vec2i(params.width, params.rows));
-    let low = box.low;
     let size = box.size;
-    // from the box's first centre on numbers are small
-    let p = at.p - (low << vec2u(8u));
-    var q = at.q - (low << vec2u(8u));
-    var r = at.r - (low << vec2u(8u));
-    var area = cross_of(q - p, r - p);
-    if (area == 0 || size.x < 0 || size.y < 0) { return; }
-    var depth = at.depth;
-    if (area < 0) {
-        let other = q;
-        q = r;
-        r = other;
-        depth = depth.xzy;
-        area = -area;
-    }
-    // the edges' functions are the areas opposite to r, p and q
-    let limits = vec3i(limit(q - p), limit(r - q), limit(p - r));
-    var inside = vec3i(cross_of(q - p, -p), cross_of(r - q, -q), cross_of(p - r, -r));
-    let right = 256 * vec3i(p.y - q.y, q.y - r.y, r.y - p.y);
-    let down = 256 * vec3i(q.x - p.x, r.x - q.x, p.x - r.x);
-    let next = down - size.x * right;
-    let slope = (depth.zy - depth.xx) / f32(area);
+    let triangle = inside_of(at, box);
+    if (triangle.area == 0 || size.x < 0 || size.y < 0) { return; }
+    let depth = select(at.depth, at.depth.xzy, triangle.turned);
+    var inside = triangle.here;
+    let slope = (depth.zy - depth.xx) / f32(triangle.area);
     let last = u64(~id);
-    var pixel = low.y * params.width + low.x;
+    var pixel = box.low.y * params.width + box.low.x;
     var column = 0;
     var left = (size.x + 1) * (size.y + 1);
     loop {
-        if (all(inside > limits)) {
+        if (all(inside > triangle.limits)) {
             let z = max(depth.x + dot(slope, vec2f(inside.xz)), 0.0);
             atomicMax(&nearest[pixel], (u64(bitcast<u32>(z)) << 32u) | last);
         }
         let end = column == size.x;
-        inside += select(right, next, end);
+        inside += select(triangle.right, triangle.next, end);
         pixel += select(1, params.width - size.x, end);
         column = select(column + 1, 0, end);
         left--;
