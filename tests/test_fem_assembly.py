@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.sparse import bsr_matrix
 
 from gpusim.errors import InputError
 from gpusim.fem import Isotropic, Model, Orthotropic, solve
-from gpusim.fem.aggregation import aggregate_level
-from gpusim.fem.assembly import assemble_groups, group_matrix
+from gpusim.fem.aggregation import galerkin, prolongator
+from gpusim.fem.assembly import assemble, assemble_groups, group_matrix
 from gpusim.fem.block_rows import block_matrix
 from gpusim.fem.coarsen import drop_midsides
+from gpusim.fem.deformation import Deformation
 from gpusim.fem.diagonal import invert_blocks
 from gpusim.fem.edges import Edges
 from gpusim.fem.element_matrix import element_stiffness
@@ -44,6 +46,16 @@ def curved(mesh: Mesh) -> Mesh:
     moved = np.zeros(mesh.points.shape)
     moved[np.unique(mesh.cells["tet10"][:5, 4:])] = [0.004, -0.003, 0.002]
     return mesh.moved(moved)
+
+
+def swept() -> Mesh:
+    """Layers of elements of different shapes, the same in each."""
+    mesh = box((6.0, 5.0, 2.0), (6, 5, 8))
+    move = np.random.default_rng(4).uniform(-0.2, 0.2, (7, 6, 2))
+    place = np.rint(mesh.points[:, :2]).astype(int)
+    shift = np.zeros(mesh.points.shape)
+    shift[:, :2] = move[place[:, 0], place[:, 1]]
+    return mesh.moved(shift)
 
 
 def plain_sum(mesh: Mesh, materials: list, of_cell: np.ndarray) -> np.ndarray:  # type: ignore[type-arg]
@@ -138,15 +150,60 @@ def test_a_diagonal_stored_apart_gives_the_same_coarse_level() -> None:
     scale = 0.25
     inverse = invert_blocks(rows.diagonal / scale, free)
     near_null = rigid_modes(mesh.points, np.zeros(3), 1.0) * free[:, :, None]
-    apart, whole = (
-        aggregate_level(one, inverse, 2.1, near_null, free)
-        for one in (RowsProduct(rows, scale), block_matrix(rows, scale))
-    )
-    for one, two in ((apart.prolongation, whole.prolongation), (apart.matrix, whole.matrix)):
+    coarser = []
+    for matrix in (RowsProduct(rows, scale), block_matrix(rows, scale)):
+        p, _, mask = prolongator(matrix, inverse, 2.1, near_null, free)
+        coarser.append((p, galerkin(matrix, p), mask))
+    apart, whole = coarser
+    for one, two in zip(apart[:2], whole[:2], strict=True):
         wanted = two.toarray()
         assert 6 < wanted.shape[1] < 0.5 * 3 * mesh.node_count
         np.testing.assert_allclose(one.toarray(), wanted, atol=1e-13 * np.abs(wanted).max())
-    np.testing.assert_array_equal(apart.mask, whole.mask)
+    np.testing.assert_array_equal(apart[2], whole[2])
+
+
+def test_galerkin_products_add_up_whatever_the_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A node without neighbours among them: only its diagonal block couples its parents."""
+    mesh = irregular("hex8")
+    count = mesh.node_count + 1
+    rows = assemble_groups(model_groups(Model(mesh, [STEEL]), RULE), count)
+    rows.diagonal[-1] = np.eye(3)
+    rng = np.random.default_rng(3)
+    matrix = RowsProduct(rows, 4.0)
+    there = rng.random((count, 9)) < 0.3
+    there[-1] = np.arange(9) > 6
+    blocks = there[:, None, :, None] * rng.normal(size=(count, 3, 9, 6))
+    # the last parents are that node's alone
+    blocks[:-1, :, 7:] = 0.0
+    p = bsr_matrix(blocks.reshape(3 * count, -1), blocksize=(3, 6))
+    dense = matrix.matrix.toarray()
+    wanted = p.toarray().T @ dense @ p.toarray()
+    for least in (10**9, 200):
+        monkeypatch.setattr("gpusim.fem.aggregation._LEAST_PART", least)
+        got = galerkin(matrix, p)
+        assert got.blocksize == (6, 6)
+        assert np.abs(got.toarray() - wanted).max() <= 1e-13 * np.abs(wanted).max()
+
+
+def test_matrices_that_are_not_wanted_soon_are_formed_again() -> None:
+    mesh = swept()
+    model = Model(mesh, [STEEL])
+    (kept,) = model_groups(model, RULE)
+    assembled = assemble(model, RULE)
+    (group,) = assembled.groups
+    assert isinstance(group, Group)
+    assert isinstance(kept, Group)
+    assert group._matrices is None
+    assert 1 < group.distinct < mesh.cell_count
+    u = np.random.default_rng(8).normal(size=(1, mesh.node_count, 3))
+    by_elements = Deformation(assembled.groups, mesh.points).product(u)
+    np.testing.assert_array_equal(group.matrices, kept.matrices)
+    wanted = block_matrix(assembled.rows) @ u.ravel()
+    assert np.abs(by_elements.ravel() - wanted).max() <= 1e-12 * np.abs(wanted).max()
+    # what a model gives for good stays
+    whole = Group("hex8", group.cells, group.kind, kept.matrices)
+    whole.forget()
+    assert whole.matrices is kept.matrices
 
 
 def test_no_straight_element_is_held() -> None:

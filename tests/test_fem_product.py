@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.sparse import bsr_matrix
 
 from gpusim import fem
 from gpusim.bench.cases import CASES
@@ -12,6 +13,7 @@ from gpusim.fem.assembly import assemble
 from gpusim.fem.block_rows import BlockRows, block_matrix
 from gpusim.fem.formulation import resolve_formulation
 from gpusim.fem.product import Product, RowsProduct
+from gpusim.fem.transfer import MatrixTransfer, in_single
 from gpusim.mesh import Mesh, box
 
 
@@ -66,3 +68,26 @@ def test_shares_of_the_rows_give_the_same_to_the_last_bit(monkeypatch: pytest.Mo
     assert len(shared._parts) == 3 and (shared(x) == whole).all()
     monkeypatch.setattr("gpusim.fem.product._LEAST_PART", 1)
     assert len(Product(matrix)._parts) == 8 and (Product(matrix)(x) == whole).all()
+
+
+@pytest.mark.parametrize("size", [1e-200, 1.0, 1e200])
+def test_interpolation_in_float32_takes_vectors_of_any_size(size: float) -> None:
+    rng = np.random.default_rng(6)
+    dense = rng.normal(size=(30, 12)) * (rng.random((30, 12)) < 0.5)
+    exact = bsr_matrix(dense, blocksize=(3, 6))
+    transfer = MatrixTransfer(in_single(exact))
+    c, r = size * rng.normal(size=(2, 12)), size * rng.normal(size=(2, 30))
+    c[1] *= 1e-60  # each load case is scaled by itself
+    for got, wanted in (
+        (transfer.interpolate(c), c @ dense.T),
+        (transfer.restrict(r), r @ dense),
+    ):
+        assert got.dtype == np.float64
+        for one, other in zip(got, wanted, strict=True):
+            assert 0.0 < np.abs(one - other).max() <= 5e-7 * np.abs(other).max()
+    assert not transfer.restrict(np.zeros((1, 30))).any()
+    # what isn't a number isn't made one
+    assert np.isnan(transfer.restrict(np.full((1, 30), np.nan))).any()
+    # with a float64 matrix nothing is rounded
+    plain = MatrixTransfer(exact)
+    np.testing.assert_allclose(plain.restrict(r), r @ dense, rtol=1e-13, atol=1e-15 * size)

@@ -181,10 +181,13 @@ def test_extreme_units_do_not_matter(factor: float) -> None:
 
 def test_start_at_the_answer_takes_hardly_an_iteration() -> None:
     model = cantilever()
-    first = solve(model, backend="numpy", tolerance=1e-9, method="multigrid")
-    again = solve(model, backend="numpy", method="multigrid", start=first.u)
+    first = solve(model, backend="numpy", method="multigrid")
+    # of a start that is merely close, its own residual decides how many
+    answer = solve(model, tolerance=1e-9, method="direct").u
+    again = solve(model, backend="numpy", method="multigrid", start=answer)
     trusted(again)
-    assert again.iterations <= 5 < first.iterations
+    assert again.iterations <= 1
+    assert first.iterations > 5
 
 
 def test_too_few_iterations_are_reported_not_hidden(device: Device) -> None:

@@ -6,25 +6,23 @@ Vanek, Mandel & Brezina, Computing 56 (1996) 179, with the six rigid-body modes.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import reduce
-from operator import add
 
 import numpy as np
 import numpy.typing as npt
 from scipy.linalg import eigh_tridiagonal
-from scipy.sparse import bsr_matrix, coo_matrix, csr_matrix
+from scipy.sparse import bsr_matrix, coo_matrix, csr_matrix, vstack
 
 from gpusim.fem.columns import Columns
-from gpusim.fem.congruence import mix, noise
+from gpusim.fem.congruence import noise
 from gpusim.fem.diagonal import diagonal_blocks
 from gpusim.fem.patches import Patches
-from gpusim.fem.product import Product, RowsProduct, row_shares, shared
+from gpusim.fem.product import Product, RowsProduct, ahead, row_shares, shared
 from gpusim.fem.stencil import StencilProduct
 
-__all__ = ["Aggregated", "aggregate_level", "galerkin", "largest_eigenvalue"]
+__all__ = ["galerkin", "largest_eigenvalue", "prolongator"]
 
 Float = npt.NDArray[np.float64]
+Int = npt.NDArray[np.int32]
 Long = npt.NDArray[np.int64]
 Bool = npt.NDArray[np.bool_]
 
@@ -34,32 +32,24 @@ _STRENGTH = 0.08
 _COARSE_STRENGTHS = (0.2, 0.08, 0.0)
 _LEAST_SHRINKAGE = 0.55
 # products of matrices are shared out in so many parts, of no fewer blocks than this
-_MOST_PARTS, _LEAST_PART = 16, 50_000
+_MOST_PARTS, _LEAST_PART = 32, 50_000
 # factor on the greatest eigenvalue that Lanczos and its residual tell
 _ON_TOP = 1.03
 
 
-@dataclass(frozen=True, eq=False)
-class Aggregated:
-    """The next coarser level: ``prolongation`` to it, its ``matrix`` with 6x6 blocks, its
-    near-null space (B,6,6), and which of its unknowns exist (B,6)."""
-
-    prolongation: bsr_matrix
-    matrix: bsr_matrix
-    near_null: Float
-    mask: Bool
-
-
-def aggregate_level(
+def prolongator(
     matrix: bsr_matrix | RowsProduct,
     inverse: Float | Columns,
     largest: float,
     near_null: Float,
     mask: Bool,
-) -> Aggregated:
-    """Coarsen once. ``matrix`` has s x s blocks, ``inverse`` (B,s,s) its inverted diagonal blocks,
-    or columns that stay together, ``largest`` bounds the eigenvalues of D^-1 A, ``near_null``
-    (B,s,6), ``mask`` (B,s) free.
+) -> tuple[bsr_matrix, Float, Bool]:
+    """(P, the coarser level's near-null space (C,6,6), which of its unknowns exist (C,6)); P with
+    blocks of s x 6.
+
+    ``matrix`` has s x s blocks, ``inverse`` (B,s,s) its inverted diagonal blocks, or columns that
+    stay together, ``largest`` bounds the eigenvalues of D^-1 A, ``near_null`` (B,s,6), ``mask``
+    (B,s) free.
 
     Of block rows the diagonal is stored apart, and is taken into account apart: the matrix is the
     largest thing there is, and a copy of it with the diagonal in place isn't needed.
@@ -76,16 +66,15 @@ def aggregate_level(
     # P = (I - 4/(3 lambda) D^-1 A) T, with D^-1 D T = T
     step = 4.0 / (3.0 * largest)
     if isinstance(inverse, Columns):
-        prolongation = _smoothed_by_columns(matrix, tentative, inverse.matrix, step)
-        return Aggregated(prolongation, galerkin(matrix, prolongation), coarse_null, coarse_mask)
+        by_columns = _smoothed_by_columns(matrix, tentative, inverse.matrix, step)
+        return by_columns, coarse_null, coarse_mask
 
     def smoothed(rows: slice) -> bsr_matrix:
         image = _rows(off, rows) @ tentative
         own = _rows(tentative, rows) * (1.0 - step if apart else 1.0)
         return bsr_matrix(own - (step / scale) * (_block_diagonal(inverse[rows]) @ image))
 
-    prolongation = _stacked(shared(smoothed, _parts(off)))
-    return Aggregated(prolongation, galerkin(matrix, prolongation), coarse_null, coarse_mask)
+    return _stacked(shared(smoothed, _parts(off))), coarse_null, coarse_mask
 
 
 def _smoothed_by_columns(
@@ -109,9 +98,10 @@ def _between(
     """Links between columns as a matrix of single numbers, the norms of all their blocks; the same
     of each column's own (C,1,1), and whether any unknown of it is free (C,1)."""
     count = int(column.max()) + 1
-    row = np.repeat(column, np.diff(off.indptr))
+    number = column.astype(np.int32)
+    row = np.repeat(number, np.diff(off.indptr))
     links = coo_matrix(
-        (np.einsum("bij,bij->b", off.data, off.data), (row, column[off.indices])),
+        (np.einsum("bij,bij->b", off.data, off.data), (row, number[off.indices])),
         shape=(count, count),
     ).tocsr()
     # a column's own is that of its nodes' blocks: what links them is less
@@ -128,12 +118,41 @@ def galerkin(matrix: bsr_matrix | RowsProduct, prolongation: bsr_matrix) -> bsr_
     apart = diagonal if isinstance(matrix, RowsProduct) else None
     width = prolongation.blocksize[1]
 
+    start, column = _pattern(off, apart is not None, prolongation)
+    count = len(start) - 1
+    # blocks of the result by row and column, ascending
+    place = np.repeat(np.arange(count), np.diff(start)) * count + column
+    blocks = np.zeros((len(column), width, width))
+
     def coarsened(rows: slice) -> bsr_matrix:
         return bsr_matrix(_rows(prolongation, rows).T @ _image(off, apart, rows, prolongation))
 
-    coarse = reduce(add, shared(coarsened, _parts(off))).tobsr((width, width))
-    coarse.data /= scale
-    return coarse
+    # one part after the other: all of them together take several times as much as their sum
+    for part in ahead(coarsened, _parts(off)):
+        row = np.repeat(np.arange(count), np.diff(part.indptr))
+        blocks[np.searchsorted(place, row * count + part.indices)] += part.data
+    blocks /= scale
+    return bsr_matrix((blocks, column, start), shape=(width * count,) * 2)
+
+
+def _pattern(off: bsr_matrix, diagonal: bool, prolongation: bsr_matrix) -> tuple[Int, Int]:
+    """Where P^T A P has blocks: first of each row, and columns, ascending. ``diagonal``: A has
+    diagonal blocks beside those of ``off``."""
+
+    def where(matrix: bsr_matrix) -> csr_matrix:
+        shape = [n // size for n, size in zip(matrix.shape, matrix.blocksize, strict=True)]
+        there = np.ones(len(matrix.indices), dtype=bool)
+        return csr_matrix((there, matrix.indices, matrix.indptr), shape=(shape[0], shape[1]))
+
+    across = where(prolongation)
+
+    def image(rows: slice) -> csr_matrix:
+        own = across[rows] if diagonal else 0
+        return csr_matrix(where(_rows(off, rows)) @ across + own)
+
+    result = csr_matrix(across.T @ vstack(shared(image, _parts(off)), format="csr"))
+    result.sort_indices()
+    return result.indptr, result.indices
 
 
 def _split(matrix: bsr_matrix | RowsProduct) -> tuple[bsr_matrix, Float, float]:
@@ -274,31 +293,24 @@ def _aggregate(
 
 
 def _independent_set(graph: csr_matrix, alive: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-    """Nodes no two of which are within distance 2, every other node within 2 of one.
+    """Nodes no two of which have a neighbour in common, every other node within 2 of one; of the
+    ``graph``, which has a full diagonal on the living nodes.
 
-    Rounds of local maxima of a fixed pseudo-random priority (Bell, Dalton & Olson, SISC 34
-    (2012) C123). ``graph`` has a full diagonal on the living nodes.
+    One after the other, as they are numbered (Vanek, Mandel & Brezina, algorithm 5.1): neighbours
+    in number are neighbours in space, so the aggregates lie close to each other. Chosen at random,
+    they leave gaps, which the aggregates around fill up: half again as many nodes to each.
     """
-    count = len(alive)
-    rows = np.flatnonzero(alive)
-    start = graph.indptr[rows]
-    priority = (mix(np.arange(count), 4) >> np.uint64(2)).astype(np.int64)
-    top = np.int64(2**62)
-    state = np.where(alive, priority, np.int64(-1))  # top: chosen, -1: out
-
-    def spread(values: Long) -> Long:
-        result = np.full(count, -1, dtype=np.int64)
-        result[rows] = np.maximum.reduceat(values[graph.indices], start)
-        return result
-
-    while True:
-        reach = spread(spread(state))
-        undecided = (state >= 0) & (state < top)
-        if not undecided.any():
-            return np.asarray(state == top)
-        chosen = undecided & (reach == state)
-        state[undecided & (reach == top)] = -1
-        state[chosen] = top
+    taken = np.zeros(len(alive), dtype=bool)
+    root = np.zeros(len(alive), dtype=bool)
+    start, neighbours = graph.indptr.tolist(), graph.indices
+    for node in np.flatnonzero(alive).tolist():
+        if taken[node]:
+            continue
+        near = neighbours[start[node] : start[node + 1]]
+        if not taken[near].any():
+            root[node] = True
+            taken[near] = True
+    return root
 
 
 def _tentative(

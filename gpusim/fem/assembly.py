@@ -11,9 +11,10 @@ import numpy.typing as npt
 from scipy.sparse import bsr_matrix
 
 from gpusim.fem.block_rows import BlockRows
+from gpusim.fem.coarsen import has_midsides
 from gpusim.fem.congruence import unique_rows
 from gpusim.fem.edges import Edges, row_sums
-from gpusim.fem.groups import REPEATS, Elements, Group, lattice_group, model_groups, only_group
+from gpusim.fem.groups import Elements, Group, lattice_group, model_groups, only_group
 from gpusim.fem.lattice import CORNERS, Lattice, find_lattice, node_offsets
 from gpusim.fem.model import Model
 from gpusim.fem.stencil import Stencil
@@ -31,6 +32,10 @@ __all__ = [
 Float = npt.NDArray[np.float64]
 Int = npt.NDArray[np.int32]
 Long = npt.NDArray[np.int64]
+
+# elements per distinct matrix from which on rows are compared: each is a sum over several elements,
+# and where rows repeat less often than about eight times a table of them is only one thing more
+_ROWS_REPEAT = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +69,12 @@ def assemble(
     lattice = model_lattice(model) if lattice is None else lattice
     if lattice is None:
         groups = model_groups(model, formulation)
-        return Assembled(assemble_groups(groups, mesh.node_count), groups, None)
+        rows = assemble_groups(groups, mesh.node_count)
+        for group in groups:
+            # levels without midsides are made of them; nothing else is until rounding shows
+            if isinstance(group, Group) and not has_midsides([group]):
+                group.forget()
+        return Assembled(rows, groups, None)
     group = lattice_group(model, lattice, formulation)
     return Assembled(assemble_lattice(group, lattice), [group], lattice)
 
@@ -74,7 +84,7 @@ def assemble_groups(groups: Sequence[Elements], count: int) -> BlockRows:
     edges = Edges(groups, count)
     classes = sum(group.distinct for group in groups)
     elements = sum(len(group.cells) for group in groups)
-    if classes * REPEATS <= elements and all(isinstance(group, Group) for group in groups):
+    if classes * _ROWS_REPEAT <= elements and all(isinstance(group, Group) for group in groups):
         representative, row_class = edges.equal_rows()
     else:
         representative = row_class = np.arange(count, dtype=np.int64)
@@ -82,8 +92,10 @@ def assemble_groups(groups: Sequence[Elements], count: int) -> BlockRows:
     table_start = np.concatenate([[0], np.cumsum(degree)]).astype(np.int64)
     table = edges.blocks(None if len(representative) == count else representative)
     diagonal = -row_sums(table_start, table)
+    # the pattern alone: where blocks came from isn't asked again
+    links = edges.links()
     return BlockRows(
-        edges.links, row_class.astype(np.int32), table, table_start,
+        lambda: links, row_class.astype(np.int32), table, table_start,
         0.5 * (diagonal + diagonal.transpose(0, 2, 1)), classes,
     )  # fmt: skip
 

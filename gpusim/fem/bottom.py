@@ -1,7 +1,7 @@
 """The coarsest level of multigrid, solved exactly: a band where the body is long, or an inverse.
 
 The bandwidth of a long body's matrix is small, and solving by its factor costs less than further
-levels would: chains of aggregates bend too stiffly.
+levels would, which are gone through several times.
 """
 
 from __future__ import annotations

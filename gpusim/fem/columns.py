@@ -16,6 +16,7 @@ import numpy.typing as npt
 from scipy.sparse import bsr_matrix, csr_matrix
 from scipy.sparse.csgraph import connected_components
 
+from gpusim.fem.block_rows import ranges
 from gpusim.fem.groups import Elements
 from gpusim.fem.product import Product, RowsProduct
 from gpusim.fem.smooth import Relaxation, chebyshev
@@ -23,6 +24,7 @@ from gpusim.fem.smooth import Relaxation, chebyshev
 __all__ = ["Columns", "columns_across"]
 
 Float = npt.NDArray[np.float64]
+Int = npt.NDArray[np.int32]
 Long = npt.NDArray[np.int64]
 Bool = npt.NDArray[np.bool_]
 
@@ -46,6 +48,8 @@ _FLAT = 1.15
 _LONGEST, _MOSTLY = 12, 0.5
 # eigenvalues of the smoother, as of `gpusim.fem.preconditioner`
 _RANGE, _DEGREE = 12.0, 2
+# columns that are inverted at a time
+_PORTION = 1024
 
 
 def columns_across(groups: Sequence[Elements], points: Float) -> Long | None:
@@ -117,18 +121,23 @@ def _inverse(matrix: bsr_matrix | RowsProduct, free: Bool, column: Long) -> bsr_
     place = np.empty(count, dtype=np.int64)
     place[members] = np.arange(count) - start[column[members]]
     row, other, value = _inner_blocks(matrix, column)
+    order = np.argsort(column[row], kind="stable")
+    begin = np.concatenate([[0], np.cumsum(np.bincount(column[row], minlength=len(size)))])
     pointer = np.concatenate([[0], np.cumsum(size[column])])
-    indices = np.empty(pointer[-1], dtype=np.int64)
+    indices = np.empty(pointer[-1], dtype=np.int32)
     data = np.empty((pointer[-1], 3, 3))
-    for high in np.unique(size):
-        own = np.flatnonzero(size == high)
-        number = np.full(len(size), -1)
-        number[own] = np.arange(len(own))
+    portions = (
+        (int(high), equal[first : first + _PORTION])
+        for high in np.unique(size)
+        for equal in [np.flatnonzero(size == high)]
+        for first in range(0, len(equal), _PORTION)
+    )
+    for high, own in portions:
         nodes = members[start[own][:, None] + np.arange(high)]
+        here = order[ranges(begin[own], begin[own + 1] - begin[own])]
         block = np.zeros((len(own), high, 3, high, 3))
-        here = number[column[row]] >= 0
-        at = number[column[row[here]]], place[row[here]], slice(None), place[other[here]]
-        block[at] = value[here]
+        number = np.searchsorted(own, column[row[here]])
+        block[number, place[row[here]], :, place[other[here]]] = value[here]
         inside = free[nodes].reshape(len(own), -1)
         both = inside[:, :, None] & inside[:, None]
         dense = np.where(both, block.reshape(both.shape), 0.0)
@@ -141,14 +150,15 @@ def _inverse(matrix: bsr_matrix | RowsProduct, free: Bool, column: Long) -> bsr_
     return bsr_matrix((data, indices, pointer), shape=(3 * count, 3 * count))
 
 
-def _inner_blocks(matrix: bsr_matrix | RowsProduct, column: Long) -> tuple[Long, Long, Float]:
+def _inner_blocks(matrix: bsr_matrix | RowsProduct, column: Long) -> tuple[Int, Int, Float]:
     """Rows, columns and values (B,3,3) of the blocks between nodes of one column."""
     off = matrix.others if isinstance(matrix, RowsProduct) else matrix
-    row = np.repeat(np.arange(len(column)), np.diff(off.indptr))
-    same = np.flatnonzero(column[row] == column[off.indices])
-    row, other, value = row[same], off.indices[same].astype(np.int64), off.data[same]
+    row = np.repeat(np.arange(len(column), dtype=np.int32), np.diff(off.indptr))
+    short = column.astype(np.int32)
+    same = np.flatnonzero(short[row] == short[off.indices])
+    row, other, value = row[same], off.indices[same], off.data[same]
     if isinstance(matrix, RowsProduct):
-        own = np.arange(len(column))
+        own = np.arange(len(column), dtype=np.int32)
         row, other = np.concatenate([row, own]), np.concatenate([other, own])
         value = np.concatenate([value, matrix.diagonal]) / matrix.scale
     return row, other, value

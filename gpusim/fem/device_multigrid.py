@@ -27,9 +27,12 @@ from gpusim.fem.transfer import MatrixTransfer, NodeTransfer
 from gpusim.gpu import Recording
 from gpusim.gpu.texels import Texels
 
-__all__ = ["DeviceMultigrid", "compile_kernels", "multigrid_bytes"]
+__all__ = ["TWICE", "DeviceMultigrid", "compile_kernels", "multigrid_bytes"]
 
 Steps = tuple[Relaxation, ...]
+
+# what either of two cycles counts where a level is gone through twice
+TWICE = 1.5
 
 
 def compile_kernels(device: Allocator, by_elements: bool, rounded: bool) -> None:
@@ -109,7 +112,7 @@ def multigrid_bytes(hierarchy: Hierarchy, cases: int) -> int:
             total += (
                 2 * product_bytes(level.product.matrix)
                 + product_bytes(_diagonal(level))
-                + vectors(12, fine)
+                + vectors(18, fine)
             )
         if isinstance(level.transfer, NodeTransfer):
             entries = level.transfer.weights.nnz
@@ -163,11 +166,21 @@ class _BlockLevel:
         self._sum = DeviceSum(device, self._matrix.rows, cases)
         self._right, self._product = self._matrix.vector(), self._matrix.vector()
         self._vectors = [self._matrix.vector() for _ in range(3)]
+        assert level.twice
+        self._once, self._left, self._again = (self._matrix.vector() for _ in range(3))
         assert isinstance(level.transfer, MatrixTransfer)
         self._below = _ByMatrix(device, level.transfer, below, cases, label)
 
     def record(self, recording: Recording, b: Pair, out: Pair) -> None:
-        """Record out = (V-cycle) b."""
+        """Record out = t V b + t V (b - A t V b) with the V-cycle V."""
+        self._cycle(recording, b, self._once)
+        self._matrix.record(recording, self._once, self._product)
+        self._sum.record(recording, self._left, right=(1.0, b), product=(-TWICE, self._product))
+        self._cycle(recording, self._left, self._again)
+        self._sum.record(recording, out, x=(TWICE, self._once), right=(TWICE, self._again))
+
+    def _cycle(self, recording: Recording, b: Pair, out: Pair) -> None:
+        """Record out = V b."""
         self._inverse.record(recording, b, self._right)
         now, before, following = self._vectors
         self._sum.record(recording, now, right=(self._steps[0].gain, self._right))

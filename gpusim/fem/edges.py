@@ -40,9 +40,7 @@ class Edges:
     def __init__(self, groups: Sequence[Elements], count: int) -> None:
         self.count, self._groups = count, groups
         self._sizes = [group.cells.shape[1] * (group.cells.shape[1] - 1) // 2 for group in groups]
-        low, high = self._ends()
-        row, column, pair = _sorted_pairs(low, high, count)
-        del low, high
+        row, column, pair = self._sorted_pairs()
         new = np.empty(len(pair), dtype=bool)
         new[:1] = True
         np.not_equal(column[1:], column[:-1], out=new[1:])
@@ -85,6 +83,19 @@ class Edges:
                 np.maximum(columns[a], columns[b], out=high[part])
                 at = part.stop
         return low, high
+
+    def _sorted_pairs(self) -> tuple[Int, Int, Int]:
+        """Pairs sorted by low, then by high: where each low begins, high and the pairs'
+        positions."""
+        low, high = self._ends()
+        start, column, position = _counted(high, low, self.count)
+        del low, high
+        row = np.empty_like(start)
+        sorted_high, order = np.empty_like(column), np.empty_like(position)
+        _sparsetools.csr_tocsc(
+            self.count, self.count, start, column, position, row, sorted_high, order
+        )
+        return row, sorted_high, order
 
     def _pair_numbers(self) -> list[Int]:
         """(pairs, elements) edge of every pair, per group."""
@@ -229,15 +240,6 @@ def _counted(key: Int, other: Int, count: int) -> tuple[Int, Int, Int]:
         start, sorted_other, position,
     )  # fmt: skip
     return start, sorted_other, position
-
-
-def _sorted_pairs(low: Int, high: Int, count: int) -> tuple[Int, Int, Int]:
-    """Pairs sorted by low, then by high: where each low begins, high and the pairs' positions."""
-    start, column, position = _counted(high, low, count)
-    row = np.empty_like(start)
-    sorted_high, order = np.empty_like(column), np.empty_like(position)
-    _sparsetools.csr_tocsc(count, count, start, column, position, row, sorted_high, order)
-    return row, sorted_high, order
 
 
 def _add_rows(table: Float, at: Int, values: Float) -> None:

@@ -6,8 +6,9 @@ hundred thousand quadratic tetrahedra take a gigabyte, and each is wanted once o
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -42,26 +43,40 @@ Bool = npt.NDArray[np.bool_]
 # spacings of a lattice that differ by less than this, relative, are one
 _SAME_SPACING = 2.0**-36
 # distinct elements that one processor takes at a time
-_PORTION = 4096
+_PORTION = 512
 # matrices are stored where they repeat at least this often on average
 REPEATS = 4
 # elements that are compared for a first look, per square root of their number
 _LOOK = 8
 
 
-@dataclass(frozen=True, eq=False)
 class Group:
     """Elements of one cell type: ``cells`` (M,k) node numbers, ``kind`` (M,) int64 number of each
-    element's matrix in ``matrices`` (C,3k,3k) float64, symmetric."""
+    element's matrix in ``matrices`` (C,3k,3k) float64, symmetric; ``form`` gives these again."""
 
-    name: str
-    cells: Int
-    kind: Long
-    matrices: Float
+    def __init__(
+        self,
+        name: str,
+        cells: Int,
+        kind: Long,
+        matrices: Float,
+        form: Callable[[], Float] | None = None,
+    ) -> None:
+        self.name, self.cells, self.kind = name, cells, kind
+        self.distinct, self._form = len(matrices), form
+        self._matrices: Float | None = matrices
 
     @property
-    def distinct(self) -> int:
-        return len(self.matrices)
+    def matrices(self) -> Float:
+        if self._matrices is None:
+            assert self._form is not None
+            self._matrices = self._form()
+        return self._matrices
+
+    def forget(self) -> None:
+        """The matrices won't be wanted soon: they are formed anew then."""
+        if self._form is not None:
+            self._matrices = None
 
     def at(self, which: Long) -> Float:
         """(m,3k,3k) matrices of the elements ``which``."""
@@ -157,8 +172,9 @@ def model_groups(model: Model, formulation: Mapping[str, str]) -> list[Elements]
         if classes is not None:
             representative, kind = classes
             rule = formulation[name]
-            matrices = _matrices(name, points[cells], elasticity, material, representative, rule)
-            groups.append(Group(name, cells, kind, matrices))
+            nodes, own = points[cells[representative]], material[representative]
+            form = partial(_matrices, name, nodes, elasticity, own, rule)
+            groups.append(Group(name, cells, kind, form(), form))
             continue
         groups += _distinct_groups(name, points, cells, elasticity, material, formulation[name])
     return groups
@@ -213,21 +229,16 @@ def _distinct_groups(
         yield DistinctGroup(name, own, Integrated(name, points, own, elasticity, what, rule))
 
 
-def _matrices(
-    name: str, nodes: Float, elasticity: Float, material: Int, which: Long, formulation: str
-) -> Float:
-    """Matrices of the elements ``which``, shared out to the processors."""
-
+def _matrices(name: str, nodes: Float, elasticity: Float, material: Int, formulation: str) -> Float:
+    """Matrices of elements with ``nodes`` (C,k,3), shared out to the processors."""
     width = 3 * nodes.shape[1]
-    result = np.empty((len(which), width, width))
+    result = np.empty((len(nodes), width, width))
 
     def fill(first: int) -> None:
-        part = which[first : first + _PORTION]
-        result[first : first + _PORTION] = element_stiffness(
-            name, nodes[part], elasticity[material[part]], formulation
-        )
+        part = slice(first, first + _PORTION)
+        result[part] = element_stiffness(name, nodes[part], elasticity[material[part]], formulation)
 
-    shared(fill, range(0, len(which), _PORTION))
+    shared(fill, range(0, len(nodes), _PORTION))
     return result
 
 

@@ -11,7 +11,7 @@ from scipy.linalg import eigh
 from scipy.sparse import bsr_matrix
 
 from gpusim.errors import NotConverged
-from gpusim.fem.aggregation import aggregate_level, galerkin, largest_eigenvalue
+from gpusim.fem.aggregation import galerkin, largest_eigenvalue, prolongator
 from gpusim.fem.assembly import group_matrix, lattice_stencil
 from gpusim.fem.block_rows import BlockRows
 from gpusim.fem.bottom import Bottom, narrow_order
@@ -32,7 +32,7 @@ from gpusim.fem.patches import Patches, make_patches
 from gpusim.fem.product import Product, RowsProduct
 from gpusim.fem.stencil import Stencil, StencilProduct
 from gpusim.fem.supports import rigid_modes
-from gpusim.fem.transfer import MatrixTransfer, NodeTransfer, Transfer
+from gpusim.fem.transfer import MatrixTransfer, NodeTransfer, Transfer, in_single
 
 __all__ = ["Hierarchy", "Level", "build_hierarchy"]
 
@@ -70,6 +70,12 @@ class Level:
     transfer: Transfer
     smoother: Patches | Columns | None = None
     lightly: bool = False
+
+    @property
+    def twice(self) -> bool:
+        """Whether a cycle goes through this level and what is below twice: aggregated levels are
+        cheap, and of flat or long bodies poor (see ``Multigrid``)."""
+        return bool(self.inverse.shape[1] == 6)
 
 
 @dataclass(frozen=True, eq=False)
@@ -283,13 +289,15 @@ def _aggregate(
         product, inverse = _product(matrix), _inverses(matrix, mask)
         smoother = None if column is None else Columns(own, mask, column)
         largest = largest_eigenvalue(product, smoother or inverse, _STEPS)
-        coarser = aggregate_level(own, smoother or inverse, largest, near_null, mask)
-        transfer = MatrixTransfer(coarser.prolongation)
-        levels.append(Level(product, inverse, largest, transfer, smoother))
+        exact, near_null, mask = prolongator(own, smoother or inverse, largest, near_null, mask)
+        matrix = galerkin(own, exact)
+        # one large thing after the other
+        single = in_single(exact)
+        del exact, own
+        levels.append(Level(product, inverse, largest, MatrixTransfer(single), smoother))
         column = None
-        unknowns = coarser.matrix.shape[0]
+        unknowns = matrix.shape[0]
         stalled = unknowns > 0.9 * product.unknowns
-        matrix, near_null, mask = coarser.matrix, coarser.near_null, coarser.mask
     if narrow is None and unknowns > coarsest and longest > _COARSEST_INVERTED:
         # loose bodies can't be aggregated any further, however many there are
         narrow = narrow_order(_assembled(matrix), levels[0].product.unknowns)

@@ -111,7 +111,7 @@ def one_blas_thread() -> Iterator[None]:
 
 
 class Product:
-    """x (L,n) -> A x (L,m) for a block matrix."""
+    """x (L,n) -> A x (L,m) for a block matrix, both of the matrix's own dtype."""
 
     def __init__(self, matrix: bsr_matrix) -> None:
         self._matrix = matrix
@@ -130,7 +130,7 @@ class Product:
         return int(self._matrix.shape[0])
 
     def __call__(self, x: Float) -> Float:
-        result = np.zeros((len(x), self.unknowns))
+        result = np.zeros((len(x), self.unknowns), dtype=self._matrix.dtype)
         tasks = [
             (part, np.ascontiguousarray(one), into)
             for one, into in zip(x, result, strict=True)

@@ -11,7 +11,7 @@ from scipy.sparse import bsr_matrix, csr_matrix, diags, kron
 from gpusim.fem.planes import PlaneWeights
 from gpusim.fem.product import Product
 
-__all__ = ["MatrixTransfer", "NodeTransfer", "Transfer"]
+__all__ = ["MatrixTransfer", "NodeTransfer", "Transfer", "in_single"]
 
 Float = npt.NDArray[np.float64]
 Bool = npt.NDArray[np.bool_]
@@ -71,8 +71,19 @@ class NodeTransfer:
         return csr_matrix(left @ spread @ right)
 
 
+def in_single(prolongation: bsr_matrix) -> bsr_matrix:
+    """The same in float32."""
+    data = prolongation.data.astype(np.float32)
+    return bsr_matrix((data, prolongation.indices, prolongation.indptr), shape=prolongation.shape)
+
+
 class MatrixTransfer:
-    """A prolongator with blocks of its own."""
+    """A prolongator with blocks of its own, multiplied by in its own dtype.
+
+    In float32, beside the float64 one of which the coarser matrix is made, a relative rounding e
+    changes the preconditioner by some e sqrt(cond K) in the norm of the energy. It stays symmetric
+    but for the rounding of sums.
+    """
 
     def __init__(self, prolongation: bsr_matrix) -> None:
         self._prolongation = Product(prolongation)
@@ -84,15 +95,25 @@ class MatrixTransfer:
 
     def interpolate(self, x: Float) -> Float:
         """(L,coarse) -> (L,fine)."""
-        return self._prolongation(x)
+        return _product(self._prolongation, x)
 
     def restrict(self, r: Float) -> Float:
         """The transpose."""
-        return self._restriction(r)
+        return _product(self._restriction, r)
 
     def matrix(self) -> csr_matrix:
-        """(fine, coarse)."""
-        return csr_matrix(self._prolongation.matrix)
+        """(fine, coarse), float64."""
+        return csr_matrix(self._prolongation.matrix).astype(np.float64)
+
+
+def _product(product: Product, x: Float) -> Float:
+    """A x for (L,n) float64; where A is float32 the range of x doesn't matter, as vectors are
+    scaled by powers of two."""
+    if product.matrix.dtype == np.float64:
+        return product(x)
+    _, power = np.frexp(np.abs(x).max(axis=1, keepdims=True))
+    single = np.ldexp(x, -power).astype(np.float32)
+    return np.ldexp(product(single).astype(np.float64), power)
 
 
 Transfer = NodeTransfer | MatrixTransfer
