@@ -49,9 +49,9 @@ def curved(mesh: Mesh) -> Mesh:
 
 
 def swept() -> Mesh:
-    """Layers of elements of different shapes, the same in each."""
-    mesh = box((6.0, 5.0, 2.0), (6, 5, 8))
-    move = np.random.default_rng(4).uniform(-0.2, 0.2, (7, 6, 2))
+    """Layers of elements of different shapes, the same in each; more than one processor's share."""
+    mesh = box((30.0, 30.0, 2.0), (30, 30, 5))
+    move = np.random.default_rng(4).uniform(-0.2, 0.2, (31, 31, 2))
     place = np.rint(mesh.points[:, :2]).astype(int)
     shift = np.zeros(mesh.points.shape)
     shift[:, :2] = move[place[:, 0], place[:, 1]]

@@ -76,6 +76,8 @@ class Deformation:
     def _added(self, u: Float, absolute: bool) -> Float:
         total = np.zeros_like(u)
         for group in self._groups:
+            if isinstance(group, Group):
+                group.remember()
             size = 1.0
             if absolute:
                 # equal elements are rounded alike: their errors add up and don't average out

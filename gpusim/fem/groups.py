@@ -68,15 +68,20 @@ class Group:
 
     @property
     def matrices(self) -> Float:
-        if self._matrices is None:
-            assert self._form is not None
-            self._matrices = self._form()
+        self.remember()
+        assert self._matrices is not None
         return self._matrices
 
     def forget(self) -> None:
         """The matrices won't be wanted soon: they are formed anew then."""
         if self._form is not None:
             self._matrices = None
+
+    def remember(self) -> None:
+        """Form them now, on all processors; not to be left to work that is shared out itself."""
+        if self._matrices is None:
+            assert self._form is not None
+            self._matrices = self._form()
 
     def at(self, which: Long) -> Float:
         """(m,3k,3k) matrices of the elements ``which``."""
