@@ -34,8 +34,12 @@ class Drawn:
             depth = np.concatenate([depth, lines.inverse_depth.astype(np.float32).reshape(-1)])
         self.device, self.label = device, label
         self.fixed, self.inverse = fixed, depth
-        self.screen: Buffer = device.buffer(fixed, f"{label}.screen")
         self.corners: Buffer = device.buffer(corners, f"{label}.corners")
+
+    @cached_property
+    def screen(self) -> Buffer:
+        """``fixed``; rasterisers and the edge pass read it."""
+        return self.device.buffer(self.fixed, f"{self.label}.screen")
 
     @cached_property
     def inverse_depth(self) -> Buffer:

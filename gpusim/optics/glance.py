@@ -27,7 +27,7 @@ from gpusim.optics.glance_kind import GlanceKind
 from gpusim.optics.light import Light
 from gpusim.optics.lighting import casts_shadows
 from gpusim.optics.looks import check_looks, looks_twin
-from gpusim.optics.seen import FEWEST, SMALL, mean_pixels
+from gpusim.optics.seen import FEWEST, SMALL
 from gpusim.optics.setup import Setup, radiance_of
 from gpusim.optics.setup_probe import sheets_setup
 from gpusim.optics.sight import LARGEST, Sight, sight_twin
@@ -71,7 +71,7 @@ class GlancePass:
         # whole rows of `color`, as textures are copied
         self.stride = -(-view.camera.width // 64) * 64
         self.tables, self.sight, self._records = tables, sight, tables.records
-        self.quadratic = mean_pixels(view) > SMALL
+        self.quadratic = view.mean_pixels > SMALL
         self._own: list[tuple[dict[str, float], Buffer]] = []
         self._kinds: list[GlanceKind] = []
         if tables.looks is not None:
@@ -274,7 +274,7 @@ def may_glance(view: View, lights: Sequence[Light] | None) -> bool:
     if any(getattr(light, "occlusion", False) for light in lights):
         return False
     # all of the image is passed over
-    if mean_pixels(view) * view.count < LEAST_SHARE * view.camera.width * view.camera.height:
+    if view.mean_pixels * view.count < LEAST_SHARE * view.camera.width * view.camera.height:
         return False
     return all(
         isinstance(region.paint, Plain | Checker)

@@ -20,6 +20,7 @@ from gpusim.optics.board_lines import LEAST
 from gpusim.optics.corners import ST
 from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.fields import MARGIN
+from gpusim.optics.reach import footprint_columns, footprint_sizes
 from gpusim.optics.records import Records
 from gpusim.optics.setup import Setup
 from gpusim.optics.view import View
@@ -58,7 +59,7 @@ def sampled(view: View) -> View | None:
     if view.count < FEWEST or view.found is not None:
         return None
     some = np.arange(0, view.count, max(view.count // SAMPLED, 1))
-    sizes, paint_of = view.footprints(some), view.paint[some]
+    sizes, paint_of = footprints(view, some), view.paint[some]
     paints = []
     for number, region in enumerate(view.regions):
         paint = region.paint
@@ -71,6 +72,18 @@ def sampled(view: View) -> View | None:
                 return None
         paints.append(region)
     return replace(view, found=(tuple(paints), np.zeros(view.count)), guessed=True)
+
+
+def footprints(view: View, triangles: npt.NDArray[np.int64]) -> Array:
+    """Half of the largest pixel (n,) on each of some triangles of a view, in paint coordinates, by
+    what the lens stretches pixels at most."""
+    bends = distortion_map(view.camera)
+    vertex = view.corner[triangles].reshape(-1)
+    own = [np.take(column, vertex) for column in view.vertices[:, : ST.stop].T]
+    place = [np.take(column, vertex) for column in view.ideal_place.T]
+    columns = footprint_columns(np.stack(own, axis=1), np.stack(place, axis=1))
+    sizes = footprint_sizes(columns, np.arange(len(vertex)).reshape(-1, 3))
+    return sizes if bends is None else bends.stretch * sizes
 
 
 class Looks:
@@ -138,7 +151,7 @@ def looks_twin(setup: Setup) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.floa
     view = setup.view
     near, slack = np.zeros(view.count, bool), np.full(view.count, np.inf)
     albedo = setup.table.paints["ground"].astype(np.float32)[view.paint]
-    sizes = view.footprints(np.arange(view.count))
+    sizes = footprints(view, np.arange(view.count))
     for number, region in enumerate(view.paints):
         paint = region.paint
         rows = np.flatnonzero(view.paint == number)

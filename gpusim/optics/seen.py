@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from gpusim.optics.shade import Program
     from gpusim.optics.tables import Tables
 
-__all__ = ["FEWEST", "SMALL", "SeenPass", "mean_pixels", "small_triangles"]
+__all__ = ["FEWEST", "SMALL", "SeenPass", "small_triangles"]
 
 SMALL = 200.0
 """px; triangles that cover fewer are shaded pixel by pixel, larger ones where
@@ -33,7 +33,6 @@ Several programs pass over all of the image once more.
 FEWEST = 2000
 """Triangles of a view that is worth it."""
 
-SAMPLED = 4096
 LEVELS = 64
 """More than there are programs; as in the shader."""
 
@@ -44,18 +43,10 @@ def small_triangles(view: View) -> bool:
     """Whether the triangles of a view (some of them, if they are many) cover few pixels each."""
     if view.count < FEWEST:
         return False
-    pixels = mean_pixels(view)
+    pixels = view.mean_pixels
     if len(view.regions) > 1:
         pixels += view.camera.width * view.camera.height / view.count
     return pixels <= SMALL
-
-
-def mean_pixels(view: View) -> float:
-    """How many pixels the triangles of a view (some of them, if they are many) cover each."""
-    corners = view.screen_of(slice(None, None, -(-max(view.count, 1) // SAMPLED)))
-    a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    area = np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
-    return 0.5 * float(area.mean()) if len(area) else 0.0
 
 
 class SeenPass:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.optics.corners import NORMAL, POSITION, REFERENCE, ST
+from gpusim.optics.corners import CHUNK, NORMAL, POSITION, REFERENCE, ST
 from gpusim.optics.outline import sharp_normals
 from gpusim.optics.shape import Shape
 from gpusim.surface.plane import PaintFrame, used_vertices
@@ -103,7 +103,10 @@ class VertexTable:
             frame = surface.paint_frame(number)
             if isinstance(frame, PaintFrame) and free:
                 # the first one's coordinates do no harm to triangles without a pattern
-                self.columns[ST] = frame.coordinates(self.columns[REFERENCE].T).T
+                for first in range(0, self.columns.shape[1], CHUNK):
+                    part = slice(first, first + CHUNK)
+                    st = frame.coordinates(self.columns[REFERENCE, part].T)
+                    self.columns[ST, part] = st.T
                 free = False
                 continue
             rows = np.flatnonzero(surface.regions[surface.topology.source[kept]] == number)

@@ -36,12 +36,11 @@ from gpusim.optics.cutting import (
     clip,
     split,
 )  # fmt: skip
-from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.indexed import Indexed
 from gpusim.optics.layer import FEWEST, one_layer
 from gpusim.optics.outline import corner_normals, feature_edges
 from gpusim.optics.paint_edges import speckle_jumps
-from gpusim.optics.reach import RegionPaint, footprint_columns, footprint_sizes, with_reach
+from gpusim.optics.reach import RegionPaint, with_reach
 from gpusim.optics.shape import Shape, shapes_of
 from gpusim.optics.sparse import sparse_excess
 from gpusim.optics.uncut import uncut
@@ -62,6 +61,9 @@ NEAR = 1e-4
 
 MANY = 2000
 """Triangles from which on those that aren't cut are told from the others."""
+
+SAMPLED = 4096
+"""Triangles that tell how large they are on average."""
 
 NO_PLACES = np.zeros((0, 3, 2))
 
@@ -183,6 +185,14 @@ class View:
         # far less than the depth of a triangle in front of another could be told by
         return bool(max(away) <= FLAT * np.linalg.norm(normal) * corners[:, :, 2].min())
 
+    @cached_property
+    def mean_pixels(self) -> float:
+        """How many pixels the triangles (some of them, if they are many) cover each."""
+        corners = self.screen_of(slice(None, None, -(-max(self.count, 1) // SAMPLED)))
+        a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+        area = np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
+        return 0.5 * float(area.mean()) if len(area) else 0.0
+
     def over_rows(self, first: int, stop: int) -> View:
         """The triangles and edges that touch rows ``first`` … ``stop - 1``; others are left out."""
         low, high = corner_range(self.screen[:, :, 1])
@@ -206,17 +216,6 @@ class View:
             face=self.face[triangles], body=self.body[triangles], edges=self.edges[:0],
             edge_source=self.edge_source[:0],
         )  # fmt: skip
-
-    def footprints(self, triangles: npt.NDArray[np.int64]) -> Array:
-        """Half of the largest pixel (n,) on each of some triangles, in paint coordinates, by what
-        the lens stretches pixels at most."""
-        bends = distortion_map(self.camera)
-        vertex = self.corner[triangles].reshape(-1)
-        own = [np.take(column, vertex) for column in self.vertices[:, : ST.stop].T]
-        place = [np.take(column, vertex) for column in self.ideal_place.T]
-        columns = footprint_columns(np.stack(own, axis=1), np.stack(place, axis=1))
-        sizes = footprint_sizes(columns, np.arange(len(vertex)).reshape(-1, 3))
-        return sizes if bends is None else bends.stretch * sizes
 
     def inverse_depth(self) -> Array:
         """1 / z of every corner, (T, 3)."""
@@ -273,9 +272,13 @@ def look(
     for number, (surface, shape, points) in enumerate(zip(surfaces, shapes, at, strict=True)):
         if far > 0.0:
             part = _seen_of(surface, shape, points, screen, NEAR * far, lit, begin)
-            source = surface.topology.source[part.source]
-            paint_ids.append(np.take(surface.regions, source, mode="clip") + np.int32(len(paints)))
-            face_ids.append(source + np.int32(first_face))
+            source = np.take(surface.topology.source, part.source, mode="clip")
+            if len(surface.paints) == 1:
+                paint_ids.append(np.full(len(source), len(paints), np.int32))
+            else:
+                own = np.take(surface.regions, source, mode="clip")
+                paint_ids.append(own + np.int32(len(paints)))
+            face_ids.append(source + np.int32(first_face) if first_face else source)
             body_ids.append(np.full(len(source), number, np.int32))
             parts.append(part)
         paints += _regions(surface)
