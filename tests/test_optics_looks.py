@@ -113,6 +113,11 @@ def test_no_guess_where_pixels_differ_or_boards_are_fine(monkeypatch: pytest.Mon
     assert found is not None and found.guessed
     # no less than it is, and not half as much again beyond what it could be
     assert view.paints[0].reach / 1.1 < found.paints[0].reach < 1.6 * view.paints[0].reach
+    # seen at 45 degrees, pixels differ twofold, but evenly
+    aslant = gs.Camera.from_lens((36.0, 24.0), 34.0, (361, 242), (0.6, -0.6, 0.05), (0.0, 0.0, 0.0))
+    tilted = look([wavy(ENDING)], aslant, lit=True)
+    found = sampled(tilted)
+    assert found is not None and found.paints[0].reach > tilted.paints[0].reach / 1.1
     assert sampled(look([wavy(Checker(0.002))], CAMERA, lit=True)) is None
     # creased so deeply that some triangles are seen at a grazing angle
     assert sampled(look([wavy(ENDING, height=0.2)], CAMERA, lit=True)) is None

@@ -37,8 +37,11 @@ SAMPLED = 4096
 """Triangles of which the largest pixel is found beforehand."""
 
 EVEN = 1.5
-"""Largest pixel over the usual one, up to which others may be guessed; and what all may have over
-the largest that was found."""
+"""Largest pixel over that which `USUAL` of the triangles have at most, up to which others may be
+guessed; and what all may have over the largest that was found. Where a surface turns away from the
+camera largest pixels are far from all others."""
+
+USUAL = 0.99
 
 NONE = np.array([0, 1, 1, 0, 0, 0], np.uint32)
 """Of `Looks.groups` before any triangle was looked at."""
@@ -53,8 +56,8 @@ ENDLESS = 1e9
 def sampled(view: View) -> View | None:
     """A view in which the largest pixel on each board follows from some triangles.
 
-    ``view`` has boards and plain paint only. None where triangles are few, or some pixels on boards
-    much larger than others, or than boards are drawn with.
+    ``view`` has boards and plain paint only. None where triangles are few, or a few pixels on
+    boards much larger than all others, or than boards are drawn with.
     """
     if view.count < FEWEST or view.found is not None:
         return None
@@ -65,7 +68,7 @@ def sampled(view: View) -> View | None:
         paint = region.paint
         if isinstance(paint, Checker) and float((region.high - region.low).max()) > 0.0:
             own = sizes[paint_of == number]
-            if not len(own) or not float(own.max()) <= EVEN * float(np.median(own)):
+            if not len(own) or not float(own.max()) <= EVEN * float(np.quantile(own, USUAL)):
                 return None
             region = replace(region, reach=EVEN * float(own.max()))
             if not paint.size > LEAST * region.reach:
