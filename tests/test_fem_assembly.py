@@ -20,7 +20,7 @@ from gpusim.fem.groups import DistinctGroup, Group, model_groups
 from gpusim.fem.product import RowsProduct
 from gpusim.fem.straight_tets import StraightTets, is_straight
 from gpusim.fem.supports import rigid_modes
-from gpusim.fem.transfer import NodeTransfer
+from gpusim.fem.transfer import NodeTransfer, in_single
 from gpusim.mesh import Mesh, box, quadratic, split
 
 STEEL = Isotropic(2.0, 0.3)
@@ -152,7 +152,7 @@ def test_a_diagonal_stored_apart_gives_the_same_coarse_level() -> None:
     near_null = rigid_modes(mesh.points, np.zeros(3), 1.0) * free[:, :, None]
     coarser = []
     for matrix in (RowsProduct(rows, scale), block_matrix(rows, scale)):
-        p, _, mask = prolongator(matrix, inverse, 2.1, near_null, free)
+        p, _, mask = prolongator(matrix, inverse, 2.1, near_null, free, False)
         coarser.append((p, galerkin(matrix, p), mask))
     apart, whole = coarser
     for one, two in zip(apart[:2], whole[:2], strict=True):
@@ -162,7 +162,10 @@ def test_a_diagonal_stored_apart_gives_the_same_coarse_level() -> None:
     np.testing.assert_array_equal(apart[2], whole[2])
 
 
-def test_galerkin_products_add_up_whatever_the_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("single", [False, True])
+def test_galerkin_products_add_up_whatever_the_parts(
+    single: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A node without neighbours among them: only its diagonal block couples its parents."""
     mesh = irregular("hex8")
     count = mesh.node_count + 1
@@ -176,12 +179,15 @@ def test_galerkin_products_add_up_whatever_the_parts(monkeypatch: pytest.MonkeyP
     # the last parents are that node's alone
     blocks[:-1, :, 7:] = 0.0
     p = bsr_matrix(blocks.reshape(3 * count, -1), blocksize=(3, 6))
+    p = in_single(p) if single else p
     dense = matrix.matrix.toarray()
-    wanted = p.toarray().T @ dense @ p.toarray()
+    wide = p.toarray().astype(np.float64)
+    wanted = wide.T @ dense @ wide
     for least in (10**9, 200):
         monkeypatch.setattr("gpusim.fem.aggregation._LEAST_PART", least)
         got = galerkin(matrix, p)
         assert got.blocksize == (6, 6)
+        assert got.dtype == np.float64
         assert np.abs(got.toarray() - wanted).max() <= 1e-13 * np.abs(wanted).max()
 
 

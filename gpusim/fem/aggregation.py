@@ -12,12 +12,14 @@ import numpy.typing as npt
 from scipy.linalg import eigh_tridiagonal
 from scipy.sparse import bsr_matrix, coo_matrix, csr_matrix, vstack
 
+from gpusim.fem.block_rows import ranges
 from gpusim.fem.columns import Columns
 from gpusim.fem.congruence import noise
 from gpusim.fem.diagonal import diagonal_blocks
 from gpusim.fem.patches import Patches
 from gpusim.fem.product import Product, RowsProduct, ahead, row_shares, shared
 from gpusim.fem.stencil import StencilProduct
+from gpusim.fem.transfer import in_single
 
 __all__ = ["galerkin", "largest_eigenvalue", "prolongator"]
 
@@ -32,7 +34,7 @@ _STRENGTH = 0.08
 _COARSE_STRENGTHS = (0.2, 0.08, 0.0)
 _LEAST_SHRINKAGE = 0.55
 # products of matrices are shared out in so many parts, of no fewer blocks than this
-_MOST_PARTS, _LEAST_PART = 32, 50_000
+_MOST_PARTS, _LEAST_PART = 64, 25_000
 # factor on the greatest eigenvalue that Lanczos and its residual tell
 _ON_TOP = 1.03
 
@@ -43,9 +45,10 @@ def prolongator(
     largest: float,
     near_null: Float,
     mask: Bool,
+    single: bool,
 ) -> tuple[bsr_matrix, Float, Bool]:
     """(P, the coarser level's near-null space (C,6,6), which of its unknowns exist (C,6)); P with
-    blocks of s x 6.
+    blocks of s x 6, in float32 if it is to be ``single``.
 
     ``matrix`` has s x s blocks, ``inverse`` (B,s,s) its inverted diagonal blocks, or columns that
     stay together, ``largest`` bounds the eigenvalues of D^-1 A, ``near_null`` (B,s,6), ``mask``
@@ -66,19 +69,24 @@ def prolongator(
     # P = (I - 4/(3 lambda) D^-1 A) T, with D^-1 D T = T
     step = 4.0 / (3.0 * largest)
     if isinstance(inverse, Columns):
-        by_columns = _smoothed_by_columns(matrix, tentative, inverse.matrix, step)
+        by_columns = _smoothed_by_columns(matrix, tentative, inverse.matrix, step, single)
         return by_columns, coarse_null, coarse_mask
 
     def smoothed(rows: slice) -> bsr_matrix:
         image = _rows(off, rows) @ tentative
         own = _rows(tentative, rows) * (1.0 - step if apart else 1.0)
-        return bsr_matrix(own - (step / scale) * (_block_diagonal(inverse[rows]) @ image))
+        result = bsr_matrix(own - (step / scale) * (_block_diagonal(inverse[rows]) @ image))
+        return in_single(result) if single else result
 
     return _stacked(shared(smoothed, _parts(off))), coarse_null, coarse_mask
 
 
 def _smoothed_by_columns(
-    matrix: bsr_matrix | RowsProduct, tentative: bsr_matrix, inverse: bsr_matrix, step: float
+    matrix: bsr_matrix | RowsProduct,
+    tentative: bsr_matrix,
+    inverse: bsr_matrix,
+    step: float,
+    single: bool,
 ) -> bsr_matrix:
     """P as above, by an inverse whose blocks lie anywhere."""
     off, diagonal, scale = _split(matrix)
@@ -87,7 +95,8 @@ def _smoothed_by_columns(
     whole = _stacked(shared(lambda rows: _image(off, apart, rows, tentative), parts))
 
     def smoothed(rows: slice) -> bsr_matrix:
-        return bsr_matrix(_rows(tentative, rows) - (step / scale) * (_rows(inverse, rows) @ whole))
+        result = _rows(tentative, rows) - (step / scale) * (_rows(inverse, rows) @ whole)
+        return in_single(result) if single else bsr_matrix(result)
 
     return _stacked(shared(smoothed, parts))
 
@@ -113,7 +122,7 @@ def _between(
 
 
 def galerkin(matrix: bsr_matrix | RowsProduct, prolongation: bsr_matrix) -> bsr_matrix:
-    """P^T A P, in blocks as wide as those of the ``prolongation``."""
+    """P^T A P in float64, in blocks as wide as those of the ``prolongation``."""
     off, diagonal, scale = _split(matrix)
     apart = diagonal if isinstance(matrix, RowsProduct) else None
     width = prolongation.blocksize[1]
@@ -125,7 +134,8 @@ def galerkin(matrix: bsr_matrix | RowsProduct, prolongation: bsr_matrix) -> bsr_
     blocks = np.zeros((len(column), width, width))
 
     def coarsened(rows: slice) -> bsr_matrix:
-        return bsr_matrix(_rows(prolongation, rows).T @ _image(off, apart, rows, prolongation))
+        own = _double(_rows(prolongation, rows))
+        return bsr_matrix(own.T @ _image(off, apart, rows, prolongation))
 
     # one part after the other: all of them together take several times as much as their sum
     for part in ahead(coarsened, _parts(off)):
@@ -164,11 +174,33 @@ def _split(matrix: bsr_matrix | RowsProduct) -> tuple[bsr_matrix, Float, float]:
 
 
 def _image(off: bsr_matrix, diagonal: Float | None, rows: slice, other: bsr_matrix) -> bsr_matrix:
-    """Some rows of A times another matrix; ``diagonal`` where ``off`` is without it."""
-    result = _rows(off, rows) @ other
+    """Some rows of A times another matrix, in float64; ``diagonal`` where ``off`` is without it."""
+    own, near = _rows(off, rows), other
+    if other.dtype != np.float64:
+        # only those rows that are asked for
+        wanted = np.zeros(len(other.indptr) - 1, dtype=bool)
+        wanted[own.indices] = True
+        number = np.cumsum(wanted, dtype=np.int32) - 1
+        near = _double(other, np.flatnonzero(wanted))
+        shape = own.shape[0], near.shape[0]
+        own = bsr_matrix((own.data, number[own.indices], own.indptr), shape=shape)
+    result = own @ near
     if diagonal is not None:
-        result = result + _block_diagonal(diagonal[rows]) @ _rows(other, rows)
+        result = result + _block_diagonal(diagonal[rows]) @ _double(_rows(other, rows))
     return bsr_matrix(result)
+
+
+def _double(matrix: bsr_matrix, rows: Long | None = None) -> bsr_matrix:
+    """All of its block rows, or some, in float64."""
+    data, indices, start = matrix.data, matrix.indices, matrix.indptr
+    if rows is not None:
+        first = start.astype(np.int64)
+        length = first[rows + 1] - first[rows]
+        at = ranges(first[rows], length)
+        data, indices = data[at], indices[at]
+        start = np.concatenate([[0], np.cumsum(length)])
+    shape = (len(start) - 1) * matrix.blocksize[0], matrix.shape[1]
+    return bsr_matrix((data.astype(np.float64, copy=False), indices, start), shape=shape)
 
 
 def _parts(matrix: bsr_matrix) -> list[slice]:
@@ -300,10 +332,11 @@ def _independent_set(graph: csr_matrix, alive: npt.NDArray[np.bool_]) -> npt.NDA
     in number are neighbours in space, so the aggregates lie close to each other. Chosen at random,
     they leave gaps, which the aggregates around fill up: half again as many nodes to each.
     """
-    taken = np.zeros(len(alive), dtype=bool)
-    root = np.zeros(len(alive), dtype=bool)
+    # who has no neighbours needn't be asked for them
+    root: Bool = np.asarray(alive & (np.diff(graph.indptr) == 1))
+    taken = root.copy()
     start, neighbours = graph.indptr.tolist(), graph.indices
-    for node in np.flatnonzero(alive).tolist():
+    for node in np.flatnonzero(alive & ~root).tolist():
         if taken[node]:
             continue
         near = neighbours[start[node] : start[node + 1]]

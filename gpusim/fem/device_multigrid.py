@@ -166,13 +166,16 @@ class _BlockLevel:
         self._sum = DeviceSum(device, self._matrix.rows, cases)
         self._right, self._product = self._matrix.vector(), self._matrix.vector()
         self._vectors = [self._matrix.vector() for _ in range(3)]
-        assert level.twice
+        self._twice = level.twice
         self._once, self._left, self._again = (self._matrix.vector() for _ in range(3))
         assert isinstance(level.transfer, MatrixTransfer)
         self._below = _ByMatrix(device, level.transfer, below, cases, label)
 
     def record(self, recording: Recording, b: Pair, out: Pair) -> None:
-        """Record out = t V b + t V (b - A t V b) with the V-cycle V."""
+        """Record out = t V b + t V (b - A t V b) with the V-cycle V, or out = V b."""
+        if not self._twice:
+            self._cycle(recording, b, out)
+            return
         self._cycle(recording, b, self._once)
         self._matrix.record(recording, self._once, self._product)
         self._sum.record(recording, self._left, right=(1.0, b), product=(-TWICE, self._product))

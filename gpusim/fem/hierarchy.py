@@ -32,7 +32,7 @@ from gpusim.fem.patches import Patches, make_patches
 from gpusim.fem.product import Product, RowsProduct
 from gpusim.fem.stencil import Stencil, StencilProduct
 from gpusim.fem.supports import rigid_modes
-from gpusim.fem.transfer import MatrixTransfer, NodeTransfer, Transfer, in_single
+from gpusim.fem.transfer import MatrixTransfer, NodeTransfer, Transfer
 
 __all__ = ["Hierarchy", "Level", "build_hierarchy"]
 
@@ -62,7 +62,9 @@ class Level:
     """One level: its matrix (3x3 or 6x6 blocks) as host product, inverted diagonal blocks
     (B,s,s), greatest eigenvalue of D^-1 A, and the transfer to the next coarser level. Where a
     ``smoother`` of patches or columns serves instead, the eigenvalue is its own. ``lightly``: one
-    step of smoothing is enough, because the coarser level has the same elements."""
+    step of smoothing is enough, because the coarser level has the same elements. ``twice``: a cycle
+    goes through this level and what is below twice, as aggregated levels are cheap, and poor where
+    bodies are flat or long (see ``Multigrid``)."""
 
     product: Product | StencilProduct
     inverse: Float
@@ -70,12 +72,7 @@ class Level:
     transfer: Transfer
     smoother: Patches | Columns | None = None
     lightly: bool = False
-
-    @property
-    def twice(self) -> bool:
-        """Whether a cycle goes through this level and what is below twice: aggregated levels are
-        cheap, and of flat or long bodies poor (see ``Multigrid``)."""
-        return bool(self.inverse.shape[1] == 6)
+    twice: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,13 +95,16 @@ def build_hierarchy(
     scale: float,
     patched: bool = False,
     inverted: bool = False,
+    harsh: bool = False,
 ) -> Hierarchy:
     """Coarsen until at most a few hundred unknowns remain.
 
     ``matrix`` K / scale with 3x3 blocks, as a stencil or as its product, ``rows`` the same as
     block rows of K, ``groups`` the elements of K, ``lattice`` of their nodes or None, ``free``
     (N,3), ``points`` (N,3). ``patched`` asks for patches as smoothers on lattices, ``inverted`` for
-    a coarsest matrix that can be inverted, as devices do.
+    a coarsest matrix that can be inverted, as devices do. Where stiffnesses differ greatly the
+    matrix is ``harsh``: interpolation from aggregates stays in float64 then, and its levels aren't
+    gone through twice, as rounding brings eigenvalues of a cycle above 1.
     """
     levels: list[Level] = []
     inverse = invert_repeated(rows.diagonal / scale, rows.row_class, free)
@@ -145,7 +145,7 @@ def build_hierarchy(
     column = None
     if not patched and len(points) == whole:
         column = columns_across(groups, points)
-    return _aggregate(levels, matrix, free, points, coarsest, longest, column)
+    return _aggregate(levels, matrix, free, points, coarsest, longest, column, harsh)
 
 
 def _by_sheets(
@@ -271,6 +271,7 @@ def _aggregate(
     coarsest: int,
     longest: int,
     column: npt.NDArray[np.int64] | None,
+    harsh: bool,
 ) -> Hierarchy:
     """Aggregate until ``coarsest`` unknowns remain, or ``longest`` in a narrow band; at first by
     ``column``, where nodes stand in columns."""
@@ -289,12 +290,13 @@ def _aggregate(
         product, inverse = _product(matrix), _inverses(matrix, mask)
         smoother = None if column is None else Columns(own, mask, column)
         largest = largest_eigenvalue(product, smoother or inverse, _STEPS)
-        exact, near_null, mask = prolongator(own, smoother or inverse, largest, near_null, mask)
-        matrix = galerkin(own, exact)
-        # one large thing after the other
-        single = in_single(exact)
-        del exact, own
-        levels.append(Level(product, inverse, largest, MatrixTransfer(single), smoother))
+        prolongation, near_null, mask = prolongator(
+            own, smoother or inverse, largest, near_null, mask, single=not harsh
+        )
+        matrix = galerkin(own, prolongation)
+        transfer = MatrixTransfer(prolongation)
+        twice = inverse.shape[1] == 6 and not harsh
+        levels.append(Level(product, inverse, largest, transfer, smoother, twice=twice))
         column = None
         unknowns = matrix.shape[0]
         stalled = unknowns > 0.9 * product.unknowns

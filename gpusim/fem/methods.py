@@ -322,6 +322,7 @@ def _hierarchy(
         system.scale,
         patched=patched,
         inverted=inverted,
+        harsh=system.contrast > HARSH,
     )
 
 

@@ -80,9 +80,8 @@ def in_single(prolongation: bsr_matrix) -> bsr_matrix:
 class MatrixTransfer:
     """A prolongator with blocks of its own, multiplied by in its own dtype.
 
-    In float32, beside the float64 one of which the coarser matrix is made, a relative rounding e
-    changes the preconditioner by some e sqrt(cond K) in the norm of the energy. It stays symmetric
-    but for the rounding of sums.
+    In float32 a relative rounding e changes the preconditioner by some e sqrt(cond K) in the norm
+    of the energy. It stays symmetric but for the rounding of sums.
     """
 
     def __init__(self, prolongation: bsr_matrix) -> None:
