@@ -107,6 +107,17 @@ def test_a_buffer_of_another_device_is_refused(lab: Device, kernel: Kernel, devi
         kernel.bind(params=PARAMS, source=foreign, result=lab.empty(12, "result"))
 
 
+def test_values_that_entries_share_are_bound_where_they_are_used(
+    lab: Device, kernel: Kernel
+) -> None:
+    source = lab.buffer(np.arange(3, dtype=np.uint32), "source")
+    good = {"params": PARAMS, "source": source, "result": lab.empty(12, "result")}
+    kernel.bind_used(**good, target=source)
+    # what is missing is still told
+    with pytest.raises(InputError, match=r"binding count; missing \['source'\]"):
+        kernel.bind_used(params=PARAMS, result=good["result"], target=source)
+
+
 def test_a_buffer_above_the_binding_limit_is_refused(kernel: Kernel, lab: Device) -> None:
     limits = dict(lab.limits)
     big = lab.empty(4096, "big")

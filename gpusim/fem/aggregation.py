@@ -12,7 +12,7 @@ import numpy.typing as npt
 from scipy.linalg import eigh_tridiagonal
 from scipy.sparse import bsr_matrix, coo_matrix, csr_matrix, vstack
 
-from gpusim.fem.block_rows import ranges
+from gpusim.fem.block_rows import pattern, ranges
 from gpusim.fem.columns import Columns
 from gpusim.fem.congruence import noise
 from gpusim.fem.diagonal import diagonal_blocks
@@ -149,16 +149,11 @@ def _pattern(off: bsr_matrix, diagonal: bool, prolongation: bsr_matrix) -> tuple
     """Where P^T A P has blocks: first of each row, and columns, ascending. ``diagonal``: A has
     diagonal blocks beside those of ``off``."""
 
-    def where(matrix: bsr_matrix) -> csr_matrix:
-        shape = [n // size for n, size in zip(matrix.shape, matrix.blocksize, strict=True)]
-        there = np.ones(len(matrix.indices), dtype=bool)
-        return csr_matrix((there, matrix.indices, matrix.indptr), shape=(shape[0], shape[1]))
-
-    across = where(prolongation)
+    across = pattern(prolongation)
 
     def image(rows: slice) -> csr_matrix:
         own = across[rows] if diagonal else 0
-        return csr_matrix(where(_rows(off, rows)) @ across + own)
+        return csr_matrix(pattern(_rows(off, rows)) @ across + own)
 
     result = csr_matrix(across.T @ vstack(shared(image, _parts(off)), format="csr"))
     result.sort_indices()

@@ -20,9 +20,9 @@ from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import bsr_matrix
+from scipy.sparse import bsr_matrix, csr_matrix
 
-__all__ = ["BlockRows", "block_matrix", "ranges"]
+__all__ = ["BlockRows", "block_matrix", "pattern", "ranges"]
 
 Float = npt.NDArray[np.float64]
 Int = npt.NDArray[np.int32]
@@ -115,3 +115,10 @@ def block_matrix(rows: BlockRows, scale: float = 1.0) -> bsr_matrix:
         order = ranges(rows.table_start[rows.row_class], rows.degree)
         data[~own] = table if same else table[order]
     return bsr_matrix((data, column, start), shape=(3 * count, 3 * count))
+
+
+def pattern(matrix: bsr_matrix) -> csr_matrix:
+    """Where a block matrix has blocks: true at their rows and columns."""
+    rows, columns = (n // size for n, size in zip(matrix.shape, matrix.blocksize, strict=True))
+    there = np.ones(len(matrix.indices), dtype=bool)
+    return csr_matrix((there, matrix.indices, matrix.indptr), shape=(rows, columns))

@@ -14,6 +14,7 @@ from scipy.linalg import LinAlgError, cho_factor, cho_solve, cho_solve_banded, c
 from scipy.sparse import bsr_matrix, coo_matrix, csr_matrix
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
+from gpusim.fem.block_rows import pattern
 from gpusim.fem.indefinite import indefinite
 
 __all__ = ["Bottom", "narrow_order"]
@@ -31,9 +32,7 @@ def narrow_order(matrix: bsr_matrix, finest: int) -> Long | None:
     """An order of the block rows in which they make a narrow band (reverse Cuthill-McKee; George &
     Liu 1981), None where solving by it isn't worth it for a body with ``finest`` unknowns."""
     size = matrix.blocksize[0]
-    count = matrix.shape[0] // size
-    ones = np.ones(len(matrix.indices), dtype=np.int8)
-    graph = csr_matrix((ones, matrix.indices, matrix.indptr), shape=(count, count))
+    graph = pattern(matrix)
     order = reverse_cuthill_mckee(graph, symmetric_mode=True).astype(np.int64)
     band = size * (_bandwidth(graph, order) + 1)
     numbers = band * matrix.shape[0]

@@ -245,8 +245,7 @@ class DeviceCG:
                 "params": {"nodes": self.nodes, "capacity": _CAPACITY},
                 **vectors,
             }
-            needed = kernel.layout.bindings
-            self._bound[key] = kernel.bind(**{k: v for k, v in own.items() if k in needed})
+            self._bound[key] = kernel.bind_used(**own)
         return kernel, self._bound[key]
 
 

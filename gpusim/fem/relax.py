@@ -140,8 +140,7 @@ class DeviceRelaxation:
             "inverse": self._inverse,
             "params": {"nodes": self.nodes, **sizes, **steps},
         }
-        needed = kernel.layout.bindings
-        return kernel.bind(**{k: v for k, v in given.items() if k in needed})
+        return kernel.bind_used(**given)
 
 
 class TetRelaxation(DeviceRelaxation):

@@ -294,3 +294,9 @@ class Kernel:
     def bind(self, **values: Any) -> Bindings:
         """Bind buffers, textures and uniform dicts by their WGSL names."""
         return self.layout.bind(values)
+
+    def bind_used(self, **values: Any) -> Bindings:
+        """The same with values that several entries share: those that this one doesn't use are left
+        out."""
+        own = self.layout.bindings
+        return self.layout.bind({name: value for name, value in values.items() if name in own})

@@ -110,13 +110,11 @@ class EdgePass:
                 if first == stop:
                     continue
                 kernel = device.kernel("optics/edges", entry, constants)
-                used = kernel.layout.bindings
                 range_of = {
                     "first": first, "count": stop, "sides": 3, "corners": 4,
                     "hard_rows": EDGE_ROWS, "thin": THIN, "sure": SURE,
                 }  # fmt: skip
-                own = {name: value for name, value in shared.items() if name in used}
-                bindings = kernel.bind(range=range_of, **own)
+                bindings = kernel.bind_used(range=range_of, **shared)
                 recording.dispatch(kernel, bindings, threads=(stop - first,))
 
     def fetch(self) -> None:

@@ -181,8 +181,7 @@ class GlancePass:
         values = {
             **values, "order": numbers, "band": {"count": count, "stride": self.stride}
         }  # fmt: skip
-        used = kernel.layout.bindings
-        bindings = kernel.bind(**{name: value for name, value in values.items() if name in used})
+        bindings = kernel.bind_used(**values)
         if groups is None:
             recording.dispatch(kernel, bindings, threads=(count,))
         else:
@@ -240,15 +239,6 @@ class GlancePass:
         if kind.looks is not None or not kind.bare:
             self._records.make(recording, kind.refused, kind.refusals)
 
-    def _values(self, kind: GlanceKind) -> dict[str, Any]:
-        """What the shader reads and writes of triangles, by WGSL names."""
-        return {
-            "order": kind.order, "corners": self.sight.drawn.corners,
-            "vertices": self._records.vertices, "looks": self._records.looks,
-            "glances": self._glances, "refused": kind.refused, "refusals": kind.refusals,
-            **self.tables.surface(), **({} if kind.looks is None else kind.looks.bindings()),
-        }  # fmt: skip
-
     def _find(self, recording: Recording, kind: GlanceKind) -> None:
         """Find the triangles' functions, and which of them have none."""
         constants = {**self._constants, "bare": float(kind.bare)}
@@ -256,13 +246,29 @@ class GlancePass:
         if kind.looks is not None:
             params |= kind.looks.params
         entry = "main" if kind.looks is None else "looked"
-        kernel, values = (
-            self.tables.device.kernel("optics/glance", entry, constants),
-            self._values(kind),
-        )
-        used = kernel.layout.bindings
-        own = {name: value for name, value in values.items() if name in used}
-        recording.dispatch(kernel, kernel.bind(params=params, **own), threads=(kind.count,))
+        self._dispatch(recording, kind, entry, constants, params)
+
+    def _dispatch(
+        self,
+        recording: Recording,
+        kind: GlanceKind,
+        entry: str,
+        constants: dict[str, float],
+        params: dict[str, Any],
+        **more: Any,
+    ) -> None:
+        """Run an entry of the shader for a kind's triangles, with what it reads and writes of them
+        and ``more``, by WGSL names."""
+        kernel = self.tables.device.kernel("optics/glance", entry, constants)
+        values = {
+            "order": kind.order, "corners": self.sight.drawn.corners,
+            "vertices": self._records.vertices, "looks": self._records.looks,
+            "glances": self._glances, "refused": kind.refused, "refusals": kind.refusals,
+            **self.tables.surface(), **({} if kind.looks is None else kind.looks.bindings()),
+            **more,
+        }  # fmt: skip
+        bindings = kernel.bind_used(params=params, **values)
+        recording.dispatch(kernel, bindings, threads=(kind.count,))
 
 
 def may_glance(view: View, lights: Sequence[Light] | None) -> bool:

@@ -69,10 +69,9 @@ class LayerPass(GlancePass):
             blank = device.kernel("optics/glance", "blank", self._constants)
             bindings = blank.bind(params=params, band_radiance=radiance)
             recording.dispatch(blank, bindings, threads=(radiance.nbytes // 4,))
-        kernel = device.kernel("optics/glance", "layered", self._constants)
-        values = {**self._values(kind), "places": self.sight.places, "band_radiance": radiance}
-        used = kernel.layout.bindings
-        own = {name: value for name, value in values.items() if name in used}
-        recording.dispatch(kernel, kernel.bind(params=params, **own), threads=(kind.count,))
+        self._dispatch(
+            recording, kind, "layered", self._constants, params,
+            places=self.sight.places, band_radiance=radiance,
+        )  # fmt: skip
         self._make(recording, kind)
         self._found = True
