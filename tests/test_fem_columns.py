@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import gpusim.fem.columns as columns
 import gpusim.fem.hierarchy as hierarchy
 from gpusim import fem
 from gpusim.fem.aggregation import galerkin, prolongator
@@ -16,8 +17,9 @@ from gpusim.fem.groups import Elements
 from gpusim.fem.hierarchy import build_hierarchy
 from gpusim.fem.preconditioner import Multigrid
 from gpusim.fem.product import RowsProduct
+from gpusim.fem.stacks import thin_axes
 from gpusim.fem.supports import rigid_modes
-from gpusim.mesh import Mesh, box
+from gpusim.mesh import Mesh, box, plate_with_hole
 from gpusim.mesh.split import split
 
 
@@ -159,3 +161,66 @@ def test_thin_plates_take_a_fraction_of_the_iterations(
         monkeypatch.setattr(hierarchy, "columns_across", lambda *_: None)
     assert iterations[0] <= 40
     assert iterations[0] <= iterations[1] / 3
+
+
+def with_hole(through: int = 3, thickness: float = 1.0) -> Mesh:
+    """Near the hole cells are shorter along the surface than across, at the border they aren't."""
+    return plate_with_hole(40.0, 16.0, thickness, 4.0, around=48, radial=20, through=through)
+
+
+@pytest.mark.parametrize("kind", ["hex8", "turned", "wedge6"])
+def test_columns_stand_across_thin_bodies_whatever_the_cells_shape(kind: str) -> None:
+    mesh = with_hole()
+    if kind == "wedge6":
+        mesh = split(mesh, "wedge6")
+    if kind == "turned":
+        blocks = mesh.cells["hex8"].copy()
+        blocks[::2] = blocks[::2][:, [1, 5, 6, 2, 0, 4, 7, 3]]
+        mesh = Mesh(mesh.points, {"hex8": blocks})
+    column = columns_across(groups_of(mesh), mesh.points)
+    assert column is not None
+    assert (np.bincount(column) == 4).all()
+    for axis in (0, 1):
+        place = mesh.points[:, axis]
+        mean = np.bincount(column, place) / np.bincount(column)
+        assert np.abs(place - mean[column]).max() <= 1e-9
+
+
+def test_shells_are_thin_along_axes_of_their_own() -> None:
+    """A tube's wall: cells turn, and so does the way across."""
+    flat = box((60.0, 30.0, 2.0), (60, 30, 2))
+    angle, radius = flat.points[:, 0] / 60.0 * 1.9 * np.pi, 20.0 + flat.points[:, 2]
+    wall = np.stack([radius * np.sin(angle), flat.points[:, 1], radius * np.cos(angle)], axis=1)
+    mesh = flat.moved(wall - flat.points)
+    found = thin_axes(groups_of(mesh), mesh.points, 6)
+    assert found is not None and (found[0] == 2).all()
+    column = columns_across(groups_of(mesh), mesh.points)
+    assert column is not None and (np.bincount(column) == 3).all()
+
+
+@pytest.mark.parametrize(
+    "mesh",
+    [
+        box((30.0, 5.0, 4.0), (30, 5, 4)),  # a bar: as thick as wide
+        with_hole(through=8, thickness=3.0),  # too many cells across
+        split(with_hole(), "tet4"),
+    ],
+)
+def test_bars_thick_plates_and_tetrahedra_have_no_thin_axis(mesh: Mesh) -> None:
+    found = thin_axes(groups_of(mesh), mesh.points, 6)
+    assert found is None or (found[0] == -1).all()
+
+
+def test_a_plate_with_fine_cells_at_its_hole_takes_half_the_iterations(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    model = model_of(with_hole(through=2))
+    exact = fem.solve(model, method="direct").u
+    iterations = []
+    for _ in range(2):
+        found = fem.solve(model, tolerance=1e-6, method="multigrid", backend="numpy")
+        error = np.linalg.norm(found.u - exact) / np.linalg.norm(exact)
+        assert error <= found.error_estimate <= 1e-6
+        iterations.append(found.iterations)
+        monkeypatch.setattr(columns, "thin_axes", lambda *_: None)
+    assert iterations[0] <= iterations[1] / 2

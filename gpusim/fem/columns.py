@@ -20,6 +20,7 @@ from gpusim.fem.block_rows import ranges
 from gpusim.fem.groups import Elements
 from gpusim.fem.product import Product, RowsProduct
 from gpusim.fem.smooth import Relaxation, chebyshev
+from gpusim.fem.stacks import thin_axes
 
 __all__ = ["Columns", "columns_across"]
 
@@ -46,6 +47,8 @@ _EDGES: dict[str, tuple[tuple[tuple[int, int], ...], ...]] = {
 _FLAT = 1.15
 # nodes of a column at most, and the share of cells that must be flat, and of nodes in columns
 _LONGEST, _MOSTLY = 12, 0.5
+# cells across a thin body, whatever their shape: aggregates of higher columns are too large
+_FEW_CELLS = 6
 # eigenvalues of the smoother, as of `gpusim.fem.preconditioner`
 _RANGE, _DEGREE = 12.0, 2
 # columns that are inverted at a time
@@ -57,6 +60,30 @@ def columns_across(groups: Sequence[Elements], points: Float) -> Long | None:
 
     ``points`` (N,3) are the nodes of the cells in ``groups``.
     """
+    for find in (_thin_edges, _flat_edges):
+        ends = find(groups, points)
+        column = None if ends is None else _joined(ends, len(points))
+        if column is not None:
+            return column
+    return None
+
+
+def _joined(ends: Int, count: int) -> Long | None:
+    """(N,) numbers of columns along edges (E,2); None where most nodes are in none."""
+    first, second = ends.T
+    links = csr_matrix((np.ones(len(first), dtype=bool), (first, second)), shape=(count, count))
+    _, number = connected_components(links, directed=False)
+    size = np.bincount(number)[number]
+    inside = (size > 1) & (size <= _LONGEST)
+    if inside.mean() < _MOSTLY:
+        return None
+    # all others stand for themselves
+    label = np.where(inside, number, number.max() + 1 + np.arange(count))
+    return np.asarray(np.unique(label, return_inverse=True)[1], dtype=np.int64)
+
+
+def _flat_edges(groups: Sequence[Elements], points: Float) -> Int | None:
+    """(E,2) edges along which cells are flat; None where they aren't, in most places."""
     ends, flat_cells = [], 0
     for group in groups:
         axes = _EDGES.get(group.name)
@@ -70,19 +97,24 @@ def columns_across(groups: Sequence[Elements], points: Float) -> Long | None:
         for axis, edges in enumerate(axes):
             own = group.cells[flat & (shortest == axis)]
             ends += [own[:, list(edge)] for edge in edges]
-    if flat_cells < _MOSTLY * sum(len(group.cells) for group in groups):
+    return np.concatenate(ends) if _mostly(flat_cells, groups) else None
+
+
+def _thin_edges(groups: Sequence[Elements], points: Float) -> Int | None:
+    """(E,2) edges across the body where it is a few cells thick; None where it isn't, mostly."""
+    found = thin_axes(groups, points, _FEW_CELLS)
+    if found is None or not _mostly(sum(int((axis >= 0).sum()) for axis in found), groups):
         return None
-    first, second = np.concatenate(ends).T
-    count = len(points)
-    links = csr_matrix((np.ones(len(first), dtype=bool), (first, second)), shape=(count, count))
-    _, number = connected_components(links, directed=False)
-    size = np.bincount(number)[number]
-    inside = (size > 1) & (size <= _LONGEST)
-    if inside.mean() < _MOSTLY:
-        return None
-    # all others stand for themselves
-    label = np.where(inside, number, number.max() + 1 + np.arange(count))
-    return np.asarray(np.unique(label, return_inverse=True)[1], dtype=np.int64)
+    ends = []
+    for group, thin in zip(groups, found, strict=True):
+        for axis, edges in enumerate(_EDGES[group.name]):
+            own = group.cells[thin == axis]
+            ends += [own[:, list(edge)] for edge in edges]
+    return np.concatenate(ends)
+
+
+def _mostly(cells: int, groups: Sequence[Elements]) -> bool:
+    return cells >= _MOSTLY * sum(len(group.cells) for group in groups)
 
 
 def _mean_length(
