@@ -14,9 +14,13 @@ import numpy.typing as npt
 from gpusim.fem.arena import Allocator
 from gpusim.gpu.texels import Texels
 
-__all__ = ["Pair", "node_texels", "pair", "read_nodes", "vector_texels"]
+__all__ = ["Pair", "node_texels", "pair", "read_nodes", "row_threads", "vector_texels"]
 
 Float = npt.NDArray[np.float64]
+
+
+# workgroups of the kernels that go by ``row_and_case``
+_GROUP = 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,3 +79,9 @@ def pair(device: Allocator, cases: int, nodes: int, label: str, *, rounded: bool
 def read_nodes(texels: Texels, cases: int) -> npt.NDArray[np.float32]:
     """The (L,N,3) values of a vector."""
     return texels.read().reshape(cases, -1, 4)[:, :-1, :3]
+
+
+def row_threads(rows: int, cases: int) -> int:
+    """Threads of a kernel whose workgroups take the load cases of the same rows one after the other
+    (``row_and_case`` of ``shaders/common/index.wgsl``)."""
+    return -(-rows // _GROUP) * _GROUP * cases

@@ -14,7 +14,7 @@ from scipy.sparse import bsr_matrix, csr_matrix
 from gpusim.fem.arena import Allocator
 from gpusim.fem.block_rows import BlockRows
 from gpusim.fem.block_texels import BlockTexels, block_texels_bytes
-from gpusim.fem.node_texels import Pair, pair
+from gpusim.fem.node_texels import Pair, pair, row_threads
 from gpusim.gpu import Bindings, Recording
 
 __all__ = ["DeviceProduct", "product_bytes"]
@@ -65,7 +65,9 @@ class DeviceProduct:
                 for part in parts
             ]
         for part, bindings in zip(parts, self._bound[key], strict=True):
-            recording.dispatch(self._kernel, bindings, threads=(part.count * self.cases,))
+            recording.dispatch(
+                self._kernel, bindings, threads=(row_threads(part.count, self.cases),)
+            )
 
 
 def product_bytes(matrix: csr_matrix | bsr_matrix) -> int:

@@ -16,7 +16,7 @@ from scipy.sparse import bsr_matrix
 from gpusim.fem.arena import Allocator
 from gpusim.fem.block_texels import BlockTexels, block_texels_bytes, rows_of_matrix
 from gpusim.fem.combine import DeviceSum
-from gpusim.fem.node_texels import Pair, node_texels, read_nodes, vector_texels
+from gpusim.fem.node_texels import Pair, node_texels, read_nodes, row_threads, vector_texels
 from gpusim.fem.smooth import Relaxation
 from gpusim.fem.stiffness import apply_stiffness
 from gpusim.fem.tet_forces import apply_tets, check_elements
@@ -122,7 +122,7 @@ class DeviceRelaxation:
             ]
         kernel = self.device.kernel("fem/relax", entry=entry)
         for part, bindings in zip(self._texels.parts, self._bound[key], strict=True):
-            recording.dispatch(kernel, bindings, threads=(part.count * self.cases,))
+            recording.dispatch(kernel, bindings, threads=(row_threads(part.count, self.cases),))
 
     def _bind(
         self,

@@ -11,7 +11,7 @@ from scipy.sparse import csr_matrix, random_array
 
 from gpusim.fem.arena import Allocator
 from gpusim.fem.block_rows import ranges
-from gpusim.fem.node_texels import node_texels, read_nodes, vector_texels
+from gpusim.fem.node_texels import node_texels, read_nodes, row_threads, vector_texels
 from gpusim.gpu import Bindings, Device, Recording, compare, twin_check
 from gpusim.gpu.texels import Texels
 
@@ -64,7 +64,7 @@ class DeviceWeights:
                 params={"rows": self.rows, "columns": self.columns, "cases": self.cases},
                 **more,
             )
-        recording.dispatch(kernel, self._bound[key], threads=(self.rows * self.cases,))
+        recording.dispatch(kernel, self._bound[key], threads=(row_threads(self.rows, self.cases),))
 
 
 @twin_check("fem/spread")

@@ -17,7 +17,7 @@ from scipy.sparse import bsr_matrix, csr_matrix
 from gpusim.fem.arena import Allocator
 from gpusim.fem.block_rows import BlockRows, ranges
 from gpusim.fem.block_texels import BlockTexels, RowPart
-from gpusim.fem.node_texels import Pair, pair
+from gpusim.fem.node_texels import Pair, pair, row_threads
 from gpusim.fem.product import shared
 from gpusim.gpu import Bindings, Device, Kernel, Recording, compare, twin_check
 
@@ -127,7 +127,7 @@ class DeviceStiffness:
         if key not in self._bound:
             self._bound[key] = [self._bind(kernel, part, u, result) for part in self.texels.parts]
         for part, bindings in zip(self.texels.parts, self._bound[key], strict=True):
-            recording.dispatch(kernel, bindings, threads=(part.count * self.cases,))
+            recording.dispatch(kernel, bindings, threads=(row_threads(part.count, self.cases),))
 
     def _bind(self, kernel: Kernel, part: RowPart, u: Pair, result: Pair) -> Bindings:
         more = {} if part.neighbour is None else {"neighbour": part.neighbour}

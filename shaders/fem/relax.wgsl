@@ -38,9 +38,8 @@ const RUN_BITS: u32 = 8u;   // of the fourth word of a pack; the rest is the num
 
 fn place(gid: vec3u, groups: vec3u) -> vec3u {
     // number within this part, start of the load case, whether there is such a one
-    let id = linear_id(gid, groups, BLOCK);
-    return vec3u(id % params.count, params.base + (id / params.count) * (params.nodes + 1u),
-        u32(id < params.count * params.cases));
+    let own = row_and_case(linear_id(gid, groups, BLOCK), params.cases, BLOCK);
+    return vec3u(own.x, params.base + own.y * (params.nodes + 1u), u32(own.x < params.count));
 }
 
 fn load_x(at: u32) -> vec3f { return textureLoad(x_in, texel(at)).xyz; }

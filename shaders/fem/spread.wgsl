@@ -32,22 +32,20 @@ fn total(row: vec4u, base: u32) -> vec3f {
 
 @compute @workgroup_size(64)
 fn apply(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
-    let id = linear_id(gid, groups, BLOCK);
-    if (id >= params.rows * params.cases) { return; }
-    let case_ = id / params.rows;
-    let own = case_ * (params.rows + 1u) + id % params.rows;
-    let row = textureLoad(info, texel(id % params.rows), 0);
-    textureStore(x_out, texel(own), vec4f(total(row, case_ * (params.columns + 1u)), 0.0));
+    let here = row_and_case(linear_id(gid, groups, BLOCK), params.cases, BLOCK);
+    if (here.x >= params.rows) { return; }
+    let own = here.y * (params.rows + 1u) + here.x;
+    let row = textureLoad(info, texel(here.x), 0);
+    textureStore(x_out, texel(own), vec4f(total(row, here.y * (params.columns + 1u)), 0.0));
 }
 
 // x_out = x_in + what is interpolated
 @compute @workgroup_size(64)
 fn add(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
-    let id = linear_id(gid, groups, BLOCK);
-    if (id >= params.rows * params.cases) { return; }
-    let case_ = id / params.rows;
-    let own = case_ * (params.rows + 1u) + id % params.rows;
-    let row = textureLoad(info, texel(id % params.rows), 0);
-    let x = textureLoad(x_in, texel(own)).xyz + total(row, case_ * (params.columns + 1u));
+    let here = row_and_case(linear_id(gid, groups, BLOCK), params.cases, BLOCK);
+    if (here.x >= params.rows) { return; }
+    let own = here.y * (params.rows + 1u) + here.x;
+    let row = textureLoad(info, texel(here.x), 0);
+    let x = textureLoad(x_in, texel(own)).xyz + total(row, here.y * (params.columns + 1u));
     textureStore(x_out, texel(own), vec4f(x, 0.0));
 }

@@ -89,12 +89,10 @@ fn store(at: u32, sum: Vec) {
 
 @compute @workgroup_size(64)
 fn apply(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
-    let id = linear_id(gid, groups, BLOCK);
-    if (id >= params.count * params.cases) { return; }
-    let local = id % params.count;
-    let case_ = id / params.count;
-    let base = case_ * (params.columns + 1u);
-    let row = textureLoad(info, texel(local), 0);
+    let here = row_and_case(linear_id(gid, groups, BLOCK), params.cases, BLOCK);
+    if (here.x >= params.count) { return; }
+    let base = here.y * (params.columns + 1u);
+    let row = textureLoad(info, texel(here.x), 0);
     var own = Vec(r_f32(0.0), r_f32(0.0), r_f32(0.0));
     if (plain == 0u) { own = load_u(base + row.w); }
     var sum = Vec(r_f32(0.0), r_f32(0.0), r_f32(0.0));
@@ -129,16 +127,16 @@ fn apply(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) gro
         sum = add(sum, i.y, i.z, i.w, d3.z);
         at += 9u * stride;
     }
-    store(case_ * (params.nodes + 1u) + row.w, sum);
+    store(here.y * (params.nodes + 1u) + row.w, sum);
 }
 
 // four nodes in a row with equal rows of blocks: the rows are packs
 @compute @workgroup_size(64)
 fn apply4(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
-    let id = linear_id(gid, groups, BLOCK);
-    if (id >= params.count * params.cases) { return; }
-    let pack = textureLoad(info, texel(id % params.count), 0);
-    let node = (id / params.count) * (params.nodes + 1u) + pack.x;
+    let here = row_and_case(linear_id(gid, groups, BLOCK), params.cases, BLOCK);
+    if (here.x >= params.count) { return; }
+    let pack = textureLoad(info, texel(here.x), 0);
+    let node = here.y * (params.nodes + 1u) + pack.x;
     let own0 = load_u(node);
     let own1 = load_u(node + 1u);
     let own2 = load_u(node + 2u);
