@@ -24,6 +24,7 @@ from gpusim.optics.polygon import pick
 from gpusim.optics.ragged import expand
 from gpusim.optics.ranks import Ranks
 from gpusim.optics.sheets import centred, outlines
+from gpusim.optics.vertices import ROUGH
 from gpusim.optics.view import View
 
 __all__ = ["MARGIN", "EdgePixels", "bin_edges", "segment_hits", "segment_pixels"]
@@ -33,6 +34,8 @@ TILE = 8
 
 FARTHEST = 8
 """Tiles that triangles may reach over where one of their corners tells how near they are."""
+
+DEPTH = slice(POSITION.stop - 1, POSITION.stop)
 
 MARGIN = 2e-3
 """px by which the square of a pixel is enlarged when edges are looked up."""
@@ -127,19 +130,19 @@ def bin_edges(view: View) -> EdgePixels:
     cut = segment_pixels(_cuts(view), width, height)
     if len(cut):
         pixel = distinct(np.concatenate([pixel, cut]))
-    some, low, high = _near_pixels(pixel, view)
+    some, place, low, high = _near_pixels(pixel, view)
     triangle, step = expand(np.maximum(high[:, 1] - low[:, 1] + 1, 0))
     row = low[triangle, 1] + step
     ranks = Ranks(pixel, width * height)
     first = ranks.of(row * width + low[triangle, 0])
     last = ranks.of(row * width + high[triangle, 0] + 1)
     run, step = expand(np.maximum(last - first, 0))
-    entry, triangle = first[run] + step, some[triangle[run]]
+    entry, own = first[run] + step, triangle[run]
     row, column = np.divmod(pixel, width)
     at = np.stack([column, row]).astype(np.float64)
-    corners = _relative(view, triangle, np.take(at, entry, axis=1))
+    corners = _relative(place, own, np.take(at, entry, axis=1))
     keep = np.flatnonzero(_touches(corners))
-    entry, triangle, corners = entry[keep], triangle[keep], pick(corners, keep)
+    entry, triangle, corners = entry[keep], some[own[keep]], pick(corners, keep)
     pierced = _among(cut, pixel)
     whole = np.zeros(len(pixel), bool)
     if within:
@@ -168,7 +171,8 @@ def _sorted(
     corners: npt.NDArray[np.float64],
 ) -> npt.NDArray[np.int64]:
     """The order of triangles (n,) over pixels ``entry``, ascending: by pixel, the nearest first."""
-    inverse = 1.0 / np.take(view.vertices[:, 2], view.corner[triangle])
+    few = distinct(triangle)
+    inverse = (1.0 / view.corners_of(few, DEPTH)[:, :, 0])[np.searchsorted(few, triangle)]
     depth = _nearest_depth(corners, inverse)
     order = np.lexsort((triangle, -depth, entry))
     return settle(order, entry, view.paint[triangle], corners, inverse)
@@ -191,9 +195,11 @@ def _cuts(view: View) -> npt.NDArray[np.float64]:
 
 def _near_pixels(
     pixel: npt.NDArray[np.int64], view: View
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """Numbers (n,) of the triangles in whose boxes a tile holds an edge pixel, and these boxes:
-    lowest and highest column and row (n, 2) in the image.
+) -> tuple[
+    npt.NDArray[np.int64], npt.NDArray[np.float64], npt.NDArray[np.int64], npt.NDArray[np.int64]
+]:
+    """Numbers (n,) of the triangles in whose boxes a tile holds an edge pixel, where their corners
+    are (n, 3, 2), and these boxes: lowest and highest column and row (n, 2) in the image.
 
     Most faces of a fine mesh have none near; a summed-area table of the tiles tells.
     """
@@ -201,28 +207,33 @@ def _near_pixels(
     held = np.zeros((-(-height // TILE), -(-width // TILE)), np.int32)
     held[pixel // width // TILE, pixel % width // TILE] = 1
     total = summed(held)
-    parts = [(np.zeros(0, np.int64), np.zeros((0, 2), np.int64), np.zeros((0, 2), np.int64))]
+    none = np.zeros((0, 2), np.int64)
+    parts = [(np.zeros(0, np.int64), np.zeros((2, 3, 0)).T, none, none)]
     some = _near_tiles(total, view) if len(pixel) else np.zeros(0, np.int64)
     for start in range(0, len(some), CHUNK):
         chunk = some[start : start + CHUNK]
-        lowest, highest = corner_range(view.screen_of(chunk))
+        place = view.screen_of(chunk)
+        lowest, highest = corner_range(place)
         low = np.maximum(np.floor(lowest + 0.5), 0.0).astype(np.int64)
         high = np.minimum(np.floor(highest + 0.5), [width - 1, height - 1]).astype(np.int64)
         # beside the image a box is empty
         within = (low[:, 0] <= high[:, 0]) & (low[:, 1] <= high[:, 1])
         if not within.all():
             chunk, low, high = chunk[within], pick(low, within), pick(high, within)
+            place = pick(place, within)
         (left, top), (right, bottom) = (low // TILE).T, (high // TILE + 1).T
         near = np.flatnonzero(in_boxes(total, left, top, right, bottom) > 0)
-        parts.append((chunk[near], pick(low, near), pick(high, near)))
-    some, low, high = (np.concatenate([part[k] for part in parts]) for k in range(3))
-    return some, low, high
+        parts.append((chunk[near], pick(place, near), pick(low, near), pick(high, near)))
+    some, low, high = (np.concatenate([part[k] for part in parts]) for k in (0, 2, 3))
+    # corner by corner in memory
+    place = np.concatenate([part[1].T for part in parts], axis=2).T
+    return some, place, low, high
 
 
 def _near_tiles(total: npt.NDArray[np.int64], view: View) -> npt.NDArray[np.int64]:
     """Numbers of the triangles so near to one of the tiles counted in ``total`` (rows + 1,
     columns + 1) that their boxes may hold it: the tile of one corner tells."""
-    reach = int(view.extent // TILE) + 1
+    reach = int((view.extent + ROUGH) // TILE) + 1
     if not reach <= FARTHEST:
         return np.arange(view.count)
     most = total.shape[1] - 1, total.shape[0] - 1
@@ -230,22 +241,29 @@ def _near_tiles(total: npt.NDArray[np.int64], view: View) -> npt.NDArray[np.int6
     left, top = np.maximum(column - reach, 0), np.maximum(row - reach, 0)
     right, bottom = np.minimum(column + reach + 1, most[0]), np.minimum(row + reach + 1, most[1])
     near = in_boxes(total, left, top, right, bottom) > 0
-    # beside the image, the tile at its border is as near or nearer
-    column, row = (
-        np.clip((view.place[:, k] + 0.5) / TILE, 0, most[k] - 1).astype(np.int64) for k in (0, 1)
-    )
-    return np.flatnonzero(near[row, column][view.corner[:, 0]])
+    flags = near.reshape(-1)
+    columns, rows = view.table.about
+    held = np.empty(len(columns), bool)
+    for first in range(0, len(held), CHUNK):
+        part = slice(first, first + CHUNK)
+        # beside the image, the tile at its border is as near or nearer
+        place = np.clip((rows[part] + 0.5) / TILE, 0, most[1] - 1).astype(np.int32) * most[0]
+        place += np.clip((columns[part] + 0.5) / TILE, 0, most[0] - 1).astype(np.int32)
+        np.take(flags, place, out=held[part], mode="clip")
+    return np.flatnonzero(np.take(held, view.corner[:, 0], mode="clip"))
 
 
 def _relative(
-    view: View, triangle: npt.NDArray[np.int64], at: npt.NDArray[np.float64]
+    place: npt.NDArray[np.float64],
+    triangle: npt.NDArray[np.int64],
+    at: npt.NDArray[np.float64],
 ) -> npt.NDArray[np.float64]:
-    """Corners (n, 3, 2) px of some triangles from places ``at`` (2, n) each."""
+    """Corners (n, 3, 2) px of some of the triangles ``place`` (T, 3, 2), from places ``at`` (2, n)
+    each."""
     result = np.empty((2, 3, len(triangle)))
     for k in range(3):
-        corner = np.take(view.corner[:, k], triangle)
         for axis in range(2):
-            np.take(view.place[:, axis], corner, out=result[axis, k], mode="clip")
+            np.take(place[:, k, axis], triangle, out=result[axis, k], mode="clip")
             result[axis, k] -= at[axis]
     return result.T
 

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from gpusim.optics.ragged import expand
 from gpusim.surface.topology import Topology
 
-__all__ = ["FEWEST", "one_layer", "winds_once"]
+__all__ = ["FEWEST", "border_of", "one_layer", "snapped", "winds_once"]
 
 Whole = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
@@ -43,8 +43,13 @@ def one_layer(
     if facing.any() and not facing.all():
         return False
     starts, ends = border_of(topology, None if whole else keep)
-    at = np.rint(place[np.stack([starts, ends], axis=1)] * FIXED).astype(np.int64)
-    return winds_once((at + FIXED // STEPS // 2) // (FIXED // STEPS), rows)
+    return winds_once(snapped(place[np.stack([starts, ends], axis=1)]), rows)
+
+
+def snapped(place: npt.NDArray[np.float64]) -> Whole:
+    """Places, px, in the steps that devices snap them to."""
+    at = np.rint(place * FIXED).astype(np.int64)
+    return (at + FIXED // STEPS // 2) // (FIXED // STEPS)
 
 
 def border_of(topology: Topology, keep: Flags | None) -> tuple[Whole, Whole]:

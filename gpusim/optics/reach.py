@@ -15,8 +15,15 @@ from gpusim.optics.grazing import grazing_reach
 from gpusim.surface.paint import Paint
 from gpusim.surface.plane import used_vertices
 from gpusim.surface.speckle import Speckle
+from gpusim.surface.surface import Surface
 
-__all__ = ["RegionPaint", "footprint_columns", "footprint_sizes", "with_reach"]
+__all__ = [
+    "RegionPaint",
+    "footprint_columns",
+    "footprint_sizes",
+    "regions_of",
+    "with_reach",
+]
 
 Array = npt.NDArray[np.float64]
 Single = npt.NDArray[np.float32]
@@ -46,6 +53,15 @@ class RegionPaint:
     reach: float
     seen: npt.NDArray[np.float64] | None = None
     grazing: bool = False
+
+
+def regions_of(surface: Surface) -> tuple[RegionPaint, ...]:
+    """The paints of a surface, before it is known how large pixels are on them."""
+    none = np.zeros(2), np.zeros(2)
+    return tuple(
+        RegionPaint(paint, *surface.extents.get(region, none), 0.0)
+        for region, paint in enumerate(surface.paints.values())
+    )
 
 
 def with_reach(

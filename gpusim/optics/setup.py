@@ -80,7 +80,7 @@ class Setup:
         ``surfaces`` cast shadows and hide surroundings, which ``device`` looks at. ``shadows``:
         False leaves them to `with_shadows`.
         """
-        table = PatternTable.build(view.paints, view.extent)
+        table = PatternTable.build(view.paints, view.largest or view.extent)
         bitmaps = BitmapTable.build(view.paints, table.paints)
         lighting = Lighting.build(view, lights, surfaces, device, shadows)
         return Setup(view, table, bitmaps, lighting, background, lights is not None)

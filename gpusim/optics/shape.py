@@ -22,12 +22,16 @@ Array = npt.NDArray[np.float64]
 
 
 class Shape:
-    """A surface's normals, found where somebody asks for them."""
+    """A surface's normals, found where somebody asks for them.
+
+    ``points`` (P, 3): its vertices in the world; ``smooth_angle``: rad, see
+    `gpusim.surface.surface.Surface`.
+    """
 
     def __init__(self, surface: Surface) -> None:
-        self._topology, self._angle = surface.topology, surface.smooth_angle
+        self._topology, self.smooth_angle = surface.topology, surface.smooth_angle
         # a copy: who looks for it may have moved the vertices in place
-        self._points = surface.points.copy()
+        self.points = surface.points.copy()
 
     @cached_property
     def area(self) -> Array:
@@ -37,32 +41,37 @@ class Shape:
         for first in range(0, len(triangles), CHUNK):
             part = slice(first, first + CHUNK)
             corner = [triangles[part, k] for k in range(3)]
-            corner_normals(self._points, corner, result[:, part])
+            corner_normals(self.points, corner, result[:, part])
         return result
 
     def creases(self, edges: npt.NDArray[np.int64] | None) -> npt.NDArray[np.bool_]:
         """Which edges of the surface are creases: of some (n,), or of all (None)."""
         if edges is None:
             return self._creases
-        return creases(self._topology, self.area, self._angle, edges)
+        return creases(self._topology, self.area, self.smooth_angle, edges)
 
     @cached_property
     def _creases(self) -> npt.NDArray[np.bool_]:
-        return creases(self._topology, self.area, self._angle, None)
+        return creases(self._topology, self.area, self.smooth_angle, None)
 
     @cached_property
     def smooth(self) -> tuple[Array, npt.NDArray[np.bool_]]:
         """What `gpusim.optics.outline.smooth_normals` makes of it: vertices' normals in the world,
         and which corners have their own."""
-        triangles, vertices = self._topology.triangles, len(self._points)
-        return smooth_normals(self.area, triangles, vertices, self._angle)
+        triangles, vertices = self._topology.triangles, len(self.points)
+        return smooth_normals(self.area, triangles, vertices, self.smooth_angle)
+
+    @property
+    def smooth_known(self) -> bool:
+        """Whether `smooth` has been found."""
+        return "smooth" in self.__dict__
 
     def is_of(self, surface: Surface) -> bool:
         """Whether a surface has this shape."""
         return (
             self._topology is surface.topology
-            and self._angle == surface.smooth_angle
-            and np.array_equal(self._points, surface.points)
+            and self.smooth_angle == surface.smooth_angle
+            and np.array_equal(self.points, surface.points)
         )
 
 

@@ -31,7 +31,8 @@ def outlines(view: View) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
     # triangles that have been cut don't share vertices, but these lie in the same places
     left = np.flatnonzero(ends)
     at = np.concatenate([start[left], end[left]])
-    number = _numbered([*view.place[at].T, view.vertices[at, 2]])
+    few = view.table.some(at)
+    number = _numbered([*few.place.T, few.position[:, 2]])
     start, end = number[: len(left)], number[len(left) :]
     ends[left] = ~_paired(start, end)
     again[left] = ~ends[left] & (start > end)

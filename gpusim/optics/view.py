@@ -40,11 +40,12 @@ from gpusim.optics.indexed import Indexed
 from gpusim.optics.layer import FEWEST, one_layer
 from gpusim.optics.outline import corner_normals, feature_edges
 from gpusim.optics.paint_edges import speckle_jumps
-from gpusim.optics.reach import RegionPaint, with_reach
+from gpusim.optics.reach import RegionPaint, regions_of, with_reach
 from gpusim.optics.shape import Shape, shapes_of
 from gpusim.optics.sparse import sparse_excess
 from gpusim.optics.uncut import uncut
 from gpusim.optics.vertex_table import VertexTable, turned_corners
+from gpusim.optics.vertices import Vertices
 from gpusim.surface.speckle import Speckle
 from gpusim.surface.surface import Surface
 
@@ -79,21 +80,20 @@ FLAT = 1e-9
 class View:
     """The triangles that a camera may see.
 
-    ``vertices`` (V, 11): camera-space position, paint coordinates, world normal, undeformed world
-    position; ``place`` (V, 2) px, through the lens. ``corner`` (T, 3): vertices of each triangle;
-    those of some of its corners may be no other triangle's. ``paint`` and ``face`` (T,): index into
-    ``paints`` and into the faces of all surfaces in order. ``regions``: ``paints`` of which not all
-    is known yet; ``found``: these and ``footprint`` where they are known. ``edges`` (E, 2, 2): the
-    visible silhouettes, creases and region borders on screen, px. ``body`` (T,): number of the
-    surface, ascending. ``edge_source`` (E, 2): the triangle that each edge is of, and its corner
-    that it begins at. ``extent``: px, no box round a triangle has a longer side. ``guessed``: the
-    largest pixels in ``found`` are likely, but not certain. ``layer``: no pixel's centre lies in
-    two triangles, unless places are so snapped that one is turned over.
+    ``table``: what its vertices carry, and where they are. ``corner`` (T, 3): vertices of each
+    triangle; those of some of its corners may be no other triangle's. ``paint`` and ``face`` (T,):
+    index into ``paints`` and into the faces of all surfaces in order. ``regions``: ``paints`` of
+    which not all is known yet; ``found``: these and ``footprint`` where they are known. ``edges``
+    (E, 2, 2): the visible silhouettes, creases and region borders on screen, px. ``body`` (T,):
+    number of the surface, ascending. ``edge_source`` (E, 2): the triangle that each edge is of, and
+    its corner that it begins at. ``extent``: px, no box round a triangle has a longer side.
+    ``guessed``: the largest pixels in ``found`` are likely, but not certain. ``layer``: no pixel's
+    centre lies in two triangles, unless places are so snapped that one is turned over.
+    ``largest``: px, side of the largest box that was looked at, if that isn't ``extent``.
     """
 
     camera: Camera
-    vertices: npt.NDArray[np.float64]
-    place: npt.NDArray[np.float64]
+    table: Vertices
     corner: npt.NDArray[np.int64]
     paint: npt.NDArray[np.int32]
     face: npt.NDArray[np.int32]
@@ -105,11 +105,23 @@ class View:
     found: tuple[tuple[RegionPaint, ...], Array] | None = None
     guessed: bool = False
     layer: bool = False
+    largest: float | None = None
 
     @property
     def count(self) -> int:
         """Number of triangles."""
         return len(self.corner)
+
+    @property
+    def vertices(self) -> Array:
+        """(V, 11): camera-space position, paint coordinates, world normal, undeformed world
+        position."""
+        return self.table.columns
+
+    @property
+    def place(self) -> Array:
+        """(V, 2) px, through the lens."""
+        return self.table.place
 
     @cached_property
     def _found(self) -> tuple[tuple[RegionPaint, ...], Array]:
@@ -136,7 +148,7 @@ class View:
 
     def corners_of(self, triangles: Rows, columns: slice = ALL) -> Array:
         """(n, 3, …): those of some triangles, or some ``columns`` of them."""
-        return at_corners(self.vertices[:, columns], self._vertices_of(triangles))
+        return self.table.at_corners(columns, self._vertices_of(triangles))
 
     @cached_property
     def screen(self) -> Array:
@@ -145,7 +157,7 @@ class View:
 
     def screen_of(self, triangles: Rows) -> Array:
         """(n, 3, 2) px: those of some triangles."""
-        return at_corners(self.place, self._vertices_of(triangles))
+        return self.table.places_at(self._vertices_of(triangles))
 
     def _vertices_of(self, triangles: Rows) -> list[npt.NDArray[np.int64]]:
         """The first, second and third vertices (n,) of some triangles."""
@@ -170,7 +182,7 @@ class View:
         """(V, 2) px: ``place`` without the lens's distortion."""
         if self.camera.lens is None:
             return self.place
-        return Screen(self.camera).ideal(self.vertices[:, POSITION])
+        return Screen(self.camera).ideal(self.table.position)
 
     @cached_property
     def flat(self) -> bool:
@@ -211,7 +223,7 @@ class View:
         """The view of some triangles (n,) that share no vertices, without edges."""
         corner = self.corner[triangles].reshape(-1)
         return replace(
-            self, vertices=self.vertices.T[:, corner].T, place=self.place.T[:, corner].T,
+            self, table=self.table.some(corner),
             corner=np.arange(len(corner)).reshape(-1, 3), paint=self.paint[triangles],
             face=self.face[triangles], body=self.body[triangles], edges=self.edges[:0],
             edge_source=self.edge_source[:0],
@@ -219,14 +231,14 @@ class View:
 
     def inverse_depth(self) -> Array:
         """1 / z of every corner, (T, 3)."""
-        result: Array = np.take(1.0 / self.vertices[:, 2], self.corner)
+        result: Array = np.take(1.0 / self.table.position[:, 2], self.corner)
         return result
 
     def raster_depth(self) -> tuple[float, npt.NDArray[np.float32]]:
         """What 1 / z is scaled by to stay below 1 in a depth buffer, and 1 / z of every vertex."""
         if not self.count:
             return 1.0, np.zeros(1, np.float32)
-        inverse = 1.0 / self.vertices[:, 2]
+        inverse = 1.0 / self.table.position[:, 2]
         return 0.999 / float(inverse.max()), inverse.astype(np.float32)
 
     def fixed(self) -> npt.NDArray[np.int32]:
@@ -281,26 +293,17 @@ def look(
             face_ids.append(source + np.int32(first_face) if first_face else source)
             body_ids.append(np.full(len(source), number, np.int32))
             parts.append(part)
-        paints += _regions(surface)
+        paints += regions_of(surface)
         first_face += len(surface.faces)
     all_of = Indexed.joined(parts)
     place, corner = all_of.place, all_of.corner
     shown, k = np.divmod(np.flatnonzero(all_of.shows), 3)
     ends = [place[corner[shown, j]] for j in (k, (k + 1) % 3)]
     return View(
-        camera, all_of.vertices, place, corner, _joined(paint_ids), _joined(face_ids),
+        camera, Vertices(all_of.vertices, place), corner, _joined(paint_ids), _joined(face_ids),
         tuple(paints), np.stack(ends, axis=1), _joined(body_ids), np.stack([shown, k], axis=1),
         all_of.extent, layer=all_of.layer,
     )  # fmt: skip
-
-
-def _regions(surface: Surface) -> list[RegionPaint]:
-    """The paints of a surface, before it is known how large pixels are on them."""
-    none = np.zeros(2), np.zeros(2)
-    return [
-        RegionPaint(paint, *surface.extents.get(region, none), 0.0)
-        for region, paint in enumerate(surface.paints.values())
-    ]
 
 
 def _joined(parts: list[Short]) -> Short:
@@ -349,10 +352,11 @@ def _seen_of(
             topology, front, keep, ideal, screen.camera.height
         )
         none = np.zeros(0, np.int32)
+        known = Vertices(table.columns[POSITION].T, place)
         begin(
             View(
-                screen.camera, table.columns[POSITION].T, place, table.corner.T, none, none,
-                tuple(_regions(surface)), np.zeros((0, 2, 2)), none, np.zeros((0, 2), np.int64),
+                screen.camera, known, table.corner.T, none, none,
+                regions_of(surface), np.zeros((0, 2, 2)), none, np.zeros((0, 2), np.int64),
                 culled.extent, layer=layer,
             )
         )  # fmt: skip
