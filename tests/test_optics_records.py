@@ -86,7 +86,7 @@ def test_slivers_far_from_the_origins_of_image_and_paint(device: Device) -> None
     np.testing.assert_allclose(got[..., 9:12], want[..., 9:12], atol=1e-5)
 
 
-@pytest.mark.parametrize("word", [0, 3, 6, 8, 11])
+@pytest.mark.parametrize("word", [0, 2, 6, 8, 11])
 def test_one_corrupted_vertex_is_seen(
     device: Device, monkeypatch: pytest.MonkeyPatch, word: int
 ) -> None:

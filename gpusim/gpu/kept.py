@@ -27,6 +27,8 @@ class Kept:
         self.device = device
         self._waiting: list[Any] = []
         self._texels: dict[str, Texels] = {}
+        self.notes: dict[str, object] = {}
+        """What others keep on the device from one frame to the next, as long as there is room."""
 
     @property
     def nbytes(self) -> int:
@@ -65,6 +67,7 @@ class Kept:
     def free(self) -> None:
         """Free all that waits."""
         self._texels.clear()
+        self.notes.clear()
         while self._waiting:
             self._free(self._waiting.pop())
 

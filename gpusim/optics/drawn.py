@@ -6,6 +6,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from gpusim.gpu import Buffer, Device
 from gpusim.optics.board_lines import BoardLines
@@ -17,8 +18,7 @@ __all__ = ["Drawn"]
 class Drawn:
     """Vertices in fixed point with their depths, and which of them a triangle has.
 
-    ``near``: what 1 / depth is scaled by for the depth buffer; ``fixed`` (V, 2) and ``inverse``
-    (V,): that, on the host.
+    ``near``: what 1 / depth is scaled by for the depth buffer.
     """
 
     def __init__(
@@ -33,8 +33,18 @@ class Drawn:
             fixed = np.concatenate([fixed, lines.fixed().reshape(-1, 2)])
             depth = np.concatenate([depth, lines.inverse_depth.astype(np.float32).reshape(-1)])
         self.device, self.label = device, label
-        self.fixed, self.inverse = fixed, depth
+        self._fixed, self._inverse = fixed, depth
         self.corners: Buffer = device.buffer(corners, f"{label}.corners")
+
+    @property
+    def fixed(self) -> npt.NDArray[np.int32]:
+        """(V, 2) in 1/65536 px, on the host."""
+        return self._fixed
+
+    @property
+    def inverse(self) -> npt.NDArray[np.float32]:
+        """(V,): 1 / depth, on the host."""
+        return self._inverse
 
     @cached_property
     def screen(self) -> Buffer:

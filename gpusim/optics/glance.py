@@ -87,7 +87,7 @@ class GlancePass:
         self._glances = device.kept.texels(texels, "rgba32uint", "glance.glances")
         self._found = False
         setup = tables.setup
-        self._degree = {"quadratic": float(self.quadratic)}
+        self._degree = {"quadratic": float(self.quadratic), "spacing": 3.0 if self.marked else 1.0}
         self._constants = {
             "lit": float(setup.lit), **self._degree, **setup.light_constants(False, False)
         }  # fmt: skip
@@ -95,7 +95,7 @@ class GlancePass:
             "rays": tables.rays(), "count": 0, "width": 0, "row0": 0,
             "background": setup.background, "tolerance": TOLERANCE, "slender": SLENDER,
             "inverse_depth": tables.records.inverse_depth, "last": 0, "stretch": 1.0, "margin": 0.0,
-            "rows": 0, "stride": 0, "looking": 0,
+            "rows": 0, "stride": 0, "looking": 0, "tall": 0, "longest": 0, "late": False,
         }  # fmt: skip
 
     @cached_property
@@ -120,10 +120,11 @@ class GlancePass:
     ) -> None:
         """Shade a band into ``radiance``."""
         self._band(recording, params, shared, radiance)
-        sight = self.sight
+        sight, known = self.sight, self._records.vertices  # no lens bends a layer
         values = {
             **shared, "params": params, "band_nearest": sight.nearest, "band_radiance": radiance,
-            "corners": sight.drawn.corners, "places": sight.places, "seen": self._glances,
+            "corners": sight.drawn.corners, "seen": self._glances,
+            "places": known if self.marked else sight.places,
         }  # fmt: skip
         for kind in self._kinds:
             if kind.bare:
@@ -242,9 +243,8 @@ class GlancePass:
     def _find(self, recording: Recording, kind: GlanceKind) -> None:
         """Find the triangles' functions, and which of them have none."""
         constants = {**self._constants, "bare": float(kind.bare)}
-        params = {**self._params, "count": kind.count}
-        if kind.looks is not None:
-            params |= kind.looks.params
+        own = {} if kind.looks is None else kind.looks.params
+        params = {**self._params, "count": kind.count, **own}
         entry = "main" if kind.looks is None else "looked"
         self._dispatch(recording, kind, entry, constants, params)
 

@@ -10,8 +10,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from gpusim.gpu import Buffer, Recording
 from gpusim.optics.glance import GlancePass
+from gpusim.optics.layer import STEPS
 from gpusim.optics.looks import NONE
 from gpusim.optics.sight import Sight
 
@@ -51,17 +54,21 @@ class LayerPass(GlancePass):
 
     def _write(self, recording: Recording, radiance: Buffer, row0: int, rows: int) -> None:
         """Let triangles write their pixels of a band, and make records of those that need one."""
-        device, kind = self.tables.device, self._kinds[0]
+        device, kind, view = self.tables.device, self._kinds[0], self.tables.setup.view
+        camera = view.camera
         assert kind.looks is not None
-        if self._found:
+        if not self._found:
+            self.sight.prepare(recording)
+        else:
             # lists are those of a band
             for numbers, groups in ((kind.order, kind.looks.groups), (kind.refused, kind.refusals)):
                 recording.clear(numbers)
                 recording.copy(self._none, groups, groups.nbytes)
         params = {
             **self._params, **kind.looks.params, "count": kind.count, "row0": row0, "rows": rows,
-            "width": self.tables.setup.view.camera.width, "stride": self.stride,
-            "looking": not self._found,
+            "width": camera.width, "stride": self.stride, "looking": not self._found,
+            "tall": camera.height, "longest": int(np.ceil(STEPS * view.extent)) + 1,
+            "late": self.sight.late,
         }  # fmt: skip
         if params["background"] == 0.0:
             recording.clear(radiance)
@@ -70,8 +77,7 @@ class LayerPass(GlancePass):
             bindings = blank.bind(params=params, band_radiance=radiance)
             recording.dispatch(blank, bindings, threads=(radiance.nbytes // 4,))
         self._dispatch(
-            recording, kind, "layered", self._constants, params,
-            places=self.sight.places, band_radiance=radiance,
+            recording, kind, "layered", self._constants, params, band_radiance=radiance
         )  # fmt: skip
         self._make(recording, kind)
         self._found = True

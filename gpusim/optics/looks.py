@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.gpu import compare
+from gpusim.gpu import Buffer, compare
 from gpusim.optics.board_lines import LEAST
 from gpusim.optics.corners import ST
 from gpusim.optics.distortion_map import distortion_map
@@ -81,11 +81,9 @@ def footprints(view: View, triangles: npt.NDArray[np.int64]) -> Array:
     """Half of the largest pixel (n,) on each of some triangles of a view, in paint coordinates, by
     what the lens stretches pixels at most."""
     bends = distortion_map(view.camera)
-    vertex = view.corner[triangles].reshape(-1)
-    own = [np.take(column, vertex) for column in view.vertices[:, : ST.stop].T]
-    place = [np.take(column, vertex) for column in view.ideal_place.T]
-    columns = footprint_columns(np.stack(own, axis=1), np.stack(place, axis=1))
-    sizes = footprint_sizes(columns, np.arange(len(vertex)).reshape(-1, 3))
+    own = view.some(triangles)
+    columns = footprint_columns(own.table.shown, own.ideal_place)
+    sizes = footprint_sizes(columns, own.corner)
     return sizes if bends is None else bends.stretch * sizes
 
 
@@ -98,7 +96,8 @@ class Looks:
     program for those; ``params``: uniforms of the shader that finds them.
     """
 
-    def __init__(self, setup: Setup, records: Records) -> None:
+    def __init__(self, setup: Setup, records: Records, counts: Buffer | None = None) -> None:
+        """``counts``: ``groups`` in which the device has begun to tell of the view."""
         view, device = setup.view, records.device
         boards = _boards(setup)
         self.looks = records.looks
@@ -107,7 +106,7 @@ class Looks:
         self._boards = device.texels(3 * len(boards), "rgba32float", "looks.boards")
         self._boards.write(boards.astype(np.float32).reshape(-1, 4))
         self.lined = device.empty(4 * view.count, "looks.lined")
-        self.groups = device.buffer(NONE, "looks.groups")
+        self.groups = counts or device.buffer(NONE, "looks.groups")
         self.constants = {
             **setup.constants(setup.groups_present(), False, False), "light_tiled": 0.0,
             "board": float(boards[:, 0, 3].any()),

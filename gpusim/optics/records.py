@@ -34,7 +34,7 @@ STEPS = 65536
 BLOCK = 8192
 """Vertices at a time, which stay in the processor's cache and fill whole rows of a texture."""
 
-REAL = 3, slice(6, 12)
+REAL = 2, slice(6, 12)
 """Words of a vertex that are float32."""
 
 
@@ -135,13 +135,13 @@ def vertex_blocks(
         part = slice(first, min(first + BLOCK, len(ideal)))
         block = columns[:, : part.stop - first]
         whole, real = block.view(np.int32), block.view(np.float32)
-        block[2] = 0
+        block[3] = 0
         for axis in range(2):
             steps = ideal[part, axis] * STEPS
             below = np.floor(steps)
             whole[axis] = below
-            block[2] |= ((steps - below) * STEPS).astype(np.uint32) << np.uint32(16 * axis)
-        real[3] = 1.0 / vertices[part, 2] / inverse_depth - 1.0
+            block[3] |= ((steps - below) * STEPS).astype(np.uint32) << np.uint32(16 * axis)
+        real[2] = 1.0 / vertices[part, 2] / inverse_depth - 1.0
         if patterned:
             side = sides[part]
             for axis in range(2):

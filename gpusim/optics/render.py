@@ -17,6 +17,7 @@ from gpusim.optics.camera import Camera
 from gpusim.optics.edges import EdgePass, edges_twin
 from gpusim.optics.frame import Band, Frame
 from gpusim.optics.glance import fields_glanced, may_glance
+from gpusim.optics.late import LateSight
 from gpusim.optics.light import Light, is_light
 from gpusim.optics.lighting import casts_shadows, find_shadows
 from gpusim.optics.looks import sampled
@@ -104,24 +105,43 @@ def render(
         frame = Frame(view, None, radiance=edges_twin(setup, bin_edges(view), interior))
     else:
         device = device or default_device()
-        begun: list[Sight] = []
-
-        def begin(view: View) -> None:
-            if view.count <= MOST_TRIANGLES and _by_pixel(device, view, lights):
-                # in a layer triangles write their own pixels once it is known what they look like
-                wait = view.layer and may_glance(view, lights)
-                begun.append(_begun(device, view, 0, camera.height, wait))
-
-        view = look(surfaces, camera, lights is not None, begin)
-        sight = begun[0] if begun else None
-        if sight is not None:
-            sight.complete(view)
-        bands: list[Band] = []
-        for first, stop, part in _parts(view, 0, camera.height):
-            bands += _draw(device, part, lights, background, surfaces, first, stop, sight)
+        view, bands = _seen(device, surfaces, camera, lights, background)
         frame = Frame(view, device, tuple(bands))
     frame.warnings = wound_inwards(surfaces, camera)
     return frame
+
+
+def _seen(
+    device: Device,
+    surfaces: Sequence[Surface],
+    camera: Camera,
+    lights: Sequence[Light] | None,
+    background: float,
+) -> tuple[View, list[Band]]:
+    """What a camera sees, and the device's picture of it."""
+    height = camera.height
+    late = LateSight.of(device, surfaces, camera, lights, _band_rows(camera, 0, height))
+    if late is not None:
+        found = _draw(device, late.view, lights, background, surfaces, 0, height, late)
+        if found is not None:
+            return late.view, found
+        late.resident.distrust()
+    begun: list[Sight] = []
+
+    def begin(view: View) -> None:
+        if view.count <= MOST_TRIANGLES and _by_pixel(device, view, lights):
+            # in a layer triangles write their own pixels once it is known what they look like
+            wait = view.layer and may_glance(view, lights)
+            begun.append(_begun(device, view, 0, height, wait))
+
+    view = look(surfaces, camera, lights is not None, begin)
+    sight = begun[0] if begun else None
+    if sight is not None:
+        sight.complete(view)
+    bands: list[Band] = []
+    for first, stop, part in _parts(view, 0, height):
+        bands += _draw(device, part, lights, background, surfaces, first, stop, sight) or []
+    return view, bands
 
 
 def _parts(view: View, first: int, stop: int) -> Iterator[tuple[int, int, View]]:
@@ -172,14 +192,18 @@ def _draw(
     stop: int,
     sight: Sight | None,
     guess: bool = True,
-) -> list[Band]:
+) -> list[Band] | None:
     """Rows ``first`` … ``stop - 1`` in bands of what a texture may hold.
 
     The device begins with what is ready, while the host works on what comes next. ``sight``: what
-    it has begun with before, of these rows. ``guess``: the largest pixel may be guessed.
+    it has begun with before, of these rows. ``guess``: the largest pixel may be guessed. None where
+    the host has to look at all of a view that the device was to look at.
     """
 
-    def certain() -> list[Band]:
+    def certain() -> list[Band] | None:
+        if sight is not None and sight.late:
+            sight.release()
+            return None
         return _draw(device, view, lights, background, surfaces, first, stop, sight, guess=False)
 
     rows = _band_rows(view.camera, first, stop)
@@ -194,9 +218,13 @@ def _draw(
     begun: Buffer | None = None
     # one thread beside this one: more would wait for the interpreter
     with Aside(view.count) as aside:
-        found = None if simple or early else aside.begin(bin_edges, view)
+        # what the host does before the device begins there isn't worth to be held up by a thread
+        waiting = sight is not None and sight.late
+        found = None if simple or early or waiting else aside.begin(bin_edges, view)
         shadows = aside.begin(find_shadows, view, lights or [], surfaces) if early else None
         likely = _likely(view, lights, sight) if guess else None
+        if likely is None and sight is not None and sight.late:
+            return certain()
         setup = Setup.build(
             likely or view, lights, background, surfaces, device, shadows=not early
         )  # fmt: skip
@@ -226,7 +254,7 @@ def _draw(
                 count = min(rows, stop - first)
                 begun = device.kept.take(4 * count * shade_pass.stride, f"radiance[{first}]")
                 shade_pass.begin(begun, first, count)
-            edges = None if found is None else found()
+            edges = bin_edges(view) if waiting else None if found is None else found()
         if edges is not None:
             edge_pass = EdgePass(tables, edges)
     if edge_pass is not None:

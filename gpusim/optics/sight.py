@@ -10,6 +10,8 @@ no gaps. Devices without 64-bit atomics, and views with large triangles, take th
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 import numpy.typing as npt
 
@@ -42,19 +44,36 @@ class Sight:
     rasteriser leaves, or None.
     """
 
-    def __init__(self, device: Device, view: View, rows: int) -> None:
+    late = False
+    """Whether the device, not the host, looks at every triangle."""
+
+    counts: Buffer | None = None
+    """Six, of which the last becomes 1 where a view isn't what it was taken for."""
+
+    def __init__(
+        self,
+        device: Device,
+        view: View,
+        rows: int,
+        drawn: Drawn | None = None,
+    ) -> None:
+        """``drawn``: where its triangles are, if they are on the device already."""
         self.device, self.view, self.rows = device, view, rows
         width = view.camera.width
-        self.drawn = Drawn(device, view, "shade")
+        self.drawn = drawn or Drawn(device, view, "shade")
         self.ids = device.target(width, rows, "r32uint", "shade.ids")
         self.depth: Texture | None = None
         self._begun: tuple[int, int] | None = None
         self.nearest: Buffer | None = None
         if device.atomics64 and view.extent <= LARGEST:
-            self.places = _places(self.drawn)
             self.nearest = device.kept.take(8 * width * rows, "sight.nearest")
         else:
             self.depth = device.target(width, rows, "depth32float", "shade.depth")
+
+    @cached_property
+    def places(self) -> Texels:
+        """Vertices as the shader reads them."""
+        return _places(self.drawn)
 
     def complete(self, view: View) -> None:
         """Take the whole ``view`` in place of that which told where its triangles are."""
@@ -63,8 +82,10 @@ class Sight:
         if not np.may_share_memory(known, view.corner):
             # some corners have got vertices of their own; what is seen where stays as it is
             self.drawn = Drawn(self.device, view, "shade")
-            if self.nearest is not None:
-                self.places = _places(self.drawn)
+            self.__dict__.pop("places", None)
+
+    def prepare(self, recording: Recording) -> None:
+        """Find what isn't known of the vertices yet."""
 
     def begin(self, row0: int, rows: int) -> None:
         """Let the device look at a band, which `record` then finds there."""

@@ -16,6 +16,7 @@ from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.drawn import Drawn
 from gpusim.optics.glance import fields_glanced
 from gpusim.optics.gloss import gloss_texels
+from gpusim.optics.late import LateSight
 from gpusim.optics.looks import Looks
 from gpusim.optics.openness_table import openness_texels
 from gpusim.optics.records import Records
@@ -48,18 +49,22 @@ class Tables:
         self.lines = BoardLines.of(setup) if sight is None else None
         self.fields = fields_glanced(setup, sight)
         self.records: Records | None = None
+        counts = None if sight is None else sight.counts
         self.looks: Looks | None = None
         if sight is None:
             self.drawn = Drawn(device, view, "shade", self.lines)
         else:
             self.drawn = sight.drawn
-            self.records = Records.of(device, setup, sight.drawn, looked=not view.guessed)
+            if isinstance(sight, LateSight):
+                self.records = sight.records(setup)
+            else:
+                self.records = Records.of(device, setup, sight.drawn, looked=not view.guessed)
         if self.records is None:
             self.triangles = _triangles(device, setup, self.lines)
         else:
             self.triangles = self.records.texels
             if view.guessed:
-                self.looks = Looks(setup, self.records)
+                self.looks = Looks(setup, self.records, counts)
             elif self.fields is None:
                 with device.recording("optics.records") as recording:
                     self.records.make_all(recording)

@@ -1,8 +1,8 @@
 // The vertices that a view's triangles share (gpusim/optics/records.py).
 #import common/texel
 
-// per vertex three texels: (column, row in 1/65536 px, their remainders in 16 bits each, relative
-// offset of 1 / depth), (cells of the pattern along s and t, s and t within the cell),
+// per vertex three texels: (column, row in 1/65536 px, relative offset of 1 / depth, what places leave in
+// 16 bits each), (cells of the pattern along s and t, s and t within the cell),
 // (normal, side of a cell)
 @group(0) @binding(3) var vertices: texture_storage_2d<rgba32uint, read>;
 
@@ -22,8 +22,8 @@ fn vertex_at(number: u32) -> Vertex {
     let a = textureLoad(vertices, texel(3u * number));
     let b = textureLoad(vertices, texel(3u * number + 1u));
     let c = bitcast<vec4f>(textureLoad(vertices, texel(3u * number + 2u)));
-    let rest = vec2f(vec2u(a.z & 65535u, a.z >> 16u)) / PIXEL;
-    return Vertex(bitcast<vec2i>(a.xy), rest, bitcast<f32>(a.w), bitcast<vec2i>(b.xy),
+    let rest = vec2f(vec2u(a.w & 65535u, a.w >> 16u)) / PIXEL;
+    return Vertex(bitcast<vec2i>(a.xy), rest, bitcast<f32>(a.z), bitcast<vec2i>(b.xy),
         bitcast<vec2f>(b.zw), c.xyz, c.w);
 }
 

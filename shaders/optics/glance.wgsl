@@ -34,6 +34,11 @@ struct Params {
     rows: i32,
     stride: i32,
     looking: u32,
+    // rows of the image, and where the host has looked at some triangles only (`late`) the longest side of
+    // a box round one, in 1/256 px
+    tall: i32,
+    longest: i32,
+    late: u32,
 }
 @group(0) @binding(0) var<uniform> params: Params;
 // numbers + 1 of the triangles to look at; or each triangle's paint, or one that all have
@@ -118,19 +123,40 @@ fn looked(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) gr
 // per pixel of the band its radiance's bits, or MARK and a triangle's number
 @group(0) @binding(16) var<storage, read_write> band_radiance: array<u32>;
 
+// A vertex's place in 1/256 px, as common/pixel_box.wgsl has it.
+fn steps_of(v: Vertex) -> vec2i {
+    return (v.at + select(vec2i(0), vec2i(1), v.rest >= vec2f(0.5)) + 128) >> vec2u(8u);
+}
+
+// Whether a triangle is a line but for what float32 may be off by.
+fn thin(a: Vertex, b: Vertex, c: Vertex) -> bool {
+    let u = vec2f(b.at - a.at) + (b.rest - a.rest);
+    let v = vec2f(c.at - a.at) + (c.rest - a.rest);
+    return !(abs(u.x * v.y - u.y * v.x) > 1e-6 * (dot(u, u) + dot(v, v)));
+}
+
 // All triangles, where none lies over another: they write their own pixels, or leave their mark on those
 // that are shaded one by one.
 @compute @workgroup_size(64)
 fn layered(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let id = linear_id(gid, groups, 64u);
     if (id >= params.count) { return; }
-    let at = places_of(id, params.row0);
-    let box = box_of(at, vec2i(i32(params.width), params.rows));
-    let beside = any(box.size < vec2i(0));
-    if (beside && params.looking == 0u) { return; }
     let a = vertex_at(corners[3u * id]);
     let b = vertex_at(corners[3u * id + 1u]);
     let c = vertex_at(corners[3u * id + 2u]);
+    let band = vec2i(0, 256 * params.row0);
+    let at = Places(steps_of(a) - band, steps_of(b) - band, steps_of(c) - band, vec3f(0.0));
+    let box = box_of(at, vec2i(i32(params.width), params.rows));
+    let beside = any(box.size < vec2i(0));
+    if (beside && params.looking == 0u) { return; }
+    if (params.late != 0u && params.looking != 0u) {
+        let low = min(min(at.p, at.q), at.r);
+        let high = max(max(at.p, at.q), at.r);
+        // one that no pixel's square reaches doesn't count
+        let last = vec2i(i32(params.width), params.tall - params.row0) * 256;
+        if (any(high < -band - 256) || any(low > last)) { return; }
+        if (any(high - low > vec2i(params.longest)) || thin(a, b, c)) { atomicStore(&counts[5], 1u); }
+    }
     let look = looked_at(id, a, b, c);
     let triangle = inside_of(at, box);
     // all are wound one way, or some lie over each other
