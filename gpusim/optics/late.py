@@ -42,7 +42,7 @@ __all__ = ["LateSight"]
 
 Array = npt.NDArray[np.float64]
 
-FEWEST = 50_000
+FEWEST = 100_000
 """Triangles from which on it is worth while."""
 
 SEEN = 0.5
