@@ -32,7 +32,7 @@ _STRENGTH = 0.08
 # Coarse levels of slender bodies are chains. Aggregates several links long bend too stiffly there
 # (iterations double or worse), so only strong links count; weaker ones do where that stalls.
 _COARSE_STRENGTHS = (0.2, 0.08, 0.0)
-_LEAST_SHRINKAGE = 0.55
+_LEAST_SHRINKAGE = 0.45
 # products of matrices are shared out in so many parts, of no fewer blocks than this
 _MOST_PARTS, _LEAST_PART = 64, 25_000
 # factor on the greatest eigenvalue that Lanczos and its residual tell
@@ -92,10 +92,16 @@ def _smoothed_by_columns(
     off, diagonal, scale = _split(matrix)
     apart = diagonal if isinstance(matrix, RowsProduct) else None
     parts = _parts(off)
-    whole = _stacked(shared(lambda rows: _image(off, apart, rows, tentative), parts))
+
+    def image(rows: slice) -> bsr_matrix:
+        # rounded as P is: the largest thing here
+        result = _image(off, apart, rows, tentative)
+        return in_single(result) if single else result
+
+    whole = _stacked(shared(image, parts))
 
     def smoothed(rows: slice) -> bsr_matrix:
-        result = _rows(tentative, rows) - (step / scale) * (_rows(inverse, rows) @ whole)
+        result = _rows(tentative, rows) - (step / scale) * _image(inverse, None, rows, whole)
         return in_single(result) if single else bsr_matrix(result)
 
     return _stacked(shared(smoothed, parts))

@@ -87,10 +87,11 @@ class Bottom:
         lower = self._scaled()
         lower.sum_duplicates()
         width = int((lower.row - lower.col).max(initial=0))
-        band = np.zeros((width + 1, lower.shape[0]))
+        # as LAPACK takes it: the factor stands where the band was
+        band = np.zeros((width + 1, lower.shape[0]), order="F")
         band[lower.row - lower.col, lower.col] = lower.data
         try:
-            return np.asarray(cholesky_banded(band, lower=True))
+            return np.asarray(cholesky_banded(band, overwrite_ab=True, lower=True))
         except LinAlgError:
             raise _indefinite() from None
 
