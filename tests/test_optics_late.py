@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 
 import numpy as np
@@ -13,6 +14,7 @@ from gpusim.errors import TwinMismatch
 from gpusim.gpu import Device
 from gpusim.optics import late, normals, project, resident
 from gpusim.optics.late import LateSight
+from gpusim.optics.looks import NONE
 from gpusim.optics.setup_probe import sheets_setup
 from gpusim.optics.view import View, look
 from gpusim.surface.paint import Checker, Paint, Plain
@@ -193,6 +195,53 @@ def test_vertices_moved_in_place(device: Device, monkeypatch: pytest.MonkeyPatch
     told, picture = found(device, monkeypatch, surface, CAMERA)
     assert told
     assert np.abs(picture - alone(device, surface, CAMERA)).max() <= 1e-6 * picture.max()
+
+
+@pytest.mark.parametrize("what", ["reference", "regions"])
+def test_what_a_caller_edits_in_place_is_seen(
+    device: Device, monkeypatch: pytest.MonkeyPatch, what: str
+) -> None:
+    surface = wave(
+        sheet({"board": BOARD, "plain": Plain(0.6)} if what == "regions" else BOARD), 0.1
+    )
+    for _ in range(2):
+        _, before = found(device, monkeypatch, surface, CAMERA)
+    wanted = gs.render([surface], CAMERA, LIGHTS, device=device).truth().reference
+    frame = gs.render([surface], CAMERA, LIGHTS, device=device)
+    if what == "regions":
+        surface.regions[:] = np.roll(surface.regions, 7)
+    else:
+        surface.rest[:, 0] += 0.0133
+    _, picture = found(device, monkeypatch, surface, CAMERA)
+    assert np.abs(picture - alone(device, surface, CAMERA)).max() <= 1e-6 * picture.max()
+    assert np.abs(picture - before).max() > 0.1 * picture.max()
+    # a frame tells of what it was made of
+    np.testing.assert_array_equal(frame.truth().reference, wanted)
+
+
+def test_far_from_the_origin_digits_are_kept(device: Device) -> None:
+    camera = sheets_setup(layer=True).view.camera
+    points = np.random.default_rng(3).normal(size=(130, 3)) * 0.3 + [0.0, 0.0, 4.0]
+    steps, _, good = project.project_twin(camera, points, 4.0)
+    offset = np.array([2.0**25, -(2.0**24), 2.0**23])
+    c, d = np.cos(0.7), np.sin(0.7)
+    turn = np.array([[c, d, 0.0], [-d * c, c * c, d], [d * d, -c * d, c]])
+    T = camera.camera_from_world.copy()
+    T[:3, :3] = T[:3, :3] @ turn
+    T[:3, 3] -= T[:3, :3] @ offset
+    away = dataclasses.replace(camera, camera_from_world=T)
+    vertices = device.texels(3 * len(points), "rgba32uint", "far.vertices")
+    far = points @ turn + offset
+    made = project.Projection.of(away, vertices, 4.0, far[0])
+    counts = device.buffer(NONE, "far.counts")
+    with device.recording("far") as recording:
+        made.record(recording, device.real_buffer(far.reshape(-1), "far.points"), counts)
+    words = vertices.read().reshape(len(points), 12)
+    rest = np.stack([words[:, 3] & np.uint32(65535), words[:, 3] >> np.uint32(16)], axis=1)
+    places = words[:, :2].view(np.int32) + rest / 65536.0
+    beside = np.abs(places - steps / 65536.0)[good] / 65536.0
+    # a place has digits to 4e-9 there, of which a pixel sees some 1e-6
+    assert good.sum() > 100 and beside.max() <= 4e-9 * 2.0 * camera.K[0, 0]
 
 
 def test_memory_goes_back(device: Device) -> None:

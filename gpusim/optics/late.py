@@ -87,7 +87,7 @@ class LateSight(Sight):
         turned: bool, depth: float, size: float,
     ) -> None:  # fmt: skip
         self.resident, self._shape, self._turned, self._size = resident, shape, turned, size
-        self._found = Projection.of(view.camera, resident.vertices, depth)
+        self._found = Projection.of(view.camera, resident.vertices, depth, shape.points[0])
         self._side = 1.0
         drawn = LateDrawn(device, view, self._found, resident.corners(turned))
         super().__init__(device, view, rows, drawn)

@@ -44,21 +44,24 @@ class Projection:
     """Vertices that the device makes, as several programs read them.
 
     ``vertices``: three texels each, see `gpusim.optics.records`; ``screen``: column and row in
-    1/65536 px. ``depth``: the usual one, which 1 / depth is relative to.
+    1/65536 px. ``depth``: the usual one, which 1 / depth is relative to. ``origin`` (3,) float32:
+    places are taken from there, as a body that lies far from zero keeps its digits then.
     """
 
     camera: Camera
     count: int
     depth: float
+    origin: npt.NDArray[np.float32]
     vertices: Texels
     screen: Buffer
 
     @staticmethod
-    def of(camera: Camera, vertices: Texels, depth: float) -> Projection:
-        """That of ``vertices`` whose other texels are known."""
+    def of(camera: Camera, vertices: Texels, depth: float, near: Array) -> Projection:
+        """That of ``vertices`` whose other texels are known, which lie about the place ``near``
+        (3,)."""
         count = vertices.count // 3
         screen = vertices.device.kept.take(8 * count, "project.screen")
-        return Projection(camera, count, depth, vertices, screen)
+        return Projection(camera, count, depth, near.astype(np.float32), vertices, screen)
 
     @property
     def inverse_depth(self) -> float:
@@ -80,7 +83,9 @@ class Projection:
         where one may not be drawn as it is."""
         camera = self.camera
         kernel = recording.device.kernel("optics/project")
-        world = split(camera.camera_from_world[:3])
+        world = camera.camera_from_world[:3].copy()
+        world[:, 3] += world[:, :3] @ self.origin.astype(np.float64)
+        world_high, world_low = split(world)
         lens = np.zeros((2, 4))
         lens[:, :3] = camera.K[:2]
         lens_high, lens_low = split(lens)
@@ -89,7 +94,7 @@ class Projection:
             "count": self.count, "depth_high": depth_high, "depth_low": depth_low,
             "times": TIMES,
             "low": np.full(2, -GUARD), "high": np.array([camera.width, camera.height]) + GUARD,
-            "world_high": world[0], "world_low": world[1],
+            "world_high": world_high, "world_low": world_low, "origin": np.append(self.origin, 0.0),
             "lens_high": lens_high, "lens_low": lens_low,
         }  # fmt: skip
         bindings = kernel.bind(
@@ -144,7 +149,7 @@ def check_projection(device: Device, camera: Camera, points: Array) -> None:
     painted = rng.integers(0, 1 << 30, (count, 4)).astype(np.uint32)
     normals = rng.normal(size=(count, 4)).astype(np.float32)
     vertices = device.texels(3 * count, "rgba32uint", "project.vertices")
-    found = Projection.of(camera, vertices, 4.0)
+    found = Projection.of(camera, vertices, 4.0, points[0])
     counts = device.buffer(NONE, "project.counts")
     with device.recording("optics.project") as recording:
         found.record(recording, device.real_buffer(points.reshape(-1), "project.points"), counts)

@@ -35,9 +35,11 @@ class Steady:
 
     def __init__(self, surface: Surface) -> None:
         topology = surface.topology
-        self.topology, self.rest, self.regions = topology, surface.rest, surface.regions
-        self.paints = list(surface.paints.values())
         self._still = surface.rest is surface.points
+        # copies: somebody may edit them in place
+        self.topology, self.regions = topology, surface.regions.copy()
+        self.rest = surface.rest if self._still else surface.rest.copy()
+        self.paints = list(surface.paints.values())
         self.paint: Short = np.take(surface.regions, topology.source, mode="clip")
         self.body: Short = np.zeros(len(self.paint), np.int32)
         self.border = border_of(topology, None)
@@ -64,9 +66,9 @@ class Steady:
         paints = list(surface.paints.values())
         return (
             self.topology is surface.topology
-            and self.rest is surface.rest
-            and self.regions is surface.regions
             and self._still == (surface.rest is surface.points)
+            and (self._still or np.array_equal(self.rest, surface.rest))
+            and np.array_equal(self.regions, surface.regions)
             and len(paints) == len(self.paints)
             and all(one is other for one, other in zip(paints, self.paints, strict=True))
             and all(surface.paint_frame(number) is self.frame for number in surface.extents)
@@ -75,8 +77,7 @@ class Steady:
     def rest_of(self, shape: Shape) -> Array:
         """(V, 3): vertices at rest of the surface that has this shape.
 
-        Where a surface was made without a reference they are those that are seen, which somebody
-        may have moved in place.
+        Where a surface was made without a reference they are those that are seen.
         """
         return shape.points if self._still else self.rest
 

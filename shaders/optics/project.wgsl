@@ -14,6 +14,8 @@ struct Params {
     // px that may be in view or near: lowest column and row, highest
     low: vec2f,
     high: vec2f,
+    // xyz: where places are taken from, as the camera's matrix does
+    origin: vec4f,
     // rows of the camera's matrix and of the lens's, in two parts
     world_high: array<vec4f, 3>,
     world_low: array<vec4f, 3>,
@@ -67,9 +69,9 @@ fn fixed(v: real) -> Fixed {
 fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let id = linear_id(gid, groups, 64u);
     if (id >= params.count) { return; }
-    let x = points[3u * id];
-    let y = points[3u * id + 1u];
-    let z = points[3u * id + 2u];
+    let x = r_sub(points[3u * id], r_f32(params.origin.x));
+    let y = r_sub(points[3u * id + 1u], r_f32(params.origin.y));
+    let z = r_sub(points[3u * id + 2u], r_f32(params.origin.z));
     let depth = row(2u, x, y, z);
     let share = r_to_f32(depth) / params.depth_high;
     let ahead = share > 1.0 / params.times && share < params.times;
