@@ -16,7 +16,7 @@ from gpusim.optics.light import AreaLight
 from gpusim.optics.parting import parted
 from gpusim.optics.shadow_probe import block
 from gpusim.optics.view import look
-from tests.test_optics_shadow import brute_share, triangles_of
+from tests.optics_rays import brute_share, triangles_of
 
 FLOOR = gs.Surface(
     np.array([[-1.2, -1.1, 0], [1.2, -1.1, 0], [1.2, 1.1, 0], [-1.2, 1.1, 0.0]]),

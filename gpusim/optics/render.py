@@ -17,6 +17,7 @@ from gpusim.optics.camera import Camera
 from gpusim.optics.edges import EdgePass, edges_twin
 from gpusim.optics.frame import Band, Frame
 from gpusim.optics.glance import fields_glanced, may_glance
+from gpusim.optics.lamp_layer import without_shadows
 from gpusim.optics.late import LateSight
 from gpusim.optics.light import Light, is_light
 from gpusim.optics.lighting import casts_shadows, find_shadows
@@ -120,6 +121,7 @@ def _seen(
 ) -> tuple[View, list[Band]]:
     """What a camera sees, and the device's picture of it."""
     height = camera.height
+    lights = None if lights is None else without_shadows(surfaces, lights, camera.eye)
     late = LateSight.of(device, surfaces, camera, lights, _band_rows(camera, 0, height))
     if late is not None:
         found = _draw(device, late.view, lights, background, surfaces, 0, height, late)
