@@ -65,3 +65,54 @@ def test_a_strip_aslant_leaves_the_cells_beside_it_empty(light: str) -> None:
     top = grid.pyramid[: int(np.prod(grid.shape))]
     assert 0.0 < np.isfinite(top).mean() < 0.7  # the rectangle around it fills all of them
     assert np.ptp(top[np.isfinite(top)]) > 0.05 * np.abs(grid.highest[0])  # and it isn't level
+
+
+def wall_and_cells(light: str = "area") -> LampGrid:
+    """Small faces before a wall that runs far past the lamp."""
+    rng = np.random.default_rng(3)
+    wall = np.array([[-9.0, 0.3, -9.0], [9.0, 0.3, -9.0], [9.0, 0.3, 1.15], [-9.0, 0.3, 1.15]])
+    surfaces = [strips(rng, 300), gs.Surface(wall, np.array([[0, 1, 2, 3]]))]
+    casters = Casters.of(surfaces)
+    (lamp,) = lamps_of([LIGHTS[light]])
+    faces = casters.seen_by(lamp, np.array([[0.0, 9.0, -9.0]]))
+    (view,) = LampView.of(lamp)
+    return LampGrid(view, casters, faces, -np.inf)
+
+
+def test_windows_hold_every_caster_that_may_hide() -> None:
+    """And they are narrow in spite of a wall that is near the lamp somewhere."""
+    grid, rng = wall_and_cells(), np.random.default_rng(4)
+    points = rng.uniform([-0.5, 0.25, -0.5], [0.5, 0.3, 0.5], (400, 3)).T[None] * np.ones((4, 1, 1))
+    reach = grid.view.reach(points)
+    box, caster = grid.candidates(reach)
+    found = set(zip(box.tolist(), caster.tolist(), strict=True))
+    rise = grid.highest[None] - reach.s[0][:, None]
+    near = rise > 0.0
+    for half, own, other in zip(
+        grid.view.half, (reach.p, reach.q), (grid.reach.p, grid.reach.q), strict=True
+    ):
+        near &= other[0] - half * rise <= own[1][:, None]
+        near &= other[1] + half * rise >= own[0][:, None]
+    # a long face's cells tell more than the box around it
+    wall = len(grid.highest) - 1
+    want = {pair for pair in zip(*(v.tolist() for v in np.nonzero(near)), strict=True)}
+    assert {pair for pair in want - found if pair[1] != wall} == set()
+    first, last = grid._window(reach, grid.top(reach))
+    own = (last - first)[:, grid.top(reach) > -np.inf]
+    first, last = grid._window(reach, np.full(len(reach.s[0]), grid.pyramid[-1]))
+    assert own.shape[1] > 100 and np.median(own) < 0.1 * np.median(last - first)
+
+
+def test_highest_within_a_window() -> None:
+    grid, rng = wall_and_cells(), np.random.default_rng(6)
+    rows, columns = grid.shape
+    first = np.stack([rng.integers(0, columns, 500), rng.integers(0, rows, 500)])
+    last = first + rng.integers(-1, 40, (2, 500))
+    last = np.minimum(last, [[columns - 1], [rows - 1]])
+    own = grid.pyramid[: rows * columns].reshape(rows, columns)
+    want = [
+        own[y : v + 1, x : u + 1].max(initial=-np.inf)
+        for (x, y), (u, v) in zip(first.T, last.T, strict=True)
+    ]
+    assert (grid._highest_within(first, last) == want).all()
+    assert np.isfinite(want).sum() > 50 and (last < first).any()

@@ -9,10 +9,13 @@ import pytest
 import gpusim as gs
 from gpusim.gpu import Device
 from gpusim.optics import lamp_layer
+from gpusim.optics.binning import bin_edges
 from gpusim.optics.emitters import lamps_of
-from gpusim.optics.lamp_layer import without_shadows
+from gpusim.optics.lamp_layer import surfaces_alone, without_shadows
 from gpusim.optics.light import Light
+from gpusim.optics.lighting import find_shadows
 from gpusim.optics.loops import Loops
+from gpusim.optics.view import look
 from tests.optics_rays import brute_share, triangles_of
 
 Array = npt.NDArray[np.float64]
@@ -193,6 +196,44 @@ def test_pictures_are_those_of_all_the_shadows(
     assert np.sqrt(np.mean((shown(steep) - twin) ** 2)) < 3e-3 * twin.max()
     monkeypatch.setattr(lamp_layer, "_lights_all", lambda *_: True)
     assert np.sqrt(np.mean((shown(steep) - twin) ** 2)) > 3e-2 * twin.max()
+
+
+def test_what_hides_nothing_of_itself_still_hides_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A wavy sheet before a wall: shares of a lamp at pixels' centres, against rays."""
+    wall = gs.Surface(
+        np.array([[-1.0, 0.25, -0.8], [1.0, 0.25, -0.8], [1.0, 0.25, 0.8], [-1.0, 0.25, 0.8]]),
+        np.array([[0, 1, 2, 3]]), MATTE,
+    )  # fmt: skip
+    monkeypatch.setattr(lamp_layer, "FEWEST", 500)
+    points, faces = grid(20, 16)
+    by = 0.01 * np.sin(9.0 * points[:, 0]) * np.cos(5.0 * points[:, 2])
+    small = 0.6 * points + np.array([0.0, 1.0, 0.0]) * by[:, None]
+    surfaces = [gs.Surface(small, faces, MATTE), wall]
+    light = gs.AreaLight((-0.6, -1.3, 0.5), (0.0, 0.0, 0.0), (0.2, 0.1), 50.0)
+    (lamp,) = lamps_of([light])
+    assert surfaces_alone(lamp, surfaces, EYE).tolist() == [0]
+    view = look(surfaces, CAMERA, lit=True)
+    truth = gs.render(surfaces, CAMERA, [light], backend="numpy").truth()
+    inside = ~np.isin(truth.row * CAMERA.width + truth.column, bin_edges(view).pixel)
+    rows = np.flatnonzero(inside)[::97]
+    seen, still = truth.reference[rows], np.zeros((len(rows), 3))
+    own = truth.face[rows] < len(faces)
+
+    def found() -> tuple[Array, int]:
+        tiles = find_shadows(view, [light], surfaces)
+        assert tiles is not None
+        place = truth.column[rows].astype(float), truth.row[rows].astype(float)
+        shares = tiles.shares(*place, seen - EYE, truth.normal[rows], still, still)
+        return shares[:, 0], len(tiles.place)
+
+    shares, halves = found()
+    want = brute_share(lamp, seen, triangles_of(surfaces))
+    assert (shares[own] == 1.0).all()
+    assert ((want > 0.02) & (want < 0.98)).sum() > 10 and (want < 0.5).sum() > 10
+    assert np.abs(shares - want)[~own].max() < 0.04
+    # without it most of the sheet is in doubt
+    monkeypatch.setattr("gpusim.optics.lighting.surfaces_alone", lambda *_: np.zeros(0, int))
+    assert found()[1] > 2 * halves
 
 
 def chain(*loops: list[tuple[float, float]]) -> tuple[Loops, Array]:

@@ -18,8 +18,8 @@ from gpusim.surface.topology import Topology
 __all__ = ["Casters", "LampFaces"]
 
 Array = npt.NDArray[np.float64]
-MOST_WALLS = 32
-"""Faces of open surfaces that are looked at one by one."""
+MOST_WALLS, WALL = 32, 1e-3
+"""Faces of open surfaces that are looked at one by one, and their least share of the area."""
 
 BENT = 1e-7
 """Of a face's size: a corner's distance from the plane of the others that makes it bent."""
@@ -51,16 +51,17 @@ class Casters:
     """Faces of all surfaces, flat parts joined.
 
     ``points`` (N, 3) world; ``faces`` (F, 4) of them, a triangle's last one twice; ``normal``
-    (F, 3) outward, as long as the area; ``both_sides`` (F,): of surfaces that aren't closed. Of
-    the edges of the surfaces' own faces that aren't inside a joined one: ``edge`` (E, 2) joined
-    face and place among its edges, ``beside`` (E,) the joined face across, -1 for none or several,
-    -2 where a triangle has no fourth edge.
+    (F, 3) outward, as long as the area; ``both_sides`` (F,): of surfaces that aren't closed;
+    ``body`` (F,): the number of the surface. Of the edges of the surfaces' own faces that aren't
+    inside a joined one: ``edge`` (E, 2) joined face and place among its edges, ``beside`` (E,) the
+    joined face across, -1 for none or several, -2 where a triangle has no fourth edge.
     """
 
     points: Array
     faces: npt.NDArray[np.int64]
     normal: Array
     both_sides: npt.NDArray[np.bool_]
+    body: npt.NDArray[np.int64]
     edge: npt.NDArray[np.int64]
     beside: npt.NDArray[np.int64]
 
@@ -79,9 +80,10 @@ class Casters:
         """
         points, faces = [np.zeros((0, 3))], [np.zeros((0, 4), np.int64)]
         normals, both = [np.zeros((0, 3))], [np.zeros(0, bool)]
+        bodies = [np.zeros(0, np.int64)]
         edges, beside = [np.zeros((0, 2), np.int64)], [np.zeros(0, np.int64)]
         first = vertex = 0
-        for surface in surfaces:
+        for number, surface in enumerate(surfaces):
             used = surface.faces.astype(np.int64)
             if not surface.topology.closed and _bent(surface.points, used):
                 # both their sides hide: from its mean plane a bent face would hide part of itself
@@ -94,6 +96,7 @@ class Casters:
             faces.append(own + vertex)
             normals.append(face_normals(surface.points, used))
             both.append(np.full(count, not closed))
+            bodies.append(np.full(count, number))
             face, place = np.divmod(np.arange(4 * count), 4)
             edges.append(np.stack([face + first, place], axis=1))
             other = across.reshape(-1)
@@ -102,7 +105,8 @@ class Casters:
             vertex += len(surface.points)
         single = Casters(
             np.concatenate(points), np.concatenate(faces), np.concatenate(normals),
-            np.concatenate(both), np.concatenate(edges), np.concatenate(beside),
+            np.concatenate(both), np.concatenate(bodies), np.concatenate(edges),
+            np.concatenate(beside),
         )  # fmt: skip
         return single if flatness is None or first < 2 else single.joined(flatness)
 
@@ -116,6 +120,7 @@ class Casters:
         other = self.beside[kept]
         return Casters(
             self.points, merged.faces, merged.total(self.normal), self.both_sides[merged.member],
+            self.body[merged.member],
             np.stack([merged.owner[face[kept]], place[kept]], axis=1),
             np.where(other >= 0, merged.owner[other], other),
         )  # fmt: skip
@@ -139,7 +144,9 @@ class Casters:
         side = np.where(dark, -1, np.where(lit, 1, 0))
         caster = self.both_sides | (side < 1)
         # a wall that has all receivers and the lamp before it hides nothing
-        for face in np.flatnonzero(self.both_sides & lit)[:MOST_WALLS]:
+        walls = np.flatnonzero(self.both_sides & lit)
+        area = np.linalg.norm(self.normal[walls], axis=1)
+        for face in walls[area >= WALL * area.sum()][:MOST_WALLS]:
             ahead = (receivers - self.corners[face, 0]) @ self.normal[face]
             reach = float(np.abs(receivers - self.corners[face, 0]).max(initial=0.0))
             size = float(np.linalg.norm(self.normal[face]))

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.optics.casters import Casters, LampFaces
+from gpusim.optics.caster_sets import CasterSet, CasterSets
+from gpusim.optics.casters import Casters
 from gpusim.optics.emitters import Lamp
 from gpusim.optics.lamp_edges import EVERY_EDGE
 from gpusim.optics.lamp_grid import LampGrid
 from gpusim.optics.lamp_merging import FEWEST, joined_grids
-from gpusim.optics.lamp_view import LampView
 from gpusim.optics.ragged import expand
 from gpusim.optics.receivers import LEVELS, TILE, Pairs, Receivers
 
@@ -54,13 +55,14 @@ class HalfShadow:
 
 
 def half_shadow(
-    receivers: Receivers, lamp: Lamp, casters: Casters, shape: tuple[int, int]
+    receivers: Receivers, lamp: Lamp, casters: Casters, shape: tuple[int, int], alone: Numbers
 ) -> HalfShadow:
-    """What ``casters`` hide of a lamp in the picture, of ``shape`` (rows, columns) tiles."""
+    """What ``casters`` hide of a lamp in the picture, of ``shape`` (rows, columns) tiles; surfaces
+    ``alone`` (n,) hide nothing of themselves."""
     faces = casters.seen_by(lamp, receivers.corners.reshape(-1, 3))
     if not len(faces.face):
         return HalfShadow.none()
-    grids = _grids(receivers, lamp, casters, faces)
+    sets = CasterSets(receivers, lamp, casters, faces, alone)
     facing = ~receivers.turned_away(lamp)
     # a small triangle is the same receiver in each of its tiles
     spots = receivers.spots
@@ -68,11 +70,12 @@ def half_shadow(
     some = np.zeros(len(facing), bool)
     some[spots.triangle] = True
     owner = (np.cumsum(some) - 1)[spots.triangle]
-    points = np.take(receivers.columns, np.flatnonzero(some), axis=2)[[0, 1, 2, 2]]
-    maybe = _may_hide(grids, points)
+    triangle = np.flatnonzero(some)
+    points = np.take(receivers.columns, triangle, axis=2)[[0, 1, 2, 2]]
+    maybe = sets.may_hide(points, triangle)
     whole = spots[~maybe[owner]]
     spots, owner = spots[maybe[owner]], (np.cumsum(maybe) - 1)[owner[maybe[owner]]]
-    boxes = [np.compress(maybe, points, axis=2)]
+    boxes, triangle = [np.compress(maybe, points, axis=2)], triangle[maybe]
     pairs = receivers.pairs(np.flatnonzero(facing & receivers.large), LEVELS[0])
     clear = np.zeros((1, 1), np.int64)  # receivers of each tile that nothing is before
     for size in LEVELS:
@@ -85,18 +88,29 @@ def half_shadow(
         if size == TILE:
             seen = receivers.seen(pairs, points)
             pairs, points = pairs[seen], np.compress(seen, points, axis=2)
-        maybe = _may_hide(grids, points)
+        maybe = sets.may_hide(points, pairs.triangle)
         clear = _count(pairs[~maybe], shape, clear)
         pairs, points = pairs[maybe], np.compress(maybe, points, axis=2)
     which = np.concatenate([owner, boxes[0].shape[2] + np.arange(points.shape[2])])
     boxes.append(points)
+    triangle = np.concatenate([triangle, pairs.triangle])
     pairs = Pairs(
         np.concatenate([spots.triangle, pairs.triangle]),
         np.concatenate([spots.tile, pairs.tile]), TILE,
     )  # fmt: skip
     everything = np.concatenate(boxes, axis=2)
-    levels = _levels(grids, casters, faces, everything)
-    state, owner, face, edges = _found(levels, everything)
+    state = np.full(len(triangle), LIT, np.int8)
+    levels: list[Level] = []
+    found: list[tuple[Numbers, Numbers, Bits]] = []
+    for rows, own in sets.each(triangle):
+        some_points = everything if rows is None else np.take(everything, rows, axis=2)
+        before = sum(len(used.corners) for used, _ in levels)
+        own_levels = _levels(own, casters, some_points)
+        own_state, box, face, edges = _found(own_levels, some_points)
+        state[slice(None) if rows is None else rows] = own_state
+        found.append((box if rows is None else rows[box], before + face, edges))
+        levels += reversed(own_levels)
+    owner, face, edges = (np.concatenate([each[k] for each in found]) for k in range(3))
     order = np.argsort(owner, kind="stable")
     start = np.searchsorted(owner[order], np.arange(len(state) + 1))
     state = state[which]
@@ -113,8 +127,8 @@ def half_shadow(
     dark &= ~half
     mixed = half[tile[pair]]
     pair, listed = pair[mixed], listed[mixed]
-    corners = np.concatenate([own.corners for own, _ in reversed(levels)])
-    both_sides = np.concatenate([own.both_sides for own, _ in reversed(levels)])
+    corners = np.concatenate([used.corners for used, _ in levels])
+    both_sides = np.concatenate([used.both_sides for used, _ in levels])
     count = len(corners)
     # receivers of one tile share its list: 4 bits of each key tell the edges
     keys = np.sort((tile[pair] * count + face[listed]) << 4 | edges[listed])
@@ -132,20 +146,9 @@ def half_shadow(
     )  # fmt: skip
 
 
-def _grids(receivers: Receivers, lamp: Lamp, casters: Casters, faces: LampFaces) -> list[LampGrid]:
-    """The casters as seen from a lamp, for each half space before it."""
-    grids = []
-    for view in LampView.of(lamp):
-        s = view.place(*np.moveaxis(receivers.columns, 1, 0))[2]
-        s = s[np.isfinite(s)]
-        grids.append(LampGrid(view, casters, faces, float(s.min(initial=np.inf))))
-    return grids
-
-
-def _levels(
-    grids: list[LampGrid], casters: Casters, faces: LampFaces, points: Array
-) -> list[Level]:
+def _levels(used: CasterSet, casters: Casters, points: Array) -> list[Level]:
     """The casters as they are, and joined as far as most receivers' boxes (4, 3, n) allow."""
+    faces, grids = used
     result: list[Level] = [(casters, grids)]
     if grids[0].view.lamp.extended and len(faces.face) >= FEWEST and points.shape[2]:
         (grid,) = grids
@@ -175,14 +178,6 @@ def _found(levels: list[Level], points: Array) -> tuple[States, Numbers, Numbers
         if not len(left):
             break
     return state, np.concatenate(boxes), np.concatenate(faces), np.concatenate(edges)
-
-
-def _may_hide(grids: list[LampGrid], points: Array) -> npt.NDArray[np.bool_]:
-    """(n,) whether something may lie between the lamp and points (4, 3, n)."""
-    result = np.zeros(points.shape[2], bool)
-    for grid in grids:
-        result |= grid.may_hide(grid.view.reach(points))
-    return result
 
 
 def _candidates(
@@ -264,13 +259,21 @@ def _meets(
 
     ``against`` (n,): the point lies in the face's plane, and counts as before it.
     """
-    to = lamp.centre - (0.0 if lamp.far else 1.0) * at
-    D = corners - at[:, None]
-    planes = np.cross(D, np.roll(D, -1, axis=1))
-    sign = np.sign(np.sum(planes.sum(axis=1) * D.mean(axis=1), axis=1))[:, None]
+    near = 0.0 if lamp.far else 1.0
+    to = [lamp.centre[axis] - near * at[:, axis] for axis in range(3)]
+    ways = [[corners[:, k, axis] - at[:, axis] for axis in range(3)] for k in range(4)]
+    middle = [sum(way[axis] for way in ways) for axis in range(3)]
+    size, turns = np.zeros(len(at)), []
+    for (ax, ay, az), (bx, by, bz) in pairwise([*ways, ways[0]]):
+        plane = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+        size += plane[0] * middle[0] + plane[1] * middle[1] + plane[2] * middle[2]
+        turns.append(plane[0] * to[0] + plane[1] * to[1] + plane[2] * to[2])
+    sign = np.sign(size)
     sign[against] = -1.0
-    inside = (sign * np.einsum("nka,na->nk", planes, to) >= 0.0).all(axis=1)
-    return np.asarray(inside & (sign[:, 0] != 0.0))
+    inside: npt.NDArray[np.bool_] = sign != 0.0
+    for turn in turns:
+        inside &= sign * turn >= 0.0
+    return inside
 
 
 def _count(pairs: Pairs, shape: tuple[int, int], more: Numbers) -> Numbers:

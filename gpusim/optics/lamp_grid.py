@@ -7,6 +7,7 @@ lamp's size times the difference in s to the nearest caster there.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -27,6 +28,9 @@ MOST_ENTRIES = 1 << 20
 
 LONG = 3
 """Cells across which a caster is worth a closer look."""
+
+WIDE, ROUNDS = 16, 8
+"""Cells across a window that is looked at more closely, and how often at most."""
 
 EACH = 4
 """Entries of cells that cost as much as a receiver and a caster looked at by themselves."""
@@ -269,8 +273,53 @@ class LampGrid:
             found = self._highest(*self._window(own, most))
             some = np.flatnonzero(found > own.s[0])
             left, own, most = left[some], own[some], np.minimum(found, most)[some]
-        top[left] = most
+        top[left] = self._lowered(own, most)
         return top
+
+    def _lowered(self, reach: Reach, most: Array) -> Array:
+        """The same bound ``most`` for receivers, lower where they look at many cells.
+
+        A face that runs past the lamp, as a wall does, is high somewhere: cells of the pyramid that
+        hold a wide window hold that as well, and the window stays wide.
+        """
+        first, last = self._window(reach, most)
+        rows = np.flatnonzero((last - first).max(axis=0, initial=0) >= WIDE)
+        for _ in range(ROUNDS):
+            if not len(rows):
+                break
+            own, before = reach[rows], most[rows]
+            found = self._highest_within(*self._window(own, before))
+            most[rows] = np.where(found > own.s[0], np.minimum(found, before), -np.inf)
+            rows = rows[(found < before) & (found > own.s[0])]
+        return most
+
+    @cached_property
+    def _blocks(self) -> list[Array]:
+        """Highest s of squares of 1, 2, 4 … cells that begin at each cell, as far as they fit."""
+        own = self.pyramid[: int(self.shape.prod())].reshape(self.shape)
+        result = [own]
+        while 2 << len(result) <= 2 * int(self.shape.min()):
+            step = 1 << (len(result) - 1)
+            own = np.maximum(own[:-step], own[step:])
+            own = np.maximum(own[:, :-step], own[:, step:])
+            result.append(own)
+        return result
+
+    def _highest_within(self, first: Numbers, last: Numbers) -> Array:
+        """`_highest` of nothing but the windows' own cells."""
+        wide, tall = last - first + 1
+        result = np.full(len(wide), -np.inf)
+        short = np.minimum(wide, tall)
+        for level in np.unique(np.frexp(short[short > 0])[1] - 1):
+            own = np.flatnonzero((short > 0) & (np.frexp(short)[1] - 1 == level))
+            block, size = self._blocks[level], 1 << int(level)
+            across, down = (-(-int(span[own].max()) // size) for span in (wide, tall))
+            for k in range(down):
+                row = np.minimum(first[1][own] + k * size, last[1][own] + 1 - size)
+                for j in range(across):
+                    column = np.minimum(first[0][own] + j * size, last[0][own] + 1 - size)
+                    result[own] = np.maximum(result[own], block[row, column])
+        return result
 
     def may_hide(self, reach: Reach) -> Flags:
         """(n,) whether a caster may lie between the lamp and receivers in boxes; never misses."""

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -28,13 +29,17 @@ from gpusim.optics.shape import Shape, shapes_of
 from gpusim.surface.surface import Surface
 from gpusim.surface.topology import Topology
 
-__all__ = ["FEWEST", "without_shadows"]
+__all__ = ["FEWEST", "surfaces_alone", "without_shadows"]
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
+Numbers = npt.NDArray[np.int64]
 
 FEWEST = 2000
 """Triangles from which on it is worth while to find out."""
+
+MOST_ALONE = 8
+"""Surfaces that are looked at for themselves."""
 
 MOST_SEEN = 20_000
 """Dark triangles of a closed body that are looked at closely."""
@@ -77,26 +82,55 @@ def without_shadows(
     return found
 
 
+def surfaces_alone(lamp: Lamp, surfaces: Sequence[Surface], eye: Array) -> Numbers:
+    """Which ``surfaces`` of many triangles (n,) hide nothing of a ``lamp`` from themselves, as far
+    as they are seen from the ``eye``."""
+    large = [len(surface.topology.triangles) >= FEWEST for surface in surfaces]
+    if not lamp.light.shadows or not any(large):
+        return np.zeros(0, np.int64)
+    shapes = shapes_of(surfaces)
+    view, key = _view(lamp, surfaces, eye)
+    found = (
+        number
+        for number, (surface, shape) in enumerate(zip(surfaces, shapes, strict=True))
+        if large[number] and view is not None and _kept(view, key, surface, shape, eye) is not None
+    )
+    return np.fromiter(islice(found, MOST_ALONE), np.int64)
+
+
 def _lights_all(lamp: Lamp, surfaces: Sequence[Surface], shapes: list[Shape], eye: Array) -> bool:
     """Whether a lamp sees all that is turned to it."""
+    view, key = _view(lamp, surfaces, eye)
+    patches: list[Patch] = []
+    for surface, shape in zip(surfaces, shapes, strict=True):
+        patch = None if view is None else _kept(view, key, surface, shape, eye)
+        if view is None or patch is None:
+            return False
+        if not all(patch.beside(other, view.half) for other in patches):
+            return False
+        patches.append(patch)
+    return True
+
+
+def _view(lamp: Lamp, surfaces: Sequence[Surface], eye: Array) -> tuple[LampView | None, bytes]:
+    """How a lamp sees surfaces, and what tells it from other views; None where it is amid them."""
     if not lamp.extended and not lamp.far:
         # a small lamp shines all round: one may look from it where the surfaces are
         to = np.mean([surface.points.mean(axis=0) for surface in surfaces], axis=0) - lamp.centre
         length = float(np.linalg.norm(to))
         if not length > 0.0:
-            return False
+            return None, b""
         lamp = replace(lamp, axis=to / length)
-    (view,) = LampView.of(lamp)
-    patches: list[Patch] = []
     key = b"".join(v.tobytes() for v in (lamp.centre, lamp.u, lamp.v, lamp.axis, eye))
-    for surface, shape in zip(surfaces, shapes, strict=True):
-        if key not in shape.lamps:
-            shape.lamps[key] = _patch(view, surface, shape, eye)
-        patch = shape.lamps[key]
-        if patch is None or not all(patch.beside(other, view.half) for other in patches):
-            return False
-        patches.append(patch)
-    return True
+    return LampView.of(lamp)[0], key
+
+
+def _kept(view: LampView, key: bytes, surface: Surface, shape: Shape, eye: Array) -> Patch | None:
+    """`_patch`, found once for each shape of a surface."""
+    if key not in shape.lamps:
+        shape.lamps[key] = _patch(view, surface, shape, eye)
+    found: Patch | None = shape.lamps[key]
+    return found
 
 
 def _patch(view: LampView, surface: Surface, shape: Shape, eye: Array) -> Patch | None:

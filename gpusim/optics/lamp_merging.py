@@ -68,6 +68,7 @@ def _joined(
         faces=merged.faces,
         normal=merged.total(casters.normal[faces.face]),
         both_sides=casters.both_sides[member],
+        body=casters.body[member],
         edge=np.zeros((0, 2), np.int64),
         beside=np.zeros(0, np.int64),
     )

@@ -20,6 +20,7 @@ from gpusim.optics.emitters import closest_points, emitter_light, emitters, lamp
 from gpusim.optics.environment import Environment
 from gpusim.optics.gloss import Gloss, Reflection, sharpest
 from gpusim.optics.hidden_light import HiddenLight
+from gpusim.optics.lamp_layer import surfaces_alone
 from gpusim.optics.light import AmbientLight, AreaLight, Light
 from gpusim.optics.openness import Openness
 from gpusim.optics.parting import parted
@@ -46,7 +47,8 @@ def find_shadows(
         return None
     lamps = lamps_of(lights)
     casters = parted(Casters.of(surfaces, flatness(view, lamps)), lamps)
-    found = ShadowTiles.build(view, lamps, casters)
+    alone = [surfaces_alone(lamp, surfaces, view.camera.eye) for lamp in lamps]
+    found = ShadowTiles.build(view, lamps, casters, alone)
     return found if found.any else None
 
 

@@ -86,7 +86,7 @@ def _parted(casters: Casters, lamp: Lamp, faces: npt.NDArray[np.int64]) -> Caste
     own = np.where(point == np.roll(point, -1, axis=1), -2, -1).reshape(-1)
     return replace(
         casters, points=every, faces=shapes, normal=normal,
-        both_sides=casters.both_sides[source],
+        both_sides=casters.both_sides[source], body=casters.body[source],
         edge=np.concatenate([casters.edge[kept], np.stack([number[face], place], axis=1)]),
         beside=np.concatenate([beside, own]),
     )  # fmt: skip

@@ -7,7 +7,7 @@ only the rest is resolved pixel by pixel. Tiles are divided from 128 px down to 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -86,8 +86,11 @@ class ShadowTiles:
     both_sides: npt.NDArray[np.bool_]
 
     @staticmethod
-    def build(view: View, lamps: list[Lamp], casters: Casters) -> ShadowTiles:
-        """Classify every tile of ``view`` for every lamp that casts shadows."""
+    def build(
+        view: View, lamps: list[Lamp], casters: Casters, alone: Sequence[Numbers] | None = None
+    ) -> ShadowTiles:
+        """Classify every tile of ``view`` for every lamp that casts shadows; ``alone``: for each
+        lamp the surfaces that hide nothing of themselves."""
         if len(lamps) > MOST_LAMPS:
             raise InputError(
                 f"render lights; got {len(lamps)} lamps; expected at most {MOST_LAMPS}"
@@ -102,7 +105,8 @@ class ShadowTiles:
         ]
 
         def found(number: int) -> HalfShadow:
-            return half_shadow(receivers, lamps[number], casters, shape)
+            own = np.zeros(0, np.int64) if alone is None else alone[number]
+            return half_shadow(receivers, lamps[number], casters, shape, own)
 
         with Aside(view.count, len(used)) as aside:
             halves = list(aside.map(found, used))

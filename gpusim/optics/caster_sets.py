@@ -1,0 +1,80 @@
+"""What may hide a lamp from the receivers of each surface, as the lamp sees it.
+
+A surface that hides nothing of itself (`gpusim.optics.lamp_layer`) needn't be looked at for its own
+receivers: what lies beside them on a bent sheet would be in doubt there, everywhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.optics.casters import Casters, LampFaces
+from gpusim.optics.emitters import Lamp
+from gpusim.optics.lamp_grid import LampGrid
+from gpusim.optics.lamp_view import LampView
+from gpusim.optics.receivers import Receivers
+
+__all__ = ["CasterSet", "CasterSets"]
+
+Array = npt.NDArray[np.float64]
+Numbers = npt.NDArray[np.int64]
+Flags = npt.NDArray[np.bool_]
+
+CasterSet = tuple[LampFaces, list[LampGrid]]
+
+
+class CasterSets:
+    """The faces that may hide a lamp, for each half space before it: all of them, and those of
+    other surfaces for each of the surfaces ``alone`` that hide nothing of themselves."""
+
+    def __init__(
+        self, receivers: Receivers, lamp: Lamp, casters: Casters, faces: LampFaces, alone: Numbers
+    ) -> None:
+        self._body = receivers.view.body
+        self._sets: list[CasterSet | None] = [None] * (1 + len(alone))
+        self._number = np.zeros(max(int(self._body.max(initial=0)), *alone, 0) + 1, np.int64)
+        self._number[alone] = np.arange(1, 1 + len(alone))
+        self._alone, self._casters, self._faces = alone, casters, faces
+        self._views: list[tuple[LampView, float]] = []
+        for view in LampView.of(lamp):
+            s = view.place(*np.moveaxis(receivers.columns, 1, 0))[2]
+            s = s[np.isfinite(s)]
+            self._views.append((view, float(s.min(initial=np.inf))))
+
+    def _set(self, number: int) -> CasterSet:
+        found = self._sets[number]
+        if found is None:
+            faces = self._faces
+            if number:
+                other = self._casters.body[faces.face] != self._alone[number - 1]
+                faces = replace(
+                    faces, face=faces.face[other], rim=faces.rim[other], side=faces.side[other]
+                )
+            grids = [LampGrid(view, self._casters, faces, low) for view, low in self._views]
+            self._sets[number] = found = faces, grids
+        return found
+
+    def each(self, triangle: Numbers) -> Iterator[tuple[Numbers | None, CasterSet]]:
+        """Rows of receivers on triangles (n,), None for all, with what may hide the lamp there."""
+        if len(self._sets) == 1:
+            yield None, self._set(0)
+            return
+        number = self._number[self._body[triangle]]
+        for own in np.flatnonzero(np.bincount(number, minlength=1)):
+            rows = np.flatnonzero(number == own)
+            yield (None if len(rows) == len(number) else rows), self._set(int(own))
+
+    def may_hide(self, points: Array, triangle: Numbers) -> Flags:
+        """(n,) whether something may lie between the lamp and points (4, 3, n) of triangles."""
+        result = np.zeros(points.shape[2], bool)
+        for rows, (_, grids) in self.each(triangle):
+            own = points if rows is None else np.take(points, rows, axis=2)
+            found = np.zeros(own.shape[2], bool)
+            for grid in grids:
+                found |= grid.may_hide(grid.view.reach(own))
+            result[slice(None) if rows is None else rows] = found
+        return result
