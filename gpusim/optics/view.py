@@ -139,7 +139,7 @@ class View:
     @property
     def footprint(self) -> Array:
         """(T,): half the width of the largest pixel on each triangle, in paint coordinates; 0 where
-        the paint isn't speckle."""
+        the paint isn't speckle, or none of many is too large for the usual tables."""
         return self._found[1]
 
     @cached_property
