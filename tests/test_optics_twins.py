@@ -24,6 +24,7 @@ STAGES = [
     "optics/sensor",
     "optics/shade",
     "optics/sight",
+    "optics/speckled",
     "optics/visibility",
 ]
 

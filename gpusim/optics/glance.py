@@ -23,7 +23,7 @@ from gpusim.distinct import distinct
 from gpusim.errors import TwinMismatch
 from gpusim.gpu import Buffer, Device, Recording, Texture, compare, twin_check
 from gpusim.optics.board_lines import on_boards
-from gpusim.optics.glance_kind import GlanceKind
+from gpusim.optics.glance_kind import UNUSED, GlanceKind
 from gpusim.optics.light import Light
 from gpusim.optics.lighting import casts_shadows
 from gpusim.optics.looks import check_looks, looks_twin
@@ -94,8 +94,7 @@ class GlancePass:
         self._params = {
             "rays": tables.rays(), "count": 0, "width": 0, "row0": 0,
             "background": setup.background, "tolerance": TOLERANCE, "slender": SLENDER,
-            "inverse_depth": tables.records.inverse_depth, "last": 0, "stretch": 1.0, "margin": 0.0,
-            "rows": 0, "stride": 0, "looking": 0, "tall": 0, "longest": 0, "late": False,
+            "inverse_depth": tables.records.inverse_depth, **UNUSED,
         }  # fmt: skip
 
     @cached_property
@@ -375,7 +374,7 @@ def _compare(device: Device, setup: Setup, quadratic: bool) -> None:
     with device.recording("optics.glance") as recording:
         shading.record(recording, out, 0, camera.height)
     work = shading.glance
-    assert work is not None and work.quadratic == quadratic
+    assert isinstance(work, GlancePass) and work.quadratic == quadratic
     albedo = setup.albedo
     if tables.looks is not None:
         check_looks(setup, tables.looks)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -10,7 +11,13 @@ import numpy.typing as npt
 from gpusim.gpu import Buffer, Device
 from gpusim.optics.looks import Looks
 
-__all__ = ["GlanceKind"]
+__all__ = ["UNUSED", "GlanceKind"]
+
+UNUSED: dict[str, Any] = {
+    "last": 0, "stretch": 1.0, "margin": 0.0, "rows": 0, "stride": 0, "looking": 0, "tall": 0,
+    "longest": 0, "late": False, "lowest": (0, 0), "steep": 0.0, "ground": 0.0,
+}  # fmt: skip
+"""Uniforms of the shader, where an entry has no use for them."""
 
 
 @dataclass(frozen=True, eq=False)

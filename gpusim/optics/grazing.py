@@ -15,7 +15,9 @@ import numpy.typing as npt
 
 from gpusim.surface.speckle import Speckle
 
-__all__ = ["LONGEST_ROW", "MOST_PIECES", "MOST_SIDE", "Pieces", "grazing_reach", "pieces_of"]
+__all__ = [
+    "LONGEST_ROW", "MOST_PIECES", "MOST_SIDE", "Pieces", "grazing_reach", "may_graze", "pieces_of",
+]  # fmt: skip
 
 Array = npt.NDArray[np.float64]
 
@@ -50,6 +52,11 @@ def pieces_of(paint: Speckle) -> Pieces:
     return Pieces(side, 1.001 * side)
 
 
+def may_graze(paint: Speckle, widest: float) -> bool:
+    """Whether footprints up to a half width may be too large for usual tables."""
+    return widest > max(0.75 * pieces_of(paint).longest, 0.375 * paint.diameter)
+
+
 def grazing_reach(
     paint: Speckle, half: Array, sides: Array, screen: Array, image: tuple[int, int]
 ) -> float | None:
@@ -63,7 +70,7 @@ def grazing_reach(
     image : width and height, px.
     """
     widest, least = float(half.max()), 0.75 * pieces_of(paint).longest
-    if not widest > max(least, 0.375 * paint.diameter):
+    if not may_graze(paint, widest):
         return None
     u, v = screen[:, 1] - screen[:, 0], screen[:, 2] - screen[:, 0]
     low, high = screen.min(axis=1), screen.max(axis=1)

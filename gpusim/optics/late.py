@@ -35,6 +35,7 @@ from gpusim.optics.resident import Resident
 from gpusim.optics.setup import Setup
 from gpusim.optics.shape import Shape, shapes_of
 from gpusim.optics.sight import Sight
+from gpusim.optics.speckled import may_be_speckled
 from gpusim.optics.view import View
 from gpusim.surface.surface import Surface
 
@@ -137,7 +138,7 @@ class LateSight(Sight):
             edges, steady.body, source, EVEN * sampled.largest, layer=True,
             largest=sampled.largest,
         )  # fmt: skip
-        if not may_glance(view, lights):
+        if not (may_glance(view, lights) or may_be_speckled(view, lights)):
             return None
         depth = _usual_depth(shape.points, camera)
         if not depth > 0.0:

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from gpusim.optics.camera import Camera
 from gpusim.optics.corners import CHUNK, POSITION, ST, at_corners, barycentric_planes
 from gpusim.optics.distortion_map import distortion_map
-from gpusim.optics.grazing import grazing_reach
+from gpusim.optics.grazing import grazing_reach, may_graze
 from gpusim.surface.paint import Paint
 from gpusim.surface.plane import used_vertices
 from gpusim.surface.speckle import Speckle
@@ -36,6 +36,9 @@ BLOCK = 1 << 15
 
 LOOSE = 0.02
 """By which the bound may be above it, twice."""
+
+ROUNDED = 1e-6
+"""Of a bound, by which float32 may be off."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,33 +89,59 @@ def with_reach(
         extent = float((region.high - region.low).max())
         own = paint == number
         count = int(np.count_nonzero(own)) if extent > 0.0 else 0
-        if count:
-            whole = count == len(paint)
-            rows = np.flatnonzero(own) if not whole else np.zeros(0, np.int64)
-            many = count >= MANY and not isinstance(region.paint, Speckle)
-            size = BLOCK if many else CHUNK
+        whole = count == len(paint)
+        rows = np.flatnonzero(own) if count and not whole else np.zeros(0, np.int64)
+        if count and isinstance(region.paint, Speckle):
+            own_corner = corner if whole else corner[rows]
+            used = used_vertices(own_corner, len(place))
+            # column by column: along an axis of two numbers NumPy takes thirty times as long
+            st = [np.take(column, used) for column in columns[4:]]
+            seen = np.array([[at.min() for at in st], [at.max() for at in st]])
+            some = own_corner
+            if count >= MANY:
+                some = own_corner[_maybe_largest(columns, own_corner)]
+            half, slope = _at_corners_of(vertices, some, camera, stretch)
+            limit = None
+            if some is own_corner or may_graze(region.paint, float(half.max())):
+                if some is not own_corner:
+                    half, slope = _at_corners_of(vertices, own_corner, camera, stretch)
+                widest[own] = half.max(axis=1)
+                image = (camera.width, camera.height)
+                limit = grazing_reach(region.paint, half, slope, place[own_corner], image)
+            reach = min(float(half.max()), extent) if limit is None else limit
+            region = replace(region, reach=reach, seen=seen, grazing=limit is not None)
+        elif count:
+            size = BLOCK if count >= MANY else CHUNK
             starts = range(0, count, size)
             parts = [slice(k, k + size) if whole else rows[k : k + size] for k in starts]
-            limit, seen = None, None
-            if isinstance(region.paint, Speckle):
-                used = used_vertices(corner if whole else corner[own], len(place))
-                # column by column: along an axis of two numbers NumPy takes thirty times as long
-                st = [np.take(column, used) for column in columns[4:]]
-                seen = np.array([[at.min() for at in st], [at.max() for at in st]])
-                found = (_of_corners(vertices, corner[part], camera) for part in parts)
-                slope = stretch * np.concatenate([_footprints(*one) for one in found])
-                half = 0.5 * np.abs(slope).sum(axis=-1).max(axis=-1)
-                widest[own] = half.max(axis=1)
-                reach = float(half.max())
-                image = (camera.width, camera.height)
-                limit = grazing_reach(region.paint, half, slope, place[corner[own]], image)
-            else:
-                find = _bound_in_float32(columns) if many else _largest_footprint
-                reach = stretch * max(find(columns, corner[part]) for part in parts)
-            reach = min(reach, extent) if limit is None else limit
-            region = replace(region, reach=reach, seen=seen, grazing=limit is not None)
+            find = _bound_in_float32(columns) if count >= MANY else _largest_footprint
+            reach = stretch * max(find(columns, corner[part]) for part in parts)
+            region = replace(region, reach=min(reach, extent), seen=None, grazing=False)
         result.append(region)
     return tuple(result), widest
+
+
+def _at_corners_of(
+    vertices: Array, corner: npt.NDArray[np.int64], camera: Camera, stretch: float
+) -> tuple[Array, Array]:
+    """Half the size (n, 3) of pixels at the corners of triangles, and their sides (n, 3, 2, 2)."""
+    parts = [corner[first : first + CHUNK] for first in range(0, len(corner), CHUNK)]
+    found = (_of_corners(vertices, part, camera) for part in parts)
+    slope = stretch * np.concatenate([_footprints(*one) for one in found])
+    return 0.5 * np.abs(slope).sum(axis=-1).max(axis=-1), slope
+
+
+def _maybe_largest(columns: list[Array], corner: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+    """Those (m,) of triangles (n, 3) that the largest of `footprint_sizes` may be of."""
+    bounds = _bounds_in_float32(columns)
+    low, high = np.zeros(len(corner), np.float32), np.full(len(corner), np.inf, np.float32)
+    for first in range(0, len(corner), BLOCK):
+        part = slice(first, first + BLOCK)
+        sure, most, more, area, less = bounds(corner[part])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            low[part] = np.where(sure, (most - more) / (area + less), 0.0)
+            high[part] = np.where(sure, (most + more) / (area - less), np.inf)
+    return np.flatnonzero(high >= (1.0 - ROUNDED) * low.max())
 
 
 def _of_corners(
@@ -174,15 +203,42 @@ def footprint_sizes(columns: list[Array], corner: npt.NDArray[np.int64]) -> Arra
     return result
 
 
+Bounds = tuple[npt.NDArray[np.bool_], Single, Single, Single, Single]
+
+
 def _bound_in_float32(
     columns: list[Array],
 ) -> Callable[[list[Array], npt.NDArray[np.int64]], float]:
     """A function like `_largest_footprint` that takes half the time, and may say a little more.
 
+    Triangles for which `_bounds_in_float32` says much more are looked at one by one.
+    """
+    bounds = _bounds_in_float32(columns)
+
+    def find(columns: list[Array], corner: npt.NDArray[np.int64]) -> float:
+        sure, most, more, area, less = bounds(corner)
+        most += more
+        area -= less
+        if sure.all():
+            return 0.5 * float((most / area).max())
+        found = _largest_footprint(columns, corner[~sure])
+        if sure.any():
+            bound = most[sure] / area[sure]
+            found = max(found, 0.5 * float(bound.max()))
+        return found
+
+    return find
+
+
+def _bounds_in_float32(columns: list[Array]) -> Callable[[npt.NDArray[np.int64]], Bounds]:
+    """A function that finds twice the size of the largest pixel on triangles (n, 3) as a quotient:
+    whether (n,) bounds are close, the numerator and what it may be off by, and the denominator
+    with what that may.
+
     It takes one depth for a triangle, and adds what that may be off by: differences d of s between
     corners make the gradient, and perspective weighs them by ratios of depths; where these reach
     up to 1 + r, that changes it by 2 r times the largest d times the length of the triangle's
-    sides, over its area. Triangles for which that is much are looked at one by one.
+    sides, over its area.
     """
     x, y, _, inverse, *paint = columns
     single = [v.astype(np.float32) for v in (x, y, inverse / inverse.min())]
@@ -191,7 +247,7 @@ def _bound_in_float32(
     step = [float(np.spacing(np.abs(v).max())) for v in single]
     off, off_w, off_s = max(step[:2]), step[2], max(step[3:])
 
-    def find(columns: list[Array], corner: npt.NDArray[np.int64]) -> float:
+    def find(corner: npt.NDArray[np.int64]) -> Bounds:
         vertices = [corner[:, k] for k in range(3)]
         u: list[Single] = []
         v: list[Single] = []
@@ -213,18 +269,12 @@ def _bound_in_float32(
         # all three differences are within twice the two
         depths = np.abs(u[2]) + np.abs(v[2])
         depths += np.float32(off_w + 1e-6)
-        more = 4.0 * depths * widest
+        more: Single = np.float32(4.0) * depths * widest
         more += np.float32(off_s)
         more *= length
         more += np.float32(4.0 * off) * widest
-        least = area - (np.float32(2.0 * off) + np.float32(1e-6) * length) * length
-        sure = (more <= LOOSE * most) & (least >= (1.0 - LOOSE) * area) & (area > 0.0)
-        if sure.all():
-            return 0.5 * float(((most + more) / least).max())
-        found = _largest_footprint(columns, corner[~sure])
-        if sure.any():
-            bound = (most[sure] + more[sure]) / least[sure]
-            found = max(found, 0.5 * float(bound.max()))
-        return found
+        less: Single = (np.float32(2.0 * off) + np.float32(1e-6) * length) * length
+        sure = (more <= LOOSE * most) & (less <= LOOSE * area) & (area > 0.0)
+        return sure, most, more, area, less
 
     return find

@@ -28,6 +28,8 @@ from gpusim.optics.setup import Setup
 from gpusim.optics.shade import ShadePass, shade_twin
 from gpusim.optics.shadow import ShadowPass
 from gpusim.optics.sight import Sight
+from gpusim.optics.speckled import may_be_speckled
+from gpusim.optics.speckled_layer import likely_speckled
 from gpusim.optics.tables import Tables
 from gpusim.optics.view import View, look
 from gpusim.optics.visibility import visibility_twin
@@ -170,9 +172,11 @@ def _by_pixel(device: Device, view: View, lights: Sequence[Light] | None) -> boo
 def _likely(view: View, lights: Sequence[Light] | None, sight: Sight | None) -> View | None:
     """The view with the largest pixel guessed, where the device finds what its triangles look
     like."""
-    if sight is None or sight.nearest is None or not may_glance(view, lights):
+    if sight is None or sight.nearest is None:
         return None
-    return sampled(view)
+    if sight.late and may_be_speckled(view, lights):
+        return likely_speckled(view, lights)
+    return sampled(view) if may_glance(view, lights) else None
 
 
 def _begun(device: Device, view: View, first: int, stop: int, wait: bool = False) -> Sight:
@@ -227,9 +231,15 @@ def _draw(
         likely = _likely(view, lights, sight) if guess else None
         if likely is None and sight is not None and sight.late:
             return certain()
-        setup = Setup.build(
-            likely or view, lights, background, surfaces, device, shadows=not early
-        )  # fmt: skip
+        try:
+            setup = Setup.build(
+                likely or view, lights, background, surfaces, device, shadows=not early
+            )  # fmt: skip
+        except InputError:
+            if likely is None:
+                raise
+            # maybe of what was guessed alone
+            return certain()
         rastered = likely is None and not small_triangles(view)
         if sight is not None and rastered and fields_glanced(setup, sight) is None:
             sight.release()
@@ -237,7 +247,7 @@ def _draw(
         if sight is not None and likely is None and guess:
             sight.begin_late(first, rows)
         tables = Tables(device, setup, sight)
-        if likely is not None and tables.looks is None:
+        if likely is not None and not tables.glancing:
             # without records nothing would tell whether the guess was right
             return certain()
         if shadows is not None:
@@ -251,7 +261,7 @@ def _draw(
             if tiles is not None and tiles.dark.mean() > MOST_DARK:
                 early, shade_pass = False, None
         else:
-            if tables.fields is not None or tables.looks is not None:
+            if tables.glancing:
                 shade_pass = ShadePass(tables, rows, True, sight)
                 count = min(rows, stop - first)
                 begun = device.kept.take(4 * count * shade_pass.stride, f"radiance[{first}]")
@@ -281,7 +291,7 @@ def _draw(
             if not bands and edge_pass is not None:
                 # before anything else is submitted that one would wait for as well
                 edge_pass.fetch()
-                wrong = tables.looks is not None and tables.looks.surprised
+                wrong = tables.surprised
         bands.append(Band(row0, count, stride, radiance))
         if wrong:
             device.kept.give(radiance)

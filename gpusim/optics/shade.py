@@ -29,6 +29,8 @@ from gpusim.optics.seen import SeenPass, small_triangles
 from gpusim.optics.setup import GRAZING, Setup, footprint, radiance_of
 from gpusim.optics.setup_probe import probe_setup
 from gpusim.optics.sight import Sight
+from gpusim.optics.speckled import SpeckledPass
+from gpusim.optics.speckled_layer import SpeckledLayer
 from gpusim.optics.tables import Tables
 from gpusim.optics.visibility import visibility_twin
 
@@ -77,7 +79,9 @@ class ShadePass:
         marked = setup.lighting.shadows is not None if marked is None else marked
         glossy = bool(setup.shiny.any())
         fields = None if marked or sight is None or tables.records is None else tables.fields
-        glancing = fields is not None or tables.looks is not None
+        speckled = tables.speckled and not marked and sight is not None
+        speckled &= tables.records is not None
+        glancing = fields is not None or tables.looks is not None or speckled
         # no box that is too small holds a triangle that is large enough
         large = not glancing and 0.5 * view.extent**2 >= SMALLEST
         light = LightTiles.of(setup) if large else None
@@ -85,17 +89,21 @@ class ShadePass:
         self._light_found = False
         lines = None if by_pixel else tables.lines
         programs = []
-        if tables.looks is None:
+        if tables.looks is None and not speckled:
             programs = _programs(setup, light, lines, fields, sort=not by_pixel)
         self._seen: SeenPass | None = None
-        self.glance: GlancePass | None = None
+        self.glance: GlancePass | SpeckledPass | None = None
         self._draws: list[tuple[Raster, Buffer, int]] = []
         self.marks: Texture | None = None
         if glancing and sight is not None:
-            layered = view.layer and tables.looks is not None
-            self.glance = (
-                LayerPass(tables, sight) if layered else GlancePass(tables, programs, sight)
-            )
+            if speckled and sight.late:
+                self.glance = SpeckledLayer(tables, sight)
+            elif speckled:
+                self.glance = SpeckledPass(tables, sight)
+            elif view.layer and tables.looks is not None:
+                self.glance = LayerPass(tables, sight)
+            else:
+                self.glance = GlancePass(tables, programs, sight)
             return
         self.color = device.target(view.camera.width, rows, "r32float", "shade.radiance")
         self.colors: tuple[Texture, ...] = (self.color,)

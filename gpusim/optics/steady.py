@@ -17,6 +17,7 @@ from gpusim.optics.shape import Shape
 from gpusim.optics.vertex_table import FEW
 from gpusim.surface.paint import Checker, Plain
 from gpusim.surface.plane import PaintFrame
+from gpusim.surface.speckle import Speckle
 from gpusim.surface.surface import Surface
 
 __all__ = ["Steady"]
@@ -56,7 +57,9 @@ class Steady:
         if not topology.oriented or len(surface.points) > FEW * len(topology.triangles):
             return False
         # a second pattern's vertices are its own, and so are corners of one that isn't plane
-        if not all(isinstance(paint, Plain | Checker) for paint in surface.paints.values()):
+        if not all(
+            isinstance(paint, Plain | Checker | Speckle) for paint in surface.paints.values()
+        ):
             return False
         frames = [surface.paint_frame(number) for number in surface.extents]
         return len(frames) < 2 and all(isinstance(frame, PaintFrame) for frame in frames)

@@ -24,6 +24,7 @@ from gpusim.optics.setup import TRIANGLE, Setup
 from gpusim.optics.shadow_tables import ShadowTables
 from gpusim.optics.shadow_tiles import ShadowTiles
 from gpusim.optics.sight import Sight
+from gpusim.optics.speckled import all_speckled
 
 __all__ = ["Tables"]
 
@@ -49,8 +50,9 @@ class Tables:
         self.lines = BoardLines.of(setup) if sight is None else None
         self.fields = fields_glanced(setup, sight)
         self.records: Records | None = None
-        counts = None if sight is None else sight.counts
+        self._counts = counts = None if sight is None else sight.counts
         self.looks: Looks | None = None
+        self.speckled = all_speckled(setup, sight)
         if sight is None:
             self.drawn = Drawn(device, view, "shade", self.lines)
         else:
@@ -63,9 +65,9 @@ class Tables:
             self.triangles = _triangles(device, setup, self.lines)
         else:
             self.triangles = self.records.texels
-            if view.guessed:
+            if view.guessed and not self.speckled:
                 self.looks = Looks(setup, self.records, counts)
-            elif self.fields is None:
+            elif not self.glancing:
                 with device.recording("optics.records") as recording:
                     self.records.make_all(recording)
         bends = distortion_map(view.camera)
@@ -81,6 +83,20 @@ class Tables:
             self.bitmap_texels = Texels(device, len(texels), "rgba32float", "shade.bitmaps")
             self.bitmap_texels.write(texels)
         self.speckles = table.speckle.texels(device)
+
+    @property
+    def glancing(self) -> bool:
+        """Whether light is found triangle by triangle before pixels are shaded."""
+        known = self.fields is not None or self.looks is not None or self.speckled
+        return known and self.records is not None
+
+    @property
+    def surprised(self) -> bool:
+        """Whether the view isn't what it was guessed to be; waits for the device."""
+        if self.looks is not None:
+            return self.looks.surprised
+        counts = self._counts if self.setup.view.guessed else None
+        return counts is not None and bool(counts.read(np.uint32, (6,))[4:].any())
 
     def with_shadows(self, shadows: ShadowTiles | None) -> Tables:
         """The same view with shadows."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.optics.corners import CHUNK, NORMAL, POSITION, REFERENCE, ST
+from gpusim.optics.corners import CHUNK, NORMAL, POSITION, REFERENCE, ST, at_corners
 from gpusim.optics.outline import sharp_normals
 from gpusim.optics.shape import Shape
 from gpusim.surface.plane import PaintFrame, used_vertices
@@ -121,6 +121,14 @@ class VertexTable:
             for k in range(3):
                 own = self._own(rows, np.full(len(rows), k))
                 self.columns[ST, own] = st[:, k].T
+
+    def paint_at(self, turned: Flags, rows: Numbers) -> Array:
+        """Paint coordinates (m, 3, 2) at the corners of some triangles ``rows`` (m,), in the
+        order that the surface has them in; ``turned``: as in `paint`."""
+        st = at_corners(self.columns[ST].T, [np.take(own, rows) for own in self.corner])
+        away = turned[rows]
+        st[away] = st[away][:, [0, 2, 1]]
+        return st
 
     def smooth(self, surface: Surface, shape: Shape, kept: Numbers, turned: Flags) -> None:
         """Fill in world normals of triangles ``kept`` (n,) of the surface, some ``turned``."""

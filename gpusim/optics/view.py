@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 import numpy.typing as npt
@@ -46,6 +46,7 @@ from gpusim.optics.sparse import sparse_excess
 from gpusim.optics.uncut import uncut
 from gpusim.optics.vertex_table import VertexTable, turned_corners
 from gpusim.optics.vertices import Vertices
+from gpusim.surface.plane import PaintFrame
 from gpusim.surface.speckle import Speckle
 from gpusim.surface.surface import Surface
 
@@ -138,7 +139,7 @@ class View:
     @property
     def footprint(self) -> Array:
         """(T,): half the width of the largest pixel on each triangle, in paint coordinates; 0 where
-        the paint isn't speckle."""
+        the paint isn't speckle, or none of many is too large for the usual tables."""
         return self._found[1]
 
     @cached_property
@@ -370,9 +371,9 @@ def _seen_of(
     for number, paint in enumerate(surface.paints.values()):
         if isinstance(paint, Speckle):
             own = surface.regions[topology.source[kept]] == number
-            st = at_corners(table.columns[ST].T, list(table.corner))
-            st[turned] = st[turned][:, [0, 2, 1]]
-            shows[speckle_jumps(topology, kept, own, st, points, ideal, paint)] = True
+            plane = isinstance(surface.paint_frame(number), PaintFrame)
+            st_of = partial(table.paint_at, turned)
+            shows[speckle_jumps(topology, kept, own, st_of, points, ideal, paint, plane)] = True
     flags = topology.sides(shows, kept)
     if turned.any():
         flags[turned] = flags[turned][:, [2, 1, 0]]

@@ -1,6 +1,7 @@
 // A triangle set up for shading, and the light that falls on it.
 // The NumPy form is gpusim/optics/setup.py.
 #import common/bump
+#import common/footprint
 #import common/light
 #import common/texel
 
@@ -39,36 +40,14 @@ fn triangle_at(id: u32) -> Triangle {
         vec4i(bitcast<vec2i>(w.zw), bitcast<vec2i>(t.zw)), vec4f(ny.w, more.yzw), id);
 }
 
-// The exact pixel area integral needs the attributes and how they change across the pixel.
-struct Footprint {
-    st: vec2f,
-    ex: vec2f,
-    ey: vec2f,
-    q: vec2f,
-}
-
 fn weight(t: Triangle, d: vec2f) -> f32 {
-    return t.n0.w + t.tw.z * d.x + t.tw.w * d.y;
+    return weight_of(t.tw, t.n0.w, d);
 }
-
 fn paint_position(t: Triangle, d: vec2f) -> vec2f {
-    let st = vec2f(t.st.x, t.st.w) + vec2f(t.st.y, t.tw.x) * d.x + vec2f(t.st.z, t.tw.y) * d.y;
-    return st / weight(t, d);
+    return paint_position_of(t.st, t.tw, t.n0.w, d);
 }
-
 fn footprint(t: Triangle, d: vec2f) -> Footprint {
-    let w = 1.0 / weight(t, d);
-    let st = paint_position(t, d);
-    let ex = (vec2f(t.st.y, t.tw.x) - st * t.tw.z) * w;
-    let ey = (vec2f(t.st.z, t.tw.y) - st * t.tw.w) * w;
-    return Footprint(st, ex, ey, t.tw.zw * w);
-}
-
-// The footprint of a pixel whose sides the lens bends: columns of `change` are what a column and a
-// row of the image are in pixels of the ideal image.
-fn bent_footprint(f: Footprint, change: mat2x2f) -> Footprint {
-    let turned = mat2x2f(f.ex, f.ey) * change;
-    return Footprint(f.st, turned[0], turned[1], f.q * change);
+    return footprint_of_planes(t.st, t.tw, t.n0.w, d);
 }
 
 // World-space ray of unit depth through a pixel: x * column + y * row + one.

@@ -4,6 +4,7 @@
 #import common/glance
 #import common/index
 #import common/inside
+#import common/planes
 #import common/surface
 #import common/undistort
 #import common/vertex
@@ -39,6 +40,12 @@ struct Params {
     tall: i32,
     longest: i32,
     late: u32,
+    // the lowest cell of the pattern that all triangles have
+    lowest: vec2i,
+    // of triangles with a pattern that the host hasn't looked at: the least cosine that their normals may
+    // have to the line of sight, and their paint's albedo
+    steep: f32,
+    ground: f32,
 }
 @group(0) @binding(0) var<uniform> params: Params;
 // numbers + 1 of the triangles to look at; or each triangle's paint, or one that all have
@@ -85,6 +92,36 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
     let found = found_in(a, b, c);
     if (!found.even) { refuse(id); }
     keep(id, found, select(bitcast<f32>(looks[id].x), 1.0, bare != 0u), bare != 0u);
+}
+
+// The same for triangles whose pixels find the pattern's albedo themselves (optics/speckled.wgsl): four texels
+// each, after the light what gives paint coordinates.
+@compute @workgroup_size(64)
+fn patterned(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
+    let id = linear_id(gid, groups, 64u);
+    if (id >= params.count) { return; }
+    let a = vertex_at(corners[3u * id]);
+    let b = vertex_at(corners[3u * id + 1u]);
+    let c = vertex_at(corners[3u * id + 2u]);
+    pattern(id, a, b, c, planes_of(a, b, c));
+}
+fn pattern(id: u32, a: Vertex, b: Vertex, c: Vertex, f: Planes) {
+    let found = found_in(a, b, c);
+    if (!found.even) { refuse(id); }
+    // weights by that at the anchor
+    let w = 1.0 / f.depth.x;
+    let s = w * f.s;
+    let t = w * f.t;
+    let cell = vec2u(clamp(f.cell - params.lowest, vec2i(-1), vec2i(65534)) + 1);
+    let bend = bitcast<vec3u>(found.bend);
+    let i = 4u * id;
+    textureStore(glances, texel(i), vec4u(bitcast<vec3u>(vec3f(found.value, found.slope)), packed(found.anchor)));
+    textureStore(glances, texel(i + 1u), bitcast<vec4u>(vec4f(s, t.x)));
+    textureStore(glances, texel(i + 2u), bitcast<vec4u>(vec4f(t.yz, w * f.depth.yz)));
+    textureStore(glances, texel(i + 3u), vec4u(bend, (cell.y << 16u) | cell.x));
+}
+fn packed(anchor: vec2i) -> u32 {
+    return (u32(anchor.y) << 16u) | (u32(anchor.x) & 65535u);
 }
 
 // numbers + 1 of the triangles near lines, and the workgroups of 64 that they fill, 1, 1, their count;
@@ -135,6 +172,17 @@ fn thin(a: Vertex, b: Vertex, c: Vertex) -> bool {
     return !(abs(u.x * v.y - u.y * v.x) > 1e-6 * (dot(u, u) + dot(v, v)));
 }
 
+// Of triangles that the host hasn't looked at: whether no pixel's square reaches one, and whether it is
+// larger than those that the host has.
+fn away(at: Places, band: vec2i) -> bool {
+    let last = vec2i(i32(params.width), params.tall - params.row0) * 256;
+    return any(max(max(at.p, at.q), at.r) < -band - 256) || any(min(min(at.p, at.q), at.r) > last);
+}
+fn odd(at: Places) -> bool {
+    let size = max(max(at.p, at.q), at.r) - min(min(at.p, at.q), at.r);
+    return any(size > vec2i(params.longest));
+}
+
 // All triangles, where none lies over another: they write their own pixels, or leave their mark on those
 // that are shaded one by one.
 @compute @workgroup_size(64)
@@ -150,12 +198,8 @@ fn layered(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) g
     let beside = any(box.size < vec2i(0));
     if (beside && params.looking == 0u) { return; }
     if (params.late != 0u && params.looking != 0u) {
-        let low = min(min(at.p, at.q), at.r);
-        let high = max(max(at.p, at.q), at.r);
-        // one that no pixel's square reaches doesn't count
-        let last = vec2i(i32(params.width), params.tall - params.row0) * 256;
-        if (any(high < -band - 256) || any(low > last)) { return; }
-        if (any(high - low > vec2i(params.longest)) || thin(a, b, c)) { atomicStore(&counts[5], 1u); }
+        if (away(at, band)) { return; }
+        if (odd(at) || thin(a, b, c)) { atomicStore(&counts[5], 1u); }
     }
     let look = looked_at(id, a, b, c);
     let triangle = inside_of(at, box);
@@ -179,6 +223,43 @@ fn layered(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) g
             band_radiance[place.y * params.stride + place.x] =
                 select(bitcast<u32>(glance_of(light, d)), MARK | id, own);
         }
+        let last = place.x == end.x;
+        inside += select(triangle.right, triangle.next, last);
+        place = select(place + vec2i(1, 0), vec2i(box.low.x, place.y + 1), last);
+        if (place.y > end.y) { break; }
+    }
+}
+
+// The same of triangles that `patterned` is for: they leave their mark on all their pixels.
+@compute @workgroup_size(64)
+fn patterned_layer(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
+    let id = linear_id(gid, groups, 64u);
+    if (id >= params.count) { return; }
+    let a = vertex_at(corners[3u * id]);
+    let b = vertex_at(corners[3u * id + 1u]);
+    let c = vertex_at(corners[3u * id + 2u]);
+    let band = vec2i(0, 256 * params.row0);
+    let at = Places(steps_of(a) - band, steps_of(b) - band, steps_of(c) - band, vec3f(0.0));
+    let box = box_of(at, vec2i(i32(params.width), params.rows));
+    let beside = any(box.size < vec2i(0));
+    if (beside && params.looking == 0u) { return; }
+    if (params.looking != 0u && away(at, band)) { return; }
+    let f = planes_of(a, b, c);
+    if (params.looking != 0u) {
+        let cosine = facing(f, params.rays.x.xyz, params.rays.y.xyz, params.rays.one.xyz);
+        if (odd(at) || thin(a, b, c) || !(cosine > params.steep)) { atomicStore(&counts[5], 1u); }
+        if (!(footprint_of(a, b, c, 1.0) <= params.margin)) { atomicStore(&counts[4], 1u); }
+        looks[id] = vec2u(bitcast<u32>(params.ground), params.last | 0x80000000u);
+    }
+    let triangle = inside_of(at, box);
+    if (triangle.area != 0 && !triangle.turned) { atomicStore(&counts[5], 1u); }
+    if (triangle.area == 0 || beside) { return; }
+    pattern(id, a, b, c, f);
+    var inside = triangle.here;
+    var place = box.low;
+    let end = box.low + box.size;
+    loop {
+        if (all(inside > triangle.limits)) { band_radiance[place.y * params.stride + place.x] = MARK | id; }
         let last = place.x == end.x;
         inside += select(triangle.right, triangle.next, last);
         place = select(place + vec2i(1, 0), vec2i(box.low.x, place.y + 1), last);
@@ -265,8 +346,7 @@ fn refuse(id: u32) {
 
 // `own`: the triangle's pixels each have an albedo of their own.
 fn keep(id: u32, found: Found, albedo: f32, own: bool) {
-    let anchor = found.anchor;
-    let at = select((u32(anchor.y) << 16u) | (u32(anchor.x) & 65535u), NONE, own && !found.even);
+    let at = select(packed(found.anchor), NONE, own && !found.even);
     let radiance = albedo * vec3f(found.value, found.slope);
     textureStore(glances, texel((1u + quadratic) * id), vec4u(bitcast<vec3u>(radiance), at));
     if (quadratic != 0u) {

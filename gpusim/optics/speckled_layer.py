@@ -1,0 +1,114 @@
+"""Speckle on a fine surface in a series, whose vertices the device looks at (`gpusim.optics.late`).
+
+It is one layer, so that triangles leave their marks on their pixels (`gpusim.optics.layer_pass`),
+which are then shaded all at once. The largest pixel is guessed from some triangles, and that none
+turns so far away that the pattern bends at its edges (`gpusim.optics.paint_edges`). The device
+looks at all of them and tells where that was wrong.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gpusim.gpu import Buffer, Recording
+from gpusim.optics.grazing import may_graze
+from gpusim.optics.layer import STEPS
+from gpusim.optics.light import Light
+from gpusim.optics.looks import NONE, SAMPLED, SURE, footprints
+from gpusim.optics.paint_edges import STEEP
+from gpusim.optics.sight import Sight
+from gpusim.optics.speckled import LIT, SpeckledPass, may_be_speckled
+from gpusim.optics.view import View
+from gpusim.surface.speckle import Speckle
+
+if TYPE_CHECKING:
+    from gpusim.optics.tables import Tables
+
+__all__ = ["SpeckledLayer", "likely_speckled"]
+
+LARGER = 1.08
+"""Largest pixel there may be over the largest that was found: more makes lists of discs longer."""
+
+LEAST_COSINE = STEEP + 0.01
+"""With what float32 may be off by."""
+
+
+class SpeckledLayer(SpeckledPass):
+    """`SpeckledPass` of a view that is one layer, of which the host knows some triangles."""
+
+    marked = True
+
+    def __init__(self, tables: Tables, sight: Sight) -> None:
+        super().__init__(tables, sight)
+        view, device = tables.setup.view, tables.device
+        self._none = device.buffer(NONE, "speckled.none")
+        self._begun: int | None = None
+        paint = int(self._looked["last"])
+        self._looked |= {
+            "tall": view.camera.height, "longest": int(np.ceil(STEPS * view.extent)) + 1,
+            "late": True, "stride": self.stride, "margin": SURE * view.paints[paint].reach,
+            "steep": LEAST_COSINE, "ground": float(tables.setup.table.paints["ground"][paint]),
+        }  # fmt: skip
+        self._params["width"] = self.stride
+
+    def begin(self, radiance: Buffer, row0: int, rows: int) -> None:
+        """Let the device begin with a band, which `record` then finds there."""
+        with self.tables.device.recording("optics.glance") as recording:
+            self._mark(recording, radiance, row0, rows)
+        self._begun = row0
+
+    def record(
+        self,
+        recording: Recording,
+        params: dict[str, Any],
+        shared: dict[str, Any],
+        radiance: Buffer,
+    ) -> None:
+        if self._begun != params["row0"]:
+            self._mark(recording, radiance, int(params["row0"]), int(params["rows"]))
+        self._begun = None
+        self._shade_own(recording, params, shared, radiance, self._records.vertices)
+        self._draw(recording, "fragment_layer", params, shared, radiance, marks=radiance)
+
+    def _mark(self, recording: Recording, radiance: Buffer, row0: int, rows: int) -> None:
+        """Let triangles mark their pixels of a band in what is to be their ``radiance``, and make
+        records of those that need one."""
+        device, kind = self.tables.device, self.kind
+        if not self._found:
+            self.sight.prepare(recording)
+        else:
+            # the list is that of a band
+            recording.clear(kind.refused)
+            recording.copy(self._none, kind.refusals, kind.refusals.nbytes)
+        params = {**self._looked, "row0": row0, "rows": rows, "looking": not self._found}
+        if params["background"] == 0.0:
+            recording.clear(radiance)
+        else:
+            constants = {**LIT, **self.tables.setup.light_constants(False, False)}
+            blank = device.kernel("optics/glance", "blank", constants)
+            bindings = blank.bind(params=params, band_radiance=radiance)
+            recording.dispatch(blank, bindings, threads=(radiance.nbytes // 4,))
+        self._dispatch(
+            recording, "patterned_layer", params, band_radiance=radiance,
+            counts=self.sight.counts,
+        )  # fmt: skip
+        self._found = True
+
+
+def likely_speckled(view: View, lights: Sequence[Light] | None) -> View | None:
+    """A view with the largest pixel guessed, whose vertices the device looks at; None where it
+    isn't one of speckle, or pixels may be too large for usual tables."""
+    if not may_be_speckled(view, lights):
+        return None
+    region = view.regions[0]
+    some = np.arange(0, view.count, max(view.count // SAMPLED, 1))
+    reach = LARGER * float(footprints(view, some).max())
+    if not isinstance(region.paint, Speckle) or may_graze(region.paint, reach):
+        return None
+    seen = np.array([region.low, region.high])
+    region = replace(region, reach=reach, seen=seen)
+    return replace(view, found=((region,), np.zeros(view.count)), guessed=True)
