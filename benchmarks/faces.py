@@ -18,6 +18,9 @@ import gpusim as gs
 from gpusim.gpu import Device
 
 RESULTS = Path(__file__).parent / "results"
+SCENES = ("board", "shadows", "speckle")
+"""Squares under a lamp without shadows, the same with shadows, speckle without."""
+
 COUNTS = (1_000, 3_000, 10_000, 30_000, 100_000, 300_000, 1_000_000)
 
 
@@ -35,8 +38,9 @@ class Timing:
     first: float
 
 
-def plate(faces: int) -> gs.Surface:
-    """A plate of 1 x 0.66 with gentle bumps, painted with squares, in about ``faces`` quads."""
+def plate(faces: int, paint: gs.paint.Paint | None = None) -> gs.Surface:
+    """A plate of 1 x 0.66 with gentle bumps, painted with squares if with nothing else, in about
+    ``faces`` quads."""
     rows = max(int(np.sqrt(faces / 1.5)), 2)
     columns = max(faces // rows, 2)
     x, z = np.linspace(-0.5, 0.5, columns + 1), np.linspace(-0.33, 0.33, rows + 1)
@@ -45,16 +49,16 @@ def plate(faces: int) -> gs.Surface:
     bumpy[:, 1] = 0.01 * np.sin(7.0 * flat[:, 0]) * np.cos(5.0 * flat[:, 2])
     number = np.arange(len(flat)).reshape(columns + 1, rows + 1)
     quads = np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], -1)
-    return gs.Surface(bumpy, quads.reshape(-1, 4), gs.paint.Checker(0.05), reference=flat)
+    return gs.Surface(bumpy, quads.reshape(-1, 4), paint or gs.paint.Checker(0.05), reference=flat)
 
 
-def measure(faces: int, width: int, device: Device, repeats: int) -> Timing:
+def measure(faces: int, width: int, device: Device, repeats: int, scene: str) -> Timing:
     """The fastest of ``repeats`` warm images of either kind, and the first one."""
-    surface = plate(faces)
+    surface = plate(faces, gs.paint.Speckle(diameter=0.004) if scene == "speckle" else None)
     camera = gs.Camera.from_lens(
         (36.0, 24.0), 34.0, (width, width * 2 // 3), (0.1, -1.0, 0.1), (0, 0, 0)
     )
-    lights = [gs.PointLight((-1.0, -2.0, 1.0), 50.0, shadows=False)]
+    lights = [gs.PointLight((-1.0, -2.0, 1.0), 50.0, shadows=scene == "shadows")]
 
     def timed(shown: gs.Surface) -> tuple[float, float]:
         start, used = time.perf_counter(), time.process_time()
@@ -97,20 +101,21 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--width", type=int, default=2790, help="px (5.2 Mpx; 5616: 21 Mpx)")
     parser.add_argument("--most", type=int, default=COUNTS[-1], help="faces")
+    parser.add_argument("--scene", choices=SCENES, default="board", help="paint and lamp")
     parser.add_argument("--repeats", type=int, default=3, help="warm images of each")
     parser.add_argument("--write", action="store_true", help="also write results/faces.*")
     arguments = parser.parse_args()
     device = Device()
     size = f"{arguments.width} x {arguments.width * 2 // 3} px"
     lines = [
-        "# Faces", "", f"{device.name}; {size}, lit, patterned, the plate fills the image", "",
+        "# Faces", "", f"{device.name}; {size}, lit, {arguments.scene}, the plate fills the image", "",
         "| faces | image s | processor s | moved: image s | processor s | first image s |",
         "|---|---|---|---|---|---|",
     ]  # fmt: skip
     print("\n".join(lines), flush=True)
     rows = []
     for faces in (n for n in COUNTS if n <= arguments.most):
-        row = measure(faces, arguments.width, device, arguments.repeats)
+        row = measure(faces, arguments.width, device, arguments.repeats, arguments.scene)
         rows.append(row)
         numbers = (row.image, row.processor, row.moved, row.moved_processor, row.first)
         lines.append(f"| {faces} | " + " | ".join(f"{n:.3f}" for n in numbers) + " |")
@@ -118,7 +123,7 @@ def main() -> None:
     if arguments.write:
         RESULTS.mkdir(exist_ok=True)
         (RESULTS / "faces.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
-        plot(rows, f"{size}, lit, patterned", RESULTS / "faces.png")
+        plot(rows, f"{size}, lit, {arguments.scene}", RESULTS / "faces.png")
 
 
 if __name__ == "__main__":
