@@ -108,7 +108,8 @@ def main() -> None:
     device = Device()
     size = f"{arguments.width} x {arguments.width * 2 // 3} px"
     lines = [
-        "# Faces", "", f"{device.name}; {size}, lit, {arguments.scene}, the plate fills the image", "",
+        "# Faces", "",
+        f"{device.name}; {size}, lit, {arguments.scene}, the plate fills the image", "",
         "| faces | image s | processor s | moved: image s | processor s | first image s |",
         "|---|---|---|---|---|---|",
     ]  # fmt: skip

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from gpusim.optics.caster_sets import CasterSet, CasterSets
 from gpusim.optics.casters import Casters
 from gpusim.optics.emitters import Lamp
+from gpusim.optics.lamp_apart import apart
 from gpusim.optics.lamp_edges import EVERY_EDGE
 from gpusim.optics.lamp_grid import LampGrid
 from gpusim.optics.lamp_merging import FEWEST, joined_grids
@@ -93,6 +94,9 @@ def half_shadow(
         pairs, points = pairs[maybe], np.compress(maybe, points, axis=2)
     which = np.concatenate([owner, boxes[0].shape[2] + np.arange(points.shape[2])])
     boxes.append(points)
+    # small triangles as they are, in which no edge of their own surface's faces is seen
+    body = np.full(len(triangle) + len(pairs.triangle), -1)
+    body[: len(triangle)] = receivers.view.body[triangle]
     triangle = np.concatenate([triangle, pairs.triangle])
     pairs = Pairs(
         np.concatenate([spots.triangle, pairs.triangle]),
@@ -106,7 +110,8 @@ def half_shadow(
         some_points = everything if rows is None else np.take(everything, rows, axis=2)
         before = sum(len(used.corners) for used, _ in levels)
         own_levels = _levels(own, casters, some_points)
-        own_state, box, face, edges = _found(own_levels, some_points)
+        used = body if rows is None else body[rows]
+        own_state, box, face, edges = _found(own_levels, some_points, used)
         state[slice(None) if rows is None else rows] = own_state
         found.append((box if rows is None else rows[box], before + face, edges))
         levels += reversed(own_levels)
@@ -159,17 +164,19 @@ def _levels(used: CasterSet, casters: Casters, points: Array) -> list[Level]:
     return result
 
 
-def _found(levels: list[Level], points: Array) -> tuple[States, Numbers, Numbers, Bits]:
-    """State of each receiver box (4, 3, n), pairs (box, face) of those not lit with the edges that
-    count; each by the most joined casters that none of is too near to it, numbered from the last
-    level to the first."""
+def _found(
+    levels: list[Level], points: Array, body: Numbers
+) -> tuple[States, Numbers, Numbers, Bits]:
+    """State of each receiver box (4, 3, n) of surfaces ``body`` (n,), -1 for large ones; pairs
+    (box, face) of those not lit with the edges that count; each by the most joined casters that
+    none of is too near to it, numbered from the last level to the first."""
     state = np.full(points.shape[2], LIT, np.int8)
     boxes, faces = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
     edges = [np.zeros(0, np.uint8)]
     left, before = np.arange(len(state)), 0
     for casters, grids in reversed(levels):
         own = points if len(left) == len(state) else np.take(points, left, axis=2)
-        state[left], box, face, bits, near = _candidates(grids, casters, own)
+        state[left], box, face, bits, near = _candidates(grids, casters, own, body[left])
         boxes.append(left[box])
         faces.append(before + face)
         edges.append(bits)
@@ -181,7 +188,7 @@ def _found(levels: list[Level], points: Array) -> tuple[States, Numbers, Numbers
 
 
 def _candidates(
-    grids: list[LampGrid], casters: Casters, points: Array
+    grids: list[LampGrid], casters: Casters, points: Array, body: Numbers
 ) -> tuple[States, Numbers, Numbers, Bits, npt.NDArray[np.bool_]]:
     """As `_found`, of one level; and whether a box is too near to a joined face, which has no
     pairs then."""
@@ -213,6 +220,12 @@ def _candidates(
         kept = np.flatnonzero(~drop)
         box, face, caster, against = box[kept], face[kept], caster[kept], against[kept]
         inside, past = grid.meets(reach[box], caster)
+        same = np.flatnonzero(inside & (body[box] == casters.body[face]))
+        if len(same):
+            places = grid.view.place(*np.moveaxis(points, 1, 0))
+            inside[same[apart(grid.view.half, places, box[same], grid.places, caster[same])]] = (
+                False
+            )
         kept = np.flatnonzero(inside)
         box, face, caster, past = box[kept], face[kept], caster[kept], past[kept]
         against = against[kept]

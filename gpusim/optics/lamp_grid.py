@@ -77,6 +77,7 @@ class LampGrid:
         high = self._mapped(np.stack([self.reach.p[1], self.reach.q[1]]))
         self.count = len(ahead)
         corners = view.place(*np.moveaxis(casters.corners[self.face], 2, 0))
+        self.places = corners
         self.lines = _outlines(*corners[:2])
         self.edges = LampEdges.of(view, corners, self.side, casters.both_sides[self.face])
         self.origin = low.min(axis=1, initial=np.inf) if self.count else np.zeros(2)
