@@ -60,7 +60,7 @@ class CasterSets:
 
     def each(self, triangle: Numbers) -> Iterator[tuple[Numbers | None, CasterSet]]:
         """Rows of receivers on triangles (n,), None for all, with what may hide the lamp there."""
-        if len(self._sets) == 1:
+        if len(self._sets) == 1 or not len(triangle):
             yield None, self._set(0)
             return
         number = self._number[self._body[triangle]]

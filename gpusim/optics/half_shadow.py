@@ -94,7 +94,7 @@ def half_shadow(
         pairs, points = pairs[maybe], np.compress(maybe, points, axis=2)
     which = np.concatenate([owner, boxes[0].shape[2] + np.arange(points.shape[2])])
     boxes.append(points)
-    # small triangles as they are, in which no edge of their own surface's faces is seen
+    # only small triangles are told from the faces beside them: there are few beside large ones
     body = np.full(len(triangle) + len(pairs.triangle), -1)
     body[: len(triangle)] = receivers.view.body[triangle]
     triangle = np.concatenate([triangle, pairs.triangle])
@@ -110,8 +110,8 @@ def half_shadow(
         some_points = everything if rows is None else np.take(everything, rows, axis=2)
         before = sum(len(used.corners) for used, _ in levels)
         own_levels = _levels(own, casters, some_points)
-        used = body if rows is None else body[rows]
-        own_state, box, face, edges = _found(own_levels, some_points, used)
+        some_bodies = body if rows is None else body[rows]
+        own_state, box, face, edges = _found(own_levels, some_points, some_bodies)
         state[slice(None) if rows is None else rows] = own_state
         found.append((box if rows is None else rows[box], before + face, edges))
         levels += reversed(own_levels)
