@@ -242,11 +242,9 @@ def test_what_hides_nothing_of_itself_still_hides_others(monkeypatch: pytest.Mon
     assert found()[1] > 2 * halves
 
 
-def test_nothing_left_to_look_at(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nothing_left_to_look_at() -> None:
     """Surfaces that hide nothing of themselves, and neither of each other."""
-    monkeypatch.setattr(lamp_layer, "FEWEST", 500)
-    points, faces = grid(20, 16)
-    sheets = [gs.Surface(points + np.array([x, 0.0, 0.0]), faces, MATTE) for x in (0.0, 1.2)]
+    sheets = [wavy(), shifted(wavy(), 1.2)]
     (lamp,) = lamps_of([LAMP])
     assert surfaces_alone(lamp, sheets, EYE).tolist() == [0, 1]
     assert find_shadows(look(sheets, CAMERA, lit=True), [LAMP], sheets) is None
