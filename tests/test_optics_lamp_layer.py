@@ -140,6 +140,16 @@ def test_closed_bodies() -> None:
     assert hides([relief], LAMP)
 
 
+def test_a_part_that_is_wound_inwards() -> None:
+    """Beside a larger one that isn't: the walls that it shows are its far ones."""
+    body = slab()
+    small = 0.3 * body.points + np.array([0.9, 0.0, 0.0])
+    points = np.concatenate([body.points, small])
+    for faces, hidden in ((body.faces, False), (body.faces[:, ::-1], True)):
+        every = np.concatenate([body.faces, faces + len(body.points)])
+        assert hides([gs.Surface(points, every, MATTE)], LAMP) is hidden
+
+
 def test_few_triangles_and_other_lights_stay() -> None:
     points, faces = grid(10, 10)
     lights = [LAMP, gs.AmbientLight(0.1)]
@@ -245,9 +255,11 @@ def test_what_hides_nothing_of_itself_still_hides_others(monkeypatch: pytest.Mon
 def test_nothing_left_to_look_at() -> None:
     """Surfaces that hide nothing of themselves, and neither of each other."""
     sheets = [wavy(), shifted(wavy(), 1.2)]
+    behind = gs.Camera.from_lens((36.0, 24.0), 45.0, (240, 160), (0.1, 1.0, 0.1), (0.0, 0.0, 0.0))
     (lamp,) = lamps_of([LAMP])
     assert surfaces_alone(lamp, sheets, EYE).tolist() == [0, 1]
-    assert find_shadows(look(sheets, CAMERA, lit=True), [LAMP], sheets) is None
+    for camera in (CAMERA, behind):
+        assert find_shadows(look(sheets, camera, lit=True), [LAMP], sheets) is None
 
 
 def chain(*loops: list[tuple[float, float]]) -> tuple[Loops, Array]:

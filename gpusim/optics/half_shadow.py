@@ -158,7 +158,11 @@ def _levels(used: CasterSet, casters: Casters, points: Array) -> list[Level]:
     if grids[0].view.lamp.extended and len(faces.face) >= FEWEST and points.shape[2]:
         (grid,) = grids
         reach = grid.view.reach(points)
-        above = grid.top(reach) - reach.s[1]
+        top = grid.top(reach)
+        known = np.flatnonzero(np.isfinite(top) & np.isfinite(reach.s[1]))
+        if not len(known):
+            return result
+        above = top[known] - reach.s[1][known]
         rises = [share * float(np.median(above)) for share in RISES]
         result += [(own, [one]) for own, one in joined_grids(grid, casters, faces, rises)]
     return result

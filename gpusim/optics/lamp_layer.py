@@ -16,6 +16,8 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 import numpy.typing as npt
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import connected_components
 
 from gpusim.optics.corners import CHUNK, products
 from gpusim.optics.emitters import Lamp, lamps_of
@@ -48,6 +50,7 @@ SURE = 1e-13
 """Of the extent in a lamp's view, squared: areas that rounding may turn over."""
 
 _BORDERS: WeakKeyDictionary[Topology, Loops | None] = WeakKeyDictionary()
+_PARTS: WeakKeyDictionary[Topology, npt.NDArray[np.int32]] = WeakKeyDictionary()
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +124,8 @@ def _view(lamp: Lamp, surfaces: Sequence[Surface], eye: Array) -> tuple[LampView
         if not length > 0.0:
             return None, b""
         lamp = replace(lamp, axis=to / length)
-    key = b"".join(v.tobytes() for v in (lamp.centre, lamp.u, lamp.v, lamp.axis, eye))
+    vectors = lamp.centre, lamp.u, lamp.v, lamp.axis, eye
+    key = b"".join(v.tobytes() for v in vectors) + bytes([lamp.far])
     return LampView.of(lamp)[0], key
 
 
@@ -139,7 +143,7 @@ def _patch(view: LampView, surface: Surface, shape: Shape, eye: Array) -> Patch 
     topology = surface.topology
     if not topology.oriented:
         return None
-    if topology.closed and not _closed_suits(view.lamp, surface):
+    if topology.closed and not _closed_suits(view.lamp, surface, shape):
         return None
     places = np.stack(view.place(*(np.ascontiguousarray(v) for v in shape.points.T)))
     if not np.isfinite(places).all():
@@ -161,10 +165,10 @@ def _patch(view: LampView, surface: Surface, shape: Shape, eye: Array) -> Patch 
     return Patch(own.min(axis=1), own.max(axis=1))
 
 
-def _closed_suits(lamp: Lamp, surface: Surface) -> bool:
-    """Whether a closed body may be looked at so: wound outwards, the lamp outside, and no relief
-    that turns to the lamp what lies in the body's own shadow."""
-    if surface.inside_out or any(
+def _closed_suits(lamp: Lamp, surface: Surface, shape: Shape) -> bool:
+    """Whether a closed body may be looked at so: all its parts wound outwards, the lamp outside,
+    and no relief that turns to the lamp what lies in the body's own shadow."""
+    if not (_volumes(shape, surface.topology) > 0.0).all() or any(
         getattr(paint, "bump", None) is not None for paint in surface.paints.values()
     ):
         return False
@@ -173,6 +177,19 @@ def _closed_suits(lamp: Lamp, surface: Surface) -> bool:
     reach = np.abs(lamp.u) + np.abs(lamp.v)
     low, high = surface.points.min(axis=0), surface.points.max(axis=0)
     return bool((lamp.centre + reach < low).any() or (lamp.centre - reach > high).any())
+
+
+def _volumes(shape: Shape, topology: Topology) -> Array:
+    """Of each part of a closed surface that hangs together; below 0 where it is wound inwards."""
+    if topology not in _PARTS:
+        count = len(topology.triangles)
+        ends = topology.first, topology.second
+        beside = csr_matrix((np.ones(len(ends[0]), bool), ends), shape=(count, count))
+        _PARTS[topology] = connected_components(beside, directed=False)[1]
+    start = shape.points[topology.triangles[:, 0]] - shape.points.mean(axis=0)
+    own = np.einsum("ka,ak->k", start, shape.area) / 6.0
+    result: Array = np.bincount(_PARTS[topology], own).astype(np.float64)
+    return result
 
 
 def _turned_to(
