@@ -86,6 +86,20 @@ def test_the_device_s_look_at_a_series_changes_nothing(
         assert np.abs(want - want.mean()).max() > 0.3 * want.max()
 
 
+def test_a_series_under_uneven_light(series: Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A lamp so near that most triangles' light isn't even: pixels read records, made for all."""
+    lamp = gs.AreaLight((0.0, -0.06, 0.0), (0.0, 0.0, 0.0), (0.1, 0.1), 5.0, shadows=False)
+    surface = sheet(HARD, 0.02)
+
+    def shown() -> npt.NDArray[np.float32]:
+        return gs.render([surface], CAMERA, [lamp], device=series).radiance.copy()
+
+    got = [shown() for _ in range(3)]
+    monkeypatch.setattr(late, "FEWEST", 10**9)
+    want = shown()
+    assert all(np.abs(picture - want).max() <= 1e-6 * want.max() for picture in got)
+
+
 def test_bands_of_a_series_join(series: Device, monkeypatch: pytest.MonkeyPatch) -> None:
     _, want = third(series, sheet())
     monkeypatch.setattr(import_module("gpusim.optics.render"), "BAND_BYTES", 4 * 361 * 61)

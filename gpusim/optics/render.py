@@ -247,8 +247,10 @@ def _draw(
         if sight is not None and likely is None and guess:
             sight.begin_late(first, rows)
         tables = Tables(device, setup, sight)
-        if likely is not None and not tables.glancing:
-            # without records nothing would tell whether the guess was right
+        speckled = likely is not None and may_be_speckled(likely, lights)
+        if likely is not None and (not tables.glancing or tables.speckled != speckled):
+            # without records nothing would tell whether the guess was right; and where light is
+            # uneven speckle is shaded in a way that doesn't look at the triangles either
             return certain()
         if shadows is not None:
             shade_pass = ShadePass(tables, rows, marked=True)
