@@ -29,15 +29,18 @@ def run(device: Device, stage: str, n: int, times: int = 1) -> None:
 
 def test_seconds_sum_by_stage(timed: Device) -> None:
     assert timed.timer.seconds() == {}
-    run(timed, "small", 64)
-    run(timed, "large", 300_000)
+    # the least of several: others may use the processors meanwhile
+    for k in range(5):
+        run(timed, f"small {k}", 64)
+        run(timed, f"large {k}", 300_000)
     first = timed.timer.seconds()
-    assert set(first) == {"small", "large"}
-    assert 0 < first["small"] < first["large"] < 30
+    small, large = ([first[f"{stage} {k}"] for k in range(5)] for stage in ("small", "large"))
+    assert len(first) == 10 and 0 < min(small) < min(large) < 30
     assert timed.timer.seconds() == first
-    run(timed, "large", 300_000, times=3)
+    run(timed, "large 0", 300_000, times=3)
     again = timed.timer.seconds()
-    assert again["small"] == first["small"] and again["large"] > 1.5 * first["large"]
+    assert again["small 0"] == first["small 0"]
+    assert again["large 0"] >= first["large 0"] + 2.0 * min(large)
 
 
 def test_more_passes_than_the_query_set_holds(timed: Device) -> None:
