@@ -20,7 +20,7 @@ from gpusim.fem.block_rows import ranges
 from gpusim.fem.groups import Elements
 from gpusim.fem.product import Product, RowsProduct
 from gpusim.fem.smooth import Relaxation, chebyshev
-from gpusim.fem.stacks import thin_axes
+from gpusim.fem.stacks import EDGES, thin_axes
 
 __all__ = ["Columns", "columns_across"]
 
@@ -29,20 +29,6 @@ Int = npt.NDArray[np.int32]
 Long = npt.NDArray[np.int64]
 Bool = npt.NDArray[np.bool_]
 
-# edges of a cell along each of its axes
-_EDGES: dict[str, tuple[tuple[tuple[int, int], ...], ...]] = {
-    "hex8": (
-        ((0, 1), (3, 2), (4, 5), (7, 6)),
-        ((0, 3), (1, 2), (4, 7), (5, 6)),
-        ((0, 4), (1, 5), (2, 6), (3, 7)),
-    ),
-    "wedge6": (
-        ((0, 1), (3, 4)),
-        ((1, 2), (4, 5)),
-        ((2, 0), (5, 3)),
-        ((0, 3), (1, 4), (2, 5)),
-    ),
-}
 # a cell is flat where it is this many times as long, along any other axis, as along its shortest
 _FLAT = 1.15
 # nodes of a column at most, and the share of cells that must be flat, and of nodes in columns
@@ -86,7 +72,7 @@ def _flat_edges(groups: Sequence[Elements], points: Float) -> Int | None:
     """(E,2) edges along which cells are flat; None where they aren't, in most places."""
     ends, flat_cells = [], 0
     for group in groups:
-        axes = _EDGES.get(group.name)
+        axes = EDGES.get(group.name)
         if axes is None:
             return None
         lengths = np.stack([_mean_length(points, group.cells, edges) for edges in axes])
@@ -107,7 +93,7 @@ def _thin_edges(groups: Sequence[Elements], points: Float) -> Int | None:
         return None
     ends = []
     for group, thin in zip(groups, found, strict=True):
-        for axis, edges in enumerate(_EDGES[group.name]):
+        for axis, edges in enumerate(EDGES[group.name]):
             own = group.cells[thin == axis]
             ends += [own[:, list(edge)] for edge in edges]
     return np.concatenate(ends)

@@ -16,21 +16,29 @@ from scipy.sparse.csgraph import connected_components
 
 from gpusim.fem.groups import Elements
 
-__all__ = ["thin_axes"]
+__all__ = ["EDGES", "thin_axes"]
 
 Float = npt.NDArray[np.float64]
 Int = npt.NDArray[np.int32]
 Long = npt.NDArray[np.int64]
 
-# corners of a cell's two ends along an axis, for each axis of `gpusim.fem.columns` that has such
-_ENDS: dict[str, dict[int, tuple[tuple[int, ...], tuple[int, ...]]]] = {
-    "hex8": {
-        0: ((0, 3, 7, 4), (1, 2, 6, 5)),
-        1: ((0, 1, 5, 4), (3, 2, 6, 7)),
-        2: ((0, 1, 2, 3), (4, 5, 6, 7)),
-    },
-    "wedge6": {3: ((0, 1, 2), (3, 4, 5))},
+EDGES: dict[str, tuple[tuple[tuple[int, int], ...], ...]] = {
+    "hex8": (
+        ((0, 1), (3, 2), (7, 6), (4, 5)),
+        ((0, 3), (1, 2), (5, 6), (4, 7)),
+        ((0, 4), (1, 5), (2, 6), (3, 7)),
+    ),
+    "wedge6": (
+        ((0, 1), (3, 4)),
+        ((1, 2), (4, 5)),
+        ((2, 0), (5, 3)),
+        ((0, 3), (1, 4), (2, 5)),
+    ),
 }
+"""Edges of a cell along each of its axes, from one end to the other."""
+
+# nodes of a cell: along an axis whose edges have all of them it may lie in a stack
+_NODES = {"hex8": 8, "wedge6": 6}
 # a stack is thin where it is at most this share of what the body measures the next way
 _THIN = 1.0 / 3.0
 
@@ -41,14 +49,16 @@ def thin_axes(groups: Sequence[Elements], points: Float, most: int) -> list[Long
 
     ``points`` (N,3) are the nodes of the cells in ``groups``.
     """
-    if any(group.name not in _ENDS for group in groups):
+    if any(group.name not in EDGES for group in groups):
         return None
     # a face is told by the sum of its corners' random numbers, modulo 2^64
     mark = np.random.default_rng(11).integers(0, 2**63, len(points), dtype=np.uint64)
     faces, lengths, parts = [], [], []
     for number, group in enumerate(groups):
-        for axis, ends in _ENDS[group.name].items():
-            low, high = (group.cells[:, list(end)] for end in ends)
+        for axis, edges in enumerate(EDGES[group.name]):
+            if 2 * len(edges) < _NODES[group.name]:
+                continue
+            low, high = (group.cells[:, list(end)] for end in zip(*edges, strict=True))
             faces.append(np.stack([mark[low].sum(axis=1), mark[high].sum(axis=1)], axis=1))
             across = points[high].mean(axis=1) - points[low].mean(axis=1)
             lengths.append(np.linalg.norm(across, axis=1))

@@ -23,7 +23,7 @@ from gpusim.distinct import distinct
 from gpusim.errors import TwinMismatch
 from gpusim.gpu import Buffer, Device, Recording, Texture, compare, twin_check
 from gpusim.optics.board_lines import on_boards
-from gpusim.optics.glance_kind import UNUSED, GlanceKind
+from gpusim.optics.glance_kind import SLENDER, GlanceKind, glance_params
 from gpusim.optics.light import Light
 from gpusim.optics.lighting import casts_shadows
 from gpusim.optics.looks import check_looks, looks_twin
@@ -38,16 +38,14 @@ if TYPE_CHECKING:
     from gpusim.optics.shade import Program
     from gpusim.optics.tables import Tables
 
-__all__ = ["TOLERANCE", "GlancePass", "fields_glanced", "glance_twin", "may_glance"]
+__all__ = [
+    "TOLERANCE", "GlancePass", "fields_glanced", "glance_twin", "may_glance",
+]  # fmt: skip
 
 Array = npt.NDArray[np.float64]
 
 TOLERANCE = 1e-5
 """Of the light on a triangle, that its function may be off by where that is tested."""
-
-SLENDER = 64.0
-"""Squares of two sides of a triangle over twice its area, beyond which terms of second degree would
-be large and cancel."""
 
 LEAST_SHARE = 0.5
 """Of the triangles that may have such a function; with fewer it isn't worth it."""
@@ -64,6 +62,10 @@ class GlancePass:
 
     marked = False
     """Whether triangles leave marks on their own pixels that are shaded one by one."""
+
+    tables: Tables
+    sight: Sight
+    _found: bool
 
     def __init__(self, tables: Tables, programs: list[Program], sight: Sight) -> None:
         device, view = tables.device, tables.setup.view
@@ -91,11 +93,7 @@ class GlancePass:
         self._constants = {
             "lit": float(setup.lit), **self._degree, **setup.light_constants(False, False)
         }  # fmt: skip
-        self._params = {
-            "rays": tables.rays(), "count": 0, "width": 0, "row0": 0,
-            "background": setup.background, "tolerance": TOLERANCE, "slender": SLENDER,
-            "inverse_depth": tables.records.inverse_depth, **UNUSED,
-        }  # fmt: skip
+        self._params = glance_params(tables, TOLERANCE)
 
     @cached_property
     def color(self) -> Texture:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -11,13 +11,31 @@ import numpy.typing as npt
 from gpusim.gpu import Buffer, Device
 from gpusim.optics.looks import Looks
 
-__all__ = ["UNUSED", "GlanceKind"]
+if TYPE_CHECKING:
+    from gpusim.optics.tables import Tables
+
+__all__ = ["SLENDER", "GlanceKind", "glance_params"]
+
+SLENDER = 64.0
+"""Squares of two sides of a triangle over twice its area, beyond which terms of second degree would
+be large and cancel."""
 
 UNUSED: dict[str, Any] = {
     "last": 0, "stretch": 1.0, "margin": 0.0, "rows": 0, "stride": 0, "looking": 0, "tall": 0,
     "longest": 0, "late": False, "lowest": (0, 0), "steep": 0.0, "ground": 0.0,
 }  # fmt: skip
 """Uniforms of the shader, where an entry has no use for them."""
+
+
+def glance_params(tables: Tables, tolerance: float) -> dict[str, Any]:
+    """Uniforms of the shader of a view whose triangles have records; ``tolerance``: of the light,
+    that functions may be off by."""
+    assert tables.records is not None
+    return {
+        "rays": tables.rays(), "count": 0, "width": 0, "row0": 0, "tolerance": tolerance,
+        "background": tables.setup.background, "slender": SLENDER,
+        "inverse_depth": tables.records.inverse_depth, **UNUSED,
+    }  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)

@@ -103,19 +103,7 @@ def half_shadow(
         np.concatenate([spots.tile, pairs.tile]), TILE,
     )  # fmt: skip
     everything = np.concatenate(boxes, axis=2)
-    state = np.full(len(triangle), LIT, np.int8)
-    levels: list[Level] = []
-    found: list[tuple[Numbers, Numbers, Bits]] = []
-    for rows, own in sets.each(triangle):
-        some_points = everything if rows is None else np.take(everything, rows, axis=2)
-        before = sum(len(used.corners) for used, _ in levels)
-        own_levels = _levels(own, casters, some_points)
-        some_bodies = body if rows is None else body[rows]
-        own_state, box, face, edges = _found(own_levels, some_points, some_bodies)
-        state[slice(None) if rows is None else rows] = own_state
-        found.append((box if rows is None else rows[box], before + face, edges))
-        levels += reversed(own_levels)
-    owner, face, edges = (np.concatenate([each[k] for each in found]) for k in range(3))
+    state, owner, face, edges, levels = _found_by(sets, casters, everything, triangle, body)
     order = np.argsort(owner, kind="stable")
     start = np.searchsorted(owner[order], np.arange(len(state) + 1))
     state = state[which]
@@ -166,6 +154,28 @@ def _levels(used: CasterSet, casters: Casters, points: Array) -> list[Level]:
         rises = [share * float(np.median(above)) for share in RISES]
         result += [(own, [one]) for own, one in joined_grids(grid, casters, faces, rises)]
     return result
+
+
+def _found_by(
+    sets: CasterSets, casters: Casters, points: Array, triangle: Numbers, body: Numbers
+) -> tuple[States, Numbers, Numbers, Bits, list[Level]]:
+    """As `_found`, of receivers on triangles (n,), each by what may hide the lamp there; and the
+    levels, as faces are numbered in them."""
+    state = np.full(len(triangle), LIT, np.int8)
+    levels: list[Level] = []
+    found: list[tuple[Numbers, Numbers, Bits]] = []
+    for rows, own in sets.each(triangle):
+        some, bodies = points, body
+        if rows is not None:
+            some, bodies = np.take(points, rows, axis=2), body[rows]
+        before = sum(len(used.corners) for used, _ in levels)
+        own_levels = _levels(own, casters, some)
+        own_state, box, face, edges = _found(own_levels, some, bodies)
+        state[slice(None) if rows is None else rows] = own_state
+        found.append((box if rows is None else rows[box], before + face, edges))
+        levels += reversed(own_levels)
+    owner, face, edges = (np.concatenate([each[k] for each in found]) for k in range(3))
+    return state, owner, face, edges, levels
 
 
 def _found(

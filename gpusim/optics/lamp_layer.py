@@ -47,7 +47,7 @@ MOST_SEEN = 20_000
 """Dark triangles of a closed body that are looked at closely."""
 
 SURE = 1e-13
-"""Of the extent in a lamp's view, squared: areas that rounding may turn over."""
+"""Of the extent in a lamp's view, squared: areas that rounding may turn over; and of a cosine."""
 
 _BORDERS: WeakKeyDictionary[Topology, Loops | None] = WeakKeyDictionary()
 _PARTS: WeakKeyDictionary[Topology, npt.NDArray[np.int32]] = WeakKeyDictionary()
@@ -73,37 +73,44 @@ def without_shadows(
 ) -> list[Light]:
     """The same ``lights``, without shadows those that nothing of ``surfaces`` is hidden from, as
     far as it is seen from the ``eye``."""
-    if sum(len(surface.topology.triangles) for surface in surfaces) < FEWEST:
-        return list(lights)
     found = list(lights)
-    lamps = {id(lamp.light): lamp for lamp in lamps_of(lights)}
+    lamps = {id(lamp.light): lamp for lamp in lamps_of(lights) if lamp.light.shadows}
+    if not lamps or sum(len(surface.topology.triangles) for surface in surfaces) < FEWEST:
+        return found
     shapes = shapes_of(surfaces)
     for number, light in enumerate(lights):
         lamp = lamps.get(id(light))
-        if lamp is not None and lamp.light.shadows and _lights_all(lamp, surfaces, shapes, eye):
+        if lamp is not None and _lights_all(lamp, surfaces, shapes, eye):
             found[number] = replace(lamp.light, shadows=False)
     return found
 
 
-def surfaces_alone(lamp: Lamp, surfaces: Sequence[Surface], eye: Array) -> Numbers:
-    """Which ``surfaces`` of many triangles (n,) hide nothing of a ``lamp`` from themselves, as far
-    as they are seen from the ``eye``."""
-    large = [len(surface.topology.triangles) >= FEWEST for surface in surfaces]
-    if not lamp.light.shadows or not any(large):
-        return np.zeros(0, np.int64)
-    shapes = shapes_of(surfaces)
-    view, key = _view(lamp, surfaces, eye)
-    found = (
+def surfaces_alone(lamps: Sequence[Lamp], surfaces: Sequence[Surface], eye: Array) -> list[Numbers]:
+    """For each lamp which ``surfaces`` of many triangles (n,) hide nothing of it from themselves,
+    as far as they are seen from the ``eye``."""
+    large = [
         number
-        for number, (surface, shape) in enumerate(zip(surfaces, shapes, strict=True))
-        if large[number] and view is not None and _kept(view, key, surface, shape, eye) is not None
-    )
-    return np.fromiter(islice(found, MOST_ALONE), np.int64)
+        for number, surface in enumerate(surfaces)
+        if len(surface.topology.triangles) >= FEWEST
+    ]
+    shapes = shapes_of(surfaces) if large else []
+
+    def alone(lamp: Lamp) -> Numbers:
+        view, key = _view(lamp, surfaces) if large and lamp.light.shadows else (None, b"")
+        found = (
+            number
+            for number in large
+            if view is not None
+            and _kept(view, key, surfaces[number], shapes[number], eye) is not None
+        )
+        return np.fromiter(islice(found, MOST_ALONE), np.int64)
+
+    return [alone(lamp) for lamp in lamps]
 
 
 def _lights_all(lamp: Lamp, surfaces: Sequence[Surface], shapes: list[Shape], eye: Array) -> bool:
     """Whether a lamp sees all that is turned to it."""
-    view, key = _view(lamp, surfaces, eye)
+    view, key = _view(lamp, surfaces)
     patches: list[Patch] = []
     for surface, shape in zip(surfaces, shapes, strict=True):
         patch = None if view is None else _kept(view, key, surface, shape, eye)
@@ -115,7 +122,7 @@ def _lights_all(lamp: Lamp, surfaces: Sequence[Surface], shapes: list[Shape], ey
     return True
 
 
-def _view(lamp: Lamp, surfaces: Sequence[Surface], eye: Array) -> tuple[LampView | None, bytes]:
+def _view(lamp: Lamp, surfaces: Sequence[Surface]) -> tuple[LampView | None, bytes]:
     """How a lamp sees surfaces, and what tells it from other views; None where it is amid them."""
     if not lamp.extended and not lamp.far:
         # a small lamp shines all round: one may look from it where the surfaces are
@@ -124,13 +131,15 @@ def _view(lamp: Lamp, surfaces: Sequence[Surface], eye: Array) -> tuple[LampView
         if not length > 0.0:
             return None, b""
         lamp = replace(lamp, axis=to / length)
-    vectors = lamp.centre, lamp.u, lamp.v, lamp.axis, eye
+    vectors = lamp.centre, lamp.u, lamp.v, lamp.axis
     key = b"".join(v.tobytes() for v in vectors) + bytes([lamp.far])
     return LampView.of(lamp)[0], key
 
 
 def _kept(view: LampView, key: bytes, surface: Surface, shape: Shape, eye: Array) -> Patch | None:
-    """`_patch`, found once for each shape of a surface."""
+    """`_patch`, found once for each shape of a surface: of open ones whatever eye sees them."""
+    if surface.topology.closed:
+        key += eye.tobytes()
     if key not in shape.lamps:
         shape.lamps[key] = _patch(view, surface, shape, eye)
     found: Patch | None = shape.lamps[key]

@@ -15,7 +15,7 @@ import numpy as np
 from gpusim.gpu import Buffer, Recording
 from gpusim.optics.glance import GlancePass
 from gpusim.optics.layer import STEPS
-from gpusim.optics.looks import NONE
+from gpusim.optics.layer_bands import LayerBands
 from gpusim.optics.sight import Sight
 
 if TYPE_CHECKING:
@@ -24,22 +24,11 @@ if TYPE_CHECKING:
 __all__ = ["LayerPass"]
 
 
-class LayerPass(GlancePass):
+class LayerPass(LayerBands, GlancePass):
     """`GlancePass` of a view that is one layer, of which `gpusim.optics.looks` tells."""
-
-    marked = True
 
     def __init__(self, tables: Tables, sight: Sight) -> None:
         super().__init__(tables, [], sight)
-        device = tables.device
-        self._none = device.buffer(NONE, "layer.none")
-        self._begun: int | None = None
-
-    def begin(self, radiance: Buffer, row0: int, rows: int) -> None:
-        """Let the device begin with a band, which `record` then finds there."""
-        with self.tables.device.recording("optics.glance") as recording:
-            self._write(recording, radiance, row0, rows)
-        self._begun = row0
 
     def _band(
         self,
@@ -48,34 +37,20 @@ class LayerPass(GlancePass):
         shared: dict[str, Any],
         radiance: Buffer,
     ) -> None:
-        if self._begun != params["row0"]:
-            self._write(recording, radiance, int(params["row0"]), int(params["rows"]))
-        self._begun = None
+        self._complete(recording, params, radiance)
 
     def _write(self, recording: Recording, radiance: Buffer, row0: int, rows: int) -> None:
-        """Let triangles write their pixels of a band, and make records of those that need one."""
-        device, kind, view = self.tables.device, self._kinds[0], self.tables.setup.view
+        kind, view = self._kinds[0], self.tables.setup.view
         camera = view.camera
         assert kind.looks is not None
-        if not self._found:
-            self.sight.prepare(recording)
-        else:
-            # lists are those of a band
-            for numbers, groups in ((kind.order, kind.looks.groups), (kind.refused, kind.refusals)):
-                recording.clear(numbers)
-                recording.copy(self._none, groups, groups.nbytes)
         params = {
             **self._params, **kind.looks.params, "count": kind.count, "row0": row0, "rows": rows,
             "width": camera.width, "stride": self.stride, "looking": not self._found,
             "tall": camera.height, "longest": int(np.ceil(STEPS * view.extent)) + 1,
             "late": self.sight.late,
         }  # fmt: skip
-        if params["background"] == 0.0:
-            recording.clear(radiance)
-        else:
-            blank = device.kernel("optics/glance", "blank", self._constants)
-            bindings = blank.bind(params=params, band_radiance=radiance)
-            recording.dispatch(blank, bindings, threads=(radiance.nbytes // 4,))
+        lists = (kind.order, kind.looks.groups), (kind.refused, kind.refusals)
+        self._prepare(recording, radiance, lists, self._constants, params)
         self._dispatch(
             recording, kind, "layered", self._constants, params, band_radiance=radiance
         )  # fmt: skip

@@ -47,7 +47,7 @@ def find_shadows(
         return None
     lamps = lamps_of(lights)
     casters = parted(Casters.of(surfaces, flatness(view, lamps)), lamps)
-    alone = [surfaces_alone(lamp, surfaces, view.camera.eye) for lamp in lamps]
+    alone = surfaces_alone(lamps, surfaces, view.camera.eye)
     found = ShadowTiles.build(view, lamps, casters, alone)
     return found if found.any else None
 

@@ -20,8 +20,8 @@ from gpusim.errors import TwinMismatch
 from gpusim.gpu import Buffer, Device, Recording, Texture, compare, twin_check
 from gpusim.gpu.texels import Texels
 from gpusim.optics.camera import Camera
-from gpusim.optics.glance import SLENDER, glance_twin
-from gpusim.optics.glance_kind import UNUSED, GlanceKind
+from gpusim.optics.glance import glance_twin
+from gpusim.optics.glance_kind import GlanceKind, glance_params
 from gpusim.optics.light import AmbientLight, Light, PointLight
 from gpusim.optics.lighting import casts_shadows
 from gpusim.optics.seen import small_triangles
@@ -72,6 +72,10 @@ class SpeckledPass:
 
     marked = False
 
+    tables: Tables
+    sight: Sight
+    _found: bool
+
     def __init__(self, tables: Tables, sight: Sight) -> None:
         device, setup = tables.device, tables.setup
         assert tables.records is not None
@@ -83,17 +87,15 @@ class SpeckledPass:
         self.kind = GlanceKind.of(device, constants, device.buffer(numbers, "speckled.numbers"))
         self._seen = device.kept.texels(TEXELS * count, "rgba32uint", "speckled.seen")
         self._found = False
-        self._constants = {name: constants[name] for name in PAINT}
+        self._constants = {"quadratic": 1.0, **{name: constants[name] for name in PAINT}}
         paint = int(setup.view.paint[0])
         lowest = tuple(int(setup.table.paints[name][paint]) for name in ("i0", "j0"))
         self._params = {
             "width": setup.view.camera.width, "background": setup.background, "paint": paint
         }  # fmt: skip
         self._looked = {
-            "rays": tables.rays(), "count": count, "width": setup.view.camera.width, "row0": 0,
-            "background": setup.background, "tolerance": TOLERANCE, "slender": SLENDER,
-            "inverse_depth": self._records.inverse_depth, **UNUSED, "last": paint,
-            "lowest": lowest,
+            **glance_params(tables, TOLERANCE), "count": count, "width": setup.view.camera.width,
+            "last": paint, "lowest": lowest,
         }  # fmt: skip
 
     @cached_property

@@ -17,8 +17,9 @@ import numpy as np
 from gpusim.gpu import Buffer, Recording
 from gpusim.optics.grazing import may_graze
 from gpusim.optics.layer import STEPS
+from gpusim.optics.layer_bands import LayerBands
 from gpusim.optics.light import Light
-from gpusim.optics.looks import NONE, SAMPLED, SURE, footprints
+from gpusim.optics.looks import SAMPLED, SURE, footprints
 from gpusim.optics.paint_edges import STEEP
 from gpusim.optics.sight import Sight
 from gpusim.optics.speckled import LIT, SpeckledPass, may_be_speckled
@@ -37,16 +38,12 @@ LEAST_COSINE = STEEP + 0.01
 """With what float32 may be off by."""
 
 
-class SpeckledLayer(SpeckledPass):
+class SpeckledLayer(LayerBands, SpeckledPass):
     """`SpeckledPass` of a view that is one layer, of which the host knows some triangles."""
-
-    marked = True
 
     def __init__(self, tables: Tables, sight: Sight) -> None:
         super().__init__(tables, sight)
-        view, device = tables.setup.view, tables.device
-        self._none = device.buffer(NONE, "speckled.none")
-        self._begun: int | None = None
+        view = tables.setup.view
         paint = int(self._looked["last"])
         self._looked |= {
             "tall": view.camera.height, "longest": int(np.ceil(STEPS * view.extent)) + 1,
@@ -55,12 +52,6 @@ class SpeckledLayer(SpeckledPass):
         }  # fmt: skip
         self._params["width"] = self.stride
 
-    def begin(self, radiance: Buffer, row0: int, rows: int) -> None:
-        """Let the device begin with a band, which `record` then finds there."""
-        with self.tables.device.recording("optics.glance") as recording:
-            self._mark(recording, radiance, row0, rows)
-        self._begun = row0
-
     def record(
         self,
         recording: Recording,
@@ -68,30 +59,15 @@ class SpeckledLayer(SpeckledPass):
         shared: dict[str, Any],
         radiance: Buffer,
     ) -> None:
-        if self._begun != params["row0"]:
-            self._mark(recording, radiance, int(params["row0"]), int(params["rows"]))
-        self._begun = None
+        self._complete(recording, params, radiance)
         self._shade_own(recording, params, shared, radiance, self._records.vertices)
         self._draw(recording, "fragment_layer", params, shared, radiance, marks=radiance)
 
-    def _mark(self, recording: Recording, radiance: Buffer, row0: int, rows: int) -> None:
-        """Let triangles mark their pixels of a band in what is to be their ``radiance``, and make
-        records of those that need one."""
-        device, kind = self.tables.device, self.kind
-        if not self._found:
-            self.sight.prepare(recording)
-        else:
-            # the list is that of a band
-            recording.clear(kind.refused)
-            recording.copy(self._none, kind.refusals, kind.refusals.nbytes)
+    def _write(self, recording: Recording, radiance: Buffer, row0: int, rows: int) -> None:
         params = {**self._looked, "row0": row0, "rows": rows, "looking": not self._found}
-        if params["background"] == 0.0:
-            recording.clear(radiance)
-        else:
-            constants = {**LIT, **self.tables.setup.light_constants(False, False)}
-            blank = device.kernel("optics/glance", "blank", constants)
-            bindings = blank.bind(params=params, band_radiance=radiance)
-            recording.dispatch(blank, bindings, threads=(radiance.nbytes // 4,))
+        lists = ((self.kind.refused, self.kind.refusals),)
+        constants = {**LIT, **self.tables.setup.light_constants(False, False)}
+        self._prepare(recording, radiance, lists, constants, params)
         self._dispatch(
             recording, "patterned_layer", params, band_radiance=radiance,
             counts=self.sight.counts,

@@ -165,6 +165,11 @@ fn steps_of(v: Vertex) -> vec2i {
     return (v.at + select(vec2i(0), vec2i(1), v.rest >= vec2f(0.5)) + 128) >> vec2u(8u);
 }
 
+fn in_band(a: Vertex, b: Vertex, c: Vertex) -> Places {
+    let band = vec2i(0, 256 * params.row0);
+    return Places(steps_of(a) - band, steps_of(b) - band, steps_of(c) - band, vec3f(0.0));
+}
+
 // Whether a triangle is a line but for what float32 may be off by.
 fn thin(a: Vertex, b: Vertex, c: Vertex) -> bool {
     let u = vec2f(b.at - a.at) + (b.rest - a.rest);
@@ -174,7 +179,8 @@ fn thin(a: Vertex, b: Vertex, c: Vertex) -> bool {
 
 // Of triangles that the host hasn't looked at: whether no pixel's square reaches one, and whether it is
 // larger than those that the host has.
-fn away(at: Places, band: vec2i) -> bool {
+fn away(at: Places) -> bool {
+    let band = vec2i(0, 256 * params.row0);
     let last = vec2i(i32(params.width), params.tall - params.row0) * 256;
     return any(max(max(at.p, at.q), at.r) < -band - 256) || any(min(min(at.p, at.q), at.r) > last);
 }
@@ -192,13 +198,12 @@ fn layered(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) g
     let a = vertex_at(corners[3u * id]);
     let b = vertex_at(corners[3u * id + 1u]);
     let c = vertex_at(corners[3u * id + 2u]);
-    let band = vec2i(0, 256 * params.row0);
-    let at = Places(steps_of(a) - band, steps_of(b) - band, steps_of(c) - band, vec3f(0.0));
+    let at = in_band(a, b, c);
     let box = box_of(at, vec2i(i32(params.width), params.rows));
     let beside = any(box.size < vec2i(0));
     if (beside && params.looking == 0u) { return; }
     if (params.late != 0u && params.looking != 0u) {
-        if (away(at, band)) { return; }
+        if (away(at)) { return; }
         if (odd(at) || thin(a, b, c)) { atomicStore(&counts[5], 1u); }
     }
     let look = looked_at(id, a, b, c);
@@ -238,12 +243,11 @@ fn patterned_layer(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workg
     let a = vertex_at(corners[3u * id]);
     let b = vertex_at(corners[3u * id + 1u]);
     let c = vertex_at(corners[3u * id + 2u]);
-    let band = vec2i(0, 256 * params.row0);
-    let at = Places(steps_of(a) - band, steps_of(b) - band, steps_of(c) - band, vec3f(0.0));
+    let at = in_band(a, b, c);
     let box = box_of(at, vec2i(i32(params.width), params.rows));
     let beside = any(box.size < vec2i(0));
     if (beside && params.looking == 0u) { return; }
-    if (params.looking != 0u && away(at, band)) { return; }
+    if (params.looking != 0u && away(at)) { return; }
     let f = planes_of(a, b, c);
     if (params.looking != 0u) {
         let cosine = facing(f, params.rays.x.xyz, params.rays.y.xyz, params.rays.one.xyz);

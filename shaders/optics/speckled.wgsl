@@ -2,12 +2,10 @@
 // discs cover, times the triangle's light as a function of the pixel. Both come in 64 bytes a triangle,
 // which optics/glance.wgsl found. Described in gpusim/optics/speckled.py.
 #import common/footprint
+#import common/glance
 #import common/paint
 #import common/texel
 #import common/undistort
-
-// as common/glance.wgsl has it
-const MARK: u32 = 0xffc00000u;
 
 struct Params {
     width: u32,
@@ -18,10 +16,9 @@ struct Params {
 @group(0) @binding(0) var<uniform> params: Params;
 // per pixel of the band what sight.wgsl found, the lower half first
 @group(0) @binding(9) var<storage, read> nearest: array<vec2u>;
-// four texels per triangle: its light at an anchor, its change per column and per row, the anchor's column
-// (lower half) and row; (s0, sx, sy, t0), (tx, ty, wx, wy) as common/footprint.wgsl has them, w0 is 1; the
-// light's terms of second degree, and the cell, counted from the one before the lowest, in 16 bits each
-@group(0) @binding(42) var seen: texture_storage_2d<rgba32uint, read>;
+// `seen` has four texels per triangle: the first as common/glance.wgsl has it; (s0, sx, sy, t0), (tx, ty,
+// wx, wy) as common/footprint.wgsl has them, w0 is 1; the light's terms of second degree, and the cell,
+// counted from the one before the lowest, in 16 bits each
 
 @vertex
 fn vertex(@builtin(vertex_index) index: u32) -> @builtin(position) vec4f {
@@ -60,9 +57,5 @@ fn radiance_at(place: vec2u, id: u32) -> f32 {
     let paint = paint_at(params.paint);
     let cell = vec2i(vec2u(e.w & 65535u, e.w >> 16u)) - 1 + vec2i(paint.i0, paint.j0);
     let albedo = paint_pixel(paint, cell, f.st, f.ex, f.ey, f.q);
-    let light = bitcast<vec3f>(a.xyz);
-    let second = bitcast<vec3f>(e.xyz);
-    let value = light.x + d.x * (light.y + second.x * d.x + second.y * d.y)
-        + d.y * (light.z + second.z * d.y);
-    return albedo * value;
+    return albedo * glance_of(Glance(bitcast<vec3f>(a.xyz), bitcast<vec3f>(e.xyz), anchor, false), d);
 }
