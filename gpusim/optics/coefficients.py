@@ -8,16 +8,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.distinct import distinct
 from gpusim.optics.bitmap import BitmapTable
 from gpusim.optics.corners import NORMAL, ST, at_corners, barycentric_planes, corner_mean
 from gpusim.optics.pattern import PatternTable
 from gpusim.optics.view import View
 
-__all__ = ["BLOCK", "Coefficients", "coefficients"]
+__all__ = ["BLOCK", "Coefficients", "Found", "PerTriangle", "coefficients"]
 
 Array = npt.NDArray[np.float64]
 BLOCK = 4096
@@ -92,3 +94,52 @@ def coefficients(
                 np.multiply(planes[row, k], at[k], out=term)
                 planes[row, 2] += term
         yield Coefficients(part, planes, at, cell, mean_inverse)
+
+
+class PerTriangle(NamedTuple):
+    """Coefficients triangle by triangle, as in `gpusim.optics.setup.Setup`."""
+
+    planes: Array
+    anchor: Array
+    cell: npt.NDArray[np.int64]
+    mean_inverse: Array
+
+
+class Found:
+    """Coefficients in float64 of those triangles of a view that somebody has asked for: of few,
+    where the host resolves what the device is in doubt about, and of all in the twins."""
+
+    def __init__(self, view: View, table: PatternTable, bitmaps: BitmapTable, lit: bool) -> None:
+        self._setup, count = (view, table, bitmaps, lit), view.count
+        # memory that isn't written to isn't taken
+        self._found = PerTriangle(
+            np.zeros((count, 6, 3)), np.zeros((count, 2)), np.zeros((count, 2), np.int64),
+            np.zeros(count),
+        )  # fmt: skip
+        self._known = np.zeros(count, bool)
+
+    def of(self, triangles: npt.NDArray[np.int64]) -> PerTriangle:
+        """Of some triangles (n,), again and again where they are."""
+        self._find(distinct(triangles[~self._known[triangles]]))
+        planes, anchor, cell, mean_inverse = self._found
+        return PerTriangle(
+            planes[triangles], anchor[triangles], cell[triangles], mean_inverse[triangles]
+        )
+
+    def all(self) -> PerTriangle:
+        """Of all triangles (T,)."""
+        self._find(np.flatnonzero(~self._known))
+        return self._found
+
+    def _find(self, new: npt.NDArray[np.int64]) -> None:
+        if not len(new):
+            return
+        view, table, bitmaps, lit = self._setup
+        part = view if len(new) == view.count else view.some(new)
+        planes, anchor, cell, mean_inverse = self._found
+        for own in coefficients(part, table, bitmaps, lit):
+            rows = new[own.part]
+            planes[rows] = np.moveaxis(own.planes, 2, 0)
+            anchor[rows], cell[rows] = own.anchor.T, own.cell.T
+            mean_inverse[rows] = own.mean_inverse
+        self._known[new] = True

@@ -254,7 +254,7 @@ def _mean_albedo(
         middle, w0 = _paint_positions(setup, own, ideal[rows, :1])
         corners, w = _paint_positions(setup, own, ideal[rows, 1:])
         albedo[rows] = mean_albedo(
-            setup.table, paint[rows], setup.cell[own], middle[:, 0], corners - middle, w / w0
+            setup.table, paint[rows], setup.of(own).cell, middle[:, 0], corners - middle, w / w0
         )
     for number, image in setup.bitmaps.images.items():
         rows = np.flatnonzero(paint == number)
@@ -262,7 +262,7 @@ def _mean_albedo(
         middle, w0 = _paint_positions(setup, own, ideal[rows, :1])
         corners, w = _paint_positions(setup, own, ideal[rows, 1:])
         albedo[rows] = mean_over_polygons(
-            image, image.ground, setup.cell[own], middle[:, 0], corners - middle, w / w0
+            image, image.ground, setup.of(own).cell, middle[:, 0], corners - middle, w / w0
         )
     printed = np.zeros(len(albedo))
     rows = np.flatnonzero((featured == 1) & setup.shiny[triangle])
@@ -271,7 +271,12 @@ def _mean_albedo(
         middle, w0 = _paint_positions(setup, own, ideal[rows, :1])
         corners, w = _paint_positions(setup, own, ideal[rows, 1:])
         printed[rows] = mean_albedo(
-            setup.table.mask(), paint[rows], setup.cell[own], middle[:, 0], corners - middle, w / w0
+            setup.table.mask(),
+            paint[rows],
+            setup.of(own).cell,
+            middle[:, 0],
+            corners - middle,
+            w / w0,
         )
     return albedo, printed
 
@@ -290,8 +295,8 @@ def _paint_positions(
     setup: Setup, triangle: npt.NDArray[np.int64], pixels: Array
 ) -> tuple[Array, Array]:
     """Paint positions (n, V, 2) of ideal positions (n, V, 2), and 1 / z (n, V) to scale."""
-    d = pixels - setup.anchor[triangle][:, None]
-    planes = setup.planes[triangle][:, :3]
+    own = setup.of(triangle)
+    d, planes = pixels - own.anchor[:, None], own.planes[:, :3]
     values = d @ np.swapaxes(planes[:, :, :2], 1, 2) + planes[:, None, :, 2]
     return values[..., :2] / values[..., 2:], values[..., 2]
 

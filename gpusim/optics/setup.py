@@ -18,7 +18,7 @@ from gpusim.errors import InputError
 from gpusim.gpu import Device
 from gpusim.optics.bitmap import BITMAP, PIECES, BitmapTable, pieces_needed
 from gpusim.optics.bump import Bumps, bump_of
-from gpusim.optics.coefficients import BLOCK, Coefficients, coefficients
+from gpusim.optics.coefficients import BLOCK, Coefficients, Found, PerTriangle, coefficients
 from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.fields import matte_boards, within_fields
 from gpusim.optics.light import Light
@@ -118,36 +118,32 @@ class Setup:
         return coefficients(self.view, self.table, self.bitmaps, self.lit)
 
     @cached_property
-    def _all_coefficients(self) -> tuple[Array, Array, Array, Array]:
-        """Planes, anchors, cells and mean 1 / z of all triangles, for the twins."""
-        count = self.view.count
-        planes, anchor = np.zeros((count, 6, 3)), np.zeros((count, 2))
-        cell, mean_inverse = np.zeros((count, 2)), np.zeros(count)
-        for found in self._coefficients():
-            planes[found.part] = np.moveaxis(found.planes, 2, 0)
-            anchor[found.part], cell[found.part] = found.anchor.T, found.cell.T
-            mean_inverse[found.part] = found.mean_inverse
-        return planes, anchor, cell, mean_inverse
+    def _found(self) -> Found:
+        return Found(self.view, self.table, self.bitmaps, self.lit)
+
+    def of(self, triangles: npt.NDArray[np.int64]) -> PerTriangle:
+        """The coefficients of some triangles (n,)."""
+        return self._found.of(triangles)
 
     @property
     def planes(self) -> Array:
         """(T, 6, 3): s, t, w and the three normal components, affine in (dx, dy, 1)."""
-        return self._all_coefficients[0]
+        return self._found.all().planes
 
     @property
     def anchor(self) -> Array:
         """(T, 2): whole px of the ideal image."""
-        return self._all_coefficients[1]
+        return self._found.all().anchor
 
-    @cached_property
+    @property
     def cell(self) -> npt.NDArray[np.int64]:
         """(T, 2): pattern cells."""
-        return self._all_coefficients[2].astype(np.int64)
+        return self._found.all().cell
 
     @property
     def mean_inverse(self) -> Array:
         """(T,): 1 / depth."""
-        return self._all_coefficients[3]
+        return self._found.all().mean_inverse
 
     def records(self) -> npt.NDArray[np.void]:
         """The triangles as the shader reads them."""
@@ -340,8 +336,8 @@ def footprint(
     Last: the relative change (n, 2) of 1 / z per column and row.
     """
     ideal, change = setup.undistorted(np.stack([x, y], axis=1))
-    d = ideal - setup.anchor[triangle]
-    planes = setup.planes[triangle]
+    own = setup.of(triangle)
+    d, planes = ideal - own.anchor, own.planes
     values = planes[:, :3, 0] * d[:, :1] + planes[:, :3, 1] * d[:, 1:] + planes[:, :3, 2]
     w = values[:, 2:3]
     st = values[:, :2] / w
@@ -369,10 +365,10 @@ def radiance_of(
     if not setup.lit:
         return albedo
     ideal, bend = setup.undistorted(np.stack([x, y], axis=1))
-    d = ideal - setup.anchor[triangle]
-    planes = setup.planes[triangle]
+    own = setup.of(triangle)
+    d, planes = ideal - own.anchor, own.planes
     values = planes[:, 2:, 0] * d[:, :1] + planes[:, 2:, 1] * d[:, 1:] + planes[:, 2:, 2]
-    depth = 1.0 / (values[:, 0] * setup.mean_inverse[triangle])
+    depth = 1.0 / (values[:, 0] * own.mean_inverse)
     rays = setup.rays()
     position = depth[:, None] * (np.c_[ideal, np.ones(len(x))] @ rays.T)
     normal = values[:, 1:]

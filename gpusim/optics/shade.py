@@ -247,14 +247,14 @@ def shade_twin(setup: Setup, ids: npt.NDArray[np.uint32]) -> npt.NDArray[np.floa
             st, ex, ey, q = footprint(setup, triangle[rows], column[rows], row[rows])
             corners = np.stack([-ex - ey, ex - ey, ex + ey, ey - ex], axis=1) * 0.5
             albedo[rows] = mean_albedo(
-                setup.table, paint[rows], setup.cell[triangle[rows]], st, corners,
+                setup.table, paint[rows], setup.of(triangle[rows]).cell, st, corners,
                 np.ones(corners.shape[:2]), (ex, ey, q), setup.groups[triangle[rows]] > BITMAP,
             )  # fmt: skip
         for number, image in setup.bitmaps.images.items():
             rows = np.flatnonzero(paint == number)
             st, ex, ey, q = footprint(setup, triangle[rows], column[rows], row[rows])
             albedo[rows] = mean_over_pixels(
-                image, image.ground, setup.cell[triangle[rows]], st, ex, ey, q
+                image, image.ground, setup.of(triangle[rows]).cell, st, ex, ey, q
             )
         printed = np.zeros(len(albedo))
         rows = np.flatnonzero((featured == 1) & setup.shiny[triangle])
@@ -262,7 +262,7 @@ def shade_twin(setup: Setup, ids: npt.NDArray[np.uint32]) -> npt.NDArray[np.floa
             st, ex, ey, q = footprint(setup, triangle[rows], column[rows], row[rows])
             corners = np.stack([-ex - ey, ex - ey, ex + ey, ey - ex], axis=1) * 0.5
             printed[rows] = mean_albedo(
-                setup.table.mask(), paint[rows], setup.cell[triangle[rows]], st, corners,
+                setup.table.mask(), paint[rows], setup.of(triangle[rows]).cell, st, corners,
                 np.ones(corners.shape[:2]), (ex, ey, q),
             )  # fmt: skip
         radiance[y + row0, x] = radiance_of(setup, triangle, column, row, albedo, printed)
