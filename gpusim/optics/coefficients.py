@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -110,36 +111,47 @@ class Found:
     where the host resolves what the device is in doubt about, and of all in the twins."""
 
     def __init__(self, view: View, table: PatternTable, bitmaps: BitmapTable, lit: bool) -> None:
-        self._setup, count = (view, table, bitmaps, lit), view.count
-        # memory that isn't written to isn't taken
-        self._found = PerTriangle(
-            np.zeros((count, 6, 3)), np.zeros((count, 2)), np.zeros((count, 2), np.int64),
-            np.zeros(count),
-        )  # fmt: skip
-        self._known = np.zeros(count, bool)
+        self._setup = view, table, bitmaps, lit
+        # of each triangle its row + 1 among those found, which take no more room than they are
+        self._row = np.zeros(view.count, np.int64)
+        self._found = _none(0)
 
     def of(self, triangles: npt.NDArray[np.int64]) -> PerTriangle:
         """Of some triangles (n,), again and again where they are."""
-        self._find(distinct(triangles[~self._known[triangles]]))
-        planes, anchor, cell, mean_inverse = self._found
-        return PerTriangle(
-            planes[triangles], anchor[triangles], cell[triangles], mean_inverse[triangles]
-        )
+        new = distinct(triangles[self._row[triangles] == 0])
+        if len(new):
+            more = self._coefficients(self._setup[0].some(new), len(new))
+            before = self._found
+            self._row[new] = np.arange(1, len(new) + 1) + len(before.anchor)
+            self._found = PerTriangle(
+                np.concatenate([before.planes, more.planes]),
+                np.concatenate([before.anchor, more.anchor]),
+                np.concatenate([before.cell, more.cell]),
+                np.concatenate([before.mean_inverse, more.mean_inverse]),
+            )
+        row, (planes, anchor, cell, mean_inverse) = self._row[triangles] - 1, self._found
+        return PerTriangle(planes[row], anchor[row], cell[row], mean_inverse[row])
 
+    @cached_property
     def all(self) -> PerTriangle:
         """Of all triangles (T,)."""
-        self._find(np.flatnonzero(~self._known))
+        view = self._setup[0]
+        self._found = self._coefficients(view, view.count)
+        self._row = np.arange(1, view.count + 1)
         return self._found
 
-    def _find(self, new: npt.NDArray[np.int64]) -> None:
-        if not len(new):
-            return
-        view, table, bitmaps, lit = self._setup
-        part = view if len(new) == view.count else view.some(new)
-        planes, anchor, cell, mean_inverse = self._found
-        for own in coefficients(part, table, bitmaps, lit):
-            rows = new[own.part]
-            planes[rows] = np.moveaxis(own.planes, 2, 0)
-            anchor[rows], cell[rows] = own.anchor.T, own.cell.T
-            mean_inverse[rows] = own.mean_inverse
-        self._known[new] = True
+    def _coefficients(self, view: View, count: int) -> PerTriangle:
+        result = _none(count)
+        for own in coefficients(view, *self._setup[1:]):
+            result.planes[own.part] = np.moveaxis(own.planes, 2, 0)
+            result.anchor[own.part], result.cell[own.part] = own.anchor.T, own.cell.T
+            result.mean_inverse[own.part] = own.mean_inverse
+        return result
+
+
+def _none(count: int) -> PerTriangle:
+    """Of so many triangles, nothing yet."""
+    return PerTriangle(
+        np.empty((count, 6, 3)), np.empty((count, 2)), np.empty((count, 2), np.int64),
+        np.empty(count),
+    )  # fmt: skip

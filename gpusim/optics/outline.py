@@ -172,19 +172,22 @@ def sharp_normals(
     The mean, weighted by area, of the normals ``area`` (3, T) of those triangles at the vertex
     whose normal lies within ``smooth_angle`` of the triangle's own.
     """
-    direction = unit(area)
-    owner, corner = np.nonzero(sharp[triangles])
-    order = np.argsort(triangles[owner, corner], kind="stable")
-    around = owner[order]
-    start = np.searchsorted(triangles[owner, corner][order], np.arange(len(sharp) + 1))
+    at = triangles.reshape(-1)
+    hit = np.flatnonzero(np.take(sharp, at))
+    vertices = np.take(at, hit)
+    order = np.argsort(vertices, kind="stable")
+    around = hit[order] // 3
+    start = np.searchsorted(vertices[order], np.arange(len(sharp) + 1))
     degree = np.diff(start)[vertex]
     # pairs (corner, neighbour) laid out one after another
     row = np.repeat(np.arange(len(vertex)), degree)
     begin = np.cumsum(degree) - degree
     neighbour = around[start[vertex[row]] + np.arange(len(row)) - begin[row]]
-    cosine = np.sum(direction[:, own[row]] * direction[:, neighbour], axis=0)
-    weight = np.where(cosine >= np.cos(smooth_angle), area[:, neighbour], 0.0)
+    there = np.take(area, neighbour, axis=1)
+    direction = unit(np.take(area, own, axis=1))
+    cosine = np.sum(direction[:, row] * unit(there), axis=0)
+    weight = np.where(cosine >= np.cos(smooth_angle), there, 0.0)
     total = np.add.reduceat(weight, begin, axis=1)
     found = np.any(total != 0.0, axis=0)
-    result: Array = np.where(found, unit(total), direction[:, own]).T
+    result: Array = np.where(found, unit(total), direction).T
     return result

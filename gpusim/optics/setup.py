@@ -128,22 +128,22 @@ class Setup:
     @property
     def planes(self) -> Array:
         """(T, 6, 3): s, t, w and the three normal components, affine in (dx, dy, 1)."""
-        return self._found.all().planes
+        return self._found.all.planes
 
     @property
     def anchor(self) -> Array:
         """(T, 2): whole px of the ideal image."""
-        return self._found.all().anchor
+        return self._found.all.anchor
 
     @property
     def cell(self) -> npt.NDArray[np.int64]:
         """(T, 2): pattern cells."""
-        return self._found.all().cell
+        return self._found.all.cell
 
     @property
     def mean_inverse(self) -> Array:
         """(T,): 1 / depth."""
-        return self._found.all().mean_inverse
+        return self._found.all.mean_inverse
 
     def records(self) -> npt.NDArray[np.void]:
         """The triangles as the shader reads them."""
