@@ -58,7 +58,7 @@ class Bumps:
             at = view.corners[rows][:, :, REFERENCE] @ bump.unit().T + bump.shift()
             # whole periods make no difference, but cost digits
             at -= np.round(corner_mean(at) / PERIOD)[:, None] * PERIOD
-            basis = view.planes[rows] / mean_inverse[rows, None, None]
+            basis = view.planes_of(rows) / mean_inverse[rows, None, None]
             own = np.einsum("tca,tck->tak", at, basis)
             own[:, :, 2] += np.einsum("tak,tk->ta", own[:, :, :2], anchor[rows])
             planes[rows] = own

@@ -276,8 +276,9 @@ def may_glance(view: View, lights: Sequence[Light] | None) -> bool:
         return False
     if any(getattr(light, "occlusion", False) for light in lights):
         return False
-    # all of the image is passed over
-    if view.mean_pixels * view.count < LEAST_SHARE * view.camera.width * view.camera.height:
+    # all of the image is passed over, unless triangles write their own pixels
+    image = view.camera.width * view.camera.height
+    if not view.layer and view.mean_pixels * view.count < LEAST_SHARE * image:
         return False
     return all(
         isinstance(region.paint, Plain | Checker)

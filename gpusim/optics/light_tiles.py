@@ -128,16 +128,16 @@ def _smooth(setup: Setup, triangles: Numbers, tolerance: float) -> npt.NDArray[n
     """
     view = setup.view
     T = view.camera.camera_from_world
-    world = view.corners[triangles][:, :, :3] @ T[:3, :3]
-    depth = view.corners[triangles][:, :, 2]
-    plane = view.planes[triangles].sum(axis=1)
+    corners = view.corners_of(triangles)
+    world, depth = corners[:, :, :3] @ T[:3, :3], corners[:, :, 2]
+    plane = view.planes_of(triangles).sum(axis=1)
     bends = distortion_map(view.camera)
     side = TILE * (1.0 if bends is None else bends.stretch)
     squares = np.zeros(len(triangles))
     for axis in range(2):  # how far the plane's points move per column and per row, at most
         change = setup.rays()[:, axis] - world * plane[:, None, axis, None]
         squares += (side * depth * np.linalg.norm(change, axis=2)).max(axis=1) ** 2
-    middle, normal = world.mean(axis=1), view.corners[triangles][:, 0, NORMAL]
+    middle, normal = world.mean(axis=1), corners[:, 0, NORMAL]
     radius = np.linalg.norm(world - middle[:, None], axis=2).max(axis=1)
     near = np.full(len(triangles), np.inf)
     for row in setup.lighting.emitters[setup.lighting.emitters[:, 8] > 0.0]:
@@ -149,13 +149,13 @@ def _smooth(setup: Setup, triangles: Numbers, tolerance: float) -> npt.NDArray[n
 
 def _in_plane(setup: Setup, first: np.int64, triangles: Numbers) -> npt.NDArray[np.bool_]:
     """Which triangles lie in the plane of the first one and have its normal."""
-    corners = setup.view.corners
-    a, b, c = corners[first, :, :3]
+    corners, one = setup.view.corners_of(triangles), setup.view.corners_of(np.array([first]))[0]
+    a, b, c = one[:, :3]
     normal = np.cross(b - a, c - a)
     normal /= np.linalg.norm(normal)
-    off = np.abs((corners[triangles][:, :, :3] - a) @ normal)
-    far = np.linalg.norm(corners[triangles][:, :, :3], axis=2)
-    alike = np.abs(corners[triangles][:, 0, NORMAL] - corners[first, 0, NORMAL]).max(axis=1)
+    off = np.abs((corners[:, :, :3] - a) @ normal)
+    far = np.linalg.norm(corners[:, :, :3], axis=2)
+    alike = np.abs(corners[:, 0, NORMAL] - one[0, NORMAL]).max(axis=1)
     return np.asarray((off <= FLAT * far).all(axis=1) & (alike <= 1e-9))
 
 

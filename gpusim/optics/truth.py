@@ -157,7 +157,7 @@ def _attribute_planes(view: View, triangles: npt.NDArray[np.int64]) -> Array:
     values = np.concatenate(
         [np.ones((*corners.shape[:2], 1)), reference, world - reference, normal], axis=2
     )
-    basis = view.planes[triangles]
+    basis = view.planes_of(triangles)
     planes: Array = np.ascontiguousarray(np.einsum("tia,tik->kta", values, basis))
     return planes
 
@@ -173,7 +173,7 @@ def seen_in(
     pixel = np.rint(np.where(inside[:, None], at, 0.0)).astype(np.int64)
     number = ids[pixel[:, 1], pixel[:, 0]].astype(np.int64)
     rows = np.flatnonzero(inside & (number > 0))
-    planes = view.planes[number[rows] - 1].sum(axis=1)
+    planes = view.planes_of(number[rows] - 1).sum(axis=1)
     # the seen triangle's depth at the point's own place: a steep face isn't in front of itself
     ideal = camera.without_distortion().project(points[rows])
     inverse = np.sum(planes * np.concatenate([ideal, np.ones((len(rows), 1))], 1), axis=1)

@@ -171,7 +171,11 @@ class View:
     def planes(self) -> Array:
         """(T, 3, 3): row i has barycentric i over depth as an affine function of the ideal
         position [x, y, 1]."""
-        return barycentric_planes(self.corners_of(slice(None), POSITION), self.camera)
+        return self.planes_of(slice(None))
+
+    def planes_of(self, triangles: Rows) -> Array:
+        """(n, 3, 3): `planes` of some triangles."""
+        return barycentric_planes(self.corners_of(triangles, POSITION), self.camera)
 
     @cached_property
     def ideal(self) -> Array:
