@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from weakref import WeakKeyDictionary
@@ -72,9 +72,11 @@ class Casters:
 
     @staticmethod
     def of(
-        surfaces: Sequence[Surface], flatness: Callable[[Array], Array] | None = None
+        surfaces: Sequence[Surface],
+        flatness: Callable[[Array], Array] | None = None,
+        without: Collection[int] = (),
     ) -> Casters:
-        """Collect the faces of ``surfaces``.
+        """Collect the faces of ``surfaces``, ``without`` those of some numbers.
 
         ``flatness``: how far joined faces may pass from points (N, 3), (N,); None joins none.
         """
@@ -84,6 +86,8 @@ class Casters:
         edges, beside = [np.zeros((0, 2), np.int64)], [np.zeros(0, np.int64)]
         first = vertex = 0
         for number, surface in enumerate(surfaces):
+            if number in without:
+                continue
             used = surface.faces.astype(np.int64)
             if not surface.topology.closed and _bent(surface.points, used):
                 # both their sides hide: from its mean plane a bent face would hide part of itself

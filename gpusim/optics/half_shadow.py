@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -16,13 +17,14 @@ from gpusim.optics.lamp_edges import EVERY_EDGE
 from gpusim.optics.lamp_grid import LampGrid
 from gpusim.optics.lamp_merging import FEWEST, joined_grids
 from gpusim.optics.ragged import expand
-from gpusim.optics.receivers import LEVELS, TILE, Pairs, Receivers
+from gpusim.optics.receivers import LEVELS, TILE, Pairs, Receivers, meets
 
 __all__ = ["HalfShadow", "half_shadow"]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
 Bits = npt.NDArray[np.uint8]
+Flags = npt.NDArray[np.bool_]
 States = npt.NDArray[np.int8]
 Level = tuple[Casters, list[LampGrid]]
 LIT, DARK, HALF = 0, 1, 2
@@ -47,6 +49,19 @@ class HalfShadow:
     both_sides: npt.NDArray[np.bool_]
 
     @staticmethod
+    def joined(parts: Sequence[HalfShadow]) -> HalfShadow:
+        """Those of different tiles in one, in order."""
+        before = np.cumsum([0, *(len(part.corners) for part in parts)])
+        face = [part.face + first for part, first in zip(parts, before[:-1], strict=True)]
+        return HalfShadow(
+            np.concatenate([part.dark for part in parts]),
+            np.concatenate([part.tile for part in parts]), np.concatenate(face),
+            np.concatenate([part.edges for part in parts]),
+            np.concatenate([part.corners for part in parts]),
+            np.concatenate([part.both_sides for part in parts]),
+        )  # fmt: skip
+
+    @staticmethod
     def none() -> HalfShadow:
         """No shadow at all."""
         number = np.zeros(0, np.int64)
@@ -56,10 +71,11 @@ class HalfShadow:
 
 
 def half_shadow(
-    receivers: Receivers, lamp: Lamp, casters: Casters, shape: tuple[int, int], alone: Numbers
+    receivers: Receivers, lamp: Lamp, casters: Casters, alone: Numbers, within: Flags
 ) -> HalfShadow:
-    """What ``casters`` hide of a lamp in the picture, of ``shape`` (rows, columns) tiles; surfaces
-    ``alone`` (n,) hide nothing of themselves."""
+    """What ``casters`` hide of a lamp in the tiles of a picture that are ``within`` (rows,
+    columns); surfaces ``alone`` (n,) hide nothing of themselves."""
+    shape, everywhere = within.shape, bool(within.all())
     faces = casters.seen_by(lamp, receivers.corners.reshape(-1, 3))
     if not len(faces.face):
         return HalfShadow.none()
@@ -68,6 +84,8 @@ def half_shadow(
     # a small triangle is the same receiver in each of its tiles
     spots = receivers.spots
     spots = spots[facing[spots.triangle] & receivers.seen(spots)]
+    if not everywhere:
+        spots = spots[meets(spots, within)]
     some = np.zeros(len(facing), bool)
     some[spots.triangle] = True
     owner = (np.cumsum(some) - 1)[spots.triangle]
@@ -85,6 +103,8 @@ def half_shadow(
                 np.repeat(clear, pairs.size // size, axis=0), pairs.size // size, axis=1
             )
             pairs = receivers.touched(pairs.split(size))
+        if not everywhere:
+            pairs = pairs[meets(pairs, within)]
         points = receivers.points(pairs)
         if size == TILE:
             seen = receivers.seen(pairs, points)

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import islice
+from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -28,10 +28,11 @@ from gpusim.optics.loops import Loops
 from gpusim.optics.outline import unit
 from gpusim.optics.ragged import expand
 from gpusim.optics.shape import Shape, shapes_of
+from gpusim.surface.plane import used_vertices
 from gpusim.surface.surface import Surface
 from gpusim.surface.topology import Topology
 
-__all__ = ["FEWEST", "surfaces_alone", "without_shadows"]
+__all__ = ["FEWEST", "Alone", "surfaces_alone", "without_shadows"]
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -55,10 +56,13 @@ _PARTS: WeakKeyDictionary[Topology, npt.NDArray[np.int32]] = WeakKeyDictionary()
 
 @dataclass(frozen=True, eq=False)
 class Patch:
-    """What a lamp sees of a surface, one layer: its ends ``low``, ``high`` (3,) in p, q and s."""
+    """What a lamp sees of a surface, one layer: its ends ``low``, ``high`` (3,) in p, q and s, its
+    border's ``loops``, and its ``triangles`` (n, 3)."""
 
     low: Array
     high: Array
+    loops: Loops
+    triangles: npt.NDArray[np.int64]
 
     def beside(self, other: Patch, half: tuple[float, float]) -> bool:
         """Whether a lamp with ``half`` its size sees none of them before the other."""
@@ -85,8 +89,20 @@ def without_shadows(
     return found
 
 
-def surfaces_alone(lamps: Sequence[Lamp], surfaces: Sequence[Surface], eye: Array) -> list[Numbers]:
-    """For each lamp which ``surfaces`` of many triangles (n,) hide nothing of it from themselves,
+class Alone(NamedTuple):
+    """A surface, by its number, that hides nothing of itself in a lamp's ``view``, and its
+    ``points`` (P, 3) in the world."""
+
+    surface: int
+    view: LampView
+    patch: Patch
+    points: Array
+
+
+def surfaces_alone(
+    lamps: Sequence[Lamp], surfaces: Sequence[Surface], eye: Array
+) -> list[list[Alone]]:
+    """For each lamp those ``surfaces`` of many triangles that hide nothing of it from themselves,
     as far as they are seen from the ``eye``."""
     large = [
         number
@@ -95,15 +111,18 @@ def surfaces_alone(lamps: Sequence[Lamp], surfaces: Sequence[Surface], eye: Arra
     ]
     shapes = shapes_of(surfaces) if large else []
 
-    def alone(lamp: Lamp) -> Numbers:
+    def alone(lamp: Lamp) -> list[Alone]:
         view, key = _view(lamp, surfaces) if large and lamp.light.shadows else (None, b"")
-        found = (
-            number
-            for number in large
-            if view is not None
-            and _kept(view, key, surfaces[number], shapes[number], eye) is not None
-        )
-        return np.fromiter(islice(found, MOST_ALONE), np.int64)
+        result: list[Alone] = []
+        if view is None:
+            return result
+        for number in large:
+            patch = None
+            if len(result) < MOST_ALONE:
+                patch = _kept(view, key, surfaces[number], shapes[number], eye)
+            if patch is not None:
+                result.append(Alone(number, view, patch, shapes[number].points))
+        return result
 
     return [alone(lamp) for lamp in lamps]
 
@@ -170,8 +189,11 @@ def _patch(view: LampView, surface: Surface, shape: Shape, eye: Array) -> Patch 
         loops = _BORDERS[topology]
     if loops is None or not loops.wind_once(places, view.half):
         return None
-    own = places[:, np.unique(topology.triangles[lit])] if topology.closed else places
-    return Patch(own.min(axis=1), own.max(axis=1))
+    triangles, own = topology.triangles, places
+    if topology.closed:
+        triangles = triangles[lit]
+        own = places[:, used_vertices(triangles, places.shape[1])]
+    return Patch(own.min(axis=1), own.max(axis=1), loops, triangles)
 
 
 def _closed_suits(lamp: Lamp, surface: Surface, shape: Shape) -> bool:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import numpy.typing as npt
@@ -46,7 +47,12 @@ def find_shadows(
     if not surfaces or not casts_shadows(lights):
         return None
     lamps = lamps_of(lights)
-    casters = parted(Casters.of(surfaces, flatness(view, lamps)), lamps)
+    allowed = flatness(view, lamps)
+
+    @cache
+    def casters(without: frozenset[int]) -> Casters:
+        return parted(Casters.of(surfaces, allowed, without), lamps)
+
     alone = surfaces_alone(lamps, surfaces, view.camera.eye)
     found = ShadowTiles.build(view, lamps, casters, alone)
     return found if found.any else None
@@ -125,6 +131,7 @@ class Lighting:
             "sky": float(self.environment is not None),
             "emitter_count": float(len(self.emitters)),
             "shadowed": float(self.shadows is not None),
+            "chained": float(self.shadows is not None and len(self.shadows.chains.ends) > 0),
             "sheltered": float(self.openness is not None),
         }
 

@@ -20,12 +20,14 @@ edge may lie behind the next faces. Twin of
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.optics.emitters import Lamp
 
-__all__ = ["COLUMNS", "ROWS", "TOLERANCE", "lamp_masks", "lattice", "visible_share"]
+__all__ = ["COLUMNS", "ROWS", "TOLERANCE", "Chained", "lamp_masks", "lattice", "visible_share"]
 
 Array = npt.NDArray[np.float64]
 ROWS, COLUMNS = 16, 32
@@ -83,6 +85,20 @@ def lamp_masks(lamp: Lamp) -> npt.NDArray[np.uint32]:
     return result
 
 
+@dataclass(frozen=True, eq=False)
+class Chained:
+    """Pairs of receivers and edges of outlines: ``receiver`` (n,) sorted; ``ends`` (n, 2, 3) of the
+    edge; ``cut`` (n, 4): normal and offset of a plane beyond which the outline hides the lamp;
+    ``last`` (n,): whether the edge is the outline's last one; ``scan`` (3,): the direction in which
+    edges before a sample are counted."""
+
+    receiver: npt.NDArray[np.int64]
+    ends: Array
+    cut: Array
+    last: npt.NDArray[np.bool_]
+    scan: Array
+
+
 def visible_share(
     lamp: Lamp,
     at: Array,
@@ -94,6 +110,7 @@ def visible_share(
     both_sides: npt.NDArray[np.bool_],
     tolerance: Array,
     edges: npt.NDArray[np.uint8],
+    chained: Chained | None = None,
 ) -> Array:
     """Share (N,) of a lamp that receivers at (N, 3) see, 0 to 1.
 
@@ -107,6 +124,7 @@ def visible_share(
         its inside hides as well.
     tolerance : (N,) distance to a face's plane within which it hides nothing.
     edges : (P,) bit k for the k-th edge of the face; all of the lamp lies inside of the others.
+    chained : edges of outlines that may hide the lamp, too.
     """
     masks = lamp_masks(lamp)
     total = int(np.bitwise_count(masks).sum())
@@ -118,6 +136,9 @@ def visible_share(
             lamp, at[own], normal[own], across[own], down[own], corners[part], both_sides[part],
             tolerance[own], edges[part],
         )  # fmt: skip
+        np.bitwise_or.at(covered, own, bits)
+    if chained is not None and len(chained.receiver):
+        own, bits = _wound(lamp, at, across, down, chained)
         np.bitwise_or.at(covered, own, bits)
     free = np.bitwise_count(masks & ~covered).sum(axis=1)
     result: Array = free / total
@@ -178,15 +199,46 @@ def _covered(
     return result
 
 
+def _wound(
+    lamp: Lamp, at: Array, across: Array, down: Array, chained: Chained
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.uint32]]:
+    """Receivers (n,) and the samples (n, 16) that an outline hides from each: those that an odd
+    number of its edges lies before, in the direction that they are counted in."""
+    own = chained.receiver
+    near, x = 0.0 if lamp.far else 1.0, at[own]
+    to, scan = lamp.centre - near * x, np.broadcast_to(chained.scan, x.shape)
+    first, last = chained.ends[:, 0] - x, chained.ends[:, 1] - x
+
+    def side(normal: Array, way: Array) -> npt.NDArray[np.uint32]:
+        turned = np.cross(to, way) - near * normal
+        gx, gy = (np.sum(turned * change[own], axis=1) for change in (across, down))
+        value = np.sum(normal * to, axis=1)
+        if lamp.extended:
+            a, b = normal @ lamp.u, normal @ lamp.v
+        else:
+            a, b, gx, gy = 0.5 * gx, 0.5 * gy, 0.0 * gx, 0.0 * gy
+        return _bits(lamp, *(v[None, :, None] for v in (value, a, b, gx, gy)))
+
+    one, other = side(np.cross(first, scan), scan), side(np.cross(last, scan), scan)
+    edge = side(np.cross(first, last), last - first)
+    before = (one ^ other) & ~(one ^ edge)
+    stop = np.flatnonzero(chained.last)
+    begin = np.concatenate([[0], stop[:-1] + 1])
+    odd = np.bitwise_xor.reduceat(before, begin, axis=0)
+    beyond = np.sum(chained.cut[:, :3] * x, axis=1) > chained.cut[:, 3]
+    hides = beyond[begin]
+    return own[begin][hides], odd[hides]
+
+
 def _bits(
     lamp: Lamp, value: Array, a: Array, b: Array, gx: Array, gy: Array
 ) -> npt.NDArray[np.uint32]:
-    """(P, 16) words: the samples inside four edges, by their functions (4, P, 1) of the lamp."""
+    """(P, 16) words: the samples inside of edges, by their functions (k, P, 1) of the lamp."""
     rows = lattice().T
     count = value.shape[1]
     low, high = np.zeros((count, ROWS)), np.full((count, ROWS), float(COLUMNS))
     # edge by edge: passes along an axis of four take several times as long
-    for edge in range(4):
+    for edge in range(len(value)):
         along = (rows[3] if lamp.extended else 1.0) * a[edge] + 0.5 * gy[edge]
         first = value[edge] + rows[0] * along + rows[1] * b[edge] + rows[2] * gx[edge]
         slope = STEP_A * along + STEP_B * b[edge]

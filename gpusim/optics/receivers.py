@@ -13,7 +13,7 @@ from gpusim.optics.emitters import Lamp
 from gpusim.optics.ragged import expand
 from gpusim.optics.view import View
 
-__all__ = ["LEVELS", "TILE", "Pairs", "Receivers"]
+__all__ = ["LEVELS", "TILE", "Pairs", "Receivers", "meets"]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
@@ -163,6 +163,22 @@ class Receivers:
         keep[rows] = inside
         return pairs[np.flatnonzero(keep)]
 
+    def in_tiles(self, mask: npt.NDArray[np.bool_], own: npt.NDArray[np.bool_]) -> Pairs:
+        """Those of the triangles ``own`` (T,) in the smallest tiles of a ``mask`` (rows, columns)
+        where something of them may be seen."""
+        spots = self.spots[own[self.spots.triangle]]
+        pairs = self.pairs(np.flatnonzero(own & self.large), LEVELS[0])
+        pairs = pairs[meets(pairs, mask)]
+        for size in LEVELS[1:]:
+            pairs = pairs.split(size)
+            pairs = self.touched(pairs[meets(pairs, mask)])
+        spots = spots[meets(spots, mask)]
+        both = Pairs(
+            np.concatenate([spots.triangle, pairs.triangle]),
+            np.concatenate([spots.tile, pairs.tile]), TILE,
+        )  # fmt: skip
+        return both[self.seen(both)]
+
     def points(self, pairs: Pairs) -> Array:
         """(4, 3, n) world points around what lies in each tile: of the tile or the triangle.
 
@@ -213,6 +229,22 @@ class Receivers:
         if np.any(lamp.axis) and not lamp.far:
             away |= behind
         return away
+
+
+def meets(pairs: Pairs, mask: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+    """(n,) which of the tiles of pairs hold one of the smallest tiles of a ``mask`` (rows,
+    columns)."""
+    parts = pairs.size // TILE
+    tall, wide = (-(-n // parts) for n in mask.shape)
+    room = np.zeros((tall * parts, wide * parts), bool)
+    room[: mask.shape[0], : mask.shape[1]] = mask
+    held: npt.NDArray[np.bool_] = np.any(room.reshape(tall, parts, wide, parts), axis=(1, 3))
+    # tiles beside the picture hold none
+    row, column = pairs.tile[:, 1], pairs.tile[:, 0]
+    inside = (row < tall) & (column < wide)
+    result = np.zeros(len(row), bool)
+    result[inside] = held[row[inside], column[inside]]
+    return result
 
 
 def _crossed(edges: Array, shape: tuple[int, int]) -> Numbers:

@@ -11,7 +11,8 @@ from gpusim.gpu import Device, Uniform
 from gpusim.gpu.texels import Texels
 from gpusim.optics.lighting import Lighting
 from gpusim.optics.occlusion import TOLERANCE, lamp_masks
-from gpusim.optics.shadow_tiles import MOST_LAMPS, ShadowTiles
+from gpusim.optics.ragged import expand
+from gpusim.optics.shadow_tiles import MOST_LAMPS, Chains, ShadowTiles
 
 __all__ = ["ShadowTables"]
 
@@ -27,7 +28,7 @@ class ShadowTables:
         edges = np.zeros((0, 3, 4), np.float32)
         lists = grid = np.zeros((0, 4), np.uint32)
         if tiles is not None:
-            start, count, edges = _edges(tiles)
+            start, count, faces, edges = _with_chains(tiles.chains, *_edges(tiles))
             lists = np.zeros((start.size, 4), np.uint32)
             # the lamps that a tile sees in part come first
             order = np.argsort(count == 0, axis=1, kind="stable")
@@ -35,6 +36,8 @@ class ShadowTables:
             lists[:, 1] = np.take_along_axis(count, order, axis=1).reshape(-1)
             lists[:, 2] = order.reshape(-1)
             lists[:, 3] = np.repeat((count > 0).sum(axis=1), count.shape[1])
+            faces = np.take_along_axis(faces, order, axis=1).reshape(-1)
+            lists[:, 3] |= faces.astype(np.uint32) << np.uint32(8)
             grid = np.zeros((tiles.lit.size, 4), np.uint32)
             grid[:, 0], grid[:, 1] = tiles.lit.reshape(-1), tiles.entry.reshape(-1)
         self.occluders = _texels(device, edges.reshape(-1, 4), "shadow.occluders")
@@ -72,6 +75,30 @@ def _edges(tiles: ShadowTiles) -> tuple[Numbers, Numbers, npt.NDArray[np.float32
     return start, begin[tiles.start + tiles.count] - start, edges
 
 
+def _with_chains(
+    chains: Chains, start: Numbers, count: Numbers, edges: npt.NDArray[np.float32]
+) -> tuple[Numbers, Numbers, Numbers, npt.NDArray[np.float32]]:
+    """`_edges` with those of outlines behind those of faces; first and number (E, L) of all, the
+    number of those of faces, and all of them."""
+    if not len(chains.ends):
+        return start, count, count, edges
+    both = count + chains.count
+    first = (np.cumsum(both) - both.reshape(-1)).reshape(both.shape)
+    result = np.zeros((len(edges) + len(chains.ends), 3, 4), np.float32)
+    for own, many, skipped in ((edges, count, 0), (_ends(chains), chains.count, count)):
+        list_of, step = expand(many.reshape(-1))
+        result[(first + skipped).reshape(-1)[list_of] + step] = own
+    return first, both, count, result
+
+
+def _ends(chains: Chains) -> npt.NDArray[np.float32]:
+    """(n, 3, 4) the edges of outlines."""
+    result = np.zeros((len(chains.ends), 3, 4), np.float32)
+    result[:, :2, :3], result[:, 0, 3] = chains.ends, chains.last
+    result[:, 2] = chains.cut
+    return result
+
+
 def _texels(device: Device, values: np.ndarray[Any, Any], label: str) -> Texels:
     fmt = "rgba32float" if values.dtype == np.float32 else "rgba32uint"
     if not len(values):
@@ -93,7 +120,8 @@ def _shades(lighting: Lighting) -> dict[str, Any]:
         masks = lamp_masks(lamp)
         first, stop = np.searchsorted(own, [number, number + 1])
         lamps["centre"][number] = *lamp.centre, 0.0 if lamp.far else 1.0
-        lamps["u"][number] = *lamp.u, float(lamp.extended)
+        across = lamp.u if lamp.extended else tiles.chains.scans[number] if tiles else lamp.u
+        lamps["u"][number] = *across, float(lamp.extended)
         lamps["v"][number] = *lamp.v, float(np.bitwise_count(masks).sum())
         lamps["part"][number, :2] = first, stop
         lamps["mask"][number] = masks.reshape(4, 4)

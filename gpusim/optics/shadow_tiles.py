@@ -19,8 +19,11 @@ from gpusim.errors import InputError
 from gpusim.optics.aside import Aside
 from gpusim.optics.casters import Casters
 from gpusim.optics.emitters import Lamp
-from gpusim.optics.half_shadow import HalfShadow, half_shadow
-from gpusim.optics.occlusion import TOLERANCE, visible_share
+from gpusim.optics.half_shadow import HalfShadow
+from gpusim.optics.lamp_layer import Alone
+from gpusim.optics.lamp_shadow import CastersOf, LampShadow, lamp_shadow
+from gpusim.optics.occlusion import TOLERANCE, Chained, visible_share
+from gpusim.optics.ragged import expand
 from gpusim.optics.receivers import TILE, Receivers
 from gpusim.optics.view import View
 
@@ -61,6 +64,21 @@ def flatness(view: View, lamps: list[Lamp]) -> Callable[[Array], Array]:
 
 
 @dataclass(frozen=True, eq=False)
+class Chains:
+    """Edges of outlines that hide lamps: ``start`` and ``count`` (E, L) as in `ShadowTiles`;
+    ``ends`` (n, 2, 3) relative to the eye, ``cut`` (n, 4) a plane beyond which they hide the lamp,
+    ``last`` (n,) of an outline; ``scans`` (L, 3): the direction across each lamp's axis in which
+    they are counted."""
+
+    start: Numbers
+    count: Numbers
+    ends: Array
+    cut: Array
+    last: npt.NDArray[np.bool_]
+    scans: Array
+
+
+@dataclass(frozen=True, eq=False)
 class ShadowTiles:
     """What the tiles of a view see of each lamp.
 
@@ -71,7 +89,8 @@ class ShadowTiles:
     faces of lamp l lie in ``face`` (indices into ``corners``); a count of 0 where `lit` holds.
     ``edges`` (as ``face``): bit k for the k-th edge of a face, where some of the tile sees some of
     the lamp beyond it; of the others all is inside.
-    ``corners`` (F, 4, 3) relative to the eye, ``both_sides`` (F,): see `Casters`.
+    ``corners`` (F, 4, 3) relative to the eye, ``both_sides`` (F,): see `Casters`. ``chains``: edges
+    of outlines, besides.
     """
 
     lamps: tuple[Lamp, ...]
@@ -84,13 +103,17 @@ class ShadowTiles:
     edges: npt.NDArray[np.uint8]
     corners: Array
     both_sides: npt.NDArray[np.bool_]
+    chains: Chains
 
     @staticmethod
     def build(
-        view: View, lamps: list[Lamp], casters: Casters, alone: Sequence[Numbers] | None = None
+        view: View,
+        lamps: list[Lamp],
+        casters: Casters | CastersOf,
+        alone: Sequence[Sequence[Alone]] | None = None,
     ) -> ShadowTiles:
         """Classify every tile of ``view`` for every lamp that casts shadows; ``alone``: for each
-        lamp the surfaces that hide nothing of themselves."""
+        lamp the surfaces that hide nothing of themselves, which ``casters`` leave out on demand."""
         if len(lamps) > MOST_LAMPS:
             raise InputError(
                 f"render lights; got {len(lamps)} lamps; expected at most {MOST_LAMPS}"
@@ -98,44 +121,52 @@ class ShadowTiles:
         shape = (-(-view.camera.height // TILE), -(-view.camera.width // TILE))
         lit = np.full(shape, ALL, np.uint32)
         receivers = Receivers(view)
-        used = [
-            number
-            for number, lamp in enumerate(lamps)
-            if lamp.light.shadows and view.count and len(casters.corners)
-        ]
+        used = [number for number, lamp in enumerate(lamps) if lamp.light.shadows and view.count]
+        casters_of = (lambda _: casters) if isinstance(casters, Casters) else casters
 
-        def found(number: int) -> HalfShadow:
-            own = np.zeros(0, np.int64) if alone is None else alone[number]
-            return half_shadow(receivers, lamps[number], casters, shape, own)
+        def found(number: int) -> LampShadow:
+            own = () if alone is None else alone[number]
+            return lamp_shadow(receivers, lamps[number], casters_of, own, shape)
 
         with Aside(view.count, len(used)) as aside:
-            halves = list(aside.map(found, used))
-        none = HalfShadow.none()
-        for number, half in zip(used, halves, strict=True):
-            lit.reshape(-1)[half.dark] &= np.uint32(ALL ^ (1 << number))
-        lamp_of = np.repeat(np.array(used, np.int64), [len(half.tile) for half in halves])
-        tile, face, edges, corners, both_sides = (
-            np.concatenate([getattr(half, name) for half in [none, *halves]])
-            for name in ("tile", "face", "edges", "corners", "both_sides")
-        )
+            shadows = list(aside.map(found, used))
+        for number, shadow in zip(used, shadows, strict=True):
+            lit.reshape(-1)[shadow.dark] &= np.uint32(ALL ^ (1 << number))
         # each lamp has its own faces
-        before = np.cumsum([0, *(len(half.corners) for half in halves)])[:-1]
-        face += np.repeat(before, [len(half.tile) for half in halves])
-        entries = distinct(tile)
-        row = np.searchsorted(entries, tile) * max(len(lamps), 1) + lamp_of
-        order = np.argsort(row, kind="stable")
-        count = np.bincount(row, minlength=len(entries) * max(len(lamps), 1))
+        faces = HalfShadow.joined([HalfShadow.none(), *(shadow.faces for shadow in shadows)])
+        tiles = [shadow.tile for shadow in shadows]
+        entries = distinct(np.concatenate([faces.tile, *tiles]))
+
+        def filed(lists: list[Numbers]) -> tuple[Numbers, Numbers, Numbers]:
+            """First and number (E, L) of what is listed tile by tile for each lamp, its order."""
+            which = np.repeat(np.array(used, np.int64), [len(tile) for tile in lists])
+            tile = np.concatenate([np.zeros(0, np.int64), *lists])
+            row = np.searchsorted(entries, tile) * max(len(lamps), 1) + which
+            count = np.bincount(row, minlength=len(entries) * max(len(lamps), 1))
+            count = count.reshape(len(entries), len(lamps))
+            start = (np.cumsum(count) - count.reshape(-1)).reshape(count.shape)
+            return start, count, np.argsort(row, kind="stable")
+
+        start, count, order = filed([shadow.faces.tile for shadow in shadows])
+        chain_start, chain_count, chained = filed(tiles)
         entry = np.zeros(shape, np.uint32)
         entry.reshape(-1)[entries] = np.arange(1, len(entries) + 1)
+        eye = view.camera.eye
+        ends, cut, last = (
+            np.concatenate([empty, *(getattr(shadow, name) for shadow in shadows)])[chained]
+            for name, empty in (
+                ("ends", np.zeros((0, 2, 3))), ("cut", np.zeros((0, 4))), ("last", np.zeros(0) > 0),
+            )
+        )  # fmt: skip
+        offset = cut[:, 3] - cut[:, :3] @ eye
         return ShadowTiles(
-            tuple(_relative_to(lamp, view.camera.eye) for lamp in lamps), lit, entry,
-            np.stack([entries // shape[1], entries % shape[1]], axis=1),
-            (np.cumsum(count) - count).reshape(len(entries), len(lamps)),
-            count.reshape(len(entries), len(lamps)),
-            face[order],
-            edges[order],
-            corners - view.camera.eye,
-            both_sides,
+            tuple(_relative_to(lamp, eye) for lamp in lamps), lit, entry,
+            np.stack([entries // shape[1], entries % shape[1]], axis=1), start, count,
+            faces.face[order], faces.edges[order], faces.corners - eye, faces.both_sides,
+            Chains(
+                chain_start, chain_count, ends - eye, np.column_stack([cut[:, :3], offset]), last,
+                _scans(lamps, alone),
+            ),
         )  # fmt: skip
 
     def shares(
@@ -155,16 +186,20 @@ class ShadowTiles:
         for number, lamp in enumerate(self.lamps):
             result[:, number] = (bits >> np.uint32(number)) & np.uint32(1)
             half = np.flatnonzero(entry >= 0)
-            half = half[self.count[entry[half], number] > 0]
+            half = half[self.listed[entry[half], number]]
             own = entry[half]
-            count = self.count[own, number]
-            receiver = np.repeat(np.arange(len(half)), count)
-            offset = np.arange(len(receiver)) - np.repeat(np.cumsum(count) - count, count)
+            receiver, offset = expand(self.count[own, number])
             listed = self.start[own, number][receiver] + offset
             face = self.face[listed]
+            chained, offset = expand(self.chains.count[own, number])
+            edge = self.chains.start[own, number][chained] + offset
             result[half, number] = visible_share(
                 lamp, at[half], normal[half], across[half], down[half], receiver,
                 self.corners[face], self.both_sides[face], tolerance[half], self.edges[listed],
+                Chained(
+                    chained, self.chains.ends[edge], self.chains.cut[edge], self.chains.last[edge],
+                    self.chains.scans[number],
+                ),
             )  # fmt: skip
         return result
 
@@ -172,8 +207,15 @@ class ShadowTiles:
     def edge_counts(self) -> Numbers:
         """(E,) edges that are looked at in each tile in half shadow, of all lamps."""
         sums = np.concatenate([[0], np.cumsum(np.bitwise_count(self.edges), dtype=np.int64)])
-        result: Numbers = (sums[self.start + self.count] - sums[self.start]).sum(axis=1)
+        faces = sums[self.start + self.count] - sums[self.start]
+        # an edge of an outline takes as long as three of faces
+        result: Numbers = (faces + 3 * self.chains.count).sum(axis=1)
         return result
+
+    @property
+    def listed(self) -> npt.NDArray[np.bool_]:
+        """(E, L): which lamps a tile sees in part."""
+        return np.asarray((self.count > 0) | (self.chains.count > 0))
 
     @property
     def dark(self) -> npt.NDArray[np.bool_]:
@@ -184,6 +226,16 @@ class ShadowTiles:
     def any(self) -> bool:
         """Whether there is any shadow in the picture."""
         return bool(len(self.place) or self.dark.any())
+
+
+def _scans(lamps: list[Lamp], alone: Sequence[Sequence[Alone]] | None) -> Array:
+    """See `Chains`; 0 for lamps that no outline hides."""
+    result = np.zeros((len(lamps), 3))
+    for number, own in enumerate(alone or ()):
+        if own:
+            view = own[0].view
+            result[number] = view.across * (view.half[0] if view.lamp.extended else 1.0)
+    return result
 
 
 def _relative_to(lamp: Lamp, eye: Array) -> Lamp:

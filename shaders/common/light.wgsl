@@ -124,7 +124,7 @@ fn reflection_seen(
             known |= 1u << list.z;
             half = half || (share > 0.0 && share < 1.0);
             k++;
-            if (k >= list.w) { break; }
+            if (k >= (list.w & 255u)) { break; }
         }
     }
     var l = 0u;

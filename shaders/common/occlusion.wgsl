@@ -4,9 +4,11 @@
 #import common/texel
 
 override shadowed: u32;
+// 1 where some lamp is hidden by what is told by its outline alone
+override chained: u32 = 0u;
 
-// centre (w: 1 if it is near, 0 for a direction), half sides u (w: 1 if it has a size) and v (w:
-// the number of its samples), part = (first emitter, last + 1, -, -), samples on its face.
+// centre (w: 1 if it is near, 0 for a direction), half sides u (w: 1 if it has a size, else a
+// direction across its axis) and v (w: the number of its samples), part = (first emitter, last + 1, -, -), samples on its face.
 struct LampFace {
     centre: vec4f,
     u: vec4f,
@@ -50,10 +52,11 @@ struct Shades {
 @group(0) @binding(60) var<uniform> shades: Shades;
 // edges of the faces that may hide a lamp from a tile, three texels each: where it begins relative to
 // the eye (w: 1 for the last one of a face, 2 more if the inside hides as well), where it goes, and
-// the face's plane: unit normal, offset from the eye
+// the face's plane: unit normal, offset from the eye; then those of outlines: both ends (w of the
+// first one: 1 for the last edge of an outline), and a plane beyond which it hides the lamp
 @group(0) @binding(61) var occluders: texture_storage_2d<rgba32float, read>;
-// per tile in half shadow a texel per lamp: first and number of these, the lamp, and how many lamps
-// the tile sees in part, which come first
+// per tile in half shadow a texel per lamp: first and number of these, the lamp, and in the lowest byte
+// how many lamps the tile sees in part, which come first, above it how many edges are those of faces
 @group(0) @binding(62) var shadow_lists: texture_2d<u32>;
 // per tile of 8 x 8 px (bits of the lamps that light it, number among the half shadowed + 1, -, -)
 @group(0) @binding(63) var shadow_tiles: texture_2d<u32>;
@@ -79,6 +82,79 @@ fn inside_edge(
     return after ^ vec4u(falling);
 }
 
+// The samples of all rows on the positive side of a plane through the receiver that turns about `way`
+// as the receiver moves, of a `normal` as long as that is.
+struct Samples {
+    rows0: vec4u,
+    rows1: vec4u,
+    rows2: vec4u,
+    rows3: vec4u,
+}
+fn samples_of(lamp: LampFace, to: vec3f, normal: vec3f, way: vec3f, dx: vec3f, dy: vec3f) -> Samples {
+    let extended = lamp.u.w != 0.0;
+    let turned = cross(to, way) - lamp.centre.w * normal;
+    let gx = dot(turned, dx);
+    let gy = dot(turned, dy);
+    let value = dot(normal, to);
+    let a = select(0.5 * gx, dot(normal, lamp.u.xyz), extended);
+    let b = select(0.5 * gy, dot(normal, lamp.v.xyz), extended);
+    let along = select(0.0, 0.5 * gy, extended);
+    let across = select(0.0, gx, extended);
+    let forth = a + along;
+    let back = select(a, -a, extended) + along;
+    let slope = STEP_A * vec2f(forth, back) + STEP_B * b;
+    let inverse = select(vec2f(-1e30), -1.0 / slope, slope != vec2f(0.0));
+    let falling = select(vec2u(0u), vec2u(0xffffffffu), slope < vec2f(0.0));
+    return Samples(
+        inside_edge(value, forth, b, across, inverse.x, falling.x, ROWS0),
+        inside_edge(value, forth, b, across, inverse.x, falling.x, ROWS1),
+        inside_edge(value, back, b, across, inverse.y, falling.y, ROWS2),
+        inside_edge(value, back, b, across, inverse.y, falling.y, ROWS3),
+    );
+}
+
+// The samples between the ends of an edge, in the lamp's direction u, that lie before it.
+fn before_edge(first: vec4u, last: vec4u, edge: vec4u) -> vec4u {
+    return (first ^ last) & ~(first ^ edge);
+}
+
+// What outlines hide: they wind round the samples that so many of their edges lie before, if these
+// are odd. Of edges i … stop - 1, one at least.
+fn chained_cover(lamp: LampFace, begin: u32, stop: u32, x: vec3f, to: vec3f, dx: vec3f, dy: vec3f) -> Samples {
+    var covered = Samples();
+    var odd = Samples();
+    var i = begin;
+    loop {
+        let first = textureLoad(occluders, texel(3u * i));
+        let last = textureLoad(occluders, texel(3u * i + 1u));
+        let plane = textureLoad(occluders, texel(3u * i + 2u));
+        let d = first.xyz - x;
+        let e = last.xyz - x;
+        // the same numbers for an end of two edges, so that no row of samples falls between them
+        let one = samples_of(lamp, to, cross(d, lamp.u.xyz), lamp.u.xyz, dx, dy);
+        let other = samples_of(lamp, to, cross(e, lamp.u.xyz), lamp.u.xyz, dx, dy);
+        let edge = samples_of(lamp, to, cross(d, e), e - d, dx, dy);
+        odd.rows0 ^= before_edge(one.rows0, other.rows0, edge.rows0);
+        odd.rows1 ^= before_edge(one.rows1, other.rows1, edge.rows1);
+        odd.rows2 ^= before_edge(one.rows2, other.rows2, edge.rows2);
+        odd.rows3 ^= before_edge(one.rows3, other.rows3, edge.rows3);
+        let ends = 0u - u32(first.w);
+        let used = vec4u(select(0u, ends, dot(plane.xyz, x) > plane.w));
+        covered.rows0 |= used & odd.rows0;
+        covered.rows1 |= used & odd.rows1;
+        covered.rows2 |= used & odd.rows2;
+        covered.rows3 |= used & odd.rows3;
+        let kept = vec4u(~ends);
+        odd.rows0 &= kept;
+        odd.rows1 &= kept;
+        odd.rows2 &= kept;
+        odd.rows3 &= kept;
+        i++;
+        if (i >= stop) { break; }
+    }
+    return covered;
+}
+
 // n: the receiver's normal. A closed body hides from a receiver that lies against it, too. list: the
 // lamp's texel.
 fn lamp_share(list: vec4u, x: vec3f, n: vec3f, dx: vec3f, dy: vec3f) -> f32 {
@@ -97,8 +173,17 @@ fn lamp_share(list: vec4u, x: vec3f, n: vec3f, dx: vec3f, dy: vec3f) -> f32 {
     var inside3 = vec4u(0xffffffffu);
     // The tests of loops come last: software drivers pass over a loop's body until no lane is left,
     // so that a test at its beginning costs one pass more.
+    let faces = list.x + (list.w >> 8u);
+    if (chained != 0u && list.x + list.y > faces) {
+        let outlined = chained_cover(lamp, faces, list.x + list.y, x, to, dx, dy);
+        covered0 = outlined.rows0;
+        covered1 = outlined.rows1;
+        covered2 = outlined.rows2;
+        covered3 = outlined.rows3;
+    }
     var i = list.x;
     loop {
+        if (chained != 0u && i >= faces) { break; }
         let begin = textureLoad(occluders, texel(3u * i));
         let way = textureLoad(occluders, texel(3u * i + 1u)).xyz;
         let plane = textureLoad(occluders, texel(3u * i + 2u));
@@ -110,7 +195,7 @@ fn lamp_share(list: vec4u, x: vec3f, n: vec3f, dx: vec3f, dy: vec3f) -> f32 {
         let side = select(-1.0, 1.0, height > 0.0 && !against);
         let above = select(-height, abs(height), both_sides);
         let apart = side * (dot(plane.xyz, to) - lamp.centre.w * height);
-        let reach = abs(dot(plane.xyz, lamp.u.xyz)) + abs(dot(plane.xyz, lamp.v.xyz));
+        let reach = lamp.u.w * abs(dot(plane.xyz, lamp.u.xyz)) + abs(dot(plane.xyz, lamp.v.xyz));
         let counts = (above > tolerance || against) && apart + reach > 0.0;
         // seen from beyond its plane, a face would seem to hide what lies behind the receiver
         let crossed = abs(height) < abs(dot(plane.xyz, dx)) + abs(dot(plane.xyz, dy));
@@ -151,7 +236,7 @@ fn lamp_share(list: vec4u, x: vec3f, n: vec3f, dx: vec3f, dy: vec3f) -> f32 {
         let open = (lamp.mask[0] & ~covered0) | (lamp.mask[1] & ~covered1)
             | (lamp.mask[2] & ~covered2) | (lamp.mask[3] & ~covered3);
         i++;
-        if (i >= list.x + list.y || all(open == vec4u(0u))) { break; }
+        if (i >= faces || all(open == vec4u(0u))) { break; }
     }
     let seen = countOneBits(lamp.mask[0] & ~covered0) + countOneBits(lamp.mask[1] & ~covered1)
         + countOneBits(lamp.mask[2] & ~covered2) + countOneBits(lamp.mask[3] & ~covered3);

@@ -1,0 +1,74 @@
+"""What surfaces hide of one lamp in a picture: by outlines where these tell, else by faces."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.optics.casters import Casters
+from gpusim.optics.emitters import Lamp
+from gpusim.optics.half_shadow import HalfShadow, half_shadow
+from gpusim.optics.lamp_layer import Alone
+from gpusim.optics.lamp_outline import Outline
+from gpusim.optics.outline_shadow import outline_shadow
+from gpusim.optics.receivers import Receivers
+
+__all__ = ["CastersOf", "LampShadow", "lamp_shadow"]
+
+Array = npt.NDArray[np.float64]
+Numbers = npt.NDArray[np.int64]
+
+CastersOf = Callable[[frozenset[int]], Casters]
+"""The faces of all surfaces but those of some numbers."""
+
+
+@dataclass(frozen=True, eq=False)
+class LampShadow:
+    """``dark``: tiles (linear) that the lamp doesn't light; ``faces``: those before it, tile by
+    tile. ``tile`` (n,): ascending, of edges of outlines before it: ``ends`` (n, 2, 3) world,
+    ``cut`` (n, 4) as in `OutlineShadow`, ``last`` (n,) whether it is an outline's last one
+    there."""
+
+    dark: Numbers
+    faces: HalfShadow
+    tile: Numbers
+    ends: Array
+    cut: Array
+    last: npt.NDArray[np.bool_]
+
+
+def lamp_shadow(
+    receivers: Receivers, lamp: Lamp, casters: CastersOf, alone: Sequence[Alone],
+    shape: tuple[int, int],
+) -> LampShadow:  # fmt: skip
+    """What is hidden of a ``lamp`` in a picture of ``shape`` (rows, columns) tiles; surfaces
+    ``alone`` hide nothing of themselves."""
+    facing = ~receivers.turned_away(lamp) if alone else np.zeros(0, bool)
+    found = [outline_shadow(receivers, Outline(one), facing, shape) for one in alone]
+    unsure = np.zeros(shape, bool)
+    for one in found:
+        unsure.reshape(-1)[one.unsure] = True
+    bodies = [one.surface for one in alone]
+    none = np.zeros(0, np.int64)
+    parts = [half_shadow(receivers, lamp, casters(frozenset(bodies)), none, ~unsure)]
+    if unsure.any():
+        every = casters(frozenset())
+        parts.append(half_shadow(receivers, lamp, every, np.array(bodies, np.int64), unsure))
+    flat = unsure.reshape(-1)
+    dark = [part.dark for part in parts] + [one.dark[~flat[one.dark]] for one in found]
+    tiles, ends, cuts, lasts = [none], [np.zeros((0, 2, 3))], [np.zeros((0, 4))], [none > 0]
+    for one in found:
+        kept = np.flatnonzero(~flat[one.tile])
+        tiles.append(one.tile[kept])
+        ends.append(one.ends[kept])
+        cuts.append(one.cut[kept])
+        lasts.append(np.diff(tiles[-1], append=-1) != 0)
+    tile = np.concatenate(tiles)
+    order = np.argsort(tile, kind="stable")
+    return LampShadow(
+        np.concatenate(dark), HalfShadow.joined(parts), tile[order], np.concatenate(ends)[order],
+        np.concatenate(cuts)[order], np.concatenate(lasts)[order],
+    )  # fmt: skip

@@ -1,0 +1,209 @@
+"""Tiles of a picture that an outline (`gpusim.optics.lamp_outline`) hides a lamp from.
+
+What is told by an outline holds for receivers beyond all of what they may see before the lamp. In a
+tile with others of these they are told apart by a plane across the lamp's axis; where there is none
+between them, faces have to be looked at.
+
+Edges in a tile's window of the lamp's view are listed as they are. Of those to the right of it only
+the ends count that an odd number of them has: what ends there is closed by edges to one point to
+the right and below, as whatever closes it on that side of the window winds as often round what is
+inside.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.optics.lamp_outline import BEFORE, BEYOND, CLEAR, UNSURE, Outline
+from gpusim.optics.lamp_view import LampView, Reach
+from gpusim.optics.receivers import LEVELS, TILE, Receivers
+
+__all__ = ["OutlineShadow", "outline_shadow"]
+
+Array = npt.NDArray[np.float64]
+Numbers = npt.NDArray[np.int64]
+Flags = npt.NDArray[np.bool_]
+
+BESIDE = 0.15
+"""Of what a box is wide, that may be seen beside it, about a pixel of a tile's; and of a window,
+by which edges are closed beside it."""
+
+
+@dataclass(frozen=True, eq=False)
+class OutlineShadow:
+    """``dark``, ``unsure``: tiles (linear) that it hides all of the lamp from, and those where
+    faces have to tell. ``tile`` (n,) ascending and ``ends`` (n, 2, 3) world: edges that hide some
+    of it; ``cut`` (n, 4): normal of the plane beyond which they do, and its offset (world)."""
+
+    dark: Numbers
+    unsure: Numbers
+    tile: Numbers
+    ends: Array
+    cut: Array
+
+    @staticmethod
+    def none() -> OutlineShadow:
+        """No shadow at all."""
+        number = np.zeros(0, np.int64)
+        return OutlineShadow(number, number, number, np.zeros((0, 2, 3)), np.zeros((0, 4)))
+
+
+def outline_shadow(
+    receivers: Receivers, outline: Outline, facing: Flags, shape: tuple[int, int]
+) -> OutlineShadow:
+    """What an ``outline`` hides of its lamp from receivers that are ``facing`` (T,) it, in a
+    picture of ``shape`` (rows, columns) tiles."""
+    mask = _met(receivers, outline, facing, shape)
+    if not mask.any():
+        return OutlineShadow.none()
+    pairs = receivers.in_tiles(mask.reshape(shape), facing)
+    reach = outline.view.reach(receivers.points(pairs))
+    number = pairs.tile[:, 1] * shape[1] + pairs.tile[:, 0]
+    state = np.full(len(number), BEFORE, np.int8)
+    others = np.flatnonzero(receivers.view.body[pairs.triangle] != outline.surface)
+    state[others] = outline.states(reach[others])
+    behind = reach.s[1] == -np.inf
+    tile, row = np.unique(number, return_inverse=True)
+
+    def most(own: Flags, values: Array) -> Array:
+        result = np.full(len(tile), -np.inf)
+        np.maximum.at(result, row[own], values[own])
+        return result
+
+    # what is clear there is taken along: it sees past the outline
+    under = ((state == BEYOND) | (state == CLEAR)) & ~behind
+    hidden = np.bincount(row[state == BEYOND], minlength=len(tile)) > 0
+    unsure = np.bincount(row[state == UNSURE], minlength=len(tile)) > 0
+    cut, above = most(under, reach.s[1]), -most(state == BEFORE, -reach.s[0])
+    unsure |= hidden & ~(above > cut + outline.margin)
+    other = np.bincount(row[(state == BEFORE) | behind], minlength=len(tile)) > 0
+    p, q = (_wider(-most(under, -low), most(under, high)) for low, high in (reach.p, reach.q))
+    box = Reach(p, q, np.stack([-most(under, -reach.s[0]), cut]))
+    some = np.flatnonzero(hidden & ~unsure)
+    sure = outline.states(box[some]) == BEYOND
+    unsure[some[~sure]] = True
+    some = some[sure]
+    found = _edges(outline, box[some])
+    unsure[some[found.broken]] = True
+    whole = found.whole & ~found.broken
+    kept = ~found.broken[found.box]
+    dark = whole & ~other[some]
+    kept &= ~dark[found.box]
+    # between what is hidden and what isn't, or what hides it
+    limit = np.minimum(above[some], found.lowest)
+    limit = 0.5 * (cut[some] + np.where(np.isfinite(limit), limit, outline.top))
+    return OutlineShadow(
+        tile[some[dark]], tile[unsure], tile[some[found.box[kept]]], found.ends[kept],
+        _plane(outline.view, limit)[found.box[kept]],
+    )  # fmt: skip
+
+
+def _wider(low: Array, high: Array) -> Array:
+    """(2, n): boxes from ``low`` to ``high``, and what pixels see beside small triangles."""
+    more = BESIDE * (high - low)
+    return np.stack([low - more, high + more])
+
+
+def _met(receivers: Receivers, outline: Outline, facing: Flags, shape: tuple[int, int]) -> Flags:
+    """(tiles,) in which something may be hidden by the outline."""
+    view, result = receivers.view, np.zeros(shape[0] * shape[1], bool)
+    own = facing & (view.body != outline.surface)
+    spots = receivers.spots
+    spots = spots[own[spots.triangle] & receivers.seen(spots)]
+    if len(spots.triangle):
+        triangle, which = np.unique(spots.triangle, return_inverse=True)
+        points = np.take(receivers.columns, triangle, axis=2)
+        spots = spots[(outline.states(outline.view.reach(points)) >= BEYOND)[which]]
+        result[spots.tile[:, 1] * shape[1] + spots.tile[:, 0]] = True
+    pairs = receivers.pairs(np.flatnonzero(own & receivers.large), LEVELS[0])
+    for size in LEVELS:
+        if size != pairs.size:
+            pairs = receivers.touched(pairs.split(size))
+        points = receivers.points(pairs)
+        if size == TILE:
+            seen = receivers.seen(pairs, points)
+            pairs, points = pairs[seen], np.compress(seen, points, axis=2)
+        pairs = pairs[outline.states(outline.view.reach(points)) >= BEYOND]
+    result[pairs.tile[:, 1] * shape[1] + pairs.tile[:, 0]] = True
+    return result
+
+
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """Of boxes: ``broken`` and ``whole`` (n,), whether faces have to tell, and whether all is
+    inside of the outline; ``lowest`` s of the edges listed; edges ``ends`` (m, 2, 3) world of
+    ``box`` (m,), ascending."""
+
+    broken: Flags
+    whole: Flags
+    lowest: Array
+    box: Numbers
+    ends: Array
+
+
+def _edges(outline: Outline, reach: Reach) -> _Found:
+    """The edges that tell which of the lamp receivers in boxes see, all beyond the outline."""
+    count, window = len(reach.s[0]), outline.window(reach)
+    box, edge = outline.edges_right(window)
+    apart = np.minimum(outline.start[0], outline.end[0])[edge] > window[0, 1, box]
+    near, near_edge = box[~apart], edge[~apart]
+    # ends to the right: above the window, below it, or their own
+    above, below = outline.points.shape[0], outline.points.shape[0] + 1
+    box, edge = box[apart], edge[apart]
+    keys = []
+    for vertex, place in zip(outline.vertex, (outline.start, outline.end), strict=True):
+        q, code = place[1, edge], vertex[edge]
+        code = np.where(q > window[1, 1, box], above, code)
+        code = np.where(q < window[1, 0, box], below, code)
+        keys.append(box * (below + 1) + code)
+    key, times = np.unique(np.concatenate(keys), return_counts=True)
+    box, code = np.divmod(key[times % 2 == 1], below + 1)
+    whole = np.zeros(count, bool)
+    whole[box[code == above]] = True
+    whole[near] = False
+    box, code = box[code != below], code[code != below]
+    # two points to the right, as far as the nearest to the lamp must be
+    size = window[:, 1] - window[:, 0]
+    side = window[0, 1] + BESIDE * size[0] + outline.across
+    away, top = BESIDE * size[1] + outline.across, np.full(count, outline.top)
+    low, high = (
+        world_of(outline.view, np.stack([side, q, top])).T
+        for q in (window[1, 0] - away, window[1, 1] + away)
+    )
+    own = code < above
+    first = np.where(own[:, None], outline.points[np.where(own, code, 0)], high[box])
+    ends = np.concatenate(
+        [np.stack([outline.points[v[near_edge]] for v in outline.vertex], axis=1),
+         np.stack([first, low[box]], axis=1)]
+    )  # fmt: skip
+    s = np.minimum(outline.start[2], outline.end[2])[near_edge]
+    s = np.concatenate([s, np.where(own, outline.depth[np.where(own, code, 0)], np.inf)])
+    box = np.concatenate([near, box])
+    lowest = np.full(count, np.inf)
+    np.minimum.at(lowest, box, s)
+    order = np.argsort(box, kind="stable")
+    broken = ~(lowest > reach.s[1] + outline.margin)
+    return _Found(broken, whole, lowest, box[order], ends[order])
+
+
+def world_of(view: LampView, place: Array) -> Array:
+    """Points (3, n) in the world whose p, q and s (3, n) these are."""
+    p, q, s = place
+    axes = view.across[:, None] * p + view.along[:, None] * q
+    if view.lamp.far:
+        return np.asarray(axes - view.axis[:, None] * s)
+    return np.asarray(view.lamp.centre[:, None] + (view.axis[:, None] + axes) / s)
+
+
+def _plane(view: LampView, s: Array) -> Array:
+    """(n, 4): normals and offsets of the planes of s (n,), from the lamp on."""
+    result = np.empty((len(s), 4))
+    result[:, :3] = view.axis
+    if view.lamp.far:
+        result[:, 3] = -s
+    else:
+        result[:, 3] = 1.0 / s + float(view.axis @ view.lamp.centre)
+    return result
