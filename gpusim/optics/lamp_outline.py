@@ -14,9 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.optics.corners import CHUNK
+from gpusim.optics.lamp_chain import Chain
 from gpusim.optics.lamp_layer import Alone
 from gpusim.optics.lamp_view import Reach
-from gpusim.optics.ragged import expand
 from gpusim.optics.windows import Windows
 
 __all__ = ["BEFORE", "BEYOND", "CLEAR", "UNSURE", "Outline"]
@@ -32,26 +32,21 @@ all of it is nearer; or neither is sure."""
 MOST_CELLS = 256
 """Of either side of the table of depths."""
 
-BANDS = 512
-"""In which edges are filed."""
-
 MARGIN = 1e-6
 """Of the highest s, by which receivers must be beyond what hides the lamp."""
 
 
 class Outline:
-    """The border of what a lamp sees of ``surface``: ``start`` and ``end`` (3, E): p, q and s of
-    its edges (`gpusim.optics.lamp_view`); ``vertex`` (2, E) their ends; ``top`` and ``bottom``: the
-    highest and the lowest s; ``margin`` in s and ``across`` in p and q count as nothing."""
+    """The border of what a lamp sees of ``surface`` in its ``view``; ``points`` (P, 3) of that,
+    ``depth`` (P,) s of these; ``top`` and ``bottom``: the highest and the lowest s; ``margin`` in s
+    and ``across`` in p and q count as nothing."""
 
     def __init__(self, alone: Alone) -> None:
         self.surface, self.view, patch, points = alone
         self.points, view = points, self.view
         self._places = np.stack(view.place(*(np.ascontiguousarray(v) for v in points.T)))
         self._triangles = patch.triangles
-        loops = patch.loops
-        self.vertex = np.stack([loops.vertex, loops.vertex[loops.after]])
-        self.start, self.end = (self._places[:, vertex] for vertex in self.vertex)
+        self._loops = patch.loops
         self.top, self.bottom = float(patch.high[2]), float(patch.low[2])
         self.margin = MARGIN * max(abs(self.top), abs(self.bottom))
         self.across = MARGIN * float((patch.high - patch.low)[:2].max())
@@ -60,6 +55,11 @@ class Outline:
     def depth(self) -> Array:
         """(P,): s of the surface's points."""
         return np.asarray(self._places[2])
+
+    def chain(self, tolerance: float) -> Chain:
+        """Its edges, joined where they leave the border by no more than ``tolerance`` in p and
+        q, or what looks like that from the lamp."""
+        return Chain.of(self._loops, self._places, max(self.view.half), tolerance)
 
     @cached_property
     def _cells(self) -> tuple[Array, Array, Windows, Windows]:
@@ -104,9 +104,9 @@ class Outline:
         sides = zip(self.view.half, (reach.p, reach.q), strict=True)
         return np.stack([[own[0] - half * rise, own[1] + half * rise] for half, own in sides])
 
-    def states(self, reach: Reach) -> States:
-        """(n,) where receivers in boxes are: see `CLEAR` and the others. What is behind the lamp is
-        clear."""
+    def depths(self, reach: Reach) -> tuple[Array, Array]:
+        """The lowest and the highest s (n,) where receivers in boxes look; inf and -inf where
+        nothing is."""
         origin, size, most, least = self._cells
         ends, shape = self.window(reach), most.shape
         first, last = np.empty((2, 2, len(reach.s[0])), np.int64)
@@ -114,46 +114,16 @@ class Outline:
             low, high = (np.clip((v - origin[axis]) / size[axis], -1, limit) for v in ends[axis])
             first[axis] = np.clip(np.floor(np.nan_to_num(low, nan=-1.0)), 0, limit)
             last[axis] = np.clip(np.floor(np.nan_to_num(high, nan=limit)), -1, limit - 1)
-        highest, lowest = most.highest(first, last), -least.highest(first, last)
-        deep = reach.s[1] - reach.s[0]
+        return -least.highest(first, last), most.highest(first, last)
+
+    def states(self, reach: Reach) -> States:
+        """(n,) where receivers in boxes are: see `CLEAR` and the others. What is behind the lamp is
+        clear."""
+        lowest, highest = self.depths(reach)
         result = np.full(len(highest), UNSURE, np.int8)
         with np.errstate(invalid="ignore"):
+            deep = reach.s[1] - reach.s[0]
             result[reach.s[1] + 0.5 * deep + self.margin < lowest] = BEYOND
         result[reach.s[0] >= highest] = BEFORE
         result[(highest == -np.inf) | (reach.s[1] == -np.inf)] = CLEAR
         return result
-
-    @cached_property
-    def _bands(self) -> tuple[float, float, Numbers, Numbers, Numbers]:
-        """Where bands of q begin, how wide they are, the first one of each edge, the edges band by
-        band, and where each band's begin."""
-        low, high = np.sort([self.start[1], self.end[1]], axis=0)
-        origin = float(low.min())
-        size = max((float(high.max()) - origin) / BANDS, 1e-300)
-        first = np.minimum((low - origin) / size, BANDS - 1).astype(np.int64)
-        last = np.minimum((high - origin) / size, BANDS - 1).astype(np.int64)
-        edge, step = expand(last - first + 1)
-        band = first[edge] + step
-        order = np.argsort(band, kind="stable")
-        start = np.searchsorted(band[order], np.arange(BANDS + 1))
-        return origin, size, first, edge[order], start
-
-    def edges_right(self, window: Array) -> tuple[Numbers, Numbers]:
-        """Pairs of windows (2, 2, n) and edges in them, or in their rows to the right (of larger
-        p)."""
-        origin, size, begins, filed, start = self._bands
-        first = np.clip((window[1, 0] - origin) / size, 0, BANDS).astype(np.int64)
-        last = np.clip(np.floor((window[1, 1] - origin) / size), -1, BANDS - 1).astype(np.int64)
-        box, step = expand(np.maximum(last - first + 1, 0))
-        band = first[box] + step
-        pair, step = expand(start[band + 1] - start[band])
-        edge = filed[start[band[pair]] + step]
-        box, band = box[pair], band[pair]
-        # an edge in several bands counts in the first of them
-        keep = np.maximum(begins[edge], first[box]) == band
-        box, edge = box[keep], edge[keep]
-        low, high = np.sort([self.start[1], self.end[1]], axis=0)
-        right = np.maximum(self.start[0], self.end[0])
-        keep = (high[edge] >= window[1, 0, box]) & (low[edge] <= window[1, 1, box])
-        keep &= right[edge] >= window[0, 0, box]
-        return box[keep], edge[keep]

@@ -12,11 +12,12 @@ inside.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.optics.lamp_chain import Chain
 from gpusim.optics.lamp_outline import BEFORE, BEYOND, CLEAR, UNSURE, Outline
 from gpusim.optics.lamp_view import LampView, Reach
 from gpusim.optics.receivers import LEVELS, TILE, Receivers
@@ -30,6 +31,12 @@ Flags = npt.NDArray[np.bool_]
 BESIDE = 0.15
 """Of what a box is wide, that may be seen beside it, about a pixel of a tile's; and of a window,
 by which edges are closed beside it."""
+
+SHARP, SOFT = 1e-3, 1.0 / 1024.0
+"""px, and share of the lamp's lesser side, by which edges may pass from the outline."""
+
+STEP = 4.0
+"""From what an outline is made coarser by to the next."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +93,7 @@ def outline_shadow(
     sure = outline.states(box[some]) == BEYOND
     unsure[some[~sure]] = True
     some = some[sure]
-    found = _edges(outline, box[some])
+    found = _edges_of(outline, box[some])
     unsure[some[found.broken]] = True
     whole = found.whole & ~found.broken
     kept = ~found.broken[found.box]
@@ -131,11 +138,11 @@ def _met(receivers: Receivers, outline: Outline, facing: Flags, shape: tuple[int
     return result
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class _Found:
     """Of boxes: ``broken`` and ``whole`` (n,), whether faces have to tell, and whether all is
     inside of the outline; ``lowest`` s of the edges listed; edges ``ends`` (m, 2, 3) world of
-    ``box`` (m,), ascending."""
+    ``box`` (m,)."""
 
     broken: Flags
     whole: Flags
@@ -143,18 +150,57 @@ class _Found:
     box: Numbers
     ends: Array
 
+    @staticmethod
+    def none(count: int) -> _Found:
+        """Nothing of so many boxes."""
+        no = np.zeros(count, bool)
+        return _Found(
+            no, no.copy(), np.full(count, np.inf), np.zeros(0, np.int64), np.zeros((0, 2, 3))
+        )
 
-def _edges(outline: Outline, reach: Reach) -> _Found:
-    """The edges that tell which of the lamp receivers in boxes see, all beyond the outline."""
+    def take(self, rows: Numbers, found: _Found) -> None:
+        """What was ``found`` of some of the boxes."""
+        self.broken[rows], self.whole[rows] = found.broken, found.whole
+        self.lowest[rows] = found.lowest
+        self.box = np.concatenate([self.box, rows[found.box]])
+        self.ends = np.concatenate([self.ends, found.ends])
+
+    def sorted(self) -> _Found:
+        """With edges box by box."""
+        order = np.argsort(self.box, kind="stable")
+        return replace(self, box=self.box[order], ends=self.ends[order])
+
+
+def _edges_of(outline: Outline, reach: Reach) -> _Found:
+    """The edges that tell which of the lamp receivers in boxes see, all beyond the outline: of an
+    outline as coarse as they don't tell from it."""
+    size = np.minimum(*(high - low for low, high in (reach.p, reach.q)))
+    finest = SHARP / TILE * size
+    rise = outline.depths(reach)[0] - reach.s[1]
+    allowed = np.maximum(finest, SOFT * min(outline.view.half) * rise)
+    result = _Found.none(len(allowed))
+    level = np.zeros(len(allowed), np.int64)
+    least = float(allowed.min(initial=np.inf))
+    if least > 0.0:
+        level = (np.log(allowed / least) / np.log(STEP)).astype(np.int64)
+    for one in np.unique(level):
+        own = np.flatnonzero(level == one)
+        chain = outline.chain(least * STEP ** float(one))
+        result.take(own, _edges(outline, chain, reach[own]))
+    return result.sorted()
+
+
+def _edges(outline: Outline, chain: Chain, reach: Reach) -> _Found:
+    """The same by the edges of one of its chains."""
     count, window = len(reach.s[0]), outline.window(reach)
-    box, edge = outline.edges_right(window)
-    apart = np.minimum(outline.start[0], outline.end[0])[edge] > window[0, 1, box]
+    box, edge = chain.rightwards(window)
+    apart = np.minimum(chain.start[0], chain.end[0])[edge] > window[0, 1, box]
     near, near_edge = box[~apart], edge[~apart]
     # ends to the right: above the window, below it, or their own
     above, below = outline.points.shape[0], outline.points.shape[0] + 1
     box, edge = box[apart], edge[apart]
     keys = []
-    for vertex, place in zip(outline.vertex, (outline.start, outline.end), strict=True):
+    for vertex, place in zip(chain.vertex, (chain.start, chain.end), strict=True):
         q, code = place[1, edge], vertex[edge]
         code = np.where(q > window[1, 1, box], above, code)
         code = np.where(q < window[1, 0, box], below, code)
@@ -176,17 +222,16 @@ def _edges(outline: Outline, reach: Reach) -> _Found:
     own = code < above
     first = np.where(own[:, None], outline.points[np.where(own, code, 0)], high[box])
     ends = np.concatenate(
-        [np.stack([outline.points[v[near_edge]] for v in outline.vertex], axis=1),
+        [np.stack([outline.points[v[near_edge]] for v in chain.vertex], axis=1),
          np.stack([first, low[box]], axis=1)]
     )  # fmt: skip
-    s = np.minimum(outline.start[2], outline.end[2])[near_edge]
+    s = np.minimum(chain.start[2], chain.end[2])[near_edge]
     s = np.concatenate([s, np.where(own, outline.depth[np.where(own, code, 0)], np.inf)])
     box = np.concatenate([near, box])
     lowest = np.full(count, np.inf)
     np.minimum.at(lowest, box, s)
-    order = np.argsort(box, kind="stable")
     broken = ~(lowest > reach.s[1] + outline.margin)
-    return _Found(broken, whole, lowest, box[order], ends[order])
+    return _Found(broken, whole, lowest, box, ends)
 
 
 def world_of(view: LampView, place: Array) -> Array:
