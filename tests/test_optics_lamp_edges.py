@@ -31,7 +31,7 @@ def test_all_of_the_lamp_lies_inside_of_edges_that_arent_needed(light: str) -> N
     corners = quads @ turns + rng.uniform(-0.2, 0.2, (60, 1, 3))
     surface = gs.Surface(corners.reshape(-1, 3), np.arange(240).reshape(-1, 4))
     casters = Casters.of([surface])
-    faces = casters.seen_by(lamp, np.array([[0.0, 9.0, -9.0]]))
+    faces = casters.seen_by(lamp, np.array([[0.0], [9.0], [-9.0]]))
     checked = some = 0
     for view in LampView.of(lamp):
         grid = LampGrid(view, casters, faces, -np.inf)
@@ -63,7 +63,7 @@ def test_a_sheet_bent_towards_its_lamp_is_joined_in_its_view() -> None:
     sheet = gs.Surface(points + np.array([-0.6, -0.25, 0.5]), quads)
     (lamp,) = lamps_of([AreaLight((0.0, 0.0, 2.5), (0.0, 0.0, 0.0), (0.2, 0.2), 5.0)])
     casters = Casters.of([sheet], lambda at: np.full(len(at), 1e-7))
-    faces = casters.seen_by(lamp, np.array([[0.0, 0.0, 0.0]]))
+    faces = casters.seen_by(lamp, np.zeros((3, 1)))
     assert len(faces.face) >= 200
     (view,) = LampView.of(lamp)
     rise = 1.0 / 2.0 - 1.0 / 2.5

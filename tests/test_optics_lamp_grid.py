@@ -32,7 +32,7 @@ def strips(rng: np.random.Generator, count: int) -> gs.Surface:
 
 def grids(light: str, casters: Casters) -> list[LampGrid]:
     (lamp,) = lamps_of([LIGHTS[light]])
-    faces = casters.seen_by(lamp, np.array([[0.0, 9.0, -9.0]]))
+    faces = casters.seen_by(lamp, np.array([[0.0], [9.0], [-9.0]]))
     return [LampGrid(view, casters, faces, -np.inf) for view in LampView.of(lamp)]
 
 
@@ -74,7 +74,7 @@ def wall_and_cells(light: str = "area") -> LampGrid:
     surfaces = [strips(rng, 300), gs.Surface(wall, np.array([[0, 1, 2, 3]]))]
     casters = Casters.of(surfaces)
     (lamp,) = lamps_of([LIGHTS[light]])
-    faces = casters.seen_by(lamp, np.array([[0.0, 9.0, -9.0]]))
+    faces = casters.seen_by(lamp, np.array([[0.0], [9.0], [-9.0]]))
     (view,) = LampView.of(lamp)
     return LampGrid(view, casters, faces, -np.inf)
 

@@ -22,6 +22,7 @@ from gpusim.optics.occlusion import lattice, visible_share
 from gpusim.optics.setup import Setup
 from gpusim.optics.shade import shade_twin
 from gpusim.optics.shadow_probe import block, shadow_scene
+from gpusim.optics.shadow_tiles import Chains
 from gpusim.optics.view import look
 from gpusim.optics.visibility import visibility_twin
 from tests.optics_rays import brute_share, triangles_of
@@ -119,6 +120,7 @@ def test_skipping_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
         edges=np.full(count, EVERY_EDGE, np.uint8),
         corners=faces.corners - camera.eye,
         both_sides=faces.both_sides,
+        chains=Chains.none(entries, len(lights)),
     )
     ids = visibility_twin(view)
     want = shade_twin(replace(setup, lighting=replace(setup.lighting, shadows=every)), ids)

@@ -10,6 +10,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.optics.corners import products
 from gpusim.optics.emitters import Lamp
 from gpusim.optics.merging import merge_flat, neighbours
 from gpusim.surface.surface import Surface, face_normals
@@ -130,7 +131,7 @@ class Casters:
         )  # fmt: skip
 
     def seen_by(self, lamp: Lamp, receivers: Array) -> LampFaces:
-        """The faces that may hide ``lamp`` from some of ``receivers`` (R, 3), world.
+        """The faces that may hide ``lamp`` from some of ``receivers`` (3, R), world.
 
         Of closed bodies those that turn their outside to no part of the lamp, or only to some:
         a shadow begins where a ray enters a body from behind, as seen from the lamp.
@@ -150,9 +151,21 @@ class Casters:
         # a wall that has all receivers and the lamp before it hides nothing
         walls = np.flatnonzero(self.both_sides & lit)
         area = np.linalg.norm(self.normal[walls], axis=1)
-        for face in walls[area >= WALL * area.sum()][:MOST_WALLS]:
-            ahead = (receivers - self.corners[face, 0]) @ self.normal[face]
-            reach = float(np.abs(receivers - self.corners[face, 0]).max(initial=0.0))
+        walls = walls[area >= WALL * area.sum()][:MOST_WALLS]
+        if len(walls) and receivers.shape[1]:
+            # where the corners of a box round all receivers are before a wall they are, too
+            ends = np.stack([receivers.min(axis=1), receivers.max(axis=1)])
+            box = np.stack(np.meshgrid(*ends.T), axis=-1).reshape(-1, 3)
+            ahead = np.einsum(
+                "rfa,fa->fr", box[:, None] - self.corners[walls, 0], self.normal[walls]
+            )
+            clear = (ahead >= 0.0).all(axis=1)
+            caster[walls[clear]] = False
+            walls = walls[~clear]
+        for face in walls:
+            way = receivers - self.corners[face, 0][:, None]
+            ahead = products(way, self.normal[face])
+            reach = float(np.abs(way).max(initial=0.0))
             size = float(np.linalg.norm(self.normal[face]))
             caster[face] = bool((ahead < -1e-7 * reach * size).any())
         # a face goes on into its neighbour where both turn the same side to the lamp

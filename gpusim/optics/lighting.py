@@ -47,11 +47,11 @@ def find_shadows(
     if not surfaces or not casts_shadows(lights):
         return None
     lamps = lamps_of(lights)
-    allowed = flatness(view, lamps)
+    allowed = cache(lambda: flatness(view, lamps))
 
     @cache
     def casters(without: frozenset[int]) -> Casters:
-        return parted(Casters.of(surfaces, allowed, without), lamps)
+        return parted(Casters.of(surfaces, lambda points: allowed()(points), without), lamps)
 
     alone = surfaces_alone(lamps, surfaces, view.camera.eye)
     found = ShadowTiles.build(view, lamps, casters, alone)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.optics.corners import NORMAL, corner_range, products
+from gpusim.optics.corners import CHUNK, NORMAL, corner_range, products
 from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.emitters import Lamp
 from gpusim.optics.ragged import expand
@@ -59,12 +60,15 @@ class Receivers:
         self.view, camera = view, view.camera
         T = camera.camera_from_world
         # (3, 3, T): corner, axis
-        self.columns = np.zeros((3, 3, view.count))
-        for k in range(3):
+        self.columns = np.empty((3, 3, view.count))
+        position = view.table.position
+        from_eye = [position[:, j] - T[j, 3] for j in range(3)]
+        for axis in range(3):
+            world = np.zeros(len(position))
             for j in range(3):
-                from_eye = view.corners[:, k, j] - T[j, 3]
-                for axis in range(3):
-                    self.columns[k, axis] += T[j, axis] * from_eye
+                world += T[j, axis] * from_eye[j]
+            for k in range(3):
+                np.take(world, view.corner[:, k], out=self.columns[k, axis], mode="clip")
         self.corners = np.moveaxis(self.columns, 2, 0)
         limit = np.array([camera.width, camera.height]) - 0.5
         low, high = corner_range(view.screen)
@@ -72,13 +76,30 @@ class Receivers:
         extent = self.high - self.low
         self.extent = np.maximum(extent[:, 0], extent[:, 1])
         self.large = self.extent > LARGE
-        self.planes = view.planes[:, 0] + view.planes[:, 1] + view.planes[:, 2]
         self.rays = T[:3, :3].T @ camera.ray_matrix()
-        self.sides = _sides(view.screen)
-        depth = view.corners[:, :, 2]
-        self.nearest = np.min([depth[:, 0], depth[:, 1], depth[:, 2]], axis=0)
+        self.sides = _sides(view)
+        depth = np.ascontiguousarray(position[:, 2])
+        z = [np.take(depth, view.corner[:, k], mode="clip") for k in range(3)]
+        self.nearest = np.minimum(np.minimum(z[0], z[1]), z[2])
+        self.farthest = np.maximum(np.maximum(z[0], z[1]), z[2])
         self.spots = self.pairs(np.flatnonzero(~self.large), TILE)
         self.behind = self._behind()
+
+    @property
+    def places(self) -> Array:
+        """(3, 3 T): all corners in the world."""
+        return np.moveaxis(self.columns, 1, 0).reshape(3, -1)
+
+    @cached_property
+    def _number(self) -> Numbers:
+        """(T,): of large triangles, which of them each is."""
+        return np.cumsum(self.large) - 1
+
+    @cached_property
+    def _planes(self) -> Array:
+        """(3, n): 1 / depth on the planes of large triangles, per column, row and at the origin."""
+        planes = self.view.planes_of(np.flatnonzero(self.large))
+        return np.ascontiguousarray((planes[:, 0] + planes[:, 1] + planes[:, 2]).T)
 
     def _behind(self) -> Array:
         """(rows, columns) of tiles: the depth beyond which nothing is seen there, or infinity.
@@ -99,8 +120,7 @@ class Receivers:
         if filled.any():
             filled[_crossed(self.view.edges, shape)] = False
         depth = np.zeros(len(filled))
-        z = self.view.corners[:, :, 2]
-        np.maximum.at(depth, place, np.max([z[:, 0], z[:, 1], z[:, 2]], axis=0)[own])
+        np.maximum.at(depth, place, self.farthest[own])
         return np.where(filled, depth, np.inf).reshape(shape)
 
     def _without_large(self, middle: Numbers, place: Numbers) -> Numbers:
@@ -196,10 +216,9 @@ class Receivers:
         bends = distortion_map(camera)
         if bends is not None:
             at = [tuple(bends.ideal(np.stack(place, axis=1))[0].T) for place in at]
-        px, py, p1 = (np.ascontiguousarray(self.planes[:, k])[own] for k in range(3))
+        px, py, p1 = np.take(self._planes, self._number[own], axis=1)
         inverse = [px * u + py * v + p1 for u, v in at]
-        z = self.view.corners[:, :, 2]
-        least = 0.2 / np.maximum(np.maximum(z[:, 0], z[:, 1]), z[:, 2])[own]
+        least = 0.2 / self.farthest[own]
         # the tile's corners may lie beyond the triangle, where its plane runs away
         sound = (inverse[0] > least) & (inverse[1] > least)
         sound &= (inverse[2] > least) & (inverse[3] > least)
@@ -217,8 +236,9 @@ class Receivers:
         away = np.ones(self.view.count, bool)
         behind = away.copy()
         near = 0.0 if lamp.far else 1.0
+        normals = np.ascontiguousarray(self.view.vertices[:, NORMAL].T)
         for k, at in enumerate(self.columns):
-            normal = self.view.corners[:, k, NORMAL].T
+            normal = np.take(normals, self.view.corner[:, k], axis=1, mode="clip")
             own = near * products(normal, at)
             reach = np.zeros(len(away))
             for side in (lamp.u, lamp.v):
@@ -263,16 +283,19 @@ def _crossed(edges: Array, shape: tuple[int, int]) -> Numbers:
     return np.concatenate(found)
 
 
-def _sides(screen: Array) -> list[tuple[Array, Array, Array, Array]]:
-    """Per side of triangles (T, 3, 2): x, y, offset of the distance inwards; |x| + |y|."""
-    x = [np.ascontiguousarray(screen[:, k, 0]) for k in range(3)]
-    y = [np.ascontiguousarray(screen[:, k, 1]) for k in range(3)]
-    area = (x[1] - x[0]) * (y[2] - y[0]) - (y[1] - y[0]) * (x[2] - x[0])
-    result = []
-    for k in range(3):
-        dx, dy = x[(k + 1) % 3] - x[k], y[(k + 1) % 3] - y[k]
-        length = np.hypot(dx, dy)
-        scale = np.where(area < 0.0, -1.0, 1.0) / np.where(length > 0.0, length, 1.0)
-        nx, ny = -dy * scale, dx * scale
-        result.append((nx, ny, -(nx * x[k] + ny * y[k]), np.abs(nx) + np.abs(ny)))
-    return result
+def _sides(view: View) -> list[tuple[Array, Array, Array, Array]]:
+    """Per side of a view's triangles: x, y, offset of the distance inwards; |x| + |y|."""
+    result = np.empty((3, 4, view.count))
+    # block by block while they are in the cache
+    for first in range(0, view.count, CHUNK):
+        part = slice(first, first + CHUNK)
+        x, y = view.screen_of(part).T
+        area = (x[1] - x[0]) * (y[2] - y[0]) - (y[1] - y[0]) * (x[2] - x[0])
+        turn = np.where(area < 0.0, -1.0, 1.0)
+        for k in range(3):
+            dx, dy = x[(k + 1) % 3] - x[k], y[(k + 1) % 3] - y[k]
+            length = np.hypot(dx, dy)
+            scale = turn / np.where(length > 0.0, length, 1.0)
+            nx, ny = -dy * scale, dx * scale
+            result[k, :, part] = nx, ny, -(nx * x[k] + ny * y[k]), np.abs(nx) + np.abs(ny)
+    return [(side[0], side[1], side[2], side[3]) for side in result]

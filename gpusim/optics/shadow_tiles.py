@@ -18,6 +18,7 @@ from gpusim.distinct import distinct
 from gpusim.errors import InputError
 from gpusim.optics.aside import Aside
 from gpusim.optics.casters import Casters
+from gpusim.optics.corners import products
 from gpusim.optics.emitters import Lamp
 from gpusim.optics.half_shadow import HalfShadow
 from gpusim.optics.lamp_layer import Alone
@@ -47,20 +48,26 @@ def flatness(view: View, lamps: list[Lamp]) -> Callable[[Array], Array]:
     lamp. It stays below what the exact test of a face's plane lets through (`TOLERANCE`).
     """
     T = view.camera.camera_from_world
-    receivers = ((view.corners[:, :, :3] - T[:3, 3]) @ T[:3, :3]).reshape(-1, 3)
+    receivers = view.table.position.T - T[:3, 3:]
+    world = np.stack([products(T[:3, axis], receivers) for axis in range(3)])
     depth = 1.0 / max(float(view.inverse_depth().max(initial=0.0)), 1e-300)
     share = min(FLATNESS / float(np.abs(np.diag(view.camera.K)[:2]).max()), 0.1 * TOLERANCE)
 
     def allowed(points: Array) -> Array:
         result = np.full(len(points), share * depth)
         for lamp in lamps:
-            if not lamp.far and len(receivers):
-                farthest = float(np.linalg.norm(receivers - lamp.centre, axis=1).max())
-                near = np.linalg.norm(points - lamp.centre, axis=1)
-                result = np.minimum(result, share * depth * near / farthest)
+            if not lamp.far and world.size:
+                farthest = float(_away(world, lamp).max())
+                result = np.minimum(result, share * depth * _away(points.T, lamp) / farthest)
         return result
 
     return allowed
+
+
+def _away(points: Array, lamp: Lamp) -> Array:
+    """(n,): distance of points (3, n) from a lamp's centre."""
+    way = points - lamp.centre[:, None]
+    return np.asarray(np.sqrt(products(way, way)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,6 +83,15 @@ class Chains:
     cut: Array
     last: npt.NDArray[np.bool_]
     scans: Array
+
+    @staticmethod
+    def none(entries: int, lamps: int) -> Chains:
+        """None in so many tiles of so many lamps."""
+        number = np.zeros((entries, lamps), np.int64)
+        return Chains(
+            number, number, np.zeros((0, 2, 3)), np.zeros((0, 4)), np.zeros(0, bool),
+            np.zeros((lamps, 3)),
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)

@@ -60,7 +60,6 @@ FIXED = 65536
 NEAR = 1e-4
 """Near plane, as a share of the farthest depth in view."""
 
-
 MANY = 2000
 """Triangles from which on those that aren't cut are told from the others."""
 
@@ -167,14 +166,9 @@ class View:
         # column by column: rows of three numbers take twice as long
         return [np.take(vertices, triangles) for vertices in self.corner.T]
 
-    @cached_property
-    def planes(self) -> Array:
-        """(T, 3, 3): row i has barycentric i over depth as an affine function of the ideal
-        position [x, y, 1]."""
-        return self.planes_of(slice(None))
-
     def planes_of(self, triangles: Rows) -> Array:
-        """(n, 3, 3): `planes` of some triangles."""
+        """(n, 3, 3) of some triangles: row i has barycentric i over depth as an affine function of
+        the ideal position [x, y, 1]."""
         return barycentric_planes(self.corners_of(triangles, POSITION), self.camera)
 
     @cached_property

@@ -10,33 +10,49 @@ __all__ = ["Windows"]
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
 
+HALVINGS = 64
+"""More than a side of a window can be halved."""
+
 
 class Windows:
-    """Tables of ``values`` (rows, columns), -inf where a cell has none."""
+    """Tables of ``values`` (rows, columns), -inf where a cell has none.
+
+    Four blocks of 2^i x 2^j cells, which overlap, are a window; the tables of all blocks are made
+    as they are asked for (sparse tables: Bender and Farach-Colton, "The LCA problem revisited",
+    2000).
+    """
 
     def __init__(self, values: Array) -> None:
         self.shape = values.shape
-        # of squares of 1, 2, 4 … cells that begin at each cell, as far as they fit
-        self._blocks = [values]
-        while 2 << len(self._blocks) <= 2 * min(values.shape):
-            step = 1 << (len(self._blocks) - 1)
-            own = self._blocks[-1]
-            own = np.maximum(own[:-step], own[step:])
-            self._blocks.append(np.maximum(own[:, :-step], own[:, step:]))
+        self._tables = {(0, 0): values}
 
     def highest(self, first: Numbers, last: Numbers) -> Array:
         """(n,) the highest of windows from cells ``first`` to ``last`` (2, n), column and row each;
         -inf where they are empty."""
-        wide, tall = last - first + 1
-        result = np.full(len(wide), -np.inf)
-        short = np.minimum(wide, tall)
-        for level in np.unique(np.frexp(short[short > 0])[1] - 1):
-            own = np.flatnonzero((short > 0) & (np.frexp(short)[1] - 1 == level))
-            block, size = self._blocks[level], 1 << int(level)
-            across, down = (-(-int(span[own].max()) // size) for span in (wide, tall))
-            for k in range(down):
-                row = np.minimum(first[1][own] + k * size, last[1][own] + 1 - size)
-                for j in range(across):
-                    column = np.minimum(first[0][own] + j * size, last[0][own] + 1 - size)
-                    result[own] = np.maximum(result[own], block[row, column])
+        size = last - first + 1
+        result = np.full(size.shape[1], -np.inf)
+        some = np.flatnonzero((size > 0).all(axis=0))
+        first, last, size = first[:, some], last[:, some], size[:, some]
+        column_level, row_level = np.frexp(size)[1] - 1
+        level = row_level * HALVINGS + column_level
+        for one in np.unique(level):
+            own = np.flatnonzero(level == one)
+            i, j = divmod(int(one), HALVINGS)
+            block = self._table(i, j)
+            left, top = first[:, own]
+            right, bottom = last[:, own] + 1 - np.array([[1 << j], [1 << i]])
+            most = np.maximum(block[top, left], block[top, right])
+            np.maximum(most, block[bottom, left], out=most)
+            result[some[own]] = np.maximum(most, block[bottom, right], out=most)
         return result
+
+    def _table(self, i: int, j: int) -> Array:
+        """The highest of blocks of 2^i rows and 2^j columns by where they begin."""
+        if (i, j) not in self._tables:
+            if i:
+                half, step = self._table(i - 1, j), 1 << (i - 1)
+                self._tables[i, j] = np.maximum(half[:-step], half[step:])
+            else:
+                half, step = self._table(0, j - 1), 1 << (j - 1)
+                self._tables[i, j] = np.maximum(half[:, :-step], half[:, step:])
+        return self._tables[i, j]
