@@ -71,13 +71,17 @@ class Receivers:
                 np.take(world, view.corner[:, k], out=self.columns[k, axis], mode="clip")
         self.corners = np.moveaxis(self.columns, 2, 0)
         limit = np.array([camera.width, camera.height]) - 0.5
-        low, high = corner_range(view.screen)
-        self.low, self.high = np.maximum(low, -0.5), np.minimum(high, limit)
+        self.low, self.high = np.empty((2, view.count)).T, np.empty((2, view.count)).T
+        # block by block while they are in the cache
+        for start in range(0, view.count, CHUNK):
+            part = slice(start, start + CHUNK)
+            low, high = corner_range(view.screen_of(part))
+            np.maximum(low, -0.5, out=self.low[part])
+            np.minimum(high, limit, out=self.high[part])
         extent = self.high - self.low
         self.extent = np.maximum(extent[:, 0], extent[:, 1])
         self.large = self.extent > LARGE
         self.rays = T[:3, :3].T @ camera.ray_matrix()
-        self.sides = _sides(view)
         depth = np.ascontiguousarray(position[:, 2])
         z = [np.take(depth, view.corner[:, k], mode="clip") for k in range(3)]
         self.nearest = np.minimum(np.minimum(z[0], z[1]), z[2])
@@ -96,6 +100,11 @@ class Receivers:
         return np.cumsum(self.large) - 1
 
     @cached_property
+    def _sides(self) -> list[tuple[Array, Array, Array, Array]]:
+        """`_sides` of large triangles."""
+        return _sides(self.view.screen_of(np.flatnonzero(self.large)))
+
+    @cached_property
     def _planes(self) -> Array:
         """(3, n): 1 / depth on the planes of large triangles, per column, row and at the origin."""
         planes = self.view.planes_of(np.flatnonzero(self.large))
@@ -111,12 +120,18 @@ class Receivers:
         camera, spots = self.view.camera, self.spots
         shape = (-(-camera.height // TILE), -(-camera.width // TILE))
         own, place = spots.triangle, spots.tile[:, 1] * shape[1] + spots.tile[:, 0]
-        x, y = (TILE * (spots.tile[:, axis] + 0.5) - 0.5 for axis in range(2))
-        inside = np.ones(len(own), bool)
-        for nx, ny, offset, _ in self.sides:
-            inside &= nx[own] * x + ny[own] * y + offset[own] >= 0.0
+        middle = [TILE * (spots.tile[:, axis] + 0.5) - 0.5 for axis in range(2)]
+        about = np.ones(len(own), bool)
+        for axis, at in enumerate(middle):
+            about &= self.low[:, axis][own] <= at
+            about &= self.high[:, axis][own] >= at
+        rows = np.flatnonzero(about)
+        x, y = (at[rows] for at in middle)
+        inside = np.ones(len(rows), bool)
+        for nx, ny, offset, _ in _sides(self.view.screen_of(own[rows])):
+            inside &= nx * x + ny * y + offset >= 0.0
         filled = np.zeros(shape[0] * shape[1], bool)
-        filled[self._without_large(np.flatnonzero(inside), place)] = True
+        filled[self._without_large(rows[inside], place)] = True
         if filled.any():
             filled[_crossed(self.view.edges, shape)] = False
         depth = np.zeros(len(filled))
@@ -161,11 +176,25 @@ class Receivers:
         last = np.minimum(last, np.array([-(-camera.width // size), -(-camera.height // size)]) - 1)
         wide, tall = np.maximum(last - first + 1, 0).T
         own, offset = expand(wide * tall)
-        step = np.stack([offset % wide[own], offset // wide[own]], axis=1)
-        return self.touched(Pairs(triangles[own], first[own] + step, size))
+        # column by column in memory
+        tile = np.stack([np.take(column, own) for column in first.T]).T
+        own_wide = np.take(wide, own)
+        several = np.flatnonzero(own_wide * np.take(tall, own) > 1)
+        down, across = np.divmod(offset[several], own_wide[several])
+        tile[several, 0] += across
+        tile[several, 1] += down
+        pairs = Pairs(triangles[own], tile, size)
+        # those in a single tile touch that
+        keep = np.ones(len(own), bool)
+        keep[several] = self._touch(pairs[several])
+        return pairs if keep.all() else pairs[np.flatnonzero(keep)]
 
     def touched(self, pairs: Pairs) -> Pairs:
         """Those whose tile the triangle may touch."""
+        return pairs[np.flatnonzero(self._touch(pairs))]
+
+    def _touch(self, pairs: Pairs) -> npt.NDArray[np.bool_]:
+        """(n,): see `touched`."""
         own, size = pairs.triangle, pairs.size
         keep = np.ones(len(own), bool)
         middle = []
@@ -177,11 +206,12 @@ class Receivers:
         rows = np.flatnonzero(keep & self.large[own])
         own, inside = own[rows], np.ones(len(rows), bool)
         x, y = middle[0][rows], middle[1][rows]
-        for nx, ny, offset, width in self.sides:
-            away = nx[own] * x + ny[own] * y + offset[own]
-            inside &= away >= -0.5 * size * width[own] - MARGIN
+        number = self._number[own]
+        for nx, ny, offset, width in self._sides:
+            away = nx[number] * x + ny[number] * y + offset[number]
+            inside &= away >= -0.5 * size * width[number] - MARGIN
         keep[rows] = inside
-        return pairs[np.flatnonzero(keep)]
+        return keep
 
     def in_tiles(self, mask: npt.NDArray[np.bool_], own: npt.NDArray[np.bool_]) -> Pairs:
         """Those of the triangles ``own`` (T,) in the smallest tiles of a ``mask`` (rows, columns)
@@ -283,19 +313,16 @@ def _crossed(edges: Array, shape: tuple[int, int]) -> Numbers:
     return np.concatenate(found)
 
 
-def _sides(view: View) -> list[tuple[Array, Array, Array, Array]]:
-    """Per side of a view's triangles: x, y, offset of the distance inwards; |x| + |y|."""
-    result = np.empty((3, 4, view.count))
-    # block by block while they are in the cache
-    for first in range(0, view.count, CHUNK):
-        part = slice(first, first + CHUNK)
-        x, y = view.screen_of(part).T
-        area = (x[1] - x[0]) * (y[2] - y[0]) - (y[1] - y[0]) * (x[2] - x[0])
-        turn = np.where(area < 0.0, -1.0, 1.0)
-        for k in range(3):
-            dx, dy = x[(k + 1) % 3] - x[k], y[(k + 1) % 3] - y[k]
-            length = np.hypot(dx, dy)
-            scale = turn / np.where(length > 0.0, length, 1.0)
-            nx, ny = -dy * scale, dx * scale
-            result[k, :, part] = nx, ny, -(nx * x[k] + ny * y[k]), np.abs(nx) + np.abs(ny)
-    return [(side[0], side[1], side[2], side[3]) for side in result]
+def _sides(screen: Array) -> list[tuple[Array, Array, Array, Array]]:
+    """Per side of triangles (T, 3, 2): x, y, offset of the distance inwards; |x| + |y|."""
+    x, y = ([np.ascontiguousarray(screen[:, k, axis]) for k in range(3)] for axis in range(2))
+    area = (x[1] - x[0]) * (y[2] - y[0]) - (y[1] - y[0]) * (x[2] - x[0])
+    turn = np.where(area < 0.0, -1.0, 1.0)
+    result = []
+    for k in range(3):
+        dx, dy = x[(k + 1) % 3] - x[k], y[(k + 1) % 3] - y[k]
+        length = np.hypot(dx, dy)
+        scale = turn / np.where(length > 0.0, length, 1.0)
+        nx, ny = -dy * scale, dx * scale
+        result.append((nx, ny, -(nx * x[k] + ny * y[k]), np.abs(nx) + np.abs(ny)))
+    return result
