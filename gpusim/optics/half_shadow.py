@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -17,7 +18,7 @@ from gpusim.optics.lamp_edges import EVERY_EDGE
 from gpusim.optics.lamp_grid import LampGrid
 from gpusim.optics.lamp_merging import FEWEST, joined_grids
 from gpusim.optics.ragged import expand
-from gpusim.optics.receivers import LEVELS, TILE, Pairs, Receivers, meets
+from gpusim.optics.receivers import LEVELS, TILE, Pairs, Receivers, meets, spread_over
 
 __all__ = ["HalfShadow", "half_shadow"]
 
@@ -61,6 +62,13 @@ class HalfShadow:
             np.concatenate([part.both_sides for part in parts]),
         )  # fmt: skip
 
+    def without(self, tiles: Flags) -> HalfShadow:
+        """What there is before other tiles than some (linear)."""
+        kept = np.flatnonzero(~tiles[self.tile])
+        if len(kept) == len(self.tile):
+            return self
+        return replace(self, tile=self.tile[kept], face=self.face[kept], edges=self.edges[kept])
+
     @staticmethod
     def none() -> HalfShadow:
         """No shadow at all."""
@@ -83,6 +91,9 @@ def half_shadow(
     facing = ~receivers.turned_away(lamp)
     # a small triangle is the same receiver in each of its tiles
     spots = receivers.spots
+    bare = np.isin(receivers.view.body, alone)
+    own_tiles = np.zeros(shape, bool)
+    own_tiles[tuple(spots.tile[bare[spots.triangle]].T[::-1])] = True
     spots = spots[facing[spots.triangle] & receivers.seen(spots)]
     if not everywhere:
         spots = spots[meets(spots, within)]
@@ -96,6 +107,7 @@ def half_shadow(
     spots, owner = spots[maybe[owner]], (np.cumsum(maybe) - 1)[owner[maybe[owner]]]
     boxes, triangle = [np.compress(maybe, points, axis=2)], triangle[maybe]
     pairs = receivers.pairs(np.flatnonzero(facing & receivers.large), LEVELS[0])
+    own_tiles |= spread_over(pairs[bare[pairs.triangle]], shape)
     clear = np.zeros((1, 1), np.int64)  # receivers of each tile that nothing is before
     for size in LEVELS:
         if size != pairs.size:
@@ -123,7 +135,8 @@ def half_shadow(
         np.concatenate([spots.tile, pairs.tile]), TILE,
     )  # fmt: skip
     everything = np.concatenate(boxes, axis=2)
-    state, owner, face, edges, levels = _found_by(sets, casters, everything, triangle, body)
+    beside = _Beside(pairs.tile[:, 1] * shape[1] + pairs.tile[:, 0], which, own_tiles.reshape(-1))
+    state, owner, face, edges, levels = _found_by(sets, casters, everything, triangle, body, beside)
     order = np.argsort(owner, kind="stable")
     start = np.searchsorted(owner[order], np.arange(len(state) + 1))
     state = state[which]
@@ -176,8 +189,33 @@ def _levels(used: CasterSet, casters: Casters, points: Array) -> list[Level]:
     return result
 
 
+@dataclass(frozen=True, eq=False)
+class _Beside:
+    """Which receivers share tiles: ``tile`` and ``which`` (n,): pairs of tiles and receivers;
+    ``own`` (tiles,): those with receivers besides that nothing of their surface is before."""
+
+    tile: Numbers
+    which: Numbers
+    own: Flags
+
+    def too_near(self, rows: Numbers, near: Flags, count: int) -> Flags:
+        """Which receivers ``rows`` (n,), of ``count``, have one beside them in some tile that faces
+        are too ``near`` to (n,), or that has been left out: one tile has one list of faces."""
+        flags = np.zeros(count, bool)
+        flags[rows[near]] = True
+        tiles = self.own.copy()
+        tiles[self.tile[flags[self.which]]] = True
+        flags[self.which[tiles[self.tile]]] = True
+        return flags[rows]
+
+
 def _found_by(
-    sets: CasterSets, casters: Casters, points: Array, triangle: Numbers, body: Numbers
+    sets: CasterSets,
+    casters: Casters,
+    points: Array,
+    triangle: Numbers,
+    body: Numbers,
+    beside: _Beside,
 ) -> tuple[States, Numbers, Numbers, Bits, list[Level]]:
     """As `_found`, of receivers on triangles (n,), each by what may hide the lamp there; and the
     levels, as faces are numbered in them."""
@@ -185,12 +223,14 @@ def _found_by(
     levels: list[Level] = []
     found: list[tuple[Numbers, Numbers, Bits]] = []
     for rows, own in sets.each(triangle):
-        some, bodies = points, body
+        some, bodies, own_rows = points, body, np.arange(len(triangle))
         if rows is not None:
-            some, bodies = np.take(points, rows, axis=2), body[rows]
+            some, bodies, own_rows = np.take(points, rows, axis=2), body[rows], rows
         before = sum(len(used.corners) for used, _ in levels)
         own_levels = _levels(own, casters, some)
-        own_state, box, face, edges = _found(own_levels, some, bodies)
+        own_state, box, face, edges = _found(
+            own_levels, some, bodies, partial(_too_near, beside, own_rows, len(triangle))
+        )
         state[slice(None) if rows is None else rows] = own_state
         found.append((box if rows is None else rows[box], before + face, edges))
         levels += reversed(own_levels)
@@ -198,12 +238,20 @@ def _found_by(
     return state, owner, face, edges, levels
 
 
+def _too_near(beside: _Beside, rows: Numbers, count: int, left: Numbers, near: Flags) -> Flags:
+    """`_Beside.too_near` of the receivers ``left`` (n,) among ``rows``."""
+    return beside.too_near(rows[left], near, count)
+
+
 def _found(
-    levels: list[Level], points: Array, body: Numbers
+    levels: list[Level],
+    points: Array,
+    body: Numbers,
+    too_near: Callable[[Numbers, Flags], Flags],
 ) -> tuple[States, Numbers, Numbers, Bits]:
     """State of each receiver box (4, 3, n) of surfaces ``body`` (n,), -1 for large ones; pairs
     (box, face) of those not lit with the edges that count; each by the most joined casters that
-    none of is too near to it, numbered from the last level to the first."""
+    none of is ``too_near`` to it, numbered from the last level to the first."""
     state = np.full(points.shape[2], LIT, np.int8)
     boxes, faces = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
     edges = [np.zeros(0, np.uint8)]
@@ -211,6 +259,10 @@ def _found(
     for casters, grids in reversed(levels):
         own = points if len(left) == len(state) else np.take(points, left, axis=2)
         state[left], box, face, bits, near = _candidates(grids, casters, own, body[left])
+        if casters is not levels[0][0]:
+            near = too_near(left, near)
+            kept = np.flatnonzero(~near[box])
+            box, face, bits = box[kept], face[kept], bits[kept]
         boxes.append(left[box])
         faces.append(before + face)
         edges.append(bits)

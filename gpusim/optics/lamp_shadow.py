@@ -57,11 +57,15 @@ def lamp_shadow(
     if unsure.any():
         every = casters(frozenset())
         parts.append(half_shadow(receivers, lamp, every, np.array(bodies, np.int64), unsure))
-    flat = unsure.reshape(-1)
-    dark = [part.dark for part in parts] + [one.dark[~flat[one.dark]] for one in found]
+    dark, flat = np.zeros(shape[0] * shape[1], bool), unsure.reshape(-1)
+    for one in found:
+        dark[one.dark[~flat[one.dark]]] = True
+    for part in parts:
+        dark[part.dark] = True
     tiles, ends, cuts, lasts = [none], [np.zeros((0, 2, 3))], [np.zeros((0, 4))], [none > 0]
     for one in found:
-        kept = np.flatnonzero(~flat[one.tile])
+        # where all is hidden nothing has to be told
+        kept = np.flatnonzero(~(flat | dark)[one.tile])
         tiles.append(one.tile[kept])
         ends.append(one.ends[kept])
         cuts.append(one.cut[kept])
@@ -69,6 +73,6 @@ def lamp_shadow(
     tile = np.concatenate(tiles)
     order = np.argsort(tile, kind="stable")
     return LampShadow(
-        np.concatenate(dark), HalfShadow.joined(parts), tile[order], np.concatenate(ends)[order],
-        np.concatenate(cuts)[order], np.concatenate(lasts)[order],
+        np.flatnonzero(dark), HalfShadow.joined(parts).without(dark), tile[order],
+        np.concatenate(ends)[order], np.concatenate(cuts)[order], np.concatenate(lasts)[order],
     )  # fmt: skip

@@ -14,7 +14,7 @@ from gpusim.optics.emitters import Lamp
 from gpusim.optics.ragged import expand
 from gpusim.optics.view import View
 
-__all__ = ["LEVELS", "TILE", "Pairs", "Receivers", "meets"]
+__all__ = ["LEVELS", "TILE", "Pairs", "Receivers", "meets", "spread_over"]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
@@ -295,6 +295,14 @@ def meets(pairs: Pairs, mask: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
     result = np.zeros(len(row), bool)
     result[inside] = held[row[inside], column[inside]]
     return result
+
+
+def spread_over(pairs: Pairs, shape: tuple[int, int]) -> npt.NDArray[np.bool_]:
+    """(rows, columns) which of the smallest tiles lie in tiles of pairs."""
+    parts = pairs.size // TILE
+    held = np.zeros((-(-shape[0] // parts), -(-shape[1] // parts)), bool)
+    held[pairs.tile[:, 1], pairs.tile[:, 0]] = True
+    return np.repeat(np.repeat(held, parts, axis=0), parts, axis=1)[: shape[0], : shape[1]]
 
 
 def _crossed(edges: Array, shape: tuple[int, int]) -> Numbers:
