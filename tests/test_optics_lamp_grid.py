@@ -49,8 +49,8 @@ def test_nothing_of_a_caster_lies_above_the_heights_of_its_cells(light: str) -> 
         p, q, s = grid.view.place(*points.T)
         known = np.isfinite(s)
         size = np.array(grid.shape)
-        column = np.floor((grid._mapped(p[known]) - grid.origin[0]) / grid.size).astype(int)
-        row = np.floor((grid._mapped(q[known]) - grid.origin[1]) / grid.size).astype(int)
+        column = np.floor((grid._mapped(p[known]) - grid.origin[0]) / grid.size[0]).astype(int)
+        row = np.floor((grid._mapped(q[known]) - grid.origin[1]) / grid.size[1]).astype(int)
         assert (row >= 0).all() and (row < size[0]).all()
         top = grid.pyramid[row * size[1] + column]
         assert (s[known] <= top + 1e-12 * np.abs(top)).all()
@@ -101,18 +101,3 @@ def test_windows_hold_every_caster_that_may_hide() -> None:
     own = (last - first)[:, grid.top(reach) > -np.inf]
     first, last = grid._window(reach, np.full(len(reach.s[0]), grid.pyramid[-1]))
     assert own.shape[1] > 100 and np.median(own) < 0.1 * np.median(last - first)
-
-
-def test_highest_within_a_window() -> None:
-    grid, rng = wall_and_cells(), np.random.default_rng(6)
-    rows, columns = grid.shape
-    first = np.stack([rng.integers(0, columns, 500), rng.integers(0, rows, 500)])
-    last = first + rng.integers(-1, 40, (2, 500))
-    last = np.minimum(last, [[columns - 1], [rows - 1]])
-    own = grid.pyramid[: rows * columns].reshape(rows, columns)
-    want = [
-        own[y : v + 1, x : u + 1].max(initial=-np.inf)
-        for (x, y), (u, v) in zip(first.T, last.T, strict=True)
-    ]
-    assert (grid._highest_within(first, last) == want).all()
-    assert np.isfinite(want).sum() > 50 and (last < first).any()

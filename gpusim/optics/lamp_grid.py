@@ -16,13 +16,14 @@ from gpusim.optics.casters import Casters, LampFaces
 from gpusim.optics.lamp_edges import LampEdges
 from gpusim.optics.lamp_view import LampView, Reach
 from gpusim.optics.ragged import expand
+from gpusim.optics.windows import Windows
 
 __all__ = ["LampGrid"]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
-LEAST_CELLS, MOST_CELLS = 1 << 14, 1 << 20
+LEAST_CELLS, MOST_CELLS, LONGEST = 1 << 14, 1 << 20, 1 << 11
 MOST_ENTRIES = 1 << 20
 """Of casters in cells, unless all are that small; large ones lie in many."""
 
@@ -56,7 +57,7 @@ def _outlines(p: Array, q: Array) -> list[tuple[Array, Array, Array]]:
 
 
 class LampGrid:
-    """Casters of one view of a lamp, in square cells of p and q, each with its highest s."""
+    """Casters of one view of a lamp, in cells of p and q, each with its highest s."""
 
     def __init__(
         self,
@@ -83,17 +84,19 @@ class LampGrid:
         self.origin = low.min(axis=1, initial=np.inf) if self.count else np.zeros(2)
         extent = high.max(axis=1, initial=-np.inf) - self.origin if self.count else np.ones(2)
         extent = np.maximum(extent, 1e-12)
-        size = float(np.sqrt(extent.prod() / LEAST_CELLS))
+        # under grazing light faces are far shorter one way than the other, and so are their cells
+        size = extent / np.sqrt(LEAST_CELLS)
         if self.count:
-            size = min(size, float(np.median((high - low).max(axis=0))))
-        size = max(size, float(np.sqrt(extent.prod() / MOST_CELLS)), float(extent.max()) / 2048)
+            size = np.minimum(size, np.median(high - low, axis=1))
+        size = np.maximum(size, extent / LONGEST)
+        size *= max(1.0, float(np.sqrt((extent / size).prod() / MOST_CELLS)))
         origin = self.origin[:, None]
         while True:
-            first = np.floor((low - origin) / size).astype(np.int64)
-            last = np.floor((high - origin) / size).astype(np.int64)
+            first = np.floor((low - origin) / size[:, None]).astype(np.int64)
+            last = np.floor((high - origin) / size[:, None]).astype(np.int64)
             if (last - first + 1).prod(axis=0).sum() <= MOST_ENTRIES + 4 * self.count:
                 break
-            size *= 2.0
+            size = 2.0 * size
         self.size = size
         self.shape = (np.floor(extent / size).astype(np.int64) + 1)[::-1]
         self.first = first
@@ -187,8 +190,8 @@ class LampGrid:
         box, cell = box[asked], cell[asked]
         middle, half = [], []
         for axis, index in enumerate((cell % self.shape[1], cell // self.shape[1])):
-            low = self.origin[axis] + (index - 1e-6) * self.size
-            low, high = self._unmapped(low), self._unmapped(low + (1.0 + 2e-6) * self.size)
+            low = self.origin[axis] + (index - 1e-6) * self.size[axis]
+            low, high = self._unmapped(low), self._unmapped(low + (1.0 + 2e-6) * self.size[axis])
             middle.append(0.5 * (low + high))
             half.append(0.5 * (high - low))
         inside = np.ones(len(box), bool)
@@ -239,10 +242,10 @@ class LampGrid:
             limit = int(self.shape[1 - axis])
             low = self._mapped(own[0] - span)
             low -= self.origin[axis]
-            low /= self.size
+            low /= self.size[axis]
             high = self._mapped(own[1] + span)
             high -= self.origin[axis]
-            high /= self.size
+            high /= self.size[axis]
             # just outside the grid on an empty side: such windows are empty
             first[axis] = np.clip(np.floor(low, out=low), 0, limit, out=low)
             last[axis] = np.clip(np.floor(high, out=high), -1, limit - 1, out=high)
@@ -289,38 +292,15 @@ class LampGrid:
             if not len(rows):
                 break
             own, before = reach[rows], most[rows]
-            found = self._highest_within(*self._window(own, before))
+            found = self._windows.highest(*self._window(own, before))
             most[rows] = np.where(found > own.s[0], np.minimum(found, before), -np.inf)
             rows = rows[(found < before) & (found > own.s[0])]
         return most
 
     @cached_property
-    def _blocks(self) -> list[Array]:
-        """Highest s of squares of 1, 2, 4 … cells that begin at each cell, as far as they fit."""
-        own = self.pyramid[: int(self.shape.prod())].reshape(self.shape)
-        result = [own]
-        while 2 << len(result) <= 2 * int(self.shape.min()):
-            step = 1 << (len(result) - 1)
-            own = np.maximum(own[:-step], own[step:])
-            own = np.maximum(own[:, :-step], own[:, step:])
-            result.append(own)
-        return result
-
-    def _highest_within(self, first: Numbers, last: Numbers) -> Array:
-        """`_highest` of nothing but the windows' own cells."""
-        wide, tall = last - first + 1
-        result = np.full(len(wide), -np.inf)
-        short = np.minimum(wide, tall)
-        for level in np.unique(np.frexp(short[short > 0])[1] - 1):
-            own = np.flatnonzero((short > 0) & (np.frexp(short)[1] - 1 == level))
-            block, size = self._blocks[level], 1 << int(level)
-            across, down = (-(-int(span[own].max()) // size) for span in (wide, tall))
-            for k in range(down):
-                row = np.minimum(first[1][own] + k * size, last[1][own] + 1 - size)
-                for j in range(across):
-                    column = np.minimum(first[0][own] + j * size, last[0][own] + 1 - size)
-                    result[own] = np.maximum(result[own], block[row, column])
-        return result
+    def _windows(self) -> Windows:
+        """The highest s of nothing but the cells of windows."""
+        return Windows(self.pyramid[: int(self.shape.prod())].reshape(self.shape))
 
     def may_hide(self, reach: Reach) -> Flags:
         """(n,) whether a caster may lie between the lamp and receivers in boxes; never misses."""

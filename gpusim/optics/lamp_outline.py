@@ -101,6 +101,8 @@ class Outline:
         """(2, 2, n): first and last p, and q, that receivers in boxes look at: of lines from the
         lamp through them, on either side as far as the outline goes."""
         rise = np.maximum(np.maximum(self.top - reach.s[0], reach.s[1] - self.bottom), 0.0)
+        # unlimited boxes stay so
+        rise = np.minimum(rise, 1e150)
         sides = zip(self.view.half, (reach.p, reach.q), strict=True)
         return np.stack([[own[0] - half * rise, own[1] + half * rise] for half, own in sides])
 
