@@ -22,7 +22,7 @@ from gpusim.optics.corners import corner_range
 from gpusim.optics.pattern import LOOP_TURNS
 from gpusim.optics.setup import Setup
 from gpusim.optics.shade import ShadePass, shade_twin
-from gpusim.optics.shadow_probe import probe_shadows
+from gpusim.optics.shadow_probe import probe_outlines, probe_shadows
 from gpusim.optics.shadow_tiles import TILE
 from gpusim.optics.tables import Tables
 from gpusim.optics.visibility import visibility_twin
@@ -110,6 +110,7 @@ def _check(device: Device) -> None:
     for matte in (False, True):
         for early in (False, True):
             _compare(device, probe_shadows(matte), early)
+    _compare(device, probe_outlines(), False)
 
 
 def _compare(device: Device, setup: Setup, early: bool) -> None:

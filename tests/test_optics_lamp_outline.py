@@ -1,0 +1,214 @@
+"""Shadows told by outlines in place of faces: against rays, and what faces must tell."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+import gpusim as gs
+from gpusim.errors import TwinMismatch
+from gpusim.gpu import Device
+from gpusim.optics import lamp_layer, lamp_shadow, shadow, shadow_tables
+from gpusim.optics.binning import bin_edges
+from gpusim.optics.emitters import lamps_of
+from gpusim.optics.light import Light
+from gpusim.optics.lighting import find_shadows
+from gpusim.optics.outline_shadow import OutlineShadow
+from gpusim.optics.shadow_probe import outlined_scene, probe_outlines
+from gpusim.optics.shadow_tiles import Chains, ShadowTiles
+from gpusim.optics.view import look
+from tests.optics_rays import brute_share, triangles_of
+
+Array = npt.NDArray[np.float64]
+
+EYE = np.array([0.1, -1.0, 0.1])
+CAMERA = gs.Camera.from_lens((36.0, 24.0), 45.0, (240, 160), tuple(EYE), (0.0, 0.0, 0.0))
+MATTE = gs.paint.Plain(0.8)
+PLACE, AIM = (-0.6, -1.3, 0.5), (0.0, 0.0, 0.0)
+LIGHTS: dict[str, Light] = {
+    "point": gs.PointLight(PLACE, 50.0),
+    "spot": gs.SpotLight(PLACE, AIM, 50.0, cone=0.6),
+    "area": gs.AreaLight(PLACE, AIM, (0.2, 0.1), 50.0),
+    "large": gs.AreaLight(PLACE, AIM, (0.9, 0.7), 50.0),
+    "disc": gs.AreaLight(PLACE, AIM, (0.15, 0.15), 50.0, shape="ellipse"),
+    "sun": gs.SunLight((0.5, 1.0, -0.4), 5.0, diameter=0.08),
+    "sharp sun": gs.SunLight((0.5, 1.0, -0.4), 5.0, diameter=0.0),
+}
+
+
+def wall(y: float = 0.25, lean: float = 0.0) -> gs.Surface:
+    near, far = y - lean, y + lean
+    corners = [[-1.0, near, -0.8], [1.0, near, -0.8], [1.0, far, 0.8], [-1.0, far, 0.8]]
+    return gs.Surface(np.array(corners), np.array([[0, 1, 2, 3]]), MATTE)
+
+
+def sheet(scale: float = 0.6, y: float = 0.0, hole: float = 0.0, tilt: float = 0.0) -> gs.Surface:
+    x, z = np.linspace(-0.5, 0.5, 23), np.linspace(-0.33, 0.33, 17)
+    points = np.stack(np.meshgrid(x, [0.0], z, indexing="ij"), axis=-1).reshape(-1, 3)
+    number = np.arange(len(points)).reshape(23, 17)
+    quads = np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], -1)
+    faces = quads.reshape(-1, 4)
+    middle = points[faces].mean(axis=1)
+    faces = faces[np.hypot(middle[:, 0], middle[:, 2]) >= hole]
+    used, faces = np.unique(faces, return_inverse=True)
+    points = scale * points[used]
+    points[:, 1] = y + tilt * points[:, 2] + 0.01 * np.sin(15.0 * points[:, 0])
+    return gs.Surface(points, faces.reshape(-1, 4), MATTE)
+
+
+def box(half: float = 0.12, centre: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> gs.Surface:
+    """A closed body of fine faces, none of them edge-on to the lamps."""
+    n = 8
+    u, v = (k.reshape(-1) for k in np.meshgrid(*2 * [np.linspace(-1.0, 1.0, n + 1)], indexing="ij"))
+    number = np.arange(u.size).reshape(n + 1, n + 1)
+    quads = np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], -1)
+    sides, faces = [], []
+    for axis in range(3):
+        for sign in (1.0, -1.0):
+            side = np.empty((u.size, 3))
+            side[:, axis], side[:, (axis + 1) % 3], side[:, (axis + 2) % 3] = sign, u, v
+            faces.append(quads.reshape(-1, 4)[:, :: int(sign)] + u.size * len(sides))
+            sides.append(side)
+    points, which = np.unique(np.concatenate(sides), axis=0, return_inverse=True)
+    turn = np.array([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
+    every = which.reshape(-1)[np.concatenate(faces)]
+    return gs.Surface(np.array(centre) + half * points @ turn.T, every, MATTE)
+
+
+@pytest.fixture(autouse=True)
+def few(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(lamp_layer, "FEWEST", 500)
+
+
+def compared(surfaces: list[gs.Surface], light: Light) -> tuple[ShadowTiles, Array, Array]:
+    """What was found; what pixels' centres off edges see of the lamp by that, and by rays."""
+    view = look(surfaces, CAMERA, lit=True)
+    tiles = find_shadows(view, [light], surfaces)
+    assert tiles is not None
+    truth = gs.render(surfaces, CAMERA, [light], backend="numpy").truth()
+    inside = ~np.isin(truth.row * CAMERA.width + truth.column, bin_edges(view).pixel)
+    (lamp,) = lamps_of([light])
+    turned = np.sum(truth.normal * (lamp.centre - (not lamp.far) * truth.reference), axis=1)
+    rows = np.flatnonzero(inside & (turned > 0.0))
+    # most where something changes
+    part = tiles.entry[truth.row[rows] // 8, truth.column[rows] // 8] > 0
+    rows = np.concatenate([rows[part][:: max(part.sum() // 200, 1)], rows[~part][::199]])
+    seen, still = truth.reference[rows], np.zeros((len(rows), 3))
+    place = truth.column[rows].astype(float), truth.row[rows].astype(float)
+    shares = tiles.shares(*place, seen - EYE, truth.normal[rows], still, still)[:, 0]
+    return tiles, shares, brute_share(lamp, seen, triangles_of(surfaces), 12)
+
+
+def near(shares: Array, want: Array, light: Light) -> None:
+    """Rays to a hundred points of the lamp tell to some percent, to one exactly."""
+    away = np.abs(shares - want)
+    limit = 0.06 if lamps_of([light])[0].extended else 1e-9
+    assert (want < 0.5).sum() > 10 and (want > 0.5).sum() > 50
+    # a ray may pass an edge that float32 has on the other side
+    assert (away > limit).mean() < 1e-2 and (away > 0.1).sum() <= 1
+
+
+@pytest.mark.parametrize(
+    ("kind", "name"),
+    [("sheet", name) for name in LIGHTS]
+    + [
+        ("hole", "area"),
+        ("hole", "point"),
+        ("box", "area"),
+        ("box", "spot"),
+        ("tilted", "large"),
+    ],
+)
+def test_shares_of_lamps_are_those_of_rays(kind: str, name: str) -> None:
+    before = {
+        "sheet": sheet(), "hole": sheet(hole=0.12), "box": box(), "tilted": sheet(tilt=0.6),
+    }[kind]  # fmt: skip
+    tiles, shares, want = compared([before, wall(lean=0.1)], LIGHTS[name])
+    near(shares, want, LIGHTS[name])
+    # no face was listed where nothing comes near the wall
+    assert len(tiles.chains.ends) > 0 and len(tiles.face) == 0
+
+
+@pytest.mark.parametrize("name", ["point", "area", "large"])
+def test_several_over_each_other(name: str) -> None:
+    """Tiles that one of them makes dark may be half lit as far as another is concerned."""
+    surfaces = [box(0.06, (-0.12, -0.25, 0.05)), wall(), sheet(), sheet(0.4, 0.12, hole=0.1)]
+    tiles, shares, want = compared(surfaces, LIGHTS[name])
+    near(shares, want, LIGHTS[name])
+    dark = np.flatnonzero((tiles.lit.reshape(-1) & 1) == 0)
+    assert len(dark) > 5 or name == "large"
+    assert (tiles.entry.reshape(-1)[dark] == 0).all()
+
+
+@pytest.mark.parametrize("name", ["point", "area", "sun"])
+def test_faces_tell_where_bodies_meet(name: str) -> None:
+    """A sheet that leans at the wall and goes through it: outlines far from there alone."""
+    surfaces = [sheet(0.5, 0.13, tilt=-0.5), wall(0.2)]
+    tiles, shares, want = compared(surfaces, LIGHTS[name])
+    near(shares, want, LIGHTS[name])
+    assert len(tiles.face) > 0 and len(tiles.chains.ends) > 0
+
+
+def test_faces_joined_for_far_receivers_hide_nothing_near_them(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A sheet before its own soft shadow, by faces alone: none of its pixels is dark."""
+
+    def unsure(_: object, __: object, ___: object, shape: tuple[int, int]) -> OutlineShadow:
+        return replace(OutlineShadow.none(), unsure=np.arange(shape[0] * shape[1]))
+
+    monkeypatch.setattr(lamp_shadow, "outline_shadow", unsure)
+    light = gs.AreaLight(PLACE, AIM, (0.5, 0.4), 50.0)
+    tiles, shares, want = compared([sheet(0.7), wall(0.6)], light)
+    assert len(tiles.face) > 0 and len(tiles.chains.ends) == 0
+    near(shares, want, light)
+
+
+def moved_end(chains: Chains) -> Chains:
+    """With one of the vertices elsewhere."""
+    ends = chains.ends.copy()
+    ends[(ends == ends[len(ends) // 2, 0]).all(axis=2)] += [0.05, 0.0, 0.05]
+    return replace(chains, ends=ends)
+
+
+def test_an_end_elsewhere_is_seen() -> None:
+    light = LIGHTS["area"]
+    tiles, shares, want = compared([sheet(), wall()], light)
+    near(shares, want, light)
+    wrong = replace(tiles, chains=moved_end(tiles.chains))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("tests.test_optics_lamp_outline.find_shadows", lambda *_: wrong)
+        _, shares, want = compared([sheet(), wall()], light)
+    with pytest.raises(AssertionError):
+        near(shares, want, light)
+
+
+def test_the_device_with_an_end_elsewhere_is_found_out(
+    device: Device, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    setup = probe_outlines()
+    shadow._compare(device, setup, False)
+    right = shadow_tables._ends
+    monkeypatch.setattr(shadow_tables, "_ends", lambda chains: right(moved_end(chains)))
+    with pytest.raises(TwinMismatch):
+        shadow._compare(device, setup, False)
+
+
+def test_pictures_are_those_of_faces(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also where lamps are many, and in a series."""
+    surfaces, camera, lights = outlined_scene()
+    moved = [surfaces[0], surfaces[1].moved(surfaces[1].points + np.array([0.02, 0.01, 0.05]))]
+
+    def pictures() -> list[npt.NDArray[np.float32]]:
+        frames = [gs.render(own, camera, lights, device=device) for own in (surfaces, moved)]
+        return [frame.radiance for frame in frames]
+
+    got = pictures()
+    monkeypatch.setattr("gpusim.optics.lighting.surfaces_alone", lambda *_: None)
+    for one, other in zip(got, pictures(), strict=True):
+        off = np.abs(one - other) / other.max()
+        # an edge pixel under many lists may be the host's or the device's
+        assert np.quantile(off, 0.999) < 0.01 and off.max() < 0.1
