@@ -1,7 +1,8 @@
 """Time of an image against its number of faces: ``python -m benchmarks.faces [--write]``.
 
-A bumpy plate fills the image, patterned and lit by a lamp without shadows. Its faces are cut
-finer and finer, and nothing else changes: what they cost is what the image's time grows by.
+A bumpy plate fills the image, patterned and lit, or stands as a bent sheet before a wall, or a bent
+beam does, a closed body. Faces are cut finer and finer, and nothing else changes: what they cost is
+what the image's time grows by.
 """
 
 from __future__ import annotations
@@ -16,10 +17,21 @@ import numpy as np
 
 import gpusim as gs
 from gpusim.gpu import Device
+from gpusim.optics.light import Light
 
 RESULTS = Path(__file__).parent / "results"
-SCENES = ("board", "shadows", "speckle")
-"""Squares under a lamp without shadows, the same with shadows, speckle without."""
+SCENES = (
+    "board",
+    "shadows",
+    "speckle",
+    "beam",
+    "beam-shadows",
+    "beam-soft",
+    "sheet-shadows",
+    "sheet-soft",
+)
+"""A plate of squares under a lamp without shadows, the same with shadows, speckle without; a beam
+or a sheet before a wall under a lamp without shadows, with shadows, and with soft ones."""
 
 COUNTS = (1_000, 3_000, 10_000, 30_000, 100_000, 300_000, 1_000_000)
 
@@ -52,17 +64,65 @@ def plate(faces: int, paint: gs.paint.Paint | None = None) -> gs.Surface:
     return gs.Surface(bumpy, quads.reshape(-1, 4), paint or gs.paint.Checker(0.05), reference=flat)
 
 
+def bent_sheet(faces: int) -> gs.Surface:
+    """A smaller plate, bent, before the place of the wall."""
+    flat = plate(faces)
+    points = flat.points * [0.6, 1.0, 0.6]
+    points[:, 1] += 0.05 * np.sin(4.0 * flat.points[:, 0]) - 0.1
+    return gs.Surface(points, flat.faces, gs.paint.Plain(0.5))
+
+
+def beam(faces: int) -> gs.Surface:
+    """The skin of a bent beam of 1 x 0.1 x 0.1 in about ``faces`` quads, squares on its front."""
+    across = max(int(np.sqrt(faces / 42.0)), 1)
+    cells = np.array([10 * across, across, across])
+    places, quads = [], []
+    for axis in range(3):
+        first, second = (axis + 1) % 3, (axis + 2) % 3
+        grid = np.meshgrid(*(np.arange(cells[k] + 1) for k in (first, second)), indexing="ij")
+        number = np.arange(grid[0].size).reshape(grid[0].shape)
+        own = np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], -1)
+        for end, way in ((cells[axis], 1), (0, -1)):
+            place = np.empty((grid[0].size, 3))
+            place[:, axis], place[:, first], place[:, second] = end, *(v.reshape(-1) for v in grid)
+            quads.append(own.reshape(-1, 4)[:, ::way] + sum(len(v) for v in places))
+            places.append(place)
+    front = np.repeat(np.arange(6) == 3, [len(v) for v in quads])
+    whole, which = np.unique(np.concatenate(places), axis=0, return_inverse=True)
+    rest = whole / cells * [1.0, 0.1, 0.1] - [0.5, 0.05, 0.05]
+    points = rest - [0.0, 0.0, 0.08] * (rest[:, :1] + 0.5) ** 2
+    return gs.Surface(
+        points, which.reshape(-1)[np.concatenate(quads)],
+        {"front": gs.paint.Checker(0.02), "rest": gs.paint.Plain(0.6)},
+        region=np.where(front, 0, 1).astype(np.int32), reference=rest,
+    )  # fmt: skip
+
+
+def wall() -> gs.Surface:
+    """Behind the beam."""
+    corners = [[-1.0, 0.4, -0.8], [1.0, 0.4, -0.8], [1.0, 0.4, 0.8], [-1.0, 0.4, 0.8]]
+    return gs.Surface(np.array(corners), np.array([[0, 1, 2, 3]]), gs.paint.Plain())
+
+
+def scene_of(name: str, faces: int) -> tuple[gs.Surface, list[gs.Surface], list[Light]]:
+    """The surface that is cut, those behind it, and the lamps."""
+    lamps: list[Light] = [gs.PointLight((-1.0, -2.0, 1.0), 50.0, shadows="shadows" in name)]
+    if name.endswith("soft"):
+        lamps = [gs.AreaLight((-1.0, -2.0, 1.0), (0.0, 0.0, 0.0), (0.3, 0.2), 50.0)]
+    if name.startswith(("beam", "sheet")):
+        return beam(faces) if name.startswith("beam") else bent_sheet(faces), [wall()], lamps
+    return plate(faces, gs.paint.Speckle(diameter=0.004) if name == "speckle" else None), [], lamps
+
+
 def measure(faces: int, width: int, device: Device, repeats: int, scene: str) -> Timing:
     """The fastest of ``repeats`` warm images of either kind, and the first one."""
-    surface = plate(faces, gs.paint.Speckle(diameter=0.004) if scene == "speckle" else None)
-    camera = gs.Camera.from_lens(
-        (36.0, 24.0), 34.0, (width, width * 2 // 3), (0.1, -1.0, 0.1), (0, 0, 0)
-    )
-    lights = [gs.PointLight((-1.0, -2.0, 1.0), 50.0, shadows=scene == "shadows")]
+    surface, behind, lights = scene_of(scene, faces)
+    eye = (0.2, -1.2, 0.5) if behind else (0.1, -1.0, 0.1)
+    camera = gs.Camera.from_lens((36.0, 24.0), 34.0, (width, width * 2 // 3), eye, (0, 0, 0))
 
     def timed(shown: gs.Surface) -> tuple[float, float]:
         start, used = time.perf_counter(), time.process_time()
-        frame = gs.render([shown], camera, lights, device=device)
+        frame = gs.render([shown, *behind], camera, lights, device=device)
         device.sync()
         result = time.perf_counter() - start, time.process_time() - used
         frame.release()
@@ -110,7 +170,7 @@ def main() -> None:
     size = f"{arguments.width} x {arguments.width * 2 // 3} px"
     lines = [
         "# Faces", "",
-        f"{device.name}; {size}, lit, {arguments.scene}, the plate fills the image", "",
+        f"{device.name}; {size}, lit, {arguments.scene}", "",
         "| faces | image s | processor s | moved: image s | processor s | first image s |",
         "|---|---|---|---|---|---|",
     ]  # fmt: skip
