@@ -133,5 +133,5 @@ def test_rows_keep_all_that_belongs_to_their_triangles() -> None:
     part = view.over_rows(5, 9)
     assert 0 < part.count < view.count and view.footprint.any()
     own = [np.flatnonzero((view.screen == one).all(axis=(1, 2)))[0] for one in part.screen]
-    for name in ("corners", "planes", "paint", "face", "footprint"):
+    for name in ("corners", "paint", "face", "footprint"):
         np.testing.assert_array_equal(getattr(part, name), getattr(view, name)[own])

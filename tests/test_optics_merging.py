@@ -82,9 +82,7 @@ def test_joined_faces_cast_the_same_shadow(monkeypatch: pytest.MonkeyPatch) -> N
     joined = setup.lighting.shadows
     got = shade_twin(setup, ids)
     alone = Casters.of
-    monkeypatch.setattr(
-        Casters, "of", staticmethod(lambda surfaces, flatness=None: alone(surfaces))
-    )
+    monkeypatch.setattr(Casters, "of", staticmethod(lambda surfaces, *_: alone(surfaces)))
     setup = Setup.build(view, [lamp], 0.0, [sheet, ground])
     single = setup.lighting.shadows
     want = shade_twin(setup, ids)
@@ -105,7 +103,7 @@ def test_wide_penumbrae_take_more_faces_joined(monkeypatch: pytest.MonkeyPatch) 
         np.array([[0, 1, 2, 3]]), paint=gs.paint.Plain(0.7),
     )  # fmt: skip
     camera = gs.Camera.from_lens(
-        (36.0, 27.0), 30.0, (128, 96), eye=(1.9, -1.4, 2.4), target=(0, 0.7, 0.3)
+        (36.0, 27.0), 30.0, (512, 384), eye=(1.9, -1.4, 2.4), target=(0, 0.7, 0.3)
     )
     lamp = gs.AreaLight((0.4, -2.4, 2.1), (0.0, 0.1, 0.0), size=(0.3, 0.2), power=40.0)
     view = look([sheet, ground], camera, lit=True)
