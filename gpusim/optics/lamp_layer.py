@@ -44,6 +44,9 @@ FEWEST = 2000
 MOST_ALONE = 8
 """Surfaces that are looked at for themselves."""
 
+MOST_KEPT = 32
+"""Views of a surface from lamps that are kept."""
+
 MOST_SEEN = 20_000
 """Dark triangles of a closed body that are looked at closely."""
 
@@ -160,6 +163,9 @@ def _kept(view: LampView, key: bytes, surface: Surface, shape: Shape, eye: Array
     if surface.topology.closed:
         key += eye.tobytes()
     if key not in shape.lamps:
+        while len(shape.lamps) >= MOST_KEPT:
+            # the oldest one: a body that stays while the camera or a lamp moves has ever more
+            shape.lamps.pop(next(iter(shape.lamps)))
         shape.lamps[key] = _patch(view, surface, shape, eye)
     found: Patch | None = shape.lamps[key]
     return found

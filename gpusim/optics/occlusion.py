@@ -44,6 +44,9 @@ be part of a sheet that goes on with the face. What stands on it or cuts it is s
 CHUNK = 1 << 9
 """Pairs of receivers and faces at a time, so that they stay in the processor's cache."""
 
+SURE = 1.0 + 1e-9
+"""Of the most that a lamp's function changes over its samples, beyond which it keeps its sign."""
+
 STEP_A, STEP_B = 2.0 / COLUMNS, 2.0 / (ROWS * COLUMNS)
 
 
@@ -204,30 +207,56 @@ def _wound(
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.uint32]]:
     """Receivers (n,) and the samples (n, 16) that an outline hides from each: those that an odd
     number of its edges lies before, in the direction that they are counted in."""
-    own = chained.receiver
-    near, x = 0.0 if lamp.far else 1.0, at[own]
-    to, scan = lamp.centre - near * x, np.broadcast_to(chained.scan, x.shape)
-    first, last = chained.ends[:, 0] - x, chained.ends[:, 1] - x
-
-    def side(normal: Array, way: Array) -> npt.NDArray[np.uint32]:
-        turned = np.cross(to, way) - near * normal
-        gx, gy = (np.sum(turned * change[own], axis=1) for change in (across, down))
-        value = np.sum(normal * to, axis=1)
-        if lamp.extended:
-            a, b = normal @ lamp.u, normal @ lamp.v
-        else:
-            a, b, gx, gy = 0.5 * gx, 0.5 * gy, 0.0 * gx, 0.0 * gy
-        return _bits(lamp, *(v[None, :, None] for v in (value, a, b, gx, gy)))
-
-    one, other = side(np.cross(first, scan), scan), side(np.cross(last, scan), scan)
-    edge = side(np.cross(first, last), last - first)
-    before = (one ^ other) & ~(one ^ edge)
     stop = np.flatnonzero(chained.last)
     begin = np.concatenate([[0], stop[:-1] + 1])
-    odd = np.bitwise_xor.reduceat(before, begin, axis=0)
-    beyond = np.sum(chained.cut[:, :3] * x, axis=1) > chained.cut[:, 3]
-    hides = beyond[begin]
-    return own[begin][hides], odd[hides]
+    outline = np.repeat(np.arange(len(stop)), stop + 1 - begin)
+    odd = np.zeros((len(stop), ROWS), np.uint32)
+    for start in range(0, len(outline), 8 * CHUNK):
+        part = slice(start, start + 8 * CHUNK)
+        rows, bits = _before(
+            lamp, at, across, down, chained.receiver[part], chained.ends[part], chained.scan
+        )
+        np.bitwise_xor.at(odd, outline[part][rows], bits)
+    own = chained.receiver[begin]
+    hides = np.sum(chained.cut[begin, :3] * at[own], axis=1) > chained.cut[begin, 3]
+    return own[hides], odd[hides]
+
+
+def _before(
+    lamp: Lamp, at: Array, across: Array, down: Array, own: npt.NDArray[np.int64], ends: Array,
+    scan: Array,
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.uint32]]:  # fmt: skip
+    """Rows (n,) of edges with ``ends`` (P, 2, 3) that some samples of receivers ``own`` (P,) may
+    lie before, and these samples (n, 16)."""
+    near = 0.0 if lamp.far else 1.0
+
+    def side(rows: npt.NDArray[np.int64], first: Array, way: Array) -> Array:
+        """(5, n): the function of the lamp that a plane through receivers is, from it to
+        ``first`` and about ``way``."""
+        normal = np.cross(first, way)
+        turned = np.cross(lamp.centre - near * at[own[rows]], way) - near * normal
+        gx, gy = (np.sum(turned * change[own[rows]], axis=1) for change in (across, down))
+        value = np.sum(normal * (lamp.centre - near * at[own[rows]]), axis=1)
+        if lamp.extended:
+            return np.stack([value, normal @ lamp.u, normal @ lamp.v, gx, gy])
+        return np.stack([value, 0.5 * gx, 0.5 * gy, 0.0 * gx, 0.0 * gy])
+
+    def samples(of: Array) -> npt.NDArray[np.uint32]:
+        return _bits(lamp, *(v[None, :, None] for v in of))
+
+    every = np.arange(len(own))
+    first, last = ends[:, 0] - at[own], ends[:, 1] - at[own]
+    scans = np.broadcast_to(scan, first.shape)
+    one, other = side(every, first, scans), side(every, last, scans)
+    # both ends on one side of all samples: none lies between
+    sure = [np.abs(v[0]) > SURE * (np.abs(v[1:3]).sum(axis=0) + np.abs(v[3:]).sum(axis=0))
+            for v in (one, other)]  # fmt: skip
+    rows = np.flatnonzero(~(sure[0] & sure[1] & (one[0] * other[0] > 0.0)))
+    low, high = samples(one[:, rows]), samples(other[:, rows])
+    between = np.flatnonzero((low != high).any(axis=1))
+    rows, low, high = rows[between], low[between], high[between]
+    edge = samples(side(rows, first[rows], last[rows] - first[rows]))
+    return rows, (low ^ high) & ~(low ^ edge)
 
 
 def _bits(

@@ -35,6 +35,9 @@ by which edges are closed beside it."""
 SHARP, SOFT = 1e-3, 1.0 / 1024.0
 """px, and share of the lamp's lesser side, by which edges may pass from the outline."""
 
+MOST_LISTED = 1_000_000
+"""Edges of an outline in all tiles; faces tell where there are more."""
+
 STEP = 4.0
 """From what an outline is made coarser by to the next."""
 
@@ -196,6 +199,11 @@ def _edges(outline: Outline, chain: Chain, reach: Reach) -> _Found:
     box, edge = chain.rightwards(window)
     apart = np.minimum(chain.start[0], chain.end[0])[edge] > window[0, 1, box]
     near, near_edge = box[~apart], edge[~apart]
+    if len(near) > MOST_LISTED:
+        # faces, joined for soft shadows, are fewer
+        result = _Found.none(count)
+        result.broken[:] = True
+        return result
     # ends to the right: above the window, below it, or their own
     above, below = outline.points.shape[0], outline.points.shape[0] + 1
     box, edge = box[apart], edge[apart]

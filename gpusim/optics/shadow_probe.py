@@ -58,7 +58,8 @@ def outlined_scene() -> tuple[list[Surface], Camera, list[Light]]:
     number = np.arange(x.size).reshape(x.shape)
     quads = np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], -1)
     points = np.stack([x, y, z], axis=-1).reshape(-1, 3)
-    sheet = Surface(points, quads.reshape(-1, 4), paint=Plain(0.6), name="sheet")
+    faces = quads.reshape(-1, 4).astype(np.int32)
+    sheet = Surface(points, faces, paint=Plain(0.6), name="sheet")
     return [table, sheet], camera, lights
 
 
