@@ -296,7 +296,7 @@ class Receivers:
         used = np.zeros(self.world.shape[1], bool)
         for k in range(3):
             used[self.view.corner[:, k]] = True
-        return self.world if used.all() else self.world[:, used]
+        return np.take(self.world, np.flatnonzero(used), axis=1)
 
 
 def meets(pairs: Pairs, mask: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
