@@ -41,7 +41,7 @@ class CasterSets:
         self._alone, self._casters, self._faces = alone, casters, faces
         self._views: list[tuple[LampView, float]] = []
         for view in LampView.of(lamp):
-            s = view.place(*np.moveaxis(receivers.columns, 1, 0))[2]
+            s = view.place(*receivers.shown)[2]
             s = s[np.isfinite(s)]
             self._views.append((view, float(s.min(initial=np.inf))))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -12,7 +13,8 @@ import numpy.typing as npt
 
 from gpusim.optics.corners import products
 from gpusim.optics.emitters import Lamp
-from gpusim.optics.merging import merge_flat, neighbours
+from gpusim.optics.merging import merge_flat, neighbours, rows_of
+from gpusim.optics.rows import Rows
 from gpusim.surface.surface import Surface, face_normals
 from gpusim.surface.topology import Topology
 
@@ -25,9 +27,17 @@ MOST_WALLS, WALL = 32, 1e-3
 BENT = 1e-7
 """Of a face's size: a corner's distance from the plane of the others that makes it bent."""
 
-_ACROSS: WeakKeyDictionary[Topology, dict[int, tuple[npt.NDArray[np.int64], bool]]] = (
-    WeakKeyDictionary()
-)
+
+class _Known(NamedTuple):
+    """Of faces (F, 4): what is across their edges and whether something is across all, see
+    `neighbours`; and their rows."""
+
+    beside: npt.NDArray[np.int64]
+    closed: bool
+    rows: tuple[Rows, Rows]
+
+
+_KNOWN: WeakKeyDictionary[Topology, dict[int, _Known]] = WeakKeyDictionary()
 
 FLAT = 1e-9
 """Distance from a face's plane, per distance and face size, that counts as on it."""
@@ -86,6 +96,7 @@ class Casters:
         bodies = [np.zeros(0, np.int64)]
         edges, beside = [np.zeros((0, 2), np.int64)], [np.zeros(0, np.int64)]
         first = vertex = 0
+        several = sum(len(v.faces) for n, v in enumerate(surfaces) if n not in without) > 1
         for number, surface in enumerate(surfaces):
             if number in without:
                 continue
@@ -95,39 +106,33 @@ class Casters:
                 triangles = surface.topology.triangles
                 used = np.column_stack([triangles, np.full(len(triangles), -1)])
             own = np.where(used >= 0, used, np.roll(used, 1, axis=1))
-            across, closed = _across(surface.topology, own)
+            known = _known(surface.topology, own)
+            across = known.beside.reshape(-1)
+            normal = face_normals(surface.points, used)
+            edge, owner = np.arange(len(across)), None
+            if flatness is not None and several:
+                merged = merge_flat(
+                    surface.points, own, flatness(surface.points), known.beside, rows=known.rows
+                )
+                own, normal, owner = merged.faces, merged.total(normal), merged.owner
+                edge = np.flatnonzero(~merged.inner.reshape(-1))
             count = len(own)
             points.append(surface.points)
             faces.append(own + vertex)
-            normals.append(face_normals(surface.points, used))
-            both.append(np.full(count, not closed))
+            normals.append(normal)
+            both.append(np.full(count, not known.closed))
             bodies.append(np.full(count, number))
-            face, place = np.divmod(np.arange(4 * count), 4)
+            face, place, other = edge >> 2, edge & 3, across[edge]
+            if owner is not None:
+                face, other = owner[face], np.where(other >= 0, owner[other], other)
             edges.append(np.stack([face + first, place], axis=1))
-            other = across.reshape(-1)
             beside.append(np.where(other >= 0, other + first, other))
             first += count
             vertex += len(surface.points)
-        single = Casters(
+        return Casters(
             np.concatenate(points), np.concatenate(faces), np.concatenate(normals),
             np.concatenate(both), np.concatenate(bodies), np.concatenate(edges),
             np.concatenate(beside),
-        )  # fmt: skip
-        return single if flatness is None or first < 2 else single.joined(flatness)
-
-    def joined(self, flatness: Callable[[Array], Array]) -> Casters:
-        """These with flat parts joined: see `of`."""
-        beside = np.full((len(self.faces), 4), -2)
-        beside[tuple(self.edge.T)] = self.beside
-        merged = merge_flat(self.points, self.faces, flatness(self.points), beside)
-        face, place = self.edge.T
-        kept = np.flatnonzero(~merged.inner[face, place])
-        other = self.beside[kept]
-        return Casters(
-            self.points, merged.faces, merged.total(self.normal), self.both_sides[merged.member],
-            self.body[merged.member],
-            np.stack([merged.owner[face[kept]], place[kept]], axis=1),
-            np.where(other >= 0, merged.owner[other], other),
         )  # fmt: skip
 
     def seen_by(self, lamp: Lamp, receivers: Array) -> LampFaces:
@@ -187,9 +192,10 @@ def _bent(points: Array, faces: npt.NDArray[np.int64]) -> bool:
     return bool((gap > BENT * size * np.sqrt(size)).any())
 
 
-def _across(topology: Topology, faces: npt.NDArray[np.int64]) -> tuple[npt.NDArray[np.int64], bool]:
-    """`neighbours` of a topology's faces, or of its triangles, found once for all frames."""
-    found = _ACROSS.setdefault(topology, {})
+def _known(topology: Topology, faces: npt.NDArray[np.int64]) -> _Known:
+    """What is known of a topology's faces, or of its triangles, for all frames."""
+    found = _KNOWN.setdefault(topology, {})
     if len(faces) not in found:
-        found[len(faces)] = neighbours(faces)
+        beside, closed = neighbours(faces)
+        found[len(faces)] = _Known(beside, closed, rows_of(faces, beside))
     return found[len(faces)]

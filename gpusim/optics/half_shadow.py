@@ -84,7 +84,7 @@ def half_shadow(
     """What ``casters`` hide of a lamp in the tiles of a picture that are ``within`` (rows,
     columns); surfaces ``alone`` (n,) hide nothing of themselves."""
     shape, everywhere = within.shape, bool(within.all())
-    faces = casters.seen_by(lamp, receivers.places)
+    faces = casters.seen_by(lamp, receivers.shown)
     if not len(faces.face):
         return HalfShadow.none()
     sets = CasterSets(receivers, lamp, casters, faces, alone)

@@ -7,15 +7,17 @@ stay within a tolerance of the straight sides.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.optics.corners import products
+from gpusim.optics.corners import CHUNK, products
+from gpusim.optics.rows import Rows, links
 from gpusim.surface.topology import sorted_keys
 
-__all__ = ["Merged", "merge_flat", "neighbours"]
+__all__ = ["Merged", "merge_flat", "neighbours", "rows_of"]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
@@ -54,6 +56,7 @@ def merge_flat(
     tolerance: Array | None,
     beside: Numbers | None = None,
     plane: bool = True,
+    rows: tuple[Rows, Rows] | None = None,
 ) -> Merged:
     """Join faces (F, 4) of ``points`` (N, 3); triangles, with a corner twice, stay.
 
@@ -62,113 +65,176 @@ def merge_flat(
     tolerance : (N,) how far from a vertex the joined side may pass; None joins nothing.
     beside : (F, 4) the faces across which others may be joined, as `neighbours` finds them.
     plane : whether what is joined has to stay as flat.
+    rows : what `rows_of` finds.
     """
     count = len(faces)
-    points = np.ascontiguousarray(points.T)
+    inner = np.zeros((4, count), bool).T
+    if tolerance is None:
+        return Merged(faces, np.arange(count), inner)
     beside = neighbours(faces)[0] if beside is None else beside
-    owner, inner = np.arange(count), np.zeros((count, 4), bool)
-    current, name = faces, np.arange(count)  # the faces left, and their numbers among all
-    for k in (1, 2):  # across a face's edges 1 and 3, then 2 and 0
-        for _ in range(ROUNDS if tolerance is not None else 0):
-            first, second = _pairs(points, current, beside, k, tolerance, plane)
-            if not len(first):
-                break
-            into = np.arange(count)
-            into[name[second]] = name[first]
-            out, back = np.zeros(count, bool), np.zeros(count, bool)
-            out[name[first]], back[name[second]] = True, True
-            inner[:, k] |= out[owner]
-            inner[:, (k + 2) % 4] |= back[owner]
-            owner = into[owner]
-            current = current.copy()
-            for j in (k, (k + 1) % 4):
-                current[first, j] = current[second, j]
-            left = np.ones(len(current), bool)
-            left[second] = False
-            beside = _beside(beside, first, second, k)[left]
-            current, name = current[left], name[left]
-    return Merged(current, np.searchsorted(name, owner), inner)
+    rows = rows_of(faces, beside) if rows is None else rows
+    at = np.ascontiguousarray(points.T)
+    corner = _columns(faces)
+    # across edges 1 and 3, then of what is left across 2 and 0
+    sides = {k: np.array(beside[:, k]) for k in (0, 2)}
+    owner = _joined(at, tolerance, corner, rows[0], 1, plane, sides)
+    _fill(inner, rows[0], owner[:count], 1)
+    name = np.flatnonzero(owner[:count] == np.arange(count))
+    along = rows[1]
+    if len(name) < count:
+        # -1 is the last one
+        number = np.full(count + 2, -1)
+        number[name] = np.arange(len(name))
+        corner = [np.take(column, name) for column in corner]
+        across = {k: number[owner[side[name]]] for k, side in sides.items()}
+        along = along.among(number, links(corner, across[2], across[0], 2))
+        owner = number[owner]
+    into = _joined(at, tolerance, corner, along, 2, plane)[: len(name)]
+    own = np.zeros((4, len(name)), bool).T
+    _fill(own, along, into, 2)
+    owner = owner[:count]
+    for k in (0, 2):
+        inner[:, k] = np.take(own[:, k], owner)
+    left = np.flatnonzero(into == np.arange(len(name)))
+    final = np.empty(len(name), np.int64)
+    final[left] = np.arange(len(left))
+    merged = np.stack([np.take(column, left) for column in corner], axis=1)
+    return Merged(merged, np.take(final[into], owner), inner)
 
 
-def _beside(beside: Numbers, first: Numbers, second: Numbers, k: int) -> Numbers:
-    """What is across the edges (F, 4) of faces once pairs of them are joined across edges ``k``,
-    by the numbers of what is then left."""
-    result = beside.copy()
-    result[first, k] = beside[second, k]
-    into = np.arange(len(beside))
-    into[second] = first
-    for j in ((k + 1) % 4, (k + 3) % 4):
-        a, b = beside[first, j], beside[second, j]
-        # on a long side is one face, or none
-        result[first, j] = np.where((a >= 0) & (b >= 0) & (into[a] == into[b]), a, -1)
-    left = np.ones(len(beside), np.int64)
-    left[second] = 0
-    number = (np.cumsum(left) - 1)[into]
-    return np.where(result >= 0, number[result], result)
+def rows_of(faces: Numbers, beside: Numbers) -> tuple[Rows, Rows]:
+    """The rows of faces (F, 4) across edges 1 and 3, and across 2 and 0: see `merge_flat`."""
+    corner, (first, second, third, fourth) = _columns(faces), _columns(beside)
+    return Rows.of(links(corner, second, fourth, 1)), Rows.of(links(corner, third, first, 2))
 
 
-def _pairs(
-    points: Array, faces: Numbers, beside: Numbers, k: int, tolerance: Array | None, plane: bool
-) -> tuple[Numbers, Numbers]:
-    """Disjoint pairs of faces that may be joined across the first one's edge ``k``."""
-    count = len(faces)
-    other, back = beside[:, k], beside[:, (k + 2) % 4]
-    corner = np.ascontiguousarray(faces.T)
-    quad = np.ones(count, bool)
-    for j in range(4):
-        quad &= corner[j] != corner[j - 1]
-    known = np.flatnonzero((other >= 0) & quad)
-    partner = other[known]
-    good = (back[partner] == known) & quad[partner]
-    known, partner = known[good], partner[good]
-    a, b = ([corner[(j + k) % 4][own] for j in range(4)] for own in (known, partner))
-    # the common edge runs a[0] a[1] in the first, b[3] b[2] in the second
-    good = (a[0] == b[3]) & (a[1] == b[2])
-    if tolerance is not None:
-        good &= _on_segment(points, a[0], a[3], b[0], tolerance)
-        good &= _on_segment(points, a[1], a[2], b[1], tolerance)
-        if plane:
-            good &= _flat(points, (a[3], b[0], b[1], a[2]), tolerance)
-    known, partner = known[good], partner[good]
-    # places along the rows: every second face is joined with the next
-    before = np.full(count, -1)
-    before[partner] = known
-    place = (before >= 0).astype(np.int64)
-    jump = before
-    while True:
-        ahead = jump >= 0
-        step = np.where(ahead, place[jump], 0)
-        following = np.where(ahead, jump[jump], -1)
-        if not (step > 0).any() or place.max(initial=0) > count:
+def _columns(values: Numbers) -> list[Numbers]:
+    return [np.array(column) for column in values.T]
+
+
+def _fill(inner: npt.NDArray[np.bool_], rows: Rows, owner: Numbers, k: int) -> None:
+    """Tell the edges ``inner`` (F, 4) between faces of ``rows`` that went into the same one."""
+    after = rows.face[rows.after]
+    same = np.flatnonzero(rows.linked & (owner[rows.face] == owner[after]))
+    inner[rows.face[same], k] = True
+    inner[after[same], (k + 2) % 4] = True
+
+
+def _joined(
+    points: Array,
+    tolerance: Array,
+    corner: list[Numbers],
+    rows: Rows,
+    k: int,
+    plane: bool,
+    sides: dict[int, Numbers] | None = None,
+) -> Numbers:
+    """Join faces of ``rows`` across their edges ``k``: which one (F + 2,) each has gone into, and
+    -2 and -1 where they are looked up. ``corner``: columns (F,), those of the joined ones are
+    changed; so is what is across their ``sides``, one face or none, level by level."""
+    into = np.append(np.arange(len(corner[0])), [-2, -1])
+    own = [np.take(corner[(j + k) % 4], rows.face) for j in range(4)]
+    good, asked = np.zeros(len(rows.face), bool), rows.linked
+    for level in range(ROUNDS):
+        after = rows.after
+        ask = np.flatnonzero(asked & rows.linked)
+        good[ask] = _suit(points, tolerance, own, ask, after[ask], plane)
+        first = rows.every_second(good)
+        if not len(first):
             break
-        place, jump = place + step, following
-    keep = (place[known] % 2 == 0) & (place[known] <= count)
-    return known[keep], partner[keep]
+        second = after[first]
+        one, other = rows.face[first], rows.face[second]
+        into[other] = one
+        for side in (sides or {}).values():
+            a, b = side[one], side[other]
+            for _ in range(level + 1):
+                a, b = into[a], into[b]
+            # on a long side is one face, or none
+            side[one] = np.where((a >= 0) & (a == b), a, -1)
+        for column in own[:2]:
+            column[first] = column[second]
+        linked = rows.linked.copy()
+        linked[first] = linked[second]
+        # others are asked no more than once
+        asked = np.zeros(len(good), bool)
+        asked[first] = True
+        asked |= asked[after]
+        good &= ~asked
+        left = np.ones(len(good), bool)
+        left[second] = False
+        kept = np.flatnonzero(left)
+        rows = replace(rows, linked=linked).some(kept)
+        own = [_taken(column, kept) for column in own]
+        good, asked = _taken(good, kept), _taken(asked, kept)
+    for j in range(2):
+        corner[(j + k) % 4][rows.face] = own[j]
+    for _ in range(ROUNDS.bit_length()):
+        into = into[into]
+    return into
+
+
+def _suit(
+    points: Array,
+    tolerance: Array,
+    corner: list[Numbers],
+    first: Numbers,
+    second: Numbers,
+    plane: bool,
+) -> npt.NDArray[np.bool_]:
+    """Whether pairs of faces of a row may be joined; ``corner``: columns of vertices, those that
+    the next face shares first."""
+    result = np.zeros(len(first), bool)
+    for begin in range(0, len(first), CHUNK):
+        row = np.arange(begin, min(begin + CHUNK, len(first)))
+        a, b = first[row], second[row]
+        for front, back in ((0, 3), (1, 2)):
+            middle, start = _taken(corner[front], a), _taken(corner[back], a)
+            on = _on_segment(points, middle, start, _taken(corner[front], b), tolerance)
+            row, a, b = _some(on, row, a, b)
+        if plane:
+            one, other = (_taken(corner[j], a) for j in (3, 2))
+            quad = one, _taken(corner[0], b), _taken(corner[1], b), other
+            (row,) = _some(_flat(points, quad, tolerance), row)
+        result[row] = True
+    return result
+
+
+def _taken(values: npt.NDArray[Any], rows: Numbers) -> npt.NDArray[Any]:
+    """Those of a column; NumPy looks at numbers that may be out of range one by one."""
+    return np.take(values, rows, axis=-1, mode="clip")
+
+
+def _some(good: npt.NDArray[np.bool_], *columns: Numbers) -> list[Numbers]:
+    """The good ones of columns."""
+    if good.all():
+        return list(columns)
+    kept = np.flatnonzero(good)
+    return [_taken(column, kept) for column in columns]
 
 
 def _on_segment(
     points: Array, middle: Numbers, start: Numbers, end: Numbers, tolerance: Array
 ) -> npt.NDArray[np.bool_]:
     """Whether vertices lie on the way from ``start`` to ``end``, within their tolerance."""
-    origin = np.take(points, start, axis=1)
-    way, to = np.take(points, end, axis=1) - origin, np.take(points, middle, axis=1) - origin
+    origin = _taken(points, start)
+    way, to = _taken(points, end) - origin, _taken(points, middle) - origin
     length = products(way, way)
     share = products(to, way) / np.where(length > 0.0, length, 1.0)
     rest = to - share * way
     gap = np.sqrt(products(rest, rest))
-    return np.asarray((share > 0.0) & (share < 1.0) & (gap <= tolerance[middle]))
+    return np.asarray((share > 0.0) & (share < 1.0) & (gap <= _taken(tolerance, middle)))
 
 
 def _flat(
     points: Array, quad: tuple[Numbers, Numbers, Numbers, Numbers], tolerance: Array
 ) -> npt.NDArray[np.bool_]:
     """Whether the diagonals of quadrilaterals meet, within the tolerance."""
-    P = [np.take(points, v, axis=1) for v in quad]
+    P = [_taken(points, v) for v in quad]
     (ux, uy, uz), (vx, vy, vz) = P[2] - P[0], P[3] - P[1]
     normal = np.stack([uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx])
     size = np.sqrt(products(normal, normal))
     gap = np.abs(products(normal, P[1] - P[0])) / np.where(size > 0.0, size, 1.0)
-    return np.asarray((gap <= tolerance[quad[0]]) & (size > 0.0))
+    return np.asarray((gap <= _taken(tolerance, quad[0])) & (size > 0.0))
 
 
 def neighbours(faces: Numbers) -> tuple[Numbers, bool]:

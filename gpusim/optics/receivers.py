@@ -59,12 +59,13 @@ class Receivers:
     def __init__(self, view: View) -> None:
         self.view, camera = view, view.camera
         T = camera.camera_from_world
-        # (3, 3, T): corner, axis
-        self.columns = np.empty((3, 3, view.count))
         position = view.table.position
         from_eye = [position[:, j] - T[j, 3] for j in range(3)]
-        for axis in range(3):
-            world = np.zeros(len(position))
+        # (3, V): vertices in the world
+        self.world = np.zeros((3, len(position)))
+        # (3, 3, T): corner, axis
+        self.columns = np.empty((3, 3, view.count))
+        for axis, world in enumerate(self.world):
             for j in range(3):
                 world += T[j, axis] * from_eye[j]
             for k in range(3):
@@ -88,11 +89,7 @@ class Receivers:
         self.farthest = np.maximum(np.maximum(z[0], z[1]), z[2])
         self.spots = self.pairs(np.flatnonzero(~self.large), TILE)
         self.behind = self._behind()
-
-    @property
-    def places(self) -> Array:
-        """(3, 3 T): all corners in the world."""
-        return np.moveaxis(self.columns, 1, 0).reshape(3, -1)
+        self._away: dict[Lamp, npt.NDArray[np.bool_]] = {}
 
     @cached_property
     def _number(self) -> Numbers:
@@ -169,15 +166,20 @@ class Receivers:
 
     def pairs(self, triangles: Numbers, size: int) -> Pairs:
         """Triangles with the tiles of one size that they may touch."""
-        first = np.floor((self.low[triangles] + 0.5) / size).astype(np.int64)
-        last = np.floor((self.high[triangles] + 0.5) / size).astype(np.int64)
-        # what ends on the picture's border may end on that of a tile too, and begin none
-        camera = self.view.camera
-        last = np.minimum(last, np.array([-(-camera.width // size), -(-camera.height // size)]) - 1)
-        wide, tall = np.maximum(last - first + 1, 0).T
-        own, offset = expand(wide * tall)
+        camera, begin, size_in_tiles = self.view.camera, [], []
         # column by column in memory
-        tile = np.stack([np.take(column, own) for column in first.T]).T
+        for axis, length in enumerate((camera.width, camera.height)):
+            first, last = (
+                np.floor((np.take(v[:, axis], triangles) + 0.5) / size).astype(np.int64)
+                for v in (self.low, self.high)
+            )
+            # what ends on the picture's border may end on that of a tile too, and begin none
+            np.minimum(last, -(-length // size) - 1, out=last)
+            begin.append(first)
+            size_in_tiles.append(np.maximum(last - first + 1, 0))
+        wide, tall = size_in_tiles
+        own, offset = expand(wide * tall)
+        tile = np.stack([np.take(column, own) for column in begin]).T
         own_wide = np.take(wide, own)
         several = np.flatnonzero(own_wide * np.take(tall, own) > 1)
         down, across = np.divmod(offset[several], own_wide[several])
@@ -262,23 +264,39 @@ class Receivers:
         return result
 
     def turned_away(self, lamp: Lamp) -> npt.NDArray[np.bool_]:
-        """(T,) whether no corner of a triangle faces any part of the lamp."""
-        away = np.ones(self.view.count, bool)
-        behind = away.copy()
+        """(T,) whether no corner of a triangle faces any part of the lamp; found once."""
+        if lamp not in self._away:
+            self._away[lamp] = self._turned_away(lamp)
+        return self._away[lamp]
+
+    def _turned_away(self, lamp: Lamp) -> npt.NDArray[np.bool_]:
+        normal = np.ascontiguousarray(self.view.vertices[:, NORMAL].T)
         near = 0.0 if lamp.far else 1.0
-        normals = np.ascontiguousarray(self.view.vertices[:, NORMAL].T)
-        for k, at in enumerate(self.columns):
-            normal = np.take(normals, self.view.corner[:, k], axis=1, mode="clip")
-            own = near * products(normal, at)
-            reach = np.zeros(len(away))
-            for side in (lamp.u, lamp.v):
-                reach += np.abs(products(normal, side))
-            # a lamp's farthest corner along the normal
-            away &= products(normal, lamp.centre) + reach - own <= 0.0
-            behind &= products(at, lamp.axis) - float(lamp.axis @ lamp.centre) <= 0.0
+        reach = np.zeros(normal.shape[1])
+        for side in (lamp.u, lamp.v):
+            reach += np.abs(products(normal, side))
+        # a lamp's farthest corner along the normal
+        away = products(normal, lamp.centre) + reach - near * products(normal, self.world) <= 0.0
+        result = self._all_corners(away)
         if np.any(lamp.axis) and not lamp.far:
-            away |= behind
-        return away
+            behind = products(self.world, lamp.axis) - float(lamp.axis @ lamp.centre) <= 0.0
+            result |= self._all_corners(behind)
+        return result
+
+    def _all_corners(self, flags: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+        """(T,) whether all corners of a triangle have a flag of vertices (V,)."""
+        result = np.ones(self.view.count, bool)
+        for k in range(3):
+            result &= np.take(flags, self.view.corner[:, k], mode="clip")
+        return result
+
+    @cached_property
+    def shown(self) -> Array:
+        """(3, n): those of the vertices in the world that triangles have."""
+        used = np.zeros(self.world.shape[1], bool)
+        for k in range(3):
+            used[self.view.corner[:, k]] = True
+        return np.take(self.world, np.flatnonzero(used), axis=1)
 
 
 def meets(pairs: Pairs, mask: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:

@@ -53,12 +53,14 @@ def flatness(view: View, lamps: list[Lamp]) -> Callable[[Array], Array]:
     depth = 1.0 / max(float(view.inverse_depth().max(initial=0.0)), 1e-300)
     share = min(FLATNESS / float(np.abs(np.diag(view.camera.K)[:2]).max()), 0.1 * TOLERANCE)
 
+    near = [lamp for lamp in lamps if not lamp.far and world.size]
+    farthest = [float(_away(world, lamp).max()) for lamp in near]
+
     def allowed(points: Array) -> Array:
         result = np.full(len(points), share * depth)
-        for lamp in lamps:
-            if not lamp.far and world.size:
-                farthest = float(_away(world, lamp).max())
-                result = np.minimum(result, share * depth * _away(points.T, lamp) / farthest)
+        at = np.ascontiguousarray(points.T)
+        for lamp, most in zip(near, farthest, strict=True):
+            result = np.minimum(result, share * depth * _away(at, lamp) / most)
         return result
 
     return allowed
