@@ -248,7 +248,9 @@ def test_what_hides_nothing_of_itself_still_hides_others(monkeypatch: pytest.Mon
 
     monkeypatch.setattr("gpusim.optics.half_shadow.apart", unknown)
     assert found()[1] == halves
-    monkeypatch.setattr("gpusim.optics.lighting.surfaces_alone", lambda *_: None)
+    monkeypatch.setattr(
+        "gpusim.optics.lighting.surfaces_alone", lambda lamps, *_: [[] for _ in lamps]
+    )
     assert found()[1] > 2 * halves
 
 

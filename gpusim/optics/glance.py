@@ -38,9 +38,7 @@ if TYPE_CHECKING:
     from gpusim.optics.shade import Program
     from gpusim.optics.tables import Tables
 
-__all__ = [
-    "TOLERANCE", "GlancePass", "fields_glanced", "glance_twin", "may_glance",
-]  # fmt: skip
+__all__ = ["TOLERANCE", "GlancePass", "fields_glanced", "glance_twin", "may_glance"]
 
 Array = npt.NDArray[np.float64]
 

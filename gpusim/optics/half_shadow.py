@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -135,14 +134,14 @@ def half_shadow(
         np.concatenate([spots.tile, pairs.tile]), TILE,
     )  # fmt: skip
     everything = np.concatenate(boxes, axis=2)
-    beside = _Beside(pairs.tile[:, 1] * shape[1] + pairs.tile[:, 0], which, own_tiles.reshape(-1))
+    tile = pairs.tile[:, 1] * shape[1] + pairs.tile[:, 0]
+    beside = _Beside(len(triangle), tile, which, own_tiles.reshape(-1))
     state, owner, face, edges, levels = _found_by(sets, casters, everything, triangle, body, beside)
     order = np.argsort(owner, kind="stable")
     start = np.searchsorted(owner[order], np.arange(len(state) + 1))
     state = state[which]
     pair, offset = expand(np.diff(start)[which])
     listed = order[start[which[pair]] + offset]
-    tile = pairs.tile[:, 1] * shape[1] + pairs.tile[:, 0]
     clear = _count(whole, shape, clear)
     lit = _count(pairs[state == LIT], shape, clear).reshape(-1) > 0
     half = np.zeros(shape, bool).reshape(-1)
@@ -191,17 +190,19 @@ def _levels(used: CasterSet, casters: Casters, points: Array) -> list[Level]:
 
 @dataclass(frozen=True, eq=False)
 class _Beside:
-    """Which receivers share tiles: ``tile`` and ``which`` (n,): pairs of tiles and receivers;
-    ``own`` (tiles,): those with receivers besides that nothing of their surface is before."""
+    """Which of ``count`` receivers share tiles: ``tile`` and ``which`` (n,): pairs of tiles and
+    receivers; ``own`` (tiles,): those with receivers besides that nothing of their surface is
+    before."""
 
+    count: int
     tile: Numbers
     which: Numbers
     own: Flags
 
-    def too_near(self, rows: Numbers, near: Flags, count: int) -> Flags:
-        """Which receivers ``rows`` (n,), of ``count``, have one beside them in some tile that faces
-        are too ``near`` to (n,), or that has been left out: one tile has one list of faces."""
-        flags = np.zeros(count, bool)
+    def too_near(self, rows: Numbers, near: Flags) -> Flags:
+        """Which receivers ``rows`` (n,) have one beside them in some tile that faces are too
+        ``near`` to (n,), or that has been left out: one tile has one list of faces."""
+        flags = np.zeros(self.count, bool)
         flags[rows[near]] = True
         tiles = self.own.copy()
         tiles[self.tile[flags[self.which]]] = True
@@ -228,9 +229,7 @@ def _found_by(
             some, bodies, own_rows = np.take(points, rows, axis=2), body[rows], rows
         before = sum(len(used.corners) for used, _ in levels)
         own_levels = _levels(own, casters, some)
-        own_state, box, face, edges = _found(
-            own_levels, some, bodies, partial(_too_near, beside, own_rows, len(triangle))
-        )
+        own_state, box, face, edges = _found(own_levels, some, bodies, beside, own_rows)
         state[slice(None) if rows is None else rows] = own_state
         found.append((box if rows is None else rows[box], before + face, edges))
         levels += reversed(own_levels)
@@ -238,20 +237,13 @@ def _found_by(
     return state, owner, face, edges, levels
 
 
-def _too_near(beside: _Beside, rows: Numbers, count: int, left: Numbers, near: Flags) -> Flags:
-    """`_Beside.too_near` of the receivers ``left`` (n,) among ``rows``."""
-    return beside.too_near(rows[left], near, count)
-
-
 def _found(
-    levels: list[Level],
-    points: Array,
-    body: Numbers,
-    too_near: Callable[[Numbers, Flags], Flags],
+    levels: list[Level], points: Array, body: Numbers, beside: _Beside, rows: Numbers
 ) -> tuple[States, Numbers, Numbers, Bits]:
-    """State of each receiver box (4, 3, n) of surfaces ``body`` (n,), -1 for large ones; pairs
-    (box, face) of those not lit with the edges that count; each by the most joined casters that
-    none of is ``too_near`` to it, numbered from the last level to the first."""
+    """State of each receiver box (4, 3, n) of surfaces ``body`` (n,), -1 for large ones, that are
+    ``rows`` (n,) of those ``beside`` each other; pairs (box, face) of those not lit with the edges
+    that count; each by the most joined casters that none of is too near to it, or to one beside it,
+    numbered from the last level to the first."""
     state = np.full(points.shape[2], LIT, np.int8)
     boxes, faces = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
     edges = [np.zeros(0, np.uint8)]
@@ -260,7 +252,7 @@ def _found(
         own = points if len(left) == len(state) else np.take(points, left, axis=2)
         state[left], box, face, bits, near = _candidates(grids, casters, own, body[left])
         if casters is not levels[0][0]:
-            near = too_near(left, near)
+            near = beside.too_near(rows[left], near)
             kept = np.flatnonzero(~near[box])
             box, face, bits = box[kept], face[kept], bits[kept]
         boxes.append(left[box])

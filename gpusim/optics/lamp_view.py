@@ -76,6 +76,20 @@ class LampView:
         s = 1.0 / w
         return _along(self.across, x, y, z) * s, _along(self.along, x, y, z) * s, s
 
+    def world(self, p: Array, q: Array, s: Array) -> Array:
+        """Points (3, n) in the world whose p, q and s (n,) these are, as `place` has them."""
+        beside = self.across[:, None] * p + self.along[:, None] * q
+        if self.lamp.far:
+            return np.asarray(beside - self.axis[:, None] * s)
+        return np.asarray(self.lamp.centre[:, None] + (self.axis[:, None] + beside) / s)
+
+    def planes(self, s: Array) -> Array:
+        """(n, 4): normals, away from the lamp, and offsets of the planes of s (n,) in the world."""
+        result = np.empty((len(s), 4))
+        result[:, :3] = self.axis
+        result[:, 3] = -s if self.lamp.far else 1.0 / s + float(self.axis @ self.lamp.centre)
+        return result
+
     def reach(self, points: Array) -> Reach:
         """Boxes around groups of points (k, 3, n): unlimited where some lie behind the lamp.
 

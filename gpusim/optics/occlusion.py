@@ -233,10 +233,10 @@ def _before(
     def side(rows: npt.NDArray[np.int64], first: Array, way: Array) -> Array:
         """(5, n): the function of the lamp that a plane through receivers is, from it to
         ``first`` and about ``way``."""
-        normal = np.cross(first, way)
-        turned = np.cross(lamp.centre - near * at[own[rows]], way) - near * normal
+        normal, to = np.cross(first, way), lamp.centre - near * at[own[rows]]
+        turned = np.cross(to, way) - near * normal
         gx, gy = (np.sum(turned * change[own[rows]], axis=1) for change in (across, down))
-        value = np.sum(normal * (lamp.centre - near * at[own[rows]]), axis=1)
+        value = np.sum(normal * to, axis=1)
         if lamp.extended:
             return np.stack([value, normal @ lamp.u, normal @ lamp.v, gx, gy])
         return np.stack([value, 0.5 * gx, 0.5 * gy, 0.0 * gx, 0.0 * gy])

@@ -19,8 +19,8 @@ import numpy.typing as npt
 
 from gpusim.optics.lamp_chain import Chain
 from gpusim.optics.lamp_outline import BEFORE, BEYOND, CLEAR, UNSURE, Outline
-from gpusim.optics.lamp_view import LampView, Reach
-from gpusim.optics.receivers import LEVELS, TILE, Receivers
+from gpusim.optics.lamp_view import Reach
+from gpusim.optics.receivers import TILE, Pairs, Receivers
 
 __all__ = ["OutlineShadow", "outline_shadow"]
 
@@ -107,7 +107,7 @@ def outline_shadow(
     limit = 0.5 * (cut[some] + np.where(np.isfinite(limit), limit, outline.top))
     return OutlineShadow(
         tile[some[dark]], tile[unsure], tile[some[found.box[kept]]], found.ends[kept],
-        _plane(outline.view, limit)[found.box[kept]],
+        outline.view.planes(limit)[found.box[kept]],
     )  # fmt: skip
 
 
@@ -128,15 +128,13 @@ def _met(receivers: Receivers, outline: Outline, facing: Flags, shape: tuple[int
         points = np.take(receivers.columns, triangle, axis=2)
         spots = spots[(outline.states(outline.view.reach(points)) >= BEYOND)[which]]
         result[spots.tile[:, 1] * shape[1] + spots.tile[:, 0]] = True
-    pairs = receivers.pairs(np.flatnonzero(own & receivers.large), LEVELS[0])
-    for size in LEVELS:
-        if size != pairs.size:
-            pairs = receivers.touched(pairs.split(size))
+
+    def met(pairs: Pairs) -> Flags:
         points = receivers.points(pairs)
-        if size == TILE:
-            seen = receivers.seen(pairs, points)
-            pairs, points = pairs[seen], np.compress(seen, points, axis=2)
-        pairs = pairs[outline.states(outline.view.reach(points)) >= BEYOND]
+        found = outline.states(outline.view.reach(points)) >= BEYOND
+        return found & receivers.seen(pairs, points) if pairs.size == TILE else found
+
+    pairs = receivers.narrowed(np.flatnonzero(own & receivers.large), met)
     result[pairs.tile[:, 1] * shape[1] + pairs.tile[:, 0]] = True
     return result
 
@@ -224,8 +222,7 @@ def _edges(outline: Outline, chain: Chain, reach: Reach) -> _Found:
     side = window[0, 1] + BESIDE * size[0] + outline.across
     away, top = BESIDE * size[1] + outline.across, np.full(count, outline.top)
     low, high = (
-        world_of(outline.view, np.stack([side, q, top])).T
-        for q in (window[1, 0] - away, window[1, 1] + away)
+        outline.view.world(side, q, top).T for q in (window[1, 0] - away, window[1, 1] + away)
     )
     own = code < above
     first = np.where(own[:, None], outline.points[np.where(own, code, 0)], high[box])
@@ -240,23 +237,3 @@ def _edges(outline: Outline, chain: Chain, reach: Reach) -> _Found:
     np.minimum.at(lowest, box, s)
     broken = ~(lowest > reach.s[1] + outline.margin)
     return _Found(broken, whole, lowest, box, ends)
-
-
-def world_of(view: LampView, place: Array) -> Array:
-    """Points (3, n) in the world whose p, q and s (3, n) these are."""
-    p, q, s = place
-    axes = view.across[:, None] * p + view.along[:, None] * q
-    if view.lamp.far:
-        return np.asarray(axes - view.axis[:, None] * s)
-    return np.asarray(view.lamp.centre[:, None] + (view.axis[:, None] + axes) / s)
-
-
-def _plane(view: LampView, s: Array) -> Array:
-    """(n, 4): normals and offsets of the planes of s (n,), from the lamp on."""
-    result = np.empty((len(s), 4))
-    result[:, :3] = view.axis
-    if view.lamp.far:
-        result[:, 3] = -s
-    else:
-        result[:, 3] = 1.0 / s + float(view.axis @ view.lamp.centre)
-    return result

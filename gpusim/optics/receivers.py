@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -70,7 +71,6 @@ class Receivers:
                 world += T[j, axis] * from_eye[j]
             for k in range(3):
                 np.take(world, view.corner[:, k], out=self.columns[k, axis], mode="clip")
-        self.corners = np.moveaxis(self.columns, 2, 0)
         limit = np.array([camera.width, camera.height]) - 0.5
         self.low, self.high = np.empty((2, view.count)).T, np.empty((2, view.count)).T
         # block by block while they are in the cache
@@ -142,9 +142,8 @@ class Receivers:
         """
         body, wide = self.view.body, -(-self.view.camera.width // TILE)
         filler = body[self.spots.triangle[middle]]
-        large = self.pairs(np.flatnonzero(self.large & np.isin(body, filler)), LEVELS[0])
-        for size in LEVELS[1:]:
-            large = self.touched(large.split(size))
+        some = np.flatnonzero(self.large & np.isin(body, filler))
+        large = self.narrowed(some, lambda pairs: np.ones(len(pairs.triangle), bool))
         bodies = int(body[-1]) + 1 if len(body) else 1
         taken = (large.tile[:, 1] * wide + large.tile[:, 0]) * bodies + body[large.triangle]
         own = place[middle]
@@ -215,16 +214,22 @@ class Receivers:
         keep[rows] = inside
         return keep
 
+    def narrowed(self, triangles: Numbers, keep: Callable[[Pairs], npt.NDArray[np.bool_]]) -> Pairs:
+        """Large triangles with the smallest tiles that they may touch, within tiles of all sizes
+        that are to ``keep``."""
+        pairs = self.pairs(triangles, LEVELS[0])
+        for size in LEVELS:
+            if size != pairs.size:
+                pairs = self.touched(pairs.split(size))
+            pairs = pairs[keep(pairs)]
+        return pairs
+
     def in_tiles(self, mask: npt.NDArray[np.bool_], own: npt.NDArray[np.bool_]) -> Pairs:
         """Those of the triangles ``own`` (T,) in the smallest tiles of a ``mask`` (rows, columns)
         where something of them may be seen."""
         spots = self.spots[own[self.spots.triangle]]
-        pairs = self.pairs(np.flatnonzero(own & self.large), LEVELS[0])
-        pairs = pairs[meets(pairs, mask)]
-        for size in LEVELS[1:]:
-            pairs = pairs.split(size)
-            pairs = self.touched(pairs[meets(pairs, mask)])
         spots = spots[meets(spots, mask)]
+        pairs = self.narrowed(np.flatnonzero(own & self.large), lambda pairs: meets(pairs, mask))
         both = Pairs(
             np.concatenate([spots.triangle, pairs.triangle]),
             np.concatenate([spots.tile, pairs.tile]), TILE,

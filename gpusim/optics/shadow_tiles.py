@@ -17,7 +17,6 @@ import numpy.typing as npt
 from gpusim.distinct import distinct
 from gpusim.errors import InputError
 from gpusim.optics.aside import Aside
-from gpusim.optics.casters import Casters
 from gpusim.optics.corners import products
 from gpusim.optics.emitters import Lamp
 from gpusim.optics.half_shadow import HalfShadow
@@ -127,8 +126,8 @@ class ShadowTiles:
     def build(
         view: View,
         lamps: list[Lamp],
-        casters: Casters | CastersOf,
-        alone: Sequence[Sequence[Alone]] | None = None,
+        casters: CastersOf,
+        alone: Sequence[Sequence[Alone]],
     ) -> ShadowTiles:
         """Classify every tile of ``view`` for every lamp that casts shadows; ``alone``: for each
         lamp the surfaces that hide nothing of themselves, which ``casters`` leave out on demand."""
@@ -140,11 +139,9 @@ class ShadowTiles:
         lit = np.full(shape, ALL, np.uint32)
         receivers = Receivers(view)
         used = [number for number, lamp in enumerate(lamps) if lamp.light.shadows and view.count]
-        casters_of = (lambda _: casters) if isinstance(casters, Casters) else casters
 
         def found(number: int) -> LampShadow:
-            own = () if alone is None else alone[number]
-            return lamp_shadow(receivers, lamps[number], casters_of, own, shape)
+            return lamp_shadow(receivers, lamps[number], casters, alone[number], shape)
 
         with Aside(view.count, len(used)) as aside:
             shadows = list(aside.map(found, used))
@@ -246,10 +243,10 @@ class ShadowTiles:
         return bool(len(self.place) or self.dark.any())
 
 
-def _scans(lamps: list[Lamp], alone: Sequence[Sequence[Alone]] | None) -> Array:
+def _scans(lamps: list[Lamp], alone: Sequence[Sequence[Alone]]) -> Array:
     """See `Chains`; 0 for lamps that no outline hides."""
     result = np.zeros((len(lamps), 3))
-    for number, own in enumerate(alone or ()):
+    for number, own in enumerate(alone):
         if own:
             view = own[0].view
             result[number] = view.across * (view.half[0] if view.lamp.extended else 1.0)

@@ -90,6 +90,7 @@ struct Samples {
     rows2: vec4u,
     rows3: vec4u,
 }
+// Where the sample lattice is on the lamp, it is in part on the pixel.
 fn samples_of(lamp: LampFace, to: vec3f, normal: vec3f, way: vec3f, dx: vec3f, dy: vec3f) -> Samples {
     let extended = lamp.u.w != 0.0;
     let turned = cross(to, way) - lamp.centre.w * normal;
@@ -100,9 +101,11 @@ fn samples_of(lamp: LampFace, to: vec3f, normal: vec3f, way: vec3f, dx: vec3f, d
     let b = select(0.5 * gy, dot(normal, lamp.v.xyz), extended);
     let along = select(0.0, 0.5 * gy, extended);
     let across = select(0.0, gx, extended);
+    // the last two groups of rows run the other way along a lamp with a size
     let forth = a + along;
     let back = select(a, -a, extended) + along;
     let slope = STEP_A * vec2f(forth, back) + STEP_B * b;
+    // an edge along the rows lies before or behind all of their samples
     let inverse = select(vec2f(-1e30), -1.0 / slope, slope != vec2f(0.0));
     let falling = select(vec2u(0u), vec2u(0xffffffffu), slope < vec2f(0.0));
     return Samples(
@@ -161,8 +164,6 @@ fn lamp_share(list: vec4u, x: vec3f, n: vec3f, dx: vec3f, dy: vec3f) -> f32 {
     let lamp = shades.lamps[list.z];
     let to = lamp.centre.xyz - lamp.centre.w * x;
     let tolerance = shades.tolerance * length(x);
-    // where the sample lattice is on the lamp, it is in part on the pixel
-    let extended = lamp.u.w != 0.0;
     var covered0 = vec4u(0u);
     var covered1 = vec4u(0u);
     var covered2 = vec4u(0u);
@@ -171,8 +172,6 @@ fn lamp_share(list: vec4u, x: vec3f, n: vec3f, dx: vec3f, dy: vec3f) -> f32 {
     var inside1 = vec4u(0xffffffffu);
     var inside2 = vec4u(0xffffffffu);
     var inside3 = vec4u(0xffffffffu);
-    // The tests of loops come last: software drivers pass over a loop's body until no lane is left,
-    // so that a test at its beginning costs one pass more.
     let faces = list.x + (list.w >> 8u);
     if (chained != 0u && list.x + list.y > faces) {
         let outlined = chained_cover(lamp, faces, list.x + list.y, x, to, dx, dy);
@@ -181,6 +180,8 @@ fn lamp_share(list: vec4u, x: vec3f, n: vec3f, dx: vec3f, dy: vec3f) -> f32 {
         covered2 = outlined.rows2;
         covered3 = outlined.rows3;
     }
+    // The tests of loops come last: software drivers pass over a loop's body until no lane is left,
+    // so that a test at its beginning costs one pass more.
     var i = list.x;
     loop {
         if (chained != 0u && i >= faces) { break; }
@@ -200,28 +201,13 @@ fn lamp_share(list: vec4u, x: vec3f, n: vec3f, dx: vec3f, dy: vec3f) -> f32 {
         // seen from beyond its plane, a face would seem to hide what lies behind the receiver
         let crossed = abs(height) < abs(dot(plane.xyz, dx)) + abs(dot(plane.xyz, dy));
         let beside = abs(dot(plane.xyz, n)) > BESIDE;
-        let whole = select(side, 0.0, both_sides && crossed && beside);
+        let moves = select(1.0, 0.0, both_sides && crossed && beside);
 
-        let normal = cross(d, way);
-        let turned = cross(to, way) - lamp.centre.w * normal;
-        let gx = whole * dot(turned, dx);
-        let gy = whole * dot(turned, dy);
-        let value = side * dot(normal, to);
-        let a = select(0.5 * gx, side * dot(normal, lamp.u.xyz), extended);
-        let b = select(0.5 * gy, side * dot(normal, lamp.v.xyz), extended);
-        let along = select(0.0, 0.5 * gy, extended);
-        let across = select(0.0, gx, extended);
-        // the last two groups of rows run the other way along a lamp with a size
-        let forth = a + along;
-        let back = select(a, -a, extended) + along;
-        let slope = STEP_A * vec2f(forth, back) + STEP_B * b;
-        // an edge along the rows lies before or behind all of their samples
-        let inverse = select(vec2f(-1e30), -1.0 / slope, slope != vec2f(0.0));
-        let falling = select(vec2u(0u), vec2u(0xffffffffu), slope < vec2f(0.0));
-        inside0 &= inside_edge(value, forth, b, across, inverse.x, falling.x, ROWS0);
-        inside1 &= inside_edge(value, forth, b, across, inverse.x, falling.x, ROWS1);
-        inside2 &= inside_edge(value, back, b, across, inverse.y, falling.y, ROWS2);
-        inside3 &= inside_edge(value, back, b, across, inverse.y, falling.y, ROWS3);
+        let edge = samples_of(lamp, to, side * cross(d, way), side * way, moves * dx, moves * dy);
+        inside0 &= edge.rows0;
+        inside1 &= edge.rows1;
+        inside2 &= edge.rows2;
+        inside3 &= edge.rows3;
 
         let last = vec4u(0u - (u32(begin.w) & 1u));
         let used = select(vec4u(0u), last, counts);
