@@ -7,7 +7,8 @@ import pytest
 
 import gpusim as gs
 from gpusim.optics.binning import bin_edges
-from gpusim.optics.receivers import TILE, Pairs, Receivers
+from gpusim.optics.receivers import Receivers
+from gpusim.optics.tile_pairs import TILE, Pairs
 from gpusim.optics.setup import Setup
 from gpusim.optics.shade import shade_twin
 from gpusim.optics.view import look
@@ -37,10 +38,13 @@ def test_what_is_left_out_is_seen_nowhere_in_its_tile() -> None:
     ids = visibility_twin(view).astype(np.int64) - 1
     row, column = np.nonzero(ids >= 0)
     tile = row // TILE, column // TILE
-    filled = np.isfinite(receivers.behind)
-    assert 0.03 < filled.mean() < 0.5
-    # the sheet fills them: each pixel shows a triangle that isn't left out
+    # each pixel shows a triangle that isn't left out
     seen = ids[row, column]
+    filled = np.isfinite(receivers.behind)
+    sheet = np.zeros(filled.shape, bool)
+    sheet[tile[0][view.body[seen] == 0], tile[1][view.body[seen] == 0]] = True
+    filled &= sheet
+    assert 0.03 < filled.mean() < 0.5
     assert (receivers.nearest[seen] <= receivers.behind[tile]).all()
     assert (view.body[seen][filled[tile]] == 0).all()
     edge_row, edge_column = np.divmod(bin_edges(view).pixel, camera.width)
@@ -83,6 +87,37 @@ def test_large_faces_down_a_step_are_seen_beside_small_ones() -> None:
     pairs = Pairs(shown[0], shown[1:].T, TILE)
     pairs = pairs[receivers.large[pairs.triangle]]
     assert receivers.seen(pairs, receivers.points(pairs)).all()
+
+
+def tube(around: int, along: int) -> gs.Surface:
+    """An open tube of large faces, lying across the picture."""
+    turn, x = np.arange(around) * (2.0 * np.pi / around), np.linspace(-0.6, 0.6, along + 1)
+    ring = np.stack([0.3 * np.cos(turn), 0.3 * np.sin(turn)], axis=1)
+    points = np.concatenate([np.insert(ring, 0, at, axis=1) for at in x])
+    k = np.arange(along)[:, None] * around + np.arange(around)
+    after = np.roll(k, -1, axis=1)
+    faces = np.stack([k, after, after + around, k + around], axis=-1).reshape(-1, 4)
+    return gs.Surface(points, faces, gs.paint.Plain(0.5))
+
+
+@pytest.mark.parametrize(("around", "along"), [(24, 10), (90, 60)])
+def test_the_inside_of_a_tube_is_left_out_behind_its_outside(around: int, along: int) -> None:
+    camera = gs.Camera.from_lens(
+        (36.0, 27.0), 40.0, (400, 300), eye=(0.2, -0.4, 2.5), target=(0.0, 0.0, 0.0)
+    )
+    view = look([tube(around, along)], camera, lit=True)
+    receivers = Receivers(view)
+    ids = visibility_twin(view).astype(np.int64) - 1
+    row, column = np.nonzero(ids >= 0)
+    shown = np.unique(np.stack([ids[row, column], column // TILE, row // TILE]), axis=1)
+    pairs = Pairs(shown[0], shown[1:].T, TILE)
+    assert receivers.seen(pairs, receivers.points(pairs)).all()
+    every = receivers.pairs(np.arange(view.count), TILE)
+    seen = receivers.seen(every, receivers.points(every))
+    behind = view.table.position[view.corner[every.triangle], 2].min(axis=1) > 2.7
+    assert behind.mean() > 0.2
+    assert seen[behind].mean() < 0.25
+    assert seen[~behind].mean() > 0.8
 
 
 def test_leaving_them_out_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,13 +11,15 @@ import numpy.typing as npt
 
 from gpusim.optics.caster_sets import CasterSet, CasterSets
 from gpusim.optics.casters import Casters
+from gpusim.optics.corners import products
 from gpusim.optics.emitters import Lamp
 from gpusim.optics.lamp_apart import apart
 from gpusim.optics.lamp_edges import EVERY_EDGE
 from gpusim.optics.lamp_grid import LampGrid
 from gpusim.optics.lamp_merging import FEWEST, joined_grids
 from gpusim.optics.ragged import expand
-from gpusim.optics.receivers import LEVELS, TILE, Pairs, Receivers, meets, spread_over
+from gpusim.optics.receivers import Receivers
+from gpusim.optics.tile_pairs import LEVELS, TILE, Pairs, meets, spread_over
 
 __all__ = ["HalfShadow", "half_shadow"]
 
@@ -297,6 +299,8 @@ def _candidates(
         drop = (ahead & (side == 1)) | (behind & ~against & ((side == -1) | closed))
         kept = np.flatnonzero(~drop)
         box, face, caster, against = box[kept], face[kept], caster[kept], against[kept]
+        kept = np.flatnonzero(against | ~_below(grid.view.lamp, casters, face, points, box))
+        box, face, caster, against = box[kept], face[kept], caster[kept], against[kept]
         inside, past = grid.meets(reach[box], caster)
         same = np.flatnonzero(inside & (body[box] == casters.body[face]))
         if len(same):
@@ -341,6 +345,38 @@ def _sides_of(
         np.minimum(low, height, out=low)
         np.maximum(high, height, out=high)
     return high <= slack, low >= -slack
+
+
+def _below(lamp: Lamp, casters: Casters, face: Numbers, points: Array, box: Numbers) -> Flags:
+    """Whether the planes of receivers in boxes of points have all of the lamp on one side, and
+    faces on the other, pair by pair: what bulges hides nothing of itself."""
+    start = points[0]
+    across, along = points[1] - start, points[2] - start
+    normal = np.stack([
+        across[1] * along[2] - across[2] * along[1],
+        across[2] * along[0] - across[0] * along[2],
+        across[0] * along[1] - across[1] * along[0],
+    ])  # fmt: skip
+    reach = np.abs(products(normal, lamp.u)) + np.abs(products(normal, lamp.v))
+    offset = products(normal, start)
+    height = products(normal, lamp.centre) - (0.0 if lamp.far else 1.0) * offset
+    side = np.where(np.abs(height) > reach, np.sign(height), 0.0)
+    normal *= side
+    offset *= side
+    result = (side != 0.0)[box]
+    rows = np.flatnonzero(result)
+    own, corners = box[rows], casters.faces[face[rows]]
+    slack = 1e-7 * np.abs(start).max(initial=0.0) * np.sqrt(products(normal, normal))
+    limit = (offset + slack)[own]
+    places = np.ascontiguousarray(casters.points.T)
+    low = np.ones(len(rows), bool)
+    normals = [n[own] for n in normal]
+    for k in range(4):
+        vertex = corners[:, k]
+        at = sum(n * axis[vertex] for n, axis in zip(normals, places, strict=True))
+        low &= at <= limit
+    result[rows] = low
+    return result
 
 
 def _meets(

@@ -20,7 +20,8 @@ import numpy.typing as npt
 from gpusim.optics.lamp_chain import Chain
 from gpusim.optics.lamp_outline import BEFORE, BEYOND, CLEAR, UNSURE, Outline
 from gpusim.optics.lamp_view import Reach
-from gpusim.optics.receivers import TILE, Pairs, Receivers
+from gpusim.optics.receivers import Receivers
+from gpusim.optics.tile_pairs import TILE, Pairs
 
 __all__ = ["OutlineShadow", "outline_shadow"]
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -13,45 +12,16 @@ from gpusim.optics.corners import CHUNK, NORMAL, corner_range, products
 from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.emitters import Lamp
 from gpusim.optics.ragged import expand
+from gpusim.optics.tile_fronts import MARGIN, Sides, fronts, sides_of
+from gpusim.optics.tile_pairs import LEVELS, TILE, Pairs, meets
 from gpusim.optics.view import View
 
-__all__ = ["LEVELS", "TILE", "Pairs", "Receivers", "meets", "spread_over"]
+__all__ = ["Receivers"]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
-TILE = 8
-"""px, side of the smallest tiles."""
-
-MARGIN = 1.0
-"""px around a tile that count as its own: edge pixels look at points of their neighbourhood."""
-
-STEP = 4.0
-"""px between places along edges whose tiles are looked up; with the margin, less than a tile."""
-
-LEVELS = (128, 32, TILE)
-"""px, side of the tiles that large triangles are looked up by, one after the other."""
-
 LARGE = 3.0 * TILE
 """px; triangles up to this size are one receiver, larger ones are divided into tiles."""
-
-
-@dataclass(frozen=True, eq=False)
-class Pairs:
-    """Triangles and tiles (column, row) of one size that they lie in."""
-
-    triangle: Numbers
-    tile: Numbers
-    size: int
-
-    def __getitem__(self, index: Numbers | npt.NDArray[np.bool_]) -> Pairs:
-        return Pairs(self.triangle[index], self.tile[index], self.size)
-
-    def split(self, size: int) -> Pairs:
-        """The smaller tiles under all of them."""
-        parts = self.size // size
-        step = np.stack(np.meshgrid(np.arange(parts), np.arange(parts)), axis=-1).reshape(-1, 2)
-        triangle = np.repeat(self.triangle, parts * parts)
-        return Pairs(triangle, (self.tile[:, None] * parts + step).reshape(-1, 2), size)
 
 
 class Receivers:
@@ -97,9 +67,9 @@ class Receivers:
         return np.cumsum(self.large) - 1
 
     @cached_property
-    def _sides(self) -> list[tuple[Array, Array, Array, Array]]:
-        """`_sides` of large triangles."""
-        return _sides(self.view.screen_of(np.flatnonzero(self.large)))
+    def _sides(self) -> Sides:
+        """`sides_of` large triangles."""
+        return sides_of(self.view.screen_of(np.flatnonzero(self.large)))
 
     @cached_property
     def _planes(self) -> Array:
@@ -108,46 +78,36 @@ class Receivers:
         return np.ascontiguousarray((planes[:, 0] + planes[:, 1] + planes[:, 2]).T)
 
     def _behind(self) -> Array:
-        """(rows, columns) of tiles: the depth beyond which nothing is seen there, or infinity.
-
-        Where no edge of a surface passes, the one that a tile's middle shows fills the tile: the
-        farthest corner of all small triangles there lies no nearer than any of it, as long as it
-        has no large ones there.
-        """
+        """(rows, columns) of tiles: see `fronts`; looked for where something may hide another."""
         camera, spots = self.view.camera, self.spots
         shape = (-(-camera.height // TILE), -(-camera.width // TILE))
-        own, place = spots.triangle, spots.tile[:, 1] * shape[1] + spots.tile[:, 0]
-        middle = [TILE * (spots.tile[:, axis] + 0.5) - 0.5 for axis in range(2)]
-        about = np.ones(len(own), bool)
-        for axis, at in enumerate(middle):
-            about &= self.low[:, axis][own] <= at
-            about &= self.high[:, axis][own] >= at
-        rows = np.flatnonzero(about)
-        x, y = (at[rows] for at in middle)
-        inside = np.ones(len(rows), bool)
-        for nx, ny, offset, _ in _sides(self.view.screen_of(own[rows])):
-            inside &= nx * x + ny * y + offset >= 0.0
-        filled = np.zeros(shape[0] * shape[1], bool)
-        filled[self._without_large(rows[inside], place)] = True
-        if filled.any():
-            filled[_crossed(self.view.edges, shape)] = False
-        depth = np.zeros(len(filled))
-        np.maximum.at(depth, place, self.farthest[own])
-        return np.where(filled, depth, np.inf).reshape(shape)
+        if self.view.layer or not self.view.count:
+            return np.full(shape, np.inf)
 
-    def _without_large(self, middle: Numbers, place: Numbers) -> Numbers:
-        """The tiles that have a small triangle in their middle, and no large one of its surface.
+        def several(pairs: Pairs) -> npt.NDArray[np.bool_]:
+            """Which large triangles lie in tiles with others."""
+            parts = pairs.size // TILE
+            wide, tall = (-(-n // parts) for n in shape[::-1])
+            place = pairs.tile[:, 1] * wide + pairs.tile[:, 0]
+            count = np.bincount(place, minlength=wide * tall)
+            small = spots.tile // parts
+            count += np.bincount(small[:, 1] * wide + small[:, 0], minlength=len(count))
+            return np.asarray(count[place] > 1)
 
-        ``middle`` (n,): which of ``spots`` these are; ``place``: the numbers of all spots' tiles.
-        """
-        body, wide = self.view.body, -(-self.view.camera.width // TILE)
-        filler = body[self.spots.triangle[middle]]
-        some = np.flatnonzero(self.large & np.isin(body, filler))
-        large = self.narrowed(some, lambda pairs: np.ones(len(pairs.triangle), bool))
-        bodies = int(body[-1]) + 1 if len(body) else 1
-        taken = (large.tile[:, 1] * wide + large.tile[:, 0]) * bodies + body[large.triangle]
-        own = place[middle]
-        return own[~np.isin(own * bodies + filler, taken)]
+        large = self.narrowed(np.flatnonzero(self.large), several)
+        both = Pairs(
+            np.concatenate([spots.triangle, large.triangle]),
+            np.concatenate([spots.tile, large.tile]), TILE,
+        )  # fmt: skip
+        nearest, farthest = self.nearest[both.triangle], self.farthest[both.triangle]
+        inverse = self._inverse(large)[1]
+        least = np.minimum(np.minimum(inverse[0], inverse[1]), np.minimum(inverse[2], inverse[3]))
+        most = np.maximum(np.maximum(inverse[0], inverse[1]), np.maximum(inverse[2], inverse[3]))
+        ahead = np.flatnonzero(least > 0.0)
+        rows = len(spots.triangle) + ahead
+        nearest[rows] = np.maximum(nearest[rows], 1.0 / most[ahead])
+        farthest[rows] = np.minimum(farthest[rows], 1.0 / least[ahead])
+        return fronts(self.view, both, nearest, farthest, shape)
 
     def seen(self, pairs: Pairs, points: Array | None = None) -> npt.NDArray[np.bool_]:
         """(n,) whether anything of the triangles may be seen in their tiles, which are small.
@@ -246,27 +206,38 @@ class Receivers:
         result = np.take(self.columns, own, axis=2)[[0, 1, 2, 2]]
         large = np.flatnonzero(self.large[own] & (self.extent[own] > 0.7 * pairs.size))
         own = own[large]
-        x, y = (pairs.tile[large, axis] * float(pairs.size) - 0.5 for axis in range(2))
-        far = pairs.size + MARGIN
-        corner = ((-MARGIN, -MARGIN), (far, -MARGIN), (far, far), (-MARGIN, far))
-        at = [(x + dx, y + dy) for dx, dy in corner]
-        bends = distortion_map(camera)
-        if bends is not None:
-            at = [tuple(bends.ideal(np.stack(place, axis=1))[0].T) for place in at]
-        px, py, p1 = np.take(self._planes, self._number[own], axis=1)
-        inverse = [px * u + py * v + p1 for u, v in at]
+        at, inverse = self._inverse(pairs[large])
         least = 0.2 / self.farthest[own]
         # the tile's corners may lie beyond the triangle, where its plane runs away
         sound = (inverse[0] > least) & (inverse[1] > least)
         sound &= (inverse[2] > least) & (inverse[3] > least)
         rows = slice(None) if sound.all() else np.flatnonzero(sound)
         large, eye = large[rows], camera.eye
+        places = np.empty((4, 3, len(large)))
         for k, (u, v) in enumerate(at):
             depth = 1.0 / inverse[k][rows]
             u, v = u[rows], v[rows]
             for axis, (a, b, c) in enumerate(self.rays):
-                result[k, axis][large] = (a * u + b * v + c) * depth + eye[axis]
+                places[k, axis] = (a * u + b * v + c) * depth + eye[axis]
+        # a plane seen edge-on goes from far before a small triangle to far behind it
+        smaller = _size(places) <= _size(np.take(result, large, axis=2))
+        if not smaller.all():
+            large, places = large[smaller], np.compress(smaller, places, axis=2)
+        result[:, :, large] = places
         return result
+
+    def _inverse(self, pairs: Pairs) -> tuple[list[tuple[Array, Array]], list[Array]]:
+        """Corners of tiles, x and y (n,) of each on the undistorted picture, and 1 / depth (n,) on
+        the planes of their large triangles there."""
+        x, y = (pairs.tile[:, axis] * float(pairs.size) - 0.5 for axis in range(2))
+        far = pairs.size + MARGIN
+        corner = ((-MARGIN, -MARGIN), (far, -MARGIN), (far, far), (-MARGIN, far))
+        at = [(x + dx, y + dy) for dx, dy in corner]
+        bends = distortion_map(self.view.camera)
+        if bends is not None:
+            at = [tuple(bends.ideal(np.stack(place, axis=1))[0].T) for place in at]
+        px, py, p1 = np.take(self._planes, self._number[pairs.triangle], axis=1)
+        return at, [px * u + py * v + p1 for u, v in at]
 
     def turned_away(self, lamp: Lamp) -> npt.NDArray[np.bool_]:
         """(T,) whether no corner of a triangle faces any part of the lamp; found once."""
@@ -304,56 +275,10 @@ class Receivers:
         return np.take(self.world, np.flatnonzero(used), axis=1)
 
 
-def meets(pairs: Pairs, mask: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-    """(n,) which of the tiles of pairs hold one of the smallest tiles of a ``mask`` (rows,
-    columns)."""
-    parts = pairs.size // TILE
-    tall, wide = (-(-n // parts) for n in mask.shape)
-    room = np.zeros((tall * parts, wide * parts), bool)
-    room[: mask.shape[0], : mask.shape[1]] = mask
-    held: npt.NDArray[np.bool_] = np.any(room.reshape(tall, parts, wide, parts), axis=(1, 3))
-    # tiles beside the picture hold none
-    row, column = pairs.tile[:, 1], pairs.tile[:, 0]
-    inside = (row < tall) & (column < wide)
-    result = np.zeros(len(row), bool)
-    result[inside] = held[row[inside], column[inside]]
-    return result
-
-
-def spread_over(pairs: Pairs, shape: tuple[int, int]) -> npt.NDArray[np.bool_]:
-    """(rows, columns) which of the smallest tiles lie in tiles of pairs."""
-    parts = pairs.size // TILE
-    held = np.zeros((-(-shape[0] // parts), -(-shape[1] // parts)), bool)
-    held[pairs.tile[:, 1], pairs.tile[:, 0]] = True
-    return np.repeat(np.repeat(held, parts, axis=0), parts, axis=1)[: shape[0], : shape[1]]
-
-
-def _crossed(edges: Array, shape: tuple[int, int]) -> Numbers:
-    """Numbers of tiles that segments (E, 2, 2) px pass, or may pass within `MARGIN`."""
-    way = edges[:, 1] - edges[:, 0]
-    count = np.ceil(np.abs(way).max(axis=1, initial=0.0) / STEP).astype(np.int64) + 1
-    own, step = expand(count)
-    at = edges[own, 0] + way[own] * (step / np.maximum(count - 1, 1)[own])[:, None]
-    reach = 0.5 * STEP + MARGIN
-    found = []
-    for dx, dy in ((-reach, -reach), (reach, -reach), (-reach, reach), (reach, reach)):
-        column = np.floor((at[:, 0] + (dx + 0.5)) / TILE)
-        row = np.floor((at[:, 1] + (dy + 0.5)) / TILE)
-        inside = (column >= 0) & (row >= 0) & (column < shape[1]) & (row < shape[0])
-        found.append((row[inside] * shape[1] + column[inside]).astype(np.int64))
-    return np.concatenate(found)
-
-
-def _sides(screen: Array) -> list[tuple[Array, Array, Array, Array]]:
-    """Per side of triangles (T, 3, 2): x, y, offset of the distance inwards; |x| + |y|."""
-    x, y = ([np.ascontiguousarray(screen[:, k, axis]) for k in range(3)] for axis in range(2))
-    area = (x[1] - x[0]) * (y[2] - y[0]) - (y[1] - y[0]) * (x[2] - x[0])
-    turn = np.where(area < 0.0, -1.0, 1.0)
-    result = []
-    for k in range(3):
-        dx, dy = x[(k + 1) % 3] - x[k], y[(k + 1) % 3] - y[k]
-        length = np.hypot(dx, dy)
-        scale = turn / np.where(length > 0.0, length, 1.0)
-        nx, ny = -dy * scale, dx * scale
-        result.append((nx, ny, -(nx * x[k] + ny * y[k]), np.abs(nx) + np.abs(ny)))
+def _size(points: Array) -> Array:
+    """(n,): sum of the sides of boxes round points (4, 3, n)."""
+    low = np.minimum(np.minimum(points[0], points[1]), np.minimum(points[2], points[3]))
+    high = np.maximum(np.maximum(points[0], points[1]), np.maximum(points[2], points[3]))
+    high -= low
+    result: Array = high[0] + high[1] + high[2]
     return result

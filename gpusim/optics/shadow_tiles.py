@@ -21,10 +21,12 @@ from gpusim.optics.corners import products
 from gpusim.optics.emitters import Lamp
 from gpusim.optics.half_shadow import HalfShadow
 from gpusim.optics.lamp_layer import Alone
+from gpusim.optics.lamp_pairs import LampPairs
 from gpusim.optics.lamp_shadow import CastersOf, LampShadow, lamp_shadow
 from gpusim.optics.occlusion import TOLERANCE, Chained, visible_share
 from gpusim.optics.ragged import expand
-from gpusim.optics.receivers import TILE, Receivers
+from gpusim.optics.receivers import Receivers
+from gpusim.optics.tile_pairs import TILE
 from gpusim.optics.view import View
 
 __all__ = ["MOST_LAMPS", "TILE", "ShadowTiles", "flatness"]
@@ -206,6 +208,9 @@ class ShadowTiles:
             receiver, offset = expand(self.count[own, number])
             listed = self.start[own, number][receiver] + offset
             face = self.face[listed]
+            places = at[half], across[half], down[half]
+            kept = np.flatnonzero(self._pairs[number].may_hide(*places, receiver, face))
+            receiver, listed, face = receiver[kept], listed[kept], face[kept]
             chained, offset = expand(self.chains.count[own, number])
             edge = self.chains.start[own, number][chained] + offset
             result[half, number] = visible_share(
@@ -217,6 +222,11 @@ class ShadowTiles:
                 ),
             )  # fmt: skip
         return result
+
+    @cached_property
+    def _pairs(self) -> list[LampPairs]:
+        """The faces as each lamp sees them."""
+        return [LampPairs(lamp, self.corners) for lamp in self.lamps]
 
     @cached_property
     def edge_counts(self) -> Numbers:
