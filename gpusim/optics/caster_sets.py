@@ -29,16 +29,18 @@ CasterSet = tuple[LampFaces, list[LampGrid]]
 
 class CasterSets:
     """The faces that may hide a lamp, for each half space before it: all of them, and those of
-    other surfaces for each of the surfaces ``alone`` that hide nothing of themselves."""
+    other surfaces for receivers that are ``free`` (T,), which nothing of their own hides."""
 
     def __init__(
-        self, receivers: Receivers, lamp: Lamp, casters: Casters, faces: LampFaces, alone: Numbers
+        self, receivers: Receivers, lamp: Lamp, casters: Casters, faces: LampFaces, free: Flags
     ) -> None:
-        self._body = receivers.view.body
-        self._sets: list[CasterSet | None] = [None] * (1 + len(alone))
-        self._number = np.zeros(max(int(self._body.max(initial=0)), *alone, 0) + 1, np.int64)
-        self._number[alone] = np.arange(1, 1 + len(alone))
-        self._alone, self._casters, self._faces = alone, casters, faces
+        body = receivers.view.body
+        self._alone, number = np.unique(body[free], return_inverse=True)
+        self._sets: list[CasterSet | None] = [None] * (1 + len(self._alone))
+        # (T,): the set for receivers on each triangle
+        self._number = np.zeros(len(body), np.int64)
+        self._number[free] = 1 + number
+        self._casters, self._faces = casters, faces
         self._views: list[tuple[LampView, float]] = []
         for view in LampView.of(lamp):
             s = view.place(*receivers.shown)[2]
@@ -63,7 +65,7 @@ class CasterSets:
         if len(self._sets) == 1 or not len(triangle):
             yield None, self._set(0)
             return
-        number = self._number[self._body[triangle]]
+        number = self._number[triangle]
         for own in np.flatnonzero(np.bincount(number, minlength=1)):
             rows = np.flatnonzero(number == own)
             yield (None if len(rows) == len(number) else rows), self._set(int(own))

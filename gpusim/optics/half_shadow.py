@@ -80,21 +80,20 @@ class HalfShadow:
 
 
 def half_shadow(
-    receivers: Receivers, lamp: Lamp, casters: Casters, alone: Numbers, within: Flags
+    receivers: Receivers, lamp: Lamp, casters: Casters, free: Flags, within: Flags
 ) -> HalfShadow:
     """What ``casters`` hide of a lamp in the tiles of a picture that are ``within`` (rows,
-    columns); surfaces ``alone`` (n,) hide nothing of themselves."""
+    columns); nothing of their own surface hides it from receivers that are ``free`` (T,)."""
     shape, everywhere = within.shape, bool(within.all())
     faces = casters.seen_by(lamp, receivers.shown)
     if not len(faces.face):
         return HalfShadow.none()
-    sets = CasterSets(receivers, lamp, casters, faces, alone)
+    sets = CasterSets(receivers, lamp, casters, faces, free)
     facing = ~receivers.turned_away(lamp)
     # a small triangle is the same receiver in each of its tiles
     spots = receivers.spots
-    bare = np.isin(receivers.view.body, alone)
     own_tiles = np.zeros(shape, bool)
-    own_tiles[tuple(spots.tile[bare[spots.triangle]].T[::-1])] = True
+    own_tiles[tuple(spots.tile[free[spots.triangle]].T[::-1])] = True
     spots = spots[facing[spots.triangle] & receivers.seen(spots)]
     if not everywhere:
         spots = spots[meets(spots, within)]
@@ -108,7 +107,7 @@ def half_shadow(
     spots, owner = spots[maybe[owner]], (np.cumsum(maybe) - 1)[owner[maybe[owner]]]
     boxes, triangle = [np.compress(maybe, points, axis=2)], triangle[maybe]
     pairs = receivers.pairs(np.flatnonzero(facing & receivers.large), LEVELS[0])
-    own_tiles |= spread_over(pairs[bare[pairs.triangle]], shape)
+    own_tiles |= spread_over(pairs[free[pairs.triangle]], shape)
     clear = np.zeros((1, 1), np.int64)  # receivers of each tile that nothing is before
     for size in LEVELS:
         if size != pairs.size:

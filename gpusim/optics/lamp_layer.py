@@ -5,6 +5,8 @@ as often as its border winds round the ray. A border that doesn't cross itself a
 from any of its points, and winds once, is that of a sheet that hides nothing of itself. Of a closed
 body that holds for the part turned to the lamp, which is before all the rest. Several surfaces hide
 nothing of each other where the lamp sees them side by side.
+
+Of bodies that bulge an extended lamp sees edges from everywhere (`gpusim.optics.lamp_caps`).
 """
 
 from __future__ import annotations
@@ -19,14 +21,14 @@ import numpy.typing as npt
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
-from gpusim.optics.corners import CHUNK, products
 from gpusim.optics.emitters import Lamp, lamps_of
+from gpusim.optics.lamp_caps import caps_of
+from gpusim.optics.lamp_dark import doubtful
+from gpusim.optics.lamp_turn import Turned, turned_to
 from gpusim.optics.lamp_view import LampView
 from gpusim.optics.layer import border_of
 from gpusim.optics.light import Light
 from gpusim.optics.loops import Loops
-from gpusim.optics.outline import unit
-from gpusim.optics.ragged import expand
 from gpusim.optics.shape import Shape, shapes_of
 from gpusim.surface.plane import used_vertices
 from gpusim.surface.surface import Surface
@@ -35,7 +37,6 @@ from gpusim.surface.topology import Topology
 __all__ = ["FEWEST", "Alone", "surfaces_alone", "without_shadows"]
 
 Array = npt.NDArray[np.float64]
-Flags = npt.NDArray[np.bool_]
 Numbers = npt.NDArray[np.int64]
 
 FEWEST = 2000
@@ -47,12 +48,6 @@ MOST_ALONE = 8
 MOST_KEPT = 32
 """Views of a surface from lamps that are kept."""
 
-MOST_SEEN = 20_000
-"""Dark triangles of a closed body that are looked at closely."""
-
-SURE = 1e-13
-"""Of the extent in a lamp's view, squared: areas that rounding may turn over; and of a cosine."""
-
 _BORDERS: WeakKeyDictionary[Topology, Loops | None] = WeakKeyDictionary()
 _PARTS: WeakKeyDictionary[Topology, npt.NDArray[np.int32]] = WeakKeyDictionary()
 
@@ -60,12 +55,16 @@ _PARTS: WeakKeyDictionary[Topology, npt.NDArray[np.int32]] = WeakKeyDictionary()
 @dataclass(frozen=True, eq=False)
 class Patch:
     """What a lamp sees of a surface, one layer: its ends ``low``, ``high`` (3,) in p, q and s, its
-    border's ``loops``, and its ``triangles`` (n, 3)."""
+    border's ``loops``, or those of its caps, which fall ``short`` of its outlines by so much in p
+    and q, and its ``triangles`` (n, 3). ``doubt`` (n,): numbers of those of the surface's triangles
+    that may nevertheless lie in its own shadow."""
 
     low: Array
     high: Array
-    loops: Loops
+    loops: tuple[Loops, ...]
     triangles: npt.NDArray[np.int64]
+    short: float
+    doubt: Numbers
 
     def beside(self, other: Patch, half: tuple[float, float]) -> bool:
         """Whether a lamp with ``half`` its size sees none of them before the other."""
@@ -94,12 +93,13 @@ def without_shadows(
 
 class Alone(NamedTuple):
     """A surface, by its number, that hides nothing of itself in a lamp's ``view``, and its
-    ``points`` (P, 3) in the world."""
+    ``points`` (P, 3) in the world; ``doubt`` (n,): those of all surfaces' faces that it may."""
 
     surface: int
     view: LampView
     patch: Patch
     points: Array
+    doubt: Numbers
 
 
 def surfaces_alone(
@@ -113,6 +113,7 @@ def surfaces_alone(
         if len(surface.topology.triangles) >= FEWEST
     ]
     shapes = shapes_of(surfaces) if large else []
+    first = np.cumsum([0, *(len(surface.faces) for surface in surfaces)])
 
     def alone(lamp: Lamp) -> list[Alone]:
         view, key = _view(lamp, surfaces) if large and lamp.light.shadows else (None, b"")
@@ -124,7 +125,10 @@ def surfaces_alone(
             if len(result) < MOST_ALONE:
                 patch = _kept(view, key, surfaces[number], shapes[number], eye)
             if patch is not None:
-                result.append(Alone(number, view, patch, shapes[number].points))
+                source = surfaces[number].topology.source[patch.doubt].astype(np.int64)
+                result.append(
+                    Alone(number, view, patch, shapes[number].points, first[number] + source)
+                )
         return result
 
     return [alone(lamp) for lamp in lamps]
@@ -136,7 +140,7 @@ def _lights_all(lamp: Lamp, surfaces: Sequence[Surface], shapes: list[Shape], ey
     patches: list[Patch] = []
     for surface, shape in zip(surfaces, shapes, strict=True):
         patch = None if view is None else _kept(view, key, surface, shape, eye)
-        if view is None or patch is None:
+        if view is None or patch is None or patch.short or len(patch.doubt):
             return False
         if not all(patch.beside(other, view.half) for other in patches):
             return False
@@ -182,24 +186,44 @@ def _patch(view: LampView, surface: Surface, shape: Shape, eye: Array) -> Patch 
     places = np.stack(view.place(*(np.ascontiguousarray(v) for v in shape.points.T)))
     if not np.isfinite(places).all():
         return None
-    lit = _turned_to(view, places, topology.triangles, topology.closed)
-    if lit is None:
+    turned = turned_to(view, places, topology.triangles, topology.closed)
+    if turned is None:
         return None
     if topology.closed:
-        if not lit.any() or not _unlit(view.lamp, shape, topology, lit, eye):
-            return None
-        loops = Loops.of(*border_of(topology, lit))
-    else:
-        if topology not in _BORDERS:
-            _BORDERS[topology] = Loops.of(*border_of(topology, None))
-        loops = _BORDERS[topology]
+        return _body(view, surface.topology, shape, places, turned, eye)
+    if topology not in _BORDERS:
+        _BORDERS[topology] = Loops.of(*border_of(topology, None))
+    loops = _BORDERS[topology]
     if loops is None or not loops.wind_once(places, view.half):
         return None
-    triangles, own = topology.triangles, places
-    if topology.closed:
-        triangles = triangles[lit]
-        own = places[:, used_vertices(triangles, places.shape[1])]
-    return Patch(own.min(axis=1), own.max(axis=1), loops, triangles)
+    low, high = places.min(axis=1), places.max(axis=1)
+    return Patch(low, high, (loops,), topology.triangles, 0.0, np.zeros(0, np.int64))
+
+
+def _body(
+    view: LampView, topology: Topology, shape: Shape, places: Array, turned: Turned, eye: Array
+) -> Patch | None:
+    """The same of a closed body."""
+    lit, short = turned.front, 0.0
+    if len(turned.edge_on):
+        caps = caps_of(view, places, topology, turned)
+        if caps is None:
+            return None
+        loops, short = caps
+        lit = lit.copy()
+        lit[turned.edge_on] = True
+    else:
+        border = Loops.of(*border_of(topology, lit)) if lit.any() else None
+        if border is None or not border.wind_once(places, view.half):
+            return None
+        loops = (border,)
+    doubt = doubtful(view.lamp, shape, topology, lit, eye)
+    if doubt is None:
+        return None
+    triangles = topology.triangles[lit]
+    own = places[:, used_vertices(triangles, places.shape[1])]
+    doubt = np.concatenate([turned.edge_on, doubt])
+    return Patch(own.min(axis=1), own.max(axis=1), loops, triangles, short, doubt)
 
 
 def _closed_suits(lamp: Lamp, surface: Surface, shape: Shape) -> bool:
@@ -233,72 +257,3 @@ def _volumes(shape: Shape, topology: Topology) -> Array:
     own /= 6.0
     result: Array = np.bincount(_PARTS[topology], own).astype(np.float64)
     return result
-
-
-def _turned_to(
-    view: LampView, places: Array, triangles: npt.NDArray[np.int64], both: bool
-) -> Flags | None:
-    """(T,) which triangles turn their front to a lamp; None where one is seen edge-on from some of
-    it or, unless they may do ``both``, some turn their front and some their back.
-
-    ``places`` (3, P): p, q and s of their corners. Seen from the point (a, b) of the lamp's face,
-    in halves of its size, areas are linear in a and b.
-    """
-    across, along = view.half
-    turn = -np.sign(np.linalg.det([view.across, view.along, view.axis]))
-    least = SURE * float(np.ptp(places[:2], axis=1).max(initial=0.0)) ** 2
-    result = np.empty(len(triangles), bool)
-    for first in range(0, len(triangles), CHUNK):
-        part = slice(first, first + CHUNK)
-        corner = [np.ascontiguousarray(triangles[part, k]) for k in range(3)]
-        p, q = (_sides(values, corner) for values in places[:2])
-        area = p[0] * q[1]
-        area -= p[1] * q[0]
-        area *= turn
-        sweep = np.full(len(area), least)
-        if view.lamp.extended:
-            s = _sides(places[2], corner)
-            sweep += across * np.abs(s[0] * q[1] - s[1] * q[0])
-            sweep += along * np.abs(p[0] * s[1] - p[1] * s[0])
-        front = area > sweep
-        if not (front | (area < -sweep)).all():
-            return None
-        result[part] = front
-        if not both and (not front.all() or first) and (front != result[0]).any():
-            return None
-    return result
-
-
-def _sides(values: Array, corner: list[npt.NDArray[np.int64]]) -> tuple[Array, Array]:
-    """How ``values`` (P,) change from the first corner to the others."""
-    own = [np.take(values, numbers, mode="clip") for numbers in corner]
-    return own[1] - own[0], own[2] - own[0]
-
-
-def _unlit(lamp: Lamp, shape: Shape, topology: Topology, lit: Flags, eye: Array) -> bool:
-    """Whether the triangles that aren't ``lit`` but look to the ``eye`` are dark without a shadow:
-    the normals that they share with others turn away from the lamp, too."""
-    triangles, points, area = topology.triangles, shape.points, shape.area
-    own = np.flatnonzero(~lit)
-    start = points[triangles[own, 0]]
-    own = own[np.einsum("ka,ak->k", eye - start, area[:, own]) > 0.0]
-    if len(own) > MOST_SEEN:
-        return False
-    met = np.zeros(len(points), bool)
-    met[triangles[own]] = True
-    some = np.flatnonzero(met[triangles[:, 0]] | met[triangles[:, 1]] | met[triangles[:, 2]])
-    order = np.argsort(triangles[some], axis=None, kind="stable")
-    vertex, around = triangles[some].reshape(-1)[order], some[order // 3]
-    corner = triangles[own].reshape(-1)
-    first = np.searchsorted(vertex, corner)
-    row, offset = expand(np.searchsorted(vertex, corner, side="right") - first)
-    other, own = around[first[row] + offset], own[row // 3]
-    alike = products(unit(area[:, own]), unit(area[:, other])) >= np.cos(shape.smooth_angle) - SURE
-    own, normal = own[alike], area[:, other[alike]]
-    reach = np.abs(products(normal, lamp.u)) + np.abs(products(normal, lamp.v))
-    reach += products(normal, lamp.centre)
-    near = 0.0 if lamp.far else 1.0
-    return all(
-        bool((reach <= near * products(normal, points[triangles[own, k]].T)).all())
-        for k in range(3)
-    )

@@ -37,16 +37,17 @@ MARGIN = 1e-6
 
 
 class Outline:
-    """The border of what a lamp sees of ``surface`` in its ``view``; ``points`` (P, 3) of that,
-    ``depth`` (P,) s of these; ``top`` and ``bottom``: the highest and the lowest s; ``margin`` in s
-    and ``across`` in p and q count as nothing."""
+    """The border of what a lamp sees of ``surface`` in its ``view``, or of its caps, which fall
+    ``short`` of it by so much in p and q; ``points`` (P, 3) of that, ``depth`` (P,) s of these;
+    ``top`` and ``bottom``: the highest and the lowest s; ``margin`` in s and ``across`` in p and q
+    count as nothing."""
 
     def __init__(self, alone: Alone) -> None:
-        self.surface, self.view, patch, points = alone
+        self.surface, self.view, patch, points, _ = alone
         self.points, view = points, self.view
         self._places = np.stack(view.place(*(np.ascontiguousarray(v) for v in points.T)))
         self._triangles = patch.triangles
-        self._loops = patch.loops
+        self._loops, self.short = patch.loops, patch.short
         self.top, self.bottom = float(patch.high[2]), float(patch.low[2])
         self.margin = MARGIN * max(abs(self.top), abs(self.bottom))
         self.across = MARGIN * float((patch.high - patch.low)[:2].max())
@@ -56,10 +57,15 @@ class Outline:
         """(P,): s of the surface's points."""
         return np.asarray(self._places[2])
 
-    def chain(self, tolerance: float) -> Chain:
-        """Its edges, joined where they leave the border by no more than ``tolerance`` in p and
-        q, or what looks like that from the lamp."""
-        return Chain.of(self._loops, self._places, max(self.view.half), tolerance)
+    @property
+    def caps(self) -> range:
+        """Numbers of what tells it: of caps, or of the one border."""
+        return range(len(self._loops))
+
+    def chain(self, cap: int, tolerance: float) -> Chain:
+        """The edges of a cap, joined where they leave its border by no more than ``tolerance`` in p
+        and q, or what looks like that from the lamp."""
+        return Chain.of(self._loops[cap], self._places, max(self.view.half), tolerance)
 
     @cached_property
     def _cells(self) -> tuple[Array, Array, Windows, Windows]:

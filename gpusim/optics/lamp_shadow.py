@@ -46,17 +46,21 @@ def lamp_shadow(
 ) -> LampShadow:  # fmt: skip
     """What is hidden of a ``lamp`` in a picture of ``shape`` (rows, columns) tiles; surfaces
     ``alone`` hide nothing of themselves."""
-    facing = ~receivers.turned_away(lamp) if alone else np.zeros(0, bool)
+    facing = ~receivers.turned_away(lamp) if alone else np.zeros(receivers.view.count, bool)
     found = [outline_shadow(receivers, Outline(one), facing, shape) for one in alone]
     unsure = np.zeros(shape, bool)
     for one in found:
         unsure.reshape(-1)[one.unsure] = True
-    bodies = [one.surface for one in alone]
-    none = np.zeros(0, np.int64)
-    parts = [half_shadow(receivers, lamp, casters(frozenset(bodies)), none, ~unsure)]
+    free = _free(receivers, alone)
+    doubt = facing & np.isin(receivers.view.body, [one.surface for one in alone]) & ~free
+    if doubt.any():
+        tile = receivers.in_tiles(np.ones(shape, bool), doubt).tile
+        unsure[tile[:, 1], tile[:, 0]] = True
+    bodies = frozenset(one.surface for one in alone)
+    parts = [half_shadow(receivers, lamp, casters(bodies), np.zeros(len(free), bool), ~unsure)]
     if unsure.any():
-        every = casters(frozenset())
-        parts.append(half_shadow(receivers, lamp, every, np.array(bodies, np.int64), unsure))
+        parts.append(half_shadow(receivers, lamp, casters(frozenset()), free, unsure))
+    none = np.zeros(0, np.int64)
     dark, flat = np.zeros(shape[0] * shape[1], bool), unsure.reshape(-1)
     for one in found:
         dark[one.dark[~flat[one.dark]]] = True
@@ -69,10 +73,22 @@ def lamp_shadow(
         tiles.append(one.tile[kept])
         ends.append(one.ends[kept])
         cuts.append(one.cut[kept])
-        lasts.append(np.diff(tiles[-1], append=-1) != 0)
+        lasts.append(one.last[kept])
     tile = np.concatenate(tiles)
     order = np.argsort(tile, kind="stable")
     return LampShadow(
         np.flatnonzero(dark), HalfShadow.joined(parts).without(dark), tile[order],
         np.concatenate(ends)[order], np.concatenate(cuts)[order], np.concatenate(lasts)[order],
     )  # fmt: skip
+
+
+def _free(receivers: Receivers, alone: Sequence[Alone]) -> npt.NDArray[np.bool_]:
+    """(T,) receivers that nothing of their own surface hides the lamp from."""
+    view = receivers.view
+    result = np.isin(view.body, [one.surface for one in alone])
+    doubt = np.concatenate([np.zeros(0, np.int64), *(one.doubt for one in alone)])
+    if len(doubt):
+        faces = np.zeros(max(int(view.face.max(initial=0)), int(doubt.max())) + 1, bool)
+        faces[doubt] = True
+        result &= ~faces[view.face]
+    return result

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from gpusim.optics.ragged import expand
 from gpusim.surface.topology import Topology
 
-__all__ = ["FEWEST", "border_of", "one_layer", "snapped", "winds_once"]
+__all__ = ["FEWEST", "border_of", "one_layer", "sides_from", "snapped", "winds_once"]
 
 Whole = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
@@ -66,6 +66,11 @@ def border_of(topology: Topology, keep: Flags | None) -> tuple[Whole, Whole]:
         triangle = np.where(keep[first], first, second)
         alone = keep[triangle] & ~(keep[first] & keep[second] & topology.manifold[edge])
         edge, triangle = edge[alone], triangle[alone]
+    return sides_from(topology, edge, triangle)
+
+
+def sides_from(topology: Topology, edge: Whole, triangle: Whole) -> tuple[Whole, Whole]:
+    """Vertices that edges (n,) begin and end at, the way round their triangles (n,)."""
     k = np.argmax(topology.edge[triangle] == edge[:, None], axis=1)
     return topology.triangles[triangle, k], topology.triangles[triangle, (k + 1) % 3]
 

@@ -66,10 +66,9 @@ class Loops:
         """Whether no edges cross and none winds round what another one does, all the same way,
         seen from any point of a lamp with ``half`` its size; ``places`` (3, P): p, q and s, see
         `gpusim.optics.lamp_view`."""
-        at = places[:, self.vertex]
-        gap = APART * float(np.ptp(at[:2], axis=1).max())
-        if self._folded(at, half) or self._crossing(at, half, gap):
+        if not self.stay(places, half, -1.0):
             return False
+        at = places[:, self.vertex]
         # chains that don't cross: each is inside or outside of another one as a whole
         x, y = at[:2] - at[:2].mean(axis=1, keepdims=True)
         area = np.add.reduceat(x * y[self.after] - x[self.after] * y, self.start)
@@ -86,7 +85,14 @@ class Loops:
         return bool((way != 0.0).all() and (((both == 0) | (both == 1)).all()
                                             or ((both == 0) | (both == -1)).all()))  # fmt: skip
 
-    def _folded(self, at: Array, half: Half) -> bool:
+    def stay(self, places: Array, half: Half, deep: float) -> bool:
+        """Whether no edges cross, seen from any point of a lamp with ``half`` its size, but of
+        those that are as ``deep`` in s, up to that."""
+        at = places[:, self.vertex]
+        gap = APART * float(np.ptp(at[:2], axis=1).max())
+        return not (self._folded(at, half, deep) or self._crossing(at, half, gap, deep))
+
+    def _folded(self, at: Array, half: Half, deep: float) -> bool:
         """Whether an edge may run back along the one before it."""
         way = at[:, self.after] - at
         other = way[:, self.after]
@@ -96,9 +102,10 @@ class Loops:
         slack = size * f + next_size * e + e * f + 1e-9 * size * next_size
         turn = np.abs(way[0] * other[1] - way[1] * other[0])
         on = way[0] * other[0] + way[1] * other[1]
-        return not bool(((turn > slack) | (on > slack)).all())
+        near = np.maximum(np.abs(way[2]), np.abs(other[2])) <= deep
+        return not bool(((turn > slack) | (on > slack) | near).all())
 
-    def _crossing(self, at: Array, half: Half, gap: float) -> bool:
+    def _crossing(self, at: Array, half: Half, gap: float, deep: float) -> bool:
         """Whether two edges that don't follow each other may meet."""
         ends = at[:, self.after]
         low, high = np.minimum(at, ends), np.maximum(at, ends)
@@ -115,7 +122,7 @@ class Loops:
         a, b = begin[one[pair]] + offset // wide, begin[other[pair]] + offset % wide
         kept = (a < b) & (self.after[a] != b) & (self.after[b] != a)
         a, b = a[kept], b[kept]
-        near = _near((low, high), a, b, half, gap)
+        near = _near((low, high), a, b, half, gap) & (_rise((low, high), a, b) > deep)
         a, b = a[near], b[near]
         apart = _beside(at, ends, a, b, half, gap) | _beside(at, ends, b, a, half, gap)
         return not bool(apart.all())
@@ -124,12 +131,18 @@ class Loops:
 def _near(box: tuple[Array, Array], a: Numbers, b: Numbers, half: Half, gap: float) -> Flags:
     """Which boxes ``a`` and ``b`` (n,) in p, q, s may meet from some point of the lamp."""
     (low, high), result = box, np.ones(len(a), bool)
-    rise = np.maximum(high[2][a] - low[2][b], high[2][b] - low[2][a])
+    rise = _rise(box, a, b)
     for axis, size in enumerate(half):
         reach = size * rise + gap
         result &= low[axis][a] - reach <= high[axis][b]
         result &= low[axis][b] - reach <= high[axis][a]
     return result
+
+
+def _rise(box: tuple[Array, Array], a: Numbers, b: Numbers) -> Array:
+    """How far boxes ``a`` and ``b`` (n,) may be from each other in s."""
+    low, high = box
+    return np.asarray(np.maximum(high[2][a] - low[2][b], high[2][b] - low[2][a]))
 
 
 def _beside(at: Array, ends: Array, a: Numbers, b: Numbers, half: Half, gap: float) -> Flags:

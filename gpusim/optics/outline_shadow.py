@@ -36,6 +36,9 @@ by which edges are closed beside it."""
 SHARP, SOFT = 1e-3, 1.0 / 1024.0
 """px, and share of the lamp's lesser side, by which edges may pass from the outline."""
 
+SHORT = 2.0
+"""Times that, by which caps may fall short of an outline."""
+
 MOST_LISTED = 1_000_000
 """Edges of an outline in all tiles; faces tell where there are more."""
 
@@ -47,19 +50,23 @@ STEP = 4.0
 class OutlineShadow:
     """``dark``, ``unsure``: tiles (linear) that it hides all of the lamp from, and those where
     faces have to tell. ``tile`` (n,) ascending and ``ends`` (n, 2, 3) world: edges that hide some
-    of it; ``cut`` (n, 4): normal of the plane beyond which they do, and its offset (world)."""
+    of it; ``cut`` (n, 4): normal of the plane beyond which they do, and its offset (world);
+    ``last`` (n,): whether it is a border's last one in the tile."""
 
     dark: Numbers
     unsure: Numbers
     tile: Numbers
     ends: Array
     cut: Array
+    last: Flags
 
     @staticmethod
     def none() -> OutlineShadow:
         """No shadow at all."""
         number = np.zeros(0, np.int64)
-        return OutlineShadow(number, number, number, np.zeros((0, 2, 3)), np.zeros((0, 4)))
+        return OutlineShadow(
+            number, number, number, np.zeros((0, 2, 3)), np.zeros((0, 4)), np.zeros(0, bool)
+        )
 
 
 def outline_shadow(
@@ -108,7 +115,7 @@ def outline_shadow(
     limit = 0.5 * (cut[some] + np.where(np.isfinite(limit), limit, outline.top))
     return OutlineShadow(
         tile[some[dark]], tile[unsure], tile[some[found.box[kept]]], found.ends[kept],
-        outline.view.planes(limit)[found.box[kept]],
+        outline.view.planes(limit)[found.box[kept]], found.last[kept],
     )  # fmt: skip
 
 
@@ -144,33 +151,43 @@ def _met(receivers: Receivers, outline: Outline, facing: Flags, shape: tuple[int
 class _Found:
     """Of boxes: ``broken`` and ``whole`` (n,), whether faces have to tell, and whether all is
     inside of the outline; ``lowest`` s of the edges listed; edges ``ends`` (m, 2, 3) world of
-    ``box`` (m,)."""
+    ``box`` (m,), of a ``cap`` (m,) of the outline."""
 
     broken: Flags
     whole: Flags
     lowest: Array
     box: Numbers
     ends: Array
+    cap: Numbers
 
     @staticmethod
     def none(count: int) -> _Found:
         """Nothing of so many boxes."""
         no = np.zeros(count, bool)
+        number = np.zeros(0, np.int64)
         return _Found(
-            no, no.copy(), np.full(count, np.inf), np.zeros(0, np.int64), np.zeros((0, 2, 3))
+            no, no.copy(), np.full(count, np.inf), number, np.zeros((0, 2, 3)), number
         )
 
-    def take(self, rows: Numbers, found: _Found) -> None:
-        """What was ``found`` of some of the boxes."""
-        self.broken[rows], self.whole[rows] = found.broken, found.whole
-        self.lowest[rows] = found.lowest
+    def take(self, rows: Numbers, found: _Found, cap: int) -> None:
+        """What was ``found`` of some of the boxes by a ``cap``: what one hides is hidden."""
+        self.broken[rows] |= found.broken
+        self.whole[rows] |= found.whole
+        self.lowest[rows] = np.minimum(self.lowest[rows], found.lowest)
         self.box = np.concatenate([self.box, rows[found.box]])
         self.ends = np.concatenate([self.ends, found.ends])
+        self.cap = np.concatenate([self.cap, np.full(len(found.box), cap)])
 
     def sorted(self) -> _Found:
-        """With edges box by box."""
-        order = np.argsort(self.box, kind="stable")
-        return replace(self, box=self.box[order], ends=self.ends[order])
+        """With edges box by box, cap by cap."""
+        order = np.lexsort((self.cap, self.box))
+        return replace(self, box=self.box[order], ends=self.ends[order], cap=self.cap[order])
+
+    @property
+    def last(self) -> Flags:
+        """(m,) whether an edge is the last one of a cap in its box."""
+        after = np.diff(self.box, append=-1) != 0
+        return np.asarray(after | (np.diff(self.cap, append=-1) != 0))
 
 
 def _edges_of(outline: Outline, reach: Reach) -> _Found:
@@ -187,8 +204,12 @@ def _edges_of(outline: Outline, reach: Reach) -> _Found:
         level = (np.log(allowed / least) / np.log(STEP)).astype(np.int64)
     for one in np.unique(level):
         own = np.flatnonzero(level == one)
-        chain = outline.chain(least * STEP ** float(one))
-        result.take(own, _edges(outline, chain, reach[own]))
+        boxes = reach[own]
+        for cap in outline.caps:
+            chain = outline.chain(cap, least * STEP ** float(one))
+            result.take(own, _edges(outline, chain, boxes), cap)
+    # caps must fall short of what they stand for by no more than about a sample
+    result.broken |= allowed * SHORT < outline.short
     return result.sorted()
 
 
@@ -237,4 +258,4 @@ def _edges(outline: Outline, chain: Chain, reach: Reach) -> _Found:
     lowest = np.full(count, np.inf)
     np.minimum.at(lowest, box, s)
     broken = ~(lowest > reach.s[1] + outline.margin)
-    return _Found(broken, whole, lowest, box, ends)
+    return _Found(broken, whole, lowest, box, ends, np.zeros(len(box), np.int64))
