@@ -62,7 +62,7 @@ def test_what_bulges_has_no_lists(lamp: str, monkeypatch: pytest.MonkeyPatch) ->
     surfaces = [tube(30, 3), ground()]
     tiles, picture = shadows(surfaces, LAMPS[lamp])
     monkeypatch.setattr(
-        half_shadow, "_below", lambda lamp, casters, face, points, box: np.zeros(len(box), bool)
+        half_shadow, "lies_low", lambda lamp, casters, face, points, box, *_: box < 0
     )
     before, every = shadows(surfaces, LAMPS[lamp])
     assert tiles.count.sum() < 0.9 * before.count.sum()

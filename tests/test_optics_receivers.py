@@ -8,9 +8,9 @@ import pytest
 import gpusim as gs
 from gpusim.optics.binning import bin_edges
 from gpusim.optics.receivers import Receivers
-from gpusim.optics.tile_pairs import TILE, Pairs
 from gpusim.optics.setup import Setup
 from gpusim.optics.shade import shade_twin
+from gpusim.optics.tile_pairs import TILE, Pairs
 from gpusim.optics.view import look
 from gpusim.optics.visibility import visibility_twin
 from tests.test_optics_merging import strip

@@ -4,20 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.optics.caster_sets import CasterSet, CasterSets
 from gpusim.optics.casters import Casters
-from gpusim.optics.corners import products
 from gpusim.optics.emitters import Lamp
 from gpusim.optics.lamp_apart import apart
 from gpusim.optics.lamp_edges import EVERY_EDGE
 from gpusim.optics.lamp_grid import LampGrid
 from gpusim.optics.lamp_merging import FEWEST, joined_grids
 from gpusim.optics.ragged import expand
+from gpusim.optics.receiver_planes import lies_low, meets_middle, sides_of_planes
 from gpusim.optics.receivers import Receivers
 from gpusim.optics.tile_pairs import LEVELS, TILE, Pairs, meets, spread_over
 
@@ -80,16 +79,20 @@ class HalfShadow:
 
 
 def half_shadow(
-    receivers: Receivers, lamp: Lamp, casters: Casters, free: Flags, within: Flags
-) -> HalfShadow:
+    receivers: Receivers, lamp: Lamp, casters: Casters, free: Flags, within: Flags,
+    among: Flags | None = None,
+) -> HalfShadow:  # fmt: skip
     """What ``casters`` hide of a lamp in the tiles of a picture that are ``within`` (rows,
-    columns); nothing of their own surface hides it from receivers that are ``free`` (T,)."""
+    columns); nothing of their own surface hides it from receivers that are ``free`` (T,). Where
+    ``among`` (T,) is given only these are looked at, and others taken to be lit."""
     shape, everywhere = within.shape, bool(within.all())
     faces = casters.seen_by(lamp, receivers.shown)
     if not len(faces.face):
         return HalfShadow.none()
     sets = CasterSets(receivers, lamp, casters, faces, free)
     facing = ~receivers.turned_away(lamp)
+    if among is not None:
+        facing &= among
     # a small triangle is the same receiver in each of its tiles
     spots = receivers.spots
     own_tiles = np.zeros(shape, bool)
@@ -137,7 +140,9 @@ def half_shadow(
     everything = np.concatenate(boxes, axis=2)
     tile = pairs.tile[:, 1] * shape[1] + pairs.tile[:, 0]
     beside = _Beside(len(triangle), tile, which, own_tiles.reshape(-1))
-    state, owner, face, edges, levels = _found_by(sets, casters, everything, triangle, body, beside)
+    state, owner, face, edges, levels = _found_by(
+        sets, casters, everything, triangle, body, beside, receivers.view.camera.eye
+    )
     order = np.argsort(owner, kind="stable")
     start = np.searchsorted(owner[order], np.arange(len(state) + 1))
     state = state[which]
@@ -149,7 +154,7 @@ def half_shadow(
     half[tile[state == HALF]] = True
     dark = np.zeros(shape, bool).reshape(-1)
     dark[tile[state == DARK]] = True
-    half |= dark & lit
+    half |= dark & (lit | (among is not None))
     dark &= ~half
     mixed = half[tile[pair]]
     pair, listed = pair[mixed], listed[mixed]
@@ -218,6 +223,7 @@ def _found_by(
     triangle: Numbers,
     body: Numbers,
     beside: _Beside,
+    eye: Array,
 ) -> tuple[States, Numbers, Numbers, Bits, list[Level]]:
     """As `_found`, of receivers on triangles (n,), each by what may hide the lamp there; and the
     levels, as faces are numbered in them."""
@@ -230,7 +236,7 @@ def _found_by(
             some, bodies, own_rows = np.take(points, rows, axis=2), body[rows], rows
         before = sum(len(used.corners) for used, _ in levels)
         own_levels = _levels(own, casters, some)
-        own_state, box, face, edges = _found(own_levels, some, bodies, beside, own_rows)
+        own_state, box, face, edges = _found(own_levels, some, bodies, beside, own_rows, eye)
         state[slice(None) if rows is None else rows] = own_state
         found.append((box if rows is None else rows[box], before + face, edges))
         levels += reversed(own_levels)
@@ -239,7 +245,7 @@ def _found_by(
 
 
 def _found(
-    levels: list[Level], points: Array, body: Numbers, beside: _Beside, rows: Numbers
+    levels: list[Level], points: Array, body: Numbers, beside: _Beside, rows: Numbers, eye: Array
 ) -> tuple[States, Numbers, Numbers, Bits]:
     """State of each receiver box (4, 3, n) of surfaces ``body`` (n,), -1 for large ones, that are
     ``rows`` (n,) of those ``beside`` each other; pairs (box, face) of those not lit with the edges
@@ -251,7 +257,7 @@ def _found(
     left, before = np.arange(len(state)), 0
     for casters, grids in reversed(levels):
         own = points if len(left) == len(state) else np.take(points, left, axis=2)
-        state[left], box, face, bits, near = _candidates(grids, casters, own, body[left])
+        state[left], box, face, bits, near = _candidates(grids, casters, own, body[left], eye)
         if casters is not levels[0][0]:
             near = beside.too_near(rows[left], near)
             kept = np.flatnonzero(~near[box])
@@ -267,7 +273,7 @@ def _found(
 
 
 def _candidates(
-    grids: list[LampGrid], casters: Casters, points: Array, body: Numbers
+    grids: list[LampGrid], casters: Casters, points: Array, body: Numbers, eye: Array
 ) -> tuple[States, Numbers, Numbers, Bits, npt.NDArray[np.bool_]]:
     """As `_found`, of one level; and whether a box is too near to a joined face, which has no
     pairs then."""
@@ -290,7 +296,7 @@ def _candidates(
             kept = np.flatnonzero(~near[box])
             box, caster = box[kept], caster[kept]
         face, side = grid.face[caster], grid.side[caster]
-        behind, ahead = _sides_of(casters, face, points, box)
+        behind, ahead = sides_of_planes(casters, face, points, box)
         # one side of a plane sees nothing of it hidden; closed bodies hide outwards only
         closed = ~casters.both_sides[face]
         # what is turned to the lamp in the plane of a face that is turned away lies against it
@@ -298,7 +304,8 @@ def _candidates(
         drop = (ahead & (side == 1)) | (behind & ~against & ((side == -1) | closed))
         kept = np.flatnonzero(~drop)
         box, face, caster, against = box[kept], face[kept], caster[kept], against[kept]
-        kept = np.flatnonzero(against | ~_below(grid.view.lamp, casters, face, points, box))
+        low = lies_low(grid.view.lamp, casters, face, points, box, body, eye)
+        kept = np.flatnonzero(against | ~low)
         box, face, caster, against = box[kept], face[kept], caster[kept], against[kept]
         inside, past = grid.meets(reach[box], caster)
         same = np.flatnonzero(inside & (body[box] == casters.body[face]))
@@ -317,7 +324,7 @@ def _candidates(
         ask = np.flatnonzero(~half[box])
         middle = points[:, :, box[ask]].mean(axis=0).T
         corners = casters.corners[face[ask]]
-        hit[box[ask[_meets(grid.view.lamp, middle, corners, against[ask])]]] = True
+        hit[box[ask[meets_middle(grid.view.lamp, middle, corners, against[ask])]]] = True
         # inside of an outline, yet no face in the way: a ray between faces that were joined, which
         # needn't meet corner by corner; pixel by pixel it is one sample
         half[box[~hit[box]]] = True
@@ -326,80 +333,6 @@ def _candidates(
         faces.append(face)
         edges.append(grid.edges.needed(reach, box, caster))
     return state, np.concatenate(pairs), np.concatenate(faces), np.concatenate(edges), near
-
-
-def _sides_of(
-    casters: Casters, face: Numbers, points: Array, box: Numbers
-) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
-    """Whether boxes of points lie behind the planes of faces, or before them, pair by pair."""
-    normal = [np.ascontiguousarray(casters.normal[:, axis]) for axis in range(3)]
-    offset = np.sum(casters.corners[:, 0] * casters.normal, axis=1)[face]
-    slack = (1e-7 * np.abs(points).max(initial=0.0)) * np.linalg.norm(casters.normal, axis=1)[face]
-    own = [n[face] for n in normal]
-    low, high = np.full(len(face), np.inf), np.full(len(face), -np.inf)
-    for corner in points:
-        height = -offset
-        for axis in range(3):
-            height += own[axis] * corner[axis][box]
-        np.minimum(low, height, out=low)
-        np.maximum(high, height, out=high)
-    return high <= slack, low >= -slack
-
-
-def _below(lamp: Lamp, casters: Casters, face: Numbers, points: Array, box: Numbers) -> Flags:
-    """Whether the planes of receivers in boxes of points have all of the lamp on one side, and
-    faces on the other, pair by pair: what bulges hides nothing of itself."""
-    start = points[0]
-    across, along = points[1] - start, points[2] - start
-    normal = np.stack([
-        across[1] * along[2] - across[2] * along[1],
-        across[2] * along[0] - across[0] * along[2],
-        across[0] * along[1] - across[1] * along[0],
-    ])  # fmt: skip
-    reach = np.abs(products(normal, lamp.u)) + np.abs(products(normal, lamp.v))
-    offset = products(normal, start)
-    height = products(normal, lamp.centre) - (0.0 if lamp.far else 1.0) * offset
-    side = np.where(np.abs(height) > reach, np.sign(height), 0.0)
-    normal *= side
-    offset *= side
-    result = (side != 0.0)[box]
-    rows = np.flatnonzero(result)
-    own, corners = box[rows], casters.faces[face[rows]]
-    slack = 1e-7 * np.abs(start).max(initial=0.0) * np.sqrt(products(normal, normal))
-    limit = (offset + slack)[own]
-    places = np.ascontiguousarray(casters.points.T)
-    low = np.ones(len(rows), bool)
-    normals = [n[own] for n in normal]
-    for k in range(4):
-        vertex = corners[:, k]
-        at = sum(n * axis[vertex] for n, axis in zip(normals, places, strict=True))
-        low &= at <= limit
-    result[rows] = low
-    return result
-
-
-def _meets(
-    lamp: Lamp, at: Array, corners: Array, against: npt.NDArray[np.bool_]
-) -> npt.NDArray[np.bool_]:
-    """Whether the way from points (n, 3) to the lamp's centre goes through faces (n, 4, 3).
-
-    ``against`` (n,): the point lies in the face's plane, and counts as before it.
-    """
-    near = 0.0 if lamp.far else 1.0
-    to = [lamp.centre[axis] - near * at[:, axis] for axis in range(3)]
-    ways = [[corners[:, k, axis] - at[:, axis] for axis in range(3)] for k in range(4)]
-    middle = [sum(way[axis] for way in ways) for axis in range(3)]
-    size, turns = np.zeros(len(at)), []
-    for (ax, ay, az), (bx, by, bz) in pairwise([*ways, ways[0]]):
-        plane = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-        size += plane[0] * middle[0] + plane[1] * middle[1] + plane[2] * middle[2]
-        turns.append(plane[0] * to[0] + plane[1] * to[1] + plane[2] * to[2])
-    sign = np.sign(size)
-    sign[against] = -1.0
-    inside: npt.NDArray[np.bool_] = sign != 0.0
-    for turn in turns:
-        inside &= sign * turn >= 0.0
-    return inside
 
 
 def _count(pairs: Pairs, shape: tuple[int, int], more: Numbers) -> Numbers:

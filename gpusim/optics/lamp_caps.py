@@ -10,14 +10,16 @@ what the body doesn't.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from gpusim.optics.lamp_turn import Turned
+from gpusim.optics.lamp_turn import Turned, areas
 from gpusim.optics.lamp_view import LampView
 from gpusim.optics.layer import sides_from
-from gpusim.optics.loops import Loops
+from gpusim.optics.loops import Loops, distance
 from gpusim.surface.topology import Topology
 
 __all__ = ["caps_of"]
@@ -28,7 +30,7 @@ Numbers = npt.NDArray[np.int64]
 MOST_CELLS = 4
 """Along either side of a lamp's face."""
 
-MOST_EDGE_ON = 0.3
+MOST_SHARED = 0.3
 """Of the triangles."""
 
 SHARE = 1.0 / 512.0
@@ -41,60 +43,99 @@ TOO_MUCH = 16.0
 NEAREST = 3
 """Places of a border next to a point that tell how far it is."""
 
-DEEP = 3.0
-"""Depths of what turns about, within which parts of a border belong together."""
-
 
 def caps_of(
     view: LampView, places: Array, topology: Topology, turned: Turned
-) -> tuple[tuple[Loops, ...], float] | None:
+) -> tuple[tuple[Loops, ...], float, Numbers] | None:
     """Borders of caps of a closed body, and how far they fall short of its outlines in p and q from
-    any point of the lamp; None where it may hide parts of itself. ``places`` (3, P): p, q, s."""
-    if len(turned.edge_on) > MOST_EDGE_ON * len(turned.front):
+    any point of the lamp; None where it may hide parts of itself, but for triangles (n,) that turn
+    their front to some points only. ``places`` (3, P): p, q, s."""
+    shares = _Shares.of(view, places, topology, turned)
+    if len(shares.number) > MOST_SHARED * len(turned.front):
         return None
-    parts = np.zeros(len(turned.front), bool)
-    parts[turned.edge_on] = True
-    first, second = topology.first, topology.second
-    edges = np.flatnonzero(
-        (turned.front[first] != turned.front[second]) | parts[first] | parts[second]
-    )
-    shown = places[2, topology.triangles[turned.front | parts]]
+    found = _caps(view, places, topology, shares, 1)
+    if found is None:
+        return None
+    if not view.lamp.extended:
+        return *found, shares.number
+    shown = places[2, topology.triangles[turned.front | shares.own]]
     enough = SHARE * min(view.half) * 0.5 * float(np.ptp(shown)) if shown.size else 0.0
-    found = _caps(view, places, topology, turned, edges, 1)
-    if found is None or found[1] <= enough:
-        return found
-    cells = int(np.ceil(np.sqrt(found[1] / max(enough, 1e-300)).clip(max=2.0 * MOST_CELLS)))
-    if cells > 1:
-        found = _caps(view, places, topology, turned, edges, min(cells, MOST_CELLS))
-    return None if found is None or found[1] > TOO_MUCH * enough else found
+    if found[1] > enough:
+        cells = np.ceil(np.sqrt(found[1] / max(enough, 1e-300)).clip(max=MOST_CELLS))
+        if cells > 1:
+            found = _caps(view, places, topology, shares, int(cells))
+    if found is None or found[1] > TOO_MUCH * enough:
+        return None
+    return *found, shares.number
+
+
+@dataclass(frozen=True, eq=False)
+class _Shares:
+    """Triangles that turn their front to some points of a lamp, or are part of a face that may:
+    ``number`` (n,), sorted, and ``own`` (T,) which these are; ``front`` (T,): those of the others
+    that do to all. ``edges``: those that borders may go along. ``areas`` (3, n): of each, see
+    `gpusim.optics.lamp_turn.areas`; ``face`` (n,): of each, numbered; ``least`` as there."""
+
+    number: Numbers
+    own: npt.NDArray[np.bool_]
+    front: npt.NDArray[np.bool_]
+    edges: Numbers
+    areas: Array
+    face: Numbers
+    least: float
+
+    @staticmethod
+    def of(view: LampView, places: Array, topology: Topology, turned: Turned) -> _Shares:
+        """Those of a surface that is ``turned``."""
+        own, front, source = np.zeros(len(turned.front), bool), turned.front, topology.source
+        own[turned.edge_on] = True
+        # triangles of one face go together: a fold along its diagonal would be one of every face
+        apart = (source[1:] == source[:-1]) & ((front[1:] != front[:-1]) | own[1:] | own[:-1])
+        own[1:] |= apart
+        own[:-1] |= apart
+        first, second = topology.first, topology.second
+        edges = np.flatnonzero((front[first] != front[second]) | own[first] | own[second])
+        number = np.flatnonzero(own)
+        found = areas(view, places, topology.triangles[number])
+        found += [np.zeros(len(number))] * (3 - len(found))
+        face = np.unique(source[number], return_inverse=True)[1]
+        return _Shares(number, own, front, edges, np.stack(found), face, turned.least)
+
+    def lit(self, area: Array) -> npt.NDArray[np.bool_]:
+        """(T,) which turn their front to a point of the lamp from which their ``area`` (n,) is."""
+        result = self.front.copy()
+        result[self.number] = np.bincount(self.face, area)[self.face] > self.least
+        return result
 
 
 def _caps(
-    view: LampView, places: Array, topology: Topology, turned: Turned, edges: Numbers, cells: int
+    view: LampView, places: Array, topology: Topology, shares: _Shares, cells: int
 ) -> tuple[tuple[Loops, ...], float] | None:
-    """The same with so many ``cells`` along either side; ``edges`` that borders may go along."""
+    """The same with so many ``cells`` along either side."""
     middle = (np.arange(cells) + 0.5) * (2.0 / cells) - 1.0
+    if not view.lamp.extended:
+        middle = np.zeros(1)
     half = view.half[0] / cells, view.half[1] / cells
     result, most = [], 0.0
     for a in middle:
         for b in middle:
-            area = turned.area[0] + a * turned.area[1] + b * turned.area[2]
-            lit = turned.front.copy()
-            lit[turned.edge_on] = area > turned.least
+            area = shares.areas[0] + a * shares.areas[1] + b * shares.areas[2]
+            lit, edges = shares.lit(area), shares.edges
             border = edges[lit[topology.first[edges]] != lit[topology.second[edges]]]
             inside = np.where(
                 lit[topology.first[border]], topology.first[border], topology.second[border]
             )
             loops = Loops.of(*sides_from(topology, border, inside))
-            at = _from(view, places, a, b)
-            if loops is None or not loops.wind_once(at, (0.0, 0.0)):
+            if loops is None:
                 return None
-            turns = np.abs(turned.area[1:]).sum(axis=0) / cells + turned.least
-            own = turned.edge_on[np.abs(area) <= turns]
-            short, deep = _short(view, places, loops, topology.triangles[own], (a, b), 1.0 / cells)
-            if not loops.stay(at, half, DEEP * deep):
+            turns = np.abs(shares.areas[1:]).sum(axis=0) / cells + shares.least
+            some = (np.abs(area) <= turns) | ((area > 0.0) != lit[shares.number])
+            triangles = topology.triangles[shares.number[some]]
+            lobes = loops.lobes(_from(view, places, a, b), half)
+            if lobes is None:
                 return None
-            most = max(most, short)
+            short = _short(view, places, loops, triangles, (a, b), 1.0 / cells)
+            most = max(most, short, lobes)
             result.append(loops)
     return tuple(result), most
 
@@ -110,31 +151,22 @@ def _from(view: LampView, places: Array, a: float, b: float) -> Array:
 def _short(
     view: LampView, places: Array, loops: Loops, triangles: Numbers, middle: tuple[float, float],
     size: float,
-) -> tuple[float, float]:  # fmt: skip
+) -> float:  # fmt: skip
     """How far triangles (n, 3) reach beyond a border, in p and q, from any point of a cell of the
-    lamp's face with this ``middle`` and half its ``size``; and in s. Corners tell, as whatever
-    changes with the lamp's point changes linearly."""
-    vertex = np.unique(triangles)
+    lamp's face with this ``middle`` and half its ``size``. Corners tell, as what changes with the
+    lamp's point changes linearly."""
+    vertex, border, result = np.unique(triangles), loops.vertex, 0.0
     if not len(vertex):
-        return 0.0, 0.0
-    following, before = loops.vertex[loops.after], np.empty_like(loops.vertex)
-    before[loops.after] = loops.vertex
-    short = deep = 0.0
+        return 0.0
     # from a lamp without size all corners are one
     corners = ((-1, -1), (1, -1), (1, 1), (-1, 1)) if view.lamp.extended else ((0, 0),)
+    before = np.argsort(loops.after)
     for i, j in corners:
-        at = _from(view, places, middle[0] + i * size, middle[1] + j * size)
-        near = cKDTree(at[:2, loops.vertex].T).query(at[:2, vertex].T, k=NEAREST)[1]
-        near = near[:, np.append(True, np.full(NEAREST - 1, len(loops.vertex) >= NEAREST))]
-        point = at[:2, vertex][:, :, None]
-        away = np.full(near.shape, np.inf)
-        for other in (following, before):
-            start, end = at[:2, loops.vertex[near]], at[:2, other[near]]
-            way = end - start
-            length = np.maximum(np.sum(way * way, axis=0), 1e-300)
-            share = np.clip(np.sum((point - start) * way, axis=0) / length, 0.0, 1.0)
-            away = np.minimum(away, np.hypot(*(point - start - share * way)))
-        short = max(short, float(away.min(axis=1).max()))
-        rise = np.abs(places[2, vertex][:, None] - places[2, loops.vertex[near]]).min(axis=1)
-        deep = max(deep, float(rise.max()))
-    return short, deep
+        at = _from(view, places, middle[0] + i * size, middle[1] + j * size)[:2]
+        near = cKDTree(at[:, border].T).query(at[:, vertex].T, k=min(NEAREST, len(border)))[1]
+        away = np.full(len(vertex), np.inf)
+        for row in near.T:
+            for other in (loops.after[row], before[row]):
+                away = np.minimum(away, distance(at, vertex, border[row], border[other]))
+        result = max(result, float(away.max()))
+    return result

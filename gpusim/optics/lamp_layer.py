@@ -204,25 +204,25 @@ def _body(
     view: LampView, topology: Topology, shape: Shape, places: Array, turned: Turned, eye: Array
 ) -> Patch | None:
     """The same of a closed body."""
-    lit, short = turned.front, 0.0
-    if len(turned.edge_on):
+    lit, short, doubt = turned.front, 0.0, turned.edge_on
+    border = None
+    if not len(turned.edge_on) and lit.any():
+        border = Loops.of(*border_of(topology, lit))
+    if border is not None and border.wind_once(places, view.half):
+        loops: tuple[Loops, ...] = (border,)
+    else:
         caps = caps_of(view, places, topology, turned)
         if caps is None:
             return None
-        loops, short = caps
+        loops, short, doubt = caps
         lit = lit.copy()
-        lit[turned.edge_on] = True
-    else:
-        border = Loops.of(*border_of(topology, lit)) if lit.any() else None
-        if border is None or not border.wind_once(places, view.half):
-            return None
-        loops = (border,)
-    doubt = doubtful(view.lamp, shape, topology, lit, eye)
-    if doubt is None:
+        lit[doubt] = True
+    dark = doubtful(view.lamp, shape, topology, lit, eye)
+    if dark is None:
         return None
     triangles = topology.triangles[lit]
     own = places[:, used_vertices(triangles, places.shape[1])]
-    doubt = np.concatenate([turned.edge_on, doubt])
+    doubt = np.concatenate([doubt, dark])
     return Patch(own.min(axis=1), own.max(axis=1), loops, triangles, short, doubt)
 
 

@@ -52,14 +52,15 @@ def lamp_shadow(
     for one in found:
         unsure.reshape(-1)[one.unsure] = True
     free = _free(receivers, alone)
-    doubt = facing & np.isin(receivers.view.body, [one.surface for one in alone]) & ~free
-    if doubt.any():
-        tile = receivers.in_tiles(np.ones(shape, bool), doubt).tile
-        unsure[tile[:, 1], tile[:, 0]] = True
     bodies = frozenset(one.surface for one in alone)
     parts = [half_shadow(receivers, lamp, casters(bodies), np.zeros(len(free), bool), ~unsure)]
     if unsure.any():
         parts.append(half_shadow(receivers, lamp, casters(frozenset()), free, unsure))
+    doubt = facing & np.isin(receivers.view.body, list(bodies)) & ~free
+    if doubt.any() and not unsure.all():
+        # beside others, which outlines tell about
+        every = casters(frozenset())
+        parts.append(half_shadow(receivers, lamp, every, free, ~unsure, doubt))
     none = np.zeros(0, np.int64)
     dark, flat = np.zeros(shape[0] * shape[1], bool), unsure.reshape(-1)
     for one in found:

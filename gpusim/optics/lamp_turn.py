@@ -10,7 +10,7 @@ import numpy.typing as npt
 from gpusim.optics.corners import CHUNK
 from gpusim.optics.lamp_view import LampView
 
-__all__ = ["SURE", "Turned", "turned_to"]
+__all__ = ["SURE", "Turned", "areas", "turned_to"]
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -23,13 +23,10 @@ SURE = 1e-13
 @dataclass(frozen=True, eq=False)
 class Turned:
     """``front`` (T,): triangles that turn their front to all of a lamp. ``edge_on`` (n,): those
-    that don't to all, nor their back; ``area`` (3, n): twice that of each as seen from the point
-    (a, b) of the lamp's face, in halves of its size, is area[0] + a area[1] + b area[2], below 0
-    where it shows its back; ``least``: areas up to this may be rounding."""
+    that don't to all, nor their back. ``least``: areas up to this may be rounding."""
 
     front: Flags
     edge_on: Numbers
-    area: Array
     least: float
 
 
@@ -41,35 +38,40 @@ def turned_to(
 
     ``places`` (3, P): p, q and s of their corners.
     """
-    across, along = view.half
-    turn = -np.sign(np.linalg.det([view.across, view.along, view.axis]))
     least = SURE * float(np.ptp(places[:2], axis=1).max(initial=0.0)) ** 2
     front = np.empty(len(triangles), bool)
-    numbers, areas = [np.zeros(0, np.int64)], [np.zeros((3, 0))]
+    numbers = [np.zeros(0, np.int64)]
     for first in range(0, len(triangles), CHUNK):
         part = slice(first, first + CHUNK)
-        corner = [np.ascontiguousarray(triangles[part, k]) for k in range(3)]
-        p, q = (_sides(values, corner) for values in places[:2])
-        area = p[0] * q[1]
-        area -= p[1] * q[0]
-        area *= turn
-        change = np.zeros((2, len(area)))
-        if view.lamp.extended:
-            s = _sides(places[2], corner)
-            change[0] = -turn * across * (s[0] * q[1] - s[1] * q[0])
-            change[1] = -turn * along * (p[0] * s[1] - p[1] * s[0])
-        sweep = np.abs(change).sum(axis=0) + least
+        area, *change = areas(view, places, triangles[part])
+        sweep = np.full(len(area), least)
+        for own in change:
+            sweep += np.abs(own)
         ahead = area > sweep
         doubt = np.flatnonzero(~(ahead | (area < -sweep)))
-        if len(doubt):
-            if not both:
-                return None
-            numbers.append(first + doubt)
-            areas.append(np.stack([area[doubt], *change[:, doubt]]))
+        if len(doubt) and not both:
+            return None
+        numbers.append(first + doubt)
         front[part] = ahead
         if not both and (not ahead.all() or first) and (ahead != front[0]).any():
             return None
-    return Turned(front, np.concatenate(numbers), np.concatenate(areas, axis=1), least)
+    return Turned(front, np.concatenate(numbers), least)
+
+
+def areas(view: LampView, places: Array, triangles: npt.NDArray[np.int64]) -> list[Array]:
+    """Twice the area of triangles as seen from the middle of a lamp, below 0 where they show their
+    back; and what it grows by towards the ends of the lamp's two half sides, if it has a size."""
+    turn = -np.sign(np.linalg.det([view.across, view.along, view.axis]))
+    corner = [np.ascontiguousarray(triangles[:, k]) for k in range(3)]
+    p, q = (_sides(values, corner) for values in places[:2])
+    area = p[0] * q[1]
+    area -= p[1] * q[0]
+    area *= turn
+    if not view.lamp.extended:
+        return [area]
+    s = _sides(places[2], corner)
+    across, along = (-turn * size for size in view.half)
+    return [area, across * (s[0] * q[1] - s[1] * q[0]), along * (p[0] * s[1] - p[1] * s[0])]
 
 
 def _sides(values: Array, corner: list[npt.NDArray[np.int64]]) -> tuple[Array, Array]:

@@ -22,8 +22,8 @@ from gpusim.optics.corners import NORMAL, corner_range
 from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.light import AreaLight, EnvironmentLight, Light, PointLight, SunLight
 from gpusim.optics.ragged import expand
-from gpusim.optics.tile_pairs import TILE
 from gpusim.optics.setup import Setup, radiance_of
+from gpusim.optics.tile_pairs import TILE
 from gpusim.optics.view import look
 from gpusim.surface.paint import Plain
 from gpusim.surface.surface import Surface

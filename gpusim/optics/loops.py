@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from gpusim.optics.ragged import expand
 
-__all__ = ["Loops"]
+__all__ = ["Loops", "distance"]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
@@ -24,6 +24,9 @@ BLOCK = 32
 
 MOST_PAIRS = 4_000_000
 """Of edges near each other, that are looked at one by one."""
+
+ZIGZAG = 8
+"""Edges of a chain that may cross others of these."""
 
 APART = 1e-12
 """Of the extent, that counts as a gap."""
@@ -66,9 +69,44 @@ class Loops:
         """Whether no edges cross and none winds round what another one does, all the same way,
         seen from any point of a lamp with ``half`` its size; ``places`` (3, P): p, q and s, see
         `gpusim.optics.lamp_view`."""
-        if not self.stay(places, half, -1.0):
-            return False
         at = places[:, self.vertex]
+        if self._folded(at, half):
+            return False
+        meets = self._meets(at, half)
+        return meets is not None and not len(meets[0]) and self._nested(at)
+
+    def lobes(self, places: Array, half: Half) -> float | None:
+        """The same of chains that zigzag, so that edges cross the next ones but few: how far these
+        reach, in p and q; None where edges cross otherwise."""
+        at = places[:, self.vertex]
+        meets = self._meets(at, half)
+        if meets is None or not self._nested(at):
+            return None
+        a, b = meets
+        owner = np.searchsorted(self.start, a, side="right")
+        length = np.diff(np.append(self.start, len(self.vertex)))[owner - 1]
+        same = owner == np.searchsorted(self.start, b, side="right")
+        over = same & (2 * (b - a) > length)
+        # in the order of the chain
+        a, b = np.where(over, b, a), np.where(over, a, b)
+        count = np.where(over, b - a + length, b - a)
+        if not (same & (count <= ZIGZAG)).all():
+            return None
+        reach = 0.0
+        for i, j in ((-1, -1), (1, -1), (1, 1), (-1, 1)):
+            x = np.stack([at[0] - i * half[0] * at[2], at[1] - j * half[1] * at[2]])
+            vertex = a
+            for k in range(int(count.max(initial=0))):
+                vertex = self.after[vertex]
+                # the end of the first edge is on that, the start of the second one on the other
+                first = np.where(k == 0, np.inf, distance(x, vertex, a, self.after[a]))
+                second = np.where(k == count - 1, np.inf, distance(x, vertex, b, self.after[b]))
+                away = np.where(k < count, np.minimum(first, second), 0.0)
+                reach = max(reach, float(away.max(initial=0.0)))
+        return reach
+
+    def _nested(self, at: Array) -> bool:
+        """Whether chains wind once at most, all the same way, as far as none crosses another."""
         # chains that don't cross: each is inside or outside of another one as a whole
         x, y = at[:2] - at[:2].mean(axis=1, keepdims=True)
         area = np.add.reduceat(x * y[self.after] - x[self.after] * y, self.start)
@@ -85,14 +123,7 @@ class Loops:
         return bool((way != 0.0).all() and (((both == 0) | (both == 1)).all()
                                             or ((both == 0) | (both == -1)).all()))  # fmt: skip
 
-    def stay(self, places: Array, half: Half, deep: float) -> bool:
-        """Whether no edges cross, seen from any point of a lamp with ``half`` its size, but of
-        those that are as ``deep`` in s, up to that."""
-        at = places[:, self.vertex]
-        gap = APART * float(np.ptp(at[:2], axis=1).max())
-        return not (self._folded(at, half, deep) or self._crossing(at, half, gap, deep))
-
-    def _folded(self, at: Array, half: Half, deep: float) -> bool:
+    def _folded(self, at: Array, half: Half) -> bool:
         """Whether an edge may run back along the one before it."""
         way = at[:, self.after] - at
         other = way[:, self.after]
@@ -102,11 +133,12 @@ class Loops:
         slack = size * f + next_size * e + e * f + 1e-9 * size * next_size
         turn = np.abs(way[0] * other[1] - way[1] * other[0])
         on = way[0] * other[0] + way[1] * other[1]
-        near = np.maximum(np.abs(way[2]), np.abs(other[2])) <= deep
-        return not bool(((turn > slack) | (on > slack) | near).all())
+        return not bool(((turn > slack) | (on > slack)).all())
 
-    def _crossing(self, at: Array, half: Half, gap: float, deep: float) -> bool:
-        """Whether two edges that don't follow each other may meet."""
+    def _meets(self, at: Array, half: Half) -> tuple[Numbers, Numbers] | None:
+        """Pairs of edges that don't follow each other and may meet from some point of the lamp;
+        None where too many are near each other."""
+        gap = APART * float(np.ptp(at[:2], axis=1).max())
         ends = at[:, self.after]
         low, high = np.minimum(at, ends), np.maximum(at, ends)
         begin = np.arange(0, low.shape[1], BLOCK)
@@ -116,33 +148,35 @@ class Loops:
         one, other = one[near], other[near]
         size = np.minimum(begin + BLOCK, low.shape[1]) - begin
         if (size[one] * size[other]).sum() > MOST_PAIRS:
-            return True
+            return None
         pair, offset = expand(size[one] * size[other])
         wide = size[other[pair]]
         a, b = begin[one[pair]] + offset // wide, begin[other[pair]] + offset % wide
         kept = (a < b) & (self.after[a] != b) & (self.after[b] != a)
         a, b = a[kept], b[kept]
-        near = _near((low, high), a, b, half, gap) & (_rise((low, high), a, b) > deep)
+        near = _near((low, high), a, b, half, gap)
         a, b = a[near], b[near]
         apart = _beside(at, ends, a, b, half, gap) | _beside(at, ends, b, a, half, gap)
-        return not bool(apart.all())
+        return a[~apart], b[~apart]
+
+
+def distance(at: Array, point: Numbers, start: Numbers, end: Numbers) -> Array:
+    """(n,) how far points are from segments between others, of places (2, N)."""
+    way, to = at[:, end] - at[:, start], at[:, point] - at[:, start]
+    length = np.maximum(np.sum(way * way, axis=0), 1e-300)
+    off = to - np.clip(np.sum(to * way, axis=0) / length, 0.0, 1.0) * way
+    return np.asarray(np.hypot(*off))
 
 
 def _near(box: tuple[Array, Array], a: Numbers, b: Numbers, half: Half, gap: float) -> Flags:
     """Which boxes ``a`` and ``b`` (n,) in p, q, s may meet from some point of the lamp."""
     (low, high), result = box, np.ones(len(a), bool)
-    rise = _rise(box, a, b)
+    rise = np.maximum(high[2][a] - low[2][b], high[2][b] - low[2][a])
     for axis, size in enumerate(half):
         reach = size * rise + gap
         result &= low[axis][a] - reach <= high[axis][b]
         result &= low[axis][b] - reach <= high[axis][a]
     return result
-
-
-def _rise(box: tuple[Array, Array], a: Numbers, b: Numbers) -> Array:
-    """How far boxes ``a`` and ``b`` (n,) may be from each other in s."""
-    low, high = box
-    return np.asarray(np.maximum(high[2][a] - low[2][b], high[2][b] - low[2][a]))
 
 
 def _beside(at: Array, ends: Array, a: Numbers, b: Numbers, half: Half, gap: float) -> Flags:

@@ -36,7 +36,7 @@ by which edges are closed beside it."""
 SHARP, SOFT = 1e-3, 1.0 / 1024.0
 """px, and share of the lamp's lesser side, by which edges may pass from the outline."""
 
-SHORT = 2.0
+SHORT = 4.0
 """Times that, by which caps may fall short of an outline."""
 
 MOST_LISTED = 1_000_000
