@@ -19,7 +19,7 @@ from scipy.spatial import cKDTree
 from gpusim.optics.lamp_turn import Turned, areas
 from gpusim.optics.lamp_view import LampView
 from gpusim.optics.layer import sides_from
-from gpusim.optics.loops import Loops, distance
+from gpusim.optics.loops import Cap, Loops, distance
 from gpusim.surface.topology import Topology
 
 __all__ = ["caps_of"]
@@ -33,9 +33,12 @@ MOST_CELLS = 4
 MOST_SHARED = 0.3
 """Of the triangles."""
 
-SHARE = 1.0 / 512.0
+SHARE = 1.0 / 256.0
 """Of the lamp's lesser side, seen from half the body's depth below it, by which caps may fall short
 before more are taken."""
+
+WORTH = 0.7
+"""Of how far few caps fall short, below which more are worth their edges."""
 
 TOO_MUCH = 16.0
 """Times that: nothing is told by such caps."""
@@ -46,25 +49,28 @@ NEAREST = 3
 
 def caps_of(
     view: LampView, places: Array, topology: Topology, turned: Turned
-) -> tuple[tuple[Loops, ...], float, Numbers] | None:
-    """Borders of caps of a closed body, and how far they fall short of its outlines in p and q from
+) -> tuple[tuple[Cap, ...], float, Numbers] | None:
+    """Caps of a closed body, and how far they fall short of its outlines in p and q from
     any point of the lamp; None where it may hide parts of itself, but for triangles (n,) that turn
     their front to some points only. ``places`` (3, P): p, q, s."""
     shares = _Shares.of(view, places, topology, turned)
     if len(shares.number) > MOST_SHARED * len(turned.front):
         return None
-    found = _caps(view, places, topology, shares, 1)
+    found = _caps(view, places, topology, shares, (1, 1))
     if found is None:
         return None
     if not view.lamp.extended:
         return *found, shares.number
     shown = places[2, topology.triangles[turned.front | shares.own]]
     enough = SHARE * min(view.half) * 0.5 * float(np.ptp(shown)) if shown.size else 0.0
-    if found[1] > enough:
-        cells = np.ceil(np.sqrt(found[1] / max(enough, 1e-300)).clip(max=MOST_CELLS))
-        if cells > 1:
-            found = _caps(view, places, topology, shares, int(cells))
-    if found is None or found[1] > TOO_MUCH * enough:
+    cells = int(np.ceil(np.sqrt(found[1] / max(enough, 1e-300)).clip(max=MOST_CELLS)))
+    # long bodies have their outline across one side of the lamp
+    for some in ((cells, 1), (1, cells), (cells, cells)):
+        if found[1] > enough:
+            other = _caps(view, places, topology, shares, some)
+            if other is not None and other[1] < WORTH * found[1]:
+                found = other
+    if found[1] > TOO_MUCH * enough:
         return None
     return *found, shares.number
 
@@ -109,16 +115,14 @@ class _Shares:
 
 
 def _caps(
-    view: LampView, places: Array, topology: Topology, shares: _Shares, cells: int
-) -> tuple[tuple[Loops, ...], float] | None:
-    """The same with so many ``cells`` along either side."""
-    middle = (np.arange(cells) + 0.5) * (2.0 / cells) - 1.0
-    if not view.lamp.extended:
-        middle = np.zeros(1)
-    half = view.half[0] / cells, view.half[1] / cells
+    view: LampView, places: Array, topology: Topology, shares: _Shares, cells: tuple[int, int]
+) -> tuple[tuple[Cap, ...], float] | None:
+    """Caps, and how far they fall short, with so many ``cells`` along the lamp's sides."""
+    size = 1.0 / cells[0], 1.0 / cells[1]
+    half = view.half[0] * size[0], view.half[1] * size[1]
     result, most = [], 0.0
-    for a in middle:
-        for b in middle:
+    for a in (2.0 * np.arange(cells[0]) + 1.0) * size[0] - 1.0:
+        for b in (2.0 * np.arange(cells[1]) + 1.0) * size[1] - 1.0:
             area = shares.areas[0] + a * shares.areas[1] + b * shares.areas[2]
             lit, edges = shares.lit(area), shares.edges
             border = edges[lit[topology.first[edges]] != lit[topology.second[edges]]]
@@ -128,15 +132,16 @@ def _caps(
             loops = Loops.of(*sides_from(topology, border, inside))
             if loops is None:
                 return None
-            turns = np.abs(shares.areas[1:]).sum(axis=0) / cells + shares.least
+            turns = size[0] * np.abs(shares.areas[1]) + size[1] * np.abs(shares.areas[2])
+            turns += shares.least
             some = (np.abs(area) <= turns) | ((area > 0.0) != lit[shares.number])
             triangles = topology.triangles[shares.number[some]]
             lobes = loops.lobes(_from(view, places, a, b), half)
             if lobes is None:
                 return None
-            short = _short(view, places, loops, triangles, (a, b), 1.0 / cells)
+            short = _short(view, places, loops, triangles, (a, b), size)
             most = max(most, short, lobes)
-            result.append(loops)
+            result.append(Cap(loops, (a * view.half[0], b * view.half[1]), half))
     return tuple(result), most
 
 
@@ -150,7 +155,7 @@ def _from(view: LampView, places: Array, a: float, b: float) -> Array:
 
 def _short(
     view: LampView, places: Array, loops: Loops, triangles: Numbers, middle: tuple[float, float],
-    size: float,
+    size: tuple[float, float],
 ) -> float:  # fmt: skip
     """How far triangles (n, 3) reach beyond a border, in p and q, from any point of a cell of the
     lamp's face with this ``middle`` and half its ``size``. Corners tell, as what changes with the
@@ -162,7 +167,7 @@ def _short(
     corners = ((-1, -1), (1, -1), (1, 1), (-1, 1)) if view.lamp.extended else ((0, 0),)
     before = np.argsort(loops.after)
     for i, j in corners:
-        at = _from(view, places, middle[0] + i * size, middle[1] + j * size)[:2]
+        at = _from(view, places, middle[0] + i * size[0], middle[1] + j * size[1])[:2]
         near = cKDTree(at[:, border].T).query(at[:, vertex].T, k=min(NEAREST, len(border)))[1]
         away = np.full(len(vertex), np.inf)
         for row in near.T:

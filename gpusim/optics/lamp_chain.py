@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.optics.loops import Loops
+from gpusim.optics.loops import Cap
 from gpusim.optics.ragged import expand
 
 __all__ = ["Chain"]
@@ -30,12 +30,14 @@ class Chain:
         self.start, self.end = (places[:, own] for own in vertex)
 
     @staticmethod
-    def of(loops: Loops, places: Array, across: float, tolerance: float) -> Chain:
-        """Those of ``loops`` with vertices left out from which the chords are no farther away than
-        ``tolerance``, in p, q and ``across`` times s."""
+    def of(cap: Cap, places: Array, tolerance: float) -> Chain:
+        """Those of a ``cap`` with vertices left out from which the chords are no farther away than
+        ``tolerance`` in p and q, seen from about anywhere in its cell."""
+        loops, across = cap.loops, max(cap.half)
         kept = np.ones(len(loops.vertex), bool)
         if tolerance > 0.0:
-            at = places[:, loops.vertex] * np.array([1.0, 1.0, across])[:, None]
+            p, q, s = places[:, loops.vertex]
+            at = np.stack([p - cap.middle[0] * s, q - cap.middle[1] * s, across * s])
             for first, stop in zip(loops.start, [*loops.start[1:], len(kept)], strict=True):
                 kept[first:stop] = _kept(at[:, first:stop], tolerance)
         own = np.flatnonzero(kept)

@@ -28,7 +28,7 @@ from gpusim.optics.lamp_turn import Turned, turned_to
 from gpusim.optics.lamp_view import LampView
 from gpusim.optics.layer import border_of
 from gpusim.optics.light import Light
-from gpusim.optics.loops import Loops
+from gpusim.optics.loops import Cap, Loops
 from gpusim.optics.shape import Shape, shapes_of
 from gpusim.surface.plane import used_vertices
 from gpusim.surface.surface import Surface
@@ -55,13 +55,13 @@ _PARTS: WeakKeyDictionary[Topology, npt.NDArray[np.int32]] = WeakKeyDictionary()
 @dataclass(frozen=True, eq=False)
 class Patch:
     """What a lamp sees of a surface, one layer: its ends ``low``, ``high`` (3,) in p, q and s, its
-    border's ``loops``, or those of its caps, which fall ``short`` of its outlines by so much in p
+    border, or those of its ``caps``, which fall ``short`` of its outlines by so much in p
     and q, and its ``triangles`` (n, 3). ``doubt`` (n,): numbers of those of the surface's triangles
     that may nevertheless lie in its own shadow."""
 
     low: Array
     high: Array
-    loops: tuple[Loops, ...]
+    caps: tuple[Cap, ...]
     triangles: npt.NDArray[np.int64]
     short: float
     doubt: Numbers
@@ -197,7 +197,7 @@ def _patch(view: LampView, surface: Surface, shape: Shape, eye: Array) -> Patch 
     if loops is None or not loops.wind_once(places, view.half):
         return None
     low, high = places.min(axis=1), places.max(axis=1)
-    return Patch(low, high, (loops,), topology.triangles, 0.0, np.zeros(0, np.int64))
+    return Patch(low, high, (_whole(loops, view),), topology.triangles, 0.0, np.zeros(0, np.int64))
 
 
 def _body(
@@ -209,12 +209,12 @@ def _body(
     if not len(turned.edge_on) and lit.any():
         border = Loops.of(*border_of(topology, lit))
     if border is not None and border.wind_once(places, view.half):
-        loops: tuple[Loops, ...] = (border,)
+        caps: tuple[Cap, ...] = (_whole(border, view),)
     else:
-        caps = caps_of(view, places, topology, turned)
-        if caps is None:
+        found = caps_of(view, places, topology, turned)
+        if found is None:
             return None
-        loops, short, doubt = caps
+        caps, short, doubt = found
         lit = lit.copy()
         lit[doubt] = True
     dark = doubtful(view.lamp, shape, topology, lit, eye)
@@ -223,7 +223,12 @@ def _body(
     triangles = topology.triangles[lit]
     own = places[:, used_vertices(triangles, places.shape[1])]
     doubt = np.concatenate([doubt, dark])
-    return Patch(own.min(axis=1), own.max(axis=1), loops, triangles, short, doubt)
+    return Patch(own.min(axis=1), own.max(axis=1), caps, triangles, short, doubt)
+
+
+def _whole(loops: Loops, view: LampView) -> Cap:
+    """The one border that tells from all of a lamp."""
+    return Cap(loops, (0.0, 0.0), view.half)
 
 
 def _closed_suits(lamp: Lamp, surface: Surface, shape: Shape) -> bool:

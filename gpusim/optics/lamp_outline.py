@@ -47,7 +47,7 @@ class Outline:
         self.points, view = points, self.view
         self._places = np.stack(view.place(*(np.ascontiguousarray(v) for v in points.T)))
         self._triangles = patch.triangles
-        self._loops, self.short = patch.loops, patch.short
+        self._caps, self.short = patch.caps, patch.short
         self.top, self.bottom = float(patch.high[2]), float(patch.low[2])
         self.margin = MARGIN * max(abs(self.top), abs(self.bottom))
         self.across = MARGIN * float((patch.high - patch.low)[:2].max())
@@ -60,12 +60,12 @@ class Outline:
     @property
     def caps(self) -> range:
         """Numbers of what tells it: of caps, or of the one border."""
-        return range(len(self._loops))
+        return range(len(self._caps))
 
     def chain(self, cap: int, tolerance: float) -> Chain:
         """The edges of a cap, joined where they leave its border by no more than ``tolerance`` in p
         and q, or what looks like that from the lamp."""
-        return Chain.of(self._loops[cap], self._places, max(self.view.half), tolerance)
+        return Chain.of(self._caps[cap], self._places, tolerance)
 
     @cached_property
     def _cells(self) -> tuple[Array, Array, Windows, Windows]:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.optics.ragged import expand
 
-__all__ = ["Loops", "distance"]
+__all__ = ["Cap", "Half", "Loops", "distance"]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
@@ -190,3 +191,12 @@ def _beside(at: Array, ends: Array, a: Numbers, b: Numbers, half: Half, gap: flo
     line = np.sum(normal * at[:2, a], axis=0)
     height = np.stack([np.sum(normal * own[:2, b], axis=0) - line for own in (at, ends)])
     return np.asarray((height.min(axis=0) > reach) | (height.max(axis=0) < -reach))
+
+
+class Cap(NamedTuple):
+    """The border of what the ``middle`` of a cell of a lamp's face sees as one layer, and ``half``
+    the cell's size: both in the length that p and q change by per s."""
+
+    loops: Loops
+    middle: Half
+    half: Half

@@ -207,6 +207,10 @@ def _wound(
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.uint32]]:
     """Receivers (n,) and the samples (n, 16) that an outline hides from each: those that an odd
     number of its edges lies before, in the direction that they are counted in."""
+    cut, own = chained.cut, chained.receiver
+    hides = cut[:, 0] * at[own, 0] + cut[:, 1] * at[own, 1] + cut[:, 2] * at[own, 2] > cut[:, 3]
+    kept = np.flatnonzero(hides)
+    chained = Chained(own[kept], chained.ends[kept], cut[kept], chained.last[kept], chained.scan)
     stop = np.flatnonzero(chained.last)
     begin = np.concatenate([[0], stop[:-1] + 1])
     outline = np.repeat(np.arange(len(stop)), stop + 1 - begin)
@@ -217,9 +221,7 @@ def _wound(
             lamp, at, across, down, chained.receiver[part], chained.ends[part], chained.scan
         )
         np.bitwise_xor.at(odd, outline[part][rows], bits)
-    own = chained.receiver[begin]
-    hides = np.sum(chained.cut[begin, :3] * at[own], axis=1) > chained.cut[begin, 3]
-    return own[hides], odd[hides]
+    return chained.receiver[begin], odd
 
 
 def _before(
