@@ -214,3 +214,79 @@ def test_pictures_are_those_of_faces(device: Device, monkeypatch: pytest.MonkeyP
         off = np.abs(one - other) / other.max()
         # an edge pixel under many lists may be the host's or the device's
         assert np.quantile(off, 0.999) < 0.01 and off.max() < 0.1
+
+
+def rod(around: int, along: int, bend: float = 0.15) -> gs.Surface:
+    """A bent round bar with round ends, closed, before the wall."""
+    turn = np.arange(around) * (2.0 * np.pi / around)
+    end = np.sin(np.linspace(-0.5 * np.pi, 0.5 * np.pi, along + 2)[1:-1])
+    x = 0.25 * end
+    radius = 0.06 * np.sqrt(1.0 - end**8)
+    ring = np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    points = np.concatenate([np.insert(r * ring, 0, at, axis=1) for at, r in zip(x, radius)])
+    points = np.concatenate([points, [[-0.25, 0.0, 0.0], [0.25, 0.0, 0.0]]])
+    points[:, 2] -= bend * points[:, 0] ** 2
+    k = np.arange(along - 1)[:, None] * around + np.arange(around)
+    after = k - np.arange(around) + (np.arange(around) + 1) % around
+    faces = np.stack([k, after, after + around, k + around], axis=-1).reshape(-1, 4)
+    first, last = np.arange(around), (along - 1) * around + np.arange(around)
+    tips = [
+        np.stack([np.full(around, len(points) - 2), np.roll(first, -1), first], axis=1),
+        np.stack([np.full(around, len(points) - 1), last, np.roll(last, -1)], axis=1),
+    ]
+    triangles = np.insert(np.concatenate(tips), 3, -1, axis=1)
+    return gs.Surface(points + [0.0, -0.15, 0.1], np.concatenate([faces, triangles]), MATTE)
+
+
+@pytest.mark.parametrize("name", ["point", "disc", "sun"])
+def test_pictures_behind_round_bodies_are_those_of_faces(
+    device: Device, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    """Of which every point of a lamp with a size sees another outline: caps stand for these."""
+    surfaces, light = [rod(240, 120), wall(1.0)], LIGHTS[name]
+    (alone,) = lamp_layer.surfaces_alone(lamps_of([light]), surfaces, EYE)
+    assert len(alone) == 1 and (len(alone[0].patch.caps) > 1) == (name != "point")
+    tiles = find_shadows(look(surfaces, CAMERA, lit=True), [light], surfaces)
+    assert tiles is not None and len(tiles.chains.ends) > 0
+    got = np.array(gs.render(surfaces, CAMERA, [light], device=device).radiance, np.float64)
+    monkeypatch.setattr(
+        "gpusim.optics.lighting.surfaces_alone", lambda lamps, *_: [[] for _ in lamps]
+    )
+    want = np.array(gs.render(surfaces, CAMERA, [light], device=device).radiance, np.float64)
+    away = np.abs(got - want) / want.max()
+    # a sample of the lamp that caps may fall short by, and one either way
+    assert away.max() < 3.5 / 512
+    assert away.mean() < 2e-5
+
+
+@pytest.mark.parametrize("around", [40, 240])
+def test_caps_fall_no_shorter_than_they_say(around: int) -> None:
+    """The body's shadow from points all over the lamp, against that of the cap of their cell."""
+    surfaces = [rod(around, around // 2)]
+    (alone,) = lamp_layer.surfaces_alone(lamps_of([LIGHTS["area"]]), surfaces, EYE)
+    if around == 40:
+        assert not alone or alone[0].patch.short > 1e-4
+        return
+    view, patch = alone[0].view, alone[0].patch
+    places = np.stack(view.place(*alone[0].points.T))
+    triangles = surfaces[0].topology.triangles
+    rng = np.random.default_rng(2)
+    short = 0.0
+    for a, b in rng.uniform(-1.0, 1.0, (30, 2)) * view.half:
+        own = min(patch.caps, key=lambda cap: np.hypot(cap.middle[0] - a, cap.middle[1] - b))
+        seen = np.stack([places[0] - a * places[2], places[1] - b * places[2]])
+        border = seen[:, own.loops.vertex]
+        # corners of the body outside of the border are near it
+        x, y = seen[:, np.unique(triangles)]
+        ends = border[:, np.argsort(np.argsort(own.loops.after))], seen[:, own.loops.vertex]
+        after = seen[:, own.loops.vertex[own.loops.after]]
+        way = after - ends[1]
+        crossed = (ends[1][1][:, None] <= y) != (after[1][:, None] <= y)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            at = ends[1][0][:, None] + way[0][:, None] * (y - ends[1][1][:, None]) / way[1][:, None]
+        outside = np.flatnonzero((crossed & (at > x)).sum(axis=0) % 2 == 0)
+        start = np.stack([x, y])[:, None, outside] - ends[1][:, :, None]
+        share = np.clip((start * way[:, :, None]).sum(0) / (way**2).sum(0)[:, None], 0.0, 1.0)
+        away = np.hypot(*(start - share * way[:, :, None])).min(axis=0, initial=np.inf)
+        short = max(short, float(away.max(initial=0.0)))
+    assert 0.0 < short <= patch.short

@@ -70,7 +70,8 @@ class EdgePass:
         # nothing there depends on how many triangles there are
         deep &= ~even | (edges.depth > LOOP_TURNS)
         self.tables = tables
-        self._deep, self.edges = edges.select(deep), _alike(edges, even, deep, groups)
+        order = _alike(edges, even, deep, np.broadcast_to(each, deep.shape), groups)
+        self._deep, self.edges = edges.select(deep), edges.select(order)
         self._even = int(np.count_nonzero(even & ~deep))
         self._found: Buffer | None = None
         self._values = np.zeros((0, 2), np.float32)
@@ -153,19 +154,37 @@ def _alike(
     edges: EdgePixels,
     even: npt.NDArray[np.bool_],
     deep: npt.NDArray[np.bool_],
+    each: npt.NDArray[np.int64],
     groups: npt.NDArray[np.uint32],
-) -> EdgePixels:
-    """Pixels that aren't ``deep`` (E,), ``even`` ones first; those under as many triangles and of
-    equal paint side by side.
+) -> npt.NDArray[np.int64]:
+    """Pixels that aren't ``deep`` (E,), ``even`` ones first; those under as many triangles, that
+    take about as many turns for ``each`` (E,) and are of equal paint, side by side.
 
-    Software rasterisers work on several in step: all of them wait for the deepest.
+    Software rasterisers work on several in step: all of them wait for the deepest, and for the one
+    that takes most turns for a triangle. Where that would be too many for some of a workgroup they
+    become deep, too.
     """
     # behind the last triangle stands that of pixels that have none
     nearest = np.append(groups, 0)[edges.start[:-1]]
-    order = np.lexsort((nearest, edges.depth, ~even))
+    often = np.frexp(each)[1]
+    order = np.lexsort((nearest, often, edges.depth, ~even))
     order = order[~deep[order]]
-    parts = np.split(order, [int(np.count_nonzero(even & ~deep))])
-    return edges.select(np.concatenate([_dealt(part) for part in parts]))
+    first = int(np.count_nonzero(even & ~deep))
+    while True:
+        others = order[first:]
+        begin = np.arange(0, len(others), WORKGROUP)
+        if not len(begin):
+            break
+        depth, turns = (np.maximum.reduceat(v[others], begin) for v in (edges.depth, each))
+        group = np.arange(len(others)) // WORKGROUP
+        # those that the others of their workgroup are held up by most
+        heavy = (depth * turns > LOOP_TURNS)[group] & (2 * each[others] > turns[group])
+        if not heavy.any():
+            break
+        deep[others[heavy]] = True
+        order = np.concatenate([order[:first], others[~heavy]])
+    parts = np.split(order, [first])
+    return np.concatenate([_dealt(part) for part in parts])
 
 
 def _dealt(order: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:

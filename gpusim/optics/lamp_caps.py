@@ -40,7 +40,7 @@ before more are taken."""
 WORTH = 0.7
 """Of how far few caps fall short, below which more are worth their edges."""
 
-TOO_MUCH = 16.0
+TOO_MUCH = 10.0
 """Times that: nothing is told by such caps."""
 
 NEAREST = 3
@@ -168,7 +168,8 @@ def _short(
     before = np.argsort(loops.after)
     for i, j in corners:
         at = _from(view, places, middle[0] + i * size[0], middle[1] + j * size[1])[:2]
-        near = cKDTree(at[:, border].T).query(at[:, vertex].T, k=min(NEAREST, len(border)))[1]
+        tree = cKDTree(at[:, border].T)
+        near = np.asarray(tree.query(at[:, vertex].T, k=min(NEAREST, len(border)))[1], np.int64)
         away = np.full(len(vertex), np.inf)
         for row in near.T:
             for other in (loops.after[row], before[row]):

@@ -23,7 +23,9 @@ MOST = 100_000
 """Dark triangles beside others that are looked at closely."""
 
 
-def doubtful(lamp: Lamp, shape: Shape, topology: Topology, lit: Flags, eye: Array) -> Numbers | None:
+def doubtful(
+    lamp: Lamp, shape: Shape, topology: Topology, lit: Flags, eye: Array
+) -> Numbers | None:
     """Of the triangles that aren't ``lit`` (T,) but look to the ``eye``, those that the lamp may
     light nevertheless, by normals that they share with others; None where too many may."""
     triangles, points, area = topology.triangles, shape.points, shape.area
@@ -31,7 +33,9 @@ def doubtful(lamp: Lamp, shape: Shape, topology: Topology, lit: Flags, eye: Arra
     for k in range(3):
         met[triangles[lit, k]] = True
     # all around the others is dark, too
-    own = np.flatnonzero(~lit & (met[triangles[:, 0]] | met[triangles[:, 1]] | met[triangles[:, 2]]))
+    own = np.flatnonzero(
+        ~lit & (met[triangles[:, 0]] | met[triangles[:, 1]] | met[triangles[:, 2]])
+    )
     start = points[triangles[own, 0]]
     own = own[np.einsum("ka,ak->k", eye - start, area[:, own]) > 0.0]
     if len(own) > MOST:

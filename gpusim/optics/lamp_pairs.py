@@ -52,7 +52,7 @@ def _meet(
     touch = TOUCH * float(np.abs(near).max(initial=0.0))
     with np.errstate(invalid="ignore"):  # both behind the lamp
         rise = faces.s[1][face] - own.s[0][receiver]
-    result = rise >= -touch
+    result: Flags = rise >= -touch
     rise = np.clip(rise, 0.0, 1e150) + touch
     for size, low, other in zip(half, (own.p, own.q), (faces.p, faces.q), strict=True):
         reach = size * rise

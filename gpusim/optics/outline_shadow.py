@@ -37,7 +37,7 @@ SHARP, SOFT = 1e-3, 1.0 / 1024.0
 """px, and share of the lamp's lesser side, by which edges may pass from the outline."""
 
 SHORT = 4.0
-"""Times that, by which caps may fall short of an outline."""
+"""Times that share, by which caps may fall short of an outline: about one of 512 samples."""
 
 MOST_LISTED = 1_000_000
 """Edges of an outline in all tiles; faces tell where there are more."""
@@ -165,9 +165,7 @@ class _Found:
         """Nothing of so many boxes."""
         no = np.zeros(count, bool)
         number = np.zeros(0, np.int64)
-        return _Found(
-            no, no.copy(), np.full(count, np.inf), number, np.zeros((0, 2, 3)), number
-        )
+        return _Found(no, no.copy(), np.full(count, np.inf), number, np.zeros((0, 2, 3)), number)
 
     def take(self, rows: Numbers, found: _Found, cap: int) -> None:
         """What was ``found`` of some of the boxes by a ``cap``: what one hides is hidden."""
@@ -196,20 +194,21 @@ def _edges_of(outline: Outline, reach: Reach) -> _Found:
     size = np.minimum(*(high - low for low, high in (reach.p, reach.q)))
     finest = SHARP / TILE * size
     rise = outline.depths(reach)[0] - reach.s[1]
-    allowed = np.maximum(finest, SOFT * min(outline.view.half) * rise)
+    soft = SOFT * min(outline.view.half) * rise
+    allowed = np.maximum(finest, soft)
     result = _Found.none(len(allowed))
-    level = np.zeros(len(allowed), np.int64)
+    result.broken |= np.maximum(2.0 * finest, SHORT * soft) < outline.short
+    level = np.where(result.broken, -1, 0)
     least = float(allowed.min(initial=np.inf))
     if least > 0.0:
-        level = (np.log(allowed / least) / np.log(STEP)).astype(np.int64)
-    for one in np.unique(level):
+        levels = (np.log(allowed / least) / np.log(STEP)).astype(np.int64)
+        level = np.where(result.broken, level, levels)
+    for one in np.unique(level[level >= 0]):
         own = np.flatnonzero(level == one)
         boxes = reach[own]
         for cap in outline.caps:
             chain = outline.chain(cap, least * STEP ** float(one))
             result.take(own, _edges(outline, chain, boxes), cap)
-    # caps must fall short of what they stand for by no more than about a sample
-    result.broken |= allowed * SHORT < outline.short
     return result.sorted()
 
 

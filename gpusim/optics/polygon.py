@@ -37,6 +37,9 @@ MOST = 8
 SMALLEST = 1e-9
 """px^2; what is smaller isn't drawn."""
 
+ON, ROUNDING = 1e-12, 1e-15
+"""px, and share of a plane's offset, by which corners lie on the plane."""
+
 _PLACE = np.arange(MOST)[:, None]
 
 
@@ -82,6 +85,9 @@ def clip(polygon: Array, count: Long, plane: Array) -> tuple[Array, Long]:
     height = plane[:, 0] * corners[0]
     height += plane[:, 1] * corners[1]
     height += plane[:, 2]
+    # from rounding, corners that are nearly one could lie in and out by turns
+    flat = ON * (np.abs(plane[:, 0]) + np.abs(plane[:, 1])) + ROUNDING * np.abs(plane[:, 2])
+    height[np.abs(height) <= flat] = 0.0
     # what follows the corners repeats the last one
     out = (height < 0.0).view(np.uint8).sum(axis=0, dtype=np.uint8)
     within = out == 0

@@ -69,7 +69,7 @@ def lies_low(
     normal *= side
     offset *= side
     own = body[box] == casters.body[face]
-    result = (side != 0.0)[box] & (whole[box] | (own & ~casters.both_sides[face]))
+    result: Flags = (side != 0.0)[box] & (whole[box] | (own & ~casters.both_sides[face]))
     rows = np.flatnonzero(result)
     face, box, own = face[rows], box[rows], own[rows]
     places = np.ascontiguousarray(casters.points.T)
@@ -104,9 +104,7 @@ def _apart(casters: Casters, face: Numbers, points: Array, box: Numbers) -> tupl
     return 2.0 * radius[which], gap - radius[which] - reach[box]
 
 
-def meets_middle(
-    lamp: Lamp, at: Array, corners: Array, against: Flags
-) -> Flags:
+def meets_middle(lamp: Lamp, at: Array, corners: Array, against: Flags) -> Flags:
     """Whether the way from points (n, 3) to the lamp's centre goes through faces (n, 4, 3).
 
     ``against`` (n,): the point lies in the face's plane, and counts as before it.

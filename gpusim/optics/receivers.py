@@ -226,13 +226,13 @@ class Receivers:
         result[:, :, large] = places
         return result
 
-    def _inverse(self, pairs: Pairs) -> tuple[list[tuple[Array, Array]], list[Array]]:
+    def _inverse(self, pairs: Pairs) -> tuple[list[tuple[Array, ...]], list[Array]]:
         """Corners of tiles, x and y (n,) of each on the undistorted picture, and 1 / depth (n,) on
         the planes of their large triangles there."""
         x, y = (pairs.tile[:, axis] * float(pairs.size) - 0.5 for axis in range(2))
         far = pairs.size + MARGIN
         corner = ((-MARGIN, -MARGIN), (far, -MARGIN), (far, far), (-MARGIN, far))
-        at = [(x + dx, y + dy) for dx, dy in corner]
+        at: list[tuple[Array, ...]] = [(np.add(x, dx), np.add(y, dy)) for dx, dy in corner]
         bends = distortion_map(self.view.camera)
         if bends is not None:
             at = [tuple(bends.ideal(np.stack(place, axis=1))[0].T) for place in at]

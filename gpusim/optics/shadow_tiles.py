@@ -87,6 +87,26 @@ class Chains:
     last: npt.NDArray[np.bool_]
     scans: Array
 
+    def before(self, entry: Numbers, lamp: int, at: Array) -> tuple[Numbers, Numbers]:
+        """Pairs of receivers (n,) at (n, 3), in tiles of such ``entry`` (n,), and edges that may
+        hide a ``lamp`` from them."""
+        first, count = self.start[entry, lamp], self.count[entry, lamp]
+        own = np.flatnonzero(count)
+        # in most tiles one plane tells which receivers are beyond all
+        cut = self.cut[first[own]]
+        before = own[(cut[:, :3] * at[own]).sum(axis=1) <= cut[:, 3]]
+        count[before[self._even[entry[before], lamp]]] = 0
+        receiver, offset = expand(count)
+        return receiver, first[receiver] + offset
+
+    @cached_property
+    def _even(self) -> npt.NDArray[np.bool_]:
+        """(E, L) whether all edges there have the same plane."""
+        differs = np.any(self.cut[1:] != self.cut[:-1], axis=1)
+        changes = np.concatenate([[0], np.cumsum(differs), [0]])
+        last = np.maximum(self.start + self.count - 1, self.start)
+        return np.asarray((changes[last] == changes[self.start]) | (self.count == 0))
+
     @staticmethod
     def none(entries: int, lamps: int) -> Chains:
         """None in so many tiles of so many lamps."""
@@ -211,8 +231,7 @@ class ShadowTiles:
             places = at[half], across[half], down[half]
             kept = np.flatnonzero(self._pairs[number].may_hide(*places, receiver, face))
             receiver, listed, face = receiver[kept], listed[kept], face[kept]
-            chained, offset = expand(self.chains.count[own, number])
-            edge = self.chains.start[own, number][chained] + offset
+            chained, edge = self.chains.before(own, number, at[half])
             result[half, number] = visible_share(
                 lamp, at[half], normal[half], across[half], down[half], receiver,
                 self.corners[face], self.both_sides[face], tolerance[half], self.edges[listed],
