@@ -1,8 +1,8 @@
 """Time of an image against its number of faces: ``python -m benchmarks.faces [--write]``.
 
 A bumpy plate fills the image, patterned and lit, or stands as a bent sheet before a wall, or a bent
-beam does, a closed body. Faces are cut finer and finer, and nothing else changes: what they cost is
-what the image's time grows by.
+beam or round bar does, a closed body. Faces are cut finer and finer, and nothing else changes: what
+they cost is what the image's time grows by.
 """
 
 from __future__ import annotations
@@ -29,9 +29,11 @@ SCENES = (
     "beam-soft",
     "sheet-shadows",
     "sheet-soft",
+    "rod-shadows",
+    "rod-soft",
 )
-"""A plate of squares under a lamp without shadows, the same with shadows, speckle without; a beam
-or a sheet before a wall under a lamp without shadows, with shadows, and with soft ones."""
+"""A plate of squares under a lamp without shadows, the same with shadows, speckle without; a beam,
+a sheet or a round bar before a wall under a lamp without shadows, with them, and with soft ones."""
 
 COUNTS = (1_000, 3_000, 10_000, 30_000, 100_000, 300_000, 1_000_000)
 
@@ -98,6 +100,30 @@ def beam(faces: int) -> gs.Surface:
     )  # fmt: skip
 
 
+def rod(faces: int) -> gs.Surface:
+    """The skin of a bent round bar of 1 x 0.16 in about ``faces`` quads, closed by round ends."""
+    around = max(int(np.sqrt(2.0 * faces)), 8)
+    along = max(faces // around, 8)
+    turn = np.arange(around) * (2.0 * np.pi / around)
+    place = np.sin(np.linspace(-0.5 * np.pi, 0.5 * np.pi, along + 2)[1:-1])
+    radius = 0.08 * np.sqrt(1.0 - place**16)
+    ring = np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    cuts = [np.insert(r * ring, 0, 0.5 * at, axis=1) for at, r in zip(place, radius, strict=True)]
+    points = np.concatenate([*cuts, [[-0.5, 0.0, 0.0], [0.5, 0.0, 0.0]]])
+    points[:, 1] -= 0.1
+    points[:, 2] -= 0.05 * (points[:, 0] + 0.5) ** 2
+    first = np.arange(around)
+    after = np.roll(first, -1)
+    row = around * np.arange(along - 1)[:, None]
+    quads = np.stack([first + row, after + row, after + row + around, first + row + around], -1)
+    none, last = np.full(around, -1), around * (along - 1)
+    ends = [
+        np.stack([np.full(around, len(points) - 2), after, first, none], axis=1),
+        np.stack([np.full(around, len(points) - 1), first + last, after + last, none], axis=1),
+    ]
+    return gs.Surface(points, np.concatenate([quads.reshape(-1, 4), *ends]), gs.paint.Plain(0.5))
+
+
 def wall() -> gs.Surface:
     """Behind the beam."""
     corners = [[-1.0, 0.4, -0.8], [1.0, 0.4, -0.8], [1.0, 0.4, 0.8], [-1.0, 0.4, 0.8]]
@@ -109,8 +135,9 @@ def scene_of(name: str, faces: int) -> tuple[gs.Surface, list[gs.Surface], list[
     lamps: list[Light] = [gs.PointLight((-1.0, -2.0, 1.0), 50.0, shadows="shadows" in name)]
     if name.endswith("soft"):
         lamps = [gs.AreaLight((-1.0, -2.0, 1.0), (0.0, 0.0, 0.0), (0.3, 0.2), 50.0)]
-    if name.startswith(("beam", "sheet")):
-        return beam(faces) if name.startswith("beam") else bent_sheet(faces), [wall()], lamps
+    before = {"beam": beam, "sheet": bent_sheet, "rod": rod}.get(name.split("-")[0])
+    if before is not None:
+        return before(faces), [wall()], lamps
     return plate(faces, gs.paint.Speckle(diameter=0.004) if name == "speckle" else None), [], lamps
 
 

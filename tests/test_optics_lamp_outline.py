@@ -223,7 +223,9 @@ def rod(around: int, along: int, bend: float = 0.15) -> gs.Surface:
     x = 0.25 * end
     radius = 0.06 * np.sqrt(1.0 - end**8)
     ring = np.stack([np.cos(turn), np.sin(turn)], axis=1)
-    points = np.concatenate([np.insert(r * ring, 0, at, axis=1) for at, r in zip(x, radius)])
+    points = np.concatenate(
+        [np.insert(r * ring, 0, at, axis=1) for at, r in zip(x, radius, strict=True)]
+    )
     points = np.concatenate([points, [[-0.25, 0.0, 0.0], [0.25, 0.0, 0.0]]])
     points[:, 2] -= bend * points[:, 0] ** 2
     k = np.arange(along - 1)[:, None] * around + np.arange(around)
@@ -235,7 +237,8 @@ def rod(around: int, along: int, bend: float = 0.15) -> gs.Surface:
         np.stack([np.full(around, len(points) - 1), last, np.roll(last, -1)], axis=1),
     ]
     triangles = np.insert(np.concatenate(tips), 3, -1, axis=1)
-    return gs.Surface(points + [0.0, -0.15, 0.1], np.concatenate([faces, triangles]), MATTE)
+    points += np.array([0.0, -0.15, 0.1])
+    return gs.Surface(points, np.concatenate([faces, triangles]), MATTE)
 
 
 @pytest.mark.parametrize("name", ["point", "disc", "sun"])

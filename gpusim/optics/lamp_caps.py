@@ -41,7 +41,7 @@ WORTH = 0.7
 """Of how far few caps fall short, below which more are worth their edges."""
 
 TOO_MUCH = 10.0
-"""Times that: nothing is told by such caps."""
+"""Times `SHARE`: nothing is told by caps that fall that short."""
 
 NEAREST = 3
 """Places of a border next to a point that tell how far it is."""
