@@ -168,7 +168,8 @@ def half_shadow(
     bits = np.bitwise_or.reduceat(keys, first) & EVERY_EDGE if len(first) else keys
     # other receivers of the tile may look past any edge
     every = _count(pairs, shape, clear).reshape(-1)
-    bits[np.diff(first, append=len(keys)) < every[place]] = EVERY_EDGE
+    fewer = np.diff(first, append=len(keys)) < every[place]
+    bits[fewer | (among is not None)] = EVERY_EDGE
     shown = np.zeros(count, bool)
     shown[face] = True
     return HalfShadow(
