@@ -11,6 +11,7 @@ import numpy.typing as npt
 import pytest
 
 import gpusim as gs
+from gpusim.errors import OutOfDeviceMemory
 from gpusim.gpu import Device
 from gpusim.gpu.wgsl import shader_folder
 from gpusim.optics.binning import bin_edges
@@ -300,6 +301,17 @@ def test_the_shader_has_the_lattice_of_the_twin() -> None:
     ]
     found = np.reshape(rows, (4, 3, 4)).transpose(0, 2, 1).reshape(16, 3)
     assert np.array_equal(found, lattice()[:, :3])
+
+
+def test_more_edges_than_a_texture_holds_are_refused(
+    device: Device, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    surfaces, camera, lights = shadow_scene()
+    monkeypatch.setattr("gpusim.optics.shadow_tables.most_texels", lambda device: 300)
+    with pytest.raises(
+        OutOfDeviceMemory, match="expected at most 100: take smaller or fewer lamps"
+    ):
+        gs.render(surfaces, camera, lights, device=device)
 
 
 def test_shading_may_begin_before_shadows_are_known(

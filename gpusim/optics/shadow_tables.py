@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.errors import OutOfDeviceMemory
 from gpusim.gpu import Device, Uniform
-from gpusim.gpu.texels import Texels
+from gpusim.gpu.texels import Texels, most_texels
 from gpusim.optics.lighting import Lighting
 from gpusim.optics.occlusion import TOLERANCE, lamp_masks
 from gpusim.optics.ragged import expand
@@ -17,6 +18,9 @@ from gpusim.optics.shadow_tiles import MOST_LAMPS, Chains, ShadowTiles
 __all__ = ["ShadowTables"]
 
 Numbers = npt.NDArray[np.int64]
+
+TEXELS = 3
+"""Of an edge."""
 
 
 class ShadowTables:
@@ -29,6 +33,13 @@ class ShadowTables:
         lists = grid = np.zeros((0, 4), np.uint32)
         if tiles is not None:
             start, count, faces, edges = _with_chains(tiles.chains, *_edges(tiles))
+            most = most_texels(device) // TEXELS
+            if not len(edges) <= most:
+                raise OutOfDeviceMemory(
+                    f"render shadows; got {len(edges)} edges that may hide lamps from tiles of "
+                    f"pixels; expected at most {most}: take smaller or fewer lamps, a coarser "
+                    "mesh, fewer pixels, shadows = False, or backend 'numpy'"
+                )
             lists = np.zeros((start.size, 4), np.uint32)
             # the lamps that a tile sees in part come first
             order = np.argsort(count == 0, axis=1, kind="stable")
