@@ -120,6 +120,24 @@ def test_the_inside_of_a_tube_is_left_out_behind_its_outside(around: int, along:
     assert seen[~behind].mean() > 0.8
 
 
+def test_a_wall_that_faces_the_camera_is_seen_where_its_triangles_meet() -> None:
+    """It is as near there as it is far, but for rounding."""
+    x, y = np.meshgrid(np.linspace(-1.0, 1.0, 6), np.linspace(-0.8, 0.8, 5), indexing="ij")
+    points = np.stack([x + 0.1, y + 0.2, np.full_like(x, 0.3)], axis=-1).reshape(-1, 3)
+    k = np.arange(30).reshape(6, 5)
+    faces = np.stack([k[:-1, :-1], k[1:, :-1], k[1:, 1:], k[:-1, 1:]], -1).reshape(-1, 4)
+    for depth in np.linspace(1.1, 1.9, 9):
+        eye = (0.13, 0.21, 0.3 + depth)
+        camera = gs.Camera.from_lens(
+            (36.0, 27.0), 24.0, (400, 300), eye, (0.13, 0.21, 0.3), up=(0.0, 1.0, 0.0)
+        )
+        view = look([gs.Surface(points, faces, gs.paint.Plain(0.5))], camera, lit=True)
+        receivers = Receivers(view)
+        assert np.isfinite(receivers.behind).any()
+        pairs = receivers.pairs(np.arange(view.count), TILE)
+        assert receivers.seen(pairs, receivers.points(pairs)).all()
+
+
 def test_leaving_them_out_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     surfaces, camera = scene()
     lamp = gs.AreaLight((0.4, -0.5, 2.1), (0.0, 0.1, 0.0), size=(0.3, 0.2), power=40.0)

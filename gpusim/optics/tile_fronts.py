@@ -26,6 +26,9 @@ MARGIN = 1.0
 STEP = 4.0
 """px between places along edges whose tiles are looked up; with the margin, less than a tile."""
 
+ROUNDING = 1e-9
+"""Of depths."""
+
 ROUNDS = 12
 """From triangles to others, at most."""
 
@@ -47,6 +50,9 @@ def fronts(view: View, pairs: Pairs, nearest: Array, farthest: Array, shape: Sha
     depth = np.full(shape[0] * shape[1], np.inf)
     np.minimum.at(depth, place[rows], farthest[rows])
     depth[_crossed(view.edges, shape)] = np.inf
+    # a plane that faces the camera is as near as it is far, but for rounding
+    nearest, farthest = nearest * (1.0 - ROUNDING), farthest * (1.0 + ROUNDING)
+    depth *= 1.0 + ROUNDING
     for _ in range(ROUNDS):
         part = np.flatnonzero((nearest <= depth[place]) & (farthest > depth[place]))
         if not len(part):
