@@ -18,7 +18,7 @@ from gpusim.optics.lamp_merging import FEWEST, joined_grids
 from gpusim.optics.ragged import expand
 from gpusim.optics.receiver_planes import lies_low, meets_middle, sides_of_planes
 from gpusim.optics.receivers import Receivers
-from gpusim.optics.tile_pairs import LEVELS, TILE, Pairs, meets, spread_over
+from gpusim.optics.tile_pairs import LEVELS, NONE, TILE, counted, meets, spread_over
 
 __all__ = ["HalfShadow", "half_shadow"]
 
@@ -111,7 +111,7 @@ def half_shadow(
     boxes, triangle = [np.compress(maybe, points, axis=2)], triangle[maybe]
     pairs = receivers.pairs(np.flatnonzero(facing & receivers.large), LEVELS[0])
     own_tiles |= spread_over(pairs[free[pairs.triangle]], shape)
-    clear = np.zeros((1, 1), np.int64)  # receivers of each tile that nothing is before
+    clear = NONE  # receivers of each tile that nothing is before
     for size in LEVELS:
         if size != pairs.size:
             clear = np.repeat(
@@ -125,7 +125,7 @@ def half_shadow(
             seen = receivers.seen(pairs, points)
             pairs, points = pairs[seen], np.compress(seen, points, axis=2)
         maybe = sets.may_hide(points, pairs.triangle)
-        clear = _count(pairs[~maybe], shape, clear)
+        clear = counted(pairs[~maybe], shape, clear)
         pairs, points = pairs[maybe], np.compress(maybe, points, axis=2)
     which = np.concatenate([owner, boxes[0].shape[2] + np.arange(points.shape[2])])
     boxes.append(points)
@@ -133,10 +133,7 @@ def half_shadow(
     body = np.full(len(triangle) + len(pairs.triangle), -1)
     body[: len(triangle)] = receivers.view.body[triangle]
     triangle = np.concatenate([triangle, pairs.triangle])
-    pairs = Pairs(
-        np.concatenate([spots.triangle, pairs.triangle]),
-        np.concatenate([spots.tile, pairs.tile]), TILE,
-    )  # fmt: skip
+    pairs = spots.joined(pairs)
     everything = np.concatenate(boxes, axis=2)
     tile = pairs.tile[:, 1] * shape[1] + pairs.tile[:, 0]
     beside = _Beside(len(triangle), tile, which, own_tiles.reshape(-1))
@@ -148,8 +145,8 @@ def half_shadow(
     state = state[which]
     pair, offset = expand(np.diff(start)[which])
     listed = order[start[which[pair]] + offset]
-    clear = _count(whole, shape, clear)
-    lit = _count(pairs[state == LIT], shape, clear).reshape(-1) > 0
+    clear = counted(whole, shape, clear)
+    lit = counted(pairs[state == LIT], shape, clear).reshape(-1) > 0
     half = np.zeros(shape, bool).reshape(-1)
     half[tile[state == HALF]] = True
     dark = np.zeros(shape, bool).reshape(-1)
@@ -167,7 +164,7 @@ def half_shadow(
     place, face = np.divmod(keys[first] >> 4, count)
     bits = np.bitwise_or.reduceat(keys, first) & EVERY_EDGE if len(first) else keys
     # other receivers of the tile may look past any edge
-    every = _count(pairs, shape, clear).reshape(-1)
+    every = counted(pairs, shape, clear).reshape(-1)
     fewer = np.diff(first, append=len(keys)) < every[place]
     bits[fewer | (among is not None)] = EVERY_EDGE
     shown = np.zeros(count, bool)
@@ -334,15 +331,3 @@ def _candidates(
         faces.append(face)
         edges.append(grid.edges.needed(reach, box, caster))
     return state, np.concatenate(pairs), np.concatenate(faces), np.concatenate(edges), near
-
-
-def _count(pairs: Pairs, shape: tuple[int, int], more: Numbers) -> Numbers:
-    """How many pairs there are of each tile of their size, added to ``more``; ``shape``: of the
-    smallest tiles."""
-    parts = pairs.size // TILE
-    tall, wide = -(-shape[0] // parts), -(-shape[1] // parts)
-    number = pairs.tile[:, 1] * wide + pairs.tile[:, 0]
-    own = np.bincount(number, minlength=tall * wide).reshape(tall, wide)
-    if more.size > 1:
-        own += more[:tall, :wide]
-    return own

@@ -17,9 +17,9 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from gpusim.optics.lamp_turn import Turned, areas
-from gpusim.optics.lamp_view import LampView
+from gpusim.optics.lamp_view import LampView, seen_from
 from gpusim.optics.layer import sides_from
-from gpusim.optics.loops import Cap, Loops, distance
+from gpusim.optics.loops import Cap, Loops, corners_of, distance
 from gpusim.surface.topology import Topology
 
 __all__ = ["caps_of"]
@@ -136,38 +136,25 @@ def _caps(
             turns += shares.least
             some = (np.abs(area) <= turns) | ((area > 0.0) != lit[shares.number])
             triangles = topology.triangles[shares.number[some]]
-            lobes = loops.lobes(_from(view, places, a, b), half)
+            cap = Cap(loops, (a * view.half[0], b * view.half[1]), half)
+            lobes = loops.lobes(seen_from(places, *cap.middle), half)
             if lobes is None:
                 return None
-            short = _short(view, places, loops, triangles, (a, b), size)
-            most = max(most, short, lobes)
-            result.append(Cap(loops, (a * view.half[0], b * view.half[1]), half))
+            most = max(most, lobes, _short(cap, places, triangles))
+            result.append(cap)
     return tuple(result), most
 
 
-def _from(view: LampView, places: Array, a: float, b: float) -> Array:
-    """``places`` (3, P) as seen from a point of the lamp's face, in halves of its size."""
-    across, along = view.half
-    return np.stack(
-        [places[0] - a * across * places[2], places[1] - b * along * places[2], places[2]]
-    )
-
-
-def _short(
-    view: LampView, places: Array, loops: Loops, triangles: Numbers, middle: tuple[float, float],
-    size: tuple[float, float],
-) -> float:  # fmt: skip
-    """How far triangles (n, 3) reach beyond a border, in p and q, from any point of a cell of the
-    lamp's face with this ``middle`` and half its ``size``. Corners tell, as what changes with the
-    lamp's point changes linearly."""
-    vertex, border, result = np.unique(triangles), loops.vertex, 0.0
+def _short(cap: Cap, places: Array, triangles: Numbers) -> float:
+    """How far triangles (n, 3) reach beyond the border of a cap, in p and q, from any point of its
+    cell. Corners tell, as what changes with the lamp's point changes linearly."""
+    loops, vertex, result = cap.loops, np.unique(triangles), 0.0
+    border = loops.vertex
     if not len(vertex):
         return 0.0
-    # from a lamp without size all corners are one
-    corners = ((-1, -1), (1, -1), (1, 1), (-1, 1)) if view.lamp.extended else ((0, 0),)
     before = np.argsort(loops.after)
-    for i, j in corners:
-        at = _from(view, places, middle[0] + i * size[0], middle[1] + j * size[1])[:2]
+    for a, b in corners_of(cap.half):
+        at = seen_from(places, cap.middle[0] + a, cap.middle[1] + b)[:2]
         tree = cKDTree(at[:, border].T)
         near = np.asarray(tree.query(at[:, vertex].T, k=min(NEAREST, len(border)))[1], np.int64)
         away = np.full(len(vertex), np.inf)

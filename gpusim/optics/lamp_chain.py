@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.optics.lamp_view import seen_from
 from gpusim.optics.loops import Cap
 from gpusim.optics.ragged import expand
 
@@ -36,8 +37,8 @@ class Chain:
         loops, across = cap.loops, max(cap.half)
         kept = np.ones(len(loops.vertex), bool)
         if tolerance > 0.0:
-            p, q, s = places[:, loops.vertex]
-            at = np.stack([p - cap.middle[0] * s, q - cap.middle[1] * s, across * s])
+            at = seen_from(places[:, loops.vertex], *cap.middle)
+            at[2] *= across
             for first, stop in zip(loops.start, [*loops.start[1:], len(kept)], strict=True):
                 kept[first:stop] = _kept(at[:, first:stop], tolerance)
         own = np.flatnonzero(kept)

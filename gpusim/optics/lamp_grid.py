@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from gpusim.optics.casters import Casters, LampFaces
 from gpusim.optics.lamp_edges import LampEdges
-from gpusim.optics.lamp_view import LampView, Reach
+from gpusim.optics.lamp_view import LampView, Reach, overlap
 from gpusim.optics.ragged import expand
 from gpusim.optics.windows import Windows
 
@@ -314,12 +314,9 @@ class LampGrid:
         boxes, casters = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
         for caster in range(self.count):
             rise = np.clip(self.highest[caster] - own.s[0], 0.0, 1e150)
-            keep = rise > 0.0
-            sides = ((own.p, self.reach.p), (own.q, self.reach.q))
-            for half, (ends, other) in zip(self.view.half, sides, strict=True):
-                span = half * rise
-                keep &= other[0, caster] - span <= ends[1]
-                keep &= other[1, caster] + span >= ends[0]
+            keep = (rise > 0.0) & overlap(
+                self.view.half, own, slice(None), self.reach, caster, rise
+            )
             boxes.append(box[keep])
             casters.append(np.full(len(boxes[-1]), caster))
         return np.concatenate(boxes), np.concatenate(casters)
@@ -350,10 +347,6 @@ class LampGrid:
         rise = self.highest[caster] - reach.s[0][box]
         keep = rise > 0.0
         rise = np.minimum(rise, 1e150)
-        sides = ((reach.p, self.reach.p), (reach.q, self.reach.q))
-        for half, (own, other) in zip(self.view.half, sides, strict=True):
-            span = half * rise
-            keep &= other[0][caster] - span <= own[1][box]
-            keep &= other[1][caster] + span >= own[0][box]
+        keep &= overlap(self.view.half, reach, box, self.reach, caster, rise)
         kept = np.flatnonzero(keep)
         return box[kept], caster[kept]

@@ -17,6 +17,7 @@ from gpusim.optics.corners import CHUNK
 from gpusim.optics.lamp_chain import Chain
 from gpusim.optics.lamp_layer import Alone
 from gpusim.optics.lamp_view import Reach
+from gpusim.optics.loops import Cap
 from gpusim.optics.windows import Windows
 
 __all__ = ["BEFORE", "BEYOND", "CLEAR", "UNSURE", "Outline"]
@@ -37,7 +38,7 @@ MARGIN = 1e-6
 
 
 class Outline:
-    """The border of what a lamp sees of ``surface`` in its ``view``, or of its caps, which fall
+    """The border of what a lamp sees of ``surface`` in its ``view``, or of its ``caps``, which fall
     ``short`` of it by so much in p and q; ``points`` (P, 3) of that, ``depth`` (P,) s of these;
     ``top`` and ``bottom``: the highest and the lowest s; ``margin`` in s and ``across`` in p and q
     count as nothing."""
@@ -47,7 +48,7 @@ class Outline:
         self.points, view = points, self.view
         self._places = np.stack(view.place(*(np.ascontiguousarray(v) for v in points.T)))
         self._triangles = patch.triangles
-        self._caps, self.short = patch.caps, patch.short
+        self.caps, self.short = patch.caps, patch.short
         self.top, self.bottom = float(patch.high[2]), float(patch.low[2])
         self.margin = MARGIN * max(abs(self.top), abs(self.bottom))
         self.across = MARGIN * float((patch.high - patch.low)[:2].max())
@@ -57,15 +58,10 @@ class Outline:
         """(P,): s of the surface's points."""
         return np.asarray(self._places[2])
 
-    @property
-    def caps(self) -> range:
-        """Numbers of what tells it: of caps, or of the one border."""
-        return range(len(self._caps))
-
-    def chain(self, cap: int, tolerance: float) -> Chain:
-        """The edges of a cap, joined where they leave its border by no more than ``tolerance`` in p
-        and q, or what looks like that from the lamp."""
-        return Chain.of(self._caps[cap], self._places, tolerance)
+    def chain(self, cap: Cap, tolerance: float) -> Chain:
+        """The edges of one of its caps, joined where they leave its border by no more than
+        ``tolerance`` in p and q, or what looks like that from the lamp."""
+        return Chain.of(cap, self._places, tolerance)
 
     @cached_property
     def _cells(self) -> tuple[Array, Array, Windows, Windows]:

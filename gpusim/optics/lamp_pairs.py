@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.optics.emitters import Lamp
-from gpusim.optics.lamp_view import LampView, Reach
+from gpusim.optics.lamp_view import LampView, Reach, overlap
 
 __all__ = ["LampPairs"]
 
@@ -54,8 +54,4 @@ def _meet(
         rise = faces.s[1][face] - own.s[0][receiver]
     result: Flags = rise >= -touch
     rise = np.clip(rise, 0.0, 1e150) + touch
-    for size, low, other in zip(half, (own.p, own.q), (faces.p, faces.q), strict=True):
-        reach = size * rise
-        result &= other[0][face] - reach <= low[1][receiver]
-        result &= other[1][face] + reach >= low[0][receiver]
-    return result
+    return result & overlap(half, own, receiver, faces, face, rise)

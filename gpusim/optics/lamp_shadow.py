@@ -20,6 +20,7 @@ __all__ = ["CastersOf", "LampShadow", "lamp_shadow"]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
+Flags = npt.NDArray[np.bool_]
 
 CastersOf = Callable[[frozenset[int]], Casters]
 """The faces of all surfaces but those of some numbers."""
@@ -37,7 +38,7 @@ class LampShadow:
     tile: Numbers
     ends: Array
     cut: Array
-    last: npt.NDArray[np.bool_]
+    last: Flags
 
 
 def lamp_shadow(
@@ -51,12 +52,13 @@ def lamp_shadow(
     unsure = np.zeros(shape, bool)
     for one in found:
         unsure.reshape(-1)[one.unsure] = True
-    free = _free(receivers, alone)
+    own, doubt = _own(receivers, alone)
+    free = own & ~doubt
     bodies = frozenset(one.surface for one in alone)
-    parts = [half_shadow(receivers, lamp, casters(bodies), np.zeros(len(free), bool), ~unsure)]
+    parts = [half_shadow(receivers, lamp, casters(bodies), np.zeros_like(free), ~unsure)]
     if unsure.any():
         parts.append(half_shadow(receivers, lamp, casters(frozenset()), free, unsure))
-    doubt = facing & np.isin(receivers.view.body, list(bodies)) & ~free
+    doubt &= facing
     if doubt.any() and not unsure.all():
         # beside others, which outlines tell about
         every = casters(frozenset())
@@ -83,13 +85,12 @@ def lamp_shadow(
     )  # fmt: skip
 
 
-def _free(receivers: Receivers, alone: Sequence[Alone]) -> npt.NDArray[np.bool_]:
-    """(T,) receivers that nothing of their own surface hides the lamp from."""
+def _own(receivers: Receivers, alone: Sequence[Alone]) -> tuple[Flags, Flags]:
+    """(T,) receivers on surfaces that hide nothing of themselves, and those of them that may lie in
+    the shadow of their own nevertheless."""
     view = receivers.view
     result = np.isin(view.body, [one.surface for one in alone])
     doubt = np.concatenate([np.zeros(0, np.int64), *(one.doubt for one in alone)])
-    if len(doubt):
-        faces = np.zeros(max(int(view.face.max(initial=0)), int(doubt.max())) + 1, bool)
-        faces[doubt] = True
-        result &= ~faces[view.face]
-    return result
+    faces = np.zeros(max(int(view.face.max(initial=0)), int(doubt.max(initial=0))) + 1, bool)
+    faces[doubt] = True
+    return result, result & faces[view.face]

@@ -15,11 +15,12 @@ import numpy.typing as npt
 
 from gpusim.optics.emitters import Lamp
 
-__all__ = ["LampView", "Reach"]
+__all__ = ["LampView", "Reach", "overlap", "seen_from"]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
+Index = Numbers | int | slice
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,6 +113,26 @@ class LampView:
         high = np.where(behind, np.inf, _fold(np.maximum, np.where(unknown, 0.0, s)))
         low, high = np.where(none, -np.inf, low), np.where(none, -np.inf, high)
         return Reach(box(p), box(q), np.stack([low, high]))
+
+
+def seen_from(places: Array, a: float, b: float) -> Array:
+    """``places`` (3, n), p, q and s, as a point of a lamp's face sees them: (``a``, ``b``) from its
+    middle, in the length that p and q change by per s."""
+    p, q, s = places
+    return np.stack([p - a * s, q - b * s, s])
+
+
+def overlap(
+    half: tuple[float, float], own: Reach, box: Index, other: Reach, caster: Index, rise: Array
+) -> Flags:
+    """Whether receivers, boxes ``box`` of ``own``, look where boxes ``caster`` of ``other`` lie for
+    what is ``rise`` (n,) above them at most, before a lamp with ``half`` its size; pair by pair."""
+    result = np.ones(len(rise), bool)
+    for size, ends, others in zip(half, (own.p, own.q), (other.p, other.q), strict=True):
+        span = size * rise
+        result &= others[0][caster] - span <= ends[1][box]
+        result &= others[1][caster] + span >= ends[0][box]
+    return result
 
 
 def _along(axis: Array, x: Array, y: Array, z: Array) -> Array:

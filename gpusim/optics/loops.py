@@ -8,9 +8,10 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.optics.lamp_view import seen_from
 from gpusim.optics.ragged import expand
 
-__all__ = ["Cap", "Half", "Loops", "distance"]
+__all__ = ["Cap", "Half", "Loops", "corners_of", "distance"]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
@@ -94,9 +95,8 @@ class Loops:
         if not (same & (count <= ZIGZAG)).all():
             return None
         reach = 0.0
-        for i, j in ((-1, -1), (1, -1), (1, 1), (-1, 1)):
-            x = np.stack([at[0] - i * half[0] * at[2], at[1] - j * half[1] * at[2]])
-            vertex = a
+        for corner in corners_of(half):
+            x, vertex = seen_from(at, *corner)[:2], a
             for k in range(int(count.max(initial=0))):
                 vertex = self.after[vertex]
                 # the end of the first edge is on that, the start of the second one on the other
@@ -159,6 +159,13 @@ class Loops:
         a, b = a[near], b[near]
         apart = _beside(at, ends, a, b, half, gap) | _beside(at, ends, b, a, half, gap)
         return a[~apart], b[~apart]
+
+
+def corners_of(half: Half) -> list[Half]:
+    """Those of a lamp's face with ``half`` its size, from its middle: one if it has none."""
+    if not any(half):
+        return [half]
+    return [(i * half[0], j * half[1]) for i, j in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
 
 
 def distance(at: Array, point: Numbers, start: Numbers, end: Numbers) -> Array:

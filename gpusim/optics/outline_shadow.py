@@ -206,9 +206,9 @@ def _edges_of(outline: Outline, reach: Reach) -> _Found:
     for one in np.unique(level[level >= 0]):
         own = np.flatnonzero(level == one)
         boxes = reach[own]
-        for cap in outline.caps:
+        for number, cap in enumerate(outline.caps):
             chain = outline.chain(cap, least * STEP ** float(one))
-            result.take(own, _edges(outline, chain, boxes), cap)
+            result.take(own, _edges(outline, chain, boxes), number)
     return result.sorted()
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cached_property
+from functools import cached_property, reduce
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +13,7 @@ from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.emitters import Lamp
 from gpusim.optics.ragged import expand
 from gpusim.optics.tile_fronts import MARGIN, Sides, fronts, sides_of
-from gpusim.optics.tile_pairs import LEVELS, TILE, Pairs, meets
+from gpusim.optics.tile_pairs import LEVELS, NONE, TILE, Pairs, counted, meets
 from gpusim.optics.view import View
 
 __all__ = ["Receivers"]
@@ -86,23 +86,14 @@ class Receivers:
 
         def several(pairs: Pairs) -> npt.NDArray[np.bool_]:
             """Which large triangles lie in tiles with others."""
-            parts = pairs.size // TILE
-            wide, tall = (-(-n // parts) for n in shape[::-1])
-            place = pairs.tile[:, 1] * wide + pairs.tile[:, 0]
-            count = np.bincount(place, minlength=wide * tall)
-            small = spots.tile // parts
-            count += np.bincount(small[:, 1] * wide + small[:, 0], minlength=len(count))
-            return np.asarray(count[place] > 1)
+            count = counted(pairs, shape, counted(spots.within(pairs.size), shape, NONE))
+            return np.asarray(count[pairs.tile[:, 1], pairs.tile[:, 0]] > 1)
 
         large = self.narrowed(np.flatnonzero(self.large), several)
-        both = Pairs(
-            np.concatenate([spots.triangle, large.triangle]),
-            np.concatenate([spots.tile, large.tile]), TILE,
-        )  # fmt: skip
+        both = spots.joined(large)
         nearest, farthest = self.nearest[both.triangle], self.farthest[both.triangle]
         inverse = self._inverse(large)[1]
-        least = np.minimum(np.minimum(inverse[0], inverse[1]), np.minimum(inverse[2], inverse[3]))
-        most = np.maximum(np.maximum(inverse[0], inverse[1]), np.maximum(inverse[2], inverse[3]))
+        least, most = reduce(np.minimum, inverse), reduce(np.maximum, inverse)
         ahead = np.flatnonzero(least > 0.0)
         rows = len(spots.triangle) + ahead
         nearest[rows] = np.maximum(nearest[rows], 1.0 / most[ahead])
@@ -190,10 +181,7 @@ class Receivers:
         spots = self.spots[own[self.spots.triangle]]
         spots = spots[meets(spots, mask)]
         pairs = self.narrowed(np.flatnonzero(own & self.large), lambda pairs: meets(pairs, mask))
-        both = Pairs(
-            np.concatenate([spots.triangle, pairs.triangle]),
-            np.concatenate([spots.tile, pairs.tile]), TILE,
-        )  # fmt: skip
+        both = spots.joined(pairs)
         return both[self.seen(both)]
 
     def points(self, pairs: Pairs) -> Array:
@@ -277,8 +265,6 @@ class Receivers:
 
 def _size(points: Array) -> Array:
     """(n,): sum of the sides of boxes round points (4, 3, n)."""
-    low = np.minimum(np.minimum(points[0], points[1]), np.minimum(points[2], points[3]))
-    high = np.maximum(np.maximum(points[0], points[1]), np.maximum(points[2], points[3]))
-    high -= low
-    result: Array = high[0] + high[1] + high[2]
+    sides = reduce(np.maximum, points) - reduce(np.minimum, points)
+    result: Array = sides[0] + sides[1] + sides[2]
     return result

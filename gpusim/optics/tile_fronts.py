@@ -63,7 +63,7 @@ def fronts(view: View, pairs: Pairs, nearest: Array, farthest: Array, shape: Sha
     return depth.reshape(shape)
 
 
-def _crossed(edges: Array, shape: tuple[int, int]) -> Numbers:
+def _crossed(edges: Array, shape: Shape) -> Numbers:
     """Numbers of tiles that segments (E, 2, 2) px pass, or may pass within `MARGIN`."""
     way = edges[:, 1] - edges[:, 0]
     count = np.ceil(np.abs(way).max(axis=1, initial=0.0) / STEP).astype(np.int64) + 1

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["LEVELS", "TILE", "Pairs", "meets", "spread_over"]
+__all__ = ["LEVELS", "NONE", "TILE", "Pairs", "counted", "meets", "spread_over"]
 
 Numbers = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
@@ -16,6 +16,9 @@ TILE = 8
 
 LEVELS = (128, 32, TILE)
 """px, side of the tiles that large triangles are looked up by, one after the other."""
+
+NONE = np.zeros((1, 1), np.int64)
+"""Of `counted`: nothing to add to."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,6 +31,17 @@ class Pairs:
 
     def __getitem__(self, index: Numbers | Flags) -> Pairs:
         return Pairs(self.triangle[index], self.tile[index], self.size)
+
+    def joined(self, others: Pairs) -> Pairs:
+        """These, then others of their size."""
+        return Pairs(
+            np.concatenate([self.triangle, others.triangle]),
+            np.concatenate([self.tile, others.tile]), self.size,
+        )  # fmt: skip
+
+    def within(self, size: int) -> Pairs:
+        """The same triangles with the larger tiles that theirs are in."""
+        return Pairs(self.triangle, self.tile // (size // self.size), size)
 
     def split(self, size: int) -> Pairs:
         """The smaller tiles under all of them."""
@@ -59,3 +73,14 @@ def spread_over(pairs: Pairs, shape: tuple[int, int]) -> Flags:
     held = np.zeros((-(-shape[0] // parts), -(-shape[1] // parts)), bool)
     held[pairs.tile[:, 1], pairs.tile[:, 0]] = True
     return np.repeat(np.repeat(held, parts, axis=0), parts, axis=1)[: shape[0], : shape[1]]
+
+
+def counted(pairs: Pairs, shape: tuple[int, int], more: Numbers) -> Numbers:
+    """How many pairs there are of each tile of their size, added to ``more``; ``shape``: of the
+    smallest tiles."""
+    parts = pairs.size // TILE
+    tall, wide = -(-shape[0] // parts), -(-shape[1] // parts)
+    number = pairs.tile[:, 1] * wide + pairs.tile[:, 0]
+    own = np.bincount(number, minlength=tall * wide).reshape(tall, wide)
+    own += more[:tall, :wide]
+    return own
