@@ -28,35 +28,40 @@ CasterSet = tuple[LampFaces, list[LampGrid]]
 
 
 class CasterSets:
-    """The faces that may hide a lamp, for each half space before it: all of them, and those of
-    other surfaces for receivers that are ``free`` (T,), which nothing of their own hides."""
+    """The faces of ``casters`` that may hide a ``lamp``, for each half space before it: all of
+    them, and those of other surfaces for receivers that are ``free`` (T,), which nothing of their
+    own hides. Filed once for all that look for shadows of a lamp."""
 
-    def __init__(
-        self, receivers: Receivers, lamp: Lamp, casters: Casters, faces: LampFaces, free: Flags
-    ) -> None:
+    def __init__(self, receivers: Receivers, lamp: Lamp, casters: Casters, free: Flags) -> None:
+        self.lamp, self.casters, self.free = lamp, casters, free
         body = receivers.view.body
         self._alone, number = np.unique(body[free], return_inverse=True)
         self._sets: list[CasterSet | None] = [None] * (1 + len(self._alone))
         # (T,): the set for receivers on each triangle
         self._number = np.zeros(len(body), np.int64)
         self._number[free] = 1 + number
-        self._casters, self._faces = casters, faces
+        self._faces = casters.seen_by(lamp, receivers.shown)
         self._views: list[tuple[LampView, float]] = []
-        for view in LampView.of(lamp):
+        for view in () if self.empty else LampView.of(lamp):
             s = view.place(*receivers.shown)[2]
             s = s[np.isfinite(s)]
             self._views.append((view, float(s.min(initial=np.inf))))
+
+    @property
+    def empty(self) -> bool:
+        """Whether nothing hides the lamp from anything."""
+        return not len(self._faces.face)
 
     def _set(self, number: int) -> CasterSet:
         found = self._sets[number]
         if found is None:
             faces = self._faces
             if number:
-                other = self._casters.body[faces.face] != self._alone[number - 1]
+                other = self.casters.body[faces.face] != self._alone[number - 1]
                 faces = replace(
                     faces, face=faces.face[other], rim=faces.rim[other], side=faces.side[other]
                 )
-            grids = [LampGrid(view, self._casters, faces, low) for view, low in self._views]
+            grids = [LampGrid(view, self.casters, faces, low) for view, low in self._views]
             self._sets[number] = found = faces, grids
         return found
 

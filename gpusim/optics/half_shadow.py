@@ -10,7 +10,6 @@ import numpy.typing as npt
 
 from gpusim.optics.caster_sets import CasterSet, CasterSets
 from gpusim.optics.casters import Casters
-from gpusim.optics.emitters import Lamp
 from gpusim.optics.lamp_apart import apart
 from gpusim.optics.lamp_edges import EVERY_EDGE
 from gpusim.optics.lamp_grid import LampGrid
@@ -79,18 +78,16 @@ class HalfShadow:
 
 
 def half_shadow(
-    receivers: Receivers, lamp: Lamp, casters: Casters, free: Flags, within: Flags,
-    among: Flags | None = None,
-) -> HalfShadow:  # fmt: skip
-    """What ``casters`` hide of a lamp in the tiles of a picture that are ``within`` (rows,
-    columns); nothing of their own surface hides it from receivers that are ``free`` (T,). Where
-    ``among`` (T,) is given only these are looked at, and others taken to be lit."""
+    receivers: Receivers, sets: CasterSets, within: Flags, among: Flags | None = None
+) -> HalfShadow:
+    """What casters hide of a lamp in the tiles of a picture that are ``within`` (rows, columns).
+    Where ``among`` (T,) is given only these receivers are looked at, and others taken to be
+    lit."""
     shape, everywhere = within.shape, bool(within.all())
-    faces = casters.seen_by(lamp, receivers.shown)
-    if not len(faces.face):
+    if sets.empty:
         return HalfShadow.none()
-    sets = CasterSets(receivers, lamp, casters, faces, free)
-    facing = ~receivers.turned_away(lamp)
+    casters, free = sets.casters, sets.free
+    facing = ~receivers.turned_away(sets.lamp)
     if among is not None:
         facing &= among
     # a small triangle is the same receiver in each of its tiles

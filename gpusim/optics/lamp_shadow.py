@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.optics.caster_sets import CasterSets
 from gpusim.optics.casters import Casters
 from gpusim.optics.emitters import Lamp
 from gpusim.optics.half_shadow import HalfShadow, half_shadow
@@ -55,14 +56,17 @@ def lamp_shadow(
     own, doubt = _own(receivers, alone)
     free = own & ~doubt
     bodies = frozenset(one.surface for one in alone)
-    parts = [half_shadow(receivers, lamp, casters(bodies), np.zeros_like(free), ~unsure)]
-    if unsure.any():
-        parts.append(half_shadow(receivers, lamp, casters(frozenset()), free, unsure))
+    others = CasterSets(receivers, lamp, casters(bodies), np.zeros_like(free))
+    parts = [half_shadow(receivers, others, ~unsure)]
     doubt &= facing
-    if doubt.any() and not unsure.all():
-        # beside others, which outlines tell about
-        every = casters(frozenset())
-        parts.append(half_shadow(receivers, lamp, every, free, ~unsure, doubt))
+    beside = doubt.any() and not unsure.all()
+    if unsure.any() or beside:
+        every = CasterSets(receivers, lamp, casters(frozenset()), free)
+    if unsure.any():
+        parts.append(half_shadow(receivers, every, unsure))
+    if beside:
+        # others there are what outlines tell about
+        parts.append(half_shadow(receivers, every, ~unsure, doubt))
     none = np.zeros(0, np.int64)
     dark, flat = np.zeros(shape[0] * shape[1], bool), unsure.reshape(-1)
     for one in found:
