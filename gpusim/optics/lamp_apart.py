@@ -32,11 +32,12 @@ def apart(
     ``half`` its size; p, q and s (`gpusim.optics.lamp_view`) of the corners of ``receivers``
     (4, R), and of ``faces`` (F, 4)."""
     result = np.zeros(len(box), bool)
+    sizes = np.ptp(receivers[0], axis=0) + np.ptp(receivers[1], axis=0)
     for first in range(0, len(box), CHUNK):
         part = slice(first, first + CHUNK)
-        one = [values[:, box[part]] for values in receivers]
-        other = [values[caster[part]].T for values in faces]
-        size = np.ptp(one[0], axis=0) + np.ptp(one[1], axis=0)
+        one = [np.take(values, box[part], axis=1) for values in receivers]
+        other = [np.ascontiguousarray(np.take(values, caster[part], axis=0).T) for values in faces]
+        size = sizes[box[part]]
         left = np.arange(len(size))
         for turn in range(8):
             shapes = (one, other) if turn < 4 else (other, one)
@@ -55,8 +56,10 @@ def _parts(
     """(n,) whether the ``k``-th edges of shapes have these on one side and the others on the other,
     seen from all of the lamp; p, q and s (4, n) of both."""
     start, end = k, (k + 1) % 4
+    result = np.zeros(len(size), bool)
+    left = np.arange(len(size))
     # which way round shapes go may differ; it is the same from all of the lamp where they part
-    both = [np.ones(len(size), bool), np.ones(len(size), bool)]
+    sides = [np.ones(len(size), bool), np.ones(len(size), bool)]
     corners = ((1, 1), (1, -1), (-1, 1), (-1, -1)) if any(half) else ((0, 0),)
     for across, along in corners:
         p, q = (
@@ -71,6 +74,13 @@ def _parts(
             height = x * (v - q[0][start]) - y * (u - p[0][start])
             ends.append((height.min(axis=0), height.max(axis=0)))
         (low, high), (other_low, other_high) = ends
-        both[0] &= known & (low >= -slack) & (other_high <= slack)
-        both[1] &= known & (high <= slack) & (other_low >= -slack)
-    return both[0] | both[1]
+        sides[0] &= known & (low >= -slack) & (other_high <= slack)
+        sides[1] &= known & (high <= slack) & (other_low >= -slack)
+        # most don't part from one corner: fewer are left for the others
+        rest = np.flatnonzero(sides[0] | sides[1])
+        if len(rest) < len(left):
+            left, size = left[rest], size[rest]
+            sides = [side[rest] for side in sides]
+            own, other = ([np.take(v, rest, axis=1) for v in shape] for shape in (own, other))
+    result[left] = True
+    return result

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
@@ -17,6 +18,9 @@ Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
 
+TOGETHER = 1 << 16
+"""Pairs at a time."""
+
 LOW = 5e-4
 """Sine of the elevation up to which what rises beside a receiver hides no light that counts: light
 from there is no brighter than this, where from above it is 1."""
@@ -27,17 +31,22 @@ def sides_of_planes(
 ) -> tuple[Flags, Flags]:
     """Whether boxes of points lie behind the planes of faces, or before them, pair by pair."""
     normal = [np.ascontiguousarray(casters.normal[:, axis]) for axis in range(3)]
-    offset = np.sum(casters.corners[:, 0] * casters.normal, axis=1)[face]
-    slack = (1e-7 * np.abs(points).max(initial=0.0)) * np.linalg.norm(casters.normal, axis=1)[face]
-    own = [n[face] for n in normal]
-    low, high = np.full(len(face), np.inf), np.full(len(face), -np.inf)
-    for corner in points:
-        height = -offset
-        for axis in range(3):
-            height += own[axis] * corner[axis][box]
-        np.minimum(low, height, out=low)
-        np.maximum(high, height, out=high)
-    return high <= slack, low >= -slack
+    offset = np.sum(casters.corners[:, 0] * casters.normal, axis=1)
+    slack = (1e-7 * np.abs(points).max(initial=0.0)) * np.linalg.norm(casters.normal, axis=1)
+    behind, ahead = np.empty(len(face), bool), np.empty(len(face), bool)
+    for part in _parts(len(face)):
+        own_face, own_box = face[part], box[part]
+        own = [n[own_face] for n in normal]
+        start, near = offset[own_face], slack[own_face]
+        low, high = np.full(len(own_face), np.inf), np.full(len(own_face), -np.inf)
+        for corner in points:
+            height = -start
+            for axis in range(3):
+                height += own[axis] * corner[axis][own_box]
+            np.minimum(low, height, out=low)
+            np.maximum(high, height, out=high)
+        behind[part], ahead[part] = high <= near, low >= -near
+    return behind, ahead
 
 
 def lies_low(
@@ -73,13 +82,15 @@ def lies_low(
     rows = np.flatnonzero(result)
     face, box, own = face[rows], box[rows], own[rows]
     places = np.ascontiguousarray(casters.points.T)
-    normals, offset = [n[box] for n in normal], offset[box]
     low, high = np.full(len(rows), np.inf), np.full(len(rows), -np.inf)
-    for k in range(4):
-        vertex = casters.faces[face, k]
-        at = sum(n * axis[vertex] for n, axis in zip(normals, places, strict=True)) - offset
-        np.minimum(low, at, out=low)
-        np.maximum(high, at, out=high)
+    for part in _parts(len(rows)):
+        own_face, own_box = face[part], box[part]
+        normals, before = [n[own_box] for n in normal], offset[own_box]
+        for k in range(4):
+            vertex = casters.faces[own_face, k]
+            at = sum(n * axis[vertex] for n, axis in zip(normals, places, strict=True)) - before
+            np.minimum(low[part], at, out=low[part])
+            np.maximum(high[part], at, out=high[part])
     slack = 1e-7 * float(np.abs(start).max(initial=0.0))
     below = high <= slack
     some = np.flatnonzero(~below)
@@ -94,14 +105,30 @@ def lies_low(
 
 def _apart(casters: Casters, face: Numbers, points: Array, box: Numbers) -> tuple[Array, Array]:
     """How large faces (n,) are, and how far away from receivers in boxes at least."""
-    shown, which = np.unique(face, return_inverse=True)
+    used = np.zeros(len(casters.faces), bool)
+    used[face] = True
+    shown = np.flatnonzero(used)
+    radius, middle = np.zeros(len(casters.faces)), np.zeros((3, len(casters.faces)))
     corners = casters.corners[shown]
-    middle = corners.mean(axis=1)
-    radius = np.linalg.norm(corners - middle[:, None], axis=2).max(axis=1, initial=0.0)
+    middle[:, shown] = corners.mean(axis=1).T
+    away = np.linalg.norm(corners - middle.T[shown][:, None], axis=2)
+    radius[shown] = away.max(axis=1, initial=0.0)
     centre = points.mean(axis=0)
     reach = np.sqrt(((points - centre) ** 2).sum(axis=1).max(axis=0, initial=0.0))
-    gap = np.sqrt(sum((middle[:, axis][which] - centre[axis][box]) ** 2 for axis in range(3)))
-    return 2.0 * radius[which], gap - radius[which] - reach[box]
+    size, gap = np.empty(len(face)), np.empty(len(face))
+    for part in _parts(len(face)):
+        own_face, own_box = face[part], box[part]
+        ways = [m[own_face] - c[own_box] for m, c in zip(middle, centre, strict=True)]
+        own = radius[own_face]
+        size[part] = 2.0 * own
+        gap[part] = np.sqrt(sum(way**2 for way in ways)) - own - reach[own_box]
+    return size, gap
+
+
+def _parts(count: int) -> Iterator[slice]:
+    """Pairs that are looked at together: what belongs to them stays in the processor's caches."""
+    for first in range(0, count, TOGETHER):
+        yield slice(first, min(first + TOGETHER, count))
 
 
 def meets_middle(lamp: Lamp, at: Array, corners: Array, against: Flags) -> Flags:
