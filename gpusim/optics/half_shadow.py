@@ -14,7 +14,7 @@ from gpusim.optics.lamp_apart import apart
 from gpusim.optics.lamp_edges import EVERY_EDGE
 from gpusim.optics.lamp_grid import LampGrid
 from gpusim.optics.lamp_merging import FEWEST, joined_grids
-from gpusim.optics.ragged import expand
+from gpusim.optics.ragged import expand, parts
 from gpusim.optics.receiver_planes import lies_low, meets_middle, sides_of_planes
 from gpusim.optics.receivers import Receivers
 from gpusim.optics.tile_pairs import LEVELS, NONE, TILE, counted, meets, spread_over
@@ -302,7 +302,9 @@ def _candidates(
         low = lies_low(grid.view.lamp, casters, face, points, box, body, eye)
         kept = np.flatnonzero(against | ~low)
         box, face, caster, against = box[kept], face[kept], caster[kept], against[kept]
-        inside, past = grid.meets(reach[box], caster)
+        inside, past = np.empty(len(box), bool), np.empty(len(box), bool)
+        for part in parts(len(box)):
+            inside[part], past[part] = grid.meets(reach[box[part]], caster[part])
         same = np.flatnonzero(inside & (body[box] == casters.body[face]))
         if len(same):
             places = grid.view.place(*np.moveaxis(points, 1, 0))

@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 from gpusim.optics.emitters import Lamp
 from gpusim.optics.lamp_view import LampView, Reach, overlap
+from gpusim.optics.ragged import parts
 
 __all__ = ["LampPairs"]
 
@@ -50,8 +51,11 @@ def _meet(
     """Whether boxes of ``faces`` lie where receivers in boxes look at a lamp, pair by pair."""
     near = own.s[0][np.isfinite(own.s[0])]
     touch = TOUCH * float(np.abs(near).max(initial=0.0))
-    with np.errstate(invalid="ignore"):  # both behind the lamp
-        rise = faces.s[1][face] - own.s[0][receiver]
-    result: Flags = rise >= -touch
-    rise = np.clip(rise, 0.0, 1e150) + touch
-    return result & overlap(half, own, receiver, faces, face, rise)
+    result = np.empty(len(face), bool)
+    for part in parts(len(face)):
+        with np.errstate(invalid="ignore"):  # both behind the lamp
+            rise = faces.s[1][face[part]] - own.s[0][receiver[part]]
+        ahead = rise >= -touch
+        rise = np.clip(rise, 0.0, 1e150) + touch
+        result[part] = ahead & overlap(half, own, receiver[part], faces, face[part], rise)
+    return result

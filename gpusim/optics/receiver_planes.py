@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
@@ -11,15 +10,13 @@ import numpy.typing as npt
 from gpusim.optics.casters import Casters
 from gpusim.optics.corners import products
 from gpusim.optics.emitters import Lamp
+from gpusim.optics.ragged import parts
 
 __all__ = ["lies_low", "meets_middle", "sides_of_planes"]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
-
-TOGETHER = 1 << 16
-"""Pairs at a time."""
 
 LOW = 5e-4
 """Sine of the elevation up to which what rises beside a receiver hides no light that counts: light
@@ -34,7 +31,7 @@ def sides_of_planes(
     offset = np.sum(casters.corners[:, 0] * casters.normal, axis=1)
     slack = (1e-7 * np.abs(points).max(initial=0.0)) * np.linalg.norm(casters.normal, axis=1)
     behind, ahead = np.empty(len(face), bool), np.empty(len(face), bool)
-    for part in _parts(len(face)):
+    for part in parts(len(face)):
         own_face, own_box = face[part], box[part]
         own = [n[own_face] for n in normal]
         start, near = offset[own_face], slack[own_face]
@@ -83,7 +80,7 @@ def lies_low(
     face, box, own = face[rows], box[rows], own[rows]
     places = np.ascontiguousarray(casters.points.T)
     low, high = np.full(len(rows), np.inf), np.full(len(rows), -np.inf)
-    for part in _parts(len(rows)):
+    for part in parts(len(rows)):
         own_face, own_box = face[part], box[part]
         normals, before = [n[own_box] for n in normal], offset[own_box]
         for k in range(4):
@@ -116,19 +113,13 @@ def _apart(casters: Casters, face: Numbers, points: Array, box: Numbers) -> tupl
     centre = points.mean(axis=0)
     reach = np.sqrt(((points - centre) ** 2).sum(axis=1).max(axis=0, initial=0.0))
     size, gap = np.empty(len(face)), np.empty(len(face))
-    for part in _parts(len(face)):
+    for part in parts(len(face)):
         own_face, own_box = face[part], box[part]
         ways = [m[own_face] - c[own_box] for m, c in zip(middle, centre, strict=True)]
         own = radius[own_face]
         size[part] = 2.0 * own
         gap[part] = np.sqrt(sum(way**2 for way in ways)) - own - reach[own_box]
     return size, gap
-
-
-def _parts(count: int) -> Iterator[slice]:
-    """Pairs that are looked at together: what belongs to them stays in the processor's caches."""
-    for first in range(0, count, TOGETHER):
-        yield slice(first, min(first + TOGETHER, count))
 
 
 def meets_middle(lamp: Lamp, at: Array, corners: Array, against: Flags) -> Flags:
