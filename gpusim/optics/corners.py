@@ -6,6 +6,8 @@ the arithmetic.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 import numpy.typing as npt
 
@@ -14,7 +16,7 @@ from gpusim.optics.camera import Camera
 
 __all__ = [
     "CHUNK", "NORMAL", "POSITION", "REFERENCE", "ST", "at_corners", "barycentric_planes",
-    "corner_mean", "corner_range", "in_camera", "products",
+    "corner_mean", "corner_range", "in_camera", "parts", "products",
 ]  # fmt: skip
 
 Array = npt.NDArray[np.float64]
@@ -26,13 +28,18 @@ CHUNK = 1 << 14
 """Triangles worked on at a time, so that they stay in the processor's cache."""
 
 
+def parts(count: int) -> Iterator[slice]:
+    """`CHUNK` at a time of so many."""
+    for first in range(0, count, CHUNK):
+        yield slice(first, min(first + CHUNK, count))
+
+
 def in_camera(camera: Camera, points: Array) -> Array:
     """World points (n, 3) in camera coordinates, a view of (3, n): no matrix product, whose
     rounding depends on where in the array a point is."""
     T = camera.camera_from_world
     columns = np.empty((3, len(points)))
-    for first in range(0, len(points), CHUNK):
-        part = slice(first, first + CHUNK)
+    for part in parts(len(points)):
         x, y, z = (np.ascontiguousarray(points[part, k]) for k in range(3))
         for k, column in enumerate(columns[:, part]):
             np.multiply(x, T[k, 0], out=column)
@@ -56,8 +63,7 @@ def barycentric_planes(corners: Array, camera: Camera) -> Array:
     """(T, 3, 3): row i holds the coefficients of b_i as an affine function of [x, y, 1]."""
     columns, spare = np.empty((3, 3, len(corners))), np.empty((5, CHUNK))
     D = camera.ray_matrix()
-    for first in range(0, len(corners), CHUNK):
-        part = slice(first, first + CHUNK)
+    for part in parts(len(corners)):
         own = columns[:, :, part]
         _barycentric_planes(corners[part], D, own, spare[:, : own.shape[2]])
     return np.moveaxis(columns, 2, 0)

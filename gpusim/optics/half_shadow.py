@@ -10,11 +10,12 @@ import numpy.typing as npt
 
 from gpusim.optics.caster_sets import CasterSet, CasterSets
 from gpusim.optics.casters import Casters
+from gpusim.optics.corners import parts
 from gpusim.optics.lamp_apart import apart
 from gpusim.optics.lamp_edges import EVERY_EDGE
 from gpusim.optics.lamp_grid import LampGrid
 from gpusim.optics.lamp_merging import FEWEST, joined_grids
-from gpusim.optics.ragged import expand, parts
+from gpusim.optics.ragged import expand
 from gpusim.optics.receiver_planes import lies_low, meets_middle, sides_of_planes
 from gpusim.optics.receivers import Receivers
 from gpusim.optics.tile_pairs import LEVELS, NONE, TILE, counted, meets, spread_over

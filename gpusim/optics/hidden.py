@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.optics.polygon import SMALLEST, beyond, clip, moments, pick
+from gpusim.optics.ragged import batches, expand
 
 __all__ = ["TOUCH", "Cutting", "depth_planes", "visible_pieces"]
 
@@ -91,21 +92,14 @@ def visible_pieces(
         ahead |= cutting.pierced
     drawn &= ahead
     before = np.where(drawn, fronts, 0)
-    stops = np.cumsum(before)
     behind, before_it = [], []
-    start = 0
-    while start < len(row):
-        done = stops[start - 1] if start else 0
-        stop = max(int(np.searchsorted(stops, done + PAIRS, side="right")), start + 1)
-        own = np.repeat(row[start:stop], before[start:stop])
-        step = np.arange(len(own)) - np.repeat(
-            stops[start:stop] - before[start:stop] - done, before[start:stop]
-        )
+    for part in batches(before, PAIRS):
+        own, step = expand(before[part])
+        own += part.start
         other = first[own] + step
         meets = _overlap(polygon, planes, corners, own, other)
         behind.append(own[meets])
         before_it.append(other[meets])
-        start = stop
     hidden, by = (
         np.concatenate([np.zeros(0, np.int64), *behind]),
         np.concatenate([np.zeros(0, np.int64), *before_it]),

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.optics.corners import CHUNK
+from gpusim.optics.corners import parts
 
 __all__ = ["apart"]
 
@@ -33,8 +33,7 @@ def apart(
     (4, R), and of ``faces`` (F, 4)."""
     result = np.zeros(len(box), bool)
     sizes = np.ptp(receivers[0], axis=0) + np.ptp(receivers[1], axis=0)
-    for first in range(0, len(box), CHUNK):
-        part = slice(first, first + CHUNK)
+    for part in parts(len(box)):
         one = [np.take(values, box[part], axis=1) for values in receivers]
         other = [np.ascontiguousarray(np.take(values, caster[part], axis=0).T) for values in faces]
         size = sizes[box[part]]
@@ -42,7 +41,7 @@ def apart(
         for turn in range(8):
             shapes = (one, other) if turn < 4 else (other, one)
             found = _parts(half, *shapes, turn % 4, size)
-            result[first + left[found]] = True
+            result[part.start + left[found]] = True
             # fewer and fewer are left for the other edges
             rest = np.flatnonzero(~found)
             left, size = left[rest], size[rest]

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from gpusim.optics.casters import Casters, LampFaces
 from gpusim.optics.lamp_edges import LampEdges
 from gpusim.optics.lamp_view import LampView, Reach, overlap
-from gpusim.optics.ragged import expand
+from gpusim.optics.ragged import batches, expand
 from gpusim.optics.windows import Windows
 
 __all__ = ["LampGrid"]
@@ -34,7 +34,7 @@ WIDE, ROUNDS = 16, 8
 """Cells across a window that is looked at more closely, and how often at most."""
 
 TOGETHER = 1 << 18
-"""Entries of cells that are looked at together."""
+"""Entries of cells that are looked at together: what belongs to them stays in the caches."""
 
 EACH = 4
 """Entries of cells that cost as much as a receiver and a caster looked at by themselves."""
@@ -340,16 +340,10 @@ class LampGrid:
         if self.count * len(reach.s[0]) < EACH * int((stop - start).sum()):
             return self._one_by_one(reach, np.flatnonzero((last >= first).all(axis=0)))
         several = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
-        sums = np.concatenate([[0], np.cumsum(stop - start)])
-        first_run = 0
-        while first_run < len(run):
-            # what is looked at together stays in the processor's caches
-            last_run = int(np.searchsorted(sums, sums[first_run] + TOGETHER, side="right")) - 1
-            part = slice(first_run, max(last_run, first_run + 1))
+        for part in batches(stop - start, TOGETHER):
             found = self._in_runs(reach, first, run[part], row[part], start[part], stop[part])
             for all_found, own in zip(several, found, strict=True):
                 all_found.append(own)
-            first_run = part.stop
         return np.concatenate(several[0]), np.concatenate(several[1])
 
     def _in_runs(
@@ -363,12 +357,12 @@ class LampGrid:
         box, caster = run[which], self.entry[offset]
         rise = self.highest[caster] - reach.s[0][box]
         kept = np.flatnonzero(rise > 0.0)
-        box, caster, which, offset = box[kept], caster[kept], which[kept], offset[kept]
+        box, caster, rise = box[kept], caster[kept], rise[kept]
+        which, offset = which[kept], offset[kept]
         # a caster in several cells of a window counts in the first of them
         keep = np.maximum(self.first[1][caster], first[1][box]) == row[which]
         keep &= np.maximum(self.first[0][caster], first[0][box]) == self.column[offset]
         kept = np.flatnonzero(keep)
-        box, caster = box[kept], caster[kept]
-        rise = np.minimum(self.highest[caster] - reach.s[0][box], 1e150)
+        box, caster, rise = box[kept], caster[kept], np.minimum(rise[kept], 1e150)
         kept = np.flatnonzero(overlap(self.view.half, reach, box, self.reach, caster, rise))
         return box[kept], caster[kept]

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.optics.corners import parts
 from gpusim.optics.emitters import Lamp
 from gpusim.optics.lamp_view import LampView, Reach, overlap
-from gpusim.optics.ragged import parts
 
 __all__ = ["LampPairs"]
 

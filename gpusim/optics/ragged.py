@@ -7,10 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["expand", "parts"]
-
-TOGETHER = 1 << 16
-"""Items at a time whose temporary arrays stay in a processor's caches."""
+__all__ = ["batches", "expand"]
 
 
 def expand(count: npt.NDArray[np.int64]) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
@@ -19,7 +16,11 @@ def expand(count: npt.NDArray[np.int64]) -> tuple[npt.NDArray[np.int64], npt.NDA
     return owner, np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
 
 
-def parts(count: int) -> Iterator[slice]:
-    """Slices of so many items that are looked at together, in order."""
-    for first in range(0, count, TOGETHER):
-        yield slice(first, min(first + TOGETHER, count))
+def batches(count: npt.NDArray[np.int64], most: int) -> Iterator[slice]:
+    """Slices of owners with at most so many items together, or of one that has more."""
+    stops = np.cumsum(count)
+    start = done = 0
+    while start < len(count):
+        stop = max(int(np.searchsorted(stops, done + most, side="right")), start + 1)
+        yield slice(start, stop)
+        start, done = stop, int(stops[stop - 1])

@@ -8,9 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.optics.casters import Casters
-from gpusim.optics.corners import products
+from gpusim.optics.corners import parts, products
 from gpusim.optics.emitters import Lamp
-from gpusim.optics.ragged import parts
 
 __all__ = ["lies_low", "meets_middle", "sides_of_planes"]
 
@@ -107,19 +106,17 @@ def _apart(casters: Casters, face: Numbers, points: Array, box: Numbers) -> tupl
     shown = np.flatnonzero(used)
     radius, middle = np.zeros(len(casters.faces)), np.zeros((3, len(casters.faces)))
     corners = casters.corners[shown]
-    middle[:, shown] = corners.mean(axis=1).T
-    away = np.linalg.norm(corners - middle.T[shown][:, None], axis=2)
-    radius[shown] = away.max(axis=1, initial=0.0)
+    own = corners.mean(axis=1)
+    middle[:, shown] = own.T
+    radius[shown] = np.linalg.norm(corners - own[:, None], axis=2).max(axis=1, initial=0.0)
     centre = points.mean(axis=0)
     reach = np.sqrt(((points - centre) ** 2).sum(axis=1).max(axis=0, initial=0.0))
-    size, gap = np.empty(len(face)), np.empty(len(face))
+    gap = np.empty(len(face))
     for part in parts(len(face)):
         own_face, own_box = face[part], box[part]
         ways = [m[own_face] - c[own_box] for m, c in zip(middle, centre, strict=True)]
-        own = radius[own_face]
-        size[part] = 2.0 * own
-        gap[part] = np.sqrt(sum(way**2 for way in ways)) - own - reach[own_box]
-    return size, gap
+        gap[part] = np.sqrt(sum(way**2 for way in ways)) - radius[own_face] - reach[own_box]
+    return 2.0 * radius[face], gap
 
 
 def meets_middle(lamp: Lamp, at: Array, corners: Array, against: Flags) -> Flags:

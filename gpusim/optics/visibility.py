@@ -15,6 +15,7 @@ from gpusim.errors import TwinMismatch
 from gpusim.gpu import Device, Recording, Texture, twin_check
 from gpusim.optics.camera import Camera
 from gpusim.optics.drawn import Drawn
+from gpusim.optics.ragged import batches, expand
 from gpusim.optics.view import View, look
 from gpusim.surface.surface import Surface
 
@@ -79,20 +80,16 @@ def visibility_twin(view: View) -> npt.NDArray[np.uint32]:
     low = np.maximum(np.ceil(screen[:, :, 1].min(axis=1)), 0).astype(np.int64)
     high = np.minimum(np.ceil(screen[:, :, 1].max(axis=1)), shape[0]).astype(np.int64)
     spans = np.maximum(high - low, 0)
-    triangle = np.repeat(np.arange(view.count), spans)
-    row = low[triangle] + np.arange(len(triangle)) - np.repeat(np.cumsum(spans) - spans, spans)
+    triangle, row = expand(spans)
+    row += low[triangle]
     left, right = _row_interval(screen[triangle], row.astype(np.float64))
     first = np.maximum(np.ceil(left), 0).astype(np.int64)
     count = np.maximum(np.minimum(np.ceil(right), shape[1]).astype(np.int64) - first, 0)
     depth_plane = _depth_planes(screen, view.inverse_depth())
-    ends = np.cumsum(count)
-    begin = 0
-    while begin < len(count):
-        done = ends[begin - 1] if begin else 0
-        stop = max(int(np.searchsorted(ends, done + CHUNK)), begin + 1)
-        n = count[begin:stop]
-        span = np.repeat(np.arange(begin, stop), n)
-        column = first[span] + np.arange(len(span)) - np.repeat(np.cumsum(n) - n, n)
+    for part in batches(count, CHUNK):
+        span, column = expand(count[part])
+        span += part.start
+        column += first[span]
         plane = depth_plane[triangle[span]]
         depth = plane[:, 0] * column + plane[:, 1] * row[span] + plane[:, 2]
         pixel = row[span] * shape[1] + column
@@ -100,7 +97,6 @@ def visibility_twin(view: View) -> npt.NDArray[np.uint32]:
         better = better[np.argsort(depth[better], kind="stable")]
         nearest[pixel[better]] = depth[better]
         ids[pixel[better]] = triangle[span[better]] + 1
-        begin = stop
     return ids.reshape(shape)
 
 
