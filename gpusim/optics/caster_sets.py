@@ -15,6 +15,7 @@ import numpy.typing as npt
 from gpusim.optics.casters import Casters, LampFaces
 from gpusim.optics.emitters import Lamp
 from gpusim.optics.lamp_grid import LampGrid
+from gpusim.optics.lamp_umbra import Umbra
 from gpusim.optics.lamp_view import LampView
 from gpusim.optics.receivers import Receivers
 
@@ -25,6 +26,9 @@ Numbers = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
 
 CasterSet = tuple[LampFaces, list[LampGrid]]
+MANY = 32
+"""Entries of cells that receivers would look at, for each one there is, which are worth a look at
+what is dark altogether."""
 
 
 class CasterSets:
@@ -42,7 +46,8 @@ class CasterSets:
         self._number[free] = 1 + number
         self._faces = casters.seen_by(lamp, receivers.shown)
         self._views: list[tuple[LampView, float]] = []
-        for view in () if self.empty else LampView.of(lamp):
+        faces = np.moveaxis(casters.corners[self._faces.face], 2, 0)
+        for view in () if self.empty else LampView.of(lamp, faces):
             s = view.place(*receivers.shown)[2]
             s = s[np.isfinite(s)]
             self._views.append((view, float(s.min(initial=np.inf))))
@@ -83,5 +88,19 @@ class CasterSets:
             found = np.zeros(own.shape[2], bool)
             for grid in grids:
                 found |= grid.may_hide(grid.view.reach(own))
+            result[slice(None) if rows is None else rows] = found
+        return result
+
+    def dark(self, points: Array, triangle: Numbers) -> Flags:
+        """(n,) whether all of the lamp is hidden from all of the points (4, 3, n) of triangles;
+        where many casters are before them. Never wrong."""
+        result = np.zeros(points.shape[2], bool)
+        for rows, (_, grids) in self.each(triangle):
+            own = points if rows is None else np.take(points, rows, axis=2)
+            found = np.zeros(own.shape[2], bool)
+            for grid in grids:
+                reach = grid.view.reach(own)
+                if grid.asked(reach) > MANY * len(grid.entry):
+                    found |= Umbra(grid, self.casters).hides(reach)
             result[slice(None) if rows is None else rows] = found
         return result

@@ -18,7 +18,7 @@ from gpusim.optics.lamp_merging import FEWEST, joined_grids
 from gpusim.optics.ragged import expand
 from gpusim.optics.receiver_planes import lies_low, meets_middle, sides_of_planes
 from gpusim.optics.receivers import Receivers
-from gpusim.optics.tile_pairs import LEVELS, NONE, TILE, counted, meets, spread_over
+from gpusim.optics.tile_pairs import LEVELS, NONE, TILE, Pairs, counted, meets, spread_over
 
 __all__ = ["HalfShadow", "half_shadow"]
 
@@ -109,12 +109,9 @@ def half_shadow(
     boxes, triangle = [np.compress(maybe, points, axis=2)], triangle[maybe]
     pairs = receivers.pairs(np.flatnonzero(facing & receivers.large), LEVELS[0])
     own_tiles |= spread_over(pairs[free[pairs.triangle]], shape)
-    clear = NONE  # receivers of each tile that nothing is before
+    cleared: list[Pairs] = []  # receivers that nothing is before
     for size in LEVELS:
         if size != pairs.size:
-            clear = np.repeat(
-                np.repeat(clear, pairs.size // size, axis=0), pairs.size // size, axis=1
-            )
             pairs = receivers.touched(pairs.split(size))
         if not everywhere:
             pairs = pairs[meets(pairs, within)]
@@ -123,7 +120,7 @@ def half_shadow(
             seen = receivers.seen(pairs, points)
             pairs, points = pairs[seen], np.compress(seen, points, axis=2)
         maybe = sets.may_hide(points, pairs.triangle)
-        clear = counted(pairs[~maybe], shape, clear)
+        cleared.append(pairs[~maybe])
         pairs, points = pairs[maybe], np.compress(maybe, points, axis=2)
     which = np.concatenate([owner, boxes[0].shape[2] + np.arange(points.shape[2])])
     boxes.append(points)
@@ -134,6 +131,22 @@ def half_shadow(
     pairs = spots.joined(pairs)
     everything = np.concatenate(boxes, axis=2)
     tile = pairs.tile[:, 1] * shape[1] + pairs.tile[:, 0]
+    asked = np.zeros(shape, bool)
+    asked.reshape(-1)[tile] = True
+    clear = counted(whole, shape, _clear(receivers, cleared, asked))
+    deep = np.zeros(shape[0] * shape[1], bool)
+    if among is None:
+        # tiles with nothing but receivers that see nothing of the lamp needn't be told more about
+        deep[tile] = True
+        deep &= clear.reshape(-1) == 0
+        deep[tile[~sets.dark(everything, triangle)[which]]] = False
+        left = np.flatnonzero(~deep[tile])
+        pairs, tile, which = pairs[left], tile[left], which[left]
+        some = np.zeros(len(triangle), bool)
+        some[which] = True
+        which = (np.cumsum(some) - 1)[which]
+        everything = np.compress(some, everything, axis=2)
+        triangle, body = triangle[some], body[some]
     beside = _Beside(len(triangle), tile, which, own_tiles.reshape(-1))
     state, owner, face, edges, levels = _found_by(
         sets, casters, everything, triangle, body, beside, receivers.view.camera.eye
@@ -143,12 +156,12 @@ def half_shadow(
     state = state[which]
     pair, offset = expand(np.diff(start)[which])
     listed = order[start[which[pair]] + offset]
-    clear = counted(whole, shape, clear)
     lit = counted(pairs[state == LIT], shape, clear).reshape(-1) > 0
     half = np.zeros(shape, bool).reshape(-1)
     half[tile[state == HALF]] = True
     dark = np.zeros(shape, bool).reshape(-1)
     dark[tile[state == DARK]] = True
+    dark |= deep
     half |= dark & (lit | (among is not None))
     dark &= ~half
     mixed = half[tile[pair]]
@@ -171,6 +184,18 @@ def half_shadow(
         np.flatnonzero(dark), place, (np.cumsum(shown) - 1)[face], bits.astype(np.uint8),
         corners[shown], both_sides[shown],
     )  # fmt: skip
+
+
+def _clear(receivers: Receivers, cleared: list[Pairs], asked: Flags) -> Numbers:
+    """How many of the large receivers ``cleared``, one list for each size of tiles, are seen in each
+    of the tiles ``asked`` (rows, columns)."""
+    pairs = cleared[0][np.zeros(0, np.int64)]
+    for more in cleared:
+        if more.size != pairs.size:
+            pairs = receivers.touched(pairs.split(more.size))
+        pairs = pairs.joined(more)
+        pairs = pairs[meets(pairs, asked)]
+    return counted(pairs[receivers.seen(pairs, receivers.points(pairs))], asked.shape, NONE)
 
 
 def _levels(used: CasterSet, casters: Casters, points: Array) -> list[Level]:

@@ -59,6 +59,11 @@ def _outlines(p: Array, q: Array) -> list[tuple[Array, Array, Array]]:
     return [(normal[:, k, 0].copy(), normal[:, k, 1].copy(), place[:, k].copy()) for k in range(4)]
 
 
+def _some_normal(lines: list[tuple[Array, Array, Array]]) -> Flags:
+    """(n,) of which `_outlines` tells something."""
+    return np.any([(p != 0.0) | (q != 0.0) for p, q, _ in lines], axis=0)
+
+
 class LampGrid:
     """Casters of one view of a lamp, in cells of p and q, each with its highest s."""
 
@@ -83,6 +88,7 @@ class LampGrid:
         corners = view.place(*np.moveaxis(casters.corners[self.face], 2, 0))
         self.places = corners
         self.lines = _outlines(*corners[:2])
+        self.outlined = _some_normal(self.lines)
         self.edges = LampEdges.of(view, corners, self.side, casters.both_sides[self.face])
         self.origin = low.min(axis=1, initial=np.inf) if self.count else np.zeros(2)
         extent = high.max(axis=1, initial=-np.inf) - self.origin if self.count else np.ones(2)
@@ -102,7 +108,7 @@ class LampGrid:
             size = 2.0 * size
         self.size = size
         self.shape = (np.floor(extent / size).astype(np.int64) + 1)[::-1]
-        self.first = first
+        self.first, self.last = first, last
         box, cell = self._cells(first, last)
         order = np.argsort(cell, kind="stable")
         self.entry, self.column = box[order], cell[order] % self.shape[1]
@@ -141,12 +147,12 @@ class LampGrid:
             middle.append(0.5 * (low + high))
             half.append(0.5 * (high - low) + rise * size)
         inside, past = np.ones(len(caster), bool), np.zeros(len(caster), bool)
-        for k, (gap, width) in enumerate(self._beside(caster, middle, half)):
+        for k, (gap, width) in enumerate(self.beside(caster, middle, half)):
             inside &= gap <= width
             past |= self.rim[:, k][caster] & (np.abs(gap) <= width)
         return inside | ~bounded, past | ~bounded
 
-    def _beside(
+    def beside(
         self, caster: Numbers, middle: list[Array], half: list[Array]
     ) -> Iterator[tuple[Array, Array]]:
         """Of each side of the outlines of casters (n,): how far outside of it rectangles of p and q
@@ -170,6 +176,27 @@ class LampGrid:
             return values
         return values / (1.0 + np.abs(values))
 
+    def cells(self) -> tuple[Numbers, Numbers]:
+        """Number of the caster and of the cell for every cell that a caster is filed in: of each
+        caster row by row."""
+        return self._cells(self.first, self.last)
+
+    def rectangles(self, cell: Numbers) -> tuple[list[Array], list[Array]]:
+        """Middle and half the size of cells (n,), p and q (n,) of each; a little larger than they
+        are."""
+        middle, half = [], []
+        for axis, index in enumerate((cell % self.shape[1], cell // self.shape[1])):
+            low = self.origin[axis] + (index - 1e-6) * self.size[axis]
+            low, high = self._unmapped(low), self._unmapped(low + (1.0 + 2e-6) * self.size[axis])
+            middle.append(0.5 * (low + high))
+            half.append(0.5 * (high - low))
+        return middle, half
+
+    def window(self, reach: Reach) -> tuple[Numbers, Numbers]:
+        """Cells (2, n) from first to last that rays from receivers to the lamp may pass before they
+        are above all casters there."""
+        return self._window(reach, self.top(reach))
+
     def _cells(self, first: Numbers, last: Numbers) -> tuple[Numbers, Numbers]:
         """Number of the box and of the cell for every cell of the boxes first … last (2, n)."""
         wide, tall = np.maximum(last - first + 1, 0)
@@ -191,14 +218,9 @@ class LampGrid:
         if not len(asked):
             return met, height
         box, cell = box[asked], cell[asked]
-        middle, half = [], []
-        for axis, index in enumerate((cell % self.shape[1], cell // self.shape[1])):
-            low = self.origin[axis] + (index - 1e-6) * self.size[axis]
-            low, high = self._unmapped(low), self._unmapped(low + (1.0 + 2e-6) * self.size[axis])
-            middle.append(0.5 * (low + high))
-            half.append(0.5 * (high - low))
+        middle, half = self.rectangles(cell)
         inside = np.ones(len(box), bool)
-        for gap, width in self._beside(box, middle, half):
+        for gap, width in self.beside(box, middle, half):
             inside &= gap <= width
         met[asked] = inside
         slopes, rest = self._slopes(*corners)
@@ -311,6 +333,19 @@ class LampGrid:
             return np.zeros(reach.s.shape[1], bool)
         return np.asarray(self.top(reach) > -np.inf)
 
+    def asked(self, reach: Reach) -> int:
+        """Entries of the cells that receivers in boxes look at."""
+        if not self.count:
+            return 0
+        usable = np.isfinite(reach.s[0])
+        first, last = self.window(reach if usable.all() else reach[usable])
+        some = np.flatnonzero((last >= first).all(axis=0))
+        (left, top), (right, bottom) = first[:, some], last[:, some] + 1
+        sums = np.zeros(self.shape + 1, np.int64)
+        sums[1:, 1:] = np.diff(self.start).reshape(self.shape).cumsum(axis=0).cumsum(axis=1)
+        every = sums[bottom, right] - sums[top, right] - sums[bottom, left] + sums[top, left]
+        return int(every.sum())
+
     def _one_by_one(self, reach: Reach, box: Numbers) -> tuple[Numbers, Numbers]:
         """`candidates` among the boxes ``box``, caster by caster: where these fill many cells."""
         own = reach[box]
@@ -328,7 +363,7 @@ class LampGrid:
         """Pairs (box, caster of this grid) that may hide the lamp from a receiver in the box."""
         if not self.count:
             return np.zeros(0, np.int64), np.zeros(0, np.int64)
-        first, last = self._window(reach, self.top(reach))
+        first, last = self.window(reach)
         # the casters of a row of cells lie side by side
         run, row = expand(np.where(last[0] < first[0], 0, np.maximum(last[1] - first[1] + 1, 0)))
         row += first[1][run]

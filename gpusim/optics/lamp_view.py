@@ -22,6 +22,12 @@ Numbers = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
 Index = Numbers | int | slice
 
+AROUND = 0.2
+"""Cosine between directions to parts of a surface and to its middle that counts as ahead."""
+
+TURNS, SAMPLE = 18, 4000
+"""Ways round, within a right angle, that a lamp's view is tried on so many faces."""
+
 
 @dataclass(frozen=True, eq=False)
 class Reach:
@@ -47,19 +53,19 @@ class LampView:
     half: tuple[float, float]
 
     @staticmethod
-    def of(lamp: Lamp) -> list[LampView]:
-        """Both half spaces of a lamp that shines all round, one of any other."""
+    def of(lamp: Lamp, faces: Array | None = None) -> list[LampView]:
+        """Both half spaces of a lamp that shines all round, one of any other. Lamps without size
+        look towards ``faces`` (3, n, 4), turned so that boxes around them are small."""
         if lamp.extended:
             size = float(np.linalg.norm(lamp.u)), float(np.linalg.norm(lamp.v))
             return [LampView(lamp, lamp.u / size[0], lamp.v / size[1], lamp.axis, size)]
         axes = [lamp.axis]
         if not np.any(lamp.axis):
-            axes = [np.array([0.0, 1.0, 0.0]), np.array([0.0, -1.0, 0.0])]
+            axis = _towards(lamp, faces)
+            axes = [axis, -axis]
         result = []
         for axis in axes:
-            helper = np.eye(3)[int(np.argmin(np.abs(axis)))]
-            across = np.cross(axis, helper)
-            across /= np.linalg.norm(across)
+            across = _across(lamp, axis, faces)
             result.append(LampView(lamp, across, np.cross(axis, across), axis, (0.0, 0.0)))
         return result
 
@@ -113,6 +119,43 @@ class LampView:
         high = np.where(behind, np.inf, _fold(np.maximum, np.where(unknown, 0.0, s)))
         low, high = np.where(none, -np.inf, low), np.where(none, -np.inf, high)
         return Reach(box(p), box(q), np.stack([low, high]))
+
+
+def _towards(lamp: Lamp, faces: Array | None) -> Array:
+    """Unit: where most of ``faces`` (3, n, 4) are from a lamp that shines all round."""
+    result = np.array([0.0, 1.0, 0.0])
+    if faces is None or not faces.size:
+        return result
+    way = faces[:, :, 0] - lamp.centre[:, None]
+    length = np.sqrt((way * way).sum(axis=0))
+    mean = (way / np.where(length > 0.0, length, 1.0)).mean(axis=1)
+    size = float(np.linalg.norm(mean))
+    return np.asarray(mean / size) if size > AROUND else result
+
+
+def _across(lamp: Lamp, axis: Array, faces: Array | None) -> Array:
+    """Unit, across the ``axis``: the direction along which boxes around ``faces`` (3, n, 4) are
+    smallest in a lamp's view."""
+    helper = np.eye(3)[int(np.argmin(np.abs(axis)))]
+    across = np.cross(axis, helper)
+    across /= np.linalg.norm(across)
+    if faces is None or not faces.size:
+        return across
+    along = np.cross(axis, across)
+    way = faces[:, :: max(faces.shape[1] // SAMPLE, 1)]
+    if not lamp.far:
+        way = way - lamp.centre[:, None, None]
+        ahead = np.tensordot(axis, way, 1)
+        near = np.all(ahead > AROUND * np.sqrt((way * way).sum(axis=0)), axis=1)
+        way = way[:, near] / ahead[near]
+    p, q = np.tensordot(across, way, 1), np.tensordot(along, way, 1)
+
+    def size(angle: float) -> float:
+        c, s = np.cos(angle), np.sin(angle)
+        return float(np.ptp(c * p + s * q, axis=1).sum() * np.ptp(c * q - s * p, axis=1).sum())
+
+    best = min(np.arange(TURNS) * (0.5 * np.pi / TURNS), key=size)
+    return np.asarray(np.cos(best) * across + np.sin(best) * along)
 
 
 def seen_from(places: Array, a: float, b: float) -> Array:
