@@ -15,7 +15,7 @@ import numpy.typing as npt
 from gpusim.optics.casters import Casters, LampFaces
 from gpusim.optics.emitters import Lamp
 from gpusim.optics.lamp_grid import LampGrid
-from gpusim.optics.lamp_umbra import Umbra
+from gpusim.optics.lamp_sheets import Sheets
 from gpusim.optics.lamp_view import LampView
 from gpusim.optics.receivers import Receivers
 
@@ -26,9 +26,9 @@ Numbers = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
 
 CasterSet = tuple[LampFaces, list[LampGrid]]
-MANY = 32
+MANY = 12
 """Entries of cells that receivers would look at, for each one there is, which are worth a look at
-what is dark altogether."""
+sheets."""
 
 
 class CasterSets:
@@ -38,7 +38,7 @@ class CasterSets:
 
     def __init__(self, receivers: Receivers, lamp: Lamp, casters: Casters, free: Flags) -> None:
         self.lamp, self.casters, self.free = lamp, casters, free
-        body = receivers.view.body
+        body, self._face = receivers.view.body, receivers.view.face
         self._alone, number = np.unique(body[free], return_inverse=True)
         self._sets: list[CasterSet | None] = [None] * (1 + len(self._alone))
         # (T,): the set for receivers on each triangle
@@ -91,16 +91,22 @@ class CasterSets:
             result[slice(None) if rows is None else rows] = found
         return result
 
-    def dark(self, points: Array, triangle: Numbers) -> Flags:
-        """(n,) whether all of the lamp is hidden from all of the points (4, 3, n) of triangles;
-        where many casters are before them. Never wrong."""
-        result = np.zeros(points.shape[2], bool)
+    def plain(self, points: Array, triangle: Numbers) -> tuple[Flags, Flags]:
+        """(n,) whether all of the lamp is hidden from all of the points (4, 3, n) of triangles, and
+        whether nothing of it; where many casters may be before them. Never wrong."""
+        dark, lit = np.zeros((2, points.shape[2]), bool)
         for rows, (_, grids) in self.each(triangle):
-            own = points if rows is None else np.take(points, rows, axis=2)
-            found = np.zeros(own.shape[2], bool)
+            if rows is None:
+                rows = np.arange(points.shape[2])
+            own = np.take(points, rows, axis=2)
+            own_lit = np.ones(len(rows), bool)
             for grid in grids:
                 reach = grid.view.reach(own)
                 if grid.asked(reach) > MANY * len(grid.entry):
-                    found |= Umbra(grid, self.casters).hides(reach)
-            result[slice(None) if rows is None else rows] = found
-        return result
+                    sheets = Sheets(grid, self.casters)
+                    dark[rows] |= sheets.hides(reach)
+                    own_lit &= sheets.shows(reach, self._face[triangle[rows]])
+                else:
+                    own_lit &= np.isneginf(reach.s[0]) if grid.count else True
+            lit[rows] = own_lit
+        return dark, lit

@@ -65,7 +65,9 @@ class Casters:
     (F, 3) outward, as long as the area; ``both_sides`` (F,): of surfaces that aren't closed;
     ``body`` (F,): the number of the surface. Of the edges of the surfaces' own faces that aren't
     inside a joined one: ``edge`` (E, 2) joined face and place among its edges, ``beside`` (E,) the
-    joined face across, -1 for none or several, -2 where a triangle has no fourth edge.
+    joined face across, -1 for none or several, -2 where a triangle has no fourth edge. ``into``
+    (n, 2): the joined face, or two, that each face of all surfaces is part of, in their order; -1
+    for none.
     """
 
     points: Array
@@ -75,6 +77,7 @@ class Casters:
     body: npt.NDArray[np.int64]
     edge: npt.NDArray[np.int64]
     beside: npt.NDArray[np.int64]
+    into: npt.NDArray[np.int64]
 
     @cached_property
     def corners(self) -> Array:
@@ -95,16 +98,24 @@ class Casters:
         normals, both = [np.zeros((0, 3))], [np.zeros(0, bool)]
         bodies = [np.zeros(0, np.int64)]
         edges, beside = [np.zeros((0, 2), np.int64)], [np.zeros(0, np.int64)]
+        into = [np.zeros((0, 2), np.int64)]
         first = vertex = 0
         several = sum(len(v.faces) for n, v in enumerate(surfaces) if n not in without) > 1
         for number, surface in enumerate(surfaces):
             if number in without:
+                into.append(np.full((len(surface.faces), 2), -1))
                 continue
             used = surface.faces.astype(np.int64)
+            parts = np.arange(len(used)).repeat(2).reshape(-1, 2)
             if not surface.topology.closed and _bent(surface.points, used):
                 # both their sides hide: from its mean plane a bent face would hide part of itself
                 triangles = surface.topology.triangles
                 used = np.column_stack([triangles, np.full(len(triangles), -1)])
+                source = surface.topology.source
+                parts = np.stack(
+                    [np.searchsorted(source, parts[:, 0]),
+                     np.searchsorted(source, parts[:, 0], side="right") - 1], axis=1,
+                )  # fmt: skip
             own = np.where(used >= 0, used, np.roll(used, 1, axis=1))
             known = _known(surface.topology, own)
             across = known.beside.reshape(-1)
@@ -116,6 +127,7 @@ class Casters:
                 )
                 own, normal, owner = merged.faces, merged.total(normal), merged.owner
                 edge = np.flatnonzero(~merged.inner.reshape(-1))
+                parts = owner[parts]
             count = len(own)
             points.append(surface.points)
             faces.append(own + vertex)
@@ -125,6 +137,7 @@ class Casters:
             face, place, other = edge >> 2, edge & 3, across[edge]
             if owner is not None:
                 face, other = owner[face], np.where(other >= 0, owner[other], other)
+            into.append(parts + first)
             edges.append(np.stack([face + first, place], axis=1))
             beside.append(np.where(other >= 0, other + first, other))
             first += count
@@ -132,7 +145,7 @@ class Casters:
         return Casters(
             np.concatenate(points), np.concatenate(faces), np.concatenate(normals),
             np.concatenate(both), np.concatenate(bodies), np.concatenate(edges),
-            np.concatenate(beside),
+            np.concatenate(beside), np.concatenate(into),
         )  # fmt: skip
 
     def seen_by(self, lamp: Lamp, receivers: Array) -> LampFaces:

@@ -134,19 +134,21 @@ def half_shadow(
     asked = np.zeros(shape, bool)
     asked.reshape(-1)[tile] = True
     clear = counted(whole, shape, _clear(receivers, cleared, asked))
+    hidden, free = sets.plain(everything, triangle)
+    clear = counted(pairs[free[which]], shape, clear)
     deep = np.zeros(shape[0] * shape[1], bool)
     if among is None:
         # tiles with nothing but receivers that see nothing of the lamp needn't be told more about
         deep[tile] = True
         deep &= clear.reshape(-1) == 0
-        deep[tile[~sets.dark(everything, triangle)[which]]] = False
-        left = np.flatnonzero(~deep[tile])
-        pairs, tile, which = pairs[left], tile[left], which[left]
-        some = np.zeros(len(triangle), bool)
-        some[which] = True
-        which = (np.cumsum(some) - 1)[which]
-        everything = np.compress(some, everything, axis=2)
-        triangle, body = triangle[some], body[some]
+        deep[tile[~hidden[which]]] = False
+    left = np.flatnonzero(~(deep[tile] | free[which]))
+    pairs, tile, which = pairs[left], tile[left], which[left]
+    some = np.zeros(len(triangle), bool)
+    some[which] = True
+    which = (np.cumsum(some) - 1)[which]
+    everything = np.compress(some, everything, axis=2)
+    triangle, body = triangle[some], body[some]
     beside = _Beside(len(triangle), tile, which, own_tiles.reshape(-1))
     state, owner, face, edges, levels = _found_by(
         sets, casters, everything, triangle, body, beside, receivers.view.camera.eye

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.optics.corners import parts
 from gpusim.optics.lamp_view import LampView, Reach
 
 __all__ = ["EVERY_EDGE", "LampEdges"]
@@ -23,14 +24,15 @@ EVERY_EDGE = 0b1111
 
 @dataclass(frozen=True, eq=False)
 class LampEdges:
-    """``start``, ``way`` (4, 3, n): p, q and s of the edges of n casters' outlines, turned so that
-    what they enclose is on the positive side; ``known`` (n,): false where that isn't sure.
+    """``corners`` (n, 4) each: p, q and s of those of n casters' outlines, NaN behind the lamp;
+    ``turn`` (n,): the sign by which what edges enclose is on their positive side; ``known`` (n,):
+    false where that isn't sure.
 
     ``half``: half the lamp's size.
     """
 
-    start: Array
-    way: Array
+    corners: tuple[Array, Array, Array]
+    turn: Array
     known: npt.NDArray[np.bool_]
     half: tuple[float, float]
 
@@ -46,32 +48,42 @@ class LampEdges:
         Closed bodies hide the lamp from what is before their faces, open ones from what their face
         parts from all of the lamp: which way round it sees their outline follows from that.
         """
-        start = np.stack([v.T for v in corners], axis=1)
-        # what is behind the lamp is NaN
-        known = np.isfinite(start).all(axis=(0, 1)) & ~(both_sides & (side == 0))
+        # what is behind the lamp is NaN, all of p, q and s
+        known = np.isfinite(corners[2]).all(axis=1) & ~(both_sides & (side == 0))
         turn = np.sign(np.cross(view.across, view.along) @ view.axis)
-        way = np.where(side == 1, -turn, turn) * (np.roll(start, -1, axis=0) - start)
-        return LampEdges(np.where(known, start, 0.0), np.where(known, way, 0.0), known, view.half)
+        return LampEdges(corners, np.where(side == 1, -turn, turn), known, view.half)
 
     @np.errstate(invalid="ignore")
     def needed(self, reach: Reach, box: Numbers, caster: Numbers) -> npt.NDArray[np.uint8]:
         """(n,) a bit for each edge of the casters (n,) on whose outer side some ray from the boxes
         ``box`` (n,) of ``reach`` may pass to the lamp; one at least."""
-        (p, ep), (q, eq), (s, es) = (
-            np.take(np.stack([0.5 * (low + high), 0.5 * (high - low)]), box, axis=1)
-            for low, high in (reach.p, reach.q, reach.s)
-        )
+        result = np.empty(len(caster), np.uint8)
+        boxes = np.stack([
+            values for low, high in (reach.p, reach.q, reach.s)
+            for values in (0.5 * (low + high), 0.5 * (high - low))
+        ])  # fmt: skip
+        for part in parts(len(caster)):
+            result[part] = self._needed(np.take(boxes, box[part], axis=1), caster[part])
+        result[~self.known[caster]] = EVERY_EDGE
+        return np.maximum(result, 1)
+
+    def _needed(self, boxes: Array, caster: Numbers) -> npt.NDArray[np.uint8]:
+        """As `needed`, pair by pair; ``boxes`` (6, n): middle and half the size in p, q and s."""
+        p, ep, q, eq, s, es = boxes
+        corners = [np.take(values, caster, axis=0).T for values in self.corners]
+        turn = self.turn[caster]
         half_p, half_q = self.half
         result = np.zeros(len(caster), np.uint8)
         for k in range(4):
-            dp, dq, ds = np.take(self.start[k], caster, axis=1)
-            dp, dq, ds = dp - p, dq - q, ds - s
-            wp, wq, ws = np.take(self.way[k], caster, axis=1)
+            at = [values[k] for values in corners]
+            wp, wq, ws = (
+                turn * (v[(k + 1) % 4] - own) for v, own in zip(corners, at, strict=True)
+            )
+            dp, dq, ds = at[0] - p, at[1] - q, at[2] - s
             sp, sq, ss = np.abs(wp), np.abs(wq), np.abs(ws)
             across = np.abs(dq * ws - ds * wq) + eq * ss + es * sq
             along = np.abs(ds * wp - dp * ws) + ep * ss + es * sp
             least = dp * wq - dq * wp - ep * sq - eq * sp - half_p * across - half_q * along
             # NaN for boxes that reach behind the lamp
             result |= np.asarray(~(least >= 0.0)).view(np.uint8) << np.uint8(k)
-        result[~self.known[caster]] = EVERY_EDGE
-        return np.maximum(result, 1)
+        return result

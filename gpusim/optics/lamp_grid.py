@@ -197,6 +197,10 @@ class LampGrid:
         are above all casters there."""
         return self._window(reach, self.top(reach))
 
+    def around(self, reach: Reach) -> tuple[Numbers, Numbers]:
+        """Cells (2, n) from first to last that receivers in boxes lie in."""
+        return self._window(reach, reach.s[0])
+
     def _cells(self, first: Numbers, last: Numbers) -> tuple[Numbers, Numbers]:
         """Number of the box and of the cell for every cell of the boxes first … last (2, n)."""
         wide, tall = np.maximum(last - first + 1, 0)

@@ -71,5 +71,6 @@ def _joined(
         body=casters.body[member],
         edge=np.zeros((0, 2), np.int64),
         beside=np.zeros(0, np.int64),
+        into=np.full_like(casters.into, -1),
     )
     return own, LampFaces(np.arange(len(rim)), rim, faces.side[merged.member])
