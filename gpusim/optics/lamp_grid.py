@@ -192,10 +192,10 @@ class LampGrid:
             half.append(0.5 * (high - low))
         return middle, half
 
-    def window(self, reach: Reach) -> tuple[Numbers, Numbers]:
-        """Cells (2, n) from first to last that rays from receivers to the lamp may pass before they
-        are above all casters there."""
-        return self._window(reach, self.top(reach))
+    def window(self, reach: Reach, top: Array | None = None) -> tuple[Numbers, Numbers]:
+        """Cells (2, n) from first to last that rays from receivers to the lamp pass before their s
+        is ``top`` (n,), or before they are above all casters there."""
+        return self._window(reach, self.top(reach) if top is None else top)
 
     def around(self, reach: Reach) -> tuple[Numbers, Numbers]:
         """Cells (2, n) from first to last that receivers in boxes lie in."""

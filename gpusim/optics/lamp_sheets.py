@@ -1,7 +1,7 @@
 """Where sheets of casters hide all of a lamp, and where none: in cells of its view.
 
-Faces that share edges and turn the same side to the lamp are a sheet, which in the lamp's view
-(p, q, s) lies over p and q like a map: over a cell that no border of it enters it covers all, once.
+Faces that share edges and turn the same side to the lamp's centre are a sheet, which in the lamp's
+view (p, q, s) lies over p and q like a map: over a cell that no border of it enters it covers all, once.
 What is below it is dark; what is on it is lit, unless something else is above. Deep in the shadow
 of a bumpy surface no single face, and no single bump, hides the lamp: many do in turn, and the
 edges at which the shadow of one ends lie in that of another. And beside any point of a bent surface
@@ -26,6 +26,7 @@ from gpusim.optics.casters import Casters
 from gpusim.optics.lamp_grid import LampGrid
 from gpusim.optics.lamp_view import Reach
 from gpusim.optics.ragged import expand
+from gpusim.optics.sheet_blocks import SheetBlocks
 from gpusim.optics.windows import Windows
 
 __all__ = ["Sheets"]
@@ -38,10 +39,12 @@ Flags = npt.NDArray[np.bool_]
 CELLS = 64
 """That receivers lie in at most of which is looked for whether they are lit."""
 
+LAYERS, ROUNDS = 3, 4
+"""Sheets above a receiver that are looked at, and how often the window for one is widened."""
+
 
 class Sheets:
-    """Of each cell of a ``grid`` the highest sheet that covers it, how low that is, and how high
-    everything else."""
+    """The sheets of a ``grid`` of ``casters``, each over one cell."""
 
     def __init__(self, grid: LampGrid, casters: Casters) -> None:
         self.grid = grid
@@ -59,23 +62,26 @@ class Sheets:
             cut |= rim[:, k][box] & (np.abs(gap) <= width)
         known = grid.outlined[box]
         label = self._labels(links, met)
-        count = int(label.max(initial=-1)) + 1
-        torn = np.zeros(count, bool)
+        own, count = label[met], int(label.max(initial=-1)) + 1
+        # of each sheet: whether it covers its cell
+        whole, torn = np.zeros((2, count), bool)
+        whole[label[met & centre & known]] = True
         torn[label[met & (cut | ~known)]] = True
-        low = np.full(count, np.inf)
-        np.minimum.at(low, label[met], grid.reach.s[0][box[met]])
-        covers = np.flatnonzero(met & centre & known & ~torn[label])
-        # the highest one of each cell
-        covers = covers[np.argsort(low[label[covers]], kind="stable")]
-        cells = int(grid.shape.prod())
-        best = np.full(cells, -1)
-        best[cell[covers]] = label[covers]
-        others = np.flatnonzero(met & (label != best[cell]))
-        self._others = np.full(cells, -np.inf)
-        np.maximum.at(self._others, cell[others], grid.highest[box[others]])
-        self._low = np.append(low, -np.inf)[best]
-        self._box, self._cell, self._met = box, cell, met
-        self._own = met & (label == best[cell])
+        whole &= ~torn
+        low, high = np.full(count, np.inf), np.full(count, -np.inf)
+        np.minimum.at(low, own, grid.reach.s[0][box[met]])
+        np.maximum.at(high, own, grid.highest[box[met]])
+        place = np.zeros(count, np.int64)
+        place[own] = cell[met]
+        self._low, self._high, self._whole, self._place = low, high, whole, place
+        self._others = _others(place, high, int(grid.shape.prod()))
+        # what a lamp sees aslant may hide some of it from itself
+        self._others[label[met & (grid.side[box] == 0)]] = np.inf
+        self._box, self._cell, self._met, self._label = box, cell, met, label
+        # sheets that cover cells, those of each by how low they are
+        covers = np.flatnonzero(whole)
+        self._covers = covers[np.lexsort((low[covers], place[covers]))]
+        self._first = np.searchsorted(place[self._covers], np.arange(grid.shape.prod() + 1))
 
     def _labels(self, links: Numbers, met: Flags) -> Numbers:
         """(n,): number of the sheet, within one cell, of casters in cells: ``met`` (n,) where they
@@ -104,10 +110,94 @@ class Sheets:
     def hides(self, reach: Reach) -> Flags:
         """(n,) whether all of the lamp is hidden from all of receivers in boxes; never wrong."""
         usable = np.flatnonzero(np.isfinite(reach.s[0]))
-        first, last = self.grid.window(reach[usable])
-        below = -self._lowest.highest(first, last) > reach.s[1][usable]
-        below &= (last >= first).all(axis=0)
-        return self._whole(reach, usable, below, first, last)
+        some = reach[usable]
+        if self.grid.view.lamp.extended:
+            below = self._under(some)
+        else:
+            first, last = self.grid.around(some)
+            below = -self._lowest.highest(first, last) > some.s[1]
+            below &= (last >= first).all(axis=0)
+        result = np.zeros(reach.s.shape[1], bool)
+        result[usable] = below
+        return result
+
+    @cached_property
+    def _lowest(self) -> Windows:
+        """How low the highest sheets that cover cells are, turned round."""
+        found = np.full(len(self._first) - 1, np.inf)
+        filled = np.flatnonzero(np.diff(self._first))
+        found[filled] = -self._low[self._covers[self._first[filled + 1] - 1]]
+        return Windows(found.reshape(self.grid.shape))
+
+    def _under(self, reach: Reach) -> Flags:
+        """`hides`, where the lamp has a size: whether a sheet lies over all that rays pass before
+        they are above it."""
+        result = np.zeros(reach.s.shape[1], bool)
+        column, row = self._middle(reach)
+        cell = row * self.grid.shape[1] + column
+        first, last = self._first[cell], self._first[cell + 1]
+        low = self._low[self._covers]
+        # of each cell the sheets above the receiver
+        for _ in range(int((last - first).max(initial=0))):
+            rows = np.flatnonzero(first < last)
+            first[rows[low[first[rows]] <= reach.s[1][rows]]] += 1
+        for layer in range(LAYERS):
+            rows = np.flatnonzero((first + layer < last) & ~result)
+            node = self._covers[first[rows] + layer]
+            high = self._high[node]
+            for _ in range(ROUNDS):
+                own = reach[rows]
+                least, (most, _) = self._over(own, node, column[rows], row[rows], high)
+                under = least > own.s[1]
+                result[rows[under & (most <= high)]] = True
+                rows, node, high = (v[under & (most > high)] for v in (rows, node, most))
+        return result
+
+    def _middle(self, reach: Reach) -> tuple[Numbers, Numbers]:
+        """Column and row of the cells in the middle of boxes."""
+        first, last = self.grid.around(reach)
+        limit = self.grid.shape[::-1] - 1
+        column, row = ((a + b) // 2 for a, b in zip(first, last, strict=True))
+        return np.clip(column, 0, limit[0]), np.clip(row, 0, limit[1])
+
+    def _over(
+        self, reach: Reach, node: Numbers, column: Numbers, row: Numbers, high: Array
+    ) -> tuple[Array, Array]:
+        """As `SheetBlocks.over`, of sheets ``node`` (n,) in cells, in the windows of boxes up to s
+        = ``high`` (n,)."""
+        first, last = self.grid.window(reach, high)
+        inside = (last > first - 1).all(axis=0)
+        # blocks have two cells each way
+        last = np.maximum(last, first + 1)
+        inside &= (first[0] <= column) & (column <= last[0])
+        inside &= (first[1] <= row) & (row <= last[1])
+        blocks = self._blocks
+        start = np.full(len(node), len(self._low))
+        start[inside] = blocks.moved(
+            node[inside], (first[0] - column)[inside], (first[1] - row)[inside]
+        )
+        wide, tall = last - first + 1
+        return blocks.over(start, wide, tall)
+
+    @cached_property
+    def _blocks(self) -> SheetBlocks:
+        grid, box, cell = self.grid, self._box, self._cell
+        own = self._met & self._whole[self._label]
+        after = []
+        for axis, place in enumerate(np.divmod(cell, grid.shape[1])[::-1]):
+            node = np.flatnonzero(own & (place < grid.last[axis][box]))
+            other = node + (1 if axis == 0 else self._wide[box[node]])
+            node, other = node[own[other]], other[own[other]]
+            # both cover the middle of the side between them by the same caster
+            middle, half = grid.rectangles(cell[node])
+            middle[axis] = middle[axis] + half[axis]
+            inside = np.ones(len(node), bool)
+            for gap, _ in grid.beside(box[node], middle, half):
+                inside &= gap <= 0.0
+            on = np.full(len(self._low), -1)
+            on[self._label[node[inside]]] = self._label[other[inside]]
+            after.append(on)
+        return SheetBlocks(*after, self._low, np.stack([self._high, self._others]))
 
     def shows(self, reach: Reach, face: Numbers) -> Flags:
         """(n,) whether nothing hides any of the lamp from receivers in boxes, each on one of the
@@ -122,7 +212,7 @@ class Sheets:
         row, column = np.divmod(offset, wide[box])
         column += first[0][box]
         row += first[1][box]
-        found = np.zeros(len(usable), bool)
+        sheet = np.full(len(usable), -1)
         for caster in own.T:
             filed = caster[box]
             inside = np.ones(len(box), bool)
@@ -130,68 +220,33 @@ class Sheets:
                 inside &= self.grid.first[axis][filed] <= place
                 inside &= self.grid.last[axis][filed] >= place
             at = np.flatnonzero(inside)
-            node = self._node(filed[at], column[at], row[at])
+            entry = self._node(filed[at], column[at], row[at])
             # a face that isn't in a cell has no receiver there
-            at, node = at[self._met[node]], node[self._met[node]]
-            found[box[at]] = True
-            lit[box[at[~self._own[node]]]] = False
-        first, last = self.grid.window(some)
-        lit &= found & (self._highest.highest(first, last) <= some.s[0])
-        return self._whole(reach, usable, lit, first, last)
-
-    def _whole(
-        self, reach: Reach, usable: Numbers, flags: Flags, first: Numbers, last: Numbers
-    ) -> Flags:
-        """``flags`` of the boxes ``usable`` as those of all, where sheets go on from cell to cell
-        in windows (2, n), if that counts."""
-        rows = np.flatnonzero(flags)
+            at, entry = at[self._met[entry]], entry[self._met[entry]]
+            label = self._label[entry]
+            sheet[box[at]] = label
+            clear = self._whole[label] & (self._others[label] <= some.s[0][box[at]])
+            lit[box[at[~clear]]] = False
+        rows = np.flatnonzero(lit & (sheet >= 0))
         if self.grid.view.lamp.extended:
-            rows = rows[~self._torn(first[:, rows], last[:, rows])]
+            own, node = some[rows], sheet[rows]
+            row, column = np.divmod(self._place[node], self.grid.shape[1])
+            least, (_, most) = self._over(own, node, column, row, self.grid.top(own))
+            rows = rows[(least > -np.inf) & (most <= own.s[0])]
         result = np.zeros(reach.s.shape[1], bool)
         result[usable[rows]] = True
         return result
 
-    @cached_property
-    def _lowest(self) -> Windows:
-        return Windows(-self._low.reshape(self.grid.shape))
 
-    @cached_property
-    def _highest(self) -> Windows:
-        return Windows(self._others.reshape(self.grid.shape))
-
-    def _torn(self, first: Numbers, last: Numbers) -> Flags:
-        """(n,) whether sheets don't go on from cell to cell in windows (2, n) of cells."""
-        result = np.zeros(first.shape[1], bool)
-        for axis, sums in enumerate(self._gaps):
-            (left, top), (right, bottom) = first, last
-            # between the cells of a window only
-            right, bottom = (right, bottom + 1) if axis == 0 else (right + 1, bottom)
-            total = sums[bottom, right] - sums[top, right] - sums[bottom, left] + sums[top, left]
-            result |= total > 0
-        return result
-
-    @cached_property
-    def _gaps(self) -> list[Numbers]:
-        """Sums, up to each row and column, of cells that don't go on to the right, and below."""
-        grid, box, cell, own = self.grid, self._box, self._cell, self._own
-        rows, columns = (int(n) for n in grid.shape)
-        row, column = np.divmod(cell, columns)
-        result = []
-        for axis, place in enumerate((column, row)):
-            node = np.flatnonzero(own & (place < grid.last[axis][box]))
-            after = node + (1 if axis == 0 else self._wide[box[node]])
-            node = node[own[after]]
-            middle, half = grid.rectangles(cell[node])
-            middle[axis] = middle[axis] + half[axis]  # of the side between both
-            inside = np.ones(len(node), bool)
-            for gap, _ in grid.beside(box[node], middle, half):
-                inside &= gap <= 0.0
-            ends = np.ones(rows * columns, np.int64)
-            ends[cell[node[inside]]] = 0
-            sums = np.zeros((rows + 1, columns + 1), np.int64)
-            sums[1:, 1:] = ends.reshape(rows, columns).cumsum(axis=0).cumsum(axis=1)
-            result.append(sums)
-        return result
+def _others(place: Numbers, high: Array, cells: int) -> Array:
+    """(n,) how high other sheets are in the cells (n,) of sheets ``high`` (n,)."""
+    order = np.lexsort((high, place))
+    ordered = place[order]
+    last = np.searchsorted(ordered, np.arange(cells), side="right") - 1
+    top = order[last[place]]
+    before = np.maximum(last - 1, 0)
+    second = np.where((last > 0) & (ordered[before] == np.arange(cells)), high[order[before]], -np.inf)
+    return np.where(top == np.arange(len(high)), second[place], high[top])
 
 
 def _numbers(grid: LampGrid, casters: Casters) -> Numbers:
@@ -208,8 +263,11 @@ def _links(grid: LampGrid, casters: Casters) -> tuple[Flags, Numbers]:
     other = np.where(casters.beside >= 0, number[np.maximum(casters.beside, 0)], -1)
     known = np.flatnonzero((one >= 0) & (casters.beside != -2))
     one, place, other = one[known], place[known], other[known]
-    alike = (other >= 0) & (grid.side[other] == grid.side[one]) & (grid.side[one] != 0)
-    rim = grid.rim.copy()
+    lamp, faces = grid.view.lamp, grid.face
+    to = lamp.centre - (0.0 if lamp.far else 1.0) * casters.points[casters.faces[faces, 0]]
+    turn = np.sign(np.einsum("fa,fa->f", to, casters.normal[faces]))
+    alike = (other >= 0) & (turn[other] == turn[one]) & (turn[one] != 0.0)
+    rim = np.zeros((grid.count, 4), bool)
     rim[one[~alike], place[~alike]] = True
     one, other = one[alike], other[alike]
     # the faces of joined ones meet in several edges
