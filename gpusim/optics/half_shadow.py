@@ -29,6 +29,9 @@ Flags = npt.NDArray[np.bool_]
 States = npt.NDArray[np.int8]
 Level = tuple[Casters, list[LampGrid]]
 LIT, DARK, HALF = 0, 1, 2
+BESIDE = 16.0
+"""Times a receiver's own, difference in s to faces of its surface that may lie beside it."""
+
 RISES = 0.15, 0.6
 """Of the median difference in s between receivers and the highest casters: for those less far below
 joined ones, these aren't exact enough."""
@@ -333,7 +336,12 @@ def _candidates(
         inside, past = np.empty(len(box), bool), np.empty(len(box), bool)
         for part in parts(len(box)):
             inside[part], past[part] = grid.meets(reach[box[part]], caster[part])
-        same = np.flatnonzero(inside & (body[box] == casters.body[face]))
+        beside = inside & (body[box] == casters.body[face])
+        if grid.view.lamp.extended:
+            # far above, hardly any lies beside the receiver as all of the lamp sees it
+            rise = grid.reach.s[0][caster] - reach.s[1][box]
+            beside &= rise <= BESIDE * (reach.s[1] - reach.s[0])[box]
+        same = np.flatnonzero(beside)
         if len(same):
             places = grid.view.place(*np.moveaxis(points, 1, 0))
             inside[same[apart(grid.view.half, places, box[same], grid.places, caster[same])]] = (
