@@ -23,6 +23,7 @@ STAGES = [
     "optics/glance",
     "optics/sensor",
     "optics/shade",
+    "optics/shares",
     "optics/sight",
     "optics/speckled",
     "optics/visibility",

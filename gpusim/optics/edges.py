@@ -16,10 +16,12 @@ from gpusim.gpu import Buffer, Device, compare, twin_check
 from gpusim.optics.albedo import mean_albedo
 from gpusim.optics.binning import EdgePixels, bin_edges
 from gpusim.optics.bitmap import BITMAP, mean_over_polygons
+from gpusim.optics.dealing import WORKGROUP, dealt
 from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.edge_turns import grazing_turns, shadow_turns, speckle_turns
 from gpusim.optics.frame import Band
 from gpusim.optics.hidden import Cutting, depth_planes, visible_pieces
+from gpusim.optics.lighting import SharesOf
 from gpusim.optics.pattern import LOOP_TURNS
 from gpusim.optics.polygon import (
     clip_square,
@@ -32,6 +34,7 @@ from gpusim.optics.polygon import (
 from gpusim.optics.scatter import write_pixels
 from gpusim.optics.setup import Setup, radiance_of
 from gpusim.optics.setup_probe import fields_setup, probe_setup
+from gpusim.optics.shares import Shares
 from gpusim.optics.speckle import EDGE_ROWS
 from gpusim.optics.tables import Tables
 from gpusim.optics.view import FIXED
@@ -39,7 +42,6 @@ from gpusim.optics.view import FIXED
 __all__ = ["EdgePass", "edges_twin"]
 
 Array = npt.NDArray[np.float64]
-WORKGROUP = 64
 THIN = 5e-4
 """Area, px^2, that no triangle takes; less of it is a seam between neighbours."""
 
@@ -131,11 +133,15 @@ class EdgePass:
         a difference.
         """
         width = self.tables.setup.view.camera.width
+        setup = self.tables.setup
+        tiles, shares = setup.lighting.shadows, None
+        if tiles is not None:
+            shares = Shares(self.tables.device, self.tables.shadows, tiles)
         value, doubt = self._values[:, 0].copy(), self._values[:, 1] > 0.0
         if doubt.any():
-            value[doubt] = _resolve(self.tables.setup, self.edges.select(doubt))
+            value[doubt] = _resolve(setup, self.edges.select(doubt), shares)
         pixel = np.concatenate([self.edges.pixel, self._deep.pixel])
-        deep = _resolve(self.tables.setup, self._deep).astype(np.float32)
+        deep = _resolve(setup, self._deep, shares).astype(np.float32)
         value = np.concatenate([value, deep])
         write_pixels(self.tables.device, bands, width, pixel, value)
 
@@ -184,17 +190,7 @@ def _alike(
         deep[others[heavy]] = True
         order = np.concatenate([order[:first], others[~heavy]])
     parts = np.split(order, [first])
-    return np.concatenate([_dealt(part) for part in parts])
-
-
-def _dealt(order: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
-    """``order`` workgroup by workgroup, so that any run of them has deep pixels and others.
-
-    Software rasterisers give each of their threads one run.
-    """
-    group = np.arange(len(order)) // WORKGROUP
-    turn = np.where(group < len(order) // WORKGROUP, group % WORKGROUP, WORKGROUP)
-    return order[np.argsort(turn, kind="stable")]
+    return np.concatenate([dealt(part) for part in parts])
 
 
 def edges_twin(
@@ -206,8 +202,8 @@ def edges_twin(
     return result
 
 
-def _resolve(setup: Setup, edges: EdgePixels) -> Array:
-    """Radiance of the edge pixels."""
+def _resolve(setup: Setup, edges: EdgePixels, shares: SharesOf | None = None) -> Array:
+    """Radiance of the edge pixels; ``shares`` tells what is seen of lamps."""
     if not len(edges.pixel):
         return np.zeros(0)
     view, width = setup.view, setup.view.camera.width
@@ -248,7 +244,7 @@ def _resolve(setup: Setup, edges: EdgePixels) -> Array:
         )
         row, size, middle = some, area[some], np.stack(places, axis=1)
     x, y = at[row, 0] + middle[:, 0], at[row, 1] + middle[:, 1]
-    light = radiance_of(setup, triangle[row], x, y, albedo, printed, sides)
+    light = radiance_of(setup, triangle[row], x, y, albedo, printed, sides, shares)
     seen = np.bincount(pixel[row], size, count)
     value = np.bincount(pixel[row], size * light, count)
     opened = 1.0 - seen

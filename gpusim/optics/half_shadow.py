@@ -192,8 +192,8 @@ def half_shadow(
 
 
 def _clear(receivers: Receivers, cleared: list[Pairs], asked: Flags) -> Numbers:
-    """How many of the large receivers ``cleared``, one list for each size of tiles, are seen in each
-    of the tiles ``asked`` (rows, columns)."""
+    """How many of the large receivers ``cleared``, one list for each size of tiles, are seen in
+    each of the tiles ``asked`` (rows, columns)."""
     pairs = cleared[0][np.zeros(0, np.int64)]
     for more in cleared:
         if more.size != pairs.size:

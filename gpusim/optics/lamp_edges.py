@@ -76,9 +76,7 @@ class LampEdges:
         result = np.zeros(len(caster), np.uint8)
         for k in range(4):
             at = [values[k] for values in corners]
-            wp, wq, ws = (
-                turn * (v[(k + 1) % 4] - own) for v, own in zip(corners, at, strict=True)
-            )
+            wp, wq, ws = (turn * (v[(k + 1) % 4] - own) for v, own in zip(corners, at, strict=True))
             dp, dq, ds = at[0] - p, at[1] - q, at[2] - s
             sp, sq, ss = np.abs(wp), np.abs(wq), np.abs(ws)
             across = np.abs(dq * ws - ds * wq) + eq * ss + es * sq

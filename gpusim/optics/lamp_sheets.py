@@ -1,11 +1,11 @@
 """Where sheets of casters hide all of a lamp, and where none: in cells of its view.
 
 Faces that share edges and turn the same side to the lamp's centre are a sheet, which in the lamp's
-view (p, q, s) lies over p and q like a map: over a cell that no border of it enters it covers all, once.
-What is below it is dark; what is on it is lit, unless something else is above. Deep in the shadow
-of a bumpy surface no single face, and no single bump, hides the lamp: many do in turn, and the
-edges at which the shadow of one ends lie in that of another. And beside any point of a bent surface
-there are faces that rise above it, of which each would have to be looked at.
+view (p, q, s) lies over p and q like a map: over a cell that no border of it enters it covers all,
+once. What is below it is dark; what is on it is lit, unless something else is above. Deep in the
+shadow of a bumpy surface no single face, and no single bump, hides the lamp: many do in turn, and
+the edges at which the shadow of one ends lie in that of another. And beside any point of a bent
+surface there are faces that rise above it, of which each would have to be looked at.
 
 A ray to a point of a lamp's face runs aslant through several cells: it meets a sheet below which it
 begins if that goes on from cell to cell, and none on which it begins, as the whole lamp is before
@@ -245,7 +245,9 @@ def _others(place: Numbers, high: Array, cells: int) -> Array:
     last = np.searchsorted(ordered, np.arange(cells), side="right") - 1
     top = order[last[place]]
     before = np.maximum(last - 1, 0)
-    second = np.where((last > 0) & (ordered[before] == np.arange(cells)), high[order[before]], -np.inf)
+    second = np.where(
+        (last > 0) & (ordered[before] == np.arange(cells)), high[order[before]], -np.inf
+    )
     return np.where(top == np.arange(len(high)), second[place], high[top])
 
 

@@ -5,7 +5,7 @@ Twin of ``shaders/common/light.wgsl``.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 
@@ -29,10 +29,13 @@ from gpusim.optics.shadow_tiles import ShadowTiles, flatness
 from gpusim.optics.view import View
 from gpusim.surface.surface import Surface
 
-__all__ = ["MOST_EMITTERS", "Lighting", "ambient", "casts_shadows", "find_shadows"]
+__all__ = ["MOST_EMITTERS", "Lighting", "SharesOf", "ambient", "casts_shadows", "find_shadows"]
 
 Array = npt.NDArray[np.float64]
 MOST_EMITTERS = 256
+
+SharesOf = Callable[[Array, Array, Array, Array, Array, Array], Array]
+"""As `ShadowTiles.shares`."""
 
 
 def casts_shadows(lights: Sequence[Light]) -> bool:
@@ -165,19 +168,21 @@ class Lighting:
         across: Array,
         down: Array,
         widened: Array,
+        shares: SharesOf | None = None,
     ) -> Reflection:
         """What surfaces at (n, 3) relative to the eye send towards it.
 
         ``triangle``, ``paint`` (n,); ``x``, ``y`` px; ``normal`` (n, 3) unit; ``across`` and
         ``down`` (n, 3): how ``at`` changes over the pixel, for shadows sharper than a pixel;
-        ``widened`` (n,): what a relief adds to the square of alpha.
+        ``widened`` (n,): what a relief adds to the square of alpha. ``shares`` tells what is seen
+        of lamps, as `ShadowTiles.shares` does, which is asked without.
         """
         around = np.full(len(x), self.ambient)
         if self.environment is not None:
             around = around + self.environment.diffuse(normal)
         share = np.ones((len(x), len(self.emitters)))
         if self.shadows is not None:
-            seen = self.shadows.shares(x, y, at, normal, across, down)
+            seen = (shares or self.shadows.shares)(x, y, at, normal, across, down)
             share = seen[:, self.emitters[:, 11].astype(np.int64)]
         openness = np.ones(len(x)) if self.openness is None else self.openness.at(triangle, at)
         matte = around / np.pi * openness

@@ -22,7 +22,7 @@ from gpusim.optics.coefficients import BLOCK, Coefficients, Found, PerTriangle, 
 from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.fields import matte_boards, within_fields
 from gpusim.optics.light import Light
-from gpusim.optics.lighting import Lighting
+from gpusim.optics.lighting import Lighting, SharesOf
 from gpusim.optics.pattern import PatternTable
 from gpusim.optics.shadow_tiles import ShadowTiles
 from gpusim.optics.view import View
@@ -356,11 +356,13 @@ def radiance_of(
     albedo: Array,
     printed: Array,
     sides: Array | None = None,
+    shares: SharesOf | None = None,
 ) -> Array:
     """Radiance (n,) towards the eye at pixel positions; the mean albedo itself if unlit.
 
     ``printed``: share of the area that a glossy paint's matte pattern covers; ``sides`` (n, 2, 2),
-    px: of the parallelogram that the light stands for, as columns; None for the pixel.
+    px: of the parallelogram that the light stands for, as columns; None for the pixel; ``shares``:
+    see `Lighting.reflect`.
     """
     if not setup.lit:
         return albedo
@@ -383,7 +385,7 @@ def radiance_of(
     change = change @ bend if sides is None else change @ (bend @ sides)
     paint = setup.view.paint[triangle]
     reflected = setup.lighting.reflect(
-        triangle, paint, x, y, position, normal, change[:, :, 0], change[:, :, 1], widened
+        triangle, paint, x, y, position, normal, change[:, :, 0], change[:, :, 1], widened, shares
     )
     gloss = setup.lighting.gloss
     if gloss is None:

@@ -214,10 +214,7 @@ class ShadowTiles:
         ``x``, ``y`` (n,) px; ``at`` (n, 3) their places relative to the eye, ``normal`` (n, 3)
         unit; ``across``, ``down`` (n, 3) how the places change per column and row.
         """
-        limit = np.array(self.lit.shape) - 1
-        row = np.clip(np.floor((y + 0.5) / TILE).astype(np.int64), 0, limit[0])
-        column = np.clip(np.floor((x + 0.5) / TILE).astype(np.int64), 0, limit[1])
-        bits, entry = self.lit[row, column], self.entry[row, column].astype(np.int64) - 1
+        bits, entry = self.tile_of(x, y)
         tolerance = TOLERANCE * np.linalg.norm(at, axis=1)
         result = np.zeros((len(x), len(self.lamps)))
         for number, lamp in enumerate(self.lamps):
@@ -241,6 +238,13 @@ class ShadowTiles:
                 ),
             )  # fmt: skip
         return result
+
+    def tile_of(self, x: Array, y: Array) -> tuple[npt.NDArray[np.uint32], Numbers]:
+        """`lit` of the tiles of positions (n,), and number among those in half shadow, or -1."""
+        limit = np.array(self.lit.shape) - 1
+        row = np.clip(np.floor((y + 0.5) / TILE).astype(np.int64), 0, limit[0])
+        column = np.clip(np.floor((x + 0.5) / TILE).astype(np.int64), 0, limit[1])
+        return self.lit[row, column], self.entry[row, column].astype(np.int64) - 1
 
     @cached_property
     def _pairs(self) -> list[LampPairs]:
