@@ -14,13 +14,14 @@ import numpy.typing as npt
 
 from gpusim.gpu import Buffer, Device, compare, twin_check
 from gpusim.optics.albedo import mean_albedo
+from gpusim.optics.backdrop import backdrops, left_open
 from gpusim.optics.binning import EdgePixels, bin_edges
 from gpusim.optics.bitmap import BITMAP, mean_over_polygons
 from gpusim.optics.dealing import WORKGROUP, dealt
 from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.edge_turns import grazing_turns, shadow_turns, speckle_turns
 from gpusim.optics.frame import Band
-from gpusim.optics.hidden import Cutting, depth_planes, visible_pieces
+from gpusim.optics.hidden import SLIVER, Cutting, depth_planes, visible_pieces
 from gpusim.optics.lighting import SharesOf
 from gpusim.optics.pattern import LOOP_TURNS
 from gpusim.optics.polygon import (
@@ -226,15 +227,31 @@ def _resolve(setup: Setup, edges: EdgePixels, shares: SharesOf | None = None) ->
         last = np.repeat(edges.start[1:], edges.depth)
         depth = depth_planes(view.screen[triangle] - at[:, None], view.inverse_depth()[triangle])
         cutting = Cutting(pierced, last, depth)
-    row, piece = visible_pieces(*clip_square(planes), planes, corners, first, cutting)
+    polygon, sides_left = clip_square(planes)
+    behind = backdrops(setup, edges, moments(polygon)[0], corners)
+    row, piece = visible_pieces(polygon, sides_left, planes, corners, first, cutting, behind)
     size, middle = moments(piece)
     solid = np.flatnonzero(size > 0.0)
     row, size, middle, piece = row[solid], size[solid], middle[solid], pick(piece, solid)
+    second = second_moments(piece)
+    if behind.any():
+        wall = np.flatnonzero(behind)
+        number = np.full(count, -1)
+        number[pixel[wall]] = np.arange(len(wall))
+        left = left_open(number[pixel[row]], len(wall), size, middle, second)
+        seen = np.flatnonzero(left[0] > SLIVER)
+        wall = wall[seen]
+        row = np.concatenate([row, wall])
+        size, middle, second = (
+            np.concatenate([own, more[seen]])
+            for own, more in zip((size, middle, second), left, strict=True)
+        )
+        piece = np.concatenate([piece, pick(polygon, wall)])
     albedo, printed = _mean_albedo(setup, triangle[row], at[row], piece, middle)
     sides: Array | None = None
     if setup.lighting.shadows is not None:
         # each piece by itself: the middle of those round a corner may lie under what hides it
-        sides = rectangles(size, middle, second_moments(piece))
+        sides = rectangles(size, middle, second)
     else:
         area: Array = np.bincount(row, size, len(pixel)).astype(np.float64)
         some = np.flatnonzero(area > 0.0)

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from gpusim.optics.polygon import SMALLEST, beyond, clip, moments, pick
 from gpusim.optics.ragged import batches, expand
 
-__all__ = ["TOUCH", "Cutting", "depth_planes", "visible_pieces"]
+__all__ = ["SLIVER", "TOUCH", "Cutting", "depth_planes", "visible_pieces"]
 
 Array = npt.NDArray[np.float64]
 Long = npt.NDArray[np.int64]
@@ -69,6 +69,7 @@ def visible_pieces(
     corners: Array,
     first: Long,
     cutting: Cutting | None = None,
+    without: npt.NDArray[np.bool_] | None = None,
 ) -> tuple[Long, Array]:
     """Visible parts of triangles: the row (M,) that each belongs to, and the part (M, 8, 2).
 
@@ -79,6 +80,7 @@ def visible_pieces(
     first : (n,) row of the first triangle over the same pixel; those up to the row itself are in
         front of it.
     cutting : where bodies cut each other, triangles hide each other only where they are nearer.
+    without : (n,) rows that hide what is behind them, and whose own parts aren't asked for.
     """
     area, _ = moments(polygon)
     drawn = area > SMALLEST
@@ -91,6 +93,8 @@ def visible_pieces(
         fronts = np.where(cutting.pierced, cutting.last - first, fronts)
         ahead |= cutting.pierced
     drawn &= ahead
+    if without is not None:
+        drawn &= ~without
     before = np.where(drawn, fronts, 0)
     behind, before_it = [], []
     for part in batches(before, PAIRS):
