@@ -11,6 +11,7 @@ __all__ = ["LARGE", "SINGLE", "Boxes"]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
+Whole = npt.NDArray[np.int32] | npt.NDArray[np.int64]
 
 LARGE = -1
 """In place of the number of a surface."""
@@ -30,7 +31,7 @@ class Boxes:
     """
 
     points: Array
-    body: Numbers
+    body: Whole
     lean: Array
 
     @property
@@ -58,7 +59,7 @@ class Boxes:
         )  # fmt: skip
 
     @staticmethod
-    def of(points: Array, body: Numbers | int = LARGE) -> Boxes:
+    def of(points: Array, body: Whole | int = LARGE) -> Boxes:
         """Single triangles with ``points`` (k, 3, n)."""
         count = points.shape[2]
         return Boxes(points, np.broadcast_to(body, count), np.full(count, SINGLE))

@@ -61,7 +61,7 @@ def _outlines(p: Array, q: Array) -> list[tuple[Array, Array, Array]]:
 
 def _some_normal(lines: list[tuple[Array, Array, Array]]) -> Flags:
     """(n,) of which `_outlines` tells something."""
-    return np.any([(p != 0.0) | (q != 0.0) for p, q, _ in lines], axis=0)
+    return np.asarray(np.any([(p != 0.0) | (q != 0.0) for p, q, _ in lines], axis=0))
 
 
 class LampGrid:

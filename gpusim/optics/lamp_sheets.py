@@ -197,9 +197,10 @@ class Sheets:
             on = np.full(len(self._low), -1)
             on[self._label[node[inside]]] = self._label[other[inside]]
             after.append(on)
-        return SheetBlocks(*after, self._low, np.stack([self._high, self._others]))
+        right, below = after
+        return SheetBlocks(right, below, self._low, np.stack([self._high, self._others]))
 
-    def shows(self, reach: Reach, face: Numbers, single: Flags) -> Flags:
+    def shows(self, reach: Reach, face: npt.NDArray[np.int32], single: Flags) -> Flags:
         """(n,) whether nothing hides any of the lamp from receivers in boxes, of which ``single``
         ones (n,) lie on one of the surfaces' faces (n,) each; never wrong."""
         own = self._into[face]
@@ -229,10 +230,10 @@ class Sheets:
             lit[box[at[~clear]]] = False
         rows = np.flatnonzero(lit & (sheet >= 0))
         if self.grid.view.lamp.extended:
-            own, node = some[rows], sheet[rows]
+            left, node = some[rows], sheet[rows]
             row, column = np.divmod(self._place[node], self.grid.shape[1])
-            least, (_, most) = self._over(own, node, column, row, self.grid.top(own))
-            rows = rows[(least > -np.inf) & (most <= own.s[0])]
+            least, (_, most) = self._over(left, node, column, row, self.grid.top(left))
+            rows = rows[(least > -np.inf) & (most <= left.s[0])]
         result = np.zeros(reach.s.shape[1], bool)
         result[usable[rows]] = True
         return result
