@@ -25,6 +25,10 @@ Long = npt.NDArray[np.int64]
 CONTACT = 8.0
 """Pixels' sides, at its depth, from a backdrop to what is before it, where lamps cast shadows."""
 
+SEVERAL = 6
+"""Triangles before it that are worth it where lamps cast shadows: what is left beside fewer may be
+in pieces apart from each other, as beside a thin bar, and a shadow end in one of them."""
+
 PIXEL = (1.0, 0.0, 0.0, 1.0 / 12.0, 0.0, 1.0 / 12.0)
 """Area, first and second moments."""
 
@@ -46,6 +50,8 @@ def backdrops(
     suits &= (setup.groups_of(triangle[row]) == 0) & ~setup.bumpy[triangle[row]]
     row, own = row[suits], own[suits]
     if setup.lighting.shadows is not None and len(row):
+        several = row - edges.start[own] >= SEVERAL
+        row, own = row[several], own[several]
         inverse = setup.view.inverse_depth()[triangle]
         last = np.full(count, -1)
         last[own] = row

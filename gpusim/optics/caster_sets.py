@@ -91,10 +91,9 @@ class CasterSets:
             result[slice(None) if rows is None else rows] = found
         return result
 
-    def plain(self, points: Array, triangle: Numbers, single: Flags) -> tuple[Flags, Flags]:
-        """(n,) whether all of the lamp is hidden from all of the points (k, 3, n) of triangles, and
-        whether nothing of it; where many casters may be before them. Never wrong. ``single`` (n,):
-        false for what is more than its triangle."""
+    def plain(self, points: Array, triangle: Numbers) -> tuple[Flags, Flags]:
+        """(n,) whether all of the lamp is hidden from all of the points (4, 3, n) of triangles, and
+        whether nothing of it; where many casters may be before them. Never wrong."""
         dark, lit = np.zeros((2, points.shape[2]), bool)
         for rows, (_, grids) in self.each(triangle):
             if rows is None:
@@ -106,7 +105,7 @@ class CasterSets:
                 if grid.asked(reach) > MANY * len(grid.entry):
                     sheets = Sheets(grid, self.casters)
                     dark[rows] |= sheets.hides(reach)
-                    own_lit &= sheets.shows(reach, self._face[triangle[rows]], single[rows])
+                    own_lit &= sheets.shows(reach, self._face[triangle[rows]])
                 else:
                     own_lit &= np.isneginf(reach.s[0]) if grid.count else True
             lit[rows] = own_lit

@@ -8,8 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.distinct import distinct
-from gpusim.optics.boxes import LARGE, Boxes
 from gpusim.optics.caster_sets import CasterSet, CasterSets
 from gpusim.optics.casters import Casters
 from gpusim.optics.corners import parts
@@ -17,7 +15,6 @@ from gpusim.optics.lamp_apart import apart
 from gpusim.optics.lamp_edges import EVERY_EDGE
 from gpusim.optics.lamp_grid import LampGrid
 from gpusim.optics.lamp_merging import FEWEST, joined_grids
-from gpusim.optics.patches import patches
 from gpusim.optics.ragged import expand
 from gpusim.optics.receiver_planes import lies_low, meets_middle, sides_of_planes
 from gpusim.optics.receivers import Receivers
@@ -112,19 +109,7 @@ def half_shadow(
     maybe = sets.may_hide(points, triangle)
     whole = spots[~maybe[owner]]
     spots, owner = spots[maybe[owner]], (np.cumsum(maybe) - 1)[owner[maybe[owner]]]
-    triangle = triangle[maybe]
-    small = Boxes.of(np.compress(maybe, points, axis=2), receivers.view.body[triangle])
-    together = patches(receivers, spots, _alike(receivers, sets))
-    if together is not None:
-        left = np.flatnonzero(~together.taken)
-        spots, owner = spots[left], owner[left]
-        some = np.zeros(len(triangle), bool)
-        some[owner] = True
-        kept, count = np.flatnonzero(some), together.boxes.count
-        small = small[kept].joined(together.boxes)
-        owner = np.concatenate([(np.cumsum(some) - 1)[owner], len(kept) + np.arange(count)])
-        spots = spots.joined(together.pairs)
-        triangle = np.concatenate([triangle[kept], together.pairs.triangle])
+    boxes, triangle = [np.compress(maybe, points, axis=2)], triangle[maybe]
     pairs = receivers.pairs(np.flatnonzero(facing & receivers.large), LEVELS[0])
     own_tiles |= spread_over(pairs[free[pairs.triangle]], shape)
     cleared: list[Pairs] = []  # receivers that nothing is before
@@ -140,15 +125,19 @@ def half_shadow(
         maybe = sets.may_hide(points, pairs.triangle)
         cleared.append(pairs[~maybe])
         pairs, points = pairs[maybe], np.compress(maybe, points, axis=2)
-    which = np.concatenate([owner, small.count + np.arange(points.shape[2])])
-    boxes = small.joined(Boxes.of(points))
+    which = np.concatenate([owner, boxes[0].shape[2] + np.arange(points.shape[2])])
+    boxes.append(points)
+    # only small triangles are told from the faces beside them: there are few beside large ones
+    body = np.full(len(triangle) + len(pairs.triangle), -1)
+    body[: len(triangle)] = receivers.view.body[triangle]
     triangle = np.concatenate([triangle, pairs.triangle])
     pairs = spots.joined(pairs)
+    everything = np.concatenate(boxes, axis=2)
     tile = pairs.tile[:, 1] * shape[1] + pairs.tile[:, 0]
     asked = np.zeros(shape, bool)
     asked.reshape(-1)[tile] = True
     clear = counted(whole, shape, _clear(receivers, cleared, asked))
-    hidden, free = sets.plain(boxes.points, triangle, boxes.single)
+    hidden, free = sets.plain(everything, triangle)
     clear = counted(pairs[free[which]], shape, clear)
     deep = np.zeros(shape[0] * shape[1], bool)
     if among is None:
@@ -161,11 +150,11 @@ def half_shadow(
     some = np.zeros(len(triangle), bool)
     some[which] = True
     which = (np.cumsum(some) - 1)[which]
-    kept = np.flatnonzero(some)
-    boxes, triangle = boxes[kept], triangle[kept]
+    everything = np.compress(some, everything, axis=2)
+    triangle, body = triangle[some], body[some]
     beside = _Beside(len(triangle), tile, which, own_tiles.reshape(-1))
     state, owner, face, edges, levels = _found_by(
-        sets, casters, boxes, triangle, beside, receivers.view.camera.eye
+        sets, casters, everything, triangle, body, beside, receivers.view.camera.eye
     )
     order = np.argsort(owner, kind="stable")
     start = np.searchsorted(owner[order], np.arange(len(state) + 1))
@@ -200,14 +189,6 @@ def half_shadow(
         np.flatnonzero(dark), place, (np.cumsum(shown) - 1)[face], bits.astype(np.uint8),
         corners[shown], both_sides[shown],
     )  # fmt: skip
-
-
-def _alike(receivers: Receivers, sets: CasterSets) -> Numbers:
-    """(T,) numbers of triangles that may go into one patch, -1 of what casters look at by its
-    plane."""
-    body = receivers.view.body
-    opened = distinct(sets.casters.body[sets.casters.both_sides])
-    return np.where(np.isin(body, opened), -1, 2 * body.astype(np.int64) + sets.free)
 
 
 def _clear(receivers: Receivers, cleared: list[Pairs], asked: Flags) -> Numbers:
@@ -264,8 +245,9 @@ class _Beside:
 def _found_by(
     sets: CasterSets,
     casters: Casters,
-    boxes: Boxes,
+    points: Array,
     triangle: Numbers,
+    body: Numbers,
     beside: _Beside,
     eye: Array,
 ) -> tuple[States, Numbers, Numbers, Bits, list[Level]]:
@@ -275,12 +257,12 @@ def _found_by(
     levels: list[Level] = []
     found: list[tuple[Numbers, Numbers, Bits]] = []
     for rows, own in sets.each(triangle):
-        some, own_rows = boxes, np.arange(len(triangle))
+        some, bodies, own_rows = points, body, np.arange(len(triangle))
         if rows is not None:
-            some, own_rows = boxes[rows], rows
+            some, bodies, own_rows = np.take(points, rows, axis=2), body[rows], rows
         before = sum(len(used.corners) for used, _ in levels)
-        own_levels = _levels(own, casters, some.points)
-        own_state, box, face, edges = _found(own_levels, some, beside, own_rows, eye)
+        own_levels = _levels(own, casters, some)
+        own_state, box, face, edges = _found(own_levels, some, bodies, beside, own_rows, eye)
         state[slice(None) if rows is None else rows] = own_state
         found.append((box if rows is None else rows[box], before + face, edges))
         levels += reversed(own_levels)
@@ -289,18 +271,19 @@ def _found_by(
 
 
 def _found(
-    levels: list[Level], receivers: Boxes, beside: _Beside, rows: Numbers, eye: Array
+    levels: list[Level], points: Array, body: Numbers, beside: _Beside, rows: Numbers, eye: Array
 ) -> tuple[States, Numbers, Numbers, Bits]:
-    """State of each of the ``receivers``, ``rows`` (n,) of those ``beside`` each other; pairs (box,
-    face) of those not lit with the edges that count; each by the most joined casters that none of
-    is too near to it, or to one beside it, numbered from the last level to the first."""
-    state = np.full(receivers.count, LIT, np.int8)
+    """State of each receiver box (4, 3, n) of surfaces ``body`` (n,), -1 for large ones, that are
+    ``rows`` (n,) of those ``beside`` each other; pairs (box, face) of those not lit with the edges
+    that count; each by the most joined casters that none of is too near to it, or to one beside it,
+    numbered from the last level to the first."""
+    state = np.full(points.shape[2], LIT, np.int8)
     boxes, faces = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
     edges = [np.zeros(0, np.uint8)]
     left, before = np.arange(len(state)), 0
     for casters, grids in reversed(levels):
-        own = receivers if len(left) == len(state) else receivers[left]
-        state[left], box, face, bits, near = _candidates(grids, casters, own, eye)
+        own = points if len(left) == len(state) else np.take(points, left, axis=2)
+        state[left], box, face, bits, near = _candidates(grids, casters, own, body[left], eye)
         if casters is not levels[0][0]:
             near = beside.too_near(rows[left], near)
             kept = np.flatnonzero(~near[box])
@@ -316,13 +299,11 @@ def _found(
 
 
 def _candidates(
-    grids: list[LampGrid], casters: Casters, boxes: Boxes, eye: Array
+    grids: list[LampGrid], casters: Casters, points: Array, body: Numbers, eye: Array
 ) -> tuple[States, Numbers, Numbers, Bits, npt.NDArray[np.bool_]]:
     """As `_found`, of one level; and whether a box is too near to a joined face, which has no
     pairs then."""
-    count, points = boxes.count, boxes.points
-    # edges of patches don't part them from anything
-    body = np.where(boxes.single, boxes.body, LARGE)
+    count = points.shape[2]
     state = np.full(count, LIT, np.int8)
     near = np.zeros(count, bool)
     pairs, faces = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
@@ -349,7 +330,7 @@ def _candidates(
         drop = (ahead & (side == 1)) | (behind & ~against & ((side == -1) | closed))
         kept = np.flatnonzero(~drop)
         box, face, caster, against = box[kept], face[kept], caster[kept], against[kept]
-        low = lies_low(grid.view.lamp, casters, face, boxes, box, eye)
+        low = lies_low(grid.view.lamp, casters, face, points, box, body, eye)
         kept = np.flatnonzero(against | ~low)
         box, face, caster, against = box[kept], face[kept], caster[kept], against[kept]
         inside, past = np.empty(len(box), bool), np.empty(len(box), bool)
@@ -359,7 +340,8 @@ def _candidates(
         if grid.view.lamp.extended:
             # far above, hardly any lies beside the receiver as all of the lamp sees it
             rise = grid.reach.s[0][caster] - reach.s[1][box]
-            beside &= rise <= BESIDE * (reach.s[1] - reach.s[0])[box]
+            with np.errstate(invalid="ignore"):  # all of a receiver behind the lamp
+                beside &= rise <= BESIDE * (reach.s[1] - reach.s[0])[box]
         same = np.flatnonzero(beside)
         if len(same):
             places = grid.view.place(*np.moveaxis(points, 1, 0))

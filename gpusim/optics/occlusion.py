@@ -11,12 +11,11 @@ under a box (samples of a pixel beside the box reach there).
 
 The 512 samples are a lattice: 512 distinct places along either side of the lamp. Each of the 16
 rows looks from another place in the pixel, so that a shadow sharper than a pixel is filtered as
-its edges are; a lamp without size uses the whole lattice for that. Where the plane of a face passes
-through the pixel or the halves of those around it, all rows look from its middle: what the
-receiver's plane goes on to beyond an edge may lie behind the next faces, and of a face seen edge-on
-the edges change with the place in the pixel and on the lamp at once, which they don't as taken
-here. Of open surfaces only at no more than 60 degrees to the receiver's plane: what stands on it has
-its shadow begin there. Twin of ``shaders/common/occlusion.wgsl``.
+its edges are; a lamp without size uses the whole lattice for that. Where the plane of an open
+surface's face passes through the pixel or the halves of those around it, at no more than 60 degrees
+to the receiver's, all rows look from its middle: what the receiver's plane goes on to beyond an
+edge may lie behind the next faces. Twin of
+``shaders/common/occlusion.wgsl``.
 """
 
 from __future__ import annotations
@@ -180,8 +179,8 @@ def _covered(
     turned = np.cross(to[:, None], following - D) - near * planes
     # seen from beyond its plane, a face would seem to hide what lies behind the receiver
     spread = np.abs(np.sum(normal * across, axis=1)) + np.abs(np.sum(normal * down, axis=1))
-    crossed = np.abs(height) < spread
-    crossed &= ~both_sides | (np.abs(np.sum(normal * looks, axis=1)) > BESIDE * size)
+    crossed = both_sides & (np.abs(height) < spread)
+    crossed &= np.abs(np.sum(normal * looks, axis=1)) > BESIDE * size
     whole = np.where(crossed, 0.0, sign[:, 0])[:, None]
     gx = whole * np.einsum("pka,pa->pk", turned, across)
     gy = whole * np.einsum("pka,pa->pk", turned, down)

@@ -16,7 +16,7 @@ from gpusim.optics.tile_fronts import MARGIN, Sides, fronts, sides_of
 from gpusim.optics.tile_pairs import LEVELS, NONE, TILE, Pairs, counted, meets
 from gpusim.optics.view import View
 
-__all__ = ["Receivers", "box_size"]
+__all__ = ["Receivers"]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
@@ -208,21 +208,15 @@ class Receivers:
             for axis, (a, b, c) in enumerate(self.rays):
                 places[k, axis] = (a * u + b * v + c) * depth + eye[axis]
         # a plane seen edge-on goes from far before a small triangle to far behind it
-        smaller = box_size(places) <= box_size(np.take(result, large, axis=2))
+        smaller = _size(places) <= _size(np.take(result, large, axis=2))
         if not smaller.all():
             large, places = large[smaller], np.compress(smaller, places, axis=2)
         result[:, :, large] = places
         return result
 
     def _inverse(self, pairs: Pairs) -> tuple[list[tuple[Array, ...]], list[Array]]:
-        """Corners of tiles, as `corners` has them, and 1 / depth (n,) on the planes of their large
-        triangles there."""
-        at = self.corners(pairs)
-        px, py, p1 = np.take(self._planes, self._number[pairs.triangle], axis=1)
-        return at, [px * u + py * v + p1 for u, v in at]
-
-    def corners(self, pairs: Pairs) -> list[tuple[Array, ...]]:
-        """The corners of tiles: x and y (n,) of each on the undistorted picture."""
+        """Corners of tiles, x and y (n,) of each on the undistorted picture, and 1 / depth (n,) on
+        the planes of their large triangles there."""
         x, y = (pairs.tile[:, axis] * float(pairs.size) - 0.5 for axis in range(2))
         far = pairs.size + MARGIN
         corner = ((-MARGIN, -MARGIN), (far, -MARGIN), (far, far), (-MARGIN, far))
@@ -230,11 +224,8 @@ class Receivers:
         bends = distortion_map(self.view.camera)
         if bends is not None:
             at = [tuple(bends.ideal(np.stack(place, axis=1))[0].T) for place in at]
-        return at
-
-    def directions(self, u: Array, v: Array) -> Array:
-        """(3, n) in the world, of depth 1: towards places on the undistorted picture."""
-        return np.stack([a * u + b * v + c for a, b, c in self.rays])
+        px, py, p1 = np.take(self._planes, self._number[pairs.triangle], axis=1)
+        return at, [px * u + py * v + p1 for u, v in at]
 
     def turned_away(self, lamp: Lamp) -> npt.NDArray[np.bool_]:
         """(T,) whether no corner of a triangle faces any part of the lamp; found once."""
@@ -272,8 +263,8 @@ class Receivers:
         return np.take(self.world, np.flatnonzero(used), axis=1)
 
 
-def box_size(points: Array) -> Array:
-    """(n,): sum of the sides of boxes round points (k, 3, n)."""
+def _size(points: Array) -> Array:
+    """(n,): sum of the sides of boxes round points (4, 3, n)."""
     sides = reduce(np.maximum, points) - reduce(np.minimum, points)
     result: Array = sides[0] + sides[1] + sides[2]
     return result

@@ -201,7 +201,7 @@ fn lamp_share(list: vec4u, x: vec3f, n: vec3f, dx: vec3f, dy: vec3f) -> f32 {
         // seen from beyond its plane, a face would seem to hide what lies behind the receiver
         let crossed = abs(height) < abs(dot(plane.xyz, dx)) + abs(dot(plane.xyz, dy));
         let beside = abs(dot(plane.xyz, n)) > BESIDE;
-        let moves = select(1.0, 0.0, crossed && (beside || !both_sides));
+        let moves = select(1.0, 0.0, both_sides && crossed && beside);
 
         let edge = samples_of(lamp, to, side * cross(d, way), side * way, moves * dx, moves * dy);
         inside0 &= edge.rows0;
