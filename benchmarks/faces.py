@@ -1,4 +1,4 @@
-"""Time of an image against its number of faces: ``python -m benchmarks.faces [--write]``.
+"""Time of images against their number of faces: ``python -m benchmarks.faces [--write]``.
 
 A bumpy plate fills the image, patterned and lit, or a body of `benchmarks.bodies` stands before a
 wall. Faces are cut finer and finer, and nothing else changes: what
@@ -28,6 +28,7 @@ from benchmarks.bodies import (
     tube,
     wall,
 )  # fmt: skip
+from gpusim.errors import InputError, OutOfDeviceMemory
 from gpusim.gpu import Device
 from gpusim.optics.light import Light
 
@@ -135,22 +136,25 @@ def measure(faces: int, width: int, device: Device, repeats: int, scene: str) ->
     return Timing(faces, image, processor, moved_image, moved_processor, still[0][0])
 
 
-def plot(rows: list[Timing], title: str, path: Path) -> None:
-    """Seconds over faces."""
+def plot(found: dict[str, list[Timing]], title: str, path: Path) -> None:
+    """Seconds of a warm image over faces, scene by scene, beside what grows with them."""
     matplotlib.use("Agg")
     from matplotlib import pyplot
 
-    faces = [row.faces for row in rows]
-    figure, axes = pyplot.subplots(figsize=(6.0, 4.0))
-    axes.semilogx(faces, [row.image for row in rows], "o-", label="image")
-    axes.semilogx(faces, [row.processor for row in rows], "s--", label="processor seconds")
-    axes.semilogx(faces, [row.moved for row in rows], "^:", label="image, vertices elsewhere")
-    axes.set_ylim(bottom=0.0)
+    figure, axes = pyplot.subplots(figsize=(8.0, 5.2))
+    markers = "os^vDPX*<>hp"
+    for k, (scene, rows) in enumerate(found.items()):
+        axes.loglog(
+            [row.faces for row in rows], [row.image for row in rows],
+            marker=markers[k % len(markers)], linestyle="-" if k < 10 else "--", label=scene,
+        )  # fmt: skip
+    low, high = 1e3, max(row.faces for rows in found.values() for row in rows)
+    axes.loglog([low, high], [0.03, 0.03 * high / low], "k:", label="as faces grow")
     axes.set_xlabel("faces")
     axes.set_ylabel("s")
     axes.set_title(title)
     axes.grid(True, which="both", alpha=0.3)
-    axes.legend()
+    axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), fontsize="small")
     figure.tight_layout()
     figure.savefig(path, dpi=110)
 
@@ -158,31 +162,40 @@ def plot(rows: list[Timing], title: str, path: Path) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--width", type=int, default=2790, help="px (5.2 Mpx; 5616: 21 Mpx)")
-    parser.add_argument("--most", type=int, default=COUNTS[-1], help="faces")
-    parser.add_argument("--scene", choices=SCENES, default="board", help="paint and lamp")
+    parser.add_argument("--faces", type=int, nargs="+", default=COUNTS, help="about so many")
+    parser.add_argument("--scene", choices=SCENES, nargs="+", default=["board"], help="see SCENES")
     parser.add_argument("--repeats", type=int, default=3, help="warm images of each")
     parser.add_argument("--write", action="store_true", help="also write results/faces.*")
     arguments = parser.parse_args()
     device = Device()
     size = f"{arguments.width} x {arguments.width * 2 // 3} px"
-    lines = [
-        "# Faces", "",
-        f"{device.name}; {size}, lit, {arguments.scene}", "",
-        "| faces | image s | processor s | moved: image s | processor s | first image s |",
-        "|---|---|---|---|---|---|",
-    ]  # fmt: skip
+    lines = ["# Faces", "", f"{device.name}; {size}, lit."]
     print("\n".join(lines), flush=True)
-    rows = []
-    for faces in (n for n in COUNTS if n <= arguments.most):
-        row = measure(faces, arguments.width, device, arguments.repeats, arguments.scene)
-        rows.append(row)
-        numbers = (row.image, row.processor, row.moved, row.moved_processor, row.first)
-        lines.append(f"| {faces} | " + " | ".join(f"{n:.3f}" for n in numbers) + " |")
-        print(lines[-1], flush=True)
+    found: dict[str, list[Timing]] = {}
+    for scene in arguments.scene:
+        head = [
+            "", f"`{scene}`:", "",
+            "| faces | image s | processor s | moved: image s | processor s | first image s |",
+            "|---|---|---|---|---|---|",
+        ]  # fmt: skip
+        print("\n".join(head), flush=True)
+        lines += head
+        rows = found.setdefault(scene, [])
+        for faces in arguments.faces:
+            try:
+                row = measure(faces, arguments.width, device, arguments.repeats, scene)
+            except (InputError, OutOfDeviceMemory) as error:
+                lines.append(f"| {faces} | refused: {str(error).split(';')[1].strip()} |")
+                print(lines[-1], flush=True)
+                break
+            rows.append(row)
+            numbers = (row.image, row.processor, row.moved, row.moved_processor, row.first)
+            lines.append(f"| {faces} | " + " | ".join(f"{n:.3f}" for n in numbers) + " |")
+            print(lines[-1], flush=True)
     if arguments.write:
         RESULTS.mkdir(exist_ok=True)
         (RESULTS / "faces.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
-        plot(rows, f"{size}, lit, {arguments.scene}", RESULTS / "faces.png")
+        plot(found, f"{size}, lit: a warm image", RESULTS / "faces.png")
 
 
 if __name__ == "__main__":
