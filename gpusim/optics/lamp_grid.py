@@ -16,6 +16,7 @@ from gpusim.optics.casters import Casters, LampFaces
 from gpusim.optics.lamp_edges import LampEdges
 from gpusim.optics.lamp_view import LampView, Reach, overlap
 from gpusim.optics.ragged import batches, expand
+from gpusim.optics.side_lines import side_lines, told_by
 from gpusim.optics.windows import Windows
 
 __all__ = ["LampGrid"]
@@ -38,30 +39,6 @@ TOGETHER = 1 << 18
 
 EACH = 4
 """Entries of cells that cost as much as a receiver and a caster looked at by themselves."""
-
-
-def _outlines(p: Array, q: Array) -> list[tuple[Array, Array, Array]]:
-    """Of each side of outlines with corners (n, 4): normal outwards in p and q, and its place.
-
-    All normals of a face are 0 where it reaches behind the lamp, or its outline isn't convex.
-    """
-    start = np.stack([p, q], axis=2)
-    way = np.roll(start, -1, axis=1) - start
-    after = np.roll(way, -1, axis=1)
-    turns = way[..., 0] * after[..., 1] - way[..., 1] * after[..., 0]
-    sign = np.sign(turns.sum(axis=1))
-    normal = sign[:, None, None] * np.stack([way[..., 1], -way[..., 0]], axis=2)
-    convex = np.all(turns * sign[:, None] >= 0.0, axis=1)  # false for NaN
-    sound = convex & np.all(np.isfinite(normal), axis=(1, 2))
-    known = np.reshape(sound, (-1, 1, 1))
-    start, normal = np.where(known, start, 0.0), np.where(known, normal, 0.0)
-    place = np.sum(normal * start, axis=2)
-    return [(normal[:, k, 0].copy(), normal[:, k, 1].copy(), place[:, k].copy()) for k in range(4)]
-
-
-def _some_normal(lines: list[tuple[Array, Array, Array]]) -> Flags:
-    """(n,) of which `_outlines` tells something."""
-    return np.asarray(np.any([(p != 0.0) | (q != 0.0) for p, q, _ in lines], axis=0))
 
 
 class LampGrid:
@@ -87,8 +64,8 @@ class LampGrid:
         self.count = len(ahead)
         corners = view.place(*np.moveaxis(casters.corners[self.face], 2, 0))
         self.places = corners
-        self.lines = _outlines(*corners[:2])
-        self.outlined = _some_normal(self.lines)
+        self.lines = side_lines(*corners[:2])
+        self.outlined = told_by(self.lines)
         self.edges = LampEdges.of(view, corners, self.side, casters.both_sides[self.face])
         self.origin = low.min(axis=1, initial=np.inf) if self.count else np.zeros(2)
         extent = high.max(axis=1, initial=-np.inf) - self.origin if self.count else np.ones(2)
