@@ -21,6 +21,8 @@ __all__ = ["HARSH", "Outcome", "iterate"]
 
 Float = npt.NDArray[np.float64]
 
+# share of the tolerance up to which rounding leaves conjugate gradients enough of it
+_LITTLE = 0.5
 _MOST_REFINEMENTS = 12
 # share of the tolerance that the first run of conjugate gradients may leave, and a later one
 _AIM, _LATER_AIM = 0.7, 0.15
@@ -88,6 +90,9 @@ def iterate(
         refinement.run(system)
         assert blur is not None
         left = min(left, blur(system, refinement.total))
+    if refinement.beyond(left) and left <= _LITTLE * tolerance and refinement.iterations < most:
+        # both together were too much, and this part can still be made smaller
+        refinement.run(system, tolerance - left)
     return refinement.outcome(system, left)
 
 
@@ -126,9 +131,15 @@ class _Refinement:
         """The scaled solution, prescribed displacements included."""
         return self._x + self._state.given
 
-    def run(self, system: System) -> None:
-        """As far as one form of the system leads."""
-        state, loop, tolerance, most = self._state, self._loop, self._tolerance, self._most
+    def beyond(self, blur: float) -> bool:
+        """Whether the estimate is within the tolerance, but not with ``blur`` added."""
+        estimate = float(np.maximum(self._estimate, self._state.floor).max())
+        return estimate <= self._tolerance < estimate + blur
+
+    def run(self, system: System, tolerance: float | None = None) -> None:
+        """As far as one form of the system leads; to another ``tolerance`` if that is given."""
+        state, loop, most = self._state, self._loop, self._most
+        tolerance = self._tolerance if tolerance is None else tolerance
         cases, norm = len(system.right), state.norm
         self._estimate = np.full(cases, np.inf)
         self._message = f"stopped after {most} iterations"
