@@ -1,8 +1,8 @@
 """Time of images against their number of faces: ``python -m benchmarks.faces [--write]``.
 
 A bumpy plate fills the image, patterned and lit, or a body of `benchmarks.bodies` stands before a
-wall. Faces are cut finer and finer, and nothing else changes: what
-they cost is what the image's time grows by.
+wall. Faces are cut finer and finer, and nothing else changes: what they cost is what the image's
+time grows by.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from benchmarks.bodies import (
     rod,
     tube,
     wall,
-)  # fmt: skip
+)
 from gpusim.errors import InputError, OutOfDeviceMemory
 from gpusim.gpu import Device
 from gpusim.optics.light import Light

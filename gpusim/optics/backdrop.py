@@ -52,7 +52,7 @@ def backdrops(
     if setup.lighting.shadows is not None and len(row):
         several = row - edges.start[own] >= SEVERAL
         row, own = row[several], own[several]
-        inverse = setup.view.inverse_depth()[triangle]
+        inverse = setup.view.inverse_depth(triangle)
         last = np.full(count, -1)
         last[own] = row
         front = np.flatnonzero(np.arange(len(area)) < last[pixel])

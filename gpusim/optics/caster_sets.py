@@ -44,6 +44,7 @@ class CasterSets:
         # (T,): the set for receivers on each triangle
         self._number = np.zeros(len(body), np.int64)
         self._number[free] = 1 + number
+        self._sheets: dict[LampGrid, Sheets] = {}
         self._faces = casters.seen_by(lamp, receivers.shown)
         self._views: list[tuple[LampView, float]] = []
         faces = np.moveaxis(casters.corners[self._faces.face], 2, 0)
@@ -103,7 +104,9 @@ class CasterSets:
             for grid in grids:
                 reach = grid.view.reach(own)
                 if grid.asked(reach) > MANY * len(grid.entry):
-                    sheets = Sheets(grid, self.casters)
+                    if grid not in self._sheets:
+                        self._sheets[grid] = Sheets(grid, self.casters)
+                    sheets = self._sheets[grid]
                     dark[rows] |= sheets.hides(reach)
                     own_lit &= sheets.shows(reach, self._face[triangle[rows]])
                 else:

@@ -225,7 +225,7 @@ def _resolve(setup: Setup, edges: EdgePixels, shares: SharesOf | None = None) ->
     cutting = None
     if pierced is not None:
         last = np.repeat(edges.start[1:], edges.depth)
-        depth = depth_planes(view.screen[triangle] - at[:, None], view.inverse_depth()[triangle])
+        depth = depth_planes(view.screen[triangle] - at[:, None], view.inverse_depth(triangle))
         cutting = Cutting(pierced, last, depth)
     polygon, sides_left = clip_square(planes)
     behind = backdrops(setup, edges, moments(polygon)[0], corners)
@@ -233,23 +233,25 @@ def _resolve(setup: Setup, edges: EdgePixels, shares: SharesOf | None = None) ->
     size, middle = moments(piece)
     solid = np.flatnonzero(size > 0.0)
     row, size, middle, piece = row[solid], size[solid], middle[solid], pick(piece, solid)
-    second = second_moments(piece)
-    if behind.any():
+    shadowed = setup.lighting.shadows is not None
+    walls = bool(behind.any())
+    second = second_moments(piece) if shadowed or walls else np.zeros((len(size), 3))
+    if walls:
         wall = np.flatnonzero(behind)
         number = np.full(count, -1)
         number[pixel[wall]] = np.arange(len(wall))
         left = left_open(number[pixel[row]], len(wall), size, middle, second)
-        seen = np.flatnonzero(left[0] > SLIVER)
-        wall = wall[seen]
+        open_ = np.flatnonzero(left[0] > SLIVER)
+        wall = wall[open_]
         row = np.concatenate([row, wall])
         size, middle, second = (
-            np.concatenate([own, more[seen]])
+            np.concatenate([own, more[open_]])
             for own, more in zip((size, middle, second), left, strict=True)
         )
         piece = np.concatenate([piece, pick(polygon, wall)])
     albedo, printed = _mean_albedo(setup, triangle[row], at[row], piece, middle)
     sides: Array | None = None
-    if setup.lighting.shadows is not None:
+    if shadowed:
         # each piece by itself: the middle of those round a corner may lie under what hides it
         sides = rectangles(size, middle, second)
     else:

@@ -228,8 +228,11 @@ class View:
             edge_source=self.edge_source[:0],
         )  # fmt: skip
 
-    def inverse_depth(self) -> Array:
-        """1 / z of every corner, (T, 3)."""
+    def inverse_depth(self, triangles: npt.NDArray[np.int64] | None = None) -> Array:
+        """1 / z of every corner, (T, 3), or of those of some ``triangles`` (n,), (n, 3)."""
+        if triangles is not None:
+            some: Array = 1.0 / self.table.position[self.corner[triangles], 2]
+            return some
         result: Array = np.take(1.0 / self.table.position[:, 2], self.corner)
         return result
 
