@@ -41,6 +41,9 @@ BESIDE = 0.5
 """Cosine between the normals of face and receiver, up to their signs, above which the receiver may
 be part of a sheet that goes on with the face. What stands on it or cuts it is steeper."""
 
+MOST_EDGES = 3
+"""Edges of a face that are looked at where it is known by all of its corners."""
+
 CHUNK = 1 << 9
 """Pairs of receivers and faces at a time, so that they stay in the processor's cache."""
 
@@ -179,11 +182,12 @@ def _covered(
     turned = np.cross(to[:, None], following - D) - near * planes
     # seen from beyond its plane, a face would seem to hide what lies behind the receiver
     spread = np.abs(np.sum(normal * across, axis=1)) + np.abs(np.sum(normal * down, axis=1))
-    crossed = both_sides & (np.abs(height) < spread)
+    passes = np.abs(height) < spread
+    crossed = both_sides & passes
     crossed &= np.abs(np.sum(normal * looks, axis=1)) > BESIDE * size
-    whole = np.where(crossed, 0.0, sign[:, 0])[:, None]
-    gx = whole * np.einsum("pka,pa->pk", turned, across)
-    gy = whole * np.einsum("pka,pa->pk", turned, down)
+    moves = np.where(crossed, 0.0, sign[:, 0])[:, None]
+    gx = moves * np.einsum("pka,pa->pk", turned, across)
+    gy = moves * np.einsum("pka,pa->pk", turned, down)
     if lamp.extended:
         a, b = sign * (planes @ lamp.u), sign * (planes @ lamp.v)
     else:
@@ -191,6 +195,17 @@ def _covered(
     asked = (edges[:, None] >> np.arange(4, dtype=np.uint8) & 1).astype(bool)
     value[~asked] = 1.0
     a, b, gx, gy = (np.where(asked, v, 0.0) for v in (a, b, gx, gy))
+    # seen edge-on, as its plane passes through the pixel, a face would seem to hide what lies on its
+    # other side from the samples beyond the plane: it can't where no corner is towards the lamp, or
+    # over the receiver's plane, as all of the lamp is
+    over = np.cross(across, down)
+    over *= np.sign(np.sum(over * looks, axis=1))[:, None]
+    whole = np.sum(over * to, axis=1) > np.abs(over @ lamp.u) + np.abs(over @ lamp.v)
+    level = np.where(whole, tolerance * np.linalg.norm(over, axis=1), -np.inf)
+    rises = np.einsum("pka,pa->pk", D, over) > level[:, None]
+    ahead = np.einsum("pka,pa->pk", D, to) > 0.0
+    hides = (np.any(ahead, axis=1) & np.any(rises, axis=1)) | (np.bitwise_count(edges) < MOST_EDGES)
+    counts &= ~passes | hides
     # a face beside all of the lamp and the pixel hides nothing
     most = value + np.abs(a) + np.abs(b) + 0.5 * (np.abs(gx) + np.abs(gy))
     counts &= (most[:, 0] >= 0.0) & (most[:, 1] >= 0.0) & (most[:, 2] >= 0.0) & (most[:, 3] >= 0.0)

@@ -51,7 +51,8 @@ struct Shades {
 }
 @group(0) @binding(60) var<uniform> shades: Shades;
 // edges of the faces that may hide a lamp from a tile, three texels each: where it begins relative to
-// the eye (w: 1 for the last one of a face, 2 more if the inside hides as well), where it goes, and
+// the eye (w: 1 for the last one of a face, 2 more if the inside hides as well), where it goes (w: 0 for
+// those of a face of which all are there, else 1), and
 // the face's plane: unit normal, offset from the eye; then those of outlines: both ends (w of the
 // first one: 1 for the last edge of an outline), and a plane beyond which it hides the lamp
 @group(0) @binding(61) var occluders: texture_storage_2d<rgba32float, read>;
@@ -182,11 +183,16 @@ fn lamp_share(list: vec4u, x: vec3f, n: vec3f, dx: vec3f, dy: vec3f) -> f32 {
     }
     // The tests of loops come last: software drivers pass over a loop's body until no lane is left,
     // so that a test at its beginning costs one pass more.
+    let up = cross(dx, dy);
+    let over = select(-up, up, dot(up, n) > 0.0);
+    let sides = lamp.u.w * abs(dot(over, lamp.u.xyz)) + abs(dot(over, lamp.v.xyz));
+    let slack = select(-1e30, tolerance * length(over), dot(over, to) > sides);
+    var ahead = vec2f(0.0);
     var i = list.x;
     loop {
         if (chained != 0u && i >= faces) { break; }
         let begin = textureLoad(occluders, texel(3u * i));
-        let way = textureLoad(occluders, texel(3u * i + 1u)).xyz;
+        let way = textureLoad(occluders, texel(3u * i + 1u));
         let plane = textureLoad(occluders, texel(3u * i + 2u));
         let d = begin.xyz - x;
         let both_sides = begin.w > 1.0;
@@ -199,22 +205,27 @@ fn lamp_share(list: vec4u, x: vec3f, n: vec3f, dx: vec3f, dy: vec3f) -> f32 {
         let reach = lamp.u.w * abs(dot(plane.xyz, lamp.u.xyz)) + abs(dot(plane.xyz, lamp.v.xyz));
         let counts = (above > tolerance || against) && apart + reach > 0.0;
         // seen from beyond its plane, a face would seem to hide what lies behind the receiver
-        let crossed = abs(height) < abs(dot(plane.xyz, dx)) + abs(dot(plane.xyz, dy));
+        let passes = abs(height) < abs(dot(plane.xyz, dx)) + abs(dot(plane.xyz, dy));
         let beside = abs(dot(plane.xyz, n)) > BESIDE;
-        let moves = select(1.0, 0.0, both_sides && crossed && beside);
+        let moves = select(1.0, 0.0, both_sides && passes && beside);
+        // seen edge-on, as its plane passes through the pixel, a face would seem to hide what lies on
+        // its other side from the samples beyond the plane: it can't where no corner is towards the lamp,
+        // or over the receiver's plane, as all of the lamp is
+        ahead = max(ahead, vec2f(dot(d, to), dot(d, over) - slack));
 
-        let edge = samples_of(lamp, to, side * cross(d, way), side * way, moves * dx, moves * dy);
+        let edge = samples_of(lamp, to, side * cross(d, way.xyz), side * way.xyz, moves * dx, moves * dy);
         inside0 &= edge.rows0;
         inside1 &= edge.rows1;
         inside2 &= edge.rows2;
         inside3 &= edge.rows3;
 
         let last = vec4u(0u - (u32(begin.w) & 1u));
-        let used = select(vec4u(0u), last, counts);
+        let used = select(vec4u(0u), last, counts && (!passes || way.w > 0.0 || min(ahead.x, ahead.y) > 0.0));
         covered0 |= used & inside0;
         covered1 |= used & inside1;
         covered2 |= used & inside2;
         covered3 |= used & inside3;
+        ahead = select(ahead, vec2f(0.0), last.x != 0u);
         inside0 |= last;
         inside1 |= last;
         inside2 |= last;
