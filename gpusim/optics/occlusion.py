@@ -205,7 +205,7 @@ def _covered(
     rises = np.einsum("pka,pa->pk", D, over) > level[:, None]
     ahead = np.einsum("pka,pa->pk", D, to) > 0.0
     hides = (np.any(ahead, axis=1) & np.any(rises, axis=1)) | (np.bitwise_count(edges) < MOST_EDGES)
-    counts &= ~passes | hides
+    counts &= ~passes | against | hides
     # a face beside all of the lamp and the pixel hides nothing
     most = value + np.abs(a) + np.abs(b) + 0.5 * (np.abs(gx) + np.abs(gy))
     counts &= (most[:, 0] >= 0.0) & (most[:, 1] >= 0.0) & (most[:, 2] >= 0.0) & (most[:, 3] >= 0.0)

@@ -220,7 +220,7 @@ fn lamp_share(list: vec4u, x: vec3f, n: vec3f, dx: vec3f, dy: vec3f) -> f32 {
         inside3 &= edge.rows3;
 
         let last = vec4u(0u - (u32(begin.w) & 1u));
-        let used = select(vec4u(0u), last, counts && (!passes || way.w > 0.0 || min(ahead.x, ahead.y) > 0.0));
+        let used = select(vec4u(0u), last, counts && (!passes || against || way.w > 0.0 || min(ahead.x, ahead.y) > 0.0));
         covered0 |= used & inside0;
         covered1 |= used & inside1;
         covered2 |= used & inside2;
