@@ -71,20 +71,26 @@ class CasterSets:
             self._sets[number] = found = faces, grids
         return found
 
-    def each(self, triangle: Numbers) -> Iterator[tuple[Numbers | None, CasterSet]]:
-        """Rows of receivers on triangles (n,), None for all, with what may hide the lamp there."""
-        if len(self._sets) == 1 or not len(triangle):
+    def number(self, triangle: Numbers, free: Flags | None = None) -> Numbers:
+        """(n,) which set there is for receivers on triangles (n,), of which all that are more than
+        one triangle, but those that are ``free`` (n,), may be hidden by their own."""
+        number = self._number[triangle]
+        return number if free is None else np.where(free, number, 0)
+
+    def each(self, number: Numbers) -> Iterator[tuple[Numbers | None, CasterSet]]:
+        """Rows of receivers of which each has such a set (n,), None for all, with what may hide the
+        lamp there."""
+        if len(self._sets) == 1 or not len(number):
             yield None, self._set(0)
             return
-        number = self._number[triangle]
         for own in np.flatnonzero(np.bincount(number, minlength=1)):
             rows = np.flatnonzero(number == own)
             yield (None if len(rows) == len(number) else rows), self._set(int(own))
 
-    def may_hide(self, points: Array, triangle: Numbers) -> Flags:
-        """(n,) whether something may lie between the lamp and points (4, 3, n) of triangles."""
+    def may_hide(self, points: Array, number: Numbers) -> Flags:
+        """(n,) whether something of such sets may lie between the lamp and points (k, 3, n)."""
         result = np.zeros(points.shape[2], bool)
-        for rows, (_, grids) in self.each(triangle):
+        for rows, (_, grids) in self.each(number):
             own = points if rows is None else np.take(points, rows, axis=2)
             found = np.zeros(own.shape[2], bool)
             for grid in grids:
@@ -92,11 +98,14 @@ class CasterSets:
             result[slice(None) if rows is None else rows] = found
         return result
 
-    def plain(self, points: Array, triangle: Numbers) -> tuple[Flags, Flags]:
-        """(n,) whether all of the lamp is hidden from all of the points (4, 3, n) of triangles, and
-        whether nothing of it; where many casters may be before them. Never wrong."""
+    def plain(
+        self, points: Array, number: Numbers, triangle: Numbers, single: Flags
+    ) -> tuple[Flags, Flags]:
+        """(n,) whether all of the lamp is hidden from all of the points (k, 3, n) of triangles by
+        such sets (n,), and whether nothing of it; where many casters may be before them. Never
+        wrong. ``single`` (n,): false for what is more than its triangle."""
         dark, lit = np.zeros((2, points.shape[2]), bool)
-        for rows, (_, grids) in self.each(triangle):
+        for rows, (_, grids) in self.each(number):
             if rows is None:
                 rows = np.arange(points.shape[2])
             own = np.take(points, rows, axis=2)
@@ -108,7 +117,7 @@ class CasterSets:
                         self._sheets[grid] = Sheets(grid, self.casters)
                     sheets = self._sheets[grid]
                     dark[rows] |= sheets.hides(reach)
-                    own_lit &= sheets.shows(reach, self._face[triangle[rows]])
+                    own_lit &= sheets.shows(reach, self._face[triangle[rows]], single[rows])
                 else:
                     own_lit &= np.isneginf(reach.s[0]) if grid.count else True
             lit[rows] = own_lit

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.optics.boxes import LARGE, Boxes
 from gpusim.optics.caster_sets import CasterSet, CasterSets
 from gpusim.optics.casters import Casters
 from gpusim.optics.corners import parts
@@ -15,6 +16,7 @@ from gpusim.optics.lamp_apart import apart
 from gpusim.optics.lamp_edges import EVERY_EDGE
 from gpusim.optics.lamp_grid import LampGrid
 from gpusim.optics.lamp_merging import FEWEST, joined_grids
+from gpusim.optics.patches import Small
 from gpusim.optics.ragged import expand
 from gpusim.optics.receiver_planes import lies_low, meets_middle, sides_of_planes
 from gpusim.optics.receivers import Receivers
@@ -82,11 +84,11 @@ class HalfShadow:
 
 
 def half_shadow(
-    receivers: Receivers, sets: CasterSets, within: Flags, among: Flags | None = None
+    receivers: Receivers, small: Small, sets: CasterSets, within: Flags, among: Flags | None = None
 ) -> HalfShadow:
-    """What casters hide of a lamp in the tiles of a picture that are ``within`` (rows, columns).
-    Where ``among`` (T,) is given only these receivers are looked at, and others taken to be
-    lit."""
+    """What casters hide of a lamp in the tiles of a picture that are ``within`` (rows, columns);
+    ``small``: of the receivers. Where ``among`` (T,) is given only these are looked at, and others
+    taken to be lit."""
     shape, everywhere = within.shape, bool(within.all())
     if sets.empty:
         return HalfShadow.none()
@@ -94,22 +96,18 @@ def half_shadow(
     facing = ~receivers.turned_away(sets.lamp)
     if among is not None:
         facing &= among
-    # a small triangle is the same receiver in each of its tiles
-    spots = receivers.spots
+    spots, owner = small.pairs, small.which
     own_tiles = np.zeros(shape, bool)
-    own_tiles[tuple(spots.tile[free[spots.triangle]].T[::-1])] = True
-    spots = spots[facing[spots.triangle] & receivers.seen(spots)]
-    if not everywhere:
-        spots = spots[meets(spots, within)]
-    some = np.zeros(len(facing), bool)
-    some[spots.triangle] = True
-    owner = (np.cumsum(some) - 1)[spots.triangle]
-    triangle = np.flatnonzero(some)
-    points = np.take(receivers.columns, triangle, axis=2)[[0, 1, 2, 2]]
-    maybe = sets.may_hide(points, triangle)
+    own_tiles[tuple(spots.tile[small.some(free)[owner]].T[::-1])] = True
+    some = small.some(facing)
+    kept = some[owner] if everywhere else some[owner] & meets(spots, within)
+    number = sets.number(small.triangle, small.every(free))
+    spots, owner, rows = _used(spots[kept], owner[kept])
+    boxes, triangle, number = small.boxes[rows], small.triangle[rows], number[rows]
+    maybe = sets.may_hide(boxes.points, number)
     whole = spots[~maybe[owner]]
-    spots, owner = spots[maybe[owner]], (np.cumsum(maybe) - 1)[owner[maybe[owner]]]
-    boxes, triangle = [np.compress(maybe, points, axis=2)], triangle[maybe]
+    spots, owner, rows = _used(spots[maybe[owner]], owner[maybe[owner]])
+    boxes, triangle, number = boxes[rows], triangle[rows], number[rows]
     pairs = receivers.pairs(np.flatnonzero(facing & receivers.large), LEVELS[0])
     own_tiles |= spread_over(pairs[free[pairs.triangle]], shape)
     cleared: list[Pairs] = []  # receivers that nothing is before
@@ -122,22 +120,19 @@ def half_shadow(
         if size == TILE:
             seen = receivers.seen(pairs, points)
             pairs, points = pairs[seen], np.compress(seen, points, axis=2)
-        maybe = sets.may_hide(points, pairs.triangle)
+        maybe = sets.may_hide(points, sets.number(pairs.triangle))
         cleared.append(pairs[~maybe])
         pairs, points = pairs[maybe], np.compress(maybe, points, axis=2)
-    which = np.concatenate([owner, boxes[0].shape[2] + np.arange(points.shape[2])])
-    boxes.append(points)
-    # only small triangles are told from the faces beside them: there are few beside large ones
-    body = np.full(len(triangle) + len(pairs.triangle), -1)
-    body[: len(triangle)] = receivers.view.body[triangle]
+    which = np.concatenate([owner, boxes.count + np.arange(points.shape[2])])
+    boxes = boxes.joined(Boxes.of(points))
     triangle = np.concatenate([triangle, pairs.triangle])
+    number = np.concatenate([number, sets.number(pairs.triangle)])
     pairs = spots.joined(pairs)
-    everything = np.concatenate(boxes, axis=2)
     tile = pairs.tile[:, 1] * shape[1] + pairs.tile[:, 0]
     asked = np.zeros(shape, bool)
     asked.reshape(-1)[tile] = True
     clear = counted(whole, shape, _clear(receivers, cleared, asked))
-    hidden, free = sets.plain(everything, triangle)
+    hidden, free = sets.plain(boxes.points, number, triangle, boxes.single)
     clear = counted(pairs[free[which]], shape, clear)
     deep = np.zeros(shape[0] * shape[1], bool)
     if among is None:
@@ -146,15 +141,11 @@ def half_shadow(
         deep &= clear.reshape(-1) == 0
         deep[tile[~hidden[which]]] = False
     left = np.flatnonzero(~(deep[tile] | free[which]))
-    pairs, tile, which = pairs[left], tile[left], which[left]
-    some = np.zeros(len(triangle), bool)
-    some[which] = True
-    which = (np.cumsum(some) - 1)[which]
-    everything = np.compress(some, everything, axis=2)
-    triangle, body = triangle[some], body[some]
-    beside = _Beside(len(triangle), tile, which, own_tiles.reshape(-1))
+    tile = tile[left]
+    pairs, which, rows = _used(pairs[left], which[left])
+    beside = _Beside(len(rows), tile, which, own_tiles.reshape(-1))
     state, owner, face, edges, levels = _found_by(
-        sets, casters, everything, triangle, body, beside, receivers.view.camera.eye
+        sets, casters, boxes[rows], number[rows], beside, receivers.view.camera.eye
     )
     order = np.argsort(owner, kind="stable")
     start = np.searchsorted(owner[order], np.arange(len(state) + 1))
@@ -189,6 +180,13 @@ def half_shadow(
         np.flatnonzero(dark), place, (np.cumsum(shown) - 1)[face], bits.astype(np.uint8),
         corners[shown], both_sides[shown],
     )  # fmt: skip
+
+
+def _used(pairs: Pairs, which: Numbers) -> tuple[Pairs, Numbers, Numbers]:
+    """Pairs, which of the receivers that are left each is of (n,), and the numbers of these."""
+    used = np.zeros(int(which.max(initial=-1)) + 1, bool)
+    used[which] = True
+    return pairs, (np.cumsum(used) - 1)[which], np.flatnonzero(used)
 
 
 def _clear(receivers: Receivers, cleared: list[Pairs], asked: Flags) -> Numbers:
@@ -245,24 +243,23 @@ class _Beside:
 def _found_by(
     sets: CasterSets,
     casters: Casters,
-    points: Array,
-    triangle: Numbers,
-    body: Numbers,
+    boxes: Boxes,
+    number: Numbers,
     beside: _Beside,
     eye: Array,
 ) -> tuple[States, Numbers, Numbers, Bits, list[Level]]:
-    """As `_found`, of receivers on triangles (n,), each by what may hide the lamp there; and the
-    levels, as faces are numbered in them."""
-    state = np.full(len(triangle), LIT, np.int8)
+    """As `_found`, of receivers each with the set of such a number (n,); and the levels, as faces
+    are numbered in them."""
+    state = np.full(len(number), LIT, np.int8)
     levels: list[Level] = []
     found: list[tuple[Numbers, Numbers, Bits]] = []
-    for rows, own in sets.each(triangle):
-        some, bodies, own_rows = points, body, np.arange(len(triangle))
+    for rows, own in sets.each(number):
+        some, own_rows = boxes, np.arange(len(number))
         if rows is not None:
-            some, bodies, own_rows = np.take(points, rows, axis=2), body[rows], rows
+            some, own_rows = boxes[rows], rows
         before = sum(len(used.corners) for used, _ in levels)
-        own_levels = _levels(own, casters, some)
-        own_state, box, face, edges = _found(own_levels, some, bodies, beside, own_rows, eye)
+        own_levels = _levels(own, casters, some.points)
+        own_state, box, face, edges = _found(own_levels, some, beside, own_rows, eye)
         state[slice(None) if rows is None else rows] = own_state
         found.append((box if rows is None else rows[box], before + face, edges))
         levels += reversed(own_levels)
@@ -271,19 +268,18 @@ def _found_by(
 
 
 def _found(
-    levels: list[Level], points: Array, body: Numbers, beside: _Beside, rows: Numbers, eye: Array
+    levels: list[Level], receivers: Boxes, beside: _Beside, rows: Numbers, eye: Array
 ) -> tuple[States, Numbers, Numbers, Bits]:
-    """State of each receiver box (4, 3, n) of surfaces ``body`` (n,), -1 for large ones, that are
-    ``rows`` (n,) of those ``beside`` each other; pairs (box, face) of those not lit with the edges
-    that count; each by the most joined casters that none of is too near to it, or to one beside it,
-    numbered from the last level to the first."""
-    state = np.full(points.shape[2], LIT, np.int8)
+    """State of each of the ``receivers``, ``rows`` (n,) of those ``beside`` each other; pairs (box,
+    face) of those not lit with the edges that count; each by the most joined casters that none of
+    is too near to it, or to one beside it, numbered from the last level to the first."""
+    state = np.full(receivers.count, LIT, np.int8)
     boxes, faces = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
     edges = [np.zeros(0, np.uint8)]
     left, before = np.arange(len(state)), 0
     for casters, grids in reversed(levels):
-        own = points if len(left) == len(state) else np.take(points, left, axis=2)
-        state[left], box, face, bits, near = _candidates(grids, casters, own, body[left], eye)
+        own = receivers if len(left) == len(state) else receivers[left]
+        state[left], box, face, bits, near = _candidates(grids, casters, own, eye)
         if casters is not levels[0][0]:
             near = beside.too_near(rows[left], near)
             kept = np.flatnonzero(~near[box])
@@ -299,11 +295,13 @@ def _found(
 
 
 def _candidates(
-    grids: list[LampGrid], casters: Casters, points: Array, body: Numbers, eye: Array
+    grids: list[LampGrid], casters: Casters, boxes: Boxes, eye: Array
 ) -> tuple[States, Numbers, Numbers, Bits, npt.NDArray[np.bool_]]:
     """As `_found`, of one level; and whether a box is too near to a joined face, which has no
     pairs then."""
-    count = points.shape[2]
+    count, points = boxes.count, boxes.points
+    # edges of patches don't part them from anything
+    body = np.where(boxes.single, boxes.body, LARGE)
     state = np.full(count, LIT, np.int8)
     near = np.zeros(count, bool)
     pairs, faces = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
@@ -330,7 +328,7 @@ def _candidates(
         drop = (ahead & (side == 1)) | (behind & ~against & ((side == -1) | closed))
         kept = np.flatnonzero(~drop)
         box, face, caster, against = box[kept], face[kept], caster[kept], against[kept]
-        low = lies_low(grid.view.lamp, casters, face, points, box, body, eye)
+        low = lies_low(grid.view.lamp, casters, face, boxes, box, eye)
         kept = np.flatnonzero(against | ~low)
         box, face, caster, against = box[kept], face[kept], caster[kept], against[kept]
         inside, past = np.empty(len(box), bool), np.empty(len(box), bool)
@@ -340,8 +338,7 @@ def _candidates(
         if grid.view.lamp.extended:
             # far above, hardly any lies beside the receiver as all of the lamp sees it
             rise = grid.reach.s[0][caster] - reach.s[1][box]
-            with np.errstate(invalid="ignore"):  # all of a receiver behind the lamp
-                beside &= rise <= BESIDE * (reach.s[1] - reach.s[0])[box]
+            beside &= rise <= BESIDE * (reach.s[1] - reach.s[0])[box]
         same = np.flatnonzero(beside)
         if len(same):
             places = grid.view.place(*np.moveaxis(points, 1, 0))

@@ -15,6 +15,7 @@ from gpusim.optics.half_shadow import HalfShadow, half_shadow
 from gpusim.optics.lamp_layer import Alone
 from gpusim.optics.lamp_outline import Outline
 from gpusim.optics.outline_shadow import outline_shadow
+from gpusim.optics.patches import Small
 from gpusim.optics.receivers import Receivers
 
 __all__ = ["CastersOf", "LampShadow", "lamp_shadow"]
@@ -43,13 +44,13 @@ class LampShadow:
 
 
 def lamp_shadow(
-    receivers: Receivers, lamp: Lamp, casters: CastersOf, alone: Sequence[Alone],
+    receivers: Receivers, small: Small, lamp: Lamp, casters: CastersOf, alone: Sequence[Alone],
     shape: tuple[int, int],
 ) -> LampShadow:  # fmt: skip
-    """What is hidden of a ``lamp`` in a picture of ``shape`` (rows, columns) tiles; surfaces
-    ``alone`` hide nothing of themselves."""
+    """What is hidden of a ``lamp`` in a picture of ``shape`` (rows, columns) tiles; ``small``: of
+    the receivers; surfaces ``alone`` hide nothing of themselves."""
     facing = ~receivers.turned_away(lamp) if alone else np.zeros(receivers.view.count, bool)
-    found = [outline_shadow(receivers, Outline(one), facing, shape) for one in alone]
+    found = [outline_shadow(receivers, small, Outline(one), facing, shape) for one in alone]
     unsure = np.zeros(shape, bool)
     for one in found:
         unsure.reshape(-1)[one.unsure] = True
@@ -57,16 +58,16 @@ def lamp_shadow(
     free = own & ~doubt
     bodies = frozenset(one.surface for one in alone)
     others = CasterSets(receivers, lamp, casters(bodies), np.zeros_like(free))
-    parts = [half_shadow(receivers, others, ~unsure)]
+    parts = [half_shadow(receivers, small, others, ~unsure)]
     doubt &= facing
     beside = doubt.any() and not unsure.all()
     if unsure.any() or beside:
         every = CasterSets(receivers, lamp, casters(frozenset()), free)
     if unsure.any():
-        parts.append(half_shadow(receivers, every, unsure))
+        parts.append(half_shadow(receivers, small, every, unsure))
     if beside:
         # others there are what outlines tell about
-        parts.append(half_shadow(receivers, every, ~unsure, doubt))
+        parts.append(half_shadow(receivers, small, every, ~unsure, doubt))
     none = np.zeros(0, np.int64)
     dark, flat = np.zeros(shape[0] * shape[1], bool), unsure.reshape(-1)
     for one in found:

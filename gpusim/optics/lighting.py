@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
+from threading import Lock
 
 import numpy as np
 import numpy.typing as npt
@@ -53,11 +54,19 @@ def find_shadows(
     allowed = cache(lambda: flatness(view, lamps))
 
     @cache
-    def casters(without: frozenset[int]) -> Casters:
+    def found_casters(without: frozenset[int]) -> Casters:
         return parted(Casters.of(surfaces, lambda points: allowed()(points), without), lamps)
 
+    one = Lock()
+
+    def casters(without: frozenset[int]) -> Casters:
+        # lamps that are looked at side by side have the same ones
+        with one:
+            return found_casters(without)
+
     alone = surfaces_alone(lamps, surfaces, view.camera.eye)
-    found = ShadowTiles.build(view, lamps, casters, alone)
+    closed = np.array([surface.topology.closed for surface in surfaces])
+    found = ShadowTiles.build(view, lamps, casters, alone, closed)
     return found if found.any else None
 
 

@@ -195,9 +195,9 @@ def _covered(
     asked = (edges[:, None] >> np.arange(4, dtype=np.uint8) & 1).astype(bool)
     value[~asked] = 1.0
     a, b, gx, gy = (np.where(asked, v, 0.0) for v in (a, b, gx, gy))
-    # seen edge-on, as its plane passes through the pixel, a face would seem to hide what lies on its
-    # other side from the samples beyond the plane: it can't where no corner is towards the lamp, or
-    # over the receiver's plane, as all of the lamp is
+    # seen edge-on, as its plane passes through the pixel, a face would seem to hide what lies on
+    # its other side from the samples beyond the plane: it can't where no corner is towards the
+    # lamp, or over the receiver's plane, as all of the lamp is
     over = np.cross(across, down)
     over *= np.sign(np.sum(over * looks, axis=1))[:, None]
     whole = np.sum(over * to, axis=1) > np.abs(over @ lamp.u) + np.abs(over @ lamp.v)

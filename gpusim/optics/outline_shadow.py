@@ -20,8 +20,9 @@ import numpy.typing as npt
 from gpusim.optics.lamp_chain import Chain
 from gpusim.optics.lamp_outline import BEFORE, BEYOND, CLEAR, UNSURE, Outline
 from gpusim.optics.lamp_view import Reach
+from gpusim.optics.patches import Small
 from gpusim.optics.receivers import Receivers
-from gpusim.optics.tile_pairs import TILE, Pairs
+from gpusim.optics.tile_pairs import TILE, Pairs, meets
 
 __all__ = ["OutlineShadow", "outline_shadow"]
 
@@ -70,15 +71,19 @@ class OutlineShadow:
 
 
 def outline_shadow(
-    receivers: Receivers, outline: Outline, facing: Flags, shape: tuple[int, int]
+    receivers: Receivers, small: Small, outline: Outline, facing: Flags, shape: tuple[int, int]
 ) -> OutlineShadow:
     """What an ``outline`` hides of its lamp from receivers that are ``facing`` (T,) it, in a
-    picture of ``shape`` (rows, columns) tiles."""
-    mask = _met(receivers, outline, facing, shape)
+    picture of ``shape`` (rows, columns) tiles; ``small``: of the receivers."""
+    mask = _met(receivers, small, outline, facing, shape)
     if not mask.any():
         return OutlineShadow.none()
-    pairs = receivers.in_tiles(mask.reshape(shape), facing)
-    reach = outline.view.reach(receivers.points(pairs))
+    mask = mask.reshape(shape)
+    spots = np.flatnonzero(small.some(facing)[small.which] & meets(small.pairs, mask))
+    large = receivers.in_tiles(mask, facing)
+    reach = outline.view.reach(small.boxes.points)[small.which[spots]]
+    reach = reach.joined(outline.view.reach(receivers.points(large)))
+    pairs = small.pairs[spots].joined(large)
     number = pairs.tile[:, 1] * shape[1] + pairs.tile[:, 0]
     state = np.full(len(number), BEFORE, np.int8)
     others = np.flatnonzero(receivers.view.body[pairs.triangle] != outline.surface)
@@ -125,17 +130,18 @@ def _wider(low: Array, high: Array) -> Array:
     return np.stack([low - more, high + more])
 
 
-def _met(receivers: Receivers, outline: Outline, facing: Flags, shape: tuple[int, int]) -> Flags:
+def _met(
+    receivers: Receivers, small: Small, outline: Outline, facing: Flags, shape: tuple[int, int]
+) -> Flags:
     """(tiles,) in which something may be hidden by the outline."""
     view, result = receivers.view, np.zeros(shape[0] * shape[1], bool)
     own = facing & (view.body != outline.surface)
-    spots = receivers.spots
-    spots = spots[own[spots.triangle] & receivers.seen(spots)]
-    if len(spots.triangle):
-        triangle, which = np.unique(spots.triangle, return_inverse=True)
-        points = np.take(receivers.columns, triangle, axis=2)
-        spots = spots[(outline.states(outline.view.reach(points)) >= BEYOND)[which]]
-        result[spots.tile[:, 1] * shape[1] + spots.tile[:, 0]] = True
+    some = np.flatnonzero(small.some(own))
+    hidden = np.zeros(len(small.triangle), bool)
+    reach = outline.view.reach(np.take(small.boxes.points, some, axis=2))
+    hidden[some] = outline.states(reach) >= BEYOND
+    tile = small.pairs.tile[hidden[small.which]]
+    result[tile[:, 1] * shape[1] + tile[:, 0]] = True
 
     def met(pairs: Pairs) -> Flags:
         points = receivers.points(pairs)

@@ -16,7 +16,7 @@ from gpusim.optics.tile_fronts import MARGIN, Sides, fronts, sides_of
 from gpusim.optics.tile_pairs import LEVELS, NONE, TILE, Pairs, counted, meets
 from gpusim.optics.view import View
 
-__all__ = ["Receivers"]
+__all__ = ["Receivers", "box_size"]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
@@ -176,13 +176,10 @@ class Receivers:
         return pairs
 
     def in_tiles(self, mask: npt.NDArray[np.bool_], own: npt.NDArray[np.bool_]) -> Pairs:
-        """Those of the triangles ``own`` (T,) in the smallest tiles of a ``mask`` (rows, columns)
-        where something of them may be seen."""
-        spots = self.spots[own[self.spots.triangle]]
-        spots = spots[meets(spots, mask)]
+        """Those of the large triangles ``own`` (T,) in the smallest tiles of a ``mask`` (rows,
+        columns) where something of them may be seen."""
         pairs = self.narrowed(np.flatnonzero(own & self.large), lambda pairs: meets(pairs, mask))
-        both = spots.joined(pairs)
-        return both[self.seen(both)]
+        return pairs[self.seen(pairs)]
 
     def points(self, pairs: Pairs) -> Array:
         """(4, 3, n) world points around what lies in each tile: of the tile or the triangle.
@@ -208,15 +205,21 @@ class Receivers:
             for axis, (a, b, c) in enumerate(self.rays):
                 places[k, axis] = (a * u + b * v + c) * depth + eye[axis]
         # a plane seen edge-on goes from far before a small triangle to far behind it
-        smaller = _size(places) <= _size(np.take(result, large, axis=2))
+        smaller = box_size(places) <= box_size(np.take(result, large, axis=2))
         if not smaller.all():
             large, places = large[smaller], np.compress(smaller, places, axis=2)
         result[:, :, large] = places
         return result
 
     def _inverse(self, pairs: Pairs) -> tuple[list[tuple[Array, ...]], list[Array]]:
-        """Corners of tiles, x and y (n,) of each on the undistorted picture, and 1 / depth (n,) on
-        the planes of their large triangles there."""
+        """Corners of tiles, as `corners` has them, and 1 / depth (n,) on the planes of their large
+        triangles there."""
+        at = self.corners(pairs)
+        px, py, p1 = np.take(self._planes, self._number[pairs.triangle], axis=1)
+        return at, [px * u + py * v + p1 for u, v in at]
+
+    def corners(self, pairs: Pairs) -> list[tuple[Array, ...]]:
+        """The corners of tiles: x and y (n,) of each on the undistorted picture."""
         x, y = (pairs.tile[:, axis] * float(pairs.size) - 0.5 for axis in range(2))
         far = pairs.size + MARGIN
         corner = ((-MARGIN, -MARGIN), (far, -MARGIN), (far, far), (-MARGIN, far))
@@ -224,8 +227,11 @@ class Receivers:
         bends = distortion_map(self.view.camera)
         if bends is not None:
             at = [tuple(bends.ideal(np.stack(place, axis=1))[0].T) for place in at]
-        px, py, p1 = np.take(self._planes, self._number[pairs.triangle], axis=1)
-        return at, [px * u + py * v + p1 for u, v in at]
+        return at
+
+    def directions(self, u: Array, v: Array) -> Array:
+        """(3, n) in the world, of depth 1: towards places on the undistorted picture."""
+        return np.stack([a * u + b * v + c for a, b, c in self.rays])
 
     def turned_away(self, lamp: Lamp) -> npt.NDArray[np.bool_]:
         """(T,) whether no corner of a triangle faces any part of the lamp; found once."""
@@ -263,8 +269,8 @@ class Receivers:
         return np.take(self.world, np.flatnonzero(used), axis=1)
 
 
-def _size(points: Array) -> Array:
-    """(n,): sum of the sides of boxes round points (4, 3, n)."""
+def box_size(points: Array) -> Array:
+    """(n,): sum of the sides of boxes round points (k, 3, n)."""
     sides = reduce(np.maximum, points) - reduce(np.minimum, points)
     result: Array = sides[0] + sides[1] + sides[2]
     return result

@@ -24,6 +24,7 @@ from gpusim.optics.lamp_layer import Alone
 from gpusim.optics.lamp_pairs import LampPairs
 from gpusim.optics.lamp_shadow import CastersOf, LampShadow, lamp_shadow
 from gpusim.optics.occlusion import TOLERANCE, Chained, visible_share
+from gpusim.optics.patches import Small
 from gpusim.optics.ragged import expand
 from gpusim.optics.receivers import Receivers
 from gpusim.optics.tile_pairs import TILE
@@ -150,9 +151,11 @@ class ShadowTiles:
         lamps: list[Lamp],
         casters: CastersOf,
         alone: Sequence[Sequence[Alone]],
+        closed: npt.NDArray[np.bool_],
     ) -> ShadowTiles:
         """Classify every tile of ``view`` for every lamp that casts shadows; ``alone``: for each
-        lamp the surfaces that hide nothing of themselves, which ``casters`` leave out on demand."""
+        lamp the surfaces that hide nothing of themselves, which ``casters`` leave out on demand;
+        ``closed``: which of all surfaces are."""
         if len(lamps) > MOST_LAMPS:
             raise InputError(
                 f"render lights; got {len(lamps)} lamps; expected at most {MOST_LAMPS}"
@@ -160,10 +163,11 @@ class ShadowTiles:
         shape = (-(-view.camera.height // TILE), -(-view.camera.width // TILE))
         lit = np.full(shape, ALL, np.uint32)
         receivers = Receivers(view)
+        small = Small.of(receivers, closed)
         used = [number for number, lamp in enumerate(lamps) if lamp.light.shadows and view.count]
 
         def found(number: int) -> LampShadow:
-            return lamp_shadow(receivers, lamps[number], casters, alone[number], shape)
+            return lamp_shadow(receivers, small, lamps[number], casters, alone[number], shape)
 
         with Aside(view.count, len(used)) as aside:
             shadows = list(aside.map(found, used))
