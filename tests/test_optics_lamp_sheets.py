@@ -53,7 +53,7 @@ def told(light: Light, monkeypatch: pytest.MonkeyPatch) -> tuple[Lamp, Array, Fl
     sets = CasterSets(receivers, lamp, casters, np.zeros(receivers.view.count, bool))
     rows = np.flatnonzero(~receivers.turned_away(lamp))
     points = np.take(receivers.columns, rows, axis=2)[[0, 1, 2, 2]]
-    dark, lit = sets.plain(points, rows, np.ones(len(rows), bool))
+    dark, lit = sets.plain(points, sets.number(rows), rows, np.ones(len(rows), bool))
     return lamp, points, dark, lit, triangles_of(surfaces)
 
 
@@ -82,7 +82,7 @@ def test_more_than_a_triangle_is_never_said_to_be_lit(monkeypatch: pytest.Monkey
     sets = CasterSets(receivers, lamp, casters, np.zeros(receivers.view.count, bool))
     rows = np.flatnonzero(~receivers.turned_away(lamp))
     points = np.take(receivers.columns, rows, axis=2)[[0, 1, 2, 2]]
-    _, lit = sets.plain(points, rows, np.zeros(len(rows), bool))
+    _, lit = sets.plain(points, sets.number(rows), rows, np.zeros(len(rows), bool))
     assert not lit.any()
 
 

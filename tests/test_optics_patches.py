@@ -12,7 +12,7 @@ import gpusim as gs
 from gpusim.gpu import Device
 from gpusim.optics import half_shadow, patches
 from gpusim.optics.light import Light
-from gpusim.optics.patches import Patches
+from gpusim.optics.patches import Small
 from gpusim.optics.receivers import Receivers
 from gpusim.optics.tile_pairs import TILE
 from gpusim.optics.view import look
@@ -21,6 +21,7 @@ Array = npt.NDArray[np.float64]
 
 CAMERA = gs.Camera.from_lens((36.0, 24.0), 40.0, (247, 163), (0.1, -1.0, 0.3), (0.0, 0.0, 0.0))
 BENT = replace(CAMERA, distortion=np.array([-0.12, 0.05, 1e-3, -2e-3]))
+CLOSED = np.array([True])
 LIGHTS: list[Light] = [
     gs.AreaLight((-0.8, -0.9, -0.5), (0.0, 0.0, 0.0), (0.3, 0.2), 50.0),
     gs.PointLight((-0.8, -0.9, -0.5), 50.0),
@@ -60,32 +61,56 @@ def test_patches_hold_what_lies_in_their_tiles(
     monkeypatch.setattr(patches, "WORTH", 1.0)
     view = look([angle()], camera, lit=True)
     receivers = Receivers(view)
-    spots = receivers.spots
-    found = patches.patches(receivers, spots, np.zeros(view.count, np.int64))
-    assert found is not None and found.taken.all()
+    spots = receivers.spots[receivers.seen(receivers.spots)]
+    small = Small.of(receivers, CLOSED)
     # many fewer, in as many tiles
-    assert len(found.pairs.triangle) < 0.6 * len(spots.triangle)
-    assert {*map(tuple, found.pairs.tile)} == {*map(tuple, spots.tile)}
-    # each point of a triangle that is seen in a tile lies in one of the tile's boxes
+    assert len(small.triangle) < 0.6 * len(spots.triangle)
+    assert {*map(tuple, small.pairs.tile)} == {*map(tuple, spots.tile)}
+    assert sorted(small.members) == sorted(spots.triangle)
+    # each point of a triangle that is seen in a tile lies in one of the tile's patches
     random = np.random.default_rng(2)
-    middle, size = _boxes(found)
+    low, high = small.boxes.points.min(axis=0).T, small.boxes.points.max(axis=0).T
+    middle, size = 0.5 * (low + high), 0.5 * (high - low)
+    count = np.diff(small.begin, append=len(small.members))
+    box = np.repeat(np.arange(len(small.begin)), count)
     checked = 0
     for k in random.choice(len(spots.triangle), 400, replace=False):
         corners = receivers.columns[:, :, spots.triangle[k]]
         at = random.dirichlet((1.0, 1.0, 1.0), 20) @ corners
         pixel = camera.project(at)
         inside = (np.floor((pixel + 0.5) / TILE) == spots.tile[k]).all(axis=1)
-        own = np.flatnonzero((found.pairs.tile == spots.tile[k]).all(axis=1))
-        away = np.abs(at[inside][:, None] - middle[own]) - size[own]
-        assert (away.max(axis=2).min(axis=1) <= 1e-9).all()
+        own = box[small.members == spots.triangle[k]]
+        own = own[(small.pairs.tile[own] == spots.tile[k]).all(axis=1)]
+        assert len(own) == 1
+        assert (np.abs(at[inside] - middle[own]) <= size[own] + 1e-9).all()
         checked += int(inside.sum())
     assert checked > 1000
 
 
-def _boxes(found: Patches) -> tuple[Array, Array]:
-    """Middle and half the size (P, 3) of boxes around patches."""
-    low, high = found.boxes.points.min(axis=0).T, found.boxes.points.max(axis=0).T
-    return 0.5 * (low + high), 0.5 * (high - low)
+@pytest.mark.parametrize("leaning", [False, True], ids=["slabs", "all"])
+def test_patches_lie_above_their_plane(monkeypatch: pytest.MonkeyPatch, leaning: bool) -> None:
+    """What `receiver_planes.lies_low` takes for granted of the first three points and lean."""
+    monkeypatch.setattr(patches, "FEWEST", 1000)
+    monkeypatch.setattr(patches, "WORTH", 1.0)
+    receivers = Receivers(look([angle()], CAMERA, lit=True))
+    small = Small.of(receivers, CLOSED)
+    boxes = small.boxes
+    slabs = np.flatnonzero(boxes.lean < patches.ANY)
+    assert 0.5 * boxes.count < len(slabs)
+    some = np.arange(boxes.count) if leaning else slabs
+    first, *others = boxes.points[:3].transpose(0, 2, 1)
+    normal = np.cross(others[0] - first, others[1] - first)
+    normal /= np.linalg.norm(normal, axis=1)[:, None]
+    side = np.sign(np.sum(normal * (boxes.points[-1].T - first), axis=1))
+    normal *= side[:, None]
+    box = np.repeat(np.arange(boxes.count), np.diff(small.begin, append=len(small.members)))
+    corners = receivers.columns[:, :, small.members].transpose(2, 0, 1)
+    height = np.einsum("mka,ma->mk", corners - first[box][:, None], normal[box]).min(axis=1)
+    assert (height[np.isin(box, some)] >= -1e-12).all()
+    turned = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    turned /= np.linalg.norm(turned, axis=1)[:, None]
+    away = np.minimum(*(np.linalg.norm(turned - end * normal[box], axis=1) for end in (-1, 1)))
+    assert (away <= boxes.lean[box] + 1e-6).all()
 
 
 @pytest.mark.parametrize("light", LIGHTS, ids=["area", "point"])
@@ -109,7 +134,7 @@ def test_pictures_are_those_of_single_triangles(
 
     together, first = picture(), sum(asked)
     asked.clear()
-    monkeypatch.setattr(half_shadow, "patches", lambda *args: None)
+    monkeypatch.setattr(patches, "FEWEST", 10**9)
     alone = picture()
     assert first < 0.7 * sum(asked)
     away = np.abs(together - alone) / alone.max()
@@ -123,7 +148,26 @@ def test_pictures_are_those_of_single_triangles(
 def test_open_sheets_and_few_triangles_stay(monkeypatch: pytest.MonkeyPatch) -> None:
     view = look([angle()], CAMERA, lit=True)
     receivers = Receivers(view)
-    none = np.full(view.count, -1)
-    assert patches.patches(receivers, receivers.spots, none) is None
-    monkeypatch.setattr(patches, "FEWEST", len(receivers.spots.triangle) + 1)
-    assert patches.patches(receivers, receivers.spots, none + 1) is None
+    monkeypatch.setattr(patches, "WORTH", 1.0)
+    monkeypatch.setattr(patches, "FEWEST", 1000)
+    seen = receivers.spots[receivers.seen(receivers.spots)]
+    for few, closed in ((1000, ~CLOSED), (len(seen.triangle) + 1, CLOSED)):
+        monkeypatch.setattr(patches, "FEWEST", few)
+        small = Small.of(receivers, closed)
+        assert small.boxes.single.all()
+        np.testing.assert_array_equal(small.triangle, np.unique(seen.triangle))
+        np.testing.assert_array_equal(small.triangle[small.which], seen.triangle)
+
+
+def test_flags_of_patches_are_those_of_triangles(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(patches, "WORTH", 1.0)
+    monkeypatch.setattr(patches, "FEWEST", 1000)
+    view = look([angle(), wall()], CAMERA, lit=True)
+    small = Small.of(Receivers(view), np.array([True, False]))
+    flags = np.random.default_rng(3).random(view.count) < 0.7
+    parts = np.split(flags[small.members], small.begin[1:])
+    np.testing.assert_array_equal(small.some(flags), [part.any() for part in parts])
+    np.testing.assert_array_equal(small.every(flags), [part.all() for part in parts])
+    none = np.zeros(0, bool)
+    empty = Small.of(Receivers(view.some(np.zeros(0, np.int64))), CLOSED)
+    assert empty.some(none).shape == empty.every(none).shape == (0,)

@@ -9,14 +9,13 @@ keep their triangles: those beside a receiver are told from casters by its own p
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import product
 
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.optics.boxes import Boxes
 from gpusim.optics.corners import products
-from gpusim.optics.receivers import Receivers, box_size
+from gpusim.optics.receivers import Receivers
 from gpusim.optics.tile_pairs import Pairs
 
 __all__ = ["Small"]
@@ -29,7 +28,10 @@ FEWEST, WORTH = 5000, 4.0
 """Small triangles, and how many of them a patch has to have in the mean."""
 
 SLACK = 1e-9
-"""Of its size, by which a patch is larger."""
+"""Of its distances, by which a patch is larger."""
+
+ANY = 2.0
+"""How far unit vectors lean from each other at most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,83 +93,91 @@ def _single(receivers: Receivers, spots: Pairs) -> Small:
 
 def _patches(receivers: Receivers, spots: Pairs) -> Small | None:
     """Patches of small triangles, from pairs of these and tiles; None where each has too few."""
-    triangle, tile = spots.triangle, spots.tile
-    corners = np.take(receivers.columns, triangle, axis=2)
-    first, second = corners[1] - corners[0], corners[2] - corners[0]
-    normal = np.stack([
-        first[1] * second[2] - first[2] * second[1],
-        first[2] * second[0] - first[0] * second[2],
-        first[0] * second[1] - first[1] * second[0],
-    ])  # fmt: skip
+    normal = _normals(receivers.columns)
     axis = np.abs(normal).argmax(axis=0)
     way = 2 * axis + (np.take_along_axis(normal, axis[None], axis=0)[0] > 0.0)
-    body = receivers.view.body[triangle]
-    key = tile[:, 1]
-    for more, limit in ((tile[:, 0], None), (body, None), (way, 6)):
+    triangle, key = spots.triangle, spots.tile[:, 1]
+    body = receivers.view.body
+    for more, limit in (
+        (spots.tile[:, 0], None), (body[triangle], int(body[-1]) + 1), (way[triangle], 6)
+    ):  # fmt: skip
         key = key * (limit or int(more.max()) + 1) + more
     order = np.argsort(key, kind="stable")
     begin = np.flatnonzero(np.diff(key[order], prepend=-1))
     if len(triangle) < WORTH * len(begin):
         return None
-    corners, normal = np.take(corners, order, axis=2), np.take(normal, order, axis=1)
-    frame = _frames(np.add.reduceat(normal, begin, axis=1))
+    pairs, triangle = spots[order[begin]], triangle[order]
     owner = np.repeat(np.arange(len(begin)), np.diff(begin, append=len(triangle)))
-    low, high = np.empty((2, 3, len(begin)))
-    for k, side in enumerate(frame):
-        own = np.take(side, owner, axis=1)
-        places = [products(own, corner) for corner in corners]
-        np.minimum.reduceat(np.minimum.reduce(places), begin, out=low[k])
-        np.maximum.reduceat(np.maximum.reduce(places), begin, out=high[k])
-    slack = SLACK * (high - low).sum(axis=0)
-    low -= slack
-    high += slack
-    pairs = spots[order[begin]]
-    points = _around(receivers, pairs, frame, low, high)
-    normal /= np.maximum(np.sqrt(products(normal, normal)), 1e-300)
-    normal -= np.take(frame[0], owner, axis=1)
-    lean = np.sqrt(np.maximum.reduceat(products(normal, normal), begin))
+    total = np.stack([np.add.reduceat(n[triangle], begin) for n in normal])
+    plane = _unit(total)
+    # axis by axis while they are in the cache
+    away = [np.zeros(len(triangle)) for _ in range(3)]
+    along = np.zeros(len(triangle))
+    for own, columns, n in zip(plane, receivers.columns.swapaxes(0, 1), _unit(normal), strict=True):
+        own = own[owner]
+        for distance, column in zip(away, columns, strict=True):
+            distance += own * column[triangle]
+        along += own * n[triangle]
+    low = np.minimum.reduceat(np.minimum(np.minimum(away[0], away[1]), away[2]), begin)
+    high = np.maximum.reduceat(np.maximum(np.maximum(away[0], away[1]), away[2]), begin)
+    nearest = np.minimum.reduceat(receivers.nearest[triangle], begin)
+    farthest = np.maximum.reduceat(receivers.farthest[triangle], begin)
+    points, slab = _around(receivers, pairs, (plane, low, high), (nearest, farthest))
+    # how far apart the ends of unit vectors are
+    lean = np.sqrt(np.maximum(2.0 - 2.0 * np.minimum.reduceat(along, begin), 0.0))
+    lean[~slab] = ANY
     boxes = Boxes(points, receivers.view.body[pairs.triangle], lean)
-    return Small(
-        boxes, pairs.triangle, triangle[order], begin, pairs, np.arange(len(pairs.triangle))
-    )
+    return Small(boxes, pairs.triangle, triangle, begin, pairs, np.arange(len(begin)))
 
 
 def _around(
-    receivers: Receivers, pairs: Pairs, frame: tuple[Array, Array, Array], low: Array, high: Array
-) -> Array:
-    """(8, 3, n) points around what lies in tiles between ``low`` and ``high`` (3, n) along the
-    vectors of a ``frame``: of all of it, or of the slab between two planes in the tile. Four lie in
-    the plane at the low end of the first vector, four in that at the high end."""
-    boxes = np.stack([
-        sum(end[k] * side for k, (end, side) in enumerate(zip(ends, frame, strict=True)))
-        for ends in product((low, high), repeat=3)
-    ])  # fmt: skip
-    eye, normal = receivers.view.camera.eye[:, None], frame[0]
-    nearest = products(normal, eye)
-    parts, sound = [], np.ones(len(pairs.triangle), bool)
-    depth = receivers.nearest[pairs.triangle]
+    receivers: Receivers,
+    pairs: Pairs,
+    slab: tuple[Array, Array, Array],
+    depths: tuple[Array, Array],
+) -> tuple[Array, Flags]:
+    """(8, 3, n) points around what lies in tiles, each between two planes: of a ``slab``, unit
+    normals (3, n) and offsets (n,), or of two ``depths`` (n,) where these hold less; and which of
+    both (n,). Four lie in the first plane, then four in the second one."""
+    eye = receivers.view.camera.eye[:, None]
+    normal, *offsets = slab
+    nearest, farthest = depths
+    slack = SLACK * np.abs(np.stack([*offsets, *depths])).max(axis=0)
     ways = [receivers.directions(u, v) for u, v in receivers.corners(pairs)]
-    for end, way in product((low[0], high[0]), ways):
-        with np.errstate(divide="ignore", invalid="ignore"):
-            far = (end - nearest) / products(normal, way)
-        # planes seen edge-on run away
-        sound &= (far > 0.2 * depth) & (far < 5.0 * depth)
-        parts.append(eye + np.where(sound, far, 0.0) * way)
-    cut = np.stack(parts)
-    own = np.flatnonzero(sound)
-    own = own[box_size(np.take(cut, own, axis=2)) <= box_size(np.take(boxes, own, axis=2))]
-    boxes[:, :, own] = np.take(cut, own, axis=2)
-    return boxes
+    fall = [products(normal, way) for way in ways]
+    above = products(normal, eye)
+    sound, size = np.ones(len(nearest), bool), np.zeros(len(nearest))
+    cut = np.empty((2, 4, len(nearest)))
+    for end, offset, own in zip((-1.0, 1.0), offsets, cut, strict=True):
+        for k, toward in enumerate(fall):
+            with np.errstate(divide="ignore", invalid="ignore"):
+                own[k] = (offset + end * slack - above) / toward
+            # planes seen edge-on run away
+            sound &= (own[k] > 0.2 * nearest) & (own[k] < 5.0 * farthest)
+            size += end * own[k]
+    # the nearer one first, of depths
+    thin = sound & (np.abs(size) <= 4.0 * (farthest - nearest + 2.0 * slack))
+    ends = (nearest - slack, farthest + slack)
+    points = np.stack([
+        eye + np.where(thin, far, end) * way
+        for own, end in zip(cut, ends, strict=True) for far, way in zip(own, ways, strict=True)
+    ])  # fmt: skip
+    return points, thin
 
 
-def _frames(normal: Array) -> tuple[Array, Array, Array]:
-    """Unit vectors (3, n) along ``normal`` (3, n), and two across it and each other."""
-    length = np.sqrt(products(normal, normal))
-    unit = np.where(
-        length > 0.0, normal / np.where(length > 0.0, length, 1.0), [[1.0], [0.0], [0.0]]
-    )
-    helper = np.zeros_like(unit)
-    np.put_along_axis(helper, np.abs(unit).argmin(axis=0)[None], 1.0, axis=0)
-    across = np.cross(unit, helper, axis=0)
-    across /= np.sqrt(products(across, across))
-    return unit, across, np.cross(unit, across, axis=0)
+def _normals(columns: Array) -> Array:
+    """(3, T): normals of triangles with corners (3, 3, T): corner, axis; as long as twice their
+    area."""
+    first, second = columns[1] - columns[0], columns[2] - columns[0]
+    return np.stack([
+        first[1] * second[2] - first[2] * second[1],
+        first[2] * second[0] - first[0] * second[2],
+        first[0] * second[1] - first[1] * second[0],
+    ])  # fmt: skip
+
+
+def _unit(vectors: Array) -> Array:
+    """Unit vectors (3, n) along those of any length; along x where that is 0."""
+    length = np.sqrt(products(vectors, vectors))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(length > 0.0, vectors / length, [[1.0], [0.0], [0.0]])

@@ -16,7 +16,7 @@ from gpusim.optics.tile_fronts import MARGIN, Sides, fronts, sides_of
 from gpusim.optics.tile_pairs import LEVELS, NONE, TILE, Pairs, counted, meets
 from gpusim.optics.view import View
 
-__all__ = ["Receivers", "box_size"]
+__all__ = ["Receivers"]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
@@ -98,7 +98,13 @@ class Receivers:
         rows = len(spots.triangle) + ahead
         nearest[rows] = np.maximum(nearest[rows], 1.0 / most[ahead])
         farthest[rows] = np.minimum(farthest[rows], 1.0 / least[ahead])
-        return fronts(self.view, both, nearest, farthest, shape)
+        # the middle of a tile lies beside most triangles
+        middle = TILE * (both.tile + 0.5) - 0.5
+        around = np.ones(len(middle), bool)
+        for axis in range(2):
+            around &= self.low[:, axis][both.triangle] <= middle[:, axis]
+            around &= self.high[:, axis][both.triangle] >= middle[:, axis]
+        return fronts(self.view, both, np.flatnonzero(around), nearest, farthest, shape)
 
     def seen(self, pairs: Pairs, points: Array | None = None) -> npt.NDArray[np.bool_]:
         """(n,) whether anything of the triangles may be seen in their tiles, which are small.
@@ -205,7 +211,7 @@ class Receivers:
             for axis, (a, b, c) in enumerate(self.rays):
                 places[k, axis] = (a * u + b * v + c) * depth + eye[axis]
         # a plane seen edge-on goes from far before a small triangle to far behind it
-        smaller = box_size(places) <= box_size(np.take(result, large, axis=2))
+        smaller = _size(places) <= _size(np.take(result, large, axis=2))
         if not smaller.all():
             large, places = large[smaller], np.compress(smaller, places, axis=2)
         result[:, :, large] = places
@@ -269,7 +275,7 @@ class Receivers:
         return np.take(self.world, np.flatnonzero(used), axis=1)
 
 
-def box_size(points: Array) -> Array:
+def _size(points: Array) -> Array:
     """(n,): sum of the sides of boxes round points (k, 3, n)."""
     sides = reduce(np.maximum, points) - reduce(np.minimum, points)
     result: Array = sides[0] + sides[1] + sides[2]

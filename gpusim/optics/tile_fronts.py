@@ -33,19 +33,21 @@ ROUNDS = 12
 """From triangles to others, at most."""
 
 
-def fronts(view: View, pairs: Pairs, nearest: Array, farthest: Array, shape: Shape) -> Array:
+def fronts(
+    view: View, pairs: Pairs, around: Numbers, nearest: Array, farthest: Array, shape: Shape
+) -> Array:
     """(rows, columns) of the smallest tiles: the depth beyond which nothing is seen there, or
     infinity.
 
     ``pairs``: all triangles in the tiles that are looked at, of depths from ``nearest`` to
-    ``farthest`` (n,) there.
+    ``farthest`` (n,) there; ``around``: rows of those that may have the tile's middle in them.
     """
-    own, place = pairs.triangle, pairs.tile[:, 1] * shape[1] + pairs.tile[:, 0]
-    x, y = (TILE * (pairs.tile[:, axis] + 0.5) - 0.5 for axis in range(2))
-    inside = np.ones(len(own), bool)
-    for nx, ny, offset, _ in sides_of(view.screen_of(own)):
+    place = pairs.tile[:, 1] * shape[1] + pairs.tile[:, 0]
+    x, y = (TILE * (pairs.tile[around, axis] + 0.5) - 0.5 for axis in range(2))
+    inside = np.ones(len(around), bool)
+    for nx, ny, offset, _ in sides_of(view.screen_of(pairs.triangle[around])):
         inside &= nx * x + ny * y + offset >= 0.0
-    rows = np.flatnonzero(inside)
+    rows = around[inside]
     # what the middle shows isn't beyond any of these; all that goes on from there is as deep
     depth = np.full(shape[0] * shape[1], np.inf)
     np.minimum.at(depth, place[rows], farthest[rows])
