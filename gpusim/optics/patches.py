@@ -60,6 +60,12 @@ class Small:
         return ~self.some(~flags)
 
     @staticmethod
+    def among(receivers: Receivers, flags: Flags) -> Small:
+        """Those of a view that have a flag of all triangles (T,), one by one."""
+        spots = receivers.spots[flags[receivers.spots.triangle]]
+        return _single(receivers, spots[receivers.seen(spots)])
+
+    @staticmethod
     def of(receivers: Receivers, closed: Flags) -> Small:
         """Those of a view; ``closed``: which of its surfaces, by number, are closed."""
         spots = receivers.spots
