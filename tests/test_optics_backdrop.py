@@ -9,7 +9,7 @@ import pytest
 import gpusim as gs
 from gpusim.gpu import Device
 from gpusim.optics import edges
-from gpusim.optics.backdrop import backdrops, left_open
+from gpusim.optics.backdrop import backdrops, fills, left_open
 from gpusim.optics.binning import bin_edges
 from gpusim.optics.light import Light
 from gpusim.optics.polygon import clip_square, half_planes, moments, second_moments
@@ -52,8 +52,10 @@ def told(setup: Setup) -> tuple[int, int]:
     at = np.stack([pixel % CAMERA.width, pixel // CAMERA.width], axis=1)
     triangle = found.triangle[: len(pixel)]
     corners = np.rint(setup.view.screen[triangle] * FIXED) / FIXED - at[:, None]
+    full = fills(half_planes(corners))
     area = moments(clip_square(half_planes(corners))[0])[0]
-    return int(backdrops(setup, found, area, corners).sum()), len(found.pixel)
+    np.testing.assert_array_equal(full, area >= 1.0 - 1e-9)
+    return int(backdrops(setup, found, full, corners).sum()), len(found.pixel)
 
 
 def test_what_is_left_has_the_moments_of_the_rest() -> None:

@@ -14,10 +14,9 @@ import numpy.typing as npt
 
 from gpusim.optics.binning import EdgePixels
 from gpusim.optics.hidden import depth_planes
-from gpusim.optics.polygon import SMALLEST
 from gpusim.optics.setup import Setup
 
-__all__ = ["CONTACT", "backdrops", "left_open"]
+__all__ = ["CONTACT", "backdrops", "fills", "left_open"]
 
 Array = npt.NDArray[np.float64]
 Long = npt.NDArray[np.int64]
@@ -33,20 +32,26 @@ PIXEL = (1.0, 0.0, 0.0, 1.0 / 12.0, 0.0, 1.0 / 12.0)
 """Area, first and second moments."""
 
 
+def fills(planes: Array) -> npt.NDArray[np.bool_]:
+    """(n,) which triangles fill their pixel, by their half planes (n, 3, 3) from its centre."""
+    least = planes[..., 2] - 0.5 * (np.abs(planes[..., 0]) + np.abs(planes[..., 1]))
+    return np.asarray(np.all(least >= 0.0, axis=1))
+
+
 def backdrops(
-    setup: Setup, edges: EdgePixels, area: Array, corners: Array
+    setup: Setup, edges: EdgePixels, full: npt.NDArray[np.bool_], corners: Array
 ) -> npt.NDArray[np.bool_]:
-    """(n,) which of the triangles over edge pixels are such: ``area`` (n,) of each in the pixel,
-    and its ``corners`` (n, 3, 2) relative to the pixel's centre."""
+    """(n,) which of the triangles over edge pixels are such: those of ``full`` ones (n,), which
+    fill their pixel, with ``corners`` (n, 3, 2) relative to its centre."""
     count, depth = len(edges.pixel), edges.depth
-    result = np.zeros(len(area), bool)
+    result = np.zeros(len(full), bool)
     pixel = np.repeat(np.arange(count), depth)
-    row = np.flatnonzero(area >= 1.0 - SMALLEST)
+    row = np.flatnonzero(full)
     # the nearest that fills each pixel, behind others
     row = row[np.flatnonzero(np.diff(pixel[row], prepend=-1))]
     own = pixel[row]
     suits = (row > edges.start[own]) & ~edges.pierced[own] & ~edges.whole[own]
-    triangle = edges.triangle[: len(area)]
+    triangle = edges.triangle[: len(full)]
     suits &= (setup.groups_of(triangle[row]) == 0) & ~setup.bumpy[triangle[row]]
     row, own = row[suits], own[suits]
     if setup.lighting.shadows is not None and len(row):
@@ -55,7 +60,7 @@ def backdrops(
         inverse = setup.view.inverse_depth(triangle)
         last = np.full(count, -1)
         last[own] = row
-        front = np.flatnonzero(np.arange(len(area)) < last[pixel])
+        front = np.flatnonzero(np.arange(len(full)) < last[pixel])
         farthest = np.full(count, np.inf)
         np.minimum.at(farthest, pixel[front], inverse[front].min(axis=1))
         a, b, c = depth_planes(corners[row], inverse[row]).T

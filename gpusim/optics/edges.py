@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from gpusim.gpu import Buffer, Device, compare, twin_check
 from gpusim.optics.albedo import mean_albedo
-from gpusim.optics.backdrop import backdrops, left_open
+from gpusim.optics.backdrop import backdrops, fills, left_open
 from gpusim.optics.binning import EdgePixels, bin_edges
 from gpusim.optics.bitmap import BITMAP, mean_over_polygons
 from gpusim.optics.dealing import WORKGROUP, dealt
@@ -38,6 +38,7 @@ from gpusim.optics.setup_probe import fields_setup, probe_setup
 from gpusim.optics.shares import Shares
 from gpusim.optics.speckle import EDGE_ROWS
 from gpusim.optics.tables import Tables
+from gpusim.optics.tile_pairs import TILE
 from gpusim.optics.view import FIXED
 
 __all__ = ["EdgePass", "edges_twin"]
@@ -48,6 +49,9 @@ THIN = 5e-4
 
 DEEPEST = 32
 """Triangles over a pixel beyond which the host resolves it; fewer where patterns are dense."""
+
+BACKDROP = np.uint32(1 << 31)
+"""Of where a pixel's triangles start in the device's list: see ``shaders/optics/edges.wgsl``."""
 
 SURE = 2e-4
 """Share of the brightest radiance by which a pixel may be wrong: the host resolves others."""
@@ -88,6 +92,7 @@ class EdgePass:
         lists = np.zeros(2 * (count + 1) + len(edges.triangle), np.uint32)
         lists[0 : 2 * count : 2] = edges.pixel
         lists[1 : 2 * count + 2 : 2] = edges.start + 2 * (count + 1)
+        lists[1 : 2 * count : 2] |= np.where(_filled(setup, edges), BACKDROP, np.uint32(0))
         lists[2 * (count + 1) :] = edges.triangle
         self._found = device.empty(8 * count, "edges.found")
         constants = setup.constants(self._present, bool(setup.shiny.any()), bool(setup.bumpy.any()))
@@ -145,6 +150,33 @@ class EdgePass:
         deep = _resolve(setup, self._deep, shares).astype(np.float32)
         value = np.concatenate([value, deep])
         write_pixels(self.tables.device, bands, width, pixel, value)
+
+
+def _filled(setup: Setup, edges: EdgePixels) -> npt.NDArray[np.bool_]:
+    """(E,) pixels of which the nearest triangle that fills them is a backdrop, where the device
+    would be in doubt about that otherwise: where a lamp may be half hidden."""
+    tiles, result = setup.lighting.shadows, np.zeros(len(edges.pixel), bool)
+    if tiles is None:
+        return result
+    row, column = np.divmod(edges.pixel, setup.view.camera.width)
+    rows = np.flatnonzero((tiles.entry[row // TILE, column // TILE] > 0) & (edges.depth > 1))
+    some = edges.select(rows)
+    pixel, _, corners = _over(setup, some)
+    found = pixel[backdrops(setup, some, fills(half_planes(corners)), corners)]
+    result[rows[found]] = True
+    return result
+
+
+def _over(setup: Setup, edges: EdgePixels) -> tuple[npt.NDArray[np.int64], Array, Array]:
+    """Of triangles over edge pixels: the pixel (n,) of each, where that is (n, 2), and the corners
+    (n, 3, 2) from there."""
+    view, width = setup.view, setup.view.camera.width
+    pixel = np.repeat(np.arange(len(edges.pixel)), edges.depth)
+    number = edges.pixel[pixel]
+    at = np.stack([number % width, number // width], axis=1).astype(np.float64)
+    corners = np.rint(pick(view.screen, edges.triangle[: len(pixel)]) * FIXED) / FIXED
+    corners -= at[:, None]
+    return pixel, at, corners
 
 
 def _even(edges: EdgePixels, setup: Setup, groups: npt.NDArray[np.uint32]) -> npt.NDArray[np.bool_]:
@@ -207,19 +239,12 @@ def _resolve(setup: Setup, edges: EdgePixels, shares: SharesOf | None = None) ->
     """Radiance of the edge pixels; ``shares`` tells what is seen of lamps."""
     if not len(edges.pixel):
         return np.zeros(0)
-    view, width = setup.view, setup.view.camera.width
-    count = len(edges.pixel)
-    pixel, first = (
-        np.repeat(np.arange(count), edges.depth),
-        np.repeat(edges.start[:-1], edges.depth),
-    )
+    view, count = setup.view, len(edges.pixel)
+    pixel, at, corners = _over(setup, edges)
     # nothing is in front of a triangle where one sheet covers all
+    first = np.repeat(edges.start[:-1], edges.depth)
     first = np.where(edges.whole[pixel], np.arange(len(pixel)), first)
-    number = edges.pixel[pixel]
-    at = np.stack([number % width, number // width], axis=1).astype(np.float64)
     triangle = edges.triangle[: len(pixel)]
-    corners = np.rint(pick(view.screen, triangle) * FIXED) / FIXED
-    corners -= at[:, None]
     planes = half_planes(corners)
     pierced = edges.pierced[pixel] if edges.pierced.any() else None
     cutting = None
@@ -228,7 +253,7 @@ def _resolve(setup: Setup, edges: EdgePixels, shares: SharesOf | None = None) ->
         depth = depth_planes(view.screen[triangle] - at[:, None], view.inverse_depth(triangle))
         cutting = Cutting(pierced, last, depth)
     polygon, sides_left = clip_square(planes)
-    behind = backdrops(setup, edges, moments(polygon)[0], corners)
+    behind = backdrops(setup, edges, fills(planes), corners)
     row, piece = visible_pieces(polygon, sides_left, planes, corners, first, cutting, behind)
     size, middle = moments(piece)
     solid = np.flatnonzero(size > 0.0)

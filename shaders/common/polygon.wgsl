@@ -54,9 +54,30 @@ fn moments(polygon: Polygon) -> vec3f {
     return vec3f(area, o + sum.yz / sum.x);
 }
 
-// Sides of the rectangle with a polygon's second moments, as columns; m is its area and centroid.
-// The first side is the one nearer to the rows.
-fn rectangle_of(polygon: Polygon, m: vec3f) -> mat2x2f {
+// Sides of the rectangle with a shape's second moments, as columns; m is its area and centroid, its
+// spread as `spread_of` has it. The first side is the one nearer to the rows.
+fn rectangle_of(m: vec3f, spread: vec3f) -> mat2x2f {
+    let squares = max(spread / m.x, vec3f(0.0, -1e30, 0.0));
+    let middle = 0.5 * (squares.x + squares.z);
+    let off = vec2f(0.5 * (squares.x - squares.z), squares.y);
+    let most = length(off);
+    // what is nearly as long as it is wide keeps to rows and columns
+    let turned = most > 1e-3 * middle;
+    let angle = select(0.0, 0.5 * atan2(off.y, off.x), turned);
+    let axis = vec2f(cos(angle), sin(angle));
+    let long = sqrt(middle + select(0.0, most, turned)) * axis;
+    let short = sqrt(max(middle - select(0.0, most, turned), 0.0)) * vec2f(-axis.y, axis.x);
+    if (abs(axis.x) >= abs(axis.y)) { return mat2x2f(long, short); }
+    return mat2x2f(-short, long) * sign(axis.y);
+}
+
+// What an area at a place adds to the spread about the origin: twelve times x x, x y and y y.
+fn spread_at(m: vec3f) -> vec3f {
+    return 12.0 * m.x * vec3f(m.y * m.y, m.y * m.z, m.z * m.z);
+}
+
+// Twelve times the integrals of x x, x y and y y over a polygon of area and centroid m, about that.
+fn spread_of(polygon: Polygon, m: vec3f) -> vec3f {
     var sum = vec3f(0.0);
     var a = polygon.p[polygon.count - 1] - m.yz;
     var i = 0;
@@ -69,16 +90,5 @@ fn rectangle_of(polygon: Polygon, m: vec3f) -> mat2x2f {
         i++;
         if (i >= polygon.count) { break; }
     }
-    let squares = max(sum / m.x, vec3f(0.0, -1e30, 0.0));
-    let middle = 0.5 * (squares.x + squares.z);
-    let off = vec2f(0.5 * (squares.x - squares.z), squares.y);
-    let spread = length(off);
-    // what is nearly as long as it is wide keeps to rows and columns
-    let turned = spread > 1e-3 * middle;
-    let angle = select(0.0, 0.5 * atan2(off.y, off.x), turned);
-    let axis = vec2f(cos(angle), sin(angle));
-    let long = sqrt(middle + select(0.0, spread, turned)) * axis;
-    let short = sqrt(max(middle - select(0.0, spread, turned), 0.0)) * vec2f(-axis.y, axis.x);
-    if (abs(axis.x) >= abs(axis.y)) { return mat2x2f(long, short); }
-    return mat2x2f(-short, long) * sign(axis.y);
+    return sum;
 }

@@ -35,11 +35,15 @@ struct Range {
 // vertices in 1/65536 px, and three of them per triangle
 @group(0) @binding(7) var<storage, read> screen: array<vec2i>;
 @group(0) @binding(10) var<storage, read> corners: array<u32>;
-// per edge pixel two words: its index in the image and where its triangles start in this list
-// (one more pair ends the last); the numbers of the triangles follow, nearest first
+// per edge pixel two words: its index in the image, and where its triangles start in this list
+// (one more pair ends the last), with `BACKDROP` where the nearest of them that fills the pixel is one;
+// the numbers of the triangles follow, nearest first
 @group(0) @binding(8) var<storage, read> lists: array<u32>;
 // (radiance, 1 if the host has to resolve it) of every edge pixel
 @group(0) @binding(9) var<storage, read_write> found: array<vec2f>;
+
+// What is seen of such a triangle is what is left by those before it: gpusim/optics/backdrop.py.
+const BACKDROP: u32 = 0x80000000u;
 
 // Seen share of a pixel from which on nothing behind can matter.
 const FULL: f32 = 1.0 - 1e-6;
@@ -47,6 +51,10 @@ const FULL: f32 = 1.0 - 1e-6;
 // A triangle's corner from the middle of a pixel, px.
 fn corner_from(place: u32, pixel: vec2i) -> vec2f {
     return vec2f(screen[corners[place]] - pixel * 65536) / 65536.0;
+}
+
+fn start_of(n: u32) -> u32 {
+    return lists[2u * n + 1u] & (BACKDROP - 1u);
 }
 
 fn triangle_sides(id: u32, pixel: vec2i) -> Sides {
@@ -60,15 +68,18 @@ fn triangle_sides(id: u32, pixel: vec2i) -> Sides {
 fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let n = range.first + gid.y * (groups.x * 64u) + gid.x;
     if (n >= range.count) { return; }
-    let entry = 2u * n;
-    let index = lists[entry];
-    let stop = lists[entry + 3u];
+    let index = lists[2u * n];
+    let stop = start_of(n + 1u);
+    let filled = (lists[2u * n + 1u] & BACKDROP) != 0u;
     let pixel = vec2i(i32(index % params.width), i32(index / params.width));
 
     let bend = bend_at(pixel);
     let change = undistort_change(bend);
-    let nearest = lists[entry + 1u];
+    let nearest = start_of(n);
     var seen = 0.0;
+    // first and second moments of what is seen, as `spread_of` has these
+    var first = vec2f(0.0);
+    var second = vec3f(0.0);
     var value = 0.0;
     // those of which more shows, or less, than can be told here
     var doubtful = 0u;
@@ -133,11 +144,23 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
         }
         var m = vec3f(0.0);
         if (!gone) { m = moments(polygon); }
+        var spread = vec3f(0.0);
+        if (shadowed != 0u && m.x > SMALLEST) {
+            spread = spread_of(polygon, m);
+            if (filled && doubt && doubtful == 0u && m.x > FULL) {
+                doubt = false;
+                m.x = 1.0 - seen;
+                m = vec3f(m.x, clamp(-first / m.x, vec2f(-0.5), vec2f(0.5)));
+                spread = vec3f(1.0, 0.0, 1.0) - second - spread_at(m);
+            }
+            first += m.x * m.yz;
+            second += spread + spread_at(m);
+        }
         if (m.x > SMALLEST) {
             let d = vec2f(pixel - t.place.xy);
             let middle = undistort(bend, m.yz);
             var extent = change;
-            if (shadowed != 0u) { extent = change * rectangle_of(polygon, m); }
+            if (shadowed != 0u) { extent = change * rectangle_of(m, spread); }
             if (distorted != 0u) {
                 for (var n = 0; n < polygon.count; n++) {
                     polygon.p[n] = undistort(bend, polygon.p[n]);
@@ -202,13 +225,13 @@ fn whole_pixels(
     let n = range.first + gid.y * (groups.x * 64u) + gid.x;
     if (n >= range.count) { return; }
     let index = lists[2u * n];
-    let stop = lists[2u * n + 3u];
+    let stop = start_of(n + 1u);
     let pixel = vec2i(i32(index % params.width), i32(index / params.width));
     let bend = bend_at(pixel);
     printed = 0.0;
     var seen = 0.0;
     var value = 0.0;
-    var c = lists[2u * n + 1u];
+    var c = start_of(n);
     loop {
         let id = lists[c];
         let t = triangle_at(id);
