@@ -18,7 +18,7 @@ from gpusim.errors import InputError
 from gpusim.gpu import Buffer, Device, Recording, Texture, compare, twin_check
 from gpusim.optics.areas import covered
 from gpusim.optics.binning import bin_edges
-from gpusim.optics.corners import corner_range
+from gpusim.optics.corners import corner_range, parts
 from gpusim.optics.pattern import LOOP_TURNS
 from gpusim.optics.setup import Setup
 from gpusim.optics.shade import ShadePass, shade_twin
@@ -98,10 +98,13 @@ class ShadowPass:
 
 def _shiny_tiles(setup: Setup, shape: tuple[int, int]) -> npt.NDArray[np.bool_]:
     """Tiles (rows, columns) that the boxes of glossy triangles touch."""
-    low, high = corner_range(setup.view.screen[setup.shiny])
     limit = np.array([shape[1], shape[0]])
-    first = np.clip(np.floor((low - 0.5) / TILE), 0, limit).astype(np.int64)
-    last = np.clip(np.floor((high + 1.5) / TILE) + 1, 0, limit).astype(np.int64)
+    shiny = np.flatnonzero(setup.shiny)
+    first, last = np.empty((2, len(shiny), 2), np.int64)
+    for part in parts(len(shiny)):
+        low, high = corner_range(setup.view.screen_of(shiny[part]))
+        first[part] = np.clip(np.floor((low - 0.5) / TILE), 0, limit)
+        last[part] = np.clip(np.floor((high + 1.5) / TILE) + 1, 0, limit)
     return covered(first, last, shape)
 
 

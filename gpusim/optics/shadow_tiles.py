@@ -162,14 +162,19 @@ class ShadowTiles:
             )
         shape = (-(-view.camera.height // TILE), -(-view.camera.width // TILE))
         lit = np.full(shape, ALL, np.uint32)
-        receivers = Receivers(view)
-        small = Small.of(receivers, closed)
         used = [number for number, lamp in enumerate(lamps) if lamp.light.shadows and view.count]
-
-        def found(number: int) -> LampShadow:
-            return lamp_shadow(receivers, small, lamps[number], casters, alone[number], shape)
-
         with Aside(view.count, len(used)) as aside:
+            # what all lamps look for first, beside what they look from
+            for bodies in {frozenset(one.surface for one in alone[number]) for number in used}:
+                aside.begin(casters, bodies)
+            receivers = Receivers(view)
+            small = Small.of(receivers, closed)
+
+            def found(number: int) -> LampShadow:
+                return lamp_shadow(
+                    receivers, small, lamps[number], casters, alone[number], shape
+                )  # fmt: skip
+
             shadows = list(aside.map(found, used))
         for number, shadow in zip(used, shadows, strict=True):
             lit.reshape(-1)[shadow.dark] &= np.uint32(ALL ^ (1 << number))
