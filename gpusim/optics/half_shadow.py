@@ -338,7 +338,8 @@ def _candidates(
         if grid.view.lamp.extended:
             # far above, hardly any lies beside the receiver as all of the lamp sees it
             rise = grid.reach.s[0][caster] - reach.s[1][box]
-            beside &= rise <= BESIDE * (reach.s[1] - reach.s[0])[box]
+            with np.errstate(invalid="ignore"):  # all of a receiver behind the lamp
+                beside &= rise <= BESIDE * (reach.s[1] - reach.s[0])[box]
         same = np.flatnonzero(beside)
         if len(same):
             places = grid.view.place(*np.moveaxis(points, 1, 0))
