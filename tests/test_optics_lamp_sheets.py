@@ -53,7 +53,7 @@ def told(light: Light, monkeypatch: pytest.MonkeyPatch) -> tuple[Lamp, Array, Fl
     sets = CasterSets(receivers, lamp, casters, np.zeros(receivers.view.count, bool))
     rows = np.flatnonzero(~receivers.turned_away(lamp))
     points = np.take(receivers.columns, rows, axis=2)[[0, 1, 2, 2]]
-    dark, lit = sets.plain(points, sets.number(rows), rows, np.ones(len(rows), bool))
+    dark, lit = sets.plain(points, rows)
     return lamp, points, dark, lit, triangles_of(surfaces)
 
 
@@ -70,20 +70,6 @@ def test_what_is_told_is_so_by_rays(name: str, monkeypatch: pytest.MonkeyPatch) 
         at = np.einsum("nk,kan->na", weights, points[:3, :, some])
         share = brute_share(lamp, at, triangles, 5)
         assert np.abs(share - want).max() == 0.0
-
-
-def test_more_than_a_triangle_is_never_said_to_be_lit(monkeypatch: pytest.MonkeyPatch) -> None:
-    light = LIGHTS["area"]
-    surfaces = [eggs()]
-    receivers = Receivers(look(surfaces, CAMERA, lit=True))
-    (lamp,) = lamps_of([light])
-    monkeypatch.setattr(caster_sets, "MANY", 0)
-    casters = Casters.of(surfaces, lambda points: None)
-    sets = CasterSets(receivers, lamp, casters, np.zeros(receivers.view.count, bool))
-    rows = np.flatnonzero(~receivers.turned_away(lamp))
-    points = np.take(receivers.columns, rows, axis=2)[[0, 1, 2, 2]]
-    _, lit = sets.plain(points, sets.number(rows), rows, np.zeros(len(rows), bool))
-    assert not lit.any()
 
 
 def test_lamps_without_size_look_at_what_casts_shadows() -> None:

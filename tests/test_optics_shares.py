@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import numpy.typing as npt
 import pytest
@@ -11,6 +13,7 @@ from gpusim.optics import shares
 from gpusim.optics.occlusion import lamp_masks
 from gpusim.optics.shadow_probe import probe_outlines, probe_shadows
 from gpusim.optics.shadow_tables import ShadowTables
+from gpusim.optics.shadow_tiles import Chains
 from gpusim.optics.shares import Shares
 
 Array = npt.NDArray[np.float64]
@@ -56,3 +59,16 @@ def test_the_device_is_asked_about_many_and_never_about_long_lists(
     assert asked == [np.count_nonzero((turns > 0) & (turns <= limit))]
     assert (mixed[turns > limit] == want[turns > limit]).all()
     assert np.abs((mixed - want) * samples).max() <= 2.5
+
+
+def test_turns_are_those_of_receivers_in_step() -> None:
+    """Two tiles, each with a long list for another lamp: side by side they take both."""
+    tiles = probe_shadows().lighting.shadows
+    assert tiles is not None
+    count = np.array([[100, 1], [1, 100]])
+    own = replace(
+        tiles, lamps=tiles.lamps[:2], start=np.cumsum(count).reshape(2, 2) - count, count=count,
+        face=np.zeros(202, np.int64), edges=np.full(202, 15, np.uint8), chains=Chains.none(2, 2),
+    )  # fmt: skip
+    in_step = 4 * int(count.max(axis=0).sum())
+    assert own.edge_counts.max() >= in_step > 4 * int(count.sum(axis=1).max())

@@ -72,8 +72,8 @@ class CasterSets:
         return found
 
     def number(self, triangle: Numbers, free: Flags | None = None) -> Numbers:
-        """(n,) which set there is for receivers on triangles (n,), of which all that are more than
-        one triangle, but those that are ``free`` (n,), may be hidden by their own."""
+        """(n,) which set there is for receivers on triangles (n,); on several, of which it is one:
+        all of these are ``free`` (n,), or some may be hidden by their own."""
         number = self._number[triangle]
         return number if free is None else np.where(free, number, 0)
 
@@ -98,12 +98,10 @@ class CasterSets:
             result[slice(None) if rows is None else rows] = found
         return result
 
-    def plain(
-        self, points: Array, number: Numbers, triangle: Numbers, single: Flags
-    ) -> tuple[Flags, Flags]:
-        """(n,) whether all of the lamp is hidden from all of the points (k, 3, n) of triangles by
-        such sets (n,), and whether nothing of it; where many casters may be before them. Never
-        wrong. ``single`` (n,): false for what is more than its triangle."""
+    def plain(self, points: Array, triangle: Numbers) -> tuple[Flags, Flags]:
+        """(n,) whether all of the lamp is hidden from all of the points (4, 3, n) of triangles, and
+        whether nothing of it; where many casters may be before them. Never wrong."""
+        number = self.number(triangle)
         dark, lit = np.zeros((2, points.shape[2]), bool)
         for rows, (_, grids) in self.each(number):
             if rows is None:
@@ -117,7 +115,7 @@ class CasterSets:
                         self._sheets[grid] = Sheets(grid, self.casters)
                     sheets = self._sheets[grid]
                     dark[rows] |= sheets.hides(reach)
-                    own_lit &= sheets.shows(reach, self._face[triangle[rows]], single[rows])
+                    own_lit &= sheets.shows(reach, self._face[triangle[rows]])
                 else:
                     own_lit &= np.isneginf(reach.s[0]) if grid.count else True
             lit[rows] = own_lit

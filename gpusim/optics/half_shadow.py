@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.optics.boxes import LARGE, Boxes
 from gpusim.optics.caster_sets import CasterSet, CasterSets
 from gpusim.optics.casters import Casters
 from gpusim.optics.corners import parts
@@ -96,18 +95,22 @@ def half_shadow(
     facing = ~receivers.turned_away(sets.lamp)
     if among is not None:
         facing &= among
-    spots, owner = small.pairs, small.which
     own_tiles = np.zeros(shape, bool)
-    own_tiles[tuple(spots.tile[small.some(free)[owner]].T[::-1])] = True
-    some = small.some(facing)
-    kept = some[owner] if everywhere else some[owner] & meets(spots, within)
-    number = sets.number(small.triangle, small.every(free))
-    spots, owner, rows = _used(spots[kept], owner[kept])
-    boxes, triangle, number = small.boxes[rows], small.triangle[rows], number[rows]
-    maybe = sets.may_hide(boxes.points, number)
-    whole = spots[~maybe[owner]]
-    spots, owner, rows = _used(spots[maybe[owner]], owner[maybe[owner]])
-    boxes, triangle, number = boxes[rows], triangle[rows], number[rows]
+    own_tiles[tuple(receivers.spots.tile[free[receivers.spots.triangle]].T[::-1])] = True
+    kept = small.some(facing)[small.which]
+    if not everywhere:
+        kept &= meets(small.pairs, within)
+    spots, whole = _before(receivers, small, sets, facing, np.flatnonzero(kept))
+    # a small triangle is the same receiver in each of its tiles
+    some = np.zeros(len(facing), bool)
+    some[spots.triangle] = True
+    owner = (np.cumsum(some) - 1)[spots.triangle]
+    triangle = np.flatnonzero(some)
+    points = np.take(receivers.columns, triangle, axis=2)[[0, 1, 2, 2]]
+    maybe = sets.may_hide(points, sets.number(triangle))
+    whole = whole.joined(spots[~maybe[owner]])
+    spots, owner = spots[maybe[owner]], (np.cumsum(maybe) - 1)[owner[maybe[owner]]]
+    boxes, triangle = [np.compress(maybe, points, axis=2)], triangle[maybe]
     pairs = receivers.pairs(np.flatnonzero(facing & receivers.large), LEVELS[0])
     own_tiles |= spread_over(pairs[free[pairs.triangle]], shape)
     cleared: list[Pairs] = []  # receivers that nothing is before
@@ -123,16 +126,19 @@ def half_shadow(
         maybe = sets.may_hide(points, sets.number(pairs.triangle))
         cleared.append(pairs[~maybe])
         pairs, points = pairs[maybe], np.compress(maybe, points, axis=2)
-    which = np.concatenate([owner, boxes.count + np.arange(points.shape[2])])
-    boxes = boxes.joined(Boxes.of(points))
+    which = np.concatenate([owner, boxes[0].shape[2] + np.arange(points.shape[2])])
+    boxes.append(points)
+    # only small triangles are told from the faces beside them: there are few beside large ones
+    body = np.full(len(triangle) + len(pairs.triangle), -1)
+    body[: len(triangle)] = receivers.view.body[triangle]
     triangle = np.concatenate([triangle, pairs.triangle])
-    number = np.concatenate([number, sets.number(pairs.triangle)])
     pairs = spots.joined(pairs)
+    everything = np.concatenate(boxes, axis=2)
     tile = pairs.tile[:, 1] * shape[1] + pairs.tile[:, 0]
     asked = np.zeros(shape, bool)
     asked.reshape(-1)[tile] = True
     clear = counted(whole, shape, _clear(receivers, cleared, asked))
-    hidden, free = sets.plain(boxes.points, number, triangle, boxes.single)
+    hidden, free = sets.plain(everything, triangle)
     clear = counted(pairs[free[which]], shape, clear)
     deep = np.zeros(shape[0] * shape[1], bool)
     if among is None:
@@ -141,11 +147,15 @@ def half_shadow(
         deep &= clear.reshape(-1) == 0
         deep[tile[~hidden[which]]] = False
     left = np.flatnonzero(~(deep[tile] | free[which]))
-    tile = tile[left]
-    pairs, which, rows = _used(pairs[left], which[left])
-    beside = _Beside(len(rows), tile, which, own_tiles.reshape(-1))
+    pairs, tile, which = pairs[left], tile[left], which[left]
+    some = np.zeros(len(triangle), bool)
+    some[which] = True
+    which = (np.cumsum(some) - 1)[which]
+    everything = np.compress(some, everything, axis=2)
+    triangle, body = triangle[some], body[some]
+    beside = _Beside(len(triangle), tile, which, own_tiles.reshape(-1))
     state, owner, face, edges, levels = _found_by(
-        sets, casters, boxes[rows], number[rows], beside, receivers.view.camera.eye
+        sets, casters, everything, triangle, body, beside, receivers.view.camera.eye
     )
     order = np.argsort(owner, kind="stable")
     start = np.searchsorted(owner[order], np.arange(len(state) + 1))
@@ -182,11 +192,23 @@ def half_shadow(
     )  # fmt: skip
 
 
-def _used(pairs: Pairs, which: Numbers) -> tuple[Pairs, Numbers, Numbers]:
-    """Pairs, which of the receivers that are left each is of (n,), and the numbers of these."""
-    used = np.zeros(int(which.max(initial=-1)) + 1, bool)
-    used[which] = True
-    return pairs, (np.cumsum(used) - 1)[which], np.flatnonzero(used)
+def _before(
+    receivers: Receivers, small: Small, sets: CasterSets, facing: Flags, rows: Numbers
+) -> tuple[Pairs, Pairs]:
+    """Single triangles that are ``facing`` (T,) the lamp, of ``rows`` (n,) of small receivers in
+    tiles, before which something may be; and of patches before which nothing is, one each."""
+    if small.single:
+        pairs = small.pairs[rows]
+        return pairs[facing[pairs.triangle]], pairs[:0]
+    used = np.zeros(len(small.triangle), bool)
+    used[small.which[rows]] = True
+    asked = np.flatnonzero(used)
+    number = sets.number(small.triangle, small.every(sets.free))
+    maybe = np.zeros(len(used), bool)
+    maybe[asked] = sets.may_hide(np.take(small.points, asked, axis=2), number[asked])
+    left = maybe[small.which[rows]]
+    pairs = small.parts(rows[left])
+    return pairs[facing[pairs.triangle]], small.pairs[rows[~left]]
 
 
 def _clear(receivers: Receivers, cleared: list[Pairs], asked: Flags) -> Numbers:
@@ -243,23 +265,24 @@ class _Beside:
 def _found_by(
     sets: CasterSets,
     casters: Casters,
-    boxes: Boxes,
-    number: Numbers,
+    points: Array,
+    triangle: Numbers,
+    body: Numbers,
     beside: _Beside,
     eye: Array,
 ) -> tuple[States, Numbers, Numbers, Bits, list[Level]]:
-    """As `_found`, of receivers each with the set of such a number (n,); and the levels, as faces
-    are numbered in them."""
-    state = np.full(len(number), LIT, np.int8)
+    """As `_found`, of receivers on triangles (n,), each by what may hide the lamp there; and the
+    levels, as faces are numbered in them."""
+    state = np.full(len(triangle), LIT, np.int8)
     levels: list[Level] = []
     found: list[tuple[Numbers, Numbers, Bits]] = []
-    for rows, own in sets.each(number):
-        some, own_rows = boxes, np.arange(len(number))
+    for rows, own in sets.each(sets.number(triangle)):
+        some, bodies, own_rows = points, body, np.arange(len(triangle))
         if rows is not None:
-            some, own_rows = boxes[rows], rows
+            some, bodies, own_rows = np.take(points, rows, axis=2), body[rows], rows
         before = sum(len(used.corners) for used, _ in levels)
-        own_levels = _levels(own, casters, some.points)
-        own_state, box, face, edges = _found(own_levels, some, beside, own_rows, eye)
+        own_levels = _levels(own, casters, some)
+        own_state, box, face, edges = _found(own_levels, some, bodies, beside, own_rows, eye)
         state[slice(None) if rows is None else rows] = own_state
         found.append((box if rows is None else rows[box], before + face, edges))
         levels += reversed(own_levels)
@@ -268,18 +291,19 @@ def _found_by(
 
 
 def _found(
-    levels: list[Level], receivers: Boxes, beside: _Beside, rows: Numbers, eye: Array
+    levels: list[Level], points: Array, body: Numbers, beside: _Beside, rows: Numbers, eye: Array
 ) -> tuple[States, Numbers, Numbers, Bits]:
-    """State of each of the ``receivers``, ``rows`` (n,) of those ``beside`` each other; pairs (box,
-    face) of those not lit with the edges that count; each by the most joined casters that none of
-    is too near to it, or to one beside it, numbered from the last level to the first."""
-    state = np.full(receivers.count, LIT, np.int8)
+    """State of each receiver box (4, 3, n) of surfaces ``body`` (n,), -1 for large ones, that are
+    ``rows`` (n,) of those ``beside`` each other; pairs (box, face) of those not lit with the edges
+    that count; each by the most joined casters that none of is too near to it, or to one beside it,
+    numbered from the last level to the first."""
+    state = np.full(points.shape[2], LIT, np.int8)
     boxes, faces = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
     edges = [np.zeros(0, np.uint8)]
     left, before = np.arange(len(state)), 0
     for casters, grids in reversed(levels):
-        own = receivers if len(left) == len(state) else receivers[left]
-        state[left], box, face, bits, near = _candidates(grids, casters, own, eye)
+        own = points if len(left) == len(state) else np.take(points, left, axis=2)
+        state[left], box, face, bits, near = _candidates(grids, casters, own, body[left], eye)
         if casters is not levels[0][0]:
             near = beside.too_near(rows[left], near)
             kept = np.flatnonzero(~near[box])
@@ -295,13 +319,11 @@ def _found(
 
 
 def _candidates(
-    grids: list[LampGrid], casters: Casters, boxes: Boxes, eye: Array
+    grids: list[LampGrid], casters: Casters, points: Array, body: Numbers, eye: Array
 ) -> tuple[States, Numbers, Numbers, Bits, npt.NDArray[np.bool_]]:
     """As `_found`, of one level; and whether a box is too near to a joined face, which has no
     pairs then."""
-    count, points = boxes.count, boxes.points
-    # edges of patches don't part them from anything
-    body = np.where(boxes.single, boxes.body, LARGE)
+    count = points.shape[2]
     state = np.full(count, LIT, np.int8)
     near = np.zeros(count, bool)
     pairs, faces = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
@@ -328,7 +350,7 @@ def _candidates(
         drop = (ahead & (side == 1)) | (behind & ~against & ((side == -1) | closed))
         kept = np.flatnonzero(~drop)
         box, face, caster, against = box[kept], face[kept], caster[kept], against[kept]
-        low = lies_low(grid.view.lamp, casters, face, boxes, box, eye)
+        low = lies_low(grid.view.lamp, casters, face, points, box, body, eye)
         kept = np.flatnonzero(against | ~low)
         box, face, caster, against = box[kept], face[kept], caster[kept], against[kept]
         inside, past = np.empty(len(box), bool), np.empty(len(box), bool)

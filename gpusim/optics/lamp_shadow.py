@@ -66,9 +66,8 @@ def lamp_shadow(
     if unsure.any():
         parts.append(half_shadow(receivers, small, every, unsure))
     if beside:
-        # others there, and beside them in patches, are what outlines tell about
-        few = Small.among(receivers, doubt)
-        parts.append(half_shadow(receivers, few, every, ~unsure, doubt))
+        # others there are what outlines tell about
+        parts.append(half_shadow(receivers, small, every, ~unsure, doubt))
     none = np.zeros(0, np.int64)
     dark, flat = np.zeros(shape[0] * shape[1], bool), unsure.reshape(-1)
     for one in found:

@@ -200,11 +200,11 @@ class Sheets:
         right, below = after
         return SheetBlocks(right, below, self._low, np.stack([self._high, self._others]))
 
-    def shows(self, reach: Reach, face: npt.NDArray[np.int32], single: Flags) -> Flags:
-        """(n,) whether nothing hides any of the lamp from receivers in boxes, of which ``single``
-        ones (n,) lie on one of the surfaces' faces (n,) each; never wrong."""
+    def shows(self, reach: Reach, face: npt.NDArray[np.int32]) -> Flags:
+        """(n,) whether nothing hides any of the lamp from receivers in boxes, each on one of the
+        surfaces' faces (n,); never wrong."""
         own = self._into[face]
-        usable = np.flatnonzero(single & np.isfinite(reach.s[0]) & (own >= 0).all(axis=1))
+        usable = np.flatnonzero(np.isfinite(reach.s[0]) & (own >= 0).all(axis=1))
         some, own = reach[usable], own[usable]
         first, last = self.grid.around(some)
         wide, tall = last - first + 1

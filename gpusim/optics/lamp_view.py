@@ -41,11 +41,6 @@ class Reach:
         places = np.flatnonzero(index) if index.dtype == bool else index
         return Reach(*(np.take(ends, places, axis=1) for ends in (self.p, self.q, self.s)))
 
-    def joined(self, others: Reach) -> Reach:
-        """These, then others."""
-        both = ((self.p, others.p), (self.q, others.q), (self.s, others.s))
-        return Reach(*(np.concatenate(ends, axis=1) for ends in both))
-
 
 @dataclass(frozen=True, eq=False)
 class LampView:

@@ -22,7 +22,7 @@ from gpusim.optics.lamp_outline import BEFORE, BEYOND, CLEAR, UNSURE, Outline
 from gpusim.optics.lamp_view import Reach
 from gpusim.optics.patches import Small
 from gpusim.optics.receivers import Receivers
-from gpusim.optics.tile_pairs import TILE, Pairs, meets
+from gpusim.optics.tile_pairs import TILE, Pairs
 
 __all__ = ["OutlineShadow", "outline_shadow"]
 
@@ -78,12 +78,8 @@ def outline_shadow(
     mask = _met(receivers, small, outline, facing, shape)
     if not mask.any():
         return OutlineShadow.none()
-    mask = mask.reshape(shape)
-    spots = np.flatnonzero(small.some(facing)[small.which] & meets(small.pairs, mask))
-    large = receivers.in_tiles(mask, facing)
-    reach = outline.view.reach(small.boxes.points)[small.which[spots]]
-    reach = reach.joined(outline.view.reach(receivers.points(large)))
-    pairs = small.pairs[spots].joined(large)
+    pairs = receivers.in_tiles(mask.reshape(shape), facing)
+    reach = outline.view.reach(receivers.points(pairs))
     number = pairs.tile[:, 1] * shape[1] + pairs.tile[:, 0]
     state = np.full(len(number), BEFORE, np.int8)
     others = np.flatnonzero(receivers.view.body[pairs.triangle] != outline.surface)
@@ -138,7 +134,7 @@ def _met(
     own = facing & (view.body != outline.surface)
     some = np.flatnonzero(small.some(own))
     hidden = np.zeros(len(small.triangle), bool)
-    reach = outline.view.reach(np.take(small.boxes.points, some, axis=2))
+    reach = outline.view.reach(np.take(small.points, some, axis=2))
     hidden[some] = outline.states(reach) >= BEYOND
     tile = small.pairs.tile[hidden[small.which]]
     result[tile[:, 1] * shape[1] + tile[:, 0]] = True

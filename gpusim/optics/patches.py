@@ -1,9 +1,10 @@
 """Small triangles as receivers of light: together where many of a closed body share a tile.
 
-What hides a lamp from a tile is one list, however many triangles are seen in it: where they are
-finer than tiles, asking for each of them what may hide the lamp would make the time grow with their
-number. A box around those of one body that look about the same way holds all of them. Open sheets
-keep their triangles: those beside a receiver are told from casters by its own plane.
+Whether anything may be between a lamp and a tile is one question, however many triangles are seen
+there: where they are finer than tiles, asking it for each of them would make the time grow with
+their number. A box around those of one body that look about the same way holds all of them. What
+may hide the lamp is looked for by single triangles where something is: their planes and outlines
+tell what lies beside them. Open sheets keep their triangles: their own faces are before them.
 """
 
 from __future__ import annotations
@@ -13,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.optics.boxes import Boxes
 from gpusim.optics.corners import products
+from gpusim.optics.ragged import expand
 from gpusim.optics.receivers import Receivers
 from gpusim.optics.tile_pairs import Pairs
 
@@ -30,40 +31,46 @@ FEWEST, WORTH = 5000, 4.0
 SLACK = 1e-9
 """Of its distances, by which a patch is larger."""
 
-ANY = 2.0
-"""How far unit vectors lean from each other at most."""
-
 
 @dataclass(frozen=True, eq=False)
 class Small:
     """Small triangles of a view that may be seen, alone or in patches.
 
-    ``boxes``: points around each of m receivers; ``triangle`` (m,): one of each; ``members`` (k,):
-    all of them, receiver by receiver from ``begin`` (m,) on. ``pairs``: the tiles that receivers
-    lie in, with one of the triangles; ``which`` (n,): the receiver of each.
+    ``points`` (k, 3, m) around each receiver; ``triangle`` (m,): one of each. ``pairs``: the tiles
+    that receivers lie in, with one of the triangles; ``which`` (n,): the receiver of each.
+    ``spots``: all triangles with these tiles, pair by pair from ``begin`` (n,) on.
     """
 
-    boxes: Boxes
+    points: Array
     triangle: Numbers
-    members: Numbers
-    begin: Numbers
     pairs: Pairs
     which: Numbers
+    spots: Pairs
+    begin: Numbers
+
+    @property
+    def single(self) -> bool:
+        """Whether none are in patches."""
+        return len(self.spots.triangle) == len(self.pairs.triangle)
 
     def some(self, flags: Flags) -> Flags:
         """(m,) receivers of which some triangle has a flag of all triangles (T,)."""
-        own = flags[self.members]
-        return np.logical_or.reduceat(own, self.begin) if len(self.begin) else own
+        if self.single:
+            return flags[self.triangle]
+        own = np.logical_or.reduceat(flags[self.spots.triangle], self.begin)
+        result = np.zeros(len(self.triangle), bool)
+        result[self.which] = own
+        return result
 
     def every(self, flags: Flags) -> Flags:
         """(m,) receivers of which all triangles have a flag of all triangles (T,)."""
         return ~self.some(~flags)
 
-    @staticmethod
-    def among(receivers: Receivers, flags: Flags) -> Small:
-        """Those of a view that have a flag of all triangles (T,), one by one."""
-        spots = receivers.spots[flags[receivers.spots.triangle]]
-        return _single(receivers, spots[receivers.seen(spots)])
+    def parts(self, rows: Numbers) -> Pairs:
+        """All triangles, with their tiles, of some pairs of these and receivers."""
+        count = np.diff(self.begin, append=len(self.spots.triangle))[rows]
+        own, offset = expand(count)
+        return self.spots[self.begin[rows][own] + offset]
 
     @staticmethod
     def of(receivers: Receivers, closed: Flags) -> Small:
@@ -77,12 +84,14 @@ class Small:
         alone = np.ones(len(spots.triangle), bool)
         alone[together] = False
         single = _single(receivers, spots[alone])
+        points = single.points[[*range(len(single.points)), *[-1] * (len(found.points) - 4)]]
         return Small(
-            single.boxes.joined(found.boxes), np.concatenate([single.triangle, found.triangle]),
-            np.concatenate([single.members, found.members]),
-            np.concatenate([single.begin, len(single.members) + found.begin]),
+            np.concatenate([points, found.points], axis=2),
+            np.concatenate([single.triangle, found.triangle]),
             single.pairs.joined(found.pairs),
             np.concatenate([single.which, len(single.triangle) + found.which]),
+            single.spots.joined(found.spots),
+            np.concatenate([single.begin, len(single.spots.triangle) + found.begin]),
         )  # fmt: skip
 
 
@@ -93,8 +102,7 @@ def _single(receivers: Receivers, spots: Pairs) -> Small:
     triangle = np.flatnonzero(used)
     which = (np.cumsum(used) - 1)[spots.triangle]
     points = np.take(receivers.columns, triangle, axis=2)[[0, 1, 2, 2]]
-    boxes = Boxes.of(points, receivers.view.body[triangle])
-    return Small(boxes, triangle, triangle, np.arange(len(triangle)), spots, which)
+    return Small(points, triangle, spots, which, spots, np.arange(len(which)))
 
 
 def _patches(receivers: Receivers, spots: Pairs) -> Small | None:
@@ -112,28 +120,22 @@ def _patches(receivers: Receivers, spots: Pairs) -> Small | None:
     begin = np.flatnonzero(np.diff(key[order], prepend=-1))
     if len(triangle) < WORTH * len(begin):
         return None
-    pairs, triangle = spots[order[begin]], triangle[order]
+    spots = spots[order]
+    pairs, triangle = spots[begin], spots.triangle
     owner = np.repeat(np.arange(len(begin)), np.diff(begin, append=len(triangle)))
-    total = np.stack([np.add.reduceat(n[triangle], begin) for n in normal])
-    plane = _unit(total)
+    plane = _unit(np.stack([np.add.reduceat(n[triangle], begin) for n in normal]))
     # axis by axis while they are in the cache
     away = [np.zeros(len(triangle)) for _ in range(3)]
-    along = np.zeros(len(triangle))
-    for own, columns, n in zip(plane, receivers.columns.swapaxes(0, 1), _unit(normal), strict=True):
+    for own, columns in zip(plane, receivers.columns.swapaxes(0, 1), strict=True):
         own = own[owner]
         for distance, column in zip(away, columns, strict=True):
             distance += own * column[triangle]
-        along += own * n[triangle]
     low = np.minimum.reduceat(np.minimum(np.minimum(away[0], away[1]), away[2]), begin)
     high = np.maximum.reduceat(np.maximum(np.maximum(away[0], away[1]), away[2]), begin)
     nearest = np.minimum.reduceat(receivers.nearest[triangle], begin)
     farthest = np.maximum.reduceat(receivers.farthest[triangle], begin)
-    points, slab = _around(receivers, pairs, (plane, low, high), (nearest, farthest))
-    # how far apart the ends of unit vectors are
-    lean = np.sqrt(np.maximum(2.0 - 2.0 * np.minimum.reduceat(along, begin), 0.0))
-    lean[~slab] = ANY
-    boxes = Boxes(points, receivers.view.body[pairs.triangle], lean)
-    return Small(boxes, pairs.triangle, triangle, begin, pairs, np.arange(len(begin)))
+    points = _around(receivers, pairs, (plane, low, high), (nearest, farthest))
+    return Small(points, pairs.triangle, pairs, np.arange(len(begin)), spots, begin)
 
 
 def _around(
@@ -141,10 +143,9 @@ def _around(
     pairs: Pairs,
     slab: tuple[Array, Array, Array],
     depths: tuple[Array, Array],
-) -> tuple[Array, Flags]:
+) -> Array:
     """(8, 3, n) points around what lies in tiles, each between two planes: of a ``slab``, unit
-    normals (3, n) and offsets (n,), or of two ``depths`` (n,) where these hold less; and which of
-    both (n,). Four lie in the first plane, then four in the second one."""
+    normals (3, n) and offsets (n,), or of two ``depths`` (n,) where these hold less."""
     eye = receivers.view.camera.eye[:, None]
     normal, *offsets = slab
     nearest, farthest = depths
@@ -161,14 +162,12 @@ def _around(
             # planes seen edge-on run away
             sound &= (own[k] > 0.2 * nearest) & (own[k] < 5.0 * farthest)
             size += end * own[k]
-    # the nearer one first, of depths
     thin = sound & (np.abs(size) <= 4.0 * (farthest - nearest + 2.0 * slack))
     ends = (nearest - slack, farthest + slack)
-    points = np.stack([
+    return np.stack([
         eye + np.where(thin, far, end) * way
         for own, end in zip(cut, ends, strict=True) for far, way in zip(own, ways, strict=True)
     ])  # fmt: skip
-    return points, thin
 
 
 def _normals(columns: Array) -> Array:

@@ -7,7 +7,6 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.optics.boxes import Boxes
 from gpusim.optics.casters import Casters
 from gpusim.optics.corners import parts, products
 from gpusim.optics.emitters import Lamp
@@ -47,16 +46,16 @@ def sides_of_planes(
 
 
 def lies_low(
-    lamp: Lamp, casters: Casters, face: Numbers, boxes: Boxes, box: Numbers, eye: Array
-) -> Flags:
+    lamp: Lamp, casters: Casters, face: Numbers, points: Array, box: Numbers, body: Numbers,
+    eye: Array,
+) -> Flags:  # fmt: skip
     """Whether faces hide nothing that counts of a lamp, as they don't rise over the planes of
-    receivers in boxes, pair by pair: what bulges hides nothing of itself.
+    receivers in boxes of points (4, 3, n), pair by pair: what bulges hides nothing of itself.
 
     Where a plane cuts the lamp, what is below it may still be lit by a smooth normal: that is
-    hidden by none of a closed surface's own faces that are as low. ``eye`` (3,): which sees the
-    receivers from above.
+    hidden by none of a closed surface's own faces that are as low. ``body`` (n,): number of the
+    receivers' surface, or -1 (of large ones); ``eye`` (3,): which sees them from above.
     """
-    points, body = boxes.points, boxes.body
     start = points[0]
     across, along = points[1] - start, points[2] - start
     normal = np.stack([
@@ -69,11 +68,9 @@ def lies_low(
     reach = np.abs(products(normal, lamp.u)) + np.abs(products(normal, lamp.v))
     offset = products(normal, start)
     height = products(normal, lamp.centre) - (0.0 if lamp.far else 1.0) * offset
-    whole = np.abs(height) > reach + np.maximum(boxes.lean, 0.0) * _farthest(lamp, start)
+    whole = np.abs(height) > reach
     side = np.where(whole, np.sign(height), np.sign(products(normal, eye) - offset))
-    # patches have to lie above their plane
-    sunk = ~boxes.single & (side * (products(normal, points[-1]) - offset) < 0.0)
-    side[(length == 0.0) | sunk] = 0.0
+    side[length == 0.0] = 0.0
     normal *= side
     offset *= side
     own = body[box] == casters.body[face]
@@ -91,31 +88,19 @@ def lies_low(
             np.minimum(low[part], at, out=low[part])
             np.maximum(high[part], at, out=high[part])
     slack = 1e-7 * float(np.abs(start).max(initial=0.0))
-    lean = np.maximum(boxes.lean, 0.0)[box]
-    below = (high <= slack) & (lean == 0.0)
+    below = high <= slack
     some = np.flatnonzero(~below)
     face, box, own = face[some], box[some], own[some]
-    size, away, most = _apart(casters, face, points, box)
-    # over the planes of a patch's triangles it rises by no more than this
-    above = high[some] + lean[some] * most
+    size, away = _apart(casters, face, points, box)
     # beside the receiver's plane a face rises by the angle between both
-    near = own & (low[some] <= slack) & (above <= LOW * size)
-    below[some] = near | (above <= np.maximum(LOW * away, slack))
+    near = own & (low[some] <= slack) & (high[some] <= LOW * size)
+    below[some] = near | (high[some] <= LOW * away)
     result[rows] = below
     return result
 
 
-def _farthest(lamp: Lamp, at: Array) -> Array:
-    """(n,) how far any of a lamp is from points (3, n) at most; of one far away its direction."""
-    way = lamp.centre[:, None] - (0.0 if lamp.far else 1.0) * at
-    size = float(np.linalg.norm(lamp.u) + np.linalg.norm(lamp.v))
-    return np.asarray(np.sqrt(products(way, way)) + size)
-
-
-def _apart(
-    casters: Casters, face: Numbers, points: Array, box: Numbers
-) -> tuple[Array, Array, Array]:
-    """How large faces (n,) are, how far away from receivers in boxes at least, and at most."""
+def _apart(casters: Casters, face: Numbers, points: Array, box: Numbers) -> tuple[Array, Array]:
+    """How large faces (n,) are, and how far away from receivers in boxes at least."""
     used = np.zeros(len(casters.faces), bool)
     used[face] = True
     shown = np.flatnonzero(used)
@@ -131,8 +116,7 @@ def _apart(
         own_face, own_box = face[part], box[part]
         ways = [m[own_face] - c[own_box] for m, c in zip(middle, centre, strict=True)]
         gap[part] = np.sqrt(sum(way**2 for way in ways)) - radius[own_face] - reach[own_box]
-    size = 2.0 * radius[face]
-    return size, gap, gap + size + 2.0 * reach[box]
+    return 2.0 * radius[face], gap
 
 
 def meets_middle(lamp: Lamp, at: Array, corners: Array, against: Flags) -> Flags:

@@ -182,10 +182,13 @@ class Receivers:
         return pairs
 
     def in_tiles(self, mask: npt.NDArray[np.bool_], own: npt.NDArray[np.bool_]) -> Pairs:
-        """Those of the large triangles ``own`` (T,) in the smallest tiles of a ``mask`` (rows,
-        columns) where something of them may be seen."""
+        """Those of the triangles ``own`` (T,) in the smallest tiles of a ``mask`` (rows, columns)
+        where something of them may be seen."""
+        spots = self.spots[own[self.spots.triangle]]
+        spots = spots[meets(spots, mask)]
         pairs = self.narrowed(np.flatnonzero(own & self.large), lambda pairs: meets(pairs, mask))
-        return pairs[self.seen(pairs)]
+        both = spots.joined(pairs)
+        return both[self.seen(both)]
 
     def points(self, pairs: Pairs) -> Array:
         """(4, 3, n) world points around what lies in each tile: of the tile or the triangle.

@@ -29,7 +29,7 @@ class Pairs:
     tile: Numbers
     size: int
 
-    def __getitem__(self, index: Numbers | Flags) -> Pairs:
+    def __getitem__(self, index: Numbers | Flags | slice) -> Pairs:
         return Pairs(self.triangle[index], self.tile[index], self.size)
 
     def joined(self, others: Pairs) -> Pairs:
