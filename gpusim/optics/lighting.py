@@ -60,7 +60,7 @@ def find_shadows(
     one = Lock()
 
     def casters(without: frozenset[int]) -> Casters:
-        # lamps that are looked at side by side have the same ones
+        # lamps that are looked at side by side mostly ask for the same ones
         with one:
             return found_casters(without)
 

@@ -41,8 +41,8 @@ BESIDE = 0.5
 """Cosine between the normals of face and receiver, up to their signs, above which the receiver may
 be part of a sheet that goes on with the face. What stands on it or cuts it is steeper."""
 
-MOST_EDGES = 3
-"""Edges of a face that are looked at where it is known by all of its corners."""
+ENOUGH_EDGES = 3
+"""Edges of a face at which all of its corners lie: the last corner of a quad lies between two."""
 
 CHUNK = 1 << 9
 """Pairs of receivers and faces at a time, so that they stay in the processor's cache."""
@@ -204,7 +204,9 @@ def _covered(
     level = np.where(whole, tolerance * np.linalg.norm(over, axis=1), -np.inf)
     rises = np.einsum("pka,pa->pk", D, over) > level[:, None]
     ahead = np.einsum("pka,pa->pk", D, to) > 0.0
-    hides = (np.any(ahead, axis=1) & np.any(rises, axis=1)) | (np.bitwise_count(edges) < MOST_EDGES)
+    hides = (np.any(ahead, axis=1) & np.any(rises, axis=1)) | (
+        np.bitwise_count(edges) < ENOUGH_EDGES
+    )
     counts &= ~passes | against | hides
     # a face beside all of the lamp and the pixel hides nothing
     most = value + np.abs(a) + np.abs(b) + 0.5 * (np.abs(gx) + np.abs(gy))

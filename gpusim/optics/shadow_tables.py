@@ -11,7 +11,7 @@ from gpusim.errors import OutOfDeviceMemory
 from gpusim.gpu import Device, Uniform
 from gpusim.gpu.texels import Texels, most_texels
 from gpusim.optics.lighting import Lighting
-from gpusim.optics.occlusion import MOST_EDGES, TOLERANCE, lamp_masks
+from gpusim.optics.occlusion import ENOUGH_EDGES, TOLERANCE, lamp_masks
 from gpusim.optics.ragged import expand
 from gpusim.optics.shadow_tiles import MOST_LAMPS, Chains, ShadowTiles
 
@@ -82,7 +82,7 @@ def _edges(tiles: ShadowTiles) -> tuple[Numbers, Numbers, npt.NDArray[np.float32
     begin = np.searchsorted(pair, np.arange(len(tiles.edges) + 1))
     edges = faces[tiles.face[pair], edge]
     edges[begin[1:] - 1, 0, 3] += 1.0
-    edges[:, 1, 3] = (np.bitwise_count(tiles.edges) < MOST_EDGES)[pair]
+    edges[:, 1, 3] = (np.bitwise_count(tiles.edges) < ENOUGH_EDGES)[pair]
     start = begin[tiles.start]
     return start, begin[tiles.start + tiles.count] - start, edges
 

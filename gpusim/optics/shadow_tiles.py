@@ -262,9 +262,9 @@ class ShadowTiles:
 
     @cached_property
     def edge_counts(self) -> Numbers:
-        """(E,) turns that the shaders' loops over edges may take for a receiver in each tile in half
-        shadow: those of its longest list for each lamp that has one, as those that are worked on in
-        step wait for the longest list of any of them, lamp by lamp."""
+        """(E,) turns that the shaders' loops over edges may take for a receiver in each tile in
+        half shadow: those of its longest list for each lamp that has one, as those that are worked
+        on in step wait for the longest list of any of them, lamp by lamp."""
         sums = np.concatenate([[0], np.cumsum(np.bitwise_count(self.edges), dtype=np.int64)])
         faces = sums[self.start + self.count] - sums[self.start]
         # an edge of an outline takes as long as three of faces

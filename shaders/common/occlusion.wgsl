@@ -52,8 +52,8 @@ struct Shades {
 @group(0) @binding(60) var<uniform> shades: Shades;
 // edges of the faces that may hide a lamp from a tile, three texels each: where it begins relative to
 // the eye (w: 1 for the last one of a face, 2 more if the inside hides as well), where it goes (w: 0 for
-// those of a face of which all are there, else 1), and
-// the face's plane: unit normal, offset from the eye; then those of outlines: both ends (w of the
+// those of a face of which three are there at least, else 1), and the face's plane: unit normal, offset
+// from the eye; then those of outlines: both ends (w of the
 // first one: 1 for the last edge of an outline), and a plane beyond which it hides the lamp
 @group(0) @binding(61) var occluders: texture_storage_2d<rgba32float, read>;
 // per tile in half shadow a texel per lamp: first and number of these, the lamp, and in the lowest byte
@@ -186,8 +186,10 @@ fn lamp_share(list: vec4u, x: vec3f, n: vec3f, dx: vec3f, dy: vec3f) -> f32 {
     let up = cross(dx, dy);
     let over = select(-up, up, dot(up, n) > 0.0);
     let sides = lamp.u.w * abs(dot(over, lamp.u.xyz)) + abs(dot(over, lamp.v.xyz));
+    // at -1e30 all are above it
     let slack = select(-1e30, tolerance * length(over), dot(over, to) > sides);
-    var ahead = vec2f(0.0);
+    let level = vec2f(0.0, slack);
+    var ahead = level;
     var i = list.x;
     loop {
         if (chained != 0u && i >= faces) { break; }
@@ -211,7 +213,8 @@ fn lamp_share(list: vec4u, x: vec3f, n: vec3f, dx: vec3f, dy: vec3f) -> f32 {
         // seen edge-on, as its plane passes through the pixel, a face would seem to hide what lies on
         // its other side from the samples beyond the plane: it can't where no corner is towards the lamp,
         // or over the receiver's plane, as all of the lamp is
-        ahead = max(ahead, vec2f(dot(d, to), dot(d, over) - slack));
+        let e = d + way.xyz;
+        ahead = max(ahead, max(vec2f(dot(d, to), dot(d, over)), vec2f(dot(e, to), dot(e, over))));
 
         let edge = samples_of(lamp, to, side * cross(d, way.xyz), side * way.xyz, moves * dx, moves * dy);
         inside0 &= edge.rows0;
@@ -220,12 +223,12 @@ fn lamp_share(list: vec4u, x: vec3f, n: vec3f, dx: vec3f, dy: vec3f) -> f32 {
         inside3 &= edge.rows3;
 
         let last = vec4u(0u - (u32(begin.w) & 1u));
-        let used = select(vec4u(0u), last, counts && (!passes || against || way.w > 0.0 || min(ahead.x, ahead.y) > 0.0));
+        let used = select(vec4u(0u), last, counts && (!passes || against || way.w > 0.0 || all(ahead > level)));
         covered0 |= used & inside0;
         covered1 |= used & inside1;
         covered2 |= used & inside2;
         covered3 |= used & inside3;
-        ahead = select(ahead, vec2f(0.0), last.x != 0u);
+        ahead = select(ahead, level, last.x != 0u);
         inside0 |= last;
         inside1 |= last;
         inside2 |= last;
