@@ -157,7 +157,8 @@ def test_faces_joined_for_far_receivers_hide_nothing_near_them(
 ) -> None:
     """A sheet before its own soft shadow, by faces alone: none of its pixels is dark."""
 
-    def unsure(_: object, __: object, ___: object, shape: tuple[int, int]) -> OutlineShadow:
+    def unsure(*of: tuple[int, int]) -> OutlineShadow:
+        shape = of[-1]
         return replace(OutlineShadow.none(), unsure=np.arange(shape[0] * shape[1]))
 
     monkeypatch.setattr(lamp_shadow, "outline_shadow", unsure)
