@@ -10,7 +10,6 @@ from gpusim.optics.binning import EdgePixels
 from gpusim.optics.corners import ST
 from gpusim.optics.pattern import PatternTable
 from gpusim.optics.setup import Setup, footprint
-from gpusim.optics.shadow_tiles import TILE
 from gpusim.optics.speckle import EDGE_ROWS, row_turns
 
 __all__ = ["grazing_turns", "shadow_turns", "speckle_turns"]
@@ -24,8 +23,9 @@ def shadow_turns(setup: Setup, edges: EdgePixels) -> npt.NDArray[np.int64]:
     if tiles is None:
         return np.zeros(len(edges.pixel), np.int64)
     row, column = np.divmod(edges.pixel, setup.view.camera.width)
-    counts = np.concatenate([[0], tiles.edge_counts])
-    result: npt.NDArray[np.int64] = counts[tiles.entry[row // TILE, column // TILE]]
+    # -1 for tiles that aren't in half shadow
+    counts = np.append(tiles.edge_counts, 0)
+    result: npt.NDArray[np.int64] = counts[tiles.tile_of(column, row)[1]]
     return result
 
 

@@ -38,7 +38,6 @@ from gpusim.optics.setup_probe import fields_setup, probe_setup
 from gpusim.optics.shares import Shares
 from gpusim.optics.speckle import EDGE_ROWS
 from gpusim.optics.tables import Tables
-from gpusim.optics.tile_pairs import TILE
 from gpusim.optics.view import FIXED
 
 __all__ = ["EdgePass", "edges_twin"]
@@ -159,7 +158,7 @@ def _filled(setup: Setup, edges: EdgePixels) -> npt.NDArray[np.bool_]:
     if tiles is None:
         return result
     row, column = np.divmod(edges.pixel, setup.view.camera.width)
-    rows = np.flatnonzero((tiles.entry[row // TILE, column // TILE] > 0) & (edges.depth > 1))
+    rows = np.flatnonzero((tiles.tile_of(column, row)[1] >= 0) & (edges.depth > 1))
     some = edges.select(rows)
     pixel, _, corners = _over(setup, some)
     found = pixel[backdrops(setup, some, fills(half_planes(corners)), corners)]

@@ -248,7 +248,9 @@ class ShadowTiles:
             )  # fmt: skip
         return result
 
-    def tile_of(self, x: Array, y: Array) -> tuple[npt.NDArray[np.uint32], Numbers]:
+    def tile_of(
+        self, x: Array | Numbers, y: Array | Numbers
+    ) -> tuple[npt.NDArray[np.uint32], Numbers]:
         """`lit` of the tiles of positions (n,), and number among those in half shadow, or -1."""
         limit = np.array(self.lit.shape) - 1
         row = np.clip(np.floor((y + 0.5) / TILE).astype(np.int64), 0, limit[0])
