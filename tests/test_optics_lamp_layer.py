@@ -246,7 +246,7 @@ def test_what_hides_nothing_of_itself_still_hides_others(monkeypatch: pytest.Mon
     def unknown(half: object, receivers: object, box: Array, *_: object) -> npt.NDArray[np.bool_]:
         return np.zeros(len(box), bool)
 
-    monkeypatch.setattr("gpusim.optics.half_shadow.apart", unknown)
+    monkeypatch.setattr("gpusim.optics.faces_before.apart", unknown)
     assert found()[1] == halves
     monkeypatch.setattr(
         "gpusim.optics.lighting.surfaces_alone", lambda lamps, *_: [[] for _ in lamps]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import gpusim as gs
-from gpusim.optics import half_shadow
+from gpusim.optics import faces_before
 from gpusim.optics.lamp_pairs import LampPairs
 from gpusim.optics.light import Light
 from gpusim.optics.setup import Setup
@@ -62,7 +62,7 @@ def test_what_bulges_has_no_lists(lamp: str, monkeypatch: pytest.MonkeyPatch) ->
     surfaces = [tube(30, 3), ground()]
     tiles, picture = shadows(surfaces, LAMPS[lamp])
     monkeypatch.setattr(
-        half_shadow, "lies_low", lambda lamp, casters, face, points, box, *_: box < 0
+        faces_before, "lies_low", lambda lamp, casters, face, points, planes, box, *_: box < 0
     )
     before, every = shadows(surfaces, LAMPS[lamp])
     assert tiles.count.sum() < 0.9 * before.count.sum()

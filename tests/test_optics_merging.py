@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import gpusim as gs
-from gpusim.optics import half_shadow, lamp_merging
+from gpusim.optics import faces_before, lamp_merging
 from gpusim.optics.casters import Casters
 from gpusim.optics.merging import merge_flat
 from gpusim.optics.setup import Setup
@@ -146,7 +146,7 @@ def test_a_ray_between_faces_lights_no_tile(monkeypatch: pytest.MonkeyPatch) -> 
     ids = visibility_twin(view)
     setup = Setup.build(view, [lamp], 0.0, [sheet, ground])
     before, want = setup.lighting.shadows, shade_twin(setup, ids)
-    monkeypatch.setattr(half_shadow, "meets_middle", lambda lamp, at, *_: np.zeros(len(at), bool))
+    monkeypatch.setattr(faces_before, "meets_middle", lambda lamp, at, *_: np.zeros(len(at), bool))
     setup = Setup.build(view, [lamp], 0.0, [sheet, ground])
     after, got = setup.lighting.shadows, shade_twin(setup, ids)
     assert before is not None and after is not None

@@ -8,16 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.optics.caster_sets import CasterSet, CasterSets
-from gpusim.optics.casters import Casters
-from gpusim.optics.corners import parts
-from gpusim.optics.lamp_apart import apart
+from gpusim.optics.caster_sets import CasterSets
+from gpusim.optics.faces_before import DARK, HALF, LIT, Beside, any_before, found_by
 from gpusim.optics.lamp_edges import EVERY_EDGE
-from gpusim.optics.lamp_grid import LampGrid
-from gpusim.optics.lamp_merging import FEWEST, joined_grids
 from gpusim.optics.patches import Small
 from gpusim.optics.ragged import expand
-from gpusim.optics.receiver_planes import lies_low, meets_middle, sides_of_planes
 from gpusim.optics.receivers import Receivers
 from gpusim.optics.tile_pairs import LEVELS, NONE, TILE, Pairs, counted, meets, spread_over
 
@@ -27,15 +22,6 @@ Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
 Bits = npt.NDArray[np.uint8]
 Flags = npt.NDArray[np.bool_]
-States = npt.NDArray[np.int8]
-Level = tuple[Casters, list[LampGrid]]
-LIT, DARK, HALF = 0, 1, 2
-BESIDE = 16.0
-"""Times a receiver's own, difference in s to faces of its surface that may lie beside it."""
-
-RISES = 0.15, 0.6
-"""Of the median difference in s between receivers and the highest casters: for those less far below
-joined ones, these aren't exact enough."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +86,10 @@ def half_shadow(
     kept = small.some(facing)[small.which]
     if not everywhere:
         kept &= meets(small.pairs, within)
-    spots, whole = _before(receivers, small, sets, facing, np.flatnonzero(kept))
+    spots, whole, under = _before(receivers, small, sets, facing, np.flatnonzero(kept))
+    # joined casters may be too near to these
+    own_tiles |= spread_over(under, shape)
+    whole = whole.joined(under)
     # a small triangle is the same receiver in each of its tiles
     some = np.zeros(len(facing), bool)
     some[spots.triangle] = True
@@ -153,8 +142,8 @@ def half_shadow(
     which = (np.cumsum(some) - 1)[which]
     everything = np.compress(some, everything, axis=2)
     triangle, body = triangle[some], body[some]
-    beside = _Beside(len(triangle), tile, which, own_tiles.reshape(-1))
-    state, owner, face, edges, levels = _found_by(
+    beside = Beside(len(triangle), tile, which, own_tiles.reshape(-1))
+    state, owner, face, edges, levels = found_by(
         sets, casters, everything, triangle, body, beside, receivers.view.camera.eye
     )
     order = np.argsort(owner, kind="stable")
@@ -194,21 +183,30 @@ def half_shadow(
 
 def _before(
     receivers: Receivers, small: Small, sets: CasterSets, facing: Flags, rows: Numbers
-) -> tuple[Pairs, Pairs]:
+) -> tuple[Pairs, Pairs, Pairs]:
     """Single triangles that are ``facing`` (T,) the lamp, of ``rows`` (n,) of small receivers in
-    tiles, before which something may be; and of patches before which nothing is, one each."""
+    tiles, before which something may be; and of patches, one each: those that nothing is over as
+    the lamp sees it, and those that it is over but hides nothing of the lamp from."""
     if small.single:
         pairs = small.pairs[rows]
-        return pairs[facing[pairs.triangle]], pairs[:0]
+        return pairs[facing[pairs.triangle]], pairs[:0], pairs[:0]
     used = np.zeros(len(small.triangle), bool)
     used[small.which[rows]] = True
     asked = np.flatnonzero(used)
     number = sets.number(small.triangle, small.every(sets.free))
-    maybe = np.zeros(len(used), bool)
-    maybe[asked] = sets.may_hide(np.take(small.points, asked, axis=2), number[asked])
-    left = maybe[small.which[rows]]
-    pairs = small.parts(rows[left])
-    return pairs[facing[pairs.triangle]], small.pairs[rows[~left]]
+    over, before = np.zeros((2, len(used)), bool)
+    over[asked] = sets.may_hide(np.take(small.points, asked, axis=2), number[asked])
+    before |= over
+    patch = np.flatnonzero(over[small.alone :])
+    asked = small.alone + patch
+    before[asked] = any_before(
+        sets, number[asked], np.take(small.points, asked, axis=2), small.planes[patch],
+        receivers.view.body[small.triangle[asked]].astype(np.int64), receivers.view.camera.eye,
+    )  # fmt: skip
+    over, before = over[small.which[rows]], before[small.which[rows]]
+    pairs = small.parts(rows[before])
+    clear, under = small.pairs[rows[~over]], small.pairs[rows[over & ~before]]
+    return pairs[facing[pairs.triangle]], clear, under
 
 
 def _clear(receivers: Receivers, cleared: list[Pairs], asked: Flags) -> Numbers:
@@ -221,169 +219,3 @@ def _clear(receivers: Receivers, cleared: list[Pairs], asked: Flags) -> Numbers:
         pairs = pairs.joined(more)
         pairs = pairs[meets(pairs, asked)]
     return counted(pairs[receivers.seen(pairs, receivers.points(pairs))], asked.shape, NONE)
-
-
-def _levels(used: CasterSet, casters: Casters, points: Array) -> list[Level]:
-    """The casters as they are, and joined as far as most receivers' boxes (4, 3, n) allow."""
-    faces, grids = used
-    result: list[Level] = [(casters, grids)]
-    if grids[0].view.lamp.extended and len(faces.face) >= FEWEST and points.shape[2]:
-        (grid,) = grids
-        reach = grid.view.reach(points)
-        top = grid.top(reach)
-        known = np.flatnonzero(np.isfinite(top) & np.isfinite(reach.s[1]))
-        if not len(known):
-            return result
-        above = top[known] - reach.s[1][known]
-        rises = [share * float(np.median(above)) for share in RISES]
-        result += [(own, [one]) for own, one in joined_grids(grid, casters, faces, rises)]
-    return result
-
-
-@dataclass(frozen=True, eq=False)
-class _Beside:
-    """Which of ``count`` receivers share tiles: ``tile`` and ``which`` (n,): pairs of tiles and
-    receivers; ``own`` (tiles,): those with receivers besides that nothing of their surface is
-    before."""
-
-    count: int
-    tile: Numbers
-    which: Numbers
-    own: Flags
-
-    def too_near(self, rows: Numbers, near: Flags) -> Flags:
-        """Which receivers ``rows`` (n,) have one beside them in some tile that faces are too
-        ``near`` to (n,), or that has been left out: one tile has one list of faces."""
-        flags = np.zeros(self.count, bool)
-        flags[rows[near]] = True
-        tiles = self.own.copy()
-        tiles[self.tile[flags[self.which]]] = True
-        flags[self.which[tiles[self.tile]]] = True
-        return flags[rows]
-
-
-def _found_by(
-    sets: CasterSets,
-    casters: Casters,
-    points: Array,
-    triangle: Numbers,
-    body: Numbers,
-    beside: _Beside,
-    eye: Array,
-) -> tuple[States, Numbers, Numbers, Bits, list[Level]]:
-    """As `_found`, of receivers on triangles (n,), each by what may hide the lamp there; and the
-    levels, as faces are numbered in them."""
-    state = np.full(len(triangle), LIT, np.int8)
-    levels: list[Level] = []
-    found: list[tuple[Numbers, Numbers, Bits]] = []
-    for rows, own in sets.each(sets.number(triangle)):
-        some, bodies, own_rows = points, body, np.arange(len(triangle))
-        if rows is not None:
-            some, bodies, own_rows = np.take(points, rows, axis=2), body[rows], rows
-        before = sum(len(used.corners) for used, _ in levels)
-        own_levels = _levels(own, casters, some)
-        own_state, box, face, edges = _found(own_levels, some, bodies, beside, own_rows, eye)
-        state[slice(None) if rows is None else rows] = own_state
-        found.append((box if rows is None else rows[box], before + face, edges))
-        levels += reversed(own_levels)
-    owner, face, edges = (np.concatenate([each[k] for each in found]) for k in range(3))
-    return state, owner, face, edges, levels
-
-
-def _found(
-    levels: list[Level], points: Array, body: Numbers, beside: _Beside, rows: Numbers, eye: Array
-) -> tuple[States, Numbers, Numbers, Bits]:
-    """State of each receiver box (4, 3, n) of surfaces ``body`` (n,), -1 for large ones, that are
-    ``rows`` (n,) of those ``beside`` each other; pairs (box, face) of those not lit with the edges
-    that count; each by the most joined casters that none of is too near to it, or to one beside it,
-    numbered from the last level to the first."""
-    state = np.full(points.shape[2], LIT, np.int8)
-    boxes, faces = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
-    edges = [np.zeros(0, np.uint8)]
-    left, before = np.arange(len(state)), 0
-    for casters, grids in reversed(levels):
-        own = points if len(left) == len(state) else np.take(points, left, axis=2)
-        state[left], box, face, bits, near = _candidates(grids, casters, own, body[left], eye)
-        if casters is not levels[0][0]:
-            near = beside.too_near(rows[left], near)
-            kept = np.flatnonzero(~near[box])
-            box, face, bits = box[kept], face[kept], bits[kept]
-        boxes.append(left[box])
-        faces.append(before + face)
-        edges.append(bits)
-        before += len(casters.corners)
-        left = left[near]
-        if not len(left):
-            break
-    return state, np.concatenate(boxes), np.concatenate(faces), np.concatenate(edges)
-
-
-def _candidates(
-    grids: list[LampGrid], casters: Casters, points: Array, body: Numbers, eye: Array
-) -> tuple[States, Numbers, Numbers, Bits, npt.NDArray[np.bool_]]:
-    """As `_found`, of one level; and whether a box is too near to a joined face, which has no
-    pairs then."""
-    count = points.shape[2]
-    state = np.full(count, LIT, np.int8)
-    near = np.zeros(count, bool)
-    pairs, faces = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
-    edges = [np.zeros(0, np.uint8)]
-    for grid in grids:
-        reach = grid.view.reach(points)
-        usable = np.flatnonzero(np.isfinite(reach.s[0]))
-        if len(usable) == count:
-            box, caster = grid.candidates(reach)
-        else:
-            box, caster = grid.candidates(reach[usable])
-            box = usable[box]
-        close = grid.near(reach, box, caster)
-        if len(close):
-            near[close] = True
-            kept = np.flatnonzero(~near[box])
-            box, caster = box[kept], caster[kept]
-        face, side = grid.face[caster], grid.side[caster]
-        behind, ahead = sides_of_planes(casters, face, points, box)
-        # one side of a plane sees nothing of it hidden; closed bodies hide outwards only
-        closed = ~casters.both_sides[face]
-        # what is turned to the lamp in the plane of a face that is turned away lies against it
-        against = ahead & behind & closed & (side == -1)
-        drop = (ahead & (side == 1)) | (behind & ~against & ((side == -1) | closed))
-        kept = np.flatnonzero(~drop)
-        box, face, caster, against = box[kept], face[kept], caster[kept], against[kept]
-        low = lies_low(grid.view.lamp, casters, face, points, box, body, eye)
-        kept = np.flatnonzero(against | ~low)
-        box, face, caster, against = box[kept], face[kept], caster[kept], against[kept]
-        inside, past = np.empty(len(box), bool), np.empty(len(box), bool)
-        for part in parts(len(box)):
-            inside[part], past[part] = grid.meets(reach[box[part]], caster[part])
-        beside = inside & (body[box] == casters.body[face])
-        if grid.view.lamp.extended:
-            # far above, hardly any lies beside the receiver as all of the lamp sees it
-            rise = grid.reach.s[0][caster] - reach.s[1][box]
-            with np.errstate(invalid="ignore"):  # all of a receiver behind the lamp
-                beside &= rise <= BESIDE * (reach.s[1] - reach.s[0])[box]
-        same = np.flatnonzero(beside)
-        if len(same):
-            places = grid.view.place(*np.moveaxis(points, 1, 0))
-            inside[same[apart(grid.view.half, places, box[same], grid.places, caster[same])]] = (
-                False
-            )
-        kept = np.flatnonzero(inside)
-        box, face, caster, past = box[kept], face[kept], caster[kept], past[kept]
-        against = against[kept]
-        sure = (against | (grid.reach.s[0][caster] > reach.s[1][box])) & ~past
-        half = np.zeros(count, bool)
-        half[box[~sure]] = True
-        hit = np.zeros(count, bool)
-        ask = np.flatnonzero(~half[box])
-        middle = points[:, :, box[ask]].mean(axis=0).T
-        corners = casters.corners[face[ask]]
-        hit[box[ask[meets_middle(grid.view.lamp, middle, corners, against[ask])]]] = True
-        # inside of an outline, yet no face in the way: a ray between faces that were joined, which
-        # needn't meet corner by corner; pixel by pixel it is one sample
-        half[box[~hit[box]]] = True
-        state = np.maximum(state, np.where(half, HALF, np.where(hit, DARK, LIT)).astype(np.int8))
-        pairs.append(box)
-        faces.append(face)
-        edges.append(grid.edges.needed(reach, box, caster))
-    return state, np.concatenate(pairs), np.concatenate(faces), np.concatenate(edges), near

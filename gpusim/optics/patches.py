@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from gpusim.optics.corners import products
 from gpusim.optics.ragged import expand
+from gpusim.optics.receiver_planes import Planes
 from gpusim.optics.receivers import Receivers
 from gpusim.optics.tile_pairs import Pairs
 
@@ -38,7 +39,8 @@ class Small:
 
     ``points`` (k, 3, m) around each receiver; ``triangle`` (m,): one of each. ``pairs``: the tiles
     that receivers lie in, with one of the triangles; ``which`` (n,): the receiver of each.
-    ``spots``: all triangles with these tiles, pair by pair from ``begin`` (n,) on.
+    ``spots``: all triangles with these tiles, pair by pair from ``begin`` (n,) on. ``planes``: of
+    patches, which are the last receivers.
     """
 
     points: Array
@@ -47,6 +49,12 @@ class Small:
     which: Numbers
     spots: Pairs
     begin: Numbers
+    planes: Planes
+
+    @property
+    def alone(self) -> int:
+        """How many receivers are single triangles."""
+        return len(self.triangle) - len(self.planes.low)
 
     @property
     def single(self) -> bool:
@@ -92,6 +100,7 @@ class Small:
             np.concatenate([single.which, len(single.triangle) + found.which]),
             single.spots.joined(found.spots),
             np.concatenate([single.begin, len(single.spots.triangle) + found.begin]),
+            found.planes,
         )  # fmt: skip
 
 
@@ -102,7 +111,8 @@ def _single(receivers: Receivers, spots: Pairs) -> Small:
     triangle = np.flatnonzero(used)
     which = (np.cumsum(used) - 1)[spots.triangle]
     points = np.take(receivers.columns, triangle, axis=2)[[0, 1, 2, 2]]
-    return Small(points, triangle, spots, which, spots, np.arange(len(which)))
+    none = Planes.of(np.zeros((3, 3, 0)))
+    return Small(points, triangle, spots, which, spots, np.arange(len(which)), none)
 
 
 def _patches(receivers: Receivers, spots: Pairs) -> Small | None:
@@ -124,10 +134,12 @@ def _patches(receivers: Receivers, spots: Pairs) -> Small | None:
     pairs, triangle = spots[begin], spots.triangle
     owner = np.repeat(np.arange(len(begin)), np.diff(begin, append=len(triangle)))
     plane = _unit(np.stack([np.add.reduceat(n[triangle], begin) for n in normal]))
+    unit = _unit(normal)
     # axis by axis while they are in the cache
-    away = [np.zeros(len(triangle)) for _ in range(3)]
-    for own, columns in zip(plane, receivers.columns.swapaxes(0, 1), strict=True):
+    away, square = [np.zeros(len(triangle)) for _ in range(3)], np.zeros(len(triangle))
+    for own, columns, every in zip(plane, receivers.columns.swapaxes(0, 1), unit, strict=True):
         own = own[owner]
+        square += (every[triangle] - own) ** 2
         for distance, column in zip(away, columns, strict=True):
             distance += own * column[triangle]
     low = np.minimum.reduceat(np.minimum(np.minimum(away[0], away[1]), away[2]), begin)
@@ -135,7 +147,11 @@ def _patches(receivers: Receivers, spots: Pairs) -> Small | None:
     nearest = np.minimum.reduceat(receivers.nearest[triangle], begin)
     farthest = np.maximum.reduceat(receivers.farthest[triangle], begin)
     points = _around(receivers, pairs, (plane, low, high), (nearest, farthest))
-    return Small(points, pairs.triangle, pairs, np.arange(len(begin)), spots, begin)
+    spread = np.sqrt(np.maximum.reduceat(square, begin))
+    return Small(
+        points, pairs.triangle, pairs, np.arange(len(begin)), spots, begin,
+        Planes(plane, low, high, spread),
+    )  # fmt: skip
 
 
 def _around(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -11,7 +12,7 @@ from gpusim.optics.casters import Casters
 from gpusim.optics.corners import parts, products
 from gpusim.optics.emitters import Lamp
 
-__all__ = ["lies_low", "meets_middle", "sides_of_planes"]
+__all__ = ["Planes", "lies_low", "meets_middle", "sides_of_planes"]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
@@ -45,34 +46,74 @@ def sides_of_planes(
     return behind, ahead
 
 
+@dataclass(frozen=True, eq=False)
+class Planes:
+    """What receivers are in the planes of: ``normal`` (3, n) unit, 0 where there is none; corners
+    lie between its offsets ``low`` and ``high`` (n,); ``spread`` (n,): the most that a unit normal
+    of one of several triangles differs from it."""
+
+    normal: Array
+    low: Array
+    high: Array
+    spread: Array
+
+    def __getitem__(self, index: Numbers) -> Planes:
+        return Planes(*(np.take(v, index, axis=-1) for v in self._all))
+
+    def joined(self, others: Planes) -> Planes:
+        """These, then others."""
+        return Planes(*map(_joined, self._all, others._all))
+
+    @property
+    def _all(self) -> tuple[Array, Array, Array, Array]:
+        return self.normal, self.low, self.high, self.spread
+
+    @staticmethod
+    def of(points: Array) -> Planes:
+        """Of single triangles, or of flat pieces: the first three of points (k, 3, n)."""
+        start = points[0]
+        across, along = points[1] - start, points[2] - start
+        normal = np.stack([
+            across[1] * along[2] - across[2] * along[1],
+            across[2] * along[0] - across[0] * along[2],
+            across[0] * along[1] - across[1] * along[0],
+        ])  # fmt: skip
+        length = np.sqrt(products(normal, normal))
+        normal /= np.where(length > 0.0, length, 1.0)
+        offset = products(normal, start)
+        return Planes(normal, offset, offset, np.zeros(len(offset)))
+
+
+def _joined(one: Array, other: Array) -> Array:
+    return np.concatenate([one, other], axis=-1)
+
+
 def lies_low(
-    lamp: Lamp, casters: Casters, face: Numbers, points: Array, box: Numbers, body: Numbers,
-    eye: Array,
+    lamp: Lamp, casters: Casters, face: Numbers, points: Array, planes: Planes, box: Numbers,
+    body: Numbers, eye: Array,
 ) -> Flags:  # fmt: skip
-    """Whether faces hide nothing that counts of a lamp, as they don't rise over the planes of
-    receivers in boxes of points (4, 3, n), pair by pair: what bulges hides nothing of itself.
+    """Whether faces hide nothing that counts of a lamp, as they don't rise over the ``planes`` of
+    receivers in boxes of points (k, 3, n), pair by pair: what bulges hides nothing of itself.
 
     Where a plane cuts the lamp, what is below it may still be lit by a smooth normal: that is
     hidden by none of a closed surface's own faces that are as low. ``body`` (n,): number of the
     receivers' surface, or -1 (of large ones); ``eye`` (3,): which sees them from above.
     """
-    start = points[0]
-    across, along = points[1] - start, points[2] - start
-    normal = np.stack([
-        across[1] * along[2] - across[2] * along[1],
-        across[2] * along[0] - across[0] * along[2],
-        across[0] * along[1] - across[1] * along[0],
-    ])  # fmt: skip
-    length = np.sqrt(products(normal, normal))
-    normal /= np.where(length > 0.0, length, 1.0)
-    reach = np.abs(products(normal, lamp.u)) + np.abs(products(normal, lamp.v))
-    offset = products(normal, start)
+    normal, spread = planes.normal.copy(), planes.spread
+    centre, reach = _round(points)
+    offset, half = 0.5 * (planes.low + planes.high), 0.5 * (planes.high - planes.low)
+    turned = np.abs(products(normal, lamp.u)) + np.abs(products(normal, lamp.v))
     height = products(normal, lamp.centre) - (0.0 if lamp.far else 1.0) * offset
-    whole = np.abs(height) > reach
-    side = np.where(whole, np.sign(height), np.sign(products(normal, eye) - offset))
-    side[length == 0.0] = 0.0
+    # several triangles agree on which side of their planes something lies
+    far = np.ones(len(offset)) if lamp.far else _far(lamp.centre, centre, reach)
+    size = float(np.linalg.norm(lamp.u) + np.linalg.norm(lamp.v))
+    whole = np.abs(height) > turned + half + spread * (far + size)
+    seen = products(normal, eye) - offset
+    sure = (np.abs(seen) > half + spread * _far(eye, centre, reach)) | (spread + half == 0.0)
+    side = np.where(whole, np.sign(height), np.where(sure, np.sign(seen), 0.0))
+    side[~normal.any(axis=0)] = 0.0
     normal *= side
-    offset *= side
+    offset = offset * side
     own = body[box] == casters.body[face]
     result: Flags = (side != 0.0)[box] & (whole[box] | (own & ~casters.both_sides[face]))
     rows = np.flatnonzero(result)
@@ -87,20 +128,42 @@ def lies_low(
             at = sum(n * axis[vertex] for n, axis in zip(normals, places, strict=True)) - before
             np.minimum(low[part], at, out=low[part])
             np.maximum(high[part], at, out=high[part])
-    slack = 1e-7 * float(np.abs(start).max(initial=0.0))
-    below = high <= slack
+    low += half[box]
+    high += half[box]
+    slack = 1e-7 * float(np.abs(points[0]).max(initial=0.0))
+    below = (high <= slack) & (spread[box] == 0.0)
     some = np.flatnonzero(~below)
-    face, box, own = face[some], box[some], own[some]
-    size, away = _apart(casters, face, points, box)
+    face, box, own, low, high = face[some], box[some], own[some], low[some], high[some]
+    radius, away = _apart(casters, face, centre, box)
+    # others' normals lean by so much over all that is between
+    least, most = away - radius - reach[box], away + radius + reach[box]
+    lean = spread[box] * most
     # beside the receiver's plane a face rises by the angle between both
-    near = own & (low[some] <= slack) & (high[some] <= LOW * size)
-    below[some] = near | (high[some] <= LOW * away)
+    near = own & (low + lean <= slack) & (high + lean <= 2.0 * LOW * radius)
+    below[some] = near | (high + lean <= np.maximum(LOW * least, np.where(lean > 0.0, slack, 0.0)))
     result[rows] = below
     return result
 
 
-def _apart(casters: Casters, face: Numbers, points: Array, box: Numbers) -> tuple[Array, Array]:
-    """How large faces (n,) are, and how far away from receivers in boxes at least."""
+def _round(points: Array) -> tuple[Array, Array]:
+    """Centres (3, n) and radii (n,) of boxes of points (k, 3, n)."""
+    centre = points.mean(axis=0)
+    square = np.zeros(points.shape[2])
+    for point in points:
+        way = point - centre
+        np.maximum(square, products(way, way), out=square)
+    return centre, np.sqrt(square)
+
+
+def _far(place: Array, centre: Array, reach: Array) -> Array:
+    """(n,): how far something within ``reach`` of centres (3, n) may be from a place."""
+    way = centre - place[:, None]
+    return np.asarray(np.sqrt(products(way, way)) + reach)
+
+
+def _apart(casters: Casters, face: Numbers, centre: Array, box: Numbers) -> tuple[Array, Array]:
+    """How large faces (n,) are, their radii, and how far their middles are from those (3, boxes) of
+    receivers."""
     used = np.zeros(len(casters.faces), bool)
     used[face] = True
     shown = np.flatnonzero(used)
@@ -109,14 +172,12 @@ def _apart(casters: Casters, face: Numbers, points: Array, box: Numbers) -> tupl
     own = corners.mean(axis=1)
     middle[:, shown] = own.T
     radius[shown] = np.linalg.norm(corners - own[:, None], axis=2).max(axis=1, initial=0.0)
-    centre = points.mean(axis=0)
-    reach = np.sqrt(((points - centre) ** 2).sum(axis=1).max(axis=0, initial=0.0))
-    gap = np.empty(len(face))
+    away = np.empty(len(face))
     for part in parts(len(face)):
         own_face, own_box = face[part], box[part]
         ways = [m[own_face] - c[own_box] for m, c in zip(middle, centre, strict=True)]
-        gap[part] = np.sqrt(sum(way**2 for way in ways)) - radius[own_face] - reach[own_box]
-    return 2.0 * radius[face], gap
+        away[part] = np.sqrt(sum(way**2 for way in ways))
+    return radius[face], away
 
 
 def meets_middle(lamp: Lamp, at: Array, corners: Array, against: Flags) -> Flags:
