@@ -65,7 +65,8 @@ class Casters:
     (F, 3) outward, as long as the area; ``both_sides`` (F,): of surfaces that aren't closed;
     ``body`` (F,): the number of the surface. Of the edges of the surfaces' own faces that aren't
     inside a joined one: ``edge`` (E, 2) joined face and place among its edges, ``beside`` (E,) the
-    joined face across, -1 for none or several, -2 where a triangle has no fourth edge. ``into``
+    joined face across, -1 for none or several, -2 where a triangle has no fourth edge, ``ends``
+    (E, 2) of ``points``, in the joined face's direction. ``into``
     (n, 2): the joined face, or two, that each face of all surfaces is part of, in their order; -1
     for none.
     """
@@ -77,6 +78,7 @@ class Casters:
     body: npt.NDArray[np.int64]
     edge: npt.NDArray[np.int64]
     beside: npt.NDArray[np.int64]
+    ends: npt.NDArray[np.int64]
     into: npt.NDArray[np.int64]
 
     @cached_property
@@ -98,7 +100,7 @@ class Casters:
         normals, both = [np.zeros((0, 3))], [np.zeros(0, bool)]
         bodies = [np.zeros(0, np.int64)]
         edges, beside = [np.zeros((0, 2), np.int64)], [np.zeros(0, np.int64)]
-        into = [np.zeros((0, 2), np.int64)]
+        into, ends = [np.zeros((0, 2), np.int64)], [np.zeros((0, 2), np.int64)]
         first = vertex = 0
         several = sum(len(v.faces) for n, v in enumerate(surfaces) if n not in without) > 1
         for number, surface in enumerate(surfaces):
@@ -117,7 +119,7 @@ class Casters:
                      np.searchsorted(source, parts[:, 0], side="right") - 1], axis=1,
                 )  # fmt: skip
             own = np.where(used >= 0, used, np.roll(used, 1, axis=1))
-            known = _known(surface.topology, own)
+            known, corner = _known(surface.topology, own), own
             across = known.beside.reshape(-1)
             normal = face_normals(surface.points, used)
             edge, owner = np.arange(len(across)), None
@@ -135,6 +137,9 @@ class Casters:
             both.append(np.full(count, not known.closed))
             bodies.append(np.full(count, number))
             face, place, other = edge >> 2, edge & 3, across[edge]
+            ends.append(
+                np.stack([corner[face, place], corner[face, (place + 1) & 3]], axis=1) + vertex
+            )
             if owner is not None:
                 face, other = owner[face], np.where(other >= 0, owner[other], other)
             into.append(parts + first)
@@ -145,7 +150,7 @@ class Casters:
         return Casters(
             np.concatenate(points), np.concatenate(faces), np.concatenate(normals),
             np.concatenate(both), np.concatenate(bodies), np.concatenate(edges),
-            np.concatenate(beside), np.concatenate(into),
+            np.concatenate(beside), np.concatenate(ends), np.concatenate(into),
         )  # fmt: skip
 
     def seen_by(self, lamp: Lamp, receivers: Array) -> LampFaces:

@@ -9,11 +9,13 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.optics.caster_sets import CasterSets
-from gpusim.optics.faces_before import DARK, HALF, LIT, Beside, any_before, found_by
+from gpusim.optics.faces_before import DARK, HALF, LIT, Beside, Level, any_before, found_by
 from gpusim.optics.lamp_edges import EVERY_EDGE
 from gpusim.optics.patches import Small
 from gpusim.optics.ragged import expand
 from gpusim.optics.receivers import Receivers
+from gpusim.optics.tile_contours import FEWEST, Boxes, Listed, contours, sides_of
+from gpusim.optics.tile_edges import TileEdges
 from gpusim.optics.tile_pairs import LEVELS, NONE, TILE, Pairs, counted, meets, spread_over
 
 __all__ = ["HalfShadow", "half_shadow"]
@@ -30,6 +32,7 @@ class HalfShadow:
 
     ``tile``, ``face`` (n,): pairs of those that it half lights and of ``corners`` (F, 4, 3) world,
     ``both_sides`` (F,); ``edges`` (n,) those of the face that count there: see `ShadowTiles`.
+    ``contours``: edges in place of other faces.
     """
 
     dark: Numbers
@@ -37,7 +40,8 @@ class HalfShadow:
     face: Numbers
     edges: Bits
     corners: Array
-    both_sides: npt.NDArray[np.bool_]
+    both_sides: Flags
+    contours: TileEdges
 
     @staticmethod
     def joined(parts: Sequence[HalfShadow]) -> HalfShadow:
@@ -50,22 +54,26 @@ class HalfShadow:
             np.concatenate([part.edges for part in parts]),
             np.concatenate([part.corners for part in parts]),
             np.concatenate([part.both_sides for part in parts]),
+            TileEdges.joined([part.contours for part in parts]),
         )  # fmt: skip
 
     def without(self, tiles: Flags) -> HalfShadow:
         """What there is before other tiles than some (linear)."""
         kept = np.flatnonzero(~tiles[self.tile])
-        if len(kept) == len(self.tile):
-            return self
-        return replace(self, tile=self.tile[kept], face=self.face[kept], edges=self.edges[kept])
+        contours = self.contours[np.flatnonzero(~tiles[self.contours.tile])]
+        return replace(
+            self, tile=self.tile[kept], face=self.face[kept], edges=self.edges[kept],
+            contours=contours,
+        )  # fmt: skip
 
     @staticmethod
     def none() -> HalfShadow:
         """No shadow at all."""
         number = np.zeros(0, np.int64)
         return HalfShadow(
-            number, number, number, np.zeros(0, np.uint8), np.zeros((0, 4, 3)), np.zeros(0, bool)
-        )
+            number, number, number, np.zeros(0, np.uint8), np.zeros((0, 4, 3)), np.zeros(0, bool),
+            TileEdges.none(),
+        )  # fmt: skip
 
 
 def half_shadow(
@@ -173,12 +181,62 @@ def half_shadow(
     every = counted(pairs, shape, clear).reshape(-1)
     fewer = np.diff(first, append=len(keys)) < every[place]
     bits[fewer | (among is not None)] = EVERY_EDGE
+    rows = np.flatnonzero(state != LIT)
+    before = place, face, bits.astype(np.uint8)
+    stays, told = _contours(
+        receivers, sets, levels, before, everything, (tile[rows], which[rows]), shape
+    )
+    place, face, bits = place[stays], face[stays], bits[stays]
     shown = np.zeros(count, bool)
     shown[face] = True
     return HalfShadow(
         np.flatnonzero(dark), place, (np.cumsum(shown) - 1)[face], bits.astype(np.uint8),
-        corners[shown], both_sides[shown],
+        corners[shown], both_sides[shown], told,
     )  # fmt: skip
+
+
+def _contours(
+    receivers: Receivers,
+    sets: CasterSets,
+    levels: list[Level],
+    pairs: tuple[Numbers, Numbers, Bits],
+    boxes: Array,
+    hidden: tuple[Numbers, Numbers],
+    shape: tuple[int, int],
+) -> tuple[Flags, TileEdges]:
+    """Which ``pairs`` of tiles, faces of ``levels`` and edges of these stay as they are, and the
+    edges of contours in place of the others. ``hidden``: tiles and the receivers there, as numbers
+    of ``boxes`` (4, 3, n), that something may be before."""
+    (tile, face, edges), tiles = pairs, shape[0] * shape[1]
+    stays = np.ones(len(tile), bool)
+    many = np.bincount(tile, minlength=tiles) >= FEWEST
+    view, some = levels[0][1][0].view, np.flatnonzero(many[tile])
+    # lamps without a size have few faces before a tile, and two views
+    if not view.lamp.extended or not len(some):
+        return stays, TileEdges.none()
+    number = [len(used.faces) for used, _ in levels]
+    side, lowest = np.zeros(sum(number), np.int64), np.full(sum(number), -np.inf)
+    for begin, (_, (grid,)) in zip(np.cumsum([0, *number]), levels, strict=False):
+        side[begin + grid.face], lowest[begin + grid.face] = grid.side, grid.reach.s[0]
+    casters = [used for used, _ in levels]
+    normal = np.concatenate([used.normal for used in casters])
+    offset = np.concatenate([np.sum(v.corners.mean(axis=1) * v.normal, axis=1) for v in casters])
+    listed = Listed(
+        tile[some], face[some], np.bitwise_count(edges[some]).astype(np.int64), casters[0].points,
+        sides_of(casters, face[some]), np.column_stack([normal, offset]),
+        np.concatenate([used.body for used in casters]),
+        np.concatenate([used.both_sides for used in casters]), side, lowest,
+    )  # fmt: skip
+    highest = np.full(tiles, -np.inf)
+    np.maximum.at(highest, hidden[0], view.reach(boxes).s[1][hidden[1]])
+    seen = receivers.in_tiles(many.reshape(shape), ~receivers.turned_away(sets.lamp))
+    points = receivers.points(seen)
+    around = Boxes(
+        seen.tile[:, 1] * shape[1] + seen.tile[:, 0], receivers.view.body[seen.triangle], points,
+        view.reach(points),
+    )  # fmt: skip
+    stays[some], result = contours(view, listed, around, highest)
+    return stays, result
 
 
 def _before(

@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import numpy.typing as npt
 
 from gpusim.optics.casters import Casters, LampFaces
 from gpusim.optics.lamp_grid import LampGrid
@@ -18,6 +19,8 @@ from gpusim.optics.lamp_view import LampView
 from gpusim.optics.merging import merge_flat, neighbours
 
 __all__ = ["FEWEST", "joined_grids"]
+
+Numbers = npt.NDArray[np.int64]
 
 SHARE = 5e-4
 """Of a lamp, by which what is seen of it may change; the lattice's step is four times that."""
@@ -63,14 +66,28 @@ def _joined(
     face, place = np.nonzero(faces.rim & ~merged.inner)
     rim[merged.owner[face], place] = True
     member = faces.face[merged.member]
+    edge, beside, ends = _outer(casters, faces.face, merged.owner)
     own = replace(
         casters,
         faces=merged.faces,
         normal=merged.total(casters.normal[faces.face]),
         both_sides=casters.both_sides[member],
         body=casters.body[member],
-        edge=np.zeros((0, 2), np.int64),
-        beside=np.zeros(0, np.int64),
+        edge=edge,
+        beside=beside,
+        ends=ends,
         into=np.full_like(casters.into, -1),
     )
     return own, LampFaces(np.arange(len(rim)), rim, faces.side[merged.member])
+
+
+def _outer(casters: Casters, face: Numbers, owner: Numbers) -> tuple[Numbers, Numbers, Numbers]:
+    """Of the edges of casters ``face`` (F,) those that aren't inside of what they are joined into,
+    ``owner`` (F,): see `Casters`; nothing is told of what lies across others."""
+    into = np.full(len(casters.faces) + 2, -1)
+    into[face] = owner
+    one, other = into[casters.edge[:, 0]], into[casters.beside]
+    kept = np.flatnonzero((one >= 0) & (one != other) & (casters.beside != -2))
+    # the k-th edges of what was joined lie on the k-th edge
+    edge = np.column_stack([one[kept], casters.edge[kept, 1]])
+    return edge, other[kept], casters.ends[kept]

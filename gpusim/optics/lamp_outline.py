@@ -39,35 +39,30 @@ MARGIN = 1e-6
 
 class Outline:
     """The border of what a lamp sees of ``surface`` in its ``view``, or of its ``caps``, which fall
-    ``short`` of it by so much in p and q; ``points`` (P, 3) of that, ``depth`` (P,) s of these;
-    ``top`` and ``bottom``: the highest and the lowest s; ``margin`` in s and ``across`` in p and q
-    count as nothing."""
+    ``short`` of it by so much in p and q; ``points`` (P, 3) of that, ``places`` (3, P): p, q, s of
+    these; ``top`` and ``bottom``: the highest and the lowest s; ``margin`` in s and ``across`` in p
+    and q count as nothing."""
 
     def __init__(self, alone: Alone) -> None:
         self.surface, self.view, patch, points, _ = alone
         self.points, view = points, self.view
-        self._places = np.stack(view.place(*(np.ascontiguousarray(v) for v in points.T)))
+        self.places = np.stack(view.place(*(np.ascontiguousarray(v) for v in points.T)))
         self._triangles = patch.triangles
         self.caps, self.short = patch.caps, patch.short
         self.top, self.bottom = float(patch.high[2]), float(patch.low[2])
         self.margin = MARGIN * max(abs(self.top), abs(self.bottom))
         self.across = MARGIN * float((patch.high - patch.low)[:2].max())
 
-    @property
-    def depth(self) -> Array:
-        """(P,): s of the surface's points."""
-        return np.asarray(self._places[2])
-
     def chain(self, cap: Cap, tolerance: float) -> Chain:
         """The edges of one of its caps, joined where they leave its border by no more than
         ``tolerance`` in p and q, or what looks like that from the lamp."""
-        return Chain.of(cap, self._places, tolerance)
+        return Chain.of(cap, self.places, tolerance)
 
     @cached_property
     def _cells(self) -> tuple[Array, Array, Windows, Windows]:
         """Where the cells of a table begin, how large they are, and their highest and (turned over)
         lowest s."""
-        places, triangles = self._places, self._triangles
+        places, triangles = self.places, self._triangles
         size, used = np.zeros(2), np.zeros(places.shape[1], bool)
         low, high = np.full(2, np.inf), np.full(2, -np.inf)
         for first in range(0, len(triangles), CHUNK):

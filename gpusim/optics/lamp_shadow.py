@@ -17,10 +17,10 @@ from gpusim.optics.lamp_outline import Outline
 from gpusim.optics.outline_shadow import outline_shadow
 from gpusim.optics.patches import Small
 from gpusim.optics.receivers import Receivers
+from gpusim.optics.tile_edges import TileEdges
 
 __all__ = ["CastersOf", "LampShadow", "lamp_shadow"]
 
-Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
 
@@ -31,16 +31,11 @@ CastersOf = Callable[[frozenset[int]], Casters]
 @dataclass(frozen=True, eq=False)
 class LampShadow:
     """``dark``: tiles (linear) that the lamp doesn't light; ``faces``: those before it, tile by
-    tile. ``tile`` (n,): ascending, of edges of outlines before it: ``ends`` (n, 2, 3) world,
-    ``cut`` (n, 4) as in `OutlineShadow`, ``last`` (n,) whether it is an outline's last one
-    there."""
+    tile; ``edges``: of borders before it."""
 
     dark: Numbers
     faces: HalfShadow
-    tile: Numbers
-    ends: Array
-    cut: Array
-    last: Flags
+    edges: TileEdges
 
 
 def lamp_shadow(
@@ -68,26 +63,15 @@ def lamp_shadow(
     if beside:
         # others there are what outlines tell about
         parts.append(half_shadow(receivers, small, every, ~unsure, doubt))
-    none = np.zeros(0, np.int64)
     dark, flat = np.zeros(shape[0] * shape[1], bool), unsure.reshape(-1)
     for one in found:
         dark[one.dark[~flat[one.dark]]] = True
     for part in parts:
         dark[part.dark] = True
-    tiles, ends, cuts, lasts = [none], [np.zeros((0, 2, 3))], [np.zeros((0, 4))], [none > 0]
-    for one in found:
-        # where all is hidden nothing has to be told
-        kept = np.flatnonzero(~(flat | dark)[one.tile])
-        tiles.append(one.tile[kept])
-        ends.append(one.ends[kept])
-        cuts.append(one.cut[kept])
-        lasts.append(one.last[kept])
-    tile = np.concatenate(tiles)
-    order = np.argsort(tile, kind="stable")
-    return LampShadow(
-        np.flatnonzero(dark), HalfShadow.joined(parts).without(dark), tile[order],
-        np.concatenate(ends)[order], np.concatenate(cuts)[order], np.concatenate(lasts)[order],
-    )  # fmt: skip
+    faces = HalfShadow.joined(parts).without(dark)
+    # where all is hidden nothing has to be told
+    told = [one.edges[np.flatnonzero(~(flat | dark)[one.edges.tile])] for one in found]
+    return LampShadow(np.flatnonzero(dark), faces, TileEdges.joined([*told, faces.contours]))
 
 
 def _own(receivers: Receivers, alone: Sequence[Alone]) -> tuple[Flags, Flags]:

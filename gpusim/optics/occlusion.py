@@ -26,6 +26,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.optics.emitters import Lamp
+from gpusim.optics.ragged import expand
 
 __all__ = ["COLUMNS", "ROWS", "TOLERANCE", "Chained", "lamp_masks", "lattice", "visible_share"]
 
@@ -222,31 +223,42 @@ def _covered(
 def _wound(
     lamp: Lamp, at: Array, across: Array, down: Array, chained: Chained
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.uint32]]:
-    """Receivers (n,) and the samples (n, 16) that an outline hides from each: those that an odd
-    number of its edges lies before, in the direction that they are counted in."""
+    """Receivers (n,) and the samples (n, 16) that an outline hides from each: those that its edges
+    wind round, of which as many lie before them as go the one way less the other, modulo 4."""
     cut, own = chained.cut, chained.receiver
     hides = cut[:, 0] * at[own, 0] + cut[:, 1] * at[own, 1] + cut[:, 2] * at[own, 2] > cut[:, 3]
     kept = np.flatnonzero(hides)
     chained = Chained(own[kept], chained.ends[kept], cut[kept], chained.last[kept], chained.scan)
     stop = np.flatnonzero(chained.last)
     begin = np.concatenate([[0], stop[:-1] + 1])
-    outline = np.repeat(np.arange(len(stop)), stop + 1 - begin)
-    odd = np.zeros((len(stop), ROWS), np.uint32)
+    outline, turn = expand(stop + 1 - begin)
+    ones, twos = np.zeros((2, len(stop), ROWS), np.uint32)
+    edges: list[npt.NDArray[np.int64]] = []
+    bits: list[npt.NDArray[np.uint32]] = []
     for start in range(0, len(outline), 8 * CHUNK):
         part = slice(start, start + 8 * CHUNK)
-        rows, bits = _before(
+        rows, before, ends = _before(
             lamp, at, across, down, chained.receiver[part], chained.ends[part], chained.scan
         )
-        np.bitwise_xor.at(odd, outline[part][rows], bits)
-    return chained.receiver[begin], odd
+        edges.append(start + rows)
+        bits.append(np.stack([before, ends]))
+    edge = np.concatenate([np.zeros(0, np.int64), *edges])
+    every = np.concatenate([np.zeros((2, 0, ROWS), np.uint32), *bits], axis=1)
+    # one edge of each outline after the other
+    order = np.argsort(turn[edge], kind="stable")
+    for own_order in np.split(order, np.flatnonzero(np.diff(turn[edge[order]])) + 1):
+        own, (before, ends) = outline[edge[own_order]], every[:, own_order]
+        twos[own] ^= before & (ones[own] ^ ends)
+        ones[own] ^= before
+    return chained.receiver[begin], ones | twos
 
 
 def _before(
     lamp: Lamp, at: Array, across: Array, down: Array, own: npt.NDArray[np.int64], ends: Array,
     scan: Array,
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.uint32]]:  # fmt: skip
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.uint32], npt.NDArray[np.uint32]]:  # fmt: skip
     """Rows (n,) of edges with ``ends`` (P, 2, 3) that some samples of receivers ``own`` (P,) may
-    lie before, and these samples (n, 16)."""
+    lie before, these samples (n, 16), and those on the positive side of the second end."""
     near = 0.0 if lamp.far else 1.0
 
     def side(rows: npt.NDArray[np.int64], first: Array, way: Array) -> Array:
@@ -275,7 +287,7 @@ def _before(
     between = np.flatnonzero((low != high).any(axis=1))
     rows, low, high = rows[between], low[between], high[between]
     edge = samples(side(rows, first[rows], last[rows] - first[rows]))
-    return rows, (low ^ high) & ~(low ^ edge)
+    return rows, (low ^ high) & ~(low ^ edge), high
 
 
 def _bits(

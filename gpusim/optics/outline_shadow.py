@@ -4,10 +4,8 @@ What is told by an outline holds for receivers beyond all of what they may see b
 tile with others of these they are told apart by a plane across the lamp's axis; where there is none
 between them, faces have to be looked at.
 
-Edges in a tile's window of the lamp's view are listed as they are. Of those to the right of it only
-the ends count that an odd number of them has: what ends there is closed by edges to one point to
-the right and below, as whatever closes it on that side of the window winds as often round what is
-inside.
+Edges in a tile's window of the lamp's view are listed as they are, and those to the right of it
+closed by others (`gpusim.optics.tile_edges`).
 """
 
 from __future__ import annotations
@@ -22,6 +20,7 @@ from gpusim.optics.lamp_outline import BEFORE, BEYOND, CLEAR, UNSURE, Outline
 from gpusim.optics.lamp_view import Reach
 from gpusim.optics.patches import Small
 from gpusim.optics.receivers import Receivers
+from gpusim.optics.tile_edges import Closing, TileEdges
 from gpusim.optics.tile_pairs import TILE, Pairs
 
 __all__ = ["OutlineShadow", "outline_shadow"]
@@ -50,24 +49,17 @@ STEP = 4.0
 @dataclass(frozen=True, eq=False)
 class OutlineShadow:
     """``dark``, ``unsure``: tiles (linear) that it hides all of the lamp from, and those where
-    faces have to tell. ``tile`` (n,) ascending and ``ends`` (n, 2, 3) world: edges that hide some
-    of it; ``cut`` (n, 4): normal of the plane beyond which they do, and its offset (world);
-    ``last`` (n,): whether it is a border's last one in the tile."""
+    faces have to tell. ``edges`` hide some of it."""
 
     dark: Numbers
     unsure: Numbers
-    tile: Numbers
-    ends: Array
-    cut: Array
-    last: Flags
+    edges: TileEdges
 
     @staticmethod
     def none() -> OutlineShadow:
         """No shadow at all."""
         number = np.zeros(0, np.int64)
-        return OutlineShadow(
-            number, number, number, np.zeros((0, 2, 3)), np.zeros((0, 4)), np.zeros(0, bool)
-        )
+        return OutlineShadow(number, number, TileEdges.none())
 
 
 def outline_shadow(
@@ -114,10 +106,11 @@ def outline_shadow(
     # between what is hidden and what isn't, or what hides it
     limit = np.minimum(above[some], found.lowest)
     limit = 0.5 * (cut[some] + np.where(np.isfinite(limit), limit, outline.top))
-    return OutlineShadow(
-        tile[some[dark]], tile[unsure], tile[some[found.box[kept]]], found.ends[kept],
+    edges = TileEdges(
+        tile[some[found.box[kept]]], found.ends[kept],
         outline.view.planes(limit)[found.box[kept]], found.last[kept],
     )  # fmt: skip
+    return OutlineShadow(tile[some[dark]], tile[unsure], edges)
 
 
 def _wider(low: Array, high: Array) -> Array:
@@ -225,36 +218,28 @@ def _edges(outline: Outline, chain: Chain, reach: Reach) -> _Found:
         result = _Found.none(count)
         result.broken[:] = True
         return result
-    # ends to the right: above the window, below it, or their own
-    above, below = outline.points.shape[0], outline.points.shape[0] + 1
     box, edge = box[apart], edge[apart]
-    keys = []
-    for vertex, place in zip(chain.vertex, (chain.start, chain.end), strict=True):
-        q, code = place[1, edge], vertex[edge]
-        code = np.where(q > window[1, 1, box], above, code)
-        code = np.where(q < window[1, 0, box], below, code)
-        keys.append(box * (below + 1) + code)
-    key, times = np.unique(np.concatenate(keys), return_counts=True)
-    box, code = np.divmod(key[times % 2 == 1], below + 1)
+    first, second = chain.vertex[:, edge]
+    rows = window[1, 0, box], window[1, 1, box]
+    closing = Closing.of(box, first, second, outline.places[1], rows)
+    box, code, above = closing.border, closing.vertex, len(outline.points)
     whole = np.zeros(count, bool)
     whole[box[code == above]] = True
     whole[near] = False
-    box, code = box[code != below], code[code != below]
     # two points to the right, as far as the nearest to the lamp must be
     size = window[:, 1] - window[:, 0]
     side = window[0, 1] + BESIDE * size[0] + outline.across
     away, top = BESIDE * size[1] + outline.across, np.full(count, outline.top)
     low, high = (
-        outline.view.world(side, q, top).T for q in (window[1, 0] - away, window[1, 1] + away)
+        outline.view.world(side, q, top).T[box] for q in (window[1, 0] - away, window[1, 1] + away)
     )
     own = code < above
-    first = np.where(own[:, None], outline.points[np.where(own, code, 0)], high[box])
     ends = np.concatenate(
         [np.stack([outline.points[v[near_edge]] for v in chain.vertex], axis=1),
-         np.stack([first, low[box]], axis=1)]
+         closing.ends(outline.points, high, low)]
     )  # fmt: skip
     s = np.minimum(chain.start[2], chain.end[2])[near_edge]
-    s = np.concatenate([s, np.where(own, outline.depth[np.where(own, code, 0)], np.inf)])
+    s = np.concatenate([s, np.where(own, outline.places[2, np.where(own, code, 0)], np.inf)])
     box = np.concatenate([near, box])
     lowest = np.full(count, np.inf)
     np.minimum.at(lowest, box, s)

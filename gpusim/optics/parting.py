@@ -89,6 +89,10 @@ def _parted(casters: Casters, lamp: Lamp, faces: npt.NDArray[np.int64]) -> Caste
         both_sides=casters.both_sides[source], body=casters.body[source],
         edge=np.concatenate([casters.edge[kept], np.stack([number[face], place], axis=1)]),
         beside=np.concatenate([beside, own]),
+        ends=np.concatenate(
+            [casters.ends[kept],
+             np.stack([point.reshape(-1), np.roll(point, -1, axis=1).reshape(-1)], axis=1)]
+        ),
         into=np.where(cut[casters.into] | (casters.into < 0), -1, casters.into),
     )  # fmt: skip
 

@@ -180,7 +180,7 @@ class ShadowTiles:
             lit.reshape(-1)[shadow.dark] &= np.uint32(ALL ^ (1 << number))
         # each lamp has its own faces
         faces = HalfShadow.joined([HalfShadow.none(), *(shadow.faces for shadow in shadows)])
-        tiles = [shadow.tile for shadow in shadows]
+        tiles = [shadow.edges.tile for shadow in shadows]
         entries = distinct(np.concatenate([faces.tile, *tiles]))
 
         def filed(lists: list[Numbers]) -> tuple[Numbers, Numbers, Numbers]:
@@ -199,7 +199,7 @@ class ShadowTiles:
         entry.reshape(-1)[entries] = np.arange(1, len(entries) + 1)
         eye = view.camera.eye
         ends, cut, last = (
-            np.concatenate([empty, *(getattr(shadow, name) for shadow in shadows)])[chained]
+            np.concatenate([empty, *(getattr(shadow.edges, name) for shadow in shadows)])[chained]
             for name, empty in (
                 ("ends", np.zeros((0, 2, 3))), ("cut", np.zeros((0, 4))), ("last", np.zeros(0) > 0),
             )
@@ -293,10 +293,11 @@ class ShadowTiles:
 def _scans(lamps: list[Lamp], alone: Sequence[Sequence[Alone]]) -> Array:
     """See `Chains`; 0 for lamps that no outline hides."""
     result = np.zeros((len(lamps), 3))
-    for number, own in enumerate(alone):
-        if own:
-            view = own[0].view
-            result[number] = view.across * (view.half[0] if view.lamp.extended else 1.0)
+    for number, (lamp, own) in enumerate(zip(lamps, alone, strict=True)):
+        if lamp.extended:
+            result[number] = lamp.u
+        elif own:
+            result[number] = own[0].view.across
     return result
 
 

@@ -117,16 +117,25 @@ fn samples_of(lamp: LampFace, to: vec3f, normal: vec3f, way: vec3f, dx: vec3f, d
     );
 }
 
-// The samples between the ends of an edge, in the lamp's direction u, that lie before it.
-fn before_edge(first: vec4u, last: vec4u, edge: vec4u) -> vec4u {
-    return (first ^ last) & ~(first ^ edge);
+// How often edges wind round samples, modulo 4, in two bits.
+struct Turns {
+    ones: vec4u,
+    twos: vec4u,
+}
+// One turn more, or less where the edge goes the other way, for the samples between its ends, in the
+// lamp's direction u, that lie before it.
+fn wound(turns: Turns, first: vec4u, last: vec4u, edge: vec4u) -> Turns {
+    let before = (first ^ last) & ~(first ^ edge);
+    return Turns(turns.ones ^ before, turns.twos ^ (before & (turns.ones ^ last)));
 }
 
-// What outlines hide: they wind round the samples that so many of their edges lie before, if these
-// are odd. Of edges i … stop - 1, one at least.
+// What outlines hide: the samples that their edges wind round. Of edges i … stop - 1, one at least.
 fn chained_cover(lamp: LampFace, begin: u32, stop: u32, x: vec3f, to: vec3f, dx: vec3f, dy: vec3f) -> Samples {
     var covered = Samples();
-    var odd = Samples();
+    var turns0 = Turns();
+    var turns1 = Turns();
+    var turns2 = Turns();
+    var turns3 = Turns();
     var i = begin;
     loop {
         let first = textureLoad(occluders, texel(3u * i));
@@ -138,21 +147,21 @@ fn chained_cover(lamp: LampFace, begin: u32, stop: u32, x: vec3f, to: vec3f, dx:
         let one = samples_of(lamp, to, cross(d, lamp.u.xyz), lamp.u.xyz, dx, dy);
         let other = samples_of(lamp, to, cross(e, lamp.u.xyz), lamp.u.xyz, dx, dy);
         let edge = samples_of(lamp, to, cross(d, e), e - d, dx, dy);
-        odd.rows0 ^= before_edge(one.rows0, other.rows0, edge.rows0);
-        odd.rows1 ^= before_edge(one.rows1, other.rows1, edge.rows1);
-        odd.rows2 ^= before_edge(one.rows2, other.rows2, edge.rows2);
-        odd.rows3 ^= before_edge(one.rows3, other.rows3, edge.rows3);
+        turns0 = wound(turns0, one.rows0, other.rows0, edge.rows0);
+        turns1 = wound(turns1, one.rows1, other.rows1, edge.rows1);
+        turns2 = wound(turns2, one.rows2, other.rows2, edge.rows2);
+        turns3 = wound(turns3, one.rows3, other.rows3, edge.rows3);
         let ends = 0u - u32(first.w);
         let used = vec4u(select(0u, ends, dot(plane.xyz, x) > plane.w));
-        covered.rows0 |= used & odd.rows0;
-        covered.rows1 |= used & odd.rows1;
-        covered.rows2 |= used & odd.rows2;
-        covered.rows3 |= used & odd.rows3;
+        covered.rows0 |= used & (turns0.ones | turns0.twos);
+        covered.rows1 |= used & (turns1.ones | turns1.twos);
+        covered.rows2 |= used & (turns2.ones | turns2.twos);
+        covered.rows3 |= used & (turns3.ones | turns3.twos);
         let kept = vec4u(~ends);
-        odd.rows0 &= kept;
-        odd.rows1 &= kept;
-        odd.rows2 &= kept;
-        odd.rows3 &= kept;
+        turns0 = Turns(turns0.ones & kept, turns0.twos & kept);
+        turns1 = Turns(turns1.ones & kept, turns1.twos & kept);
+        turns2 = Turns(turns2.ones & kept, turns2.twos & kept);
+        turns3 = Turns(turns3.ones & kept, turns3.twos & kept);
         i++;
         if (i >= stop) { break; }
     }

@@ -1,0 +1,96 @@
+"""Edges of borders that hide what they wind round of a lamp, tile by tile of a picture.
+
+How often they wind round a sample of the lamp tell the edges of its row on the right of it, the
+lamp's first direction. A tile looks through a window of the lamp's view: of edges on its right only
+what begins and ends in its rows counts, or above them. Closed by edges to a point to the right and
+below it winds as often round what is inside.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+__all__ = ["Closing", "TileEdges"]
+
+Array = npt.NDArray[np.float64]
+Numbers = npt.NDArray[np.int64]
+Flags = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class TileEdges:
+    """``tile`` (n,), linear, ascending, and ``ends`` (n, 2, 3) world: edges of borders that hide a
+    lamp; ``cut`` (n, 4): normal of the plane beyond which they do, and its offset (world);
+    ``last`` (n,): whether it is a border's last one in the tile."""
+
+    tile: Numbers
+    ends: Array
+    cut: Array
+    last: Flags
+
+    @staticmethod
+    def none() -> TileEdges:
+        """No edge."""
+        return TileEdges(
+            np.zeros(0, np.int64), np.zeros((0, 2, 3)), np.zeros((0, 4)), np.zeros(0, bool)
+        )
+
+    def __getitem__(self, index: Numbers) -> TileEdges:
+        return TileEdges(self.tile[index], self.ends[index], self.cut[index], self.last[index])
+
+    @staticmethod
+    def joined(parts: list[TileEdges]) -> TileEdges:
+        """All in one, those of a tile one part after the other."""
+        parts = [TileEdges.none(), *parts]
+        both = TileEdges(
+            np.concatenate([part.tile for part in parts]),
+            np.concatenate([part.ends for part in parts]),
+            np.concatenate([part.cut for part in parts]),
+            np.concatenate([part.last for part in parts]),
+        )
+        return both[np.argsort(both.tile, kind="stable")]
+
+
+@dataclass(frozen=True, eq=False)
+class Closing:
+    """Edges to a point on the right of windows and below them: the ``border`` (n,) of each, and the
+    ``vertex`` that it goes from, or the number of vertices for a point above; ``back`` (n,): the
+    other way round."""
+
+    border: Numbers
+    vertex: Numbers
+    back: Flags
+
+    @staticmethod
+    def of(
+        border: Numbers, first: Numbers, second: Numbers, q: Array, rows: tuple[Array, Array]
+    ) -> Closing:
+        """What takes the place of edges of borders (n,) from vertices ``first`` to ``second`` (n,)
+        that lie on the right of windows with ``rows``, first and last q (n,); ``q`` (V,) of
+        vertices."""
+        above, below = len(q), len(q) + 1
+        low, high = rows
+        keys = []
+        for vertex in (first, second):
+            code = np.where(q[vertex] > high, above, vertex)
+            keys.append(border * (below + 1) + np.where(q[vertex] < low, below, code))
+        key, place = np.unique(np.concatenate(keys), return_inverse=True)
+        sign = np.repeat([1.0, -1.0], len(border))
+        # turns are counted up to 3: three are one the other way
+        net = np.bincount(place, sign, minlength=len(key)).astype(np.int64) % 4
+        own, code = np.divmod(key, below + 1)
+        net[code == below] = 0
+        times = np.where(net == 3, 1, net)
+        return Closing(np.repeat(own, times), np.repeat(code, times), np.repeat(net == 3, times))
+
+    def ends(self, points: Array, high: Array, low: Array) -> Array:
+        """(n, 2, 3) where the edges begin and end: ``points`` (V, 3), and those above and below on
+        the right (n, 3)."""
+        own = self.vertex < len(points)
+        begin = np.where(own[:, None], points[np.where(own, self.vertex, 0)], high)
+        result = np.stack([begin, low], axis=1)
+        result[self.back] = result[self.back, ::-1]
+        return result
