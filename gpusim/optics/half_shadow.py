@@ -14,7 +14,7 @@ from gpusim.optics.lamp_edges import EVERY_EDGE
 from gpusim.optics.patches import Small
 from gpusim.optics.ragged import expand
 from gpusim.optics.receivers import Receivers
-from gpusim.optics.tile_contours import FEWEST, Boxes, Listed, contours, sides_of
+from gpusim.optics.tile_contours import FEWEST, MANY, Boxes, Listed, contours, sides_of
 from gpusim.optics.tile_edges import TileEdges
 from gpusim.optics.tile_pairs import LEVELS, NONE, TILE, Pairs, counted, meets, spread_over
 
@@ -210,20 +210,21 @@ def _contours(
     (tile, face, edges), tiles = pairs, shape[0] * shape[1]
     stays = np.ones(len(tile), bool)
     many = np.bincount(tile, minlength=tiles) >= FEWEST
-    view, some = levels[0][1][0].view, np.flatnonzero(many[tile])
+    some = np.flatnonzero(many[tile])
+    count = np.bitwise_count(edges[some]).astype(np.int64)
     # lamps without a size have few faces before a tile, and two views
-    if not view.lamp.extended or not len(some):
+    if not sets.lamp.extended or not count.sum() >= max(MANY, 1):
         return stays, TileEdges.none()
+    view = levels[0][1][0].view
     number = [len(used.faces) for used, _ in levels]
     side, lowest = np.zeros(sum(number), np.int64), np.full(sum(number), -np.inf)
     for begin, (_, (grid,)) in zip(np.cumsum([0, *number]), levels, strict=False):
         side[begin + grid.face], lowest[begin + grid.face] = grid.side, grid.reach.s[0]
     casters = [used for used, _ in levels]
-    normal = np.concatenate([used.normal for used in casters])
-    offset = np.concatenate([np.sum(v.corners.mean(axis=1) * v.normal, axis=1) for v in casters])
+    corners = np.concatenate([used.corners for used in casters])
     listed = Listed(
-        tile[some], face[some], np.bitwise_count(edges[some]).astype(np.int64), casters[0].points,
-        sides_of(casters, face[some]), np.column_stack([normal, offset]),
+        tile[some], face[some], count, casters[0].points,
+        sides_of(casters, face[some]), corners.min(axis=1).T, corners.max(axis=1).T,
         np.concatenate([used.body for used in casters]),
         np.concatenate([used.both_sides for used in casters]), side, lowest,
     )  # fmt: skip

@@ -224,7 +224,7 @@ def _wound(
     lamp: Lamp, at: Array, across: Array, down: Array, chained: Chained
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.uint32]]:
     """Receivers (n,) and the samples (n, 16) that an outline hides from each: those that its edges
-    wind round, of which as many lie before them as go the one way less the other, modulo 4."""
+    wind round: as many lie before them one way round less the other, modulo 8."""
     cut, own = chained.cut, chained.receiver
     hides = cut[:, 0] * at[own, 0] + cut[:, 1] * at[own, 1] + cut[:, 2] * at[own, 2] > cut[:, 3]
     kept = np.flatnonzero(hides)
@@ -232,7 +232,7 @@ def _wound(
     stop = np.flatnonzero(chained.last)
     begin = np.concatenate([[0], stop[:-1] + 1])
     outline, turn = expand(stop + 1 - begin)
-    ones, twos = np.zeros((2, len(stop), ROWS), np.uint32)
+    ones, twos, fours = np.zeros((3, len(stop), ROWS), np.uint32)
     edges: list[npt.NDArray[np.int64]] = []
     bits: list[npt.NDArray[np.uint32]] = []
     for start in range(0, len(outline), 8 * CHUNK):
@@ -248,9 +248,11 @@ def _wound(
     order = np.argsort(turn[edge], kind="stable")
     for own_order in np.split(order, np.flatnonzero(np.diff(turn[edge[order]])) + 1):
         own, (before, ends) = outline[edge[own_order]], every[:, own_order]
-        twos[own] ^= before & (ones[own] ^ ends)
+        carried = before & (ones[own] ^ ends)
+        fours[own] ^= carried & (twos[own] ^ ends)
+        twos[own] ^= carried
         ones[own] ^= before
-    return chained.receiver[begin], ones | twos
+    return chained.receiver[begin], ones | twos | fours
 
 
 def _before(

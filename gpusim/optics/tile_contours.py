@@ -6,8 +6,9 @@ between two of them cancel, and of the rest those count that may lie before the 
 the mesh, a tile sees a few.
 
 Faces that reach down to what is lit, or that some of the lamp sees from the other side, stay as
-they are. Faces that hang together have a border of their own, so that layers over each other are
-counted one by one.
+they are. Faces that hang together without a crease have a border of their own, so that layers over
+each other are counted one by one, as far as a sheet doesn't wind over itself: up to 7 layers of one
+are told from none (`occlusion`), and what covers more than it can side by side stays, too.
 """
 
 from __future__ import annotations
@@ -21,18 +22,20 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
 from gpusim.optics.casters import Casters
+from gpusim.optics.corners import products
 from gpusim.optics.lamp_view import LampView, Reach
 from gpusim.optics.ragged import expand
 from gpusim.optics.tile_edges import Closing, TileEdges
 
-__all__ = ["FEWEST", "Boxes", "Listed", "contours", "sides_of"]
+__all__ = ["FEWEST", "MANY", "Boxes", "Listed", "contours", "sides_of"]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
 
-FEWEST = 8
-"""Faces before a tile that are worth a look at their contours."""
+FEWEST, MANY = 8, 100_000
+"""Faces before a tile, and edges of such faces before all tiles, that are worth a look at their
+contours."""
 
 WORTH = 3.0
 """Edges of faces that cost as much as one of a contour."""
@@ -43,6 +46,12 @@ BESIDE = 0.15
 MARGIN = 1e-5
 """Of the highest s, by which faces must be nearer to the lamp than receivers."""
 
+SMOOTH = 0.7
+"""Cosine between the normals of faces that hang together."""
+
+OVER = 1.05
+"""Of the rectangle round a piece, that its faces may cover in all."""
+
 CELLS = 1 << 21
 """Of a table of tiles and faces that is looked up at once."""
 
@@ -50,10 +59,11 @@ CELLS = 1 << 21
 @dataclass(frozen=True, eq=False)
 class Sides:
     """Sides of faces, each beside one other face or none: of the face's ``begin`` (F + 1,) to the
-    next one's are its own. ``first`` and ``second`` (n,): vertices, in the face's direction;
-    ``beside`` (n,): the other face, or -1."""
+    next one's are its own. ``face`` (n,): whose; ``first`` and ``second`` (n,): vertices, in the
+    face's direction; ``beside`` (n,): the face that it goes on into without a crease, or -1."""
 
     begin: Numbers
+    face: Numbers
     first: Numbers
     second: Numbers
     beside: Numbers
@@ -100,22 +110,28 @@ def sides_of(levels: Sequence[Casters], faces: Numbers) -> Sides:
     kept[many[whole[run[many]]]] = False
     kept[head[whole]] = True
     own, other, first, second = own[kept] // 4, other[kept], first[kept], second[kept]
-    return Sides(np.searchsorted(own, np.arange(count + 1)), first, second, other)
+    normal = np.concatenate([casters.normal for casters in levels]).T
+    one, across = normal[:, own], normal[:, other]
+    turn = products(one, across)
+    turn /= np.maximum(np.sqrt(products(one, one) * products(across, across)), 1e-300)
+    other[turn < SMOOTH] = -1
+    return Sides(np.searchsorted(own, np.arange(count + 1)), own, first, second, other)
 
 
 @dataclass(frozen=True, eq=False)
 class Listed:
     """Pairs of tiles and faces before them: ``tile`` (n,), ascending, ``face`` (n,) and how many
-    ``edges`` (n,) of it count there. Of faces: ``sides``, between ``points`` (P, 3), ``plane``
-    (F, 4) normal and offset, ``body`` (F,) and whether ``both_sides`` (F,) of it hide, ``side``
-    (F,) as in `LampFaces`, ``lowest`` (F,) s."""
+    ``edges`` (n,) of it count there. Of faces: ``sides``, between ``points`` (P, 3), ``low`` and
+    ``high`` (3, F) ends, ``body`` (F,) and whether ``both_sides`` (F,) of it hide, ``side`` (F,) as
+    in `LampFaces`, ``lowest`` (F,) s."""
 
     tile: Numbers
     face: Numbers
     edges: Numbers
     points: Array
     sides: Sides
-    plane: Array
+    low: Array
+    high: Array
     body: Numbers
     both_sides: Flags
     side: Numbers
@@ -153,7 +169,9 @@ def contours(
     rows = rows[count[row[rows]] >= FEWEST]
     if not len(rows):
         return stays, TileEdges.none()
-    border = _borders(listed, row[rows], listed.face[rows], len(tile))
+    piece, border = _borders(listed, row[rows], listed.face[rows], len(tile))
+    flat = _side_by_side(view, listed, listed.face[rows], piece, border)
+    rows, border = rows[flat[piece]], border[np.flatnonzero(flat[border.piece])]
     edges = _needed(view, listed.points, border, around)
     before = np.bincount(row[rows], listed.edges[rows], minlength=len(tile))
     better = WORTH * np.bincount(edges.tile, minlength=len(tile)) < before
@@ -204,8 +222,8 @@ class _Around:
 
 
 def _goes_on(listed: Listed, rows: Numbers, boxes: Boxes) -> Flags:
-    """Which ``rows`` (n,) of pairs are of faces whose plane passes through what the tile shows of
-    the same open surface: there pixels look from their middles alone (`occlusion`)."""
+    """Which ``rows`` (n,) of pairs are of faces beside what a tile shows of the same open surface,
+    which may go on into them: there pixels look from their middles alone (`occlusion`)."""
     result = np.zeros(len(rows), bool)
     asked = np.flatnonzero(listed.both_sides[listed.face[rows]])
     if not len(asked):
@@ -217,15 +235,14 @@ def _goes_on(listed: Listed, rows: Numbers, boxes: Boxes) -> Flags:
     for axis in range(3):
         np.minimum.at(low[axis], place, boxes.points[:, axis].min(axis=0))
         np.maximum.at(high[axis], place, boxes.points[:, axis].max(axis=0))
-    middle, half = 0.5 * (low + high), (0.5 + BESIDE) * (high - low)
+    more = BESIDE * (high - low).max(axis=0)
     own = listed.tile[rows[asked]] * bodies + listed.body[face]
     found = np.minimum(np.searchsorted(key, own), max(len(key) - 1, 0))
-    plane = listed.plane[face]
-    height, reach = -plane[:, 3], np.zeros(len(face))
+    beside = key[found] == own
     for axis in range(3):
-        height = height + plane[:, axis] * middle[axis, found]
-        reach += np.abs(plane[:, axis]) * half[axis, found]
-    result[asked] = (key[found] == own) & (np.abs(height) <= reach)
+        beside &= listed.low[axis][face] <= (high[axis] + more)[found]
+        beside &= listed.high[axis][face] >= (low[axis] - more)[found]
+    result[asked] = beside
     return result
 
 
@@ -243,8 +260,9 @@ class _Border:
         return _Border(self.row[index], self.first[index], self.second[index], self.piece[index])
 
 
-def _borders(listed: Listed, row: Numbers, face: Numbers, tiles: int) -> _Border:
-    """The borders of faces (n,) in tiles ``row`` (n,), ascending."""
+def _borders(listed: Listed, row: Numbers, face: Numbers, tiles: int) -> tuple[Numbers, _Border]:
+    """The pieces that faces (n,) in tiles ``row`` (n,), ascending, are part of, and their
+    borders."""
     sides = listed.sides
     used = np.unique(face)
     number = np.full(len(sides.begin), -1)
@@ -252,8 +270,7 @@ def _borders(listed: Listed, row: Numbers, face: Numbers, tiles: int) -> _Border
     pair, step = expand(np.diff(sides.begin)[face])
     edge = sides.begin[face[pair]] + step
     # what turns the other side to the lamp is no part of a piece
-    owner = np.repeat(np.arange(len(number) - 1), np.diff(sides.begin))
-    alike = listed.side[sides.beside] == listed.side[owner]
+    alike = (sides.beside >= 0) & (listed.side[sides.beside] == listed.side[sides.face])
     beside = np.where(alike, number[sides.beside], -1).astype(np.int32)[edge]
     across = np.full(len(pair), -1, np.int32)
     # some tiles at a time, in a table of what is before each
@@ -276,7 +293,26 @@ def _borders(listed: Listed, row: Numbers, face: Numbers, tiles: int) -> _Border
     piece = connected_components(links, directed=False)[1].astype(np.int64)
     outer = np.flatnonzero(across < 0)
     pair, edge = pair[outer], edge[outer]
-    return _Border(row[pair], sides.first[edge], sides.second[edge], piece[pair])
+    return piece, _Border(row[pair], sides.first[edge], sides.second[edge], piece[pair])
+
+
+def _side_by_side(
+    view: LampView, listed: Listed, face: Numbers, piece: Numbers, border: _Border
+) -> Flags:
+    """(pieces,) whether the faces (n,) of a ``piece`` (n,) each cover no more than the rectangle
+    round its ``border``, as the lamp's middle sees them."""
+    sides, (p, q, _) = listed.sides, view.place(*np.ascontiguousarray(listed.points.T))
+    a, b = sides.first, sides.second
+    area = np.bincount(sides.face, p[a] * q[b] - p[b] * q[a], minlength=len(sides.begin) - 1)
+    count = int(piece.max()) + 1
+    covered = np.abs(np.bincount(piece, 0.5 * area[face], minlength=count))
+    size = np.ones(count)
+    for place in (p, q):
+        low, high = np.full(count, np.inf), np.full(count, -np.inf)
+        np.minimum.at(low, border.piece, place[border.first])
+        np.maximum.at(high, border.piece, place[border.first])
+        size *= high - low
+    return np.asarray(covered <= OVER * size)
 
 
 def _needed(view: LampView, points: Array, border: _Border, around: _Around) -> TileEdges:

@@ -79,12 +79,12 @@ class Closing:
             keys.append(border * (below + 1) + np.where(q[vertex] < low, below, code))
         key, place = np.unique(np.concatenate(keys), return_inverse=True)
         sign = np.repeat([1.0, -1.0], len(border))
-        # turns are counted up to 3: three are one the other way
-        net = np.bincount(place, sign, minlength=len(key)).astype(np.int64) % 4
+        # turns are counted up to 7: seven are one the other way
+        net = np.bincount(place, sign, minlength=len(key)).astype(np.int64) % 8
         own, code = np.divmod(key, below + 1)
         net[code == below] = 0
-        times = np.where(net == 3, 1, net)
-        return Closing(np.repeat(own, times), np.repeat(code, times), np.repeat(net == 3, times))
+        times = np.minimum(net, 8 - net)
+        return Closing(np.repeat(own, times), np.repeat(code, times), np.repeat(net > 4, times))
 
     def ends(self, points: Array, high: Array, low: Array) -> Array:
         """(n, 2, 3) where the edges begin and end: ``points`` (V, 3), and those above and below on

@@ -117,16 +117,18 @@ fn samples_of(lamp: LampFace, to: vec3f, normal: vec3f, way: vec3f, dx: vec3f, d
     );
 }
 
-// How often edges wind round samples, modulo 4, in two bits.
+// How often edges wind round samples, modulo 8, in three bits.
 struct Turns {
     ones: vec4u,
     twos: vec4u,
+    fours: vec4u,
 }
 // One turn more, or less where the edge goes the other way, for the samples between its ends, in the
 // lamp's direction u, that lie before it.
 fn wound(turns: Turns, first: vec4u, last: vec4u, edge: vec4u) -> Turns {
-    let before = (first ^ last) & ~(first ^ edge);
-    return Turns(turns.ones ^ before, turns.twos ^ (before & (turns.ones ^ last)));
+    let ones = (first ^ last) & ~(first ^ edge);
+    let twos = ones & (turns.ones ^ last);
+    return Turns(turns.ones ^ ones, turns.twos ^ twos, turns.fours ^ (twos & (turns.twos ^ last)));
 }
 
 // What outlines hide: the samples that their edges wind round. Of edges i … stop - 1, one at least.
@@ -153,15 +155,15 @@ fn chained_cover(lamp: LampFace, begin: u32, stop: u32, x: vec3f, to: vec3f, dx:
         turns3 = wound(turns3, one.rows3, other.rows3, edge.rows3);
         let ends = 0u - u32(first.w);
         let used = vec4u(select(0u, ends, dot(plane.xyz, x) > plane.w));
-        covered.rows0 |= used & (turns0.ones | turns0.twos);
-        covered.rows1 |= used & (turns1.ones | turns1.twos);
-        covered.rows2 |= used & (turns2.ones | turns2.twos);
-        covered.rows3 |= used & (turns3.ones | turns3.twos);
+        covered.rows0 |= used & (turns0.ones | turns0.twos | turns0.fours);
+        covered.rows1 |= used & (turns1.ones | turns1.twos | turns1.fours);
+        covered.rows2 |= used & (turns2.ones | turns2.twos | turns2.fours);
+        covered.rows3 |= used & (turns3.ones | turns3.twos | turns3.fours);
         let kept = vec4u(~ends);
-        turns0 = Turns(turns0.ones & kept, turns0.twos & kept);
-        turns1 = Turns(turns1.ones & kept, turns1.twos & kept);
-        turns2 = Turns(turns2.ones & kept, turns2.twos & kept);
-        turns3 = Turns(turns3.ones & kept, turns3.twos & kept);
+        turns0 = Turns(turns0.ones & kept, turns0.twos & kept, turns0.fours & kept);
+        turns1 = Turns(turns1.ones & kept, turns1.twos & kept, turns1.fours & kept);
+        turns2 = Turns(turns2.ones & kept, turns2.twos & kept, turns2.fours & kept);
+        turns3 = Turns(turns3.ones & kept, turns3.twos & kept, turns3.fours & kept);
         i++;
         if (i >= stop) { break; }
     }
