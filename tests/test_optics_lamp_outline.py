@@ -11,7 +11,7 @@ import pytest
 import gpusim as gs
 from gpusim.errors import TwinMismatch
 from gpusim.gpu import Device
-from gpusim.optics import lamp_layer, lamp_shadow, shadow, shadow_tables
+from gpusim.optics import half_shadow, lamp_layer, lamp_shadow, shadow, shadow_tables
 from gpusim.optics.binning import bin_edges
 from gpusim.optics.emitters import lamps_of
 from gpusim.optics.light import Light
@@ -162,6 +162,7 @@ def test_faces_joined_for_far_receivers_hide_nothing_near_them(
         return replace(OutlineShadow.none(), unsure=np.arange(shape[0] * shape[1]))
 
     monkeypatch.setattr(lamp_shadow, "outline_shadow", unsure)
+    monkeypatch.setattr(half_shadow, "MANY", 1 << 60)
     light = gs.AreaLight(PLACE, AIM, (0.5, 0.4), 50.0)
     tiles, shares, want = compared([sheet(0.7), wall(0.6)], light)
     assert len(tiles.face) > 0 and len(tiles.chains.ends) == 0

@@ -195,7 +195,7 @@ def test_layers_over_each_other_are_counted(monkeypatch: pytest.MonkeyPatch) -> 
     # where pixels on the ground reach under the lowest board, faces are off, as rays tell
     assert found[0] < 10
     # most pieces cover more than can lie side by side
-    assert found[2] > 100 and found[1] < 0.1 * found[2] + 10
+    assert found[2] > 50 and found[1] < 10
 
 
 @pytest.mark.parametrize("body", ["beam", "shelf", "tube"])
