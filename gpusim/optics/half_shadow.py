@@ -14,7 +14,15 @@ from gpusim.optics.lamp_edges import EVERY_EDGE
 from gpusim.optics.patches import Small
 from gpusim.optics.ragged import expand
 from gpusim.optics.receivers import Receivers
-from gpusim.optics.tile_contours import FEWEST, MANY, Boxes, Listed, contours, sides_of
+from gpusim.optics.tile_contours import (
+    FEWEST,
+    MANY,
+    Boxes,
+    Listed,
+    contours,
+    one_way_round,
+    sides_of,
+)
 from gpusim.optics.tile_edges import TileEdges
 from gpusim.optics.tile_pairs import LEVELS, NONE, TILE, Pairs, counted, meets, spread_over
 
@@ -219,7 +227,13 @@ def _contours(
     number = [len(used.faces) for used, _ in levels]
     side, lowest = np.zeros(sum(number), np.int64), np.full(sum(number), -np.inf)
     for begin, (_, (grid,)) in zip(np.cumsum([0, *number]), levels, strict=False):
-        side[begin + grid.face], lowest[begin + grid.face] = grid.side, grid.reach.s[0]
+        reach = grid.reach
+        # none of a face that reaches behind the lamp is told by its edges
+        ahead = np.isfinite(reach.p).all(axis=0) & np.isfinite(reach.q).all(axis=0)
+        side[begin + grid.face] = grid.side
+        lowest[begin + grid.face] = np.where(
+            ahead & one_way_round(grid.places, view.half), reach.s[0], -np.inf
+        )
     casters = [used for used, _ in levels]
     corners = np.concatenate([used.corners for used in casters])
     listed = Listed(
@@ -232,9 +246,10 @@ def _contours(
     np.maximum.at(highest, hidden[0], view.reach(boxes).s[1][hidden[1]])
     seen = receivers.in_tiles(many.reshape(shape), ~receivers.turned_away(sets.lamp))
     points = receivers.points(seen)
+    own = seen.triangle
     around = Boxes(
-        seen.tile[:, 1] * shape[1] + seen.tile[:, 0], receivers.view.body[seen.triangle], points,
-        view.reach(points),
+        seen.tile[:, 1] * shape[1] + seen.tile[:, 0], receivers.view.body[own],
+        np.stack([receivers.low[own].T, receivers.high[own].T]), points, view.reach(points),
     )  # fmt: skip
     stays[some], result = contours(view, listed, around, highest)
     return stays, result

@@ -8,7 +8,8 @@ the mesh, a tile sees a few.
 Faces that reach down to what is lit, or that some of the lamp sees from the other side, stay as
 they are. Faces that hang together without a crease have a border of their own, so that layers over
 each other are counted one by one, as far as a sheet doesn't wind over itself: up to 7 layers of one
-are told from none (`occlusion`), and what covers more than it can side by side stays, too.
+are told from none (`occlusion`), and what covers more than the rectangle round it, of the faces
+before a tile, stays, too.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from gpusim.optics.lamp_view import LampView, Reach
 from gpusim.optics.ragged import expand
 from gpusim.optics.tile_edges import Closing, TileEdges
 
-__all__ = ["FEWEST", "MANY", "Boxes", "Listed", "contours", "sides_of"]
+__all__ = ["FEWEST", "MANY", "Boxes", "Listed", "contours", "one_way_round", "sides_of"]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
@@ -41,7 +42,11 @@ WORTH = 3.0
 """Edges of faces that cost as much as one of a contour."""
 
 BESIDE = 0.15
-"""Of what a tile's receivers span, that pixels may see beside them; about a pixel."""
+"""Of what a tile's receivers span, that pixels may see beside them; about a pixel, unless they are
+thinner than `THIN`."""
+
+THIN = 2.0
+"""px across which surfaces in a tile extend at least, for contours to be told from their boxes."""
 
 MARGIN = 1e-5
 """Of the highest s, by which faces must be nearer to the lamp than receivers."""
@@ -140,13 +145,29 @@ class Listed:
 
 @dataclass(frozen=True, eq=False)
 class Boxes:
-    """Receivers in tiles: ``tile`` (m,), ``body`` (m,) of each, ``points`` (k, 3, m) around it, and
-    their ``reach`` in the lamp's view."""
+    """Receivers in tiles: ``tile`` (m,), ``body`` (m,) and ``pixels`` (2, 2, m), first and last x
+    and y, of each, ``points`` (k, 3, m) around it, and their ``reach`` in the lamp's view."""
 
     tile: Numbers
     body: npt.NDArray[np.int32]
+    pixels: Array
     points: Array
     reach: Reach
+
+
+def one_way_round(places: tuple[Array, Array, Array], half: tuple[float, float]) -> Flags:
+    """(n,) whether a lamp with ``half`` its size sees outlines of faces, p, q and s (n, 4), turn
+    the same way at every corner. Bent faces, seen edge-on, turn over in part."""
+    p, q, s = (np.ascontiguousarray(v.T) for v in places)
+    left, right = np.ones((2, p.shape[1]), bool)
+    # the area between two edges is linear in the lamp's point
+    for a in (-half[0], half[0]):
+        for b in (-half[1], half[1]):
+            x, y = (np.roll(v, -1, axis=0) - v for v in (p - a * s, q - b * s))
+            turn = x * np.roll(y, -1, axis=0) - y * np.roll(x, -1, axis=0)
+            left &= (turn >= 0.0).all(axis=0)
+            right &= (turn <= 0.0).all(axis=0)
+    return np.asarray(left | right)
 
 
 def contours(
@@ -162,7 +183,7 @@ def contours(
     around = _Around.of(tile, boxes, highest[tile])
     # nearer to the lamp than all that it may be hidden from, all of which is on one side
     above = listed.lowest[listed.face] > around.cut[row]
-    above &= listed.side[listed.face] != 0
+    above &= (listed.side[listed.face] != 0) & ~_thin(tile, boxes)[row]
     rows = np.flatnonzero(above)
     rows = rows[~_goes_on(listed, rows, boxes)]
     count = np.bincount(row[rows], minlength=len(tile))
@@ -219,6 +240,20 @@ class _Around:
             window[axis] = first - more, last + more
         sound = np.isfinite(cut) & np.isfinite(window).all(axis=(0, 1))
         return _Around(np.where(sound, cut, np.inf), window, lowest)
+
+
+def _thin(tile: Numbers, boxes: Boxes) -> Flags:
+    """(n,) in which tiles, ascending, the box round what is seen of some surface is thin: pixels
+    there look from beside it."""
+    bodies = 1 + int(boxes.body.max(initial=0))
+    key, place = np.unique(boxes.tile * bodies + boxes.body, return_inverse=True)
+    thin = np.zeros(len(key), bool)
+    for axis in range(2):
+        low, high = np.full(len(key), np.inf), np.full(len(key), -np.inf)
+        np.minimum.at(low, place, boxes.pixels[0, axis])
+        np.maximum.at(high, place, boxes.pixels[1, axis])
+        thin |= ~(high - low >= THIN)
+    return np.isin(tile, key[thin] // bodies)
 
 
 def _goes_on(listed: Listed, rows: Numbers, boxes: Boxes) -> Flags:
@@ -311,8 +346,9 @@ def _side_by_side(
         low, high = np.full(count, np.inf), np.full(count, -np.inf)
         np.minimum.at(low, border.piece, place[border.first])
         np.maximum.at(high, border.piece, place[border.first])
-        size *= high - low
-    return np.asarray(covered <= OVER * size)
+        size *= np.where(np.isfinite(low), high - low, np.inf)
+    # without a border there is nothing to tell it by
+    return np.asarray((covered <= OVER * size) & np.isfinite(size))
 
 
 def _needed(view: LampView, points: Array, border: _Border, around: _Around) -> TileEdges:
@@ -350,9 +386,12 @@ def _needed(view: LampView, points: Array, border: _Border, around: _Around) -> 
     row_of = np.zeros(int(far.piece.max(initial=0)) + 1, np.int64)
     row_of[far.piece] = far.row
     row = row_of[closing.border]
-    away = BESIDE * size
-    side, lift = right + away[0], away[1]
-    low, high = (view.world(side, place, top).T[row] for place in (below - lift, above + lift))
+    away = BESIDE * size[:, row]
+    side = right[row] + away[0]
+    low, high = (
+        view.world(side, place, top[row]).T
+        for place in (below[row] - away[1], above[row] + away[1])
+    )
     more = closing.ends(points, high, low)
     row, piece = (np.concatenate(v) for v in ((near.row, row), (near.piece, closing.border)))
     order = np.lexsort((piece, row))
