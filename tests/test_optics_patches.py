@@ -17,6 +17,7 @@ from gpusim.optics.patches import Small
 from gpusim.optics.receivers import Receivers
 from gpusim.optics.tile_pairs import TILE
 from gpusim.optics.view import look
+from tests.optics_skins import skin_of
 
 Array = npt.NDArray[np.float64]
 
@@ -33,20 +34,10 @@ def angle(fine: int = 10) -> gs.Surface:
     """The skin of a bent L beam, closed: one leg's shadow falls on the other."""
     filled = np.zeros((6 * fine, 3 * fine, 3 * fine), bool)
     filled[:, fine:, :fine] = filled[:, -fine:] = True
-    padded, quads = np.pad(filled, 1), []
-    for axis in range(3):
-        for way in (1, -1):
-            corner = np.argwhere(padded & ~np.roll(padded, -way, axis=axis)) - 1
-            corner[:, axis] += way == 1
-            own = np.repeat(corner[:, None], 4, axis=1)
-            own[:, [1, 2], (axis + 1) % 3] += 1
-            own[:, [2, 3], (axis + 2) % 3] += 1
-            quads.append(own[:, ::way])
-    every = np.concatenate(quads).reshape(-1, 3)
-    corners, number = np.unique(every, axis=0, return_inverse=True)
+    corners, quads = skin_of(filled)
     points = 0.1 * corners / fine - [0.3, 0.2, 0.15]
     points[:, 2] -= 0.2 * points[:, 0] ** 2
-    return gs.Surface(points, number.reshape(-1, 4), gs.paint.Plain(0.7))
+    return gs.Surface(points, quads, gs.paint.Plain(0.7))
 
 
 def wall() -> gs.Surface:

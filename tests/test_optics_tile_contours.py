@@ -23,6 +23,7 @@ from gpusim.optics.tile_edges import Closing
 from gpusim.optics.view import look
 from gpusim.optics.visibility import visibility_twin
 from tests.optics_rays import brute_share, triangles_of
+from tests.optics_skins import skin_of
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
@@ -41,20 +42,10 @@ def wall() -> gs.Surface:
 
 def skin(filled: npt.NDArray[np.bool_], size: tuple[float, float, float]) -> gs.Surface:
     """That of cells, closed, of a body of such a ``size``."""
-    padded, quads = np.pad(filled, 1), []
-    for axis in range(3):
-        for way in (1, -1):
-            corner = np.argwhere(padded & ~np.roll(padded, -way, axis=axis)) - 1
-            corner[:, axis] += way == 1
-            own = np.repeat(corner[:, None], 4, axis=1)
-            own[:, [1, 2], (axis + 1) % 3] += 1
-            own[:, [2, 3], (axis + 2) % 3] += 1
-            quads.append(own[:, ::way])
-    every = np.concatenate(quads).reshape(-1, 3)
-    corners, number = np.unique(every, axis=0, return_inverse=True)
+    corners, quads = skin_of(filled)
     points = (corners / np.array(filled.shape) - 0.5) * np.array(size)
     points[:, 2] -= 0.1 * points[:, 0] ** 2
-    return gs.Surface(points, number.reshape(-1, 4), MATTE)
+    return gs.Surface(points, quads, MATTE)
 
 
 def shelf(boards: int = 9) -> gs.Surface:
