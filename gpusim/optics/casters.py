@@ -66,9 +66,8 @@ class Casters:
     ``body`` (F,): the number of the surface. Of the edges of the surfaces' own faces that aren't
     inside a joined one: ``edge`` (E, 2) joined face and place among its edges, ``beside`` (E,) the
     joined face across, -1 for none or several, -2 where a triangle has no fourth edge, ``ends``
-    (E, 2) of ``points``, in the joined face's direction. ``into``
-    (n, 2): the joined face, or two, that each face of all surfaces is part of, in their order; -1
-    for none.
+    (E, 2) of ``points``, in the joined face's direction. ``into`` (n, 2): the joined face, or two,
+    that each face of all surfaces is part of, in their order; -1 for none.
     """
 
     points: Array

@@ -190,16 +190,17 @@ def half_shadow(
     fewer = np.diff(first, append=len(keys)) < every[place]
     bits[fewer | (among is not None)] = EVERY_EDGE
     rows = np.flatnonzero(state != LIT)
-    before = place, face, bits.astype(np.uint8)
+    sides = bits.astype(np.uint8)
     stays, told = _contours(
-        receivers, sets, levels, before, everything, (tile[rows], which[rows]), shape
-    )
-    place, face, bits = place[stays], face[stays], bits[stays]
+        receivers, sets, levels, (corners, both_sides), (place, face, sides), everything,
+        (tile[rows], which[rows]), shape,
+    )  # fmt: skip
+    place, face = place[stays], face[stays]
     shown = np.zeros(count, bool)
     shown[face] = True
     return HalfShadow(
-        np.flatnonzero(dark), place, (np.cumsum(shown) - 1)[face], bits.astype(np.uint8),
-        corners[shown], both_sides[shown], told,
+        np.flatnonzero(dark), place, (np.cumsum(shown) - 1)[face], sides[stays], corners[shown],
+        both_sides[shown], told,
     )  # fmt: skip
 
 
@@ -207,13 +208,15 @@ def _contours(
     receivers: Receivers,
     sets: CasterSets,
     levels: list[Level],
+    shapes: tuple[Array, Flags],
     pairs: tuple[Numbers, Numbers, Bits],
     boxes: Array,
     hidden: tuple[Numbers, Numbers],
     shape: tuple[int, int],
 ) -> tuple[Flags, TileEdges]:
     """Which ``pairs`` of tiles, faces of ``levels`` and edges of these stay as they are, and the
-    edges of contours in place of the others. ``hidden``: tiles and the receivers there, as numbers
+    edges of contours in place of the others. ``shapes``: the faces' corners (F, 4, 3), and whether
+    both their sides hide (F,). ``hidden``: tiles and the receivers there, as numbers
     of ``boxes`` (4, 3, n), that something may be before."""
     (tile, face, edges), tiles = pairs, shape[0] * shape[1]
     stays = np.ones(len(tile), bool)
@@ -224,32 +227,32 @@ def _contours(
     if not sets.lamp.extended or not count.sum() >= max(MANY, 1):
         return stays, TileEdges.none()
     view = levels[0][1][0].view
-    number = [len(used.faces) for used, _ in levels]
+    number = [len(own.faces) for own, _ in levels]
     side, lowest = np.zeros(sum(number), np.int64), np.full(sum(number), -np.inf)
+    used = np.zeros(sum(number), bool)
+    used[face[some]] = True
     for begin, (_, (grid,)) in zip(np.cumsum([0, *number]), levels, strict=False):
-        reach = grid.reach
+        own = np.flatnonzero(used[begin + grid.face])
+        name, reach = begin + grid.face[own], grid.reach[own]
         # none of a face that reaches behind the lamp is told by its edges
-        ahead = np.isfinite(reach.p).all(axis=0) & np.isfinite(reach.q).all(axis=0)
-        side[begin + grid.face] = grid.side
-        lowest[begin + grid.face] = np.where(
-            ahead & one_way_round(grid.places, view.half), reach.s[0], -np.inf
-        )
-    casters = [used for used, _ in levels]
-    corners = np.concatenate([used.corners for used in casters])
+        told = np.isfinite(reach.p).all(axis=0) & np.isfinite(reach.q).all(axis=0)
+        p, q, s = (np.take(v, own, axis=0) for v in grid.places)
+        told &= one_way_round((p, q, s), view.half)
+        side[name], lowest[name] = grid.side[own], np.where(told, reach.s[0], -np.inf)
+    casters, (corners, both_sides) = [own for own, _ in levels], shapes
     listed = Listed(
         tile[some], face[some], count, casters[0].points,
         sides_of(casters, face[some]), corners.min(axis=1).T, corners.max(axis=1).T,
-        np.concatenate([used.body for used in casters]),
-        np.concatenate([used.both_sides for used in casters]), side, lowest,
+        np.concatenate([own.body for own in casters]), both_sides, side, lowest,
     )  # fmt: skip
     highest = np.full(tiles, -np.inf)
     np.maximum.at(highest, hidden[0], view.reach(boxes).s[1][hidden[1]])
     seen = receivers.in_tiles(many.reshape(shape), ~receivers.turned_away(sets.lamp))
     points = receivers.points(seen)
-    own = seen.triangle
+    low, high = receivers.low[seen.triangle].T, receivers.high[seen.triangle].T
     around = Boxes(
-        seen.tile[:, 1] * shape[1] + seen.tile[:, 0], receivers.view.body[own],
-        np.stack([receivers.low[own].T, receivers.high[own].T]), points, view.reach(points),
+        seen.tile[:, 1] * shape[1] + seen.tile[:, 0], receivers.view.body[seen.triangle],
+        np.stack([low, high]), points, view.reach(points),
     )  # fmt: skip
     stays[some], result = contours(view, listed, around, highest)
     return stays, result
@@ -268,9 +271,9 @@ def _before(
     used[small.which[rows]] = True
     asked = np.flatnonzero(used)
     number = sets.number(small.triangle, small.every(sets.free))
-    over, before = np.zeros((2, len(used)), bool)
+    over = np.zeros(len(used), bool)
     over[asked] = sets.may_hide(np.take(small.points, asked, axis=2), number[asked])
-    before |= over
+    before = over.copy()
     patch = np.flatnonzero(over[small.alone :])
     asked = small.alone + patch
     before[asked] = any_before(

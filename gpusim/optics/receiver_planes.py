@@ -58,15 +58,8 @@ class Planes:
     spread: Array
 
     def __getitem__(self, index: Numbers) -> Planes:
-        return Planes(*(np.take(v, index, axis=-1) for v in self._all))
-
-    def joined(self, others: Planes) -> Planes:
-        """These, then others."""
-        return Planes(*map(_joined, self._all, others._all))
-
-    @property
-    def _all(self) -> tuple[Array, Array, Array, Array]:
-        return self.normal, self.low, self.high, self.spread
+        every = self.normal, self.low, self.high, self.spread
+        return Planes(*(np.take(v, index, axis=-1) for v in every))
 
     @staticmethod
     def of(points: Array) -> Planes:
@@ -82,10 +75,6 @@ class Planes:
         normal /= np.where(length > 0.0, length, 1.0)
         offset = products(normal, start)
         return Planes(normal, offset, offset, np.zeros(len(offset)))
-
-
-def _joined(one: Array, other: Array) -> Array:
-    return np.concatenate([one, other], axis=-1)
 
 
 def lies_low(

@@ -27,6 +27,7 @@ from gpusim.optics.occlusion import TOLERANCE, Chained, visible_share
 from gpusim.optics.patches import Small
 from gpusim.optics.ragged import expand
 from gpusim.optics.receivers import Receivers
+from gpusim.optics.tile_edges import TileEdges
 from gpusim.optics.tile_pairs import TILE
 from gpusim.optics.view import View
 
@@ -198,20 +199,16 @@ class ShadowTiles:
         entry = np.zeros(shape, np.uint32)
         entry.reshape(-1)[entries] = np.arange(1, len(entries) + 1)
         eye = view.camera.eye
-        ends, cut, last = (
-            np.concatenate([empty, *(getattr(shadow.edges, name) for shadow in shadows)])[chained]
-            for name, empty in (
-                ("ends", np.zeros((0, 2, 3))), ("cut", np.zeros((0, 4))), ("last", np.zeros(0) > 0),
-            )
-        )  # fmt: skip
+        edges = TileEdges.joined([shadow.edges for shadow in shadows])[chained]
+        cut = edges.cut
         offset = cut[:, 3] - cut[:, :3] @ eye
         return ShadowTiles(
             tuple(_relative_to(lamp, eye) for lamp in lamps), lit, entry,
             np.stack([entries // shape[1], entries % shape[1]], axis=1), start, count,
             faces.face[order], faces.edges[order], faces.corners - eye, faces.both_sides,
             Chains(
-                chain_start, chain_count, ends - eye, np.column_stack([cut[:, :3], offset]), last,
-                _scans(lamps, alone),
+                chain_start, chain_count, edges.ends - eye, np.column_stack([cut[:, :3], offset]),
+                edges.last, _scans(lamps, alone),
             ),
         )  # fmt: skip
 
@@ -291,7 +288,7 @@ class ShadowTiles:
 
 
 def _scans(lamps: list[Lamp], alone: Sequence[Sequence[Alone]]) -> Array:
-    """See `Chains`; 0 for lamps that no outline hides."""
+    """See `Chains`; 0 for lamps without a size that no outline hides."""
     result = np.zeros((len(lamps), 3))
     for number, (lamp, own) in enumerate(zip(lamps, alone, strict=True)):
         if lamp.extended:

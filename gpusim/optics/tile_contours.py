@@ -15,7 +15,7 @@ before a tile, stays, too.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -198,8 +198,7 @@ def contours(
     better = WORTH * np.bincount(edges.tile, minlength=len(tile)) < before
     stays[rows[better[row[rows]]]] = False
     edges = edges[np.flatnonzero(better[edges.tile])]
-    cut = view.planes(around.cut[edges.tile])
-    return stays, TileEdges(tile[edges.tile], edges.ends, cut, edges.last)
+    return stays, replace(edges, tile=tile[edges.tile])
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,8 +216,6 @@ class _Around:
         from."""
         # what is behind the lamp isn't lit
         own = np.flatnonzero(boxes.reach.s[1] != -np.inf)
-        row = np.searchsorted(tile, boxes.tile[own])
-        own = own[np.argsort(row, kind="stable")]
         row = np.searchsorted(tile, boxes.tile[own])
         reach = boxes.reach[own]
 
@@ -242,6 +239,14 @@ class _Around:
         return _Around(np.where(sound, cut, np.inf), window, lowest)
 
 
+def _span(place: Numbers, count: int, low: Array, high: Array) -> tuple[Array, Array]:
+    """Least ``low`` and greatest ``high`` (n,) of each ``place`` (n,) of ``count``."""
+    least, most = np.full(count, np.inf), np.full(count, -np.inf)
+    np.minimum.at(least, place, low)
+    np.maximum.at(most, place, high)
+    return least, most
+
+
 def _thin(tile: Numbers, boxes: Boxes) -> Flags:
     """(n,) in which tiles, ascending, the box round what is seen of some surface is thin: pixels
     there look from beside it."""
@@ -249,9 +254,7 @@ def _thin(tile: Numbers, boxes: Boxes) -> Flags:
     key, place = np.unique(boxes.tile * bodies + boxes.body, return_inverse=True)
     thin = np.zeros(len(key), bool)
     for axis in range(2):
-        low, high = np.full(len(key), np.inf), np.full(len(key), -np.inf)
-        np.minimum.at(low, place, boxes.pixels[0, axis])
-        np.maximum.at(high, place, boxes.pixels[1, axis])
+        low, high = _span(place, len(key), *boxes.pixels[:, axis])
         thin |= ~(high - low >= THIN)
     return np.isin(tile, key[thin] // bodies)
 
@@ -266,10 +269,8 @@ def _goes_on(listed: Listed, rows: Numbers, boxes: Boxes) -> Flags:
     face = listed.face[rows[asked]]
     bodies = 1 + max(int(listed.body.max()), int(boxes.body.max(initial=0)))
     key, place = np.unique(boxes.tile * bodies + boxes.body, return_inverse=True)
-    low, high = np.full((3, len(key)), np.inf), np.full((3, len(key)), -np.inf)
-    for axis in range(3):
-        np.minimum.at(low[axis], place, boxes.points[:, axis].min(axis=0))
-        np.maximum.at(high[axis], place, boxes.points[:, axis].max(axis=0))
+    ends = zip(boxes.points.min(axis=0), boxes.points.max(axis=0), strict=True)
+    low, high = np.stack([_span(place, len(key), *own) for own in ends], axis=1)
     more = BESIDE * (high - low).max(axis=0)
     own = listed.tile[rows[asked]] * bodies + listed.body[face]
     found = np.minimum(np.searchsorted(key, own), max(len(key) - 1, 0))
@@ -343,9 +344,7 @@ def _side_by_side(
     covered = np.abs(np.bincount(piece, 0.5 * area[face], minlength=count))
     size = np.ones(count)
     for place in (p, q):
-        low, high = np.full(count, np.inf), np.full(count, -np.inf)
-        np.minimum.at(low, border.piece, place[border.first])
-        np.maximum.at(high, border.piece, place[border.first])
+        low, high = _span(border.piece, count, place[border.first], place[border.first])
         size *= np.where(np.isfinite(low), high - low, np.inf)
     # without a border there is nothing to tell it by
     return np.asarray((covered <= OVER * size) & np.isfinite(size))
@@ -354,11 +353,10 @@ def _side_by_side(
 def _needed(view: LampView, points: Array, border: _Border, around: _Around) -> TileEdges:
     """Edges of a ``border`` of ``points`` (P, 3) as far as they count in the windows that receivers
     look through, tile by tile, piece by piece; `TileEdges.tile` are rows."""
-    used = np.unique(np.concatenate([border.first, border.second]))
-    number = np.zeros(len(points), np.int64)
-    number[used] = np.arange(len(used))
+    used, number = np.unique(np.stack([border.first, border.second]), return_inverse=True)
     points = points[used]
-    border = _Border(border.row, number[border.first], number[border.second], border.piece)
+    first, second = number.reshape(2, -1)
+    border = _Border(border.row, first, second, border.piece)
     p, q, s = view.place(*np.ascontiguousarray(points.T))
     top = np.full(len(around.cut), -np.inf)
     np.maximum.at(top, border.row, np.maximum(s[border.first], s[border.second]))
@@ -397,4 +395,4 @@ def _needed(view: LampView, points: Array, border: _Border, around: _Around) -> 
     order = np.lexsort((piece, row))
     ends, row, piece = np.concatenate([ends, more])[order], row[order], piece[order]
     last = np.diff(piece, append=-1) != 0
-    return TileEdges(row, ends, np.zeros((len(row), 0)), last)
+    return TileEdges(row, ends, view.planes(around.cut[row]), last)

@@ -22,7 +22,7 @@ Flags = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class TileEdges:
-    """``tile`` (n,), linear, ascending, and ``ends`` (n, 2, 3) world: edges of borders that hide a
+    """``tile`` (n,), linear, and ``ends`` (n, 2, 3) world: edges of borders that hide a
     lamp; ``cut`` (n, 4): normal of the plane beyond which they do, and its offset (world);
     ``last`` (n,): whether it is a border's last one in the tile."""
 
@@ -43,15 +43,14 @@ class TileEdges:
 
     @staticmethod
     def joined(parts: list[TileEdges]) -> TileEdges:
-        """All in one, those of a tile one part after the other."""
+        """All in one, one part after the other."""
         parts = [TileEdges.none(), *parts]
-        both = TileEdges(
+        return TileEdges(
             np.concatenate([part.tile for part in parts]),
             np.concatenate([part.ends for part in parts]),
             np.concatenate([part.cut for part in parts]),
             np.concatenate([part.last for part in parts]),
         )
-        return both[np.argsort(both.tile, kind="stable")]
 
 
 @dataclass(frozen=True, eq=False)
