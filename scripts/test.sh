@@ -1,6 +1,7 @@
 #!/bin/sh
 # Runs pytest against the gpusim that is installed in .venv, with the source folder out of the way:
-# from a copy of the checkout without gpusim/ and shaders/. Arguments go to pytest.
+# from a copy of the checkout without gpusim/ and shaders/. Arguments go to pytest. Two processes
+# share the files between them, as a test seldom keeps two cores busy; -n 0 is one.
 set -eu
 checkout=$(cd "$(dirname "$0")/.." && pwd)
 copy=$checkout/build/test
@@ -19,4 +20,4 @@ if [ -z "${GPUSIM_REFS:-}" ] && [ -d ../shared/refs ]; then
 fi
 export GPUSIM_EXPECT_INSTALLED=1 GPUSIM_CHECKOUT="$checkout"
 cd "$copy"
-exec "$checkout/.venv/bin/python" -P -m pytest "$@"
+exec "$checkout/.venv/bin/python" -P -m pytest -n 2 --dist loadfile "$@"
