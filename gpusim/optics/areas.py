@@ -13,10 +13,11 @@ Numbers = npt.NDArray[np.int64]
 def covered(first: Numbers, last: Numbers, shape: tuple[int, int]) -> npt.NDArray[np.bool_]:
     """Cells (rows, columns) of boxes from ``first`` to before ``last`` (n, 2), column and row."""
     # the number of boxes over a cell is a sum over their corners
-    steps = np.zeros((shape[0] + 1, shape[1] + 1), np.int64)
+    across, steps = shape[1] + 1, np.zeros((shape[0] + 1) * (shape[1] + 1), np.int64)
     for x, y, sign in ((first, first, 1), (last, first, -1), (first, last, -1), (last, last, 1)):
-        np.add.at(steps, (y[:, 1], x[:, 0]), sign)
-    result: npt.NDArray[np.bool_] = steps.cumsum(axis=0).cumsum(axis=1)[:-1, :-1] > 0
+        steps += sign * np.bincount(y[:, 1] * across + x[:, 0], minlength=len(steps))
+    steps = steps.reshape(-1, across).cumsum(axis=0).cumsum(axis=1)
+    result: npt.NDArray[np.bool_] = steps[:-1, :-1] > 0
     return result
 
 

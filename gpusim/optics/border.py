@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.optics.binning import MARGIN, segment_hits
-from gpusim.optics.corners import ST, corner_range
+from gpusim.optics.corners import ST
 from gpusim.optics.coverage import half_plane_share
 from gpusim.optics.polygon import clip_square, half_planes, moments
 from gpusim.optics.view import RegionPaint, View
@@ -74,7 +74,7 @@ class Border:
 
 def _covered(view: View, at: Array) -> Array:
     """Share (n,) of the squares of pixels ``at`` (n, 2) that lie under triangles."""
-    low, high = corner_range(view.screen)
+    low, high = view.box
     over = (low < at[:, None] + 0.5).all(axis=2) & (high > at[:, None] - 0.5).all(axis=2)
     pixel, triangle = np.nonzero(over)
     corners = view.screen[triangle] - at[pixel][:, None]

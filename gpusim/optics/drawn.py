@@ -25,7 +25,7 @@ class Drawn:
         self, device: Device, view: View, label: str, lines: BoardLines | None = None
     ) -> None:
         """Buffers are called ``label``.…; strips along ``lines`` follow the view's triangles."""
-        fixed, corners = view.fixed(), view.index()
+        fixed, corners = view.fixed(), _corners_of(view)
         self.near, depth = view.raster_depth()
         if lines is not None:
             strips = np.arange(3 * len(lines.parent), dtype=np.uint32) + np.uint32(len(fixed))
@@ -63,3 +63,11 @@ class Drawn:
     def outlines(self) -> dict[str, Any]:
         """What tells where triangles lie on the image."""
         return {"screen": self.screen, "corners": self.corners}
+
+
+def _corners_of(view: View) -> npt.NDArray[np.uint32]:
+    """The triangles' vertices, three and three, (3 T,); one triangle at least."""
+    result = np.zeros((max(view.count, 1), 3), np.uint32)
+    for own, vertices in zip(result.T, view.corner.T, strict=True):
+        own[: view.count] = vertices
+    return result.reshape(-1)

@@ -69,7 +69,7 @@ class LightTiles:
         view, camera = setup.view, setup.view.camera
         if not setup.lit or not view.count or _has_spots(setup) or setup.lighting.openness:
             return None
-        low, high = corner_range(view.screen)
+        low, high = view.box
         low = np.maximum(low, -0.5)
         high = np.minimum(high, np.array([camera.width, camera.height]) - 0.5)
         wide, tall = np.maximum(high - low, 0.0).T

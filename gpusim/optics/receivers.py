@@ -8,7 +8,7 @@ from functools import cached_property, reduce
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.optics.corners import CHUNK, NORMAL, corner_range, products
+from gpusim.optics.corners import NORMAL, products
 from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.emitters import Lamp
 from gpusim.optics.ragged import expand
@@ -42,13 +42,8 @@ class Receivers:
             for k in range(3):
                 np.take(world, view.corner[:, k], out=self.columns[k, axis], mode="clip")
         limit = np.array([camera.width, camera.height]) - 0.5
-        self.low, self.high = np.empty((2, view.count)).T, np.empty((2, view.count)).T
-        # block by block while they are in the cache
-        for start in range(0, view.count, CHUNK):
-            part = slice(start, start + CHUNK)
-            low, high = corner_range(view.screen_of(part))
-            np.maximum(low, -0.5, out=self.low[part])
-            np.minimum(high, limit, out=self.high[part])
+        low, high = view.box
+        self.low, self.high = np.maximum(low, -0.5), np.minimum(high, limit)
         extent = self.high - self.low
         self.extent = np.maximum(extent[:, 0], extent[:, 1])
         self.large = self.extent > LARGE

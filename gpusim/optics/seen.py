@@ -4,17 +4,23 @@ Where triangles cover a few pixels each, rasterisers shade several times what is
 pixels at every border), and set up all that a triangle's pixels share for those few. Here the
 triangles draw their numbers only, and every pixel reads its own one's record. Each program draws
 the whole band at a depth of its own, so that it runs where the triangle seen is of its kind.
+
+Large triangles among small ones, such as walls behind fine bodies, are shaded by themselves, where
+their numbers are; programs then pass over the tiles with small ones alone.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import numpy.typing as npt
 
-from gpusim.gpu import Recording, Texture
+from gpusim.gpu import Buffer, Recording, Texture
 from gpusim.gpu.texels import Texels
 from gpusim.optics.sight import Sight
+from gpusim.optics.under import under
 from gpusim.optics.view import View
 
 if TYPE_CHECKING:
@@ -38,6 +44,12 @@ LEVELS = 64
 
 PER_TEXEL = 16
 
+WIDE = 64.0
+"""px; triangles in a larger box are shaded by themselves, if they aren't more than `FEWEST`."""
+
+TILE = 32
+"""px, side of the tiles that programs pass over; as in the shader."""
+
 
 def small_triangles(view: View) -> bool:
     """Whether the triangles of a view (some of them, if they are many) cover few pixels each."""
@@ -53,17 +65,31 @@ class SeenPass:
     """The programs of a view, each over the pixels that see triangles of its kind."""
 
     def __init__(self, tables: Tables, rows: int, programs: list[Program], sight: Sight) -> None:
-        device, width = tables.device, tables.setup.view.camera.width
-        self.tables, self.programs, self.sight = tables, programs, sight
+        device, view = tables.device, tables.setup.view
+        self.tables, self.sight = tables, sight
+        wide = _wide(view)
+        self._wide: list[tuple[dict[str, float], Buffer, int]] = []
+        self._tiles: Buffer | None = None
+        if wide.any():
+            large, programs = _apart(programs, wide), _apart(programs, ~wide)
+            for program in large:
+                order = device.buffer(program.triangles, "shade.wide")
+                self._wide.append((program.constants, order, len(program.triangles)))
+            row, column = np.nonzero(under(view, np.flatnonzero(~wide), TILE))
+            self._count = len(row)
+            self._tiles = device.buffer((row << 16 | column).astype(np.uint32), "shade.tiles")
+        self.programs = programs
         self._levels: Texels | None = None
-        if len(programs) > 1 or sight.depth is None:
-            count = -(-tables.setup.view.count // PER_TEXEL)
+        if len(programs) > 1 or sight.depth is None or self._tiles is not None:
+            count = -(-view.count // PER_TEXEL)
             levels = np.zeros(PER_TEXEL * count, np.uint8)
             for k, program in enumerate(programs):
                 levels[program.triangles] = k + 1
             self._levels = device.texels(count, "rgba32uint", "shade.levels")
             self._levels.write(levels.view(np.uint32).reshape(-1, 4))
-            self.level_depth = device.target(width, rows, "depth32float", "shade.level_depth")
+            self.level_depth = device.target(
+                view.camera.width, rows, "depth32float", "shade.level_depth"
+            )
 
     def _level(self, k: int) -> float:
         """The depth of program k; one alone may draw before the triangles that were drawn."""
@@ -82,24 +108,61 @@ class SeenPass:
         self.sight.record(recording, int(params["row0"]), size[1])
         self.sight.number(recording, int(params["row0"]), size[1])
         ids, depth = self.sight.ids, self.sight.depth
+        formats = tuple(texture.format for texture in colors)
+        marking = "" if len(colors) == 1 else "_marked"
+        clear: float | None = self.tables.setup.background
+        for constants, order, count in self._wide:
+            raster = device.raster(
+                "optics/shade", formats, constants, entries=("vertex", "fragment_own" + marking),
+                depth="none",
+            )  # fmt: skip
+            values = {**shared, **self.tables.drawn.bindings(), "order": order, "ids": ids}
+            recording.draw(
+                raster, raster.bind(params=params, **values), colors=colors, depth=None,
+                vertices=3 * count, size=size, clear=clear,
+            )  # fmt: skip
+            clear = None
+        where: dict[str, Any] = {}
+        over, vertices = "vertex_band", 3
+        if self._tiles is not None:
+            where, over, vertices = {"order": self._tiles}, "vertex_tiles", 6 * self._count
         if self._levels is not None:
             depth = self.level_depth
             raster = device.raster(
-                "optics/shade", (), self.programs[0].constants,
-                entries=("vertex_band", "fragment_levels"),
-            )  # fmt: skip
-            bindings = raster.bind(params={**params, "level": 0.0}, ids=ids, levels=self._levels)
-            recording.draw(raster, bindings, colors=(), depth=depth, vertices=3, size=size)
-        entry = "fragment_seen" if len(colors) == 1 else "fragment_seen_marked"
-        clear: float | None = self.tables.setup.background
+                "optics/shade", (), self.programs[0].constants, entries=(over, "fragment_levels")
+            )
+            values = {**where, "ids": ids, "levels": self._levels}
+            bindings = raster.bind(params={**params, "level": 0.0}, **values)
+            recording.draw(raster, bindings, colors=(), depth=depth, vertices=vertices, size=size)
         for k, program in enumerate(self.programs):
             raster = device.raster(
-                "optics/shade", tuple(texture.format for texture in colors), program.constants,
-                entries=("vertex_band", entry), depth="equal" if self._levels else "less",
+                "optics/shade", formats, program.constants,
+                entries=(over, "fragment_seen" + marking),
+                depth="equal" if self._levels else "less",
             )  # fmt: skip
-            bindings = raster.bind(params={**params, "level": self._level(k)}, ids=ids, **shared)
+            values = {**shared, **where, "ids": ids}
+            bindings = raster.bind(params={**params, "level": self._level(k)}, **values)
             recording.draw(
-                raster, bindings, colors=colors, depth=depth, vertices=3, size=size, clear=clear,
-                keep_depth=True,
+                raster, bindings, colors=colors, depth=depth, vertices=vertices, size=size,
+                clear=clear, keep_depth=True,
             )  # fmt: skip
             clear = None
+
+
+def _wide(view: View) -> npt.NDArray[np.bool_]:
+    """(T,): large triangles that are worth to be shaded by themselves."""
+    none = np.zeros(view.count, bool)
+    if view.extent <= WIDE:
+        return none
+    low, high = view.box
+    wide = np.maximum(high[:, 0] - low[:, 0], high[:, 1] - low[:, 1]) > WIDE
+    return wide if 0 < np.count_nonzero(wide) <= FEWEST and not wide.all() else none
+
+
+def _apart(programs: list[Program], own: npt.NDArray[np.bool_]) -> list[Program]:
+    """The same for some of the triangles, those without any left out."""
+    parts = [
+        replace(program, triangles=program.triangles[own[program.triangles]])
+        for program in programs
+    ]
+    return [part for part in parts if len(part.triangles)]

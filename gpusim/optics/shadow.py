@@ -16,15 +16,14 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.gpu import Buffer, Device, Recording, Texture, compare, twin_check
-from gpusim.optics.areas import covered
 from gpusim.optics.binning import bin_edges
-from gpusim.optics.corners import corner_range, parts
 from gpusim.optics.pattern import LOOP_TURNS
 from gpusim.optics.setup import Setup
 from gpusim.optics.shade import ShadePass, shade_twin
 from gpusim.optics.shadow_probe import probe_outlines, probe_shadows
 from gpusim.optics.shadow_tiles import TILE
 from gpusim.optics.tables import Tables
+from gpusim.optics.under import under
 from gpusim.optics.visibility import visibility_twin
 
 __all__ = ["ShadowPass"]
@@ -48,7 +47,8 @@ class ShadowPass:
         # a program each for tiles with and without gloss, as the wall behind steel is most of them,
         # and for those in full shadow
         place = np.argwhere((tiles.entry > 0) | (tiles.dark if dark else False))
-        shiny = _shiny_tiles(tables.setup, tiles.lit.shape)[place[:, 0], place[:, 1]]
+        glossy_tiles = under(tables.setup.view, np.flatnonzero(tables.setup.shiny), TILE)
+        shiny = glossy_tiles[place[:, 0], place[:, 1]]
         half = tiles.entry[place[:, 0], place[:, 1]] > 0
         self._parts: list[tuple[bool, bool, npt.NDArray[np.int64], Buffer]] = []
         for glossy, whole in product((True, False), (False, True)):
@@ -94,18 +94,6 @@ class ShadowPass:
             )
             across = min(int(last - first), 32768)
             recording.dispatch(kernel, bindings, groups=(across, -(-int(last - first) // across)))
-
-
-def _shiny_tiles(setup: Setup, shape: tuple[int, int]) -> npt.NDArray[np.bool_]:
-    """Tiles (rows, columns) that the boxes of glossy triangles touch."""
-    limit = np.array([shape[1], shape[0]])
-    shiny = np.flatnonzero(setup.shiny)
-    first, last = np.empty((2, len(shiny), 2), np.int64)
-    for part in parts(len(shiny)):
-        low, high = corner_range(setup.view.screen_of(shiny[part]))
-        first[part] = np.clip(np.floor((low - 0.5) / TILE), 0, limit)
-        last[part] = np.clip(np.floor((high + 1.5) / TILE) + 1, 0, limit)
-    return covered(first, last, shape)
 
 
 @twin_check("optics/shadow")

@@ -25,6 +25,7 @@ from gpusim.optics.corners import (
     barycentric_planes,
     corner_range,
     in_camera,
+    parts,
     products,
 )
 from gpusim.optics.culling import cull
@@ -163,7 +164,6 @@ class View:
         """The first, second and third vertices (n,) of some triangles."""
         if isinstance(triangles, slice):
             return list(self.corner[triangles].T)
-        # column by column: rows of three numbers take twice as long
         return [np.take(vertices, triangles) for vertices in self.corner.T]
 
     def planes_of(self, triangles: Rows) -> Array:
@@ -197,6 +197,14 @@ class View:
         return bool(max(away) <= FLAT * np.linalg.norm(normal) * corners[:, :, 2].min())
 
     @cached_property
+    def box(self) -> tuple[Array, Array]:
+        """(T, 2) px: first and last place of every triangle, column by column in memory."""
+        low, high = (np.empty((2, self.count)).T for _ in range(2))
+        for part in parts(self.count):
+            low[part], high[part] = corner_range(self.screen_of(part))
+        return low, high
+
+    @cached_property
     def mean_pixels(self) -> float:
         """How many pixels the triangles (some of them, if they are many) cover each."""
         corners = self.screen_of(slice(None, None, -(-max(self.count, 1) // SAMPLED)))
@@ -206,7 +214,7 @@ class View:
 
     def over_rows(self, first: int, stop: int) -> View:
         """The triangles and edges that touch rows ``first`` … ``stop - 1``; others are left out."""
-        low, high = corner_range(self.screen[:, :, 1])
+        low, high = (ends[:, 1] for ends in self.box)
         own = (high > first - 1.0) & (low < stop)
         y = self.edges[:, :, 1]
         near = (np.maximum(y[:, 0], y[:, 1]) > first - 1.0) & (np.minimum(y[:, 0], y[:, 1]) < stop)
@@ -249,13 +257,6 @@ class View:
         for own, column in zip(result.T, self.place.T, strict=True):
             own[: len(column)] = np.rint(column * FIXED)
         return result
-
-    def index(self) -> npt.NDArray[np.uint32]:
-        """The triangles' vertices, three and three, (3 T,); one triangle at least."""
-        result = np.zeros((max(self.count, 1), 3), np.uint32)
-        for own, vertices in zip(result.T, self.corner.T, strict=True):
-            own[: self.count] = vertices
-        return result.reshape(-1)
 
 
 def look(
