@@ -10,6 +10,8 @@ Twin of ``shaders/common/gloss.wgsl``.
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 import numpy.typing as npt
 
@@ -37,8 +39,9 @@ def facet_terms(alpha: Array, normal: Array, view: Array, light: Array) -> tuple
     return a2 / (np.pi * spread * spread) * 0.5 / mask, (1.0 - vh) ** 5
 
 
+@lru_cache(maxsize=64)
 def reflectance_table(alpha: float) -> Array:
-    """(64, 2): a and b at cosines (i + 1/2) / 64; even light of radiance L is reflected as
+    """(64, 2), not to be written to: a and b at cosines (i + 1/2) / 64; even light of radiance L is reflected as
     L (F0 a + b) (the directional albedo, split as in Karis, SIGGRAPH 2013 course).
 
     Integrated over half vectors drawn from the distribution of visible ones' projection
@@ -64,6 +67,7 @@ def reflectance_table(alpha: float) -> Array:
         weight = np.where(good, 2.0 * vh * safe / (cos_h * mask), 0.0)
         fresnel = (1.0 - np.clip(vh, 0.0, 1.0)) ** 5
         result[k] = np.mean(weight * (1.0 - fresnel)), np.mean(weight * fresnel)
+    result.flags.writeable = False
     return result
 
 

@@ -219,7 +219,8 @@ def _draw(
     simple = lights is None and Border.suits(view)
     edge_pass: EdgePass | None = None
     # where shadows take long, the device shades by all lamps meanwhile
-    early = sight is None and view.count >= FEWEST and not view.flat and casts_shadows(lights or [])
+    early = view.count >= FEWEST and not view.flat and casts_shadows(lights or [])
+    early &= sight is None or not sight.late
     shade_pass: ShadePass | None = None
     begun: Buffer | None = None
     # one thread beside this one: more would wait for the interpreter
@@ -253,7 +254,7 @@ def _draw(
             # uneven speckle is shaded in a way that doesn't look at the triangles either
             return certain()
         if shadows is not None:
-            shade_pass = ShadePass(tables, rows, marked=True)
+            shade_pass = ShadePass(tables, rows, sight is not None, sight, marked=True)
             begun = device.kept.take(4 * rows * shade_pass.stride, f"radiance[{first}]")
             with device.recording("optics.shade") as recording:
                 shade_pass.record(recording, begun, first, rows)

@@ -31,6 +31,8 @@ LARGEST = 64.0
 """px; triangles in a larger box are left to the rasteriser: their areas don't fit into 32 bits, and
 invocations beside them wait for them."""
 
+NONE = np.zeros(1, np.uint32)
+
 STEPS = 256
 """Of a pixel, to which places are snapped."""
 
@@ -133,13 +135,20 @@ class Sight:
         recording.draw(raster, bindings, colors=(self.ids,), depth=None, vertices=3, size=size)
 
     def _draw(self, recording: Recording, row0: int, rows: int) -> None:
-        raster = self.device.raster("optics/visibility", ("r32uint",))
-        width = self.view.camera.width
-        place = {"width": width, "rows": rows, "row0": row0, "near": self.drawn.near}
-        bindings = raster.bind(params=place, **self.drawn.bindings())
+        width, count = self.view.camera.width, self.view.count
+        values = {"params": {"width": width, "rows": rows, "row0": row0, "near": self.drawn.near}}
+        entry, some = "vertex", {}
+        if rows < self.view.camera.height and count:
+            # software rasterisers take as long for what lies in other bands
+            low, high = (ends[:, 1] for ends in self.view.box)
+            own = np.flatnonzero((high >= row0 - 1.0) & (low <= row0 + rows)).astype(np.uint32)
+            entry, count = "vertex_some", len(own)
+            some = {"order": self.device.buffer(own if count else NONE, "sight.order")}
+        raster = self.device.raster("optics/visibility", ("r32uint",), entries=(entry, "fragment"))
+        bindings = raster.bind(**values, **some, **self.drawn.bindings())
         recording.draw(
-            raster, bindings, colors=(self.ids,), depth=self.depth,
-            vertices=3 * self.view.count, size=(width, rows),
+            raster, bindings, colors=(self.ids,), depth=self.depth, vertices=3 * count,
+            size=(width, rows),
         )  # fmt: skip
 
 

@@ -18,12 +18,22 @@ struct Varying {
     @location(0) @interpolate(flat, either) id: u32,
 }
 
-@vertex
-fn vertex(@builtin(vertex_index) index: u32) -> Varying {
-    let corner = corners[index];
+fn corner_of(id: u32, k: u32) -> Varying {
+    let corner = corners[3u * id + k];
     let depth = params.near * inverse_depth[corner];
     let size = vec2f(params.width, params.rows);
-    return Varying(band_position(screen[corner], params.row0, size, depth), index / 3u + 1u);
+    return Varying(band_position(screen[corner], params.row0, size, depth), id + 1u);
+}
+@vertex
+fn vertex(@builtin(vertex_index) index: u32) -> Varying {
+    return corner_of(index / 3u, index % 3u);
+}
+
+// the triangles of a band
+@group(0) @binding(7) var<storage, read> order: array<u32>;
+@vertex
+fn vertex_some(@builtin(vertex_index) index: u32) -> Varying {
+    return corner_of(order[index / 3u], index % 3u);
 }
 
 @fragment
