@@ -2,7 +2,8 @@
 
 A bumpy plate fills the image, patterned and lit, or a body of `benchmarks.bodies` stands before a
 wall. Faces are cut finer and finer, and nothing else changes: what they cost is what the image's
-time grows by.
+time grows by. The same outlines and creases become more edges then, too, about as the root of the
+number of faces.
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ from benchmarks.bodies import (
 from gpusim.errors import InputError, OutOfDeviceMemory
 from gpusim.gpu import Device
 from gpusim.optics.light import Light
+from gpusim.optics.view import look
 
 RESULTS = Path(__file__).parent / "results"
 SCENES = (
@@ -76,9 +78,11 @@ COUNTS = (1_000, 3_000, 10_000, 30_000, 100_000, 300_000, 1_000_000)
 class Timing:
     """Seconds with about ``faces`` quads: a warm image, what it takes of all processors together
     (host and device overlap), the same where every image shows the vertices elsewhere, and the
-    first image, which finds the surface's topology and compiles."""
+    first image, which finds the surface's topology and compiles. ``edges``: of outlines, creases
+    and regions in the image."""
 
     faces: int
+    edges: int
     image: float
     processor: float
     moved: float
@@ -133,7 +137,17 @@ def measure(faces: int, width: int, device: Device, repeats: int, scene: str) ->
     moved = [timed(shown) for shown in series][1:]
     image, processor = np.min(still[2:], axis=0).tolist()
     moved_image, moved_processor = np.min(moved, axis=0).tolist()
-    return Timing(faces, image, processor, moved_image, moved_processor, still[0][0])
+    edges = len(look([surface, *behind], camera, lit=True).edges)
+    return Timing(faces, edges, image, processor, moved_image, moved_processor, still[0][0])
+
+
+def _growth(rows: list[Timing]) -> str:
+    """How many times the last is the first."""
+    first, last = rows[0], rows[-1]
+    return (
+        f"\nfaces x {last.faces / first.faces:.0f}, edges x {last.edges / first.edges:.1f}, "
+        f"image x {last.image / first.image:.1f}, moved x {last.moved / first.moved:.1f}"
+    )
 
 
 def plot(found: dict[str, list[Timing]], title: str, path: Path) -> None:
@@ -149,7 +163,8 @@ def plot(found: dict[str, list[Timing]], title: str, path: Path) -> None:
             marker=markers[k % len(markers)], linestyle="-" if k < 10 else "--", label=scene,
         )  # fmt: skip
     low, high = 1e3, max(row.faces for rows in found.values() for row in rows)
-    axes.loglog([low, high], [0.03, 0.03 * high / low], "k:", label="as faces grow")
+    axes.loglog([low, high], [0.05, 0.05 * high / low], "k:", label="as faces grow")
+    axes.loglog([low, high], [0.05, 0.05 * (high / low) ** 0.5], "k--", label="as edges grow")
     axes.set_xlabel("faces")
     axes.set_ylabel("s")
     axes.set_title(title)
@@ -175,8 +190,8 @@ def main() -> None:
     for scene in arguments.scene:
         head = [
             "", f"`{scene}`:", "",
-            "| faces | image s | processor s | moved: image s | processor s | first image s |",
-            "|---|---|---|---|---|---|",
+            "| faces | edges | image s | processor s | moved: image s | processor s | first s |",
+            "|---|---|---|---|---|---|---|",
         ]  # fmt: skip
         print("\n".join(head), flush=True)
         lines += head
@@ -190,7 +205,12 @@ def main() -> None:
                 break
             rows.append(row)
             numbers = (row.image, row.processor, row.moved, row.moved_processor, row.first)
-            lines.append(f"| {faces} | " + " | ".join(f"{n:.3f}" for n in numbers) + " |")
+            lines.append(
+                f"| {faces} | {row.edges} | " + " | ".join(f"{n:.3f}" for n in numbers) + " |"
+            )
+            print(lines[-1], flush=True)
+        if len(rows) > 1:
+            lines.append(_growth(rows))
             print(lines[-1], flush=True)
     if arguments.write:
         RESULTS.mkdir(exist_ok=True)

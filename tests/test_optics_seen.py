@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
+import numpy.typing as npt
 import pytest
 
 import gpusim as gs
 from gpusim.gpu import Device
-from gpusim.optics.seen import small_triangles
+from gpusim.optics.seen import TILE, WIDE, small_triangles
 from gpusim.optics.setup import Setup
 from gpusim.optics.shade import ShadePass
 from gpusim.optics.tables import Tables
+from gpusim.optics.under import under
 from gpusim.optics.view import look
 
 CAMERA = gs.Camera.from_lens((36.0, 24.0), 40.0, (90, 61), (0.12, -1.0, 0.08), (0.02, 0, 0))
@@ -65,6 +70,83 @@ def test_both_ways_give_the_same_image(
     assert (marks[0] is not None) == lit
     assert (images[0] == 0.25).any() and len(np.unique(images[0])) > 100
     np.testing.assert_array_equal(images[1], images[0])
+
+
+def before_a_wall(paints: dict[str, object]) -> list[gs.Surface]:
+    """The plate, and a wall of a few large triangles that passes through the picture behind it."""
+    wall = np.array([[-0.9, 0.06, -0.1], [0.9, 0.06, -0.3], [0.9, 0.3, 0.9], [-0.9, 0.3, 0.9]])
+    return [plate(30, 40, paints), gs.Surface(wall, np.array([[0, 1, 2, 3]]), gs.paint.Plain(0.7))]
+
+
+LARGER = gs.Camera.from_lens((36.0, 24.0), 30.0, (333, 221), (0.12, -1.0, 0.08), (0.02, 0, 0))
+
+
+@pytest.mark.parametrize("paints", [CHECKED, PAINTS], ids=["matte", "glossy"])
+@pytest.mark.parametrize("lit", [False, True], ids=["unlit", "shadowed"])
+def test_walls_behind_small_triangles_are_shaded_as_wholes(
+    paints: dict[str, object], lit: bool, monkeypatch: pytest.MonkeyPatch, device: Device
+) -> None:
+    surfaces, lights = before_a_wall(paints), [LAMP] if lit else None
+    view = look(surfaces, LARGER, lit)
+    assert small_triangles(view) and view.extent > WIDE
+    setup = Setup.build(view, lights, 0.25, surfaces)
+    assert (setup.lighting.shadows is not None) == lit
+    tables = Tables(device, setup)
+    image, marks = by_pixel(tables, device)
+    monkeypatch.setattr("gpusim.optics.seen.WIDE", np.inf)
+    want, every = by_pixel(tables, device)
+    assert (want == 0.25).any() and len(np.unique(want)) > 100
+    np.testing.assert_array_equal(marks, every)
+    np.testing.assert_allclose(image, want, rtol=1e-6, atol=0.0)
+
+
+def test_a_tile_that_is_left_out_is_seen(monkeypatch: pytest.MonkeyPatch, device: Device) -> None:
+    surfaces = before_a_wall(CHECKED)
+    tables = Tables(device, Setup.build(look(surfaces, LARGER, False), None, 0.25, surfaces))
+    want, _ = by_pixel(tables, device)
+
+    def fewer(*given: Any) -> npt.NDArray[np.bool_]:
+        tiles = under(*given)
+        tiles[tuple(np.argwhere(tiles)[np.count_nonzero(tiles) // 2])] = False
+        return tiles
+
+    monkeypatch.setattr("gpusim.optics.seen.under", fewer)
+    image, _ = by_pixel(tables, device)
+    assert 0 < np.count_nonzero(image != want) <= TILE * TILE
+
+
+def by_pixel(
+    tables: Tables, device: Device
+) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.uint32]]:
+    """The picture and its marks, in two bands."""
+    shading, images, marks = ShadePass(tables, 140, True), [], []
+    for row0, rows in ((0, 140), (140, 81)):
+        out = device.empty(4 * shading.stride * rows, "test.out")
+        own = shading.marks
+        seen = None if own is None else device.empty(own.stride * rows, "test.marks")
+        with device.recording("test") as recording:
+            shading.record(recording, out, row0, rows)
+            if own is not None and seen is not None:
+                recording.copy_texture(own, seen, rows)
+        images.append(out.read(np.float32, (rows, shading.stride))[:, :333])
+        if own is not None and seen is not None:
+            words = own.nbytes // (4 * own.width * own.height)
+            marks.append(seen.read(np.uint32, (rows, own.stride // 4))[:, : 333 * words])
+    return np.concatenate(images), np.concatenate(marks or [np.zeros((0, 0), np.uint32)])
+
+
+@pytest.mark.parametrize("paints", [CHECKED, PAINTS], ids=["matte", "glossy"])
+def test_shadows_found_beside_the_device_are_those_of_the_twin(
+    paints: dict[str, object], device: Device
+) -> None:
+    surfaces = before_a_wall(paints)
+    got = gs.render(surfaces, LARGER, [LAMP], device=device).radiance
+    want = gs.render(surfaces, LARGER, [LAMP], backend="numpy").radiance
+    bare = gs.render(surfaces, LARGER, [replace(LAMP, shadows=False)], device=device).radiance
+    # many pixels lie in the shadow on the wall
+    assert np.count_nonzero(np.abs(got - bare) > 0.02 * want.max()) > 500
+    # one sample of 512 may fall to the other side of an outline
+    assert np.abs(got - want).max() <= 2.5 / 512 * want.max()
 
 
 def test_large_triangles_are_shaded_one_by_one() -> None:

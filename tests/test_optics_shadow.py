@@ -20,6 +20,7 @@ from gpusim.optics.emitters import lamps_of
 from gpusim.optics.lamp_edges import EVERY_EDGE
 from gpusim.optics.light import Light
 from gpusim.optics.occlusion import lattice, visible_share
+from gpusim.optics.seen import small_triangles
 from gpusim.optics.setup import Setup
 from gpusim.optics.shade import shade_twin
 from gpusim.optics.shadow_probe import block, shadow_scene
@@ -314,8 +315,9 @@ def test_more_edges_than_a_texture_holds_are_refused(
         gs.render(surfaces, camera, lights, device=device)
 
 
+@pytest.mark.parametrize("width", [900, 300], ids=["large", "small"])
 def test_shading_may_begin_before_shadows_are_known(
-    device: Device, monkeypatch: pytest.MonkeyPatch
+    width: int, device: Device, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     rendering = import_module("gpusim.optics.render")
     x, y = np.meshgrid(np.linspace(-1.0, 1.0, 41), np.linspace(-0.8, 0.8, 31))
@@ -328,14 +330,17 @@ def test_shading_may_begin_before_shadows_are_known(
         gs.Surface(points, faces.reshape(-1, 4), paint, reference=flat),
         *shadow_scene()[0][1:2],
     ]
-    camera = gs.Camera.from_lens((36.0, 24.0), 30.0, (900, 600), (0.2, -0.9, 1.6), (0.0, 0.0, 0.0))
+    size = (width, width * 2 // 3)
+    camera = gs.Camera.from_lens((36.0, 24.0), 30.0, size, (0.2, -0.9, 1.6), (0.0, 0.0, 0.0))
+    # of small triangles it is found first which one each pixel sees
+    assert small_triangles(look(surfaces, camera, True)) == (width == 300)
     lights = shadow_scene()[2]
     for matte in (False, True):
         if matte:
             surfaces[1] = replace(surfaces[1], paint=gs.paint.Plain(0.6))
         images = []
-        for fewest, dark in ((2000, 1.0), (2000, 0.0), (1 << 30, 0.0)):
-            monkeypatch.setattr(rendering, "FEWEST", fewest)
+        for begin, dark in ((True, 1.0), (True, 0.0), (False, 0.0)):
+            monkeypatch.setattr(rendering, "casts_shadows", lambda _, begin=begin: begin)
             monkeypatch.setattr(rendering, "MOST_DARK", dark)
             images.append(gs.render(surfaces, camera, lights, device=device).radiance)
         early, again, late = images

@@ -41,8 +41,8 @@ def facet_terms(alpha: Array, normal: Array, view: Array, light: Array) -> tuple
 
 @lru_cache(maxsize=64)
 def reflectance_table(alpha: float) -> Array:
-    """(64, 2), not to be written to: a and b at cosines (i + 1/2) / 64; even light of radiance L is reflected as
-    L (F0 a + b) (the directional albedo, split as in Karis, SIGGRAPH 2013 course).
+    """(64, 2), read only: a and b at cosines (i + 1/2) / 64; even light of radiance L is reflected
+    as L (F0 a + b) (the directional albedo, split as in Karis, SIGGRAPH 2013 course).
 
     Integrated over half vectors drawn from the distribution of visible ones' projection
     (4096 points of a Fibonacci lattice): right to about 1e-3.

@@ -10,7 +10,7 @@ import numpy as np
 from gpusim.errors import InputError
 from gpusim.gpu import Buffer, Device, default_device
 from gpusim.inputs import checked
-from gpusim.optics.aside import FEWEST, Aside
+from gpusim.optics.aside import Aside
 from gpusim.optics.binning import EdgePixels, bin_edges
 from gpusim.optics.border import Border
 from gpusim.optics.camera import Camera
@@ -219,7 +219,7 @@ def _draw(
     simple = lights is None and Border.suits(view)
     edge_pass: EdgePass | None = None
     # where shadows take long, the device shades by all lamps meanwhile
-    early = view.count >= FEWEST and not view.flat and casts_shadows(lights or [])
+    early = not view.flat and casts_shadows(lights or [])
     early &= sight is None or not sight.late
     shade_pass: ShadePass | None = None
     begun: Buffer | None = None

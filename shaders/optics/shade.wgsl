@@ -179,14 +179,14 @@ fn fragment_own_marked(in: Varying) -> Marked {
 
 // All of the band, at the depth of one program.
 @vertex
-fn vertex_band(@builtin(vertex_index) index: u32) -> @builtin(position) vec4f {
+fn vertex_band(@builtin(vertex_index) index: u32) -> @invariant @builtin(position) vec4f {
     let corner = vec2f(f32(index & 1u), f32(index >> 1u));
     return vec4f(4.0 * corner - 1.0, params.level, 1.0);
 }
 // The same of some tiles of the picture, whose column and row are 16 bits each of `order`.
 const TILE: i32 = 32;
 @vertex
-fn vertex_tiles(@builtin(vertex_index) index: u32) -> @builtin(position) vec4f {
+fn vertex_tiles(@builtin(vertex_index) index: u32) -> @invariant @builtin(position) vec4f {
     let tile = order[index / 6u];
     let k = index % 6u;
     // the second triangle has the corners of the first, turned round
