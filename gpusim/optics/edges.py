@@ -46,7 +46,7 @@ Array = npt.NDArray[np.float64]
 THIN = 5e-4
 """Area, px^2, that no triangle takes; less of it is a seam between neighbours."""
 
-DEEPEST = 32
+DEEPEST = 64
 """Triangles over a pixel beyond which the host resolves it; fewer where patterns are dense."""
 
 BACKDROP = np.uint32(1 << 31)
