@@ -214,8 +214,7 @@ class View:
 
     def over_rows(self, first: int, stop: int) -> View:
         """The triangles and edges that touch rows ``first`` … ``stop - 1``; others are left out."""
-        low, high = (ends[:, 1] for ends in self.box)
-        own = (high > first - 1.0) & (low < stop)
+        own = (self.box[1][:, 1] > first - 1.0) & (self.box[0][:, 1] < stop)
         y = self.edges[:, :, 1]
         near = (np.maximum(y[:, 0], y[:, 1]) > first - 1.0) & (np.minimum(y[:, 0], y[:, 1]) < stop)
         source = self.edge_source[near]
