@@ -223,6 +223,7 @@ def _draw(
     early &= sight is None or not sight.late
     shade_pass: ShadePass | None = None
     begun: Buffer | None = None
+    shaded = False
     # one thread beside this one: more would wait for the interpreter
     with Aside(view.count) as aside:
         # what the host does before the device begins there isn't worth to be held up by a thread
@@ -253,16 +254,20 @@ def _draw(
             # without records nothing would tell whether the guess was right; and where light is
             # uneven speckle is shaded in a way that doesn't look at the triangles either
             return certain()
-        if shadows is not None:
-            shade_pass = ShadePass(tables, rows, sight is not None, sight, marked=True)
+        # the first of several bands needn't wait for the edges either
+        if shadows is not None or (rows < stop - first and not tables.glancing):
+            marked = None if shadows is None else True
+            shade_pass = ShadePass(tables, rows, sight is not None, sight, marked)
             begun = device.kept.take(4 * rows * shade_pass.stride, f"radiance[{first}]")
             with device.recording("optics.shade") as recording:
                 shade_pass.record(recording, begun, first, rows)
+            shaded = True
+        if shadows is not None:
             edges: EdgePixels | None = bin_edges(view)
             tables = tables.with_shadows(shadows())
             tiles = tables.setup.lighting.shadows
             if tiles is not None and tiles.dark.mean() > MOST_DARK:
-                early, shade_pass = False, None
+                early, shaded, shade_pass = False, False, None
         else:
             if tables.glancing:
                 shade_pass = ShadePass(tables, rows, True, sight)
@@ -285,7 +290,7 @@ def _draw(
         count = min(rows, stop - row0)
         radiance = begun or device.kept.take(4 * count * stride, f"radiance[{row0}]")
         with device.recording("optics.shade") as recording:
-            if begun is None or not early:
+            if begun is None or not shaded:
                 shade_pass.record(recording, radiance, row0, count)
             begun = None
             if shadow_pass is not None and shade_pass.marks is not None:
