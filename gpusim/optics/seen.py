@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from gpusim.gpu import Buffer, Recording, Texture
 from gpusim.gpu.texels import Texels
-from gpusim.optics.sight import Sight
+from gpusim.optics.sight import NONE, Sight
 from gpusim.optics.under import under
 from gpusim.optics.view import View
 
@@ -77,7 +77,8 @@ class SeenPass:
                 self._wide.append((program.constants, order, len(program.triangles)))
             row, column = np.nonzero(under(view, np.flatnonzero(~wide), TILE))
             self._count = len(row)
-            self._tiles = device.buffer((row << 16 | column).astype(np.uint32), "shade.tiles")
+            tiles = (row << 16 | column).astype(np.uint32)
+            self._tiles = device.buffer(tiles if self._count else NONE, "shade.tiles")
         self.programs = programs
         self._levels: Texels | None = None
         if len(programs) > 1 or sight.depth is None or self._tiles is not None:

@@ -25,13 +25,14 @@ from gpusim.optics.view import FIXED, View, look
 from gpusim.surface.paint import Paint, Plain
 from gpusim.surface.surface import Surface
 
-__all__ = ["LARGEST", "Sight", "sight_twin"]
+__all__ = ["LARGEST", "NONE", "Sight", "sight_twin"]
 
 LARGEST = 64.0
 """px; triangles in a larger box are left to the rasteriser: their areas don't fit into 32 bits, and
 invocations beside them wait for them."""
 
 NONE = np.zeros(1, np.uint32)
+"""Of lists of triangles or tiles: the device takes no empty buffers."""
 
 STEPS = 256
 """Of a pixel, to which places are snapped."""

@@ -37,7 +37,8 @@ struct Params {
 @group(0) @binding(11) var light_tiles: texture_2d<f32>;
 
 struct Varying {
-    @builtin(position) position: vec4f,
+    // large triangles are drawn where visibility.wgsl found them
+    @invariant @builtin(position) position: vec4f,
     @location(0) @interpolate(flat, either) st: vec4f,
     @location(1) @interpolate(flat, either) tw: vec4f,
     @location(2) @interpolate(flat, either) n0: vec4f,
