@@ -47,7 +47,8 @@ THIN = 5e-4
 """Area, px^2, that no triangle takes; less of it is a seam between neighbours."""
 
 DEEPEST = 64
-"""Triangles over a pixel beyond which the host resolves it; fewer where patterns are dense."""
+"""Triangles over a pixel beyond which the host resolves it; fewer where patterns are dense. As many
+as the shader has bits for."""
 
 BACKDROP = np.uint32(1 << 31)
 """Of where a pixel's triangles start in the device's list: see ``shaders/optics/edges.wgsl``."""

@@ -64,6 +64,12 @@ fn triangle_sides(id: u32, pixel: vec2i) -> Sides {
     );
 }
 
+// One of the 64 triangles over a pixel (`DEEPEST` in edges.py).
+fn bit_of(k: u32) -> vec2u {
+    let bit = 1u << (k & 31u);
+    return select(vec2u(0u, bit), vec2u(bit, 0u), k < 32u);
+}
+
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let n = range.first + gid.y * (groups.x * 64u) + gid.x;
@@ -82,7 +88,7 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
     var second = vec3f(0.0);
     var value = 0.0;
     // those of which more shows, or less, than can be told here
-    var doubtful = 0u;
+    var doubtful = vec2u(0u);
     var behind = 0.0;
     var lights = vec2f(1e30, 0.0);
     var share = vec2f(0.0);
@@ -115,7 +121,7 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
         var line1 = vec3f(0.0);
         var gone = polygon.count < 3;
         var doubt = false;
-        var layer = 0u;
+        var layer = vec2u(0u);
         if (!gone && c > nearest) {
             var b = nearest;
             loop {
@@ -127,7 +133,7 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
                     line0 = m.line;
                     cuts++;
                 }
-                if (m.kind != 0u) { layer |= doubtful & (1u << (b - nearest)); }
+                if (m.kind != 0u) { layer |= doubtful & bit_of(b - nearest); }
                 b++;
                 if (b >= c) { break; }
             }
@@ -147,7 +153,7 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
         var spread = vec3f(0.0);
         if (shadowed != 0u && m.x > SMALLEST) {
             spread = spread_of(polygon, m);
-            if (filled && doubt && doubtful == 0u && m.x > FULL) {
+            if (filled && doubt && all(doubtful == vec2u(0u)) && m.x > FULL) {
                 doubt = false;
                 m.x = 1.0 - seen;
                 m = vec3f(m.x, clamp(-first / m.x, vec2f(-0.5), vec2f(0.5)));
@@ -185,8 +191,8 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
                 light = radiance_of(t, r, light, ground, clamp(1.0 - printed, 0.0, 1.0));
             }
             if (doubt) {
-                doubtful |= 1u << (c - nearest);
-                if (layer == 0u) { behind += m.x; }
+                doubtful |= bit_of(c - nearest);
+                if (all(layer == vec2u(0u))) { behind += m.x; }
                 lights = vec2f(min(lights.x, light), max(lights.y, light));
                 share += m.x * vec2f(light, 1.0);
                 unsure = unsure || bumpy != 0u || (patterned != 0u && t.more.y != 0.0);
@@ -203,7 +209,7 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
     // what is open is a seam between neighbours, shows the background, or the doubtful ones
     if (open <= range.thin) {
         value /= seen;
-    } else if (doubtful == 0u) {
+    } else if (all(doubtful == vec2u(0u))) {
         value += open * params.background;
     } else {
         if (behind < FULL) {
