@@ -262,6 +262,10 @@ def _draw(
             with device.recording("optics.shade") as recording:
                 shade_pass.record(recording, begun, first, rows)
             shaded = True
+        elif tables.glancing:
+            shade_pass = ShadePass(tables, rows, True, sight)
+            begun = device.kept.take(4 * rows * shade_pass.stride, f"radiance[{first}]")
+            shade_pass.begin(begun, first, rows)
         if shadows is not None:
             edges: EdgePixels | None = bin_edges(view)
             tables = tables.with_shadows(shadows())
@@ -269,11 +273,6 @@ def _draw(
             if tiles is not None and tiles.dark.mean() > MOST_DARK:
                 early, shaded, shade_pass = False, False, None
         else:
-            if tables.glancing:
-                shade_pass = ShadePass(tables, rows, True, sight)
-                count = min(rows, stop - first)
-                begun = device.kept.take(4 * count * shade_pass.stride, f"radiance[{first}]")
-                shade_pass.begin(begun, first, count)
             edges = bin_edges(view) if waiting else None if found is None else found()
         if edges is not None:
             edge_pass = EdgePass(tables, edges)

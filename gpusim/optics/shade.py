@@ -28,7 +28,7 @@ from gpusim.optics.pattern import FINEST, LOOP_TURNS
 from gpusim.optics.seen import SeenPass, small_triangles
 from gpusim.optics.setup import GRAZING, Setup, footprint, radiance_of
 from gpusim.optics.setup_probe import probe_setup
-from gpusim.optics.sight import Sight
+from gpusim.optics.sight import NONE, Sight
 from gpusim.optics.speckled import SpeckledPass
 from gpusim.optics.speckled_layer import SpeckledLayer
 from gpusim.optics.tables import Tables
@@ -129,7 +129,7 @@ class ShadePass:
                 depth="none" if view.flat else "greater",
             )  # fmt: skip
             count = len(program.triangles)
-            numbers = program.triangles if count else np.zeros(1, np.uint32)
+            numbers = program.triangles if count else NONE
             self._draws.append((raster, device.buffer(numbers, "shade.order"), count))
 
     @property
