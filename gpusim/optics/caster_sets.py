@@ -6,8 +6,7 @@ receivers: what lies beside them on a bent sheet would be in doubt there, everyw
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Collection, Iterator
 
 import numpy as np
 import numpy.typing as npt
@@ -34,16 +33,30 @@ sheets."""
 class CasterSets:
     """The faces of ``casters`` that may hide a ``lamp``, for each half space before it: all of
     them, and those of other surfaces for receivers that are ``free`` (T,), which nothing of their
-    own hides. Filed once for all that look for shadows of a lamp."""
+    own hides. Filed once for all that look for shadows of a lamp. ``among`` (F,): None but these
+    casters, and for receivers on surfaces ``whole`` all of their own."""
 
-    def __init__(self, receivers: Receivers, lamp: Lamp, casters: Casters, free: Flags) -> None:
-        self.lamp, self.casters, self.free = lamp, casters, free
+    def __init__(
+        self,
+        receivers: Receivers,
+        lamp: Lamp,
+        casters: Casters,
+        free: Flags,
+        among: Flags | None = None,
+        whole: Collection[int] = (),
+    ) -> None:
+        self.lamp, self.casters = lamp, casters
+        self._among = np.ones(len(casters.body), bool) if among is None else among
         body, self._face = receivers.view.body, receivers.view.face
-        self._alone, number = np.unique(body[free], return_inverse=True)
+        own = np.isin(body, list(whole)) if whole else np.zeros(len(body), bool)
+        self._whole = frozenset(whole)
+        self.apart = free | own
+        """(T,): receivers that don't look at the same casters as most."""
+        self._alone, number = np.unique(body[self.apart], return_inverse=True)
         self._sets: list[CasterSet | None] = [None] * (1 + len(self._alone))
         # (T,): the set for receivers on each triangle
         self._number = np.zeros(len(body), np.int64)
-        self._number[free] = 1 + number
+        self._number[self.apart] = 1 + number
         self._sheets: dict[LampGrid, Sheets] = {}
         self._faces = casters.seen_by(lamp, receivers.shown)
         self._views: list[tuple[LampView, float]] = []
@@ -61,21 +74,21 @@ class CasterSets:
     def _set(self, number: int) -> CasterSet:
         found = self._sets[number]
         if found is None:
-            faces = self._faces
+            kept = self._among
             if number:
-                other = self.casters.body[faces.face] != self._alone[number - 1]
-                faces = replace(
-                    faces, face=faces.face[other], rim=faces.rim[other], side=faces.side[other]
-                )
+                body = self._alone[number - 1]
+                own = self.casters.body == body
+                kept = kept | own if body in self._whole else kept & ~own
+            faces = self._faces if kept.all() else self._faces[kept[self._faces.face]]
             grids = [LampGrid(view, self.casters, faces, low) for view, low in self._views]
             self._sets[number] = found = faces, grids
         return found
 
-    def number(self, triangle: Numbers, free: Flags | None = None) -> Numbers:
+    def number(self, triangle: Numbers, apart: Flags | None = None) -> Numbers:
         """(n,) which set there is for receivers on triangles (n,); on several, of which it is one:
-        all of these are ``free`` (n,), or some may be hidden by their own."""
+        all of these are ``apart`` (n,), or some look at all casters."""
         number = self._number[triangle]
-        return number if free is None else np.where(free, number, 0)
+        return number if apart is None else np.where(apart, number, 0)
 
     def each(self, number: Numbers) -> Iterator[tuple[Numbers | None, CasterSet]]:
         """Rows of receivers of which each has such a set (n,), None for all, with what may hide the

@@ -56,6 +56,10 @@ class LampFaces:
     rim: npt.NDArray[np.bool_]
     side: npt.NDArray[np.int64]
 
+    def __getitem__(self, kept: npt.NDArray[np.bool_]) -> LampFaces:
+        """Those that are ``kept`` (n,)."""
+        return LampFaces(self.face[kept], self.rim[kept], self.side[kept])
+
 
 @dataclass(frozen=True, eq=False)
 class Casters:

@@ -33,8 +33,11 @@ BESIDE = 16.0
 """Times a receiver's own, difference in s to faces of its surface that may lie beside it."""
 
 RISES = 0.15, 0.6
-"""Of the median difference in s between receivers and the highest casters: for those less far below
-joined ones, these aren't exact enough."""
+"""Of the difference in s between receivers and the highest casters, the median of where these look:
+for those less far below joined ones, these aren't exact enough."""
+
+WORTH = 30
+"""Entries of cells that receivers look at for each caster, which are worth joined ones."""
 
 
 def _levels(used: CasterSet, casters: Casters, points: Array) -> list[Level]:
@@ -44,12 +47,18 @@ def _levels(used: CasterSet, casters: Casters, points: Array) -> list[Level]:
     if grids[0].view.lamp.extended and len(faces.face) >= FEWEST and points.shape[2]:
         (grid,) = grids
         reach = grid.view.reach(points)
+        if grid.asked(reach) < WORTH * len(faces.face):
+            return result
         top = grid.top(reach)
         known = np.flatnonzero(np.isfinite(top) & np.isfinite(reach.s[1]))
         if not len(known):
             return result
-        above = top[known] - reach.s[1][known]
-        rises = [share * float(np.median(above)) for share in RISES]
+        above = np.maximum(top[known] - reach.s[1][known], 0.0)
+        # what lies on a body itself is near to all of it, and looks at few faces each
+        order = np.argsort(above)
+        looked = np.cumsum(above[order] ** 2)
+        middle = float(above[order[np.searchsorted(looked, 0.5 * looked[-1])]])
+        rises = [share * middle for share in RISES]
         result += [(own, [one]) for own, one in joined_grids(grid, casters, faces, rises)]
     return result
 

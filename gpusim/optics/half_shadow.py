@@ -93,12 +93,12 @@ def half_shadow(
     shape, everywhere = within.shape, bool(within.all())
     if sets.empty:
         return HalfShadow.none()
-    casters, free = sets.casters, sets.free
+    casters, apart = sets.casters, sets.apart
     facing = ~receivers.turned_away(sets.lamp)
     if among is not None:
         facing &= among
     own_tiles = np.zeros(shape, bool)
-    own_tiles[tuple(receivers.spots.tile[free[receivers.spots.triangle]].T[::-1])] = True
+    own_tiles[tuple(receivers.spots.tile[apart[receivers.spots.triangle]].T[::-1])] = True
     kept = small.some(facing)[small.which]
     if not everywhere:
         kept &= meets(small.pairs, within)
@@ -117,7 +117,7 @@ def half_shadow(
     spots, owner = spots[maybe[owner]], (np.cumsum(maybe) - 1)[owner[maybe[owner]]]
     boxes, triangle = [np.compress(maybe, points, axis=2)], triangle[maybe]
     pairs = receivers.pairs(np.flatnonzero(facing & receivers.large), LEVELS[0])
-    own_tiles |= spread_over(pairs[free[pairs.triangle]], shape)
+    own_tiles |= spread_over(pairs[apart[pairs.triangle]], shape)
     cleared: list[Pairs] = []  # receivers that nothing is before
     for size in LEVELS:
         if size != pairs.size:
@@ -270,7 +270,7 @@ def _before(
     used = np.zeros(len(small.triangle), bool)
     used[small.which[rows]] = True
     asked = np.flatnonzero(used)
-    number = sets.number(small.triangle, small.every(sets.free))
+    number = sets.number(small.triangle, small.every(sets.apart))
     over = np.zeros(len(used), bool)
     over[asked] = sets.may_hide(np.take(small.points, asked, axis=2), number[asked])
     before = over.copy()

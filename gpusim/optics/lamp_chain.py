@@ -7,8 +7,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.optics.lamp_view import seen_from
-from gpusim.optics.loops import Cap
+from gpusim.optics.loops import Loops
 from gpusim.optics.ragged import expand
 
 __all__ = ["Chain"]
@@ -31,13 +30,13 @@ class Chain:
         self.start, self.end = (places[:, own] for own in vertex)
 
     @staticmethod
-    def of(cap: Cap, places: Array, tolerance: float) -> Chain:
-        """Those of a ``cap`` with vertices left out from which the chords are no farther away than
-        ``tolerance`` in p and q, seen from about anywhere in its cell."""
-        loops, across = cap.loops, max(cap.half)
+    def of(loops: Loops, places: Array, across: float, tolerance: float) -> Chain:
+        """Those of ``loops`` with vertices left out from which the chords are no farther away than
+        ``tolerance`` in p and q, seen from about anywhere on a lamp ``across`` half its larger
+        side."""
         kept = np.ones(len(loops.vertex), bool)
         if tolerance > 0.0:
-            at = seen_from(places[:, loops.vertex], *cap.middle)
+            at = places[:, loops.vertex]
             at[2] *= across
             for first, stop in zip(loops.start, [*loops.start[1:], len(kept)], strict=True):
                 kept[first:stop] = _kept(at[:, first:stop], tolerance)

@@ -6,7 +6,8 @@ from any of its points, and winds once, is that of a sheet that hides nothing of
 body that holds for the part turned to the lamp, which is before all the rest. Several surfaces hide
 nothing of each other where the lamp sees them side by side.
 
-Of bodies that bulge an extended lamp sees edges from everywhere (`gpusim.optics.lamp_caps`).
+Of bodies that bulge every point of an extended lamp sees another outline
+(`gpusim.optics.lamp_band`).
 """
 
 from __future__ import annotations
@@ -22,13 +23,13 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
 from gpusim.optics.emitters import Lamp, lamps_of
-from gpusim.optics.lamp_caps import caps_of
+from gpusim.optics.lamp_band import band_of
 from gpusim.optics.lamp_dark import doubtful
 from gpusim.optics.lamp_turn import Turned, turned_to
 from gpusim.optics.lamp_view import LampView
 from gpusim.optics.layer import border_of
 from gpusim.optics.light import Light
-from gpusim.optics.loops import Cap, Loops
+from gpusim.optics.loops import Loops
 from gpusim.optics.shape import Shape, shapes_of
 from gpusim.surface.plane import used_vertices
 from gpusim.surface.surface import Surface
@@ -54,16 +55,20 @@ _PARTS: WeakKeyDictionary[Topology, npt.NDArray[np.int32]] = WeakKeyDictionary()
 
 @dataclass(frozen=True, eq=False)
 class Patch:
-    """What a lamp sees of a surface, one layer: its ends ``low``, ``high`` (3,) in p, q and s, its
-    border, or those of its ``caps``, which fall ``short`` of its outlines by so much in p
-    and q, and its ``triangles`` (n, 3). ``doubt`` (n,): numbers of those of the surface's triangles
-    that may nevertheless lie in its own shadow."""
+    """What hides a lamp of a surface: ``triangles`` (n, 3), their ends ``low``, ``high`` (3,) in p,
+    q and s, and the ``border`` of those that turn the same side to all of the lamp, and whether
+    that winds ``once`` at most, but for folds. ``band`` (n,): numbers of the surface's triangles
+    that don't, see `gpusim.optics.lamp_band`, and of those beside the border. ``alone``: whether it
+    hides nothing of itself, but for triangles of ``doubt`` (n,), which may lie in its own shadow.
+    """
 
     low: Array
     high: Array
-    caps: tuple[Cap, ...]
+    border: Loops
+    once: bool
     triangles: npt.NDArray[np.int64]
-    short: float
+    band: Numbers
+    alone: bool
     doubt: Numbers
 
     def beside(self, other: Patch, half: tuple[float, float]) -> bool:
@@ -92,13 +97,15 @@ def without_shadows(
 
 
 class Alone(NamedTuple):
-    """A surface, by its number, that hides nothing of itself in a lamp's ``view``, and its
-    ``points`` (P, 3) in the world; ``doubt`` (n,): those of all surfaces' faces that it may."""
+    """A surface, by its number, what hides a lamp of it in the lamp's ``view``, and its ``points``
+    (P, 3) in the world; ``band`` and ``doubt`` (n,): those of the patch, as faces of all
+    surfaces."""
 
     surface: int
     view: LampView
     patch: Patch
     points: Array
+    band: Numbers
     doubt: Numbers
 
 
@@ -125,10 +132,9 @@ def surfaces_alone(
             if len(result) < MOST_ALONE:
                 patch = _kept(view, key, surfaces[number], shapes[number], eye)
             if patch is not None:
-                source = surfaces[number].topology.source[patch.doubt].astype(np.int64)
-                result.append(
-                    Alone(number, view, patch, shapes[number].points, first[number] + source)
-                )
+                source = surfaces[number].topology.source.astype(np.int64) + first[number]
+                band, doubt = source[patch.band], source[patch.doubt]
+                result.append(Alone(number, view, patch, shapes[number].points, band, doubt))
         return result
 
     return [alone(lamp) for lamp in lamps]
@@ -140,7 +146,7 @@ def _lights_all(lamp: Lamp, surfaces: Sequence[Surface], shapes: list[Shape], ey
     patches: list[Patch] = []
     for surface, shape in zip(surfaces, shapes, strict=True):
         patch = None if view is None else _kept(view, key, surface, shape, eye)
-        if view is None or patch is None or patch.short or len(patch.doubt):
+        if view is None or patch is None or not patch.alone or len(patch.doubt):
             return False
         if not all(patch.beside(other, view.half) for other in patches):
             return False
@@ -190,53 +196,49 @@ def _patch(view: LampView, surface: Surface, shape: Shape, eye: Array) -> Patch 
     if turned is None:
         return None
     if topology.closed:
-        return _body(view, surface.topology, shape, places, turned, eye)
+        return _body(view, surface, shape, places, turned, eye)
     if topology not in _BORDERS:
         _BORDERS[topology] = Loops.of(*border_of(topology, None))
     loops = _BORDERS[topology]
     if loops is None or not loops.wind_once(places, view.half):
         return None
-    low, high = places.min(axis=1), places.max(axis=1)
-    return Patch(low, high, (_whole(loops, view),), topology.triangles, 0.0, np.zeros(0, np.int64))
+    low, high, none = places.min(axis=1), places.max(axis=1), np.zeros(0, np.int64)
+    return Patch(low, high, loops, True, topology.triangles, none, True, none)
 
 
 def _body(
-    view: LampView, topology: Topology, shape: Shape, places: Array, turned: Turned, eye: Array
+    view: LampView, surface: Surface, shape: Shape, places: Array, turned: Turned, eye: Array
 ) -> Patch | None:
     """The same of a closed body."""
-    lit, short, doubt = turned.front, 0.0, turned.edge_on
+    topology, lit, none = surface.topology, turned.front, np.zeros(0, np.int64)
+    band = turns = none
+    # relief turns to the lamp what lies in the body's own shadow
+    alone = all(getattr(paint, "bump", None) is None for paint in surface.paints.values())
     border = None
     if not len(turned.edge_on) and lit.any():
         border = Loops.of(*border_of(topology, lit))
-    if border is not None and border.wind_once(places, view.half):
-        caps: tuple[Cap, ...] = (_whole(border, view),)
-    else:
-        found = caps_of(view, places, topology, turned)
+    once, hides = border is not None and border.wind_once(places, view.half), lit
+    if border is None or not once:
+        found = band_of(view, places, topology, turned)
         if found is None:
             return None
-        caps, short, doubt = found
-        lit = lit.copy()
-        lit[doubt] = True
-    dark = doubtful(view.lamp, shape, topology, lit, eye)
-    if dark is None:
-        return None
-    triangles = topology.triangles[lit]
+        turns, border, once = np.flatnonzero(found.triangles), found.border, found.once
+        band = np.flatnonzero(found.triangles | found.beside)
+        alone = alone and found.convex
+        lit, hides = lit | found.triangles, ~lit | found.triangles
+    dark = doubtful(view.lamp, shape, topology, lit, eye) if alone else None
+    triangles = topology.triangles[hides]
     own = places[:, used_vertices(triangles, places.shape[1])]
-    doubt = np.concatenate([doubt, dark])
-    return Patch(own.min(axis=1), own.max(axis=1), caps, triangles, short, doubt)
-
-
-def _whole(loops: Loops, view: LampView) -> Cap:
-    """The one border that tells from all of a lamp."""
-    return Cap(loops, (0.0, 0.0), view.half)
+    low, high = own.min(axis=1), own.max(axis=1)
+    if dark is None:
+        return Patch(low, high, border, once, triangles, band, False, none)
+    return Patch(low, high, border, once, triangles, band, True, np.concatenate([turns, dark]))
 
 
 def _closed_suits(lamp: Lamp, surface: Surface, shape: Shape) -> bool:
-    """Whether a closed body may be looked at so: all its parts wound outwards, the lamp outside,
-    and no relief that turns to the lamp what lies in the body's own shadow."""
-    if not (_volumes(shape, surface.topology) > 0.0).all() or any(
-        getattr(paint, "bump", None) is not None for paint in surface.paints.values()
-    ):
+    """Whether a closed body may be looked at so: all its parts wound outwards, and the lamp
+    outside."""
+    if not (_volumes(shape, surface.topology) > 0.0).all():
         return False
     if lamp.far:
         return True

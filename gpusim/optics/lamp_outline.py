@@ -17,7 +17,6 @@ from gpusim.optics.corners import CHUNK
 from gpusim.optics.lamp_chain import Chain
 from gpusim.optics.lamp_layer import Alone
 from gpusim.optics.lamp_view import Reach
-from gpusim.optics.loops import Cap
 from gpusim.optics.windows import Windows
 
 __all__ = ["BEFORE", "BEYOND", "CLEAR", "UNSURE", "Outline"]
@@ -38,25 +37,25 @@ MARGIN = 1e-6
 
 
 class Outline:
-    """The border of what a lamp sees of ``surface`` in its ``view``, or of its ``caps``, which fall
-    ``short`` of it by so much in p and q; ``points`` (P, 3) of that, ``places`` (3, P): p, q, s of
-    these; ``top`` and ``bottom``: the highest and the lowest s; ``margin`` in s and ``across`` in p
-    and q count as nothing."""
+    """The border of what a lamp sees of ``surface`` in its ``view``, or of what shows it its back
+    alone; ``points`` (P, 3) of that, ``places`` (3, P): p, q, s of these; ``top`` and ``bottom``:
+    the highest and the lowest s; ``margin`` in s and ``across`` in p and q count as nothing;
+    ``once``: whether the border winds once at most, but for folds."""
 
     def __init__(self, alone: Alone) -> None:
-        self.surface, self.view, patch, points, _ = alone
-        self.points, view = points, self.view
-        self.places = np.stack(view.place(*(np.ascontiguousarray(v) for v in points.T)))
+        self.surface, self.view, patch = alone.surface, alone.view, alone.patch
+        self.points, view = alone.points, alone.view
+        self.places = np.stack(view.place(*(np.ascontiguousarray(v) for v in self.points.T)))
         self._triangles = patch.triangles
-        self.caps, self.short = patch.caps, patch.short
+        self._border, self.once = patch.border, patch.once
         self.top, self.bottom = float(patch.high[2]), float(patch.low[2])
         self.margin = MARGIN * max(abs(self.top), abs(self.bottom))
         self.across = MARGIN * float((patch.high - patch.low)[:2].max())
 
-    def chain(self, cap: Cap, tolerance: float) -> Chain:
-        """The edges of one of its caps, joined where they leave its border by no more than
-        ``tolerance`` in p and q, or what looks like that from the lamp."""
-        return Chain.of(cap, self.places, tolerance)
+    def chain(self, tolerance: float) -> Chain:
+        """The edges of the border, joined where they leave it by no more than ``tolerance`` in p
+        and q, or what looks like that from the lamp."""
+        return Chain.of(self._border, self.places, max(self.view.half), tolerance)
 
     @cached_property
     def _cells(self) -> tuple[Array, Array, Windows, Windows]:

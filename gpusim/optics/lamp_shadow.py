@@ -19,7 +19,7 @@ from gpusim.optics.patches import Small
 from gpusim.optics.receivers import Receivers
 from gpusim.optics.tile_edges import TileEdges
 
-__all__ = ["CastersOf", "LampShadow", "lamp_shadow"]
+__all__ = ["CastersOf", "LampShadow", "lamp_shadow", "outlined"]
 
 Numbers = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
@@ -51,9 +51,12 @@ def lamp_shadow(
         unsure.reshape(-1)[one.unsure] = True
     own, doubt = _own(receivers, alone)
     free = own & ~doubt
-    bodies = frozenset(one.surface for one in alone)
-    others = CasterSets(receivers, lamp, casters(bodies), np.zeros_like(free))
-    parts = [half_shadow(receivers, small, others, ~unsure)]
+    others = casters(outlined(alone))
+    bulging = own & ~np.isin(receivers.view.body, list(outlined(alone)))
+    whole = [one.surface for one in alone if not one.patch.alone]
+    among = _beside_borders(others, alone)
+    beside_borders = CasterSets(receivers, lamp, others, bulging, among, whole)
+    parts = [half_shadow(receivers, small, beside_borders, ~unsure)]
     doubt &= facing
     beside = doubt.any() and not unsure.all()
     if unsure.any() or beside:
@@ -74,11 +77,26 @@ def lamp_shadow(
     return LampShadow(np.flatnonzero(dark), faces, TileEdges.joined([*told, faces.contours]))
 
 
+def outlined(alone: Sequence[Alone]) -> frozenset[int]:
+    """The surfaces of which no face has to be looked at."""
+    return frozenset(one.surface for one in alone if one.patch.alone and not len(one.band))
+
+
+def _beside_borders(casters: Casters, alone: Sequence[Alone]) -> Flags:
+    """(F,) which ``casters`` hide what the borders of surfaces ``alone`` don't tell of: those of
+    bands, and of all other surfaces."""
+    among = ~np.isin(casters.body, [one.surface for one in alone])
+    band = np.concatenate([np.zeros(0, np.int64), *(one.band for one in alone)])
+    into = casters.into[band]
+    among[into[into >= 0]] = True
+    return among
+
+
 def _own(receivers: Receivers, alone: Sequence[Alone]) -> tuple[Flags, Flags]:
     """(T,) receivers on surfaces that hide nothing of themselves, and those of them that may lie in
     the shadow of their own nevertheless."""
     view = receivers.view
-    result = np.isin(view.body, [one.surface for one in alone])
+    result = np.isin(view.body, [one.surface for one in alone if one.patch.alone])
     doubt = np.concatenate([np.zeros(0, np.int64), *(one.doubt for one in alone)])
     faces = np.zeros(max(int(view.face.max(initial=0)), int(doubt.max(initial=0))) + 1, bool)
     faces[doubt] = True

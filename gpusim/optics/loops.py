@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -11,7 +10,7 @@ import numpy.typing as npt
 from gpusim.optics.lamp_view import seen_from
 from gpusim.optics.ragged import expand
 
-__all__ = ["Cap", "Half", "Loops", "corners_of", "distance"]
+__all__ = ["Half", "Loops", "corners_of", "distance"]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
@@ -28,7 +27,8 @@ MOST_PAIRS = 4_000_000
 """Of edges near each other, that are looked at one by one."""
 
 ZIGZAG = 8
-"""Edges of a chain that may cross others of these."""
+"""Edges of a chain that may cross others of these; so few that they don't wind round anything more
+than `gpusim.optics.tile_edges.MOST_TURNS` times."""
 
 APART = 1e-12
 """Of the extent, that counts as a gap."""
@@ -77,7 +77,7 @@ class Loops:
         meets = self._meets(at, half)
         return meets is not None and not len(meets[0]) and self._nested(at)
 
-    def lobes(self, places: Array, half: Half) -> float | None:
+    def folds(self, places: Array, half: Half) -> float | None:
         """The same of chains that zigzag, so that edges cross the next ones but few: how far these
         reach, in p and q; None where edges cross otherwise."""
         at = places[:, self.vertex]
@@ -198,12 +198,3 @@ def _beside(at: Array, ends: Array, a: Numbers, b: Numbers, half: Half, gap: flo
     line = np.sum(normal * at[:2, a], axis=0)
     height = np.stack([np.sum(normal * own[:2, b], axis=0) - line for own in (at, ends)])
     return np.asarray((height.min(axis=0) > reach) | (height.max(axis=0) < -reach))
-
-
-class Cap(NamedTuple):
-    """The border of what the ``middle`` of a cell of a lamp's face sees as one layer, and ``half``
-    the cell's size: both in the length that p and q change by per s."""
-
-    loops: Loops
-    middle: Half
-    half: Half

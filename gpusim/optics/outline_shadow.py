@@ -20,7 +20,7 @@ from gpusim.optics.lamp_outline import BEFORE, BEYOND, CLEAR, UNSURE, Outline
 from gpusim.optics.lamp_view import Reach
 from gpusim.optics.patches import Small
 from gpusim.optics.receivers import Receivers
-from gpusim.optics.tile_edges import Closing, TileEdges
+from gpusim.optics.tile_edges import MOST_TURNS, Closing, TileEdges, most_turns
 from gpusim.optics.tile_pairs import TILE, Pairs
 
 __all__ = ["OutlineShadow", "outline_shadow"]
@@ -35,9 +35,6 @@ by which edges are closed beside it."""
 
 SHARP, SOFT = 1e-3, 1.0 / 1024.0
 """px, and share of the lamp's lesser side, by which edges may pass from the outline."""
-
-SHORT = 4.0
-"""Times that share, by which caps may fall short of an outline: about one of 512 samples."""
 
 MOST_LISTED = 1_000_000
 """Edges of an outline in all tiles; faces tell where there are more."""
@@ -146,65 +143,59 @@ def _met(
 class _Found:
     """Of boxes: ``broken`` and ``whole`` (n,), whether faces have to tell, and whether all is
     inside of the outline; ``lowest`` s of the edges listed; edges ``ends`` (m, 2, 3) world of
-    ``box`` (m,), of a ``cap`` (m,) of the outline."""
+    ``box`` (m,)."""
 
     broken: Flags
     whole: Flags
     lowest: Array
     box: Numbers
     ends: Array
-    cap: Numbers
 
     @staticmethod
     def none(count: int) -> _Found:
         """Nothing of so many boxes."""
         no = np.zeros(count, bool)
         number = np.zeros(0, np.int64)
-        return _Found(no, no.copy(), np.full(count, np.inf), number, np.zeros((0, 2, 3)), number)
+        return _Found(no, no.copy(), np.full(count, np.inf), number, np.zeros((0, 2, 3)))
 
-    def take(self, rows: Numbers, found: _Found, cap: int) -> None:
-        """What was ``found`` of some of the boxes by a ``cap``: what one hides is hidden."""
-        self.broken[rows] |= found.broken
-        self.whole[rows] |= found.whole
-        self.lowest[rows] = np.minimum(self.lowest[rows], found.lowest)
+    def take(self, rows: Numbers, found: _Found) -> None:
+        """What was ``found`` of some of the boxes."""
+        self.broken[rows], self.whole[rows] = found.broken, found.whole
+        self.lowest[rows] = found.lowest
         self.box = np.concatenate([self.box, rows[found.box]])
         self.ends = np.concatenate([self.ends, found.ends])
-        self.cap = np.concatenate([self.cap, np.full(len(found.box), cap)])
 
     def sorted(self) -> _Found:
-        """With edges box by box, cap by cap."""
-        order = np.lexsort((self.cap, self.box))
-        return replace(self, box=self.box[order], ends=self.ends[order], cap=self.cap[order])
+        """With edges box by box."""
+        order = np.argsort(self.box, kind="stable")
+        return replace(self, box=self.box[order], ends=self.ends[order])
 
     @property
     def last(self) -> Flags:
-        """(m,) whether an edge is the last one of a cap in its box."""
-        after = np.diff(self.box, append=-1) != 0
-        return np.asarray(after | (np.diff(self.cap, append=-1) != 0))
+        """(m,) whether an edge is the last one in its box."""
+        return np.asarray(np.diff(self.box, append=-1) != 0)
 
 
 def _edges_of(outline: Outline, reach: Reach) -> _Found:
     """The edges that tell which of the lamp receivers in boxes see, all beyond the outline: of an
     outline as coarse as they don't tell from it."""
     size = np.minimum(*(high - low for low, high in (reach.p, reach.q)))
-    finest = SHARP / TILE * size
     rise = outline.depths(reach)[0] - reach.s[1]
-    soft = SOFT * min(outline.view.half) * rise
-    allowed = np.maximum(finest, soft)
+    allowed = np.maximum(SHARP / TILE * size, SOFT * min(outline.view.half) * rise)
     result = _Found.none(len(allowed))
-    result.broken |= np.maximum(2.0 * finest, SHORT * soft) < outline.short
-    level = np.where(result.broken, -1, 0)
+    level = np.zeros(len(allowed), np.int64)
     least = float(allowed.min(initial=np.inf))
     if least > 0.0:
-        levels = (np.log(allowed / least) / np.log(STEP)).astype(np.int64)
-        level = np.where(result.broken, level, levels)
-    for one in np.unique(level[level >= 0]):
+        level = (np.log(allowed / least) / np.log(STEP)).astype(np.int64)
+    for one in np.unique(level):
         own = np.flatnonzero(level == one)
-        boxes = reach[own]
-        for number, cap in enumerate(outline.caps):
-            chain = outline.chain(cap, least * STEP ** float(one))
-            result.take(own, _edges(outline, chain, boxes), number)
-    return result.sorted()
+        chain = outline.chain(least * STEP ** float(one))
+        result.take(own, _edges(outline, chain, reach[own]))
+    result = result.sorted()
+    if not outline.once:
+        turns = most_turns(outline.view, result.box, result.ends, len(allowed))
+        result.broken |= turns > MOST_TURNS
+    return result
 
 
 def _edges(outline: Outline, chain: Chain, reach: Reach) -> _Found:
@@ -244,4 +235,4 @@ def _edges(outline: Outline, chain: Chain, reach: Reach) -> _Found:
     lowest = np.full(count, np.inf)
     np.minimum.at(lowest, box, s)
     broken = ~(lowest > reach.s[1] + outline.margin)
-    return _Found(broken, whole, lowest, box, ends, np.zeros(len(box), np.int64))
+    return _Found(broken, whole, lowest, box, ends)

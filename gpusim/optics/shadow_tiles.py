@@ -22,7 +22,7 @@ from gpusim.optics.emitters import Lamp
 from gpusim.optics.half_shadow import HalfShadow
 from gpusim.optics.lamp_layer import Alone
 from gpusim.optics.lamp_pairs import LampPairs
-from gpusim.optics.lamp_shadow import CastersOf, LampShadow, lamp_shadow
+from gpusim.optics.lamp_shadow import CastersOf, LampShadow, lamp_shadow, outlined
 from gpusim.optics.occlusion import TOLERANCE, Chained, visible_share
 from gpusim.optics.patches import Small
 from gpusim.optics.ragged import expand
@@ -166,7 +166,7 @@ class ShadowTiles:
         used = [number for number, lamp in enumerate(lamps) if lamp.light.shadows and view.count]
         with Aside(view.count, len(used)) as aside:
             # what all lamps look for first, beside what they look from
-            for bodies in {frozenset(one.surface for one in alone[number]) for number in used}:
+            for bodies in {outlined(alone[number]) for number in used}:
                 aside.begin(casters, bodies)
             receivers = Receivers(view)
             small = Small.of(receivers, closed)

@@ -13,11 +13,16 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["Closing", "TileEdges"]
+from gpusim.optics.lamp_view import LampView
+
+__all__ = ["MOST_TURNS", "Closing", "TileEdges", "most_turns"]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
+
+MOST_TURNS = 7
+"""That are told from none (`gpusim.optics.occlusion`)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,3 +98,42 @@ class Closing:
         result = np.stack([begin, low], axis=1)
         result[self.back] = result[self.back, ::-1]
         return result
+
+
+def most_turns(view: LampView, box: Numbers, ends: Array, count: int) -> Numbers:
+    """(count,) an upper bound of how often the edges with ``ends`` (n, 2, 3), world, of each
+    ``box`` (n,), ascending, wind round anything, seen from any point of the lamp.
+
+    As often as edges go one way across a row, or a column: of those whose rows overlap from some of
+    its points.
+    """
+    result = np.zeros(count, np.int64)
+    if not len(box):
+        return result
+    *across, s = (
+        v.reshape(-1, 2) for v in view.place(*np.ascontiguousarray(ends.reshape(-1, 3).T))
+    )
+    first = np.flatnonzero(np.diff(box, prepend=-1))
+    low, high = np.minimum.reduceat(s.min(axis=1), first), np.maximum.reduceat(s.max(axis=1), first)
+    middle = np.repeat(0.5 * (low + high), np.diff(np.append(first, len(box))))
+    turns = []
+    for place, half in zip(across, view.half, strict=True):
+        shift, bend = half * np.abs(s - middle[:, None]), half * np.abs(s[:, 1] - s[:, 0])
+        up = place[:, 1] - place[:, 0] + bend >= 0.0
+        least, most = (place - shift).min(axis=1)[up], (place + shift).max(axis=1)[up]
+        turns.append(_overlap(box[up], least, most, count))
+    return np.minimum(*turns)
+
+
+def _overlap(box: Numbers, low: Array, high: Array, count: int) -> Numbers:
+    """(count,) how many of each ``box``'s (n,) intervals from ``low`` to ``high`` (n,) overlap at
+    most."""
+    result, box = np.zeros(count, np.int64), np.tile(box, 2)
+    step = np.repeat([1, -1], len(low))
+    # what begins where another one ends overlaps with it
+    order = np.lexsort((-step, np.concatenate([low, high]), box))
+    crossed, box = np.cumsum(step[order]), box[order]
+    first = np.flatnonzero(np.diff(box, prepend=-1))
+    if len(first):
+        result[box[first]] = np.maximum.reduceat(crossed, first)
+    return result

@@ -1,0 +1,121 @@
+"""The band of a closed body that bulges: what turns about between two points of an extended lamp.
+
+A round body has another outline from every point of such a lamp, and many thin triangles turn about
+in between. The others show either their front to all of the lamp or their back to all of it. A ray
+from the lamp that meets the body comes out of it last by a triangle of the band or by one that
+shows its back to all of the lamp; these it always crosses the same way, so that the border of what
+they cover winds round it as often as it meets any. So that border and the faces of the band hide
+what the body hides, and nothing else, from what is beyond both, whether it hides parts of itself or
+not.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.optics.lamp_turn import Turned, areas
+from gpusim.optics.lamp_view import LampView
+from gpusim.optics.layer import border_of, sides_from
+from gpusim.optics.loops import Loops
+from gpusim.surface.topology import Topology
+
+__all__ = ["Band", "band_of"]
+
+Array = npt.NDArray[np.float64]
+Numbers = npt.NDArray[np.int64]
+Flags = npt.NDArray[np.bool_]
+
+MOST = 0.3
+"""Of the triangles, that may turn about."""
+
+FOLDED = 0.04
+"""Of the lamp's lesser side, seen from half the body's depth below it, that folds of the outline
+may reach over."""
+
+ROUNDS = 4
+"""In which triangles join the band until the border of the rest doesn't touch itself."""
+
+
+class Band(NamedTuple):
+    """``triangles`` (T,): which of a body's are part of its band, ``dark`` (T,): which show their
+    back to all of the lamp, and the ``border`` of these; ``once``: whether that winds once at most,
+    but for folds. ``beside`` (T,): the dark ones next to it, which overlap with what chords leave
+    out of it. ``convex``: whether the lamp sees the others as one layer, and all of them."""
+
+    triangles: Flags
+    dark: Flags
+    beside: Flags
+    border: Loops
+    once: bool
+    convex: bool
+
+
+def band_of(view: LampView, places: Array, topology: Topology, turned: Turned) -> Band | None:
+    """The band of a closed body that is ``turned``; None where too much of it turns about, or the
+    border is too long. ``places`` (3, P): p, q, s."""
+    band = _whole_faces(turned, topology.source)
+    if np.count_nonzero(band) > MOST * len(band):
+        return None
+    convex = _one_layer(view, places, topology, turned, band)
+    for _ in range(ROUNDS):
+        dark = ~(turned.front | band)
+        starts, ends = border_of(topology, dark)
+        border = Loops.of(starts, ends)
+        if border is not None:
+            once = border.folds(places, view.half) is not None
+            met = np.zeros(places.shape[1], bool)
+            met[border.vertex] = True
+            beside = dark & met[topology.triangles].any(axis=1)
+            return Band(band, dark, beside, border, once, convex)
+        order = np.sort(starts)
+        twice = np.zeros(places.shape[1], bool)
+        twice[order[1:][np.diff(order) == 0]] = True
+        touched = twice[topology.triangles].any(axis=1) & dark
+        if not touched.any():
+            return None
+        band = _with_whole(band | touched, topology.source)
+    return None
+
+
+def _one_layer(
+    view: LampView, places: Array, topology: Topology, turned: Turned, band: Flags
+) -> bool:
+    """Whether what shows its front to the lamp's middle is one layer from all of the lamp, but for
+    folds at its outline."""
+    lit = turned.front.copy()
+    number = np.flatnonzero(band)
+    face = np.unique(topology.source[number], return_inverse=True)[1]
+    ahead = areas(view, places, topology.triangles[number])[0]
+    lit[number] = np.bincount(face, ahead)[face] > turned.least
+    first, second = topology.first, topology.second
+    edges = np.flatnonzero(lit[first] != lit[second])
+    inside = np.where(lit[first[edges]], first[edges], second[edges])
+    outline = Loops.of(*sides_from(topology, edges, inside))
+    folds = None if outline is None else outline.folds(places, view.half)
+    if folds is None or not view.lamp.extended:
+        return folds is not None
+    shown = places[2, topology.triangles[turned.front | band]]
+    return folds <= FOLDED * min(view.half) * 0.5 * float(np.ptp(shown))
+
+
+def _whole_faces(turned: Turned, source: npt.NDArray[np.int32]) -> Flags:
+    """(T,) the triangles that turn about, and all others of a face that doesn't turn as a whole: a
+    fold along its diagonal would be one of every face."""
+    own, front = np.zeros(len(turned.front), bool), turned.front
+    own[turned.edge_on] = True
+    apart = (source[1:] == source[:-1]) & ((front[1:] != front[:-1]) | own[1:] | own[:-1])
+    own[1:] |= apart
+    own[:-1] |= apart
+    return own
+
+
+def _with_whole(own: Flags, source: npt.NDArray[np.int32]) -> Flags:
+    """``own`` (T,) and all others of their faces."""
+    result = own.copy()
+    same = source[1:] == source[:-1]
+    result[1:] |= same & own[:-1]
+    result[:-1] |= same & own[1:]
+    return result
