@@ -36,8 +36,9 @@ RISES = 0.15, 0.6
 """Of the difference in s between receivers and the highest casters, the median of where these look:
 for those less far below joined ones, these aren't exact enough."""
 
-WORTH = 30
-"""Entries of cells that receivers look at for each caster, which are worth joined ones."""
+WORTH, EACH = 30, 100
+"""Entries of cells that receivers look at, for each caster and for each of them, which are worth
+joined ones."""
 
 
 def _levels(used: CasterSet, casters: Casters, points: Array) -> list[Level]:
@@ -47,7 +48,7 @@ def _levels(used: CasterSet, casters: Casters, points: Array) -> list[Level]:
     if grids[0].view.lamp.extended and len(faces.face) >= FEWEST and points.shape[2]:
         (grid,) = grids
         reach = grid.view.reach(points)
-        if grid.asked(reach) < WORTH * len(faces.face):
+        if grid.asked(reach) < max(WORTH * len(faces.face), EACH * points.shape[2]):
             return result
         top = grid.top(reach)
         known = np.flatnonzero(np.isfinite(top) & np.isfinite(reach.s[1]))

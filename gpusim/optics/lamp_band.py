@@ -22,7 +22,7 @@ from gpusim.optics.layer import border_of, sides_from
 from gpusim.optics.loops import Loops
 from gpusim.surface.topology import Topology
 
-__all__ = ["Band", "band_of"]
+__all__ = ["Band", "band_of", "one_layer"]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
@@ -43,14 +43,13 @@ class Band(NamedTuple):
     """``triangles`` (T,): which of a body's are part of its band, ``dark`` (T,): which show their
     back to all of the lamp, and the ``border`` of these; ``once``: whether that winds once at most,
     but for folds. ``beside`` (T,): the dark ones next to it, which overlap with what chords leave
-    out of it. ``convex``: whether the lamp sees the others as one layer, and all of them."""
+    out of it."""
 
     triangles: Flags
     dark: Flags
     beside: Flags
     border: Loops
     once: bool
-    convex: bool
 
 
 def band_of(view: LampView, places: Array, topology: Topology, turned: Turned) -> Band | None:
@@ -59,33 +58,29 @@ def band_of(view: LampView, places: Array, topology: Topology, turned: Turned) -
     band = _whole_faces(turned, topology.source)
     if np.count_nonzero(band) > MOST * len(band):
         return None
-    convex = _one_layer(view, places, topology, turned, band)
     for _ in range(ROUNDS):
         dark = ~(turned.front | band)
         starts, ends = border_of(topology, dark)
         border = Loops.of(starts, ends)
         if border is not None:
             once = border.folds(places, view.half) is not None
-            met = np.zeros(places.shape[1], bool)
-            met[border.vertex] = True
-            beside = dark & met[topology.triangles].any(axis=1)
-            return Band(band, dark, beside, border, once, convex)
+            beside = dark & _touched(topology, topology.triangles[band], places.shape[1])
+            return Band(band, dark, beside, border, once)
         order = np.sort(starts)
-        twice = np.zeros(places.shape[1], bool)
-        twice[order[1:][np.diff(order) == 0]] = True
-        touched = twice[topology.triangles].any(axis=1) & dark
+        twice = order[1:][np.diff(order) == 0]
+        touched = dark & _touched(topology, twice, places.shape[1])
         if not touched.any():
             return None
         band = _with_whole(band | touched, topology.source)
     return None
 
 
-def _one_layer(
-    view: LampView, places: Array, topology: Topology, turned: Turned, band: Flags
-) -> bool:
-    """Whether what shows its front to the lamp's middle is one layer from all of the lamp, but for
-    folds at its outline."""
-    lit = turned.front.copy()
+def one_layer(view: LampView, places: Array, topology: Topology, turned: Turned) -> bool:
+    """Whether what a closed body that is ``turned`` shows to the lamp's middle is one layer from
+    all of the lamp, but for folds at its outline."""
+    band, lit = _whole_faces(turned, topology.source), turned.front.copy()
+    if np.count_nonzero(band) > MOST * len(band):
+        return False
     number = np.flatnonzero(band)
     face = np.unique(topology.source[number], return_inverse=True)[1]
     ahead = areas(view, places, topology.triangles[number])[0]
@@ -99,6 +94,15 @@ def _one_layer(
         return folds is not None
     shown = places[2, topology.triangles[turned.front | band]]
     return folds <= FOLDED * min(view.half) * 0.5 * float(np.ptp(shown))
+
+
+def _touched(topology: Topology, vertices: Numbers, count: int) -> Flags:
+    """(T,) which triangles have one of some ``vertices``, of ``count`` in all."""
+    if not vertices.size:
+        return np.zeros(len(topology.triangles), bool)
+    met = np.zeros(count, bool)
+    met[vertices] = True
+    return np.asarray(met[topology.triangles].any(axis=1))
 
 
 def _whole_faces(turned: Turned, source: npt.NDArray[np.int32]) -> Flags:

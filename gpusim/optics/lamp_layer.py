@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
@@ -23,7 +24,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
 from gpusim.optics.emitters import Lamp, lamps_of
-from gpusim.optics.lamp_band import band_of
+from gpusim.optics.lamp_band import band_of, one_layer
 from gpusim.optics.lamp_dark import doubtful
 from gpusim.optics.lamp_turn import Turned, turned_to
 from gpusim.optics.lamp_view import LampView
@@ -35,7 +36,7 @@ from gpusim.surface.plane import used_vertices
 from gpusim.surface.surface import Surface
 from gpusim.surface.topology import Topology
 
-__all__ = ["FEWEST", "Alone", "surfaces_alone", "without_shadows"]
+__all__ = ["FEWEST", "Alone", "Later", "Patch", "surfaces_alone", "without_shadows"]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
@@ -51,6 +52,7 @@ MOST_KEPT = 32
 
 _BORDERS: WeakKeyDictionary[Topology, Loops | None] = WeakKeyDictionary()
 _PARTS: WeakKeyDictionary[Topology, npt.NDArray[np.int32]] = WeakKeyDictionary()
+_OUTWARDS: WeakKeyDictionary[Shape, bool] = WeakKeyDictionary()
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,24 +98,41 @@ def without_shadows(
     return found
 
 
+@dataclass(frozen=True, eq=False)
+class Later:
+    """A closed body that may hide parts of itself: what hides a lamp of it is found if somebody
+    asks for it."""
+
+    view: LampView
+    surface: Surface
+    shape: Shape
+
+    @cached_property
+    def patch(self) -> Patch | None:
+        """None where it has no border that is short enough."""
+        topology, places = self.surface.topology, _places(self.view, self.shape)
+        turned = turned_to(self.view, places, topology.triangles, True)
+        assert turned is not None  # of closed bodies none is refused
+        return _banded(self.view, topology, places, turned, None)
+
+
 class Alone(NamedTuple):
     """A surface, by its number, what hides a lamp of it in the lamp's ``view``, and its ``points``
-    (P, 3) in the world; ``band`` and ``doubt`` (n,): those of the patch, as faces of all
+    (P, 3) in the world; ``source`` (T,): the face of each of its triangles, among those of all
     surfaces."""
 
     surface: int
     view: LampView
-    patch: Patch
+    patch: Patch | Later
     points: Array
-    band: Numbers
-    doubt: Numbers
+    source: Numbers
 
 
 def surfaces_alone(
     lamps: Sequence[Lamp], surfaces: Sequence[Surface], eye: Array
 ) -> list[list[Alone]]:
     """For each lamp those ``surfaces`` of many triangles that hide nothing of it from themselves,
-    as far as they are seen from the ``eye``."""
+    as far as they are seen from the ``eye``, and other closed ones."""
     large = [
         number
         for number, surface in enumerate(surfaces)
@@ -132,9 +151,8 @@ def surfaces_alone(
             if len(result) < MOST_ALONE:
                 patch = _kept(view, key, surfaces[number], shapes[number], eye)
             if patch is not None:
-                source = surfaces[number].topology.source.astype(np.int64) + first[number]
-                band, doubt = source[patch.band], source[patch.doubt]
-                result.append(Alone(number, view, patch, shapes[number].points, band, doubt))
+                source = surfaces[number].topology.source + first[number]
+                result.append(Alone(number, view, patch, shapes[number].points, source))
         return result
 
     return [alone(lamp) for lamp in lamps]
@@ -146,7 +164,7 @@ def _lights_all(lamp: Lamp, surfaces: Sequence[Surface], shapes: list[Shape], ey
     patches: list[Patch] = []
     for surface, shape in zip(surfaces, shapes, strict=True):
         patch = None if view is None else _kept(view, key, surface, shape, eye)
-        if view is None or patch is None or not patch.alone or len(patch.doubt):
+        if view is None or not isinstance(patch, Patch) or not patch.alone or len(patch.doubt):
             return False
         if not all(patch.beside(other, view.half) for other in patches):
             return False
@@ -168,7 +186,9 @@ def _view(lamp: Lamp, surfaces: Sequence[Surface]) -> tuple[LampView | None, byt
     return LampView.of(lamp)[0], key
 
 
-def _kept(view: LampView, key: bytes, surface: Surface, shape: Shape, eye: Array) -> Patch | None:
+def _kept(
+    view: LampView, key: bytes, surface: Surface, shape: Shape, eye: Array
+) -> Patch | Later | None:
     """`_patch`, found once for each shape of a surface: of open ones whatever eye sees them."""
     if surface.topology.closed:
         key += eye.tobytes()
@@ -177,19 +197,24 @@ def _kept(view: LampView, key: bytes, surface: Surface, shape: Shape, eye: Array
             # the oldest one: a body that stays while the camera or a lamp moves has ever more
             shape.lamps.pop(next(iter(shape.lamps)))
         shape.lamps[key] = _patch(view, surface, shape, eye)
-    found: Patch | None = shape.lamps[key]
+    found: Patch | Later | None = shape.lamps[key]
     return found
 
 
-def _patch(view: LampView, surface: Surface, shape: Shape, eye: Array) -> Patch | None:
+def _places(view: LampView, shape: Shape) -> Array:
+    """(3, P): p, q, s of a surface's vertices."""
+    return np.stack(view.place(*(np.ascontiguousarray(v) for v in shape.points.T)))
+
+
+def _patch(view: LampView, surface: Surface, shape: Shape, eye: Array) -> Patch | Later | None:
     """What a lamp sees of a surface; None where something of it may be hidden, or looks to the
-    ``eye`` and is hidden by itself alone."""
+    ``eye`` and is hidden by itself alone, and it isn't closed."""
     topology = surface.topology
     if not topology.oriented:
         return None
     if topology.closed and not _closed_suits(view.lamp, surface, shape):
         return None
-    places = np.stack(view.place(*(np.ascontiguousarray(v) for v in shape.points.T)))
+    places = _places(view, shape)
     if not np.isfinite(places).all():
         return None
     turned = turned_to(view, places, topology.triangles, topology.closed)
@@ -208,37 +233,63 @@ def _patch(view: LampView, surface: Surface, shape: Shape, eye: Array) -> Patch 
 
 def _body(
     view: LampView, surface: Surface, shape: Shape, places: Array, turned: Turned, eye: Array
-) -> Patch | None:
+) -> Patch | Later | None:
     """The same of a closed body."""
-    topology, lit, none = surface.topology, turned.front, np.zeros(0, np.int64)
-    band = turns = none
+    topology, lit, border = surface.topology, turned.front, None
     # relief turns to the lamp what lies in the body's own shadow
-    alone = all(getattr(paint, "bump", None) is None for paint in surface.paints.values())
-    border = None
-    if not len(turned.edge_on) and lit.any():
+    smooth = all(getattr(paint, "bump", None) is None for paint in surface.paints.values())
+    if smooth and not len(turned.edge_on) and lit.any():
         border = Loops.of(*border_of(topology, lit))
-    once, hides = border is not None and border.wind_once(places, view.half), lit
-    if border is None or not once:
-        found = band_of(view, places, topology, turned)
-        if found is None:
-            return None
-        turns, border, once = np.flatnonzero(found.triangles), found.border, found.once
-        band = np.flatnonzero(found.triangles | found.beside)
-        alone = alone and found.convex
-        lit, hides = lit | found.triangles, ~lit | found.triangles
-    dark = doubtful(view.lamp, shape, topology, lit, eye) if alone else None
+    if border is not None and border.wind_once(places, view.half):
+        dark = doubtful(view.lamp, shape, topology, lit, eye)
+        if dark is not None:
+            return _hiding(topology, places, lit, border, True, np.zeros(0, np.int64), dark)
+    elif smooth and one_layer(view, places, topology, turned):
+        lit = lit.copy()
+        lit[turned.edge_on] = True
+        dark = doubtful(view.lamp, shape, topology, lit, eye)
+        if dark is not None:
+            return _banded(view, topology, places, turned, dark)
+    return Later(view, surface, shape)
+
+
+def _banded(
+    view: LampView, topology: Topology, places: Array, turned: Turned, dark: Numbers | None
+) -> Patch | None:
+    """What hides a lamp of a closed body with a band; ``dark`` (n,): triangles that are turned away
+    and yet in doubt, None where the body may hide parts of itself."""
+    found = band_of(view, places, topology, turned)
+    if found is None:
+        return None
+    band, hides = np.flatnonzero(found.triangles | found.beside), found.triangles | found.dark
+    if dark is not None:
+        dark = np.concatenate([np.flatnonzero(found.triangles), dark])
+    return _hiding(topology, places, hides, found.border, found.once, band, dark)
+
+
+def _hiding(
+    topology: Topology,
+    places: Array,
+    hides: npt.NDArray[np.bool_],
+    border: Loops,
+    once: bool,
+    band: Numbers,
+    doubt: Numbers | None,
+) -> Patch:
+    """The patch of triangles that ``hides`` (T,)."""
     triangles = topology.triangles[hides]
     own = places[:, used_vertices(triangles, places.shape[1])]
+    alone, doubt = doubt is not None, np.zeros(0, np.int64) if doubt is None else doubt
     low, high = own.min(axis=1), own.max(axis=1)
-    if dark is None:
-        return Patch(low, high, border, once, triangles, band, False, none)
-    return Patch(low, high, border, once, triangles, band, True, np.concatenate([turns, dark]))
+    return Patch(low, high, border, once, triangles, band, alone, doubt)
 
 
 def _closed_suits(lamp: Lamp, surface: Surface, shape: Shape) -> bool:
     """Whether a closed body may be looked at so: all its parts wound outwards, and the lamp
     outside."""
-    if not (_volumes(shape, surface.topology) > 0.0).all():
+    if shape not in _OUTWARDS:
+        _OUTWARDS[shape] = bool((_volumes(shape, surface.topology) > 0.0).all())
+    if not _OUTWARDS[shape]:
         return False
     if lamp.far:
         return True

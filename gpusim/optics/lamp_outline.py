@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from gpusim.optics.corners import CHUNK
 from gpusim.optics.lamp_chain import Chain
-from gpusim.optics.lamp_layer import Alone
+from gpusim.optics.lamp_layer import Alone, Patch
 from gpusim.optics.lamp_view import Reach
 from gpusim.optics.windows import Windows
 
@@ -42,8 +42,8 @@ class Outline:
     the highest and the lowest s; ``margin`` in s and ``across`` in p and q count as nothing;
     ``once``: whether the border winds once at most, but for folds."""
 
-    def __init__(self, alone: Alone) -> None:
-        self.surface, self.view, patch = alone.surface, alone.view, alone.patch
+    def __init__(self, alone: Alone, patch: Patch) -> None:
+        self.surface, self.view = alone.surface, alone.view
         self.points, view = alone.points, alone.view
         self.places = np.stack(view.place(*(np.ascontiguousarray(v) for v in self.points.T)))
         self._triangles = patch.triangles

@@ -12,7 +12,7 @@ from gpusim.optics.caster_sets import CasterSets
 from gpusim.optics.casters import Casters
 from gpusim.optics.emitters import Lamp
 from gpusim.optics.half_shadow import HalfShadow, half_shadow
-from gpusim.optics.lamp_layer import Alone
+from gpusim.optics.lamp_layer import Alone, Patch
 from gpusim.optics.lamp_outline import Outline
 from gpusim.optics.outline_shadow import outline_shadow
 from gpusim.optics.patches import Small
@@ -20,6 +20,9 @@ from gpusim.optics.receivers import Receivers
 from gpusim.optics.tile_edges import TileEdges
 
 __all__ = ["CastersOf", "LampShadow", "lamp_shadow", "outlined"]
+
+MANY = 4000
+"""Casters of a body that may hide parts of itself, for whose border it is worth while to look."""
 
 Numbers = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
@@ -43,18 +46,19 @@ def lamp_shadow(
     shape: tuple[int, int],
 ) -> LampShadow:  # fmt: skip
     """What is hidden of a ``lamp`` in a picture of ``shape`` (rows, columns) tiles; ``small``: of
-    the receivers; surfaces ``alone`` hide nothing of themselves."""
-    facing = ~receivers.turned_away(lamp) if alone else np.zeros(receivers.view.count, bool)
-    found = [outline_shadow(receivers, small, Outline(one), facing, shape) for one in alone]
+    the receivers; ``alone``: see `gpusim.optics.lamp_layer.surfaces_alone`."""
+    others = casters(outlined(alone))
+    told = _worth(alone, others)
+    facing = ~receivers.turned_away(lamp) if told else np.zeros(receivers.view.count, bool)
+    found = [outline_shadow(receivers, small, Outline(*one), facing, shape) for one in told]
     unsure = np.zeros(shape, bool)
     for one in found:
         unsure.reshape(-1)[one.unsure] = True
-    own, doubt = _own(receivers, alone)
+    own, doubt = _own(receivers, told)
     free = own & ~doubt
-    others = casters(outlined(alone))
     bulging = own & ~np.isin(receivers.view.body, list(outlined(alone)))
-    whole = [one.surface for one in alone if not one.patch.alone]
-    among = _beside_borders(others, alone)
+    whole = [one.surface for one, patch in told if not patch.alone]
+    among = _beside_borders(others, told)
     beside_borders = CasterSets(receivers, lamp, others, bulging, among, whole)
     parts = [half_shadow(receivers, small, beside_borders, ~unsure)]
     doubt &= facing
@@ -73,31 +77,51 @@ def lamp_shadow(
         dark[part.dark] = True
     faces = HalfShadow.joined(parts).without(dark)
     # where all is hidden nothing has to be told
-    told = [one.edges[np.flatnonzero(~(flat | dark)[one.edges.tile])] for one in found]
-    return LampShadow(np.flatnonzero(dark), faces, TileEdges.joined([*told, faces.contours]))
+    edges = [one.edges[np.flatnonzero(~(flat | dark)[one.edges.tile])] for one in found]
+    return LampShadow(np.flatnonzero(dark), faces, TileEdges.joined([*edges, faces.contours]))
 
 
 def outlined(alone: Sequence[Alone]) -> frozenset[int]:
     """The surfaces of which no face has to be looked at."""
-    return frozenset(one.surface for one in alone if one.patch.alone and not len(one.band))
+    return frozenset(
+        one.surface
+        for one in alone
+        if isinstance(one.patch, Patch) and one.patch.alone and not len(one.patch.band)
+    )
 
 
-def _beside_borders(casters: Casters, alone: Sequence[Alone]) -> Flags:
-    """(F,) which ``casters`` hide what the borders of surfaces ``alone`` don't tell of: those of
+def _worth(alone: Sequence[Alone], casters: Casters) -> list[tuple[Alone, Patch]]:
+    """Those surfaces, with what hides the lamp of them, that borders tell about."""
+    count = np.bincount(casters.body, minlength=1)
+    result = []
+    for one in alone:
+        patch: Patch | None = None
+        if isinstance(one.patch, Patch):
+            patch = one.patch
+        elif one.surface < len(count) and count[one.surface] >= MANY:
+            patch = one.patch.patch
+        if patch is not None:
+            result.append((one, patch))
+    return result
+
+
+def _beside_borders(casters: Casters, told: Sequence[tuple[Alone, Patch]]) -> Flags:
+    """(F,) which ``casters`` hide what the borders of surfaces ``told`` don't tell of: those of
     bands, and of all other surfaces."""
-    among = ~np.isin(casters.body, [one.surface for one in alone])
-    band = np.concatenate([np.zeros(0, np.int64), *(one.band for one in alone)])
-    into = casters.into[band]
-    among[into[into >= 0]] = True
+    among = ~np.isin(casters.body, [one.surface for one, _ in told])
+    for one, patch in told:
+        into = casters.into[one.source[patch.band]]
+        among[into[into >= 0]] = True
     return among
 
 
-def _own(receivers: Receivers, alone: Sequence[Alone]) -> tuple[Flags, Flags]:
+def _own(receivers: Receivers, told: Sequence[tuple[Alone, Patch]]) -> tuple[Flags, Flags]:
     """(T,) receivers on surfaces that hide nothing of themselves, and those of them that may lie in
     the shadow of their own nevertheless."""
     view = receivers.view
-    result = np.isin(view.body, [one.surface for one in alone if one.patch.alone])
-    doubt = np.concatenate([np.zeros(0, np.int64), *(one.doubt for one in alone)])
-    faces = np.zeros(max(int(view.face.max(initial=0)), int(doubt.max(initial=0))) + 1, bool)
-    faces[doubt] = True
+    result = np.isin(view.body, [one.surface for one, patch in told if patch.alone])
+    doubt = [one.source[patch.doubt].astype(np.int64) for one, patch in told]
+    several = np.concatenate([np.zeros(0, np.int64), *doubt])
+    faces = np.zeros(max(int(view.face.max(initial=0)), int(several.max(initial=0))) + 1, bool)
+    faces[several] = True
     return result, result & faces[view.face]
