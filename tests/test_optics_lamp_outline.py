@@ -309,7 +309,7 @@ def test_a_body_that_hides_parts_of_itself(name: str) -> None:
 
 
 def test_turns_of_edges_are_bounded() -> None:
-    """A spiral by its turns, a square by two at most; edges over each other from some points of a lamp."""
+    """A spiral by its turns, a square by two at most; edges that come to lie over each other."""
     (lamp,) = lamps_of([LIGHTS["area"]])
     view = LampView.of(lamp)[0]
 

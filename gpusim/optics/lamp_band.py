@@ -22,7 +22,7 @@ from gpusim.optics.layer import border_of, sides_from
 from gpusim.optics.loops import Loops
 from gpusim.surface.topology import Topology
 
-__all__ = ["Band", "band_of", "one_layer"]
+__all__ = ["Band", "band_of", "one_layer", "whole_faces"]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
@@ -55,7 +55,7 @@ class Band(NamedTuple):
 def band_of(view: LampView, places: Array, topology: Topology, turned: Turned) -> Band | None:
     """The band of a closed body that is ``turned``; None where too much of it turns about, or the
     border is too long. ``places`` (3, P): p, q, s."""
-    band = _whole_faces(turned, topology.source)
+    band = whole_faces(turned, topology.source)
     if np.count_nonzero(band) > MOST * len(band):
         return None
     for _ in range(ROUNDS):
@@ -78,7 +78,7 @@ def band_of(view: LampView, places: Array, topology: Topology, turned: Turned) -
 def one_layer(view: LampView, places: Array, topology: Topology, turned: Turned) -> bool:
     """Whether what a closed body that is ``turned`` shows to the lamp's middle is one layer from
     all of the lamp, but for folds at its outline."""
-    band, lit = _whole_faces(turned, topology.source), turned.front.copy()
+    band, lit = whole_faces(turned, topology.source), turned.front.copy()
     if np.count_nonzero(band) > MOST * len(band):
         return False
     number = np.flatnonzero(band)
@@ -105,7 +105,7 @@ def _touched(topology: Topology, vertices: Numbers, count: int) -> Flags:
     return np.asarray(met[topology.triangles].any(axis=1))
 
 
-def _whole_faces(turned: Turned, source: npt.NDArray[np.int32]) -> Flags:
+def whole_faces(turned: Turned, source: npt.NDArray[np.int32]) -> Flags:
     """(T,) the triangles that turn about, and all others of a face that doesn't turn as a whole: a
     fold along its diagonal would be one of every face."""
     own, front = np.zeros(len(turned.front), bool), turned.front

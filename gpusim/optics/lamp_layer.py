@@ -24,7 +24,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
 from gpusim.optics.emitters import Lamp, lamps_of
-from gpusim.optics.lamp_band import band_of, one_layer
+from gpusim.optics.lamp_band import band_of, one_layer, whole_faces
 from gpusim.optics.lamp_dark import doubtful
 from gpusim.optics.lamp_turn import Turned, turned_to
 from gpusim.optics.lamp_view import LampView
@@ -245,8 +245,7 @@ def _body(
         if dark is not None:
             return _hiding(topology, places, lit, border, True, np.zeros(0, np.int64), dark)
     elif smooth and one_layer(view, places, topology, turned):
-        lit = lit.copy()
-        lit[turned.edge_on] = True
+        lit = lit | whole_faces(turned, topology.source)
         dark = doubtful(view.lamp, shape, topology, lit, eye)
         if dark is not None:
             return _banded(view, topology, places, turned, dark)

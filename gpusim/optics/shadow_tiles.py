@@ -155,7 +155,7 @@ class ShadowTiles:
         closed: npt.NDArray[np.bool_],
     ) -> ShadowTiles:
         """Classify every tile of ``view`` for every lamp that casts shadows; ``alone``: for each
-        lamp the surfaces that hide nothing of themselves, which ``casters`` leave out on demand;
+        lamp the surfaces that borders may tell of, which ``casters`` leave out on demand;
         ``closed``: which of all surfaces are."""
         if len(lamps) > MOST_LAMPS:
             raise InputError(
