@@ -23,7 +23,6 @@ from gpusim.optics.loops import Loops
 from gpusim.optics.outline_shadow import OutlineShadow
 from gpusim.optics.shadow_probe import outlined_scene, probe_outlines
 from gpusim.optics.shadow_tiles import Chains, ShadowTiles
-from gpusim.optics.tile_edges import most_turns
 from gpusim.optics.view import look
 from tests.optics_rays import brute_share, triangles_of
 
@@ -306,29 +305,6 @@ def test_a_body_that_hides_parts_of_itself(name: str) -> None:
     tiles, shares, want = compared(surfaces, LIGHTS[name])
     near(shares, want, LIGHTS[name])
     assert len(tiles.chains.ends) > 0 and len(tiles.face) > 0
-
-
-def test_turns_of_edges_are_bounded() -> None:
-    """A spiral by its turns, a square by two at most; edges that come to lie over each other."""
-    (lamp,) = lamps_of([LIGHTS["area"]])
-    view = LampView.of(lamp)[0]
-
-    def ends(p: Array, q: Array) -> Array:
-        at = view.world(p, q, np.full(len(p), 0.8)).T
-        return np.stack([at, np.roll(at, -1, axis=0)], axis=1)
-
-    turn = np.linspace(0.0, 9 * 2.0 * np.pi, 200)
-    spiral = ends((1.0 + turn) * np.cos(turn), (1.0 + turn) * np.sin(turn))
-    square = ends(np.array([0.0, 1.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0, 1.0]))
-    box = np.repeat([0, 2], [len(square), len(spiral)])
-    found = most_turns(view, box, np.concatenate([square, spiral]), 4)
-    assert 1 <= found[0] <= 2 and 9 <= found[2] <= 11 and found[1] == found[3] == 0
-    # at other depths than the first they may come to lie over each other
-    deep = square.copy()
-    deep[:, :, 1] += 0.3
-    both = most_turns(view, np.zeros(8, np.int64), np.concatenate([square, deep]), 1)
-    assert both[0] >= 2
-    assert most_turns(view, box[:0], square[:0], 3).tolist() == [0, 0, 0]
 
 
 @pytest.mark.parametrize("around", [12, 40, 120])

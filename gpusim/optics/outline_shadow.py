@@ -235,4 +235,6 @@ def _edges(outline: Outline, chain: Chain, reach: Reach) -> _Found:
     lowest = np.full(count, np.inf)
     np.minimum.at(lowest, box, s)
     broken = ~(lowest > reach.s[1] + outline.margin)
+    if not outline.once:
+        broken[closing.many] = True
     return _Found(broken, whole, lowest, box, ends)

@@ -62,11 +62,13 @@ class TileEdges:
 class Closing:
     """Edges to a point on the right of windows and below them: the ``border`` (n,) of each, and the
     ``vertex`` that it goes from, or the number of vertices for a point above; ``back`` (n,): the
-    other way round."""
+    other way round. ``many`` (m,): borders that go so often to one of these that seven times one
+    way can't be told from once the other way."""
 
     border: Numbers
     vertex: Numbers
     back: Flags
+    many: Numbers
 
     @staticmethod
     def of(
@@ -84,11 +86,14 @@ class Closing:
         key, place = np.unique(np.concatenate(keys), return_inverse=True)
         sign = np.repeat([1.0, -1.0], len(border))
         # turns are counted up to 7: seven are one the other way
-        net = np.bincount(place, sign, minlength=len(key)).astype(np.int64) % 8
+        net = np.bincount(place, sign, minlength=len(key)).astype(np.int64)
         own, code = np.divmod(key, below + 1)
         net[code == below] = 0
+        many = np.unique(own[np.abs(net) >= 4])
+        net %= 8
         times = np.minimum(net, 8 - net)
-        return Closing(np.repeat(own, times), np.repeat(code, times), np.repeat(net > 4, times))
+        back = np.repeat(net > 4, times)
+        return Closing(np.repeat(own, times), np.repeat(code, times), back, many)
 
     def ends(self, points: Array, high: Array, low: Array) -> Array:
         """(n, 2, 3) where the edges begin and end: ``points`` (V, 3), and those above and below on
@@ -104,25 +109,23 @@ def most_turns(view: LampView, box: Numbers, ends: Array, count: int) -> Numbers
     """(count,) an upper bound of how often the edges with ``ends`` (n, 2, 3), world, of each
     ``box`` (n,), ascending, wind round anything, seen from any point of the lamp.
 
-    As often as edges go one way across a row, or a column: of those whose rows overlap from some of
-    its points.
+    As many edges as go one way across a row: those whose rows overlap from some of its points. Not
+    all of a border need be there.
     """
-    result = np.zeros(count, np.int64)
     if not len(box):
-        return result
-    *across, s = (
-        v.reshape(-1, 2) for v in view.place(*np.ascontiguousarray(ends.reshape(-1, 3).T))
-    )
+        return np.zeros(count, np.int64)
+    _, q, s = (v.reshape(-1, 2) for v in view.place(*np.ascontiguousarray(ends.reshape(-1, 3).T)))
     first = np.flatnonzero(np.diff(box, prepend=-1))
     low, high = np.minimum.reduceat(s.min(axis=1), first), np.maximum.reduceat(s.max(axis=1), first)
     middle = np.repeat(0.5 * (low + high), np.diff(np.append(first, len(box))))
-    turns = []
-    for place, half in zip(across, view.half, strict=True):
-        shift, bend = half * np.abs(s - middle[:, None]), half * np.abs(s[:, 1] - s[:, 0])
-        up = place[:, 1] - place[:, 0] + bend >= 0.0
-        least, most = (place - shift).min(axis=1)[up], (place + shift).max(axis=1)[up]
-        turns.append(_overlap(box[up], least, most, count))
-    return np.minimum(*turns)
+    shift, bend = (
+        view.half[1] * np.abs(s - middle[:, None]),
+        view.half[1] * np.abs(s[:, 1] - s[:, 0]),
+    )
+    least, most = (q - shift).min(axis=1), (q + shift).max(axis=1)
+    rise = q[:, 1] - q[:, 0]
+    turns = [_overlap(box[k], least[k], most[k], count) for k in (rise >= -bend, rise <= bend)]
+    return np.maximum(*turns)
 
 
 def _overlap(box: Numbers, low: Array, high: Array, count: int) -> Numbers:
