@@ -48,9 +48,9 @@ def _levels(used: CasterSet, casters: Casters, points: Array) -> list[Level]:
     if grids[0].view.lamp.extended and len(faces.face) >= FEWEST and points.shape[2]:
         (grid,) = grids
         reach = grid.view.reach(points)
-        if grid.asked(reach) < max(WORTH * len(faces.face), EACH * points.shape[2]):
-            return result
         top = grid.top(reach)
+        if grid.asked(reach, top) < max(WORTH * len(faces.face), EACH * points.shape[2]):
+            return result
         known = np.flatnonzero(np.isfinite(top) & np.isfinite(reach.s[1]))
         if not len(known):
             return result

@@ -18,11 +18,11 @@ import numpy.typing as npt
 
 from gpusim.optics.lamp_turn import Turned, areas
 from gpusim.optics.lamp_view import LampView
-from gpusim.optics.layer import border_of, sides_from
+from gpusim.optics.layer import border_of
 from gpusim.optics.loops import Loops
 from gpusim.surface.topology import Topology
 
-__all__ = ["Band", "band_of", "one_layer", "whole_faces"]
+__all__ = ["Band", "band_of", "one_layer", "turning"]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
@@ -52,12 +52,21 @@ class Band(NamedTuple):
     once: bool
 
 
-def band_of(view: LampView, places: Array, topology: Topology, turned: Turned) -> Band | None:
-    """The band of a closed body that is ``turned``; None where too much of it turns about, or the
-    border is too long. ``places`` (3, P): p, q, s."""
-    band = whole_faces(turned, topology.source)
-    if np.count_nonzero(band) > MOST * len(band):
-        return None
+def turning(turned: Turned, source: npt.NDArray[np.int32]) -> Flags | None:
+    """(T,) the triangles that turn about, and all others of a face that doesn't turn as a whole: a
+    fold along its diagonal would be one of every face. None where these are too many."""
+    own, front = np.zeros(len(turned.front), bool), turned.front
+    own[turned.edge_on] = True
+    own[1:] |= (source[1:] == source[:-1]) & (front[1:] != front[:-1])
+    own = _with_whole(own, source)
+    return None if np.count_nonzero(own) > MOST * len(own) else own
+
+
+def band_of(
+    view: LampView, places: Array, topology: Topology, turned: Turned, band: Flags
+) -> Band | None:
+    """The band of a closed body that is ``turned``, of which ``band`` (T,) is `turning`; None where
+    the border is too long. ``places`` (3, P): p, q, s."""
     for _ in range(ROUNDS):
         dark = ~(turned.front | band)
         starts, ends = border_of(topology, dark)
@@ -75,20 +84,16 @@ def band_of(view: LampView, places: Array, topology: Topology, turned: Turned) -
     return None
 
 
-def one_layer(view: LampView, places: Array, topology: Topology, turned: Turned) -> bool:
-    """Whether what a closed body that is ``turned`` shows to the lamp's middle is one layer from
-    all of the lamp, but for folds at its outline."""
-    band, lit = whole_faces(turned, topology.source), turned.front.copy()
-    if np.count_nonzero(band) > MOST * len(band):
-        return False
-    number = np.flatnonzero(band)
+def one_layer(
+    view: LampView, places: Array, topology: Topology, turned: Turned, band: Flags
+) -> bool:
+    """Whether what such a body shows to the lamp's middle is one layer from all of the lamp, but
+    for folds at its outline."""
+    lit, number = turned.front.copy(), np.flatnonzero(band)
     face = np.unique(topology.source[number], return_inverse=True)[1]
     ahead = areas(view, places, topology.triangles[number])[0]
     lit[number] = np.bincount(face, ahead)[face] > turned.least
-    first, second = topology.first, topology.second
-    edges = np.flatnonzero(lit[first] != lit[second])
-    inside = np.where(lit[first[edges]], first[edges], second[edges])
-    outline = Loops.of(*sides_from(topology, edges, inside))
+    outline = Loops.of(*border_of(topology, lit))
     folds = None if outline is None else outline.folds(places, view.half)
     if folds is None or not view.lamp.extended:
         return folds is not None
@@ -103,17 +108,6 @@ def _touched(topology: Topology, vertices: Numbers, count: int) -> Flags:
     met = np.zeros(count, bool)
     met[vertices] = True
     return np.asarray(met[topology.triangles].any(axis=1))
-
-
-def whole_faces(turned: Turned, source: npt.NDArray[np.int32]) -> Flags:
-    """(T,) the triangles that turn about, and all others of a face that doesn't turn as a whole: a
-    fold along its diagonal would be one of every face."""
-    own, front = np.zeros(len(turned.front), bool), turned.front
-    own[turned.edge_on] = True
-    apart = (source[1:] == source[:-1]) & ((front[1:] != front[:-1]) | own[1:] | own[:-1])
-    own[1:] |= apart
-    own[:-1] |= apart
-    return own
 
 
 def _with_whole(own: Flags, source: npt.NDArray[np.int32]) -> Flags:

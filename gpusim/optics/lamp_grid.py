@@ -314,12 +314,14 @@ class LampGrid:
             return np.zeros(reach.s.shape[1], bool)
         return np.asarray(self.top(reach) > -np.inf)
 
-    def asked(self, reach: Reach) -> int:
-        """Entries of the cells that receivers in boxes look at."""
+    def asked(self, reach: Reach, top: Array | None = None) -> int:
+        """Entries of the cells that receivers in boxes look at, before their s is ``top`` (n,)."""
         if not self.count:
             return 0
-        usable = np.isfinite(reach.s[0])
-        first, last = self.window(reach if usable.all() else reach[usable])
+        usable = np.flatnonzero(np.isfinite(reach.s[0]))
+        if len(usable) < reach.s.shape[1]:
+            reach, top = reach[usable], None if top is None else top[usable]
+        first, last = self.window(reach, top)
         some = np.flatnonzero((last >= first).all(axis=0))
         (left, top), (right, bottom) = first[:, some], last[:, some] + 1
         sums = np.zeros(self.shape + 1, np.int64)

@@ -24,7 +24,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
 from gpusim.optics.emitters import Lamp, lamps_of
-from gpusim.optics.lamp_band import band_of, one_layer, whole_faces
+from gpusim.optics.lamp_band import band_of, one_layer, turning
 from gpusim.optics.lamp_dark import doubtful
 from gpusim.optics.lamp_turn import Turned, turned_to
 from gpusim.optics.lamp_view import LampView
@@ -113,7 +113,8 @@ class Later:
         topology, places = self.surface.topology, _places(self.view, self.shape)
         turned = turned_to(self.view, places, topology.triangles, True)
         assert turned is not None  # of closed bodies none is refused
-        return _banded(self.view, topology, places, turned, None)
+        band = turning(turned, topology.source)
+        return None if band is None else _banded(self.view, topology, places, turned, band, None)
 
 
 class Alone(NamedTuple):
@@ -244,26 +245,32 @@ def _body(
         dark = doubtful(view.lamp, shape, topology, lit, eye)
         if dark is not None:
             return _hiding(topology, places, lit, border, True, np.zeros(0, np.int64), dark)
-    elif smooth and one_layer(view, places, topology, turned):
-        lit = lit | whole_faces(turned, topology.source)
-        dark = doubtful(view.lamp, shape, topology, lit, eye)
-        if dark is not None:
-            return _banded(view, topology, places, turned, dark)
+    elif smooth:
+        band = turning(turned, topology.source)
+        if band is not None and one_layer(view, places, topology, turned, band):
+            dark = doubtful(view.lamp, shape, topology, lit | band, eye)
+            if dark is not None:
+                return _banded(view, topology, places, turned, band, dark)
     return Later(view, surface, shape)
 
 
 def _banded(
-    view: LampView, topology: Topology, places: Array, turned: Turned, dark: Numbers | None
+    view: LampView,
+    topology: Topology,
+    places: Array,
+    turned: Turned,
+    band: npt.NDArray[np.bool_],
+    dark: Numbers | None,
 ) -> Patch | None:
-    """What hides a lamp of a closed body with a band; ``dark`` (n,): triangles that are turned away
-    and yet in doubt, None where the body may hide parts of itself."""
-    found = band_of(view, places, topology, turned)
+    """What hides a lamp of a closed body with a ``band`` (T,); ``dark`` (n,): triangles that are
+    turned away and yet in doubt, None where the body may hide parts of itself."""
+    found = band_of(view, places, topology, turned, band)
     if found is None:
         return None
-    band, hides = np.flatnonzero(found.triangles | found.beside), found.triangles | found.dark
+    listed, hides = np.flatnonzero(found.triangles | found.beside), found.triangles | found.dark
     if dark is not None:
         dark = np.concatenate([np.flatnonzero(found.triangles), dark])
-    return _hiding(topology, places, hides, found.border, found.once, band, dark)
+    return _hiding(topology, places, hides, found.border, found.once, listed, dark)
 
 
 def _hiding(

@@ -3,7 +3,8 @@
 What hides nothing of itself (`gpusim.optics.lamp_layer`) is met once at most by a ray from any
 point of the lamp, and met where its border winds round the ray. Of receivers beyond all of it that
 they look past, the border alone tells what they see of the lamp: a few hundred edges where there
-are some hundred thousand faces.
+are some hundred thousand faces. Of other closed bodies the border of what shows its back to all of
+the lamp does, beside the faces that turn about (`gpusim.optics.lamp_band`).
 """
 
 from __future__ import annotations

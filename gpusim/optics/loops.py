@@ -10,7 +10,7 @@ import numpy.typing as npt
 from gpusim.optics.lamp_view import seen_from
 from gpusim.optics.ragged import expand
 
-__all__ = ["Half", "Loops", "corners_of", "distance"]
+__all__ = ["Loops"]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
@@ -95,13 +95,13 @@ class Loops:
         if not (same & (count <= ZIGZAG)).all():
             return None
         reach = 0.0
-        for corner in corners_of(half):
+        for corner in _corners_of(half):
             x, vertex = seen_from(at, *corner)[:2], a
             for k in range(int(count.max(initial=0))):
                 vertex = self.after[vertex]
                 # the end of the first edge is on that, the start of the second one on the other
-                first = np.where(k == 0, np.inf, distance(x, vertex, a, self.after[a]))
-                second = np.where(k == count - 1, np.inf, distance(x, vertex, b, self.after[b]))
+                first = np.where(k == 0, np.inf, _distance(x, vertex, a, self.after[a]))
+                second = np.where(k == count - 1, np.inf, _distance(x, vertex, b, self.after[b]))
                 away = np.where(k < count, np.minimum(first, second), 0.0)
                 reach = max(reach, float(away.max(initial=0.0)))
         return reach
@@ -161,14 +161,14 @@ class Loops:
         return a[~apart], b[~apart]
 
 
-def corners_of(half: Half) -> list[Half]:
+def _corners_of(half: Half) -> list[Half]:
     """Those of a lamp's face with ``half`` its size, from its middle: one if it has none."""
     if not any(half):
         return [half]
     return [(i * half[0], j * half[1]) for i, j in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
 
 
-def distance(at: Array, point: Numbers, start: Numbers, end: Numbers) -> Array:
+def _distance(at: Array, point: Numbers, start: Numbers, end: Numbers) -> Array:
     """(n,) how far points are from segments between others, of places (2, N)."""
     way, to = at[:, end] - at[:, start], at[:, point] - at[:, start]
     length = np.maximum(np.sum(way * way, axis=0), 1e-300)

@@ -89,7 +89,7 @@ class Closing:
         net = np.bincount(place, sign, minlength=len(key)).astype(np.int64)
         own, code = np.divmod(key, below + 1)
         net[code == below] = 0
-        many = np.unique(own[np.abs(net) >= 4])
+        many = np.unique(own[np.abs(net) > MOST_TURNS // 2])
         net %= 8
         times = np.minimum(net, 8 - net)
         back = np.repeat(net > 4, times)
