@@ -18,7 +18,7 @@ __all__ = ["settle"]
 Array = npt.NDArray[np.float64]
 Long = npt.NDArray[np.int64]
 
-MOST_THINGS = 12
+MOST_THINGS = 32
 """Triangles over a pixel; more of them keep the order of their depths."""
 
 EQUAL = 1e-9

@@ -28,15 +28,9 @@ from gpusim.optics.corners import (
     parts,
     products,
 )
+from gpusim.optics.covered import uncovered
 from gpusim.optics.culling import cull
-from gpusim.optics.cutting import (
-    LONGEST_EDGE,
-    SHORT_EDGE,
-    Pieces,
-    Screen,
-    clip,
-    split,
-)  # fmt: skip
+from gpusim.optics.cutting import LONGEST_EDGE, SHORT_EDGE, Pieces, Screen, clip, split
 from gpusim.optics.indexed import Indexed
 from gpusim.optics.layer import FEWEST, one_layer
 from gpusim.optics.outline import corner_normals, feature_edges
@@ -335,7 +329,8 @@ def _seen_of(
     culled = cull(
         surface.points, lambda: shape.area, triangles, ideal, ahead, topology.closed, screen
     )  # fmt: skip
-    front, keep = culled.front, culled.keep
+    front = culled.front
+    keep, ends = uncovered(topology, front, culled.keep, ideal, points[:, 2])
     kept = np.flatnonzero(keep)
     turned = ~(front if len(kept) == len(front) else np.take(front, kept, mode="clip"))
     corner = turned_corners(triangles, kept, turned)
@@ -366,6 +361,7 @@ def _seen_of(
         topology, front, surface.regions, shape.creases, keep, shape.smooth[1] if lit else None,
         surface.extents,
     )  # fmt: skip
+    shows[ends] = True
     table.paint(surface, kept, turned)
     if lit:
         table.smooth(surface, shape, kept, turned)

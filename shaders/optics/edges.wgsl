@@ -42,6 +42,12 @@ struct Range {
 // (radiance, 1 if the host has to resolve it) of every edge pixel
 @group(0) @binding(9) var<storage, read_write> found: array<vec2f>;
 
+// px^2 of a triangle that are taken to be hidden.
+const LEFT_OUT: f32 = 1e-5;
+
+// px^2 of a triangle round a corner that may be lit as a rectangle.
+const SMALL: f32 = 0.01;
+
 // What is seen of such a triangle is what is left by those before it: gpusim/optics/backdrop.py.
 const BACKDROP: u32 = 0x80000000u;
 
@@ -89,10 +95,13 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
     var value = 0.0;
     // those of which more shows, or less, than can be told here
     var doubtful = vec2u(0u);
+    // those that nothing hides any of: none of these lies over another
+    var clear = vec2u(0u);
     var behind = 0.0;
     var lights = vec2f(1e30, 0.0);
     var share = vec2f(0.0);
     var unsure = false;
+    var unknown = false;
 
     // tests of loops come last: see paint.wgsl
     var c = nearest;
@@ -121,7 +130,7 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
         var line1 = vec3f(0.0);
         var gone = polygon.count < 3;
         var doubt = false;
-        var layer = vec2u(0u);
+        var met = vec2u(0u);
         if (!gone && c > nearest) {
             var b = nearest;
             loop {
@@ -133,7 +142,7 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
                     line0 = m.line;
                     cuts++;
                 }
-                if (m.kind != 0u) { layer |= doubtful & bit_of(b - nearest); }
+                if (m.kind != 0u) { met |= bit_of(b - nearest); }
                 b++;
                 if (b >= c) { break; }
             }
@@ -148,11 +157,49 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
             }
             gone = polygon.count < 3;
         }
+        let layer = met & doubtful;
+        var corner = false;
         var m = vec3f(0.0);
         if (!gone) { m = moments(polygon); }
         var spread = vec3f(0.0);
+        if (shadowed != 0u && m.x > SMALLEST) { spread = spread_of(polygon, m); }
+        if (doubt && m.x > SMALLEST && polygon.count <= 5 && any((met & clear) != vec2u(0u))) {
+            // less what each of these hides; the rest is all that is seen if no others do
+            var rest = vec4f(m.x, m.x * m.yz, 0.0);
+            var rest2 = spread + spread_at(m);
+            var b = nearest;
+            loop {
+                if (any((met & clear & bit_of(b - nearest)) != vec2u(0u))) {
+                    let other = triangle_sides(lists[b], pixel);
+                    var part = polygon;
+                    var k = 0u;
+                    loop {
+                        part = clip(part, other.s[k]);
+                        k++;
+                        if (k >= range.sides) { break; }
+                    }
+                    if (part.count > 2) {
+                        let own = moments(part);
+                        rest -= vec4f(own.x, own.x * own.yz, 0.0);
+                        if (shadowed != 0u) { rest2 -= spread_of(part, own) + spread_at(own); }
+                    }
+                }
+                b++;
+                if (b >= c) { break; }
+            }
+            let plain = bumpy == 0u && (patterned == 0u || t.more.y == 0.0);
+            if (rest.x <= LEFT_OUT) {
+                gone = true;
+                doubt = false;
+                m = vec3f(0.0);
+            } else if (all((met & ~clear) == vec2u(0u)) && plain) {
+                doubt = false;
+                corner = rest.x > SMALL && !(filled && m.x > FULL);
+                m = vec3f(rest.x, clamp(rest.yz / rest.x, vec2f(-0.5), vec2f(0.5)));
+                spread = max(rest2 - spread_at(m), vec3f(0.0, -1e30, 0.0));
+            }
+        }
         if (shadowed != 0u && m.x > SMALLEST) {
-            spread = spread_of(polygon, m);
             if (filled && doubt && all(doubtful == vec2u(0u)) && m.x > FULL) {
                 doubt = false;
                 m.x = 1.0 - seen;
@@ -181,7 +228,8 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
                     let tile = shadow_tile(pixel);
                     let lit = reflection_seen_at(t, params.rays, at, d + middle, extent, tile);
                     // what is in front may end where its shadow begins
-                    unsure = unsure || (doubt && lit.half);
+                    unsure = unsure || ((doubt || corner) && lit.half);
+                    unknown = unknown || (corner && lit.half);
                     r = lit.r;
                 } else {
                     r = reflection_at(t, params.rays, at, d + middle, 0u);
@@ -190,6 +238,7 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
                 let ground = select(t.more.x, light, whole);
                 light = radiance_of(t, r, light, ground, clamp(1.0 - printed, 0.0, 1.0));
             }
+            if (!doubt && cuts == 0 && all(met == vec2u(0u))) { clear |= bit_of(c - nearest); }
             if (doubt) {
                 doubtful |= bit_of(c - nearest);
                 if (all(layer == vec2u(0u))) { behind += m.x; }
@@ -220,6 +269,7 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
             doubts = 1.0;
         }
     }
+    if (unknown) { doubts = 1.0; }
     found[n] = vec2f(value, doubts);
 }
 

@@ -1,0 +1,263 @@
+"""Triangles of an open surface that its other side hides from the camera.
+
+An open surface shows both sides, and the inside of a tube lies behind its outside, triangle by
+triangle. Those of one side that look the same way in the image cover a place as often as their
+border winds round it, so that what their border doesn't pass is covered all over, or not at all.
+What is farther away than any of them there can't be seen: nothing of it has to be drawn, lit or
+cut.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.optics.layer import border_of
+from gpusim.optics.ragged import expand
+from gpusim.surface.topology import Topology
+
+__all__ = ["FEWEST", "covered", "uncovered"]
+
+Array = npt.NDArray[np.float64]
+Numbers = npt.NDArray[np.int64]
+Flags = npt.NDArray[np.bool_]
+
+FEWEST = 256
+"""Triangles of each side from which on it is worth while to find out."""
+
+LEAST_CELL, MOST_CELL = 4.0, 32.0
+"""px, side of the cells that places are looked up in: few triangles are larger."""
+
+MOST = 1 << 22
+"""Cells."""
+
+NEARLY, SAMPLE = 99, 4096
+"""Of 100 triangles, and how many tell how large they are, or whether any are hidden."""
+
+ASIDE = 0.1234567
+"""px by which cells begin before what lies in them: borders on whole pixels don't pass their
+middles."""
+
+MARGIN = 0.05
+"""px round a triangle that are covered, too: lenses bend what is straight, by less than this."""
+
+BEYOND = 1e-6
+"""Of its depth, by which a triangle is farther away than those that hide it."""
+
+EACH = 16
+"""Cells for each triangle and for each edge of a border, in the mean, that are worth it."""
+
+
+class _Cells(NamedTuple):
+    """``origin`` (2,) px of cells, their ``side``, px, and number ``shape`` (rows, columns)."""
+
+    origin: Array
+    side: float
+    shape: tuple[int, int]
+
+    def from_origin(self, place: Array) -> Array:
+        """Places (2, n) in sides of cells from their origin."""
+        result: Array = place - self.origin[:, None]
+        result /= self.side
+        return result
+
+    def of(self, low: Array, high: Array) -> tuple[Numbers, Numbers]:
+        """First and last cell (2, n), column and row, of boxes of places (2, n) px; those of other
+        places have the last one before the first one."""
+        ends = []
+        for least, values in ((0, low), (-1, high)):
+            cell = self.from_origin(values)
+            for row, count in zip(cell, self.shape[::-1], strict=True):
+                np.clip(np.floor(row, out=row), least, count + least, out=row)
+            ends.append(cell.astype(np.int64))
+        return ends[0], ends[1]
+
+    def filed(self, first: Numbers, last: Numbers) -> tuple[Numbers, Numbers] | None:
+        """Which box, and which cell, of all cells from ``first`` to ``last`` (2, n); None where
+        these are too many."""
+        wide, tall = np.maximum(last - first + 1, 0)
+        if (wide * tall).sum() > EACH * wide.size + self.shape[0] * self.shape[1]:
+            return None
+        own, step = expand(wide * tall)
+        down, across = np.divmod(step, wide[own])
+        return own, (first[1][own] + down) * self.shape[1] + first[0][own] + across
+
+
+def uncovered(
+    topology: Topology, front: Flags, keep: Flags, place: Array, depth: Array
+) -> tuple[Flags, Numbers]:
+    """(T,) which triangles of a surface are to ``keep`` (T,) where those that are `covered` aren't;
+    and the edges between these and others: a sheet ends there, behind what hides both."""
+    none = np.zeros(0, np.int64)
+    if topology.closed or front.all() or not front.any():
+        return keep, none
+    hidden = covered(topology, front, keep, place, depth)
+    if not hidden.any():
+        return keep, none
+    keep = keep & ~hidden
+    edge = np.unique(topology.edge[hidden])
+    edge = edge[topology.manifold[edge]]
+    return keep, edge[keep[topology.first[edge]] | keep[topology.second[edge]]]
+
+
+def covered(topology: Topology, front: Flags, keep: Flags, place: Array, depth: Array) -> Flags:
+    """(T,) which triangles of a surface are hidden all over by others of it, of those to
+    ``keep`` (T,) that look to the ``front`` (T,) by those that don't, and the other way round.
+
+    ``place`` (P, 2): of its vertices in the image, px, without the lens's distortion; ``depth``
+    (P,): along the camera's axis, above 0.
+    """
+    result = np.zeros(len(keep), bool)
+    sides = [keep & front, keep & ~front]
+    few = min(np.count_nonzero(side) for side in sides) < FEWEST
+    # what reaches behind the camera lies nowhere in the image
+    if few or not topology.oriented or not np.isfinite(place).all():
+        return result
+    for near, far in (sides, sides[::-1]):
+        layer = _Layer.of(topology.triangles[near], place, depth)
+        rows = np.flatnonzero(far)
+        # some tell whether any are behind it
+        some = topology.triangles[rows[:: -(-len(rows) // SAMPLE)]]
+        if layer is None or not layer.before(some, place, depth).any():
+            continue
+        rows = rows[layer.before(topology.triangles[rows], place, depth)]
+        starts, ends = (place[vertices].T for vertices in border_of(topology, near))
+        corners = place[topology.triangles[rows]].transpose(1, 2, 0)
+        result[rows[_inside(layer.cells, starts, ends, corners)]] = True
+    return result
+
+
+class _Layer(NamedTuple):
+    """Triangles in the image: their greatest depth in ``cells``, ``far`` (n,), -inf where none
+    are."""
+
+    cells: _Cells
+    far: Array
+
+    @staticmethod
+    def of(triangles: Numbers, place: Array, depth: Array) -> _Layer | None:
+        """Those of vertices at ``place`` (P, 2) px and ``depth`` (P,); None where they are too
+        large."""
+        low, high, _, most = _boxes(triangles, place, depth)
+        sizes = np.maximum(high[0] - low[0], high[1] - low[1])
+        side = np.percentile(sizes[:: -(-len(sizes) // SAMPLE)], NEARLY) + 2.0 * MARGIN
+        side = float(np.clip(side, LEAST_CELL, MOST_CELL))
+        origin = low.min(axis=1) - ASIDE
+        size = np.floor((high.max(axis=1) - origin) / side) + 1.0
+        if not size.prod() <= MOST:
+            return None
+        cells = _Cells(origin, side, (int(size[1]), int(size[0])))
+        filed = cells.filed(*cells.of(low, high))
+        if filed is None:
+            return None
+        far = np.full(cells.shape[0] * cells.shape[1], -np.inf)
+        np.maximum.at(far, filed[1], most[filed[0]])
+        return _Layer(cells, far)
+
+    def before(self, triangles: Numbers, place: Array, depth: Array) -> Flags:
+        """(n,) which other ``triangles`` (n, 3) lie in cells, four at most, in which all of these
+        are nearer."""
+        low, high, least, _ = _boxes(triangles, place, depth)
+        low -= MARGIN
+        high += MARGIN
+        (left, top), (right, bottom) = self.cells.of(low, high)
+        result = (right - left <= 1) & (bottom - top <= 1)
+        for axis, own in enumerate(self.cells.origin):
+            result &= low[axis] >= own
+            result &= high[axis] < own + self.cells.side * self.cells.shape[1 - axis]
+        beyond = np.full(len(least), -np.inf)
+        for row in (top, bottom):
+            for column in (left, right):
+                cell = row * self.cells.shape[1] + column
+                np.maximum(beyond, np.take(self.far, cell, mode="clip"), out=beyond)
+        result &= (least > beyond * (1.0 + BEYOND)) & (beyond > 0.0)
+        return np.asarray(result)
+
+
+def _boxes(triangles: Numbers, place: Array, depth: Array) -> tuple[Array, Array, Array, Array]:
+    """Boxes (2, n), (2, n) around triangles (n, 3), and their least and greatest depth (n,)."""
+    corner = [triangles[:, k] for k in range(3)]
+    low, high = np.empty((2, 3, len(triangles)))
+    for values, least, most in zip((*place.T, depth), low, high, strict=True):
+        a, b, c = (np.take(values, own) for own in corner)
+        np.minimum(np.minimum(a, b), c, out=least)
+        np.maximum(np.maximum(a, b), c, out=most)
+    return low[:2], high[:2], low[2], high[2]
+
+
+def _inside(cells: _Cells, start: Array, end: Array, corners: Array) -> Numbers:
+    """Which triangles with ``corners`` (3, 2, n) px closed chains of edges, from ``start`` to
+    ``end`` (2, E), wind round, and pass none of."""
+    reach = np.minimum(start, end) - cells.side, np.maximum(start, end) + cells.side
+    filed = cells.filed(*cells.of(*reach))
+    if filed is None:
+        return np.zeros(0, np.int64)
+    edge, cell = filed
+    order = np.argsort(cell, kind="stable")
+    edge = edge[order]
+    count = np.bincount(cell, minlength=cells.shape[0] * cells.shape[1])
+    first = np.cumsum(count) - count
+    middle = corners.mean(axis=0)
+    column, row = np.floor(cells.from_origin(middle)).astype(np.int64)
+    own = row * cells.shape[1] + column
+    winds = _winds(cells, start, end).reshape(-1)[own]
+    box, step = expand(count[own])
+    near = edge[first[own[box]] + step]
+    begin = cells.origin[:, None] + cells.side * (np.stack([column, row]) + 0.5)
+    a, b = start[:, near], end[:, near]
+    passed = ~_beside(a, b, corners[:, :, box])
+    # which way round an edge is crossed between the cell's middle and the triangle's
+    left_of = [_left(a, b, own[:, box]) for own in (begin, middle)]
+    ends_of = [_left(begin[:, box], middle[:, box], own) for own in (a, b)]
+    crossed = (left_of[0] != left_of[1]) & (ends_of[0] != ends_of[1])
+    turn = np.where(crossed, left_of[1].astype(np.int64) - left_of[0], 0)
+    winds = winds + np.bincount(box, turn, len(winds)).astype(np.int64)
+    clear = np.bincount(box, passed, len(winds)) == 0
+    result: Numbers = np.flatnonzero((winds != 0) & clear)
+    return result
+
+
+def _winds(cells: _Cells, start: Array, end: Array) -> Numbers:
+    """(rows, columns) how often closed chains of edges wind round the middles of cells, to the left
+    of each edge once more than to its right."""
+    (x, y), (end_x, end_y) = (cells.from_origin(v) - 0.5 for v in (start, end))
+    low, high = np.minimum(y, end_y), np.maximum(y, end_y)
+    first = np.clip(np.ceil(low), 0, cells.shape[0]).astype(np.int64)
+    stop = np.clip(np.ceil(high), 0, cells.shape[0]).astype(np.int64)
+    edge, row = expand(np.maximum(stop - first, 0))
+    row += first[edge]
+    # only edges with a height have rows
+    share = (row - y[edge]) / (end_y[edge] - y[edge])
+    column = np.ceil(x[edge] + share * (end_x[edge] - x[edge]))
+    column = np.clip(column, 0, cells.shape[1]).astype(np.int64)
+    wide = cells.shape[1] + 1
+    way = np.where(end_y > y, 1.0, -1.0)[edge]
+    table = np.bincount(row * wide + column, way, cells.shape[0] * wide).reshape(-1, wide)
+    # those to the right of each middle
+    beyond = table.sum(axis=1, keepdims=True) - table.cumsum(axis=1)
+    return np.asarray(np.rint(beyond[:, :-1]), np.int64)
+
+
+def _left(start: Array, end: Array, point: Array) -> Flags:
+    """(n,) whether points are to the left of lines (2, n), where y is to the left of x."""
+    way, to = end - start, point - start
+    return np.asarray(way[0] * to[1] - way[1] * to[0] >= 0.0)
+
+
+def _beside(start: Array, end: Array, corners: Array) -> Flags:
+    """(n,) whether triangles with ``corners`` (3, 2, n) lie beside edges (2, n)."""
+    a, b, c = corners
+    result = np.zeros(start.shape[1], bool)
+    for axis in range(2):
+        low = np.minimum(np.minimum(a[axis], b[axis]), c[axis]) - MARGIN
+        high = np.maximum(np.maximum(a[axis], b[axis]), c[axis]) + MARGIN
+        result |= np.maximum(start[axis], end[axis]) < low
+        result |= np.minimum(start[axis], end[axis]) > high
+    way = end - start
+    p, q, r = (way[0] * (y - start[1]) - way[1] * (x - start[0]) for x, y in corners)
+    reach = MARGIN * np.hypot(*way)
+    result |= np.minimum(np.minimum(p, q), r) > reach
+    result |= np.maximum(np.maximum(p, q), r) < -reach
+    return result

@@ -1,0 +1,187 @@
+"""What the other side of an open surface hides, by rays and in pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+import gpusim as gs
+from gpusim.gpu import Device
+from gpusim.optics import covered as module
+from gpusim.optics import edges
+from gpusim.optics.covered import covered
+from gpusim.optics.edges import EdgePass
+from gpusim.optics.view import look
+from tests.optics_rays import hits
+
+Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+Seen = list[tuple[gs.Surface, Flags, Flags]]
+
+CAMERA = gs.Camera.from_lens((36.0, 24.0), 34.0, (600, 400), (0.2, -1.2, 0.5), (0.0, 0.0, 0.0))
+BARREL = gs.Camera.from_lens(
+    (36.0, 24.0), 34.0, (600, 400), (0.2, -1.2, 0.5), (0.0, 0.0, 0.0),
+    distortion=[-0.28, 0.09, 0.002, -0.003, -0.01],
+)  # fmt: skip
+
+
+def swept(around: int, along: int, place: Callable[[Array, Array], Array], closed: bool) -> Array:
+    """(n, 4, 3) quads of a surface of ``around`` x ``along``: over turns and places from 0 to 1."""
+    turn = np.linspace(0.0, 1.0, around + 1)
+    if closed:
+        turn[-1] = 0.0
+    a, b = np.meshgrid(turn, np.linspace(0.0, 1.0, along + 1), indexing="ij")
+    points = np.moveaxis(place(a, b), 0, -1)
+    quads = [points[:-1, :-1], points[1:, :-1], points[1:, 1:], points[:-1, 1:]]
+    return np.stack(quads, axis=2).reshape(-1, 4, 3)
+
+
+def surface_of(quads: Array) -> gs.Surface:
+    points, number = np.unique(quads.reshape(-1, 3).round(12), axis=0, return_inverse=True)
+    return gs.Surface(points, number.reshape(-1, 4), gs.paint.Plain(0.5))
+
+
+def tube(a: Array, b: Array) -> Array:
+    angle = 2.0 * np.pi * a
+    bend = 0.05 * b**2
+    return np.stack([b - 0.5, 0.1 * np.cos(angle) - 0.1, 0.1 * np.sin(angle) - bend])
+
+
+def bowl(a: Array, b: Array) -> Array:
+    """Open towards the camera's side and up: its inside shows beside its outside."""
+    angle, rise = 2.0 * np.pi * a, 0.12 * np.pi + 0.75 * np.pi * b
+    radius = 0.3 * np.sin(rise)
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle), -0.3 * np.cos(rise)])
+
+
+def scroll(a: Array, b: Array) -> Array:
+    """One and a half turns round itself."""
+    angle = 3.0 * np.pi * a
+    radius = 0.1 + 0.1 * a
+    return np.stack([0.6 * (b - 0.5), radius * np.cos(angle), radius * np.sin(angle)])
+
+
+def bumpy(a: Array, b: Array) -> Array:
+    x, y, z = tube(a, b)
+    more = 1.0 + 0.12 * np.sin(40.0 * b) * np.sin(10.0 * np.pi * a)
+    return np.stack([x, (y + 0.1) * more - 0.1, z * more])
+
+
+def surface(name: str) -> gs.Surface:
+    quads = {
+        "tube": lambda: swept(60, 60, tube, True),
+        "bowl": lambda: swept(70, 40, bowl, True),
+        "scroll": lambda: swept(80, 30, scroll, False),
+        "bumpy": lambda: swept(90, 70, bumpy, True),
+        "window": lambda: swept(60, 60, tube, True),
+    }[name]()
+    if name == "window":
+        # through which the far side shows
+        quads = quads[~((np.abs(quads[:, 0, 0]) < 0.1) & (quads[:, 0, 1] < -0.13))]
+    return surface_of(quads)
+
+
+NAMES = ["tube", "bowl", "scroll", "bumpy", "window"]
+
+
+def found(name: str, camera: gs.Camera, monkeypatch: pytest.MonkeyPatch) -> Seen:
+    """Surfaces with the triangles that are looked at, and those of them that are called hidden."""
+    result: Seen = []
+
+    def noted(topology: object, front: Flags, keep: Flags, place: Array, depth: Array) -> Flags:
+        own = covered(topology, front, keep, place, depth)  # type: ignore[arg-type]
+        result.append((shown, keep.copy(), own))
+        return own
+
+    monkeypatch.setattr(module, "covered", noted)
+    shown = surface(name)
+    look([shown], camera, lit=True)
+    return result
+
+
+def seen_share(shown: gs.Surface, own: Flags, camera: gs.Camera) -> float:
+    """Of points at random on triangles ``own`` (T,), those that a ray from the eye meets first."""
+    random = np.random.default_rng(5)
+    triangles = shown.topology.triangles
+    some = random.choice(np.flatnonzero(own), min(400, int(own.sum())), replace=False)
+    weights = random.dirichlet((0.5, 0.5, 0.5), len(some))
+    at = np.einsum("nk,nka->na", weights, shown.points[triangles[some]])
+    return 1.0 - float(hits(at, camera.eye - at, shown.points[triangles]).mean())
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("camera", [CAMERA, BARREL], ids=["pinhole", "barrel"])
+def test_what_is_called_hidden_is_so_by_rays(
+    name: str, camera: gs.Camera, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ((shown, keep, own),) = found(name, camera, monkeypatch)
+    away = {"bowl": 0.05, "bumpy": 0.15, "scroll": 0.1}.get(name, 0.35)
+    print(f"{name}: {own.sum()} of {keep.sum()} hidden")
+    assert own.sum() > away * keep.sum() and not (own & ~keep).any()
+    assert seen_share(shown, own, camera) == 0.0
+    # others are seen, or they would have to be called so
+    assert seen_share(shown, keep & ~own, camera) > 0.3
+
+
+def test_nearer_ones_are_not_hidden_by_what_lies_behind(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Were depths not looked at, rays would tell."""
+    monkeypatch.setattr(module, "BEYOND", -10.0)
+    ((shown, _, own),) = found("tube", CAMERA, monkeypatch)
+    assert seen_share(shown, own, CAMERA) > 0.2
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("distortion", [None, BARREL.distortion], ids=["pinhole", "barrel"])
+def test_pictures_are_those_of_pixels_cut_finer(
+    name: str, distortion: Array | None, device: Device, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of faces of other paints side by side: edges are everywhere, and all of them exact, also
+    where tens of triangles on both sides of an outline lie over a pixel."""
+    shown, parts = surface(name), 7
+    paints = {f"paint {k}": gs.paint.Plain(0.1 + 0.15 * k) for k in range(6)}
+    region = np.random.default_rng(2).integers(0, 6, len(shown.faces)).astype(np.int32)
+    shown = gs.Surface(shown.points, shown.faces, paints, region=region)
+
+    def picture(scale: int) -> Array:
+        camera = gs.Camera.from_lens(
+            (36.0, 24.0), 34.0, (600 * scale, 400 * scale), tuple(CAMERA.eye), (0.0, 0.0, 0.0),
+            distortion=distortion,
+        )  # fmt: skip
+        frame = gs.render([shown], camera, background=0.02, device=device)
+        own = np.array(frame.radiance, np.float64)
+        return np.asarray(own.reshape(400, scale, 600, scale).mean(axis=(1, 3)))
+
+    own = picture(1)
+    monkeypatch.setattr(module, "covered", lambda t, front, *_: np.zeros(len(front), bool))
+    without, want = picture(1), picture(parts)
+    off, other = (np.abs(image - want) / want.max() for image in (own, without))
+    print(f"{name}: worst {off.max():.1e}, {other.max():.1e} without")
+    assert np.sqrt(np.mean(off**2)) < 1.01 * np.sqrt(np.mean(other**2)) + 1e-6
+    # a few pixels under more triangles than are put in order by pairs
+    limit = 1e-3 if name != "bumpy" or distortion is None else 0.1
+    assert off.max() < limit and np.count_nonzero(off > 1e-3) < 10
+
+
+def test_the_device_resolves_layers_of_fine_triangles(
+    device: Device, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Those behind others that are seen as a whole lose what these hide, whatever is left."""
+    monkeypatch.setattr(module, "covered", lambda t, front, *_: np.zeros(len(front), bool))
+    left: list[tuple[int, int]] = []
+    write = EdgePass.write
+
+    def noted(own: EdgePass, bands: object) -> None:
+        left.append((int((own._values[:, 1] > 0.0).sum()), len(own.edges.pixel)))
+        write(own, bands)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(EdgePass, "write", noted)
+    shown = surface_of(swept(240, 120, tube, True))
+    lamps = [gs.PointLight((-1.0, -2.0, 1.0), 50.0, shadows=False)]
+    got = gs.render([shown], CAMERA, lamps, background=0.02, device=device).radiance
+    want = gs.render([shown], CAMERA, lamps, background=0.02, backend="numpy").radiance
+    print(f"{left[0][0]} of {left[0][1]} pixels left to the host")
+    assert left[0][0] < 0.25 * left[0][1]
+    assert np.abs(got - want).max() < 1.5 * edges.SURE * float(want.max())
