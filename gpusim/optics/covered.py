@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.optics.layer import border_of
+from gpusim.optics.layer import border_of, sides_from
 from gpusim.optics.ragged import expand
 from gpusim.surface.topology import Topology
 
@@ -32,6 +32,9 @@ LEAST_CELL, MOST_CELL = 4.0, 32.0
 
 MOST = 1 << 22
 """Cells."""
+
+WORTH = 0.5
+"""px of edges that are looked at for each triangle that isn't."""
 
 NEARLY, SAMPLE = 99, 4096
 """Of 100 triangles, and how many tell how large they are, or whether any are hidden."""
@@ -89,17 +92,22 @@ def uncovered(
     topology: Topology, front: Flags, keep: Flags, place: Array, depth: Array
 ) -> tuple[Flags, Numbers]:
     """(T,) which triangles of a surface are to ``keep`` (T,) where those that are `covered` aren't;
-    and the edges between these and others: a sheet ends there, behind what hides both."""
+    and the edges between these and others: a sheet ends there, behind what hides both. Coarse ones
+    stay if pixels along such edges would have to be looked at for few of them."""
     none = np.zeros(0, np.int64)
     if topology.closed or front.all() or not front.any():
         return keep, none
     hidden = covered(topology, front, keep, place, depth)
     if not hidden.any():
         return keep, none
-    keep = keep & ~hidden
+    left = keep & ~hidden
     edge = np.unique(topology.edge[hidden])
     edge = edge[topology.manifold[edge]]
-    return keep, edge[keep[topology.first[edge]] | keep[topology.second[edge]]]
+    edge = edge[left[topology.first[edge]] | left[topology.second[edge]]]
+    starts, ends = (place[v] for v in sides_from(topology, edge, topology.first[edge]))
+    if np.hypot(*(ends - starts).T).sum() > WORTH * np.count_nonzero(hidden):
+        return keep, none
+    return left, edge
 
 
 def covered(topology: Topology, front: Flags, keep: Flags, place: Array, depth: Array) -> Flags:

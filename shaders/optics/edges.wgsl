@@ -163,9 +163,17 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
         if (!gone) { m = moments(polygon); }
         var spread = vec3f(0.0);
         if (shadowed != 0u && m.x > SMALLEST) { spread = spread_of(polygon, m); }
+        let behind_all = filled && doubt && all(doubtful == vec2u(0u)) && m.x > FULL;
+        if (behind_all) {
+            // what is left by all others
+            doubt = false;
+            m.x = 1.0 - seen;
+            m = vec3f(m.x, clamp(-first / m.x, vec2f(-0.5), vec2f(0.5)));
+            spread = vec3f(1.0, 0.0, 1.0) - second - spread_at(m);
+        }
         if (doubt && m.x > SMALLEST && polygon.count <= 5 && any((met & clear) != vec2u(0u))) {
             // less what each of these hides; the rest is all that is seen if no others do
-            var rest = vec4f(m.x, m.x * m.yz, 0.0);
+            var rest = vec3f(m.x, m.x * m.yz);
             var rest2 = spread + spread_at(m);
             var b = nearest;
             loop {
@@ -180,7 +188,7 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
                     }
                     if (part.count > 2) {
                         let own = moments(part);
-                        rest -= vec4f(own.x, own.x * own.yz, 0.0);
+                        rest -= vec3f(own.x, own.x * own.yz);
                         if (shadowed != 0u) { rest2 -= spread_of(part, own) + spread_at(own); }
                     }
                 }
@@ -189,23 +197,16 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
             }
             let plain = bumpy == 0u && (patterned == 0u || t.more.y == 0.0);
             if (rest.x <= LEFT_OUT) {
-                gone = true;
                 doubt = false;
                 m = vec3f(0.0);
             } else if (all((met & ~clear) == vec2u(0u)) && plain) {
                 doubt = false;
-                corner = rest.x > SMALL && !(filled && m.x > FULL);
+                corner = rest.x > SMALL;
                 m = vec3f(rest.x, clamp(rest.yz / rest.x, vec2f(-0.5), vec2f(0.5)));
                 spread = max(rest2 - spread_at(m), vec3f(0.0, -1e30, 0.0));
             }
         }
         if (shadowed != 0u && m.x > SMALLEST) {
-            if (filled && doubt && all(doubtful == vec2u(0u)) && m.x > FULL) {
-                doubt = false;
-                m.x = 1.0 - seen;
-                m = vec3f(m.x, clamp(-first / m.x, vec2f(-0.5), vec2f(0.5)));
-                spread = vec3f(1.0, 0.0, 1.0) - second - spread_at(m);
-            }
             first += m.x * m.yz;
             second += spread + spread_at(m);
         }
