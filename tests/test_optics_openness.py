@@ -266,6 +266,32 @@ def test_a_floor_before_a_wall_is_lit_by_the_closed_form() -> None:
     assert np.abs(error).max() < 4e-3
 
 
+@pytest.mark.parametrize("foot", [-0.6, 0.0], ids=["through", "on"])
+def test_no_light_or_shadow_leaks_through_a_wall_in_a_floor(foot: float, device: Device) -> None:
+    """Between two walls it is dark; up to the first one the floor is lit by the closed form."""
+    floor = plain(QUAD * 3.0)
+    corners = np.array([[1.0, -300, foot], [1, 300, foot], [1, 300, 1.5], [1, -300, 1.5]])
+    walls = [plain(corners), plain(corners + np.array([0.12, 0.0, 0.0]))]
+    eyed = camera(320, (-1.4, -1.6, 1.6))
+    view = look([floor, *walls], eyed, lit=True)
+    setup = Setup.build(view, EVEN, 0.0, [floor, *walls])
+    frame = gs.render([floor, *walls], eyed, EVEN, device=device)
+    ids = visibility_twin(view)
+    y, x = np.nonzero((ids > 0) & (view.face[ids.astype(np.int64) - 1] == 0))
+    ray = np.c_[x, y, np.ones(len(x))] @ setup.rays().T
+    eye = eyed.eye
+    place = eye - ray * (eye[2] / ray[:, 2])[:, None]
+    away = 1.0 - place[:, 0]
+    inner = (away > 0.0) & (np.abs(place) < 2.8).all(axis=1)
+    inner[np.isin(y * eyed.width + x, bin_edges(view).pixel)] = False
+    error = frame.radiance[y, x] * np.pi - 0.5 * (1.0 + away / np.hypot(away, 1.5))
+    near = inner & (away < 0.1)
+    print(f"{near.sum()} pixels near the wall: worst {np.abs(error[near]).max():.1e}")
+    assert near.sum() > 1000
+    # as with one wall; 0.37 where what is interpolated knows of the other side
+    assert np.abs(error[inner]).max() < 0.015
+
+
 @pytest.mark.parametrize("sunk", [0.0, 0.07])
 def test_the_line_of_contact_on_one_large_face_stays_sharp(sunk: float) -> None:
     box = block((0.013, 0.008, 0.25 - sunk), (0.31, 0.22, 0.25), 0.5)

@@ -21,6 +21,7 @@ from gpusim.gpu import Device
 from gpusim.optics.around import around, in_groups
 from gpusim.optics.contour_tables import ContourTables
 from gpusim.optics.corners import NORMAL, POSITION
+from gpusim.optics.cut_off import CutOff
 from gpusim.optics.hemisphere import Seen, seen, seen_twin
 from gpusim.optics.occluders import Occluders
 from gpusim.optics.view import View
@@ -96,6 +97,7 @@ class Openness:
         small = longest[triangle] / pieces[triangle]
         finest = np.minimum(2 ** np.ceil(np.log2(np.maximum(STEP * small / piece, 1.0))), FINEST)
         nodes = _Nodes(Occluders.of(view, surfaces), value, device)
+        cut_off = CutOff.of(view, surfaces, corners)
         cells = np.zeros(int(slots.sum()), np.int64)
         due, m = np.flatnonzero(_in_image(view, triangle, place)), 1
         cells[slot] = 1  # pieces outside the image share three values that nobody reads
@@ -111,6 +113,8 @@ class Openness:
             n = normals[own]
             normal = (1.0 - s - t) * n[:, None, 0] + s * n[:, None, 1] + t * n[:, None, 2]
             shares, even, buried = nodes.look(at, normal)
+            if cut_off is not None:
+                buried |= cut_off.behind(own, at)
             # a gap may show between nodes that all lie under bodies
             rough = _mixed(buried) | (buried.all(axis=1) & (m < GAP))
             if m == 1:

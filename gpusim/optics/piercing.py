@@ -17,7 +17,7 @@ import numpy.typing as npt
 from gpusim.distinct import distinct
 from gpusim.optics.ragged import expand
 
-__all__ = ["piercings"]
+__all__ = ["pierced", "piercings"]
 
 Array = npt.NDArray[np.float64]
 Long = npt.NDArray[np.int64]
@@ -31,11 +31,17 @@ FINEST = 64
 
 def piercings(bodies: Sequence[Array]) -> Array:
     """Segments (S, 2, 3) in which triangles (T, 3, 3) of different ``bodies`` cut each other."""
+    return pierced(bodies)[0]
+
+
+def pierced(bodies: Sequence[Array]) -> tuple[Array, Long]:
+    """`piercings`, and the two triangles (S, 2) of each, numbered through all bodies."""
     boxes = [
         (triangles.min(axis=(0, 1)), triangles.max(axis=(0, 1))) if len(triangles) else None
         for triangles in bodies
     ]
-    found = [np.zeros((0, 2, 3))]
+    first_of = np.cumsum([0, *(len(triangles) for triangles in bodies)])
+    found, numbers = [np.zeros((0, 2, 3))], [np.zeros((0, 2), np.int64)]
     for a, b in combinations(range(len(bodies)), 2):
         first, second = boxes[a], boxes[b]
         if first is None or second is None:
@@ -43,17 +49,20 @@ def piercings(bodies: Sequence[Array]) -> Array:
         low, high = np.maximum(first[0], second[0]), np.minimum(first[1], second[1])
         if not (low <= high).all():
             continue
-        own, other = (_inside(bodies[k], low, high) for k in (a, b))
+        rows = [_inside(bodies[k], low, high) for k in (a, b)]
+        own, other = (bodies[k][inside] for k, inside in zip((a, b), rows, strict=True))
         i, j = _pairs(own, other, low, high)
-        found.append(_sections(own[i], other[j]))
-    return np.concatenate(found)
+        pair, sections = _sections(own[i], other[j])
+        found.append(sections)
+        one, two = i[pair], j[pair]
+        numbers.append(np.stack([first_of[a] + rows[0][one], first_of[b] + rows[1][two]], axis=1))
+    return np.concatenate(found), np.concatenate(numbers)
 
 
-def _inside(triangles: Array, low: Array, high: Array) -> Array:
-    """Those whose boxes reach into a box."""
+def _inside(triangles: Array, low: Array, high: Array) -> Long:
+    """Numbers of those whose boxes reach into a box."""
     meets = (triangles.min(axis=1) <= high) & (triangles.max(axis=1) >= low)
-    result: Array = triangles[meets.all(axis=1)]
-    return result
+    return np.flatnonzero(meets.all(axis=1))
 
 
 def _pairs(own: Array, other: Array, low: Array, high: Array) -> tuple[Long, Long]:
@@ -82,8 +91,9 @@ def _pairs(own: Array, other: Array, low: Array, high: Array) -> tuple[Long, Lon
     return i[meets], j[meets]
 
 
-def _sections(own: Array, other: Array) -> Array:
-    """Segments (S, 2, 3) in which triangles (n, 3, 3) cut others, pair by pair."""
+def _sections(own: Array, other: Array) -> tuple[Long, Array]:
+    """Which pairs of triangles (n, 3, 3) cut each other, and the segments (S, 2, 3) in which they
+    do."""
     normal = np.cross(own[:, 1] - own[:, 0], own[:, 2] - own[:, 0])
     length = np.linalg.norm(normal, axis=1)
     normal = normal / np.where(length > 0.0, length, 1.0)[:, None]
@@ -112,4 +122,5 @@ def _sections(own: Array, other: Array) -> Array:
         high = np.where((e < 0.0) & (d >= 0.0), np.minimum(high, t), high)
     some = low < high
     p, way = p[some], (q - p)[some]
-    return np.stack([p + low[some, None] * way, p + high[some, None] * way], axis=1)
+    ends = [p + low[some, None] * way, p + high[some, None] * way]
+    return np.flatnonzero(cuts)[some], np.stack(ends, axis=1)
