@@ -64,6 +64,11 @@ def scroll(a: Array, b: Array) -> Array:
     return np.stack([0.6 * (b - 0.5), radius * np.cos(angle), radius * np.sin(angle)])
 
 
+def corrugated(a: Array, b: Array) -> Array:
+    x = b - 0.5 + 0.05 * np.sin(28.0 * np.pi * b)
+    return np.stack([x, 0.12 * np.cos(14.0 * np.pi * b), 0.8 * (a - 0.5)])
+
+
 def bumpy(a: Array, b: Array) -> Array:
     x, y, z = tube(a, b)
     more = 1.0 + 0.12 * np.sin(40.0 * b) * np.sin(10.0 * np.pi * a)
@@ -126,6 +131,25 @@ def test_what_is_called_hidden_is_so_by_rays(
     assert seen_share(shown, keep & ~own, camera) > 0.3
 
 
+def test_edges_are_looked_at_part_by_part(monkeypatch: pytest.MonkeyPatch) -> None:
+    ((_, _, every),) = found("window", CAMERA, monkeypatch)
+    monkeypatch.setattr(module, "TOGETHER", 50)
+    ((_, _, parted),) = found("window", CAMERA, monkeypatch)
+    np.testing.assert_array_equal(parted, every)
+    # others in crowded cells stay
+    monkeypatch.setattr(module, "CROWD", 3)
+    ((_, _, fewer),) = found("window", CAMERA, monkeypatch)
+    assert 0 < fewer.sum() < every.sum() and not (fewer & ~every).any()
+
+
+def test_sheets_full_of_holes_are_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A border longer than what it might cover: some million pairs of edges and triangles."""
+    quads = swept(300, 300, tube, True)
+    quads = quads[np.random.default_rng(0).random(len(quads)) > 0.25]
+    monkeypatch.setattr(module, "_inside", None)
+    assert look([surface_of(quads)], CAMERA, lit=False).count > 100_000
+
+
 def test_nearer_ones_are_not_hidden_by_what_lies_behind(monkeypatch: pytest.MonkeyPatch) -> None:
     """Were depths not looked at, rays would tell."""
     monkeypatch.setattr(module, "BEYOND", -10.0)
@@ -185,3 +209,21 @@ def test_the_device_resolves_layers_of_fine_triangles(
     print(f"{left[0][0]} of {left[0][1]} pixels left to the host")
     assert left[0][0] < 0.25 * left[0][1]
     assert np.abs(got - want).max() < 1.5 * edges.SURE * float(want.max())
+
+
+def test_light_on_what_the_device_is_in_doubt_about(device: Device) -> None:
+    """Folds of a finely corrugated sheet: of one doubtful triangle, which part of it shows?"""
+    quads = swept(40, 420, corrugated, False)
+    points, number = np.unique(quads.reshape(-1, 3).round(12), axis=0, return_inverse=True)
+    paints = {f"paint {k}": gs.paint.Plain(0.1 + 0.15 * k) for k in range(6)}
+    region = np.random.default_rng(2).integers(0, 6, len(quads)).astype(np.int32)
+    shown = gs.Surface(points, number.reshape(-1, 4), paints, region=region)
+    camera = gs.Camera.from_lens(
+        (36.0, 24.0), 34.0, (300, 200), tuple(CAMERA.eye), (0.0, 0.0, 0.0)
+    )  # fmt: skip
+    lamps = [gs.PointLight((-1.0, -2.0, 1.0), 50.0, shadows=False)]
+    got = gs.render([shown], camera, lamps, background=0.02, device=device).radiance
+    want = gs.render([shown], camera, lamps, background=0.02, backend="numpy").radiance
+    off = np.abs(got - want) / float(want.max())
+    print(f"worst {off.max():.1e}, {np.count_nonzero(off > edges.SURE)} pixels")
+    assert off.max() < 1e-3 and np.count_nonzero(off > edges.SURE) < 10

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.optics.layer import border_of, sides_from
-from gpusim.optics.ragged import expand
+from gpusim.optics.ragged import batches, expand
 from gpusim.surface.topology import Topology
 
 __all__ = ["FEWEST", "covered", "uncovered"]
@@ -48,6 +48,12 @@ MARGIN = 0.05
 
 BEYOND = 1e-6
 """Of its depth, by which a triangle is farther away than those that hide it."""
+
+TORN = 0.25
+"""Edges of a border, for each triangle that may be behind, beyond which not much is covered."""
+
+CROWD, TOGETHER = 64, 1 << 20
+"""Edges in a triangle's cell beyond which it isn't looked at, and pairs that are at once."""
 
 EACH = 16
 """Cells for each triangle and for each edge of a border, in the mean, that are worth it."""
@@ -132,6 +138,8 @@ def covered(topology: Topology, front: Flags, keep: Flags, place: Array, depth: 
             continue
         rows = rows[layer.before(topology.triangles[rows], place, depth)]
         starts, ends = (place[vertices].T for vertices in border_of(topology, near))
+        if starts.shape[1] > TORN * len(rows):
+            continue
         corners = place[topology.triangles[rows]].transpose(1, 2, 0)
         result[rows[_inside(layer.cells, starts, ends, corners)]] = True
     return result
@@ -211,20 +219,23 @@ def _inside(cells: _Cells, start: Array, end: Array, corners: Array) -> Numbers:
     column, row = np.floor(cells.from_origin(middle)).astype(np.int64)
     own = row * cells.shape[1] + column
     winds = _winds(cells, start, end).reshape(-1)[own]
-    box, step = expand(count[own])
-    near = edge[first[own[box]] + step]
     begin = cells.origin[:, None] + cells.side * (np.stack([column, row]) + 0.5)
-    a, b = start[:, near], end[:, near]
-    passed = ~_beside(a, b, corners[:, :, box])
-    # which way round an edge is crossed between the cell's middle and the triangle's
-    left_of = [_left(a, b, own[:, box]) for own in (begin, middle)]
-    ends_of = [_left(begin[:, box], middle[:, box], own) for own in (a, b)]
-    crossed = (left_of[0] != left_of[1]) & (ends_of[0] != ends_of[1])
-    turn = np.where(crossed, left_of[1].astype(np.int64) - left_of[0], 0)
-    winds = winds + np.bincount(box, turn, len(winds)).astype(np.int64)
-    clear = np.bincount(box, passed, len(winds)) == 0
-    result: Numbers = np.flatnonzero((winds != 0) & clear)
-    return result
+    clear = count[own] <= CROWD
+    some = np.flatnonzero(clear & (count[own] > 0))
+    for part in batches(count[own[some]], TOGETHER):
+        box, step = expand(count[own[some[part]]])
+        box = some[part.start + box]
+        near = edge[first[own[box]] + step]
+        a, b = start[:, near], end[:, near]
+        passed = ~_beside(a, b, corners[:, :, box])
+        # which way round an edge is crossed between the cell's middle and the triangle's
+        left_of = [_left(a, b, at[:, box]) for at in (begin, middle)]
+        ends_of = [_left(begin[:, box], middle[:, box], at) for at in (a, b)]
+        crossed = (left_of[0] != left_of[1]) & (ends_of[0] != ends_of[1])
+        turn = np.where(crossed, left_of[1].astype(np.int64) - left_of[0], 0)
+        winds += np.bincount(box, turn, len(winds)).astype(np.int64)
+        clear[box[passed]] = False
+    return np.flatnonzero((winds != 0) & clear)
 
 
 def _winds(cells: _Cells, start: Array, end: Array) -> Numbers:

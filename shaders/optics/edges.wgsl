@@ -163,11 +163,12 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
         if (!gone) { m = moments(polygon); }
         var spread = vec3f(0.0);
         if (shadowed != 0u && m.x > SMALLEST) { spread = spread_of(polygon, m); }
-        let behind_all = filled && doubt && all(doubtful == vec2u(0u)) && m.x > FULL;
-        if (behind_all) {
+        let plain = bumpy == 0u && (patterned == 0u || t.more.y == 0.0);
+        if (doubt && (filled || plain) && all(doubtful == vec2u(0u)) && m.x > FULL) {
             // what is left by all others
             doubt = false;
             m.x = 1.0 - seen;
+            corner = !filled && m.x > SMALL;
             m = vec3f(m.x, clamp(-first / m.x, vec2f(-0.5), vec2f(0.5)));
             spread = vec3f(1.0, 0.0, 1.0) - second - spread_at(m);
         }
@@ -195,7 +196,6 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
                 b++;
                 if (b >= c) { break; }
             }
-            let plain = bumpy == 0u && (patterned == 0u || t.more.y == 0.0);
             if (rest.x <= LEFT_OUT) {
                 doubt = false;
                 m = vec3f(0.0);
@@ -206,11 +206,9 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
                 spread = max(rest2 - spread_at(m), vec3f(0.0, -1e30, 0.0));
             }
         }
-        if (shadowed != 0u && m.x > SMALLEST) {
-            first += m.x * m.yz;
-            second += spread + spread_at(m);
-        }
         if (m.x > SMALLEST) {
+            first += m.x * m.yz;
+            if (shadowed != 0u) { second += spread + spread_at(m); }
             let d = vec2f(pixel - t.place.xy);
             let middle = undistort(bend, m.yz);
             var extent = change;
@@ -266,7 +264,9 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
             lights = vec2f(min(lights.x, params.background), max(lights.y, params.background));
         }
         value += open * share.x / share.y;
-        if (unsure || (lights.y - lights.x) * open > range.sure * lights.y) {
+        // of a single one nothing tells how much the light differs over it
+        let several = countOneBits(doubtful.x) + countOneBits(doubtful.y) > 1u;
+        if (unsure || !several || (lights.y - lights.x) * open > range.sure * lights.y) {
             doubts = 1.0;
         }
     }
