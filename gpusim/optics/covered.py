@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.optics.layer import border_of, sides_from
-from gpusim.optics.ragged import batches, expand
+from gpusim.optics.ragged import batches, cells_of, expand
 from gpusim.surface.topology import Topology
 
 __all__ = ["FEWEST", "covered", "uncovered"]
@@ -89,9 +89,7 @@ class _Cells(NamedTuple):
         wide, tall = np.maximum(last - first + 1, 0)
         if (wide * tall).sum() > EACH * wide.size + self.shape[0] * self.shape[1]:
             return None
-        own, step = expand(wide * tall)
-        down, across = np.divmod(step, wide[own])
-        return own, (first[1][own] + down) * self.shape[1] + first[0][own] + across
+        return cells_of(first, last, self.shape[1])
 
 
 def uncovered(
@@ -129,20 +127,47 @@ def covered(topology: Topology, front: Flags, keep: Flags, place: Array, depth: 
     # what reaches behind the camera lies nowhere in the image
     if few or not topology.oriented or not np.isfinite(place).all():
         return result
-    for near, far in (sides, sides[::-1]):
-        layer = _Layer.of(topology.triangles[near], place, depth)
-        rows = np.flatnonzero(far)
+    boxes = [_Boxes.of(topology.triangles[side], place, depth) for side in sides]
+    for (near, far), (ahead, beyond) in zip(
+        (sides, sides[::-1]), (boxes, boxes[::-1]), strict=True
+    ):
+        layer = _Layer.of(ahead)
         # some tell whether any are behind it
-        some = topology.triangles[rows[:: -(-len(rows) // SAMPLE)]]
-        if layer is None or not layer.before(some, place, depth).any():
+        if layer is None or not layer.before(beyond.sample()).any():
             continue
-        rows = rows[layer.before(topology.triangles[rows], place, depth)]
+        rows = np.flatnonzero(far)[layer.before(beyond)]
         starts, ends = (place[vertices].T for vertices in border_of(topology, near))
         if starts.shape[1] > TORN * len(rows):
             continue
         corners = place[topology.triangles[rows]].transpose(1, 2, 0)
         result[rows[_inside(layer.cells, starts, ends, corners)]] = True
     return result
+
+
+class _Boxes(NamedTuple):
+    """``low`` and ``high`` (2, n) px of boxes around triangles, and their ``least`` and ``most``
+    depth (n,)."""
+
+    low: Array
+    high: Array
+    least: Array
+    most: Array
+
+    @staticmethod
+    def of(triangles: Numbers, place: Array, depth: Array) -> _Boxes:
+        """Those around triangles (n, 3) of vertices at ``place`` (P, 2) px and ``depth`` (P,)."""
+        corner = [triangles[:, k] for k in range(3)]
+        low, high = np.empty((2, 3, len(triangles)))
+        for values, least, most in zip((*place.T, depth), low, high, strict=True):
+            a, b, c = (np.take(values, own) for own in corner)
+            np.minimum(np.minimum(a, b), c, out=least)
+            np.maximum(np.maximum(a, b), c, out=most)
+        return _Boxes(low[:2], high[:2], low[2], high[2])
+
+    def sample(self) -> _Boxes:
+        """Some of them."""
+        step = -(-len(self.least) // SAMPLE)
+        return _Boxes(*(values[..., ::step] for values in self))
 
 
 class _Layer(NamedTuple):
@@ -153,12 +178,11 @@ class _Layer(NamedTuple):
     far: Array
 
     @staticmethod
-    def of(triangles: Numbers, place: Array, depth: Array) -> _Layer | None:
-        """Those of vertices at ``place`` (P, 2) px and ``depth`` (P,); None where they are too
-        large."""
-        low, high, _, most = _boxes(triangles, place, depth)
-        sizes = np.maximum(high[0] - low[0], high[1] - low[1])
-        side = np.percentile(sizes[:: -(-len(sizes) // SAMPLE)], NEARLY) + 2.0 * MARGIN
+    def of(boxes: _Boxes) -> _Layer | None:
+        """Those in some boxes; None where they are too large."""
+        low, high, _, most = boxes
+        some = boxes.sample()
+        side = np.percentile((some.high - some.low).max(axis=0), NEARLY) + 2.0 * MARGIN
         side = float(np.clip(side, LEAST_CELL, MOST_CELL))
         origin = low.min(axis=1) - ASIDE
         size = np.floor((high.max(axis=1) - origin) / side) + 1.0
@@ -172,12 +196,9 @@ class _Layer(NamedTuple):
         np.maximum.at(far, filed[1], most[filed[0]])
         return _Layer(cells, far)
 
-    def before(self, triangles: Numbers, place: Array, depth: Array) -> Flags:
-        """(n,) which other ``triangles`` (n, 3) lie in cells, four at most, in which all of these
-        are nearer."""
-        low, high, least, _ = _boxes(triangles, place, depth)
-        low -= MARGIN
-        high += MARGIN
+    def before(self, boxes: _Boxes) -> Flags:
+        """(n,) which others lie in cells, four at most, in which all of these are nearer."""
+        low, high, least = boxes.low - MARGIN, boxes.high + MARGIN, boxes.least
         (left, top), (right, bottom) = self.cells.of(low, high)
         result = (right - left <= 1) & (bottom - top <= 1)
         for axis, own in enumerate(self.cells.origin):
@@ -190,17 +211,6 @@ class _Layer(NamedTuple):
                 np.maximum(beyond, np.take(self.far, cell, mode="clip"), out=beyond)
         result &= (least > beyond * (1.0 + BEYOND)) & (beyond > 0.0)
         return np.asarray(result)
-
-
-def _boxes(triangles: Numbers, place: Array, depth: Array) -> tuple[Array, Array, Array, Array]:
-    """Boxes (2, n), (2, n) around triangles (n, 3), and their least and greatest depth (n,)."""
-    corner = [triangles[:, k] for k in range(3)]
-    low, high = np.empty((2, 3, len(triangles)))
-    for values, least, most in zip((*place.T, depth), low, high, strict=True):
-        a, b, c = (np.take(values, own) for own in corner)
-        np.minimum(np.minimum(a, b), c, out=least)
-        np.maximum(np.maximum(a, b), c, out=most)
-    return low[:2], high[:2], low[2], high[2]
 
 
 def _inside(cells: _Cells, start: Array, end: Array, corners: Array) -> Numbers:

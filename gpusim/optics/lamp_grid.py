@@ -15,7 +15,7 @@ import numpy.typing as npt
 from gpusim.optics.casters import Casters, LampFaces
 from gpusim.optics.lamp_edges import LampEdges
 from gpusim.optics.lamp_view import LampView, Reach, overlap
-from gpusim.optics.ragged import batches, expand
+from gpusim.optics.ragged import batches, cells_of, expand
 from gpusim.optics.side_lines import side_lines, told_by
 from gpusim.optics.windows import Windows
 
@@ -180,11 +180,7 @@ class LampGrid:
 
     def _cells(self, first: Numbers, last: Numbers) -> tuple[Numbers, Numbers]:
         """Number of the box and of the cell for every cell of the boxes first … last (2, n)."""
-        wide, tall = np.maximum(last - first + 1, 0)
-        box, offset = expand(wide * tall)
-        column = first[0][box] + offset % np.maximum(wide, 1)[box]
-        row = first[1][box] + offset // np.maximum(wide, 1)[box]
-        return box, row * self.shape[1] + column
+        return cells_of(first, last, int(self.shape[1]))
 
     def _heights(
         self, box: Numbers, cell: Numbers, long: Flags, corners: tuple[Array, Array, Array]

@@ -1,9 +1,9 @@
 // Pixels that an edge crosses: exact polygon areas of the triangles over them, front to back.
 //
 // Each triangle is clipped to the pixel's square and loses what those in front of it hide, as long
-// as that leaves it convex. The paint's mean is taken over what is left, the light at its centroid;
-// what no triangle takes of the pixel shows the background. A pixel that depends on a shape that
-// isn't convex is noted: the host resolves it. Where one sheet without patterns covers the pixel,
+// as that leaves it convex, or as these are seen as a whole. The paint's mean is taken over what is
+// left, the light at its centroid; what no triangle takes of the pixel shows the background. A pixel
+// that depends on another shape is noted: the host resolves it. Where one sheet without patterns covers the pixel,
 // nothing is hidden, and each triangle counts by what lies of it within.
 #import common/hidden
 #import common/polygon_paint
@@ -227,7 +227,7 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
                     let tile = shadow_tile(pixel);
                     let lit = reflection_seen_at(t, params.rays, at, d + middle, extent, tile);
                     // what is in front may end where its shadow begins
-                    unsure = unsure || ((doubt || corner) && lit.half);
+                    unsure = unsure || (doubt && lit.half);
                     unknown = unknown || (corner && lit.half);
                     r = lit.r;
                 } else {
