@@ -12,7 +12,7 @@ import io
 import os
 import stat
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -20,7 +20,7 @@ from pathlib import Path
 
 from gpusim.errors import InputError
 
-__all__ = ["InputFile", "read_input"]
+__all__ = ["InputFile", "Reader", "read_input"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +29,8 @@ class InputFile:
 
     path: Path
     data: bytes = field(repr=False)
+    known: Mapping[str, str] = field(default_factory=dict, repr=False)
+    """SHA-256 by path of files that this one may name, as somebody saw them before."""
 
     @cached_property
     def sha256(self) -> str:
@@ -39,6 +41,14 @@ class InputFile:
     def suffix(self) -> str:
         """The name's ending in lower case: ``.vtu``."""
         return self.path.suffix.lower()
+
+    def beside(self, name: str | os.PathLike[str], expected: str = "a file") -> InputFile:
+        """A file that this one names; a relative name is one in its folder.
+
+        Raises InputError as `read_input`, also for one that isn't what is `known` of it.
+        """
+        path = self.path.parent / name
+        return read_input(path, expected, self.known.get(str(path)), self.known)
 
     def stream(self) -> io.BytesIO:
         """A new binary stream over `data`, at its beginning."""
@@ -63,10 +73,15 @@ class InputFile:
             yield copy
 
 
+Reader = Callable[[str], InputFile]
+"""Reads a file by its path: `read_input`, or `Scene.input`, which knows what it has to be."""
+
+
 def read_input(
     source: str | os.PathLike[str] | InputFile,
     expected: str = "a file",
     sha256: str | None = None,
+    known: Mapping[str, str] | None = None,
 ) -> InputFile:
     """Read a file whole; one that was read already is returned as it is.
 
@@ -75,6 +90,7 @@ def read_input(
     source : a path, or what an earlier call returned.
     expected : what the file should be, for the message.
     sha256 : what it was when somebody looked before (None: nobody did).
+    known : the same by path, for the files that it may name (`InputFile.beside`).
 
     Raises
     ------
@@ -91,6 +107,8 @@ def read_input(
     'ba7816bf'
     """
     file = source if isinstance(source, InputFile) else _read(source, expected)
+    if known is not None:
+        file = InputFile(file.path, file.data, known)
     if sha256 is not None and file.sha256 != sha256:
         raise InputError(
             f"{file.path}: was changed after it was first read; got other bytes; "
@@ -106,10 +124,12 @@ def _read(source: str | os.PathLike[str], expected: str) -> InputFile:
         descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
         with open(descriptor, "rb") as stream:
             if not stat.S_ISREG(os.fstat(descriptor).st_mode):
-                raise InputError(f"{path}: not a file; got {_kind(path)}; expected {expected}")
+                raise InputError(f"{path}: is {_kind(path)}; expected {expected}")
             return InputFile(path, stream.read())
     except FileNotFoundError:
         problem = "not found"
+    except IsADirectoryError:
+        problem = "is a folder"
     except ValueError as error:  # a NUL in the name
         if isinstance(error, InputError):
             raise

@@ -98,16 +98,17 @@ def make_plan(
     backend: str = "gpu",
     fresh: bool = False,
     skip: bool = True,
+    state: StateFile | None = None,
 ) -> Plan:
     """Decide every stage of a run of ``scene`` into ``out`` (None: nothing can be reused).
 
     ``fresh`` ignores the results in ``out``. ``skip=False`` switches every shortcut off as well:
     nothing is reused, and what the loads make trivial is computed all the same; outputs that the
-    scene doesn't ask for are not made.
+    scene doesn't ask for are not made. ``state``: what ``out`` holds, if somebody has looked.
     """
     if scene.variants:
         return _plan_variants(scene, out, backend, fresh, skip)
-    return _Planner(scene, out, backend, fresh, skip).plan()
+    return _Planner(scene, out, backend, fresh, skip, state).plan()
 
 
 def _plan_variants(
@@ -130,10 +131,16 @@ def _plan_variants(
 
 class _Planner:
     def __init__(
-        self, scene: Scene, out: str | PathLike[str] | None, backend: str, fresh: bool, skip: bool
+        self,
+        scene: Scene,
+        out: str | PathLike[str] | None,
+        backend: str,
+        fresh: bool,
+        skip: bool,
+        state: StateFile | None,
     ) -> None:
         self.scene, self.backend, self.skip = scene, backend, skip
-        self.state = StateFile(out) if out is not None else None
+        self.state = state or (StateFile(out) if out is not None else None)
         self.no_reuse = "" if out is not None else "new run"
         if not skip or fresh:
             self.no_reuse = "--fresh" if skip else "--no-skip"
@@ -327,6 +334,10 @@ class _Planner:
         wanted = output.vtu or output.stl
         self.decide("export", export, "" if wanted else f"{none}: neither vtu nor stl in [output]")
 
+    @property
+    def _reuses(self) -> bool:
+        return any(stage.state == "reused" for stage in self.stages.values())
+
     def _in_memory(self, mesh: str, model: str, surface: str) -> None:
         """Mesh, model and surface: run for the stages that need them, else not at all."""
         solving = self.runs("solve", "stress")
@@ -345,5 +356,7 @@ class _Planner:
                 self.enter(
                     name, "run", "needed by " + ", ".join(kinds) if kinds else "--no-skip", key
                 )
+            elif name == "mesh" and self._reuses and self.state and self.state.notes(key) is None:
+                self.enter(name, "run", "the report needs what it is like", key)
             else:
                 self.enter(name, "skipped", "nothing that runs needs it", key)

@@ -4,26 +4,54 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from gpusim.errors import InputError
+from gpusim.input_file import InputFile, read_input
+from gpusim.output_folder import delete, inside
 
 __all__ = ["StateFile", "earlier_programs", "variant_folder"]
 
 _NAME = "state.json"
-_VERSION = 1
-# larger files are told apart by their size and parts of them
-_HASHED_UP_TO, _PARTS, _PART_BYTES = 64 << 20, 128, 128 << 10
+_VERSION = 2
+_DAMAGE = (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError)
+
+Facts = Mapping[str, Any]
+"""``bytes`` and ``sha256`` of a file, all of it."""
 
 
 @dataclass(frozen=True)
 class _Entry:
+    """A stage's result: its files by name, and what the report says of it."""
+
     stage: str
-    files: Mapping[str, Mapping[str, Any]]
+    files: Mapping[str, Facts]
+    notes: Mapping[str, Any]
+
+    def content(self) -> dict[str, Any]:
+        """As it is kept; ``check`` tells whether anything else has been."""
+        plain = {"stage": self.stage, "files": dict(self.files), "notes": dict(self.notes)}
+        text = json.dumps(plain, sort_keys=True)
+        return {**plain, "check": hashlib.sha256(text.encode()).hexdigest()}
+
+    @staticmethod
+    def of(content: Mapping[str, Any], folder: Path) -> _Entry:
+        """The inverse of `content`. Raises ValueError, KeyError or TypeError for damage, and for
+        files that aren't in ``folder``."""
+        files = {
+            str(name): {"bytes": int(facts["bytes"]), "sha256": str(facts["sha256"])}
+            for name, facts in content["files"].items()
+        }
+        entry = _Entry(str(content["stage"]), files, dict(content["notes"]))
+        if entry.content()["check"] != content["check"]:
+            raise ValueError(f"what it says of {entry.stage} was changed")
+        for name in files:
+            inside(folder, name)
+        return entry
 
 
 class StateFile:
@@ -31,28 +59,30 @@ class StateFile:
 
     ``programs``: what the run that wrote it has asked the device for, as plain data. ``folder``
     needn't exist; a ``state.json`` that is missing, of another version or damaged
-    holds nothing, so everything is run again. ``problem`` then says why.
+    holds nothing, so everything is run again. ``problem`` then says why. So is a stage whose entry
+    is damaged.
     """
 
-    def __init__(self, folder: str | PathLike[str]) -> None:
+    def __init__(self, folder: str | os.PathLike[str]) -> None:
         self.folder = Path(folder)
         self.problem = ""
         self.programs: list[Any] = []
         self._entries: dict[str, _Entry] = {}
+        self._faults: dict[str, str] = {}
         try:
             content = json.loads((self.folder / _NAME).read_text(encoding="utf-8"))
             if content["version"] != _VERSION:
-                self.problem = f"{_NAME} is of version {content['version']}"
+                self.problem = f"{_NAME} is of version {content['version']!r:.20}"
                 return
             for key, entry in content["stages"].items():
-                files = {str(name): dict(facts) for name, facts in entry["files"].items()}
-                self._entries[key] = _Entry(str(entry["stage"]), files)
+                try:
+                    self._entries[key] = _Entry.of(entry, self.folder)
+                except _DAMAGE as error:
+                    self._faults[key] = f"{_NAME} is damaged ({error})"
             self.programs = list(content.get("programs", ()))
         except (FileNotFoundError, NotADirectoryError):
             return
-        except (
-            OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError
-        ) as error:  # fmt: skip
+        except _DAMAGE as error:
             self.problem = f"{_NAME} is damaged ({error})"
             self._entries = {}
 
@@ -66,19 +96,50 @@ class StateFile:
         entry = self._entries.get(key)
         return () if entry is None else tuple(self.folder / name for name in entry.files)
 
+    def notes(self, key: str) -> Mapping[str, Any] | None:
+        """What was recorded with a stage's result; None if there is none."""
+        entry = self._entries.get(key)
+        return None if entry is None else entry.notes
+
     def fault(self, key: str, stage: str) -> str | None:
         """None if this key's result lies there unchanged; else why ``stage`` has to run."""
         entry = self._entries.get(key)
         if entry is None:
             earlier = any(old.stage == stage for old in self._entries.values())
-            return self.problem or ("its inputs changed" if earlier else "not made yet")
+            reason = self.problem or self._faults.get(key)
+            return reason or ("its inputs changed" if earlier else "not made yet")
+        if not entry.files:
+            return f"{_NAME} names no files of it"
         for name, facts in entry.files.items():
-            path = self.folder / name
+            path = inside(self.folder, name)
             if not path.is_file():
                 return f"{name} is gone"
-            if _facts(path) != facts:
+            if not _is(path, facts):
                 return f"{name} was changed"
         return None
+
+    def read(self, path: Path) -> InputFile:
+        """A recorded file, as it was when it was recorded.
+
+        Raises InputError if no stage has recorded it, or if it isn't the same any more.
+        """
+        return read_input(path, "a result of an earlier run", self._facts_of(path)["sha256"])
+
+    def open(self, path: Path) -> BinaryIO:
+        """As `read`, a stream of a file that may be too large to be read whole."""
+        facts = self._facts_of(path)
+        stream = path.open("rb")
+        if hashlib.file_digest(stream, "sha256").hexdigest() != facts["sha256"]:
+            stream.close()
+            raise InputError(f"{path}: was changed; expected the result of an earlier run")
+        stream.seek(0)
+        return stream
+
+    def drop(self, key: str, reason: str) -> None:
+        """Forget a result that turned out to be damaged; ``fault`` then says why. Its files stay
+        until they are written anew."""
+        self._entries.pop(key, None)
+        self._faults[key] = reason
 
     def retire(self, stages: Iterable[str]) -> list[str]:
         """Drop the results of stages that are no longer there, and delete their files.
@@ -93,30 +154,26 @@ class StateFile:
         needed = {name for old in self._entries.values() for name in old.files}
         kept = []
         for old in gone.values():
-            for name, facts in old.files.items():
-                path = self.folder / name
-                if name in needed or not path.is_file():
-                    continue
-                if _facts(path) != facts:
-                    kept.append(
-                        f"{name} is of an earlier scene ({old.stage}) and was changed since"
-                    )
-                    continue
-                path.unlink()
-                if path.parent != self.folder and not any(path.parent.iterdir()):
-                    path.parent.rmdir()
+            for name in self._delete(old, needed):
+                kept.append(f"{name} is of an earlier scene ({old.stage}) and was changed since")
         self._save()
         return kept
 
-    def record(self, stage: str, key: str, files: Iterable[str | PathLike[str]]) -> None:
-        """Enter the files of a finished stage (inside the folder) and save.
+    def record(
+        self,
+        stage: str,
+        key: str,
+        files: Iterable[str | os.PathLike[str]],
+        notes: Mapping[str, Any] | None = None,
+    ) -> None:
+        """Enter the files of a finished stage (inside the folder) and what is said of it; save.
 
         Older entries that wrote one of the same files, or belong to the same stage, are dropped:
         their result is no longer there. What else they wrote (a step that the scene no longer has)
         is deleted, unless somebody has changed it. Raises InputError for a file outside the folder
         or absent.
         """
-        entry: dict[str, dict[str, Any]] = {}
+        entry: dict[str, Facts] = {}
         root = self.folder.resolve()
         for file in files:
             path = self.folder / file if not Path(file).is_absolute() else Path(file)
@@ -130,13 +187,10 @@ class StateFile:
         }
         needed = {name for old in kept.values() for name in old.files} | entry.keys()
         for other in self._entries.keys() - kept.keys():
-            for name, facts in self._entries[other].files.items():
-                path = root / name
-                inside = path.resolve().is_relative_to(root)
-                if name not in needed and inside and path.is_file() and _facts(path) == facts:
-                    path.unlink()
-        self._entries = kept
-        self._entries[key] = _Entry(stage, entry)
+            self._delete(self._entries[other], needed)
+        # one step: a thread may be reading
+        self._entries = kept | {key: _Entry(stage, entry, json.loads(json.dumps(notes or {})))}
+        self._faults.pop(key, None)
         self._save()
 
     def note_programs(self, programs: Iterable[Any]) -> None:
@@ -146,37 +200,57 @@ class StateFile:
             self.programs = noted
             self._save()
 
+    def _facts_of(self, path: Path) -> Facts:
+        name = path.relative_to(self.folder).as_posix()
+        for entry in self._entries.values():
+            if name in entry.files:
+                return entry.files[name]
+        raise InputError(f"{path}: not recorded; expected the result of an earlier run")
+
+    def _delete(self, old: _Entry, needed: Iterable[str]) -> list[str]:
+        """Delete the files of a result that aren't needed; returns those that were changed."""
+        changed = []
+        for name, facts in old.files.items():
+            path = inside(self.folder, name)
+            if name in needed or not path.is_file():
+                continue
+            if _is(path, facts):
+                delete(self.folder, name)
+            else:
+                changed.append(name)
+        return changed
+
     def _save(self) -> None:
         from gpusim.export.files import write_text  # the planner reads only and stays quick
 
-        stages = {key: {"stage": e.stage, "files": e.files} for key, e in self._entries.items()}
+        stages = {key: entry.content() for key, entry in self._entries.items()}
         content = {"version": _VERSION, "stages": stages, "programs": self.programs}
-        text = json.dumps(content, indent=1)
-        write_text(self.folder / _NAME, text)
+        write_text(inside(self.folder, _NAME), json.dumps(content, indent=1))
 
 
 def variant_folder(out: Path, name: str) -> Path:
     """Where the results of a variant lie."""
-    return out / "variants" / name
+    return inside(out, "variants", name)
 
 
 def earlier_programs(out: Path) -> list[Any]:
     """What the last run into ``out`` asked the device for, or one of its variants; [] for none."""
-    for folder in (out, *sorted(variant_folder(out, "").glob("*"))):
+    for folder in (out, *sorted((out / "variants").glob("*"))):
         programs = StateFile(folder).programs
         if programs:
             return programs
     return []
 
 
-def _facts(path: Path) -> dict[str, Any]:
-    """Size and SHA-256, of the largest files that of parts from the first byte to the last."""
-    size = path.stat().st_size
+def _facts(path: Path) -> Facts:
     with path.open("rb") as stream:
-        if size <= _HASHED_UP_TO:
-            return {"bytes": size, "sha256": hashlib.file_digest(stream, "sha256").hexdigest()}
-        parts = hashlib.sha256()
-        for number in range(_PARTS):
-            stream.seek((size - _PART_BYTES) * number // (_PARTS - 1))
-            parts.update(stream.read(_PART_BYTES))
-        return {"bytes": size, "sha256 of parts": parts.hexdigest()}
+        digest = hashlib.file_digest(stream, "sha256").hexdigest()
+        return {"bytes": stream.tell(), "sha256": digest}
+
+
+def _is(path: Path, facts: Facts) -> bool:
+    """Whether a file is the one that was recorded; its size tells most others at once."""
+    try:
+        return path.stat().st_size == facts["bytes"] and _facts(path) == facts
+    except OSError:  # it can't be read
+        return False

@@ -208,7 +208,8 @@ def test_killed_run_leaves_no_broken_file(checkout: Path, tmp_path: Path) -> Non
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
         deadline = time.monotonic() + 60.0
-        while not (out / "state.json").exists():
+        state = out / "state.json"
+        while not state.exists() or "displacement.npz" not in state.read_text():
             assert process.poll() is None and time.monotonic() < deadline
             time.sleep(0.01)
     finally:

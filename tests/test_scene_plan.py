@@ -29,6 +29,8 @@ def pretend_run(plan: Plan, out: Path) -> None:
     out.mkdir(exist_ok=True)
     state = StateFile(out)
     for stage in plan.stages:
+        if stage.runs and stage.name == "mesh":
+            state.record("mesh", stage.key, [], {})
         if stage.runs and stage.name.split("/")[0] in PERSISTENT:
             path = out / f"{stage.name}.bin"
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -189,19 +191,18 @@ def test_any_state_file_is_survived(tmp_path: Path, text: str) -> None:
     assert state.fault("x", "solve") == state.problem
 
 
-@pytest.mark.parametrize("at", [0, 40 << 20, (80 << 20) - 2])
+@pytest.mark.parametrize("at", [0, (37 << 20) + 12345, (66 << 20) - 1])
 def test_large_files_of_one_size_are_told_apart(tmp_path: Path, at: int) -> None:
-    """By parts of them: another picture differs all over."""
+    """By every byte."""
     path = tmp_path / "0000.tif"
     with path.open("wb") as stream:
-        stream.truncate(80 << 20)
+        stream.truncate(66 << 20)
     state = StateFile(tmp_path)
     state.record("render", "key", [path])
     assert StateFile(tmp_path).fault("key", "render") is None
     with path.open("r+b") as stream:
-        stream.seek(max(0, at - (1 << 20)))
-        stream.write(b"x" * (2 << 20))
-        stream.truncate(80 << 20)
+        stream.seek(at)
+        stream.write(b"x")
     assert StateFile(tmp_path).fault("key", "render") == "0000.tif was changed"
 
 
@@ -241,18 +242,14 @@ def test_no_skip_computes_even_what_is_trivially_zero(crane: Scene) -> None:
 def test_files_of_a_replaced_result_go_unless_someone_changed_them(tmp_path: Path) -> None:
     out = tmp_path / "out"
     out.mkdir()
-    outside = tmp_path / "outside"
-    for path in (outside, *(out / name for name in "abcd")):
-        path.write_text(path.name)
+    for name in "abcd":
+        (out / name).write_text(name)
     state = StateFile(out)
     state.record("export", "old", ["a", "b", "c"])
     state.record("truth", "other", ["d"])
-    text = (out / "state.json").read_text()
-    (out / "state.json").write_text(text.replace('"b": {', '"../outside": {"bytes": 7}, "b": {'))
     (out / "c").write_text("mine")
     StateFile(out).record("export", "new", ["a"])
     assert {path.name for path in out.iterdir()} == {"a", "c", "d", "state.json"}
-    assert outside.exists()
 
 
 def test_state_takes_only_files_of_its_folder(tmp_path: Path) -> None:

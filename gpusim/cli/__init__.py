@@ -27,9 +27,10 @@ from gpusim.cli.console import (
     time_text,
 )
 from gpusim.cli.measuring import calibrate, dic
-from gpusim.cli.options import Backend, BackendOption, Json, check_folder
+from gpusim.cli.options import Backend, BackendOption, Json, Output, folder_name
 from gpusim.cli.startup import importing, starting
 from gpusim.errors import Fault, SceneError
+from gpusim.output_folder import check_folder, claim
 
 if TYPE_CHECKING:
     from gpusim.plan import Plan
@@ -104,7 +105,7 @@ def _app(
 @app.command()
 def run(
     scene: ScenePath,
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="OUT", help="Output folder.")],
+    output: Output,
     sets: Sets = None,
     only: Only = None,
     no: No = None,
@@ -116,9 +117,9 @@ def run(
 ) -> None:
     """Solve, render, measure, report; reuse what is unchanged in OUT."""
     with exit_codes():
+        check_folder(output)
         with importing(), starting(output, backend):
             loaded = _load(scene, sets).with_effects(only or (), no or ())
-            check_folder(output)
             from gpusim import pipeline
 
         with ProgressDisplay(quiet, stream_is_result=as_json) as progress:
@@ -139,7 +140,7 @@ def run(
 @app.command()
 def budget(
     scene: ScenePath,
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="OUT", help="Output folder.")],
+    output: Output,
     sets: Sets = None,
     backend: BackendOption = Backend.gpu,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
@@ -164,7 +165,7 @@ def budget(
 @app.command()
 def solve(
     deck: Annotated[Path, typer.Argument(metavar="FILE.inp", help="An Abaqus or CalculiX deck.")],
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="OUT", help="Output folder.")],
+    output: Output,
     backend: BackendOption = Backend.gpu,
     tolerance: Annotated[
         float, typer.Option(help="Relative error of the displacement to reach.")
@@ -175,10 +176,10 @@ def solve(
 ) -> None:
     """Solve the linear static steps of an input deck and write displacements and reactions."""
     with exit_codes():
-        check_folder(output)
-        from gpusim.cli.decks import solve_deck
+        with claim(output):
+            from gpusim.cli.decks import solve_deck
 
-        solve_deck(deck, output, backend.value, tolerance, stress, quiet, as_json)
+            solve_deck(deck, output, backend.value, tolerance, stress, quiet, as_json)
 
 
 app.command()(dic)
@@ -189,7 +190,10 @@ app.command()(calibrate)
 def plan(
     scene: ScenePath,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="OUT", help="Folder of an earlier run.")
+        Path | None,
+        typer.Option(
+            "-o", "--output", metavar="OUT", help="Folder of an earlier run.", parser=folder_name
+        ),
     ] = None,
     sets: Sets = None,
     backend: BackendOption = Backend.gpu,
@@ -199,8 +203,9 @@ def plan(
 ) -> None:
     """Validate a scene and tell what a run would do, why, and what it costs; run nothing."""
     with exit_codes():
+        if output is not None:
+            check_folder(output)
         loaded = _load(scene, sets)
-        check_folder(output)
         if loaded.reads_files:
             import_module("gpusim.pipeline.files").check_files(loaded)
         from gpusim.plan import make_plan

@@ -19,11 +19,12 @@ from gpusim._version import __version__
 from gpusim.cli.calibration_table import rig_table
 from gpusim.cli.console import out
 from gpusim.errors import InputError
-from gpusim.export.files import write_text
+from gpusim.export.files import atomic_path, write_text
 from gpusim.export.pictures import pages_of, picture_file, read_grey
 from gpusim.measure.bundle import LENSES
 from gpusim.optics.calibration_files import UNIT_MM, write_calibration
 from gpusim.optics.camera import Camera
+from gpusim.output_folder import inside
 from gpusim.report import Link, Report, write_report
 from gpusim.report.stereo_figures import RigCamera, draw_calibration
 
@@ -83,10 +84,11 @@ def calibrate_files(
     ]
     found = measure.calibrate(seen, lens=wishes.lens, square_pixels=wishes.square_pixels)
     content = _content(found, seen, pictures, wishes)
-    files = [write_text(folder / "calibration.json", json.dumps(content, indent=1) + "\n")]
+    files = [write_text(inside(folder, "calibration.json"), json.dumps(content, indent=1) + "\n")]
     for name in wishes.formats:
-        path = folder / f"calibration-{name}.{ENDINGS[name]}"
-        write_calibration(path, _cameras(found, UNIT_MM[name]), name)
+        path = inside(folder, f"calibration-{name}.{ENDINGS[name]}")
+        with atomic_path(path) as part:
+            write_calibration(part, _cameras(found, UNIT_MM[name]), name)
         files.append(path)
     report = _report(found, seen, missed, files, folder)
     write_report(report, folder)
@@ -263,7 +265,7 @@ def _report(
         RigCamera(own.name, np.zeros(3), np.zeros(3), points, gaps, own.resolution)
         for own, points, gaps in zip(found.cameras, found.points, found.residuals, strict=True)
     ]
-    path = folder / "figures" / "calibration.png"
+    path = inside(folder, "figures", "calibration.png")
     return Report(
         scene="Calibration",
         adapter="not needed",

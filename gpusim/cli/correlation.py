@@ -38,6 +38,7 @@ from gpusim.measure.sequence import Update
 from gpusim.measure.strain import StrainKind
 from gpusim.measure.warp import Shape
 from gpusim.optics.calibration_files import UNIT_MM, calibration_format, read_calibration
+from gpusim.output_folder import inside
 from gpusim.report.correlation import correlation_page, stereo_summary, summary
 from gpusim.report.maps import draw_maps, draw_stereo_maps
 from gpusim.report.model import Figure
@@ -113,9 +114,11 @@ def correlate_files(
             name = f"{number + 1:04d}_{safe_name(path.stem)}"
             notes = settings | {"reference": str(reference), "deformed": str(path)}
             for suffix in choices.formats:
-                write_correlation(folder / f"{name}.{suffix}", result, found, notes)
+                write_correlation(inside(folder, f"{name}.{suffix}"), result, found, notes)
             row = summary(str(path), result, found, seconds)
-            figures.append((path.name, draw_maps(first, result, found, folder / f"{name}.png")))
+            figures.append(
+                (path.name, draw_maps(first, result, found, inside(folder, f"{name}.png")))
+            )
             rows.append(row)
             progress(
                 "dic", (number + 1) / len(deformed), f"{path.name}: {row['measured']} measured"
@@ -216,8 +219,8 @@ def correlate_pairs(
             notes = settings | {"reference": str(lefts[0]), "left": str(pair[0]),
                                 "right": str(pair[1])}  # fmt: skip
             for suffix in choices.formats:
-                write_stereo(folder / f"{name}.{suffix}", result, found, notes)
-            figure = draw_stereo_maps(left, result, found, folder / f"{name}.png")
+                write_stereo(inside(folder, f"{name}.{suffix}"), result, found, notes)
+            figure = draw_stereo_maps(left, result, found, inside(folder, f"{name}.png"))
             figures.append((f"{pair[0].name}, {pair[1].name}", figure))
             rows.append(stereo_summary(str(pair[0]), result, found, seconds))
             progress("dic", number / len(results), f"{pair[0].name}: {rows[-1]['measured']} points")
@@ -279,8 +282,8 @@ def _finish(
     """Report, and say so if an image has no point measured."""
     report = {"schema": _SCHEMA, "version": __version__, "settings": settings, "images": rows}
     text = json.dumps(report, indent=2)
-    write_text(folder / "report.json", text + "\n")
-    write_text(folder / "report.html", correlation_page(title, rows, figures, settings))
+    write_text(inside(folder, "report.json"), text + "\n")
+    write_text(inside(folder, "report.html"), correlation_page(title, rows, figures, settings))
     if as_json:
         out(text)
     elif not quiet:

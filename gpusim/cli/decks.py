@@ -18,6 +18,7 @@ from gpusim.errors import GpusimError, NotConverged
 from gpusim.export import atomic_stream, write_pvd, write_vtu
 from gpusim.export.files import write_text
 from gpusim.fem import Solution, von_mises
+from gpusim.output_folder import delete, inside
 
 __all__ = ["solve_deck"]
 
@@ -118,9 +119,10 @@ def _write_solutions(
 ) -> list[str]:
     names = [f"solution_{step.number:04d}.vtu" for step in deck.steps]
     # what an earlier deck left here must not be taken for results of this one
-    stale = [file for file in folder.glob("solution_[0-9]*.vtu") if file.name not in names]
-    for file in (folder / "report.json", *stale):
-        file.unlink(missing_ok=True)
+    earlier = (file.name for file in folder.glob("solution_[0-9]*.vtu"))
+    stale = [file for file in earlier if file not in names]
+    for file in ("report.json", *stale):
+        delete(folder, file)
     for step, solution, stress, name in zip(deck.steps, solutions, stresses, names, strict=True):
         fields: dict[str, npt.NDArray[np.generic]] = {
             "u": solution.u,
@@ -137,17 +139,18 @@ def _write_solutions(
             mean = np.concatenate([points.mean(axis=1) for points in stress.values()])
             of_cell |= {"stress": mean, "von_mises": von_mises(mean)}
         write_vtu(
-            folder / name,
+            inside(folder, name),
             deck.mesh.points,
             deck.mesh.cells,
             point_data=fields,
             cell_data=of_cell,
         )
     steps = [
-        (float(step.number), folder / name) for step, name in zip(deck.steps, names, strict=True)
+        (float(step.number), inside(folder, name))
+        for step, name in zip(deck.steps, names, strict=True)
     ]
-    write_pvd(folder / "solution.pvd", steps)
-    with atomic_stream(folder / "displacements.npz") as stream:
+    write_pvd(inside(folder, "solution.pvd"), steps)
+    with atomic_stream(inside(folder, "displacements.npz")) as stream:
         np.savez_compressed(
             stream,
             node_labels=deck.node_labels,
@@ -194,7 +197,7 @@ def _greatest_stress(deck: Deck, stress: Mapping[str, Float]) -> dict[str, Any]:
 
 
 def _write_report(folder: Path, report: dict[str, Any]) -> None:
-    write_text(folder / "report.json", json.dumps(report, indent=2) + "\n")
+    write_text(inside(folder, "report.json"), json.dumps(report, indent=2) + "\n")
 
 
 def _print(report: dict[str, Any], folder: Path) -> None:

@@ -9,7 +9,8 @@ from typing import Annotated, Literal
 import typer
 
 from gpusim.cli.console import exit_codes
-from gpusim.cli.options import Backend, BackendOption, Json, Output, Quiet, check_folder
+from gpusim.cli.options import Backend, BackendOption, Json, Output, Quiet
+from gpusim.output_folder import check_below, claim
 
 __all__ = ["calibrate", "dic"]
 
@@ -90,7 +91,6 @@ def dic(
     gpusim dic --stereo rig.caldat left0.tif right0.tif left1.tif right1.tif … -o out     (in mm)
     """
     with exit_codes():
-        check_folder(output)
         from gpusim.cli.correlation import Choices, correlate_files, correlate_pairs
 
         choices = Choices(
@@ -112,10 +112,12 @@ def dic(
             formats=tuple(one.value for one in formats or [Format.csv]),
             backend=backend.value,
         )
-        if stereo is None:
-            correlate_files(reference, deformed, output, choices, quiet, as_json)
-        else:
-            correlate_pairs([reference, *deformed], stereo, output, choices, quiet, as_json)
+        with claim(output):
+            check_below(output, "figures")
+            if stereo is None:
+                correlate_files(reference, deformed, output, choices, quiet, as_json)
+            else:
+                correlate_pairs([reference, *deformed], stereo, output, choices, quiet, as_json)
 
 
 def calibrate(
@@ -154,7 +156,6 @@ def calibrate(
     gpusim calibrate photos/ --kind charuco --board 7x5 --square-mm 30 --marker-mm 22 -o out
     """
     with exit_codes():
-        check_folder(output)
         from gpusim.cli.calibrating import Wishes, calibrate_files
 
         wishes = Wishes(
@@ -167,4 +168,6 @@ def calibrate(
             square_pixels=square_pixels,
             formats=tuple(formats or ["opencv"]),
         )
-        calibrate_files(images, others or [], output, wishes, quiet, as_json)
+        with claim(output):
+            check_below(output, "figures")
+            calibrate_files(images, others or [], output, wishes, quiet, as_json)

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-import os
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from gpusim.errors import InputError
+__all__ = ["Backend", "BackendOption", "Json", "Output", "Quiet", "folder_name"]
 
-__all__ = ["Backend", "BackendOption", "Json", "Output", "Quiet", "check_folder"]
+
+def folder_name(text: str) -> Path:
+    """The folder of an option; an empty name isn't the working folder."""
+    if not str(text):
+        raise typer.BadParameter("no name of a folder; got ''")
+    return Path(text)
 
 
 class Backend(StrEnum):
@@ -23,16 +27,8 @@ class Backend(StrEnum):
 
 BackendOption = Annotated[Backend, typer.Option(help="gpu: any Vulkan device; numpy: none.")]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")]
-Output = Annotated[Path, typer.Option("-o", "--output", metavar="OUT", help="Output folder.")]
+Output = Annotated[
+    Path,
+    typer.Option("-o", "--output", metavar="OUT", help="Output folder.", parser=folder_name),
+]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
-
-
-def check_folder(folder: Path | None) -> None:
-    """Refuse an output folder that is a file, lies in one, or can't be written to (InputError)."""
-    if folder is None:
-        return
-    existing = next(path for path in (folder, *folder.absolute().parents) if path.exists())
-    if not existing.is_dir():
-        raise InputError(f"-o: not a folder; got {existing}; expected a folder, or a new name")
-    if not os.access(existing, os.W_OK | os.X_OK):
-        raise InputError(f"-o: can't be written to; got {existing}; expected a folder of yours")

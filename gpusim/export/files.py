@@ -112,11 +112,13 @@ def clean_leftovers(folder: PathLike) -> tuple[Path, ...]:
 
 
 def safe_name(name: str) -> str:
-    """Return ``name`` as one harmless path component: letters, digits, ``._-``, no leading dot.
+    """Return ``name`` as one harmless path component: letters, digits, ``._-``, no leading dot,
+    at most 120 bytes.
 
     Raises InputError if nothing is left of it.
     """
-    safe = re.sub(r"[^\w.-]+", "_", name).strip("._")[:120]
+    safe = re.sub(r"[^\w.-]+", "_", name).strip("._")
+    safe = safe.encode("utf-8", "ignore")[:120].decode("utf-8", "ignore")
     if not safe:
         raise InputError(f"file name: got {name!r}; expected at least one letter or digit")
     return safe

@@ -23,6 +23,7 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.export.files import PathLike, atomic_path, atomic_stream
 from gpusim.export.recent import keep, recall
+from gpusim.input_file import InputFile, read_input
 
 __all__ = ["GreyImage", "read_image", "write_colour", "write_image", "write_png", "write_tiff"]
 
@@ -140,18 +141,20 @@ def write_tiff(
     return Path(path)
 
 
-def read_image(path: PathLike) -> GreyImage:
+def read_image(source: PathLike | InputFile) -> GreyImage:
     """Read a grey image as it is stored: (H, W) uint8 or uint16.
 
     One that was read or written lately comes from memory (`gpusim.export.recent`), so the array
     can't be written to. Raises InputError if the file is missing, unreadable or not grey.
     """
+    path = source.path if isinstance(source, InputFile) else source
     if not Path(path).is_file():
         raise InputError(f"image file: {path}: not found")
     known = recall(path)
     if known is not None:
         return cast(GreyImage, known)
-    image = cv2.imread(os.fspath(path), cv2.IMREAD_UNCHANGED)
+    data = np.frombuffer(read_input(source, "a PNG or TIFF image").data, np.uint8)
+    image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
     if image is None:
         raise InputError(f"image file: {path}: can't be read; expected a PNG or TIFF image")
     if image.ndim != 2 or image.dtype not in (np.uint8, np.uint16):

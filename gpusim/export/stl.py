@@ -11,6 +11,7 @@ import numpy.typing as npt
 from gpusim.distinct import distinct
 from gpusim.errors import InputError
 from gpusim.export.files import PathLike, atomic_stream, safe_name
+from gpusim.output_folder import inside
 
 __all__ = ["write_region_stls", "write_stl"]
 
@@ -100,7 +101,7 @@ def write_region_stls(
     for index, name in enumerate(names):
         selected = faces[region_of_face == index]
         if len(selected):
-            path = Path(folder) / name / f"{step:04d}.stl"
+            path = inside(folder, name, f"{step:04d}.stl")
             title = f"region {name}, step {step}"
             written.append(write_stl(path, points, selected, title=title))
     return tuple(written)

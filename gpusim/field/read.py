@@ -10,12 +10,13 @@ import numpy as np
 
 from gpusim.errors import InputError
 from gpusim.field.field import Field
+from gpusim.input_file import InputFile
 from gpusim.mesh import Mesh
 
 __all__ = ["FIELD_SUFFIXES", "read_field"]
 
 
-def _vtu(path: Path, name: str | None) -> Field:
+def _vtu(path: str | PathLike[str] | InputFile, name: str | None) -> Field:
     from gpusim.field.vtu import read_vtu_field
 
     return read_vtu_field(path, name)
@@ -54,7 +55,7 @@ FIELD_SUFFIXES = tuple(_READERS)
 
 
 def read_field(
-    path: str | PathLike[str],
+    path: str | PathLike[str] | InputFile,
     *,
     name: str | None = None,
     scale: float = 1.0,
@@ -85,7 +86,7 @@ def read_field(
     for key, value in (("scale", scale), ("magnify", magnify)):
         if not (np.isfinite(value) and value > 0.0):
             raise InputError(f"read_field: {key}; got {value}; expected a factor > 0")
-    file = Path(path)
+    file = path.path if isinstance(path, InputFile) else Path(path)
     if not file.is_file():
         kind = "is a folder" if file.is_dir() else "no such file"
         raise InputError(f"{file}: {kind}; expected a file with a displacement field")
@@ -96,7 +97,8 @@ def read_field(
             f"{', '.join(FIELD_SUFFIXES)}"
         )
     try:
-        field = reader(file, name)
+        # a series hands on what is known of the files that it names
+        field = _vtu(path, name) if reader is _vtu else reader(file, name)
     except InputError as error:
         text = str(error)
         raise InputError(text if str(file.parent) in text else f"{file}: {text}") from None

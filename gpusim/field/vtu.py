@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.field.field import Field
 from gpusim.field.names import scalar_names, vector_name
+from gpusim.input_file import InputFile, read_input
 from gpusim.mesh.raw import assemble, solid_nodes
 from gpusim.mesh.read_meshio import raw_of, read_content
 from gpusim.series import SERIES_SUFFIXES, read_series
@@ -20,29 +22,35 @@ __all__ = ["read_vtu_field"]
 Float = npt.NDArray[np.float64]
 
 
-def read_vtu_field(path: Path, name: str | None = None) -> Field:
+def read_vtu_field(path: str | PathLike[str] | InputFile, name: str | None = None) -> Field:
     """The field of a .vtu (a single state, at time 1) or of a series of them.
 
     The mesh is that of the first file; the others must have as many nodes.
     """
-    if path.suffix.lower() in SERIES_SUFFIXES:
-        steps = read_series(path)
+    source = read_input(path, "a file with a displacement field")
+    if source.suffix in SERIES_SUFFIXES:
+        steps = read_series(source)
         times, files = [time for time, _ in steps], [file for _, file in steps]
     else:
-        times, files = [1.0], [path]
+        times, files = [1.0], [source.path]
     for file in files:
         if file.suffix.lower() != ".vtu":
-            raise InputError(f"{path}: names {file.name}; expected .vtu files")
+            raise InputError(f"{source.path}: names {file.name}; expected .vtu files")
         if not file.is_file():
-            raise InputError(f"{path}: names {file.name}, which isn't there")
-    first = read_content(files[0], "vtu")
+            raise InputError(f"{source.path}: names {file.name}, which isn't there")
+
+    def content_of(number: int) -> Any:
+        file = source if files[number] == source.path else source.beside(files[number].absolute())
+        return read_content(file, "vtu")
+
+    first = content_of(0)
     raw = raw_of(first, files[0], "vtu")
     mesh = assemble(raw, str(files[0]))
     used = solid_nodes(raw)
     _displacement(first, files[0], name)  # a wrong name shows at once
 
     def step(number: int) -> Float:
-        content = first if number == 0 else read_content(files[number], "vtu")
+        content = first if number == 0 else content_of(number)
         u = _displacement(content, files[number], name)
         if len(u) != len(used):
             raise InputError(
@@ -50,7 +58,7 @@ def read_vtu_field(path: Path, name: str | None = None) -> Field:
             )
         return u[used]
 
-    return Field(mesh, times, step, name=str(path))
+    return Field(mesh, times, step, name=str(source.path))
 
 
 def _displacement(content: Any, file: Path, name: str | None) -> Float:

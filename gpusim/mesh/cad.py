@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.input_file import InputFile
 from gpusim.mesh.cad_sizes import SizeBox, check_sizes, set_sizes
 from gpusim.mesh.gmsh_types import GMSH_NODES, GMSH_TYPES, from_gmsh_order
 from gpusim.mesh.mesh import Mesh
@@ -42,7 +43,7 @@ class _Part:
 
 
 def mesh_cad(
-    path: str | PathLike[str],
+    path: str | PathLike[str] | InputFile,
     *,
     size: float,
     order: int = 1,
@@ -89,7 +90,7 @@ def mesh_cad(
         gmsh or its libraries are missing, a file that is absent, of another kind or can't be
         meshed, a file without solids, unknown names in ``sizes``, sizes that aren't positive.
     """
-    file = Path(path)
+    file = path.path if isinstance(path, InputFile) else Path(path)
     if file.suffix.lower() not in CAD_SUFFIXES:
         raise InputError(
             f"{file}: unknown kind of CAD file; got {file.suffix or 'no ending'!r}; expected one "

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.input_file import InputFile
 from gpusim.mesh.read_meshio import read_content
 
 __all__ = ["read_surface"]
@@ -17,14 +18,14 @@ _FORMATS = {".stl": "stl", ".ply": "ply", ".obj": "obj", ".off": "off"}
 
 
 def read_surface(
-    path: str | os.PathLike[str],
+    path: str | os.PathLike[str] | InputFile,
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int32]]:
     """Points (P, 3) and faces (F, 4), the last column -1 for triangles; any unit of length.
 
     Points at the same place (an STL repeats them for every triangle) become one; faces that are
     no faces then are left out. Raises InputError, naming the file.
     """
-    file = Path(path)
+    file = path.path if isinstance(path, InputFile) else Path(path)
     kind = _FORMATS.get(file.suffix.lower())
     if kind is None or not file.is_file():
         what = "no such file" if kind else f"got {file.suffix!r}"

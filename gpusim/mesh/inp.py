@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.input_file import InputFile
 from gpusim.mesh.cells import CELL_TYPES
 from gpusim.mesh.inp_blocks import ElementBlock, InpContent, read_content
 from gpusim.mesh.inp_cards import PathLike, read_cards
@@ -60,7 +61,7 @@ class LabelledMesh:
         return np.stack([cell, local], axis=1)
 
 
-def read_inp(path: PathLike) -> Mesh:
+def read_inp(path: PathLike | InputFile) -> Mesh:
     """The solid mesh of an Abaqus or CalculiX input file.
 
     Node sets, element sets (as cell sets) and element surfaces (as face sets) keep their names,
@@ -73,7 +74,9 @@ def read_inp(path: PathLike) -> Mesh:
     type, undefined nodes or sets, an element with missing nodes, a number that isn't one.
     """
     cards = read_cards(path)
-    return label_mesh(read_content(cards), str(path)).mesh
+    return label_mesh(
+        read_content(cards), str(path.path if isinstance(path, InputFile) else path)
+    ).mesh
 
 
 def label_mesh(content: InpContent, path: str) -> LabelledMesh:

@@ -15,6 +15,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from gpusim.errors import InputError
+from gpusim.input_file import InputFile, read_input
 
 __all__ = ["Card", "PathLike", "nearest", "read_cards"]
 
@@ -54,16 +55,17 @@ class Card:
                 yield number, fields
 
 
-def read_cards(path: PathLike) -> list[Card]:
+def read_cards(path: PathLike | InputFile) -> list[Card]:
     """The cards of an input file in their order, included files in place.
 
     Raises InputError: the file can't be read or isn't text, has no keyword, has data before its
     first keyword, or includes itself.
     """
-    cards = list(_cards(Path(path), ()))
+    file = read_input(path, "an Abaqus or CalculiX input file")
+    cards = list(_cards(file, ()))
     if not cards:
         raise InputError(
-            f"{path}: no keyword found; got a file without a line that starts with *; "
+            f"{file.path}: no keyword found; got a file without a line that starts with *; "
             "expected an Abaqus or CalculiX input file"
         )
     return cards
@@ -76,11 +78,12 @@ def nearest(name: str, known: Sequence[str]) -> str:
     return f" (did you mean {by_fold[close[0]]!r}?)" if close else ""
 
 
-def _cards(path: Path, parents: tuple[Path, ...]) -> Iterator[Card]:
+def _cards(file: InputFile, parents: tuple[Path, ...]) -> Iterator[Card]:
+    path = file.path
     resolved = path.resolve()
     if resolved in parents or len(parents) > _DEEPEST_INCLUDE:
         raise InputError(f"{path}: *INCLUDE: the file includes itself; expected a chain that ends")
-    lines = _text(path).splitlines()
+    lines = _text(file).splitlines()
     starts = [k for k, line in enumerate(lines) if line.startswith("*") and line[1:2] != "*"]
     for k in range(starts[0] if starts else len(lines)):
         if lines[k].strip() and not lines[k].startswith("**"):
@@ -103,23 +106,18 @@ def _cards(path: Path, parents: tuple[Path, ...]) -> Iterator[Card]:
         target = card.parameters.get("INPUT", "")
         if not target:
             raise InputError(f"{card.where()}: no file; got {head.strip()!r}; expected INPUT=file")
-        child = path.parent / target
-        if not child.is_file():
+        if not (path.parent / target).is_file():
             raise InputError(f"{card.where()}: no such file; got {target!r}; expected a file")
-        yield from _cards(child, (*parents, resolved))
+        yield from _cards(file.beside(target), (*parents, resolved))
 
 
-def _text(path: Path) -> str:
-    try:
-        raw = path.read_bytes()
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise InputError(f"{path}: can't be read ({reason}); expected an input file") from None
-    if b"\0" in raw:
+def _text(file: InputFile) -> str:
+    if b"\0" in file.data:
         raise InputError(
-            f"{path}: not a text file; got binary data; expected an Abaqus or CalculiX input file"
+            f"{file.path}: not a text file; got binary data; expected an Abaqus or CalculiX "
+            "input file"
         )
-    return raw.decode("utf-8-sig", errors="replace")
+    return file.data.decode("utf-8-sig", errors="replace")
 
 
 def _card(head: str, lines: list[str], numbers: list[int], file: str, line: int) -> Card:

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from gpusim.errors import InputError
+from gpusim.input_file import InputFile
 from gpusim.mesh.cad import CAD_SUFFIXES
 from gpusim.mesh.mesh import Mesh
 from gpusim.mesh.raw import assemble
@@ -40,7 +41,7 @@ def _bdf(path: Path) -> Mesh:
     return assemble(read_bdf(path), str(path))
 
 
-def _inp(path: Path) -> Mesh:
+def _inp(path: str | PathLike[str] | InputFile) -> Mesh:
     from gpusim.mesh.inp import read_inp
 
     return read_inp(path)
@@ -69,7 +70,7 @@ _READERS: dict[str, Callable[[Path], Mesh]] = {
 MESH_SUFFIXES = tuple(_READERS)
 
 
-def read_mesh(path: str | PathLike[str], *, scale: float = 1.0) -> Mesh:
+def read_mesh(path: str | PathLike[str] | InputFile, *, scale: float = 1.0) -> Mesh:
     """Read a volume mesh: first- and second-order tetrahedra, hexahedra, wedges, pyramids.
 
     Parameters
@@ -94,7 +95,7 @@ def read_mesh(path: str | PathLike[str], *, scale: float = 1.0) -> Mesh:
     """
     if not (np.isfinite(scale) and scale > 0.0):
         raise InputError(f"read_mesh: scale; got {scale}; expected a factor > 0")
-    file = Path(path)
+    file = path.path if isinstance(path, InputFile) else Path(path)
     if not file.exists():
         raise InputError(f"{file}: no such file; expected a mesh file")
     if file.is_dir():
@@ -112,7 +113,8 @@ def read_mesh(path: str | PathLike[str], *, scale: float = 1.0) -> Mesh:
     try:
         if file.stat().st_size == 0:
             raise InputError(f"{file}: the file is empty; expected a mesh")
-        mesh = reader(file)
+        # a deck hands on what is known of the files that it includes
+        mesh = _inp(path) if reader is _inp else reader(file)
     except InputError as error:
         text = str(error)
         raise InputError(text if str(file) in text else f"{file}: {text}") from None

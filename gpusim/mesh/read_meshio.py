@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.input_file import InputFile
 from gpusim.mesh.cells import CELL_TYPES
 from gpusim.mesh.mirror import turned_wedges, turned_whole
 from gpusim.mesh.raw import RawBlock, RawMesh
@@ -61,7 +62,7 @@ def raw_of(content: Any, path: Path, kind: str) -> RawMesh:
     return RawMesh(points, tuple(blocks), _node_groups(content))
 
 
-def read_content(path: Path, kind: str) -> Any:
+def read_content(source: Path | InputFile, kind: str) -> Any:
     """The file as meshio has it, which prints, warns and raises all sorts of errors.
 
     Raises InputError, naming the file.
@@ -69,15 +70,19 @@ def read_content(path: Path, kind: str) -> Any:
     from gpusim.mesh.meshio_types import meshio
 
     said = io.StringIO()
+    path = source.path if isinstance(source, InputFile) else source
     try:
         with (
+            (
+                source.on_disk() if isinstance(source, InputFile) else contextlib.nullcontext(path)
+            ) as place,
             contextlib.redirect_stdout(said),
             contextlib.redirect_stderr(said),
             np.errstate(all="ignore"),
             warnings.catch_warnings(),
         ):
             warnings.simplefilter("ignore")
-            content = meshio.read(path, file_format=kind)
+            content = meshio.read(place, file_format=kind)
     except (Exception, SystemExit) as error:
         words = " ".join(f"{type(error).__name__} {error} {said.getvalue()}".split())
         raise InputError(

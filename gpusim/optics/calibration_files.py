@@ -20,6 +20,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from gpusim.errors import InputError
+from gpusim.input_file import InputFile
 from gpusim.optics.calibration_opencv import read_opencv, write_opencv
 from gpusim.optics.calibration_text import read_kalibr, read_matchid, write_kalibr, write_matchid
 from gpusim.optics.calibration_xml import read_dice, read_vic, write_dice, write_vic
@@ -48,7 +49,7 @@ _WRITE: dict[str, Callable[[Sequence[Camera], str], str]] = {
 }
 
 
-def calibration_format(path: str | Path) -> str:
+def calibration_format(path: str | Path | InputFile) -> str:
     """Which program's calibration a file holds, by its name and its first words.
 
     Raises
@@ -56,7 +57,7 @@ def calibration_format(path: str | Path) -> str:
     InputError
         The file can't be read, or is none of them.
     """
-    text, file = _text(path), Path(path)
+    text, file = _text(path), path.path if isinstance(path, InputFile) else Path(path)
     if file.suffix.lower() == ".caldat":
         return "matchid"
     if "opencv_storage" in text[:500] or text.lstrip().startswith(("%YAML", "{")):
@@ -73,7 +74,9 @@ def calibration_format(path: str | Path) -> str:
     )
 
 
-def read_calibration(path: str | Path, size: tuple[int, int] | None = None) -> list[Camera]:
+def read_calibration(
+    path: str | Path | InputFile, size: tuple[int, int] | None = None
+) -> list[Camera]:
     """The cameras in a calibration file, in its order and unit of length.
 
     Parameters
@@ -86,7 +89,8 @@ def read_calibration(path: str | Path, size: tuple[int, int] | None = None) -> l
         Not such a file, or content that has no like here: a fisheye model, another distortion
         than OpenCV's, a matrix that is no rotation. It names the file and the key.
     """
-    return _READ[calibration_format(path)](_text(path), str(path), size)
+    name = str(path.path if isinstance(path, InputFile) else path)
+    return _READ[calibration_format(path)](_text(path), name, size)
 
 
 def write_calibration(path: str | Path, cameras: Sequence[Camera], format: str) -> None:
@@ -111,7 +115,9 @@ def write_calibration(path: str | Path, cameras: Sequence[Camera], format: str) 
     Path(path).write_text(text, encoding="utf-8")
 
 
-def _text(path: str | Path) -> str:
+def _text(path: str | Path | InputFile) -> str:
+    if isinstance(path, InputFile):
+        return path.text("a calibration file")
     try:
         return Path(path).read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.input_file import InputFile
 
 __all__ = ["PANORAMA_SUFFIXES", "read_panorama"]
 
@@ -18,7 +19,7 @@ LUMINANCE = np.array([0.0722, 0.7152, 0.2126])
 """Of blue, green and red (ITU-R BT.709), in OpenCV's order."""
 
 
-def read_panorama(path: str | os.PathLike[str]) -> npt.NDArray[np.float64]:
+def read_panorama(path: str | os.PathLike[str] | InputFile) -> npt.NDArray[np.float64]:
     """A picture of radiances as (H, W) float64; colours count by their luminance.
 
     Radiance (.hdr, .pic) and TIFF files of floats, and .npy arrays (H, W) or (H, W, 3) of red,
@@ -29,7 +30,7 @@ def read_panorama(path: str | os.PathLike[str]) -> npt.NDArray[np.float64]:
     InputError
         Names the file: absent, damaged, of another kind, or values below 0 or not finite.
     """
-    file = Path(path)
+    file = path.path if isinstance(path, InputFile) else Path(path)
     expected = f"a picture of radiances, one of {', '.join(PANORAMA_SUFFIXES)}"
     if not file.is_file():
         raise InputError(f"{file}: no such file; expected {expected}")

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Self
 
 from gpusim.pipeline.images import Photographer, Shot
+from gpusim.pipeline.notes import Made
 from gpusim.scene import model as m
 
 __all__ = ["Album"]
@@ -31,7 +32,7 @@ class Album:
     ) -> None:
         self.photographer, self.look = photographer, look
         self._wanted = deque(wanted)
-        self._coming: deque[Future[list[Path]]] = deque()
+        self._coming: deque[Future[Made]] = deque()
         self._pool = ThreadPoolExecutor(AHEAD, thread_name_prefix="gpusim.album")
 
     def __enter__(self) -> Self:
@@ -40,22 +41,22 @@ class Album:
     def __exit__(self, *_: object) -> None:
         self._pool.shutdown()
 
-    def take(self) -> list[Path]:
-        """Take the next picture; returns its files."""
+    def take(self) -> Made:
+        """Take the next picture; returns its files, and what is said of it."""
         while self._wanted and len(self._coming) <= AHEAD:
             self._coming.append(self._begin())
         return self._coming.popleft().result()
 
-    def _begin(self) -> Future[list[Path]]:
+    def _begin(self) -> Future[Made]:
         camera, frame = self._wanted.popleft()
         try:
             shot = self.photographer.take(camera, frame)
         except Exception as error:  # it belongs to the picture that it happened to
-            failed: Future[list[Path]] = Future()
+            failed: Future[Made] = Future()
             failed.set_exception(error)
             self._wanted.clear()
             return failed
         return self._pool.submit(self._end, shot)
 
-    def _end(self, shot: Shot) -> list[Path]:
-        return shot.write() + (self.look(shot) if self.look else [])
+    def _end(self, shot: Shot) -> Made:
+        return Made(shot.write() + (self.look(shot) if self.look else []), shot.notes)

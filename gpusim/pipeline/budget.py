@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 from gpusim.errors import InputError
-from gpusim.pipeline.running import run
+from gpusim.output_folder import claim, inside
+from gpusim.pipeline.running import run, run_claimed
 from gpusim.report import Budget, BudgetRow, Measurement, Report, write_report
 from gpusim.scene import Scene
 from gpusim.scene.sources import active_sources, with_only, without_sources
@@ -54,15 +55,30 @@ def run_budget(
     states: list[tuple[State, str, dict[str, Any]]] = [("none", "", with_only(document, []))]
     states += [("only", name, with_only(document, [name])) for name in effects]
     states += [("no", name, without_sources(document, [name])) for name in effects]
-    whole = run(scene, out, backend=backend, progress=progress)
+    with claim(out) as folder:
+        return _budget(scene, folder, states, backend, progress)
+
+
+def _budget(
+    scene: Scene,
+    out: Path,
+    states: Sequence[tuple[State, str, dict[str, Any]]],
+    backend: str,
+    progress: Progress | None,
+) -> Report:
+    """As `run_budget`, into a folder that the caller has claimed."""
+    tell = progress or (lambda stage, done, text: None)
+    whole = run_claimed(scene, out, backend, False, True, tell)
     quantities = _counted(scene, whole.measurements)
     rows = [BudgetRow("all", "", tuple(abs(item.error) for item in quantities))]
-    folder = Path(out) / FOLDER
+    folder = inside(out, FOLDER)
     for number, (state, name, changed) in enumerate(states):
         words = f"{state} {name}".strip()
         if progress is not None:
             progress("budget", number / len(states), words)
-        own = Scene.from_document(_lean(changed), source=f"{scene.source}, {words}")
+        own = Scene.from_document(
+            _lean(changed), source=f"{scene.source}, {words}", files=scene.files
+        )
         measured = run(own, folder, backend=backend).measurements
         found = {item.name: abs(item.error) for item in measured}
         errors = tuple(found.get(item.name, float("nan")) for item in quantities)
@@ -71,7 +87,7 @@ def run_budget(
     report = replace(whole, budget=budget)
     write_report(report, out)
     if progress is not None:
-        progress("budget", 1.0, f"{len(states) + 1} states of {len(effects)} effects")
+        progress("budget", 1.0, f"{len(states) + 1} states of {(len(states) - 1) // 2} effects")
     return report
 
 

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from gpusim import mesh
 from gpusim.errors import InputError
 from gpusim.field import Field, read_field
+from gpusim.input_file import Reader, read_input
 from gpusim.mesh import Mesh
 from gpusim.optics.light import (
     AmbientLight,
@@ -48,15 +49,18 @@ class BodyParts:
     field: Field | None = None
 
 
-def build_body(body: m.Body) -> BodyParts:
-    """Mesh and painted skin; a face belongs to the last paint that matches it."""
+def build_body(body: m.Body, read: Reader = read_input) -> BodyParts:
+    """Mesh and painted skin; a face belongs to the last paint that matches it.
+
+    ``read``: how the files that it names are read.
+    """
     field = None
     if isinstance(body.mesh, m.FieldMesh):
         given = body.mesh
         field = read_field(
-            given.path, name=given.variable, scale=given.scale, magnify=given.magnify
+            read(given.path), name=given.variable, scale=given.scale, magnify=given.magnify
         )
-    grid = field.mesh if field is not None else build_mesh(body.mesh)
+    grid = field.mesh if field is not None else build_mesh(body.mesh, read)
     faces = mesh.boundary_faces(grid)
     skin = Skin(grid, faces)
     region = np.zeros(len(faces), np.int32)
@@ -78,7 +82,7 @@ def build_body(body: m.Body) -> BodyParts:
         if not own.any():
             raise _painted_over(where)
         frames[paint.name] = build_frame(paint, rest, skin.pieces, own, where)
-        paints[paint.name] = build_pattern(paint, frames[paint.name], where)
+        paints[paint.name] = build_pattern(paint, frames[paint.name], where, read)
     return BodyParts(body, grid, skin, skin.surface(paints, region, frames, body.name), field)
 
 
@@ -91,10 +95,10 @@ def _painted_over(where: str) -> InputError:
 
 def build_lights(scene: Scene) -> list[Light] | None:
     """The lights, or None for a scene without: it then shows albedo."""
-    return [_light(light) for light in scene.lights] or None
+    return [_light(light, scene.input) for light in scene.lights] or None
 
 
-def _light(light: m.Light) -> Light:
+def _light(light: m.Light, read: Reader) -> Light:
     if isinstance(light, m.Ambient):
         return AmbientLight(light.radiance, light.occlusion)
     if isinstance(light, m.Environment):
@@ -102,7 +106,7 @@ def _light(light: m.Light) -> Light:
         forward = light.forward or ((1.0, 0.0, 0.0) if along_y else (0.0, 1.0, 0.0))
         if light.path:
             return EnvironmentLight.read(
-                light.path, scale=light.scale, up=light.up, forward=forward,
+                read(light.path), scale=light.scale, up=light.up, forward=forward,
                 occlusion=light.occlusion,
             )  # fmt: skip
         return EnvironmentLight(

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.input_file import Reader, read_input
 from gpusim.optics.calibration_files import UNIT_MM, calibration_format, read_calibration
 from gpusim.optics.camera import Camera
 from gpusim.scene import model as m
@@ -17,8 +18,8 @@ __all__ = ["build_camera"]
 Array = npt.NDArray[np.float64]
 
 
-def build_camera(camera: m.Camera) -> Camera:
-    """The camera of a scene, in metres.
+def build_camera(camera: m.Camera, read: Reader = read_input) -> Camera:
+    """The camera of a scene, in metres; ``read``: how its calibration is read.
 
     Raises
     ------
@@ -28,7 +29,7 @@ def build_camera(camera: m.Camera) -> Camera:
     """
     columns, rows = camera.resolution
     if camera.calibration:
-        found = _calibrated(camera)
+        found = _calibrated(camera, read)
         pose = _pose(camera)
         return found if pose is None else replace(found, camera_from_world=pose)
     bent = np.array(camera.distortion) if camera.distortion else None
@@ -75,10 +76,11 @@ def _pose(camera: m.Camera) -> Array | None:
     return pose
 
 
-def _calibrated(camera: m.Camera) -> Camera:
-    path, which = camera.calibration, camera.calibration_camera
-    where = f"camera {camera.name!r} calibration {path}"
-    cameras = read_calibration(path, camera.resolution)
+def _calibrated(camera: m.Camera, read: Reader) -> Camera:
+    which = camera.calibration_camera
+    where = f"camera {camera.name!r} calibration {camera.calibration}"
+    file = read(camera.calibration)
+    cameras = read_calibration(file, camera.resolution)
     names = [found.name for found in cameras]
     if isinstance(which, str):
         if which not in names:
@@ -96,7 +98,7 @@ def _calibrated(camera: m.Camera) -> Camera:
             f"{where}; got {found.width} x {found.height} px there; expected resolution_px "
             f"{list(camera.resolution)}"
         )
-    unit = camera.calibration_unit or UNIT_MM[calibration_format(path)] / 1000.0
+    unit = camera.calibration_unit or UNIT_MM[calibration_format(file)] / 1000.0
     pose = found.camera_from_world.copy()
     pose[:3, 3] *= unit
     return replace(found, camera_from_world=pose, name=camera.name)

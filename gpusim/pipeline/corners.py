@@ -5,12 +5,15 @@ from __future__ import annotations
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 
 from gpusim import measure
 from gpusim.errors import InputError
 from gpusim.export.files import atomic_stream
+from gpusim.input_file import Reader
+from gpusim.output_folder import inside
 from gpusim.pipeline.images import Shot, image_path
 from gpusim.scene import Scene
 from gpusim.scene import model as m
@@ -60,17 +63,25 @@ def write_corners(scene: Scene, shot: Shot) -> list[Path]:
     return [path]
 
 
-def read_corners(scene: Scene, out: Path, camera: str, pose: int) -> measure.Sighting:
-    """What was found of the board in a pose. Raises InputError if nothing was kept."""
-    path = _corners_path(image_path(scene, out, camera, pose, "calib-"))
-    if not path.is_file():
-        raise InputError(f"corners of the calibration board: {path}: not found")
-    with np.load(path, allow_pickle=False) as stored:
-        values = dict(stored)
-    width, height = (int(v) for v in values.pop("resolution"))
-    missed, problem = int(values.pop("missed")), str(values.pop("problem"))
-    return measure.Sighting(**values, resolution=(width, height), missed=missed, problem=problem)
+def read_corners(scene: Scene, out: Path, read: Reader, camera: str, pose: int) -> measure.Sighting:
+    """What was found of the board in a pose. Raises InputError if nothing was kept, or is damaged.
+
+    ``read``: how a file of an earlier run is read.
+    """
+    file = read(str(_corners_path(image_path(scene, out, camera, pose, "calib-"))))
+    try:
+        with np.load(file.stream(), allow_pickle=False) as stored:
+            values = dict(stored)
+        width, height = (int(v) for v in values.pop("resolution"))
+        missed, problem = int(values.pop("missed")), str(values.pop("problem"))
+        return measure.Sighting(
+            **values, resolution=(width, height), missed=missed, problem=problem
+        )
+    except (OSError, EOFError, ValueError, KeyError, TypeError, BadZipFile) as error:
+        raise InputError(
+            f"{file.path}: damaged ({error}); expected corners of the calibration board"
+        ) from None
 
 
 def _corners_path(image: Path) -> Path:
-    return image.with_name(f"{image.stem}-corners.npz")
+    return inside(image.parent, f"{image.stem}-corners.npz")

@@ -16,6 +16,7 @@ import numpy.typing as npt
 from gpusim import measure
 from gpusim.errors import GpusimError
 from gpusim.export.files import safe_name, write_text
+from gpusim.output_folder import inside
 from gpusim.pipeline.deflection import DeflectionResult
 from gpusim.scene import Scene
 from gpusim.scene import model as m
@@ -81,9 +82,9 @@ class DamageResult:
         stem = safe_name(self.name)
         breaks = [row for line in self.lines for row in _breaks(line)]
         return [
-            write_text(folder / f"{stem}.csv", _table(_POINTS, _points(self.lines))),
-            write_text(folder / f"{stem}-breaks.csv", _table(_BREAKS, breaks)),
-            write_text(folder / f"{stem}.json", self._json(breaks)),
+            write_text(inside(folder, f"{stem}.csv"), _table(_POINTS, _points(self.lines))),
+            write_text(inside(folder, f"{stem}-breaks.csv"), _table(_BREAKS, breaks)),
+            write_text(inside(folder, f"{stem}.json"), self._json(breaks)),
         ]
 
     def _json(self, breaks: Sequence[Sequence[Any]]) -> str:

@@ -14,6 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.export.files import safe_name, write_text
+from gpusim.input_file import Reader, read_input
+from gpusim.output_folder import inside
 from gpusim.scene import model as m
 
 __all__ = ["DeflectionResult", "unrefined_text"]
@@ -111,8 +113,8 @@ class DeflectionResult:
             values[item.name] = value
         text = json.dumps(values, indent=1, allow_nan=False) + "\n"
         return [
-            write_text(folder / f"{stem}.csv", self._csv()),
-            write_text(folder / f"{stem}.json", text),
+            write_text(inside(folder, f"{stem}.csv"), self._csv()),
+            write_text(inside(folder, f"{stem}.json"), text),
         ]
 
     def _csv(self) -> str:
@@ -134,9 +136,11 @@ class DeflectionResult:
         return stream.getvalue()
 
     @staticmethod
-    def read(folder: Path, spec: m.Deflection) -> DeflectionResult:
-        """What an earlier run wrote for ``spec``."""
-        values = json.loads((folder / f"{safe_name(spec.name)}.json").read_text())
+    def read(folder: Path, spec: m.Deflection, read: Reader = read_input) -> DeflectionResult:
+        """What an earlier run wrote for ``spec``; ``read``: how. Raises InputError
+        or ValueError for damage."""
+        file = read(str(inside(folder, f"{safe_name(spec.name)}.json")))
+        values = json.loads(file.data)
         values.setdefault("unrefined", [])  # earlier runs didn't say
         for item in fields(DeflectionResult):
             value = values[item.name]

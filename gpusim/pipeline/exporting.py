@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from gpusim.export.stl import write_region_stls
 from gpusim.export.vtu import write_pvd, write_vtu
+from gpusim.output_folder import inside
 from gpusim.pipeline.build import BodyParts
 from gpusim.pipeline.stresses import Stresses
 from gpusim.scene import Scene
@@ -40,8 +41,7 @@ def write_meshes(
         for step, time in enumerate(times):
             u = displacement(index, step)
             if scene.output.vtu:
-                file = out / "solution" / f"{name}-{step:04d}.vtu"
-                file.parent.mkdir(parents=True, exist_ok=True)
+                file = inside(out, "solution", f"{name}-{step:04d}.vtu")
                 of_points, of_cells = (
                     stresses.fields(index, step, parts) if stresses is not None else ({}, {})
                 )
@@ -52,9 +52,7 @@ def write_meshes(
                 steps.append((time, file))
             if scene.output.stl:
                 surface = parts.surface
-                folder = out / "stl"
-                if len(bodies) > 1:
-                    folder = folder / name
+                folder = inside(out, "stl", *([name] if len(bodies) > 1 else []))
                 files += write_region_stls(
                     folder,
                     surface.rest + parts.skin.at_vertices(u),
@@ -65,7 +63,7 @@ def write_meshes(
                 )
         files += [file for _, file in steps]
         if steps:
-            files.append(write_pvd(out / "solution" / f"{name}.pvd", steps))
+            files.append(write_pvd(inside(out, "solution", f"{name}.pvd"), steps))
     return files
 
 

@@ -42,30 +42,35 @@ def check_files(scene: Scene) -> None:
 
 def _checks(scene: Scene) -> Iterator[Callable[[], object]]:
     for camera in scene.cameras:
-        yield partial(build_camera, camera)
+        yield partial(build_camera, camera, scene.input)
         if camera.lens is not None and camera.calibration:
-            yield partial(build_lens, camera)
+            yield partial(build_lens, camera, scene.input)
     for body in scene.bodies:
         if isinstance(body.mesh, m.FieldMesh):
-            yield partial(_read_and_check, body.mesh, scene.analysis.load_factors)
+            yield partial(_read_and_check, body.mesh, scene)
     for thing in (*scene.bodies, *scene.props):
         for paint in thing.paints:
             if isinstance(paint, m.Picture):
-                yield partial(Image.read, paint.path, paint.texel, gamma=paint.gamma)
+                yield partial(_read_picture, paint, scene)
     yield partial(build_lights, scene)
 
 
 def check_views(scene: Scene) -> None:
     """Make every camera, lens and light once. Raises InputError for what is wrong in them."""
     for camera in scene.cameras:
-        build_camera(camera)
-        build_lens(camera)
+        build_camera(camera, scene.input)
+        build_lens(camera, scene.input)
     build_lights(scene)
 
 
-def _read_and_check(mesh: m.FieldMesh, times: tuple[float, ...]) -> None:
-    field = read_field(mesh.path, name=mesh.variable, scale=mesh.scale, magnify=mesh.magnify)
-    check_field(field, times)
+def _read_and_check(mesh: m.FieldMesh, scene: Scene) -> None:
+    file = scene.input(mesh.path)
+    field = read_field(file, name=mesh.variable, scale=mesh.scale, magnify=mesh.magnify)
+    check_field(field, scene.analysis.load_factors)
+
+
+def _read_picture(paint: m.Picture, scene: Scene) -> None:
+    Image.read(scene.input(paint.path), paint.texel, gamma=paint.gamma)
 
 
 def check_field(field: Field, times: tuple[float, ...]) -> None:

@@ -5,21 +5,22 @@ from __future__ import annotations
 from pathlib import Path
 
 from gpusim.errors import InputError
+from gpusim.output_folder import check_below, inside
 from gpusim.scene import Scene
 from gpusim.state import variant_folder
 
 __all__ = ["check_folders"]
 
-_FOLDERS = ("figures", "images", "measure", "solution", "stl", "variants")
+_FILES = ("report.html", "report.json", "scene.toml", "state.json", "truth.h5")
+_FOLDERS = ("budget", "figures", "images", "measure", "solution", "stl", "variants")
 
 
 def check_folders(scene: Scene, out: Path) -> None:
-    """Raises InputError naming the first thing in ``out`` that is no folder, but has the name of
-    one that the run writes into."""
+    """Raises InputError naming the first thing in ``out`` that has the name of a folder or file
+    that the run writes, but is something else, leads elsewhere or can't be written."""
+    check_below(out, *_FOLDERS)
     for root in (out, *(variant_folder(out, variant.name) for variant in scene.variants)):
-        cameras = (root / "images" / camera.name for camera in scene.cameras)
-        for place in (root, *(root / name for name in _FOLDERS), *cameras):
-            if place.exists() and not place.is_dir():
-                raise InputError(
-                    f"run: {place} is no folder; expected a folder, or nothing of that name"
-                )
+        check_below(root, *(f"images/{camera.name}" for camera in scene.cameras), *_FOLDERS)
+        for name in _FILES:
+            if inside(root, name).is_dir():
+                raise InputError(f"{root / name}: is a folder; expected a file, or nothing")

@@ -10,10 +10,12 @@ from typing import Any
 
 import numpy.typing as npt
 
+from gpusim.errors import InputError
 from gpusim.export.files import write_text
 from gpusim.export.images import write_image
 from gpusim.export.recent import keep
 from gpusim.gpu import Device
+from gpusim.input_file import InputFile, Reader, read_input
 from gpusim.optics.camera import Camera
 from gpusim.optics.frame import Frame
 from gpusim.optics.light import Light
@@ -24,14 +26,16 @@ from gpusim.optics.shutter import SurfacesAt
 from gpusim.optics.truth import BAND
 from gpusim.optics.unchanged import same_surfaces, unseen_change
 from gpusim.optics.view import look
+from gpusim.output_folder import inside
 from gpusim.pipeline.cameras import build_camera
+from gpusim.pipeline.notes import Notes
 from gpusim.pipeline.photo import build_lens, build_sensor, build_shutter, moving, opening
 from gpusim.pipeline.window import Window, whole, window_of
 from gpusim.scene import Scene
 from gpusim.scene import model as m
 from gpusim.surface import Surface
 
-__all__ = ["Photographer", "Shot", "image_path"]
+__all__ = ["Photographer", "Shot", "image_path", "read_exposure"]
 
 SERIES = 10_000  # frames that a scene may have: series of the same sensor share none of their noise
 
@@ -39,7 +43,18 @@ SERIES = 10_000  # frames that a scene may have: series of the same sensor share
 def image_path(scene: Scene, out: Path, camera: str, frame: int, kind: str = "") -> Path:
     """Where the image of a frame lies; ``kind`` "calib-" for those of a calibration target."""
     suffix = "png" if scene.sensor.format == "png" else "tif"
-    return out / "images" / camera / f"{kind}{frame:04d}.{suffix}"
+    return inside(out, "images", camera, f"{kind}{frame:04d}.{suffix}")
+
+
+def read_exposure(file: InputFile) -> float:
+    """The full scale of a camera's sensor that an earlier run chose. Raises InputError."""
+    try:
+        value = float(json.loads(file.data)["full_scale_radiance"])
+    except (ValueError, KeyError, TypeError, RecursionError):
+        value = 0.0
+    if not 0.0 < value < float("inf"):
+        raise InputError(f"{file.path}: no exposure; expected full_scale_radiance > 0")
+    return value
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +63,7 @@ class Shot:
 
     ``window``: the part of it that isn't background alone; None for all of it. ``density``: pixels
     per metre. ``beside``: files that were written with it. ``kept``: whether it will be measured
-    and shown.
+    and shown. ``notes``: what is said of it.
     """
 
     path: Path
@@ -57,6 +72,7 @@ class Shot:
     density: float | None
     beside: tuple[Path, ...]
     kept: bool
+    notes: Notes
 
     def write(self) -> list[Path]:
         """Write it; returns all of its files."""
@@ -79,15 +95,16 @@ class Photographer:
         surfaces: Callable[[int | None], list[Surface]],
         kind: str = "",
         skip: bool = True,
+        read: Reader = read_input,
     ) -> None:
+        """``read``: how files of an earlier run are read."""
         self.scene, self.out, self.device, self.backend = scene, out, device, backend
         self.lights, self.surfaces, self.kind, self.skip = lights, surfaces, kind, skip
+        self.read = read
         self._last: tuple[str, int, Frame] | None = None
         self._shown: Sequence[Surface] = ()
-        self.facts: dict[str, str] = {}
-        """What lens and shutter did, by "camera: effect", in the latest frame."""
-        self.warnings: list[str] = []
-        """Where a frame is less exact than asked for."""
+        self._full_scale: dict[str, float] = {}
+        self._warnings: list[str] = []
 
     def forget(self) -> None:
         """Let go of the latest frame."""
@@ -99,7 +116,7 @@ class Photographer:
             name, number, kept = self._last
             if (name, number) == (camera.name, frame):
                 return kept
-        viewer = build_camera(camera)
+        viewer = build_camera(camera, self.scene.input)
         if window is not None:
             viewer = window.camera(viewer)
         shutter = build_shutter(camera)
@@ -113,7 +130,7 @@ class Photographer:
             surfaces,
             viewer,
             self.lights,
-            lens=build_lens(camera),
+            lens=build_lens(camera, self.scene.input),
             shutter=shutter,
             time=opening(shutter, viewer),
             error=self.scene.render.error,
@@ -123,9 +140,8 @@ class Photographer:
         )
         self._last = (camera.name, frame, rendered)
         self._shown = () if callable(surfaces) else surfaces
-        self.warnings += [f"image {self.kind}{frame:04d} of {camera.name}: {text}"
-                          for text in rendered.warnings]  # fmt: skip
-        self.facts |= {f"{camera.name}: {what}": words for what, words in rendered.facts.items()}
+        self._warnings += [f"image {self.kind}{frame:04d} of {camera.name}: {text}"
+                           for text in rendered.warnings]  # fmt: skip
         return rendered
 
     def _unchanged(
@@ -144,7 +160,7 @@ class Photographer:
 
         Only where the first ``bodies`` surfaces may be; returns that window, too.
         """
-        viewer, shutter = build_camera(camera), build_shutter(camera)
+        viewer, shutter = build_camera(camera, self.scene.input), build_shutter(camera)
         surfaces: Sequence[Surface] = self.surfaces(frame)
         if frame is not None and shutter is not None and shutter.line_time:
             now = self._moving(camera, frame)
@@ -172,7 +188,6 @@ class Photographer:
     def take(self, camera: m.Camera, frame: int) -> Shot:
         """Render and expose one frame."""
         path = image_path(self.scene, self.out, camera.name, frame, self.kind)
-        path.parent.mkdir(parents=True, exist_ok=True)
         window = self._window(camera, frame)
         linear = self.frame(camera, frame, window)
         sensor = self._sensor(camera, frame, linear)
@@ -183,10 +198,22 @@ class Photographer:
         number = common.series * SERIES + frame
         image = sensor.expose(linear, common.seed, number, f"{self.kind}{camera.name}")
         if window is not None:
-            image = window.placed(image, build_camera(camera))
+            image = window.placed(image, build_camera(camera, self.scene.input))
         wide = camera.sensor[0]
         density = camera.resolution[0] / wide if wide else None
-        return Shot(path, image, window, density, tuple(beside), kept=not self.kind)
+        notes = Notes(tuple(self._warnings), self._facts(camera, linear), self._adapter)
+        self._warnings = []
+        return Shot(path, image, window, density, tuple(beside), not self.kind, notes)
+
+    def _facts(self, camera: m.Camera, rendered: Frame) -> dict[str, str]:
+        """What lens and shutter did."""
+        if self.kind:
+            return {}
+        return {f"camera {camera.name}: {what}": words for what, words in rendered.facts.items()}
+
+    @property
+    def _adapter(self) -> str:
+        return "none (numpy backend)" if self.device is None else self.device.name
 
     def _window(self, camera: m.Camera, frame: int) -> Window | None:
         """The part of a target's image that isn't background, if nothing acts on that as well."""
@@ -195,7 +222,7 @@ class Photographer:
         spec = self.scene.sensor_of(camera.name)
         if camera.lens is not None or build_sensor(spec, camera, 1.0).signal():
             return None  # a blurred border, noise, or a black level
-        return window_of(self.surfaces(frame), build_camera(camera))
+        return window_of(self.surfaces(frame), build_camera(camera, self.scene.input))
 
     def _sensor(self, camera: m.Camera, frame: int, linear: Frame) -> Sensor:
         """The scene's exposure, or one chosen from the camera's first frame and kept in a file."""
@@ -206,9 +233,12 @@ class Photographer:
         if frame == 0:
             like = build_sensor(spec, camera, 1.0)
             sensor = Sensor.auto_exposed(linear, like=like)
+            self._full_scale[camera.name] = sensor.full_scale
             write_text(file, json.dumps({"full_scale_radiance": sensor.full_scale}) + "\n")
             return sensor
-        return build_sensor(spec, camera, json.loads(file.read_text())["full_scale_radiance"])
+        if camera.name not in self._full_scale:
+            self._full_scale[camera.name] = read_exposure(self.read(str(file)))
+        return build_sensor(spec, camera, self._full_scale[camera.name])
 
     def _exposure_file(self, camera: m.Camera) -> Path:
-        return self.out / "images" / camera.name / f"{self.kind}exposure.json"
+        return inside(self.out, "images", camera.name, f"{self.kind}exposure.json")

@@ -17,7 +17,9 @@ import numpy.typing as npt
 
 from gpusim._version import __version__
 from gpusim.export.files import atomic_stream, safe_name
+from gpusim.input_file import Reader, read_input
 from gpusim.optics.camera import Camera
+from gpusim.output_folder import inside
 from gpusim.pipeline.following import Followed, MarkerSet, follow_markers
 
 __all__ = ["KeptMarkers"]
@@ -28,11 +30,12 @@ _KEY = "key"
 class KeptMarkers:
     """`follow_markers`, once for the same pictures.
 
-    ``folder``: where what was found is kept; ``reuse``: whether an earlier run's is taken.
+    ``folder``: where what was found is kept; ``reuse``: whether an earlier run's is taken, and
+    ``read`` how.
     """
 
-    def __init__(self, folder: Path, reuse: bool = True) -> None:
-        self.folder, self.reuse = folder, reuse
+    def __init__(self, folder: Path, reuse: bool = True, read: Reader = read_input) -> None:
+        self.folder, self.reuse, self.read = folder, reuse, read
         self._found: dict[Path, tuple[str, Followed]] = {}
 
     @property
@@ -53,10 +56,10 @@ class KeptMarkers:
     ) -> Followed:
         """As `follow_markers`, for the measure ``name``."""
         key = _key(marks, camera, reference, deformed, subset, bits)
-        path = self.folder / f"{safe_name(name)}-{safe_name(camera.name)}-markers.npz"
+        path = inside(self.folder, f"{safe_name(name)}-{safe_name(camera.name)}-markers.npz")
         known, found = self._found.get(path, ("", None))
         if found is None or known != key:
-            found = _stored(path, key) if self.reuse else None
+            found = _stored(path, key, self.read) if self.reuse else None
         if found is None:
             found = follow_markers(
                 f"measure {name!r}", marks, camera, reference, deformed, subset=subset, bits=bits
@@ -88,10 +91,10 @@ def _key(
     return digest.hexdigest()
 
 
-def _stored(path: Path, key: str) -> Followed | None:
+def _stored(path: Path, key: str, read: Reader) -> Followed | None:
     """What lies there for ``key``; None if that is another one's, or damaged."""
     try:
-        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
+        with np.load(read(str(path)).stream(), allow_pickle=False) as file:
             if str(file[_KEY]) != key:
                 return None
             values = {item.name: file[item.name] for item in fields(Followed)}

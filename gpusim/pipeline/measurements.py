@@ -9,6 +9,7 @@ from typing import Any
 import numpy.typing as npt
 
 from gpusim.errors import GpusimError
+from gpusim.input_file import Reader
 from gpusim.measure.targets import Sighting
 from gpusim.pipeline.deflection import DeflectionResult
 from gpusim.pipeline.kept import KeptMarkers
@@ -46,10 +47,10 @@ def measured(
     raise GpusimError(f"measure {spec.name!r}: compares variants; the scene has none")
 
 
-def read(spec: m.Measure, folder: Path) -> Result:
-    """What an earlier run wrote for ``spec``."""
+def read(spec: m.Measure, folder: Path, reader: Reader) -> Result:
+    """What an earlier run wrote for ``spec``; ``reader``: how its files are read."""
     if isinstance(spec, m.Deflection):
-        return DeflectionResult.read(folder, spec)
+        return DeflectionResult.read(folder, spec, reader)
     if isinstance(spec, m.Stereo):
-        return StereoResult.read(folder, spec.name)
+        return StereoResult.read(folder, spec.name, reader)
     raise GpusimError(f"measure {spec.name!r}: compares variants; the scene has none")

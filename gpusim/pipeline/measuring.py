@@ -48,7 +48,7 @@ def measure_deflection(
     GpusimError
         No marker could be found in the reference image.
     """
-    camera = build_camera(next(c for c in scene.cameras if c.name == spec.camera))
+    camera = build_camera(next(c for c in scene.cameras if c.name == spec.camera), scene.input)
     what = f"measure {spec.name!r}"
     marks = collect_markers(what, spec.groups, spec.static, scene, bodies)
     last = len(scene.analysis.load_factors) - 1

@@ -7,8 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from gpusim.pipeline.solved import Solved
-from gpusim.pipeline.things import Things
-from gpusim.report import BodyForce, Mechanics, StressPeak
+from gpusim.report import BodyForce, Mechanics, MeshSummary, StressPeak
 from gpusim.scene import Scene
 from gpusim.scene.amplitudes import LoadHistory
 
@@ -35,21 +34,21 @@ def make_mechanics(
     return Mechanics(last, solved.energy_balance, tuple(reactions), tuple(loads), tuple(stresses))
 
 
-def large_displacements(things: Things) -> list[str]:
+def large_displacements(
+    solved: Solved, history: LoadHistory, meshes: Sequence[MeshSummary]
+) -> list[str]:
     """One warning per solved body that moves, within itself, too far for linear statics."""
     warnings = []
-    for i, parts in enumerate(things.bodies):
-        if parts.field is not None or things.solved is None:
-            continue
-        size = float(np.linalg.norm(np.ptp(parts.mesh.points, axis=0)))
+    for i, (mesh, u) in enumerate(zip(meshes, solved.u, strict=True)):
+        size = mesh.extent
         reach = [
-            float(np.linalg.norm(np.ptp(things.displacement(i, frame), axis=0)))
-            for frame in range(things.history.frames)
+            float(np.linalg.norm(np.ptp(np.tensordot(weights[i], u, axes=1), axis=0)))
+            for weights in (history.weights(frame) for frame in range(history.frames))
         ]
         frame = int(np.argmax(reach))
         if not reach[frame] <= _LARGE * size:
             warnings.append(
-                f"body {parts.body.name!r}: displacements differ by {1e3 * reach[frame]:.3g} mm "
+                f"body {mesh.body!r}: displacements differ by {1e3 * reach[frame]:.3g} mm "
                 f"in frame {frame}, {100 * reach[frame] / size:.3g} % of its size; linear statics "
                 "holds for small ones only: are units, loads and moduli meant so?"
             )

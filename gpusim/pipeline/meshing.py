@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from gpusim import mesh
 from gpusim.errors import InputError
 from gpusim.field import read_field
+from gpusim.input_file import Reader, read_input
 from gpusim.mesh import Mesh
 from gpusim.report import MeshSummary
 from gpusim.scene import model as m
@@ -17,15 +20,15 @@ _SPLIT = {"tet4": "tet4", "tet10": "tet4", "wedge6": "wedge6", "wedge15": "wedge
 _WORST, _LISTED = 5, 20
 
 
-def build_mesh(recipe: m.MeshRecipe) -> Mesh:
-    """The mesh that a recipe describes, in m.
+def build_mesh(recipe: m.MeshRecipe, read: Reader = read_input) -> Mesh:
+    """The mesh that a recipe describes, in m; ``read``: how its file is read.
 
     Raises InputError for a file that can't be read or meshed, and for notches that don't fit.
     """
     if isinstance(recipe, m.FieldMesh):
-        return read_field(recipe.path, name=recipe.variable, scale=recipe.scale).mesh
+        return read_field(read(recipe.path), name=recipe.variable, scale=recipe.scale).mesh
     if isinstance(recipe, m.FileMesh):
-        return _from_file(recipe)
+        return _from_file(recipe, read)
     if isinstance(recipe, m.PlateMesh | m.BracketMesh):
         # midside nodes of bricks lie on the curves
         curved = recipe.cells if recipe.cells in ("hex20", "hex27") else "hex8"
@@ -102,10 +105,11 @@ def _of_cells(bricks: Mesh, cells: str) -> Mesh:
     return mesh.quadratic(grid, serendipity=cells != "hex27")
 
 
-def _from_file(recipe: m.FileMesh) -> Mesh:
+def _from_file(recipe: m.FileMesh, read: Reader) -> Mesh:
+    file = read(recipe.path)
     if recipe.size is not None:
         return mesh.mesh_cad(
-            recipe.path,
+            file,
             size=recipe.size,
             order=recipe.order,
             hexahedra=recipe.hexahedra,
@@ -113,7 +117,7 @@ def _from_file(recipe: m.FileMesh) -> Mesh:
             curvature=recipe.curvature,
             scale=recipe.scale,
         )
-    grid = mesh.read_mesh(recipe.path, scale=recipe.scale)
+    grid = mesh.read_mesh(file, scale=recipe.scale)
     linear = [kind for kind in grid.cells if mesh.CELL_TYPES[kind].linear == kind]
     if recipe.order == 1 or not linear:
         return grid
@@ -147,5 +151,6 @@ def mesh_summary(name: str, grid: Mesh) -> tuple[MeshSummary, list[str]]:
         bad_count=len(bad),
         bad_cells=tuple(int(cell) for cell in bad[:_LISTED]),
         remark=quality.describe(),
+        extent=float(np.linalg.norm(np.ptp(grid.points, axis=0))),
     )
     return summary, warnings

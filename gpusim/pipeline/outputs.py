@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.output_folder import inside
 from gpusim.pipeline.deflection import DeflectionResult
 from gpusim.pipeline.images import image_path
 from gpusim.pipeline.measurements import Result
@@ -61,8 +62,7 @@ class Findings:
     warnings: tuple[str, ...]
     failure: str
     files: frozenset[Path]
-    device_seconds: dict[str, float]
-    images: dict[str, str]
+    facts: dict[str, str]
 
 
 def make_report(scene: Scene, out: Path, found: Findings) -> Report:
@@ -72,9 +72,7 @@ def make_report(scene: Scene, out: Path, found: Findings) -> Report:
         facts |= found.solved.facts
     for camera in scene.cameras:
         facts[f"camera {camera.name}"] = effects(scene, camera)
-    facts |= {f"camera {what}": words for what, words in found.images.items()}
-    for stage, seconds in sorted(found.device_seconds.items()):
-        facts[f"device: {stage}"] = f"{seconds:.2f} s"
+    facts |= found.facts
     measurements: list[Measurement] = []
     series: list[Series] = []
     overlays: list[Overlay] = []
@@ -83,7 +81,7 @@ def make_report(scene: Scene, out: Path, found: Findings) -> Report:
         if isinstance(result, StereoResult):
             measurements += stereo_measurements(result)
             overlays += stereo_overlays(result, scene, out)
-            figures += stereo_figures(result, out / "figures")
+            figures += stereo_figures(result, inside(out, "figures"))
             continue
         measurements += _measurements(result)
         series += _series(result)
@@ -270,8 +268,8 @@ def _crops(result: Result, camera: str) -> list[tuple[str, float, float, float, 
 def _links(out: Path, files: frozenset[Path]) -> tuple[Link, ...]:
     """Links to this run's files; what an earlier scene left in the folder is not among them."""
     links = [Link("Ground truth (HDF5)", file) for file in files if file.name == "truth.h5"]
-    links.append(Link("Scene as it was run", out / "scene.toml"))
-    links.append(Link("Numbers of this report", out / "report.json"))
+    links.append(Link("Scene as it was run", inside(out, "scene.toml")))
+    links.append(Link("Numbers of this report", inside(out, "report.json")))
     for label, suffix in (("Solution for ParaView", ".pvd"), ("Measured points", ".csv")):
         links += [Link(label, file) for file in sorted(files) if file.suffix == suffix]
     return tuple(links)

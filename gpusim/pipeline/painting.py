@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.input_file import Reader, read_input
 from gpusim.scene import model as m
 from gpusim.surface import Atlas, CylinderFrame, PaintFrame
 from gpusim.surface import paint as paints
@@ -46,16 +47,18 @@ def finish_of(paint: m.Paint) -> tuple[float, float, paints.Bump | None]:
     return roughness, metallic, relief
 
 
-def build_pattern(paint: m.Pattern, frame: Frame, where: str) -> paints.Paint:
-    """The paint of a region; ``where`` names it in errors."""
+def build_pattern(
+    paint: m.Pattern, frame: Frame, where: str, read: Reader = read_input
+) -> paints.Paint:
+    """The paint of a region; ``where`` names it in errors, ``read`` reads its picture."""
     try:
-        return _pattern(paint, frame, where)
+        return _pattern(paint, frame, where, read)
     except InputError as error:
         text = str(error)
         raise InputError(text if text.startswith(where) else f"{where}: {text}") from None
 
 
-def _pattern(paint: m.Pattern, frame: Frame, where: str) -> paints.Paint:
+def _pattern(paint: m.Pattern, frame: Frame, where: str, read: Reader) -> paints.Paint:
     if isinstance(paint, m.Speckle):
         return paints.Speckle(
             paint.diameter, paint.coverage, paint.softness, paint.size_law, paint.spread,
@@ -83,7 +86,7 @@ def _pattern(paint: m.Pattern, frame: Frame, where: str) -> paints.Paint:
     s, t = (float(value) for value in frame.coordinates(np.array(paint.origin)))
     if isinstance(paint, m.Picture):
         return paints.Image.read(
-            paint.path, paint.texel, origin=(s, t), dark=paint.dark, light=paint.light,
+            read(paint.path), paint.texel, origin=(s, t), dark=paint.dark, light=paint.light,
             ground=paint.albedo, gamma=paint.gamma, **finish,
         )  # fmt: skip
     if isinstance(paint, m.Checker):

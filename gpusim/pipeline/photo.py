@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from gpusim.errors import InputError
+from gpusim.input_file import Reader, read_input
 from gpusim.optics import psf
 from gpusim.optics.camera import Camera
 from gpusim.optics.lens import Lens
@@ -21,7 +22,7 @@ from gpusim.surface import Surface
 __all__ = ["build_lens", "build_sensor", "build_shutter", "moving", "opening"]
 
 
-def build_lens(camera: m.Camera) -> Lens | None:
+def build_lens(camera: m.Camera, read: Reader = read_input) -> Lens | None:
     """The lens; the camera's focal length is its image distance v, so that f = v s / (s + v).
 
     Raises
@@ -34,7 +35,7 @@ def build_lens(camera: m.Camera) -> Lens | None:
         return None
     focal = spec.focal
     if spec.focus_distance is not None and focal is None:
-        distance = camera.focal or build_camera(camera).K[0, 0] * _pitch(camera)
+        distance = camera.focal or build_camera(camera, read).K[0, 0] * _pitch(camera)
         if not spec.focus_distance > distance:
             raise InputError(
                 f"camera {camera.name!r} lens.focus_distance_mm; got "

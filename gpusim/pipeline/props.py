@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.input_file import Reader, read_input
 from gpusim.mesh import read_surface
 from gpusim.pipeline.build import build_body
 from gpusim.pipeline.painting import Frame, build_frame, build_pattern, finish_of
@@ -24,12 +25,15 @@ Array = npt.NDArray[np.float64]
 DEFAULT_ALBEDO = 0.5
 
 
-def build_prop(prop: m.Prop) -> Surface:
-    """A prop with its paint, as it is described: before any rotation."""
+def build_prop(prop: m.Prop, read: Reader = read_input) -> Surface:
+    """A prop with its paint, as it is described: before any rotation.
+
+    ``read``: how the files that it names are read.
+    """
     if isinstance(prop, m.Plate):
-        return _plate(prop)
+        return _plate(prop, read)
     if isinstance(prop, m.Shape) and Path(prop.path).suffix.lower() in SURFACE_SUFFIXES:
-        return _faces(prop)
+        return _faces(prop, read)
     # a box or a mesh is painted as a body is
     if isinstance(prop, m.Box):
         low = tuple(c - 0.5 * s for c, s in zip(prop.center, prop.size, strict=True))
@@ -37,13 +41,14 @@ def build_prop(prop: m.Prop) -> Surface:
     else:
         mesh = m.FileMesh(prop.path, prop.scale, 1, None, False, False, 0)
     try:
-        return build_body(m.Body(prop.name, None, (), "", mesh, (), (), prop.paints)).surface
+        own = m.Body(prop.name, None, (), "", mesh, (), (), prop.paints)
+        return build_body(own, read).surface
     except InputError as error:
         text = str(error).replace(f"body {prop.name!r}", f"prop {prop.name!r}")
         raise InputError(text) from None
 
 
-def _plate(prop: m.Plate) -> Surface:
+def _plate(prop: m.Plate, read: Reader) -> Surface:
     normal = np.array(prop.normal) / np.linalg.norm(prop.normal)
     up = np.array(prop.up) - normal * (np.array(prop.up) @ normal)
     up /= np.linalg.norm(up)
@@ -58,13 +63,13 @@ def _plate(prop: m.Plate) -> Surface:
         return Surface(points, faces, plain, name=prop.name)
     frame = plane_frame(points, faces, where, prop.paint.up or prop.up)
     name = prop.paint.name
-    paint = build_pattern(prop.paint, frame, where)
+    paint = build_pattern(prop.paint, frame, where, read)
     return Surface(points, faces, {name: paint}, frames={name: frame}, name=prop.name)
 
 
-def _faces(prop: m.Shape) -> Surface:
+def _faces(prop: m.Shape, read: Reader) -> Surface:
     """Triangles of a file without solids; a face belongs to the last paint that matches it."""
-    points, faces = read_surface(prop.path)
+    points, faces = read_surface(read(prop.path))
     points = points * prop.scale
     region = np.zeros(len(faces), np.int32)
     paints: dict[str, Paint] = {"unpainted": Plain(DEFAULT_ALBEDO)}
@@ -80,7 +85,7 @@ def _faces(prop: m.Shape) -> Surface:
         if not own.any():
             raise InputError(f"{where}: every face it matches is painted over by a later paint")
         frames[paint.name] = build_frame(paint, points, faces, own, where)
-        paints[paint.name] = build_pattern(paint, frames[paint.name], where)
+        paints[paint.name] = build_pattern(paint, frames[paint.name], where, read)
     return Surface(points, faces, paints, region, frames=frames, name=prop.name)
 
 

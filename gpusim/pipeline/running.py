@@ -7,6 +7,7 @@ from os import PathLike
 from pathlib import Path
 
 from gpusim.errors import InputError
+from gpusim.output_folder import claim
 from gpusim.pipeline.folders import check_folders
 from gpusim.pipeline.outputs import write_page
 from gpusim.pipeline.variants import run_variants
@@ -14,7 +15,7 @@ from gpusim.pipeline.work import Progress, Work
 from gpusim.report import Report
 from gpusim.scene import Scene
 
-__all__ = ["run"]
+__all__ = ["run", "run_claimed"]
 
 
 def run(
@@ -37,7 +38,7 @@ def run(
     Raises
     ------
     InputError, SceneError, NoAdapter
-        Before ``out`` is touched.
+        Before anything is written into ``out``; also where another run has it.
     NotConverged, DeviceError, GpusimError
         While working: ``report.json`` then says what failed; finished stages are kept.
     """
@@ -45,16 +46,23 @@ def run(
         raise InputError(f"run: scene; got {type(scene).__name__}; expected a Scene (load_scene)")
     if backend not in ("gpu", "numpy"):
         raise InputError(f"run: backend; got {backend!r}; expected 'gpu' or 'numpy'")
-    check_folders(scene, Path(out))
-    tell = progress or _silent
+    with claim(out) as folder:
+        return run_claimed(scene, folder, backend, fresh, skip, progress or _silent)
+
+
+def run_claimed(
+    scene: Scene, out: Path, backend: str, fresh: bool, skip: bool, tell: Progress
+) -> Report:
+    """As `run`, into a folder that the caller has claimed."""
+    check_folders(scene, out)
     if scene.variants:
 
         def begin(state: Scene, folder: Path, note: Progress) -> Callable[[], Report]:
             return Work(state, folder, backend, fresh, skip, note).begin()
 
-        return run_variants(scene, Path(out).resolve(), begin, tell)
-    report = Work(scene, Path(out), backend, fresh, skip, tell).begin()()
-    write_page(report, Path(out).resolve(), tell)
+        return run_variants(scene, out, begin, tell)
+    report = Work(scene, out, backend, fresh, skip, tell).begin()()
+    write_page(report, out, tell)
     return report
 
 

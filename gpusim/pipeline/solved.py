@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +13,7 @@ import numpy.typing as npt
 if TYPE_CHECKING:
     from gpusim.fem import Model, Solution
 
-__all__ = ["Solved"]
+__all__ = ["Solved", "solver_seconds"]
 
 Float = npt.NDArray[np.float64]
 Int = npt.NDArray[np.int32]
@@ -55,8 +55,6 @@ class Solved:
             "distinct element matrices": str(sum(s.element_classes for s in solutions)),
             "energy balance": f"{balance:.1e}",
         }
-        for part, seconds in worst.timings.items():
-            facts[f"solver: {part}"] = f"{seconds:.2f} s"
         return Solved(
             tuple(_cases(s.u) for s in solutions),
             tuple(_sums(s, own) for s, own in zip(solutions, held, strict=True)),
@@ -90,8 +88,8 @@ class Solved:
         return {**arrays, "summary": np.array(json.dumps(summary))}
 
     @staticmethod
-    def from_arrays(arrays: dict[str, npt.NDArray[Any]]) -> Solved:
-        """The inverse of `arrays`."""
+    def from_arrays(arrays: Mapping[str, npt.NDArray[Any]]) -> Solved:
+        """The inverse of `arrays`. Raises KeyError, TypeError or ValueError for damage."""
         summary = json.loads(str(arrays["summary"]))
         count = summary.pop("bodies")
         for name in ("residuals", "warnings"):
@@ -99,6 +97,30 @@ class Solved:
         for name in _ARRAYS:
             summary[name] = tuple(arrays[f"{name}{i}"] for i in range(count))
         return Solved(**summary)
+
+    def check(self, groups: Sequence[int], nodes: Sequence[int] | None) -> None:
+        """Raises ValueError if this isn't of bodies with so many load groups and ``nodes`` (None:
+        not known)."""
+        if len(self.u) != len(groups):
+            raise ValueError(f"{len(self.u)} bodies, expected {len(groups)}")
+        for i, cases in enumerate(groups):
+            u, reactions, applied = self.u[i], self.reactions[i], self.applied[i]
+            wanted = (cases, u.shape[1] if nodes is None and u.ndim == 3 else (nodes or [0])[i], 3)
+            if u.shape != wanted:
+                raise ValueError(f"displacements of shape {u.shape}, expected {wanted}")
+            if reactions.ndim != 3 or reactions.shape[::2] != (cases, 3):
+                raise ValueError(f"reactions of shape {reactions.shape}")
+            if applied.shape != (cases, 3):
+                raise ValueError(f"loads of shape {applied.shape}")
+            for values in (u, reactions, applied):
+                if values.dtype != np.float64 or not np.isfinite(values).all():
+                    raise ValueError("values that are no finite float64")
+
+
+def solver_seconds(solutions: Sequence[Solution]) -> dict[str, str]:
+    """How long the parts of the longest solve took, for the report of the run that solved."""
+    worst = max(solutions, key=lambda s: s.iterations)
+    return {f"solver: {part}": f"{seconds:.2f} s" for part, seconds in worst.timings.items()}
 
 
 def _cases(values: Float) -> Float:

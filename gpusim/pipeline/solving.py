@@ -48,7 +48,7 @@ def solve(problem: fem.Model | Scene, device: Device | None = None, **options: A
             "method": solver.method,
         }
         groups = load_groups(body, problem.analysis.load_factors)
-        model = build_model(build_body(body), groups)
+        model = build_model(build_body(body, problem.input), groups)
         return fem.solve(model, device, **{**defaults, **options})
     return fem.solve(problem, device, **options)
 

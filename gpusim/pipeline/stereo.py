@@ -55,7 +55,7 @@ def measure_stereo(
     board = _board(what, spec, scene)
     calibration = measure.calibrate(_sightings(spec, scene, corners), lens=spec.lens)
     marks, seen = follow_cameras(spec, scene, things, image, markers)
-    cameras = {c.name: build_camera(c) for c in scene.cameras}
+    cameras = {c.name: build_camera(c, scene.input) for c in scene.cameras}
     last = len(scene.analysis.load_factors) - 1
     noise = np.stack([np.where(s.sigma > 0, s.sigma, np.nan) / np.sqrt(2.0) for s in seen])
     noise = np.where(np.isfinite(noise), noise, np.nanmedian(noise))
@@ -122,7 +122,7 @@ def follow_cameras(
         f"measure {spec.name!r}", spec.groups, spec.static, scene, things.bodies
     )
     last = len(scene.analysis.load_factors) - 1
-    cameras = {c.name: build_camera(c) for c in scene.cameras}
+    cameras = {c.name: build_camera(c, scene.input) for c in scene.cameras}
     seen = [
         markers.follow(
             spec.name, marks, cameras[name], image(name, 0), image(name, last),

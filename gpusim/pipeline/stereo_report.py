@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from gpusim.export.files import safe_name
+from gpusim.output_folder import inside
 from gpusim.pipeline.images import image_path
 from gpusim.pipeline.stereo_result import CameraFound, StereoResult
 from gpusim.report import Drawing, Measurement, Overlay
@@ -94,7 +95,7 @@ def stereo_figures(result: StereoResult, folder: Path) -> list[Drawing]:
         )
     ]
     calibration = partial(
-        draw_calibration, cameras, result.view_rms_px, folder / f"{stem}-calibration.png"
+        draw_calibration, cameras, result.view_rms_px, inside(folder, f"{stem}-calibration.png")
     )
     fine = np.isfinite(result.found_mm).all(axis=1)
     if not fine.any():
@@ -103,11 +104,11 @@ def stereo_figures(result: StereoResult, folder: Path) -> list[Drawing]:
     largest = float(np.nanmax(np.linalg.norm(result.true_mm, axis=1)))
     factor = _magnification(0.15 * float(np.ptp(rest[fine], axis=0).max()), largest)
     return [
-        partial(draw_rig, cameras, rest[fine], result.boards_mm, folder / f"{stem}-rig.png"),
+        partial(draw_rig, cameras, rest[fine], result.boards_mm, inside(folder, f"{stem}-rig.png")),
         calibration,
         partial(
             draw_reconstruction,
-            rest, result.measured_mm, result.true_mm, factor, folder / f"{stem}-space.png",
+            rest, result.measured_mm, result.true_mm, factor, inside(folder, f"{stem}-space.png"),
         ),
     ]  # fmt: skip
 

@@ -13,6 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.export.files import safe_name, write_text
+from gpusim.input_file import Reader, read_input
+from gpusim.output_folder import inside
 from gpusim.pipeline.deflection import unrefined_text
 
 __all__ = ["CameraFound", "StereoResult"]
@@ -111,9 +113,9 @@ class StereoResult:
         stem = safe_name(self.name)
         text = json.dumps(_plain(asdict(self)), indent=1, allow_nan=False) + "\n"
         return [
-            write_text(folder / f"{stem}.csv", self._csv()),
-            write_text(folder / f"{stem}-cameras.csv", self._cameras_csv()),
-            write_text(folder / f"{stem}.json", text),
+            write_text(inside(folder, f"{stem}.csv"), self._csv()),
+            write_text(inside(folder, f"{stem}-cameras.csv"), self._cameras_csv()),
+            write_text(inside(folder, f"{stem}.json"), text),
         ]
 
     def _csv(self) -> str:
@@ -142,9 +144,10 @@ class StereoResult:
         return stream.getvalue()
 
     @staticmethod
-    def read(folder: Path, name: str) -> StereoResult:
-        """What an earlier run wrote."""
-        values = json.loads((folder / f"{safe_name(name)}.json").read_text())
+    def read(folder: Path, name: str, read: Reader = read_input) -> StereoResult:
+        """What an earlier run wrote; ``read``: how. Raises InputError, ValueError for damage."""
+        file = read(str(inside(folder, f"{safe_name(name)}.json")))
+        values = json.loads(file.data)
         values.setdefault("unrefined", [])  # earlier runs didn't say
         count = len(values["marker"])
         shapes = {"epipolar_px": (count,), "residual_px": (count,), "boards_mm": (-1, 4, 3)}

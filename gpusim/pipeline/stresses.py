@@ -6,13 +6,14 @@ import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 from zipfile import ZipFile
 
 import numpy as np
 import numpy.typing as npt
 
 from gpusim import fem
+from gpusim.errors import InputError
 from gpusim.export.files import atomic_stream
 from gpusim.pipeline.build import BodyParts
 from gpusim.pipeline.modelling import temperature
@@ -30,14 +31,19 @@ class Stresses:
     A frame in which nothing has moved has none. See ``gpusim.fem.Stress`` for what they are.
     """
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        with np.load(path) as stored:
-            rows = json.loads(str(stored["peaks"]))
+    def __init__(self, source: Path | BinaryIO) -> None:
+        self._source = source.open("rb") if isinstance(source, Path) else source
+        self._stored = np.load(self._source, allow_pickle=False)  # reads arrays as they are needed
+        rows = json.loads(str(self._stored["peaks"]))
         self.peaks = tuple(
             StressPeak(**{**row, "position": tuple(row["position"])}) for row in rows
         )
         """Of each body, in the last frame in which something has moved."""
+
+    def close(self) -> None:
+        """Let go of the file; `peaks` stay."""
+        self._stored.close()
+        self._source.close()
 
     def fields(
         self, body: int, frame: int, parts: BodyParts
@@ -45,9 +51,14 @@ class Stresses:
         """Point data and cell data for ParaView; zero in a frame without."""
         nodal, share = f"stress{body}_{frame}", f"error{body}_{frame}"
         stress, error = np.zeros((parts.mesh.node_count, 6)), np.zeros(parts.mesh.cell_count)
-        with np.load(self.path) as stored:
-            if nodal in stored:
-                stress, error = stored[nodal], stored[share]
+        if nodal in self._stored:
+            found, of_cells = self._stored[nodal], self._stored[share]
+            if found.shape != stress.shape or of_cells.shape != error.shape:
+                raise InputError(
+                    f"stress of body {parts.body.name!r}: got shape {found.shape}; expected "
+                    f"{stress.shape}: delete the output folder's solution/stress.npz"
+                )
+            stress, error = found, of_cells
         return {"stress": stress, "von_mises": fem.von_mises(stress)}, {"error_share": error}
 
 

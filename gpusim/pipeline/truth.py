@@ -12,6 +12,7 @@ from gpusim._version import __version__
 from gpusim.export.truth import TruthWriter
 from gpusim.optics.frame import Frame
 from gpusim.optics.truth import Truth, seen_in
+from gpusim.output_folder import inside
 from gpusim.pipeline.build import BodyParts
 from gpusim.pipeline.cameras import build_camera
 from gpusim.pipeline.images import Photographer
@@ -33,7 +34,7 @@ def write_truth(
     displacement: Displacement,
 ) -> Path:
     """truth.h5: the layers that the scene asks for, at every pixel that sees a body."""
-    path = out / "truth.h5"
+    path = inside(out, "truth.h5")
     word = frame_word(scene)
     history = LoadHistory(scene)
     regions = [name for parts in bodies for name in _region_names(parts)]
@@ -49,7 +50,7 @@ def write_truth(
         if bodies:
             _write_nodes(file, scene, bodies, displacement)
         for spec in scene.cameras:
-            camera = build_camera(spec)
+            camera = build_camera(spec, scene.input)
             file.write_camera(
                 spec.name,
                 width=camera.width,

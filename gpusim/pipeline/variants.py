@@ -13,6 +13,7 @@ import numpy as np
 
 from gpusim.errors import GpusimError
 from gpusim.export.files import clean_leftovers, write_text
+from gpusim.output_folder import delete, inside
 from gpusim.pipeline.damage import DamageLine, DamageResult, compare_states
 from gpusim.pipeline.deflection import DeflectionResult
 from gpusim.pipeline.outputs import write_page
@@ -20,7 +21,7 @@ from gpusim.report import Drawing, Link, Measurement, Report, Stage, write_repor
 from gpusim.report.damage_figures import StateCurve, draw_deflections, draw_differences
 from gpusim.scene import Scene
 from gpusim.scene import model as m
-from gpusim.state import variant_folder
+from gpusim.state import StateFile, variant_folder
 
 __all__ = ["run_variants"]
 
@@ -36,11 +37,10 @@ def run_variants(scene: Scene, out: Path, begin: Begin, progress: Progress) -> R
     A variant's own report lies in its folder. Errors end the run as in a scene without variants,
     with a report that says which variant failed.
     """
-    out.mkdir(parents=True, exist_ok=True)
     clean_leftovers(out)
     for name in ("report.html", "report.json"):
-        (out / name).unlink(missing_ok=True)
-    write_text(out / "scene.toml", scene.to_toml())
+        delete(out, name)
+    write_text(inside(out, "scene.toml"), scene.to_toml())
     reports: dict[str, Report] = {}
 
     def tell_failure(name: str, error: Exception) -> None:
@@ -88,12 +88,9 @@ def run_variants(scene: Scene, out: Path, begin: Begin, progress: Progress) -> R
         progress(spec.name, 0.0, "differences of the deflection lines")
         line = next(d for d in scene.measures if d.name == spec.of)
         assert isinstance(line, m.Deflection)
-        results = {
-            v.name: [DeflectionResult.read(variant_folder(out, v.name) / "measure", line)]
-            for v in scene.variants
-        }
+        results = {v.name: [_line(variant_folder(out, v.name), line)] for v in scene.variants}
         comparison = compare_states(spec, scene, results)
-        comparison.write(out / "measure")
+        comparison.write(inside(out, "measure"))
         comparisons.append(comparison)
         seconds = time.perf_counter() - started
         count = sum(len(one.found.position) for one in comparison.lines if one.found)
@@ -104,6 +101,13 @@ def run_variants(scene: Scene, out: Path, begin: Begin, progress: Progress) -> R
     write_report(report, out)
     progress("report", 1.0, "report.html, report.json")
     return report
+
+
+def _line(folder: Path, spec: m.Deflection) -> DeflectionResult:
+    """What the run of a variant has recorded."""
+    state = StateFile(folder)
+    measured = inside(folder, "measure")
+    return DeflectionResult.read(measured, spec, lambda path: state.read(Path(path)))
 
 
 def _report(
@@ -122,28 +126,30 @@ def _report(
     measurements, figures, warnings = [], [], []
     for comparison in comparisons:
         measurements += _measurements(comparison)
-        figures += _figures(comparison, out / "figures")
+        figures += _figures(comparison, inside(out, "figures"))
         warnings += _missing(comparison)
     frames = []
     for name, report in reports.items():
         measurements += [replace(item, name=f"{name}: {item.name}") for item in report.measurements]
         warnings += [f"{name}: {text}" for text in report.warnings]
         frames += [replace(pair, caption=f"{name}: {pair.caption}") for pair in report.frames]
-    links = [Link("Scene as it was run", out / "scene.toml")]
-    links.append(Link("Numbers of this report", out / "report.json"))
+    links = [Link("Scene as it was run", inside(out, "scene.toml"))]
+    links.append(Link("Numbers of this report", inside(out, "report.json")))
     links += [
-        Link(f"Report of {name}", variant_folder(out, name) / "report.html") for name in reports
+        Link(f"Report of {name}", inside(out, "variants", name, "report.html")) for name in reports
     ]
     for comparison in comparisons:
         links += [
-            Link("Deflection and difference curves", out / "measure" / f"{comparison.name}.csv"),
-            Link("Changes of slope", out / "measure" / f"{comparison.name}-breaks.csv"),
+            Link(
+                "Deflection and difference curves", inside(out, "measure", f"{comparison.name}.csv")
+            ),
+            Link("Changes of slope", inside(out, "measure", f"{comparison.name}-breaks.csv")),
         ]
     adapters = [r.adapter for r in reports.values() if not r.adapter.startswith("not needed")]
     last = next(reversed(reports.values())) if reports else None
     return Report(
         scene=scene.name,
-        adapter=adapters[0] if adapters else "not needed: all reused",
+        adapter="; ".join(dict.fromkeys(adapters)) or "not needed",
         status="failed" if failure else "done",
         stages=(*stages, *compared),
         solution=last.solution if last else None,
@@ -210,7 +216,7 @@ def _figures(comparison: DamageResult, folder: Path) -> list[Drawing]:
         across = f"deflection along {lines[0].across} (mm)"
         stem = f"{comparison.name}-{group}"
         whole = [_curve(line, line.deflection_mm, line.true_mm) for line in lines]
-        path = folder / f"{stem}-lines.png"
+        path = inside(folder, f"{stem}-lines.png")
         figures.append(partial(draw_deflections, whole, (along, across), path))
         changed = [
             _curve(line, line.difference_mm, line.true_difference_mm)
@@ -219,7 +225,7 @@ def _figures(comparison: DamageResult, folder: Path) -> list[Drawing]:
         ]
         if changed:
             labels = along, f"difference along {lines[0].across} (mm)"
-            path = folder / f"{stem}-differences.png"
+            path = inside(folder, f"{stem}-differences.png")
             scale = lines[0].mm_per_px
             figures.append(partial(draw_differences, changed, labels, scale, path))
     return figures

@@ -20,25 +20,26 @@ from gpusim.export.files import atomic_stream, clean_leftovers, write_text
 from gpusim.export.images import read_image
 from gpusim.gpu import Device, default_device
 from gpusim.gpu.beforehand import meanwhile, not_needed
-from gpusim.pipeline import images, measurements, outputs
+from gpusim.input_file import InputFile
+from gpusim.output_folder import delete, inside
+from gpusim.pipeline import images, measurements
 from gpusim.pipeline.album import Album
 from gpusim.pipeline.build import build_body, build_lights
 from gpusim.pipeline.corners import read_corners, write_corners
 from gpusim.pipeline.files import check_field, check_views
 from gpusim.pipeline.kept import KeptMarkers
-from gpusim.pipeline.mechanics import large_displacements, make_mechanics
 from gpusim.pipeline.memory import check_memory
 from gpusim.pipeline.meshing import mesh_summary
+from gpusim.pipeline.notes import Made, Notes
 from gpusim.pipeline.props import build_prop
-from gpusim.pipeline.solved import Solved
+from gpusim.pipeline.reloading import DAMAGE, check_frame
+from gpusim.pipeline.solved import Solved, solver_seconds
 from gpusim.pipeline.stereo import follow_cameras
 from gpusim.pipeline.things import Things
+from gpusim.pipeline.work_report import ON_DEVICE, device_seconds, scene_text, work_report
 from gpusim.plan import Plan, PlannedStage, make_plan
 from gpusim.report import (
-    Mechanics,
-    MeshSummary,
     Report,
-    SolutionSummary,
     Stage,
     prepare_figures,
     write_report,
@@ -72,46 +73,58 @@ class Work:
         self.scene, self.out, self.progress = scene, out.resolve(), progress
         self.backend, self.skip, self.reuse = backend, skip, skip and not fresh
         self.history = LoadHistory(scene, scaled=skip)
-        self.plan: Plan = make_plan(scene, self.out, backend, fresh, skip)
+        self.state = StateFile(self.out)
+        self.options = backend, fresh, skip
+        self.plan: Plan = make_plan(scene, self.out, *self.options, state=self.state)
         self.stages: list[Stage] = []
         self.warnings: list[str] = []
         self.note = ""
+        self.notes: dict[str, Notes] = {}
         self.things = Things(scene, self.history)
-        self.meshes: list[MeshSummary] = []
         self.models: list[Model] = []
         self.stresses: Stresses | None = None
         self.results: list[measurements.Result] = []
-        self.markers = KeptMarkers(self.out / "measure", self.reuse)
+        self.markers = KeptMarkers(inside(self.out, "measure"), self.reuse, self._read)
         self.photographer: images.Photographer | None = None
         self.device: Device | None = None
         self.device_before: dict[str, float] = {}
-        self.device_seconds: dict[str, float] = {}
+        self.seconds: dict[str, str] = {}
 
     def begin(self) -> Callable[[], Report]:
         """Every stage up to the pictures and their truth; what is returned does the others, which
         need no device, and makes the report. The caller writes that, but for errors."""
-        check_memory(self.plan)
-        self.device = self._device()
-        self.state = StateFile(self.out)
-        if self.device is None:
-            not_needed()
-            return self._begun()
-        self.device_before = self.device.timer.seconds()
-        prepare_figures()
-        with meanwhile(self.device, self.state.programs):
-            return self._begun()
+        while True:
+            check_memory(self.plan)
+            self.device = self._device()
+            if self.device is None:
+                not_needed()
+                done = self._begun()
+            else:
+                self.device_before = self.device.timer.seconds()
+                prepare_figures()
+                with meanwhile(self.device, self.state.programs):
+                    done = self._begun()
+            if done is not None:
+                return done
+            # a result that was to be reused is damaged: its stage runs after all
+            self.plan = make_plan(self.scene, self.out, *self.options, state=self.state)
 
-    def _begun(self) -> Callable[[], Report]:
+    def _begun(self) -> Callable[[], Report] | None:
+        """As `begin`; None if what is kept of an earlier run can't be used, and is forgotten."""
         self._in_memory()
+        if not self._reloaded():
+            return None
         self.warnings += self.state.retire(stage.name for stage in self.plan.stages)
         with self._failures():
             clean_leftovers(self.out)
             if any(stage.runs for stage in self.plan.stages if stage.name != "report"):
                 # an earlier report must not speak for what a killed run leaves behind
                 for name in ("report.html", "report.json"):
-                    (self.out / name).unlink(missing_ok=True)
-            write_text(self.out / "scene.toml", self._scene_text())
-            self._stage(self.plan["solve"], self._solve, self._reload)
+                    delete(self.out, name)
+            write_text(inside(self.out, "scene.toml"), scene_text(self))
+            if self.plan["mesh"].runs:
+                self.state.record("mesh", self.plan["mesh"].key, [], self.notes["mesh"].content())
+            self._stage(self.plan["solve"], self._solve)
             if self.device is not None:  # what shows a solution is needed more often than it
                 self.device.programs.asked.clear()
             self._pictures()
@@ -120,15 +133,17 @@ class Work:
             self.photographer.forget()  # the next one may need its memory
         if self.device is not None:
             self.state.note_programs(self.device.programs.asked)
-            self.device_seconds = self._device_seconds(self.device)
+            self.seconds |= device_seconds(self.device, self.device_before)
         return self._end
 
     def _end(self) -> Report:
         with self._failures():
-            self._stage(self.plan["measure"], self._measure, self._remeasure)
-            self._stage(self.plan["stress"], self._stress, self._restress)
+            self._stage(self.plan["measure"], self._measure)
+            self._stage(self.plan["stress"], self._stress)
             self._stage(self.plan["export"], self._export)
-        return self._report()
+        if self.stresses is not None:
+            self.stresses.close()
+        return work_report(self)
 
     @contextmanager
     def _failures(self) -> Iterator[None]:
@@ -136,7 +151,7 @@ class Work:
         try:
             yield
         except Exception as error:
-            write_report(self._report(failure=_said(error)), self.out)
+            write_report(work_report(self, failure=_said(error)), self.out)
             raise
 
     # -- the frame around each stage -------------------------------------------------------
@@ -145,24 +160,27 @@ class Work:
         """Open the device before anything else, if a stage that runs needs it."""
         if self.backend == "numpy":
             return None
-        needs = ("solve", "render", "truth")
-        if any(s.runs and s.name.split("/")[0] in needs for s in self.plan.stages):
+        if any(s.runs and s.name.split("/")[0] in ON_DEVICE for s in self.plan.stages):
             return default_device()
         return None
 
     def _in_memory(self) -> None:
         """Mesh, model and surfaces; faults in them show before the output folder is touched."""
         scene = self.scene
+        self.stages, self.things = [], Things(scene, self.history)
         check_views(scene)
 
         def meshes() -> str:
-            self.things.bodies = [build_body(body) for body in scene.bodies]
+            self.things.bodies = [build_body(body, scene.input) for body in scene.bodies]
+            found = []
             for parts in self.things.bodies:
                 if parts.field is not None:
                     check_field(parts.field, self.history.factors)
-                summary, warnings = mesh_summary(parts.body.name, parts.mesh)
-                self.meshes.append(summary)
-                self.warnings += warnings
+                found.append(mesh_summary(parts.body.name, parts.mesh))
+            self.notes["mesh"] = Notes(
+                tuple(text for _, texts in found for text in texts),
+                meshes=tuple(summary for summary, _ in found),
+            )
             return f"{sum(b.mesh.cell_count for b in self.things.bodies)} elements"
 
         def models() -> str:
@@ -175,7 +193,7 @@ class Work:
             return f"{len(self.models)} bodies"
 
         def surfaces() -> str:
-            self.things.props = [build_prop(prop) for prop in scene.props]
+            self.things.props = [build_prop(prop, scene.input) for prop in scene.props]
             surfaces = self.things.surfaces(None)
             return f"{sum(len(surface.faces) for surface in surfaces)} faces"
 
@@ -185,23 +203,18 @@ class Work:
     def _stage(
         self,
         planned: PlannedStage,
-        work: Callable[[], list[Path]],
-        reload: Callable[[], None] | None = None,
+        work: Callable[[], Made],
     ) -> None:
-        """Run a stage and record its files, or load what an earlier run left."""
+        """Run a stage, if it is to run, and record its files."""
 
         def recorded() -> str:
             self.note = ""
-            files = work()
-            self.state.record(planned.name, planned.key, files)
-            return self.note or ", ".join(file.name for file in files[:3])
+            made = work()
+            self.notes[planned.name] = made.notes
+            self.state.record(planned.name, planned.key, made.files, made.notes.content())
+            return self.note or ", ".join(file.name for file in made.files[:3])
 
-        if planned.runs:
-            self._timed(planned, recorded)
-            return
-        if planned.state == "reused" and reload is not None:
-            reload()
-        self._timed(planned, None)
+        self._timed(planned, recorded if planned.runs else None)
 
     def _timed(self, planned: PlannedStage, work: Callable[[], str] | None) -> None:
         started = time.perf_counter()
@@ -219,9 +232,14 @@ class Work:
         done = text if work is not None else f"{planned.state}: {text}"
         self.progress(planned.name, 1.0, done)
 
+    @property
+    def own_adapter(self) -> str:
+        """What this run makes results on."""
+        return "none (numpy backend)" if self.device is None else self.device.name
+
     # -- stages ----------------------------------------------------------------------------
 
-    def _solve(self) -> list[Path]:
+    def _solve(self) -> Made:
         # what solves is imported where something is solved: most runs of a scene only look again
         from gpusim.pipeline.modelling import held_by
         from gpusim.pipeline.solving import solve_bodies
@@ -232,22 +250,50 @@ class Work:
         )
         held = [held_by(parts) for parts in self.things.bodies]
         solved = self.things.solved = Solved.of(solutions, self.models, held)
+        self.seconds |= solver_seconds(solutions)
         self.note = f"{solved.iterations} iterations, estimated error {solved.error_estimate:.1e}"
-        path = self.out / "solution" / "displacement.npz"
+        path = inside(self.out, "solution", "displacement.npz")
         with atomic_stream(path) as stream:
             np.savez(stream, allow_pickle=False, **self.things.solved.arrays())
-        return [path]
+        return Made([path], Notes(adapter=self.own_adapter))
 
-    def _reload(self) -> None:
+    def _reloaded(self) -> bool:
+        """Load what an earlier run left for the stages that are reused. What is damaged is
+        forgotten, with the reason; False then."""
+        reload = {"solve": self._resolve, "measure": self._remeasure, "stress": self._restress}
+        for stage in self.plan.stages:
+            kept = self.state.notes(stage.key)
+            if stage.state != "reused" and (stage.name != "mesh" or stage.runs or kept is None):
+                continue
+            try:
+                self.notes[stage.name] = Notes.of(kept or {})
+                if stage.name in reload:
+                    reload[stage.name]()
+                elif stage.camera is not None:
+                    check_frame(self.scene, stage, self.state)
+            except DAMAGE as error:
+                self.state.drop(stage.key, f"what is kept of it is damaged: {error}")
+                return False
+        return True
+
+    def _read(self, path: str) -> InputFile:
+        """A file that a stage of this run or of an earlier one has recorded."""
+        return self.state.read(Path(path))
+
+    def _resolve(self) -> None:
         (path,) = self.state.files(self.plan["solve"].key)
-        with np.load(path) as stored:
-            self.things.solved = Solved.from_arrays(dict(stored))
+        with np.load(self.state.read(path).stream(), allow_pickle=False) as stored:
+            solved = Solved.from_arrays(stored)
+        nodes = [parts.mesh.node_count for parts in self.things.bodies]
+        solved.check([len(groups) for groups in self.history.groups], nodes or None)
+        self.things.solved = solved
 
     def _pictures(self) -> None:
         scene = self.scene
         common = (scene, self.out, self.device, self.backend, build_lights(scene))
-        self.photographer = images.Photographer(*common, self.things.surfaces, "", self.skip)
-        targets = images.Photographer(*common, self.things.target, "calib-", self.skip)
+        how = self.skip, self._read
+        self.photographer = images.Photographer(*common, self.things.surfaces, "", *how)
+        targets = images.Photographer(*common, self.things.target, "calib-", *how)
         if not scene.cameras:
             self._timed(self.plan["render"], None)
         if self.plan["measure"].runs:  # a quarter of a second, beside the device
@@ -283,115 +329,59 @@ class Work:
             for planned in stages:
                 self._stage(planned, album.take)
 
-    def _truth(self) -> list[Path]:
+    def _truth(self) -> Made:
         from gpusim.pipeline.truth import write_truth  # HDF5 only where it is written
 
         assert self.photographer is not None
-        return [write_truth(self.scene, self.out, self.photographer, self.things.bodies,
-                                    self.things.displacement)]  # fmt: skip
+        file = write_truth(
+            self.scene, self.out, self.photographer, self.things.bodies, self.things.displacement
+        )
+        return Made([file], Notes(adapter=self.own_adapter))
 
-    def _measure(self) -> list[Path]:
+    def _measure(self) -> Made:
         files: list[Path] = []
-        sources = self._image, partial(read_corners, self.scene, self.out), self.markers
+        corners = partial(read_corners, self.scene, self.out, self._read)
+        sources = self._image, corners, self.markers
         for measure in self.scene.measures:
             result = measurements.measured(measure, self.scene, self.things, *sources)
             self.results.append(result)
-            files += result.write(self.out / "measure")
+            files += result.write(inside(self.out, "measure"))
             self.note = result.note
-            self.warnings += result.warnings
-        return files + self.markers.files
+        return Made(files + self.markers.files)
 
     def _remeasure(self) -> None:
-        folder = self.out / "measure"
-        self.results = [measurements.read(measure, folder) for measure in self.scene.measures]
-        self.warnings += [w for result in self.results for w in result.warnings]
+        folder = inside(self.out, "measure")
+        self.results = [
+            measurements.read(measure, folder, self._read) for measure in self.scene.measures
+        ]
 
     def _image(self, camera: str, frame: int, kind: str = "") -> npt.NDArray[Any]:
-        return read_image(images.image_path(self.scene, self.out, camera, frame, kind))
+        path = images.image_path(self.scene, self.out, camera, frame, kind)
+        return read_image(self.state.read(path))
 
-    def _stress(self) -> list[Path]:
+    def _stress(self) -> Made:
         from gpusim.pipeline.stresses import write_stresses
 
-        path = self.out / "solution" / "stress.npz"
+        path = inside(self.out, "solution", "stress.npz")
         self.stresses = write_stresses(
             path, self.things.bodies, self.models, self.history, self.things.displacement,
             partial(self.progress, "stress"),
         )  # fmt: skip
         most = max((peak.von_mises for peak in self.stresses.peaks), default=0.0)
         self.note = f"greatest von Mises stress {most / 1e6:.4g} MPa"
-        return [path]
+        return Made([path])
 
     def _restress(self) -> None:
         from gpusim.pipeline.stresses import Stresses
 
         (path,) = self.state.files(self.plan["stress"].key)
-        self.stresses = Stresses(path)
+        self.stresses = Stresses(self.state.open(path))
 
-    def _export(self) -> list[Path]:
+    def _export(self) -> Made:
         from gpusim.pipeline.exporting import write_meshes  # as are these formats
 
         files = write_meshes(
             self.scene, self.out, self.things.bodies, self.things.displacement, self.stresses
         )
         self.note = f"{len(files)} files for other programs"
-        return files
-
-    # -- report ----------------------------------------------------------------------------
-
-    def _device_seconds(self, device: Device) -> dict[str, float]:
-        """What this run took on the device, by stage; the device may be older than the run."""
-        spent = {
-            name: seconds - self.device_before.get(name, 0.0)
-            for name, seconds in device.timer.seconds().items()
-        }
-        return {name: seconds for name, seconds in spent.items() if seconds > 0.0}
-
-    def _adapter_text(self) -> str:
-        if self.device is not None:
-            return self.device.name
-        return "none (numpy backend)" if self.backend == "numpy" else "not needed: all reused"
-
-    def _scene_text(self) -> str:
-        from gpusim._version import __version__
-
-        head = f"# resolved by gpusim {__version__}; adapter: {self._adapter_text()}\n"
-        return head + self.scene.to_toml()
-
-    def _mechanics(self) -> Mechanics | None:
-        if self.things.solved is None:
-            return None
-        peaks = () if self.stresses is None else self.stresses.peaks
-        return make_mechanics(self.scene, self.things.solved, self.history, peaks)
-
-    def _report(self, failure: str = "") -> Report:
-        summary = None
-        if self.things.solved is not None:
-            s = self.things.solved
-            summary = SolutionSummary(
-                s.unknowns, s.iterations, s.converged, s.error_estimate, s.facts["method"]
-            )
-        return outputs.make_report(
-            self.scene,
-            self.out,
-            outputs.Findings(
-                adapter=self._adapter_text(),
-                stages=tuple(self.stages),
-                summary=summary,
-                solved=self.things.solved,
-                mechanics=self._mechanics(),
-                meshes=tuple(self.meshes),
-                results=() if failure else tuple(self.results),
-                warnings=(
-                    *(self.things.solved.warnings if self.things.solved else ()),
-                    *large_displacements(self.things),
-                    *self.warnings,
-                    *(self.photographer.warnings if self.photographer else ()),
-                ),
-                failure=failure,
-                files=frozenset(
-                    file for stage in self.plan.stages for file in self.state.files(stage.key)
-                ),
-                device_seconds=self.device_seconds,
-                images={} if self.photographer is None else self.photographer.facts,
-            ),
-        )
+        return Made(files)

@@ -29,6 +29,8 @@ class MeshSummary:
     bad_count: int
     bad_cells: tuple[int, ...]
     remark: str
+    extent: float = 0.0
+    """Diagonal of the box around the nodes, m."""
 
     def content(self) -> dict[str, Any]:
         """For report.json."""

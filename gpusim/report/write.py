@@ -11,6 +11,7 @@ import numpy as np
 from gpusim import apart
 from gpusim.errors import GpusimError
 from gpusim.export.files import PathLike, safe_name, write_text
+from gpusim.output_folder import delete, inside
 from gpusim.report.figures import (
     draw_convergence,
     draw_errors,
@@ -58,15 +59,15 @@ def write_report(report: Report, out_dir: PathLike) -> ReportPaths:
     ``out_dir`` can't be written to, GpusimError if the disk is full.
     """
     folder = Path(out_dir)
-    json_path = write_text(folder / "report.json", report.to_json())
+    json_path = write_text(inside(folder, "report.json"), report.to_json())
     try:
-        figures = _draw(report, folder / "figures")
-        html_path = write_text(folder / "report.html", render_html(report, figures, folder))
+        figures = _draw(report, inside(folder, "figures"))
+        html_path = write_text(inside(folder, "report.html"), render_html(report, figures, folder))
     except Exception as error:
         if not report.failure:
             failed = replace(report, status="failed", failure=f"report: {error}")
             with suppress(OSError, GpusimError):  # it mustn't say "done", even on a full disk
-                json_path.unlink()
+                delete(folder, "report.json")
                 write_text(json_path, failed.to_json())
         raise
     return ReportPaths(html_path, json_path, tuple(figure.path for figure in figures.all()))
@@ -76,7 +77,7 @@ def _draw(report: Report, folder: Path) -> FigureSet:
     # these take longest: they begin
     other = [apart.begin(drawing) for drawing in report.figures]
     series = [
-        apart.begin(draw_series, item, folder / f"{_stem('line', index, item.name)}.png")
+        apart.begin(draw_series, item, inside(folder, f"{_stem('line', index, item.name)}.png"))
         for index, item in enumerate(report.series)
     ]
     overlays = [
@@ -84,16 +85,18 @@ def _draw(report: Report, folder: Path) -> FigureSet:
             draw_overlay,
             item,
             photo_of(item),
-            folder / f"{_stem('markers', index, item.title)}.png",
+            inside(folder, f"{_stem('markers', index, item.title)}.png"),
         )
         for index, item in enumerate(report.overlays)
     ]
     judged = [item for item in report.measurements if np.isfinite(item.error_relative)]
     errors = convergence = None
     if len(judged) >= _WORTH_BARS:
-        errors = apart.begin(draw_errors, judged, folder / "errors.png")
+        errors = apart.begin(draw_errors, judged, inside(folder, "errors.png"))
     if len(report.residuals) >= _WORTH_A_PLOT:
-        convergence = apart.begin(draw_convergence, report.residuals, folder / "convergence.png")
+        convergence = apart.begin(
+            draw_convergence, report.residuals, inside(folder, "convergence.png")
+        )
     return FigureSet(
         tuple(figure.result() for figure in series),
         errors.result() if errors else None,

@@ -8,6 +8,9 @@ from itertools import pairwise
 from math import ceil, log
 from pathlib import Path
 
+from gpusim.errors import InputError
+from gpusim.input_file import read_input
+
 from .recipe import (
     BeamMesh,
     BoxMesh,
@@ -165,11 +168,10 @@ def _file_counts(path: Path, order: int) -> tuple[int, int]:
     if path.suffix.lower() in CAD_SUFFIXES:
         return 0, 0
     try:
-        with path.open("rb") as stream:
-            head = stream.read(1 << 16)
-            nodes = path.stat().st_size // _BYTES_PER_NODE
-    except OSError:
+        content = read_input(path).data
+    except InputError:
         return 0, 0
+    head, nodes = content[: 1 << 16], len(content) // _BYTES_PER_NODE
     # Gmsh 4.1, Gmsh 2.2, VTU, FRD: the counts stand near the beginning of most files
     for pattern in (
         rb"\$Nodes\r?\n\d+ (\d+) \d+ \d+",

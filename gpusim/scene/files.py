@@ -2,31 +2,42 @@
 
 from __future__ import annotations
 
-import hashlib
+import re
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from gpusim.errors import Fault, InputError
+from gpusim.input_file import InputFile, read_input
 from gpusim.series import SERIES_SUFFIXES, read_series
 
 from .faults import shown
 from .lines import Keys
 from .path import dotted
 
-__all__ = ["find_files"]
+__all__ = ["file_fault", "find_files"]
+
+DECK_SUFFIXES = (".inp",)
+INCLUDE = re.compile(
+    rb"^[ \t]*\*\s*INCLUDE\s*,\s*[^\n]*?INPUT\s*=\s*[\"']?([^\"',\r\n]+)", re.I | re.M
+)
 
 Found = list[tuple[Keys, Fault]]
 
 
-def find_files(document: dict[str, Any], folder: Path) -> tuple[Found, tuple[tuple[str, str], ...]]:
+def find_files(
+    document: dict[str, Any], folder: Path, known: Mapping[str, str]
+) -> tuple[Found, tuple[tuple[str, str], ...]]:
     """Make the files in ``document`` absolute, in place; relative ones lie in ``folder``.
 
-    Returns faults for files that can't be read, and (path, SHA-256) of the others. A mesh with
+    Returns faults for files that can't be read, or aren't what is ``known`` of them, and (path,
+    SHA-256) of all, with those that they name. A mesh with
     ``file`` and no ``builder`` gets the builder "file", a prop without a type the type "plate".
     What isn't of the right shape is left to the schema.
     """
     found: Found = []
-    hashes: dict[str, str] = {}
+    hashes = _Hashes(known)
     bodies = document.get("body")
     for index, body in enumerate(bodies if isinstance(bodies, list) else ()):
         if not isinstance(body, dict):
@@ -58,11 +69,11 @@ def find_files(document: dict[str, Any], folder: Path) -> tuple[Found, tuple[tup
     for index, light in enumerate(lights if isinstance(lights, list) else ()):
         if isinstance(light, dict) and isinstance(light.get("file"), str):
             _enter(light, ("light", index, "file"), folder, "a picture of radiances", found, hashes)
-    return found, tuple(sorted(hashes.items()))
+    return found, tuple(sorted(hashes.found.items()))
 
 
 def _pictures(
-    thing: dict[str, Any], keys: Keys, folder: Path, found: Found, hashes: dict[str, str]
+    thing: dict[str, Any], keys: Keys, folder: Path, found: Found, hashes: _Hashes
 ) -> None:
     """The bitmaps that a body or prop is painted with."""
     paints = thing.get("paint")
@@ -77,31 +88,57 @@ def _enter(
     folder: Path,
     expected: str,
     found: Found,
-    hashes: dict[str, str],
+    hashes: _Hashes,
 ) -> None:
     """Make the file of a table absolute and enter its hash, or its fault."""
     key = str(keys[-1])
     if not table[key]:
         return
     path = folder.absolute() / table[key]
-    if problem := _hash(path, hashes):
-        found.append((keys, Fault(dotted(keys), problem, shown(str(path)), expected)))
+    try:
+        hashes.enter(path, expected)
+    except InputError as error:
+        fault = file_fault(dotted(keys), error, str(path))
+        found.append((keys, replace(fault, got=shown(str(path)), expected=expected)))
     table[key] = str(path)
 
 
-def _hash(path: Path, hashes: dict[str, str]) -> str:
-    """Enter the hash of a file and of the files that it names; returns the problem, or ""."""
-    if not path.is_file():
-        return "is a folder" if path.is_dir() else "not found"
-    try:
-        with path.open("rb") as stream:
-            hashes[str(path)] = hashlib.file_digest(stream, "sha256").hexdigest()
-        if path.suffix.lower() in SERIES_SUFFIXES:
-            for _, file in read_series(path):
-                if problem := _hash(file, hashes):
-                    return f"names {file.name}, {problem}"
-    except OSError as error:
-        return f"unreadable ({error.strerror})"
-    except InputError as error:
-        return str(error)
-    return ""
+def file_fault(key: str, error: InputError, path: str) -> Fault:
+    """The fault that an error of `read_input` is, in a scene's words."""
+    problem, _, rest = str(error).removeprefix(f"{path}: ").partition("; ")
+    got, _, expected = rest.rpartition("expected ")
+    return Fault(key, problem, got.removeprefix("got ").removesuffix("; ") or path, expected)
+
+
+class _Hashes:
+    """SHA-256 by path of files that were ``found``, with those that they name."""
+
+    def __init__(self, known: Mapping[str, str]) -> None:
+        self.known, self.found = known, dict[str, str]()
+
+    def enter(self, path: Path, expected: str, deck: bool = False) -> None:
+        """Raises InputError for a file, or one that it names, that can't be read or has changed.
+
+        ``deck``: a deck includes it, so it may include more.
+        """
+        if str(path) in self.found:
+            return
+        file = read_input(path, expected, self.known.get(str(path)))
+        self.found[str(path)] = file.sha256
+        deck = deck or file.suffix in DECK_SUFFIXES
+        for name in _named(file, deck):
+            try:
+                self.enter(name, expected, deck)
+            except InputError as error:
+                text = str(error).removeprefix(f"{name}: ")
+                raise InputError(f"{path}: names {name.name}, {text}") from None
+
+
+def _named(file: InputFile, deck: bool) -> list[Path]:
+    """The files that a series or an Abaqus deck names."""
+    if file.suffix in SERIES_SUFFIXES:
+        return [path for _, path in read_series(file)]
+    if deck:
+        names = INCLUDE.findall(file.data)
+        return [file.path.parent / name.decode("utf-8", "replace").strip() for name in names]
+    return []

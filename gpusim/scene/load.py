@@ -8,8 +8,10 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from gpusim.errors import Fault, SceneError
+from gpusim.errors import Fault, InputError, SceneError
+from gpusim.input_file import read_input
 
+from .files import file_fault
 from .lines import key_lines
 from .scene import Scene
 
@@ -25,16 +27,9 @@ def load_scene(path: str | PathLike[str], overrides: Mapping[str, Any] | None = 
     """
     source = str(path)
     try:
-        text = Path(path).read_bytes().decode("utf-8-sig")
-    except FileNotFoundError:
-        raise SceneError(source, [Fault("file", "not found", source, "a scene file")]) from None
-    except IsADirectoryError:
-        raise SceneError(source, [Fault("file", "is a folder", source, "a scene file")]) from None
-    except UnicodeDecodeError as error:
-        got = f"byte {error.start}: {error.reason}"
-        raise SceneError(source, [Fault("file", "not a text", got, "TOML in UTF-8")]) from None
-    except OSError as error:
-        raise SceneError(source, [Fault("file", "unreadable", str(error.strerror))]) from None
+        text = read_input(path, "a scene file").text("TOML in UTF-8")
+    except InputError as error:
+        raise SceneError(source, [file_fault("file", error, source)]) from None
     try:
         document = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -13,7 +13,8 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from gpusim.errors import Fault, SceneError
+from gpusim.errors import Fault, InputError, SceneError
+from gpusim.input_file import InputFile, read_input
 
 from . import model, resolve, resolve_light
 from .check import check_document
@@ -30,7 +31,8 @@ __all__ = ["Scene"]
 class Scene:
     """A validated scene. All values are SI; ``content`` is the resolved file (JSON) behind them.
 
-    ``files`` are the mesh and result files that it needs: (absolute path, SHA-256 of the content).
+    ``files`` are the files that it needs, and those which they name: (absolute path, SHA-256 of the
+    content).
     Two scenes are equal if they say the same; where they were read from doesn't matter.
     """
 
@@ -62,12 +64,14 @@ class Scene:
         origins: Origins | None = None,
         overrides: Mapping[str, Any] | None = None,
         folder: str | Path = ".",
+        files: Iterable[tuple[str, str]] = (),
     ) -> Scene:
         """Validate a plain document (nested dicts and lists, keys as in the file).
 
         ``origins`` tells the line of each key for messages. ``overrides`` (dotted path -> value)
-        are applied first; mesh files are looked for in ``folder``. Raises SceneError with every
-        fault of document and overrides.
+        are applied first; mesh files are looked for in ``folder``. ``files``: what is known of
+        them (`files`); one that was changed since is a fault. Raises SceneError with every fault
+        of document and overrides.
         """
         origins = origins or {}
         plain = copy.deepcopy(dict(document))
@@ -78,7 +82,7 @@ class Scene:
                 faults.append(done)
             else:
                 origins = overridden(origins, done)
-        unread, files = find_files(plain, Path(folder))
+        unread, found = find_files(plain, Path(folder), dict(files))
         table = None
         try:
             table = SceneTable.model_validate(plain)
@@ -87,7 +91,7 @@ class Scene:
         between = [*unread, *check_document(plain)]
         faults += [with_origin(fault, keys, origins) for keys, fault in between]
         if not faults and table is not None:
-            faults += variant_faults(plain, folder)
+            faults += variant_faults(plain, folder, found)
         if faults or table is None:
             raise SceneError(source, faults)
         materials = resolve.material_table(table)
@@ -112,7 +116,7 @@ class Scene:
             calibration=resolve.calibration(table),
             content=json.dumps(content),
             source=source,
-            files=files,
+            files=found,
         )
 
     @property
@@ -130,6 +134,14 @@ class Scene:
             or any(isinstance(paint, model.Picture) for paint in paints)
             or any(isinstance(light, model.Environment) and light.path for light in self.lights)
         )
+
+    def input(self, path: str) -> InputFile:
+        """One of `files`, read. Raises InputError if it isn't what it was when the scene was made,
+        and for a file that isn't the scene's."""
+        known = dict(self.files)
+        if path not in known:
+            raise InputError(f"{path}: no file of {self.source}; expected one of {list(known)}")
+        return read_input(path, sha256=known[path], known=known)
 
     def sensor_of(self, camera: str) -> model.Sensor:
         """The sensor of the camera of that name: its own, or that of all. Raises KeyError."""
@@ -151,7 +163,9 @@ class Scene:
         """
         document = self.document
         overrides = {path: list(value) if isinstance(value, tuple) else value}
-        return Scene.from_document(document, source=self.source, overrides=overrides)
+        return Scene.from_document(
+            document, source=self.source, overrides=overrides, files=self.files
+        )
 
     def with_effects(self, only: Sequence[str] = (), no: Sequence[str] = ()) -> Scene:
         """The scene with ``only`` these effects of `gpusim.scene.sources` (none given: all), and
@@ -162,7 +176,9 @@ class Scene:
         if only:
             document = with_only(document, only)
         document = without_sources(document, no)
-        return Scene.from_document(document, source=self.source) if only or no else self
+        if not only and not no:
+            return self
+        return Scene.from_document(document, source=self.source, files=self.files)
 
     def variant(self, name: str) -> Scene:
         """The scene in the state of one variant, without variants and their comparison.
@@ -175,7 +191,7 @@ class Scene:
                 source = f"{self.source}, variant {name}"
                 # noise that states share would cancel in their difference
                 changes = {"sensor.series": self.sensor.series + index, **entry.changes}
-                return Scene.from_document(own, source=source, overrides=changes)
+                return Scene.from_document(own, source=source, overrides=changes, files=self.files)
         names = ", ".join(entry.name for entry in self.variants) or "none"
         raise SceneError(self.source, [Fault("variant", "no such variant", name, names)])
 
@@ -213,14 +229,17 @@ def without_variants(document: Mapping[str, Any]) -> dict[str, Any]:
     return plain
 
 
-def variant_faults(document: Mapping[str, Any], folder: str | Path) -> list[Fault]:
+def variant_faults(
+    document: Mapping[str, Any], folder: str | Path, files: Iterable[tuple[str, str]] = ()
+) -> list[Fault]:
     """What is wrong with the states that the variants describe, if the scene itself is right."""
     faults = []
     for index, entry in enumerate(document.get("variant", [])):
         try:
             Scene.from_document(
-                without_variants(document), overrides=entry.get("set", {}), folder=folder
-            )
+                without_variants(document), overrides=entry.get("set", {}), folder=folder,
+                files=files,
+            )  # fmt: skip
         except SceneError as error:
             for one in error.faults:
                 key = f"variant.{index}.set -> {one.key}"

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.input_file import InputFile
 from gpusim.inputs import checked
 from gpusim.surface.bump import Bump
 from gpusim.surface.features import Features, check_albedo, check_finish, check_grid, check_length
@@ -87,11 +88,12 @@ class Image:
         object.__setattr__(self, "pixels", pixels)
 
     @staticmethod
-    def read(path: str | os.PathLike[str], texel: float, **options: Any) -> Image:
+    def read(path: str | os.PathLike[str] | InputFile, texel: float, **options: Any) -> Image:
         """A bitmap from a PNG, TIFF or other picture file; colour is turned into grey.
 
         ``options`` are the other parameters. Raises InputError if the file can't be read.
         """
+        path = path.path if isinstance(path, InputFile) else path
         values = None
         if os.path.isfile(path):
             values = cv2.imread(os.fspath(path), cv2.IMREAD_ANYDEPTH | cv2.IMREAD_GRAYSCALE)
