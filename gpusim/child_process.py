@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import os
 import pickle
+import re
 import signal
 import subprocess
 import sys
@@ -92,7 +93,11 @@ def call_in_child(
             if fine:
                 return result  # type: ignore[no-any-return]
             raise result if isinstance(result, GpusimError) else InputError(f"{what}: {result}")
-        how = _ending(child.returncode) if timely else f"was not done after {seconds:g} s"
+        how = (
+            _ending(child.returncode)
+            if timely
+            else f"was not done after {seconds:g} s, its time limit"
+        )
         raise InputError(f"{what}: the process that does this {how}{_last(words)}")
 
 
@@ -107,7 +112,8 @@ def _ending(code: int) -> str:
 
 def _last(words: IO[bytes]) -> str:
     words.seek(max(0, words.seek(0, os.SEEK_END) - 300))
-    text = " ".join(words.read().decode("utf-8", "replace").split())
+    text = re.sub(r"\x1b\[[\d;]*m", "", words.read().decode("utf-8", "replace"))  # colours
+    text = " ".join(text.split())
     return f"; got {text[-200:]!r}" if text else ""
 
 

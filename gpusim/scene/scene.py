@@ -131,6 +131,13 @@ class Scene:
             or any(isinstance(light, model.Environment) and light.path for light in self.lights)
         )
 
+    @property
+    def has_cad(self) -> bool:
+        """Whether a body is meshed from a CAD file, in any variant."""
+        states = [self.variant(variant.name) for variant in self.variants] or [self]
+        meshes = [body.mesh for state in states for body in state.bodies]
+        return any(isinstance(mesh, model.FileMesh) and mesh.size is not None for mesh in meshes)
+
     def sensor_of(self, camera: str) -> model.Sensor:
         """The sensor of the camera of that name: its own, or that of all. Raises KeyError."""
         for one in self.cameras:

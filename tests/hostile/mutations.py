@@ -24,7 +24,8 @@ SEED = int(os.environ.get("SEED", "1"))
 Damage = tuple[str, bytes]
 # in a text: no number, none that is finite, none that fits
 _NUMBERS = (b"", b"-1", b"0", b"nan", b"inf", b"1e999", b"-7.5", b"99999999999", b"4294967296",
-            b"9223372036854775807", b"1" * 400, b"0x10", b"1_0", b"1,5", b"one", b"\xff\xfe")  # fmt: skip
+            b"9223372036854775807", b"1" * 400, b"0x10", b"1_0", b"1,5", b"one",
+            b"\xff\xfe")  # fmt: skip
 _BYTES = (b"\x00", b"\xff", b"\n", b"\r\n", b" ", b"\x1b[31m", b"\xe2\x80\xae", b'"', b"<", b"$")
 _FLOATS = (np.nan, np.inf, -np.inf, 1e300, -1.0, 0.0)
 _INTEGERS = (-1, 0, 2**31 - 1, -(2**31), 2**24, 1)
