@@ -9,26 +9,31 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from gpusim.errors import InputError
+from gpusim.input_file import InputFile, read_input
 
 __all__ = ["SERIES_SUFFIXES", "read_series"]
 
 SERIES_SUFFIXES = (".pvd", ".series")
 
 
-def read_series(path: str | PathLike[str]) -> list[tuple[float, Path]]:
+def read_series(path: str | PathLike[str] | InputFile) -> list[tuple[float, Path]]:
     """(time, file) of each step, in growing time; relative files lie beside ``path``.
 
     Raises InputError, naming the file: unreadable, empty, times that don't grow (of parallel
     pieces, for example, which share theirs).
     """
-    file = Path(path)
+    source = read_input(path, "a list of files")
+    file, text = source.path, source.text("a list of files")
     try:
-        text = file.read_text(encoding="utf-8")
-        rows = _pvd(text) if file.suffix.lower() == ".pvd" else _json(text)
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise InputError(f"{file}: unreadable; got {reason}; expected a list of files") from None
-    except (ElementTree.ParseError, ValueError, KeyError, TypeError) as error:
+        rows = _pvd(text) if source.suffix == ".pvd" else _json(text)
+    except (
+        ElementTree.ParseError,
+        ValueError,
+        ArithmeticError,
+        LookupError,
+        TypeError,
+        RecursionError,
+    ) as error:
         raise InputError(
             f"{file}: not a list of files with their times; got {type(error).__name__}: {error}; "
             "expected ParaView's .pvd or .series"
@@ -46,6 +51,8 @@ def read_series(path: str | PathLike[str]) -> list[tuple[float, Path]]:
 
 
 def _pvd(text: str) -> list[tuple[float, str]]:
+    if "<!DOCTYPE" in text or "<!ENTITY" in text:
+        raise ValueError("definitions of its own (DOCTYPE)")
     entries = ElementTree.fromstring(text).iter("DataSet")
     return [(float(entry.attrib["timestep"]), entry.attrib["file"]) for entry in entries]
 
