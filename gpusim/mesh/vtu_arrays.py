@@ -186,7 +186,8 @@ class _Encoded:
 
     def after_header(self, width: int, size: int) -> bytes:
         """``size`` bytes behind a header, which is encoded with them or by itself."""
-        if self.raw or b"=" in self.data[: -(-width // 3) * 4]:
+        head = self.data[self.at : self.at + -(-width // 3) * 4]
+        if self.raw or head.endswith(b"=" * (-width % 3)):
             self.take(width)
             return self.take(size)
         return self.take(width + size)[width:]
