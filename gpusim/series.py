@@ -26,7 +26,14 @@ def read_series(path: str | PathLike[str] | InputFile) -> list[tuple[float, Path
     file, text = source.path, source.text("a list of files")
     try:
         rows = _pvd(text) if source.suffix == ".pvd" else _json(text)
-    except (ElementTree.ParseError, ValueError, KeyError, TypeError, RecursionError) as error:
+    except (
+        ElementTree.ParseError,
+        ValueError,
+        ArithmeticError,
+        LookupError,
+        TypeError,
+        RecursionError,
+    ) as error:
         raise InputError(
             f"{file}: not a list of files with their times; got {type(error).__name__}: {error}; "
             "expected ParaView's .pvd or .series"
@@ -44,6 +51,8 @@ def read_series(path: str | PathLike[str] | InputFile) -> list[tuple[float, Path
 
 
 def _pvd(text: str) -> list[tuple[float, str]]:
+    if "<!DOCTYPE" in text or "<!ENTITY" in text:
+        raise ValueError("definitions of its own (DOCTYPE)")
     entries = ElementTree.fromstring(text).iter("DataSet")
     return [(float(entry.attrib["timestep"]), entry.attrib["file"]) for entry in entries]
 

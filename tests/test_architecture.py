@@ -17,9 +17,11 @@ PACKAGE = Path(gpusim.__file__).parent
 FOUNDATION = {
     "_version",
     "apart",
+    "child_process",
     "copies",
     "distinct",
     "errors",
+    "hdf5_file",
     "input_file",
     "inputs",
     "output_folder",
@@ -29,9 +31,11 @@ FOUNDATION = {
 ALLOWED: dict[str, set[str]] = {
     "_version": set(),
     "apart": set(),
+    "child_process": set(),
     "copies": set(),
     "distinct": set(),
     "errors": set(),
+    "hdf5_file": set(),
     "input_file": set(),
     "inputs": set(),
     "output_folder": set(),

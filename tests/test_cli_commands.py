@@ -197,6 +197,31 @@ def test_plan_of_the_crane(cli: Run, scene: Path, tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
+def test_plan_of_a_cad_file_says_that_gmsh_is_missing(
+    cli: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "part.step").write_text("ISO-10303-21;")
+    scene = tmp_path / "part.toml"
+    scene.write_text("""
+schema = 1
+name = "part"
+material = [{ name = "steel", youngs_modulus_GPa = 210.0, poissons_ratio = 0.3 }]
+[[body]]
+name = "part"
+material = "steel"
+mesh = { file = "part.step", size_mm = 2.0 }
+paint = [{ type = "plain", name = "grey", albedo = 0.5 }]
+support = [{ name = "clamp", where = { set = "face_1" }, fix = ["x", "y", "z"] }]
+load = [{ type = "force", name = "pull", where = { set = "face_2" }, force_N = [0.0, 0.0, 9.0] }]
+""")
+    assert cli("plan", scene).exit_code == 0
+    monkeypatch.setitem(sys.modules, "gmsh", None)
+    result = cli("plan", scene)
+    assert result.exit_code == 2
+    assert "part.step: a CAD file needs gmsh, which is not installed" in result.stderr
+    assert f"{sys.executable} -m pip install gmsh" in result.stderr.replace("\n", "")
+
+
 def test_schema_is_json(cli: Run) -> None:
     schema = json.loads(cli("schema").stdout)
     assert schema["title"] == "SceneTable" or "properties" in schema

@@ -72,7 +72,9 @@ def frd(path: Path, kind: str, steps: tuple[float, ...] = TIMES, long: bool = Tr
         lines.append(
             f"  100CL  10{number}{time:12.5E}{len(points):12d}{0:22d}{number:5d}{code:12d}"
         )
-        lines += [" -4  DISP        4    1", " -5  D1          1    2    1    0", " -5  ALL"]
+        lines += [" -4  DISP        4    1"]
+        lines += [f" -5  D{k}          1    2    {k}    0" for k in (1, 2, 3)]
+        lines += [" -5  ALL         1    2    0    0    1ALL"]
         lines += [*rows(displacement(points, time)), " -3"]
     path.write_text("\n".join([*lines, " 9999", ""]))
     return path
@@ -124,8 +126,10 @@ FORMATS: dict[str, Callable[[Path, str], Path]] = {
 }
 
 
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("name", FORMATS)
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [(name, kind) for name in FORMATS for kind in KINDS if name != "hdf.exo" or kind == "tet10"],
+)
 def test_every_format_gives_every_node_its_own_displacement(
     name: str, kind: str, tmp_path: Path
 ) -> None:
@@ -221,7 +225,7 @@ def test_faults_name_file_and_cause(tmp_path: Path) -> None:
         assert "bad.frd" in str(told.value)
 
     refused(good.replace("DISP", "NDTEMP"), "no block DISP; got results NDTEMP")
-    refused(good.replace("    4    0    1", "   40    0    1"), "element type '40'")
+    refused(good.replace("    4    0    1\n", "   40    0    1\n"), "element type '40'")
     refused(good[: len(good) // 3], "cut off")
     refused("nothing", "not an .frd file")
     lines = good.splitlines()
@@ -232,7 +236,7 @@ def test_faults_name_file_and_cause(tmp_path: Path) -> None:
     head = next(line for line in lines if line.startswith("    2C"))
     refused(good.replace(head, head[:-1] + "2"), "format '2' of a block; expected 0 or 1: text")
 
-    with pytest.raises(InputError, match="no such file"):
+    with pytest.raises(InputError, match="not found"):
         read_field(tmp_path / "none.frd")
     (tmp_path / "field.xyz").write_text("")
     with pytest.raises(InputError, match=r"unknown kind of field; got '.xyz'"):

@@ -95,8 +95,9 @@ def write(path: Path, variables: dict[str, Any], kinds: dict[str, str], hdf: boo
     return path
 
 
-@pytest.mark.parametrize("kind", sorted(WRITTEN))
-@pytest.mark.parametrize("hdf", [False, True])
+@pytest.mark.parametrize(
+    ("kind", "hdf"), [*((kind, False) for kind in sorted(WRITTEN)), ("wedge15", True)]
+)
 def test_orders_of_every_type(kind: str, hdf: bool, tmp_path: Path) -> None:
     mesh = read_exodus(write(tmp_path / "one.e", *content(kind), hdf=hdf))
     assert list(mesh.cells) == [kind]
@@ -170,7 +171,12 @@ def changed(kind: str, **new: Any) -> tuple[dict[str, Any], dict[str, str]]:
         ((content("hex8")[0], {"connect1": "HEX9"}), None),
         ((content("hex20")[0], {"connect1": "TETRA14"}), "TETRA14 with 20 nodes; expected one of"),
         (changed("hex8", side_ss1=np.array([7], dtype=np.int32)), "got side 7; expected 1 … 6"),
-        (changed("hex8", elem_ss1=np.array([9], dtype=np.int32)), "damaged or cut off"),
+        (
+            changed("hex8", elem_ss1=np.array([9], dtype=np.int32)),
+            "got elements 9 to 9; expected 1 to 1",
+        ),
+        (changed("hex8", elem_ss1=np.array([0], dtype=np.int32)), "got elements 0 to 0"),
+        ((content("hex8")[0], {"connect1": "NFACED"}), "connect1: elements of type NFACED"),
         (changed("hex8", node_ns1=np.array([9], dtype=np.int32)), "number out of range"),
     ],
 )
@@ -206,5 +212,5 @@ def test_files_that_are_cut_off_or_something_else(tmp_path: Path) -> None:
     path.write_bytes(b"\x89HDF\r\n\x1a\n" + b"\0" * 40)
     with pytest.raises(InputError, match=r"part\.e: "):
         read_exodus(path)
-    with pytest.raises(InputError, match="can't be read"):
+    with pytest.raises(InputError, match="not found"):
         read_exodus_fields(tmp_path / "absent.e")

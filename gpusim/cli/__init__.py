@@ -211,6 +211,8 @@ def plan(
         from gpusim.plan import make_plan
 
         made = make_plan(loaded, output, backend.value, fresh, not no_skip)
+        if loaded.has_cad and any(s.runs and s.name.endswith("mesh") for s in made.stages):
+            import_module("gpusim.pipeline.files").check_mesher(loaded)
         if as_json:
             out(json.dumps(made.to_dict(), indent=2))
         else:

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import BinaryIO
 
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.field.field import Field
+from gpusim.input_file import InputFile
 from gpusim.mesh.raw import RawBlock, RawMesh, assemble, index_of, solid_nodes
 
 __all__ = ["read_frd"]
@@ -44,6 +44,7 @@ class _Block:
     end: int
     long: bool
     time: float = 0.0
+    components: list[bytes] = field(default_factory=list)
 
     def label_width(self) -> int:
         return 10 if self.long else 5
@@ -56,13 +57,14 @@ class _Index:
     results: dict[str, list[_Block]] = field(default_factory=dict)
 
 
-def read_frd(path: Path, name: str | None = None) -> Field:
+def read_frd(file: InputFile, name: str | None = None) -> Field:
     """The displacements of an .frd file over its times (``name``: of the block, DISP).
 
     Steps that restart at an earlier time are refused. Raises InputError: binary, cut off, no
     solids, no displacements.
     """
-    index = _index(path)
+    path = file.path
+    index = _index(file)
     wanted = "DISP" if name is None else name
     blocks = index.results.get(wanted, [])
     if index.nodes is None or index.cells is None or not blocks:
@@ -72,15 +74,15 @@ def read_frd(path: Path, name: str | None = None) -> Field:
             f"{path}: {what}; got results {known}; expected a complete .frd with displacements "
             "(*NODE FILE with U)"
         )
-    with path.open("rb") as stream:
-        labels, points = _rows(stream, index.nodes, path)
-        raw = RawMesh(points, tuple(_cells(stream, index.cells, labels, path)))
+    for block in blocks:
+        _check_vector(block, wanted, path)
+    labels, points = _rows(file.data, index.nodes, path)
+    raw = RawMesh(points, tuple(_cells(file.data, index.cells, labels, path)))
     mesh = assemble(raw, str(path))
     used = solid_nodes(raw)
 
     def step(number: int) -> Float:
-        with path.open("rb") as stream:
-            found, values = _rows(stream, blocks[number], path)
+        found, values = _rows(file.data, blocks[number], path)
         u = np.full((len(labels), 3), np.nan)
         place = index_of(labels, found)
         u[place[place >= 0]] = values[place >= 0]
@@ -89,42 +91,58 @@ def read_frd(path: Path, name: str | None = None) -> Field:
     return Field(mesh, [block.time for block in blocks], step, name=str(path))
 
 
-def _index(path: Path) -> _Index:
+def _index(file: InputFile) -> _Index:
     """One pass over the lines: the places of the blocks that matter."""
+    path = file.path
     index = _Index()
     current: _Block | None = None
     time, long = 0.0, True
-    with path.open("rb") as stream:
-        head = stream.read(6)
-        if head[:6].strip() != b"1C":
-            raise InputError(f"{path}: not an .frd file; got first bytes {head!r}; expected '1C'")
-        stream.seek(0)
-        at = 0
-        for line in stream:
-            key = line[:6]
-            if current is not None and key[:3] == b" -3":
-                current.end = at
-                current = None
-            elif current is None and key[:3] != b" -5":
-                if key in (b"    2C", b"    3C"):
-                    current = _Block(at + len(line), -1, _is_long(line, path))
-                    if key == b"    2C":
-                        index.nodes = current
-                    else:
-                        index.cells = current
-                elif key == b"  100C":
-                    time, long = _time(line, path), _is_long(line, path)
-                elif key[:3] == b" -4":
-                    current = _Block(at + len(line), -1, long, time)
-                    index.results.setdefault(line[3:13].split()[0].decode("ascii"), []).append(
-                        current
-                    )
-            elif current is not None and key[:3] == b" -5":
-                current.start = at + len(line)
-            at += len(line)
+    if file.data[:6].strip() != b"1C":
+        raise InputError(
+            f"{path}: not an .frd file; got first bytes {file.data[:6]!r}; expected '1C'"
+        )
+    at = 0
+    for number, line in enumerate(file.stream(), start=1):
+        key = line[:6]
+        if current is not None and key[:3] == b" -3":
+            current.end = at
+            current = None
+        elif current is None:
+            if key in (b"    2C", b"    3C"):
+                current = _Block(at + len(line), -1, _is_long(line, path))
+                if index.nodes is not None if key == b"    2C" else index.cells is not None:
+                    raise InputError(f"{path}:{number}: a second mesh; expected one in a file")
+                if key == b"    2C":
+                    index.nodes = current
+                else:
+                    index.cells = current
+            elif key == b"  100C":
+                time, long = _time(line, path), _is_long(line, path)
+            elif key[:3] == b" -4" and line[3:13].split():
+                current = _Block(at + len(line), -1, long, time)
+                name = line[3:13].split()[0].decode("ascii", "replace")
+                index.results.setdefault(name, []).append(current)
+            elif line[:5].strip() not in (b"1", b"9999", b""):  # headers, and the end
+                text = line.strip()[:40].decode("ascii", "replace")
+                raise InputError(f"{path}:{number}: got {text!r}; expected a block: damaged?")
+        elif key[:3] == b" -5":
+            current.start = at + len(line)
+            current.components.append(line)
+        at += len(line)
     if current is not None:
         raise InputError(f"{path}: cut off: a block without its end (-3)")
     return index
+
+
+def _check_vector(block: _Block, name: str, path: Path) -> None:
+    """The first three components are those of a vector: type 2, numbers 1 to 3."""
+    kinds = [(line[18:23].strip(), line[23:28].strip()) for line in block.components[:3]]
+    if kinds != [(b"2", b"1"), (b"2", b"2"), (b"2", b"3")]:
+        raise InputError(
+            f"{path}: block {name}; got components of type and number "
+            f"{', '.join(b' '.join(kind).decode('ascii', 'replace') for kind in kinds) or 'none'}; "
+            "expected a vector, 2 1, 2 2, 2 3"
+        )
 
 
 def _is_long(line: bytes, path: Path) -> bool:
@@ -138,16 +156,20 @@ def _is_long(line: bytes, path: Path) -> bool:
 
 
 def _time(line: bytes, path: Path) -> float:
+    if line[56:58].strip() == b"2":
+        raise InputError(
+            f"{path}: results of a frequency analysis; expected displacements over time or load: "
+            "modes are no states of a body"
+        )
     try:
         return float(line[12:24])
     except ValueError:
         raise InputError(f"{path}: time of a result; got {line[12:24]!r}") from None
 
 
-def _rows(stream: BinaryIO, block: _Block, path: Path) -> tuple[Long, Float]:
+def _rows(file: bytes, block: _Block, path: Path) -> tuple[Long, Float]:
     """Labels (n,) and the first three values (n, 3) of the lines of a block."""
-    stream.seek(block.start)
-    data = stream.read(block.end - block.start)
+    data = file[block.start : block.end]
     width = block.label_width()
     length = data.find(b"\n") + 1
     least = 3 + width + 3 * _VALUE
@@ -171,10 +193,9 @@ def _column(letters: npt.NDArray[np.uint8], start: int, width: int) -> npt.NDArr
     return part.view(f"S{width}")[:, 0]
 
 
-def _cells(stream: BinaryIO, block: _Block, labels: Long, path: Path) -> list[RawBlock]:
+def _cells(file: bytes, block: _Block, labels: Long, path: Path) -> list[RawBlock]:
     """The elements by type: a line " -1" with number and type, then lines " -2" with nodes."""
-    stream.seek(block.start)
-    lines = stream.read(block.end - block.start).split(b"\n")
+    lines = file[block.start : block.end].split(b"\n")
     width = block.label_width()
     rows: dict[str, list[bytes]] = {}
     kind, parts = "", 0
@@ -186,7 +207,7 @@ def _cells(stream: BinaryIO, block: _Block, labels: Long, path: Path) -> list[Ra
                     f"{path}: element type {number.decode('ascii', 'replace')!r}; expected 1 to 12"
                 )
             kind, parts = _TYPES[int(number)][0], 0
-        elif line[:3] == b" -2":
+        elif line[:3] == b" -2" and kind:
             nodes = line[3:].rstrip(b"\r\n ")
             if parts == 0:
                 rows.setdefault(kind, []).append(nodes)

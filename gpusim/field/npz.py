@@ -12,13 +12,13 @@
 from __future__ import annotations
 
 import zipfile
-from pathlib import Path
 
 import numpy as np
 
 from gpusim.errors import InputError
 from gpusim.field.field import Field
 from gpusim.field.names import vector_name
+from gpusim.input_file import InputFile
 from gpusim.mesh import Mesh
 
 __all__ = ["read_npz"]
@@ -26,10 +26,11 @@ __all__ = ["read_npz"]
 _CELLS = "cells_"
 
 
-def read_npz(path: Path, name: str | None = None) -> Field:
+def read_npz(file: InputFile, name: str | None = None) -> Field:
     """The field of an .npz file; ``name`` is that of the displacement array."""
+    path = file.path
     try:
-        with np.load(path, allow_pickle=False) as stored:
+        with np.load(file.stream(), allow_pickle=False) as stored:
             arrays = {key: stored[key] for key in stored.files}
     except (ValueError, EOFError, zipfile.BadZipFile) as error:
         raise InputError(f"{path}: not an .npz of plain arrays ({error})") from None

@@ -10,37 +10,38 @@ import numpy as np
 
 from gpusim.errors import InputError
 from gpusim.field.field import Field
-from gpusim.input_file import InputFile
+from gpusim.input_file import InputFile, read_input
 from gpusim.mesh import Mesh
+from gpusim.mesh.read import PARALLEL
 
 __all__ = ["FIELD_SUFFIXES", "read_field"]
 
 
-def _vtu(path: str | PathLike[str] | InputFile, name: str | None) -> Field:
+def _vtu(file: InputFile, name: str | None) -> Field:
     from gpusim.field.vtu import read_vtu_field
 
-    return read_vtu_field(path, name)
+    return read_vtu_field(file, name)
 
 
-def _exodus(path: Path, name: str | None) -> Field:
+def _exodus(file: InputFile, name: str | None) -> Field:
     from gpusim.field.exodus import read_exodus_field
 
-    return read_exodus_field(path, name)
+    return read_exodus_field(file, name)
 
 
-def _frd(path: Path, name: str | None) -> Field:
+def _frd(file: InputFile, name: str | None) -> Field:
     from gpusim.field.frd import read_frd
 
-    return read_frd(path, name)
+    return read_frd(file, name)
 
 
-def _npz(path: Path, name: str | None) -> Field:
+def _npz(file: InputFile, name: str | None) -> Field:
     from gpusim.field.npz import read_npz
 
-    return read_npz(path, name)
+    return read_npz(file, name)
 
 
-_READERS: dict[str, Callable[[Path, str | None], Field]] = {
+_READERS: dict[str, Callable[[InputFile, str | None], Field]] = {
     ".vtu": _vtu,
     ".pvd": _vtu,
     ".series": _vtu,
@@ -68,7 +69,8 @@ def read_field(
     path
         ``.vtu`` (one state, time 1), ``.pvd`` and ``.vtu.series`` (ParaView: a ``.vtu`` per time),
         ``.e``/``.ex2``/``.exo``/``.exodus`` (Exodus), ``.frd`` (CalculiX, text),
-        ``.npz`` (see `gpusim.field.npz`). Steps are read when they are needed.
+        ``.npz`` (see `gpusim.field.npz`), or what `gpusim.input_file.read_input` has read of one.
+        Steps are unpacked when they are needed.
     name
         Of the nodal variable, where it isn't called displacement, disp, U or the like. Exodus and
         VTU may have a scalar per axis: their common beginning.
@@ -86,24 +88,25 @@ def read_field(
     for key, value in (("scale", scale), ("magnify", magnify)):
         if not (np.isfinite(value) and value > 0.0):
             raise InputError(f"read_field: {key}; got {value}; expected a factor > 0")
-    file = path.path if isinstance(path, InputFile) else Path(path)
-    if not file.is_file():
-        kind = "is a folder" if file.is_dir() else "no such file"
-        raise InputError(f"{file}: {kind}; expected a file with a displacement field")
-    reader = _READERS.get(file.suffix.lower())
-    if reader is None:
+    source = path.path if isinstance(path, InputFile) else Path(path)
+    suffix = source.suffix.lower()
+    if suffix in PARALLEL:
+        raise InputError(f"{source}: {PARALLEL[suffix]}; expected the blocks merged, saved as .vtu")
+    file = read_input(path, "a file with a displacement field")
+    if suffix not in _READERS:
         raise InputError(
-            f"{file}: unknown kind of field; got {file.suffix or 'no ending'!r}; expected one of "
+            f"{source}: unknown kind of field; got {suffix or 'no ending'!r}; expected one of "
             f"{', '.join(FIELD_SUFFIXES)}"
         )
     try:
-        # a series hands on what is known of the files that it names
-        field = _vtu(path, name) if reader is _vtu else reader(file, name)
+        field = _READERS[suffix](file, name)
     except InputError as error:
         text = str(error)
-        raise InputError(text if str(file.parent) in text else f"{file}: {text}") from None
+        raise InputError(text if str(source.parent) in text else f"{source}: {text}") from None
     except OSError as error:
-        raise InputError(f"{file}: unreadable; got {error.strerror or error}") from None
+        raise InputError(f"{source}: unreadable; got {error.strerror or error}") from None
+    except MemoryError:
+        raise InputError(f"{source}: the field is larger than the memory") from None
     if scale == 1.0 and magnify == 1.0:
         return field
     mesh = field.mesh

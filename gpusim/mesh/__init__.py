@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gpusim.mesh.build import beam, box, crane
-from gpusim.mesh.cad import mesh_cad
+from gpusim.mesh.cad import check_gmsh, mesh_cad
 from gpusim.mesh.cad_sizes import SizeBox
 from gpusim.mesh.cells import CELL_TYPES, CellType
 from gpusim.mesh.faces import Faces, boundary_faces, set_faces
@@ -29,6 +29,7 @@ __all__ = [
     "boundary_faces",
     "box",
     "bracket",
+    "check_gmsh",
     "crane",
     "mesh_cad",
     "mesh_quality",

@@ -1,11 +1,15 @@
-"""CAD files (STEP, BREP, STL) meshed by Gmsh, which is an optional dependency."""
+"""CAD files (STEP, BREP, STL) meshed by Gmsh, which is an optional dependency.
+
+Gmsh and Open CASCADE die or hang on some damaged files: they work in a process of their own.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+import sys
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from importlib.util import find_spec
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -13,14 +17,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.child_process import SECONDS, call_in_child
 from gpusim.errors import InputError
-from gpusim.input_file import InputFile
+from gpusim.input_file import InputFile, read_input
 from gpusim.mesh.cad_sizes import SizeBox, check_sizes, set_sizes
 from gpusim.mesh.gmsh_types import GMSH_NODES, GMSH_TYPES, from_gmsh_order
 from gpusim.mesh.mesh import Mesh
 from gpusim.mesh.raw import RawBlock, RawMesh, assemble
 
-__all__ = ["CAD_SUFFIXES", "mesh_cad"]
+__all__ = ["CAD_SUFFIXES", "check_gmsh", "mesh_cad"]
 
 CAD_SUFFIXES = (".step", ".stp", ".brep", ".stl")
 
@@ -42,6 +47,20 @@ class _Part:
     names: tuple[str, ...]
 
 
+@dataclass(frozen=True, eq=False)
+class _Options:
+    """The arguments of `mesh_cad`."""
+
+    size: float
+    order: int
+    hexahedra: bool
+    hex_dominant: bool
+    curvature: int
+    sizes: Mapping[str, float]
+    boxes: Sequence[SizeBox]
+    scale: float
+
+
 def mesh_cad(
     path: str | PathLike[str] | InputFile,
     *,
@@ -53,6 +72,7 @@ def mesh_cad(
     sizes: Mapping[str, float] | None = None,
     boxes: Sequence[SizeBox] = (),
     scale: float = 1.0,
+    time_limit: float = SECONDS,
 ) -> Mesh:
     """Mesh the solids of a ``.step``/``.stp``, ``.brep`` or closed ``.stl`` file.
 
@@ -79,6 +99,8 @@ def mesh_cad(
     scale
         Factor on the coordinates. Those of a STEP file are millimetres, whatever its own unit; of
         the others as in the file.
+    time_limit
+        Seconds after which it is given up.
 
     Each CAD face is a face set "face_1", "face_2", … by its number in the file, and one by its
     name if the file names it; with several solids, or named ones, there are cell sets "solid_1", …
@@ -88,112 +110,100 @@ def mesh_cad(
     ------
     InputError
         gmsh or its libraries are missing, a file that is absent, of another kind or can't be
-        meshed, a file without solids, unknown names in ``sizes``, sizes that aren't positive.
+        meshed, or that Gmsh dies on, doesn't get done with in time, or takes more than 80 % of the
+        memory for; a file without solids, unknown names in ``sizes``, sizes that aren't positive.
     """
-    file = path.path if isinstance(path, InputFile) else Path(path)
-    if file.suffix.lower() not in CAD_SUFFIXES:
+    name = path.path if isinstance(path, InputFile) else Path(path)
+    if name.suffix.lower() not in CAD_SUFFIXES:
         raise InputError(
-            f"{file}: unknown kind of CAD file; got {file.suffix or 'no ending'!r}; expected one "
+            f"{name}: unknown kind of CAD file; got {name.suffix or 'no ending'!r}; expected one "
             f"of {', '.join(CAD_SUFFIXES)}"
         )
-    if not file.is_file():
-        raise InputError(f"{file}: no such file; expected a CAD file")
+    file = read_input(path, "a CAD file")
+    if not file.data:
+        raise InputError(f"{file.path}: the file is empty; expected a CAD file")
     if order not in (1, 2):
         raise InputError(f"mesh_cad: order; got {order}; expected 1 or 2")
-    if curvature and file.suffix.lower() == ".stl":
+    if file.suffix == ".stl":
+        _refuse_lost_corners(file)
+    if curvature and file.suffix == ".stl":
         raise InputError(
-            f"{file}: curvature for a surface of flat triangles; got {curvature}; expected 0 "
+            f"{file.path}: curvature for a surface of flat triangles; got {curvature}; expected 0 "
             "(or the part as STEP or BREP)"
         )
     if hexahedra and hex_dominant:
         raise InputError("mesh_cad: hexahedra and hex_dominant; got both; expected one of them")
     check_sizes(size, curvature, sizes or {}, boxes, scale)
+    if not time_limit > 0.0:
+        raise InputError(f"mesh_cad: time_limit; got {time_limit}; expected seconds > 0")
+    check_gmsh(str(file.path))
+    options = _Options(
+        size, order, hexahedra, hex_dominant, curvature, dict(sizes or {}), tuple(boxes), scale
+    )
+    raw = call_in_child(f"{file.path}: can't be meshed", time_limit, _raw_mesh, file, options)
+    return assemble(raw, str(file.path))
+
+
+def check_gmsh(file: str) -> None:
+    """Raises InputError for a CAD file unless gmsh is installed; it isn't loaded."""
+    if find_spec("gmsh") is None:
+        raise InputError(
+            f"{file}: a CAD file needs gmsh, which is not installed; expected it: "
+            f"{sys.executable or 'python'} -m pip install gmsh"
+        )
+
+
+def _raw_mesh(file: InputFile, options: _Options) -> RawMesh:
+    """The work of the child, which has a Gmsh of its own."""
     gmsh = _gmsh()
-    with _session(gmsh):
-        try:
-            _load(gmsh, file)
-            _refuse_errors(gmsh, file)
-            volumes, surfaces = _parts(gmsh, 3), _parts(gmsh, 2)
-            if not volumes:
-                raise InputError(
-                    f"{file}: no solid; got {len(surfaces)} faces; expected a closed body"
-                )
-            _refuse_too_many(gmsh, file, size, scale)
-            named = {
-                name: [(d, part.tag) for d, group in ((3, volumes), (2, surfaces))
-                       for part in group if name in part.names]
-                for name in {n for part in (*volumes, *surfaces) for n in part.names}
-            }  # fmt: skip
-            set_sizes(gmsh, size, curvature, sizes or {}, boxes, scale, named)
-            # an STL's surface is flat triangles: its midside nodes stay on straight edges
-            facets = file.suffix.lower() == ".stl"
-            gmsh.option.setNumber("Mesh.SecondOrderLinear", int(facets))
-            _generate(gmsh, order, hexahedra, hex_dominant)
-            _refuse_errors(gmsh, file)
-            raw = _collect(gmsh, volumes, surfaces, scale)
-        except InputError:
-            raise
-        except Exception as error:  # Gmsh's own have no type of their own
-            text = " ".join(str(error).split())
-            raise InputError(f"{file}: Gmsh can't mesh it; got {text[:200]}") from None
-    return assemble(raw, str(file))
+    gmsh.initialize([], readConfigFiles=False, run=False, interruptible=False)
+    numbers = {
+        # errors are asked for after each step: one thrown would leave the mesher in mid-work
+        "General.AbortOnError": 0,
+        "General.Terminal": 0, "General.NumThreads": 1, "Mesh.RandomSeed": 1,
+        "Geometry.OCCImportLabels": 1, "Mesh.SaveAll": 1,
+        "Mesh.SecondOrderIncomplete": 1, "Mesh.HighOrderOptimize": 1,
+        # an STL's surface is flat triangles: its midside nodes stay on straight edges
+        "Mesh.SecondOrderLinear": int(file.suffix == ".stl"),
+    }  # fmt: skip
+    for option, value in numbers.items():
+        gmsh.option.setNumber(option, value)
+    try:
+        with file.on_disk() as copy:
+            _load(gmsh, file, copy)
+        _refuse_errors(gmsh, file.path)
+        volumes, surfaces = _parts(gmsh, 3), _parts(gmsh, 2)
+        if not volumes:
+            raise InputError(
+                f"{file.path}: no solid; got {len(surfaces)} faces; expected a closed body"
+            )
+        size, scale = options.size, options.scale
+        _refuse_too_many(gmsh, file, size, scale)
+        named = {
+            name: [(d, part.tag) for d, group in ((3, volumes), (2, surfaces))
+                   for part in group if name in part.names]
+            for name in {n for part in (*volumes, *surfaces) for n in part.names}
+        }  # fmt: skip
+        set_sizes(gmsh, size, options.curvature, options.sizes, options.boxes, scale, named)
+        _generate(gmsh, options.order, options.hexahedra, options.hex_dominant)
+        _refuse_errors(gmsh, file.path)
+        return _collect(gmsh, volumes, surfaces, scale)
+    except InputError:
+        raise
+    except Exception as error:  # Gmsh's own have no type of their own
+        text = " ".join(str(error).split())
+        raise InputError(f"{file.path}: Gmsh can't mesh it; got {text[:200]}") from None
 
 
 def _gmsh() -> Any:
     try:
         import gmsh
-    except ImportError:
-        raise InputError(
-            "mesh_cad: gmsh is not installed; expected: pip install 'gpusim[cad]'"
-        ) from None
     except OSError as error:
         raise InputError(
             f"mesh_cad: gmsh can't be loaded; got {error}; expected its libraries, on "
             f"Debian: apt install {_LIBRARIES}"
         ) from None
     return gmsh
-
-
-@contextmanager
-def _session(gmsh: Any) -> Iterator[None]:
-    """A model of its own, also inside a session that the caller has open."""
-    inside = bool(gmsh.isInitialized())
-    if not inside:
-        gmsh.initialize([], readConfigFiles=False, run=False, interruptible=False)
-    numbers = {
-        # errors are asked for after each step: one thrown would leave the mesher in mid-work
-        "General.AbortOnError": 0,
-        "General.Terminal": 0, "General.NumThreads": 1, "Mesh.RandomSeed": 1,
-        "Geometry.OCCImportLabels": 1, "Mesh.SaveAll": 1,
-        "Mesh.SecondOrderIncomplete": 1, "Mesh.SecondOrderLinear": 0, "Mesh.HighOrderOptimize": 1,
-        "Mesh.SubdivisionAlgorithm": 0, "Mesh.RecombineAll": 0, "Mesh.Algorithm": 6,
-        "Mesh.Algorithm3D": 1, "Mesh.Optimize": 1, "Mesh.MeshSizeExtendFromBoundary": 1,
-        "Mesh.MeshSizeFromPoints": 1, "Mesh.MeshSizeFromCurvature": 0, "Mesh.MeshSizeMin": 0,
-        "Mesh.MeshSizeMax": 1e22, "Mesh.MeshSizeFactor": 1,
-    }  # fmt: skip
-    before = {name: gmsh.option.getNumber(name) for name in numbers}
-    previous = gmsh.model.getCurrent() if inside else ""
-    name = "gpusim.mesh_cad"
-    gmsh.model.add(name)
-    try:
-        for option, value in numbers.items():
-            gmsh.option.setNumber(option, value)
-        gmsh.model.mesh.generate(0)  # forgets the errors of earlier sessions
-        yield
-    finally:
-        # an error that isn't forgotten makes Gmsh pass over `setOrder` from now on
-        gmsh.model.setCurrent(name)
-        gmsh.model.remove()
-        gmsh.model.add(name)
-        gmsh.model.mesh.generate(0)
-        gmsh.model.remove()
-        # options outlive a session: the next one in this process must find them as they were
-        for option, value in before.items():
-            gmsh.option.setNumber(option, value)
-        if inside:
-            gmsh.model.setCurrent(previous)
-        else:
-            gmsh.finalize()
 
 
 def _refuse_errors(gmsh: Any, file: Path) -> None:
@@ -203,9 +213,9 @@ def _refuse_errors(gmsh: Any, file: Path) -> None:
         raise InputError(f"{file}: Gmsh can't mesh it; got {text[:200]}")
 
 
-def _refuse_too_many(gmsh: Any, file: Path, size: float, scale: float) -> None:
+def _refuse_too_many(gmsh: Any, file: InputFile, size: float, scale: float) -> None:
     """Gmsh would work for days, or until the memory is full."""
-    if file.suffix.lower() == ".stl":
+    if file.suffix == ".stl":
         tags, coordinates, _ = gmsh.model.mesh.getNodes()
         place = np.zeros((int(max(tags)) + 1, 3))
         place[tags.astype(np.int64)] = np.reshape(coordinates, (-1, 3))
@@ -216,14 +226,14 @@ def _refuse_too_many(gmsh: Any, file: Path, size: float, scale: float) -> None:
     count = volume * scale**3 / (_TETRAHEDRON * size**3)
     if not count <= _MOST_ELEMENTS:
         raise InputError(
-            f"{file}: size; got {size:g}, which makes about {count:.1g} elements; expected at "
+            f"{file.path}: size; got {size:g}, which makes about {count:.1g} elements; expected at "
             f"least {(volume / (_TETRAHEDRON * _MOST_ELEMENTS)) ** (1 / 3) * scale:.2g}"
         )
 
 
-def _refuse_lost_corners(file: Path) -> None:
+def _refuse_lost_corners(file: InputFile) -> None:
     """Gmsh takes a corner at NaN for some other corner."""
-    content = file.read_bytes()
+    content = file.data
     facets = np.frombuffer(content[84:], np.uint8)
     if len(content) > 84 and len(facets) == 50 * int.from_bytes(content[80:84], "little"):
         numbers = facets.reshape(-1, 50)[:, 12:48].copy().view("<f4")
@@ -231,14 +241,15 @@ def _refuse_lost_corners(file: Path) -> None:
     else:
         lost = len(re.findall(rb"vertex[^\n]*(?:nan|inf)", content, re.IGNORECASE))
     if lost:
-        raise InputError(f"{file}: corners; got {lost} that aren't finite; expected coordinates")
+        raise InputError(
+            f"{file.path}: corners; got {lost} that aren't finite; expected coordinates"
+        )
 
 
-def _load(gmsh: Any, file: Path) -> None:
-    """Geometry of the file in the current model."""
-    if file.suffix.lower() == ".stl":
-        _refuse_lost_corners(file)
-        gmsh.merge(str(file))
+def _load(gmsh: Any, file: InputFile, copy: Path) -> None:
+    """Geometry of the file, of which there is a copy on the disk, in the current model."""
+    if file.suffix == ".stl":
+        gmsh.merge(str(copy))
         gmsh.model.mesh.classifySurfaces(np.deg2rad(_STL_ANGLE), True, True, np.pi)
         gmsh.model.mesh.createGeometry()
         surfaces = [tag for _, tag in gmsh.model.getEntities(2)]
@@ -246,7 +257,7 @@ def _load(gmsh: Any, file: Path) -> None:
             gmsh.model.geo.addVolume([gmsh.model.geo.addSurfaceLoop(surfaces)])
         gmsh.model.geo.synchronize()
         return
-    gmsh.model.occ.importShapes(str(file))
+    gmsh.model.occ.importShapes(str(copy))
     solids = gmsh.model.occ.getEntities(3)
     if len(solids) > 1:
         gmsh.model.occ.fragment(solids, [])  # touching faces become one

@@ -1,24 +1,23 @@
 """Exodus II files: meshes, and the nodal results that a solver wrote over time.
 
-Classic netCDF is read through SciPy, netCDF-4 (HDF5) through h5py. Node and side orders are those
+Classic netCDF is read through SciPy, netCDF-4 through HDF5. Node and side orders are those
 of the Exodus II manual (Schoof & Yarberry, SAND92-2137, section 4.8 and 4.9).
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, TypeVar
 
-import h5py
 import numpy as np
 import numpy.typing as npt
 from scipy.io import netcdf_file
 
 from gpusim.errors import InputError
+from gpusim.hdf5_file import read_hdf5
+from gpusim.input_file import InputFile, read_input
 from gpusim.mesh.cells import CELL_TYPES
 from gpusim.mesh.mesh import Mesh
 
@@ -30,7 +29,7 @@ __all__ = [
     "read_exodus_steps",
 ]
 
-PathLike = str | os.PathLike[str]
+PathLike = str | os.PathLike[str] | InputFile
 Float = npt.NDArray[np.float64]
 Int = npt.NDArray[np.int32]
 T = TypeVar("T")
@@ -42,6 +41,12 @@ _TYPE = {
     ("WED", 6): "wedge6", ("WED", 15): "wedge15",
     ("PYR", 5): "pyramid5", ("PYR", 13): "pyramid13",
 }  # fmt: skip
+
+# Elements that are no solids: their blocks are left out. Any other kind is refused.
+_FLAT = (
+    "SHE", "QUA", "TRI", "BAR", "BEA", "TRU", "EDG", "SPH", "CIR", "NOD", "POI", "LIN", "NUL",
+    "ROD",
+)  # fmt: skip
 
 # Exodus counts vertical edges before top edges, and faces of a hex27 after its centre.
 _ORDER = {
@@ -91,28 +96,30 @@ class ExodusFields:
         return np.stack([self.nodal[name] for name in names], axis=2)
 
 
-@dataclass(frozen=True, eq=False)
 class ExodusSteps:
-    """Nodal results that are read when they are asked for.
+    """Nodal results, unpacked when they are asked for.
 
     ``times`` (T,) float64, ``names`` of the nodal variables.
     """
 
-    path: PathLike
-    times: Float
-    names: tuple[str, ...]
+    def __init__(self, content: _Content) -> None:
+        self._content = content
+        self.times = _times(content)
+        self.names = tuple(_strings(content.arrays["name_nod_var"]) if _has_nodal(content) else ())
+        self._kept: dict[str, npt.NDArray[Any]] = {}
 
-    def values(self, name: str, step: int) -> Float:
-        """(N,) float64 of a variable at a step. Raises InputError for a file that has changed."""
-        return _guarded_call(self.path, lambda: self._values(name, step))
+    def values(self, names: Sequence[str], step: int) -> Float:
+        """(N, names) float64 of variables at a step. Raises InputError for damage."""
 
-    def _values(self, name: str, step: int) -> Float:
-        number = self.names.index(name)
-        # mapped: only the pages of this step are read
-        with _variables(self.path, mapped=True) as (variables, _):
-            if "vals_nod_var" in variables:
-                return _native(variables["vals_nod_var"][step, number]).astype(np.float64)
-            return _native(variables[f"vals_nod_var{number + 1}"][step]).astype(np.float64)
+        def read() -> Float:
+            new = [name for name in names if name not in self._kept]
+            if new:
+                found = self._content.nodal([self.names.index(name) for name in new])
+                self._kept.update(zip(new, found, strict=True))
+            columns = [_native(self._kept[name][step]) for name in names]
+            return np.stack(columns, axis=1).astype(np.float64)
+
+        return _guarded(self._content.file, read)
 
 
 def read_exodus(path: PathLike) -> Mesh:
@@ -122,31 +129,50 @@ def read_exodus(path: PathLike) -> Mesh:
     blocks that aren't solids are left out. Raises InputError: not an Exodus file, cut off, no
     solid elements, an element type that isn't known.
     """
-    return _guarded(path, _mesh, results=False)
+    file = read_input(path, "an Exodus file")
+    return _guarded(file, lambda: _mesh(_content(file)))
 
 
 def read_exodus_fields(path: PathLike) -> ExodusFields:
     """Times, nodal variables and information records. Raises InputError as ``read_exodus``."""
-    return _guarded(path, _fields)
+    file = read_input(path, "an Exodus file")
+    return _guarded(file, lambda: _fields(_content(file)))
 
 
-def read_exodus_steps(path: PathLike) -> ExodusSteps:
-    """Times and names of the nodal variables. Raises InputError as ``read_exodus``."""
+def read_exodus_steps(path: PathLike) -> tuple[Mesh, ExodusSteps]:
+    """The mesh, and its nodal variables over time. Raises InputError as ``read_exodus``."""
+    file = read_input(path, "an Exodus file")
 
-    def steps(content: _Content) -> ExodusSteps:
-        names = _strings(content.arrays["name_nod_var"]) if _has_nodal(content) else []
-        return ExodusSteps(path, _times(content), tuple(names))
+    def both() -> tuple[Mesh, ExodusSteps]:
+        content = _content(file)
+        return _mesh(content), ExodusSteps(content)
 
-    return _guarded(path, steps, results=False)
+    return _guarded(file, both)
 
 
 @dataclass(frozen=True, eq=False)
 class _Content:
     """Variables of the file as plain arrays, and the element type of each block's connectivity."""
 
-    path: str
+    file: InputFile
     arrays: Mapping[str, npt.NDArray[Any]]
     element_types: Mapping[str, str]
+
+    @property
+    def path(self) -> str:
+        return str(self.file.path)
+
+    def nodal(self, numbers: Sequence[int]) -> list[npt.NDArray[Any]]:
+        """(T,N) values of each of these nodal variables, as they are stored."""
+        arrays = self.arrays
+        if _is_hdf5(self.file):  # where they were left until now
+            each = "|".join(str(number + 1) for number in numbers)
+            found = read_hdf5(self.file, f"vals_nod_var({each})?")
+            arrays = {name: one.data for name, one in found.items() if one.data is not None}
+        if "vals_nod_var" in arrays:
+            return [arrays["vals_nod_var"][:, number] for number in numbers]
+        names = [f"vals_nod_var{number + 1}" for number in numbers]
+        return [_Content(self.file, arrays, {}).array(name) for name in names]
 
     def array(self, name: str) -> npt.NDArray[Any]:
         if name not in self.arrays:
@@ -169,69 +195,54 @@ class _Content:
         return sorted(found, key=lambda name: int(name[len(prefix) :]))
 
 
-def _guarded(path: PathLike, convert: Callable[[_Content], T], results: bool = True) -> T:
-    return _guarded_call(path, lambda: convert(_content(path, results)))
-
-
-def _guarded_call(path: PathLike, read: Callable[[], T]) -> T:
+def _guarded(file: InputFile, read: Callable[[], T]) -> T:
     try:
         return read()
     except InputError as error:
         text = str(error)
-        raise InputError(text if text.startswith(str(path)) else f"{path}: {text}") from None
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise InputError(f"{path}: can't be read ({reason}); expected an Exodus file") from None
-    except _DAMAGE as error:
-        # SciPy and h5py meet damage in many ways
         raise InputError(
-            f"{path}: damaged or cut off ({type(error).__name__}: {error}); "
+            text if text.startswith(str(file.path)) else f"{file.path}: {text}"
+        ) from None
+    except (OSError, *_DAMAGE) as error:
+        # SciPy meets damage in many ways
+        raise InputError(
+            f"{file.path}: damaged or cut off ({type(error).__name__}: {str(error)[:200]}); "
             "expected a complete Exodus file"
         ) from None
 
 
-def _content(path: PathLike, results: bool) -> _Content:
-    """The variables in memory; without ``results``, all but the values over time."""
-    with _variables(path) as (variables, kinds):
-        wanted = {
-            name: one for name, one in variables.items() if results or not name.startswith("vals_")
-        }
-        return _Content(str(path), {name: _native(one[()]) for name, one in wanted.items()}, kinds)
+def _is_hdf5(file: InputFile) -> bool:
+    return file.data[:8] == b"\x89HDF\r\n\x1a\n"
 
 
-@contextmanager
-def _variables(
-    path: PathLike, mapped: bool = False
-) -> Iterator[tuple[dict[str, Any], dict[str, str]]]:
-    """The file's variables, to be sliced, and the element type of each block's connectivity."""
-    with Path(path).open("rb") as stream:
-        magic = stream.read(8)
-    if magic[:4] in (b"CDF\x01", b"CDF\x02"):
-        with netcdf_file(os.fspath(path), "r", mmap=mapped) as file:
+def _content(file: InputFile) -> _Content:
+    """The variables; of HDF5 files without the values over time."""
+    if file.data[:4] in (b"CDF\x01", b"CDF\x02"):
+        with netcdf_file(file.stream(), "r", mmap=False) as classic:
             kinds = {
                 name: _text(one.elem_type)
-                for name, one in file.variables.items()
+                for name, one in classic.variables.items()
                 if name.startswith("connect") and hasattr(one, "elem_type")
             }
-            data = {name: one.data for name, one in file.variables.items()}
-            try:
-                yield data, kinds
-            finally:
-                data.clear()  # nothing may point into the map when it is closed
-    elif magic == b"\x89HDF\r\n\x1a\n":
-        with h5py.File(path, "r") as file:
-            sets = {name: one for name, one in file.items() if isinstance(one, h5py.Dataset)}
-            kinds = {
-                name: _text(one.attrs["elem_type"])
-                for name, one in sets.items()
-                if name.startswith("connect") and "elem_type" in one.attrs
-            }
-            yield sets, kinds
+            arrays = {name: np.asarray(one.data) for name, one in classic.variables.items()}
+    elif _is_hdf5(file):
+        found = read_hdf5(file, "(?!vals_)[^/]*")
+        kinds = {
+            name: _text(one.attributes["elem_type"])
+            for name, one in found.items()
+            if name.startswith("connect") and "elem_type" in one.attributes
+        }
+        arrays = {name: one.data for name, one in found.items() if one.data is not None}
     else:
         raise InputError(
-            f"{path}: not an Exodus file; got first bytes {magic!r}; expected netCDF "
+            f"{file.path}: not an Exodus file; got first bytes {file.data[:8]!r}; expected netCDF "
             "(classic, 64-bit offset, or netCDF-4)"
         )
+    light = {
+        name: array if name.startswith("vals_") else _native(array)
+        for name, array in arrays.items()
+    }
+    return _Content(file, light, kinds)
 
 
 def _native(data: Any) -> npt.NDArray[Any]:
@@ -283,6 +294,11 @@ def _mesh(content: _Content) -> Mesh:
                 raise InputError(
                     f"{content.path}: {connect}: element type {written} with {nodes.shape[1]} "
                     f"nodes; expected one of {', '.join(sorted(set(_TYPE.values())))}"
+                )
+            if written and not written.startswith(_FLAT):
+                raise InputError(
+                    f"{content.path}: {connect}: elements of type {written[:40]}; expected one of "
+                    f"{', '.join(sorted(set(_TYPE.values())))}"
                 )
             other.append(written or "unnamed")
             kind_of.append(None)
@@ -344,6 +360,11 @@ def _face_sets(
     for name, number in zip(lists, ids, strict=True):
         element = content.array(name).astype(np.int64) - 1
         side = content.array(f"side_ss{number}").astype(np.int64) - 1
+        if len(element) and not (0 <= element.min() and element.max() < len(kinds)):
+            raise InputError(
+                f"{content.path}: {name}: got elements {element.min() + 1} to {element.max() + 1}; "
+                f"expected 1 to {len(kinds)}"
+            )
         local = np.full(len(side), -1)
         for kind in np.unique(kinds[element]):
             if not kind:
@@ -382,11 +403,9 @@ def _fields(content: _Content) -> ExodusFields:
     times = _times(content)
     nodal: dict[str, Float] = {}
     if _has_nodal(content):
-        for number, name in enumerate(_strings(content.array("name_nod_var")), start=1):
-            if "vals_nod_var" in content.arrays:
-                nodal[name] = content.array("vals_nod_var")[:, number - 1].astype(np.float64)
-            else:
-                nodal[name] = content.array(f"vals_nod_var{number}").astype(np.float64)
+        names = _strings(content.array("name_nod_var"))
+        for name, values in zip(names, content.nodal(range(len(names))), strict=True):
+            nodal[name] = _native(values).astype(np.float64)
     info = tuple(_strings(content.arrays["info_records"])) if _has_info(content) else ()
     return ExodusFields(times, nodal, info)
 

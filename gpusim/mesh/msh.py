@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.input_file import InputFile
 from gpusim.mesh.gmsh_types import GMSH_NODES, GMSH_TYPES, from_gmsh_order
 from gpusim.mesh.msh_numbers import MshNumbers, MshSource
 from gpusim.mesh.raw import DIMENSIONS, RawBlock, RawMesh, index_of
@@ -23,18 +22,18 @@ Block = tuple[str, Long, list[tuple[int, Long]]]
 _KIND_NAMES = ("point", "line", "surface", "volume")
 
 
-def read_msh(path: Path) -> RawMesh:
+def read_msh(file: InputFile) -> RawMesh:
     """Read a .msh file. A physical group without a name is called "surface_3" by its tag.
 
     Raises InputError for another version, a file that is cut off, and contents that aren't what
     the format says, each with the section it is in.
     """
-    return _Reader(path).read()
+    return _Reader(file).read()
 
 
 class _Reader(MshSource):
-    def __init__(self, path: Path) -> None:
-        super().__init__(path)
+    def __init__(self, file: InputFile) -> None:
+        super().__init__(file)
         self.names: Names = {}
         self.physical: dict[tuple[int, int], Long] = {}
 

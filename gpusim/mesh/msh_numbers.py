@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any, NoReturn
 
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.input_file import InputFile
 
 __all__ = ["MshNumbers", "MshSource"]
 
@@ -19,9 +19,9 @@ Long = npt.NDArray[np.int64]
 class MshSource:
     """A file and the place in it; ``section`` is the one that errors are about."""
 
-    def __init__(self, path: Path) -> None:
-        self.source = str(path)
-        self.data = path.read_bytes()
+    def __init__(self, file: InputFile) -> None:
+        self.source = str(file.path)
+        self.data = file.data
         self.at = 0
         self.section = "MeshFormat"
         self.binary = False

@@ -9,60 +9,73 @@ from pathlib import Path
 import numpy as np
 
 from gpusim.errors import InputError
-from gpusim.input_file import InputFile
+from gpusim.input_file import InputFile, read_input
 from gpusim.mesh.cad import CAD_SUFFIXES
 from gpusim.mesh.mesh import Mesh
 from gpusim.mesh.raw import assemble
 
-__all__ = ["MESH_SUFFIXES", "read_mesh"]
+__all__ = ["MESH_SUFFIXES", "PARALLEL", "read_mesh"]
+
+# VTK's files that name others, with a part of the whole in each
+PARALLEL = {
+    ".pvtu": "names the pieces of a parallel grid, which are files of their own",
+    ".vtm": "names the blocks of a multi-block data set, which are files of their own",
+    ".vtpd": "names the parts of a partitioned data set, which are files of their own",
+}
 
 
-def _msh(path: Path) -> Mesh:
+def _msh(file: InputFile) -> Mesh:
     from gpusim.mesh.msh import read_msh
 
-    return assemble(read_msh(path), str(path))
+    return assemble(read_msh(file), str(file.path))
 
 
-def _meshio(path: Path) -> Mesh:
-    from gpusim.mesh.read_meshio import read_with_meshio
+def _vtu(file: InputFile) -> Mesh:
+    from gpusim.mesh.vtu import VtuFile
 
-    return assemble(read_with_meshio(path), str(path))
+    return assemble(VtuFile(file).mesh(), str(file.path))
 
 
-def _vtk(path: Path) -> Mesh:
+def _vtk(file: InputFile) -> Mesh:
     from gpusim.mesh.vtk import read_vtk
 
-    return assemble(read_vtk(path), str(path))
+    return assemble(read_vtk(file), str(file.path))
 
 
-def _bdf(path: Path) -> Mesh:
+def _med(file: InputFile) -> Mesh:
+    from gpusim.mesh.med import read_med
+
+    return assemble(read_med(file), str(file.path))
+
+
+def _bdf(file: InputFile) -> Mesh:
     from gpusim.mesh.bdf import read_bdf
 
-    return assemble(read_bdf(path), str(path))
+    return assemble(read_bdf(file.path), str(file.path))
 
 
-def _inp(path: str | PathLike[str] | InputFile) -> Mesh:
+def _inp(file: InputFile) -> Mesh:
     from gpusim.mesh.inp import read_inp
 
-    return read_inp(path)
+    return read_inp(file)
 
 
-def _exodus(path: Path) -> Mesh:
+def _exodus(file: InputFile) -> Mesh:
     from gpusim.mesh.exodus import read_exodus
 
-    return read_exodus(path)
+    return read_exodus(file)
 
 
-_READERS: dict[str, Callable[[Path], Mesh]] = {
+_READERS: dict[str, Callable[[InputFile], Mesh]] = {
     ".msh": _msh,
     ".inp": _inp,
-    ".vtu": _meshio,
+    ".vtu": _vtu,
     ".vtk": _vtk,
     ".e": _exodus,
     ".ex2": _exodus,
     ".exo": _exodus,
     ".exodus": _exodus,
-    ".med": _meshio,
+    ".med": _med,
     ".bdf": _bdf,
     ".nas": _bdf,
     ".fem": _bdf,
@@ -78,7 +91,7 @@ def read_mesh(path: str | PathLike[str] | InputFile, *, scale: float = 1.0) -> M
     path
         ``.msh`` (Gmsh 2.2 and 4.1, text or binary), ``.inp`` (Abaqus, CalculiX), ``.vtu``,
         ``.vtk``, ``.e``/``.ex2``/``.exo``/``.exodus`` (Exodus), ``.med``, ``.bdf``/``.nas``/
-        ``.fem`` (Nastran).
+        ``.fem`` (Nastran), or what `gpusim.input_file.read_input` has read of one.
     scale
         Factor on the coordinates: 1e-3 for a file in millimetres and a model in metres.
 
@@ -95,31 +108,31 @@ def read_mesh(path: str | PathLike[str] | InputFile, *, scale: float = 1.0) -> M
     """
     if not (np.isfinite(scale) and scale > 0.0):
         raise InputError(f"read_mesh: scale; got {scale}; expected a factor > 0")
-    file = path.path if isinstance(path, InputFile) else Path(path)
-    if not file.exists():
-        raise InputError(f"{file}: no such file; expected a mesh file")
-    if file.is_dir():
-        raise InputError(f"{file}: is a folder; expected a mesh file")
-    reader = _READERS.get(file.suffix.lower())
-    if file.suffix.lower() in CAD_SUFFIXES:
+    name = path.path if isinstance(path, InputFile) else Path(path)
+    suffix = name.suffix.lower()
+    if suffix in CAD_SUFFIXES:
         raise InputError(
-            f"{file}: a CAD file, not a mesh; expected a call of mesh_cad, with a size"
+            f"{name}: a CAD file, not a mesh; expected a call of mesh_cad, with a size"
         )
-    if reader is None:
+    if suffix in PARALLEL:
+        raise InputError(f"{name}: {PARALLEL[suffix]}; expected the blocks merged, saved as .vtu")
+    file = read_input(path, "a mesh file")
+    if suffix not in _READERS:
         raise InputError(
-            f"{file}: unknown kind of mesh file; got {file.suffix or 'no ending'!r}; expected one "
+            f"{name}: unknown kind of mesh file; got {suffix or 'no ending'!r}; expected one "
             f"of {', '.join(MESH_SUFFIXES)}"
         )
+    if not file.data:
+        raise InputError(f"{name}: the file is empty; expected a mesh")
     try:
-        if file.stat().st_size == 0:
-            raise InputError(f"{file}: the file is empty; expected a mesh")
-        # a deck hands on what is known of the files that it includes
-        mesh = _inp(path) if reader is _inp else reader(file)
+        mesh = _READERS[suffix](file)
     except InputError as error:
         text = str(error)
-        raise InputError(text if str(file) in text else f"{file}: {text}") from None
+        raise InputError(text if str(name) in text else f"{name}: {text}") from None
     except OSError as error:
-        raise InputError(f"{file}: unreadable; got {error.strerror or error}") from None
+        raise InputError(f"{name}: unreadable; got {error.strerror or error}") from None
+    except MemoryError:
+        raise InputError(f"{name}: the mesh is larger than the memory") from None
     if scale == 1.0:
         return mesh
     return Mesh(mesh.points * scale, mesh.cells, mesh.node_sets, mesh.face_sets, mesh.cell_sets)

@@ -7,6 +7,7 @@ from functools import partial
 
 from gpusim.errors import InputError
 from gpusim.field import Field, read_field
+from gpusim.mesh import check_gmsh
 from gpusim.pipeline.build import build_lights
 from gpusim.pipeline.cameras import build_camera
 from gpusim.pipeline.photo import build_lens
@@ -14,7 +15,7 @@ from gpusim.scene import Scene
 from gpusim.scene import model as m
 from gpusim.surface.paint import Image
 
-__all__ = ["check_field", "check_files", "check_views"]
+__all__ = ["check_field", "check_files", "check_mesher", "check_views"]
 
 
 def check_files(scene: Scene) -> None:
@@ -53,6 +54,14 @@ def _checks(scene: Scene) -> Iterator[Callable[[], object]]:
             if isinstance(paint, m.Picture):
                 yield partial(_read_picture, paint, scene)
     yield partial(build_lights, scene)
+
+
+def check_mesher(scene: Scene) -> None:
+    """Raises InputError where a CAD file is to be meshed and Gmsh isn't there."""
+    for state in [scene.variant(variant.name) for variant in scene.variants] or [scene]:
+        for body in state.bodies:
+            if isinstance(body.mesh, m.FileMesh) and body.mesh.size is not None:
+                check_gmsh(body.mesh.path)
 
 
 def check_views(scene: Scene) -> None:

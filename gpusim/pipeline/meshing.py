@@ -115,6 +115,7 @@ def _from_file(recipe: m.FileMesh, read: Reader) -> Mesh:
             hexahedra=recipe.hexahedra,
             hex_dominant=recipe.hex_dominant,
             curvature=recipe.curvature,
+            time_limit=recipe.time_limit,
             scale=recipe.scale,
         )
     grid = mesh.read_mesh(file, scale=recipe.scale)

@@ -110,6 +110,7 @@ class FileMesh:
 
     ``order`` 2 makes linear cells quadratic. ``size`` (m), ``hexahedra``, ``hex_dominant`` and
     ``curvature`` (elements around a circle) are for CAD files only; a mesh file has no size (None).
+    Meshing is given up after ``time_limit`` (s).
     """
 
     path: str
@@ -119,6 +120,7 @@ class FileMesh:
     hexahedra: bool
     hex_dominant: bool
     curvature: int
+    time_limit: float = 600.0
 
 
 @dataclass(frozen=True)

@@ -59,6 +59,7 @@ def mesh_recipe(table: MeshTable, notches: Sequence[NotchTable]) -> recipe.MeshR
             hexahedra=table.hexahedra,
             hex_dominant=table.hex_dominant,
             curvature=table.curvature,
+            time_limit=table.time_limit_s,
         )
     if isinstance(table, BracketTable):
         return recipe.BracketMesh(

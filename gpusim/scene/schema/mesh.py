@@ -234,6 +234,8 @@ class FileTable(Table):
     """Bricks in a CAD file's solids of six sides, tetrahedra in the others."""
     curvature: Annotated[int, Field(ge=0, le=1000)] = 0
     """Elements around a full circle, for a CAD file; 0 leaves it to ``size_mm``."""
+    time_limit_s: Annotated[float, Field(gt=0.0, allow_inf_nan=False)] = 600.0
+    """After which a CAD file that isn't meshed yet is given up."""
 
     @property
     def is_cad(self) -> bool:
