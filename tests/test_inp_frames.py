@@ -268,6 +268,13 @@ def test_titles_blanks_and_latin_letters(tmp_path: Path) -> None:
     assert len(mesh.node_sets["Lager für A"]) == 4
 
 
+def test_a_comma_too_many_after_a_keyword(tmp_path: Path) -> None:
+    text = MODEL.replace("*NODE, NSET=ALL", "*NODE, NSET=ALL,").replace("=LEFT\n", "=LEFT,\n")
+    mesh = read_mesh(write(tmp_path, text))
+    np.testing.assert_array_equal(mesh.points, POINTS)
+    assert LABELS[mesh.node_sets["LEFT"]].tolist() == [11, 14, 17, 20]
+
+
 def test_quoted_names_on_data_lines(tmp_path: Path) -> None:
     text = MODEL.replace("NSET=LEFT", 'NSET="left, end"') + '*NSET, NSET=B\n"left, end", 13\n'
     history = '*BOUNDARY\n"left, end", 1, 3\n' + LOAD

@@ -1,8 +1,8 @@
 """Abaqus and CalculiX input files as a list of cards: a keyword line and its data lines.
 
 Lines that start with ``**`` are comments, as is text before the first keyword; blanks before a
-star count for nothing. A keyword line that ends in a comma goes on in the next line. Keywords and
-parameters are read without regard to case and blanks (``*SOLID SECTION`` is ``SOLIDSECTION``);
+star count for nothing. A keyword line that ends in a comma goes on in the next line, if that
+begins with a letter. Keywords and parameters are read without regard to case and blanks (``*SOLID SECTION`` is ``SOLIDSECTION``);
 ``*INCLUDE, INPUT=file`` is replaced by that file, relative to the file that names it.
 """
 
@@ -98,7 +98,8 @@ def _cards(file: InputFile, reading: _Reading) -> Iterator[Card]:
     for start, end in pairwise([*starts, len(lines)]):
         head = lines[start].strip()
         body = start + 1
-        while head.endswith(",") and body < end:
+        # a parameter begins with a letter, and what doesn't is data after a comma too many
+        while head.endswith(",") and body < end and re.match(r"\s*([a-zA-Z]|\*\*)", lines[body]):
             if not _is_comment(lines[body]):
                 head += lines[body].strip()
             body += 1
