@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +9,7 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.mesh.cells import CELL_TYPES
+from gpusim.mesh.file_numbers import in_numbers_of_file
 from gpusim.mesh.inp_cards import Source, read_cards
 from gpusim.mesh.inp_content import InpContent
 from gpusim.mesh.inp_elements import ElementBlock
@@ -104,7 +104,8 @@ def label_mesh(content: InpContent, path: str) -> LabelledMesh:
     try:
         plain = LabelledMesh(Mesh(content.points, cells), content.node_labels, labels)
     except InputError as error:
-        raise InputError(f"{path}: {_in_numbers_of_file(str(error), solid)}") from None
+        text = in_numbers_of_file(str(error), lambda cell: _shown(cell, solid))
+        raise InputError(f"{path}: {text}") from None
     node_sets = {
         name: np.searchsorted(content.node_labels, members).astype(np.int32)
         for name, members in content.node_sets.items()
@@ -127,23 +128,11 @@ def label_mesh(content: InpContent, path: str) -> LabelledMesh:
     return LabelledMesh(mesh, content.node_labels, labels)
 
 
-def _in_numbers_of_file(message: str, blocks: list[ElementBlock]) -> str:
-    """A mesh counts cells from 0; whoever reads the message knows the file's elements and lines."""
+def _shown(cell: int, blocks: list[ElementBlock]) -> str:
+    """File, line and number of the element behind a cell number; cells follow the blocks."""
     ends = np.cumsum([len(block.labels) for block in blocks])
-
-    def named(found: re.Match[str]) -> str:
-        cells = [int(number) for number in re.findall(r"\d+", found[1])]
-        shown = []
-        for cell in cells:
-            place = int(np.searchsorted(ends, cell, side="right"))
-            block = blocks[place]
-            shown.append(block.where(cell - int(ends[place]) + len(block.labels)))
-        return " and ".join(shown)
-
-    plain = message.removeprefix("Mesh.cells: ")
-    return re.sub(
-        r"(?<=got )(?:for example )?(?:faces of )?cells? (\d+(?:, \d+| and \d+)*)", named, plain
-    )
+    place = int(np.searchsorted(ends, cell, side="right"))
+    return blocks[place].where(cell - int(ends[place]) + len(blocks[place].labels))
 
 
 def _node_rows(block: ElementBlock, content: InpContent) -> Int:

@@ -2,8 +2,9 @@
 
 Lines that start with ``**`` are comments, as is text before the first keyword; blanks before a
 star count for nothing. A keyword line that ends in a comma goes on in the next line, if that
-begins with a letter. Keywords and parameters are read without regard to case and blanks (``*SOLID SECTION`` is ``SOLIDSECTION``);
-``*INCLUDE, INPUT=file`` is replaced by that file, relative to the file that names it.
+begins with a letter. Keywords and parameters are read without regard to case and blanks
+(``*SOLID SECTION`` is ``SOLIDSECTION``); ``*INCLUDE, INPUT=file`` is replaced by that file,
+relative to the file that names it.
 """
 
 from __future__ import annotations

@@ -37,7 +37,7 @@ def _vtk(path: Path) -> Mesh:
 def _bdf(path: Path) -> Mesh:
     from gpusim.mesh.bdf import read_bdf
 
-    return assemble(read_bdf(path), str(path))
+    return read_bdf(path)
 
 
 def _inp(path: Path) -> Mesh:
@@ -65,6 +65,7 @@ _READERS: dict[str, Callable[[Path], Mesh]] = {
     ".bdf": _bdf,
     ".nas": _bdf,
     ".fem": _bdf,
+    ".dat": _bdf,
 }
 MESH_SUFFIXES = tuple(_READERS)
 
@@ -77,7 +78,7 @@ def read_mesh(path: str | PathLike[str], *, scale: float = 1.0) -> Mesh:
     path
         ``.msh`` (Gmsh 2.2 and 4.1, text or binary), ``.inp`` (Abaqus, CalculiX), ``.vtu``,
         ``.vtk``, ``.e``/``.ex2``/``.exo``/``.exodus`` (Exodus), ``.med``, ``.bdf``/``.nas``/
-        ``.fem`` (Nastran).
+        ``.fem``/``.dat`` (Nastran).
     scale
         Factor on the coordinates: 1e-3 for a file in millimetres and a model in metres.
 
