@@ -45,9 +45,15 @@ class InputFile:
     def beside(self, name: str | os.PathLike[str], expected: str = "a file") -> InputFile:
         """A file that this one names; a relative name is one in its folder.
 
-        Raises InputError as `read_input`, also for one that isn't what is `known` of it.
+        Raises InputError as `read_input`, also for one that isn't what is `known` of it, or of
+        which nothing is known where all was looked at before.
         """
         path = self.path.parent / name
+        if self.known and str(path) not in self.known:
+            raise InputError(
+                f"{self.path}: names {name}, which wasn't found when the scene was loaded; "
+                "expected a plain name, on the line of its keyword"
+            )
         return read_input(path, expected, self.known.get(str(path)), self.known)
 
     def stream(self) -> io.BytesIO:

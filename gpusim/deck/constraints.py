@@ -11,8 +11,8 @@ from gpusim.deck.amplitudes import Scale
 from gpusim.deck.equations import Equations
 from gpusim.deck.ties import TieRow
 from gpusim.errors import InputError
-from gpusim.mesh.inp_blocks import InpContent
 from gpusim.mesh.inp_cards import Card
+from gpusim.mesh.inp_content import InpContent
 from gpusim.mesh.inp_values import number, whole
 
 __all__ = ["Axes", "Constraints"]
@@ -54,8 +54,9 @@ class Axes:
             if kind == "C":
                 x = x - z * (x @ z) / max(float(z @ z), 1e-300)
             if not (np.linalg.norm(x) > 0.0 and np.linalg.norm(z) > 0.0):
+                label = self.content.nodes.shown(int(self.content.node_labels[node]))
                 raise InputError(
-                    f"{card.where()}: no direction at node {self.content.node_labels[node]}; got "
+                    f"{card.where()}: no direction at node {label}; got "
                     f"a = {values[:3]}, b = {values[3:]}; expected points off the axis"
                 )
             x, z = x / np.linalg.norm(x), z / np.linalg.norm(z)

@@ -15,8 +15,8 @@ from gpusim.errors import InputError
 from gpusim.fem import Material, body_force, centrifugal
 from gpusim.mesh import set_faces
 from gpusim.mesh.inp import LabelledMesh
-from gpusim.mesh.inp_blocks import InpContent
 from gpusim.mesh.inp_cards import Card
+from gpusim.mesh.inp_content import InpContent
 from gpusim.mesh.inp_values import number, whole
 
 __all__ = ["Forces"]
@@ -59,6 +59,7 @@ class Forces:
         self.face_step = np.zeros((mesh.cell_count, 6), dtype=np.int32)
         self.face_follows = np.zeros((mesh.cell_count, 6), dtype=np.int32)
         self.bodies: list[_BodyLoad] = []
+        self.loose = {int(node): "" for node in mesh.dangling_nodes}  # and where a force is given
 
     def clear_nodal(self) -> None:
         self.force[:] = 0.0
@@ -90,6 +91,8 @@ class Forces:
             kept = np.where(again, self.force[nodes, axis - 1], 0.0)
             self.force[nodes, axis - 1] = kept + value
             self.force_step[nodes, axis - 1] = step
+            if self.loose:
+                self.loose |= dict.fromkeys(self.loose.keys() & nodes.tolist(), where)
             self.force_follows[nodes, axis - 1] = scale.follows
 
     def distributed(self, card: Card, scale: Scale, step: int) -> None:
@@ -137,6 +140,16 @@ class Forces:
             pairs = self.content.surfaces.get(row[0], where)
             self._press(pairs, scale.factor * number(row[2], where), scale, step, where)
 
+    def refuse_loose(self, fixed: npt.NDArray[np.bool_]) -> None:
+        """Forces on nodes that no element has must be held. Raises InputError."""
+        for node, where in self.loose.items():
+            if (self.force[node] * ~fixed[node]).any():
+                label = self.content.nodes.shown(int(self.content.node_labels[node]))
+                raise InputError(
+                    f"{where}: node {label} belongs to no solid element; expected forces on nodes "
+                    "of elements"
+                )
+
     def total(
         self,
         materials: Sequence[Material],
@@ -167,7 +180,8 @@ class Forces:
             if light.size:
                 raise InputError(
                     f"{load.where}: {load.kind} on elements without *DENSITY; got element "
-                    f"{self.labelled.cell_labels[light[0]]}; expected a density in its material"
+                    f"{self.content.cells.shown(self.labelled.cell_labels[light[0]])}; expected a "
+                    "density in its material"
                 )
             if load.kind == "CENTRIF":
                 point, axis = load.vectors

@@ -12,8 +12,8 @@ from gpusim.fem.element import ELEMENTS
 from gpusim.fem.isoparametric import add_to
 from gpusim.fem.strain import internal_force
 from gpusim.mesh.inp import LabelledMesh
-from gpusim.mesh.inp_blocks import InpContent
 from gpusim.mesh.inp_cards import Card
+from gpusim.mesh.inp_content import InpContent
 from gpusim.mesh.inp_values import number, whole
 
 __all__ = ["InitialStress"]

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from gpusim.errors import InputError
 from gpusim.mesh.inp_cards import Card, nearest
+from gpusim.mesh.inp_keywords import MESH_KEYWORDS, fail_together, parameter_faults
 from gpusim.mesh.inp_types import SOLID_TYPES
 
-__all__ = ["FORMULATIONS", "check_keywords", "fail_together"]
+__all__ = ["FORMULATIONS", "check_keywords"]
 
 # Element type -> formulation of its integration rule, as CalculiX integrates it.
 FORMULATIONS = {
@@ -29,20 +29,9 @@ _REFUSED_ELEMENTS = {
 }
 
 # Keyword -> the parameters that are read or have no influence on a static solution.
-_READ: dict[str, frozenset[str]] = {
+_READ: dict[str, frozenset[str]] = MESH_KEYWORDS | {
     key: frozenset(names.split())
     for key, names in {
-        "NODE": "NSET SYSTEM",
-        "ELEMENT": "TYPE ELSET",
-        "NSET": "NSET GENERATE ELSET INTERNAL INSTANCE UNSORTED",
-        "ELSET": "ELSET GENERATE INTERNAL INSTANCE UNSORTED",
-        "SURFACE": "NAME TYPE INTERNAL",
-        "PART": "NAME",
-        "ENDPART": "",
-        "ASSEMBLY": "NAME",
-        "ENDASSEMBLY": "",
-        "INSTANCE": "NAME PART",
-        "ENDINSTANCE": "",
         "MATERIAL": "NAME",
         "ELASTIC": "TYPE",
         "DENSITY": "",
@@ -54,7 +43,7 @@ _READ: dict[str, frozenset[str]] = {
         "EQUATION": "",
         "TIE": "NAME POSITIONTOLERANCE ADJUST",
         "INITIALCONDITIONS": "TYPE",
-        "STEP": "NAME INC AMPLITUDE NLGEOM UNSYMM",
+        "STEP": "NAME INC AMPLITUDE NLGEOM UNSYMM PERTURBATION",
         "STATIC": "SOLVER DIRECT TIMERESET TOTALTIMEATSTART",
         "ENDSTEP": "",
         "BOUNDARY": "OP AMPLITUDE TYPE",
@@ -109,23 +98,8 @@ def check_keywords(cards: Sequence[Card]) -> tuple[str, ...]:
     return tuple(ignored)
 
 
-def fail_together(faults: Sequence[str], file: str) -> None:
-    """One InputError for all faults; nothing where there are none."""
-    if len(faults) == 1:
-        raise InputError(faults[0])
-    if faults:
-        raise InputError("\n  ".join([f"{file}: {len(faults)} faults", *faults]))
-
-
 def _parameter_faults(card: Card) -> list[str]:
-    known = _READ[card.keyword]
-    faults = [
-        f"{card.where()}: parameter {name} isn't supported; got "
-        f"{name}{'=' + value if value else ''}; expected "
-        f"{'one of ' + ', '.join(sorted(known)) if known else 'none'}"
-        for name, value in card.parameters.items()
-        if name not in known
-    ]
+    faults = parameter_faults(card, _READ)
     value = card.parameters.get("NLGEOM", "NO")
     if value.upper() != "NO":
         faults.append(

@@ -6,19 +6,22 @@ from collections.abc import Callable, Mapping, Sequence
 
 from gpusim.deck.constraints import Axes
 from gpusim.deck.deck import Deck
-from gpusim.deck.keywords import FORMULATIONS, check_keywords, fail_together
+from gpusim.deck.keywords import FORMULATIONS, check_keywords
 from gpusim.deck.materials import Sections
 from gpusim.deck.steps import Body, History
 from gpusim.errors import InputError
+from gpusim.input_file import InputFile
 from gpusim.mesh.inp import label_mesh
-from gpusim.mesh.inp_blocks import InpContent, read_content
-from gpusim.mesh.inp_cards import Card, PathLike, read_cards
+from gpusim.mesh.inp_cards import Card, Source, read_cards
+from gpusim.mesh.inp_content import InpContent
+from gpusim.mesh.inp_geometry import read_content
+from gpusim.mesh.inp_keywords import fail_together
 from gpusim.mesh.inp_types import SOLID_TYPES
 
 __all__ = ["load_deck"]
 
 
-def load_deck(path: PathLike) -> Deck:
+def load_deck(source: Source) -> Deck:
     """A linear static analysis from an Abaqus or CalculiX input file.
 
     Read are solid elements (C3D4, C3D6, C3D8, C3D8I, C3D10, C3D15, C3D20, C3D20R) with the
@@ -31,16 +34,17 @@ def load_deck(path: PathLike) -> Deck:
     Raises InputError that lists, with file and line, every keyword, parameter and element type
     that would change the answer and isn't supported; and then every wrong number and unknown name.
     """
-    cards = read_cards(path)
+    cards = read_cards(source)
+    path = str(source.path if isinstance(source, InputFile) else source)
     ignored = check_keywords(cards)
     content = read_content(cards)
-    labelled = label_mesh(content, str(path))
+    labelled = label_mesh(content, path)
     sections, axes = Sections(content), Axes(content)
-    _read_all(cards, {**sections.readers(), "TRANSFORM": axes.read})
+    _read_all(content.history, {**sections.readers(), "TRANSFORM": axes.read})
     materials, of_cell = sections.resolve(labelled)
     formulation = _formulation(content)
     history = History(Body(content, labelled, materials, of_cell, formulation), axes)
-    _read_all(cards, history.readers())
+    _read_all(content.history, history.readers())
     if history.open is not None:
         raise InputError(
             f"{history.open.card.where()}: the step doesn't end; expected *END STEP "
@@ -49,7 +53,7 @@ def load_deck(path: PathLike) -> Deck:
     if not history.steps:
         raise InputError(f"{path}: no step; got a deck without *STEP; expected at least one")
     return Deck(
-        path=str(path),
+        path=path,
         mesh=labelled.mesh,
         node_labels=labelled.node_labels,
         cell_labels=labelled.cell_labels,
@@ -72,7 +76,8 @@ def _read_all(cards: Sequence[Card], readers: Mapping[str, Callable[[Card], None
                 readers[card.keyword](card)
             except InputError as error:
                 faults.append(str(error))
-    fail_together(faults, cards[0].file)
+    if faults:
+        fail_together(faults, cards[0].file)
 
 
 def _formulation(content: InpContent) -> dict[str, str]:

@@ -12,8 +12,8 @@ from gpusim.errors import InputError
 from gpusim.fem import Isotropic, Material
 from gpusim.fem.material import strain_rotation
 from gpusim.mesh.inp import LabelledMesh
-from gpusim.mesh.inp_blocks import InpContent
 from gpusim.mesh.inp_cards import Card
+from gpusim.mesh.inp_content import InpContent
 from gpusim.mesh.inp_values import Names, number
 
 __all__ = ["Anisotropic", "Sections"]
@@ -102,7 +102,8 @@ class Sections:
         if bare.size:
             raise InputError(
                 f"{self.content.blocks[0].card.file}: {bare.size} elements have no *SOLID SECTION; "
-                f"got element {labelled.cell_labels[bare[0]]}; expected a section for each"
+                f"got element {self.content.cells.shown(labelled.cell_labels[bare[0]])}; expected "
+                "a section for each"
             )
         return materials, of_cell
 

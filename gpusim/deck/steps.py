@@ -18,8 +18,8 @@ from gpusim.deck.ties import read_tie
 from gpusim.errors import InputError
 from gpusim.fem import Material
 from gpusim.mesh.inp import LabelledMesh
-from gpusim.mesh.inp_blocks import InpContent
 from gpusim.mesh.inp_cards import Card
+from gpusim.mesh.inp_content import InpContent
 from gpusim.mesh.inp_values import number
 
 __all__ = ["Body", "History"]
@@ -178,6 +178,12 @@ class History:
                 f"{card.where()}: inside of a step; expected *END STEP for the step of line "
                 f"{self.open.card.line}"
             )
+        if "PERTURBATION" in card.parameters and self.steps:
+            # about a first step, a perturbation means that step's stress stiffness in CalculiX,
+            # and its loads don't act: the first step of a linear analysis has neither
+            raise InputError(
+                f"{card.where()}: PERTURBATION about an earlier step; expected it in the first one"
+            )
         self.open = _Open(card)
 
     def _static(self, card: Card) -> None:
@@ -201,6 +207,7 @@ class History:
         body = self.body
         factors = self.amplitudes.factors(self.time)
         fixed, prescribed, equations = self.constraints.assembled(factors)
+        self.forces.refuse_loose(fixed)
         forces = self.forces.total(body.materials, body.material_of_cell, body.formulation, factors)
         if self.stress.values:
             forces += self.stress.forces()

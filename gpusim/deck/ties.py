@@ -11,8 +11,8 @@ from scipy.spatial import cKDTree
 from gpusim.errors import InputError
 from gpusim.mesh import Faces, set_faces
 from gpusim.mesh.inp import LabelledMesh
-from gpusim.mesh.inp_blocks import InpContent
 from gpusim.mesh.inp_cards import Card
+from gpusim.mesh.inp_content import InpContent
 from gpusim.mesh.inp_values import number
 from gpusim.mesh.shapes import FACE_TYPES, shape_functions, shape_gradients
 
@@ -61,7 +61,7 @@ def read_tie(card: Card, content: InpContent, labelled: LabelledMesh) -> list[Ti
     for node in nodes.tolist():
         _, order = near.query(mesh.points[node], k=min(_CANDIDATES, len(faces)))
         face, weights, gap = _nearest(faces, np.atleast_1d(order), mesh.points[node])
-        label = labelled.node_labels[node]
+        label = content.nodes.shown(labelled.node_labels[node])
         if face < 0 or not gap <= reach[face]:
             raise InputError(
                 f"{where}: node {label} lies off the surface {rows[0][1]}; got a distance of "

@@ -1,200 +1,142 @@
-"""Nastran's bulk data (.bdf, .nas, .fem): nodes and solid and shell elements."""
+"""Nastran's bulk data (.bdf, .nas, .fem, .dat): nodes and solid and shell elements."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import NoReturn
 
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.mesh.raw import RawBlock, RawMesh, index_of
+from gpusim.input_file import read_input
+from gpusim.mesh.bdf_cards import BdfCard, read_bdf_cards
+from gpusim.mesh.bdf_names import ELEMENTS, SYSTEMS, check_card
+from gpusim.mesh.bdf_systems import Systems
+from gpusim.mesh.bdf_values import integer, integers, reals
+from gpusim.mesh.cells import CELL_TYPES
+from gpusim.mesh.file_numbers import in_numbers_of_file
+from gpusim.mesh.inp_cards import Source
+from gpusim.mesh.mesh import Mesh
+from gpusim.mesh.raw import RawBlock, RawMesh, assemble, index_of
 
 __all__ = ["read_bdf"]
 
+Float = npt.NDArray[np.float64]
 Long = npt.NDArray[np.int64]
 
-# Card -> number of nodes -> kind.
-_CARDS: dict[str, dict[int, str]] = {
-    "CTETRA": {4: "tet4", 10: "tet10"},
-    "CHEXA": {8: "hex8", 20: "hex20"},
-    "CPENTA": {6: "wedge6", 15: "wedge15"},
-    "CPYRAM": {5: "pyramid5", 13: "pyramid13"},
-    "CPYRA": {5: "pyramid5", 13: "pyramid13"},
-    "CTRIA3": {3: "tri3"},
-    "CTRIAR": {3: "tri3"},
-    "CTRIA6": {6: "tri6"},
-    "CQUAD4": {4: "quad4"},
-    "CQUADR": {4: "quad4"},
-    "CQUAD8": {8: "quad8"},
-}
 # Nastran numbers the upright edges before those on top.
 _ORDER = {
     "hex20": [*range(12), *range(16, 20), *range(12, 16)],
     "wedge15": [*range(9), *range(12, 15), *range(9, 12)],
 }
 _SHELLS = ("CTRIA", "CQUAD")
-_SOLIDS = ("CTET", "CHEX", "CPENT", "CPYR", "CSOLID")
-# 1.5-3 and 1.5D-3 stand for 1.5e-3
-_EXPONENT = re.compile(r"(?<=[0-9.])([+-])(?=\d+$)")
 
 
 @dataclass
 class _Cells:
-    """Elements of one kind: node labels in rows, and their property."""
+    """Elements of one kind: cards, node labels in rows, properties, as written."""
 
+    cards: list[BdfCard] = field(default_factory=list)
     nodes: list[list[str]] = field(default_factory=list)
-    properties: list[str] = field(default_factory=list)
+    properties: list[list[str]] = field(default_factory=list)
 
 
-def read_bdf(path: Path) -> RawMesh:
-    """Read GRID, CTETRA, CHEXA, CPENTA, CPYRAM and shell cards, in short, long and free fields.
+def read_bdf(source: Source) -> Mesh:
+    """Read GRID, GRDSET, CORD1 and CORD2 systems, CTETRA, CHEXA, CPENTA, CPYRAM and shells, in
+    short, long and free fields, with included files.
 
-    The solids of property 3 are the group "property_3", its shells "surface_3".
+    The solids of property 3 are the cell set "property_3", its shells the face set "surface_3".
 
-    Raises InputError, with the line, for INCLUDE, nodes in a coordinate system of their own,
-    numbers that are none, elements without all of their nodes, a file without ENDDATA.
+    Raises InputError, with the line, for cards that move, make or select nodes in other ways or
+    that aren't known, numbers that are none, elements without all of their nodes, a cut-off file.
     """
-    return _Reader(path).read()
+    file = read_input(source, "Nastran bulk data")
+    path = str(file.path)
+    grids: dict[int, BdfCard] = {}
+    cells: dict[str, _Cells] = {}
+    systems = Systems()
+    default: BdfCard | None = None
+    for card in read_bdf_cards(file):
+        check_card(card)
+        if card.name == "GRID":
+            label = integer(card.field(0), card)
+            if label in grids:
+                card.fail(f"a second card for node {label}; expected one")
+            grids[label] = card
+        elif card.name == "GRDSET":
+            if default is not None:
+                card.fail(f"a second one; got the first in line {default.line}; expected one")
+            default = card
+        elif card.name in SYSTEMS:
+            systems.read(card)
+        elif card.name in ELEMENTS:
+            _add_element(card, cells)
+    labels = np.array(list(grids), dtype=np.int64)
+    points = _points(list(grids.values()), labels, default, systems)
+    blocks = [RawBlock(kind, _rows(kind, found, labels), _groups(kind, found))
+              for kind, found in cells.items()]  # fmt: skip
+    solids = [card for kind, found in cells.items() if kind in CELL_TYPES for card in found.cards]
+    try:
+        return assemble(RawMesh(points, tuple(blocks)), path)
+    except InputError as error:
+        text = in_numbers_of_file(str(error), lambda k: f"{solids[k].where} {solids[k].fields[0]}")
+        raise InputError(text) from None
 
 
-class _Reader:
-    def __init__(self, path: Path) -> None:
-        self.source = str(path)
-        try:
-            self.lines = path.read_bytes().decode("utf-8-sig").splitlines()
-        except UnicodeDecodeError as error:
-            raise InputError(
-                f"{path}: not a text; got {error.reason} at byte {error.start}"
-            ) from None
-
-    def fail(self, line: int, problem: str) -> NoReturn:
-        raise InputError(f"{self.source}: line {line}: {problem}")
-
-    def read(self) -> RawMesh:
-        labels: list[str] = []
-        places: list[list[str]] = []
-        cells: dict[str, _Cells] = {}
-        strange: dict[str, int] = {}
-        lines: list[int] = []
-        for line, name, fields in self._cards():
-            if name == "GRID":
-                if len(fields) < 5:
-                    fields = [*fields, "", "", "", "", ""]
-                if fields[1] not in ("", "0"):
-                    self.fail(
-                        line, f"GRID in coordinate system {fields[1]}; expected the basic one"
-                    )
-                labels.append(fields[0])
-                places.append(fields[2:5])
-                lines.append(line)
-            elif name in _CARDS:
-                self._element(line, name, fields, cells)
-            elif name.startswith(_SOLIDS):
-                strange[name] = strange.get(name, 0) + 1
-            elif name == "INCLUDE":
-                self.fail(line, "INCLUDE; expected one file with all of the mesh")
-        numbers = self._whole(labels, "a node's number")
-        twice = np.flatnonzero(np.diff(np.sort(numbers)) == 0)
-        if twice.size:
-            label = np.sort(numbers)[twice[0]]
-            raise InputError(f"{self.source}: two GRID cards for node {label}; expected one")
-        points = self._reals(places, lines)
-        blocks = [RawBlock(kind, self._rows(kind, found, numbers), self._groups(kind, found))
-                  for kind, found in cells.items()]  # fmt: skip
-        blocks += [
-            RawBlock(name, np.zeros((count, 0), dtype=np.int64)) for name, count in strange.items()
-        ]
-        return RawMesh(points, tuple(blocks))
-
-    def _cards(self) -> Iterator[tuple[int, str, list[str]]]:
-        """(line, name, fields) of each card of the bulk data, continuations joined."""
-        start = 0
-        for number, text in enumerate(self.lines):
-            if text.strip().upper().startswith("BEGIN") and "BULK" in text.upper():
-                start = number + 1
-        card: tuple[int, str, list[str]] | None = None
-        for number in range(start, len(self.lines)):
-            text = self.lines[number].split("$", 1)[0].rstrip()
-            if not text:
-                continue
-            name, fields = _fields(text.expandtabs(8))
-            if name[:1] in ("", "+", "*"):
-                if card is not None:
-                    card[2].extend(fields)
-                continue
-            if card is not None:
-                yield card
-            name = name.rstrip("*").strip().upper()
-            if name == "ENDDATA":
-                return
-            if name.startswith("INCLUDE"):
-                name = "INCLUDE"
-            card = (number + 1, name, fields)
-        raise InputError(f"{self.source}: no ENDDATA; expected one at the end: cut off?")
-
-    def _element(self, line: int, name: str, fields: list[str], cells: dict[str, _Cells]) -> None:
-        kinds = _CARDS[name]
-        most = max(kinds)
-        nodes = fields[2 : 2 + most]
-        while nodes and not nodes[-1]:
-            nodes.pop()
-        # shells have further fields after their nodes, solids haven't
-        count = min(kinds) if name.startswith(_SHELLS) else len(nodes)
-        if count not in kinds or len(nodes) < count or not all(nodes[:count]):
-            expected = " or ".join(str(number) for number in kinds)
-            given = sum(1 for node in nodes if node)
-            self.fail(line, f"{name} with {given} nodes; expected {expected}: cut off?")
-        found = cells.setdefault(kinds[count], _Cells())
-        found.nodes.append(nodes[:count])
-        found.properties.append(fields[1] or fields[0])
-
-    def _whole(self, words: list[str], what: str) -> Long:
-        try:
-            return np.array(words, dtype=np.int64)
-        except (ValueError, OverflowError) as error:
-            raise InputError(f"{self.source}: {error}; expected {what}") from None
-
-    def _reals(self, rows: list[list[str]], lines: list[int]) -> npt.NDArray[np.float64]:
-        try:
-            return np.array(rows, dtype=np.float64).reshape(-1, 3)
-        except ValueError:
-            pass
-        points = np.empty((len(rows), 3))
-        for number, row in enumerate(rows):
-            for k, word in enumerate(row):
-                text = _EXPONENT.sub(r"e\1", word.upper().replace("D", "E").lower()) or "0"
-                try:
-                    points[number, k] = float(text)
-                except ValueError:
-                    self.fail(lines[number], f"got {word!r}; expected a coordinate")
-        return points
-
-    def _rows(self, kind: str, found: _Cells, labels: Long) -> Long:
-        nodes = self._whole([word for row in found.nodes for word in row], "a node's number")
-        rows = index_of(labels, nodes).reshape(len(found.nodes), -1)
-        if (rows < 0).any():
-            missing = nodes.reshape(rows.shape)[rows < 0][0]
-            raise InputError(f"{self.source}: a {kind} names node {missing}, which isn't there")
-        return rows[:, _ORDER[kind]] if kind in _ORDER else rows
-
-    def _groups(self, kind: str, found: _Cells) -> dict[str, Long]:
-        word = "surface" if kind.startswith(("tri", "quad")) else "property"
-        properties = self._whole(found.properties, "a property's number")
-        return {f"{word}_{tag}": np.flatnonzero(properties == tag) for tag in np.unique(properties)}
+def _points(
+    cards: Sequence[BdfCard], labels: Long, default: BdfCard | None, systems: Systems
+) -> Float:
+    """(N,3) basic coordinates. A system that a GRID doesn't name is that of GRDSET, else basic."""
+    rows = [[*card.fields, "", "", "", "", ""][:5] for card in cards]
+    points = reals([row[2:] for row in rows], cards).reshape(-1, 3)
+    usual = integer((default.field(1) if default else "") or "0", default or BdfCard("", [], "", 0))
+    system = integers([[row[1] or str(usual)] for row in rows], cards).ravel()
+    systems.grids = {
+        label: (number, point)
+        for label, number, point in zip(labels.tolist(), system.tolist(), points, strict=True)
+    }
+    placed = points.copy()
+    for number in np.unique(system).tolist():
+        mine = np.flatnonzero(system == number)
+        placed[mine] = systems.place(number, points[mine], cards[mine[0]])
+    return placed
 
 
-def _fields(text: str) -> tuple[str, list[str]]:
-    """Name and data fields of a line; without the mark of a continuation."""
-    if "," in text:
-        words = [word.strip() for word in text.split(",")]
-        width = 4 if "*" in words[0] else 8
-        fields = words[1 : 1 + width]
-        return words[0], fields + [""] * (width - len(fields))
-    name = text[:8].strip()
-    size = 16 if "*" in name else 8
-    return name, [text[at : at + size].strip() for at in range(8, 72, size)]
+def _add_element(card: BdfCard, cells: dict[str, _Cells]) -> None:
+    kinds = ELEMENTS[card.name]
+    nodes = card.fields[2 : 2 + max(kinds)]
+    while nodes and not nodes[-1]:
+        nodes.pop()
+    # shells have further fields after their nodes, solids haven't
+    count = min(kinds) if card.name.startswith(_SHELLS) else len(nodes)
+    if count not in kinds or len(nodes) < count or not all(nodes[:count]):
+        expected = " or ".join(str(number) for number in kinds)
+        given = sum(1 for node in nodes if node)
+        card.fail(f"{card.field(0)} with {given} nodes; expected {expected}: cut off?")
+    found = cells.setdefault(kinds[count], _Cells())
+    found.cards.append(card)
+    found.nodes.append(nodes[:count])
+    found.properties.append([card.field(1) or card.field(0)])
+
+
+def _rows(kind: str, found: _Cells, labels: Long) -> Long:
+    nodes = integers(found.nodes, found.cards)
+    ordered = np.sort(nodes, axis=1)
+    twice = np.argwhere(ordered[:, 1:] == ordered[:, :-1])
+    if len(twice):
+        card = found.cards[twice[0, 0]]
+        card.fail(f"{card.field(0)} names node {ordered[tuple(twice[0])]} twice; expected "
+                  f"{nodes.shape[1]} different nodes")  # fmt: skip
+    rows = index_of(labels, nodes.ravel()).reshape(nodes.shape)
+    wrong = np.argwhere(rows < 0)
+    if len(wrong):
+        card = found.cards[wrong[0, 0]]
+        card.fail(f"{card.field(0)} names node {nodes[tuple(wrong[0])]}, which isn't there")
+    return rows[:, _ORDER[kind]] if kind in _ORDER else rows
+
+
+def _groups(kind: str, found: _Cells) -> dict[str, Long]:
+    word = "surface" if kind.startswith(("tri", "quad")) else "property"
+    properties = integers(found.properties, found.cards).ravel()
+    return {f"{word}_{tag}": np.flatnonzero(properties == tag) for tag in np.unique(properties)}

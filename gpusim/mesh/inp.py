@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.input_file import InputFile
 from gpusim.mesh.cells import CELL_TYPES
-from gpusim.mesh.inp_blocks import ElementBlock, InpContent, read_content
-from gpusim.mesh.inp_cards import PathLike, read_cards
+from gpusim.mesh.file_numbers import in_numbers_of_file
+from gpusim.mesh.inp_cards import Source, read_cards
+from gpusim.mesh.inp_content import InpContent
+from gpusim.mesh.inp_elements import ElementBlock
+from gpusim.mesh.inp_geometry import read_content
+from gpusim.mesh.inp_keywords import check_mesh_cards
 from gpusim.mesh.inp_types import SOLID_TYPES, face_table
 from gpusim.mesh.mesh import Mesh
 
@@ -61,22 +63,22 @@ class LabelledMesh:
         return np.stack([cell, local], axis=1)
 
 
-def read_inp(path: PathLike | InputFile) -> Mesh:
+def read_inp(source: Source) -> Mesh:
     """The solid mesh of an Abaqus or CalculiX input file.
 
     Node sets, element sets (as cell sets) and element surfaces (as face sets) keep their names,
-    spelled as at their first definition. Shell and plane elements that lie on faces of solids
-    become face sets named by their ELSET. Nodes are ordered by their number in the file,
-    cells by type and then in file order. Loads, materials and steps are read by
-    ``gpusim.deck.load_deck``.
+    spelled as at their first definition; those of one of several instances are ``INSTANCE.NAME``.
+    Shell and plane elements that lie on faces of solids become face sets named by their ELSET.
+    Nodes are ordered by their number in the file, cells by type and then in file order. Loads,
+    materials and steps are read by ``gpusim.deck.load_deck``.
 
     Raises InputError with file and line: not a text file, no solid elements, an unknown element
-    type, undefined nodes or sets, an element with missing nodes, a number that isn't one.
+    type or keyword, a keyword that moves or makes nodes and isn't read, undefined nodes or sets,
+    an element with missing nodes, a number that isn't one.
     """
-    cards = read_cards(path)
-    return label_mesh(
-        read_content(cards), str(path.path if isinstance(path, InputFile) else path)
-    ).mesh
+    cards = read_cards(source)
+    check_mesh_cards(cards)
+    return label_mesh(read_content(cards), cards[0].file).mesh
 
 
 def label_mesh(content: InpContent, path: str) -> LabelledMesh:
@@ -97,14 +99,13 @@ def label_mesh(content: InpContent, path: str) -> LabelledMesh:
         kind: np.concatenate([_node_rows(block, content) for block in blocks])
         for kind, blocks in parts.items()
     }
-    labels = np.concatenate([block.labels for blocks in parts.values() for block in blocks])
+    solid = [block for blocks in parts.values() for block in blocks]
+    labels = np.concatenate([block.labels for block in solid])
     try:
         plain = LabelledMesh(Mesh(content.points, cells), content.node_labels, labels)
     except InputError as error:
-        # a mesh counts from 0; the reader of the message knows the file's numbers
-        first = re.search(r"got cells? (\d+)", str(error))
-        named = f" (cell {first[1]} is element {labels[int(first[1])]})" if first else ""
-        raise InputError(f"{path}: {error}{named}") from None
+        text = in_numbers_of_file(str(error), lambda cell: _shown(cell, solid))
+        raise InputError(f"{path}: {text}") from None
     node_sets = {
         name: np.searchsorted(content.node_labels, members).astype(np.int32)
         for name, members in content.node_sets.items()
@@ -117,26 +118,35 @@ def label_mesh(content: InpContent, path: str) -> LabelledMesh:
         name: plain.face_pairs(pairs).astype(np.int32) for name, pairs in content.surfaces.items()
     }
     for block in flat:
-        name = block.card.parameters.get("ELSET", "")
-        if name and block.nodes.shape[1] >= 3:
+        if block.name and block.nodes.shape[1] >= 3:
             pairs = _matching_faces(plain.mesh, _node_rows(block, content))
             if len(pairs):
-                known = face_sets.get(name, np.zeros((0, 2), dtype=np.int32))
-                face_sets[name] = np.concatenate([known, pairs.astype(np.int32)])
+                known = face_sets.get(block.name, np.zeros((0, 2), dtype=np.int32))
+                face_sets[block.name] = np.concatenate([known, pairs.astype(np.int32)])
     solid_sets = {name: members for name, members in cell_sets.items() if name not in face_sets}
     mesh = plain.mesh.with_sets(node_sets, face_sets, solid_sets)
     return LabelledMesh(mesh, content.node_labels, labels)
 
 
+def _shown(cell: int, blocks: list[ElementBlock]) -> str:
+    """File, line and number of the element behind a cell number; cells follow the blocks."""
+    ends = np.cumsum([len(block.labels) for block in blocks])
+    place = int(np.searchsorted(ends, cell, side="right"))
+    return blocks[place].where(cell - int(ends[place]) + len(blocks[place].labels))
+
+
 def _node_rows(block: ElementBlock, content: InpContent) -> Int:
-    card, width = block.card, block.nodes.shape[1]
-
-    def where(position: int) -> str:
-        label = int(block.labels[position // width])
-        line = next((k for k, row in card.rows() if row and row[0] == str(label)), card.line)
-        return f"{card.where(line)}: element {label}"
-
-    return content.node_index(block.nodes.ravel(), where).reshape(-1, width)
+    width = block.nodes.shape[1]
+    ordered = np.sort(block.nodes, axis=1)
+    twice = np.flatnonzero((ordered[:, 1:] == ordered[:, :-1]).any(axis=1))
+    if twice.size and block.type in SOLID_TYPES:
+        row, first = ordered[twice[0]], int(twice[0])
+        node = row[1:][row[1:] == row[:-1]][0] - block.offset
+        raise InputError(
+            f"{block.where(first)}: got node {node} twice; expected {width} different nodes"
+        )
+    nodes = content.nodes.positions(block.nodes.ravel(), lambda k: block.where(k // width))
+    return nodes.reshape(-1, width)
 
 
 def _matching_faces(mesh: Mesh, nodes: Int) -> Int:

@@ -1,27 +1,31 @@
 """Abaqus and CalculiX input files as a list of cards: a keyword line and its data lines.
 
-Lines that start with ``**`` are comments. A keyword line that ends in a comma goes on in the next
-line. Keywords and parameters are read without regard to case and blanks (``*SOLID SECTION`` is
-``SOLIDSECTION``); ``*INCLUDE, INPUT=file`` is replaced by that file, relative to its own folder.
+Lines that start with ``**`` are comments, as is text before the first keyword; blanks before a
+star count for nothing. A keyword line that ends in a comma goes on in the next line, if that
+begins with a letter. Keywords and parameters are read without regard to case and blanks
+(``*SOLID SECTION`` is ``SOLIDSECTION``); ``*INCLUDE, INPUT=file`` is replaced by that file,
+relative to the file that names it.
 """
 
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from itertools import pairwise
-from pathlib import Path
 
 from gpusim.errors import InputError
 from gpusim.input_file import InputFile, read_input
+from gpusim.mesh.text import text_lines
 
-__all__ = ["Card", "PathLike", "nearest", "read_cards"]
+__all__ = ["Card", "Source", "nearest", "read_cards"]
 
-PathLike = str | os.PathLike[str]
+Source = str | os.PathLike[str] | InputFile
 
-_DEEPEST_INCLUDE = 20
+_EXPECTED = "an Abaqus or CalculiX input file"
+_MOST_INCLUDED, _DEEPEST_INCLUDED = 1000, 50
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,27 +50,28 @@ class Card:
         return f"{self.file}:{self.line if number is None else number}: {self.shown}"
 
     def rows(self) -> Iterator[tuple[int, list[str]]]:
-        """Line number and stripped fields of each data line; empty ones at its end are left out."""
+        """Line number and fields of each data line, without the blanks and quotes around them;
+        empty ones at its end are left out."""
         for number, line in zip(self.numbers, self.lines, strict=True):
-            fields = [field.strip() for field in line.split(",")]
+            fields = [_plain(field) for field in _fields(line)]
             while fields and not fields[-1]:
                 fields.pop()
             if fields:
                 yield number, fields
 
 
-def read_cards(path: PathLike | InputFile) -> list[Card]:
+def read_cards(source: Source) -> list[Card]:
     """The cards of an input file in their order, included files in place.
 
-    Raises InputError: the file can't be read or isn't text, has no keyword, has data before its
+    Raises InputError: a file can't be read or isn't text, has no keyword, has data before its
     first keyword, or includes itself.
     """
-    file = read_input(path, "an Abaqus or CalculiX input file")
-    cards = list(_cards(file, ()))
+    file = read_input(source, _EXPECTED)
+    cards = list(_cards(file, _Reading([os.path.realpath(file.path)])))
     if not cards:
         raise InputError(
             f"{file.path}: no keyword found; got a file without a line that starts with *; "
-            "expected an Abaqus or CalculiX input file"
+            f"expected {_EXPECTED}"
         )
     return cards
 
@@ -78,67 +83,101 @@ def nearest(name: str, known: Sequence[str]) -> str:
     return f" (did you mean {by_fold[close[0]]!r}?)" if close else ""
 
 
-def _cards(file: InputFile, parents: tuple[Path, ...]) -> Iterator[Card]:
-    path = file.path
-    resolved = path.resolve()
-    if resolved in parents or len(parents) > _DEEPEST_INCLUDE:
-        raise InputError(f"{path}: *INCLUDE: the file includes itself; expected a chain that ends")
-    lines = _text(file).splitlines()
-    starts = [k for k, line in enumerate(lines) if line.startswith("*") and line[1:2] != "*"]
-    for k in range(starts[0] if starts else len(lines)):
-        if lines[k].strip() and not lines[k].startswith("**"):
+@dataclass
+class _Reading:
+    """The files that are being read, outermost first, and how many were included so far."""
+
+    open: list[str]
+    included: int = 0
+
+
+def _cards(file: InputFile, reading: _Reading) -> Iterator[Card]:
+    lines = text_lines(file, _EXPECTED)
+    starts = [k for k, line in enumerate(lines) if _is_keyword(line)]
+    _refuse_early_data(file, lines[: starts[0]] if starts else lines)
+    for start, end in pairwise([*starts, len(lines)]):
+        head = lines[start].strip()
+        body = start + 1
+        # a parameter begins with a letter, and what doesn't is data after a comma too many
+        while head.endswith(",") and body < end and re.match(r"\s*([a-zA-Z]|\*\*)", lines[body]):
+            if not _is_comment(lines[body]):
+                head += lines[body].strip()
+            body += 1
+        kept = [k for k in range(body, end) if lines[k].strip() and not _is_comment(lines[k])]
+        data, numbers = [lines[k] for k in kept], [k + 1 for k in kept]
+        card = _card(head, data, numbers, str(file.path), start + 1)
+        if card.keyword == "INCLUDE":
+            yield from _included(card, file, reading)
+        else:
+            yield card
+
+
+def _is_keyword(line: str) -> bool:
+    start = line.lstrip()
+    return start.startswith("*") and not start.startswith("**")
+
+
+def _is_comment(line: str) -> bool:
+    return line.lstrip().startswith("**")
+
+
+def _refuse_early_data(file: InputFile, lines: Sequence[str]) -> None:
+    """A title may stand before the first keyword; numbers there belong to a keyword that's lost."""
+    for number, line in enumerate(lines, start=1):
+        if re.match(r"\s*[-+.]?\d[^a-zA-Z]*(,|$)", line):
             raise InputError(
-                f"{path}:{k + 1}: data before the first keyword; got {lines[k].strip()[:40]!r}; "
+                f"{file.path}:{number}: data before the first keyword; got {line.strip()[:40]!r}; "
                 "expected a line that starts with *"
             )
-    for start, end in pairwise([*starts, len(lines)]):
-        head = lines[start]
-        body = start + 1
-        while head.rstrip().endswith(",") and body < end:
-            if not lines[body].startswith("**"):
-                head += lines[body]
-            body += 1
-        kept = [k for k in range(body, end) if lines[k].strip() and not lines[k].startswith("**")]
-        card = _card(head, [lines[k] for k in kept], [k + 1 for k in kept], str(path), start + 1)
-        if card.keyword != "INCLUDE":
-            yield card
-            continue
-        target = card.parameters.get("INPUT", "")
-        if not target:
-            raise InputError(f"{card.where()}: no file; got {head.strip()!r}; expected INPUT=file")
-        if not (path.parent / target).is_file():
-            raise InputError(f"{card.where()}: no such file; got {target!r}; expected a file")
-        yield from _cards(file.beside(target), (*parents, resolved))
 
 
-def _text(file: InputFile) -> str:
-    if b"\0" in file.data:
+def _included(card: Card, parent: InputFile, reading: _Reading) -> Iterator[Card]:
+    target = card.parameters.get("INPUT", "")
+    if not target:
+        raise InputError(f"{card.where()}: no file; expected INPUT=file")
+    child = parent.path.parent / target
+    name = os.path.realpath(child) if "\0" not in target else target
+    reading.included += 1
+    if name in reading.open or len(reading.open) > _DEEPEST_INCLUDED:
         raise InputError(
-            f"{file.path}: not a text file; got binary data; expected an Abaqus or CalculiX "
-            "input file"
+            f"{card.where()}: the file includes itself; got {target!r}; expected a chain that ends"
         )
-    return file.data.decode("utf-8-sig", errors="replace")
+    if reading.included > _MOST_INCLUDED:
+        raise InputError(f"{card.where()}: more than {_MOST_INCLUDED} files; expected fewer")
+    try:
+        file = parent.beside(target, _EXPECTED)
+    except InputError as error:
+        raise InputError(f"{card.where()}: got {target!r}: {error}") from None
+    reading.open.append(name)
+    yield from _cards(file, reading)
+    reading.open.pop()
 
 
 def _card(head: str, lines: list[str], numbers: list[int], file: str, line: int) -> Card:
     first, *rest = _fields(head)
+    keyword = "".join(first[1:].split()).upper()
+    shown = "*" + " ".join(first[1:].split()).upper()
     parameters: dict[str, str] = {}
     for field in rest:
         name, equals, value = field.partition("=")
         key = "".join(name.split()).upper()
+        if key in parameters:
+            raise InputError(f"{file}:{line}: {shown}: {key} is given twice; expected it once")
         if key:
-            parameters[key] = value.strip().strip("\"'").strip() if equals else ""
-    keyword = "".join(first[1:].split()).upper()
-    shown = "*" + " ".join(first[1:].split()).upper()
+            parameters[key] = _plain(value) if equals else ""
     return Card(keyword, shown, parameters, lines, numbers, file, line)
 
 
-def _fields(head: str) -> list[str]:
-    """Fields of a keyword line; a comma inside quotes doesn't part them."""
-    if '"' not in head:
-        return head.split(",")
+def _plain(field: str) -> str:
+    return field.strip().strip("\"'").strip()
+
+
+def _fields(line: str) -> list[str]:
+    """Fields of a line; a comma inside quotes doesn't part them."""
+    if '"' not in line:
+        return line.split(",")
     fields, inside = [""], False
-    for letter in head:
+    for letter in line:
         inside ^= letter == '"'
         if letter == "," and not inside:
             fields.append("")

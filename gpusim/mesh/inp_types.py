@@ -27,7 +27,11 @@ _FLAT_TYPES = {
     "CPS4R": 4, "CPS8R": 8, "CPE4R": 4, "CPE8R": 8, "CAX3": 3, "CAX4": 4, "CAX6": 6, "CAX8": 8,
     "CAX8R": 8, "M3D3": 3, "M3D4": 4, "M3D6": 6, "M3D8": 8, "SFM3D3": 3, "SFM3D4": 4,
 }  # fmt: skip
-_LINE_TYPES = {"T3D2": 2, "T3D3": 3, "B31": 2, "B31R": 2, "B32": 3, "B32R": 3}
+_LINE_TYPES = {
+    "T3D2": 2, "T3D3": 3, "B31": 2, "B31R": 2, "B32": 3, "B32R": 3, "B31H": 2, "B32H": 3, "D": 3,
+    "SPRING1": 1, "SPRING2": 2, "SPRINGA": 2, "DASHPOT1": 1, "DASHPOT2": 2, "DASHPOTA": 2,
+    "CONN3D2": 2, "GAPUNI": 2, "MASS": 1, "ROTARYI": 1, "DCOUP3D": 1, "R3D3": 3, "R3D4": 4,
+}  # fmt: skip
 
 # Corners of the faces S1, S2, … (P1, P2, … of a load), counted as in the Abaqus manual.
 _FACES = {

@@ -15,10 +15,17 @@ T = TypeVar("T")
 
 
 class Names(Generic[T]):
-    """Named things, found without regard to case; the spelling of the first definition is kept."""
+    """Named things, found without regard to case; the spelling of the first definition is kept.
 
-    def __init__(self, what: str) -> None:
+    In a file with instances of parts, what a part names is ``INSTANCE.NAME``. Where there is one
+    instance only (``single``), ``NAME`` finds it too, unless the assembly has a thing of that name;
+    the assembly's own name (``assembly``) may stand before any.
+    """
+
+    def __init__(self, what: str, single: str = "", assembly: str = "") -> None:
         self.what = what
+        self.single = single.upper()
+        self.assembly = assembly.upper()
         self.shown: dict[str, str] = {}
         self.values: dict[str, T] = {}
 
@@ -42,12 +49,22 @@ class Names(Generic[T]):
         )
 
     def items(self) -> list[tuple[str, T]]:
-        return [(self.shown[key], value) for key, value in self.values.items()]
+        """Names as they are shown: those of a single instance without it, where that is enough."""
+        found = []
+        for key, value in self.values.items():
+            short = key.removeprefix(f"{self.single}.") if self.single else key
+            plain = short == key or short in self.values
+            shown = self.shown[key]
+            found.append((shown if plain else shown[len(self.single) + 1 :], value))
+        return found
 
     def _key(self, name: str) -> str:
-        """``INSTANCE.NAME`` finds ``NAME``: an input file has one instance here."""
         key = name.upper()
-        return key if key in self.values or "." not in key else key.rsplit(".", 1)[1]
+        if key not in self.values and self.assembly:
+            key = key.removeprefix(f"{self.assembly}.")
+        if key not in self.values and self.single:
+            key = f"{self.single}.{key}"
+        return key
 
 
 def number(text: str, where: str) -> float:

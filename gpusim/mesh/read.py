@@ -51,7 +51,7 @@ def _med(file: InputFile) -> Mesh:
 def _bdf(file: InputFile) -> Mesh:
     from gpusim.mesh.bdf import read_bdf
 
-    return assemble(read_bdf(file.path), str(file.path))
+    return read_bdf(file)
 
 
 def _inp(file: InputFile) -> Mesh:
@@ -79,6 +79,7 @@ _READERS: dict[str, Callable[[InputFile], Mesh]] = {
     ".bdf": _bdf,
     ".nas": _bdf,
     ".fem": _bdf,
+    ".dat": _bdf,
 }
 MESH_SUFFIXES = tuple(_READERS)
 
@@ -91,7 +92,7 @@ def read_mesh(path: str | PathLike[str] | InputFile, *, scale: float = 1.0) -> M
     path
         ``.msh`` (Gmsh 2.2 and 4.1, text or binary), ``.inp`` (Abaqus, CalculiX), ``.vtu``,
         ``.vtk``, ``.e``/``.ex2``/``.exo``/``.exodus`` (Exodus), ``.med``, ``.bdf``/``.nas``/
-        ``.fem`` (Nastran), or what `gpusim.input_file.read_input` has read of one.
+        ``.fem``/``.dat`` (Nastran), or what `gpusim.input_file.read_input` has read of one.
     scale
         Factor on the coordinates: 1e-3 for a file in millimetres and a model in metres.
 

@@ -18,10 +18,12 @@ from .path import dotted
 
 __all__ = ["file_fault", "find_files"]
 
-DECK_SUFFIXES = (".inp",)
-INCLUDE = re.compile(
+_ABAQUS = re.compile(
     rb"^[ \t]*\*\s*INCLUDE\s*,\s*[^\n]*?INPUT\s*=\s*[\"']?([^\"',\r\n]+)", re.I | re.M
 )
+_NASTRAN = re.compile(rb"^[ \t]*INCLUDE\b[\s=]*[\"']?([^\"'$\r\n]+)", re.I | re.M)
+INCLUDES = {".inp": _ABAQUS} | dict.fromkeys((".bdf", ".dat", ".fem", ".nas"), _NASTRAN)
+"""How a deck names the files that it includes, by its suffix; theirs doesn't matter."""
 
 Found = list[tuple[Keys, Fault]]
 
@@ -116,29 +118,27 @@ class _Hashes:
     def __init__(self, known: Mapping[str, str]) -> None:
         self.known, self.found = known, dict[str, str]()
 
-    def enter(self, path: Path, expected: str, deck: bool = False) -> None:
+    def enter(self, path: Path, expected: str, include: re.Pattern[bytes] | None = None) -> None:
         """Raises InputError for a file, or one that it names, that can't be read or has changed.
 
-        ``deck``: a deck includes it, so it may include more.
+        ``include``: a deck includes it, so it may include more in the same way.
         """
         if str(path) in self.found:
             return
         file = read_input(path, expected, self.known.get(str(path)))
         self.found[str(path)] = file.sha256
-        deck = deck or file.suffix in DECK_SUFFIXES
-        for name in _named(file, deck):
+        include = include or INCLUDES.get(file.suffix)
+        for name in _named(file, include):
             try:
-                self.enter(name, expected, deck)
+                self.enter(name, expected, include)
             except InputError as error:
                 text = str(error).removeprefix(f"{name}: ")
                 raise InputError(f"{path}: names {name.name}, {text}") from None
 
 
-def _named(file: InputFile, deck: bool) -> list[Path]:
-    """The files that a series or an Abaqus deck names."""
+def _named(file: InputFile, include: re.Pattern[bytes] | None) -> list[Path]:
+    """The files that a series or a deck names."""
     if file.suffix in SERIES_SUFFIXES:
         return [path for _, path in read_series(file)]
-    if deck:
-        names = INCLUDE.findall(file.data)
-        return [file.path.parent / name.decode("utf-8", "replace").strip() for name in names]
-    return []
+    names = include.findall(file.data) if include else []
+    return [file.path.parent / name.decode("utf-8", "replace").strip() for name in names]
