@@ -10,6 +10,7 @@ from __future__ import annotations
 import io
 import json
 import sys
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -201,11 +202,13 @@ def plan(
     with exit_codes():
         loaded = _load(scene, sets)
         check_folder(output)
+        strange = ()
         if loaded.reads_files:
-            import_module("gpusim.pipeline.files").check_files(loaded)
+            strange = import_module("gpusim.pipeline.files").check_files(loaded)
         from gpusim.plan import make_plan
 
         made = make_plan(loaded, output, backend.value, fresh, not no_skip)
+        made = replace(made, warnings=(*made.warnings, *strange))
         if as_json:
             out(json.dumps(made.to_dict(), indent=2))
         else:
@@ -266,6 +269,8 @@ def _print_plan(made: Plan) -> None:
         why = f"{stage.reason}; {stage.detail}" if stage.detail else stage.reason
         out(f"{stage.name:<{wide}}{stage.state:<9}{memory:>8}{seconds:>9}  {why}")
     out()
+    for warning in made.warnings:
+        out(f"warning: {warning}")
     total = time_text(made.seconds) or "no time"
     out(f"{made.scene}: valid; about {total} and {size_text(made.memory_bytes) or 'no memory'}.")
 

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from functools import partial
+from pathlib import Path
 
 from gpusim.errors import InputError
 from gpusim.field import Field, read_field
 from gpusim.pipeline.build import build_lights
 from gpusim.pipeline.cameras import build_camera
+from gpusim.pipeline.meshing import build_mesh, size_warnings_of
 from gpusim.pipeline.photo import build_lens
 from gpusim.scene import Scene
 from gpusim.scene import model as m
@@ -16,11 +18,14 @@ from gpusim.surface.paint import Image
 
 __all__ = ["check_field", "check_files", "check_views"]
 
+_QUICK = 50_000_000  # bytes of a mesh file that a plan reads, in a second or two
 
-def check_files(scene: Scene) -> None:
-    """Read the calibration, result and picture files of ``scene``, and of its variants.
 
-    Mesh and CAD files are read by the stage that meshes, before a run writes anything.
+def check_files(scene: Scene) -> list[str]:
+    """Read the mesh, calibration, result and picture files of ``scene``, and of its variants.
+
+    CAD files and large meshes are read by the stage that meshes, before a run writes anything.
+    Returns what is implausible in the size of what the mesh files hold.
 
     Raises
     ------
@@ -30,7 +35,8 @@ def check_files(scene: Scene) -> None:
     """
     states = [scene.variant(variant.name) for variant in scene.variants] or [scene]
     problems: list[str] = []
-    for check in (check for state in states for check in _checks(state)):
+    warnings: list[str] = []
+    for check in (check for state in states for check in _checks(state, warnings)):
         try:
             check()
         except InputError as error:
@@ -38,21 +44,29 @@ def check_files(scene: Scene) -> None:
                 problems.append(str(error))
     if problems:
         raise InputError("\n".join(problems))
+    return list(dict.fromkeys(warnings))
 
 
-def _checks(scene: Scene) -> Iterator[Callable[[], object]]:
+def _checks(scene: Scene, warnings: list[str]) -> Iterator[Callable[[], object]]:
     for camera in scene.cameras:
         yield partial(build_camera, camera)
         if camera.lens is not None and camera.calibration:
             yield partial(build_lens, camera)
     for body in scene.bodies:
         if isinstance(body.mesh, m.FieldMesh):
-            yield partial(_read_and_check, body.mesh, scene.analysis.load_factors)
+            yield partial(_read_and_check, body, scene.analysis.load_factors, warnings)
+        elif isinstance(body.mesh, m.FileMesh) and body.mesh.size is None:
+            if Path(body.mesh.path).stat().st_size <= _QUICK:
+                yield partial(_check_size, body, warnings)
     for thing in (*scene.bodies, *scene.props):
         for paint in thing.paints:
             if isinstance(paint, m.Picture):
                 yield partial(Image.read, paint.path, paint.texel, gamma=paint.gamma)
     yield partial(build_lights, scene)
+
+
+def _check_size(body: m.Body, warnings: list[str]) -> None:
+    warnings += size_warnings_of(body.name, body.mesh, build_mesh(body.mesh))
 
 
 def check_views(scene: Scene) -> None:
@@ -63,9 +77,12 @@ def check_views(scene: Scene) -> None:
     build_lights(scene)
 
 
-def _read_and_check(mesh: m.FieldMesh, times: tuple[float, ...]) -> None:
+def _read_and_check(body: m.Body, times: tuple[float, ...], warnings: list[str]) -> None:
+    mesh = body.mesh
+    assert isinstance(mesh, m.FieldMesh)
     field = read_field(mesh.path, name=mesh.variable, scale=mesh.scale, magnify=mesh.magnify)
     check_field(field, times)
+    warnings += size_warnings_of(body.name, mesh, field.mesh)
 
 
 def check_field(field: Field, times: tuple[float, ...]) -> None:

@@ -28,7 +28,7 @@ from gpusim.pipeline.files import check_field, check_views
 from gpusim.pipeline.kept import KeptMarkers
 from gpusim.pipeline.mechanics import large_displacements, make_mechanics
 from gpusim.pipeline.memory import check_memory
-from gpusim.pipeline.meshing import mesh_summary
+from gpusim.pipeline.meshing import mesh_summary, size_warnings_of
 from gpusim.pipeline.props import build_prop
 from gpusim.pipeline.solved import Solved
 from gpusim.pipeline.stereo import follow_cameras
@@ -163,6 +163,7 @@ class Work:
                 summary, warnings = mesh_summary(parts.body.name, parts.mesh)
                 self.meshes.append(summary)
                 self.warnings += warnings
+                self.warnings += size_warnings_of(parts.body.name, parts.body.mesh, parts.mesh)
             return f"{sum(b.mesh.cell_count for b in self.things.bodies)} elements"
 
         def models() -> str:
@@ -382,6 +383,7 @@ class Work:
                 meshes=tuple(self.meshes),
                 results=() if failure else tuple(self.results),
                 warnings=(
+                    *self.plan.warnings,
                     *(self.things.solved.warnings if self.things.solved else ()),
                     *large_displacements(self.things),
                     *self.warnings,

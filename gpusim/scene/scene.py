@@ -126,7 +126,7 @@ class Scene:
         paints = [paint for thing in (*self.bodies, *self.props) for paint in thing.paints]
         return (
             any(camera.calibration or camera.distortion for camera in self.cameras)
-            or any(isinstance(body.mesh, model.FieldMesh) for body in self.bodies)
+            or any(_is_read(body.mesh) for body in self.bodies)
             or any(isinstance(paint, model.Picture) for paint in paints)
             or any(isinstance(light, model.Environment) and light.path for light in self.lights)
         )
@@ -226,6 +226,13 @@ def variant_faults(document: Mapping[str, Any], folder: str | Path) -> list[Faul
                 key = f"variant.{index}.set -> {one.key}"
                 faults.append(Fault(key, one.problem, one.got, one.expected, one.hint))
     return faults
+
+
+def _is_read(mesh: model.MeshRecipe) -> bool:
+    """Whether it is in a file that is read as it is; a CAD file is meshed, which takes longer."""
+    if isinstance(mesh, model.FileMesh):
+        return mesh.size is None
+    return isinstance(mesh, model.FieldMesh)
 
 
 def _holds_mesh(keys: list[str]) -> bool:
