@@ -22,6 +22,7 @@ FOUNDATION = {
     "errors",
     "input_file",
     "inputs",
+    "printable",
     "processors",
     "series",
 }
@@ -33,6 +34,7 @@ ALLOWED: dict[str, set[str]] = {
     "errors": set(),
     "input_file": set(),
     "inputs": set(),
+    "printable": set(),
     "processors": set(),
     "series": set(),
     "gpu": set(),

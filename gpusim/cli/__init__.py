@@ -21,6 +21,7 @@ from gpusim._version import __version__
 from gpusim.cli.bench import bench_app
 from gpusim.cli.console import (
     INTERRUPTED,
+    PrintableGroup,
     ProgressDisplay,
     exit_codes,
     out,
@@ -41,6 +42,7 @@ __all__ = ["app", "main"]
 
 app = typer.Typer(
     name="gpusim",
+    cls=PrintableGroup,
     help="From a loaded structure to camera images, measured and compared with the truth.",
     no_args_is_help=True,
     add_completion=False,

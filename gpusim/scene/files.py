@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import hashlib
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from gpusim.errors import Fault, InputError
+from gpusim.input_file import read_input
 from gpusim.series import SERIES_SUFFIXES, read_series
 
-from .faults import shown
+from .faults import unread
 from .lines import Keys
 from .path import dotted
 
@@ -84,24 +85,21 @@ def _enter(
     if not table[key]:
         return
     path = folder.absolute() / table[key]
-    if problem := _hash(path, hashes):
-        found.append((keys, Fault(dotted(keys), problem, shown(str(path)), expected)))
+    if fault := _fault(path, dotted(keys), expected, hashes):
+        found.append((keys, fault))
     table[key] = str(path)
 
 
-def _hash(path: Path, hashes: dict[str, str]) -> str:
-    """Enter the hash of a file and of the files that it names; returns the problem, or ""."""
-    if not path.is_file():
-        return "is a folder" if path.is_dir() else "not found"
+def _fault(path: Path, key: str, expected: str, hashes: dict[str, str]) -> Fault | None:
+    """Enter the hash of a file and of the files that it names; returns why it can't be read."""
+    if str(path) in hashes:
+        return None
     try:
-        with path.open("rb") as stream:
-            hashes[str(path)] = hashlib.file_digest(stream, "sha256").hexdigest()
+        hashes[str(path)] = read_input(path, expected).sha256
         if path.suffix.lower() in SERIES_SUFFIXES:
             for _, file in read_series(path):
-                if problem := _hash(file, hashes):
-                    return f"names {file.name}, {problem}"
-    except OSError as error:
-        return f"unreadable ({error.strerror})"
+                if fault := _fault(file, key, expected, hashes):
+                    return replace(fault, problem=f"names {file.name}, {fault.problem}")
     except InputError as error:
-        return str(error)
-    return ""
+        return unread(error, key, path)
+    return None

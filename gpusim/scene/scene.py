@@ -19,7 +19,8 @@ from . import model, resolve, resolve_light
 from .check import check_document
 from .faults import faults_of, with_origin
 from .files import find_files
-from .lines import Origins, overridden
+from .limits import document_fault
+from .lines import Keys, Origins, overridden
 from .path import pick, put
 from .schema import SceneTable
 
@@ -70,26 +71,32 @@ class Scene:
         fault of document and overrides.
         """
         origins = origins or {}
+        for given in (document, overrides or {}):
+            if wrong := document_fault(given):
+                raise SceneError(source, [wrong])
         plain = copy.deepcopy(dict(document))
         faults: list[Fault] = []
+        changed: list[Keys] = []
         for path, value in (overrides or {}).items():
             done = put(plain, path, copy.deepcopy(value))
             if isinstance(done, Fault):
                 faults.append(done)
             else:
-                origins = overridden(origins, done)
+                changed.append(done)
+        origins = overridden(origins, changed)
         unread, files = find_files(plain, Path(folder))
-        table = None
+        table, more = None, 0
         try:
             table = SceneTable.model_validate(plain)
         except ValidationError as error:
-            faults += faults_of(error, SceneTable, origins)
+            found, more = faults_of(error, SceneTable, origins)
+            faults += found
         between = [*unread, *check_document(plain)]
         faults += [with_origin(fault, keys, origins) for keys, fault in between]
         if not faults and table is not None:
             faults += variant_faults(plain, folder)
         if faults or table is None:
-            raise SceneError(source, faults)
+            raise SceneError(source, faults, more)
         materials = resolve.material_table(table)
         analysis = resolve.analysis(table)
         factors = analysis.load_factors
