@@ -20,6 +20,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from gpusim.printable import printable
+
 __all__ = [
     "DeviceError",
     "DeviceLost",
@@ -33,11 +35,17 @@ __all__ = [
     "TwinMismatch",
 ]
 
+_SHOWN = 50  # faults of a scene; who mends those sees the others
+
 
 class GpusimError(Exception):
     """Base of the tree; ``exit_code`` is what the command line ends with."""
 
     exit_code = 1
+
+    def __str__(self) -> str:
+        """The message; what a terminal would obey in it is escaped."""
+        return printable(super().__str__(), keep="\n")
 
 
 class InputError(GpusimError, ValueError):
@@ -64,20 +72,24 @@ class Fault:
             text += f"; expected {self.expected}"
         if self.hint:
             text += f" ({self.hint})"
-        return text
+        return printable(text)
 
 
 class SceneError(GpusimError):
-    """A scene can't be used. ``faults`` holds everything that is wrong with it."""
+    """A scene can't be used. ``faults`` holds everything that is wrong with it, and there are
+    ``more`` that nobody looked at. The message shows the first ones."""
 
     exit_code = 2
 
-    def __init__(self, source: str, faults: Sequence[Fault]) -> None:
+    def __init__(self, source: str, faults: Sequence[Fault], more: int = 0) -> None:
         self.source = source
         self.faults = tuple(faults)
-        count = len(self.faults)
-        head = f"{source}: {count} fault{'s' if count != 1 else ''}"
-        super().__init__("\n".join([head, *(f"  {fault}" for fault in self.faults)]))
+        count = len(self.faults) + more
+        head = f"{printable(source)}: {count} fault{'s' if count != 1 else ''}"
+        lines = [f"  {fault}" for fault in self.faults[:_SHOWN]]
+        if count > len(lines):
+            lines.append(f"  and {count - len(lines)} more")
+        super().__init__("\n".join([head, *lines]))
 
 
 class NotConverged(GpusimError):

@@ -126,12 +126,10 @@ def read_input(
 def _read(source: str | os.PathLike[str], expected: str) -> InputFile:
     path = Path(source)
     try:
-        # non-blocking: to open a pipe that nobody writes to would wait for ever
-        descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
-        with open(descriptor, "rb") as stream:
-            if not stat.S_ISREG(os.fstat(descriptor).st_mode):
-                raise InputError(f"{path}: is {_kind(path)}; expected {expected}")
-            return InputFile(path, stream.read())
+        with open(path, "rb", opener=_open) as stream:
+            if stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
+                return InputFile(path, stream.read())
+        problem = "is a device or pipe"
     except FileNotFoundError:
         problem = "not found"
     except IsADirectoryError:
@@ -147,5 +145,6 @@ def _read(source: str | os.PathLike[str], expected: str) -> InputFile:
     raise InputError(f"{path}: {problem}; expected {expected}")
 
 
-def _kind(path: Path) -> str:
-    return "a folder" if path.is_dir() else "a device or pipe"
+def _open(path: str, flags: int) -> int:
+    # non-blocking: to open a pipe that nobody writes to would wait for ever
+    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))

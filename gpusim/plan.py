@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from gpusim._version import __version__
-from gpusim.scene import Scene
+from gpusim.scene import Scene, plausibility
 from gpusim.scene import cost as cost_of
 from gpusim.scene.amplitudes import LoadHistory
 from gpusim.scene.model import Camera
@@ -57,11 +57,12 @@ class PlannedStage:
 
 @dataclass(frozen=True)
 class Plan:
-    """Every stage in the order of work."""
+    """Every stage in the order of work, and what looks wrong in the scene."""
 
     scene: str
     backend: str
     stages: tuple[PlannedStage, ...]
+    warnings: tuple[str, ...] = ()
 
     def __getitem__(self, name: str) -> PlannedStage:
         """The stage of that name. Raises KeyError."""
@@ -89,6 +90,7 @@ class Plan:
             "seconds": round(self.seconds, 2),
             "memory_bytes": self.memory_bytes,
             "stages": [{name: getattr(stage, name) for name in names} for stage in self.stages],
+            "warnings": list(self.warnings),
         }
 
 
@@ -107,8 +109,10 @@ def make_plan(
     scene doesn't ask for are not made. ``state``: what ``out`` holds, if somebody has looked.
     """
     if scene.variants:
-        return _plan_variants(scene, out, backend, fresh, skip)
-    return _Planner(scene, out, backend, fresh, skip, state).plan()
+        plan = _plan_variants(scene, out, backend, fresh, skip)
+    else:
+        plan = _Planner(scene, out, backend, fresh, skip, state).plan()
+    return replace(plan, warnings=tuple(plausibility.warnings(scene)))
 
 
 def _plan_variants(

@@ -25,6 +25,7 @@ FOUNDATION = {
     "input_file",
     "inputs",
     "output_folder",
+    "printable",
     "processors",
     "series",
 }
@@ -39,6 +40,7 @@ ALLOWED: dict[str, set[str]] = {
     "input_file": set(),
     "inputs": set(),
     "output_folder": set(),
+    "printable": set(),
     "processors": set(),
     "series": set(),
     "gpu": set(),

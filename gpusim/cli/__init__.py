@@ -10,6 +10,7 @@ from __future__ import annotations
 import io
 import json
 import sys
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -20,6 +21,7 @@ from gpusim._version import __version__
 from gpusim.cli.bench import bench_app
 from gpusim.cli.console import (
     INTERRUPTED,
+    PrintableGroup,
     ProgressDisplay,
     exit_codes,
     out,
@@ -41,6 +43,7 @@ __all__ = ["app", "main"]
 
 app = typer.Typer(
     name="gpusim",
+    cls=PrintableGroup,
     help="From a loaded structure to camera images, measured and compared with the truth.",
     no_args_is_help=True,
     add_completion=False,
@@ -206,13 +209,15 @@ def plan(
         if output is not None:
             check_folder(output)
         loaded = _load(scene, sets)
+        strange = ()
         if loaded.reads_files:
-            import_module("gpusim.pipeline.files").check_files(loaded)
+            strange = import_module("gpusim.pipeline.files").check_files(loaded)
         from gpusim.plan import make_plan
 
         made = make_plan(loaded, output, backend.value, fresh, not no_skip)
         if loaded.has_cad and any(s.runs and s.name.endswith("mesh") for s in made.stages):
             import_module("gpusim.pipeline.files").check_mesher(loaded)
+        made = replace(made, warnings=(*made.warnings, *strange))
         if as_json:
             out(json.dumps(made.to_dict(), indent=2))
         else:
@@ -273,6 +278,8 @@ def _print_plan(made: Plan) -> None:
         why = f"{stage.reason}; {stage.detail}" if stage.detail else stage.reason
         out(f"{stage.name:<{wide}}{stage.state:<9}{memory:>8}{seconds:>9}  {why}")
     out()
+    for warning in made.warnings:
+        out(f"warning: {warning}")
     total = time_text(made.seconds) or "no time"
     out(f"{made.scene}: valid; about {total} and {size_text(made.memory_bytes) or 'no memory'}.")
 

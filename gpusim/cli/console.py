@@ -18,17 +18,27 @@ from typing import Any
 import typer
 from rich.console import Console
 from rich.text import Text
+from typer.core import TyperGroup
 
 from gpusim.errors import GpusimError
+from gpusim.printable import printable
 
-__all__ = ["INTERRUPTED", "ProgressDisplay", "exit_codes", "out", "size_text", "time_text"]
+__all__ = [
+    "INTERRUPTED",
+    "PrintableGroup",
+    "ProgressDisplay",
+    "exit_codes",
+    "out",
+    "size_text",
+    "time_text",
+]
 
 INTERRUPTED = 130
 
 
 def out(text: str = "") -> None:
     """One line (or several) of a result on the standard output, never wrapped."""
-    sys.stdout.write(text + "\n")
+    sys.stdout.write(printable(text, keep="\n") + "\n")
 
 
 @contextmanager
@@ -78,7 +88,33 @@ def _debug() -> None:
 
 def _complain(message: str) -> None:
     console = Console(stderr=True, highlight=False, soft_wrap=True)
+    message = printable(message, keep="\n")
     console.print(Text("error: ", style="bold red") + Text(message, style="not bold"))
+
+
+class PrintableGroup(TyperGroup):
+    """Commands whose usage errors repeat what was typed, made printable."""
+
+    def make_context(self, *args: Any, **kwargs: Any) -> Any:
+        """Parse the options before the command."""
+        with _printable_errors():
+            return super().make_context(*args, **kwargs)
+
+    def invoke(self, ctx: Any) -> Any:
+        """Parse what follows the command, and run it."""
+        with _printable_errors():
+            return super().invoke(ctx)
+
+
+@contextmanager
+def _printable_errors() -> Iterator[None]:
+    try:
+        yield
+    except Exception as error:
+        message = getattr(error, "message", None)
+        if isinstance(message, str):
+            error.message = printable(message, keep="\n")  # type: ignore[attr-defined]
+        raise
 
 
 class ProgressDisplay:
@@ -141,6 +177,7 @@ class ProgressDisplay:
         """Show how far a stage is."""
         if self._quiet:
             return
+        stage, text = printable(stage), printable(text)
         now = time.perf_counter()
         start = self._started.setdefault(stage, now)
         finished = done >= 1.0

@@ -17,6 +17,7 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.export.files import PathLike, atomic_path, atomic_stream, write_text
 from gpusim.measure import DicResult, Status, StereoResult, StrainResult
+from gpusim.printable import printable
 
 __all__ = [
     "FORMATS",
@@ -119,7 +120,9 @@ def _notes(
     notes: dict[str, str | float | int] = {"subset_px": subset}
     if strain is not None:
         notes |= {"strain": strain.kind, "strain_gauge_px": strain.gauge_px}
-    return notes | dict(attributes or {})
+    notes |= dict(attributes or {})
+    # names of files among them
+    return {k: printable(v) if isinstance(v, str) else v for k, v in notes.items()}
 
 
 def _write(

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from functools import partial
+from pathlib import Path
 
 from gpusim.errors import InputError
 from gpusim.field import Field, read_field
 from gpusim.mesh import check_gmsh
 from gpusim.pipeline.build import build_lights
 from gpusim.pipeline.cameras import build_camera
+from gpusim.pipeline.meshing import build_mesh, size_warnings_of
 from gpusim.pipeline.photo import build_lens
 from gpusim.scene import Scene
 from gpusim.scene import model as m
@@ -17,11 +19,14 @@ from gpusim.surface.paint import Image
 
 __all__ = ["check_field", "check_files", "check_mesher", "check_views"]
 
+_QUICK = 50_000_000  # bytes of a mesh file that a plan reads, in a second or two
 
-def check_files(scene: Scene) -> None:
-    """Read the calibration, result and picture files of ``scene``, and of its variants.
 
-    Mesh and CAD files are read by the stage that meshes, before a run writes anything.
+def check_files(scene: Scene) -> list[str]:
+    """Read the mesh, calibration, result and picture files of ``scene``, and of its variants.
+
+    CAD files and large meshes are read by the stage that meshes, before a run writes anything.
+    Returns what is implausible in the size of what the mesh files hold.
 
     Raises
     ------
@@ -31,7 +36,8 @@ def check_files(scene: Scene) -> None:
     """
     states = [scene.variant(variant.name) for variant in scene.variants] or [scene]
     problems: list[str] = []
-    for check in (check for state in states for check in _checks(state)):
+    warnings: list[str] = []
+    for check in (check for state in states for check in _checks(state, warnings)):
         try:
             check()
         except InputError as error:
@@ -39,16 +45,20 @@ def check_files(scene: Scene) -> None:
                 problems.append(str(error))
     if problems:
         raise InputError("\n".join(problems))
+    return list(dict.fromkeys(warnings))
 
 
-def _checks(scene: Scene) -> Iterator[Callable[[], object]]:
+def _checks(scene: Scene, warnings: list[str]) -> Iterator[Callable[[], object]]:
     for camera in scene.cameras:
         yield partial(build_camera, camera, scene.input)
         if camera.lens is not None and camera.calibration:
             yield partial(build_lens, camera, scene.input)
     for body in scene.bodies:
         if isinstance(body.mesh, m.FieldMesh):
-            yield partial(_read_and_check, body.mesh, scene)
+            yield partial(_read_and_check, body, scene, warnings)
+        elif isinstance(body.mesh, m.FileMesh) and body.mesh.size is None:
+            if Path(body.mesh.path).stat().st_size <= _QUICK:
+                yield partial(_check_size, body, scene, warnings)
     for thing in (*scene.bodies, *scene.props):
         for paint in thing.paints:
             if isinstance(paint, m.Picture):
@@ -64,6 +74,10 @@ def check_mesher(scene: Scene) -> None:
                 check_gmsh(body.mesh.path)
 
 
+def _check_size(body: m.Body, scene: Scene, warnings: list[str]) -> None:
+    warnings += size_warnings_of(body.name, body.mesh, build_mesh(body.mesh, scene.input))
+
+
 def check_views(scene: Scene) -> None:
     """Make every camera, lens and light once. Raises InputError for what is wrong in them."""
     for camera in scene.cameras:
@@ -72,14 +86,17 @@ def check_views(scene: Scene) -> None:
     build_lights(scene)
 
 
-def _read_and_check(mesh: m.FieldMesh, scene: Scene) -> None:
+def _read_picture(paint: m.Picture, scene: Scene) -> None:
+    Image.read(scene.input(paint.path), paint.texel, gamma=paint.gamma)
+
+
+def _read_and_check(body: m.Body, scene: Scene, warnings: list[str]) -> None:
+    mesh = body.mesh
+    assert isinstance(mesh, m.FieldMesh)
     file = scene.input(mesh.path)
     field = read_field(file, name=mesh.variable, scale=mesh.scale, magnify=mesh.magnify)
     check_field(field, scene.analysis.load_factors)
-
-
-def _read_picture(paint: m.Picture, scene: Scene) -> None:
-    Image.read(scene.input(paint.path), paint.texel, gamma=paint.gamma)
+    warnings += size_warnings_of(body.name, mesh, field.mesh)
 
 
 def check_field(field: Field, times: tuple[float, ...]) -> None:

@@ -13,8 +13,9 @@ from gpusim.input_file import Reader, read_input
 from gpusim.mesh import Mesh
 from gpusim.report import MeshSummary
 from gpusim.scene import model as m
+from gpusim.scene.plausibility import size_warnings
 
-__all__ = ["build_mesh", "mesh_summary"]
+__all__ = ["build_mesh", "mesh_summary", "size_warnings_of"]
 
 _SPLIT = {"tet4": "tet4", "tet10": "tet4", "wedge6": "wedge6", "wedge15": "wedge6"}
 _WORST, _LISTED = 5, 20
@@ -128,6 +129,14 @@ def _from_file(recipe: m.FileMesh, read: Reader) -> Mesh:
             f"{', '.join(grid.cells)}; expected linear cells"
         )
     return mesh.quadratic(grid)
+
+
+def size_warnings_of(name: str, recipe: m.MeshRecipe, grid: Mesh) -> list[str]:
+    """What is implausible in the size of a mesh from a file; of others the plan has said it."""
+    if not isinstance(recipe, m.FileMesh | m.FieldMesh):
+        return []
+    x, y, z = (float(side) for side in np.ptp(grid.points, axis=0))
+    return size_warnings(name, (x, y, z))
 
 
 def mesh_summary(name: str, grid: Mesh) -> tuple[MeshSummary, list[str]]:

@@ -29,7 +29,7 @@ from gpusim.pipeline.corners import read_corners, write_corners
 from gpusim.pipeline.files import check_field, check_views
 from gpusim.pipeline.kept import KeptMarkers
 from gpusim.pipeline.memory import check_memory
-from gpusim.pipeline.meshing import mesh_summary
+from gpusim.pipeline.meshing import mesh_summary, size_warnings_of
 from gpusim.pipeline.notes import Made, Notes
 from gpusim.pipeline.props import build_prop
 from gpusim.pipeline.reloading import DAMAGE, check_frame
@@ -177,6 +177,7 @@ class Work:
                 if parts.field is not None:
                     check_field(parts.field, self.history.factors)
                 found.append(mesh_summary(parts.body.name, parts.mesh))
+                found[-1][1].extend(size_warnings_of(parts.body.name, parts.body.mesh, parts.mesh))
             self.notes["mesh"] = Notes(
                 tuple(text for _, texts in found for text in texts),
                 meshes=tuple(summary for summary, _ in found),

@@ -84,6 +84,7 @@ def _mechanics(work: Work) -> Mechanics | None:
 def _warnings(work: Work) -> tuple[str, ...]:
     meshes, solved = work.notes.get("mesh", Notes()).meshes, work.things.solved
     return (
+        *work.plan.warnings,
         *(solved.warnings if solved else ()),
         *(large_displacements(solved, work.history, meshes) if solved and meshes else ()),
         *work.warnings,

@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from gpusim._version import __version__
 from gpusim.errors import InputError
+from gpusim.printable import printable
 from gpusim.report.comparison import Budget, Published
 from gpusim.report.mechanics import Mechanics
 from gpusim.report.meshes import MeshSummary
@@ -329,4 +330,5 @@ class Report:
             "warnings": warnings,
             "facts": dict(self.facts),
         }
-        return json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+        text = json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False)
+        return printable(text, keep="\n") + "\n"

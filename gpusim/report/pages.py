@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import quote
 
+from gpusim.printable import printable
 from gpusim.report.pictures import file_uri, photo_uri
 from gpusim.report.text import aligned, duration, number, percent, signed_percent
 
@@ -33,7 +34,7 @@ def _environment() -> Environment:
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
-        finalize=lambda value: "" if value is None else value,
+        finalize=_shown,
     )
     environment.filters["number"] = number
     environment.filters["percent"] = percent
@@ -44,6 +45,15 @@ def _environment() -> Environment:
     environment.filters["photo_uri"] = photo_uri
     environment.filters["link"] = _link
     return environment
+
+
+def _shown(value: object) -> object:
+    """What a template's expression becomes: texts that other people wrote made printable."""
+    if value is None:
+        return ""
+    if isinstance(value, str) and not hasattr(value, "__html__"):
+        return printable(value, keep="\n\t")
+    return value
 
 
 def _link(path: Path, folder: Path) -> str:

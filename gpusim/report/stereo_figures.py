@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from gpusim.export.files import PathLike
 from gpusim.report.model import Figure
-from gpusim.report.style import MEASURED, MUTED, TRUTH, Margins, axis_title, draw_png
+from gpusim.report.style import MEASURED, MUTED, TRUTH, Margins, axis_title, draw_png, named
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
@@ -90,7 +90,7 @@ def draw_rig(
             end = camera.eye + reach * camera.axis
             space.plot(*np.stack([camera.eye, end]).T, color=MEASURED, linewidth=1.6)
             space.plot(*camera.eye[:, None], "s", color=MEASURED, markersize=6)
-            space.text(*camera.eye, f"  {camera.name}")
+            space.text(*camera.eye, f"  {named(camera.name)}")
         space.set(xlabel=_LABELS[0], ylabel=_LABELS[1], zlabel=_LABELS[2])
         space.set_aspect("equal", adjustable="datalim")
         space.legend(loc="upper left")
@@ -119,11 +119,11 @@ def draw_calibration(cameras: Sequence[RigCamera], view_rms: Floats, path: PathL
             plot.set_xlim(0, camera.resolution[0])
             plot.set_ylim(camera.resolution[1], 0)
             plot.set_aspect("equal")
-            axis_title(plot, camera.name)
+            axis_title(plot, named(camera.name))
         bars = canvas.add_subplot(grid[1, :])
         for k, (camera, rms) in enumerate(zip(cameras, view_rms, strict=True)):
             place = np.arange(len(rms)) + 0.8 * (k / count) - 0.4
-            bars.bar(place, rms, width=0.8 / count, align="edge", label=camera.name)
+            bars.bar(place, rms, width=0.8 / count, align="edge", label=named(camera.name))
         bars.set_xlabel("Image of the target")
         bars.set_ylabel("RMS (px)")
         bars.legend(loc="best")

@@ -19,6 +19,7 @@ import numpy as np
 
 from gpusim.export.files import PathLike
 from gpusim.export.images import write_colour
+from gpusim.printable import printable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -35,6 +36,7 @@ __all__ = [
     "Margins",
     "axis_title",
     "draw_png",
+    "named",
     "page_pixels",
     "text_inches",
 ]
@@ -145,6 +147,11 @@ def text_inches(text: str) -> float:
     found = FontProperties(family=_SETTINGS["font.family"], size=_SETTINGS["font.size"])
     width, _, _ = TextToPath().get_text_width_height_descent(text, found, ismath=False)
     return float(width) / 72.0
+
+
+def named(name: str) -> str:
+    """A name of somebody else's as a text of a figure, where dollars would begin a formula."""
+    return printable(name).replace("$", r"\$")
 
 
 def axis_title(axes: Axes, text: str) -> None:

@@ -13,14 +13,16 @@ from gpusim.errors import Fault
 
 from .faults import shown
 from .lines import Keys
-from .path import dotted, nearest
+from .path import dotted, listed, nearest
 from .schema.base import norm
 from .schema.mesh import NOTCHABLE, SETS
 
 __all__ = ["check_document"]
 
 Found = list[tuple[Keys, Fault]]
+Names = dict[str, None]  # in their order, and quick to look up
 _BITS = 31  # of a truth layer
+_HINTS = 50  # faults whose nearest word is looked for, which takes a while where there are many
 
 
 def check_document(document: Mapping[str, Any]) -> Found:
@@ -73,11 +75,11 @@ def _unique_names(document: Mapping[str, Any], found: Found) -> None:
 
 
 def _references(document: Mapping[str, Any], found: Found) -> None:
-    def refer(keys: Keys, value: Any, names: list[str], what: str) -> None:
+    def refer(keys: Keys, value: Any, names: Names, what: str) -> None:
         if not isinstance(value, str) or value in names:
             return
-        near = nearest(value, names)
-        expected = "one of " + ", ".join(names) if names else f"a {what}, but there is none"
+        near = nearest(value, list(names)) if len(found) < _HINTS else ""
+        expected = f"one of {listed(names)}" if names else f"a {what}, but there is none"
         _add(
             found, keys, f"no such {what}", value, expected, f"did you mean {near}?" if near else ""
         )
@@ -101,14 +103,16 @@ def _references(document: Mapping[str, Any], found: Found) -> None:
                 where = entry.get("where")
                 if sets is not None and isinstance(where, Mapping):
                     keys = ("body", index, key, place, "where", "set")
-                    refer(keys, where.get("set"), list(sets), "set of the mesh")
+                    refer(keys, where.get("set"), dict.fromkeys(sets), "set of the mesh")
     cameras = _names(document, "camera")
     moving = _marker_names(document, "body")
     fixed = _marker_names(document, "prop")
     variants = _names(document, "variant")
-    lines = [
-        str(m.get("name")) for _, m in _items(document, "measure") if m.get("type") == "deflection"
-    ]
+    lines = {
+        str(m.get("name")): None
+        for _, m in _items(document, "measure")
+        if m.get("type") == "deflection"
+    }
     for index, measure in _items(document, "measure"):
         if cameras is not None:
             refer(("measure", index, "camera"), measure.get("camera"), cameras, "camera")
@@ -131,23 +135,23 @@ def _references(document: Mapping[str, Any], found: Found) -> None:
                     refer(("measure", index, key, place), value, names, what)
 
 
-def _names(document: Mapping[str, Any], key: str) -> list[str] | None:
+def _names(document: Mapping[str, Any], key: str) -> Names | None:
     """Names of the items; None if one has none, because a reference may mean that one."""
     names = [item.get("name") for _, item in _items(document, key)]
     texts = [name for name in names if isinstance(name, str)]
-    return texts if len(texts) == len(names) else None
+    return dict.fromkeys(texts) if len(texts) == len(names) else None
 
 
-def _marker_names(document: Mapping[str, Any], key: str) -> list[str] | None:
+def _marker_names(document: Mapping[str, Any], key: str) -> Names | None:
     """Names of the markers paints; None if a paint lacks its name or type."""
-    names: list[str] = []
+    names: Names = {}
     for _, item in _items(document, key):
         for _, paint in _items(item, "paint"):
             name, kind = paint.get("name"), paint.get("type")
             if not isinstance(name, str) or not isinstance(kind, str):
                 return None
             if kind == "markers":
-                names.append(name)
+                names[name] = None
     return names
 
 
@@ -231,9 +235,11 @@ def _poses(document: Mapping[str, Any], found: Found) -> None:
     calibration = document.get("calibration")
     if not isinstance(calibration, Mapping):
         return
-    plates = [
-        item.get("name") for _, item in _items(document, "prop") if item.get("type") == "plate"
-    ]
+    plates = {
+        str(item.get("name")): None
+        for _, item in _items(document, "prop")
+        if item.get("type") == "plate"
+    }
     known = {"board": plates, "cameras": _names(document, "camera"),
              "show": _names(document, "prop")}  # fmt: skip
     for key, names in known.items():
@@ -244,7 +250,7 @@ def _poses(document: Mapping[str, Any], found: Found) -> None:
             if isinstance(name, str) and names is not None and name not in names:
                 what = {"board": "prop of type plate", "cameras": "camera", "show": "prop"}[key]
                 _add(found, keys, f"no such {what}", name,
-                     "one of " + ", ".join(map(str, names)) if names else f"a {what}")  # fmt: skip
+                     f"one of {listed(names)}" if names else f"a {what}")  # fmt: skip
     if not list(_items(document, "camera")):
         _add(found, ("calibration",), "nobody looks", "no camera", "at least one [[camera]]")
 

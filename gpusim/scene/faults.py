@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from gpusim.errors import Fault
+from gpusim.errors import Fault, InputError
+from gpusim.printable import printable
 
 from .lines import Keys, Origins, origin_of
 from .path import dotted, nearest
 from .places import Place, locate
 
-__all__ = ["faults_of", "shown", "with_origin"]
+__all__ = ["faults_of", "shown", "unread", "with_origin"]
 
+_LOOKED_AT = 1000  # to find the nearest word of each takes a while
 _KINDS = {
     "float_type": "a number",
     "int_type": "a whole number",
@@ -43,15 +46,19 @@ def with_origin(fault: Fault, keys: Sequence[str | int], origins: Origins) -> Fa
     return Fault(fault.key, problem, fault.got, fault.expected, fault.hint)
 
 
-def faults_of(error: ValidationError, root: type[BaseModel], origins: Origins) -> list[Fault]:
-    """Every fault of a failed validation, in the order of the schema.
+def faults_of(
+    error: ValidationError, root: type[BaseModel], origins: Origins
+) -> tuple[list[Fault], int]:
+    """The faults of a failed validation, in the order of the schema, and how many more there are
+    where they are very many.
 
     A required key that is missing because it was misspelt is told once: by its wrong spelling.
     """
     found: list[tuple[Keys, Fault]] = []
     respelt: set[Keys] = set()
     missing: set[int] = set()
-    for entry in error.errors(include_url=False):
+    entries = error.errors(include_url=False)
+    for entry in entries[:_LOOKED_AT]:
         kind, context = entry["type"], entry.get("ctx", {})
         place = locate(root, entry["loc"])
         keys = place.keys
@@ -68,11 +75,12 @@ def faults_of(error: ValidationError, root: type[BaseModel], origins: Origins) -
         found.append(
             (keys, _fault(kind, dotted(keys), place, entry.get("input"), context, entry["msg"]))
         )
-    return [
+    faults = [
         with_origin(fault, keys, origins)
         for index, (keys, fault) in enumerate(found)
         if not (index in missing and keys in respelt)
     ]
+    return faults, max(len(entries) - _LOOKED_AT, 0)
 
 
 def _fault(
@@ -119,12 +127,28 @@ def shown(value: Any) -> str:
     if isinstance(value, bool):
         text = "true" if value else "false"
     elif isinstance(value, str):
-        text = f'"{value}"'
+        text = f'"{value[:100]}"'
     elif isinstance(value, Mapping):
         text = "a table" if value else "{}"
+    elif isinstance(value, int) and abs(value) >= 10**40:
+        text = f"a number of about {value.bit_length() * 0.30103:,.0f} digits"
+    elif isinstance(value, list):
+        text = f"[{', '.join(map(shown, value[:20]))}{', ...' if len(value) > 20 else ''}]"
     else:
         text = str(value)
+    text = printable(text)
     return text if len(text) <= 60 else text[:57] + "..."
+
+
+def unread(error: InputError, key: str, path: Path) -> Fault:
+    """The fault of a key whose file `read_input`, or a reader, refused with ``error``."""
+    problem, *rest = str(error).removeprefix(printable(f"{path}: ")).split("; ")
+    words = dict.fromkeys(("got", "expected"), "")
+    for part in rest:
+        name, _, text = part.partition(" ")
+        if name in words:
+            words[name] = text
+    return Fault(key, problem, words["got"] or shown(str(path)), words["expected"])
 
 
 def _has_unit(key: str) -> bool:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +11,11 @@ from gpusim.errors import Fault, InputError
 from gpusim.input_file import InputFile, read_input
 from gpusim.series import SERIES_SUFFIXES, read_series
 
-from .faults import shown
+from .faults import unread
 from .lines import Keys
 from .path import dotted
 
-__all__ = ["file_fault", "find_files"]
+__all__ = ["find_files"]
 
 _ABAQUS = re.compile(
     rb"^[ \t]*\*\s*INCLUDE\s*,\s*[^\n]*?INPUT\s*=\s*[\"']?([^\"',\r\n]+)", re.I | re.M
@@ -100,16 +99,8 @@ def _enter(
     try:
         hashes.enter(path, expected)
     except InputError as error:
-        fault = file_fault(dotted(keys), error, str(path))
-        found.append((keys, replace(fault, got=shown(str(path)), expected=expected)))
+        found.append((keys, unread(error, dotted(keys), path)))
     table[key] = str(path)
-
-
-def file_fault(key: str, error: InputError, path: str) -> Fault:
-    """The fault that an error of `read_input` is, in a scene's words."""
-    problem, _, rest = str(error).removeprefix(f"{path}: ").partition("; ")
-    got, _, expected = rest.rpartition("expected ")
-    return Fault(key, problem, got.removeprefix("got ").removesuffix("; ") or path, expected)
 
 
 class _Hashes:

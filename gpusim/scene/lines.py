@@ -10,8 +10,9 @@ __all__ = ["Keys", "Origins", "key_lines", "origin_of", "overridden"]
 Keys = tuple[str | int, ...]
 Origins = Mapping[Keys, str]
 
-_HEADER = re.compile(r"^\s*(\[\[?)\s*([A-Za-z0-9_.\-\s]+?)\s*\]\]?\s*(?:#.*)?$")
-_KEY = re.compile(r"^\s*([A-Za-z0-9_\-]+(?:\s*\.\s*[A-Za-z0-9_\-]+)*)\s*=")
+# possessive: a line that doesn't match costs no second look
+_HEADER = re.compile(r"^\s*+(\[\[?)([A-Za-z0-9_.\-\s]++)\]\]?\s*+(?:#.*)?$")
+_KEY = re.compile(r"^\s*+([A-Za-z0-9_\-]++(?:\s*+\.\s*+[A-Za-z0-9_\-]++)*+)\s*+=")
 
 
 def key_lines(text: str) -> dict[Keys, str]:
@@ -24,7 +25,7 @@ def key_lines(text: str) -> dict[Keys, str]:
     counts: dict[Keys, int] = {}
     table: Keys = ()
     quote = ""
-    for count, line in enumerate(text.splitlines(), start=1):
+    for count, line in enumerate(text.split("\n"), start=1):
         number = f"line {count}"
         outside = not quote
         for mark in ('"""', "'''"):
@@ -43,11 +44,6 @@ def key_lines(text: str) -> dict[Keys, str]:
                     lines.setdefault(table, number)
                 if table in counts:
                     table = (*table, counts[table])
-            if array:  # the lists inside a new item start again
-                for known in [
-                    k for k in counts if len(k) > len(table) and k[: len(table)] == table
-                ]:
-                    del counts[known]
             lines.setdefault(table, number)
         elif key := _KEY.match(line):
             path = table
@@ -57,10 +53,17 @@ def key_lines(text: str) -> dict[Keys, str]:
     return lines
 
 
-def overridden(origins: Origins, keys: Keys) -> Origins:
-    """The same after the value at ``keys`` has been replaced from outside the file."""
-    kept = {path: text for path, text in origins.items() if path[: len(keys)] != keys}
-    return {**kept, keys: "overridden"}
+def overridden(origins: Origins, changed: Sequence[Keys]) -> Origins:
+    """The same after the values at these keys have been replaced from outside the file."""
+    if not changed:
+        return origins
+    ends = set(changed)
+    kept = {
+        path: text
+        for path, text in origins.items()
+        if not any(path[:depth] in ends for depth in range(1, len(path) + 1))
+    }
+    return {**kept, **dict.fromkeys(changed, "overridden")}
 
 
 def origin_of(origins: Origins, keys: Sequence[str | int]) -> str:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from difflib import get_close_matches
+from itertools import islice
 from typing import Any
 
 from gpusim.errors import Fault
 
-__all__ = ["dotted", "nearest", "pick", "put"]
+from .limits import DEEPEST
+
+__all__ = ["dotted", "listed", "nearest", "pick", "put"]
 
 
 def dotted(keys: Sequence[str | int]) -> str:
@@ -21,6 +24,12 @@ def nearest(word: str, valid: Sequence[str]) -> str:
     lower = {name.lower(): name for name in valid}
     found = get_close_matches(word.lower(), list(lower), n=1, cutoff=0.6)
     return lower[found[0]] if found else ""
+
+
+def listed(names: Collection[str], most: int = 20) -> str:
+    """Names for a message, the first ones where there are many."""
+    more = f", … ({len(names):,} in all)" if len(names) > most else ""
+    return ", ".join(islice(names, most)) + more
 
 
 def _item(items: Sequence[Any], key: str) -> int | None:
@@ -47,6 +56,9 @@ def put(document: dict[str, Any], path: str, value: Any) -> tuple[str | int, ...
     keys = path.split(".")
     if not all(keys):
         return Fault(path or '""', "not a key path", expected="keys joined by dots")
+    if len(keys) > DEEPEST:
+        return Fault(dotted(keys[:DEEPEST]), "too many keys in a path", f"{len(keys):,}",
+                     f"at most {DEEPEST}")  # fmt: skip
     here: Any = document
     for depth, key in enumerate(keys):
         last = depth == len(keys) - 1
@@ -55,7 +67,7 @@ def put(document: dict[str, Any], path: str, value: Any) -> tuple[str | int, ...
             index = _item(here, key)
             if index is None:
                 names = _names(here)
-                have = ", ".join(names) if names else f"{len(here)} items"
+                have = listed(names) if names else f"{len(here)} items"
                 near = nearest(key, names)
                 hint = f"did you mean {near}?" if near else ""
                 return Fault(where, "no such item", key, f"an index or one of {have}", hint)

@@ -20,7 +20,8 @@ from . import model, resolve, resolve_light
 from .check import check_document
 from .faults import faults_of, with_origin
 from .files import find_files
-from .lines import Origins, overridden
+from .limits import document_fault
+from .lines import Keys, Origins, overridden
 from .path import pick, put
 from .schema import SceneTable
 
@@ -74,26 +75,32 @@ class Scene:
         of document and overrides.
         """
         origins = origins or {}
+        for given in (document, overrides or {}):
+            if wrong := document_fault(given):
+                raise SceneError(source, [wrong])
         plain = copy.deepcopy(dict(document))
         faults: list[Fault] = []
+        changed: list[Keys] = []
         for path, value in (overrides or {}).items():
             done = put(plain, path, copy.deepcopy(value))
             if isinstance(done, Fault):
                 faults.append(done)
             else:
-                origins = overridden(origins, done)
-        unread, found = find_files(plain, Path(folder), dict(files))
-        table = None
+                changed.append(done)
+        origins = overridden(origins, changed)
+        unread, hashes = find_files(plain, Path(folder), dict(files))
+        table, more = None, 0
         try:
             table = SceneTable.model_validate(plain)
         except ValidationError as error:
-            faults += faults_of(error, SceneTable, origins)
+            found, more = faults_of(error, SceneTable, origins)
+            faults += found
         between = [*unread, *check_document(plain)]
         faults += [with_origin(fault, keys, origins) for keys, fault in between]
         if not faults and table is not None:
-            faults += variant_faults(plain, folder, found)
+            faults += variant_faults(plain, folder, hashes)
         if faults or table is None:
-            raise SceneError(source, faults)
+            raise SceneError(source, faults, more)
         materials = resolve.material_table(table)
         analysis = resolve.analysis(table)
         factors = analysis.load_factors
@@ -116,7 +123,7 @@ class Scene:
             calibration=resolve.calibration(table),
             content=json.dumps(content),
             source=source,
-            files=found,
+            files=hashes,
         )
 
     @property
@@ -130,7 +137,7 @@ class Scene:
         paints = [paint for thing in (*self.bodies, *self.props) for paint in thing.paints]
         return (
             any(camera.calibration or camera.distortion for camera in self.cameras)
-            or any(isinstance(body.mesh, model.FieldMesh) for body in self.bodies)
+            or any(_is_read(body.mesh) for body in self.bodies)
             or any(isinstance(paint, model.Picture) for paint in paints)
             or any(isinstance(light, model.Environment) and light.path for light in self.lights)
         )
@@ -252,6 +259,13 @@ def variant_faults(
                 key = f"variant.{index}.set -> {one.key}"
                 faults.append(Fault(key, one.problem, one.got, one.expected, one.hint))
     return faults
+
+
+def _is_read(mesh: model.MeshRecipe) -> bool:
+    """Whether it is in a file that is read as it is; a CAD file is meshed, which takes longer."""
+    if isinstance(mesh, model.FileMesh):
+        return mesh.size is None
+    return isinstance(mesh, model.FieldMesh)
 
 
 def _holds_mesh(keys: list[str]) -> bool:

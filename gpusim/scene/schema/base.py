@@ -29,6 +29,7 @@ __all__ = [
 ]
 
 _SMALLEST, _LARGEST = 1e-30, 1e30
+_LARGEST_COUNT = 2**63 - 1
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$", max_length=64)]
 Length = Annotated[float, Field(gt=0)]
@@ -58,7 +59,10 @@ class Table(BaseModel):
     def _sizes(self) -> Self:
         for key in type(self).model_fields:
             for value in _numbers(getattr(self, key)):
-                if value and not _SMALLEST <= abs(value) <= _LARGEST:
+                if isinstance(value, int):
+                    if not abs(value) <= _LARGEST_COUNT:
+                        raise fault(key, "out of any range", value, f"at most {_LARGEST_COUNT}")
+                elif value and not _SMALLEST <= abs(value) <= _LARGEST:
                     expected = f"0, or a size from {_SMALLEST:g} to {_LARGEST:g}"
                     raise fault(key, "out of any range", value, expected)
         return self
@@ -71,8 +75,8 @@ def fault(key: str, problem: str, got: object, expected: str) -> PydanticCustomE
 
 
 def _numbers(value: object) -> Iterator[float]:
-    """The floats of a value or of nested lists."""
-    if isinstance(value, float):
+    """The numbers of a value or of nested lists."""
+    if isinstance(value, float | int):
         yield value
     elif isinstance(value, list):
         for item in value:
