@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from gpusim.errors import Fault, InputError
+from gpusim.includes import INCLUDING_SUFFIXES, included_files
+from gpusim.input_file import read_input
 from gpusim.series import SERIES_SUFFIXES, read_series
 
 from .faults import shown
@@ -96,6 +98,9 @@ def _hash(path: Path, hashes: dict[str, str]) -> str:
     try:
         with path.open("rb") as stream:
             hashes[str(path)] = hashlib.file_digest(stream, "sha256").hexdigest()
+        if path.suffix.lower() in INCLUDING_SUFFIXES:
+            for one in included_files(read_input(path)):
+                hashes[str(one.path)] = one.sha256
         if path.suffix.lower() in SERIES_SUFFIXES:
             for _, file in read_series(path):
                 if problem := _hash(file, hashes):
