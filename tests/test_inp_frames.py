@@ -14,7 +14,17 @@ from gpusim.deck import load_deck
 from gpusim.errors import InputError
 from gpusim.input_file import read_input
 from gpusim.mesh import Mesh, read_mesh, set_faces
-from tests.deck_texts import ELEMENT_LINES, LABELS, MODEL, NODE_LINES, POINTS, deck, step, write
+from tests.deck_texts import (
+    ELEMENT_LINES,
+    LABELS,
+    MATERIAL,
+    MODEL,
+    NODE_LINES,
+    POINTS,
+    deck,
+    step,
+    write,
+)
 
 # origin, a point on x and one beside it: x -> (3, 0, 4)/5, y -> y, z -> (-4, 0, 3)/5
 SYSTEM = "*SYSTEM\n100., 10., 1., 103., 10., 5.\n94., 17., -7.\n"
@@ -291,6 +301,29 @@ def test_messages_have_the_numbers_of_the_file(tmp_path: Path) -> None:
     twice = MODEL.replace("18, 21, 20", "18, 21, 21")
     with pytest.raises(InputError, match=r"two\.inp:17: .*element 7: got node 21 twice"):
         read_mesh(write(tmp_path, twice))
+
+
+def test_an_orientation_has_an_origin(tmp_path: Path) -> None:
+    """Found read over: its points were taken from the global origin."""
+    elastic = "*ELASTIC, TYPE=ENGINEERING CONSTANTS\n200., 100., 50., .3, .2, .25, 40., 30.,\n20."
+    base = MATERIAL.replace("*ELASTIC\n200., 0.25", elastic).replace(
+        "MATERIAL=STEEL\n", "MATERIAL=STEEL, ORIENTATION=O\n"
+    )
+    stiff = [
+        load_deck(write(tmp_path, deck(LOAD, material=f"*ORIENTATION, NAME=O\n{line}\n{base}")))
+        .materials[0]
+        .stiffness()
+        for line in ("1., 1., 0., -1., 1., 0.", "8., 4., 3., 6., 4., 3., 7., 3., 3.")
+    ]
+    np.testing.assert_allclose(stiff[1], stiff[0], atol=1e-12)
+
+
+def test_numbers_that_only_python_takes(tmp_path: Path) -> None:
+    for old, new in (("12, 2.0", "1_2, 2.0"), ("12, 2.0", "12, 2_0."), ("12, 2.0", "12, 1e61")):
+        with pytest.raises(InputError, match=r"two\.inp:5: \*NODE: (not a|number too)"):
+            read_mesh(write(tmp_path, MODEL.replace(old, new)))
+    with pytest.raises(InputError, match=r"two\.inp:17: .*not a whole number; got '1_2'"):
+        read_mesh(write(tmp_path, MODEL.replace("7, 11, 12", "7, 11, 1_2")))
 
 
 def test_the_first_step_may_be_a_perturbation(tmp_path: Path) -> None:

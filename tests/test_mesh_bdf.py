@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import itertools
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from gpusim.errors import InputError
 from gpusim.input_file import read_input
 from gpusim.mesh import Mesh, read_mesh
 from gpusim.mesh.bdf import read_bdf
+from gpusim.scene.files import find_files
 
 # a brick 2 x 3 x 5, in the order of its nodes
 X, Y, Z = 2.0, 3.0, 5.0
@@ -145,6 +147,23 @@ def test_included_files(tmp_path: Path) -> None:
         read_mesh(tmp_path / "brick.bdf")
     with pytest.raises(InputError, match=r"brick\.bdf: line 1: INCLUDE: .*a device"):
         read(tmp_path, "INCLUDE '/dev/zero'\n" + BRICK)
+
+
+def test_a_scene_knows_the_files_that_its_mesh_includes(tmp_path: Path) -> None:
+    """Found not noticed: a changed included file left the scene, and its results, as they were."""
+    (tmp_path / "a.bdf").write_text(f"INCLUDE 'b\nc.txt'\n{CHEXA}ENDDATA\n")
+    (tmp_path / "bc.txt").write_text("  include d.txt\n")
+    (tmp_path / "d.txt").write_text(grids(POINTS))
+    (tmp_path / "a.inp").write_text("*Include,\n input = d.txt\n")
+    for name in ("a.bdf", "a.inp"):
+        document = {"body": [{"mesh": {"file": name}}]}
+        faults, before = find_files(copy.deepcopy(document), tmp_path, {})
+        assert not faults
+        (tmp_path / "d.txt").write_text(grids(2.0 * POINTS))
+        _, after = find_files(copy.deepcopy(document), tmp_path, {})
+        assert {Path(one).name for one, _ in set(after) - set(before)} == {"d.txt"}
+        (tmp_path / "d.txt").write_text(grids(POINTS))
+    np.testing.assert_array_equal(read_mesh(tmp_path / "a.bdf").points, POINTS)
 
 
 @pytest.mark.parametrize(

@@ -48,7 +48,8 @@ class Deck:
     """A linear static analysis as an input file describes it; units are the file's.
 
     mesh : nodes in the order of their labels; sets and surfaces by name.
-    node_labels, cell_labels : (N,), (M,) the file's numbers.
+    node_labels, cell_labels : (N,), (M,) the file's numbers; of further instances of parts, counted
+        on from the next power of ten.
     materials, material_of_cell : as in ``Model``.
     formulation : cell type -> integration rule, as CalculiX has it for the deck's elements.
     steps : the steps, in order.

@@ -104,7 +104,7 @@ def _parameter_faults(card: Card) -> list[str]:
     if value.upper() != "NO":
         faults.append(
             f"{card.where()}: NLGEOM isn't supported; got geometrically nonlinear; expected a "
-            "linear step"
+            "linear step (NLGEOM=NO)"
         )
     definition = card.parameters.get("DEFINITION", "")
     allowed = {"AMPLITUDE": ("TABULAR",), "ORIENTATION": ("COORDINATES",)}.get(card.keyword, ())

@@ -160,15 +160,17 @@ class Sections:
         if not system.startswith("R"):
             self.orientations.set(name, None)  # of no account to an isotropic material
             return
-        rows = [row for _, row in card.rows()]
-        values = [number(text, card.where()) for text in (rows[0] if rows else [])]
-        turned = len(rows) > 1 and number(rows[1][-1], card.where()) != 0.0
-        if len(values) < 6 or turned:
+        rows = [[number(text or "0", card.where(k)) for text in row] for k, row in card.rows()]
+        values = rows[0] if rows else []
+        turned = len(rows) > 2 or (len(rows) == 2 and rows[1][-1] != 0.0)
+        if len(values) not in (6, 9) or turned:
             raise InputError(
                 f"{card.where()}: got {len(values)} numbers and {len(rows)} lines; expected one "
-                "line with the points a and b"
+                "line with the points a and b, and the origin where it isn't 0"
             )
-        self.orientations.set(name, _axes(np.array(values[:3]), np.array(values[3:6]), card))
+        origin = np.array(values[6:] or [0.0] * 3)
+        a, b = np.array(values[:3]) - origin, np.array(values[3:6]) - origin
+        self.orientations.set(name, _axes(a, b, card))
 
 
 def _finished(material: _Material, name: str, axes: Float | None, where: str) -> Material:

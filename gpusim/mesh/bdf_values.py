@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.mesh.bdf_cards import BdfCard
+from gpusim.mesh.inp_values import LARGEST
 
 __all__ = ["integer", "integers", "real", "reals"]
 
@@ -35,8 +36,8 @@ def real(word: str, card: BdfCard) -> float:
         return 0.0
     found = _REAL.fullmatch(word)
     value = float(f"{found[1]}e{found[2] or 0}") if found else math.nan
-    if not math.isfinite(value):
-        card.fail(f"got {word!r}; expected a coordinate")
+    if not abs(value) <= LARGEST:
+        card.fail(f"got {word!r}; expected a coordinate, at most {LARGEST:g}")
     return value
 
 
@@ -54,7 +55,7 @@ def integers(rows: Sequence[Sequence[str]], cards: Sequence[BdfCard]) -> Long:
 def reals(rows: Sequence[Sequence[str]], cards: Sequence[BdfCard]) -> Float:
     """(N,k) coordinates of rows of words, one row of each card. Raises InputError."""
     quick = _at_once(rows, np.dtype(np.float64))
-    if quick is None or not np.isfinite(quick).all():
+    if quick is None or not (np.abs(quick) <= LARGEST).all():
         each = zip(rows, cards, strict=True)
         return np.array(
             [[real(word, card) for word in row] for row, card in each], dtype=np.float64

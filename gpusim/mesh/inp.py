@@ -86,11 +86,11 @@ def label_mesh(content: InpContent, path: str) -> LabelledMesh:
     parts: dict[str, list[ElementBlock]] = {}
     flat: list[ElementBlock] = []
     for block in content.blocks:
-        if block.type in SOLID_TYPES:
+        if block.type in SOLID_TYPES and len(block.labels):
             parts.setdefault(SOLID_TYPES[block.type], []).append(block)
-        else:
+        elif len(block.labels):
             flat.append(block)
-    if not any(len(block.labels) for blocks in parts.values() for block in blocks):
+    if not parts:
         kinds = ", ".join(sorted({block.type for block in flat})) or "no elements"
         raise InputError(
             f"{path}: no solid elements; got {kinds}; expected one of {', '.join(SOLID_TYPES)}"

@@ -12,7 +12,7 @@ from gpusim.errors import InputError
 from gpusim.mesh.inp_cards import Card, nearest
 from gpusim.mesh.inp_nodes import MOST_GENERATED
 from gpusim.mesh.inp_types import NODES, SOLID_TYPES
-from gpusim.mesh.inp_values import whole
+from gpusim.mesh.inp_values import is_plain, whole
 
 __all__ = ["ElementBlock", "read_elements"]
 
@@ -82,7 +82,7 @@ def _elements(card: Card) -> ElementBlock:
         stripped = text.rstrip().rstrip(",")
         tokens.extend(stripped.split(","))
     try:
-        flat = np.array(tokens, dtype=np.int64)
+        flat = np.array(tokens if is_plain("".join(card.lines)) else ["?"], dtype=np.int64)
     except (ValueError, OverflowError):
         for k, row in card.rows():
             for field in row:

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.mesh.frames import Frame, from_cylindrical, rotation
 from gpusim.mesh.inp_cards import Card
-from gpusim.mesh.inp_values import number, whole
+from gpusim.mesh.inp_values import LARGEST, is_plain, number, whole
 
 __all__ = ["MOST_GENERATED", "NODE_CARDS", "Nodes"]
 
@@ -199,14 +199,15 @@ def _node_table(card: Card) -> Float:
             f"{card.where()}: coordinate system; got SYSTEM={card.parameters['SYSTEM']}; "
             "expected R (rectangular) or C (cylindrical)"
         )
-    if all(line.count(",") == 3 for line in card.lines) and card.lines:
+    text = ",".join(card.lines)
+    if all(line.count(",") == 3 for line in card.lines) and card.lines and is_plain(text):
         try:
-            table = np.array(",".join(card.lines).split(","), dtype=np.float64).reshape(-1, 4)
+            table = np.array(text.split(","), dtype=np.float64).reshape(-1, 4)
         except ValueError:
             pass
         else:
             labels = table[:, 0]
-            if np.isfinite(table).all() and (np.abs(labels) < 2**53).all():
+            if (np.abs(table) <= LARGEST).all() and (np.abs(labels) < 2**53).all():
                 if (labels % 1.0 == 0.0).all():
                     return table
     rows: Sequence[list[float]] = [_node_row(row, card.where(line)) for line, row in card.rows()]

@@ -9,7 +9,7 @@ from gpusim.distinct import distinct
 from gpusim.errors import InputError
 from gpusim.mesh.inp_cards import Card
 from gpusim.mesh.inp_content import InpContent
-from gpusim.mesh.inp_values import Names, whole
+from gpusim.mesh.inp_values import Names, is_plain, whole
 
 __all__ = ["add_members", "read_set"]
 
@@ -82,8 +82,9 @@ def _range(row: list[str], where: str) -> tuple[int, int, int]:
 def _plain_numbers(card: Card) -> Int | None:
     """All data as whole numbers at once, or None where something else stands there."""
     try:
-        fields = [text for text in ",".join(card.lines).split(",") if text.strip()]
-        return np.array(fields, dtype=np.int64)
+        text = ",".join(card.lines)
+        fields = [one for one in text.split(",") if one.strip()]
+        return np.array(fields, dtype=np.int64) if is_plain(text) else None
     except (ValueError, OverflowError):
         return None
 

@@ -9,9 +9,12 @@ import numpy as np
 from gpusim.errors import InputError
 from gpusim.mesh.inp_cards import nearest
 
-__all__ = ["Names", "number", "whole"]
+__all__ = ["LARGEST", "Names", "is_plain", "number", "whole"]
 
 T = TypeVar("T")
+
+LARGEST = 1e60
+"""Beyond it products of numbers (volumes, stresses) would leave the range of float64."""
 
 
 class Names(Generic[T]):
@@ -67,21 +70,28 @@ class Names(Generic[T]):
         return key
 
 
+def is_plain(text: str) -> bool:
+    """Whether Python takes nothing in it for a digit that other programs don't: 1_000, \u0663."""
+    return "_" not in text and text.isascii()
+
+
 def number(text: str, where: str) -> float:
     """A finite float64; Fortran's ``1.D3`` is one. Raises InputError."""
     try:
-        value = float(text.replace("D", "E").replace("d", "e"))
+        value = float(text.replace("D", "E").replace("d", "e")) if is_plain(text) else np.nan
     except ValueError:
-        value = float("nan")
+        value = np.nan
     if not np.isfinite(value):
         raise InputError(f"{where}: not a number; got {text!r}; expected a finite number")
+    if abs(value) > LARGEST:
+        raise InputError(f"{where}: number too large; got {text}; expected at most {LARGEST:g}")
     return value
 
 
 def whole(text: str, where: str) -> int:
     """A whole number below 2^53 in size. Raises InputError."""
     try:
-        value = int(text)
+        value = int(text if is_plain(text) and len(text) < 40 else "?")
     except ValueError:
         raise InputError(f"{where}: not a whole number; got {text!r}; expected one") from None
     if abs(value) >= 2**53:

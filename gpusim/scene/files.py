@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from gpusim.errors import Fault, InputError
+from gpusim.includes import included_files
 from gpusim.input_file import InputFile, read_input
 from gpusim.series import SERIES_SUFFIXES, read_series
 
@@ -16,13 +16,6 @@ from .lines import Keys
 from .path import dotted
 
 __all__ = ["find_files"]
-
-_ABAQUS = re.compile(
-    rb"^[ \t]*\*\s*INCLUDE\s*,\s*[^\n]*?INPUT\s*=\s*[\"']?([^\"',\r\n]+)", re.I | re.M
-)
-_NASTRAN = re.compile(rb"^[ \t]*INCLUDE\b[\s=]*[\"']?([^\"'$\r\n]+)", re.I | re.M)
-INCLUDES = {".inp": _ABAQUS} | dict.fromkeys((".bdf", ".dat", ".fem", ".nas"), _NASTRAN)
-"""How a deck names the files that it includes, by its suffix; theirs doesn't matter."""
 
 Found = list[tuple[Keys, Fault]]
 
@@ -109,27 +102,23 @@ class _Hashes:
     def __init__(self, known: Mapping[str, str]) -> None:
         self.known, self.found = known, dict[str, str]()
 
-    def enter(self, path: Path, expected: str, include: re.Pattern[bytes] | None = None) -> None:
-        """Raises InputError for a file, or one that it names, that can't be read or has changed.
-
-        ``include``: a deck includes it, so it may include more in the same way.
-        """
+    def enter(self, path: Path, expected: str) -> None:
+        """Raises InputError for a file, or one that it names, that can't be read or has changed."""
         if str(path) in self.found:
             return
         file = read_input(path, expected, self.known.get(str(path)))
         self.found[str(path)] = file.sha256
-        include = include or INCLUDES.get(file.suffix)
-        for name in _named(file, include):
+        for included in included_files(file):
+            name = str(included.path)
+            self.found[name] = read_input(included, sha256=self.known.get(name)).sha256
+        for name in _series(file):
             try:
-                self.enter(name, expected, include)
+                self.enter(name, expected)
             except InputError as error:
                 text = str(error).removeprefix(f"{name}: ")
                 raise InputError(f"{path}: names {name.name}, {text}") from None
 
 
-def _named(file: InputFile, include: re.Pattern[bytes] | None) -> list[Path]:
-    """The files that a series or a deck names."""
-    if file.suffix in SERIES_SUFFIXES:
-        return [path for _, path in read_series(file)]
-    names = include.findall(file.data) if include else []
-    return [file.path.parent / name.decode("utf-8", "replace").strip() for name in names]
+def _series(file: InputFile) -> list[Path]:
+    """The files that a series names."""
+    return [path for _, path in read_series(file)] if file.suffix in SERIES_SUFFIXES else []

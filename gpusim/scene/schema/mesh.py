@@ -41,6 +41,7 @@ NOTCHABLE = ("box", "beam")
 CAD_SUFFIXES = (".step", ".stp", ".brep", ".stl")
 MESH_SUFFIXES = (
     ".msh", ".inp", ".vtu", ".vtk", ".e", ".ex2", ".exo", ".exodus", ".med", ".bdf", ".nas", ".fem",
+    ".dat",
 )  # fmt: skip
 
 Count = Annotated[int, Field(ge=1, le=10_000)]
