@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.child_process import memory_limit
 from gpusim.errors import InputError
 from gpusim.field.field import Field
 from gpusim.field.names import vector_name
@@ -80,7 +81,7 @@ def read_npz(file: InputFile, name: str | None = None) -> Field:
 
 def _array(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> npt.NDArray[Any]:
     """An array of the archive. Raises ValueError for one that isn't as large as it claims."""
-    if info.file_size > _GREATEST_RATIO * info.compress_size + 1e5:
+    if info.file_size > min(_GREATEST_RATIO * info.compress_size + 1e5, memory_limit()):
         raise ValueError(f"{info.filename} claims {info.file_size} bytes")
     data = io.BytesIO(archive.read(info))
     version = np.lib.format.read_magic(data)

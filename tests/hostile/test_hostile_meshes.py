@@ -121,12 +121,12 @@ CHILDREN: dict[str, tuple[str, Callable[[Path], Any], Make]] = {
     "exodus hdf5": (".e", field_of, lambda f: exodus_of(f, True)),
     "step": (
         ".step",
-        lambda path: mesh_cad(path, size=8.0, time_limit=20),
+        lambda path: mesh_cad(path, size=8.0, time_limit=8),
         lambda f: cad(f, "step"),
     ),
     "brep": (
         ".brep",
-        lambda path: mesh_cad(path, size=8.0, time_limit=20),
+        lambda path: mesh_cad(path, size=8.0, time_limit=8),
         lambda f: cad(f, "brep"),
     ),
 }
