@@ -131,4 +131,5 @@ def _text(value: Any) -> str:
 def strings(letters: npt.NDArray[Any]) -> list[str]:
     # as bytes, for NumPy's strings hide the zero that ends a text (rubbish may follow it)
     rows = np.ascontiguousarray(letters).reshape(-1, letters.shape[-1])
-    return [row.tobytes().split(b"\0")[0].decode("utf-8", "replace").strip() for row in rows]
+    texts = [row.tobytes().split(b"\0")[0].decode("utf-8", "replace").strip() for row in rows]
+    return ["".join(c if c.isprintable() else "?" for c in text) for text in texts]
