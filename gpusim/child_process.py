@@ -25,7 +25,7 @@ from typing import IO, Any, ParamSpec, TypeVar
 
 from gpusim.errors import GpusimError, InputError
 
-__all__ = ["SECONDS", "call_in_child"]
+__all__ = ["SECONDS", "call_in_child", "memory_limit"]
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -152,12 +152,19 @@ def _end_with_caller(questions: IO[bytes]) -> None:
     os._exit(1)
 
 
+def memory_limit() -> int:
+    """Bytes that one file may take in memory: 80 % of the machine's, if it tells."""
+    if not hasattr(os, "sysconf"):
+        return sys.maxsize
+    return int(_MEMORY * os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
+
+
 def _limit_memory() -> None:
     try:
         import resource
     except ImportError:  # Windows
         return
-    most = int(_MEMORY * os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
+    most = memory_limit()
     hard = resource.getrlimit(resource.RLIMIT_AS)[1]
     if hard != resource.RLIM_INFINITY:
         most = min(most, hard)

@@ -233,6 +233,15 @@ def test_faults_name_file_and_cause(tmp_path: Path) -> None:
     refused("\n".join(lines[:last] + lines[last + 1 :]), "1 nodes without a finite value")
     refused("\n".join([*lines[:last], lines[last][:-3], *lines[last + 1 :]]), "unequal length")
     refused(good.replace("2.00000E+00", "5.00000E-01"), "growing times")
+    refused(
+        good.replace("    2    3    0", "    2    1    0"), "got components of .* 2 1, 2 2, 2 1"
+    )
+    refused(
+        good.replace("    1    2", "    1    4"), "block DISP; got components of type .* 4 1, 4 2"
+    )
+    refused(good.replace("  100C", "  101C"), "got '101CL .*expected a block: damaged")
+    step = next(line for line in lines if line.startswith("  100C"))
+    refused(good.replace(step, step[:57] + "2" + step[58:]), "results of a frequency analysis")
     head = next(line for line in lines if line.startswith("    2C"))
     refused(good.replace(head, head[:-1] + "2"), "format '2' of a block; expected 0 or 1: text")
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import itertools
 from pathlib import Path
+from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 
@@ -145,6 +147,39 @@ def test_groups_of_med(tmp_path: Path) -> None:
     assert set_faces(mesh, mesh.face_sets["clamp"]).areas.sum() == pytest.approx(1.0, rel=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("where", "name", "value", "words"),
+    [
+        (
+            "ENS_MAA/*",
+            "REP",
+            1,
+            "REP: got 1; expected 0 as the kind of coordinates; 0 is Cartesian",
+        ),
+        ("ENS_MAA/*", "ESP", 2, "ESP: got 2; expected 3 dimensions of space"),
+        ("ENS_MAA/*/*/NOE", "PFL", b"some", "NOE: profile 'some'; expected all nodes and cells"),
+        ("ENS_MAA/*/*/NOE", None, "TRF", "NOE: got TRF; expected COO, FAM"),
+        ("ENS_MAA", None, "second", "got 2 meshes .*second.*; expected one in a file"),
+        ("ENS_MAA/*/*/MAI", None, "POE", "got 1 cells of type MED POE; expected"),
+    ],
+)
+def test_what_would_move_or_select_in_med_is_refused(
+    tmp_path: Path, where: str, name: str | None, value: object, words: str
+) -> None:
+    path = tmp_path / "one.med"
+    write_one_cell(path, "hex8", False, False)
+    with h5py.File(path, "r+") as file:
+        place: Any = file
+        for part in where.split("/"):
+            place = place[next(iter(place)) if part == "*" else part]
+        if name is None:
+            place.create_group(value)
+        else:
+            place.attrs[name] = value
+    with pytest.raises(InputError, match=rf"one\.med: .*{words}"):
+        read_mesh(path)
+
+
 def all_kinds() -> list[Mesh]:
     bricks = box((3.0, 2.0, 1.0), (2, 2, 1))
     points = np.array(CORNERS["pyramid5"], dtype=float)
@@ -255,6 +290,15 @@ BAD = [
         msh(TET_NODES, "2\n1 2 2 8 1 1 3 2\n2 1 2 0 1 1 2\n"),
         "no solid cells; got 1 tri3, 1 line2",
     ),
+    ("odd.msh", GOOD + "$Shifts\n1 2 3\n$EndShifts\n", "section .Shifts: unknown; expected Phys"),
+    ("parts.msh", GOOD + "$GhostElements\n0\n$EndGhostElements\n", "a partitioned mesh; expected"),
+    ("twice.msh", GOOD + GOOD[GOOD.index("$Nodes"):], "section .Nodes: it is there twice"),
+    (
+        "late.msh",
+        msh("0 0 0 0\n", "0 0 0 0\n", "4.1") + "$Entities\n0 0 0 0\n$EndEntities\n",
+        "it comes after .Elements, whose groups it holds",
+    ),
+    ("tags.msh", GOOD.replace("2 4 2 0 1", "2 4 -2 0 1"), "an element with -2 tags"),
     ("extra.msh", GOOD.replace("$EndNodes", "5 2 2 2\n$EndNodes"), "4 numbers more"),
     ("garbage.msh", bytes(range(256)) * 20, "not a Gmsh mesh"),
     ("garbage.vtk", bytes(range(256)) * 20, "expected '# vtk DataFile"),

@@ -7,18 +7,17 @@ of the Exodus II manual (Schoof & Yarberry, SAND92-2137, section 4.8 and 4.9).
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.io import netcdf_file
 
 from gpusim.errors import InputError
-from gpusim.hdf5_file import read_hdf5
 from gpusim.input_file import InputFile, read_input
 from gpusim.mesh.cells import CELL_TYPES
+from gpusim.mesh.exodus_content import ExodusContent, exodus_content, guarded, native, strings
 from gpusim.mesh.mesh import Mesh
 
 __all__ = [
@@ -32,7 +31,6 @@ __all__ = [
 PathLike = str | os.PathLike[str] | InputFile
 Float = npt.NDArray[np.float64]
 Int = npt.NDArray[np.int32]
-T = TypeVar("T")
 
 # Family and nodes of an element -> our type; Exodus writes "HEX", "HEX8", "TETRA10", "TET4", ...
 _TYPE = {
@@ -54,12 +52,6 @@ _ORDER = {
     "hex27": [*range(12), 16, 17, 18, 19, 12, 13, 14, 15, 23, 24, 25, 26, 21, 22, 20],
     "wedge15": [*range(9), 12, 13, 14, 9, 10, 11],
 }
-
-# What the readers of the containers raise on damaged files, whatever place the damage is in.
-_DAMAGE = (
-    ArithmeticError, AssertionError, AttributeError, LookupError, MemoryError, RuntimeError,
-    SyntaxError, TypeError, ValueError,
-)  # fmt: skip
 
 # Corners of each Exodus side, in the order of the side numbers.
 _SIDES = {
@@ -102,10 +94,10 @@ class ExodusSteps:
     ``times`` (T,) float64, ``names`` of the nodal variables.
     """
 
-    def __init__(self, content: _Content) -> None:
+    def __init__(self, content: ExodusContent) -> None:
         self._content = content
         self.times = _times(content)
-        self.names = tuple(_strings(content.arrays["name_nod_var"]) if _has_nodal(content) else ())
+        self.names = tuple(strings(content.arrays["name_nod_var"]) if _has_nodal(content) else ())
         self._kept: dict[str, npt.NDArray[Any]] = {}
 
     def values(self, names: Sequence[str], step: int) -> Float:
@@ -116,10 +108,10 @@ class ExodusSteps:
             if new:
                 found = self._content.nodal([self.names.index(name) for name in new])
                 self._kept.update(zip(new, found, strict=True))
-            columns = [_native(self._kept[name][step]) for name in names]
+            columns = [native(self._kept[name][step]) for name in names]
             return np.stack(columns, axis=1).astype(np.float64)
 
-        return _guarded(self._content.file, read)
+        return guarded(self._content.file, read)
 
 
 def read_exodus(path: PathLike) -> Mesh:
@@ -130,13 +122,13 @@ def read_exodus(path: PathLike) -> Mesh:
     solid elements, an element type that isn't known.
     """
     file = read_input(path, "an Exodus file")
-    return _guarded(file, lambda: _mesh(_content(file)))
+    return guarded(file, lambda: _mesh(exodus_content(file)))
 
 
 def read_exodus_fields(path: PathLike) -> ExodusFields:
     """Times, nodal variables and information records. Raises InputError as ``read_exodus``."""
     file = read_input(path, "an Exodus file")
-    return _guarded(file, lambda: _fields(_content(file)))
+    return guarded(file, lambda: _fields(exodus_content(file)))
 
 
 def read_exodus_steps(path: PathLike) -> tuple[Mesh, ExodusSteps]:
@@ -144,123 +136,13 @@ def read_exodus_steps(path: PathLike) -> tuple[Mesh, ExodusSteps]:
     file = read_input(path, "an Exodus file")
 
     def both() -> tuple[Mesh, ExodusSteps]:
-        content = _content(file)
+        content = exodus_content(file)
         return _mesh(content), ExodusSteps(content)
 
-    return _guarded(file, both)
+    return guarded(file, both)
 
 
-@dataclass(frozen=True, eq=False)
-class _Content:
-    """Variables of the file as plain arrays, and the element type of each block's connectivity."""
-
-    file: InputFile
-    arrays: Mapping[str, npt.NDArray[Any]]
-    element_types: Mapping[str, str]
-
-    @property
-    def path(self) -> str:
-        return str(self.file.path)
-
-    def nodal(self, numbers: Sequence[int]) -> list[npt.NDArray[Any]]:
-        """(T,N) values of each of these nodal variables, as they are stored."""
-        arrays = self.arrays
-        if _is_hdf5(self.file):  # where they were left until now
-            each = "|".join(str(number + 1) for number in numbers)
-            found = read_hdf5(self.file, f"vals_nod_var({each})?")
-            arrays = {name: one.data for name, one in found.items() if one.data is not None}
-        if "vals_nod_var" in arrays:
-            return [arrays["vals_nod_var"][:, number] for number in numbers]
-        names = [f"vals_nod_var{number + 1}" for number in numbers]
-        return [_Content(self.file, arrays, {}).array(name) for name in names]
-
-    def array(self, name: str) -> npt.NDArray[Any]:
-        if name not in self.arrays:
-            raise InputError(f"{self.path}: not a complete Exodus file; got no variable {name!r}")
-        return self.arrays[name]
-
-    def names(self, name: str, ids: str, default: str, count: int) -> list[str]:
-        given = _strings(self.arrays[name]) if name in self.arrays else []
-        given += [""] * (count - len(given))
-        numbers = self.arrays.get(ids, np.arange(1, count + 1))
-        return [
-            text or f"{default}_{int(number)}"
-            for text, number in zip(given[:count], numbers[:count], strict=True)
-        ]
-
-    def numbered(self, prefix: str) -> list[str]:
-        """Names of the variables ``prefix1``, ``prefix2``, … as far as they go."""
-        found = [name for name in self.arrays if name[len(prefix) :].isdigit()]
-        found = [name for name in found if name.startswith(prefix)]
-        return sorted(found, key=lambda name: int(name[len(prefix) :]))
-
-
-def _guarded(file: InputFile, read: Callable[[], T]) -> T:
-    try:
-        return read()
-    except InputError as error:
-        text = str(error)
-        raise InputError(
-            text if text.startswith(str(file.path)) else f"{file.path}: {text}"
-        ) from None
-    except (OSError, *_DAMAGE) as error:
-        # SciPy meets damage in many ways
-        raise InputError(
-            f"{file.path}: damaged or cut off ({type(error).__name__}: {str(error)[:200]}); "
-            "expected a complete Exodus file"
-        ) from None
-
-
-def _is_hdf5(file: InputFile) -> bool:
-    return file.data[:8] == b"\x89HDF\r\n\x1a\n"
-
-
-def _content(file: InputFile) -> _Content:
-    """The variables; of HDF5 files without the values over time."""
-    if file.data[:4] in (b"CDF\x01", b"CDF\x02"):
-        with netcdf_file(file.stream(), "r", mmap=False) as classic:
-            kinds = {
-                name: _text(one.elem_type)
-                for name, one in classic.variables.items()
-                if name.startswith("connect") and hasattr(one, "elem_type")
-            }
-            arrays = {name: np.asarray(one.data) for name, one in classic.variables.items()}
-    elif _is_hdf5(file):
-        found = read_hdf5(file, "(?!vals_)[^/]*")
-        kinds = {
-            name: _text(one.attributes["elem_type"])
-            for name, one in found.items()
-            if name.startswith("connect") and "elem_type" in one.attributes
-        }
-        arrays = {name: one.data for name, one in found.items() if one.data is not None}
-    else:
-        raise InputError(
-            f"{file.path}: not an Exodus file; got first bytes {file.data[:8]!r}; expected netCDF "
-            "(classic, 64-bit offset, or netCDF-4)"
-        )
-    light = {
-        name: array if name.startswith("vals_") else _native(array)
-        for name, array in arrays.items()
-    }
-    return _Content(file, light, kinds)
-
-
-def _native(data: Any) -> npt.NDArray[Any]:
-    array = np.asarray(data)
-    return array.astype(array.dtype.newbyteorder("="))
-
-
-def _text(value: Any) -> str:
-    return value.decode("ascii", "replace") if isinstance(value, bytes) else str(value)
-
-
-def _strings(letters: npt.NDArray[Any]) -> list[str]:
-    # as bytes, for NumPy's strings hide the zero that ends a text (rubbish may follow it)
-    rows = np.ascontiguousarray(letters).reshape(-1, letters.shape[-1])
-    return [row.tobytes().split(b"\0")[0].decode("utf-8", "replace").strip() for row in rows]
-
-
-def _points(content: _Content) -> Float:
+def _points(content: ExodusContent) -> Float:
     if "coord" in content.arrays:
         points = np.asarray(content.array("coord"), dtype=np.float64).T
     else:
@@ -276,7 +158,7 @@ def _points(content: _Content) -> Float:
     return points
 
 
-def _mesh(content: _Content) -> Mesh:
+def _mesh(content: ExodusContent) -> Mesh:
     points = _points(content)
     connects = content.numbered("connect")
     names = content.names("eb_names", "eb_prop1", "block", len(connects))
@@ -340,7 +222,7 @@ def _mesh(content: _Content) -> Mesh:
     )
 
 
-def _node_sets(content: _Content) -> dict[str, Int]:
+def _node_sets(content: ExodusContent) -> dict[str, Int]:
     lists = content.numbered("node_ns")
     ids = [int(name[len("node_ns") :]) for name in lists]
     names = content.names("ns_names", "ns_prop1", "nodeset", max(ids, default=0))
@@ -351,7 +233,7 @@ def _node_sets(content: _Content) -> dict[str, Int]:
 
 
 def _face_sets(
-    content: _Content, kinds: npt.NDArray[np.str_], cells: npt.NDArray[np.int64]
+    content: ExodusContent, kinds: npt.NDArray[np.str_], cells: npt.NDArray[np.int64]
 ) -> dict[str, Int]:
     lists = content.numbered("elem_ss")
     ids = [int(name[len("elem_ss") :]) for name in lists]
@@ -391,24 +273,24 @@ def _local_faces(kind: str) -> npt.NDArray[np.int64]:
     return np.array([ours.index(frozenset(side)) for side in _SIDES[kind[:3]]])
 
 
-def _times(content: _Content) -> Float:
+def _times(content: ExodusContent) -> Float:
     return np.asarray(content.arrays.get("time_whole", np.zeros(0)), dtype=np.float64)
 
 
-def _has_nodal(content: _Content) -> bool:
+def _has_nodal(content: ExodusContent) -> bool:
     return "name_nod_var" in content.arrays
 
 
-def _fields(content: _Content) -> ExodusFields:
+def _fields(content: ExodusContent) -> ExodusFields:
     times = _times(content)
     nodal: dict[str, Float] = {}
     if _has_nodal(content):
-        names = _strings(content.array("name_nod_var"))
+        names = strings(content.array("name_nod_var"))
         for name, values in zip(names, content.nodal(range(len(names))), strict=True):
-            nodal[name] = _native(values).astype(np.float64)
-    info = tuple(_strings(content.arrays["info_records"])) if _has_info(content) else ()
+            nodal[name] = native(values).astype(np.float64)
+    info = tuple(strings(content.arrays["info_records"])) if _has_info(content) else ()
     return ExodusFields(times, nodal, info)
 
 
-def _has_info(content: _Content) -> bool:
+def _has_info(content: ExodusContent) -> bool:
     return "info_records" in content.arrays and content.arrays["info_records"].ndim == 2

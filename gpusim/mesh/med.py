@@ -165,4 +165,5 @@ class _Reader:
 
 def _text(value: Any) -> str:
     letters = value if isinstance(value, bytes) else str(value).encode()
-    return letters.split(b"\0")[0].decode("utf-8", "replace").strip()
+    text = letters.split(b"\0")[0].decode("utf-8", "replace").strip()
+    return "".join(c if c.isprintable() else "?" for c in text)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import numpy.typing as npt
 
@@ -19,6 +21,11 @@ Long = npt.NDArray[np.int64]
 Names = dict[tuple[int, int], str]
 Block = tuple[str, Long, list[tuple[int, Long]]]
 
+# Sections that are neither nodes nor elements, and say nothing of where they are or belong to.
+_HARMLESS = {
+    "Comments", "Periodic", "Parametrizations", "NodeData", "ElementData", "ElementNodeData",
+    "InterpolationScheme",
+}  # fmt: skip
 _KIND_NAMES = ("point", "line", "surface", "volume")
 
 
@@ -44,19 +51,28 @@ class _Reader(MshSource):
         blocks: list[Block] = []
         seen: set[str] = set()
         while (name := self._next_section()) is not None:
+            if name in seen:
+                self.fail("it is there twice; expected one")
             if name == "PhysicalNames":
                 self._physical_names()
             elif name == "Entities" and version == "4.1":
+                if "Elements" in seen:
+                    self.fail("it comes after $Elements, whose groups it holds; expected it before")
                 self._entities(MshNumbers(self))
             elif name == "Nodes":
                 points, tags = (self._nodes41 if version == "4.1" else self._nodes22)()
             elif name == "Elements":
                 blocks = self._elements41() if version == "4.1" else _merged(self._elements22())
-            elif name == "PartitionedEntities":
+            elif name in ("PartitionedEntities", "GhostElements"):
                 self.fail("a partitioned mesh; expected the whole mesh in one part")
-            else:
+            elif name in _HARMLESS:
                 self._skip(name)
                 continue
+            else:
+                self.fail(
+                    "unknown; expected PhysicalNames, Entities, Nodes, Elements, "
+                    f"{', '.join(sorted(_HARMLESS))}"
+                )
             seen.add(name)
             self._end(name)
         for name in ("Nodes", "Elements"):
@@ -106,7 +122,7 @@ class _Reader(MshSource):
             line = self.line()
             if not line:
                 continue
-            if not line.startswith("$") or line.startswith("$End"):
+            if not re.fullmatch(r"\$(?!End)\w{1,40}", line, re.ASCII):
                 self.fail(f"got {line[:40]!r} after it; expected a section")
             self.section = line[1:]
             return self.section
@@ -207,7 +223,7 @@ class _Reader(MshSource):
         while done < count:
             if self.binary:
                 type_, rows, tags = (int(n) for n in numbers.ints(3))
-                kind = self._kind(type_)
+                kind = self._kind(type_, tags)
                 width = 1 + tags + GMSH_NODES[kind]
                 if rows == 1:  # Gmsh gives each element a head of its own
                     self.at -= 12
@@ -215,8 +231,8 @@ class _Reader(MshSource):
                 else:
                     table = numbers.ints(rows * width).reshape(rows, -1)[:, 1:]
             else:
-                type_, tags = (int(n) for n in numbers.peek(3)[1:])
-                kind = self._kind(type_)
+                type_, tags = (int(n) for n in numbers.whole(numbers.peek(3)[1:]))
+                kind = self._kind(type_, tags)
                 table = numbers.alike(3 + tags + GMSH_NODES[kind], count - done)[:, 3:]
             physical = table[:, 0] if tags else np.zeros(len(table), dtype=np.int64)
             groups = [
@@ -233,7 +249,9 @@ class _Reader(MshSource):
 
     # -- numbers to blocks -----------------------------------------------------------------
 
-    def _kind(self, type_: int) -> str:
+    def _kind(self, type_: int, tags: int = 0) -> str:
+        if tags < 0:
+            self.fail(f"an element with {tags} tags; expected 0 or more")
         if type_ not in GMSH_TYPES:
             self.fail(
                 f"element type {type_}; expected first or second order, one of "

@@ -85,6 +85,12 @@ def _header(file: InputFile) -> tuple[str, list[_Element], int]:
             elements[-1].properties.append((words[4], _TYPES[words[3]], _TYPES[words[2]]))
         else:
             fail(file, f"got {line.strip()[:60]!r}; expected format, element or property", number)
+    for element in elements:
+        names = [name for name, _, _ in element.properties]
+        if len(set(names)) < len(names):
+            fail(file, f"a property of {element.name} is there twice; got {', '.join(names)[:80]}")
+    if len({element.name for element in elements}) < len(elements):
+        fail(file, "an element is there twice")
     if order is None:
         fail(file, "no format; expected ascii, binary_little_endian or binary_big_endian 1.0")
     end = file.data.find(b"\n", mark)

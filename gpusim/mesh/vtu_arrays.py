@@ -16,6 +16,7 @@ from xml.etree import ElementTree
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.child_process import memory_limit
 from gpusim.errors import InputError
 from gpusim.input_file import InputFile
 
@@ -143,6 +144,8 @@ class VtuArrays:
             self.fail(f"{what}: {blocks} compressed blocks in {len(data.data)} bytes: damaged?")
         sizes = np.frombuffer(data.take((3 + blocks) * width), self.header)
         full, last = int(sizes[1]), int(sizes[2])
+        if blocks * full > memory_limit():
+            self.fail(f"{what}: claims {blocks * full / 1e9:.3g} GB, more than the memory")
         ends = np.cumsum(sizes[3:].astype(object))
         packed = data.take(int(ends[-1]))
         unpacked = []
