@@ -330,9 +330,10 @@ class Work:
     def _export(self) -> list[Path]:
         from gpusim.pipeline.exporting import write_meshes  # as are these formats
 
-        files = write_meshes(
+        files, warnings = write_meshes(
             self.scene, self.out, self.things.bodies, self.things.displacement, self.stresses
         )
+        self.warnings += warnings
         self.note = f"{len(files)} files for other programs"
         return files
 
