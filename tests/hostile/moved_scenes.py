@@ -30,7 +30,7 @@ LIMITS = tuple(f"{axis}_{end}_mm" for axis in "xyz" for end in ("min", "max"))
 
 def moved(value: Any, offset: np.ndarray, key: str = "") -> Any:
     """A document, or a part of it, with its places moved by ``offset`` (3,) m."""
-    if key == "notch":
+    if key.endswith("notch"):
         return value
     if isinstance(value, Mapping):
         result = {name: moved(part, offset, name) for name, part in value.items()}
