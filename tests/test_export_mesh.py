@@ -166,3 +166,21 @@ def test_stl_refuses_bad_input(
     with pytest.raises(InputError, match=message):
         write_stl(tmp_path / "a.stl", points, faces)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_stl_far_from_zero_is_written_from_an_origin(tmp_path: Path) -> None:
+    """float32 would leave steps of half a metre at 5,200 km, in mm."""
+    utm = np.array([5e5, 5.2e6, 300.0])
+    quads = np.array([[0, 3, 2, 1], [4, 5, 6, 7]])
+    with pytest.raises(InputError, match=r"up to 5200002 m .* steps of 512 mm; expected an origin"):
+        write_stl(tmp_path / "a.stl", POINTS + utm, quads)
+    origin = np.array([499712.0, 5200000.0, 256.0])
+    path = write_stl(tmp_path / "b.stl", POINTS + utm, quads, title="skin", origin=origin)
+    assert path.read_bytes()[:80].rstrip() == (
+        b"gpusim binary STL, unit mm from (499712, 5200000, 256) m. skin"
+    )
+    got = np.unique(meshio.read(path).points, axis=0)
+    want = np.unique(1e3 * (POINTS[:8] + utm - origin), axis=0)
+    np.testing.assert_allclose(got, want, rtol=1e-7, atol=1e-6)
+    with pytest.raises(InputError, match="origin"):
+        write_stl(tmp_path / "c.stl", POINTS, quads, origin=(0.0, np.nan, 0.0))

@@ -237,3 +237,16 @@ def test_bad_pixels_and_orders_are_refused(tmp_path: Path) -> None:
             frame.write_sparse("normal", one, one, np.array([1.0]))
         with pytest.raises(InputError, match="got -1; expected 0 or more"):
             truth.frame("front", -1)
+
+
+def test_the_reference_keeps_its_digits_far_from_zero(tmp_path: Path) -> None:
+    """Coordinates of a survey: float32 would go in steps of half a metre."""
+    place = np.array([500000.123456, 5200000.654321, 300.5])
+    with TruthWriter(tmp_path / "truth.h5") as file:
+        file.write_camera("a", width=4, height=3, K=np.eye(3), camera_from_world=np.eye(4))
+        frame = file.frame("a", 0)
+        frame.write_sparse("reference", np.array([1]), np.array([2]), place[None])
+    with h5py.File(tmp_path / "truth.h5") as file:
+        layer = file["camera/a/frame/0000/reference"]
+        assert layer.dtype == np.float64 and layer.attrs["unit"] == "m"
+        assert np.array_equal(layer[1, 2], place)

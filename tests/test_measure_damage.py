@@ -84,3 +84,16 @@ def test_difference_is_taken_at_the_same_places() -> None:
 def test_a_state_like_the_reference_has_no_damage() -> None:
     found = slope_changes(np.linspace(0.0, 800.0, 57), np.zeros(57))
     assert found.position.size == 0 and found.residual == 0.0
+
+
+def test_a_break_is_found_where_it_is_far_from_zero() -> None:
+    """Coordinates of a survey, in mm: the same break as at zero."""
+    x = np.linspace(8.0, 792.0, 57)
+    noise = 3e-4 * np.random.default_rng(5).normal(size=57)
+    y = 0.8 + 1e-3 * x + 2e-3 * np.maximum(x - 301.7, 0.0) + noise
+    here, there = (slope_changes(x + by, y) for by in (0.0, 5e8))
+    assert len(here.position) == 1
+    np.testing.assert_allclose(there.position - 5e8, here.position, atol=1e-6)
+    np.testing.assert_allclose(there.change, here.change, rtol=1e-7)
+    np.testing.assert_allclose(there.fitted, here.fitted, atol=1e-9)
+    assert here.position[0] == pytest.approx(301.7, abs=1.0)

@@ -45,6 +45,61 @@ def test_fill_factor_narrows_the_aperture(device: Device) -> None:
     assert np.abs(transfer(image, FREQUENCY) - pixel_transfer(FREQUENCY)).max() > 0.1
 
 
+@pytest.mark.parametrize("backend", ["gpu", "numpy"])
+@pytest.mark.parametrize("hidden", [False, True])
+def test_a_smaller_aperture_is_as_exact_as_a_whole_pixel(hidden: bool, backend: str) -> None:
+    """A half plane at 0.3 rad under half of each pixel's area: a square's share in closed form."""
+    turn, side = 0.3, np.sqrt(0.5)
+    c, s = np.cos(turn), np.sin(turn)
+    along, across = np.array([c, s, 0.0]), np.array([-s, c, 0.0])
+    corners = np.array([-3 * along, 3 * along, 3 * along + 3 * across, 3 * across - 3 * along])
+    quad, ahead = np.array([[0, 1, 2, 3]]), np.array([0.0, 0.0, 1.0])
+    surfaces = [gs.Surface(corners + ahead, quad, gs.paint.Plain(1.0))]
+    if hidden:  # two bodies are drawn another way
+        wall = 9.0 * np.array([[-1.0, -1, 0.5], [-1, 1, 0.5], [1, 1, 0.5], [1, -1, 0.5]])
+        surfaces.append(gs.Surface(wall, quad, gs.paint.Plain(0.0)))
+    view = gs.Camera(57, 33, np.array([[100.0, 0, 29.3], [0, 100.0, 16.7], [0, 0, 1]]))
+    frame = gs.photograph(surfaces, view, lens=gs.Lens(fill_factor=0.5), backend=backend)
+    y, x = np.mgrid[:33, :57]
+    depth = -s * (x - 29.3) + c * (y - 16.7)
+    # of a uniform square the sum of two uniform numbers, up to a and b, lies below the depth
+    a, b = 0.5 * side * min(c, s), 0.5 * side * max(c, s)
+    tail = np.maximum(a + b - np.abs(depth), 0.0) ** 2 / (8.0 * a * b)
+    below = np.where(np.abs(depth) < b - a, 0.5 - 0.5 * np.abs(depth) / b, tail)
+    want = np.where(depth > 0.0, 1.0 - below, below)
+    # slivers below 5e-4 of an aperture are seams between neighbours
+    np.testing.assert_allclose(frame.radiance, want, atol=5e-4)
+    assert np.abs(frame.radiance - want).mean() <= 1e-5
+    assert frame.facts == {"fill factor": "0.5: a square of 0.7071 px, in closed form"}
+
+
+@pytest.mark.parametrize(("backend", "lit"), [("gpu", False), ("numpy", True)])
+def test_patterns_and_light_under_a_smaller_aperture(backend: str, lit: bool) -> None:
+    """Against the mean of those of 4 x 4 pixels in each that lie within."""
+    plate = np.array([[-1.0, -0.9, 2.2], [1.1, -0.8, 1.9], [1.0, 0.6, 2.6], [-1.1, 0.5, 2.9]])
+    front = np.array([[-0.3, -0.2, 1.5], [0.1, -0.25, 1.5], [0.15, 0.2, 1.5], [-0.2, 0.3, 1.5]])
+    board = gs.paint.Checker(0.11, origin=(0.03, 0.02), dark=0.1, light=0.8)
+    quad = np.array([[0, 3, 2, 1]])
+    surfaces = [gs.Surface(plate, quad, board), gs.Surface(front, quad, gs.paint.Plain(0.9))]
+    lights = [gs.PointLight(position=(-1.0, -1.5, 0.2), power=60.0)] if lit else None
+    K, distortion = (
+        np.array([[55.0, 0, 29.2], [0, 55.0, 16.1], [0, 0, 1]]),
+        [-0.2, 0.05, 1e-3, -2e-3],
+    )
+    fine = K * [[4.0], [4.0], [1.0]]
+    fine[:2, 2] += 1.5
+    view, finer = gs.Camera(57, 33, K, distortion), gs.Camera(228, 132, fine, distortion)
+    cells = gs.render(surfaces, finer, lights, backend=backend).radiance.astype(float)
+    want = cells.reshape(33, 4, 57, 4)[:, 1:3, :, 1:3].mean(axis=(1, 3))
+    lens = gs.Lens(fill_factor=0.25)
+    got = gs.photograph(surfaces, view, lights, lens=lens, backend=backend).radiance
+    whole = cells.reshape(33, 4, 57, 4).mean(axis=(1, 3))
+    assert np.abs(got - whole).max() > 0.1 * want.max()
+    off = np.abs(got - want) / want.max()
+    # light is taken at one place of an edge pixel, and shadows by 16 x 32 samples
+    assert np.sqrt(np.mean(off**2)) <= 5e-4 and off.max() <= 5e-3
+
+
 def test_a_measured_kernel_is_what_it_was_sampled_from(device: Device) -> None:
     k = (np.arange(33) - 16) / 4.0
     kernel = np.exp(-0.5 * (k[None, :] / 0.9) ** 2 - 0.5 * (k[:, None] / 0.6) ** 2)  # not round

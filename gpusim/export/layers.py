@@ -38,7 +38,7 @@ LAYERS: dict[str, Layer] = {
         Layer(
             "reference",
             3,
-            "float32",
+            "float64",
             "m",
             "world",
             "Eulerian",

@@ -16,6 +16,8 @@ from gpusim.output_folder import inside
 __all__ = ["write_region_stls", "write_stl"]
 
 _MM_PER_M = 1000.0
+_COARSE = 1e-3
+"""Of the size of what is written: steps of float32 that would spoil it."""
 _FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
 
@@ -25,11 +27,14 @@ def write_stl(
     faces: npt.NDArray[np.integer],
     *,
     title: str = "",
+    origin: Sequence[float] | npt.NDArray[np.float64] = (0.0, 0.0, 0.0),
 ) -> Path:
     """Write faces as a binary STL, atomically.
 
     STL has no unit: coordinates are written in **millimetres**, and the header says so. A quad
     (a, b, c, d) becomes the triangles (a, b, c) and (a, c, d), the same split in every step.
+
+    STL holds float32: 7 digits. Far from zero give an ``origin`` near the points.
 
     Parameters
     ----------
@@ -42,23 +47,31 @@ def write_stl(
         repeated corner (a quad that stands for a triangle) are left out.
     title
         Goes into the header; ASCII, cut to what fits its 80 bytes.
+    origin
+        (3,), m, world frame: coordinates are relative to it, and the header says so.
 
     Raises
     ------
     InputError
-        Wrong shape, index out of range, position not finite or beyond float32.
+        Wrong shape, index out of range, position not finite, beyond float32, or so far from the
+        origin that float32 would spoil the shape.
     """
     triangles = _triangles(points, faces)
-    corners = points[triangles] * _MM_PER_M
+    zero = np.asarray(origin, np.float64)
+    if zero.shape != (3,) or not np.isfinite(zero).all():
+        raise InputError(f"origin: got {origin}; expected three finite numbers, m")
+    corners = (points[triangles] - zero) * _MM_PER_M
     if corners.size and not np.abs(corners).max() <= np.finfo(np.float32).max:
         raise InputError("points: got values that STL's float32 can't hold; expected metres")
+    _check_steps(points, corners)
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     length = np.linalg.norm(normal, axis=1, keepdims=True)
     facets = np.zeros(len(triangles), _FACET)
     facets["normal"] = np.divide(normal, length, out=np.zeros_like(normal), where=length > 0.0)
     facets["corners"] = corners
     # A binary STL must not begin with "solid", the first word of the text form.
-    header = f"gpusim binary STL, unit mm. {title}".encode("ascii", "replace")[:80].ljust(80)
+    place = " from ({:.10g}, {:.10g}, {:.10g}) m".format(*zero) if zero.any() else ""
+    header = f"gpusim binary STL, unit mm{place}. {title}".encode("ascii", "replace")[:80].ljust(80)
     with atomic_stream(path) as stream:
         stream.write(header)
         stream.write(len(facets).to_bytes(4, "little"))
@@ -74,6 +87,7 @@ def write_region_stls(
     region_names: Sequence[str],
     *,
     step: int,
+    origin: Sequence[float] | npt.NDArray[np.float64] = (0.0, 0.0, 0.0),
 ) -> tuple[Path, ...]:
     """Write ``folder/<region>/<step:04d>.stl`` for every region that has faces; return the paths.
 
@@ -103,8 +117,21 @@ def write_region_stls(
         if len(selected):
             path = inside(folder, name, f"{step:04d}.stl")
             title = f"region {name}, step {step}"
-            written.append(write_stl(path, points, selected, title=title))
+            written.append(write_stl(path, points, selected, title=title, origin=origin))
     return tuple(written)
+
+
+def _check_steps(points: npt.NDArray[np.float64], corners: npt.NDArray[np.float64]) -> None:
+    """Refuse corners (mm) among which float32 leaves steps that can be seen."""
+    known = points[np.isfinite(points).all(axis=1)]
+    size = float(np.ptp(known, axis=0).max(initial=0.0)) if len(known) else 0.0
+    step = float(np.spacing(np.float32(np.abs(corners).max(initial=0.0))))
+    if corners.size and not step <= _COARSE * size * _MM_PER_M:
+        raise InputError(
+            f"points: got a body {size * _MM_PER_M:.4g} mm long, up to "
+            f"{np.abs(corners).max() / _MM_PER_M:.7g} m from the origin, where STL's float32 goes "
+            f"in steps of {step:.3g} mm; expected an origin near it"
+        )
 
 
 def _triangles(

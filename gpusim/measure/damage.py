@@ -11,7 +11,7 @@ F-test says that it explains more than noise.
 from __future__ import annotations
 
 import csv
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -131,6 +131,9 @@ def slope_changes(
     good = np.isfinite(a) & np.isfinite(b)
     order = np.argsort(a[good])
     a, b = a[good][order], b[good][order]
+    # from the first point on: far from zero the columns of a fit would hardly differ
+    start = float(a[0]) if len(a) else 0.0
+    a = a - start
     if len(a) < 8 or not (np.diff(a) > 0).all():
         raise InputError(
             f"slope_changes: got {len(a)} measured points; expected 8 or more, at distinct places"
@@ -157,7 +160,11 @@ def slope_changes(
         if squares <= floor:
             break
     breaks = _without_small(a, b, breaks, gap, least_share)
-    return _result(a, b, breaks)
+    found = _result(a, b, breaks)
+    return replace(
+        found, position=found.position + start, x=found.x + start,
+        offset=found.offset - found.slope * start,
+    )  # fmt: skip
 
 
 def _chance(gain: float, freedom: int) -> float:

@@ -55,7 +55,8 @@ class Border:
         pixel, segment = pixel[order], segment[order]
         new = np.concatenate([[True], pixel[1:] != pixel[:-1], [True]])
         at = np.stack([pixel % width, pixel // width], axis=1).astype(np.float64)
-        a, b = view.edges[segment, 0] - at, view.edges[segment, 1] - at
+        side = view.camera.pixel_side
+        a, b = ((view.edges[segment, end] - at) / side for end in (0, 1))
         # one that ends here isn't all that there is
         near = (np.abs([a, b]) <= 0.5 + 2.0 * MARGIN).all(axis=2).any(axis=0)
         alone = new[:-1] & new[1:] & ~near
@@ -77,7 +78,7 @@ def _covered(view: View, at: Array) -> Array:
     low, high = view.box
     over = (low < at[:, None] + 0.5).all(axis=2) & (high > at[:, None] - 0.5).all(axis=2)
     pixel, triangle = np.nonzero(over)
-    corners = view.screen[triangle] - at[pixel][:, None]
+    corners = (view.screen[triangle] - at[pixel][:, None]) / view.camera.pixel_side
     area = moments(clip_square(half_planes(corners))[0])[0]
     return np.minimum(np.bincount(pixel, area, len(at)), 1.0)
 

@@ -37,11 +37,13 @@ def bump_of(region: RegionPaint) -> Bump | None:
 @dataclass(frozen=True, eq=False)
 class Bumps:
     """``member`` (T,): the triangles with a relief. ``planes`` (T, 3, 3): its coordinates over the
-    depth, affine in the offset (dx, dy, 1) from the anchor; ``amplitude`` (T,): of each wave."""
+    depth, affine in the offset (dx, dy, 1) from the anchor; ``amplitude`` (T,): of each wave.
+    ``side``: px, of a pixel's sensitive square."""
 
     member: npt.NDArray[np.bool_]
     planes: Array
     amplitude: Array
+    side: float
 
     @staticmethod
     def build(view: View, anchor: Array, mean_inverse: Array) -> Bumps:
@@ -62,7 +64,7 @@ class Bumps:
             own = np.einsum("tca,tck->tak", at, basis)
             own[:, :, 2] += np.einsum("tak,tk->ta", own[:, :, :2], anchor[rows])
             planes[rows] = own
-        return Bumps(member, planes, amplitude)
+        return Bumps(member, planes, amplitude, view.camera.pixel_side)
 
     def texels(self) -> npt.NDArray[np.float32]:
         """(3 T, 4) as common/bump.wgsl reads them."""
@@ -99,7 +101,7 @@ class Bumps:
         slope, left = np.zeros((2, len(rows))), np.zeros(len(rows))
         for *vector, phase in bump_waves():
             p, q = ex @ vector, ey @ vector
-            kept = np.sinc(p / (2.0 * np.pi)) * np.sinc(q / (2.0 * np.pi))
+            kept = np.prod([np.sinc(self.side / (2.0 * np.pi) * turn) for turn in (p, q)], axis=0)
             slope -= np.stack([p, q]) * (kept * np.sin(place @ vector + phase))
             steep = inverse[0] * p * p + 2.0 * inverse[1] * p * q + inverse[2] * q * q
             left += (1.0 - kept * kept) * steep

@@ -39,6 +39,8 @@ class Camera:
     camera_from_world : (4, 4) rigid transform; camera axes are x right, y down, z forward.
     lens_K : (3, 3), what turns pixels into (x, y) for the distortion; None: K. Another principal
         point there than in K is a pencil of rays that comes through the lens off its centre.
+    pixel_side : px, of the square in a pixel's middle that is sensitive to light; `gs.Lens` says it
+        by its area, ``fill_factor``.
 
     Raises
     ------
@@ -54,6 +56,7 @@ class Camera:
     camera_from_world: npt.NDArray[np.float64] = field(default_factory=_identity)
     name: str = "camera"
     lens_K: npt.NDArray[np.float64] | None = None
+    pixel_side: float = 1.0
 
     def __post_init__(self) -> None:
         where = f"Camera {self.name!r}"
@@ -85,6 +88,10 @@ class Camera:
         if not rigid or (T[3] != [0, 0, 0, 1]).any():
             raise InputError(
                 f"{where} camera_from_world; got {T.tolist()}; expected a rotation and translation"
+            )
+        if not 0.0 < self.pixel_side <= 1.0:
+            raise InputError(
+                f"{where} pixel_side; got {self.pixel_side}; expected above 0, up to 1"
             )
         object.__setattr__(self, "K", K)
         object.__setattr__(self, "camera_from_world", T)

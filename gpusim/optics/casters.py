@@ -144,7 +144,7 @@ class Casters:
                 np.stack([corner[face, place], corner[face, (place + 1) & 3]], axis=1) + vertex
             )
             if owner is not None:
-                face, other = owner[face], np.where(other >= 0, owner[other], other)
+                face, other = owner[face], np.where(other >= 0, owner[np.maximum(other, 0)], other)
             into.append(parts + first)
             edges.append(np.stack([face + first, place], axis=1))
             beside.append(np.where(other >= 0, other + first, other))

@@ -169,14 +169,14 @@ def _filled(setup: Setup, edges: EdgePixels) -> npt.NDArray[np.bool_]:
 
 def _over(setup: Setup, edges: EdgePixels) -> tuple[npt.NDArray[np.int64], Array, Array]:
     """Of triangles over edge pixels: the pixel (n,) of each, where that is (n, 2), and the corners
-    (n, 3, 2) from there."""
+    (n, 3, 2) from there, in sides of its sensitive square."""
     view, width = setup.view, setup.view.camera.width
     pixel = np.repeat(np.arange(len(edges.pixel)), edges.depth)
     number = edges.pixel[pixel]
     at = np.stack([number % width, number // width], axis=1).astype(np.float64)
     corners = np.rint(pick(view.screen, edges.triangle[: len(pixel)]) * FIXED) / FIXED
     corners -= at[:, None]
-    return pixel, at, corners
+    return pixel, at, corners / view.camera.pixel_side
 
 
 def _even(edges: EdgePixels, setup: Setup, groups: npt.NDArray[np.uint32]) -> npt.NDArray[np.bool_]:
@@ -250,7 +250,8 @@ def _resolve(setup: Setup, edges: EdgePixels, shares: SharesOf | None = None) ->
     cutting = None
     if pierced is not None:
         last = np.repeat(edges.start[1:], edges.depth)
-        depth = depth_planes(view.screen[triangle] - at[:, None], view.inverse_depth(triangle))
+        from_centre = (view.screen[triangle] - at[:, None]) / view.camera.pixel_side
+        depth = depth_planes(from_centre, view.inverse_depth(triangle))
         cutting = Cutting(pierced, last, depth)
     polygon, sides_left = clip_square(planes)
     behind = backdrops(setup, edges, fills(planes), corners)
@@ -287,7 +288,7 @@ def _resolve(setup: Setup, edges: EdgePixels, shares: SharesOf | None = None) ->
             for values in (albedo, printed, *middle.T)
         )
         row, size, middle = some, area[some], np.stack(places, axis=1)
-    x, y = at[row, 0] + middle[:, 0], at[row, 1] + middle[:, 1]
+    x, y = (at[row] + view.camera.pixel_side * middle).T
     light = radiance_of(setup, triangle[row], x, y, albedo, printed, sides, shares)
     seen = np.bincount(pixel[row], size, count)
     value = np.bincount(pixel[row], size * light, count)
@@ -302,11 +303,13 @@ def _mean_albedo(
     setup: Setup, triangle: npt.NDArray[np.int64], at: Array, polygon: Array, centroid: Array
 ) -> tuple[Array, Array]:
     """Mean albedo (n,) of polygons (n, 8, 2) in pixels ``at``, and the share that is printed."""
+    side = setup.view.camera.pixel_side
     paint = setup.view.paint[triangle]
     albedo = setup.table.paints["ground"][paint].astype(np.float64)
     featured = setup.table.paints["featured"][paint]
     # all of a polygon through the cubic of its pixel
-    ideal = _undistorted(setup, at, at[:, None] + np.concatenate([centroid[:, None], polygon], 1))
+    within = side * np.concatenate([centroid[:, None], polygon], axis=1)
+    ideal = _undistorted(setup, at, at[:, None] + within)
     rows = np.flatnonzero((featured > 0) & (featured < BITMAP))
     if len(rows):
         own = triangle[rows]

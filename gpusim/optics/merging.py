@@ -215,14 +215,16 @@ def _some(good: npt.NDArray[np.bool_], *columns: Numbers) -> list[Numbers]:
 def _on_segment(
     points: Array, middle: Numbers, start: Numbers, end: Numbers, tolerance: Array
 ) -> npt.NDArray[np.bool_]:
-    """Whether vertices lie on the way from ``start`` to ``end``, within their tolerance."""
+    """Whether vertices lie on the way from ``start`` to ``end``, within their tolerance, and it
+    doesn't turn a corner there: the side of a thin plate is shorter than any tolerance."""
     origin = _taken(points, start)
     way, to = _taken(points, end) - origin, _taken(points, middle) - origin
     length = products(way, way)
     share = products(to, way) / np.where(length > 0.0, length, 1.0)
     rest = to - share * way
     gap = np.sqrt(products(rest, rest))
-    return np.asarray((share > 0.0) & (share < 1.0) & (gap <= _taken(tolerance, middle)))
+    near = np.minimum(_taken(tolerance, middle), share * (1.0 - share) * np.sqrt(length))
+    return np.asarray((share > 0.0) & (share < 1.0) & (gap <= near))
 
 
 def _flat(

@@ -23,11 +23,11 @@ from gpusim.optics.convolve import ConvolvePass, Target, convolve_twin
 from gpusim.optics.frame import Band, Frame
 from gpusim.optics.lens import Lens, focus_of, seen_through
 from gpusim.optics.light import Light
+from gpusim.optics.local_origin import local_view
 from gpusim.optics.psf import Convolved, Disc, SampledKernel, sample
 from gpusim.optics.render import BAND_BYTES, FINEST_ERROR, WIDEST, render
 from gpusim.optics.rolling import rolled
 from gpusim.optics.shutter import CameraAt, Shutter, SurfacesAt, moments, moments_for, motion
-from gpusim.optics.view import look
 from gpusim.optics.winding import wound_inwards
 from gpusim.surface.surface import Surface
 
@@ -122,7 +122,7 @@ def photograph(
     if exposure.plain:
         frame = shoot(exposure.parts[0][1], exposure.parts[0][2])
     else:
-        view = look(*exposure.sight, lit=lights is not None)
+        view = local_view(*exposure.sight, lit=lights is not None)
         if backend == "numpy":
             frame = Frame(view, None, radiance=_combine_twin(exposure, shoot))
         else:
@@ -203,7 +203,11 @@ def plan_exposure(
                 )
         facts["depth of field"] = words
     kernel = SAME_IMAGE
-    if psf is not None or lens.fill_factor != 1.0:
+    if psf is None and lens.fill_factor != 1.0:
+        side = float(np.sqrt(lens.fill_factor))
+        scenes = [(weight, what, replace(at, pixel_side=side)) for weight, what, at in scenes]
+        facts["fill factor"] = f"{lens.fill_factor:.4g}: a square of {side:.4g} px, in closed form"
+    elif psf is not None:
         kernel = sample(
             psf, fill_factor=lens.fill_factor, tolerance=tolerance, n=lens.samples_per_px
         )

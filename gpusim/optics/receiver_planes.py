@@ -22,6 +22,10 @@ LOW = 5e-4
 """Sine of the elevation up to which what rises beside a receiver hides no light that counts: light
 from there is no brighter than this, where from above it is 1."""
 
+FLAT = 1e-9
+"""Of the distance from the origin, by which receivers may lie off a face's plane and count as in
+it: what float64 leaves of coordinates of a survey, and less than any body is thick."""
+
 
 def sides_of_planes(
     casters: Casters, face: Numbers, points: Array, box: Numbers
@@ -29,7 +33,7 @@ def sides_of_planes(
     """Whether boxes of points lie behind the planes of faces, or before them, pair by pair."""
     normal = [np.ascontiguousarray(casters.normal[:, axis]) for axis in range(3)]
     offset = np.sum(casters.corners[:, 0] * casters.normal, axis=1)
-    slack = (1e-7 * np.abs(points).max(initial=0.0)) * np.linalg.norm(casters.normal, axis=1)
+    slack = (FLAT * np.abs(points).max(initial=0.0)) * np.linalg.norm(casters.normal, axis=1)
     behind, ahead = np.empty(len(face), bool), np.empty(len(face), bool)
     for part in parts(len(face)):
         own_face, own_box = face[part], box[part]

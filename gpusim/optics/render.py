@@ -21,6 +21,7 @@ from gpusim.optics.lamp_layer import without_shadows
 from gpusim.optics.late import LateSight
 from gpusim.optics.light import Light, is_light
 from gpusim.optics.lighting import casts_shadows, find_shadows
+from gpusim.optics.local_origin import local, told_from
 from gpusim.optics.looks import sampled
 from gpusim.optics.scatter import write_pixels
 from gpusim.optics.seen import small_triangles
@@ -101,15 +102,17 @@ def render(
     for name, size in (("width", camera.width), ("height", camera.height)):
         if size > WIDEST:
             raise InputError(f"render: image {name}; got {size}; expected at most {WIDEST} px")
+    surfaces, camera, lights, origin = local(surfaces, camera, lights)
     if backend == "numpy":
         view = look(surfaces, camera, lit=lights is not None)
         setup = Setup.build(view, lights, background, surfaces)
         interior = shade_twin(setup, visibility_twin(view))
-        frame = Frame(view, None, radiance=edges_twin(setup, bin_edges(view), interior))
+        radiance = edges_twin(setup, bin_edges(view), interior)
+        frame = Frame(told_from(view, origin), None, radiance=radiance)
     else:
         device = device or default_device()
         view, bands = _seen(device, surfaces, camera, lights, background)
-        frame = Frame(view, device, tuple(bands))
+        frame = Frame(told_from(view, origin), device, tuple(bands))
     frame.warnings = wound_inwards(surfaces, camera)
     return frame
 

@@ -292,6 +292,7 @@ class Setup:
         ``bumpy``."""
         return {
             "distorted": float(self.view.camera.lens is not None),
+            "aperture": self.view.camera.pixel_side,
             "bumpy": float(bumpy),
             **self.lighting.constants(glossy),
         }
@@ -320,20 +321,20 @@ class Setup:
     def undistorted(self, at: Array) -> tuple[Array, Array]:
         """Ideal positions (n, 2) of image positions ``at`` (n, 2), and the change (n, 2, 2).
 
-        Change [:, :, k] is what a column or a row of the image is in pixels of the ideal image.
+        Change [:, :, k]: a side of a pixel's sensitive square in pixels of the ideal image.
         """
-        bends = distortion_map(self.view.camera)
+        bends, side = distortion_map(self.view.camera), self.view.camera.pixel_side
         if bends is None:
-            return at, np.broadcast_to(np.eye(2), (len(at), 2, 2))
-        return bends.ideal(at)
+            return at, np.broadcast_to(side * np.eye(2), (len(at), 2, 2))
+        ideal, change = bends.ideal(at)
+        return ideal, side * change
 
 
 def footprint(
     setup: Setup, triangle: npt.NDArray[np.int64], x: Array, y: Array
 ) -> tuple[Array, Array, Array, Array]:
-    """Paint position (n, 2) at pixel positions, its change per column and per row, each (n, 2).
-
-    Last: the relative change (n, 2) of 1 / z per column and row.
+    """Paint position (n, 2) at pixel positions, its change along the sides of a pixel's sensitive
+    square, each (n, 2), and the relative change (n, 2) of 1 / z along these.
     """
     ideal, change = setup.undistorted(np.stack([x, y], axis=1))
     own = setup.of(triangle)
@@ -361,7 +362,8 @@ def radiance_of(
     """Radiance (n,) towards the eye at pixel positions; the mean albedo itself if unlit.
 
     ``printed``: share of the area that a glossy paint's matte pattern covers; ``sides`` (n, 2, 2),
-    px: of the parallelogram that the light stands for, as columns; None for the pixel; ``shares``:
+    as columns: of the parallelogram that the light stands for, by those of the pixel's sensitive
+    square; None for all of that; ``shares``:
     see `Lighting.reflect`.
     """
     if not setup.lit:

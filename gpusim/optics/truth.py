@@ -107,6 +107,7 @@ class TruthMap:
             own = values[part] = self._evaluate(place[part], camera.undistort(pixels[part]))
             flow[part] = camera.project(own[:, _REFERENCE]) - pixels[part]
         triangle = self._triangles[place]
+        values[:, _REFERENCE] += view.origin
         return Truth(
             shape=(camera.height, camera.width),
             row=row,
@@ -148,7 +149,8 @@ def _attribute_planes(view: View, triangles: npt.NDArray[np.int64]) -> Array:
     corners = view.corners[triangles]
     T = view.camera.camera_from_world
     world = (corners[:, :, POSITION] - T[:3, 3]) @ T[:3, :3]
-    reference = corners[:, :, REFERENCE]
+    # relative to the origin here: far from zero, planes would leave few of their digits
+    reference = corners[:, :, REFERENCE] - view.origin
     normal = corners[:, :, NORMAL]
     if not normal.any():  # not lit: the triangles' own
         flat = np.cross(world[:, 1] - world[:, 0], world[:, 2] - world[:, 0])
@@ -166,7 +168,7 @@ def seen_in(
     view: View, ids: npt.NDArray[np.uint32], points: npt.NDArray[np.float64]
 ) -> npt.NDArray[np.bool_]:
     """Whether world points (n, 3) on the surfaces of ``view`` are seen there, not hidden."""
-    camera = view.camera
+    camera, points = view.camera, points - view.origin
     at = camera.project(points)
     with np.errstate(invalid="ignore"):
         inside = np.all((at >= -0.5) & (at < [camera.width - 0.5, camera.height - 0.5]), axis=1)

@@ -11,7 +11,7 @@ Greer, "Triangle scan conversion using 2D homogeneous coordinates", 1997).
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 
 import numpy as np
@@ -85,6 +85,8 @@ class View:
     ``guessed``: the largest pixels in ``found`` are likely, but not certain. ``layer``: no pixel's
     centre lies in two triangles, unless places are so snapped that one is turned over.
     ``largest``: px, side of the largest box that was looked at, if that isn't ``extent``.
+    ``origin`` (3,): where what was looked at has its zero in the world, the undeformed positions
+    excepted.
     """
 
     camera: Camera
@@ -101,6 +103,7 @@ class View:
     guessed: bool = False
     layer: bool = False
     largest: float | None = None
+    origin: Array = field(default_factory=partial(np.zeros, 3))
 
     @property
     def count(self) -> int:

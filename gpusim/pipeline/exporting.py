@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from gpusim.export.stl import write_region_stls
 from gpusim.export.vtu import write_pvd, write_vtu
+from gpusim.optics.local_origin import origin_near
 from gpusim.output_folder import inside
 from gpusim.pipeline.build import BodyParts
 from gpusim.pipeline.stresses import Stresses
@@ -28,9 +29,10 @@ def write_meshes(
     bodies: Sequence[BodyParts],
     displacement: Displacement,
     stresses: Stresses | None,
-) -> list[Path]:
-    """VTU per body and step with a .pvd each, STL per paint region and step."""
+) -> tuple[list[Path], list[str]]:
+    """VTU per body and step with a .pvd each, STL per paint region and step; and warnings."""
     files: list[Path] = []
+    origin = origin_near([parts.surface.rest for parts in bodies]) if bodies else np.zeros(3)
     factors = scene.analysis.load_factors
     # the time of a .pvd file has to grow: the load factor where it does, else the frame
     grows = all(a < b for a, b in pairwise(factors))
@@ -60,11 +62,16 @@ def write_meshes(
                     surface.regions,
                     list(surface.paints),
                     step=step,
+                    origin=origin,
                 )
         files += [file for _, file in steps]
         if steps:
             files.append(write_pvd(inside(out, "solution", f"{name}.pvd"), steps))
-    return files
+    if not (scene.output.stl and origin.any()):
+        return files, []
+    place = ", ".join(f"{value:.10g}" for value in origin)
+    return files, [f"STL files: coordinates are relative to ({place}) m, as their headers say: "
+                   "float32 would not hold them so far from zero"]  # fmt: skip
 
 
 def _with_triangles(faces: npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:

@@ -19,13 +19,13 @@ from gpusim.input_file import InputFile, Reader, read_input
 from gpusim.optics.camera import Camera
 from gpusim.optics.frame import Frame
 from gpusim.optics.light import Light
+from gpusim.optics.local_origin import local_view
 from gpusim.optics.photograph import photograph
 from gpusim.optics.rolling import rolled
 from gpusim.optics.sensor import Sensor
 from gpusim.optics.shutter import SurfacesAt
 from gpusim.optics.truth import BAND
 from gpusim.optics.unchanged import same_surfaces, unseen_change
-from gpusim.optics.view import look
 from gpusim.output_folder import inside
 from gpusim.pipeline.cameras import build_camera
 from gpusim.pipeline.notes import Notes
@@ -167,10 +167,10 @@ class Photographer:
             if callable(now):
                 middle = opening(shutter, viewer) + 0.5 * shutter.exposure_time
                 surfaces, viewer = rolled(now, lambda _: viewer, middle, shutter.line_time)
-                return Frame(look(surfaces, viewer, lit=True), self.device), whole(viewer)
+                return Frame(local_view(surfaces, viewer, lit=True), self.device), whole(viewer)
         window = window_of(surfaces[:bodies], viewer, BAND) if self.skip else None
         window = window or whole(viewer)
-        return Frame(look(surfaces, window.camera(viewer), lit=True), self.device), window
+        return Frame(local_view(surfaces, window.camera(viewer), lit=True), self.device), window
 
     def _moving(self, camera: m.Camera, frame: int) -> Sequence[Surface] | SurfacesAt:
         """Surfaces in a frame; as a function of time where they move while the shutter is open."""

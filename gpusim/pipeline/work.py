@@ -381,8 +381,8 @@ class Work:
     def _export(self) -> Made:
         from gpusim.pipeline.exporting import write_meshes  # as are these formats
 
-        files = write_meshes(
+        files, warnings = write_meshes(
             self.scene, self.out, self.things.bodies, self.things.displacement, self.stresses
         )
         self.note = f"{len(files)} files for other programs"
-        return Made(files)
+        return Made(files, Notes(tuple(warnings)))

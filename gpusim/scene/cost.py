@@ -88,7 +88,7 @@ def _renderings(camera: Camera) -> float:
     count, lens, shutter = 1.0, camera.lens, camera.shutter
     if lens is not None:
         count *= 24.0 if lens.f_number is not None else 1.0
-        count *= 10.0 if lens.psf is not None or lens.fill_factor != 1.0 else 1.0
+        count *= 10.0 if lens.psf is not None else 1.0
     if shutter is not None:
         count *= 8.0 if shutter.exposure else 1.0
     return count

@@ -191,6 +191,13 @@ class Surface:
         object.__setattr__(result, "frames", frames)
         return result
 
+    def relative_to(self, origin: npt.NDArray[np.float64]) -> Surface:
+        """The same surface seen from ``origin`` (3,); its undeformed shape and paint stay."""
+        _ = self.topology, self.extents, self.inside_out, self._found_frames
+        result = copy.copy(self)
+        object.__setattr__(result, "points", self.points - origin)
+        return result
+
     def paint_frame(self, region: int) -> Frame:
         """The paint coordinates of a region, given or made from its (plane) faces."""
         name = list(self.paints)[region]

@@ -1,5 +1,6 @@
 // Fine relief: how it turns the normal over a pixel. The NumPy form is gpusim/optics/bump.py, which
 // explains it.
+#import common/aperture
 #import common/texel
 
 override bumpy: u32;
@@ -20,8 +21,9 @@ struct Leaning {
     widened: f32,
 }
 
+// Of the mean over the pixel's sensitive square.
 fn filtered(turn: f32) -> f32 {
-    let half = 0.5 * turn;
+    let half = 0.5 * aperture * turn;
     let square = half * half;
     // sin(x) / x
     return select(sin(half) / half, 1.0 - square / 6.0, square < 1e-4);

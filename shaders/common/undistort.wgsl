@@ -1,4 +1,5 @@
 // From a pixel of the lens to the ideal image: a cubic per tile (gpusim/optics/distortion_map.py).
+#import common/aperture
 #import common/texel
 
 override distorted: u32;
@@ -47,14 +48,19 @@ fn undistort(f: Bend, at: vec2f) -> vec2f {
     return at + shift;
 }
 
-// Columns: how the ideal position of the pixel's centre changes per column and per row.
+// The same of an offset in sides of the pixel's sensitive square.
+fn undistort_within(f: Bend, at: vec2f) -> vec2f {
+    return undistort(f, aperture * at);
+}
+
+// Columns: how the ideal position of the pixel's centre changes along the sides of its sensitive square.
 fn undistort_change(f: Bend) -> mat2x2f {
-    if (distorted == 0u) { return mat2x2f(1.0, 0.0, 0.0, 1.0); }
+    if (distorted == 0u) { return mat2x2f(aperture, 0.0, 0.0, aperture); }
     let u = f.w.x;
     let v = f.w.y;
     let per_column = f.a.zw + u * (2.0 * f.b.zw + 3.0 * u * f.d.xy + 2.0 * v * f.d.zw)
         + v * (f.c.xy + v * f.e.xy);
     let per_row = f.b.xy + v * (2.0 * f.c.zw + 3.0 * v * f.e.zw + 2.0 * u * f.e.xy)
         + u * (f.c.xy + u * f.d.zw);
-    return mat2x2f(per_column + vec2f(1.0, 0.0), per_row + vec2f(0.0, 1.0));
+    return aperture * mat2x2f(per_column + vec2f(1.0, 0.0), per_row + vec2f(0.0, 1.0));
 }

@@ -54,9 +54,10 @@ const BACKDROP: u32 = 0x80000000u;
 // Seen share of a pixel from which on nothing behind can matter.
 const FULL: f32 = 1.0 - 1e-6;
 
-// A triangle's corner from the middle of a pixel, px.
+// A triangle's corner from the middle of a pixel, in sides of its sensitive square: areas here are
+// shares of that.
 fn corner_from(place: u32, pixel: vec2i) -> vec2f {
-    return vec2f(screen[corners[place]] - pixel * 65536) / 65536.0;
+    return vec2f(screen[corners[place]] - pixel * 65536) / (65536.0 * aperture);
 }
 
 fn start_of(n: u32) -> u32 {
@@ -210,12 +211,12 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
             first += m.x * m.yz;
             if (shadowed != 0u) { second += spread + spread_at(m); }
             let d = vec2f(pixel - t.place.xy);
-            let middle = undistort(bend, m.yz);
+            let middle = undistort_within(bend, m.yz);
             var extent = change;
             if (shadowed != 0u) { extent = change * rectangle_of(m, spread); }
-            if (distorted != 0u) {
+            if (distorted != 0u || aperture != 1.0) {
                 for (var n = 0; n < polygon.count; n++) {
-                    polygon.p[n] = undistort(bend, polygon.p[n]);
+                    polygon.p[n] = undistort_within(bend, polygon.p[n]);
                 }
             }
             printed = 0.0;
@@ -298,7 +299,7 @@ fn whole_pixels(
         );
         var light = t.more.x;
         if (lit != 0u) {
-            let middle = undistort(bend, m.yz);
+            let middle = undistort_within(bend, m.yz);
             let d = vec2f(pixel - t.place.xy) + middle;
             let r = reflection_at(t, params.rays, vec2f(pixel) + middle, d, 0u);
             light = radiance_of(t, r, light, light, 1.0);
