@@ -17,6 +17,7 @@ PACKAGE = Path(gpusim.__file__).parent
 FOUNDATION = {
     "_version",
     "apart",
+    "blas",
     "copies",
     "distinct",
     "errors",
@@ -28,6 +29,7 @@ FOUNDATION = {
 ALLOWED: dict[str, set[str]] = {
     "_version": set(),
     "apart": set(),
+    "blas": set(),
     "copies": set(),
     "distinct": set(),
     "errors": set(),

@@ -12,8 +12,10 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.blas import one_blas_thread
 from gpusim.errors import InputError
 from gpusim.gpu import Device
+from gpusim.inputs import unmasked
 from gpusim.measure.blurred import noise_factor
 from gpusim.measure.features import feature_motions, global_shift
 from gpusim.measure.images import FloatArray, check_points
@@ -40,6 +42,8 @@ UNEXPLAINED = (Status.NOT_CONVERGED, Status.LOW_CORRELATION, Status.NO_GUESS, St
 PROBES = 9  # positions across a subset at which that is looked up
 
 
+@unmasked("reference", "deformed")
+@one_blas_thread()
 def dic(
     reference: npt.NDArray[Any],
     deformed: npt.NDArray[Any],

@@ -14,8 +14,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.blas import one_blas_thread
 from gpusim.errors import InputError
 from gpusim.gpu import Device
+from gpusim.inputs import unmasked
 from gpusim.measure.blurred import noise_factor
 from gpusim.measure.calibration import CalibratedCamera
 from gpusim.measure.dic import explain, grid_points
@@ -78,6 +80,8 @@ class StereoResult:
         return {name: number for name, number in numbers.items() if number}
 
 
+@unmasked("left", "right")
+@one_blas_thread()
 def stereo_shape(
     left: npt.NDArray[Any],
     right: npt.NDArray[Any],
@@ -155,6 +159,8 @@ def stereo_shape(
     return _triangulated(cameras, places, places, there, sigma, matches.status, None, subset)
 
 
+@unmasked("left", "right", "lefts", "rights")
+@one_blas_thread()
 def stereo_dic(
     left: npt.NDArray[Any],
     right: npt.NDArray[Any],

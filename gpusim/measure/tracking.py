@@ -14,7 +14,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.blas import one_blas_thread
 from gpusim.errors import InputError
+from gpusim.inputs import unmasked
 from gpusim.measure.blurred import noise_factor
 from gpusim.measure.images import FloatArray, check_image, check_points
 from gpusim.measure.matching import Correlation, Status
@@ -48,6 +50,8 @@ class TrackResult(DicResult):
     source: npt.NDArray[np.int64]
 
 
+@unmasked("reference", "deformed")
+@one_blas_thread()
 def track(
     reference: npt.NDArray[Any],
     deformed: npt.NDArray[Any],

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.blas import one_blas_thread
 from gpusim.errors import InputError
 from gpusim.gpu import Device, default_device
 from gpusim.inputs import checked
@@ -60,6 +61,7 @@ class Exposure:
 
 
 @checked
+@one_blas_thread()
 def photograph(
     surfaces: Sequence[Surface] | SurfacesAt,
     camera: Camera | CameraAt,

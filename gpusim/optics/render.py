@@ -7,6 +7,7 @@ from types import UnionType
 
 import numpy as np
 
+from gpusim.blas import one_blas_thread
 from gpusim.errors import InputError
 from gpusim.gpu import Buffer, Device, default_device
 from gpusim.inputs import checked
@@ -52,6 +53,7 @@ FINEST_ERROR = 0.25
 
 
 @checked
+@one_blas_thread()
 def render(
     surfaces: Sequence[Surface],
     camera: Camera,
