@@ -95,7 +95,7 @@ class Plan:
 def make_plan(
     scene: Scene,
     out: str | PathLike[str] | None = None,
-    backend: str = "gpu",
+    backend: str = "auto",
     fresh: bool = False,
     skip: bool = True,
 ) -> Plan:
@@ -105,6 +105,9 @@ def make_plan(
     nothing is reused, and what the loads make trivial is computed all the same; outputs that the
     scene doesn't ask for are not made.
     """
+    from gpusim.gpu import chosen_backend
+
+    backend = chosen_backend("plan", backend)
     if scene.variants:
         return _plan_variants(scene, out, backend, fresh, skip)
     return _Planner(scene, out, backend, fresh, skip).plan()

@@ -23,6 +23,7 @@ FOUNDATION = {
     "errors",
     "input_file",
     "inputs",
+    "picture_file",
     "processors",
     "series",
 }
@@ -35,6 +36,7 @@ ALLOWED: dict[str, set[str]] = {
     "errors": set(),
     "input_file": set(),
     "inputs": set(),
+    "picture_file": set(),
     "processors": set(),
     "series": set(),
     "gpu": set(),
@@ -53,7 +55,7 @@ NUMERICS = set(ALLOWED)
 # Modules that put stages together, each with what it may see beside all of the above.
 ALLOWED |= {
     "state": {"export"},
-    "plan": {"scene", "state", "export"},
+    "plan": {"gpu", "scene", "state", "export"},
     "bench": {"gpu", "mesh", "fem", "surface", "optics"},
     "pipeline": NUMERICS | {"plan", "state"},
     "__init__": NUMERICS | {"plan", "state", "pipeline"},

@@ -108,7 +108,7 @@ def run(
     sets: Sets = None,
     only: Only = None,
     no: No = None,
-    backend: BackendOption = Backend.gpu,
+    backend: BackendOption = Backend.auto,
     fresh: Fresh = False,
     no_skip: NoSkip = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
@@ -141,7 +141,7 @@ def budget(
     scene: ScenePath,
     output: Annotated[Path, typer.Option("-o", "--output", metavar="OUT", help="Output folder.")],
     sets: Sets = None,
-    backend: BackendOption = Backend.gpu,
+    backend: BackendOption = Backend.auto,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
     as_json: Json = False,
 ) -> None:
@@ -165,7 +165,7 @@ def budget(
 def solve(
     deck: Annotated[Path, typer.Argument(metavar="FILE.inp", help="An Abaqus or CalculiX deck.")],
     output: Annotated[Path, typer.Option("-o", "--output", metavar="OUT", help="Output folder.")],
-    backend: BackendOption = Backend.gpu,
+    backend: BackendOption = Backend.auto,
     tolerance: Annotated[
         float, typer.Option(help="Relative error of the displacement to reach.")
     ] = 1e-6,
@@ -192,7 +192,7 @@ def plan(
         Path | None, typer.Option("-o", "--output", metavar="OUT", help="Folder of an earlier run.")
     ] = None,
     sets: Sets = None,
-    backend: BackendOption = Backend.gpu,
+    backend: BackendOption = Backend.auto,
     fresh: Fresh = False,
     no_skip: NoSkip = False,
     as_json: Json = False,

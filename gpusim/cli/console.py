@@ -42,6 +42,7 @@ def exit_codes() -> Iterator[None]:
         with warnings.catch_warnings():
             if not _debugging():
                 warnings.simplefilter("ignore", RuntimeWarning)
+                warnings.showwarning = _warn
             yield
     except typer.Exit:
         raise
@@ -79,6 +80,12 @@ def _debug() -> None:
 def _complain(message: str) -> None:
     console = Console(stderr=True, highlight=False, soft_wrap=True)
     console.print(Text("error: ", style="bold red") + Text(message, style="not bold"))
+
+
+def _warn(message: Warning | str, *_: Any, **__: Any) -> None:
+    """One line in place of Python's, which name a line of code."""
+    console = Console(stderr=True, highlight=False, soft_wrap=True)
+    console.print(Text("warning: ", style="bold yellow") + Text(str(message), style="not bold"))
 
 
 class ProgressDisplay:

@@ -17,11 +17,20 @@ __all__ = ["Backend", "BackendOption", "Json", "Output", "Quiet", "check_folder"
 class Backend(StrEnum):
     """Where the numbers are made."""
 
+    auto = "auto"
     gpu = "gpu"
     numpy = "numpy"
 
 
-BackendOption = Annotated[Backend, typer.Option(help="gpu: any Vulkan device; numpy: none.")]
+BackendOption = Annotated[
+    Backend,
+    typer.Option(help="auto: a Vulkan device, else NumPy; gpu: a device or an error; numpy: none."),
+]
+    Backend,
+    typer.Option(
+        help="auto: a Vulkan device, else NumPy; gpu: a device or an error; numpy: no device."
+    ),
+]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")]
 Output = Annotated[Path, typer.Option("-o", "--output", metavar="OUT", help="Output folder.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]

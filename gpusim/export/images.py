@@ -16,13 +16,14 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import cast
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.export.files import PathLike, atomic_path, atomic_stream
 from gpusim.export.recent import keep, recall
+from gpusim.input_file import InputFile
+from gpusim.picture_file import decode
 
 __all__ = ["GreyImage", "read_image", "write_colour", "write_image", "write_png", "write_tiff"]
 
@@ -140,26 +141,31 @@ def write_tiff(
     return Path(path)
 
 
-def read_image(path: PathLike) -> GreyImage:
+def read_image(source: PathLike | InputFile) -> GreyImage:
     """Read a grey image as it is stored: (H, W) uint8 or uint16.
 
     One that was read or written lately comes from memory (`gpusim.export.recent`), so the array
     can't be written to. Raises InputError if the file is missing, unreadable or not grey.
     """
-    if not Path(path).is_file():
-        raise InputError(f"image file: {path}: not found")
-    known = recall(path)
+    if isinstance(source, InputFile):
+        return _grey(source)
+    if not Path(source).is_file():
+        raise InputError(f"image file: {source}: not found")
+    known = recall(source)
     if known is not None:
         return cast(GreyImage, known)
-    image = cv2.imread(os.fspath(path), cv2.IMREAD_UNCHANGED)
-    if image is None:
-        raise InputError(f"image file: {path}: can't be read; expected a PNG or TIFF image")
+    return cast(GreyImage, keep(source, _grey(source)))
+
+
+def _grey(source: PathLike | InputFile) -> GreyImage:
+    image = decode(source)
     if image.ndim != 2 or image.dtype not in (np.uint8, np.uint16):
+        path = source.path if isinstance(source, InputFile) else source
         raise InputError(
             f"image file: {path}: got shape {image.shape}, {image.dtype}; expected (H, W) grey,"
             " uint8 or uint16"
         )
-    return cast(GreyImage, keep(path, image))
+    return cast(GreyImage, image)
 
 
 def _check(image: GreyImage, pixels_per_metre: float | None) -> None:

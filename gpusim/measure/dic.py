@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from gpusim.blas import one_blas_thread
 from gpusim.errors import InputError
-from gpusim.gpu import Device
+from gpusim.gpu import Device, working_device
 from gpusim.inputs import unmasked
 from gpusim.measure.blurred import noise_factor
 from gpusim.measure.features import feature_motions, global_shift
@@ -65,6 +65,7 @@ def dic(
     min_zncc: float = 0.8,
     apart_px: float = 0.1,
     device: Device | None = None,
+    backend: str = "auto",
 ) -> DicResult:
     """Measure how ``reference`` moved to become ``deformed``.
 
@@ -98,13 +99,16 @@ def dic(
     apart_px : subsets of shape "affine" or "quadratic" of which a ninth moved further than this
         from the rest, px, or doesn't match at all, are reported as ``INCOHERENT``: they see the
         edge of a body, a hole or a crack. inf: not looked at.
-    device : where to iterate; None runs the NumPy twin in float64.
+    backend : ``"auto"``: on the device where an adapter is found, else by the NumPy twins, with one
+        warning; ``"gpu"``: on a device or not at all; ``"numpy"``: the float64 twins.
+    device : the device to take; None: the process-wide one.
 
     Raises
     ------
     InputError
         An argument is wrong. A point that can't be measured is no error: see ``status``.
     """
+    device = working_device("dic", backend, device)
     settings = make_settings(
         subset,
         window,

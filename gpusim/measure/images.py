@@ -19,7 +19,7 @@ def pixels_of(image: object) -> Image:
     """``image`` as a plain array: masked pixels of a `numpy.ma.MaskedArray` become NaN."""
     if isinstance(image, np.ma.MaskedArray) and np.ma.is_masked(image):
         kind = image.dtype if image.dtype.kind == "f" else np.float64
-        return np.asarray(image.astype(kind).filled(np.nan))
+        return np.where(np.ma.getmaskarray(image), np.nan, np.ma.getdata(image)).astype(kind)
     return np.asarray(image)
 
 

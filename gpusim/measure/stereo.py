@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from gpusim.blas import one_blas_thread
 from gpusim.errors import InputError
-from gpusim.gpu import Device
+from gpusim.gpu import Device, working_device
 from gpusim.inputs import unmasked
 from gpusim.measure.blurred import noise_factor
 from gpusim.measure.calibration import CalibratedCamera
@@ -100,6 +100,7 @@ def stereo_shape(
     max_iterations: int = 60,
     min_zncc: float = 0.8,
     device: Device | None = None,
+    backend: str = "auto",
 ) -> StereoResult:
     """Measure the shape of a surface from one pair of images; displacements are zero.
 
@@ -130,6 +131,7 @@ def stereo_shape(
         max_move=float(subset),
         blur_px=blur_px,
     )
+    device = working_device("stereo_shape", backend, device)
     first = make_usable(left, "left", subset, mask, saturation)
     second = make_usable(right, "right", subset, None, saturation)
     if points is None:
@@ -182,6 +184,7 @@ def stereo_dic(
     tolerance: float = 1e-4,
     min_zncc: float = 0.8,
     device: Device | None = None,
+    backend: str = "auto",
     **options: Any,
 ) -> list[StereoResult]:
     """Measure how a surface moved in space.
@@ -202,6 +205,7 @@ def stereo_dic(
     InputError
         As ``stereo_shape`` and ``dic_sequence``, or the numbers of images differ.
     """
+    device = working_device("stereo_dic", backend, device)
     common: dict[str, Any] = {
         "subset": subset,
         "saturation": saturation,
@@ -209,6 +213,7 @@ def stereo_dic(
         "tolerance": tolerance,
         "min_zncc": min_zncc,
         "device": device,
+        "backend": "numpy" if device is None else "gpu",
     }
     begin = stereo_shape(
         left,

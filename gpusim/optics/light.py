@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.input_file import InputFile
 from gpusim.inputs import checked
 from gpusim.optics.panorama import read_panorama
 
@@ -220,7 +221,7 @@ class EnvironmentLight:
     @staticmethod
     @checked
     def read(
-        path: str | PathLike[str],
+        path: str | PathLike[str] | InputFile,
         *,
         scale: float = 1.0,
         up: Vector = (0.0, 0.0, 1.0),
