@@ -26,11 +26,6 @@ BackendOption = Annotated[
     Backend,
     typer.Option(help="auto: a Vulkan device, else NumPy; gpu: a device or an error; numpy: none."),
 ]
-    Backend,
-    typer.Option(
-        help="auto: a Vulkan device, else NumPy; gpu: a device or an error; numpy: no device."
-    ),
-]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")]
 Output = Annotated[Path, typer.Option("-o", "--output", metavar="OUT", help="Output folder.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]

@@ -226,7 +226,8 @@ def explain(
     if not asked.size:
         return
     guide = known[point_tree(points[known]).query(points[asked])[1]]
-    offset = np.linspace(-1.0, 1.0, PROBES)
+    # at whole pixels: halfway between two, the last bit of a motion would choose
+    offset = np.rint(np.linspace(-half, half, PROBES)) / half
     a, b = (axis.ravel() for axis in np.meshgrid(offset, offset))
     c = matches.coefficients[guide]
     terms = np.stack([np.ones_like(a), a, b, 0.5 * a * a, a * b, 0.5 * b * b])

@@ -255,8 +255,8 @@ class Front:
         while which.size:
             asked[which] = True
             found = self.points[which], self.coefficients[which]
-            torn, doubtful = incoherent(self.pair, *found, self.settings, self.blur_px)
-            unclear[which[doubtful]] = True
+            torn, doubtful, likely = incoherent(self.pair, *found, self.settings, self.blur_px)
+            unclear[which[likely]] = True
             torn[doubtful] = self._moved_inside(which[doubtful])
             self._give_up(which[torn], Status.INCOHERENT)
             self._give_up(which[aside], Status.NO_TEXTURE)
@@ -266,12 +266,9 @@ class Front:
             which = near[self.ok[near] & ~asked[near]]
             aside = self._aside(which)
         # an edge through the middle of a subset looks the same in its middle, but has neighbours
-        while True:
-            torn_near = (self.status[self._neighbours] == Status.INCOHERENT).sum(axis=1)
-            found_too = np.flatnonzero(unclear & self.ok & (torn_near >= COMPANY))
-            if found_too.size == 0:
-                return
-            self._give_up(found_too, Status.INCOHERENT)
+        torn_near = (self.status[self._neighbours] == Status.INCOHERENT).sum(axis=1)
+        settled = unclear & self.ok & (torn_near >= COMPANY)
+        self._give_up(np.flatnonzero(settled), Status.INCOHERENT)
 
     def _moved_inside(self, which: IntArray) -> npt.NDArray[np.bool_]:
         """Whether the middle of a subset by itself says something else of its point.
@@ -290,8 +287,7 @@ class Front:
         result = correlate(Subsets(self.pair, self.points[which], start), settings, self.device)
         away = np.abs(result.coefficients[:, :, 0] - start[:, :, 0]).max(axis=1)
         limit = np.maximum(self.settings.apart_px, 4.0 * self._widened(result.sigma))
-        lost = (result.status == Status.LOW_CORRELATION) | (result.status == Status.NOT_CONVERGED)
-        return np.asarray(lost | ((result.status == Status.OK) & (away > limit)))
+        return np.asarray((result.status == Status.OK) & (away > limit))
 
     def _widened(self, sigma: FloatArray) -> FloatArray:
         """Blurred noise is correlated: the uncertainty is that much larger."""
