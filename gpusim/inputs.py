@@ -3,6 +3,10 @@
 `checked` reads the types from a function's or dataclass' annotations, so that what the signature
 says is what is checked: numbers, whole numbers, texts, switches, arrays and tuples of numbers.
 Other types, ranges and shapes are left to the function itself.
+
+`unmasked`, which is part of `checked`, is the rule for NumPy's masked arrays, whose masks
+`np.asarray` would drop without a word. Masked pixels of a picture that is measured count as NaN
+(see `gpusim.measure.images`); anywhere else a masked value is an error.
 """
 
 from __future__ import annotations
@@ -10,6 +14,7 @@ from __future__ import annotations
 import difflib
 import functools
 import inspect
+import itertools
 import types
 import typing
 from collections.abc import Callable, Iterable, Sequence
@@ -20,7 +25,7 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 
-__all__ = ["checked", "nearest_name", "real_numbers"]
+__all__ = ["checked", "nearest_name", "real_numbers", "unmasked"]
 
 T = TypeVar("T", bound=Callable[..., Any])
 Test = tuple[str, Callable[[Any], bool]]
@@ -47,10 +52,59 @@ def checked(thing: T) -> T:
     A dataclass' own checks come first: they know what is expected better than its types do.
     """
     if not isinstance(thing, type):
-        return typing.cast(T, _wrapped(thing, thing.__name__))
+        return unmasked()(typing.cast(T, _wrapped(thing, thing.__name__)))
     init: Any = thing.__init__  # type: ignore[misc]
     thing.__init__ = _wrapped(init, thing.__name__, own_first=True)  # type: ignore[misc]
-    return thing
+    return unmasked()(thing)
+
+
+def unmasked(*images: str) -> Callable[[T], T]:
+    """Decorator of functions and classes, methods included: InputError for masked arrays.
+
+    ``images`` are the arguments that may be masked. Masked arrays without a masked value pass.
+    """
+
+    def decorated(thing: T) -> T:
+        if not isinstance(thing, type):
+            return typing.cast(T, _without_masks(thing, thing.__name__, images))
+        for name, method in list(vars(thing).items()):
+            if inspect.isfunction(method) and (name == "__init__" or not name.startswith("_")):
+                where = thing.__name__ if name == "__init__" else f"{thing.__name__}.{name}"
+                setattr(thing, name, _without_masks(method, where, images))
+        return thing
+
+    return decorated
+
+
+def _without_masks(
+    function: Callable[..., Any], name: str, images: Sequence[str]
+) -> Callable[..., Any]:
+    own = list(inspect.signature(function).parameters)
+
+    @functools.wraps(function)
+    def call(*args: Any, **kwargs: Any) -> Any:
+        for key, value in itertools.chain(zip(own, args, strict=False), kwargs.items()):
+            if key not in images and _is_masked(value):
+                raise InputError(
+                    f"{name} {key}: masked; got an array with masked values; expected numbers "
+                    "everywhere: fill them (.filled()) or leave them out (.compressed()) first"
+                )
+        return function(*args, **kwargs)
+
+    return call
+
+
+def _is_masked(value: Any) -> bool:
+    """Whether it is, or directly holds, an array some values of which are masked."""
+    if isinstance(value, np.ma.MaskedArray):
+        return bool(np.ma.is_masked(value))
+    if isinstance(value, dict):
+        value = list(value.values())
+    if isinstance(value, list | tuple):
+        kinds = set(map(type, value))
+        kinds = {kind for kind in kinds if issubclass(kind, np.ma.MaskedArray)}
+        return bool(kinds) and any(map(np.ma.is_masked, value))
+    return False
 
 
 def _wrapped(

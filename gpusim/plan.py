@@ -97,7 +97,7 @@ class Plan:
 def make_plan(
     scene: Scene,
     out: str | PathLike[str] | None = None,
-    backend: str = "gpu",
+    backend: str = "auto",
     fresh: bool = False,
     skip: bool = True,
     state: StateFile | None = None,
@@ -108,6 +108,9 @@ def make_plan(
     nothing is reused, and what the loads make trivial is computed all the same; outputs that the
     scene doesn't ask for are not made. ``state``: what ``out`` holds, if somebody has looked.
     """
+    from gpusim.gpu import chosen_backend
+
+    backend = chosen_backend("plan", backend)
     if scene.variants:
         plan = _plan_variants(scene, out, backend, fresh, skip)
     else:

@@ -18,6 +18,7 @@ FOUNDATION = {
     "_version",
     "apart",
     "child_process",
+    "blas",
     "copies",
     "distinct",
     "errors",
@@ -27,6 +28,7 @@ FOUNDATION = {
     "inputs",
     "output_folder",
     "printable",
+    "picture_file",
     "processors",
     "series",
 }
@@ -34,6 +36,7 @@ ALLOWED: dict[str, set[str]] = {
     "_version": set(),
     "apart": set(),
     "child_process": set(),
+    "blas": set(),
     "copies": set(),
     "distinct": set(),
     "errors": set(),
@@ -43,6 +46,7 @@ ALLOWED: dict[str, set[str]] = {
     "inputs": set(),
     "output_folder": set(),
     "printable": set(),
+    "picture_file": set(),
     "processors": set(),
     "series": set(),
     "gpu": set(),
@@ -61,7 +65,7 @@ NUMERICS = set(ALLOWED)
 # Modules that put stages together, each with what it may see beside all of the above.
 ALLOWED |= {
     "state": {"export"},
-    "plan": {"scene", "state", "export"},
+    "plan": {"gpu", "scene", "state", "export"},
     "bench": {"gpu", "mesh", "fem", "surface", "optics"},
     "pipeline": NUMERICS | {"plan", "state"},
     "__init__": NUMERICS | {"plan", "state", "pipeline"},

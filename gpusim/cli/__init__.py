@@ -112,7 +112,7 @@ def run(
     sets: Sets = None,
     only: Only = None,
     no: No = None,
-    backend: BackendOption = Backend.gpu,
+    backend: BackendOption = Backend.auto,
     fresh: Fresh = False,
     no_skip: NoSkip = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
@@ -145,7 +145,7 @@ def budget(
     scene: ScenePath,
     output: Output,
     sets: Sets = None,
-    backend: BackendOption = Backend.gpu,
+    backend: BackendOption = Backend.auto,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
     as_json: Json = False,
 ) -> None:
@@ -169,7 +169,7 @@ def budget(
 def solve(
     deck: Annotated[Path, typer.Argument(metavar="FILE.inp", help="An Abaqus or CalculiX deck.")],
     output: Output,
-    backend: BackendOption = Backend.gpu,
+    backend: BackendOption = Backend.auto,
     tolerance: Annotated[
         float, typer.Option(help="Relative error of the displacement to reach.")
     ] = 1e-6,
@@ -199,7 +199,7 @@ def plan(
         ),
     ] = None,
     sets: Sets = None,
-    backend: BackendOption = Backend.gpu,
+    backend: BackendOption = Backend.auto,
     fresh: Fresh = False,
     no_skip: NoSkip = False,
     as_json: Json = False,

@@ -52,6 +52,7 @@ def exit_codes() -> Iterator[None]:
         with warnings.catch_warnings():
             if not _debugging():
                 warnings.simplefilter("ignore", RuntimeWarning)
+                warnings.showwarning = _warn
             yield
     except typer.Exit:
         raise
@@ -115,6 +116,12 @@ def _printable_errors() -> Iterator[None]:
         if isinstance(message, str):
             error.message = printable(message, keep="\n")  # type: ignore[attr-defined]
         raise
+
+
+def _warn(message: Warning | str, *_: Any, **__: Any) -> None:
+    """One line in place of Python's, which name a line of code."""
+    console = Console(stderr=True, highlight=False, soft_wrap=True)
+    console.print(Text("warning: ", style="bold yellow") + Text(str(message), style="not bold"))
 
 
 class ProgressDisplay:

@@ -18,7 +18,7 @@ from gpusim.errors import InputError, NotConverged
 from gpusim.export.correlation import write_correlation, write_stereo
 from gpusim.export.files import safe_name, write_text
 from gpusim.export.pictures import pages_of, picture_file, read_grey
-from gpusim.gpu import Device
+from gpusim.gpu import Device, working_device
 from gpusim.measure import (
     CalibratedCamera,
     DicResult,
@@ -94,7 +94,7 @@ def correlate_files(
         (lens,) = _cameras(choices.calibration, [first.shape], "--calibration")
     roi = _roi(choices.roi)
     mask = None if choices.mask is None else _mask(choices.mask, first.shape)
-    device = Device() if choices.backend == "gpu" else None
+    device = working_device("--backend", choices.backend)
     rows: list[dict[str, Any]] = []
     figures: list[tuple[str, Figure]] = []
     settings = _settings(reference, choices, device)
@@ -142,6 +142,7 @@ def correlate_files(
             apart_px=choices.apart_px,
             tolerance=choices.tolerance,
             device=device,
+            backend="numpy" if device is None else "gpu",
         )
     _finish(reference.name, rows, figures, settings, folder, quiet, as_json)
 
@@ -175,7 +176,7 @@ def correlate_pairs(
     left, right = read_grey(lefts[0]), read_grey(rights[0])
     one, two = _cameras(calibration, [left.shape, right.shape], "--stereo")
     mask = None if choices.mask is None else _mask(choices.mask, left.shape)
-    device = Device() if choices.backend == "gpu" else None
+    device = working_device("--backend", choices.backend)
     settings = _settings(lefts[0], choices, device) | {"stereo": str(calibration)}
     common: dict[str, Any] = {
         "subset": choices.subset,
@@ -186,6 +187,7 @@ def correlate_pairs(
         "min_zncc": choices.min_zncc,
         "tolerance": choices.tolerance,
         "device": device,
+        "backend": "numpy" if device is None else "gpu",
     }
     rows: list[dict[str, Any]] = []
     figures: list[tuple[str, Figure]] = []

@@ -94,8 +94,7 @@ def _solved(
             done = np.log(max(error, 1e-300)) / np.log(tolerance) if error < 1.0 else 0.0
             display("solve", min(float(done), 0.99), f"{iterations} iterations, {error:.1e}")
 
-        chosen = "auto" if backend == "gpu" else backend  # the better one on this machine
-        solutions = deck.solve(backend=chosen, tolerance=tolerance, progress=progress)
+        solutions = deck.solve(backend=backend, tolerance=tolerance, progress=progress)
         worst = max(one.error_estimate for one in solutions)
         display("solve", 1.0, f"{len(solutions)} steps, estimated error {worst:.1e}")
     return solutions

@@ -78,7 +78,7 @@ def dic(
     formats: Annotated[
         list[Format] | None, typer.Option("--format", help="Of the tables (repeatable).")
     ] = None,
-    backend: BackendOption = Backend.gpu,
+    backend: BackendOption = Backend.auto,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:

@@ -21,11 +21,15 @@ def folder_name(text: str) -> Path:
 class Backend(StrEnum):
     """Where the numbers are made."""
 
+    auto = "auto"
     gpu = "gpu"
     numpy = "numpy"
 
 
-BackendOption = Annotated[Backend, typer.Option(help="gpu: any Vulkan device; numpy: none.")]
+BackendOption = Annotated[
+    Backend,
+    typer.Option(help="auto: a Vulkan device, else NumPy; gpu: a device or an error; numpy: none."),
+]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")]
 Output = Annotated[
     Path,

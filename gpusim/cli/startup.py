@@ -19,7 +19,7 @@ def starting(output: Path, backend: Backend) -> Iterator[None]:
     from gpusim.report import prepare_figures
 
     prepare_figures()
-    if backend is not Backend.gpu:
+    if backend is Backend.numpy:
         yield
         return
     from gpusim.gpu.beforehand import beforehand

@@ -14,6 +14,7 @@ from gpusim.deck.temperature import point_stresses
 from gpusim.errors import InputError
 from gpusim.fem import Material, Model, Solution, solve
 from gpusim.gpu import Device
+from gpusim.inputs import unmasked
 from gpusim.mesh import Mesh
 
 __all__ = ["Deck", "Step"]
@@ -43,6 +44,7 @@ class Step:
     equations: Equations | None
 
 
+@unmasked()
 @dataclass(frozen=True, eq=False)
 class Deck:
     """A linear static analysis as an input file describes it; units are the file's.

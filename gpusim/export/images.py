@@ -16,14 +16,14 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import cast
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.export.files import PathLike, atomic_path, atomic_stream
 from gpusim.export.recent import keep, recall
-from gpusim.input_file import InputFile, read_input
+from gpusim.input_file import InputFile
+from gpusim.picture_file import decode
 
 __all__ = ["GreyImage", "read_image", "write_colour", "write_image", "write_png", "write_tiff"]
 
@@ -147,22 +147,25 @@ def read_image(source: PathLike | InputFile) -> GreyImage:
     One that was read or written lately comes from memory (`gpusim.export.recent`), so the array
     can't be written to. Raises InputError if the file is missing, unreadable or not grey.
     """
-    path = source.path if isinstance(source, InputFile) else source
-    if not Path(path).is_file():
-        raise InputError(f"image file: {path}: not found")
-    known = recall(path)
+    if isinstance(source, InputFile):
+        return _grey(source)
+    if not Path(source).is_file():
+        raise InputError(f"image file: {source}: not found")
+    known = recall(source)
     if known is not None:
         return cast(GreyImage, known)
-    data = np.frombuffer(read_input(source, "a PNG or TIFF image").data, np.uint8)
-    image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
-    if image is None:
-        raise InputError(f"image file: {path}: can't be read; expected a PNG or TIFF image")
+    return cast(GreyImage, keep(source, _grey(source)))
+
+
+def _grey(source: PathLike | InputFile) -> GreyImage:
+    image = decode(source)
     if image.ndim != 2 or image.dtype not in (np.uint8, np.uint16):
+        path = source.path if isinstance(source, InputFile) else source
         raise InputError(
             f"image file: {path}: got shape {image.shape}, {image.dtype}; expected (H, W) grey,"
             " uint8 or uint16"
         )
-    return cast(GreyImage, keep(path, image))
+    return cast(GreyImage, image)
 
 
 def _check(image: GreyImage, pixels_per_metre: float | None) -> None:

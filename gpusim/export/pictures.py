@@ -4,22 +4,21 @@ from __future__ import annotations
 
 import os
 import re
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 import numpy.typing as npt
-import tifffile
 
 from gpusim.errors import InputError
 from gpusim.export.files import PathLike
+from gpusim.input_file import InputFile, read_input
+from gpusim.picture_file import decode, page_count
 
 __all__ = ["pages_of", "picture_file", "read_grey"]
 
 GREY_WEIGHTS = np.array([0.114, 0.587, 0.299])  # blue, green, red: ITU-R BT.601
-TIFF_MAGIC = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
-UNREADABLE = (tifffile.TiffFileError, ValueError, KeyError, IndexError, OSError, cv2.error)
 
 
 def picture_file(path: PathLike) -> tuple[Path, int | None]:
@@ -40,15 +39,13 @@ def pages_of(path: PathLike) -> list[Path]:
     Raises InputError for a file that is missing or damaged.
     """
     file, page = picture_file(path)
-    if not file.is_file():
-        raise InputError(f"image file: {file}: not found")
-    count = _pages(file)
+    count = page_count(_read(file))
     if page is not None or count == 1:
         return [Path(path)]
     return [file.with_name(f"{file.name}#{number}") for number in range(1, count + 1)]
 
 
-def read_grey(path: PathLike) -> npt.NDArray[Any]:
+def read_grey(source: PathLike | InputFile) -> npt.NDArray[Any]:
     """Read any picture as (H, W) grey, at the bit depth that it has.
 
     Colour becomes luma (ITU-R BT.601) in float32, transparency is dropped. Of a TIFF with several
@@ -59,10 +56,13 @@ def read_grey(path: PathLike) -> npt.NDArray[Any]:
     InputError
         A file that is missing or no picture; several pages and none named, or one that isn't there.
     """
-    file, page = picture_file(path)
-    if not file.is_file():
-        raise InputError(f"image file: {file}: not found")
-    count = _pages(file)
+    page: int | None
+    if isinstance(source, InputFile):
+        file, page, data = source.path, None, source
+    else:
+        file, page = picture_file(source)
+        data = _read(file)
+    count = page_count(data)
     if page is None and count > 1:
         raise InputError(
             f"image file: {file}: got {count} pages; expected one: name it, as {file.name}#1 "
@@ -70,7 +70,7 @@ def read_grey(path: PathLike) -> npt.NDArray[Any]:
         )
     if page is not None and not 1 <= page <= count:
         raise InputError(f"image file: {file}: got page {page}; expected 1 to {count}")
-    image = _decoded(file, 0 if page is None else page - 1)
+    image = decode(data, 0 if page is None else page - 1)
     if image.ndim == 3 and image.shape[2] in (3, 4):
         colour = image[..., :3]
         if (colour == colour[..., :1]).all():
@@ -85,39 +85,15 @@ def read_grey(path: PathLike) -> npt.NDArray[Any]:
     return np.ascontiguousarray(image)
 
 
-def _pages(file: Path) -> int:
-    """Number of pictures in a file, without the small copies that some programs add to a TIFF."""
-    with file.open("rb") as stream:
-        if stream.read(4) not in TIFF_MAGIC:
-            return 1
-    try:
-        with tifffile.TiffFile(file) as tiff:
-            full = [page.shape for page in tiff.pages if not _reduced(page)]
-    except UNREADABLE as error:
-        raise InputError(f"image file: {file}: can't be read as a picture") from error
-    return max(1, len(full))
+def _read(file: Path) -> InputFile:
+    """The file, read once for all of its pages."""
+    if not file.is_file():
+        raise InputError(f"image file: {file}: not found")
+    found = file.stat()
+    return _last(file, (found.st_ino, found.st_size, found.st_mtime_ns))
 
 
-def _reduced(page: Any) -> bool:
-    """Whether a page says that it is a smaller copy of another one (tag 254, NewSubfileType)."""
-    tag = page.aspage().tags.get(254)
-    return tag is not None and bool(int(tag.value) & 1)
-
-
-def _decoded(file: Path, page: int) -> npt.NDArray[Any]:
-    """The picture as stored; colours in the order blue, green, red."""
-    image: npt.NDArray[Any] | None
-    if page == 0:
-        image = cv2.imread(os.fspath(file), cv2.IMREAD_UNCHANGED)
-    else:
-        read, images = cv2.imreadmulti(os.fspath(file), page, 1, flags=cv2.IMREAD_UNCHANGED)
-        image = images[0] if read and images else None
-    if image is not None:
-        return np.asarray(image)
-    try:
-        image = np.asarray(tifffile.imread(file, key=page))
-    except UNREADABLE as error:
-        raise InputError(f"image file: {file}: can't be read as a picture") from error
-    if image.ndim == 3 and image.shape[2] == 3:
-        image = image[..., ::-1]
-    return image
+@lru_cache(maxsize=1)
+def _last(file: Path, stamp: tuple[int, int, int]) -> InputFile:
+    del stamp  # what changes whenever a file is written or replaced
+    return read_input(file, "a picture")

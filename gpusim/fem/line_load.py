@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.blas import one_blas_thread
 from gpusim.errors import InputError
 from gpusim.fem.loads import vector
+from gpusim.inputs import unmasked
 from gpusim.mesh import CELL_TYPES, Mesh
 
 __all__ = ["line_force", "node_line"]
@@ -27,6 +29,8 @@ _SLOPE = {
 }
 
 
+@unmasked()
+@one_blas_thread()
 def line_force(mesh: Mesh, nodes: npt.ArrayLike, total: npt.ArrayLike) -> Float:
     """``total`` (3,) spread uniformly over the length of the line through ``nodes``: (N,3).
 

@@ -10,11 +10,13 @@ from collections.abc import Callable, Mapping
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.blas import one_blas_thread
 from gpusim.distinct import distinct
 from gpusim.errors import InputError
 from gpusim.fem.element import ELEMENTS
 from gpusim.fem.face_element import face_groups
 from gpusim.fem.isoparametric import add_to, volumes
+from gpusim.inputs import unmasked
 from gpusim.mesh import Faces, Mesh
 
 __all__ = [
@@ -31,6 +33,8 @@ Float = npt.NDArray[np.float64]
 _CHUNK = 16384
 
 
+@unmasked()
+@one_blas_thread()
 def nodal_force(mesh: Mesh, nodes: npt.ArrayLike, total: npt.ArrayLike) -> Float:
     """``total`` (3,) shared equally by ``nodes`` (K,)."""
     given = np.asarray(nodes)
@@ -47,6 +51,8 @@ def nodal_force(mesh: Mesh, nodes: npt.ArrayLike, total: npt.ArrayLike) -> Float
     return forces
 
 
+@unmasked()
+@one_blas_thread()
 def face_force(mesh: Mesh, faces: Faces, total: npt.ArrayLike) -> Float:
     """``total`` (3,) spread uniformly over the area of ``faces``."""
     force = vector("face_force: total", total)
@@ -54,6 +60,8 @@ def face_force(mesh: Mesh, faces: Faces, total: npt.ArrayLike) -> Float:
     return np.asarray(weights * (force / weights[:, 0].sum()))
 
 
+@unmasked()
+@one_blas_thread()
 def traction(mesh: Mesh, faces: Faces, value: npt.ArrayLike) -> Float:
     """Force per area ``value`` (3,) on the undeformed ``faces``."""
     stress = vector("traction: value", value)
@@ -67,6 +75,8 @@ def pressure(mesh: Mesh, faces: Faces, value: float) -> Float:
     return _integrate(mesh, faces, lambda normal: -value * normal)
 
 
+@unmasked()
+@one_blas_thread()
 def body_force(
     mesh: Mesh,
     density: npt.ArrayLike,
@@ -88,6 +98,8 @@ def body_force(
     return _inertia_force("body_force", mesh, density, everywhere, formulation)
 
 
+@unmasked()
+@one_blas_thread()
 def centrifugal(
     mesh: Mesh,
     density: npt.ArrayLike,

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.fem.material import Material
+from gpusim.inputs import unmasked
 from gpusim.mesh import Mesh
 
 __all__ = ["Model"]
@@ -18,6 +19,7 @@ __all__ = ["Model"]
 Float = npt.NDArray[np.float64]
 
 
+@unmasked()
 @dataclass(frozen=True, eq=False)
 class Model:
     """A linear static problem in any consistent units.

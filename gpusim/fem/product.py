@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import os
-import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack, contextmanager
 from functools import cache
 from itertools import pairwise
 from typing import TypeVar
@@ -14,12 +12,11 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 from scipy.sparse import _sparsetools, bsr_matrix
-from threadpoolctl import threadpool_limits
 
 from gpusim.fem.block_rows import BlockRows, block_matrix
 from gpusim.processors import processors
 
-__all__ = ["Product", "RowsProduct", "ahead", "one_blas_thread", "row_shares", "shared"]
+__all__ = ["Product", "RowsProduct", "ahead", "row_shares", "shared"]
 
 Float = npt.NDArray[np.float64]
 T = TypeVar("T")
@@ -71,43 +68,6 @@ def row_shares(matrix: bsr_matrix, count: int) -> list[slice]:
     share = np.linspace(0, matrix.indptr[-1], count + 1)
     cuts = np.searchsorted(matrix.indptr, share).tolist()
     return [slice(first, last) for first, last in pairwise([0, *cuts[1:-1], rows])]
-
-
-class _Limit:
-    """BLAS's limit on threads is the process's: the first user sets it, the last one lifts it.
-
-    Both is done by a thread of our own, because threadpoolctl lets nobody but the thread that has
-    set a limit change it, and the last user needn't be the first one.
-    """
-
-    lock = threading.Lock()
-    users = 0
-    thread: ThreadPoolExecutor | None = None
-    limits = ExitStack()
-
-
-@contextmanager
-def one_blas_thread() -> Iterator[None]:
-    """One thread in BLAS meanwhile, in all of the process; several threads may use it at once.
-
-    The work is shared out above BLAS, and its sums don't depend on how many threads it may take.
-    """
-    with _Limit.lock:
-        if _Limit.thread is None:
-            _Limit.thread = ThreadPoolExecutor(1, thread_name_prefix="gpusim-blas")
-            _Limit.thread.submit(
-                lambda: _Limit.limits.enter_context(threadpool_limits(1, user_api="blas"))
-            ).result()
-        _Limit.users += 1
-    try:
-        yield
-    finally:
-        with _Limit.lock:
-            _Limit.users -= 1
-            if not _Limit.users:
-                _Limit.thread.submit(_Limit.limits.close).result()
-                _Limit.thread.shutdown()
-                _Limit.thread = None
 
 
 class Product:

@@ -9,6 +9,7 @@ from numbers import Integral, Real
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.blas import one_blas_thread
 from gpusim.errors import InputError
 from gpusim.fem.assembly import assemble, model_lattice
 from gpusim.fem.block_rows import BlockRows
@@ -17,18 +18,19 @@ from gpusim.fem.iterate import Outcome
 from gpusim.fem.methods import METHODS, Clock, Options, Result, solve_system
 from gpusim.fem.model import Model
 from gpusim.fem.numbering import Numbering
-from gpusim.fem.product import one_blas_thread
 from gpusim.fem.rounding import extremes
 from gpusim.fem.solution import Solution
 from gpusim.fem.supports import check_supports
 from gpusim.fem.system import System, make_system
 from gpusim.gpu import Device
+from gpusim.inputs import unmasked
 
 __all__ = ["METHODS", "solve"]
 
 Float = npt.NDArray[np.float64]
 
 
+@unmasked()
 def solve(
     model: Model,
     device: Device | None = None,

@@ -10,15 +10,17 @@ from types import MappingProxyType
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.blas import one_blas_thread
 from gpusim.distinct import distinct
 from gpusim.errors import InputError
 from gpusim.fem.element import ELEMENTS, Rule
 from gpusim.fem.formulation import resolve_formulation
 from gpusim.fem.isoparametric import add_to, volumes
 from gpusim.fem.model import Model
-from gpusim.fem.product import one_blas_thread, shared
+from gpusim.fem.product import shared
 from gpusim.fem.strain import point_stress
 from gpusim.fem.thermal import linear_temperature, point_temperature
+from gpusim.inputs import unmasked
 from gpusim.mesh import CELL_TYPES
 from gpusim.mesh.shapes import reference_nodes, shape_functions
 
@@ -100,6 +102,7 @@ class Stress:
         return result
 
 
+@unmasked()
 def von_mises(stress: npt.ArrayLike) -> Float:
     """(…) von Mises equivalent of stress (…,6), order xx yy zz xy yz zx."""
     s = _stress(stress)
@@ -108,6 +111,7 @@ def von_mises(stress: npt.ArrayLike) -> Float:
     return np.asarray(np.sqrt(0.5 * normal + 3.0 * (s[..., 3:] ** 2).sum(axis=-1)))
 
 
+@unmasked()
 def principal(stress: npt.ArrayLike) -> Float:
     """(…,3) principal values of stress (…,6), greatest first."""
     s = _stress(stress)
@@ -115,6 +119,7 @@ def principal(stress: npt.ArrayLike) -> Float:
     return np.ascontiguousarray(np.linalg.eigvalsh(tensor)[..., ::-1])
 
 
+@unmasked()
 def stress(
     model: Model,
     u: npt.ArrayLike,

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.blas import one_blas_thread
 from gpusim.errors import InputError
 from gpusim.fem.element import ELEMENTS, Rule
 from gpusim.fem.formulation import resolve_formulation
@@ -14,6 +15,7 @@ from gpusim.fem.isoparametric import add_to
 from gpusim.fem.material import Material
 from gpusim.fem.model import Model
 from gpusim.fem.strain import internal_force, point_stress
+from gpusim.inputs import unmasked
 from gpusim.mesh import CELL_TYPES, Mesh
 from gpusim.mesh.shapes import shape_functions
 
@@ -24,6 +26,8 @@ Float = npt.NDArray[np.float64]
 _CHUNK = 8192
 
 
+@unmasked()
+@one_blas_thread()
 def thermal(
     mesh: Mesh,
     materials: Sequence[Material],

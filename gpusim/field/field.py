@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.inputs import unmasked
 from gpusim.mesh import Mesh
 
 __all__ = ["Field"]
@@ -19,6 +20,7 @@ Step = Callable[[int], npt.NDArray[Any]]
 _KEPT = 2  # steps in memory: those between which a time lies
 
 
+@unmasked()
 class Field:
     """Displacements of a mesh's nodes at growing times.
 

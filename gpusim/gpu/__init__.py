@@ -1,6 +1,7 @@
 """The device layer: WGSL programs, buffers, recordings and the check against NumPy twins."""
 
 from gpusim.gpu.adapter import software_adapter
+from gpusim.gpu.backend import BACKENDS, chosen_backend, working_device
 from gpusim.gpu.buffer import Buffer, RealBuffer, SplitBuffer
 from gpusim.gpu.device import PORTABLE_LIMITS, Device, default_device
 from gpusim.gpu.kernel import Bindings, Kernel
@@ -11,6 +12,7 @@ from gpusim.gpu.twin import TOLERANCES, Tolerance, compare, twin_check, twin_che
 from gpusim.gpu.uniform import Uniform
 
 __all__ = [
+    "BACKENDS",
     "PORTABLE_LIMITS",
     "TOLERANCES",
     "Bindings",
@@ -25,9 +27,11 @@ __all__ = [
     "Texture",
     "Tolerance",
     "Uniform",
+    "chosen_backend",
     "compare",
     "default_device",
     "software_adapter",
     "twin_check",
     "twin_checks",
+    "working_device",
 ]

@@ -13,7 +13,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.blas import one_blas_thread
 from gpusim.errors import GpusimError, InputError
+from gpusim.inputs import unmasked
 from gpusim.measure.bundle import (
     DISTORTION,
     LENSES,
@@ -40,6 +42,7 @@ ELSEWHERE = 30.0  # px that a view may be off at the start
 OUTLIER_FLOOR = 0.02  # px; a smaller residual is never an outlier
 
 
+@unmasked()
 @dataclass(frozen=True, eq=False)
 class CalibratedCamera:
     """A calibrated camera and its place in the rig.
@@ -120,6 +123,8 @@ class Calibration:
         ]
 
 
+@unmasked()
+@one_blas_thread()
 def calibrate(
     sightings: Mapping[str, Sequence[Sighting]] | Sequence[Sighting],
     *,

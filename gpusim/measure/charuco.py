@@ -12,7 +12,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.blas import one_blas_thread
 from gpusim.errors import InputError
+from gpusim.inputs import unmasked
 from gpusim.measure.codes import check_dictionary
 from gpusim.measure.crossings import fit_crossings
 from gpusim.measure.images import check_image, eight_bit
@@ -65,6 +67,8 @@ class CharucoBoard:
         )
 
 
+@unmasked("image")
+@one_blas_thread()
 def find_charuco(image: npt.NDArray[Any], board: CharucoBoard) -> Sighting:
     """The inner corners of ``board`` in a grey image; board places as in `Chessboard`.
 

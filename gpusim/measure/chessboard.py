@@ -16,7 +16,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.blas import one_blas_thread
 from gpusim.errors import InputError
+from gpusim.inputs import unmasked
 from gpusim.measure.crossings import fit_crossings
 from gpusim.measure.images import FloatArray, check_image, eight_bit
 from gpusim.measure.targets import Chessboard, Sighting, grid_steps
@@ -29,6 +31,8 @@ LEAST_STEP = 6.0  # px between corners
 LEAST_SHARE = 0.5  # of the corners that have to be fitted
 
 
+@unmasked("image")
+@one_blas_thread()
 def find_chessboard(
     image: npt.NDArray[Any],
     board: Chessboard,

@@ -14,7 +14,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.blas import one_blas_thread
 from gpusim.errors import InputError
+from gpusim.inputs import unmasked
 from gpusim.measure.border import profile_and_slopes, slope_by_turn
 from gpusim.measure.images import FloatArray, Image, check_image, eight_bit
 from gpusim.measure.levenberg import fit_many
@@ -62,6 +64,8 @@ def check_dictionary(name: str, what: str) -> Any:
     return cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, f"DICT_{name}"))
 
 
+@unmasked("image")
+@one_blas_thread()
 def find_aruco(image: npt.NDArray[Any], dictionary: str = "4X4_50") -> Codes:
     """The markers of a dictionary in a grey image of any depth.
 

@@ -41,6 +41,9 @@ ONE_WAY = 0.1  # … or this share of those across them
 FOREIGN = 0.15  # residual variance of a part over the variance of the subset's grey values
 SEEN = 2.0  # what a smooth field explains over what a jump does, by coarse lines: no jump with more
 SMOOTH = np.array([0.9, 1.05])  # likewise by fine lines, as the jump is less sure or …
+LONG = 2.5  # times ``apart_px``: a shorter jump doesn't move a point by as much as that
+ALIKE = 2.2  # what a smooth field explains over what a jump does: doubtful up to here
+UNCLEAR = 0.55  # times SURE for a jump that makes doubtful: noise alone shows it in 1 of 20
 PROMISING = 0.5  # of a jump's length and surety that coarse lines must show
 CLEAR = 4.0  # … more than this times SURE: noise no longer decides
 CHOSEN = 2.4  # times SURE for a jump: the best of 576 lines fits noise better than one part does
@@ -56,8 +59,10 @@ def incoherent(
     coefficients: FloatArray,
     settings: Settings,
     blur_px: float = 0.0,
-) -> BoolArray:
-    """(M,) bool: subsets a part or a side of which moved by more than ``apart_px`` from the rest.
+) -> tuple[BoolArray, BoolArray, BoolArray]:
+    """(M,) bool: subsets a part or a side of which moved by more than ``apart_px`` from the rest;
+    doubtful ones, of which a line explains that, and a smooth field about as well: a narrow strip,
+    a corner, a jump of about a pixel, or short waves; and those of them where noise hardly does.
 
     points, coefficients : (M, 2) and (M, 2, 6), matched subsets, px; all inside both images.
 
@@ -72,7 +77,8 @@ def incoherent(
         _chunk(pair, points[i : i + chunk], coefficients[i : i + chunk], settings, sure)
         for i in range(0, len(points), chunk)
     ]
-    return np.concatenate(parts) if parts else np.zeros(0, dtype=np.bool_)
+    found = np.concatenate(parts, axis=1) if parts else np.zeros((3, 0), dtype=np.bool_)
+    return found[0], found[1], found[2]
 
 
 def beside_texture(
@@ -155,6 +161,7 @@ def _subsets(
 def _chunk(
     pair: Pair, points: FloatArray, coefficients: FloatArray, settings: Settings, sure: float
 ) -> BoolArray:
+    """(3, M) bool: as ``incoherent`` returns them."""
     half = settings.half
     size = 2 * half + 1
     column, row, planes = _subsets(pair, points, settings)
@@ -206,6 +213,7 @@ def _chunk(
     odd = ODD + CHANCE / np.sqrt(np.maximum(pixels, 1.0))
     foreign = asked & (variance > odd * usual) & (variance > FOREIGN * contrast / total)
     found = np.asarray(foreign.any(axis=1) | (motion_left > max(FAR, settings.apart_px)))
+    doubtful, likely = np.zeros((2, len(points)), dtype=np.bool_)
     open_ = np.flatnonzero(~found)
     for search, share in ((COARSE, PROMISING), (FINE, 1.0)):
         seen = np.zeros(len(points), dtype=np.bool_)
@@ -216,12 +224,15 @@ def _chunk(
             torn = np.maximum(jump.length, motion_left[some]) > share * settings.apart_px
             clear = SMOOTH[(jump.sure > CLEAR * sure).astype(np.int64)]
             most = SEEN if search is COARSE else clear
-            seen[some] = (
-                torn & (jump.sure > share * CHOSEN * sure) & (jump.smooth < most * jump.sure)
-            )
+            long = jump.length > LONG * settings.apart_px
+            unclear = long & (jump.smooth < ALIKE * jump.sure) & (jump.sure > UNCLEAR * sure)
+            doubtful[some] |= unclear
+            likely[some] |= unclear & (jump.sure > PROMISING * CHOSEN * sure)
+            torn &= jump.sure > share * CHOSEN * sure
+            seen[some] = torn & (jump.smooth < most * jump.sure)
         open_ = np.flatnonzero(seen)
     found[open_] = True
-    return found
+    return np.stack([found, doubtful & ~found, likely & ~found])
 
 
 def _lower_quartile(values: FloatArray, valid: BoolArray) -> FloatArray:

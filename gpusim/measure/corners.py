@@ -18,7 +18,9 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
+from gpusim.blas import one_blas_thread
 from gpusim.errors import InputError
+from gpusim.inputs import unmasked
 from gpusim.measure.cross import Cross, fit_crosses
 from gpusim.measure.graininess import allowed_residual, noise_level
 from gpusim.measure.images import FloatArray, Image, check_image, check_points
@@ -78,6 +80,8 @@ class Markers:
         return np.asarray(self.status == MarkerStatus.FOUND)
 
 
+@unmasked("image")
+@one_blas_thread()
 def find_markers(
     image: npt.NDArray[Any],
     size_px: tuple[float, float],
@@ -160,6 +164,8 @@ def _candidates(
     return kept
 
 
+@unmasked("image")
+@one_blas_thread()
 def locate_markers(
     image: npt.NDArray[Any],
     expected: npt.ArrayLike,

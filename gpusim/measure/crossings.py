@@ -15,7 +15,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.blas import one_blas_thread
 from gpusim.errors import InputError
+from gpusim.inputs import unmasked
 from gpusim.measure.correlated import widening
 from gpusim.measure.graininess import allowed_residual, noise_level
 from gpusim.measure.images import FloatArray, check_image, check_points
@@ -64,6 +66,8 @@ class Crossings:
     ok: npt.NDArray[np.bool_]
 
 
+@unmasked("image")
+@one_blas_thread()
 def fit_crossings(
     image: npt.NDArray[Any],
     start: npt.ArrayLike,

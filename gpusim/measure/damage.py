@@ -19,6 +19,7 @@ import numpy.typing as npt
 import scipy
 
 from gpusim.errors import InputError
+from gpusim.inputs import unmasked
 from gpusim.measure.images import FloatArray
 
 __all__ = ["SlopeChanges", "difference_curve", "slope_changes"]
@@ -69,6 +70,7 @@ class SlopeChanges:
                 writer.writerow([f"{value:.6g}" for value in row])
 
 
+@unmasked()
 def difference_curve(
     position: npt.ArrayLike,
     deflection: npt.ArrayLike,
@@ -100,6 +102,7 @@ def difference_curve(
     return result
 
 
+@unmasked()
 def slope_changes(
     x: npt.ArrayLike,
     y: npt.ArrayLike,

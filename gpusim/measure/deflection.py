@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.inputs import unmasked
 from gpusim.measure.images import FloatArray
 
 __all__ = [
@@ -27,6 +28,7 @@ __all__ = [
 ]
 
 
+@unmasked()
 @dataclass(frozen=True)
 class Scale:
     """mm = mm_per_px * rotation @ (px - origin_px) + origin_mm, with image y turned up.
@@ -59,6 +61,7 @@ class Scale:
         return result
 
 
+@unmasked()
 def scale_coefficient(points_px: npt.ArrayLike, positions_mm: npt.ArrayLike) -> Scale:
     """Fit the scale between marker centres (M, 2) in px and their known positions in mm.
 
@@ -101,6 +104,7 @@ def scale_coefficient(points_px: npt.ArrayLike, positions_mm: npt.ArrayLike) -> 
     )
 
 
+@unmasked()
 @dataclass(frozen=True)
 class RigidMotion:
     """A rotation by ``angle`` (rad, from +x to +y) about ``centre`` (2,) and a shift (2,), px.
@@ -122,6 +126,7 @@ class RigidMotion:
         return result
 
 
+@unmasked()
 def rigid_motion(points: npt.ArrayLike, displacement: npt.ArrayLike) -> RigidMotion:
     """Rigid motion of static markers (M, 2) that seem to move by ``displacement`` (M, 2), px.
 
@@ -177,6 +182,7 @@ class DeflectionLine:
                 writer.writerow([f"{position:.9g}", *cells, int(status)])
 
 
+@unmasked()
 def deflection_line(
     position_mm: npt.ArrayLike,
     points_px: npt.ArrayLike,

@@ -12,8 +12,10 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.blas import one_blas_thread
 from gpusim.errors import InputError
-from gpusim.gpu import Device
+from gpusim.gpu import Device, working_device
+from gpusim.inputs import unmasked
 from gpusim.measure.blurred import noise_factor
 from gpusim.measure.features import feature_motions, global_shift
 from gpusim.measure.images import FloatArray, check_points
@@ -40,6 +42,8 @@ UNEXPLAINED = (Status.NOT_CONVERGED, Status.LOW_CORRELATION, Status.NO_GUESS, St
 PROBES = 9  # positions across a subset at which that is looked up
 
 
+@unmasked("reference", "deformed")
+@one_blas_thread()
 def dic(
     reference: npt.NDArray[Any],
     deformed: npt.NDArray[Any],
@@ -61,6 +65,7 @@ def dic(
     min_zncc: float = 0.8,
     apart_px: float = 0.1,
     device: Device | None = None,
+    backend: str = "auto",
 ) -> DicResult:
     """Measure how ``reference`` moved to become ``deformed``.
 
@@ -94,13 +99,16 @@ def dic(
     apart_px : subsets of shape "affine" or "quadratic" of which a ninth moved further than this
         from the rest, px, or doesn't match at all, are reported as ``INCOHERENT``: they see the
         edge of a body, a hole or a crack. inf: not looked at.
-    device : where to iterate; None runs the NumPy twin in float64.
+    backend : ``"auto"``: on the device where an adapter is found, else by the NumPy twins, with one
+        warning; ``"gpu"``: on a device or not at all; ``"numpy"``: the float64 twins.
+    device : the device to take; None: the process-wide one.
 
     Raises
     ------
     InputError
         An argument is wrong. A point that can't be measured is no error: see ``status``.
     """
+    device = working_device("dic", backend, device)
     settings = make_settings(
         subset,
         window,
@@ -218,7 +226,8 @@ def explain(
     if not asked.size:
         return
     guide = known[point_tree(points[known]).query(points[asked])[1]]
-    offset = np.linspace(-1.0, 1.0, PROBES)
+    # at whole pixels: halfway between two, the last bit of a motion would choose
+    offset = np.rint(np.linspace(-half, half, PROBES)) / half
     a, b = (axis.ravel() for axis in np.meshgrid(offset, offset))
     c = matches.coefficients[guide]
     terms = np.stack([np.ones_like(a), a, b, 0.5 * a * a, a * b, 0.5 * b * b])

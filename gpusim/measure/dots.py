@@ -19,7 +19,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.blas import one_blas_thread
 from gpusim.errors import InputError
+from gpusim.inputs import unmasked
 from gpusim.measure.calibration import CalibratedCamera
 from gpusim.measure.images import FloatArray, check_image, check_points
 from gpusim.measure.mapped import plane_mapping
@@ -54,6 +56,8 @@ class Dots:
     contrast: FloatArray
 
 
+@unmasked("image")
+@one_blas_thread()
 def find_dots(image: npt.NDArray[Any], size_px: tuple[float, float], *, dark: bool = True) -> Dots:
     """Find every dot whose widths lie in ``size_px`` = (lowest, highest), at least 5 px.
 
@@ -84,6 +88,8 @@ def find_dots(image: npt.NDArray[Any], size_px: tuple[float, float], *, dark: bo
     return Dots(table[:, :2], table[:, 2:4], table[:, 4], table[:, 5])
 
 
+@unmasked()
+@one_blas_thread()
 def circle_centres(
     points: npt.ArrayLike, camera: CalibratedCamera, camera_from_plane: npt.ArrayLike, radius: float
 ) -> FloatArray:

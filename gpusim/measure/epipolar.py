@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.inputs import unmasked
 from gpusim.measure.calibration import CalibratedCamera
 from gpusim.measure.images import FloatArray
 from gpusim.measure.triangulation import essential, normalised, triangulate
@@ -25,6 +26,7 @@ class Matches:
     ambiguous: npt.NDArray[np.bool_]
 
 
+@unmasked()
 def epipolar_distance(
     first: CalibratedCamera,
     second: CalibratedCamera,
@@ -49,6 +51,7 @@ def epipolar_distance(
     return result
 
 
+@unmasked()
 def match_epipolar(
     first: CalibratedCamera,
     second: CalibratedCamera,

@@ -9,10 +9,18 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 
-__all__ = ["check_image", "check_points", "crop_float", "eight_bit"]
+__all__ = ["check_image", "check_points", "crop_float", "eight_bit", "pixels_of"]
 
 Image = npt.NDArray[Any]
 FloatArray = npt.NDArray[np.float64]
+
+
+def pixels_of(image: object) -> Image:
+    """``image`` as a plain array: masked pixels of a `numpy.ma.MaskedArray` become NaN."""
+    if isinstance(image, np.ma.MaskedArray) and np.ma.is_masked(image):
+        kind = image.dtype if image.dtype.kind == "f" else np.float64
+        return np.where(np.ma.getmaskarray(image), np.nan, np.ma.getdata(image)).astype(kind)
+    return np.asarray(image)
 
 
 def check_image(image: object, name: str) -> Image:
@@ -21,7 +29,7 @@ def check_image(image: object, name: str) -> Image:
     Any unsigned, signed or floating-point type and any bit depth; colour is refused, because a
     mix of channels is a choice that belongs to the caller.
     """
-    array: Image = np.asarray(image)
+    array = pixels_of(image)
     if array.ndim != 2:
         raise InputError(f"{name}: not one grey image; got shape {array.shape}; expected (H, W)")
     if array.dtype.kind not in "uif":

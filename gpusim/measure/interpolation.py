@@ -16,6 +16,7 @@ import numpy.typing as npt
 import scipy
 
 from gpusim.errors import InputError
+from gpusim.inputs import unmasked
 from gpusim.measure.images import FloatArray, Image, check_image, crop_float
 
 __all__ = ["SplineImage", "quintic_slopes", "quintic_weights"]
@@ -66,6 +67,7 @@ def _polynomials(table: FloatArray, t: FloatArray) -> FloatArray:
     return result
 
 
+@unmasked()
 @dataclass(frozen=True)
 class SplineImage:
     """An image (or a crop of one) that can be read between its pixels.

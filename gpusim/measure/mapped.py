@@ -13,7 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.blas import one_blas_thread
 from gpusim.errors import InputError
+from gpusim.inputs import unmasked
 from gpusim.measure.calibration import CalibratedCamera
 from gpusim.measure.images import FloatArray
 from gpusim.measure.matching import Status
@@ -50,6 +52,8 @@ class MappedResult:
         return np.asarray(self.status == Status.OK)
 
 
+@unmasked()
+@one_blas_thread()
 def mapped(result: DicResult, mapping: Mapping) -> MappedResult:
     """Express a result in the coordinates that ``mapping`` gives for pixels (N, 2).
 
@@ -96,6 +100,7 @@ def lens_mapping(camera: CalibratedCamera) -> Mapping:
     return undistorted
 
 
+@unmasked()
 def plane_mapping(camera: CalibratedCamera, camera_from_plane: npt.ArrayLike) -> Mapping:
     """To x, y on a plane: z = 0 of the frame that ``camera_from_plane`` (4, 4) places.
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cached_property
+from math import ceil
 
 import numpy as np
 import numpy.typing as npt
@@ -40,6 +41,8 @@ WIDER = 10.0  # standard uncertainty over the tolerance that then is enough
 BENT = (
     0.5  # over the jump that is looked for: less change of slopes, px at a subset's rim, is smooth
 )
+INNER = 0.6  # of a subset's width: its middle, asked by itself
+COMPANY = 3  # torn neighbours that settle a doubt
 MANY = 0.1  # share of what was looked at that has no texture: look at everything
 APART = 0.5  # px: further from what its neighbours say, a point is looked at again
 
@@ -248,10 +251,13 @@ class Front:
             which = np.concatenate([which, others])
             aside = np.concatenate([aside, self._aside(others)])
         asked = np.zeros(len(self.points), dtype=np.bool_)
+        unclear = np.zeros(len(self.points), dtype=np.bool_)
         while which.size:
             asked[which] = True
             found = self.points[which], self.coefficients[which]
-            torn = incoherent(self.pair, *found, self.settings, self.blur_px)
+            torn, doubtful, likely = incoherent(self.pair, *found, self.settings, self.blur_px)
+            unclear[which[likely]] = True
+            torn[doubtful] = self._moved_inside(which[doubtful])
             self._give_up(which[torn], Status.INCOHERENT)
             self._give_up(which[aside], Status.NO_TEXTURE)
             if len(self.points) < NEIGHBOURS:
@@ -259,6 +265,33 @@ class Front:
             near = distinct(self._neighbours[which[torn]])
             which = near[self.ok[near] & ~asked[near]]
             aside = self._aside(which)
+        # an edge through the middle of a subset looks the same in its middle, but has neighbours
+        torn_near = (self.status[self._neighbours] == Status.INCOHERENT).sum(axis=1)
+        settled = unclear & self.ok & (torn_near >= COMPANY)
+        self._give_up(np.flatnonzero(settled), Status.INCOHERENT)
+
+    def _moved_inside(self, which: IntArray) -> npt.NDArray[np.bool_]:
+        """Whether the middle of a subset by itself says something else of its point.
+
+        It does beside an edge that only the outer part sees. Where a smooth field is too curved for
+        the subset, it does as well, and the point is as wrong.
+        """
+        if which.size == 0:
+            return np.zeros(0, dtype=np.bool_)
+        half = self.settings.half
+        inner = max(ceil(INNER * half), 3)
+        cut = slice(half - inner, half + inner + 1)
+        settings = replace(self.settings, window=self.settings.window[cut, cut])
+        scale = np.array([1.0, *[inner / half] * 2, *[(inner / half) ** 2] * 3])
+        start = self.coefficients[which] * scale
+        result = correlate(Subsets(self.pair, self.points[which], start), settings, self.device)
+        away = np.abs(result.coefficients[:, :, 0] - start[:, :, 0]).max(axis=1)
+        limit = np.maximum(self.settings.apart_px, 4.0 * self._widened(result.sigma))
+        return np.asarray((result.status == Status.OK) & (away > limit))
+
+    def _widened(self, sigma: FloatArray) -> FloatArray:
+        """Blurred noise is correlated: the uncertainty is that much larger."""
+        return np.asarray(sigma * max(1.0, 2.0 * np.sqrt(np.pi) * self.blur_px))
 
     def _give_up(self, which: IntArray, status: Status) -> None:
         self.status[which] = status

@@ -15,7 +15,9 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.blas import one_blas_thread
 from gpusim.errors import InputError
+from gpusim.inputs import unmasked
 from gpusim.measure.dic import dic, grid_points
 from gpusim.measure.images import FloatArray, check_points
 from gpusim.measure.matching import Status
@@ -43,6 +45,8 @@ class _Base:
     mask: BoolArray | None
 
 
+@unmasked("reference", "images")
+@one_blas_thread()
 def dic_sequence(
     reference: npt.NDArray[Any],
     images: Iterable[npt.NDArray[Any]],

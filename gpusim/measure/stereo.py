@@ -14,8 +14,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.blas import one_blas_thread
 from gpusim.errors import InputError
-from gpusim.gpu import Device
+from gpusim.gpu import Device, working_device
+from gpusim.inputs import unmasked
 from gpusim.measure.blurred import noise_factor
 from gpusim.measure.calibration import CalibratedCamera
 from gpusim.measure.dic import explain, grid_points
@@ -78,6 +80,8 @@ class StereoResult:
         return {name: number for name, number in numbers.items() if number}
 
 
+@unmasked("left", "right")
+@one_blas_thread()
 def stereo_shape(
     left: npt.NDArray[Any],
     right: npt.NDArray[Any],
@@ -96,6 +100,7 @@ def stereo_shape(
     max_iterations: int = 60,
     min_zncc: float = 0.8,
     device: Device | None = None,
+    backend: str = "auto",
 ) -> StereoResult:
     """Measure the shape of a surface from one pair of images; displacements are zero.
 
@@ -126,6 +131,7 @@ def stereo_shape(
         max_move=float(subset),
         blur_px=blur_px,
     )
+    device = working_device("stereo_shape", backend, device)
     first = make_usable(left, "left", subset, mask, saturation)
     second = make_usable(right, "right", subset, None, saturation)
     if points is None:
@@ -155,6 +161,8 @@ def stereo_shape(
     return _triangulated(cameras, places, places, there, sigma, matches.status, None, subset)
 
 
+@unmasked("left", "right", "lefts", "rights")
+@one_blas_thread()
 def stereo_dic(
     left: npt.NDArray[Any],
     right: npt.NDArray[Any],
@@ -176,6 +184,7 @@ def stereo_dic(
     tolerance: float = 1e-4,
     min_zncc: float = 0.8,
     device: Device | None = None,
+    backend: str = "auto",
     **options: Any,
 ) -> list[StereoResult]:
     """Measure how a surface moved in space.
@@ -196,6 +205,7 @@ def stereo_dic(
     InputError
         As ``stereo_shape`` and ``dic_sequence``, or the numbers of images differ.
     """
+    device = working_device("stereo_dic", backend, device)
     common: dict[str, Any] = {
         "subset": subset,
         "saturation": saturation,
@@ -203,6 +213,7 @@ def stereo_dic(
         "tolerance": tolerance,
         "min_zncc": min_zncc,
         "device": device,
+        "backend": "numpy" if device is None else "gpu",
     }
     begin = stereo_shape(
         left,

@@ -16,7 +16,9 @@ from typing import Any, Literal, Protocol, get_args
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.blas import one_blas_thread
 from gpusim.errors import InputError
+from gpusim.inputs import unmasked
 from gpusim.measure.images import FloatArray
 from gpusim.measure.nearest import point_tree
 
@@ -98,6 +100,8 @@ class StrainResult:
         return np.asarray(0.5 * np.arctan2(2.0 * self.tensor[:, 0, 1], difference))
 
 
+@unmasked()
+@one_blas_thread()
 def strain(
     result: Measured,
     *,

@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from gpusim.blas import one_blas_thread
 from gpusim.errors import InputError
+from gpusim.inputs import unmasked
 from gpusim.measure.nearest import point_tree
 from gpusim.measure.stereo import StereoResult
 from gpusim.measure.strain import StrainKind, StrainResult, StrainStatus, fit_gradients
@@ -17,6 +19,8 @@ from gpusim.measure.strain import StrainKind, StrainResult, StrainStatus, fit_gr
 __all__ = ["surface_strain"]
 
 
+@unmasked()
+@one_blas_thread()
 def surface_strain(
     result: StereoResult, *, window: int = 5, kind: StrainKind = "green-lagrange"
 ) -> StrainResult:

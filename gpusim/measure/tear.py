@@ -90,12 +90,13 @@ def jumps(
     number = min(search.cells, size)
     fields = _fields(replace(search, cells=number))
     first = np.unique(np.arange(number) * size // number)
+    member = np.zeros((size, number))
+    member[np.arange(size), np.searchsorted(first, np.arange(size), side="right") - 1] = 1.0
     x, y = slopes
 
     def cells(values: FloatArray) -> FloatArray:
-        square = (weight * values).reshape(-1, size, size)
-        square = np.add.reduceat(np.add.reduceat(square, first, axis=1), first, axis=2)
-        return np.asarray(square.reshape(len(weight), -1))
+        lines = ((weight * values).reshape(-1, size) @ member).reshape(-1, size, number)
+        return np.asarray(np.add.reduceat(lines, first, axis=1).reshape(len(weight), -1))
 
     # columns: known motions by x, by y, brightness even and tilted, contrast
     asked = np.concatenate([fields.smooth, fields.sides])
@@ -108,12 +109,12 @@ def jumps(
     cross = np.empty((count, unknowns, 2, tests))
     right = np.empty((count, unknowns))
     moments = cells(x * x), cells(x * y), cells(y * y)
+    blocks = [_sums(fields.known, moment, both) for moment in moments]
     for i in range(2):
         rows = slice(i * terms, (i + 1) * terms)
         for j in range(2):
-            block = _sums(fields.known, moments[i + j], both)
-            normal[:, rows, j * terms : (j + 1) * terms] = block[:, :, :terms]
-            cross[:, rows, j] = block[:, :, terms:]
+            normal[:, rows, j * terms : (j + 1) * terms] = blocks[i + j][:, :, :terms]
+            cross[:, rows, j] = blocks[i + j][:, :, terms:]
         block = _sums(linear, cells(slopes[i]), both)
         normal[:, light, rows] = block[:, :, :terms]
         normal[:, rows, light] = block[:, :, :terms].transpose(0, 2, 1)
@@ -134,34 +135,31 @@ def jumps(
     scale = 1.0 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
     normal = normal * scale[:, :, None] * scale[:, None, :]
     normal[:, np.arange(unknowns), np.arange(unknowns)] += RIDGE
-    flat = cross.reshape(count, unknowns, -1) * scale[:, :, None]
-    scaled = right * scale
-    solved = np.linalg.solve(normal, np.concatenate([flat, scaled[:, :, None]], axis=2))
-    by_rest = told[:, :, terms:] - (flat.transpose(0, 2, 1) @ solved[:, :, -1:]).reshape(
-        count, 2, tests
-    )
-    left = (weight * rest * rest).sum(axis=1) - (scaled * solved[:, :, -1]).sum(axis=1)
+    # whitened: with N = L L', the sums of squares that the known part explains are those of L^-1 c
+    whiten = np.linalg.inv(np.linalg.cholesky(normal)) * scale[:, None, :]
+    flat = whiten @ cross.reshape(count, unknowns, -1)
+    scaled = whiten @ right[:, :, None]
+    by_rest = told[:, :, terms:] - (flat.transpose(0, 2, 1) @ scaled).reshape(count, 2, tests)
+    left = (weight * rest * rest).sum(axis=1) - (scaled[:, :, 0] ** 2).sum(axis=1)
 
     flat = flat.reshape(count, unknowns, 2, tests)
-    fitted = solved[:, :, :-1].reshape(count, unknowns, 2, tests)
     length, explained = _best_side(
         [m @ (fields.sides**2).T for m in moments],
         flat[:, :, :, len(fields.smooth) :],
-        fitted[:, :, :, len(fields.smooth) :],
         by_rest[:, :, len(fields.smooth) :],
     )
-    smooth = _smooth(moments, fields.smooth, flat, fitted, by_rest)
+    smooth = _smooth(moments, fields.smooth, flat, by_rest)
     pixels = (weight > 0).sum(axis=1)
     noise = np.maximum(left - explained, 1e-30) / np.maximum(pixels - unknowns - 2, 1)
     return Jumps(length, explained / noise, smooth / noise - 2 * len(fields.smooth))
 
 
 def _best_side(
-    own: list[FloatArray], cross: FloatArray, fitted: FloatArray, by_rest: FloatArray
+    own: list[FloatArray], cross: FloatArray, by_rest: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Length of the jump that explains most, and how much, each (B,)."""
+    """Length of the jump that explains most, and how much, each (B,); ``cross`` is whitened."""
     xx, xy, yy = (
-        own[i + j] - (cross[:, :, i] * fitted[:, :, j]).sum(axis=1)
+        own[i + j] - np.einsum("bus,bus->bs", cross[:, :, i], cross[:, :, j])
         for i, j in ((0, 0), (0, 1), (1, 1))
     )
     determinant = xx * yy - xy * xy
@@ -179,10 +177,9 @@ def _smooth(
     moments: tuple[FloatArray, ...],
     smooth: FloatArray,
     cross: FloatArray,
-    fitted: FloatArray,
     by_rest: FloatArray,
 ) -> FloatArray:
-    """What the terms of third and fourth degree explain, (B,)."""
+    """What the terms of third and fourth degree explain, (B,); ``cross`` is whitened."""
     count, terms = len(cross), len(smooth)
     square = np.empty((count, 2, terms, 2, terms))
     for i in range(2):
@@ -190,9 +187,8 @@ def _smooth(
             square[:, i, :, j] = _sums(smooth, moments[i + j], smooth)
     matrix = square.reshape(count, 2 * terms, 2 * terms)
     diagonal = np.einsum("bii->bi", matrix).copy()
-    shape = (count, cross.shape[1], 2 * terms)
-    taken, given = (v[:, :, :, :terms].reshape(shape) for v in (cross, fitted))
-    matrix = matrix - taken.transpose(0, 2, 1) @ given
+    taken = cross[:, :, :, :terms].reshape(count, -1, 2 * terms)
+    matrix = matrix - taken.transpose(0, 2, 1) @ taken
     matrix[:, np.arange(2 * terms), np.arange(2 * terms)] += RIDGE * diagonal + 1e-30
     right = by_rest[:, :, :terms].reshape(count, -1)
     return np.asarray((right * np.linalg.solve(matrix, right[:, :, None])[:, :, 0]).sum(axis=1))
@@ -200,7 +196,9 @@ def _smooth(
 
 def _sums(first: FloatArray, moments: FloatArray, second: FloatArray) -> FloatArray:
     """Sums over cells of first_i moment second_j: (B, len(first), len(second))."""
-    return np.asarray((moments[:, None, :] * first) @ second.T)
+    # one product of two matrices: a stack of them would be one call of BLAS each
+    rows = (moments[:, None, :] * first).reshape(-1, first.shape[1])
+    return np.asarray((rows @ second.T).reshape(len(moments), len(first), len(second)))
 
 
 @lru_cache(maxsize=8)

@@ -14,7 +14,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.blas import one_blas_thread
 from gpusim.errors import InputError
+from gpusim.inputs import unmasked
 from gpusim.measure.blurred import noise_factor
 from gpusim.measure.images import FloatArray, check_image, check_points
 from gpusim.measure.matching import Correlation, Status
@@ -48,6 +50,8 @@ class TrackResult(DicResult):
     source: npt.NDArray[np.int64]
 
 
+@unmasked("reference", "deformed")
+@one_blas_thread()
 def track(
     reference: npt.NDArray[Any],
     deformed: npt.NDArray[Any],
@@ -64,6 +68,7 @@ def track(
     max_iterations: int = 60,
     min_zncc: float = 0.8,
     backward_px: float = 0.05,
+    backend: str = "auto",
 ) -> TrackResult:
     """Track M markers from ``reference`` to ``deformed``.
 
@@ -83,7 +88,12 @@ def track(
         0.012 px with 1 px and 0.007 px with 1.5 px.
     shape, window, mask, tolerance, min_zncc : as for ``dic``.
     backward_px : a marker is accepted if tracking back returns within this distance.
+    backend : "auto" and "numpy" are the same here: the subsets of a few dozen markers are too
+        little work for a device to gain anything by it; "gpu" is refused.
     """
+    if backend not in ("auto", "numpy"):
+        raise InputError(f"track backend; got {backend!r}; expected 'auto' or 'numpy': markers are "
+                         "matched on the host")  # fmt: skip
     first = check_image(reference, "reference")
     second = check_image(deformed, "deformed")
     positions = check_points(points, "points")

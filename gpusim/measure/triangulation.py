@@ -15,7 +15,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.blas import one_blas_thread
 from gpusim.errors import InputError
+from gpusim.inputs import unmasked
 from gpusim.measure.calibration import CalibratedCamera
 from gpusim.measure.images import FloatArray
 
@@ -95,6 +97,8 @@ def _solve2(matrix: FloatArray, right: FloatArray) -> FloatArray:
     return np.clip(result, -0.5, 0.5)
 
 
+@unmasked()
+@one_blas_thread()
 def triangulate(
     cameras: Sequence[CalibratedCamera],
     pixels: npt.ArrayLike,
@@ -195,6 +199,7 @@ def project(camera: CalibratedCamera, points: FloatArray) -> tuple[FloatArray, F
     return np.array(image, dtype=np.float64).reshape(-1, 2), by_camera @ pose[:3, :3]
 
 
+@unmasked()
 @dataclass(frozen=True, eq=False)
 class Alignment:
     """target = scale * rotation @ source + shift; ``rms`` of what is left, ``residuals`` (M, 3)."""
@@ -211,6 +216,7 @@ class Alignment:
         return result
 
 
+@unmasked()
 def align(source: npt.ArrayLike, target: npt.ArrayLike, *, scale: bool = False) -> Alignment:
     """The rigid motion (with ``scale``: similarity) that takes points (M, 3) nearest to others.
 
@@ -257,6 +263,8 @@ class Displacement3D:
     sigma: FloatArray
 
 
+@unmasked()
+@one_blas_thread()
 def displacement_3d(
     before: Triangulated, after: Triangulated, frame: Alignment | None = None
 ) -> Displacement3D:

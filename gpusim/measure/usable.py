@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.measure.images import FloatArray, Image, check_image
+from gpusim.measure.images import FloatArray, Image, check_image, pixels_of
 from gpusim.measure.matching import Status
 
 __all__ = ["Usable", "full_scale", "make_usable"]
@@ -97,7 +97,9 @@ def make_usable(
 
     ``saturation`` is the lowest saturated grey level; None: ``full_scale`` of the image.
     """
-    array: Image = np.asarray(image)
+    array = pixels_of(image)
+    # of the type that the camera's have, and without what is masked
+    given_pixels = np.ma.filled(image, 0) if np.ma.is_masked(image) else array
     bad: BoolArray | None = None
     if array.ndim == 2 and array.dtype.kind == "f" and array.size:
         bad = ~np.isfinite(array)
@@ -115,7 +117,7 @@ def make_usable(
             )
         bad = ~given if bad is None else bad | ~given
     if saturation is None:
-        level = full_scale(array)
+        level = full_scale(given_pixels)
     elif np.isfinite(saturation):
         level = float(saturation)
     else:

@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.gpu import Device
+from gpusim.inputs import unmasked
 from gpusim.measure.calibration import CalibratedCamera
 from gpusim.measure.features import common_motions, feature_matches
 from gpusim.measure.images import FloatArray, Image
@@ -30,6 +31,7 @@ DEPTHS = 160  # places along an epipolar line, from half a baseline to 500 of th
 BAND = 3  # px beside the line
 
 
+@unmasked()
 def rig_camera(
     resolution: tuple[int, int],
     K: npt.ArrayLike,

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from gpusim.distinct import distinct
 from gpusim.errors import InputError
+from gpusim.inputs import unmasked
 from gpusim.mesh.cells import CELL_TYPES
 from gpusim.mesh.mesh import Mesh
 from gpusim.mesh.quadrature import face_rule
@@ -22,6 +23,7 @@ Float = npt.NDArray[np.float64]
 Int = npt.NDArray[np.int32]
 
 
+@unmasked()
 @dataclass(frozen=True, eq=False)
 class Faces:
     """Faces of cells, counter-clockwise seen from outside the cell.
@@ -195,6 +197,7 @@ def _matched(corners: Int, node_count: int) -> tuple[npt.NDArray[np.int64], ...]
     return order, start, np.diff(np.concatenate([start, [len(order)]]))
 
 
+@unmasked()
 def set_faces(mesh: Mesh, pairs: npt.ArrayLike) -> Faces:
     """Faces for (K,2) pairs (global cell number, local face number)."""
     wanted = np.asarray(pairs, dtype=np.int64).reshape(-1, 2)

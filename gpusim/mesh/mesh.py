@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.inputs import unmasked
 from gpusim.mesh.cells import CELL_TYPES
 
 __all__ = ["Mesh"]
@@ -21,6 +22,7 @@ Float = npt.NDArray[np.float64]
 Int = npt.NDArray[np.int32]
 
 
+@unmasked()
 @dataclass(frozen=True, eq=False)
 class Mesh:
     """A volume mesh in one consistent length unit.

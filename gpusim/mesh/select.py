@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.inputs import unmasked
 from gpusim.mesh.faces import Faces, boundary_faces, set_faces
 from gpusim.mesh.mesh import Mesh
 
@@ -28,6 +29,7 @@ _AXES = {
 _BOUND_KEYS = tuple(f"{axis}_{side}" for axis in "xyz" for side in ("min", "max"))
 
 
+@unmasked()
 def select_nodes(
     mesh: Mesh,
     *,
@@ -64,6 +66,7 @@ def select_nodes(
     return _found(mesh, np.flatnonzero(keep).astype(np.int32), "nodes", bounds, plane, name, normal)
 
 
+@unmasked()
 def select_faces(
     mesh: Mesh,
     *,

@@ -5,12 +5,12 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.input_file import InputFile
+from gpusim.input_file import InputFile, read_input
+from gpusim.picture_file import decode, decoding
 
 __all__ = ["PANORAMA_SUFFIXES", "read_panorama"]
 
@@ -32,20 +32,20 @@ def read_panorama(path: str | os.PathLike[str] | InputFile) -> npt.NDArray[np.fl
     """
     file = path.path if isinstance(path, InputFile) else Path(path)
     expected = f"a picture of radiances, one of {', '.join(PANORAMA_SUFFIXES)}"
-    if not file.is_file():
+    if not isinstance(path, InputFile) and not file.is_file():
         raise InputError(f"{file}: no such file; expected {expected}")
     suffix = file.suffix.lower()
     if suffix not in PANORAMA_SUFFIXES:
         raise InputError(f"{file}: unknown kind of picture; got {suffix!r}; expected {expected}")
+    whole = read_input(path, expected)
     if suffix == ".npy":
-        try:
-            pixels = np.load(file, allow_pickle=False)
-        except (OSError, ValueError) as error:
-            raise InputError(f"{file}: unreadable; got {error}; expected an array") from None
+        with decoding(whole):
+            pixels = np.load(whole.stream(), allow_pickle=False)
         if pixels.ndim == 3:
             pixels = pixels[..., ::-1]
     else:
-        pixels = _decoded(file, expected)
+        pixels = decode(whole)
+        pixels = pixels[..., :3] if pixels.ndim == 3 else pixels
     if pixels.dtype.kind != "f" or not (pixels.ndim == 2 or pixels.shape[2:] == (3,)):
         raise InputError(
             f"{file}: no radiances; got {pixels.dtype} of shape {pixels.shape}; expected floats, "
@@ -56,13 +56,3 @@ def read_panorama(path: str | os.PathLike[str] | InputFile) -> npt.NDArray[np.fl
     if not (np.isfinite(values).all() and (values >= 0.0).all()):
         raise InputError(f"{file}: radiances; got values below 0 or not finite; expected from 0 up")
     return grey
-
-
-def _decoded(file: Path, expected: str) -> npt.NDArray[np.generic]:
-    try:
-        pixels = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
-    except cv2.error as error:
-        raise InputError(f"{file}: unreadable; got {error.err}; expected {expected}") from None
-    if pixels is None:
-        raise InputError(f"{file}: damaged, or of a kind OpenCV can't read; expected {expected}")
-    return pixels[..., :3] if pixels.ndim == 3 else pixels

@@ -14,8 +14,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.blas import one_blas_thread
 from gpusim.errors import InputError
-from gpusim.gpu import Device, default_device
+from gpusim.gpu import Device, working_device
 from gpusim.inputs import checked
 from gpusim.optics.accumulate import accumulate, accumulate_twin
 from gpusim.optics.camera import Camera
@@ -60,6 +61,7 @@ class Exposure:
 
 
 @checked
+@one_blas_thread()
 def photograph(
     surfaces: Sequence[Surface] | SurfacesAt,
     camera: Camera | CameraAt,
@@ -71,7 +73,7 @@ def photograph(
     error: float = FINEST_ERROR,
     background: float = 0.0,
     device: Device | None = None,
-    backend: str = "gpu",
+    backend: str = "auto",
 ) -> Frame:
     """Photograph ``surfaces`` with a real lens and shutter.
 
@@ -106,12 +108,10 @@ def photograph(
         raise InputError(f"photograph surfaces; got {surfaces!r}; expected {expected}")
     if not np.isfinite(time):
         raise InputError(f"photograph time; got {time}; expected seconds")
-    if backend not in ("gpu", "numpy"):
-        raise InputError(f"photograph backend; got {backend!r}; expected 'gpu' or 'numpy'")
     lens, shutter = lens or Lens(), shutter or Shutter()
     exposure = plan_exposure(surfaces, camera, lens, shutter, time, error)
-    if backend == "gpu":
-        device = device or default_device()
+    device = working_device("photograph", backend, device)
+    backend = "numpy" if device is None else "gpu"
 
     def shoot(what: Sequence[Surface], whence: Camera) -> Frame:
         return render(

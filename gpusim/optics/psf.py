@@ -20,7 +20,7 @@ import numpy.typing as npt
 import scipy
 
 from gpusim.errors import InputError
-from gpusim.inputs import checked
+from gpusim.inputs import checked, unmasked
 
 __all__ = [
     "Airy",
@@ -320,6 +320,7 @@ def _edge_error(line: Array, psf: Psf | None, side: float, n: int) -> float:
     return float(np.sqrt(np.mean((got - edge_profile(psf, side, x)) ** 2)))
 
 
+@unmasked()
 def edge_profile(psf: Psf | None, side: float, x: Array) -> Array:
     """Image of a step edge at 0 along the rows, (n,) at distances ``x`` px.
 

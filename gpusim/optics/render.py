@@ -7,8 +7,9 @@ from types import UnionType
 
 import numpy as np
 
+from gpusim.blas import one_blas_thread
 from gpusim.errors import InputError
-from gpusim.gpu import Buffer, Device, default_device
+from gpusim.gpu import Buffer, Device, working_device
 from gpusim.inputs import checked
 from gpusim.optics.aside import Aside
 from gpusim.optics.binning import EdgePixels, bin_edges
@@ -53,6 +54,7 @@ FINEST_ERROR = 0.25
 
 
 @checked
+@one_blas_thread()
 def render(
     surfaces: Sequence[Surface],
     camera: Camera,
@@ -61,7 +63,7 @@ def render(
     error: float = FINEST_ERROR,
     background: float = 0.0,
     device: Device | None = None,
-    backend: str = "gpu",
+    backend: str = "auto",
 ) -> Frame:
     """Render ``surfaces`` as ``camera`` sees them.
 
@@ -72,7 +74,9 @@ def render(
     error : largest error wanted, in grey levels of 8 bit (RMS); the closed forms reach 0.25, so
         smaller values are refused.
     background : radiance where no surface is.
-    backend : ``"gpu"``, or ``"numpy"`` for the float64 twin, which needs no adapter.
+    backend : ``"auto"``: on the device where an adapter is found, else by the NumPy twins, with one
+        warning; ``"gpu"``: on a device or not at all; ``"numpy"``: the float64 twins.
+    device : the device to take; None: the process-wide one.
 
     Returns
     -------
@@ -97,20 +101,18 @@ def render(
         raise InputError(f"render error; got {error}; expected at least {FINEST_ERROR} grey levels")
     if not (np.isfinite(background) and background >= 0.0):
         raise InputError(f"render background; got {background}; expected a radiance from 0 up")
-    if backend not in ("gpu", "numpy"):
-        raise InputError(f"render backend; got {backend!r}; expected 'gpu' or 'numpy'")
     for name, size in (("width", camera.width), ("height", camera.height)):
         if size > WIDEST:
             raise InputError(f"render: image {name}; got {size}; expected at most {WIDEST} px")
+    device = working_device("render", backend, device)
     surfaces, camera, lights, origin = local(surfaces, camera, lights)
-    if backend == "numpy":
+    if device is None:
         view = look(surfaces, camera, lit=lights is not None)
         setup = Setup.build(view, lights, background, surfaces)
         interior = shade_twin(setup, visibility_twin(view))
         radiance = edges_twin(setup, bin_edges(view), interior)
         frame = Frame(told_from(view, origin), None, radiance=radiance)
     else:
-        device = device or default_device()
         view, bands = _seen(device, surfaces, camera, lights, background)
         frame = Frame(told_from(view, origin), device, tuple(bands))
     frame.warnings = wound_inwards(surfaces, camera)

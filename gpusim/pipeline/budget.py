@@ -26,7 +26,7 @@ def run_budget(
     scene: Scene,
     out: str | PathLike[str],
     *,
-    backend: str = "gpu",
+    backend: str = "auto",
     progress: Progress | None = None,
 ) -> Report:
     """Run ``scene`` into ``out``, then its states in ``out/budget``; the report has the table.

@@ -7,6 +7,7 @@ from os import PathLike
 from pathlib import Path
 
 from gpusim.errors import InputError
+from gpusim.gpu import chosen_backend
 from gpusim.output_folder import claim
 from gpusim.pipeline.folders import check_folders
 from gpusim.pipeline.outputs import write_page
@@ -22,7 +23,7 @@ def run(
     scene: Scene,
     out: str | PathLike[str],
     *,
-    backend: str = "gpu",
+    backend: str = "auto",
     fresh: bool = False,
     skip: bool = True,
     progress: Progress | None = None,
@@ -31,7 +32,8 @@ def run(
 
     Parameters
     ----------
-    backend : ``"gpu"``, or ``"numpy"`` for the twins, which need no adapter.
+    backend : ``"auto"``: on the device where an adapter is found, else by the NumPy twins, with one
+        warning; ``"gpu"``: on a device or not at all; ``"numpy"``: the twins.
     fresh, skip : as for `gpusim.plan.make_plan`.
     progress : called with (stage, done 0..1, text).
 
@@ -44,8 +46,7 @@ def run(
     """
     if not isinstance(scene, Scene):
         raise InputError(f"run: scene; got {type(scene).__name__}; expected a Scene (load_scene)")
-    if backend not in ("gpu", "numpy"):
-        raise InputError(f"run: backend; got {backend!r}; expected 'gpu' or 'numpy'")
+    backend = chosen_backend("run", backend)
     with claim(out) as folder:
         return run_claimed(scene, folder, backend, fresh, skip, progress or _silent)
 

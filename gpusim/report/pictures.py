@@ -13,6 +13,8 @@ import numpy.typing as npt
 
 from gpusim.errors import GpusimError, InputError
 from gpusim.export.images import GreyImage, read_image
+from gpusim.input_file import read_input
+from gpusim.picture_file import decode
 from gpusim.report.model import FramePair
 
 __all__ = ["PagePair", "file_uri", "page_pair", "photo_uri", "reduced"]
@@ -70,16 +72,14 @@ def page_pair(pair: FramePair) -> PagePair:
 def file_uri(path: Path) -> str:
     """Return a PNG file as a data URI."""
     try:
-        return _uri("image/png", path.read_bytes())
-    except OSError as error:
-        raise InputError(f"figure: {path}: can't be read ({error.strerror})") from error
+        return _uri("image/png", read_input(path, "a figure").data)
+    except InputError as error:
+        raise InputError(f"figure: {path}: can't be read ({error})") from None
 
 
 def photo_uri(path: Path) -> str:
     """Return a picture file as the data URI of a JPEG no wider than the page shows it sharply."""
-    image = cv2.imread(str(path), cv2.IMREAD_COLOR)
-    if image is None:
-        raise InputError(f"figure: {path}: can't be read")
+    image = decode(path, flags=cv2.IMREAD_COLOR)
     height, width = image.shape[:2]
     scale = min(1.0, _PHOTO_WIDTH / width)
     size = max(1, round(width * scale)), max(1, round(height * scale))

@@ -109,8 +109,8 @@ class _Hashes:
         file = read_input(path, expected, self.known.get(str(path)))
         self.found[str(path)] = file.sha256
         for included in included_files(file):
-            name = str(included.path)
-            self.found[name] = read_input(included, sha256=self.known.get(name)).sha256
+            key = str(included.path)
+            self.found[key] = read_input(included, sha256=self.known.get(key)).sha256
         for name in _series(file):
             try:
                 self.enter(name, expected)

@@ -14,6 +14,7 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.input_file import InputFile
 from gpusim.inputs import checked
+from gpusim.picture_file import decode
 from gpusim.surface.bump import Bump
 from gpusim.surface.features import Features, check_albedo, check_finish, check_grid, check_length
 from gpusim.surface.pyramid import Level, pyramid
@@ -93,13 +94,12 @@ class Image:
 
         ``options`` are the other parameters. Raises InputError if the file can't be read.
         """
-        path = path.path if isinstance(path, InputFile) else path
-        values = None
-        if os.path.isfile(path):
-            values = cv2.imread(os.fspath(path), cv2.IMREAD_ANYDEPTH | cv2.IMREAD_GRAYSCALE)
-        if values is None:
-            raise InputError(f"Image {os.fspath(path)!r}; got no picture; expected a PNG or TIFF")
-        return Image(np.asarray(values), texel, **options)
+        values = decode(path, flags=cv2.IMREAD_ANYDEPTH | cv2.IMREAD_GRAYSCALE)
+        try:
+            return Image(values, texel, **options)
+        except InputError as error:
+            name = path.path if isinstance(path, InputFile) else path
+            raise InputError(f"{os.fspath(name)}: {error}") from None
 
     @property
     def size(self) -> tuple[float, float]:

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from gpusim.distinct import distinct
 from gpusim.errors import InputError
+from gpusim.inputs import unmasked
 from gpusim.surface.plane import PaintFrame, face_normals
 from gpusim.surface.topology import triangulate
 
@@ -38,6 +39,7 @@ class Frame(Protocol):
         ...
 
 
+@unmasked()
 @dataclass(frozen=True, eq=False)
 class CylinderFrame:
     """Paint coordinates round a cylinder: s = radius x angle, t along ``axis``.
@@ -120,6 +122,7 @@ class CylinderFrame:
         return st
 
 
+@unmasked()
 @dataclass(frozen=True, eq=False)
 class Atlas:
     """Paint coordinates ``st`` (T, 3, 2) of every triangle's corners; NaN where there are none."""

@@ -8,12 +8,14 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.inputs import unmasked
 
 __all__ = ["PaintFrame", "face_normals", "plane_frame", "used_vertices"]
 
 PLANAR_COSINE = float(np.cos(np.radians(1.0)))
 
 
+@unmasked()
 @dataclass(frozen=True, eq=False)
 class PaintFrame:
     """Paint coordinates of a planar region: s = (X - origin) . s_axis, t likewise."""

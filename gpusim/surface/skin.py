@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.inputs import unmasked
 from gpusim.mesh import Faces, Mesh
 from gpusim.mesh.shapes import FACE_TYPES, shape_functions, shape_gradients
 from gpusim.surface.frames import Frame
@@ -24,6 +25,7 @@ Array = npt.NDArray[np.float64]
 _SUBDIVISIONS = ((8, 600), (4, 8000))
 
 
+@unmasked()
 class Skin:
     """Boundary faces of a mesh, cut into flat pieces with compact vertex numbers.
 

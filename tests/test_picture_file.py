@@ -1,0 +1,150 @@
+"""Whatever is wrong with a picture is one error that names it, before a large allocation."""
+
+from __future__ import annotations
+
+import io
+import resource
+import struct
+import sys
+import zlib
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import tifffile
+
+from gpusim.errors import InputError
+from gpusim.export.images import read_image
+from gpusim.export.pictures import pages_of, read_grey
+from gpusim.input_file import read_input
+from gpusim.optics.panorama import read_panorama
+from gpusim.picture_file import decode
+from gpusim.report.pictures import photo_uri
+from gpusim.surface.bitmap import Image
+
+RNG = np.random.default_rng(8)
+GREY = RNG.integers(0, 256, (33, 57), dtype=np.uint8)
+COLOUR = RNG.integers(0, 256, (33, 57, 3), dtype=np.uint8)
+
+
+def png(width: int, height: int, rows: bytes = b"") -> bytes:
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        crc = zlib.crc32(data, zlib.crc32(kind))
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", crc)
+
+    head = struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)
+    body = chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b"")
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + body
+
+
+def tiff(pixels: np.ndarray, **options: object) -> bytes:
+    stream = io.BytesIO()
+    tifffile.imwrite(stream, pixels, photometric="minisblack", **options)
+    return stream.getvalue()
+
+
+def encoded(suffix: str, pixels: np.ndarray) -> bytes:
+    return bytes(cv2.imencode(suffix, pixels)[1].tobytes())
+
+
+def large(suffix: str) -> bytes:
+    """A few bytes that claim 60000 x 50000 pixels."""
+    if suffix == ".png":
+        return png(60000, 50000)
+    data = bytearray(tiff(GREY) if suffix == ".tif" else encoded(suffix, GREY))
+    if suffix == ".jpg":
+        at = data.index(b"\xff\xc0") + 5
+        data[at : at + 4] = struct.pack(">HH", 50000, 60000)
+    elif suffix == ".bmp":
+        data[18:26] = struct.pack("<ii", 60000, -50000)
+    elif suffix == ".pgm":
+        data = bytearray(data.replace(b"57 33", b"60000 50000"))
+    else:
+        for tag, value in ((256, 60000), (257, 50000)):
+            heads = [struct.pack("<HHI", tag, kind, 1) for kind in (3, 4)]
+            at = max(data.find(head) for head in heads)
+            data[at + 2 : at + 12] = struct.pack("<HII", 4, 1, value)
+    return bytes(data)
+
+
+READERS = {
+    "read_grey": read_grey,
+    "read_image": read_image,
+    "bitmap": lambda path: Image.read(path, 1.0),
+    "photo": photo_uri,
+}
+
+
+@pytest.mark.parametrize("suffix", [".png", ".tif", ".jpg", ".bmp", ".pgm"])
+@pytest.mark.parametrize("reader", list(READERS))
+def test_a_claim_of_three_thousand_million_pixels(reader: str, suffix: str, tmp_path: Path) -> None:
+    path = tmp_path / f"claim{suffix}"
+    path.write_bytes(large(suffix))
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    with pytest.raises(InputError, match=r"claim\S+: too large; got 60000 x 50000 pixels"):
+        READERS[reader](path)
+    unit = 1 if sys.platform == "darwin" else 1024
+    assert (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) * unit < 200e6
+
+
+def test_a_claim_in_a_panorama(tmp_path: Path) -> None:
+    path = tmp_path / "claim.hdr"
+    data = encoded(".hdr", COLOUR.astype(np.float32))
+    path.write_bytes(data.replace(b"-Y 33 +X 57", b"-Y 50000 +X 60000"))
+    with pytest.raises(InputError, match="too large; got 60000 x 50000"):
+        read_panorama(path)
+    array = tmp_path / "claim.npy"
+    head = io.BytesIO()
+    claim = {"descr": "<f8", "fortran_order": False, "shape": (10**6, 10**6)}
+    np.lib.format.write_array_header_1_0(head, claim)
+    array.write_bytes(head.getvalue() + bytes(800))
+    with pytest.raises(InputError, match=r"claim\.npy"):
+        read_panorama(array)
+
+
+SEEDS = {
+    ".png": encoded(".png", GREY),
+    ".jpg": encoded(".jpg", COLOUR),
+    ".bmp": encoded(".bmp", COLOUR),
+    ".tif": tiff(np.stack([GREY, GREY + 1]), compression="zlib", tile=(16, 16)),
+    ".tiff": tiff(GREY.astype(np.float16)),
+}
+
+
+@pytest.mark.parametrize("suffix", list(SEEDS))
+def test_damaged_files_are_errors_that_name_them(suffix: str, tmp_path: Path) -> None:
+    rng = np.random.default_rng(4)
+    path = tmp_path / f"damaged{suffix}"
+    refused = 0
+    for number in range(60):
+        data = bytearray(SEEDS[suffix])
+        if number % 3 == 0:
+            data = data[: rng.integers(len(data))]
+        end = len(data) if number % 2 else min(len(data), 200)
+        for place in rng.integers(0, max(end, 1), 4):
+            data[place : place + 1] = bytes([rng.integers(256)])
+        path.write_bytes(data)
+        try:
+            for page in pages_of(path):
+                read_grey(page)
+            Image.read(path, 1.0)
+        except InputError as error:
+            assert str(path) in str(error)
+            refused += 1
+    assert refused >= 10
+
+
+def test_what_is_whole_is_read(tmp_path: Path) -> None:
+    for suffix, data in SEEDS.items():
+        path = tmp_path / f"whole{suffix}"
+        path.write_bytes(data)
+        found = decode(read_input(path), 1 if suffix == ".tif" else 0)
+        expected = {".png": GREY, ".bmp": COLOUR, ".tif": GREY + 1}.get(suffix)
+        if expected is not None:
+            np.testing.assert_array_equal(found, expected)
+        assert found.shape[:2] == (33, 57)
+    again = Image.read(read_input(tmp_path / "whole.png"), 1.0)
+    np.testing.assert_array_equal(again.pixels, GREY)
+    stack = pages_of(tmp_path / "whole.tif")
+    np.testing.assert_array_equal([read_grey(page) for page in stack], [GREY, GREY + 1])
