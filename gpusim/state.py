@@ -223,7 +223,9 @@ class StateFile:
     def _save(self) -> None:
         from gpusim.export.files import write_text  # the planner reads only and stays quick
 
-        stages = {key: entry.content() for key, entry in self._entries.items()}
+        # in an order of their own: a run that was killed and taken up again says the same
+        by_stage = sorted(self._entries.items(), key=lambda item: (item[1].stage, item[0]))
+        stages = {key: entry.content() for key, entry in by_stage}
         content = {"version": _VERSION, "stages": stages, "programs": self.programs}
         write_text(inside(self.folder, _NAME), json.dumps(content, indent=1))
 

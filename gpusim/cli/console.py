@@ -20,10 +20,9 @@ from rich.console import Console
 from rich.text import Text
 
 from gpusim.errors import GpusimError
+from gpusim.interrupts import INTERRUPTED, raise_again
 
 __all__ = ["INTERRUPTED", "ProgressDisplay", "exit_codes", "out", "size_text", "time_text"]
-
-INTERRUPTED = 130
 
 
 def out(text: str = "") -> None:
@@ -39,6 +38,7 @@ def exit_codes() -> Iterator[None]:
     overflow: what comes of them is checked, and ends in a message of its own.
     """
     try:
+        raise_again()
         with warnings.catch_warnings():
             if not _debugging():
                 warnings.simplefilter("ignore", RuntimeWarning)
