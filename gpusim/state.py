@@ -195,7 +195,8 @@ class StateFile:
 
     def note_programs(self, programs: Iterable[Any]) -> None:
         """Keep what a run asked the device for, so that the next one can have it ready."""
-        noted = json.loads(json.dumps(list(programs), default=float))
+        # threads ask in any order, which is no part of the result
+        noted = sorted(json.loads(json.dumps(list(programs), default=float)), key=json.dumps)
         if noted and noted != self.programs:
             self.programs = noted
             self._save()
