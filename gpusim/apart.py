@@ -38,11 +38,16 @@ R = TypeVar("R")
 MOST = 2
 """Helpers; a core that only draws isn't worth more."""
 _GRACE = 5.0  # seconds at most for helpers with nothing to do to end by themselves
-_ENTRY = (
-    "import signal, pickle, sys; signal.signal(signal.SIGINT, signal.SIG_IGN); "
-    "sys.path[:] = pickle.load(sys.stdin.buffer); "
-    "from gpusim.apart import serve; serve()"
-)
+_ENTRY = """
+import signal, os, pickle, sys
+signal.signal(signal.SIGINT, signal.SIG_IGN)
+try:
+    sys.path[:] = pickle.load(sys.stdin.buffer)
+except EOFError:  # the caller is gone already
+    os._exit(0)
+from gpusim.apart import serve
+serve()
+"""
 
 _lock = Lock()
 _team: _Team | None = None
@@ -232,6 +237,17 @@ if hasattr(os, "register_at_fork"):
 
 def serve() -> None:
     """What a helper does until its caller is gone."""
+    first = os.getpid()
+    try:
+        _serve()
+    except (BrokenPipeError, EOFError):  # it went while we were starting, or answering
+        if os.getpid() == first:
+            with suppress(Exception):
+                atexit._run_exitfuncs()
+        os._exit(0)
+
+
+def _serve() -> None:
     modules, twins = pickle.load(sys.stdin.buffer)
     for module in modules:
         import_module(module)

@@ -195,7 +195,8 @@ class StateFile:
 
     def note_programs(self, programs: Iterable[Any]) -> None:
         """Keep what a run asked the device for, so that the next one can have it ready."""
-        noted = json.loads(json.dumps(list(programs), default=float))
+        # threads ask in any order, which is no part of the result
+        noted = sorted(json.loads(json.dumps(list(programs), default=float)), key=json.dumps)
         if noted and noted != self.programs:
             self.programs = noted
             self._save()
@@ -223,7 +224,9 @@ class StateFile:
     def _save(self) -> None:
         from gpusim.export.files import write_text  # the planner reads only and stays quick
 
-        stages = {key: entry.content() for key, entry in self._entries.items()}
+        # in an order of their own: a run that was killed and taken up again says the same
+        by_stage = sorted(self._entries.items(), key=lambda item: (item[1].stage, item[0]))
+        stages = {key: entry.content() for key, entry in by_stage}
         content = {"version": _VERSION, "stages": stages, "programs": self.programs}
         write_text(inside(self.folder, _NAME), json.dumps(content, indent=1))
 

@@ -45,7 +45,7 @@ def test_wheel_metadata(wheel: zipfile.ZipFile) -> None:
     assert "Requires-Python: >=3.11" in metadata
     assert "License-Expression: MIT" in metadata
     assert f"{folder}/licenses/LICENSE" in wheel.namelist()
-    assert "gpusim = gpusim.cli:main" in wheel.read(f"{folder}/entry_points.txt").decode()
+    assert "gpusim = gpusim.__main__:main" in wheel.read(f"{folder}/entry_points.txt").decode()
 
 
 @pytest.mark.parametrize("command", ["module", "script"])

@@ -178,11 +178,10 @@ def solve(
     as_json: Json = False,
 ) -> None:
     """Solve the linear static steps of an input deck and write displacements and reactions."""
-    with exit_codes():
-        with claim(output):
-            from gpusim.cli.decks import solve_deck
+    with exit_codes(), claim(output):
+        from gpusim.cli.decks import solve_deck
 
-            solve_deck(deck, output, backend.value, tolerance, stress, quiet, as_json)
+        solve_deck(deck, output, backend.value, tolerance, stress, quiet, as_json)
 
 
 app.command()(dic)

@@ -21,6 +21,7 @@ from rich.text import Text
 from typer.core import TyperGroup
 
 from gpusim.errors import GpusimError
+from gpusim.interrupts import INTERRUPTED, raise_again
 from gpusim.printable import printable
 
 __all__ = [
@@ -32,8 +33,6 @@ __all__ = [
     "size_text",
     "time_text",
 ]
-
-INTERRUPTED = 130
 
 
 def out(text: str = "") -> None:
@@ -49,6 +48,7 @@ def exit_codes() -> Iterator[None]:
     overflow: what comes of them is checked, and ends in a message of its own.
     """
     try:
+        raise_again()
         with warnings.catch_warnings():
             if not _debugging():
                 warnings.simplefilter("ignore", RuntimeWarning)

@@ -10,7 +10,7 @@ import typer
 
 from gpusim.cli.console import exit_codes
 from gpusim.cli.options import Backend, BackendOption, Json, Output, Quiet
-from gpusim.output_folder import check_below, claim
+from gpusim.output_folder import claim
 
 __all__ = ["calibrate", "dic"]
 
@@ -90,7 +90,7 @@ def dic(
 
     gpusim dic --stereo rig.caldat left0.tif right0.tif left1.tif right1.tif … -o out     (in mm)
     """
-    with exit_codes():
+    with exit_codes(), claim(output):
         from gpusim.cli.correlation import Choices, correlate_files, correlate_pairs
 
         choices = Choices(
@@ -112,12 +112,10 @@ def dic(
             formats=tuple(one.value for one in formats or [Format.csv]),
             backend=backend.value,
         )
-        with claim(output):
-            check_below(output, "figures")
-            if stereo is None:
-                correlate_files(reference, deformed, output, choices, quiet, as_json)
-            else:
-                correlate_pairs([reference, *deformed], stereo, output, choices, quiet, as_json)
+        if stereo is None:
+            correlate_files(reference, deformed, output, choices, quiet, as_json)
+        else:
+            correlate_pairs([reference, *deformed], stereo, output, choices, quiet, as_json)
 
 
 def calibrate(
@@ -155,7 +153,7 @@ def calibrate(
 
     gpusim calibrate photos/ --kind charuco --board 7x5 --square-mm 30 --marker-mm 22 -o out
     """
-    with exit_codes():
+    with exit_codes(), claim(output):
         from gpusim.cli.calibrating import Wishes, calibrate_files
 
         wishes = Wishes(
@@ -168,6 +166,4 @@ def calibrate(
             square_pixels=square_pixels,
             formats=tuple(formats or ["opencv"]),
         )
-        with claim(output):
-            check_below(output, "figures")
-            calibrate_files(images, others or [], output, wishes, quiet, as_json)
+        calibrate_files(images, others or [], output, wishes, quiet, as_json)

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from gpusim.cli.options import Backend
+from gpusim.interrupts import end_at_once, raise_again
 
 __all__ = ["importing", "starting"]
 
@@ -34,13 +35,15 @@ def importing() -> Iterator[None]:
     """Without garbage collection meanwhile, nor later of what was made.
 
     What modules make while they are imported stays; to look through it again and again for garbage
-    takes a sixth of the time that a command needs to start.
+    takes a sixth of the time that a command needs to start. Interrupts end the command meanwhile.
     """
     enabled = gc.isenabled()
+    end_at_once()
     gc.disable()
     try:
         yield
     finally:
+        raise_again()
         gc.freeze()
         if enabled:
             gc.enable()

@@ -153,7 +153,23 @@ class DeflectionResult:
                 values[item.name] = tuple(value)
             elif value is None:
                 values[item.name] = np.nan
-        return DeflectionResult(**values)
+        found = DeflectionResult(**values)
+        found._check()
+        return found
+
+    def _check(self) -> None:
+        """Raises ValueError for arrays that don't belong together."""
+        count = len(self.marker)
+        shapes = {
+            "position_mm": (count, 3), "points_px": (count, 2), "displacement_px": (count, 2),
+            "measured_mm": (count, 2), "true_mm": (count, 2), "sigma_mm": (count,),
+            "static_px": (len(self.static_px), 2),
+        }  # fmt: skip
+        wrong = [name for name, shape in shapes.items() if getattr(self, name).shape != shape]
+        wrong += [name for name in ("group", "status") if len(getattr(self, name)) != count]
+        wrong += [group for group, curve in self.curves.items() if curve.shape[:1] != (3,)]
+        if wrong or not count or len(self.axes) != 2:
+            raise ValueError(f"of another shape than its {count} markers: {', '.join(wrong)}")
 
 
 def unrefined_text(name: str, markers: Sequence[str]) -> list[str]:

@@ -164,7 +164,26 @@ class StereoResult:
                 values[item.name] = tuple(value)
             elif value is None:
                 values[item.name] = float("nan")
-        return StereoResult(**values)
+        found = StereoResult(**values)
+        found._check()
+        return found
+
+    def _check(self) -> None:
+        """Raises ValueError for arrays that don't belong together."""
+        count, cameras = len(self.marker), len(self.cameras)
+        shapes = dict.fromkeys(
+            ("position_mm", "found_mm", "measured_mm", "true_mm", "sigma_mm"), (count, 3)
+        ) | {"epipolar_px": (count,), "residual_px": (count,)}
+        wrong = [name for name, shape in shapes.items() if getattr(self, name).shape != shape]
+        wrong += [name for name in ("group", "status") if len(getattr(self, name)) != count]
+        for name in ("points_px", "moved_px"):
+            rows = getattr(self, name)
+            if len(rows) != cameras or any(own.shape != (count, 2) for own in rows):
+                wrong.append(name)
+        if len(self.view_rms_px) != cameras or len(self.corners_px) != cameras:
+            wrong.append("calibration")
+        if wrong or not count:
+            raise ValueError(f"of another shape than its {count} markers: {', '.join(wrong)}")
 
 
 def _camera(values: dict[str, Any]) -> CameraFound:

@@ -33,12 +33,20 @@ class Stresses:
 
     def __init__(self, source: Path | BinaryIO) -> None:
         self._source = source.open("rb") if isinstance(source, Path) else source
-        self._stored = np.load(self._source, allow_pickle=False)  # reads arrays as they are needed
-        rows = json.loads(str(self._stored["peaks"]))
-        self.peaks = tuple(
-            StressPeak(**{**row, "position": tuple(row["position"])}) for row in rows
-        )
-        """Of each body, in the last frame in which something has moved."""
+        try:
+            self._stored = np.load(self._source, allow_pickle=False)  # arrays as they are needed
+        except BaseException:
+            self._source.close()
+            raise
+        try:
+            rows = json.loads(str(self._stored["peaks"]))
+            self.peaks = tuple(
+                StressPeak(**{**row, "position": tuple(row["position"])}) for row in rows
+            )
+            """Of each body, in the last frame in which something has moved."""
+        except BaseException:
+            self.close()
+            raise
 
     def close(self) -> None:
         """Let go of the file; `peaks` stay."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 from math import ceil, log
 from pathlib import Path
@@ -164,14 +165,22 @@ def _graded(
     return total
 
 
+@lru_cache(maxsize=32)
+def _beginning(path: Path, stamp: tuple[int, int, int]) -> tuple[bytes, int]:
+    """The first 64 kB of a file, and its size; a plan asks for them several times."""
+    content = read_input(path).data
+    return content[: 1 << 16], len(content)
+
+
 def _file_counts(path: Path, order: int) -> tuple[int, int]:
     if path.suffix.lower() in CAD_SUFFIXES:
         return 0, 0
     try:
-        content = read_input(path).data
-    except InputError:
+        now = path.stat()
+        head, size = _beginning(path, (now.st_ino, now.st_size, now.st_mtime_ns))
+    except (OSError, InputError):
         return 0, 0
-    head, nodes = content[: 1 << 16], len(content) // _BYTES_PER_NODE
+    nodes = size // _BYTES_PER_NODE
     # Gmsh 4.1, Gmsh 2.2, VTU, FRD: the counts stand near the beginning of most files
     for pattern in (
         rb"\$Nodes\r?\n\d+ (\d+) \d+ \d+",
