@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from gpusim.errors import GpusimError
 from gpusim.measure.images import FloatArray
+from gpusim.measure.view_scatter import view_scatter
 
 __all__ = ["LENSES", "Adjusted", "Rig", "Rows", "adjust"]
 
@@ -74,7 +75,8 @@ class Rig:
 @dataclass(frozen=True, eq=False)
 class Adjusted:
     """The result: ``rig``, ``residuals`` per entry of the rows (N, 2) px, ``covariance`` (Q, Q)
-    of the free parameters named ``names``, and how many steps it took."""
+    of the free parameters named ``names``, and how many steps it took. The covariance is wider than
+    that of independent errors where whole views differ by more (`view_scatter`)."""
 
     rig: Rig
     residuals: tuple[FloatArray, ...]
@@ -197,8 +199,21 @@ def adjust(
     inverted = np.linalg.pinv(normal / np.outer(scale, scale), hermitian=True)
     variance = square / max(count - len(p), 1)
     covariance = inverted / np.outer(scale, scale) * variance
+    covariance *= max(_scatter(layout, p, rows, variance), 1.0)
     residuals = tuple(_project(layout, rig, r)[0] - r.image for r in rows)
     return Adjusted(rig, residuals, covariance, layout.names, steps)
+
+
+def _scatter(layout: _Layout, p: FloatArray, rows: Sequence[Rows], variance: float) -> float:
+    """`view_scatter` of the views at the minimum ``p``."""
+    shared = np.arange(layout.first_view)
+    normals, gradients = [], []
+    for view in sorted({r.view for r in rows}):
+        normal, gradient, _ = _normal(layout, p, [r for r in rows if r.view == view])
+        at = np.concatenate([shared, layout.first_view + 6 * view + np.arange(6)])
+        normals.append(normal[np.ix_(at, at)])
+        gradients.append(gradient[at])
+    return view_scatter(normals, gradients, variance, 6)
 
 
 def _normal(
