@@ -30,7 +30,7 @@ def pose_of(degrees: tuple[float, ...], place: tuple[float, ...]) -> np.ndarray:
 
 
 def photograph(camera: gs.Camera, pose: np.ndarray) -> np.ndarray:
-    frame = gs.render([board_surface(BOARD, pose)], camera, background=0.3, backend="numpy")
+    frame = gs.render([board_surface(BOARD, pose)], camera, background=0.3)
     return np.rint(frame.radiance * 65535).astype(np.uint16)
 
 

@@ -22,7 +22,7 @@ from gpusim.errors import InputError
 from gpusim.export.files import write_text
 from gpusim.export.pictures import pages_of, picture_file, read_grey
 from gpusim.measure.bundle import LENSES
-from gpusim.optics.calibration_files import UNIT_MM, write_calibration
+from gpusim.optics.calibration_files import write_calibration
 from gpusim.optics.camera import Camera
 from gpusim.report import Link, Report, write_report
 from gpusim.report.stereo_figures import RigCamera, draw_calibration
@@ -86,7 +86,7 @@ def calibrate_files(
     files = [write_text(folder / "calibration.json", json.dumps(content, indent=1) + "\n")]
     for name in wishes.formats:
         path = folder / f"calibration-{name}.{ENDINGS[name]}"
-        write_calibration(path, _cameras(found, UNIT_MM[name]), name)
+        write_calibration(path, _cameras(found), name, "mm" if name == "opencv" else None)
         files.append(path)
     report = _report(found, seen, missed, files, folder)
     write_report(report, folder)
@@ -182,12 +182,12 @@ def _sightings(
         return list(pool.map(sighting, files))
 
 
-def _cameras(found: measure.Calibration, unit_mm: float) -> list[Camera]:
-    """The rig with the first camera at the origin; lengths in the file's unit."""
+def _cameras(found: measure.Calibration) -> list[Camera]:
+    """The rig with the first camera at the origin; lengths in metres."""
     cameras = []
     for own in found.cameras:
         pose = own.camera_from_rig.copy()
-        pose[:3, 3] /= unit_mm
+        pose[:3, 3] /= 1000.0
         width, height = own.resolution
         used = 14 if own.distortion[8:].any() else 8 if own.distortion[5:].any() else 5
         cameras.append(Camera(width, height, own.K, own.distortion[:used], pose, own.name))

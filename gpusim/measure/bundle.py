@@ -25,6 +25,7 @@ LENSES: dict[str, tuple[int, ...]] = {
     "pinhole": (),
     "radial": (0, 1),
     "radial3": (0, 1, 4),
+    "radtan": (0, 1, 2, 3),
     "brown": (0, 1, 2, 3, 4),
     "rational": (0, 1, 2, 3, 4, 5, 6, 7),
     "prism": tuple(range(12)),

@@ -134,8 +134,9 @@ def calibrate(
         that are to be calibrated together; or a list for a single camera. Empty sightings are
         left out, and so are points further than 6 robust standard deviations (at least 0.02 px)
         from where the calibration puts them.
-    lens : "pinhole" (no distortion), "radial" (k1 k2), "radial3" (k1 k2 k3), "brown" (k1 k2 p1 p2
-        k3), "rational" (+ k4 k5 k6), "prism" (+ s1..s4), "tilted" (+ tau).
+    lens : "pinhole" (no distortion), "radial" (k1 k2), "radial3" (k1 k2 k3), "radtan" (k1 k2
+        p1 p2), "brown" (k1 k2 p1 p2 k3), "rational" (+ k4 k5 k6), "prism" (+ s1..s4), "tilted"
+        (+ tau).
     square_pixels : one focal length for both directions.
 
     Raises

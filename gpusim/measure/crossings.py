@@ -2,10 +2,11 @@
 
 The model is that of `gpusim.measure.junction`: two straight borders, integrated over the pixels and
 blurred by the lens, under a light that varies linearly. A corner of a board has no ends to find
-but neighbours that give its two directions, also under strong perspective. Where the lens bends the
-borders, pixels are looked at in coordinates that make them straight (`gpusim.measure.plumb_line`). The true image and the
-model are both symmetric about the corner, so that what the model leaves out (the few pixels that
-both borders cross) doesn't move it. ``cv2.cornerSubPix`` is off by 0.035-0.08 px on perfect images.
+but neighbours that give its two directions, also under strong perspective. Where the lens bends
+the borders, pixels are looked at in coordinates that make them straight
+(`gpusim.measure.plumb_line`). The true image and the model are both symmetric about the corner, so
+that what the model leaves out (the few pixels that both borders cross) doesn't move it.
+``cv2.cornerSubPix`` is off by 0.035-0.08 px on perfect images.
 """
 
 from __future__ import annotations
@@ -110,7 +111,9 @@ def fit_crossings(
         return _failed(len(points))
     known = _known_blur(blur, len(points))
     if index is not None and np.shape(index) != (len(points), 2):
-        raise InputError(f"fit_crossings: index; got {np.shape(index)}; expected ({len(points)}, 2)")
+        raise InputError(
+            f"fit_crossings: index; got {np.shape(index)}; expected ({len(points)}, 2)"
+        )
     around, before = points, None
     sharp = known
     if sharp is None:
@@ -181,10 +184,10 @@ def _fit(
         array, start, steps, inside, ROUGH_REACH if rough else MOST_REACH
     )
     if straighten is not None:
-        own = start - middle
-        offset = np.stack([x - own[:, :1], y - own[:, 1:]], axis=2)
+        corner = start - middle
+        offset = np.stack([x - corner[:, :1], y - corner[:, 1:]], axis=2)
         offset = straight_offsets(straighten, start, offset)
-        x, y = own[:, :1] + offset[..., 0], own[:, 1:] + offset[..., 1]
+        x, y = corner[:, :1] + offset[..., 0], corner[:, 1:] + offset[..., 1]
     usable = (weight.sum(axis=1) >= LEAST_PIXELS) & (np.abs(np.linalg.det(steps)) > 4.0)
     rows = np.flatnonzero(usable)
     p = np.full((len(start), PARAMETERS), np.nan)

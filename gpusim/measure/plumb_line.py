@@ -4,7 +4,7 @@ Without distortion a flat grid is seen through a homography, and its lines stay 
 field s that makes them so, x + s(x) = H(column, row), is fitted together with H: the plumb-line
 method (Brown, "Close-range camera calibration", Photogrammetric Engineering 37, 1971), by
 polynomials about the image's middle in place of a lens model. How many terms are worth having is
-decided by Schwarz's criterion ("Estimating the dimension of a model", Annals of Statistics 6, 1978).
+decided by Schwarz's criterion ("Estimating the dimension of a model", Ann. Statistics 6, 1978).
 """
 
 from __future__ import annotations
@@ -58,9 +58,7 @@ def plumb_lines(
 def straight_offsets(straighten: Straighten, at: FloatArray, offset: FloatArray) -> FloatArray:
     """Offsets (C, P, 2) from places ``at`` (C, 2) px, straightened; the same to first order."""
     here = straighten(at)
-    by_x, by_y = (
-        (straighten(at + d) - straighten(at - d)) / (2 * STEP) for d in STEP * np.eye(2)
-    )
+    by_x, by_y = ((straighten(at + d) - straighten(at - d)) / (2 * STEP) for d in STEP * np.eye(2))
     slope = np.stack([by_x, by_y], axis=-1)
     bent = straighten(at[:, None, :] + offset) - here[:, None, :]
     return np.asarray(bent @ np.linalg.inv(slope).swapaxes(1, 2))

@@ -1,10 +1,10 @@
-"""How much more the views of a calibration differ than independent errors of points would make them.
+"""How much more the views of a calibration differ than by independent errors of their points.
 
 A covariance from the residuals takes every point's error for its own. Where neighbours err alike (a
-lens model that lacks a term, corners that share a bias, a board that isn't flat) parameters are less
-certain than that says, as the pull of whole views on them shows: the clustered variance of Liang and
-Zeger, "Longitudinal data analysis using generalized linear models", Biometrika 73 (1986), here one
-factor for all parameters, since some ten views don't tell one for each.
+lens model that lacks a term, corners that share a bias, a board that isn't flat) parameters are
+less certain than that says, as the pull of whole views on them shows: the clustered variance of
+Liang and Zeger, "Longitudinal data analysis using generalized linear models", Biometrika 73 (1986),
+here one factor for all parameters, since some ten views don't tell one for each.
 """
 
 from __future__ import annotations
@@ -37,7 +37,9 @@ def view_scatter(
         shared.append((normal[rest, rest] - taken[:, :-1], gradient[rest] - taken[:, -1]))
     total = np.sum([normal for normal, _ in shared], axis=0)
     scale = 1.0 / np.sqrt(np.maximum(np.diag(total), 1e-300))
-    inverse = np.linalg.pinv(total * np.outer(scale, scale), hermitian=True) * np.outer(scale, scale)
+    inverse = np.linalg.pinv(total * np.outer(scale, scale), hermitian=True) * np.outer(
+        scale, scale
+    )
     pull = sum(float(gradient @ inverse @ gradient) for _, gradient in shared)
     # the pulls add up to nothing, so that a view which tells most of a parameter pulls little
     parts = [inverse @ normal for normal, _ in shared]

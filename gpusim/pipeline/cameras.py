@@ -8,7 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.optics.calibration_files import UNIT_MM, calibration_format, read_calibration
+from gpusim.input_file import read_input
+from gpusim.optics.calibration_files import read_rig
 from gpusim.optics.camera import Camera
 from gpusim.scene import model as m
 
@@ -78,7 +79,8 @@ def _pose(camera: m.Camera) -> Array | None:
 def _calibrated(camera: m.Camera) -> Camera:
     path, which = camera.calibration, camera.calibration_camera
     where = f"camera {camera.name!r} calibration {path}"
-    cameras = read_calibration(path, camera.resolution)
+    # read here, so that no second file beside it is: a run knows the hash of this one
+    cameras, metres = read_rig(read_input(path, "a calibration file"), camera.resolution)
     names = [found.name for found in cameras]
     if isinstance(which, str):
         if which not in names:
@@ -96,7 +98,7 @@ def _calibrated(camera: m.Camera) -> Camera:
             f"{where}; got {found.width} x {found.height} px there; expected resolution_px "
             f"{list(camera.resolution)}"
         )
-    unit = camera.calibration_unit or UNIT_MM[calibration_format(path)] / 1000.0
+    unit = camera.calibration_unit or metres
     pose = found.camera_from_world.copy()
     pose[:3, 3] *= unit
     return replace(found, camera_from_world=pose, name=camera.name)
