@@ -7,12 +7,13 @@ import re
 import tempfile
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from gpusim import measure
 from gpusim._version import __version__
@@ -29,7 +30,10 @@ from gpusim.report.stereo_figures import RigCamera, draw_calibration
 
 __all__ = ["Wishes", "calibrate_files"]
 
+Board = measure.Chessboard | measure.CharucoBoard
+
 SUFFIXES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".bmp")
+BOARD_FRAMES = "calib-"  # as runs name the pictures of a [calibration]
 ENDINGS = {
     "opencv": "yml", "kalibr": "yaml", "matchid": "caldat", "vic": "xml", "dice": "xml",
 }  # fmt: skip
@@ -137,7 +141,7 @@ def _holds(name: str, lens: str, cameras: int) -> bool:
     return True
 
 
-def _board(wishes: Wishes) -> measure.Chessboard | measure.CharucoBoard:
+def _board(wishes: Wishes) -> Board:
     match = re.fullmatch(r"(\d+)[xX](\d+)", wishes.board)
     if not match:
         raise InputError(f"--board: got {wishes.board!r}; expected fields, COLUMNSxROWS like 9x8")
@@ -159,6 +163,8 @@ def _pictures(paths: Sequence[Path]) -> list[Path]:
     for path in paths:
         if path.is_dir():
             own = sorted(p for p in path.iterdir() if p.suffix.lower() in SUFFIXES)
+            # a run's own folder of images: the frames of the scene show no board
+            own = [p for p in own if p.name.startswith(BOARD_FRAMES)] or own
             if not own:
                 raise InputError(f"calibrate: {path}: no pictures ({', '.join(SUFFIXES)})")
             files += own
@@ -169,17 +175,50 @@ def _pictures(paths: Sequence[Path]) -> list[Path]:
     return files
 
 
-def _sightings(
-    files: Sequence[Path], board: measure.Chessboard | measure.CharucoBoard
-) -> list[measure.Sighting]:
+def _sightings(files: Sequence[Path], board: Board) -> list[measure.Sighting]:
+    """What each picture shows of the board. All are of one size, and the board isn't misread."""
+    image = read_grey(files[0])
+    shape = image.shape
+    first = _found(image, board)
+    if first.problem:
+        _check_reading(files[0], image, board)
+
     def sighting(file: Path) -> measure.Sighting:
         image = read_grey(file)
-        if isinstance(board, measure.CharucoBoard):
-            return measure.find_charuco(image, board)
-        return measure.find_chessboard(image, board)
+        if image.shape != shape:
+            raise InputError(
+                f"calibrate: {file}: got {image.shape[1]}x{image.shape[0]} px; expected "
+                f"{shape[1]}x{shape[0]} as {files[0].name}: pictures of one camera have one size"
+            )
+        return _found(image, board)
 
     with ThreadPoolExecutor(max_workers=2) as pool:
-        return list(pool.map(sighting, files))
+        rest = [pool.submit(sighting, file) for file in files[1:]]
+        try:
+            return [first, *(one.result() for one in rest)]
+        except InputError:
+            pool.shutdown(cancel_futures=True)
+            raise
+
+
+def _found(image: npt.NDArray[Any], board: Board) -> measure.Sighting:
+    if isinstance(board, measure.CharucoBoard):
+        return measure.find_charuco(image, board)
+    return measure.find_chessboard(image, board)
+
+
+def _check_reading(file: Path, image: npt.NDArray[Any], board: Board) -> None:
+    """Refuse a --board that counts inner corners, as OpenCV does, if the picture shows it so."""
+    try:
+        other = replace(board, columns=board.columns + 1, rows=board.rows + 1)
+    except InputError:  # more markers than the dictionary has
+        return
+    if not _found(image, other).problem:
+        raise InputError(
+            f"--board: got {board.columns}x{board.rows}; {file.name} shows {other.columns}x"
+            f"{other.rows} fields, which have {board.columns}x{board.rows} inner corners; expected "
+            f"fields: --board {other.columns}x{other.rows}"
+        )
 
 
 def _cameras(found: measure.Calibration) -> list[Camera]:

@@ -36,6 +36,7 @@ DISTORTION = 14
 MOST_STEPS = 60
 SETTLED = 1e-10  # relative decrease of the squares
 FIRST_DAMPING = 1e-4
+LEAST_SHARE = 0.1  # of the largest part in a change that leaves residuals as they are
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,9 +191,12 @@ def adjust(
             if damping > 1e8:  # no direction goes down any more: rounding decides
                 break
     else:
+        points = sum(len(r.image) for r in rows)
         raise GpusimError(
-            f"calibration: not settled after {MOST_STEPS} steps; expected views that determine "
-            "the lens: tilt the target more, or take a lens with fewer coefficients"
+            f"calibration: not settled after {MOST_STEPS} steps, at {np.sqrt(square / points):.3g} "
+            f"px RMS: the views don't determine {_weakest(layout.names, normal)}; expected views "
+            "that do: tilt the target more, fill the image's corners, or take a lens with fewer "
+            "coefficients"
         )
     rig = layout.unpack(p)
     count = 2 * sum(len(r.image) for r in rows)
@@ -203,6 +207,23 @@ def adjust(
     covariance *= max(_scatter(layout, p, rows, variance), 1.0)
     residuals = tuple(_project(layout, rig, r)[0] - r.image for r in rows)
     return Adjusted(rig, residuals, covariance, layout.names, steps)
+
+
+def _weakest(names: Sequence[tuple[str, int, str]], normal: FloatArray) -> str:
+    """The camera parameters that change the residuals least when they change together."""
+    own = [i for i, (kind, _, _) in enumerate(names) if kind != "view"]
+    inner, outer = np.ix_(own, own), [i for i in range(len(names)) if i not in set(own)]
+    taken = normal[np.ix_(own, outer)]
+    views = np.linalg.pinv(normal[np.ix_(outer, outer)], hermitian=True)
+    reduced = normal[inner] - taken @ views @ taken.T
+    scale = np.sqrt(np.maximum(np.diag(reduced), 1e-300))
+    _, vectors = np.linalg.eigh(reduced / np.outer(scale, scale))
+    share = np.abs(vectors[:, 0])
+    chosen = [names[own[i]] for i in np.flatnonzero(share >= LEAST_SHARE * share.max())]
+    cameras = sorted({number for _, number, _ in chosen})
+    parts = [f"{' '.join(name for _, number, name in chosen if number == c)} of camera {c + 1}"
+             for c in cameras]  # fmt: skip
+    return ", ".join(parts)
 
 
 def _scatter(layout: _Layout, p: FloatArray, rows: Sequence[Rows], variance: float) -> float:

@@ -102,6 +102,7 @@ def _fitted(array: npt.NDArray[Any], board: Chessboard, rough: FloatArray) -> Si
         blur=fit.blur[ok],
         resolution=(width, height),
         missed=int(np.count_nonzero(~ok)),
+        turns=board.turns,
     )
 
 
