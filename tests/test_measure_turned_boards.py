@@ -1,4 +1,4 @@
-"""Boards that look the same when turned: rigs with a camera on its head, and folders of pictures."""
+"""Boards that look the same when turned, seen by rigs with a camera on its head."""
 
 from __future__ import annotations
 
