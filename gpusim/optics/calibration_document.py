@@ -21,11 +21,10 @@ __all__ = ["Document", "read_document", "xml_root"]
 Document = dict[str, Any]
 
 DEEPEST = 20
-LONGEST = 4_000_000  # characters
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+_NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
 _WORD = re.compile(r"""\s*("(?:[^"\\]|\\.)*"|'(?:[^']|'')*'|[\[\]{},]|:(?=[\s\[{]|$)"""
                    r"""|(?:[^\s\[\]{},:"']|:(?=\S))(?:[^\[\]{},:]|:(?=\S))*)""")  # fmt: skip
-_KEY = re.compile(r"""("(?:[^"\\]|\\.)*"|'[^']*'|[^\s"'\[{][^:"'\[{]*?)\s*:(?:\s+(.*)|)""")
+_QUOTED_KEY = re.compile(r"""("(?:[^"\\]|\\.)*"|'[^']*')\s*:(?=\s|$)""")
 
 
 def read_document(text: str, where: str) -> Document:
@@ -34,11 +33,8 @@ def read_document(text: str, where: str) -> Document:
     Raises
     ------
     InputError
-        Not well-formed (with the line), deeper than 20 levels, longer than 4 million characters, or
-        no map.
+        Not well-formed (with the line), deeper than 20 levels, or no map.
     """
-    if len(text) > LONGEST:
-        raise InputError(f"{where}; got {len(text)} characters; expected at most {LONGEST}")
     begin = text.lstrip()[:1]
     if begin == "<":
         found = _from_xml(xml_root(text, where), where, 0)
@@ -129,7 +125,7 @@ class _Block:
             raise self._fault(line, f"at most {DEEPEST} levels")
         if line.text == "-" or line.text.startswith("- "):
             return self._list(line.indent, depth)
-        if _KEY.fullmatch(line.text):
+        if _key_and_rest(line.text) is not None:
             return self._map(line.indent, depth)
         self.at += 1
         return self._flow(line, line.text)
@@ -154,10 +150,10 @@ class _Block:
         found: Document = {}
         while self.at < len(self.lines) and self.lines[self.at].indent == indent:
             line = self.lines[self.at]
-            match = _KEY.fullmatch(line.text)
-            if not match:
+            parts = _key_and_rest(line.text)
+            if parts is None:
                 raise self._fault(line, "'key: value'")
-            key, rest = _unquoted(match[1]), match[2]
+            key, rest = parts
             if key in found:
                 raise self._fault(line, f"{key} once")
             self.at += 1
@@ -223,6 +219,17 @@ class _Block:
     def _fault(self, line: _Line, expected: str) -> InputError:
         shown = line.text if len(line.text) <= 60 else line.text[:60] + "…"
         return InputError(f"{self.where} line {line.number}; got {shown!r}; expected {expected}")
+
+
+def _key_and_rest(text: str) -> tuple[str, str] | None:
+    """``key: rest`` in its two parts; None for another text."""
+    quoted = _QUOTED_KEY.match(text)
+    if quoted:
+        return _unquoted(quoted[1]), text[quoted.end() :].strip()
+    colon = re.search(r":(?=\s|$)", text)
+    if colon is None or any(sign in text[: colon.start()] for sign in "\"'[{"):
+        return None
+    return text[: colon.start()].rstrip(), text[colon.end() :].strip()
 
 
 def _unquoted(word: str) -> str:

@@ -49,6 +49,8 @@ _HABIT = {"opencv": "mm", "kalibr": "m", "matchid": "mm", "vic": "mm", "dice": "
 """A format's unit where a file doesn't say it; OpenCV's is that of the board, mostly mm."""
 _STATED = re.compile(r"""\blength_unit\b["'>:\s]*([A-Za-z]+)""")
 
+LONGEST, LONGEST_MESSAGE = 4_000_000, 800  # bytes, characters
+
 _READ: dict[str, Callable[[str, str, Size], list[Camera]]] = {
     "opencv": read_opencv,
     "kalibr": read_kalibr,
@@ -130,6 +132,17 @@ def read_rig(
     source: Source, size: tuple[int, int] | None = None, unit: str | None = None
 ) -> tuple[list[Camera], float]:
     """The cameras in the file's own unit of length, and how many metres that is."""
+    try:
+        return _read_rig(source, size, unit)
+    except InputError as error:
+        text = str(error)
+        if len(text) <= LONGEST_MESSAGE:
+            raise
+        # a damaged file may have anything in place of a number
+        raise InputError(f"{text[: LONGEST_MESSAGE // 2]} … {text[-100:]}") from None
+
+
+def _read_rig(source: Source, size: Size, unit: str | None) -> tuple[list[Camera], float]:
     file = _read(source)
     kind, text, where = calibration_format(file), _text(file), str(file.path)
     name = _unit(text, kind, where, unit)
@@ -224,4 +237,6 @@ def _read(source: Source) -> InputFile:
 
 
 def _text(file: InputFile) -> str:
+    if len(file.data) > LONGEST:
+        raise InputError(f"{file.path}; got {len(file.data)} bytes; expected a calibration file")
     return file.text("a readable text: a calibration file")

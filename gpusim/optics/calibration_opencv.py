@@ -52,11 +52,24 @@ def cameras_of(root: Document, where: str, size: Size) -> list[Camera]:
         rig = root["cameras"]
         if not isinstance(rig, list) or not rig or not all(isinstance(one, dict) for one in rig):
             raise InputError(f"{where}: cameras; got no list of cameras; expected at least one map")
+        _check_poses(rig, where)
         return [_single(node, f"{where}: cameras[{i}]", f"camera {i}", size)
                 for i, node in enumerate(rig)]  # fmt: skip
     if _matrix(root, _pair_keys("M", 1), where) is None:
         return [_single(root, where, "camera", size)]
     return _pair(root, where, size)
+
+
+def _check_poses(rig: Sequence[Document], where: str) -> None:
+    """Where one camera has a pose, all have it: a file that ends early isn't taken for a whole."""
+    for keys in (_TURN, _SHIFT):
+        known = (*keys, "camera_from_first_mm")
+        lack = [i for i, node in enumerate(rig) if not any(key in node for key in known)]
+        if lack and len(lack) < len(rig):
+            raise InputError(
+                f"{where}: cameras[{lack[0]}]: {keys[0]}; got nothing; expected it, as the other "
+                "cameras have"
+            )
 
 
 def needs_extrinsics(root: Document) -> bool:

@@ -17,6 +17,7 @@ __all__ = ["read_kalibr", "read_matchid", "write_kalibr", "write_matchid"]
 
 Array = npt.NDArray[np.float64]
 Size = tuple[int, int] | None
+LONGEST_LABEL = 100
 
 
 def read_kalibr(text: str, where: str, size: Size) -> list[Camera]:
@@ -98,6 +99,7 @@ def read_matchid(text: str, where: str, size: Size) -> list[Camera]:
         if not line.strip():
             continue
         label, _, value = line.partition(";")
+        label = label[:LONGEST_LABEL]
         unit = re.search(r"\[(.*?)\]", label)
         key = re.sub(r"\[.*?\]|\s", "", label).lower()
         if unit and unit.group(1).lower() not in ("pixels", "pixel", "mm", "deg"):
