@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -77,6 +78,46 @@ def test_wrong_wishes_are_refused(
     done = CliRunner().invoke(app, ["calibrate", *files, *wishes, *change])
     assert done.exit_code == 2
     assert message in " ".join(done.output.split())
+
+
+def test_a_board_that_counts_inner_corners_is_told_from_one_picture(
+    pictures: Path, tmp_path: Path
+) -> None:
+    files = [str(pictures / "left" / f"{k:02d}.png") for k in range(5)]
+    wishes = ["--board", "8x7", "--square-mm", "40", "-o", str(tmp_path / "out")]
+    done = CliRunner().invoke(app, ["calibrate", *files, *wishes])
+    text = " ".join(done.output.split())
+    assert done.exit_code == 2 and "00.png shows 9x8 fields" in text and "--board 9x8" in text
+
+
+def test_a_picture_of_another_size_is_named(pictures: Path, tmp_path: Path) -> None:
+    odd = tmp_path / "odd.png"
+    write_image(odd, np.full((300, 600), 90, np.uint8))
+    files = [str(pictures / "left" / f"{k:02d}.png") for k in range(2)]
+    wishes = ["--board", "9x8", "--square-mm", "40", "-o", str(tmp_path / "out")]
+    done = CliRunner().invoke(app, ["calibrate", *files, str(odd), *wishes])
+    text = " ".join(done.output.split())
+    assert done.exit_code == 2 and "odd.png: got 600x300 px; expected 600x400 as 00.png" in text
+
+
+def test_of_a_runs_own_pictures_those_of_the_board_are_taken(
+    pictures: Path, tmp_path: Path
+) -> None:
+    """Frames of the scene beside them are no pictures of a board that wasn't found."""
+    folder = tmp_path / "left"
+    folder.mkdir()
+    for k in range(4):
+        shutil.copy(pictures / "left" / f"{k:02d}.png", folder / f"calib-{k:04d}.png")
+    for k in range(2):
+        write_image(folder / f"{k:04d}.png", np.full((400, 600), 90, np.uint8))
+    wishes = ["--board", "9x8", "--square-mm", "40", "--lens", "pinhole"]
+    done = CliRunner().invoke(app, ["calibrate", str(folder), *wishes, "-o", str(tmp_path / "out")])
+    assert done.exit_code == 0, done.output
+    content = json.loads((tmp_path / "out" / "calibration.json").read_text())
+    names = [image["file"] for image in content["cameras"][0]["images"]]
+    assert names == [f"calib-{k:04d}.png" for k in range(4)]
+    (camera,) = gs.read_calibration(tmp_path / "out" / "calibration.json")
+    assert np.abs(camera.K - content["cameras"][0]["K"]).max() == 0.0
 
 
 def test_a_value_is_stated_to_two_figures_of_its_uncertainty() -> None:

@@ -70,15 +70,15 @@ def test_tables_maps_and_page(cli: Run, pictures: Path, tmp_path: Path) -> None:
         rows = list(csv.DictReader(line for line in lines if not line.startswith("#")))
         good = [row for row in rows if row["status"] == "OK"]
         masked = [row for row in rows if row["status"] == "MASKED"]
-        assert masked and all(row["u"] == row["exx"] == "" for row in masked)
-        u = np.array([float(row["u"]) for row in good])
-        sigma = np.array([float(row["sigma"]) for row in good])
+        assert masked and all(row["u_px"] == row["exx"] == "" for row in masked)
+        u = np.array([float(row["u_px"]) for row in good])
+        sigma = np.array([float(row["sigma_px"]) for row in good])
         error = np.abs(u - 1.25 * number)
         assert np.median(error) <= 3e-3
         assert (error <= 5 * sigma + 1e-3).all()  # little is left of subsets beside the mask
         assert np.median([abs(float(row["exx"])) for row in good if row["exx"]]) <= 1e-3
         with h5py.File(out / f"{stem}.h5") as file, np.load(out / f"{stem}.npz") as data:
-            assert file["u"].attrs["unit"] == "px"
+            assert file["u"].attrs["unit"] == data["unit_u"] == "px"
             assert np.array_equal(file["u"][:], data["u"], equal_nan=True)
             assert np.isfinite(data["u"]).sum() == len(good) == (data["status"] == 0).sum()
             assert data["status_names"][int(Status.MASKED)] == "MASKED"

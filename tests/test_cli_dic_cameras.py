@@ -50,17 +50,17 @@ def test_the_lens_is_undone(tmp_path: Path) -> None:
     assert done.exit_code == 0, done.output
     table = rows(tmp_path / "out" / "0001_b.csv")
     assert len(table) >= 60
-    place = numbers(table, "x", "y")
+    place = numbers(table, "x_px", "y_px")
 
     def undone(points: np.ndarray) -> np.ndarray:
         return cv2.undistortPoints(points[:, None], K, LENS, None, None, K).reshape(-1, 2)
 
     true = undone(place + MOTION) - undone(place)
     assert np.abs(true - MOTION).max() >= 0.02  # the lens matters
-    assert np.abs(numbers(table, "u", "v") - true).max() <= 4e-3
+    assert np.abs(numbers(table, "u_px", "v_px") - true).max() <= 4e-3
     strain = [row for row in table if row["exx"]]
     # what moves stiffly in the picture is strained in space
-    place = numbers(strain, "x", "y")
+    place = numbers(strain, "x_px", "y_px")
     step = np.array([2.0, 0.0])
     ends = [undone(place + s) for s in (-step, step)]
     moved = [undone(place + s + MOTION) for s in (-step, step)]
@@ -86,19 +86,22 @@ def test_pairs_are_measured_in_space(tmp_path: Path) -> None:
     assert "mean W" in done.output
     table = rows(tmp_path / "out" / "0001_l1.csv")
     assert len(table) >= 50
-    space = numbers(table, "X", "Y", "Z")
-    x, y = numbers(table, "x", "y").T
+    space = numbers(table, "X_mm", "Y_mm", "Z_mm")
+    x, y = numbers(table, "x_px", "y_px").T
     true = np.column_stack([(x - 61.0) / 400.0, (y - 53.0) / 410.0, np.ones(x.size)]) * DISTANCE
     # 0.003 px of 12.5 are 0.2 mm along the line of sight
     assert np.median(np.abs(space - true), axis=0) == pytest.approx(0.0, abs=0.2)
-    moved = numbers(table, "U", "V", "W")
+    moved = numbers(table, "U_mm", "V_mm", "W_mm")
     assert np.abs(np.median(moved, axis=0) - [4.0, -2.0, 0.0]).max() <= 0.02
     assert np.abs(numbers([row for row in table if row["exx"]], "exx", "eyy")).max() <= 2e-3
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     assert report["images"][0]["U_mean"] == pytest.approx(4.0, abs=0.01)
     shape = run("--stereo", calibration, *files[:2], "-o", tmp_path / "shape")
     assert shape.exit_code == 0, shape.output
-    assert np.abs(numbers(rows(tmp_path / "shape" / "0001_l0.csv"), "U", "V", "W")).max() == 0.0
+    assert (
+        np.abs(numbers(rows(tmp_path / "shape" / "0001_l0.csv"), "U_mm", "V_mm", "W_mm")).max()
+        == 0.0
+    )
 
 
 def test_wrong_calibrations_are_refused(tmp_path: Path) -> None:

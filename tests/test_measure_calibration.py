@@ -74,6 +74,15 @@ def test_uncertainties_are_the_scatter_of_the_parameters() -> None:
     assert 0.8 <= np.sqrt(np.mean(np.square(scores))) <= 1.25
 
 
+def test_a_lens_that_the_views_do_not_determine_is_named_by_its_coefficients() -> None:
+    seen = stereo_rig().sightings(BOARD, seen_poses(4, 3), 0.02, 1)
+    words = r"at 0\.02\d+ px RMS: the views don't determine k1 k2 .*k[456].* of camera 1"
+    with pytest.raises(GpusimError, match=words):
+        calibrate(seen, lens="rational")
+    found = calibrate(seen, lens="radtan").cameras[0]
+    assert found.distortion[4] == 0.0 and set(found.sigma) == set("fx fy cx cy k1 k2 p1 p2".split())
+
+
 def test_wrong_points_are_left_out() -> None:
     rig = stereo_rig()
     seen = rig.sightings(BOARD, seen_poses(8, 4), 0.02, 5)

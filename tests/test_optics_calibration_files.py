@@ -87,12 +87,12 @@ def test_a_stereo_pair_as_the_samples_of_opencv_write_it(tmp_path: Path) -> None
     with pytest.raises(InputError, match=r"image size; got none .*size=\(columns, rows\)"):
         gs.read_calibration(path)
     first, second = gs.read_calibration(path, (1281, 961))
-    X = np.random.default_rng(1).uniform(-1, 1, (20, 3)) * 200 + [0, 0, 1500.0]
+    X = np.random.default_rng(1).uniform(-1, 1, (20, 3)) * 200 + [0, 0, 1500.0]  # mm
     for camera, turn, shift, matrix, bent in (
         (first, np.eye(3), np.zeros(3), K, d), (second, R, T, np.diag([1.001, 1.001, 1]) @ K, 2 * d)
     ):  # fmt: skip
         want = cv2.projectPoints(X, cv2.Rodrigues(turn)[0], shift, matrix, bent)[0].reshape(-1, 2)
-        assert np.abs(camera.project(X) - want).max() < 1e-8
+        assert np.abs(camera.project(X / 1000.0) - want).max() < 1e-8
 
 
 def test_a_file_of_matchid(tmp_path: Path) -> None:
@@ -108,7 +108,7 @@ def test_a_file_of_matchid(tmp_path: Path) -> None:
     path.write_text("\n".join(lines))
     left, right = gs.read_calibration(path, (1920, 1200))
     np.testing.assert_allclose(left.camera_from_world, np.eye(4))
-    np.testing.assert_allclose(right.camera_from_world[:3, 3], [174.15, 0.65, 27.26])
+    np.testing.assert_allclose(right.camera_from_world[:3, 3], [0.17415, 0.00065, 0.02726])
     # a turn by phi about y moves what is ahead to -sin(18.97 deg) in x
     assert right.camera_from_world[0, 2] == pytest.approx(np.sin(np.radians(-18.97)), abs=1e-4)
     path.write_text("\n".join(lines).replace("Theta [deg]", "Theta [rad]"))

@@ -7,12 +7,13 @@ import re
 import tempfile
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from gpusim import measure
 from gpusim._version import __version__
@@ -22,7 +23,7 @@ from gpusim.errors import InputError
 from gpusim.export.files import atomic_path, write_text
 from gpusim.export.pictures import pages_of, picture_file, read_grey
 from gpusim.measure.bundle import LENSES
-from gpusim.optics.calibration_files import UNIT_MM, write_calibration
+from gpusim.optics.calibration_files import write_calibration
 from gpusim.optics.camera import Camera
 from gpusim.output_folder import inside
 from gpusim.report import Link, Report, write_report
@@ -30,7 +31,10 @@ from gpusim.report.stereo_figures import RigCamera, draw_calibration
 
 __all__ = ["Wishes", "calibrate_files"]
 
+Board = measure.Chessboard | measure.CharucoBoard
+
 SUFFIXES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".bmp")
+BOARD_FRAMES = "calib-"  # as runs name the pictures of a [calibration]
 ENDINGS = {
     "opencv": "yml", "kalibr": "yaml", "matchid": "caldat", "vic": "xml", "dice": "xml",
 }  # fmt: skip
@@ -88,7 +92,7 @@ def calibrate_files(
     for name in wishes.formats:
         path = inside(folder, f"calibration-{name}.{ENDINGS[name]}")
         with atomic_path(path) as part:
-            write_calibration(part, _cameras(found, UNIT_MM[name]), name)
+            write_calibration(part, _cameras(found), name, "mm" if name == "opencv" else None)
         files.append(path)
     report = _report(found, seen, missed, files, folder)
     write_report(report, folder)
@@ -139,7 +143,7 @@ def _holds(name: str, lens: str, cameras: int) -> bool:
     return True
 
 
-def _board(wishes: Wishes) -> measure.Chessboard | measure.CharucoBoard:
+def _board(wishes: Wishes) -> Board:
     match = re.fullmatch(r"(\d+)[xX](\d+)", wishes.board)
     if not match:
         raise InputError(f"--board: got {wishes.board!r}; expected fields, COLUMNSxROWS like 9x8")
@@ -161,6 +165,8 @@ def _pictures(paths: Sequence[Path]) -> list[Path]:
     for path in paths:
         if path.is_dir():
             own = sorted(p for p in path.iterdir() if p.suffix.lower() in SUFFIXES)
+            # a run's own folder of images: the frames of the scene show no board
+            own = [p for p in own if p.name.startswith(BOARD_FRAMES)] or own
             if not own:
                 raise InputError(f"calibrate: {path}: no pictures ({', '.join(SUFFIXES)})")
             files += own
@@ -171,25 +177,58 @@ def _pictures(paths: Sequence[Path]) -> list[Path]:
     return files
 
 
-def _sightings(
-    files: Sequence[Path], board: measure.Chessboard | measure.CharucoBoard
-) -> list[measure.Sighting]:
+def _sightings(files: Sequence[Path], board: Board) -> list[measure.Sighting]:
+    """What each picture shows of the board. All are of one size, and the board isn't misread."""
+    image = read_grey(files[0])
+    shape = image.shape
+    first = _found(image, board)
+    if first.problem:
+        _check_reading(files[0], image, board)
+
     def sighting(file: Path) -> measure.Sighting:
         image = read_grey(file)
-        if isinstance(board, measure.CharucoBoard):
-            return measure.find_charuco(image, board)
-        return measure.find_chessboard(image, board)
+        if image.shape != shape:
+            raise InputError(
+                f"calibrate: {file}: got {image.shape[1]}x{image.shape[0]} px; expected "
+                f"{shape[1]}x{shape[0]} as {files[0].name}: pictures of one camera have one size"
+            )
+        return _found(image, board)
 
     with ThreadPoolExecutor(max_workers=2) as pool:
-        return list(pool.map(sighting, files))
+        rest = [pool.submit(sighting, file) for file in files[1:]]
+        try:
+            return [first, *(one.result() for one in rest)]
+        except InputError:
+            pool.shutdown(cancel_futures=True)
+            raise
 
 
-def _cameras(found: measure.Calibration, unit_mm: float) -> list[Camera]:
-    """The rig with the first camera at the origin; lengths in the file's unit."""
+def _found(image: npt.NDArray[Any], board: Board) -> measure.Sighting:
+    if isinstance(board, measure.CharucoBoard):
+        return measure.find_charuco(image, board)
+    return measure.find_chessboard(image, board)
+
+
+def _check_reading(file: Path, image: npt.NDArray[Any], board: Board) -> None:
+    """Refuse a --board that counts inner corners, as OpenCV does, if the picture shows it so."""
+    try:
+        other = replace(board, columns=board.columns + 1, rows=board.rows + 1)
+    except InputError:  # more markers than the dictionary has
+        return
+    if not _found(image, other).problem:
+        raise InputError(
+            f"--board: got {board.columns}x{board.rows}; {file.name} shows {other.columns}x"
+            f"{other.rows} fields, which have {board.columns}x{board.rows} inner corners; expected "
+            f"fields: --board {other.columns}x{other.rows}"
+        )
+
+
+def _cameras(found: measure.Calibration) -> list[Camera]:
+    """The rig with the first camera at the origin; lengths in metres."""
     cameras = []
     for own in found.cameras:
         pose = own.camera_from_rig.copy()
-        pose[:3, 3] /= unit_mm
+        pose[:3, 3] /= 1000.0
         width, height = own.resolution
         used = 14 if own.distortion[8:].any() else 8 if own.distortion[5:].any() else 5
         cameras.append(Camera(width, height, own.K, own.distortion[:used], pose, own.name))

@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from gpusim._version import __version__
 from gpusim.cli.console import ProgressDisplay, out
+from gpusim.cli.stand_off import stand_off_warnings
 from gpusim.errors import InputError, NotConverged
 from gpusim.export.correlation import write_correlation, write_stereo
 from gpusim.export.files import safe_name, write_text
@@ -37,7 +38,7 @@ from gpusim.measure.dic import Start
 from gpusim.measure.sequence import Update
 from gpusim.measure.strain import StrainKind
 from gpusim.measure.warp import Shape
-from gpusim.optics.calibration_files import UNIT_MM, calibration_format, read_calibration
+from gpusim.optics.calibration_files import read_calibration
 from gpusim.output_folder import inside
 from gpusim.report.correlation import correlation_page, stereo_summary, summary
 from gpusim.report.maps import draw_maps, draw_stereo_maps
@@ -59,6 +60,7 @@ class Choices:
     roi: str | None
     mask: Path | None
     calibration: Path | None
+    calibration_unit: str | None
     update: Update
     start: Start
     search_px: int
@@ -91,7 +93,7 @@ def correlate_files(
     first = read_grey(reference)
     lens = None
     if choices.calibration is not None:
-        (lens,) = _cameras(choices.calibration, [first.shape], "--calibration")
+        (lens,) = _cameras(choices, choices.calibration, [first.shape], "--calibration")
     roi = _roi(choices.roi)
     mask = None if choices.mask is None else _mask(choices.mask, first.shape)
     device = working_device("--backend", choices.backend)
@@ -174,7 +176,7 @@ def correlate_pairs(
     _check_files(pictures)
     lefts, rights = pictures[0::2], pictures[1::2]
     left, right = read_grey(lefts[0]), read_grey(rights[0])
-    one, two = _cameras(calibration, [left.shape, right.shape], "--stereo")
+    one, two = _cameras(choices, calibration, [left.shape, right.shape], "--stereo")
     mask = None if choices.mask is None else _mask(choices.mask, left.shape)
     device = working_device("--backend", choices.backend)
     settings = _settings(lefts[0], choices, device) | {"stereo": str(calibration)}
@@ -226,7 +228,8 @@ def correlate_pairs(
             figures.append((f"{pair[0].name}, {pair[1].name}", figure))
             rows.append(stereo_summary(str(pair[0]), result, found, seconds))
             progress("dic", number / len(results), f"{pair[0].name}: {rows[-1]['measured']} points")
-    _finish(lefts[0].name, rows, figures, settings, folder, quiet, as_json)
+    doubts = stand_off_warnings(calibration, (one, two), results)
+    _finish(lefts[0].name, rows, figures, settings, folder, quiet, as_json, doubts)
 
 
 def _undistorted(result: DicResult, lens: CalibratedCamera) -> tuple[DicResult, MappedResult]:
@@ -242,10 +245,11 @@ def _undistorted(result: DicResult, lens: CalibratedCamera) -> tuple[DicResult, 
     return own, flat
 
 
-def _cameras(path: Path, shapes: Sequence[tuple[int, ...]], option: str) -> list[CalibratedCamera]:
+def _cameras(
+    choices: Choices, path: Path, shapes: Sequence[tuple[int, ...]], option: str
+) -> list[CalibratedCamera]:
     """As many cameras from a calibration file as there are picture sizes; lengths in mm."""
-    unit = UNIT_MM[calibration_format(path)]
-    cameras = read_calibration(path, (shapes[0][1], shapes[0][0]))
+    cameras = read_calibration(path, (shapes[0][1], shapes[0][0]), choices.calibration_unit)
     if len(cameras) < len(shapes):
         raise InputError(f"{option}: {path}: got {len(cameras)} cameras; expected {len(shapes)}")
     result = []
@@ -259,7 +263,7 @@ def _cameras(path: Path, shapes: Sequence[tuple[int, ...]], option: str) -> list
         pose = camera.camera_from_world @ first
         result.append(
             rig_camera((camera.width, camera.height), camera.K, camera.distortion, pose[:3, :3],
-                       unit * pose[:3, 3], camera.name)
+                       1000.0 * pose[:3, 3], camera.name)
         )  # fmt: skip
     return result
 
@@ -280,16 +284,21 @@ def _finish(
     folder: Path,
     quiet: bool,
     as_json: bool,
+    warnings: Sequence[str] = (),
 ) -> None:
     """Report, and say so if an image has no point measured."""
-    report = {"schema": _SCHEMA, "version": __version__, "settings": settings, "images": rows}
+    report = {"schema": _SCHEMA, "version": __version__, "settings": settings, "images": rows,
+              "warnings": list(warnings)}  # fmt: skip
     text = json.dumps(report, indent=2)
     write_text(inside(folder, "report.json"), text + "\n")
-    write_text(inside(folder, "report.html"), correlation_page(title, rows, figures, settings))
+    page = correlation_page(title, rows, figures, settings, warnings)
+    write_text(inside(folder, "report.html"), page)
     if as_json:
         out(text)
     elif not quiet:
         _print(rows, folder)
+        for warning in warnings:
+            out(f"warning: {warning}")
     empty = [row["image"] for row in rows if row["measured"] == 0]
     if empty:
         raise NotConverged(
@@ -334,6 +343,7 @@ def _settings(reference: Path, choices: Choices, device: Device | None) -> dict[
         "roi": choices.roi or "all",
         "mask": str(choices.mask or "none"),
         "calibration": str(choices.calibration or "none"),
+        "calibration_unit": choices.calibration_unit or "as the file says",
         "update": choices.update,
         "start": choices.start,
         "search_px": choices.search_px,
@@ -354,11 +364,12 @@ def _print(rows: Sequence[dict[str, Any]], folder: Path) -> None:
     keys = flat if flat[0] in rows[0] else ("U_mean", "V_mean", "W_mean", "sigma_median_mm")
     heads = [key.replace("_mean", "").replace("_median", "").replace("_", " ") for key in keys]
     out()
-    titles = "".join(f"{head if 'sigma' in head else f'mean {head}':>10}" for head in heads)
+    unit = "px" if keys == flat else "mm"
+    titles = "".join(f"{head if 'sigma' in head else f'mean {head} {unit}':>11}" for head in heads)
     out(f"{'image':<{wide}}{'measured':>16}{titles}")
     for row in rows:
         name, share = Path(row["image"]).name, f"{row['measured']} of {row['points']}"
-        numbers = "".join(f"{'':>10}" if row[key] is None else f"{row[key]:>10.4f}" for key in keys)
+        numbers = "".join(f"{'':>11}" if row[key] is None else f"{row[key]:>11.4f}" for key in keys)
         out(f"{name:<{wide}}{share:>16}{numbers}")
         lost = {k: n for k, n in row["counts"].items() if k != "OK"}
         if lost:

@@ -62,6 +62,10 @@ def dic(
         Path | None,
         typer.Option(metavar="FILE", help="Calibration of two cameras: pictures are pairs."),
     ] = None,
+    calibration_unit: Annotated[
+        Literal["m", "cm", "mm", "um", "in"] | None,
+        typer.Option(help="Of a calibration file that doesn't say (Kalibr: m, all others: mm)."),
+    ] = None,
     update: Annotated[
         Update, typer.Option(help="When to renew the reference; auto: as strains get large.")
     ] = "never",
@@ -100,6 +104,7 @@ def dic(
             roi=roi,
             mask=mask,
             calibration=calibration,
+            calibration_unit=calibration_unit,
             update=update,
             start=start,
             search_px=search_px,
@@ -135,7 +140,8 @@ def calibrate(
         typer.Option("--with", metavar="FOLDER", help="One more camera's pictures (repeatable)."),
     ] = None,
     lens: Annotated[
-        str, typer.Option(help="pinhole, radial, radial3, brown, rational, prism or tilted.")
+        str,
+        typer.Option(help="pinhole, radial, radial3, radtan, brown, rational, prism or tilted."),
     ] = "brown",
     square_pixels: Annotated[
         bool, typer.Option("--square-pixels", help="One focal length for both directions.")

@@ -1,12 +1,13 @@
 """Measured displacements and strains as CSV, NPZ and HDF5.
 
 Every table has one row per point. What couldn't be measured is an empty field (CSV) or NaN, with
-the reason in ``status``.
+the reason in ``status``. Columns of CSV carry their unit (``U_mm``), datasets of HDF5 have it as an
+attribute ``unit``, and NPZ as ``unit_U``; what has none in its name is a pure number.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -21,8 +22,10 @@ from gpusim.printable import printable
 
 __all__ = [
     "FORMATS",
+    "csv_names",
     "result_columns",
     "stereo_columns",
+    "unit_of",
     "write_correlation",
     "write_stereo",
 ]
@@ -137,6 +140,7 @@ def _write(
     names = np.array([status.name for status in Status])
     if suffix == "npz":
         arrays: dict[str, Any] = {**columns, "status_names": names}
+        arrays |= {f"unit_{name}": np.array(unit_of(name)) for name in columns}
         arrays |= {f"note_{key}": np.array(value) for key, value in notes.items()}
         with atomic_stream(target) as stream:
             np.savez_compressed(stream, **arrays)
@@ -145,13 +149,23 @@ def _write(
         with atomic_path(target) as part, h5py.File(part, "w") as file:
             for name, values in columns.items():
                 data = file.create_dataset(name, data=values, compression="gzip")
-                data.attrs["unit"] = UNITS.get(name, "1")
+                data.attrs["unit"] = unit_of(name)
             file.attrs["status_names"] = [str(name) for name in names]
             file.attrs["frame"] = frame
             for key, value in notes.items():
                 file.attrs[key] = value
         return target
     raise InputError(f"{target}: unknown format; expected a name ending in one of {FORMATS}")
+
+
+def unit_of(column: str) -> str:
+    """The unit of a column: px, mm or 1."""
+    return UNITS.get(column, "1")
+
+
+def csv_names(columns: Iterable[str]) -> list[str]:
+    """Names of columns as CSV has them, with their unit."""
+    return [name if unit_of(name) == "1" else f"{name}_{unit_of(name)}" for name in columns]
 
 
 def _write_csv(
@@ -168,6 +182,6 @@ def _write_csv(
         else:
             texts.append([str(value) for value in values.tolist()])
     lines = [f"# {key} = {value}" for key, value in notes.items()]
-    lines.append(",".join(columns))
+    lines.append(",".join(csv_names(columns)))
     lines.extend(",".join(row) for row in zip(*texts, strict=True))
     return write_text(path, "\n".join(lines) + "\n")

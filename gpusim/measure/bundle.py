@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from gpusim.errors import GpusimError
 from gpusim.measure.images import FloatArray
+from gpusim.measure.view_scatter import view_scatter
 
 __all__ = ["LENSES", "Adjusted", "Rig", "Rows", "adjust"]
 
@@ -24,6 +25,7 @@ LENSES: dict[str, tuple[int, ...]] = {
     "pinhole": (),
     "radial": (0, 1),
     "radial3": (0, 1, 4),
+    "radtan": (0, 1, 2, 3),
     "brown": (0, 1, 2, 3, 4),
     "rational": (0, 1, 2, 3, 4, 5, 6, 7),
     "prism": tuple(range(12)),
@@ -34,6 +36,7 @@ DISTORTION = 14
 MOST_STEPS = 60
 SETTLED = 1e-10  # relative decrease of the squares
 FIRST_DAMPING = 1e-4
+LEAST_SHARE = 0.1  # of the largest part in a change that leaves residuals as they are
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +77,8 @@ class Rig:
 @dataclass(frozen=True, eq=False)
 class Adjusted:
     """The result: ``rig``, ``residuals`` per entry of the rows (N, 2) px, ``covariance`` (Q, Q)
-    of the free parameters named ``names``, and how many steps it took."""
+    of the free parameters named ``names``, and how many steps it took. The covariance is wider than
+    that of independent errors where whole views differ by more (`view_scatter`)."""
 
     rig: Rig
     residuals: tuple[FloatArray, ...]
@@ -187,9 +191,12 @@ def adjust(
             if damping > 1e8:  # no direction goes down any more: rounding decides
                 break
     else:
+        points = sum(len(r.image) for r in rows)
         raise GpusimError(
-            f"calibration: not settled after {MOST_STEPS} steps; expected views that determine "
-            "the lens: tilt the target more, or take a lens with fewer coefficients"
+            f"calibration: not settled after {MOST_STEPS} steps, at {np.sqrt(square / points):.3g} "
+            f"px RMS: the views don't determine {_weakest(layout.names, normal)}; expected views "
+            "that do: tilt the target more, fill the image's corners, or take a lens with fewer "
+            "coefficients"
         )
     rig = layout.unpack(p)
     count = 2 * sum(len(r.image) for r in rows)
@@ -197,8 +204,38 @@ def adjust(
     inverted = np.linalg.pinv(normal / np.outer(scale, scale), hermitian=True)
     variance = square / max(count - len(p), 1)
     covariance = inverted / np.outer(scale, scale) * variance
+    covariance *= max(_scatter(layout, p, rows, variance), 1.0)
     residuals = tuple(_project(layout, rig, r)[0] - r.image for r in rows)
     return Adjusted(rig, residuals, covariance, layout.names, steps)
+
+
+def _weakest(names: Sequence[tuple[str, int, str]], normal: FloatArray) -> str:
+    """The camera parameters that change the residuals least when they change together."""
+    own = [i for i, (kind, _, _) in enumerate(names) if kind != "view"]
+    inner, outer = np.ix_(own, own), [i for i in range(len(names)) if i not in set(own)]
+    taken = normal[np.ix_(own, outer)]
+    views = np.linalg.pinv(normal[np.ix_(outer, outer)], hermitian=True)
+    reduced = normal[inner] - taken @ views @ taken.T
+    scale = np.sqrt(np.maximum(np.diag(reduced), 1e-300))
+    _, vectors = np.linalg.eigh(reduced / np.outer(scale, scale))
+    share = np.abs(vectors[:, 0])
+    chosen = [names[own[i]] for i in np.flatnonzero(share >= LEAST_SHARE * share.max())]
+    cameras = sorted({number for _, number, _ in chosen})
+    parts = [f"{' '.join(name for _, number, name in chosen if number == c)} of camera {c + 1}"
+             for c in cameras]  # fmt: skip
+    return ", ".join(parts)
+
+
+def _scatter(layout: _Layout, p: FloatArray, rows: Sequence[Rows], variance: float) -> float:
+    """`view_scatter` of the views at the minimum ``p``."""
+    shared = np.arange(layout.first_view)
+    normals, gradients = [], []
+    for view in sorted({r.view for r in rows}):
+        normal, gradient, _ = _normal(layout, p, [r for r in rows if r.view == view])
+        at = np.concatenate([shared, layout.first_view + 6 * view + np.arange(6)])
+        normals.append(normal[np.ix_(at, at)])
+        gradients.append(gradient[at])
+    return view_scatter(normals, gradients, variance, 6)
 
 
 def _normal(

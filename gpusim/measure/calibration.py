@@ -31,6 +31,7 @@ from gpusim.measure.bundle import (
 )
 from gpusim.measure.images import FloatArray
 from gpusim.measure.targets import Sighting
+from gpusim.measure.turned_boards import best_turns, turned, turned_pose
 
 __all__ = ["CalibratedCamera", "Calibration", "calibrate"]
 
@@ -139,8 +140,9 @@ def calibrate(
         that are to be calibrated together; or a list for a single camera. Empty sightings are
         left out, and so are points further than 6 robust standard deviations (at least 0.02 px)
         from where the calibration puts them.
-    lens : "pinhole" (no distortion), "radial" (k1 k2), "radial3" (k1 k2 k3), "brown" (k1 k2 p1 p2
-        k3), "rational" (+ k4 k5 k6), "prism" (+ s1..s4), "tilted" (+ tau).
+    lens : "pinhole" (no distortion), "radial" (k1 k2), "radial3" (k1 k2 k3), "radtan" (k1 k2
+        p1 p2), "brown" (k1 k2 p1 p2 k3), "rational" (+ k4 k5 k6), "prism" (+ s1..s4), "tilted"
+        (+ tau).
     square_pixels : one focal length for both directions.
 
     Raises
@@ -153,7 +155,7 @@ def calibrate(
     seen = _checked(sightings, lens)
     names = list(seen)
     own = [_alone(name, seen[name], lens) for name in names]
-    start = _first_rig(names, own)
+    start = _first_rig(names, own, list(seen.values()))
     rows = [
         Rows(c, v, s.board, s.image)
         for c, name in enumerate(names)
@@ -241,8 +243,11 @@ def _alone(name: str, views: Sequence[Sighting], lens: str) -> _Alone:
     return _Alone(np.asarray(K, dtype=np.float64), distortion, poses)
 
 
-def _first_rig(names: Sequence[str], own: Sequence[_Alone]) -> Rig:
-    """The cameras in one rig: relative poses from the views that two cameras share."""
+def _first_rig(names: Sequence[str], own: Sequence[_Alone], seen: Sequence[list[Sighting]]) -> Rig:
+    """The cameras in one rig: relative poses from the views that two cameras share.
+
+    Sightings (and poses) of boards that a camera saw the other way round are turned.
+    """
     placed = {0: np.zeros(6)}
     while len(placed) < len(own):
         best: tuple[int, int, int] | None = None
@@ -255,11 +260,18 @@ def _first_rig(names: Sequence[str], own: Sequence[_Alone]) -> Rig:
             apart = [names[c] for c in range(len(own)) if c not in placed]
             raise InputError(f"calibrate: {apart} share no view of the target with {names[0]!r}")
         _, c, known = best
+        common_views = sorted(own[c].poses.keys() & own[known].poses.keys())
+        turns = best_turns(
+            [own[known].poses[v] for v in common_views],
+            [own[c].poses[v] for v in common_views],
+            [seen[c][v] for v in common_views],
+        )
+        for v, quarter in zip(common_views, turns, strict=True):
+            if quarter:
+                own[c].poses[v] = turned_pose(own[c].poses[v], seen[c][v], quarter)
+                seen[c][v] = turned(seen[c][v], quarter)
         between = _middle(
-            [
-                compose(inverse(own[known].poses[v]), own[c].poses[v])
-                for v in sorted(own[c].poses.keys() & own[known].poses.keys())
-            ]
+            [compose(inverse(own[known].poses[v]), own[c].poses[v]) for v in common_views]
         )
         placed[c] = compose(placed[known], between)
     views = max(max(o.poses) for o in own) + 1

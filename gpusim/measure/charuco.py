@@ -87,7 +87,7 @@ def find_charuco(image: npt.NDArray[Any], board: CharucoBoard) -> Sighting:
     near = np.asarray(rough, dtype=np.float64).reshape(-1, 2)
     first, second, known = grid_steps(near, index)
     share = CLEAR * 0.5 * (1.0 - board.marker / board.square)
-    fit = fit_crossings(array, near, first, second, share=share)
+    fit = fit_crossings(array, near, first, second, share=share, index=index)
     # the square between corner (i, j) and the next ones is dark where i + j is even
     dark = index.sum(axis=1) % 2 == 0
     ok = fit.ok & known & ((fit.contrast < 0) == dark)

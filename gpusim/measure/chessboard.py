@@ -85,7 +85,7 @@ def _fitted(array: npt.NDArray[Any], board: Chessboard, rough: FloatArray) -> Si
     shortest = min(np.linalg.norm(first, axis=1).min(), np.linalg.norm(second, axis=1).min())
     if not shortest >= LEAST_STEP:
         return Sighting.none(*nothing, "fields too small")
-    fit = fit_crossings(array, flat, first, second)
+    fit = fit_crossings(array, flat, first, second, index=index)
     if not np.count_nonzero(fit.ok) >= LEAST_SHARE * len(flat):
         return Sighting.none(*nothing, "corners not sharp")
     # the field between corner (i, j) and the next ones is dark where i + j is even
@@ -106,6 +106,7 @@ def _fitted(array: npt.NDArray[Any], board: Chessboard, rough: FloatArray) -> Si
         blur=fit.blur[ok],
         resolution=(width, height),
         missed=int(np.count_nonzero(~ok)),
+        turns=board.turns,
     )
 
 

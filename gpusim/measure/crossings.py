@@ -2,9 +2,11 @@
 
 The model is that of `gpusim.measure.junction`: two straight borders, integrated over the pixels and
 blurred by the lens, under a light that varies linearly. A corner of a board has no ends to find
-but neighbours that give its two directions, also under strong perspective. The true image and the
-model are both symmetric about the corner, so that what the model leaves out (the few pixels that
-both borders cross) doesn't move it. ``cv2.cornerSubPix`` is off by 0.035-0.08 px on perfect images.
+but neighbours that give its two directions, also under strong perspective. Where the lens bends
+the borders, pixels are looked at in coordinates that make them straight
+(`gpusim.measure.plumb_line`). The true image and the model are both symmetric about the corner, so
+that what the model leaves out (the few pixels that both borders cross) doesn't move it.
+``cv2.cornerSubPix`` is off by 0.035-0.08 px on perfect images.
 """
 
 from __future__ import annotations
@@ -28,6 +30,7 @@ from gpusim.measure.junction import (
     frames,
     residual_and_slopes,
 )
+from gpusim.measure.plumb_line import Straighten, plumb_lines, straight_offsets
 
 __all__ = ["Crossings", "fit_crossings"]
 
@@ -77,6 +80,8 @@ def fit_crossings(
     share: npt.ArrayLike = INSIDE,
     margin: tuple[float, float] | None = None,
     blur: npt.ArrayLike | None = None,
+    index: npt.ArrayLike | None = None,
+    straighten: Straighten | None = None,
 ) -> Crossings:
     """Fit the corners near ``start`` (C, 2).
 
@@ -86,6 +91,11 @@ def fit_crossings(
     around what was found. Where the pattern ends after a step, ``margin`` = (px, lens blurs) says
     how close to there the second fit may look; ``share`` then holds for the first one only. Where
     ``blur`` (C,) in px is known, from another picture, the first one is left out.
+
+    A lens that bends the borders would move the corners towards the picture's middle. For corners
+    of a flat board ``index`` (C, 2), their columns and rows, shows the first fit how the lens bends
+    its lines; otherwise ``straighten`` may tell it, from pixels (…, 2) to places (…, 2) where
+    straight lines are straight: `lens_mapping` of a calibrated camera.
 
     Raises
     ------
@@ -104,26 +114,43 @@ def fit_crossings(
     if not span > 0:
         return _failed(len(points))
     known = _known_blur(blur, len(points))
+    if index is not None and np.shape(index) != (len(points), 2):
+        raise InputError(
+            f"fit_crossings: index; got {np.shape(index)}; expected ({len(points)}, 2)"
+        )
     around, before = points, None
     sharp = known
     if sharp is None:
-        rough, before = _fit(array, points, steps, inside, span, None, rough=True)
+        rough, before = _fit(array, points, steps, inside, span, None, straighten, rough=True)
         around, sharp = np.where(rough.ok[:, None], rough.points, points), rough.blur
+        if index is not None:
+            straighten = _bent(rough, index, array)
     if margin is not None:
         inside = np.where(np.isfinite(sharp), _own_share(steps, sharp, margin), inside)
-    result, _ = _fit(array, around, steps, inside, span, before)
+    result, fitted = _fit(array, around, steps, inside, span, before, straighten)
+    if straighten is not None and index is not None:
+        # the field is as right as the corners that it is taken from
+        straighten = _bent(result, index, array)
+        around = np.where(result.ok[:, None], result.points, around)
+        result, _ = _fit(array, around, steps, inside, span, fitted, straighten)
     if known is not None and margin is not None:
         # where the picture is less sharp than was said, the pattern's border reaches further
         rows = np.flatnonzero(result.ok & (result.blur > known + MORE_BLUR))
         if rows.size:
             again = fit_crossings(
                 array, result.points[rows], *steps[rows].transpose(1, 0, 2), margin=margin,
-                blur=result.blur[rows] + MORE_BLUR,
+                blur=result.blur[rows] + MORE_BLUR, straighten=straighten,
             )  # fmt: skip
             for field in fields(result):
                 getattr(result, field.name)[rows] = getattr(again, field.name)
     drift = np.linalg.norm(result.points - points, axis=1)
     return _kept(result, result.ok & (drift <= 2 * MOST_DRIFT))
+
+
+def _bent(found: Crossings, index: npt.ArrayLike, array: npt.NDArray[Any]) -> Straighten | None:
+    """What makes the lines straight again on which the corners lie that were found."""
+    place = np.asarray(index, dtype=np.int64)[found.ok]
+    return plumb_lines(found.points[found.ok], place, (array.shape[1], array.shape[0]))
 
 
 def _known_blur(blur: npt.ArrayLike | None, count: int) -> FloatArray | None:
@@ -149,6 +176,7 @@ def _fit(
     inside: FloatArray,
     span: float,
     before: FloatArray | None,
+    straighten: Straighten | None,
     *,
     rough: bool = False,
 ) -> tuple[Crossings, FloatArray]:
@@ -159,6 +187,11 @@ def _fit(
     x, y, grey, weight, middle = _windows(
         array, start, steps, inside, ROUGH_REACH if rough else MOST_REACH
     )
+    if straighten is not None:
+        corner = start - middle
+        offset = np.stack([x - corner[:, :1], y - corner[:, 1:]], axis=2)
+        offset = straight_offsets(straighten, start, offset)
+        x, y = corner[:, :1] + offset[..., 0], corner[:, 1:] + offset[..., 1]
     usable = (weight.sum(axis=1) >= LEAST_PIXELS) & (np.abs(np.linalg.det(steps)) > 4.0)
     rows = np.flatnonzero(usable)
     p = np.full((len(start), PARAMETERS), np.nan)

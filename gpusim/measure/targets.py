@@ -48,12 +48,30 @@ class Chessboard:
         """Whether its upper side can be told from its lower one."""
         return (self.columns + self.rows) % 2 == 1
 
+    @property
+    def turns(self) -> Turns | None:
+        """How it may be turned and look the same; None if it can be told which way up it is."""
+        if self.unique:
+            return None
+        across, down = self.corners
+        middle = 0.5 * self.square * (across - 1), 0.5 * self.square * (down - 1)
+        return Turns(middle, self.columns == self.rows)
+
     def points(self) -> FloatArray:
         """(N, 3) float64, inner corners row by row."""
         across, down = self.corners
         x, y = np.meshgrid(np.arange(across), np.arange(down), indexing="xy")
         flat = [x.ravel(), y.ravel(), np.zeros(x.size)]
         return np.stack(flat, axis=1, dtype=np.float64) * self.square
+
+
+@dataclass(frozen=True)
+class Turns:
+    """A board that looks the same when it is turned about its ``middle``: by half, or, a
+    ``square`` one, by a quarter."""
+
+    middle: tuple[float, float]
+    square: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +87,8 @@ class Sighting:
     resolution : (width, height) of the image, px.
     missed : points of the target that were not found.
     problem : why nothing was found, or "".
+    turns : how the target may be turned and look the same, so that its places are one of several
+        readings; None if it can be told.
     """
 
     board: FloatArray
@@ -79,6 +99,7 @@ class Sighting:
     resolution: tuple[int, int]
     missed: int
     problem: str = ""
+    turns: Turns | None = None
 
     def __len__(self) -> int:
         return len(self.image)

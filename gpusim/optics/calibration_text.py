@@ -1,4 +1,4 @@
-"""Kalibr's camchain (a small part of YAML) and MatchID's .caldat (key;value)."""
+"""Kalibr's camchain (YAML) and MatchID's .caldat (key;value)."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.optics.calibration_document import Document, read_document
 from gpusim.optics.calibration_parts import angles_of, five, from_angles, make, number, relative
 from gpusim.optics.camera import Camera
 
@@ -16,14 +17,17 @@ __all__ = ["read_kalibr", "read_matchid", "write_kalibr", "write_matchid"]
 
 Array = npt.NDArray[np.float64]
 Size = tuple[int, int] | None
+LONGEST_LABEL = 100
 
 
 def read_kalibr(text: str, where: str, size: Size) -> list[Camera]:
     """cam0, cam1 … with pinhole models; cam0's frame is the world."""
     cameras: list[Camera] = []
     pose = np.eye(4)
-    for name, values in _blocks(text, where).items():
+    for name, values in read_document(text, where).items():
         key = f"{where}: {name}"
+        if not isinstance(values, dict):
+            raise InputError(f"{key}; got {str(values)[:60]!r}; expected a camera: camN: and keys")
         for model, allowed in (
             ("camera_model", ("pinhole",)),
             ("distortion_model", ("radtan", "none")),
@@ -46,35 +50,12 @@ def read_kalibr(text: str, where: str, size: Size) -> list[Camera]:
     return cameras
 
 
-def _blocks(text: str, where: str) -> dict[str, dict[str, str]]:
-    """The keys of each camera, lists joined to one text."""
-    blocks: dict[str, dict[str, str]] = {}
-    block: dict[str, str] = {}
-    key = ""
-    for number_, line in enumerate(text.splitlines(), start=1):
-        bare = line.split("#")[0].rstrip()
-        if not bare or bare == "---":
-            continue
-        match = re.fullmatch(r"(\s*)([A-Za-z_]\w*)\s*:\s*(.*)", bare)
-        if match and not match.group(1):
-            if match.group(3):
-                raise InputError(f"{where} line {number_}; got {bare!r}; expected 'camN:'")
-            block = blocks.setdefault(match.group(2), {})
-            key = ""
-        elif match:
-            key = match.group(2)
-            block[key] = match.group(3).strip()
-        elif key:
-            block[key] += " " + bare.strip()
-        else:
-            raise InputError(f"{where} line {number_}; got {bare!r}; expected 'key: value'")
-    return blocks
-
-
-def _row(values: dict[str, str], key: str, count: int, where: str) -> list[float]:
+def _row(values: Document, key: str, count: int, where: str) -> list[float]:
+    """Numbers in one list, or in a list of rows."""
     if key not in values:
         raise InputError(f"{where}.{key}; got nothing; expected {count} numbers")
-    words = [w for w in re.split(r"[\s,\[\]]+", values[key]) if w and w != "-"]
+    rows = values[key] if isinstance(values[key], list) else [values[key]]
+    words = [word for row in rows for word in (row if isinstance(row, list) else [row])]
     found = [number(word, f"{where}.{key}") for word in words]
     if len(found) != count:
         raise InputError(f"{where}.{key}; got {len(found)} numbers; expected {count}")
@@ -83,7 +64,7 @@ def _row(values: dict[str, str], key: str, count: int, where: str) -> list[float
 
 def write_kalibr(cameras: Sequence[Camera], where: str) -> str:
     """The first camera becomes the world; no skew and no k3."""
-    lines = []
+    lines = ["# length_unit: m"]  # a key of its own would be taken for a camera
     for index, camera in enumerate(cameras):
         values = five(camera, where)
         if values[4] != 0.0 or camera.K[0, 1] != 0.0:
@@ -118,6 +99,7 @@ def read_matchid(text: str, where: str, size: Size) -> list[Camera]:
         if not line.strip():
             continue
         label, _, value = line.partition(";")
+        label = label[:LONGEST_LABEL]
         unit = re.search(r"\[(.*?)\]", label)
         key = re.sub(r"\[.*?\]|\s", "", label).lower()
         if unit and unit.group(1).lower() not in ("pixels", "pixel", "mm", "deg"):

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from gpusim.errors import InputError
+from gpusim.optics.calibration_document import xml_root
 from gpusim.optics.calibration_parts import angles_of, five, from_angles, make, number, pose_of
 from gpusim.optics.camera import Camera
 
@@ -19,13 +20,6 @@ _DICE = ("K1", "K2", "P1", "P2", "K3", "K4", "K5", "K6", "S1", "S2", "S3", "S4",
 _VIC = "cx cy fx fy fs k1 k2 k3 alpha beta gamma tx ty tz"
 
 
-def _root(text: str, where: str) -> ET.Element:
-    try:
-        return ET.fromstring(text)
-    except ET.ParseError as error:
-        raise InputError(f"{where}; got {error}; expected well-formed XML") from None
-
-
 def read_vic(text: str, where: str, size: Size) -> list[Camera]:
     """<camera id="…">: cx cy fx fy fs k1 k2 k3, then alpha beta gamma tx ty tz.
 
@@ -33,7 +27,7 @@ def read_vic(text: str, where: str, size: Size) -> list[Camera]:
     x (1 + k1 r^2 + k2 r^4 + k3 r^6) on the plane at unit distance.
     """
     cameras: list[Camera] = []
-    for element in _root(text, where).iter():
+    for element in xml_root(text, where).iter():
         if element.tag.lower() != "camera":
             continue
         name = element.get("id") or element.get("ID") or str(len(cameras))
@@ -57,6 +51,7 @@ def read_vic(text: str, where: str, size: Size) -> list[Camera]:
 def write_vic(cameras: Sequence[Camera], where: str) -> str:
     """As `read_vic` reads them; no tangential distortion."""
     root = ET.Element("calibration")
+    root.append(ET.Comment(" length_unit: mm "))
     for index, camera in enumerate(cameras):
         k1, k2, _, _, k3 = five(camera, where, tangential=False)
         K, (R, T) = camera.K, pose_of(camera)
@@ -73,7 +68,7 @@ def read_dice(text: str, where: str, size: Size) -> list[Camera]:
     DICe's template calls FS an angle, its projection adds FS * Y in px, and so does this.
     """
     cameras = []
-    for block in _root(text, where).iter("ParameterList"):
+    for block in xml_root(text, where).iter("ParameterList"):
         name = block.get("name", "")
         if not name.upper().startswith("CAMERA "):
             continue
@@ -117,6 +112,7 @@ def read_dice(text: str, where: str, size: Size) -> list[Camera]:
 def write_dice(cameras: Sequence[Camera], where: str) -> str:
     """A camera system of type OPENCV with rotation matrices."""
     root = ET.Element("ParameterList")
+    root.append(ET.Comment(" length_unit: mm "))
 
     def put(parent: ET.Element, name: str, kind: str, value: str) -> None:
         ET.SubElement(parent, "Parameter", name=name, type=kind, value=value)

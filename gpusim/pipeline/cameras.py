@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.input_file import Reader, read_input
-from gpusim.optics.calibration_files import UNIT_MM, calibration_format, read_calibration
+from gpusim.optics.calibration_files import read_rig
 from gpusim.optics.camera import Camera
 from gpusim.scene import model as m
 
@@ -80,7 +80,8 @@ def _calibrated(camera: m.Camera, read: Reader) -> Camera:
     which = camera.calibration_camera
     where = f"camera {camera.name!r} calibration {camera.calibration}"
     file = read(camera.calibration)
-    cameras = read_calibration(file, camera.resolution)
+    # read from its bytes, so that no second file beside it is: a run knows the hash of this one
+    cameras, metres = read_rig(file, camera.resolution)
     names = [found.name for found in cameras]
     if isinstance(which, str):
         if which not in names:
@@ -98,7 +99,7 @@ def _calibrated(camera: m.Camera, read: Reader) -> Camera:
             f"{where}; got {found.width} x {found.height} px there; expected resolution_px "
             f"{list(camera.resolution)}"
         )
-    unit = camera.calibration_unit or UNIT_MM[calibration_format(file)] / 1000.0
+    unit = camera.calibration_unit or metres
     pose = found.camera_from_world.copy()
     pose[:3, 3] *= unit
     return replace(found, camera_from_world=pose, name=camera.name)

@@ -56,10 +56,10 @@ def write_corners(scene: Scene, shot: Shot) -> list[Path]:
     else:
         seen = measure.find_chessboard(shot.image, board, shot.window.box if shot.window else None)
     path = _corners_path(shot.path)
+    # how the board may be turned is known from the scene
+    values = {f.name: getattr(seen, f.name) for f in fields(seen) if f.name != "turns"}
     with atomic_stream(path) as stream:
-        np.savez(
-            stream, allow_pickle=False, **{f.name: getattr(seen, f.name) for f in fields(seen)}
-        )
+        np.savez(stream, allow_pickle=False, **values)
     return [path]
 
 
@@ -74,8 +74,10 @@ def read_corners(scene: Scene, out: Path, read: Reader, camera: str, pose: int) 
             values = dict(stored)
         width, height = (int(v) for v in values.pop("resolution"))
         missed, problem = int(values.pop("missed")), str(values.pop("problem"))
+        board = board_of(scene)
+        turns = board.turns if isinstance(board, measure.Chessboard) else None
         return measure.Sighting(
-            **values, resolution=(width, height), missed=missed, problem=problem
+            **values, resolution=(width, height), missed=missed, problem=problem, turns=turns
         )
     except (OSError, EOFError, ValueError, KeyError, TypeError, BadZipFile) as error:
         raise InputError(

@@ -136,11 +136,12 @@ class StereoResult:
     def _cameras_csv(self) -> str:
         stream = io.StringIO()
         writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(["camera", "parameter", "found", "true", "sigma"])
+        writer.writerow(["camera", "parameter", "unit", "found", "true", "sigma"])
         for camera in self.cameras:
             for name, value in camera.found.items():
                 numbers = (value, camera.true[name], camera.sigma[name])
-                writer.writerow([camera.name, name, *(f"{number:.10g}" for number in numbers)])
+                unit = next((u for u in ("mm", "deg") if name.endswith(f"_{u}")), "px")
+                writer.writerow([camera.name, name, unit, *(f"{v:.10g}" for v in numbers)])
         return stream.getvalue()
 
     @staticmethod

@@ -35,7 +35,10 @@ _COLUMNS = {
     "seconds": "time (s)",
 }
 
-
+_PICTURE = "Displacements in pixels of the reference image, x right, y down."
+_SPACE = (
+    "Places and displacements in mm in the frame of the left camera: x right, y down, z forward."
+)
 DIGITS = 4
 
 
@@ -98,6 +101,7 @@ def correlation_page(
     rows: Sequence[Mapping[str, Any]],
     figures: Sequence[tuple[str, Figure]],
     settings: Mapping[str, Any],
+    warnings: Sequence[str] = (),
 ) -> str:
     """One self-contained page of all images; raises InputError if a figure can't be read."""
     keys = [key for key in _COLUMNS if any(key in row for row in rows)]
@@ -111,6 +115,8 @@ def correlation_page(
         names=[_COLUMNS[key] for key in keys],
         rows=[[_cell(row.get(key)) for key in keys] for row in rows],
         figures=figures,
+        warnings=warnings,
+        footer=_SPACE if any("W_mean" in row for row in rows) else _PICTURE,
         settings=[
             (key, f"{value:g}" if isinstance(value, float) else _cell(value))
             for key, value in settings.items()

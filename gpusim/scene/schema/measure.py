@@ -61,7 +61,9 @@ class StereoTable(Table):
     """Paints of markers on bodies, in order from the clamp."""
     static: list[Name] = []
     """Paints of markers on props: what they move is the rig's motion."""
-    lens: Literal["pinhole", "radial", "radial3", "brown", "rational", "prism", "tilted"] = "brown"
+    lens: Literal[
+        "pinhole", "radial", "radial3", "radtan", "brown", "rational", "prism", "tilted"
+    ] = "brown"
     """What the calibration is to find: no distortion, k1 k2, + k3, + p1 p2, + k4..k6, + s1..s4,
     + tau."""
     subset_px: Annotated[int, Field(ge=5, le=1001)] | None = None

@@ -1,0 +1,150 @@
+"""How a lens bends straight lines, from the lines of a flat grid in one picture (plumb lines).
+
+Without distortion a flat grid is seen through a homography, and its lines stay straight. A smooth
+field s that makes them so, x + s(x) = H(column, row), is fitted together with H: the plumb-line
+method (Brown, "Close-range camera calibration", Photogrammetric Engineering 37, 1971), by
+polynomials about the image's middle in place of a lens model. How many terms are worth having is
+decided by Schwarz's criterion ("Estimating the dimension of a model", Ann. Statistics 6, 1978).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.measure.images import FloatArray
+
+__all__ = ["Straighten", "plumb_lines", "straight_offsets"]
+
+Straighten = Callable[[FloatArray], FloatArray]
+"""From pixels (…, 2) to places (…, 2) where what is straight in space is straight."""
+
+DEGREES = (3, 5)
+SPARE = 2  # equations per unknown, at least
+FARTHEST = 6.0  # robust standard deviations; points beyond don't count
+CLOSE = 5e-4  # px: fits that are nearer to the points aren't better ones
+ROUNDS = 8
+STEP = 0.5  # px, of the differences that give the field's slope
+
+
+def plumb_lines(
+    points: FloatArray, index: npt.NDArray[np.int64], size: tuple[int, int]
+) -> Straighten | None:
+    """The field that straightens a grid's lines; None where its points don't show any bend.
+
+    ``points`` (N, 2) px are those at columns and rows ``index`` (N, 2) of a flat grid, ``size``
+    (width, height) that of the image.
+    """
+    middle, scale = 0.5 * (np.array(size) - 1.0), 0.5 * max(size)
+    x = (points - middle) / scale
+    best, found = np.inf, None
+    for terms in _choices():
+        unknown = 8 + terms(x[:1]).shape[-1]
+        if 2 * len(x) < SPARE * unknown:
+            continue
+        weights, square, used = _fit(x, index.astype(np.float64), terms)
+        variance = square / (2 * used) + (CLOSE / scale) ** 2
+        score = 2 * len(x) * np.log(variance) + unknown * np.log(2 * len(x))
+        if score < best:
+            best, found = score, (terms, weights)
+    if found is None or not found[1].size:
+        return None
+    terms, weights = found
+    return lambda pixels: pixels + scale * (terms((pixels - middle) / scale) @ weights)
+
+
+def straight_offsets(straighten: Straighten, at: FloatArray, offset: FloatArray) -> FloatArray:
+    """Offsets (C, P, 2) from places ``at`` (C, 2) px, straightened; the same to first order."""
+    here = straighten(at)
+    by_x, by_y = ((straighten(at + d) - straighten(at - d)) / (2 * STEP) for d in STEP * np.eye(2))
+    slope = np.stack([by_x, by_y], axis=-1)
+    bent = straighten(at[:, None, :] + offset) - here[:, None, :]
+    return np.asarray(bent @ np.linalg.inv(slope).swapaxes(1, 2))
+
+
+def _choices() -> list[Straighten]:
+    """Fields to choose from, each as a function of places (…, 2): (…, 2, T) terms."""
+    lenses = [_lens(*orders) for orders in ((0, 0), (1, 0), (2, 1), (3, 2))]
+    return [*lenses, *(_polynomial(degree) for degree in DEGREES)]
+
+
+def _lens(radial: int, centre: int) -> Straighten:
+    """x r^2, x r^4 … up to as many, and what a shift of the lens's centre makes of the first ones:
+    for r^2 that is tangential distortion."""
+
+    def terms(x: FloatArray) -> FloatArray:
+        square = (x * x).sum(axis=-1)[..., None, None]
+        column = x[..., None]
+        shift = column * x[..., None, :]
+        every = [column * square**n for n in range(1, radial + 1)]
+        every += [
+            square**n * np.eye(2) + 2 * n * square ** (n - 1) * shift for n in range(1, centre + 1)
+        ]
+        return np.concatenate([np.zeros((*x.shape, 0)), *every], axis=-1)
+
+    return terms
+
+
+def _polynomial(degree: int) -> Straighten:
+    """All monomials from the second degree on, in both coordinates."""
+    powers = [(n - k, k) for n in range(2, degree + 1) for k in range(n + 1)]
+
+    def terms(x: FloatArray) -> FloatArray:
+        every = [np.ones((2, *x.shape[:-1]))]
+        for _ in range(degree):
+            every.append(every[-1] * np.moveaxis(x, -1, 0))
+        own = np.stack([every[a][0] * every[b][1] for a, b in powers], axis=-1)
+        both = np.zeros((*x.shape, 2 * len(powers)))
+        both[..., 0, : len(powers)] = own
+        both[..., 1, len(powers) :] = own
+        return both
+
+    return terms
+
+
+def _fit(x: FloatArray, grid: FloatArray, terms: Straighten) -> tuple[FloatArray, float, int]:
+    """Weights (T,) of the terms, the sum of squares that is left, and of how many points."""
+    grid = (grid - grid.mean(axis=0)) / np.maximum(np.ptp(grid, axis=0), 1.0)
+    own = terms(x)
+    weights = np.zeros(own.shape[-1])
+    h = _homography(grid, x)
+    use = np.ones(len(x), dtype=bool)
+    square = np.inf
+    for _ in range(ROUNDS):
+        image, slopes = _seen(h, grid)
+        left = x + own @ weights - image
+        length = np.linalg.norm(left, axis=1)
+        # the length of two normal errors has the median 1.1774 sigma
+        limit = max(FARTHEST * float(np.median(length)) / 1.1774, 1e-9)
+        use = length <= limit
+        jacobian = np.concatenate([own, -slopes], axis=-1)[use].reshape(2 * use.sum(), -1)
+        step = np.linalg.lstsq(jacobian, -left[use].ravel(), rcond=1e-9)[0]
+        weights, h = weights + step[: len(weights)], h + step[len(weights) :]
+        before, square = square, float(np.square(left[use]).sum())
+        if abs(before - square) <= 1e-6 * square:
+            break
+    image, _ = _seen(h, grid)
+    left = (x + own @ weights - image)[use]
+    return weights, float(np.square(left).sum()), int(use.sum())
+
+
+def _homography(grid: FloatArray, x: FloatArray) -> FloatArray:
+    """The first eight entries (8,) of the homography from grid to image, the ninth 1."""
+    one, zero = np.ones(len(grid)), np.zeros((len(grid), 3))
+    flat = np.column_stack([grid, one])
+    rows = [np.hstack([flat, zero, -x[:, :1] * grid]), np.hstack([zero, flat, -x[:, 1:] * grid])]
+    found: FloatArray = np.linalg.lstsq(np.vstack(rows), x.T.ravel(), rcond=None)[0]
+    return found
+
+
+def _seen(h: FloatArray, grid: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Places (N, 2) of the grid under the homography, and their derivatives (N, 2, 8)."""
+    flat = np.column_stack([grid, np.ones(len(grid))])
+    depth = flat @ np.append(h[6:], 1.0)
+    image = np.stack([flat @ h[:3], flat @ h[3:6]], axis=1) / depth[:, None]
+    slopes = np.zeros((len(grid), 2, 8))
+    slopes[:, 0, :3] = slopes[:, 1, 3:6] = flat / depth[:, None]
+    slopes[:, :, 6:] = -image[:, :, None] * (grid / depth[:, None])[:, None, :]
+    return image, slopes

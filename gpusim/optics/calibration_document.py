@@ -1,0 +1,243 @@
+"""The trees of keys, lists and numbers that calibration files are: YAML, JSON and OpenCV's XML.
+
+Of YAML what OpenCV, ROS and Kalibr write is read: maps and lists by indentation or in brackets,
+plain and quoted words, tags (passed over) and comments. Anchors, aliases and texts of several lines
+are refused. Numbers become floats, all else stays text.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from gpusim.errors import InputError
+
+__all__ = ["Document", "read_document", "xml_root"]
+
+Document = dict[str, Any]
+
+DEEPEST = 20
+_NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
+_WORD = re.compile(r"""\s*("(?:[^"\\]|\\.)*"|'(?:[^']|'')*'|[\[\]{},]|:(?=[\s\[{]|$)"""
+                   r"""|(?:[^\s\[\]{},:"']|:(?=\S))(?:[^\[\]{},:]|:(?=\S))*)""")  # fmt: skip
+_QUOTED_KEY = re.compile(r"""("(?:[^"\\]|\\.)*"|'[^']*')\s*:(?=\s|$)""")
+
+
+def read_document(text: str, where: str) -> Document:
+    """The map that a file's ``text`` holds.
+
+    Raises
+    ------
+    InputError
+        Not well-formed (with the line), deeper than 20 levels, or no map.
+    """
+    begin = text.lstrip()[:1]
+    if begin == "<":
+        found = _from_xml(xml_root(text, where), where, 0)
+    elif begin == "{":
+        try:
+            found = json.loads(text, parse_int=float)
+        except (ValueError, RecursionError) as error:
+            raise InputError(f"{where}; got {error}; expected well-formed JSON") from None
+    else:
+        found = _Block(list(_lines(text, where)), where).value(-1, 0)
+    if not isinstance(found, dict):
+        raise InputError(f"{where}; got no keys; expected a calibration's")
+    return found
+
+
+def xml_root(text: str, where: str) -> ET.Element:
+    """The root of an XML text. Raises InputError if it isn't well-formed, or declares entities."""
+    if "<!DOCTYPE" in text or "<!ENTITY" in text:
+        raise InputError(f"{where}; got a document type; expected XML without one")
+    try:
+        return ET.fromstring(text)
+    except (ET.ParseError, ValueError) as error:  # ValueError: an unknown encoding
+        raise InputError(f"{where}; got {error}; expected well-formed XML") from None
+
+
+def _from_xml(element: ET.Element, where: str, depth: int) -> Any:
+    """Children by name, a list of those named "_", or numbers and words between blanks."""
+    if depth > DEEPEST:
+        raise InputError(f"{where}; got more than {DEEPEST} levels; expected a calibration")
+    if not len(element):
+        words = [_scalar(word) for word in (element.text or "").split()]
+        if len(words) != 1 and not all(isinstance(word, float) for word in words):
+            return (element.text or "").strip().strip('"')
+        return words[0] if len(words) == 1 else words
+    if all(child.tag == "_" for child in element):
+        return [_from_xml(child, where, depth + 1) for child in element]
+    return {child.tag: _from_xml(child, where, depth + 1) for child in element}
+
+
+@dataclass(frozen=True)
+class _Line:
+    number: int
+    indent: int
+    text: str
+
+
+def _lines(text: str, where: str) -> Iterator[_Line]:
+    """Lines without comments and tags; what stands in brackets is joined to one."""
+    first, indent, depth = 0, 0, 0
+    parts: list[str] = []
+    for number, line in enumerate(text.splitlines(), start=1):
+        bare = _bare(line)
+        if not bare or (not depth and bare.startswith(("%", "---", "..."))):
+            continue
+        if not depth:
+            first, indent, parts = number, len(line) - len(line.lstrip()), []
+        parts.append(bare.strip())
+        outside = re.sub(r""""(?:[^"\\]|\\.)*"|'[^']*'""", "", bare)
+        depth += sum(outside.count(c) for c in "[{") - sum(outside.count(c) for c in "]}")
+        if depth <= 0:
+            depth = 0
+            yield _Line(first, indent, " ".join(parts))
+    if depth:
+        raise InputError(f"{where} line {first}; got a bracket that isn't closed; expected ]")
+
+
+def _bare(line: str) -> str:
+    """Without a comment, and without tags before a value."""
+    for match in re.finditer(r""""(?:[^"\\]|\\.)*"|'[^']*'|(?:^|(?<=\s))#""", line):
+        if match[0] == "#":
+            line = line[: match.start()]
+            break
+    return re.sub(r"(^|(?<=[\s\[,]))!{1,2}[\w:.-]*(?=\s|$)", "", line).rstrip()
+
+
+class _Block:
+    """The lines of a text, and how far they are read."""
+
+    def __init__(self, lines: list[_Line], where: str) -> None:
+        self.lines, self.where, self.at = lines, where, 0
+
+    def value(self, outer: int, depth: int) -> Any:
+        """What is further in than ``outer``: a map, a list, or one value; "" for nothing."""
+        if self.at == len(self.lines) or self.lines[self.at].indent <= outer:
+            return ""
+        line = self.lines[self.at]
+        if depth > DEEPEST:
+            raise self._fault(line, f"at most {DEEPEST} levels")
+        if line.text == "-" or line.text.startswith("- "):
+            return self._list(line.indent, depth)
+        if _key_and_rest(line.text) is not None:
+            return self._map(line.indent, depth)
+        self.at += 1
+        return self._flow(line, line.text)
+
+    def _list(self, indent: int, depth: int) -> list[Any]:
+        found = []
+        while self.at < len(self.lines) and self.lines[self.at].indent == indent:
+            line = self.lines[self.at]
+            if not (line.text == "-" or line.text.startswith("- ")):
+                break  # the next key of the map that the list is a value of
+            rest = line.text[1:].lstrip()
+            if rest:  # what follows is a line of its own, further in
+                inner = indent + len(line.text) - len(rest)
+                self.lines[self.at] = _Line(line.number, inner, rest)
+            else:
+                self.at += 1
+            found.append(self.value(indent, depth + 1))
+        self._check_end(indent)
+        return found
+
+    def _map(self, indent: int, depth: int) -> Document:
+        found: Document = {}
+        while self.at < len(self.lines) and self.lines[self.at].indent == indent:
+            line = self.lines[self.at]
+            parts = _key_and_rest(line.text)
+            if parts is None:
+                raise self._fault(line, "'key: value'")
+            key, rest = parts
+            if key in found:
+                raise self._fault(line, f"{key} once")
+            self.at += 1
+            if rest:
+                found[key] = self._flow(line, rest)
+            else:
+                # a list may stand as far in as its key
+                here = self.at < len(self.lines) and self.lines[self.at]
+                same = here and here.indent == indent and re.match(r"-(\s|$)", here.text)
+                found[key] = self.value(indent - 1 if same else indent, depth + 1)
+        self._check_end(indent)
+        return found
+
+    def _check_end(self, indent: int) -> None:
+        if self.at < len(self.lines) and self.lines[self.at].indent > indent:
+            raise self._fault(self.lines[self.at], f"{indent} blanks before it")
+
+    def _flow(self, line: _Line, text: str) -> Any:
+        """A value in one line: a word, or lists and maps in brackets."""
+        if text[0] not in "[{\"'":
+            return self._word(line, text)
+        words = _WORD.findall(text)
+        if "".join(words).replace(" ", "") != text.replace(" ", ""):
+            raise self._fault(line, "words, numbers and brackets")
+        found, end = self._part(line, words, 0, 0)
+        if end != len(words):
+            raise self._fault(line, "one value")
+        return found
+
+    def _part(self, line: _Line, words: list[str], at: int, depth: int) -> tuple[Any, int]:
+        if depth > DEEPEST or at >= len(words) or words[at] in "]},:":
+            raise self._fault(line, f"values in brackets, at most {DEEPEST} deep")
+        begin = words[at]
+        if begin not in "[{":
+            return self._word(line, begin.strip()), at + 1
+        close = "]" if begin == "[" else "}"
+        values: list[Any] = []
+        keys: list[str] = []
+        at += 1
+        while at < len(words) and words[at] != close:
+            if begin == "{":
+                if words[at] in "[]{},:" or at + 1 >= len(words) or words[at + 1] != ":":
+                    raise self._fault(line, "{key: value, …}")
+                keys.append(_unquoted(words[at].strip()))
+                at += 2
+            value, at = self._part(line, words, at, depth + 1)
+            values.append(value)
+            if at < len(words) and words[at] == ",":
+                at += 1
+            elif at >= len(words) or words[at] != close:
+                raise self._fault(line, f"',' or {close!r}")
+        if at >= len(words):
+            raise self._fault(line, f"{close!r}")
+        if begin == "[":
+            return values, at + 1
+        return dict(zip(keys, values, strict=True)), at + 1
+
+    def _word(self, line: _Line, text: str) -> Any:
+        if text[0] in "&*|>@`":
+            raise self._fault(line, "a plain value: no anchors, aliases or blocks of text")
+        return _scalar(text)
+
+    def _fault(self, line: _Line, expected: str) -> InputError:
+        shown = line.text if len(line.text) <= 60 else line.text[:60] + "…"
+        return InputError(f"{self.where} line {line.number}; got {shown!r}; expected {expected}")
+
+
+def _key_and_rest(text: str) -> tuple[str, str] | None:
+    """``key: rest`` in its two parts; None for another text."""
+    quoted = _QUOTED_KEY.match(text)
+    if quoted:
+        return _unquoted(quoted[1]), text[quoted.end() :].strip()
+    colon = re.search(r":(?=\s|$)", text)
+    if colon is None or any(sign in text[: colon.start()] for sign in "\"'[{"):
+        return None
+    return text[: colon.start()].rstrip(), text[colon.end() :].strip()
+
+
+def _unquoted(word: str) -> str:
+    return word[1:-1] if len(word) > 1 and word[0] == word[-1] and word[0] in "\"'" else word
+
+
+def _scalar(word: str) -> Any:
+    if _NUMBER.fullmatch(word):
+        return float(word)
+    special = {".nan": "nan", ".inf": "inf", "+.inf": "inf", "-.inf": "-inf"}.get(word.lower())
+    return float(special) if special else _unquoted(word)

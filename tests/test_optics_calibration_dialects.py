@@ -1,0 +1,170 @@
+"""Calibration files as other programs and hands write them, whole and damaged."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+import gpusim as gs
+from gpusim.errors import InputError
+from gpusim.optics.calibration_document import read_document
+
+ROS = """image_width: 640
+image_height: 480
+camera_name: narrow_stereo/left
+camera_matrix:
+  rows: 3
+  cols: 3
+  data: [438.783, 0, 305.593,
+         0, 437.302, 243.738, 0, 0, 1]
+distortion_model: plumb_bob
+distortion_coefficients: {rows: 1, cols: 5, data: [-0.361976, 0.110510, 0.001014, 0.000505, 0]}
+rectification_matrix:
+  rows: 3
+  cols: 3
+  data: [0.9999, 0.0, 0.0, 0.0, 0.9999, 0.0, 0.0, 0.0, 1.0]
+"""
+ROS_K = [[438.783, 0, 305.593], [0, 437.302, 243.738], [0, 0, 1]]
+
+
+@pytest.mark.parametrize("head", ["", "%YAML:1.0\n---\n"])
+def test_a_camera_of_ros(tmp_path: Path, head: str) -> None:
+    path = tmp_path / "left.yaml"
+    path.write_text(head + ROS)
+    (camera,) = gs.read_calibration(path)
+    np.testing.assert_array_equal(camera.K, ROS_K)
+    np.testing.assert_array_equal(camera.distortion, [-0.361976, 0.110510, 0.001014, 0.000505, 0])
+    assert (camera.width, camera.height, camera.name) == (640, 480, "narrow_stereo/left")
+    rational = ROS.replace("plumb_bob", "rational_polynomial").replace("cols: 5", "cols: 8")
+    path.write_text(head + rational.replace("0.000505, 0]", "0.000505, 0, 0.01, 0.02, 0.003]"))
+    assert gs.read_calibration(path)[0].distortion[7] == 0.003
+    path.write_text(head + ROS.replace("plumb_bob", "equidistant"))
+    with pytest.raises(InputError, match="distortion_model; got 'equidistant'; expected plumb_bob"):
+        gs.read_calibration(path)
+
+
+def test_json_with_plain_lists_and_our_own_report(tmp_path: Path) -> None:
+    path = tmp_path / "camera.json"
+    path.write_text(json.dumps({"camera_matrix": ROS_K, "dist_coeffs": [[0.1, -0.02, 0, 0]]}))
+    (camera,) = gs.read_calibration(path, (640, 480))
+    np.testing.assert_array_equal(camera.K, ROS_K)
+    np.testing.assert_array_equal(camera.distortion, [0.1, -0.02, 0, 0])
+    pose = np.eye(4)
+    pose[0, 3] = -120.0
+    own = {"name": "b", "resolution_px": [640, 480], "K": ROS_K, "distortion": [0.1] + [0.0] * 13,
+           "camera_from_first_mm": pose.tolist()}  # fmt: skip
+    path.write_text(json.dumps({"schema": 1, "cameras": [own]}))
+    (camera,) = gs.read_calibration(path)
+    assert camera.distortion[0] == 0.1 and camera.camera_from_world[0, 3] == pytest.approx(-0.12)
+    path.write_text(json.dumps({"camera_matrix": ROS_K, "my_distortion": [0.1, 0, 0, 0]}))
+    with pytest.raises(InputError, match="my_distortion; got an unknown key"):
+        gs.read_calibration(path, (640, 480))
+
+
+def test_opencvs_pair_of_intrinsics_and_extrinsics(tmp_path: Path) -> None:
+    K = np.array([[1200.0, 0, 640], [0, 1201, 480], [0, 0, 1]])
+    R = cv2.Rodrigues(np.array([0.02, -0.3, 0.01]))[0]
+    for name, values in (
+        (
+            "intrinsics.yml",
+            {"M1": K, "D1": np.full((1, 5), 0.01), "M2": 2 * K, "D2": np.zeros((5, 1))},
+        ),
+        ("extrinsics.yml", {"R": R, "T": np.array([[-120.0], [1], [9]]), "R1": R, "P1": K}),
+    ):
+        storage = cv2.FileStorage(str(tmp_path / name), cv2.FILE_STORAGE_WRITE)
+        for key, value in values.items():
+            if key == "M2":
+                value[2, 2] = 1.0
+            storage.write(key, value)
+        storage.release()
+    for name in ("intrinsics.yml", "extrinsics.yml"):
+        first, second = gs.read_calibration(tmp_path / name, (1281, 961))
+        np.testing.assert_array_equal(first.K, K)
+        assert second.K[0, 0] == 2400.0
+        np.testing.assert_allclose(second.camera_from_world[:3, 3], [-0.12, 0.001, 0.009])
+        np.testing.assert_allclose(second.camera_from_world[:3, :3], R, atol=1e-12)
+    (tmp_path / "extrinsics.yml").unlink()
+    with pytest.raises(InputError, match=r"R, T; got nothing; .*extrinsics beside"):
+        gs.read_calibration(tmp_path / "intrinsics.yml", (1281, 961))
+
+
+def test_kalibr_with_quotes_and_maps_in_one_line(tmp_path: Path) -> None:
+    path = tmp_path / "camchain.yaml"
+    path.write_text(
+        "cam0: {camera_model: 'pinhole', distortion_model: \"radtan\", intrinsics: [458.6, 457.3,"
+        " 367.2, 248.4],\n  distortion_coeffs: [-0.28, 0.07, 0.0002, 1.7e-05], resolution: "
+        "[752, 480], rostopic: /cam0/image_raw}\n"
+        "cam1:\n  'camera_model': pinhole\n  distortion_model: none\n  intrinsics:\n  - 457.5\n"
+        "  - 456.1\n  - 379.9\n  - 255.2\n  T_cn_cnm1:\n    - [1.0, 0, 0, -0.11]\n"
+        "    - [0, 1.0, 0, 0.0004]\n    - [0, 0, 1.0, 0]\n    - [0, 0, 0, 1.0]\n"
+        "  resolution: [752, 480]  # px\n"
+    )
+    first, second = gs.read_calibration(path)
+    np.testing.assert_array_equal(first.distortion, [-0.28, 0.07, 0.0002, 1.7e-05])
+    np.testing.assert_array_equal(second.K[1], [0, 456.1, 255.2])
+    np.testing.assert_allclose(second.camera_from_world[:3, 3], [-0.11, 0.0004, 0])
+
+
+CUT = ("%YAML 1.2\n---\ncameras:\n   -\n      name: a\n      image_width: 160\n      image_height: "
+       "120\n      camera_matrix: !!opencv-matrix\n         rows: 3\n         cols: 3\n         "
+       "dt: d\n         data: [ 1000., 0., 80., 0., 1000., 60., 0., 0., 1. ]\n")  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "part"),
+    [
+        ("cut.yml", CUT + "      R: !!opencv-matrix\n         rows: 3\n         cols: 3\n    ",
+         r"cameras\[0\]: R.data; got nothing; expected 9 numbers"),
+        ("cut.yml", CUT + "      T: [0, 0, 1]\n      R: [0, 0, 0]\n   -\n      name: b\n      "
+         "K: [[9, 0, 1], [0, 9, 1], [0, 0, 1]]\n",
+         r"cameras\[1\]: R; got nothing; expected it, as the other"),
+        ("cut.yml", CUT[:-30], "line 12; got a bracket that isn't closed"),
+        ("a.yml", CUT.replace("rows: 3", "rows: 100000"), "camera_matrix.rows; got 100000"),
+        ("a.yml", CUT.replace("cols: 3", "cols: 4"), "got 9 numbers; expected 12, as rows x cols"),
+        ("a.yml", CUT.replace("cols: 3", "cols: many"), "camera_matrix.cols; got 'many'"),
+        ("a.yml", CUT.replace("1000., 0., 80.", "*k, 0., 80."), r"line 12; .* no anchors"),
+        ("a.json", '{"camera_matrix": [[1, 0, 3], [0, 1]]}', "camera_matrix; got rows of differ"),
+        ("a.json", '{"camera_matrix": ' + "[" * 100_000, "expected well-formed JSON"),
+        ("a.json", '{"camera_matrix": ' + "9" * 5000 + "}", "camera_matrix; got"),
+        ("a.yml", "camera_matrix: " + "[" * 5000 + "]" * 5000, "at most 20 deep"),
+        ("a.yml", "camera_matrix: [" + "1, " * 200_000 + "1]", "expected a small matrix"),
+        ("a.yml", "\n".join(" " * k + f"a{k}:" for k in range(300)), "at most 20 levels"),
+        ("a.xml", "<?xml version='1.0'?><!DOCTYPE z [<!ENTITY a 'b'>]><opencv_storage>&a;"
+         "</opencv_storage>", "document type"),
+        ("a.xml", "<opencv_storage>" + "<a>" * 5000 + "</a>" * 5000 + "</opencv_storage>",
+         "more than 20 levels"),
+    ],
+)  # fmt: skip
+def test_damaged_files_name_what_is_wrong(tmp_path: Path, name: str, text: str, part: str) -> None:
+    path = tmp_path / name
+    path.write_text(text)
+    clock = time.process_time()
+    with pytest.raises(InputError, match=part) as caught:
+        gs.read_calibration(path, (160, 120))
+    assert name in str(caught.value) and len(str(caught.value)) < 600
+    assert time.process_time() - clock < 1.0
+
+
+def test_documents() -> None:
+    text = (
+        'a: "x: y # z"\nb: it\'s # no\nurl: http://a:80\nc:\n- 1\n-\n  d: .inf\n  e: [{f: -1e3}]\n'
+    )
+    assert read_document(text, "f") == {
+        "a": "x: y # z", "b": "it's", "url": "http://a:80",
+        "c": [1.0, {"d": np.inf, "e": [{"f": -1000.0}]}],
+    }  # fmt: skip
+    for bad in (
+        "a: 1\na: 2\n",
+        "a: 1\n   b: 2\n",
+        "a: [1, 2}\n",
+        "a: [1 2: 3]\n",
+        "- 1\n",
+        "a: |\n",
+    ):
+        with pytest.raises(InputError):
+            read_document(bad, "f")
