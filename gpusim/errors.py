@@ -56,16 +56,20 @@ class InputError(GpusimError, ValueError):
 
 @dataclass(frozen=True)
 class Fault:
-    """One thing wrong in a scene file: where (key path), what, got, expected, nearest key."""
+    """One thing wrong in a scene file: where (key path), what, got, expected, nearest key.
+
+    ``place`` is the key path with names in place of indices, if it has any.
+    """
 
     key: str
     problem: str
     got: str = ""
     expected: str = ""
     hint: str = ""
+    place: str = ""
 
     def __str__(self) -> str:
-        text = f"{self.key}: {self.problem}"
+        text = f"{self.place or self.key}: {self.problem}"
         if self.got:
             text += f"; got {self.got}"
         if self.expected:

@@ -68,7 +68,13 @@ def test_three_typos_exit_2_and_write_nothing(
         result = cli(*command)
         assert result.exit_code == 2
         assert result.stdout == ""
-        for words in ("3 faults", "camera.0.focal_m", "sensor.bit:", "output.vtk", "did you mean"):
+        for words in (
+            "3 faults",
+            "camera.front.focal_m",
+            "sensor.bit:",
+            "output.vtk",
+            "did you mean",
+        ):
             assert words in result.stderr
         assert "Traceback" not in result.stderr
     assert sorted(path.name for path in tmp_path.iterdir()) == ["bad.toml"]

@@ -146,5 +146,7 @@ def test_a_users_own_material_is_checked() -> None:
         Model(mesh, [Custom(matrix[:3, :3])])
     with pytest.raises(InputError, match="aren't finite"):
         Model(mesh, [Custom(matrix * np.nan)])
-    with pytest.raises(InputError, match="at least one Isotropic or Orthotropic"):
+    with pytest.raises(
+        InputError, match=r"materials\[0\]: got str; expected Isotropic or Orthotropic, or a list"
+    ):
         Model(mesh, ["steel"])  # type: ignore[list-item]

@@ -203,11 +203,14 @@ def test_what_is_no_picture_of_radiances(tmp_path: Path) -> None:
         gs.run(lit(tmp_path, LIT.replace("room.hdr", "bad.hdr")), tmp_path / "out")
     assert not (tmp_path / "out").exists()
     for text, key in (
-        (LIT.replace("room.hdr", "none.hdr"), "light.0.file: not found"),
-        (LIT.replace("room.hdr", "room.exr"), "light.0.file: unknown kind"),
-        (LIT + "sky_W_m2_sr = 1.0\n", "light.0.sky_W_m2_sr: beside file"),
-        (LIT + "forward = [0, 0, -2]\n", "light.0.forward: is along up"),
-        (LIT.replace('file = "room.hdr"', "sky_W_m2_sr = 1.0"), "light.0.ground_W_m2_sr: missing"),
+        (LIT.replace("room.hdr", "none.hdr"), "light.room.file: not found"),
+        (LIT.replace("room.hdr", "room.exr"), "light.room.file: unknown kind"),
+        (LIT + "sky_W_m2_sr = 1.0\n", "light.room.sky_W_m2_sr: beside file"),
+        (LIT + "forward = [0, 0, -2]\n", "light.room.forward: is along up"),
+        (
+            LIT.replace('file = "room.hdr"', "sky_W_m2_sr = 1.0"),
+            "light.room.ground_W_m2_sr: missing",
+        ),
     ):
         with pytest.raises(SceneError) as caught:
             lit(tmp_path, text)

@@ -105,14 +105,14 @@ def test_notches_of_a_beam() -> None:
 
 def test_faults_of_builders_and_notches() -> None:
     text = faults_of(BUILDERS[3], notch=NOTCHES[:1])
-    assert "body.0.notch: in a mesh that can't have one" in text and "box or beam" in text
+    assert "body.part.notch: in a mesh that can't have one" in text and "box or beam" in text
     assert "is along the notch's axis" in faults_of(BEAM, notch=[{**NOTCHES[0], "side": "+x"}])
     where = {"set": "notch_4"}
     paints = [{"name": "slot", "type": "plain", "albedo": 0.1, "where": where}]
     text = faults_of(BEAM, notch=NOTCHES, paint=paints)
     assert "no such set of the mesh" in text and "notch_3" in text
     text = faults_of({**BUILDERS[3], "around": 18, "hole_diameter_mm": 31.0})
-    assert "body.0.mesh.around" in text
+    assert "body.part.mesh.around" in text
     assert "too wide" in faults_of({**BUILDERS[3], "hole_diameter_mm": 31.0})
     assert "the leg is too short" in faults_of({**BUILDERS[4], "base_length_mm": 50.0})
     assert "unknown value" in faults_of({**BUILDERS[0], "cells": "hex9"})
@@ -156,7 +156,7 @@ def test_the_scene_file_s_own_folder_counts(folder: Path, monkeypatch: pytest.Mo
     (entry,) = scene.files
     assert entry[0] == str(folder / "brick.vtu") and len(entry[1]) == 64
     (folder / "brick.vtu").unlink()
-    with pytest.raises(gs.SceneError, match=r"body\.0\.mesh\.file: not found \(line 11\)"):
+    with pytest.raises(gs.SceneError, match=r"body\.part\.mesh\.file: not found \(line 11\)"):
         gs.load_scene(path)
 
 
@@ -184,11 +184,11 @@ def test_faults_of_files(folder: Path) -> None:
     assert "a STEP file says its unit itself" in text
     text = faults_of({"file": "x.step", "size_mm": 1.0, "hexahedra": True, "hex_dominant": True},
                      folder)  # fmt: skip
-    assert "body.0.mesh.hex_dominant: beside hexahedra" in text
+    assert "body.part.mesh.hex_dominant: beside hexahedra" in text
     assert "is for CAD files" in faults_of({"file": "brick.vtu", "size_mm": 1.0}, folder)
     assert "unknown key" in faults_of({"file": "brick.vtu", "builder": "box", "size": 3}, folder)
     text = faults_of({"file": "brick.vtu", "unti": "m"}, folder)
-    assert "body.0.mesh.unti: unknown key" in text and "did you mean unit?" in text
+    assert "body.part.mesh.unti: unknown key" in text and "did you mean unit?" in text
 
 
 def test_groups_of_a_file_are_selections(tmp_path: Path) -> None:

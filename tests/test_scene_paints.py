@@ -91,7 +91,7 @@ def test_ring_codes_lie_where_the_scene_says(tmp_path: Path) -> None:
     ):
         with pytest.raises(SceneError) as caught:
             load(tmp_path, plate(text))
-        assert f"prop.0.paint.0.{words}" in str(caught.value)
+        assert f"prop.plate.paint.paint.{words}" in str(caught.value)
 
 
 @pytest.mark.parametrize(

@@ -187,13 +187,13 @@ def test_faults(rig: Scene) -> None:
         ("calibration.board", "block", "no such prop of type plate"),
         ("calibration.cameras", ["left", "rigt"], r"cameras\.1: no such camera"),
         ("calibration.show", ["board"], "names the board"),
-        ("prop.block.poses", POSES, r'not one pose per frame.*3 poses"; expected 2'),
+        ("prop.block.poses", POSES, r"not one pose per frame.*3 poses; expected 2"),
         ("prop.block.type", "bx", 'type: unknown value.*got "bx"; expected one of "plate", "box"'),
         ("prop.block.center_m", [0.0, 0.0, 0.0], "unknown key"),
     ):
         with pytest.raises(SceneError, match=match):
             rig.replace(path, value)
-    with pytest.raises(SceneError, match="nobody looks"):
+    with pytest.raises(SceneError, match="calibration: needs a camera"):
         scene(prop=[BOARD], camera=[], calibration={"board": "board", "pose": POSES})
 
 

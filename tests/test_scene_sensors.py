@@ -120,9 +120,9 @@ def test_keys_of_both_tables_agree() -> None:
 def test_faults_between_both_sensors_name_the_camera(tmp_path: Path) -> None:
     text = CAMERA.format("one") + "[camera.sensor]\nblack_level_DN = 300.0\n"
     found = faults(tmp_path, text)
-    assert "camera.0.sensor.black_level_DN" in found and "below 255" in found
+    assert "camera.one.sensor.black_level_DN" in found and "below 255" in found
     text = CAMERA.format("one") + "[camera.sensor]\nseed = 3\n"
-    assert "camera.0.sensor.seed: unknown key" in faults(tmp_path, text)
+    assert "camera.one.sensor.seed: unknown key" in faults(tmp_path, text)
 
 
 def test_pixels_may_be_said_by_their_side(tmp_path: Path) -> None:
@@ -132,7 +132,7 @@ def test_pixels_may_be_said_by_their_side(tmp_path: Path) -> None:
     np.testing.assert_allclose(build_camera(by_pixel).K, build_camera(by_size).K, rtol=1e-14)
     assert build_camera(by_pixel).K[0, 0] == pytest.approx(160.0)
     both = CAMERA.format("one") + "sensor_mm = [5.7, 3.3]\n"
-    assert "camera.0.pixel_um: beside sensor_mm" in faults(tmp_path, both)
+    assert "camera.one.pixel_um: beside sensor_mm" in faults(tmp_path, both)
 
 
 @pytest.mark.parametrize(
@@ -168,7 +168,7 @@ def test_faults_of_a_lens_without_lengths(tmp_path: Path) -> None:
     found = faults(tmp_path, RIG + "[camera.lens]\n" + BLUR)
     assert "lens.focus_distance_mm: needs the width of the aperture" in found
     assert "focal_mm as it stands on the lens" in found
-    assert "camera.0.lens.focal_mm" in faults(tmp_path, RIG + "[camera.lens]\nfocal_mm = 15.5\n")
+    assert "camera.real.lens.focal_mm" in faults(tmp_path, RIG + "[camera.lens]\nfocal_mm = 15.5\n")
     near = RIG + "pixel_um = 100.0\n[camera.lens]\nf_number = 2.0\nfocus_distance_mm = 12.0\n"
     with pytest.raises(InputError, match=r"'real' lens.focus_distance_mm; got 12; .* 16 mm"):
         build_lens(scene(tmp_path, near).cameras[0])

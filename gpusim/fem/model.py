@@ -27,7 +27,8 @@ class Model:
     Parameters
     ----------
     mesh : the body (or bodies).
-    materials : ``Isotropic``, ``Orthotropic``, or anything else that has a ``Material``'s parts.
+    materials : ``Isotropic``, ``Orthotropic``, or anything else that has a ``Material``'s parts;
+        a list of them; a single one is taken as a list of one.
     material_of_cell : (M,) index into ``materials`` per global cell; None: all the first.
     fixed : (N,3) bool, degrees of freedom whose displacement is given; None: none is, which
         `solve` refuses.
@@ -50,12 +51,7 @@ class Model:
         if not isinstance(self.mesh, Mesh):
             raise InputError(f"Model.mesh: got {type(self.mesh).__name__}; expected a Mesh")
         shape = self.mesh.points.shape
-        materials = tuple(self.materials) if isinstance(self.materials, Iterable) else ()
-        if not materials or not all(isinstance(one, Material) for one in materials):
-            raise InputError(
-                f"Model.materials: got {self.materials!r}; expected at least one Isotropic or "
-                "Orthotropic"
-            )
+        materials = _materials(self.materials)
         _check_stiffness(materials)
         fixed = np.zeros(shape, dtype=bool) if self.fixed is None else np.array(self.fixed)
         if fixed.shape != shape or fixed.dtype != np.bool_:
@@ -114,6 +110,28 @@ class Model:
     def densities(self) -> Float:
         """(M,) density per cell."""
         return np.array([one.density for one in self.materials])[self.material_of_cell]
+
+
+def _materials(given: Any) -> tuple[Material, ...]:
+    """A single material as a list of one. Raises InputError naming what is none."""
+    if _is_material(given):
+        return (given,)
+    expected = "expected Isotropic or Orthotropic, or a list of them"
+    if not isinstance(given, Iterable):
+        raise InputError(f"Model.materials: got {type(given).__name__}; {expected}")
+    materials = tuple(given)
+    if not materials:
+        raise InputError(f"Model.materials: got none; {expected}")
+    for number, one in enumerate(materials):
+        if not _is_material(one):
+            got = f"the class {one.__name__}" if isinstance(one, type) else type(one).__name__
+            raise InputError(f"Model.materials[{number}]: got {got}; {expected}")
+    return materials
+
+
+def _is_material(thing: Any) -> bool:
+    # a class has the same attributes as its instances
+    return isinstance(thing, Material) and not isinstance(thing, type)
 
 
 def _float(name: str, value: Any) -> Float:

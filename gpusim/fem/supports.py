@@ -26,6 +26,7 @@ Float = npt.NDArray[np.float64]
 _HELD: WeakSet[Model] = WeakSet()
 # beyond this many face-connected parts in one body, parts are taken as joined at shared nodes
 _MOST_PARTS = 60
+_THINNEST = 1e-7  # of its length: squared, a side's part in the rows is rounding
 
 
 def rigid_modes(points: Float, origin: Float, length: float) -> Float:
@@ -159,6 +160,14 @@ def _check_body(
     free = vectors[:, ~(values > 1e-14 * scale)]
     if free.shape[1] == 0:
         return
+    size = np.ptp(points, axis=0)
+    if not size.min() > _THINNEST * length:
+        raise InputError(
+            f"supports: the body with {len(points)} nodes is too thin to be held: what keeps it "
+            f"from turning is lost in rounding; got sides of {size[0]:.3g} x {size[1]:.3g} x "
+            f"{size[2]:.3g}; expected sides of at least {_THINNEST:g} of the longest (are they all "
+            "in one unit?)"
+        )
     names = _names(free, parts, origin, length)
     where = "" if parts == 1 else f" (its {parts} parts touch only along edges or at nodes)"
     raise InputError(

@@ -14,7 +14,7 @@ from gpusim.errors import Fault
 from .faults import shown
 from .lines import Keys
 from .path import dotted, listed, nearest
-from .schema.base import norm
+from .schema.base import Words, norm
 from .schema.mesh import NOTCHABLE, SETS
 
 __all__ = ["check_document"]
@@ -109,9 +109,9 @@ def _references(document: Mapping[str, Any], found: Found) -> None:
     fixed = _marker_names(document, "prop")
     variants = _names(document, "variant")
     lines = {
-        str(m.get("name")): None
+        m["name"]: None
         for _, m in _items(document, "measure")
-        if m.get("type") == "deflection"
+        if m.get("type") == "deflection" and isinstance(m.get("name"), str)
     }
     for index, measure in _items(document, "measure"):
         if cameras is not None:
@@ -121,7 +121,7 @@ def _references(document: Mapping[str, Any], found: Found) -> None:
             keys = ("measure", index, "reference")
             refer(keys, measure.get("reference"), variants, "variant")
         if measure.get("type") == "stereo" and "calibration" not in document:
-            _add(found, ("measure", index), "no images of a target", "no [calibration]",
+            _add(found, ("measure", index), "needs images of a target", Words("no [calibration]"),
                  "[calibration] of a checker or charuco")  # fmt: skip
         lists = (
             ("cameras", cameras, "camera"),
@@ -193,7 +193,7 @@ def _amplitudes(
         if len(amplitude) != len(factors):
             expected = f"{len(factors)}, as many as analysis.load_factors"
             _add(found, (*keys, place, "amplitude"), "not one factor per frame",
-                 f"{len(amplitude)} factors", expected)  # fmt: skip
+                 Words(f"{len(amplitude)} factors"), expected)  # fmt: skip
 
 
 _NEEDS = {
@@ -213,7 +213,7 @@ def _fields(document: Mapping[str, Any], found: Found) -> None:
     kind = analysis.get("type", "static") if isinstance(analysis, Mapping) else None
     for index, body in _items(document, "body"):
         if kind == "field" and "field" not in body:
-            _add(found, ("body", index, "field"), "missing", 'analysis.type "field"',
+            _add(found, ("body", index, "field"), "missing", Words('analysis.type = "field"'),
                  "a field for every body, or type \"static\"")  # fmt: skip
         elif kind == "static" and "field" in body:
             _add(found, ("analysis", "type"), "of a scene whose displacements are given", kind,
@@ -230,15 +230,18 @@ def _poses(document: Mapping[str, Any], found: Found) -> None:
     for index, prop in _items(document, "prop"):
         poses = prop.get("poses")
         if isinstance(poses, list) and isinstance(frames, list) and len(poses) != len(frames):
-            _add(found, ("prop", index, "poses"), "not one pose per frame", f"{len(poses)} poses",
-                 f"{len(frames)}, as many as frames in [analysis]")  # fmt: skip
+            got, wanted = (
+                Words(f"{len(poses)} poses"),
+                f"{len(frames)}, as many as frames in [analysis]",
+            )
+            _add(found, ("prop", index, "poses"), "not one pose per frame", got, wanted)
     calibration = document.get("calibration")
     if not isinstance(calibration, Mapping):
         return
     plates = {
-        str(item.get("name")): None
+        item["name"]: None
         for _, item in _items(document, "prop")
-        if item.get("type") == "plate"
+        if item.get("type") == "plate" and isinstance(item.get("name"), str)
     }
     known = {"board": plates, "cameras": _names(document, "camera"),
              "show": _names(document, "prop")}  # fmt: skip
@@ -252,7 +255,9 @@ def _poses(document: Mapping[str, Any], found: Found) -> None:
                 _add(found, keys, f"no such {what}", name,
                      f"one of {listed(names)}" if names else f"a {what}")  # fmt: skip
     if not list(_items(document, "camera")):
-        _add(found, ("calibration",), "nobody looks", "no camera", "at least one [[camera]]")
+        _add(
+            found, ("calibration",), "needs a camera", Words("no camera"), "at least one [[camera]]"
+        )
 
 
 def _layers(document: Mapping[str, Any], found: Found) -> None:
@@ -261,7 +266,7 @@ def _layers(document: Mapping[str, Any], found: Found) -> None:
     cameras = len(list(_items(document, "camera")))
     if isinstance(layers, list) and "cameras" in layers and cameras > _BITS:
         problem = 'layer "cameras" has a bit per camera'
-        _add(found, ("output", "truth"), problem, f"{cameras} cameras", f"at most {_BITS}")
+        _add(found, ("output", "truth"), problem, Words(f"{cameras} cameras"), f"at most {_BITS}")
 
 
 def _physics(document: Mapping[str, Any], found: Found) -> None:
@@ -274,7 +279,7 @@ def _physics(document: Mapping[str, Any], found: Found) -> None:
                  "builder " + " or ".join(NOTCHABLE))  # fmt: skip
         loads = list(_items(body, "load"))
         if loads and not body.get("support"):
-            _add(found, ("body", index, "support"), "loaded but not held", "no support",
+            _add(found, ("body", index, "support"), "loaded but not held", Words("no support"),
                  "at least one [[body.support]]")  # fmt: skip
         for place, load in loads:
             names = [str(entry.get("material")) for entry in (body, *_parts(body))]
@@ -286,19 +291,31 @@ def _physics(document: Mapping[str, Any], found: Found) -> None:
         for kind in ("load", "support"):
             _amplitudes(document, body, ("body", index, kind), found)
     if document.get("body", []) == [] and document.get("prop", []) == []:
-        _add(found, ("body",), "nothing is there", "no body and no prop", "at least one [[body]]")
+        _add(
+            found,
+            ("body",),
+            "nothing is there",
+            Words("no body and no prop"),
+            "at least one [[body]]",
+        )
     analysis = document.get("analysis", {})
     for key, what in (("load_factors", "load factors"), ("times", "times")):
         factors = analysis.get(key) if isinstance(analysis, Mapping) else None
         if isinstance(factors, list) and len(factors) == 1 and document.get("measure"):
-            _add(found, ("analysis", key), "nothing to compare", "one frame",
+            _add(found, ("analysis", key), "nothing to compare", Words("one frame"),
                  f"two {what} or more, the first one the reference")  # fmt: skip
     if (
         isinstance(document.get("measure"), list)
         and document["measure"]
         and (document.get("camera", []) == [])
     ):
-        _add(found, ("camera",), "nothing to measure in", "no camera", "at least one [[camera]]")
+        _add(
+            found,
+            ("camera",),
+            "needs images to measure in",
+            Words("no camera"),
+            "at least one [[camera]]",
+        )
 
 
 def _shutters(document: Mapping[str, Any], found: Found) -> None:
@@ -310,8 +327,8 @@ def _shutters(document: Mapping[str, Any], found: Found) -> None:
         if not isinstance(shutter, Mapping):
             continue
         if rate is None:
-            _add(found, ("camera", index, "shutter"), "without a time between frames", "a shutter",
-                 "analysis.frame_rate_Hz beside it")  # fmt: skip
+            problem, wanted = "without a time between frames", "analysis.frame_rate_Hz beside it"
+            _add(found, ("camera", index, "shutter"), problem, Words("a shutter"), wanted)
             continue
         exposure = shutter.get("exposure_ms", 0)
         if isinstance(exposure, int | float) and isinstance(rate, int | float) and rate > 0:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +12,11 @@ from pydantic import BaseModel, ValidationError
 from gpusim.errors import Fault, InputError
 from gpusim.printable import printable
 
+from .expected import expected
 from .lines import Keys, Origins, origin_of
 from .path import dotted, nearest
 from .places import Place, locate
+from .schema.base import Words
 
 __all__ = ["faults_of", "shown", "unread", "with_origin"]
 
@@ -24,7 +27,9 @@ _KINDS = {
     "int_from_float": "a whole number",
     "string_type": "a string",
     "bool_type": "true or false",
+    "int_parsing_size": "a whole number",
     "list_type": "a list [...]",
+    "dict_type": "a table",
     "model_type": "a table",
     "model_attributes_type": "a table",
     "finite_number": "a finite number",
@@ -42,8 +47,7 @@ def with_origin(fault: Fault, keys: Sequence[str | int], origins: Origins) -> Fa
     origin = origin_of(origins, keys)
     if not origin:
         return fault
-    problem = f"{fault.problem} ({origin})"
-    return Fault(fault.key, problem, fault.got, fault.expected, fault.hint)
+    return replace(fault, problem=f"{fault.problem} ({origin})")
 
 
 def faults_of(
@@ -55,6 +59,7 @@ def faults_of(
     A required key that is missing because it was misspelt is told once: by its wrong spelling.
     """
     found: list[tuple[Keys, Fault]] = []
+    choices: set[Keys] = set()
     respelt: set[Keys] = set()
     missing: set[int] = set()
     entries = error.errors(include_url=False)
@@ -62,6 +67,10 @@ def faults_of(
         kind, context = entry["type"], entry.get("ctx", {})
         place = locate(root, entry["loc"])
         keys = place.keys
+        if len(place.choice):
+            if keys in choices:  # told once, not for each of the types that it may have
+                continue
+            choices.add(keys)
         if kind == "extra_forbidden":
             near = nearest(str(keys[-1]), place.valid_keys)
             respelt.add((*keys[:-1], near))
@@ -91,10 +100,10 @@ def _fault(
         return Fault(key, context["problem"], shown(context["got"]), context["expected"])
     if kind == "extra_forbidden":
         near = nearest(str(place.keys[-1]), place.valid_keys)
-        expected = "" if near else "one of " + ", ".join(place.valid_keys)
-        return Fault(key, "unknown key", "", expected, _did_you_mean(near))
+        keys = "" if near else "one of " + ", ".join(place.valid_keys)
+        return Fault(key, "unknown key", "", keys, _did_you_mean(near))
     if kind == "missing":
-        return Fault(key, "missing", "", place.description)
+        return Fault(key, "missing", "", _wanted(place))
     if kind == "union_tag_not_found":
         return Fault(key, "missing", "", _one_of(place.tags))
     if kind == "union_tag_invalid":
@@ -104,30 +113,57 @@ def _fault(
     if kind == "literal_error":
         words = str(context["expected"]).replace(" or ", ", ").split(", ")
         hint = nearest(value, [word.strip("'") for word in words]) if isinstance(value, str) else ""
-        expected = "one of " + ", ".join(words) if len(words) > 1 else words[0]
-        return Fault(key, "unknown value", got, expected.replace("'", '"'), _did_you_mean(hint))
+        one_of = "one of " + ", ".join(words) if len(words) > 1 else words[0]
+        return Fault(key, "unknown value", got, one_of.replace("'", '"'), _did_you_mean(hint))
     if kind in ("too_short", "too_long"):
         bound = context["min_length" if kind == "too_short" else "max_length"]
-        return Fault(key, "wrong length", f"{context['actual_length']} items", _length(bound, kind))
+        got = f"{context['actual_length'] or 'no'} items"
+        return Fault(key, "wrong length", got, _length(bound, kind))
     if kind in _BOUNDS:
         name, sign = _BOUNDS[kind]
         return Fault(key, "out of range", got, f"{sign} {context[name]:g}")
     if kind == "string_pattern_mismatch":
         return Fault(key, "not a usable name", got, "a letter, then letters, digits, _ or -")
+    if kind in ("string_too_short", "string_too_long"):
+        most = context.get("max_length", 0)
+        if kind == "string_too_short":
+            return Fault(key, "empty", "", "a text")
+        return Fault(key, "too long", f"{len(value):,} letters", f"at most {most}")
     if kind in _KINDS:
-        text = _KINDS[kind]
-        if kind == "float_type" and isinstance(value, str):
+        text = _wanted(place, described=False) or _KINDS[kind]
+        if kind == "finite_number":
+            text = text.replace("number", "finite number", 1)
+        if "number" in text and isinstance(value, str):
             text += " without quotes" + ("; its unit is in the key" if _has_unit(key) else "")
         return Fault(key, "wrong type", got, text)
     return Fault(key, message, got)
+
+
+def _wanted(place: Place, described: bool = True) -> str:
+    """What the schema wants of a key, and what it says about it."""
+    last = place.keys[-1] if place.keys else 0
+    if isinstance(last, int):
+        return ""
+    text = expected(place.table, last)
+    about = place.description.replace("`", "")
+    if not (described and text and about):
+        return text
+    first = about.split()[0]
+    if first == "A" or first[1:].islower():
+        about = about[0].lower() + about[1:]
+    return f"{text} ({about})"
 
 
 def shown(value: Any) -> str:
     """A value as it would stand in the file, cut to one short line."""
     if isinstance(value, bool):
         text = "true" if value else "false"
+    elif isinstance(value, Words):
+        text = str(value)
     elif isinstance(value, str):
         text = f'"{value[:100]}"'
+    elif value is None:
+        text = ""
     elif isinstance(value, Mapping):
         text = "a table" if value else "{}"
     elif isinstance(value, int) and abs(value) >= 10**40:
@@ -167,4 +203,5 @@ def _one_of(names: Sequence[str]) -> str:
 def _length(bound: int, kind: str) -> str:
     if bound in (2, 3):
         return f"{bound} items"
-    return f"at least {bound}" if kind == "too_short" else f"at most {bound}"
+    least = "one item or more" if bound == 1 else f"at least {bound} items"
+    return least if kind == "too_short" else f"at most {bound} item{'s' if bound > 1 else ''}"

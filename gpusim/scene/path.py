@@ -11,7 +11,7 @@ from gpusim.errors import Fault
 
 from .limits import DEEPEST
 
-__all__ = ["dotted", "listed", "nearest", "pick", "put"]
+__all__ = ["dotted", "listed", "nearest", "pick", "put", "with_names"]
 
 
 def dotted(keys: Sequence[str | int]) -> str:
@@ -84,6 +84,21 @@ def put(document: dict[str, Any], path: str, value: Any) -> tuple[str | int, ...
         else:
             return Fault(dotted(keys[:depth]), "has no keys inside", repr(here), "a table or list")
     return tuple(found)
+
+
+def with_names(document: Any, path: str) -> str:
+    """The path with the names of list items in place of their indices, where names are clear."""
+    here, shown = document, []
+    for key in path.split("."):
+        if isinstance(here, list) and key.isdecimal() and int(key) < len(here):
+            here, items = here[int(key)], here
+            name = here.get("name") if isinstance(here, Mapping) else None
+            if isinstance(name, str) and name.replace("-", "_").isidentifier():
+                key = name if _names(items).count(name) == 1 else key
+        else:
+            here = here.get(key) if isinstance(here, Mapping) else None
+        shown.append(key)
+    return ".".join(shown)
 
 
 def pick(document: Any, path: str) -> Any:

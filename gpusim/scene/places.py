@@ -5,6 +5,7 @@ from __future__ import annotations
 import typing
 from collections.abc import Sequence
 from dataclasses import dataclass
+from textwrap import shorten
 from types import UnionType
 from typing import Annotated, Any
 
@@ -20,11 +21,15 @@ Keys = tuple[str | int, ...]
 
 @dataclass(frozen=True)
 class Place:
-    """A key path, the table class that its last key belongs to, and that key's type."""
+    """A key path, the table class that its last key belongs to, and that key's type.
+
+    ``choice``: which of the types that the value may have is meant, where it may have several.
+    """
 
     keys: Keys
     table: type[BaseModel]
     annotation: Any
+    choice: str = ""
 
     @property
     def valid_keys(self) -> list[str]:
@@ -36,7 +41,7 @@ class Place:
         """First clause of what the schema says about the last key, else ""."""
         name = _name(self.table, self.keys[-1]) if self.keys else None
         text = descriptions(self.table).get(name, "") if name else ""
-        return text.split("\n")[0].split(";")[0].rstrip(".")
+        return shorten(text.split(";")[0].rstrip("."), 100, placeholder=" ...")
 
     @property
     def tags(self) -> list[str]:
@@ -55,6 +60,8 @@ def locate(root: type[BaseModel], location: Sequence[str | int]) -> Place:
             here = variants[str(step)]
             continue
         inner = _strip(here)
+        if isinstance(step, str) and typing.get_origin(inner) in (typing.Union, UnionType):
+            return Place(tuple(keys), table, here, step)
         if isinstance(step, int):
             here = (typing.get_args(inner) or (None,))[0]
         elif isinstance(inner, type) and issubclass(inner, BaseModel):

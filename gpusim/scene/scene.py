@@ -6,7 +6,7 @@ import copy
 import hashlib
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,7 @@ from .faults import faults_of, with_origin
 from .files import find_files
 from .limits import document_fault
 from .lines import Keys, Origins, overridden
-from .path import pick, put
+from .path import pick, put, with_names
 from .schema import SceneTable
 
 __all__ = ["Scene"]
@@ -100,6 +100,7 @@ class Scene:
         if not faults and table is not None:
             faults += variant_faults(plain, folder, hashes)
         if faults or table is None:
+            faults = [replace(one, place=one.place or with_names(plain, one.key)) for one in faults]
             raise SceneError(source, faults, more)
         materials = resolve.material_table(table)
         analysis = resolve.analysis(table)
@@ -256,8 +257,9 @@ def variant_faults(
             )  # fmt: skip
         except SceneError as error:
             for one in error.faults:
-                key = f"variant.{index}.set -> {one.key}"
-                faults.append(Fault(key, one.problem, one.got, one.expected, one.hint))
+                ends = f"variant.{index}.set", f"variant.{entry['name']}.set"
+                key, place = (f"{ends[k]} -> {(one.key, one.place)[k]}" for k in (0, 1))
+                faults.append(replace(one, key=key, place=place))
     return faults
 
 

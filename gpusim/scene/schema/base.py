@@ -23,6 +23,7 @@ __all__ = [
     "SignedAxis",
     "Table",
     "Vector",
+    "Words",
     "fault",
     "norm",
     "parallel",
@@ -66,6 +67,10 @@ class Table(BaseModel):
                     expected = f"0, or a size from {_SMALLEST:g} to {_LARGEST:g}"
                     raise fault(key, "out of any range", value, expected)
         return self
+
+
+class Words(str):
+    """What was got where it is no value of the file: "neither", "2 cameras"."""
 
 
 def fault(key: str, problem: str, got: object, expected: str) -> PydanticCustomError:

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from .base import Axis, Name, Table, Vector, fault
+from .base import Axis, Name, Table, Vector, Words, fault
 from .field import FieldTable
 from .load import Amplitude, LoadTable
 from .mesh import MeshTable, NotchTable
@@ -35,7 +35,9 @@ class SupportTable(Table):
         if len(set(self.fix)) != len(self.fix):
             raise fault("fix", "a direction twice", self.fix, "each of x, y, z at most once")
         if self.where.is_everything:
-            raise fault("where", "selects the whole body", "{}", "a set, a bound or a normal")
+            raise fault(
+                "where", "selects the whole body", Words("{}"), "a set, a bound or a normal"
+            )
         if self.amplitude is not None and not any(self.displacement_mm):
             raise fault("amplitude", "of a support that doesn't move", self.amplitude,
                         "a displacement_mm that isn't zero")  # fmt: skip
@@ -47,7 +49,7 @@ class SupportTable(Table):
             return self
         if "fix" not in self.model_fields_set and "displacement_mm" not in self.model_fields_set:
             raise fault(
-                "fix", "missing", "neither fix nor displacement_mm", 'fix = ["x", "y", "z"]'
+                "fix", "missing", Words("neither fix nor displacement_mm"), 'fix = ["x", "y", "z"]'
             )
         for axis, value in zip("xyz", self.displacement_mm, strict=True):
             if value != 0 and axis not in self.fix:
@@ -72,7 +74,7 @@ class PartTable(Table):
             raise fault("where.normal", "of elements, which look nowhere", self.where.normal,
                         "a set of elements or bounds")  # fmt: skip
         if self.where.is_everything:
-            raise fault("where", "selects the whole body", "{}", "a set or a bound")
+            raise fault("where", "selects the whole body", Words("{}"), "a set or a bound")
         return self
 
 
@@ -104,10 +106,12 @@ class BodyTable(Table):
         if self.field is None:
             for key, what in (("material", "the name of a [[material]]"), ("mesh", "a mesh")):
                 if getattr(self, key) is None:
-                    raise fault(key, "missing", f"neither {key} nor field", f"{what}, or a field")
+                    raise fault(
+                        key, "missing", Words(f"neither {key} nor field"), f"{what}, or a field"
+                    )
             return self
         for key in ("material", "mesh", "part", "formulation", "notch", "support", "load"):
             if getattr(self, key) not in (None, [], type(self).model_fields[key].default):
                 raise fault(key, "beside field, which gives mesh and displacements",
-                            "both", "one of them")  # fmt: skip
+                            Words("both"), "one of them")  # fmt: skip
         return self

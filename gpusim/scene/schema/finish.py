@@ -7,7 +7,7 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from .base import Albedo, Direction, Length, Table, fault, norm
+from .base import Albedo, Direction, Length, Table, Words, fault, norm
 
 __all__ = ["FinishTable"]
 
@@ -42,6 +42,6 @@ class FinishTable(Table):
         if self.bump_along is not None and not norm(self.bump_along) > 0:
             raise fault("bump_along", "has no direction", self.bump_along, "a vector not zero")
         if (self.bump_stretch != 1.0) != (self.bump_along is not None):
-            got = "none" if self.bump_along is None else self.bump_along
+            got = Words("none") if self.bump_along is None else self.bump_along
             raise fault("bump_along", "goes with bump_stretch", got, "both or neither")
         return self

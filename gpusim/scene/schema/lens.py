@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from .base import Length, Table, fault
+from .base import Length, Table, Words, fault
 
 __all__ = ["LensTable", "ShutterTable"]
 
@@ -49,7 +49,9 @@ class MeasuredTable(Table):
         width = len(self.kernel[0])
         if len(self.kernel) % 2 == 0 or width % 2 == 0 or any(len(r) != width for r in self.kernel):
             sizes = f"{len(self.kernel)} rows of {sorted({len(r) for r in self.kernel})}"
-            raise fault("kernel", "no middle", sizes, "an odd number of rows of one odd length")
+            raise fault(
+                "kernel", "no middle", Words(sizes), "an odd number of rows of one odd length"
+            )
         if not sum(map(sum, self.kernel)) > 0:
             raise fault("kernel", "its sum isn't above 0", sum(map(sum, self.kernel)), "a sum > 0")
         return self
@@ -77,7 +79,7 @@ class VignettingTable(Table):
             return self
         if len(rows) < 2 or len(rows[0]) < 2 or any(len(row) != len(rows[0]) for row in rows):
             sizes = f"{len(rows)} rows of {sorted({len(row) for row in rows})}"
-            raise fault("map", "not a grid", sizes, "2 rows or more, of 2 numbers or more")
+            raise fault("map", "not a grid", Words(sizes), "2 rows or more, of 2 numbers or more")
         if min(map(min, rows)) < 0:
             raise fault("map", "negative", min(map(min, rows)), "gains from 0 up")
         return self
@@ -108,7 +110,7 @@ class LensTable(Table):
     def _check(self) -> LensTable:
         if (self.f_number is None) != (self.focus_distance_mm is None):
             key = "focus_distance_mm" if self.focus_distance_mm is None else "f_number"
-            raise fault(key, "missing", None, "f_number and focus_distance_mm, or neither")
+            raise fault(key, "missing", Words(""), "f_number and focus_distance_mm, or neither")
         for name in ("focal_mm", "positions"):
             if getattr(self, name) is not None and self.f_number is None:
                 raise fault(name, "without depth of field", getattr(self, name),

@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from .base import Direction, Length, Name, PositivePair, Table, Vector, fault, norm, parallel
+from .base import Direction, Length, Name, PositivePair, Table, Vector, Words, fault, norm, parallel
 
 __all__ = [
     "PANORAMA_SUFFIXES",
@@ -46,8 +46,10 @@ class _Powered(_Lamp):
     @model_validator(mode="after")
     def _check_power(self) -> _Powered:
         if (self.power_W is None) == (self.power_lm is None):
-            got = "neither" if self.power_W is None else "both"
-            raise fault("power_W", "how strong the lamp is", got, "power_W or power_lm")
+            got = Words("neither" if self.power_W is None else "both")
+            raise fault(
+                "power_W", "how strong the lamp is must be said once", got, "power_W or power_lm"
+            )
         return self
 
     def watts(self) -> float:
@@ -149,7 +151,7 @@ class EnvironmentLightTable(Table):
         if self.file is None:
             for key in ("sky_W_m2_sr", "ground_W_m2_sr"):
                 if getattr(self, key) is None:
-                    raise fault(key, "missing", "neither file nor both radiances",
+                    raise fault(key, "missing", Words("neither file nor both radiances"),
                                 "sky_W_m2_sr and ground_W_m2_sr, or file")  # fmt: skip
             if self.forward is not None:
                 raise fault("forward", "without file", self.forward, "a file beside it")

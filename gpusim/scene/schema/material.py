@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 
-from .base import Direction, Name, Table, fault, norm, parallel
+from .base import Direction, Name, Table, Words, fault, norm, parallel
 
 __all__ = ["MaterialTable"]
 
@@ -30,7 +30,11 @@ def _one_or_three(positive: bool) -> Any:
                 return [float(item) for item in value]
         if isinstance(value, str):
             raise fault("", "wrong type", value, f"{expected}, without quotes")
-        raise fault("", "out of range", value, expected)
+        if isinstance(value, list) and len(value) != 3:
+            raise fault("", "wrong length", Words(f"{len(value)} items"), expected)
+        items = value if isinstance(value, list) else [value]
+        numbers = all(_is_number(item, positive=False) for item in items)
+        raise fault("", "out of range" if numbers else "wrong type", value, expected)
 
     return check
 
@@ -94,7 +98,7 @@ class MaterialTable(Table):
                 raise fault(key, "one number for an orthotropic material", getattr(self, key),
                             "a list of three")  # fmt: skip
         if self.shear_modulus_GPa is None:
-            raise fault("shear_modulus_GPa", "missing", "nothing",
+            raise fault("shear_modulus_GPa", "missing", Words("nothing"),
                         "[G12, G23, G31] of the orthotropic material")  # fmt: skip
         for key in ("axis_1", "axis_2"):
             if not norm(getattr(self, key)) > 0:

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from .base import Axis, Length, SignedAxis, Table, Vector, fault
+from .base import Axis, Length, SignedAxis, Table, Vector, Words, fault
 
 __all__ = [
     "CAD_SUFFIXES",
@@ -250,7 +250,7 @@ class FileTable(Table):
             expected = "one of " + ", ".join(MESH_SUFFIXES + CAD_SUFFIXES)
             raise fault("file", "unknown kind of mesh file", self.file, expected)
         if self.is_cad and self.size_mm is None:
-            raise fault("size_mm", "missing for a CAD file", "", "the greatest element size")
+            raise fault("size_mm", "missing for a CAD file", Words(""), "the greatest element size")
         if suffix in (".step", ".stp") and self.unit != "mm":
             raise fault("unit", "a STEP file says its unit itself", self.unit, '"mm" or nothing')
         if suffix == ".stl" and self.curvature:

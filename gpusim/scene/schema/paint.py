@@ -13,7 +13,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from .base import Albedo, Direction, Length, Name, Table, Vector, fault, norm, parallel
+from .base import Albedo, Direction, Length, Name, Table, Vector, Words, fault, norm, parallel
 from .finish import FinishTable
 from .where import WhereTable
 
@@ -46,12 +46,14 @@ class _Pattern(_Paint):
         round_an_axis = self.mapping == "cylinder"
         for key in ("axis_point_mm", "axis"):
             if (getattr(self, key) is not None) != round_an_axis:
-                got, wanted = ("none", "one") if round_an_axis else (getattr(self, key), "none")
+                got, wanted = (
+                    (Words("none"), "one") if round_an_axis else (getattr(self, key), "none")
+                )
                 raise fault(key, f"with mapping {self.mapping!r}", got, wanted)
         if self.axis is not None and not norm(self.axis) > 0:
             raise fault("axis", "has no direction", self.axis, "a vector that isn't zero")
         if self.mapping == "unfold" and not isinstance(self, SpeckleTable):
-            raise fault("mapping", "a pattern with places", "unfold", "plane or cylinder")
+            raise fault("mapping", "a pattern with places", Words("unfold"), "plane or cylinder")
         return self
 
     @model_validator(mode="after")
@@ -95,15 +97,19 @@ class MarkersTable(_Pattern):
     @model_validator(mode="after")
     def _check(self) -> MarkersTable:
         if (self.positions_mm is None) == (self.line is None):
-            got = "neither" if self.line is None else "both"
-            raise fault("positions_mm", "where the markers are", got, "positions_mm or line")
+            got = Words("neither" if self.line is None else "both")
+            raise fault(
+                "positions_mm",
+                "where the markers are must be said once",
+                got,
+                "positions_mm or line",
+            )
         if self.line is not None:
             step = [b - a for a, b in zip(self.line.start_mm, self.line.end_mm, strict=True)]
             if not norm(step) >= (self.line.count - 1) * self.size_mm:
-                raise fault(
-                    "line", "the markers overlap", f"{self.line.count} of {self.size_mm} mm on "
-                    f"{norm(step):g} mm", f"a line of at least {self.line.count - 1} sizes",
-                )  # fmt: skip
+                got = Words(f"{self.line.count} of {self.size_mm:g} mm on {norm(step):g} mm")
+                wanted = f"a line of at least {self.line.count - 1} sizes"
+                raise fault("line", "the markers overlap", got, wanted)
         return self
 
     def centres_mm(self) -> list[list[float]]:

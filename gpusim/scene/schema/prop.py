@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from .base import Direction, Name, Table, Vector, fault, norm, parallel
+from .base import Direction, Name, Table, Vector, Words, fault, norm, parallel
 from .mesh import MESH_SUFFIXES
 from .paint import MarkersTable, PaintTable
 
@@ -54,7 +54,7 @@ class PlateTable(_Prop):
             raise fault("up", "is along the normal, or one is zero", self.up, "a vector across it")
         paint = self.paint[0]
         if not paint.where.is_everything:
-            raise fault("paint.0.where", "a plate has one face", "a selection", "no where")
+            raise fault("paint.0.where", "a plate has one face", Words("a selection"), "no where")
         if isinstance(paint, MarkersTable):
             self._check_markers(paint)
         return self

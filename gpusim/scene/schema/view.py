@@ -6,7 +6,19 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from .base import Direction, Length, Name, Pair, PositivePair, Table, Vector, fault, norm, parallel
+from .base import (
+    Direction,
+    Length,
+    Name,
+    Pair,
+    PositivePair,
+    Table,
+    Vector,
+    Words,
+    fault,
+    norm,
+    parallel,
+)
 from .lens import LensTable, ShutterTable
 from .sensor import CameraSensorTable
 
@@ -98,7 +110,9 @@ class CameraTable(Table):
             raise fault("lens.focus_distance_mm", "inside the lens", focus, "more than focal_mm")
         spread = None if self.lens is None else self.lens.psf
         if getattr(spread, "type", "") == "airy" and pitch is None:
-            raise fault("lens.psf", "needs lengths on the sensor", "airy", "sensor_mm or pixel_um")
+            raise fault(
+                "lens.psf", "needs lengths on the sensor", Words("airy"), "sensor_mm or pixel_um"
+            )
 
     def size_mm(self) -> list[float] | None:
         """Width and height of the sensor, if they are known."""
@@ -113,14 +127,16 @@ class CameraTable(Table):
         if sum(ways) != 1:
             expected = "focal_mm with sensor_mm, or fx_px, fy_px, cx_px, cy_px, or calibration"
             raise fault(
-                "focal_mm", "the lens must be said in one way", f"{sum(ways)} ways", expected
+                "focal_mm", "the lens must be said in one way", Words(f"{sum(ways)} ways"), expected
             )
         if given and len(given) < 4:
             raise fault(given[0], "the camera matrix is incomplete", given, "all of fx_px … cy_px")
         if self.sensor_mm is not None and self.pixel_um is not None:
-            raise fault("pixel_um", "beside sensor_mm", "both", "one of them")
+            raise fault("pixel_um", "beside sensor_mm", Words("both"), "one of them")
         if self.focal_mm is not None and self.size_mm() is None:
-            raise fault("sensor_mm", "needed with focal_mm", "nothing", "sensor_mm or pixel_um")
+            raise fault(
+                "sensor_mm", "needed with focal_mm", Words("nothing"), "sensor_mm or pixel_um"
+            )
         if self.focal_mm is None and any(self.principal_point_offset_mm):
             raise fault("principal_point_offset_mm", "goes with focal_mm only",
                         self.principal_point_offset_mm, "cx_px and cy_px")  # fmt: skip
@@ -129,15 +145,15 @@ class CameraTable(Table):
         if self.calibration is not None and self.distortion:
             raise fault("distortion", "stands in the calibration file", self.distortion, "nothing")
         if len(self.distortion) not in (0, 4, 5, 8, 12, 14):
-            raise fault("distortion", "no model of OpenCV", f"{len(self.distortion)} numbers",
-                        "4, 5, 8, 12 or 14")  # fmt: skip
+            got = Words(f"{len(self.distortion)} numbers")
+            raise fault("distortion", "no model of OpenCV", got, "4, 5, 8, 12 or 14")
         if self.sensor_mm is not None:
             (width, height), (columns, rows) = self.sensor_mm, self.resolution_px
             ratio = (width / columns) / (height / rows)
             if self.square_pixels and not abs(ratio - 1) <= PIXEL_SQUARE:
                 raise fault(
                     "resolution_px", "sensor_mm and resolution_px make pixels that aren't square",
-                    f"{1000 * width / columns:.4g} x {1000 * height / rows:.4g} um",
+                    Words(f"{1000 * width / columns:.4g} x {1000 * height / rows:.4g} um"),
                     "equal sides within 0.1 %, or square_pixels = false",
                 )  # fmt: skip
 
@@ -147,16 +163,21 @@ class CameraTable(Table):
         by_place = self.position_mm is not None or self.target_mm is not None
         if by_matrix and by_place:
             expected = "position_mm with target_mm, or a rotation with translation_mm"
-            raise fault("position_mm", "the pose must be said in one way", "two ways", expected)
+            raise fault(
+                "position_mm", "the pose must be said in one way", Words("two ways"), expected
+            )
         if by_matrix:
             if sum(turned) != 1 or self.translation_mm is None:
-                problem, got = "the pose is incomplete or said twice", f"{sum(turned)} rotations"
+                problem, got = (
+                    "the pose is incomplete or said twice",
+                    Words(f"{sum(turned)} rotations"),
+                )
                 raise fault("translation_mm", problem, got, "one rotation and translation_mm")
         elif by_place:
             if self.position_mm is None or self.target_mm is None:
                 key = "position_mm" if self.position_mm is None else "target_mm"
                 raise fault(
-                    key, "missing: the pose is incomplete", None, "position_mm and target_mm"
+                    key, "missing: the pose is incomplete", Words(""), "position_mm and target_mm"
                 )
             view = [b - a for a, b in zip(self.position_mm, self.target_mm, strict=True)]
             if not norm(view) > 0:
@@ -164,5 +185,5 @@ class CameraTable(Table):
             if parallel(view, self.up):
                 raise fault("up", "is along the view, or zero", self.up, "a vector across it")
         elif self.calibration is None:
-            raise fault("position_mm", "the camera's pose is missing", "nothing",
+            raise fault("position_mm", "the camera's pose is missing", Words("nothing"),
                         "position_mm and target_mm, or a rotation and translation_mm")  # fmt: skip

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from .base import SignedAxis, Table, fault
+from .base import SignedAxis, Table, Words, fault
 
 __all__ = ["WhereTable"]
 
@@ -37,5 +37,7 @@ class WhereTable(Table):
         for axis in "xyz":
             low, high = getattr(self, f"{axis}_min_mm"), getattr(self, f"{axis}_max_mm")
             if low is not None and high is not None and not low <= high:
-                raise fault(f"{axis}_min_mm", "empty range", f"{low} to {high}", "min <= max")
+                raise fault(
+                    f"{axis}_min_mm", "empty range", Words(f"{low} to {high}"), "min <= max"
+                )
         return self

@@ -4,11 +4,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
-from .base import Table, fault
+from .base import Table, Words, fault
 
 __all__ = [
     "AnalysisTable",
@@ -33,10 +33,20 @@ TruthLayer = Literal[
 _FACTORS = [0.0, 1.0]
 
 
+_PLANNED = ("modal", "transient", "harmonic", "dynamic", "buckling")
+
+
+def _existing(value: Any) -> Any:
+    if value in ("static", "field"):
+        return value
+    problem = "no such analysis yet" if value in _PLANNED else "unknown value"
+    raise fault("", problem, value, '"static" (linear), or "field" (displacements that are given)')
+
+
 class AnalysisTable(Table):
     """Linear statics, or displacements that are given; one frame per load factor or time."""
 
-    type: Literal["static", "field"] = "static"
+    type: Annotated[Literal["static", "field"], BeforeValidator(_existing)] = "static"
     """"field": bodies have a ``field``, and nothing is solved."""
     load_factors: Annotated[list[float], Field(min_length=1, max_length=10_000)] = _FACTORS
     """All loads and prescribed displacements are multiplied by this; frame 0 is the reference."""
@@ -50,7 +60,7 @@ class AnalysisTable(Table):
     def _check(self) -> AnalysisTable:
         if self.type == "field":
             if self.times is None:
-                raise fault("times", "missing", "no times", "the time of each frame")
+                raise fault("times", "missing", Words("no times"), "the time of each frame")
             if "load_factors" in self.model_fields_set and self.load_factors != _FACTORS:
                 raise fault("load_factors", "of a given field", self.load_factors, "times")
         elif self.times is not None:
