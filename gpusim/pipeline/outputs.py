@@ -62,6 +62,7 @@ class Findings:
     failure: str
     files: frozenset[Path]
     device_seconds: dict[str, float]
+    linear: dict[str, str]
     images: dict[str, str]
 
 
@@ -69,7 +70,7 @@ def make_report(scene: Scene, out: Path, found: Findings) -> Report:
     """The report of a run, finished or failed."""
     facts = {"Python": platform.python_version()}
     if found.solved is not None:
-        facts |= found.solved.facts
+        facts |= found.solved.facts | found.linear
     for camera in scene.cameras:
         facts[f"camera {camera.name}"] = effects(scene, camera)
     facts |= {f"camera {what}": words for what, words in found.images.items()}

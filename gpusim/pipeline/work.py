@@ -26,7 +26,7 @@ from gpusim.pipeline.build import build_body, build_lights
 from gpusim.pipeline.corners import read_corners, write_corners
 from gpusim.pipeline.files import check_field, check_views
 from gpusim.pipeline.kept import KeptMarkers
-from gpusim.pipeline.mechanics import large_displacements, make_mechanics
+from gpusim.pipeline.mechanics import make_mechanics
 from gpusim.pipeline.memory import check_memory
 from gpusim.pipeline.meshing import mesh_summary
 from gpusim.pipeline.props import build_prop
@@ -50,6 +50,7 @@ from gpusim.state import StateFile
 
 if TYPE_CHECKING:
     from gpusim.fem import Model
+    from gpusim.pipeline.linear_theory import LinearError
     from gpusim.pipeline.stresses import Stresses
 
 __all__ = ["Progress", "Work"]
@@ -363,6 +364,13 @@ class Work:
         peaks = () if self.stresses is None else self.stresses.peaks
         return make_mechanics(self.scene, self.things.solved, self.history, peaks)
 
+    def _linear_errors(self) -> list[LinearError]:
+        if self.things.solved is None or not self.things.bodies:
+            return []
+        from gpusim.pipeline.linear_theory import linear_errors  # loads the finite elements
+
+        return linear_errors(self.things)
+
     def _report(self, failure: str = "") -> Report:
         summary = None
         if self.things.solved is not None:
@@ -370,6 +378,7 @@ class Work:
             summary = SolutionSummary(
                 s.unknowns, s.iterations, s.converged, s.error_estimate, s.facts["method"]
             )
+        linear = self._linear_errors()
         return outputs.make_report(
             self.scene,
             self.out,
@@ -383,7 +392,7 @@ class Work:
                 results=() if failure else tuple(self.results),
                 warnings=(
                     *(self.things.solved.warnings if self.things.solved else ()),
-                    *large_displacements(self.things),
+                    *(error.warning for error in linear if error.warning),
                     *self.warnings,
                     *(self.photographer.warnings if self.photographer else ()),
                 ),
@@ -392,6 +401,7 @@ class Work:
                     file for stage in self.plan.stages for file in self.state.files(stage.key)
                 ),
                 device_seconds=self.device_seconds,
+                linear={f"linear statics, {one.body}": one.fact for one in linear},
                 images={} if self.photographer is None else self.photographer.facts,
             ),
         )
