@@ -57,11 +57,12 @@ class PlannedStage:
 
 @dataclass(frozen=True)
 class Plan:
-    """Every stage in the order of work."""
+    """Every stage in the order of work, and what is doubtful about the scene."""
 
     scene: str
     backend: str
     stages: tuple[PlannedStage, ...]
+    warnings: tuple[str, ...] = ()
 
     def __getitem__(self, name: str) -> PlannedStage:
         """The stage of that name. Raises KeyError."""
@@ -89,6 +90,7 @@ class Plan:
             "seconds": round(self.seconds, 2),
             "memory_bytes": self.memory_bytes,
             "stages": [{name: getattr(stage, name) for name in names} for stage in self.stages],
+            "warnings": list(self.warnings),
         }
 
 

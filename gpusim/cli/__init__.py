@@ -10,6 +10,7 @@ from __future__ import annotations
 import io
 import json
 import sys
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -205,7 +206,9 @@ def plan(
             import_module("gpusim.pipeline.files").check_files(loaded)
         from gpusim.plan import make_plan
 
+        beforehand = import_module("gpusim.pipeline.beforehand").warnings_beforehand(loaded)
         made = make_plan(loaded, output, backend.value, fresh, not no_skip)
+        made = replace(made, warnings=tuple(dict.fromkeys([*made.warnings, *beforehand])))
         if as_json:
             out(json.dumps(made.to_dict(), indent=2))
         else:
@@ -267,6 +270,8 @@ def _print_plan(made: Plan) -> None:
         out(f"{stage.name:<{wide}}{stage.state:<9}{memory:>8}{seconds:>9}  {why}")
     out()
     total = time_text(made.seconds) or "no time"
+    for warning in made.warnings:
+        out(f"warning: {warning}")
     out(f"{made.scene}: valid; about {total} and {size_text(made.memory_bytes) or 'no memory'}.")
 
 

@@ -22,6 +22,7 @@ from gpusim.gpu import Device, default_device
 from gpusim.gpu.beforehand import meanwhile, not_needed
 from gpusim.pipeline import images, measurements, outputs
 from gpusim.pipeline.album import Album
+from gpusim.pipeline.beforehand import build_things, geometry_warnings
 from gpusim.pipeline.build import build_body, build_lights
 from gpusim.pipeline.corners import read_corners, write_corners
 from gpusim.pipeline.files import check_field, check_views
@@ -78,6 +79,8 @@ class Work:
         self.warnings: list[str] = []
         self.note = ""
         self.things = Things(scene, self.history)
+        self.shown: Things | None = None
+        """What is shown, unloaded, even where nothing needs to be built."""
         self.meshes: list[MeshSummary] = []
         self.models: list[Model] = []
         self.stresses: Stresses | None = None
@@ -182,6 +185,10 @@ class Work:
 
         for name, work in (("mesh", meshes), ("model", models), ("surface", surfaces)):
             self._timed(self.plan[name], work if self.plan[name].runs else None)
+        # warnings stay where the results are reused: they are of the scene, not of the work
+        self.shown = self.things if self.plan["surface"].runs else build_things(scene, self.history)
+        if self.shown is not None:
+            self.warnings += geometry_warnings(self.shown)
 
     def _stage(
         self,
@@ -365,11 +372,12 @@ class Work:
         return make_mechanics(self.scene, self.things.solved, self.history, peaks)
 
     def _linear_errors(self) -> list[LinearError]:
-        if self.things.solved is None or not self.things.bodies:
+        if self.things.solved is None or self.shown is None:
             return []
         from gpusim.pipeline.linear_theory import linear_errors  # loads the finite elements
 
-        return linear_errors(self.things)
+        self.shown.solved = self.things.solved
+        return linear_errors(self.shown)
 
     def _report(self, failure: str = "") -> Report:
         summary = None
