@@ -127,7 +127,7 @@ class DeflectionResult:
                 why += ": that"
             found.append(
                 f"measure {self.name!r}: {why} {measured} along {self.axes[k]} at "
-                f"{self.marker[worst]}; several cameras ([[measure]] type = \"stereo\") measure "
+                f'{self.marker[worst]}; several cameras ([[measure]] type = "stereo") measure '
                 "in space"
             )
         return found
@@ -190,8 +190,8 @@ class DeflectionResult:
         """What an earlier run wrote for ``spec``."""
         values = json.loads((folder / f"{safe_name(spec.name)}.json").read_text())
         values.setdefault("unrefined", [])  # earlier runs didn't say
-        for item in (*_TWO, "towards_mm"):
-            values.setdefault(item, [])
+        for name in (*_TWO, "towards_mm"):
+            values.setdefault(name, [])
         for item in fields(DeflectionResult):
             value = values[item.name]
             if item.name == "curves":

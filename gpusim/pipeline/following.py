@@ -18,6 +18,7 @@ from gpusim.errors import GpusimError, InputError
 from gpusim.optics.camera import Camera
 from gpusim.pipeline.build import BodyParts
 from gpusim.pipeline.found import LEAST_WIDTH, arms_of, find_near, fit_near, size_range
+from gpusim.pipeline.grey_levels import level_warnings
 from gpusim.scene import Scene
 from gpusim.scene import model as m
 
@@ -134,6 +135,7 @@ def follow_markers(
         raise GpusimError(
             f"{what}: no marker of {sorted(set(marks.group_names[: marks.count]))} was found in "
             f"the first image of camera {camera.name!r}; expected {marks.count}"
+            + "".join(f"; the image {text}" for text in level_warnings(reference, bits))
         )
     rows = np.flatnonzero(known)
     chains = _chains(rows, marks.count, len(points))

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy.typing as npt
 
+from gpusim.errors import InputError
 from gpusim.export.files import write_text
 from gpusim.export.images import write_image
 from gpusim.export.recent import keep
@@ -25,6 +26,7 @@ from gpusim.optics.truth import BAND
 from gpusim.optics.unchanged import same_surfaces, unseen_change
 from gpusim.optics.view import look
 from gpusim.pipeline.cameras import build_camera
+from gpusim.pipeline.grey_levels import level_warnings
 from gpusim.pipeline.photo import build_lens, build_sensor, build_shutter, moving, opening
 from gpusim.pipeline.window import Window, whole, window_of
 from gpusim.scene import Scene
@@ -87,7 +89,8 @@ class Photographer:
         self.facts: dict[str, str] = {}
         """What lens and shutter did, by "camera: effect", in the latest frame."""
         self.warnings: list[str] = []
-        """Where a frame is less exact than asked for."""
+        """Where a frame is less exact than asked for, or badly exposed."""
+        self._badly: set[str] = set()
 
     def forget(self) -> None:
         """Let go of the latest frame."""
@@ -182,11 +185,19 @@ class Photographer:
         common = self.scene.sensor
         number = common.series * SERIES + frame
         image = sensor.expose(linear, common.seed, number, f"{self.kind}{camera.name}")
+        self._look_at(image, sensor, camera.name, frame)
         if window is not None:
             image = window.placed(image, build_camera(camera))
         wide = camera.sensor[0]
         density = camera.resolution[0] / wide if wide else None
         return Shot(path, image, window, density, tuple(beside), kept=not self.kind)
+
+    def _look_at(self, image: npt.NDArray[Any], sensor: Sensor, camera: str, frame: int) -> None:
+        """Warn of the first picture of a camera whose grey values are bad."""
+        texts = level_warnings(image, sensor.bits, sensor.black_level)
+        if texts and camera not in self._badly:
+            self._badly.add(camera)
+            self.warnings += [f"image {self.kind}{frame:04d} of {camera} {t}" for t in texts]
 
     def _window(self, camera: m.Camera, frame: int) -> Window | None:
         """The part of a target's image that isn't background, if nothing acts on that as well."""
@@ -205,7 +216,16 @@ class Photographer:
         file = self._exposure_file(camera)
         if frame == 0:
             like = build_sensor(spec, camera, 1.0)
-            sensor = Sensor.auto_exposed(linear, like=like)
+            try:
+                sensor = Sensor.auto_exposed(linear, like=like)
+            except InputError:
+                lamps = ", ".join(repr(light.name) for light in self.scene.lights)
+                why = f"none of the lights {lamps} reaches what it sees" if lamps else (
+                    "what it sees has albedo 0")  # fmt: skip
+                raise InputError(
+                    f"camera {camera.name!r}: image {self.kind}{frame:04d} is black, there is "
+                    f"nothing to expose it for: {why}, or it sees nothing"
+                ) from None
             write_text(file, json.dumps({"full_scale_radiance": sensor.full_scale}) + "\n")
             return sensor
         return build_sensor(spec, camera, json.loads(file.read_text())["full_scale_radiance"])

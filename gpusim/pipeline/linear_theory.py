@@ -8,7 +8,9 @@ three because the forces' arms get shorter (of a cantilever with a force F at it
 don't matter, and a bar of constant curvature has <w^2> / 4, weighted by volume. What stress along
 the bar does beside, pressing or pulling, is of first order: the work of the stress on the
 rotations over that of the forces. 1 / sqrt(1 + 2 x) goes on from the first order x as the elastica
-does: within 9 % of its error up to F L^2 / E I = 3, where linear theory is 66 % too long.
+does: within 9 % of its error up to F L^2 / E I = 3, where linear theory is 66 % too far.
+
+A bar that turns by w is also drawn longer by w^2 / 2, which an exact solution isn't.
 
 Bodies held at both ends also stiffen because they are stretched; that isn't in the estimate.
 """
@@ -28,7 +30,7 @@ from gpusim.pipeline.modelling import build_model, temperature
 from gpusim.pipeline.things import Things
 from gpusim.scene import model as m
 
-__all__ = ["LinearError", "cell_rotations", "linear_errors", "true_share"]
+__all__ = ["LinearError", "cell_rotations", "linear_errors", "second_order"]
 
 Array = npt.NDArray[np.float64]
 SMALL_TURN = 0.02  # rad: at most 0.08 % of the displacement, which takes no further look
@@ -42,7 +44,8 @@ class LinearError:
     """Of one body, in the frame in which it moves most.
 
     ``turn``: greatest rotation (rad); ``moved``: greatest displacement (m) by linear theory;
-    ``share``: what an exact solution would have of it, about; ``reach``: how much displacements
+    ``share``: what an exact solution would have of it, about; ``longer``: the strain by which the
+    linear solution is too long, over the body, about; ``reach``: how much displacements
     differ over the body, ``size`` its diagonal (m).
     """
 
@@ -51,6 +54,7 @@ class LinearError:
     turn: float
     moved: float
     share: float
+    longer: float
     reach: float
     size: float
 
@@ -82,11 +86,10 @@ class LinearError:
             )
         elif not abs(1.0 / self.share - 1.0) > TOLD:
             return ""
-        longer = 100.0 * (np.hypot(1.0, self.turn) - 1.0)
         return (
             f"{text}turns by up to {np.degrees(self.turn):.3g} degrees in frame {self.frame}; by "
-            f"linear statics its {self._off}, of {1e3 * self.moved:.4g} mm, and lengths where it "
-            f"turns most {longer:.2g} % too long"
+            f"linear statics its {self._off}, of {1e3 * self.moved:.4g} mm, and it gets about "
+            f"{1e3 * self.longer * self.size:.2g} mm too long"
         )
 
 
@@ -101,33 +104,38 @@ def linear_errors(things: Things) -> list[LinearError]:
         frame = int(np.argmax(reach))
         u = fields[frame]
         turn = float(np.linalg.norm(cell_rotations(parts.mesh, u), axis=1).max(initial=0.0))
-        share = _share_of(things, parts, i, frame, u) if turn > SMALL_TURN else 1.0
+        share, longer = 1.0, 0.0
+        if turn > SMALL_TURN:
+            share, longer = _second_order(things, parts, i, frame, u)
         found.append(
             LinearError(
                 parts.body.name, frame, turn, float(np.linalg.norm(u, axis=1).max(initial=0.0)),
-                share, reach[frame], float(np.linalg.norm(np.ptp(parts.mesh.points, axis=0))),
+                share, longer, reach[frame], float(np.linalg.norm(np.ptp(parts.mesh.points, axis=0))),
             )
         )  # fmt: skip
     return found
 
 
-def _share_of(things: Things, parts: BodyParts, i: int, frame: int, u: Array) -> float:
+def _second_order(
+    things: Things, parts: BodyParts, i: int, frame: int, u: Array
+) -> tuple[float, float]:
     body = parts.body
     model = build_model(parts, things.history.groups[i])
     forced = any(isinstance(load, FORCES) and load.amplitude[frame] for load in body.loads)
     change = temperature(body, frame) or None
-    return true_share(model, u, body.formulation, forced=forced, temperature=change)
+    return second_order(model, u, body.formulation, forced=forced, temperature=change)
 
 
-def true_share(
+def second_order(
     model: fem.Model,
     u: Array,
     formulation: str,
     *,
     forced: bool = True,
     temperature: float | None = None,
-) -> float:
-    """What an exact solution has of the linear displacements ``u`` (N, 3), about (above 0).
+) -> tuple[float, float]:
+    """What an exact solution has of the linear displacements ``u`` (N, 3), about (above 0), and
+    the mean strain by which they make the body too long.
 
     ``forced``: forces act, not heat or given displacements alone.
     """
@@ -137,10 +145,12 @@ def true_share(
     weight = found.energy if forced else found.volume
     total = float(weight.sum())
     if not total > 0.0:
-        return 1.0
+        return 1.0, 0.0
     loss = (2.0 if forced else 0.25) * float(square @ weight) / total
     pressed = _pressed(found, turn, square) if forced else 0.0
-    return float((1.0 / np.sqrt(1.0 + 2.0 * loss)) / max(1.0 - pressed, 0.1))
+    bent = 1.0 / np.sqrt(1.0 + 2.0 * loss)
+    longer = 0.5 * bent**2 * float(square @ found.volume) / float(found.volume.sum())
+    return float(bent / max(1.0 - pressed, 0.1)), float(longer)
 
 
 def _pressed(found: fem.Stress, turn: Array, square: Array) -> float:

@@ -69,4 +69,3 @@ def pixels_per_metre(surface: Surface, region: int, camera: Camera) -> float:
     shown = float(np.abs(one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0]).sum())
     real = float(np.linalg.norm(normal, axis=1).sum())
     return float(np.sqrt(shown / real)) if real > 0.0 else float("nan")
-

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.errors import GpusimError
+from gpusim.errors import GpusimError, InputError
 from gpusim.export.files import atomic_stream, clean_leftovers, write_text
 from gpusim.export.images import read_image
 from gpusim.gpu import Device, default_device
@@ -77,6 +77,7 @@ class Work:
         self.plan: Plan = make_plan(scene, self.out, backend, fresh, skip)
         self.stages: list[Stage] = []
         self.warnings: list[str] = []
+        self.doubts: list[str] = []
         self.note = ""
         self.things = Things(scene, self.history)
         self.shown: Things | None = None
@@ -140,7 +141,12 @@ class Work:
         try:
             yield
         except Exception as error:
-            write_report(self._report(failure=_said(error)), self.out)
+            told = error
+            if self.doubts and type(error) in (GpusimError, InputError):  # most often they are why
+                told = type(error)("\n".join([str(error), "known before:", *self.doubts]))
+            write_report(self._report(failure=_said(told)), self.out)
+            if told is not error:
+                raise told from error
             raise
 
     # -- the frame around each stage -------------------------------------------------------
@@ -188,7 +194,8 @@ class Work:
         # warnings stay where the results are reused: they are of the scene, not of the work
         self.shown = self.things if self.plan["surface"].runs else build_things(scene, self.history)
         if self.shown is not None:
-            self.warnings += geometry_warnings(self.shown)
+            self.doubts = geometry_warnings(self.shown)
+            self.warnings += self.doubts
 
     def _stage(
         self,
@@ -266,6 +273,7 @@ class Work:
         with ThreadPoolExecutor(1, thread_name_prefix="gpusim.follow") as aside:
             aside.submit(self._follow)
             self._album([stage for stage in views if stage.pose is not None], targets, look)
+        self.warnings += targets.warnings
 
     def _follow(self) -> None:
         """What can be measured while a calibration's pictures are taken; faults are met again."""
