@@ -11,6 +11,8 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Mapping
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
@@ -21,6 +23,7 @@ from gpusim.scene import Scene
 from gpusim.scene import cost as cost_of
 from gpusim.scene.amplitudes import LoadHistory
 from gpusim.scene.model import Camera
+from gpusim.speed import Speed, Work
 from gpusim.state import StateFile, variant_folder
 
 __all__ = ["Plan", "PlannedStage", "make_plan"]
@@ -33,8 +36,8 @@ _GIVEN = "displacements are given"
 class PlannedStage:
     """One stage and what is done with it.
 
-    ``detail`` says how much work it is; ``memory_bytes`` and ``seconds`` are estimates for two CPU
-    cores (0 unless run). Render stages, named ``render/<camera>/<frame>``, have ``camera`` and
+    ``detail`` says how much work it is; ``memory_bytes`` and ``seconds`` are estimates (0 unless
+    run), the latter from ``cost`` on the reference machine, of which ``compiling`` for shaders. Render stages, named ``render/<camera>/<frame>``, have ``camera`` and
     ``frame``; those of a calibration target, ``render/<camera>/calib-<pose>``, ``pose`` instead.
     """
 
@@ -48,11 +51,18 @@ class PlannedStage:
     camera: str | None = None
     frame: int | None = None
     pose: int | None = None
+    cost: float = 0.0
+    compiling: float = 0.0
 
     @property
     def runs(self) -> bool:
         """Whether there is work to do."""
         return self.state == "run"
+
+    @property
+    def kind(self) -> str:
+        """The kind of work: "mesh", "render", "target", …"""
+        return "target" if self.pose is not None else self.name.split("/")[0]
 
 
 @dataclass(frozen=True)
@@ -63,6 +73,7 @@ class Plan:
     backend: str
     stages: tuple[PlannedStage, ...]
     warnings: tuple[str, ...] = ()
+    works: tuple[Work, ...] = ()
 
     def __getitem__(self, name: str) -> PlannedStage:
         """The stage of that name. Raises KeyError."""
@@ -100,26 +111,35 @@ def make_plan(
     backend: str = "gpu",
     fresh: bool = False,
     skip: bool = True,
+    speed: Speed | None = None,
 ) -> Plan:
     """Decide every stage of a run of ``scene`` into ``out`` (None: nothing can be reused).
 
     ``fresh`` ignores the results in ``out``. ``skip=False`` switches every shortcut off as well:
     nothing is reused, and what the loads make trivial is computed all the same; outputs that the
-    scene doesn't ask for are not made.
+    scene doesn't ask for are not made. ``speed``: of the machine, for the seconds; None: those of
+    the machine that the costs were measured on.
     """
     if scene.variants:
-        return _plan_variants(scene, out, backend, fresh, skip)
-    return _Planner(scene, out, backend, fresh, skip).plan()
+        return _plan_variants(scene, out, backend, fresh, skip, speed)
+    return _Planner(scene, out, backend, fresh, skip, speed).plan()
 
 
 def _plan_variants(
-    scene: Scene, out: str | PathLike[str] | None, backend: str, fresh: bool, skip: bool
+    scene: Scene,
+    out: str | PathLike[str] | None,
+    backend: str,
+    fresh: bool,
+    skip: bool,
+    speed: Speed | None,
 ) -> Plan:
     """The stages of every variant, named ``<variant>/<stage>``, and their comparison."""
-    stages = []
+    stages, compiled = [], set[str]()
     for variant in scene.variants:
         folder = None if out is None else variant_folder(Path(out), variant.name)
-        plan = make_plan(scene.variant(variant.name), folder, backend, fresh, skip)
+        planner = _Planner(scene.variant(variant.name), folder, backend, fresh, skip, speed)
+        planner.compiled = compiled  # by one process, once
+        plan = planner.plan()
         stages += [replace(stage, name=f"{variant.name}/{stage.name}") for stage in plan.stages]
     for measure in scene.measures:
         if measure.name not in {m.name for m in scene.variant(scene.variants[0].name).measures}:
@@ -132,8 +152,15 @@ def _plan_variants(
 
 class _Planner:
     def __init__(
-        self, scene: Scene, out: str | PathLike[str] | None, backend: str, fresh: bool, skip: bool
+        self,
+        scene: Scene,
+        out: str | PathLike[str] | None,
+        backend: str,
+        fresh: bool,
+        skip: bool,
+        speed: Speed | None = None,
     ) -> None:
+        self.speed = speed
         self.scene, self.backend, self.skip = scene, backend, skip
         self.state = StateFile(out) if out is not None else None
         self.no_reuse = "" if out is not None else "new run"
@@ -171,7 +198,9 @@ class _Planner:
         kind = name.split("/")[0]
         memory, seconds = self.cost[kind] if state == "run" else (0, 0.0)
         detail = self.details.get(kind, "") if state == "run" else ""
-        self.stages[name] = PlannedStage(name, state, reason, memory, seconds, key, detail, **where)
+        self.stages[name] = PlannedStage(
+            name, state, reason, memory, seconds, key, detail, cost=seconds, **where
+        )
 
     def runs(self, *prefixes: str) -> list[str]:
         """Names of the stages of these kinds that are run."""
@@ -203,7 +232,20 @@ class _Planner:
         if not frames:
             self.enter("render", "skipped", "no [[camera]]", self.key("render", ()))
             order.insert(4, "render")
-        return Plan(scene.name, backend, tuple(self.stages[name] for name in order))
+        stages = [self.stages[name] for name in order]
+        works = _works(stages, self._size(), self.compiled)
+        if self.speed is not None:
+            stages = _timed(stages, works, self.speed)
+        return Plan(scene.name, backend, tuple(stages), works=tuple(works.values()))
+
+    def _size(self) -> str:
+        """What the time of any stage may depend on, in words."""
+        scene = self.scene
+        cameras = [
+            f"{camera.resolution}, {cost_of.effects(scene, camera)}" for camera in scene.cameras
+        ]
+        measures = [type(measure).__name__ for measure in scene.measures]
+        return "; ".join([*self.details.values(), *cameras, *measures, str(self.history.frames)])
 
     def _still(self) -> str:
         """Why nothing moves, or "" if something does."""
@@ -253,8 +295,9 @@ class _Planner:
                     compiling, words = self._compiling(camera)
                     detail = f"{columns}x{rows} px, {self.stages[name].detail}, {effects}, {what}"
                     self.stages[name] = replace(
-                        self.stages[name], detail=detail + words, seconds=seconds + compiling
-                    )
+                        self.stages[name], detail=detail + words, seconds=seconds + compiling,
+                        cost=seconds + compiling, compiling=compiling,
+                    )  # fmt: skip
                 names.append(name)
         return names
 
@@ -264,10 +307,11 @@ class _Planner:
             return 0.0, ""
         needed = cost_of.compiled_for(self.scene, camera)
         seconds = sum(value for name, value in needed.items() if name not in self.compiled)
-        self.compiled |= needed.keys()
+        self.compiled.update(needed)
         if not seconds:
             return 0.0, ""
-        if self.state is not None and self.state.begun:
+        kept = self.speed is not None and self.speed.kept(needed)
+        if kept or (self.state is not None and self.state.begun):
             return cost_of.KEPT * seconds, "; shaders are loaded"
         return seconds, "; shaders are compiled, unless the driver has kept them"
 
@@ -298,9 +342,10 @@ class _Planner:
                     if self.scene.measures_space:
                         detail += " and its corners"
                     compiling, words = self._compiling(spec)
+                    seconds = cost_of.target_seconds(spec) + compiling
                     self.stages[name] = replace(
-                        self.stages[name], detail=detail + words,
-                        seconds=self.stages[name].seconds + compiling,
+                        self.stages[name], detail=detail + words, seconds=seconds, cost=seconds,
+                        compiling=compiling,
                     )  # fmt: skip
                 names.append(name)
         return names
@@ -349,3 +394,33 @@ class _Planner:
                 )
             else:
                 self.enter(name, "skipped", "nothing that runs needs it", key)
+
+
+def _works(stages: list[PlannedStage], size: str, shaders: AbstractSet[str]) -> dict[str, Work]:
+    """What is run of each kind; ``size`` of the scene goes with all of it, the ``shaders`` that
+    were needed with what draws."""
+    kinds: dict[str, list[PlannedStage]] = {}
+    for stage in stages:
+        if stage.runs:
+            kinds.setdefault(stage.kind, []).append(stage)
+    return {
+        kind: Work(
+            kind,
+            "; ".join([size, *(stage.detail for stage in own)]),
+            sum(stage.cost for stage in own),
+            sum(stage.compiling for stage in own),
+            tuple(sorted(shaders)) if kind in ("render", "target") else (),
+        )
+        for kind, own in kinds.items()
+    }
+
+
+def _timed(
+    stages: list[PlannedStage], works: Mapping[str, Work], speed: Speed
+) -> list[PlannedStage]:
+    """The stages with the seconds that they take at a machine's speed."""
+    share = {kind: speed.seconds(work) / work.seconds for kind, work in works.items()}
+    return [
+        replace(stage, seconds=stage.cost * share[stage.kind]) if stage.runs else stage
+        for stage in stages
+    ]

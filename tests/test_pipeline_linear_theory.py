@@ -19,8 +19,8 @@ STIFFNESS = MODULUS * SIDE**4 / 12.0
 
 
 def exact_tip(force: float, press: float = 0.0) -> tuple[float, float]:
-    """Deflection and way back over length of an inextensible cantilever (elastica); F L^2 / EI across the
-    unloaded bar, and pressing along it."""
+    """Deflection and way back of the tip of a cantilever (elastica) over its length; forces times
+    L^2 / EI, across the unloaded bar and pressing along it."""
 
     def slopes(s: Float, y: Float) -> Float:
         del s

@@ -151,8 +151,8 @@ def test_winding_numbers() -> None:
     mesh = box((0.3, 0.2, 0.1), (3, 2, 1), origin=(5e5, 5.2e6, 300.0))
     faces = boundary_faces(mesh)
     surface = gs.Surface(mesh.points, faces.nodes[:, :4], gs.paint.Plain(0.5))
-    inside = np.array([5e5, 5.2e6, 300.0]) + [0.299, 0.1, 0.05]
-    outside = inside + [0.002, 0.0, 0.0]
+    inside = np.array([5e5 + 0.299, 5.2e6 + 0.1, 300.05])
+    outside = np.array([5e5 + 0.301, 5.2e6 + 0.1, 300.05])
     turned = gs.Surface(mesh.points, faces.nodes[:, 3::-1], gs.paint.Plain(0.5))
     places = np.stack([inside, outside])
     assert np.allclose(winding_numbers(surface, places), [1.0, 0.0], atol=1e-6)

@@ -107,12 +107,11 @@ def linear_errors(things: Things) -> list[LinearError]:
         share, longer = 1.0, 0.0
         if turn > SMALL_TURN:
             share, longer = _second_order(things, parts, i, frame, u)
+        size = float(np.linalg.norm(np.ptp(parts.mesh.points, axis=0)))
+        moved = float(np.linalg.norm(u, axis=1).max(initial=0.0))
         found.append(
-            LinearError(
-                parts.body.name, frame, turn, float(np.linalg.norm(u, axis=1).max(initial=0.0)),
-                share, longer, reach[frame], float(np.linalg.norm(np.ptp(parts.mesh.points, axis=0))),
-            )
-        )  # fmt: skip
+            LinearError(parts.body.name, frame, turn, moved, share, longer, reach[frame], size)
+        )
     return found
 
 

@@ -47,6 +47,7 @@ from gpusim.report import (
 from gpusim.scene import Scene
 from gpusim.scene import model as m
 from gpusim.scene.amplitudes import LoadHistory
+from gpusim.speed import Speed
 from gpusim.state import StateFile
 
 if TYPE_CHECKING:
@@ -74,7 +75,8 @@ class Work:
         self.scene, self.out, self.progress = scene, out.resolve(), progress
         self.backend, self.skip, self.reuse = backend, skip, skip and not fresh
         self.history = LoadHistory(scene, scaled=skip)
-        self.plan: Plan = make_plan(scene, self.out, backend, fresh, skip)
+        self.speed = Speed.read(backend)
+        self.plan: Plan = make_plan(scene, self.out, backend, fresh, skip, self.speed)
         self.stages: list[Stage] = []
         self.warnings: list[str] = []
         self.doubts: list[str] = []
@@ -133,7 +135,21 @@ class Work:
             self._stage(self.plan["measure"], self._measure, self._remeasure)
             self._stage(self.plan["stress"], self._stress, self._restress)
             self._stage(self.plan["export"], self._export)
+        self._learn()
         return self._report()
+
+    def _learn(self) -> None:
+        """Keep how fast this machine was, for later plans."""
+        seconds = {stage.name: stage.seconds for stage in self.stages}
+        spent: dict[str, float] = {}
+        for planned in self.plan.stages:
+            if planned.runs and planned.name in seconds:
+                kind = planned.kind
+                spent[kind] = spent.get(kind, 0.0) + seconds[planned.name]
+        done = {work: spent[work.kind] for work in self.plan.works if work.kind in spent}
+        if done:
+            self.speed.learn(done, "" if self.device is None else self.device.name)
+            self.speed.save()
 
     @contextmanager
     def _failures(self) -> Iterator[None]:
