@@ -37,7 +37,8 @@ class PlannedStage:
     """One stage and what is done with it.
 
     ``detail`` says how much work it is; ``memory_bytes`` and ``seconds`` are estimates (0 unless
-    run), the latter from ``cost`` on the reference machine, of which ``compiling`` for shaders. Render stages, named ``render/<camera>/<frame>``, have ``camera`` and
+    run), the latter from ``cost``, that of the machine which the costs were measured on, of which
+    ``compiling`` for shaders. Render stages, named ``render/<camera>/<frame>``, have ``camera`` and
     ``frame``; those of a calibration target, ``render/<camera>/calib-<pose>``, ``pose`` instead.
     """
 

@@ -124,7 +124,7 @@ def estimate(scene: Scene) -> Cost:
     return {
         "mesh": (200 * nodes, 0.05 + 2e-6 * nodes),
         "model": (100 * nodes, 0.5 + 1e-6 * nodes),
-        "solve": (4_500 * nodes, 0.1 + 5e-5 * nodes),
+        "solve": (4_500 * nodes, 0.2 + 2e-5 * nodes),
         "surface": (200 * nodes, 0.05 + 2e-6 * elements),
         "render": (16 * pixels, (fixed + per_pixel * pixels) * most),
         "truth": (40 * pixels, frames * (0.2 + 1e-8 * layers * pixels)),
