@@ -11,99 +11,23 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
-from collections.abc import Set as AbstractSet
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from gpusim._version import __version__
+from gpusim.planned import Plan, PlannedStage, State, timed, works_of
 from gpusim.scene import Scene
 from gpusim.scene import cost as cost_of
 from gpusim.scene.amplitudes import LoadHistory
 from gpusim.scene.model import Camera
-from gpusim.speed import Speed, Work
+from gpusim.speed import Speed
 from gpusim.state import StateFile, variant_folder
 
 __all__ = ["Plan", "PlannedStage", "make_plan"]
 
-State = Literal["run", "skipped", "reused"]
 _GIVEN = "displacements are given"
-
-
-@dataclass(frozen=True)
-class PlannedStage:
-    """One stage and what is done with it.
-
-    ``detail`` says how much work it is; ``memory_bytes`` and ``seconds`` are estimates (0 unless
-    run), the latter from ``cost``, that of the machine which the costs were measured on, of which
-    ``compiling`` for shaders. Render stages, named ``render/<camera>/<frame>``, have ``camera`` and
-    ``frame``; those of a calibration target, ``render/<camera>/calib-<pose>``, ``pose`` instead.
-    """
-
-    name: str
-    state: State
-    reason: str
-    memory_bytes: int
-    seconds: float
-    key: str
-    detail: str = ""
-    camera: str | None = None
-    frame: int | None = None
-    pose: int | None = None
-    cost: float = 0.0
-    compiling: float = 0.0
-
-    @property
-    def runs(self) -> bool:
-        """Whether there is work to do."""
-        return self.state == "run"
-
-    @property
-    def kind(self) -> str:
-        """The kind of work: "mesh", "render", "target", …"""
-        return "target" if self.pose is not None else self.name.split("/")[0]
-
-
-@dataclass(frozen=True)
-class Plan:
-    """Every stage in the order of work, and what is doubtful about the scene."""
-
-    scene: str
-    backend: str
-    stages: tuple[PlannedStage, ...]
-    warnings: tuple[str, ...] = ()
-    works: tuple[Work, ...] = ()
-
-    def __getitem__(self, name: str) -> PlannedStage:
-        """The stage of that name. Raises KeyError."""
-        for stage in self.stages:
-            if stage.name == name:
-                return stage
-        raise KeyError(name)
-
-    @property
-    def seconds(self) -> float:
-        """Estimated time of everything that is run."""
-        return sum(stage.seconds for stage in self.stages)
-
-    @property
-    def memory_bytes(self) -> int:
-        """Estimated memory of the largest stage that is run."""
-        return max((stage.memory_bytes for stage in self.stages), default=0)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain data for JSON."""
-        names = ("name", "state", "reason", "detail", "memory_bytes", "seconds", "key")
-        return {
-            "scene": self.scene,
-            "backend": self.backend,
-            "seconds": round(self.seconds, 2),
-            "memory_bytes": self.memory_bytes,
-            "stages": [{name: getattr(stage, name) for name in names} for stage in self.stages],
-            "warnings": list(self.warnings),
-        }
 
 
 def make_plan(
@@ -148,7 +72,8 @@ def _plan_variants(
                 PlannedStage(measure.name, "run", "compares the variants", 0, 0.1, measure.name)
             )
     stages.append(PlannedStage("report", "run", "says what this run did", 0, 1.0, "report"))
-    return Plan(scene.name, backend, tuple(stages))
+    busy = 1.0 if speed is None else speed.busy
+    return Plan(scene.name, backend, tuple(stages), busy=busy)
 
 
 class _Planner:
@@ -234,10 +159,11 @@ class _Planner:
             self.enter("render", "skipped", "no [[camera]]", self.key("render", ()))
             order.insert(4, "render")
         stages = [self.stages[name] for name in order]
-        works = _works(stages, self._size(), self.compiled)
+        works = works_of(stages, self._size(), self.compiled)
         if self.speed is not None:
-            stages = _timed(stages, works, self.speed)
-        return Plan(scene.name, backend, tuple(stages), works=tuple(works.values()))
+            stages = timed(stages, works, self.speed)
+        busy = 1.0 if self.speed is None else self.speed.busy
+        return Plan(scene.name, backend, tuple(stages), works=tuple(works.values()), busy=busy)
 
     def _size(self) -> str:
         """What the time of any stage may depend on, in words."""
@@ -395,33 +321,3 @@ class _Planner:
                 )
             else:
                 self.enter(name, "skipped", "nothing that runs needs it", key)
-
-
-def _works(stages: list[PlannedStage], size: str, shaders: AbstractSet[str]) -> dict[str, Work]:
-    """What is run of each kind; ``size`` of the scene goes with all of it, the ``shaders`` that
-    were needed with what draws."""
-    kinds: dict[str, list[PlannedStage]] = {}
-    for stage in stages:
-        if stage.runs:
-            kinds.setdefault(stage.kind, []).append(stage)
-    return {
-        kind: Work(
-            kind,
-            "; ".join([size, *(stage.detail for stage in own)]),
-            sum(stage.cost for stage in own),
-            sum(stage.compiling for stage in own),
-            tuple(sorted(shaders)) if kind in ("render", "target") else (),
-        )
-        for kind, own in kinds.items()
-    }
-
-
-def _timed(
-    stages: list[PlannedStage], works: Mapping[str, Work], speed: Speed
-) -> list[PlannedStage]:
-    """The stages with the seconds that they take at a machine's speed."""
-    share = {kind: speed.seconds(work) / work.seconds for kind, work in works.items()}
-    return [
-        replace(stage, seconds=stage.cost * share[stage.kind]) if stage.runs else stage
-        for stage in stages
-    ]

@@ -58,6 +58,7 @@ class Speed:
     """What is known of a machine.
 
     ``ratios``: kind of work -> seconds over those of the reference machine, "compile" for shaders;
+    ``busy``: how much longer everything takes just now, because others work here too.
     ``known``: signature -> seconds of what has been done; ``compiled``: shaders that the driver has
     seen, by this version. ``host``: a ratio for what nothing is known of, None if nobody has
     measured it.
@@ -66,6 +67,7 @@ class Speed:
     machine: str = ""
     adapter: str = ""
     host: float | None = None
+    busy: float = 1.0
     ratios: dict[str, float] = field(default_factory=dict)
     known: dict[str, float] = field(default_factory=dict)
     compiled: set[str] = field(default_factory=set)
@@ -80,24 +82,27 @@ class Speed:
             known = {str(k): _number(v, 0.0, 1e9) for k, v in entry["known"].items()}
             compiled = set(map(str, entry["compiled"])) if entry["gpusim"] == __version__ else set()
             host = None if entry["host"] is None else _number(entry["host"], *_LIMITS)
-            return Speed(machine, str(entry["adapter"]), host, ratios, known, compiled)
+            return Speed(
+                machine, str(entry["adapter"]), host, ratios=ratios, known=known, compiled=compiled
+            )
         except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
             return Speed(machine)
 
     def measured(self) -> Speed:
-        """This, after a tenth of a second of measuring if that is still to be done; kept."""
+        """This, after a tenth of a second of measuring if that is still to be done (it is kept),
+        and a look at who else works here now."""
         if self.host is None:
             self.host = min(max(host_seconds() / HOST_SECONDS, _LIMITS[0]), _LIMITS[1])
             self.save()
+        self.busy = 1.0 + _others() / all_processors()
         return self
 
     def seconds(self, work: Work) -> float:
         """What this work takes here: what it took, or the reference cost times the ratios."""
         if work.signature in self.known:
-            return self.known[work.signature]
-        return (work.seconds - work.compiling) * self._ratio(work.kind) + (
-            work.compiling * self._ratio("compile")
-        )
+            return self.busy * self.known[work.signature]
+        plain = (work.seconds - work.compiling) * self._ratio(work.kind)
+        return self.busy * (plain + work.compiling * self._ratio("compile"))
 
     def _ratio(self, kind: str) -> float:
         return self.ratios.get(kind, 1.0 if self.host is None else self.host)
@@ -107,11 +112,13 @@ class Speed:
         return set(shaders) <= self.compiled and _driver_keeps()
 
     def learn(self, done: Mapping[Work, float], adapter: str) -> None:
-        """Take in the seconds that works took."""
+        """Take in the seconds that works took, less what others working here have cost."""
         if adapter and self.adapter and adapter != self.adapter:
             self.ratios, self.known, self.compiled = {}, {}, set()
         self.adapter = adapter or self.adapter
-        for work, seconds in done.items():
+        alone = _share_had()
+        for work, wall in done.items():
+            seconds = alone * wall
             if not (math.isfinite(seconds) and seconds > 0.0 and work.seconds > 0.0):
                 continue
             before = self.known.pop(work.signature, None)  # the latest are last
@@ -159,6 +166,27 @@ class Speed:
 def _blend(old: float, new: float) -> float:
     weight = _FASTER if new < old else _SLOWER
     return math.exp((1.0 - weight) * math.log(old) + weight * math.log(new))
+
+
+def _share_had() -> float:
+    """Of the processors' time in the last minute, what a run had that uses them all."""
+    try:
+        return all_processors() / max(all_processors(), os.getloadavg()[0])
+    except (OSError, AttributeError):  # no such number on this system
+        return 1.0
+
+
+def _others() -> float:
+    """How many others want a processor now: a mean over a tenth of a second, 0 if unknown."""
+    found = []
+    for _ in range(10):
+        try:
+            running = Path("/proc/loadavg").read_text(encoding="ascii").split()[3]
+            found.append(max(int(running.split("/")[0]) - 1, 0))
+        except (OSError, ValueError, IndexError):
+            return 0.0
+        time.sleep(0.01)
+    return sum(found) / len(found)
 
 
 def cache_folder() -> Path | None:

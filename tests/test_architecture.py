@@ -52,11 +52,12 @@ NUMERICS = set(ALLOWED)
 ALLOWED |= {
     "state": {"export"},
     "speed": {"export"},
-    "plan": {"scene", "speed", "state", "export"},
+    "planned": {"speed"},
+    "plan": {"planned", "scene", "speed", "state", "export"},
     "bench": {"gpu", "mesh", "fem", "surface", "optics"},
-    "pipeline": NUMERICS | {"plan", "speed", "state"},
+    "pipeline": NUMERICS | {"plan", "planned", "speed", "state"},
     "__init__": NUMERICS | {"plan", "state", "pipeline"},
-    "cli": NUMERICS | {"bench", "plan", "speed", "state", "pipeline", "__init__"},
+    "cli": NUMERICS | {"bench", "plan", "planned", "speed", "state", "pipeline", "__init__"},
     "__main__": {"cli"},
 }
 

@@ -20,6 +20,7 @@ MORE = Work("render", "400x300 px, 3 lights", 0.5)
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.delenv("GPUSIM_NO_CACHE")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr("os.getloadavg", lambda: (0.5, 0.5, 0.5))
     monkeypatch.setenv("MESA_SHADER_CACHE_DIR", str(tmp_path / "driver"))
     return tmp_path / "gpusim" / "speed.json"
 
@@ -124,8 +125,23 @@ def test_the_reference_is_a_machine_of_its_time() -> None:
     assert HOST_SECONDS / 20.0 < host_seconds() < 20.0 * HOST_SECONDS
 
 
+def test_neighbours_are_taken_out_and_put_in_again(
+    cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    del cache
+    monkeypatch.setattr("gpusim.speed.all_processors", lambda: 2)
+    monkeypatch.setattr("os.getloadavg", lambda: (6.0, 3.0, 1.0))
+    speed = Speed()
+    speed.learn({MORE: 3.0}, "")  # a third of the machine
+    assert speed.seconds(MORE) == pytest.approx(1.0)
+    monkeypatch.setattr("gpusim.speed._others", lambda: 4.0)
+    speed.host = 1.0
+    assert speed.measured().seconds(MORE) == pytest.approx(3.0)
+
+
 def test_a_plan_at_this_machine_s_speed(checkout: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MESA_SHADER_CACHE_DISABLE", "true")
+    monkeypatch.setattr("os.getloadavg", lambda: (0.0, 0.0, 0.0))
     stereo: Scene = load_scene(checkout / "examples" / "crane_stereo.toml")
     plan = make_plan(stereo)
     kinds = {work.kind: work for work in plan.works}

@@ -5,14 +5,18 @@ What a measure can't do without (a camera that sees its markers) is an error, he
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from gpusim.errors import GpusimError, InputError
 from gpusim.pipeline.axial_loads import axial_loads
 from gpusim.pipeline.build import build_body
 from gpusim.pipeline.cameras import build_camera
 from gpusim.pipeline.marker_sight import marker_warnings
 from gpusim.pipeline.pattern_scale import disc_warnings
 from gpusim.pipeline.props import build_prop
+from gpusim.pipeline.solved import Solved
 from gpusim.pipeline.things import Things
 from gpusim.pipeline.viewing import blind_cameras, lamps_inside
 from gpusim.scene import Scene
@@ -20,7 +24,16 @@ from gpusim.scene import model as m
 from gpusim.scene.amplitudes import LoadHistory
 from gpusim.scene.schema.mesh import CAD_SUFFIXES
 
-__all__ = ["build_things", "geometry_warnings", "warnings_beforehand"]
+if TYPE_CHECKING:
+    from gpusim.pipeline.linear_theory import LinearError
+
+__all__ = [
+    "build_things",
+    "geometry_warnings",
+    "linear_theory",
+    "warnings_beforehand",
+    "with_doubts",
+]
 
 
 def warnings_beforehand(scene: Scene) -> list[str]:
@@ -68,3 +81,20 @@ def geometry_warnings(things: Things) -> list[str]:
         *axial_loads(scene),
         *disc_warnings(surfaces, cameras),
     ]
+
+
+def linear_theory(shown: Things | None, solved: Solved | None) -> list[LinearError]:
+    """How far it is off, for each body of what is ``shown``."""
+    if shown is None or solved is None:
+        return []
+    from gpusim.pipeline.linear_theory import linear_errors  # loads the finite elements
+
+    shown.solved = solved
+    return linear_errors(shown)
+
+
+def with_doubts(error: Exception, doubts: Sequence[str]) -> Exception:
+    """The error of a measure or a picture with what was known before: most often that is why."""
+    if not doubts or type(error) not in (GpusimError, InputError):
+        return error
+    return type(error)("\n".join([str(error), "known before:", *doubts]))

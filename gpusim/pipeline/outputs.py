@@ -10,6 +10,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from gpusim._version import __version__
+from gpusim.errors import GpusimError
 from gpusim.pipeline.deflection import DeflectionResult
 from gpusim.pipeline.images import image_path
 from gpusim.pipeline.measurements import Result
@@ -40,7 +42,7 @@ from gpusim.scene import Scene
 from gpusim.scene import model as m
 from gpusim.scene.cost import effects
 
-__all__ = ["Findings", "make_report", "write_page"]
+__all__ = ["Findings", "make_report", "said", "scene_text", "write_page"]
 
 Array = npt.NDArray[np.float64]
 GOAL = 1e-3
@@ -276,3 +278,13 @@ def _links(out: Path, files: frozenset[Path]) -> tuple[Link, ...]:
     for label, suffix in (("Solution for ParaView", ".pvd"), ("Measured points", ".csv")):
         links += [Link(label, file) for file in sorted(files) if file.suffix == suffix]
     return tuple(links)
+
+
+def scene_text(scene: Scene, adapter: str) -> str:
+    """The scene as it was run, as TOML."""
+    return f"# resolved by gpusim {__version__}; adapter: {adapter}\n{scene.to_toml()}"
+
+
+def said(error: Exception) -> str:
+    """The message, with the error's type where it isn't one of gpusim's own."""
+    return str(error) if isinstance(error, GpusimError) else f"{type(error).__name__}: {error}"

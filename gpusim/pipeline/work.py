@@ -15,18 +15,24 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.errors import GpusimError, InputError
+from gpusim.errors import GpusimError
 from gpusim.export.files import atomic_stream, clean_leftovers, write_text
 from gpusim.export.images import read_image
 from gpusim.gpu import Device, default_device
 from gpusim.gpu.beforehand import meanwhile, not_needed
 from gpusim.pipeline import images, measurements, outputs
 from gpusim.pipeline.album import Album
-from gpusim.pipeline.beforehand import build_things, geometry_warnings
+from gpusim.pipeline.beforehand import (
+    build_things,
+    geometry_warnings,
+    linear_theory,
+    with_doubts,
+)
 from gpusim.pipeline.build import build_body, build_lights
 from gpusim.pipeline.corners import read_corners, write_corners
 from gpusim.pipeline.files import check_field, check_views
 from gpusim.pipeline.kept import KeptMarkers
+from gpusim.pipeline.learning import learn, spent_since
 from gpusim.pipeline.mechanics import make_mechanics
 from gpusim.pipeline.memory import check_memory
 from gpusim.pipeline.meshing import mesh_summary
@@ -36,7 +42,6 @@ from gpusim.pipeline.stereo import follow_cameras
 from gpusim.pipeline.things import Things
 from gpusim.plan import Plan, PlannedStage, make_plan
 from gpusim.report import (
-    Mechanics,
     MeshSummary,
     Report,
     SolutionSummary,
@@ -52,17 +57,11 @@ from gpusim.state import StateFile
 
 if TYPE_CHECKING:
     from gpusim.fem import Model
-    from gpusim.pipeline.linear_theory import LinearError
     from gpusim.pipeline.stresses import Stresses
 
 __all__ = ["Progress", "Work"]
 
 Progress = Callable[[str, float, str], None]
-
-
-def _said(error: Exception) -> str:
-    """The message, with the error's type where it isn't one of gpusim's own."""
-    return str(error) if isinstance(error, GpusimError) else f"{type(error).__name__}: {error}"
 
 
 class Work:
@@ -117,7 +116,9 @@ class Work:
                 # an earlier report must not speak for what a killed run leaves behind
                 for name in ("report.html", "report.json"):
                     (self.out / name).unlink(missing_ok=True)
-            write_text(self.out / "scene.toml", self._scene_text())
+            write_text(
+                self.out / "scene.toml", outputs.scene_text(self.scene, self._adapter_text())
+            )
             self._stage(self.plan["solve"], self._solve, self._reload)
             if self.device is not None:  # what shows a solution is needed more often than it
                 self.device.programs.asked.clear()
@@ -127,7 +128,7 @@ class Work:
             self.photographer.forget()  # the next one may need its memory
         if self.device is not None:
             self.state.note_programs(self.device.programs.asked)
-            self.device_seconds = self._device_seconds(self.device)
+            self.device_seconds = spent_since(self.device_before, self.device.timer.seconds())
         return self._end
 
     def _end(self) -> Report:
@@ -135,21 +136,9 @@ class Work:
             self._stage(self.plan["measure"], self._measure, self._remeasure)
             self._stage(self.plan["stress"], self._stress, self._restress)
             self._stage(self.plan["export"], self._export)
-        self._learn()
+        adapter = "" if self.device is None else self.device.name
+        learn(self.speed, self.plan, self.stages, adapter)
         return self._report()
-
-    def _learn(self) -> None:
-        """Keep how fast this machine was, for later plans."""
-        seconds = {stage.name: stage.seconds for stage in self.stages}
-        spent: dict[str, float] = {}
-        for planned in self.plan.stages:
-            if planned.runs and planned.name in seconds:
-                kind = planned.kind
-                spent[kind] = spent.get(kind, 0.0) + seconds[planned.name]
-        done = {work: spent[work.kind] for work in self.plan.works if work.kind in spent}
-        if done:
-            self.speed.learn(done, "" if self.device is None else self.device.name)
-            self.speed.save()
 
     @contextmanager
     def _failures(self) -> Iterator[None]:
@@ -157,10 +146,8 @@ class Work:
         try:
             yield
         except Exception as error:
-            told = error
-            if self.doubts and type(error) in (GpusimError, InputError):  # most often they are why
-                told = type(error)("\n".join([str(error), "known before:", *self.doubts]))
-            write_report(self._report(failure=_said(told)), self.out)
+            told = with_doubts(error, self.doubts)
+            write_report(self._report(failure=outputs.said(told)), self.out)
             if told is not error:
                 raise told from error
             raise
@@ -243,7 +230,7 @@ class Work:
                 text = work()
             except Exception as error:
                 seconds = time.perf_counter() - started
-                self.stages.append(Stage(planned.name, "failed", _said(error), seconds))
+                self.stages.append(Stage(planned.name, "failed", outputs.said(error), seconds))
                 raise
         seconds = time.perf_counter() - started
         self.stages.append(Stage(planned.name, planned.state, planned.reason, seconds))
@@ -370,47 +357,21 @@ class Work:
 
     # -- report ----------------------------------------------------------------------------
 
-    def _device_seconds(self, device: Device) -> dict[str, float]:
-        """What this run took on the device, by stage; the device may be older than the run."""
-        spent = {
-            name: seconds - self.device_before.get(name, 0.0)
-            for name, seconds in device.timer.seconds().items()
-        }
-        return {name: seconds for name, seconds in spent.items() if seconds > 0.0}
-
     def _adapter_text(self) -> str:
         if self.device is not None:
             return self.device.name
         return "none (numpy backend)" if self.backend == "numpy" else "not needed: all reused"
 
-    def _scene_text(self) -> str:
-        from gpusim._version import __version__
-
-        head = f"# resolved by gpusim {__version__}; adapter: {self._adapter_text()}\n"
-        return head + self.scene.to_toml()
-
-    def _mechanics(self) -> Mechanics | None:
-        if self.things.solved is None:
-            return None
-        peaks = () if self.stresses is None else self.stresses.peaks
-        return make_mechanics(self.scene, self.things.solved, self.history, peaks)
-
-    def _linear_errors(self) -> list[LinearError]:
-        if self.things.solved is None or self.shown is None:
-            return []
-        from gpusim.pipeline.linear_theory import linear_errors  # loads the finite elements
-
-        self.shown.solved = self.things.solved
-        return linear_errors(self.shown)
-
     def _report(self, failure: str = "") -> Report:
-        summary = None
+        summary = mechanics = None
         if self.things.solved is not None:
             s = self.things.solved
             summary = SolutionSummary(
                 s.unknowns, s.iterations, s.converged, s.error_estimate, s.facts["method"]
             )
-        linear = self._linear_errors()
+            peaks = () if self.stresses is None else self.stresses.peaks
+            mechanics = make_mechanics(self.scene, s, self.history, peaks)
+        linear = linear_theory(self.shown, self.things.solved)
         return outputs.make_report(
             self.scene,
             self.out,
@@ -419,7 +380,7 @@ class Work:
                 stages=tuple(self.stages),
                 summary=summary,
                 solved=self.things.solved,
-                mechanics=self._mechanics(),
+                mechanics=mechanics,
                 meshes=tuple(self.meshes),
                 results=() if failure else tuple(self.results),
                 warnings=(
