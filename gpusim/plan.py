@@ -11,87 +11,23 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from gpusim._version import __version__
+from gpusim.planned import Plan, PlannedStage, State, timed, works_of
 from gpusim.scene import Scene, plausibility
 from gpusim.scene import cost as cost_of
 from gpusim.scene.amplitudes import LoadHistory
 from gpusim.scene.model import Camera
+from gpusim.speed import Speed
 from gpusim.state import StateFile, variant_folder
 
 __all__ = ["Plan", "PlannedStage", "make_plan"]
 
-State = Literal["run", "skipped", "reused"]
 _GIVEN = "displacements are given"
-
-
-@dataclass(frozen=True)
-class PlannedStage:
-    """One stage and what is done with it.
-
-    ``detail`` says how much work it is; ``memory_bytes`` and ``seconds`` are estimates for two CPU
-    cores (0 unless run). Render stages, named ``render/<camera>/<frame>``, have ``camera`` and
-    ``frame``; those of a calibration target, ``render/<camera>/calib-<pose>``, ``pose`` instead.
-    """
-
-    name: str
-    state: State
-    reason: str
-    memory_bytes: int
-    seconds: float
-    key: str
-    detail: str = ""
-    camera: str | None = None
-    frame: int | None = None
-    pose: int | None = None
-
-    @property
-    def runs(self) -> bool:
-        """Whether there is work to do."""
-        return self.state == "run"
-
-
-@dataclass(frozen=True)
-class Plan:
-    """Every stage in the order of work, and what looks wrong in the scene."""
-
-    scene: str
-    backend: str
-    stages: tuple[PlannedStage, ...]
-    warnings: tuple[str, ...] = ()
-
-    def __getitem__(self, name: str) -> PlannedStage:
-        """The stage of that name. Raises KeyError."""
-        for stage in self.stages:
-            if stage.name == name:
-                return stage
-        raise KeyError(name)
-
-    @property
-    def seconds(self) -> float:
-        """Estimated time of everything that is run."""
-        return sum(stage.seconds for stage in self.stages)
-
-    @property
-    def memory_bytes(self) -> int:
-        """Estimated memory of the largest stage that is run."""
-        return max((stage.memory_bytes for stage in self.stages), default=0)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain data for JSON."""
-        names = ("name", "state", "reason", "detail", "memory_bytes", "seconds", "key")
-        return {
-            "scene": self.scene,
-            "backend": self.backend,
-            "seconds": round(self.seconds, 2),
-            "memory_bytes": self.memory_bytes,
-            "stages": [{name: getattr(stage, name) for name in names} for stage in self.stages],
-            "warnings": list(self.warnings),
-        }
 
 
 def make_plan(
@@ -101,31 +37,41 @@ def make_plan(
     fresh: bool = False,
     skip: bool = True,
     state: StateFile | None = None,
+    speed: Speed | None = None,
 ) -> Plan:
     """Decide every stage of a run of ``scene`` into ``out`` (None: nothing can be reused).
 
     ``fresh`` ignores the results in ``out``. ``skip=False`` switches every shortcut off as well:
     nothing is reused, and what the loads make trivial is computed all the same; outputs that the
     scene doesn't ask for are not made. ``state``: what ``out`` holds, if somebody has looked.
+    ``speed``: of the machine, for the seconds; None: those of the machine that the costs were
+    measured on.
     """
     from gpusim.gpu import chosen_backend
 
     backend = chosen_backend("plan", backend)
     if scene.variants:
-        plan = _plan_variants(scene, out, backend, fresh, skip)
+        plan = _plan_variants(scene, out, backend, fresh, skip, speed)
     else:
-        plan = _Planner(scene, out, backend, fresh, skip, state).plan()
+        plan = _Planner(scene, out, backend, fresh, skip, state, speed).plan()
     return replace(plan, warnings=tuple(plausibility.warnings(scene)))
 
 
 def _plan_variants(
-    scene: Scene, out: str | PathLike[str] | None, backend: str, fresh: bool, skip: bool
+    scene: Scene,
+    out: str | PathLike[str] | None,
+    backend: str,
+    fresh: bool,
+    skip: bool,
+    speed: Speed | None,
 ) -> Plan:
     """The stages of every variant, named ``<variant>/<stage>``, and their comparison."""
-    stages = []
+    stages, compiled = [], set[str]()
     for variant in scene.variants:
         folder = None if out is None else variant_folder(Path(out), variant.name)
-        plan = make_plan(scene.variant(variant.name), folder, backend, fresh, skip)
+        planner = _Planner(scene.variant(variant.name), folder, backend, fresh, skip, None, speed)
+        planner.compiled = compiled  # by one process, once
+        plan = planner.plan()
         stages += [replace(stage, name=f"{variant.name}/{stage.name}") for stage in plan.stages]
     for measure in scene.measures:
         if measure.name not in {m.name for m in scene.variant(scene.variants[0].name).measures}:
@@ -133,7 +79,8 @@ def _plan_variants(
                 PlannedStage(measure.name, "run", "compares the variants", 0, 0.1, measure.name)
             )
     stages.append(PlannedStage("report", "run", "says what this run did", 0, 1.0, "report"))
-    return Plan(scene.name, backend, tuple(stages))
+    busy = 1.0 if speed is None else speed.busy
+    return Plan(scene.name, backend, tuple(stages), busy=busy)
 
 
 class _Planner:
@@ -145,7 +92,9 @@ class _Planner:
         fresh: bool,
         skip: bool,
         state: StateFile | None,
+        speed: Speed | None,
     ) -> None:
+        self.speed = speed
         self.scene, self.backend, self.skip = scene, backend, skip
         self.state = state or (StateFile(out) if out is not None else None)
         self.no_reuse = "" if out is not None else "new run"
@@ -183,7 +132,9 @@ class _Planner:
         kind = name.split("/")[0]
         memory, seconds = self.cost[kind] if state == "run" else (0, 0.0)
         detail = self.details.get(kind, "") if state == "run" else ""
-        self.stages[name] = PlannedStage(name, state, reason, memory, seconds, key, detail, **where)
+        self.stages[name] = PlannedStage(
+            name, state, reason, memory, seconds, key, detail, cost=seconds, **where
+        )
 
     def runs(self, *prefixes: str) -> list[str]:
         """Names of the stages of these kinds that are run."""
@@ -215,7 +166,21 @@ class _Planner:
         if not frames:
             self.enter("render", "skipped", "no [[camera]]", self.key("render", ()))
             order.insert(4, "render")
-        return Plan(scene.name, backend, tuple(self.stages[name] for name in order))
+        stages = [self.stages[name] for name in order]
+        works = works_of(stages, self._size(), self.compiled)
+        if self.speed is not None:
+            stages = timed(stages, works, self.speed)
+        busy = 1.0 if self.speed is None else self.speed.busy
+        return Plan(scene.name, backend, tuple(stages), works=tuple(works.values()), busy=busy)
+
+    def _size(self) -> str:
+        """What the time of any stage may depend on, in words."""
+        scene = self.scene
+        cameras = [
+            f"{camera.resolution}, {cost_of.effects(scene, camera)}" for camera in scene.cameras
+        ]
+        measures = [type(measure).__name__ for measure in scene.measures]
+        return "; ".join([*self.details.values(), *cameras, *measures, str(self.history.frames)])
 
     def _still(self) -> str:
         """Why nothing moves, or "" if something does."""
@@ -265,8 +230,9 @@ class _Planner:
                     compiling, words = self._compiling(camera)
                     detail = f"{columns}x{rows} px, {self.stages[name].detail}, {effects}, {what}"
                     self.stages[name] = replace(
-                        self.stages[name], detail=detail + words, seconds=seconds + compiling
-                    )
+                        self.stages[name], detail=detail + words, seconds=seconds + compiling,
+                        cost=seconds + compiling, compiling=compiling,
+                    )  # fmt: skip
                 names.append(name)
         return names
 
@@ -276,10 +242,11 @@ class _Planner:
             return 0.0, ""
         needed = cost_of.compiled_for(self.scene, camera)
         seconds = sum(value for name, value in needed.items() if name not in self.compiled)
-        self.compiled |= needed.keys()
+        self.compiled.update(needed)
         if not seconds:
             return 0.0, ""
-        if self.state is not None and self.state.begun:
+        kept = self.speed is not None and self.speed.kept(needed)
+        if kept or (self.state is not None and self.state.begun):
             return cost_of.KEPT * seconds, "; shaders are loaded"
         return seconds, "; shaders are compiled, unless the driver has kept them"
 
@@ -310,9 +277,10 @@ class _Planner:
                     if self.scene.measures_space:
                         detail += " and its corners"
                     compiling, words = self._compiling(spec)
+                    seconds = cost_of.target_seconds(spec) + compiling
                     self.stages[name] = replace(
-                        self.stages[name], detail=detail + words,
-                        seconds=self.stages[name].seconds + compiling,
+                        self.stages[name], detail=detail + words, seconds=seconds, cost=seconds,
+                        compiling=compiling,
                     )  # fmt: skip
                 names.append(name)
         return names

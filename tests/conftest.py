@@ -26,6 +26,7 @@ from gpusim.gpu import Device, default_device
 
 def pytest_sessionstart(session: pytest.Session) -> None:
     """Refuse to test something else than what was asked for."""
+    os.environ["GPUSIM_NO_CACHE"] = "1"  # nothing that a test does is for later runs
     package = Path(gpusim.__file__).resolve().parent
     if os.environ.get("GPUSIM_EXPECT_INSTALLED") == "1" and "site-packages" not in package.parts:
         raise pytest.UsageError(f"expected an installed gpusim, but it comes from {package}")

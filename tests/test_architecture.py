@@ -67,11 +67,13 @@ NUMERICS = set(ALLOWED)
 # Modules that put stages together, each with what it may see beside all of the above.
 ALLOWED |= {
     "state": {"export"},
-    "plan": {"gpu", "scene", "state", "export"},
+    "speed": {"export"},
+    "planned": {"speed"},
+    "plan": {"gpu", "planned", "scene", "speed", "state", "export"},
     "bench": {"gpu", "mesh", "fem", "surface", "optics"},
-    "pipeline": NUMERICS | {"plan", "state"},
+    "pipeline": NUMERICS | {"plan", "planned", "speed", "state"},
     "__init__": NUMERICS | {"plan", "state", "pipeline"},
-    "cli": NUMERICS | {"bench", "plan", "state", "pipeline", "__init__"},
+    "cli": NUMERICS | {"bench", "plan", "planned", "speed", "state", "pipeline", "__init__"},
     "__main__": {"cli"},
 }
 

@@ -96,7 +96,10 @@ def test_files_and_rerun(done: tuple[gs.Scene, gs.Report, Path]) -> None:
                  "figures/space-space.png", "figures/space-calibration.png",
                  "images/left/calib-0005.png"):  # fmt: skip
         assert (out / name).stat().st_size > 0
-    assert json.loads((out / "report.json").read_text())["warnings"] == []
+    # exposed for the first pose, others are brighter
+    warnings = json.loads((out / "report.json").read_text())["warnings"]
+    assert [w for w in warnings if "% of its pixels saturated" not in w] == []
+    assert [w.split("calib-")[0] for w in warnings] == ["image ", "image "]
     again = run(scene, out)
     assert [s.name for s in again.stages if s.state == "run"] == []
     assert again.measurements == first.measurements

@@ -35,7 +35,7 @@ from gpusim.errors import Fault, SceneError
 from gpusim.output_folder import check_folder, claim
 
 if TYPE_CHECKING:
-    from gpusim.plan import Plan
+    from gpusim.plan import Plan, PlannedStage
     from gpusim.report.model import Report
     from gpusim.scene import Scene
 
@@ -208,15 +208,19 @@ def plan(
         if output is not None:
             check_folder(output)
         loaded = _load(scene, sets)
-        strange = ()
+        strange: list[str] = []
         if loaded.reads_files:
             strange = import_module("gpusim.pipeline.files").check_files(loaded)
         from gpusim.plan import make_plan
+        from gpusim.speed import Speed
 
-        made = make_plan(loaded, output, backend.value, fresh, not no_skip)
+        beforehand = import_module("gpusim.pipeline.beforehand").warnings_beforehand(loaded)
+        speed = Speed.read(backend.value).measured()
+        made = make_plan(loaded, output, backend.value, fresh, not no_skip, speed=speed)
         if loaded.has_cad and any(s.runs and s.name.endswith("mesh") for s in made.stages):
             import_module("gpusim.pipeline.files").check_mesher(loaded)
-        made = replace(made, warnings=(*made.warnings, *strange))
+        warnings = dict.fromkeys([*made.warnings, *strange, *beforehand])
+        made = replace(made, warnings=tuple(warnings))
         if as_json:
             out(json.dumps(made.to_dict(), indent=2))
         else:
@@ -270,17 +274,37 @@ def _load(path: Path, sets: list[str] | None) -> Scene:
 
 
 def _print_plan(made: Plan) -> None:
-    wide = max(len(stage.name) for stage in made.stages) + 2
+    rows = _rows(made)
+    wide = max(len(name) for name, _, _ in rows) + 2
     out(f"{'stage':<{wide}}{'':<9}{'memory':>8}{'time':>9}  reason")
-    for stage in made.stages:
+    for name, stage, count in rows:
         memory, seconds = size_text(stage.memory_bytes), time_text(stage.seconds)
-        why = f"{stage.reason}; {stage.detail}" if stage.detail else stage.reason
-        out(f"{stage.name:<{wide}}{stage.state:<9}{memory:>8}{seconds:>9}  {why}")
+        pictures = f"{count} pictures" if count > 1 else ""
+        why = "; ".join(word for word in (stage.reason, pictures, stage.detail) if word)
+        out(f"{name:<{wide}}{stage.state:<9}{memory:>8}{seconds:>9}  {why}")
     out()
+    total = time_text(made.seconds) or "no time"
     for warning in made.warnings:
         out(f"warning: {warning}")
-    total = time_text(made.seconds) or "no time"
+    if made.busy >= 1.5:
+        out(f"This machine is busy: everything takes about {made.busy:.2g} times as long now.")
     out(f"{made.scene}: valid; about {total} and {size_text(made.memory_bytes) or 'no memory'}.")
+
+
+def _rows(made: Plan) -> list[tuple[str, PlannedStage, int]]:
+    """Name, stage and number of pictures of each line: a calibration's that are alike are one."""
+    rows: list[tuple[str, PlannedStage, int]] = []
+    for stage in made.stages:
+        if rows and stage.pose is not None:
+            name, before, count = rows[-1]
+            same = (before.camera, before.state, before.reason)
+            if before.pose is not None and same == (stage.camera, stage.state, stage.reason):
+                together = replace(before, seconds=before.seconds + stage.seconds)
+                first = name.split("..")[0]
+                rows[-1] = (f"{first}..{stage.pose:04d}", together, count + 1)
+                continue
+        rows.append((stage.name, stage, 1))
+    return rows
 
 
 def _print_report(report: Report, folder: Path) -> None:

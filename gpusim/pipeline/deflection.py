@@ -16,13 +16,18 @@ import numpy.typing as npt
 from gpusim.export.files import safe_name, write_text
 from gpusim.input_file import Reader, read_input
 from gpusim.output_folder import inside
+from gpusim.pipeline.projection_error import PARTS
 from gpusim.scene import model as m
 
 __all__ = ["DeflectionResult", "unrefined_text"]
 
 Array = npt.NDArray[np.float64]
+_TWO = ("axis_error_mm", "plane_error_mm", "lens_error_mm")
 MOST_TILT_DEG = 1.0
 """Beyond it one scale coefficient is off by more than 0.015 %."""
+LEAST_SHARE, SIGMAS = 1e-3, 3.0
+"""An error of projection is told from this share of the largest displacement, and this many
+standard uncertainties, on."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +43,8 @@ class DeflectionResult:
     and the refined centres. ``saturated``: markers with clipped pixels. ``unrefined``: markers
     measured by correlation alone, because their cross couldn't be fitted.
     ``tilt_deg``: how far the camera looks off the normal of the plane it measures in.
+    ``axis_error_mm``, ``plane_error_mm``, ``lens_error_mm`` (M, 2), ``towards_mm`` (M,): what one
+    scale for the image makes of the true motion (`projection_error`).
     """
 
     name: str
@@ -63,6 +70,10 @@ class DeflectionResult:
     saturated: tuple[str, ...]
     unrefined: tuple[str, ...]
     tilt_deg: float
+    axis_error_mm: Array
+    plane_error_mm: Array
+    lens_error_mm: Array
+    towards_mm: Array
     curves: dict[str, Array]
 
     @property
@@ -88,7 +99,48 @@ class DeflectionResult:
                 f"normal of the plane {self.axes[0][1]}-{self.axes[1][1]}; one scale for the image "
                 f"reads displacements up to {short:.2g} % short"
             )
+        return found + self._projection()
+
+    def _projection(self) -> list[str]:
+        """What one scale for the whole image adds to the measured values."""
+        parts = {"axis": self.axis_error_mm, "plane": self.plane_error_mm,
+                 "lens": self.lens_error_mm}  # fmt: skip
+        found = []
+        for part, errors in parts.items():
+            if not len(errors):
+                continue
+            size = np.nan_to_num(np.linalg.norm(errors, axis=1))
+            worst = int(np.argmax(size))
+            if not size[worst] > max(LEAST_SHARE * self._largest(), SIGMAS * self._noise()):
+                continue
+            k = int(np.argmax(np.abs(errors[worst])))
+            wrong = self.measured_mm[worst, k] - self.true_mm[worst, k]
+            measured = (
+                f"explains {errors[worst, k]:+.3g} mm of the error of {wrong:+.3g} mm"
+                if np.isfinite(wrong)
+                else f"makes an error of {errors[worst, k]:+.3g} mm"
+            )
+            why = PARTS[part]
+            if part == "axis":
+                comes = self.towards_mm[worst]
+                way = "towards" if comes > 0 else "away from"
+                why += f": {self.marker[worst]} moves {abs(comes):.3g} mm {way} the camera; that"
+            else:
+                why += ": that"
+            found.append(
+                f"measure {self.name!r}: {why} {measured} along {self.axes[k]} at "
+                f'{self.marker[worst]}; several cameras ([[measure]] type = "stereo") measure '
+                "in space"
+            )
         return found
+
+    def _largest(self) -> float:
+        """The largest true displacement in the image's plane, mm."""
+        return float(np.linalg.norm(self.true_mm, axis=1).max(initial=0.0))
+
+    def _noise(self) -> float:
+        known = self.sigma_mm[np.isfinite(self.sigma_mm)]
+        return float(np.median(known)) if known.size else 0.0
 
     def _lost(self) -> list[str]:
         lost = [
@@ -142,12 +194,14 @@ class DeflectionResult:
         file = read(str(inside(folder, f"{safe_name(spec.name)}.json")))
         values = json.loads(file.data)
         values.setdefault("unrefined", [])  # earlier runs didn't say
+        for name in (*_TWO, "towards_mm"):
+            values.setdefault(name, [])
         for item in fields(DeflectionResult):
             value = values[item.name]
             if item.name == "curves":
                 values[item.name] = {g: _array(c, (3, 0)) for g, c in value.items()}
             elif item.type == "Array":
-                shape = (0, 2) if item.name == "static_px" else (0,)
+                shape = (0, 2) if item.name in ("static_px", *_TWO) else (0,)
                 values[item.name] = _array(value, shape)
             elif isinstance(value, list):
                 values[item.name] = tuple(value)

@@ -18,10 +18,11 @@ from gpusim.errors import GpusimError, InputError
 from gpusim.optics.camera import Camera
 from gpusim.pipeline.build import BodyParts
 from gpusim.pipeline.found import LEAST_WIDTH, arms_of, find_near, fit_near, size_range
+from gpusim.pipeline.grey_levels import level_warnings
 from gpusim.scene import Scene
 from gpusim.scene import model as m
 
-__all__ = ["Followed", "MarkerSet", "collect_markers", "follow_markers"]
+__all__ = ["Followed", "MarkerSet", "check_widths", "collect_markers", "follow_markers"]
 
 Array = npt.NDArray[np.float64]
 SUBSET_SHARE = 0.95
@@ -127,20 +128,14 @@ def follow_markers(
     marker that is too small, GpusimError if none is found.
     """
     expected = camera.project(marks.position)
-    widths = camera.K[0, 0] * marks.size / camera.to_camera(marks.position)[:, 2]
-    narrow = int(np.argmin(widths))
-    if not 0.95 * widths[narrow] >= LEAST_WIDTH:
-        raise InputError(
-            f"{what}: marker {marks.names[narrow]!r} is too small for camera {camera.name!r}; got "
-            f"a width of {widths[narrow]:.1f} px; expected more than {LEAST_WIDTH / 0.95:.1f} px "
-            "(a larger marker, a longer lens or more pixels)"
-        )
+    widths = check_widths(what, marks, camera)
     found = find_near(reference, expected, widths)
     points, arms, known = found.points, found.arms.copy(), found.known
     if not known[: marks.count].any():
         raise GpusimError(
             f"{what}: no marker of {sorted(set(marks.group_names[: marks.count]))} was found in "
             f"the first image of camera {camera.name!r}; expected {marks.count}"
+            + "".join(f"; the image {text}" for text in level_warnings(reference, bits))
         )
     rows = np.flatnonzero(known)
     chains = _chains(rows, marks.count, len(points))
@@ -189,6 +184,19 @@ def follow_markers(
         subset=side,
         tracking_px=float(np.sqrt(np.mean(close**2))) if close.size else float("nan"),
     )
+
+
+def check_widths(what: str, marks: MarkerSet, camera: Camera) -> Array:
+    """Widths (M,) px of the markers; raises InputError for one that is too small."""
+    widths: Array = camera.K[0, 0] * marks.size / camera.to_camera(marks.position)[:, 2]
+    narrow = int(np.argmin(widths))
+    if not 0.95 * widths[narrow] >= LEAST_WIDTH:
+        raise InputError(
+            f"{what}: marker {marks.names[narrow]!r} is too small for camera {camera.name!r}; got "
+            f"a width of {widths[narrow]:.1f} px; expected more than {LEAST_WIDTH / 0.95:.1f} px "
+            "(a larger marker, a longer lens or more pixels)"
+        )
+    return widths
 
 
 def _rescue(

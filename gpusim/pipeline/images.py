@@ -28,6 +28,7 @@ from gpusim.optics.truth import BAND
 from gpusim.optics.unchanged import same_surfaces, unseen_change
 from gpusim.output_folder import inside
 from gpusim.pipeline.cameras import build_camera
+from gpusim.pipeline.grey_levels import level_warnings
 from gpusim.pipeline.notes import Notes
 from gpusim.pipeline.photo import build_lens, build_sensor, build_shutter, moving, opening
 from gpusim.pipeline.window import Window, whole, window_of
@@ -104,6 +105,7 @@ class Photographer:
         self._last: tuple[str, int, Frame] | None = None
         self._shown: Sequence[Surface] = ()
         self._full_scale: dict[str, float] = {}
+        self._badly: set[str] = set()
         self._warnings: list[str] = []
 
     def forget(self) -> None:
@@ -197,6 +199,7 @@ class Photographer:
         common = self.scene.sensor
         number = common.series * SERIES + frame
         image = sensor.expose(linear, common.seed, number, f"{self.kind}{camera.name}")
+        self._look_at(image, sensor, camera.name, frame)
         if window is not None:
             image = window.placed(image, build_camera(camera, self.scene.input))
         wide = camera.sensor[0]
@@ -215,6 +218,13 @@ class Photographer:
     def _adapter(self) -> str:
         return "none (numpy backend)" if self.device is None else self.device.name
 
+    def _look_at(self, image: npt.NDArray[Any], sensor: Sensor, camera: str, frame: int) -> None:
+        """Warn of the first picture of a camera whose grey values are bad."""
+        texts = level_warnings(image, sensor.bits, sensor.black_level)
+        if texts and camera not in self._badly:
+            self._badly.add(camera)
+            self._warnings += [f"image {self.kind}{frame:04d} of {camera} {t}" for t in texts]
+
     def _window(self, camera: m.Camera, frame: int) -> Window | None:
         """The part of a target's image that isn't background, if nothing acts on that as well."""
         if not self.kind or not self.skip or self.scene.render.background > 0.0:
@@ -232,7 +242,16 @@ class Photographer:
         file = self._exposure_file(camera)
         if frame == 0:
             like = build_sensor(spec, camera, 1.0)
-            sensor = Sensor.auto_exposed(linear, like=like)
+            try:
+                sensor = Sensor.auto_exposed(linear, like=like)
+            except InputError:
+                lamps = ", ".join(repr(light.name) for light in self.scene.lights)
+                why = f"none of the lights {lamps} reaches what it sees" if lamps else (
+                    "what it sees has albedo 0")  # fmt: skip
+                raise InputError(
+                    f"camera {camera.name!r}: image {self.kind}{frame:04d} is black, there is "
+                    f"nothing to expose it for: {why}, or it sees nothing"
+                ) from None
             self._full_scale[camera.name] = sensor.full_scale
             write_text(file, json.dumps({"full_scale_radiance": sensor.full_scale}) + "\n")
             return sensor

@@ -14,11 +14,13 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim import measure
+from gpusim.errors import GpusimError
 from gpusim.optics.camera import Camera
 from gpusim.pipeline.build import BodyParts
 from gpusim.pipeline.cameras import build_camera
 from gpusim.pipeline.deflection import DeflectionResult
-from gpusim.pipeline.following import collect_markers, follow_markers
+from gpusim.pipeline.following import MarkerSet, collect_markers, follow_markers
+from gpusim.pipeline.projection_error import projection_error
 from gpusim.scene import Scene
 from gpusim.scene import model as m
 
@@ -46,7 +48,7 @@ def measure_deflection(
     InputError
         A marker is too small in the image, or behind the camera.
     GpusimError
-        No marker could be found in the reference image.
+        Fewer than two markers could be found in the reference image.
     """
     camera = build_camera(next(c for c in scene.cameras if c.name == spec.camera), scene.input)
     what = f"measure {spec.name!r}"
@@ -61,6 +63,11 @@ def measure_deflection(
     position = marks.position[:count]
     axes, plane = _image_axes(camera)
     ok = seen.found[:count]
+    if np.count_nonzero(ok) < 2:
+        raise GpusimError(
+            f"{what}: only marker {marks.names[int(np.argmax(ok))]!r} of {count} was found in the "
+            f"first image of camera {camera.name!r}; expected two at least: a scale needs two"
+        )
     scale = measure.scale_coefficient(points[:count][ok], 1e3 * position[ok] @ plane.T)
     motion = None
     if np.isfinite(moved[count:]).all(axis=1).any():
@@ -74,7 +81,9 @@ def measure_deflection(
         camera=motion,
     )
     corrected = moved[:count] - (motion.displacement(points[:count]) if motion else 0.0)
-    truth, curves = _truth(marks.groups, bodies, displacement, last, plane)
+    start, motion_m = _motion(marks, bodies, displacement, last)
+    errors = projection_error(camera, position + start, motion_m, plane, scale)
+    curves = _curves(marks.groups, bodies, displacement, last, plane)
     return DeflectionResult(
         name=spec.name,
         camera=spec.camera,
@@ -87,7 +96,7 @@ def measure_deflection(
         points_px=points[:count],
         displacement_px=corrected,
         measured_mm=line.displacement_mm,
-        true_mm=truth,
+        true_mm=1e3 * motion_m @ plane.T,
         sigma_mm=line.sigma_mm,
         static_px=moved[count:],
         mm_per_px=scale.mm_per_px,
@@ -99,6 +108,10 @@ def measure_deflection(
         unrefined=seen.by_correlation(count),
         tilt_deg=_tilt(camera, plane),
         tracking_px=seen.tracking_px,
+        axis_error_mm=errors.axis,
+        plane_error_mm=errors.plane,
+        lens_error_mm=errors.lens,
+        towards_mm=errors.towards_mm,
         curves=curves,
     )
 
@@ -127,27 +140,41 @@ def _image_axes(camera: Camera) -> tuple[tuple[str, str], Array]:
     return (names[0], names[1]), np.array(rows)
 
 
-def _truth(
+def _motion(
+    marks: MarkerSet, bodies: Sequence[BodyParts], displacement: Displacement, last: int
+) -> tuple[Array, Array]:
+    """True displacements (M, 3) in m of the markers on bodies in the first frame, and from there
+    to the last."""
+    parts, first = [], 0
+    for body, paint in marks.groups:
+        own = marks.position[first : first + len(paint.markers)]
+        first += len(own)
+        nodes, weights = bodies[body].skin.locate(own)
+        u = np.stack([displacement(body, 0), displacement(body, last)])
+        parts.append(np.einsum("mk,fmka->fma", weights, u[:, nodes]))
+    start, end = np.concatenate(parts, axis=1)
+    return start, end - start
+
+
+def _curves(
     groups: Sequence[tuple[int, m.Markers]],
     bodies: Sequence[BodyParts],
     displacement: Displacement,
     last: int,
     plane: Array,
-) -> tuple[Array, dict[str, Array]]:
-    """True displacement in the image's plane at the markers (M, 2) mm, and a curve per group."""
-    at_markers, curves = [], {}
+) -> dict[str, Array]:
+    """Per group the place along it and the true displacement in the image's plane, mm."""
+    curves = {}
     for body, paint in groups:
         skin, u = bodies[body].skin, displacement(body, last) - displacement(body, 0)
         own = np.array([marker.position for marker in paint.markers])
-        nodes, weights = skin.locate(own)
-        at_markers.append(1e3 * np.einsum("mk,mka->ma", weights, u[nodes]) @ plane.T)
         share = np.linspace(0.0, 1.0, TRUTH_POINTS)[:, None]
         line = own[0] + share * (own[-1] - own[0])
         nodes, weights = skin.locate(line)
         along = 1e3 * np.linalg.norm(line - own[0], axis=1)
         values = 1e3 * np.einsum("mk,mka->ma", weights, u[nodes]) @ plane.T
         curves[paint.name] = np.concatenate([along[None], values.T])
-    return np.concatenate(at_markers), curves
+    return curves
 
 
 def _true_scale(camera: Camera, position: Array) -> float:

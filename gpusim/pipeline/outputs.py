@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.errors import GpusimError
 from gpusim.output_folder import inside
 from gpusim.pipeline.deflection import DeflectionResult
 from gpusim.pipeline.images import image_path
@@ -41,7 +42,7 @@ from gpusim.scene import Scene
 from gpusim.scene import model as m
 from gpusim.scene.cost import effects
 
-__all__ = ["Findings", "make_report", "write_page"]
+__all__ = ["Findings", "make_report", "said", "write_page"]
 
 Array = npt.NDArray[np.float64]
 GOAL = 1e-3
@@ -273,3 +274,8 @@ def _links(out: Path, files: frozenset[Path]) -> tuple[Link, ...]:
     for label, suffix in (("Solution for ParaView", ".pvd"), ("Measured points", ".csv")):
         links += [Link(label, file) for file in sorted(files) if file.suffix == suffix]
     return tuple(links)
+
+
+def said(error: Exception) -> str:
+    """The message, with the error's type where it isn't one of gpusim's own."""
+    return str(error) if isinstance(error, GpusimError) else f"{type(error).__name__}: {error}"

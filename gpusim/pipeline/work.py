@@ -22,12 +22,19 @@ from gpusim.gpu import Device, default_device
 from gpusim.gpu.beforehand import meanwhile, not_needed
 from gpusim.input_file import InputFile
 from gpusim.output_folder import delete, inside
-from gpusim.pipeline import images, measurements
+from gpusim.pipeline import images, measurements, outputs
 from gpusim.pipeline.album import Album
+from gpusim.pipeline.beforehand import (
+    build_things,
+    geometry_warnings,
+    linear_theory,
+    with_doubts,
+)
 from gpusim.pipeline.build import build_body, build_lights
 from gpusim.pipeline.corners import read_corners, write_corners
 from gpusim.pipeline.files import check_field, check_views
 from gpusim.pipeline.kept import KeptMarkers
+from gpusim.pipeline.learning import learn
 from gpusim.pipeline.memory import check_memory
 from gpusim.pipeline.meshing import mesh_summary, size_warnings_of
 from gpusim.pipeline.notes import Made, Notes
@@ -47,6 +54,7 @@ from gpusim.report import (
 from gpusim.scene import Scene
 from gpusim.scene import model as m
 from gpusim.scene.amplitudes import LoadHistory
+from gpusim.speed import Speed
 from gpusim.state import StateFile
 
 if TYPE_CHECKING:
@@ -56,11 +64,6 @@ if TYPE_CHECKING:
 __all__ = ["Progress", "Work"]
 
 Progress = Callable[[str, float, str], None]
-
-
-def _said(error: Exception) -> str:
-    """The message, with the error's type where it isn't one of gpusim's own."""
-    return str(error) if isinstance(error, GpusimError) else f"{type(error).__name__}: {error}"
 
 
 class Work:
@@ -73,11 +76,19 @@ class Work:
         self.scene, self.out, self.progress = scene, out.resolve(), progress
         self.backend, self.skip, self.reuse = backend, skip, skip and not fresh
         self.history = LoadHistory(scene, scaled=skip)
-        self.state = StateFile(self.out)
-        self.options = backend, fresh, skip
-        self.plan: Plan = make_plan(scene, self.out, *self.options, state=self.state)
+        self.state, self.speed = StateFile(self.out), Speed.read(backend)
+        self.options: dict[str, Any] = {
+            "backend": backend, "fresh": fresh, "skip": skip, "state": self.state,
+            "speed": self.speed,
+        }  # fmt: skip
+        self.plan: Plan = make_plan(scene, self.out, **self.options)
         self.stages: list[Stage] = []
         self.warnings: list[str] = []
+        self.doubts: list[str] = []
+        """What the unloaded geometry makes doubtful."""
+        self.told: Notes | None = None
+        """That, and how far linear theory is off; kept for runs that reuse all."""
+        self.shown: Things | None = None
         self.note = ""
         self.notes: dict[str, Notes] = {}
         self.things = Things(scene, self.history)
@@ -107,7 +118,7 @@ class Work:
             if done is not None:
                 return done
             # a result that was to be reused is damaged: its stage runs after all
-            self.plan = make_plan(self.scene, self.out, *self.options, state=self.state)
+            self.plan = make_plan(self.scene, self.out, **self.options)
 
     def _begun(self) -> Callable[[], Report] | None:
         """As `begin`; None if what is kept of an earlier run can't be used, and is forgotten."""
@@ -141,9 +152,18 @@ class Work:
             self._stage(self.plan["measure"], self._measure)
             self._stage(self.plan["stress"], self._stress)
             self._stage(self.plan["export"], self._export)
+            if self.told is None:
+                self.told = self._judged()
+                self.state.record("report", self.plan["report"].key, [], self.told.content())
+        learn(self.speed, self.plan, self.stages, "" if self.device is None else self.device.name)
         if self.stresses is not None:
             self.stresses.close()
         return work_report(self)
+
+    def _judged(self) -> Notes:
+        errors = linear_theory(self.shown, self.things.solved)
+        warnings = (*self.doubts, *(error.warning for error in errors if error.warning))
+        return Notes(warnings, facts={f"linear statics, {one.body}": one.fact for one in errors})
 
     @contextmanager
     def _failures(self) -> Iterator[None]:
@@ -151,7 +171,10 @@ class Work:
         try:
             yield
         except Exception as error:
-            write_report(work_report(self, failure=_said(error)), self.out)
+            told = with_doubts(error, self.doubts)
+            write_report(work_report(self, failure=outputs.said(told)), self.out)
+            if told is not error:
+                raise told from error
             raise
 
     # -- the frame around each stage -------------------------------------------------------
@@ -200,6 +223,12 @@ class Work:
 
         for name, work in (("mesh", meshes), ("model", models), ("surface", surfaces)):
             self._timed(self.plan[name], work if self.plan[name].runs else None)
+        kept = self.state.notes(self.plan["report"].key) if self.reuse else None
+        self.told = None if kept is None else Notes.of(kept)
+        if self.told is None:
+            built = self.plan["surface"].runs
+            self.shown = self.things if built else build_things(scene, self.history)
+            self.doubts = [] if self.shown is None else geometry_warnings(self.shown)
 
     def _stage(
         self,
@@ -226,7 +255,7 @@ class Work:
                 text = work()
             except Exception as error:
                 seconds = time.perf_counter() - started
-                self.stages.append(Stage(planned.name, "failed", _said(error), seconds))
+                self.stages.append(Stage(planned.name, "failed", outputs.said(error), seconds))
                 raise
         seconds = time.perf_counter() - started
         self.stages.append(Stage(planned.name, planned.state, planned.reason, seconds))

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from gpusim._version import __version__
 from gpusim.gpu import Device
-from gpusim.pipeline.mechanics import large_displacements, make_mechanics
+from gpusim.pipeline.mechanics import make_mechanics
 from gpusim.pipeline.notes import Notes
 from gpusim.pipeline.outputs import Findings, make_report
 from gpusim.report import Mechanics, Report, SolutionSummary
@@ -82,11 +82,11 @@ def _mechanics(work: Work) -> Mechanics | None:
 
 
 def _warnings(work: Work) -> tuple[str, ...]:
-    meshes, solved = work.notes.get("mesh", Notes()).meshes, work.things.solved
+    solved = work.things.solved
     return (
         *work.plan.warnings,
         *(solved.warnings if solved else ()),
-        *(large_displacements(solved, work.history, meshes) if solved and meshes else ()),
+        *(work.doubts if work.told is None else work.told.warnings),
         *work.warnings,
         *(text for result in work.results for text in result.warnings),
         *(text for notes in _noted(work) for text in notes.warnings),
@@ -94,7 +94,7 @@ def _warnings(work: Work) -> tuple[str, ...]:
 
 
 def _facts(work: Work) -> dict[str, str]:
-    facts: dict[str, str] = {}
+    facts = dict(work.told.facts) if work.told else {}
     for notes in _noted(work):
         facts |= notes.facts
     return facts | work.seconds

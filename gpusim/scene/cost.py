@@ -1,8 +1,8 @@
 """Rough cost of a run, from the scene's numbers alone: what ``gpusim plan`` prints.
 
-The rates are those of two CPU cores with a software Vulkan device; a GPU needs less. Shaders are
-compiled when they are first used, which takes longer than most images; the driver keeps them for
-later runs, at a quarter of the time.
+The rates are those of two CPU cores with a software Vulkan device; `gpusim.speed` knows how this
+machine compares. Shaders are compiled when they are first used, which takes longer than most
+images; the driver keeps them for later runs, at a quarter of the time.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from .counts import element_counts, mesh_words
 from .model import Camera, Markers, Paint
 from .scene import Scene
 
-__all__ = ["KEPT", "compiled_for", "describe", "effects", "estimate"]
+__all__ = ["KEPT", "compiled_for", "describe", "effects", "estimate", "target_seconds"]
 
 KEPT = 0.25
 """Share of the time to compile a shader that it takes to load one that the driver has kept."""
@@ -79,8 +79,15 @@ def compiled_for(scene: Scene, camera: Camera) -> dict[str, float]:
 def _per_image(scene: Scene) -> tuple[float, float]:
     """Seconds of one rendering: for any, and per pixel."""
     if any(getattr(light, "occlusion", False) for light in scene.lights):
-        return 1.0, 3.4e-7
-    return (0.5, 2.4e-7) if scene.lights else (0.15, 1e-7)
+        return 0.6, 1.7e-7
+    return (0.2, 7e-8) if scene.lights else (0.1, 4e-8)
+
+
+def target_seconds(camera: Camera) -> float:
+    """Seconds of a calibration target's picture, and of what is found in it while others are
+    taken: nothing is drawn but where the target is."""
+    pixels = camera.resolution[0] * camera.resolution[1]
+    return (0.08 + 7e-9 * pixels) * _renderings(camera)
 
 
 def _renderings(camera: Camera) -> float:
@@ -116,13 +123,13 @@ def estimate(scene: Scene) -> Cost:
     steps = len(scene.analysis.load_factors)
     return {
         "mesh": (200 * nodes, 0.05 + 2e-6 * nodes),
-        "model": (100 * nodes, 0.02 + 1e-6 * nodes),
-        "solve": (4_500 * nodes, 1.0 + 8e-5 * nodes),
+        "model": (100 * nodes, 0.5 + 1e-6 * nodes),
+        "solve": (4_500 * nodes, 0.2 + 2e-5 * nodes),
         "surface": (200 * nodes, 0.05 + 2e-6 * elements),
         "render": (16 * pixels, (fixed + per_pixel * pixels) * most),
         "truth": (40 * pixels, frames * (0.2 + 1e-8 * layers * pixels)),
-        "measure": (12 * pixels, 0.3 + 0.01 * markers + 1e-7 * pixels * len(scene.measures)),
+        "measure": (12 * pixels, 0.3 + 0.01 * markers + 2e-8 * pixels * len(scene.measures)),
         "stress": (600 * elements, 0.1 + steps * 2e-5 * elements),
         "export": (300 * nodes, steps * (0.1 + 4e-6 * elements)),
-        "report": (6 * pixels, 0.7 + 1e-7 * pixels),
+        "report": (6 * pixels, 1.0 + 2e-8 * pixels),
     }

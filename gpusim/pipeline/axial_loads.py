@@ -1,0 +1,78 @@
+"""Loads along the axis of a camera that measures a deflection: its image shows no such motion."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.optics.camera import Camera
+from gpusim.pipeline.cameras import build_camera
+from gpusim.scene import Scene
+from gpusim.scene import model as m
+
+__all__ = ["axial_loads"]
+
+Array = npt.NDArray[np.float64]
+LEAST_ERROR = 1e-3
+"""Of the motion; a structure that yields to its loads alike in all directions is off so far."""
+
+
+def axial_loads(scene: Scene) -> list[str]:
+    """A sentence for each load that moves what a single camera measures along its axis."""
+    found = []
+    for spec in scene.measures:
+        if not isinstance(spec, m.Deflection):
+            continue
+        camera = build_camera(next(one for one in scene.cameras if one.name == spec.camera))
+        forward = camera.camera_from_world[2, :3]
+        for body in scene.bodies:
+            paints = [
+                paint for paint in body.paints
+                if isinstance(paint, m.Markers) and paint.name in spec.groups
+            ]  # fmt: skip
+            if not paints:
+                continue
+            places = np.array([one.position for paint in paints for one in paint.markers])
+            slope = _steepest(camera, places)
+            for name, vector in _vectors(body):
+                share = float(vector @ forward) / float(np.linalg.norm(vector))
+                if not abs(share) * slope > LEAST_ERROR:
+                    continue
+                found.append(
+                    f"measure {spec.name!r}: {name} acts along the axis of camera {camera.name!r} "
+                    f"with {100 * abs(share):.2g} % of its size; motion along the axis changes the "
+                    f"scale: 1 mm of it reads as up to {slope:.2g} mm across"
+                )
+    return found
+
+
+def _steepest(camera: Camera, places: Array) -> float:
+    """How far off the axis markers are, over their distance: the greatest."""
+    x, y, z = camera.to_camera(places).T
+    ahead = z > 0.0
+    return float((np.hypot(x, y)[ahead] / z[ahead]).max(initial=0.0))
+
+
+def _vectors(body: m.Body) -> Iterator[tuple[str, Array]]:
+    """What acts on a body in a known direction, with its name."""
+    for load in body.loads:
+        if not any(load.amplitude):
+            continue
+        vector = None
+        if isinstance(load, m.Force | m.NodalForce | m.LineForce):
+            vector = np.array(load.force)
+        elif isinstance(load, m.Traction):
+            vector = np.array(load.traction)
+        elif isinstance(load, m.Gravity):
+            vector = np.array(load.acceleration)
+        elif isinstance(load, m.Pressure) and load.where.normal is not None:
+            vector = np.zeros(3)
+            vector["xyz".index(load.where.normal[1])] = 1.0
+        if vector is not None and vector.any():
+            yield f"load {load.name!r}", vector
+    for support in body.supports:
+        moved = np.array(support.displacement)
+        if moved.any() and any(support.amplitude):
+            yield f"the displacement of support {support.name!r}", moved

@@ -1,0 +1,216 @@
+"""What is doubtful about a scene or a run is said, with its number."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+import gpusim as gs
+from gpusim.errors import InputError
+from gpusim.mesh import boundary_faces, box
+from gpusim.pipeline import run
+from gpusim.pipeline.beforehand import warnings_beforehand
+from gpusim.pipeline.grey_levels import level_warnings
+from gpusim.pipeline.pattern_scale import pixels_per_metre
+from gpusim.pipeline.projection_error import projection_error
+from gpusim.pipeline.viewing import winding_numbers
+from gpusim.scene import Scene
+
+Float = npt.NDArray[np.float64]
+TOWARDS = {"body.crane.load.weight.force_N": [0.0, -8000.0, -2000.0]}
+
+
+def markers(name: str, place: dict[str, Any], **where: Any) -> dict[str, Any]:
+    return {"name": name, "type": "markers", "albedo": 0.56, "size_mm": 40.0, **place, **where}
+
+
+def line(start: list[float], end: list[float]) -> dict[str, Any]:
+    return {"line": {"start_mm": start, "end_mm": end, "count": 4}}
+
+
+WALL = [[-120.0, 150.0, 80.0], [-120.0, 150.0, 470.0], [170.0, 150.0, 110.0], [480.0, 150.0, 410.0]]
+MINI: dict[str, Any] = {
+    "schema": 1, "name": "Mini crane",
+    "material": [{"name": "steel", "youngs_modulus_GPa": 210.0, "poissons_ratio": 0.3,
+                  "density_kg_m3": 7850.0}],
+    "body": [{
+        "name": "crane", "material": "steel", "formulation": "incompatible",
+        "mesh": {"builder": "crane", "height_mm": 562.0, "foot_mm": 70.0, "length_mm": 597.0,
+                 "column_thickness_mm": 40.0, "beam_thickness_mm": 40.0, "width_mm": 40.0,
+                 "load_length_mm": 108.0, "element_mm": 20.0, "through": 1, "across": 2},
+        "support": [{"name": "clamp", "where": {"set": "foot"}, "fix": ["x", "y", "z"]}],
+        "load": [{"name": "weight", "type": "force", "force_N": [0.0, 0.0, -13000.0],
+                  "where": {"normal": "+z", "x_min_mm": 489.0, "z_min_mm": 600.0}}],
+        "paint": [
+            markers("column", line([20.0, -20.0, 60.0], [20.0, -20.0, 500.0]),
+                    where={"normal": "-y", "z_max_mm": 562.0, "x_max_mm": 40.0}),
+            markers("beam", line([100.0, -20.0, 582.0], [560.0, -20.0, 582.0]),
+                    where={"normal": "-y", "z_min_mm": 562.0}),
+        ],
+    }],
+    "prop": [{"name": "wall", "center_mm": [300.0, 150.0, 290.0], "normal": [0.0, -1.0, 0.0],
+              "size_mm": [1800.0, 1300.0], "paint": [markers("static", {"positions_mm": WALL})]}],
+    "camera": [{"name": "front", "sensor_mm": [36.0, 27.0], "resolution_px": [400, 300],
+                "focal_mm": 30.0, "position_mm": [300.0, -1020.0, 290.0],
+                "target_mm": [300.0, -20.0, 290.0], "up": [0.0, 0.0, 1.0]}],
+    "measure": [{"name": "deflection", "type": "deflection", "camera": "front",
+                 "groups": ["column", "beam"], "static": ["static"], "direction": "-z"}],
+}  # fmt: skip
+
+
+def mini(changes: dict[str, Any] | None = None, **sections: Any) -> Scene:
+    """A small crane seen in 400 x 300 px without lights."""
+    return Scene.from_document({**MINI, **sections}, overrides=changes or {})
+
+
+def test_motion_towards_the_camera_explains_the_error(tmp_path: Path) -> None:
+    scene = mini(TOWARDS)
+    report = run(scene, tmp_path / "toward", backend="numpy")
+    tip = report.measurements[0]
+    assert tip.error < -0.5 * tip.truth
+    (warning,) = [w for w in report.warnings if "motion along the camera's axis" in w]
+    # by hand: with the depth d less by v, what is at height h over the axis reads h d / (d - v)
+    found = json.loads((tmp_path / "toward" / "measure" / "deflection.json").read_text())
+    z = found["position_mm"][-1][2] - scene.cameras[0].target[2] * 1e3  # type: ignore[index]
+    depth = 1e3 * (-0.02 - scene.cameras[0].position[1])  # type: ignore[index]
+    come, fall = found["towards_mm"][-1], found["true_mm"][-1][1]
+    by_hand = (z + fall) * depth / (depth - come) - z - fall
+    assert abs(found["axis_error_mm"][-1][1] - by_hand) <= 2e-3 * abs(by_hand)
+    assert f"moves {come:.3g} mm towards the camera" in warning
+    # what is left unexplained is what markers are measured to
+    assert abs(-tip.error - found["axis_error_mm"][-1][1]) <= 0.1
+    assert any("load 'weight' acts along the axis" in w for w in report.warnings)
+
+
+def test_parts_of_a_projection_error_add_up() -> None:
+    camera = gs.Camera.from_lens(
+        (36.0, 24.0),
+        30.0,
+        (360, 240),
+        (0.1, -1.0, 0.2),
+        (0.0, 0.0, 0.1),
+        distortion=[-0.1, 0.02, 0, 0],
+    )
+    place = np.array([[0.0, 0.0, 0.0], [0.2, 0.01, 0.1], [0.1, 0.0, 0.3], [-0.1, 0.02, 0.2]])
+    moved = np.array([[0.0, 0.0, 0.0], [1e-3, 2e-3, -3e-3], [0.0, -5e-3, 1e-3], [2e-3, 0.0, 0.0]])
+    plane = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    scale = gs.measure.scale_coefficient(camera.project(place), 1e3 * place @ plane.T)
+    found = projection_error(camera, place, moved, plane, scale)
+    whole = scale.vectors(camera.project(place + moved) - camera.project(place))
+    error = whole - 1e3 * moved @ plane.T
+    assert np.abs(found.axis + found.plane + found.lens - error).max() <= 1e-12
+    assert (found.axis[0] == 0.0).all() and np.abs(found.axis[2]).max() > 0.5
+    assert np.abs(found.lens[3]).max() > 3e-3 and np.abs(found.plane[3]).max() > 3e-3
+
+
+def test_the_examples_raise_no_doubts(checkout: Path) -> None:
+    for name in ("crane", "crane_stereo", "strip", "bimetal"):
+        assert warnings_beforehand(gs.load_scene(checkout / "examples" / f"{name}.toml")) == []
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "said"),
+    [
+        ("camera.front.target_mm", [300.0, -9000.0, 290.0], "sees no surface: everything is beh"),
+        ("camera.front.target_mm", [9000.0, -20.0, 290.0], "lies left of its image"),
+        ("camera.front.position_mm", [20.0, 0.0, 300.0], "'front' is inside 'crane': move it out"),
+        ("camera.front.position_mm", [300.0, -2e12, 290.0], "sees all surfaces within"),
+        ("camera.front.position_mm", [300.0, 2000.0, 290.0], "(hidden by 'wall')"),
+        ("camera.front.resolution_px", [80, 60], "is too small for camera 'front'"),
+    ],
+)  # fmt: skip
+def test_a_camera_that_sees_no_marker(tmp_path: Path, key: str, value: Any, said: str) -> None:
+    scene = mini({key: value})
+    with pytest.raises(InputError) as error:
+        warnings_beforehand(scene)
+    assert said in str(error.value) and "'front'" in str(error.value)
+    with pytest.raises(InputError):
+        run(scene, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+    if "small" not in said:  # without a measure it is a warning, of the wall none
+        texts = warnings_beforehand(mini({key: value}, measure=[]))
+        assert [said in text for text in texts] == ([] if "hidden" in said else [True])
+
+
+def lamp(place: list[float]) -> dict[str, Any]:
+    return {"name": "lamp", "type": "point", "position_mm": place, "power_W": 5.0}
+
+
+def test_a_lamp_inside_a_body() -> None:
+    (text,) = warnings_beforehand(mini(light=[lamp([20.0, 1.0, 300.0])]))
+    assert text == "light 'lamp' is inside 'crane': nothing outside is lit by it"
+    assert warnings_beforehand(mini(light=[lamp([20.0, -21.0, 300.0])])) == []
+
+
+def test_winding_numbers() -> None:
+    mesh = box((0.3, 0.2, 0.1), (3, 2, 1), origin=(5e5, 5.2e6, 300.0))
+    faces = boundary_faces(mesh)
+    surface = gs.Surface(mesh.points, faces.nodes[:, :4], gs.paint.Plain(0.5))
+    inside = np.array([5e5 + 0.299, 5.2e6 + 0.1, 300.05])
+    outside = np.array([5e5 + 0.301, 5.2e6 + 0.1, 300.05])
+    turned = gs.Surface(mesh.points, faces.nodes[:, 3::-1], gs.paint.Plain(0.5))
+    places = np.stack([inside, outside])
+    assert np.allclose(winding_numbers(surface, places), [1.0, 0.0], atol=1e-6)
+    assert np.allclose(winding_numbers(turned, places), [-1.0, 0.0], atol=1e-6)
+
+
+def speckled(diameter: float) -> Scene:
+    """A square plate of 40 mm in 800 px at 400 mm: 0.5 mm per 10 px."""
+    speckle = {
+        "name": "speckle",
+        "type": "speckle",
+        "albedo": 0.9,
+        "diameter_mm": diameter,
+        "coverage": 0.5,
+    }
+    return Scene.from_document({
+        "schema": 1, "name": "plate",
+        "prop": [{"name": "plate", "center_mm": [0.0, 0.0, 0.0], "normal": [0.0, -1.0, 0.0],
+                  "size_mm": [60.0, 60.0], "paint": [speckle]}],
+        "camera": [{"name": "front", "sensor_mm": [8.0, 6.0], "resolution_px": [800, 600],
+                    "focal_mm": 80.0, "position_mm": [0.0, -400.0, 0.0],
+                    "target_mm": [0.0, 0.0, 0.0], "up": [0.0, 0.0, 1.0]}],
+    })  # fmt: skip
+
+
+def test_speckle_that_is_too_fine_or_too_coarse() -> None:
+    (fine,) = warnings_beforehand(speckled(0.05))
+    assert "discs of speckle 'speckle' on 'plate' are 1 px wide (0.05 mm); below 2 px" in fine
+    (coarse,) = warnings_beforehand(speckled(0.8))
+    assert "are 16 px wide (0.8 mm); above 15 px a subset needs 48 px to hold 3 of them" in coarse
+    assert warnings_beforehand(speckled(0.2)) == []
+
+
+def test_scale_of_a_plane_that_is_seen_at_an_angle() -> None:
+    turn = np.array([[0.5, np.sqrt(0.75), 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    square = 1e-3 * np.array([[-1.0, 0, -1], [1, 0, -1], [1, 0, 1], [-1, 0, 1]])
+    tilted = square @ turn.T + square @ np.array([[0, 0, 0], [np.sqrt(0.75), 0, 0], [0, 0, 0.0]]).T
+    surface = gs.Surface(tilted, np.array([[0, 1, 2, 3]]), gs.paint.Speckle(1e-4))
+    camera = gs.Camera.from_lens((8.0, 6.0), 80.0, (800, 600), (0.0, -0.4, 0.0), (0.0, 0.0, 0.0))
+    # 20 px per mm from the front; turned by 60 degrees half the area
+    assert abs(pixels_per_metre(surface, 0, camera) - 2e4 * np.sqrt(0.5)) <= 2.0
+
+
+def test_grey_levels() -> None:
+    image = np.full((33, 57), 120, np.uint8)
+    image[3] = 200
+    assert level_warnings(image, 8) == []
+    assert level_warnings(0 * image, 8) == ["shows nothing: every pixel is black, 0 of 255"]
+    assert level_warnings(0 * image + 255, 8) == ["shows nothing: every pixel is white, 255 of 255"]
+    assert "grey values reach 20 of 255" in level_warnings(image // 10, 8)[0]
+    image[:, 5] = 255
+    assert level_warnings(image, 8)[0].startswith("has 1.8 % of its pixels saturated")
+    assert "200 of 4095" in level_warnings(np.minimum(image, 200).astype(np.uint16), 12)[0]
+
+
+def test_a_picture_that_is_black(tmp_path: Path) -> None:
+    sun = {"name": "sun", "type": "sun", "direction": [0.0, -1.0, 0.0], "irradiance_W_m2": 900.0}
+    small = {"camera.front.resolution_px": [40, 30]}
+    with pytest.raises(InputError, match="none of the lights 'sun' reaches what it sees") as error:
+        run(mini(small, light=[sun], prop=[], measure=[]), tmp_path / "dark", backend="numpy")
+    assert "camera 'front': image 0000 is black" in str(error.value)

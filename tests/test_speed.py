@@ -1,0 +1,164 @@
+"""What is kept of how fast a machine is."""
+
+from __future__ import annotations
+
+import json
+import threading
+from pathlib import Path
+
+import pytest
+
+from gpusim.plan import make_plan
+from gpusim.scene import Scene, load_scene
+from gpusim.speed import HOST_SECONDS, Speed, Work, cache_folder, host_seconds
+
+DRAW = Work("render", "5616x3744 px, 3 lights", 12.0, 9.0, ("drawing", "light"))
+MORE = Work("render", "400x300 px, 3 lights", 0.5)
+
+
+@pytest.fixture
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.delenv("GPUSIM_NO_CACHE")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr("os.getloadavg", lambda: (0.5, 0.5, 0.5))
+    monkeypatch.setenv("MESA_SHADER_CACHE_DIR", str(tmp_path / "driver"))
+    return tmp_path / "gpusim" / "speed.json"
+
+
+def test_a_machine_that_is_half_as_fast(cache: Path) -> None:
+    speed = Speed.read("gpu")
+    assert speed.seconds(DRAW) == 12.0 and not cache.exists()
+    speed.learn({Work("solve", "a", 2.0): 4.0, MORE: 1.0}, "a card")
+    speed.save()
+    again = Speed.read("gpu")
+    assert again.adapter == "a card"
+    assert again.seconds(Work("solve", "b", 3.0)) == 6.0
+    assert again.seconds(Work("solve", "a", 2.0)) == 4.0
+    # pictures twice as slow; of shaders nothing is known
+    assert again.seconds(DRAW) == 2.0 * 3.0 + 9.0
+    assert Speed.read("numpy").seconds(Work("solve", "b", 3.0)) == 3.0
+    again.learn({DRAW: 6.0 + 18.0}, "a card")
+    assert again.ratios["compile"] == 2.0 and again.seconds(DRAW) == 24.0
+    # another card has all to be learned
+    again.learn({MORE: 0.1}, "another card")
+    assert again.seconds(Work("solve", "b", 3.0)) == 3.0 and again.ratios == {"render": 0.2}
+
+
+def test_a_slow_run_counts_less_than_a_quick_one(cache: Path) -> None:
+    del cache
+    up, down = Speed(), Speed()
+    for speed, second in ((up, 8.0), (down, 0.125)):
+        speed.learn({MORE: 1.0}, "")
+        speed.learn({MORE: second}, "")
+    assert 1.0 < up.seconds(MORE) < 2.5
+    assert 0.125 < down.seconds(MORE) < 0.3
+
+
+def test_shaders_that_the_driver_has_kept(cache: Path) -> None:
+    speed = Speed.read("gpu")
+    speed.learn({DRAW: 12.0}, "")
+    assert not speed.kept(["drawing"])  # the driver's own folder is gone
+    folder = cache.parents[1] / "driver" / "mesa_shader_cache"
+    folder.mkdir(parents=True)
+    (folder / "index").write_bytes(b"x")
+    assert speed.kept(["drawing"]) and speed.kept(["light", "drawing"])
+    assert not speed.kept(["gloss", "drawing"])
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "{", "[]", '{"version": 2}', '{"version": 1, "machines": []}', "[" * 100_000, "\udcff",
+     '{"version": 1, "machines": {"M": {"ratios": {"solve": 1e99}}}}',
+     '{"version": 1, "machines": {"M": {"ratios": {"solve": "NaN"}, "known": 3}}}'],
+)  # fmt: skip
+def test_a_damaged_file_is_as_none_at_all(cache: Path, text: str) -> None:
+    cache.parent.mkdir()
+    machine = Speed.read("gpu").machine
+    cache.write_bytes(text.replace('"M"', json.dumps(machine)).encode(errors="surrogateescape"))
+    speed = Speed.read("gpu")
+    assert speed == Speed(machine)
+    speed.learn({MORE: 1.0}, "")
+    speed.save()
+    assert Speed.read("gpu").seconds(MORE) == 1.0
+
+
+def test_where_nothing_can_be_kept(
+    cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "file").write_text("x", encoding="utf-8")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
+    speed = Speed.read("gpu")
+    speed.learn({MORE: 1.0}, "")
+    speed.save()
+    assert Speed.read("gpu") == Speed(speed.machine)
+    monkeypatch.setenv("GPUSIM_NO_CACHE", "1")
+    assert cache_folder() is None
+    speed.save()
+    monkeypatch.delenv("GPUSIM_NO_CACHE")
+    monkeypatch.delenv("XDG_CACHE_HOME")
+
+    def homeless() -> Path:
+        raise RuntimeError("no home")
+
+    monkeypatch.setattr(Path, "home", homeless)
+    speed.save()
+    assert not Speed.read("gpu").kept(["drawing"])
+    assert not cache.exists()
+
+
+def test_writers_at_the_same_time_leave_a_whole_file(cache: Path) -> None:
+    def write(k: int) -> None:
+        speed = Speed.read(f"backend {k}")
+        speed.learn({MORE: 1.0 + k}, "")
+        speed.save()
+
+    threads = [threading.Thread(target=write, args=(k,)) for k in range(8)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert json.loads(cache.read_text(encoding="utf-8"))["version"] == 1
+    assert list(cache.parent.iterdir()) == [cache]
+
+
+def test_the_reference_is_a_machine_of_its_time() -> None:
+    assert HOST_SECONDS / 20.0 < host_seconds() < 20.0 * HOST_SECONDS
+
+
+def test_neighbours_are_taken_out_and_put_in_again(
+    cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    del cache
+    monkeypatch.setattr("gpusim.speed.all_processors", lambda: 2)
+    monkeypatch.setattr("os.getloadavg", lambda: (6.0, 3.0, 1.0))
+    speed = Speed()
+    speed.learn({MORE: 3.0}, "")  # a third of the machine
+    assert speed.seconds(MORE) == pytest.approx(1.0)
+    monkeypatch.setattr("gpusim.speed._others", lambda: 4.0)
+    speed.host = 1.0
+    assert speed.measured().seconds(MORE) == pytest.approx(3.0)
+
+
+def test_a_plan_at_this_machine_s_speed(checkout: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MESA_SHADER_CACHE_DISABLE", "true")
+    monkeypatch.setattr("os.getloadavg", lambda: (0.0, 0.0, 0.0))
+    stereo: Scene = load_scene(checkout / "examples" / "crane_stereo.toml")
+    plan = make_plan(stereo)
+    kinds = {work.kind: work for work in plan.works}
+    # measured on two cores: 20 s in all, half of it the 42 pictures of the target
+    assert 10.0 < plan.seconds - kinds["render"].compiling < 40.0
+    assert 5.0 < kinds["target"].seconds < 20.0
+    slow = Speed("m", host=1.0)
+    slow.learn({kinds["target"]: 3.0 * kinds["target"].seconds}, "")
+    again = make_plan(stereo, speed=slow)
+    assert again["render/right/calib-0007"].seconds == pytest.approx(
+        3.0 * plan["render/right/calib-0007"].seconds
+    )
+    assert again["solve"].seconds == pytest.approx(plan["solve"].seconds)
+    assert again.works == plan.works
+
+
+def test_states_compile_once(checkout: Path) -> None:
+    beam = load_scene(checkout / "examples" / "damaged_beam.toml")
+    frames = [s for s in make_plan(beam).stages if "/render/" in s.name and s.frame == 0]
+    assert [frame.compiling > 0.0 for frame in frames] == [True, False, False, False]
