@@ -10,13 +10,14 @@ decided by Schwarz's criterion ("Estimating the dimension of a model", Ann. Stat
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.measure.images import FloatArray
 
-__all__ = ["Straighten", "plumb_lines", "straight_offsets"]
+__all__ = ["PlumbField", "Straighten", "field_of_bends", "plumb_lines", "straight_offsets"]
 
 Straighten = Callable[[FloatArray], FloatArray]
 """From pixels (…, 2) to places (…, 2) where what is straight in space is straight."""
@@ -29,9 +30,69 @@ ROUNDS = 8
 STEP = 0.5  # px, of the differences that give the field's slope
 
 
+@dataclass(frozen=True, eq=False)
+class PlumbField:
+    """x + s(x): ``weights`` (T,) of ``terms`` about the ``middle``, in units of ``scale`` px."""
+
+    terms: Straighten
+    weights: FloatArray
+    middle: FloatArray
+    scale: float
+
+    def __call__(self, pixels: FloatArray) -> FloatArray:
+        """Places (…, 2) px of pixels (…, 2) where straight lines are straight."""
+        result: FloatArray = pixels + self.scale * (
+            self.terms((pixels - self.middle) / self.scale) @ self.weights
+        )
+        return result
+
+    def bends(self, at: FloatArray, normal: FloatArray, slope: FloatArray) -> FloatArray:
+        """Curvature in 1/px, towards their normals (N, 2), of the images of straight lines there,
+        by each weight (N, T); ``slope`` (N, 2, 2) is the field's there, as far as it is known."""
+        x, step = (at - self.middle) / self.scale, 1e-3
+        along = step * np.column_stack([-normal[:, 1], normal[:, 0]])
+        second = self.terms(x + along) - 2.0 * self.terms(x) + self.terms(x - along)
+        across = np.linalg.solve(slope.swapaxes(1, 2), normal[..., None])[..., 0]
+        result: FloatArray = -np.einsum("nk,nkt->nt", across, second) / (step**2 * self.scale)
+        return result
+
+
+def field_of_bends(
+    at: FloatArray,
+    normal: FloatArray,
+    bend: FloatArray,
+    sigma: FloatArray,
+    size: tuple[int, int],
+    before: PlumbField | None = None,
+) -> PlumbField | None:
+    """The field of a lens that bends straight lines so; None where they show nothing.
+
+    ``bend`` and ``sigma`` (N,) are the curvatures of lines at ``at`` (N, 2) towards ``normal``
+    (N, 2), 1/px, and their uncertainties: what is left of them with the field ``before``.
+    """
+    slope = np.broadcast_to(np.eye(2), (len(at), 2, 2))
+    if before is not None:
+        slope = _slope(before, at)
+        bend = bend + before.bends(at, normal, slope) @ before.weights
+    middle, scale = 0.5 * (np.array(size) - 1.0), 0.5 * max(size)
+    best, found = np.inf, None
+    for terms in LENSES:
+        field = PlumbField(terms, np.zeros(terms(at[:1]).shape[-1]), middle, scale)
+        unknown = len(field.weights)
+        if len(at) < SPARE * unknown:
+            break
+        matrix = field.bends(at, normal, slope) / sigma[:, None]
+        weights = np.asarray(np.linalg.lstsq(matrix, bend / sigma, rcond=1e-9)[0], np.float64)
+        left = float(np.square(bend / sigma - matrix @ weights).sum())
+        score = left + unknown * np.log(max(len(at), 2))
+        if score < best:
+            best, found = score, replace(field, weights=weights)
+    return found if found is not None and found.weights.size else None
+
+
 def plumb_lines(
     points: FloatArray, index: npt.NDArray[np.int64], size: tuple[int, int]
-) -> Straighten | None:
+) -> PlumbField | None:
     """The field that straightens a grid's lines; None where its points don't show any bend.
 
     ``points`` (N, 2) px are those at columns and rows ``index`` (N, 2) of a flat grid, ``size``
@@ -40,7 +101,7 @@ def plumb_lines(
     middle, scale = 0.5 * (np.array(size) - 1.0), 0.5 * max(size)
     x = (points - middle) / scale
     best, found = np.inf, None
-    for terms in _choices():
+    for terms in (*LENSES, *map(_polynomial, DEGREES)):
         unknown = 8 + terms(x[:1]).shape[-1]
         if 2 * len(x) < SPARE * unknown:
             continue
@@ -51,23 +112,19 @@ def plumb_lines(
             best, found = score, (terms, weights)
     if found is None or not found[1].size:
         return None
-    terms, weights = found
-    return lambda pixels: pixels + scale * (terms((pixels - middle) / scale) @ weights)
+    return PlumbField(*found, middle, scale)
 
 
 def straight_offsets(straighten: Straighten, at: FloatArray, offset: FloatArray) -> FloatArray:
     """Offsets (C, P, 2) from places ``at`` (C, 2) px, straightened; the same to first order."""
-    here = straighten(at)
-    by_x, by_y = ((straighten(at + d) - straighten(at - d)) / (2 * STEP) for d in STEP * np.eye(2))
-    slope = np.stack([by_x, by_y], axis=-1)
-    bent = straighten(at[:, None, :] + offset) - here[:, None, :]
-    return np.asarray(bent @ np.linalg.inv(slope).swapaxes(1, 2))
+    bent = straighten(at[:, None, :] + offset) - straighten(at)[:, None, :]
+    return np.asarray(bent @ np.linalg.inv(_slope(straighten, at)).swapaxes(1, 2))
 
 
-def _choices() -> list[Straighten]:
-    """Fields to choose from, each as a function of places (…, 2): (…, 2, T) terms."""
-    lenses = [_lens(*orders) for orders in ((0, 0), (1, 0), (2, 1), (3, 2))]
-    return [*lenses, *(_polynomial(degree) for degree in DEGREES)]
+def _slope(straighten: Straighten, at: FloatArray) -> FloatArray:
+    """Derivatives (N, 2, 2) of a field: [[dX/dx, dX/dy], [dY/dx, dY/dy]]."""
+    ends = [(straighten(at + d) - straighten(at - d)) / (2 * STEP) for d in STEP * np.eye(2)]
+    return np.stack(ends, axis=-1)
 
 
 def _lens(radial: int, centre: int) -> Straighten:
@@ -85,6 +142,9 @@ def _lens(radial: int, centre: int) -> Straighten:
         return np.concatenate([np.zeros((*x.shape, 0)), *every], axis=-1)
 
     return terms
+
+
+LENSES = tuple(_lens(*orders) for orders in ((0, 0), (1, 0), (2, 1), (3, 2)))
 
 
 def _polynomial(degree: int) -> Straighten:
