@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -58,6 +59,9 @@ def test_tables_maps_and_page(cli: Run, pictures: Path, tmp_path: Path) -> None:
     )
     assert done.exit_code == 0, done.output
     assert "one.tif" in done.output and "masked" in done.output
+    (taken,) = re.findall(r"^dic +([0-9.]+) s", done.output, re.MULTILINE)
+    told = json.loads((out / "report.json").read_text())["images"]
+    assert float(taken) >= sum(image["seconds"] for image in told) - 0.01 > 0.0
     names = {
         f"{stem}.{suffix}"
         for stem in ("0001_one", "0002_two")

@@ -102,6 +102,7 @@ def correlate_files(
     settings = _settings(reference, choices, device)
     with ProgressDisplay(quiet, stream_is_result=as_json) as progress:
         clock = time.perf_counter()
+        progress("dic", 0.0, f"{len(deformed)} images")
 
         def keep(number: int, result: DicResult) -> None:
             nonlocal clock

@@ -222,14 +222,15 @@ def _chunk(
             some = open_[i : i + few]
             jump = jumps(weight[some], (x[some], y[some]), f[some], rest[some], search)
             torn = np.maximum(jump.length, motion_left[some]) > share * settings.apart_px
+            torn &= jump.sure > share * CHOSEN * sure
             clear = SMOOTH[(jump.sure > CLEAR * sure).astype(np.int64)]
             most = SEEN if search is COARSE else clear
-            long = jump.length > LONG * settings.apart_px
-            unclear = long & (jump.smooth < ALIKE * jump.sure) & (jump.sure > UNCLEAR * sure)
+            seen[some] = torn & (jump.smooth < most * jump.sure)
+            unclear = (jump.length > LONG * settings.apart_px) & (
+                (jump.sure > UNCLEAR * sure) & (jump.smooth < ALIKE * jump.sure)
+            )
             doubtful[some] |= unclear
             likely[some] |= unclear & (jump.sure > PROMISING * CHOSEN * sure)
-            torn &= jump.sure > share * CHOSEN * sure
-            seen[some] = torn & (jump.smooth < most * jump.sure)
         open_ = np.flatnonzero(seen)
     found[open_] = True
     return np.stack([found, doubtful & ~found, likely & ~found])

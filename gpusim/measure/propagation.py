@@ -28,6 +28,7 @@ from gpusim.measure.search import integer_search
 __all__ = ["Front", "seeds"]
 
 IntArray = npt.NDArray[np.int64]
+BoolArray = npt.NDArray[np.bool_]
 
 NEIGHBOURS = 9
 SEED_EVERY = 8  # one seed per 8x8 points
@@ -250,14 +251,13 @@ class Front:
             others = np.setdiff1d(np.flatnonzero(self.ok), which)
             which = np.concatenate([which, others])
             aside = np.concatenate([aside, self._aside(others)])
-        asked = np.zeros(len(self.points), dtype=np.bool_)
-        unclear = np.zeros(len(self.points), dtype=np.bool_)
+        asked, doubtful, likely = np.zeros((3, len(self.points)), dtype=np.bool_)
         while which.size:
             asked[which] = True
             found = self.points[which], self.coefficients[which]
-            torn, doubtful, likely = incoherent(self.pair, *found, self.settings, self.blur_px)
-            unclear[which[likely]] = True
-            torn[doubtful] = self._moved_inside(which[doubtful])
+            torn, doubtful[which], likely[which] = incoherent(
+                self.pair, *found, self.settings, self.blur_px
+            )
             self._give_up(which[torn], Status.INCOHERENT)
             self._give_up(which[aside], Status.NO_TEXTURE)
             if len(self.points) < NEIGHBOURS:
@@ -265,16 +265,24 @@ class Front:
             near = distinct(self._neighbours[which[torn]])
             which = near[self.ok[near] & ~asked[near]]
             aside = self._aside(which)
-        # an edge through the middle of a subset looks the same in its middle, but has neighbours
-        torn_near = (self.status[self._neighbours] == Status.INCOHERENT).sum(axis=1)
-        settled = unclear & self.ok & (torn_near >= COMPANY)
-        self._give_up(np.flatnonzero(settled), Status.INCOHERENT)
+        if doubtful.any() and len(self.points) >= NEIGHBOURS:
+            self._settle_doubts(doubtful & self.ok, likely)
 
-    def _moved_inside(self, which: IntArray) -> npt.NDArray[np.bool_]:
+    def _settle_doubts(self, doubtful: BoolArray, likely: BoolArray) -> None:
+        """Give up doubtful subsets beside torn ones: an edge goes on, short waves have none.
+
+        Those whose middle by itself says something else of the point; and likely ones among
+        several: an edge through a subset's middle looks the same in there.
+        """
+        torn = (self.status[self._neighbours] == Status.INCOHERENT).sum(axis=1)
+        asked = np.flatnonzero(doubtful & (torn > 0))
+        lost = self._moved_inside(asked) | (likely & (torn >= COMPANY))[asked]
+        self._give_up(asked[lost], Status.INCOHERENT)
+
+    def _moved_inside(self, which: IntArray) -> BoolArray:
         """Whether the middle of a subset by itself says something else of its point.
 
-        It does beside an edge that only the outer part sees. Where a smooth field is too curved for
-        the subset, it does as well, and the point is as wrong.
+        It does beside an edge that only the outer part sees.
         """
         if which.size == 0:
             return np.zeros(0, dtype=np.bool_)

@@ -99,7 +99,9 @@ def make_usable(
     """
     array = pixels_of(image)
     # of the type that the camera's have, and without what is masked
-    given_pixels = np.ma.filled(np.ma.asarray(image), 0) if np.ma.is_masked(image) else array
+    given_pixels = array
+    if isinstance(image, np.ma.MaskedArray):
+        given_pixels = np.where(np.ma.getmaskarray(image), 0, np.ma.getdata(image))
     bad: BoolArray | None = None
     if array.ndim == 2 and array.dtype.kind == "f" and array.size:
         bad = ~np.isfinite(array)
