@@ -18,9 +18,9 @@ from .path import dotted, nearest
 from .places import Place, locate
 from .schema.base import Words
 
-__all__ = ["faults_of", "shown", "unread", "with_origin"]
+__all__ = ["MOST", "faults_of", "shown", "unread", "with_origin"]
 
-_LOOKED_AT = 1000  # to find the nearest word of each takes a while
+MOST = 200  # faults that are looked into; to find the nearest word of each takes a while
 _KINDS = {
     "float_type": "a number",
     "int_type": "a whole number",
@@ -63,7 +63,7 @@ def faults_of(
     respelt: set[Keys] = set()
     missing: set[int] = set()
     entries = error.errors(include_url=False)
-    for entry in entries[:_LOOKED_AT]:
+    for entry in entries[:MOST]:
         kind, context = entry["type"], entry.get("ctx", {})
         place = locate(root, entry["loc"])
         keys = place.keys
@@ -89,7 +89,7 @@ def faults_of(
         for index, (keys, fault) in enumerate(found)
         if not (index in missing and keys in respelt)
     ]
-    return faults, max(len(entries) - _LOOKED_AT, 0)
+    return faults, max(len(entries) - MOST, 0)
 
 
 def _fault(

@@ -18,7 +18,7 @@ from gpusim.input_file import InputFile, read_input
 
 from . import model, resolve, resolve_light
 from .check import check_document
-from .faults import faults_of, with_origin
+from .faults import MOST, faults_of, with_origin
 from .files import find_files
 from .limits import document_fault
 from .lines import Keys, Origins, overridden
@@ -100,7 +100,10 @@ class Scene:
         if not faults and table is not None:
             faults += variant_faults(plain, folder, hashes)
         if faults or table is None:
-            faults = [replace(one, place=one.place or with_names(plain, one.key)) for one in faults]
+            more += max(len(faults) - MOST, 0)
+            faults = [
+                replace(one, place=one.place or with_names(plain, one.key)) for one in faults[:MOST]
+            ]
             raise SceneError(source, faults, more)
         materials = resolve.material_table(table)
         analysis = resolve.analysis(table)
