@@ -28,6 +28,7 @@ _VERSION = 1
 _MOST_KNOWN = 500
 _LIMITS = 0.02, 50.0  # of a ratio: what is beyond is another fault than speed
 _FASTER, _SLOWER = 0.7, 0.4  # weights of a new run: one that is slow may have had neighbours
+_QUIET = 0.6  # share of the machine from which on a first run is believed
 HOST_SECONDS = 0.036
 """`host_seconds` of the machine that the costs of `gpusim.scene.cost` were measured on."""
 
@@ -117,12 +118,14 @@ class Speed:
             self.ratios, self.known, self.compiled = {}, {}, set()
         self.adapter = adapter or self.adapter
         alone = _share_had()
+        quiet = alone >= _QUIET
         for work, wall in done.items():
             seconds = alone * wall
             if not (math.isfinite(seconds) and seconds > 0.0 and work.seconds > 0.0):
                 continue
             before = self.known.pop(work.signature, None)  # the latest are last
-            self.known[work.signature] = seconds if before is None else _blend(before, seconds)
+            if before is not None or quiet:
+                self.known[work.signature] = seconds if before is None else _blend(before, seconds)
             self.compiled |= set(work.compiled)
             # a work teaches what most of it was
             plain = work.seconds - work.compiling
@@ -132,8 +135,8 @@ class Speed:
             rest = seconds - parts[other] * self._ratio(other)
             ratio = max(rest, 0.1 * seconds) / parts[kind]
             ratio = min(max(ratio, _LIMITS[0]), _LIMITS[1])
-            old = self.ratios.get(kind)
-            self.ratios[kind] = ratio if old is None else _blend(old, ratio)
+            first = quiet and kind not in self.ratios
+            self.ratios[kind] = ratio if first else _blend(self._ratio(kind), ratio)
         for signature in list(self.known)[: max(0, len(self.known) - _MOST_KNOWN)]:
             del self.known[signature]
 

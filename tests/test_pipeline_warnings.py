@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
+from typer.testing import CliRunner
 
 import gpusim as gs
+from gpusim.cli import app
 from gpusim.errors import InputError
 from gpusim.mesh import boundary_faces, box
 from gpusim.pipeline import run
@@ -214,3 +216,19 @@ def test_a_picture_that_is_black(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="none of the lights 'sun' reaches what it sees") as error:
         run(mini(small, light=[sun], prop=[], measure=[]), tmp_path / "dark", backend="numpy")
     assert "camera 'front': image 0000 is black" in str(error.value)
+
+
+def test_plan_prints_warnings_and_one_line_per_calibration(checkout: Path, tmp_path: Path) -> None:
+    toward = tmp_path / "toward.toml"
+    toward.write_text(mini(TOWARDS).to_toml(), encoding="utf-8")
+    runner = CliRunner()
+    printed = runner.invoke(app, ["plan", str(toward)])
+    assert printed.exit_code == 0 and "warning: measure 'deflection': load 'weight'" in (
+        printed.stdout
+    )
+    found = json.loads(runner.invoke(app, ["plan", str(toward), "--json"]).stdout)
+    assert len(found["warnings"]) == 1 and "load 'weight' acts along" in found["warnings"][0]
+    stereo = str(checkout / "examples" / "crane_stereo.toml")
+    lines = runner.invoke(app, ["plan", stereo]).stdout.splitlines()
+    (left,) = [line for line in lines if line.startswith("render/left/calib")]
+    assert left.startswith("render/left/calib-0000..0020") and "21 pictures" in left

@@ -132,7 +132,10 @@ def test_neighbours_are_taken_out_and_put_in_again(
     monkeypatch.setattr("gpusim.speed.all_processors", lambda: 2)
     monkeypatch.setattr("os.getloadavg", lambda: (6.0, 3.0, 1.0))
     speed = Speed()
-    speed.learn({MORE: 3.0}, "")  # a third of the machine
+    speed.learn({MORE: 3.0}, "")  # a third of the machine: not believed at once
+    assert speed.ratios["render"] == pytest.approx(2.0**0.4) and not speed.known
+    monkeypatch.setattr("os.getloadavg", lambda: (3.0, 3.0, 1.0))
+    speed.learn({MORE: 1.5}, "")
     assert speed.seconds(MORE) == pytest.approx(1.0)
     monkeypatch.setattr("gpusim.speed._others", lambda: 4.0)
     speed.host = 1.0
