@@ -5,15 +5,17 @@ What a measure can't do without (a camera that sees its markers) is an error, he
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from gpusim.errors import GpusimError, InputError
 from gpusim.pipeline.axial_loads import axial_loads
 from gpusim.pipeline.build import build_body
 from gpusim.pipeline.cameras import build_camera
 from gpusim.pipeline.marker_sight import marker_warnings
+from gpusim.pipeline.notes import Notes
 from gpusim.pipeline.pattern_scale import disc_warnings
 from gpusim.pipeline.props import build_prop
 from gpusim.pipeline.solved import Solved
@@ -27,13 +29,39 @@ from gpusim.scene.schema.mesh import CAD_SUFFIXES
 if TYPE_CHECKING:
     from gpusim.pipeline.linear_theory import LinearError
 
-__all__ = [
-    "build_things",
-    "geometry_warnings",
-    "linear_theory",
-    "warnings_beforehand",
-    "with_doubts",
-]
+__all__ = ["Doubts", "warnings_beforehand", "with_doubts"]
+
+
+@dataclass
+class Doubts:
+    """What geometry and solution make doubtful of a scene that is run.
+
+    ``geometry``: what is known before any work, of the things that are ``shown``, unloaded. All of
+    it is kept with the results, for runs that reuse them and build nothing.
+    """
+
+    geometry: tuple[str, ...] = ()
+    shown: Things | None = None
+    kept: Notes | None = None
+
+    @staticmethod
+    def of(
+        scene: Scene, history: LoadHistory, built: Things | None, kept: Mapping[str, Any] | None
+    ) -> Doubts:
+        """Those that a run has ``kept``, else of what is ``built``, or is built for it."""
+        if kept is not None:
+            return Doubts(kept=Notes.of(kept))
+        shown = built or build_things(scene, history)
+        return Doubts(() if shown is None else tuple(geometry_warnings(shown)), shown)
+
+    def notes(self, solved: Solved | None) -> Notes:
+        """Warnings, and how far linear statics is off, once the scene is ``solved``."""
+        if self.kept is None:
+            errors = linear_theory(self.shown, solved)
+            warnings = (*self.geometry, *(error.warning for error in errors if error.warning))
+            facts = {f"linear statics, {one.body}": one.fact for one in errors}
+            self.kept = Notes(warnings, facts)
+        return self.kept
 
 
 def warnings_beforehand(scene: Scene) -> list[str]:

@@ -24,12 +24,7 @@ from gpusim.input_file import InputFile
 from gpusim.output_folder import delete, inside
 from gpusim.pipeline import images, measurements, outputs
 from gpusim.pipeline.album import Album
-from gpusim.pipeline.beforehand import (
-    build_things,
-    geometry_warnings,
-    linear_theory,
-    with_doubts,
-)
+from gpusim.pipeline.beforehand import Doubts, with_doubts
 from gpusim.pipeline.build import build_body, build_lights
 from gpusim.pipeline.corners import read_corners, write_corners
 from gpusim.pipeline.files import check_field, check_views
@@ -84,11 +79,7 @@ class Work:
         self.plan: Plan = make_plan(scene, self.out, **self.options)
         self.stages: list[Stage] = []
         self.warnings: list[str] = []
-        self.doubts: list[str] = []
-        """What the unloaded geometry makes doubtful."""
-        self.told: Notes | None = None
-        """That, and how far linear theory is off; kept for runs that reuse all."""
-        self.shown: Things | None = None
+        self.doubts = Doubts()
         self.note = ""
         self.notes: dict[str, Notes] = {}
         self.things = Things(scene, self.history)
@@ -152,18 +143,12 @@ class Work:
             self._stage(self.plan["measure"], self._measure)
             self._stage(self.plan["stress"], self._stress)
             self._stage(self.plan["export"], self._export)
-            if self.told is None:
-                self.told = self._judged()
-                self.state.record("report", self.plan["report"].key, [], self.told.content())
+            doubts = self.doubts.notes(self.things.solved)
+            self.state.record("report", self.plan["report"].key, [], doubts.content())
         learn(self.speed, self.plan, self.stages, "" if self.device is None else self.device.name)
         if self.stresses is not None:
             self.stresses.close()
         return work_report(self)
-
-    def _judged(self) -> Notes:
-        errors = linear_theory(self.shown, self.things.solved)
-        warnings = (*self.doubts, *(error.warning for error in errors if error.warning))
-        return Notes(warnings, facts={f"linear statics, {one.body}": one.fact for one in errors})
 
     @contextmanager
     def _failures(self) -> Iterator[None]:
@@ -171,7 +156,7 @@ class Work:
         try:
             yield
         except Exception as error:
-            told = with_doubts(error, self.doubts)
+            told = with_doubts(error, self.doubts.geometry)
             write_report(work_report(self, failure=outputs.said(told)), self.out)
             if told is not error:
                 raise told from error
@@ -224,17 +209,10 @@ class Work:
         for name, work in (("mesh", meshes), ("model", models), ("surface", surfaces)):
             self._timed(self.plan[name], work if self.plan[name].runs else None)
         kept = self.state.notes(self.plan["report"].key) if self.reuse else None
-        self.told = None if kept is None else Notes.of(kept)
-        if self.told is None:
-            built = self.plan["surface"].runs
-            self.shown = self.things if built else build_things(scene, self.history)
-            self.doubts = [] if self.shown is None else geometry_warnings(self.shown)
+        built = self.things if self.plan["surface"].runs else None
+        self.doubts = Doubts.of(scene, self.history, built, kept)
 
-    def _stage(
-        self,
-        planned: PlannedStage,
-        work: Callable[[], Made],
-    ) -> None:
+    def _stage(self, planned: PlannedStage, work: Callable[[], Made]) -> None:
         """Run a stage, if it is to run, and record its files."""
 
         def recorded() -> str:

@@ -86,7 +86,7 @@ def _warnings(work: Work) -> tuple[str, ...]:
     return (
         *work.plan.warnings,
         *(solved.warnings if solved else ()),
-        *(work.doubts if work.told is None else work.told.warnings),
+        *work.doubts.notes(solved).warnings,
         *work.warnings,
         *(text for result in work.results for text in result.warnings),
         *(text for notes in _noted(work) for text in notes.warnings),
@@ -94,7 +94,7 @@ def _warnings(work: Work) -> tuple[str, ...]:
 
 
 def _facts(work: Work) -> dict[str, str]:
-    facts = dict(work.told.facts) if work.told else {}
+    facts = dict(work.doubts.notes(work.things.solved).facts)
     for notes in _noted(work):
         facts |= notes.facts
     return facts | work.seconds
