@@ -61,8 +61,9 @@ def decode(source: Source, page: int = 0, *, flags: int = cv2.IMREAD_UNCHANGED) 
             image = _by_tifffile(file, page)
     if image is None or 0 in image.shape:
         raise InputError(
-            f"image file: {file.path}: can't be read as a picture; got {_begins(file.data)}; "
-            "expected a PNG, TIFF, JPEG or BMP image that is whole"
+            f"image file: {file.path}: damaged, or no picture: it can't be read; got "
+            f"{_begins(file.data)}; expected a PNG, TIFF, JPEG or BMP image, or another kind that "
+            "OpenCV reads"
         )
     return image
 

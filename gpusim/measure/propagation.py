@@ -43,7 +43,10 @@ BENT = (
     0.5  # over the jump that is looked for: less change of slopes, px at a subset's rim, is smooth
 )
 INNER = 0.6  # of a subset's width: its middle, asked by itself
-COMPANY = 3  # torn neighbours that settle a doubt
+COMPANY = (
+    3  # lost neighbours that settle a doubt where noise hardly explains it, else twice as many
+)
+BESIDE_EDGES = (Status.INCOHERENT, Status.NO_TEXTURE, Status.LOW_CORRELATION, Status.NOT_CONVERGED)
 MANY = 0.1  # share of what was looked at that has no texture: look at everything
 APART = 0.5  # px: further from what its neighbours say, a point is looked at again
 
@@ -269,15 +272,16 @@ class Front:
             self._settle_doubts(doubtful & self.ok, likely)
 
     def _settle_doubts(self, doubtful: BoolArray, likely: BoolArray) -> None:
-        """Give up doubtful subsets beside torn ones: an edge goes on, short waves have none.
+        """Give up doubtful subsets beside lost ones: an edge goes on, short waves have none.
 
         Those whose middle by itself says something else of the point; and likely ones among
         several: an edge through a subset's middle looks the same in there.
         """
-        torn = (self.status[self._neighbours] == Status.INCOHERENT).sum(axis=1)
-        asked = np.flatnonzero(doubtful & (torn > 0))
-        lost = self._moved_inside(asked) | (likely & (torn >= COMPANY))[asked]
-        self._give_up(asked[lost], Status.INCOHERENT)
+        lost = np.isin(self.status[self._neighbours], BESIDE_EDGES).sum(axis=1)
+        asked = np.flatnonzero(doubtful & (lost > 0))
+        company = np.where(likely[asked], COMPANY, 2 * COMPANY)
+        torn = self._moved_inside(asked) | (lost[asked] >= company)
+        self._give_up(asked[torn], Status.INCOHERENT)
 
     def _moved_inside(self, which: IntArray) -> BoolArray:
         """Whether the middle of a subset by itself says something else of its point.
