@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 import gpusim as gs
 from gpusim.bench.images import IMAGE_CASES, ImageCase, Soup, find_image_cases, lamp_sides
@@ -16,11 +17,13 @@ from gpusim.bench.render import (
     ImagePoint,
     ImageResult,
     RenderResult,
+    describe,
     run_image_peer,
     run_render_bench,
 )
 from gpusim.bench.render_tables import ratios, write_render
 from gpusim.bench.supersample import compare, disc_texture, reference_windows
+from gpusim.cli import app
 from gpusim.errors import InputError
 from gpusim.gpu import Device
 
@@ -122,6 +125,30 @@ def test_ratios_say_who_reaches_the_error_and_at_what_cost(tmp_path: Path) -> No
     text = table.read_text()
     assert "| riley, 16 samples | 0.070 | 1167 | 9.0e-03 | 2.0e-03 | 1.0e-03 | 1.4 |" in text
     assert "Cycles: missing" in text and figure.stat().st_size > 5000
+
+
+def test_an_installed_bench_says_that_it_measures_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("gpusim.bench.peers.peer_folder", lambda: None)
+
+    def measured(names: list[str], *rest: object, peers: object, **more: object) -> RenderResult:
+        assert peers == []
+        nan = float("nan")
+        lit = ImageResult(
+            "board-lit", 75, 50, 448, True, [ImagePoint("gpusim", 0.2, nan, nan, nan)]
+        )
+        return RenderResult("here", [lit])
+
+    monkeypatch.setattr("gpusim.bench.render.run_render_bench", measured)
+    arguments = ["bench", "render", "--case", "board-lit", "-o", str(tmp_path)]
+    ended = CliRunner().invoke(app, arguments)
+    assert ended.exit_code == 0 and "from a checkout only" in ended.output
+    text = (tmp_path / "render.md").read_text()
+    assert "nan" not in text and "| gpusim | 0.200 | 53333 | - | - | - | 1.0 |" in text
+    assert "no reference" in describe(ImagePoint("gpusim", 0.2, *[float("nan")] * 3))
+    ended = CliRunner().invoke(app, [*arguments, "--peer", "VTK"])
+    assert ended.exit_code == 2 and "got VTK; other programs" in ended.output
 
 
 def test_a_peer_is_given_the_scene_in_camera_axes_and_its_failure_is_told(

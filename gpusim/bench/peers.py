@@ -18,7 +18,12 @@ from typing import Any
 
 from gpusim.bench.cases import Case
 
-__all__ = ["EXACT", "PEERS", "Peer", "peer_folder", "run_peer"]
+__all__ = ["EXACT", "NO_CHECKOUT", "PEERS", "Peer", "peer_folder", "run_peer"]
+
+NO_CHECKOUT = (
+    "other programs are measured from a checkout only (benchmarks/peers), and this gpusim is "
+    "installed: it is measured alone"
+)
 
 _DEBIAN_PETSC = "/usr/lib/petscdir/petsc3.18/x86_64-linux-gnu-real"
 

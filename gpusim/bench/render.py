@@ -178,6 +178,10 @@ def _reference(
     else:
         mitsuba = next(peer for peer in IMAGE_PEERS if peer.name == "Mitsuba")
         if scripts is None:
+            found.failures.append(
+                "no error is told: the reference of lit images is Mitsuba's, which is run from a "
+                "checkout only"
+            )
             return []
         (made,) = run_image_peer(mitsuba, scripts, folder, [CONVERGED], "windows-")
         if "failed" in made:
@@ -251,6 +255,8 @@ def run_image_peer(
 
 def describe(point: ImagePoint) -> str:
     """One line for the screen."""
+    if not np.isfinite(point.rms):
+        return f"{point.renderer}: {point.seconds:.3f} s, no reference to tell its error"
     return (
         f"{point.renderer}: {point.seconds:.3f} s, RMS {point.rms:.1e}, "
         f"shift {point.shift_rms:.1e} px, bias {point.bias:.1e} px"

@@ -44,11 +44,15 @@ def _case(case: ImageResult) -> list[str]:
     for p in case.points:
         ratio = f"{p.seconds / own.seconds:.1f}" if own else ""
         lines.append(
-            f"| {p.renderer} | {p.seconds:.3f} | {1e9 * p.seconds / pixels:.0f} | {p.rms:.1e} "
-            f"| {p.shift_rms:.1e} | {p.bias:.1e} | {ratio} |"
+            f"| {p.renderer} | {p.seconds:.3f} | {1e9 * p.seconds / pixels:.0f} | {_error(p.rms)} "
+            f"| {_error(p.shift_rms)} | {_error(p.bias)} | {ratio} |"
         )
     lines += ["", *(f"- {text}" for text in (*ratios(case), *case.failures)), ""]
     return lines
+
+
+def _error(value: float) -> str:
+    return f"{value:.1e}" if np.isfinite(value) else "-"
 
 
 def ratios(case: ImageResult) -> list[str]:
@@ -79,7 +83,11 @@ def _figure(result: RenderResult, path: Path) -> Path:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    cases = [case for case in result.cases if not case.case.startswith("faces")]
+    cases = [
+        case
+        for case in result.cases
+        if not case.case.startswith("faces") and any(np.isfinite(p.rms) for p in case.points)
+    ]
     scaling = [case for case in result.cases if case.case.startswith("faces")]
     count = len(cases) + bool(scaling)
     columns = min(3, max(1, count))
@@ -94,8 +102,7 @@ def _figure(result: RenderResult, path: Path) -> Path:
                 continue
             style = {"marker": "o"} if family != "gpusim" else {"marker": "*", "markersize": 14}
             axis.plot([p.seconds for p in known], [p.rms for p in known], label=family, **style)
-        scale = "log" if axis.has_data() else "linear"
-        axis.set(xscale=scale, yscale=scale, xlabel="s per frame", ylabel="image RMS",
+        axis.set(xscale="log", yscale="log", xlabel="s per frame", ylabel="image RMS",
                  title=f"{case.case}, {case.width} x {case.height}")  # fmt: skip
         axis.grid(True, which="major", alpha=0.3)
         axis.legend(fontsize=8)

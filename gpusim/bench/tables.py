@@ -6,6 +6,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -24,7 +25,7 @@ def write_solver(result: SolverResult, folder: Path) -> list[Path]:
     folder.mkdir(parents=True, exist_ok=True)
     paths = [folder / f"solver.{end}" for end in ("md", "json", "png")]
     paths[0].write_text(solver_markdown(result), encoding="utf-8")
-    paths[1].write_text(json.dumps(asdict(result), indent=1) + "\n", encoding="utf-8")
+    paths[1].write_text(_json(asdict(result)), encoding="utf-8")
     _draw_solver(result, paths[2])
     return paths
 
@@ -126,7 +127,7 @@ def _case_table(case: CaseResult) -> list[str]:
         note = f" ({p.note})" if p.note else ""
         lines.append(
             f"| {p.solver}{note} | {p.tolerance:g} | {p.setup_s:.2f} | {p.solve_s:.2f} "
-            f"| {p.seconds:.2f} | {p.error:.1e} | {p.difference:.1e} | {p.iterations} "
+            f"| {p.seconds:.2f} | {_precise(p.error)} | {_precise(p.difference)} | {p.iterations} "
             f"| {p.peak_kib / 1024:.0f} |"
         )
     return lines + ([""] if case.failures else []) + [f"- {text}" for text in case.failures]
@@ -142,6 +143,23 @@ def _error(point: Point | None) -> str:
 
 def _ratio(peer: Point | None, own: Point | None) -> str:
     return f"{peer.seconds / own.seconds:.2f}" if peer and own else "-"
+
+
+def _json(content: Any) -> str:
+    """JSON knows no NaN: what wasn't measured is null."""
+
+    def plain(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {key: plain(one) for key, one in value.items()}
+        if isinstance(value, list):
+            return [plain(one) for one in value]
+        return None if isinstance(value, float) and not np.isfinite(value) else value
+
+    return json.dumps(plain(content), indent=1, allow_nan=False) + "\n"
+
+
+def _precise(value: float) -> str:
+    return f"{value:.1e}" if np.isfinite(value) else "-"
 
 
 def _percent(value: float) -> str:
@@ -173,7 +191,8 @@ def _draw_solver(result: SolverResult, path: Path) -> None:
         axes.set(xscale="log", yscale="log", title=f"{case.case}, {case.unknowns} unknowns",
                  xlabel="relative displacement error", ylabel="seconds")  # fmt: skip
         axes.invert_xaxis()
-        axes.legend(fontsize=6)
+        if axes.get_legend_handles_labels()[0]:
+            axes.legend(fontsize=6)
     figure.savefig(path, dpi=110)
 
 
@@ -182,8 +201,7 @@ def write_stability(verdicts: Sequence[Verdict], folder: Path, machine: str) -> 
     folder.mkdir(parents=True, exist_ok=True)
     paths = [folder / f"stability.{end}" for end in ("md", "json", "png")]
     paths[0].write_text(stability_markdown(verdicts, machine), encoding="utf-8")
-    text = json.dumps([asdict(v) for v in verdicts], indent=1)
-    paths[1].write_text(text + "\n", encoding="utf-8")
+    paths[1].write_text(_json([asdict(v) for v in verdicts]), encoding="utf-8")
     _draw_stability(verdicts, paths[2])
     return paths
 

@@ -38,6 +38,19 @@ Cache = Annotated[
 ]
 
 
+def _alone(scripts: Path | None, asked: list[str] | None) -> bool:
+    """Whether there are no scripts of peers; says so. Raises InputError if peers are asked for."""
+    from gpusim.bench.peers import NO_CHECKOUT
+    from gpusim.errors import InputError
+
+    if scripts is not None:
+        return False
+    if asked:
+        raise InputError(f"bench: --peer; got {', '.join(asked)}; {NO_CHECKOUT}")
+    out(NO_CHECKOUT)
+    return True
+
+
 @bench_app.command()
 def solver(
     sizes: Annotated[
@@ -57,12 +70,13 @@ def solver(
     """Run time against displacement error, memory, bandwidth and scaling; peers beside it."""
     with exit_codes():
         from gpusim.bench.cases import find_cases
-        from gpusim.bench.peers import PEERS
+        from gpusim.bench.peers import PEERS, peer_folder
         from gpusim.bench.solver import SolverResult, run_solver_bench
         from gpusim.bench.tables import write_solver
 
         chosen = find_cases(sizes.value, case)
-        wanted = [] if no_peers else [p for p in PEERS if any(t in p.name for t in peer or [""])]
+        alone = no_peers or _alone(peer_folder(), peer)
+        wanted = [] if alone else [p for p in PEERS if any(t in p.name for t in peer or [""])]
         work = cache or output / "work"
 
         def save(result: SolverResult) -> None:
@@ -90,6 +104,7 @@ def render(
     """Run time against error of the image, lit and unlit; other renderers beside it."""
     with exit_codes():
         from gpusim.bench.images import find_image_cases
+        from gpusim.bench.peers import peer_folder
         from gpusim.bench.render import IMAGE_PEERS, RenderResult, run_render_bench
         from gpusim.bench.render_tables import write_render
 
@@ -103,7 +118,7 @@ def render(
 
         result = run_render_bench(
             list(dict.fromkeys(names)), size.value, cache or output / "work",
-            peers=[] if no_peers else known, tell=out, save=save,
+            peers=[] if no_peers or _alone(peer_folder(), peer) else known, tell=out, save=save,
         )  # fmt: skip
         for path in write_render(result, output):
             out(str(path))
