@@ -82,6 +82,9 @@ def main() -> int:
         app()
     except KeyboardInterrupt:
         return INTERRUPTED
+    except MemoryError:  # before the command, or while it says what is wrong
+        sys.stderr.write("error: out of memory\n")
+        return 1
     except SystemExit as end:
         return end.code if isinstance(end.code, int) else int(bool(end.code))
     return 0
