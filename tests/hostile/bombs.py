@@ -1,4 +1,4 @@
-"""Small files that claim to be large, that grow when they are unpacked, or that name other files."""
+"""Small files that claim to be large, that grow when unpacked, or that name other files."""
 
 from __future__ import annotations
 
