@@ -1,9 +1,10 @@
 # Each target is complete in itself, also as the first command on a bare machine.
-.PHONY: help demo test check bench setup clean
+.PHONY: help demo test hostile check bench setup clean
 
 help:
 	@echo "make demo    runs examples/crane.toml and says where the report is"
 	@echo "make test    builds and installs the wheel, runs the tests against it"
+	@echo "make hostile damaged, forged and unbounded input, kills; SEED=7 for other inputs"
 	@echo "make check   format, lint, types and tests"
 	@echo "make bench   says which benchmarks there are and how to run them"
 
@@ -14,12 +15,16 @@ demo:
 
 test: setup
 	scripts/test.sh
+	HOSTILE_SHARE=0.1 SEED=34 scripts/test.sh -m hostile --dist load tests/hostile
+
+hostile: setup
+	HOSTILE_SHARE=$${HOSTILE_SHARE:-1} scripts/test.sh -m hostile --dist load tests/hostile
 
 check: setup
 	.venv/bin/ruff format --check
 	.venv/bin/ruff check
 	.venv/bin/mypy
-	scripts/test.sh
+	$(MAKE) test
 
 bench:
 	@echo "Benchmarks (each prints its own options with --help):"

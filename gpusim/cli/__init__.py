@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import io
 import json
+import os
 import sys
 from dataclasses import replace
 from importlib import import_module
@@ -78,10 +79,16 @@ def main() -> int:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # names in a scene may not fit a narrow terminal
             stream.reconfigure(errors="replace")
+    if os.environ.get("GPUSIM_DEBUG", "0") in ("", "0"):
+        # what libraries can't close after an error, on a full disk, is said once, by that error
+        sys.unraisablehook = lambda _: None
     try:
         app()
     except KeyboardInterrupt:
         return INTERRUPTED
+    except MemoryError:  # before the command, or while it says what is wrong
+        sys.stderr.write("error: out of memory\n")
+        return 1
     except SystemExit as end:
         return end.code if isinstance(end.code, int) else int(bool(end.code))
     return 0

@@ -4,22 +4,18 @@
 
     for damage, data in mutations(valid, numpy.random.default_rng(seed), 100):
         ...  # `damage` says in words what was done
-
-Environment: ``SEED`` (other inputs; 1 unless set) and ``HOSTILE_SHARE`` (how many of them: 1 is
-the whole suite, the default is a hundredth).
 """
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Callable, Iterator
 
 import numpy as np
 
-__all__ = ["SEED", "mutations", "share"]
+from tests.hostile.amount import SEED, share
 
-SEED = int(os.environ.get("SEED", "1"))
+__all__ = ["SEED", "mutations", "share"]
 
 Damage = tuple[str, bytes]
 # in a text: no number, none that is finite, none that fits
@@ -29,11 +25,6 @@ _NUMBERS = (b"", b"-1", b"0", b"nan", b"inf", b"1e999", b"-7.5", b"99999999999",
 _BYTES = (b"\x00", b"\xff", b"\n", b"\r\n", b" ", b"\x1b[31m", b"\xe2\x80\xae", b'"', b"<", b"$")
 _FLOATS = (np.nan, np.inf, -np.inf, 1e300, -1.0, 0.0)
 _INTEGERS = (-1, 0, 2**31 - 1, -(2**31), 2**24, 1)
-
-
-def share(whole: int) -> int:
-    """How many of ``whole`` inputs to try now, at least one."""
-    return max(1, round(whole * float(os.environ.get("HOSTILE_SHARE", "0.01"))))
 
 
 def mutations(data: bytes, rng: np.random.Generator, count: int) -> Iterator[Damage]:

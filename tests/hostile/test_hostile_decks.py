@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import random
 import time
 from collections.abc import Callable
@@ -14,12 +13,12 @@ import pytest
 from gpusim.deck import load_deck
 from gpusim.errors import InputError
 from gpusim.mesh import read_mesh
+from tests.hostile.amount import SEED, share
 from tests.hostile.deck_mutations import SEEDS, mutated
 
 pytestmark = pytest.mark.hostile
 
-SEED = int(os.environ.get("SEED", "34"))
-COUNT = max(1, round(400 * float(os.environ.get("HOSTILE_SHARE", "1"))))
+COUNT = share(400)
 
 
 def _load(path: Path) -> np.ndarray:
