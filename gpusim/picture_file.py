@@ -121,9 +121,16 @@ def _tiff_sizes(file: InputFile) -> list[Size]:
     """Width and height of each full page, as it claims."""
     import tifffile
 
+    sizes, seen = [], set()
     with tifffile.TiffFile(file.stream()) as tiff:
-        pages = [page.aspage() for page in tiff.pages]
-        return [(page.imagewidth, page.imagelength) for page in pages if not _reduced(page)]
+        for each in tiff.pages:
+            page = each.aspage()
+            if page.offset in seen:  # tifffile would go round for ever
+                raise ValueError("a page that names an earlier one as the next")
+            seen.add(page.offset)
+            if not _reduced(page):
+                sizes.append((page.imagewidth, page.imagelength))
+    return sizes
 
 
 def _reduced(page: Any) -> bool:

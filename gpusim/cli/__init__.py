@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import io
 import json
-import os
 import sys
 from dataclasses import replace
 from importlib import import_module
@@ -79,9 +78,6 @@ def main() -> int:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # names in a scene may not fit a narrow terminal
             stream.reconfigure(errors="replace")
-    if os.environ.get("GPUSIM_DEBUG", "0") in ("", "0"):
-        # what libraries can't close after an error, on a full disk, is said once, by that error
-        sys.unraisablehook = lambda _: None
     try:
         app()
     except KeyboardInterrupt:

@@ -73,6 +73,9 @@ def exit_codes() -> Iterator[None]:
         raise typer.Exit(1) from None
     except Exception as error:
         _debug()
+        if "can't start new thread" in str(error):  # CPython's word for it
+            _complain("out of memory or processes: the system starts no new thread")
+            raise typer.Exit(1) from None
         kind = "" if isinstance(error, OSError) else f"internal error, {type(error).__name__}: "
         _complain(f"{kind}{error} (GPUSIM_DEBUG=1 shows where)")
         raise typer.Exit(1) from None
