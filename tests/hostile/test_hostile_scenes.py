@@ -1,12 +1,8 @@
-"""Scenes as no one should write them: every one is accepted or refused with a SceneError.
-
-``SEED=7 HOSTILE_SHARE=1 python -m pytest -m hostile tests/hostile/test_hostile_scenes.py``
-"""
+"""Scenes as no one should write them: every one is accepted or refused with a SceneError."""
 
 from __future__ import annotations
 
 import copy
-import os
 import random
 import time
 import tomllib
@@ -24,11 +20,10 @@ import tomlkit
 from gpusim.errors import GpusimError, SceneError
 from gpusim.plan import make_plan
 from gpusim.scene import Scene, load_scene, parse_value
+from tests.hostile.amount import SEED, share
 
 pytestmark = pytest.mark.hostile
 
-SEED = int(os.environ.get("SEED") or 34)
-SHARE = float(os.environ.get("HOSTILE_SHARE") or 0.1)
 LONGEST = 30.0  # s of processor time for one scene
 VALUES: list[Any] = [
     float("nan"), float("inf"), -float("inf"), 1e308, -1e308, 1e-308, 5e-324, -0.0, 0, -1, 1, 2, 3,
@@ -120,7 +115,7 @@ def test_mutated_scenes(checkout: Path, tmp_path: Path) -> None:
     for name in ("lug.msh", "strip.frd"):
         (tmp_path / name).write_bytes((checkout / "examples" / name).read_bytes())
     wrong = []
-    for number in range(max(1, int(1000 * SHARE))):
+    for number in range(share(1000)):
         random_ = random.Random(f"{SEED}-{number}")
         document = copy.deepcopy(random_.choice(documents))
         mutate(document, random_)
@@ -138,7 +133,7 @@ def test_mutated_documents(checkout: Path) -> None:
     scenes = [load_scene(path) for path in sorted((checkout / "examples").glob("*.toml"))]
     extra = [None, b"bytes", (1, 2, 3), {1: 2}, object(), 1 + 2j, {"x"}, float, "\udc80", range(3)]
     wrong = []
-    for number in range(max(1, int(500 * SHARE))):
+    for number in range(share(500)):
         random_ = random.Random(f"{SEED}-p{number}")
         scene = random_.choice(scenes)
         *keys, last = random_.choice(list(spots(scene.document)))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 from pathlib import Path
 
@@ -12,12 +11,12 @@ import pytest
 import gpusim as gs
 from gpusim.errors import InputError
 from gpusim.optics.camera import Camera
+from tests.hostile.amount import SEED, share
 from tests.test_optics_calibration_dialects import ROS
 
 pytestmark = pytest.mark.hostile
 
-SEED = int(os.environ.get("SEED", "34"))
-COUNT = max(1, round(300 * float(os.environ.get("HOSTILE_SHARE", "1"))))  # per format
+COUNT = share(300)  # per format
 SOON = 1.0  # s
 FILES = {
     "a.yml": "opencv", "a.xml": "opencv", "a.json": "opencv", "b.yaml": "kalibr",
