@@ -119,6 +119,13 @@ def test_what_is_wrong_is_said_before_anything_is_written(
     assert not out.exists()
 
 
+def test_pictures_of_another_size_are_refused(cli: Run, pictures: Path, tmp_path: Path) -> None:
+    cv2.imwrite(str(tmp_path / "cut.png"), np.zeros((91, 137), np.uint8))
+    done = cli("dic", pictures / "ref.png", tmp_path / "cut.png", "-o", tmp_path / "out")
+    assert done.exit_code == 2
+    assert "cut.png: not of ref.png's size; got 137 x 91 px; expected 137 x 101 px" in done.output
+
+
 def test_nothing_measured_is_exit_code_3(cli: Run, pictures: Path, tmp_path: Path) -> None:
     flat = tmp_path / "flat.png"
     cv2.imwrite(str(flat), np.full((101, 137), 90, dtype=np.uint8))

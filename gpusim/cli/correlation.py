@@ -130,7 +130,7 @@ def correlate_files(
 
         dic_sequence(
             first,
-            (read_grey(path) for path in deformed),
+            (_alike(path, first.shape, reference) for path in deformed),
             update=choices.update,
             subset=choices.subset,
             step=choices.step,
@@ -203,8 +203,8 @@ def correlate_pairs(
             results = stereo_dic(
                 left,
                 right,
-                map(read_grey, lefts[1:]),
-                map(read_grey, rights[1:]),
+                (_alike(path, left.shape, lefts[0]) for path in lefts[1:]),
+                (_alike(path, right.shape, rights[0]) for path in rights[1:]),
                 (one, two),
                 shape=choices.shape,
                 update=choices.update,
@@ -267,6 +267,18 @@ def _cameras(
                        1000.0 * pose[:3, 3], camera.name)
         )  # fmt: skip
     return result
+
+
+def _alike(path: Path, shape: tuple[int, ...], reference: Path) -> npt.NDArray[Any]:
+    """The picture at ``path``; InputError if it isn't of the reference's size: then the same pixel
+    isn't the same place of the sensor."""
+    picture = read_grey(path)
+    if picture.shape != shape:
+        got, expected = (f"{size[1]} x {size[0]} px" for size in (picture.shape, shape))
+        raise InputError(
+            f"image file: {path}: not of {reference.name}'s size; got {got}; expected {expected}"
+        )
+    return picture
 
 
 def _check_files(paths: Sequence[Path]) -> None:

@@ -42,7 +42,7 @@ def axial_loads(scene: Scene) -> list[str]:
                     continue
                 found.append(
                     f"measure {spec.name!r}: {name} acts along the axis of camera {camera.name!r} "
-                    f"with {100 * abs(share):.2g} % of its size; motion along the axis changes the "
+                    f"with {100 * abs(share):.0f} % of its size; motion along the axis changes the "
                     f"scale: 1 mm of it reads as up to {slope:.2g} mm across"
                 )
     return found
