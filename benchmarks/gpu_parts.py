@@ -99,7 +99,7 @@ def _bracket(name: str, divisions: tuple[int, int, int, int]) -> Case:
 
 _BRACKETS = (
     _bracket("bracket-660k", (72, 20, 7, 20)),
-    _bracket("bracket-57k", (32, 8, 3, 8)),
+    _bracket("bracket-53k", (32, 8, 3, 8)),
 )
 
 

@@ -9,9 +9,12 @@ from typing import Any
 
 from benchmarks.gpu_cases import FE, IMAGES
 
-__all__ = ["FE", "IMAGES", "write_report"]
+__all__ = ["FE", "IMAGES", "trouble", "write_report"]
 
 Part = dict[str, Any]
+_SOLVED = 1e-5  # ten times the tolerance
+_SEEN = {"mean_difference": 1e-4, "most_difference": 5e-3}  # a grey level of 8 bit is 4e-3
+_MEASURED = 0.03  # px, with the noise of the pictures
 
 
 def write_report(parts: list[Part], scale: str, folder: Path, stem: str) -> list[Path]:
@@ -61,14 +64,33 @@ def _machine(parts: list[Part], scale: str) -> list[str]:
     return [f"# gpusim on {own['name']}", "", "| | |", "|---|---|", *table, ""]
 
 
+def trouble(parts: list[Part]) -> list[str]:
+    """What went wrong, one line each: parts that failed, kernels, results that are off."""
+    lines = [f"{part['part']}: {part['failed']}" for part in parts if part["failed"]]
+    for real, row in _rows(parts, "doctor"):
+        if row["verdict"] == "wrong":
+            lines.append(f"{real}, {row['stage']}: {row['message']}")
+    for _, row in _rows(parts, "fe"):
+        if not row["converged"] or not _within(row["error"], _SOLVED):
+            lines.append(f"{row['case']}, {row['where']}: off by {_error(row['error'])}")
+    for _, row in _rows(parts, "image"):
+        for key in ("mean_difference", "most_difference") if "case" in row else ():
+            if not _within(row[key], _SEEN[key]):
+                lines.append(f"{row['case']}: {key.replace('_', ' ')} {_error(row[key])}")
+    for _, row in _rows(parts, "dic"):
+        if not _within(row["rms"], _MEASURED) or row["measured"] < 0.9 * row["subsets"]:
+            lines.append(f"correlation, {row['where']}: {row['measured']} of {row['subsets']} "
+                         f"measured, RMS error {_error(row['rms'])} px")  # fmt: skip
+    return lines
+
+
+def _within(value: float | None, limit: float) -> bool:
+    return value is not None and value <= limit
+
+
 def _trouble(parts: list[Part], scale: str) -> list[str]:
-    lines = [f"- {part['part']}: {part['failed']}" for part in parts if part["failed"]]
-    lines += [
-        f"- {real}, {row['stage']}: {row['message']}"
-        for real, row in _rows(parts, "doctor")
-        if row["verdict"] == "wrong"
-    ]
-    return ["## What went wrong", "", *(lines or ["Nothing."]), ""]
+    lines = [f"- {text}" for text in trouble(parts)] or ["Nothing."]
+    return ["## What went wrong", "", *lines, ""]
 
 
 def _kernels(parts: list[Part], scale: str) -> list[str]:

@@ -114,7 +114,7 @@ def main() -> int:
     for real in ("f64", "double_single"):
         if real != "f64" or "shader-f64" in features:
             check.doctor(real)
-    from benchmarks.gpu_report import FE, IMAGES, write_report
+    from benchmarks.gpu_report import FE, IMAGES, trouble, write_report
 
     for name in IMAGES[check.scale]:
         check.part(f"image:{name}")
@@ -124,10 +124,8 @@ def main() -> int:
     stem = re.sub(r"[^a-z0-9]+", "-", found[0]["name"].lower()).strip("-")[:60] or "adapter"
     for path in write_report(check.parts, check.scale, choice.output, stem):
         print(path)
-    wrong = [one for one in check.parts if one["failed"]] + [
-        row for one in check.parts for row in one["results"] if row.get("verdict") == "wrong"
-    ]
-    print(f"{len(check.parts)} parts, {len(wrong)} with something wrong")
+    wrong = trouble(check.parts)
+    print("\n".join([f"{len(check.parts)} parts; went wrong: {len(wrong)}", *wrong]))
     return 1 if wrong else 0
 
 

@@ -38,7 +38,7 @@ fi
 missing=$("$python" - <<'PYTHON'
 from importlib.util import find_spec
 
-names = "numpy scipy wgpu h5py pydantic cv2 jinja2 matplotlib meshio rich threadpoolctl tifffile tomlkit typer"
+names = "numpy scipy wgpu h5py pydantic cv2 jinja2 matplotlib meshio rich threadpoolctl tifffile typer"
 print(" ".join(name for name in names.split() if find_spec(name) is None))
 PYTHON
 )

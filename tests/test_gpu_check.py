@@ -123,6 +123,7 @@ def test_the_report_reads_what_parts_tell(tmp_path: Path) -> None:
                                       "message": "TwinMismatch: off by 3"}),
         part("image:board", drawn, {"picture": str(tmp_path / "board.png")}),
         part("fe:cube-345k", solved),
+        part("fe:cube-971k", {**solved, "case": "cube-971k", "error": 2e-4}),
         part("fe:beam-300k", {"failed": "lost"}, failed="lost"),
         part("dic", dic),
     ]  # fmt: skip
@@ -133,6 +134,8 @@ def test_the_report_reads_what_parts_tell(tmp_path: Path) -> None:
         "# gpusim on Test GPU, driver 1",
         "- fe:beam-300k: lost",
         "- double_single, fem/cg: TwinMismatch: off by 3",
+        "- board: most difference -",
+        "- cube-971k, device: off by 2.0e-04",
         "| fem/cg | ok, 200 ms | **wrong** |",
         "| cube-345k | 345,744 | device | 500 ms | 3.0e-08 | 9 | assembly 100 ms, iterations 400 "
         "ms; on the device 200 ms |",

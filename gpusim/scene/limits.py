@@ -69,6 +69,13 @@ def text_fault(text: str) -> Fault | None:
     return None
 
 
+def _broken(text: str) -> bool:
+    """Whether a text has halves of surrogate pairs, which no file can hold."""
+    if text.isascii():
+        return False
+    return any("\ud800" <= one <= "\udfff" for one in text)
+
+
 def _too_deep(key: str, line: str = "") -> Fault:
     expected = f"at most {DEEPEST} levels of tables, lists and dots"
     return Fault(key, f"nested too deeply{line}", f"more than {DEEPEST}", expected)
@@ -80,6 +87,10 @@ def document_fault(document: Mapping[str, Any]) -> Fault | None:
     queue: list[tuple[str, Any, int]] = [("", document, 0)]
     while queue:
         key, value, depth = queue.pop()
+        if isinstance(value, str):
+            if _broken(value):
+                return Fault(key, "half a character", repr(value)[:60], "a text in Unicode")
+            continue
         if not isinstance(value, Mapping | list | tuple):
             continue
         if depth > DEEPEST:
@@ -90,8 +101,13 @@ def document_fault(document: Mapping[str, Any]) -> Fault | None:
             tables += 1
             inner = [(f"{key}.{name}".lstrip("."), value[name]) for name in value]
             count, what = len(value), "keys"
+            for name in value:
+                if not isinstance(name, str) or _broken(name):
+                    return Fault(key or "file", "no name of a key", repr(name)[:60], "a text")
         else:
-            inner = [(key, item) for item in value if isinstance(item, Mapping | list | tuple)]
+            inner = [
+                (key, item) for item in value if isinstance(item, str | Mapping | list | tuple)
+            ]
             count = sum(isinstance(item, Mapping) for item in value)
             what = "tables"
         if count > _ITEMS or tables > _TABLES:

@@ -24,6 +24,7 @@ from .limits import document_fault
 from .lines import Keys, Origins, overridden
 from .path import pick, put, with_names
 from .schema import SceneTable
+from .toml_text import toml_text
 
 __all__ = ["Scene"]
 
@@ -219,9 +220,7 @@ class Scene:
 
     @cached_property
     def _toml(self) -> str:
-        import tomlkit  # only the writer needs it
-
-        return tomlkit.dumps(self.document)
+        return toml_text(self.document)
 
     def digest(self, *sections: str) -> str:
         """SHA-256 over the resolved content of ``sections`` (dotted paths; none: the whole scene).

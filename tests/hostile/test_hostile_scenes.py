@@ -15,11 +15,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import tomlkit
 
 from gpusim.errors import GpusimError, SceneError
 from gpusim.plan import make_plan
 from gpusim.scene import Scene, load_scene, parse_value
+from gpusim.scene.toml_text import toml_text
 from tests.hostile.amount import SEED, share
 
 pytestmark = pytest.mark.hostile
@@ -77,7 +77,7 @@ def mutate(document: dict[str, Any], random_: random.Random) -> None:
 
 def as_toml(document: dict[str, Any], random_: random.Random) -> str:
     """As a text, now and then with letters missing or doubled."""
-    text = tomlkit.dumps(document)
+    text = toml_text(document)
     if random_.random() < 0.2:
         for _ in range(random_.randrange(1, 6)):
             at = random_.randrange(len(text) or 1)
