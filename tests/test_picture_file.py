@@ -148,3 +148,53 @@ def test_what_is_whole_is_read(tmp_path: Path) -> None:
     np.testing.assert_array_equal(again.pixels, GREY)
     stack = pages_of(tmp_path / "whole.tif")
     np.testing.assert_array_equal([read_grey(page) for page in stack], [GREY, GREY + 1])
+
+
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16, np.uint32, np.int16])
+def test_white_as_zero_is_inverted_at_any_depth(kind: type, tmp_path: Path) -> None:
+    steps = {1: 1, 2: 257, 4: 16843009}[np.dtype(kind).itemsize]
+    right = (GREY.astype(np.int64) * steps + np.iinfo(kind).min).astype(kind)
+    for name, options in (("plain", {}), ("big", {"bigtiff": True}), ("zlib", {"byteorder": ">"})):
+        path = tmp_path / f"{name}.tif"
+        tifffile.imwrite(path, ~right, photometric="miniswhite", **options)
+        np.testing.assert_array_equal(read_grey(path), right)
+    if kind is np.uint16:
+        np.testing.assert_array_equal(Image.read(path, 1.0).pixels, right)
+
+
+def test_white_as_zero_of_floats_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "white.tif"
+    tifffile.imwrite(path, GREY.astype(np.float32), photometric="miniswhite")
+    with pytest.raises(InputError, match=r"white\.tif: got floats of which white is zero"):
+        read_grey(path)
+
+
+def exif(orientation: int) -> bytes:
+    return b"MM\0*" + struct.pack(">IHHHIHHI", 8, 1, 274, 3, 1, orientation, 0, 0)
+
+
+@pytest.mark.parametrize("orientation", [3, 6])
+def test_pictures_are_never_turned(orientation: int, tmp_path: Path) -> None:
+    tifffile.imwrite(tmp_path / "a.tif", GREY, extratags=[(274, "H", 1, orientation, True)])
+    data = encoded(".png", GREY)
+    crc = struct.pack(">I", zlib.crc32(b"eXIf" + exif(orientation)))
+    part = struct.pack(">I", len(exif(orientation))) + b"eXIf" + exif(orientation) + crc
+    (tmp_path / "a.png").write_bytes(data[:33] + part + data[33:])
+    data = encoded(".jpg", GREY)
+    part = b"Exif\0\0" + exif(orientation)
+    part = b"\xff\xe1" + struct.pack(">H", len(part) + 2) + part
+    (tmp_path / "a.jpg").write_bytes(data[:2] + part + data[2:])
+    jpeg = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    for suffix, right in ((".tif", GREY), (".png", GREY), (".jpg", jpeg)):
+        for reader in (read_grey, lambda path: Image.read(path, 1.0).pixels):
+            with pytest.warns(UserWarning, match=rf"a\{suffix}: got orientation {orientation}, by"):
+                found = reader(tmp_path / f"a{suffix}")
+            np.testing.assert_array_equal(found, right)
+
+
+def test_small_copies_between_pages_are_no_pages(tmp_path: Path) -> None:
+    path = tmp_path / "stack.tif"
+    with tifffile.TiffWriter(path) as writer:
+        for image, reduced in ((GREY, 0), (GREY[::2, ::2], 1), (255 - GREY, 0)):
+            writer.write(image, photometric="minisblack", subfiletype=reduced)
+    np.testing.assert_array_equal(read_grey(f"{path}#2"), 255 - GREY)
