@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import io
+import os
 import resource
 import struct
 import sys
 import zlib
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 import tifffile
+from typer.testing import CliRunner
 
+from gpusim.cli import app
 from gpusim.errors import InputError
 from gpusim.export.images import read_image
 from gpusim.export.pictures import pages_of, read_grey
@@ -190,6 +194,30 @@ def test_pictures_are_never_turned(orientation: int, tmp_path: Path) -> None:
             with pytest.warns(UserWarning, match=rf"a\{suffix}: got orientation {orientation}, by"):
                 found = reader(tmp_path / f"a{suffix}")
             np.testing.assert_array_equal(found, right)
+
+
+@pytest.mark.parametrize(
+    "reader", [read_grey, read_image, read_panorama, pages_of, lambda path: Image.read(path, 1.0)]
+)
+def test_a_pipe_is_called_one(reader: Callable[[Path], object], tmp_path: Path) -> None:
+    path = tmp_path / "pipe.hdr"
+    os.mkfifo(path)
+    with pytest.raises(InputError, match=r"pipe\.hdr: is a device or pipe; expected a picture"):
+        reader(path)
+    with pytest.raises(InputError, match=r"not found|no such file"):
+        reader(tmp_path / "missing.hdr")
+
+
+@pytest.mark.parametrize("command", ["dic", "calibrate"])
+def test_a_pipe_on_the_command_line(command: str, tmp_path: Path) -> None:
+    pipe, whole = tmp_path / "pipe.png", tmp_path / "whole.png"
+    os.mkfifo(pipe)
+    whole.write_bytes(encoded(".png", GREY))
+    given = ["dic", str(whole), str(pipe)] if command == "dic" else ["calibrate", str(pipe)]
+    options = [] if command == "dic" else ["--board", "9x8", "--square-mm", "4"]
+    result = CliRunner().invoke(app, [*given, *options, "-o", str(tmp_path / "out")])
+    assert result.exit_code == 2
+    assert "pipe.png: is a device or pipe" in " ".join(result.output.split())
 
 
 def test_small_copies_between_pages_are_no_pages(tmp_path: Path) -> None:
