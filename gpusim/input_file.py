@@ -17,10 +17,11 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from typing import BinaryIO
 
 from gpusim.errors import InputError
 
-__all__ = ["InputFile", "Reader", "read_input"]
+__all__ = ["InputFile", "Reader", "open_input", "read_input"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,25 +124,38 @@ def read_input(
     return file
 
 
-def _read(source: str | os.PathLike[str], expected: str) -> InputFile:
-    path = Path(source)
+def open_input(path: str | os.PathLike[str], expected: str = "a file") -> BinaryIO:
+    """A stream of a file that may be too large to be read whole.
+
+    Raises InputError as `read_input` does: for a pipe or device, too, without waiting for it.
+    """
+    path = Path(path)
     try:
-        with open(path, "rb", opener=_open) as stream:
-            if stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
-                return InputFile(path, stream.read())
+        stream = open(path, "rb", opener=_open)
+        if stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
+            return stream
+        stream.close()
         problem = "is a device or pipe"
     except FileNotFoundError:
         problem = "not found"
     except IsADirectoryError:
         problem = "is a folder"
     except ValueError as error:  # a NUL in the name
-        if isinstance(error, InputError):
-            raise
         problem = f"no name of a file ({error})"
-    except MemoryError:
-        problem = f"larger than the memory ({path.stat().st_size / 1e9:.1f} GB)"
     except OSError as error:
         problem = f"unreadable ({error.strerror or error})"
+    raise InputError(f"{path}: {problem}; expected {expected}")
+
+
+def _read(source: str | os.PathLike[str], expected: str) -> InputFile:
+    path = Path(source)
+    with open_input(path, expected) as stream:
+        try:
+            return InputFile(path, stream.read())
+        except MemoryError:
+            problem = f"larger than the memory ({path.stat().st_size / 1e9:.1f} GB)"
+        except OSError as error:
+            problem = f"unreadable ({error.strerror or error})"
     raise InputError(f"{path}: {problem}; expected {expected}")
 
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import json
 import os
 import socket
+import stat
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -30,6 +31,7 @@ LOCK = ".gpusim-lock"
 _LONGEST = 200
 """Bytes of a name; the file systems' 255 less what a temporary name adds."""
 _ATTEMPTS = 100
+_AT_ONCE = getattr(os, "O_NONBLOCK", 0)  # a device may let one wait for ever
 
 PathLike = str | os.PathLike[str]
 
@@ -188,9 +190,12 @@ def _locked(path: Path, folder: Path) -> int:
             descriptor, new = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o644), True
         except FileExistsError:
             try:
-                descriptor, new = os.open(path, os.O_RDWR), False
+                descriptor, new = os.open(path, os.O_RDWR | _AT_ONCE), False
             except FileNotFoundError:
                 continue
+        if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+            os.close(descriptor)
+            raise InputError(f"{path}: is a device or pipe; expected a plain file, or none")
         free = _lock(descriptor)
         if free is None:
             owner = None if new else _owner(descriptor)

@@ -6,10 +6,12 @@ of the memory. Nobody else calls a decoder.
 
 from __future__ import annotations
 
+import io
 import logging
 import os
 import re
 import struct
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -21,12 +23,12 @@ from cv2.utils import logging as messages
 
 from gpusim.errors import InputError
 from gpusim.input_file import InputFile, read_input
+from gpusim.picture_tags import TIFF_MAGIC, exif_orientation, plain_tiff, tiff_pages
 
 __all__ = ["LARGEST", "decode", "decoding", "page_count"]
 
 LARGEST = 1 << 28  # pixels: 16384 x 16384, beyond any camera
 BYTES = 32  # of memory for a pixel, with all that is made of a picture
-TIFF_MAGIC = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 
 # without a handler, Python prints what tifffile logs
 logging.getLogger("tifffile").addHandler(logging.NullHandler())
@@ -37,6 +39,9 @@ Size = tuple[int, int]
 
 def decode(source: Source, page: int = 0, *, flags: int = cv2.IMREAD_UNCHANGED) -> npt.NDArray[Any]:
     """The picture in a file as it is stored, (H, W) or (H, W, C), colours blue, green, red.
+
+    It isn't turned or mirrored, whatever the file says of its orientation: that is a warning. Where
+    white is zero (TIFF), integers are inverted within the range of their type.
 
     Parameters
     ----------
@@ -52,18 +57,30 @@ def decode(source: Source, page: int = 0, *, flags: int = cv2.IMREAD_UNCHANGED) 
     """
     file = read_input(source, "a picture")
     with decoding(file):
-        tiff = file.data[:4] in TIFF_MAGIC
-        size = _tiff_sizes(file)[page] if tiff else _claimed(file.data)
+        tiff = tiff_pages(file)[page] if file.data[:4] in TIFF_MAGIC else None
+        size = _claimed(file.data) if tiff is None else tiff.size
         if size is not None:
             _check_size(file, size)
-        image = _by_opencv(file.data, page, flags)
+        data = file.data if tiff is None else plain_tiff(file, tiff)
+        index = page if tiff is None else tiff.index
+        image = _by_opencv(data, index, flags | cv2.IMREAD_IGNORE_ORIENTATION)
         if image is None and tiff and flags == cv2.IMREAD_UNCHANGED:
-            image = _by_tifffile(file, page)
+            image = _by_tifffile(data, index)
+        if image is not None and tiff and tiff.white_is_zero:
+            image = ~image
+        turned = exif_orientation(data) if tiff is None else tiff.orientation
     if image is None or 0 in image.shape:
         raise InputError(
             f"image file: {file.path}: damaged, or no picture: it can't be read; got "
             f"{_begins(file.data)}; expected a PNG, TIFF, JPEG or BMP image, or another kind that "
             "OpenCV reads"
+        )
+    if turned != 1:
+        warnings.warn(
+            f"image file: {file.path}: got orientation {turned}, by which viewers turn or mirror "
+            "it; its pixels are taken as they are stored",
+            UserWarning,
+            stacklevel=2,
         )
     return image
 
@@ -74,7 +91,7 @@ def page_count(source: Source) -> int:
     if file.data[:4] not in TIFF_MAGIC:
         return 1
     with decoding(file):
-        return max(1, len(_tiff_sizes(file)))
+        return max(1, len(tiff_pages(file)))
 
 
 @contextmanager
@@ -109,34 +126,12 @@ def _by_opencv(data: bytes, page: int, flags: int) -> npt.NDArray[Any] | None:
     return None if image is None else np.asarray(image)
 
 
-def _by_tifffile(file: InputFile, page: int) -> npt.NDArray[Any]:
+def _by_tifffile(data: bytes, page: int) -> npt.NDArray[Any]:
     """What OpenCV doesn't read: floats of 16 bits, planes apart, more than four channels."""
     import tifffile
 
-    image = np.asarray(tifffile.imread(file.stream(), key=page))
+    image = np.asarray(tifffile.imread(io.BytesIO(data), key=page))
     return image[..., ::-1] if image.ndim == 3 and image.shape[2] == 3 else image
-
-
-def _tiff_sizes(file: InputFile) -> list[Size]:
-    """Width and height of each full page, as it claims."""
-    import tifffile
-
-    sizes, seen = [], set()
-    with tifffile.TiffFile(file.stream()) as tiff:
-        for each in tiff.pages:
-            page = each.aspage()
-            if page.offset in seen:  # tifffile would go round for ever
-                raise ValueError("a page that names an earlier one as the next")
-            seen.add(page.offset)
-            if not _reduced(page):
-                sizes.append((page.imagewidth, page.imagelength))
-    return sizes
-
-
-def _reduced(page: Any) -> bool:
-    """Whether a page says that it is a smaller copy of another one (tag 254, NewSubfileType)."""
-    tag = page.tags.get(254)
-    return tag is not None and bool(int(tag.value) & 1)
 
 
 def _check_size(file: InputFile, size: Size) -> None:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from gpusim.errors import InputError
-from gpusim.input_file import InputFile, read_input
+from gpusim.input_file import InputFile, open_input, read_input
 from gpusim.output_folder import delete, inside
 
 __all__ = ["StateFile", "earlier_programs", "variant_folder"]
@@ -69,8 +69,11 @@ class StateFile:
         self.programs: list[Any] = []
         self._entries: dict[str, _Entry] = {}
         self._faults: dict[str, str] = {}
+        path = self.folder / _NAME
+        if not os.path.exists(path):
+            return
         try:
-            content = json.loads((self.folder / _NAME).read_text(encoding="utf-8"))
+            content = json.loads(read_input(path, "the state of a run").text())
             if content["version"] != _VERSION:
                 self.problem = f"{_NAME} is of version {content['version']!r:.20}"
                 return
@@ -80,8 +83,6 @@ class StateFile:
                 except _DAMAGE as error:
                     self._faults[key] = f"{_NAME} is damaged ({error})"
             self.programs = list(content.get("programs", ()))
-        except (FileNotFoundError, NotADirectoryError):
-            return
         except _DAMAGE as error:
             self.problem = f"{_NAME} is damaged ({error})"
             self._entries = {}
@@ -128,7 +129,7 @@ class StateFile:
     def open(self, path: Path) -> BinaryIO:
         """As `read`, a stream of a file that may be too large to be read whole."""
         facts = self._facts_of(path)
-        stream = path.open("rb")
+        stream = open_input(path, "a result of an earlier run")
         if hashlib.file_digest(stream, "sha256").hexdigest() != facts["sha256"]:
             stream.close()
             raise InputError(f"{path}: was changed; expected the result of an earlier run")
@@ -246,7 +247,7 @@ def earlier_programs(out: Path) -> list[Any]:
 
 
 def _facts(path: Path) -> Facts:
-    with path.open("rb") as stream:
+    with open_input(path) as stream:
         digest = hashlib.file_digest(stream, "sha256").hexdigest()
         return {"bytes": stream.tell(), "sha256": digest}
 
@@ -255,5 +256,5 @@ def _is(path: Path, facts: Facts) -> bool:
     """Whether a file is the one that was recorded; its size tells most others at once."""
     try:
         return path.stat().st_size == facts["bytes"] and _facts(path) == facts
-    except OSError:  # it can't be read
+    except (OSError, InputError):  # it can't be read
         return False

@@ -30,6 +30,7 @@ FOUNDATION = {
     "output_folder",
     "printable",
     "picture_file",
+    "picture_tags",
     "processors",
     "series",
 }
@@ -49,6 +50,7 @@ ALLOWED: dict[str, set[str]] = {
     "output_folder": set(),
     "printable": set(),
     "picture_file": set(),
+    "picture_tags": set(),
     "processors": set(),
     "series": set(),
     "gpu": set(),

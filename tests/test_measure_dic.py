@@ -55,6 +55,27 @@ def test_sigma_is_the_scatter_that_noise_makes(blur: float) -> None:
     assert 0.8 <= np.sqrt((error**2).mean()) / np.sqrt((result.sigma**2).mean()) <= 1.15
 
 
+@pytest.mark.parametrize(
+    ("factor", "offset", "kind"),
+    [(1.0, 1e9, "f8"), (1e-40, 0.0, "f8"), (1e-40, 0.0, "f4"), (1e-310, 0.0, "f8"),
+     (1e300, -1e302, "f8"), (1e4, 1e9, "i4"), (1e6, 4e9, "u4")],
+)  # fmt: skip
+def test_grey_values_may_have_any_offset_and_factor(
+    factor: float, offset: float, kind: str
+) -> None:
+    first, second = speckles(**SIZE), speckles(**SIZE, shift=(0.37, 0.81))
+    plain = dic(first, second, subset=21, step=9)
+    result = dic(*((factor * image + offset).astype(kind) for image in (first, second)),
+                 subset=21, step=9)  # fmt: skip
+    np.testing.assert_array_equal(result.status, plain.status)
+    inner = (result.points >= 16).all(axis=1) & (result.points <= [100, 76]).all(axis=1)
+    assert result.ok[inner].all() and inner.sum() >= 40
+    assert np.abs(result.displacement[inner] - [0.37, 0.81]).max() <= 1e-3
+    ok = plain.ok
+    np.testing.assert_allclose(result.displacement[ok], plain.displacement[ok], atol=2e-5)
+    np.testing.assert_allclose(result.zncc[ok], plain.zncc[ok], atol=1e-6)
+
+
 @pytest.mark.parametrize("shape", ["affine", "quadratic"])
 def test_sigma_knows_that_slopes_are_noisy_too(shape: str) -> None:
     """Noise of a quarter of the contrast: a third of the squared slopes is noise."""

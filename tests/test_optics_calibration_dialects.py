@@ -48,6 +48,120 @@ def test_a_camera_of_ros(tmp_path: Path, head: str) -> None:
         gs.read_calibration(path)
 
 
+ROI = "roi: {x_offset: 100, y_offset: 50, height: 240, width: 320, do_rectify: false}\n"
+
+
+@pytest.mark.parametrize(
+    ("more", "size", "focal", "centre"),
+    [
+        (ROI, (320, 240), (438.783, 437.302), (205.593, 193.738)),
+        (ROI.replace("240", "0").replace("320", "0"), (540, 430), (438.783, 437.302),
+         (205.593, 193.738)),
+        ("binning_x: 2\nbinning_y: 4\n", (320, 120), (219.3915, 109.3255), (152.5465, 60.5595)),
+        (ROI + "binning_x: 2\nbinning_y: 0\n", (160, 240), (219.3915, 437.302),
+         (102.5465, 193.738)),
+        ("roi: [3, 4, 600, 400]\nbinning_x: 1\n", (640, 480), (438.783, 437.302),
+         (305.593, 243.738)),
+    ],
+)  # fmt: skip
+def test_a_part_of_a_sensor_and_binned_pixels(
+    tmp_path: Path,
+    more: str,
+    size: tuple[int, int],
+    focal: tuple[float, float],
+    centre: tuple[float, float],
+) -> None:
+    path = tmp_path / "part.yaml"
+    path.write_text(ROS + more)
+    (camera,) = gs.read_calibration(path)
+    assert (camera.width, camera.height) == size
+    np.testing.assert_allclose(np.diag(camera.K)[:2], focal, rtol=1e-12)
+    np.testing.assert_allclose(camera.K[:2, 2], centre, rtol=1e-12)
+
+
+def test_parts_that_are_none_of_the_sensor(tmp_path: Path) -> None:
+    path = tmp_path / "part.yaml"
+    for old, new, part in (
+        ("320", "600", r"part\.yaml: roi\.width; got 600 from x_offset 100; .* 640 pixels"),
+        ("50", "-5", r"roi\.y_offset; got -5; expected a whole number"),
+        ("240", "many", r"roi\.height; got 'many'; expected a number"),
+    ):
+        path.write_text(ROS + ROI.replace(old, new))
+        with pytest.raises(InputError, match=part):
+            gs.read_calibration(path)
+
+
+MESSAGE = """header:
+  seq: 0
+  stamp:
+    secs: 12
+    nsecs: 0
+  frame_id: "left_optical"
+height: 480
+width: 640
+distortion_model: "plumb_bob"
+D: [-0.361976, 0.110510, 0.001014, 0.000505, 0.0]
+K: [438.783, 0.0, 305.593, 0.0, 437.302, 243.738, 0.0, 0.0, 1.0]
+R: [0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0]
+P: [400.0, 0.0, 300.0, -48.0, 0.0, 400.0, 240.0, 0.0, 0.0, 0.0, 1.0, 0.0]
+binning_x: 0
+binning_y: 0
+roi:
+  x_offset: 0
+  y_offset: 0
+  height: 0
+  width: 0
+  do_rectify: False
+---
+"""
+
+
+@pytest.mark.parametrize("small", [False, True])
+def test_a_message_of_ros_as_it_is_printed(tmp_path: Path, small: bool) -> None:
+    text = MESSAGE
+    if small:  # ROS 2: small letters, a number a line
+        lines = []
+        for line in MESSAGE.splitlines():
+            key, _, rest = line.partition(": [")
+            rows = [f"- {word}" for word in rest.rstrip("]").split(", ")] if rest else []
+            lines += [f"{key.lower()}:", *rows] if rows else [line]
+        text = "\n".join(lines)
+    path = tmp_path / "info.yaml"
+    path.write_text(text)
+    (camera,) = gs.read_calibration(path)
+    np.testing.assert_array_equal(camera.K, ROS_K)
+    np.testing.assert_array_equal(camera.distortion, [-0.361976, 0.110510, 0.001014, 0.000505, 0])
+    np.testing.assert_array_equal(camera.camera_from_world, np.eye(4))  # R only rectifies
+    assert (camera.width, camera.height, camera.name) == (640, 480, "left_optical")
+    path.write_text(text.replace("plumb_bob", "equidistant"))
+    with pytest.raises(InputError, match="distortion_model; got 'equidistant'"):
+        gs.read_calibration(path)
+
+
+def test_kalibrs_cameras_stand_in_the_order_of_their_numbers(tmp_path: Path) -> None:
+    def camera(number: int) -> str:
+        return (
+            f"cam{number}:\n  camera_model: pinhole\n  distortion_model: none\n"
+            f"  intrinsics: [{500 + number}, 500, 320, 240]\n  resolution: [640, 480]\n"
+            f"  T_cn_cnm1: [[1, 0, 0, {-0.01 * number}], [0, 1, 0, 0], [0, 0, 1, 0],"
+            " [0, 0, 0, 1]]\n"
+        )
+
+    path = tmp_path / "camchain.yaml"
+    path.write_text("".join(camera(number) for number in (10, 1, *range(2, 10), 0)))
+    cameras = gs.read_calibration(path)
+    assert [c.name for c in cameras] == [f"cam{number}" for number in range(11)]
+    assert [c.K[0, 0] for c in cameras] == [500.0 + number for number in range(11)]
+    x = [c.camera_from_world[0, 3] for c in cameras]
+    np.testing.assert_allclose(x, [-0.01 * n * (n + 1) / 2 for n in range(11)], atol=1e-12)
+    path.write_text(camera(0) + camera(2))
+    with pytest.raises(InputError, match=r"camchain\.yaml: cam1; got nothing; expected it"):
+        gs.read_calibration(path)
+    path.write_text(camera(0) + camera(1).replace("cam1", "left"))
+    with pytest.raises(InputError, match="left; got an unknown key; expected cam0, cam1"):
+        gs.read_calibration(path)
+
+
 def test_json_with_plain_lists_and_our_own_report(tmp_path: Path) -> None:
     path = tmp_path / "camera.json"
     path.write_text(json.dumps({"camera_matrix": ROS_K, "dist_coeffs": [[0.1, -0.02, 0, 0]]}))

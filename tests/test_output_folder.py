@@ -245,6 +245,14 @@ def test_a_damaged_lock_file_is_no_obstacle(content: str, tmp_path: Path) -> Non
         pass
 
 
+def test_a_pipe_in_place_of_the_lock(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / LOCK)
+    with pytest.raises(InputError, match=r"lock: is a device or pipe; expected a plain file"):
+        with claim(tmp_path):
+            pass
+    assert not (tmp_path / LOCK).is_file()
+
+
 def test_where_files_cannot_be_locked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def flock(descriptor: int, operation: int) -> None:
         raise OSError(errno.ENOTSUP, "not supported")

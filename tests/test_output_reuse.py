@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import shutil
 import signal
 import subprocess
@@ -16,6 +17,7 @@ import numpy as np
 import pytest
 
 import gpusim as gs
+from gpusim.errors import InputError
 from gpusim.output_folder import LOCK
 from gpusim.state import StateFile
 from tests.small_scene import DOCUMENT, small_scene
@@ -177,6 +179,27 @@ def test_a_damaged_entry_runs_its_stage_again(change: Callable[..., None], out: 
     assert stages["render/side/0001"].state == "reused"
     after = contents(out)
     assert {n for n in before if n != "state.json" and before[n] != after.get(n)} == set()
+
+
+def test_pipes_in_an_output_folder_are_damage_and_nobody_waits_for_them(out: Path) -> None:
+    recorded = StateFile(out)
+    stages = json.loads((out / "state.json").read_text())["stages"]
+    key = next(key for key, entry in stages.items() if entry["stage"] == "solve")
+    (result, *_) = recorded.files(key)
+    assert recorded.fault(key, "solve") is None
+    for path in (result, out / "state.json"):
+        path.unlink()
+        os.mkfifo(path)
+    assert recorded.fault(key, "solve") == f"{result.relative_to(out)} is gone"
+    for reader in (recorded.read, recorded.open):
+        with pytest.raises(InputError, match="is a device or pipe; expected a result of an earl"):
+            reader(result)
+    state = StateFile(out)
+    assert "state.json is damaged" in state.problem and "is a device or pipe" in state.problem
+    assert not state.begun
+    (out / "new.txt").write_text("new")
+    state.record("solve", "k", ["new.txt"])
+    assert (out / "state.json").is_file() and StateFile(out).fault("k", "solve") is None
 
 
 def test_an_entry_that_was_changed_is_noticed(out: Path) -> None:

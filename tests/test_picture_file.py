@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import io
+import os
 import resource
 import struct
 import sys
 import zlib
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 import tifffile
+from typer.testing import CliRunner
 
+from gpusim.cli import app
 from gpusim.errors import InputError
 from gpusim.export.images import read_image
 from gpusim.export.pictures import pages_of, read_grey
@@ -148,3 +152,77 @@ def test_what_is_whole_is_read(tmp_path: Path) -> None:
     np.testing.assert_array_equal(again.pixels, GREY)
     stack = pages_of(tmp_path / "whole.tif")
     np.testing.assert_array_equal([read_grey(page) for page in stack], [GREY, GREY + 1])
+
+
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16, np.uint32, np.int16])
+def test_white_as_zero_is_inverted_at_any_depth(kind: type, tmp_path: Path) -> None:
+    steps = {1: 1, 2: 257, 4: 16843009}[np.dtype(kind).itemsize]
+    right = (GREY.astype(np.int64) * steps + np.iinfo(kind).min).astype(kind)
+    for name, options in (("plain", {}), ("big", {"bigtiff": True}), ("zlib", {"byteorder": ">"})):
+        path = tmp_path / f"{name}.tif"
+        tifffile.imwrite(path, ~right, photometric="miniswhite", **options)
+        np.testing.assert_array_equal(read_grey(path), right)
+    if kind is np.uint16:
+        np.testing.assert_array_equal(Image.read(path, 1.0).pixels, right)
+
+
+def test_white_as_zero_of_floats_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "white.tif"
+    tifffile.imwrite(path, GREY.astype(np.float32), photometric="miniswhite")
+    with pytest.raises(InputError, match=r"white\.tif: got floats of which white is zero"):
+        read_grey(path)
+
+
+def exif(orientation: int) -> bytes:
+    return b"MM\0*" + struct.pack(">IHHHIHHI", 8, 1, 274, 3, 1, orientation, 0, 0)
+
+
+@pytest.mark.parametrize("orientation", [3, 6])
+def test_pictures_are_never_turned(orientation: int, tmp_path: Path) -> None:
+    tifffile.imwrite(tmp_path / "a.tif", GREY, extratags=[(274, "H", 1, orientation, True)])
+    data = encoded(".png", GREY)
+    crc = struct.pack(">I", zlib.crc32(b"eXIf" + exif(orientation)))
+    part = struct.pack(">I", len(exif(orientation))) + b"eXIf" + exif(orientation) + crc
+    (tmp_path / "a.png").write_bytes(data[:33] + part + data[33:])
+    data = encoded(".jpg", GREY)
+    part = b"Exif\0\0" + exif(orientation)
+    part = b"\xff\xe1" + struct.pack(">H", len(part) + 2) + part
+    (tmp_path / "a.jpg").write_bytes(data[:2] + part + data[2:])
+    jpeg = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    for suffix, right in ((".tif", GREY), (".png", GREY), (".jpg", jpeg)):
+        for reader in (read_grey, lambda path: Image.read(path, 1.0).pixels):
+            with pytest.warns(UserWarning, match=rf"a\{suffix}: got orientation {orientation}, by"):
+                found = reader(tmp_path / f"a{suffix}")
+            np.testing.assert_array_equal(found, right)
+
+
+@pytest.mark.parametrize(
+    "reader", [read_grey, read_image, read_panorama, pages_of, lambda path: Image.read(path, 1.0)]
+)
+def test_a_pipe_is_called_one(reader: Callable[[Path], object], tmp_path: Path) -> None:
+    path = tmp_path / "pipe.hdr"
+    os.mkfifo(path)
+    with pytest.raises(InputError, match=r"pipe\.hdr: is a device or pipe; expected a picture"):
+        reader(path)
+    with pytest.raises(InputError, match=r"not found|no such file"):
+        reader(tmp_path / "missing.hdr")
+
+
+@pytest.mark.parametrize("command", ["dic", "calibrate"])
+def test_a_pipe_on_the_command_line(command: str, tmp_path: Path) -> None:
+    pipe, whole = tmp_path / "pipe.png", tmp_path / "whole.png"
+    os.mkfifo(pipe)
+    whole.write_bytes(encoded(".png", GREY))
+    given = ["dic", str(whole), str(pipe)] if command == "dic" else ["calibrate", str(pipe)]
+    options = [] if command == "dic" else ["--board", "9x8", "--square-mm", "4"]
+    result = CliRunner().invoke(app, [*given, *options, "-o", str(tmp_path / "out")])
+    assert result.exit_code == 2
+    assert "pipe.png: is a device or pipe" in " ".join(result.output.split())
+
+
+def test_small_copies_between_pages_are_no_pages(tmp_path: Path) -> None:
+    path = tmp_path / "stack.tif"
+    with tifffile.TiffWriter(path) as writer:
+        for image, reduced in ((GREY, 0), (GREY[::2, ::2], 1), (255 - GREY, 0)):
+            writer.write(image, photometric="minisblack", subfiletype=reduced)
+    np.testing.assert_array_equal(read_grey(f"{path}#2"), 255 - GREY)

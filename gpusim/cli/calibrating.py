@@ -170,7 +170,7 @@ def _pictures(paths: Sequence[Path]) -> list[Path]:
             if not own:
                 raise InputError(f"calibrate: {path}: no pictures ({', '.join(SUFFIXES)})")
             files += own
-        elif picture_file(path)[0].is_file():
+        elif picture_file(path)[0].exists():
             files += pages_of(path)
         else:
             raise InputError(f"calibrate: {path}: not found")

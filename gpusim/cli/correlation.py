@@ -282,7 +282,7 @@ def _alike(path: Path, shape: tuple[int, ...], reference: Path) -> npt.NDArray[A
 
 
 def _check_files(paths: Sequence[Path]) -> None:
-    missing = [str(path) for path in paths if not picture_file(path)[0].is_file()]
+    missing = [str(path) for path in paths if not picture_file(path)[0].exists()]
     if missing:
         raise InputError(
             f"image file{'s' if len(missing) > 1 else ''} not found: {', '.join(missing)}"

@@ -149,8 +149,6 @@ def read_image(source: PathLike | InputFile) -> GreyImage:
     """
     if isinstance(source, InputFile):
         return _grey(source)
-    if not Path(source).is_file():
-        raise InputError(f"image file: {source}: not found")
     known = recall(source)
     if known is not None:
         return cast(GreyImage, known)

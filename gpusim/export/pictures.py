@@ -87,9 +87,10 @@ def read_grey(source: PathLike | InputFile) -> npt.NDArray[Any]:
 
 def _read(file: Path) -> InputFile:
     """The file, read once for all of its pages."""
-    if not file.is_file():
-        raise InputError(f"image file: {file}: not found")
-    found = file.stat()
+    try:
+        found = file.stat()
+    except (OSError, ValueError):
+        return read_input(file, "a picture")  # which says what is wrong
     return _last(file, (found.st_ino, found.st_size, found.st_mtime_ns))
 
 

@@ -58,6 +58,6 @@ def _stamp(path: PathLike) -> _Stamp | None:
     """What changes whenever a file is written or replaced."""
     try:
         found = os.stat(path)
-    except OSError:
+    except (OSError, ValueError):
         return None
     return found.st_ino, found.st_size, found.st_mtime_ns

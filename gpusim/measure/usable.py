@@ -33,7 +33,8 @@ MANY = 1e-4  # share of pixels at the highest level that makes it full scale and
 class Usable:
     """An image without NaN, and where it can be used.
 
-    image : (H, W), the image; pixels that aren't numbers hold the median of the others.
+    image : (H, W), the image; pixels that aren't numbers hold the median of the others. Floats and
+        integers of more than 16 bits are scaled to -1 … 1, see `_scaled`.
     masked : (H, W) bool, True = masked out or not a number; None = nowhere.
     saturated : (H, W) bool, True = within a saturated area; None = nowhere.
     """
@@ -125,14 +126,28 @@ def make_usable(
     else:
         raise InputError(f"saturation: got {saturation!r}; expected a finite grey level or None")
     if level is None or not float(array.max()) >= level:
-        return Usable(array, bad, None)
+        return Usable(_scaled(array), bad, None)
     size = max(5, 2 * round(0.5 * BLOB * subset) + 1)
     hot = (array >= level).astype(np.uint8)
     square = np.ones((size, size), dtype=np.uint8)
     opened = cv2.morphologyEx(hot, cv2.MORPH_OPEN, square)
     rim = np.ones((2 * RIM + 1, 2 * RIM + 1), dtype=np.uint8)
     area: BoolArray = np.asarray(cv2.dilate(opened, rim), dtype=np.bool_)
-    return Usable(array, bad, area if area.any() else None)
+    return Usable(_scaled(array), bad, area if area.any() else None)
+
+
+def _scaled(image: Image) -> Image:
+    """Grey values of any size as -1 … 1: what is measured depends neither on an offset nor on a
+    factor, but sums of squares do, once rounding or the smallest number of a type matters."""
+    kind = image.dtype
+    if kind.kind in "ui" and kind.itemsize <= 2:
+        return image
+    low, high = float(image.min()), float(image.max())
+    values = image.astype(np.float64)
+    values -= 0.5 * low + 0.5 * high
+    if high > low:
+        values /= 0.5 * high - 0.5 * low
+    return values.astype(np.float32) if kind.kind == "f" and kind.itemsize <= 4 else values
 
 
 def full_scale(image: Image) -> float | None:

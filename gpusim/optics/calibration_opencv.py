@@ -12,6 +12,7 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.optics.calibration_document import Document, read_document
 from gpusim.optics.calibration_parts import make, number, pose_of
+from gpusim.optics.calibration_ros import from_message, read_out
 from gpusim.optics.camera import Camera
 
 __all__ = ["cameras_of", "needs_extrinsics", "read_opencv", "write_opencv"]
@@ -44,6 +45,7 @@ def read_opencv(text: str, where: str, size: Size) -> list[Camera]:
 
 def cameras_of(root: Document, where: str, size: Size) -> list[Camera]:
     """The cameras in a document that was read already."""
+    root = from_message(root)
     for key in _FISHEYE:
         if key in root:
             raise InputError(f"{where}: {key}; got a fisheye or omnidirectional model; expected a "
@@ -119,10 +121,13 @@ def _single(node: Document, where: str, name: str, size: Size) -> Camera:
     R = _matrix(node, _TURN, where) if pose is None else pose[:3, :3]
     T = _matrix(node, _SHIFT, where) if pose is None else pose[:3, 3]
     label = node.get("name", node.get("camera_name", name))
+    if K.shape != (3, 3):
+        raise InputError(f"{where}: camera_matrix; got shape {K.shape}; expected (3, 3)")
+    K, shape = read_out(node, K, _size(node, where) or size, where)
     return make(
         where,
         label if isinstance(label, str) else f"{label:g}" if isinstance(label, float) else name,
-        _size(node, where) or size,
+        shape,
         K,
         np.zeros(5) if bent is None else bent,
         np.eye(3) if R is None else _rotation(R, where),

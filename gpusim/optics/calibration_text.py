@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -21,10 +22,10 @@ LONGEST_LABEL = 100
 
 
 def read_kalibr(text: str, where: str, size: Size) -> list[Camera]:
-    """cam0, cam1 … with pinhole models; cam0's frame is the world."""
+    """cam0, cam1 … in the order of their numbers; cam0's frame is the world."""
     cameras: list[Camera] = []
     pose = np.eye(4)
-    for name, values in read_document(text, where).items():
+    for name, values in _chain(read_document(text, where), where):
         key = f"{where}: {name}"
         if not isinstance(values, dict):
             raise InputError(f"{key}; got {str(values)[:60]!r}; expected a camera: camN: and keys")
@@ -45,9 +46,21 @@ def read_kalibr(text: str, where: str, size: Size) -> list[Camera]:
         K = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
         shape = (int(width), int(height))
         cameras.append(make(key, name, shape, K, coefficients, pose[:3, :3], pose[:3, 3]))
-    if not cameras:
-        raise InputError(f"{where}: cam0; got none; expected at least one camera")
     return cameras
+
+
+def _chain(document: Document, where: str) -> list[tuple[str, Any]]:
+    """The entries cam0, cam1 … by number: programs that write YAML put cam10 before cam2."""
+    for name in document:
+        if not re.fullmatch(r"cam(0|[1-9]\d{0,5})", name):
+            raise InputError(f"{where}: {name[:60]}; got an unknown key; expected cam0, cam1 …")
+    for index in range(max(1, len(document))):
+        if f"cam{index}" not in document:
+            raise InputError(
+                f"{where}: cam{index}; got nothing; expected it: each camera stands by the one "
+                "before it"
+            )
+    return [(f"cam{index}", document[f"cam{index}"]) for index in range(len(document))]
 
 
 def _row(values: Document, key: str, count: int, where: str) -> list[float]:

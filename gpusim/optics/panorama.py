@@ -32,7 +32,7 @@ def read_panorama(path: str | os.PathLike[str] | InputFile) -> npt.NDArray[np.fl
     """
     file = path.path if isinstance(path, InputFile) else Path(path)
     expected = f"a picture of radiances, one of {', '.join(PANORAMA_SUFFIXES)}"
-    if not isinstance(path, InputFile) and not file.is_file():
+    if not isinstance(path, InputFile) and not file.exists():
         raise InputError(f"{file}: no such file; expected {expected}")
     suffix = file.suffix.lower()
     if suffix not in PANORAMA_SUFFIXES:

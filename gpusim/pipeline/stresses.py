@@ -15,6 +15,7 @@ import numpy.typing as npt
 from gpusim import fem
 from gpusim.errors import InputError
 from gpusim.export.files import atomic_stream
+from gpusim.input_file import open_input
 from gpusim.pipeline.build import BodyParts
 from gpusim.pipeline.modelling import temperature
 from gpusim.report import StressPeak
@@ -32,7 +33,7 @@ class Stresses:
     """
 
     def __init__(self, source: Path | BinaryIO) -> None:
-        self._source = source.open("rb") if isinstance(source, Path) else source
+        self._source = open_input(source) if isinstance(source, Path) else source
         try:
             self._stored = np.load(self._source, allow_pickle=False)  # arrays as they are needed
         except BaseException:
