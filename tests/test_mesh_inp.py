@@ -119,6 +119,21 @@ def test_shells_on_faces_become_face_sets(tmp_path: Path) -> None:
     assert "Skin" not in mesh.cell_sets
 
 
+def test_sets_of_shells_are_face_sets(tmp_path: Path) -> None:
+    """As Gmsh writes physical surfaces: *ELSET with the numbers of the shells."""
+    shells = "*ELEMENT, TYPE=CPS4, ELSET=S1\n70, 13, 16, 22, 19\n71, 11, 12, 18, 17\n"
+    loose = "*ELEMENT, TYPE=CPS3, ELSET=S2\n72, 11, 13, 22\n73, 11, 12, 15\n"
+    sets = "*ELSET, ELSET=A\n71,\n*ELSET, ELSET=B\nS1, 72\n*ELSET, ELSET=C\n71, 9\n"
+    mesh = read(tmp_path, MODEL + shells + loose + sets)
+    assert {name: len(pairs) for name, pairs in mesh.face_sets.items()} == {
+        "END": 1, "S1": 2, "A": 1, "B": 2, "C": 1
+    }  # fmt: skip
+    vectors = set_faces(mesh, mesh.face_sets["A"]).area_vectors
+    np.testing.assert_allclose(vectors, [[0, -10, 0]], atol=1e-14)
+    assert mesh.cell_sets["C"].tolist() == [1]
+    assert not {"S1", "A", "B"} & mesh.cell_sets.keys()
+
+
 @pytest.mark.parametrize(
     ("written", "kind"),
     [

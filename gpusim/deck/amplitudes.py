@@ -62,7 +62,7 @@ class Amplitudes:
             raise InputError(f"{card.where()}: VALUE isn't supported; expected RELATIVE")
         total = "TOTAL" in card.parameters.get("TIME", "").upper()
         one = _Amplitude(times, factors, len(self.following) + 1 if total else 0)
-        self.known.set(name, one)
+        self.known.define(name, one, card.where())
         if total:
             self.following.append(one)
 

@@ -54,6 +54,7 @@ class _Material:
     """What the cards after a *MATERIAL say; ``matrix`` in Abaqus order and material axes."""
 
     card: Card
+    given: dict[str, Card] = field(default_factory=dict)
     isotropic: tuple[float, float] | None = None
     matrix: Float | None = None
     density: float = 0.0
@@ -84,6 +85,7 @@ class Sections:
     def resolve(self, labelled: LabelledMesh) -> tuple[list[Material], npt.NDArray[np.int32]]:
         """Materials and (M,) the number of each cell's. Raises InputError."""
         found: dict[tuple[str, str], int] = {}
+        of_set: dict[str, Card] = {}
         materials: list[Material] = []
         of_cell = np.full(labelled.mesh.cell_count, -1, dtype=np.int32)
         for card in self.sections:
@@ -96,7 +98,14 @@ class Sections:
                 axes = self.orientations.get(turned, where) if turned else np.eye(3)
                 materials.append(_finished(material, named, axes, where))
                 found[key] = len(materials) - 1
-            cells = self.content.cell_sets.get(card.parameters.get("ELSET", ""), where)
+            name = card.parameters.get("ELSET", "")
+            cells = self.content.cell_sets.get(name, where)
+            other = of_set.setdefault(name.upper(), card)
+            if other is not card:
+                raise InputError(
+                    f"{where}: a second section for set {name}; got the first at "
+                    f"{other.where()}; expected one"
+                )
             of_cell[labelled.cell_index(cells)] = found[key]
         bare = np.flatnonzero(of_cell < 0)
         if bare.size:
@@ -112,11 +121,17 @@ class Sections:
         if not name:
             raise InputError(f"{card.where()}: no name; expected NAME=name")
         self.current = _Material(card)
-        self.materials.set(name, self.current)
+        self.materials.define(name, self.current, card.where())
 
     def _own(self, card: Card) -> _Material:
         if self.current is None:
             raise InputError(f"{card.where()}: outside of a material; expected *MATERIAL before it")
+        first = self.current.given.setdefault(card.keyword, card)
+        if first is not card:
+            raise InputError(
+                f"{card.where()}: a second one for one material; got the first at "
+                f"{first.where()}; expected one"
+            )
         return self.current
 
     def _elastic(self, card: Card) -> None:
@@ -158,7 +173,9 @@ class Sections:
         name = card.parameters.get("NAME", "")
         system = card.parameters.get("SYSTEM", "RECTANGULAR").upper()
         if not system.startswith("R"):
-            self.orientations.set(name, None)  # of no account to an isotropic material
+            self.orientations.define(
+                name, None, card.where()
+            )  # of no account to an isotropic material
             return
         rows = [[number(text or "0", card.where(k)) for text in row] for k, row in card.rows()]
         values = rows[0] if rows else []
@@ -170,7 +187,7 @@ class Sections:
             )
         origin = np.array(values[6:] or [0.0] * 3)
         a, b = np.array(values[:3]) - origin, np.array(values[3:6]) - origin
-        self.orientations.set(name, _axes(a, b, card))
+        self.orientations.define(name, _axes(a, b, card), card.where())
 
 
 def _finished(material: _Material, name: str, axes: Float | None, where: str) -> Material:

@@ -54,6 +54,7 @@ def read_bdf(source: Source) -> Mesh:
     file = read_input(source, "Nastran bulk data")
     path = str(file.path)
     grids: dict[int, BdfCard] = {}
+    elements: dict[int, BdfCard] = {}
     cells: dict[str, _Cells] = {}
     systems = Systems()
     default: BdfCard | None = None
@@ -71,6 +72,13 @@ def read_bdf(source: Source) -> Mesh:
         elif card.name in SYSTEMS:
             systems.read(card)
         elif card.name in ELEMENTS:
+            label = integer(card.field(0), card)
+            if label in elements:
+                card.fail(
+                    f"a second card for element {label}; got the first at "
+                    f"{elements[label].where}; expected each number once"
+                )
+            elements[label] = card
             _add_element(card, cells)
     labels = np.array(list(grids), dtype=np.int64)
     points = _points(list(grids.values()), labels, default, systems)

@@ -8,7 +8,6 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.mesh.cells import CELL_TYPES
 from gpusim.mesh.file_numbers import in_numbers_of_file
 from gpusim.mesh.inp_cards import Source, read_cards
 from gpusim.mesh.inp_content import InpContent
@@ -17,6 +16,7 @@ from gpusim.mesh.inp_geometry import read_content
 from gpusim.mesh.inp_keywords import check_mesh_cards
 from gpusim.mesh.inp_types import SOLID_TYPES, face_table
 from gpusim.mesh.mesh import Mesh
+from gpusim.mesh.raw import match_faces, padded
 
 __all__ = ["LabelledMesh", "label_mesh", "read_inp"]
 
@@ -68,7 +68,7 @@ def read_inp(source: Source) -> Mesh:
 
     Node sets, element sets (as cell sets) and element surfaces (as face sets) keep their names,
     spelled as at their first definition; those of one of several instances are ``INSTANCE.NAME``.
-    Shell and plane elements that lie on faces of solids become face sets named by their ELSET.
+    An element set of shell or plane elements that lie on faces of solids is a face set.
     Nodes are ordered by their number in the file, cells by type and then in file order. Loads,
     materials and steps are read by ``gpusim.deck.load_deck``.
 
@@ -117,13 +117,18 @@ def label_mesh(content: InpContent, path: str) -> LabelledMesh:
     face_sets = {
         name: plain.face_pairs(pairs).astype(np.int32) for name, pairs in content.surfaces.items()
     }
-    for block in flat:
-        if block.name and block.nodes.shape[1] >= 3:
-            pairs = _matching_faces(plain.mesh, _node_rows(block, content))
-            if len(pairs):
-                known = face_sets.get(block.name, np.zeros((0, 2), dtype=np.int32))
-                face_sets[block.name] = np.concatenate([known, pairs.astype(np.int32)])
-    solid_sets = {name: members for name, members in cell_sets.items() if name not in face_sets}
+    flat_labels, flat_faces = _flat_faces(plain.mesh, flat, content)
+    for name, members in content.cell_sets.items():
+        pairs = np.unique(flat_faces[np.isin(flat_labels, members)], axis=0).astype(np.int32)
+        if len(pairs):
+            known = face_sets.get(name, np.zeros((0, 2), dtype=np.int32))
+            face_sets[name] = np.concatenate([known, pairs])
+    # a set of shells only is no set of cells
+    solid_sets = {
+        name: members
+        for name, members in cell_sets.items()
+        if len(members) or name not in face_sets
+    }
     mesh = plain.mesh.with_sets(node_sets, face_sets, solid_sets)
     return LabelledMesh(mesh, content.node_labels, labels)
 
@@ -149,22 +154,15 @@ def _node_rows(block: ElementBlock, content: InpContent) -> Int:
     return nodes.reshape(-1, width)
 
 
-def _matching_faces(mesh: Mesh, nodes: Int) -> Int:
-    """(K,2) pairs (cell, local face) whose corners are those of the flat elements ``nodes``."""
-    corners = 3 if nodes.shape[1] in (3, 6) else 4
-    wanted = {tuple(row) for row in np.sort(nodes[:, :corners], axis=1).tolist()}
-    touched = np.zeros(mesh.node_count, dtype=bool)
-    touched[nodes[:, :corners]] = True
-    pairs: dict[tuple[int, ...], tuple[int, int]] = {}
-    for kind, first, block in mesh.blocks():
-        cell = CELL_TYPES[kind]
-        for local, row in enumerate(cell.faces):
-            face = [int(k) for k in row if 0 <= k < cell.corners]
-            if len(face) != corners:
-                continue
-            rows = block[:, face]
-            for number in np.flatnonzero(touched[rows].all(axis=1)):
-                key = tuple(sorted(rows[number].tolist()))
-                if key in wanted:
-                    pairs.setdefault(key, (first + int(number), local))
-    return np.array(sorted(pairs.values()), dtype=np.int64).reshape(-1, 2)
+def _flat_faces(mesh: Mesh, flat: list[ElementBlock], content: InpContent) -> tuple[Int, Int]:
+    """(K,) labels of the flat elements that lie on faces of solids, and (K,2) those faces, as
+    pairs (cell, local face)."""
+    wide = [block for block in flat if block.nodes.shape[1] >= 3]
+    if not wide:
+        return np.zeros(0, dtype=np.int64), np.zeros((0, 2), dtype=np.int64)
+    corners = [
+        padded(_node_rows(block, content)[:, : 3 if block.nodes.shape[1] in (3, 6) else 4])
+        for block in wide
+    ]
+    pairs, found = match_faces(mesh, np.concatenate(corners))
+    return np.concatenate([block.labels for block in wide])[found], pairs[found]

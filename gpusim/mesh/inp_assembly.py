@@ -100,12 +100,18 @@ def find_assembly(cards: Sequence[Card]) -> Assembly:
     whole = Assembly()
     blocks: list[tuple[Card, list[Card]]] = []  # what is open, outermost first
     part_cards: list[Card] = []
+    system: Card | None = None  # in which nodes outside of parts are given
     for card in cards:
         if card.keyword in _OPENING:
             _refuse_nesting(card, [one.keyword for one, _ in blocks])
             inner: list[Card] = [] if card.keyword != "ASSEMBLY" else whole.own
             if card.keyword == "PART":
                 key = card.parameters.get("NAME", "").upper()
+                if system is not None:
+                    raise InputError(
+                        f"{card.where()}: a part begins while {system.where()} is open; expected "
+                        "an empty *SYSTEM before it, or the system inside of the part"
+                    )
                 if key in parts:
                     raise InputError(f"{card.where()}: a second part {key}; expected other names")
                 parts[key] = inner
@@ -120,6 +126,8 @@ def find_assembly(cards: Sequence[Card]) -> Assembly:
                 raise InputError(f"{card.where()}: ends nothing; expected *{card.shown[5:]} before")
             blocks.pop()
         else:
+            if card.keyword == "SYSTEM" and not blocks:
+                system = card if any(card.rows()) else None
             (blocks[-1][1] if blocks else whole.own).append(card)
     if blocks and placed:
         raise InputError(f"{blocks[-1][0].where()}: doesn't end; is the file cut off?")

@@ -35,7 +35,7 @@ class ElementBlock:
     def where(self, position: int) -> str:
         """File, line, keyword and number of the element at ``position``."""
         label = int(self.labels[position]) - self.offset
-        line = next((k for k, row in self.card.rows() if row[0] == str(label)), self.card.line)
+        line = next((k for k, row in self.card.rows() if row[0] == str(label)), None)
         return f"{self.card.where(line)}: element {label}"
 
 

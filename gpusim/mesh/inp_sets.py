@@ -117,4 +117,4 @@ def _surface(card: Card, content: InpContent) -> None:
             )
         labels = content.cells_named(row[0], where)
         pairs.append(np.stack([labels, np.full(len(labels), int(face[1]))], axis=1))
-    content.surfaces.set(name, np.concatenate(pairs))
+    content.surfaces.define(name, np.concatenate(pairs), card.where())

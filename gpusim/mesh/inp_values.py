@@ -31,6 +31,7 @@ class Names(Generic[T]):
         self.assembly = assembly.upper()
         self.shown: dict[str, str] = {}
         self.values: dict[str, T] = {}
+        self.places: dict[str, str] = {}
 
     def __contains__(self, name: str) -> bool:
         return self._key(name) in self.values
@@ -38,6 +39,16 @@ class Names(Generic[T]):
     def set(self, name: str, value: T) -> None:
         self.shown.setdefault(name.upper(), name)
         self.values[name.upper()] = value
+
+    def define(self, name: str, value: T, where: str) -> None:
+        """A thing that is defined once. Raises InputError where its name is taken."""
+        first = self.places.setdefault(name.upper(), where)
+        if name.upper() in self.values:
+            raise InputError(
+                f"{where}: a second {self.what} of one name; got {name!r}, which {first} defines; "
+                "expected names of their own"
+            )
+        self.set(name, value)
 
     def get(self, name: str, where: str) -> T:
         """Raises InputError with the nearest name."""

@@ -44,7 +44,8 @@ class Mesh:
     InputError
         Unknown cell type, wrong shape, node number out of range or repeated inside a cell,
         a coordinate that isn't finite, cells that are flat or inverted (linear: at a corner;
-        quadratic: at a quadrature point; the first five named by number), neighbours of
+        quadratic: at a quadrature point; the first five named by number), cells with the same
+        corners as another, neighbours of
         quadratic cells that share the corners of a face but not its midside nodes.
     """
 
@@ -69,6 +70,7 @@ class Mesh:
         if total == 0:
             raise InputError("Mesh.cells: no cells; got empty arrays; expected at least one cell")
         _refuse_inverted(self)
+        _refuse_twins(self)
         if any(CELL_TYPES[kind].linear != kind for kind in cells):
             _refuse_loose_middles(self)
         self._keep_sets(self.node_sets, self.face_sets, self.cell_sets)
@@ -270,6 +272,24 @@ def _refuse_inverted(mesh: Mesh) -> None:
         raise InputError(
             f"Mesh.cells: {len(bad)} inverted or zero-volume cells; got cells {_first(bad)} "
             f"(least Jacobian {worst:.3g}); expected right-handed cells with positive volume"
+        )
+
+
+def _refuse_twins(mesh: Mesh) -> None:
+    """Two cells with the same corners fill one place twice: twice as stiff, twice as heavy."""
+    # a sum of random numbers of the corners, whatever their order, is the same only for twins
+    random = np.random.default_rng(0).integers(2**63, size=mesh.node_count, dtype=np.uint64)
+    sums = np.zeros(mesh.cell_count, dtype=np.uint64)
+    for kind, first, block in mesh.blocks():
+        for corner in range(CELL_TYPES[kind].corners):
+            sums[first : first + len(block)] += random[block[:, corner]]
+    order = np.argsort(sums, kind="stable")
+    same = np.flatnonzero(sums[order[1:]] == sums[order[:-1]])
+    if same.size:
+        one, other = order[same[0]], order[same[0] + 1]
+        raise InputError(
+            f"Mesh.cells: {same.size} cells have the corners of another; got cells {one} and "
+            f"{other}; expected each place to be filled once"
         )
 
 

@@ -187,11 +187,13 @@ class _Reader(MshSource):
         numbers = MshNumbers(self)
         blocks, total, _, _ = numbers.sizes(4)
         found: list[Block] = []
+        labels: list[Long] = []
         for _ in range(blocks):
             dimension, entity, type_ = (int(n) for n in numbers.ints(3))
             count = int(numbers.sizes(1)[0])
             kind = self._kind(type_)
             rows = numbers.sizes(count * (1 + GMSH_NODES[kind])).reshape(count, -1)
+            labels.append(rows[:, 0])
             groups = self.physical.get((dimension, entity), _NONE)
             every = np.arange(count)
             # a negative tag is a group that the entity belongs to in the other direction
@@ -200,7 +202,17 @@ class _Reader(MshSource):
         cells = sum(len(nodes) for _, nodes, _ in found)
         if cells != total:
             self.fail(f"got {cells} elements; expected {total}, as its first line says")
+        self._refuse_twice(np.concatenate(labels or [_NONE]))
         return found
+
+    def _refuse_twice(self, labels: Long) -> None:
+        ordered = np.sort(labels)
+        twice = ordered[1:][ordered[1:] == ordered[:-1]]
+        if twice.size:
+            self.fail(
+                f"{twice.size} element numbers used twice; got element {twice[0]}; expected each "
+                "number once"
+            )
 
     # -- version 2.2 -----------------------------------------------------------------------
 
@@ -219,6 +231,8 @@ class _Reader(MshSource):
         count = self._count(self.line())
         numbers = MshNumbers(self)
         found: list[Block] = []
+        labels: list[Long] = []
+        contents: list[npt.NDArray[np.uint64]] = []
         done = 0
         while done < count:
             if self.binary:
@@ -227,13 +241,17 @@ class _Reader(MshSource):
                 width = 1 + tags + GMSH_NODES[kind]
                 if rows == 1:  # Gmsh gives each element a head of its own
                     self.at -= 12
-                    table = self.alike_binary(width + 3, count - done)[:, 4:]
+                    table = self.alike_binary(width + 3, count - done)[:, 3:]
                 else:
-                    table = numbers.ints(rows * width).reshape(rows, -1)[:, 1:]
+                    table = numbers.ints(rows * width).reshape(rows, -1)
             else:
                 type_, tags = (int(n) for n in numbers.whole(numbers.peek(3)[1:]))
                 kind = self._kind(type_, tags)
-                table = numbers.alike(3 + tags + GMSH_NODES[kind], count - done)[:, 3:]
+                table = numbers.alike(3 + tags + GMSH_NODES[kind], count - done)
+                table = np.delete(table, (1, 2), axis=1)
+            labels.append(table[:, 0])
+            table = table[:, 1:]
+            contents.append(_content(table[:, tags:]))
             physical = table[:, 0] if tags else np.zeros(len(table), dtype=np.int64)
             groups = [
                 (int(tag), np.flatnonzero(physical == tag)) for tag in np.unique(physical) if tag
@@ -245,7 +263,20 @@ class _Reader(MshSource):
         numbers.done()
         if done != count:
             self.fail(f"got {done} elements; expected {count}, as its first line says")
+        if found:
+            self._refuse_different(np.concatenate(labels), np.concatenate(contents))
         return found
+
+    def _refuse_different(self, labels: Long, contents: npt.NDArray[np.uint64]) -> None:
+        """An element is repeated for each of its groups; it is the same then."""
+        order = np.argsort(labels, kind="stable")
+        labels, contents = labels[order], contents[order]
+        wrong = (labels[1:] == labels[:-1]) & (contents[1:] != contents[:-1])
+        if wrong.any():
+            self.fail(
+                f"element number {labels[1:][wrong][0]} names different nodes; expected each "
+                "number once"
+            )
 
     # -- numbers to blocks -----------------------------------------------------------------
 
@@ -275,6 +306,12 @@ class _Reader(MshSource):
 
 
 _NONE = np.zeros(0, dtype=np.int64)
+
+
+def _content(nodes: Long) -> npt.NDArray[np.uint64]:
+    """(M,) a number for each row of nodes that only equal rows have."""
+    random = np.random.default_rng(0).integers(2**63, size=nodes.shape[1], dtype=np.uint64)
+    return np.asarray((nodes.astype(np.uint64) * random).sum(axis=1, dtype=np.uint64))
 
 
 def _merged(blocks: list[Block]) -> list[Block]:

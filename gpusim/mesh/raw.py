@@ -17,7 +17,16 @@ from gpusim.errors import InputError
 from gpusim.mesh.cells import CELL_TYPES
 from gpusim.mesh.mesh import Mesh
 
-__all__ = ["DIMENSIONS", "RawBlock", "RawMesh", "assemble", "index_of", "solid_nodes"]
+__all__ = [
+    "DIMENSIONS",
+    "RawBlock",
+    "RawMesh",
+    "assemble",
+    "index_of",
+    "match_faces",
+    "padded",
+    "solid_nodes",
+]
 
 Float = npt.NDArray[np.float64]
 Int = npt.NDArray[np.int32]
@@ -168,14 +177,14 @@ def _face_sets(
     wanted: list[tuple[str, Long]] = []
     for block in surfaces:
         groups = block.groups if named else {"surface": np.arange(len(block.nodes))}
-        corners = _padded(block.nodes[:, : _CORNERS[block.kind]])
+        corners = padded(block.nodes[:, : _CORNERS[block.kind]])
         wanted += [(name, corners[rows]) for name, rows in groups.items()]
     if not wanted:
         return {}
     every = np.concatenate([corners for _, corners in wanted])
     loose = ~(used[np.maximum(every, 0)] | (every < 0)).all(axis=1)
     key = np.where(every < 0, -1, number[np.maximum(every, 0)])
-    pairs, found = _match(mesh, key)
+    pairs, found = match_faces(mesh, key)
     found &= ~loose
     sets: dict[str, list[Long]] = {}
     start = 0
@@ -196,15 +205,15 @@ def _int32(numbers: Long) -> Int:
     return numbers.astype(np.int32)
 
 
-def _padded(corners: Long) -> Long:
+def padded(corners: Long) -> Long:
     """(M,4) with -1 after the third corner of a triangle."""
     if corners.shape[1] == 4:
         return corners
     return np.column_stack([corners, np.full(len(corners), -1, dtype=np.int64)])
 
 
-def _match(mesh: Mesh, wanted: Long) -> tuple[Long, npt.NDArray[np.bool_]]:
-    """(cell, local face) of the faces with these corners, and which were found."""
+def match_faces(mesh: Mesh, wanted: Long) -> tuple[Long, npt.NDArray[np.bool_]]:
+    """(K,2) pairs (cell, local face) of the corners ``wanted`` (K,4), and (K,) which were found."""
     touched = np.zeros(mesh.node_count + 1, dtype=bool)
     touched[wanted.ravel()] = True
     touched[-1] = True  # stands for the missing corner of triangles
