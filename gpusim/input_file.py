@@ -17,7 +17,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import BinaryIO
 
 from gpusim.errors import InputError
 
@@ -124,7 +123,7 @@ def read_input(
     return file
 
 
-def open_input(path: str | os.PathLike[str], expected: str = "a file") -> BinaryIO:
+def open_input(path: str | os.PathLike[str], expected: str = "a file") -> io.BufferedReader:
     """A stream of a file that may be too large to be read whole.
 
     Raises InputError as `read_input` does: for a pipe or device, too, without waiting for it.

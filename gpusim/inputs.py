@@ -25,7 +25,7 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 
-__all__ = ["checked", "nearest_name", "real_numbers", "unmasked"]
+__all__ = ["checked", "is_number", "nearest_name", "real_numbers", "unmasked"]
 
 T = TypeVar("T", bound=Callable[..., Any])
 Test = tuple[str, Callable[[Any], bool]]
@@ -37,6 +37,14 @@ def real_numbers(value: Any, what: str) -> npt.NDArray[np.float64]:
     if array is None:
         raise InputError(f"{what}; got {_shown(value)}; expected an array of real numbers")
     return array
+
+
+def is_number(value: Any) -> bool:
+    """Whether it is one real number: of Python or NumPy, no text, no True or False."""
+    if isinstance(value, np.ndarray) and value.ndim == 0:
+        value = value[()]
+    real = isinstance(value, int | float | np.integer | np.floating)
+    return real and not isinstance(value, bool | np.bool_)
 
 
 def nearest_name(name: str, names: Iterable[str]) -> str:
@@ -174,9 +182,9 @@ def _tests(hint: Any) -> list[Test]:
     if hint is str:
         return [("a text", lambda value: isinstance(value, str))]
     if hint is float:
-        return [("a number", _is_number)]
+        return [("a number", is_number)]
     if hint is int:
-        return [("a whole number", lambda value: _is_number(value) and float(value).is_integer())]
+        return [("a whole number", lambda value: is_number(value) and float(value).is_integer())]
     if hint is np.ndarray or origin is np.ndarray:
         return [("an array of real numbers", _is_real)]
     items = [part for part in typing.get_args(hint) if part is not Ellipsis]
@@ -190,13 +198,6 @@ def _tests(hint: Any) -> list[Test]:
 
         return [(words, row)]
     return []
-
-
-def _is_number(value: Any) -> bool:
-    if isinstance(value, np.ndarray) and value.ndim == 0:
-        value = value[()]
-    real = isinstance(value, int | float | np.integer | np.floating)
-    return real and not isinstance(value, bool | np.bool_)
 
 
 def _is_real(value: Any) -> bool:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 import pytest
@@ -150,3 +152,30 @@ def test_a_users_own_material_is_checked() -> None:
         InputError, match=r"materials\[0\]: got str; expected Isotropic or Orthotropic, or a list"
     ):
         Model(mesh, ["steel"])  # type: ignore[list-item]
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"E": np.array([210e9])}, r"E; got array\(\[2\.1e\+11\]\); expected a number > 0"),
+        ({"E": True}, "E; got True; expected a number > 0"),
+        ({"E": "210e9"}, "E; got '210e9'; expected a number > 0"),
+        ({"nu": None}, r"nu; got None; expected a number in \(-1, 0\.5\)"),
+        ({"nu": 0.5}, r"nu out of range; got 0\.5; expected a number in \(-1, 0\.5\)"),
+        ({"E": np.inf}, "E out of range; got inf"),
+        ({"E": 10**400}, "E out of range; got inf"),
+        ({"density": np.True_}, "density; got .*True.*; expected a number >= 0"),
+        ({"expansion": [1e-5]}, r"expansion; got \[1e-05\]; expected a number$"),
+    ],
+)
+def test_what_is_no_number_is_shown_as_it_was_given(change: dict[str, Any], words: str) -> None:
+    with pytest.raises(InputError, match=f"^Isotropic: {words}"):
+        Isotropic(**{"E": 210e9, "nu": 0.3, **change})
+
+
+def test_numbers_of_numpy_are_numbers() -> None:
+    found = Isotropic(np.array(210e9), np.float32(0.25), np.int64(7850))
+    assert (found.E, found.nu, found.density) == (210e9, 0.25, 7850.0)
+    assert all(type(value) is float for value in (found.E, found.nu, found.density))
+    with pytest.raises(InputError, match=r"Orthotropic: G out of range; got \(True, 1, 1\)"):
+        Orthotropic(E=(1, 1, 1), nu=(0, 0, 0), G=(True, 1, 1))  # type: ignore[arg-type]

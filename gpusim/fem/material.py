@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
@@ -9,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.inputs import is_number, real_numbers
 
 __all__ = ["Isotropic", "Material", "Orthotropic"]
 
@@ -49,19 +51,18 @@ class Isotropic:
     expansion: float = 0.0
 
     def __post_init__(self) -> None:
-        for name in ("E", "nu", "density", "expansion"):
-            object.__setattr__(self, name, _number(getattr(self, name)))
-        self._check("E", "> 0", self.E > 0.0)
-        self._check("nu", "in (-1, 0.5)", -1.0 < self.nu < 0.5)
-        self._check("density", ">= 0", self.density >= 0.0)
-        self._check("expansion", "", True)
-
-    def _check(self, name: str, expected: str, good: bool) -> None:
-        value = getattr(self, name)
-        if not (good and np.isfinite(value)):
-            raise InputError(
-                f"Isotropic: {name} out of range; got {value!r}; expected a number {expected}"
-            )
+        for name, expected, good in (
+            ("E", " > 0", lambda value: value > 0.0),
+            ("nu", " in (-1, 0.5)", lambda value: -1.0 < value < 0.5),
+            ("density", " >= 0", lambda value: value >= 0.0),
+            ("expansion", "", lambda value: True),
+        ):
+            value = _number(getattr(self, name), f"Isotropic: {name}", expected)
+            if not good(value):
+                raise InputError(
+                    f"Isotropic: {name} out of range; got {value!r}; expected a number{expected}"
+                )
+            object.__setattr__(self, name, value)
 
     def stiffness(self) -> Float:
         """(6,6) stress over strain, order xx yy zz xy yz zx, engineering shear strains."""
@@ -117,8 +118,8 @@ class Orthotropic:
                     f"expected three numbers {expected}".rstrip()
                 )
             object.__setattr__(self, name, tuple(values.tolist()))
-        density = _number(self.density)
-        if not (density >= 0.0 and np.isfinite(density)):
+        density = _number(self.density, "Orthotropic: density", " >= 0")
+        if not density >= 0.0:
             raise InputError(
                 f"Orthotropic: density out of range; got {self.density!r}; expected a number >= 0"
             )
@@ -162,18 +163,26 @@ def strain_rotation(axes: Float) -> Float:
     return matrix
 
 
-def _number(value: Any) -> float:
+def _number(value: Any, what: str, expected: str) -> float:
+    """A finite number. Raises InputError for anything else, an array of one number included."""
+    if not is_number(value):
+        raise InputError(f"{what}; got {value!r}; expected a number{expected}")
     try:
-        return float(value)
-    except (TypeError, ValueError):
-        return float("nan")
+        number = float(value)
+    except OverflowError:  # a whole number of more than 308 digits
+        number = np.inf
+    if not np.isfinite(number):
+        raise InputError(f"{what} out of range; got {number!r}; expected a number{expected}")
+    return number
 
 
 def _numbers(value: Any, shape: tuple[int, ...]) -> Float | None:
     """Finite float64 of that shape, or None."""
+    if isinstance(value, Sequence) and any(isinstance(one, bool) for one in value):
+        return None
     try:
-        array = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
+        array = real_numbers(value, "")
+    except InputError:
         return None
     return array if array.shape == shape and bool(np.isfinite(array).all()) else None
 
