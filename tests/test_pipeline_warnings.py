@@ -14,7 +14,9 @@ from typer.testing import CliRunner
 import gpusim as gs
 from gpusim.cli import app
 from gpusim.errors import InputError
+from gpusim.export.images import read_image
 from gpusim.mesh import boundary_faces, box
+from gpusim.optics.emva import emva_twin
 from gpusim.pipeline import run
 from gpusim.pipeline.beforehand import warnings_beforehand
 from gpusim.pipeline.grey_levels import level_warnings
@@ -201,13 +203,59 @@ def test_scale_of_a_plane_that_is_seen_at_an_angle() -> None:
 def test_grey_levels() -> None:
     image = np.full((33, 57), 120, np.uint8)
     image[3] = 200
-    assert level_warnings(image, 8) == []
-    assert level_warnings(0 * image, 8) == ["shows nothing: every pixel is black, 0 of 255"]
-    assert level_warnings(0 * image + 255, 8) == ["shows nothing: every pixel is white, 255 of 255"]
-    assert "grey values reach 20 of 255" in level_warnings(image // 10, 8)[0]
+    eight = gs.Sensor(8)
+    assert level_warnings(image, eight) == []
+    assert level_warnings(0 * image, eight) == ["shows nothing: every pixel is black, 0 of 255"]
+    white = level_warnings(0 * image + 255, eight)
+    assert white == ["shows nothing: every pixel is white, 255 of 255"]
+    assert "grey values reach 20 of 255" in level_warnings(image // 10, eight)[0]
     image[:, 5] = 255
-    assert level_warnings(image, 8)[0].startswith("has 1.8 % of its pixels saturated")
-    assert "200 of 4095" in level_warnings(np.minimum(image, 200).astype(np.uint16), 12)[0]
+    assert level_warnings(image, eight)[0].startswith("has 1.8 % of its pixels saturated")
+    twelve = np.minimum(image, 200).astype(np.uint16)
+    assert "200 of 4095" in level_warnings(twelve, gs.Sensor(12))[0]
+
+
+@pytest.mark.parametrize(
+    ("changes", "most"),
+    [
+        ({}, 204),  # 10 000 e x 0.02 DN/e + 4
+        ({"gamma": 2.0}, 228),  # 255 sqrt(204 / 255)
+        ({"gain": 0.1}, 255),  # the largest number comes first
+        ({"gain": None}, 255),  # the full well is put there
+        ({"full_well": None}, 255),
+    ],
+)
+def test_a_full_well_below_the_largest_number_saturates(changes: dict[str, Any], most: int) -> None:
+    values: dict[str, Any] = {"gain": 0.02, "full_well": 1e4, "black_level": 4.0} | changes
+    sensor = gs.Sensor(8, **values)
+    assert sensor.saturation == most
+    # what a picture that is far too bright shows, through the sensor itself
+    signal = sensor.signal(3)
+    assert signal is not None
+    radiance = np.full((20, 30), 5.0, np.float32)
+    radiance[:, :29] = 0.2
+    image = emva_twin(signal, radiance).astype(np.uint8)
+    assert (image[:, 29] == most).all() and image[:, :29].max() < most
+    (text,) = level_warnings(image, sensor)
+    assert text.startswith("has 3.3 % of its pixels saturated")
+    assert (f"(at {most} of 255: the full well)" in text) == (most < 255)
+
+
+def test_saturation_at_the_full_well_is_told(tmp_path: Path) -> None:
+    scene = mini({"sensor.full_well_e": 10_000.0, "sensor.gain_DN_per_e": 0.02,
+                  "sensor.exposure": 2.4})  # fmt: skip
+    report = run(scene, tmp_path / "bright", backend="numpy")
+    found = json.loads((tmp_path / "bright" / "measure" / "deflection.json").read_text())
+    assert found["saturated"] == ["column-02", "column-03", "column-04"]  # of those it could find
+    assert any("saturated (at 200 of 255: the full well)" in text for text in report.warnings)
+    assert any("saturated pixels on column-02" in text for text in report.warnings)
+
+
+def test_auto_exposure_stays_below_the_full_well(tmp_path: Path) -> None:
+    scene = mini({"sensor.full_well_e": 10_000.0, "sensor.gain_DN_per_e": 0.02}, measure=[])
+    assert not any("satur" in t for t in run(scene, tmp_path / "o", backend="numpy").warnings)
+    image = read_image(tmp_path / "o" / "images" / "front" / "0000.png")
+    assert 180 <= image.max() < 200  # 95 % of 200, and shot noise
 
 
 def test_a_picture_that_is_black(tmp_path: Path) -> None:
