@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ from gpusim.mesh import boundary_faces, box
 from gpusim.optics.emva import emva_twin
 from gpusim.pipeline import run
 from gpusim.pipeline.beforehand import warnings_beforehand
+from gpusim.pipeline.deflection import DeflectionResult
 from gpusim.pipeline.grey_levels import level_warnings
 from gpusim.pipeline.pattern_scale import pixels_per_metre
 from gpusim.pipeline.projection_error import projection_error
@@ -104,10 +106,18 @@ def test_parts_of_a_projection_error_add_up() -> None:
     moved = np.array([[0.0, 0.0, 0.0], [1e-3, 2e-3, -3e-3], [0.0, -5e-3, 1e-3], [2e-3, 0.0, 0.0]])
     plane = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     scale = gs.measure.scale_coefficient(camera.project(place), 1e3 * place @ plane.T)
-    found = projection_error(camera, place, moved, plane, scale)
+    every = np.ones(4, bool)
+    right = projection_error(camera, place, moved, plane, scale, every)
+    assert np.abs(right.scale).max() <= 1e-12
+    # 2 % wrong and turned by 0.01: all of what that changes is the scale's part, nothing else's
+    wrong = 1.02 * np.array([[1.0, -0.01], [0.01, 1.0]]) @ scale.rotation
+    scale = dataclasses.replace(scale, rotation=wrong)
+    found = projection_error(camera, place, moved, plane, scale, every)
+    for part in ("axis", "plane", "lens"):
+        assert np.array_equal(getattr(found, part), getattr(right, part))
     whole = scale.vectors(camera.project(place + moved) - camera.project(place))
     error = whole - 1e3 * moved @ plane.T
-    assert np.abs(found.axis + found.plane + found.lens - error).max() <= 1e-12
+    assert np.abs(found.axis + found.plane + found.lens + found.scale - error).max() <= 1e-12
     assert (found.axis[0] == 0.0).all() and np.abs(found.axis[2]).max() > 0.5
     assert np.abs(found.lens[3]).max() > 3e-3 and np.abs(found.plane[3]).max() > 3e-3
 
@@ -249,6 +259,20 @@ def test_saturation_at_the_full_well_is_told(tmp_path: Path) -> None:
     assert found["saturated"] == ["column-02", "column-03", "column-04"]  # of those it could find
     assert any("saturated (at 200 of 255: the full well)" in text for text in report.warnings)
     assert any("saturated pixels on column-02" in text for text in report.warnings)
+    # a plane that is square to the axis is blamed for nothing, whatever the scale
+    assert found["tilt_deg"] == 0.0 and abs(found["mm_per_px"] / found["mm_per_px_true"] - 1) > 1e-3
+    assert np.abs(found["plane_error_mm"]).max() <= 1e-3
+    assert not any("seen in perspective" in text for text in report.warnings)
+    # largest at a marker that wasn't measured, and told of one that was
+    result = DeflectionResult.read(tmp_path / "bright" / "measure", scene.measures[0])  # type: ignore[arg-type]
+    worse = dataclasses.replace(result, scale_error_mm=20.0 * result.scale_error_mm)
+    assert np.linalg.norm(worse.scale_error_mm, axis=1).argmax() == 7 and worse.status[7] != "OK"
+    (text,) = [text for text in worse.warnings if "the scale is wrong" in text]
+    assert "(3.0036 mm/px; 3 at their depth)" in text and "at column-04" in text
+    # one factor for all that moves in the image
+    share = found["mm_per_px"] / found["mm_per_px_true"] - 1
+    scaled = share * np.array(found["true_mm"])
+    assert np.abs(np.array(found["scale_error_mm"]) - scaled).max() <= 0.3 * np.abs(scaled).max()
 
 
 def test_auto_exposure_stays_below_the_full_well(tmp_path: Path) -> None:

@@ -189,7 +189,8 @@ class Sensor:
         """Share of the range above the black level that a full well reaches, 1 at most."""
         if self.full_well is None:
             return 1.0
-        return min(1.0, self.system_gain * self.full_well / (2**self.bits - 1 - self.black_level))
+        full = float(2**self.bits - 1)
+        return min(1.0, self.system_gain * self.full_well / (full - self.black_level))
 
     @property
     def saturation(self) -> int:
@@ -197,7 +198,7 @@ class Sensor:
 
         The full well or the largest digital number, whichever is reached first.
         """
-        full = 2**self.bits - 1
+        full = float(2**self.bits - 1)
         share = (self.black_level + self._filled * (full - self.black_level)) / full
         return round(full * float(share ** (1.0 / self.gamma)))
 

@@ -54,9 +54,9 @@ class Followed:
 
     ``expected`` (M, 2) by the rough camera; ``points`` (M, 2) in the first image;
     ``displacement`` (M, 2); ``sigma`` (M,); ``status`` names (M,); ``clipped`` (M,) bool:
-    saturated pixels within the marker; ``unrefined`` (M,) bool: measured, but without a fit of its cross in
-    one of the images; ``subset`` px; ``tracking_px``: RMS difference between tracked subsets and
-    the fitted crosses.
+    saturated pixels within the marker; ``unrefined`` (M,) bool: measured, but without a fit of its
+    cross in one of the images; ``subset`` px; ``tracking_px``: RMS difference between tracked
+    subsets and the fitted crosses.
     """
 
     names: tuple[str, ...]

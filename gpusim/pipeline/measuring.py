@@ -84,7 +84,7 @@ def measure_deflection(
     )
     corrected = moved[:count] - (motion.displacement(points[:count]) if motion else 0.0)
     start, motion_m = _motion(marks, bodies, displacement, last)
-    errors = projection_error(camera, position + start, motion_m, plane, scale)
+    errors = projection_error(camera, position + start, motion_m, plane, scale, ok)
     curves = _curves(marks.groups, bodies, displacement, last, plane)
     return DeflectionResult(
         name=spec.name,
@@ -113,6 +113,7 @@ def measure_deflection(
         axis_error_mm=errors.axis,
         plane_error_mm=errors.plane,
         lens_error_mm=errors.lens,
+        scale_error_mm=errors.scale,
         towards_mm=errors.towards_mm,
         curves=curves,
     )
