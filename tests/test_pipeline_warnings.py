@@ -93,6 +93,30 @@ def test_motion_towards_the_camera_explains_the_error(tmp_path: Path) -> None:
     assert any("load 'weight' acts along the axis" in w for w in report.warnings)
 
 
+@pytest.mark.parametrize(
+    ("where", "share"),
+    [
+        ({"set": "y_max"}, 100),
+        ({"normal": "+y"}, 100),
+        ({"y_min_mm": 20.0}, 100),
+        ({"set": "z_max"}, None),
+        ({"x_min_mm": 0.0}, None),  # all round: it pushes nowhere
+        ({"x_min_mm": 240.0}, None),
+    ],
+)
+def test_a_pressure_along_the_axis(
+    checkout: Path, where: dict[str, Any], share: int | None
+) -> None:
+    load = {"name": "push", "type": "pressure", "pressure_MPa": 0.1, "where": where}
+    changes = {"body.bar.load": [load], "body.bar.mesh.divisions": [12, 2, 2]}
+    texts = warnings_beforehand(gs.load_scene(checkout / "examples" / "cantilever.toml", changes))
+    told = [text for text in texts if "acts along the axis" in text]
+    assert len(told) == (share is not None)
+    assert all(
+        f"load 'push' acts along the axis of camera 'side' with {share} %" in t for t in told
+    )
+
+
 def test_parts_of_a_projection_error_add_up() -> None:
     camera = gs.Camera.from_lens(
         (36.0, 24.0),

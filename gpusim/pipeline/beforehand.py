@@ -106,7 +106,7 @@ def geometry_warnings(things: Things) -> list[str]:
         *marker_warnings(scene, things.bodies, surfaces, blind, strict),
         *blind.values(),
         *lamps_inside(scene, surfaces),
-        *axial_loads(scene),
+        *axial_loads(scene, things.bodies),
         *disc_warnings(surfaces, cameras),
     ]
 
