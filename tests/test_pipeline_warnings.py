@@ -314,6 +314,21 @@ def test_a_picture_that_is_black(tmp_path: Path) -> None:
     assert "camera 'front': image 0000 is black" in str(error.value)
 
 
+def test_a_mesh_beyond_the_memory_is_not_built(tmp_path: Path) -> None:
+    path = tmp_path / "fine.toml"
+    fine = {"body.crane.mesh.element_mm": 0.01, "body.crane.mesh.through": 400,
+            "body.crane.mesh.across": 400}  # fmt: skip
+    path.write_text(mini(fine).to_toml(), encoding="utf-8")
+    printed = CliRunner().invoke(app, ["plan", str(path), "--json"])
+    assert printed.exit_code == 0
+    looked, solved = json.loads(printed.stdout)["warnings"][-2:]
+    # 118 900 fields along, 400 through, 400 across
+    assert "geometry was not looked at: meshes of 19,1" in looked
+    assert "GB of memory" in solved and "expected a smaller scene" in solved
+    with pytest.raises(InputError, match="expected a smaller scene"):
+        run(mini(fine), tmp_path / "out", backend="numpy")
+
+
 def test_plan_prints_warnings_and_one_line_per_calibration(checkout: Path, tmp_path: Path) -> None:
     toward = tmp_path / "toward.toml"
     toward.write_text(mini(TOWARDS).to_toml(), encoding="utf-8")
