@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gpusim import measure
-from gpusim.optics import Camera
+from gpusim.optics import Camera, Sensor
 from gpusim.pipeline import found
 from gpusim.pipeline.deflection import unrefined_text
 from gpusim.pipeline.following import Followed, MarkerSet, follow_markers
@@ -36,7 +36,7 @@ def picture(moved: np.ndarray, degrees: float = 0.0) -> np.ndarray:
 
 def follow(reference: np.ndarray, deformed: np.ndarray) -> Followed:
     return follow_markers(
-        "measure 'line'", marker_set(), camera(), reference, deformed, subset=None, bits=8
+        "measure 'line'", marker_set(), camera(), reference, deformed, subset=None, sensor=Sensor(8)
     )
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from gpusim.optics.camera import Camera
+from gpusim.optics.sensor import Sensor
 from gpusim.pipeline import kept
 from gpusim.pipeline.following import Followed, MarkerSet
 from gpusim.pipeline.kept import KeptMarkers
@@ -42,7 +43,7 @@ def ask(folder: Path, reuse: bool = True, **changed: Any) -> Followed:
     before = np.arange(600, dtype=np.uint8).reshape(20, 30)
     given: dict[str, Any] = {"marks": MARKS, "camera": CAMERA, "reference": before,
                              "deformed": before.T.copy().reshape(20, 30), "subset": None,
-                             "bits": 8} | changed  # fmt: skip
+                             "sensor": Sensor(8)} | changed  # fmt: skip
     markers = KeptMarkers(folder, reuse)
     found = markers.follow("space", **given)
     assert [file.is_file() for file in markers.files] == [True]
@@ -78,9 +79,9 @@ def other_pixel() -> np.ndarray:
         {"marks": replace(MARKS, size=np.array([0.01, 0.013]))},
         {"marks": replace(MARKS, names=("m-1", "m-3"))},
         {"subset": 17},
-        {"bits": 10},
+        {"sensor": Sensor(10)},
     ],
-    ids=["reference", "deformed", "lens", "distortion", "size", "name", "subset", "bits"],
+    ids=["reference", "deformed", "lens", "distortion", "size", "name", "subset", "sensor"],
 )
 def test_anything_else_is_followed_anew(
     tmp_path: Path, calls: list[str], changed: dict[str, Any]

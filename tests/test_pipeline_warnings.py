@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from pathlib import Path
 from typing import Any
@@ -14,9 +15,12 @@ from typer.testing import CliRunner
 import gpusim as gs
 from gpusim.cli import app
 from gpusim.errors import InputError
+from gpusim.export.images import read_image
 from gpusim.mesh import boundary_faces, box
+from gpusim.optics.emva import emva_twin
 from gpusim.pipeline import run
 from gpusim.pipeline.beforehand import warnings_beforehand
+from gpusim.pipeline.deflection import DeflectionResult
 from gpusim.pipeline.grey_levels import level_warnings
 from gpusim.pipeline.pattern_scale import pixels_per_metre
 from gpusim.pipeline.projection_error import projection_error
@@ -89,6 +93,30 @@ def test_motion_towards_the_camera_explains_the_error(tmp_path: Path) -> None:
     assert any("load 'weight' acts along the axis" in w for w in report.warnings)
 
 
+@pytest.mark.parametrize(
+    ("where", "share"),
+    [
+        ({"set": "y_max"}, 100),
+        ({"normal": "+y"}, 100),
+        ({"y_min_mm": 20.0}, 100),
+        ({"set": "z_max"}, None),
+        ({"x_min_mm": 0.0}, None),  # all round: it pushes nowhere
+        ({"x_min_mm": 240.0}, None),
+    ],
+)
+def test_a_pressure_along_the_axis(
+    checkout: Path, where: dict[str, Any], share: int | None
+) -> None:
+    load = {"name": "push", "type": "pressure", "pressure_MPa": 0.1, "where": where}
+    changes = {"body.bar.load": [load], "body.bar.mesh.divisions": [12, 2, 2]}
+    texts = warnings_beforehand(gs.load_scene(checkout / "examples" / "cantilever.toml", changes))
+    told = [text for text in texts if "acts along the axis" in text]
+    assert len(told) == (share is not None)
+    assert all(
+        f"load 'push' acts along the axis of camera 'side' with {share} %" in t for t in told
+    )
+
+
 def test_parts_of_a_projection_error_add_up() -> None:
     camera = gs.Camera.from_lens(
         (36.0, 24.0),
@@ -102,10 +130,18 @@ def test_parts_of_a_projection_error_add_up() -> None:
     moved = np.array([[0.0, 0.0, 0.0], [1e-3, 2e-3, -3e-3], [0.0, -5e-3, 1e-3], [2e-3, 0.0, 0.0]])
     plane = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     scale = gs.measure.scale_coefficient(camera.project(place), 1e3 * place @ plane.T)
-    found = projection_error(camera, place, moved, plane, scale)
+    every = np.ones(4, bool)
+    right = projection_error(camera, place, moved, plane, scale, every)
+    assert np.abs(right.scale).max() <= 1e-12
+    # 2 % wrong and turned by 0.01: all of what that changes is the scale's part, nothing else's
+    wrong = 1.02 * np.array([[1.0, -0.01], [0.01, 1.0]]) @ scale.rotation
+    scale = dataclasses.replace(scale, rotation=wrong)
+    found = projection_error(camera, place, moved, plane, scale, every)
+    for part in ("axis", "plane", "lens"):
+        assert np.array_equal(getattr(found, part), getattr(right, part))
     whole = scale.vectors(camera.project(place + moved) - camera.project(place))
     error = whole - 1e3 * moved @ plane.T
-    assert np.abs(found.axis + found.plane + found.lens - error).max() <= 1e-12
+    assert np.abs(found.axis + found.plane + found.lens + found.scale - error).max() <= 1e-12
     assert (found.axis[0] == 0.0).all() and np.abs(found.axis[2]).max() > 0.5
     assert np.abs(found.lens[3]).max() > 3e-3 and np.abs(found.plane[3]).max() > 3e-3
 
@@ -201,13 +237,73 @@ def test_scale_of_a_plane_that_is_seen_at_an_angle() -> None:
 def test_grey_levels() -> None:
     image = np.full((33, 57), 120, np.uint8)
     image[3] = 200
-    assert level_warnings(image, 8) == []
-    assert level_warnings(0 * image, 8) == ["shows nothing: every pixel is black, 0 of 255"]
-    assert level_warnings(0 * image + 255, 8) == ["shows nothing: every pixel is white, 255 of 255"]
-    assert "grey values reach 20 of 255" in level_warnings(image // 10, 8)[0]
+    eight = gs.Sensor(8)
+    assert level_warnings(image, eight) == []
+    assert level_warnings(0 * image, eight) == ["shows nothing: every pixel is black, 0 of 255"]
+    white = level_warnings(0 * image + 255, eight)
+    assert white == ["shows nothing: every pixel is white, 255 of 255"]
+    assert "grey values reach 20 of 255" in level_warnings(image // 10, eight)[0]
     image[:, 5] = 255
-    assert level_warnings(image, 8)[0].startswith("has 1.8 % of its pixels saturated")
-    assert "200 of 4095" in level_warnings(np.minimum(image, 200).astype(np.uint16), 12)[0]
+    assert level_warnings(image, eight)[0].startswith("has 1.8 % of its pixels saturated")
+    twelve = np.minimum(image, 200).astype(np.uint16)
+    assert "200 of 4095" in level_warnings(twelve, gs.Sensor(12))[0]
+
+
+@pytest.mark.parametrize(
+    ("changes", "most"),
+    [
+        ({}, 204),  # 10 000 e x 0.02 DN/e + 4
+        ({"gamma": 2.0}, 228),  # 255 sqrt(204 / 255)
+        ({"gain": 0.1}, 255),  # the largest number comes first
+        ({"gain": None}, 255),  # the full well is put there
+        ({"full_well": None}, 255),
+    ],
+)
+def test_a_full_well_below_the_largest_number_saturates(changes: dict[str, Any], most: int) -> None:
+    values: dict[str, Any] = {"gain": 0.02, "full_well": 1e4, "black_level": 4.0} | changes
+    sensor = gs.Sensor(8, **values)
+    assert sensor.saturation == most
+    # what a picture that is far too bright shows, through the sensor itself
+    signal = sensor.signal(3)
+    assert signal is not None
+    radiance = np.full((20, 30), 5.0, np.float32)
+    radiance[:, :29] = 0.2
+    image = emva_twin(signal, radiance).astype(np.uint8)
+    assert (image[:, 29] == most).all() and image[:, :29].max() < most
+    (text,) = level_warnings(image, sensor)
+    assert text.startswith("has 3.3 % of its pixels saturated")
+    assert (f"(at {most} of 255: the full well)" in text) == (most < 255)
+
+
+def test_saturation_at_the_full_well_is_told(tmp_path: Path) -> None:
+    scene = mini({"sensor.full_well_e": 10_000.0, "sensor.gain_DN_per_e": 0.02,
+                  "sensor.exposure": 2.4})  # fmt: skip
+    report = run(scene, tmp_path / "bright", backend="numpy")
+    found = json.loads((tmp_path / "bright" / "measure" / "deflection.json").read_text())
+    assert found["saturated"] == ["column-02", "column-03", "column-04"]  # of those it could find
+    assert any("saturated (at 200 of 255: the full well)" in text for text in report.warnings)
+    assert any("saturated pixels on column-02" in text for text in report.warnings)
+    # a plane that is square to the axis is blamed for nothing, whatever the scale
+    assert found["tilt_deg"] == 0.0 and abs(found["mm_per_px"] / found["mm_per_px_true"] - 1) > 1e-3
+    assert np.abs(found["plane_error_mm"]).max() <= 1e-3
+    assert not any("seen in perspective" in text for text in report.warnings)
+    # largest at a marker that wasn't measured, and told of one that was
+    result = DeflectionResult.read(tmp_path / "bright" / "measure", scene.measures[0])  # type: ignore[arg-type]
+    worse = dataclasses.replace(result, scale_error_mm=20.0 * result.scale_error_mm)
+    assert np.linalg.norm(worse.scale_error_mm, axis=1).argmax() == 7 and worse.status[7] != "OK"
+    (text,) = [text for text in worse.warnings if "the scale is wrong" in text]
+    assert "(3.0036 mm/px; 3 at their depth)" in text and "at column-04" in text
+    # one factor for all that moves in the image
+    share = found["mm_per_px"] / found["mm_per_px_true"] - 1
+    scaled = share * np.array(found["true_mm"])
+    assert np.abs(np.array(found["scale_error_mm"]) - scaled).max() <= 0.3 * np.abs(scaled).max()
+
+
+def test_auto_exposure_stays_below_the_full_well(tmp_path: Path) -> None:
+    scene = mini({"sensor.full_well_e": 10_000.0, "sensor.gain_DN_per_e": 0.02}, measure=[])
+    assert not any("satur" in t for t in run(scene, tmp_path / "o", backend="numpy").warnings)
+    image = read_image(tmp_path / "o" / "images" / "front" / "0000.png")
+    assert 180 <= image.max() < 200  # 95 % of 200, and shot noise
 
 
 def test_a_picture_that_is_black(tmp_path: Path) -> None:
@@ -216,6 +312,21 @@ def test_a_picture_that_is_black(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="none of the lights 'sun' reaches what it sees") as error:
         run(mini(small, light=[sun], prop=[], measure=[]), tmp_path / "dark", backend="numpy")
     assert "camera 'front': image 0000 is black" in str(error.value)
+
+
+def test_a_mesh_beyond_the_memory_is_not_built(tmp_path: Path) -> None:
+    path = tmp_path / "fine.toml"
+    fine = {"body.crane.mesh.element_mm": 0.01, "body.crane.mesh.through": 400,
+            "body.crane.mesh.across": 400}  # fmt: skip
+    path.write_text(mini(fine).to_toml(), encoding="utf-8")
+    printed = CliRunner().invoke(app, ["plan", str(path), "--json"])
+    assert printed.exit_code == 0
+    looked, solved = json.loads(printed.stdout)["warnings"][-2:]
+    # 118 900 fields along, 400 through, 400 across
+    assert "geometry was not looked at: meshes of 19,1" in looked
+    assert "GB of memory" in solved and "expected a smaller scene" in solved
+    with pytest.raises(InputError, match="expected a smaller scene"):
+        run(mini(fine), tmp_path / "out", backend="numpy")
 
 
 def test_plan_prints_warnings_and_one_line_per_calibration(checkout: Path, tmp_path: Path) -> None:

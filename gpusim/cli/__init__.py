@@ -222,7 +222,10 @@ def plan(
         made = make_plan(loaded, output, backend.value, fresh, not no_skip, speed=speed)
         if loaded.has_cad and any(s.runs and s.name.endswith("mesh") for s in made.stages):
             import_module("gpusim.pipeline.files").check_mesher(loaded)
-        warnings = dict.fromkeys([*made.warnings, *strange, *beforehand])
+        short = import_module("gpusim.pipeline.memory").memory_fault(made)
+        warnings = dict.fromkeys(
+            [*made.warnings, *strange, *beforehand, *([short] if short else [])]
+        )
         made = replace(made, warnings=tuple(warnings))
         if as_json:
             out(json.dumps(made.to_dict(), indent=2))

@@ -130,10 +130,12 @@ def crane(
     half = -0.5 * width * np.cos(np.pi * np.arange(wide + 1) / wide)
     y = 0.5 * (half - half[::-1])  # exactly symmetric, both ends exact
     z = stepped_axis([-foot, 0.0, height, height + beam_thickness], element_size, fixed={2: thick})
-    filled = np.zeros((len(x) - 1, wide, len(z) - 1), dtype=bool)
-    filled[:thick] = True
-    filled[:, :, len(z) - 1 - thick :] = True
-    mesh = _grid([x, y, z], filled)
+    below = len(z) - 1 - thick
+    mesh = _blocks(
+        [x, y, z],
+        [(range(thick), range(wide), range(below)),
+         (range(len(x) - 1), range(wide), range(below, len(z) - 1))],
+    )  # fmt: skip
     faces = boundary_faces(mesh)
     top = height + beam_thickness
     sets = {
@@ -151,7 +153,7 @@ def crane(
 
 def _axes_grid(axes: Sequence[Float]) -> Mesh:
     """A full rectangular grid with its six sides as face sets."""
-    nx, ny, nz = counts = [len(axis) - 1 for axis in axes]
+    nx, ny, nz = [len(axis) - 1 for axis in axes]
     number = np.arange(nx * ny * nz, dtype=np.int32).reshape(nz, ny, nx)
     sides = {
         "x_min": (number[:, :, 0], 5), "x_max": (number[:, :, -1], 3),
@@ -162,31 +164,41 @@ def _axes_grid(axes: Sequence[Float]) -> Mesh:
         name: np.stack([cells.ravel(), np.full(cells.size, local, dtype=np.int32)], axis=1)
         for name, (cells, local) in sides.items()
     }
-    return _grid(axes, np.ones(counts, dtype=bool), sets)
+    return _full(axes, sets)
 
 
-def _grid(
-    axes: Sequence[Float],
-    filled: npt.NDArray[np.bool_],
-    face_sets: Mapping[str, npt.NDArray[np.int32]] | None = None,
-) -> Mesh:
-    """Hex8 in the filled fields of a rectangular grid, x fastest; unused nodes are left out."""
+def _full(axes: Sequence[Float], face_sets: Mapping[str, npt.NDArray[np.int32]]) -> Mesh:
+    """Hex8 in all fields of a rectangular grid, x fastest."""
     nx, ny, nz = (len(axis) for axis in axes)
     points = np.empty((nz, ny, nx, 3))
     points[..., 0] = axes[0]
     points[..., 1] = axes[1][:, None]
     points[..., 2] = axes[2][:, None, None]
-    fields = filled.transpose(2, 1, 0)
     lowest = np.arange(nx * ny * nz, dtype=np.int32).reshape(nz, ny, nx)[:-1, :-1, :-1]
+    cells = lowest.reshape(-1, 1) + _corners(nx, ny).astype(np.int32)
+    return Mesh(points.reshape(-1, 3), {"hex8": cells}, {}, face_sets)
+
+
+def _blocks(axes: Sequence[Float], blocks: Sequence[tuple[range, range, range]]) -> Mesh:
+    """Hex8 in blocks of fields (along x, y, z) of a rectangular grid, x fastest in each.
+
+    Nothing is as large as the whole grid, most of which may be empty.
+    """
+    nx, ny = len(axes[0]), len(axes[1])
+    lowest = [
+        (np.array(k)[:, None, None] * ny + np.array(j)[:, None]) * nx + np.array(i)
+        for i, j, k in blocks
+    ]
+    cells = np.concatenate([part.ravel() for part in lowest])[:, None] + _corners(nx, ny)
+    used, number = np.unique(cells, return_inverse=True)
+    points = np.stack([axes[0][used % nx], axes[1][used // nx % ny], axes[2][used // (nx * ny)]], 1)
+    return Mesh(points, {"hex8": number.reshape(cells.shape).astype(np.int32)})
+
+
+def _corners(nx: int, ny: int) -> npt.NDArray[np.int64]:
+    """Numbers of a field's corners less that of its lowest, in a grid of nx x ny nodes a layer."""
     ring = [0, 1, 1 + nx, nx]
-    corner = np.array([*ring, *(n + nx * ny for n in ring)], dtype=np.int32)
-    cells = lowest[fields][:, None] + corner
-    if filled.all():
-        return Mesh(points.reshape(-1, 3), {"hex8": cells}, {}, face_sets or {})
-    used = np.zeros(nx * ny * nz, dtype=bool)
-    used[cells.ravel()] = True
-    renumber = np.cumsum(used, dtype=np.int32) - np.int32(1)
-    return Mesh(points.reshape(-1, 3)[used], {"hex8": renumber[cells]}, {}, face_sets or {})
+    return np.array([*ring, *(n + nx * ny for n in ring)])
 
 
 def triple_of(where: str, value: Sequence[float], positive: bool = True) -> Float:

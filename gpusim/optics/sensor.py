@@ -127,7 +127,8 @@ class Sensor:
 
     @staticmethod
     def auto_exposed(frame: Frame, bits: int = 8, like: Sensor | None = None) -> Sensor:
-        """A sensor exposed so that the brightest pixel of ``frame`` is at 95 % of full scale.
+        """A sensor exposed so that the brightest pixel of ``frame`` is at 95 % of full scale, or of
+        the full well where that is reached first.
 
         The maximum, not a quantile: the white of small markers is the first to saturate, and a
         clipped edge moves. Radiance has no noise, so that no outlier can decide. ``like`` gives
@@ -137,7 +138,7 @@ class Sensor:
         if not level > 0.0:
             raise InputError("auto exposure: the frame is black; got radiance 0; add a light")
         sensor = Sensor(bits) if like is None else like
-        return replace(sensor, full_scale=level / AUTO_LEVEL)
+        return replace(sensor, full_scale=level / (AUTO_LEVEL * sensor._filled))
 
     def metered(
         self,
@@ -182,6 +183,24 @@ class Sensor:
         if self.full_well is None:
             return 1.0
         return float(2**self.bits - 1 - self.black_level) / self.full_well
+
+    @property
+    def _filled(self) -> float:
+        """Share of the range above the black level that a full well reaches, 1 at most."""
+        if self.full_well is None:
+            return 1.0
+        full = float(2**self.bits - 1)
+        return min(1.0, self.system_gain * self.full_well / (full - self.black_level))
+
+    @property
+    def saturation(self) -> int:
+        """The grey value, DN, that a pixel gets no brighter than (but for noise in its readout).
+
+        The full well or the largest digital number, whichever is reached first.
+        """
+        full = float(2**self.bits - 1)
+        share = (self.black_level + self._filled * (full - self.black_level)) / full
+        return round(full * float(share ** (1.0 / self.gamma)))
 
     @property
     def dtype(self) -> np.dtype[Any]:

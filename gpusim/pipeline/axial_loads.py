@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.errors import InputError
+from gpusim.mesh import boundary_faces
 from gpusim.optics.camera import Camera
+from gpusim.pipeline.build import BodyParts
 from gpusim.pipeline.cameras import build_camera
+from gpusim.pipeline.places import faces_of
 from gpusim.scene import Scene
 from gpusim.scene import model as m
+from gpusim.surface.surface import face_normals
 
 __all__ = ["axial_loads"]
 
@@ -19,7 +24,7 @@ LEAST_ERROR = 1e-3
 """Of the motion; a structure that yields to its loads alike in all directions is off so far."""
 
 
-def axial_loads(scene: Scene) -> list[str]:
+def axial_loads(scene: Scene, bodies: Sequence[BodyParts]) -> list[str]:
     """A sentence for each load that moves what a single camera measures along its axis."""
     found = []
     for spec in scene.measures:
@@ -27,16 +32,16 @@ def axial_loads(scene: Scene) -> list[str]:
             continue
         camera = build_camera(next(one for one in scene.cameras if one.name == spec.camera))
         forward = camera.camera_from_world[2, :3]
-        for body in scene.bodies:
+        for parts in bodies:
             paints = [
-                paint for paint in body.paints
+                paint for paint in parts.body.paints
                 if isinstance(paint, m.Markers) and paint.name in spec.groups
             ]  # fmt: skip
             if not paints:
                 continue
             places = np.array([one.position for paint in paints for one in paint.markers])
             slope = _steepest(camera, places)
-            for name, vector in _vectors(body):
+            for name, vector in _vectors(parts):
                 share = float(vector @ forward) / float(np.linalg.norm(vector))
                 if not abs(share) * slope > LEAST_ERROR:
                     continue
@@ -55,9 +60,9 @@ def _steepest(camera: Camera, places: Array) -> float:
     return float((np.hypot(x, y)[ahead] / z[ahead]).max(initial=0.0))
 
 
-def _vectors(body: m.Body) -> Iterator[tuple[str, Array]]:
+def _vectors(parts: BodyParts) -> Iterator[tuple[str, Array]]:
     """What acts on a body in a known direction, with its name."""
-    for load in body.loads:
+    for load in parts.body.loads:
         if not any(load.amplitude):
             continue
         vector = None
@@ -67,12 +72,23 @@ def _vectors(body: m.Body) -> Iterator[tuple[str, Array]]:
             vector = np.array(load.traction)
         elif isinstance(load, m.Gravity):
             vector = np.array(load.acceleration)
-        elif isinstance(load, m.Pressure) and load.where.normal is not None:
-            vector = np.zeros(3)
-            vector["xyz".index(load.where.normal[1])] = 1.0
+        elif isinstance(load, m.Pressure) and load.pressure:
+            vector = _resultant(parts, load.where)
         if vector is not None and vector.any():
             yield f"load {load.name!r}", vector
-    for support in body.supports:
+    for support in parts.body.supports:
         moved = np.array(support.displacement)
         if moved.any() and any(support.amplitude):
             yield f"the displacement of support {support.name!r}", moved
+
+
+def _resultant(parts: BodyParts, where: m.Where) -> Array:
+    """The way (3,) that an even pressure on faces pushes as a whole; zero if it is balanced."""
+    try:
+        faces = faces_of(parts.mesh, boundary_faces(parts.mesh), where)
+    except InputError:
+        return np.zeros(3)  # told when the body's model is made
+    normals = face_normals(parts.mesh.points, faces.nodes[:, :4])
+    whole: Array = -normals.sum(axis=0)
+    least = 1e-9 * float(np.linalg.norm(normals, axis=1).sum())
+    return whole if float(np.linalg.norm(whole)) > least else np.zeros(3)

@@ -15,6 +15,7 @@ from gpusim.pipeline.axial_loads import axial_loads
 from gpusim.pipeline.build import build_body
 from gpusim.pipeline.cameras import build_camera
 from gpusim.pipeline.marker_sight import marker_warnings
+from gpusim.pipeline.memory import mesh_fault
 from gpusim.pipeline.notes import Notes
 from gpusim.pipeline.pattern_scale import disc_warnings
 from gpusim.pipeline.props import build_prop
@@ -67,10 +68,13 @@ class Doubts:
 def warnings_beforehand(scene: Scene) -> list[str]:
     """What is known before any work of ``scene``, or of its variants; builds meshes and surfaces.
 
-    CAD files aren't meshed for it: a scene with one gives nothing. Raises InputError for a measure
+    CAD files aren't meshed for it: a scene with one gives nothing. One that the free memory can't
+    hold gives that. Raises InputError for a measure
     that can't work.
     """
     if not scene.variants:
+        if fault := mesh_fault(scene):
+            return [fault]
         things = build_things(scene, LoadHistory(scene))
         return [] if things is None else geometry_warnings(things)
     states: dict[str, list[str]] = {}
@@ -106,7 +110,7 @@ def geometry_warnings(things: Things) -> list[str]:
         *marker_warnings(scene, things.bodies, surfaces, blind, strict),
         *blind.values(),
         *lamps_inside(scene, surfaces),
-        *axial_loads(scene),
+        *axial_loads(scene, things.bodies),
         *disc_warnings(surfaces, cameras),
     ]
 

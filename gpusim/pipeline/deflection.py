@@ -22,7 +22,7 @@ from gpusim.scene import model as m
 __all__ = ["DeflectionResult", "unrefined_text"]
 
 Array = npt.NDArray[np.float64]
-_TWO = ("axis_error_mm", "plane_error_mm", "lens_error_mm")
+_TWO = ("axis_error_mm", "plane_error_mm", "lens_error_mm", "scale_error_mm")
 MOST_TILT_DEG = 1.0
 """Beyond it one scale coefficient is off by more than 0.015 %."""
 LEAST_SHARE, SIGMAS = 1e-3, 3.0
@@ -43,8 +43,9 @@ class DeflectionResult:
     and the refined centres. ``saturated``: markers with clipped pixels. ``unrefined``: markers
     measured by correlation alone, because their cross couldn't be fitted.
     ``tilt_deg``: how far the camera looks off the normal of the plane it measures in.
-    ``axis_error_mm``, ``plane_error_mm``, ``lens_error_mm`` (M, 2), ``towards_mm`` (M,): what one
-    scale for the image makes of the true motion (`projection_error`).
+    ``axis_error_mm``, ``plane_error_mm``, ``lens_error_mm``, ``scale_error_mm`` (M, 2),
+    ``towards_mm`` (M,): what one scale for the image makes of the true motion
+    (`projection_error`).
     """
 
     name: str
@@ -73,6 +74,7 @@ class DeflectionResult:
     axis_error_mm: Array
     plane_error_mm: Array
     lens_error_mm: Array
+    scale_error_mm: Array
     towards_mm: Array
     curves: dict[str, Array]
 
@@ -102,35 +104,38 @@ class DeflectionResult:
         return found + self._projection()
 
     def _projection(self) -> list[str]:
-        """What one scale for the whole image adds to the measured values."""
+        """What one scale for the whole image adds to the values of markers that were measured."""
         parts = {"axis": self.axis_error_mm, "plane": self.plane_error_mm,
-                 "lens": self.lens_error_mm}  # fmt: skip
+                 "lens": self.lens_error_mm, "scale": self.scale_error_mm}  # fmt: skip
         found = []
+        lost = ~np.isfinite(self.measured_mm).all(axis=1)
         for part, errors in parts.items():
             if not len(errors):
                 continue
-            size = np.nan_to_num(np.linalg.norm(errors, axis=1))
+            size = np.where(lost, 0.0, np.nan_to_num(np.linalg.norm(errors, axis=1)))
             worst = int(np.argmax(size))
             if not size[worst] > max(LEAST_SHARE * self._largest(), SIGMAS * self._noise()):
                 continue
             k = int(np.argmax(np.abs(errors[worst])))
             wrong = self.measured_mm[worst, k] - self.true_mm[worst, k]
-            measured = (
-                f"explains {errors[worst, k]:+.3g} mm of the error of {wrong:+.3g} mm"
-                if np.isfinite(wrong)
-                else f"makes an error of {errors[worst, k]:+.3g} mm"
+            why, advice = (
+                PARTS[part],
+                '; several cameras ([[measure]] type = "stereo") measure in space',
             )
-            why = PARTS[part]
             if part == "axis":
                 comes = self.towards_mm[worst]
                 way = "towards" if comes > 0 else "away from"
                 why += f": {self.marker[worst]} moves {abs(comes):.3g} mm {way} the camera; that"
+            elif part == "scale":
+                why += (
+                    f" ({self.mm_per_px:.5g} mm/px; {self.mm_per_px_true:.5g} at their depth): that"
+                )
+                advice = ""
             else:
                 why += ": that"
             found.append(
-                f"measure {self.name!r}: {why} {measured} along {self.axes[k]} at "
-                f'{self.marker[worst]}; several cameras ([[measure]] type = "stereo") measure '
-                "in space"
+                f"measure {self.name!r}: {why} explains {errors[worst, k]:+.3g} mm of the error of "
+                f"{wrong:+.3g} mm along {self.axes[k]} at {self.marker[worst]}{advice}"
             )
         return found
 

@@ -16,6 +16,7 @@ import numpy.typing as npt
 from gpusim import measure
 from gpusim.errors import GpusimError, InputError
 from gpusim.optics.camera import Camera
+from gpusim.optics.sensor import Sensor
 from gpusim.pipeline.build import BodyParts
 from gpusim.pipeline.found import LEAST_WIDTH, arms_of, find_near, fit_near, size_range
 from gpusim.pipeline.grey_levels import level_warnings
@@ -52,10 +53,10 @@ class Followed:
     """What became of M markers between two images, px; NaN where something wasn't measured.
 
     ``expected`` (M, 2) by the rough camera; ``points`` (M, 2) in the first image;
-    ``displacement`` (M, 2); ``sigma`` (M,); ``status`` names (M,); ``clipped`` (M,) bool: full
-    scale within the marker; ``unrefined`` (M,) bool: measured, but without a fit of its cross in
-    one of the images; ``subset`` px; ``tracking_px``: RMS difference between tracked subsets and
-    the fitted crosses.
+    ``displacement`` (M, 2); ``sigma`` (M,); ``status`` names (M,); ``clipped`` (M,) bool:
+    saturated pixels within the marker; ``unrefined`` (M,) bool: measured, but without a fit of its
+    cross in one of the images; ``subset`` px; ``tracking_px``: RMS difference between tracked
+    subsets and the fitted crosses.
     """
 
     names: tuple[str, ...]
@@ -119,7 +120,7 @@ def follow_markers(
     deformed: npt.NDArray[Any],
     *,
     subset: int | None,
-    bits: int,
+    sensor: Sensor,
 ) -> Followed:
     """Find the markers near where ``camera`` expects them, and follow them into ``deformed``.
 
@@ -135,7 +136,7 @@ def follow_markers(
         raise GpusimError(
             f"{what}: no marker of {sorted(set(marks.group_names[: marks.count]))} was found in "
             f"the first image of camera {camera.name!r}; expected {marks.count}"
-            + "".join(f"; the image {text}" for text in level_warnings(reference, bits))
+            + "".join(f"; the image {text}" for text in level_warnings(reference, sensor))
         )
     rows = np.flatnonzero(known)
     chains = _chains(rows, marks.count, len(points))
@@ -162,7 +163,7 @@ def follow_markers(
     fine = np.asarray(gap <= MOST_GAP * widths)  # false for NaN
     moved = np.where(fine[:, None], refined - points, matched)
     sigma = np.where(fine, np.sqrt(2.0) * own_sigma, sigma)
-    full = 2**bits - 1
+    full = sensor.saturation
     clipped = np.array(
         [
             _clipped(reference, points[i], widths[i], full)
@@ -249,7 +250,7 @@ def _unchanged(
 
 
 def _clipped(image: npt.NDArray[Any], at: Array, width: float, full: int) -> bool:
-    """Whether more than four pixels of a marker are at full scale."""
+    """Whether more than four pixels of a marker are saturated, at ``full`` or above."""
     if not np.isfinite(at).all():
         return False
     x, y = np.rint(at).astype(int)

@@ -220,7 +220,7 @@ class Photographer:
 
     def _look_at(self, image: npt.NDArray[Any], sensor: Sensor, camera: str, frame: int) -> None:
         """Warn of the first picture of a camera whose grey values are bad."""
-        texts = level_warnings(image, sensor.bits, sensor.black_level)
+        texts = level_warnings(image, sensor)
         if texts and camera not in self._badly:
             self._badly.add(camera)
             self._warnings += [f"image {self.kind}{frame:04d} of {camera} {t}" for t in texts]

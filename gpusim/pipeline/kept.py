@@ -19,6 +19,7 @@ from gpusim._version import __version__
 from gpusim.export.files import atomic_stream, safe_name
 from gpusim.input_file import Reader, read_input
 from gpusim.optics.camera import Camera
+from gpusim.optics.sensor import Sensor
 from gpusim.output_folder import inside
 from gpusim.pipeline.following import Followed, MarkerSet, follow_markers
 
@@ -52,17 +53,23 @@ class KeptMarkers:
         deformed: npt.NDArray[Any],
         *,
         subset: int | None,
-        bits: int,
+        sensor: Sensor,
     ) -> Followed:
         """As `follow_markers`, for the measure ``name``."""
-        key = _key(marks, camera, reference, deformed, subset, bits)
+        key = _key(marks, camera, reference, deformed, subset, sensor)
         path = inside(self.folder, f"{safe_name(name)}-{safe_name(camera.name)}-markers.npz")
         known, found = self._found.get(path, ("", None))
         if found is None or known != key:
             found = _stored(path, key, self.read) if self.reuse else None
         if found is None:
             found = follow_markers(
-                f"measure {name!r}", marks, camera, reference, deformed, subset=subset, bits=bits
+                f"measure {name!r}",
+                marks,
+                camera,
+                reference,
+                deformed,
+                subset=subset,
+                sensor=sensor,
             )
             with atomic_stream(path) as stream:
                 np.savez(stream, allow_pickle=False, **{_KEY: np.array(key)}, **vars(found))
@@ -76,7 +83,7 @@ def _key(
     reference: npt.NDArray[Any],
     deformed: npt.NDArray[Any],
     subset: int | None,
-    bits: int,
+    sensor: Sensor,
 ) -> str:
     """A digest of all that the result depends on."""
     digest = hashlib.sha256()
@@ -86,7 +93,7 @@ def _key(
         digest.update(f"{values.shape} {values.dtype}".encode())
         digest.update(np.ascontiguousarray(values).data)
     places = [len(paint.markers) for _, paint in marks.groups]
-    rest = (__version__, marks.count, marks.names, marks.group_names, places, subset, bits)
+    rest = (__version__, marks.count, marks.names, marks.group_names, places, subset, sensor)
     digest.update(repr(rest).encode())
     return digest.hexdigest()
 

@@ -20,6 +20,7 @@ from gpusim.pipeline.build import BodyParts
 from gpusim.pipeline.cameras import build_camera
 from gpusim.pipeline.deflection import DeflectionResult
 from gpusim.pipeline.following import MarkerSet, collect_markers, follow_markers
+from gpusim.pipeline.photo import build_sensor
 from gpusim.pipeline.projection_error import projection_error
 from gpusim.scene import Scene
 from gpusim.scene import model as m
@@ -50,14 +51,15 @@ def measure_deflection(
     GpusimError
         Fewer than two markers could be found in the reference image.
     """
-    camera = build_camera(next(c for c in scene.cameras if c.name == spec.camera), scene.input)
+    camera_spec = next(c for c in scene.cameras if c.name == spec.camera)
+    camera = build_camera(camera_spec, scene.input)
     what = f"measure {spec.name!r}"
     marks = collect_markers(what, spec.groups, spec.static, scene, bodies)
     last = len(scene.analysis.load_factors) - 1
     reference, deformed = image(spec.camera, 0), image(spec.camera, last)
     seen = follow_markers(
         what, marks, camera, reference, deformed,
-        subset=spec.subset, bits=scene.sensor_of(spec.camera).bits,
+        subset=spec.subset, sensor=build_sensor(scene.sensor_of(spec.camera), camera_spec, 1.0),
     )  # fmt: skip
     count, points, moved = marks.count, seen.points, seen.displacement
     position = marks.position[:count]
@@ -82,7 +84,7 @@ def measure_deflection(
     )
     corrected = moved[:count] - (motion.displacement(points[:count]) if motion else 0.0)
     start, motion_m = _motion(marks, bodies, displacement, last)
-    errors = projection_error(camera, position + start, motion_m, plane, scale)
+    errors = projection_error(camera, position + start, motion_m, plane, scale, ok)
     curves = _curves(marks.groups, bodies, displacement, last, plane)
     return DeflectionResult(
         name=spec.name,
@@ -111,6 +113,7 @@ def measure_deflection(
         axis_error_mm=errors.axis,
         plane_error_mm=errors.plane,
         lens_error_mm=errors.lens,
+        scale_error_mm=errors.scale,
         towards_mm=errors.towards_mm,
         curves=curves,
     )

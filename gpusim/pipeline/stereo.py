@@ -15,6 +15,7 @@ from gpusim.pipeline.cameras import build_camera
 from gpusim.pipeline.corners import Board, board_of
 from gpusim.pipeline.following import Followed, MarkerSet, collect_markers
 from gpusim.pipeline.kept import KeptMarkers
+from gpusim.pipeline.photo import build_sensor
 from gpusim.pipeline.stereo_result import CameraFound, StereoResult
 from gpusim.pipeline.things import Things
 from gpusim.scene import Scene
@@ -123,10 +124,11 @@ def follow_cameras(
     )
     last = len(scene.analysis.load_factors) - 1
     cameras = {c.name: build_camera(c, scene.input) for c in scene.cameras}
+    sensors = {c.name: build_sensor(scene.sensor_of(c.name), c, 1.0) for c in scene.cameras}
     seen = [
         markers.follow(
             spec.name, marks, cameras[name], image(name, 0), image(name, last),
-            subset=spec.subset, bits=scene.sensor_of(name).bits,
+            subset=spec.subset, sensor=sensors[name],
         )
         for name in spec.cameras
     ]  # fmt: skip
