@@ -185,6 +185,26 @@ def test_a_lamp_inside_a_body() -> None:
     assert warnings_beforehand(mini(light=[lamp([20.0, -21.0, 300.0])])) == []
 
 
+def test_more_lamps_than_a_picture_takes(tmp_path: Path) -> None:
+    def lamps(count: int) -> list[dict[str, Any]]:
+        return [lamp([10.0 * k, -900.0, 300.0]) | {"name": f"bulb-{k}"} for k in range(count)]
+
+    small = {"camera.front.resolution_px": [40, 30]}
+    assert warnings_beforehand(mini(small, light=lamps(256), measure=[])) == []
+    large = {"name": "panel", "type": "area", "position_mm": [300.0, -320.0, 300.0], "power_W": 9.0,
+             "target_mm": [300.0, -20.0, 300.0], "size_mm": [300.0, 300.0]}  # fmt: skip
+    for lights, told in (
+        (lamps(257), "got 257 lamps, which are 257 emitting points for camera 'front'; expected"),
+        ([*lamps(255), large], "got 256 lamps"),
+    ):
+        scene = mini(small, light=lights, measure=[])
+        with pytest.raises(InputError, match=told):
+            run(scene, tmp_path / "out", backend="numpy")
+        assert not (tmp_path / "out").exists()
+    with pytest.raises(InputError, match=r"count as several points: 'panel' as \d+\)"):
+        warnings_beforehand(scene)
+
+
 def test_winding_numbers() -> None:
     mesh = box((0.3, 0.2, 0.1), (3, 2, 1), origin=(5e5, 5.2e6, 300.0))
     faces = boundary_faces(mesh)
