@@ -244,6 +244,17 @@ def test_speckle_that_is_too_fine_or_too_coarse() -> None:
     assert warnings_beforehand(speckled(0.2)) == []
 
 
+def test_speckle_behind_a_screen_is_not_told() -> None:
+    document = speckled(0.05).document
+    grey = {"name": "grey", "type": "plain", "albedo": 0.4}
+    screen = {"name": "screen", "center_mm": [0.0, -50.0, 0.0], "normal": [0.0, -1.0, 0.0],
+              "size_mm": [60.0, 60.0], "paint": [grey]}  # fmt: skip
+    for size, told in ((60.0, 0), (20.0, 1)):  # all, and a part that is in the image's middle
+        props = [*document["prop"], screen | {"size_mm": [size, size]}]
+        texts = warnings_beforehand(Scene.from_document({**document, "prop": props}))
+        assert len([text for text in texts if "discs of speckle" in text]) == told
+
+
 def test_scale_of_a_plane_that_is_seen_at_an_angle() -> None:
     turn = np.array([[0.5, np.sqrt(0.75), 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     square = 1e-3 * np.array([[-1.0, 0, -1], [1, 0, -1], [1, 0, 1], [-1, 0, 1]])
