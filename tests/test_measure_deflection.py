@@ -124,3 +124,13 @@ def test_wrong_arguments_name_themselves() -> None:
         scale_coefficient(np.ones((3, 2)), KNOWN[:3])
     with pytest.raises(InputError, match="deflection line"):
         deflection_line([0.0, 1.0], seen(KNOWN), seen(KNOWN), scale_coefficient(seen(KNOWN), KNOWN))
+
+
+def test_two_points_say_nothing_of_the_scales_uncertainty() -> None:
+    points = np.array([[10.0, 20.0], [110.0, 25.0], [60.0, 80.0]])
+    places = np.array([[0.0, 0.0], [201.0, -9.0], [101.0, -120.0]])
+    two = scale_coefficient(points[:2], places[:2])
+    assert np.isnan(two.sigma) and scale_coefficient(points, places).sigma > 0.0
+    moved, noise = np.array([[3.0, 4.0], [1.0, 0.0]]), np.array([0.01, 0.02])
+    line = deflection_line([0.0, 1.0], points[:2], moved, two, sigma_px=noise)
+    assert np.allclose(line.sigma_mm, noise * two.mm_per_px, rtol=1e-12)

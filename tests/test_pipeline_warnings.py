@@ -185,6 +185,26 @@ def test_a_lamp_inside_a_body() -> None:
     assert warnings_beforehand(mini(light=[lamp([20.0, -21.0, 300.0])])) == []
 
 
+def test_more_lamps_than_a_picture_takes(tmp_path: Path) -> None:
+    def lamps(count: int) -> list[dict[str, Any]]:
+        return [lamp([10.0 * k, -900.0, 300.0]) | {"name": f"bulb-{k}"} for k in range(count)]
+
+    small = {"camera.front.resolution_px": [40, 30]}
+    assert warnings_beforehand(mini(small, light=lamps(256), measure=[])) == []
+    large = {"name": "panel", "type": "area", "position_mm": [300.0, -320.0, 300.0], "power_W": 9.0,
+             "target_mm": [300.0, -20.0, 300.0], "size_mm": [300.0, 300.0]}  # fmt: skip
+    for lights, told in (
+        (lamps(257), "got 257 lamps, which are 257 emitting points for camera 'front'; expected"),
+        ([*lamps(255), large], "got 256 lamps"),
+    ):
+        scene = mini(small, light=lights, measure=[])
+        with pytest.raises(InputError, match=told):
+            run(scene, tmp_path / "out", backend="numpy")
+        assert not (tmp_path / "out").exists()
+    with pytest.raises(InputError, match=r"count as several points: 'panel' as \d+\)"):
+        warnings_beforehand(scene)
+
+
 def test_winding_numbers() -> None:
     mesh = box((0.3, 0.2, 0.1), (3, 2, 1), origin=(5e5, 5.2e6, 300.0))
     faces = boundary_faces(mesh)
@@ -222,6 +242,17 @@ def test_speckle_that_is_too_fine_or_too_coarse() -> None:
     (coarse,) = warnings_beforehand(speckled(0.8))
     assert "are 16 px wide (0.8 mm); above 15 px a subset needs 48 px to hold 3 of them" in coarse
     assert warnings_beforehand(speckled(0.2)) == []
+
+
+def test_speckle_behind_a_screen_is_not_told() -> None:
+    document = speckled(0.05).document
+    grey = {"name": "grey", "type": "plain", "albedo": 0.4}
+    screen = {"name": "screen", "center_mm": [0.0, -50.0, 0.0], "normal": [0.0, -1.0, 0.0],
+              "size_mm": [60.0, 60.0], "paint": [grey]}  # fmt: skip
+    for size, told in ((60.0, 0), (20.0, 1)):  # all, and a part that is in the image's middle
+        props = [*document["prop"], screen | {"size_mm": [size, size]}]
+        texts = warnings_beforehand(Scene.from_document({**document, "prop": props}))
+        assert len([text for text in texts if "discs of speckle" in text]) == told
 
 
 def test_scale_of_a_plane_that_is_seen_at_an_angle() -> None:

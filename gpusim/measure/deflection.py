@@ -36,7 +36,8 @@ class Scale:
     Attributes
     ----------
     mm_per_px : the scale coefficient.
-    sigma : its standard uncertainty from the residuals, mm/px (0 residuals give 0).
+    sigma : its standard uncertainty from the residuals, mm/px (0 residuals give 0; NaN for as few
+        points as leave none, which are two).
     rotation : (2, 2) float64, image axes (x right, y down) to the axes of the positions.
     origin_px, origin_mm : (2,) float64, centroids.
     residuals_px : (M, 2) float64, known minus fitted positions seen in the image, px.
@@ -92,7 +93,7 @@ def scale_coefficient(points_px: npt.ArrayLike, positions_mm: npt.ArrayLike) -> 
     residuals = (target - mm_per_px * source @ turn.T) / mm_per_px
     freedom = 2 * len(px) - 4 if mm.ndim == 2 else len(px) - 2
     squares = float((residuals**2).sum())
-    sigma = mm_per_px * np.sqrt(squares / freedom / spread) if freedom > 0 else 0.0
+    sigma = mm_per_px * np.sqrt(squares / freedom / spread) if freedom > 0 else np.nan
     return Scale(
         mm_per_px=mm_per_px,
         sigma=float(sigma),
@@ -157,7 +158,8 @@ class DeflectionLine:
     ----------
     position_mm : (M,) float64, where each marker sits along the member.
     displacement_mm : (M, 2) float64, along the axes of the scale; the second one is up.
-    sigma_mm : (M,) float64, standard uncertainty: matching and scale together.
+    sigma_mm : (M,) float64, standard uncertainty of the random part: of matching, from the grey
+        values' residuals, and of the scale where that is known.
     status : (M,) int8, as tracked (0 = measured).
     scale : the scale that was used.
     camera : the rigid motion that was taken out, or None.
@@ -222,7 +224,8 @@ def deflection_line(
         moved = moved - camera.displacement(points)
     displacement = np.where((measured & (codes == 0))[:, None], scale.vectors(moved), np.nan)
     length = np.linalg.norm(displacement, axis=1)
-    sigma = np.hypot(noise * scale.mm_per_px, length * scale.sigma / scale.mm_per_px)
+    unsure = scale.sigma if np.isfinite(scale.sigma) else 0.0
+    sigma = np.hypot(noise * scale.mm_per_px, length * unsure / scale.mm_per_px)
     order = np.argsort(position, kind="stable")
     return DeflectionLine(
         position[order], displacement[order], sigma[order], codes[order], scale, camera

@@ -30,7 +30,15 @@ from gpusim.optics.shadow_tiles import ShadowTiles, flatness
 from gpusim.optics.view import View
 from gpusim.surface.surface import Surface
 
-__all__ = ["MOST_EMITTERS", "Lighting", "SharesOf", "ambient", "casts_shadows", "find_shadows"]
+__all__ = [
+    "MOST_EMITTERS",
+    "Lighting",
+    "SharesOf",
+    "ambient",
+    "casts_shadows",
+    "emitting_points",
+    "find_shadows",
+]
 
 Array = npt.NDArray[np.float64]
 MOST_EMITTERS = 256
@@ -68,6 +76,15 @@ def find_shadows(
     closed = np.array([surface.topology.closed for surface in surfaces])
     found = ShadowTiles.build(view, lamps, casters, alone, closed)
     return found if found.any else None
+
+
+def emitting_points(view: View, lights: Sequence[Light]) -> Array:
+    """The points that ``lights`` are divided into for ``view``: rows (E, 12) of `emitters`."""
+    triangles = np.zeros((0, 3, 3))
+    if any(isinstance(light, AreaLight) for light in lights):
+        triangles = view.corners_of(slice(None), POSITION)
+    closest = closest_points(lights, triangles, view.camera)
+    return emitters(lights, closest, sharpest(view.paints))
 
 
 def ambient(lights: Sequence[Light]) -> float:
@@ -111,11 +128,7 @@ class Lighting:
             More emitting points than a shader takes, or numbers beyond float32.
         """
         lights = lights or []
-        triangles = np.zeros((0, 3, 3))
-        if any(isinstance(light, AreaLight) for light in lights):
-            triangles = view.corners_of(slice(None), POSITION)
-        closest = closest_points(lights, triangles, view.camera)
-        rows = emitters(lights, closest, sharpest(view.paints))
+        rows = emitting_points(view, lights)
         if len(rows) > MOST_EMITTERS:
             raise InputError(
                 f"render lights; got {len(rows)} emitting points; expected at most "

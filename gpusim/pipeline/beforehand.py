@@ -14,6 +14,7 @@ from gpusim.errors import GpusimError, InputError
 from gpusim.pipeline.axial_loads import axial_loads
 from gpusim.pipeline.build import build_body
 from gpusim.pipeline.cameras import build_camera
+from gpusim.pipeline.lamp_count import check_lamp_count
 from gpusim.pipeline.marker_sight import marker_warnings
 from gpusim.pipeline.memory import mesh_fault
 from gpusim.pipeline.notes import Notes
@@ -104,6 +105,7 @@ def geometry_warnings(things: Things) -> list[str]:
     scene = things.scene
     surfaces = things.surfaces(None)
     cameras = [build_camera(camera, scene.input) for camera in scene.cameras]
+    check_lamp_count(scene, surfaces, cameras)
     blind = blind_cameras(surfaces, cameras)
     strict = things.history.unloaded(0)  # else the first picture shows other places
     return [
