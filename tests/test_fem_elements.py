@@ -195,7 +195,7 @@ def test_bad_models() -> None:
     nan[2, 1] = np.nan
     for words, arguments in {
         "isotropic|Isotropic": {"materials": [], "fixed": fixed},
-        "expected at least one": {"materials": STEEL, "fixed": fixed},
+        "got int; expected Isotropic": {"materials": 5, "fixed": fixed},
         "fixed": {"materials": [STEEL], "fixed": fixed[:-1]},
         "have a displacement but": {"materials": [STEEL], "prescribed": np.ones(shape)},
         "complex": {"materials": [STEEL], "fixed": fixed, "forces": np.ones(shape) * 1j},

@@ -312,7 +312,7 @@ def test_wrong_arguments_are_refused() -> None:
         "reduced": lambda: stress(model, u, "reduced"),
         "stress: temperature": lambda: stress(model, u, temperature=np.zeros(3)),
         "thermal: temperature": lambda: thermal(mesh, [STEEL], np.nan),
-        "at least one": lambda: thermal(mesh, [], 1.0),
+        "got none": lambda: thermal(mesh, [], 1.0),
     }.items():
         with pytest.raises(InputError, match=words):
             call()

@@ -19,10 +19,15 @@ CAMERA = gs.Camera(57, 33, K)
 LAMP = gs.PointLight((0.0, 0.0, 0.0), 1.0)
 
 
-class NoDevice:
+class NoDevice(gs.Device):
     """Any use of it fails."""
 
-    def __getattr__(self, name: str) -> Any:
+    def __init__(self) -> None:
+        pass
+
+    def __getattribute__(self, name: str) -> Any:
+        if name.startswith("__"):
+            return object.__getattribute__(self, name)
         raise AssertionError(f"the device was used: {name}")
 
 

@@ -100,6 +100,8 @@ ALLOWED = {
     "measure/damage.py": "a table of the caller's, at a path of theirs",
     "optics/calibration_files.py": "a calibration at a path of the caller's",
     "copies.py": "an answer in a file in memory",
+    "child_process.py": "pipes",
+    "speed.py": "what is known of this machine's speed, in the cache folder",
     "apart.py": "pipes",
     "cli/console.py": "a stream that nobody reads",
     "export/images.py": "into the temporary name that atomic_path gives",

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from gpusim.field import Field
+from gpusim.input_file import InputFile, Reader, read_input
 from gpusim.mesh import Mesh
 from gpusim.pipeline import build
 from gpusim.scene import model
@@ -63,11 +64,12 @@ def move_meshes(monkeypatch: pytest.MonkeyPatch, offset: np.ndarray) -> None:
     def elsewhere(grid: Mesh) -> Mesh:
         return grid.moved(np.broadcast_to(offset, grid.points.shape))
 
-    def build_mesh(recipe: model.MeshRecipe) -> Mesh:
-        return made(recipe) if isinstance(recipe, model.BoxMesh) else elsewhere(made(recipe))
+    def build_mesh(recipe: model.MeshRecipe, reader: Reader = read_input) -> Mesh:
+        mesh = made(recipe, reader)
+        return mesh if isinstance(recipe, model.BoxMesh) else elsewhere(mesh)
 
-    def read_field(path: str, **given: Any) -> Field:
-        found = read(path, **given)
+    def read_field(file: InputFile, **given: Any) -> Field:
+        found = read(file, **given)
         found.mesh = elsewhere(found.mesh)
         return found
 
