@@ -62,7 +62,9 @@ def test_a_child_ends_with_its_caller(how: int, tmp_path: Path) -> None:
         "import gpusim.child_process as c; "
         f'c.call_in_child("x", 60, eval, "({work} __import__(\'time\').sleep(60))")'
     )
-    parent = subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.DEVNULL)
+    # a run of the tests in the background ignores interrupts, and so would what it starts
+    heard = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "
+    parent = subprocess.Popen([sys.executable, "-c", heard + code], stderr=subprocess.DEVNULL)
     while not (note.exists() and note.read_text()):
         assert parent.poll() is None
         time.sleep(0.02)
