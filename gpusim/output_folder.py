@@ -25,7 +25,7 @@ try:
 except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
 
-__all__ = ["LOCK", "check_below", "check_folder", "claim", "delete", "inside"]
+__all__ = ["LOCK", "check_below", "check_folder", "claim", "delete", "inside", "is_alive"]
 
 LOCK = ".gpusim-lock"
 _LONGEST = 200
@@ -172,15 +172,18 @@ class _Owner:
     @property
     def has_ended(self) -> bool:
         """Whether it is known to: another machine's processes aren't seen from here."""
-        if self.host != socket.gethostname():
-            return False
-        try:
-            os.kill(self.pid, 0)
-        except (ProcessLookupError, OverflowError):
-            return True
-        except OSError:  # it runs, as someone else
-            return False
+        return self.host == socket.gethostname() and not is_alive(self.pid)
+
+
+def is_alive(pid: int) -> bool:
+    """Whether a process of that number runs on this machine."""
+    try:
+        os.kill(pid, 0)
+    except (ProcessLookupError, OverflowError):
         return False
+    except OSError:  # it runs, as someone else
+        return True
+    return True
 
 
 def _locked(path: Path, folder: Path) -> int:

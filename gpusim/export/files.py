@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from gpusim.errors import GpusimError, InputError
+from gpusim.output_folder import is_alive
 
 __all__ = [
     "PathLike",
@@ -105,7 +106,7 @@ def clean_leftovers(folder: PathLike) -> tuple[Path, ...]:
     removed = []
     for part in sorted(Path(folder).rglob(".*.part")):
         match = _LEFTOVER.match(part.name)
-        if match and part.is_file() and not _is_alive(int(match.group(1))):
+        if match and part.is_file() and not is_alive(int(match.group(1))):
             _forget(part)
             removed.append(part)
     return tuple(removed)
@@ -146,16 +147,6 @@ def _forget(part: Path) -> None:
         part.unlink(missing_ok=True)
     except OSError:  # the folder is gone or unwritable; the error that led here says more
         return
-
-
-def _is_alive(pid: int) -> bool:
-    try:
-        os.kill(pid, 0)
-    except (ProcessLookupError, OverflowError):
-        return False
-    except OSError:  # it runs, as someone else
-        return True
-    return True
 
 
 def _explained(error: OSError, part: Path, final: Path) -> Exception:
