@@ -31,6 +31,27 @@ def test_breaks_of_a_perfect_line_are_found_exactly(count: int) -> None:
     assert np.abs(found.at(X) - bent(places, changes)).max() <= 1e-9
 
 
+def test_points_close_to_a_break_need_not_count() -> None:
+    """Stress that flows round a notch bends the line within a depth of it: no broken line there."""
+    places, changes = (203.0, 391.0), (1.4e-3, 9e-4)
+    local = sum(
+        2e-4 * np.exp(-np.abs(X - place) / 6.0) * (1 + np.tanh((X - place) / 10.0))
+        for place in places
+    )
+    y = bent(places, changes) + np.where(local > 1e-6, local, 0.0)
+    plain, clear = slope_changes(X, y), slope_changes(X, y, clearance=40.0)
+    assert np.abs(plain.position - places).min() >= 0.01
+    assert np.abs(clear.position - places).max() <= 1e-4
+    assert np.abs(clear.change - changes).max() <= 1e-8
+    assert np.abs(clear.x[:, None] - places).min() >= 40.0
+    # as far as there is room: three points on each piece
+    far = slope_changes(X, y, clearance=1e4)
+    for low, high in ((0.0, 203.0), (203.0, 391.0), (391.0, 800.0)):
+        assert np.count_nonzero((far.x > low) & (far.x < high)) >= 3
+    with pytest.raises(InputError, match="clearance -1"):
+        slope_changes(X, y, clearance=-1.0)
+
+
 def test_stated_uncertainty_is_the_scatter() -> None:
     rng, scores = np.random.default_rng(1), []
     for _ in range(60):

@@ -109,10 +109,9 @@ def test_the_rig_is_that_of_opencv(rig: Calibration) -> None:
 def test_the_baseline_scatters_by_its_sigma(
     rig: Calibration, seen: dict[str, list[Sighting]]
 ) -> None:
-    """The scatter of the rig without one view each (jackknife) knows nothing of residuals: 0.105 mm.
+    """The scatter of the rig without one view each (jackknife, 0.105 mm) knows no residuals.
 
-    Independent errors of corners alone would say less than half of it (0.05 mm): the corners of a
-    view err together.
+    Independent errors of corners alone would say less than half of it: a view's err together.
     """
     count = len(seen["left"])
     lengths = [

@@ -54,6 +54,10 @@ def test_the_notch_is_located(done: tuple[gs.Scene, gs.Report, Path]) -> None:
     notch = report.measurements[0]
     assert notch.name.startswith("cut: notch 1") and notch.truth == 110.0
     assert abs(notch.error) <= 4.0 and notch.verdict == "good"
+    structure, images = report.measurements[1:3]
+    assert structure.name.endswith("structure") and images.name.endswith("images")
+    assert abs(structure.error) <= 0.5
+    assert structure.error + images.error == pytest.approx(notch.error, abs=1e-9)
     noise = next(m for m in report.measurements if "RMS error of the difference" in m.name)
     assert noise.measured <= 0.005  # px
     found = json.loads((out / "measure" / "damage.json").read_text())

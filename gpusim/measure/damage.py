@@ -6,6 +6,12 @@ large as the bending moment there times the notch's compliance. The difference i
 continuous piecewise-linear curve with free breaks (Muggeo, "Estimating regression models with
 unknown break-points", Statistics in Medicine 22, 2003), one break after another as long as an
 F-test says that it explains more than noise.
+
+Close to a notch it is no broken line: stress flows round the notch within about one depth of the
+beam (Saint-Venant). Points there move a break by more than noise does, so `slope_changes` leaves
+them out by its ``clearance``. A notch also gives way to the shear force V, by a step c_s V beside
+the slope change c_b M. A broken line can't tell that step from a shift of the break, towards where
+the moment grows, by c_s V / (c_b M): c_s / (c_b L) with a force at a distance L from the notch.
 """
 
 from __future__ import annotations
@@ -26,6 +32,7 @@ __all__ = ["SlopeChanges", "difference_curve", "slope_changes"]
 
 ROUNDS = 60
 SETTLED = 1e-9  # of the length
+LEAST_POINTS = 3  # on a piece of the broken line
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +44,8 @@ class SlopeChanges:
     position, sigma : (K,) float64, where the slope changes and its standard uncertainty.
     change, change_sigma : (K,) float64, by how much (per unit of position).
     p_value : (K,) float64, F-test of each break against the same curve without it; small is sure.
-    x, fitted : (M,) float64, the broken line at the points that were used.
+    x, fitted : (M,) float64, the broken line at the points that were used (none within the
+        clearance of a break).
     residual : RMS of points minus broken line.
     offset, slope : of its first piece, at position 0.
     """
@@ -111,6 +119,7 @@ def slope_changes(
     significance: float = 1e-3,
     least_share: float = 0.1,
     least_gap: float | None = None,
+    clearance: float = 0.0,
 ) -> SlopeChanges:
     """Find where the slope of a curve changes.
 
@@ -122,6 +131,9 @@ def slope_changes(
         fit leaves over: noise, and the local bending around a notch that is no broken line).
     least_share : a break whose change is smaller than this share of the largest one is left out.
     least_gap : smallest distance of two breaks, and of a break from an end; default three points.
+    clearance : points nearer than this to a break don't count for where it is: give the beam's
+        depth. It becomes smaller where less than three points would be left between two breaks, or
+        between a break and an end.
 
     Raises
     ------
@@ -141,10 +153,15 @@ def slope_changes(
         raise InputError(
             f"slope_changes: got {len(a)} measured points; expected 8 or more, at distinct places"
         )
-    if not (0 <= most <= 50 and 0 < significance < 1 and 0 <= least_share < 1):
+    if not (
+        0 <= most <= 50
+        and 0 < significance < 1
+        and 0 <= least_share < 1
+        and 0 <= clearance < np.inf
+    ):
         raise InputError(
             f"slope_changes: got most {most}, significance {significance}, least_share "
-            f"{least_share}; expected 0 to 50, 0 to 1, 0 to 1"
+            f"{least_share}, clearance {clearance}; expected 0 to 50, 0 to 1, 0 to 1, 0 or more"
         )
     gap = float(3 * np.median(np.diff(a))) if least_gap is None else float(least_gap)
     breaks = np.zeros(0)
@@ -163,6 +180,10 @@ def slope_changes(
         if squares <= floor:
             break
     breaks = _without_small(a, b, breaks, gap, least_share)
+    used = _far_enough(a, breaks, clearance)
+    if not used.all():
+        a, b = a[used], b[used]
+        breaks, _ = _refined(a, b, breaks, _line(a, b, breaks)[1], gap)
     found = _result(a, b, breaks)
     return replace(
         found, position=found.position + start, x=found.x + start,
@@ -245,6 +266,20 @@ def _without_small(
         rest = np.delete(breaks, weakest)
         breaks = _refined(x, y, rest, _line(x, y, rest)[1], gap)[0]
     return breaks
+
+
+def _far_enough(x: FloatArray, breaks: FloatArray, clearance: float) -> npt.NDArray[np.bool_]:
+    """Which points (M,) are at least the clearance, or what room there is, from every break."""
+    piece = np.searchsorted(breaks, x)
+    used = np.ones(len(x), bool)
+    for k in range(len(breaks) + 1):
+        own = np.flatnonzero(piece == k)
+        ends = breaks[max(k - 1, 0) : k + 1]
+        distance = np.abs(x[own, None] - ends).min(axis=1, initial=np.inf)
+        if len(own) > LEAST_POINTS:
+            limit = min(clearance, np.sort(distance)[-LEAST_POINTS])
+            used[own[distance < limit]] = False
+    return used
 
 
 def _result(x: FloatArray, y: FloatArray, breaks: FloatArray) -> SlopeChanges:

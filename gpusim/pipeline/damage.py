@@ -34,7 +34,7 @@ class DamageLine:
     ``position_mm`` on the member's axis (x, y or z); ``deflection_mm`` across it, ``true_mm`` its
     truth; ``difference_mm``, ``true_difference_mm`` those less the reference's. ``notches_mm``:
     where the scene has notches that the reference doesn't have. ``found``: slope changes of the
-    measured difference.
+    measured difference; ``true_found``: those of its truth, which no image has touched.
     """
 
     state: str
@@ -49,6 +49,7 @@ class DamageLine:
     mm_per_px: float
     notches_mm: tuple[float, ...]
     found: measure.SlopeChanges | None
+    true_found: measure.SlopeChanges | None
 
     @property
     def noise_px(self) -> float:
@@ -56,6 +57,24 @@ class DamageLine:
         error = (self.difference_mm - self.true_difference_mm) / self.mm_per_px
         fine = error[np.isfinite(error)]
         return float(np.sqrt(np.mean(fine**2))) if fine.size else float("nan")
+
+    def nearest(self, notch_mm: float) -> tuple[float, float]:
+        """Where the difference and its truth change their slope by a notch; NaN where they don't.
+
+        A change belongs to the notch that is nearest to it.
+        """
+        return self._belonging(self.found, notch_mm), self._belonging(self.true_found, notch_mm)
+
+    def _belonging(self, found: measure.SlopeChanges | None, notch_mm: float) -> float:
+        if found is None:
+            return float("nan")
+        notches = np.array(self.notches_mm)
+        own = [
+            float(at)
+            for at in found.position
+            if notches[np.argmin(np.abs(notches - at))] == notch_mm
+        ]
+        return min(own, key=lambda at: abs(at - notch_mm), default=float("nan"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,10 +128,10 @@ def compare_states(
     """
     own = {name: next(r for r in found if r.name == spec.of) for name, found in results.items()}
     base = own[spec.reference]
-    at_rest = set(_notches(scene.variant(spec.reference)))
+    at_rest = {notch[:2] for notch in _notches(scene.variant(spec.reference))}
     lines = []
     for state, result in own.items():
-        notches = [n for n in _notches(scene.variant(state)) if n not in at_rest]
+        notches = [n for n in _notches(scene.variant(state)) if n[:2] not in at_rest]
         for group in dict.fromkeys(result.group):
             lines.append(_line(spec, state, group, result, base, notches))
     return DamageResult(spec.name, spec.reference, 1e3 * spec.tolerance, tuple(lines))
@@ -124,7 +143,7 @@ def _line(
     group: str,
     result: DeflectionResult,
     base: DeflectionResult,
-    notches: Sequence[tuple[str, float]],
+    notches: Sequence[tuple[str, float, float]],
 ) -> DamageLine:
     rows, base_rows = (
         np.flatnonzero(np.array(r.group, dtype=object) == group) for r in (result, base)
@@ -141,14 +160,24 @@ def _line(
             f"{np.count_nonzero(np.isfinite(before))} measured markers; expected {LEAST_POINTS}"
         )
     difference = measure.difference_curve(x, values, x0, before)
-    found = None
-    if state != spec.reference and np.count_nonzero(np.isfinite(difference)) >= LEAST_POINTS:
-        found = measure.slope_changes(x, difference, most=spec.most, significance=spec.significance)
+    true_difference = measure.difference_curve(x, truth, x0, true_before)
     axis = "xyz"[along]
+    own_notches = [notch for notch in notches if notch[0] == axis]
+    clearance = spec.clearance
+    if clearance is None:
+        clearance = max((depth for _, _, depth in own_notches), default=0.0)
+
+    def changes(curve: Array) -> measure.SlopeChanges | None:
+        if state == spec.reference or np.count_nonzero(np.isfinite(curve)) < LEAST_POINTS:
+            return None
+        return measure.slope_changes(
+            x, curve, most=spec.most, significance=spec.significance, clearance=1e3 * clearance
+        )
+
     return DamageLine(
-        state, group, axis, result.axes[across], x, values, truth, difference,
-        measure.difference_curve(x, truth, x0, true_before), result.mm_per_px,
-        tuple(sorted(1e3 * place for name, place in notches if name == axis)), found,
+        state, group, axis, result.axes[across], x, values, truth, difference, true_difference,
+        result.mm_per_px, tuple(sorted(1e3 * place for _, place, _ in own_notches)),
+        changes(difference), changes(true_difference),
     )  # fmt: skip
 
 
@@ -160,14 +189,18 @@ def _across(result: DeflectionResult, along: int) -> int:
     return (asked or free)[0]
 
 
-def _notches(scene: Scene) -> list[tuple[str, float]]:
-    """Axis and position (m) of every notch."""
+def _notches(scene: Scene) -> list[tuple[str, float, float]]:
+    """Axis, position (m) of every notch, and the depth of its member (m)."""
     return [
-        (notch.axis, notch.position)
+        (notch.axis, notch.position, _size(body.mesh)["xyz".index(notch.side[1])])
         for body in scene.bodies
         if isinstance(body.mesh, m.BeamMesh | m.BoxMesh)
         for notch in body.mesh.notches
     ]
+
+
+def _size(mesh: m.BeamMesh | m.BoxMesh) -> tuple[float, float, float]:
+    return mesh.size if isinstance(mesh, m.BoxMesh) else (mesh.length, mesh.width, mesh.height)
 
 
 _POINTS = (
@@ -176,7 +209,7 @@ _POINTS = (
 )  # fmt: skip
 _BREAKS = (
     "state", "group", "position_mm", "sigma_mm", "slope_change_mrad", "slope_change_sigma_mrad",
-    "p_value", "notch_mm",
+    "p_value", "notch_mm", "true_position_mm",
 )  # fmt: skip
 
 
@@ -203,7 +236,7 @@ def _breaks(line: DamageLine) -> list[list[Any]]:
         rows.append(
             [line.state, line.group, float(place), float(found.sigma[k]),
              1e3 * float(found.change[k]), 1e3 * float(found.change_sigma[k]),
-             float(found.p_value[k]), near]
+             float(found.p_value[k]), near, line.nearest(near)[1]]
         )  # fmt: skip
     return rows
 

@@ -167,33 +167,29 @@ def _report(
 
 
 def _measurements(comparison: DamageResult) -> list[Measurement]:
-    """Each notch beside the slope change nearest to it, then the noise of each difference."""
+    """Each notch beside the slope change nearest to it, what of it the structure does, and what
+    the images do; then the noise of each difference."""
     rows = []
     changed = [line for line in comparison.lines if line.state != comparison.reference]
     for line in changed:
         for number, place in enumerate(line.notches_mm, start=1):
-            name = f"{line.state}: notch {number} of {line.group}, by the change of slope"
+            name = f"{line.state}: notch {number} of {line.group}"
             limit = comparison.tolerance_mm / abs(place) if place else None
-            found = _nearest(line, place)
-            rows.append(
-                Measurement.compare(name, "mm", found, place, tolerance_relative=limit)
-            )  # fmt: skip
+            found, true = line.nearest(place)
+            rows += [
+                Measurement.compare(
+                    f"{name}, by the change of slope", "mm", found, place, tolerance_relative=limit
+                ),
+                Measurement(
+                    f"{name}, of it the structure", "mm", true, place, true - place, np.nan
+                ),
+                Measurement(f"{name}, of it the images", "mm", found, true, found - true, np.nan),
+            ]
     for line in changed:
         noise = line.noise_px
         name = f"{line.state}: RMS error of the difference, {line.group}"
         rows.append(Measurement(name, "px", noise, 0.0, noise, np.nan))
     return rows
-
-
-def _nearest(line: DamageLine, place: float) -> float:
-    """The slope change that belongs to a notch: each change only to the notch nearest to it."""
-    if line.found is None:
-        return float("nan")
-    notches = np.array(line.notches_mm)
-    own = [
-        float(at) for at in line.found.position if notches[np.argmin(np.abs(notches - at))] == place
-    ]
-    return min(own, key=lambda at: abs(at - place), default=float("nan"))
 
 
 def _missing(comparison: DamageResult) -> list[str]:

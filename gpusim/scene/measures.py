@@ -50,7 +50,10 @@ class Stereo:
 
 @dataclass(frozen=True)
 class Damage:
-    """Slope changes (``tolerance`` in m) of the deflection ``of``, against a ``reference``."""
+    """Slope changes of the deflection ``of``, against a ``reference``.
+
+    ``tolerance``, ``clearance`` in m; a clearance of None is the depth of the notched member.
+    """
 
     name: str
     of: str
@@ -58,6 +61,7 @@ class Damage:
     tolerance: float
     significance: float
     most: int
+    clearance: float | None
 
 
 Measure = Deflection | Stereo | Damage

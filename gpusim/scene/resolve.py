@@ -317,6 +317,7 @@ def measure(table: MeasureTable) -> model.Measure:
         return model.Damage(
             table.name, table.of, table.reference, table.tolerance_mm / 1000.0,
             table.significance, table.most,
+            None if table.clearance_mm is None else table.clearance_mm / 1000.0,
         )  # fmt: skip
     return model.Deflection(
         table.name, table.camera, tuple(table.groups), tuple(table.static), table.subset_px,

@@ -97,6 +97,9 @@ class DamageTable(Table):
     """Highest p-value at which a change of slope counts."""
     most: Annotated[int, Field(ge=1, le=50)] = 6
     """Changes of slope that are looked for."""
+    clearance_mm: Annotated[float, Field(ge=0)] | None = None
+    """Markers nearer than this to a change don't count for where it is; the default is the depth of
+    the notched member: so far the line is bent by how stress flows round the notch."""
 
 
 MeasureTable = Annotated[DeflectionTable | StereoTable | DamageTable, Field(discriminator="type")]
