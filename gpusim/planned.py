@@ -12,6 +12,8 @@ from gpusim.speed import Speed, Work
 __all__ = ["Plan", "PlannedStage", "State", "timed", "works_of"]
 
 State = Literal["run", "skipped", "reused"]
+START_SECONDS = 1.5
+"""What Python and its libraries take before the first stage."""
 
 
 @dataclass(frozen=True)
@@ -72,8 +74,9 @@ class Plan:
 
     @property
     def seconds(self) -> float:
-        """Estimated time of everything that is run."""
-        return sum(stage.seconds for stage in self.stages)
+        """Estimated time of everything that is run, from the start of the program on."""
+        running = sum(stage.seconds for stage in self.stages)
+        return START_SECONDS + running if running else 0.0
 
     @property
     def memory_bytes(self) -> int:

@@ -75,12 +75,22 @@ class Speed:
 
     @staticmethod
     def read(backend: str) -> Speed:
-        """What the cache holds of this machine: nothing, if it is the first time."""
+        """What the cache holds of this machine: nothing, if it is the first time.
+
+        ``"auto"`` is the device, unless all that this machine has learned was by NumPy.
+        """
+        if backend != "auto":
+            return Speed._read(backend)
+        device, numpy = Speed._read("gpu"), Speed._read("numpy")
+        return numpy if numpy.ratios and not device.ratios else device
+
+    @staticmethod
+    def _read(backend: str) -> Speed:
         machine = f"{platform.node()}, {all_processors()} processors, {backend}"
         try:
             entry = _content(_path())[machine]
             ratios = {str(k): _number(v, *_LIMITS) for k, v in entry["ratios"].items()}
-            known = {str(k): _number(v, 0.0, 1e9) for k, v in entry["known"].items()}
+            known = {str(k): _number(v, 1e-9, 1e9) for k, v in entry["known"].items()}
             compiled = set(map(str, entry["compiled"])) if entry["gpusim"] == __version__ else set()
             host = None if entry["host"] is None else _number(entry["host"], *_LIMITS)
             return Speed(
@@ -121,7 +131,7 @@ class Speed:
         quiet = alone >= _QUIET
         for work, wall in done.items():
             seconds = alone * wall
-            if not (math.isfinite(seconds) and seconds > 0.0 and work.seconds > 0.0):
+            if not (math.isfinite(seconds) and seconds > 1e-9 and work.seconds > 0.0):
                 continue
             before = self.known.pop(work.signature, None)  # the latest are last
             if before is not None or quiet:
@@ -134,9 +144,9 @@ class Speed:
             (other,) = set(parts) - {kind}
             rest = seconds - parts[other] * self._ratio(other)
             ratio = max(rest, 0.1 * seconds) / parts[kind]
-            ratio = min(max(ratio, _LIMITS[0]), _LIMITS[1])
             first = quiet and kind not in self.ratios
-            self.ratios[kind] = ratio if first else _blend(self._ratio(kind), ratio)
+            ratio = ratio if first else _blend(self._ratio(kind), ratio)
+            self.ratios[kind] = min(max(ratio, _LIMITS[0]), _LIMITS[1])
         for signature in list(self.known)[: max(0, len(self.known) - _MOST_KNOWN)]:
             del self.known[signature]
 
@@ -157,7 +167,7 @@ class Speed:
                 "adapter": self.adapter,
                 "host": self.host,
                 "ratios": self.ratios,
-                "known": {key: round(value, 4) for key, value in self.known.items()},
+                "known": {key: float(f"{value:.4g}") for key, value in self.known.items()},
                 "compiled": sorted(self.compiled),
             }
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -210,11 +220,11 @@ def cache_folder() -> Path | None:
 
 def host_seconds() -> float:
     """Processor time (s) of a fixed piece of work like what stages do: Python, and NumPy on one
-    core. A tenth of a second."""
+    core: the median of five, as machines are quicker by starts. A sixth of a second."""
     import numpy as np
 
-    best = math.inf
-    for _ in range(3):
+    found = []
+    for _ in range(5):
         start = time.process_time()
         values = np.linspace(0.1, 1.0, 200_000)
         for _ in range(12):
@@ -222,8 +232,8 @@ def host_seconds() -> float:
         np.sort(values[::-1])
         names = {str(k): k % 7 for k in range(40_000)}
         sum(names[str(k)] for k in range(40_000))
-        best = min(best, time.process_time() - start)
-    return best
+        found.append(time.process_time() - start)
+    return float(np.median(found))
 
 
 def _path() -> Path | None:

@@ -165,3 +165,35 @@ def test_states_compile_once(checkout: Path) -> None:
     beam = load_scene(checkout / "examples" / "damaged_beam.toml")
     frames = [s for s in make_plan(beam).stages if "/render/" in s.name and s.frame == 0]
     assert [frame.compiling > 0.0 for frame in frames] == [True, False, False, False]
+
+
+def test_auto_is_what_the_machine_has(cache: Path) -> None:
+    del cache
+    planned = Speed.read("auto")
+    planned.host = 1.5
+    planned.save()
+    ran = Speed.read("gpu")
+    assert ran.host == 1.5
+    ran.learn({MORE: 1.0}, "a card")
+    ran.save()
+    assert Speed.read("auto").seconds(MORE) == 1.0
+    Speed.read("numpy").save()
+    assert Speed.read("auto").adapter == "a card"
+
+
+def test_auto_without_an_adapter_is_what_numpy_takes(cache: Path) -> None:
+    del cache
+    Speed.read("auto").save()
+    ran = Speed.read("numpy")
+    ran.learn({MORE: 7.0}, "")
+    ran.save()
+    assert Speed.read("auto").seconds(MORE) == 7.0
+
+
+def test_stages_of_no_time_at_all_are_learned_and_learned_again(cache: Path) -> None:
+    del cache
+    for seconds in (2e-5, 1e-12, 3e-5):
+        speed = Speed.read("gpu")
+        speed.learn({MORE: seconds, DRAW: 1.0}, "a card")
+        speed.save()
+    assert 1e-5 < Speed.read("gpu").known[MORE.signature] < 4e-5

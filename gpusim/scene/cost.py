@@ -23,7 +23,7 @@ _SOLVER = {
     "block_jacobi": "conjugate gradients without multigrid",
 }
 # Seconds to compile what an image with this in it needs for the first time
-_COMPILE = {"drawing": 5.0, "light": 1.0, "shadows": 1.0, "gloss": 4.5, "bump": 0.5, "lens": 0.5,
+_COMPILE = {"drawing": 5.0, "light": 1.0, "shadows": 2.5, "gloss": 5.0, "bump": 0.5, "lens": 0.5,
             "occlusion": 0.5}  # fmt: skip
 Cost = dict[str, tuple[int, float]]
 
