@@ -163,23 +163,29 @@ def test_the_table_of_layers_is_complete() -> None:
 
 
 def test_a_full_disk_is_reported_and_leaves_no_file(tmp_path: Path) -> None:
-    """A file size limit stands for the full disk; HDF5 hides the cause in a RuntimeError."""
+    """A file size limit stands for the full disk, of which HDF5 can die."""
     code = """
-        import resource, signal, sys
+        import resource, sys
         import numpy as np
         from gpusim.errors import GpusimError
         from gpusim.export import TruthWriter
-        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-        resource.setrlimit(resource.RLIMIT_FSIZE, (1_000_000, 1_000_000))
-        try:
-            with TruthWriter(sys.argv[1]) as truth:
-                truth.write_mesh(np.random.default_rng(1).random((90_000, 3)), {})
-        except GpusimError as error:
-            print(error)
+        values = np.random.default_rng(1).random((300, 400))
+        for limit in (1_000_000, 200_000, 20_000, 10_000, 4_096, 1_000, 100, 0):
+            resource.setrlimit(resource.RLIMIT_FSIZE, (limit, -1))
+            try:
+                with TruthWriter(sys.argv[1]) as truth:
+                    truth.write_mesh(values.reshape(-1, 3), {})
+                    truth.write_camera("a", width=400, height=300, K=np.eye(3),
+                                       camera_from_world=np.eye(4)[:3])
+                    for number in range(20):
+                        truth.frame("a", number).write_block("depth", 0, 0, values)
+            except GpusimError as error:
+                print(error)
     """
     command = [sys.executable, "-c", textwrap.dedent(code), str(tmp_path / "truth.h5")]
     child = subprocess.run(command, capture_output=True, text=True, timeout=60)
-    assert "truth.h5: the disk is full or over quota" in child.stdout, child.stderr
+    assert child.returncode == 0 and child.stderr == ""
+    assert child.stdout.count("truth.h5: the disk is full or over quota") == 8
     assert list(tmp_path.iterdir()) == []
 
 

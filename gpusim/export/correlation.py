@@ -11,12 +11,12 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.export.files import PathLike, atomic_path, atomic_stream, write_text
+from gpusim.export.hdf5_writing import writing_hdf5
 from gpusim.measure import DicResult, Status, StereoResult, StrainResult
 from gpusim.printable import printable
 
@@ -146,7 +146,7 @@ def _write(
             np.savez_compressed(stream, **arrays)
         return target
     if suffix == "h5":
-        with atomic_path(target) as part, h5py.File(part, "w") as file:
+        with atomic_path(target) as part, writing_hdf5(part) as file:
             for name, values in columns.items():
                 data = file.create_dataset(name, data=values, compression="gzip")
                 data.attrs["unit"] = unit_of(name)

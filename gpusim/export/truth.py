@@ -14,10 +14,8 @@ reads as the fill value, so a frame costs what it covers.
 
 from __future__ import annotations
 
-import os
-import re
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -29,6 +27,7 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.export.chunks import ChunkedLayer
 from gpusim.export.files import PathLike, atomic_path, safe_name
+from gpusim.export.hdf5_writing import writing_hdf5
 from gpusim.export.layers import LAYERS
 
 __all__ = ["FrameWriter", "TruthWriter"]
@@ -111,8 +110,7 @@ class TruthWriter:
     def __enter__(self) -> Self:
         with ExitStack() as stack:
             part = stack.enter_context(atomic_path(self._path))
-            stack.enter_context(_system_errors())
-            file = stack.enter_context(h5py.File(part, "w", track_order=True))
+            file = stack.enter_context(writing_hdf5(part, track_order=True))
             file.attrs["schema"] = _SCHEMA
             file.attrs["regions"] = np.array(self._regions, dtype=h5py.string_dtype())
             file.attrs["pixel_convention"] = (
@@ -218,19 +216,6 @@ class TruthWriter:
         if self._open_file is None:
             raise InputError("truth file: it is closed; expected use inside its 'with' block")
         return self._open_file
-
-
-@contextmanager
-def _system_errors() -> Iterator[None]:
-    """Turn HDF5's errors about the file system into the OSError that they hide in their text."""
-    try:
-        yield
-    except (OSError, RuntimeError) as error:
-        cause = re.search(r"errno = (\d+)", str(error))
-        if cause is None:
-            raise
-        number = int(cause.group(1))
-        raise OSError(number, os.strerror(number)) from error
 
 
 def _say_when(item: h5py.HLObject, load_factor: float | None, time: float | None) -> None:
