@@ -1,22 +1,27 @@
-"""The machine beside the device."""
+"""The machine beside the device: how much main memory new work may take.
+
+The least of what the system has free, what a container or job may take (control groups 2 and 1) and
+what the process may map (``ulimit -v``).
+"""
 
 from __future__ import annotations
 
 import os
+import sys
+from collections.abc import Iterator
+from pathlib import Path
 
 __all__ = ["available_memory", "host_memory"]
+
+_GROUPS = Path("/sys/fs/cgroup")
 
 
 def available_memory() -> int | None:
     """Bytes of main memory that new work may take, by Linux; None elsewhere."""
-    try:
-        with open("/proc/meminfo", encoding="ascii") as lines:
-            for line in lines:
-                if line.startswith("MemAvailable:"):
-                    return int(line.split()[1]) * 1024
-    except OSError:
-        pass
-    return None
+    free = _table(Path("/proc/meminfo")).get("MemAvailable")
+    if free is None:
+        return None
+    return max(min(1024 * free, _left_to_map(), *_left_to_groups()), 0)
 
 
 def host_memory() -> int:
@@ -27,3 +32,50 @@ def host_memory() -> int:
     if hasattr(os, "sysconf") and "SC_AVPHYS_PAGES" in os.sysconf_names:
         return os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     return 4 << 30
+
+
+def _left_to_map() -> int:
+    """Bytes of address space that the process may still map."""
+    import resource  # not on Windows
+
+    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+    if limit == resource.RLIM_INFINITY:
+        return sys.maxsize
+    return limit - 1024 * _table(Path("/proc/self/status")).get("VmSize", 0)
+
+
+def _left_to_groups() -> Iterator[int]:
+    """Bytes that each control group of the process may still take; the system takes back what
+    holds files that were not used for long."""
+    try:
+        lines = Path("/proc/self/cgroup").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return
+    for line in lines:
+        _, controllers, name = line.split(":", 2)
+        if controllers == "":
+            files, old = ("memory.max", "memory.current"), "inactive_file"
+            top = _GROUPS
+        elif "memory" in controllers.split(","):
+            files, old = ("memory.limit_in_bytes", "memory.usage_in_bytes"), "total_inactive_file"
+            top = _GROUPS / "memory"
+        else:
+            continue
+        # inside of a container its own group is the top of what it sees
+        own = top / name.lstrip("/")
+        for group in [*(g for g in (own, *own.parents) if top in g.parents), top]:
+            try:
+                most, taken = (int((group / file).read_text(encoding="ascii")) for file in files)
+            except (OSError, ValueError):  # no such group here, or no limit: "max"
+                continue
+            yield most - taken + _table(group / "memory.stat").get(old, 0)
+
+
+def _table(path: Path) -> dict[str, int]:
+    """Numbers by their names, of a file of the kernel; empty where there is none."""
+    try:
+        lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:
+        return {}
+    words = [line.replace(":", " ").split() for line in lines]
+    return {one[0]: int(one[1]) for one in words if len(one) > 1 and one[1].isdigit()}

@@ -11,6 +11,7 @@ from gpusim.scene.counts import element_counts
 __all__ = ["check_memory", "memory_fault", "mesh_fault"]
 
 _DOUBT = 2.0  # the plan's estimates may be this far off
+_LEAST = 256_000_000  # bytes that libraries map besides; OpenBLAS can hang with less
 _BUILT = 600  # bytes per node of a mesh, its faces and its surface while they are made
 
 
@@ -23,6 +24,11 @@ def check_memory(plan: Plan) -> None:
 def memory_fault(plan: Plan) -> str:
     """The same as a sentence; "" for a plan that fits."""
     free = host_memory()
+    if free < _LEAST:
+        return (
+            f"memory: got {free / 1e6:.0f} MB free (of the machine, the container or ulimit -v); "
+            f"expected at least {_LEAST / 1e6:.0f} MB"
+        )
     for stage in plan.stages:
         if not stage.memory_bytes <= _DOUBT * free:
             return (
