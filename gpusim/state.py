@@ -57,7 +57,7 @@ class _Entry:
 class StateFile:
     """The results that an output folder holds, by stage key.
 
-    ``programs``: what the run that wrote it has asked the device for, as plain data. ``folder``
+    ``programs``: what its pictures have asked the device for, as plain data. ``folder``
     needn't exist; a ``state.json`` that is missing, of another version or damaged
     holds nothing, so everything is run again. ``problem`` then says why. So is a stage whose entry
     is damaged.
@@ -194,13 +194,14 @@ class StateFile:
         self._faults.pop(key, None)
         self._save()
 
-    def note_programs(self, programs: Iterable[Any]) -> None:
-        """Keep what a run asked the device for, so that the next one can have it ready."""
+    def add_programs(self, programs: Iterable[Any]) -> None:
+        """Keep with the next stage's result what the device was asked for, so that the next run can
+        have it ready."""
+        plain = json.loads(json.dumps(list(programs), default=float))
         # threads ask in any order, which is no part of the result
-        noted = sorted(json.loads(json.dumps(list(programs), default=float)), key=json.dumps)
-        if noted and noted != self.programs:
-            self.programs = noted
-            self._save()
+        self.programs = sorted(
+            [*self.programs, *(one for one in plain if one not in self.programs)], key=json.dumps
+        )
 
     def _facts_of(self, path: Path) -> Facts:
         name = path.relative_to(self.folder).as_posix()

@@ -294,12 +294,16 @@ def test_shaders_are_compiled_once_and_that_counts(crane: Scene, tmp_path: Path)
 def test_programs_of_a_run_are_kept(tmp_path: Path) -> None:
     state = StateFile(tmp_path)
     assert state.programs == []
-    state.note_programs([("optics/shade", ("vertex", "fragment"), (("lit", np.float64(1)),))])
-    assert StateFile(tmp_path).programs == [
-        ["optics/shade", ["vertex", "fragment"], [["lit", 1.0]]]
-    ]
-    state.note_programs([])  # nothing was rendered: those of before are still the likely ones
-    assert len(StateFile(tmp_path).programs) == 1
+    (tmp_path / "picture.png").write_bytes(b"")
+    state.add_programs([("optics/shade", ("vertex", "fragment"), (("lit", np.float64(1)),))])
+    state.record("render", "k", ["picture.png"])
+    shade = ["optics/shade", ["vertex", "fragment"], [["lit", 1.0]]]
+    again = StateFile(tmp_path)
+    assert again.programs == [shade]
+    # what a run that takes up another's work asks for comes to that
+    again.add_programs([("optics/edges", "main", ()), tuple(shade)])
+    again.record("truth", "t", ["picture.png"])
+    assert StateFile(tmp_path).programs == [["optics/edges", "main", []], shade]
 
 
 def test_occlusion_is_planned_where_it_is_asked_for(crane: Scene, tmp_path: Path) -> None:

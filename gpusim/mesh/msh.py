@@ -243,7 +243,7 @@ class _Reader(MshSource):
                     self.at -= 12
                     table = self.alike_binary(width + 3, count - done)[:, 3:]
                 else:
-                    table = numbers.ints(rows * width).reshape(rows, -1)
+                    table = numbers.ints(rows * width).reshape(-1, width)
             else:
                 type_, tags = (int(n) for n in numbers.whole(numbers.peek(3)[1:]))
                 kind = self._kind(type_, tags)

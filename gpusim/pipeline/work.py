@@ -129,12 +129,13 @@ class Work:
             self._stage(self.plan["solve"], self._solve)
             if self.device is not None:  # what shows a solution is needed more often than it
                 self.device.programs.asked.clear()
+            if not any(stage.camera and stage.state == "reused" for stage in self.plan.stages):
+                self.state.programs = []
             self._pictures()
             self._stage(self.plan["truth"], self._truth)
         if self.photographer is not None:
             self.photographer.forget()  # the next one may need its memory
         if self.device is not None:
-            self.state.note_programs(self.device.programs.asked)
             self.seconds |= device_seconds(self.device, self.device_before)
         return self._end
 
@@ -219,6 +220,8 @@ class Work:
             self.note = ""
             made = work()
             self.notes[planned.name] = made.notes
+            if self.device is not None and planned.name != "solve":
+                self.state.add_programs(self.device.programs.asked)
             self.state.record(planned.name, planned.key, made.files, made.notes.content())
             return self.note or ", ".join(file.name for file in made.files[:3])
 

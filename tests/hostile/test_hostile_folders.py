@@ -67,7 +67,7 @@ def _linked(out: Path, beside: Path, chance: random.Random) -> str:
     kind = chance.choice(("copy", "other", "nothing", "itself", "above"))
     to = {"copy": beside / "copy", "other": beside / "victim", "nothing": beside / "absent",
           "itself": path, "above": out}[kind]  # fmt: skip
-    if kind == "copy" and path.exists() and not to.exists():
+    if kind == "copy" and (path.is_dir() or path.is_file()) and not to.exists():
         (shutil.copytree if path.is_dir() else shutil.copy)(path, to)
     if kind == "other" and not path.is_dir():
         to = to / "a.txt"
