@@ -24,15 +24,15 @@ from threading import Thread, Timer
 from typing import IO, Any, ParamSpec, TypeVar
 
 from gpusim.errors import GpusimError, InputError
+from gpusim.main_memory import memory_limit
 
-__all__ = ["SECONDS", "call_in_child", "memory_limit"]
+__all__ = ["SECONDS", "call_in_child"]
 
 P = ParamSpec("P")
 R = TypeVar("R")
 
 SECONDS = 600.0
 """Time limit unless the caller says another."""
-_MEMORY = 0.8  # share of the machine's memory that a child may map
 _ENTRY = (
     "import pickle, sys; sys.path[:] = pickle.load(sys.stdin.buffer); "
     "from gpusim.child_process import serve; serve()"
@@ -150,13 +150,6 @@ def _end_with_caller(questions: IO[bytes]) -> None:
     while os.read(questions.fileno(), 1):
         pass
     os._exit(1)
-
-
-def memory_limit() -> int:
-    """Bytes that one file may take in memory: 80 % of the machine's, if it tells."""
-    if not hasattr(os, "sysconf"):
-        return sys.maxsize
-    return int(_MEMORY * os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
 
 
 def _limit_memory() -> None:

@@ -23,6 +23,7 @@ from cv2.utils import logging as messages
 
 from gpusim.errors import InputError
 from gpusim.input_file import InputFile, read_input
+from gpusim.main_memory import memory_limit
 from gpusim.picture_tags import TIFF_MAGIC, exif_orientation, plain_tiff, tiff_pages
 
 __all__ = ["LARGEST", "decode", "decoding", "page_count"]
@@ -136,19 +137,12 @@ def _by_tifffile(data: bytes, page: int) -> npt.NDArray[Any]:
 
 def _check_size(file: InputFile, size: Size) -> None:
     width, height = size
-    most = min(LARGEST, _memory() // BYTES)
+    most = min(LARGEST, memory_limit() // BYTES)
     if width * height > most:
         raise InputError(
             f"image file: {file.path}: too large; got {width} x {height} pixels in "
             f"{len(file.data)} bytes; expected at most {most / 1e6:.0f} million pixels"
         )
-
-
-def _memory() -> int:
-    """Bytes of main memory that this machine has."""
-    if hasattr(os, "sysconf") and "SC_PHYS_PAGES" in os.sysconf_names:
-        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    return 8 << 30
 
 
 def _claimed(data: bytes) -> Size | None:

@@ -16,7 +16,7 @@ from gpusim.fem.assembly import Assembled
 from gpusim.fem.banded import Banded, band_ordering
 from gpusim.fem.chain import Chain, cut_slabs
 from gpusim.fem.lattice import Lattice
-from gpusim.gpu.host import host_memory
+from gpusim.main_memory import host_memory
 
 __all__ = ["Direct", "direct_solver", "least_seconds", "multigrid_seconds"]
 

@@ -21,11 +21,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.child_process import memory_limit
 from gpusim.errors import InputError
 from gpusim.field.field import Field
 from gpusim.field.names import vector_name
 from gpusim.input_file import InputFile
+from gpusim.main_memory import memory_limit
 from gpusim.mesh import Mesh
 
 __all__ = ["read_npz"]

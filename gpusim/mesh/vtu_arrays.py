@@ -16,9 +16,9 @@ from xml.etree import ElementTree
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.child_process import memory_limit
 from gpusim.errors import InputError
 from gpusim.input_file import InputFile
+from gpusim.main_memory import memory_limit
 
 __all__ = ["VtuArrays"]
 

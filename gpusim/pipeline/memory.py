@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gpusim.errors import InputError
-from gpusim.gpu.host import host_memory
+from gpusim.main_memory import host_memory
 from gpusim.plan import Plan
 from gpusim.scene import Scene
 from gpusim.scene.counts import element_counts

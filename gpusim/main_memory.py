@@ -1,7 +1,7 @@
-"""The machine beside the device: how much main memory new work may take.
+"""Main memory: how much there is of it, and how much new work may take.
 
-The least of what the system has free, what a container or job may take (control groups 2 and 1) and
-what the process may map (``ulimit -v``).
+That is the least of what the system has free, what a container or job may take (control groups 2
+and 1) and what the process may map (``ulimit -v``).
 """
 
 from __future__ import annotations
@@ -11,9 +11,10 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-__all__ = ["available_memory", "host_memory"]
+__all__ = ["available_memory", "host_memory", "memory_limit"]
 
 _GROUPS = Path("/sys/fs/cgroup")
+_SHARE = 0.8  # of the machine's memory, that one file may take
 
 
 def available_memory() -> int | None:
@@ -32,6 +33,13 @@ def host_memory() -> int:
     if hasattr(os, "sysconf") and "SC_AVPHYS_PAGES" in os.sysconf_names:
         return os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     return 4 << 30
+
+
+def memory_limit() -> int:
+    """Bytes that one file may take in memory: 80 % of the machine's, if it tells."""
+    if not hasattr(os, "sysconf"):
+        return sys.maxsize
+    return int(_SHARE * os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
 
 
 def _left_to_map() -> int:
