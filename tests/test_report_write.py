@@ -215,11 +215,11 @@ def decoded(uri: str) -> np.ndarray:
     return cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
 
 
-@pytest.mark.parametrize("bits", [8, 16])
-def test_crops_show_the_named_pixels_unchanged(tmp_path: Path, bits: int) -> None:
+@pytest.mark.parametrize(("bits", "said"), [(8, 8), (12, 12), (12, 0), (16, 16), (16, 0)])
+def test_crops_show_the_named_pixels_unchanged(tmp_path: Path, bits: int, said: int) -> None:
     dtype = np.uint8 if bits == 8 else np.uint16
     shape = (190, 330)
-    image = np.random.default_rng(1).integers(0, np.iinfo(dtype).max, shape, dtype)
+    image = np.random.default_rng(1).integers(0, 2**bits, shape).astype(dtype)
     other = image[::-1, ::-1]
     a = write_image(tmp_path / "a.png", image)
     b = write_image(tmp_path / "b.png", other)
@@ -228,7 +228,7 @@ def test_crops_show_the_named_pixels_unchanged(tmp_path: Path, bits: int) -> Non
         ("corner", 0, 189, 329, 0),
         ("x", np.nan, 0, 0, 0),
     )
-    pair = page_pair(FramePair("front", a, b, "", crops))
+    pair = page_pair(FramePair("front", a, b, "", crops, said))
     assert (pair.width, pair.height, pair.bits) == (330, 190, bits)
     assert [label for label, _, _ in pair.crops] == ["inner", "corner"]
     eight, eight_other = ((array >> (bits - 8)).astype(np.uint8) for array in (image, other))

@@ -160,6 +160,8 @@ class FramePair:
         Camera name, the two image files, one sentence.
     crops
         Up to four places shown at full resolution: (label, x, y, x deformed, y deformed) px.
+    bits
+        Of the grey levels: 12 in a file of 16 would be shown nearly black. 0: as few as hold them.
     """
 
     camera: str
@@ -167,6 +169,7 @@ class FramePair:
     deformed: Path
     caption: str
     crops: tuple[tuple[str, float, float, float, float], ...] = ()
+    bits: int = 0
 
 
 @dataclass(frozen=True)
