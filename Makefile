@@ -1,9 +1,10 @@
 # Each target is complete in itself, also as the first command on a bare machine.
-.PHONY: help demo test hostile check bench setup clean
+.PHONY: help demo test slow hostile check bench setup clean
 
 help:
 	@echo "make demo    runs examples/crane.toml and says where the report is"
 	@echo "make test    builds and installs the wheel, runs the tests against it"
+	@echo "make slow    the cases that make test leaves out because they take long"
 	@echo "make hostile damaged, forged and unbounded input, kills; SEED=7 for other inputs"
 	@echo "make check   format, lint, types and tests"
 	@echo "make bench   says which benchmarks there are and how to run them"
@@ -16,6 +17,9 @@ demo:
 test: setup
 	scripts/test.sh
 	HOSTILE_SHARE=0.1 SEED=34 scripts/test.sh -m hostile --dist load tests/hostile
+
+slow: setup
+	scripts/test.sh -m slow
 
 hostile: setup
 	HOSTILE_SHARE=$${HOSTILE_SHARE:-1} scripts/test.sh -m hostile --dist load tests/hostile

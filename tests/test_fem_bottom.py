@@ -92,7 +92,7 @@ def _pull(mesh: Mesh) -> np.ndarray:
     return forces
 
 
-@pytest.mark.parametrize("kind", ["lattice", "moved"])
+@pytest.mark.parametrize("kind", [pytest.param("lattice", marks=pytest.mark.slow), "moved"])
 def test_long_bodies_end_in_a_band_and_have_fewer_levels(
     kind: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

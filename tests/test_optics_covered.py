@@ -118,7 +118,11 @@ def seen_share(shown: gs.Surface, own: Flags, camera: gs.Camera) -> float:
 
 
 @pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("camera", [CAMERA, BARREL], ids=["pinhole", "barrel"])
+@pytest.mark.parametrize(
+    "camera",
+    [CAMERA, pytest.param(BARREL, marks=pytest.mark.slow)],
+    ids=["pinhole", "barrel"],
+)
 def test_what_is_called_hidden_is_so_by_rays(
     name: str, camera: gs.Camera, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -157,8 +161,18 @@ def test_nearer_ones_are_not_hidden_by_what_lies_behind(monkeypatch: pytest.Monk
     assert seen_share(shown, own, CAMERA) > 0.2
 
 
-@pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("distortion", [None, BARREL.distortion], ids=["pinhole", "barrel"])
+@pytest.mark.parametrize(
+    ("name", "distortion"),
+    [
+        *((name, None) for name in NAMES),
+        ("bowl", BARREL.distortion),
+        *(
+            pytest.param(name, BARREL.distortion, marks=pytest.mark.slow)
+            for name in NAMES
+            if name != "bowl"
+        ),
+    ],
+)
 def test_pictures_are_those_of_pixels_cut_finer(
     name: str, distortion: Array | None, device: Device, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -60,6 +60,7 @@ def test_fans_leave_what_they_do_not_cover() -> None:
         assert area.sum() == pytest.approx(1.0, abs=2e-6)
 
 
+@pytest.mark.slow
 def test_the_device_follows_where_neighbours_take_far_more_turns(
     device: Device, monkeypatch: pytest.MonkeyPatch
 ) -> None:

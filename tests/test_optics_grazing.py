@@ -78,7 +78,9 @@ def on_tube(pixels: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
     return np.stack([RADIUS * np.arctan2(x, -y), z], axis=-1), np.abs(x).mean(axis=1) / RADIUS
 
 
-@pytest.mark.parametrize("paint", [HARD, SOFT], ids=["hard", "soft"])
+@pytest.mark.parametrize(
+    "paint", [pytest.param(HARD, marks=pytest.mark.slow), SOFT], ids=["hard", "soft"]
+)
 def test_a_tube_is_right_from_rim_to_rim(device: Device, paint: gs.paint.Speckle) -> None:
     frame = gs.render([tube(paint)], camera(), background=0.3, device=device).radiance
     row, column = np.mgrid[8 : SIZE - 8 : 3, :SIZE]

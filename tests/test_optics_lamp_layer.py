@@ -208,6 +208,7 @@ def test_pictures_are_those_of_all_the_shadows(
     assert np.sqrt(np.mean((shown(steep) - twin) ** 2)) > 3e-2 * twin.max()
 
 
+@pytest.mark.slow
 def test_what_hides_nothing_of_itself_still_hides_others(monkeypatch: pytest.MonkeyPatch) -> None:
     """A wavy sheet before a wall: shares of a lamp at pixels' centres, against rays."""
     wall = gs.Surface(

@@ -121,13 +121,19 @@ def near(shares: Array, want: Array, light: Light) -> None:
 
 @pytest.mark.parametrize(
     ("kind", "name"),
-    [("sheet", name) for name in LIGHTS]
-    + [
-        ("hole", "area"),
+    [
+        ("sheet", "point"),
         ("hole", "point"),
         ("box", "area"),
         ("box", "spot"),
-        ("tilted", "large"),
+        *(
+            pytest.param(kind, name, marks=pytest.mark.slow)
+            for kind, name in [
+                *(("sheet", name) for name in LIGHTS if name != "point"),
+                ("hole", "area"),
+                ("tilted", "large"),
+            ]
+        ),
     ],
 )
 def test_shares_of_lamps_are_those_of_rays(kind: str, name: str) -> None:
@@ -140,7 +146,9 @@ def test_shares_of_lamps_are_those_of_rays(kind: str, name: str) -> None:
     assert len(tiles.chains.ends) > 0 and len(tiles.face) == 0
 
 
-@pytest.mark.parametrize("name", ["point", "area", "large"])
+@pytest.mark.parametrize(
+    "name", ["point", *(pytest.param(name, marks=pytest.mark.slow) for name in ("area", "large"))]
+)
 def test_several_over_each_other(name: str) -> None:
     """Tiles that one of them makes dark may be half lit as far as another is concerned."""
     surfaces = [box(0.06, (-0.12, -0.25, 0.05)), wall(), sheet(), sheet(0.4, 0.12, hole=0.1)]
@@ -151,7 +159,7 @@ def test_several_over_each_other(name: str) -> None:
     assert (tiles.entry.reshape(-1)[dark] == 0).all()
 
 
-@pytest.mark.parametrize("name", ["point", "area", "sun"])
+@pytest.mark.parametrize("name", ["point", "area", pytest.param("sun", marks=pytest.mark.slow)])
 def test_faces_tell_where_bodies_meet(name: str) -> None:
     """A sheet that leans at the wall and goes through it: outlines far from there alone."""
     surfaces = [sheet(0.5, 0.13, tilt=-0.5), wall(0.2)]
@@ -253,7 +261,14 @@ def rod(around: int, along: int, bend: float = 0.15) -> gs.Surface:
 
 @pytest.mark.parametrize(
     ("around", "name"),
-    [(40, "point"), (40, "area"), (40, "large"), (40, "disc"), (40, "sun"), (64, "area")],
+    [
+        (40, "point"),
+        (40, "area"),
+        *(
+            pytest.param(around, name, marks=pytest.mark.slow)
+            for around, name in ((40, "large"), (40, "disc"), (40, "sun"), (64, "area"))
+        ),
+    ],
 )
 def test_shares_behind_round_bodies_are_those_of_rays(around: int, name: str) -> None:
     """Every point of a lamp with a size sees another outline of them. On the bodies themselves
@@ -264,7 +279,7 @@ def test_shares_behind_round_bodies_are_those_of_rays(around: int, name: str) ->
     assert len(tiles.chains.ends) > 0
 
 
-@pytest.mark.parametrize("around", [40, 240])
+@pytest.mark.parametrize("around", [40, pytest.param(240, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", ["point", "disc", "sun", "large"])
 def test_pictures_behind_round_bodies_are_those_of_faces(
     device: Device, monkeypatch: pytest.MonkeyPatch, name: str, around: int
@@ -293,7 +308,10 @@ def test_pictures_behind_round_bodies_are_those_of_faces(
     assert away.mean() < 2e-5
 
 
-@pytest.mark.parametrize("name", ["point", "area", "disc", "sun"])
+@pytest.mark.parametrize(
+    "name",
+    ["point", "area", *(pytest.param(name, marks=pytest.mark.slow) for name in ("disc", "sun"))],
+)
 def test_a_body_that_hides_parts_of_itself(name: str) -> None:
     """Its border tells what the wall sees of the lamp, faces what it sees of it itself."""
     parts = [box(0.08, (-0.1, -0.3, 0.08)), box(0.1, (0.03, -0.02, 0.0))]

@@ -272,7 +272,9 @@ def test_a_floor_before_a_wall_is_lit_by_the_closed_form() -> None:
     assert np.abs(error).max() < 4e-3
 
 
-@pytest.mark.parametrize("foot", [-0.6, 0.0], ids=["through", "on"])
+@pytest.mark.parametrize(
+    "foot", [-0.6, pytest.param(0.0, marks=pytest.mark.slow)], ids=["through", "on"]
+)
 def test_no_light_or_shadow_leaks_through_a_wall_in_a_floor(foot: float, device: Device) -> None:
     """Between two walls it is dark; up to the first one the floor is lit by the closed form."""
     corners = np.array([[1.0, -300, foot], [1, 300, foot], [1, 300, 1.5], [1, -300, 1.5]])
@@ -322,6 +324,7 @@ def test_round_bodies_and_bent_sheets_dont_hide_themselves() -> None:
     np.testing.assert_allclose(domed, 1.0, atol=3e-3)
 
 
+@pytest.mark.slow
 def test_the_floor_under_a_ball_is_dark_but_not_black() -> None:
     """A gap thinner than the pieces isn't the inside of the body over it."""
     surfaces = [plain(QUAD * 1.5), ball(0.4, (0.0, 0.0, 0.4))]

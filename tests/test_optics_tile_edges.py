@@ -47,7 +47,8 @@ def discs(count: int) -> gs.Surface:
 
 
 @pytest.mark.parametrize("light", [AREA, gs.SunLight((0.0, 1.0, 0.0), 5.0, diameter=0.01)])
-@pytest.mark.parametrize("count", [6, 8, 9])
+@pytest.mark.parametrize("count", [pytest.param(6, marks=pytest.mark.slow), 8,
+                                   pytest.param(9, marks=pytest.mark.slow)])  # fmt: skip
 def test_layers_over_each_other_are_no_hole(
     device: Device, monkeypatch: pytest.MonkeyPatch, count: int, light: gs.AreaLight
 ) -> None:

@@ -105,7 +105,7 @@ ALLOWED = {
     "apart.py": "pipes",
     "cli/console.py": "a stream that nobody reads",
     "export/images.py": "into the temporary name that atomic_path gives",
-    "export/truth.py": "into the temporary name that atomic_path gives",
+    "export/hdf5_writing.py": "into the temporary name that atomic_path gives",
     "export/correlation.py": "into the streams and temporary names of export/files.py",
     "pipeline/work.py": "np.savez into a stream of atomic_stream",
     "pipeline/kept.py": "np.savez into a stream of atomic_stream",

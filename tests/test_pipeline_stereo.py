@@ -150,6 +150,7 @@ def test_example_is_valid(checkout: Path) -> None:
     assert [camera.focal for camera in scene.cameras] == [0.03, 0.032]
 
 
+@pytest.mark.slow
 def test_a_charuco_board_calibrates_as_well(checkout: Path, tmp_path: Path) -> None:
     paint = {
         "name": "fields",
