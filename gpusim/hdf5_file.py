@@ -20,7 +20,7 @@ from gpusim.input_file import InputFile
 
 __all__ = ["Hdf5Object", "read_hdf5"]
 
-_SECONDS, _BYTES_PER_SECOND = 30.0, 20e6  # time limit: some seconds, and longer for large files
+_SECONDS, _BYTES_PER_SECOND = 15.0, 20e6  # time limit: some seconds, and longer for large files
 _GREATEST_RATIO = 1040.0  # of the bytes of data to those stored: deflate can't do better
 
 

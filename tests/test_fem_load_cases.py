@@ -45,7 +45,10 @@ def moved(mesh: Mesh) -> Mesh:
     return mesh.moved(0.003 * rng.random(mesh.points.shape) * inside[:, None])
 
 
-@pytest.mark.parametrize(("mesh", "nu"), [(LATTICE, 0.3), (moved(LATTICE), 0.3), (LATTICE, 0.4999)])
+@pytest.mark.parametrize(
+    ("mesh", "nu"),
+    [(LATTICE, 0.3), (moved(LATTICE), 0.3), pytest.param(LATTICE, 0.4999, marks=pytest.mark.slow)],
+)
 def test_a_case_doesnt_depend_on_its_companions(mesh: Mesh, nu: float) -> None:
     options: dict[str, Any] = {"method": "multigrid", "backend": "numpy", "tolerance": 1e-6}
     if nu > 0.49:
@@ -70,7 +73,12 @@ def test_a_case_doesnt_depend_on_its_companions(mesh: Mesh, nu: float) -> None:
 
 
 @pytest.mark.parametrize(
-    ("method", "nu"), [("multigrid", 0.3), ("multigrid", 0.4999), ("block_jacobi", 0.3)]
+    ("method", "nu"),
+    [
+        ("multigrid", 0.3),
+        ("multigrid", 0.4999),
+        pytest.param("block_jacobi", 0.3, marks=pytest.mark.slow),
+    ],
 )
 def test_prescribed_displacements_are_each_cases_own(method: str, nu: float) -> None:
     both = loaded(LATTICE, (0, 1), nu)

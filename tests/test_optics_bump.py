@@ -60,7 +60,7 @@ def _brute_force(bump: Bump, albedo: float, rays: int) -> Array:
 @pytest.mark.parametrize(
     "bump",
     [
-        Bump(0.06, 4.0, seed=2),
+        pytest.param(Bump(0.06, 4.0, seed=2), marks=pytest.mark.slow),
         Bump(0.02, 0.9),
         Bump(0.01, 0.6, (1.0, 2.0, 0.5), 8.0, 7),
     ],

@@ -78,7 +78,9 @@ def test_a_face_below_the_receiver_hides_nothing_above_it() -> None:
     assert share(lamp, rising, True) < 0.9
 
 
-@pytest.mark.parametrize("name", LIGHTS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name == "sun")) for name in LIGHTS]
+)
 def test_bumps_are_lit_as_rays_say(device: Device, name: str) -> None:
     surface, light = eggs(), LIGHTS[name]
     lit = gs.render([surface], CAMERA, [replace(light, shadows=False)], device=device)

@@ -315,7 +315,9 @@ def test_more_edges_than_a_texture_holds_are_refused(
         gs.render(surfaces, camera, lights, device=device)
 
 
-@pytest.mark.parametrize("width", [900, 300], ids=["large", "small"])
+@pytest.mark.parametrize(
+    "width", [pytest.param(900, marks=pytest.mark.slow), 300], ids=["large", "small"]
+)
 def test_shading_may_begin_before_shadows_are_known(
     width: int, device: Device, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -192,7 +192,7 @@ def test_layers_over_each_other_are_counted(monkeypatch: pytest.MonkeyPatch) -> 
     assert found[2] > 50 and found[1] < 10
 
 
-@pytest.mark.parametrize("body", ["shelf", "tube"])
+@pytest.mark.parametrize("body", [pytest.param("shelf", marks=pytest.mark.slow), "tube"])
 def test_the_device_agrees(device: Device, monkeypatch: pytest.MonkeyPatch, body: str) -> None:
     """The same picture, but one in which an end of a contour has moved."""
     surfaces = [BODIES[body](), wall()]
