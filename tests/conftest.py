@@ -37,6 +37,11 @@ def pytest_sessionstart(session: pytest.Session) -> None:
             raise pytest.UsageError(f"expected an adapter named like {expected!r}, got {name!r}")
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """The file that takes longest first: at the end one process would wait for the other."""
+    items.sort(key=lambda item: "test_stability_solver" not in item.nodeid)
+
+
 def pytest_report_header() -> str:
     return f"gpusim {__version__} from {Path(gpusim.__file__).parent}; {sys.executable}"
 

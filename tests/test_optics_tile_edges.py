@@ -46,7 +46,10 @@ def discs(count: int) -> gs.Surface:
     return gs.Surface(np.concatenate(points), np.concatenate(used), MATTE)
 
 
-@pytest.mark.parametrize("light", [AREA, gs.SunLight((0.0, 1.0, 0.0), 5.0, diameter=0.01)])
+@pytest.mark.parametrize(
+    "light",
+    [AREA, pytest.param(gs.SunLight((0.0, 1.0, 0.0), 5.0, diameter=0.01), marks=pytest.mark.slow)],
+)
 @pytest.mark.parametrize("count", [pytest.param(6, marks=pytest.mark.slow), 8,
                                    pytest.param(9, marks=pytest.mark.slow)])  # fmt: skip
 def test_layers_over_each_other_are_no_hole(

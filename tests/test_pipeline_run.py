@@ -199,6 +199,7 @@ def test_free_body_is_refused_by_name(scene: gs.Scene, tmp_path: Path) -> None:
     assert not (tmp_path / "free").exists()
 
 
+@pytest.mark.slow
 def test_killed_run_leaves_no_broken_file(checkout: Path, tmp_path: Path) -> None:
     out = tmp_path / "killed"
     command = [

@@ -131,7 +131,7 @@ def _bits_of(image: GreyImage) -> int:
 def _eight_bit(image: npt.NDArray[Any], bits: int) -> Bytes:
     if image.dtype == np.uint8:
         return image.astype(np.uint8, copy=False)
-    return np.minimum(image.astype(np.uint16) >> (bits - 8), 255).astype(np.uint8)
+    return np.asarray(np.minimum(image.astype(np.uint16) >> (bits - 8), 255), dtype=np.uint8)
 
 
 def _encoded(image: Bytes, suffix: str, media: str, options: list[int]) -> str:
