@@ -1,0 +1,49 @@
+"""The share of a lamp that receivers in penumbra see, on the mask of `gpusim.optics.occlusion`.
+
+Ends of what hides the lamp as a whole are wound round its samples: as often as layers hide them,
+modulo 32. Those behind occluders that stand alone are taken off besides.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from gpusim.gpu import Device, Recording, compare, twin_check
+from gpusim.optics.shadow.probe import probe_pieces, probe_pixels, probe_points
+from gpusim.optics.shadow.receivers import DeviceReceivers, PixelReceivers
+from gpusim.optics.shadow.search import Search
+from gpusim.optics.shadow.twin import shares_twin
+
+__all__ = ["record_masks"]
+
+
+def record_masks(
+    recording: Recording, receivers: DeviceReceivers, search: Search, shared: dict[str, Any]
+) -> None:
+    """Find the shares of what is in penumbra, and of the rest; ``shared``: all bindings."""
+    device, constants = receivers.device, receivers.constants
+    kernel = device.kernel("optics/shadow/mask", receivers.entry(), constants)
+    recording.dispatch_counted(kernel, kernel.bind_used(**shared), search.mask_groups)
+    kernel = device.kernel(
+        "optics/shadow/mask", receivers.entry("plain_tiles", "plain_pieces"), constants
+    )
+    threads = (receivers.groups,) if receivers.listed else receivers.size
+    recording.dispatch(kernel, kernel.bind_used(**shared), threads=threads)
+
+
+@twin_check("optics/shadow/mask")
+def _check(device: Device) -> None:
+    from gpusim.optics.shadow.visible import VisibleShares
+
+    points = probe_points()
+    for occluders, spaces, receivers in (probe_pieces(), probe_pixels()):
+        got = VisibleShares(device, occluders, receivers).find(points, spaces)
+        own = receivers
+        if isinstance(receivers, PixelReceivers):
+            pixel, own = receivers.receivers()
+            got = got[pixel]
+        want = shares_twin(occluders, points[:, :3].astype(np.float64), spaces, own)
+        # one or two samples of 512 may fall to the other side of an outline
+        compare("optics/shadow/mask", got, want, atol=2.5 / 512.0)
