@@ -1,7 +1,7 @@
 """The share of a lamp that receivers in penumbra see, on the mask of `gpusim.optics.occlusion`.
 
 Ends of what hides the lamp as a whole are wound round its samples: as often as layers hide them,
-modulo 32. Those behind occluders that stand alone are taken off besides.
+modulo 64. Those behind occluders that stand alone are taken off besides.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ from gpusim.optics.shadow.probe import probe_pixels, probe_points
 from gpusim.optics.shadow.receivers import DeviceReceivers, entries_of
 from gpusim.optics.shadow.refit import planes_of
 from gpusim.optics.shadow.search import Search
-from gpusim.optics.shadow.twin import aspects
+from gpusim.optics.shadow.twin import aspects, touching
 
 __all__ = ["listed_alone", "record_refinement"]
 
@@ -74,17 +74,10 @@ def _check(device: Device) -> None:
             np.cumsum(last - first) - (last - first), last - first
         )
         row, own_face = order[first[pair] + offset], face[pair]
-        touches = (own.on[row] >= 0) & occluders.open[np.maximum(own.on[row], 0)]
-        a, b = occluders.triangles[np.maximum(own.on[row], 0)], occluders.triangles[own_face]
-        touches &= (a[:, :, None] == b[:, None]).any(axis=(1, 2)) & occluders.open[own_face]
         seen = aspects(
-            space.lamp,
-            own[row],
-            corners[own_face],
-            planes[own_face],
-            occluders.open[own_face],
-            touches,
-        )
+            space.lamp, own[row], corners[own_face], planes[own_face], occluders.open[own_face],
+            touching(occluders, corners, own[row], own_face),
+        )  # fmt: skip
         want = np.zeros(len(entry), bool)
         hides = np.flatnonzero(seen.may_hide)
         np.logical_or.at(want, pair[hides], True)

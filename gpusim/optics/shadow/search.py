@@ -89,7 +89,7 @@ class Search:
 
 def states_twin(states: npt.NDArray[np.uint32], shares: Any, entry: Any) -> npt.NDArray[np.int64]:
     """(E,): what ``states`` of entries should be by the ``shares`` (n,) that the receivers in each
-    ``entry`` (n,) see. All that is seen in part has to be in penumbra; that is no fault of others."""
+    ``entry`` (n,) see. Those may be looked at closely that needn't be."""
     least, most = np.ones(len(states)), np.zeros(len(states))
     np.minimum.at(least, entry, shares)
     np.maximum.at(most, entry, shares)

@@ -30,7 +30,7 @@ from gpusim.optics.shadow.occluders import Occluders
 from gpusim.optics.shadow.receivers import Receivers
 from gpusim.optics.shadow.refit import planes_of
 
-__all__ = ["Aspects", "aspects", "lamp_numbers", "shares_twin"]
+__all__ = ["Aspects", "aspects", "lamp_numbers", "shares_twin", "touching"]
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -65,8 +65,11 @@ def shares_twin(
             rows = asking[start : start + step]
             row = np.repeat(rows, occluders.count)
             face = np.tile(np.arange(occluders.count), len(rows))
-            seen = aspects(lamp, receivers[row], corners[face], planes[face], occluders.open[face],
-                           _touching(occluders, receivers.on[row], face))  # fmt: skip
+            pairs = receivers[row]
+            seen = aspects(
+                lamp, pairs, corners[face], planes[face], occluders.open[face],
+                touching(occluders, corners, pairs, face),
+            )  # fmt: skip
             some = np.flatnonzero(seen.may_hide)
             covered = np.zeros((len(rows), ROWS), np.uint32)
             np.bitwise_or.at(covered, some // occluders.count, seen.hidden(lamp, some))
@@ -74,12 +77,24 @@ def shares_twin(
     return result
 
 
-def _touching(occluders: Occluders, on: Numbers, face: Numbers) -> Flags:
-    """(P,): whether occluders ``face`` (P,) and those that receivers lie ``on`` (P,) are of open
-    surfaces and share a corner."""
-    own, other = occluders.triangles[np.maximum(on, 0)], occluders.triangles[face]
-    meets = (own[:, :, None] == other[:, None]).any(axis=(1, 2))
-    return np.asarray(meets & (on >= 0) & occluders.open[face] & occluders.open[np.maximum(on, 0)])
+def touching(occluders: Occluders, corners: Array, receivers: Receivers, face: Numbers) -> Flags:
+    """(P,): whether ``receivers`` reach beyond the occluders that they lie on, which are of open
+    surfaces and share a corner with occluders ``face`` (P,); ``corners`` (T, 3, 3) of all."""
+    on = np.maximum(receivers.on, 0)
+    own, other = occluders.triangles[on], occluders.triangles[face]
+    rows = np.flatnonzero((own[:, :, None] == other[:, None]).any(axis=(1, 2)))
+    rows = rows[(receivers.on[rows] >= 0) & occluders.open[on[rows]]]
+    triangle = corners[on[rows]]
+    normal = np.cross(triangle[:, 1] - triangle[:, 0], triangle[:, 2] - triangle[:, 0])
+    beyond = np.zeros(len(rows), bool)
+    for k in range(3):
+        inwards = np.cross(normal, triangle[:, (k + 1) % 3] - triangle[:, k])
+        extent = np.abs(_dot(receivers.across[rows], inwards))
+        extent += np.abs(_dot(receivers.down[rows], inwards))
+        beyond |= _dot(receivers.at[rows] - triangle[:, k], inwards) < 0.5 * extent
+    result = np.zeros(len(face), bool)
+    result[rows[beyond]] = True
+    return result
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +132,7 @@ def aspects(
     lamp: Lamp, receivers: Receivers, corners: Array, planes: Array, is_open: Flags, touches: Flags
 ) -> Aspects:
     """How ``receivers`` see occluders, pair by pair: ``corners`` (P, 3, 3), their ``planes``
-    (P, 4), whether they ``touches`` (P,) the one that the receiver lies on."""
+    (P, 4), whether a receiver reaches into what it ``touches`` (P,)."""
     near = 0.0 if lamp.far else 1.0
     at, across, down, looks = receivers.at, receivers.across, receivers.down, receivers.normal
     to = lamp.centre - near * at
@@ -139,7 +154,8 @@ def aspects(
     rises = (np.einsum("pka,pa->pk", D, to) > 0.0).any(axis=1)
     rises &= np.einsum("pka,pa->pk", D, over).max(axis=1) > level
     counts &= ~passes | against | rises
-    moves = np.where((is_open & passes & (np.abs(turned) > BESIDE)) | touches, 0.0, 1.0)
+    goes_on = is_open & (np.abs(turned) > BESIDE) & (passes | touches)
+    moves = np.where(goes_on, 0.0, 1.0)
     edges = np.zeros((4, 5, len(at)))
     most = np.full(len(at), np.inf)
     for k in range(3):
@@ -152,7 +168,7 @@ def aspects(
         )  # fmt: skip
         extent = np.abs(edges[k, 1:3]).sum(axis=0) + 0.5 * np.abs(edges[k, 3:]).sum(axis=0)
         most = np.minimum(most, edges[k, 0] + extent)
-    # the samples beyond the occluder's plane, which of all but what goes on behind the lamp are those
+    # only samples beyond the occluder's plane: it may go on behind the lamp
     edges[3, :3] = apart, side * (normal @ lamp.u), side * (normal @ lamp.v)
     return Aspects(edges, counts & (most >= 0.0))
 

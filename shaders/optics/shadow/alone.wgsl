@@ -13,10 +13,16 @@ struct Looking {
     tolerance: f32,
     over: vec3f,
     level: f32,
-    a: vec3f,        // the triangle that it lies on, where that is open
+    // the triangle that it lies on, and whether that is open and the pixel reaches beyond it
+    a: vec3f,
     b: vec3f,
     c: vec3f,
-    open: bool,
+    beyond: bool,
+}
+// Whether a pixel reaches over the edge from a to b of a triangle about `n`.
+fn reaches_over(r: Receiver, n: vec3f, a: vec3f, b: vec3f) -> bool {
+    let inwards = cross(n, b - a);
+    return dot(r.x - a, inwards) < 0.5 * (abs(dot(r.dx, inwards)) + abs(dot(r.dy, inwards)));
 }
 fn looking(r: Receiver) -> Looking {
     var k: Looking;
@@ -31,7 +37,8 @@ fn looking(r: Receiver) -> Looking {
         k.a = o.a;
         k.b = o.b;
         k.c = o.c;
-        k.open = o.open;
+        k.beyond = o.open && (reaches_over(r, o.plane.xyz, o.a, o.b)
+            || reaches_over(r, o.plane.xyz, o.b, o.c) || reaches_over(r, o.plane.xyz, o.c, o.a));
     }
     return k;
 }
@@ -59,9 +66,9 @@ fn aspect(r: Receiver, k: Looking, o: Occluder) -> Aspect {
             && max(dot(a, k.over), max(dot(b, k.over), dot(c, k.over))) > k.level;
     }
     // what a receiver's plane goes on to beyond an edge may lie behind the next faces of its sheet
-    let goes_on = o.open && passes && abs(dot(n, r.n)) > BESIDE;
-    let touches = o.open && k.open && (is_corner(k, o.a) || is_corner(k, o.b) || is_corner(k, o.c));
-    return Aspect(counts, side, select(1.0, 0.0, goes_on || touches), apart);
+    let touches = k.beyond && (is_corner(k, o.a) || is_corner(k, o.b) || is_corner(k, o.c));
+    let goes_on = o.open && abs(dot(n, r.n)) > BESIDE && (passes || touches);
+    return Aspect(counts, side, select(1.0, 0.0, goes_on), apart);
 }
 
 // Most of what an edge's function is over lamp and pixel.

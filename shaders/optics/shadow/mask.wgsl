@@ -9,13 +9,14 @@
 // per pixel, or receiver of the list
 @group(0) @binding(31) var<storage, read_write> shares: array<f32>;
 
-// How often edges wind round samples, modulo 32: as many layers as hide the lamp.
+// How often edges wind round samples, modulo 64: as many layers as hide the lamp.
 struct Turns {
     ones: vec4u,
     twos: vec4u,
     fours: vec4u,
     eights: vec4u,
     sixteens: vec4u,
+    many: vec4u,
 }
 // One turn more, or less where the edge goes the other way, for the samples between its ends, in the
 // lamp's direction u, that lie before it.
@@ -25,9 +26,15 @@ fn wound(t: Turns, first: vec4u, last: vec4u, edge: vec4u) -> Turns {
     let fours = twos & (t.twos ^ last);
     let eights = fours & (t.fours ^ last);
     let sixteens = eights & (t.eights ^ last);
-    return Turns(t.ones ^ ones, t.twos ^ twos, t.fours ^ fours, t.eights ^ eights, t.sixteens ^ sixteens);
+    let many = sixteens & (t.sixteens ^ last);
+    return Turns(
+        t.ones ^ ones, t.twos ^ twos, t.fours ^ fours, t.eights ^ eights, t.sixteens ^ sixteens,
+        t.many ^ many,
+    );
 }
-fn any_turn(t: Turns) -> vec4u { return t.ones | t.twos | t.fours | t.eights | t.sixteens; }
+fn any_turn(t: Turns) -> vec4u {
+    return t.ones | t.twos | t.fours | t.eights | t.sixteens | t.many;
+}
 
 fn hidden_as_a_whole(r: Receiver, to: vec3f, first: u32, count: u32) -> Samples {
     var turns0 = Turns();
