@@ -26,7 +26,9 @@ GRAIN = 20
 def triangles_of(surfaces: Sequence[gs.Surface]) -> tuple[Array, Flags]:
     """Corners (T, 3, 3) of all triangles, and which are of open surfaces."""
     corners = [surface.points[surface.topology.triangles] for surface in surfaces]
-    is_open = [np.full(len(c), not s.topology.closed) for c, s in zip(corners, surfaces, strict=True)]
+    is_open = [
+        np.full(len(c), not s.topology.closed) for c, s in zip(corners, surfaces, strict=True)
+    ]
     return np.concatenate(corners), np.concatenate(is_open)
 
 
@@ -82,7 +84,9 @@ def ray_shares(
     return result
 
 
-def on_plane(count: int, low: Sequence[float], high: Sequence[float], size: float = 0.01) -> Receivers:
+def on_plane(
+    count: int, low: Sequence[float], high: Sequence[float], size: float = 0.01
+) -> Receivers:
     """Receivers that look up from z = 0, at random places between two corners (2,)."""
     random = np.random.default_rng(3)
     at = np.column_stack([random.uniform(low, high, (count, 2)), np.zeros(count)])

@@ -16,19 +16,21 @@ from gpusim.optics.shadow.receivers import DeviceReceivers, PixelReceivers
 from gpusim.optics.shadow.search import Search
 from gpusim.optics.shadow.twin import shares_twin
 
-__all__ = ["record_masks"]
+__all__ = ["record_masks", "record_plain"]
 
 
 def record_masks(
     recording: Recording, receivers: DeviceReceivers, search: Search, shared: dict[str, Any]
 ) -> None:
-    """Find the shares of what is in penumbra, and of the rest; ``shared``: all bindings."""
-    device, constants = receivers.device, receivers.constants
-    kernel = device.kernel("optics/shadow/mask", receivers.entry(), constants)
+    """Find the shares of what is in penumbra; ``shared``: all bindings."""
+    kernel = receivers.device.kernel("optics/shadow/mask", receivers.entry(), receivers.constants)
     recording.dispatch_counted(kernel, kernel.bind_used(**shared), search.mask_groups)
-    kernel = device.kernel(
-        "optics/shadow/mask", receivers.entry("plain_tiles", "plain_pieces"), constants
-    )
+
+
+def record_plain(recording: Recording, receivers: DeviceReceivers, shared: dict[str, Any]) -> None:
+    """Find the shares of all that isn't, which `Search` knows by the entry."""
+    entry = receivers.entry("plain_tiles", "plain_pieces")
+    kernel = receivers.device.kernel("optics/shadow/mask", entry, receivers.constants)
     threads = (receivers.groups,) if receivers.listed else receivers.size
     recording.dispatch(kernel, kernel.bind_used(**shared), threads=threads)
 
@@ -40,10 +42,11 @@ def _check(device: Device) -> None:
     points = probe_points()
     for occluders, spaces, receivers in (probe_pieces(), probe_pixels()):
         got = VisibleShares(device, occluders, receivers).find(points, spaces)
-        own = receivers
         if isinstance(receivers, PixelReceivers):
             pixel, own = receivers.receivers()
             got = got[pixel]
+        else:
+            own = receivers
         want = shares_twin(occluders, points[:, :3].astype(np.float64), spaces, own)
         # one or two samples of 512 may fall to the other side of an outline
         compare("optics/shadow/mask", got, want, atol=2.5 / 512.0)

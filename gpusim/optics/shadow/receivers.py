@@ -214,20 +214,22 @@ def entries_of(
     pixel, every = receivers.receivers()
     columns = -(-camera.width // TILE)
     groups = columns * -(-camera.height // TILE)
-    asking = np.flatnonzero(space.asks(every.at, every.normal))
-    pixel, every = pixel[asking], every[asking]
     row, column = np.divmod(pixel, camera.width)
     tile = row // TILE * columns + column // TILE
-    ray = receivers.camera.camera_from_world[2, :3]
-    depth = every.at @ ray
+    depth = every.at @ camera.camera_from_world[2, :3]
     near, far = np.full(groups, np.inf), np.zeros(groups)
     np.minimum.at(near, tile, depth)
     np.maximum.at(far, tile, depth)
+    asking = np.flatnonzero(space.asks(every.at, every.normal))
+    pixel, every, tile, depth = pixel[asking], every[asking], tile[asking], depth[asking]
     # a tile within one triangle is one
+    every_tile = np.arange(receivers.ids.size)
+    every_tile = every_tile // camera.width // TILE * columns + every_tile % camera.width // TILE
     least, most = np.full(groups, 1 << 60), np.full(groups, -1)
-    np.minimum.at(least, tile, every.on)
-    np.maximum.at(most, tile, every.on)
-    alike = (np.bincount(tile, minlength=groups) == TILE * TILE) & (least == most) & (least >= 0)
-    alike &= camera.lens is None
+    np.minimum.at(least, every_tile, receivers.ids.reshape(-1))
+    np.maximum.at(most, every_tile, receivers.ids.reshape(-1))
+    full = np.bincount(every_tile, minlength=groups) == TILE * TILE
+    alike = (least == most) & full & (camera.lens is None)
+    alike &= np.isin(np.bincount(tile, minlength=groups), (0, TILE * TILE))
     split = np.where((far > APART * near) & ~alike, 0.5 * (near + far), np.inf)
     return pixel, every, tile + groups * (depth > split[tile]), 2 * groups

@@ -108,7 +108,7 @@ def _check(device: Device) -> None:
 
     points = probe_points()
     for occluders, spaces, receivers in (probe_pieces(), probe_pixels()):
-        for space in spaces:
+        for space in spaces[::2]:
             shares = VisibleShares(device, occluders, receivers)
             shares.find(points, [space])
             _, own, entry, _ = entries_of(receivers, space)

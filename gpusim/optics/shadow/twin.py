@@ -174,4 +174,4 @@ def aspects(
 
 
 def _dot(a: Array, b: Array) -> Array:
-    return np.einsum("pa,pa->p", a, b)
+    return np.asarray(np.einsum("pa,pa->p", a, b))

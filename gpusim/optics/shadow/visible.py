@@ -12,7 +12,7 @@ from gpusim.errors import OutOfDeviceMemory
 from gpusim.gpu import Buffer, Device, Uniform
 from gpusim.optics.shadow.groups import record_groups
 from gpusim.optics.shadow.light_space import LightSpace
-from gpusim.optics.shadow.mask import record_masks
+from gpusim.optics.shadow.mask import record_masks, record_plain
 from gpusim.optics.shadow.occluders import DeviceOccluders, Occluders
 from gpusim.optics.shadow.receivers import DeviceReceivers, PixelReceivers, Receivers
 from gpusim.optics.shadow.refine import record_refinement
@@ -22,7 +22,7 @@ from gpusim.optics.shadow.twin import lamp_numbers
 
 __all__ = ["STAGES", "VisibleShares", "visible_shares"]
 
-STAGES = ("refit", "groups", "search", "refine", "mask")
+STAGES = ("refit", "groups", "search", "refine", "mask", "plain")
 
 CAPACITY = 1 << 14
 """Chunks that the pool begins with: 2 MiB."""
@@ -134,6 +134,9 @@ class VisibleShares:
                 if "mask" in stages:
                     recording.begin("optics.shadow.mask")
                     record_masks(recording, self.receivers, self.search, shared)
+                if "plain" in stages:
+                    recording.begin("optics.shadow.plain")
+                    record_plain(recording, self.receivers, shared)
 
 
 def visible_shares(

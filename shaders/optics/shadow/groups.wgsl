@@ -53,28 +53,49 @@ fn pieces_alone(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgrou
     store(i, g, 0.0);
 }
 
+// Depths that a tile's pixels see are two entries where they differ: where the farther ones begin.
+fn split_of(tile: u32) -> f32 {
+    var near = UNLIMITED;
+    var far = 0.0;
+    for (var k = 0u; k < 64u; k++) {
+        let depth = pixel_depth(tile_pixel(tile, vec2u(k & 7u, k >> 3u)));
+        near = min(near, select(UNLIMITED, depth, depth > 0.0));
+        far = max(far, depth);
+    }
+    return select(UNLIMITED, 0.5 * (near + far), far > 1.01 * near);
+}
+
 @compute @workgroup_size(64)
 fn tiles_of_pixels(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let tile = linear_id(gid, groups, 64u);
     if (tile >= receivers.groups) { return; }
-    var near = UNLIMITED;
-    var far = 0.0;
-    let first = pixel_receiver(tile_pixel(tile, vec2u(0u)));
-    var alike = first.asks && first.on != NOBODY && distorted == 0u;
-    for (var k = 0u; k < 64u; k++) {
-        let r = pixel_receiver(tile_pixel(tile, vec2u(k & 7u, k >> 3u)));
-        if (r.asks) { near = min(near, r.depth); far = max(far, r.depth); }
-        // of one triangle the corners tell all
-        alike = alike && r.asks && r.on == first.on;
+    // of one triangle the corners tell all
+    let id = pixel_id(tile_pixel(tile, vec2u(0u)));
+    var alike = distorted == 0u;
+    for (var k = 1u; k < 64u; k++) {
+        alike = alike && pixel_id(tile_pixel(tile, vec2u(k & 7u, k >> 3u))) == id;
     }
-    let split = select(UNLIMITED, 0.5 * (near + far), far > 1.01 * near && !alike);
     var one = empty_group();
     var other = empty_group();
-    for (var k = 0u; k < 64u; k++) {
-        if (alike && (k % 7u != 0u || (k > 7u && k < 56u))) { continue; }
-        let r = pixel_receiver(tile_pixel(tile, vec2u(k & 7u, k >> 3u)));
-        if (!r.asks) { continue; }
-        if (r.depth > split) { other = joined(other, r); } else { one = joined(one, r); }
+    if (alike) {
+        var asking = 0u;
+        for (var k = 0u; k < 4u; k++) {
+            let r = pixel_receiver(tile_pixel(tile, 7u * vec2u(k & 1u, k >> 1u)));
+            asking += select(0u, 1u, r.asks);
+            if (r.asks) { one = joined(one, r); }
+        }
+        // the lamp's plane may pass through
+        alike = asking == 0u || asking == 4u;
+    }
+    var split = UNLIMITED;
+    if (!alike) {
+        one = empty_group();
+        split = split_of(tile);
+        for (var k = 0u; k < 64u; k++) {
+            let r = pixel_receiver(tile_pixel(tile, vec2u(k & 7u, k >> 3u)));
+            if (!r.asks) { continue; }
+            if (r.depth > split) { other = joined(other, r); } else { one = joined(one, r); }
+        }
     }
     store(tile, one, split);
     store(tile + receivers.groups, other, split);

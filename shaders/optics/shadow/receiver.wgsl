@@ -37,16 +37,29 @@ struct Receiver {
     asks: bool,
 }
 
+fn pixel_id(pixel: vec2u) -> u32 {
+    let there = all(pixel < receivers.size);
+    return select(0u, ids[select(0u, pixel.y * receivers.size.x + pixel.x, there)], there);
+}
+fn pixel_ray(pixel: vec2u, bend: Bend) -> vec3f {
+    let at = vec2f(pixel) + undistort(bend, vec2f(0.0));
+    return receivers.one.xyz + at.x * receivers.x.xyz + at.y * receivers.y.xyz;
+}
+// 0 where it sees nothing.
+fn pixel_depth(pixel: vec2u) -> f32 {
+    let id = pixel_id(pixel);
+    let m = bitcast<vec3f>(textureLoad(planes, texel(max(id, 1u) - 1u), 0).xyz);
+    return select(0.0, 1.0 / dot(m, pixel_ray(pixel, bend_at(vec2i(pixel)))), id > 0u);
+}
+
 fn pixel_receiver(pixel: vec2u) -> Receiver {
     var r = Receiver();
-    if (any(pixel >= receivers.size)) { return r; }
-    let id = ids[pixel.y * receivers.size.x + pixel.x];
+    let id = pixel_id(pixel);
     if (id == 0u) { return r; }
     let plane = textureLoad(planes, texel(id - 1u), 0);
     let m = bitcast<vec3f>(plane.xyz);
     let bend = bend_at(vec2i(pixel));
-    let at = vec2f(pixel) + undistort(bend, vec2f(0.0));
-    let ray = receivers.one.xyz + at.x * receivers.x.xyz + at.y * receivers.y.xyz;
+    let ray = pixel_ray(pixel, bend);
     let rate = 1.0 / dot(m, ray);
     let extent = undistort_change(bend);
     let sides = mat2x3f(receivers.x.xyz, receivers.y.xyz) * extent;
