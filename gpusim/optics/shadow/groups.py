@@ -7,12 +7,10 @@ all of the lamp is above the highest.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.gpu import Device, Recording, Uniform, compare, twin_check
+from gpusim.gpu import Bound, Device, Recording, Uniform, compare, twin_check
 from gpusim.optics.occlusion import TOLERANCE
 from gpusim.optics.shadow.light_space import ANGLE, UNLIMITED, LightSpace
 from gpusim.optics.shadow.probe import probe_pieces, probe_pixels
@@ -23,10 +21,12 @@ __all__ = ["groups_twin", "record_groups"]
 Array = npt.NDArray[np.float64]
 
 
-def record_groups(recording: Recording, receivers: DeviceReceivers, shared: dict[str, Any]) -> None:
-    """Find what entries have in common; ``shared``: all bindings."""
-    kernel = receivers.device.kernel("optics/shadow/groups", receivers.entry(), receivers.constants)
-    recording.dispatch(kernel, kernel.bind_used(**shared), threads=(receivers.groups,))
+def record_groups(recording: Recording, receivers: DeviceReceivers, bound: Bound) -> None:
+    """Find what entries have in common."""
+    bound.run(
+        recording, "optics/shadow/groups", receivers.entry(), receivers.constants,
+        threads=(receivers.groups,),
+    )  # fmt: skip
 
 
 def groups_twin(receivers: Receivers | PixelReceivers, space: LightSpace) -> Array:
@@ -68,10 +68,10 @@ def _check(device: Device) -> None:
     for occluders, spaces, receivers in (probe_pieces(), probe_pixels()):
         own = DeviceReceivers(device, receivers, occluders)
         for space in spaces:
-            shared = {"light": Uniform(device, space.uniform(), "shadow.light")}
-            records = device.no_texels("rgba32float")
+            light = Uniform(device, space.uniform(), "shadow.light")
+            bound = Bound(device, {"light": light, **own.bindings(1)})
             with device.recording("optics.shadow.groups") as recording:
-                record_groups(recording, own, {**shared, **own.bindings(1), "occluders": records})
+                record_groups(recording, own, bound)
             got = own.groups_of.read(np.float32, (own.entries, 12))
             want = groups_twin(receivers, space)
             compare("optics/shadow/groups", np.delete(got, 6, axis=1), want, atol=1e-5, rtol=2e-5)

@@ -6,11 +6,9 @@ modulo 64. Those behind occluders that stand alone are taken off besides.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from gpusim.gpu import Device, Recording, compare, twin_check
+from gpusim.gpu import Bound, Device, Recording, compare, twin_check
 from gpusim.optics.shadow.probe import probe_pieces, probe_pixels, probe_points
 from gpusim.optics.shadow.receivers import DeviceReceivers, PixelReceivers
 from gpusim.optics.shadow.search import Search
@@ -20,19 +18,18 @@ __all__ = ["record_masks", "record_plain"]
 
 
 def record_masks(
-    recording: Recording, receivers: DeviceReceivers, search: Search, shared: dict[str, Any]
+    recording: Recording, receivers: DeviceReceivers, search: Search, bound: Bound
 ) -> None:
-    """Find the shares of what is in penumbra; ``shared``: all bindings."""
-    kernel = receivers.device.kernel("optics/shadow/mask", receivers.entry(), receivers.constants)
-    recording.dispatch_counted(kernel, kernel.bind_used(**shared), search.mask_groups)
+    """Find the shares of what is in penumbra."""
+    name, constants = "optics/shadow/mask", receivers.constants
+    bound.run(recording, name, receivers.entry(), constants, counted=search.mask_groups)
 
 
-def record_plain(recording: Recording, receivers: DeviceReceivers, shared: dict[str, Any]) -> None:
+def record_plain(recording: Recording, receivers: DeviceReceivers, bound: Bound) -> None:
     """Find the shares of all that isn't, which `Search` knows by the entry."""
     entry = receivers.entry("plain_tiles", "plain_pieces")
-    kernel = receivers.device.kernel("optics/shadow/mask", entry, receivers.constants)
     threads = (receivers.groups,) if receivers.listed else receivers.size
-    recording.dispatch(kernel, kernel.bind_used(**shared), threads=threads)
+    bound.run(recording, "optics/shadow/mask", entry, receivers.constants, threads=threads)
 
 
 @twin_check("optics/shadow/mask")

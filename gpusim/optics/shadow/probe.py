@@ -26,7 +26,7 @@ Array = npt.NDArray[np.float64]
 
 @cache
 def _scene() -> tuple[list[Surface], Camera, list[Light]]:
-    surfaces, camera, lights = shadow_scene()
+    surfaces, _, lights = shadow_scene()
     x, y = np.meshgrid(np.linspace(0.35, 0.7, 6), np.linspace(-0.3, 0.2, 5), indexing="ij")
     z = 0.15 + 0.05 * np.sin(9.0 * x) * np.cos(7.0 * y)
     number = np.arange(x.size).reshape(x.shape)

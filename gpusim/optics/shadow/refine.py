@@ -6,12 +6,10 @@ sheet that a tile lies on is listed: tested pixel by pixel, most of it is beside
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.gpu import Device, Recording, compare, twin_check
+from gpusim.gpu import Bound, Device, Recording, compare, twin_check
 from gpusim.optics.shadow.probe import probe_pixels, probe_points
 from gpusim.optics.shadow.receivers import DeviceReceivers, entries_of
 from gpusim.optics.shadow.refit import planes_of
@@ -25,13 +23,12 @@ LENGTH = 31
 
 
 def record_refinement(
-    recording: Recording, receivers: DeviceReceivers, search: Search, shared: dict[str, Any]
+    recording: Recording, receivers: DeviceReceivers, search: Search, bound: Bound
 ) -> None:
-    """Refine the entries that the search has said; ``shared``: all bindings."""
-    if receivers.listed:
-        return
-    kernel = receivers.device.kernel("optics/shadow/refine", constants=receivers.constants)
-    recording.dispatch_counted(kernel, kernel.bind_used(**shared), search.refine_groups)
+    """Refine the entries that the search has said."""
+    if not receivers.listed:
+        name, constants = "optics/shadow/refine", receivers.constants
+        bound.run(recording, name, "main", constants, counted=search.refine_groups)
 
 
 def listed_alone(search: Search) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:

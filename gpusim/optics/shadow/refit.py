@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.gpu import Device, Recording, Uniform, compare, twin_check
+from gpusim.gpu import Bound, Device, Recording, Uniform, compare, twin_check
 from gpusim.optics.shadow.light_space import ANGLE, UNLIMITED, LightSpace
 from gpusim.optics.shadow.occluders import NOBODY, DeviceOccluders, Occluders
 from gpusim.optics.shadow.probe import probe_spaces
@@ -29,46 +29,46 @@ LEVELS = 7
 
 
 class Refit:
-    """Fits the tree of some occluders to one lamp after the other."""
+    """The tree of some occluders, fitted to one lamp after the other."""
 
     def __init__(self, device: Device, occluders: DeviceOccluders) -> None:
-        self._device, self._occluders = device, occluders
-        count, leaves = occluders.occluders.count, occluders.occluders.leaves
-        self._leaves = leaves
+        self._occluders = occluders
+        self._count, self._leaves = occluders.occluders.count, occluders.occluders.leaves
         self._trees = []
-        first = leaves
+        first = self._leaves
         while first > 1:
-            numbers = {"count": count, "leaves": leaves, "first": first}
+            numbers = {"count": self._count, "leaves": self._leaves, "first": first}
             self._trees.append((first, Uniform(device, numbers, "shadow.tree")))
             first >>= LEVELS
+        self._gathering = Bound(
+            device,
+            {
+                "tree": self._trees[0][1], "vertices": occluders.vertices,
+                "triangles": occluders.triangles, "gathered": occluders.records,
+            },
+        )  # fmt: skip
 
     def gather(self, recording: Recording) -> None:
         """Take over where vertices are, if they have moved."""
-        own = self._occluders
-        if not own.moved:
-            return
-        own.moved = False
-        kernel = self._device.kernel("optics/shadow/refit", "gather")
-        bindings = kernel.bind(
-            tree=self._trees[0][1], vertices=own.vertices, triangles=own.triangles,
-            gathered=own.records,
-        )  # fmt: skip
-        recording.dispatch(kernel, bindings, threads=(own.occluders.count,))
+        if self._occluders.moved:
+            self._occluders.moved = False
+            self._gathering.run(recording, "optics/shadow/refit", "gather", threads=(self._count,))
 
-    def record(self, recording: Recording, light: Uniform) -> None:
-        """Fit the tree to the lamp of a `LightSpace.uniform`."""
+    def bound(self, device: Device, light: Uniform) -> list[Bound]:
+        """What a lamp's `LightSpace.uniform` is bound to, for every step from the leaves up."""
         own = self._occluders
         shared = {
             "light": light, "occluders": own.records, "neighbours": own.neighbours,
             "boxes": own.boxes, "nodes": own.nodes,
         }  # fmt: skip
-        kernel = self._device.kernel("optics/shadow/refit", "leaves")
-        bindings = kernel.bind_used(tree=self._trees[0][1], **shared)
-        recording.dispatch(kernel, bindings, threads=(self._leaves,))
-        kernel = self._device.kernel("optics/shadow/refit", "levels")
-        for first, tree in self._trees:
-            bindings = kernel.bind_used(tree=tree, **shared)
-            recording.dispatch(kernel, bindings, groups=(max(first >> LEVELS, 1),))
+        return [Bound(device, {**shared, "tree": tree}) for _, tree in self._trees]
+
+    def record(self, recording: Recording, bound: list[Bound]) -> None:
+        """Fit the tree to a lamp."""
+        name = "optics/shadow/refit"
+        bound[0].run(recording, name, "leaves", threads=(self._leaves,))
+        for (first, _), own in zip(self._trees, bound, strict=True):
+            own.run(recording, name, "levels", groups=(max(first >> LEVELS, 1),))
 
 
 def planes_of(corners: Array) -> Array:
@@ -162,9 +162,10 @@ def _check(device: Device) -> None:
         own = DeviceOccluders(device, occluders)
         own.move(points)
         refit = Refit(device, own)
+        light = Uniform(device, space.uniform(), "shadow.light")
         with device.recording("optics.shadow.refit") as recording:
             refit.gather(recording)
-            refit.record(recording, Uniform(device, space.uniform(), "shadow.light"))
+            refit.record(recording, refit.bound(device, light))
         nodes = own.nodes.read().reshape(-1, 8)[1:]
         boxes, words = refit_twin(occluders, points[:, :3].astype(np.float64), space)
         compare("optics/shadow/refit", nodes[:, 7], words[1:], "exact")

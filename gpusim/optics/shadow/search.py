@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.gpu import Buffer, Device, Recording, compare, twin_check
+from gpusim.gpu import Bound, Buffer, Device, Recording, compare, twin_check
 from gpusim.optics.shadow.probe import probe_pieces, probe_pixels, probe_points
 from gpusim.optics.shadow.receivers import DeviceReceivers, entries_of
 from gpusim.optics.shadow.twin import shares_twin
@@ -63,28 +63,24 @@ class Search:
             "mask_groups": self.mask_groups, "counters": counters,
         }  # fmt: skip
 
-    def record(self, recording: Recording, shared: dict[str, Any]) -> None:
-        """Fill the lists; ``shared``: all bindings."""
+    def record(self, recording: Recording, bound: Bound) -> None:
+        """Fill the lists."""
         receivers = self._receivers
-
-        def run(entry: str, **size: tuple[int, ...]) -> None:
-            kernel = self._device.kernel("optics/shadow/search", entry, receivers.constants)
-            recording.dispatch(kernel, kernel.bind_used(**shared), **size)
-
+        name, constants = "optics/shadow/search", receivers.constants
         if receivers.listed:
-            run("pieces_alone", threads=(receivers.groups,))
+            bound.run(recording, name, "pieces_alone", constants, threads=(receivers.groups,))
         else:
-            run("coarse_tiles", threads=(2 * self.coarse_size[0] * self.coarse_size[1],))
+            across, down = self.coarse_size
+            bound.run(recording, name, "coarse_tiles", constants, threads=(2 * across * down,))
             rows = receivers.groups // receivers.columns
-            run("tiles_of_pixels", groups=(2 * -(-receivers.columns // 8) * -(-rows // 8),))
-        run("count_refined", groups=(1,))
+            groups = 2 * -(-receivers.columns // 8) * -(-rows // 8)
+            bound.run(recording, name, "tiles_of_pixels", constants, groups=(groups,))
+        bound.run(recording, name, "count_refined", constants, groups=(1,))
 
-    def count_penumbra(self, recording: Recording, shared: dict[str, Any]) -> None:
+    def count_penumbra(self, recording: Recording, bound: Bound) -> None:
         """Once it is known what is in penumbra, say so to the kernel that looks at it."""
-        kernel = self._device.kernel(
-            "optics/shadow/search", "count_penumbra", self._receivers.constants
-        )
-        recording.dispatch(kernel, kernel.bind_used(**shared), groups=(1,))
+        constants = self._receivers.constants
+        bound.run(recording, "optics/shadow/search", "count_penumbra", constants, groups=(1,))
 
 
 def states_twin(states: npt.NDArray[np.uint32], shares: Any, entry: Any) -> npt.NDArray[np.int64]:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import OutOfDeviceMemory
-from gpusim.gpu import Buffer, Device, Uniform
+from gpusim.gpu import Bound, Buffer, Device, Recording, Uniform
 from gpusim.optics.shadow.groups import record_groups
 from gpusim.optics.shadow.light_space import LightSpace
 from gpusim.optics.shadow.mask import record_masks, record_plain
@@ -29,7 +28,7 @@ CAPACITY = 1 << 14
 
 
 class VisibleShares:
-    """What receivers see of lamps, found on a device; memory stays for the next time."""
+    """What receivers see of lamps, found on a device; what is bound stays for the next time."""
 
     def __init__(
         self,
@@ -42,8 +41,10 @@ class VisibleShares:
         self.occluders = DeviceOccluders(device, occluders)
         self.refit = Refit(device, self.occluders)
         self.receivers = DeviceReceivers(device, receivers, occluders)
-        self.search = Search(device, self.receivers, capacity)
+        self.shares: dict[int, Buffer] = {}
         self.counts: list[dict[str, int]] = []
+        self._spaces: list[_SpaceOnDevice] = []
+        self.enlarge(capacity)
 
     def find(
         self,
@@ -66,22 +67,14 @@ class VisibleShares:
             Lists too long for what one binding holds.
         """
         self.occluders.move(points)
-        shares: dict[int, Buffer] = {}
-        counters = [self.device.empty(4 * len(COUNTERS), "shadow.counters") for _ in spaces]
-        while True:
-            self._record(spaces, counters, shares, until)
-            self.counts = [
-                dict(zip(COUNTERS, own.read(np.uint32)[: len(COUNTERS)].tolist(), strict=True))
-                for own in counters
-            ]
-            most = max((count["taken"] for count in self.counts), default=0)
-            if most < self.search.capacity - 1:
-                break
+        self.record(spaces, until)
+        while (most := self._most_chunks(len(spaces))) >= self.search.capacity - 1:
             self.enlarge(most + most // 8 + 2)
+            self.record(spaces, until)
         numbers = lamp_numbers(spaces)
         result = np.zeros((self.receivers.count, len(numbers)), np.float32)
         for column, number in enumerate(numbers):
-            result[:, column] = shares[number].read(np.float32)[: self.receivers.count]
+            result[:, column] = self.shares[number].read(np.float32)[: self.receivers.count]
         return result
 
     def enlarge(self, capacity: int) -> None:
@@ -94,49 +87,82 @@ class VisibleShares:
                 "shadows = False, or backend 'numpy'"
             )
         self.search = Search(self.device, self.receivers, capacity)
+        self._spaces.clear()
 
-    def _record(
-        self,
-        spaces: Sequence[LightSpace],
-        counters: Sequence[Buffer],
-        shares: dict[int, Buffer],
-        until: str,
-    ) -> None:
+    def record(self, spaces: Sequence[LightSpace], until: str = STAGES[-1]) -> None:
+        """Let the device work; where a pool may be too small, `find` looks."""
         stages = STAGES[: STAGES.index(until) + 1]
-        own = self.receivers.bindings(self.search.capacity)
+        for place, space in enumerate(spaces):
+            if place < len(self._spaces) and self._spaces[place].number == space.number:
+                self._spaces[place].update(space)
+            else:
+                self._spaces[place:] = [_SpaceOnDevice(self, space)]
         with self.device.recording("optics.shadow") as recording:
             self.refit.gather(recording)
-            for space, counter in zip(spaces, counters, strict=True):
-                recording.clear(counter)
-                if space.number not in shares:
-                    shares[space.number] = self.device.empty(
-                        4 * max(self.receivers.count, 1), "shadow.shares"
-                    )
-                shared: dict[str, Any] = {
-                    "light": Uniform(self.device, space.uniform(), "shadow.light"),
-                    "lamp": Uniform(self.device, space.face(), "shadow.lamp"),
-                    "occluders": self.occluders.records, "nodes": self.occluders.nodes,
-                    "neighbours": self.occluders.neighbours, "shares": shares[space.number],
-                    **own, **self.search.bindings(counter),
-                }  # fmt: skip
-                recording.begin("optics.shadow.refit")
-                self.refit.record(recording, shared["light"])
-                if "groups" in stages:
-                    recording.begin("optics.shadow.groups")
-                    record_groups(recording, self.receivers, shared)
-                if "search" in stages:
-                    recording.begin("optics.shadow.search")
-                    self.search.record(recording, shared)
-                if "refine" in stages:
-                    recording.begin("optics.shadow.refine")
-                    record_refinement(recording, self.receivers, self.search, shared)
-                    self.search.count_penumbra(recording, shared)
-                if "mask" in stages:
-                    recording.begin("optics.shadow.mask")
-                    record_masks(recording, self.receivers, self.search, shared)
-                if "plain" in stages:
-                    recording.begin("optics.shadow.plain")
-                    record_plain(recording, self.receivers, shared)
+            for number in lamp_numbers(spaces):
+                recording.clear(self.shares[number])
+            for own in self._spaces[: len(spaces)]:
+                own.record(recording, stages)
+
+    def _most_chunks(self, count: int) -> int:
+        """That the search for any of so many spaces has taken; waits for the device."""
+        self.counts = []
+        for own in self._spaces[:count]:
+            numbers = own.counters.read(np.uint32)[: len(COUNTERS)].tolist()
+            self.counts.append(dict(zip(COUNTERS, numbers, strict=True)))
+        return max((numbers["taken"] for numbers in self.counts), default=0)
+
+
+class _SpaceOnDevice:
+    """A light space as the programs bind it."""
+
+    def __init__(self, shares: VisibleShares, space: LightSpace) -> None:
+        device, self._shares = shares.device, shares
+        self.counters = device.empty(4 * len(COUNTERS), "shadow.counters")
+        self._light = Uniform(device, space.uniform(), "shadow.light")
+        self._lamp = Uniform(device, space.face(), "shadow.lamp")
+        self.number = space.number
+        nbytes = 4 * max(shares.receivers.count, 1)
+        found = shares.shares.setdefault(space.number, device.empty(nbytes, "shadow.shares"))
+        self._trees = shares.refit.bound(device, self._light)
+        self._bound = Bound(
+            device,
+            {
+                "light": self._light, "lamp": self._lamp, "shares": found,
+                "occluders": shares.occluders.records, "nodes": shares.occluders.nodes,
+                "neighbours": shares.occluders.neighbours,
+                **shares.receivers.bindings(shares.search.capacity),
+                **shares.search.bindings(self.counters),
+            },
+        )  # fmt: skip
+
+    def update(self, space: LightSpace) -> None:
+        """The lamp may stand elsewhere now."""
+        self._light.update(space.uniform())
+        self._lamp.update(space.face())
+
+    def record(self, recording: Recording, stages: Sequence[str]) -> None:
+        """All of ``stages`` for this lamp."""
+        receivers, search, bound = self._shares.receivers, self._shares.search, self._bound
+        recording.clear(self.counters)
+        recording.begin("optics.shadow.refit")
+        self._shares.refit.record(recording, self._trees)
+        if "groups" in stages:
+            recording.begin("optics.shadow.groups")
+            record_groups(recording, receivers, bound)
+        if "search" in stages:
+            recording.begin("optics.shadow.search")
+            search.record(recording, bound)
+        if "refine" in stages:
+            recording.begin("optics.shadow.refine")
+            record_refinement(recording, receivers, search, bound)
+            search.count_penumbra(recording, bound)
+        if "mask" in stages:
+            recording.begin("optics.shadow.mask")
+            record_masks(recording, receivers, search, bound)
+        if "plain" in stages:
+            recording.begin("optics.shadow.plain")
+            record_plain(recording, receivers, bound)
 
 
 def visible_shares(
