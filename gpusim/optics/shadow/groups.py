@@ -14,7 +14,13 @@ from gpusim.gpu import Bound, Device, Recording, Uniform, compare, twin_check
 from gpusim.optics.occlusion import TOLERANCE
 from gpusim.optics.shadow.light_space import ANGLE, UNLIMITED, LightSpace
 from gpusim.optics.shadow.probe import probe_pieces, probe_pixels
-from gpusim.optics.shadow.receivers import DeviceReceivers, PixelReceivers, Receivers, entries_of
+from gpusim.optics.shadow.receivers import (
+    TILE,
+    DeviceReceivers,
+    PixelReceivers,
+    Receivers,
+    entries_of,
+)
 
 __all__ = ["groups_twin", "record_groups"]
 
@@ -32,7 +38,7 @@ def record_groups(recording: Recording, receivers: DeviceReceivers, bound: Bound
 def groups_twin(receivers: Receivers | PixelReceivers, space: LightSpace) -> Array:
     """(E, 11): box, tolerance and ground of every entry, as the shader has them but for the depth
     that divides a tile."""
-    _, every, entry, count = entries_of(receivers, space)
+    index, every, entry, count = entries_of(receivers, space)
     low, high = np.full((count, 3), UNLIMITED), np.full((count, 3), -UNLIMITED)
     for x in (-0.5, 0.5):
         for y in (-0.5, 0.5):
@@ -42,6 +48,11 @@ def groups_twin(receivers: Receivers | PixelReceivers, space: LightSpace) -> Arr
             np.maximum.at(high, entry, place + slack)
     first = np.full(count, len(entry), np.int64)
     np.minimum.at(first, entry, np.arange(len(entry)))
+    if isinstance(receivers, PixelReceivers):
+        # that in a tile's middle, where it asks
+        row, column = np.divmod(index, receivers.camera.width)
+        middle = np.flatnonzero((row % TILE == TILE // 2) & (column % TILE == TILE // 2))
+        first[entry[middle]] = middle
     some = np.flatnonzero(first < len(entry))
     plane = np.zeros((count, 4))
     plane[some, :3] = every.upright()[first[some]]

@@ -19,13 +19,14 @@ fn empty_group() -> Group {
     let low = vec3f(UNLIMITED);
     return Group(low, -low, vec4f(0.0), vec2f(UNLIMITED, -UNLIMITED), 0.0);
 }
+fn plane_of(r: Receiver) -> vec4f {
+    let n = upright(r);
+    return vec4f(n, dot(n, r.x));
+}
 fn joined(g: Group, r: Receiver) -> Group {
     let reach = reach_of(r);
     var plane = g.plane;
-    if (all(plane.xyz == vec3f(0.0))) {
-        let n = upright(r);
-        plane = vec4f(n, dot(n, r.x));
-    }
+    if (all(plane.xyz == vec3f(0.0))) { plane = plane_of(r); }
     let height = dot(plane.xyz, r.x) - plane.w;
     let wide = 0.5 * (abs(dot(plane.xyz, r.dx)) + abs(dot(plane.xyz, r.dy)));
     let heights = vec2f(min(g.heights.x, height - wide), max(g.heights.y, height + wide));
@@ -91,6 +92,11 @@ fn tiles_of_pixels(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workg
     if (!alike) {
         one = empty_group();
         split = split_of(tile);
+        // on what is bent the others are least apart from the plane in the middle
+        let middle = pixel_receiver(tile_pixel(tile, vec2u(4u)));
+        if (middle.asks) {
+            if (middle.depth > split) { other.plane = plane_of(middle); } else { one.plane = plane_of(middle); }
+        }
         for (var k = 0u; k < 64u; k++) {
             let r = pixel_receiver(tile_pixel(tile, vec2u(k & 7u, k >> 3u)));
             if (!r.asks) { continue; }
