@@ -22,6 +22,9 @@ Flags = npt.NDArray[np.bool_]
 GRAIN = 20
 """Rays each way over the lamp and over the receiver."""
 
+FAR = 1e3
+"""Length of ways to a far lamp."""
+
 
 def triangles_of(surfaces: Sequence[gs.Surface]) -> tuple[Array, Flags]:
     """Corners (T, 3, 3) of all triangles, and which are of open surfaces."""
@@ -63,22 +66,22 @@ def blocked(
 
 
 def ray_shares(
-    lamp: Lamp, corners: Array, is_open: Flags, own: Receivers, slack: float, far: float = 1e3
+    lamp: Lamp, corners: Array, is_open: Flags, own: Receivers, slack: float, grain: int = GRAIN
 ) -> Array:
     """(n,): the share of a lamp that receivers see, by stratified rays from all over each."""
     random = np.random.default_rng(7)
-    cell = np.stack(np.meshgrid(*2 * [np.arange(GRAIN)], indexing="ij"), axis=-1).reshape(-1, 2)
+    cell = np.stack(np.meshgrid(*2 * [np.arange(grain)], indexing="ij"), axis=-1).reshape(-1, 2)
     result = np.zeros(len(own.at))
     for row in range(len(own.at)):
-        on_lamp = 2.0 * (cell + random.random(cell.shape)) / GRAIN - 1.0
+        on_lamp = 2.0 * (cell + random.random(cell.shape)) / grain - 1.0
         if lamp.round:
             radius, turn = np.sqrt(0.5 * (on_lamp[:, :1] + 1.0)), np.pi * on_lamp[:, 1:]
             on_lamp = radius * np.column_stack([np.cos(turn), np.sin(turn)])
-        on_piece = random.permutation((cell + random.random(cell.shape)) / GRAIN - 0.5)
+        on_piece = random.permutation((cell + random.random(cell.shape)) / grain - 0.5)
         start = own.at[row] + on_piece @ np.stack([own.across[row], own.down[row]])
         stop = lamp.centre + on_lamp @ np.stack([lamp.u, lamp.v])
         if lamp.far:
-            stop = start + far * stop
+            stop = start + FAR * stop
         hidden = blocked(start, stop, own.normal[row], corners, is_open, slack)
         result[row] = 1.0 - hidden.mean()
     return result

@@ -14,7 +14,7 @@ from gpusim.optics.shadow.probe import probe_pixels, probe_points
 from gpusim.optics.shadow.receivers import DeviceReceivers, entries_of
 from gpusim.optics.shadow.refit import planes_of
 from gpusim.optics.shadow.search import Search
-from gpusim.optics.shadow.twin import aspects, touching
+from gpusim.optics.shadow.twin import aspects, looked_from
 
 __all__ = ["listed_alone", "record_refinement"]
 
@@ -73,7 +73,7 @@ def _check(device: Device) -> None:
         row, own_face = order[first[pair] + offset], face[pair]
         seen = aspects(
             space.lamp, own[row], corners[own_face], planes[own_face], occluders.open[own_face],
-            touching(occluders, corners, own[row], own_face),
+            looked_from(occluders, corners, own[row], own_face),
         )  # fmt: skip
         want = np.zeros(len(entry), bool)
         hides = np.flatnonzero(seen.may_hide)

@@ -30,7 +30,7 @@ from gpusim.optics.shadow.occluders import Occluders
 from gpusim.optics.shadow.receivers import Receivers
 from gpusim.optics.shadow.refit import planes_of
 
-__all__ = ["Aspects", "aspects", "lamp_numbers", "shares_twin", "touching"]
+__all__ = ["Aspects", "aspects", "lamp_numbers", "looked_from", "shares_twin"]
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -68,7 +68,7 @@ def shares_twin(
             pairs = receivers[row]
             seen = aspects(
                 lamp, pairs, corners[face], planes[face], occluders.open[face],
-                touching(occluders, corners, pairs, face),
+                looked_from(occluders, corners, pairs, face),
             )  # fmt: skip
             some = np.flatnonzero(seen.may_hide)
             covered = np.zeros((len(rows), ROWS), np.uint32)
@@ -77,23 +77,25 @@ def shares_twin(
     return result
 
 
-def touching(occluders: Occluders, corners: Array, receivers: Receivers, face: Numbers) -> Flags:
-    """(P,): whether ``receivers`` reach beyond the occluders that they lie on, which are of open
-    surfaces and share a corner with occluders ``face`` (P,); ``corners`` (T, 3, 3) of all."""
+def looked_from(occluders: Occluders, corners: Array, receivers: Receivers, face: Numbers) -> Array:
+    """(P,): how much of their pixels ``receivers`` look from past occluders ``face`` (P,): all (1),
+    or what lies within the open triangle that they are part of, where an occluder touches that;
+    ``corners`` (T, 3, 3) of all."""
     on = np.maximum(receivers.on, 0)
     own, other = occluders.triangles[on], occluders.triangles[face]
     rows = np.flatnonzero((own[:, :, None] == other[:, None]).any(axis=(1, 2)))
     rows = rows[(receivers.on[rows] >= 0) & occluders.open[on[rows]]]
     triangle = corners[on[rows]]
     normal = np.cross(triangle[:, 1] - triangle[:, 0], triangle[:, 2] - triangle[:, 0])
-    beyond = np.zeros(len(rows), bool)
+    within = np.ones(len(rows))
     for k in range(3):
         inwards = np.cross(normal, triangle[:, (k + 1) % 3] - triangle[:, k])
         extent = np.abs(_dot(receivers.across[rows], inwards))
-        extent += np.abs(_dot(receivers.down[rows], inwards))
-        beyond |= _dot(receivers.at[rows] - triangle[:, k], inwards) < 0.5 * extent
-    result = np.zeros(len(face), bool)
-    result[rows[beyond]] = True
+        extent = 0.5 * (extent + np.abs(_dot(receivers.down[rows], inwards)))
+        inside = _dot(receivers.at[rows] - triangle[:, k], inwards)
+        within = np.minimum(within, np.clip(inside / np.maximum(extent, 1e-30), 0.0, 1.0))
+    result = np.ones(len(face))
+    result[rows] = within
     return result
 
 
@@ -129,10 +131,15 @@ class Aspects:
 
 
 def aspects(
-    lamp: Lamp, receivers: Receivers, corners: Array, planes: Array, is_open: Flags, touches: Flags
+    lamp: Lamp,
+    receivers: Receivers,
+    corners: Array,
+    planes: Array,
+    is_open: Flags,
+    looks_from: Array,
 ) -> Aspects:
     """How ``receivers`` see occluders, pair by pair: ``corners`` (P, 3, 3), their ``planes``
-    (P, 4), whether a receiver reaches into what it ``touches`` (P,)."""
+    (P, 4), and how much of the pixel each ``looks_from`` (P,) past them."""
     near = 0.0 if lamp.far else 1.0
     at, across, down, looks = receivers.at, receivers.across, receivers.down, receivers.normal
     to = lamp.centre - near * at
@@ -154,8 +161,8 @@ def aspects(
     rises = (np.einsum("pka,pa->pk", D, to) > 0.0).any(axis=1)
     rises &= np.einsum("pka,pa->pk", D, over).max(axis=1) > level
     counts &= ~passes | against | rises
-    goes_on = is_open & (np.abs(turned) > BESIDE) & (passes | touches)
-    moves = np.where(goes_on, 0.0, 1.0)
+    moves = np.where(is_open, looks_from, 1.0)
+    moves[is_open & passes & (np.abs(turned) > BESIDE)] = 0.0
     edges = np.zeros((4, 5, len(at)))
     most = np.full(len(at), np.inf)
     for k in range(3):

@@ -13,16 +13,18 @@ struct Looking {
     tolerance: f32,
     over: vec3f,
     level: f32,
-    // the triangle that it lies on, and whether that is open and the pixel reaches beyond it
+    // the triangle that it lies on, and how much of the pixel about its middle lies within, if that
+    // is open
     a: vec3f,
     b: vec3f,
     c: vec3f,
-    beyond: bool,
+    within: f32,
 }
-// Whether a pixel reaches over the edge from a to b of a triangle about `n`.
-fn reaches_over(r: Receiver, n: vec3f, a: vec3f, b: vec3f) -> bool {
+// How much of a pixel about its middle lies on the inner side of the edge from a to b about `n`.
+fn within_edge(r: Receiver, n: vec3f, a: vec3f, b: vec3f) -> f32 {
     let inwards = cross(n, b - a);
-    return dot(r.x - a, inwards) < 0.5 * (abs(dot(r.dx, inwards)) + abs(dot(r.dy, inwards)));
+    let extent = 0.5 * (abs(dot(r.dx, inwards)) + abs(dot(r.dy, inwards)));
+    return clamp(dot(r.x - a, inwards) / max(extent, 1e-30), 0.0, 1.0);
 }
 fn looking(r: Receiver) -> Looking {
     var k: Looking;
@@ -32,20 +34,22 @@ fn looking(r: Receiver) -> Looking {
     k.over = select(-up, up, dot(up, r.n) > 0.0);
     let sides = lamp.u.w * abs(dot(k.over, lamp.u.xyz)) + abs(dot(k.over, lamp.v.xyz));
     k.level = select(-1e30, k.tolerance * length(k.over), dot(k.over, k.to) > sides);
+    k.within = 1.0;
     if (r.on != NOBODY) {
         let o = occluder(r.on);
         k.a = o.a;
         k.b = o.b;
         k.c = o.c;
-        k.beyond = o.open && (reaches_over(r, o.plane.xyz, o.a, o.b)
-            || reaches_over(r, o.plane.xyz, o.b, o.c) || reaches_over(r, o.plane.xyz, o.c, o.a));
+        let n = o.plane.xyz;
+        let within = min(within_edge(r, n, o.a, o.b), min(within_edge(r, n, o.b, o.c), within_edge(r, n, o.c, o.a)));
+        k.within = select(1.0, within, o.open);
     }
     return k;
 }
 fn is_corner(k: Looking, v: vec3f) -> bool { return all(k.a == v) || all(k.b == v) || all(k.c == v); }
 
 // How a receiver sees an occluder: whether it may be hidden by it, from which side, and whether from
-// all over the pixel (1) or its middle (0).
+// all over the pixel (1), its middle (0), or so much of it.
 struct Aspect { counts: bool, side: f32, moves: f32, apart: f32 }
 fn aspect(r: Receiver, k: Looking, o: Occluder) -> Aspect {
     let n = o.plane.xyz;
@@ -65,10 +69,15 @@ fn aspect(r: Receiver, k: Looking, o: Occluder) -> Aspect {
         counts = max(dot(a, k.to), max(dot(b, k.to), dot(c, k.to))) > 0.0
             && max(dot(a, k.over), max(dot(b, k.over), dot(c, k.over))) > k.level;
     }
-    // what a receiver's plane goes on to beyond an edge may lie behind the next faces of its sheet
-    let touches = k.beyond && (is_corner(k, o.a) || is_corner(k, o.b) || is_corner(k, o.c));
-    let goes_on = o.open && abs(dot(n, r.n)) > BESIDE && (passes || touches);
-    return Aspect(counts, side, select(1.0, 0.0, goes_on), apart);
+    // what a receiver's plane goes on to beyond its triangle may lie behind the next ones of its sheet
+    var moves = 1.0;
+    if (o.open) {
+        if (k.within < 1.0 && (is_corner(k, o.a) || is_corner(k, o.b) || is_corner(k, o.c))) {
+            moves = k.within;
+        }
+        if (passes && abs(dot(n, r.n)) > BESIDE) { moves = 0.0; }
+    }
+    return Aspect(counts, side, moves, apart);
 }
 
 // Most of what an edge's function is over lamp and pixel.
