@@ -41,6 +41,10 @@ def blocked(
     """(n,): whether ways from ``start`` to ``stop`` (n, 3) enter a body from outside, or pass
     through an open surface, farther than ``slack`` from its plane. What lies against a body, as the
     direction ``looks`` (3,) tells, is hidden by it."""
+    ends = np.concatenate([start, stop])
+    close = (corners.min(axis=1) <= ends.max(axis=0) + slack).all(axis=1)
+    close &= (corners.max(axis=1) >= ends.min(axis=0) - slack).all(axis=1)
+    corners, is_open = corners[close], is_open[close]
     a, b, c = (corners[:, k] for k in range(3))
     normal = np.cross(b - a, c - a)
     size = np.linalg.norm(normal, axis=1)

@@ -69,7 +69,7 @@ def test_pixels_within_a_triangle(device: Device, name: str) -> None:
         rows = np.concatenate([random.permutation(part)[:8], random.permutation(rest)[:3]])
         to = lamp.centre - own.at[rows]
         rows = rows[np.sum(own.normal[rows] * to, axis=1) > 0.0]
-        want = ray_shares(lamp, corners, is_open, own[rows], SLACK, 32)
+        want = ray_shares(lamp, corners, is_open, own[rows], SLACK, 24)
         errors.append(share[rows] - want)
     every = np.concatenate(errors)
     assert np.abs(every).max() <= 0.06
