@@ -2,6 +2,7 @@
 
 from gpusim.gpu.adapter import software_adapter
 from gpusim.gpu.backend import BACKENDS, chosen_backend, working_device
+from gpusim.gpu.bound import Bound
 from gpusim.gpu.buffer import Buffer, RealBuffer, SplitBuffer
 from gpusim.gpu.device import PORTABLE_LIMITS, Device, default_device
 from gpusim.gpu.kernel import Bindings, Kernel
@@ -16,6 +17,7 @@ __all__ = [
     "PORTABLE_LIMITS",
     "TOLERANCES",
     "Bindings",
+    "Bound",
     "Buffer",
     "Device",
     "Kernel",

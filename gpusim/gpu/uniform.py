@@ -37,6 +37,12 @@ class Uniform:
             self._buffers[dtype] = self.device.transfer.create(self.label, size, data, uniform=True)
         return self._buffers[dtype]
 
+    def update(self, values: Any) -> None:
+        """Other values from the next submit on."""
+        self.values = values
+        for dtype, gpu in self._buffers.items():
+            self.device.transfer.write(gpu, pack(values, dtype, self.label), 0)
+
 
 def pack(values: dict[str, Any], dtype: np.dtype[np.void], where: str) -> npt.NDArray[np.void]:
     """A dict as one WGSL struct; every member must be given, none may be unknown.

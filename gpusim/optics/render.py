@@ -28,7 +28,7 @@ from gpusim.optics.scatter import write_pixels
 from gpusim.optics.seen import small_triangles
 from gpusim.optics.setup import Setup
 from gpusim.optics.shade import ShadePass, shade_twin
-from gpusim.optics.shadow import ShadowPass
+from gpusim.optics.shadow_pass import ShadowPass
 from gpusim.optics.sight import Sight
 from gpusim.optics.speckled import may_be_speckled
 from gpusim.optics.speckled_layer import likely_speckled
@@ -298,7 +298,7 @@ def _draw(
                 shade_pass.record(recording, radiance, row0, count)
             begun = None
             if shadow_pass is not None and shade_pass.marks is not None:
-                recording.begin("optics.shadow")
+                recording.begin("optics.shadow_pass")
                 shadow_pass.record(recording, shade_pass.marks, radiance, row0, count, stride)
             if not bands and edge_pass is not None:
                 # before anything else is submitted that one would wait for as well

@@ -52,7 +52,7 @@ class ShadePass:
     a plain wall must not pay for the pattern on a marker. ``by_pixel``: whether pixels are shaded
     once their triangle is known (`gpusim.optics.seen`); None decides by the triangles' size.
     ``sight``: the pixels' triangles, where they are found already. ``marked``: whether pixels are
-    marked for `gpusim.optics.shadow`; None where there are shadows.
+    marked for `gpusim.optics.shadow_pass`; None where there are shadows.
     """
 
     def __init__(

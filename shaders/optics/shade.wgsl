@@ -127,7 +127,7 @@ fn shade_inside(in: Varying) -> vec3f {
     return shade(t, paint, lattice, vec2i(floor(in.position.xy)));
 }
 
-// For views with shadows: marks what shadow.wgsl needs to know of each pixel, its triangle alone
+// For views with shadows: marks what shadow_pass.wgsl needs to know of each pixel, its triangle alone
 // where all is matte.
 struct Marked {
     @location(0) radiance: f32,

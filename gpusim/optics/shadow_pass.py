@@ -75,7 +75,7 @@ class ShadowPass:
             constants = setup.light_constants(glossy, bool(setup.bumpy.any()))
             constants["scaled"] = 0.0 if setup.shiny.any() else 1.0 if self.dark else 2.0
             constants["whole"] = float(whole)
-            kernel = self.tables.device.kernel("optics/shadow", constants=constants)
+            kernel = self.tables.device.kernel("optics/shadow_pass", constants=constants)
             bindings = kernel.bind(
                 params={
                     "rays": self.tables.rays(),
@@ -96,7 +96,7 @@ class ShadowPass:
             recording.dispatch(kernel, bindings, groups=(across, -(-int(last - first) // across)))
 
 
-@twin_check("optics/shadow")
+@twin_check("optics/shadow_pass")
 def _check(device: Device) -> None:
     for matte in (False, True):
         for early in (False, True):
@@ -112,7 +112,7 @@ def _compare(device: Device, setup: Setup, early: bool) -> None:
     shading, shadows = ShadePass(before, camera.height, marked=True), ShadowPass(tables, early)
     assert shading.marks is not None
     out = device.empty(4 * shading.stride * camera.height, "shadow.out")
-    with device.recording("optics.shadow") as recording:
+    with device.recording("optics.shadow_pass") as recording:
         shading.record(recording, out, 0, camera.height)
         shadows.record(recording, shading.marks, out, 0, camera.height, shading.stride)
     got = out.read(np.float32, (camera.height, shading.stride))[:, : camera.width]
@@ -124,4 +124,6 @@ def _compare(device: Device, setup: Setup, early: bool) -> None:
     inside[bin_edges(setup.view).pixel] = False
     # one sample of 512 may fall to the other side of an outline
     atol = 2.5 / 512 * float(want.max())
-    compare("optics/shadow", got.reshape(-1)[inside], want.reshape(-1)[inside], "pixel", atol=atol)
+    compare(
+        "optics/shadow_pass", got.reshape(-1)[inside], want.reshape(-1)[inside], "pixel", atol=atol
+    )

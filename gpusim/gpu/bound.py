@@ -1,0 +1,54 @@
+"""Values that many programs bind: bindings are made once for each program, and used again."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from gpusim.errors import InputError
+from gpusim.gpu.buffer import Buffer
+from gpusim.gpu.kernel import Bindings, Kernel
+
+if TYPE_CHECKING:
+    from gpusim.gpu.device import Device
+    from gpusim.gpu.recording import Recording
+
+__all__ = ["Bound"]
+
+
+class Bound:
+    """``values`` by their WGSL names, of which each program takes those that it uses."""
+
+    def __init__(self, device: Device, values: dict[str, Any]) -> None:
+        self._device, self._values = device, values
+        self._made: dict[tuple[object, ...], tuple[Kernel, Bindings]] = {}
+
+    def run(
+        self,
+        recording: Recording,
+        name: str,
+        entry: str = "main",
+        constants: dict[str, float] | None = None,
+        *,
+        threads: tuple[int, ...] | None = None,
+        groups: tuple[int, ...] | None = None,
+        counted: Buffer | None = None,
+    ) -> None:
+        """Run a program over ``threads``, over ``groups``, or over as many groups as the device
+        finds in ``counted`` (`Recording.dispatch_counted`).
+
+        Raises
+        ------
+        InputError
+            None of the sizes is given, or a value is missing that the program uses.
+        """
+        key = name, entry, tuple(sorted((constants or {}).items()))
+        if key not in self._made:
+            kernel = self._device.kernel(name, entry, constants)
+            self._made[key] = kernel, kernel.bind_used(**self._values)
+        kernel, bindings = self._made[key]
+        if counted is not None:
+            if threads is not None or groups is not None:
+                raise InputError(f"running {kernel.name}: give threads, groups or counted")
+            recording.dispatch_counted(kernel, bindings, counted)
+        else:
+            recording.dispatch(kernel, bindings, threads=threads, groups=groups)

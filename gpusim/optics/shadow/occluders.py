@@ -1,0 +1,161 @@
+"""Occluders: the triangles of all surfaces in Morton order, and what lies across their edges.
+
+Both stay while vertices move, and so does the tree over them, whose boxes are fitted again for each
+lamp (Karras, "Maximizing parallelism in the construction of BVHs, octrees, and k-d trees", 2012,
+without his search for splits: the tree halves the order).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import InputError
+from gpusim.gpu import Device, Texels
+from gpusim.surface.surface import Surface
+from gpusim.surface.topology import Topology
+
+__all__ = ["NOBODY", "DeviceOccluders", "Occluders", "relative_points"]
+
+Array = npt.NDArray[np.float64]
+Numbers = npt.NDArray[np.int64]
+
+NOBODY = 0xFFFFFFFF
+"""What lies across an edge that isn't shared by two triangles, one each way."""
+
+MORTON_BITS = 16
+
+
+@dataclass(frozen=True, eq=False)
+class Occluders:
+    """Triangles of surfaces, one after the other in Morton order.
+
+    ``triangles`` (T, 3): vertices, those of all surfaces in order. ``neighbours`` (T, 3) uint32:
+    triangle across the edge from each corner to the next, or `NOBODY`. ``open`` (T,): of surfaces
+    that aren't closed, of which both sides hide. ``rank`` (T,): place in this order of each
+    triangle of all surfaces.
+    """
+
+    triangles: Numbers
+    neighbours: npt.NDArray[np.uint32]
+    open: npt.NDArray[np.bool_]
+    rank: Numbers
+
+    @staticmethod
+    def of(surfaces: Sequence[Surface]) -> Occluders:
+        """In the order of where the triangles are now.
+
+        Raises
+        ------
+        InputError
+            No triangle at all.
+        """
+        triangles, neighbours, is_open = [], [], []
+        vertex = first = 0
+        for surface in surfaces:
+            topology = surface.topology
+            count = len(topology.triangles)
+            across = _across(topology)
+            triangles.append(np.ascontiguousarray(topology.triangles) + vertex)
+            neighbours.append(np.where(across >= 0, across + first, -1))
+            is_open.append(np.full(count, not topology.closed))
+            vertex += len(surface.points)
+            first += count
+        if not first:
+            raise InputError("shadows occluders; got no triangles; expected one at least")
+        every = np.concatenate(triangles)
+        points = np.concatenate([surface.points for surface in surfaces])
+        order = np.argsort(_morton_codes(points[every].mean(axis=1)), kind="stable")
+        rank = np.empty(first, np.int64)
+        rank[order] = np.arange(first)
+        beside = np.concatenate(neighbours)[order]
+        return Occluders(
+            every[order], np.where(beside >= 0, rank[beside], NOBODY).astype(np.uint32),
+            np.concatenate(is_open)[order], rank,
+        )  # fmt: skip
+
+    @property
+    def count(self) -> int:
+        """Number of triangles."""
+        return len(self.triangles)
+
+    @property
+    def leaves(self) -> int:
+        """Number of the tree's leaves, a power of two, 128 at least: seven levels are one step."""
+        return 1 << max((self.count - 1).bit_length(), 7)
+
+
+def relative_points(surfaces: Sequence[Surface], eye: Array) -> npt.NDArray[np.float32]:
+    """(V, 4): vertices of all surfaces relative to the ``eye``, subtracted in float64."""
+    result = np.zeros((sum(len(surface.points) for surface in surfaces), 4), np.float32)
+    first = 0
+    for surface in surfaces:
+        last = first + len(surface.points)
+        np.subtract(surface.points, eye, out=result[first:last, :3], casting="same_kind")
+        first = last
+    return result
+
+
+def _across(topology: Topology) -> Numbers:
+    """(T, 3): see `Occluders.neighbours`, -1 for none."""
+    own = np.arange(len(topology.triangles))[:, None]
+    edge = topology.edge
+    first, second = topology.first[edge], topology.second[edge]
+    # neighbours run along their edge opposite ways
+    begin = np.asarray(topology.triangles)
+    forth = np.empty(len(topology.first), np.int64)
+    back = np.empty(len(topology.first), np.int64)
+    is_first = first == own
+    forth[edge[is_first]] = begin[is_first]
+    back[edge[~is_first]] = begin[~is_first]
+    shared = topology.manifold & (topology.first != topology.second)
+    shared[shared] = forth[shared] != back[shared]
+    return np.where(shared[edge], np.where(is_first, second, first), -1)
+
+
+def _morton_codes(places: Array) -> npt.NDArray[np.uint64]:
+    """(n,): bits of x, y and z of ``places`` (n, 3) in turn."""
+    low = places.min(axis=0)
+    size = max(float((places.max(axis=0) - low).max()), 1e-300)
+    cell = ((places - low) / size * ((1 << MORTON_BITS) - 1)).astype(np.uint64)
+    masks = (0x1F0000FF0000FF, 0x100F00F00F00F00F, 0x10C30C30C30C30C3, 0x1249249249249249)
+    for shift, mask in zip((16, 8, 4, 2), masks, strict=True):
+        cell = (cell | (cell << np.uint64(shift))) & np.uint64(mask)
+    result: npt.NDArray[np.uint64] = (
+        cell[:, 0] | cell[:, 1] << np.uint64(1) | cell[:, 2] << np.uint64(2)
+    )
+    return result
+
+
+class DeviceOccluders:
+    """`Occluders` on a device, and where their vertices are now."""
+
+    def __init__(self, device: Device, occluders: Occluders) -> None:
+        self.device, self.occluders = device, occluders
+        count, leaves = occluders.count, occluders.leaves
+        corners = np.zeros((count, 4), np.uint32)
+        corners[:, :3], corners[:, 3] = occluders.triangles, occluders.open
+        beside = np.full((count, 4), NOBODY, np.uint32)
+        beside[:, :3] = occluders.neighbours
+        vertices = int(occluders.triangles.max()) + 1
+        self.triangles = device.buffer(corners, "shadow.triangles")
+        self.vertices = device.empty(16 * vertices, "shadow.vertices")
+        self.neighbours = device.texels(count, "rgba32uint", "shadow.neighbours")
+        self.neighbours.write(beside)
+        self.records: Texels = device.texels(4 * count, "rgba32float", "shadow.occluders")
+        self.boxes = device.empty(64 * leaves, "shadow.boxes")
+        self.nodes: Texels = device.texels(4 * leaves, "rgba32float", "shadow.nodes")
+        self.moved = False
+
+    def move(self, points: npt.NDArray[np.float32]) -> None:
+        """Put the vertices at ``points`` (V, 4), relative to the eye; w is nothing."""
+        used = self.vertices.nbytes // 16
+        if len(points) < used or points.shape[1:] != (4,):
+            raise InputError(
+                f"shadows vertices; got shape {points.shape}; expected ({used}, 4) at least"
+            )
+        self.vertices.write(points[:used])
+        self.moved = True

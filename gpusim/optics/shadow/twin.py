@@ -1,0 +1,184 @@
+"""What is seen of lamps, receiver by receiver and occluder by occluder, without a tree.
+
+This says what is true, not how it is found: a sample of a lamp is hidden by an occluder that the
+way to it enters from outside (of closed bodies) or passes through (of open surfaces). Where an
+occluder's plane passes through the pixel itself, `gpusim.optics.occlusion` says what counts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.optics.emitters import Lamp
+from gpusim.optics.occlusion import (
+    AGAINST,
+    BESIDE,
+    COLUMNS,
+    ROWS,
+    STEP_A,
+    STEP_B,
+    TOLERANCE,
+    lamp_masks,
+    lattice,
+)
+from gpusim.optics.shadow.light_space import LightSpace
+from gpusim.optics.shadow.occluders import Occluders
+from gpusim.optics.shadow.receivers import Receivers
+from gpusim.optics.shadow.refit import planes_of
+
+__all__ = ["Aspects", "aspects", "lamp_numbers", "looked_from", "shares_twin"]
+
+Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+Numbers = npt.NDArray[np.int64]
+
+PAIRS = 1 << 16
+"""Of receivers and occluders at a time."""
+
+
+def lamp_numbers(spaces: Sequence[LightSpace]) -> list[int]:
+    """The lamps that ``spaces`` are of, ascending."""
+    return sorted({space.number for space in spaces})
+
+
+def shares_twin(
+    occluders: Occluders, points: Array, spaces: Sequence[LightSpace], receivers: Receivers
+) -> Array:
+    """(n, L): what receivers see of each lamp that ``spaces`` are of, 0 where they don't ask;
+    ``points`` (V, 3) relative to the eye."""
+    corners = points[occluders.triangles]
+    planes = planes_of(corners)
+    numbers = lamp_numbers(spaces)
+    result = np.zeros((len(receivers.at), len(numbers)))
+    for column, number in enumerate(numbers):
+        own = [space for space in spaces if space.number == number]
+        asks = np.any([v.asks(receivers.at, receivers.normal) for v in own], axis=0)
+        lamp, masks = own[0].lamp, lamp_masks(own[0].lamp)
+        total = np.bitwise_count(masks).sum()
+        step = max(PAIRS // occluders.count, 1)
+        asking = np.flatnonzero(asks)
+        for start in range(0, len(asking), step):
+            rows = asking[start : start + step]
+            row = np.repeat(rows, occluders.count)
+            face = np.tile(np.arange(occluders.count), len(rows))
+            pairs = receivers[row]
+            seen = aspects(
+                lamp, pairs, corners[face], planes[face], occluders.open[face],
+                looked_from(occluders, corners, pairs, face),
+            )  # fmt: skip
+            some = np.flatnonzero(seen.may_hide)
+            covered = np.zeros((len(rows), ROWS), np.uint32)
+            np.bitwise_or.at(covered, some // occluders.count, seen.hidden(lamp, some))
+            result[rows, column] = np.bitwise_count(masks & ~covered).sum(axis=1) / total
+    return result
+
+
+def looked_from(occluders: Occluders, corners: Array, receivers: Receivers, face: Numbers) -> Array:
+    """(P,): how much of their pixels ``receivers`` look from past occluders ``face`` (P,): all (1),
+    or what lies within the open triangle that they are part of, where an occluder touches that;
+    ``corners`` (T, 3, 3) of all."""
+    on = np.maximum(receivers.on, 0)
+    own, other = occluders.triangles[on], occluders.triangles[face]
+    rows = np.flatnonzero((own[:, :, None] == other[:, None]).any(axis=(1, 2)))
+    rows = rows[(receivers.on[rows] >= 0) & occluders.open[on[rows]]]
+    triangle = corners[on[rows]]
+    normal = np.cross(triangle[:, 1] - triangle[:, 0], triangle[:, 2] - triangle[:, 0])
+    within = np.ones(len(rows))
+    for k in range(3):
+        inwards = np.cross(normal, triangle[:, (k + 1) % 3] - triangle[:, k])
+        extent = np.abs(_dot(receivers.across[rows], inwards))
+        extent = 0.5 * (extent + np.abs(_dot(receivers.down[rows], inwards)))
+        inside = _dot(receivers.at[rows] - triangle[:, k], inwards)
+        within = np.minimum(within, np.clip(inside / np.maximum(extent, 1e-30), 0.0, 1.0))
+    result = np.ones(len(face))
+    result[rows] = within
+    return result
+
+
+@dataclass(frozen=True, eq=False)
+class Aspects:
+    """Pairs of receivers and occluders: ``edges`` (4, 5, P): the functions of the lamp that have to
+    be positive, their value in its middle and what they change by per a, b, and pixel in x and y;
+    ``may_hide`` (P,): whether some samples may be behind the occluder."""
+
+    edges: Array
+    may_hide: Flags
+
+    def hidden(self, lamp: Lamp, some: Numbers) -> npt.NDArray[np.uint32]:
+        """(n, 16) words: the samples that occluders hide, of pairs ``some`` (n,)."""
+        rows = lattice().T
+        result = np.full((len(some), ROWS), 0xFFFFFFFF, np.uint32)
+        for value, a, b, gx, gy in self.edges[:, :, some]:
+            if not lamp.extended:
+                # the whole lattice is for the pixel
+                a, b, gx, gy = 0.5 * gx, 0.5 * gy, np.zeros_like(gx), np.zeros_like(gy)
+            sign = rows[3] if lamp.extended else np.ones(ROWS)
+            along = sign * a[:, None] + 0.5 * gy[:, None]
+            first = value[:, None] + rows[0] * along + rows[1] * b[:, None] + rows[2] * gx[:, None]
+            slope = STEP_A * along + STEP_B * b[:, None]
+            cut = np.where(slope != 0.0, -first / np.where(slope != 0.0, slope, 1.0), 0.0)
+            # before the cut all are outside of an edge that rises
+            count = np.ceil(np.clip(cut, 0.0, COLUMNS)).astype(np.uint64)
+            before = ((np.uint64(1) << count) - np.uint64(1)).astype(np.uint32)
+            inside = np.where(slope > 0.0, ~before, before)
+            level = np.where(first >= 0.0, np.uint32(0xFFFFFFFF), np.uint32(0))
+            result &= np.where(slope == 0.0, level, inside)
+        return result
+
+
+def aspects(
+    lamp: Lamp,
+    receivers: Receivers,
+    corners: Array,
+    planes: Array,
+    is_open: Flags,
+    looks_from: Array,
+) -> Aspects:
+    """How ``receivers`` see occluders, pair by pair: ``corners`` (P, 3, 3), their ``planes``
+    (P, 4), and how much of the pixel each ``looks_from`` (P,) past them."""
+    near = 0.0 if lamp.far else 1.0
+    at, across, down, looks = receivers.at, receivers.across, receivers.down, receivers.normal
+    to = lamp.centre - near * at
+    tolerance = TOLERANCE * np.linalg.norm(at, axis=1)
+    normal = planes[:, :3]
+    height = planes[:, 3] - _dot(normal, at)
+    turned = _dot(normal, looks)
+    against = ~is_open & (np.abs(height) <= tolerance) & (turned < AGAINST)
+    side = np.where((height > 0.0) & ~against, 1.0, -1.0)
+    apart = side * (_dot(normal, to) - near * height)
+    counts = (np.where(is_open, np.abs(height), -height) > tolerance) | against
+    counts &= apart + np.abs(normal @ lamp.u) + np.abs(normal @ lamp.v) > 0.0
+    passes = np.abs(height) < np.abs(_dot(normal, across)) + np.abs(_dot(normal, down))
+    over = np.cross(across, down)
+    over *= np.where(_dot(over, looks) > 0.0, 1.0, -1.0)[:, None]
+    whole = _dot(over, to) > np.abs(over @ lamp.u) + np.abs(over @ lamp.v)
+    level = np.where(whole, tolerance * np.linalg.norm(over, axis=1), -np.inf)
+    D = corners - at[:, None]
+    rises = (np.einsum("pka,pa->pk", D, to) > 0.0).any(axis=1)
+    rises &= np.einsum("pka,pa->pk", D, over).max(axis=1) > level
+    counts &= ~passes | against | rises
+    moves = np.where(is_open, looks_from, 1.0)
+    moves[is_open & passes & (np.abs(turned) > BESIDE)] = 0.0
+    edges = np.zeros((4, 5, len(at)))
+    most = np.full(len(at), np.inf)
+    for k in range(3):
+        begin, end = D[:, k], D[:, (k + 1) % 3]
+        plane = side[:, None] * np.cross(begin, end)
+        change = np.cross(to, side[:, None] * (end - begin)) - near * plane
+        edges[k] = (
+            _dot(plane, to), plane @ lamp.u, plane @ lamp.v,
+            moves * _dot(change, across), moves * _dot(change, down),
+        )  # fmt: skip
+        extent = np.abs(edges[k, 1:3]).sum(axis=0) + 0.5 * np.abs(edges[k, 3:]).sum(axis=0)
+        most = np.minimum(most, edges[k, 0] + extent)
+    # only samples beyond the occluder's plane: it may go on behind the lamp
+    edges[3, :3] = apart, side * (normal @ lamp.u), side * (normal @ lamp.v)
+    return Aspects(edges, counts & (most >= 0.0))
+
+
+def _dot(a: Array, b: Array) -> Array:
+    return np.asarray(np.einsum("pa,pa->p", a, b))

@@ -1,0 +1,29 @@
+// Lists of each entry in chunks of a pool: 31 words, and the number of the chunk that goes on. Which
+// chunks a list has depends on the order of work, what it holds doesn't.
+const LENGTH: u32 = 31u;
+const CHUNK: u32 = 32u;
+
+@group(0) @binding(20) var<storage, read_write> pool: array<u32>;
+// occluders that are looked at alone: first chunk, number; ends of what hides as a whole: first chunk,
+// number, and CROSSES if some of them may cross the lamp
+@group(0) @binding(21) var<storage, read_write> heads: array<vec4u>;
+const CROSSES: u32 = 0x80000000u;
+// an end is an edge: 4 x triangle + place among its edges, and TURNED if it is wound the other way
+const TURNED: u32 = 0x80000000u;
+// entries to refine, then from the middle on those in penumbra
+@group(0) @binding(22) var<storage, read_write> work: array<u32>;
+// chunks taken, entries to refine, entries in penumbra, and what has been passed: nodes, occluders
+// alone, edges; then of penumbrae: these two
+@group(0) @binding(23) var<storage, read_write> counters: array<atomic<u32>>;
+const TAKEN: u32 = 0u;
+const REFINED: u32 = 1u;
+const PENUMBRA: u32 = 2u;
+const VISITED: u32 = 3u;
+const SINGLES: u32 = 4u;
+const EDGES: u32 = 5u;
+
+// per entry: 0 it sees all of the lamp, 1 none, 2 in part
+@group(0) @binding(24) var<storage, read_write> states: array<u32>;
+const LIT: u32 = 0u;
+const UMBRA: u32 = 1u;
+const HALF: u32 = 2u;

@@ -1,0 +1,65 @@
+// Drops single occluders that hide nothing from any pixel of a tile. A workgroup per entry.
+// The NumPy form is gpusim/optics/shadow/refine.py.
+#import optics/shadow/alone
+#import optics/shadow/lists
+
+@group(0) @binding(14) var<storage, read> groups_of: array<vec4f>;
+
+const WORDS: u32 = 64u;
+var<workgroup> keep: array<atomic<u32>, WORDS>;
+
+@compute @workgroup_size(8, 8)
+fn main(
+    @builtin(local_invocation_id) local: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+) {
+    let number = group.y * groups.x + group.x;
+    if (number >= atomicLoad(&counters[REFINED])) { return; }
+    atomicStore(&keep[lane], 0u);
+    workgroupBarrier();
+    let entry = work[number];
+    let head = heads[entry];
+    let r = pixel_receiver(tile_pixel(entry, local.xy));
+    let farther = r.depth > groups_of[3u * entry + 1u].z;
+    let asks = r.asks && farther == (entry >= receivers.groups);
+    let k = looking(r);
+    // longer lists than there are bits for keep the rest
+    let looked = min(head.y, WORDS * LENGTH);
+    var chunk = head.x;
+    var bits = 0u;
+    var i = 0u;
+    loop {
+        if (i >= looked) { break; }
+        let place = i % LENGTH;
+        if (asks) {
+            let o = occluder(pool[CHUNK * chunk + place]);
+            bits |= select(0u, 1u << place, may_hide(r, k, o, aspect(r, k, o)));
+        }
+        i++;
+        if (i % LENGTH == 0u || i >= looked) {
+            if (bits != 0u) { atomicOr(&keep[(i - 1u) / LENGTH], bits); }
+            bits = 0u;
+            if (i < looked) { chunk = pool[CHUNK * chunk + LENGTH]; }
+        }
+    }
+    workgroupBarrier();
+    if (lane != 0u) { return; }
+    var source = head.x;
+    var into = head.x;
+    var kept = 0u;
+    for (var j = 0u; j < head.y; j++) {
+        if (j >= looked || (atomicLoad(&keep[j / LENGTH]) >> (j % LENGTH) & 1u) == 1u) {
+            if (kept > 0u && kept % LENGTH == 0u) { into = pool[CHUNK * into + LENGTH]; }
+            pool[CHUNK * into + kept % LENGTH] = pool[CHUNK * source + j % LENGTH];
+            kept++;
+        }
+        if (j % LENGTH == LENGTH - 1u && j + 1u < head.y) { source = pool[CHUNK * source + LENGTH]; }
+    }
+    heads[entry].y = kept;
+    if (kept > 0u || (head.w & CROSSES) != 0u) {
+        states[entry] = HALF;
+        work[2u * receivers.groups + atomicAdd(&counters[PENUMBRA], 1u)] = entry;
+    }
+}
