@@ -294,7 +294,7 @@ def test_pixels_across_the_facets_of_a_bent_open_sheet_are_lit(
 
 
 def test_the_shader_has_the_lattice_of_the_twin() -> None:
-    source = (shader_folder() / "common/occlusion.wgsl").read_text(encoding="utf-8")
+    source = (shader_folder() / "common/lamp_samples.wgsl").read_text(encoding="utf-8")
     numbers = re.findall(r"\((vec4f\([^)]*\)) \+ ([0-9.]+)\) / ([0-9.]+) - ([0-9.]+),", source)
     rows = [
         (np.fromstring(row[6:-1], sep=",") + float(more)) / float(by) - float(less)
