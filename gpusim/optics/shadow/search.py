@@ -26,7 +26,7 @@ __all__ = ["HALF", "LIT", "UMBRA", "Search"]
 LIT, UMBRA, HALF = range(3)
 """What an entry sees of a lamp."""
 
-COUNTERS = ("taken", "refined", "penumbra", "visited", "singles", "edges")
+COUNTERS = ("taken", "refined", "penumbra")
 
 CHUNK = 128
 """Bytes of a chunk of the pool."""

@@ -12,15 +12,11 @@ const CROSSES: u32 = 0x80000000u;
 const TURNED: u32 = 0x80000000u;
 // entries to refine, then from the middle on those in penumbra
 @group(0) @binding(22) var<storage, read_write> work: array<u32>;
-// chunks taken, entries to refine, entries in penumbra, and what has been passed: nodes, occluders
-// alone, edges; then of penumbrae: these two
+// chunks taken, entries to refine, entries in penumbra
 @group(0) @binding(23) var<storage, read_write> counters: array<atomic<u32>>;
 const TAKEN: u32 = 0u;
 const REFINED: u32 = 1u;
 const PENUMBRA: u32 = 2u;
-const VISITED: u32 = 3u;
-const SINGLES: u32 = 4u;
-const EDGES: u32 = 5u;
 
 // per entry: 0 it sees all of the lamp, 1 none, 2 in part
 @group(0) @binding(24) var<storage, read_write> states: array<u32>;

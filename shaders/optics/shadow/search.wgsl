@@ -13,81 +13,97 @@
 @group(0) @binding(26) var<storage, read_write> refine_groups: array<u32>;
 @group(0) @binding(27) var<storage, read_write> mask_groups: array<u32>;
 
-// The next chunk of a list; none, 0, where the pool is used up, which is counted on.
-fn grown(last: u32) -> u32 {
-    let next = atomicAdd(&counters[TAKEN], 1u) + 1u;
-    if (next >= receivers.capacity) { return 0u; }
-    if (last != 0u) { pool[CHUNK * last + LENGTH] = next; }
-    return next;
+// A list while it grows: its first and its last chunk. Where the pool is used up its words go to the
+// chunk 0, which nobody reads, and what is missing is counted on.
+struct List { first: u32, last: u32, count: u32 }
+fn appended(list: List, word: u32) -> List {
+    var grown = list;
+    if (list.count % LENGTH == 0u) {
+        let next = atomicAdd(&counters[TAKEN], 1u) + 1u;
+        grown.last = select(0u, next, next < receivers.capacity);
+        if (list.count == 0u) { grown.first = grown.last; }
+        else if (grown.last != 0u) { pool[CHUNK * list.last + LENGTH] = grown.last; }
+    }
+    pool[CHUNK * grown.last + list.count % LENGTH] = word;
+    grown.count++;
+    return grown;
 }
 
-fn search(entry: u32) {
+// The node that follows in depth-first order what is below node i: the root, 1, in the end.
+fn after(i: u32) -> u32 { return (i + 1u) >> countTrailingZeros(i + 1u); }
+
+// The first leaf from node `start` on that rays meet and that isn't skipped as part of what is in the
+// shaft as a whole; the root if there is none. A loop of its own: neighbouring lanes step until all
+// have a leaf, and what is done with leaves isn't done at every node.
+fn next_leaf(t: Shaft, start: u32) -> u32 {
+    var i = start;
+    loop {
+        let met = meets_node(t, node_at(i));
+        let down = met.x && !met.y;
+        let found = down && i >= receivers.leaves;
+        i = select(select(after(i), 2u * i, down), i, found);
+        if (found || i == 1u) { break; }
+    }
+    return i;
+}
+
+// What hides the lamp: lists of single occluders and of ends, whether some of these may cross it, and
+// how often they turn about its middle, seen from that of the receivers.
+struct Found { alone: List, ends: List, crosses: bool, turns: i32 }
+fn is_half(f: Found) -> bool { return f.crosses || f.alone.count > 0u; }
+fn plain_state(f: Found) -> u32 { return select(LIT, UMBRA, f.turns != 0); }
+
+// With `lists` all of it, else until it is known that the lamp may be seen in part.
+fn search(t: Shaft, lists: bool) -> Found {
+    var f = Found();
+    var i = 0u;
+    loop {
+        i = next_leaf(t, after(i));
+        if (i == 1u) { break; }
+        let face = i - receivers.leaves;
+        let own = role(t, node_at(i), face);
+        if (own == ALONE) {
+            if (lists) { f.alone = appended(f.alone, face); } else { f.alone.count = 1u; }
+        }
+        if (own == HIDES || own == HIDES_TURNED) {
+            let next = textureLoad(neighbours, texel(face));
+            for (var k = 0u; k < 3u; k++) {
+                let border = border_at(t, face, next[k], k, own);
+                f.turns += border.turn;
+                f.crosses = f.crosses || border.state == 2u;
+                if (lists && border.state != 0u) {
+                    f.ends = appended(f.ends, 4u * face + k + select(0u, TURNED, own == HIDES_TURNED));
+                }
+            }
+        }
+        if (!lists && is_half(f)) { break; }
+    }
+    return f;
+}
+
+fn fill(entry: u32) {
     let t = shaft_of_entry(entry);
     states[entry] = LIT;
     heads[entry] = vec4u(0u);
     if (t.low.z > t.high.z) { return; }
-    var head = vec4u(0u);
-    var last = vec2u(0u);
-    var crosses = 0u;
-    var turns = 0;
-    var visited = 0u;
-    var i = 1u;
-    loop {
-        let n = node_at(i);
-        let met = meets_node(t, n);
-        var down = met.x && !met.y;
-        visited++;
-        if (down && i >= receivers.leaves) {
-            let face = i - receivers.leaves;
-            let own = role(t, n, face);
-            if (own == ALONE) {
-                if (head.y % LENGTH == 0u) {
-                    last.x = grown(last.x);
-                    if (head.y == 0u) { head.x = last.x; }
-                }
-                pool[CHUNK * last.x + head.y % LENGTH] = face;
-                head.y++;
-            }
-            if (own == HIDES || own == HIDES_TURNED) {
-                let next = textureLoad(neighbours, texel(face));
-                for (var k = 0u; k < 3u; k++) {
-                    let border = border_at(t, face, next[k], k, own);
-                    turns += border.turn;
-                    if (border.state == 0u) { continue; }
-                    crosses |= select(0u, CROSSES, border.state == 2u);
-                    if (head.w % LENGTH == 0u) {
-                        last.y = grown(last.y);
-                        if (head.w == 0u) { head.z = last.y; }
-                    }
-                    pool[CHUNK * last.y + head.w % LENGTH] = 4u * face + k
-                        + select(0u, TURNED, own == HIDES_TURNED);
-                    head.w++;
-                }
-            }
-            down = false;
-        }
-        if (down) { i = 2u * i; } else { i = (i + 1u) >> countTrailingZeros(i + 1u); }
-        if (i <= 1u) { break; }
-    }
-    heads[entry] = vec4u(head.xyz, head.w | crosses);
-    atomicAdd(&counters[VISITED], visited);
-    atomicAdd(&counters[SINGLES], head.y);
-    atomicAdd(&counters[EDGES], head.w);
-    var state = select(LIT, UMBRA, turns != 0);
+    let f = search(t, true);
+    heads[entry] = vec4u(
+        f.alone.first, f.alone.count, f.ends.first, f.ends.count | select(0u, CROSSES, f.crosses),
+    );
+    states[entry] = select(plain_state(f), HALF, is_half(f));
     // a piece by itself is looked at once: there is nothing to refine for others
-    if (head.y > 0u && listed == 0u) {
+    if (f.alone.count > 0u && listed == 0u) {
+        states[entry] = plain_state(f);
         work[atomicAdd(&counters[REFINED], 1u)] = entry;
-    } else if (head.y > 0u || crosses != 0u) {
-        state = HALF;
+    } else if (is_half(f)) {
         work[2u * receivers.groups + atomicAdd(&counters[PENUMBRA], 1u)] = entry;
     }
-    states[entry] = state;
 }
 
 @compute @workgroup_size(64)
 fn pieces_alone(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let i = linear_id(gid, groups, 64u);
-    if (i < receivers.groups) { search(i); }
+    if (i < receivers.groups) { fill(i); }
 }
 
 fn coarse_size() -> vec2u {
@@ -112,7 +128,7 @@ fn tiles_of_pixels(
     let entry = at.y * receivers.columns + at.x + farther * receivers.groups;
     if (at.x >= receivers.columns || at.y * receivers.columns >= receivers.groups) { return; }
     let state = coarse[2u * ((at.y >> 2u) * coarse_size().x + (at.x >> 2u)) + farther];
-    if (state == HALF) { search(entry); return; }
+    if (state == HALF) { fill(entry); return; }
     heads[entry] = vec4u(0u);
     states[entry] = state;
 }
@@ -153,33 +169,8 @@ fn coarse_tiles(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgrou
     let t = shaft_of_tiles(4u * vec2u(place % size.x, place / size.x), id & 1u);
     coarse[id] = LIT;
     if (t.low.z > t.high.z) { return; }
-    var turns = 0;
-    var found = LIT;
-    var i = 1u;
-    loop {
-        let n = node_at(i);
-        let met = meets_node(t, n);
-        var down = met.x && !met.y;
-        if (down && i >= receivers.leaves) {
-            let face = i - receivers.leaves;
-            let own = role(t, n, face);
-            if (own == ALONE) { found = HALF; break; }
-            if (own == HIDES || own == HIDES_TURNED) {
-                let next = textureLoad(neighbours, texel(face));
-                for (var k = 0u; k < 3u; k++) {
-                    let border = border_at(t, face, next[k], k, own);
-                    turns += border.turn;
-                    if (border.state == 2u) { found = HALF; }
-                }
-                if (found == HALF) { break; }
-            }
-            down = false;
-        }
-        if (down) { i = 2u * i; } else { i = (i + 1u) >> countTrailingZeros(i + 1u); }
-        if (i <= 1u) { break; }
-    }
-    if (found == LIT && turns != 0) { found = UMBRA; }
-    coarse[id] = found;
+    let f = search(t, false);
+    coarse[id] = select(plain_state(f), HALF, is_half(f));
 }
 
 // Of so many workgroups, as many as one dimension takes and the rows of these; none where lists are
