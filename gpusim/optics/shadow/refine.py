@@ -73,7 +73,7 @@ def _check(device: Device) -> None:
         row, own_face = order[first[pair] + offset], face[pair]
         seen = aspects(
             space.lamp, own[row], corners[own_face], planes[own_face], occluders.open[own_face],
-            looked_from(occluders, corners, own[row], own_face),
+            looked_from(space.lamp, occluders, corners, own[row], own_face),
         )  # fmt: skip
         want = np.zeros(len(entry), bool)
         hides = np.flatnonzero(seen.may_hide)

@@ -36,6 +36,9 @@ Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 Numbers = npt.NDArray[np.int64]
 
+BEYOND = 1e-5
+"""Sine by which what lies beyond an edge may overlap it from rounding."""
+
 PAIRS = 1 << 16
 """Of receivers and occluders at a time."""
 
@@ -68,7 +71,7 @@ def shares_twin(
             pairs = receivers[row]
             seen = aspects(
                 lamp, pairs, corners[face], planes[face], occluders.open[face],
-                looked_from(occluders, corners, pairs, face),
+                looked_from(lamp, occluders, corners, pairs, face),
             )  # fmt: skip
             some = np.flatnonzero(seen.may_hide)
             covered = np.zeros((len(rows), ROWS), np.uint32)
@@ -77,25 +80,50 @@ def shares_twin(
     return result
 
 
-def looked_from(occluders: Occluders, corners: Array, receivers: Receivers, face: Numbers) -> Array:
-    """(P,): how much of their pixels ``receivers`` look from past occluders ``face`` (P,): all (1),
-    or what lies within the open triangle that they are part of, where an occluder touches that;
-    ``corners`` (T, 3, 3) of all."""
+def looked_from(
+    lamp: Lamp, occluders: Occluders, corners: Array, receivers: Receivers, face: Numbers
+) -> Array:
+    """(P,): how much of their pixels ``receivers`` look from past occluders ``face`` (P,);
+    ``corners`` (T, 3, 3) of all.
+
+    All of it (1), but for open occluders that touch the open triangle that a receiver is part of.
+    What the receiver's plane goes on to beyond that is no part of the sheet, and may lie behind
+    these. Where an edge of the triangle has the occluder on its other side, seen from all of the
+    lamp, that hides nothing of it (-1). Past others a receiver looks from what lies within its
+    triangle; that is too little where the pixel alone makes a penumbra, of lamps without size.
+    """
     on = np.maximum(receivers.on, 0)
     own, other = occluders.triangles[on], occluders.triangles[face]
     rows = np.flatnonzero((own[:, :, None] == other[:, None]).any(axis=(1, 2)))
-    rows = rows[(receivers.on[rows] >= 0) & occluders.open[on[rows]]]
-    triangle = corners[on[rows]]
+    kept = (receivers.on[rows] >= 0) & occluders.open[on[rows]] & occluders.open[face[rows]]
+    rows = rows[kept]
+    triangle, places = corners[on[rows]], corners[face[rows]]
+    near = 0.0 if lamp.far else 1.0
+
+    def over_lamp(normal: Array, to: Array) -> tuple[Array, Array]:
+        return _dot(normal, to), np.abs(normal @ lamp.u) + np.abs(normal @ lamp.v)
+
     normal = np.cross(triangle[:, 1] - triangle[:, 0], triangle[:, 2] - triangle[:, 0])
-    within = np.ones(len(rows))
+    height, extent = over_lamp(normal, lamp.centre - near * triangle[:, 0])
+    facing = np.where(np.abs(height) > extent, np.sign(height), 0.0)
+    apart, within = np.zeros(len(rows), bool), np.ones(len(rows))
     for k in range(3):
-        inwards = np.cross(normal, triangle[:, (k + 1) % 3] - triangle[:, k])
-        extent = np.abs(_dot(receivers.across[rows], inwards))
-        extent = 0.5 * (extent + np.abs(_dot(receivers.down[rows], inwards)))
-        inside = _dot(receivers.at[rows] - triangle[:, k], inwards)
-        within = np.minimum(within, np.clip(inside / np.maximum(extent, 1e-30), 0.0, 1.0))
+        a, b = triangle[:, k], triangle[:, (k + 1) % 3]
+        to = lamp.centre - near * a
+        size = BEYOND * np.linalg.norm(b - a, axis=1) * np.linalg.norm(to, axis=1)
+        beyond = facing != 0.0
+        for j in range(3):
+            way = places[:, j] - a
+            value, extent = over_lamp(facing[:, None] * np.cross(b - a, way), to)
+            beyond &= value + extent <= size * np.linalg.norm(way, axis=1)
+        apart |= beyond
+        inwards = np.cross(normal, b - a)
+        reach = np.abs(_dot(receivers.across[rows], inwards))
+        reach = 0.5 * (reach + np.abs(_dot(receivers.down[rows], inwards)))
+        inside = _dot(receivers.at[rows] - a, inwards)
+        within = np.minimum(within, np.clip(inside / np.maximum(reach, 1e-30), 0.0, 1.0))
     result = np.ones(len(face))
-    result[rows] = within
+    result[rows] = np.where(apart, -1.0, within if lamp.extended else 1.0)
     return result
 
 
@@ -139,7 +167,7 @@ def aspects(
     looks_from: Array,
 ) -> Aspects:
     """How ``receivers`` see occluders, pair by pair: ``corners`` (P, 3, 3), their ``planes``
-    (P, 4), and how much of the pixel each ``looks_from`` (P,) past them."""
+    (P, 4), and how much of the pixel each ``looks_from`` (P,) past them, see `looked_from`."""
     near = 0.0 if lamp.far else 1.0
     at, across, down, looks = receivers.at, receivers.across, receivers.down, receivers.normal
     to = lamp.centre - near * at
@@ -158,11 +186,10 @@ def aspects(
     whole = _dot(over, to) > np.abs(over @ lamp.u) + np.abs(over @ lamp.v)
     level = np.where(whole, tolerance * np.linalg.norm(over, axis=1), -np.inf)
     D = corners - at[:, None]
-    rises = (np.einsum("pka,pa->pk", D, to) > 0.0).any(axis=1)
-    rises &= np.einsum("pka,pa->pk", D, over).max(axis=1) > level
-    counts &= ~passes | against | rises
-    moves = np.where(is_open, looks_from, 1.0)
-    moves[is_open & passes & (np.abs(turned) > BESIDE)] = 0.0
+    counts &= against | ~passes | (np.einsum("pka,pa->pk", D, to) > 0.0).any(axis=1)
+    counts &= against | (np.einsum("pka,pa->pk", D, over).max(axis=1) > level)
+    counts &= looks_from >= 0.0
+    moves = np.where(is_open & passes & (np.abs(turned) > BESIDE), 0.0, looks_from)
     edges = np.zeros((4, 5, len(at)))
     most = np.full(len(at), np.inf)
     for k in range(3):

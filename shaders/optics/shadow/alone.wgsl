@@ -6,6 +6,7 @@
 
 const AGAINST: f32 = -0.5;   // cosine between the normals of what lies against each other
 const BESIDE: f32 = 0.5;     // above which a receiver may be part of a sheet that goes on with a face
+const BEYOND: f32 = 1e-5;   // sine by which what lies beyond an edge may overlap it from rounding
 
 // A receiver before the lamp, and over its own plane: directions, and what a corner has to exceed.
 struct Looking {
@@ -13,12 +14,17 @@ struct Looking {
     tolerance: f32,
     over: vec3f,
     level: f32,
-    // the triangle that it lies on, and how much of the pixel about its middle lies within, if that
-    // is open
+    // corners of the triangle that it lies on; facing: 1 where that is of an open surface and turned to
+    // all of the lamp, -1 where away, else 0; how much of the pixel about its middle lies within it
     a: vec3f,
     b: vec3f,
     c: vec3f,
+    facing: f32,
     within: f32,
+}
+// Most of a plane's function over the lamp, where that is `middle` in the lamp's middle.
+fn most_over_lamp(middle: f32, n: vec3f) -> f32 {
+    return middle + lamp.u.w * abs(dot(n, lamp.u.xyz)) + abs(dot(n, lamp.v.xyz));
 }
 // How much of a pixel about its middle lies on the inner side of the edge from a to b about `n`.
 fn within_edge(r: Receiver, n: vec3f, a: vec3f, b: vec3f) -> f32 {
@@ -34,19 +40,50 @@ fn looking(r: Receiver) -> Looking {
     k.over = select(-up, up, dot(up, r.n) > 0.0);
     let sides = lamp.u.w * abs(dot(k.over, lamp.u.xyz)) + abs(dot(k.over, lamp.v.xyz));
     k.level = select(-1e30, k.tolerance * length(k.over), dot(k.over, k.to) > sides);
-    k.within = 1.0;
     if (r.on != NOBODY) {
         let o = occluder(r.on);
         k.a = o.a;
         k.b = o.b;
         k.c = o.c;
         let n = o.plane.xyz;
+        let height = dot(n, k.to) + lamp.centre.w * (dot(n, r.x) - o.plane.w);
+        let facing = select(-1.0, 1.0, height > 0.0);
         let within = min(within_edge(r, n, o.a, o.b), min(within_edge(r, n, o.b, o.c), within_edge(r, n, o.c, o.a)));
-        k.within = select(1.0, within, o.open);
+        // what a lamp without size lights has no penumbra but what the pixel is wide
+        k.within = select(1.0, within, o.open && lamp.u.w != 0.0);
+        k.facing = select(0.0, facing, o.open && most_over_lamp(-abs(height), n) < 0.0);
     }
     return k;
 }
 fn is_corner(k: Looking, v: vec3f) -> bool { return all(k.a == v) || all(k.b == v) || all(k.c == v); }
+fn touches(r: Receiver, k: Looking, o: Occluder) -> bool {
+    return r.on != NOBODY && (is_corner(k, o.a) || is_corner(k, o.b) || is_corner(k, o.c));
+}
+// Whether a place lies beyond the edge from a to b of the receiver's triangle, or on it, for all of the
+// lamp.
+fn is_beyond(k: Looking, a: vec3f, b: vec3f, at: vec3f, x: vec3f) -> bool {
+    let n = k.facing * cross(b - a, at - a);
+    let to = k.to + lamp.centre.w * (x - a);
+    let slack = BEYOND * length(b - a) * length(at - a) * length(to);
+    return most_over_lamp(dot(n, to), n) <= slack;
+}
+fn are_beyond(k: Looking, a: vec3f, b: vec3f, o: Occluder, x: vec3f) -> bool {
+    return is_beyond(k, a, b, o.a, x) && is_beyond(k, a, b, o.b, x) && is_beyond(k, a, b, o.c, x);
+}
+// Whether an edge of the receiver's open triangle has an open occluder on its other side, seen from
+// all of the lamp: what the receiver's plane goes on to beyond the edge is no part of the
+// surface, and may lie behind it.
+fn is_beside(r: Receiver, k: Looking, o: Occluder) -> bool {
+    return k.facing != 0.0 && o.open && (are_beyond(k, k.a, k.b, o, r.x)
+        || are_beyond(k, k.b, k.c, o, r.x) || are_beyond(k, k.c, k.a, o, r.x));
+}
+
+// Whether an occluder is in part over the receiver's plane, if all of the lamp is: nothing else hides.
+fn is_over(r: Receiver, k: Looking, o: Occluder) -> bool {
+    return max(dot(o.a - r.x, k.over), max(dot(o.b - r.x, k.over), dot(o.c - r.x, k.over))) > k.level;
+}
+// The same, quickly: closed bodies may lie against a receiver.
+fn rises(r: Receiver, k: Looking, o: Occluder) -> bool { return !o.open || is_over(r, k, o); }
 
 // How a receiver sees an occluder: whether it may be hidden by it, from which side, and whether from
 // all over the pixel (1), its middle (0), or so much of it.
@@ -62,21 +99,15 @@ fn aspect(r: Receiver, k: Looking, o: Occluder) -> Aspect {
     var counts = (above > k.tolerance || against) && apart + extent > 0.0;
     let passes = abs(height) < abs(dot(n, r.dx)) + abs(dot(n, r.dy));
     // seen edge-on, a face would seem to hide what lies on its other side
-    if (counts && passes && !against) {
-        let a = o.a - r.x;
-        let b = o.b - r.x;
-        let c = o.c - r.x;
-        counts = max(dot(a, k.to), max(dot(b, k.to), dot(c, k.to))) > 0.0
-            && max(dot(a, k.over), max(dot(b, k.over), dot(c, k.over))) > k.level;
+    if (passes && !against) {
+        counts = counts && max(dot(o.a - r.x, k.to), max(dot(o.b - r.x, k.to), dot(o.c - r.x, k.to))) > 0.0;
     }
-    // what a receiver's plane goes on to beyond its triangle may lie behind the next ones of its sheet
-    var moves = 1.0;
-    if (o.open) {
-        if (k.within < 1.0 && (is_corner(k, o.a) || is_corner(k, o.b) || is_corner(k, o.c))) {
-            moves = k.within;
-        }
-        if (passes && abs(dot(n, r.n)) > BESIDE) { moves = 0.0; }
-    }
+    counts = counts && (against || is_over(r, k, o));
+    // what it touches is of its own sheet
+    let near = touches(r, k, o);
+    counts = counts && !(near && is_beside(r, k, o));
+    var moves = select(1.0, k.within, near && o.open);
+    if (o.open && passes && abs(dot(n, r.n)) > BESIDE) { moves = 0.0; }
     return Aspect(counts, side, moves, apart);
 }
 

@@ -6,6 +6,8 @@
 @group(0) @binding(14) var<storage, read> groups_of: array<vec4f>;
 
 const WORDS: u32 = 64u;
+// bits of the listed: what rises over some receiver's plane, and what may hide the lamp from one
+var<workgroup> rising: array<atomic<u32>, WORDS>;
 var<workgroup> keep: array<atomic<u32>, WORDS>;
 
 @compute @workgroup_size(8, 8)
@@ -17,6 +19,7 @@ fn main(
 ) {
     let number = group.y * groups.x + group.x;
     if (number >= atomicLoad(&counters[REFINED])) { return; }
+    atomicStore(&rising[lane], 0u);
     atomicStore(&keep[lane], 0u);
     workgroupBarrier();
     let entry = work[number];
@@ -27,29 +30,46 @@ fn main(
     let k = looking(r);
     // longer lists than there are bits for keep the rest
     let looked = min(head.y, WORDS * LENGTH);
+    // nearly all of a sheet bent towards the lamp is left out by the quick test
     var chunk = head.x;
     var bits = 0u;
     var i = 0u;
     loop {
-        if (i >= looked) { break; }
         let place = i % LENGTH;
-        if (asks) {
-            let o = occluder(pool[CHUNK * chunk + place]);
-            bits |= select(0u, 1u << place, may_hide(r, k, o, aspect(r, k, o)));
-        }
+        bits |= select(0u, 1u << place, rises(r, k, occluder(pool[CHUNK * chunk + place])));
         i++;
         if (i % LENGTH == 0u || i >= looked) {
-            if (bits != 0u) { atomicOr(&keep[(i - 1u) / LENGTH], bits); }
+            if (asks && bits != 0u) { atomicOr(&rising[(i - 1u) / LENGTH], bits); }
             bits = 0u;
             if (i < looked) { chunk = pool[CHUNK * chunk + LENGTH]; }
         }
+        if (i >= looked) { break; }
+    }
+    workgroupBarrier();
+    chunk = head.x;
+    var j = 0u;
+    loop {
+        var left = atomicLoad(&rising[j]);
+        bits = 0u;
+        loop {
+            let place = countTrailingZeros(left) % CHUNK;
+            let o = occluder(pool[CHUNK * chunk + place]);
+            let hides = left != 0u && may_hide(r, k, o, aspect(r, k, o));
+            bits |= select(0u, 1u << place, hides);
+            left &= left - 1u;
+            if (left == 0u) { break; }
+        }
+        if (asks && bits != 0u) { atomicOr(&keep[j], bits); }
+        j++;
+        if (j * LENGTH >= looked) { break; }
+        chunk = pool[CHUNK * chunk + LENGTH];
     }
     workgroupBarrier();
     if (lane != 0u) { return; }
     var source = head.x;
     var into = head.x;
     var kept = 0u;
-    for (var j = 0u; j < head.y; j++) {
+    for (j = 0u; j < head.y; j++) {
         if (j >= looked || (atomicLoad(&keep[j / LENGTH]) >> (j % LENGTH) & 1u) == 1u) {
             if (kept > 0u && kept % LENGTH == 0u) { into = pool[CHUNK * into + LENGTH]; }
             pool[CHUNK * into + kept % LENGTH] = pool[CHUNK * source + j % LENGTH];
