@@ -70,11 +70,11 @@ fn is_beyond(k: Looking, a: vec3f, b: vec3f, at: vec3f, x: vec3f) -> bool {
 fn are_beyond(k: Looking, a: vec3f, b: vec3f, o: Occluder, x: vec3f) -> bool {
     return is_beyond(k, a, b, o.a, x) && is_beyond(k, a, b, o.b, x) && is_beyond(k, a, b, o.c, x);
 }
-// Whether an edge of the receiver's open triangle has an open occluder on its other side, seen from
-// all of the lamp: what the receiver's plane goes on to beyond the edge is no part of the
+// Whether an edge of the receiver's open triangle has an open occluder that touches that on its other
+// side, seen from all of the lamp: what the receiver's plane goes on to beyond the edge is no part of the
 // surface, and may lie behind it.
 fn is_beside(r: Receiver, k: Looking, o: Occluder) -> bool {
-    return k.facing != 0.0 && o.open && (are_beyond(k, k.a, k.b, o, r.x)
+    return k.facing != 0.0 && o.open && touches(r, k, o) && (are_beyond(k, k.a, k.b, o, r.x)
         || are_beyond(k, k.b, k.c, o, r.x) || are_beyond(k, k.c, k.a, o, r.x));
 }
 
@@ -82,8 +82,6 @@ fn is_beside(r: Receiver, k: Looking, o: Occluder) -> bool {
 fn is_over(r: Receiver, k: Looking, o: Occluder) -> bool {
     return max(dot(o.a - r.x, k.over), max(dot(o.b - r.x, k.over), dot(o.c - r.x, k.over))) > k.level;
 }
-// The same, quickly: closed bodies may lie against a receiver.
-fn rises(r: Receiver, k: Looking, o: Occluder) -> bool { return !o.open || is_over(r, k, o); }
 
 // How a receiver sees an occluder: whether it may be hidden by it, from which side, and whether from
 // all over the pixel (1), its middle (0), or so much of it.
@@ -103,10 +101,7 @@ fn aspect(r: Receiver, k: Looking, o: Occluder) -> Aspect {
         counts = counts && max(dot(o.a - r.x, k.to), max(dot(o.b - r.x, k.to), dot(o.c - r.x, k.to))) > 0.0;
     }
     counts = counts && (against || is_over(r, k, o));
-    // what it touches is of its own sheet
-    let near = touches(r, k, o);
-    counts = counts && !(near && is_beside(r, k, o));
-    var moves = select(1.0, k.within, near && o.open);
+    var moves = select(1.0, k.within, o.open && touches(r, k, o));
     if (o.open && passes && abs(dot(n, r.n)) > BESIDE) { moves = 0.0; }
     return Aspect(counts, side, moves, apart);
 }

@@ -79,7 +79,7 @@ fn visible_share(r: Receiver, head: vec4u) -> f32 {
         if (i >= head.y) { break; }
         let o = occluder(pool[CHUNK * chunk + i % LENGTH]);
         let s = aspect(r, k, o);
-        if (s.counts) { covered = either(covered, hidden_by(r, k, o, s)); }
+        if (s.counts && !is_beside(r, k, o)) { covered = either(covered, hidden_by(r, k, o, s)); }
         i++;
         if (i % LENGTH == 0u && i < head.y) { chunk = pool[CHUNK * chunk + LENGTH]; }
     }

@@ -6,8 +6,8 @@
 @group(0) @binding(14) var<storage, read> groups_of: array<vec4f>;
 
 const WORDS: u32 = 64u;
-// bits of the listed: what rises over some receiver's plane, and what may hide the lamp from one
-var<workgroup> rising: array<atomic<u32>, WORDS>;
+// bits of the listed: what some receiver looks at past, and what isn't beside all of these
+var<workgroup> met: array<atomic<u32>, WORDS>;
 var<workgroup> keep: array<atomic<u32>, WORDS>;
 
 @compute @workgroup_size(8, 8)
@@ -19,7 +19,7 @@ fn main(
 ) {
     let number = group.y * groups.x + group.x;
     if (number >= atomicLoad(&counters[REFINED])) { return; }
-    atomicStore(&rising[lane], 0u);
+    atomicStore(&met[lane], 0u);
     atomicStore(&keep[lane], 0u);
     workgroupBarrier();
     let entry = work[number];
@@ -30,16 +30,17 @@ fn main(
     let k = looking(r);
     // longer lists than there are bits for keep the rest
     let looked = min(head.y, WORDS * LENGTH);
-    // nearly all of a sheet bent towards the lamp is left out by the quick test
+    // what few are left is looked at once more: whether they are beside takes longer to tell
     var chunk = head.x;
     var bits = 0u;
     var i = 0u;
     loop {
         let place = i % LENGTH;
-        bits |= select(0u, 1u << place, rises(r, k, occluder(pool[CHUNK * chunk + place])));
+        let o = occluder(pool[CHUNK * chunk + place]);
+        bits |= select(0u, 1u << place, asks && may_hide(r, k, o, aspect(r, k, o)));
         i++;
         if (i % LENGTH == 0u || i >= looked) {
-            if (asks && bits != 0u) { atomicOr(&rising[(i - 1u) / LENGTH], bits); }
+            if (bits != 0u) { atomicOr(&met[(i - 1u) / LENGTH], bits); }
             bits = 0u;
             if (i < looked) { chunk = pool[CHUNK * chunk + LENGTH]; }
         }
@@ -49,12 +50,12 @@ fn main(
     chunk = head.x;
     var j = 0u;
     loop {
-        var left = atomicLoad(&rising[j]);
+        var left = atomicLoad(&met[j]);
         bits = 0u;
         loop {
             let place = countTrailingZeros(left) % CHUNK;
             let o = occluder(pool[CHUNK * chunk + place]);
-            let hides = left != 0u && may_hide(r, k, o, aspect(r, k, o));
+            let hides = left != 0u && may_hide(r, k, o, aspect(r, k, o)) && !is_beside(r, k, o);
             bits |= select(0u, 1u << place, hides);
             left &= left - 1u;
             if (left == 0u) { break; }
