@@ -8,6 +8,7 @@ centroid. What no triangle takes shows the background. The twin does the same in
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -32,9 +33,12 @@ from gpusim.optics.polygon import (
     rectangles,
     second_moments,
 )
+from gpusim.optics.relit import ListedShares, PieceShares, no_pieces
 from gpusim.optics.scatter import write_pixels
 from gpusim.optics.setup import Setup, radiance_of
 from gpusim.optics.setup_probe import fields_setup, probe_setup
+from gpusim.optics.shadow.scene import Shadows
+from gpusim.optics.shadow_tiles import ShadowTiles
 from gpusim.optics.shares import Shares
 from gpusim.optics.speckle import EDGE_ROWS
 from gpusim.optics.tables import Tables
@@ -52,6 +56,9 @@ as the shader has bits for."""
 
 BACKDROP = np.uint32(1 << 31)
 """Of where a pixel's triangles start in the device's list: see ``shaders/optics/edges.wgsl``."""
+
+MOST_PIECES = 1 << 20
+"""Of pixels that look at lamps at a time."""
 
 SURE = 2e-4
 """Share of the brightest radiance by which a pixel may be wrong: the host resolves others."""
@@ -113,18 +120,47 @@ class EdgePass:
                 needed[edges.triangle] = True
                 numbers = (np.flatnonzero(needed) + 1).astype(np.uint32)
                 self.tables.records.make(recording, device.buffer(numbers, "edges.needed"))
+            nobody = no_pieces(device)
             for entry, first, stop in (
                 ("whole_pixels", 0, self._even), ("main", self._even, count)
             ):  # fmt: skip
-                if first == stop:
+                if first == stop or isinstance(setup.lighting.shadows, Shadows):
                     continue
                 kernel = device.kernel("optics/edges", entry, constants)
-                range_of = {
-                    "first": first, "count": stop, "sides": 3, "corners": 4,
-                    "hard_rows": EDGE_ROWS, "thin": THIN, "sure": SURE,
-                }  # fmt: skip
-                bindings = kernel.bind_used(range=range_of, **shared)
+                bindings = kernel.bind_used(range=_range(first, stop), **shared, **nobody)
                 recording.dispatch(kernel, bindings, threads=(stop - first,))
+        if isinstance(setup.lighting.shadows, Shadows):
+            self._begin_pieces(setup.lighting.shadows, constants, shared)
+
+    def _begin_pieces(
+        self, shadows: Shadows, constants: dict[str, float], shared: dict[str, Any]
+    ) -> None:
+        """`begin` where pieces of pixels ask what they see of lamps: a program lists them, and once
+        that is found it lights them."""
+        device, count = self.tables.device, len(self.edges.pixel)
+        start = self.edges.start
+        first = 0
+        while first < count:
+            stop = int(np.searchsorted(start, start[first] + MOST_PIECES, side="right")) - 1
+            stop = min(max(stop, first + 1), count)
+            slots = int(start[stop] - start[first])
+            pieces = PieceShares(device, shadows, slots)
+            place = {
+                "entry": int(start[first]) + 2 * (count + 1), "slots": slots,
+                "casting": shadows.casting,
+            }  # fmt: skip
+
+            for known in (False, True):
+                if known:
+                    pieces.find()
+                own = {**constants, "pieces": 2.0 if known else 1.0}
+                kernel = device.kernel("optics/edges", "main", own)
+                places = {**_range(first, stop), **place}
+                bindings = kernel.bind_used(range=places, **shared, **pieces.bindings(known))
+                with device.recording("optics.edges") as recording:
+                    recording.dispatch(kernel, bindings, threads=(stop - first,))
+            pieces.release()
+            first = stop
 
     def fetch(self) -> None:
         """Wait for what the device found."""
@@ -140,8 +176,11 @@ class EdgePass:
         """
         width = self.tables.setup.view.camera.width
         setup = self.tables.setup
-        tiles, shares = setup.lighting.shadows, None
-        if tiles is not None:
+        tiles = setup.lighting.shadows
+        shares: SharesOf | None = None
+        if isinstance(tiles, Shadows):
+            shares = ListedShares(self.tables.device, tiles)
+        elif tiles is not None:
             shares = Shares(self.tables.device, self.tables.shadows, tiles)
         value, doubt = self._values[:, 0].copy(), self._values[:, 1] > 0.0
         if doubt.any():
@@ -152,14 +191,25 @@ class EdgePass:
         write_pixels(self.tables.device, bands, width, pixel, value)
 
 
+def _range(first: int, stop: int) -> dict[str, Any]:
+    """Edge pixels that a program finds."""
+    return {
+        "first": first, "count": stop, "sides": 3, "corners": 4, "hard_rows": EDGE_ROWS,
+        "thin": THIN, "sure": SURE, "entry": 0, "slots": 0, "casting": 0,
+    }  # fmt: skip
+
+
 def _filled(setup: Setup, edges: EdgePixels) -> npt.NDArray[np.bool_]:
     """(E,) pixels of which the nearest triangle that fills them is a backdrop, where the device
     would be in doubt about that otherwise: where a lamp may be half hidden."""
     tiles, result = setup.lighting.shadows, np.zeros(len(edges.pixel), bool)
     if tiles is None:
         return result
-    row, column = np.divmod(edges.pixel, setup.view.camera.width)
-    rows = np.flatnonzero((tiles.tile_of(column, row)[1] >= 0) & (edges.depth > 1))
+    half = np.ones(len(edges.pixel), bool)
+    if isinstance(tiles, ShadowTiles):
+        row, column = np.divmod(edges.pixel, setup.view.camera.width)
+        half = tiles.tile_of(column, row)[1] >= 0
+    rows = np.flatnonzero(half & (edges.depth > 1))
     some = edges.select(rows)
     pixel, _, corners = _over(setup, some)
     found = pixel[backdrops(setup, some, fills(half_planes(corners)), corners)]

@@ -33,7 +33,14 @@ class Shares:
         self._device, self._tables, self._tiles = device, tables, tiles
 
     def __call__(
-        self, x: Array, y: Array, at: Array, normal: Array, across: Array, down: Array
+        self,
+        x: Array,
+        y: Array,
+        at: Array,
+        normal: Array,
+        across: Array,
+        down: Array,
+        triangle: npt.NDArray[np.int64] | None = None,
     ) -> Array:
         """As `ShadowTiles.shares`."""
         tiles = self._tiles
@@ -92,7 +99,7 @@ class Shares:
 def _check(device: Device) -> None:
     for setup in (probe_shadows(), probe_outlines()):
         tiles = setup.lighting.shadows
-        assert tiles is not None
+        assert isinstance(tiles, ShadowTiles)
         x, y, *places = _receivers(setup)
         shares = Shares(device, ShadowTables(device, setup.lighting), tiles)
         samples = [np.bitwise_count(lamp_masks(lamp)).sum() for lamp in tiles.lamps]
