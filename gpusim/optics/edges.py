@@ -144,7 +144,7 @@ class EdgePass:
             stop = int(np.searchsorted(start, start[first] + MOST_PIECES, side="right")) - 1
             stop = min(max(stop, first + 1), count)
             slots = int(start[stop] - start[first])
-            pieces = PieceShares(device, shadows, slots)
+            pieces = PieceShares(self.tables, shadows, slots)
             place = {
                 "entry": int(start[first]) + 2 * (count + 1), "slots": slots,
                 "casting": shadows.casting,

@@ -14,14 +14,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.gpu import Buffer, Device, compare, twin_check
+from gpusim.gpu import Bound, Buffer, Device, compare, twin_check
 from gpusim.optics.binning import bin_edges
 from gpusim.optics.emitters import lamps_of
 from gpusim.optics.setup import Setup
 from gpusim.optics.shade import ShadePass, shade_twin
 from gpusim.optics.shadow.drawn import BandReceivers, PieceReceivers
 from gpusim.optics.shadow.light_space import LightSpace
-from gpusim.optics.shadow.receivers import DeviceReceivers, Receivers
+from gpusim.optics.shadow.receivers import TILE, DeviceReceivers, Receivers
 from gpusim.optics.shadow.scene import Shadows
 from gpusim.optics.shadow.visible import CAPACITY, VisibleShares
 from gpusim.optics.shadow_probe import shadow_scene
@@ -68,8 +68,11 @@ class RelitPass:
         self._casting = shadows.casting
         # a relief may turn normals any way
         self._spaces = shadows.leaning if setup.bumps is None else shadows.turned(1.0)
-        self._receivers = BandReceivers(tables.device, shadows, shade.marks, rows)
+        self._receivers = BandReceivers(tables.device, shadows, tables.planes, shade.marks, rows)
         self._found = _found_by(tables.device, shadows, self._receivers)
+        self._tiles = tables.device.empty(4 * self._receivers.groups, "relit.tiles_listed")
+        self._counters = tables.device.empty(16, "relit.counters")
+        self._groups = tables.device.empty(12, "relit.groups")
 
     def record(self, radiance: Buffer, row0: int, rows: int) -> None:
         """Light a band again, which `shade` has left last; waits for the device."""
@@ -90,17 +93,25 @@ class RelitPass:
         glossy = bool(setup.shiny.any())
         constants = setup.light_constants(glossy, bool(setup.bumpy.any()))
         constants["scaled"] = float(not glossy)
-        kernel = self.tables.device.kernel("optics/relit", constants=constants)
-        bindings = kernel.bind_used(
-            params={
-                "rays": self.tables.rays(), "width": width, "rows": rows,
-                "stride": self.shade.stride, "row0": row0, "casting": self._casting,
+        params = {
+            "rays": self.tables.rays(), "width": width, "rows": rows,
+            "stride": self.shade.stride, "row0": row0, "casting": self._casting,
+        }  # fmt: skip
+        bound = Bound(
+            self.tables.device,
+            {
+                "params": params, "radiance": radiance, "marks": self.shade.marks,
+                "lamp_shares": self._found.shares, "listed": self._tiles,
+                "counters": self._counters, "groups_of": self._groups, **self.tables.surface(),
             },
-            radiance=radiance, marks=self.shade.marks, lamp_shares=self._found.shares,
-            **self.tables.surface(),
         )  # fmt: skip
         with self.tables.device.recording("optics.relit") as recording:
-            recording.dispatch(kernel, bindings, threads=(width, rows))
+            recording.clear(self._counters)
+            count = -(-width // TILE) * -(-rows // TILE)
+            name = "optics/relit"
+            bound.run(recording, name, "list_tiles", constants, threads=(count,))
+            bound.run(recording, name, "count_tiles", constants, groups=(1,))
+            bound.run(recording, name, "main", constants, counted=self._groups)
 
 
 def no_pieces(device: Device) -> dict[str, Any]:
@@ -115,8 +126,9 @@ def no_pieces(device: Device) -> dict[str, Any]:
 class PieceShares:
     """What pieces of pixels see, which a program lists in so many ``slots``."""
 
-    def __init__(self, device: Device, shadows: Shadows, slots: int) -> None:
-        self._device, self._spaces, self._planes = device, shadows.spaces, shadows.planes
+    def __init__(self, tables: Tables, shadows: Shadows, slots: int) -> None:
+        device = tables.device
+        self._device, self._spaces, self._planes = device, shadows.spaces, tables.planes
         self._receivers = PieceReceivers(device, shadows, slots)
         self._found = _found_by(device, shadows, self._receivers)
         self._none = no_pieces(device)

@@ -45,6 +45,7 @@ class Tables:
         self.bumps = bump_texels(device, setup.bumps)
         self.openness = openness_texels(device, setup.lighting.openness)
         self.shadows = ShadowTables(device, setup.lighting)
+        self.planes = device.no_texels("rgba32uint")
         self.paints = _as_texels(device, table.paints, "shade.paints")
         self.patterns = table.texels(device)
         # triangles that are shaded pixel by pixel take no parts
@@ -104,6 +105,9 @@ class Tables:
         result = copy(self)
         result.setup = self.setup.with_shadows(shadows)
         result.shadows = ShadowTables(self.device, result.setup.lighting)
+        if isinstance(shadows, Shadows):
+            parent = np.zeros(0, np.int64) if self.lines is None else self.lines.parent
+            result.planes = shadows.planes(parent)
         return result
 
     def shared(self) -> dict[str, Any]:

@@ -4,23 +4,26 @@ from __future__ import annotations
 
 import numpy as np
 
-from gpusim.gpu import Buffer, Device, Recording, Texture
+from gpusim.gpu import Buffer, Device, Recording, Texels, Texture
 from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.shadow.receivers import TILE, DeviceReceivers, Receivers
 from gpusim.optics.shadow.scene import Shadows
 
 __all__ = ["BandReceivers", "PieceReceivers"]
 
-NO_RECEIVERS = Receivers(*4 * [np.zeros((0, 3))], np.zeros(0, np.int64))
+NOWHERE = np.zeros((0, 3))
+NO_RECEIVERS = Receivers(NOWHERE, NOWHERE, NOWHERE, NOWHERE, np.zeros(0, np.int64))
 
 
 class BandReceivers(DeviceReceivers):
     """The pixels of one band after the other, by the numbers in a texture of ``marks``."""
 
-    def __init__(self, device: Device, shadows: Shadows, marks: Texture, rows: int) -> None:
+    def __init__(
+        self, device: Device, shadows: Shadows, planes: Texels, marks: Texture, rows: int
+    ) -> None:
         super().__init__(device, NO_RECEIVERS, shadows.occluders)
         camera = shadows.view.camera
-        self.listed, self.planes, self.marks = False, shadows.planes, marks
+        self.listed, self.planes, self.marks = False, planes, marks
         self.columns, self.stride = -(-camera.width // TILE), marks.stride // 4
         self.step = 2 if marks.format.startswith("rg") else 1
         self.ids = device.empty(marks.stride * rows, "shadow.ids")

@@ -110,14 +110,15 @@ class Shadows:
             return np.full(self.view.count, -1)
         return PixelReceivers.owners(self.view, self.surfaces, self.occluders)
 
-    @cached_property
-    def planes(self) -> Texels:
-        """On the device, of each triangle of the view n / d of its plane n x = d, and its owner."""
+    def planes(self, parent: Numbers) -> Texels:
+        """On the device, of each triangle of the view n / d of its plane n x = d, and its$
+        owner; then those of parts of triangles ``parent`` (n,)."""
         assert self.on_device is not None
         view = self.view
-        rows = np.full((max(view.count, 1), 4), NOBODY, np.uint32)
+        rows = np.full((max(view.count, 1) + len(parent), 4), NOBODY, np.uint32)
         rows[: view.count, :3] = PixelReceivers.planes_of(view).astype(np.float32).view(np.uint32)
         rows[: view.count, 3] = np.where(self.owners >= 0, self.owners, NOBODY)
+        rows[max(view.count, 1) :] = rows[parent]
         texels = self.on_device.device.kept.texels(len(rows), "rgba32uint", "shadow.planes")
         texels.write(rows)
         return texels
