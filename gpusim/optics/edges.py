@@ -153,7 +153,9 @@ class EdgePass:
             for known in (False, True):
                 if known:
                     pieces.find()
-                own = {**constants, "pieces": 2.0 if known else 1.0}
+                own = {**constants, "pieces": 2.0}
+                if not known:
+                    own = {**constants, "pieces": 1.0, "glossy": 0.0}
                 kernel = device.kernel("optics/edges", "main", own)
                 places = {**_range(first, stop), **place}
                 bindings = kernel.bind_used(range=places, **shared, **pieces.bindings(known))
