@@ -7,7 +7,7 @@ centroid. What no triangle takes shows the background. The twin does the same in
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -89,6 +89,9 @@ class EdgePass:
         self._even = int(np.count_nonzero(even & ~deep))
         self._found: Buffer | None = None
         self._values = np.zeros((0, 2), np.float32)
+        self._pieces: PieceShares | None = None
+        self._again: Callable[[], None] = lambda: None
+        self._resolved: tuple[npt.NDArray[np.int64], npt.NDArray[np.float32]] | None = None
 
     def begin(self) -> None:
         """Let the device find the pixels."""
@@ -150,9 +153,15 @@ class EdgePass:
                 "casting": shadows.casting,
             }  # fmt: skip
 
-            for known in (False, True):
-                if known:
-                    pieces.find()
+            self._pieces = pieces
+
+            def light(
+                known: bool,
+                stop: int = stop,
+                first: int = first,
+                place: dict[str, int] = place,
+                pieces: PieceShares = pieces,
+            ) -> None:
                 own = {**constants, "pieces": 2.0}
                 if not known:
                     own = {**constants, "pieces": 1.0, "glossy": 0.0}
@@ -161,22 +170,48 @@ class EdgePass:
                 bindings = kernel.bind_used(range=places, **shared, **pieces.bindings(known))
                 with device.recording("optics.edges") as recording:
                     recording.dispatch(kernel, bindings, threads=(stop - first,))
-            pieces.release()
+
+            def find(pieces: PieceShares = pieces, light: Callable[[bool], None] = light) -> None:
+                pieces.find()
+                light(True)
+
+            light(False)
+            find()
+            self._again, self._pieces = find, pieces
+            if stop < count:
+                self._finish_pieces()
             first = stop
+
+    def _finish_pieces(self) -> None:
+        """Find again what pieces of pixels see where lists were too short."""
+        if self._pieces is not None:
+            while self._pieces.failed():
+                self._again()
+            self._pieces.release()
+            self._pieces = None
 
     def fetch(self) -> None:
         """Wait for what the device found."""
+        self._finish_pieces()
         if self._found is not None:
             self._values = self._found.read(np.float32, (len(self.edges.pixel), 2))
 
     def write(self, bands: Sequence[Band]) -> None:
-        """Write the pixels into ``bands``, whose other pixels are shaded or on their way.
+        """Write the pixels into ``bands``, whose other pixels are shaded or on their way."""
+        self.resolve()
+        assert self._resolved is not None
+        width = self.tables.setup.view.camera.width
+        write_pixels(self.tables.device, bands, width, *self._resolved)
+
+    def resolve(self) -> None:
+        """Find what the device has left.
 
         The host resolves pixels under many triangles, pixels where bodies cut each other, and those
         that the device was in doubt about: what shows of a triangle there isn't convex, and makes
         a difference.
         """
-        width = self.tables.setup.view.camera.width
+        if self._resolved is not None:
+            return
         setup = self.tables.setup
         tiles = setup.lighting.shadows
         shares: SharesOf | None = None
@@ -189,8 +224,7 @@ class EdgePass:
             value[doubt] = _resolve(setup, self.edges.select(doubt), shares)
         pixel = np.concatenate([self.edges.pixel, self._deep.pixel])
         deep = _resolve(setup, self._deep, shares).astype(np.float32)
-        value = np.concatenate([value, deep])
-        write_pixels(self.tables.device, bands, width, pixel, value)
+        self._resolved = pixel, np.concatenate([value, deep])
 
 
 def _range(first: int, stop: int) -> dict[str, Any]:

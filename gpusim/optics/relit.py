@@ -70,23 +70,30 @@ class RelitPass:
         self._spaces = shadows.leaning if setup.bumps is None else shadows.turned(1.0)
         self._receivers = BandReceivers(tables.device, shadows, tables.planes, shade.marks, rows)
         self._found = _found_by(tables.device, shadows, self._receivers)
+        self._band: tuple[Buffer, int, int] | None = None
         self._tiles = tables.device.empty(4 * self._receivers.groups, "relit.tiles_listed")
         self._counters = tables.device.empty(16, "relit.counters")
         self._groups = tables.device.empty(12, "relit.groups")
 
     def record(self, radiance: Buffer, row0: int, rows: int) -> None:
-        """Light a band again, which `shade` has left last; waits for the device."""
-        device = self.tables.device
-        while True:
-            self._receivers.aim(row0, rows)
-            with device.recording("optics.shadow") as recording:
-                self._receivers.record(recording)
-            self._found.record(self._spaces)
-            self._relight(radiance, row0, rows)
-            if not _enlarged(self._found, self._spaces):
-                return
-            with device.recording("optics.shade") as recording:
+        """Let the device light a band again, which ``shade`` has left last; `finish` is to follow
+        before it goes on."""
+        self._band = radiance, row0, rows
+        self._receivers.aim(row0, rows)
+        with self.tables.device.recording("optics.shadow") as recording:
+            self._receivers.record(recording)
+        self._found.record(self._spaces)
+        self._relight(radiance, row0, rows)
+
+    def finish(self) -> None:
+        """Do the last band again where the lists of what hides lamps were too short; waits for the
+        device."""
+        while self._band is not None and _enlarged(self._found, self._spaces):
+            radiance, row0, rows = self._band
+            with self.tables.device.recording("optics.shade") as recording:
                 self.shade.record(recording, radiance, row0, rows)
+            self.record(radiance, row0, rows)
+        self._band = None
 
     def _relight(self, radiance: Buffer, row0: int, rows: int) -> None:
         setup, width = self.tables.setup, self.tables.setup.view.camera.width
@@ -147,10 +154,12 @@ class PieceShares:
         self._device.kept.give(self._receivers.pieces)
 
     def find(self) -> None:
-        """Find what those see that are listed; waits for the device."""
+        """Let the device find what those see that are listed."""
         self._found.record(self._spaces)
-        while _enlarged(self._found, self._spaces):
-            self._found.record(self._spaces)
+
+    def failed(self) -> bool:
+        """Whether that has to be done again; waits for the device."""
+        return _enlarged(self._found, self._spaces)
 
 
 class ListedShares:
@@ -198,7 +207,9 @@ def _compare(device: Device, setup: Setup, shadows: Shadows) -> None:
     out = device.empty(4 * shading.stride * camera.height, "relit.out")
     with device.recording("optics.shade") as recording:
         shading.record(recording, out, 0, camera.height)
-    RelitPass(tables.with_shadows(shadows), shading, camera.height).record(out, 0, camera.height)
+    relit = RelitPass(tables.with_shadows(shadows), shading, camera.height)
+    relit.record(out, 0, camera.height)
+    relit.finish()
     got = out.read(np.float32, (camera.height, shading.stride))[:, : camera.width]
     want = shade_twin(setup.with_shadows(shadows), visibility_twin(setup.view))
     inside = np.ones(want.size, bool)

@@ -315,6 +315,8 @@ def _draw(
     wrong = False
     for row0 in range(first, stop, rows):
         count = min(rows, stop - row0)
+        if relit is not None:
+            relit.finish()
         radiance = begun or device.kept.take(4 * count * stride, f"radiance[{row0}]")
         with device.recording("optics.shade") as recording:
             if begun is None or not shaded:
@@ -340,6 +342,10 @@ def _draw(
         value = border.value.astype(np.float32)
         write_pixels(device, bands, view.camera.width, border.pixel, value)
     else:
+        # while the device looks for what hides lamps from other pixels
+        edge_pass.resolve()
+        if relit is not None:
+            relit.finish()
         edge_pass.write(bands)
     return bands
 
