@@ -8,6 +8,7 @@ centroid. What no triangle takes shows the background. The twin does the same in
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -37,6 +38,7 @@ from gpusim.optics.relit import ListedShares, PieceShares, no_pieces
 from gpusim.optics.scatter import write_pixels
 from gpusim.optics.setup import Setup, radiance_of
 from gpusim.optics.setup_probe import fields_setup, probe_setup
+from gpusim.optics.shadow.receivers import TILE
 from gpusim.optics.shadow.scene import Shadows
 from gpusim.optics.shadow_tiles import ShadowTiles
 from gpusim.optics.shares import Shares
@@ -90,7 +92,7 @@ class EdgePass:
         self._found: Buffer | None = None
         self._values = np.zeros((0, 2), np.float32)
         self._pieces: PieceShares | None = None
-        self._again: Callable[[], None] = lambda: None
+        self._light: Callable[[], None] = lambda: None
         self._resolved: tuple[npt.NDArray[np.int64], npt.NDArray[np.float32]] | None = None
 
     def begin(self) -> None:
@@ -140,53 +142,52 @@ class EdgePass:
     ) -> None:
         """`begin` where pieces of pixels ask what they see of lamps: a program lists them, and once
         that is found it lights them."""
-        device, count = self.tables.device, len(self.edges.pixel)
-        start = self.edges.start
+        start, count = self.edges.start, len(self.edges.pixel)
         first = 0
         while first < count:
+            self._finish_pieces()
             stop = int(np.searchsorted(start, start[first] + MOST_PIECES, side="right")) - 1
             stop = min(max(stop, first + 1), count)
-            slots = int(start[stop] - start[first])
-            pieces = PieceShares(self.tables, shadows, slots)
-            place = {
-                "entry": int(start[first]) + 2 * (count + 1), "slots": slots,
-                "casting": shadows.casting,
-            }  # fmt: skip
-
-            self._pieces = pieces
-
-            def light(
-                known: bool,
-                stop: int = stop,
-                first: int = first,
-                place: dict[str, int] = place,
-                pieces: PieceShares = pieces,
-            ) -> None:
-                own = {**constants, "pieces": 2.0}
-                if not known:
-                    own = {**constants, "pieces": 1.0, "glossy": 0.0}
-                kernel = device.kernel("optics/edges", "main", own)
-                places = {**_range(first, stop), **place}
-                bindings = kernel.bind_used(range=places, **shared, **pieces.bindings(known))
-                with device.recording("optics.edges") as recording:
-                    recording.dispatch(kernel, bindings, threads=(stop - first,))
-
-            def find(pieces: PieceShares = pieces, light: Callable[[bool], None] = light) -> None:
-                pieces.find()
-                light(True)
-
-            light(False)
-            find()
-            self._again, self._pieces = find, pieces
-            if stop < count:
-                self._finish_pieces()
+            self._pieces = PieceShares(self.tables, shadows, int(start[stop] - start[first]))
+            slots = self.tables.device.buffer(self._slots(first, stop), "edges.slots")
+            values = {**shared, "slot_of": slots}
+            self._run_pieces(first, stop, {**constants, "pieces": 1.0, "glossy": 0.0}, values)
+            self._light = partial(
+                self._run_pieces, first, stop, {**constants, "pieces": 2.0}, values
+            )
+            self._pieces.find()
+            self._light()
             first = stop
+
+    def _slots(self, first: int, stop: int) -> npt.NDArray[np.uint32]:
+        """Where the pieces of some pixels are listed: those of a tile side by side, as they look
+        past the same."""
+        row, column = np.divmod(self.edges.pixel[first:stop], self.tables.setup.view.camera.width)
+        order = np.argsort((row // TILE << 16) + column // TILE, kind="stable")
+        depth = self.edges.depth[first:stop]
+        result = np.empty(len(order), np.uint32)
+        result[order] = np.cumsum(depth[order]) - depth[order]
+        return result
+
+    def _run_pieces(
+        self, first: int, stop: int, constants: dict[str, float], shared: dict[str, Any]
+    ) -> None:
+        pieces, device = self._pieces, self.tables.device
+        assert pieces is not None
+        kernel = device.kernel("optics/edges", "main", constants)
+        places = {**_range(first, stop), **pieces.range()}
+        bindings = kernel.bind_used(
+            range=places, **shared, **pieces.bindings(constants["pieces"] == 2.0)
+        )
+        with device.recording("optics.edges") as recording:
+            recording.dispatch(kernel, bindings, threads=(stop - first,))
 
     def _finish_pieces(self) -> None:
         """Find again what pieces of pixels see where lists were too short."""
         if self._pieces is not None:
             while self._pieces.failed():
-                self._again()
+                self._pieces.find()
+                self._light()
             self._pieces.release()
             self._pieces = None
 
@@ -231,7 +232,7 @@ def _range(first: int, stop: int) -> dict[str, Any]:
     """Edge pixels that a program finds."""
     return {
         "first": first, "count": stop, "sides": 3, "corners": 4, "hard_rows": EDGE_ROWS,
-        "thin": THIN, "sure": SURE, "entry": 0, "slots": 0, "casting": 0,
+        "thin": THIN, "sure": SURE, "slots": 0, "casting": 0,
     }  # fmt: skip
 
 

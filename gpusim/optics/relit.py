@@ -127,6 +127,7 @@ def no_pieces(device: Device) -> dict[str, Any]:
         "receivers": device.buffer(np.zeros(4, np.uint32), "shadow.no_receivers"),
         "lamp_shares": device.buffer(np.zeros(4, np.float32), "shadow.no_shares"),
         "owners": device.no_texels("rgba32uint"),
+        "slot_of": device.buffer(np.zeros(4, np.uint32), "shadow.no_slots"),
     }
 
 
@@ -138,9 +139,15 @@ class PieceShares:
         self._device, self._spaces, self._planes = device, shadows.spaces, tables.planes
         self._receivers = PieceReceivers(device, shadows, slots)
         self._found = _found_by(device, shadows, self._receivers)
+        self._slots, self._casting = slots, shadows.casting
         self._none = no_pieces(device)
+        del self._none["slot_of"]
         with device.recording("optics.shadow") as recording:
             recording.clear(self._receivers.pieces)
+
+    def range(self) -> dict[str, int]:
+        """Members of the program's uniform."""
+        return {"slots": self._slots, "casting": self._casting}
 
     def bindings(self, known: bool) -> dict[str, Any]:
         """By their WGSL names, for the program that lists them, and for that which lights them once
@@ -182,11 +189,13 @@ class ListedShares:
         shadows = self._shadows
         if len(x) * shadows.occluders.count < FEW:
             return shadows.shares(x, y, at, normal, across, down, triangle)
-        receivers = shadows.receivers(at, normal, across, down, triangle)
+        # those of a tile side by side, as they look past the same
+        order = np.lexsort((np.floor((x + 0.5) / TILE), np.floor((y + 0.5) / TILE)))
+        receivers = shadows.receivers(at, normal, across, down, triangle)[order]
         found = _found_by(self._device, shadows, receivers)
         result = np.ones((len(x), len(shadows.lamps)))
-        numbers = sorted({space.number for space in shadows.spaces})
-        result[:, numbers] = found.find(shadows.points, shadows.spaces)
+        numbers = np.array(sorted({space.number for space in shadows.spaces}))
+        result[order[:, None], numbers] = found.find(shadows.points, shadows.spaces)
         return result
 
 

@@ -32,9 +32,7 @@ struct Range {
     hard_rows: u32,
     thin: f32,
     sure: f32,
-    // where the first of the listed pieces is in `lists`, how many there may be, and bits of the lamps
-    // that cast shadows
-    entry: u32,
+    // how many pieces may be listed, and bits of the lamps that cast shadows
     slots: u32,
     casting: u32,
 }
@@ -55,6 +53,9 @@ struct Range {
 @group(0) @binding(11) var<storage, read_write> receivers: array<vec4u>;
 // per triangle in w the occluder that it is part of
 @group(0) @binding(12) var owners: texture_2d<u32>;
+
+// per edge pixel the number of its first piece: those of neighbouring pixels lie side by side
+@group(0) @binding(13) var<storage, read> slot_of: array<u32>;
 
 fn list_piece(slot: u32, t: Triangle, s: Spot, extent: mat2x2f) {
     let sides = mat2x3f(s.dx, s.dy) * extent;
@@ -248,11 +249,13 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
             if (lit != 0u) {
                 let at = vec2f(pixel) + middle;
                 var r: Reflection;
+                var slot = 0u;
+                if (pieces != 0u) { slot = slot_of[n - range.first] + c - nearest; }
                 if (pieces == 1u) {
-                    list_piece(c - range.entry, t, spot(t, params.rays, at, d + middle), extent);
+                    list_piece(slot, t, spot(t, params.rays, at, d + middle), extent);
                 } else if (pieces == 2u) {
                     let s = spot(t, params.rays, at, d + middle);
-                    let known = Known(c - range.entry, range.slots, range.casting);
+                    let known = Known(slot, range.slots, range.casting);
                     let own = reflection_known(s.x, s.n, gloss_at(t, s), openness_at(t.id, s.x), known);
                     unsure = unsure || (doubt && own.half);
                     unknown = unknown || (corner && own.half);
