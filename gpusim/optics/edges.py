@@ -7,7 +7,9 @@ centroid. What no triangle takes shows the background. The twin does the same in
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -32,9 +34,13 @@ from gpusim.optics.polygon import (
     rectangles,
     second_moments,
 )
+from gpusim.optics.relit import ListedShares, PieceShares, no_pieces
 from gpusim.optics.scatter import write_pixels
 from gpusim.optics.setup import Setup, radiance_of
 from gpusim.optics.setup_probe import fields_setup, probe_setup
+from gpusim.optics.shadow.receivers import TILE
+from gpusim.optics.shadow.scene import Shadows
+from gpusim.optics.shadow_tiles import ShadowTiles
 from gpusim.optics.shares import Shares
 from gpusim.optics.speckle import EDGE_ROWS
 from gpusim.optics.tables import Tables
@@ -52,6 +58,9 @@ as the shader has bits for."""
 
 BACKDROP = np.uint32(1 << 31)
 """Of where a pixel's triangles start in the device's list: see ``shaders/optics/edges.wgsl``."""
+
+MOST_PIECES = 1 << 20
+"""Of pixels that look at lamps at a time."""
 
 SURE = 2e-4
 """Share of the brightest radiance by which a pixel may be wrong: the host resolves others."""
@@ -82,6 +91,9 @@ class EdgePass:
         self._even = int(np.count_nonzero(even & ~deep))
         self._found: Buffer | None = None
         self._values = np.zeros((0, 2), np.float32)
+        self._pieces: PieceShares | None = None
+        self._light: Callable[[], None] = lambda: None
+        self._resolved: tuple[npt.NDArray[np.int64], npt.NDArray[np.float32]] | None = None
 
     def begin(self) -> None:
         """Let the device find the pixels."""
@@ -113,43 +125,115 @@ class EdgePass:
                 needed[edges.triangle] = True
                 numbers = (np.flatnonzero(needed) + 1).astype(np.uint32)
                 self.tables.records.make(recording, device.buffer(numbers, "edges.needed"))
+            nobody = no_pieces(device)
             for entry, first, stop in (
                 ("whole_pixels", 0, self._even), ("main", self._even, count)
             ):  # fmt: skip
-                if first == stop:
+                if first == stop or isinstance(setup.lighting.shadows, Shadows):
                     continue
                 kernel = device.kernel("optics/edges", entry, constants)
-                range_of = {
-                    "first": first, "count": stop, "sides": 3, "corners": 4,
-                    "hard_rows": EDGE_ROWS, "thin": THIN, "sure": SURE,
-                }  # fmt: skip
-                bindings = kernel.bind_used(range=range_of, **shared)
+                bindings = kernel.bind_used(range=_range(first, stop), **shared, **nobody)
                 recording.dispatch(kernel, bindings, threads=(stop - first,))
+        if isinstance(setup.lighting.shadows, Shadows):
+            self._begin_pieces(setup.lighting.shadows, constants, shared)
+
+    def _begin_pieces(
+        self, shadows: Shadows, constants: dict[str, float], shared: dict[str, Any]
+    ) -> None:
+        """`begin` where pieces of pixels ask what they see of lamps: a program lists them, and once
+        that is found it lights them."""
+        start, count = self.edges.start, len(self.edges.pixel)
+        first = 0
+        while first < count:
+            self._finish_pieces()
+            stop = int(np.searchsorted(start, start[first] + MOST_PIECES, side="right")) - 1
+            stop = min(max(stop, first + 1), count)
+            self._pieces = PieceShares(self.tables, shadows, int(start[stop] - start[first]))
+            slots = self.tables.device.buffer(self._slots(first, stop), "edges.slots")
+            values = {**shared, "slot_of": slots}
+            self._run_pieces(first, stop, {**constants, "pieces": 1.0, "glossy": 0.0}, values)
+            self._light = partial(
+                self._run_pieces, first, stop, {**constants, "pieces": 2.0}, values
+            )
+            self._pieces.find()
+            self._light()
+            first = stop
+
+    def _slots(self, first: int, stop: int) -> npt.NDArray[np.uint32]:
+        """Where the pieces of some pixels are listed: those of a tile side by side, as they look
+        past the same."""
+        row, column = np.divmod(self.edges.pixel[first:stop], self.tables.setup.view.camera.width)
+        order = np.argsort((row // TILE << 16) + column // TILE, kind="stable")
+        depth = self.edges.depth[first:stop]
+        result = np.empty(len(order), np.uint32)
+        result[order] = np.cumsum(depth[order]) - depth[order]
+        return result
+
+    def _run_pieces(
+        self, first: int, stop: int, constants: dict[str, float], shared: dict[str, Any]
+    ) -> None:
+        pieces, device = self._pieces, self.tables.device
+        assert pieces is not None
+        kernel = device.kernel("optics/edges", "main", constants)
+        places = {**_range(first, stop), **pieces.range()}
+        bindings = kernel.bind_used(
+            range=places, **shared, **pieces.bindings(constants["pieces"] == 2.0)
+        )
+        with device.recording("optics.edges") as recording:
+            recording.dispatch(kernel, bindings, threads=(stop - first,))
+
+    def _finish_pieces(self) -> None:
+        """Find again what pieces of pixels see where lists were too short."""
+        if self._pieces is not None:
+            while self._pieces.failed():
+                self._pieces.find()
+                self._light()
+            self._pieces.release()
+            self._pieces = None
 
     def fetch(self) -> None:
         """Wait for what the device found."""
+        self._finish_pieces()
         if self._found is not None:
             self._values = self._found.read(np.float32, (len(self.edges.pixel), 2))
 
     def write(self, bands: Sequence[Band]) -> None:
-        """Write the pixels into ``bands``, whose other pixels are shaded or on their way.
+        """Write the pixels into ``bands``, whose other pixels are shaded or on their way."""
+        self.resolve()
+        assert self._resolved is not None
+        width = self.tables.setup.view.camera.width
+        write_pixels(self.tables.device, bands, width, *self._resolved)
+
+    def resolve(self) -> None:
+        """Find what the device has left.
 
         The host resolves pixels under many triangles, pixels where bodies cut each other, and those
         that the device was in doubt about: what shows of a triangle there isn't convex, and makes
         a difference.
         """
-        width = self.tables.setup.view.camera.width
+        if self._resolved is not None:
+            return
         setup = self.tables.setup
-        tiles, shares = setup.lighting.shadows, None
-        if tiles is not None:
+        tiles = setup.lighting.shadows
+        shares: SharesOf | None = None
+        if isinstance(tiles, Shadows):
+            shares = ListedShares(self.tables.device, tiles)
+        elif tiles is not None:
             shares = Shares(self.tables.device, self.tables.shadows, tiles)
         value, doubt = self._values[:, 0].copy(), self._values[:, 1] > 0.0
         if doubt.any():
             value[doubt] = _resolve(setup, self.edges.select(doubt), shares)
         pixel = np.concatenate([self.edges.pixel, self._deep.pixel])
         deep = _resolve(setup, self._deep, shares).astype(np.float32)
-        value = np.concatenate([value, deep])
-        write_pixels(self.tables.device, bands, width, pixel, value)
+        self._resolved = pixel, np.concatenate([value, deep])
+
+
+def _range(first: int, stop: int) -> dict[str, Any]:
+    """Edge pixels that a program finds."""
+    return {
+        "first": first, "count": stop, "sides": 3, "corners": 4, "hard_rows": EDGE_ROWS,
+        "thin": THIN, "sure": SURE, "slots": 0, "casting": 0,
+    }  # fmt: skip
 
 
 def _filled(setup: Setup, edges: EdgePixels) -> npt.NDArray[np.bool_]:
@@ -158,8 +242,11 @@ def _filled(setup: Setup, edges: EdgePixels) -> npt.NDArray[np.bool_]:
     tiles, result = setup.lighting.shadows, np.zeros(len(edges.pixel), bool)
     if tiles is None:
         return result
-    row, column = np.divmod(edges.pixel, setup.view.camera.width)
-    rows = np.flatnonzero((tiles.tile_of(column, row)[1] >= 0) & (edges.depth > 1))
+    half = np.ones(len(edges.pixel), bool)
+    if isinstance(tiles, ShadowTiles):
+        row, column = np.divmod(edges.pixel, setup.view.camera.width)
+        half = tiles.tile_of(column, row)[1] >= 0
+    rows = np.flatnonzero(half & (edges.depth > 1))
     some = edges.select(rows)
     pixel, _, corners = _over(setup, some)
     found = pixel[backdrops(setup, some, fills(half_planes(corners)), corners)]

@@ -26,15 +26,18 @@ from gpusim.optics.lamp_layer import surfaces_alone
 from gpusim.optics.light import AmbientLight, AreaLight, Light
 from gpusim.optics.openness import Openness
 from gpusim.optics.parting import parted
+from gpusim.optics.shadow.scene import Shadows
 from gpusim.optics.shadow_tiles import ShadowTiles, flatness
 from gpusim.optics.view import View
 from gpusim.surface.surface import Surface
 
 __all__ = [
     "MOST_EMITTERS",
+    "SHADOWS",
     "Lighting",
     "SharesOf",
     "ambient",
+    "by_tree",
     "casts_shadows",
     "emitting_points",
     "find_shadows",
@@ -43,7 +46,10 @@ __all__ = [
 Array = npt.NDArray[np.float64]
 MOST_EMITTERS = 256
 
-SharesOf = Callable[[Array, Array, Array, Array, Array, Array], Array]
+SHADOWS = "search"
+"""What hides lamps is found by `ShadowTiles` ("search") or by `gpusim.optics.shadow` ("tree")."""
+
+SharesOf = Callable[[Array, Array, Array, Array, Array, Array, npt.NDArray[np.int64]], Array]
 """As `ShadowTiles.shares`."""
 
 
@@ -52,13 +58,23 @@ def casts_shadows(lights: Sequence[Light]) -> bool:
     return any(lamp.light.shadows for lamp in lamps_of(lights))
 
 
+def by_tree(lights: Sequence[Light] | None) -> bool:
+    """Whether what hides ``lights`` is found by `gpusim.optics.shadow`."""
+    return SHADOWS == "tree" and casts_shadows(lights or [])
+
+
 def find_shadows(
-    view: View, lights: Sequence[Light], surfaces: Sequence[Surface]
-) -> ShadowTiles | None:
+    view: View,
+    lights: Sequence[Light],
+    surfaces: Sequence[Surface],
+    device: Device | None = None,
+) -> ShadowTiles | Shadows | None:
     """What ``surfaces`` hide of ``lights`` in a view; None if that is nothing."""
     if not surfaces or not casts_shadows(lights):
         return None
     lamps = lamps_of(lights)
+    if by_tree(lights):
+        return Shadows.of(view, lamps, surfaces, device)
     allowed = cache(lambda: flatness(view, lamps))
 
     @cache
@@ -106,7 +122,7 @@ class Lighting:
     ambient: float
     environment: Environment | None
     gloss: Gloss | None
-    shadows: ShadowTiles | None
+    shadows: ShadowTiles | Shadows | None
     openness: Openness | None
 
     @staticmethod
@@ -140,7 +156,7 @@ class Lighting:
                 f"render lights; got values up to {np.abs(rows).max():.3g}; expected positions "
                 f"and intensities below {F32_MAX:.3g}"
             )
-        found = find_shadows(view, lights, surfaces) if shadows else None
+        found = find_shadows(view, lights, surfaces, device) if shadows else None
         environment = Environment.of(lights)
         even = ambient(lights)
         gloss = Gloss.build(view.paints, environment, even / np.pi) if lights else None
@@ -156,7 +172,9 @@ class Lighting:
             "sky": float(self.environment is not None),
             "emitter_count": float(len(self.emitters)),
             "shadowed": float(self.shadows is not None),
-            "chained": float(self.shadows is not None and len(self.shadows.chains.ends) > 0),
+            "chained": float(
+                isinstance(self.shadows, ShadowTiles) and len(self.shadows.chains.ends) > 0
+            ),
             "sheltered": float(self.openness is not None),
         }
 
@@ -204,7 +222,7 @@ class Lighting:
             around = around + self.environment.diffuse(normal)
         share = np.ones((len(x), len(self.emitters)))
         if self.shadows is not None:
-            seen = (shares or self.shadows.shares)(x, y, at, normal, across, down)
+            seen = (shares or self.shadows.shares)(x, y, at, normal, across, down, triangle)
             share = seen[:, self.emitters[:, 11].astype(np.int64)]
         openness = np.ones(len(x)) if self.openness is None else self.openness.at(triangle, at)
         matte = around / np.pi * openness

@@ -16,19 +16,23 @@ from gpusim.optics.binning import EdgePixels, bin_edges
 from gpusim.optics.border import Border
 from gpusim.optics.camera import Camera
 from gpusim.optics.edges import EdgePass, edges_twin
+from gpusim.optics.emitters import lamps_of
 from gpusim.optics.frame import Band, Frame
 from gpusim.optics.glance import fields_glanced, may_glance
 from gpusim.optics.lamp_layer import without_shadows
 from gpusim.optics.late import LateSight
 from gpusim.optics.light import Light, is_light
-from gpusim.optics.lighting import casts_shadows, find_shadows
+from gpusim.optics.lighting import by_tree, casts_shadows, find_shadows
 from gpusim.optics.local_origin import local, told_from
 from gpusim.optics.looks import sampled
+from gpusim.optics.relit import RelitPass
 from gpusim.optics.scatter import write_pixels
 from gpusim.optics.seen import small_triangles
 from gpusim.optics.setup import Setup
 from gpusim.optics.shade import ShadePass, shade_twin
+from gpusim.optics.shadow.scene import Shadows
 from gpusim.optics.shadow_pass import ShadowPass
+from gpusim.optics.shadow_tiles import ShadowTiles
 from gpusim.optics.sight import Sight
 from gpusim.optics.speckled import may_be_speckled
 from gpusim.optics.speckled_layer import likely_speckled
@@ -46,6 +50,8 @@ MOST_TRIANGLES = 4_000_000
 """Triangles set up at once: their records fill most of a portable texture (2^25 texels)."""
 
 FEWEST_ROWS = 16
+WHOLE_ROWS = 32
+FEWEST_LAMPS = 4
 MOST_DARK = 0.1
 """Share of the tiles that some lamp doesn't light from which on all is shaded again, rather than
 these tiles."""
@@ -129,7 +135,7 @@ def _seen(
     """What a camera sees, and the device's picture of it."""
     height = camera.height
     lights = None if lights is None else without_shadows(surfaces, lights, camera.eye)
-    late = LateSight.of(device, surfaces, camera, lights, _band_rows(camera, 0, height))
+    late = LateSight.of(device, surfaces, camera, lights, _band_rows(camera, 0, height, lights))
     if late is not None:
         found = _draw(device, late.view, lights, background, surfaces, 0, height, late)
         if found is not None:
@@ -141,7 +147,7 @@ def _seen(
         if view.count <= MOST_TRIANGLES and _by_pixel(device, view, lights):
             # in a layer triangles write their own pixels once it is known what they look like
             wait = view.layer and may_glance(view, lights)
-            begun.append(_begun(device, view, 0, height, wait))
+            begun.append(_begun(device, view, lights, 0, height, wait))
 
     view = look(surfaces, camera, lights is not None, begin)
     sight = begun[0] if begun else None
@@ -164,9 +170,14 @@ def _parts(view: View, first: int, stop: int) -> Iterator[tuple[int, int, View]]
     yield from _parts(view, middle, stop)
 
 
-def _band_rows(camera: Camera, first: int, stop: int) -> int:
-    """Rows at a time of ``first`` … ``stop - 1``."""
-    return min(stop - first, max(16, BAND_BYTES // (4 * camera.width)))
+def _band_rows(camera: Camera, first: int, stop: int, lights: Sequence[Light] | None = None) -> int:
+    """Rows at a time of ``first`` … ``stop - 1``, lit by ``lights``."""
+    rows = max(16, BAND_BYTES // (4 * camera.width))
+    if by_tree(lights):
+        # shares of all lamps are in one binding, and tiles are looked at together
+        lamps = max(len(lamps_of(lights or [])), FEWEST_LAMPS)
+        rows = max(rows * FEWEST_LAMPS // lamps // WHOLE_ROWS, 1) * WHOLE_ROWS
+    return min(stop - first, rows)
 
 
 def _by_pixel(device: Device, view: View, lights: Sequence[Light] | None) -> bool:
@@ -184,9 +195,16 @@ def _likely(view: View, lights: Sequence[Light] | None, sight: Sight | None) -> 
     return sampled(view) if may_glance(view, lights) else None
 
 
-def _begun(device: Device, view: View, first: int, stop: int, wait: bool = False) -> Sight:
+def _begun(
+    device: Device,
+    view: View,
+    lights: Sequence[Light] | None,
+    first: int,
+    stop: int,
+    wait: bool = False,
+) -> Sight:
     """Who sees what, of which the device finds the first band already unless it is to ``wait``."""
-    rows = _band_rows(view.camera, first, stop)
+    rows = _band_rows(view.camera, first, stop, lights)
     sight = Sight(device, view, rows)
     if not wait:
         sight.begin(first, rows)
@@ -217,14 +235,15 @@ def _draw(
             return None
         return _draw(device, view, lights, background, surfaces, first, stop, sight, guess=False)
 
-    rows = _band_rows(view.camera, first, stop)
+    rows = _band_rows(view.camera, first, stop, lights)
+    tree = by_tree(lights)
     if sight is None and _by_pixel(device, view, lights):
-        sight = _begun(device, view, first, stop)
+        sight = _begun(device, view, lights, first, stop)
     # edges that the host is done with while the device shades
     simple = lights is None and Border.suits(view)
     edge_pass: EdgePass | None = None
     # where shadows take long, the device shades by all lamps meanwhile
-    early = not view.flat and casts_shadows(lights or [])
+    early = not view.flat and casts_shadows(lights or []) and not tree
     early &= sight is None or not sight.late
     shade_pass: ShadePass | None = None
     begun: Buffer | None = None
@@ -240,7 +259,7 @@ def _draw(
             return certain()
         try:
             setup = Setup.build(
-                likely or view, lights, background, surfaces, device, shadows=not early
+                likely or view, lights, background, surfaces, device, shadows=not (early or tree)
             )  # fmt: skip
         except InputError:
             if likely is None:
@@ -260,8 +279,8 @@ def _draw(
             # uneven speckle is shaded in a way that doesn't look at the triangles either
             return certain()
         # the first of several bands needn't wait for the edges either
-        if shadows is not None or (rows < stop - first and not tables.glancing):
-            marked = None if shadows is None else True
+        if shadows is not None or tree or (rows < stop - first and not tables.glancing):
+            marked = True if shadows is not None or tree else None
             shade_pass = ShadePass(tables, rows, sight is not None, sight, marked)
             begun = device.kept.take(4 * rows * shade_pass.stride, f"radiance[{first}]")
             with device.recording("optics.shade") as recording:
@@ -275,23 +294,29 @@ def _draw(
             edges: EdgePixels | None = bin_edges(view)
             tables = tables.with_shadows(shadows())
             tiles = tables.setup.lighting.shadows
-            if tiles is not None and tiles.dark.mean() > MOST_DARK:
+            if isinstance(tiles, ShadowTiles) and tiles.dark.mean() > MOST_DARK:
                 early, shaded, shade_pass = False, False, None
         else:
+            if tree:
+                tables = tables.with_shadows(find_shadows(view, lights or [], surfaces, device))
             edges = bin_edges(view) if waiting else None if found is None else found()
         if edges is not None:
             edge_pass = EdgePass(tables, edges)
     if edge_pass is not None:
         edge_pass.begin()
     shade_pass = shade_pass or ShadePass(tables, rows, sight is not None, sight)
-    shadow_pass = None
-    if tables.setup.lighting.shadows is not None:
+    shadow_pass, relit = None, None
+    if isinstance(tables.setup.lighting.shadows, Shadows):
+        relit = RelitPass(tables, shade_pass, rows)
+    elif tables.setup.lighting.shadows is not None:
         shadow_pass = ShadowPass(tables, early)
     stride = shade_pass.stride
     bands: list[Band] = []
     wrong = False
     for row0 in range(first, stop, rows):
         count = min(rows, stop - row0)
+        if relit is not None:
+            relit.finish()
         radiance = begun or device.kept.take(4 * count * stride, f"radiance[{row0}]")
         with device.recording("optics.shade") as recording:
             if begun is None or not shaded:
@@ -304,6 +329,8 @@ def _draw(
                 # before anything else is submitted that one would wait for as well
                 edge_pass.fetch()
                 wrong = tables.surprised
+        if relit is not None:
+            relit.record(radiance, row0, count)
         bands.append(Band(row0, count, stride, radiance))
         if wrong:
             device.kept.give(radiance)
@@ -315,6 +342,10 @@ def _draw(
         value = border.value.astype(np.float32)
         write_pixels(device, bands, view.camera.width, border.pixel, value)
     else:
+        # while the device looks for what hides lamps from other pixels
+        edge_pass.resolve()
+        if relit is not None:
+            relit.finish()
         edge_pass.write(bands)
     return bands
 

@@ -21,7 +21,7 @@ from gpusim.optics.pattern import LOOP_TURNS
 from gpusim.optics.setup import Setup
 from gpusim.optics.shade import ShadePass, shade_twin
 from gpusim.optics.shadow_probe import probe_outlines, probe_shadows
-from gpusim.optics.shadow_tiles import TILE
+from gpusim.optics.shadow_tiles import TILE, ShadowTiles
 from gpusim.optics.tables import Tables
 from gpusim.optics.under import under
 from gpusim.optics.visibility import visibility_twin
@@ -35,7 +35,7 @@ class ShadowPass:
     def __init__(self, tables: Tables, dark: bool = False) -> None:
         """``dark``: whether tiles that a lamp is hidden from were shaded as if it wasn't."""
         tiles = tables.setup.lighting.shadows
-        assert tiles is not None
+        assert isinstance(tiles, ShadowTiles)
         self.tables, self.dark = tables, dark
         most = int(tiles.edge_counts.max(initial=0))
         if not most <= LOOP_TURNS:
@@ -118,7 +118,7 @@ def _compare(device: Device, setup: Setup, early: bool) -> None:
     got = out.read(np.float32, (camera.height, shading.stride))[:, : camera.width]
     want = shade_twin(setup, visibility_twin(setup.view))
     tiles = setup.lighting.shadows
-    assert tiles is not None
+    assert isinstance(tiles, ShadowTiles)
     half = np.kron((tiles.entry > 0) | tiles.dark, np.ones((TILE, TILE), bool))
     inside = half[: camera.height, : camera.width].reshape(-1)
     inside[bin_edges(setup.view).pixel] = False

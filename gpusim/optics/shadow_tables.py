@@ -27,7 +27,7 @@ class ShadowTables:
     """Uniform and textures; a view without shadows gets empty ones."""
 
     def __init__(self, device: Device, lighting: Lighting) -> None:
-        tiles = lighting.shadows
+        tiles = lighting.shadows if isinstance(lighting.shadows, ShadowTiles) else None
         self.shades = Uniform(device, _shades(lighting), "shade.shades")
         edges = np.zeros((0, 3, 4), np.float32)
         lists = grid = np.zeros((0, 4), np.uint32)
@@ -121,7 +121,7 @@ def _texels(device: Device, values: np.ndarray[Any, Any], label: str) -> Texels:
 
 
 def _shades(lighting: Lighting) -> dict[str, Any]:
-    tiles = lighting.shadows
+    tiles = lighting.shadows if isinstance(lighting.shadows, ShadowTiles) else None
     lamps: dict[str, np.ndarray[Any, Any]] = {
         "centre": np.zeros((MOST_LAMPS, 4)), "u": np.zeros((MOST_LAMPS, 4)),
         "v": np.zeros((MOST_LAMPS, 4)), "part": np.zeros((MOST_LAMPS, 4), np.uint32),

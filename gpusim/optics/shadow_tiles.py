@@ -213,12 +213,20 @@ class ShadowTiles:
         )  # fmt: skip
 
     def shares(
-        self, x: Array, y: Array, at: Array, normal: Array, across: Array, down: Array
+        self,
+        x: Array,
+        y: Array,
+        at: Array,
+        normal: Array,
+        across: Array,
+        down: Array,
+        triangle: Numbers | None = None,
     ) -> Array:
         """What receivers see of each lamp, (n, L), 0 to 1.
 
         ``x``, ``y`` (n,) px; ``at`` (n, 3) their places relative to the eye, ``normal`` (n, 3)
-        unit; ``across``, ``down`` (n, 3) how the places change per column and row.
+        unit; ``across``, ``down`` (n, 3) how the places change per column and row;
+        ``triangle`` is nothing to it.
         """
         bits, entry = self.tile_of(x, y)
         tolerance = TOLERANCE * np.linalg.norm(at, axis=1)

@@ -33,7 +33,14 @@ class Shares:
         self._device, self._tables, self._tiles = device, tables, tiles
 
     def __call__(
-        self, x: Array, y: Array, at: Array, normal: Array, across: Array, down: Array
+        self,
+        x: Array,
+        y: Array,
+        at: Array,
+        normal: Array,
+        across: Array,
+        down: Array,
+        triangle: npt.NDArray[np.int64] | None = None,
     ) -> Array:
         """As `ShadowTiles.shares`."""
         tiles = self._tiles
@@ -48,7 +55,9 @@ class Shares:
         left = np.ones(len(x), bool)
         left[own] = False
         rest = np.flatnonzero(left)
-        result[rest] = tiles.shares(x[rest], y[rest], *(v[rest] for v in places))
+        result[rest] = tiles.shares(
+            x[rest], y[rest], at[rest], normal[rest], across[rest], down[rest]
+        )
         if len(own):
             lit = bits[own, None] >> np.arange(len(tiles.lamps), dtype=np.uint32) & np.uint32(1)
             found = self._found(entry[own], turns[own], *(v[own] for v in places))
@@ -92,11 +101,13 @@ class Shares:
 def _check(device: Device) -> None:
     for setup in (probe_shadows(), probe_outlines()):
         tiles = setup.lighting.shadows
-        assert tiles is not None
-        x, y, *places = _receivers(setup)
+        assert isinstance(tiles, ShadowTiles)
+        x, y, at, normal, across, down = _receivers(setup)
         shares = Shares(device, ShadowTables(device, setup.lighting), tiles)
         samples = [np.bitwise_count(lamp_masks(lamp)).sum() for lamp in tiles.lamps]
-        got, want = (found(x, y, *places) * samples for found in (shares, tiles.shares))
+        got, want = (
+            found(x, y, at, normal, across, down) * samples for found in (shares, tiles.shares)
+        )
         compare("optics/shares", got, np.rint(got), atol=1e-3)
         # one or two samples may fall to the other side of an outline
         compare("optics/shares", got, want, atol=2.5)

@@ -21,6 +21,7 @@ from gpusim.optics.looks import Looks
 from gpusim.optics.openness_table import openness_texels
 from gpusim.optics.records import Records
 from gpusim.optics.setup import TRIANGLE, Setup
+from gpusim.optics.shadow.scene import Shadows
 from gpusim.optics.shadow_tables import ShadowTables
 from gpusim.optics.shadow_tiles import ShadowTiles
 from gpusim.optics.sight import Sight
@@ -44,6 +45,7 @@ class Tables:
         self.bumps = bump_texels(device, setup.bumps)
         self.openness = openness_texels(device, setup.lighting.openness)
         self.shadows = ShadowTables(device, setup.lighting)
+        self.planes = device.no_texels("rgba32uint")
         self.paints = _as_texels(device, table.paints, "shade.paints")
         self.patterns = table.texels(device)
         # triangles that are shaded pixel by pixel take no parts
@@ -98,11 +100,14 @@ class Tables:
         counts = self._counts if self.setup.view.guessed else None
         return counts is not None and bool(counts.read(np.uint32, (6,))[4:].any())
 
-    def with_shadows(self, shadows: ShadowTiles | None) -> Tables:
+    def with_shadows(self, shadows: ShadowTiles | Shadows | None) -> Tables:
         """The same view with shadows."""
         result = copy(self)
         result.setup = self.setup.with_shadows(shadows)
         result.shadows = ShadowTables(self.device, result.setup.lighting)
+        if isinstance(shadows, Shadows):
+            parent = np.zeros(0, np.int64) if self.lines is None else self.lines.parent
+            result.planes = shadows.planes(parent)
         return result
 
     def shared(self) -> dict[str, Any]:

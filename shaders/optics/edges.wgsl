@@ -6,12 +6,15 @@
 // that depends on another shape is noted: the host resolves it. Where one sheet without patterns covers the pixel,
 // nothing is hidden, and each triangle counts by what lies of it within.
 #import common/hidden
+#import common/lamp_shares
 #import common/polygon_paint
 #import common/surface
 #import common/undistort
 #import common/within
 
 override lit: u32;
+// 1: pieces of pixels are listed, 2: what each of them sees of the lamps is known
+override pieces: u32 = 0u;
 
 struct Params {
     rays: Rays,
@@ -29,6 +32,9 @@ struct Range {
     hard_rows: u32,
     thin: f32,
     sure: f32,
+    // how many pieces may be listed, and bits of the lamps that cast shadows
+    slots: u32,
+    casting: u32,
 }
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(6) var<uniform> range: Range;
@@ -41,6 +47,24 @@ struct Range {
 @group(0) @binding(8) var<storage, read> lists: array<u32>;
 // (radiance, 1 if the host has to resolve it) of every edge pixel
 @group(0) @binding(9) var<storage, read_write> found: array<vec2f>;
+
+// per piece, as bits: its place (w: the occluder that it lies on), unit normal, and how the place
+// changes over the piece, twice
+@group(0) @binding(11) var<storage, read_write> receivers: array<vec4u>;
+// per triangle in w the occluder that it is part of
+@group(0) @binding(12) var owners: texture_2d<u32>;
+
+// per edge pixel the number of its first piece: those of neighbouring pixels lie side by side
+@group(0) @binding(13) var<storage, read> slot_of: array<u32>;
+
+fn list_piece(slot: u32, t: Triangle, s: Spot, extent: mat2x2f) {
+    let sides = mat2x3f(s.dx, s.dy) * extent;
+    let own = textureLoad(owners, texel(t.id), 0).w;
+    receivers[4u * slot] = vec4u(bitcast<vec3u>(s.x), own);
+    receivers[4u * slot + 1u] = vec4u(bitcast<vec3u>(s.n), 0u);
+    receivers[4u * slot + 2u] = vec4u(bitcast<vec3u>(sides[0]), 0u);
+    receivers[4u * slot + 3u] = vec4u(bitcast<vec3u>(sides[1]), 0u);
+}
 
 // px^2 of a triangle that are taken to be hidden.
 const LEFT_OUT: f32 = 1e-5;
@@ -220,11 +244,23 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
                 }
             }
             printed = 0.0;
-            var light = paint_polygon(t, d, polygon, middle);
+            var light = 0.0;
+            if (pieces != 1u) { light = paint_polygon(t, d, polygon, middle); }
             if (lit != 0u) {
                 let at = vec2f(pixel) + middle;
                 var r: Reflection;
-                if (shadowed != 0u) {
+                var slot = 0u;
+                if (pieces != 0u) { slot = slot_of[n - range.first] + c - nearest; }
+                if (pieces == 1u) {
+                    list_piece(slot, t, spot(t, params.rays, at, d + middle), extent);
+                } else if (pieces == 2u) {
+                    let s = spot(t, params.rays, at, d + middle);
+                    let known = Known(slot, range.slots, range.casting);
+                    let own = reflection_known(s.x, s.n, gloss_at(t, s), openness_at(t.id, s.x), known);
+                    unsure = unsure || (doubt && own.half);
+                    unknown = unknown || (corner && own.half);
+                    r = own.r;
+                } else if (shadowed != 0u) {
                     let tile = shadow_tile(pixel);
                     let lit = reflection_seen_at(t, params.rays, at, d + middle, extent, tile);
                     // what is in front may end where its shadow begins

@@ -81,9 +81,40 @@ class PixelReceivers:
         view: View, ids: npt.NDArray[np.uint32], surfaces: Sequence[Surface], occluders: Occluders
     ) -> PixelReceivers:
         """Those of a view of ``surfaces``."""
+        planes, own = (
+            PixelReceivers.planes_of(view),
+            PixelReceivers.owners(view, surfaces, occluders),
+        )
+        return PixelReceivers(view.camera, ids, planes, own)
+
+    @staticmethod
+    def planes_of(view: View) -> Array:
+        """``planes`` of a view."""
         rays = view.camera.camera_from_world[:3, :3].T @ view.camera.ray_matrix()
-        planes = view.planes_of(slice(None)).sum(axis=1) @ np.linalg.inv(rays)
-        return PixelReceivers(view.camera, ids, planes, _owners(view, surfaces, occluders))
+        result: Array = view.planes_of(slice(None)).sum(axis=1) @ np.linalg.inv(rays)
+        return result
+
+    @staticmethod
+    def owners(view: View, surfaces: Sequence[Surface], occluders: Occluders) -> Numbers:
+        """(T,): the occluder that each triangle of a view is part of."""
+        faces = np.cumsum([0, *(len(surface.faces) for surface in surfaces)])
+        first = np.cumsum([0, *(len(surface.topology.triangles) for surface in surfaces)])
+        result = np.empty(view.count, np.int64)
+        eye = view.camera.eye
+        turn = view.camera.camera_from_world[:3, :3]
+        for number, surface in enumerate(surfaces):
+            own = np.flatnonzero(view.body == number)
+            topology = surface.topology
+            face = view.face[own] - faces[number]
+            start = np.searchsorted(topology.source, face)
+            last = np.searchsorted(topology.source, face, side="right") - 1
+            # of a quad's halves that on whose side of the diagonal the middle is
+            a, b, c = (surface.points[topology.triangles[start, k]] for k in range(3))
+            middle = view.corners_of(own, slice(0, 3)).mean(axis=1) @ turn + eye
+            diagonal = c - a
+            one, other = np.cross(diagonal, middle - a), np.cross(diagonal, b - a)
+            result[own] = np.where(np.sum(one * other, axis=1) >= 0.0, start, last) + first[number]
+        return occluders.rank[result]
 
     def receivers(self) -> tuple[Numbers, Receivers]:
         """Indices (n,) of the pixels that see something, and these one by one."""
@@ -109,28 +140,6 @@ class PixelReceivers:
         return pixel, Receivers(x, normal, changes[:, 0], changes[:, 1], self.on[triangle])
 
 
-def _owners(view: View, surfaces: Sequence[Surface], occluders: Occluders) -> Numbers:
-    """(T,): the occluder that each triangle of a view is part of."""
-    faces = np.cumsum([0, *(len(surface.faces) for surface in surfaces)])
-    first = np.cumsum([0, *(len(surface.topology.triangles) for surface in surfaces)])
-    result = np.empty(view.count, np.int64)
-    eye = view.camera.eye
-    turn = view.camera.camera_from_world[:3, :3]
-    for number, surface in enumerate(surfaces):
-        own = np.flatnonzero(view.body == number)
-        topology = surface.topology
-        face = view.face[own] - faces[number]
-        start = np.searchsorted(topology.source, face)
-        last = np.searchsorted(topology.source, face, side="right") - 1
-        # of a quad's halves that on whose side of the diagonal the middle is
-        a, b, c = (surface.points[topology.triangles[start, k]] for k in range(3))
-        middle = view.corners_of(own, slice(0, 3)).mean(axis=1) @ turn + eye
-        diagonal = c - a
-        one, other = np.cross(diagonal, middle - a), np.cross(diagonal, b - a)
-        result[own] = np.where(np.sum(one * other, axis=1) >= 0.0, start, last) + first[number]
-    return occluders.rank[result]
-
-
 class DeviceReceivers:
     """Receivers of one kind on a device."""
 
@@ -148,6 +157,9 @@ class DeviceReceivers:
             "last": np.zeros(2), "middle": np.zeros(2), "size": 1, "columns": 1,
         }  # fmt: skip
         self.constants = {"listed": 1.0, "distorted": 0.0}
+        self.row0, self.stride, self.step = 0, 1, 1
+        self._capacity = 0
+        self._uniform: Uniform | None = None
         rays = np.zeros((3, 3))
         if isinstance(receivers, Receivers):
             self.count = self.groups = self.entries = len(receivers.at)
@@ -161,7 +173,7 @@ class DeviceReceivers:
             self.pieces = device.buffer(rows, "shadow.pieces")
         else:
             camera = receivers.camera
-            self.size = camera.width, camera.height
+            self.size, self.stride = (camera.width, camera.height), camera.width
             self.columns = -(-camera.width // TILE)
             self.groups = self.columns * -(-camera.height // TILE)
             self.entries, self.count = 2 * self.groups, camera.width * camera.height
@@ -184,14 +196,25 @@ class DeviceReceivers:
         self._leaves = occluders.leaves
         self.groups_of = device.empty(48 * max(self.entries, 1), "shadow.groups")
 
+    def _numbers(self) -> dict[str, object]:
+        return {
+            **self._rays, "size": np.array(self.size, np.uint32), "columns": self.columns,
+            "groups": self.groups, "capacity": self._capacity, "leaves": self._leaves,
+            "count": self.count, "row0": self.row0, "stride": self.stride, "step": self.step,
+        }  # fmt: skip
+
+    def update(self) -> None:
+        """Other numbers from the next submit on."""
+        if self._uniform is not None:
+            self._uniform.update(self._numbers())
+
     def bindings(self, capacity: int) -> dict[str, Any]:
         """By their WGSL names; ``capacity``: chunks in the pool."""
-        numbers = {
-            **self._rays, "size": np.array(self.size, np.uint32), "columns": self.columns,
-            "groups": self.groups, "capacity": capacity, "leaves": self._leaves,
-        }  # fmt: skip
+        if self._uniform is None or capacity != self._capacity:
+            self._capacity = capacity
+            self._uniform = Uniform(self.device, self._numbers(), "shadow.receivers")
         return {
-            "receivers": Uniform(self.device, numbers, "shadow.receivers"), "ids": self.ids,
+            "receivers": self._uniform, "ids": self.ids,
             "planes": self.planes, "pieces": self.pieces, "groups_of": self.groups_of,
             "tiles": Uniform(self.device, self.bends, "shadow.tiles"),
             "undistortion": self.undistortion,

@@ -15,7 +15,7 @@ from gpusim.optics.shadow.light_space import ANGLE, UNLIMITED, LightSpace
 from gpusim.optics.shadow.occluders import NOBODY, DeviceOccluders, Occluders
 from gpusim.optics.shadow.probe import probe_spaces
 
-__all__ = ["Refit", "facing", "planes_of", "refit_twin"]
+__all__ = ["Refit", "box_ends", "facing", "planes_of", "refit_twin"]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
@@ -96,7 +96,7 @@ def facing(space: LightSpace, corners: Array, is_open: npt.NDArray[np.bool_]) ->
     return np.where(behind.any(axis=1) & (result != HIDES_NOTHING), crossing, result)
 
 
-def _ends(space: LightSpace, corners: Array) -> tuple[Array, Array]:
+def box_ends(space: LightSpace, corners: Array) -> tuple[Array, Array]:
     """Low and high ends (T, 3) of boxes around triangles (T, 3, 3)."""
     low = np.full((len(corners), 3), UNLIMITED)
     high = -low
@@ -129,7 +129,7 @@ def refit_twin(
     words (2 L,) of the nodes over L leaves; ``points`` (V, 3) relative to the eye."""
     corners, leaves = points[occluders.triangles], occluders.leaves
     kind = facing(space, corners, occluders.open)
-    low, high = _ends(space, corners)
+    low, high = box_ends(space, corners)
     beside = np.where(occluders.neighbours == NOBODY, 0, occluders.neighbours)
     alone = occluders.neighbours == NOBODY
     same = np.isin(kind, (AWAY, TOWARDS, AWAY_OPEN)) & ~alone.any(axis=1)

@@ -47,13 +47,15 @@ class Search:
         # entries to refine, behind twice the groups those in penumbra
         self.work = device.empty(4 * (2 * receivers.groups + entries), "shadow.work")
         self.states = device.empty(4 * entries, "shadow.states")
-        self.coarse_size = (
-            -(-receivers.columns // COARSE),
-            -(-receivers.groups // receivers.columns // COARSE),
-        )
-        self.coarse = device.empty(8 * self.coarse_size[0] * self.coarse_size[1], "shadow.coarse")
+        across, down = self._coarse_size
+        self.coarse = device.empty(8 * across * down, "shadow.coarse")
         self.refine_groups = device.empty(12, "shadow.refine_groups")
         self.mask_groups = device.empty(12, "shadow.mask_groups")
+
+    @property
+    def _coarse_size(self) -> tuple[int, int]:
+        own = self._receivers
+        return -(-own.columns // COARSE), max(-(-own.groups // own.columns // COARSE), 1)
 
     def bindings(self, counters: Buffer) -> dict[str, Any]:
         """By their WGSL names; ``counters`` of one lamp."""
@@ -70,7 +72,7 @@ class Search:
         if receivers.listed:
             bound.run(recording, name, "pieces_alone", constants, threads=(receivers.groups,))
         else:
-            across, down = self.coarse_size
+            across, down = self._coarse_size
             bound.run(recording, name, "coarse_tiles", constants, threads=(2 * across * down,))
             rows = receivers.groups // receivers.columns
             groups = 2 * -(-receivers.columns // 8) * -(-rows // 8)

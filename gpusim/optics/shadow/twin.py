@@ -30,7 +30,7 @@ from gpusim.optics.shadow.occluders import Occluders
 from gpusim.optics.shadow.receivers import Receivers
 from gpusim.optics.shadow.refit import planes_of
 
-__all__ = ["Aspects", "aspects", "lamp_numbers", "looked_from", "shares_twin"]
+__all__ = ["Aspects", "aspects", "lamp_numbers", "looked_from", "shares_of", "shares_twin"]
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -60,24 +60,41 @@ def shares_twin(
     for column, number in enumerate(numbers):
         own = [space for space in spaces if space.number == number]
         asks = np.any([v.asks(receivers.at, receivers.normal) for v in own], axis=0)
-        lamp, masks = own[0].lamp, lamp_masks(own[0].lamp)
-        total = np.bitwise_count(masks).sum()
         step = max(PAIRS // occluders.count, 1)
         asking = np.flatnonzero(asks)
         for start in range(0, len(asking), step):
             rows = asking[start : start + step]
-            row = np.repeat(rows, occluders.count)
-            face = np.tile(np.arange(occluders.count), len(rows))
-            pairs = receivers[row]
-            seen = aspects(
-                lamp, pairs, corners[face], planes[face], occluders.open[face],
-                looked_from(lamp, occluders, corners, pairs, face),
-            )  # fmt: skip
-            some = np.flatnonzero(seen.may_hide)
-            covered = np.zeros((len(rows), ROWS), np.uint32)
-            np.bitwise_or.at(covered, some // occluders.count, seen.hidden(lamp, some))
-            result[rows, column] = np.bitwise_count(masks & ~covered).sum(axis=1) / total
+            result[rows, column] = shares_of(
+                own[0], occluders, corners, planes, receivers[rows], np.arange(occluders.count)
+            )
     return result
+
+
+def shares_of(
+    space: LightSpace,
+    occluders: Occluders,
+    corners: Array,
+    planes: Array,
+    receivers: Receivers,
+    faces: Numbers,
+) -> Array:
+    """(n,): what ``receivers`` see of a lamp past some occluders, of which all have ``corners`` and
+    ``planes``."""
+    lamp, masks = space.lamp, lamp_masks(space.lamp)
+    row, face = (
+        np.repeat(np.arange(len(receivers.at)), len(faces)),
+        np.tile(faces, len(receivers.at)),
+    )
+    pairs = receivers[row]
+    seen = aspects(
+        lamp, pairs, corners[face], planes[face], occluders.open[face],
+        looked_from(lamp, occluders, corners, pairs, face),
+    )  # fmt: skip
+    some = np.flatnonzero(seen.may_hide)
+    covered = np.zeros((len(receivers.at), ROWS), np.uint32)
+    np.bitwise_or.at(covered, row[some], seen.hidden(lamp, some))
+    count = np.bitwise_count(masks & ~covered).sum(axis=1)
+    return np.asarray(count / np.bitwise_count(masks).sum())
 
 
 def looked_from(

@@ -33,15 +33,18 @@ class VisibleShares:
     def __init__(
         self,
         device: Device,
-        occluders: Occluders,
-        receivers: Receivers | PixelReceivers,
+        occluders: Occluders | DeviceOccluders,
+        receivers: Receivers | PixelReceivers | DeviceReceivers,
         capacity: int = CAPACITY,
     ) -> None:
         self.device = device
-        self.occluders = DeviceOccluders(device, occluders)
+        if isinstance(occluders, Occluders):
+            occluders = DeviceOccluders(device, occluders)
+        if not isinstance(receivers, DeviceReceivers):
+            receivers = DeviceReceivers(device, receivers, occluders.occluders)
+        self.occluders, self.receivers = occluders, receivers
         self.refit = Refit(device, self.occluders)
-        self.receivers = DeviceReceivers(device, receivers, occluders)
-        self.shares: dict[int, Buffer] = {}
+        self.shares: Buffer | None = None
         self.counts: list[dict[str, int]] = []
         self._spaces: list[_SpaceOnDevice] = []
         self.enlarge(capacity)
@@ -68,14 +71,22 @@ class VisibleShares:
         """
         self.occluders.move(points)
         self.record(spaces, until)
-        while (most := self._most_chunks(len(spaces))) >= self.search.capacity - 1:
-            self.enlarge(most + most // 8 + 2)
+        while self.enlarged(spaces):
             self.record(spaces, until)
         numbers = lamp_numbers(spaces)
-        result = np.zeros((self.receivers.count, len(numbers)), np.float32)
-        for column, number in enumerate(numbers):
-            result[:, column] = self.shares[number].read(np.float32)[: self.receivers.count]
-        return result
+        if self.shares is None:
+            return np.zeros((self.receivers.count, 0), np.float32)
+        found = self.shares.read(np.float32).reshape(-1, max(self.receivers.count, 1))
+        return np.ascontiguousarray(found[numbers, : self.receivers.count].T)
+
+    def enlarged(self, spaces: Sequence[LightSpace]) -> bool:
+        """Whether the pool was too small for what was recorded, which is to be done again; waits
+        for the device."""
+        most = self._most_chunks(len(spaces))
+        if most < self.search.capacity - 1:
+            return False
+        self.enlarge(most + most // 8 + 2)
+        return True
 
     def enlarge(self, capacity: int) -> None:
         """Take a pool of so many chunks."""
@@ -92,6 +103,11 @@ class VisibleShares:
     def record(self, spaces: Sequence[LightSpace], until: str = STAGES[-1]) -> None:
         """Let the device work; where a pool may be too small, `find` looks."""
         stages = STAGES[: STAGES.index(until) + 1]
+        lamps = max((space.number for space in spaces), default=-1) + 1
+        nbytes = 4 * lamps * max(self.receivers.count, 1)
+        if lamps and (self.shares is None or self.shares.nbytes < nbytes):
+            self._spaces.clear()
+            self.shares = self.device.empty(nbytes, "shadow.shares")
         for place, space in enumerate(spaces):
             if place < len(self._spaces) and self._spaces[place].number == space.number:
                 self._spaces[place].update(space)
@@ -99,8 +115,8 @@ class VisibleShares:
                 self._spaces[place:] = [_SpaceOnDevice(self, space)]
         with self.device.recording("optics.shadow") as recording:
             self.refit.gather(recording)
-            for number in lamp_numbers(spaces):
-                recording.clear(self.shares[number])
+            if self.shares is not None:
+                recording.clear(self.shares)
             for own in self._spaces[: len(spaces)]:
                 own.record(recording, stages)
 
@@ -122,13 +138,11 @@ class _SpaceOnDevice:
         self._light = Uniform(device, space.uniform(), "shadow.light")
         self._lamp = Uniform(device, space.face(), "shadow.lamp")
         self.number = space.number
-        nbytes = 4 * max(shares.receivers.count, 1)
-        found = shares.shares.setdefault(space.number, device.empty(nbytes, "shadow.shares"))
         self._trees = shares.refit.bound(device, self._light)
         self._bound = Bound(
             device,
             {
-                "light": self._light, "lamp": self._lamp, "shares": found,
+                "light": self._light, "lamp": self._lamp, "shares": shares.shares,
                 "occluders": shares.occluders.records, "nodes": shares.occluders.nodes,
                 "neighbours": shares.occluders.neighbours,
                 **shares.receivers.bindings(shares.search.capacity),

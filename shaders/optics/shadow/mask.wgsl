@@ -6,7 +6,7 @@
 #import optics/shadow/lists
 
 @group(0) @binding(14) var<storage, read> groups_of: array<vec4f>;
-// per pixel, or receiver of the list
+// per pixel, or receiver of the list, one lamp after the other
 @group(0) @binding(31) var<storage, read_write> shares: array<f32>;
 
 // How often edges wind round samples, modulo 64: as many layers as hide the lamp.
@@ -68,6 +68,8 @@ fn hidden_as_a_whole(r: Receiver, to: vec3f, first: u32, count: u32) -> Samples 
     return Samples(any_turn(turns0), any_turn(turns1), any_turn(turns2), any_turn(turns3));
 }
 
+fn place_of(receiver: u32) -> u32 { return light.number * receivers.count + receiver; }
+
 fn visible_share(r: Receiver, head: vec4u) -> f32 {
     let k = looking(r);
     var covered = Samples();
@@ -104,7 +106,7 @@ fn tiles_of_pixels(
     let entry = work[2u * receivers.groups + number];
     let pixel = tile_pixel(entry, local.xy);
     let r = pixel_receiver(pixel);
-    if (is_in(r, entry)) { shares[index_of(pixel)] = visible_share(r, heads[entry]); }
+    if (is_in(r, entry)) { shares[place_of(index_of(pixel))] = visible_share(r, heads[entry]); }
 }
 
 @compute @workgroup_size(64)
@@ -112,7 +114,7 @@ fn pieces_alone(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgrou
     let number = linear_id(gid, groups, 64u);
     if (number >= atomicLoad(&counters[PENUMBRA])) { return; }
     let i = work[2u * receivers.groups + number];
-    shares[i] = visible_share(listed_receiver(i), heads[i]);
+    shares[place_of(i)] = visible_share(listed_receiver(i), heads[i]);
 }
 
 // Where receivers see all of the lamp or none.
@@ -124,11 +126,11 @@ fn plain_tiles(@builtin(global_invocation_id) gid: vec3u) {
     let tile = (gid.y >> 3u) * receivers.columns + (gid.x >> 3u);
     let farther = r.depth > groups_of[3u * tile + 1u].z;
     let state = states[tile + select(0u, receivers.groups, farther)];
-    if (state != HALF) { shares[index_of(gid.xy)] = select(1.0, 0.0, state == UMBRA); }
+    if (state != HALF) { shares[place_of(index_of(gid.xy))] = select(1.0, 0.0, state == UMBRA); }
 }
 @compute @workgroup_size(64)
 fn plain_pieces(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let i = linear_id(gid, groups, 64u);
     if (i >= receivers.groups || !listed_receiver(i).asks) { return; }
-    if (states[i] != HALF) { shares[i] = select(1.0, 0.0, states[i] == UMBRA); }
+    if (states[i] != HALF) { shares[place_of(i)] = select(1.0, 0.0, states[i] == UMBRA); }
 }

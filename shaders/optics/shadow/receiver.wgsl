@@ -16,6 +16,10 @@ struct Receivers {
     groups: u32,     // tiles, or receivers of the list
     capacity: u32,   // chunks in the pool
     leaves: u32,
+    count: u32,      // of all receivers
+    row0: i32,       // of the picture, at which these pixels begin
+    stride: u32,     // words from one row of `ids` to the next, and from one pixel to the next
+    step: u32,
 }
 @group(0) @binding(10) var<uniform> receivers: Receivers;
 // triangle of the view + 1 that each pixel sees
@@ -39,17 +43,18 @@ struct Receiver {
 
 fn pixel_id(pixel: vec2u) -> u32 {
     let there = all(pixel < receivers.size);
-    return select(0u, ids[select(0u, pixel.y * receivers.size.x + pixel.x, there)], there);
+    return select(0u, ids[select(0u, pixel.y * receivers.stride + pixel.x * receivers.step, there)], there);
 }
+fn in_picture(pixel: vec2u) -> vec2i { return vec2i(pixel) + vec2i(0, receivers.row0); }
 fn pixel_ray(pixel: vec2u, bend: Bend) -> vec3f {
-    let at = vec2f(pixel) + undistort(bend, vec2f(0.0));
+    let at = vec2f(in_picture(pixel)) + undistort(bend, vec2f(0.0));
     return receivers.one.xyz + at.x * receivers.x.xyz + at.y * receivers.y.xyz;
 }
 // 0 where it sees nothing.
 fn pixel_depth(pixel: vec2u) -> f32 {
     let id = pixel_id(pixel);
     let m = bitcast<vec3f>(textureLoad(planes, texel(max(id, 1u) - 1u), 0).xyz);
-    return select(0.0, 1.0 / dot(m, pixel_ray(pixel, bend_at(vec2i(pixel)))), id > 0u);
+    return select(0.0, 1.0 / dot(m, pixel_ray(pixel, bend_at(in_picture(pixel)))), id > 0u);
 }
 
 fn pixel_receiver(pixel: vec2u) -> Receiver {
@@ -58,7 +63,7 @@ fn pixel_receiver(pixel: vec2u) -> Receiver {
     if (id == 0u) { return r; }
     let plane = textureLoad(planes, texel(id - 1u), 0);
     let m = bitcast<vec3f>(plane.xyz);
-    let bend = bend_at(vec2i(pixel));
+    let bend = bend_at(in_picture(pixel));
     let ray = pixel_ray(pixel, bend);
     let rate = 1.0 / dot(m, ray);
     let extent = undistort_change(bend);

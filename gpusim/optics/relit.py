@@ -1,0 +1,228 @@
+"""Pixels that don't see all of every lamp, lit again by what `gpusim.optics.shadow` finds.
+
+`gpusim.optics.shade` lights all pixels by all lamps, and marks which triangle each one sees; here
+the device finds each lamp's share and takes off what is hidden. Pieces of pixels on edges, and what
+the host resolves, ask one by one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.gpu import Bound, Buffer, Device, compare, twin_check
+from gpusim.optics.binning import bin_edges
+from gpusim.optics.emitters import lamps_of
+from gpusim.optics.setup import Setup
+from gpusim.optics.shade import ShadePass, shade_twin
+from gpusim.optics.shadow.drawn import BandReceivers, PieceReceivers
+from gpusim.optics.shadow.light_space import LightSpace
+from gpusim.optics.shadow.receivers import TILE, DeviceReceivers, Receivers
+from gpusim.optics.shadow.scene import Shadows
+from gpusim.optics.shadow.visible import CAPACITY, VisibleShares
+from gpusim.optics.shadow_probe import shadow_scene
+from gpusim.optics.tables import Tables
+from gpusim.optics.view import look
+from gpusim.optics.visibility import visibility_twin
+from gpusim.surface.paint import Plain
+
+__all__ = ["ListedShares", "PieceShares", "RelitPass", "no_pieces"]
+
+Array = npt.NDArray[np.float64]
+NEEDED = "shadow.capacity"
+
+FEW = 1 << 20
+"""Pairs of receivers and occluders that NumPy looks at sooner than a device is asked."""
+
+
+def _found_by(
+    device: Device, shadows: Shadows, receivers: Receivers | DeviceReceivers
+) -> VisibleShares:
+    """With as many chunks as were needed last."""
+    known = device.kept.notes.get(NEEDED)
+    capacity = known if isinstance(known, int) else CAPACITY
+    assert shadows.on_device is not None
+    return VisibleShares(device, shadows.on_device, receivers, capacity)
+
+
+def _enlarged(found: VisibleShares, spaces: Sequence[LightSpace]) -> bool:
+    """`VisibleShares.enlarged`, of which the next ones know."""
+    result = found.enlarged(spaces)
+    if result:
+        found.device.kept.notes[NEEDED] = found.search.capacity
+    return result
+
+
+class RelitPass:
+    """The pixels of one view, band by band, that ``shade`` has lit by all lamps."""
+
+    def __init__(self, tables: Tables, shade: ShadePass, rows: int) -> None:
+        setup = tables.setup
+        shadows = setup.lighting.shadows
+        assert isinstance(shadows, Shadows) and shade.marks is not None
+        self.tables, self.shade = tables, shade
+        self._casting = shadows.casting
+        # a relief may turn normals any way
+        self._spaces = shadows.leaning if setup.bumps is None else shadows.turned(1.0)
+        self._receivers = BandReceivers(tables.device, shadows, tables.planes, shade.marks, rows)
+        self._found = _found_by(tables.device, shadows, self._receivers)
+        self._band: tuple[Buffer, int, int] | None = None
+        self._tiles = tables.device.empty(4 * self._receivers.groups, "relit.tiles_listed")
+        self._counters = tables.device.empty(16, "relit.counters")
+        self._groups = tables.device.empty(12, "relit.groups")
+
+    def record(self, radiance: Buffer, row0: int, rows: int) -> None:
+        """Let the device light a band again, which ``shade`` has left last; `finish` is to follow
+        before it goes on."""
+        self._band = radiance, row0, rows
+        self._receivers.aim(row0, rows)
+        with self.tables.device.recording("optics.shadow") as recording:
+            self._receivers.record(recording)
+        self._found.record(self._spaces)
+        self._relight(radiance, row0, rows)
+
+    def finish(self) -> None:
+        """Do the last band again where the lists of what hides lamps were too short; waits for the
+        device."""
+        while self._band is not None and _enlarged(self._found, self._spaces):
+            radiance, row0, rows = self._band
+            with self.tables.device.recording("optics.shade") as recording:
+                self.shade.record(recording, radiance, row0, rows)
+            self.record(radiance, row0, rows)
+        self._band = None
+
+    def _relight(self, radiance: Buffer, row0: int, rows: int) -> None:
+        setup, width = self.tables.setup, self.tables.setup.view.camera.width
+        glossy = bool(setup.shiny.any())
+        constants = setup.light_constants(glossy, bool(setup.bumpy.any()))
+        constants["scaled"] = float(not glossy)
+        params = {
+            "rays": self.tables.rays(), "width": width, "rows": rows,
+            "stride": self.shade.stride, "row0": row0, "casting": self._casting,
+        }  # fmt: skip
+        bound = Bound(
+            self.tables.device,
+            {
+                "params": params, "radiance": radiance, "marks": self.shade.marks,
+                "lamp_shares": self._found.shares, "listed": self._tiles,
+                "counters": self._counters, "groups_of": self._groups, **self.tables.surface(),
+            },
+        )  # fmt: skip
+        with self.tables.device.recording("optics.relit") as recording:
+            recording.clear(self._counters)
+            count = -(-width // TILE) * -(-rows // TILE)
+            name = "optics/relit"
+            bound.run(recording, name, "list_tiles", constants, threads=(count,))
+            bound.run(recording, name, "count_tiles", constants, groups=(1,))
+            bound.run(recording, name, "main", constants, counted=self._groups)
+
+
+def no_pieces(device: Device) -> dict[str, Any]:
+    """What a program is bound to that lists none."""
+    return {
+        "receivers": device.buffer(np.zeros(4, np.uint32), "shadow.no_receivers"),
+        "lamp_shares": device.buffer(np.zeros(4, np.float32), "shadow.no_shares"),
+        "owners": device.no_texels("rgba32uint"),
+        "slot_of": device.buffer(np.zeros(4, np.uint32), "shadow.no_slots"),
+    }
+
+
+class PieceShares:
+    """What pieces of pixels see, which a program lists in so many ``slots``."""
+
+    def __init__(self, tables: Tables, shadows: Shadows, slots: int) -> None:
+        device = tables.device
+        self._device, self._spaces, self._planes = device, shadows.spaces, tables.planes
+        self._receivers = PieceReceivers(device, shadows, slots)
+        self._found = _found_by(device, shadows, self._receivers)
+        self._slots, self._casting = slots, shadows.casting
+        self._none = no_pieces(device)
+        del self._none["slot_of"]
+        with device.recording("optics.shadow") as recording:
+            recording.clear(self._receivers.pieces)
+
+    def range(self) -> dict[str, int]:
+        """Members of the program's uniform."""
+        return {"slots": self._slots, "casting": self._casting}
+
+    def bindings(self, known: bool) -> dict[str, Any]:
+        """By their WGSL names, for the program that lists them, and for that which lights them once
+        what they see is ``known``."""
+        if known:
+            return {**self._none, "lamp_shares": self._found.shares}
+        return {**self._none, "receivers": self._receivers.pieces, "owners": self._planes}
+
+    def release(self) -> None:
+        """Leave the memory of what is listed to the next ones."""
+        self._device.kept.give(self._receivers.pieces)
+
+    def find(self) -> None:
+        """Let the device find what those see that are listed."""
+        self._found.record(self._spaces)
+
+    def failed(self) -> bool:
+        """Whether that has to be done again; waits for the device."""
+        return _enlarged(self._found, self._spaces)
+
+
+class ListedShares:
+    """`Shadows.shares`, by the device where there are many."""
+
+    def __init__(self, device: Device, shadows: Shadows) -> None:
+        self._device, self._shadows = device, shadows
+
+    def __call__(
+        self,
+        x: Array,
+        y: Array,
+        at: Array,
+        normal: Array,
+        across: Array,
+        down: Array,
+        triangle: npt.NDArray[np.int64],
+    ) -> Array:
+        """As `Shadows.shares`."""
+        shadows = self._shadows
+        if len(x) * shadows.occluders.count < FEW:
+            return shadows.shares(x, y, at, normal, across, down, triangle)
+        # those of a tile side by side, as they look past the same
+        order = np.lexsort((np.floor((x + 0.5) / TILE), np.floor((y + 0.5) / TILE)))
+        receivers = shadows.receivers(at, normal, across, down, triangle)[order]
+        found = _found_by(self._device, shadows, receivers)
+        result = np.ones((len(x), len(shadows.lamps)))
+        numbers = np.array(sorted({space.number for space in shadows.spaces}))
+        result[order[:, None], numbers] = found.find(shadows.points, shadows.spaces)
+        return result
+
+
+@twin_check("optics/relit")
+def _check(device: Device) -> None:
+    surfaces, camera, lights = shadow_scene()
+    plain = [surfaces[0], *(replace(own, paint=Plain(0.6)) for own in surfaces[1:])]
+    for shown in (surfaces, plain):
+        view = look(shown, camera, lit=True)
+        setup = Setup.build(view, lights, 0.05, shown, shadows=False)
+        _compare(device, setup, Shadows.of(view, lamps_of(lights), shown, device))
+
+
+def _compare(device: Device, setup: Setup, shadows: Shadows) -> None:
+    camera = setup.view.camera
+    tables = Tables(device, setup)
+    shading = ShadePass(tables, camera.height, marked=True)
+    out = device.empty(4 * shading.stride * camera.height, "relit.out")
+    with device.recording("optics.shade") as recording:
+        shading.record(recording, out, 0, camera.height)
+    relit = RelitPass(tables.with_shadows(shadows), shading, camera.height)
+    relit.record(out, 0, camera.height)
+    relit.finish()
+    got = out.read(np.float32, (camera.height, shading.stride))[:, : camera.width]
+    want = shade_twin(setup.with_shadows(shadows), visibility_twin(setup.view))
+    inside = np.ones(want.size, bool)
+    inside[bin_edges(setup.view).pixel] = False
+    # one sample of 512 may fall to the other side of an outline
+    atol = 2.5 / 512 * float(want.max())
+    compare("optics/relit", got.reshape(-1)[inside], want.reshape(-1)[inside], "pixel", atol=atol)

@@ -1,0 +1,213 @@
+"""What hides the lamps of a view: occluders, where they are now, and the lamps' light spaces."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import InputError
+from gpusim.gpu import Device, Texels
+from gpusim.optics.corners import NORMAL, POSITION, parts
+from gpusim.optics.emitters import Lamp
+from gpusim.optics.shadow.light_space import LightSpace, light_spaces
+from gpusim.optics.shadow.occluders import (
+    NOBODY,
+    DeviceOccluders,
+    Occluders,
+    relative_points,
+)
+from gpusim.optics.shadow.receivers import TILE, PixelReceivers, Receivers
+from gpusim.optics.view import View
+from gpusim.surface.surface import Surface
+from gpusim.surface.topology import Topology
+
+__all__ = ["MOST_LAMPS", "Shadows"]
+
+Array = npt.NDArray[np.float64]
+Numbers = npt.NDArray[np.int64]
+
+MOST_LAMPS = 16
+LABEL = "shadow.occluders"
+
+TOGETHER = 64
+"""Receivers, about, that NumPy looks from at a time."""
+
+
+@dataclass(frozen=True, eq=False)
+class _KeptOccluders:
+    """Those of the surfaces that were seen last, which stay while vertices move."""
+
+    topologies: tuple[Topology, ...]
+    occluders: DeviceOccluders
+
+    def suits(self, topologies: tuple[Topology, ...]) -> bool:
+        """Whether they are of the same surfaces."""
+        return len(topologies) == len(self.topologies) and all(
+            one is other for one, other in zip(topologies, self.topologies, strict=True)
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Shadows:
+    """Light and what hides it of one view.
+
+    ``points`` (V, 4) float32: vertices of ``surfaces`` relative to the eye. ``lamps``: centres are
+    relative to the eye, too. ``spaces``: of those that cast shadows.
+    """
+
+    view: View
+    surfaces: tuple[Surface, ...]
+    occluders: Occluders
+    points: npt.NDArray[np.float32]
+    lamps: tuple[Lamp, ...]
+    spaces: tuple[LightSpace, ...]
+    on_device: DeviceOccluders | None
+
+    @staticmethod
+    def of(
+        view: View, lamps: Sequence[Lamp], surfaces: Sequence[Surface], device: Device | None
+    ) -> Shadows:
+        """Those of all ``surfaces``, whether they are in view or not.
+
+        Raises
+        ------
+        InputError
+            More lamps than a shader takes.
+        """
+        if len(lamps) > MOST_LAMPS:
+            raise InputError(
+                f"render lights; got {len(lamps)} lamps; expected at most {MOST_LAMPS}"
+            )
+        eye = view.camera.eye
+        points = relative_points(surfaces, eye)
+        relative = tuple(v if v.far else replace(v, centre=v.centre - eye) for v in lamps)
+        spaces = tuple(light_spaces(lamps, points, eye))
+        if device is None:
+            own = Occluders.of(surfaces)
+            return Shadows(view, tuple(surfaces), own, points, relative, spaces, None)
+        topologies = tuple(surface.topology for surface in surfaces)
+        kept = device.kept.notes.get(LABEL)
+        if not (isinstance(kept, _KeptOccluders) and kept.suits(topologies)):
+            kept = _KeptOccluders(topologies, DeviceOccluders(device, Occluders.of(surfaces)))
+            device.kept.notes[LABEL] = kept
+        kept.occluders.move(points)
+        own = kept.occluders.occluders
+        return Shadows(view, tuple(surfaces), own, points, relative, spaces, kept.occluders)
+
+    @property
+    def casting(self) -> int:
+        """Bits of the lamps that cast shadows."""
+        return sum(1 << number for number in {space.number for space in self.spaces})
+
+    @cached_property
+    def owners(self) -> Numbers:
+        """(T,): the occluder that each triangle of the view is part of, -1 if that is closed."""
+        if not self.occluders.open.any():
+            return np.full(self.view.count, -1)
+        return PixelReceivers.owners(self.view, self.surfaces, self.occluders)
+
+    def planes(self, parent: Numbers) -> Texels:
+        """On the device, of each triangle of the view n / d of its plane n x = d, and its$
+        owner; then those of parts of triangles ``parent`` (n,)."""
+        assert self.on_device is not None
+        view = self.view
+        rows = np.full((max(view.count, 1) + len(parent), 4), NOBODY, np.uint32)
+        rows[: view.count, :3] = PixelReceivers.planes_of(view).astype(np.float32).view(np.uint32)
+        rows[: view.count, 3] = np.where(self.owners >= 0, self.owners, NOBODY)
+        rows[max(view.count, 1) :] = rows[parent]
+        texels = self.on_device.device.kept.texels(len(rows), "rgba32uint", "shadow.planes")
+        texels.write(rows)
+        return texels
+
+    @cached_property
+    def leaning(self) -> tuple[LightSpace, ...]:
+        """The spaces for receivers that are told by their triangles' own planes, whose normals for
+        shading may be turned to a lamp nevertheless."""
+        view, least = self.view, 1.0
+        for part in parts(view.count):
+            a, b, c = np.moveaxis(view.corners_of(part, POSITION), 1, 0)
+            normal = np.cross(b - a, c - a)
+            normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
+            own = view.corners_of(part, NORMAL)
+            size = np.maximum(np.linalg.norm(own, axis=2), 1e-300)
+            cosine = np.abs(np.einsum("tka,ta->tk", own, normal)) / size
+            least = min(least, float(cosine.min(initial=1.0)))
+        sine = float(np.sqrt(max(1.0 - least * least, 0.0)))
+        return self.turned(sine if sine > 1e-4 else 0.0)
+
+    def turned(self, terminator: float) -> tuple[LightSpace, ...]:
+        """The spaces for receivers whose normals lean by so much (sine)."""
+        return tuple(replace(space, terminator=terminator) for space in self.spaces)
+
+    def shares(
+        self,
+        x: Array,
+        y: Array,
+        at: Array,
+        normal: Array,
+        across: Array,
+        down: Array,
+        triangle: Numbers,
+    ) -> Array:
+        """(n, L): what receivers see of each lamp, 0 to 1, in NumPy; of one without shadows all.
+
+        ``x``, ``y`` (n,) px; ``at`` (n, 3) their places relative to the eye, ``normal`` (n, 3)
+        unit; ``across``, ``down`` (n, 3) how the places change over the pixel, or the piece;
+        ``triangle`` (n,) of the view.
+        """
+        from gpusim.optics.shadow.refit import box_ends, planes_of
+        from gpusim.optics.shadow.twin import shares_of
+
+        receivers = self.receivers(at, normal, across, down, triangle)
+        corners = self.points[:, :3].astype(np.float64)[self.occluders.triangles]
+        planes = planes_of(corners)
+        result = np.zeros((len(x), len(self.lamps)))
+        result[:, [not (self.casting >> k) & 1 for k in range(len(self.lamps))]] = 1.0
+        for space in self.spaces:
+            low, high = box_ends(space, corners)
+            for rows in _together(space, x, y, receivers):
+                face = _near(space, low, high, receivers[rows])
+                result[rows, space.number] = shares_of(
+                    space, self.occluders, corners, planes, receivers[rows], face
+                )
+        return result
+
+    def receivers(
+        self, at: Array, normal: Array, across: Array, down: Array, triangle: Numbers
+    ) -> Receivers:
+        """Receivers on triangles (n,) of the view."""
+        return Receivers(at, normal, across, down, self.owners[triangle])
+
+
+def _together(space: LightSpace, x: Array, y: Array, receivers: Receivers) -> Iterator[Numbers]:
+    """Receivers that ask, those of a tile at about the same depth side by side."""
+    asking = np.flatnonzero(space.asks(receivers.at, receivers.normal))
+    tile = np.floor((y[asking] + 0.5) / TILE) * 1e6 + np.floor((x[asking] + 0.5) / TILE)
+    away = np.linalg.norm(receivers.at[asking], axis=1)
+    order = np.lexsort((away, tile))
+    asking, tile, away = asking[order], tile[order], away[order]
+    apart = (np.diff(tile) != 0.0) | (np.diff(away) > 0.02 * away[1:])
+    for group in np.split(asking, np.flatnonzero(apart) + 1):
+        for first in range(0, len(group), TOGETHER):
+            yield group[first : first + TOGETHER]
+
+
+def _near(space: LightSpace, low: Array, high: Array, receivers: Receivers) -> Numbers:
+    """Occluders whose boxes, between ``low`` and ``high`` (T, 3), meet the shaft from all of
+    ``receivers`` to the lamp."""
+    least, most = np.full(3, np.inf), np.full(3, -np.inf)
+    for a, b in ((-0.5, -0.5), (-0.5, 0.5), (0.5, -0.5), (0.5, 0.5)):
+        place = space.place(receivers.at + a * receivers.across + b * receivers.down)
+        slack = 4.0 * space.rounding_at(place)
+        least = np.minimum(least, (place - slack).min(axis=0))
+        most = np.maximum(most, (place + slack).max(axis=0))
+    rise = np.maximum(high[:, 2] - least[2], 0.0)
+    near = high[:, 2] >= least[2]
+    for axis, half in enumerate(space.half):
+        near &= low[:, axis] <= most[axis] + half * rise
+        near &= high[:, axis] >= least[axis] - half * rise
+    return np.flatnonzero(near)

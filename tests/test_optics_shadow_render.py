@@ -1,0 +1,141 @@
+"""Frames lit by `gpusim.optics.shadow`, against those of the search on the host, which they are to
+replace."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from importlib import import_module
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+import gpusim as gs
+from gpusim.gpu import Device
+from gpusim.optics import lighting
+from gpusim.optics.camera import Camera
+from gpusim.optics.light import AreaLight, Light, PointLight, SpotLight, SunLight
+from gpusim.optics.shadow_probe import outlined_scene, shadow_scene
+from tests.shadow_rays import box, sheet
+
+Image = npt.NDArray[np.float32]
+
+LAMPS: dict[str, Light] = {
+    "area": AreaLight((-0.9, -0.4, 0.9), (0.0, 0.0, 0.1), (0.22, 0.13), 8.0),
+    "disc": AreaLight((0.2, 0.9, 0.8), (0.0, 0.0, 0.0), (0.2, 0.2), 4.0, shape="ellipse"),
+    "point": PointLight((0.8, -0.6, 0.9), 6.0),
+    "spot": SpotLight((-0.2, -0.8, 1.1), (0.0, 0.1, 0.0), 3.0, cone=0.6),
+    "sun": SunLight((0.4, 0.3, -1.0), 0.6, diameter=0.05),
+}
+
+SAMPLES = 2.5 / 512.0
+"""One or two samples of a lamp may fall to the other side of an outline."""
+
+
+def shown(
+    monkeypatch: pytest.MonkeyPatch,
+    by: str,
+    surfaces: Sequence[gs.Surface],
+    camera: Camera,
+    lights: Sequence[Light],
+    device: Device | None = None,
+) -> Image:
+    """A frame whose shadows are found ``by`` one way or the other."""
+    monkeypatch.setattr(lighting, "SHADOWS", by)
+    backend = "numpy" if device is None else "gpu"
+    return gs.render(surfaces, camera, lights, device=device, backend=backend).radiance
+
+
+def differ(got: Image, want: Image, most: float = SAMPLES, rms: float = 1e-3) -> None:
+    """Both are alike relative to white."""
+    difference = np.abs(got.astype(np.float64) - want) / float(want.max())
+    assert np.isfinite(difference).all()
+    assert difference.max() <= most
+    assert np.sqrt(np.mean(difference**2)) <= rms
+
+
+def matte(surfaces: Sequence[gs.Surface]) -> list[gs.Surface]:
+    return [surfaces[0], *(replace(own, paint=gs.paint.Plain(0.6)) for own in surfaces[1:])]
+
+
+@pytest.mark.parametrize("kind", LAMPS)
+def test_lamp_of_each_kind(monkeypatch: pytest.MonkeyPatch, device: Device, kind: str) -> None:
+    surfaces, camera, _ = shadow_scene()
+    scene = matte(surfaces), camera, [LAMPS[kind]]
+    want = shown(monkeypatch, "search", *scene, device)
+    differ(shown(monkeypatch, "tree", *scene, device), want)
+    assert want.min() < 0.1 * want.max()
+
+
+def test_gloss_through_a_bent_lens(monkeypatch: pytest.MonkeyPatch, device: Device) -> None:
+    surfaces, camera, _ = shadow_scene()
+    lens, turned = (-0.2, 0.1, 0.003, -0.002), camera.camera_from_world
+    camera = Camera(camera.width, camera.height, camera.K, lens, turned, pixel_side=0.8)
+    scene = surfaces, camera, [LAMPS["disc"], LAMPS["spot"]]
+    want = shown(monkeypatch, "search", *scene, device)
+    differ(shown(monkeypatch, "tree", *scene, device), want)
+
+
+def round_bar(count: int = 24) -> gs.Surface:
+    """A closed bar with smooth sides."""
+    turn = 2.0 * np.pi * np.arange(count) / count
+    ring = np.stack([0.12 * np.cos(turn), 0.0 * turn, 0.2 + 0.12 * np.sin(turn)], axis=1)
+    ends = [ring + np.array([0.0, y, 0.0]) for y in (-0.4, 0.0, 0.4)]
+    points = np.concatenate([*ends, [[0.0, -0.4, 0.2], [0.0, 0.4, 0.2]]])
+    k, after = np.arange(count), (np.arange(count) + 1) % count
+    none = np.full(count, -1)
+    sides = [
+        np.stack([k + n, k + count + n, after + count + n, after + n], axis=1) for n in (0, count)
+    ]
+    caps = [
+        np.stack([k, after, np.full(count, 3 * count), none], axis=1),
+        np.stack([after + 2 * count, k + 2 * count, np.full(count, 3 * count + 1), none], axis=1),
+    ]
+    faces = np.concatenate([*sides, *caps]).astype(np.int32)
+    return gs.Surface(points, faces, gs.paint.Plain(0.6), name="bar")
+
+
+def test_smooth_normals(monkeypatch: pytest.MonkeyPatch, device: Device) -> None:
+    floor, camera = sheet((-1.1, -1.1), (1.1, 1.1), 0.0), shadow_scene()[1]
+    scene = [floor, round_bar()], camera, [LAMPS["point"], LAMPS["area"]]
+    want = shown(monkeypatch, "search", *scene, device)
+    differ(shown(monkeypatch, "tree", *scene, device), want, 0.02)
+
+
+def test_fine_open_sheet(monkeypatch: pytest.MonkeyPatch, device: Device) -> None:
+    scene = outlined_scene()
+    want = shown(monkeypatch, "search", *scene, device)
+    differ(shown(monkeypatch, "tree", *scene, device), want, 0.03)
+
+
+def test_several_bands_have_the_same_bits(monkeypatch: pytest.MonkeyPatch, device: Device) -> None:
+    surfaces, camera, _ = shadow_scene()
+    scene = matte(surfaces), camera, [LAMPS["area"], LAMPS["sun"]]
+    want = shown(monkeypatch, "tree", *scene, device)
+    assert (shown(monkeypatch, "tree", *scene, device) == want).all()
+    monkeypatch.setattr(import_module("gpusim.optics.render"), "BAND_BYTES", 4 * camera.width * 40)
+    assert (shown(monkeypatch, "tree", *scene, device) == want).all()
+
+
+def test_numpy_says_the_same(monkeypatch: pytest.MonkeyPatch, device: Device) -> None:
+    surfaces, _, _ = shadow_scene()
+    lights = [LAMPS["disc"], LAMPS["spot"]]
+    small = Camera.from_lens((36.0, 24.0), 30.0, (61, 43), (0.3, -1.4, 0.95), (0.03, 0.05, 0.05))
+    more = [*surfaces, box((-0.55, 0.3, 0.2), (0.1, 0.07, 0.1), 3)]
+    scene = more, small, lights
+    want = shown(monkeypatch, "tree", *scene)
+    differ(shown(monkeypatch, "tree", *scene, device), want, 2 * SAMPLES)
+    differ(want, shown(monkeypatch, "search", *scene), 2 * SAMPLES)
+
+
+def test_moving_and_with_too_small_a_pool(monkeypatch: pytest.MonkeyPatch, device: Device) -> None:
+    surfaces, camera, _ = shadow_scene()
+    lights = [LAMPS["area"], LAMPS["sun"]]
+    device.kept.notes["shadow.capacity"] = 4
+    for step in (0.0, 0.05):
+        block = surfaces[2].moved(surfaces[2].points + np.array([step, 0.0, step]))
+        scene = matte([surfaces[0], surfaces[1], block]), camera, lights
+        want = shown(monkeypatch, "search", *scene, device)
+        differ(shown(monkeypatch, "tree", *scene, device), want)
+    assert device.kept.notes["shadow.capacity"] != 4
