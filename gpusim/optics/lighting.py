@@ -34,6 +34,7 @@ from gpusim.surface.surface import Surface
 __all__ = [
     "MOST_EMITTERS",
     "SHADOWS",
+    "Hidden",
     "Lighting",
     "SharesOf",
     "ambient",
@@ -48,6 +49,9 @@ MOST_EMITTERS = 256
 
 SHADOWS = "search"
 """What hides lamps is found by `ShadowTiles` ("search") or by `gpusim.optics.shadow` ("tree")."""
+
+Hidden = ShadowTiles | Shadows
+"""What hides lamps in a view."""
 
 SharesOf = Callable[[Array, Array, Array, Array, Array, Array, npt.NDArray[np.int64]], Array]
 """As `ShadowTiles.shares`."""
@@ -68,7 +72,7 @@ def find_shadows(
     lights: Sequence[Light],
     surfaces: Sequence[Surface],
     device: Device | None = None,
-) -> ShadowTiles | Shadows | None:
+) -> Hidden | None:
     """What ``surfaces`` hide of ``lights`` in a view; None if that is nothing."""
     if not surfaces or not casts_shadows(lights):
         return None
@@ -122,7 +126,7 @@ class Lighting:
     ambient: float
     environment: Environment | None
     gloss: Gloss | None
-    shadows: ShadowTiles | Shadows | None
+    shadows: Hidden | None
     openness: Openness | None
 
     @staticmethod
