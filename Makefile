@@ -16,7 +16,7 @@ demo:
 
 test: setup
 	scripts/test.sh
-	HOSTILE_SHARE=0.1 SEED=34 scripts/test.sh -m hostile --dist load tests/hostile
+	HOSTILE_SHARE=0.05 SEED=34 scripts/test.sh -m hostile --dist load tests/hostile
 
 slow: setup
 	scripts/test.sh -m slow

@@ -157,6 +157,7 @@ def test_few_triangles_and_other_lights_stay() -> None:
     assert without_shadows([wavy()], lights, EYE)[1] is lights[1]
 
 
+@pytest.mark.slow
 def test_random_sheets_against_rays(device: Device) -> None:
     """Where nothing is said to be hidden, rays from what is seen meet nothing."""
     rng = np.random.default_rng(5)

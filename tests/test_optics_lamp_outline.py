@@ -11,7 +11,7 @@ import pytest
 import gpusim as gs
 from gpusim.errors import TwinMismatch
 from gpusim.gpu import Device
-from gpusim.optics import half_shadow, lamp_layer, lamp_shadow, shadow, shadow_tables
+from gpusim.optics import half_shadow, lamp_layer, lamp_shadow, shadow_pass, shadow_tables
 from gpusim.optics.binning import bin_edges
 from gpusim.optics.emitters import lamps_of
 from gpusim.optics.lamp_band import band_of, turning
@@ -192,6 +192,7 @@ def moved_end(chains: Chains) -> Chains:
     return replace(chains, ends=ends)
 
 
+@pytest.mark.slow
 def test_an_end_elsewhere_is_seen() -> None:
     light = LIGHTS["area"]
     tiles, shares, want = compared([sheet(), wall()], light)
@@ -208,11 +209,11 @@ def test_the_device_with_an_end_elsewhere_is_found_out(
     device: Device, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     setup = probe_outlines()
-    shadow._compare(device, setup, False)
+    shadow_pass._compare(device, setup, False)
     right = shadow_tables._ends
     monkeypatch.setattr(shadow_tables, "_ends", lambda chains: right(moved_end(chains)))
     with pytest.raises(TwinMismatch):
-        shadow._compare(device, setup, False)
+        shadow_pass._compare(device, setup, False)
 
 
 def test_pictures_are_those_of_faces(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -68,6 +68,7 @@ def test_lamp_of_each_kind(monkeypatch: pytest.MonkeyPatch, device: Device, kind
     assert want.min() < 0.1 * want.max()
 
 
+@pytest.mark.slow
 def test_gloss_through_a_bent_lens(monkeypatch: pytest.MonkeyPatch, device: Device) -> None:
     surfaces, camera, _ = shadow_scene()
     lens, turned = (-0.2, 0.1, 0.003, -0.002), camera.camera_from_world

@@ -105,6 +105,7 @@ def test_files_and_rerun(done: tuple[gs.Scene, gs.Report, Path]) -> None:
     assert again.measurements == first.measurements
 
 
+@pytest.mark.slow
 def test_a_new_lens_leaves_the_other_camera_alone(
     done: tuple[gs.Scene, gs.Report, Path], checkout: Path, tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,

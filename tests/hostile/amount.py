@@ -1,7 +1,7 @@
 """How many hostile inputs are tried, and from which seed.
 
 Environment: ``SEED`` (other inputs than those of every day) and ``HOSTILE_SHARE`` (1, the default:
-all of them; CI takes a tenth).
+all of them; CI takes a twentieth).
 """
 
 from __future__ import annotations
