@@ -108,23 +108,25 @@ class EdgePass:
             **self.tables.shared(),
             **self.tables.shadows.bindings(),
         }
-        with device.recording("optics.edges") as recording:
-            if self.tables.records is not None:
-                needed = np.zeros(setup.view.count, bool)
-                needed[edges.triangle] = True
-                numbers = (np.flatnonzero(needed) + 1).astype(np.uint32)
+        if self.tables.records is not None:
+            needed = np.zeros(setup.view.count, bool)
+            needed[edges.triangle] = True
+            numbers = (np.flatnonzero(needed) + 1).astype(np.uint32)
+            with device.recording("optics.edges") as recording:
                 self.tables.records.make(recording, device.buffer(numbers, "edges.needed"))
-            nobody = no_pieces(device)
+        if isinstance(setup.lighting.shadows, Shadows):
+            self._begin_pieces(setup.lighting.shadows, constants, shared)
+            return
+        shared |= no_pieces(device)
+        with device.recording("optics.edges") as recording:
             for entry, first, stop in (
                 ("whole_pixels", 0, self._even), ("main", self._even, count)
             ):  # fmt: skip
-                if first == stop or isinstance(setup.lighting.shadows, Shadows):
+                if first == stop:
                     continue
                 kernel = device.kernel("optics/edges", entry, constants)
-                bindings = kernel.bind_used(range=_range(first, stop), **shared, **nobody)
+                bindings = kernel.bind_used(range=_range(first, stop), **shared)
                 recording.dispatch(kernel, bindings, threads=(stop - first,))
-        if isinstance(setup.lighting.shadows, Shadows):
-            self._begin_pieces(setup.lighting.shadows, constants, shared)
 
     def _begin_pieces(
         self, shadows: Shadows, constants: dict[str, float], shared: dict[str, Any]
@@ -166,7 +168,7 @@ class EdgePass:
         kernel = device.kernel("optics/edges", "main", constants)
         places = {**_range(first, stop), **pieces.range()}
         bindings = kernel.bind_used(
-            range=places, **shared, **pieces.bindings(constants["pieces"] == 2.0)
+            range=places, **pieces.bindings(constants["pieces"] == 2.0) | shared
         )
         with device.recording("optics.edges") as recording:
             recording.dispatch(kernel, bindings, threads=(stop - first,))

@@ -8,11 +8,12 @@ gaps; the result is smooth and has no noise.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.errors import InputError
 from gpusim.optics.camera import Camera
 from gpusim.optics.light import (
     AmbientLight,
@@ -24,10 +25,20 @@ from gpusim.optics.light import (
     SunLight,
 )
 
-__all__ = ["Lamp", "closest_points", "emitter_light", "emitters", "irradiance", "lamps_of"]
+__all__ = [
+    "MOST_LAMPS",
+    "Lamp",
+    "check_number",
+    "closest_points",
+    "emitter_light",
+    "emitters",
+    "irradiance",
+    "lamps_of",
+]
 
 Array = npt.NDArray[np.float64]
 MOST_ACROSS = 8
+MOST_LAMPS = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +62,16 @@ class Lamp:
     def extended(self) -> bool:
         """Whether it has a size, and so casts soft shadows."""
         return bool(np.any(self.u) or np.any(self.v))
+
+    def relative_to(self, origin: Array) -> Lamp:
+        """The same in a frame with another ``origin``; a direction stays."""
+        return self if self.far else replace(self, centre=self.centre - origin)
+
+
+def check_number(lamps: Sequence[Lamp]) -> None:
+    """Raises InputError for more lamps than shaders take."""
+    if len(lamps) > MOST_LAMPS:
+        raise InputError(f"render lights; got {len(lamps)} lamps; expected at most {MOST_LAMPS}")
 
 
 def lamps_of(lights: Sequence[Light]) -> list[Lamp]:

@@ -20,7 +20,7 @@ from gpusim.optics.emitters import lamps_of
 from gpusim.optics.setup import Setup
 from gpusim.optics.shade import ShadePass, shade_twin
 from gpusim.optics.shadow.drawn import BandReceivers, PieceReceivers
-from gpusim.optics.shadow.light_space import LightSpace
+from gpusim.optics.shadow.light_space import LightSpace, lamp_numbers
 from gpusim.optics.shadow.receivers import TILE, DeviceReceivers, Receivers
 from gpusim.optics.shadow.scene import Shadows
 from gpusim.optics.shadow.visible import CAPACITY, VisibleShares
@@ -141,7 +141,6 @@ class PieceShares:
         self._found = _found_by(device, shadows, self._receivers)
         self._slots, self._casting = slots, shadows.casting
         self._none = no_pieces(device)
-        del self._none["slot_of"]
         with device.recording("optics.shadow") as recording:
             recording.clear(self._receivers.pieces)
 
@@ -194,8 +193,9 @@ class ListedShares:
         receivers = shadows.receivers(at, normal, across, down, triangle)[order]
         found = _found_by(self._device, shadows, receivers)
         result = np.ones((len(x), len(shadows.lamps)))
-        numbers = np.array(sorted({space.number for space in shadows.spaces}))
-        result[order[:, None], numbers] = found.find(shadows.points, shadows.spaces)
+        result[order[:, None], lamp_numbers(shadows.spaces)] = found.find(
+            shadows.points, shadows.spaces
+        )
         return result
 
 

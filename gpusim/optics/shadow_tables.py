@@ -10,10 +10,11 @@ import numpy.typing as npt
 from gpusim.errors import OutOfDeviceMemory
 from gpusim.gpu import Device, Uniform
 from gpusim.gpu.texels import Texels, most_texels
+from gpusim.optics.emitters import MOST_LAMPS
 from gpusim.optics.lighting import Lighting
 from gpusim.optics.occlusion import ENOUGH_EDGES, TOLERANCE, lamp_masks
 from gpusim.optics.ragged import expand
-from gpusim.optics.shadow_tiles import MOST_LAMPS, Chains, ShadowTiles
+from gpusim.optics.shadow_tiles import Chains, ShadowTiles
 
 __all__ = ["ShadowTables"]
 

@@ -8,17 +8,16 @@ only the rest is resolved pixel by pixel. Tiles are divided from 128 px down to 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.distinct import distinct
-from gpusim.errors import InputError
 from gpusim.optics.aside import Aside
 from gpusim.optics.corners import products
-from gpusim.optics.emitters import Lamp
+from gpusim.optics.emitters import MOST_LAMPS, Lamp, check_number
 from gpusim.optics.half_shadow import HalfShadow
 from gpusim.optics.lamp_layer import Alone
 from gpusim.optics.lamp_pairs import LampPairs
@@ -31,12 +30,11 @@ from gpusim.optics.tile_edges import TileEdges
 from gpusim.optics.tile_pairs import TILE
 from gpusim.optics.view import View
 
-__all__ = ["MOST_LAMPS", "TILE", "ShadowTiles", "flatness"]
+__all__ = ["TILE", "ShadowTiles", "flatness"]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
 Bits = npt.NDArray[np.uint8]
-MOST_LAMPS = 16
 ALL = (1 << MOST_LAMPS) - 1
 
 
@@ -157,10 +155,7 @@ class ShadowTiles:
         """Classify every tile of ``view`` for every lamp that casts shadows; ``alone``: for each
         lamp the surfaces that borders may tell of, which ``casters`` leave out on demand;
         ``closed``: which of all surfaces are."""
-        if len(lamps) > MOST_LAMPS:
-            raise InputError(
-                f"render lights; got {len(lamps)} lamps; expected at most {MOST_LAMPS}"
-            )
+        check_number(lamps)
         shape = (-(-view.camera.height // TILE), -(-view.camera.width // TILE))
         lit = np.full(shape, ALL, np.uint32)
         used = [number for number, lamp in enumerate(lamps) if lamp.light.shadows and view.count]
@@ -203,7 +198,7 @@ class ShadowTiles:
         cut = edges.cut
         offset = cut[:, 3] - cut[:, :3] @ eye
         return ShadowTiles(
-            tuple(_relative_to(lamp, eye) for lamp in lamps), lit, entry,
+            tuple(lamp.relative_to(eye) for lamp in lamps), lit, entry,
             np.stack([entries // shape[1], entries % shape[1]], axis=1), start, count,
             faces.face[order], faces.edges[order], faces.corners - eye, faces.both_sides,
             Chains(
@@ -304,8 +299,3 @@ def _scans(lamps: list[Lamp], alone: Sequence[Sequence[Alone]]) -> Array:
         elif own:
             result[number] = own[0].view.across
     return result
-
-
-def _relative_to(lamp: Lamp, eye: Array) -> Lamp:
-    """The lamp in a frame whose origin is the eye."""
-    return lamp if lamp.far else replace(lamp, centre=lamp.centre - eye)

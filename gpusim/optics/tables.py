@@ -17,13 +17,13 @@ from gpusim.optics.drawn import Drawn
 from gpusim.optics.glance import fields_glanced
 from gpusim.optics.gloss import gloss_texels
 from gpusim.optics.late import LateSight
+from gpusim.optics.lighting import Hidden
 from gpusim.optics.looks import Looks
 from gpusim.optics.openness_table import openness_texels
 from gpusim.optics.records import Records
 from gpusim.optics.setup import TRIANGLE, Setup
 from gpusim.optics.shadow.scene import Shadows
 from gpusim.optics.shadow_tables import ShadowTables
-from gpusim.optics.shadow_tiles import ShadowTiles
 from gpusim.optics.sight import Sight
 from gpusim.optics.speckled import all_speckled
 
@@ -100,7 +100,7 @@ class Tables:
         counts = self._counts if self.setup.view.guessed else None
         return counts is not None and bool(counts.read(np.uint32, (6,))[4:].any())
 
-    def with_shadows(self, shadows: ShadowTiles | Shadows | None) -> Tables:
+    def with_shadows(self, shadows: Hidden | None) -> Tables:
         """The same view with shadows."""
         result = copy(self)
         result.setup = self.setup.with_shadows(shadows)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from gpusim.gpu import Buffer, Device, Recording, Texels, Texture
-from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.shadow.receivers import TILE, DeviceReceivers, Receivers
 from gpusim.optics.shadow.scene import Shadows
 
@@ -22,21 +21,10 @@ class BandReceivers(DeviceReceivers):
         self, device: Device, shadows: Shadows, planes: Texels, marks: Texture, rows: int
     ) -> None:
         super().__init__(device, NO_RECEIVERS, shadows.occluders)
-        camera = shadows.view.camera
-        self.listed, self.planes, self.marks = False, planes, marks
-        self.columns, self.stride = -(-camera.width // TILE), marks.stride // 4
+        self._look_through(shadows.view.camera)
+        self.planes, self.marks, self.stride = planes, marks, marks.stride // 4
         self.step = 2 if marks.format.startswith("rg") else 1
         self.ids = device.empty(marks.stride * rows, "shadow.ids")
-        bends = distortion_map(camera)
-        if bends is not None:
-            self.bends, texels = bends.tiles(), bends.texels()
-            self.undistortion = device.texels(len(texels), "rgba32float", "shadow.bends")
-            self.undistortion.write(texels)
-        rays = camera.camera_from_world[:3, :3].T @ camera.ray_matrix()
-        self.constants = {
-            "listed": 0.0, "distorted": float(bends is not None), "aperture": camera.pixel_side,
-        }  # fmt: skip
-        self._rays = {key: np.array([*rays[:, k], 0.0]) for k, key in enumerate(("x", "y", "one"))}
         self.aim(0, rows)
         self.groups_of = device.empty(48 * max(self.entries, 1), "shadow.groups")
 

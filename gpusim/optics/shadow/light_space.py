@@ -9,7 +9,7 @@ one space, or two where it is inside the scene.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -17,7 +17,7 @@ import numpy.typing as npt
 from gpusim.optics.emitters import Lamp
 from gpusim.optics.occlusion import TOLERANCE, lamp_masks
 
-__all__ = ["ANGLE", "UNLIMITED", "LightSpace", "light_spaces"]
+__all__ = ["ANGLE", "UNLIMITED", "LightSpace", "lamp_numbers", "light_spaces"]
 
 Array = npt.NDArray[np.float64]
 
@@ -143,6 +143,11 @@ class LightSpace:
         }
 
 
+def lamp_numbers(spaces: Sequence[LightSpace]) -> list[int]:
+    """The lamps that ``spaces`` are of, ascending."""
+    return sorted({space.number for space in spaces})
+
+
 def light_spaces(
     lamps: Sequence[Lamp],
     points: npt.NDArray[np.floating],
@@ -157,8 +162,7 @@ def light_spaces(
     for number, lamp in enumerate(lamps):
         if not lamp.light.shadows:
             continue
-        if not lamp.far:
-            lamp = replace(lamp, centre=lamp.centre - eye)
+        lamp = lamp.relative_to(eye)
         scale = max(size, float(np.abs(lamp.centre).max()) if not lamp.far else 0.0, 1e-30)
         if lamp.extended:
             half = float(np.linalg.norm(lamp.u)), float(np.linalg.norm(lamp.v))

@@ -151,7 +151,7 @@ class DeviceReceivers:
         self.size, self.columns = (1, 1), 1
         self.ids = device.buffer(np.zeros(4, np.uint32), "shadow.no_ids")
         self.pieces = device.buffer(np.zeros(4, np.float32), "shadow.no_pieces")
-        self.planes = self.undistortion = device.no_texels("rgba32uint")
+        self.planes = device.no_texels("rgba32uint")
         self.undistortion = device.no_texels("rgba32float")
         self.bends: dict[str, object] = {
             "last": np.zeros(2), "middle": np.zeros(2), "size": 1, "columns": 1,
@@ -160,7 +160,7 @@ class DeviceReceivers:
         self.row0, self.stride, self.step = 0, 1, 1
         self._capacity = 0
         self._uniform: Uniform | None = None
-        rays = np.zeros((3, 3))
+        self._rays = {key: np.zeros(4) for key in ("x", "y", "one")}
         if isinstance(receivers, Receivers):
             self.count = self.groups = self.entries = len(receivers.at)
             rows = np.zeros((max(self.count, 1), 4, 4), np.float32)
@@ -173,8 +173,8 @@ class DeviceReceivers:
             self.pieces = device.buffer(rows, "shadow.pieces")
         else:
             camera = receivers.camera
+            self._look_through(camera)
             self.size, self.stride = (camera.width, camera.height), camera.width
-            self.columns = -(-camera.width // TILE)
             self.groups = self.columns * -(-camera.height // TILE)
             self.entries, self.count = 2 * self.groups, camera.width * camera.height
             self.ids = device.buffer(receivers.ids, "shadow.ids")
@@ -183,18 +183,22 @@ class DeviceReceivers:
             rows[:, 3] = np.where(receivers.on >= 0, receivers.on, NOBODY)
             self.planes = device.texels(len(rows), "rgba32uint", "shadow.planes")
             self.planes.write(rows)
-            bends = distortion_map(camera)
-            if bends is not None:
-                self.bends, texels = bends.tiles(), bends.texels()
-                self.undistortion = device.texels(len(texels), "rgba32float", "shadow.bends")
-                self.undistortion.write(texels)
-            rays = camera.camera_from_world[:3, :3].T @ camera.ray_matrix()
-            self.constants = {
-                "listed": 0.0, "distorted": float(bends is not None), "aperture": camera.pixel_side,
-            }  # fmt: skip
-        self._rays = {key: np.array([*rays[:, k], 0.0]) for k, key in enumerate(("x", "y", "one"))}
         self._leaves = occluders.leaves
         self.groups_of = device.empty(48 * max(self.entries, 1), "shadow.groups")
+
+    def _look_through(self, camera: Camera) -> None:
+        """Let receivers be pixels of a camera."""
+        self.listed, self.columns = False, -(-camera.width // TILE)
+        bends = distortion_map(camera)
+        if bends is not None:
+            self.bends, texels = bends.tiles(), bends.texels()
+            self.undistortion = self.device.texels(len(texels), "rgba32float", "shadow.bends")
+            self.undistortion.write(texels)
+        rays = camera.camera_from_world[:3, :3].T @ camera.ray_matrix()
+        self._rays = {key: np.array([*rays[:, k], 0.0]) for k, key in enumerate(("x", "y", "one"))}
+        self.constants = {
+            "listed": 0.0, "distorted": float(bends is not None), "aperture": camera.pixel_side,
+        }  # fmt: skip
 
     def _numbers(self) -> dict[str, object]:
         return {

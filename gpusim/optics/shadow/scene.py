@@ -9,11 +9,10 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.errors import InputError
 from gpusim.gpu import Device, Texels
 from gpusim.optics.corners import NORMAL, POSITION, parts
-from gpusim.optics.emitters import Lamp
-from gpusim.optics.shadow.light_space import LightSpace, light_spaces
+from gpusim.optics.emitters import Lamp, check_number
+from gpusim.optics.shadow.light_space import LightSpace, lamp_numbers, light_spaces
 from gpusim.optics.shadow.occluders import (
     NOBODY,
     DeviceOccluders,
@@ -25,12 +24,11 @@ from gpusim.optics.view import View
 from gpusim.surface.surface import Surface
 from gpusim.surface.topology import Topology
 
-__all__ = ["MOST_LAMPS", "Shadows"]
+__all__ = ["Shadows"]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
 
-MOST_LAMPS = 16
 LABEL = "shadow.occluders"
 
 TOGETHER = 64
@@ -78,13 +76,10 @@ class Shadows:
         InputError
             More lamps than a shader takes.
         """
-        if len(lamps) > MOST_LAMPS:
-            raise InputError(
-                f"render lights; got {len(lamps)} lamps; expected at most {MOST_LAMPS}"
-            )
+        check_number(lamps)
         eye = view.camera.eye
         points = relative_points(surfaces, eye)
-        relative = tuple(v if v.far else replace(v, centre=v.centre - eye) for v in lamps)
+        relative = tuple(lamp.relative_to(eye) for lamp in lamps)
         spaces = tuple(light_spaces(lamps, points, eye))
         if device is None:
             own = Occluders.of(surfaces)
@@ -101,7 +96,7 @@ class Shadows:
     @property
     def casting(self) -> int:
         """Bits of the lamps that cast shadows."""
-        return sum(1 << number for number in {space.number for space in self.spaces})
+        return sum(1 << number for number in lamp_numbers(self.spaces))
 
     @cached_property
     def owners(self) -> Numbers:
@@ -111,7 +106,7 @@ class Shadows:
         return PixelReceivers.owners(self.view, self.surfaces, self.occluders)
 
     def planes(self, parent: Numbers) -> Texels:
-        """On the device, of each triangle of the view n / d of its plane n x = d, and its$
+        """On the device, of each triangle of the view n / d of its plane n x = d, and its
         owner; then those of parts of triangles ``parent`` (n,)."""
         assert self.on_device is not None
         view = self.view

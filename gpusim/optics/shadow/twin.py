@@ -25,12 +25,12 @@ from gpusim.optics.occlusion import (
     lamp_masks,
     lattice,
 )
-from gpusim.optics.shadow.light_space import LightSpace
+from gpusim.optics.shadow.light_space import LightSpace, lamp_numbers
 from gpusim.optics.shadow.occluders import Occluders
 from gpusim.optics.shadow.receivers import Receivers
 from gpusim.optics.shadow.refit import planes_of
 
-__all__ = ["Aspects", "aspects", "lamp_numbers", "looked_from", "shares_of", "shares_twin"]
+__all__ = ["Aspects", "aspects", "looked_from", "shares_of", "shares_twin"]
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -41,11 +41,6 @@ BEYOND = 1e-5
 
 PAIRS = 1 << 16
 """Of receivers and occluders at a time."""
-
-
-def lamp_numbers(spaces: Sequence[LightSpace]) -> list[int]:
-    """The lamps that ``spaces`` are of, ascending."""
-    return sorted({space.number for space in spaces})
 
 
 def shares_twin(

@@ -10,14 +10,13 @@ import numpy.typing as npt
 from gpusim.errors import OutOfDeviceMemory
 from gpusim.gpu import Bound, Buffer, Device, Recording, Uniform
 from gpusim.optics.shadow.groups import record_groups
-from gpusim.optics.shadow.light_space import LightSpace
+from gpusim.optics.shadow.light_space import LightSpace, lamp_numbers
 from gpusim.optics.shadow.mask import record_masks, record_plain
 from gpusim.optics.shadow.occluders import DeviceOccluders, Occluders
 from gpusim.optics.shadow.receivers import DeviceReceivers, PixelReceivers, Receivers
 from gpusim.optics.shadow.refine import record_refinement
 from gpusim.optics.shadow.refit import Refit
 from gpusim.optics.shadow.search import CHUNK, COUNTERS, Search
-from gpusim.optics.shadow.twin import lamp_numbers
 
 __all__ = ["STAGES", "VisibleShares", "visible_shares"]
 
