@@ -139,9 +139,9 @@ class EdgePass:
             self._finish_pieces()
             stop = int(np.searchsorted(start, start[first] + MOST_PIECES, side="right")) - 1
             stop = min(max(stop, first + 1), count)
-            self._pieces = PieceShares(self.tables, shadows, int(start[stop] - start[first]))
-            slots = self.tables.device.buffer(self._slots(first, stop), "edges.slots")
-            values = {**shared, "slot_of": slots}
+            slots, starts = self._slots(first, stop)
+            self._pieces = PieceShares(self.tables, shadows, starts)
+            values = {**shared, "slot_of": self.tables.device.buffer(slots, "edges.slots")}
             self._run_pieces(first, stop, {**constants, "pieces": 1.0, "glossy": 0.0}, values)
             self._light = partial(
                 self._run_pieces, first, stop, {**constants, "pieces": 2.0}, values
@@ -150,15 +150,20 @@ class EdgePass:
             self._light()
             first = stop
 
-    def _slots(self, first: int, stop: int) -> npt.NDArray[np.uint32]:
-        """Where the pieces of some pixels are listed: those of a tile side by side, as they look
+    def _slots(
+        self, first: int, stop: int
+    ) -> tuple[npt.NDArray[np.uint32], npt.NDArray[np.int64]]:
+        """Where the pieces of some pixels are listed, and where those of each tile begin: they look
         past the same."""
         row, column = np.divmod(self.edges.pixel[first:stop], self.tables.setup.view.camera.width)
-        order = np.argsort((row // TILE << 16) + column // TILE, kind="stable")
-        depth = self.edges.depth[first:stop]
-        result = np.empty(len(order), np.uint32)
-        result[order] = np.cumsum(depth[order]) - depth[order]
-        return result
+        tile = (row // TILE << 16) + column // TILE
+        order = np.argsort(tile, kind="stable")
+        depth = self.edges.depth[first:stop][order]
+        ends = np.cumsum(depth)
+        slots = np.empty(len(order), np.uint32)
+        slots[order] = ends - depth
+        last = np.flatnonzero(np.diff(tile[order], append=-1) != 0)
+        return slots, np.concatenate([[0], ends[last]])
 
     def _run_pieces(
         self, first: int, stop: int, constants: dict[str, float], shared: dict[str, Any]

@@ -33,6 +33,7 @@ from gpusim.surface.paint import Plain
 __all__ = ["ListedShares", "PieceShares", "RelitPass", "no_pieces"]
 
 Array = npt.NDArray[np.float64]
+Numbers = npt.NDArray[np.int64]
 NEEDED = "shadow.capacity"
 
 FEW = 1 << 20
@@ -45,8 +46,8 @@ def _found_by(
     """With as many chunks as were needed last."""
     known = device.kept.notes.get(NEEDED)
     capacity = known if isinstance(known, int) else CAPACITY
-    assert shadows.on_device is not None
-    return VisibleShares(device, shadows.on_device, receivers, capacity)
+    assert shadows.trees is not None
+    return VisibleShares(device, shadows.trees, receivers, capacity)
 
 
 def _enlarged(found: VisibleShares, spaces: Sequence[LightSpace]) -> bool:
@@ -79,7 +80,7 @@ class RelitPass:
         """Let the device light a band again, which ``shade`` has left last; `finish` is to follow
         before it goes on."""
         self._band = radiance, row0, rows
-        self._receivers.aim(row0, rows)
+        self._receivers.aim(self._receivers.size[0], row0, rows)
         with self.tables.device.recording("optics.shadow") as recording:
             self._receivers.record(recording)
         self._found.record(self._spaces)
@@ -108,7 +109,8 @@ class RelitPass:
             self.tables.device,
             {
                 "params": params, "radiance": radiance, "marks": self.shade.marks,
-                "lamp_shares": self._found.shares, "listed": self._tiles,
+                "lamp_shares": self._found.shares, "states": self._found.states,
+                "halves": self._receivers.halves, "listed": self._tiles,
                 "counters": self._counters, "groups_of": self._groups, **self.tables.surface(),
             },
         )  # fmt: skip
@@ -132,14 +134,15 @@ def no_pieces(device: Device) -> dict[str, Any]:
 
 
 class PieceShares:
-    """What pieces of pixels see, which a program lists in so many ``slots``."""
+    """What pieces of pixels see, which a program lists: there is a place for each in groups of
+    neighbours that begin at ``starts`` (G + 1,)."""
 
-    def __init__(self, tables: Tables, shadows: Shadows, slots: int) -> None:
+    def __init__(self, tables: Tables, shadows: Shadows, starts: Numbers) -> None:
         device = tables.device
         self._device, self._spaces, self._planes = device, shadows.spaces, tables.planes
-        self._receivers = PieceReceivers(device, shadows, slots)
+        self._receivers = PieceReceivers(device, shadows, starts)
         self._found = _found_by(device, shadows, self._receivers)
-        self._slots, self._casting = slots, shadows.casting
+        self._slots, self._casting = self._receivers.count, shadows.casting
         self._none = no_pieces(device)
         with device.recording("optics.shadow") as recording:
             recording.clear(self._receivers.pieces)
@@ -182,20 +185,23 @@ class ListedShares:
         normal: Array,
         across: Array,
         down: Array,
-        triangle: npt.NDArray[np.int64],
+        triangle: Numbers,
     ) -> Array:
         """As `Shadows.shares`."""
         shadows = self._shadows
         if len(x) * shadows.occluders.count < FEW:
             return shadows.shares(x, y, at, normal, across, down, triangle)
-        # those of a tile side by side, as they look past the same
-        order = np.lexsort((np.floor((x + 0.5) / TILE), np.floor((y + 0.5) / TILE)))
-        receivers = shadows.receivers(at, normal, across, down, triangle)[order]
+        # those of a tile look past the same
+        tile = np.stack([np.floor((x + 0.5) / TILE), np.floor((y + 0.5) / TILE)])
+        order = np.lexsort(tile)
+        begins = np.flatnonzero(np.any(np.diff(tile[:, order]) != 0.0, axis=0)) + 1
+        receivers = replace(
+            shadows.receivers(at, normal, across, down, triangle)[order],
+            start=np.concatenate([[0], begins, [len(order)]]),
+        )
         found = _found_by(self._device, shadows, receivers)
         result = np.ones((len(x), len(shadows.lamps)))
-        result[order[:, None], lamp_numbers(shadows.spaces)] = found.find(
-            shadows.points, shadows.spaces
-        )
+        result[order[:, None], lamp_numbers(shadows.spaces)] = found.found(shadows.spaces)
         return result
 
 

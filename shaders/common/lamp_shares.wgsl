@@ -5,15 +5,18 @@
 // per receiver, one lamp after the other
 @group(0) @binding(69) var<storage, read> lamp_shares: array<f32>;
 
-// A receiver among `count`; bits of the lamps that cast shadows: of the others all is seen.
+// A receiver among `count`. Bits of the lamps of which its share is listed, and of those of which it
+// sees nothing: of the others it sees all.
 struct Known {
     place: u32,
     count: u32,
-    casting: u32,
+    listed: u32,
+    dark: u32,
 }
 fn known_share(k: Known, lamp: u32) -> f32 {
-    let casts = ((k.casting >> lamp) & 1u) != 0u;
-    return select(1.0, lamp_shares[select(0u, lamp * k.count + k.place, casts)], casts);
+    let found = ((k.listed >> lamp) & 1u) != 0u;
+    let plain = select(1.0, 0.0, ((k.dark >> lamp) & 1u) != 0u);
+    return select(plain, lamp_shares[select(0u, lamp * k.count + k.place, found)], found);
 }
 
 // What is reflected, and what a matte surface would reflect of all lamps; whether some lamp is seen

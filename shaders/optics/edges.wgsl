@@ -255,7 +255,7 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
                     list_piece(slot, t, spot(t, params.rays, at, d + middle), extent);
                 } else if (pieces == 2u) {
                     let s = spot(t, params.rays, at, d + middle);
-                    let known = Known(slot, range.slots, range.casting);
+                    let known = Known(slot, range.slots, range.casting, 0u);
                     let own = reflection_known(s.x, s.n, gloss_at(t, s), openness_at(t.id, s.x), known);
                     unsure = unsure || (doubt && own.half);
                     unknown = unknown || (corner && own.half);

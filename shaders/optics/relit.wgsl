@@ -27,34 +27,39 @@ struct Params {
 @group(0) @binding(8) var<storage, read_write> counters: array<atomic<u32>>;
 @group(0) @binding(9) var<storage, read_write> groups_of: array<u32>;
 
-fn known_at(pixel: vec2u) -> Known {
-    return Known(pixel.y * params.width + pixel.x, params.width * params.rows, params.casting);
-}
+// per lamp, of the nearer half of each tile and then of the farther: all of it is seen, nothing, or a
+// share; per tile bits of the pixels in its farther half (optics/shadow)
+@group(0) @binding(70) var<storage, read> states: array<u32>;
+@group(0) @binding(71) var<storage, read> halves: array<u32>;
+const UMBRA: u32 = 1u;
+const HALF: u32 = 2u;
+
 fn columns() -> u32 { return (params.width + 7u) / 8u; }
+fn tiles_of_band() -> u32 { return columns() * ((params.rows + 7u) / 8u); }
+
+fn known_at(tile: u32, at: vec2u, k: u32) -> Known {
+    let farther = (halves[2u * tile + (k >> 5u)] >> (k & 31u)) & 1u;
+    var known = Known(at.y * params.width + at.x, params.width * params.rows, 0u, 0u);
+    for (var left = params.casting; left != 0u; left &= left - 1u) {
+        let lamp = firstTrailingBit(left);
+        let state = states[(2u * lamp + farther) * tiles_of_band() + tile];
+        known.listed |= select(0u, 1u << lamp, state == HALF);
+        known.dark |= select(0u, 1u << lamp, state == UMBRA);
+    }
+    return known;
+}
 
 // Software drivers run what a branch leaves out as well: tiles are listed, not left early.
 @compute @workgroup_size(64)
 fn list_tiles(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
-    let id = linear_id(gid, groups, 64u);
-    if (id >= columns() * ((params.rows + 7u) / 8u)) { return; }
-    let corner = 8u * vec2u(id % columns(), id / columns());
-    let last = vec2u(params.width, params.rows) - 1u;
-    var left = params.casting;
-    var k = 0u;
-    var seen = left == 0u;
-    var hidden = false;
-    loop {
-        let at = min(corner + vec2u(k & 7u, k >> 3u), last);
-        hidden = known_share(known_at(at), firstTrailingBit(left)) < 1.0;
-        k++;
-        if (k == 64u) {
-            left &= left - 1u;
-            seen = left == 0u;
-            k = 0u;
-        }
-        if (hidden || seen) { break; }
+    let tile = linear_id(gid, groups, 64u);
+    if (tile >= tiles_of_band()) { return; }
+    var hidden = 0u;
+    for (var left = params.casting; left != 0u; left &= left - 1u) {
+        let first = 2u * firstTrailingBit(left) * tiles_of_band() + tile;
+        hidden |= states[first] | states[first + tiles_of_band()];
     }
-    if (hidden) { listed[atomicAdd(&counters[0], 1u)] = id; }
+    if (hidden != 0u) { listed[atomicAdd(&counters[0], 1u)] = tile; }
 }
 
 @compute @workgroup_size(1)
@@ -68,6 +73,7 @@ fn count_tiles() {
 @compute @workgroup_size(8, 8)
 fn main(
     @builtin(local_invocation_id) local: vec3u,
+    @builtin(local_invocation_index) lane: u32,
     @builtin(workgroup_id) group: vec3u,
     @builtin(num_workgroups) groups: vec3u,
 ) {
@@ -82,7 +88,7 @@ fn main(
     let t = triangle_at(mark.x - 1u);
     let shift = undistort(bend_at(pixel), vec2f(0.0));
     let s = spot(t, params.rays, vec2f(pixel) + shift, vec2f(pixel - t.place.xy) + shift);
-    let lit = reflection_known(s.x, s.n, gloss_at(t, s), openness_at(t.id, s.x), known_at(at));
+    let lit = reflection_known(s.x, s.n, gloss_at(t, s), openness_at(t.id, s.x), known_at(tile, at, lane));
     let i = at.y * params.stride + at.x;
     if (scaled != 0u) {
         radiance[i] *= select(0.0, lit.r.matte / lit.whole, lit.whole > 0.0);

@@ -9,27 +9,23 @@ from __future__ import annotations
 import numpy as np
 
 from gpusim.gpu import Bound, Device, Recording, compare, twin_check
+from gpusim.optics.shadow.cells import entries_of
 from gpusim.optics.shadow.probe import probe_pieces, probe_pixels, probe_points
-from gpusim.optics.shadow.receivers import DeviceReceivers, PixelReceivers
+from gpusim.optics.shadow.receivers import DeviceReceivers
 from gpusim.optics.shadow.search import Search
 from gpusim.optics.shadow.twin import shares_twin
 
-__all__ = ["record_masks", "record_plain"]
+__all__ = ["record_masks"]
 
 
 def record_masks(
     recording: Recording, receivers: DeviceReceivers, search: Search, bound: Bound
 ) -> None:
-    """Find the shares of what is in penumbra."""
+    """Find the shares of receivers of entries in penumbra; of a list also those of all others."""
     name, constants = "optics/shadow/mask", receivers.constants
-    bound.run(recording, name, receivers.entry(), constants, counted=search.mask_groups)
-
-
-def record_plain(recording: Recording, receivers: DeviceReceivers, bound: Bound) -> None:
-    """Find the shares of all that isn't, which `Search` knows by the entry."""
-    entry = receivers.entry("plain_tiles", "plain_pieces")
-    threads = (receivers.groups,) if receivers.listed else receivers.size
-    bound.run(recording, "optics/shadow/mask", entry, receivers.constants, threads=threads)
+    bound.run(recording, name, "main", constants, counted=search.mask_groups)
+    if receivers.listed:
+        bound.run(recording, name, "plain", constants, threads=(receivers.groups,))
 
 
 @twin_check("optics/shadow/mask")
@@ -39,11 +35,7 @@ def _check(device: Device) -> None:
     points = probe_points()
     for occluders, spaces, receivers in (probe_pieces(), probe_pixels()):
         got = VisibleShares(device, occluders, receivers).find(points, spaces)
-        if isinstance(receivers, PixelReceivers):
-            pixel, own = receivers.receivers()
-            got = got[pixel]
-        else:
-            own = receivers
+        number, own, _, _ = entries_of(receivers)
         want = shares_twin(occluders, points[:, :3].astype(np.float64), spaces, own)
         # one or two samples of 512 may fall to the other side of an outline
-        compare("optics/shadow/mask", got, want, atol=2.5 / 512.0)
+        compare("optics/shadow/mask", got[number], want, atol=2.5 / 512.0)

@@ -135,7 +135,7 @@ class DeviceOccluders:
 
     def __init__(self, device: Device, occluders: Occluders) -> None:
         self.device, self.occluders = device, occluders
-        count, leaves = occluders.count, occluders.leaves
+        count = occluders.count
         corners = np.zeros((count, 4), np.uint32)
         corners[:, :3], corners[:, 3] = occluders.triangles, occluders.open
         beside = np.full((count, 4), NOBODY, np.uint32)
@@ -146,9 +146,6 @@ class DeviceOccluders:
         self.neighbours = device.texels(count, "rgba32uint", "shadow.neighbours")
         self.neighbours.write(beside)
         self.records: Texels = device.texels(4 * count, "rgba32float", "shadow.occluders")
-        self.boxes = device.empty(64 * leaves, "shadow.boxes")
-        self.nodes: Texels = device.texels(4 * leaves, "rgba32float", "shadow.nodes")
-        self.moved = False
 
     def move(self, points: npt.NDArray[np.float32]) -> None:
         """Put the vertices at ``points`` (V, 4), relative to the eye; w is nothing."""
@@ -158,4 +155,3 @@ class DeviceOccluders:
                 f"shadows vertices; got shape {points.shape}; expected ({used}, 4) at least"
             )
         self.vertices.write(points[:used])
-        self.moved = True

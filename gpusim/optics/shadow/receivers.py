@@ -1,8 +1,8 @@
-"""Receivers: what asks how much of each lamp it sees, and what a group of them has in common.
+"""Receivers: what asks how much of each lamp it sees.
 
-They are the pixels of a picture in tiles of 8 x 8, or single pieces of pixels on edges, which lie
-in no pixel's middle and so have a group each. An *entry* is what is searched for together: of a
-tile's pixels those that lie nearer, and those that lie farther where depths differ.
+They are the pixels of a picture, in tiles of 8 x 8, or listed places, such as pieces of pixels on
+edges, in groups of neighbours. An *entry* is what is searched for together: of a group those that
+lie nearer, and those that lie farther where depths differ.
 """
 
 from __future__ import annotations
@@ -17,12 +17,17 @@ import numpy.typing as npt
 from gpusim.gpu import Device, Uniform
 from gpusim.optics.camera import Camera
 from gpusim.optics.distortion_map import distortion_map
-from gpusim.optics.shadow.light_space import LightSpace
 from gpusim.optics.shadow.occluders import NOBODY, Occluders
 from gpusim.optics.view import View
 from gpusim.surface.surface import Surface
 
-__all__ = ["TILE", "DeviceReceivers", "PixelReceivers", "Receivers", "entries_of"]
+__all__ = [
+    "APART",
+    "TILE",
+    "DeviceReceivers",
+    "PixelReceivers",
+    "Receivers",
+]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
@@ -30,16 +35,17 @@ Numbers = npt.NDArray[np.int64]
 TILE = 8
 
 APART = 1.01
-"""Depths in a tile that differ by this factor are two entries."""
+"""Depths in a group that differ by this factor are two entries."""
 
 
 @dataclass(frozen=True, eq=False)
 class Receivers:
-    """Single receivers.
+    """Listed receivers.
 
     ``at`` (n, 3): places relative to the eye; ``normal`` (n, 3) unit, as light is reflected;
     ``across``, ``down`` (n, 3): how the places change over the pixel, or the piece of one;
-    ``on`` (n,): the occluder that each lies on, -1 for none.
+    ``on`` (n,): the occluder that each lies on, -1 for none. ``start`` (G + 1,): where groups of
+    neighbours begin, and the last one ends; None: each is by itself.
     """
 
     at: Array
@@ -47,11 +53,18 @@ class Receivers:
     across: Array
     down: Array
     on: Numbers
+    start: Numbers | None = None
 
     def __getitem__(self, rows: Any) -> Receivers:
+        """Some of them, each by itself."""
         return Receivers(
             self.at[rows], self.normal[rows], self.across[rows], self.down[rows], self.on[rows]
         )
+
+    @property
+    def starts(self) -> Numbers:
+        """``start``, of every one where there are no groups."""
+        return np.arange(len(self.at) + 1) if self.start is None else self.start
 
     def upright(self) -> Array:
         """(n, 3): unit normals of the planes in which the places change."""
@@ -141,14 +154,13 @@ class PixelReceivers:
 
 
 class DeviceReceivers:
-    """Receivers of one kind on a device."""
+    """Receivers of one kind on a device: pixels of one band after the other, or a list."""
 
-    def __init__(
-        self, device: Device, receivers: Receivers | PixelReceivers, occluders: Occluders
-    ) -> None:
-        self.device = device
-        self.listed = isinstance(receivers, Receivers)
-        self.size, self.columns = (1, 1), 1
+    def __init__(self, device: Device, occluders: Occluders, listed: bool) -> None:
+        self.device, self.listed, self.leaves = device, listed, occluders.leaves
+        self.source: Receivers | PixelReceivers | None = None
+        self.size, self.columns = (0, 0), 1
+        self.row0, self.stride, self.step = 0, 1, 1
         self.ids = device.buffer(np.zeros(4, np.uint32), "shadow.no_ids")
         self.pieces = device.buffer(np.zeros(4, np.float32), "shadow.no_pieces")
         self.planes = device.no_texels("rgba32uint")
@@ -156,39 +168,51 @@ class DeviceReceivers:
         self.bends: dict[str, object] = {
             "last": np.zeros(2), "middle": np.zeros(2), "size": 1, "columns": 1,
         }  # fmt: skip
-        self.constants = {"listed": 1.0, "distorted": 0.0}
-        self.row0, self.stride, self.step = 0, 1, 1
+        self.constants = {"listed": float(listed), "distorted": 0.0}
         self._capacity = 0
         self._uniform: Uniform | None = None
         self._rays = {key: np.zeros(4) for key in ("x", "y", "one")}
+
+    @staticmethod
+    def of(
+        device: Device, receivers: Receivers | PixelReceivers, occluders: Occluders
+    ) -> DeviceReceivers:
+        """Those of a list, or of a whole picture."""
+        result = DeviceReceivers(device, occluders, isinstance(receivers, Receivers))
+        result.source = receivers
         if isinstance(receivers, Receivers):
-            self.count = self.groups = self.entries = len(receivers.at)
-            rows = np.zeros((max(self.count, 1), 4, 4), np.float32)
+            result.list(receivers.starts)
+            rows = np.zeros((max(result.count, 1), 4, 4), np.float32)
             for k, values in enumerate(
                 (receivers.at, receivers.normal, receivers.across, receivers.down)
             ):
-                rows[: self.count, k, :3] = values
+                rows[: result.count, k, :3] = values
             on = np.where(receivers.on >= 0, receivers.on, NOBODY).astype(np.uint32)
-            rows[: self.count, 0, 3] = on.view(np.float32)
-            self.pieces = device.buffer(rows, "shadow.pieces")
-        else:
-            camera = receivers.camera
-            self._look_through(camera)
-            self.size, self.stride = (camera.width, camera.height), camera.width
-            self.groups = self.columns * -(-camera.height // TILE)
-            self.entries, self.count = 2 * self.groups, camera.width * camera.height
-            self.ids = device.buffer(receivers.ids, "shadow.ids")
-            rows = np.empty((len(receivers.planes), 4), np.uint32)
-            rows[:, :3] = receivers.planes.astype(np.float32).view(np.uint32)
-            rows[:, 3] = np.where(receivers.on >= 0, receivers.on, NOBODY)
-            self.planes = device.texels(len(rows), "rgba32uint", "shadow.planes")
-            self.planes.write(rows)
-        self._leaves = occluders.leaves
-        self.groups_of = device.empty(48 * max(self.entries, 1), "shadow.groups")
+            rows[: result.count, 0, 3] = on.view(np.float32)
+            result.pieces = device.buffer(rows, "shadow.pieces")
+            return result
+        result.look_through(receivers.camera, receivers.camera.height)
+        result.stride = receivers.camera.width
+        result.ids = device.buffer(receivers.ids, "shadow.ids")
+        words = np.empty((len(receivers.planes), 4), np.uint32)
+        words[:, :3] = receivers.planes.astype(np.float32).view(np.uint32)
+        words[:, 3] = np.where(receivers.on >= 0, receivers.on, NOBODY)
+        result.planes = device.texels(len(words), "rgba32uint", "shadow.planes")
+        result.planes.write(words)
+        return result
 
-    def _look_through(self, camera: Camera) -> None:
-        """Let receivers be pixels of a camera."""
-        self.listed, self.columns = False, -(-camera.width // TILE)
+    def list(self, starts: Numbers) -> None:
+        """Let receivers be listed in groups that begin there; the last number is their count."""
+        self.count, self.groups = int(starts[-1]), len(starts) - 1
+        words = np.zeros(self.groups + 1 + max(self.count, 1), np.uint32)
+        words[: self.groups + 1] = starts
+        self.halves = self.device.buffer(words, "shadow.halves")
+        self.cells = self.device.empty(96 * max(self.groups, 1), "shadow.cells")
+
+    def look_through(self, camera: Camera, rows: int) -> None:
+        """Let receivers be pixels of a camera, in bands of so many rows at most."""
+        self.columns = -(-camera.width // TILE)
+        self.aim(camera.width, 0, rows)
         bends = distortion_map(camera)
         if bends is not None:
             self.bends, texels = bends.tiles(), bends.texels()
@@ -196,21 +220,28 @@ class DeviceReceivers:
             self.undistortion.write(texels)
         rays = camera.camera_from_world[:3, :3].T @ camera.ray_matrix()
         self._rays = {key: np.array([*rays[:, k], 0.0]) for k, key in enumerate(("x", "y", "one"))}
-        self.constants = {
-            "listed": 0.0, "distorted": float(bends is not None), "aperture": camera.pixel_side,
-        }  # fmt: skip
+        self.constants |= {"distorted": float(bends is not None), "aperture": camera.pixel_side}
+        self.halves = self.device.empty(8 * self.groups, "shadow.halves")
+        self.cells = self.device.empty(96 * self.groups, "shadow.cells")
+
+    def aim(self, width: int, row0: int, rows: int) -> None:
+        """Take pixels of these rows, of no more than at first."""
+        self.size, self.row0 = (width, rows), row0
+        self.groups, self.count = self.columns * -(-rows // TILE), width * rows
+        if self._uniform is not None:
+            self._uniform.update(self._numbers())
+
+    @property
+    def entries(self) -> int:
+        """Twice the groups."""
+        return 2 * self.groups
 
     def _numbers(self) -> dict[str, object]:
         return {
             **self._rays, "size": np.array(self.size, np.uint32), "columns": self.columns,
-            "groups": self.groups, "capacity": self._capacity, "leaves": self._leaves,
+            "groups": self.groups, "capacity": self._capacity, "leaves": self.leaves,
             "count": self.count, "row0": self.row0, "stride": self.stride, "step": self.step,
         }  # fmt: skip
-
-    def update(self) -> None:
-        """Other numbers from the next submit on."""
-        if self._uniform is not None:
-            self._uniform.update(self._numbers())
 
     def bindings(self, capacity: int) -> dict[str, Any]:
         """By their WGSL names; ``capacity``: chunks in the pool."""
@@ -218,45 +249,8 @@ class DeviceReceivers:
             self._capacity = capacity
             self._uniform = Uniform(self.device, self._numbers(), "shadow.receivers")
         return {
-            "receivers": self._uniform, "ids": self.ids,
-            "planes": self.planes, "pieces": self.pieces, "groups_of": self.groups_of,
+            "receivers": self._uniform, "ids": self.ids, "planes": self.planes,
+            "pieces": self.pieces, "halves": self.halves, "cells": self.cells,
             "tiles": Uniform(self.device, self.bends, "shadow.tiles"),
             "undistortion": self.undistortion,
         }  # fmt: skip
-
-    def entry(self, tiles: str = "tiles_of_pixels", pieces: str = "pieces_alone") -> str:
-        """Name of an entry point for this kind."""
-        return pieces if self.listed else tiles
-
-
-def entries_of(
-    receivers: Receivers | PixelReceivers, space: LightSpace
-) -> tuple[Numbers, Receivers, Numbers, int]:
-    """Index (n,) and place of the receivers that ask, the entry (n,) that each is in, and the
-    number of entries."""
-    if isinstance(receivers, Receivers):
-        asking = np.flatnonzero(space.asks(receivers.at, receivers.normal))
-        return asking, receivers[asking], asking, len(receivers.at)
-    camera = receivers.camera
-    pixel, every = receivers.receivers()
-    columns = -(-camera.width // TILE)
-    groups = columns * -(-camera.height // TILE)
-    row, column = np.divmod(pixel, camera.width)
-    tile = row // TILE * columns + column // TILE
-    depth = every.at @ camera.camera_from_world[2, :3]
-    near, far = np.full(groups, np.inf), np.zeros(groups)
-    np.minimum.at(near, tile, depth)
-    np.maximum.at(far, tile, depth)
-    asking = np.flatnonzero(space.asks(every.at, every.normal))
-    pixel, every, tile, depth = pixel[asking], every[asking], tile[asking], depth[asking]
-    # a tile within one triangle is one
-    every_tile = np.arange(receivers.ids.size)
-    every_tile = every_tile // camera.width // TILE * columns + every_tile % camera.width // TILE
-    least, most = np.full(groups, 1 << 60), np.full(groups, -1)
-    np.minimum.at(least, every_tile, receivers.ids.reshape(-1))
-    np.maximum.at(most, every_tile, receivers.ids.reshape(-1))
-    full = np.bincount(every_tile, minlength=groups) == TILE * TILE
-    alike = (least == most) & full & (camera.lens is None)
-    alike &= np.isin(np.bincount(tile, minlength=groups), (0, TILE * TILE))
-    split = np.where((far > APART * near) & ~alike, 0.5 * (near + far), np.inf)
-    return pixel, every, tile + groups * (depth > split[tile]), 2 * groups

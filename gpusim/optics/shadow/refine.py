@@ -1,7 +1,7 @@
-"""Drops occluders listed alone that hide nothing from any pixel of their tile.
+"""Drops occluders listed alone that hide nothing from any receiver of the entry.
 
-A tile's box in light space is larger than what its pixels look from, and nearly all of an open
-sheet that a tile lies on is listed: tested pixel by pixel, most of it is beside the way.
+An entry's box in light space is larger than what its receivers look from, and nearly all of an open
+sheet that they lie on is listed: tested one by one, most of it is beside the way.
 """
 
 from __future__ import annotations
@@ -10,8 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.gpu import Bound, Device, Recording, compare, twin_check
+from gpusim.optics.shadow.cells import asking
 from gpusim.optics.shadow.probe import probe_pixels, probe_points
-from gpusim.optics.shadow.receivers import DeviceReceivers, entries_of
+from gpusim.optics.shadow.receivers import DeviceReceivers
 from gpusim.optics.shadow.refit import planes_of
 from gpusim.optics.shadow.search import Search
 from gpusim.optics.shadow.twin import aspects, looked_from
@@ -26,9 +27,8 @@ def record_refinement(
     recording: Recording, receivers: DeviceReceivers, search: Search, bound: Bound
 ) -> None:
     """Refine the entries that the search has said."""
-    if not receivers.listed:
-        name, constants = "optics/shadow/refine", receivers.constants
-        bound.run(recording, name, "main", constants, counted=search.refine_groups)
+    name, constants = "optics/shadow/refine", receivers.constants
+    bound.run(recording, name, "main", constants, counted=search.refine_groups)
 
 
 def listed_alone(search: Search) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
@@ -62,7 +62,7 @@ def _check(device: Device) -> None:
         shares.find(points, [space])
         kept = np.stack(listed_alone(shares.search), axis=1) @ [occluders.count, 1]
         got = np.isin(entry * occluders.count + face, kept)
-        _, own, entry_of, _ = entries_of(receivers, space)
+        _, own, entry_of = asking(receivers, space)
         order = np.argsort(entry_of, kind="stable")
         first = np.searchsorted(entry_of[order], entry)
         last = np.searchsorted(entry_of[order], entry, side="right")

@@ -10,12 +10,11 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.gpu import Bound, Device, Recording, Uniform, compare, twin_check
+from gpusim.gpu import Bound, Device, Recording, Texels, Uniform, compare, twin_check
 from gpusim.optics.shadow.light_space import ANGLE, UNLIMITED, LightSpace
 from gpusim.optics.shadow.occluders import NOBODY, DeviceOccluders, Occluders
-from gpusim.optics.shadow.probe import probe_spaces
 
-__all__ = ["Refit", "box_ends", "facing", "planes_of", "refit_twin"]
+__all__ = ["Trees", "box_ends", "facing", "planes_of", "refit_twin"]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
@@ -27,48 +26,80 @@ UNIFORM, OPEN, CLOSED = 8, 16, 32
 LEVELS = 7
 """Of a tree that one dispatch joins."""
 
+NAME = "optics/shadow/refit"
 
-class Refit:
-    """The tree of some occluders, fitted to one lamp after the other."""
 
-    def __init__(self, device: Device, occluders: DeviceOccluders) -> None:
-        self._occluders = occluders
-        self._count, self._leaves = occluders.occluders.count, occluders.occluders.leaves
-        self._trees = []
-        first = self._leaves
+class Trees:
+    """Occluders on a device, and the tree of each light space, which stays until they move."""
+
+    def __init__(self, device: Device, occluders: Occluders) -> None:
+        self.device, self.occluders = device, occluders
+        self.placed = DeviceOccluders(device, occluders)
+        self._boxes = device.empty(64 * occluders.leaves, "shadow.boxes")
+        self._levels = []
+        first = occluders.leaves
         while first > 1:
-            numbers = {"count": self._count, "leaves": self._leaves, "first": first}
-            self._trees.append((first, Uniform(device, numbers, "shadow.tree")))
+            numbers = {"count": occluders.count, "leaves": occluders.leaves, "first": first}
+            self._levels.append((first, Uniform(device, numbers, "shadow.tree")))
             first >>= LEVELS
+        own = self.placed
         self._gathering = Bound(
             device,
             {
-                "tree": self._trees[0][1], "vertices": occluders.vertices,
-                "triangles": occluders.triangles, "gathered": occluders.records,
+                "tree": self._levels[0][1], "vertices": own.vertices, "triangles": own.triangles,
+                "gathered": own.records,
             },
         )  # fmt: skip
+        self._gathered = True
+        self._trees: list[_Tree] = []
 
-    def gather(self, recording: Recording) -> None:
-        """Take over where vertices are, if they have moved."""
-        if self._occluders.moved:
-            self._occluders.moved = False
-            self._gathering.run(recording, "optics/shadow/refit", "gather", threads=(self._count,))
+    def move(self, points: npt.NDArray[np.float32]) -> None:
+        """Put the vertices at ``points`` (V, 4), relative to the eye; w is nothing."""
+        self.placed.move(points)
+        self._gathered = False
+        for tree in self._trees:
+            tree.space = None
 
-    def bound(self, device: Device, light: Uniform) -> list[Bound]:
-        """What a lamp's `LightSpace.uniform` is bound to, for every step from the leaves up."""
-        own = self._occluders
+    def nodes(self, place: int) -> Texels:
+        """Of the space with this number among all."""
+        while place >= len(self._trees):
+            self._trees.append(_Tree(self.device, self.occluders.leaves))
+        return self._trees[place].nodes
+
+    def fit(self, recording: Recording, place: int, space: LightSpace) -> None:
+        """Let the tree with this number be that of a space."""
+        if not self._gathered:
+            self._gathered = True
+            count = self.occluders.count
+            self._gathering.run(recording, NAME, "gather", threads=(count,))
+        self.nodes(place)
+        tree = self._trees[place]
+        if tree.suits(space):
+            return
+        tree.space = space
         shared = {
-            "light": light, "occluders": own.records, "neighbours": own.neighbours,
-            "boxes": own.boxes, "nodes": own.nodes,
+            "light": Uniform(self.device, space.uniform(), "shadow.light"),
+            "occluders": self.placed.records, "neighbours": self.placed.neighbours,
+            "boxes": self._boxes, "nodes": tree.nodes,
         }  # fmt: skip
-        return [Bound(device, {**shared, "tree": tree}) for _, tree in self._trees]
+        for number, (first, level) in enumerate(self._levels):
+            bound = Bound(self.device, {**shared, "tree": level})
+            if number == 0:
+                bound.run(recording, NAME, "leaves", threads=(first,))
+            bound.run(recording, NAME, "levels", groups=(max(first >> LEVELS, 1),))
 
-    def record(self, recording: Recording, bound: list[Bound]) -> None:
-        """Fit the tree to a lamp."""
-        name = "optics/shadow/refit"
-        bound[0].run(recording, name, "leaves", threads=(self._leaves,))
-        for (first, _), own in zip(self._trees, bound, strict=True):
-            own.run(recording, name, "levels", groups=(max(first >> LEVELS, 1),))
+
+class _Tree:
+    """Nodes, and the space that they are of."""
+
+    def __init__(self, device: Device, leaves: int) -> None:
+        self.nodes: Texels = device.texels(4 * leaves, "rgba32float", "shadow.nodes")
+        self.space: LightSpace | None = None
+
+    def suits(self, space: LightSpace) -> bool:
+        """Whether nothing that the nodes depend on differs."""
+        own = self.space
+        return own is not None and own.lamp is space.lamp and bool((own.axis == space.axis).all())
 
 
 def planes_of(corners: Array) -> Array:
@@ -156,18 +187,17 @@ def refit_twin(
     return boxes, words
 
 
-@twin_check("optics/shadow/refit")
+@twin_check(NAME)
 def _check(device: Device) -> None:
+    from gpusim.optics.shadow.probe import probe_spaces
+
     for occluders, points, space in probe_spaces():
-        own = DeviceOccluders(device, occluders)
+        own = Trees(device, occluders)
         own.move(points)
-        refit = Refit(device, own)
-        light = Uniform(device, space.uniform(), "shadow.light")
         with device.recording("optics.shadow.refit") as recording:
-            refit.gather(recording)
-            refit.record(recording, refit.bound(device, light))
-        nodes = own.nodes.read().reshape(-1, 8)[1:]
+            own.fit(recording, 0, space)
+        nodes = own.nodes(0).read().reshape(-1, 8)[1:]
         boxes, words = refit_twin(occluders, points[:, :3].astype(np.float64), space)
-        compare("optics/shadow/refit", nodes[:, 7], words[1:], "exact")
+        compare(NAME, nodes[:, 7], words[1:], "exact")
         got = nodes[:, [0, 2, 4, 1, 3, 5, 6]]
-        compare("optics/shadow/refit", got, boxes[1:], atol=1e-5 * space.scale, rtol=1e-5)
+        compare(NAME, got, boxes[1:], atol=1e-5 * space.scale, rtol=1e-5)

@@ -13,13 +13,9 @@ from gpusim.gpu import Device, Texels
 from gpusim.optics.corners import NORMAL, POSITION, parts
 from gpusim.optics.emitters import Lamp, check_number
 from gpusim.optics.shadow.light_space import LightSpace, lamp_numbers, light_spaces
-from gpusim.optics.shadow.occluders import (
-    NOBODY,
-    DeviceOccluders,
-    Occluders,
-    relative_points,
-)
+from gpusim.optics.shadow.occluders import NOBODY, Occluders, relative_points
 from gpusim.optics.shadow.receivers import TILE, PixelReceivers, Receivers
+from gpusim.optics.shadow.refit import Trees, box_ends, planes_of
 from gpusim.optics.view import View
 from gpusim.surface.surface import Surface
 from gpusim.surface.topology import Topology
@@ -40,7 +36,7 @@ class _KeptOccluders:
     """Those of the surfaces that were seen last, which stay while vertices move."""
 
     topologies: tuple[Topology, ...]
-    occluders: DeviceOccluders
+    trees: Trees
 
     def suits(self, topologies: tuple[Topology, ...]) -> bool:
         """Whether they are of the same surfaces."""
@@ -63,7 +59,7 @@ class Shadows:
     points: npt.NDArray[np.float32]
     lamps: tuple[Lamp, ...]
     spaces: tuple[LightSpace, ...]
-    on_device: DeviceOccluders | None
+    trees: Trees | None
 
     @staticmethod
     def of(
@@ -87,11 +83,11 @@ class Shadows:
         topologies = tuple(surface.topology for surface in surfaces)
         kept = device.kept.notes.get(LABEL)
         if not (isinstance(kept, _KeptOccluders) and kept.suits(topologies)):
-            kept = _KeptOccluders(topologies, DeviceOccluders(device, Occluders.of(surfaces)))
+            kept = _KeptOccluders(topologies, Trees(device, Occluders.of(surfaces)))
             device.kept.notes[LABEL] = kept
-        kept.occluders.move(points)
-        own = kept.occluders.occluders
-        return Shadows(view, tuple(surfaces), own, points, relative, spaces, kept.occluders)
+        kept.trees.move(points)
+        own = kept.trees.occluders
+        return Shadows(view, tuple(surfaces), own, points, relative, spaces, kept.trees)
 
     @property
     def casting(self) -> int:
@@ -108,13 +104,13 @@ class Shadows:
     def planes(self, parent: Numbers) -> Texels:
         """On the device, of each triangle of the view n / d of its plane n x = d, and its
         owner; then those of parts of triangles ``parent`` (n,)."""
-        assert self.on_device is not None
+        assert self.trees is not None
         view = self.view
         rows = np.full((max(view.count, 1) + len(parent), 4), NOBODY, np.uint32)
         rows[: view.count, :3] = PixelReceivers.planes_of(view).astype(np.float32).view(np.uint32)
         rows[: view.count, 3] = np.where(self.owners >= 0, self.owners, NOBODY)
         rows[max(view.count, 1) :] = rows[parent]
-        texels = self.on_device.device.kept.texels(len(rows), "rgba32uint", "shadow.planes")
+        texels = self.trees.device.kept.texels(len(rows), "rgba32uint", "shadow.planes")
         texels.write(rows)
         return texels
 
@@ -154,7 +150,6 @@ class Shadows:
         unit; ``across``, ``down`` (n, 3) how the places change over the pixel, or the piece;
         ``triangle`` (n,) of the view.
         """
-        from gpusim.optics.shadow.refit import box_ends, planes_of
         from gpusim.optics.shadow.twin import shares_of
 
         receivers = self.receivers(at, normal, across, down, triangle)

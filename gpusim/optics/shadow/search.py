@@ -16,9 +16,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.gpu import Bound, Buffer, Device, Recording, compare, twin_check
+from gpusim.gpu import Bound, Device, Recording, compare, twin_check
+from gpusim.optics.shadow.cells import asking
 from gpusim.optics.shadow.probe import probe_pieces, probe_pixels, probe_points
-from gpusim.optics.shadow.receivers import DeviceReceivers, entries_of
+from gpusim.optics.shadow.receivers import DeviceReceivers
 from gpusim.optics.shadow.twin import shares_twin
 
 __all__ = ["HALF", "LIT", "UMBRA", "Search"]
@@ -39,14 +40,13 @@ class Search:
     """Lists of entries, for one lamp after the other."""
 
     def __init__(self, device: Device, receivers: DeviceReceivers, capacity: int) -> None:
-        self._device, self._receivers = device, receivers
-        self.capacity = capacity
+        self._receivers, self.capacity = receivers, capacity
         entries = max(receivers.entries, 1)
+        self.groups_of = device.empty(48 * entries, "shadow.groups")
         self.pool = device.empty(CHUNK * capacity, "shadow.pool")
         self.heads = device.empty(16 * entries, "shadow.heads")
-        # entries to refine, behind twice the groups those in penumbra
-        self.work = device.empty(4 * (2 * receivers.groups + entries), "shadow.work")
-        self.states = device.empty(4 * entries, "shadow.states")
+        # entries to refine, behind all entries those in penumbra
+        self.work = device.empty(8 * entries, "shadow.work")
         across, down = self._coarse_size
         self.coarse = device.empty(8 * across * down, "shadow.coarse")
         self.refine_groups = device.empty(12, "shadow.refine_groups")
@@ -57,12 +57,11 @@ class Search:
         own = self._receivers
         return -(-own.columns // COARSE), max(-(-own.groups // own.columns // COARSE), 1)
 
-    def bindings(self, counters: Buffer) -> dict[str, Any]:
-        """By their WGSL names; ``counters`` of one lamp."""
+    def bindings(self) -> dict[str, Any]:
+        """By their WGSL names."""
         return {
-            "pool": self.pool, "heads": self.heads, "work": self.work, "states": self.states,
-            "coarse": self.coarse, "refine_groups": self.refine_groups,
-            "mask_groups": self.mask_groups, "counters": counters,
+            "pool": self.pool, "heads": self.heads, "work": self.work, "coarse": self.coarse,
+            "refine_groups": self.refine_groups, "mask_groups": self.mask_groups,
         }  # fmt: skip
 
     def record(self, recording: Recording, bound: Bound) -> None:
@@ -70,7 +69,7 @@ class Search:
         receivers = self._receivers
         name, constants = "optics/shadow/search", receivers.constants
         if receivers.listed:
-            bound.run(recording, name, "pieces_alone", constants, threads=(receivers.groups,))
+            bound.run(recording, name, "listed_groups", constants, threads=(receivers.entries,))
         else:
             across, down = self._coarse_size
             bound.run(recording, name, "coarse_tiles", constants, threads=(2 * across * down,))
@@ -87,17 +86,16 @@ class Search:
 
 def states_twin(states: npt.NDArray[np.uint32], shares: Any, entry: Any) -> npt.NDArray[np.int64]:
     """(E,): what ``states`` of entries should be by the ``shares`` (n,) that the receivers in each
-    ``entry`` (n,) see. Those may be looked at closely that needn't be."""
+    ``entry`` (n,) see. Those may be looked at closely that needn't be, and nothing is said where
+    nobody asks."""
     least, most = np.ones(len(states)), np.zeros(len(states))
     np.minimum.at(least, entry, shares)
     np.maximum.at(most, entry, shares)
-    used = np.isin(np.arange(len(states)), entry)
     # one sample of the 512 may lie on an outline
     sample = 1.5 / 512.0
-    lit, dark = used & (least > 1.0 - sample), used & (most < sample)
-    want = np.where(lit, LIT, np.where(dark, UMBRA, np.where(used, HALF, LIT)))
-    careful = (states == HALF) & used
-    return np.where(careful, HALF, want)
+    want = np.where(least > 1.0 - sample, LIT, np.where(most < sample, UMBRA, HALF))
+    used = np.isin(np.arange(len(states)), entry)
+    return np.where((states == HALF) | ~used, states, want)
 
 
 @twin_check("optics/shadow/search")
@@ -109,7 +107,7 @@ def _check(device: Device) -> None:
         for space in spaces[::2]:
             shares = VisibleShares(device, occluders, receivers)
             shares.find(points, [space])
-            _, own, entry, _ = entries_of(receivers, space)
+            _, own, entry = asking(receivers, space)
             flat = shares_twin(occluders, points[:, :3].astype(np.float64), [space], own)[:, 0]
-            got = shares.search.states.read(np.uint32)
+            got = shares.states_of(space.number)
             compare("optics/shadow/search", got, states_twin(got, flat, entry), "exact")

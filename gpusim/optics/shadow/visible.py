@@ -9,42 +9,48 @@ import numpy.typing as npt
 
 from gpusim.errors import OutOfDeviceMemory
 from gpusim.gpu import Bound, Buffer, Device, Recording, Uniform
+from gpusim.optics.shadow.cells import entries_of, record_cells
 from gpusim.optics.shadow.groups import record_groups
 from gpusim.optics.shadow.light_space import LightSpace, lamp_numbers
-from gpusim.optics.shadow.mask import record_masks, record_plain
-from gpusim.optics.shadow.occluders import DeviceOccluders, Occluders
+from gpusim.optics.shadow.mask import record_masks
+from gpusim.optics.shadow.occluders import Occluders
 from gpusim.optics.shadow.receivers import DeviceReceivers, PixelReceivers, Receivers
 from gpusim.optics.shadow.refine import record_refinement
-from gpusim.optics.shadow.refit import Refit
-from gpusim.optics.shadow.search import CHUNK, COUNTERS, Search
+from gpusim.optics.shadow.refit import Trees
+from gpusim.optics.shadow.search import CHUNK, COUNTERS, HALF, UMBRA, Search
 
 __all__ = ["STAGES", "VisibleShares", "visible_shares"]
 
-STAGES = ("refit", "groups", "search", "refine", "mask", "plain")
+STAGES = ("refit", "cells", "groups", "search", "refine", "mask")
 
 CAPACITY = 1 << 14
 """Chunks that the pool begins with: 2 MiB."""
 
 
 class VisibleShares:
-    """What receivers see of lamps, found on a device; what is bound stays for the next time."""
+    """What receivers see of lamps, found on a device; what is bound stays for the next time.
+
+    ``states`` (L, E) uint32: of each lamp and entry, see `gpusim.optics.shadow.search`; ``shares``
+    (L, n) float32: of receivers in entries that see a lamp in part, of those in a list all.
+    """
+
+    states: Buffer
+    shares: Buffer
 
     def __init__(
         self,
         device: Device,
-        occluders: Occluders | DeviceOccluders,
+        occluders: Occluders | Trees,
         receivers: Receivers | PixelReceivers | DeviceReceivers,
         capacity: int = CAPACITY,
     ) -> None:
         self.device = device
-        if isinstance(occluders, Occluders):
-            occluders = DeviceOccluders(device, occluders)
+        self.trees = occluders if isinstance(occluders, Trees) else Trees(device, occluders)
         if not isinstance(receivers, DeviceReceivers):
-            receivers = DeviceReceivers(device, receivers, occluders.occluders)
-        self.occluders, self.receivers = occluders, receivers
-        self.refit = Refit(device, self.occluders)
-        self.shares: Buffer | None = None
+            receivers = DeviceReceivers.of(device, receivers, self.trees.occluders)
+        self.receivers = receivers
         self.counts: list[dict[str, int]] = []
+        self._lamps = 0
         self._spaces: list[_SpaceOnDevice] = []
         self.enlarge(capacity)
 
@@ -68,15 +74,36 @@ class VisibleShares:
         OutOfDeviceMemory
             Lists too long for what one binding holds.
         """
-        self.occluders.move(points)
+        self.trees.move(points)
+        return self.found(spaces, until)
+
+    def found(
+        self, spaces: Sequence[LightSpace], until: str = STAGES[-1]
+    ) -> npt.NDArray[np.float32]:
+        """`find` where vertices are now."""
         self.record(spaces, until)
         while self.enlarged(spaces):
             self.record(spaces, until)
-        numbers = lamp_numbers(spaces)
-        if self.shares is None:
-            return np.zeros((self.receivers.count, 0), np.float32)
-        found = self.shares.read(np.float32).reshape(-1, max(self.receivers.count, 1))
-        return np.ascontiguousarray(found[numbers, : self.receivers.count].T)
+        count, numbers = self.receivers.count, lamp_numbers(spaces)
+        if not numbers or not count:
+            return np.zeros((count, len(numbers)), np.float32)
+        found = self.shares.read(np.float32, (self._lamps, count))[numbers].T
+        pixels = self.receivers.source
+        if not isinstance(pixels, PixelReceivers):
+            return np.ascontiguousarray(found)
+        there, every, entry, _ = entries_of(pixels)
+        result = np.zeros((count, len(numbers)), np.float32)
+        for column, number in enumerate(numbers):
+            own = [space for space in spaces if space.number == number]
+            asks = np.any([space.asks(every.at, every.normal) for space in own], axis=0)
+            state = self.states_of(number)[entry]
+            plain = np.where(state == UMBRA, 0.0, 1.0)
+            result[there, column] = asks * np.where(state == HALF, found[there, column], plain)
+        return result
+
+    def states_of(self, number: int) -> npt.NDArray[np.uint32]:
+        """(E,): what entries see of a lamp; waits for the device."""
+        return self.states.read(np.uint32, (self._lamps, self.receivers.entries))[number]
 
     def enlarged(self, spaces: Sequence[LightSpace]) -> bool:
         """Whether the pool was too small for what was recorded, which is to be done again; waits
@@ -102,20 +129,26 @@ class VisibleShares:
     def record(self, spaces: Sequence[LightSpace], until: str = STAGES[-1]) -> None:
         """Let the device work; where a pool may be too small, `find` looks."""
         stages = STAGES[: STAGES.index(until) + 1]
+        receivers = self.receivers
         lamps = max((space.number for space in spaces), default=-1) + 1
-        nbytes = 4 * lamps * max(self.receivers.count, 1)
-        if lamps and (self.shares is None or self.shares.nbytes < nbytes):
+        if lamps > self._lamps:
             self._spaces.clear()
-            self.shares = self.device.empty(nbytes, "shadow.shares")
+            self._lamps = lamps
+            self.states = self.device.empty(4 * lamps * max(receivers.entries, 1), "shadow.states")
+            self.shares = self.device.empty(4 * lamps * max(receivers.count, 1), "shadow.shares")
         for place, space in enumerate(spaces):
             if place < len(self._spaces) and self._spaces[place].number == space.number:
                 self._spaces[place].update(space)
             else:
-                self._spaces[place:] = [_SpaceOnDevice(self, space)]
+                self._spaces[place:] = [_SpaceOnDevice(self, place, space)]
+        if not lamps or not receivers.count:
+            return
         with self.device.recording("optics.shadow") as recording:
-            self.refit.gather(recording)
-            if self.shares is not None:
+            recording.clear(self.states)
+            if receivers.listed:
                 recording.clear(self.shares)
+            recording.begin("optics.shadow.cells")
+            record_cells(recording, receivers, self._spaces[0].bound)
             for own in self._spaces[: len(spaces)]:
                 own.record(recording, stages)
 
@@ -129,37 +162,38 @@ class VisibleShares:
 
 
 class _SpaceOnDevice:
-    """A light space as the programs bind it."""
+    """A light space as the programs bind it; ``place`` among all."""
 
-    def __init__(self, shares: VisibleShares, space: LightSpace) -> None:
-        device, self._shares = shares.device, shares
+    def __init__(self, shares: VisibleShares, place: int, space: LightSpace) -> None:
+        device, self._shares, self._place = shares.device, shares, place
         self.counters = device.empty(4 * len(COUNTERS), "shadow.counters")
         self._light = Uniform(device, space.uniform(), "shadow.light")
         self._lamp = Uniform(device, space.face(), "shadow.lamp")
-        self.number = space.number
-        self._trees = shares.refit.bound(device, self._light)
-        self._bound = Bound(
+        self._space, self.number = space, space.number
+        placed = shares.trees.placed
+        self.bound = Bound(
             device,
             {
-                "light": self._light, "lamp": self._lamp, "shares": shares.shares,
-                "occluders": shares.occluders.records, "nodes": shares.occluders.nodes,
-                "neighbours": shares.occluders.neighbours,
-                **shares.receivers.bindings(shares.search.capacity),
-                **shares.search.bindings(self.counters),
+                "light": self._light, "lamp": self._lamp, "states": shares.states,
+                "shares": shares.shares, "groups_of": shares.search.groups_of,
+                "counters": self.counters, "occluders": placed.records,
+                "neighbours": placed.neighbours, "nodes": shares.trees.nodes(place),
+                **shares.receivers.bindings(shares.search.capacity), **shares.search.bindings(),
             },
         )  # fmt: skip
 
     def update(self, space: LightSpace) -> None:
         """The lamp may stand elsewhere now."""
+        self._space = space
         self._light.update(space.uniform())
         self._lamp.update(space.face())
 
     def record(self, recording: Recording, stages: Sequence[str]) -> None:
         """All of ``stages`` for this lamp."""
-        receivers, search, bound = self._shares.receivers, self._shares.search, self._bound
+        receivers, search, bound = self._shares.receivers, self._shares.search, self.bound
         recording.clear(self.counters)
         recording.begin("optics.shadow.refit")
-        self._shares.refit.record(recording, self._trees)
+        self._shares.trees.fit(recording, self._place, self._space)
         if "groups" in stages:
             recording.begin("optics.shadow.groups")
             record_groups(recording, receivers, bound)
@@ -173,9 +207,6 @@ class _SpaceOnDevice:
         if "mask" in stages:
             recording.begin("optics.shadow.mask")
             record_masks(recording, receivers, search, bound)
-        if "plain" in stages:
-            recording.begin("optics.shadow.plain")
-            record_plain(recording, receivers, bound)
 
 
 def visible_shares(

@@ -1,108 +1,96 @@
-// What the receivers of each entry have in common, in a lamp's light space: a box, and a plane, the
-// ground, at or below which nothing hides the lamp from any of them.
-// The NumPy form is gpusim/optics/shadow/groups.py.
+// Cells in a lamp's light space: a box, and a plane, the ground, at or below which nothing hides the lamp
+// from any receiver of the entry. The NumPy form is gpusim/optics/shadow/groups.py.
 #import common/index
 #import optics/shadow/receiver
 
-// three of each entry: p and q ends | s low, s high, depth at which the farther half of a tile
-// begins, `tolerance` as a length | ground: normal, offset; normal 0 where there is none
+// see cells.wgsl
+@group(0) @binding(19) var<storage, read> cells: array<vec4f>;
+// three of each entry: p and q ends | s low, s high, -, `tolerance` as a length | ground: normal, offset;
+// normal 0 where there is none. Low ends are above high ones where nothing asks
 @group(0) @binding(14) var<storage, read_write> groups_of: array<vec4f>;
 
-struct Group {
-    low: vec3f,
-    high: vec3f,
-    plane: vec4f,
-    heights: vec2f,
-    far: f32,
+struct Box { low: vec3f, high: vec3f }
+fn with_place(box: Box, x: vec3f) -> Box {
+    let at = to_light_space(x);
+    let slack = rounding_at(at);
+    return Box(min(box.low, at - slack), max(box.high, at + slack));
 }
-fn empty_group() -> Group {
-    let low = vec3f(UNLIMITED);
-    return Group(low, -low, vec4f(0.0), vec2f(UNLIMITED, -UNLIMITED), 0.0);
+fn empty_box() -> Box { return Box(vec3f(UNLIMITED), vec3f(-UNLIMITED)); }
+
+fn end_of(low: vec3f, high: vec3f, k: u32) -> vec3f {
+    return select(low, high, vec3<bool>((k & 1u) != 0u, (k & 2u) != 0u, (k & 4u) != 0u));
 }
-fn plane_of(r: Receiver) -> vec4f {
-    let n = upright(r);
-    return vec4f(n, dot(n, r.x));
-}
-fn joined(g: Group, r: Receiver) -> Group {
-    let reach = reach_of(r);
-    var plane = g.plane;
-    if (all(plane.xyz == vec3f(0.0))) { plane = plane_of(r); }
-    let height = dot(plane.xyz, r.x) - plane.w;
-    let wide = 0.5 * (abs(dot(plane.xyz, r.dx)) + abs(dot(plane.xyz, r.dy)));
-    let heights = vec2f(min(g.heights.x, height - wide), max(g.heights.y, height + wide));
-    return Group(min(g.low, reach.low), max(g.high, reach.high), plane, heights, max(g.far, length(r.x)));
+fn corner_of(low: vec3f, high: vec3f, k: u32) -> vec3f {
+    let end = end_of(low, high, k);
+    if (listed != 0u) { return end; }
+    return end.z * pixel_ray(end.xy);
 }
 
-fn store(entry: u32, g: Group, split: f32) {
-    let tolerance = light.tolerance * g.far;
-    let plane = plane_in_light_space(g.plane);
-    // all of the lamp is above all of them
-    let slack = select(ANGLE, light.rounding + g.heights.y, is_near());
-    let sure = plane.z - lamp_extent(plane) > slack && any(g.plane.xyz != vec3f(0.0));
-    groups_of[3u * entry] = vec4f(g.low.x, g.high.x, g.low.y, g.high.y);
-    groups_of[3u * entry + 1u] = vec4f(g.low.z, g.high.z, split, tolerance);
-    groups_of[3u * entry + 2u] = select(vec4f(0.0), vec4f(g.plane.xyz, g.plane.w + g.heights.x), sure);
+// Of what is before the lamp's plane, which passes through a cell.
+fn unlimited_box(low: vec3f, high: vec3f) -> Box {
+    var beside = vec2f(UNLIMITED);
+    var beyond = vec2f(-UNLIMITED);
+    var most = 0.0;
+    for (var k = 0u; k < 8u; k++) {
+        let x = corner_of(low, high, k);
+        let y = x - light.centre.xyz;
+        let at = vec2f(dot(light.across.xyz, y), dot(light.along.xyz, y));
+        beside = min(beside, at - light.rounding);
+        beyond = max(beyond, at + light.rounding);
+        most = max(most, ahead(x) + light.rounding);
+    }
+    return Box(
+        vec3f(select(beside / most, vec2f(-UNLIMITED), beside < vec2f(0.0)), 1.0 / most),
+        vec3f(select(beyond / most, vec2f(UNLIMITED), beyond > vec2f(0.0)), UNLIMITED),
+    );
+}
+
+// Less of a box: of pixels where rays through the tile's corners meet the bounds of what lies about a plane.
+fn narrowed(box: Box, low: vec3f, high: vec3f, plane: vec4f, thick: f32) -> Box {
+    var within = empty_box();
+    var sure = true;
+    for (var k = 0u; k < 8u; k++) {
+        let ray = pixel_ray(end_of(low, high, k).xy);
+        let rate = dot(plane.xyz, ray);
+        let offset = plane.w + select(0.0, thick, k >= 4u);
+        let x = select(1.0, offset / rate, rate * offset > 0.0) * ray;
+        sure = sure && rate * offset > 0.0 && (!is_near() || ahead(x) > light.axis.w);
+        within = with_place(within, x);
+    }
+    if (!sure) { return box; }
+    return Box(max(box.low, within.low), min(box.high, within.high));
 }
 
 @compute @workgroup_size(64)
-fn pieces_alone(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
-    let i = linear_id(gid, groups, 64u);
-    if (i >= receivers.groups) { return; }
-    let r = listed_receiver(i);
-    var g = empty_group();
-    if (r.asks) { g = joined(g, r); }
-    store(i, g, 0.0);
-}
-
-// Depths that a tile's pixels see are two entries where they differ: where the farther ones begin.
-fn split_of(tile: u32) -> f32 {
-    var near = UNLIMITED;
+fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
+    let entry = linear_id(gid, groups, 64u);
+    if (entry >= 2u * receivers.groups) { return; }
+    let low = cells[3u * entry];
+    let high = cells[3u * entry + 1u];
+    let plane = cells[3u * entry + 2u];
+    var box = empty_box();
+    var least = UNLIMITED;
+    var most = -UNLIMITED;
     var far = 0.0;
-    for (var k = 0u; k < 64u; k++) {
-        let depth = pixel_depth(tile_pixel(tile, vec2u(k & 7u, k >> 3u)));
-        near = min(near, select(UNLIMITED, depth, depth > 0.0));
-        far = max(far, depth);
+    var away = 0.0;
+    for (var k = 0u; k < 8u; k++) {
+        let x = corner_of(low.xyz, high.xyz, k);
+        box = with_place(box, x);
+        least = min(least, ahead(x));
+        most = max(most, ahead(x));
+        far = max(far, length(x));
+        away = max(away, distance(x, light.centre.xyz));
     }
-    return select(UNLIMITED, 0.5 * (near + far), far > 1.01 * near);
-}
-
-@compute @workgroup_size(64)
-fn tiles_of_pixels(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
-    let tile = linear_id(gid, groups, 64u);
-    if (tile >= receivers.groups) { return; }
-    // of one triangle the corners tell all
-    let id = pixel_id(tile_pixel(tile, vec2u(0u)));
-    var alike = distorted == 0u;
-    for (var k = 1u; k < 64u; k++) {
-        alike = alike && pixel_id(tile_pixel(tile, vec2u(k & 7u, k >> 3u))) == id;
-    }
-    var one = empty_group();
-    var other = empty_group();
-    if (alike) {
-        var asking = 0u;
-        for (var k = 0u; k < 4u; k++) {
-            let r = pixel_receiver(tile_pixel(tile, 7u * vec2u(k & 1u, k >> 1u)));
-            asking += select(0u, 1u, r.asks);
-            if (r.asks) { one = joined(one, r); }
-        }
-        // the lamp's plane may pass through
-        alike = asking == 0u || asking == 4u;
-    }
-    var split = UNLIMITED;
-    if (!alike) {
-        one = empty_group();
-        split = split_of(tile);
-        // on what is bent the others are least apart from the plane in the middle
-        let middle = pixel_receiver(tile_pixel(tile, vec2u(4u)));
-        if (middle.asks) {
-            if (middle.depth > split) { other.plane = plane_of(middle); } else { one.plane = plane_of(middle); }
-        }
-        for (var k = 0u; k < 64u; k++) {
-            let r = pixel_receiver(tile_pixel(tile, vec2u(k & 7u, k >> 3u)));
-            if (!r.asks) { continue; }
-            if (r.depth > split) { other = joined(other, r); } else { one = joined(one, r); }
-        }
-    }
-    store(tile, one, split);
-    store(tile + receivers.groups, other, split);
+    if (listed == 0u) { box = narrowed(box, low.xyz, high.xyz, plane, high.w); }
+    if (is_near() && least < light.axis.w) { box = unlimited_box(low.xyz, high.xyz); }
+    let lamp = plane_in_light_space(plane);
+    let extent = lamp_extent(lamp);
+    away = select(1.0, away, is_near()) + light.across.w + light.along.w;
+    let turned = lamp.z + extent + (low.w + light.terminator) * away > 0.0;
+    if (low.z > high.z || !turned || (is_near() && most <= 0.0)) { box = empty_box(); }
+    // all of the lamp is above all of them
+    let sure = lamp.z - extent > select(ANGLE, light.rounding + high.w, is_near());
+    groups_of[3u * entry] = vec4f(box.low.x, box.high.x, box.low.y, box.high.y);
+    groups_of[3u * entry + 1u] = vec4f(box.low.z, box.high.z, 0.0, light.tolerance * far);
+    groups_of[3u * entry + 2u] = select(vec4f(0.0), plane, sure);
 }

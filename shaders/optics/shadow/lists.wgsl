@@ -18,7 +18,7 @@ const TAKEN: u32 = 0u;
 const REFINED: u32 = 1u;
 const PENUMBRA: u32 = 2u;
 
-// per entry: 0 it sees all of the lamp, 1 none, 2 in part
+// one lamp after the other, per entry: 0 it sees all of the lamp, 1 none, 2 in part
 @group(0) @binding(24) var<storage, read_write> states: array<u32>;
 const LIT: u32 = 0u;
 const UMBRA: u32 = 1u;

@@ -1,12 +1,11 @@
-// The share of the lamp that receivers in penumbra see, on a mask of 16 x 32 samples: those that ends
+// The share of the lamp that receivers of entries in penumbra see, on a mask of 16 x 32 samples: those that ends
 // of what hides it wind round, and those behind single occluders.
 // The NumPy form is gpusim/optics/shadow/mask.py.
 #import common/index
 #import optics/shadow/alone
 #import optics/shadow/lists
 
-@group(0) @binding(14) var<storage, read> groups_of: array<vec4f>;
-// per pixel, or receiver of the list, one lamp after the other
+// one lamp after the other, per pixel or receiver of the list
 @group(0) @binding(31) var<storage, read_write> shares: array<f32>;
 
 // How often edges wind round samples, modulo 64: as many layers as hide the lamp.
@@ -68,8 +67,6 @@ fn hidden_as_a_whole(r: Receiver, to: vec3f, first: u32, count: u32) -> Samples 
     return Samples(any_turn(turns0), any_turn(turns1), any_turn(turns2), any_turn(turns3));
 }
 
-fn place_of(receiver: u32) -> u32 { return light.number * receivers.count + receiver; }
-
 fn visible_share(r: Receiver, head: vec4u) -> f32 {
     let k = looking(r);
     var covered = Samples();
@@ -90,47 +87,35 @@ fn visible_share(r: Receiver, head: vec4u) -> f32 {
     return f32(seen.x + seen.y + seen.z + seen.w) / lamp.v.w;
 }
 
-fn is_in(r: Receiver, entry: u32) -> bool {
-    return r.asks && (r.depth > groups_of[3u * entry + 1u].z) == (entry >= receivers.groups);
+fn store(group: u32, k: u32, share: f32) {
+    shares[light.number * receivers.count + number_of(group, k)] = share;
 }
-fn index_of(pixel: vec2u) -> u32 { return pixel.y * receivers.size.x + pixel.x; }
 
-@compute @workgroup_size(8, 8)
-fn tiles_of_pixels(
-    @builtin(local_invocation_id) local: vec3u,
-    @builtin(workgroup_id) group: vec3u,
+@compute @workgroup_size(64)
+fn main(
+    @builtin(local_invocation_index) lane: u32,
+    @builtin(workgroup_id) workgroup: vec3u,
     @builtin(num_workgroups) groups: vec3u,
 ) {
-    let number = group.y * groups.x + group.x;
+    let number = workgroup.y * groups.x + workgroup.x;
     if (number >= atomicLoad(&counters[PENUMBRA])) { return; }
     let entry = work[2u * receivers.groups + number];
-    let pixel = tile_pixel(entry, local.xy);
-    let r = pixel_receiver(pixel);
-    if (is_in(r, entry)) { shares[place_of(index_of(pixel))] = visible_share(r, heads[entry]); }
+    let group = entry % receivers.groups;
+    for (var k = lane; k < size_of(group); k += 64u) {
+        let r = receiver_of(group, k);
+        if (is_in(r, entry, k)) { store(group, k, visible_share(r, heads[entry])); }
+    }
 }
 
+// Of a list also where receivers see all of the lamp or none.
 @compute @workgroup_size(64)
-fn pieces_alone(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
-    let number = linear_id(gid, groups, 64u);
-    if (number >= atomicLoad(&counters[PENUMBRA])) { return; }
-    let i = work[2u * receivers.groups + number];
-    shares[place_of(i)] = visible_share(listed_receiver(i), heads[i]);
-}
-
-// Where receivers see all of the lamp or none.
-@compute @workgroup_size(8, 8)
-fn plain_tiles(@builtin(global_invocation_id) gid: vec3u) {
-    if (any(gid.xy >= receivers.size)) { return; }
-    let r = pixel_receiver(gid.xy);
-    if (!r.asks) { return; }
-    let tile = (gid.y >> 3u) * receivers.columns + (gid.x >> 3u);
-    let farther = r.depth > groups_of[3u * tile + 1u].z;
-    let state = states[tile + select(0u, receivers.groups, farther)];
-    if (state != HALF) { shares[place_of(index_of(gid.xy))] = select(1.0, 0.0, state == UMBRA); }
-}
-@compute @workgroup_size(64)
-fn plain_pieces(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
-    let i = linear_id(gid, groups, 64u);
-    if (i >= receivers.groups || !listed_receiver(i).asks) { return; }
-    if (states[i] != HALF) { shares[place_of(i)] = select(1.0, 0.0, states[i] == UMBRA); }
+fn plain(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
+    let group = linear_id(gid, groups, 64u);
+    if (group >= receivers.groups) { return; }
+    for (var k = 0u; k < size_of(group); k++) {
+        let entry = group + select(0u, receivers.groups, is_farther(group, k));
+        let state = states[2u * light.number * receivers.groups + entry];
+        let r = receiver_of(group, k);
+        if (state != HALF && asks(r)) { store(group, k, select(1.0, 0.0, state == UMBRA)); }
+    }
 }

@@ -1,5 +1,5 @@
-// Receivers: pixels of the picture, or pieces of pixels that are listed one by one. They are looked
-// at in groups: an entry is what lies nearer, or farther, of the pixels of a tile, or one of the list.
+// Receivers: pixels of the picture in tiles of 8 x 8, or places that are listed in groups of neighbours.
+// An entry is what lies nearer of a group, and by `groups` later what lies farther where depths differ.
 #import common/undistort
 #import optics/shadow/light_space
 
@@ -13,7 +13,7 @@ struct Receivers {
     one: vec4f,
     size: vec2u,     // of the picture
     columns: u32,    // of tiles
-    groups: u32,     // tiles, or receivers of the list
+    groups: u32,     // tiles, or groups of the list
     capacity: u32,   // chunks in the pool
     leaves: u32,
     count: u32,      // of all receivers
@@ -30,15 +30,39 @@ struct Receivers {
 // place changes over the piece, twice
 @group(0) @binding(13) var<storage, read> pieces: array<vec4f>;
 
+// Of pixels two words of each tile: bits of those in its farther half. Of the list where each group
+// begins, and where the last one ends; then a word of each receiver, 1 in the farther half.
+@group(0) @binding(17) var<storage, read_write> halves: array<u32>;
+
 struct Receiver {
     x: vec3f,
     n: vec3f,
     dx: vec3f,
     dy: vec3f,
+    // from the eye; 0: it isn't there
     depth: f32,
     on: u32,
-    // whether it is there, before the lamp and turned to it
-    asks: bool,
+    // where it is and how far it goes on about that, in the coordinates of cells (cells.wgsl)
+    at: vec3f,
+    reach: vec3f,
+}
+
+fn size_of(group: u32) -> u32 {
+    if (listed == 0u) { return 64u; }
+    return halves[group + 1u] - halves[group];
+}
+fn tile_pixel(tile: u32, k: u32) -> vec2u {
+    return 8u * vec2u(tile % receivers.columns, tile / receivers.columns) + vec2u(k & 7u, k >> 3u);
+}
+// Place among all receivers of the k-th one of a group.
+fn number_of(group: u32, k: u32) -> u32 {
+    if (listed != 0u) { return halves[group] + k; }
+    let pixel = tile_pixel(group, k);
+    return pixel.y * receivers.size.x + pixel.x;
+}
+fn is_farther(group: u32, k: u32) -> bool {
+    if (listed != 0u) { return halves[receivers.groups + 1u + number_of(group, k)] != 0u; }
+    return (halves[2u * group + (k >> 5u)] >> (k & 31u) & 1u) != 0u;
 }
 
 fn pixel_id(pixel: vec2u) -> u32 {
@@ -46,17 +70,15 @@ fn pixel_id(pixel: vec2u) -> u32 {
     return select(0u, ids[select(0u, pixel.y * receivers.stride + pixel.x * receivers.step, there)], there);
 }
 fn in_picture(pixel: vec2u) -> vec2i { return vec2i(pixel) + vec2i(0, receivers.row0); }
-fn pixel_ray(pixel: vec2u, bend: Bend) -> vec3f {
-    let at = vec2f(in_picture(pixel)) + undistort(bend, vec2f(0.0));
+fn pixel_ray(at: vec2f) -> vec3f {
     return receivers.one.xyz + at.x * receivers.x.xyz + at.y * receivers.y.xyz;
 }
-// 0 where it sees nothing.
 fn pixel_depth(pixel: vec2u) -> f32 {
     let id = pixel_id(pixel);
     let m = bitcast<vec3f>(textureLoad(planes, texel(max(id, 1u) - 1u), 0).xyz);
-    return select(0.0, 1.0 / dot(m, pixel_ray(pixel, bend_at(in_picture(pixel)))), id > 0u);
+    let at = in_picture(pixel);
+    return select(0.0, 1.0 / dot(m, pixel_ray(vec2f(at) + undistort(bend_at(at), vec2f(0.0)))), id > 0u);
 }
-
 fn pixel_receiver(pixel: vec2u) -> Receiver {
     var r = Receiver();
     let id = pixel_id(pixel);
@@ -64,20 +86,24 @@ fn pixel_receiver(pixel: vec2u) -> Receiver {
     let plane = textureLoad(planes, texel(id - 1u), 0);
     let m = bitcast<vec3f>(plane.xyz);
     let bend = bend_at(in_picture(pixel));
-    let ray = pixel_ray(pixel, bend);
+    let at = vec2f(in_picture(pixel)) + undistort(bend, vec2f(0.0));
+    let ray = pixel_ray(at);
     let rate = 1.0 / dot(m, ray);
     let extent = undistort_change(bend);
     let sides = mat2x3f(receivers.x.xyz, receivers.y.xyz) * extent;
+    let slope = rate * vec2f(dot(m, sides[0]), dot(m, sides[1]));
     r.x = rate * ray;
     r.n = -normalize(m);
-    r.dx = rate * (sides[0] - r.x * dot(m, sides[0]));
-    r.dy = rate * (sides[1] - r.x * dot(m, sides[1]));
+    r.dx = rate * sides[0] - slope.x * r.x;
+    r.dy = rate * sides[1] - slope.y * r.x;
     r.depth = rate;
     r.on = plane.w;
-    r.asks = is_asking(r.x, r.n);
+    // what samples look from lies in its plane, and seen from the eye a little beside the pixel
+    let steep = 0.5 * (abs(slope.x) + abs(slope.y));
+    r.at = vec3f(at, rate);
+    r.reach = vec3f(0.5 * (abs(extent[0]) + abs(extent[1])) / (1.0 - min(steep, 0.9)), rate * steep);
     return r;
 }
-
 fn listed_receiver(i: u32) -> Receiver {
     let place = pieces[4u * i];
     var r: Receiver;
@@ -85,35 +111,31 @@ fn listed_receiver(i: u32) -> Receiver {
     r.n = pieces[4u * i + 1u].xyz;
     r.dx = pieces[4u * i + 2u].xyz;
     r.dy = pieces[4u * i + 3u].xyz;
-    r.depth = 1.0;
+    r.depth = select(0.0, length(r.x), any(r.n != vec3f(0.0)));
     r.on = bitcast<u32>(place.w);
-    r.asks = is_asking(r.x, r.n);
+    r.at = r.x;
+    r.reach = 0.5 * (abs(r.dx) + abs(r.dy));
     return r;
 }
-
-fn is_asking(x: vec3f, n: vec3f) -> bool {
-    let plane = plane_in_light_space(vec4f(n, dot(n, x)));
-    let away = select(1.0, distance(x, light.centre.xyz), is_near());
-    let before = !is_near() || ahead(x) > 0.0;
-    return before && plane.z + lamp_extent(plane) > -light.terminator * away;
+fn receiver_of(group: u32, k: u32) -> Receiver {
+    if (listed != 0u) { return listed_receiver(number_of(group, k)); }
+    return pixel_receiver(tile_pixel(group, k));
+}
+fn depth_of(group: u32, k: u32) -> f32 {
+    if (listed != 0u) { return listed_receiver(number_of(group, k)).depth; }
+    return pixel_depth(tile_pixel(group, k));
 }
 
-fn tile_pixel(entry: u32, local: vec2u) -> vec2u {
-    let tile = entry % receivers.groups;
-    return 8u * vec2u(tile % receivers.columns, tile / receivers.columns) + local;
+// Whether it is there, before the lamp and turned to it.
+fn asks(r: Receiver) -> bool {
+    let plane = plane_in_light_space(vec4f(r.n, dot(r.n, r.x)));
+    let away = select(1.0, distance(r.x, light.centre.xyz), is_near());
+    let before = !is_near() || ahead(r.x) > 0.0;
+    return r.depth > 0.0 && before && plane.z + lamp_extent(plane) > -light.terminator * away;
 }
-
-// Light-space box of what a receiver's samples look from.
-struct Reach { low: vec3f, high: vec3f }
-fn reach_of(r: Receiver) -> Reach {
-    var reach = Reach(vec3f(UNLIMITED), vec3f(-UNLIMITED));
-    for (var k = 0u; k < 4u; k++) {
-        let side = vec2f(select(-0.5, 0.5, (k & 1u) != 0u), select(-0.5, 0.5, (k & 2u) != 0u));
-        let at = to_light_space(r.x + side.x * r.dx + side.y * r.dy);
-        let slack = rounding_at(at);
-        reach = Reach(min(reach.low, at - slack), max(reach.high, at + slack));
-    }
-    return reach;
+// Whether the k-th receiver of a group asks as one of an entry.
+fn is_in(r: Receiver, entry: u32, k: u32) -> bool {
+    return asks(r) && is_farther(entry % receivers.groups, k) == (entry >= receivers.groups);
 }
 
 // Unit normal of a receiver's plane as its own changes tell it.

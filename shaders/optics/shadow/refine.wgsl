@@ -1,18 +1,57 @@
-// Drops single occluders that hide nothing from any pixel of a tile. A workgroup per entry.
+// Drops single occluders that hide nothing from any receiver of an entry. A workgroup for each.
 // The NumPy form is gpusim/optics/shadow/refine.py.
 #import optics/shadow/alone
 #import optics/shadow/lists
-
-@group(0) @binding(14) var<storage, read> groups_of: array<vec4f>;
 
 const WORDS: u32 = 64u;
 // bits of the listed: what some receiver looks at past, and what isn't beside all of these
 var<workgroup> met: array<atomic<u32>, WORDS>;
 var<workgroup> keep: array<atomic<u32>, WORDS>;
 
-@compute @workgroup_size(8, 8)
+// Notes which of a list a receiver looks at past. What few are left by all is looked at once more: whether
+// they are beside takes longer to tell.
+fn note_met(r: Receiver, head: vec4u, looked: u32) {
+    let k = looking(r);
+    var chunk = head.x;
+    var bits = 0u;
+    var i = 0u;
+    loop {
+        let place = i % LENGTH;
+        let o = occluder(pool[CHUNK * chunk + place]);
+        bits |= select(0u, 1u << place, may_hide(r, k, o, aspect(r, k, o)));
+        i++;
+        if (i % LENGTH == 0u || i >= looked) {
+            if (bits != 0u) { atomicOr(&met[(i - 1u) / LENGTH], bits); }
+            bits = 0u;
+            if (i < looked) { chunk = pool[CHUNK * chunk + LENGTH]; }
+        }
+        if (i >= looked) { break; }
+    }
+}
+fn note_kept(r: Receiver, head: vec4u, looked: u32) {
+    let k = looking(r);
+    var chunk = head.x;
+    var j = 0u;
+    loop {
+        var left = atomicLoad(&met[j]);
+        var bits = 0u;
+        loop {
+            let place = countTrailingZeros(left) % CHUNK;
+            let o = occluder(pool[CHUNK * chunk + place]);
+            let hides = left != 0u && may_hide(r, k, o, aspect(r, k, o)) && !is_beside(r, k, o);
+            bits |= select(0u, 1u << place, hides);
+            left &= left - 1u;
+            if (left == 0u) { break; }
+        }
+        if (bits != 0u) { atomicOr(&keep[j], bits); }
+        j++;
+        if (j * LENGTH >= looked) { break; }
+        chunk = pool[CHUNK * chunk + LENGTH];
+    }
+}
+
+@compute @workgroup_size(64)
 fn main(
-    @builtin(local_invocation_id) local: vec3u,
     @builtin(local_invocation_index) lane: u32,
     @builtin(workgroup_id) group: vec3u,
     @builtin(num_workgroups) groups: vec3u,
@@ -24,53 +63,24 @@ fn main(
     workgroupBarrier();
     let entry = work[number];
     let head = heads[entry];
-    let r = pixel_receiver(tile_pixel(entry, local.xy));
-    let farther = r.depth > groups_of[3u * entry + 1u].z;
-    let asks = r.asks && farther == (entry >= receivers.groups);
-    let k = looking(r);
+    let size = size_of(entry % receivers.groups);
     // longer lists than there are bits for keep the rest
     let looked = min(head.y, WORDS * LENGTH);
-    // what few are left is looked at once more: whether they are beside takes longer to tell
-    var chunk = head.x;
-    var bits = 0u;
-    var i = 0u;
-    loop {
-        let place = i % LENGTH;
-        let o = occluder(pool[CHUNK * chunk + place]);
-        bits |= select(0u, 1u << place, asks && may_hide(r, k, o, aspect(r, k, o)));
-        i++;
-        if (i % LENGTH == 0u || i >= looked) {
-            if (bits != 0u) { atomicOr(&met[(i - 1u) / LENGTH], bits); }
-            bits = 0u;
-            if (i < looked) { chunk = pool[CHUNK * chunk + LENGTH]; }
-        }
-        if (i >= looked) { break; }
+    for (var k = lane; k < size; k += 64u) {
+        let r = receiver_of(entry % receivers.groups, k);
+        if (is_in(r, entry, k)) { note_met(r, head, looked); }
     }
     workgroupBarrier();
-    chunk = head.x;
-    var j = 0u;
-    loop {
-        var left = atomicLoad(&met[j]);
-        bits = 0u;
-        loop {
-            let place = countTrailingZeros(left) % CHUNK;
-            let o = occluder(pool[CHUNK * chunk + place]);
-            let hides = left != 0u && may_hide(r, k, o, aspect(r, k, o)) && !is_beside(r, k, o);
-            bits |= select(0u, 1u << place, hides);
-            left &= left - 1u;
-            if (left == 0u) { break; }
-        }
-        if (asks && bits != 0u) { atomicOr(&keep[j], bits); }
-        j++;
-        if (j * LENGTH >= looked) { break; }
-        chunk = pool[CHUNK * chunk + LENGTH];
+    for (var k = lane; k < size; k += 64u) {
+        let r = receiver_of(entry % receivers.groups, k);
+        if (is_in(r, entry, k)) { note_kept(r, head, looked); }
     }
     workgroupBarrier();
     if (lane != 0u) { return; }
     var source = head.x;
     var into = head.x;
     var kept = 0u;
-    for (j = 0u; j < head.y; j++) {
+    for (var j = 0u; j < head.y; j++) {
         if (j >= looked || (atomicLoad(&keep[j / LENGTH]) >> (j % LENGTH) & 1u) == 1u) {
             if (kept > 0u && kept % LENGTH == 0u) { into = pool[CHUNK * into + LENGTH]; }
             pool[CHUNK * into + kept % LENGTH] = pool[CHUNK * source + j % LENGTH];
@@ -80,7 +90,7 @@ fn main(
     }
     heads[entry].y = kept;
     if (kept > 0u || (head.w & CROSSES) != 0u) {
-        states[entry] = HALF;
+        states[2u * light.number * receivers.groups + entry] = HALF;
         work[2u * receivers.groups + atomicAdd(&counters[PENUMBRA], 1u)] = entry;
     }
 }

@@ -81,29 +81,29 @@ fn search(t: Shaft, lists: bool) -> Found {
     return f;
 }
 
+fn entries() -> u32 { return 2u * receivers.groups; }
+// Of a lamp that has two spaces an entry asks in one: in the other one nothing is said of it.
+fn say(entry: u32, state: u32) { states[light.number * entries() + entry] = state; }
+
 fn fill(entry: u32) {
     let t = shaft_of_entry(entry);
-    states[entry] = LIT;
-    heads[entry] = vec4u(0u);
     if (t.low.z > t.high.z) { return; }
-    let f = search(t, true);
+    var f = search(t, true);
+    // through whose receivers the lamp's plane passes: some may ask in its other space
+    f.crosses = f.crosses || t.high.z >= UNLIMITED;
     heads[entry] = vec4u(
         f.alone.first, f.alone.count, f.ends.first, f.ends.count | select(0u, CROSSES, f.crosses),
     );
-    states[entry] = select(plain_state(f), HALF, is_half(f));
-    // a piece by itself is looked at once: there is nothing to refine for others
-    if (f.alone.count > 0u && listed == 0u) {
-        states[entry] = plain_state(f);
-        work[atomicAdd(&counters[REFINED], 1u)] = entry;
-    } else if (is_half(f)) {
-        work[2u * receivers.groups + atomicAdd(&counters[PENUMBRA], 1u)] = entry;
-    }
+    // single ones are tested more closely before it is known whether they matter
+    say(entry, select(plain_state(f), HALF, f.crosses));
+    if (f.alone.count > 0u) { work[atomicAdd(&counters[REFINED], 1u)] = entry; }
+    else if (f.crosses) { work[entries() + atomicAdd(&counters[PENUMBRA], 1u)] = entry; }
 }
 
 @compute @workgroup_size(64)
-fn pieces_alone(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
-    let i = linear_id(gid, groups, 64u);
-    if (i < receivers.groups) { fill(i); }
+fn listed_groups(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
+    let entry = linear_id(gid, groups, 64u);
+    if (entry < entries()) { fill(entry); }
 }
 
 fn coarse_size() -> vec2u {
@@ -129,8 +129,8 @@ fn tiles_of_pixels(
     if (at.x >= receivers.columns || at.y * receivers.columns >= receivers.groups) { return; }
     let state = coarse[2u * ((at.y >> 2u) * coarse_size().x + (at.x >> 2u)) + farther];
     if (state == HALF) { fill(entry); return; }
-    heads[entry] = vec4u(0u);
-    states[entry] = state;
+    let ends = groups_of[3u * entry + 1u];
+    if (ends.x <= ends.y) { say(entry, state); }
 }
 
 // The shaft of some tiles together; one without receivers where there are none.
@@ -170,7 +170,7 @@ fn coarse_tiles(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgrou
     coarse[id] = LIT;
     if (t.low.z > t.high.z) { return; }
     let f = search(t, false);
-    coarse[id] = select(plain_state(f), HALF, is_half(f));
+    coarse[id] = select(plain_state(f), HALF, is_half(f) || t.high.z >= UNLIMITED);
 }
 
 // Of so many workgroups, as many as one dimension takes and the rows of these; none where lists are
@@ -188,8 +188,7 @@ fn count_refined() {
 }
 @compute @workgroup_size(1)
 fn count_penumbra() {
-    let count = atomicLoad(&counters[PENUMBRA]);
-    let size = folded(select(count, (count + 63u) / 64u, listed != 0u));
+    let size = folded(atomicLoad(&counters[PENUMBRA]));
     mask_groups[0] = size.x;
     mask_groups[1] = size.y;
     mask_groups[2] = 1u;

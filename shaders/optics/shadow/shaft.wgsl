@@ -97,7 +97,7 @@ fn role(t: Shaft, leaf: Node, i: u32) -> u32 {
     if (!close && (kind == AWAY_OPEN || kind == TOWARDS)) {
         return select(HIDES_TURNED, HIDES, kind == AWAY_OPEN);
     }
-    // a piece by itself is looked at from its middle by what it goes on into
+    // a piece of a pixel is looked at from its middle by what it goes on into
     if (listed != 0u && leaf.low.z <= t.beside && o.open) { return ALONE; }
     // on which side of its plane the receivers are
     let plane = plane_in_light_space(o.plane);
