@@ -31,7 +31,7 @@ from gpusim.optics.relit import ListedShares, PieceShares, no_pieces
 from gpusim.optics.scatter import write_pixels
 from gpusim.optics.setup import Setup
 from gpusim.optics.setup_probe import fields_setup, probe_setup
-from gpusim.optics.shadow.receivers import TILE
+from gpusim.optics.shadow.receivers import TILE, group_starts
 from gpusim.optics.shadow.scene import Shadows
 from gpusim.optics.shadow_tiles import ShadowTiles
 from gpusim.optics.shares import Shares
@@ -153,8 +153,8 @@ class EdgePass:
     def _slots(
         self, first: int, stop: int
     ) -> tuple[npt.NDArray[np.uint32], npt.NDArray[np.int64]]:
-        """Where the pieces of some pixels are listed, and where those of each tile begin: they look
-        past the same."""
+        """Where the pieces of some pixels are listed, and where groups of them begin: those of a tile
+        look past the same."""
         row, column = np.divmod(self.edges.pixel[first:stop], self.tables.setup.view.camera.width)
         tile = (row // TILE << 16) + column // TILE
         order = np.argsort(tile, kind="stable")
@@ -163,7 +163,7 @@ class EdgePass:
         slots = np.empty(len(order), np.uint32)
         slots[order] = ends - depth
         last = np.flatnonzero(np.diff(tile[order], append=-1) != 0)
-        return slots, np.concatenate([[0], ends[last]])
+        return slots, group_starts(np.diff(ends[last], prepend=0))
 
     def _run_pieces(
         self, first: int, stop: int, constants: dict[str, float], shared: dict[str, Any]

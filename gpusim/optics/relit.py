@@ -21,7 +21,7 @@ from gpusim.optics.setup import Setup
 from gpusim.optics.shade import ShadePass, shade_twin
 from gpusim.optics.shadow.drawn import BandReceivers, PieceReceivers
 from gpusim.optics.shadow.light_space import LightSpace, lamp_numbers
-from gpusim.optics.shadow.receivers import TILE, DeviceReceivers, Receivers
+from gpusim.optics.shadow.receivers import TILE, DeviceReceivers, Receivers, group_starts
 from gpusim.optics.shadow.scene import Shadows
 from gpusim.optics.shadow.visible import CAPACITY, VisibleShares
 from gpusim.optics.shadow_probe import shadow_scene
@@ -194,10 +194,10 @@ class ListedShares:
         # those of a tile look past the same
         tile = np.stack([np.floor((x + 0.5) / TILE), np.floor((y + 0.5) / TILE)])
         order = np.lexsort(tile)
-        begins = np.flatnonzero(np.any(np.diff(tile[:, order]) != 0.0, axis=0)) + 1
+        last = np.flatnonzero(np.any(np.diff(tile[:, order], append=-1.0) != 0.0, axis=0))
         receivers = replace(
             shadows.receivers(at, normal, across, down, triangle)[order],
-            start=np.concatenate([[0], begins, [len(order)]]),
+            start=group_starts(np.diff(last + 1, prepend=0)),
         )
         found = _found_by(self._device, shadows, receivers)
         result = np.ones((len(x), len(shadows.lamps)))

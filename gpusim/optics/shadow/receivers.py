@@ -23,16 +23,21 @@ from gpusim.surface.surface import Surface
 
 __all__ = [
     "APART",
+    "MOST",
     "TILE",
     "DeviceReceivers",
     "PixelReceivers",
     "Receivers",
+    "group_starts",
 ]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
 
 TILE = 8
+
+MOST = TILE * TILE
+"""Receivers of a group."""
 
 APART = 1.01
 """Depths in a group that differ by this factor are two entries."""
@@ -45,7 +50,7 @@ class Receivers:
     ``at`` (n, 3): places relative to the eye; ``normal`` (n, 3) unit, as light is reflected;
     ``across``, ``down`` (n, 3): how the places change over the pixel, or the piece of one;
     ``on`` (n,): the occluder that each lies on, -1 for none. ``start`` (G + 1,): where groups of
-    neighbours begin, and the last one ends; None: each is by itself.
+    at most `MOST` neighbours begin, and the last one ends; None: each is by itself.
     """
 
     at: Array
@@ -74,6 +79,15 @@ class Receivers:
             size[:, None] > 0.0, up / np.where(size > 0.0, size, 1.0)[:, None], self.normal
         )
         return np.where(np.sum(up * self.normal, axis=1)[:, None] > 0.0, up, -up)
+
+
+def group_starts(size: Numbers) -> Numbers:
+    """(G + 1,): where groups begin, and the last one ends, that divide parts of ``size`` (n,), one
+    after the other, into `MOST` at most."""
+    parts = -(-size // MOST)
+    first = np.repeat(np.cumsum(size) - size, parts)
+    place = np.arange(len(first)) - np.repeat(np.cumsum(parts) - parts, parts)
+    return np.append(first + MOST * place, size.sum())
 
 
 @dataclass(frozen=True, eq=False)

@@ -101,10 +101,8 @@ fn main(
     if (number >= atomicLoad(&counters[PENUMBRA])) { return; }
     let entry = work[2u * receivers.groups + number];
     let group = entry % receivers.groups;
-    for (var k = lane; k < size_of(group); k += 64u) {
-        let r = receiver_of(group, k);
-        if (is_in(r, entry, k)) { store(group, k, visible_share(r, heads[entry])); }
-    }
+    let r = receiver_of(group, lane);
+    if (is_in(r, entry, lane)) { store(group, lane, visible_share(r, heads[entry])); }
 }
 
 // Of a list also where receivers see all of the lamp or none.

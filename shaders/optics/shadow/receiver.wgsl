@@ -25,7 +25,7 @@ struct Receivers {
 // triangle of the view + 1 that each pixel sees
 @group(0) @binding(11) var<storage, read> ids: array<u32>;
 // per triangle of the view n / d of its plane n x = d, and the occluder that it is part of, or NOBODY
-@group(0) @binding(12) var planes: texture_2d<u32>;
+@group(0) @binding(12) var planes: texture_storage_2d<rgba32uint, read>;
 // per receiver of the list its place (w: the occluder that it lies on), unit normal, and how the
 // place changes over the piece, twice
 @group(0) @binding(13) var<storage, read> pieces: array<vec4f>;
@@ -47,6 +47,7 @@ struct Receiver {
     reach: vec3f,
 }
 
+// At most 64.
 fn size_of(group: u32) -> u32 {
     if (listed == 0u) { return 64u; }
     return halves[group + 1u] - halves[group];
@@ -75,7 +76,7 @@ fn pixel_ray(at: vec2f) -> vec3f {
 }
 fn pixel_depth(pixel: vec2u) -> f32 {
     let id = pixel_id(pixel);
-    let m = bitcast<vec3f>(textureLoad(planes, texel(max(id, 1u) - 1u), 0).xyz);
+    let m = bitcast<vec3f>(textureLoad(planes, texel(max(id, 1u) - 1u)).xyz);
     let at = in_picture(pixel);
     return select(0.0, 1.0 / dot(m, pixel_ray(vec2f(at) + undistort(bend_at(at), vec2f(0.0)))), id > 0u);
 }
@@ -83,7 +84,7 @@ fn pixel_receiver(pixel: vec2u) -> Receiver {
     var r = Receiver();
     let id = pixel_id(pixel);
     if (id == 0u) { return r; }
-    let plane = textureLoad(planes, texel(id - 1u), 0);
+    let plane = textureLoad(planes, texel(id - 1u));
     let m = bitcast<vec3f>(plane.xyz);
     let bend = bend_at(in_picture(pixel));
     let at = vec2f(in_picture(pixel)) + undistort(bend, vec2f(0.0));
@@ -118,7 +119,10 @@ fn listed_receiver(i: u32) -> Receiver {
     return r;
 }
 fn receiver_of(group: u32, k: u32) -> Receiver {
-    if (listed != 0u) { return listed_receiver(number_of(group, k)); }
+    if (listed != 0u) {
+        if (k >= size_of(group)) { return Receiver(); }
+        return listed_receiver(number_of(group, k));
+    }
     return pixel_receiver(tile_pixel(group, k));
 }
 fn depth_of(group: u32, k: u32) -> f32 {

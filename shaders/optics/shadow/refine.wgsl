@@ -8,48 +8,6 @@ const WORDS: u32 = 64u;
 var<workgroup> met: array<atomic<u32>, WORDS>;
 var<workgroup> keep: array<atomic<u32>, WORDS>;
 
-// Notes which of a list a receiver looks at past. What few are left by all is looked at once more: whether
-// they are beside takes longer to tell.
-fn note_met(r: Receiver, head: vec4u, looked: u32) {
-    let k = looking(r);
-    var chunk = head.x;
-    var bits = 0u;
-    var i = 0u;
-    loop {
-        let place = i % LENGTH;
-        let o = occluder(pool[CHUNK * chunk + place]);
-        bits |= select(0u, 1u << place, may_hide(r, k, o, aspect(r, k, o)));
-        i++;
-        if (i % LENGTH == 0u || i >= looked) {
-            if (bits != 0u) { atomicOr(&met[(i - 1u) / LENGTH], bits); }
-            bits = 0u;
-            if (i < looked) { chunk = pool[CHUNK * chunk + LENGTH]; }
-        }
-        if (i >= looked) { break; }
-    }
-}
-fn note_kept(r: Receiver, head: vec4u, looked: u32) {
-    let k = looking(r);
-    var chunk = head.x;
-    var j = 0u;
-    loop {
-        var left = atomicLoad(&met[j]);
-        var bits = 0u;
-        loop {
-            let place = countTrailingZeros(left) % CHUNK;
-            let o = occluder(pool[CHUNK * chunk + place]);
-            let hides = left != 0u && may_hide(r, k, o, aspect(r, k, o)) && !is_beside(r, k, o);
-            bits |= select(0u, 1u << place, hides);
-            left &= left - 1u;
-            if (left == 0u) { break; }
-        }
-        if (bits != 0u) { atomicOr(&keep[j], bits); }
-        j++;
-        if (j * LENGTH >= looked) { break; }
-        chunk = pool[CHUNK * chunk + LENGTH];
-    }
-}
-
 @compute @workgroup_size(64)
 fn main(
     @builtin(local_invocation_index) lane: u32,
@@ -63,24 +21,52 @@ fn main(
     workgroupBarrier();
     let entry = work[number];
     let head = heads[entry];
-    let size = size_of(entry % receivers.groups);
+    let r = receiver_of(entry % receivers.groups, lane);
+    let asks = is_in(r, entry, lane);
+    let k = looking(r);
     // longer lists than there are bits for keep the rest
     let looked = min(head.y, WORDS * LENGTH);
-    for (var k = lane; k < size; k += 64u) {
-        let r = receiver_of(entry % receivers.groups, k);
-        if (is_in(r, entry, k)) { note_met(r, head, looked); }
+    // what few are left is looked at once more: whether they are beside takes longer to tell
+    var chunk = head.x;
+    var bits = 0u;
+    var i = 0u;
+    loop {
+        let place = i % LENGTH;
+        let o = occluder(pool[CHUNK * chunk + place]);
+        bits |= select(0u, 1u << place, asks && may_hide(r, k, o, aspect(r, k, o)));
+        i++;
+        if (i % LENGTH == 0u || i >= looked) {
+            if (bits != 0u) { atomicOr(&met[(i - 1u) / LENGTH], bits); }
+            bits = 0u;
+            if (i < looked) { chunk = pool[CHUNK * chunk + LENGTH]; }
+        }
+        if (i >= looked) { break; }
     }
     workgroupBarrier();
-    for (var k = lane; k < size; k += 64u) {
-        let r = receiver_of(entry % receivers.groups, k);
-        if (is_in(r, entry, k)) { note_kept(r, head, looked); }
+    chunk = head.x;
+    var j = 0u;
+    loop {
+        var left = atomicLoad(&met[j]);
+        bits = 0u;
+        loop {
+            let place = countTrailingZeros(left) % CHUNK;
+            let o = occluder(pool[CHUNK * chunk + place]);
+            let hides = left != 0u && may_hide(r, k, o, aspect(r, k, o)) && !is_beside(r, k, o);
+            bits |= select(0u, 1u << place, hides);
+            left &= left - 1u;
+            if (left == 0u) { break; }
+        }
+        if (asks && bits != 0u) { atomicOr(&keep[j], bits); }
+        j++;
+        if (j * LENGTH >= looked) { break; }
+        chunk = pool[CHUNK * chunk + LENGTH];
     }
     workgroupBarrier();
     if (lane != 0u) { return; }
     var source = head.x;
     var into = head.x;
     var kept = 0u;
-    for (var j = 0u; j < head.y; j++) {
+    for (j = 0u; j < head.y; j++) {
         if (j >= looked || (atomicLoad(&keep[j / LENGTH]) >> (j % LENGTH) & 1u) == 1u) {
             if (kept > 0u && kept % LENGTH == 0u) { into = pool[CHUNK * into + LENGTH]; }
             pool[CHUNK * into + kept % LENGTH] = pool[CHUNK * source + j % LENGTH];
