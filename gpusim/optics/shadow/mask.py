@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from gpusim.gpu import Bound, Device, Recording, compare, twin_check
-from gpusim.optics.shadow.cells import entries_of
+from gpusim.optics.shadow.groups import entries_of
 from gpusim.optics.shadow.probe import probe_pieces, probe_pixels, probe_points
 from gpusim.optics.shadow.receivers import DeviceReceivers
 from gpusim.optics.shadow.search import Search
@@ -22,10 +22,10 @@ def record_masks(
     recording: Recording, receivers: DeviceReceivers, search: Search, bound: Bound
 ) -> None:
     """Find the shares of receivers of entries in penumbra; of a list also those of all others."""
-    name, constants = "optics/shadow/mask", receivers.constants
-    bound.run(recording, name, "main", constants, counted=search.mask_groups)
+    name = "optics/shadow/mask"
+    search.run_counted(recording, bound, name, "penumbra")
     if receivers.listed:
-        bound.run(recording, name, "plain", constants, threads=(receivers.groups,))
+        bound.run(recording, name, "plain", receivers.constants, threads=(receivers.groups,))
 
 
 @twin_check("optics/shadow/mask")

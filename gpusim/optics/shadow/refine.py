@@ -1,7 +1,8 @@
 """Drops occluders listed alone that hide nothing from any receiver of the entry.
 
 An entry's box in light space is larger than what its receivers look from, and nearly all of an open
-sheet that they lie on is listed: tested one by one, most of it is beside the way.
+sheet that they lie on is listed. Most of it is below the planes that they see, or beside the way;
+what is left is tested receiver by receiver.
 """
 
 from __future__ import annotations
@@ -10,25 +11,28 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.gpu import Bound, Device, Recording, compare, twin_check
-from gpusim.optics.shadow.cells import asking
+from gpusim.optics.emitters import Lamp
+from gpusim.optics.shadow.groups import asking
 from gpusim.optics.shadow.probe import probe_pixels, probe_points
-from gpusim.optics.shadow.receivers import DeviceReceivers
 from gpusim.optics.shadow.refit import planes_of
 from gpusim.optics.shadow.search import Search
-from gpusim.optics.shadow.twin import aspects, looked_from
+from gpusim.optics.shadow.twin import Aspects, aspects, looked_from
 
 __all__ = ["listed_alone", "record_refinement"]
+
+Flags = npt.NDArray[np.bool_]
+Numbers = npt.NDArray[np.int64]
+
+NAME = "optics/shadow/refine"
 
 LENGTH = 31
 """Words of a chunk but for the number of the next."""
 
 
-def record_refinement(
-    recording: Recording, receivers: DeviceReceivers, search: Search, bound: Bound
-) -> None:
+def record_refinement(recording: Recording, search: Search, bound: Bound) -> None:
     """Refine the entries that the search has said."""
-    name, constants = "optics/shadow/refine", receivers.constants
-    bound.run(recording, name, "main", constants, counted=search.refine_groups)
+    search.run_counted(recording, bound, NAME, "sifted", "sift")
+    search.run_counted(recording, bound, NAME, "refined")
 
 
 def listed_alone(search: Search) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
@@ -47,7 +51,7 @@ def listed_alone(search: Search) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.
     return np.array(entries, np.int64), np.array(faces, np.int64)
 
 
-@twin_check("optics/shadow/refine")
+@twin_check(NAME)
 def _check(device: Device) -> None:
     from gpusim.optics.shadow.visible import VisibleShares
 
@@ -71,15 +75,28 @@ def _check(device: Device) -> None:
             np.cumsum(last - first) - (last - first), last - first
         )
         row, own_face = order[first[pair] + offset], face[pair]
-        seen = aspects(
-            space.lamp, own[row], corners[own_face], planes[own_face], occluders.open[own_face],
-            looked_from(space.lamp, occluders, corners, own[row], own_face),
+        looks = looked_from(space.lamp, occluders, corners, planes, own[row], own_face)
+        hides, may = (
+            _any_of(len(entry), pair, space.lamp, seen)
+            for seen in (
+                aspects(
+                    space.lamp, own[row], corners[own_face], planes[own_face],
+                    occluders.open[own_face], some,
+                )
+                for some in (looks, np.where(looks < 0.0, 1.0, looks))
+            )
         )  # fmt: skip
-        want = np.zeros(len(entry), bool)
-        hides = np.flatnonzero(seen.may_hide)
-        np.logical_or.at(want, pair[hides], True)
-        # what hides no sample may stay where float32 can't tell
-        bits = np.zeros(len(entry), bool)
-        np.logical_or.at(bits, pair[hides], seen.hidden(space.lamp, hides).any(axis=1))
-        want = np.where(bits == want, want, got)
-        compare("optics/shadow/refine", got.astype(np.int32), want.astype(np.int32), "exact")
+        # what hides no sample may stay where float32 can't tell, or if it would hide what the
+        # receivers' planes go on to beyond their triangles
+        want = hides[1] | (got & may[0])
+        compare(NAME, got.astype(np.int32), want.astype(np.int32), "exact")
+
+
+def _any_of(count: int, pair: Numbers, lamp: Lamp, seen: Aspects) -> Flags:
+    """(2, n): whether of each of so many pairs of entries and occluders some receiver may be
+    hidden, and whether some sample is."""
+    result = np.zeros((2, count), bool)
+    hides = np.flatnonzero(seen.may_hide)
+    np.logical_or.at(result[0], pair[hides], True)
+    np.logical_or.at(result[1], pair[hides], seen.hidden(lamp, hides).any(axis=1))
+    return result

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.gpu import Bound, Device, Recording, compare, twin_check
-from gpusim.optics.shadow.cells import asking
+from gpusim.optics.shadow.groups import asking
 from gpusim.optics.shadow.probe import probe_pieces, probe_pixels, probe_points
 from gpusim.optics.shadow.receivers import DeviceReceivers
 from gpusim.optics.shadow.twin import shares_twin
@@ -27,7 +27,7 @@ __all__ = ["HALF", "LIT", "UMBRA", "Search"]
 LIT, UMBRA, HALF = range(3)
 """What an entry sees of a lamp."""
 
-COUNTERS = ("taken", "refined", "penumbra")
+COUNTERS = ("taken", "sifted", "refined", "penumbra")
 
 CHUNK = 128
 """Bytes of a chunk of the pool."""
@@ -45,12 +45,11 @@ class Search:
         self.groups_of = device.empty(48 * entries, "shadow.groups")
         self.pool = device.empty(CHUNK * capacity, "shadow.pool")
         self.heads = device.empty(16 * entries, "shadow.heads")
-        # entries to refine, behind all entries those in penumbra
-        self.work = device.empty(8 * entries, "shadow.work")
+        # entries to sift, to refine, and in penumbra
+        self.work = device.empty(12 * entries, "shadow.work")
         across, down = self._coarse_size
         self.coarse = device.empty(8 * across * down, "shadow.coarse")
-        self.refine_groups = device.empty(12, "shadow.refine_groups")
-        self.mask_groups = device.empty(12, "shadow.mask_groups")
+        self.next_groups = device.empty(12, "shadow.next_groups")
 
     @property
     def _coarse_size(self) -> tuple[int, int]:
@@ -61,7 +60,7 @@ class Search:
         """By their WGSL names."""
         return {
             "pool": self.pool, "heads": self.heads, "work": self.work, "coarse": self.coarse,
-            "refine_groups": self.refine_groups, "mask_groups": self.mask_groups,
+            "next_groups": self.next_groups,
         }  # fmt: skip
 
     def record(self, recording: Recording, bound: Bound) -> None:
@@ -76,12 +75,15 @@ class Search:
             rows = receivers.groups // receivers.columns
             groups = 2 * -(-receivers.columns // 8) * -(-rows // 8)
             bound.run(recording, name, "tiles_of_pixels", constants, groups=(groups,))
-        bound.run(recording, name, "count_refined", constants, groups=(1,))
 
-    def count_penumbra(self, recording: Recording, bound: Bound) -> None:
-        """Once it is known what is in penumbra, say so to the kernel that looks at it."""
+    def run_counted(
+        self, recording: Recording, bound: Bound, name: str, what: str, entry: str = "main"
+    ) -> None:
+        """Run a kernel on the entries that one before it has counted: what is "sifted", "refined"
+        or in "penumbra"."""
         constants = self._receivers.constants
-        bound.run(recording, "optics/shadow/search", "count_penumbra", constants, groups=(1,))
+        bound.run(recording, "optics/shadow/search", f"count_{what}", constants, groups=(1,))
+        bound.run(recording, name, entry, constants, counted=self.next_groups)
 
 
 def states_twin(states: npt.NDArray[np.uint32], shares: Any, entry: Any) -> npt.NDArray[np.int64]:

@@ -83,7 +83,7 @@ def shares_of(
     pairs = receivers[row]
     seen = aspects(
         lamp, pairs, corners[face], planes[face], occluders.open[face],
-        looked_from(lamp, occluders, corners, pairs, face),
+        looked_from(lamp, occluders, corners, planes, pairs, face),
     )  # fmt: skip
     some = np.flatnonzero(seen.may_hide)
     covered = np.zeros((len(receivers.at), ROWS), np.uint32)
@@ -93,24 +93,37 @@ def shares_of(
 
 
 def looked_from(
-    lamp: Lamp, occluders: Occluders, corners: Array, receivers: Receivers, face: Numbers
+    lamp: Lamp,
+    occluders: Occluders,
+    corners: Array,
+    planes: Array,
+    receivers: Receivers,
+    face: Numbers,
 ) -> Array:
     """(P,): how much of their pixels ``receivers`` look from past occluders ``face`` (P,);
-    ``corners`` (T, 3, 3) of all.
+    ``corners`` (T, 3, 3) and ``planes`` (T, 4) of all.
 
-    All of it (1), but for open occluders that touch the open triangle that a receiver is part of.
-    What the receiver's plane goes on to beyond that is no part of the sheet, and may lie behind
-    these. Where an edge of the triangle has the occluder on its other side, seen from all of the
-    lamp, that hides nothing of it (-1). Past others a receiver looks from what lies within its
-    triangle; that is too little where the pixel alone makes a penumbra, of lamps without size.
+    All of it (1), but for open occluders where a receiver is part of an open triangle. What the
+    receiver's plane goes on to beyond that is no part of the sheet, and may lie behind these. An
+    occluder before whose plane the triangle lies, as all of the lamp does, hides nothing of it
+    (-1), nor does one that touches it on the other side of an edge, seen from all of the lamp. Past
+    others that touch it a receiver looks from what lies within its triangle; that is too little
+    where the pixel alone makes a penumbra, of lamps without size.
     """
     on = np.maximum(receivers.on, 0)
-    own, other = occluders.triangles[on], occluders.triangles[face]
-    rows = np.flatnonzero((own[:, :, None] == other[:, None]).any(axis=(1, 2)))
-    kept = (receivers.on[rows] >= 0) & occluders.open[on[rows]] & occluders.open[face[rows]]
-    rows = rows[kept]
-    triangle, places = corners[on[rows]], corners[face[rows]]
+    result = np.ones(len(face))
+    rows = np.flatnonzero((receivers.on >= 0) & occluders.open[on] & occluders.open[face])
     near = 0.0 if lamp.far else 1.0
+    normal, offset = planes[face[rows], :3], planes[face[rows], 3]
+    height = normal @ lamp.centre - near * offset
+    before = np.abs(height) > np.abs(normal @ lamp.u) + np.abs(normal @ lamp.v)
+    triangle = corners[on[rows]]
+    above = np.sign(height)[:, None] * (np.einsum("pka,pa->pk", triangle, normal) - offset[:, None])
+    before &= above.min(axis=1) >= -TOLERANCE * np.linalg.norm(triangle[:, 0], axis=1)
+    result[rows[before]] = -1.0
+    own, other = occluders.triangles[on[rows]], occluders.triangles[face[rows]]
+    rows = rows[~before & (own[:, :, None] == other[:, None]).any(axis=(1, 2))]
+    triangle, places = corners[on[rows]], corners[face[rows]]
 
     def over_lamp(normal: Array, to: Array) -> tuple[Array, Array]:
         return _dot(normal, to), np.abs(normal @ lamp.u) + np.abs(normal @ lamp.v)
@@ -134,7 +147,6 @@ def looked_from(
         reach = 0.5 * (reach + np.abs(_dot(receivers.down[rows], inwards)))
         inside = _dot(receivers.at[rows] - a, inwards)
         within = np.minimum(within, np.clip(inside / np.maximum(reach, 1e-30), 0.0, 1.0))
-    result = np.ones(len(face))
     result[rows] = np.where(apart, -1.0, within if lamp.extended else 1.0)
     return result
 

@@ -9,8 +9,7 @@ import numpy.typing as npt
 
 from gpusim.errors import OutOfDeviceMemory
 from gpusim.gpu import Bound, Buffer, Device, Recording, Uniform
-from gpusim.optics.shadow.cells import entries_of, record_cells
-from gpusim.optics.shadow.groups import record_groups
+from gpusim.optics.shadow.groups import entries_of, record_cells, record_groups
 from gpusim.optics.shadow.light_space import LightSpace, lamp_numbers
 from gpusim.optics.shadow.mask import record_masks
 from gpusim.optics.shadow.occluders import Occluders
@@ -202,8 +201,7 @@ class _SpaceOnDevice:
             search.record(recording, bound)
         if "refine" in stages:
             recording.begin("optics.shadow.refine")
-            record_refinement(recording, receivers, search, bound)
-            search.count_penumbra(recording, bound)
+            record_refinement(recording, search, bound)
         if "mask" in stages:
             recording.begin("optics.shadow.mask")
             record_masks(recording, receivers, search, bound)

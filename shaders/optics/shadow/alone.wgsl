@@ -14,23 +14,27 @@ struct Looking {
     tolerance: f32,
     over: vec3f,
     level: f32,
-    // corners of the triangle that it lies on; facing: 1 where that is of an open surface and turned to
-    // all of the lamp, -1 where away, else 0; how much of the pixel about its middle lies within it
-    a: vec3f,
-    b: vec3f,
-    c: vec3f,
-    facing: f32,
+    // the triangle that it lies on, if that is of an open surface; how much of the pixel about its middle
+    // lies within it
+    own: Occluder,
     within: f32,
 }
 // Most of a plane's function over the lamp, where that is `middle` in the lamp's middle.
 fn most_over_lamp(middle: f32, n: vec3f) -> f32 {
     return middle + lamp.u.w * abs(dot(n, lamp.u.xyz)) + abs(dot(n, lamp.v.xyz));
 }
+fn lamp_height(plane: vec4f) -> f32 { return dot(plane.xyz, lamp.centre.xyz) - lamp.centre.w * plane.w; }
+
 // How much of a pixel about its middle lies on the inner side of the edge from a to b about `n`.
 fn within_edge(r: Receiver, n: vec3f, a: vec3f, b: vec3f) -> f32 {
     let inwards = cross(n, b - a);
     let extent = 0.5 * (abs(dot(r.dx, inwards)) + abs(dot(r.dy, inwards)));
     return clamp(dot(r.x - a, inwards) / max(extent, 1e-30), 0.0, 1.0);
+}
+fn open_triangle(on: u32) -> Occluder {
+    var own = occluder(select(on, 0u, on == NOBODY));
+    own.open = own.open && on != NOBODY;
+    return own;
 }
 fn looking(r: Receiver) -> Looking {
     var k: Looking;
@@ -40,42 +44,47 @@ fn looking(r: Receiver) -> Looking {
     k.over = select(-up, up, dot(up, r.n) > 0.0);
     let sides = lamp.u.w * abs(dot(k.over, lamp.u.xyz)) + abs(dot(k.over, lamp.v.xyz));
     k.level = select(-1e30, k.tolerance * length(k.over), dot(k.over, k.to) > sides);
-    if (r.on != NOBODY) {
-        let o = occluder(r.on);
-        k.a = o.a;
-        k.b = o.b;
-        k.c = o.c;
-        let n = o.plane.xyz;
-        let height = dot(n, k.to) + lamp.centre.w * (dot(n, r.x) - o.plane.w);
-        let facing = select(-1.0, 1.0, height > 0.0);
-        let within = min(within_edge(r, n, o.a, o.b), min(within_edge(r, n, o.b, o.c), within_edge(r, n, o.c, o.a)));
-        // what a lamp without size lights has no penumbra but what the pixel is wide
-        k.within = select(1.0, within, o.open && lamp.u.w != 0.0);
-        k.facing = select(0.0, facing, o.open && most_over_lamp(-abs(height), n) < 0.0);
-    }
+    let own = open_triangle(r.on);
+    let n = own.plane.xyz;
+    let within = min(within_edge(r, n, own.a, own.b), min(within_edge(r, n, own.b, own.c), within_edge(r, n, own.c, own.a)));
+    // what a lamp without size lights has no penumbra but what the pixel is wide
+    k.within = select(1.0, within, own.open && lamp.u.w != 0.0);
+    k.own = own;
     return k;
 }
-fn is_corner(k: Looking, v: vec3f) -> bool { return all(k.a == v) || all(k.b == v) || all(k.c == v); }
-fn touches(r: Receiver, k: Looking, o: Occluder) -> bool {
-    return r.on != NOBODY && (is_corner(k, o.a) || is_corner(k, o.b) || is_corner(k, o.c));
+fn is_corner(o: Occluder, v: vec3f) -> bool { return all(o.a == v) || all(o.b == v) || all(o.c == v); }
+fn touch(own: Occluder, o: Occluder) -> bool {
+    return own.open && o.open && (is_corner(own, o.a) || is_corner(own, o.b) || is_corner(own, o.c));
 }
-// Whether a place lies beyond the edge from a to b of the receiver's triangle, or on it, for all of the
-// lamp.
-fn is_beyond(k: Looking, a: vec3f, b: vec3f, at: vec3f, x: vec3f) -> bool {
-    let n = k.facing * cross(b - a, at - a);
-    let to = k.to + lamp.centre.w * (x - a);
+
+// Whether a triangle lies before an open occluder's plane, as all of the lamp does.
+fn is_before(own: Occluder, o: Occluder) -> bool {
+    let height = lamp_height(o.plane);
+    let n = select(-o.plane, o.plane, height > 0.0);
+    let least = min(dot(n.xyz, own.a), min(dot(n.xyz, own.b), dot(n.xyz, own.c))) - n.w;
+    return most_over_lamp(-abs(height), n.xyz) < 0.0 && least >= -light.tolerance * length(own.a);
+}
+// Whether a place lies beyond the edge from a to b of a triangle that faces the lamp so, for all of that,
+// or on it.
+fn is_beyond(facing: f32, a: vec3f, b: vec3f, at: vec3f) -> bool {
+    let n = facing * cross(b - a, at - a);
+    let to = lamp.centre.xyz - lamp.centre.w * a;
     let slack = BEYOND * length(b - a) * length(at - a) * length(to);
     return most_over_lamp(dot(n, to), n) <= slack;
 }
-fn are_beyond(k: Looking, a: vec3f, b: vec3f, o: Occluder, x: vec3f) -> bool {
-    return is_beyond(k, a, b, o.a, x) && is_beyond(k, a, b, o.b, x) && is_beyond(k, a, b, o.c, x);
+fn are_beyond(facing: f32, a: vec3f, b: vec3f, o: Occluder) -> bool {
+    return is_beyond(facing, a, b, o.a) && is_beyond(facing, a, b, o.b) && is_beyond(facing, a, b, o.c);
 }
-// Whether an edge of the receiver's open triangle has an open occluder that touches that on its other
-// side, seen from all of the lamp: what the receiver's plane goes on to beyond the edge is no part of the
-// surface, and may lie behind it.
-fn is_beside(r: Receiver, k: Looking, o: Occluder) -> bool {
-    return k.facing != 0.0 && o.open && touches(r, k, o) && (are_beyond(k, k.a, k.b, o, r.x)
-        || are_beyond(k, k.b, k.c, o, r.x) || are_beyond(k, k.c, k.a, o, r.x));
+// Whether an open occluder hides nothing of an open triangle: that lies before it, or touches it on the
+// other side of an edge, seen from all of the lamp. What a receiver's plane goes on to beyond its triangle
+// is no part of the surface, and may lie behind the next ones.
+fn is_beside(own: Occluder, o: Occluder) -> bool {
+    let height = lamp_height(own.plane);
+    let facing = select(-1.0, 1.0, height > 0.0);
+    let parted = most_over_lamp(-abs(height), own.plane.xyz) < 0.0 && touch(own, o)
+        && (are_beyond(facing, own.a, own.b, o) || are_beyond(facing, own.b, own.c, o)
+            || are_beyond(facing, own.c, own.a, o));
+    return own.open && o.open && (parted || is_before(own, o));
 }
 
 // Whether an occluder is in part over the receiver's plane, if all of the lamp is: nothing else hides.
@@ -101,7 +110,7 @@ fn aspect(r: Receiver, k: Looking, o: Occluder) -> Aspect {
         counts = counts && max(dot(o.a - r.x, k.to), max(dot(o.b - r.x, k.to), dot(o.c - r.x, k.to))) > 0.0;
     }
     counts = counts && (against || is_over(r, k, o));
-    var moves = select(1.0, k.within, o.open && touches(r, k, o));
+    var moves = select(1.0, k.within, touch(k.own, o));
     if (o.open && passes && abs(dot(n, r.n)) > BESIDE) { moves = 0.0; }
     return Aspect(counts, side, moves, apart);
 }

@@ -10,13 +10,14 @@ const CHUNK: u32 = 32u;
 const CROSSES: u32 = 0x80000000u;
 // an end is an edge: 4 x triangle + place among its edges, and TURNED if it is wound the other way
 const TURNED: u32 = 0x80000000u;
-// entries to refine, then from the middle on those in penumbra
+// entries to sift, behind as many words as there are entries those to refine, then those in penumbra
 @group(0) @binding(22) var<storage, read_write> work: array<u32>;
-// chunks taken, entries to refine, entries in penumbra
+// chunks taken, and the numbers of these entries
 @group(0) @binding(23) var<storage, read_write> counters: array<atomic<u32>>;
 const TAKEN: u32 = 0u;
-const REFINED: u32 = 1u;
-const PENUMBRA: u32 = 2u;
+const SIFTED: u32 = 1u;
+const REFINED: u32 = 2u;
+const PENUMBRA: u32 = 3u;
 
 // one lamp after the other, per entry: 0 it sees all of the lamp, 1 none, 2 in part
 @group(0) @binding(24) var<storage, read_write> states: array<u32>;

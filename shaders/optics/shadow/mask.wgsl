@@ -78,7 +78,7 @@ fn visible_share(r: Receiver, head: vec4u) -> f32 {
         if (i >= head.y) { break; }
         let o = occluder(pool[CHUNK * chunk + i % LENGTH]);
         let s = aspect(r, k, o);
-        if (s.counts && !is_beside(r, k, o)) { covered = either(covered, hidden_by(r, k, o, s)); }
+        if (s.counts && !is_beside(k.own, o)) { covered = either(covered, hidden_by(r, k, o, s)); }
         i++;
         if (i % LENGTH == 0u && i < head.y) { chunk = pool[CHUNK * chunk + LENGTH]; }
     }
@@ -99,7 +99,7 @@ fn main(
 ) {
     let number = workgroup.y * groups.x + workgroup.x;
     if (number >= atomicLoad(&counters[PENUMBRA])) { return; }
-    let entry = work[2u * receivers.groups + number];
+    let entry = work[4u * receivers.groups + number];
     let group = entry % receivers.groups;
     let r = receiver_of(group, lane);
     if (is_in(r, entry, lane)) { store(group, lane, visible_share(r, heads[entry])); }

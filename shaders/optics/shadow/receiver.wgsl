@@ -42,7 +42,7 @@ struct Receiver {
     // from the eye; 0: it isn't there
     depth: f32,
     on: u32,
-    // where it is and how far it goes on about that, in the coordinates of cells (cells.wgsl)
+    // where it is and how far it goes on about that, in the coordinates of cells (groups.wgsl)
     at: vec3f,
     reach: vec3f,
 }

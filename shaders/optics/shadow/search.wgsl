@@ -9,9 +9,8 @@
 
 // per 4 x 4 tiles, nearer and farther halves in turn: LIT, UMBRA, or HALF where tiles have to look
 @group(0) @binding(25) var<storage, read_write> coarse: array<u32>;
-// (groups, 1, 1) of the kernels that follow: refine, mask
-@group(0) @binding(26) var<storage, read_write> refine_groups: array<u32>;
-@group(0) @binding(27) var<storage, read_write> mask_groups: array<u32>;
+// workgroups of the kernel that follows
+@group(0) @binding(26) var<storage, read_write> next_groups: array<u32>;
 
 // A list while it grows: its first and its last chunk. Where the pool is used up its words go to the
 // chunk 0, which nobody reads, and what is missing is counted on.
@@ -96,8 +95,8 @@ fn fill(entry: u32) {
     );
     // single ones are tested more closely before it is known whether they matter
     say(entry, select(plain_state(f), HALF, f.crosses));
-    if (f.alone.count > 0u) { work[atomicAdd(&counters[REFINED], 1u)] = entry; }
-    else if (f.crosses) { work[entries() + atomicAdd(&counters[PENUMBRA], 1u)] = entry; }
+    if (f.alone.count > 0u) { work[atomicAdd(&counters[SIFTED], 1u)] = entry; }
+    else if (f.crosses) { work[2u * entries() + atomicAdd(&counters[PENUMBRA], 1u)] = entry; }
 }
 
 @compute @workgroup_size(64)
@@ -173,23 +172,16 @@ fn coarse_tiles(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgrou
     coarse[id] = select(plain_state(f), HALF, is_half(f) || t.high.z >= UNLIMITED);
 }
 
-// Of so many workgroups, as many as one dimension takes and the rows of these; none where lists are
-// incomplete.
-fn folded(count: u32) -> vec2u {
+// As many as one dimension takes, and the rows of these; none where lists are incomplete.
+fn tell(count: u32) {
     let complete = atomicLoad(&counters[TAKEN]) < receivers.capacity;
-    return vec2u(min(count, 32768u), select(0u, (count + 32767u) / 32768u, complete));
+    next_groups[0] = min(count, 32768u);
+    next_groups[1] = select(0u, (count + 32767u) / 32768u, complete);
+    next_groups[2] = 1u;
 }
 @compute @workgroup_size(1)
-fn count_refined() {
-    let size = folded(atomicLoad(&counters[REFINED]));
-    refine_groups[0] = size.x;
-    refine_groups[1] = size.y;
-    refine_groups[2] = 1u;
-}
+fn count_sifted() { tell((atomicLoad(&counters[SIFTED]) + 63u) / 64u); }
 @compute @workgroup_size(1)
-fn count_penumbra() {
-    let size = folded(atomicLoad(&counters[PENUMBRA]));
-    mask_groups[0] = size.x;
-    mask_groups[1] = size.y;
-    mask_groups[2] = 1u;
-}
+fn count_refined() { tell(atomicLoad(&counters[REFINED])); }
+@compute @workgroup_size(1)
+fn count_penumbra() { tell(atomicLoad(&counters[PENUMBRA])); }
