@@ -68,7 +68,7 @@ class RelitPass:
         self.tables, self.shade = tables, shade
         self._casting = shadows.casting
         # a relief may turn normals any way
-        self._spaces = shadows.leaning if setup.bumps is None else shadows.turned(1.0)
+        self._spaces = shadows.spaces if setup.bumps is None else shadows.turned(1.0)
         self._receivers = BandReceivers(tables.device, shadows, tables.planes, shade.marks, rows)
         self._found = _found_by(tables.device, shadows, self._receivers)
         self._band: tuple[Buffer, int, int] | None = None

@@ -51,7 +51,7 @@ struct Range {
 // per piece, as bits: its place (w: the occluder that it lies on), unit normal, and how the place
 // changes over the piece, twice
 @group(0) @binding(11) var<storage, read_write> receivers: array<vec4u>;
-// per triangle in w the occluder that it is part of
+// per triangle in 24 bits of w the occluder that it is part of, or these
 @group(0) @binding(12) var owners: texture_2d<u32>;
 
 // per edge pixel the number of its first piece: those of neighbouring pixels lie side by side
@@ -59,8 +59,8 @@ struct Range {
 
 fn list_piece(slot: u32, t: Triangle, s: Spot, extent: mat2x2f) {
     let sides = mat2x3f(s.dx, s.dy) * extent;
-    let own = textureLoad(owners, texel(t.id), 0).w;
-    receivers[4u * slot] = vec4u(bitcast<vec3u>(s.x), own);
+    let own = textureLoad(owners, texel(t.id), 0).w & 0xffffffu;
+    receivers[4u * slot] = vec4u(bitcast<vec3u>(s.x), select(own, 0xffffffffu, own == 0xffffffu));
     receivers[4u * slot + 1u] = vec4u(bitcast<vec3u>(s.n), 0u);
     receivers[4u * slot + 2u] = vec4u(bitcast<vec3u>(sides[0]), 0u);
     receivers[4u * slot + 3u] = vec4u(bitcast<vec3u>(sides[1]), 0u);

@@ -29,6 +29,7 @@ __all__ = [
     "PixelReceivers",
     "Receivers",
     "group_starts",
+    "plane_words",
 ]
 
 Array = npt.NDArray[np.float64]
@@ -38,6 +39,9 @@ TILE = 8
 
 MOST = TILE * TILE
 """Receivers of a group."""
+
+NO_OWNER, LEAN = 0xFFFFFF, 255.0 / 1.5
+"""Of `plane_words`, as in ``shaders/optics/shadow/receiver.wgsl``."""
 
 APART = 1.01
 """Depths in a group that differ by this factor are two entries."""
@@ -167,6 +171,14 @@ class PixelReceivers:
         return pixel, Receivers(x, normal, changes[:, 0], changes[:, 1], self.on[triangle])
 
 
+def plane_words(on: Numbers, lean: Array) -> npt.NDArray[np.uint32]:
+    """(T,): in 24 bits the occluder that each triangle of a view is part of, -1 for none, and in
+    the others how far normals for shading ``lean`` from its own."""
+    steps = np.where(lean > 1e-4, np.minimum(np.ceil(lean * LEAN), 255.0), 0.0)
+    owner = np.where(on >= 0, on, NO_OWNER).astype(np.uint32)
+    return owner | steps.astype(np.uint32) << np.uint32(24)
+
+
 class DeviceReceivers:
     """Receivers of one kind on a device: pixels of one band after the other, or a list."""
 
@@ -210,7 +222,7 @@ class DeviceReceivers:
         result.ids = device.buffer(receivers.ids, "shadow.ids")
         words = np.empty((len(receivers.planes), 4), np.uint32)
         words[:, :3] = receivers.planes.astype(np.float32).view(np.uint32)
-        words[:, 3] = np.where(receivers.on >= 0, receivers.on, NOBODY)
+        words[:, 3] = plane_words(receivers.on, np.zeros(len(words)))
         result.planes = device.texels(len(words), "rgba32uint", "shadow.planes")
         result.planes.write(words)
         return result

@@ -14,7 +14,7 @@ from gpusim.optics.corners import NORMAL, POSITION, parts
 from gpusim.optics.emitters import Lamp, check_number
 from gpusim.optics.shadow.light_space import LightSpace, lamp_numbers, light_spaces
 from gpusim.optics.shadow.occluders import NOBODY, Occluders, relative_points
-from gpusim.optics.shadow.receivers import TILE, PixelReceivers, Receivers
+from gpusim.optics.shadow.receivers import TILE, PixelReceivers, Receivers, plane_words
 from gpusim.optics.shadow.refit import Trees, box_ends, planes_of
 from gpusim.optics.view import View
 from gpusim.surface.surface import Surface
@@ -103,22 +103,22 @@ class Shadows:
 
     def planes(self, parent: Numbers) -> Texels:
         """On the device, of each triangle of the view n / d of its plane n x = d, and its
-        owner; then those of parts of triangles ``parent`` (n,)."""
+        `plane_words`; then those of parts of triangles ``parent`` (n,)."""
         assert self.trees is not None
         view = self.view
         rows = np.full((max(view.count, 1) + len(parent), 4), NOBODY, np.uint32)
         rows[: view.count, :3] = PixelReceivers.planes_of(view).astype(np.float32).view(np.uint32)
-        rows[: view.count, 3] = np.where(self.owners >= 0, self.owners, NOBODY)
+        rows[: view.count, 3] = plane_words(self.owners, self._lean())
         rows[max(view.count, 1) :] = rows[parent]
         texels = self.trees.device.kept.texels(len(rows), "rgba32uint", "shadow.planes")
         texels.write(rows)
         return texels
 
-    @cached_property
-    def leaning(self) -> tuple[LightSpace, ...]:
-        """The spaces for receivers that are told by their triangles' own planes, whose normals for
-        shading may be turned to a lamp nevertheless."""
-        view, least = self.view, 1.0
+    def _lean(self) -> Array:
+        """(T,): how far normals for shading are from that of each triangle of the view, as unit
+        vectors: pixels are told by the latter and may be turned to a lamp nevertheless."""
+        view = self.view
+        result = np.zeros(view.count)
         for part in parts(view.count):
             a, b, c = np.moveaxis(view.corners_of(part, POSITION), 1, 0)
             normal = np.cross(b - a, c - a)
@@ -126,9 +126,8 @@ class Shadows:
             own = view.corners_of(part, NORMAL)
             size = np.maximum(np.linalg.norm(own, axis=2), 1e-300)
             cosine = np.abs(np.einsum("tka,ta->tk", own, normal)) / size
-            least = min(least, float(cosine.min(initial=1.0)))
-        sine = float(np.sqrt(max(1.0 - least * least, 0.0)))
-        return self.turned(sine if sine > 1e-4 else 0.0)
+            result[part] = np.sqrt(np.maximum(2.0 - 2.0 * cosine.min(axis=1), 0.0))
+        return result
 
     def turned(self, terminator: float) -> tuple[LightSpace, ...]:
         """The spaces for receivers whose normals lean by so much (sine)."""

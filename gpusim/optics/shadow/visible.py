@@ -102,7 +102,8 @@ class VisibleShares:
 
     def states_of(self, number: int) -> npt.NDArray[np.uint32]:
         """(E,): what entries see of a lamp; waits for the device."""
-        return self.states.read(np.uint32, (self._lamps, self.receivers.entries))[number]
+        states = self.states.read(np.uint32, (self._lamps, self.receivers.entries))
+        return np.asarray(states[number], np.uint32)
 
     def enlarged(self, spaces: Sequence[LightSpace]) -> bool:
         """Whether the pool was too small for what was recorded, which is to be done again; waits

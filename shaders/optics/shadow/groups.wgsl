@@ -18,7 +18,7 @@ struct Cell {
     high: vec3f,
     plane: vec4f,
     heights: vec2f,
-    lean: f32,       // squared
+    lean: f32,
 }
 fn plane_of(r: Receiver) -> vec4f {
     if (listed == 0u) { return vec4f(r.n, dot(r.n, r.x)); }
@@ -32,11 +32,11 @@ fn joined(c: Cell, r: Receiver) -> Cell {
     let wide = 0.5 * (abs(dot(plane.xyz, r.dx)) + abs(dot(plane.xyz, r.dy)));
     let heights = vec2f(min(c.heights.x, height - wide), max(c.heights.y, height + wide));
     let apart = plane.xyz - r.n;
-    let lean = max(c.lean, dot(apart, apart));
+    let lean = max(c.lean, length(apart) + r.lean);
     return Cell(min(c.low, r.at - r.reach), max(c.high, r.at + r.reach), plane, heights, lean);
 }
 fn store_cell(entry: u32, c: Cell) {
-    cells[3u * entry] = vec4f(c.low, sqrt(c.lean));
+    cells[3u * entry] = vec4f(c.low, c.lean);
     cells[3u * entry + 1u] = vec4f(c.high, c.heights.y - c.heights.x);
     cells[3u * entry + 2u] = vec4f(c.plane.xyz, c.plane.w + c.heights.x);
 }

@@ -24,7 +24,8 @@ struct Receivers {
 @group(0) @binding(10) var<uniform> receivers: Receivers;
 // triangle of the view + 1 that each pixel sees
 @group(0) @binding(11) var<storage, read> ids: array<u32>;
-// per triangle of the view n / d of its plane n x = d, and the occluder that it is part of, or NOBODY
+// per triangle of the view n / d of its plane n x = d, in 24 bits the occluder that it is part of, or
+// NO_OWNER, and in the others how far normals for shading are from its own
 @group(0) @binding(12) var planes: texture_storage_2d<rgba32uint, read>;
 // per receiver of the list its place (w: the occluder that it lies on), unit normal, and how the
 // place changes over the piece, twice
@@ -34,6 +35,9 @@ struct Receivers {
 // begins, and where the last one ends; then a word of each receiver, 1 in the farther half.
 @group(0) @binding(17) var<storage, read_write> halves: array<u32>;
 
+const NO_OWNER: u32 = 0xffffffu;
+const LEAN: f32 = 170.0;
+
 struct Receiver {
     x: vec3f,
     n: vec3f,
@@ -42,6 +46,8 @@ struct Receiver {
     // from the eye; 0: it isn't there
     depth: f32,
     on: u32,
+    // how far normals for shading may be from n
+    lean: f32,
     // where it is and how far it goes on about that, in the coordinates of cells (groups.wgsl)
     at: vec3f,
     reach: vec3f,
@@ -98,7 +104,9 @@ fn pixel_receiver(pixel: vec2u) -> Receiver {
     r.dx = rate * sides[0] - slope.x * r.x;
     r.dy = rate * sides[1] - slope.y * r.x;
     r.depth = rate;
-    r.on = plane.w;
+    let own = plane.w & NO_OWNER;
+    r.on = select(own, NOBODY, own == NO_OWNER);
+    r.lean = f32(plane.w >> 24u) / LEAN;
     // what samples look from lies in its plane, and seen from the eye a little beside the pixel
     let steep = 0.5 * (abs(slope.x) + abs(slope.y));
     r.at = vec3f(at, rate);
@@ -135,7 +143,7 @@ fn asks(r: Receiver) -> bool {
     let plane = plane_in_light_space(vec4f(r.n, dot(r.n, r.x)));
     let away = select(1.0, distance(r.x, light.centre.xyz), is_near());
     let before = !is_near() || ahead(r.x) > 0.0;
-    return r.depth > 0.0 && before && plane.z + lamp_extent(plane) > -light.terminator * away;
+    return r.depth > 0.0 && before && plane.z + lamp_extent(plane) > -(light.terminator + r.lean) * away;
 }
 // Whether the k-th receiver of a group asks as one of an entry.
 fn is_in(r: Receiver, entry: u32, k: u32) -> bool {

@@ -57,14 +57,20 @@ fn search(t: Shaft, lists: bool) -> Found {
     var f = Found();
     var i = 0u;
     loop {
-        i = next_leaf(t, after(i));
-        if (i == 1u) { break; }
-        let face = i - receivers.leaves;
-        let own = role(t, node_at(i), face);
-        if (own == ALONE) {
-            if (lists) { f.alone = appended(f.alone, face); } else { f.alone.count = 1u; }
+        // the next triangle that hides it as a whole; single ones on the way
+        var own = 0u;
+        loop {
+            i = next_leaf(t, after(i));
+            let face = i - receivers.leaves;
+            own = 0u;
+            if (i != 1u) { own = role(t, node_at(i), face); }
+            if (own == ALONE) {
+                if (lists) { f.alone = appended(f.alone, face); } else { f.alone.count = 1u; }
+            }
+            if (i == 1u || own == HIDES || own == HIDES_TURNED || (!lists && own == ALONE)) { break; }
         }
         if (own == HIDES || own == HIDES_TURNED) {
+            let face = i - receivers.leaves;
             let next = textureLoad(neighbours, texel(face));
             for (var k = 0u; k < 3u; k++) {
                 let border = border_at(t, face, next[k], k, own);
@@ -75,7 +81,7 @@ fn search(t: Shaft, lists: bool) -> Found {
                 }
             }
         }
-        if (!lists && is_half(f)) { break; }
+        if (i == 1u || (!lists && is_half(f))) { break; }
     }
     return f;
 }

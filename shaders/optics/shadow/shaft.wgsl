@@ -91,20 +91,24 @@ fn role(t: Shaft, leaf: Node, i: u32) -> u32 {
     let o = occluder(i);
     let top = max(over(t, o.a), max(over(t, o.b), over(t, o.c)));
     if (!meets(t, leaf, growth(t, top, leaf.high.z, leaf.word))) { return 0u; }
-    if (kind == CROSSING || leaf.low.z <= t.beyond) { return ALONE; }
+    if (kind == CROSSING) { return ALONE; }
+    // on which side of its plane the receivers are
+    let plane = plane_in_light_space(o.plane);
+    let middle = 0.5 * (t.low + t.high);
+    let value = dot(plane.xyz, middle) + plane.w;
+    let extent = dot(abs(plane.xyz), t.high - middle) + scaled(t.tolerance + 4.0 * light.rounding, t.high.z);
+    let sure = abs(value) > extent;
+    let away = kind == AWAY || kind == AWAY_OPEN;
+    // on that of all of the lamp: then nothing is hidden
+    if (sure && ((away && value < 0.0) || (kind == TOWARDS && value > 0.0))) { return 0u; }
+    if (leaf.low.z <= t.beyond) { return ALONE; }
     if (kind == AWAY) { return HIDES; }
     let close = leaf.low.z <= t.beside;
     if (!close && (kind == AWAY_OPEN || kind == TOWARDS)) {
         return select(HIDES_TURNED, HIDES, kind == AWAY_OPEN);
     }
     // a piece of a pixel is looked at from its middle by what it goes on into
-    if (listed != 0u && leaf.low.z <= t.beside && o.open) { return ALONE; }
-    // on which side of its plane the receivers are
-    let plane = plane_in_light_space(o.plane);
-    let middle = 0.5 * (t.low + t.high);
-    let value = dot(plane.xyz, middle) + plane.w;
-    let extent = dot(abs(plane.xyz), t.high - middle) + scaled(t.tolerance + 4.0 * light.rounding, t.high.z);
-    if (abs(value) <= extent) { return ALONE; }
+    if (!sure || (listed != 0u && close && o.open)) { return ALONE; }
     if (kind == AWAY_OPEN) { return HIDES; }
     if (kind == TOWARDS) { return HIDES_TURNED; }
     if (value > 0.0) { return HIDES; }
