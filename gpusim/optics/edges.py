@@ -150,11 +150,9 @@ class EdgePass:
             self._light()
             first = stop
 
-    def _slots(
-        self, first: int, stop: int
-    ) -> tuple[npt.NDArray[np.uint32], npt.NDArray[np.int64]]:
-        """Where the pieces of some pixels are listed, and where groups of them begin: those of a tile
-        look past the same."""
+    def _slots(self, first: int, stop: int) -> tuple[npt.NDArray[np.uint32], npt.NDArray[np.int64]]:
+        """Where the pieces of some pixels are listed, and where groups of them begin: those of a
+        tile look past the same."""
         row, column = np.divmod(self.edges.pixel[first:stop], self.tables.setup.view.camera.width)
         tile = (row // TILE << 16) + column // TILE
         order = np.argsort(tile, kind="stable")
@@ -184,7 +182,6 @@ class EdgePass:
             while self._pieces.failed():
                 self._pieces.find()
                 self._light()
-            self._pieces.release()
             self._pieces = None
 
     def fetch(self) -> None:

@@ -14,14 +14,19 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.gpu import Bound, Buffer, Device, compare, twin_check
+from gpusim.gpu import Bound, Buffer, Device, Texture, compare, twin_check
 from gpusim.optics.binning import bin_edges
 from gpusim.optics.emitters import lamps_of
 from gpusim.optics.setup import Setup
 from gpusim.optics.shade import ShadePass, shade_twin
-from gpusim.optics.shadow.drawn import BandReceivers, PieceReceivers
 from gpusim.optics.shadow.light_space import LightSpace, lamp_numbers
-from gpusim.optics.shadow.receivers import TILE, DeviceReceivers, Receivers, group_starts
+from gpusim.optics.shadow.receivers import (
+    TILE,
+    DeviceList,
+    DevicePixels,
+    DeviceReceivers,
+    group_starts,
+)
 from gpusim.optics.shadow.scene import Shadows
 from gpusim.optics.shadow.visible import CAPACITY, VisibleShares
 from gpusim.optics.shadow_probe import shadow_scene
@@ -40,14 +45,37 @@ FEW = 1 << 20
 """Pairs of receivers and occluders that NumPy looks at sooner than a device is asked."""
 
 
-def _found_by(
-    device: Device, shadows: Shadows, receivers: Receivers | DeviceReceivers
-) -> VisibleShares:
-    """With as many chunks as were needed last."""
-    known = device.kept.notes.get(NEEDED)
-    capacity = known if isinstance(known, int) else CAPACITY
+def _found_by(shadows: Shadows, receivers: DeviceReceivers, label: str) -> VisibleShares:
+    """What of the last frame is kept under ``label``, if it is of these receivers; with as many
+    chunks as were needed last."""
+    trees = shadows.trees
+    assert trees is not None
+    known = trees.device.kept.notes.get(NEEDED)
+    found = trees.notes.get(label)
+    if not (isinstance(found, VisibleShares) and found.receivers is receivers):
+        capacity = known if isinstance(known, int) else CAPACITY
+        found = VisibleShares(trees.device, trees, receivers, capacity)
+        trees.notes[label] = found
+    return found
+
+
+def _kept_receivers(shadows: Shadows, label: str) -> DeviceReceivers | None:
+    """Those of the last frame."""
     assert shadows.trees is not None
-    return VisibleShares(device, shadows.trees, receivers, capacity)
+    found = shadows.trees.notes.get(label)
+    return found.receivers if isinstance(found, VisibleShares) else None
+
+
+def _listed(shadows: Shadows, starts: Numbers, label: str) -> VisibleShares:
+    """What those see that are listed in groups which begin at ``starts`` (G + 1,)."""
+    receivers = _kept_receivers(shadows, label)
+    assert shadows.trees is not None
+    if not (isinstance(receivers, DeviceList) and receivers.holds(starts)):
+        # in the next frames there may be some more
+        groups, count = (n + n // 4 for n in (len(starts) - 1, int(starts[-1])))
+        receivers = DeviceList(shadows.trees.device, shadows.occluders, groups, count)
+    receivers.list(starts)
+    return _found_by(shadows, receivers, label)
 
 
 def _enlarged(found: VisibleShares, spaces: Sequence[LightSpace]) -> bool:
@@ -69,20 +97,32 @@ class RelitPass:
         self._casting = shadows.casting
         # a relief may turn normals any way
         self._spaces = shadows.spaces if setup.bumps is None else shadows.turned(1.0)
-        self._receivers = BandReceivers(tables.device, shadows, tables.planes, shade.marks, rows)
-        self._found = _found_by(tables.device, shadows, self._receivers)
+        self._receivers = self._pixels(shadows, shade.marks, rows)
+        self._found = _found_by(shadows, self._receivers, "band")
         self._band: tuple[Buffer, int, int] | None = None
-        self._tiles = tables.device.empty(4 * self._receivers.groups, "relit.tiles_listed")
+        self._tiles = tables.device.empty(4 * self._receivers.most_groups, "relit.tiles_listed")
         self._counters = tables.device.empty(16, "relit.counters")
         self._groups = tables.device.empty(12, "relit.groups")
+
+    def _pixels(self, shadows: Shadows, marks: Texture, rows: int) -> DevicePixels:
+        """Those that marks are of."""
+        camera, planes, device = shadows.view.camera, self.tables.planes, self.tables.device
+        layout = marks.stride // 4, 2 if marks.format.startswith("rg") else 1
+        found = _kept_receivers(shadows, "band")
+        if isinstance(found, DevicePixels) and found.suits(camera, rows, planes, *layout):
+            found.look(camera)
+            return found
+        ids = device.empty(marks.stride * rows, "shadow.ids")
+        return DevicePixels(device, shadows.occluders, camera, rows, planes, ids, *layout)
 
     def record(self, radiance: Buffer, row0: int, rows: int) -> None:
         """Let the device light a band again, which ``shade`` has left last; `finish` is to follow
         before it goes on."""
         self._band = radiance, row0, rows
-        self._receivers.aim(self._receivers.size[0], row0, rows)
+        self._receivers.aim(row0, rows)
         with self.tables.device.recording("optics.shadow") as recording:
-            self._receivers.record(recording)
+            assert self.shade.marks is not None
+            recording.copy_texture(self.shade.marks, self._receivers.ids, rows)
         self._found.record(self._spaces)
         self._relight(radiance, row0, rows)
 
@@ -140,16 +180,15 @@ class PieceShares:
     def __init__(self, tables: Tables, shadows: Shadows, starts: Numbers) -> None:
         device = tables.device
         self._device, self._spaces, self._planes = device, shadows.spaces, tables.planes
-        self._receivers = PieceReceivers(device, shadows, starts)
-        self._found = _found_by(device, shadows, self._receivers)
-        self._slots, self._casting = self._receivers.count, shadows.casting
+        self._found = _listed(shadows, starts, "pieces")
+        self._receivers, self._casting = self._found.receivers, shadows.casting
         self._none = no_pieces(device)
         with device.recording("optics.shadow") as recording:
             recording.clear(self._receivers.pieces)
 
     def range(self) -> dict[str, int]:
         """Members of the program's uniform."""
-        return {"slots": self._slots, "casting": self._casting}
+        return {"slots": self._receivers.count, "casting": self._casting}
 
     def bindings(self, known: bool) -> dict[str, Any]:
         """By their WGSL names, for the program that lists them, and for that which lights them once
@@ -157,10 +196,6 @@ class PieceShares:
         if known:
             return {**self._none, "lamp_shares": self._found.shares}
         return {**self._none, "receivers": self._receivers.pieces, "owners": self._planes}
-
-    def release(self) -> None:
-        """Leave the memory of what is listed to the next ones."""
-        self._device.kept.give(self._receivers.pieces)
 
     def find(self) -> None:
         """Let the device find what those see that are listed."""
@@ -199,7 +234,9 @@ class ListedShares:
             shadows.receivers(at, normal, across, down, triangle)[order],
             start=group_starts(np.diff(last + 1, prepend=0)),
         )
-        found = _found_by(self._device, shadows, receivers)
+        found = _listed(shadows, receivers.starts, "listed")
+        assert isinstance(found.receivers, DeviceList)
+        found.receivers.fill(receivers)
         result = np.ones((len(x), len(shadows.lamps)))
         result[order[:, None], lamp_numbers(shadows.spaces)] = found.found(shadows.spaces)
         return result

@@ -22,6 +22,7 @@ from gpusim.optics.shadow.receivers import (
     DeviceReceivers,
     PixelReceivers,
     Receivers,
+    on_device,
 )
 
 __all__ = ["asking", "cells_twin", "entries_of", "groups_twin", "record_cells", "record_groups"]
@@ -198,7 +199,7 @@ def _unlimited(space: LightSpace, x: Array) -> tuple[Array, Array]:
 @twin_check(NAME)
 def _check(device: Device) -> None:
     for occluders, spaces, receivers in (probe_pieces(), probe_pixels()):
-        own = DeviceReceivers.of(device, receivers, occluders)
+        own = on_device(device, receivers, occluders)
         with device.recording("optics.shadow.cells") as recording:
             record_cells(recording, own, Bound(device, own.bindings(1)))
         got = own.cells.read(np.float32, (own.entries, 12))

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.gpu import Device, Uniform
+from gpusim.gpu import Buffer, Device, Texels, Uniform
 from gpusim.optics.camera import Camera
 from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.shadow.occluders import NOBODY, Occluders
@@ -25,10 +25,13 @@ __all__ = [
     "APART",
     "MOST",
     "TILE",
+    "DeviceList",
+    "DevicePixels",
     "DeviceReceivers",
     "PixelReceivers",
     "Receivers",
     "group_starts",
+    "on_device",
     "plane_words",
 ]
 
@@ -180,10 +183,15 @@ def plane_words(on: Numbers, lean: Array) -> npt.NDArray[np.uint32]:
 
 
 class DeviceReceivers:
-    """Receivers of one kind on a device: pixels of one band after the other, or a list."""
+    """Receivers on a device, with room for `most_groups` and `most` of them: programs are bound to
+    them once."""
 
-    def __init__(self, device: Device, occluders: Occluders, listed: bool) -> None:
+    def __init__(
+        self, device: Device, occluders: Occluders, listed: bool, groups: int, count: int
+    ) -> None:
         self.device, self.listed, self.leaves = device, listed, occluders.leaves
+        self.most_groups, self.most = max(groups, 1), max(count, 1)
+        self.groups, self.count = groups, count
         self.source: Receivers | PixelReceivers | None = None
         self.size, self.columns = (0, 0), 1
         self.row0, self.stride, self.step = 0, 1, 1
@@ -195,72 +203,22 @@ class DeviceReceivers:
             "last": np.zeros(2), "middle": np.zeros(2), "size": 1, "columns": 1,
         }  # fmt: skip
         self.constants = {"listed": float(listed), "distorted": 0.0}
+        words = self.most_groups + 1 + self.most if listed else 2 * self.most_groups
+        self.halves = device.empty(4 * words, "shadow.halves")
+        self.cells = device.empty(96 * self.most_groups, "shadow.cells")
+        self._rays = {key: np.zeros(4) for key in ("x", "y", "one")}
         self._capacity = 0
         self._uniform: Uniform | None = None
-        self._rays = {key: np.zeros(4) for key in ("x", "y", "one")}
-
-    @staticmethod
-    def of(
-        device: Device, receivers: Receivers | PixelReceivers, occluders: Occluders
-    ) -> DeviceReceivers:
-        """Those of a list, or of a whole picture."""
-        result = DeviceReceivers(device, occluders, isinstance(receivers, Receivers))
-        result.source = receivers
-        if isinstance(receivers, Receivers):
-            result.list(receivers.starts)
-            rows = np.zeros((max(result.count, 1), 4, 4), np.float32)
-            for k, values in enumerate(
-                (receivers.at, receivers.normal, receivers.across, receivers.down)
-            ):
-                rows[: result.count, k, :3] = values
-            on = np.where(receivers.on >= 0, receivers.on, NOBODY).astype(np.uint32)
-            rows[: result.count, 0, 3] = on.view(np.float32)
-            result.pieces = device.buffer(rows, "shadow.pieces")
-            return result
-        result.look_through(receivers.camera, receivers.camera.height)
-        result.stride = receivers.camera.width
-        result.ids = device.buffer(receivers.ids, "shadow.ids")
-        words = np.empty((len(receivers.planes), 4), np.uint32)
-        words[:, :3] = receivers.planes.astype(np.float32).view(np.uint32)
-        words[:, 3] = plane_words(receivers.on, np.zeros(len(words)))
-        result.planes = device.texels(len(words), "rgba32uint", "shadow.planes")
-        result.planes.write(words)
-        return result
-
-    def list(self, starts: Numbers) -> None:
-        """Let receivers be listed in groups that begin there; the last number is their count."""
-        self.count, self.groups = int(starts[-1]), len(starts) - 1
-        words = np.zeros(self.groups + 1 + max(self.count, 1), np.uint32)
-        words[: self.groups + 1] = starts
-        self.halves = self.device.buffer(words, "shadow.halves")
-        self.cells = self.device.empty(96 * max(self.groups, 1), "shadow.cells")
-
-    def look_through(self, camera: Camera, rows: int) -> None:
-        """Let receivers be pixels of a camera, in bands of so many rows at most."""
-        self.columns = -(-camera.width // TILE)
-        self.aim(camera.width, 0, rows)
-        bends = distortion_map(camera)
-        if bends is not None:
-            self.bends, texels = bends.tiles(), bends.texels()
-            self.undistortion = self.device.texels(len(texels), "rgba32float", "shadow.bends")
-            self.undistortion.write(texels)
-        rays = camera.camera_from_world[:3, :3].T @ camera.ray_matrix()
-        self._rays = {key: np.array([*rays[:, k], 0.0]) for k, key in enumerate(("x", "y", "one"))}
-        self.constants |= {"distorted": float(bends is not None), "aperture": camera.pixel_side}
-        self.halves = self.device.empty(8 * self.groups, "shadow.halves")
-        self.cells = self.device.empty(96 * self.groups, "shadow.cells")
-
-    def aim(self, width: int, row0: int, rows: int) -> None:
-        """Take pixels of these rows, of no more than at first."""
-        self.size, self.row0 = (width, rows), row0
-        self.groups, self.count = self.columns * -(-rows // TILE), width * rows
-        if self._uniform is not None:
-            self._uniform.update(self._numbers())
 
     @property
     def entries(self) -> int:
         """Twice the groups."""
         return 2 * self.groups
+
+    def update(self) -> None:
+        """Other numbers from the next submit on."""
+        if self._uniform is not None:
+            self._uniform.update(self._numbers())
 
     def _numbers(self) -> dict[str, object]:
         return {
@@ -280,3 +238,110 @@ class DeviceReceivers:
             "tiles": Uniform(self.device, self.bends, "shadow.tiles"),
             "undistortion": self.undistortion,
         }  # fmt: skip
+
+
+class DeviceList(DeviceReceivers):
+    """Listed receivers, which a program may fill in."""
+
+    def __init__(self, device: Device, occluders: Occluders, groups: int, count: int) -> None:
+        super().__init__(device, occluders, True, groups, count)
+        self.pieces: Buffer = device.empty(64 * self.most, "shadow.pieces")
+
+    @staticmethod
+    def of(device: Device, receivers: Receivers, occluders: Occluders) -> DeviceList:
+        """Those of a list."""
+        starts = receivers.starts
+        result = DeviceList(device, occluders, len(starts) - 1, len(receivers.at))
+        result.list(starts)
+        result.fill(receivers)
+        return result
+
+    def holds(self, starts: Numbers) -> bool:
+        """Whether there is room for these."""
+        return len(starts) - 1 <= self.most_groups and int(starts[-1]) <= self.most
+
+    def list(self, starts: Numbers) -> None:
+        """Let groups begin there; the last number is the count."""
+        self.groups, self.count = len(starts) - 1, int(starts[-1])
+        self.halves.write(starts.astype(np.uint32))
+        self.update()
+
+    def fill(self, receivers: Receivers) -> None:
+        """Let them be these."""
+        self.source = receivers
+        rows = np.zeros((self.count, 4, 4), np.float32)
+        for k, values in enumerate(
+            (receivers.at, receivers.normal, receivers.across, receivers.down)
+        ):
+            rows[:, k, :3] = values
+        on = np.where(receivers.on >= 0, receivers.on, NOBODY).astype(np.uint32)
+        rows[:, 0, 3] = on.view(np.float32)
+        if self.count:
+            self.pieces.write(rows)
+
+
+class DevicePixels(DeviceReceivers):
+    """The pixels that a camera sees, in one band of ``rows`` at most after the other; ``ids`` and
+    ``planes`` as in ``shaders/optics/shadow/receiver.wgsl``."""
+
+    def __init__(
+        self, device: Device, occluders: Occluders, camera: Camera, rows: int, planes: Texels,
+        ids: Buffer, stride: int, step: int = 1,
+    ) -> None:  # fmt: skip
+        columns = -(-camera.width // TILE)
+        groups = columns * -(-rows // TILE)
+        super().__init__(device, occluders, False, groups, camera.width * rows)
+        self.columns, self.rows, self.planes, self.ids = columns, rows, planes, ids
+        self.stride, self.step = stride, step
+        bends = distortion_map(camera)
+        if bends is not None:
+            self.bends, texels = bends.tiles(), bends.texels()
+            self.undistortion = device.texels(len(texels), "rgba32float", "shadow.bends")
+            self.undistortion.write(texels)
+        self.constants |= {"distorted": float(bends is not None), "aperture": camera.pixel_side}
+        self.look(camera)
+        self.aim(0, rows)
+
+    @staticmethod
+    def of(device: Device, receivers: PixelReceivers, occluders: Occluders) -> DevicePixels:
+        """Those of a whole picture."""
+        camera = receivers.camera
+        words = np.empty((len(receivers.planes), 4), np.uint32)
+        words[:, :3] = receivers.planes.astype(np.float32).view(np.uint32)
+        words[:, 3] = plane_words(receivers.on, np.zeros(len(words)))
+        planes = device.texels(len(words), "rgba32uint", "shadow.planes")
+        planes.write(words)
+        ids = device.buffer(receivers.ids, "shadow.ids")
+        result = DevicePixels(device, occluders, camera, camera.height, planes, ids, camera.width)
+        result.source = receivers
+        return result
+
+    def look(self, camera: Camera) -> None:
+        """Let them be pixels of a camera of the same size without a lens, or of the same one."""
+        rays = camera.camera_from_world[:3, :3].T @ camera.ray_matrix()
+        self._rays = {key: np.array([*rays[:, k], 0.0]) for k, key in enumerate(("x", "y", "one"))}
+        self._camera = camera
+
+    def suits(self, camera: Camera, rows: int, planes: Texels, stride: int, step: int) -> bool:
+        """Whether they may be those of another camera."""
+        own = self._camera
+        return (
+            (own is camera or (own.lens is None and camera.lens is None))
+            and (own.width, own.pixel_side, self.rows) == (camera.width, camera.pixel_side, rows)
+            and self.planes is planes and (self.stride, self.step) == (stride, step)
+        )  # fmt: skip
+
+    def aim(self, row0: int, rows: int) -> None:
+        """Take the pixels of these rows."""
+        self.size, self.row0 = (self._camera.width, rows), row0
+        self.groups, self.count = self.columns * -(-rows // TILE), self.size[0] * rows
+        self.update()
+
+
+def on_device(
+    device: Device, receivers: Receivers | PixelReceivers, occluders: Occluders
+) -> DeviceReceivers:
+    """Receivers of either kind."""
+    if isinstance(receivers, Receivers):
+        return DeviceList.of(device, receivers, occluders)
+    return DevicePixels.of(device, receivers, occluders)

@@ -52,6 +52,8 @@ class Trees:
         )  # fmt: skip
         self._gathered = True
         self._trees: list[_Tree] = []
+        self.notes: dict[str, object] = {}
+        """What others keep with these from one frame to the next."""
 
     def move(self, points: npt.NDArray[np.float32]) -> None:
         """Put the vertices at ``points`` (V, 4), relative to the eye; w is nothing."""
@@ -77,24 +79,29 @@ class Trees:
         if tree.suits(space):
             return
         tree.space = space
-        shared = {
-            "light": Uniform(self.device, space.uniform(), "shadow.light"),
-            "occluders": self.placed.records, "neighbours": self.placed.neighbours,
-            "boxes": self._boxes, "nodes": tree.nodes,
-        }  # fmt: skip
-        for number, (first, level) in enumerate(self._levels):
-            bound = Bound(self.device, {**shared, "tree": level})
-            if number == 0:
-                bound.run(recording, NAME, "leaves", threads=(first,))
+        if tree.bound:
+            tree.light.update(space.uniform())
+        else:
+            tree.light = Uniform(self.device, space.uniform(), "shadow.light")
+            shared = {
+                "light": tree.light, "occluders": self.placed.records, "boxes": self._boxes,
+                "neighbours": self.placed.neighbours, "nodes": tree.nodes,
+            }  # fmt: skip
+            tree.bound = [Bound(self.device, {**shared, "tree": own}) for _, own in self._levels]
+        tree.bound[0].run(recording, NAME, "leaves", threads=(self.occluders.leaves,))
+        for (first, _), bound in zip(self._levels, tree.bound, strict=True):
             bound.run(recording, NAME, "levels", groups=(max(first >> LEVELS, 1),))
 
 
 class _Tree:
     """Nodes, and the space that they are of."""
 
+    light: Uniform
+
     def __init__(self, device: Device, leaves: int) -> None:
         self.nodes: Texels = device.texels(4 * leaves, "rgba32float", "shadow.nodes")
         self.space: LightSpace | None = None
+        self.bound: list[Bound] = []
 
     def suits(self, space: LightSpace) -> bool:
         """Whether nothing that the nodes depend on differs."""

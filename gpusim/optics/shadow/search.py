@@ -41,7 +41,7 @@ class Search:
 
     def __init__(self, device: Device, receivers: DeviceReceivers, capacity: int) -> None:
         self._receivers, self.capacity = receivers, capacity
-        entries = max(receivers.entries, 1)
+        entries = 2 * receivers.most_groups
         self.groups_of = device.empty(48 * entries, "shadow.groups")
         self.pool = device.empty(CHUNK * capacity, "shadow.pool")
         self.heads = device.empty(16 * entries, "shadow.heads")

@@ -13,7 +13,12 @@ from gpusim.optics.shadow.groups import entries_of, record_cells, record_groups
 from gpusim.optics.shadow.light_space import LightSpace, lamp_numbers
 from gpusim.optics.shadow.mask import record_masks
 from gpusim.optics.shadow.occluders import Occluders
-from gpusim.optics.shadow.receivers import DeviceReceivers, PixelReceivers, Receivers
+from gpusim.optics.shadow.receivers import (
+    DeviceReceivers,
+    PixelReceivers,
+    Receivers,
+    on_device,
+)
 from gpusim.optics.shadow.refine import record_refinement
 from gpusim.optics.shadow.refit import Trees
 from gpusim.optics.shadow.search import CHUNK, COUNTERS, HALF, UMBRA, Search
@@ -46,7 +51,7 @@ class VisibleShares:
         self.device = device
         self.trees = occluders if isinstance(occluders, Trees) else Trees(device, occluders)
         if not isinstance(receivers, DeviceReceivers):
-            receivers = DeviceReceivers.of(device, receivers, self.trees.occluders)
+            receivers = on_device(device, receivers, self.trees.occluders)
         self.receivers = receivers
         self.counts: list[dict[str, int]] = []
         self._lamps = 0
@@ -86,7 +91,7 @@ class VisibleShares:
         count, numbers = self.receivers.count, lamp_numbers(spaces)
         if not numbers or not count:
             return np.zeros((count, len(numbers)), np.float32)
-        found = self.shares.read(np.float32, (self._lamps, count))[numbers].T
+        found = self.shares.read(np.float32)[: self._lamps * count].reshape(-1, count)[numbers].T
         pixels = self.receivers.source
         if not isinstance(pixels, PixelReceivers):
             return np.ascontiguousarray(found)
@@ -102,8 +107,9 @@ class VisibleShares:
 
     def states_of(self, number: int) -> npt.NDArray[np.uint32]:
         """(E,): what entries see of a lamp; waits for the device."""
-        states = self.states.read(np.uint32, (self._lamps, self.receivers.entries))
-        return np.asarray(states[number], np.uint32)
+        entries = self.receivers.entries
+        states = self.states.read(np.uint32)[number * entries : (number + 1) * entries]
+        return np.asarray(states, np.uint32)
 
     def enlarged(self, spaces: Sequence[LightSpace]) -> bool:
         """Whether the pool was too small for what was recorded, which is to be done again; waits
@@ -134,8 +140,9 @@ class VisibleShares:
         if lamps > self._lamps:
             self._spaces.clear()
             self._lamps = lamps
-            self.states = self.device.empty(4 * lamps * max(receivers.entries, 1), "shadow.states")
-            self.shares = self.device.empty(4 * lamps * max(receivers.count, 1), "shadow.shares")
+            entries = 2 * receivers.most_groups
+            self.states = self.device.empty(4 * lamps * entries, "shadow.states")
+            self.shares = self.device.empty(4 * lamps * receivers.most, "shadow.shares")
         for place, space in enumerate(spaces):
             if place < len(self._spaces) and self._spaces[place].number == space.number:
                 self._spaces[place].update(space)
