@@ -14,7 +14,7 @@ import gpusim as gs
 from gpusim.gpu import Device
 from gpusim.optics.camera import Camera
 from gpusim.optics.light import AreaLight, Light, PointLight, SpotLight, SunLight
-from gpusim.optics.shadow_probe import outlined_scene, shadow_scene
+from gpusim.optics.shadow_probe import shadow_scene
 from tests.shadow_rays import box, sheet
 
 Image = npt.NDArray[np.float32]
@@ -100,7 +100,15 @@ def test_smooth_normals(device: Device) -> None:
 
 
 def test_fine_open_sheet(device: Device) -> None:
-    scene = outlined_scene()
+    (table, *_), camera, lights = shadow_scene()
+    x, y = np.meshgrid(np.linspace(-0.4, 0.35, 41), np.linspace(-0.3, 0.3, 31), indexing="ij")
+    z = 0.25 + 0.02 * np.sin(9.0 * x) * np.cos(7.0 * y)
+    number = np.arange(x.size).reshape(x.shape)
+    quads = np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], -1)
+    points = np.stack([x, y, z], axis=-1).reshape(-1, 3)
+    faces = quads.reshape(-1, 4).astype(np.int32)
+    fine = gs.Surface(points, faces, gs.paint.Plain(0.6), name="sheet")
+    scene = [table, fine], camera, lights
     want = shown(*scene)
     differ(shown(*scene, device), want, 0.03)
 

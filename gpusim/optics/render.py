@@ -247,9 +247,7 @@ def _draw(
         if likely is None and sight is not None and sight.late:
             return certain()
         try:
-            setup = Setup.build(
-                likely or view, lights, background, surfaces, device, shadows=False
-            )  # fmt: skip
+            setup = Setup.build(likely or view, lights, background, surfaces, device, False)
         except InputError:
             if likely is None:
                 raise
@@ -269,16 +267,8 @@ def _draw(
             return certain()
         # what hides lamps is looked for once the device knows which pixels ask; and the first of
         # several bands needn't wait for the edges either
-        if shadowed or (rows < stop - first and not tables.glancing):
-            shade_pass = ShadePass(tables, rows, sight is not None, sight, shadowed)
-            begun = device.kept.take(4 * rows * shade_pass.stride, f"radiance[{first}]")
-            with device.recording("optics.shade") as recording:
-                shade_pass.record(recording, begun, first, rows)
-            shaded = True
-        elif tables.glancing:
-            shade_pass = ShadePass(tables, rows, True, sight)
-            begun = device.kept.take(4 * rows * shade_pass.stride, f"radiance[{first}]")
-            shade_pass.begin(begun, first, rows)
+        if shadowed or tables.glancing or rows < stop - first:
+            shade_pass, begun, shaded = _begun_band(tables, sight, first, rows, shadowed)
         if shadowed:
             tables = tables.with_shadows(find_shadows(view, lights or [], surfaces, device))
         edges = bin_edges(view) if waiting else None if found is None else found()
@@ -287,12 +277,48 @@ def _draw(
     if edge_pass is not None:
         edge_pass.begin()
     shade_pass = shade_pass or ShadePass(tables, rows, sight is not None, sight)
-    relit = RelitPass(tables, shade_pass, rows) if shadowed else None
-    stride = shade_pass.stride
+    bands = _bands(tables, shade_pass, edge_pass, range(first, stop, rows), stop, begun, shaded)
+    if bands is None:
+        return certain()
+    if sight is not None:
+        sight.release()
+    return bands
+
+
+def _begun_band(
+    tables: Tables, sight: Sight | None, first: int, rows: int, shadowed: bool
+) -> tuple[ShadePass, Buffer, bool]:
+    """What the device shades bands by, and the first one, with which it begins: by all lamps;
+    whether that is all of it."""
+    shade_pass = ShadePass(tables, rows, sight is not None, sight, shadowed)
+    begun = tables.device.kept.take(4 * rows * shade_pass.stride, f"radiance[{first}]")
+    if tables.glancing and not shadowed:
+        shade_pass.begin(begun, first, rows)
+        return shade_pass, begun, False
+    with tables.device.recording("optics.shade") as recording:
+        shade_pass.record(recording, begun, first, rows)
+    return shade_pass, begun, True
+
+
+def _bands(
+    tables: Tables,
+    shade_pass: ShadePass,
+    edge_pass: EdgePass | None,
+    starts: range,
+    stop: int,
+    begun: Buffer | None,
+    shaded: bool,
+) -> list[Band] | None:
+    """Bands of rows from ``starts`` on, up to ``stop``, edges and shadows and all; None where the
+    view isn't what it was guessed to be. ``begun``: the first band, which may be ``shaded``."""
+    device, setup, stride = tables.device, tables.setup, shade_pass.stride
+    relit = None
+    if setup.lighting.shadows is not None:
+        relit = RelitPass(tables, shade_pass, min(starts.step, stop - starts.start))
     bands: list[Band] = []
     wrong = False
-    for row0 in range(first, stop, rows):
-        count = min(rows, stop - row0)
+    for row0 in starts:
+        count = min(starts.step, stop - row0)
         if relit is not None:
             relit.finish()
         radiance = begun or device.kept.take(4 * count * stride, f"radiance[{row0}]")
@@ -309,13 +335,11 @@ def _draw(
         bands.append(Band(row0, count, stride, radiance))
         if wrong:
             device.kept.give(radiance)
-            return certain()
-    if sight is not None:
-        sight.release()
+            return None
     if edge_pass is None:
-        border = Border.of(view, background)
+        border = Border.of(setup.view, setup.background)
         value = border.value.astype(np.float32)
-        write_pixels(device, bands, view.camera.width, border.pixel, value)
+        write_pixels(device, bands, setup.view.camera.width, border.pixel, value)
     else:
         # while the device looks for what hides lamps from other pixels
         edge_pass.resolve()

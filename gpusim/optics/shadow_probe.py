@@ -9,7 +9,7 @@ from gpusim.optics.light import AreaLight, Light, PointLight, SpotLight, SunLigh
 from gpusim.surface.paint import Checker, Plain
 from gpusim.surface.surface import Surface
 
-__all__ = ["block", "outlined_scene", "shadow_scene"]
+__all__ = ["block", "shadow_scene"]
 
 
 def block(
@@ -44,16 +44,3 @@ def shadow_scene() -> tuple[list[Surface], Camera, list[Light]]:
         SunLight((0.4, 0.3, -1.0), 0.6, diameter=0.05),
     ]
     return surfaces, camera, lights
-
-
-def outlined_scene() -> tuple[list[Surface], Camera, list[Light]]:
-    """A fine sheet with waves over a table in place of the plate, and the same lamps."""
-    (table, *_), camera, lights = shadow_scene()
-    x, y = np.meshgrid(np.linspace(-0.4, 0.35, 41), np.linspace(-0.3, 0.3, 31), indexing="ij")
-    z = 0.25 + 0.02 * np.sin(9.0 * x) * np.cos(7.0 * y)
-    number = np.arange(x.size).reshape(x.shape)
-    quads = np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], -1)
-    points = np.stack([x, y, z], axis=-1).reshape(-1, 3)
-    faces = quads.reshape(-1, 4).astype(np.int32)
-    sheet = Surface(points, faces, paint=Plain(0.6), name="sheet")
-    return [table, sheet], camera, lights
