@@ -105,6 +105,7 @@ def render(
             raise InputError(f"render: image {name}; got {size}; expected at most {WIDEST} px")
     device = working_device("render", backend, device)
     surfaces, camera, lights, origin = local(surfaces, camera, lights)
+    lights = None if lights is None else without_shadows(surfaces, lights, camera.eye)
     if device is None:
         view = look(surfaces, camera, lit=lights is not None)
         setup = Setup.build(view, lights, background, surfaces)
@@ -127,7 +128,6 @@ def _seen(
 ) -> tuple[View, list[Band]]:
     """What a camera sees, and the device's picture of it."""
     height = camera.height
-    lights = None if lights is None else without_shadows(surfaces, lights, camera.eye)
     late = LateSight.of(device, surfaces, camera, lights, _band_rows(camera, 0, height, lights))
     if late is not None:
         found = _draw(device, late.view, lights, background, surfaces, 0, height, late)
