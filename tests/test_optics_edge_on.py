@@ -11,12 +11,12 @@ import pytest
 import gpusim as gs
 from gpusim.gpu import Device
 from gpusim.optics.binning import bin_edges
-from gpusim.optics.emitters import Lamp, lamps_of
-from gpusim.optics.lamp_edges import EVERY_EDGE
+from gpusim.optics.emitters import lamps_of
 from gpusim.optics.light import Light
-from gpusim.optics.occlusion import visible_share
+from gpusim.optics.shadow.receivers import Receivers
 from gpusim.optics.view import look
 from tests.optics_rays import brute_share, triangles_of
+from tests.shadow_rays import found
 
 Array = npt.NDArray[np.float64]
 
@@ -39,43 +39,48 @@ def eggs() -> gs.Surface:
     return gs.Surface(points, quads.reshape(-1, 4), gs.paint.Plain(0.8))
 
 
-def share(lamp: Lamp, corners: Array, both_sides: bool, edges: int = EVERY_EDGE) -> float:
-    """What a floor's pixel at the origin, 2 mm wide, sees of a lamp beside a face."""
-    across, down = np.array([[2e-3, 0.0, 0.0]]), np.array([[0.0, 2e-3, 0.0]])
-    found = visible_share(
-        lamp, np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]]), across, down, np.zeros(1, np.int64),
-        corners[None], np.array([both_sides]), np.array([1e-6]), np.array([edges], np.uint8),
+def share(device: Device, light: Light, corners: Array, both_sides: bool) -> float:
+    """What a floor's pixel at the origin, 2 mm wide, sees of a lamp beside a face of an open
+    surface, or of a thin body; seen from 0.5 m above."""
+    surface = gs.Surface(corners, np.array([[0, 1, 2, 3]]))
+    if not both_sides:
+        normal = np.cross(corners[2] - corners[0], corners[3] - corners[1])
+        back = corners - 1e-4 * normal / np.linalg.norm(normal)
+        faces = [[0, 1, 2, 3], [7, 6, 5, 4], *([k, k + 4, (k + 1) % 4 + 4, (k + 1) % 4]
+                                               for k in range(4))]  # fmt: skip
+        surface = gs.Surface(np.concatenate([corners, back]), np.array(faces))
+        assert surface.topology.closed
+    own = Receivers(
+        np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]]), np.array([[2e-3, 0.0, 0.0]]),
+        np.array([[0.0, 2e-3, 0.0]]), np.array([-1]),
     )  # fmt: skip
-    return float(found[0])
+    return float(found(device, [surface], [light], own, (0.0, 0.0, 0.5))[0, 0])
 
 
 @pytest.mark.parametrize("both_sides", [False, True], ids=["closed", "open"])
-def test_a_face_edge_on_hides_nothing_on_its_other_side(both_sides: bool) -> None:
+def test_a_face_edge_on_hides_nothing_on_its_other_side(device: Device, both_sides: bool) -> None:
     """Its plane, x = -0.3 mm, passes through the pixel; it is 80 mm away, and the lamp that way, or
     the other way."""
     wall = np.array([[0.0, 0.08, -0.05], [0.0, 0.1, -0.05], [0.0, 0.1, 0.05], [0.0, 0.08, 0.05]])
     corners = wall - [3e-4, 0.0, 0.0]
-    (beyond,), (opposite,) = (
-        lamps_of([gs.AreaLight((0.0, side, 0.3), (0.0, 0.0, 0.0), (0.2, 0.2), 1.0)])
-        for side in (1.0, -1.0)
+    beyond, opposite = (
+        gs.AreaLight((0.0, side, 0.3), (0.0, 0.0, 0.0), (0.2, 0.2), 1.0) for side in (1.0, -1.0)
     )
-    assert share(opposite, corners, both_sides) == 1.0
+    assert share(device, opposite, corners, both_sides) == 1.0
     # seen from the side, it hides a sliver of the other one
-    assert 0.9 < share(beyond, corners, both_sides) < 1.0
-    # what is looked at by one edge alone isn't told by its corners
-    assert share(beyond, corners, both_sides, 1) < 1.0
+    assert 0.9 < share(device, beyond, corners, both_sides) < 1.0
 
 
-def test_a_face_below_the_receiver_hides_nothing_above_it() -> None:
+def test_a_face_below_the_receiver_hides_nothing_above_it(device: Device) -> None:
     """Beyond a ridge the next face falls away, at 70 degrees to the pixel's."""
     fall = [np.cos(np.deg2rad(70.0)), 0.0, -np.sin(np.deg2rad(70.0))]
     ridge = np.array([[2e-4, -0.1, 0.0], [2e-4, 0.1, 0.0]])
     corners = np.concatenate([ridge, ridge[::-1] + 0.1 * np.array(fall)])
-    (lamp,) = lamps_of([gs.PointLight((1.0, 0.1, 0.2), 1.0)])
-    assert share(lamp, corners, True) == 1.0
+    lamp = gs.PointLight((1.0, 0.1, 0.2), 1.0)
+    assert share(device, lamp, corners, True) == 1.0
     # what rises from there hides the lamp from all of the pixel that is before it
     rising = np.concatenate([ridge, ridge[::-1] - 0.3 * np.array(fall)])
-    assert share(lamp, rising, True) < 0.9
+    assert share(device, lamp, rising, True) < 0.9
 
 
 @pytest.mark.parametrize(

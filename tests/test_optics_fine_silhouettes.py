@@ -62,12 +62,9 @@ def test_fans_leave_what_they_do_not_cover() -> None:
 
 @pytest.mark.slow
 def test_the_device_follows_where_neighbours_take_far_more_turns(
-    device: Device, monkeypatch: pytest.MonkeyPatch
+    device: Device,
 ) -> None:
     """Software rasterisers stop a loop after 65,536 turns of all that they work on in step."""
-    monkeypatch.setattr(
-        "gpusim.optics.lighting.surfaces_alone", lambda lamps, *_: [[]] * len(lamps)
-    )
     lights: list[Light] = [
         gs.PointLight((-1.0, -1.6, 1.1), 50.0),
         gs.AreaLight((0.9, -1.9, 0.3), (0.0, 0.0, 0.0), (0.5, 0.3), 50.0),

@@ -75,25 +75,25 @@ def test_large_triangles_are_looked_at_where_paint_and_light_are_even(
     hard = PointLight((-60.0, -50.0, -90.0), 2e4)
     crumpled = sheet(0.95, 1.3, 0.4, Checker(0.31))
 
-    def images(surface: Surface, light: PointLight) -> list[npt.NDArray[np.float32]]:
+    def images(light: PointLight, *surfaces: Surface) -> list[npt.NDArray[np.float32]]:
         result = []
         for asked in (may_glance, lambda view, lights: False):
             monkeypatch.setattr(rendering, "may_glance", asked)
-            result.append(gs.render([surface], camera, [light], device=device).radiance)
+            result.append(gs.render(surfaces, camera, [light], device=device).radiance)
         return result
 
-    got, other = images(crumpled, lamp)
+    got, other = images(lamp, crumpled)
     assert not np.array_equal(got, other)
     want = gs.render([crumpled], camera, [lamp], backend="numpy").radiance
     assert np.abs(got - want).max() < 2e-4 * want.max()
     assert not may_glance(look([crumpled], camera, lit=False), None)
     # fields as small as footprints, shadows, gloss
-    for surface, light in (
-        (sheet(0.95, 1.3, 0.4, Checker(0.005)), lamp),
-        (crumpled, hard),
-        (sheet(0.95, 1.3, 0.4, Checker(0.31, roughness=0.4)), lamp),
+    for light, *surfaces in (
+        (lamp, sheet(0.95, 1.3, 0.4, Checker(0.005))),
+        (hard, crumpled, crumpled.moved(crumpled.points + np.array([0.0, 0.0, 0.5]))),
+        (lamp, sheet(0.95, 1.3, 0.4, Checker(0.31, roughness=0.4))),
     ):
-        got, want = images(surface, light)
+        got, want = images(light, *surfaces)
         np.testing.assert_array_equal(got, want)
 
 

@@ -1,5 +1,4 @@
-"""Frames lit by `gpusim.optics.shadow`, against those of the search on the host, which they are to
-replace."""
+"""Frames lit by `gpusim.optics.shadow`, the device's against NumPy's."""
 
 from __future__ import annotations
 
@@ -13,10 +12,9 @@ import pytest
 
 import gpusim as gs
 from gpusim.gpu import Device
-from gpusim.optics import lighting
 from gpusim.optics.camera import Camera
 from gpusim.optics.light import AreaLight, Light, PointLight, SpotLight, SunLight
-from gpusim.optics.shadow_probe import outlined_scene, shadow_scene
+from gpusim.optics.shadow_probe import shadow_scene
 from tests.shadow_rays import box, sheet
 
 Image = npt.NDArray[np.float32]
@@ -34,15 +32,12 @@ SAMPLES = 2.5 / 512.0
 
 
 def shown(
-    monkeypatch: pytest.MonkeyPatch,
-    by: str,
     surfaces: Sequence[gs.Surface],
     camera: Camera,
     lights: Sequence[Light],
     device: Device | None = None,
 ) -> Image:
-    """A frame whose shadows are found ``by`` one way or the other."""
-    monkeypatch.setattr(lighting, "SHADOWS", by)
+    """A frame by the device, or by NumPy without one."""
     backend = "numpy" if device is None else "gpu"
     return gs.render(surfaces, camera, lights, device=device, backend=backend).radiance
 
@@ -60,22 +55,22 @@ def matte(surfaces: Sequence[gs.Surface]) -> list[gs.Surface]:
 
 
 @pytest.mark.parametrize("kind", LAMPS)
-def test_lamp_of_each_kind(monkeypatch: pytest.MonkeyPatch, device: Device, kind: str) -> None:
+def test_lamp_of_each_kind(device: Device, kind: str) -> None:
     surfaces, camera, _ = shadow_scene()
     scene = matte(surfaces), camera, [LAMPS[kind]]
-    want = shown(monkeypatch, "search", *scene, device)
-    differ(shown(monkeypatch, "tree", *scene, device), want)
+    want = shown(*scene)
+    differ(shown(*scene, device), want)
     assert want.min() < 0.1 * want.max()
 
 
 @pytest.mark.slow
-def test_gloss_through_a_bent_lens(monkeypatch: pytest.MonkeyPatch, device: Device) -> None:
+def test_gloss_through_a_bent_lens(device: Device) -> None:
     surfaces, camera, _ = shadow_scene()
     lens, turned = (-0.2, 0.1, 0.003, -0.002), camera.camera_from_world
     camera = Camera(camera.width, camera.height, camera.K, lens, turned, pixel_side=0.8)
     scene = surfaces, camera, [LAMPS["disc"], LAMPS["spot"]]
-    want = shown(monkeypatch, "search", *scene, device)
-    differ(shown(monkeypatch, "tree", *scene, device), want)
+    want = shown(*scene)
+    differ(shown(*scene, device), want)
 
 
 def round_bar(count: int = 24) -> gs.Surface:
@@ -97,46 +92,51 @@ def round_bar(count: int = 24) -> gs.Surface:
     return gs.Surface(points, faces, gs.paint.Plain(0.6), name="bar")
 
 
-def test_smooth_normals(monkeypatch: pytest.MonkeyPatch, device: Device) -> None:
+def test_smooth_normals(device: Device) -> None:
     floor, camera = sheet((-1.1, -1.1), (1.1, 1.1), 0.0), shadow_scene()[1]
     scene = [floor, round_bar()], camera, [LAMPS["point"], LAMPS["area"]]
-    want = shown(monkeypatch, "search", *scene, device)
-    differ(shown(monkeypatch, "tree", *scene, device), want, 0.02)
+    want = shown(*scene)
+    differ(shown(*scene, device), want, 0.02)
 
 
-def test_fine_open_sheet(monkeypatch: pytest.MonkeyPatch, device: Device) -> None:
-    scene = outlined_scene()
-    want = shown(monkeypatch, "search", *scene, device)
-    differ(shown(monkeypatch, "tree", *scene, device), want, 0.03)
+def test_fine_open_sheet(device: Device) -> None:
+    (table, *_), camera, lights = shadow_scene()
+    x, y = np.meshgrid(np.linspace(-0.4, 0.35, 41), np.linspace(-0.3, 0.3, 31), indexing="ij")
+    z = 0.25 + 0.02 * np.sin(9.0 * x) * np.cos(7.0 * y)
+    number = np.arange(x.size).reshape(x.shape)
+    quads = np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], -1)
+    points = np.stack([x, y, z], axis=-1).reshape(-1, 3)
+    faces = quads.reshape(-1, 4).astype(np.int32)
+    fine = gs.Surface(points, faces, gs.paint.Plain(0.6), name="sheet")
+    scene = [table, fine], camera, lights
+    want = shown(*scene)
+    differ(shown(*scene, device), want, 0.03)
 
 
 def test_several_bands_have_the_same_bits(monkeypatch: pytest.MonkeyPatch, device: Device) -> None:
     surfaces, camera, _ = shadow_scene()
     scene = matte(surfaces), camera, [LAMPS["area"], LAMPS["sun"]]
-    want = shown(monkeypatch, "tree", *scene, device)
-    assert (shown(monkeypatch, "tree", *scene, device) == want).all()
+    want = shown(*scene, device)
+    assert (shown(*scene, device) == want).all()
     monkeypatch.setattr(import_module("gpusim.optics.render"), "BAND_BYTES", 4 * camera.width * 40)
-    assert (shown(monkeypatch, "tree", *scene, device) == want).all()
+    assert (shown(*scene, device) == want).all()
 
 
-def test_numpy_says_the_same(monkeypatch: pytest.MonkeyPatch, device: Device) -> None:
+def test_another_body_in_a_small_picture(device: Device) -> None:
     surfaces, _, _ = shadow_scene()
     lights = [LAMPS["disc"], LAMPS["spot"]]
     small = Camera.from_lens((36.0, 24.0), 30.0, (61, 43), (0.3, -1.4, 0.95), (0.03, 0.05, 0.05))
     more = [*surfaces, box((-0.55, 0.3, 0.2), (0.1, 0.07, 0.1), 3)]
-    scene = more, small, lights
-    want = shown(monkeypatch, "tree", *scene)
-    differ(shown(monkeypatch, "tree", *scene, device), want, 2 * SAMPLES)
-    differ(want, shown(monkeypatch, "search", *scene), 2 * SAMPLES)
+    differ(shown(more, small, lights, device), shown(more, small, lights), 2 * SAMPLES)
 
 
-def test_moving_and_with_too_small_a_pool(monkeypatch: pytest.MonkeyPatch, device: Device) -> None:
+def test_moving_and_with_too_small_a_pool(device: Device) -> None:
     surfaces, camera, _ = shadow_scene()
     lights = [LAMPS["area"], LAMPS["sun"]]
     device.kept.notes["shadow.capacity"] = 4
     for step in (0.0, 0.05):
         block = surfaces[2].moved(surfaces[2].points + np.array([step, 0.0, step]))
         scene = matte([surfaces[0], surfaces[1], block]), camera, lights
-        want = shown(monkeypatch, "search", *scene, device)
-        differ(shown(monkeypatch, "tree", *scene, device), want)
+        want = shown(*scene)
+        differ(shown(*scene, device), want)
     assert device.kept.notes["shadow.capacity"] != 4

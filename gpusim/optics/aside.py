@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from types import TracebackType
 from typing import ParamSpec, TypeVar
@@ -16,15 +15,13 @@ long arrays only, and threads that wait for it get it 5 ms later."""
 
 P = ParamSpec("P")
 R = TypeVar("R")
-A = TypeVar("A")
 
 
 class Aside:
-    """Threads for a view of ``count`` triangles, or none; a context manager that ends them."""
+    """A thread for a view of ``count`` triangles, or none; a context manager that ends it."""
 
-    def __init__(self, count: int, tasks: int = 1) -> None:
-        workers = max(1, min(tasks, os.cpu_count() or 1))
-        self._pool = ThreadPoolExecutor(workers) if count >= FEWEST and tasks else None
+    def __init__(self, count: int) -> None:
+        self._pool = ThreadPoolExecutor(1) if count >= FEWEST else None
 
     def __enter__(self) -> Aside:
         return self
@@ -45,7 +42,3 @@ class Aside:
         if self._pool is None:
             return lambda: function(*args, **options)
         return self._pool.submit(function, *args, **options).result
-
-    def map(self, function: Callable[[A], R], items: Sequence[A]) -> Iterable[R]:
-        """``function`` of every item, in order."""
-        return map(function, items) if self._pool is None else self._pool.map(function, items)

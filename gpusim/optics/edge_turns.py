@@ -10,24 +10,11 @@ from gpusim.optics.binning import EdgePixels
 from gpusim.optics.corners import ST
 from gpusim.optics.pattern import PatternTable
 from gpusim.optics.setup import Setup, footprint
-from gpusim.optics.shadow_tiles import ShadowTiles
 from gpusim.optics.speckle import EDGE_ROWS, row_turns
 
-__all__ = ["grazing_turns", "shadow_turns", "speckle_turns"]
+__all__ = ["grazing_turns", "speckle_turns"]
 
 Array = npt.NDArray[np.float64]
-
-
-def shadow_turns(setup: Setup, edges: EdgePixels) -> npt.NDArray[np.int64]:
-    """Turns (E,) of the shader's loops that the shadows on one triangle over a pixel may take."""
-    tiles = setup.lighting.shadows
-    if not isinstance(tiles, ShadowTiles):
-        return np.zeros(len(edges.pixel), np.int64)
-    row, column = np.divmod(edges.pixel, setup.view.camera.width)
-    # -1 for tiles that aren't in half shadow
-    counts = np.append(tiles.edge_counts, 0)
-    result: npt.NDArray[np.int64] = counts[tiles.tile_of(column, row)[1]]
-    return result
 
 
 def speckle_turns(table: PatternTable) -> int:

@@ -20,9 +20,8 @@ from gpusim.optics.binning import EdgePixels, bin_edges
 from gpusim.optics.bitmap import BITMAP
 from gpusim.optics.dealing import WORKGROUP, dealt
 from gpusim.optics.edge_pieces import THIN, corners_over, resolved
-from gpusim.optics.edge_turns import grazing_turns, shadow_turns, speckle_turns
+from gpusim.optics.edge_turns import grazing_turns, speckle_turns
 from gpusim.optics.frame import Band
-from gpusim.optics.lighting import SharesOf
 from gpusim.optics.pattern import LOOP_TURNS
 from gpusim.optics.polygon import (
     half_planes,
@@ -33,8 +32,6 @@ from gpusim.optics.setup import Setup
 from gpusim.optics.setup_probe import fields_setup, probe_setup
 from gpusim.optics.shadow.receivers import TILE, group_starts
 from gpusim.optics.shadow.scene import Shadows
-from gpusim.optics.shadow_tiles import ShadowTiles
-from gpusim.optics.shares import Shares
 from gpusim.optics.speckle import EDGE_ROWS
 from gpusim.optics.tables import Tables
 
@@ -68,7 +65,7 @@ class EdgePass:
         turns = 200 + table.most_in_a_cell * (2000 if fine else 50) + speckle_turns(table)
         self._present = tables.setup.groups_present()
         turns += 3000 if BITMAP in self._present else 0
-        each = turns + grazing_turns(tables.setup, edges) + shadow_turns(tables.setup, edges)
+        each = turns + grazing_turns(tables.setup, edges)
         groups = tables.setup.groups_of(edges.triangle)
         even = _even(edges, tables.setup, groups)
         deep = edges.pierced | (edges.depth > np.minimum(DEEPEST, LOOP_TURNS // each))
@@ -106,7 +103,6 @@ class EdgePass:
             "lists": device.buffer(lists, "edges.lists"),
             "found": self._found,
             **self.tables.shared(),
-            **self.tables.shadows.bindings(),
         }
         if self.tables.records is not None:
             needed = np.zeros(setup.view.count, bool)
@@ -114,7 +110,7 @@ class EdgePass:
             numbers = (np.flatnonzero(needed) + 1).astype(np.uint32)
             with device.recording("optics.edges") as recording:
                 self.tables.records.make(recording, device.buffer(numbers, "edges.needed"))
-        if isinstance(setup.lighting.shadows, Shadows):
+        if setup.lighting.shadows is not None:
             self._begin_pieces(setup.lighting.shadows, constants, shared)
             return
         shared |= no_pieces(device)
@@ -207,12 +203,8 @@ class EdgePass:
         if self._resolved is not None:
             return
         setup = self.tables.setup
-        tiles = setup.lighting.shadows
-        shares: SharesOf | None = None
-        if isinstance(tiles, Shadows):
-            shares = ListedShares(self.tables.device, tiles)
-        elif tiles is not None:
-            shares = Shares(self.tables.device, self.tables.shadows, tiles)
+        shadows = setup.lighting.shadows
+        shares = None if shadows is None else ListedShares(self.tables.device, shadows)
         value, doubt = self._values[:, 0].copy(), self._values[:, 1] > 0.0
         if doubt.any():
             value[doubt] = resolved(setup, self.edges.select(doubt), shares)
@@ -231,15 +223,11 @@ def _range(first: int, stop: int) -> dict[str, Any]:
 
 def _filled(setup: Setup, edges: EdgePixels) -> npt.NDArray[np.bool_]:
     """(E,) pixels of which the nearest triangle that fills them is a backdrop, where the device
-    would be in doubt about that otherwise: where a lamp may be half hidden."""
-    tiles, result = setup.lighting.shadows, np.zeros(len(edges.pixel), bool)
-    if tiles is None:
+    would be in doubt about that otherwise: where lamps cast shadows."""
+    result = np.zeros(len(edges.pixel), bool)
+    if setup.lighting.shadows is None:
         return result
-    half = np.ones(len(edges.pixel), bool)
-    if isinstance(tiles, ShadowTiles):
-        row, column = np.divmod(edges.pixel, setup.view.camera.width)
-        half = tiles.tile_of(column, row)[1] >= 0
-    rows = np.flatnonzero(half & (edges.depth > 1))
+    rows = np.flatnonzero(edges.depth > 1)
     some = edges.select(rows)
     pixel, _, corners = corners_over(setup, some)
     found = pixel[backdrops(setup, some, fills(half_planes(corners)), corners)]

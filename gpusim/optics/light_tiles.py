@@ -23,7 +23,6 @@ from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.light import AreaLight, EnvironmentLight, Light, PointLight, SunLight
 from gpusim.optics.ragged import expand
 from gpusim.optics.setup import Setup, radiance_of
-from gpusim.optics.tile_pairs import TILE
 from gpusim.optics.view import look
 from gpusim.surface.paint import Plain
 from gpusim.surface.surface import Surface
@@ -35,6 +34,9 @@ __all__ = ["LightTiles", "LightTilesPass", "light_tiles_twin"]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
+TILE = 8
+"""px, side of the tiles."""
+
 SQUARE = 128
 """px, side of the squares that belong to one plane."""
 
@@ -176,7 +178,6 @@ class LightTilesPass:
         setup, tables = self.tables.setup, self.tables
         constants = setup.light_constants(False, False)
         kernel = tables.device.kernel("optics/light_tiles", constants=constants)
-        shadows = tables.shadows.bindings()
         bindings = kernel.bind(
             params={
                 "rays": tables.rays(),
@@ -188,8 +189,6 @@ class LightTilesPass:
             owners=self._owners,
             light=self.texels,
             **tables.surface(),
-            shades=shadows["shades"],
-            shadow_tiles=shadows["shadow_tiles"],
         )
         recording.dispatch(kernel, bindings, threads=(self.shape[0] * self.shape[1],))
 

@@ -7,8 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache
-from threading import Lock
 
 import numpy as np
 import numpy.typing as npt
@@ -16,29 +14,22 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.gpu import Device
 from gpusim.gpu.buffer import F32_MAX
-from gpusim.optics.casters import Casters
 from gpusim.optics.corners import POSITION
 from gpusim.optics.emitters import closest_points, emitter_light, emitters, lamps_of
 from gpusim.optics.environment import Environment
 from gpusim.optics.gloss import Gloss, Reflection, sharpest
 from gpusim.optics.hidden_light import HiddenLight
-from gpusim.optics.lamp_layer import surfaces_alone
 from gpusim.optics.light import AmbientLight, AreaLight, Light
 from gpusim.optics.openness import Openness
-from gpusim.optics.parting import parted
 from gpusim.optics.shadow.scene import Shadows
-from gpusim.optics.shadow_tiles import ShadowTiles, flatness
 from gpusim.optics.view import View
 from gpusim.surface.surface import Surface
 
 __all__ = [
     "MOST_EMITTERS",
-    "SHADOWS",
-    "Hidden",
     "Lighting",
     "SharesOf",
     "ambient",
-    "by_tree",
     "casts_shadows",
     "emitting_points",
     "find_shadows",
@@ -47,14 +38,8 @@ __all__ = [
 Array = npt.NDArray[np.float64]
 MOST_EMITTERS = 256
 
-SHADOWS = "search"
-"""What hides lamps is found by `ShadowTiles` ("search") or by `gpusim.optics.shadow` ("tree")."""
-
-Hidden = ShadowTiles | Shadows
-"""What hides lamps in a view."""
-
 SharesOf = Callable[[Array, Array, Array, Array, Array, Array, npt.NDArray[np.int64]], Array]
-"""As `ShadowTiles.shares`."""
+"""As `Shadows.shares`."""
 
 
 def casts_shadows(lights: Sequence[Light]) -> bool:
@@ -62,40 +47,16 @@ def casts_shadows(lights: Sequence[Light]) -> bool:
     return any(lamp.light.shadows for lamp in lamps_of(lights))
 
 
-def by_tree(lights: Sequence[Light] | None) -> bool:
-    """Whether what hides ``lights`` is found by `gpusim.optics.shadow`."""
-    return SHADOWS == "tree" and casts_shadows(lights or [])
-
-
 def find_shadows(
     view: View,
     lights: Sequence[Light],
     surfaces: Sequence[Surface],
     device: Device | None = None,
-) -> Hidden | None:
-    """What ``surfaces`` hide of ``lights`` in a view; None if that is nothing."""
+) -> Shadows | None:
+    """What ``surfaces`` hide of ``lights`` in a view; None where no lamp casts shadows."""
     if not surfaces or not casts_shadows(lights):
         return None
-    lamps = lamps_of(lights)
-    if by_tree(lights):
-        return Shadows.of(view, lamps, surfaces, device)
-    allowed = cache(lambda: flatness(view, lamps))
-
-    @cache
-    def found_casters(without: frozenset[int]) -> Casters:
-        return parted(Casters.of(surfaces, lambda points: allowed()(points), without), lamps)
-
-    one = Lock()
-
-    def casters(without: frozenset[int]) -> Casters:
-        # lamps that are looked at side by side mostly ask for the same ones
-        with one:
-            return found_casters(without)
-
-    alone = surfaces_alone(lamps, surfaces, view.camera.eye)
-    closed = np.array([surface.topology.closed for surface in surfaces])
-    found = ShadowTiles.build(view, lamps, casters, alone, closed)
-    return found if found.any else None
+    return Shadows.of(view, lamps_of(lights), surfaces, device)
 
 
 def emitting_points(view: View, lights: Sequence[Light]) -> Array:
@@ -118,7 +79,7 @@ class Lighting:
 
     ``emitters`` (E, 12): see `gpusim.optics.emitters.emitters`. ``ambient``: irradiance from
     everywhere. ``environment``: other surroundings. ``gloss``: None without glossy paint.
-    ``shadows``: None where nothing in view is hidden from any lamp. ``openness``: None where
+    ``shadows``: None where no lamp casts any. ``openness``: None where
     nothing hides surroundings.
     """
 
@@ -126,7 +87,7 @@ class Lighting:
     ambient: float
     environment: Environment | None
     gloss: Gloss | None
-    shadows: Hidden | None
+    shadows: Shadows | None
     openness: Openness | None
 
     @staticmethod
@@ -175,10 +136,6 @@ class Lighting:
             "glossy": float(glossy),
             "sky": float(self.environment is not None),
             "emitter_count": float(len(self.emitters)),
-            "shadowed": float(self.shadows is not None),
-            "chained": float(
-                isinstance(self.shadows, ShadowTiles) and len(self.shadows.chains.ends) > 0
-            ),
             "sheltered": float(self.openness is not None),
         }
 
@@ -219,7 +176,7 @@ class Lighting:
         ``triangle``, ``paint`` (n,); ``x``, ``y`` px; ``normal`` (n, 3) unit; ``across`` and
         ``down`` (n, 3): how ``at`` changes over the pixel, for shadows sharper than a pixel;
         ``widened`` (n,): what a relief adds to the square of alpha. ``shares`` tells what is seen
-        of lamps, as `ShadowTiles.shares` does, which is asked without.
+        of lamps, as `Shadows.shares` does, which is asked without.
         """
         around = np.full(len(x), self.ambient)
         if self.environment is not None:

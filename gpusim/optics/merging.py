@@ -1,13 +1,13 @@
-"""Flat parts of a mesh as fewer, larger quadrilaterals, as far as a lamp can tell.
+"""Flat parts of a mesh as fewer, larger quadrilaterals.
 
-A finite element mesh divides flat sides into many faces; for a shadow only their common outline
-counts. Neighbours in a row are joined in pairs, again and again, while the corners between them
-stay within a tolerance of the straight sides.
+A finite element mesh divides flat sides into many faces; for what they hide only their common
+outline counts. Neighbours in a row are joined in pairs, again and again, while the corners between
+them stay within a tolerance of the straight sides.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,7 @@ from gpusim.optics.corners import CHUNK, products
 from gpusim.optics.rows import Rows, links
 from gpusim.surface.topology import sorted_keys
 
-__all__ = ["Merged", "merge_flat", "neighbours", "rows_of"]
+__all__ = ["merge_flat", "neighbours", "rows_of"]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
@@ -25,60 +25,23 @@ ROUNDS = 6
 """At most 2^6 faces of a row become one."""
 
 
-@dataclass(frozen=True, eq=False)
-class Merged:
-    """``faces`` (M, 4) vertices; ``owner`` (F,): in which of them each face went.
-
-    ``inner`` (F, 4): the edges of the faces that lie inside them. The others keep their place: the
-    k-th edges of the faces lie on the k-th edge of their owner.
-    """
-
-    faces: Numbers
-    owner: Numbers
-    inner: npt.NDArray[np.bool_]
-
-    @property
-    def member(self) -> Numbers:
-        """(M,): a face of those that went into each, the last one."""
-        one = np.zeros(len(self.faces), np.int64)
-        one[self.owner] = np.arange(len(self.owner))
-        return one
-
-    def total(self, vectors: Array) -> Array:
-        """(M, 3): sums of the faces' (F, 3)."""
-        count = len(self.faces)
-        return np.stack([np.bincount(self.owner, v, minlength=count) for v in vectors.T], axis=1)
-
-
 def merge_flat(
-    points: Array,
-    faces: Numbers,
-    tolerance: Array | None,
-    beside: Numbers | None = None,
-    plane: bool = True,
-    rows: tuple[Rows, Rows] | None = None,
-) -> Merged:
-    """Join faces (F, 4) of ``points`` (N, 3); triangles, with a corner twice, stay.
+    points: Array, faces: Numbers, tolerance: float, beside: Numbers, rows: tuple[Rows, Rows]
+) -> Numbers:
+    """Join faces (F, 4) of ``points`` (N, 3); triangles, with a corner twice, stay: (M, 4).
 
     Parameters
     ----------
-    tolerance : (N,) how far from a vertex the joined side may pass; None joins nothing.
+    tolerance : how far from a vertex the joined side may pass.
     beside : (F, 4) the faces across which others may be joined, as `neighbours` finds them.
-    plane : whether what is joined has to stay as flat.
     rows : what `rows_of` finds.
     """
     count = len(faces)
-    inner = np.zeros((4, count), bool).T
-    if tolerance is None:
-        return Merged(faces, np.arange(count), inner)
-    beside = neighbours(faces)[0] if beside is None else beside
-    rows = rows_of(faces, beside) if rows is None else rows
     at = np.ascontiguousarray(points.T)
     corner = _columns(faces)
     # across edges 1 and 3, then of what is left across 2 and 0
     sides = {k: np.array(beside[:, k]) for k in (0, 2)}
-    owner = _joined(at, tolerance, corner, rows[0], 1, plane, sides)
-    _fill(inner, rows[0], owner[:count], 1)
+    owner = _joined(at, tolerance, corner, rows[0], 1, sides)
     name = np.flatnonzero(owner[:count] == np.arange(count))
     along = rows[1]
     if len(name) < count:
@@ -88,18 +51,9 @@ def merge_flat(
         corner = [np.take(column, name) for column in corner]
         across = {k: number[owner[side[name]]] for k, side in sides.items()}
         along = along.among(number, links(corner, across[2], across[0], 2))
-        owner = number[owner]
-    into = _joined(at, tolerance, corner, along, 2, plane)[: len(name)]
-    own = np.zeros((4, len(name)), bool).T
-    _fill(own, along, into, 2)
-    owner = owner[:count]
-    for k in (0, 2):
-        inner[:, k] = np.take(own[:, k], owner)
+    into = _joined(at, tolerance, corner, along, 2)[: len(name)]
     left = np.flatnonzero(into == np.arange(len(name)))
-    final = np.empty(len(name), np.int64)
-    final[left] = np.arange(len(left))
-    merged = np.stack([np.take(column, left) for column in corner], axis=1)
-    return Merged(merged, np.take(final[into], owner), inner)
+    return np.stack([np.take(column, left) for column in corner], axis=1)
 
 
 def rows_of(faces: Numbers, beside: Numbers) -> tuple[Rows, Rows]:
@@ -112,21 +66,12 @@ def _columns(values: Numbers) -> list[Numbers]:
     return [np.array(column) for column in values.T]
 
 
-def _fill(inner: npt.NDArray[np.bool_], rows: Rows, owner: Numbers, k: int) -> None:
-    """Tell the edges ``inner`` (F, 4) between faces of ``rows`` that went into the same one."""
-    after = rows.face[rows.after]
-    same = np.flatnonzero(rows.linked & (owner[rows.face] == owner[after]))
-    inner[rows.face[same], k] = True
-    inner[after[same], (k + 2) % 4] = True
-
-
 def _joined(
     points: Array,
-    tolerance: Array,
+    tolerance: float,
     corner: list[Numbers],
     rows: Rows,
     k: int,
-    plane: bool,
     sides: dict[int, Numbers] | None = None,
 ) -> Numbers:
     """Join faces of ``rows`` across their edges ``k``: which one (F + 2,) each has gone into, and
@@ -138,7 +83,7 @@ def _joined(
     for level in range(ROUNDS):
         after = rows.after
         ask = np.flatnonzero(asked & rows.linked)
-        good[ask] = _suit(points, tolerance, own, ask, after[ask], plane)
+        good[ask] = _suit(points, tolerance, own, ask, after[ask])
         first = rows.every_second(good)
         if not len(first):
             break
@@ -175,11 +120,10 @@ def _joined(
 
 def _suit(
     points: Array,
-    tolerance: Array,
+    tolerance: float,
     corner: list[Numbers],
     first: Numbers,
     second: Numbers,
-    plane: bool,
 ) -> npt.NDArray[np.bool_]:
     """Whether pairs of faces of a row may be joined; ``corner``: columns of vertices, those that
     the next face shares first."""
@@ -191,10 +135,9 @@ def _suit(
             middle, start = _taken(corner[front], a), _taken(corner[back], a)
             on = _on_segment(points, middle, start, _taken(corner[front], b), tolerance)
             row, a, b = _some(on, row, a, b)
-        if plane:
-            one, other = (_taken(corner[j], a) for j in (3, 2))
-            quad = one, _taken(corner[0], b), _taken(corner[1], b), other
-            (row,) = _some(_flat(points, quad, tolerance), row)
+        one, other = (_taken(corner[j], a) for j in (3, 2))
+        quad = one, _taken(corner[0], b), _taken(corner[1], b), other
+        (row,) = _some(_flat(points, quad, tolerance), row)
         result[row] = True
     return result
 
@@ -213,9 +156,9 @@ def _some(good: npt.NDArray[np.bool_], *columns: Numbers) -> list[Numbers]:
 
 
 def _on_segment(
-    points: Array, middle: Numbers, start: Numbers, end: Numbers, tolerance: Array
+    points: Array, middle: Numbers, start: Numbers, end: Numbers, tolerance: float
 ) -> npt.NDArray[np.bool_]:
-    """Whether vertices lie on the way from ``start`` to ``end``, within their tolerance, and it
+    """Whether vertices lie on the way from ``start`` to ``end``, within the tolerance, and it
     doesn't turn a corner there: the side of a thin plate is shorter than any tolerance."""
     origin = _taken(points, start)
     way, to = _taken(points, end) - origin, _taken(points, middle) - origin
@@ -223,12 +166,12 @@ def _on_segment(
     share = products(to, way) / np.where(length > 0.0, length, 1.0)
     rest = to - share * way
     gap = np.sqrt(products(rest, rest))
-    near = np.minimum(_taken(tolerance, middle), share * (1.0 - share) * np.sqrt(length))
+    near = np.minimum(tolerance, share * (1.0 - share) * np.sqrt(length))
     return np.asarray((share > 0.0) & (share < 1.0) & (gap <= near))
 
 
 def _flat(
-    points: Array, quad: tuple[Numbers, Numbers, Numbers, Numbers], tolerance: Array
+    points: Array, quad: tuple[Numbers, Numbers, Numbers, Numbers], tolerance: float
 ) -> npt.NDArray[np.bool_]:
     """Whether the diagonals of quadrilaterals meet, within the tolerance."""
     P = [_taken(points, v) for v in quad]
@@ -236,7 +179,7 @@ def _flat(
     normal = np.stack([uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx])
     size = np.sqrt(products(normal, normal))
     gap = np.abs(products(normal, P[1] - P[0])) / np.where(size > 0.0, size, 1.0)
-    return np.asarray((gap <= _taken(tolerance, quad[0])) & (size > 0.0))
+    return np.asarray((gap <= tolerance) & (size > 0.0))
 
 
 def neighbours(faces: Numbers) -> tuple[Numbers, bool]:

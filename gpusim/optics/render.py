@@ -12,17 +12,16 @@ from gpusim.errors import InputError
 from gpusim.gpu import Buffer, Device, working_device
 from gpusim.inputs import checked
 from gpusim.optics.aside import Aside
-from gpusim.optics.binning import EdgePixels, bin_edges
+from gpusim.optics.binning import bin_edges
 from gpusim.optics.border import Border
 from gpusim.optics.camera import Camera
 from gpusim.optics.edges import EdgePass, edges_twin
 from gpusim.optics.emitters import lamps_of
 from gpusim.optics.frame import Band, Frame
 from gpusim.optics.glance import fields_glanced, may_glance
-from gpusim.optics.lamp_layer import without_shadows
 from gpusim.optics.late import LateSight
 from gpusim.optics.light import Light, is_light
-from gpusim.optics.lighting import by_tree, casts_shadows, find_shadows
+from gpusim.optics.lighting import casts_shadows, find_shadows
 from gpusim.optics.local_origin import local, told_from
 from gpusim.optics.looks import sampled
 from gpusim.optics.relit import RelitPass
@@ -30,9 +29,7 @@ from gpusim.optics.scatter import write_pixels
 from gpusim.optics.seen import small_triangles
 from gpusim.optics.setup import Setup
 from gpusim.optics.shade import ShadePass, shade_twin
-from gpusim.optics.shadow.scene import Shadows
-from gpusim.optics.shadow_pass import ShadowPass
-from gpusim.optics.shadow_tiles import ShadowTiles
+from gpusim.optics.shadow.single_layer import without_shadows
 from gpusim.optics.sight import Sight
 from gpusim.optics.speckled import may_be_speckled
 from gpusim.optics.speckled_layer import likely_speckled
@@ -52,10 +49,6 @@ MOST_TRIANGLES = 4_000_000
 FEWEST_ROWS = 16
 WHOLE_ROWS = 32
 FEWEST_LAMPS = 4
-MOST_DARK = 0.1
-"""Share of the tiles that some lamp doesn't light from which on all is shaded again, rather than
-these tiles."""
-
 FINEST_ERROR = 0.25
 
 
@@ -112,6 +105,7 @@ def render(
             raise InputError(f"render: image {name}; got {size}; expected at most {WIDEST} px")
     device = working_device("render", backend, device)
     surfaces, camera, lights, origin = local(surfaces, camera, lights)
+    lights = None if lights is None else without_shadows(surfaces, lights, camera.eye)
     if device is None:
         view = look(surfaces, camera, lit=lights is not None)
         setup = Setup.build(view, lights, background, surfaces)
@@ -134,7 +128,6 @@ def _seen(
 ) -> tuple[View, list[Band]]:
     """What a camera sees, and the device's picture of it."""
     height = camera.height
-    lights = None if lights is None else without_shadows(surfaces, lights, camera.eye)
     late = LateSight.of(device, surfaces, camera, lights, _band_rows(camera, 0, height, lights))
     if late is not None:
         found = _draw(device, late.view, lights, background, surfaces, 0, height, late)
@@ -173,7 +166,7 @@ def _parts(view: View, first: int, stop: int) -> Iterator[tuple[int, int, View]]
 def _band_rows(camera: Camera, first: int, stop: int, lights: Sequence[Light] | None = None) -> int:
     """Rows at a time of ``first`` … ``stop - 1``, lit by ``lights``."""
     rows = max(16, BAND_BYTES // (4 * camera.width))
-    if by_tree(lights):
+    if casts_shadows(lights or []):
         # shares of all lamps are in one binding, and tiles are looked at together
         lamps = max(len(lamps_of(lights or [])), FEWEST_LAMPS)
         rows = max(rows * FEWEST_LAMPS // lamps // WHOLE_ROWS, 1) * WHOLE_ROWS
@@ -236,15 +229,12 @@ def _draw(
         return _draw(device, view, lights, background, surfaces, first, stop, sight, guess=False)
 
     rows = _band_rows(view.camera, first, stop, lights)
-    tree = by_tree(lights)
+    shadowed = casts_shadows(lights or [])
     if sight is None and _by_pixel(device, view, lights):
         sight = _begun(device, view, lights, first, stop)
     # edges that the host is done with while the device shades
     simple = lights is None and Border.suits(view)
     edge_pass: EdgePass | None = None
-    # where shadows take long, the device shades by all lamps meanwhile
-    early = not view.flat and casts_shadows(lights or []) and not tree
-    early &= sight is None or not sight.late
     shade_pass: ShadePass | None = None
     begun: Buffer | None = None
     shaded = False
@@ -252,15 +242,12 @@ def _draw(
     with Aside(view.count) as aside:
         # what the host does before the device begins there isn't worth to be held up by a thread
         waiting = sight is not None and sight.late
-        found = None if simple or early or waiting else aside.begin(bin_edges, view)
-        shadows = aside.begin(find_shadows, view, lights or [], surfaces) if early else None
+        found = None if simple or waiting else aside.begin(bin_edges, view)
         likely = _likely(view, lights, sight) if guess else None
         if likely is None and sight is not None and sight.late:
             return certain()
         try:
-            setup = Setup.build(
-                likely or view, lights, background, surfaces, device, shadows=not (early or tree)
-            )  # fmt: skip
+            setup = Setup.build(likely or view, lights, background, surfaces, device, False)
         except InputError:
             if likely is None:
                 raise
@@ -278,43 +265,60 @@ def _draw(
             # without records nothing would tell whether the guess was right; and where light is
             # uneven speckle is shaded in a way that doesn't look at the triangles either
             return certain()
-        # the first of several bands needn't wait for the edges either
-        if shadows is not None or tree or (rows < stop - first and not tables.glancing):
-            marked = True if shadows is not None or tree else None
-            shade_pass = ShadePass(tables, rows, sight is not None, sight, marked)
-            begun = device.kept.take(4 * rows * shade_pass.stride, f"radiance[{first}]")
-            with device.recording("optics.shade") as recording:
-                shade_pass.record(recording, begun, first, rows)
-            shaded = True
-        elif tables.glancing:
-            shade_pass = ShadePass(tables, rows, True, sight)
-            begun = device.kept.take(4 * rows * shade_pass.stride, f"radiance[{first}]")
-            shade_pass.begin(begun, first, rows)
-        if shadows is not None:
-            edges: EdgePixels | None = bin_edges(view)
-            tables = tables.with_shadows(shadows())
-            tiles = tables.setup.lighting.shadows
-            if isinstance(tiles, ShadowTiles) and tiles.dark.mean() > MOST_DARK:
-                early, shaded, shade_pass = False, False, None
-        else:
-            if tree:
-                tables = tables.with_shadows(find_shadows(view, lights or [], surfaces, device))
-            edges = bin_edges(view) if waiting else None if found is None else found()
+        # what hides lamps is looked for once the device knows which pixels ask; and the first of
+        # several bands needn't wait for the edges either
+        if shadowed or tables.glancing or rows < stop - first:
+            shade_pass, begun, shaded = _begun_band(tables, sight, first, rows, shadowed)
+        if shadowed:
+            tables = tables.with_shadows(find_shadows(view, lights or [], surfaces, device))
+        edges = bin_edges(view) if waiting else None if found is None else found()
         if edges is not None:
             edge_pass = EdgePass(tables, edges)
     if edge_pass is not None:
         edge_pass.begin()
     shade_pass = shade_pass or ShadePass(tables, rows, sight is not None, sight)
-    shadow_pass, relit = None, None
-    if isinstance(tables.setup.lighting.shadows, Shadows):
-        relit = RelitPass(tables, shade_pass, rows)
-    elif tables.setup.lighting.shadows is not None:
-        shadow_pass = ShadowPass(tables, early)
-    stride = shade_pass.stride
+    bands = _bands(tables, shade_pass, edge_pass, range(first, stop, rows), stop, begun, shaded)
+    if bands is None:
+        return certain()
+    if sight is not None:
+        sight.release()
+    return bands
+
+
+def _begun_band(
+    tables: Tables, sight: Sight | None, first: int, rows: int, shadowed: bool
+) -> tuple[ShadePass, Buffer, bool]:
+    """What the device shades bands by, and the first one, with which it begins: by all lamps;
+    whether that is all of it."""
+    shade_pass = ShadePass(tables, rows, sight is not None, sight, shadowed)
+    begun = tables.device.kept.take(4 * rows * shade_pass.stride, f"radiance[{first}]")
+    if tables.glancing and not shadowed:
+        shade_pass.begin(begun, first, rows)
+        return shade_pass, begun, False
+    with tables.device.recording("optics.shade") as recording:
+        shade_pass.record(recording, begun, first, rows)
+    return shade_pass, begun, True
+
+
+def _bands(
+    tables: Tables,
+    shade_pass: ShadePass,
+    edge_pass: EdgePass | None,
+    starts: range,
+    stop: int,
+    begun: Buffer | None,
+    shaded: bool,
+) -> list[Band] | None:
+    """Bands of rows from ``starts`` on, up to ``stop``, edges and shadows and all; None where the
+    view isn't what it was guessed to be. ``begun``: the first band, which may be ``shaded``."""
+    device, setup, stride = tables.device, tables.setup, shade_pass.stride
+    relit = None
+    if setup.lighting.shadows is not None:
+        relit = RelitPass(tables, shade_pass, min(starts.step, stop - starts.start))
     bands: list[Band] = []
     wrong = False
-    for row0 in range(first, stop, rows):
-        count = min(rows, stop - row0)
+    for row0 in starts:
+        count = min(starts.step, stop - row0)
         if relit is not None:
             relit.finish()
         radiance = begun or device.kept.take(4 * count * stride, f"radiance[{row0}]")
@@ -322,9 +326,6 @@ def _draw(
             if begun is None or not shaded:
                 shade_pass.record(recording, radiance, row0, count)
             begun = None
-            if shadow_pass is not None and shade_pass.marks is not None:
-                recording.begin("optics.shadow_pass")
-                shadow_pass.record(recording, shade_pass.marks, radiance, row0, count, stride)
             if not bands and edge_pass is not None:
                 # before anything else is submitted that one would wait for as well
                 edge_pass.fetch()
@@ -334,13 +335,11 @@ def _draw(
         bands.append(Band(row0, count, stride, radiance))
         if wrong:
             device.kept.give(radiance)
-            return certain()
-    if sight is not None:
-        sight.release()
+            return None
     if edge_pass is None:
-        border = Border.of(view, background)
+        border = Border.of(setup.view, setup.background)
         value = border.value.astype(np.float32)
-        write_pixels(device, bands, view.camera.width, border.pixel, value)
+        write_pixels(device, bands, setup.view.camera.width, border.pixel, value)
     else:
         # while the device looks for what hides lamps from other pixels
         edge_pass.resolve()

@@ -22,8 +22,9 @@ from gpusim.optics.coefficients import BLOCK, Coefficients, Found, PerTriangle, 
 from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.fields import matte_boards, within_fields
 from gpusim.optics.light import Light
-from gpusim.optics.lighting import Hidden, Lighting, SharesOf
+from gpusim.optics.lighting import Lighting, SharesOf
 from gpusim.optics.pattern import PatternTable
+from gpusim.optics.shadow.scene import Shadows
 from gpusim.optics.view import View
 from gpusim.surface.surface import Surface
 
@@ -84,7 +85,7 @@ class Setup:
         lighting = Lighting.build(view, lights, surfaces, device, shadows)
         return Setup(view, table, bitmaps, lighting, background, lights is not None)
 
-    def with_shadows(self, shadows: Hidden | None) -> Setup:
+    def with_shadows(self, shadows: Shadows | None) -> Setup:
         """The same view with shadows."""
         result = replace(self, lighting=replace(self.lighting, shadows=shadows))
         result.__dict__["_looks"] = self._looks

@@ -52,7 +52,7 @@ class ShadePass:
     a plain wall must not pay for the pattern on a marker. ``by_pixel``: whether pixels are shaded
     once their triangle is known (`gpusim.optics.seen`); None decides by the triangles' size.
     ``sight``: the pixels' triangles, where they are found already. ``marked``: whether pixels are
-    marked for `gpusim.optics.shadow_pass`; None where there are shadows.
+    marked for `gpusim.optics.relit`; None where there are shadows.
     """
 
     def __init__(
@@ -154,8 +154,6 @@ class ShadePass:
             "near": self.tables.drawn.near, "level": 0.0,
         }  # fmt: skip
         shared = self.tables.shared()
-        shadows = self.tables.shadows.bindings()
-        shared |= {name: shadows[name] for name in ("shades", "shadow_tiles")}
         shared["light_tiles"] = self.tables.device.no_texels("rgba32float")
         if self._light is not None:
             if not self._light_found:

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from gpusim.optics.camera import Camera
-from gpusim.optics.light import AreaLight, EnvironmentLight, Light, PointLight, SpotLight, SunLight
-from gpusim.optics.setup import Setup
-from gpusim.optics.view import look
+from gpusim.optics.light import AreaLight, Light, PointLight, SpotLight, SunLight
 from gpusim.surface.paint import Checker, Plain
 from gpusim.surface.surface import Surface
 
-__all__ = ["block", "outlined_scene", "probe_outlines", "probe_shadows", "shadow_scene"]
+__all__ = ["block", "shadow_scene"]
 
 
 def block(
@@ -48,31 +44,3 @@ def shadow_scene() -> tuple[list[Surface], Camera, list[Light]]:
         SunLight((0.4, 0.3, -1.0), 0.6, diameter=0.05),
     ]
     return surfaces, camera, lights
-
-
-def outlined_scene() -> tuple[list[Surface], Camera, list[Light]]:
-    """A fine sheet with waves over a table in place of the plate, and the same lamps."""
-    (table, *_), camera, lights = shadow_scene()
-    x, y = np.meshgrid(np.linspace(-0.4, 0.35, 41), np.linspace(-0.3, 0.3, 31), indexing="ij")
-    z = 0.25 + 0.02 * np.sin(9.0 * x) * np.cos(7.0 * y)
-    number = np.arange(x.size).reshape(x.shape)
-    quads = np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], -1)
-    points = np.stack([x, y, z], axis=-1).reshape(-1, 3)
-    faces = quads.reshape(-1, 4).astype(np.int32)
-    sheet = Surface(points, faces, paint=Plain(0.6), name="sheet")
-    return [table, sheet], camera, lights
-
-
-def probe_outlines() -> Setup:
-    """That scene set up for shading."""
-    surfaces, camera, lights = outlined_scene()
-    return Setup.build(look(surfaces, camera, lit=True), lights, 0.05, surfaces)
-
-
-def probe_shadows(matte: bool = False) -> Setup:
-    """The scene set up for shading, with a sky above it; ``matte``: without gloss."""
-    surfaces, camera, lights = shadow_scene()
-    if matte:
-        surfaces = [surfaces[0], *(replace(own, paint=Plain(0.6)) for own in surfaces[1:])]
-    lights.append(EnvironmentLight(0.3, 0.1, up=(0.1, 0.2, 1.0)))
-    return Setup.build(look(surfaces, camera, lit=True), lights, 0.05, surfaces)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -33,8 +32,6 @@ class Shape:
         self._topology, self.smooth_angle = surface.topology, surface.smooth_angle
         # a copy: who looks for it may have moved the vertices in place
         self.points = surface.points.copy()
-        # what `gpusim.optics.lamp_layer` found out, by lamp
-        self.lamps: dict[bytes, Any] = {}
 
     @cached_property
     def area(self) -> Array:

@@ -17,13 +17,11 @@ from gpusim.optics.drawn import Drawn
 from gpusim.optics.glance import fields_glanced
 from gpusim.optics.gloss import gloss_texels
 from gpusim.optics.late import LateSight
-from gpusim.optics.lighting import Hidden
 from gpusim.optics.looks import Looks
 from gpusim.optics.openness_table import openness_texels
 from gpusim.optics.records import Records
 from gpusim.optics.setup import TRIANGLE, Setup
 from gpusim.optics.shadow.scene import Shadows
-from gpusim.optics.shadow_tables import ShadowTables
 from gpusim.optics.sight import Sight
 from gpusim.optics.speckled import all_speckled
 
@@ -44,7 +42,6 @@ class Tables:
         self.relief = Uniform(device, bump_uniform(setup.bumps), "shade.relief")
         self.bumps = bump_texels(device, setup.bumps)
         self.openness = openness_texels(device, setup.lighting.openness)
-        self.shadows = ShadowTables(device, setup.lighting)
         self.planes = device.no_texels("rgba32uint")
         self.paints = _as_texels(device, table.paints, "shade.paints")
         self.patterns = table.texels(device)
@@ -100,12 +97,11 @@ class Tables:
         counts = self._counts if self.setup.view.guessed else None
         return counts is not None and bool(counts.read(np.uint32, (6,))[4:].any())
 
-    def with_shadows(self, shadows: Hidden | None) -> Tables:
+    def with_shadows(self, shadows: Shadows | None) -> Tables:
         """The same view with shadows."""
         result = copy(self)
         result.setup = self.setup.with_shadows(shadows)
-        result.shadows = ShadowTables(self.device, result.setup.lighting)
-        if isinstance(shadows, Shadows):
+        if shadows is not None:
             parent = np.zeros(0, np.int64) if self.lines is None else self.lines.parent
             result.planes = shadows.planes(parent)
         return result

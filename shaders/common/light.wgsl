@@ -1,7 +1,6 @@
-// Light that falls on a point: emitters, surroundings, and which share of each lamp is seen.
+// Light that falls on a point: emitters and surroundings.
 // The NumPy form is gpusim/optics/lighting.py.
 #import common/gloss
-#import common/occlusion
 #import common/openness
 
 // Per emitter three vectors: (position, axial intensity), (axis, 1 if it follows Lambert's law) and
@@ -82,66 +81,12 @@ fn plus(a: Reflection, share: f32, b: Reflection) -> Reflection {
     return Reflection(a.matte + share * b.matte, a.p + share * b.p, a.q + share * b.q);
 }
 
-// What is reflected at camera-relative position x with unit normal n, of the surroundings and the
-// lamps whose bit is set.
-fn reflection(x: vec3f, n: vec3f, g: Gloss, open: f32, bits: u32) -> Reflection {
+// What is reflected at camera-relative position x with unit normal n, of the surroundings and all
+// lamps.
+fn reflection(x: vec3f, n: vec3f, g: Gloss, open: f32) -> Reflection {
     var total = surroundings(n, g, open);
     for (var i = 0u; i < emitter_count; i++) {
-        var share = 1.0;
-        if (shadowed != 0u) {
-            let lamp = u32(lamps.emitters[3u * i + 2u].w);
-            share = f32((bits >> lamp) & 1u);
-        }
-        total = plus(total, share, emitter_reflection(i, x, n, g));
+        total = plus(total, 1.0, emitter_reflection(i, x, n, g));
     }
     return total;
-}
-
-// What is reflected where lamps may be hidden, and what a matte surface would reflect of all lamps
-// and of those that light some of the tile; whether it sees some lamp in part.
-struct Seen {
-    r: Reflection,
-    whole: vec2f,
-    half: bool,
-}
-// dx, dy is how x changes over the pixel, tile what `shadow_tile` found for it.
-fn reflection_seen(
-    x: vec3f, n: vec3f, g: Gloss, open: f32, dx: vec3f, dy: vec3f, tile: vec2u
-) -> Seen {
-    var total = surroundings(n, g, open);
-    var whole = vec2f(total.matte);
-    var shares: array<f32, 16>;
-    var known = 0u;
-    var half = false;
-    // tests come last, as in `lamp_share`; every lamp has emitters
-    if (tile.y != 0u) {
-        let first = (tile.y - 1u) * shades.count;
-        var k = 0u;
-        loop {
-            let list = textureLoad(shadow_lists, texel(first + k), 0);
-            let share = lamp_share(list, x, n, dx, dy);
-            shares[list.z] = share;
-            known |= 1u << list.z;
-            half = half || (share > 0.0 && share < 1.0);
-            k++;
-            if (k >= (list.w & 255u)) { break; }
-        }
-    }
-    var l = 0u;
-    loop {
-        let lit = f32((tile.x >> l) & 1u);
-        let share = select(lit, shares[l], ((known >> l) & 1u) != 0u);
-        let part = shades.lamps[l].part;
-        var i = part.x;
-        loop {
-            let all = emitter_reflection(i, x, n, g);
-            total = plus(total, share, all);
-            whole += vec2f(1.0, lit) * all.matte;
-            i++;
-            if (i >= part.y) { break; }
-        }
-        l++;
-        if (l >= shades.count) { break; }
-    }
-    return Seen(total, whole, half);
 }

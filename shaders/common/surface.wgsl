@@ -87,21 +87,10 @@ fn gloss_at(t: Triangle, s: Spot) -> Gloss {
     return gloss_of(u32(t.ny.w), lamps.per_paint.x, alpha, t.more.w, normalize(-s.x), s.n);
 }
 
-// What is reflected there. `bits` tells the lamps that light it.
-fn reflection_at(t: Triangle, rays: Rays, p: vec2f, d: vec2f, bits: u32) -> Reflection {
+// What is reflected there, of all lamps.
+fn reflection_at(t: Triangle, rays: Rays, p: vec2f, d: vec2f) -> Reflection {
     let s = spot(t, rays, p, d);
-    return reflection(s.x, s.n, gloss_at(t, s), openness_at(t.id, s.x), bits);
-}
-
-// The same where lamps may be half hidden; it stands for a parallelogram whose sides are the
-// columns of `extent`, in pixels of the ideal image.
-fn reflection_seen_at(
-    t: Triangle, rays: Rays, p: vec2f, d: vec2f, extent: mat2x2f, tile: vec2u
-) -> Seen {
-    let s = spot(t, rays, p, d);
-    let sides = mat2x3f(s.dx, s.dy) * extent;
-    let open = openness_at(t.id, s.x);
-    return reflection_seen(s.x, s.n, gloss_at(t, s), open, sides[0], sides[1], tile);
+    return reflection(s.x, s.n, gloss_at(t, s), openness_at(t.id, s.x));
 }
 
 // Radiance of a spot of mean albedo `albedo`, of which the paint's ground (albedo `ground`) shows

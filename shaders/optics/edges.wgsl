@@ -13,7 +13,7 @@
 #import common/within
 
 override lit: u32;
-// 1: pieces of pixels are listed, 2: what each of them sees of the lamps is known
+// where lamps cast shadows 1: pieces of pixels are listed, 2: what each of them sees of the lamps is known
 override pieces: u32 = 0u;
 
 struct Params {
@@ -187,7 +187,7 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
         var m = vec3f(0.0);
         if (!gone) { m = moments(polygon); }
         var spread = vec3f(0.0);
-        if (shadowed != 0u && m.x > SMALLEST) { spread = spread_of(polygon, m); }
+        if (pieces != 0u && m.x > SMALLEST) { spread = spread_of(polygon, m); }
         let plain = bumpy == 0u && (patterned == 0u || t.more.y == 0.0);
         if (doubt && (filled || plain) && all(doubtful == vec2u(0u)) && m.x > FULL) {
             // what is left by all others
@@ -215,7 +215,7 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
                     if (part.count > 2) {
                         let own = moments(part);
                         rest -= vec3f(own.x, own.x * own.yz);
-                        if (shadowed != 0u) { rest2 -= spread_of(part, own) + spread_at(own); }
+                        if (pieces != 0u) { rest2 -= spread_of(part, own) + spread_at(own); }
                     }
                 }
                 b++;
@@ -233,11 +233,11 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
         }
         if (m.x > SMALLEST) {
             first += m.x * m.yz;
-            if (shadowed != 0u) { second += spread + spread_at(m); }
+            if (pieces != 0u) { second += spread + spread_at(m); }
             let d = vec2f(pixel - t.place.xy);
             let middle = undistort_within(bend, m.yz);
             var extent = change;
-            if (shadowed != 0u) { extent = change * rectangle_of(m, spread); }
+            if (pieces != 0u) { extent = change * rectangle_of(m, spread); }
             if (distorted != 0u || aperture != 1.0) {
                 for (var n = 0; n < polygon.count; n++) {
                     polygon.p[n] = undistort_within(bend, polygon.p[n]);
@@ -257,18 +257,12 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
                     let s = spot(t, params.rays, at, d + middle);
                     let known = Known(slot, range.slots, range.casting, 0u);
                     let own = reflection_known(s.x, s.n, gloss_at(t, s), openness_at(t.id, s.x), known);
+                    // what is in front may end where its shadow begins
                     unsure = unsure || (doubt && own.half);
                     unknown = unknown || (corner && own.half);
                     r = own.r;
-                } else if (shadowed != 0u) {
-                    let tile = shadow_tile(pixel);
-                    let lit = reflection_seen_at(t, params.rays, at, d + middle, extent, tile);
-                    // what is in front may end where its shadow begins
-                    unsure = unsure || (doubt && lit.half);
-                    unknown = unknown || (corner && lit.half);
-                    r = lit.r;
                 } else {
-                    r = reflection_at(t, params.rays, at, d + middle, 0u);
+                    r = reflection_at(t, params.rays, at, d + middle);
                 }
                 let whole = paint_at(u32(t.ny.w)).featured > 1u;
                 let ground = select(t.more.x, light, whole);
@@ -337,7 +331,7 @@ fn whole_pixels(
         if (lit != 0u) {
             let middle = undistort_within(bend, m.yz);
             let d = vec2f(pixel - t.place.xy) + middle;
-            let r = reflection_at(t, params.rays, vec2f(pixel) + middle, d, 0u);
+            let r = reflection_at(t, params.rays, vec2f(pixel) + middle, d);
             light = radiance_of(t, r, light, light, 1.0);
         }
         seen += m.x;

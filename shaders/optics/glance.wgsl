@@ -78,7 +78,7 @@ fn light_at(place: Place, anchor: vec2f) -> f32 {
     let p = anchor + place.at;
     let depth = 1.0 / (place.w * params.inverse_depth);
     let ray = params.rays.x.xyz * p.x + params.rays.y.xyz * p.y + params.rays.one.xyz;
-    return reflection(depth * ray, normalize(place.normal), Gloss(), 1.0, 0u).matte;
+    return reflection(depth * ray, normalize(place.normal), Gloss(), 1.0).matte;
 }
 
 @compute @workgroup_size(64)

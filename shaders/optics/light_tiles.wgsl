@@ -16,11 +16,11 @@ struct Params {
 // per tile the coefficients of 1, x, y and x y, from 0 to 1 over the tile: of radiance by albedo
 @group(0) @binding(7) var light: texture_storage_2d<rgba32float, write>;
 
-fn at_corner(t: Triangle, tile: vec2u, corner: vec2i, bits: u32) -> f32 {
+fn at_corner(t: Triangle, tile: vec2u, corner: vec2i) -> f32 {
     let pixel = vec2i(8u * tile) + 7 * corner;
     let shift = undistort(bend_at(pixel), vec2f(corner) - 0.5);
     let d = vec2f(pixel - t.place.xy) + shift;
-    return reflection_at(t, params.rays, vec2f(pixel) + shift, d, bits).matte;
+    return reflection_at(t, params.rays, vec2f(pixel) + shift, d).matte;
 }
 
 @compute @workgroup_size(64)
@@ -32,11 +32,9 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
     let owner = owners[square.y * params.owner_columns + square.x];
     if (owner == 0u) { return; }
     let t = triangle_at(owner - 1u);
-    var bits = 0u;
-    if (shadowed != 0u) { bits = shadow_tile(vec2i(8u * tile)).x; }
-    let a = at_corner(t, tile, vec2i(0, 0), bits);
-    let b = at_corner(t, tile, vec2i(1, 0), bits);
-    let c = at_corner(t, tile, vec2i(0, 1), bits);
-    let d = at_corner(t, tile, vec2i(1, 1), bits);
+    let a = at_corner(t, tile, vec2i(0, 0));
+    let b = at_corner(t, tile, vec2i(1, 0));
+    let c = at_corner(t, tile, vec2i(0, 1));
+    let d = at_corner(t, tile, vec2i(1, 1));
     textureStore(light, texel(number), vec4f(a, b - a, c - a, a - b - c + d));
 }

@@ -106,9 +106,7 @@ fn shade(t: Triangle, paint: Paint, lattice: Board, at: vec2i) -> vec3f {
         let q = (vec2f(vec2u(pixel) % 8u) + 0.5) / 8.0;
         r.matte = c.x + c.y * q.x + (c.z + c.w * q.x) * q.y;
     } else {
-        var bits = 0u;
-        if (shadowed != 0u) { bits = shadow_tile(pixel).x; }
-        r = reflection_at(t, params.rays, vec2f(pixel) + shift, d, bits);
+        r = reflection_at(t, params.rays, vec2f(pixel) + shift, d);
     }
     let ground = select(t.more.x, albedo, speckle != 0u || bitmaps != 0u);
     let bare = clamp(1.0 - printed, 0.0, 1.0);
@@ -127,7 +125,7 @@ fn shade_inside(in: Varying) -> vec3f {
     return shade(t, paint, lattice, vec2i(floor(in.position.xy)));
 }
 
-// For views with shadows: marks what shadow_pass.wgsl needs to know of each pixel, its triangle alone
+// For views with shadows: marks what relit.wgsl needs to know of each pixel, its triangle alone
 // where all is matte.
 struct Marked {
     @location(0) radiance: f32,

@@ -8,14 +8,10 @@ import pytest
 
 import gpusim as gs
 from gpusim.gpu import Device
-from gpusim.optics import lamp_layer
-from gpusim.optics.binning import bin_edges
 from gpusim.optics.emitters import lamps_of
-from gpusim.optics.lamp_layer import surfaces_alone, without_shadows
 from gpusim.optics.light import Light
-from gpusim.optics.lighting import find_shadows
-from gpusim.optics.loops import Loops
-from gpusim.optics.view import look
+from gpusim.optics.shadow import single_layer
+from gpusim.optics.shadow.single_layer import without_shadows
 from tests.optics_rays import brute_share, triangles_of
 
 Array = npt.NDArray[np.float64]
@@ -92,29 +88,45 @@ def test_sheets_that_hide_parts_of_themselves() -> None:
     assert hides([wavy(0.08, 25.0)], LAMP)
     assert hides([wavy(0.02, 25.0)], gs.SunLight((1.0, 0.1, 0.0), 5.0))
     above = gs.PointLight((0.0, -2.0, 0.0), 50.0)
-    # all of it turned to the lamp, once round and twice
-    assert not hides([ribbon(0.9, 0.1)], above)
+    # all of it turned to the lamp, part of the way round and more than once
+    assert not hides([ribbon(0.3, 0.1)], above)
     assert hides([ribbon(1.5, 0.1)], above)
 
 
-def test_sheets_beside_and_behind_each_other() -> None:
+def test_of_several_surfaces_nothing_is_told() -> None:
     sheet = wavy(0.005)
-    assert not hides([sheet, shifted(sheet, 1.1)], LAMP)
     assert hides([sheet, shifted(sheet, 0.0, 0.3)], LAMP)
-    # beside each other for the middle of the lamp, behind each other for its ends
-    near = shifted(sheet, -1.02, -0.4)
-    front = gs.PointLight((-0.1, -3.0, 0.0), 50.0)
-    wide = gs.AreaLight((-0.1, -3.0, 0.0), (-0.1, 0.0, 0.0), (1.9, 0.1), 50.0)
-    assert not hides([sheet, near], front)
-    assert hides([sheet, near], wide)
+    assert hides([sheet, shifted(sheet, 1.1)], LAMP)
 
 
-def test_gaps_are_narrower_for_wide_lamps() -> None:
-    spiral = ribbon(0.985, 0.3)
-    above = (0.0, -2.0, 0.0)
-    assert not hides([spiral], gs.PointLight(above, 50.0))
-    assert not hides([spiral], gs.AreaLight(above, (0.0, 0.0, 0.0), (0.005, 0.005), 50.0))
-    assert hides([spiral], gs.AreaLight(above, (0.0, 0.0, 0.0), (0.4, 0.4), 50.0))
+def test_parts_of_one_surface() -> None:
+    """Beside each other nothing is told, behind each other one hides the other."""
+    for x, y in ((1.1, 0.0), (0.0, 0.3)):
+        one, other = wavy(0.005), shifted(wavy(0.005), x, y)
+        points = np.concatenate([one.points, other.points])
+        faces = np.concatenate([one.faces, other.faces + len(one.points)])
+        assert hides([gs.Surface(points, faces, MATTE)], LAMP)
+
+
+def test_wide_lamps_see_round_what_a_small_one_sees_straight() -> None:
+    """A sheet with a step, lit along its riser."""
+    points, faces = grid()
+    points[:, 1] -= 0.04 * np.tanh(40.0 * points[:, 0])
+    step = gs.Surface(points, faces, MATTE)
+    at = (0.3, -1.2, 0.0)
+    assert not hides([step], gs.PointLight(at, 50.0))
+    assert not hides([step], gs.AreaLight(at, (0.0, 0.0, 0.0), (0.1, 0.1), 50.0))
+    assert hides([step], gs.AreaLight(at, (0.0, 0.0, 0.0), (2.0, 0.1), 50.0))
+
+
+def test_a_waisted_specimen() -> None:
+    """Not starlike: its corners aren't seen from its middle."""
+    points, faces = grid(100, 20)
+    narrow = 1.0 - 0.8 / (1.0 + np.exp(40.0 * (np.abs(points[:, 0]) - 0.3)))
+    points[:, 2] *= 0.5 * narrow
+    bar = gs.Surface(points, faces, MATTE)
+    for light in (LAMP, gs.AreaLight(LAMP.position, (0.0, 0.0, 0.0), (0.2, 0.1), 50.0)):
+        assert not hides([bar], light)
 
 
 def test_holes_don_t_hide() -> None:
@@ -137,24 +149,42 @@ def test_closed_bodies() -> None:
     assert not hides([round_off], LAMP, np.array([0.0, -2.0, 0.0]))
     assert hides([round_off], LAMP, aside)
     relief = gs.Surface(body.points, body.faces, gs.paint.Plain(0.8, bump=gs.paint.Bump(0.01, 0.1)))
-    assert hides([relief], LAMP)
+    assert not hides([relief], LAMP)
+    assert hides([relief], LAMP, aside)
 
 
 def test_a_part_that_is_wound_inwards() -> None:
-    """Beside a larger one that isn't: the walls that it shows are its far ones."""
+    """Beside a larger one that isn't, or within it: the walls that it shows are its far ones."""
     body = slab()
-    small = 0.3 * body.points + np.array([0.9, 0.0, 0.0])
-    points = np.concatenate([body.points, small])
-    for faces, hidden in ((body.faces, False), (body.faces[:, ::-1], True)):
-        every = np.concatenate([body.faces, faces + len(body.points)])
-        assert hides([gs.Surface(points, every, MATTE)], LAMP) is hidden
+    for place in ([0.9, 0.0, 0.0], [0.0, 0.012, 0.0]):
+        small = 0.3 * body.points + np.array(place)
+        points = np.concatenate([body.points, small])
+        every = np.concatenate([body.faces, body.faces[:, ::-1] + len(body.points)])
+        assert hides([gs.Surface(points, every, MATTE)], LAMP)
 
 
-def test_few_triangles_and_other_lights_stay() -> None:
-    points, faces = grid(10, 10)
-    lights = [LAMP, gs.AmbientLight(0.1)]
-    assert without_shadows([gs.Surface(points, faces, MATTE)], lights, EYE) == lights
-    assert without_shadows([wavy()], lights, EYE)[1] is lights[1]
+def test_other_lights_stay() -> None:
+    lights = [LAMP, gs.AmbientLight(0.1), gs.PointLight(LAMP.position, 5.0, shadows=False)]
+    found = without_shadows([wavy()], lights, EYE)
+    assert found[1] is lights[1] and found[2] is lights[2]
+    assert without_shadows([slab(0.5), wavy()], lights, EYE) == lights
+
+
+def test_the_back_of_a_sheet() -> None:
+    """Dark by itself, unless normals for shading or a relief may lean towards the lamp."""
+    behind = np.array([0.1, 1.0, 0.1])
+    low = gs.PointLight((-1.5, -0.6, 0.5), 50.0)
+    relief = gs.paint.Plain(0.8, bump=gs.paint.Bump(0.01, 0.1))
+    for paint, light, eye, hidden in (
+        (MATTE, LAMP, behind, False),
+        (MATTE, low, EYE, False),
+        (MATTE, low, behind, True),
+        (relief, LAMP, EYE, False),
+        (relief, LAMP, behind, True),
+    ):
+        sheet = wavy(0.005)
+        own = gs.Surface(sheet.points, sheet.faces, paint)
+        assert hides([own], light, eye) is hidden
 
 
 @pytest.mark.slow
@@ -186,6 +216,58 @@ def test_random_sheets_against_rays(device: Device) -> None:
     assert 5 <= clear <= 23
 
 
+def crumpled(rng: np.random.Generator) -> gs.Surface:
+    """A sheet with waves, maybe with a hole, wound up, or with a thickness."""
+    points, faces = grid(16, 12)
+    x, z = points[:, 0].copy(), points[:, 2].copy()
+    by = rng.uniform(0.0, 0.12) * np.sin(rng.uniform(2, 20) * x + rng.uniform(0, 6))
+    points[:, 1] += by * np.cos(rng.uniform(0, 12) * z)
+    points[:, 2] *= 1.0 + rng.uniform(-0.8, 0.8) * np.cos(rng.uniform(2, 12) * x)
+    if rng.random() < 0.3:
+        turn = rng.uniform(0.5, 4.0)
+        points[:, 0], points[:, 2] = (0.4 + z) * np.cos(turn * x), (0.4 + z) * np.sin(turn * x)
+        points[:, 1] -= rng.uniform(0.0, 0.3) * x
+    if rng.random() < 0.4:
+        middle = np.stack([x, z], axis=1)[faces].mean(axis=1)
+        faces = faces[np.hypot(*(middle - rng.uniform(-0.2, 0.2, 2)).T) > 0.12]
+    triangles = np.concatenate([faces[:, :3], faces[:, [0, 2, 3]]])
+    if rng.random() < 0.4:
+        edge = triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+        back = set(map(tuple, edge[:, ::-1].tolist()))
+        rim = np.array([e for e in edge.tolist() if tuple(e) not in back])
+        a, b = rim.T
+        count = len(points)
+        sides = [np.stack([b, a, a + count], axis=1), np.stack([b, a + count, b + count], axis=1)]
+        points = np.concatenate([points, points + np.array([0.0, rng.uniform(0.01, 0.2), 0.0])])
+        triangles = np.concatenate([triangles, triangles[:, ::-1] + count, *sides])
+    return gs.Surface(points, triangles, MATTE)
+
+
+def test_random_shapes_against_rays() -> None:
+    """Nothing is before any triangle that is turned to a lamp, where that is said."""
+    rng = np.random.default_rng(11)
+    clear = {False: 0, True: 0}
+    for _ in range(600):
+        surface = crumpled(rng)
+        at = tuple(rng.uniform([-1.5, -1.6, -1.5], [1.5, -0.5, 1.5]).tolist())
+        light: Light = gs.PointLight(at, 50.0)
+        if rng.random() < 0.5:
+            size = tuple(rng.uniform(0.05, 0.8, 2).tolist())
+            light = gs.AreaLight(at, (0.0, 0.0, 0.0), size, 50.0)
+        if hides([surface], light):
+            continue
+        (lamp,) = lamps_of([light])
+        closed = surface.topology.closed
+        clear[closed] += 1
+        triangles = triangles_of([surface])
+        middle = triangles.mean(axis=1)
+        normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+        turned = np.sum(normal * (lamp.centre - middle), axis=1) > 0.0
+        seen = middle[turned] if closed else middle
+        assert (brute_share(lamp, seen[::3], triangles, 3) == 1.0).all()
+    assert min(clear.values()) >= 15 and sum(clear.values()) < 400
+
+
 def test_pictures_are_those_of_all_the_shadows(
     device: Device, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -205,114 +287,5 @@ def test_pictures_are_those_of_all_the_shadows(
     steep, lights = wavy(0.08, 25.0), [gs.PointLight((-1.5, -0.3, 0.3), 50.0)]
     twin = gs.render([steep], CAMERA, lights, backend="numpy").radiance
     assert np.sqrt(np.mean((shown(steep) - twin) ** 2)) < 3e-3 * twin.max()
-    monkeypatch.setattr(lamp_layer, "_lights_all", lambda *_: True)
+    monkeypatch.setattr(single_layer, "_single_layer", lambda *_: True)
     assert np.sqrt(np.mean((shown(steep) - twin) ** 2)) > 3e-2 * twin.max()
-
-
-@pytest.mark.slow
-def test_what_hides_nothing_of_itself_still_hides_others(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A wavy sheet before a wall: shares of a lamp at pixels' centres, against rays."""
-    wall = gs.Surface(
-        np.array([[-1.0, 0.25, -0.8], [1.0, 0.25, -0.8], [1.0, 0.25, 0.8], [-1.0, 0.25, 0.8]]),
-        np.array([[0, 1, 2, 3]]), MATTE,
-    )  # fmt: skip
-    monkeypatch.setattr(lamp_layer, "FEWEST", 500)
-    points, faces = grid(20, 16)
-    by = 0.01 * np.sin(9.0 * points[:, 0]) * np.cos(5.0 * points[:, 2])
-    small = 0.6 * points + np.array([0.0, 1.0, 0.0]) * by[:, None]
-    surfaces = [gs.Surface(small, faces, MATTE), wall]
-    light = gs.AreaLight((-0.6, -1.3, 0.5), (0.0, 0.0, 0.0), (0.2, 0.1), 50.0)
-    (lamp,) = lamps_of([light])
-    assert [one.surface for one in surfaces_alone([lamp], surfaces, EYE)[0]] == [0]
-    view = look(surfaces, CAMERA, lit=True)
-    truth = gs.render(surfaces, CAMERA, [light], backend="numpy").truth()
-    inside = ~np.isin(truth.row * CAMERA.width + truth.column, bin_edges(view).pixel)
-    rows = np.flatnonzero(inside)[::97]
-    seen, still = truth.reference[rows], np.zeros((len(rows), 3))
-    own = truth.face[rows] < len(faces)
-
-    def found() -> tuple[Array, int]:
-        tiles = find_shadows(view, [light], surfaces)
-        assert tiles is not None
-        place = truth.column[rows].astype(float), truth.row[rows].astype(float)
-        shares = tiles.shares(*place, seen - EYE, truth.normal[rows], still, still)
-        return shares[:, 0], len(tiles.place)
-
-    shares, halves = found()
-    want = brute_share(lamp, seen, triangles_of(surfaces))
-    assert (shares[own] == 1.0).all()
-    assert ((want > 0.02) & (want < 0.98)).sum() > 10 and (want < 0.5).sum() > 10
-    assert np.abs(shares - want)[~own].max() < 0.04
-
-    # it isn't even asked whether its triangles lie beside each other; else most are in doubt
-    def unknown(half: object, receivers: object, box: Array, *_: object) -> npt.NDArray[np.bool_]:
-        return np.zeros(len(box), bool)
-
-    monkeypatch.setattr("gpusim.optics.faces_before.apart", unknown)
-    assert found()[1] == halves
-    monkeypatch.setattr(
-        "gpusim.optics.lighting.surfaces_alone", lambda lamps, *_: [[] for _ in lamps]
-    )
-    assert found()[1] > 2 * halves
-
-
-def test_nothing_left_to_look_at() -> None:
-    """Surfaces that hide nothing of themselves, and neither of each other."""
-    sheets = [wavy(), shifted(wavy(), 1.2)]
-    behind = gs.Camera.from_lens((36.0, 24.0), 45.0, (240, 160), (0.1, 1.0, 0.1), (0.0, 0.0, 0.0))
-    (lamp,) = lamps_of([LAMP])
-    assert [one.surface for one in surfaces_alone([lamp], sheets, EYE)[0]] == [0, 1]
-    for camera in (CAMERA, behind):
-        assert find_shadows(look(sheets, camera, lit=True), [LAMP], sheets) is None
-
-
-def chain(*loops: list[tuple[float, float]]) -> tuple[Loops, Array]:
-    starts: list[int] = []
-    ends: list[int] = []
-    for loop in loops:
-        own = np.arange(len(loop)) + len(starts)
-        starts += own.tolist()
-        ends += np.roll(own, -1).tolist()
-    found = Loops.of(np.array(starts), np.array(ends))
-    assert found is not None
-    places = np.array([corner for loop in loops for corner in loop], np.float64).T
-    return found, np.concatenate([places, np.ones((1, len(starts)))])
-
-
-def square(size: float, x: float = 0.0, way: int = 1) -> list[tuple[float, float]]:
-    corners = [(-size, -size), (size, -size), (size, size), (-size, size)][::way]
-    return [(x + p, q) for p, q in corners]
-
-
-@pytest.mark.parametrize(
-    ("loops", "once"),
-    [
-        ([square(1.0)], True),
-        ([square(1.0, way=-1)], True),
-        ([square(1.0), square(0.5, way=-1)], True),
-        ([square(1.0), square(0.5)], False),
-        ([square(1.0), square(1.0, 3.0)], True),
-        ([square(1.0), square(1.0, 3.0, -1)], False),
-        ([square(1.0), square(1.0, 1.5)], False),
-        ([square(2.0), square(1.0, way=-1), square(0.5)], True),
-        ([[(0.0, 0.0), (1.0, 1.0), (1.0, 0.0), (0.0, 1.0)]], False),
-        ([[(0.0, 0.0), (2.0, 0.0), (1.0, 0.0), (1.0, 1.0)]], False),
-    ],
-)
-def test_loops(loops: list[list[tuple[float, float]]], once: bool) -> None:
-    found, places = chain(*loops)
-    assert found.wind_once(places, (0.0, 0.0)) is once
-
-
-def test_loops_that_part_are_refused() -> None:
-    assert Loops.of(np.array([0, 1, 0, 2]), np.array([1, 0, 2, 0])) is None
-    assert Loops.of(np.array([0, 1]), np.array([1, 2])) is None
-
-
-def test_loops_move_apart_by_their_depths() -> None:
-    found, places = chain(square(1.0), square(1.0, 2.5))
-    assert found.wind_once(places, (1.0, 1.0))
-    places[2, 4:] = 1.4
-    assert found.wind_once(places, (1.0, 1.0))
-    places[2, 4:] = 1.6
-    assert not found.wind_once(places, (1.0, 1.0))

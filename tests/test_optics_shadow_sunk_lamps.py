@@ -10,10 +10,8 @@ import pytest
 import gpusim as gs
 from gpusim.gpu import Device
 from gpusim.optics.binning import bin_edges
-from gpusim.optics.casters import Casters
 from gpusim.optics.emitters import lamps_of
 from gpusim.optics.light import AreaLight
-from gpusim.optics.parting import parted
 from gpusim.optics.shadow_probe import block
 from gpusim.optics.view import look
 from tests.optics_rays import brute_share, triangles_of
@@ -68,27 +66,3 @@ def test_half_of_a_lamp_that_is_half_sunk_is_seen(
     seen = truth.row[front], truth.column[front]
     assert len(seen[0]) > 300
     np.testing.assert_allclose(lit.radiance[seen] / plain.radiance[seen], 0.5, atol=2 / 512)
-
-
-def test_parts_are_the_whole_face_again() -> None:
-    casters = Casters.of([FLOOR, COLUMN])
-    lamps = lamps_of([LEANING, SUNK, AreaLight((0.0, 0.0, 3.0), (0, 0, 0), (0.2, 0.2), 1.0)])
-    got = parted(casters, lamps)
-    assert parted(casters, lamps[2:]) is casters
-    assert len(got.faces) > len(casters.faces)
-    np.testing.assert_allclose(got.normal.sum(axis=0), casters.normal.sum(axis=0), atol=1e-15)
-    size = np.linalg.norm(casters.normal, axis=1).sum()
-    assert np.linalg.norm(got.normal, axis=1).sum() == pytest.approx(size, rel=1e-12)
-    # every lamp has each of its faces on one side, or looks at it from one side
-    for lamp in lamps:
-        height = (got.corners - lamp.centre) @ lamp.axis
-        astride = (height.max(axis=1) > 1e-9) & (height.min(axis=1) < -1e-9)
-        to = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) @ np.array([lamp.u, lamp.v])
-        away = np.einsum("fka,fa->fk", lamp.centre + to[None] - got.corners[:, :1], got.normal)
-        cut = (away.max(axis=1) > 1e-9) & (away.min(axis=1) < -1e-9)
-        assert not (astride & cut).any()
-    # edges of the parts: all of them may end a shadow, and nothing goes on into them
-    new = np.flatnonzero((got.faces[: len(casters.faces)] != casters.faces).any(axis=1))
-    assert len(new) and not np.isin(got.beside, new).any()
-    numbers, edges = np.unique(got.edge[:, 0], return_counts=True)
-    assert len(numbers) == len(got.faces) and (edges == 4).all()
