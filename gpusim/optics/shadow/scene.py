@@ -105,29 +105,24 @@ class Shadows:
         """On the device, of each triangle of the view n / d of its plane n x = d, and its
         `plane_words`; then those of parts of triangles ``parent`` (n,)."""
         assert self.trees is not None
-        view = self.view
+        view, turn = self.view, self.view.camera.camera_from_world[:3, :3]
         rows = np.full((max(view.count, 1) + len(parent), 4), NOBODY, np.uint32)
-        rows[: view.count, :3] = PixelReceivers.planes_of(view).astype(np.float32).view(np.uint32)
-        rows[: view.count, 3] = plane_words(self.owners, self._lean())
+        for part in parts(view.count):
+            a, b, c = np.moveaxis(view.corners_of(part, POSITION), 1, 0)
+            normal = np.cross(b - a, c - a)
+            plane = normal @ turn / np.einsum("ta,ta->t", normal, a)[:, None]
+            # pixels are told by these, and with normals for shading may be turned to a lamp
+            # nevertheless
+            own = view.corners_of(part, NORMAL)
+            cosine = np.abs(np.einsum("tka,ta->tk", own, plane)).min(axis=1)
+            cosine /= np.sqrt(np.einsum("ta,ta->t", plane, plane))
+            lean = np.sqrt(np.maximum(2.0 - 2.0 * cosine, 0.0))
+            rows[part, :3] = plane.astype(np.float32).view(np.uint32)
+            rows[part, 3] = plane_words(self.owners[part], lean)
         rows[max(view.count, 1) :] = rows[parent]
         texels = self.trees.device.kept.texels(len(rows), "rgba32uint", "shadow.planes")
         texels.write(rows)
         return texels
-
-    def _lean(self) -> Array:
-        """(T,): how far normals for shading are from that of each triangle of the view, as unit
-        vectors: pixels are told by the latter and may be turned to a lamp nevertheless."""
-        view = self.view
-        result = np.zeros(view.count)
-        for part in parts(view.count):
-            a, b, c = np.moveaxis(view.corners_of(part, POSITION), 1, 0)
-            normal = np.cross(b - a, c - a)
-            normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
-            own = view.corners_of(part, NORMAL)
-            size = np.maximum(np.linalg.norm(own, axis=2), 1e-300)
-            cosine = np.abs(np.einsum("tka,ta->tk", own, normal)) / size
-            result[part] = np.sqrt(np.maximum(2.0 - 2.0 * cosine.min(axis=1), 0.0))
-        return result
 
     def turned(self, terminator: float) -> tuple[LightSpace, ...]:
         """The spaces for receivers whose normals lean by so much (sine)."""
