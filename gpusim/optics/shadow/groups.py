@@ -163,7 +163,8 @@ def groups_twin(receivers: Receivers | PixelReceivers, space: LightSpace) -> Arr
     lamp = space.planes(plane)
     extent, reach = space.extent(lamp), np.ones(len(cells))
     if not space.lamp.far:
-        reach = np.linalg.norm(x - space.centre, axis=2).max(axis=0)
+        y = np.abs((x - space.centre) @ np.stack([space.across, space.along, space.axis], axis=1))
+        reach = np.linalg.norm(y.max(axis=0), axis=1)
         used &= ahead.max(axis=0) > 0.0
     lean = (cells[:, 3] + space.terminator) * (reach + sum(space.half))
     used &= lamp[:, 2] + extent + lean > 0.0

@@ -59,30 +59,33 @@ fn find_cells(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups
     let size = select(size_of(group), 4u, alike);
     var near = UNLIMITED;
     var far = 0.0;
-    for (var k = 0u; k < select(size, 0u, alike); k++) {
-        let depth = depth_of(group, k);
-        near = min(near, select(UNLIMITED, depth, depth > 0.0));
-        far = max(far, depth);
-    }
-    let split = select(UNLIMITED, 0.5 * (near + far), far > 1.01 * near);
+    var split = UNLIMITED;
     var bits = vec2u(0u);
-    for (var half = 0u; half < 2u; half++) {
+    // at first all together; if depths differ the nearer half, then the farther
+    for (var turn = 0u; turn < 3u; turn++) {
         let low = vec3f(UNLIMITED);
         var c = Cell(low, -low, vec4f(0.0), vec2f(UNLIMITED, -UNLIMITED), 0.0);
+        let divided = turn > 0u;
         if (listed == 0u) {
             // on what is bent the others are least apart from the plane in the middle
             let middle = receiver_of(group, 36u);
-            if (middle.depth > 0.0 && (middle.depth > split) == (half == 1u)) { c.plane = plane_of(middle); }
+            let own = !divided || (middle.depth > split) == (turn == 2u);
+            if (middle.depth > 0.0 && own) { c.plane = plane_of(middle); }
         }
-        for (var k = 0u; k < select(size, 0u, half == 1u && split == UNLIMITED); k++) {
+        for (var k = 0u; k < select(size, 0u, divided && split == UNLIMITED); k++) {
             let r = receiver_of(group, picked(k, alike));
-            let farther = r.depth > split;
-            if (r.depth > 0.0 && farther == (half == 1u)) { c = joined(c, r); }
+            let there = r.depth > 0.0;
+            near = min(near, select(UNLIMITED, r.depth, there));
+            far = max(far, r.depth);
+            let farther = divided && r.depth > split;
+            if (there && (!divided || farther == (turn == 2u))) { c = joined(c, r); }
             let bit = select(0u, 1u << (k & 31u), farther);
             bits |= select(vec2u(bit, 0u), vec2u(0u, bit), k >= 32u);
             if (listed != 0u) { halves[receivers.groups + 1u + number_of(group, k)] = u32(farther); }
         }
-        store_cell(group + half * receivers.groups, c);
+        if (!divided && !alike && far > 1.01 * near) { split = 0.5 * (near + far); }
+        if (turn != 2u && (!divided || split < UNLIMITED)) { store_cell(group, c); }
+        if (turn == 2u) { store_cell(group + receivers.groups, c); }
     }
     if (listed == 0u) {
         halves[2u * group] = bits.x;
@@ -91,8 +94,9 @@ fn find_cells(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups
 }
 
 struct Box { low: vec3f, high: vec3f }
-fn with_place(box: Box, x: vec3f) -> Box {
-    let at = to_light_space(x);
+// A place in the lamp's frame, from its middle.
+fn with_place(box: Box, y: vec3f) -> Box {
+    let at = place_in_frame(y);
     let slack = rounding_at(at);
     return Box(min(box.low, at - slack), max(box.high, at + slack));
 }
@@ -101,45 +105,16 @@ fn empty_box() -> Box { return Box(vec3f(UNLIMITED), vec3f(-UNLIMITED)); }
 fn end_of(low: vec3f, high: vec3f, k: u32) -> vec3f {
     return select(low, high, vec3<bool>((k & 1u) != 0u, (k & 2u) != 0u, (k & 4u) != 0u));
 }
-fn corner_of(low: vec3f, high: vec3f, k: u32) -> vec3f {
-    let end = end_of(low, high, k);
-    if (listed != 0u) { return end; }
-    return end.z * pixel_ray(end.xy);
-}
 
-// Of what is before the lamp's plane, which passes through a cell.
-fn unlimited_box(low: vec3f, high: vec3f, corners: u32) -> Box {
-    var beside = vec2f(UNLIMITED);
-    var beyond = vec2f(-UNLIMITED);
-    var most = 0.0;
-    for (var k = 0u; k < corners; k++) {
-        let x = corner_of(low, high, k);
-        let y = x - light.centre.xyz;
-        let at = vec2f(dot(light.across.xyz, y), dot(light.along.xyz, y));
-        beside = min(beside, at - light.rounding);
-        beyond = max(beyond, at + light.rounding);
-        most = max(most, ahead(x) + light.rounding);
-    }
+// What is before the lamp's plane of a box around places in the lamp's frame that passes through that.
+fn unlimited_box(low: vec3f, high: vec3f) -> Box {
+    let beside = low.xy - light.rounding;
+    let beyond = high.xy + light.rounding;
+    let most = high.z + light.rounding;
     return Box(
         vec3f(select(beside / most, vec2f(-UNLIMITED), beside < vec2f(0.0)), 1.0 / most),
         vec3f(select(beyond / most, vec2f(UNLIMITED), beyond > vec2f(0.0)), UNLIMITED),
     );
-}
-
-// Less of a box: of pixels where rays through the tile's corners meet the bounds of what lies about a plane.
-fn narrowed(box: Box, low: vec3f, high: vec3f, plane: vec4f, thick: f32, corners: u32) -> Box {
-    var within = empty_box();
-    var sure = true;
-    for (var k = 0u; k < corners; k++) {
-        let ray = pixel_ray(end_of(low, high, k).xy);
-        let rate = dot(plane.xyz, ray);
-        let offset = plane.w + select(0.0, thick, k >= 4u);
-        let x = select(1.0, offset / rate, rate * offset > 0.0) * ray;
-        sure = sure && rate * offset > 0.0 && (!is_near() || ahead(x) > light.axis.w);
-        within = with_place(within, x);
-    }
-    if (!sure) { return box; }
-    return Box(max(box.low, within.low), min(box.high, within.high));
 }
 
 @compute @workgroup_size(64)
@@ -149,32 +124,53 @@ fn find_groups(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroup
     let low = cells[3u * entry];
     let high = cells[3u * entry + 1u];
     let plane = cells[3u * entry + 2u];
+    // uniforms are loaded again and again in loops: places are linear in what these tell
+    let frame = transpose(mat3x3f(light.across.xyz, light.along.xyz, light.axis.xyz));
+    let centre = frame * light.centre.xyz;
+    let world = mat3x3f(receivers.x.xyz, receivers.y.xyz, receivers.one.xyz);
+    let rays = frame * world;
+    let rates = plane.xyz * world;
+    let lengths = transpose(world) * world;
     // software drivers run what a branch leaves out as well: of what isn't there no corner is looked at
     let corners = select(8u, 0u, low.z > high.z);
     var box = empty_box();
-    var least = UNLIMITED;
-    var most = -UNLIMITED;
+    var narrow = empty_box();
+    var least = vec3f(UNLIMITED);
+    var most = vec3f(-UNLIMITED);
     var far = 0.0;
-    var away = 0.0;
+    var sure = listed == 0u;
     for (var k = 0u; k < corners; k++) {
-        let x = corner_of(low.xyz, high.xyz, k);
-        box = with_place(box, x);
-        least = min(least, ahead(x));
-        most = max(most, ahead(x));
-        far = max(far, dot(x, x));
-        away = max(away, distance(x, light.centre.xyz));
+        let end = end_of(low.xyz, high.xyz, k);
+        var y = frame * end;
+        if (listed == 0u) {
+            let at = vec3f(end.xy, 1.0);
+            let ray = rays * at;
+            y = end.z * ray;
+            far = max(far, end.z * end.z * dot(at, lengths * at));
+            // where the ray meets the bounds of what lies about the plane
+            let rate = dot(rates, at);
+            let offset = plane.w + select(0.0, high.w, k >= 4u);
+            let met = select(1.0, offset / rate, rate * offset > 0.0) * ray - centre;
+            sure = sure && rate * offset > 0.0 && (!is_near() || met.z > light.axis.w);
+            narrow = with_place(narrow, met);
+        } else {
+            far = max(far, dot(end, end));
+        }
+        y -= centre;
+        box = with_place(box, y);
+        least = min(least, y);
+        most = max(most, y);
     }
-    let through = is_near() && least < light.axis.w;
-    if (listed == 0u) { box = narrowed(box, low.xyz, high.xyz, plane, high.w, corners); }
-    if (through) { box = unlimited_box(low.xyz, high.xyz, select(0u, corners, through)); }
+    if (sure) { box = Box(max(box.low, narrow.low), min(box.high, narrow.high)); }
+    if (is_near() && least.z < light.axis.w) { box = unlimited_box(least, most); }
     let lamp = plane_in_light_space(plane);
     let extent = lamp_extent(lamp);
-    away = select(1.0, away, is_near()) + light.across.w + light.along.w;
+    let away = select(1.0, length(max(abs(least), abs(most))), is_near()) + light.across.w + light.along.w;
     let turned = lamp.z + extent + (low.w + light.terminator) * away > 0.0;
-    if (low.z > high.z || !turned || (is_near() && most <= 0.0)) { box = empty_box(); }
+    if (low.z > high.z || !turned || (is_near() && most.z <= 0.0)) { box = empty_box(); }
     // all of the lamp is above all of them
-    let sure = lamp.z - extent > select(ANGLE, light.rounding + high.w, is_near());
+    let above = lamp.z - extent > select(ANGLE, light.rounding + high.w, is_near());
     groups_of[3u * entry] = vec4f(box.low.x, box.high.x, box.low.y, box.high.y);
     groups_of[3u * entry + 1u] = vec4f(box.low.z, box.high.z, 0.0, light.tolerance * sqrt(far));
-    groups_of[3u * entry + 2u] = select(vec4f(0.0), plane, sure);
+    groups_of[3u * entry + 2u] = select(vec4f(0.0), plane, above);
 }

@@ -30,11 +30,13 @@ fn ahead(x: vec3f) -> f32 { return dot(light.axis.xyz, x - light.centre.xyz); }
 
 fn to_light_space(x: vec3f) -> vec3f {
     let y = x - light.centre.xyz;
-    let w = dot(light.axis.xyz, y);
-    let beside = vec2f(dot(light.across.xyz, y), dot(light.along.xyz, y));
+    return place_in_frame(vec3f(dot(light.across.xyz, y), dot(light.along.xyz, y), dot(light.axis.xyz, y)));
+}
+// Of a place from the lamp's middle along its axes.
+fn place_in_frame(y: vec3f) -> vec3f {
     // receivers may look from beside the lamp's plane
-    let s = 1.0 / max(w, 1e-3 * light.axis.w);
-    return select(vec3f(beside, -w), vec3f(beside * s, s), is_near());
+    let s = 1.0 / max(y.z, 1e-3 * light.axis.w);
+    return select(vec3f(y.xy, -y.z), vec3f(y.xy * s, s), is_near());
 }
 
 // How far rounding moves a place in light space.

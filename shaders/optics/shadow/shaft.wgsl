@@ -127,11 +127,8 @@ fn over(t: Shaft, x: vec3f) -> f32 {
 struct Border { state: u32, turn: i32 }
 fn border_at(t: Shaft, i: u32, next: u32, k: u32, own: u32) -> Border {
     if (next != NOBODY && role(t, node_at(receivers.leaves + next), next) == own) { return Border(0u, 0); }
-    let o = occluder(i);
-    let begin = select(select(o.c, o.b, k == 1u), o.a, k == 0u);
-    let end = select(select(o.a, o.c, k == 1u), o.b, k == 0u);
-    let p = to_light_space(begin);
-    let q = to_light_space(end);
+    let p = to_light_space(textureLoad(occluders, texel(4u * i + k)).xyz);
+    let q = to_light_space(textureLoad(occluders, texel(4u * i + (k + 1u) % 3u)).xyz);
     let slack = max(rounding_at(p), rounding_at(q));
     let low = min(p, q) - slack;
     let high = max(p, q) + slack;
