@@ -130,15 +130,17 @@ class PixelReceivers:
 
     @staticmethod
     def owners(view: View, surfaces: Sequence[Surface], occluders: Occluders) -> Numbers:
-        """(T,): the occluder that each triangle of a view is part of."""
+        """(T,): the occluder that each triangle of a view is part of, -1 of closed surfaces."""
         faces = np.cumsum([0, *(len(surface.faces) for surface in surfaces)])
         first = np.cumsum([0, *(len(surface.topology.triangles) for surface in surfaces)])
-        result = np.empty(view.count, np.int64)
+        result = np.full(view.count, -1)
         eye = view.camera.eye
         turn = view.camera.camera_from_world[:3, :3]
         for number, surface in enumerate(surfaces):
-            own = np.flatnonzero(view.body == number)
             topology = surface.topology
+            if topology.closed:
+                continue
+            own = np.flatnonzero(view.body == number)
             face = view.face[own] - faces[number]
             start = np.searchsorted(topology.source, face)
             last = np.searchsorted(topology.source, face, side="right") - 1
@@ -147,8 +149,9 @@ class PixelReceivers:
             middle = view.corners_of(own, slice(0, 3)).mean(axis=1) @ turn + eye
             diagonal = c - a
             one, other = np.cross(diagonal, middle - a), np.cross(diagonal, b - a)
-            result[own] = np.where(np.sum(one * other, axis=1) >= 0.0, start, last) + first[number]
-        return occluders.rank[result]
+            start = np.where(np.sum(one * other, axis=1) >= 0.0, start, last)
+            result[own] = occluders.rank[start + first[number]]
+        return result
 
     def receivers(self) -> tuple[Numbers, Receivers]:
         """Indices (n,) of the pixels that see something, and these one by one."""

@@ -96,9 +96,7 @@ class Shadows:
 
     @cached_property
     def owners(self) -> Numbers:
-        """(T,): the occluder that each triangle of the view is part of, -1 if that is closed."""
-        if not self.occluders.open.any():
-            return np.full(self.view.count, -1)
+        """(T,): see `PixelReceivers.owners`."""
         return PixelReceivers.owners(self.view, self.surfaces, self.occluders)
 
     def planes(self, parent: Numbers) -> Texels:
