@@ -138,10 +138,8 @@ class EdgePass:
             slots, starts = self._slots(first, stop)
             self._pieces = PieceShares(self.tables, shadows, starts)
             values = {**shared, "slot_of": self.tables.device.buffer(slots, "edges.slots")}
-            self._run_pieces(first, stop, {**constants, "pieces": 1.0, "glossy": 0.0}, values)
-            self._light = partial(
-                self._run_pieces, first, stop, {**constants, "pieces": 2.0}, values
-            )
+            self._run_pieces("main", first, stop, {**constants, "listing": 1.0}, values)
+            self._light = partial(self._run_pieces, "light_pieces", first, stop, constants, values)
             self._pieces.find()
             self._light()
             first = stop
@@ -160,15 +158,13 @@ class EdgePass:
         return slots, group_starts(np.diff(ends[last], prepend=0))
 
     def _run_pieces(
-        self, first: int, stop: int, constants: dict[str, float], shared: dict[str, Any]
+        self, entry: str, first: int, stop: int, constants: dict[str, float], shared: dict[str, Any]
     ) -> None:
         pieces, device = self._pieces, self.tables.device
         assert pieces is not None
-        kernel = device.kernel("optics/edges", "main", constants)
+        kernel = device.kernel("optics/edges", entry, constants)
         places = {**_range(first, stop), **pieces.range()}
-        bindings = kernel.bind_used(
-            range=places, **pieces.bindings(constants["pieces"] == 2.0) | shared
-        )
+        bindings = kernel.bind_used(range=places, **shared, **pieces.bindings())
         with device.recording("optics.edges") as recording:
             recording.dispatch(kernel, bindings, threads=(stop - first,))
 
@@ -178,6 +174,7 @@ class EdgePass:
             while self._pieces.failed():
                 self._pieces.find()
                 self._light()
+            self._pieces.release()
             self._pieces = None
 
     def fetch(self) -> None:

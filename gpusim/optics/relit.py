@@ -170,6 +170,7 @@ def no_pieces(device: Device) -> dict[str, Any]:
         "lamp_shares": device.buffer(np.zeros(4, np.float32), "shadow.no_shares"),
         "owners": device.no_texels("rgba32uint"),
         "slot_of": device.buffer(np.zeros(4, np.uint32), "shadow.no_slots"),
+        "painted": device.buffer(np.zeros(4, np.uint32), "shadow.no_paint"),
     }
 
 
@@ -181,21 +182,28 @@ class PieceShares:
         device = tables.device
         self._device, self._spaces, self._planes = device, shadows.spaces, tables.planes
         self._found = _listed(shadows, starts, "pieces")
+        self._found.make_room(shadows.spaces)
         self._receivers, self._casting = self._found.receivers, shadows.casting
-        self._none = no_pieces(device)
+        self._painted = device.kept.take(16 * self._receivers.most, "shadow.painted")
         with device.recording("optics.shadow") as recording:
             recording.clear(self._receivers.pieces)
+            recording.clear(self._painted)
 
     def range(self) -> dict[str, int]:
-        """Members of the program's uniform."""
+        """Members of the programs' uniform."""
         return {"slots": self._receivers.count, "casting": self._casting}
 
-    def bindings(self, known: bool) -> dict[str, Any]:
+    def bindings(self) -> dict[str, Any]:
         """By their WGSL names, for the program that lists them, and for that which lights them once
-        what they see is ``known``."""
-        if known:
-            return {**self._none, "lamp_shares": self._found.shares}
-        return {**self._none, "receivers": self._receivers.pieces, "owners": self._planes}
+        it is found what they see."""
+        return {
+            "receivers": self._receivers.pieces, "owners": self._planes, "painted": self._painted,
+            "lamp_shares": self._found.shares,
+        }  # fmt: skip
+
+    def release(self) -> None:
+        """Leave memory to others."""
+        self._device.kept.give(self._painted)
 
     def find(self) -> None:
         """Let the device find what those see that are listed."""

@@ -13,8 +13,8 @@
 #import common/within
 
 override lit: u32;
-// where lamps cast shadows 1: pieces of pixels are listed, 2: what each of them sees of the lamps is known
-override pieces: u32 = 0u;
+// 1 where lamps cast shadows: pieces of pixels are listed, for `light_pieces`
+override listing: u32 = 0u;
 
 struct Params {
     rays: Rays,
@@ -57,13 +57,72 @@ struct Range {
 // per edge pixel the number of its first piece: those of neighbouring pixels lie side by side
 @group(0) @binding(13) var<storage, read> slot_of: array<u32>;
 
+// per piece its area, the paint's mean albedo and what of it is printed, as bits, and flags
+@group(0) @binding(14) var<storage, read_write> painted: array<vec4u>;
+// more shows of it, or less, than can be told here; it is lit in its middle though it goes round a corner;
+// it lies behind others in doubt; its light isn't even
+const DOUBT: u32 = 1u;
+const CORNER: u32 = 2u;
+const BEHIND: u32 = 4u;
+const UNEVEN: u32 = 8u;
+
 fn list_piece(slot: u32, t: Triangle, s: Spot, extent: mat2x2f) {
     let sides = mat2x3f(s.dx, s.dy) * extent;
     let own = textureLoad(owners, texel(t.id), 0).w & 0xffffffu;
     receivers[4u * slot] = vec4u(bitcast<vec3u>(s.x), select(own, 0xffffffffu, own == 0xffffffu));
-    receivers[4u * slot + 1u] = vec4u(bitcast<vec3u>(s.n), 0u);
+    receivers[4u * slot + 1u] = vec4u(bitcast<vec3u>(s.n), bitcast<u32>(s.widened));
     receivers[4u * slot + 2u] = vec4u(bitcast<vec3u>(sides[0]), 0u);
     receivers[4u * slot + 3u] = vec4u(bitcast<vec3u>(sides[1]), 0u);
+}
+fn listed_spot(slot: u32) -> Spot {
+    let x = receivers[4u * slot];
+    let n = receivers[4u * slot + 1u];
+    let at = bitcast<vec3f>(x.xyz);
+    return Spot(at, bitcast<vec3f>(n.xyz), vec3f(0.0), vec3f(0.0), bitcast<f32>(n.w));
+}
+
+// What pieces of a pixel add up to. `doubtful`: how many are in doubt; share: their light and area.
+struct Sum {
+    value: f32,
+    seen: f32,
+    behind: f32,
+    doubtful: u32,
+    lights: vec2f,
+    share: vec2f,
+    unsure: bool,
+}
+fn empty_sum() -> Sum {
+    var sum = Sum();
+    sum.lights = vec2f(1e30, 0.0);
+    return sum;
+}
+// One more; `half`: some lamp is seen in part, and what is in front may end where its shadow begins.
+fn added(before: Sum, area: f32, light: f32, flags: u32, half: bool) -> Sum {
+    var sum = before;
+    let doubt = (flags & DOUBT) != 0u;
+    sum.seen += select(area, 0.0, doubt);
+    sum.value += select(area * light, 0.0, doubt);
+    sum.behind += select(0.0, area, doubt && (flags & BEHIND) == 0u);
+    sum.doubtful += select(0u, 1u, doubt);
+    sum.lights = select(sum.lights, vec2f(min(sum.lights.x, light), max(sum.lights.y, light)), doubt);
+    sum.share += select(vec2f(0.0), area * vec2f(light, 1.0), doubt);
+    sum.unsure = sum.unsure || (doubt && (half || (flags & UNEVEN) != 0u));
+    return sum;
+}
+// Radiance, and 1 if the host has to resolve the pixel.
+fn finished(sum: Sum) -> vec2f {
+    let open = 1.0 - sum.seen;
+    // what is open is a seam between neighbours, shows the background, or the doubtful ones
+    if (open <= range.thin) { return vec2f(sum.value / sum.seen, 0.0); }
+    if (sum.doubtful == 0u) { return vec2f(sum.value + open * params.background, 0.0); }
+    var lights = sum.lights;
+    if (sum.behind < FULL) {
+        lights = vec2f(min(lights.x, params.background), max(lights.y, params.background));
+    }
+    // of a single one nothing tells how much the light differs over it
+    let apart = (lights.y - lights.x) * open > range.sure * lights.y;
+    let doubts = sum.unsure || sum.doubtful == 1u || apart;
+    return vec2f(sum.value + open * sum.share.x / sum.share.y, select(0.0, 1.0, doubts));
 }
 
 // px^2 of a triangle that are taken to be hidden.
@@ -113,20 +172,14 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
     let bend = bend_at(pixel);
     let change = undistort_change(bend);
     let nearest = start_of(n);
-    var seen = 0.0;
+    var sum = empty_sum();
     // first and second moments of what is seen, as `spread_of` has these
     var first = vec2f(0.0);
     var second = vec3f(0.0);
-    var value = 0.0;
     // those of which more shows, or less, than can be told here
     var doubtful = vec2u(0u);
     // those that nothing hides any of: none of these lies over another
     var clear = vec2u(0u);
-    var behind = 0.0;
-    var lights = vec2f(1e30, 0.0);
-    var share = vec2f(0.0);
-    var unsure = false;
-    var unknown = false;
 
     // tests of loops come last: see paint.wgsl
     var c = nearest;
@@ -187,12 +240,12 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
         var m = vec3f(0.0);
         if (!gone) { m = moments(polygon); }
         var spread = vec3f(0.0);
-        if (pieces != 0u && m.x > SMALLEST) { spread = spread_of(polygon, m); }
+        if (listing != 0u && m.x > SMALLEST) { spread = spread_of(polygon, m); }
         let plain = bumpy == 0u && (patterned == 0u || t.more.y == 0.0);
         if (doubt && (filled || plain) && all(doubtful == vec2u(0u)) && m.x > FULL) {
             // what is left by all others
             doubt = false;
-            m.x = 1.0 - seen;
+            m.x = 1.0 - sum.seen;
             corner = !filled && m.x > SMALL;
             m = vec3f(m.x, clamp(-first / m.x, vec2f(-0.5), vec2f(0.5)));
             spread = vec3f(1.0, 0.0, 1.0) - second - spread_at(m);
@@ -215,7 +268,7 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
                     if (part.count > 2) {
                         let own = moments(part);
                         rest -= vec3f(own.x, own.x * own.yz);
-                        if (pieces != 0u) { rest2 -= spread_of(part, own) + spread_at(own); }
+                        if (listing != 0u) { rest2 -= spread_of(part, own) + spread_at(own); }
                     }
                 }
                 b++;
@@ -233,76 +286,77 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
         }
         if (m.x > SMALLEST) {
             first += m.x * m.yz;
-            if (pieces != 0u) { second += spread + spread_at(m); }
+            if (listing != 0u) { second += spread + spread_at(m); }
             let d = vec2f(pixel - t.place.xy);
             let middle = undistort_within(bend, m.yz);
             var extent = change;
-            if (pieces != 0u) { extent = change * rectangle_of(m, spread); }
+            if (listing != 0u) { extent = change * rectangle_of(m, spread); }
             if (distorted != 0u || aperture != 1.0) {
                 for (var n = 0; n < polygon.count; n++) {
                     polygon.p[n] = undistort_within(bend, polygon.p[n]);
                 }
             }
             printed = 0.0;
-            var light = 0.0;
-            if (pieces != 1u) { light = paint_polygon(t, d, polygon, middle); }
-            if (lit != 0u) {
-                let at = vec2f(pixel) + middle;
-                var r: Reflection;
-                var slot = 0u;
-                if (pieces != 0u) { slot = slot_of[n - range.first] + c - nearest; }
-                if (pieces == 1u) {
-                    list_piece(slot, t, spot(t, params.rays, at, d + middle), extent);
-                } else if (pieces == 2u) {
-                    let s = spot(t, params.rays, at, d + middle);
-                    let known = Known(slot, range.slots, range.casting, 0u);
-                    let own = reflection_known(s.x, s.n, gloss_at(t, s), openness_at(t.id, s.x), known);
-                    // what is in front may end where its shadow begins
-                    unsure = unsure || (doubt && own.half);
-                    unknown = unknown || (corner && own.half);
-                    r = own.r;
-                } else {
-                    r = reflection_at(t, params.rays, at, d + middle);
-                }
-                let whole = paint_at(u32(t.ny.w)).featured > 1u;
-                let ground = select(t.more.x, light, whole);
-                light = radiance_of(t, r, light, ground, clamp(1.0 - printed, 0.0, 1.0));
+            var light = paint_polygon(t, d, polygon, middle);
+            let uneven = bumpy != 0u || (patterned != 0u && t.more.y != 0.0);
+            let flags = select(0u, DOUBT, doubt) | select(0u, CORNER, corner)
+                | select(0u, BEHIND, any(layer != vec2u(0u))) | select(0u, UNEVEN, uneven);
+            if (listing != 0u) {
+                let slot = slot_of[n - range.first] + c - nearest;
+                list_piece(slot, t, spot(t, params.rays, vec2f(pixel) + middle, d + middle), extent);
+                painted[slot] = vec4u(bitcast<vec3u>(vec3f(m.x, light, printed)), flags);
+            } else if (lit != 0u) {
+                let r = reflection_at(t, params.rays, vec2f(pixel) + middle, d + middle);
+                light = piece_radiance(t, r, light);
             }
             if (!doubt && cuts == 0 && all(met == vec2u(0u))) { clear |= bit_of(c - nearest); }
-            if (doubt) {
-                doubtful |= bit_of(c - nearest);
-                if (all(layer == vec2u(0u))) { behind += m.x; }
-                lights = vec2f(min(lights.x, light), max(lights.y, light));
-                share += m.x * vec2f(light, 1.0);
-                unsure = unsure || bumpy != 0u || (patterned != 0u && t.more.y != 0.0);
-            } else {
-                seen += m.x;
-                value += m.x * light;
-            }
+            if (doubt) { doubtful |= bit_of(c - nearest); }
+            sum = added(sum, m.x, light, flags, false);
         }
         c++;
-        if (!(c < stop && seen < FULL && behind < FULL)) { break; }
+        if (!(c < stop && sum.seen < FULL && sum.behind < FULL)) { break; }
     }
-    var doubts = 0.0;
-    let open = 1.0 - seen;
-    // what is open is a seam between neighbours, shows the background, or the doubtful ones
-    if (open <= range.thin) {
-        value /= seen;
-    } else if (all(doubtful == vec2u(0u))) {
-        value += open * params.background;
-    } else {
-        if (behind < FULL) {
-            lights = vec2f(min(lights.x, params.background), max(lights.y, params.background));
+    if (listing == 0u) { found[n] = finished(sum); }
+}
+
+// Of a piece of mean albedo `albedo`, of which some is `printed`.
+fn piece_radiance(t: Triangle, r: Reflection, albedo: f32) -> f32 {
+    let whole = paint_at(u32(t.ny.w)).featured > 1u;
+    let ground = select(t.more.x, albedo, whole);
+    return radiance_of(t, r, albedo, ground, clamp(1.0 - printed, 0.0, 1.0));
+}
+
+// Pixels of which `main` has listed the pieces, once it is known what these see of the lamps.
+@compute @workgroup_size(64)
+fn light_pieces(
+    @builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u
+) {
+    let n = range.first + gid.y * (groups.x * 64u) + gid.x;
+    if (n >= range.count) { return; }
+    let nearest = start_of(n);
+    let stop = start_of(n + 1u);
+    var sum = empty_sum();
+    var unknown = false;
+    var c = nearest;
+    loop {
+        if (c >= stop) { break; }
+        let slot = slot_of[n - range.first] + c - nearest;
+        let own = painted[slot];
+        let paint = bitcast<vec3f>(own.xyz);
+        if (paint.x > 0.0) {
+            let t = triangle_at(lists[c]);
+            let s = listed_spot(slot);
+            let known = Known(slot, range.slots, range.casting, 0u);
+            let light = reflection_known(s.x, s.n, gloss_at(t, s), openness_at(t.id, s.x), known);
+            printed = paint.z;
+            sum = added(sum, paint.x, piece_radiance(t, light.r, paint.y), own.w, light.half);
+            unknown = unknown || (light.half && (own.w & CORNER) != 0u);
         }
-        value += open * share.x / share.y;
-        // of a single one nothing tells how much the light differs over it
-        let several = countOneBits(doubtful.x) + countOneBits(doubtful.y) > 1u;
-        if (unsure || !several || (lights.y - lights.x) * open > range.sure * lights.y) {
-            doubts = 1.0;
-        }
+        c++;
+        if (c >= stop) { break; }
     }
-    if (unknown) { doubts = 1.0; }
-    found[n] = vec2f(value, doubts);
+    let result = finished(sum);
+    found[n] = vec2f(result.x, select(result.y, 1.0, unknown));
 }
 
 // Pixels that one sheet covers, without patterns or shadows on it.

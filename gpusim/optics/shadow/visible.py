@@ -136,19 +136,13 @@ class VisibleShares:
         """Let the device work; where a pool may be too small, `find` looks."""
         stages = STAGES[: STAGES.index(until) + 1]
         receivers = self.receivers
-        lamps = max((space.number for space in spaces), default=-1) + 1
-        if lamps > self._lamps:
-            self._spaces.clear()
-            self._lamps = lamps
-            entries = 2 * receivers.most_groups
-            self.states = self.device.empty(4 * lamps * entries, "shadow.states")
-            self.shares = self.device.empty(4 * lamps * receivers.most, "shadow.shares")
+        self.make_room(spaces)
         for place, space in enumerate(spaces):
             if place < len(self._spaces) and self._spaces[place].number == space.number:
                 self._spaces[place].update(space)
             else:
                 self._spaces[place:] = [_SpaceOnDevice(self, place, space)]
-        if not lamps or not receivers.count:
+        if not spaces or not receivers.count:
             return
         with self.device.recording("optics.shadow") as recording:
             recording.clear(self.states)
@@ -158,6 +152,16 @@ class VisibleShares:
             record_cells(recording, receivers, self._spaces[0].bound)
             for own in self._spaces[: len(spaces)]:
                 own.record(recording, stages)
+
+    def make_room(self, spaces: Sequence[LightSpace]) -> None:
+        """For `states` and `shares` of so many lamps."""
+        lamps = max((space.number for space in spaces), default=-1) + 1
+        if lamps > self._lamps:
+            self._spaces.clear()
+            self._lamps = lamps
+            entries = 2 * self.receivers.most_groups
+            self.states = self.device.empty(4 * lamps * entries, "shadow.states")
+            self.shares = self.device.empty(4 * lamps * self.receivers.most, "shadow.shares")
 
     def _most_chunks(self, count: int) -> int:
         """That the search for any of so many spaces has taken; waits for the device."""
