@@ -201,7 +201,7 @@ class EdgePass:
             return
         setup = self.tables.setup
         shadows = setup.lighting.shadows
-        shares = None if shadows is None else ListedShares(self.tables.device, shadows)
+        shares = None if shadows is None else ListedShares(shadows)
         value, doubt = self._values[:, 0].copy(), self._values[:, 1] > 0.0
         if doubt.any():
             value[doubt] = resolved(setup, self.edges.select(doubt), shares)

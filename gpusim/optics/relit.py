@@ -41,9 +41,6 @@ Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
 NEEDED = "shadow.capacity"
 
-FEW = 1 << 20
-"""Pairs of receivers and occluders that NumPy looks at sooner than a device is asked."""
-
 
 def _found_by(shadows: Shadows, receivers: DeviceReceivers, label: str) -> VisibleShares:
     """What of the last frame is kept under ``label``, if it is of these receivers; with as many
@@ -215,10 +212,10 @@ class PieceShares:
 
 
 class ListedShares:
-    """`Shadows.shares`, by the device where there are many."""
+    """`Shadows.shares` by a device."""
 
-    def __init__(self, device: Device, shadows: Shadows) -> None:
-        self._device, self._shadows = device, shadows
+    def __init__(self, shadows: Shadows) -> None:
+        self._shadows = shadows
 
     def __call__(
         self,
@@ -232,8 +229,9 @@ class ListedShares:
     ) -> Array:
         """As `Shadows.shares`."""
         shadows = self._shadows
-        if len(x) * shadows.occluders.count < FEW:
-            return shadows.shares(x, y, at, normal, across, down, triangle)
+        result = np.ones((len(x), len(shadows.lamps)))
+        if not len(x):
+            return result
         # those of a tile look past the same
         tile = np.stack([np.floor((x + 0.5) / TILE), np.floor((y + 0.5) / TILE)])
         order = np.lexsort(tile)
@@ -245,7 +243,6 @@ class ListedShares:
         found = _listed(shadows, receivers.starts, "listed")
         assert isinstance(found.receivers, DeviceList)
         found.receivers.fill(receivers)
-        result = np.ones((len(x), len(shadows.lamps)))
         result[order[:, None], lamp_numbers(shadows.spaces)] = found.found(shadows.spaces)
         return result
 
