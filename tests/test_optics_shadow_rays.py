@@ -160,3 +160,10 @@ def test_level_with_a_lamp_inside_the_scene(device: Device) -> None:
     room = box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
     want = agree(device, [room, *bodies], [PointLight((0.0, 0.0, 0.0), 5.0)], own)
     assert want.min() == 0.0 and want.max() == 1.0
+
+
+def test_as_many_triangles_as_leaves(device: Device) -> None:
+    # the walk through the tree has to end after its last leaf
+    surface = sheet((-0.3, -0.3), (0.3, 0.3), 0.2, 8)
+    assert Occluders.of([surface]).count == 128
+    agree(device, [surface], [AREA, POINT], on_plane(40, (-0.1, -0.1), (0.5, 0.7)))
