@@ -147,3 +147,23 @@ def test_edges_of_more_than_two_triangles(device: Device) -> None:
     neighbours = Occluders.of([surface]).neighbours
     assert (neighbours == NOBODY).sum() == 4
     agree(device, [surface], LAMPS[:4], on_plane(50, (-0.7, -0.7), (0.7, 0.7)))
+
+
+def test_level_with_a_lamp_inside_the_scene(device: Device) -> None:
+    # where its two spaces meet
+    turn = np.linspace(0.1, 6.2, 40)
+    way = np.column_stack([np.cos(turn), np.sin(turn), 0.0 * turn])
+    up = np.broadcast_to([0.0, 0.0, 0.01], way.shape)
+    along = 0.01 * np.cross(way, [0.0, 0.0, 1.0])
+    own = Receivers(0.9 * way, -way, along, up, np.full(len(turn), -1))
+    bodies = [box((x, x, 0.0), (0.1, 0.1, 0.2)) for x in (-0.3, 0.3)]
+    room = box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
+    want = agree(device, [room, *bodies], [PointLight((0.0, 0.0, 0.0), 5.0)], own)
+    assert want.min() == 0.0 and want.max() == 1.0
+
+
+def test_as_many_triangles_as_leaves(device: Device) -> None:
+    # the walk through the tree has to end after its last leaf
+    surface = sheet((-0.3, -0.3), (0.3, 0.3), 0.2, 8)
+    assert Occluders.of([surface]).count == 128
+    agree(device, [surface], [AREA, POINT], on_plane(40, (-0.1, -0.1), (0.5, 0.7)))

@@ -13,7 +13,7 @@ from gpusim.optics.light import AreaLight, Light, PointLight, SunLight
 from gpusim.optics.shadow.light_space import light_spaces
 from gpusim.optics.shadow.occluders import Occluders, relative_points
 from gpusim.optics.shadow.probe import probe_pieces, probe_pixels, probe_points
-from gpusim.optics.shadow.receivers import PixelReceivers, Receivers
+from gpusim.optics.shadow.receivers import DevicePixels, PixelReceivers, Receivers
 from gpusim.optics.shadow.twin import shares_twin
 from gpusim.optics.shadow.visible import VisibleShares, visible_shares
 from gpusim.optics.view import look
@@ -134,3 +134,14 @@ def test_receivers_beyond_the_terminator(device: Device) -> None:
     for terminator, share in ((0.0, 0.0), (0.2, 1.0)):
         spaces = light_spaces(lamps_of(lights), points, eye, terminator)
         assert (visible_shares(device, occluders, points, spaces, own) == share).all()
+
+
+def test_a_pool_enlarged_for_a_short_band_suits_longer_ones(device: Device) -> None:
+    occluders, spaces, receivers = probe_pixels()
+    want = VisibleShares(device, occluders, receivers).find(probe_points(), spaces)
+    shares = VisibleShares(device, occluders, receivers)
+    assert isinstance(shares.receivers, DevicePixels)
+    shares.receivers.aim(0, 8)
+    shares.enlarge(1 << 13)
+    shares.receivers.aim(0, receivers.camera.height)
+    assert (shares.find(probe_points(), spaces) == want).all()

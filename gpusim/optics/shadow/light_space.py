@@ -115,7 +115,8 @@ class LightSpace:
         if self.lamp.far:
             return np.asarray(height > -self.terminator)
         away = np.linalg.norm(x - self.centre, axis=1)
-        return np.asarray((self.ahead(x) > 0.0) & (height > -self.terminator * away))
+        # what lies between a lamp's two spaces is before both
+        return np.asarray((self.ahead(x) >= 0.0) & (height > -self.terminator * away))
 
     def uniform(self) -> dict[str, object]:
         """As ``LightSpace`` of the shaders."""

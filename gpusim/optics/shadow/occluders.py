@@ -84,8 +84,9 @@ class Occluders:
 
     @property
     def leaves(self) -> int:
-        """Number of the tree's leaves, a power of two, 128 at least: seven levels are one step."""
-        return 1 << max((self.count - 1).bit_length(), 7)
+        """Number of the tree's leaves, a power of two, 128 at least: seven levels are one step. The
+        last one is empty: what follows it in depth-first order would be the root again."""
+        return 1 << max(self.count.bit_length(), 7)
 
 
 def relative_points(surfaces: Sequence[Surface], eye: Array) -> npt.NDArray[np.float32]:

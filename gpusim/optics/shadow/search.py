@@ -47,14 +47,14 @@ class Search:
         self.heads = device.empty(16 * entries, "shadow.heads")
         # entries to sift, to refine, and in penumbra
         self.work = device.empty(12 * entries, "shadow.work")
-        across, down = self._coarse_size
+        # of all that there is room for: a band may be shorter than those that follow
+        across, down = self._coarse_size(receivers.most_groups)
         self.coarse = device.empty(8 * across * down, "shadow.coarse")
         self.next_groups = device.empty(12, "shadow.next_groups")
 
-    @property
-    def _coarse_size(self) -> tuple[int, int]:
-        own = self._receivers
-        return -(-own.columns // COARSE), max(-(-own.groups // own.columns // COARSE), 1)
+    def _coarse_size(self, groups: int) -> tuple[int, int]:
+        columns = self._receivers.columns
+        return -(-columns // COARSE), max(-(-groups // columns // COARSE), 1)
 
     def bindings(self) -> dict[str, Any]:
         """By their WGSL names."""
@@ -70,7 +70,7 @@ class Search:
         if receivers.listed:
             bound.run(recording, name, "listed_groups", constants, threads=(receivers.entries,))
         else:
-            across, down = self._coarse_size
+            across, down = self._coarse_size(receivers.groups)
             bound.run(recording, name, "coarse_tiles", constants, threads=(2 * across * down,))
             rows = receivers.groups // receivers.columns
             groups = 2 * -(-receivers.columns // 8) * -(-rows // 8)

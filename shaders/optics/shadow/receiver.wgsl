@@ -142,7 +142,8 @@ fn depth_of(group: u32, k: u32) -> f32 {
 fn asks(r: Receiver) -> bool {
     let plane = plane_in_light_space(vec4f(r.n, dot(r.n, r.x)));
     let away = select(1.0, distance(r.x, light.centre.xyz), is_near());
-    let before = !is_near() || ahead(r.x) > 0.0;
+    // what lies between a lamp's two spaces is before both
+    let before = !is_near() || ahead(r.x) >= 0.0;
     return r.depth > 0.0 && before && plane.z + lamp_extent(plane) > -(light.terminator + r.lean) * away;
 }
 // Whether the k-th receiver of a group asks as one of an entry.
