@@ -215,7 +215,7 @@ def test_a_penumbra_some_pixels_wide_is_integrated_over_lamp_and_pixel(
     across, down = np.broadcast_to(step * np.eye(3)[:2, None], (2, len(t), 3))
     normal = np.broadcast_to(np.eye(3)[2], (len(t), 3))
     own = Receivers(at, normal, across, down, np.full(len(t), -1))
-    shares = found(device, [gs.Surface(screen, QUAD)], [lamp], own)[:, 0]
+    shares = found(device, [gs.Surface(screen, QUAD)], [lamp], own, (0.3, 0.2, 1.5))[:, 0]
     fine = t[:, None] + step * ((np.arange(4000) + 0.5) / 4000 - 0.5)
     exact = np.clip(0.5 + fine / 0.1, 0.0, 1.0).mean(axis=1)
     error = shares - exact
