@@ -39,7 +39,8 @@ def test_every_kind_of_lamp_against_brute_force() -> None:
     truth = gs.render(surfaces, camera, None, backend="numpy").truth()
     triangle = visibility_twin(view)[truth.row, truth.column].astype(np.int64) - 1
     inside = ~np.isin(truth.row * camera.width + truth.column, bin_edges(view).pixel)
-    rows = np.flatnonzero(inside)[::11]
+    # whole tiles, which NumPy looks from together
+    rows = np.flatnonzero(inside & ((3 * (truth.row // 8) + truth.column // 8) % 7 == 0))
     points = truth.reference[rows]
     still = np.zeros_like(points)
     got = shadows.shares(
@@ -287,7 +288,9 @@ def test_patterns_on_triangles_of_all_sizes(width: int, columns: int, device: De
     camera = gs.Camera.from_lens((36.0, 24.0), 30.0, size, (0.2, -0.9, 1.6), (0.0, 0.0, 0.0))
     # of small triangles it is found first which one each pixel sees
     assert small_triangles(look(surfaces, camera, True)) == (columns == 41)
-    lights = shadow_scene()[2][:: 2 if width == 60 else 1]
+    lights = shadow_scene()[2]
+    if width == 60:
+        lights = [lights[0], lights[2]]
     for matte in (False, True):
         if matte:
             surfaces[1] = replace(surfaces[1], paint=gs.paint.Plain(0.6))

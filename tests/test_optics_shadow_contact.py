@@ -63,11 +63,11 @@ def test_shadows_are_filtered_where_the_plane_of_a_standing_sheet_meets_the_floo
 ) -> None:
     device = request.getfixturevalue("device") if backend == "gpu" else None
     lamp = gs.AreaLight((1.8, 0.9, 1.2), (0.0, 0.0, 0.0), size=(0.01, 0.01), power=50.0)
-    part = 1 if backend == "gpu" else 2
+    part, times = (1, 4) if backend == "gpu" else (2, 4)
     one, fine = (
-        gs.render(*standing(times, part), [lamp], backend=backend, device=device).radiance
-        for times in (1, 4)
+        gs.render(*standing(finer, part), [lamp], backend=backend, device=device).radiance
+        for finer in (1, times)
     )
-    mean = fine.reshape(150 // part, 4, 200 // part, 4).mean(axis=(1, 3))
+    mean = fine.reshape(150 // part, times, 200 // part, times).mean(axis=(1, 3))
     # 16 rows a pixel, where a shadow's edge runs along them
     assert np.abs(one - mean).max() < 0.04 * mean.max()
