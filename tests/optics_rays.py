@@ -63,15 +63,6 @@ def meets(origin: Array, ways: Array, triangles: Array) -> Flags:
     return found
 
 
-def hits(origin: Array, way: Array, triangles: Array) -> Flags:
-    """(n,): whether the segments origin + t way, 1e-6 < t < 1, meet a triangle."""
-    found = np.zeros(len(origin), bool)
-    for triangle in triangles:
-        every = np.broadcast_to(triangle, (len(origin), 3, 3))
-        found |= meets(origin, way[:, None], every)[:, 0]
-    return found
-
-
 def lamp_samples(lamp: Lamp, n: int) -> Array:
     g = 2.0 * (np.arange(n) + 0.5) / n - 1.0
     a, b = (v.reshape(-1) for v in np.meshgrid(g, g))
