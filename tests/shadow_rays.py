@@ -15,6 +15,7 @@ from gpusim.optics.shadow.light_space import light_spaces
 from gpusim.optics.shadow.occluders import Occluders, relative_points
 from gpusim.optics.shadow.receivers import Receivers
 from gpusim.optics.shadow.visible import visible_shares
+from tests.optics_rays import may_meet
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -76,6 +77,8 @@ def ray_shares(
     random = np.random.default_rng(7)
     cell = np.stack(np.meshgrid(*2 * [np.arange(grain)], indexing="ij"), axis=-1).reshape(-1, 2)
     result = np.zeros(len(own.at))
+    reach = 0.5 * (np.linalg.norm(own.across, axis=1) + np.linalg.norm(own.down, axis=1))
+    near = may_meet(lamp, own.at, reach + slack, corners)
     for row in range(len(own.at)):
         on_lamp = 2.0 * (cell + random.random(cell.shape)) / grain - 1.0
         if lamp.round:
@@ -86,7 +89,8 @@ def ray_shares(
         stop = lamp.centre + on_lamp @ np.stack([lamp.u, lamp.v])
         if lamp.far:
             stop = start + FAR * stop
-        hidden = blocked(start, stop, own.normal[row], corners, is_open, slack)
+        some = near[row]
+        hidden = blocked(start, stop, own.normal[row], corners[some], is_open[some], slack)
         result[row] = 1.0 - hidden.mean()
     return result
 

@@ -14,8 +14,9 @@ from gpusim.optics import covered as module
 from gpusim.optics import edges
 from gpusim.optics.covered import covered
 from gpusim.optics.edges import EdgePass
+from gpusim.optics.emitters import lamps_of
 from gpusim.optics.view import look
-from tests.optics_rays import hits
+from tests.optics_rays import brute_share
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -114,7 +115,9 @@ def seen_share(shown: gs.Surface, own: Flags, camera: gs.Camera) -> float:
     some = random.choice(np.flatnonzero(own), min(400, int(own.sum())), replace=False)
     weights = random.dirichlet((0.5, 0.5, 0.5), len(some))
     at = np.einsum("nk,nka->na", weights, shown.points[triangles[some]])
-    return 1.0 - float(hits(at, camera.eye - at, shown.points[triangles]).mean())
+    x, y, z = (float(v) for v in camera.eye)
+    (eye,) = lamps_of([gs.PointLight((x, y, z), 1.0)])
+    return float(brute_share(eye, at, shown.points[triangles]).mean())
 
 
 @pytest.mark.parametrize("name", NAMES)

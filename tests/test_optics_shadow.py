@@ -39,7 +39,8 @@ def test_every_kind_of_lamp_against_brute_force() -> None:
     truth = gs.render(surfaces, camera, None, backend="numpy").truth()
     triangle = visibility_twin(view)[truth.row, truth.column].astype(np.int64) - 1
     inside = ~np.isin(truth.row * camera.width + truth.column, bin_edges(view).pixel)
-    rows = np.flatnonzero(inside)[::7]
+    # whole tiles, which NumPy looks from together
+    rows = np.flatnonzero(inside & ((3 * (truth.row // 8) + truth.column // 8) % 7 == 0))
     points = truth.reference[rows]
     still = np.zeros_like(points)
     got = shadows.shares(
@@ -72,7 +73,7 @@ def test_penumbra_is_as_wide_as_geometry_says() -> None:
     height, top = 0.2, 1.5
     screen = gs.Surface(np.array([[-2.0, -1, height], [0, -1, height], [0, 1, height],
                                   [-2, 1, height]]), QUAD)  # fmt: skip
-    camera = gs.Camera.from_lens((36, 36 * 31 / 901), 30, (901, 31), (0.1, -1.3, 0.15), (0.1, 0, 0))
+    camera = gs.Camera.from_lens((36, 36 * 5 / 901), 30, (901, 5), (0.1, -1.3, 0.15), (0.1, 0, 0))
     for size, shape, law in ((0.15, "rectangle", "box"), (0.15, "ellipse", "disc")):
         lamp = gs.AreaLight((0.0, 0.0, top), (0, 0, 0), (size, 0.6 if law == "box" else size), 10.0,
                             shape=shape)  # fmt: skip
@@ -81,10 +82,10 @@ def test_penumbra_is_as_wide_as_geometry_says() -> None:
             light = replace(lamp, shadows=shadows)
             share[shadows] = gs.render([floor, screen], camera, [light], backend="numpy")
         truth = share[True].truth()
-        row = truth.row == 15
+        row = truth.row == 2
         x = truth.reference[row, 0]
         low = truth.reference[row, 2] < 0.5 * height
-        lit, plain = (share[k].radiance[15, truth.column[row]].astype(float) for k in (True, False))
+        lit, plain = (share[k].radiance[2, truth.column[row]].astype(float) for k in (True, False))
         profile = lit[low] / plain[low]
         x = x[low]
         width = size * height / (top - height)
@@ -134,7 +135,7 @@ def test_contact_shadows_begin_at_the_contact(device: Device) -> None:
     floor = gs.Surface(np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]), QUAD,
                        paint=gs.paint.Plain(0.5))  # fmt: skip
     box = block((0.0, 0.0, 0.1), (0.1, 0.2, 0.1), 0.5)
-    camera = gs.Camera.from_lens((36, 24), 30, (301, 201), (0.3, -0.2, 1.2), (0.1, 0.0, 0.0))
+    camera = gs.Camera.from_lens((20, 15), 45, (112, 84), (0.3, -0.2, 1.2), (-0.065, 0.0, 0.0))
     lamp = gs.AreaLight((-1.5, 0.0, 1.0), (0, 0, 0), (0.05, 0.05), 10.0)
     for backend in ("gpu", "numpy"):
         frame = gs.render([floor, box], camera, [lamp], device=device, backend=backend)
@@ -215,7 +216,7 @@ def test_a_penumbra_some_pixels_wide_is_integrated_over_lamp_and_pixel(
     across, down = np.broadcast_to(step * np.eye(3)[:2, None], (2, len(t), 3))
     normal = np.broadcast_to(np.eye(3)[2], (len(t), 3))
     own = Receivers(at, normal, across, down, np.full(len(t), -1))
-    shares = found(device, [gs.Surface(screen, QUAD)], [lamp], own)[:, 0]
+    shares = found(device, [gs.Surface(screen, QUAD)], [lamp], own, (0.3, 0.2, 1.5))[:, 0]
     fine = t[:, None] + step * ((np.arange(4000) + 0.5) / 4000 - 0.5)
     exact = np.clip(0.5 + fine / 0.1, 0.0, 1.0).mean(axis=1)
     error = shares - exact
@@ -270,7 +271,8 @@ def test_the_shader_has_the_lattice_of_the_twin() -> None:
 
 
 @pytest.mark.parametrize("columns", [5, 41], ids=["large", "small"])
-def test_patterns_on_triangles_of_all_sizes(columns: int, device: Device) -> None:
+@pytest.mark.parametrize("width", [60, pytest.param(150, marks=pytest.mark.slow)])
+def test_patterns_on_triangles_of_all_sizes(width: int, columns: int, device: Device) -> None:
     """Under shadows, lit again once these are known: as NumPy has it."""
     x, y = np.meshgrid(np.linspace(-1.0, 1.0, columns), np.linspace(-0.8, 0.8, columns))
     flat = np.stack([x, y, 0.0 * x], axis=-1).reshape(-1, 3)
@@ -282,10 +284,13 @@ def test_patterns_on_triangles_of_all_sizes(columns: int, device: Device) -> Non
         gs.Surface(points, faces.reshape(-1, 4), paint, reference=flat),
         *shadow_scene()[0][1:2],
     ]
-    camera = gs.Camera.from_lens((36.0, 24.0), 30.0, (150, 100), (0.2, -0.9, 1.6), (0.0, 0.0, 0.0))
+    size = width, width * 2 // 3
+    camera = gs.Camera.from_lens((36.0, 24.0), 30.0, size, (0.2, -0.9, 1.6), (0.0, 0.0, 0.0))
     # of small triangles it is found first which one each pixel sees
     assert small_triangles(look(surfaces, camera, True)) == (columns == 41)
     lights = shadow_scene()[2]
+    if width == 60:
+        lights = [lights[0], lights[2]]
     for matte in (False, True):
         if matte:
             surfaces[1] = replace(surfaces[1], paint=gs.paint.Plain(0.6))

@@ -54,9 +54,14 @@ def matte(surfaces: Sequence[gs.Surface]) -> list[gs.Surface]:
     return [surfaces[0], *(replace(own, paint=gs.paint.Plain(0.6)) for own in surfaces[1:])]
 
 
+SMALL = Camera.from_lens((36.0, 24.0), 30.0, (79, 55), (0.3, -1.4, 0.95), (0.03, 0.05, 0.05))
+
+
 @pytest.mark.parametrize("kind", LAMPS)
-def test_lamp_of_each_kind(device: Device, kind: str) -> None:
+@pytest.mark.parametrize("size", ["small", pytest.param("large", marks=pytest.mark.slow)])
+def test_lamp_of_each_kind(device: Device, size: str, kind: str) -> None:
     surfaces, camera, _ = shadow_scene()
+    camera = SMALL if size == "small" else camera
     scene = matte(surfaces), camera, [LAMPS[kind]]
     want = shown(*scene)
     differ(shown(*scene, device), want)
@@ -93,21 +98,29 @@ def round_bar(count: int = 24) -> gs.Surface:
 
 
 def test_smooth_normals(device: Device) -> None:
-    floor, camera = sheet((-1.1, -1.1), (1.1, 1.1), 0.0), shadow_scene()[1]
-    scene = [floor, round_bar()], camera, [LAMPS["point"], LAMPS["area"]]
+    floor = sheet((-1.1, -1.1), (1.1, 1.1), 0.0)
+    scene = [floor, round_bar()], SMALL, [LAMPS["point"], LAMPS["area"]]
     want = shown(*scene)
     differ(shown(*scene, device), want, 0.02)
 
 
-def test_fine_open_sheet(device: Device) -> None:
-    (table, *_), camera, lights = shadow_scene()
-    x, y = np.meshgrid(np.linspace(-0.4, 0.35, 41), np.linspace(-0.3, 0.3, 31), indexing="ij")
+@pytest.mark.parametrize("part", [0.5, pytest.param(1.0, marks=pytest.mark.slow)])
+def test_fine_open_sheet(device: Device, part: float) -> None:
+    (table, *_), _, lights = shadow_scene()
+    x, y = np.meshgrid(
+        np.linspace(-0.4, 0.35, 41)[: round(41 * part)],
+        np.linspace(-0.3, 0.3, 31)[: round(31 * part)], indexing="ij",
+    )  # fmt: skip
     z = 0.25 + 0.02 * np.sin(9.0 * x) * np.cos(7.0 * y)
     number = np.arange(x.size).reshape(x.shape)
     quads = np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], -1)
     points = np.stack([x, y, z], axis=-1).reshape(-1, 3)
     faces = quads.reshape(-1, 4).astype(np.int32)
     fine = gs.Surface(points, faces, gs.paint.Plain(0.6), name="sheet")
+    # what is about the sheet, with pixels as large as its faces
+    sensor, pixels = (21.6 * part, 14.4 * part), (round(71 * part), round(50 * part))
+    middle = tuple(float(v) for v in points.mean(axis=0))
+    camera = Camera.from_lens(sensor, 30.0, pixels, (0.3, -1.4, 0.95), middle)
     scene = [table, fine], camera, lights
     want = shown(*scene)
     differ(shown(*scene, device), want, 0.03)
@@ -131,12 +144,12 @@ def test_another_body_in_a_small_picture(device: Device) -> None:
 
 
 def test_moving_and_with_too_small_a_pool(device: Device) -> None:
-    surfaces, camera, _ = shadow_scene()
+    surfaces, _, _ = shadow_scene()
     lights = [LAMPS["area"], LAMPS["sun"]]
     device.kept.notes["shadow.capacity"] = 4
     for step in (0.0, 0.05):
         block = surfaces[2].moved(surfaces[2].points + np.array([step, 0.0, step]))
-        scene = matte([surfaces[0], surfaces[1], block]), camera, lights
+        scene = matte([surfaces[0], surfaces[1], block]), SMALL, lights
         want = shown(*scene)
         differ(shown(*scene, device), want)
     assert device.kept.notes["shadow.capacity"] != 4

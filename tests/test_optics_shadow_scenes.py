@@ -16,6 +16,7 @@ from gpusim.optics.shadow.receivers import PixelReceivers, Receivers
 from gpusim.optics.shadow.visible import visible_shares
 from gpusim.optics.view import look
 from gpusim.optics.visibility import visibility_twin
+from tests.optics_rays import may_meet
 from tests.shadow_rays import blocked, ray_shares, triangles_of
 
 Array = npt.NDArray[np.float64]
@@ -111,11 +112,14 @@ def test_a_bumpy_open_sheet_in_grazing_light(device: Device) -> None:
         found = on_surface(camera, int(pixel[row]), corners, random)
         if np.ptp(np.linalg.norm(found[:, :3], axis=1)) > 0.01:
             continue
+        reach = np.linalg.norm(found[:, :3] - own.at[row], axis=1).max(keepdims=True)
+        near = may_meet(lamp, own.at[row : row + 1], reach + SLACK, corners)[0]
         on_lamp = random.uniform(-1.0, 1.0, (len(found), 2)) @ np.stack([lamp.u, lamp.v])
         hidden = np.zeros(len(found), bool)
         for triangle in np.unique(found[:, 3]).astype(int):
             some = found[:, 3] == triangle
-            others = np.delete(np.arange(len(corners)), triangle)
+            others = np.flatnonzero(near)
+            others = others[others != triangle]
             stop = lamp.centre + on_lamp[some]
             hidden[some] = blocked(
                 found[some, :3], stop, own.normal[row], corners[others], is_open[others], SLACK

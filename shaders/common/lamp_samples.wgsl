@@ -2,12 +2,11 @@
 // The NumPy form is gpusim/optics/occlusion.py, which explains the lattice.
 
 // centre (w: 1 if it is near, 0 for a direction), half sides u (w: 1 if it has a size, else a
-// direction across its axis) and v (w: the number of its samples), part = (first emitter, last + 1, -, -), samples on its face.
+// direction across its axis) and v (w: the number of its samples), samples on its face.
 struct LampFace {
     centre: vec4f,
     u: vec4f,
     v: vec4f,
-    part: vec4u,
     mask: array<vec4u, 4>,
 }
 // Of four rows of samples a and b of the first ones, and the pixel offset in x that they look from.

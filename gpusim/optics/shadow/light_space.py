@@ -139,7 +139,6 @@ class LightSpace:
             "centre": np.array([*lamp.centre, 0.0 if lamp.far else 1.0]),
             "u": np.array([*across, float(lamp.extended)]),
             "v": np.array([*lamp.v, float(np.bitwise_count(masks).sum())]),
-            "part": np.zeros(4, np.uint32),
             "mask": masks.reshape(4, 4),
         }
 

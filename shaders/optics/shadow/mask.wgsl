@@ -42,7 +42,7 @@ fn hidden_as_a_whole(r: Receiver, to: vec3f, first: u32, count: u32) -> Samples 
     var turns3 = Turns();
     var chunk = first;
     var i = 0u;
-    // tests of loops come last: see common/occlusion.wgsl
+    // a loop that tests first runs its body once more than it turns
     loop {
         let word = pool[CHUNK * chunk + i % LENGTH];
         let face = (word & ~TURNED) >> 2u;

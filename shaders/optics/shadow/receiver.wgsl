@@ -80,12 +80,6 @@ fn in_picture(pixel: vec2u) -> vec2i { return vec2i(pixel) + vec2i(0, receivers.
 fn pixel_ray(at: vec2f) -> vec3f {
     return receivers.one.xyz + at.x * receivers.x.xyz + at.y * receivers.y.xyz;
 }
-fn pixel_depth(pixel: vec2u) -> f32 {
-    let id = pixel_id(pixel);
-    let m = bitcast<vec3f>(textureLoad(planes, texel(max(id, 1u) - 1u)).xyz);
-    let at = in_picture(pixel);
-    return select(0.0, 1.0 / dot(m, pixel_ray(vec2f(at) + undistort(bend_at(at), vec2f(0.0)))), id > 0u);
-}
 fn pixel_receiver(pixel: vec2u) -> Receiver {
     var r = Receiver();
     let id = pixel_id(pixel);
@@ -120,7 +114,8 @@ fn listed_receiver(i: u32) -> Receiver {
     r.n = pieces[4u * i + 1u].xyz;
     r.dx = pieces[4u * i + 2u].xyz;
     r.dy = pieces[4u * i + 3u].xyz;
-    r.depth = select(0.0, length(r.x), any(r.n != vec3f(0.0)));
+    // one may lie in the eye
+    r.depth = select(0.0, max(length(r.x), 1e-30), any(r.n != vec3f(0.0)));
     r.on = bitcast<u32>(place.w);
     r.at = r.x;
     r.reach = 0.5 * (abs(r.dx) + abs(r.dy));
@@ -132,10 +127,6 @@ fn receiver_of(group: u32, k: u32) -> Receiver {
         return listed_receiver(number_of(group, k));
     }
     return pixel_receiver(tile_pixel(group, k));
-}
-fn depth_of(group: u32, k: u32) -> f32 {
-    if (listed != 0u) { return listed_receiver(number_of(group, k)).depth; }
-    return pixel_depth(tile_pixel(group, k));
 }
 
 // Whether it is there, before the lamp and turned to it.
