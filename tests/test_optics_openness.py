@@ -14,8 +14,8 @@ from gpusim.optics.binning import bin_edges
 from gpusim.optics.contour_tables import ContourTables
 from gpusim.optics.facets import Facets
 from gpusim.optics.hemisphere import Around, directions, seen, seen_twin
+from gpusim.optics.joined_faces import JoinedFaces
 from gpusim.optics.light import Light
-from gpusim.optics.occluders import Occluders
 from gpusim.optics.setup import Setup
 from gpusim.optics.shadow_probe import block
 from gpusim.optics.view import look
@@ -118,12 +118,12 @@ def from_pixels(setup: Setup, surfaces: list[Surface]) -> tuple[Array, Array]:
     depth = 1.0 / (values[:, 0] * setup.mean_inverse[triangle])
     at = depth[:, None] * (np.c_[ideal, np.ones(len(x))] @ setup.rays().T)
     normal = values[:, 1:] / np.linalg.norm(values[:, 1:], axis=1)[:, None]
-    occluders = Occluders.of(view, surfaces)
+    joined = JoinedFaces.of(view, surfaces)
     count = len(at)
     points = Receivers(
-        at, normal, np.full(count, 2.0 * occluders.sag), np.full(count, 20.0 * occluders.sag)
+        at, normal, np.full(count, 2.0 * joined.sag), np.full(count, 20.0 * joined.sag)
     )
-    seen = seen_twin(points, Around.everywhere(occluders.contours.facets, count))
+    seen = seen_twin(points, Around.everywhere(joined.contours.facets, count))
     assert setup.lighting.openness is not None
     got = setup.lighting.openness.at(triangle, at)
     return got[~seen.inside], seen.open_share[~seen.inside]
@@ -211,7 +211,7 @@ def test_only_contours_count_and_no_list_leaves_one_out(device: Device) -> None:
     """Of round bodies, faces one by one, their contours, and lists for points that lie together."""
     surfaces = [plain(QUAD * 1.5), ball(0.4, (0.3, 0.2, 0.5)), ball(0.2, (-0.4, 0.3, 0.15))]
     view = look(surfaces, camera(64), lit=True)
-    occluders = Occluders.of(view, surfaces)
+    joined = JoinedFaces.of(view, surfaces)
     random = np.random.default_rng(4)
     at = surfaces[1].points[random.integers(0, len(surfaces[1].points), 150)]
     normal = at - [0.3, 0.2, 0.5]
@@ -222,19 +222,19 @@ def test_only_contours_count_and_no_list_leaves_one_out(device: Device) -> None:
     normal /= np.linalg.norm(normal, axis=1)[:, None]
     count = len(at)
     points = Receivers(
-        at - view.camera.eye, normal, np.full(count, 2.0 * occluders.sag), np.full(count, 1e-3)
+        at - view.camera.eye, normal, np.full(count, 2.0 * joined.sag), np.full(count, 1e-3)
     )
     points = points.part(in_groups(points))
-    facets = occluders.contours.facets
+    facets = joined.contours.facets
     corners = facets.ends[np.maximum(facets.edges, 0) // 2, facets.edges % 2]
     corners[:, 2] = np.where(facets.edges[:, 2:3] < 0, corners[:, 3], corners[:, 2])
     apart = Facets.apart(corners, facets.both_sides)
     want = seen_twin(points, Around.everywhere(apart, count))
-    near = around(occluders.contours, points)
+    near = around(joined.contours, points)
     assert len(near.edge) < 0.75 * len(facets.ends) * (len(near.edge_start) - 1)
     for got in (
         seen_twin(points, Around.everywhere(facets, count)), seen_twin(points, near),
-        seen(ContourTables(device, occluders.contours), points),
+        seen(ContourTables(device, joined.contours), points),
     ):  # fmt: skip
         # rounding moves a few of all samples over an edge
         wrong = np.bitwise_count(got.hidden ^ want.hidden).sum(axis=1)

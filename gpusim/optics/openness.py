@@ -23,7 +23,7 @@ from gpusim.optics.contour_tables import ContourTables
 from gpusim.optics.corners import NORMAL, POSITION
 from gpusim.optics.cut_off import CutOff
 from gpusim.optics.hemisphere import Seen, seen, seen_twin
-from gpusim.optics.occluders import Occluders
+from gpusim.optics.joined_faces import JoinedFaces
 from gpusim.optics.view import View
 from gpusim.optics.viewpoints import Receivers
 from gpusim.surface.surface import Surface
@@ -96,7 +96,7 @@ class Openness:
         triangle, slot, place = _pieces(pieces, first)
         small = longest[triangle] / pieces[triangle]
         finest = np.minimum(2 ** np.ceil(np.log2(np.maximum(STEP * small / piece, 1.0))), FINEST)
-        nodes = _Nodes(Occluders.of(view, surfaces), value, device)
+        nodes = _Nodes(JoinedFaces.of(view, surfaces), value, device)
         cut_off = CutOff.of(view, surfaces, corners)
         cells = np.zeros(int(slots.sum()), np.int64)
         due, m = np.flatnonzero(_in_image(view, triangle, place)), 1
@@ -271,9 +271,9 @@ def _finer(grids: Array, m: int) -> Array:
 class _Nodes:
     """Shares at nodes; those of places that were looked from before are known."""
 
-    def __init__(self, occluders: Occluders, value: Value, device: Device | None) -> None:
-        self.occluders, self.value = occluders, value
-        self._tables = None if device is None else ContourTables(device, occluders.contours)
+    def __init__(self, joined: JoinedFaces, value: Value, device: Device | None) -> None:
+        self.joined, self.value = joined, value
+        self._tables = None if device is None else ContourTables(device, joined.contours)
         self._key = np.zeros(0, np.int64)
         self._share, self._even, self._buried = np.zeros(0), np.zeros(0), np.zeros(0, bool)
 
@@ -296,7 +296,7 @@ class _Nodes:
         wide = np.broadcast_to(size, shape).reshape(-1)
         at, normal = at.reshape(-1, 3), normal.reshape(-1, 3)
         normal = normal / np.linalg.norm(normal, axis=1)[:, None]
-        key = _keys(at, normal, self.occluders.sag)
+        key = _keys(at, normal, self.joined.sag)
         own, inverse = _inverse(key)
         place = np.searchsorted(self._key, own)
         known = place < len(self._key)
@@ -313,7 +313,7 @@ class _Nodes:
             up = normal[one]
             pull -= np.sum(pull * up, axis=1)[:, None] * up
             moved = at[one] + INSIDE * (pull + 2.0 * rise[:, None] * up)
-            flat = np.full(len(own), 2.0 * self.occluders.sag)
+            flat = np.full(len(own), 2.0 * self.joined.sag)
             new = ~known
             self._add(own[new], Receivers(moved, up, flat, 0.3 * thick).part(np.flatnonzero(new)))
             place = np.searchsorted(self._key, own)
@@ -324,7 +324,7 @@ class _Nodes:
         order = in_groups(points)
         key, points = key[order], points.part(order)
         if self._tables is None:
-            found = seen_twin(points, around(self.occluders.contours, points))
+            found = seen_twin(points, around(self.joined.contours, points))
         else:
             found = seen(self._tables, points)
         share = self.value(found, points.normal)

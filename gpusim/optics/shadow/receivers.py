@@ -296,7 +296,8 @@ class DevicePixels(DeviceReceivers):
         super().__init__(device, occluders, False, groups, camera.width * rows)
         self.columns, self.rows, self.planes, self.ids = columns, rows, planes, ids
         self.stride, self.step = stride, step
-        bends = distortion_map(camera)
+        # kept for cameras of the same lens and size
+        self._distortion = bends = distortion_map(camera)
         if bends is not None:
             self.bends, texels = bends.tiles(), bends.texels()
             self.undistortion = device.texels(len(texels), "rgba32float", "shadow.bends")
@@ -320,7 +321,7 @@ class DevicePixels(DeviceReceivers):
         return result
 
     def look(self, camera: Camera) -> None:
-        """Let them be pixels of a camera of the same size without a lens, or of the same one."""
+        """Let them be pixels of a camera of the same size and lens."""
         rays = camera.camera_from_world[:3, :3].T @ camera.ray_matrix()
         self._rays = {key: np.array([*rays[:, k], 0.0]) for k, key in enumerate(("x", "y", "one"))}
         self._camera = camera
@@ -329,7 +330,7 @@ class DevicePixels(DeviceReceivers):
         """Whether they may be those of another camera."""
         own = self._camera
         return (
-            (own is camera or (own.lens is None and camera.lens is None))
+            distortion_map(camera) is self._distortion
             and (own.width, own.pixel_side, self.rows) == (camera.width, camera.pixel_side, rows)
             and self.planes is planes and (self.stride, self.step) == (stride, step)
         )  # fmt: skip

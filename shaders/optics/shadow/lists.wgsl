@@ -1,5 +1,7 @@
 // Lists of each entry in chunks of a pool: 31 words, and the number of the chunk that goes on. Which
 // chunks a list has depends on the order of work, what it holds doesn't.
+#import optics/shadow/receiver
+
 const LENGTH: u32 = 31u;
 const CHUNK: u32 = 32u;
 
@@ -19,8 +21,17 @@ const SIFTED: u32 = 1u;
 const REFINED: u32 = 2u;
 const PENUMBRA: u32 = 3u;
 
+fn entries() -> u32 { return 2u * receivers.groups; }
+// One more entry to be SIFTED or REFINED, or in PENUMBRA; and the one with a number among these.
+fn enqueue(what: u32, entry: u32) {
+    work[(what - 1u) * entries() + atomicAdd(&counters[what], 1u)] = entry;
+}
+fn queued(what: u32, number: u32) -> u32 { return work[(what - 1u) * entries() + number]; }
+
 // one lamp after the other, per entry: 0 it sees all of the lamp, 1 none, 2 in part
 @group(0) @binding(24) var<storage, read_write> states: array<u32>;
 const LIT: u32 = 0u;
 const UMBRA: u32 = 1u;
 const HALF: u32 = 2u;
+fn say(entry: u32, state: u32) { states[light.number * entries() + entry] = state; }
+fn state_of(entry: u32) -> u32 { return states[light.number * entries() + entry]; }

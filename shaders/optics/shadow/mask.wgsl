@@ -99,7 +99,7 @@ fn main(
 ) {
     let number = workgroup.y * groups.x + workgroup.x;
     if (number >= atomicLoad(&counters[PENUMBRA])) { return; }
-    let entry = work[4u * receivers.groups + number];
+    let entry = queued(PENUMBRA, number);
     let group = entry % receivers.groups;
     let r = receiver_of(group, lane);
     if (is_in(r, entry, lane)) { store(group, lane, visible_share(r, heads[entry])); }
@@ -111,8 +111,7 @@ fn plain(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) gro
     let group = linear_id(gid, groups, 64u);
     if (group >= receivers.groups) { return; }
     for (var k = 0u; k < size_of(group); k++) {
-        let entry = group + select(0u, receivers.groups, is_farther(group, k));
-        let state = states[2u * light.number * receivers.groups + entry];
+        let state = state_of(group + select(0u, receivers.groups, is_farther(group, k)));
         let r = receiver_of(group, k);
         if (state != HALF && asks(r)) { store(group, k, select(1.0, 0.0, state == UMBRA)); }
     }

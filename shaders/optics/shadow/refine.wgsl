@@ -26,7 +26,7 @@ fn is_clear(r: Receiver, k: Looking, o: Occluder) -> bool {
 fn sift(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let number = linear_id(gid, groups, 64u);
     if (number >= atomicLoad(&counters[SIFTED])) { return; }
-    let entry = work[number];
+    let entry = queued(SIFTED, number);
     let head = heads[entry];
     let size = size_of(entry % receivers.groups);
     // one of each plane, as a rule
@@ -67,8 +67,8 @@ fn sift(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
         }
     }
     heads[entry].y = kept;
-    if (kept > 0u) { work[2u * receivers.groups + atomicAdd(&counters[REFINED], 1u)] = entry; }
-    else if ((head.w & CROSSES) != 0u) { work[4u * receivers.groups + atomicAdd(&counters[PENUMBRA], 1u)] = entry; }
+    if (kept > 0u) { enqueue(REFINED, entry); }
+    else if ((head.w & CROSSES) != 0u) { enqueue(PENUMBRA, entry); }
 }
 
 const WORDS: u32 = 64u;
@@ -85,7 +85,7 @@ fn main(
     if (number >= atomicLoad(&counters[REFINED])) { return; }
     atomicStore(&keep[lane], 0u);
     workgroupBarrier();
-    let entry = work[2u * receivers.groups + number];
+    let entry = queued(REFINED, number);
     let head = heads[entry];
     let r = receiver_of(entry % receivers.groups, lane);
     let asks = is_in(r, entry, lane);
@@ -122,7 +122,7 @@ fn main(
     }
     heads[entry].y = kept;
     if (kept > 0u || (head.w & CROSSES) != 0u) {
-        states[2u * light.number * receivers.groups + entry] = HALF;
-        work[4u * receivers.groups + atomicAdd(&counters[PENUMBRA], 1u)] = entry;
+        say(entry, HALF);
+        enqueue(PENUMBRA, entry);
     }
 }

@@ -86,12 +86,9 @@ fn search(t: Shaft, lists: bool) -> Found {
     return f;
 }
 
-fn entries() -> u32 { return 2u * receivers.groups; }
-// Of a lamp that has two spaces an entry asks in one: in the other one nothing is said of it.
-fn say(entry: u32, state: u32) { states[light.number * entries() + entry] = state; }
-
 fn fill(entry: u32) {
     let t = shaft_of_entry(entry);
+    // of a lamp that has two spaces an entry asks in one: in the other one nothing is said of it
     if (t.low.z > t.high.z) { return; }
     var f = search(t, true);
     // through whose receivers the lamp's plane passes: some may ask in its other space
@@ -101,8 +98,8 @@ fn fill(entry: u32) {
     );
     // single ones are tested more closely before it is known whether they matter
     say(entry, select(plain_state(f), HALF, f.crosses));
-    if (f.alone.count > 0u) { work[atomicAdd(&counters[SIFTED], 1u)] = entry; }
-    else if (f.crosses) { work[2u * entries() + atomicAdd(&counters[PENUMBRA], 1u)] = entry; }
+    if (f.alone.count > 0u) { enqueue(SIFTED, entry); }
+    else if (f.crosses) { enqueue(PENUMBRA, entry); }
 }
 
 @compute @workgroup_size(64)

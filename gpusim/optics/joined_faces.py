@@ -18,7 +18,7 @@ from gpusim.optics.view import View
 from gpusim.surface.surface import Surface
 from gpusim.surface.topology import Topology
 
-__all__ = ["Occluders", "joined_faces"]
+__all__ = ["JoinedFaces", "joined_faces"]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
@@ -43,20 +43,20 @@ _KNOWN: WeakKeyDictionary[Topology, dict[int, _Known]] = WeakKeyDictionary()
 
 
 @dataclass(frozen=True, eq=False)
-class Occluders:
+class JoinedFaces:
     """``contours``, relative to the eye; ``sag``: how far faces may pass from the surface."""
 
     contours: Contours
     sag: float
 
     @staticmethod
-    def of(view: View, surfaces: Sequence[Surface]) -> Occluders:
+    def of(view: View, surfaces: Sequence[Surface]) -> JoinedFaces:
         """Those of ``surfaces``, to what ``view`` can tell."""
         depth = 1.0 / max(float(view.inverse_depth().max(initial=0.0)), 1e-300)
         sag = FLATNESS * depth / float(np.abs(np.diag(view.camera.K)[:2]).max())
         points, faces, both_sides = joined_faces(surfaces, sag)
         facets = Facets.of(points - view.camera.eye, faces, both_sides)
-        return Occluders(Contours.of(facets), sag)
+        return JoinedFaces(Contours.of(facets), sag)
 
 
 def joined_faces(
