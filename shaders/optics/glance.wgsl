@@ -202,10 +202,10 @@ fn layered(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) g
     let box = box_of(at, vec2i(i32(params.width), params.rows));
     let beside = any(box.size < vec2i(0));
     if (beside && params.looking == 0u) { return; }
-    if (params.late != 0u && params.looking != 0u) {
-        if (away(at)) { return; }
-        if (odd(at) || thin(a, b, c)) { atomicStore(&counts[5], 1u); }
-    }
+    // no branch on uniforms alone: lavapipe would compile the program anew at each dispatch
+    let late = (params.late & params.looking) != 0u;
+    if (late & away(at)) { return; }
+    if (late & (odd(at) | thin(a, b, c))) { atomicStore(&counts[5], 1u); }
     let look = looked_at(id, a, b, c);
     let triangle = inside_of(at, box);
     // all are wound one way, or some lie over each other

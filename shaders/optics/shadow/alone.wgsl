@@ -151,9 +151,10 @@ fn hidden_by(r: Receiver, k: Looking, o: Occluder, s: Aspect) -> Samples {
     found = both(found, samples_of(lamp, k.to, s.side * cross(b, c), s.side * (c - b), dx, dy));
     found = both(found, samples_of(lamp, k.to, s.side * cross(c, a), s.side * (a - c), dx, dy));
     // of what goes on behind the lamp's plane only samples beyond the face's own plane
-    if (lamp.u.w != 0.0 && is_near() && min(ahead(o.a), min(ahead(o.b), ahead(o.c))) < light.axis.w) {
-        found = both(found, samples_beyond(s, o.plane.xyz));
-    }
+    let behind = min(ahead(o.a), min(ahead(o.b), ahead(o.c))) < light.axis.w;
+    // & and not &&: lavapipe compiles a program anew, at each dispatch, with the values of uniforms that
+    // branches of it depend on alone
+    if ((lamp.u.w != 0.0) & is_near() & behind) { found = both(found, samples_beyond(s, o.plane.xyz)); }
     return found;
 }
 fn samples_beyond(s: Aspect, n: vec3f) -> Samples {
