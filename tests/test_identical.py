@@ -87,6 +87,14 @@ def test_what_is_new_or_gone_or_fails_is_seen(
     assert not file.exists()
 
 
+def test_distances_in_words() -> None:
+    one, nothing = np.array(1.0), np.array([np.nan, 2.0])
+    assert identical.distance(one, np.array(1.5)).startswith("1 of 1 values, max 0.5, RMS 0.5")
+    assert identical.distance(nothing, nothing).startswith("0 of 2 values, max 0")
+    assert identical.distance(one, nothing) == "was () float64, is (2,) float64"
+    assert identical.distance(np.array(["a"]), np.array(["b"])) == "another text"
+
+
 def test_text_of_shaders() -> None:
     same = identical.canonical(SHADER)
     lines = SHADER.splitlines()
