@@ -36,7 +36,8 @@ fn sift(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
         let own = triangle_of(entry, k);
         let before = (k & 7u) != 0u && triangle_of(entry, max(k, 1u) - 1u) == own;
         let above = k >= 8u && triangle_of(entry, max(k, 8u) - 8u) == own;
-        if (own != 0u && !before && !above) {
+        let beside = k >= 8u && (k & 7u) != 7u && triangle_of(entry, max(k, 7u) - 7u) == own;
+        if (own != 0u && !before && !above && !beside) {
             some[min(count, PLANES - 1u)] = k;
             count++;
         }
