@@ -34,7 +34,7 @@ def seen(
     surfaces, camera = [surface, *behind], camera_of(name, width)
     view = look(surfaces, camera, lit=True)
     occluders = Occluders.of(surfaces)
-    pixels = PixelReceivers.of(view, visibility_twin(view), surfaces, occluders)
+    pixels = PixelReceivers.of(view, visibility_twin(view), occluders)
     points = relative_points(surfaces, camera.eye)
     spaces = light_spaces(lamps_of(lights), points, camera.eye)
     pixel, own = pixels.receivers()

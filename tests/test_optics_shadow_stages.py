@@ -112,7 +112,7 @@ def test_pixels_through_a_bent_lens(device: Device) -> None:
     )
     view = look(surfaces, camera, lit=True)
     occluders = Occluders.of(surfaces)
-    pixels = PixelReceivers.of(view, visibility_twin(view), surfaces, occluders)
+    pixels = PixelReceivers.of(view, visibility_twin(view), occluders)
     points = relative_points(surfaces, camera.eye)
     spaces = light_spaces(lamps_of(lights), points, camera.eye)
     got = visible_shares(device, occluders, points, spaces, pixels)

@@ -85,6 +85,7 @@ class View:
     ``guessed``: the largest pixels in ``found`` are likely, but not certain. ``layer``: no pixel's
     centre lies in two triangles, unless places are so snapped that one is turned over.
     ``largest``: px, side of the largest box that was looked at, if that isn't ``extent``.
+    ``source`` (T,): of a view that `look` makes, index into the triangles of all surfaces in order.
     ``origin`` (3,): where what was looked at has its zero in the world, the undeformed positions
     excepted.
     """
@@ -103,6 +104,7 @@ class View:
     guessed: bool = False
     layer: bool = False
     largest: float | None = None
+    source: npt.NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
     origin: Array = field(default_factory=partial(np.zeros, 3))
 
     @property
@@ -219,7 +221,7 @@ class View:
         return replace(
             self, corner=self.corner[own], paint=self.paint[own], face=self.face[own],
             edges=self.edges[near], body=self.body[own], edge_source=source,
-            found=(self.paints, self.footprint[own]),
+            source=self.source[own], found=(self.paints, self.footprint[own]),
         )  # fmt: skip
 
     def some(self, triangles: npt.NDArray[np.int64]) -> View:
@@ -229,7 +231,7 @@ class View:
             self, table=self.table.some(corner),
             corner=np.arange(len(corner)).reshape(-1, 3), paint=self.paint[triangles],
             face=self.face[triangles], body=self.body[triangles], edges=self.edges[:0],
-            edge_source=self.edge_source[:0],
+            edge_source=self.edge_source[:0], source=self.source[:0],
         )  # fmt: skip
 
     def inverse_depth(self, triangles: npt.NDArray[np.int64] | None = None) -> Array:
@@ -276,7 +278,8 @@ def look(
     face_ids: list[Short] = []
     paints: list[RegionPaint] = []
     body_ids: list[Short] = []
-    first_face = 0
+    sources: list[npt.NDArray[np.int64]] = [empty]
+    first_face = first = 0
     shapes = shapes_of(surfaces)
     # the places of several surfaces' triangles would have to be joined twice
     begin = begin if len(surfaces) == 1 else None
@@ -291,9 +294,11 @@ def look(
                 paint_ids.append(own + np.int32(len(paints)))
             face_ids.append(source + np.int32(first_face) if first_face else source)
             body_ids.append(np.full(len(source), number, np.int32))
+            sources.append(part.source + first)
             parts.append(part)
         paints += regions_of(surface)
         first_face += len(surface.faces)
+        first += len(surface.topology.triangles)
     all_of = Indexed.joined(parts)
     place, corner = all_of.place, all_of.corner
     shown, k = np.divmod(np.flatnonzero(all_of.shows), 3)
@@ -301,7 +306,7 @@ def look(
     return View(
         camera, Vertices(all_of.vertices, place), corner, _joined(paint_ids), _joined(face_ids),
         tuple(paints), np.stack(ends, axis=1), _joined(body_ids), np.stack([shown, k], axis=1),
-        all_of.extent, layer=all_of.layer,
+        all_of.extent, layer=all_of.layer, source=np.concatenate(sources),
     )  # fmt: skip
 
 

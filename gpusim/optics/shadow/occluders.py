@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -81,6 +82,11 @@ class Occluders:
     def count(self) -> int:
         """Number of triangles."""
         return len(self.triangles)
+
+    @cached_property
+    def owner(self) -> Numbers:
+        """(T,): ``rank`` of triangles of open surfaces, -1 of closed ones."""
+        return np.where(self.open[self.rank], self.rank, -1)
 
     @property
     def leaves(self) -> int:

@@ -70,7 +70,7 @@ def probe_pixels() -> tuple[Occluders, list[LightSpace], PixelReceivers]:
     surfaces, camera, _ = _scene()
     view = look(surfaces, camera, lit=True)
     ids = visibility_twin(view)
-    return _occluders(), _spaces(), PixelReceivers.of(view, ids, surfaces, _occluders())
+    return _occluders(), _spaces(), PixelReceivers.of(view, ids, _occluders())
 
 
 @cache

@@ -9,12 +9,11 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.gpu import Device, Texels
-from gpusim.optics.corners import NORMAL, POSITION, parts
+from gpusim.gpu import Device
 from gpusim.optics.emitters import Lamp, check_number
 from gpusim.optics.shadow.light_space import LightSpace, lamp_numbers, light_spaces
-from gpusim.optics.shadow.occluders import NOBODY, Occluders, relative_points
-from gpusim.optics.shadow.receivers import TILE, PixelReceivers, Receivers, plane_words
+from gpusim.optics.shadow.occluders import Occluders, relative_points
+from gpusim.optics.shadow.receivers import TILE, Receivers
 from gpusim.optics.shadow.refit import Trees, box_ends, planes_of
 from gpusim.optics.view import View
 from gpusim.surface.surface import Surface
@@ -96,31 +95,8 @@ class Shadows:
 
     @cached_property
     def owners(self) -> Numbers:
-        """(T,): see `PixelReceivers.owners`."""
-        return PixelReceivers.owners(self.view, self.surfaces, self.occluders)
-
-    def planes(self, parent: Numbers) -> Texels:
-        """On the device, of each triangle of the view n / d of its plane n x = d, and its
-        `plane_words`; then those of parts of triangles ``parent`` (n,)."""
-        assert self.trees is not None
-        view, turn = self.view, self.view.camera.camera_from_world[:3, :3]
-        rows = np.full((max(view.count, 1) + len(parent), 4), NOBODY, np.uint32)
-        for part in parts(view.count):
-            a, b, c = np.moveaxis(view.corners_of(part, POSITION), 1, 0)
-            normal = np.cross(b - a, c - a)
-            plane = normal @ turn / np.einsum("ta,ta->t", normal, a)[:, None]
-            # pixels are told by these, and with normals for shading may be turned to a lamp
-            # nevertheless
-            own = view.corners_of(part, NORMAL)
-            cosine = np.abs(np.einsum("tka,ta->tk", own, plane)).min(axis=1)
-            cosine /= np.sqrt(np.einsum("ta,ta->t", plane, plane))
-            lean = np.sqrt(np.maximum(2.0 - 2.0 * cosine, 0.0))
-            rows[part, :3] = plane.astype(np.float32).view(np.uint32)
-            rows[part, 3] = plane_words(self.owners[part], lean)
-        rows[max(view.count, 1) :] = rows[parent]
-        texels = self.trees.device.kept.texels(len(rows), "rgba32uint", "shadow.planes")
-        texels.write(rows)
-        return texels
+        """(T,): the occluder that each triangle of the view is part of, -1 of closed surfaces."""
+        return np.take(self.occluders.owner, self.view.source, mode="clip")
 
     def turned(self, terminator: float) -> tuple[LightSpace, ...]:
         """The spaces for receivers whose normals lean by so much (sine)."""
