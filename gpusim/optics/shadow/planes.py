@@ -23,22 +23,20 @@ if TYPE_CHECKING:
 __all__ = ["planes_on_device", "planes_twin"]
 
 Array = npt.NDArray[np.float64]
-Numbers = npt.NDArray[np.int64]
 
 NAME = "optics/shadow/planes"
 
 
-def planes_on_device(tables: Tables, on: Numbers) -> Texels:
+def planes_on_device(tables: Tables, on: npt.NDArray[np.int32]) -> Texels:
     """Of each triangle n / d of its plane n x = d, and its `plane_words`; ``on`` (T,): the occluder
     that it is part of, -1 for none."""
     device, camera = tables.device, tables.setup.view.camera
     texels = device.kept.texels(max(len(on), 1), "rgba32uint", "shadow.planes")
     last = np.array([camera.width - 1.0, camera.height - 1.0])
     kernel = device.kernel(NAME, "main", {"distorted": float(camera.lens is not None)})
-    owners = np.where(on >= 0, on, NO_OWNER).astype(np.uint32)
     bindings = kernel.bind_used(
         params={**tables.rays(), "last": last, "count": len(on)},
-        owners=device.buffer(owners, "shadow.owners"), planes=texels,
+        owners=device.buffer(on, "shadow.owners"), planes=texels,
         **tables.drawn.outlines(), **tables.surface(),
     )  # fmt: skip
     with device.recording("optics.shadow") as recording:
@@ -65,7 +63,7 @@ def _check(device: Device) -> None:
     for setup in (probe_setup(fine=False), probe_setup(), fields_setup(True)):
         count = setup.view.count
         on = np.where(np.arange(count) % 3 > 0, np.arange(count), -1)
-        words = planes_on_device(Tables(device, setup), on).read()[:count]
+        words = planes_on_device(Tables(device, setup), on.astype(np.int32)).read()[:count]
         planes, lean = planes_twin(setup.view)
         size = np.linalg.norm(planes, axis=1)[:, None]
         got = np.ascontiguousarray(words[:, :3]).view(np.float32) / size

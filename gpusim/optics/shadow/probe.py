@@ -40,7 +40,7 @@ def _scene() -> tuple[list[Surface], Camera, list[Light]]:
 
 @cache
 def probe_points() -> npt.NDArray[np.float32]:
-    """(V, 4): the vertices relative to the eye."""
+    """(V, 3): the vertices relative to the eye."""
     surfaces, camera, _ = _scene()
     return relative_points(surfaces, camera.eye)
 

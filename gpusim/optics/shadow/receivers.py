@@ -111,8 +111,8 @@ class PixelReceivers:
     @staticmethod
     def of(view: View, ids: npt.NDArray[np.uint32], occluders: Occluders) -> PixelReceivers:
         """Those of a view."""
-        planes, on = PixelReceivers.planes_of(view), occluders.owner[view.source]
-        return PixelReceivers(view.camera, ids, planes, on)
+        on = occluders.owner[view.source].astype(np.int64)
+        return PixelReceivers(view.camera, ids, PixelReceivers.planes_of(view), on)
 
     @staticmethod
     def planes_of(view: View) -> Array:

@@ -48,12 +48,11 @@ class _KeptOccluders:
 class Shadows:
     """Light and what hides it of one view.
 
-    ``points`` (V, 4) float32: vertices of ``surfaces`` relative to the eye. ``lamps``: centres are
+    ``points`` (V, 3) float32: vertices of all surfaces relative to the eye. ``lamps``: centres are
     relative to the eye, too. ``spaces``: of those that cast shadows.
     """
 
     view: View
-    surfaces: tuple[Surface, ...]
     occluders: Occluders
     points: npt.NDArray[np.float32]
     lamps: tuple[Lamp, ...]
@@ -78,7 +77,7 @@ class Shadows:
         spaces = tuple(light_spaces(lamps, points, eye))
         if device is None:
             own = Occluders.of(surfaces)
-            return Shadows(view, tuple(surfaces), own, points, relative, spaces, None)
+            return Shadows(view, own, points, relative, spaces, None)
         topologies = tuple(surface.topology for surface in surfaces)
         kept = device.kept.notes.get(LABEL)
         if not (isinstance(kept, _KeptOccluders) and kept.suits(topologies)):
@@ -86,7 +85,7 @@ class Shadows:
             device.kept.notes[LABEL] = kept
         kept.trees.move(points)
         own = kept.trees.occluders
-        return Shadows(view, tuple(surfaces), own, points, relative, spaces, kept.trees)
+        return Shadows(view, own, points, relative, spaces, kept.trees)
 
     @property
     def casting(self) -> int:
@@ -94,7 +93,7 @@ class Shadows:
         return sum(1 << number for number in lamp_numbers(self.spaces))
 
     @cached_property
-    def owners(self) -> Numbers:
+    def owners(self) -> npt.NDArray[np.int32]:
         """(T,): the occluder that each triangle of the view is part of, -1 of closed surfaces."""
         return np.take(self.occluders.owner, self.view.source, mode="clip")
 
@@ -121,7 +120,7 @@ class Shadows:
         from gpusim.optics.shadow.twin import shares_of
 
         receivers = self.receivers(at, normal, across, down, triangle)
-        corners = self.points[:, :3].astype(np.float64)[self.occluders.triangles]
+        corners = self.points.astype(np.float64)[self.occluders.triangles]
         planes = planes_of(corners)
         result = np.zeros((len(x), len(self.lamps)))
         result[:, [not (self.casting >> k) & 1 for k in range(len(self.lamps))]] = 1.0
@@ -138,7 +137,7 @@ class Shadows:
         self, at: Array, normal: Array, across: Array, down: Array, triangle: Numbers
     ) -> Receivers:
         """Receivers on triangles (n,) of the view."""
-        return Receivers(at, normal, across, down, self.owners[triangle])
+        return Receivers(at, normal, across, down, self.owners[triangle].astype(np.int64))
 
 
 def _together(space: LightSpace, x: Array, y: Array, receivers: Receivers) -> Iterator[Numbers]:

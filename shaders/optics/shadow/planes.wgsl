@@ -17,12 +17,13 @@ struct Params {
 // three vertices per triangle, and these in 1/65536 px
 @group(0) @binding(1) var<storage, read> corners: array<u32>;
 @group(0) @binding(2) var<storage, read> screen: array<vec2i>;
-// per triangle the occluder that it is part of, or NO_OWNER
-@group(0) @binding(3) var<storage, read> owners: array<u32>;
+// per triangle the occluder that it is part of, -1 for none
+@group(0) @binding(3) var<storage, read> owners: array<i32>;
 @group(0) @binding(4) var triangles: texture_storage_2d<rgba32uint, read>;
 // see receiver.wgsl
 @group(0) @binding(5) var planes: texture_storage_2d<rgba32uint, write>;
 
+const NO_OWNER: u32 = 0xffffffu;
 const LEAN: f32 = 170.0;
 
 // Where a vertex lies in the ideal image, from a pixel's centre. Beside the picture its outermost tile's
@@ -57,5 +58,5 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
         lean = max(lean, min(distance(shaded, own), distance(shaded, -own)));
     }
     let steps = select(0.0, min(ceil(lean * LEAN), 255.0), lean > 1e-4);
-    textureStore(planes, texel(id), vec4u(bitcast<vec3u>(plane), owners[id] | (u32(steps) << 24u)));
+    textureStore(planes, texel(id), vec4u(bitcast<vec3u>(plane), (u32(owners[id]) & NO_OWNER) | (u32(steps) << 24u)));
 }
