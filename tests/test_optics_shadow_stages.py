@@ -20,7 +20,7 @@ from gpusim.optics.view import look
 from gpusim.optics.visibility import visibility_twin
 from tests.shadow_rays import box, found, on_plane, sheet
 
-STAGES = ("refit", "groups", "search", "refine", "mask")
+STAGES = ("planes", "refit", "groups", "search", "refine", "mask")
 
 
 def test_every_stage_has_a_check() -> None:
@@ -93,7 +93,7 @@ def test_vertices_move(device: Device) -> None:
     points = relative_points(surfaces, eye)
     shares = VisibleShares(device, Occluders.of(surfaces), own)
     shares.find(points, light_spaces(lamps_of(lights), points, eye))
-    higher = points + np.array([0.05, 0.0, 0.1, 0.0], np.float32)
+    higher = points + np.array([0.05, 0.0, 0.1], np.float32)
     spaces = light_spaces(lamps_of(lights), higher, eye)
     moved = surfaces[0].moved(surfaces[0].points + np.array([0.05, 0.0, 0.1]))
     want = visible_shares(device, Occluders.of([moved]), higher, spaces, own)
@@ -112,7 +112,7 @@ def test_pixels_through_a_bent_lens(device: Device) -> None:
     )
     view = look(surfaces, camera, lit=True)
     occluders = Occluders.of(surfaces)
-    pixels = PixelReceivers.of(view, visibility_twin(view), surfaces, occluders)
+    pixels = PixelReceivers.of(view, visibility_twin(view), occluders)
     points = relative_points(surfaces, camera.eye)
     spaces = light_spaces(lamps_of(lights), points, camera.eye)
     got = visible_shares(device, occluders, points, spaces, pixels)

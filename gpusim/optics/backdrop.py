@@ -13,10 +13,11 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.optics.binning import EdgePixels
+from gpusim.optics.corners import corner_range
 from gpusim.optics.hidden import depth_planes
 from gpusim.optics.setup import Setup
 
-__all__ = ["CONTACT", "backdrops", "fills", "left_open"]
+__all__ = ["CONTACT", "SEVERAL", "backdrops", "fills", "left_open"]
 
 Array = npt.NDArray[np.float64]
 Long = npt.NDArray[np.int64]
@@ -57,13 +58,13 @@ def backdrops(
     if setup.lighting.shadows is not None and len(row):
         several = row - edges.start[own] >= SEVERAL
         row, own = row[several], own[several]
-        inverse = setup.view.inverse_depth(triangle)
         last = np.full(count, -1)
         last[own] = row
         front = np.flatnonzero(np.arange(len(full)) < last[pixel])
         farthest = np.full(count, np.inf)
-        np.minimum.at(farthest, pixel[front], inverse[front].min(axis=1))
-        a, b, c = depth_planes(corners[row], inverse[row]).T
+        inverse = corner_range(setup.view.inverse_depth(triangle[front]))[0]
+        np.minimum.at(farthest, pixel[front], inverse)
+        a, b, c = depth_planes(corners[row], setup.view.inverse_depth(triangle[row])).T
         nearest = 1.0 / (c + 0.5 * (np.abs(a) + np.abs(b)))
         side = float(np.linalg.norm(setup.rays()[:, 0]))
         gap = nearest - 1.0 / farthest[own]

@@ -34,14 +34,19 @@ THIN = 5e-4
 """Area, px^2, that no triangle takes; less of it is a seam between neighbours."""
 
 
-def corners_over(setup: Setup, edges: EdgePixels) -> tuple[npt.NDArray[np.int64], Array, Array]:
-    """Of triangles over edge pixels: the pixel (n,) of each, where that is (n, 2), and the corners
-    (n, 3, 2) from there, in sides of its sensitive square."""
+def corners_over(
+    setup: Setup, edges: EdgePixels, rows: npt.NDArray[np.int64] | None = None
+) -> tuple[npt.NDArray[np.int64], Array, Array]:
+    """Of triangles over edge pixels, or some ``rows`` of them: the pixel (n,) of each, where that
+    is (n, 2), and the corners (n, 3, 2) from there, in sides of its sensitive square."""
     view, width = setup.view, setup.view.camera.width
     pixel = np.repeat(np.arange(len(edges.pixel)), edges.depth)
+    triangle = edges.triangle[: len(pixel)]
+    if rows is not None:
+        pixel, triangle = pixel[rows], triangle[rows]
     number = edges.pixel[pixel]
     at = np.stack([number % width, number // width], axis=1).astype(np.float64)
-    corners = np.rint(pick(view.screen, edges.triangle[: len(pixel)]) * FIXED) / FIXED
+    corners = np.rint(view.screen_of(triangle) * FIXED) / FIXED
     corners -= at[:, None]
     return pixel, at, corners / view.camera.pixel_side
 

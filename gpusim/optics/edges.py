@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.gpu import Buffer, Device, compare, twin_check
-from gpusim.optics.backdrop import backdrops, fills
+from gpusim.optics.backdrop import SEVERAL, backdrops, fills
 from gpusim.optics.binning import EdgePixels, bin_edges
 from gpusim.optics.bitmap import BITMAP
 from gpusim.optics.dealing import WORKGROUP, dealt
@@ -224,11 +224,16 @@ def _filled(setup: Setup, edges: EdgePixels) -> npt.NDArray[np.bool_]:
     result = np.zeros(len(edges.pixel), bool)
     if setup.lighting.shadows is None:
         return result
-    rows = np.flatnonzero(edges.depth > 1)
+    rows = np.flatnonzero(edges.depth > SEVERAL)
     some = edges.select(rows)
-    pixel, _, corners = corners_over(setup, some)
-    found = pixel[backdrops(setup, some, fills(half_planes(corners)), corners)]
-    result[rows[found]] = True
+    # what a square lies in is twice as large at least; of fine meshes hardly any triangle is
+    a, b, c = np.moveaxis(setup.view.screen_of(some.triangle), 1, 0)
+    (x, y), (u, v) = (b - a).T, (c - a).T
+    large = np.flatnonzero(np.abs(x * v - y * u) > 3.9 * setup.view.camera.pixel_side**2)
+    corners, full = np.zeros((len(x), 3, 2)), np.zeros(len(x), bool)
+    corners[large] = corners_over(setup, some, large)[2]
+    full[large] = fills(half_planes(corners[large]))
+    result[np.repeat(rows, some.depth)[backdrops(setup, some, full, corners)]] = True
     return result
 
 

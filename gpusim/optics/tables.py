@@ -21,6 +21,7 @@ from gpusim.optics.looks import Looks
 from gpusim.optics.openness_table import openness_texels
 from gpusim.optics.records import Records
 from gpusim.optics.setup import TRIANGLE, Setup
+from gpusim.optics.shadow.planes import planes_on_device
 from gpusim.optics.shadow.scene import Shadows
 from gpusim.optics.sight import Sight
 from gpusim.optics.speckled import all_speckled
@@ -102,8 +103,10 @@ class Tables:
         result = copy(self)
         result.setup = self.setup.with_shadows(shadows)
         if shadows is not None:
-            parent = np.zeros(0, np.int64) if self.lines is None else self.lines.parent
-            result.planes = shadows.planes(parent)
+            on = shadows.owners
+            if self.lines is not None:
+                on = np.append(on, on[self.lines.parent])
+            result.planes = planes_on_device(self, on)
         return result
 
     def shared(self) -> dict[str, Any]:

@@ -61,7 +61,7 @@ MANY = 2000
 SAMPLED = 4096
 """Triangles that tell how large they are on average."""
 
-NO_PLACES = np.zeros((0, 3, 2))
+NO_PLACES, NO_SOURCE = np.zeros((0, 3, 2)), np.zeros(0, np.int64)
 
 ALL = slice(None)
 Rows = slice | npt.NDArray[np.int64]
@@ -85,8 +85,8 @@ class View:
     ``guessed``: the largest pixels in ``found`` are likely, but not certain. ``layer``: no pixel's
     centre lies in two triangles, unless places are so snapped that one is turned over.
     ``largest``: px, side of the largest box that was looked at, if that isn't ``extent``.
-    ``origin`` (3,): where what was looked at has its zero in the world, the undeformed positions
-    excepted.
+    ``source`` (T,): of what `look` makes, index into the triangles of all surfaces in order.
+    ``origin`` (3,): where what was looked at has its zero, the undeformed positions excepted.
     """
 
     camera: Camera
@@ -103,6 +103,7 @@ class View:
     guessed: bool = False
     layer: bool = False
     largest: float | None = None
+    source: npt.NDArray[np.int64] = field(default_factory=NO_SOURCE.copy)
     origin: Array = field(default_factory=partial(np.zeros, 3))
 
     @property
@@ -219,7 +220,7 @@ class View:
         return replace(
             self, corner=self.corner[own], paint=self.paint[own], face=self.face[own],
             edges=self.edges[near], body=self.body[own], edge_source=source,
-            found=(self.paints, self.footprint[own]),
+            source=self.source[own], found=(self.paints, self.footprint[own]),
         )  # fmt: skip
 
     def some(self, triangles: npt.NDArray[np.int64]) -> View:
@@ -229,16 +230,15 @@ class View:
             self, table=self.table.some(corner),
             corner=np.arange(len(corner)).reshape(-1, 3), paint=self.paint[triangles],
             face=self.face[triangles], body=self.body[triangles], edges=self.edges[:0],
-            edge_source=self.edge_source[:0],
+            edge_source=self.edge_source[:0], source=self.source[:0],
         )  # fmt: skip
 
     def inverse_depth(self, triangles: npt.NDArray[np.int64] | None = None) -> Array:
         """1 / z of every corner, (T, 3), or of those of some ``triangles`` (n,), (n, 3)."""
         if triangles is not None:
-            some: Array = 1.0 / self.table.position[self.corner[triangles], 2]
-            return some
-        result: Array = np.take(1.0 / self.table.position[:, 2], self.corner)
-        return result
+            depth = self.table.position[:, 2]
+            return 1.0 / np.stack([np.take(depth, v) for v in self._vertices_of(triangles)]).T
+        return np.take(1.0 / self.table.position[:, 2], self.corner)
 
     def raster_depth(self) -> tuple[float, npt.NDArray[np.float32]]:
         """What 1 / z is scaled by to stay below 1 in a depth buffer, and 1 / z of every vertex."""
@@ -270,13 +270,13 @@ def look(
     screen = Screen(camera)
     at = [in_camera(camera, surface.points) for surface in surfaces]
     far = max((float(points[:, 2].max()) for points in at), default=0.0)
-    empty: npt.NDArray[np.int64] = np.zeros(0, np.int64)
-    parts = [Indexed.of(Pieces(np.zeros((0, 3, 11)), np.zeros((0, 3), bool), empty), NO_PLACES)]
+    none = Pieces(np.zeros((0, 3, 11)), np.zeros((0, 3), bool), NO_SOURCE)
+    parts = [Indexed.of(none, NO_PLACES)]
     paint_ids: list[Short] = []
     face_ids: list[Short] = []
     paints: list[RegionPaint] = []
     body_ids: list[Short] = []
-    first_face = 0
+    sources, first, first_face = [NO_SOURCE], 0, 0
     shapes = shapes_of(surfaces)
     # the places of several surfaces' triangles would have to be joined twice
     begin = begin if len(surfaces) == 1 else None
@@ -291,9 +291,10 @@ def look(
                 paint_ids.append(own + np.int32(len(paints)))
             face_ids.append(source + np.int32(first_face) if first_face else source)
             body_ids.append(np.full(len(source), number, np.int32))
+            sources.append(part.source + first)
             parts.append(part)
         paints += regions_of(surface)
-        first_face += len(surface.faces)
+        first, first_face = first + len(surface.topology.triangles), first_face + len(surface.faces)
     all_of = Indexed.joined(parts)
     place, corner = all_of.place, all_of.corner
     shown, k = np.divmod(np.flatnonzero(all_of.shows), 3)
@@ -301,7 +302,7 @@ def look(
     return View(
         camera, Vertices(all_of.vertices, place), corner, _joined(paint_ids), _joined(face_ids),
         tuple(paints), np.stack(ends, axis=1), _joined(body_ids), np.stack([shown, k], axis=1),
-        all_of.extent, layer=all_of.layer,
+        all_of.extent, layer=all_of.layer, source=np.concatenate(sources),
     )  # fmt: skip
 
 

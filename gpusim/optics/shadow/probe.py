@@ -40,7 +40,7 @@ def _scene() -> tuple[list[Surface], Camera, list[Light]]:
 
 @cache
 def probe_points() -> npt.NDArray[np.float32]:
-    """(V, 4): the vertices relative to the eye."""
+    """(V, 3): the vertices relative to the eye."""
     surfaces, camera, _ = _scene()
     return relative_points(surfaces, camera.eye)
 
@@ -70,7 +70,7 @@ def probe_pixels() -> tuple[Occluders, list[LightSpace], PixelReceivers]:
     surfaces, camera, _ = _scene()
     view = look(surfaces, camera, lit=True)
     ids = visibility_twin(view)
-    return _occluders(), _spaces(), PixelReceivers.of(view, ids, surfaces, _occluders())
+    return _occluders(), _spaces(), PixelReceivers.of(view, ids, _occluders())
 
 
 @cache

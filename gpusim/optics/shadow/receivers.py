@@ -7,7 +7,6 @@ lie nearer, and those that lie farther where depths differ.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,7 +18,6 @@ from gpusim.optics.camera import Camera
 from gpusim.optics.distortion_map import distortion_map
 from gpusim.optics.shadow.occluders import NOBODY, Occluders
 from gpusim.optics.view import View
-from gpusim.surface.surface import Surface
 
 __all__ = [
     "APART",
@@ -111,46 +109,16 @@ class PixelReceivers:
     on: Numbers
 
     @staticmethod
-    def of(
-        view: View, ids: npt.NDArray[np.uint32], surfaces: Sequence[Surface], occluders: Occluders
-    ) -> PixelReceivers:
-        """Those of a view of ``surfaces``."""
-        planes, own = (
-            PixelReceivers.planes_of(view),
-            PixelReceivers.owners(view, surfaces, occluders),
-        )
-        return PixelReceivers(view.camera, ids, planes, own)
+    def of(view: View, ids: npt.NDArray[np.uint32], occluders: Occluders) -> PixelReceivers:
+        """Those of a view."""
+        on = occluders.owner[view.source].astype(np.int64)
+        return PixelReceivers(view.camera, ids, PixelReceivers.planes_of(view), on)
 
     @staticmethod
     def planes_of(view: View) -> Array:
         """``planes`` of a view."""
         rays = view.camera.camera_from_world[:3, :3].T @ view.camera.ray_matrix()
         result: Array = view.planes_of(slice(None)).sum(axis=1) @ np.linalg.inv(rays)
-        return result
-
-    @staticmethod
-    def owners(view: View, surfaces: Sequence[Surface], occluders: Occluders) -> Numbers:
-        """(T,): the occluder that each triangle of a view is part of, -1 of closed surfaces."""
-        faces = np.cumsum([0, *(len(surface.faces) for surface in surfaces)])
-        first = np.cumsum([0, *(len(surface.topology.triangles) for surface in surfaces)])
-        result = np.full(view.count, -1)
-        eye = view.camera.eye
-        turn = view.camera.camera_from_world[:3, :3]
-        for number, surface in enumerate(surfaces):
-            topology = surface.topology
-            if topology.closed:
-                continue
-            own = np.flatnonzero(view.body == number)
-            face = view.face[own] - faces[number]
-            start = np.searchsorted(topology.source, face)
-            last = np.searchsorted(topology.source, face, side="right") - 1
-            # of a quad's halves that on whose side of the diagonal the middle is
-            a, b, c = (surface.points[topology.triangles[start, k]] for k in range(3))
-            middle = view.corners_of(own, slice(0, 3)).mean(axis=1) @ turn + eye
-            diagonal = c - a
-            one, other = np.cross(diagonal, middle - a), np.cross(diagonal, b - a)
-            start = np.where(np.sum(one * other, axis=1) >= 0.0, start, last)
-            result[own] = occluders.rank[start + first[number]]
         return result
 
     def receivers(self) -> tuple[Numbers, Receivers]:

@@ -56,7 +56,7 @@ class Trees:
         """What others keep with these from one frame to the next."""
 
     def move(self, points: npt.NDArray[np.float32]) -> None:
-        """Put the vertices at ``points`` (V, 4), relative to the eye; w is nothing."""
+        """Put the vertices at ``points`` (V, 3), relative to the eye."""
         self.placed.move(points)
         self._gathered = False
         for tree in self._trees:
@@ -204,7 +204,7 @@ def _check(device: Device) -> None:
         with device.recording("optics.shadow.refit") as recording:
             own.fit(recording, 0, space)
         nodes = own.nodes(0).read().reshape(-1, 8)[1:]
-        boxes, words = refit_twin(occluders, points[:, :3].astype(np.float64), space)
+        boxes, words = refit_twin(occluders, points.astype(np.float64), space)
         compare(NAME, nodes[:, 7], words[1:], "exact")
         got = nodes[:, [0, 2, 4, 1, 3, 5, 6]]
         compare(NAME, got, boxes[1:], atol=1e-5 * space.scale, rtol=1e-5)

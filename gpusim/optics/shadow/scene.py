@@ -9,12 +9,11 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.gpu import Device, Texels
-from gpusim.optics.corners import NORMAL, POSITION, parts
+from gpusim.gpu import Device
 from gpusim.optics.emitters import Lamp, check_number
 from gpusim.optics.shadow.light_space import LightSpace, lamp_numbers, light_spaces
-from gpusim.optics.shadow.occluders import NOBODY, Occluders, relative_points
-from gpusim.optics.shadow.receivers import TILE, PixelReceivers, Receivers, plane_words
+from gpusim.optics.shadow.occluders import Occluders, relative_points
+from gpusim.optics.shadow.receivers import TILE, Receivers
 from gpusim.optics.shadow.refit import Trees, box_ends, planes_of
 from gpusim.optics.view import View
 from gpusim.surface.surface import Surface
@@ -49,12 +48,11 @@ class _KeptOccluders:
 class Shadows:
     """Light and what hides it of one view.
 
-    ``points`` (V, 4) float32: vertices of ``surfaces`` relative to the eye. ``lamps``: centres are
+    ``points`` (V, 3) float32: vertices of all surfaces relative to the eye. ``lamps``: centres are
     relative to the eye, too. ``spaces``: of those that cast shadows.
     """
 
     view: View
-    surfaces: tuple[Surface, ...]
     occluders: Occluders
     points: npt.NDArray[np.float32]
     lamps: tuple[Lamp, ...]
@@ -79,7 +77,7 @@ class Shadows:
         spaces = tuple(light_spaces(lamps, points, eye))
         if device is None:
             own = Occluders.of(surfaces)
-            return Shadows(view, tuple(surfaces), own, points, relative, spaces, None)
+            return Shadows(view, own, points, relative, spaces, None)
         topologies = tuple(surface.topology for surface in surfaces)
         kept = device.kept.notes.get(LABEL)
         if not (isinstance(kept, _KeptOccluders) and kept.suits(topologies)):
@@ -87,7 +85,7 @@ class Shadows:
             device.kept.notes[LABEL] = kept
         kept.trees.move(points)
         own = kept.trees.occluders
-        return Shadows(view, tuple(surfaces), own, points, relative, spaces, kept.trees)
+        return Shadows(view, own, points, relative, spaces, kept.trees)
 
     @property
     def casting(self) -> int:
@@ -95,32 +93,9 @@ class Shadows:
         return sum(1 << number for number in lamp_numbers(self.spaces))
 
     @cached_property
-    def owners(self) -> Numbers:
-        """(T,): see `PixelReceivers.owners`."""
-        return PixelReceivers.owners(self.view, self.surfaces, self.occluders)
-
-    def planes(self, parent: Numbers) -> Texels:
-        """On the device, of each triangle of the view n / d of its plane n x = d, and its
-        `plane_words`; then those of parts of triangles ``parent`` (n,)."""
-        assert self.trees is not None
-        view, turn = self.view, self.view.camera.camera_from_world[:3, :3]
-        rows = np.full((max(view.count, 1) + len(parent), 4), NOBODY, np.uint32)
-        for part in parts(view.count):
-            a, b, c = np.moveaxis(view.corners_of(part, POSITION), 1, 0)
-            normal = np.cross(b - a, c - a)
-            plane = normal @ turn / np.einsum("ta,ta->t", normal, a)[:, None]
-            # pixels are told by these, and with normals for shading may be turned to a lamp
-            # nevertheless
-            own = view.corners_of(part, NORMAL)
-            cosine = np.abs(np.einsum("tka,ta->tk", own, plane)).min(axis=1)
-            cosine /= np.sqrt(np.einsum("ta,ta->t", plane, plane))
-            lean = np.sqrt(np.maximum(2.0 - 2.0 * cosine, 0.0))
-            rows[part, :3] = plane.astype(np.float32).view(np.uint32)
-            rows[part, 3] = plane_words(self.owners[part], lean)
-        rows[max(view.count, 1) :] = rows[parent]
-        texels = self.trees.device.kept.texels(len(rows), "rgba32uint", "shadow.planes")
-        texels.write(rows)
-        return texels
+    def owners(self) -> npt.NDArray[np.int32]:
+        """(T,): the occluder that each triangle of the view is part of, -1 of closed surfaces."""
+        return np.take(self.occluders.owner, self.view.source, mode="clip")
 
     def turned(self, terminator: float) -> tuple[LightSpace, ...]:
         """The spaces for receivers whose normals lean by so much (sine)."""
@@ -145,7 +120,7 @@ class Shadows:
         from gpusim.optics.shadow.twin import shares_of
 
         receivers = self.receivers(at, normal, across, down, triangle)
-        corners = self.points[:, :3].astype(np.float64)[self.occluders.triangles]
+        corners = self.points.astype(np.float64)[self.occluders.triangles]
         planes = planes_of(corners)
         result = np.zeros((len(x), len(self.lamps)))
         result[:, [not (self.casting >> k) & 1 for k in range(len(self.lamps))]] = 1.0
@@ -162,7 +137,7 @@ class Shadows:
         self, at: Array, normal: Array, across: Array, down: Array, triangle: Numbers
     ) -> Receivers:
         """Receivers on triangles (n,) of the view."""
-        return Receivers(at, normal, across, down, self.owners[triangle])
+        return Receivers(at, normal, across, down, self.owners[triangle].astype(np.int64))
 
 
 def _together(space: LightSpace, x: Array, y: Array, receivers: Receivers) -> Iterator[Numbers]:

@@ -69,7 +69,7 @@ class VisibleShares:
 
         Parameters
         ----------
-        points : (V, 4) vertices relative to the eye (`relative_points`).
+        points : (V, 3) vertices relative to the eye (`relative_points`).
         spaces : of the lamps, in their order (`light_spaces`).
         until : the last stage to run, for tests.
 

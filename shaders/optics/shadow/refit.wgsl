@@ -11,7 +11,7 @@ struct Tree {
 }
 @group(0) @binding(2) var<uniform> tree: Tree;
 // places of vertices relative to the eye; per triangle its vertices and whether its surface is open
-@group(0) @binding(3) var<storage, read> vertices: array<vec4f>;
+@group(0) @binding(3) var<storage, read> vertices: array<f32>;
 @group(0) @binding(4) var<storage, read> triangles: array<vec4u>;
 @group(0) @binding(5) var gathered: texture_storage_2d<rgba32float, write>;
 // per triangle what lies across its edges
@@ -20,14 +20,16 @@ struct Tree {
 @group(0) @binding(7) var<storage, read_write> boxes: array<vec4f>;
 @group(0) @binding(8) var nodes: texture_storage_2d<rgba32float, write>;
 
+fn vertex(i: u32) -> vec3f { return vec3f(vertices[3u * i], vertices[3u * i + 1u], vertices[3u * i + 2u]); }
+
 @compute @workgroup_size(64)
 fn gather(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let i = linear_id(gid, groups, 64u);
     if (i >= tree.count) { return; }
     let t = triangles[i];
-    let a = vertices[t.x].xyz;
-    let b = vertices[t.y].xyz;
-    let c = vertices[t.z].xyz;
+    let a = vertex(t.x);
+    let b = vertex(t.y);
+    let c = vertex(t.z);
     let way = cross(b - a, c - a);
     let size = length(way);
     let n = select(vec3f(0.0), way / size, size > 0.0);
