@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from gpusim.optics.ragged import expand
 
-__all__ = ["Balls", "Slopes", "facing", "in_order", "levels", "walk"]
+__all__ = ["MEMBERS", "Balls", "Slopes", "facing", "in_order", "levels", "walk"]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from gpusim.gpu import Device
 from gpusim.gpu.buffer import Buffer
 from gpusim.gpu.texels import Texels
-from gpusim.optics.clusters import MIXED, NONE, OPEN, Balls
+from gpusim.optics.clusters import MEMBERS, MIXED, NONE, OPEN, Balls
 from gpusim.optics.contours import LOW, Contours
 from gpusim.optics.viewpoints import TILT, Receivers, tangent
 
@@ -26,6 +26,10 @@ BEYOND = 1e30
 
 MOST_LEVELS = 12
 """Of clusters."""
+
+WALK_LEVEL, WALKED = 6, MEMBERS
+"""Clusters of this level at a time, so many: looked at one by one, with what is in them, these are
+22,000 turns of a loop, and as many for faces; see `gpusim.optics.pattern.LOOP_TURNS`."""
 
 POINTS = 1 << 13
 """At a time, at most."""
@@ -60,6 +64,7 @@ class ContourTables:
 
     def __init__(self, device: Device, contours: Contours) -> None:
         self.device, self._most = device, MOST
+        facets = contours.facets
         tables = _tables(contours)
         self.edges, self.borders, self.planes, self._clusters, self._spheres = (
             device.texels(max(len(tables[name]), 1), "rgba32uint", f"hemisphere.{name}")
@@ -68,6 +73,16 @@ class ContourTables:
         for texels, table in zip(self._texels, tables.values(), strict=True):
             if len(table):
                 texels.write(table)
+        levels = [len(contours.balls), len(contours.spheres)]
+        top = [min(WALK_LEVEL, max(count - 1, 0)) for count in levels]
+        count = -(-max(len(facets.ends), len(facets.planes)) // (WALKED * MEMBERS**WALK_LEVEL))
+        self._stretches = [
+            {
+                "edge_level": top[0], "face_level": top[1],
+                "first": WALKED * k, "last": WALKED * (k + 1),
+            }
+            for k in range(count)
+        ]  # fmt: skip
         self._params = {
             "tilt": TILT, "low": LOW, "rounding": contours.rounding,
             "edge_levels": _levels(contours.balls), "face_levels": _levels(contours.spheres),
@@ -104,7 +119,7 @@ class ContourTables:
         near = Near(
             count,
             device.buffer(table, "hemisphere.points"),
-            device.empty(8 * count, "hemisphere.counts"),
+            device.buffer(np.zeros((count, 2), np.uint32), "hemisphere.counts"),
             device.empty(4 * most[0] * count, "hemisphere.needed"),
             device.empty(4 * most[1] * count, "hemisphere.faces"),
             most,
@@ -112,11 +127,12 @@ class ContourTables:
         kernel = device.kernel("optics/around")
         params = {"count": count, "most_edges": most[0], "most_faces": most[1], **self._params}
         with device.recording("optics.around") as recording:
-            bindings = kernel.bind(
-                params=params, points=near.points, clusters=self._clusters, spheres=self._spheres,
-                counts=near.counts, edges=near.edges, faces=near.faces,
-            )  # fmt: skip
-            recording.dispatch(kernel, bindings, threads=(count,))
+            for stretch in self._stretches:
+                bindings = kernel.bind(
+                    params=params, stretch=stretch, points=near.points, clusters=self._clusters,
+                    spheres=self._spheres, counts=near.counts, edges=near.edges, faces=near.faces,
+                )  # fmt: skip
+                recording.dispatch(kernel, bindings, threads=(count,))
         return near
 
     def release(self) -> None:
@@ -126,13 +142,11 @@ class ContourTables:
 
 
 def _levels(clusters: Sequence[Balls]) -> npt.NDArray[np.uint32]:
-    """(12, 4): first cluster and number of clusters, from single things up; the third number of the
-    first is how many levels are above single ones."""
+    """(12, 4): first cluster and number of clusters, from single things up."""
     counts = [len(level.radius) for level in clusters]
     result = np.zeros((MOST_LEVELS, 4), np.uint32)
     result[: len(counts), 0] = np.cumsum([0, *counts])[:-1][::-1]
     result[: len(counts), 1] = counts[::-1]
-    result[0, 2] = max(len(counts) - 1, 0)
     return result
 
 

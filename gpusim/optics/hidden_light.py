@@ -89,7 +89,7 @@ def _radiances(environment: Environment, normal: Array) -> Array:
     """(N, 2048): of the samples over points with unit normals (N, 3)."""
     u = tangent(normal)
     axes = np.stack([u, np.cross(normal, u), normal], axis=1)
-    to = np.einsum("ska,nab->nskb", directions(), axes).reshape(-1, 3)
+    to = (directions().reshape(-1, 3) @ axes).reshape(-1, 3)
     image = environment.image
     if image.shape[1] == 1:
         result = np.where(to @ environment.axes[2] > 0.0, image[0, 0], image[-1, 0])

@@ -1,6 +1,6 @@
 // Which edges may be contours to a point, and which faces it may lie on or have on its way up: a walk
-// through clusters of them. The NumPy form is gpusim/optics/around.py, which finds them for points that
-// lie together.
+// through clusters of them, stretch by stretch, none longer than a device may walk in one go. The NumPy
+// form is gpusim/optics/around.py, which finds them for points that lie together.
 #import common/texel
 #import common/index
 
@@ -11,10 +11,16 @@ struct Params {
     tilt: f32,
     low: f32,       // sine of the height over the horizon below which edges don't matter
     rounding: f32,  // of heights over planes
-    // from single edges or faces up: number of the first cluster, how many, and how many levels are
-    // above single ones
+    // from single edges or faces up: number of the first cluster, and how many
     edge_levels: array<vec4u, 12>,
     face_levels: array<vec4u, 12>,
+}
+// A stretch of both walks: through some clusters of one level.
+struct Stretch {
+    edge_level: u32,
+    face_level: u32,
+    first: u32,
+    last: u32,      // the one after them
 }
 @group(0) @binding(0) var<uniform> params: Params;
 // per point (position, tolerance), (unit normal, thickness), (unit tangent, -)
@@ -24,12 +30,13 @@ struct Params {
 @group(0) @binding(2) var clusters: texture_storage_2d<rgba32uint, read>;
 // per cluster of faces (middle and radius of a ball around them)
 @group(0) @binding(3) var spheres: texture_storage_2d<rgba32uint, read>;
-// how many edges and faces a point needs, and the lists of them
+// how many edges and faces a point needs, those of stretches before included, and the lists of them
 @group(0) @binding(4) var<storage, read_write> counts: array<vec2u>;
 @group(0) @binding(5) var<storage, read_write> edges: array<u32>;
 @group(0) @binding(6) var<storage, read_write> faces: array<u32>;
+@group(0) @binding(7) var<uniform> stretch: Stretch;
 
-const MEMBERS: u32 = 4u;        // of a cluster
+const MEMBERS: u32 = 4u;        // of a cluster; places are told by two bits a level
 const UNKNOWN: i32 = 2;
 
 struct Point {
@@ -85,11 +92,13 @@ struct Place {
     number: u32,
 }
 fn beyond(place: Place, top: u32) -> Place {
-    var next = Place(place.level, place.number + 1u);
-    while (next.level < top && next.number % MEMBERS == 0u) {
-        next = Place(next.level + 1u, next.number / MEMBERS);
-    }
-    return next;
+    let number = place.number + 1u;
+    let rise = min(countTrailingZeros(number) / 2u, top - place.level);
+    return Place(place.level + rise, number >> (2u * rise));
+}
+// Whether a place, of so many on its level, is still in this stretch of a walk.
+fn within(place: Place, top: u32, count: u32) -> bool {
+    return place.number < min(count, stretch.last << (2u * (top - place.level)));
 }
 
 @compute @workgroup_size(64)
@@ -98,10 +107,10 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
     if (point >= params.count) { return; }
     let x = points[3u * point];
     let p = Point(x.xyz, x.w, points[3u * point + 1u].xyz);
-    var found = vec2u(0u);
-    var top = params.edge_levels[0].z;
-    var at = Place(top, 0u);
-    while (at.number < params.edge_levels[at.level].y) {
+    var found = counts[point];
+    var top = stretch.edge_level;
+    var at = Place(top, stretch.first);
+    while (within(at, top, params.edge_levels[at.level].y)) {
         if (may_hold(p, params.edge_levels[at.level].x + at.number)) {
             if (at.level > 0u) {
                 at = Place(at.level - 1u, at.number * MEMBERS);
@@ -112,9 +121,9 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
         }
         at = beyond(at, top);
     }
-    top = params.face_levels[0].z;
-    at = Place(top, 0u);
-    while (at.number < params.face_levels[at.level].y) {
+    top = stretch.face_level;
+    at = Place(top, stretch.first);
+    while (within(at, top, params.face_levels[at.level].y)) {
         if (may_be_above(p, params.face_levels[at.level].x + at.number)) {
             if (at.level > 0u) {
                 at = Place(at.level - 1u, at.number * MEMBERS);
