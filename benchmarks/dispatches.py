@@ -23,6 +23,7 @@ REPEATS = 5
 MARKED = 1e-3
 """Seconds."""
 
+
 @contextmanager
 def measured(found: dict[str, float]) -> Iterator[None]:
     """Fill ``found``: by name of each program that is dispatched meanwhile, what a dispatch of no

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from gpusim.gpu import Bound, Device, Recording, Uniform, compare, twin_check
 from gpusim.optics.occlusion import TOLERANCE
 from gpusim.optics.shadow.light_space import ANGLE, UNLIMITED, LightSpace
-from gpusim.optics.shadow.probe import probe_pieces, probe_pixels
+from gpusim.optics.shadow.probe import probe_pieces, probe_pixels, probe_points
 from gpusim.optics.shadow.receivers import (
     APART,
     TILE,
@@ -24,6 +24,7 @@ from gpusim.optics.shadow.receivers import (
     Receivers,
     on_device,
 )
+from gpusim.optics.shadow.refit import Trees, single_sheets
 
 __all__ = ["asking", "cells_twin", "entries_of", "groups_twin", "record_cells", "record_groups"]
 
@@ -85,8 +86,8 @@ def asking(
     return there[asks], every[asks], entry[asks]
 
 
-def cells_twin(receivers: Receivers | PixelReceivers) -> Array:
-    """(E, 12): cells as the shader has them."""
+def cells_twin(receivers: Receivers | PixelReceivers, sheets: Numbers) -> Array:
+    """(E, 13): cells as the shader has them; ``sheets`` (T,) of occluders."""
     there, every, entry, count = entries_of(receivers)
     at, reach = every.at, 0.5 * (np.abs(every.across) + np.abs(every.down))
     first = np.full(count, len(entry), np.int64)
@@ -113,7 +114,12 @@ def cells_twin(receivers: Receivers | PixelReceivers) -> Array:
     np.maximum.at(highest, entry, height + wide)
     np.maximum.at(lean, entry, np.linalg.norm(own - every.normal, axis=1))
     plane[:, 3] += lowest
-    return np.column_stack([low, lean, high, highest - lowest, plane])
+    own = np.where(every.on >= 0, sheets[every.on], 0)
+    least, most = np.full(count, 1 << 60), np.zeros(count, np.int64)
+    np.minimum.at(least, entry, own)
+    np.maximum.at(most, entry, own)
+    sheet = np.where(least == most, most, 0)
+    return np.column_stack([low, lean, high, highest - lowest, plane, sheet])
 
 
 def _in_picture(receivers: PixelReceivers, every: Receivers) -> tuple[Array, Array]:
@@ -129,10 +135,13 @@ def _in_picture(receivers: PixelReceivers, every: Receivers) -> tuple[Array, Arr
     return np.column_stack([at, depth]), np.column_stack([reach, rise])
 
 
-def groups_twin(receivers: Receivers | PixelReceivers, space: LightSpace) -> Array:
-    """(E, 11): box, tolerance and ground of every entry, as the shader has them."""
-    cells = cells_twin(receivers)
-    low, high, plane, thick = cells[:, :3], cells[:, 4:7], cells[:, 8:], cells[:, 7]
+def groups_twin(
+    receivers: Receivers | PixelReceivers, space: LightSpace, sheets: Numbers, single: Numbers
+) -> Array:
+    """(E, 12): box, sheet, tolerance and ground of every entry, as the shader has them; ``single``
+    (T,): `single_sheets`."""
+    cells = cells_twin(receivers, sheets)
+    low, high, plane, thick = cells[:, :3], cells[:, 4:7], cells[:, 8:12], cells[:, 7]
     rays = None
     if isinstance(receivers, PixelReceivers):
         camera = receivers.camera
@@ -173,7 +182,10 @@ def groups_twin(receivers: Receivers | PixelReceivers, space: LightSpace) -> Arr
     slack = np.full(len(cells), ANGLE) if space.lamp.far else space.rounding + thick
     ground = np.where((lamp[:, 2] - extent > slack)[:, None], plane, 0.0)
     box = np.stack([least, most], axis=2).reshape(-1, 6)
-    return np.column_stack([box, TOLERANCE * np.linalg.norm(x, axis=2).max(axis=0), ground])
+    sheet = np.where(np.isin(cells[:, 12], single), cells[:, 12], 0.0)
+    sheet *= lamp[:, 2] - extent - lean > 0.0
+    tolerance = TOLERANCE * np.linalg.norm(x, axis=2).max(axis=0)
+    return np.column_stack([box, sheet, tolerance, ground])
 
 
 def _ends(space: LightSpace, x: Array) -> tuple[Array, Array]:
@@ -200,20 +212,26 @@ def _unlimited(space: LightSpace, x: Array) -> tuple[Array, Array]:
 @twin_check(NAME)
 def _check(device: Device) -> None:
     for occluders, spaces, receivers in (probe_pieces(), probe_pixels()):
-        own = on_device(device, receivers, occluders)
+        own, trees = on_device(device, receivers, occluders), Trees(device, occluders)
+        trees.move(probe_points())
+        corners = probe_points().astype(np.float64)[occluders.triangles]
+        bindings = {**own.bindings(1), **trees.bindings(0)}
+        bound = Bound(device, bindings)
         with device.recording("optics.shadow.cells") as recording:
-            record_cells(recording, own, Bound(device, own.bindings(1)))
-        got = own.cells.read(np.float32, (own.entries, 12))
-        compare(NAME, got, cells_twin(receivers), atol=1e-5, rtol=2e-5)
+            trees.gather(recording)
+            record_cells(recording, own, bound)
+        got = own.cells.read(np.float32, (own.entries, 16))[:, :13]
+        compare(NAME, got, cells_twin(receivers, occluders.sheet), atol=1e-5, rtol=2e-5)
         for space in spaces:
             light = Uniform(device, space.uniform(), "shadow.light")
             groups_of = device.empty(48 * own.entries, "shadow.groups")
-            bound = Bound(device, {"light": light, "groups_of": groups_of, **own.bindings(1)})
+            bound = Bound(device, {"light": light, "groups_of": groups_of, **bindings})
             with device.recording("optics.shadow.groups") as recording:
+                trees.fit(recording, 0, space)
                 record_groups(recording, own, bound)
             got = groups_of.read(np.float32, (own.entries, 12))
-            want = groups_twin(receivers, space)
+            single = single_sheets(space, occluders, corners)
+            want = groups_twin(receivers, space, occluders.sheet, single)
             empty = want[:, 0] > want[:, 1]
             compare(NAME, got[empty, 0] > got[empty, 1], empty[empty], "exact")
-            got, want = np.delete(got, 6, axis=1)[~empty], want[~empty]
-            compare(NAME, got, want, atol=1e-5, rtol=2e-5)
+            compare(NAME, got[~empty], want[~empty], atol=1e-5, rtol=2e-5)

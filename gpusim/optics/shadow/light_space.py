@@ -46,6 +46,7 @@ class LightSpace:
     ``half``: half the lamp's size along the first two. ``scale``: the largest coordinate of the
     scene or the lamp, relative to the eye. ``number`` of the lamp. ``terminator``: sine by which
     receivers' normals may turn away from the lamp without being dark, as normals for shading do.
+    ``sheets``: bits of open surfaces whose border winds once at most round any ray to the lamp.
     """
 
     lamp: Lamp
@@ -56,6 +57,7 @@ class LightSpace:
     half: tuple[float, float]
     scale: float
     terminator: float = 0.0
+    sheets: int = 0
 
     @property
     def centre(self) -> Array:
@@ -130,6 +132,7 @@ class LightSpace:
             "tolerance": TOLERANCE,
             "terminator": self.terminator,
             "number": self.number,
+            "sheets": self.sheets,
         }
 
     def face(self) -> dict[str, object]:

@@ -20,13 +20,16 @@ from gpusim.optics.corners import CHUNK, parts
 from gpusim.surface.surface import Surface
 from gpusim.surface.topology import Topology
 
-__all__ = ["NOBODY", "DeviceOccluders", "Occluders", "relative_points"]
+__all__ = ["NOBODY", "SHEETS", "DeviceOccluders", "Occluders", "relative_points"]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
 
 NOBODY = 0xFFFFFFFF
 """What lies across an edge that isn't shared by two triangles, one each way."""
+
+SHEETS = 32
+"""Open surfaces that have a number."""
 
 MORTON_BITS = 16
 
@@ -36,14 +39,14 @@ class Occluders:
     """Triangles of surfaces, one after the other in Morton order.
 
     ``triangles`` (T, 3): vertices, those of all surfaces in order. ``neighbours`` (T, 3) uint32:
-    triangle across the edge from each corner to the next, or `NOBODY`. ``open`` (T,): of surfaces
-    that aren't closed, of which both sides hide. ``rank`` (T,): place in this order of each
-    triangle of all surfaces.
+    triangle across the edge from each corner to the next, or `NOBODY`. ``sheet`` (T,): 0 of closed
+    surfaces; of open ones, of which both sides hide, their number from 1 on, or `SHEETS` + 1.
+    ``rank`` (T,): place in this order of each triangle of all surfaces.
     """
 
     triangles: Numbers
     neighbours: npt.NDArray[np.uint32]
-    open: npt.NDArray[np.bool_]
+    sheet: Numbers
     rank: Numbers
 
     @staticmethod
@@ -55,15 +58,15 @@ class Occluders:
         InputError
             No triangle at all.
         """
-        triangles, neighbours, is_open = [], [], []
+        triangles, neighbours, sheets = [], [], []
         vertex = first = 0
-        for surface in surfaces:
+        for number, surface in enumerate(surfaces):
             topology = surface.topology
             count = len(topology.triangles)
             across = _across(topology)
             triangles.append(np.ascontiguousarray(topology.triangles) + vertex)
             neighbours.append(np.where(across >= 0, across + first, -1))
-            is_open.append(np.full(count, not topology.closed))
+            sheets.append(np.full(count, 0 if topology.closed else min(number, SHEETS) + 1))
             vertex += len(surface.points)
             first += count
         if not first:
@@ -76,13 +79,18 @@ class Occluders:
         beside = np.concatenate(neighbours)[order]
         return Occluders(
             every[order], np.where(beside >= 0, rank[beside], NOBODY).astype(np.uint32),
-            np.concatenate(is_open)[order], rank,
+            np.concatenate(sheets)[order], rank,
         )  # fmt: skip
 
     @property
     def count(self) -> int:
         """Number of triangles."""
         return len(self.triangles)
+
+    @cached_property
+    def open(self) -> npt.NDArray[np.bool_]:
+        """(T,): whether they are of open surfaces."""
+        return self.sheet > 0
 
     @cached_property
     def owner(self) -> npt.NDArray[np.int32]:
@@ -149,7 +157,7 @@ class DeviceOccluders:
         self.device, self.occluders = device, occluders
         count = occluders.count
         corners = np.zeros((count, 4), np.uint32)
-        corners[:, :3], corners[:, 3] = occluders.triangles, occluders.open
+        corners[:, :3], corners[:, 3] = occluders.triangles, occluders.sheet
         beside = np.full((count, 4), NOBODY, np.uint32)
         beside[:, :3] = occluders.neighbours
         vertices = int(occluders.triangles.max()) + 1

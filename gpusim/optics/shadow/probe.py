@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -13,6 +14,7 @@ from gpusim.optics.light import Light
 from gpusim.optics.shadow.light_space import LightSpace, light_spaces
 from gpusim.optics.shadow.occluders import Occluders, relative_points
 from gpusim.optics.shadow.receivers import PixelReceivers, Receivers
+from gpusim.optics.shadow.single_layer import wound_once
 from gpusim.optics.shadow_probe import block, shadow_scene
 from gpusim.optics.view import look
 from gpusim.optics.visibility import visibility_twin
@@ -47,8 +49,9 @@ def probe_points() -> npt.NDArray[np.float32]:
 
 @cache
 def _spaces() -> list[LightSpace]:
-    _, camera, lights = _scene()
-    return light_spaces(lamps_of(lights), probe_points(), camera.eye)
+    surfaces, camera, lights = _scene()
+    spaces = light_spaces(lamps_of(lights), probe_points(), camera.eye)
+    return [replace(v, sheets=wound_once(v, surfaces, camera.eye)) for v in spaces]
 
 
 @cache

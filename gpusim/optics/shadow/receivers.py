@@ -176,7 +176,7 @@ class DeviceReceivers:
         self.constants = {"listed": float(listed), "distorted": 0.0}
         words = self.most_groups + 1 + self.most if listed else 2 * self.most_groups
         self.halves = device.empty(4 * words, "shadow.halves")
-        self.cells = device.empty(96 * self.most_groups, "shadow.cells")
+        self.cells = device.empty(128 * self.most_groups, "shadow.cells")
         self._rays = {key: np.zeros(4) for key in ("x", "y", "one")}
         self._capacity = 0
         self._uniform: Uniform | None = None

@@ -7,20 +7,22 @@ lies across its edges, is turned the same way to all of the lamp.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.gpu import Bound, Device, Recording, Texels, Uniform, compare, twin_check
 from gpusim.optics.shadow.light_space import ANGLE, UNLIMITED, LightSpace
-from gpusim.optics.shadow.occluders import NOBODY, DeviceOccluders, Occluders
+from gpusim.optics.shadow.occluders import NOBODY, SHEETS, DeviceOccluders, Occluders
 
-__all__ = ["Trees", "box_ends", "facing", "planes_of", "refit_twin"]
+__all__ = ["Trees", "box_ends", "facing", "planes_of", "refit_twin", "single_sheets"]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
 
 HIDES_NOTHING, AWAY, TOWARDS, SPLIT, SPLIT_OPEN, AWAY_OPEN, CROSSING, KIND = range(8)
-UNIFORM, OPEN, CLOSED = 8, 16, 32
+UNIFORM, OPEN, CLOSED, SHEET = 8, 16, 32, 64
 """Words of nodes, as in ``shaders/optics/shadow/light_space.wgsl``."""
 
 LEVELS = 7
@@ -62,19 +64,26 @@ class Trees:
         for tree in self._trees:
             tree.space = None
 
-    def nodes(self, place: int) -> Texels:
-        """Of the space with this number among all."""
+    def bindings(self, place: int) -> dict[str, Any]:
+        """By their WGSL names; of the space with this number among all."""
         while place >= len(self._trees):
             self._trees.append(_Tree(self.device, self.occluders.leaves))
-        return self._trees[place].nodes
+        tree, placed = self._trees[place], self.placed
+        return {
+            "occluders": placed.records, "neighbours": placed.neighbours, "nodes": tree.nodes,
+            "sides": tree.sides,
+        }  # fmt: skip
+
+    def gather(self, recording: Recording) -> None:
+        """Put corners of occluders side by side, where vertices have moved."""
+        if not self._gathered:
+            self._gathered = True
+            self._gathering.run(recording, NAME, "gather", threads=(self.occluders.count,))
 
     def fit(self, recording: Recording, place: int, space: LightSpace) -> None:
         """Let the tree with this number be that of a space."""
-        if not self._gathered:
-            self._gathered = True
-            count = self.occluders.count
-            self._gathering.run(recording, NAME, "gather", threads=(count,))
-        self.nodes(place)
+        self.gather(recording)
+        shared = {**self.bindings(place), "boxes": self._boxes}
         tree = self._trees[place]
         if tree.suits(space):
             return
@@ -83,11 +92,9 @@ class Trees:
             tree.light.update(space.uniform())
         else:
             tree.light = Uniform(self.device, space.uniform(), "shadow.light")
-            shared = {
-                "light": tree.light, "occluders": self.placed.records, "boxes": self._boxes,
-                "neighbours": self.placed.neighbours, "nodes": tree.nodes,
-            }  # fmt: skip
+            shared["light"] = tree.light
             tree.bound = [Bound(self.device, {**shared, "tree": own}) for _, own in self._levels]
+        recording.clear(tree.sides)
         tree.bound[0].run(recording, NAME, "leaves", threads=(self.occluders.leaves,))
         for (first, _), bound in zip(self._levels, tree.bound, strict=True):
             bound.run(recording, NAME, "levels", groups=(max(first >> LEVELS, 1),))
@@ -100,6 +107,7 @@ class _Tree:
 
     def __init__(self, device: Device, leaves: int) -> None:
         self.nodes: Texels = device.texels(4 * leaves, "rgba32float", "shadow.nodes")
+        self.sides = device.empty(4 * SHEETS, "shadow.sides")
         self.space: LightSpace | None = None
         self.bound: list[Bound] = []
 
@@ -160,6 +168,19 @@ def box_ends(space: LightSpace, corners: Array) -> tuple[Array, Array]:
     return low, high
 
 
+def single_sheets(space: LightSpace, occluders: Occluders, corners: Array) -> Numbers:
+    """(T,): ``sheet`` of occluders with ``corners`` (T, 3, 3) where it hides nothing of itself on
+    the side that a lamp lights, else 0: all of it turns one side to all of the lamp."""
+    kind = facing(space, corners, occluders.open)
+    result = np.zeros_like(occluders.sheet)
+    for number in range(1, SHEETS + 1):
+        own = occluders.sheet == number
+        alike = (kind[own] == TOWARDS).all() or (kind[own] == AWAY_OPEN).all()
+        if alike and space.sheets >> (number - 1) & 1:
+            result[own] = number
+    return result
+
+
 def refit_twin(
     occluders: Occluders, points: Array, space: LightSpace
 ) -> tuple[Array, npt.NDArray[np.int64]]:
@@ -174,6 +195,7 @@ def refit_twin(
     same &= (kind[beside] == kind[:, None]).all(axis=1)
     ring = np.minimum(low[:, 2], np.where(alone, UNLIMITED, low[beside, 2]).min(axis=1))
     word = kind + UNIFORM * same + np.where(occluders.open, OPEN * same, CLOSED)
+    word += SHEET * np.where(occluders.sheet <= SHEETS, occluders.sheet, 0)
     boxes = np.full((2 * leaves, 7), UNLIMITED)
     boxes[:, 3:6] = -UNLIMITED
     words = np.zeros(2 * leaves, np.int64)
@@ -190,6 +212,8 @@ def refit_twin(
         joined = np.where(a == 0, b, np.where((b == 0) | (a == b), a, 0))
         mixed = (a | b) & CLOSED
         mixed = np.where((mixed == 0) & ((a | b) != 0), KIND, mixed)
+        same = (a == 0) | (b == 0) | (a // SHEET == b // SHEET)
+        mixed += SHEET * np.where(same, (a | b) // SHEET, 0)
         words[first : 2 * first] = np.where(joined & UNIFORM, joined, mixed)
     return boxes, words
 
@@ -203,7 +227,7 @@ def _check(device: Device) -> None:
         own.move(points)
         with device.recording("optics.shadow.refit") as recording:
             own.fit(recording, 0, space)
-        nodes = own.nodes(0).read().reshape(-1, 8)[1:]
+        nodes = own.bindings(0)["nodes"].read().reshape(-1, 8)[1:]
         boxes, words = refit_twin(occluders, points.astype(np.float64), space)
         compare(NAME, nodes[:, 7], words[1:], "exact")
         got = nodes[:, [0, 2, 4, 1, 3, 5, 6]]

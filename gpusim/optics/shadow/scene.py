@@ -14,7 +14,8 @@ from gpusim.optics.emitters import Lamp, check_number
 from gpusim.optics.shadow.light_space import LightSpace, lamp_numbers, light_spaces
 from gpusim.optics.shadow.occluders import Occluders, relative_points
 from gpusim.optics.shadow.receivers import TILE, Receivers
-from gpusim.optics.shadow.refit import Trees, box_ends, planes_of
+from gpusim.optics.shadow.refit import Trees, box_ends, planes_of, single_sheets
+from gpusim.optics.shadow.single_layer import wound_once
 from gpusim.optics.view import View
 from gpusim.surface.surface import Surface
 from gpusim.surface.topology import Topology
@@ -74,7 +75,10 @@ class Shadows:
         eye = view.camera.eye
         points = relative_points(surfaces, eye)
         relative = tuple(lamp.relative_to(eye) for lamp in lamps)
-        spaces = tuple(light_spaces(lamps, points, eye))
+        spaces = tuple(
+            replace(space, sheets=wound_once(space, surfaces, eye))
+            for space in light_spaces(lamps, points, eye)
+        )
         if device is None:
             own = Occluders.of(surfaces)
             return Shadows(view, own, points, relative, spaces, None)
@@ -126,10 +130,11 @@ class Shadows:
         result[:, [not (self.casting >> k) & 1 for k in range(len(self.lamps))]] = 1.0
         for space in self.spaces:
             low, high = box_ends(space, corners)
+            single = single_sheets(space, self.occluders, corners)
             for rows in _together(space, x, y, receivers):
                 face = _near(space, low, high, receivers[rows])
                 result[rows, space.number] = shares_of(
-                    space, self.occluders, corners, planes, receivers[rows], face
+                    space, self.occluders, corners, planes, receivers[rows], face, single
                 )
         return result
 

@@ -1,4 +1,4 @@
-"""Lamps that hide nothing: what such a lamp lights is a single layer, seen from all of its face.
+"""What hides nothing of itself: what a lamp lights of it is a single layer, from all of the lamp.
 
 Where all triangles of an oriented sheet turn the same side to a lamp, a ray from the lamp meets the
 sheet as often as its border winds round the ray. An outer border that runs once up and once down
@@ -22,10 +22,11 @@ from gpusim.optics.emitters import lamps_of
 from gpusim.optics.layer import border_of
 from gpusim.optics.light import Light
 from gpusim.optics.shadow.light_space import LightSpace, light_spaces
+from gpusim.optics.shadow.occluders import SHEETS
 from gpusim.optics.shape import Shape, shapes_of
 from gpusim.surface.surface import Surface
 
-__all__ = ["without_shadows"]
+__all__ = ["without_shadows", "wound_once"]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
@@ -56,6 +57,21 @@ def without_shadows(
     return found
 
 
+def wound_once(space: LightSpace, surfaces: Sequence[Surface], eye: Array) -> int:
+    """Bits of the open ones of the first `SHEETS` surfaces whose border winds once at most round
+    any ray to a lamp. They hide nothing of themselves if all of their triangles turn the same side
+    to it, which is found where these are looked at."""
+    result = 0
+    for number, surface in enumerate(surfaces[:SHEETS]):
+        topology = surface.topology
+        if topology.oriented and not topology.closed:
+            starts, ends = border_of(topology, None)
+            at = surface.points[starts] - eye
+            ahead = bool((space.ahead(at) > space.begin).all())
+            result |= (ahead and _winds_once(space, at, starts, ends)) << number
+    return result
+
+
 def _single_layer(space: LightSpace, surface: Surface, shape: Shape, points: Array) -> bool:
     """Whether a lamp lights all of a surface that is turned to it, and nothing else that the eye
     sees; ``points`` (P, 3): its vertices, from there."""
@@ -72,7 +88,8 @@ def _single_layer(space: LightSpace, surface: Surface, shape: Shape, points: Arr
             return False
     elif not (lit.all() or dark.all()):
         return False
-    if not _winds_once(space, points, *border_of(topology, lit if topology.closed else None)):
+    starts, ends = border_of(topology, lit if topology.closed else None)
+    if not _winds_once(space, points[starts], starts, ends):
         return False
     # the side turned away, where the eye sees that: normals for shading may lean towards the lamp
     away = np.flatnonzero((before < 0.0) & dark if topology.closed else (before < 0.0) != lit)
@@ -97,8 +114,9 @@ def _place(space: LightSpace, points: Array) -> Array:
     return result
 
 
-def _winds_once(space: LightSpace, points: Array, starts: Numbers, ends: Numbers) -> bool:
-    """Whether a border between vertices (n,) each winds once at most round every ray."""
+def _winds_once(space: LightSpace, at: Array, starts: Numbers, ends: Numbers) -> bool:
+    """Whether a border between vertices (n,) each, the first at (n, 3), winds once at most round
+    every ray."""
     order = np.argsort(starts)
     starts, ends = starts[order], ends[order]
     after = np.searchsorted(starts, ends)
@@ -106,7 +124,7 @@ def _winds_once(space: LightSpace, points: Array, starts: Numbers, ends: Numbers
         return False
     graph = csr_matrix((np.ones(len(after)), (np.arange(len(after)), after)))
     loop = connected_components(graph, directed=False)[1].astype(np.int64)
-    at = _place(space, points[starts])
+    at = _place(space, at[order])
     change = at[after] - at
     x, y = (at[:, :2] - at[0, :2]).T
     area = np.bincount(loop, x * change[:, 1] - y * change[:, 0])

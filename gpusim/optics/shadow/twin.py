@@ -28,7 +28,7 @@ from gpusim.optics.occlusion import (
 from gpusim.optics.shadow.light_space import LightSpace, lamp_numbers
 from gpusim.optics.shadow.occluders import Occluders
 from gpusim.optics.shadow.receivers import Receivers
-from gpusim.optics.shadow.refit import planes_of
+from gpusim.optics.shadow.refit import planes_of, single_sheets
 
 __all__ = ["Aspects", "aspects", "looked_from", "shares_of", "shares_twin"]
 
@@ -56,12 +56,14 @@ def shares_twin(
         own = [space for space in spaces if space.number == number]
         asks = np.any([v.asks(receivers.at, receivers.normal) for v in own], axis=0)
         step = max(PAIRS // occluders.count, 1)
+        single = single_sheets(own[0], occluders, corners)
         asking = np.flatnonzero(asks)
         for start in range(0, len(asking), step):
             rows = asking[start : start + step]
             result[rows, column] = shares_of(
-                own[0], occluders, corners, planes, receivers[rows], np.arange(occluders.count)
-            )
+                own[0], occluders, corners, planes, receivers[rows], np.arange(occluders.count),
+                single,
+            )  # fmt: skip
     return result
 
 
@@ -72,14 +74,22 @@ def shares_of(
     planes: Array,
     receivers: Receivers,
     faces: Numbers,
+    single: Numbers,
 ) -> Array:
-    """(n,): what ``receivers`` see of a lamp past some occluders, of which all have ``corners`` and
-    ``planes``."""
+    """(n,): what ``receivers`` see of a lamp past some occluders, of which all have ``corners``,
+    ``planes`` and ``single`` (`single_sheets`)."""
     lamp, masks = space.lamp, lamp_masks(space.lamp)
     row, face = (
         np.repeat(np.arange(len(receivers.at)), len(faces)),
         np.tile(faces, len(receivers.at)),
     )
+    # what hides nothing of itself, on the side that the lamp lights
+    upright = receivers.upright()
+    own = space.planes(np.column_stack([upright, np.sum(upright * receivers.at, axis=1)]))
+    lit = (receivers.on >= 0) & (own[:, 2] > space.extent(own))
+    sheet = np.where(lit, single[receivers.on], 0)
+    other = (sheet[row] == 0) | (single[face] != sheet[row])
+    row, face = row[other], face[other]
     pairs = receivers[row]
     seen = aspects(
         lamp, pairs, corners[face], planes[face], occluders.open[face],

@@ -149,6 +149,7 @@ class VisibleShares:
             if receivers.listed:
                 recording.clear(self.shares)
             recording.begin("optics.shadow.cells")
+            self.trees.gather(recording)
             record_cells(recording, receivers, self._spaces[0].bound)
             for own in self._spaces[: len(spaces)]:
                 own.record(recording, stages)
@@ -181,14 +182,12 @@ class _SpaceOnDevice:
         self._light = Uniform(device, space.uniform(), "shadow.light")
         self._lamp = Uniform(device, space.face(), "shadow.lamp")
         self._space, self.number = space, space.number
-        placed = shares.trees.placed
         self.bound = Bound(
             device,
             {
                 "light": self._light, "lamp": self._lamp, "states": shares.states,
                 "shares": shares.shares, "groups_of": shares.search.groups_of,
-                "counters": self.counters, "occluders": placed.records,
-                "neighbours": placed.neighbours, "nodes": shares.trees.nodes(place),
+                "counters": self.counters, **shares.trees.bindings(place),
                 **shares.receivers.bindings(shares.search.capacity), **shares.search.bindings(),
             },
         )  # fmt: skip

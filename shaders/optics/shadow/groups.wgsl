@@ -5,13 +5,23 @@
 #import common/index
 #import optics/shadow/receiver
 
-// three of each entry: low ends (w: how far unit normals are from the plane's) | high ends (w: thickness) |
-// plane: unit normal, and the offset below all. Ends of pixels are places in the picture and depths, of
-// the list places
+// four of each entry: low ends (w: how far unit normals are from the plane's) | high ends (w: thickness) |
+// plane: unit normal, and the offset below all | x: number of the open surface that all lie on, or 0. Ends
+// of pixels are places in the picture and depths, of the list places
 @group(0) @binding(19) var<storage, read_write> cells: array<vec4f>;
-// three of each entry: p and q ends | s low, s high, -, `tolerance` as a length | ground: normal, offset;
-// normal 0 where there is none. Low ends are above high ones where nothing asks
+// three of each entry: p and q ends | s low, s high, number of the sheet that all lie on, if that hides nothing
+// of itself, or 0, `tolerance` as a length | ground: normal, offset; normal 0 where there is none. Low ends are
+// above high ones where nothing asks
 @group(0) @binding(14) var<storage, read_write> groups_of: array<vec4f>;
+
+// see refit.wgsl
+@group(0) @binding(9) var<storage, read> sides: array<u32>;
+// The number of an open surface if that hides nothing of itself (single_layer.py says why), else 0.
+fn single(surface: u32) -> u32 {
+    let place = max(surface, 1u) - 1u;
+    let wound = light.sheets >> place & 1u;
+    return select(0u, surface, surface > 0u && wound == 1u && sides[place] != 3u);
+}
 
 struct Cell {
     low: vec3f,
@@ -19,6 +29,7 @@ struct Cell {
     plane: vec4f,
     heights: vec2f,
     lean: f32,
+    sheet: u32,
 }
 fn plane_of(r: Receiver) -> vec4f {
     if (listed == 0u) { return vec4f(r.n, dot(r.n, r.x)); }
@@ -33,12 +44,15 @@ fn joined(c: Cell, r: Receiver) -> Cell {
     let heights = vec2f(min(c.heights.x, height - wide), max(c.heights.y, height + wide));
     let apart = plane.xyz - r.n;
     let lean = max(c.lean, length(apart) + r.lean);
-    return Cell(min(c.low, r.at - r.reach), max(c.high, r.at + r.reach), plane, heights, lean);
+    let own = surface_of(r.on);
+    let sheet = select(select(0u, own, c.sheet == own), own, c.sheet == NOBODY);
+    return Cell(min(c.low, r.at - r.reach), max(c.high, r.at + r.reach), plane, heights, lean, sheet);
 }
 fn store_cell(entry: u32, c: Cell) {
-    cells[3u * entry] = vec4f(c.low, c.lean);
-    cells[3u * entry + 1u] = vec4f(c.high, c.heights.y - c.heights.x);
-    cells[3u * entry + 2u] = vec4f(c.plane.xyz, c.plane.w + c.heights.x);
+    cells[4u * entry] = vec4f(c.low, c.lean);
+    cells[4u * entry + 1u] = vec4f(c.high, c.heights.y - c.heights.x);
+    cells[4u * entry + 2u] = vec4f(c.plane.xyz, c.plane.w + c.heights.x);
+    cells[4u * entry + 3u] = vec4f(f32(select(c.sheet, 0u, c.sheet == NOBODY)), 0.0, 0.0, 0.0);
 }
 
 // Of a tile that sees one triangle the corners tell all.
@@ -64,7 +78,7 @@ fn find_cells(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups
     // at first all together; if depths differ the nearer half, then the farther
     for (var turn = 0u; turn < 3u; turn++) {
         let low = vec3f(UNLIMITED);
-        var c = Cell(low, -low, vec4f(0.0), vec2f(UNLIMITED, -UNLIMITED), 0.0);
+        var c = Cell(low, -low, vec4f(0.0), vec2f(UNLIMITED, -UNLIMITED), 0.0, NOBODY);
         let divided = turn > 0u;
         if (listed == 0u) {
             // on what is bent the others are least apart from the plane in the middle
@@ -121,9 +135,9 @@ fn unlimited_box(low: vec3f, high: vec3f) -> Box {
 fn find_groups(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
     let entry = linear_id(gid, groups, 64u);
     if (entry >= 2u * receivers.groups) { return; }
-    let low = cells[3u * entry];
-    let high = cells[3u * entry + 1u];
-    let plane = cells[3u * entry + 2u];
+    let low = cells[4u * entry];
+    let high = cells[4u * entry + 1u];
+    let plane = cells[4u * entry + 2u];
     // uniforms are loaded again and again in loops: places are linear in what these tell
     let frame = transpose(mat3x3f(light.across.xyz, light.along.xyz, light.axis.xyz));
     let centre = frame * light.centre.xyz;
@@ -166,11 +180,14 @@ fn find_groups(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroup
     let lamp = plane_in_light_space(plane);
     let extent = lamp_extent(lamp);
     let away = select(1.0, length(max(abs(least), abs(most))), is_near()) + light.across.w + light.along.w;
-    let turned = lamp.z + extent + (low.w + light.terminator) * away > 0.0;
+    let lean = (low.w + light.terminator) * away;
+    let turned = lamp.z + extent + lean > 0.0;
     if (low.z > high.z || !turned || (is_near() && most.z <= 0.0)) { box = empty_box(); }
     // all of the lamp is above all of them
     let above = lamp.z - extent > select(ANGLE, light.rounding + high.w, is_near());
     groups_of[3u * entry] = vec4f(box.low.x, box.high.x, box.low.y, box.high.y);
-    groups_of[3u * entry + 1u] = vec4f(box.low.z, box.high.z, 0.0, light.tolerance * sqrt(far));
+    // on the side that all of the lamp lights
+    let sheet = select(0u, single(u32(cells[4u * entry + 3u].x)), lamp.z - extent - lean > 0.0);
+    groups_of[3u * entry + 1u] = vec4f(box.low.z, box.high.z, f32(sheet), light.tolerance * sqrt(far));
     groups_of[3u * entry + 2u] = select(vec4f(0.0), plane, above);
 }

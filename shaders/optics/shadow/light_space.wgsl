@@ -13,9 +13,10 @@ struct LightSpace {
     tolerance: f32,  // a face hides nothing nearer to its plane, per distance from the eye
     terminator: f32, // sine by which receivers may be turned away and ask nevertheless
     number: u32,     // of the lamp
+    sheets: u32,     // bits of open surfaces whose border winds once at most round any ray
 }
 @group(0) @binding(0) var<uniform> light: LightSpace;
-// four texels per triangle: corners (w of the first one: 1 if its surface is open), and the plane:
+// four texels per triangle: corners (w of the first one: 0, or of an open surface its number from 1 on), and the plane:
 // unit normal, offset from the eye
 @group(0) @binding(1) var occluders: texture_storage_2d<rgba32float, read>;
 
@@ -69,6 +70,11 @@ struct Occluder {
     open: bool,
     plane: vec4f,
 }
+// Number of the open surface that a triangle is of, or 0.
+fn surface_of(i: u32) -> u32 {
+    let surface = u32(textureLoad(occluders, texel(4u * select(i, 0u, i == NOBODY))).w);
+    return select(surface, 0u, i == NOBODY || surface > SHEETS);
+}
 fn occluder(i: u32) -> Occluder {
     let a = textureLoad(occluders, texel(4u * i));
     return Occluder(
@@ -91,4 +97,8 @@ const KIND: u32 = 7u;
 const UNIFORM: u32 = 8u;
 const OPEN: u32 = 16u;
 const CLOSED: u32 = 32u;
+// times the number of the open surface that all in it are of
+const SHEET: u32 = 64u;
+const SHEETS: u32 = 32u;    // surfaces that have a number
+fn sheet_of(word: u32) -> u32 { return word / SHEET; }
 const NOBODY: u32 = 0xffffffffu;

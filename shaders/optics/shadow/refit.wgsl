@@ -19,6 +19,8 @@ struct Tree {
 // two of each node: p and q ends | s low, s high, lowest s with its neighbours', word
 @group(0) @binding(7) var<storage, read_write> boxes: array<vec4f>;
 @group(0) @binding(8) var nodes: texture_storage_2d<rgba32float, write>;
+// of each open surface: 1 where a triangle isn't turned towards all of the lamp, 2 where one isn't away
+@group(0) @binding(9) var<storage, read_write> sides: array<atomic<u32>>;
 
 fn vertex(i: u32) -> vec3f { return vec3f(vertices[3u * i], vertices[3u * i + 1u], vertices[3u * i + 2u]); }
 
@@ -101,6 +103,10 @@ fn leaves(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) gr
     if (i < tree.count) {
         let o = occluder(i);
         let kind = facing(o);
+        let surface = surface_of(i);
+        let side = select(0u, 1u, kind != TOWARDS) | select(0u, 2u, kind != AWAY_OPEN);
+        let place = max(surface, 1u) - 1u;
+        if (surface > 0u && (atomicLoad(&sides[place]) & side) != side) { atomicOr(&sides[place], side); }
         if (kind != NONE) {
             ends = ends_of(o);
             ring = ends.low.z;
@@ -113,7 +119,7 @@ fn leaves(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) gr
                 ring = min(ring, ends_of(other).low.z);
             }
             word = kind | select(0u, UNIFORM, same) | select(CLOSED, 0u, o.open);
-            word |= select(0u, OPEN, same && o.open);
+            word |= select(0u, OPEN, same && o.open) | (SHEET * surface);
         }
     }
     store(tree.leaves + i, ends, ring, word);
@@ -133,9 +139,12 @@ fn joined(i: u32) {
     if (one == 0u) { word = other; }
     else if (other == 0u || (one == other && (one & UNIFORM) != 0u)) { word = one; }
     // inside there is neither a leaf's kind nor a half of what is uniform
-    if ((word & UNIFORM) == 0u) { word = (one | other) & CLOSED; }
+    let mixed = (word & UNIFORM) == 0u;
+    if (mixed) { word = (one | other) & CLOSED; }
     // zero is empty
     if (word == 0u && (one | other) != 0u) { word = KIND; }
+    let same = one == 0u || other == 0u || sheet_of(one) == sheet_of(other);
+    word |= select(0u, SHEET * sheet_of(one | other), mixed && same);
     store(i, Ends(low, high), min(b.z, d.z), word);
 }
 

@@ -143,6 +143,7 @@ fn shaft_of_tiles(corner: vec2u, farther: u32) -> Shaft {
     var ground = vec4f(0.0);
     var first = true;
     var tolerance = 0.0;
+    var sheet = 0u;
     for (var k = 0u; k < 16u; k++) {
         let at = min(corner + vec2u(k & 3u, k >> 2u), size - 1u);
         let e = 3u * (at.y * size.x + at.x + farther * receivers.groups);
@@ -153,13 +154,17 @@ fn shaft_of_tiles(corner: vec2u, farther: u32) -> Shaft {
         low = min(low, vec3f(a.x, a.z, b.x));
         high = max(high, vec3f(a.y, a.w, b.y));
         tolerance = max(tolerance, b.w);
-        if (first) { ground = g; }
+        if (first) {
+            ground = g;
+            sheet = u32(b.z);
+        }
+        if (u32(b.z) != sheet) { sheet = 0u; }
         first = false;
         // one plane, or none
         if (any(abs(g.xyz - ground.xyz) > vec3f(ANGLE))) { ground = vec4f(0.0); }
         ground.w = min(ground.w, g.w);
     }
-    return shaft_of(low, high, ground, tolerance);
+    return shaft_of(low, high, ground, tolerance, sheet);
 }
 
 @compute @workgroup_size(16)

@@ -17,19 +17,20 @@ struct Shaft {
     sky: vec4f,      // the ground in light space
     steep: f32,      // most of what s grows by per height over the ground
     tolerance: f32,
+    sheet: u32,      // of which nothing hides the lamp, or 0
 }
-fn shaft_of(low: vec3f, high: vec3f, ground: vec4f, tolerance: f32) -> Shaft {
+fn shaft_of(low: vec3f, high: vec3f, ground: vec4f, tolerance: f32, sheet: u32) -> Shaft {
     let sky = plane_in_light_space(ground);
     let least = sky.z - lamp_extent(sky);
     let steep = select(UNLIMITED, 1.0 / least, least > 0.0);
     // what begins within a pixel of the receivers is looked at alone: these may be part of it
     let deep = high.z - low.z;
-    return Shaft(low, high, high.z + 2.0 * deep, high.z + 8.0 * deep, ground, sky, steep, tolerance);
+    return Shaft(low, high, high.z + 2.0 * deep, high.z + 8.0 * deep, ground, sky, steep, tolerance, sheet);
 }
 fn shaft_of_entry(entry: u32) -> Shaft {
     let a = groups_of[3u * entry];
     let b = groups_of[3u * entry + 1u];
-    return shaft_of(vec3f(a.x, a.z, b.x), vec3f(a.y, a.w, b.y), groups_of[3u * entry + 2u], b.w);
+    return shaft_of(vec3f(a.x, a.z, b.x), vec3f(a.y, a.w, b.y), groups_of[3u * entry + 2u], b.w, u32(b.z));
 }
 
 struct Node {
@@ -69,7 +70,8 @@ fn meets_node(t: Shaft, n: Node) -> vec2<bool> {
     let slack = scaled(4.0 * light.rounding, n.high.z);
     let extent = dot(abs(t.sky.xyz), n.high - middle) + slack;
     let most = growth(t, height + extent, n.high.z, n.word);
-    let met = meets(t, n, most);
+    let own = t.sheet != 0u && sheet_of(n.word) == t.sheet;
+    let met = !own && meets(t, n, most);
     if (!met || (n.word & UNIFORM) == 0u) { return vec2<bool>(met, false); }
     let grounded = any(t.ground.xyz != vec3f(0.0));
     let least = select(UNLIMITED, (height - extent) * t.steep, grounded);
