@@ -24,6 +24,7 @@ def record_masks(
     """Find the shares of receivers of entries in penumbra; of a list also those of all others."""
     name = "optics/shadow/mask"
     search.run_counted(recording, bound, name, "penumbra")
+    search.run_counted(recording, bound, name, "mixed", "mixed")
     if receivers.listed:
         bound.run(recording, name, "plain", receivers.constants, threads=(receivers.groups,))
 

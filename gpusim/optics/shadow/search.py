@@ -27,7 +27,7 @@ __all__ = ["HALF", "LIT", "UMBRA", "Search"]
 LIT, UMBRA, HALF = range(3)
 """What an entry sees of a lamp."""
 
-COUNTERS = ("taken", "sifted", "refined", "penumbra")
+COUNTERS = ("taken", "sifted", "refined", "penumbra", "mixed")
 
 CHUNK = 128
 """Bytes of a chunk of the pool."""
@@ -45,8 +45,8 @@ class Search:
         self.groups_of = device.empty(48 * entries, "shadow.groups")
         self.pool = device.empty(CHUNK * capacity, "shadow.pool")
         self.heads = device.empty(16 * entries, "shadow.heads")
-        # entries to sift, to refine, and in penumbra
-        self.work = device.empty(12 * entries, "shadow.work")
+        # entries to sift, to refine, in penumbra by ends alone, and by single occluders, too
+        self.work = device.empty(16 * entries, "shadow.work")
         # of all that there is room for: a band may be shorter than those that follow
         across, down = self._coarse_size(receivers.most_groups)
         self.coarse = device.empty(8 * across * down, "shadow.coarse")
@@ -79,8 +79,8 @@ class Search:
     def run_counted(
         self, recording: Recording, bound: Bound, name: str, what: str, entry: str = "main"
     ) -> None:
-        """Run a kernel on the entries that one before it has counted: what is "sifted", "refined"
-        or in "penumbra"."""
+        """Run a kernel on the entries that one before it has counted: what is "sifted", "refined",
+        in "penumbra" or "mixed"."""
         constants = self._receivers.constants
         bound.run(recording, "optics/shadow/search", f"count_{what}", constants, groups=(1,))
         bound.run(recording, name, entry, constants, counted=self.next_groups)

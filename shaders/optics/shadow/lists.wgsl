@@ -12,7 +12,8 @@ const CHUNK: u32 = 32u;
 const CROSSES: u32 = 0x80000000u;
 // an end is an edge: 4 x triangle + place among its edges, and TURNED if it is wound the other way
 const TURNED: u32 = 0x80000000u;
-// entries to sift, behind as many words as there are entries those to refine, then those in penumbra
+// entries to sift, behind as many words as there are entries those to refine, then those in penumbra by ends
+// alone, and those in that of single occluders, too
 @group(0) @binding(22) var<storage, read_write> work: array<u32>;
 // chunks taken, and the numbers of these entries
 @group(0) @binding(23) var<storage, read_write> counters: array<atomic<u32>>;
@@ -20,9 +21,10 @@ const TAKEN: u32 = 0u;
 const SIFTED: u32 = 1u;
 const REFINED: u32 = 2u;
 const PENUMBRA: u32 = 3u;
+const MIXED: u32 = 4u;
 
 fn entries() -> u32 { return 2u * receivers.groups; }
-// One more entry to be SIFTED or REFINED, or in PENUMBRA; and the one with a number among these.
+// One more entry of a kind; and the one with a number among these.
 fn enqueue(what: u32, entry: u32) {
     work[(what - 1u) * entries() + atomicAdd(&counters[what], 1u)] = entry;
 }

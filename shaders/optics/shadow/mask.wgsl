@@ -67,7 +67,7 @@ fn hidden_as_a_whole(r: Receiver, to: vec3f, first: u32, count: u32) -> Samples 
     return Samples(any_turn(turns0), any_turn(turns1), any_turn(turns2), any_turn(turns3));
 }
 
-fn visible_share(r: Receiver, head: vec4u) -> f32 {
+fn visible_share(r: Receiver, head: vec4u, singles: bool) -> f32 {
     let k = looking(r);
     var covered = Samples();
     let edges = head.w & ~CROSSES;
@@ -75,7 +75,7 @@ fn visible_share(r: Receiver, head: vec4u) -> f32 {
     var chunk = head.x;
     var i = 0u;
     loop {
-        if (i >= head.y) { break; }
+        if (!singles || i >= head.y) { break; }
         let o = occluder(pool[CHUNK * chunk + i % LENGTH]);
         let s = aspect(r, k, o);
         if (s.counts && !is_beside(k.own, o)) { covered = either(covered, hidden_by(r, k, o, s)); }
@@ -91,18 +91,31 @@ fn store(group: u32, k: u32, share: f32) {
     shares[light.number * receivers.count + number_of(group, k)] = share;
 }
 
+fn store_shares(what: u32, number: u32, lane: u32) {
+    if (number >= atomicLoad(&counters[what])) { return; }
+    let entry = queued(what, number);
+    let group = entry % receivers.groups;
+    let r = receiver_of(group, lane);
+    if (is_in(r, entry, lane)) { store(group, lane, visible_share(r, heads[entry], what == MIXED)); }
+}
+
 @compute @workgroup_size(64)
 fn main(
     @builtin(local_invocation_index) lane: u32,
-    @builtin(workgroup_id) workgroup: vec3u,
+    @builtin(workgroup_id) group: vec3u,
     @builtin(num_workgroups) groups: vec3u,
 ) {
-    let number = workgroup.y * groups.x + workgroup.x;
-    if (number >= atomicLoad(&counters[PENUMBRA])) { return; }
-    let entry = queued(PENUMBRA, number);
-    let group = entry % receivers.groups;
-    let r = receiver_of(group, lane);
-    if (is_in(r, entry, lane)) { store(group, lane, visible_share(r, heads[entry])); }
+    store_shares(PENUMBRA, group.y * groups.x + group.x, lane);
+}
+
+// A program of its own: software drivers run what is for single occluders also where there are none.
+@compute @workgroup_size(64)
+fn mixed(
+    @builtin(local_invocation_index) lane: u32,
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+) {
+    store_shares(MIXED, group.y * groups.x + group.x, lane);
 }
 
 // Of a list also where receivers see all of the lamp or none.

@@ -124,6 +124,6 @@ fn main(
     heads[entry].y = kept;
     if (kept > 0u || (head.w & CROSSES) != 0u) {
         say(entry, HALF);
-        enqueue(PENUMBRA, entry);
+        enqueue(select(PENUMBRA, MIXED, kept > 0u), entry);
     }
 }

@@ -193,3 +193,5 @@ fn count_sifted() { tell((atomicLoad(&counters[SIFTED]) + 63u) / 64u); }
 fn count_refined() { tell(atomicLoad(&counters[REFINED])); }
 @compute @workgroup_size(1)
 fn count_penumbra() { tell(atomicLoad(&counters[PENUMBRA])); }
+@compute @workgroup_size(1)
+fn count_mixed() { tell(atomicLoad(&counters[MIXED])); }
