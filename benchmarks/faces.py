@@ -31,8 +31,8 @@ from benchmarks.bodies import (
 )
 from gpusim.errors import InputError, OutOfDeviceMemory
 from gpusim.gpu import Device
-from gpusim.optics.light import Light
-from gpusim.optics.view import look
+from gpusim.optics.geometry.view import look
+from gpusim.optics.light.lights import Light
 
 RESULTS = Path(__file__).parent / "results"
 SCENES = (

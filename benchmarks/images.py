@@ -16,12 +16,12 @@ import numpy as np
 
 import gpusim as gs
 from gpusim.gpu import Device
-from gpusim.optics.binning import bin_edges
-from gpusim.optics.setup import Setup
-from gpusim.optics.view import look
-from gpusim.pipeline.build import build_body, build_lights
-from gpusim.pipeline.cameras import build_camera
-from gpusim.pipeline.props import build_prop
+from gpusim.optics.edge_pixels.fragment_lists import bin_edges
+from gpusim.optics.geometry.view import look
+from gpusim.optics.shading.setup import Setup
+from gpusim.pipeline.build.build import build_body, build_lights
+from gpusim.pipeline.build.cameras import build_camera
+from gpusim.pipeline.build.props import build_prop
 from tests.optics_reference import Plate, difference, pattern, reference
 
 RESULTS = Path(__file__).parent / "results" / "images.md"

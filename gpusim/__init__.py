@@ -50,9 +50,9 @@ if _typing.TYPE_CHECKING:
         psf,
         render,
     )
-    from gpusim.optics.calibration_files import read_calibration, write_calibration
+    from gpusim.optics.calibration.formats import read_calibration, write_calibration
     from gpusim.pipeline import run
-    from gpusim.pipeline.solving import solve
+    from gpusim.pipeline.stages.solving import solve
     from gpusim.report import Report
     from gpusim.scene import Scene, load_scene
     from gpusim.surface import Atlas, CylinderFrame, PaintFrame, Skin, Surface, paint
@@ -150,9 +150,9 @@ _HOMES = {
         "psf",
         "render",
     ),
-    "gpusim.optics.calibration_files": ("read_calibration", "write_calibration"),
+    "gpusim.optics.calibration.formats": ("read_calibration", "write_calibration"),
     "gpusim.pipeline": ("run",),
-    "gpusim.pipeline.solving": ("solve",),
+    "gpusim.pipeline.stages.solving": ("solve",),
     "gpusim.report": ("Report",),
     "gpusim.scene": ("Scene", "load_scene"),
     "gpusim.surface": ("Atlas", "CylinderFrame", "PaintFrame", "Skin", "Surface", "paint"),

@@ -10,10 +10,10 @@ from scipy.sparse import coo_matrix, csc_matrix
 from scipy.sparse.linalg import spsolve
 
 from gpusim.fem import Model
-from gpusim.fem.element_matrix import element_stiffness
-from gpusim.fem.formulation import resolve_formulation
+from gpusim.fem.elements.element_matrix import element_stiffness
+from gpusim.fem.model.formulation import resolve_formulation
 from gpusim.mesh import CELL_TYPES, Mesh, box, quadratic, split
-from gpusim.mesh.shapes import reference_nodes
+from gpusim.mesh.shape_functions import reference_nodes
 
 Float = npt.NDArray[np.float64]
 Formulation = str | Mapping[str, str] | None

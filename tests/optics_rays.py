@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 import gpusim as gs
-from gpusim.optics.emitters import Lamp
+from gpusim.optics.light.quadrature import Lamp
 from gpusim.surface.surface import triangulate
 
 Array = npt.NDArray[np.float64]

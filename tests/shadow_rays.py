@@ -9,12 +9,12 @@ import numpy.typing as npt
 
 import gpusim as gs
 from gpusim.gpu import Device
-from gpusim.optics.emitters import Lamp, lamps_of
-from gpusim.optics.light import Light
+from gpusim.optics.light.lights import Light
+from gpusim.optics.light.quadrature import Lamp, lamps_of
+from gpusim.optics.shadow.lamp_visibility import visible_shares
 from gpusim.optics.shadow.light_space import light_spaces
 from gpusim.optics.shadow.occluders import Occluders, relative_points
 from gpusim.optics.shadow.receivers import Receivers
-from gpusim.optics.shadow.visible import visible_shares
 from tests.optics_rays import may_meet
 
 Array = npt.NDArray[np.float64]

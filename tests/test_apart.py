@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from gpusim import apart
-from gpusim.processors import processors
+from gpusim.parallel import helper_processes
+from gpusim.parallel.cpu_budget import processors
 from gpusim.report import prepare_figures
 from gpusim.report.figures import draw_convergence
 
@@ -26,7 +26,8 @@ def helpers() -> None:
 
 def test_a_call_without_helpers_is_made_here() -> None:
     code = (
-        "import os; from gpusim import apart; print(apart.begin(os.getpid).result(), os.getpid())"
+        "import os; from gpusim.parallel import helper_processes as apart; "
+        "print(apart.begin(os.getpid).result(), os.getpid())"
     )
     words = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
@@ -37,33 +38,35 @@ def test_a_call_without_helpers_is_made_here() -> None:
 @needs_helpers
 @pytest.mark.usefixtures("helpers")
 def test_calls_are_made_elsewhere() -> None:
-    calls = [apart.begin(operator.mul, k, 2.5) for k in range(20)]
+    calls = [helper_processes.begin(operator.mul, k, 2.5) for k in range(20)]
     assert [call.result() for call in calls] == [2.5 * k for k in range(20)]
-    assert apart.begin(os.getpid).result() != os.getpid()
+    assert helper_processes.begin(os.getpid).result() != os.getpid()
 
 
 @pytest.mark.usefixtures("helpers")
 def test_errors_are_those_of_the_call() -> None:
     with pytest.raises(ZeroDivisionError):
-        apart.begin(operator.truediv, 1, 0).result()
-    assert apart.begin(operator.truediv, 1, 4).result() == 0.25
+        helper_processes.begin(operator.truediv, 1, 0).result()
+    assert helper_processes.begin(operator.truediv, 1, 4).result() == 0.25
 
 
 @needs_helpers
 @pytest.mark.usefixtures("helpers")
 def test_what_cannot_be_sent_is_called_here() -> None:
-    assert apart.begin(lambda: os.getpid()).result() == os.getpid()  # a lambda has no name
+    assert (
+        helper_processes.begin(lambda: os.getpid()).result() == os.getpid()
+    )  # a lambda has no name
 
 
 @needs_helpers
 def test_a_helper_that_is_gone_fails_nobody(monkeypatch: pytest.MonkeyPatch) -> None:
-    team = apart._Team(1, ())
+    team = helper_processes._Team(1, ())
     try:
-        monkeypatch.setattr(apart, "_team", team)
+        monkeypatch.setattr(helper_processes, "_team", team)
         team.process.kill()
         team.process.wait()
-        assert apart.begin(os.getpid).result() == os.getpid()
-        assert apart.begin(operator.add, 1, 2).result() == 3
+        assert helper_processes.begin(os.getpid).result() == os.getpid()
+        assert helper_processes.begin(operator.add, 1, 2).result() == 3
     finally:
         team.end()
 
@@ -71,7 +74,7 @@ def test_a_helper_that_is_gone_fails_nobody(monkeypatch: pytest.MonkeyPatch) -> 
 @needs_helpers
 @pytest.mark.skipif(sys.platform != "linux", reason="helpers divide under Linux alone")
 def test_helpers_divide_and_end_with_their_caller() -> None:
-    team = apart._Team(2, ())
+    team = helper_processes._Team(2, ())
     numbers: set[int] = set()
     for _ in range(200):  # until both have got ready
         numbers.add(team.call(os.getpid, (), {}))
@@ -92,11 +95,11 @@ def test_helpers_divide_and_end_with_their_caller() -> None:
 
 @needs_helpers
 def test_what_a_library_prints_is_no_answer(monkeypatch: pytest.MonkeyPatch) -> None:
-    team = apart._Team(1, ())
+    team = helper_processes._Team(1, ())
     try:
-        monkeypatch.setattr(apart, "_team", team)
-        assert apart.begin(os.system, "echo printed").result() == 0
-        assert apart.begin(operator.add, 1, 2).result() == 3
+        monkeypatch.setattr(helper_processes, "_team", team)
+        assert helper_processes.begin(os.system, "echo printed").result() == 0
+        assert helper_processes.begin(operator.add, 1, 2).result() == 3
     finally:
         team.end()
 
@@ -110,7 +113,7 @@ def test_closed_standard_streams_are_no_pipes(closed: tuple[int, ...], tmp_path:
 import os, sys
 for number in {closed}:
     os.close(number)
-from gpusim import apart
+from gpusim.parallel import helper_processes as apart
 apart.prepare()
 calls = [apart.begin(os.getpid).result() for _ in range(20)]
 open({str(found)!r}, "w").write(str(os.getpid() in calls))
@@ -125,7 +128,7 @@ open({str(found)!r}, "w").write(str(os.getpid() in calls))
 def test_a_copy_of_the_process_has_no_helpers_until_it_asks_for_some() -> None:
     code = """
 import os
-from gpusim import apart
+from gpusim.parallel import helper_processes as apart
 apart.prepare()
 print(apart.begin(os.getpid).result() != os.getpid(), flush=True)
 if os.fork() == 0:
@@ -144,7 +147,7 @@ print(apart.begin(os.getpid).result() != os.getpid())
 def test_relative_names_are_those_of_the_call(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    team = apart._Team(1, ())
+    team = helper_processes._Team(1, ())
     try:
         monkeypatch.chdir(tmp_path)
         assert team.call(os.getcwd, (), {}) == str(tmp_path)
@@ -155,7 +158,8 @@ def test_relative_names_are_those_of_the_call(
 @needs_helpers
 def test_helpers_leave_no_temporary_folders(tmp_path: Path) -> None:
     (tmp_path / "temporary").mkdir()
-    code = "import os; from gpusim import apart; from gpusim.report import prepare_figures;"
+    code = "import os; from gpusim.parallel import helper_processes as apart;"
+    code += "from gpusim.report import prepare_figures;"
     code += "prepare_figures(); print(apart.begin(os.getpid).result())"
     nowhere = {"HOME": str(tmp_path / "no/home"), "TMPDIR": str(tmp_path / "temporary")}
     nowhere |= {"XDG_CONFIG_HOME": "/dev/null", "XDG_CACHE_HOME": "/dev/null"}
@@ -173,6 +177,6 @@ def test_helpers_leave_no_temporary_folders(tmp_path: Path) -> None:
 def test_a_figure_is_the_same_wherever_it_is_drawn(tmp_path: Path) -> None:
     residuals = (1.0, 0.1, 0.02, 1e-7)
     there, here = tmp_path / "there.png", tmp_path / "here.png"
-    apart.begin(draw_convergence, residuals, there).result()
+    helper_processes.begin(draw_convergence, residuals, there).result()
     draw_convergence(residuals, here)
     assert there.read_bytes() == here.read_bytes()

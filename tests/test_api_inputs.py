@@ -11,7 +11,7 @@ import pytest
 
 import gpusim as gs
 from gpusim.errors import InputError
-from gpusim.inputs import checked, real_numbers
+from gpusim.validation import checked, real_numbers
 
 K = np.array([[30.0, 0.0, 5.0], [0.0, 31.0, 3.5], [0.0, 0.0, 1.0]])
 CORNERS = np.array([[-1.0, -0.7, 4.0], [1.1, -0.6, 4.0], [0.2, 0.9, 4.3]])

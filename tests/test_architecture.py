@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import ast
+from collections import Counter
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -16,45 +18,16 @@ PACKAGE = Path(gpusim.__file__).parent
 # `measure` sees images and numbers only: no inverse crime.
 FOUNDATION = {
     "_version",
-    "apart",
-    "child_process",
-    "blas",
-    "copies",
-    "distinct",
+    "arrays",
     "errors",
-    "hdf5_file",
-    "includes",
-    "input_file",
-    "inputs",
+    "files",
     "interrupts",
-    "main_memory",
-    "output_folder",
+    "parallel",
     "printable",
-    "picture_file",
-    "picture_tags",
-    "processors",
-    "series",
+    "validation",
 }
 ALLOWED: dict[str, set[str]] = {
-    "_version": set(),
-    "apart": set(),
-    "child_process": set(),
-    "blas": set(),
-    "copies": set(),
-    "distinct": set(),
-    "errors": set(),
-    "hdf5_file": set(),
-    "includes": set(),
-    "input_file": set(),
-    "inputs": set(),
-    "interrupts": set(),
-    "main_memory": set(),
-    "output_folder": set(),
-    "printable": set(),
-    "picture_file": set(),
-    "picture_tags": set(),
-    "processors": set(),
-    "series": set(),
+    **{part: set() for part in FOUNDATION},
     "gpu": set(),
     "scene": {"gpu"},
     "mesh": {"gpu"},
@@ -68,18 +41,111 @@ ALLOWED: dict[str, set[str]] = {
     "report": {"gpu", "mesh", "fem", "surface", "optics", "measure", "scene", "export"},
 }
 NUMERICS = set(ALLOWED)
-# Modules that put stages together, each with what it may see beside all of the above.
+# Packages that put stages together, each with what it may see beside all of the above.
 ALLOWED |= {
-    "state": {"export"},
-    "speed": {"export"},
-    "planned": {"speed"},
-    "plan": {"gpu", "planned", "scene", "speed", "state", "export"},
+    "plan": {"gpu", "scene"},
     "bench": {"gpu", "mesh", "fem", "surface", "optics"},
-    "pipeline": NUMERICS | {"plan", "planned", "speed", "state"},
-    "__init__": NUMERICS | {"plan", "state", "pipeline"},
-    "cli": NUMERICS | {"bench", "plan", "planned", "speed", "state", "pipeline", "__init__"},
+    "pipeline": NUMERICS | {"plan"},
+    "__init__": NUMERICS | {"plan", "pipeline"},
+    "cli": NUMERICS | {"bench", "plan", "pipeline", "__init__"},
     "__main__": {"cli"},
 }
+
+# Folders and modules of `optics`: each may import those before it.
+OPTICS = (
+    "camera",
+    "calibration",
+    "geometry",
+    "light",
+    "paint",
+    "raster",
+    "shadow",
+    "ambient",
+    "truth",
+    "frame",
+    "change_detection",
+    "shading",
+    "series",
+    "edge_pixels",
+    "rendering",
+    "lens",
+    "sensor",
+    "probes",
+)
+# Imports of `optics` that still point the other way, and circles of modules.
+WRONG_WAY: dict[str, set[str]] = {
+    "ambient.hemisphere_mask": {"probes.shadows"},
+    "ambient.silhouette_search": {"probes.shadows"},
+    "edge_pixels.resolve": {"probes.paints"},
+    "paint.checker_lines": {"shading.setup"},
+    "raster.triangle_records": {"probes.paints", "shading.setup"},
+    "series.project": {"probes.paints"},
+    "shading.forward_pass": {
+        "edge_pixels.fragment_lists",
+        "probes.paints",
+        "series.speckled_layer",
+    },
+    "shading.glance": {"probes.paints"},
+    "shading.relighting": {"edge_pixels.fragment_lists", "probes.shadows"},
+    "shading.scene_buffers": {"series.late"},
+    "shadow.bvh_refit": {"probes.occluders"},
+    "shadow.occluder_refinement": {"probes.occluders"},
+    "shadow.occluder_search": {"probes.occluders"},
+    "shadow.penumbra_mask": {"probes.occluders"},
+    "shadow.receiver_groups": {"probes.occluders"},
+    "shadow.receiver_planes": {"probes.paints", "shading.scene_buffers"},
+}
+CIRCLES: list[set[str]] = [
+    {
+        "gpu.buffer",
+        "gpu.buffer_pool",
+        "gpu.device",
+        "gpu.kernel",
+        "gpu.programs",
+        "gpu.raster",
+        "gpu.recording",
+        "gpu.texture_array",
+        "gpu.timing",
+        "gpu.uniform",
+    },
+    {"measure.correlation.image_tiles", "measure.correlation.matching"},
+    {"mesh.boundary", "mesh.mesh", "mesh.quality"},
+    {
+        "optics.paint.checker_lines",
+        "optics.probes.occluders",
+        "optics.raster.id_buffer",
+        "optics.raster.vertex_buffers",
+        "optics.shading.lighting",
+        "optics.shading.setup",
+        "optics.shadow.brute_force",
+        "optics.shadow.bvh_refit",
+        "optics.shadow.scene",
+    },
+    {
+        "optics.series.late",
+        "optics.series.speckled_layer",
+        "optics.shading.deferred_pass",
+        "optics.shading.forward_pass",
+        "optics.shading.glance",
+        "optics.shading.glance_kind",
+        "optics.shading.layer_bands",
+        "optics.shading.layer_pass",
+        "optics.shading.scene_buffers",
+        "optics.shading.speckled",
+        "optics.shading.tile_light",
+        "optics.shadow.receiver_planes",
+    },
+    {
+        "optics.shadow.lamp_visibility",
+        "optics.shadow.occluder_refinement",
+        "optics.shadow.occluder_search",
+        "optics.shadow.penumbra_mask",
+    },
+    {"pipeline.runner.stage_report", "pipeline.runner.stage_runner"},
+]
+
+MOST_MODULES = 20
+"""In one folder."""
 
 
 def python_files() -> list[Path]:
@@ -152,6 +218,83 @@ def test_a_wrong_import_is_seen(line: str, tmp_path: Path, monkeypatch: pytest.M
     path.write_text(line, encoding="utf-8")
     monkeypatch.setitem(globals(), "PACKAGE", tmp_path)
     assert len(import_faults(path)) == 1
+
+
+def optics_part(name: str) -> int:
+    """Where a module of `optics` stands in the order."""
+    return OPTICS.index(name.split(".")[2])
+
+
+@cache
+def import_graph() -> dict[str, set[str]]:
+    """Every module with those that it imports, at any depth of the code and for types, too."""
+    paths = {
+        ".".join(("gpusim", *path.relative_to(PACKAGE).with_suffix("").parts)): path
+        for path in python_files()
+    }
+    modules = {name.removesuffix(".__init__"): path for name, path in paths.items()}
+    graph: dict[str, set[str]] = {}
+    for module, path in modules.items():
+        own = graph.setdefault(module, set())
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Import):
+                own |= {alias.name for alias in node.names} & set(modules)
+            elif isinstance(node, ast.ImportFrom):
+                package = module if path.name == "__init__.py" else module.rpartition(".")[0]
+                parent = package.split(".")[: len(package.split(".")) - node.level + 1]
+                base = node.module or ""
+                if node.level:
+                    base = ".".join([*parent, base] if base else parent)
+                names = {f"{base}.{alias.name}" for alias in node.names}
+                own |= names & set(modules)
+                own |= {base} & set(modules) if names - set(modules) else set()
+    return {module: own - {module} for module, own in graph.items()}
+
+
+def circles(graph: dict[str, set[str]]) -> list[set[str]]:
+    """Strongly connected components of more than one module."""
+
+    def reached(start: str, edges: dict[str, set[str]]) -> set[str]:
+        found, left = {start}, [start]
+        while left:
+            more = edges[left.pop()] - found
+            found |= more
+            left += more
+        return found
+
+    back: dict[str, set[str]] = {module: set() for module in graph}
+    for module, own in graph.items():
+        for name in own:
+            back[name].add(module)
+    found, left = [], set(graph)
+    while left:
+        module = min(left)
+        circle = reached(module, graph) & reached(module, back)
+        left -= circle
+        if len(circle) > 1:
+            found.append(circle)
+    return found
+
+
+def test_imports_of_optics_flow_one_way() -> None:
+    wrong: dict[str, set[str]] = {}
+    for module, own in import_graph().items():
+        for name in own:
+            if all(one.startswith("gpusim.optics.") for one in (module, name)):
+                if optics_part(module) < optics_part(name):
+                    short = name.removeprefix("gpusim.optics.")
+                    wrong.setdefault(module.removeprefix("gpusim.optics."), set()).add(short)
+    assert wrong == WRONG_WAY
+
+
+def test_modules_import_each_other_in_no_circle_but_the_known_ones() -> None:
+    found = [{name.removeprefix("gpusim.") for name in one} for one in circles(import_graph())]
+    assert sorted(map(sorted, found)) == sorted(map(sorted, CIRCLES))
+
+
+def test_no_folder_holds_too_many_modules() -> None:
+    folders = Counter(path.parent for path in python_files() if path.name != "__init__.py")
+    assert {folder.name: count for folder, count in folders.items() if count > MOST_MODULES} == {}
 
 
 def test_public_names_are_importable_and_sorted() -> None:

@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 import gpusim as gs
-from gpusim import plan
 from gpusim.errors import InputError
 from gpusim.gpu import Device, chosen_backend, working_device
-from gpusim.pipeline.budget import run_budget
+from gpusim.pipeline.runner.error_budget import run_budget
+from gpusim.plan import plan
 from tests.measure_images import Waves
 
 PUBLIC = [

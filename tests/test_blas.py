@@ -12,12 +12,12 @@ import pytest
 from threadpoolctl import ThreadpoolController
 
 import gpusim as gs
-from gpusim import blas
-from gpusim.blas import one_blas_thread
-from gpusim.copies import in_copies
+from gpusim.parallel import blas_threads
+from gpusim.parallel.blas_threads import one_blas_thread
+from gpusim.parallel.process_map import in_copies
 from tests.measure_images import Waves
 
-CONTROLLER = blas._controller()
+CONTROLLER = blas_threads._controller()
 
 
 def numbers() -> list[int]:

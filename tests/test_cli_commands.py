@@ -128,7 +128,7 @@ def test_plain_progress_json_and_quiet(
         (errors.NotConverged("solve: stuck"), 3, "error: solve: stuck"),
         (errors.NoAdapter("no adapter"), 4, "error: no adapter"),
         (errors.DeviceLost("gone"), 4, "error: gone"),
-        (errors.TwinMismatch("fem/cg: off"), 5, "error: fem/cg: off"),
+        (errors.TwinMismatch("fem/krylov/cg: off"), 5, "error: fem/krylov/cg: off"),
         (KeyboardInterrupt(), 130, "error: interrupted"),
         (OSError(28, "No space left on device"), 1, "No space left on device"),
         (MemoryError(), 1, "out of memory"),
@@ -239,7 +239,7 @@ def test_module_starts_quickly_and_knows_its_version() -> None:
     code = (
         "import sys; sys.argv = ['gpusim', '--help']\n"
         "from gpusim.cli import main\n"
-        "import gpusim.plan\n"
+        "import gpusim.plan.plan\n"
         "code = main()\n"
         "heavy = {'numpy', 'scipy', 'wgpu', 'cv2', 'matplotlib', 'h5py'} & set(sys.modules)\n"
         "assert not heavy, heavy\n"

@@ -11,11 +11,11 @@ import pytest
 from gpusim.export.correlation import csv_names, result_columns, stereo_columns
 from gpusim.export.layers import LAYERS
 from gpusim.measure import DicResult, StereoResult, StrainResult
-from gpusim.optics.calibration_files import UNITS
-from gpusim.pipeline import damage
-from gpusim.pipeline.deflection import DeflectionResult
-from gpusim.pipeline.stereo_result import CameraFound
-from gpusim.pipeline.stereo_result import StereoResult as StereoMarkers
+from gpusim.optics.calibration.formats import UNITS
+from gpusim.pipeline.measurements import damage
+from gpusim.pipeline.measurements.deflection import DeflectionResult
+from gpusim.pipeline.measurements.stereo_result import CameraFound
+from gpusim.pipeline.measurements.stereo_result import StereoResult as StereoMarkers
 
 
 @pytest.fixture(scope="module")

@@ -17,10 +17,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gpusim import copies
-from gpusim.copies import _can_be_copied, in_copies
-from gpusim.fem.product import shared
-from gpusim.processors import all_processors, limited, processors
+from gpusim.fem.assembly.matrix_product import shared
+from gpusim.parallel import process_map
+from gpusim.parallel.cpu_budget import all_processors, limited, processors
+from gpusim.parallel.process_map import _can_be_copied, in_copies
 
 needs_copies = pytest.mark.skipif(
     all_processors() < 2 or sys.platform != "linux", reason="one core, or no way of copying"
@@ -31,7 +31,7 @@ needs_copies = pytest.mark.skipif(
 def _by_themselves(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Threads that earlier tests have left, of BLAS or of a driver, are of no account here, nor is
     a shell that lets what it runs in the background ignore interrupts."""
-    monkeypatch.setattr(copies, "_can_be_copied", lambda: sys.platform == "linux")
+    monkeypatch.setattr(process_map, "_can_be_copied", lambda: sys.platform == "linux")
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)
@@ -224,7 +224,7 @@ def test_a_copy_of_another_thread_hears_no_interrupt(monkeypatch: pytest.MonkeyP
 def test_nothing_is_copied_while_another_thread_is_at_work(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(copies, "_can_be_copied", _can_be_copied)
+    monkeypatch.setattr(process_map, "_can_be_copied", _can_be_copied)
     with ThreadPoolExecutor(1) as pool:
         other = pool.submit(hashlib.pbkdf2_hmac, "sha256", b"", b"", 1_000_000)
         time.sleep(0.05)
@@ -239,8 +239,8 @@ def test_copies_end_with_a_program_that_is_killed(tmp_path: Path) -> None:
     program = f"""
 import os, signal, time
 from pathlib import Path
-from gpusim import copies
-from gpusim.copies import in_copies
+from gpusim.parallel import process_map as copies
+from gpusim.parallel.process_map import in_copies
 
 copies._can_be_copied = lambda: True
 me, note = os.getpid(), Path({str(note)!r})

@@ -14,8 +14,8 @@ import pytest
 
 from gpusim.deck import load_deck
 from gpusim.mesh import CELL_TYPES
-from gpusim.mesh.inp_types import SOLID_TYPES
-from gpusim.mesh.shapes import reference_nodes
+from gpusim.mesh.formats.abaqus.element_types import SOLID_TYPES
+from gpusim.mesh.shape_functions import reference_nodes
 from tests.deck_texts import step, write
 
 TYPES = ["C3D4", "C3D6", "C3D8", "C3D10", "C3D15", "C3D20", "C3D20R"]

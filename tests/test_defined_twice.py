@@ -9,7 +9,7 @@ import pytest
 from gpusim.deck import load_deck
 from gpusim.errors import InputError
 from gpusim.mesh import Mesh, box, read_mesh
-from gpusim.mesh.inp import read_inp
+from gpusim.mesh.formats.abaqus.reader import read_inp
 from tests.deck_texts import FIXED, MATERIAL, MODEL, deck, line_of, step, write
 
 LOAD = step("*CLOAD", "22, 1, 1.")

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from gpusim.errors import GpusimError, InputError
-from gpusim.export.files import (
+from gpusim.files.atomic_files import (
     atomic_path,
     atomic_stream,
     clean_leftovers,
@@ -133,7 +133,7 @@ def test_a_real_size_limit_is_reported_and_leaves_no_file(tmp_path: Path) -> Non
         import signal, sys
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
         from gpusim.errors import GpusimError
-        from gpusim.export.files import write_bytes
+        from gpusim.files.atomic_files import write_bytes
         try:
             write_bytes(sys.argv[1], bytes(5_000_000))
         except GpusimError as error:
@@ -154,7 +154,7 @@ def test_a_real_size_limit_is_reported_and_leaves_no_file(tmp_path: Path) -> Non
 def test_a_killed_writer_leaves_only_what_the_next_start_cleans(tmp_path: Path) -> None:
     code = """
         import sys, time
-        from gpusim.export.files import atomic_stream
+        from gpusim.files.atomic_files import atomic_stream
         with atomic_stream(sys.argv[1]) as stream:
             stream.write(b"half")
             stream.flush()

@@ -8,19 +8,19 @@ from scipy.sparse import bsr_matrix
 
 from gpusim.errors import InputError
 from gpusim.fem import Isotropic, Model, Orthotropic, solve
-from gpusim.fem.aggregation import galerkin, prolongator
-from gpusim.fem.assembly import assemble, assemble_groups, group_matrix
-from gpusim.fem.block_rows import block_matrix
-from gpusim.fem.coarsen import drop_midsides
-from gpusim.fem.deformation import Deformation
-from gpusim.fem.diagonal import invert_blocks
-from gpusim.fem.edges import Edges
-from gpusim.fem.element_matrix import element_stiffness
-from gpusim.fem.groups import DistinctGroup, Group, model_groups
-from gpusim.fem.product import RowsProduct
-from gpusim.fem.straight_tets import StraightTets, is_straight
-from gpusim.fem.supports import rigid_modes
-from gpusim.fem.transfer import NodeTransfer, in_single
+from gpusim.fem.assembly.assembly import assemble, assemble_groups, group_matrix
+from gpusim.fem.assembly.block_rows import block_matrix
+from gpusim.fem.assembly.diagonal_blocks import invert_blocks
+from gpusim.fem.assembly.element_batches import DistinctGroup, Group, model_groups
+from gpusim.fem.assembly.element_deformation import Deformation
+from gpusim.fem.assembly.matrix_product import RowsProduct
+from gpusim.fem.assembly.node_graph import Edges
+from gpusim.fem.elements.element_matrix import element_stiffness
+from gpusim.fem.elements.straight_tetrahedra import StraightTets, is_straight
+from gpusim.fem.model.rigid_body_modes import rigid_modes
+from gpusim.fem.multigrid.geometric_coarsening import drop_midsides
+from gpusim.fem.multigrid.smoothed_aggregation import galerkin, prolongator
+from gpusim.fem.multigrid.transfer import NodeTransfer, in_single
 from gpusim.mesh import Mesh, box, quadratic, split
 
 STEEL = Isotropic(2.0, 0.3)
@@ -184,7 +184,7 @@ def test_galerkin_products_add_up_whatever_the_parts(
     wide = p.toarray().astype(np.float64)
     wanted = wide.T @ dense @ wide
     for least in (10**9, 200):
-        monkeypatch.setattr("gpusim.fem.aggregation._LEAST_PART", least)
+        monkeypatch.setattr("gpusim.fem.multigrid.smoothed_aggregation._LEAST_PART", least)
         got = galerkin(matrix, p)
         assert got.blocksize == (6, 6)
         assert got.dtype == np.float64

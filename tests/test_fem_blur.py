@@ -7,8 +7,8 @@ import pytest
 
 import gpusim as gs
 from gpusim.fem import Isotropic, Model, solve
-from gpusim.fem import iterate as iteration
-from gpusim.fem.blur import Blur
+from gpusim.fem.krylov import outer_iteration as iteration
+from gpusim.fem.krylov.rounding_error import Blur
 
 
 def cube() -> Model:

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.sparse import bsr_matrix, kron
 
-import gpusim.fem.hierarchy as hierarchy
+import gpusim.fem.multigrid.hierarchy as hierarchy
 from gpusim import fem
 from gpusim.errors import NotConverged
-from gpusim.fem.bottom import Bottom, narrow_order
+from gpusim.fem.multigrid.coarse_solver import Bottom, narrow_order
 from gpusim.mesh import Mesh, box
 
 

@@ -6,13 +6,18 @@ import numpy as np
 import pytest
 
 from gpusim.fem import Isotropic, Model, solve
-from gpusim.fem.assembly import assemble_groups, assemble_lattice, group_matrix, lattice_stencil
-from gpusim.fem.block_rows import block_matrix
-from gpusim.fem.coarsen import drop_midsides, drop_planes
-from gpusim.fem.groups import lattice_group, masked, model_groups
-from gpusim.fem.lattice import find_lattice
-from gpusim.fem.product import RowsProduct
-from gpusim.fem.transfer import NodeTransfer
+from gpusim.fem.assembly.assembly import (
+    assemble_groups,
+    assemble_lattice,
+    group_matrix,
+    lattice_stencil,
+)
+from gpusim.fem.assembly.block_rows import block_matrix
+from gpusim.fem.assembly.element_batches import lattice_group, masked, model_groups
+from gpusim.fem.assembly.matrix_product import RowsProduct
+from gpusim.fem.lattice.lattice import find_lattice
+from gpusim.fem.multigrid.geometric_coarsening import drop_midsides, drop_planes
+from gpusim.fem.multigrid.transfer import NodeTransfer
 from gpusim.mesh import Mesh, box, crane, quadratic, split
 
 STEEL = Isotropic(2.0, 0.3)

@@ -5,22 +5,22 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import gpusim.fem.columns as columns
-import gpusim.fem.hierarchy as hierarchy
+import gpusim.fem.multigrid.column_blocks as columns
+import gpusim.fem.multigrid.hierarchy as hierarchy
 from gpusim import fem
-from gpusim.fem.aggregation import galerkin, prolongator
-from gpusim.fem.assembly import assemble
-from gpusim.fem.block_rows import block_matrix
-from gpusim.fem.columns import Columns, columns_across
-from gpusim.fem.formulation import resolve_formulation
-from gpusim.fem.groups import Elements
-from gpusim.fem.hierarchy import build_hierarchy
-from gpusim.fem.preconditioner import Multigrid
-from gpusim.fem.product import RowsProduct
-from gpusim.fem.stacks import thin_axes
-from gpusim.fem.supports import rigid_modes
+from gpusim.fem.assembly.assembly import assemble
+from gpusim.fem.assembly.block_rows import block_matrix
+from gpusim.fem.assembly.element_batches import Elements
+from gpusim.fem.assembly.matrix_product import RowsProduct
+from gpusim.fem.model.formulation import resolve_formulation
+from gpusim.fem.model.rigid_body_modes import rigid_modes
+from gpusim.fem.multigrid.cell_stacks import thin_axes
+from gpusim.fem.multigrid.column_blocks import Columns, columns_across
+from gpusim.fem.multigrid.hierarchy import build_hierarchy
+from gpusim.fem.multigrid.preconditioner import Multigrid
+from gpusim.fem.multigrid.smoothed_aggregation import galerkin, prolongator
 from gpusim.mesh import Mesh, box, plate_with_hole
-from gpusim.mesh.split import split
+from gpusim.mesh.builders.cell_splitting import split
 
 
 def plate(kind: str, cells: tuple[int, int, int] = (14, 12, 3), thickness: float = 0.5) -> Mesh:

@@ -8,18 +8,18 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
+from gpusim.arrays.error_free_sums import high_half, two_sum
 from gpusim.bench.elements import element_matrices
 from gpusim.bench.hard_cases import STEEL, bar, contrast
 from gpusim.bench.reference import reference_solution
 from gpusim.fem import Isotropic, Model, solve
-from gpusim.fem.assembly import assemble
-from gpusim.fem.deformation import Deformation, condition, deformation
-from gpusim.fem.element_matrix import element_stiffness
-from gpusim.fem.error_free import high_half, two_sum
-from gpusim.fem.formulation import resolve_formulation
-from gpusim.fem.groups import DistinctGroup, Group
-from gpusim.fem.stiffness import apply_stiffness
-from gpusim.fem.system import System
+from gpusim.fem.assembly.assembly import assemble
+from gpusim.fem.assembly.element_batches import DistinctGroup, Group
+from gpusim.fem.assembly.element_deformation import Deformation, condition, deformation
+from gpusim.fem.assembly.system import System
+from gpusim.fem.device.stiffness import apply_stiffness
+from gpusim.fem.elements.element_matrix import element_stiffness
+from gpusim.fem.model.formulation import resolve_formulation
 from gpusim.gpu import Device
 from gpusim.mesh import Mesh, box, quadratic
 

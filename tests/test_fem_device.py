@@ -10,24 +10,24 @@ from scipy.sparse import csr_matrix
 
 from gpusim.errors import NotConverged
 from gpusim.fem import Isotropic, Model, solve
-from gpusim.fem.arena import Arena
-from gpusim.fem.assembly import Assembled, assemble
-from gpusim.fem.block_rows import BlockRows, block_matrix
-from gpusim.fem.block_texels import BlockTexels, rows_of_matrix
-from gpusim.fem.cg import DeviceCG
-from gpusim.fem.columns import Columns
-from gpusim.fem.device_operator import device_tets, upload_operator
-from gpusim.fem.formulation import resolve_formulation
-from gpusim.fem.hierarchy import Hierarchy, build_hierarchy
+from gpusim.fem.assembly.assembly import Assembled, assemble
+from gpusim.fem.assembly.block_rows import BlockRows, block_matrix
+from gpusim.fem.device.arena import Arena
+from gpusim.fem.device.block_product import DeviceProduct
+from gpusim.fem.device.block_texels import BlockTexels, rows_of_matrix
+from gpusim.fem.device.node_texels import node_texels, pair, read_nodes, vector_texels
+from gpusim.fem.device.operator_form import device_tets, upload_operator
+from gpusim.fem.device.relaxation import ColumnRelaxation, relaxation
+from gpusim.fem.device.row_packs import find_packs
+from gpusim.fem.device.row_slices import SLICE, RowSlices
+from gpusim.fem.device.stiffness import DeviceStiffness, apply_stiffness
+from gpusim.fem.krylov.cg import DeviceCG
 from gpusim.fem.methods import _memory
-from gpusim.fem.node_texels import node_texels, pair, read_nodes, vector_texels
-from gpusim.fem.pair_product import DeviceProduct
-from gpusim.fem.preconditioner import Multigrid
-from gpusim.fem.relax import ColumnRelaxation, relaxation
-from gpusim.fem.row_packs import find_packs
-from gpusim.fem.row_slices import SLICE, RowSlices
-from gpusim.fem.smooth import Relaxation
-from gpusim.fem.stiffness import DeviceStiffness, apply_stiffness
+from gpusim.fem.model.formulation import resolve_formulation
+from gpusim.fem.multigrid.column_blocks import Columns
+from gpusim.fem.multigrid.hierarchy import Hierarchy, build_hierarchy
+from gpusim.fem.multigrid.preconditioner import Multigrid
+from gpusim.fem.multigrid.smoothers import Relaxation
 from gpusim.gpu import Device
 from gpusim.mesh import CELL_TYPES, Mesh, box, quadratic, split
 
@@ -131,7 +131,7 @@ def test_packs_and_single_nodes_give_the_same_product(
     assert packs.info[:, 1].max() == 4
     fours = product(device, rows, u)
     assert DeviceStiffness(device, rows, 1.0, 1).texels.packed
-    monkeypatch.setattr("gpusim.fem.block_texels.find_packs", lambda *_: None)
+    monkeypatch.setattr("gpusim.fem.device.block_texels.find_packs", lambda *_: None)
     singles = product(device, rows, u)
     wanted = apply_stiffness(rows, u)
     assert np.abs(fours - wanted).max() <= 1e-12

@@ -9,16 +9,17 @@ from scipy.sparse.linalg import splu
 
 from gpusim.bench.reference import reference_solution
 from gpusim.errors import InputError
-from gpusim.fem import Isotropic, Model, banded, solve
-from gpusim.fem.assembly import Assembled, assemble
-from gpusim.fem.banded import Banded, band_ordering
-from gpusim.fem.block_rows import block_matrix
-from gpusim.fem.chain import Chain, cut_slabs
-from gpusim.fem.choice import direct_solver, least_seconds
-from gpusim.fem.formulation import resolve_formulation
-from gpusim.fem.system import System
+from gpusim.fem import Isotropic, Model, solve
+from gpusim.fem.assembly.assembly import Assembled, assemble
+from gpusim.fem.assembly.block_rows import block_matrix
+from gpusim.fem.assembly.system import System
+from gpusim.fem.direct_solvers import banded_cholesky
+from gpusim.fem.direct_solvers.banded_cholesky import Banded, band_ordering
+from gpusim.fem.direct_solvers.solver_choice import direct_solver, least_seconds
+from gpusim.fem.direct_solvers.substructuring import Chain, cut_slabs
+from gpusim.fem.model.formulation import resolve_formulation
 from gpusim.mesh import Mesh, box
-from gpusim.mesh.split import split
+from gpusim.mesh.builders.cell_splitting import split
 
 RNG = np.random.default_rng(3)
 
@@ -176,12 +177,12 @@ def test_the_widest_place_is_counted_in_steps_from_an_end() -> None:
             (np.ones(len(rows.neighbour)), rows.neighbour, rows.start),
             shape=(rows.node_count, rows.node_count),
         )
-        assert banded._widest(graph, 0) == wanted
+        assert banded_cholesky._widest(graph, 0) == wanted
 
 
 @pytest.mark.parametrize("bandwidth", [0, 5, 8, 100, 128, 129, 152, 700])
 def test_tiles_hold_the_band_and_little_more(bandwidth: int) -> None:
-    tile, deep = banded._tiles(bandwidth)
+    tile, deep = banded_cholesky._tiles(bandwidth)
     assert (deep - 1) * tile >= bandwidth and 8 <= tile <= 128
     assert (deep - 1) * tile <= max(bandwidth + deep - 2, 8)
 
@@ -228,7 +229,7 @@ def test_the_estimate_covers_the_rounding_of_the_stiffness(monkeypatch: pytest.M
 
 
 def test_direct_is_refused_where_its_factors_do_not_fit(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gpusim.fem.choice.host_memory", lambda: 1000)
+    monkeypatch.setattr("gpusim.fem.direct_solvers.solver_choice.host_memory", lambda: 1000)
     with pytest.raises(InputError, match=r"direct.*GB.*expected"):
         solve(beam(), backend="numpy", method="direct")
     assert solve(beam(), backend="numpy").method == "multigrid"

@@ -7,13 +7,13 @@ import numpy.typing as npt
 import pytest
 
 from gpusim import Device
+from gpusim.arrays.congruence import congruence_classes
 from gpusim.errors import InputError
 from gpusim.fem import Isotropic, Model, solve
-from gpusim.fem.congruence import congruence_classes
-from gpusim.fem.element import ELEMENTS
-from gpusim.fem.element_matrix import element_stiffness, strain_matrix
+from gpusim.fem.elements.element import ELEMENTS
+from gpusim.fem.elements.element_matrix import element_stiffness, strain_matrix
 from gpusim.mesh import CELL_TYPES, Mesh
-from gpusim.mesh.shapes import reference_nodes
+from gpusim.mesh.shape_functions import reference_nodes
 from tests.element_meshes import SERENDIPITY, SIZE, mesh_of, mixed_mesh, with_middles
 
 Float = npt.NDArray[np.float64]

@@ -6,14 +6,14 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
+from gpusim.arrays.congruence import congruence_classes
 from gpusim.errors import InputError
 from gpusim.fem import Isotropic, Model, body_force, face_force, nodal_force, pressure, traction
-from gpusim.fem.assembly import assemble
-from gpusim.fem.congruence import congruence_classes
-from gpusim.fem.element_matrix import element_stiffness
-from gpusim.fem.formulation import resolve_formulation
-from gpusim.fem.stiffness import apply_stiffness
-from gpusim.fem.supports import rigid_modes
+from gpusim.fem.assembly.assembly import assemble
+from gpusim.fem.device.stiffness import apply_stiffness
+from gpusim.fem.elements.element_matrix import element_stiffness
+from gpusim.fem.model.formulation import resolve_formulation
+from gpusim.fem.model.rigid_body_modes import rigid_modes
 from gpusim.mesh import Mesh, box, select_faces
 
 Float = npt.NDArray[np.float64]

@@ -13,15 +13,15 @@ import pytest
 
 from gpusim.errors import NotConverged
 from gpusim.fem import Isotropic, Model, solve
-from gpusim.fem.assembly import assemble
-from gpusim.fem.cg import NumpyCG
-from gpusim.fem.estimates import Norm
-from gpusim.fem.formulation import resolve_formulation
-from gpusim.fem.iterate import Outcome, iterate
-from gpusim.fem.load_cases import each_case
-from gpusim.fem.system import System, make_system
+from gpusim.fem.assembly.assembly import assemble
+from gpusim.fem.assembly.system import System, make_system
+from gpusim.fem.krylov.cg import NumpyCG
+from gpusim.fem.krylov.error_estimates import Norm
+from gpusim.fem.krylov.load_cases import each_case
+from gpusim.fem.krylov.outer_iteration import Outcome, iterate
+from gpusim.fem.model.formulation import resolve_formulation
 from gpusim.mesh import Mesh, box
-from gpusim.processors import limited
+from gpusim.parallel.cpu_budget import limited
 
 Float = npt.NDArray[np.float64]
 

@@ -18,7 +18,7 @@ from gpusim.fem import (
     symmetry,
     traction,
 )
-from gpusim.fem.element import ELEMENTS
+from gpusim.fem.elements.element import ELEMENTS
 from gpusim.mesh import Mesh, boundary_faces, box, quadratic, select_faces, select_nodes
 from tests.fem_reference import bar, direct
 

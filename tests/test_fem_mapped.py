@@ -7,19 +7,19 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-import gpusim.fem.hierarchy as hierarchy
+import gpusim.fem.multigrid.hierarchy as hierarchy
+from gpusim.arrays.path_sums import along_paths
 from gpusim.bench.cases import uneven_bricks
 from gpusim.fem import Isotropic, Model, solve
-from gpusim.fem.assembly import assemble
-from gpusim.fem.block_rows import block_matrix
-from gpusim.fem.coarsen import coarse_lattice
-from gpusim.fem.formulation import resolve_formulation
-from gpusim.fem.hierarchy import build_hierarchy
-from gpusim.fem.mapped import mapped_lattice
-from gpusim.fem.paths import along_paths
-from gpusim.fem.planes import PlaneWeights
-from gpusim.fem.product import RowsProduct
-from gpusim.fem.transfer import NodeTransfer
+from gpusim.fem.assembly.assembly import assemble
+from gpusim.fem.assembly.block_rows import block_matrix
+from gpusim.fem.assembly.matrix_product import RowsProduct
+from gpusim.fem.lattice.plane_interpolation import PlaneWeights
+from gpusim.fem.model.formulation import resolve_formulation
+from gpusim.fem.multigrid.geometric_coarsening import coarse_lattice
+from gpusim.fem.multigrid.hierarchy import build_hierarchy
+from gpusim.fem.multigrid.mapped_coarsening import mapped_lattice
+from gpusim.fem.multigrid.transfer import NodeTransfer
 from gpusim.gpu import Device
 from gpusim.mesh import Mesh, box, quadratic
 

@@ -9,7 +9,7 @@ from scipy.sparse.linalg import eigsh
 
 from gpusim.errors import InputError
 from gpusim.fem import Isotropic, Model, lumped_mass, mass_matrix
-from gpusim.fem.element import ELEMENTS
+from gpusim.fem.elements.element import ELEMENTS
 from tests.fem_reference import bar, one_cell, stiffness
 
 STEEL = Isotropic(200.0, 0.3, density=2.0)

@@ -10,14 +10,14 @@ import numpy.typing as npt
 import pytest
 from scipy.linalg import eigh
 
-from gpusim.blas import one_blas_thread
 from gpusim.fem import Isotropic, Model, Orthotropic, solve
-from gpusim.fem.assembly import assemble
-from gpusim.fem.block_rows import block_matrix
-from gpusim.fem.checkerboards import PressureScaling
-from gpusim.fem.pressure_chebyshev import PressureChebyshev
-from gpusim.fem.volume_split import VolumeSplit, split_volume
+from gpusim.fem.assembly.assembly import assemble
+from gpusim.fem.assembly.block_rows import block_matrix
+from gpusim.fem.incompressibility.checkerboards import PressureScaling
+from gpusim.fem.incompressibility.pressure_chebyshev import PressureChebyshev
+from gpusim.fem.incompressibility.volume_split import VolumeSplit, split_volume
 from gpusim.mesh import Mesh, box
+from gpusim.parallel.blas_threads import one_blas_thread
 
 Float = npt.NDArray[np.float64]
 BBAR = {"hex8": "bbar"}

@@ -8,10 +8,10 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import splu
 
 from gpusim.fem import Isotropic, Model, solve
-from gpusim.fem.assembly import assemble, lattice_stencil
-from gpusim.fem.block_rows import block_matrix
-from gpusim.fem.formulation import resolve_formulation
-from gpusim.fem.patches import make_patches
+from gpusim.fem.assembly.assembly import assemble, lattice_stencil
+from gpusim.fem.assembly.block_rows import block_matrix
+from gpusim.fem.model.formulation import resolve_formulation
+from gpusim.fem.multigrid.patches import make_patches
 from gpusim.mesh import box
 
 

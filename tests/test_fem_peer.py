@@ -11,7 +11,7 @@ import numpy.typing as npt
 import pytest
 
 from gpusim.fem import Isotropic, Model, Orthotropic, stress
-from gpusim.fem.element import ELEMENTS
+from gpusim.fem.elements.element import ELEMENTS
 from gpusim.mesh import box, quadratic, split
 from tests.fem_reference import direct
 

@@ -11,11 +11,11 @@ from scipy.sparse.linalg import splu
 
 from gpusim.errors import InputError, NotConverged, OutOfDeviceMemory, TwinMismatch
 from gpusim.fem import Isotropic, Model, Solution, face_force, solve
-from gpusim.fem.assembly import assemble
-from gpusim.fem.block_rows import block_matrix
-from gpusim.fem.cg import NumpyCG
-from gpusim.fem.formulation import resolve_formulation
-from gpusim.fem.stiffness import DeviceStiffness, apply_stiffness
+from gpusim.fem.assembly.assembly import assemble
+from gpusim.fem.assembly.block_rows import block_matrix
+from gpusim.fem.device.stiffness import DeviceStiffness, apply_stiffness
+from gpusim.fem.krylov.cg import NumpyCG
+from gpusim.fem.model.formulation import resolve_formulation
 from gpusim.gpu import Device, compare
 from gpusim.mesh import Mesh, box, select_faces
 
@@ -261,7 +261,8 @@ def test_wrong_arguments(arguments: dict[str, Any]) -> None:
 
 def test_a_preconditioner_that_returns_nan_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
-        "gpusim.fem.preconditioner.BlockJacobi.apply", lambda self, r: np.full_like(r, np.nan)
+        "gpusim.fem.multigrid.preconditioner.BlockJacobi.apply",
+        lambda self, r: np.full_like(r, np.nan),
     )
     with pytest.raises(NotConverged, match="finite"):
         solve(cantilever(), backend="numpy", method="block_jacobi")
@@ -323,11 +324,11 @@ def test_a_corrupted_row_is_seen_by_the_twin(device: Device) -> None:
     twin = apply_stiffness(rows, u)
     scale = np.abs(twin).max()
     # a pair of float32 holds 48 bits
-    compare("fem/stiffness", result.read(1) / scale, twin / scale, atol=1e-12, rtol=1e-11)
+    compare("fem/device/stiffness", result.read(1) / scale, twin / scale, atol=1e-12, rtol=1e-11)
     rows.table[0, 1, 2] *= 1.0 + 1e-6
     with pytest.raises(TwinMismatch):
         compare(
-            "fem/stiffness",
+            "fem/device/stiffness",
             result.read(1) / scale,
             apply_stiffness(rows, u) / scale,
             atol=1e-12,

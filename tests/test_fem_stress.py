@@ -19,11 +19,11 @@ from gpusim.fem import (
     thermal,
     von_mises,
 )
-from gpusim.fem.element import ELEMENTS
-from gpusim.fem.element_matrix import element_stiffness
-from gpusim.fem.strain import internal_force, point_stress
+from gpusim.fem.elements.element import ELEMENTS
+from gpusim.fem.elements.element_matrix import element_stiffness
+from gpusim.fem.elements.strain import internal_force, point_stress
 from gpusim.mesh import Mesh, boundary_faces, box, quadratic
-from gpusim.mesh.shapes import reference_nodes
+from gpusim.mesh.shape_functions import reference_nodes
 from tests.fem_reference import bar, direct
 
 Float = npt.NDArray[np.float64]

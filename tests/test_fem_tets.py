@@ -9,13 +9,13 @@ import pytest
 
 from gpusim.errors import NotConverged
 from gpusim.fem import Isotropic, Model, Orthotropic, solve
-from gpusim.fem.assembly import Assembled, assemble
-from gpusim.fem.device_operator import device_tets, operator_bytes, upload_operator
-from gpusim.fem.formulation import resolve_formulation
-from gpusim.fem.stiffness import DeviceStiffness, apply_stiffness
-from gpusim.fem.tet_elements import tet_elements
-from gpusim.fem.tet_forces import DeviceTets, apply_tets
-from gpusim.fem.tet_texels import TetTexels
+from gpusim.fem.assembly.assembly import Assembled, assemble
+from gpusim.fem.device.operator_form import device_tets, operator_bytes, upload_operator
+from gpusim.fem.device.stiffness import DeviceStiffness, apply_stiffness
+from gpusim.fem.device.tet_elements import tet_elements
+from gpusim.fem.device.tet_forces import DeviceTets, apply_tets
+from gpusim.fem.device.tet_texels import TetTexels
+from gpusim.fem.model.formulation import resolve_formulation
 from gpusim.gpu import Device
 from gpusim.mesh import Mesh, box, quadratic, split
 

@@ -19,7 +19,7 @@ from scipy.special import ellipeinc, ellipk, ellipkinc
 import gpusim as gs
 from gpusim.errors import SceneError
 from gpusim.export.images import read_image
-from gpusim.plan import make_plan
+from gpusim.plan.plan import make_plan
 from tests import calculix
 
 LENS = [-0.3, 0.2, 0.002, -0.001]

@@ -141,7 +141,7 @@ def test_memory_comes_back_when_a_buffer_is_dropped_or_released(device: Device) 
 def test_buffers_of_submitted_work_may_be_dropped(device: Device) -> None:
     n = 100_000
     values = np.linspace(1.0, 2.0, n)
-    kernel = device.kernel("gpu/real")
+    kernel = device.kernel("gpu/probes/real_arithmetic")
     out = device.real_buffer(label="out", shape=(6, n))
     for release in (False, True):
         a, b = device.real_buffer(values, "a"), device.real_buffer(values, "b")
@@ -157,7 +157,7 @@ def test_buffers_of_submitted_work_may_be_dropped(device: Device) -> None:
 
 
 def test_bindings_keep_their_buffers(device: Device) -> None:
-    kernel = device.kernel("gpu/real")
+    kernel = device.kernel("gpu/probes/real_arithmetic")
     out = device.real_buffer(label="out", shape=(6, 2))
     bindings = kernel.bind(
         a=device.real_buffer(np.array([1.0, 2.0]), "a"),
@@ -188,11 +188,13 @@ def test_a_released_buffer_is_refused_everywhere(device: Device) -> None:
 
 def test_a_buffer_released_before_its_submit_is_named(device: Device) -> None:
     # without the check wgpu would end the process here
-    kernel = device.kernel("gpu/real")
+    kernel = device.kernel("gpu/probes/real_arithmetic")
     a, b = device.real_buffer(np.ones(2), "early"), device.real_buffer(np.ones(2), "b")
     out = device.real_buffer(label="out", shape=(6, 2))
     bindings = kernel.bind(a=a, b=b, result=out, params={"count": 2})
-    with pytest.raises(InputError, match=r"gpu/real\.a: early; got a released buffer"):
+    with pytest.raises(
+        InputError, match=r"gpu/probes/real_arithmetic\.a: early; got a released buffer"
+    ):
         with device.recording("gpu.real") as recording:
             recording.dispatch(kernel, bindings, threads=(2,))
             a.release()

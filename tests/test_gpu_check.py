@@ -105,7 +105,7 @@ def test_the_report_reads_what_parts_tell(tmp_path: Path) -> None:
            "info": {"adapter_type": "DiscreteGPU", "backend_type": "Vulkan"}, "processor": "CPU",
            "cores": 8, "system": "Linux", "gpusim": "1", "python": "3", "numpy": "2"}  # fmt: skip
     solved = {"case": "cube-345k", "where": "device", "unknowns": 345744, "iterations": 9,
-              "converged": True, "error": 3e-8, "seconds": 0.5, "device": {"fem/cg": 0.2},
+              "converged": True, "error": 3e-8, "seconds": 0.5, "device": {"fem/krylov/cg": 0.2},
               "timings": {"assembly": 0.1, "iterations": 0.4}}  # fmt: skip
     drawn = {"case": "board", "width": 2448, "height": 1632, "triangles": 448, "first": 0.5,
              "warm": 0.0123, "device": None, "read": 0.004, "mean_difference": 2e-8,
@@ -118,25 +118,34 @@ def test_the_report_reads_what_parts_tell(tmp_path: Path) -> None:
 
     parts = [
         part("adapter", own),
-        part("doctor:f64", {"stage": "fem/cg", "verdict": "ok", "seconds": 0.2, "message": ""}),
-        part("doctor:double_single", {"stage": "fem/cg", "verdict": "wrong", "seconds": 0.2,
-                                      "message": "TwinMismatch: off by 3"}),
+        part(
+            "doctor:f64", {"stage": "fem/krylov/cg", "verdict": "ok", "seconds": 0.2, "message": ""}
+        ),
+        part(
+            "doctor:double_single",
+            {
+                "stage": "fem/krylov/cg",
+                "verdict": "wrong",
+                "seconds": 0.2,
+                "message": "TwinMismatch: off by 3",
+            },
+        ),
         part("image:board", drawn, {"picture": str(tmp_path / "board.png")}),
         part("fe:cube-345k", solved),
         part("fe:cube-971k", {**solved, "case": "cube-971k", "error": 2e-4}),
         part("fe:beam-300k", {"failed": "lost"}, failed="lost"),
         part("dic", dic),
-    ]  # fmt: skip
+    ]
     data, page = write_report(parts, "full", tmp_path, "test-gpu")
     assert json.loads(data.read_text())["parts"][0]["results"][0]["name"] == own["name"]
     text = page.read_text()
     for line in (
         "# gpusim on Test GPU, driver 1",
         "- fe:beam-300k: lost",
-        "- double_single, fem/cg: TwinMismatch: off by 3",
+        "- double_single, fem/krylov/cg: TwinMismatch: off by 3",
         "- board: most difference -",
         "- cube-971k, device: off by 2.0e-04",
-        "| fem/cg | ok, 200 ms | **wrong** |",
+        "| fem/krylov/cg | ok, 200 ms | **wrong** |",
         "| cube-345k | 345,744 | device | 500 ms | 3.0e-08 | 9 | assembly 100 ms, iterations 400 "
         "ms; on the device 200 ms |",
         "| board | 2448 x 1632 | 448 | 500 ms | 12.3 ms | - | 4 ms | 2.0e-08 | - |",

@@ -88,7 +88,7 @@ def test_a_fault_found_while_recording_is_raised(device: Device) -> None:
     with pytest.raises(DeviceError, match=r"(?s)^stage: .*same buffer"):
         with device.recording("stage") as recording:
             recording.copy(buffer, buffer)
-    kernel = device.kernel("gpu/real")
+    kernel = device.kernel("gpu/probes/real_arithmetic")
     a = device.real_buffer(label="a", shape=(12,))
     bindings = kernel.bind(a=a, b=a, result=a, params={"count": 2})
     with pytest.raises(DeviceError, match=r"(?s)^gpu\.real: .*gpusim\.a"):
@@ -119,7 +119,7 @@ def test_an_error_that_was_only_logged_is_raised_by_the_next_call(device: Device
 def test_a_lost_device_says_so_and_others_go_on(device: Device) -> None:
     lost = Device()
     buffer = lost.empty(64, "u")
-    kernel = lost.kernel("gpu/real")
+    kernel = lost.kernel("gpu/probes/real_arithmetic")
     a = lost.real_buffer(np.ones(2), "a")
     out = lost.real_buffer(label="out", shape=(6, 2))
     bindings = kernel.bind(a=a, b=a, result=out, params={"count": 2})
@@ -132,7 +132,7 @@ def test_a_lost_device_says_so_and_others_go_on(device: Device) -> None:
     for use in (
         lambda: lost.empty(4, "v"),
         lambda: lost.texture(4, 4, "r32float", "t"),
-        lambda: lost.kernel("gpu/finite"),
+        lambda: lost.kernel("gpu/probes/finiteness"),
         lambda: buffer.read(np.uint32),
         lambda: buffer.write(np.zeros(1, np.uint32)),
         lambda: kernel.bind(a=a, b=a, result=out, params={"count": 2}),

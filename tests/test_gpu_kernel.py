@@ -13,12 +13,12 @@ import pytest
 
 from gpusim.errors import DeviceError, InputError
 from gpusim.gpu import Device, Kernel, default_device
-from gpusim.gpu.beforehand import beforehand, meanwhile
 from gpusim.gpu.uniform import pack
+from gpusim.gpu.warmup import beforehand, meanwhile
 from gpusim.gpu.wgsl import load
 
 COUNT = """
-#import common/index
+#import lib/numeric/index
 override step: u32 = 1u;
 struct Params { n: u32, shift: i32, scale: f32, pair: vec2f }
 @group(0) @binding(0) var<uniform> params: Params;
@@ -36,8 +36,8 @@ fn other() { result[0] = params.n; }
 fn paint() -> @location(0) vec4f { return vec4f(1.0); }
 """
 PART = """
-#import common/index
-#import common/part
+#import lib/numeric/index
+#import lib/numeric/part
 @group(0) @binding(0) var<storage, read> source: array<f32>;
 @group(0) @binding(1) var<storage, read_write> result: array<f32>;
 @compute @workgroup_size(64)
@@ -94,7 +94,9 @@ def test_what_is_wrong_with_bindings_is_named(lab: Device, kernel: Kernel) -> No
         kernel.bind(**{**good, "params": source})
     with pytest.raises(InputError, match=r"look\.picture; got Buffer; expected a Texture"):
         lab.kernel("look").bind(picture=source, result=result)
-    with pytest.raises(InputError, match=r"split buffers \['source'\] need '#import common/part'"):
+    with pytest.raises(
+        InputError, match=r"split buffers \['source'\] need '#import lib/numeric/part'"
+    ):
         kernel.bind(**{**good, "source": lab.split(np.zeros(4, np.float32), "s")})
     source.release()
     with pytest.raises(InputError, match=r"count\.source: source; got a released buffer"):
@@ -316,8 +318,10 @@ def test_portable_limits_are_what_the_device_has(lab: Device) -> None:
 
 
 def test_the_module_is_loaded_once_per_real() -> None:
-    assert load("gpu/real", "f64") is load("gpu/real", "f64")
-    assert load("gpu/real", "f64") is not load("gpu/real", "double_single")
+    assert load("gpu/probes/real_arithmetic", "f64") is load("gpu/probes/real_arithmetic", "f64")
+    assert load("gpu/probes/real_arithmetic", "f64") is not load(
+        "gpu/probes/real_arithmetic", "double_single"
+    )
 
 
 def test_programs_of_an_earlier_run_are_compiled_beforehand(lab: Device) -> None:

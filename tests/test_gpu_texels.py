@@ -10,11 +10,11 @@ import pytest
 
 from gpusim.errors import InputError, OutOfDeviceMemory
 from gpusim.gpu import Device, Texels
-from gpusim.gpu.texels import TEXEL_WIDTH, most_texels
+from gpusim.gpu.texture_array import TEXEL_WIDTH, most_texels
 
 DOUBLE = """
-#import common/index
-#import common/texel
+#import lib/numeric/index
+#import lib/numeric/texel
 @group(0) @binding(0) var a: texture_2d<f32>;
 @group(0) @binding(1) var b: texture_storage_2d<rgba32float, write>;
 @compute @workgroup_size(64)

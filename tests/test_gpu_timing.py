@@ -18,7 +18,7 @@ def timed() -> Device:
 
 
 def run(device: Device, stage: str, n: int, times: int = 1) -> None:
-    kernel = device.kernel("gpu/real")
+    kernel = device.kernel("gpu/probes/real_arithmetic")
     a = device.real_buffer(np.ones(n), "a")
     out = device.real_buffer(label="out", shape=(6, n))
     bindings = kernel.bind(a=a, b=a, result=out, params={"count": n})
@@ -51,7 +51,7 @@ def test_more_passes_than_the_query_set_holds(timed: Device) -> None:
 
 
 def test_one_recording_with_too_many_passes_says_how_many(timed: Device) -> None:
-    kernel = timed.kernel("gpu/real")
+    kernel = timed.kernel("gpu/probes/real_arithmetic")
     a = timed.real_buffer(np.ones(2), "a")
     out = timed.real_buffer(label="out", shape=(6, 2))
     bindings = kernel.bind(a=a, b=a, result=out, params={"count": 2})
@@ -66,7 +66,7 @@ def test_one_recording_with_too_many_passes_says_how_many(timed: Device) -> None
 
 def test_a_failed_recording_is_not_timed(timed: Device) -> None:
     run(timed, "good", 64)
-    kernel = timed.kernel("gpu/real")
+    kernel = timed.kernel("gpu/probes/real_arithmetic")
     a = timed.real_buffer(np.ones(2), "a")
     out = timed.real_buffer(label="out", shape=(6, 2))
     bindings = kernel.bind(a=a, b=a, result=out, params={"count": 2})

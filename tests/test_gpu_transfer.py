@@ -56,7 +56,10 @@ def test_a_buffer_may_be_seen_without_a_copy_and_used_again(either: Device) -> N
     np.testing.assert_array_equal(buffer.read(np.float32, (5, 7)), table)
 
 
-@pytest.mark.parametrize("stage", ["optics/scatter", "optics/edges", "optics/shade"])
+@pytest.mark.parametrize(
+    "stage",
+    ["optics/edge_pixels/scatter", "optics/edge_pixels/resolve", "optics/shading/forward_pass"],
+)
 def test_stages_find_the_same_either_way(either: Device, stage: str) -> None:
     twin_checks()[stage](either)
 

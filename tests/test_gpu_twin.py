@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from gpusim.errors import InputError, TwinMismatch
-from gpusim.gpu import TOLERANCES, Device, compare, finite, real, twin_check
-from gpusim.gpu.finite import finite_probe, finite_probe_twin
-from gpusim.gpu.real import real_probe, real_probe_twin
+from gpusim.gpu import TOLERANCES, Device, compare, twin_check
+from gpusim.gpu.probes import finiteness, real_arithmetic
+from gpusim.gpu.probes.finiteness import finite_probe, finite_probe_twin
+from gpusim.gpu.probes.real_arithmetic import real_probe, real_probe_twin
 from gpusim.gpu.twin import _CHECKS
 from gpusim.gpu.wgsl import stages
 
@@ -83,27 +84,32 @@ def test_large_integers_are_compared_exactly() -> None:
 
 def test_a_stage_registers_once() -> None:
     before = dict(_CHECKS)
-    with pytest.raises(InputError, match="twin check 'gpu/real' is registered twice"):
-        twin_check("gpu/real")(lambda device: None)
+    with pytest.raises(
+        InputError, match="twin check 'gpu/probes/real_arithmetic' is registered twice"
+    ):
+        twin_check("gpu/probes/real_arithmetic")(lambda device: None)
     assert before == _CHECKS
 
 
 def test_every_shader_of_the_layer_is_checked() -> None:
-    assert {"gpu/real", "gpu/finite"} <= set(stages())
-    assert not any(name.startswith("common/") for name in stages())
+    assert {"gpu/probes/real_arithmetic", "gpu/probes/finiteness"} <= set(stages())
+    assert not any(name.startswith("lib/") for name in stages())
 
 
 # --- the layer's own kernels ----------------------------------------------------------------
 
 
-@pytest.mark.parametrize("stage", ["gpu/real", "gpu/finite"])
+@pytest.mark.parametrize("stage", ["gpu/probes/real_arithmetic", "gpu/probes/finiteness"])
 def test_twins_agree(one: Device, stage: str) -> None:
     _CHECKS[stage](one)
 
 
 @pytest.mark.parametrize(
     ("stage", "module", "probe"),
-    [("gpu/real", real, "real_probe"), ("gpu/finite", finite, "finite_probe")],
+    [
+        ("gpu/probes/real_arithmetic", real_arithmetic, "real_probe"),
+        ("gpu/probes/finiteness", finiteness, "finite_probe"),
+    ],
 )
 def test_one_corrupted_value_turns_a_check_red(
     one: Device, stage: str, module: object, probe: str, monkeypatch: pytest.MonkeyPatch

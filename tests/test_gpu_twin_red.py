@@ -12,11 +12,16 @@ from gpusim.errors import TwinMismatch
 from gpusim.gpu import Device, compare, twin_checks
 
 # compares ids pixel by pixel itself; tests/test_optics_twins.py corrupts it
-OWN_COMPARISON = {"optics/visibility"}
+OWN_COMPARISON = {"optics/raster/id_buffer"}
 
 
 def test_every_stage_is_listed() -> None:
-    assert {"fem/stiffness", "fem/cg", "optics/shade", "measure/icgn"} <= set(twin_checks())
+    assert {
+        "fem/device/stiffness",
+        "fem/krylov/cg",
+        "optics/shading/forward_pass",
+        "measure/correlation/icgn",
+    } <= set(twin_checks())
     assert set(twin_checks()) >= OWN_COMPARISON
 
 

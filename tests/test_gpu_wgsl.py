@@ -25,7 +25,7 @@ def test_imports_come_once_and_in_order(tmp_path: Path) -> None:
     (tmp_path / "two.wgsl").write_text("#import one\nconst TWO: u32 = 2u;\n", encoding="utf-8")
     module = reflect(
         tmp_path,
-        "#import one\n#import two\n#import common/index\n" + ENTRY.format(body="_ = ONE;"),
+        "#import one\n#import two\n#import lib/numeric/index\n" + ENTRY.format(body="_ = ONE;"),
     )
     assert module.code.count("const TWO") == module.code.count("const ONE") == 1
     assert module.code.index("TWO: u32") < module.code.index("ONE: u32")
@@ -33,7 +33,7 @@ def test_imports_come_once_and_in_order(tmp_path: Path) -> None:
 
 
 def test_real_is_chosen_by_the_device(tmp_path: Path) -> None:
-    (tmp_path / "which.wgsl").write_text("#import common/real\n", encoding="utf-8")
+    (tmp_path / "which.wgsl").write_text("#import lib/numeric/real\n", encoding="utf-8")
     assert "alias real = f64;" in load("which", "f64", tmp_path).code
     assert "alias real = vec2f;" in load("which", "double_single", tmp_path).code
 

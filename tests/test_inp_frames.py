@@ -12,7 +12,7 @@ import pytest
 
 from gpusim.deck import load_deck
 from gpusim.errors import InputError
-from gpusim.input_file import read_input
+from gpusim.files.input_file import read_input
 from gpusim.mesh import Mesh, read_mesh, set_faces
 from tests.deck_texts import (
     ELEMENT_LINES,

@@ -9,7 +9,7 @@ import pytest
 
 from gpusim.deck import load_deck
 from gpusim.errors import InputError
-from gpusim.mesh.inp import read_inp
+from gpusim.mesh.formats.abaqus.reader import read_inp
 from tests.deck_texts import write
 
 LOWER = "1, 0, 0, 0\n2, 1, 0, 0\n3, 1, 1, 0\n4, 0, 1, 0\n"

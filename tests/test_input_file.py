@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from gpusim.errors import InputError
-from gpusim.input_file import InputFile, read_input
+from gpusim.files.input_file import InputFile, read_input
 
 
 def test_bytes_and_hash_are_of_one_moment(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ import pytest
 import gpusim as gs
 from gpusim.errors import InputError, SceneError
 from gpusim.export.vtu import write_pvd, write_vtu
-from gpusim.plan import make_plan
+from gpusim.plan.plan import make_plan
 from gpusim.scene import Scene
 from tests.small_scene import DOCUMENT, small_scene
 

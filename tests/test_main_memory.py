@@ -8,17 +8,17 @@ from pathlib import Path
 
 import pytest
 
-from gpusim import main_memory
 from gpusim.errors import InputError
-from gpusim.pipeline.memory import check_memory
-from gpusim.plan import make_plan
+from gpusim.parallel import main_memory
+from gpusim.pipeline.checks.memory import check_memory
+from gpusim.plan.plan import make_plan
 from gpusim.scene import load_scene
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="asks Linux")
 
 
 def test_what_the_process_may_map() -> None:
-    code = "from gpusim.main_memory import available_memory as a; print(a())"
+    code = "from gpusim.parallel.main_memory import available_memory as a; print(a())"
     limited = f"import resource; resource.setrlimit(resource.RLIMIT_AS, ({int(3e9)}, -1)); {code}"
     free = int(subprocess.check_output([sys.executable, "-c", limited]))
     assert 2e9 < free < 3e9
@@ -62,6 +62,6 @@ def test_too_little_for_the_libraries_is_said_before_any_work(
 ) -> None:
     plan = make_plan(load_scene(checkout / "examples" / "cantilever.toml"))
     check_memory(plan)
-    monkeypatch.setattr("gpusim.pipeline.memory.host_memory", lambda: 100_000_000)
+    monkeypatch.setattr("gpusim.pipeline.checks.memory.host_memory", lambda: 100_000_000)
     with pytest.raises(InputError, match=r"got 100 MB free .* expected at least 256 MB"):
         check_memory(plan)

@@ -11,7 +11,7 @@ import pytest
 import gpusim as gs
 from gpusim.errors import GpusimError, InputError
 from gpusim.measure import Chessboard, Sighting, calibrate, find_chessboard, target_statistics
-from gpusim.measure.bundle import Rig, Rows, _Layout, _project
+from gpusim.measure.calibration.bundle_adjustment import Rig, Rows, _Layout, _project
 from tests.target_images import (
     Photograph,
     board_poses,

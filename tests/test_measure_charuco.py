@@ -8,7 +8,7 @@ import pytest
 import gpusim as gs
 from gpusim.errors import InputError
 from gpusim.measure import CharucoBoard, find_charuco
-from gpusim.optics.sensor import Sensor
+from gpusim.optics.sensor.sensor import Sensor
 from gpusim.surface.fiducials import Charuco
 
 BOARD = CharucoBoard(6, 5, 24.0, 14.0)

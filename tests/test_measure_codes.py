@@ -8,7 +8,7 @@ import pytest
 import gpusim as gs
 from gpusim.errors import InputError
 from gpusim.measure import find_aruco
-from gpusim.optics.sensor import Sensor
+from gpusim.optics.sensor.sensor import Sensor
 from gpusim.surface.fiducials import Aruco
 
 CENTRES = np.array([[30.0, 31.0], [84.0, 43.0], [133.0, 104.0], [47.0, 99.0]])

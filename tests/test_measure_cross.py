@@ -8,9 +8,9 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from gpusim.measure import fit_crossings, locate_markers
-from gpusim.measure.border import profile_and_slopes
-from gpusim.measure.junction import residual_and_slopes
-from gpusim.measure.levenberg import fit_many
+from gpusim.measure.fitting.border_junction import residual_and_slopes
+from gpusim.measure.fitting.edge_profile import profile_and_slopes
+from gpusim.measure.fitting.levenberg_marquardt import fit_many
 from tests.measure_images import Marker, board
 
 

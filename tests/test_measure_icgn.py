@@ -7,11 +7,12 @@ import pytest
 
 from gpusim.errors import InputError, TwinMismatch
 from gpusim.gpu import Device, compare, twin_checks
-from gpusim.measure import SplineImage, Status, matching
-from gpusim.measure import icgn as stage
-from gpusim.measure.icgn import correlate, correlate_numpy
-from gpusim.measure.matching import Pair, Settings, Subsets
-from gpusim.measure.warp import SHAPES
+from gpusim.measure import SplineImage, Status
+from gpusim.measure.correlation import icgn as stage
+from gpusim.measure.correlation import matching
+from gpusim.measure.correlation.icgn import correlate, correlate_numpy
+from gpusim.measure.correlation.matching import Pair, Settings, Subsets
+from gpusim.measure.correlation.warp import SHAPES
 from tests.measure_images import speckles
 
 # px; float32 sums and one step more or less at the stopping threshold (measured: 5e-7)
@@ -143,7 +144,7 @@ def test_grey_values_of_any_size_fit_into_float32(device: Device, scale: float) 
 
 
 def test_doctor_runs_the_check(device: Device) -> None:
-    twin_checks()["measure/icgn"](device)
+    twin_checks()["measure/correlation/icgn"](device)
 
 
 def test_nan_start_values_are_refused(device: Device) -> None:

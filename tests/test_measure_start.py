@@ -7,10 +7,10 @@ import pytest
 
 from gpusim.errors import InputError
 from gpusim.measure import Status, dic
-from gpusim.measure.features import feature_motions, global_shift
-from gpusim.measure.propagation import Front
-from gpusim.measure.subsets import make_settings
-from gpusim.measure.usable import full_scale, make_usable
+from gpusim.measure.correlation.features import feature_motions, global_shift
+from gpusim.measure.correlation.pixel_mask import full_scale, make_usable
+from gpusim.measure.correlation.propagation import Front
+from gpusim.measure.correlation.subsets import make_settings
 from tests.measure_images import speckles
 
 
@@ -133,8 +133,8 @@ def test_pictures_that_have_nothing_in_common_give_no_numbers() -> None:
 
 def test_a_second_look_repairs_a_match_in_a_wrong_place() -> None:
     """Two far parts look alike; the integer search of single points takes the better one."""
-    from gpusim.measure.matching import Settings
-    from gpusim.measure.propagation import Front
+    from gpusim.measure.correlation.matching import Settings
+    from gpusim.measure.correlation.propagation import Front
 
     first, second = speckles(157, 121), speckles(157, 121, shift=(0.37, 0.81))
     points = np.array([[x, y] for y in range(20, 100, 8) for x in range(20, 136, 8)], float)

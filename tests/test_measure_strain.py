@@ -10,7 +10,7 @@ from scipy.linalg import logm
 
 from gpusim.errors import InputError
 from gpusim.measure import StrainStatus, dic, strain
-from gpusim.measure.strain import strain_tensor
+from gpusim.measure.correlation.strain import strain_tensor
 from tests.measure_images import speckles
 
 GRADIENT = np.array([[0.11, -0.23], [0.05, -0.08]])

@@ -10,10 +10,10 @@ import pytest
 from gpusim.errors import InputError
 from gpusim.gpu import Device, compare
 from gpusim.measure import SplineImage, Status, dic
-from gpusim.measure import icgn as stage
-from gpusim.measure.icgn import correlate, correlate_numpy
-from gpusim.measure.matching import Correlation, Pair, Settings, Subsets
-from gpusim.measure.tiles import Limits, Sampled, plan_tiles
+from gpusim.measure.correlation import icgn as stage
+from gpusim.measure.correlation.icgn import correlate, correlate_numpy
+from gpusim.measure.correlation.image_tiles import Limits, Sampled, plan_tiles
+from gpusim.measure.correlation.matching import Correlation, Pair, Settings, Subsets
 
 SMALL = Limits(side=128, pixels=128 * 128)
 

@@ -15,7 +15,7 @@ from gpusim.measure import (
     match_epipolar,
     triangulate,
 )
-from gpusim.measure.triangulation import normalised
+from gpusim.measure.stereo.triangulation import normalised
 from tests.target_images import stereo_rig
 
 RIG = stereo_rig()

@@ -11,7 +11,12 @@ import pytest
 
 from gpusim.mesh import CELL_TYPES
 from gpusim.mesh.quadrature import FULL_POINTS, cell_rule, face_rule
-from gpusim.mesh.shapes import FACE_TYPES, reference_nodes, shape_functions, shape_gradients
+from gpusim.mesh.shape_functions import (
+    FACE_TYPES,
+    reference_nodes,
+    shape_functions,
+    shape_gradients,
+)
 
 Float = npt.NDArray[np.float64]
 NODES = {

@@ -9,9 +9,9 @@ import numpy.typing as npt
 import pytest
 
 from gpusim.errors import InputError
-from gpusim.fem.face_element import face_groups
+from gpusim.fem.elements.face_element import face_groups
 from gpusim.mesh import CELL_TYPES, Mesh, boundary_faces, mesh_quality, select_faces, set_faces
-from gpusim.mesh.shapes import reference_nodes
+from gpusim.mesh.shape_functions import reference_nodes
 from tests.element_meshes import (
     SERENDIPITY,
     SIZE,
@@ -81,7 +81,7 @@ def test_a_curved_face_has_its_true_area_and_normal() -> None:
 
 def subdivided_area(nodes: Float, n: int = 60) -> float:
     """Area of a tri6 face (corners, midsides) by many small triangles."""
-    from gpusim.mesh.shapes import shape_functions
+    from gpusim.mesh.shape_functions import shape_functions
 
     i, j = np.meshgrid(np.arange(n + 1), np.arange(n + 1), indexing="ij")
     keep = i + j <= n

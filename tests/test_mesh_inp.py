@@ -9,9 +9,9 @@ import pytest
 
 from gpusim.errors import InputError
 from gpusim.mesh import CELL_TYPES, Mesh, boundary_faces, set_faces
-from gpusim.mesh.inp import read_inp
-from gpusim.mesh.inp_cards import read_cards
-from gpusim.mesh.shapes import reference_nodes
+from gpusim.mesh.formats.abaqus.cards import read_cards
+from gpusim.mesh.formats.abaqus.reader import read_inp
+from gpusim.mesh.shape_functions import reference_nodes
 from tests.deck_texts import ELEMENT_LINES, LABELS, MODEL, NODE_LINES, POINTS, line_of, write
 
 

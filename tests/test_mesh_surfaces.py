@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gpusim.errors import InputError
-from gpusim.input_file import read_input
+from gpusim.files.input_file import read_input
 from gpusim.mesh import read_surface
 
 POINTS = np.array([[0, 0, 0], [2, 0, 0], [2, 1, 0], [0, 1, 0], [1, 3, 0.5]])

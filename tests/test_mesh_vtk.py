@@ -11,7 +11,7 @@ import pytest
 
 import gpusim as gs
 from gpusim.errors import InputError
-from gpusim.input_file import read_input
+from gpusim.files.input_file import read_input
 from gpusim.mesh import box, read_mesh
 from tests.vtk_files import BRICK, Vtu, legacy
 

@@ -8,11 +8,11 @@ import pytest
 
 import gpusim as gs
 from gpusim.gpu import Device, compare
-from gpusim.optics.binning import bin_edges
-from gpusim.optics.edges import edges_twin
-from gpusim.optics.setup import Setup
-from gpusim.optics.shade import shade_twin
-from gpusim.optics.visibility import visibility_twin
+from gpusim.optics.edge_pixels.fragment_lists import bin_edges
+from gpusim.optics.edge_pixels.resolve import edges_twin
+from gpusim.optics.raster.id_buffer import visibility_twin
+from gpusim.optics.shading.forward_pass import shade_twin
+from gpusim.optics.shading.setup import Setup
 from tests.optics_reference import Array, Plate, difference, flat, pattern, reference, shift_between
 
 QUAD = np.array([[0, 1, 2, 3]])

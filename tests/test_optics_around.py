@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from gpusim.gpu import Device
-from gpusim.optics.around import around
-from gpusim.optics.contour_tables import ContourTables
-from gpusim.optics.contours import Contours
-from gpusim.optics.facets import Facets
-from gpusim.optics.viewpoints import Receivers
+from gpusim.optics.ambient.edge_adjacency import Facets
+from gpusim.optics.ambient.sample_points import Receivers
+from gpusim.optics.ambient.silhouette_buffers import ContourTables
+from gpusim.optics.ambient.silhouette_bvh import Contours
+from gpusim.optics.ambient.silhouette_search import around
 
 
 def test_lists_of_many_faces_are_whole(device: Device) -> None:

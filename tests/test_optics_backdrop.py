@@ -8,13 +8,18 @@ import pytest
 
 import gpusim as gs
 from gpusim.gpu import Device
-from gpusim.optics import edges
-from gpusim.optics.backdrop import backdrops, fills, left_open
-from gpusim.optics.binning import bin_edges
-from gpusim.optics.light import Light
-from gpusim.optics.polygon import clip_square, half_planes, moments, second_moments
-from gpusim.optics.setup import Setup
-from gpusim.optics.view import FIXED, look
+from gpusim.optics.edge_pixels import resolve
+from gpusim.optics.edge_pixels.background_moments import backdrops, fills, left_open
+from gpusim.optics.edge_pixels.fragment_lists import bin_edges
+from gpusim.optics.geometry.polygon_clipping import (
+    clip_square,
+    half_planes,
+    moments,
+    second_moments,
+)
+from gpusim.optics.geometry.view import FIXED, look
+from gpusim.optics.light.lights import Light
+from gpusim.optics.shading.setup import Setup
 
 Array = npt.NDArray[np.float64]
 
@@ -84,7 +89,9 @@ def test_pictures_are_those_of_pieces(
     pictures = []
     for kept in (True, False):
         if not kept:
-            monkeypatch.setattr(edges, "backdrops", lambda setup, found, area, corners: area < 0.0)
+            monkeypatch.setattr(
+                resolve, "backdrops", lambda setup, found, area, corners: area < 0.0
+            )
         pictures.append([
             np.asarray(gs.render(surfaces, CAMERA, lights, backend="numpy").radiance, float),
             np.asarray(gs.render(surfaces, CAMERA, lights, device=device).radiance, float),

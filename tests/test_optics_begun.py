@@ -9,9 +9,9 @@ import pytest
 
 import gpusim as gs
 from gpusim.gpu import Device
-from gpusim.optics.camera import Camera
-from gpusim.optics.sight import Sight, sheet
-from gpusim.optics.view import View, look
+from gpusim.optics.camera.pinhole import Camera
+from gpusim.optics.geometry.view import View, look
+from gpusim.optics.raster.compute_raster import Sight, sheet
 
 K = np.array([[222.0, 0.3, 58.7], [0.0, 220.0, 40.2], [0.0, 0.0, 1.0]])
 CAMERA = Camera(118, 79, K)
@@ -64,12 +64,12 @@ def test_the_picture_is_the_same(
 
     monkeypatch.setattr(Sight, "__init__", counted)
     # a layer isn't begun with
-    monkeypatch.setattr(sys.modules["gpusim.optics.view"], "FEWEST", 1_000_000)
+    monkeypatch.setattr(sys.modules["gpusim.optics.geometry.view"], "FEWEST", 1_000_000)
     got = gs.render([surface], CAMERA, lights, device=device).radiance
     # normals of their own at creases make other vertices than it began with, the same triangles
     assert len(made) == 1
     assert (len(made[0].view.place) > len(surface.points)) == (smooth_angle < 1.0)
-    rendering = sys.modules["gpusim.optics.render"]
+    rendering = sys.modules["gpusim.optics.rendering.renderer"]
     monkeypatch.setattr(rendering, "look", lambda s, c, lit, begin=None: look(s, c, lit))
     want = gs.render([surface], CAMERA, lights, device=device).radiance
     assert np.array_equal(got, want)

@@ -9,16 +9,16 @@ import pytest
 
 import gpusim as gs
 from gpusim.gpu import Device, compare
-from gpusim.optics.binning import bin_edges
-from gpusim.optics.cutting import CHORD, Screen
-from gpusim.optics.distortion_map import FINE, distortion_map
-from gpusim.optics.edges import EdgePass, edges_twin
+from gpusim.optics.camera.undistortion_table import FINE, distortion_map
+from gpusim.optics.edge_pixels.fragment_lists import bin_edges
+from gpusim.optics.edge_pixels.resolve import EdgePass, edges_twin
 from gpusim.optics.frame import Band
-from gpusim.optics.setup import Setup
-from gpusim.optics.shade import ShadePass, shade_twin
-from gpusim.optics.tables import Tables
-from gpusim.optics.view import look
-from gpusim.optics.visibility import visibility_twin
+from gpusim.optics.geometry.clipping import CHORD, Screen
+from gpusim.optics.geometry.view import look
+from gpusim.optics.raster.id_buffer import visibility_twin
+from gpusim.optics.shading.forward_pass import ShadePass, shade_twin
+from gpusim.optics.shading.scene_buffers import Tables
+from gpusim.optics.shading.setup import Setup
 from tests.optics_reference import Plate, difference, pattern, reference
 from tests.optics_rigs import RIGS, rig
 

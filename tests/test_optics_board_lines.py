@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 import gpusim as gs
-from gpusim.optics import board_lines
-from gpusim.optics.board_lines import BoardLines
-from gpusim.optics.border import Border
-from gpusim.optics.light import AreaLight
-from gpusim.optics.polygon import half_planes
-from gpusim.optics.setup import Setup, footprint
-from gpusim.optics.view import View, look
-from gpusim.optics.visibility import visibility_twin
+from gpusim.optics.edge_pixels.border import Border
+from gpusim.optics.geometry.polygon_clipping import half_planes
+from gpusim.optics.geometry.view import View, look
+from gpusim.optics.light.lights import AreaLight
+from gpusim.optics.paint import checker_lines
+from gpusim.optics.paint.checker_lines import BoardLines
+from gpusim.optics.raster.id_buffer import visibility_twin
+from gpusim.optics.shading.setup import Setup, footprint
 from gpusim.surface.paint import Checker, Plain
 from gpusim.surface.surface import Surface
 
@@ -65,7 +65,7 @@ def test_a_board_is_the_same_with_and_without(
     part = gs.render(surfaces, camera(), lights, device=device).radiance
     monkeypatch.setattr(View, "flat", False)
     deep = gs.render(surfaces, camera(), lights, device=device).radiance
-    monkeypatch.setattr(board_lines, "LEAST", np.inf)
+    monkeypatch.setattr(checker_lines, "LEAST", np.inf)
     whole = gs.render(surfaces, camera(), lights, device=device).radiance
     twin = gs.render(surfaces, camera(), lights, backend="numpy").radiance
     scale = float(twin.max())

@@ -7,10 +7,10 @@ import numpy.typing as npt
 import pytest
 
 import gpusim as gs
-from gpusim.optics.binning import bin_edges
-from gpusim.optics.border import Border
-from gpusim.optics.polygon import clip_square, half_planes, moments
-from gpusim.optics.view import View, look
+from gpusim.optics.edge_pixels.border import Border
+from gpusim.optics.edge_pixels.fragment_lists import bin_edges
+from gpusim.optics.geometry.polygon_clipping import clip_square, half_planes, moments
+from gpusim.optics.geometry.view import View, look
 from gpusim.surface.paint import Checker, Dots, Paint, Plain
 from gpusim.surface.surface import Surface
 

@@ -9,11 +9,11 @@ import pytest
 from gpusim import render
 from gpusim.errors import InputError
 from gpusim.gpu import Device
-from gpusim.optics.bump import Bumps
-from gpusim.optics.camera import Camera
-from gpusim.optics.light import AreaLight, Light, SunLight
-from gpusim.optics.setup import Setup
-from gpusim.optics.view import look
+from gpusim.optics.camera.pinhole import Camera
+from gpusim.optics.geometry.view import look
+from gpusim.optics.light.lights import AreaLight, Light, SunLight
+from gpusim.optics.paint.relief_normals import Bumps
+from gpusim.optics.shading.setup import Setup
 from gpusim.surface.bump import Bump
 from gpusim.surface.paint import Plain
 from gpusim.surface.surface import Surface

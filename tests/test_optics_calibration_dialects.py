@@ -12,7 +12,7 @@ import pytest
 
 import gpusim as gs
 from gpusim.errors import InputError
-from gpusim.optics.calibration_document import read_document
+from gpusim.optics.calibration.document import read_document
 
 ROS = """image_width: 640
 image_height: 480

@@ -11,7 +11,7 @@ import pytest
 
 import gpusim as gs
 from gpusim.errors import InputError
-from gpusim.input_file import read_input
+from gpusim.files.input_file import read_input
 from tests.test_cli_dic_cameras import BASELINE, DISTANCE, HEIGHT, WIDTH, K, picture, run
 
 ENDINGS = [

@@ -7,8 +7,14 @@ import pytest
 
 import gpusim as gs
 from gpusim.gpu import Device
-from gpusim.optics.polygon import clip, clip_square, moments, rectangles, second_moments
-from gpusim.optics.shadow_probe import block
+from gpusim.optics.geometry.polygon_clipping import (
+    clip,
+    clip_square,
+    moments,
+    rectangles,
+    second_moments,
+)
+from gpusim.optics.probes.shadows import block
 
 FLOOR, WALL = 0.2, 0.9
 

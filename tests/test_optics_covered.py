@@ -10,12 +10,12 @@ import pytest
 
 import gpusim as gs
 from gpusim.gpu import Device
-from gpusim.optics import covered as module
-from gpusim.optics import edges
-from gpusim.optics.covered import covered
-from gpusim.optics.edges import EdgePass
-from gpusim.optics.emitters import lamps_of
-from gpusim.optics.view import look
+from gpusim.optics.edge_pixels import resolve
+from gpusim.optics.edge_pixels.resolve import EdgePass
+from gpusim.optics.geometry import covered as module
+from gpusim.optics.geometry.covered import covered
+from gpusim.optics.geometry.view import look
+from gpusim.optics.light.quadrature import lamps_of
 from tests.optics_rays import brute_share
 
 Array = npt.NDArray[np.float64]
@@ -225,7 +225,7 @@ def test_the_device_resolves_layers_of_fine_triangles(
     want = gs.render([shown], CAMERA, lamps, background=0.02, backend="numpy").radiance
     print(f"{left[0][0]} of {left[0][1]} pixels left to the host")
     assert left[0][0] < 0.25 * left[0][1]
-    assert np.abs(got - want).max() < 1.5 * edges.SURE * float(want.max())
+    assert np.abs(got - want).max() < 1.5 * resolve.SURE * float(want.max())
 
 
 def test_light_on_what_the_device_is_in_doubt_about(device: Device) -> None:
@@ -242,5 +242,5 @@ def test_light_on_what_the_device_is_in_doubt_about(device: Device) -> None:
     got = gs.render([shown], camera, lamps, background=0.02, device=device).radiance
     want = gs.render([shown], camera, lamps, background=0.02, backend="numpy").radiance
     off = np.abs(got - want) / float(want.max())
-    print(f"worst {off.max():.1e}, {np.count_nonzero(off > edges.SURE)} pixels")
-    assert off.max() < 1e-3 and np.count_nonzero(off > edges.SURE) < 10
+    print(f"worst {off.max():.1e}, {np.count_nonzero(off > resolve.SURE)} pixels")
+    assert off.max() < 1e-3 and np.count_nonzero(off > resolve.SURE) < 10

@@ -10,9 +10,9 @@ import pytest
 
 import gpusim as gs
 from gpusim.gpu import Device
-from gpusim.optics import cutting
-from gpusim.optics.cutting import Screen
-from gpusim.optics.view import View, look
+from gpusim.optics.geometry import clipping
+from gpusim.optics.geometry.clipping import Screen
+from gpusim.optics.geometry.view import View, look
 from tests.optics_edges import HEIGHT, WIDTH, half_plane
 from tests.test_optics_coverage import cut, shoelace
 
@@ -76,15 +76,15 @@ def test_the_rule_for_an_edge_is_that_of_its_reverse() -> None:
     ideal = rng.uniform(-20.0, 300.0, (4000, 1, 2)) + rng.normal(0.0, 25.0, (4000, 3, 2))
     ideal[:100, 1, 0] = ideal[:100, 0, 0]
     shows = np.ones((4000, 3), bool)
-    one = cutting.edge_excess(ideal, screen.bent(ideal), shows, screen)
+    one = clipping.edge_excess(ideal, screen.bent(ideal), shows, screen)
     turned = np.ascontiguousarray(ideal[:, ::-1])
-    other = cutting.edge_excess(turned, screen.bent(turned), shows, screen)
+    other = clipping.edge_excess(turned, screen.bent(turned), shows, screen)
     assert (one > 1.0).sum() > 100
     np.testing.assert_array_equal(one, other[:, [1, 0, 2]])
 
 
 def test_cutting_without_end_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cutting, "MOST_PIECES", 100)
+    monkeypatch.setattr(clipping, "MOST_PIECES", 100)
     with pytest.raises(gs.InputError, match=r"Camera 'camera' distortion; got \[-8.*straight"):
         look([half_plane(1.2, shift=22.0)], through(STRONG), lit=False)
 

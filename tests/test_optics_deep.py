@@ -7,9 +7,9 @@ import pytest
 
 import gpusim as gs
 from gpusim.gpu import Device
-from gpusim.optics.binning import bin_edges
-from gpusim.optics.edges import DEEPEST, SURE
-from gpusim.optics.view import look
+from gpusim.optics.edge_pixels.fragment_lists import bin_edges
+from gpusim.optics.edge_pixels.resolve import DEEPEST, SURE
+from gpusim.optics.geometry.view import look
 
 CAMERA = gs.Camera(57, 33, np.array([[60.0, 0.0, 28.0], [0.0, 60.0, 16.0], [0.0, 0.0, 1.0]]))
 

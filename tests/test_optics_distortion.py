@@ -8,7 +8,7 @@ import pytest
 
 import gpusim as gs
 from gpusim.errors import InputError
-from gpusim.optics.distortion import Distortion
+from gpusim.optics.camera.distortion import Distortion
 from tests.optics_rigs import RIGS, rig
 
 BARREL = [-0.21, 0.06, 0.0011, -0.0007]

@@ -10,11 +10,11 @@ import pytest
 
 import gpusim as gs
 from gpusim.gpu import Device
-from gpusim.optics.binning import bin_edges
-from gpusim.optics.emitters import lamps_of
-from gpusim.optics.light import Light
+from gpusim.optics.edge_pixels.fragment_lists import bin_edges
+from gpusim.optics.geometry.view import look
+from gpusim.optics.light.lights import Light
+from gpusim.optics.light.quadrature import lamps_of
 from gpusim.optics.shadow.receivers import Receivers
-from gpusim.optics.view import look
 from tests.optics_rays import brute_share, triangles_of
 from tests.shadow_rays import found
 

@@ -12,9 +12,9 @@ from scipy import stats
 import gpusim as gs
 from gpusim.errors import InputError
 from gpusim.gpu import Device
-from gpusim.optics.emva import normal_quantile, philox, poisson_quantile
 from gpusim.optics.frame import Band
-from gpusim.optics.presets import CAMERAS
+from gpusim.optics.sensor.emva1288 import normal_quantile, philox, poisson_quantile
+from gpusim.optics.sensor.presets import CAMERAS
 
 SHAPE = (150, 200)
 

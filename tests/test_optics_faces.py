@@ -10,7 +10,7 @@ import pytest
 import gpusim as gs
 from gpusim.errors import InputError
 from gpusim.gpu import Device
-from gpusim.optics.view import look
+from gpusim.optics.geometry.view import look
 from gpusim.surface.plane import used_vertices
 from gpusim.surface.topology import Topology, sorted_keys
 
@@ -70,7 +70,7 @@ def test_an_image_in_parts_equals_the_whole(
     surface, camera = board(33, 25, 0.7)
     lights = [gs.PointLight((3.0, -2.0, 1.0), 4e4)]
     whole = gs.render([surface], camera, lights, background=0.2, device=device)
-    module = import_module("gpusim.optics.render")
+    module = import_module("gpusim.optics.rendering.renderer")
     monkeypatch.setattr(module, "MOST_TRIANGLES", 900)
     monkeypatch.setattr(module, "FEWEST_ROWS", 3)
     parts = gs.render([surface], camera, lights, background=0.2, device=device)

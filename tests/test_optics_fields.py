@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import gpusim as gs
-from gpusim.optics import setup as records
-from gpusim.optics.fields import field_of
-from gpusim.optics.setup import Setup
-from gpusim.optics.view import look
+from gpusim.optics.geometry.view import look
+from gpusim.optics.paint.checker_fields import field_of
+from gpusim.optics.shading import setup as records
+from gpusim.optics.shading.setup import Setup
 from gpusim.surface.paint import Checker
 
 CAMERA = gs.Camera.from_lens((36.0, 24.0), 46.0, (361, 242), (0.1, -1.1, 0.07), (0.0, 0.0, 0.01))

@@ -8,9 +8,9 @@ import pytest
 
 import gpusim as gs
 from gpusim.gpu import Device
-from gpusim.optics.hidden import visible_pieces
-from gpusim.optics.light import Light
-from gpusim.optics.polygon import clip_square, half_planes, moments
+from gpusim.optics.edge_pixels.visible_polygons import visible_pieces
+from gpusim.optics.geometry.polygon_clipping import clip_square, half_planes, moments
+from gpusim.optics.light.lights import Light
 
 Array = npt.NDArray[np.float64]
 

@@ -10,16 +10,16 @@ import pytest
 
 import gpusim as gs
 from gpusim.gpu import Device
-from gpusim.optics import glance
-from gpusim.optics.camera import Camera
-from gpusim.optics.glance import TOLERANCE, GlancePass, glance_twin, may_glance
-from gpusim.optics.light import PointLight
-from gpusim.optics.setup import Setup
-from gpusim.optics.setup_probe import sheets_setup
-from gpusim.optics.shade import ShadePass
-from gpusim.optics.sight import Sight, sheet, sight_twin
-from gpusim.optics.tables import Tables
-from gpusim.optics.view import look
+from gpusim.optics.camera.pinhole import Camera
+from gpusim.optics.geometry.view import look
+from gpusim.optics.light.lights import PointLight
+from gpusim.optics.probes.paints import sheets_setup
+from gpusim.optics.raster.compute_raster import Sight, sheet, sight_twin
+from gpusim.optics.shading import glance
+from gpusim.optics.shading.forward_pass import ShadePass
+from gpusim.optics.shading.glance import TOLERANCE, GlancePass, glance_twin, may_glance
+from gpusim.optics.shading.scene_buffers import Tables
+from gpusim.optics.shading.setup import Setup
 from gpusim.surface.paint import Checker, Plain
 from gpusim.surface.surface import Surface
 
@@ -69,7 +69,7 @@ def test_large_triangles_are_looked_at_where_paint_and_light_are_even(
     if not device.atomics64:
         pytest.skip("no 64-bit atomics")
     monkeypatch.setattr(glance, "FEWEST", 100)
-    rendering = sys.modules["gpusim.optics.render"]
+    rendering = sys.modules["gpusim.optics.rendering.renderer"]
     camera = Camera(590, 390, np.array([[1110.0, 0.3, 287.0], [0.0, 1100.0, 202.0], [0, 0, 1]]))
     lamp = PointLight((-60.0, -50.0, -90.0), 2e4, shadows=False)
     hard = PointLight((-60.0, -50.0, -90.0), 2e4)

@@ -11,9 +11,9 @@ import pytest
 import gpusim as gs
 from gpusim.errors import InputError
 from gpusim.gpu import Device
-from gpusim.optics.brdf import SAMPLES, reflectance_table
-from gpusim.optics.environment import Environment
-from gpusim.optics.shadow_probe import shadow_scene
+from gpusim.optics.light.brdf import SAMPLES, reflectance_table
+from gpusim.optics.light.environment import Environment
+from gpusim.optics.probes.shadows import shadow_scene
 
 Array = npt.NDArray[np.float64]
 QUAD = np.array([[0, 1, 2, 3]])

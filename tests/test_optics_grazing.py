@@ -8,8 +8,8 @@ from scipy.spatial import cKDTree
 
 import gpusim as gs
 from gpusim.gpu import Device
-from gpusim.optics.setup import GRAZING, Setup
-from gpusim.optics.view import look
+from gpusim.optics.geometry.view import look
+from gpusim.optics.shading.setup import GRAZING, Setup
 from gpusim.surface.speckle import EDGE, edge_opacity
 
 SIZE, DISTANCE, RADIUS = 160, 640.0, 60.0

@@ -12,8 +12,8 @@ import pytest
 import gpusim as gs
 from gpusim.errors import TwinMismatch
 from gpusim.gpu import Device, compare
-from gpusim.optics.hidden import visible_pieces
-from gpusim.optics.polygon import _crossed, clip_square, half_planes, moments
+from gpusim.optics.edge_pixels.visible_polygons import visible_pieces
+from gpusim.optics.geometry.polygon_clipping import _crossed, clip_square, half_planes, moments
 from tests.optics_reference import Plate, flat, pattern, reference
 
 Array = npt.NDArray[np.float64]
@@ -171,12 +171,12 @@ def test_device_and_twin_agree_on_deep_stacks(
         surfaces[number] = surface.moved(surface.points * (1.0 + number % 7))
     got = gs.render(surfaces, CAMERA, background=BACKGROUND, device=device).radiance
     twin = gs.render(surfaces, CAMERA, background=BACKGROUND, backend="numpy").radiance
-    compare("optics/edges", got, twin, "pixel")
+    compare("optics/edge_pixels/resolve", got, twin, "pixel")
     # a triangle that hides nothing any more is seen
-    monkeypatch.setattr("gpusim.optics.hidden.TOUCH", 0.05)
+    monkeypatch.setattr("gpusim.optics.edge_pixels.visible_polygons.TOUCH", 0.05)
     wrong = gs.render(surfaces, CAMERA, background=BACKGROUND, backend="numpy").radiance
     with pytest.raises(TwinMismatch):
-        compare("optics/edges", got, wrong, "pixel")
+        compare("optics/edge_pixels/resolve", got, wrong, "pixel")
 
 
 def test_slivers_whose_corners_go_in_and_out_stay_where_they_are() -> None:

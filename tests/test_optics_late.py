@@ -12,11 +12,11 @@ import pytest
 import gpusim as gs
 from gpusim.errors import TwinMismatch
 from gpusim.gpu import Device
-from gpusim.optics import late, normals, project, resident
-from gpusim.optics.late import LateSight
-from gpusim.optics.looks import NONE
-from gpusim.optics.setup_probe import sheets_setup
-from gpusim.optics.view import View, look
+from gpusim.optics.geometry.view import View, look
+from gpusim.optics.probes.paints import sheets_setup
+from gpusim.optics.series import late, normals, project, resident
+from gpusim.optics.series.late import LateSight
+from gpusim.optics.shading.looks import NONE
 from gpusim.surface.paint import Checker, Paint, Plain
 
 Array = npt.NDArray[np.float64]
@@ -268,7 +268,7 @@ def test_one_corrupted_place_is_seen(
         return real_buffer(moved, label)
 
     monkeypatch.setattr(device, "real_buffer", corrupted)
-    with pytest.raises(TwinMismatch, match="optics/project, places"):
+    with pytest.raises(TwinMismatch, match="optics/series/project, places"):
         project.check_projection(device, camera, points)
 
 
@@ -282,5 +282,5 @@ def test_one_corrupted_neighbour_is_seen(device: Device, monkeypatch: pytest.Mon
         return around
 
     monkeypatch.setattr(normals.Around, "of", staticmethod(corrupted))
-    with pytest.raises(TwinMismatch, match="optics/normals"):
+    with pytest.raises(TwinMismatch, match="optics/series/normals"):
         normals.check_normals(device)

@@ -11,14 +11,15 @@ import pytest
 
 import gpusim as gs
 from gpusim.gpu import Device
-from gpusim.optics import layer, looks, view
-from gpusim.optics.layer import one_layer, winds_once
-from gpusim.optics.layer_pass import LayerPass
-from gpusim.optics.setup import Setup
-from gpusim.optics.shade import ShadePass
-from gpusim.optics.sight import Sight
-from gpusim.optics.tables import Tables
-from gpusim.optics.view import look
+from gpusim.optics.geometry import single_layer, view
+from gpusim.optics.geometry.single_layer import one_layer, winds_once
+from gpusim.optics.geometry.view import look
+from gpusim.optics.raster.compute_raster import Sight
+from gpusim.optics.shading import looks
+from gpusim.optics.shading.forward_pass import ShadePass
+from gpusim.optics.shading.layer_pass import LayerPass
+from gpusim.optics.shading.scene_buffers import Tables
+from gpusim.optics.shading.setup import Setup
 from gpusim.surface.paint import Checker, Paint, Plain
 
 CAMERA = gs.Camera.from_lens((36.0, 24.0), 46.0, (361, 242), (0.07, -0.84, 0.05), (0.0, 0.0, 0.01))
@@ -112,7 +113,7 @@ def test_a_picture_is_the_same_as_by_the_nearest(
 ) -> None:
     if not device.atomics64:
         pytest.skip("no 64-bit atomics")
-    rendering = sys.modules["gpusim.optics.render"]
+    rendering = sys.modules["gpusim.optics.rendering.renderer"]
     monkeypatch.setattr(rendering, "BAND_BYTES", 4 * 361 * (242 // bands))
     monkeypatch.setattr(looks, "FEWEST", 1000)
     # a lamp so near that light isn't even on some triangles
@@ -124,7 +125,7 @@ def test_a_picture_is_the_same_as_by_the_nearest(
             super().__init__(tables, sight)
             made.append(self)
 
-    monkeypatch.setattr(sys.modules["gpusim.optics.shade"], "LayerPass", Noted)
+    monkeypatch.setattr(sys.modules["gpusim.optics.shading.forward_pass"], "LayerPass", Noted)
 
     def picture(fewest: int) -> npt.NDArray[np.float32]:
         monkeypatch.setattr(view, "FEWEST", fewest)
@@ -171,4 +172,4 @@ def test_what_is_found_to_be_no_layer_is_drawn_again(
     monkeypatch.setattr(looks.Looks, "surprised", True)
     got = gs.render([wavy(ENDING)], CAMERA, LIGHTS, device=device).radiance
     assert np.abs(got - want).max() <= 5e-7 * want.max()
-    assert layer.FEWEST > 1000
+    assert single_layer.FEWEST > 1000

@@ -9,7 +9,7 @@ from scipy.special import j1
 import gpusim as gs
 from gpusim.errors import InputError
 from gpusim.gpu import Device
-from gpusim.optics.lens import aperture_points, edge_error, focus_of
+from gpusim.optics.lens.thin_lens import aperture_points, edge_error, focus_of
 from tests.optics_edges import HEIGHT, WIDTH, K, camera, half_plane, pixel_transfer, transfer
 
 FREQUENCY = np.linspace(0.02, 0.5, 25)

@@ -11,10 +11,10 @@ import pytest
 import gpusim as gs
 from gpusim.errors import InputError
 from gpusim.gpu import Device
-from gpusim.optics.emitters import emitters, irradiance
-from gpusim.optics.light import AmbientLight
-from gpusim.optics.lighting import ambient
-from gpusim.optics.outline import area_normals, sharp_normals, smooth_normals
+from gpusim.optics.geometry.feature_edges import area_normals, sharp_normals, smooth_normals
+from gpusim.optics.light.lights import AmbientLight
+from gpusim.optics.light.quadrature import emitters, irradiance
+from gpusim.optics.shading.lighting import ambient
 from gpusim.surface.surface import triangulate
 
 Array = npt.NDArray[np.float64]

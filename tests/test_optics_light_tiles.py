@@ -9,10 +9,10 @@ import pytest
 
 import gpusim as gs
 from gpusim.gpu import Device
-from gpusim.optics import light_tiles
-from gpusim.optics.light_tiles import LightTiles
-from gpusim.optics.setup import Setup
-from gpusim.optics.view import look
+from gpusim.optics.geometry.view import look
+from gpusim.optics.shading import tile_light
+from gpusim.optics.shading.setup import Setup
+from gpusim.optics.shading.tile_light import LightTiles
 
 CAMERA = gs.Camera.from_lens((36.0, 24.0), 90.0, (301, 203), (0.1, -2.2, 0.9), (0.03, 0.1, 0.1))
 LAMPS = [
@@ -44,7 +44,7 @@ def test_tiles_are_as_right_as_they_promise(
     camera = replace(CAMERA, distortion=distortion)
     images = []
     for tolerance in (1e-2, -1.0):
-        monkeypatch.setattr(light_tiles, "TOLERANCE", tolerance)
+        monkeypatch.setattr(tile_light, "TOLERANCE", tolerance)
         images.append(gs.render(surfaces, camera, LAMPS, device=device).radiance)
     off = np.abs(images[0] - images[1]) / images[1].max()
     assert 1e-5 < off.max() <= 1e-2

@@ -11,10 +11,10 @@ import pytest
 
 import gpusim as gs
 from gpusim.gpu import Device
-from gpusim.optics import looks
-from gpusim.optics.looks import looks_twin, sampled
-from gpusim.optics.setup import Setup
-from gpusim.optics.view import View, look
+from gpusim.optics.geometry.view import View, look
+from gpusim.optics.shading import looks
+from gpusim.optics.shading.looks import looks_twin, sampled
+from gpusim.optics.shading.setup import Setup
 from gpusim.surface.paint import Checker, Paint, Plain
 
 EYE = (0.07, -0.84, 0.05)
@@ -56,7 +56,7 @@ def pictures(
             guesses.append(ask(view))  # noqa: B023
             return guesses[-1]
 
-        patch.setattr(sys.modules["gpusim.optics.render"], "sampled", asked)
+        patch.setattr(sys.modules["gpusim.optics.rendering.renderer"], "sampled", asked)
         result.append(gs.render(surfaces, camera, LIGHTS, device=device).radiance)
     assert guesses[0] is not None and guesses[1] is None
     return result
@@ -98,7 +98,7 @@ def test_a_wrong_guess_is_noticed(device: Device, monkeypatch: pytest.MonkeyPatc
         paints = tuple(replace(region, reach=0.4 * region.reach) for region in found.paints)
         return replace(found, found=(paints, found.footprint))
 
-    rendering = sys.modules["gpusim.optics.render"]
+    rendering = sys.modules["gpusim.optics.rendering.renderer"]
     monkeypatch.setattr(rendering, "sampled", small)
     again = gs.render([wavy(ENDING)], CAMERA, LIGHTS, device=device).radiance
     monkeypatch.setattr(rendering, "sampled", lambda view: None)

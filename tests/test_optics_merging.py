@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import gpusim as gs
-from gpusim.optics.joined_faces import joined_faces
-from gpusim.optics.merging import merge_flat, neighbours, rows_of
+from gpusim.optics.ambient.coplanar_merging import merge_flat, neighbours, rows_of
+from gpusim.optics.ambient.sky_occluders import joined_faces
 
 
 def strip(columns: int, rows: int, sag: float) -> tuple[np.ndarray, np.ndarray]:

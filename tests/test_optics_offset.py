@@ -10,9 +10,9 @@ import pytest
 
 import gpusim as gs
 from gpusim.gpu import Device
-from gpusim.optics.light import AreaLight, Light, PointLight, SpotLight
-from gpusim.optics.local_origin import origin_near
-from gpusim.optics.shadow_probe import shadow_scene
+from gpusim.optics.light.lights import AreaLight, Light, PointLight, SpotLight
+from gpusim.optics.probes.shadows import shadow_scene
+from gpusim.optics.rendering.local_origin import origin_near
 from gpusim.optics.truth import seen_in
 
 Array = npt.NDArray[np.float64]

@@ -9,18 +9,18 @@ import pytest
 import gpusim as gs
 from gpusim.errors import InputError
 from gpusim.gpu import Device
-from gpusim.optics.around import around, in_groups
-from gpusim.optics.binning import bin_edges
-from gpusim.optics.contour_tables import ContourTables
-from gpusim.optics.facets import Facets
-from gpusim.optics.hemisphere import Around, directions, seen, seen_twin
-from gpusim.optics.joined_faces import JoinedFaces
-from gpusim.optics.light import Light
-from gpusim.optics.setup import Setup
-from gpusim.optics.shadow_probe import block
-from gpusim.optics.view import look
-from gpusim.optics.viewpoints import Receivers, tangent
-from gpusim.optics.visibility import visibility_twin
+from gpusim.optics.ambient.edge_adjacency import Facets
+from gpusim.optics.ambient.hemisphere_mask import Around, directions, seen, seen_twin
+from gpusim.optics.ambient.sample_points import Receivers, tangent
+from gpusim.optics.ambient.silhouette_buffers import ContourTables
+from gpusim.optics.ambient.silhouette_search import around, in_groups
+from gpusim.optics.ambient.sky_occluders import JoinedFaces
+from gpusim.optics.edge_pixels.fragment_lists import bin_edges
+from gpusim.optics.geometry.view import look
+from gpusim.optics.light.lights import Light
+from gpusim.optics.probes.shadows import block
+from gpusim.optics.raster.id_buffer import visibility_twin
+from gpusim.optics.shading.setup import Setup
 from gpusim.surface.surface import Surface
 
 Array = npt.NDArray[np.float64]

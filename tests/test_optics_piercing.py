@@ -7,10 +7,10 @@ import pytest
 
 import gpusim as gs
 from gpusim.gpu import Device
-from gpusim.optics import binning
-from gpusim.optics.binning import bin_edges
-from gpusim.optics.piercing import piercings
-from gpusim.optics.view import look
+from gpusim.optics.edge_pixels import fragment_lists
+from gpusim.optics.edge_pixels.fragment_lists import bin_edges
+from gpusim.optics.geometry.interpenetration import piercings
+from gpusim.optics.geometry.view import look
 from tests.optics_reference import Array, Plate, flat, pattern, reference
 
 QUAD = np.array([[0, 1, 2, 3]])
@@ -70,7 +70,7 @@ def test_without_the_line_it_is_not(
 ) -> None:
     surfaces, _ = crossing()
     pixels = bin_edges(look(surfaces, camera(), lit=False))
-    monkeypatch.setattr(binning, "piercings", lambda bodies: np.zeros((0, 2, 3)))
+    monkeypatch.setattr(fragment_lists, "piercings", lambda bodies: np.zeros((0, 2, 3)))
     image = gs.render(surfaces, camera(), background=0.3, device=device).radiance
     error = (image - wanted).reshape(-1)[pixels.pixel[pixels.pierced]]
     assert np.sqrt(np.mean(error**2)) > 0.05

@@ -11,9 +11,9 @@ from scipy.special import erf
 import gpusim as gs
 from gpusim.errors import InputError
 from gpusim.gpu import Device
-from gpusim.optics.convolve import convolve_twin
-from gpusim.optics.photograph import photograph
-from gpusim.optics.psf import Psf, sample
+from gpusim.optics.lens.convolution import convolve_twin
+from gpusim.optics.lens.exposure import photograph
+from gpusim.optics.lens.psf import Psf, sample
 from tests.optics_edges import camera, half_plane, pixel_transfer, transfer
 
 FREQUENCY = np.linspace(0.02, 0.5, 25)

@@ -8,15 +8,15 @@ import pytest
 import gpusim as gs
 from gpusim.errors import TwinMismatch
 from gpusim.gpu import Device, twin_checks
-from gpusim.gpu.kept import Kept
-from gpusim.gpu.texels import Texels
-from gpusim.optics.binning import bin_edges
-from gpusim.optics.corners import NORMAL, ST
-from gpusim.optics.drawn import Drawn
-from gpusim.optics.records import Records, evaluated
-from gpusim.optics.seen import small_triangles
-from gpusim.optics.setup import Setup
-from gpusim.optics.view import look
+from gpusim.gpu.buffer_pool import Kept
+from gpusim.gpu.texture_array import Texels
+from gpusim.optics.edge_pixels.fragment_lists import bin_edges
+from gpusim.optics.geometry.triangle_corners import NORMAL, ST
+from gpusim.optics.geometry.view import look
+from gpusim.optics.raster.triangle_records import Records, evaluated
+from gpusim.optics.raster.vertex_buffers import Drawn
+from gpusim.optics.shading.deferred_pass import small_triangles
+from gpusim.optics.shading.setup import Setup
 
 LIGHTS = [gs.PointLight((-1.0, -2.0, 1.0), 50.0, shadows=False)]
 
@@ -103,10 +103,10 @@ def test_one_corrupted_vertex_is_seen(
             array = array.reshape(-1, 4)
         write(self, array, first)
 
-    twin_checks()["optics/records"](device)
+    twin_checks()["optics/raster/triangle_records"](device)
     monkeypatch.setattr(Texels, "write", corrupted)
-    with pytest.raises(TwinMismatch, match="optics/records"):
-        twin_checks()["optics/records"](device)
+    with pytest.raises(TwinMismatch, match="optics/raster/triangle_records"):
+        twin_checks()["optics/raster/triangle_records"](device)
 
 
 def test_numbers_beyond_float32_are_left_to_the_host(device: Device) -> None:
@@ -149,7 +149,7 @@ def test_edge_pixels_know_the_same_triangles_however_they_are_looked_up(
     view = look([sheet(60, 40, gs.paint.Plain(0.4))], camera(), lit=True)
     found = bin_edges(view)
     assert len(found.pixel) > 500
-    monkeypatch.setattr("gpusim.optics.binning.FARTHEST", 0)
+    monkeypatch.setattr("gpusim.optics.edge_pixels.fragment_lists.FARTHEST", 0)
     every = bin_edges(view)
     for name in ("pixel", "start", "triangle"):
         np.testing.assert_array_equal(getattr(found, name), getattr(every, name))
@@ -179,7 +179,7 @@ def test_triangles_that_are_not_cut_share_their_vertices(
     view = look([surface], viewer, lit=True)
     assert view.count > 3000 and len(view.place) < 2.5 * view.count
     got = gs.render([surface], viewer, LIGHTS, device=device)
-    monkeypatch.setattr("gpusim.optics.view.MANY", 10**9)
+    monkeypatch.setattr("gpusim.optics.geometry.view.MANY", 10**9)
     want = gs.render([surface], viewer, LIGHTS, device=device)
     if lens is not None or inside:
         assert len(want.view.place) == 3 * want.view.count

@@ -11,12 +11,12 @@ import pytest
 
 import gpusim as gs
 from gpusim.gpu import Device
-from gpusim.optics.seen import TILE, WIDE, small_triangles
-from gpusim.optics.setup import Setup
-from gpusim.optics.shade import ShadePass
-from gpusim.optics.tables import Tables
-from gpusim.optics.under import under
-from gpusim.optics.view import look
+from gpusim.optics.geometry.view import look
+from gpusim.optics.raster.tile_mask import under
+from gpusim.optics.shading.deferred_pass import TILE, WIDE, small_triangles
+from gpusim.optics.shading.forward_pass import ShadePass
+from gpusim.optics.shading.scene_buffers import Tables
+from gpusim.optics.shading.setup import Setup
 
 CAMERA = gs.Camera.from_lens((36.0, 24.0), 40.0, (90, 61), (0.12, -1.0, 0.08), (0.02, 0, 0))
 LAMP = gs.AreaLight((-0.4, -1.2, 0.7), (0.0, 0.0, 0.0), (0.2, 0.1), 20.0)
@@ -93,7 +93,7 @@ def test_walls_behind_small_triangles_are_shaded_as_wholes(
     assert (setup.lighting.shadows is not None) == lit
     tables = Tables(device, setup)
     image, marks = by_pixel(tables, device)
-    monkeypatch.setattr("gpusim.optics.seen.WIDE", np.inf)
+    monkeypatch.setattr("gpusim.optics.shading.deferred_pass.WIDE", np.inf)
     want, every = by_pixel(tables, device)
     assert (want == 0.25).any() and len(np.unique(want)) > 100
     np.testing.assert_array_equal(marks, every)
@@ -110,7 +110,7 @@ def test_a_tile_that_is_left_out_is_seen(monkeypatch: pytest.MonkeyPatch, device
         tiles[tuple(np.argwhere(tiles)[np.count_nonzero(tiles) // 2])] = False
         return tiles
 
-    monkeypatch.setattr("gpusim.optics.seen.under", fewer)
+    monkeypatch.setattr("gpusim.optics.shading.deferred_pass.under", fewer)
     image, _ = by_pixel(tables, device)
     assert 0 < np.count_nonzero(image != want) <= TILE * TILE
 

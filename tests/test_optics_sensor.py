@@ -13,7 +13,7 @@ import gpusim as gs
 from gpusim.errors import InputError
 from gpusim.gpu import Device
 from gpusim.optics.frame import Band
-from gpusim.optics.sensor import _expose, _expose_seen, sensor_twin
+from gpusim.optics.sensor.sensor import _expose, _expose_seen, sensor_twin
 
 
 def frame_of(device: Device, radiance: npt.NDArray[np.float32], stride: int) -> gs.Frame:

@@ -12,17 +12,17 @@ import pytest
 import gpusim as gs
 from gpusim.gpu import Device
 from gpusim.gpu.wgsl import shader_folder
-from gpusim.optics.binning import bin_edges
-from gpusim.optics.emitters import lamps_of
-from gpusim.optics.light import Light
-from gpusim.optics.lighting import find_shadows
-from gpusim.optics.occlusion import lattice
-from gpusim.optics.seen import small_triangles
-from gpusim.optics.setup import Setup
+from gpusim.optics.edge_pixels.fragment_lists import bin_edges
+from gpusim.optics.geometry.view import look
+from gpusim.optics.light.lights import Light
+from gpusim.optics.light.quadrature import lamps_of
+from gpusim.optics.probes.shadows import block, shadow_scene
+from gpusim.optics.raster.id_buffer import visibility_twin
+from gpusim.optics.shading.deferred_pass import small_triangles
+from gpusim.optics.shading.lighting import find_shadows
+from gpusim.optics.shading.setup import Setup
 from gpusim.optics.shadow.receivers import Receivers
-from gpusim.optics.shadow_probe import block, shadow_scene
-from gpusim.optics.view import look
-from gpusim.optics.visibility import visibility_twin
+from gpusim.optics.shadow.sample_mask import lattice
 from tests.optics_rays import brute_share, triangles_of
 from tests.shadow_rays import found
 
@@ -260,7 +260,7 @@ def test_pixels_across_the_facets_of_a_bent_open_sheet_are_lit(
 
 
 def test_the_shader_has_the_lattice_of_the_twin() -> None:
-    source = (shader_folder() / "common/lamp_samples.wgsl").read_text(encoding="utf-8")
+    source = (shader_folder() / "lib/shadow/sample_mask.wgsl").read_text(encoding="utf-8")
     numbers = re.findall(r"\((vec4f\([^)]*\)) \+ ([0-9.]+)\) / ([0-9.]+) - ([0-9.]+),", source)
     rows = [
         (np.fromstring(row[6:-1], sep=",") + float(more)) / float(by) - float(less)

@@ -8,13 +8,13 @@ import pytest
 
 import gpusim as gs
 from gpusim.gpu import Device
-from gpusim.optics.binning import bin_edges
-from gpusim.optics.emitters import lamps_of
-from gpusim.optics.light import Light
-from gpusim.optics.lighting import find_shadows
-from gpusim.optics.shadow.visible import visible_shares
-from gpusim.optics.view import look
-from gpusim.optics.visibility import visibility_twin
+from gpusim.optics.edge_pixels.fragment_lists import bin_edges
+from gpusim.optics.geometry.view import look
+from gpusim.optics.light.lights import Light
+from gpusim.optics.light.quadrature import lamps_of
+from gpusim.optics.raster.id_buffer import visibility_twin
+from gpusim.optics.shading.lighting import find_shadows
+from gpusim.optics.shadow.lamp_visibility import visible_shares
 from tests.optics_rays import brute_share, triangles_of
 from tests.optics_skins import skin_of
 

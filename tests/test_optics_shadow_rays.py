@@ -9,12 +9,12 @@ import pytest
 
 import gpusim as gs
 from gpusim.gpu import Device
-from gpusim.optics.emitters import lamps_of
-from gpusim.optics.light import AreaLight, Light, PointLight, SpotLight, SunLight
+from gpusim.optics.light.lights import AreaLight, Light, PointLight, SpotLight, SunLight
+from gpusim.optics.light.quadrature import lamps_of
+from gpusim.optics.shadow.brute_force import shares_twin
 from gpusim.optics.shadow.light_space import light_spaces
 from gpusim.optics.shadow.occluders import NOBODY, Occluders, relative_points
 from gpusim.optics.shadow.receivers import Receivers
-from gpusim.optics.shadow.twin import shares_twin
 from tests.shadow_rays import box, by_rays, found, on_plane, sheet
 
 AREA = AreaLight((-0.6, -0.3, 1.0), (0.0, 0.0, 0.1), (0.3, 0.2), 5.0)

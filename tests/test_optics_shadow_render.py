@@ -12,9 +12,9 @@ import pytest
 
 import gpusim as gs
 from gpusim.gpu import Device
-from gpusim.optics.camera import Camera
-from gpusim.optics.light import AreaLight, Light, PointLight, SpotLight, SunLight
-from gpusim.optics.shadow_probe import shadow_scene
+from gpusim.optics.camera.pinhole import Camera
+from gpusim.optics.light.lights import AreaLight, Light, PointLight, SpotLight, SunLight
+from gpusim.optics.probes.shadows import shadow_scene
 from tests.shadow_rays import box, sheet
 
 Image = npt.NDArray[np.float32]
@@ -131,7 +131,9 @@ def test_several_bands_have_the_same_bits(monkeypatch: pytest.MonkeyPatch, devic
     scene = matte(surfaces), camera, [LAMPS["area"], LAMPS["sun"]]
     want = shown(*scene, device)
     assert (shown(*scene, device) == want).all()
-    monkeypatch.setattr(import_module("gpusim.optics.render"), "BAND_BYTES", 4 * camera.width * 40)
+    monkeypatch.setattr(
+        import_module("gpusim.optics.rendering.renderer"), "BAND_BYTES", 4 * camera.width * 40
+    )
     assert (shown(*scene, device) == want).all()
 
 

@@ -9,13 +9,13 @@ import pytest
 import gpusim as gs
 from benchmarks.faces import camera_of, scene_of
 from gpusim.gpu import Device
-from gpusim.optics.emitters import Lamp, lamps_of
+from gpusim.optics.geometry.view import look
+from gpusim.optics.light.quadrature import Lamp, lamps_of
+from gpusim.optics.raster.id_buffer import visibility_twin
+from gpusim.optics.shadow.lamp_visibility import visible_shares
 from gpusim.optics.shadow.light_space import light_spaces
 from gpusim.optics.shadow.occluders import Occluders, relative_points
 from gpusim.optics.shadow.receivers import PixelReceivers, Receivers
-from gpusim.optics.shadow.visible import visible_shares
-from gpusim.optics.view import look
-from gpusim.optics.visibility import visibility_twin
 from tests.optics_rays import may_meet
 from tests.shadow_rays import blocked, box, ray_shares, triangles_of
 

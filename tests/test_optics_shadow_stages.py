@@ -8,19 +8,26 @@ import pytest
 import gpusim as gs
 from gpusim.errors import OutOfDeviceMemory
 from gpusim.gpu import Device, twin_checks
-from gpusim.optics.emitters import lamps_of
-from gpusim.optics.light import AreaLight, Light, PointLight, SunLight
+from gpusim.optics.geometry.view import look
+from gpusim.optics.light.lights import AreaLight, Light, PointLight, SunLight
+from gpusim.optics.light.quadrature import lamps_of
+from gpusim.optics.probes.occluders import probe_pieces, probe_pixels, probe_points
+from gpusim.optics.raster.id_buffer import visibility_twin
+from gpusim.optics.shadow.brute_force import shares_twin
+from gpusim.optics.shadow.lamp_visibility import VisibleShares, visible_shares
 from gpusim.optics.shadow.light_space import light_spaces
 from gpusim.optics.shadow.occluders import Occluders, relative_points
-from gpusim.optics.shadow.probe import probe_pieces, probe_pixels, probe_points
 from gpusim.optics.shadow.receivers import DevicePixels, PixelReceivers, Receivers
-from gpusim.optics.shadow.twin import shares_twin
-from gpusim.optics.shadow.visible import VisibleShares, visible_shares
-from gpusim.optics.view import look
-from gpusim.optics.visibility import visibility_twin
 from tests.shadow_rays import box, found, on_plane, sheet
 
-STAGES = ("planes", "refit", "groups", "search", "refine", "mask")
+STAGES = (
+    "receiver_planes",
+    "bvh_refit",
+    "receiver_groups",
+    "occluder_search",
+    "occluder_refinement",
+    "penumbra_mask",
+)
 
 
 def test_every_stage_has_a_check() -> None:

@@ -9,11 +9,11 @@ import pytest
 
 import gpusim as gs
 from gpusim.gpu import Device
-from gpusim.optics.binning import bin_edges
-from gpusim.optics.emitters import lamps_of
-from gpusim.optics.light import AreaLight
-from gpusim.optics.shadow_probe import block
-from gpusim.optics.view import look
+from gpusim.optics.edge_pixels.fragment_lists import bin_edges
+from gpusim.optics.geometry.view import look
+from gpusim.optics.light.lights import AreaLight
+from gpusim.optics.light.quadrature import lamps_of
+from gpusim.optics.probes.shadows import block
 from tests.optics_rays import brute_share, triangles_of
 
 FLOOR = gs.Surface(

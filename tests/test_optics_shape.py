@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 import gpusim as gs
-from gpusim.optics.corners import NORMAL
-from gpusim.optics.shape import shapes_of
-from gpusim.optics.view import look
+from gpusim.optics.geometry.surface_normals import shapes_of
+from gpusim.optics.geometry.triangle_corners import NORMAL
+from gpusim.optics.geometry.view import look
 
 
 def sheet(height: float) -> gs.Surface:

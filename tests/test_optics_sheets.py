@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 import gpusim as gs
-from gpusim.optics.binning import EdgePixels, bin_edges
-from gpusim.optics.polygon import clip_square, half_planes, moments
-from gpusim.optics.ranks import Ranks
-from gpusim.optics.setup_probe import fields_setup
-from gpusim.optics.sheets import centred, outlines
-from gpusim.optics.view import View, look
+from gpusim.optics.edge_pixels.fragment_lists import EdgePixels, bin_edges
+from gpusim.optics.edge_pixels.pixel_rank import Ranks
+from gpusim.optics.edge_pixels.sheets import centred, outlines
+from gpusim.optics.geometry.polygon_clipping import clip_square, half_planes, moments
+from gpusim.optics.geometry.view import View, look
+from gpusim.optics.probes.paints import fields_setup
 
 CAMERA = gs.Camera(60, 40, np.array([[50.0, 0.2, 29.3], [0.0, 51.0, 20.1], [0.0, 0.0, 1.0]]))
 PAINTS = {"a": gs.paint.Plain(0.2), "b": gs.paint.Plain(0.9)}

@@ -7,10 +7,10 @@ import numpy.typing as npt
 import pytest
 
 from gpusim.gpu import Device
-from gpusim.optics.camera import Camera
-from gpusim.optics.sight import LARGEST, Sight, probe_view, sight_twin
-from gpusim.optics.view import View, look
-from gpusim.optics.visibility import near_an_edge, visibility_twin
+from gpusim.optics.camera.pinhole import Camera
+from gpusim.optics.geometry.view import View, look
+from gpusim.optics.raster.compute_raster import LARGEST, Sight, probe_view, sight_twin
+from gpusim.optics.raster.id_buffer import near_an_edge, visibility_twin
 from gpusim.surface.surface import Surface
 
 

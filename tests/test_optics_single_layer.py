@@ -8,8 +8,8 @@ import pytest
 
 import gpusim as gs
 from gpusim.gpu import Device
-from gpusim.optics.emitters import lamps_of
-from gpusim.optics.light import Light
+from gpusim.optics.light.lights import Light
+from gpusim.optics.light.quadrature import lamps_of
 from gpusim.optics.shadow import single_layer
 from gpusim.optics.shadow.single_layer import without_shadows
 from tests.optics_rays import brute_share, triangles_of

@@ -7,10 +7,10 @@ import numpy.typing as npt
 import pytest
 
 import gpusim as gs
-from gpusim.optics import view as view_module
-from gpusim.optics.setup import Setup
-from gpusim.optics.sparse import SPARSE_EDGE, Sparse
-from gpusim.optics.view import look
+from gpusim.optics.geometry import view as view_module
+from gpusim.optics.geometry.sparse import SPARSE_EDGE, Sparse
+from gpusim.optics.geometry.view import look
+from gpusim.optics.shading.setup import Setup
 
 Array = npt.NDArray[np.float64]
 CENTRES = np.array([[-0.31, 0.12], [0.22, -0.17], [0.4, 0.21]])

@@ -11,11 +11,11 @@ from scipy.spatial import cKDTree
 import gpusim as gs
 from gpusim.errors import InputError, TwinMismatch
 from gpusim.gpu import Device, twin_checks
-from gpusim.gpu.texels import Texels
+from gpusim.gpu.texture_array import Texels
 from gpusim.optics import psf
-from gpusim.optics import speckle_table as tables
-from gpusim.optics.speckle_table import speckle_table
-from gpusim.optics.view import look
+from gpusim.optics.geometry.view import look
+from gpusim.optics.paint import disc_grid as tables
+from gpusim.optics.paint.disc_grid import speckle_table
 from gpusim.surface.speckle import EDGE, edge_opacity
 
 WIDTH, HEIGHT, DISTANCE = 47, 35, 400.0
@@ -150,7 +150,7 @@ def test_the_pattern_sticks_to_the_material_under_strain(device: Device) -> None
 def test_views_of_the_same_plate_share_their_table() -> None:
     half = (32.0, 26.0)
     tables = [
-        gs.optics.setup.Setup.build(
+        gs.optics.shading.setup.Setup.build(
             look([plate(SOFT, half, np.array([[scale, 0, 0.2], [0, scale, 0.1]]))], camera(),
                  lit=False), None, 0.0,
         ).table.speckle
@@ -198,7 +198,9 @@ def test_correlation_finds_shifts_of_rendered_speckle(device: Device) -> None:
 def test_only_what_may_be_seen_is_filed() -> None:
     """A plate of 60 times the image's width has a table for the image's surroundings alone."""
     half = (30.0 * WIDTH, 30.0 * HEIGHT)
-    setup = gs.optics.setup.Setup.build(look([plate(SOFT, half)], camera(), lit=False), None, 0.0)
+    setup = gs.optics.shading.setup.Setup.build(
+        look([plate(SOFT, half)], camera(), lit=False), None, 0.0
+    )
     (grid,) = setup.table.speckle.grids
     assert grid.cell * grid.shape[0] < 1100.0  # pieces of the plate reach 512 px outside
 
@@ -237,7 +239,7 @@ def test_shifts_behind_a_lens_are_found_without_bias(device: Device) -> None:
     assert abs(error.mean()) <= 1e-3 and error.std() < 1e-3
 
 
-@pytest.mark.parametrize("stage", ["optics/shade", "optics/edges"])
+@pytest.mark.parametrize("stage", ["optics/shading/forward_pass", "optics/edge_pixels/resolve"])
 def test_one_wrong_radius_on_the_device_is_seen(
     device: Device, monkeypatch: pytest.MonkeyPatch, stage: str
 ) -> None:

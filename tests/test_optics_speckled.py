@@ -10,12 +10,14 @@ import pytest
 
 import gpusim as gs
 from gpusim.gpu import Device
-from gpusim.optics import late, paint_edges, reach, speckled, speckled_layer
-from gpusim.optics.paint_edges import speckle_jumps
-from gpusim.optics.setup import Setup
-from gpusim.optics.sight import Sight
-from gpusim.optics.speckled import all_speckled
-from gpusim.optics.view import look
+from gpusim.optics.geometry import pattern_seams, pixel_footprint
+from gpusim.optics.geometry.pattern_seams import speckle_jumps
+from gpusim.optics.geometry.view import look
+from gpusim.optics.raster.compute_raster import Sight
+from gpusim.optics.series import late, speckled_layer
+from gpusim.optics.shading import speckled
+from gpusim.optics.shading.setup import Setup
+from gpusim.optics.shading.speckled import all_speckled
 from gpusim.surface.speckle import Speckle
 
 Array = npt.NDArray[np.float64]
@@ -102,7 +104,9 @@ def test_a_series_under_uneven_light(series: Device, monkeypatch: pytest.MonkeyP
 
 def test_bands_of_a_series_join(series: Device, monkeypatch: pytest.MonkeyPatch) -> None:
     _, want = third(series, sheet())
-    monkeypatch.setattr(import_module("gpusim.optics.render"), "BAND_BYTES", 4 * 361 * 61)
+    monkeypatch.setattr(
+        import_module("gpusim.optics.rendering.renderer"), "BAND_BYTES", 4 * 361 * 61
+    )
     seen, got = third(series, sheet())
     assert seen
     assert np.array_equal(got, want)
@@ -147,14 +151,14 @@ def test_edges_that_bend_are_those_that_a_look_at_all_finds() -> None:
         for whole in (False, True)
     ]
     assert np.array_equal(*(np.sort(edges) for edges in found))
-    steep = cosines(surface) < paint_edges.STEEP
+    steep = cosines(surface) < pattern_seams.STEEP
     assert len(found[0]) and steep.any() and not steep.all()
 
 
 def test_largest_pixels_are_the_same_by_a_look_at_few(monkeypatch: pytest.MonkeyPatch) -> None:
     reaches = []
-    for many in (reach.MANY, 10**9):
-        monkeypatch.setattr(reach, "MANY", many)
+    for many in (pixel_footprint.MANY, 10**9):
+        monkeypatch.setattr(pixel_footprint, "MANY", many)
         view = look([sheet(height=0.03)], CAMERA, lit=True)
         reaches.append(view.paints[0].reach)
     assert reaches[0] == reaches[1] > 0.0

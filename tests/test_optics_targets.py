@@ -10,8 +10,8 @@ import pytest
 
 import gpusim as gs
 from gpusim.gpu import Device
-from gpusim.optics.pattern import PatternTable
-from gpusim.optics.view import RegionPaint
+from gpusim.optics.geometry.view import RegionPaint
+from gpusim.optics.paint.feature_grid import PatternTable
 from gpusim.surface.fiducials import ring_codes
 from tests.optics_reference import Array, Plate, difference, reference
 

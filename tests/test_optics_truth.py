@@ -11,8 +11,8 @@ import pytest
 import gpusim as gs
 from gpusim.errors import InputError
 from gpusim.gpu import Device
+from gpusim.optics.raster.id_buffer import near_an_edge, visibility_twin
 from gpusim.optics.truth import BAND, seen_in
-from gpusim.optics.visibility import near_an_edge, visibility_twin
 
 QUAD = np.array([[0, 1, 2, 3]])
 

@@ -13,21 +13,24 @@ import gpusim as gs
 from gpusim.errors import TwinMismatch
 from gpusim.gpu import Device, twin_checks
 from gpusim.gpu.buffer import Buffer
-from gpusim.optics import edges, sensor, setup, visibility
-from gpusim.optics.binning import bin_edges
-from gpusim.optics.setup import TRIANGLE
-from gpusim.optics.setup_probe import probe_setup
+from gpusim.optics.edge_pixels import resolve
+from gpusim.optics.edge_pixels.fragment_lists import bin_edges
+from gpusim.optics.probes.paints import probe_setup
+from gpusim.optics.raster import id_buffer
+from gpusim.optics.sensor import sensor
+from gpusim.optics.shading import setup
+from gpusim.optics.shading.setup import TRIANGLE
 
 STAGES = [
-    "optics/edges",
-    "optics/glance",
-    "optics/sensor",
-    "optics/shade",
-    "optics/sight",
-    "optics/speckled",
-    "optics/visibility",
+    "optics/edge_pixels/resolve",
+    "optics/shading/glance",
+    "optics/sensor/sensor",
+    "optics/shading/forward_pass",
+    "optics/raster/compute_raster",
+    "optics/shading/speckled",
+    "optics/raster/id_buffer",
 ]
-SAMPLED = ["optics/relit", "optics/shadow/mask"]
+SAMPLED = ["optics/shading/relighting", "optics/shadow/penumbra_mask"]
 """Their results may differ by samples of a lamp."""
 
 
@@ -40,7 +43,10 @@ def test_stages_agree_with_their_twins(device: Device, stage: str) -> None:
     ("stage", "value"),
     [
         *((stage, "one step") for stage in STAGES),
-        *((stage, "nan") for stage in ("optics/edges", "optics/shade", *SAMPLED)),
+        *(
+            (stage, "nan")
+            for stage in ("optics/edge_pixels/resolve", "optics/shading/forward_pass", *SAMPLED)
+        ),
     ],
 )
 def test_one_corrupted_value_of_a_result_is_seen(
@@ -48,14 +54,16 @@ def test_one_corrupted_value_of_a_result_is_seen(
 ) -> None:
     """One value that the stage's check reads back is changed, or made NaN."""
     read = Buffer.read
-    inside = visibility.visibility_twin(probe_setup().view) > 0
+    inside = id_buffer.visibility_twin(probe_setup().view) > 0
     inside.reshape(-1)[bin_edges(probe_setup().view).pixel] = False
     row, column = np.argwhere(inside)[200]
 
     def corrupted(self: Buffer, dtype: Any, *args: Any, **kwargs: Any) -> Any:
         array = np.array(read(self, dtype, *args, **kwargs))
         at = int(np.argmax(array))
-        if stage == "optics/shade":  # a pixel that no edge crosses: the others aren't its own
+        if (
+            stage == "optics/shading/forward_pass"
+        ):  # a pixel that no edge crosses: the others aren't its own
             at = row * array.shape[1] + column
         if array.dtype.kind == "f":
             array.flat[at] = np.nan if value == "nan" else array.flat[at] + 1e-3
@@ -71,11 +79,11 @@ def test_one_corrupted_value_of_a_result_is_seen(
 def _triangle(stage: str) -> int:
     """A triangle that the stage's probe shows."""
     view = probe_setup().view
-    return int(np.bincount(visibility.visibility_twin(view)[visibility.visibility_twin(view) > 0])
+    return int(np.bincount(id_buffer.visibility_twin(view)[id_buffer.visibility_twin(view) > 0])
                .argmax()) - 1  # fmt: skip
 
 
-@pytest.mark.parametrize("stage", ["optics/shade", "optics/edges"])
+@pytest.mark.parametrize("stage", ["optics/shading/forward_pass", "optics/edge_pixels/resolve"])
 @pytest.mark.parametrize(
     "change",
     [
@@ -96,7 +104,9 @@ def test_one_corrupted_input_of_a_kernel_is_seen(
         (found,) = blocks(self)
         result = found[1].view(TRIANGLE)[:, 0]
         # the triangle with most pixels may have a plain rim: edges see all of them moved
-        for record in result if stage == "optics/edges" else result[number : number + 1]:
+        for record in (
+            result if stage == "optics/edge_pixels/resolve" else result[number : number + 1]
+        ):
             change(record)
         yield found
 
@@ -117,8 +127,8 @@ def test_a_moved_vertex_is_seen_by_visibility(
         return buffer(self, array, label)
 
     monkeypatch.setattr(Device, "buffer", corrupted)
-    with pytest.raises(TwinMismatch, match="optics/visibility"):
-        twin_checks()["optics/visibility"](device)
+    with pytest.raises(TwinMismatch, match="optics/raster/id_buffer"):
+        twin_checks()["optics/raster/id_buffer"](device)
 
 
 def test_a_wrong_scale_is_seen_by_the_sensor(
@@ -127,15 +137,15 @@ def test_a_wrong_scale_is_seen_by_the_sensor(
     monkeypatch.setattr(
         sensor.Sensor, "scale", property(lambda s: np.float32((2**s.bits - 1) / s.full_scale))
     )
-    twin_checks()["optics/sensor"](device)
+    twin_checks()["optics/sensor/sensor"](device)
     twin = sensor.sensor_twin
 
     def other(s: sensor.Sensor, radiance: np.ndarray) -> np.ndarray:
         return twin(sensor.Sensor(s.bits, 1.001 * s.full_scale), radiance)
 
     monkeypatch.setattr(sensor, "sensor_twin", other)
-    with pytest.raises(TwinMismatch, match="optics/sensor"):
-        twin_checks()["optics/sensor"](device)
+    with pytest.raises(TwinMismatch, match="optics/sensor/sensor"):
+        twin_checks()["optics/sensor/sensor"](device)
 
 
 def scene() -> tuple[list[gs.Surface], gs.Camera, list[Any]]:
@@ -165,7 +175,7 @@ def test_bands_do_not_show(device: Device, monkeypatch: pytest.MonkeyPatch) -> N
     surfaces, camera, lights = scene()
     whole = gs.render(surfaces, camera, lights, device=device)
     assert len(whole.bands) == 1
-    monkeypatch.setattr(import_module("gpusim.optics.render"), "BAND_BYTES", 1)
+    monkeypatch.setattr(import_module("gpusim.optics.rendering.renderer"), "BAND_BYTES", 1)
     bands = gs.render(surfaces, camera, lights, device=device)
     # of 32 rows, as tiles under shadows are looked at together
     assert len(bands.bands) == 3
@@ -180,7 +190,7 @@ def test_pixels_under_many_triangles_are_resolved_alike_on_host_and_device(
 ) -> None:
     surfaces, camera, lights = scene()
     on_device = gs.render(surfaces, camera, lights, device=device).radiance
-    monkeypatch.setattr(edges, "DEEPEST", 1)
+    monkeypatch.setattr(resolve, "DEEPEST", 1)
     on_host = gs.render(surfaces, camera, lights, device=device).radiance
     different = np.abs(on_device - on_host)
     assert (different > 0).sum() > 20 and different.max() < 2e-5 * on_device.max() + 2e-5

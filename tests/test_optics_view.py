@@ -11,9 +11,9 @@ import pytest
 import gpusim as gs
 from gpusim.errors import InputError
 from gpusim.gpu import Device
-from gpusim.optics.binning import bin_edges, segment_pixels
-from gpusim.optics.outline import area_normals, creases, feature_edges
-from gpusim.optics.view import LONGEST_EDGE, look
+from gpusim.optics.edge_pixels.fragment_lists import bin_edges, segment_pixels
+from gpusim.optics.geometry.feature_edges import area_normals, creases, feature_edges
+from gpusim.optics.geometry.view import LONGEST_EDGE, look
 from tests.optics_reference import Array, Plate, flat, pattern, reference
 
 QUAD = np.array([[0, 1, 2, 3]])

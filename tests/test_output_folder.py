@@ -18,11 +18,11 @@ from typer.testing import CliRunner
 
 import gpusim
 import gpusim as gs
-from gpusim import output_folder
 from gpusim.cli import app
 from gpusim.errors import InputError
-from gpusim.export.files import safe_name, write_text
-from gpusim.output_folder import LOCK, check_folder, claim, delete, inside
+from gpusim.files import output_folder
+from gpusim.files.atomic_files import safe_name, write_text
+from gpusim.files.output_folder import LOCK, check_folder, claim, delete, inside
 from tests.small_scene import small_scene
 
 PACKAGE = Path(gpusim.__file__).parent
@@ -93,28 +93,34 @@ ALIKE = {"replace", "remove", "copy", "move", "link", "save", "truncate", "touch
 """Names that strings, lists and arrays have, too."""
 MODULES = {"os", "np", "shutil", "cv2", "tifffile", "tempfile", "json", "Path"}
 ALLOWED = {
-    "export/files.py": "writes files whole, under a temporary name; deletes its own leftovers",
-    "output_folder.py": "makes and removes OUT and its lock; deletes what `inside` allows",
-    "input_file.py": "a private copy in a temporary folder",
-    "measure/deflection.py": "a table of the caller's, at a path of theirs",
-    "measure/damage.py": "a table of the caller's, at a path of theirs",
-    "optics/calibration_files.py": "a calibration at a path of the caller's",
-    "copies.py": "an answer in a file in memory",
-    "child_process.py": "pipes",
-    "speed.py": "what is known of this machine's speed, in the cache folder",
-    "apart.py": "pipes",
+    "files/atomic_files.py": "whole files, under a temporary name; deletes its leftovers",
+    "files/output_folder.py": "makes and removes OUT and its lock; deletes what `inside` allows",
+    "files/input_file.py": "a private copy in a temporary folder",
+    "measure/structures/deflection.py": "a table of the caller's, at a path of theirs",
+    "measure/structures/damage.py": "a table of the caller's, at a path of theirs",
+    "optics/calibration/formats.py": "a calibration at a path of the caller's",
+    "parallel/process_map.py": "an answer in a file in memory",
+    "parallel/child_process.py": "pipes",
+    "plan/machine_speed.py": "what is known of this machine's speed, in the cache folder",
+    "parallel/helper_processes.py": "pipes",
     "cli/console.py": "a stream that nobody reads",
     "export/images.py": "into the temporary name that atomic_path gives",
     "export/hdf5_writing.py": "into the temporary name that atomic_path gives",
-    "export/correlation.py": "into the streams and temporary names of export/files.py",
-    "pipeline/work.py": "np.savez into a stream of atomic_stream",
-    "pipeline/kept.py": "np.savez into a stream of atomic_stream",
-    "pipeline/corners.py": "np.savez into a stream of atomic_stream",
-    "pipeline/stresses.py": "arrays into a stream of atomic_stream",
+    "export/correlation.py": "into the streams and temporary names of files/atomic_files.py",
+    "pipeline/runner/stage_runner.py": "np.savez into a stream of atomic_stream",
+    "pipeline/measurements/marker_cache.py": "np.savez into a stream of atomic_stream",
+    "pipeline/measurements/board_corners.py": "np.savez into a stream of atomic_stream",
+    "pipeline/stages/stresses.py": "arrays into a stream of atomic_stream",
     "cli/decks.py": "np.savez_compressed into a stream of atomic_stream",
 }
-HANDLES = {"pipeline/work.py", "pipeline/kept.py", "pipeline/corners.py", "cli/decks.py",
-           "pipeline/stresses.py", "export/correlation.py"}  # fmt: skip
+HANDLES = {
+    "pipeline/runner/stage_runner.py",
+    "pipeline/measurements/marker_cache.py",
+    "pipeline/measurements/board_corners.py",
+    "cli/decks.py",
+    "pipeline/stages/stresses.py",
+    "export/correlation.py",
+}
 """Of those, the ones that may call only what writes into an open stream."""
 
 
@@ -177,7 +183,7 @@ def test_names_in_an_output_folder_are_made_by_one_function() -> None:
     """`folder / "name"` stands nowhere where files of an OUT are written: `inside` does it."""
     found = []
     for name, tree in sources(r"""/ f?["']"""):
-        if not name.startswith(("pipeline/", "cli/", "report/", "export/", "state.py")):
+        if not name.startswith(("pipeline/", "cli/", "report/", "export/", "plan/state.py")):
             continue
         shown = {id(n) for node in ast.walk(tree) if isinstance(node, ast.FormattedValue)
                  for n in ast.walk(node)}  # fmt: skip
@@ -190,7 +196,7 @@ def test_names_in_an_output_folder_are_made_by_one_function() -> None:
                     found.append(f"{name}: {ast.unparse(node)}")
     assert sorted(found) == [
         "cli/calibrating.py: Path(folder) / f'probe.{ENDINGS[name]}'",  # a temporary folder
-        "state.py: out / 'variants'",  # read
+        "plan/state.py: out / 'variants'",  # read
     ]
 
 
@@ -218,7 +224,7 @@ def test_a_folder_is_one_process_at_a_time(tmp_path: Path) -> None:
 
 HOLD = """
 import os, sys, time
-from gpusim.output_folder import claim
+from gpusim.files.output_folder import claim
 with claim(sys.argv[1]):
     os.fork() if len(sys.argv) > 2 else None
     print("ready", flush=True)

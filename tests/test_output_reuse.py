@@ -18,8 +18,8 @@ import pytest
 
 import gpusim as gs
 from gpusim.errors import InputError
-from gpusim.output_folder import LOCK
-from gpusim.state import StateFile
+from gpusim.files.output_folder import LOCK
+from gpusim.plan.state import StateFile
 from tests.small_scene import DOCUMENT, small_scene
 
 # flat cells, a load that bends the bar too far for linear statics, a marker too near to the edge

@@ -7,9 +7,9 @@ import pytest
 
 from gpusim import measure
 from gpusim.optics import Camera, Sensor
-from gpusim.pipeline import found
-from gpusim.pipeline.deflection import unrefined_text
-from gpusim.pipeline.following import Followed, MarkerSet, follow_markers
+from gpusim.pipeline.measurements import marker_detection
+from gpusim.pipeline.measurements.deflection import unrefined_text
+from gpusim.pipeline.measurements.marker_tracking import Followed, MarkerSet, follow_markers
 from tests.measure_images import Marker, board
 
 WIDTH, HEIGHT, SIZE = 420, 90, 22.0
@@ -43,7 +43,7 @@ def follow(reference: np.ndarray, deformed: np.ndarray) -> Followed:
 def test_markers_are_followed_and_only_new_pixels_are_looked_at(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    found._remembered.clear()
+    marker_detection._remembered.clear()
     motion = np.column_stack([0.2 * np.arange(6), 0.55 * np.arange(6) ** 1.5])
     reference, deformed = picture(np.zeros(2)), picture(motion, 2.0)
     first = follow(reference, deformed)

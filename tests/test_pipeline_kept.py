@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gpusim.optics.camera import Camera
-from gpusim.optics.sensor import Sensor
-from gpusim.pipeline import kept
-from gpusim.pipeline.following import Followed, MarkerSet
-from gpusim.pipeline.kept import KeptMarkers
+from gpusim.optics.camera.pinhole import Camera
+from gpusim.optics.sensor.sensor import Sensor
+from gpusim.pipeline.measurements import marker_cache
+from gpusim.pipeline.measurements.marker_cache import KeptMarkers
+from gpusim.pipeline.measurements.marker_tracking import Followed, MarkerSet
 
 CAMERA = Camera.from_lens((36.0, 24.0), 50.0, (30, 20), (0.0, -1.0, 0.2), (0.0, 0.0, 0.1), name="a")
 MARKS = MarkerSet((), 2, np.array([[0.1, 0.2, 0.3], [0.4, 0.5, 0.7]]), np.array([0.01, 0.012]),
@@ -35,7 +35,7 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         made.append(what)
         return FOUND
 
-    monkeypatch.setattr(kept, "follow_markers", follow)
+    monkeypatch.setattr(marker_cache, "follow_markers", follow)
     return made
 
 

@@ -11,7 +11,7 @@ from scipy.integrate import solve_bvp
 
 import gpusim as gs
 from gpusim.mesh import box
-from gpusim.pipeline.linear_theory import LinearError, cell_rotations, second_order
+from gpusim.pipeline.checks.linear_theory import LinearError, cell_rotations, second_order
 
 Float = npt.NDArray[np.float64]
 LENGTH, SIDE, MODULUS = 0.3, 0.01, 70e9

@@ -14,9 +14,9 @@ import pytest
 
 import gpusim as gs
 from gpusim.fem import von_mises
-from gpusim.pipeline.build import build_body
-from gpusim.pipeline.modelling import build_model
-from gpusim.plan import make_plan
+from gpusim.pipeline.build.build import build_body
+from gpusim.pipeline.build.modelling import build_model
+from gpusim.plan.plan import make_plan
 from gpusim.scene import Scene
 from gpusim.scene.amplitudes import LoadHistory, load_groups
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 import gpusim as gs
-from gpusim.pipeline.build import build_body
-from gpusim.pipeline.modelling import build_model
+from gpusim.pipeline.build.build import build_body
+from gpusim.pipeline.build.modelling import build_model
 from tests.test_pipeline_mechanics import CLAMP, DOWN, scene
 
 

@@ -11,9 +11,9 @@ import pytest
 
 import gpusim as gs
 from gpusim.export.images import read_image
-from gpusim.optics.unchanged import same_surfaces, unseen_change
-from gpusim.pipeline import images
-from gpusim.plan import make_plan
+from gpusim.optics.change_detection import same_surfaces, unseen_change
+from gpusim.pipeline.stages import images
+from gpusim.plan.plan import make_plan
 from gpusim.scene import Scene
 
 WALL = {"name": "wall", "center_mm": [0.0, 300.0, 0.0], "normal": [0.0, -1.0, 0.0],

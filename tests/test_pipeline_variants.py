@@ -14,7 +14,7 @@ import gpusim as gs
 from gpusim.errors import SceneError
 from gpusim.export.pictures import read_grey
 from gpusim.pipeline import run
-from gpusim.plan import make_plan
+from gpusim.plan.plan import make_plan
 
 NOTCH = {"position_mm": 110.0, "width_mm": 1.0, "depth_mm": 5.0, "side": "-z"}
 CHANGES: dict[str, Any] = {
@@ -158,7 +158,7 @@ def test_a_state_whose_page_cannot_be_written_says_so(
     def full(*_: object) -> None:
         raise OSError("no space left")
 
-    monkeypatch.setattr("gpusim.pipeline.variants.write_page", full)
+    monkeypatch.setattr("gpusim.pipeline.runner.variants.write_page", full)
     with pytest.raises(OSError, match="no space left"):
         run(scene_of(checkout, variant=[{"name": "whole"}], measure=[]), tmp_path / "out")
     report = json.loads((tmp_path / "out" / "report.json").read_text(encoding="utf-8"))

@@ -17,14 +17,14 @@ from gpusim.cli import app
 from gpusim.errors import InputError
 from gpusim.export.images import read_image
 from gpusim.mesh import boundary_faces, box
-from gpusim.optics.emva import emva_twin
+from gpusim.optics.sensor.emva1288 import emva_twin
 from gpusim.pipeline import run
-from gpusim.pipeline.beforehand import warnings_beforehand
-from gpusim.pipeline.deflection import DeflectionResult
-from gpusim.pipeline.grey_levels import level_warnings
-from gpusim.pipeline.pattern_scale import pixels_per_metre
-from gpusim.pipeline.projection_error import projection_error
-from gpusim.pipeline.viewing import winding_numbers
+from gpusim.pipeline.checks.pattern_scale import pixels_per_metre
+from gpusim.pipeline.checks.viewing import winding_numbers
+from gpusim.pipeline.checks.warnings import warnings_beforehand
+from gpusim.pipeline.measurements.deflection import DeflectionResult
+from gpusim.pipeline.measurements.projection_error import projection_error
+from gpusim.pipeline.stages.grey_levels import level_warnings
 from gpusim.scene import Scene
 
 Float = npt.NDArray[np.float64]

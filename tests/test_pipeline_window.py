@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 import gpusim as gs
-from gpusim.pipeline.build import build_lights
-from gpusim.pipeline.cameras import build_camera
-from gpusim.pipeline.images import Photographer
-from gpusim.pipeline.props import build_prop
-from gpusim.pipeline.things import Things
-from gpusim.pipeline.window import window_of
+from gpusim.pipeline.build.build import build_lights
+from gpusim.pipeline.build.cameras import build_camera
+from gpusim.pipeline.build.props import build_prop
+from gpusim.pipeline.build.scene_objects import Things
+from gpusim.pipeline.stages.image_window import window_of
+from gpusim.pipeline.stages.images import Photographer
 from gpusim.scene.amplitudes import LoadHistory
 
 CAMERA = {

@@ -9,8 +9,8 @@ import pytest
 
 import gpusim as gs
 from gpusim.errors import InputError, SceneError
-from gpusim.optics.calibration_parts import from_angles
-from gpusim.pipeline.cameras import build_camera
+from gpusim.optics.calibration.common import from_angles
+from gpusim.pipeline.build.cameras import build_camera
 
 HEAD = """schema = 1
 name = "cameras"

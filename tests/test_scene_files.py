@@ -14,10 +14,10 @@ import pytest
 
 import gpusim as gs
 from gpusim.errors import InputError, SceneError
-from gpusim.optics.light import EnvironmentLight
-from gpusim.optics.panorama import PANORAMA_SUFFIXES, read_panorama
-from gpusim.pipeline.build import build_lights
-from gpusim.pipeline.files import check_files
+from gpusim.optics.light.lights import EnvironmentLight
+from gpusim.optics.light.panorama import PANORAMA_SUFFIXES, read_panorama
+from gpusim.pipeline.build.build import build_lights
+from gpusim.pipeline.checks.files import check_files
 from gpusim.scene.schema import light as light_tables
 
 FIELD = """schema = 1
@@ -219,7 +219,7 @@ def test_what_is_no_picture_of_radiances(tmp_path: Path) -> None:
 
 def test_another_picture_is_another_image(tmp_path: Path) -> None:
     """The content counts: an edited file renders again."""
-    from gpusim.plan import make_plan
+    from gpusim.plan.plan import make_plan
 
     panorama(tmp_path)
     before = make_plan(lit(tmp_path))["render/above/0000"].key

@@ -12,11 +12,11 @@ import pytest
 import gpusim as gs
 from gpusim.export.vtu import write_vtu
 from gpusim.mesh import boundary_faces, box
-from gpusim.pipeline.build import build_body
-from gpusim.pipeline.meshing import build_mesh, mesh_summary
-from gpusim.plan import make_plan
+from gpusim.pipeline.build.build import build_body
+from gpusim.pipeline.build.meshing import build_mesh, mesh_summary
+from gpusim.plan.plan import make_plan
 from gpusim.scene import Scene
-from gpusim.scene.counts import element_counts, mesh_words
+from gpusim.scene.cost.counts import element_counts, mesh_words
 from tests.gmsh_meshes import Gmsh, write_two_boxes
 
 SCENE: dict[str, Any] = {

@@ -13,7 +13,7 @@ import gpusim as gs
 from gpusim.errors import InputError, SceneError
 from gpusim.mesh import box
 from gpusim.scene import Scene, load_scene
-from gpusim.scene.expected import expected
+from gpusim.scene.faults.expectations import expected
 from gpusim.scene.schema import SceneTable
 from gpusim.scene.schema.described import _tables
 

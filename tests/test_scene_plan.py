@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from gpusim.errors import InputError, SceneError
-from gpusim.optics.light import EnvironmentLight
-from gpusim.pipeline.build import build_lights
-from gpusim.plan import Plan, make_plan
-from gpusim.planned import START_SECONDS
+from gpusim.optics.light.lights import EnvironmentLight
+from gpusim.pipeline.build.build import build_lights
+from gpusim.plan.plan import Plan, make_plan
+from gpusim.plan.stages import START_SECONDS
+from gpusim.plan.state import StateFile
 from gpusim.scene import Scene, load_scene
-from gpusim.state import StateFile
 
 PERSISTENT = ("solve", "render", "truth", "measure", "export")
 
@@ -295,15 +295,17 @@ def test_programs_of_a_run_are_kept(tmp_path: Path) -> None:
     state = StateFile(tmp_path)
     assert state.programs == []
     (tmp_path / "picture.png").write_bytes(b"")
-    state.add_programs([("optics/shade", ("vertex", "fragment"), (("lit", np.float64(1)),))])
+    state.add_programs(
+        [("optics/shading/forward_pass", ("vertex", "fragment"), (("lit", np.float64(1)),))]
+    )
     state.record("render", "k", ["picture.png"])
-    shade = ["optics/shade", ["vertex", "fragment"], [["lit", 1.0]]]
+    shade = ["optics/shading/forward_pass", ["vertex", "fragment"], [["lit", 1.0]]]
     again = StateFile(tmp_path)
     assert again.programs == [shade]
     # what a run that takes up another's work asks for comes to that
-    again.add_programs([("optics/edges", "main", ()), tuple(shade)])
+    again.add_programs([("optics/edge_pixels/resolve", "main", ()), tuple(shade)])
     again.record("truth", "t", ["picture.png"])
-    assert StateFile(tmp_path).programs == [["optics/edges", "main", []], shade]
+    assert StateFile(tmp_path).programs == [["optics/edge_pixels/resolve", "main", []], shade]
 
 
 def test_occlusion_is_planned_where_it_is_asked_for(crane: Scene, tmp_path: Path) -> None:

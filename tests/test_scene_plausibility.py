@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 
 from gpusim.mesh import box
-from gpusim.pipeline.meshing import size_warnings_of
-from gpusim.plan import make_plan
+from gpusim.pipeline.build.meshing import size_warnings_of
+from gpusim.plan.plan import make_plan
 from gpusim.scene import Scene, load_scene
-from gpusim.scene import model as m
+from gpusim.scene.description import model as m
 from gpusim.scene.plausibility import warnings
 
 

@@ -18,9 +18,9 @@ from gpusim.errors import InputError, SceneError
 from gpusim.export import write_stl
 from gpusim.export.images import read_image
 from gpusim.mesh import read_surface
-from gpusim.pipeline.cameras import build_camera
-from gpusim.pipeline.props import build_prop, posed, rotation
-from gpusim.plan import make_plan
+from gpusim.pipeline.build.cameras import build_camera
+from gpusim.pipeline.build.props import build_prop, posed, rotation
+from gpusim.plan.plan import make_plan
 from gpusim.scene import Scene
 
 CAMERA: dict[str, Any] = {

@@ -10,7 +10,7 @@ import pytest
 
 import gpusim as gs
 from gpusim.errors import InputError
-from gpusim.pipeline.budget import run_budget
+from gpusim.pipeline.runner.error_budget import run_budget
 from gpusim.scene.sources import SOURCES, active_sources, with_only, without_sources
 
 CHANGES: dict[str, Any] = {

@@ -10,8 +10,8 @@ import pytest
 
 import gpusim as gs
 from gpusim.errors import SceneError
-from gpusim.pipeline.build import build_body
-from gpusim.scene import model
+from gpusim.pipeline.build.build import build_body
+from gpusim.scene.description import model
 
 SPECKLE = {
     "name": "spray", "type": "speckle", "where": {"normal": "-y"}, "albedo": 0.8,

@@ -11,12 +11,13 @@ import pytest
 
 from gpusim.errors import SceneError
 from gpusim.export.layers import LAYERS
-from gpusim.fem.element import ELEMENTS
+from gpusim.fem.elements.element import ELEMENTS
 from gpusim.fem.statics import METHODS
-from gpusim.mesh import build
-from gpusim.scene import Scene, json_schema, load_scene, model, parse_value
-from gpusim.scene.cost import element_counts
-from gpusim.scene.lines import key_lines
+from gpusim.mesh.builders import grids
+from gpusim.scene import Scene, json_schema, load_scene, parse_value
+from gpusim.scene.cost.cost import element_counts
+from gpusim.scene.description import model
+from gpusim.scene.faults.line_numbers import key_lines
 from gpusim.scene.schema.mesh import SETS
 
 
@@ -219,8 +220,8 @@ def test_digest_depends_on_content_alone(crane: Scene, checkout: Path, tmp_path:
 
 def test_tables_agree_with_the_modules_behind_them(crane: Scene) -> None:
     """The scene is read without loading meshes or writers; what it knows of them must be true."""
-    crane_mesh = build.crane()
-    box_mesh = build.box((1.0, 2.0, 3.0), (2, 3, 4))
+    crane_mesh = grids.crane()
+    box_mesh = grids.box((1.0, 2.0, 3.0), (2, 3, 4))
     for name, mesh in (("crane", crane_mesh), ("box", box_mesh)):
         assert set(SETS[name]) == {*mesh.node_sets, *mesh.face_sets}
     schema = json_schema()["$defs"]["OutputTable"]["properties"]["truth"]["items"]

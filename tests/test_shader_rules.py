@@ -20,7 +20,7 @@ STRUCT = re.compile(r"\bstruct\s+(\w+)\s*\{([^}]*)\}")
 
 
 def shader_texts() -> dict[str, str]:
-    """Every shader by stem (``fem/cg``), comments taken out."""
+    """Every shader by stem (``fem/krylov/cg``), comments taken out."""
     root = shader_folder()
     found = {
         path.relative_to(root).with_suffix("").as_posix(): COMMENT.sub(
@@ -38,7 +38,7 @@ def test_every_stage_has_a_module_of_its_name_and_a_registered_twin_check() -> N
     checked = {name.split(".")[0] for name in twin_checks()}
     faults = []
     for name, text in texts.items():
-        if name.startswith("common/"):
+        if name.startswith("lib/"):
             continue
         if not ENTRY.search(text):
             if name not in imported:

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from gpusim.plan import make_plan
+from gpusim.plan.machine_speed import HOST_SECONDS, Speed, Work, cache_folder, host_seconds
+from gpusim.plan.plan import make_plan
 from gpusim.scene import Scene, load_scene
-from gpusim.speed import HOST_SECONDS, Speed, Work, cache_folder, host_seconds
 
 DRAW = Work("render", "5616x3744 px, 3 lights", 12.0, 9.0, ("drawing", "light"))
 MORE = Work("render", "400x300 px, 3 lights", 0.5)
@@ -129,7 +129,7 @@ def test_neighbours_are_taken_out_and_put_in_again(
     cache: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     del cache
-    monkeypatch.setattr("gpusim.speed.all_processors", lambda: 2)
+    monkeypatch.setattr("gpusim.plan.machine_speed.all_processors", lambda: 2)
     monkeypatch.setattr("os.getloadavg", lambda: (6.0, 3.0, 1.0))
     speed = Speed()
     speed.learn({MORE: 3.0}, "")  # a third of the machine: not believed at once
@@ -137,7 +137,7 @@ def test_neighbours_are_taken_out_and_put_in_again(
     monkeypatch.setattr("os.getloadavg", lambda: (3.0, 3.0, 1.0))
     speed.learn({MORE: 1.5}, "")
     assert speed.seconds(MORE) == pytest.approx(1.0)
-    monkeypatch.setattr("gpusim.speed._others", lambda: 4.0)
+    monkeypatch.setattr("gpusim.plan.machine_speed._others", lambda: 4.0)
     speed.host = 1.0
     assert speed.measured().seconds(MORE) == pytest.approx(3.0)
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from gpusim.errors import InputError
-from gpusim.optics.pattern import PatternTable
-from gpusim.optics.view import RegionPaint
+from gpusim.optics.geometry.view import RegionPaint
+from gpusim.optics.paint.feature_grid import PatternTable
 from gpusim.surface.paint import Checker, Dots, Features, Markers, Plain
 
 LOW, HIGH = np.array([0.0, 0.0]), np.array([1.0, 0.7])

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from gpusim.bench.cases import Case
-from gpusim.blas import one_blas_thread
 from gpusim.fem import Model
 from gpusim.gpu import Device, default_device
+from gpusim.parallel.blas_threads import one_blas_thread
 
 __all__ = ["device_copy_bandwidth", "host_copy_bandwidth", "measure_operator"]
 

@@ -10,13 +10,13 @@ import numpy.typing as npt
 
 from gpusim.bench.cases import Case
 from gpusim.fem import Model
-from gpusim.fem.assembly import assemble, model_lattice
-from gpusim.fem.block_rows import block_matrix
-from gpusim.fem.device_operator import device_tets, upload_operator
-from gpusim.fem.formulation import resolve_formulation
-from gpusim.fem.numbering import Numbering
-from gpusim.fem.product import Product, RowsProduct
-from gpusim.fem.system import make_system
+from gpusim.fem.assembly.assembly import assemble, model_lattice
+from gpusim.fem.assembly.block_rows import block_matrix
+from gpusim.fem.assembly.matrix_product import Product, RowsProduct
+from gpusim.fem.assembly.node_numbering import Numbering
+from gpusim.fem.assembly.system import make_system
+from gpusim.fem.device.operator_form import device_tets, upload_operator
+from gpusim.fem.model.formulation import resolve_formulation
 from gpusim.gpu import Device
 
 __all__ = ["Probe", "host_probe", "operator_probe"]
@@ -43,7 +43,7 @@ class Probe:
 
 def operator_probe(case: Case, model: Model, device: Device, repeat: int = 8) -> Probe:
     """The operator of a model, uploaded, times directions as conjugate gradients behind multigrid
-    take them: float32 (`gpusim.fem.cg`)."""
+    take them: float32 (`gpusim.fem.krylov.cg`)."""
     model = _as_solved(model)
     assembled = assemble(model, resolve_formulation(model, {case.kind: case.rule}))
     rows, before = assembled.rows, device.allocated

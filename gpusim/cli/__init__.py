@@ -32,10 +32,10 @@ from gpusim.cli.measuring import calibrate, dic
 from gpusim.cli.options import Backend, BackendOption, Json, Output, folder_name
 from gpusim.cli.startup import importing, starting
 from gpusim.errors import Fault, SceneError
-from gpusim.output_folder import check_folder, claim
+from gpusim.files.output_folder import check_folder, claim
 
 if TYPE_CHECKING:
-    from gpusim.plan import Plan, PlannedStage
+    from gpusim.plan.plan import Plan, PlannedStage
     from gpusim.report.model import Report
     from gpusim.scene import Scene
 
@@ -158,7 +158,7 @@ def budget(
             loaded = _load(scene, sets)
             check_folder(output)
             from gpusim.cli.budgeting import print_budget
-            from gpusim.pipeline.budget import run_budget
+            from gpusim.pipeline.runner.error_budget import run_budget
 
         with ProgressDisplay(quiet, stream_is_result=as_json) as progress:
             report = run_budget(loaded, output, backend=backend.value, progress=progress)
@@ -213,16 +213,16 @@ def plan(
         loaded = _load(scene, sets)
         strange: list[str] = []
         if loaded.reads_files:
-            strange = import_module("gpusim.pipeline.files").check_files(loaded)
-        from gpusim.plan import make_plan
-        from gpusim.speed import Speed
+            strange = import_module("gpusim.pipeline.checks.files").check_files(loaded)
+        from gpusim.plan.machine_speed import Speed
+        from gpusim.plan.plan import make_plan
 
-        beforehand = import_module("gpusim.pipeline.beforehand").warnings_beforehand(loaded)
+        beforehand = import_module("gpusim.pipeline.checks.warnings").warnings_beforehand(loaded)
         speed = Speed.read(backend.value).measured()
         made = make_plan(loaded, output, backend.value, fresh, not no_skip, speed=speed)
         if loaded.has_cad and any(s.runs and s.name.endswith("mesh") for s in made.stages):
-            import_module("gpusim.pipeline.files").check_mesher(loaded)
-        short = import_module("gpusim.pipeline.memory").memory_fault(made)
+            import_module("gpusim.pipeline.checks.files").check_mesher(loaded)
+        short = import_module("gpusim.pipeline.checks.memory").memory_fault(made)
         warnings = dict.fromkeys(
             [*made.warnings, *strange, *beforehand, *([short] if short else [])]
         )
@@ -250,7 +250,9 @@ def doctor(as_json: Json = False) -> None:
 
 @app.command()
 def check(
-    stage: Annotated[str, typer.Argument(help="A stage as `gpusim doctor` names it: fem/cg.")],
+    stage: Annotated[
+        str, typer.Argument(help="A stage as `gpusim doctor` names it: fem/krylov/cg.")
+    ],
     as_json: Json = False,
 ) -> None:
     """Compare the kernels of one stage with their NumPy twin."""

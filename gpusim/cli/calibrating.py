@@ -20,12 +20,12 @@ from gpusim._version import __version__
 from gpusim.cli.calibration_table import rig_table
 from gpusim.cli.console import out
 from gpusim.errors import InputError
-from gpusim.export.files import atomic_path, write_text
 from gpusim.export.pictures import pages_of, picture_file, read_grey
-from gpusim.measure.bundle import LENSES
-from gpusim.optics.calibration_files import write_calibration
-from gpusim.optics.camera import Camera
-from gpusim.output_folder import inside
+from gpusim.files.atomic_files import atomic_path, write_text
+from gpusim.files.output_folder import inside
+from gpusim.measure.calibration.bundle_adjustment import LENSES
+from gpusim.optics.calibration.formats import write_calibration
+from gpusim.optics.camera.pinhole import Camera
 from gpusim.report import Link, Report, write_report
 from gpusim.report.stereo_figures import RigCamera, draw_calibration
 

@@ -17,8 +17,9 @@ from gpusim.cli.console import ProgressDisplay, out
 from gpusim.cli.stand_off import stand_off_warnings
 from gpusim.errors import InputError, NotConverged
 from gpusim.export.correlation import write_correlation, write_stereo
-from gpusim.export.files import safe_name, write_text
 from gpusim.export.pictures import pages_of, picture_file, read_grey
+from gpusim.files.atomic_files import safe_name, write_text
+from gpusim.files.output_folder import inside
 from gpusim.gpu import Device, working_device
 from gpusim.measure import (
     CalibratedCamera,
@@ -34,12 +35,11 @@ from gpusim.measure import (
     strain,
     surface_strain,
 )
-from gpusim.measure.dic import Start
-from gpusim.measure.sequence import Update
-from gpusim.measure.strain import StrainKind
-from gpusim.measure.warp import Shape
-from gpusim.optics.calibration_files import read_calibration
-from gpusim.output_folder import inside
+from gpusim.measure.correlation.dic import Start
+from gpusim.measure.correlation.sequence import Update
+from gpusim.measure.correlation.strain import StrainKind
+from gpusim.measure.correlation.warp import Shape
+from gpusim.optics.calibration.formats import read_calibration
 from gpusim.report.correlation import correlation_page, stereo_summary, summary
 from gpusim.report.maps import draw_maps, draw_stereo_maps
 from gpusim.report.model import Figure

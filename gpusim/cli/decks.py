@@ -16,9 +16,9 @@ from gpusim.cli.console import ProgressDisplay, out
 from gpusim.deck import Deck, Step, load_deck
 from gpusim.errors import GpusimError, NotConverged
 from gpusim.export import atomic_stream, write_pvd, write_vtu
-from gpusim.export.files import write_text
 from gpusim.fem import Solution, von_mises
-from gpusim.output_folder import delete, inside
+from gpusim.files.atomic_files import write_text
+from gpusim.files.output_folder import delete, inside
 
 __all__ = ["solve_deck"]
 

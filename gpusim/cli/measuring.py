@@ -10,7 +10,7 @@ import typer
 
 from gpusim.cli.console import exit_codes
 from gpusim.cli.options import Backend, BackendOption, Json, Output, Quiet
-from gpusim.output_folder import claim
+from gpusim.files.output_folder import claim
 
 __all__ = ["calibrate", "dic"]
 

@@ -23,8 +23,8 @@ def starting(output: Path, backend: Backend) -> Iterator[None]:
     if backend is Backend.numpy:
         yield
         return
-    from gpusim.gpu.beforehand import beforehand
-    from gpusim.state import earlier_programs
+    from gpusim.gpu.warmup import beforehand
+    from gpusim.plan.state import earlier_programs
 
     with beforehand(earlier_programs(output)):
         yield

@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.mesh.inp_cards import Card
-from gpusim.mesh.inp_values import Names, number
+from gpusim.mesh.formats.abaqus.cards import Card
+from gpusim.mesh.formats.abaqus.values import Names, number
 
 __all__ = ["Amplitudes", "Scale"]
 

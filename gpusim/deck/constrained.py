@@ -14,12 +14,12 @@ from scipy.sparse.linalg import splu
 from gpusim.deck.equations import Equations, eliminate
 from gpusim.errors import InputError, NotConverged
 from gpusim.fem import Model, Solution
-from gpusim.fem.assembly import group_matrix
-from gpusim.fem.deformation import Deformation
-from gpusim.fem.formulation import resolve_formulation
-from gpusim.fem.groups import model_groups
-from gpusim.fem.rounding import signed
-from gpusim.fem.supports import rigid_modes
+from gpusim.fem.assembly.assembly import group_matrix
+from gpusim.fem.assembly.element_batches import model_groups
+from gpusim.fem.assembly.element_deformation import Deformation
+from gpusim.fem.assembly.stiffness_rounding import signed
+from gpusim.fem.model.formulation import resolve_formulation
+from gpusim.fem.model.rigid_body_modes import rigid_modes
 
 __all__ = ["solve_constrained"]
 
@@ -35,9 +35,9 @@ def solve_constrained(
 
     Each equation gives up one unknown, u = T q + s, so that T'KT q = T'(f - K s) is symmetric and
     positive definite; it is factorised in float64 and refined with residuals by deformation (see
-    `gpusim.fem.deformation`) until a correction is below 1e-12 of u (five at most). The last
-    correction over u, and what the rounding of element matrices leaves open, is the error
-    estimate. ``reactions`` holds the forces of supports and equations.
+    `gpusim.fem.assembly.element_deformation`) until a correction is below 1e-12 of u (five at
+    most). The last correction over u, and what the rounding of element matrices leaves open, is the
+    error estimate. ``reactions`` holds the forces of supports and equations.
 
     Raises InputError: equations that contradict each other, motions left free, a deck too large
     for this way (100 000 unknowns). NotConverged: the factorisation failed.

@@ -11,9 +11,9 @@ from gpusim.deck.amplitudes import Scale
 from gpusim.deck.equations import Equations
 from gpusim.deck.ties import TieRow
 from gpusim.errors import InputError
-from gpusim.mesh.inp_cards import Card
-from gpusim.mesh.inp_content import InpContent
-from gpusim.mesh.inp_values import number, whole
+from gpusim.mesh.formats.abaqus.cards import Card
+from gpusim.mesh.formats.abaqus.content import InpContent
+from gpusim.mesh.formats.abaqus.values import number, whole
 
 __all__ = ["Axes", "Constraints"]
 

@@ -14,8 +14,8 @@ from gpusim.deck.temperature import point_stresses
 from gpusim.errors import InputError
 from gpusim.fem import Material, Model, Solution, solve
 from gpusim.gpu import Device
-from gpusim.inputs import unmasked
 from gpusim.mesh import Mesh
+from gpusim.validation import unmasked
 
 __all__ = ["Deck", "Step"]
 

@@ -14,10 +14,10 @@ from gpusim.deck.pressure import pressure_forces
 from gpusim.errors import InputError
 from gpusim.fem import Material, body_force, centrifugal
 from gpusim.mesh import set_faces
-from gpusim.mesh.inp import LabelledMesh
-from gpusim.mesh.inp_cards import Card
-from gpusim.mesh.inp_content import InpContent
-from gpusim.mesh.inp_values import number, whole
+from gpusim.mesh.formats.abaqus.cards import Card
+from gpusim.mesh.formats.abaqus.content import InpContent
+from gpusim.mesh.formats.abaqus.reader import LabelledMesh
+from gpusim.mesh.formats.abaqus.values import number, whole
 
 __all__ = ["Forces"]
 

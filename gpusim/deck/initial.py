@@ -8,13 +8,13 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.fem.element import ELEMENTS
-from gpusim.fem.isoparametric import add_to
-from gpusim.fem.strain import internal_force
-from gpusim.mesh.inp import LabelledMesh
-from gpusim.mesh.inp_cards import Card
-from gpusim.mesh.inp_content import InpContent
-from gpusim.mesh.inp_values import number, whole
+from gpusim.fem.elements.element import ELEMENTS
+from gpusim.fem.elements.isoparametric_map import add_to
+from gpusim.fem.elements.strain import internal_force
+from gpusim.mesh.formats.abaqus.cards import Card
+from gpusim.mesh.formats.abaqus.content import InpContent
+from gpusim.mesh.formats.abaqus.reader import LabelledMesh
+from gpusim.mesh.formats.abaqus.values import number, whole
 
 __all__ = ["InitialStress"]
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from gpusim.mesh.inp_cards import Card, nearest
-from gpusim.mesh.inp_keywords import MESH_KEYWORDS, fail_together, parameter_faults
-from gpusim.mesh.inp_types import SOLID_TYPES
+from gpusim.mesh.formats.abaqus.cards import Card, nearest
+from gpusim.mesh.formats.abaqus.element_types import SOLID_TYPES
+from gpusim.mesh.formats.abaqus.keywords import MESH_KEYWORDS, fail_together, parameter_faults
 
 __all__ = ["FORMULATIONS", "check_keywords"]
 

@@ -10,13 +10,13 @@ from gpusim.deck.keywords import FORMULATIONS, check_keywords
 from gpusim.deck.materials import Sections
 from gpusim.deck.steps import Body, History
 from gpusim.errors import InputError
-from gpusim.input_file import InputFile
-from gpusim.mesh.inp import label_mesh
-from gpusim.mesh.inp_cards import Card, Source, read_cards
-from gpusim.mesh.inp_content import InpContent
-from gpusim.mesh.inp_geometry import read_content
-from gpusim.mesh.inp_keywords import fail_together
-from gpusim.mesh.inp_types import SOLID_TYPES
+from gpusim.files.input_file import InputFile
+from gpusim.mesh.formats.abaqus.cards import Card, Source, read_cards
+from gpusim.mesh.formats.abaqus.content import InpContent
+from gpusim.mesh.formats.abaqus.element_types import SOLID_TYPES
+from gpusim.mesh.formats.abaqus.geometry import read_content
+from gpusim.mesh.formats.abaqus.keywords import fail_together
+from gpusim.mesh.formats.abaqus.reader import label_mesh
 
 __all__ = ["load_deck"]
 

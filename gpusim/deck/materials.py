@@ -10,11 +10,11 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.fem import Isotropic, Material
-from gpusim.fem.material import strain_rotation
-from gpusim.mesh.inp import LabelledMesh
-from gpusim.mesh.inp_cards import Card
-from gpusim.mesh.inp_content import InpContent
-from gpusim.mesh.inp_values import Names, number
+from gpusim.fem.model.material import strain_rotation
+from gpusim.mesh.formats.abaqus.cards import Card
+from gpusim.mesh.formats.abaqus.content import InpContent
+from gpusim.mesh.formats.abaqus.reader import LabelledMesh
+from gpusim.mesh.formats.abaqus.values import Names, number
 
 __all__ = ["Anisotropic", "Sections"]
 

@@ -7,10 +7,10 @@ from collections.abc import Mapping
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.fem.isoparametric import add_to
+from gpusim.fem.elements.isoparametric_map import add_to
 from gpusim.mesh import Faces, Mesh
 from gpusim.mesh.quadrature import face_rule
-from gpusim.mesh.shapes import FACE_TYPES, shape_functions, shape_gradients
+from gpusim.mesh.shape_functions import FACE_TYPES, shape_functions, shape_gradients
 
 __all__ = ["face_points", "pressure_forces"]
 

@@ -17,10 +17,10 @@ from gpusim.deck.temperature import temperature_forces
 from gpusim.deck.ties import read_tie
 from gpusim.errors import InputError
 from gpusim.fem import Material
-from gpusim.mesh.inp import LabelledMesh
-from gpusim.mesh.inp_cards import Card
-from gpusim.mesh.inp_content import InpContent
-from gpusim.mesh.inp_values import number
+from gpusim.mesh.formats.abaqus.cards import Card
+from gpusim.mesh.formats.abaqus.content import InpContent
+from gpusim.mesh.formats.abaqus.reader import LabelledMesh
+from gpusim.mesh.formats.abaqus.values import number
 
 __all__ = ["Body", "History"]
 

@@ -9,12 +9,12 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.fem import Material
-from gpusim.fem.element import ELEMENTS
-from gpusim.fem.isoparametric import add_to
-from gpusim.fem.strain import internal_force, point_stress
+from gpusim.fem.elements.element import ELEMENTS
+from gpusim.fem.elements.isoparametric_map import add_to
+from gpusim.fem.elements.strain import internal_force, point_stress
 from gpusim.mesh import Mesh
 from gpusim.mesh.quadrature import cell_rule
-from gpusim.mesh.shapes import shape_functions
+from gpusim.mesh.shape_functions import shape_functions
 
 __all__ = ["point_stresses", "point_weights", "temperature_forces"]
 

@@ -10,11 +10,11 @@ from scipy.spatial import cKDTree
 
 from gpusim.errors import InputError
 from gpusim.mesh import Faces, set_faces
-from gpusim.mesh.inp import LabelledMesh
-from gpusim.mesh.inp_cards import Card
-from gpusim.mesh.inp_content import InpContent
-from gpusim.mesh.inp_values import number
-from gpusim.mesh.shapes import FACE_TYPES, shape_functions, shape_gradients
+from gpusim.mesh.formats.abaqus.cards import Card
+from gpusim.mesh.formats.abaqus.content import InpContent
+from gpusim.mesh.formats.abaqus.reader import LabelledMesh
+from gpusim.mesh.formats.abaqus.values import number
+from gpusim.mesh.shape_functions import FACE_TYPES, shape_functions, shape_gradients
 
 __all__ = ["TieRow", "read_tie"]
 

@@ -6,11 +6,11 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from gpusim.export.files import atomic_path, atomic_stream, clean_leftovers, safe_name
     from gpusim.export.images import read_image, write_image
     from gpusim.export.stl import write_region_stls, write_stl
     from gpusim.export.truth import FrameWriter, TruthWriter
     from gpusim.export.vtu import write_pvd, write_vtu
+    from gpusim.files.atomic_files import atomic_path, atomic_stream, clean_leftovers, safe_name
 
 __all__ = [
     "FrameWriter",
@@ -29,16 +29,16 @@ __all__ = [
 
 # HDF5 and mesh formats take a tenth of a second to import, which most runs don't need
 _HOMES = {
-    "files": ("atomic_path", "atomic_stream", "clean_leftovers", "safe_name"),
-    "images": ("read_image", "write_image"),
-    "stl": ("write_region_stls", "write_stl"),
-    "truth": ("FrameWriter", "TruthWriter"),
-    "vtu": ("write_pvd", "write_vtu"),
+    "files.atomic_files": ("atomic_path", "atomic_stream", "clean_leftovers", "safe_name"),
+    "export.images": ("read_image", "write_image"),
+    "export.stl": ("write_region_stls", "write_stl"),
+    "export.truth": ("FrameWriter", "TruthWriter"),
+    "export.vtu": ("write_pvd", "write_vtu"),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 
 
 def __getattr__(name: str) -> Any:
     if name in _HOME_OF:
-        return getattr(importlib.import_module(f"gpusim.export.{_HOME_OF[name]}"), name)
+        return getattr(importlib.import_module(f"gpusim.{_HOME_OF[name]}"), name)
     raise AttributeError(f"module 'gpusim.export' has no attribute {name!r}")

@@ -20,10 +20,10 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.export.files import PathLike, atomic_path, atomic_stream
 from gpusim.export.recent import keep, recall
-from gpusim.input_file import InputFile
-from gpusim.picture_file import decode
+from gpusim.files.atomic_files import PathLike, atomic_path, atomic_stream
+from gpusim.files.input_file import InputFile
+from gpusim.files.picture_file import decode
 
 __all__ = ["GreyImage", "read_image", "write_colour", "write_image", "write_png", "write_tiff"]
 

@@ -12,9 +12,9 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.export.files import PathLike
-from gpusim.input_file import InputFile, read_input
-from gpusim.picture_file import decode, page_count
+from gpusim.files.atomic_files import PathLike
+from gpusim.files.input_file import InputFile, read_input
+from gpusim.files.picture_file import decode, page_count
 
 __all__ = ["pages_of", "picture_file", "read_grey"]
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy.typing as npt
 
-from gpusim.export.files import PathLike
+from gpusim.files.atomic_files import PathLike
 
 __all__ = ["MOST_BYTES", "keep", "recall"]
 

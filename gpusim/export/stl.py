@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.distinct import distinct
+from gpusim.arrays.sorted_unique import distinct
 from gpusim.errors import InputError
-from gpusim.export.files import PathLike, atomic_stream, safe_name
-from gpusim.output_folder import inside
+from gpusim.files.atomic_files import PathLike, atomic_stream, safe_name
+from gpusim.files.output_folder import inside
 
 __all__ = ["write_region_stls", "write_stl"]
 

@@ -26,9 +26,9 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.export.chunks import ChunkedLayer
-from gpusim.export.files import PathLike, atomic_path, safe_name
 from gpusim.export.hdf5_writing import writing_hdf5
 from gpusim.export.layers import LAYERS
+from gpusim.files.atomic_files import PathLike, atomic_path, safe_name
 
 __all__ = ["FrameWriter", "TruthWriter"]
 

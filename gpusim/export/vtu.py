@@ -12,8 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.export.files import PathLike, atomic_path, write_text
-from gpusim.mesh.meshio_types import meshio
+from gpusim.files.atomic_files import PathLike, atomic_path, write_text
+from gpusim.mesh.formats.meshio_types import meshio
 
 __all__ = ["write_pvd", "write_vtu"]
 

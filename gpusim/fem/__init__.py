@@ -1,9 +1,26 @@
-"""Linear elastic finite elements: models, loads and the static solver."""
+"""Linear elastic finite elements: models, loads and the static solver.
+
+In the order in which data passes:
+
+- `elements`: Shape functions at integration points, stiffness, strain.
+- `model`: Material, supports, loads, and the solution.
+- `assembly`: From elements to a matrix of 3x3 blocks, and its products.
+- `lattice`: Rectilinear bricks, whose rows repeat.
+- `multigrid`: Levels, transfer, smoothers, the coarsest level.
+- `incompressibility`: Displacements and pressures.
+- `direct_solvers`: Direct solvers, and the choice between them and multigrid.
+- `krylov`: Krylov iterations, and what is known of their error.
+- `device`: The solver on a device: texels, operators, smoothing, the V-cycle.
+- `methods`: The ways to solve a system, and how one of them is picked.
+- `statics`: Linear statics: K u = f to a stated displacement error.
+- `stress`: Stress recovery: at quadrature points, averaged at nodes, and how far the two
+  disagree.
+"""
 
 from __future__ import annotations
 
-from gpusim.fem.line_load import line_force
-from gpusim.fem.loads import (
+from gpusim.fem.model.line_loads import line_force
+from gpusim.fem.model.loads import (
     body_force,
     centrifugal,
     face_force,
@@ -11,14 +28,14 @@ from gpusim.fem.loads import (
     pressure,
     traction,
 )
-from gpusim.fem.mass import lumped_mass, mass_matrix
-from gpusim.fem.material import Isotropic, Material, Orthotropic
-from gpusim.fem.model import Model
-from gpusim.fem.solution import Solution
+from gpusim.fem.model.mass import lumped_mass, mass_matrix
+from gpusim.fem.model.material import Isotropic, Material, Orthotropic
+from gpusim.fem.model.model import Model
+from gpusim.fem.model.solution import Solution
+from gpusim.fem.model.symmetry import symmetry
+from gpusim.fem.model.thermal_loads import thermal
 from gpusim.fem.statics import METHODS, solve
 from gpusim.fem.stress import Stress, principal, stress, von_mises
-from gpusim.fem.symmetry import symmetry
-from gpusim.fem.thermal import thermal
 
 __all__ = [
     "METHODS",

@@ -11,29 +11,34 @@ from functools import cache, partial
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.congruence import noise
 from gpusim.errors import InputError, NotConverged, OutOfDeviceMemory
-from gpusim.fem.arena import Arena
-from gpusim.fem.assembly import Assembled
-from gpusim.fem.block_rows import block_matrix
-from gpusim.fem.blur import Blur
-from gpusim.fem.cg import DeviceCG, NumpyCG
-from gpusim.fem.choice import Direct, direct_solver, least_seconds, multigrid_seconds
-from gpusim.fem.congruence import noise
-from gpusim.fem.device_multigrid import compile_kernels
-from gpusim.fem.device_operator import device_tets, operator_bytes, upload_operator
-from gpusim.fem.diagonal import invert_blocks
-from gpusim.fem.estimates import Norm
-from gpusim.fem.hierarchy import Hierarchy, build_hierarchy
-from gpusim.fem.iterate import HARSH, Outcome, iterate
-from gpusim.fem.load_cases import Progress, each_case
-from gpusim.fem.mixed import Mixed, mixed_solver
-from gpusim.fem.model import Model
-from gpusim.fem.preconditioner import BlockJacobi, Multigrid
-from gpusim.fem.product import Product
-from gpusim.fem.refine import refine
-from gpusim.fem.stencil import StencilProduct
-from gpusim.fem.system import System, finest_matrix
-from gpusim.fem.tet_elements import TetElements
+from gpusim.fem.assembly.assembly import Assembled
+from gpusim.fem.assembly.block_rows import block_matrix
+from gpusim.fem.assembly.diagonal_blocks import invert_blocks
+from gpusim.fem.assembly.matrix_product import Product
+from gpusim.fem.assembly.system import System, finest_matrix
+from gpusim.fem.device.arena import Arena
+from gpusim.fem.device.operator_form import device_tets, operator_bytes, upload_operator
+from gpusim.fem.device.tet_elements import TetElements
+from gpusim.fem.device.v_cycle import compile_kernels
+from gpusim.fem.direct_solvers.iterative_refinement import refine
+from gpusim.fem.direct_solvers.solver_choice import (
+    Direct,
+    direct_solver,
+    least_seconds,
+    multigrid_seconds,
+)
+from gpusim.fem.incompressibility.mixed_formulation import Mixed, mixed_solver
+from gpusim.fem.krylov.cg import DeviceCG, NumpyCG
+from gpusim.fem.krylov.error_estimates import Norm
+from gpusim.fem.krylov.load_cases import Progress, each_case
+from gpusim.fem.krylov.outer_iteration import HARSH, Outcome, iterate
+from gpusim.fem.krylov.rounding_error import Blur
+from gpusim.fem.lattice.stencil import StencilProduct
+from gpusim.fem.model.model import Model
+from gpusim.fem.multigrid.hierarchy import Hierarchy, build_hierarchy
+from gpusim.fem.multigrid.preconditioner import BlockJacobi, Multigrid
 from gpusim.gpu import Device, default_device, software_adapter
 
 __all__ = ["METHODS", "Clock", "Options", "Result", "solve_system"]

@@ -9,21 +9,21 @@ from numbers import Integral, Real
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.blas import one_blas_thread
 from gpusim.errors import InputError
-from gpusim.fem.assembly import assemble, model_lattice
-from gpusim.fem.block_rows import BlockRows
-from gpusim.fem.formulation import resolve_formulation
-from gpusim.fem.iterate import Outcome
+from gpusim.fem.assembly.assembly import assemble, model_lattice
+from gpusim.fem.assembly.block_rows import BlockRows
+from gpusim.fem.assembly.node_numbering import Numbering
+from gpusim.fem.assembly.stiffness_rounding import extremes
+from gpusim.fem.assembly.system import System, make_system
+from gpusim.fem.krylov.outer_iteration import Outcome
 from gpusim.fem.methods import METHODS, Clock, Options, Result, solve_system
-from gpusim.fem.model import Model
-from gpusim.fem.numbering import Numbering
-from gpusim.fem.rounding import extremes
-from gpusim.fem.solution import Solution
-from gpusim.fem.supports import check_supports
-from gpusim.fem.system import System, make_system
+from gpusim.fem.model.formulation import resolve_formulation
+from gpusim.fem.model.model import Model
+from gpusim.fem.model.rigid_body_modes import check_supports
+from gpusim.fem.model.solution import Solution
 from gpusim.gpu import Device
-from gpusim.inputs import unmasked
+from gpusim.parallel.blas_threads import one_blas_thread
+from gpusim.validation import unmasked
 
 __all__ = ["METHODS", "solve"]
 
@@ -45,23 +45,25 @@ def solve(
 ) -> Solution:
     """Displacements of a linear static model.
 
-    Long or small bodies are factorised on the host (``gpusim.fem.chain``, ``gpusim.fem.banded``)
-    and refined with float64 residuals. Everything else takes conjugate gradients in float64
-    (double-single where the device has no 64-bit floats), preconditioned by multigrid, inside a
-    float64 refinement: after each run the true residual f - K u is formed in float64 on the host
-    and, if its estimate asks for it, corrected again. Load cases share the set-up; on a device
-    they are iterated at once, on the host each by itself, side by side where there are processors
-    for it (on Linux, in copies of the process: ``gpusim.copies``). Which way is cheaper is
-    estimated from the mesh; ``Solution.method`` and ``message`` say what was done.
+    Long or small bodies are factorised on the host (``gpusim.fem.direct_solvers.substructuring``,
+    ``gpusim.fem.direct_solvers.banded_cholesky``) and refined with float64 residuals. Everything
+    else takes conjugate gradients in float64 (double-single where the device has no 64-bit floats),
+    preconditioned by multigrid, inside a float64 refinement: after each run the true residual f - K
+    u is formed in float64 on the host and, if its estimate asks for it, corrected again. Load cases
+    share the set-up; on a device they are iterated at once, on the host each by itself, side by
+    side where there are processors for it (on Linux, in copies of the process:
+    ``gpusim.parallel.process_map``). Which way is cheaper is estimated from the mesh;
+    ``Solution.method`` and ``message`` say what was done.
 
     Parameters
     ----------
     model : see ``Model``.
     device : None takes the process-wide one (none at all for ``backend="numpy"``).
     tolerance : relative displacement error to reach, in (0, 1); the estimates are documented in
-        ``gpusim.fem.stopping`` and ``gpusim.fem.refine``.
+        ``gpusim.fem.krylov.stopping_criterion`` and
+        ``gpusim.fem.direct_solvers.iterative_refinement``.
     formulation : integration or enrichment by name, for all cells or per type; see
-        ``gpusim.fem.element``. The default is "incompatible" for hex8, "full" otherwise.
+        ``gpusim.fem.elements.element``. The default is "incompatible" for hex8, "full" otherwise.
     backend : where multigrid iterates: "gpu", "numpy" (the twins, on all processors of the host),
         or "auto": "gpu" where ``device`` is given or the adapter is real hardware. A software
         adapter is the host's own processors, with more in between: "numpy" then.

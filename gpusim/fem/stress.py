@@ -10,19 +10,19 @@ from types import MappingProxyType
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.blas import one_blas_thread
-from gpusim.distinct import distinct
+from gpusim.arrays.sorted_unique import distinct
 from gpusim.errors import InputError
-from gpusim.fem.element import ELEMENTS, Rule
-from gpusim.fem.formulation import resolve_formulation
-from gpusim.fem.isoparametric import add_to, volumes
-from gpusim.fem.model import Model
-from gpusim.fem.product import shared
-from gpusim.fem.strain import point_stress
-from gpusim.fem.thermal import linear_temperature, point_temperature
-from gpusim.inputs import unmasked
+from gpusim.fem.assembly.matrix_product import shared
+from gpusim.fem.elements.element import ELEMENTS, Rule
+from gpusim.fem.elements.isoparametric_map import add_to, volumes
+from gpusim.fem.elements.strain import point_stress
+from gpusim.fem.model.formulation import resolve_formulation
+from gpusim.fem.model.model import Model
+from gpusim.fem.model.thermal_loads import linear_temperature, point_temperature
 from gpusim.mesh import CELL_TYPES
-from gpusim.mesh.shapes import reference_nodes, shape_functions
+from gpusim.mesh.shape_functions import reference_nodes, shape_functions
+from gpusim.parallel.blas_threads import one_blas_thread
+from gpusim.validation import unmasked
 
 __all__ = ["Stress", "principal", "stress", "von_mises"]
 

@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.inputs import unmasked
 from gpusim.mesh import Mesh
+from gpusim.validation import unmasked
 
 __all__ = ["Field"]
 

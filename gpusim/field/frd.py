@@ -15,8 +15,8 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.field.field import Field
-from gpusim.input_file import InputFile
-from gpusim.mesh.raw import RawBlock, RawMesh, assemble, index_of, solid_nodes
+from gpusim.files.input_file import InputFile
+from gpusim.mesh.formats.cell_blocks import RawBlock, RawMesh, assemble, index_of, solid_nodes
 
 __all__ = ["read_frd"]
 

@@ -24,9 +24,9 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.field.field import Field
 from gpusim.field.names import vector_name
-from gpusim.input_file import InputFile
-from gpusim.main_memory import memory_limit
+from gpusim.files.input_file import InputFile
 from gpusim.mesh import Mesh
+from gpusim.parallel.main_memory import memory_limit
 
 __all__ = ["read_npz"]
 

@@ -10,9 +10,9 @@ import numpy as np
 
 from gpusim.errors import InputError
 from gpusim.field.field import Field
-from gpusim.input_file import InputFile, read_input
+from gpusim.files.input_file import InputFile, read_input
 from gpusim.mesh import Mesh
-from gpusim.mesh.read import PARALLEL
+from gpusim.mesh.formats.reader import PARALLEL
 
 __all__ = ["FIELD_SUFFIXES", "read_field"]
 
@@ -69,8 +69,8 @@ def read_field(
     path
         ``.vtu`` (one state, time 1), ``.pvd`` and ``.vtu.series`` (ParaView: a ``.vtu`` per time),
         ``.e``/``.ex2``/``.exo``/``.exodus`` (Exodus), ``.frd`` (CalculiX, text),
-        ``.npz`` (see `gpusim.field.npz`), or what `gpusim.input_file.read_input` has read of one.
-        Steps are unpacked when they are needed.
+        ``.npz`` (see `gpusim.field.npz`), or what `gpusim.files.input_file.read_input` has read of
+        one. Steps are unpacked when they are needed.
     name
         Of the nodal variable, where it isn't called displacement, disp, U or the like. Exodus and
         VTU may have a scalar per axis: their common beginning.

@@ -8,10 +8,10 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.field.field import Field
 from gpusim.field.names import scalar_names, vector_name
-from gpusim.input_file import InputFile, read_input
-from gpusim.mesh.raw import assemble, solid_nodes
-from gpusim.mesh.vtu import VtuFile
-from gpusim.series import SERIES_SUFFIXES, read_series
+from gpusim.files.file_series import SERIES_SUFFIXES, read_series
+from gpusim.files.input_file import InputFile, read_input
+from gpusim.mesh.formats.cell_blocks import assemble, solid_nodes
+from gpusim.mesh.formats.vtk.vtu import VtuFile
 
 __all__ = ["read_vtu_field"]
 

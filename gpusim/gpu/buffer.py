@@ -152,8 +152,8 @@ class SplitBuffer:
     """Rows that together exceed the binding limit, in parts that each fit.
 
     ``starts`` has one entry more than ``parts``: part ``i`` holds rows
-    ``starts[i] … starts[i + 1] - 1``. A kernel that takes one imports ``common/part``; the layer
-    then dispatches once per part.
+    ``starts[i] … starts[i + 1] - 1``. A kernel that takes one imports ``lib/numeric/part``; the
+    layer then dispatches once per part.
     """
 
     parts: tuple[Buffer, ...]

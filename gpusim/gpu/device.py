@@ -19,12 +19,12 @@ from gpusim.errors import InputError, NoAdapter, OutOfDeviceMemory
 from gpusim.gpu import faults
 from gpusim.gpu.adapter import find_adapter, free_memory, is_processor
 from gpusim.gpu.buffer import Buffer, RealBuffer, SplitBuffer, to_real
-from gpusim.gpu.kept import Kept
+from gpusim.gpu.buffer_pool import Kept
 from gpusim.gpu.kernel import Kernel
 from gpusim.gpu.programs import Programs
 from gpusim.gpu.raster import Raster, Texture
 from gpusim.gpu.recording import Recording
-from gpusim.gpu.texels import Texels
+from gpusim.gpu.texture_array import Texels
 from gpusim.gpu.timing import StageTimer
 from gpusim.gpu.transfer import MAPPABLE, Transfer
 from gpusim.gpu.wgsl import Module

@@ -11,7 +11,7 @@ import wgpu
 
 from gpusim.errors import DeviceError, InputError
 from gpusim.gpu.buffer import Buffer, SplitBuffer
-from gpusim.gpu.texels import Texels
+from gpusim.gpu.texture_array import Texels
 from gpusim.gpu.uniform import Uniform, pack
 from gpusim.gpu.wgsl import Binding, Module, type_layout
 
@@ -91,7 +91,9 @@ class Layout:
         uniforms: dict[str, Any] = {}
         splits = {n: v for n, v in values.items() if isinstance(v, SplitBuffer)}
         if splits and "part" not in self.bindings:
-            raise InputError(f"{where}: split buffers {sorted(splits)} need '#import common/part'")
+            raise InputError(
+                f"{where}: split buffers {sorted(splits)} need '#import lib/numeric/part'"
+            )
         starts = {v.starts for v in splits.values()}
         if len(starts) > 1:
             raise InputError(f"{where}: split buffers are split at different rows: {starts}")

@@ -1,9 +1,9 @@
 """WGSL as the single source: loading, ``#import``, and reflection of bindings and structs.
 
-The files in ``shaders/`` are legal WGSL plus one extra line form, ``#import common/index``, which
-stands for the text of that file (once per module, however often it is named). Bindings, struct
-layouts, override constants and workgroup sizes are read from the text, so that no second list of
-them exists anywhere. The parser covers the subset of WGSL that gpusim's own shaders use and
+The files in ``shaders/`` are legal WGSL plus one extra line form, ``#import lib/numeric/index``,
+which stands for the text of that file (once per module, however often it is named). Bindings,
+struct layouts, override constants and workgroup sizes are read from the text, so that no second
+list of them exists anywhere. The parser covers the subset of WGSL that gpusim's own shaders use and
 refuses the rest by name.
 """
 
@@ -115,7 +115,7 @@ def shader_folder() -> Path:
 
 
 def stages() -> list[str]:
-    """Stems (``fem/cg``) of gpusim's own shader files that have an entry point."""
+    """Stems (``fem/krylov/cg``) of gpusim's own shader files that have an entry point."""
     folder = shader_folder()
     return [
         path.relative_to(folder).with_suffix("").as_posix()
@@ -130,8 +130,8 @@ def load(name: str, real: str, extra: Path | None = None) -> Module:
 
     Parameters
     ----------
-    name : stem with folder, such as ``"fem/cg"``.
-    real : what ``#import common/real`` stands for: ``"f64"`` or ``"double_single"``.
+    name : stem with folder, such as ``"fem/krylov/cg"``.
+    real : what ``#import lib/numeric/real`` stands for: ``"f64"`` or ``"double_single"``.
     extra : a folder that is searched before gpusim's own.
 
     Raises
@@ -145,8 +145,8 @@ def load(name: str, real: str, extra: Path | None = None) -> Module:
 
 
 def _expand(name: str, real: str, seen: set[str], where: str, folders: tuple[Path, ...]) -> str:
-    if name == "common/real":
-        name = f"common/real_{real}"
+    if name == "lib/numeric/real":
+        name = f"lib/numeric/real_{real}"
     if name in seen:
         return ""
     seen.add(name)

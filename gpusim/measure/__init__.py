@@ -1,35 +1,32 @@
 """Measuring images: markers, targets, subset matching, tracking, deflection, calibration and
-points in space. Sees pictures only."""
+points in space. Sees pictures only.
 
-from gpusim.measure.calibration import CalibratedCamera, Calibration, calibrate
-from gpusim.measure.charuco import CharucoBoard, find_charuco
-from gpusim.measure.chessboard import find_chessboard
-from gpusim.measure.codes import Codes, find_aruco
-from gpusim.measure.corners import Markers, MarkerStatus, find_markers, locate_markers
-from gpusim.measure.crossings import Crossings, fit_crossings
-from gpusim.measure.damage import SlopeChanges, difference_curve, slope_changes
-from gpusim.measure.deflection import (
-    DeflectionLine,
-    RigidMotion,
-    Scale,
-    deflection_line,
-    rigid_motion,
-    scale_coefficient,
-)
-from gpusim.measure.dic import dic, grid_points
-from gpusim.measure.dots import Dots, circle_centres, find_dots
-from gpusim.measure.epipolar import Matches, epipolar_distance, match_epipolar
+In the order in which data passes:
+
+- `images`: What every measurement accepts as an image, and the checks at the border.
+- `nearest_points`: The nearest of many points.
+- `interpolation`: Quintic B-spline interpolation of an image: values and gradients at any
+  position.
+- `fitting`: Fits of straight borders, and how certain they are.
+- `targets`: Markers and boards, found in images.
+- `calibration`: Calibration of cameras and rigs.
+- `correlation`: Digital image correlation.
+- `stereo`: Points, shapes and strains in space, from calibrated cameras.
+- `structures`: Markers tracked, deflection lines, damage.
+"""
+
+from gpusim.measure.calibration.calibration import CalibratedCamera, Calibration, calibrate
+from gpusim.measure.correlation.dic import dic, grid_points
+from gpusim.measure.correlation.matching import Status
+from gpusim.measure.correlation.sequence import dic_sequence
+from gpusim.measure.correlation.strain import StrainResult, StrainStatus, strain
+from gpusim.measure.correlation.subsets import DicResult
 from gpusim.measure.interpolation import SplineImage
-from gpusim.measure.mapped import MappedResult, lens_mapping, mapped, plane_mapping
-from gpusim.measure.matching import Status
-from gpusim.measure.sequence import dic_sequence
-from gpusim.measure.stereo import StereoResult, stereo_dic, stereo_shape
-from gpusim.measure.strain import StrainResult, StrainStatus, strain
-from gpusim.measure.subsets import DicResult
-from gpusim.measure.surface_strain import surface_strain
-from gpusim.measure.targets import Chessboard, Sighting, TargetStatistics, target_statistics
-from gpusim.measure.tracking import TrackResult, track
-from gpusim.measure.triangulation import (
+from gpusim.measure.stereo.epipolar_matching import Matches, epipolar_distance, match_epipolar
+from gpusim.measure.stereo.plane_mapping import MappedResult, lens_mapping, mapped, plane_mapping
+from gpusim.measure.stereo.stereo_correlation import StereoResult, stereo_dic, stereo_shape
+from gpusim.measure.stereo.surface_strain import surface_strain
+from gpusim.measure.stereo.triangulation import (
     Alignment,
     Displacement3D,
     Triangulated,
@@ -37,7 +34,29 @@ from gpusim.measure.triangulation import (
     displacement_3d,
     triangulate,
 )
-from gpusim.measure.views import rig_camera
+from gpusim.measure.stereo.view_matching import rig_camera
+from gpusim.measure.structures.damage import SlopeChanges, difference_curve, slope_changes
+from gpusim.measure.structures.deflection import (
+    DeflectionLine,
+    RigidMotion,
+    Scale,
+    deflection_line,
+    rigid_motion,
+    scale_coefficient,
+)
+from gpusim.measure.structures.dot_centres import Dots, circle_centres, find_dots
+from gpusim.measure.structures.marker_tracking import TrackResult, track
+from gpusim.measure.targets.boards import Chessboard, Sighting, TargetStatistics, target_statistics
+from gpusim.measure.targets.charuco import CharucoBoard, find_charuco
+from gpusim.measure.targets.checker_markers import (
+    Markers,
+    MarkerStatus,
+    find_markers,
+    locate_markers,
+)
+from gpusim.measure.targets.chessboard import find_chessboard
+from gpusim.measure.targets.coded_markers import Codes, find_aruco
+from gpusim.measure.targets.crossings import Crossings, fit_crossings
 
 __all__ = [
     "Alignment",

@@ -16,8 +16,8 @@ import numpy.typing as npt
 import scipy
 
 from gpusim.errors import InputError
-from gpusim.inputs import unmasked
 from gpusim.measure.images import FloatArray, Image, check_image, crop_float
+from gpusim.validation import unmasked
 
 __all__ = ["SplineImage", "quintic_slopes", "quintic_weights"]
 

@@ -1,21 +1,38 @@
-"""Meshes: points and cells, boundary faces, selections, builders, quality."""
+"""Meshes: points and cells, boundary faces, selections, builders, quality.
+
+In the order in which data passes:
+
+- `cell_types`: Cell types: node order (VTK = Abaqus), edges, faces, and parents of midside nodes.
+  Pure data.
+- `shape_functions`: Shape functions of cells and faces, as polynomials that are 1 at one node and
+  0 at the others.
+- `quadrature`: Quadrature on the reference cells and faces of ``gpusim.mesh.shape_functions``.
+  Pure data.
+- `mesh`: The mesh: points, cells by type, and named sets.
+- `boundary`: Boundary faces of a mesh, outward oriented, with normals and areas.
+- `quality`: Cell quality: Jacobians, aspect ratio, distortion, and the cells that are bad, by
+  number.
+- `selection`: Named and geometric selections of nodes and faces.
+- `builders`: Meshes made by number, and meshes made from other meshes.
+- `formats`: Mesh files of other programs.
+"""
 
 from __future__ import annotations
 
-from gpusim.mesh.build import beam, box, crane
-from gpusim.mesh.cad import check_gmsh, mesh_cad
-from gpusim.mesh.cad_sizes import SizeBox
-from gpusim.mesh.cells import CELL_TYPES, CellType
-from gpusim.mesh.faces import Faces, boundary_faces, set_faces
-from gpusim.mesh.faces_file import read_surface
+from gpusim.mesh.boundary import Faces, boundary_faces, set_faces
+from gpusim.mesh.builders.cell_splitting import split
+from gpusim.mesh.builders.grids import beam, box, crane
+from gpusim.mesh.builders.midside_nodes import quadratic
+from gpusim.mesh.builders.notches import Notch, notched
+from gpusim.mesh.builders.plates import bracket, plate_with_hole
+from gpusim.mesh.cell_types import CELL_TYPES, CellType
+from gpusim.mesh.formats.gmsh.cad import check_gmsh, mesh_cad
+from gpusim.mesh.formats.gmsh.element_sizes import SizeBox
+from gpusim.mesh.formats.reader import read_mesh
+from gpusim.mesh.formats.surfaces.reader import read_surface
 from gpusim.mesh.mesh import Mesh
-from gpusim.mesh.notch import Notch, notched
-from gpusim.mesh.plate import bracket, plate_with_hole
-from gpusim.mesh.quadratic import quadratic
 from gpusim.mesh.quality import Quality, mesh_quality
-from gpusim.mesh.read import read_mesh
-from gpusim.mesh.select import select_faces, select_nodes
-from gpusim.mesh.split import split
+from gpusim.mesh.selection import select_faces, select_nodes
 
 __all__ = [
     "CELL_TYPES",

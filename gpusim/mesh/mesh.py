@@ -13,8 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.inputs import unmasked
-from gpusim.mesh.cells import CELL_TYPES
+from gpusim.mesh.cell_types import CELL_TYPES
+from gpusim.validation import unmasked
 
 __all__ = ["Mesh"]
 
@@ -295,7 +295,7 @@ def _refuse_twins(mesh: Mesh) -> None:
 
 def _refuse_loose_middles(mesh: Mesh) -> None:
     # Imported here because faces are those of a Mesh.
-    from gpusim.mesh.faces import boundary_faces
+    from gpusim.mesh.boundary import boundary_faces
 
     boundary_faces(mesh)
 

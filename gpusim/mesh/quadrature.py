@@ -1,4 +1,4 @@
-"""Quadrature on the reference cells and faces of ``gpusim.mesh.shapes``. Pure data.
+"""Quadrature on the reference cells and faces of ``gpusim.mesh.shape_functions``. Pure data.
 
 A rule is known by its cell shape and its number of points. Every weight is positive, so that a
 sum of positive terms (a volume, an energy) can't become negative by rounding.
@@ -12,7 +12,7 @@ from itertools import permutations
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.mesh.cells import CELL_TYPES
+from gpusim.mesh.cell_types import CELL_TYPES
 
 __all__ = ["FULL_POINTS", "cell_rule", "face_rule"]
 

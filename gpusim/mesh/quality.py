@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.mesh.cells import CELL_TYPES
-from gpusim.mesh.faces import boundary_faces
+from gpusim.mesh.boundary import boundary_faces
+from gpusim.mesh.cell_types import CELL_TYPES
 from gpusim.mesh.mesh import Mesh
 from gpusim.mesh.quadrature import FULL_POINTS, cell_rule
-from gpusim.mesh.shapes import reference_nodes, shape_gradients
+from gpusim.mesh.shape_functions import reference_nodes, shape_gradients
 
 __all__ = ["Quality", "corner_jacobians", "least_jacobian", "mesh_quality"]
 

@@ -1,10 +1,37 @@
-"""Images: cameras, lights, visibility, closed-form shading, sensor and ground truth."""
+"""Images: cameras, lights, visibility, closed-form shading, sensor and ground truth.
 
-from gpusim.optics import psf
-from gpusim.optics.camera import Camera
+In the order in which data passes:
+
+- `camera`: Pinhole, lens distortion, and its inverse.
+- `calibration`: Calibration files of other programs.
+- `geometry`: Surfaces as one camera sees them.
+- `light`: Lamps, surroundings, and materials that reflect them.
+- `paint`: Means of patterns over what a pixel sees of them.
+- `raster`: Which triangle each pixel sees.
+- `shadow`: Which share of each lamp receivers of light see, found on the device.
+- `ambient`: Which surroundings points of surfaces see.
+- `shading`: The light of pixels that lie inside one triangle.
+- `series`: A fine surface's vertices projected on the device, image after image.
+- `edge_pixels`: Exact areas of all triangles that touch them.
+- `truth`: Ground truth per pixel, at the pixel's centre and unfiltered, in float64.
+- `frame`: A rendered frame: linear radiance (on the device until somebody asks) and its ground
+  truth.
+- `change_detection`: Whether an image must be the same as one before, from what has moved between
+  the two.
+- `rendering`: One frame, from view to radiance.
+- `lens`: Point spread, depth of field, vignetting, exposure.
+- `sensor`: Grey values from radiance.
+- `probes`: Small scenes for twin checks.
+"""
+
+from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.frame import Frame
-from gpusim.optics.lens import Lens
-from gpusim.optics.light import (
+from gpusim.optics.lens import psf
+from gpusim.optics.lens.exposure import photograph
+from gpusim.optics.lens.shutter import Shutter
+from gpusim.optics.lens.thin_lens import Lens
+from gpusim.optics.lens.vignetting import Vignetting
+from gpusim.optics.light.lights import (
     AmbientLight,
     AreaLight,
     EnvironmentLight,
@@ -12,12 +39,9 @@ from gpusim.optics.light import (
     SpotLight,
     SunLight,
 )
-from gpusim.optics.photograph import photograph
-from gpusim.optics.render import render
-from gpusim.optics.sensor import Sensor
-from gpusim.optics.shutter import Shutter
+from gpusim.optics.rendering.renderer import render
+from gpusim.optics.sensor.sensor import Sensor
 from gpusim.optics.truth import Truth
-from gpusim.optics.vignette import Vignetting
 
 __all__ = [
     "AmbientLight",

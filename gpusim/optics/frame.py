@@ -11,9 +11,9 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.gpu import Buffer, Device
+from gpusim.optics.geometry.view import View
+from gpusim.optics.raster.id_buffer import Visibility, visibility_twin
 from gpusim.optics.truth import Truth, TruthMap, truth_of
-from gpusim.optics.view import View
-from gpusim.optics.visibility import Visibility, visibility_twin
 
 __all__ = ["Band", "Frame"]
 

@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.optics.corners import NORMAL, POSITION, REFERENCE
-from gpusim.optics.view import View
+from gpusim.optics.geometry.triangle_corners import NORMAL, POSITION, REFERENCE
+from gpusim.optics.geometry.view import View
 
 __all__ = ["BAND", "Truth", "TruthMap", "seen_in", "truth_of"]
 

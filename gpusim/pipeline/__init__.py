@@ -1,5 +1,16 @@
-"""From a scene to an output folder: the one place that knows every stage."""
+"""From a scene to an output folder: the one place that knows every stage.
 
-from gpusim.pipeline.running import run
+In the order in which data passes:
+
+- `notes`: What a report says of a stage, kept with the stage's result: a run that reuses it says
+  the same.
+- `build`: From a scene to meshes, models, surfaces and cameras.
+- `stages`: Stages of a run.
+- `measurements`: Measurements in a run's images, with the truth beside them.
+- `checks`: Checks before any work, and warnings that a scene's geometry gives.
+- `runner`: Stages in turn, timed, recorded, reported.
+"""
+
+from gpusim.pipeline.runner.run import run
 
 __all__ = ["run"]

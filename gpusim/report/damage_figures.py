@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.export.files import PathLike
+from gpusim.files.atomic_files import PathLike
 from gpusim.report.model import Figure
 from gpusim.report.style import MUTED, PAGE, axis_title, draw_png
 

@@ -14,8 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.export.files import PathLike
 from gpusim.export.images import read_image
+from gpusim.files.atomic_files import PathLike
 from gpusim.report.model import Figure, Measurement, Overlay, Series
 from gpusim.report.pictures import reduced
 from gpusim.report.style import (

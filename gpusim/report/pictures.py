@@ -13,8 +13,8 @@ import numpy.typing as npt
 
 from gpusim.errors import GpusimError, InputError
 from gpusim.export.images import GreyImage, read_image
-from gpusim.input_file import read_input
-from gpusim.picture_file import decode
+from gpusim.files.input_file import read_input
+from gpusim.files.picture_file import decode
 from gpusim.report.model import FramePair
 
 __all__ = ["PagePair", "file_uri", "page_pair", "photo_uri", "reduced"]

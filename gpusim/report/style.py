@@ -5,7 +5,7 @@ white. On a dark page the report's style sheet inverts the lightness of plots an
 so that one file serves both.
 
 Nothing imports matplotlib, half a second's work, but what draws with it: that is mostly a process
-of its own (`gpusim.apart`).
+of its own (`gpusim.parallel.helper_processes`).
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from gpusim.export.files import PathLike
 from gpusim.export.images import write_colour
+from gpusim.files.atomic_files import PathLike
 from gpusim.printable import printable
 
 if TYPE_CHECKING:

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from gpusim import apart
 from gpusim.errors import GpusimError
-from gpusim.export.files import PathLike, safe_name, write_text
-from gpusim.output_folder import delete, inside
+from gpusim.files.atomic_files import PathLike, safe_name, write_text
+from gpusim.files.output_folder import delete, inside
+from gpusim.parallel import helper_processes
 from gpusim.report.figures import (
     draw_convergence,
     draw_errors,
@@ -41,7 +41,7 @@ class ReportPaths:
 
 def prepare_figures() -> None:
     """Let processes beside this one import what draws figures, while the caller goes on."""
-    apart.prepare(
+    helper_processes.prepare(
         "gpusim.report.figures",
         "gpusim.report.backdrop",
         "gpusim.report.stereo_figures",
@@ -75,13 +75,15 @@ def write_report(report: Report, out_dir: PathLike) -> ReportPaths:
 
 def _draw(report: Report, folder: Path) -> FigureSet:
     # these take longest: they begin
-    other = [apart.begin(drawing) for drawing in report.figures]
+    other = [helper_processes.begin(drawing) for drawing in report.figures]
     series = [
-        apart.begin(draw_series, item, inside(folder, f"{_stem('line', index, item.name)}.png"))
+        helper_processes.begin(
+            draw_series, item, inside(folder, f"{_stem('line', index, item.name)}.png")
+        )
         for index, item in enumerate(report.series)
     ]
     overlays = [
-        apart.begin(
+        helper_processes.begin(
             draw_overlay,
             item,
             photo_of(item),
@@ -92,9 +94,9 @@ def _draw(report: Report, folder: Path) -> FigureSet:
     judged = [item for item in report.measurements if np.isfinite(item.error_relative)]
     errors = convergence = None
     if len(judged) >= _WORTH_BARS:
-        errors = apart.begin(draw_errors, judged, inside(folder, "errors.png"))
+        errors = helper_processes.begin(draw_errors, judged, inside(folder, "errors.png"))
     if len(report.residuals) >= _WORTH_A_PLOT:
-        convergence = apart.begin(
+        convergence = helper_processes.begin(
             draw_convergence, report.residuals, inside(folder, "convergence.png")
         )
     return FigureSet(

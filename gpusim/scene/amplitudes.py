@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from .model import Amplitude, Body, FieldMesh
+from gpusim.scene.description.model import Amplitude, Body, FieldMesh
 
 if TYPE_CHECKING:
     from .scene import Scene

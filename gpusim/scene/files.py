@@ -7,13 +7,12 @@ from pathlib import Path
 from typing import Any
 
 from gpusim.errors import Fault, InputError
-from gpusim.includes import included_files
-from gpusim.input_file import InputFile, read_input
-from gpusim.series import SERIES_SUFFIXES, read_series
-
-from .faults import unread
-from .lines import Keys
-from .path import dotted
+from gpusim.files.file_series import SERIES_SUFFIXES, read_series
+from gpusim.files.includes import included_files
+from gpusim.files.input_file import InputFile, read_input
+from gpusim.scene.faults.faults import unread
+from gpusim.scene.faults.key_path import dotted
+from gpusim.scene.faults.line_numbers import Keys
 
 __all__ = ["find_files"]
 

@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from gpusim.errors import Fault, InputError, SceneError
-from gpusim.input_file import InputFile, read_input
+from gpusim.files.input_file import InputFile, read_input
+from gpusim.scene.faults.faults import unread
+from gpusim.scene.faults.limits import document_fault, size_fault, text_fault
+from gpusim.scene.faults.line_numbers import key_lines
 
-from .faults import unread
-from .limits import document_fault, size_fault, text_fault
-from .lines import key_lines
 from .scene import Scene
 
 __all__ = ["load_scene", "parse_value"]

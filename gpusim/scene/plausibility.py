@@ -9,8 +9,9 @@ from collections.abc import Iterator
 from math import dist, hypot
 from typing import TYPE_CHECKING
 
-from . import model as m
-from .extent import element_sizes, extent
+from gpusim.scene.cost.extent import element_sizes, extent
+
+from .description import model as m
 
 if TYPE_CHECKING:
     from .scene import Scene

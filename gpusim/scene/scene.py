@@ -14,15 +14,17 @@ from typing import Any
 from pydantic import ValidationError
 
 from gpusim.errors import Fault, InputError, SceneError
-from gpusim.input_file import InputFile, read_input
+from gpusim.files.input_file import InputFile, read_input
+from gpusim.scene.faults.cross_references import check_document
+from gpusim.scene.faults.faults import MOST, faults_of, with_origin
+from gpusim.scene.faults.key_path import pick, put, with_names
+from gpusim.scene.faults.limits import document_fault
+from gpusim.scene.faults.line_numbers import Keys, Origins, overridden
 
-from . import model, resolve, resolve_light
-from .check import check_document
-from .faults import MOST, faults_of, with_origin
+from .conversion import light as resolve_light
+from .conversion import tables
+from .description import model
 from .files import find_files
-from .limits import document_fault
-from .lines import Keys, Origins, overridden
-from .path import pick, put, with_names
 from .schema import SceneTable
 from .toml_text import toml_text
 
@@ -106,26 +108,26 @@ class Scene:
                 replace(one, place=one.place or with_names(plain, one.key)) for one in faults[:MOST]
             ]
             raise SceneError(source, faults, more)
-        materials = resolve.material_table(table)
-        analysis = resolve.analysis(table)
+        materials = tables.material_table(table)
+        analysis = tables.analysis(table)
         factors = analysis.load_factors
         content = table.model_dump(mode="json", by_alias=True, exclude_none=True)
         return cls(
             name=table.name,
             description=table.description,
             materials=tuple(materials.values()),
-            bodies=tuple(resolve.body(entry, materials, factors) for entry in table.body),
-            props=tuple(resolve.prop(entry) for entry in table.prop),
+            bodies=tuple(tables.body(entry, materials, factors) for entry in table.body),
+            props=tuple(tables.prop(entry) for entry in table.prop),
             analysis=analysis,
-            solver=resolve.solver(table),
-            cameras=tuple(resolve.camera(entry, table.sensor) for entry in table.camera),
+            solver=tables.solver(table),
+            cameras=tuple(tables.camera(entry, table.sensor) for entry in table.camera),
             lights=tuple(resolve_light.light(entry) for entry in table.light),
-            render=resolve.render(table),
-            sensor=resolve.sensor(table),
-            measures=tuple(resolve.measure(entry) for entry in table.measure),
+            render=tables.render(table),
+            sensor=tables.sensor(table),
+            measures=tuple(tables.measure(entry) for entry in table.measure),
             variants=tuple(model.Variant(entry.name, entry.set) for entry in table.variant),
-            output=resolve.output(table),
-            calibration=resolve.calibration(table),
+            output=tables.output(table),
+            calibration=tables.calibration(table),
             content=json.dumps(content),
             source=source,
             files=hashes,

@@ -12,12 +12,12 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.input_file import InputFile
-from gpusim.inputs import checked
-from gpusim.picture_file import decode
+from gpusim.files.input_file import InputFile
+from gpusim.files.picture_file import decode
 from gpusim.surface.bump import Bump
 from gpusim.surface.features import Features, check_albedo, check_finish, check_grid, check_length
 from gpusim.surface.pyramid import Level, pyramid
+from gpusim.validation import checked
 
 __all__ = ["Image"]
 

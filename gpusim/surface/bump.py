@@ -16,7 +16,7 @@ import numpy.typing as npt
 import scipy
 
 from gpusim.errors import InputError
-from gpusim.inputs import checked
+from gpusim.validation import checked
 
 __all__ = ["PERIOD", "WAVES", "Bump", "bump_waves"]
 

@@ -14,11 +14,11 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.distinct import distinct
+from gpusim.arrays.sorted_unique import distinct
 from gpusim.errors import InputError
-from gpusim.inputs import unmasked
 from gpusim.surface.plane import PaintFrame, face_normals
 from gpusim.surface.topology import triangulate
+from gpusim.validation import unmasked
 
 __all__ = ["Atlas", "CylinderFrame", "Frame"]
 

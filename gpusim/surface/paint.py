@@ -14,7 +14,6 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.inputs import checked
 from gpusim.surface.bitmap import Image
 from gpusim.surface.bump import Bump
 from gpusim.surface.features import (
@@ -29,6 +28,7 @@ from gpusim.surface.features import (
 from gpusim.surface.fiducials import Aruco, Charuco, RingCodes
 from gpusim.surface.speckle import Speckle
 from gpusim.surface.targets import Circles, Lines, Star
+from gpusim.validation import checked
 
 __all__ = [
     "Aruco",

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.distinct import distinct
+from gpusim.arrays.sorted_unique import distinct
 from gpusim.errors import InputError
 from gpusim.mesh import Faces
-from gpusim.mesh.shapes import FACE_TYPES, shape_functions
+from gpusim.mesh.shape_functions import FACE_TYPES, shape_functions
 
 __all__ = ["Vertices", "cut"]
 

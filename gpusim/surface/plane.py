@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.inputs import unmasked
+from gpusim.validation import unmasked
 
 __all__ = ["PaintFrame", "face_normals", "plane_frame", "used_vertices"]
 

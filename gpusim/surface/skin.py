@@ -8,14 +8,14 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.inputs import unmasked
 from gpusim.mesh import Faces, Mesh
-from gpusim.mesh.shapes import FACE_TYPES, shape_functions, shape_gradients
+from gpusim.mesh.shape_functions import FACE_TYPES, shape_functions, shape_gradients
 from gpusim.surface.frames import Frame
 from gpusim.surface.paint import Paint
 from gpusim.surface.pieces import cut
 from gpusim.surface.plane import face_normals
 from gpusim.surface.surface import Surface
+from gpusim.validation import unmasked
 
 __all__ = ["Skin"]
 

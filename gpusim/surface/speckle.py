@@ -18,9 +18,9 @@ import numpy.typing as npt
 import scipy
 
 from gpusim.errors import InputError
-from gpusim.inputs import checked
 from gpusim.surface.bump import Bump
 from gpusim.surface.features import Features, check_albedo, check_finish, check_length
+from gpusim.validation import checked
 
 __all__ = ["EDGE", "Speckle", "edge_opacity", "opaque_area"]
 

@@ -8,7 +8,6 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.inputs import checked
 from gpusim.surface.bump import Bump
 from gpusim.surface.features import (
     Features,
@@ -19,6 +18,7 @@ from gpusim.surface.features import (
     check_length,
     check_places,
 )
+from gpusim.validation import checked
 
 __all__ = ["Circles", "Lines", "Star"]
 

@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 
 from gpusim.field import Field
-from gpusim.input_file import InputFile, Reader, read_input
+from gpusim.files.input_file import InputFile, Reader, read_input
 from gpusim.mesh import Mesh
-from gpusim.pipeline import build
-from gpusim.scene import model
+from gpusim.pipeline.build import build
+from gpusim.scene.description import model
 from gpusim.scene.scene import Scene
 
 PLACES = {

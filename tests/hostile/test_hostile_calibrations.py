@@ -10,7 +10,7 @@ import pytest
 
 import gpusim as gs
 from gpusim.errors import InputError
-from gpusim.optics.camera import Camera
+from gpusim.optics.camera.pinhole import Camera
 from tests.hostile.amount import SEED, share
 from tests.test_optics_calibration_dialects import ROS
 

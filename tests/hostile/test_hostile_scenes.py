@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 
 from gpusim.errors import GpusimError, SceneError
-from gpusim.plan import make_plan
+from gpusim.plan.plan import make_plan
 from gpusim.scene import Scene, load_scene, parse_value
 from gpusim.scene.toml_text import toml_text
 from tests.hostile.amount import SEED, SHARE, share

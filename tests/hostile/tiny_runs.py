@@ -26,7 +26,7 @@ import gpusim.measure
 import gpusim.pipeline
 import gpusim.report
 from gpusim.mesh import box
-from gpusim.processors import limited
+from gpusim.parallel.cpu_budget import limited
 
 __all__ = ["LIMIT", "Begun", "command", "files", "results", "write_scene", "wrong"]
 
@@ -86,8 +86,9 @@ _context = multiprocessing.get_context("forkserver")
 _packages = (gpusim, gpusim.fem, gpusim.measure, gpusim.pipeline, gpusim.report)
 _context.set_forkserver_preload(
     ["gpusim.cli", "tests.hostile.tiny_runs"]
-    + [f"{one.__name__}.{module.name}" for one in _packages
-       for module in pkgutil.iter_modules(one.__path__) if not module.name.startswith("_")]
+    + [module.name for one in _packages
+       for module in pkgutil.walk_packages(one.__path__, f"{one.__name__}.")
+       if not module.name.endswith("__main__")]
 )  # fmt: skip
 
 

@@ -15,8 +15,8 @@ from itertools import product
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.optics.emitters import Lamp
-from gpusim.optics.occlusion import TOLERANCE, lamp_masks
+from gpusim.optics.light.quadrature import Lamp
+from gpusim.optics.shadow.sample_mask import TOLERANCE, lamp_masks
 
 __all__ = ["ANGLE", "UNLIMITED", "LightSpace", "lamp_numbers", "light_spaces"]
 

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.gpu import Device, Texels
-from gpusim.optics.corners import CHUNK, parts
+from gpusim.optics.geometry.triangle_corners import CHUNK, parts
 from gpusim.surface.surface import Surface
 from gpusim.surface.topology import Topology
 

@@ -14,10 +14,10 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.gpu import Buffer, Device, Texels, Uniform
-from gpusim.optics.camera import Camera
-from gpusim.optics.distortion_map import distortion_map
+from gpusim.optics.camera.pinhole import Camera
+from gpusim.optics.camera.undistortion_table import distortion_map
+from gpusim.optics.geometry.view import View
 from gpusim.optics.shadow.occluders import NOBODY, Occluders
-from gpusim.optics.view import View
 
 __all__ = [
     "APART",

@@ -18,12 +18,12 @@ import numpy.typing as npt
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
-from gpusim.optics.emitters import lamps_of
-from gpusim.optics.layer import border_of
-from gpusim.optics.light import Light
+from gpusim.optics.geometry.single_layer import border_of
+from gpusim.optics.geometry.surface_normals import Shape, shapes_of
+from gpusim.optics.light.lights import Light
+from gpusim.optics.light.quadrature import lamps_of
 from gpusim.optics.shadow.light_space import LightSpace, light_spaces
 from gpusim.optics.shadow.occluders import SHEETS
-from gpusim.optics.shape import Shape, shapes_of
 from gpusim.surface.surface import Surface
 
 __all__ = ["without_shadows", "wound_once"]

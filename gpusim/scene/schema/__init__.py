@@ -15,12 +15,7 @@ from .measure import MeasureTable, VariantTable
 from .prop import CalibrationTable, PropTable
 from .sensor import SensorTable, merged
 from .view import CameraTable
-from .work import (
-    AnalysisTable,
-    OutputTable,
-    RenderTable,
-    SolverTable,
-)
+from .work import AnalysisTable, OutputTable, RenderTable, SolverTable
 
 __all__ = ["SceneTable", "json_schema"]
 

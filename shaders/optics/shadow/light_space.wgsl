@@ -2,7 +2,7 @@
 // s = 1 / w. A ray from a receiver X to the point l of the lamp runs along p = p_X + l (s - s_X), and
 // planes stay planes. That of a far lamp has the places themselves, and s against the light's way.
 // All positions are relative to the eye. The NumPy form is gpusim/optics/shadow/light_space.py.
-#import common/texel
+#import lib/numeric/texel
 
 struct LightSpace {
     centre: vec4f,   // w: 1, or 0 of a far lamp, whose centre is none

@@ -1,6 +1,6 @@
 // Receivers: pixels of the picture in tiles of 8 x 8, or places that are listed in groups of neighbours.
 // An entry is what lies nearer of a group, and by `groups` later what lies farther where depths differ.
-#import common/undistort
+#import lib/raster/undistortion_table
 #import optics/shadow/light_space
 
 // 1: they are listed
@@ -48,7 +48,7 @@ struct Receiver {
     on: u32,
     // how far normals for shading may be from n
     lean: f32,
-    // where it is and how far it goes on about that, in the coordinates of cells (groups.wgsl)
+    // where it is and how far it goes on about that, in the coordinates of cells (receiver_groups.wgsl)
     at: vec3f,
     reach: vec3f,
 }

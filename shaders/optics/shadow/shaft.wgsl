@@ -3,7 +3,7 @@
 // over that a ray gains height at least as fast as to the lowest point of the lamp.
 #import optics/shadow/receiver
 
-// two of each node, see refit.wgsl; per triangle what lies across its edges
+// two of each node, see bvh_refit.wgsl; per triangle what lies across its edges
 @group(0) @binding(15) var nodes: texture_storage_2d<rgba32float, read>;
 @group(0) @binding(16) var neighbours: texture_storage_2d<rgba32uint, read>;
 @group(0) @binding(14) var<storage, read_write> groups_of: array<vec4f>;

@@ -1,0 +1,252 @@
+"""Pairs of nodes that share an element: the pattern of a matrix, and where its blocks add up.
+
+Sorting and adding are done by SciPy's own kernels for sparse matrices (``_sparsetools``), which
+SciPy's classes call but don't let one call without copies: a matrix transposed is a stable
+counting sort, a matrix of ones times rows of nine numbers adds blocks up in the order of elements.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import _sparsetools, csr_matrix
+
+from gpusim.arrays.congruence import mix, unique_hashes
+from gpusim.fem.assembly.block_rows import ranges
+from gpusim.fem.assembly.element_batches import Elements, Group
+from gpusim.fem.assembly.matrix_product import ahead
+
+__all__ = ["Edges", "row_sums"]
+
+Float = npt.NDArray[np.float64]
+Int = npt.NDArray[np.int32]
+Long = npt.NDArray[np.int64]
+
+# elements whose blocks are formed and added at a time: they should stay in the cache
+_PORTION = 512
+# edges that are mirrored at a time
+_MIRRORED = 1 << 14
+# entry ij of a block where its transpose has ji
+_TRANSPOSED = np.array([0, 3, 6, 1, 4, 7, 2, 5, 8])
+
+
+class Edges:
+    """Edges between ``count`` nodes, each from its lesser node, sorted; pairs are the edges of one
+    element, by pair (a,b) of its nodes and then by element. ``start`` (N+1,) int64 and
+    ``neighbour`` int32: every edge from either end, neighbours ascending."""
+
+    def __init__(self, groups: Sequence[Elements], count: int) -> None:
+        self.count, self._groups = count, groups
+        self._sizes = [group.cells.shape[1] * (group.cells.shape[1] - 1) // 2 for group in groups]
+        row, column, pair = self._sorted_pairs()
+        new = np.empty(len(pair), dtype=bool)
+        new[:1] = True
+        np.not_equal(column[1:], column[:-1], out=new[1:])
+        # rows without pairs begin where the next one does, or behind the last pair
+        new[row[:-1][row[:-1] < len(pair)]] = True
+        number = np.cumsum(new, dtype=np.int32)
+        self._edge_of_pair = np.empty(len(pair), dtype=np.int32)
+        self._edge_of_pair[pair] = number - 1
+        del pair
+        first = np.concatenate([[np.int32(0)], number])[row]
+        self._edges = int(first[-1])
+        high = column[new]
+        low = np.repeat(np.arange(count, dtype=np.int32), np.diff(first))
+        count_below = np.bincount(high, minlength=count)
+        count_above = np.diff(first)
+        self.start = np.concatenate([[0], np.cumsum(count_below + count_above)]).astype(np.int64)
+        # the same edges by their greater nodes
+        _, lower, below = _counted(high, low, count)
+        at_below = ranges(self.start[:-1], count_below)
+        self.neighbour = np.empty(int(self.start[-1]), dtype=np.int32)
+        self.neighbour[at_below] = lower
+        # where the blocks of an edge stand, the row of its lesser node first
+        self._above = ranges(self.start[:-1] + count_below, count_above).astype(np.int32)
+        self._below = np.empty(self._edges, dtype=np.int32)
+        self._below[below] = at_below
+        self.neighbour[self._above] = high
+
+    def _ends(self) -> tuple[Int, Int]:
+        """Lesser and greater node of every pair."""
+        length = sum(
+            size * len(group.cells) for size, group in zip(self._sizes, self._groups, strict=True)
+        )
+        low, high = (np.empty(length, dtype=np.int32) for _ in range(2))
+        at = 0
+        for group in self._groups:
+            columns = np.ascontiguousarray(group.cells.T)
+            for a, b in zip(*np.triu_indices(len(columns), 1), strict=True):
+                part = slice(at, at + len(group.cells))
+                np.minimum(columns[a], columns[b], out=low[part])
+                np.maximum(columns[a], columns[b], out=high[part])
+                at = part.stop
+        return low, high
+
+    def _sorted_pairs(self) -> tuple[Int, Int, Int]:
+        """Pairs sorted by low, then by high: where each low begins, high and the pairs'
+        positions."""
+        low, high = self._ends()
+        start, column, position = _counted(high, low, self.count)
+        del low, high
+        row = np.empty_like(start)
+        sorted_high, order = np.empty_like(column), np.empty_like(position)
+        _sparsetools.csr_tocsc(
+            self.count, self.count, start, column, position, row, sorted_high, order
+        )
+        return row, sorted_high, order
+
+    def _pair_numbers(self) -> list[Int]:
+        """(pairs, elements) edge of every pair, per group."""
+        ends = np.cumsum(
+            [size * len(g.cells) for size, g in zip(self._sizes, self._groups, strict=True)]
+        )
+        return [
+            part.reshape(size, -1)
+            for part, size in zip(np.split(self._edge_of_pair, ends[:-1]), self._sizes, strict=True)
+        ]
+
+    def links(self) -> tuple[Long, Int]:
+        """The pattern, see ``BlockRows``."""
+        return self.start, self.neighbour
+
+    def blocks(self, nodes: Long | None) -> Float:
+        """(T,3,3) blocks of the rows of ``nodes`` (None: all), summed over elements. K_ij and K_ji
+        are transposes to the last bit."""
+        if nodes is None:
+            result = np.zeros((2 * self._edges, 9))
+            self._add(result, self._above, None)
+            self._mirror(result, self._above, self._below)
+            return result.reshape(-1, 3, 3)
+        at = ranges(self.start[nodes], np.diff(self.start)[nodes])
+        edge_of, mirrored = self._ends_of_rows()
+        used, number = np.unique(edge_of[at], return_inverse=True)
+        # what isn't wanted goes to one more row
+        place = np.full(self._edges, len(used), dtype=np.int32)
+        place[used] = np.arange(len(used), dtype=np.int32)
+        value = np.zeros((len(used) + 1, 9))
+        wanted = np.zeros(self.count, dtype=bool)
+        wanted[nodes] = True
+        self._add(value, place, wanted)
+        result = value[number]
+        turned = mirrored[at]
+        result[turned] = result[turned][:, _TRANSPOSED]
+        return result.reshape(-1, 3, 3)
+
+    def with_diagonal(self) -> tuple[Long, Int, Float]:
+        """(start, column, blocks) of the matrix with the diagonal blocks that elements give, which
+        come first in each row."""
+        start = self.start + np.arange(self.count + 1)
+        # blocks stand behind the diagonal ones of their row and of the rows before
+        nodes = np.arange(1, self.count + 1, dtype=np.int32)
+        shift = np.repeat(nodes, np.diff(self.start))
+        above, below = (one + shift[one] for one in (self._above, self._below))
+        result = np.zeros((int(start[-1]), 9))
+        self._add(result, above, None, start[:-1].astype(np.int32))
+        self._mirror(result, above, below)
+        column = np.empty(len(result), dtype=np.int32)
+        column[start[:-1]] = np.arange(self.count)
+        column[np.arange(2 * self._edges) + shift] = self.neighbour
+        return start, column, result.reshape(-1, 3, 3)
+
+    def _add(
+        self,
+        table: Float,
+        place: Int,
+        wanted: npt.NDArray[np.bool_] | None,
+        own: Int | None = None,
+    ) -> None:
+        """Add the elements' blocks, the lesser node's row, to the rows ``place`` (edges,) of
+        ``table`` (T,9), diagonal ones to ``own`` (N,); only elements of ``wanted`` nodes."""
+        for group, edge_of_pair in zip(self._groups, self._pair_numbers(), strict=True):
+            a, b = np.triu_indices(group.cells.shape[1], 1)
+            which = np.arange(len(group.cells))
+            if wanted is not None:
+                which = np.flatnonzero(wanted[group.cells].any(axis=1))
+            portions = [which[k : k + _PORTION] for k in range(0, len(which), _PORTION)]
+
+            def form(part: Long, group: Elements = group) -> tuple[Float, Float | None]:
+                return group.blocks(part, own is not None)
+
+            for part, (pairs, diagonal) in zip(portions, ahead(form, portions), strict=True):
+                cells = group.cells[part]
+                flat = pairs.reshape(-1, 9)
+                swapped = np.flatnonzero((cells[:, a] > cells[:, b]).T)
+                flat[swapped] = flat[swapped][:, _TRANSPOSED]
+                _add_rows(table, place[edge_of_pair[:, part]], flat)
+                if own is not None and diagonal is not None:
+                    _add_rows(table, own[cells.T], diagonal)
+
+    def _mirror(self, table: Float, above: Int, below: Int) -> None:
+        """Fill the rows of the greater nodes."""
+        for first in range(0, self._edges, _MIRRORED):
+            part = slice(first, first + _MIRRORED)
+            table[below[part]] = np.take(table[above[part]], _TRANSPOSED, axis=1)
+
+    def _ends_of_rows(self) -> tuple[Int, npt.NDArray[np.bool_]]:
+        """Edge of every block of the pattern, and whether its row is the greater node's."""
+        edge_of = np.empty(2 * self._edges, dtype=np.int32)
+        edge_of[self._above] = edge_of[self._below] = np.arange(self._edges, dtype=np.int32)
+        mirrored = np.zeros(2 * self._edges, dtype=bool)
+        mirrored[self._below] = True
+        return edge_of, mirrored
+
+    def equal_rows(self) -> tuple[Long, Long]:
+        """First node of each class of equal rows, and the class of every node."""
+        slot = ranges(np.zeros(self.count, dtype=np.int64), np.diff(self.start))
+        number = self._block_numbers()
+        edge_of, mirrored = self._ends_of_rows()
+        hashes = []
+        for seed in (100, 200):
+            # sums don't depend on the order of adding; overflow wraps around, as hashes may
+            edge = np.zeros(self._edges, dtype=np.uint64)
+            np.add.at(edge, self._edge_of_pair, mix(number, seed))
+            side = mix(edge[edge_of] + mix(mirrored.astype(np.int64), seed + 3), seed + 4)
+            side = mix(side + mix(slot, seed + 1), seed + 2)
+            total = np.concatenate([[np.uint64(0)], np.cumsum(side, dtype=np.uint64)])
+            hashes.append(total[self.start[1:]] - total[self.start[:-1]])
+        return unique_hashes(hashes[0], hashes[1])
+
+    def _block_numbers(self) -> Long:
+        """Number of each pair's block among the distinct ones, a mirrored block counted apart."""
+        numbers, offset = [], 0
+        for group in self._groups:
+            assert isinstance(group, Group)
+            a, b = np.triu_indices(group.cells.shape[1], 1)
+            distinct = len(group.matrices) * len(a)
+            number = group.kind * len(a) + np.arange(len(a))[:, None]
+            number += np.where(group.cells[:, a] > group.cells[:, b], distinct, 0).T
+            numbers.append((offset + number).ravel())
+            offset += 2 * distinct
+        return np.concatenate(numbers)
+
+
+def row_sums(start: Long, blocks: Float) -> Float:
+    """(N,3,3) sums of the blocks (T,3,3) of each row, in their order."""
+    one = np.ones(len(blocks))
+    shape = (len(start) - 1, len(blocks))
+    sums = csr_matrix((one, np.arange(len(blocks), dtype=np.int32), start), shape=shape)
+    return np.asarray(sums @ blocks.reshape(-1, 9)).reshape(-1, 3, 3)
+
+
+def _counted(key: Int, other: Int, count: int) -> tuple[Int, Int, Int]:
+    """Stable counting sort by ``key``: where each key begins, ``other`` and the positions."""
+    length = len(key)
+    start = np.empty(count + 1, dtype=np.int32)
+    sorted_other, position = (np.empty(length, dtype=np.int32) for _ in range(2))
+    _sparsetools.coo_tocsr(
+        count, count, length, key, other, np.arange(length, dtype=np.int32),
+        start, sorted_other, position,
+    )  # fmt: skip
+    return start, sorted_other, position
+
+
+def _add_rows(table: Float, at: Int, values: Float) -> None:
+    """Add the rows of ``values`` (…,9) to the rows ``at`` (…) of ``table``, one after the other."""
+    count = at.size
+    _sparsetools.csc_matvecs(
+        len(table), count, 9, np.arange(count + 1, dtype=np.int32),
+        np.ascontiguousarray(at, dtype=np.int32).ravel(), np.ones(count),
+        np.ascontiguousarray(values).ravel(), table.ravel(),
+    )  # fmt: skip

@@ -1,0 +1,166 @@
+"""The scaled system of a model, whatever solves it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import bsr_matrix
+
+from gpusim.fem.assembly.assembly import Assembled
+from gpusim.fem.assembly.block_rows import BlockRows, block_matrix
+from gpusim.fem.assembly.definiteness import check_finite
+from gpusim.fem.assembly.element_deformation import Deformation
+from gpusim.fem.assembly.matrix_product import RowsProduct
+from gpusim.fem.assembly.stiffness_rounding import rounding_forces, signed
+from gpusim.fem.device.stiffness import apply_stiffness
+from gpusim.fem.lattice.stencil import Stencil, stencil_of
+from gpusim.fem.model.model import Model
+
+__all__ = ["System", "finest_matrix", "make_system"]
+
+Float = npt.NDArray[np.float64]
+
+# nodes per distinct row from which on a stencil isn't larger than the matrix
+_REPEATS = 8
+
+
+@dataclass(frozen=True, eq=False)
+class System:
+    """The scaled problem K' u' = f': K' = K/scale, f' = f/load_scale per load case.
+
+    ``right`` (L,N,3) is zero on fixed unknowns and includes what prescribed displacements pull.
+    ``apply`` (L,N,3) -> K' u'; ``rounding`` the forces of its own rounding (see ``rounding``),
+    which take a complete u', prescribed values included; ``row_sum`` bounds the sum of
+    absolute values in a row of K', diagonal block left out. ``contrast`` is the ratio of the
+    stiffest to the softest node. ``pull`` is K times the prescribed displacements, unscaled, None
+    where there are none; both (1,N,3) or (L,N,3). ``loads`` (L,N,3) are what acts, in the model's
+    units. ``free`` (N,3). ``elements`` are those of the body, for `by_deformation`.
+    ``stencil`` is K' by place on a lattice whose rows repeat. ``first_case`` is the number of the
+    first load case, for messages.
+    """
+
+    apply: Callable[[Float], Float]
+    rounding: Callable[[Float], Float]
+    row_sum: float
+    contrast: float
+    right: Float
+    free: npt.NDArray[np.bool_]
+    scale: float
+    load_scale: Float
+    prescribed: Float
+    pull: Float | None
+    loads: Float
+    elements: Deformation
+    stencil: Stencil | None = None
+    first_case: int = 0
+
+    def case(self, number: int) -> System:
+        """One load case by itself."""
+        own = slice(number, number + 1)
+        pull = self.pull
+        return replace(
+            self,
+            right=self.right[own],
+            load_scale=self.load_scale[own],
+            loads=self.loads[own],
+            prescribed=self.prescribed[own] if len(self.prescribed) > 1 else self.prescribed,
+            pull=pull[own] if pull is not None and len(pull) > 1 else pull,
+            first_case=self.first_case + number,
+        )
+
+    def by_deformation(self) -> System:
+        """The same with products that the rounding of turned elements' matrices doesn't reach
+        (see `gpusim.fem.assembly.element_deformation`); they take several times as long. ``apply``
+        adds what is prescribed itself then, and ``right`` is the loads alone."""
+        elements, scale = self.elements, self.scale
+        factor = self.load_scale[:, None, None]
+        # with what is prescribed: taken apart, a far motion of supports would be rounded twice
+        given = self.prescribed * (scale / factor)
+        return replace(
+            self,
+            apply=lambda u: elements.product(u + given) / scale,
+            rounding=lambda u: signed(elements.rounding(u)) / scale,
+            right=np.where(self.free, self.loads, 0.0) / factor,
+            pull=None,
+        )
+
+    def forces(self, image: Float) -> Float:
+        """K u (L,N,3) in the model's units, of the free part's ``image`` K' u'."""
+        own = image * self.load_scale[:, None, None]
+        return own if self.pull is None else own + self.pull
+
+
+def make_system(model: Model, assembled: Assembled) -> System:
+    """Free unknowns, right-hand sides with what prescribed displacements pull, and the scales."""
+    rows, lattice = assembled.rows, assembled.lattice
+    assert model.fixed is not None
+    free = ~model.fixed
+    free[model.mesh.dangling_nodes] = False
+    # a power of two: the scaled problem has the same digits, and fits the range of float32
+    largest = float(np.abs(rows.diagonal).max())
+    scale = float(2.0 ** np.round(np.log2(largest)))
+    prescribed = model.prescribed_cases
+    pull = apply_stiffness(rows, prescribed) if prescribed.any() else None
+    right = np.where(free, model.load_cases - (0.0 if pull is None else pull), 0.0)
+    size = np.abs(right).max(axis=(1, 2))
+    load_scale: Float = np.exp2(np.round(np.log2(np.where(size > 0.0, size, 1.0))))
+    with np.errstate(over="ignore"):
+        check_finite(np.append(scale / load_scale, 1.0 / scale), "stiffness over loads")
+    stencil = None
+    if lattice is not None and rows.class_count <= rows.node_count // _REPEATS:
+        stencil = stencil_of(rows, lattice, scale)
+    product = None if stencil is None else stencil.product
+    by_runs = None if product is None else product.in_differences
+
+    elements = Deformation(assembled.groups, model.mesh.points)
+
+    def rounding(u: Float) -> Float:
+        size = rounding_forces(rows, u)
+        if pull is not None:
+            # what is prescribed and what is solved for are rounded each by itself
+            for part in (free, ~free):
+                size += rounding_forces(rows, np.where(part, u, 0.0))
+        return size * (elements.condition[:, None] / scale)
+
+    return System(
+        apply=(lambda u: apply_stiffness(rows, u) / scale) if by_runs is None else by_runs,
+        stencil=stencil,
+        rounding=rounding,
+        row_sum=_row_sum(rows) / scale,
+        contrast=_contrast(rows),
+        right=right / load_scale[:, None, None],
+        free=free,
+        scale=scale,
+        load_scale=load_scale,
+        prescribed=prescribed,
+        pull=pull,
+        loads=model.load_cases,
+        elements=elements,
+    )
+
+
+def finest_matrix(rows: BlockRows, system: System) -> bsr_matrix | Stencil | RowsProduct:
+    """K / scale in the form that takes the least: by place, as its own table, or assembled."""
+    if system.stencil is not None:
+        return system.stencil
+    if RowsProduct.fits(rows):
+        return RowsProduct(rows, system.scale)
+    return block_matrix(rows, system.scale)
+
+
+def _contrast(rows: BlockRows) -> float:
+    """Greatest over least trace of the diagonal blocks, nodes of no cell left out."""
+    trace = np.einsum("cii->c", rows.diagonal)
+    trace = trace[trace > 0.0]
+    return float(trace.max() / trace.min()) if trace.size else 1.0
+
+
+def _row_sum(rows: BlockRows) -> float:
+    """At least the sum of absolute values in any row of K without its diagonal block.
+
+    K is positive semidefinite, so no entry exceeds the greatest one on its diagonal.
+    """
+    return 3.0 * float(rows.degree.max(initial=0)) * float(np.abs(rows.diagonal).max())

@@ -1,0 +1,288 @@
+"""Distinct block rows as texels, for kernels that take one node per thread.
+
+Rows are padded to whole fours of neighbours with the node itself, whose difference is zero. Per
+node one ``info`` texel: first texel of its neighbours, number of fours, first texel of its blocks,
+the node.
+``neighbour`` holds four nodes a texel; the blocks of four neighbours are nine texels, block by
+block and column by column. Nodes with equal rows share their blocks. Where every node has a row of
+its own, rows lie side by side (``row_slices``): a row's next texel is ``stride`` further.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import bsr_matrix
+
+from gpusim.arrays.congruence import mix
+from gpusim.fem.assembly.block_rows import BlockRows, ranges
+from gpusim.fem.device.arena import Allocator
+from gpusim.fem.device.row_packs import Packs, find_packs
+from gpusim.fem.device.row_slices import SLICE, WINDOW, RowSlices
+from gpusim.gpu.texture_array import Texels, most_texels
+
+__all__ = ["BlockTexels", "RowPart", "block_texels_bytes", "rows_of_matrix"]
+
+Float = npt.NDArray[np.float64]
+Bool = npt.NDArray[np.bool_]
+Long = npt.NDArray[np.int64]
+
+# texels of blocks that are put together at a time: large pieces of new memory are slow to touch
+_CHUNK = 1 << 18
+# and rows that are compared
+_ROWS = 4096
+_FOUR = 9
+
+
+@dataclass(frozen=True, eq=False)
+class RowPart:
+    """``count`` nodes whose texels fit one texture each.
+
+    ``neighbour`` is None where the rows are packs (``row_packs``); ``count`` counts those then.
+    What float32 leaves of ``blocks`` begins at their texel ``low``, if that isn't 0.
+    """
+
+    count: int
+    info: Texels
+    neighbour: Texels | None
+    blocks: Texels
+    low: int
+    stride: int = 1
+
+    def write(self, numbers: Float, first: int) -> None:
+        """Copy (t,4) numbers of blocks in, from texel ``first`` on."""
+        high = numbers.astype(np.float32)
+        self.blocks.write(high, first)
+        if self.low:
+            self.blocks.write((numbers - high).astype(np.float32), self.low + first)
+
+
+class BlockTexels:
+    """The rows of a matrix on the device, divided by ``scale``, in one part or several.
+
+    ``exact`` keeps what float32 leaves of the blocks behind them. ``packed`` is whether
+    kernels take four nodes at a time (``row_packs``), which are all ``free`` (N,3) alike;
+    ``example`` has a node for each row that they tell apart. ``packs`` False never packs.
+    """
+
+    def __init__(
+        self,
+        device: Allocator,
+        rows: BlockRows,
+        free: Bool,
+        scale: float,
+        label: str,
+        *,
+        exact: bool,
+        packs: bool = True,
+    ) -> None:
+        self.nodes = rows.node_count
+        found = find_packs(rows, free, scale) if packs else None
+        self.packed = found is not None
+        self.example = found.example if found is not None else np.arange(self.nodes)
+        if found is not None:
+            self.parts: tuple[RowPart, ...] = (_upload_packs(device, found, label, exact),)
+            return
+        most = most_texels(device) // (2 if exact else 1)
+        if rows.class_count == rows.node_count:
+            self.parts = tuple(
+                _upload_slices(device, rows, part, scale, label, exact)
+                for part in RowSlices.of(rows.degree).parts(most)
+            )
+            return
+        self.parts = tuple(
+            _upload(device, rows, first, last, scale, label, exact)
+            for first, last in _ranges(rows, most)
+        )
+
+
+def block_texels_bytes(degree: Long, class_degree: Long, *, exact: bool) -> int:
+    """Bytes that rows take: (N,) neighbours per node and (C,) per distinct row; packs take less."""
+    lists, blocks = int(-(-degree // 4).sum()), _FOUR * int(-(-class_degree // 4).sum())
+    if len(class_degree) == len(degree):
+        slices = RowSlices.of(degree)
+        lists, blocks = slices.list_texels, slices.block_texels
+    return (
+        Texels.footprint(len(degree))
+        + Texels.footprint(lists)
+        + Texels.footprint(2 * blocks if exact else blocks)
+    )
+
+
+def rows_of_matrix(matrix: bsr_matrix) -> BlockRows:
+    """A matrix with 3x3 blocks as rows that act on differences.
+
+    What a row lacks to a sum of zero, -sum_j A_ij, takes the diagonal block's place, with the
+    node behind the last one as neighbour: that one is zero, so the product is that of the matrix.
+    Rows of equal blocks are found where there are few kinds.
+    """
+    count = matrix.shape[0] // 3
+    start = matrix.indptr.astype(np.int64)
+    row = np.repeat(np.arange(count), np.diff(start))
+    own = np.flatnonzero(matrix.indices == row)
+    assert (row[own] == np.flatnonzero(np.diff(start))).all(), "a row has no diagonal"
+    first, kind = _equal_rows(matrix.data, start)
+    table = matrix.data[ranges(start[first], np.diff(start)[first])]
+    table_start = np.concatenate([[0], np.cumsum(np.diff(start)[first])])
+    total = np.zeros((len(first), 3, 3))
+    filled = np.flatnonzero(np.diff(table_start))
+    if filled.size:
+        total[filled] = np.add.reduceat(table, table_start[filled])
+    diagonal = np.zeros((len(first), 3, 3))
+    # place of the diagonal in each distinct row
+    here = np.full(count, -1, dtype=np.int64)
+    here[row[own]] = own - start[row[own]]
+    has = np.flatnonzero(here[first] >= 0)
+    at = table_start[has] + here[first[has]]
+    diagonal[has] = table[at]
+    # K_ij (0 - u_i) with K_ij = -sum is +sum u_i
+    table[at] = -total[has]
+    neighbour = matrix.indices.astype(np.int32)
+    neighbour[own] = count
+    return BlockRows(
+        lambda: (start, neighbour), kind.astype(np.int32), table, table_start, diagonal, 0
+    )
+
+
+def _equal_rows(blocks: Float, start: Long) -> tuple[Long, Long]:
+    """First of each kind of equal rows, and the kind of every row."""
+    count = len(start) - 1
+    everyone = np.arange(count)
+    words = blocks.reshape(-1, 9).view(np.int64)
+    length = np.diff(start)
+    hashes = np.concatenate(
+        [_hashes(words, start[begin : begin + _ROWS + 1]) for begin in range(0, count, _ROWS)]
+    )
+    _, first, kind = np.unique(hashes, return_index=True, return_inverse=True)
+    if len(first) > count // 8 or (length[first[kind]] != length).any():
+        return everyone, everyone
+    # hashes may collide: the blocks decide
+    for begin in range(0, count, _ROWS):
+        some = slice(begin, min(begin + _ROWS, count))
+        model = words[ranges(start[first[kind[some]]], length[some])]
+        if not np.array_equal(model, words[start[some.start] : start[some.stop]]):
+            return everyone, everyone
+    return first, kind
+
+
+def _hashes(words: Long, start: Long) -> npt.NDArray[np.uint64]:
+    """One number per row of blocks, (B,9) bit patterns."""
+    part = words[start[0] : start[-1]]
+    edge = start - start[0]
+    mixed = mix(ranges(np.zeros(len(edge) - 1, dtype=np.int64), np.diff(edge)), 9)
+    for column in range(9):
+        mixed = mix(mixed.view(np.int64) ^ part[:, column], column)
+    # sums wrap around, as hashes may
+    total = np.concatenate([[np.uint64(0)], np.cumsum(mixed, dtype=np.uint64)])
+    return np.asarray(total[edge[1:]] - total[edge[:-1]])
+
+
+def _ranges(rows: BlockRows, most: int) -> list[tuple[int, int]]:
+    """Ranges of nodes whose neighbours and blocks fit a texture each."""
+    fours = -(-rows.degree // 4)
+    shared = _FOUR * int(-(-np.diff(rows.table_start) // 4).sum()) <= most
+    total = np.cumsum(fours if shared else _FOUR * fours)
+    cuts = [0]
+    while cuts[-1] < rows.node_count:
+        before = int(total[cuts[-1] - 1]) if cuts[-1] else 0
+        cuts.append(max(int(np.searchsorted(total, before + most, side="right")), cuts[-1] + 1))
+    return list(pairwise(cuts))
+
+
+def _upload_packs(device: Allocator, packs: Packs, label: str, exact: bool) -> RowPart:
+    info = device.texels(len(packs.info), "rgba32uint", f"{label}.info")
+    info.write(packs.info)
+    part = RowPart(len(packs.info), info, None, *_blocks(device, len(packs.table), label, exact))
+    part.write(packs.table, 0)
+    return part
+
+
+def _blocks(device: Allocator, size: int, label: str, exact: bool) -> tuple[Texels, int]:
+    """``size`` texels of blocks, twice that if ``exact``, and the first of low halves."""
+    both = 2 * size if exact else size
+    return device.texels(both, "rgba32float", f"{label}.blocks"), size if exact else 0
+
+
+def _upload_slices(
+    device: Allocator, rows: BlockRows, slices: RowSlices, scale: float, label: str, exact: bool
+) -> RowPart:
+    part = RowPart(
+        len(slices.nodes),
+        device.texels(len(slices.nodes), "rgba32uint", f"{label}.info"),
+        device.texels(slices.list_texels, "rgba32uint", f"{label}.neighbour"),
+        *_blocks(device, slices.block_texels, label, exact),
+        SLICE,
+    )
+    part.info.write(slices.info())
+    assert part.neighbour is not None
+    part.neighbour.write(slices.neighbours(rows))
+    for first, blocks in slices.blocks(rows, scale):
+        part.write(blocks, first)
+    return part
+
+
+def _upload(
+    device: Allocator,
+    rows: BlockRows,
+    first: int,
+    last: int,
+    scale: float,
+    label: str,
+    exact: bool,
+) -> RowPart:
+    count = last - first
+    # lanes that work together run as long as the longest row among them
+    fours = -(-rows.degree[first:last] // 4)
+    nodes = first + np.lexsort((-fours, np.arange(count) // WINDOW))
+    degree = rows.degree[nodes]
+    fours = -(-degree // 4)
+    start = np.cumsum(fours) - fours
+    neighbour = np.repeat(nodes.astype(np.uint32), 4 * fours)
+    neighbour[ranges(4 * start, degree)] = rows.neighbour[ranges(rows.start[nodes], degree)]
+    whole = rows.class_count <= count // 8
+    if whole:
+        used = np.arange(rows.class_count)
+        local = rows.row_class[nodes].astype(np.int64)
+    else:
+        used, local = np.unique(rows.row_class[nodes], return_inverse=True)
+    class_fours = -(-(rows.table_start[used + 1] - rows.table_start[used]) // 4)
+    class_start = _FOUR * (np.cumsum(class_fours) - class_fours)
+    info = np.zeros((count, 4), dtype=np.uint32)
+    info[:, 0], info[:, 1], info[:, 2] = start, fours, class_start[local]
+    info[:, 3] = nodes
+    size = _FOUR * int(class_fours.sum())
+    listed = device.texels(len(neighbour) // 4, "rgba32uint", f"{label}.neighbour")
+    part = RowPart(
+        count,
+        device.texels(count, "rgba32uint", f"{label}.info"),
+        listed,
+        *_blocks(device, size, label, exact),
+    )
+    part.info.write(info)
+    listed.write(neighbour.reshape(-1, 4))
+    _write_blocks(part, rows, used, class_start, scale)
+    return part
+
+
+def _write_blocks(
+    part: RowPart, rows: BlockRows, used: Long, class_start: Long, scale: float
+) -> None:
+    ends = np.append(class_start[1:], part.low or part.blocks.count)
+    first = 0
+    while first < len(used):
+        last = int(np.searchsorted(ends, class_start[first] + _CHUNK, side="right"))
+        last = max(last, first + 1)
+        some = used[first:last]
+        degree = rows.table_start[some + 1] - rows.table_start[some]
+        texels = int(ends[last - 1] - class_start[first])
+        blocks = np.zeros((texels // _FOUR * 4, 3, 3))
+        # four blocks are nine texels
+        at = ranges((class_start[first:last] - class_start[first]) // _FOUR * 4, degree)
+        source = ranges(rows.table_start[some], degree)
+        blocks[at] = rows.table[source].transpose(0, 2, 1)
+        blocks /= scale
+        part.write(blocks.reshape(-1, 4), int(class_start[first]))
+        first = last

@@ -1,0 +1,89 @@
+"""Nodal interpolation between levels on the device: driver of
+``shaders/fem/device/interpolation.wgsl``.
+
+The twin is ``apply_weights``: a row of weights per node, the same for x, y and z.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import csr_matrix, random_array
+
+from gpusim.fem.assembly.block_rows import ranges
+from gpusim.fem.device.arena import Allocator
+from gpusim.fem.device.node_texels import node_texels, read_nodes, row_threads, vector_texels
+from gpusim.gpu import Bindings, Device, Recording, compare, twin_check
+from gpusim.gpu.texture_array import Texels
+
+__all__ = ["DeviceWeights", "apply_weights"]
+
+Float = npt.NDArray[np.float64]
+Bool = npt.NDArray[np.bool_]
+
+
+def apply_weights(weights: csr_matrix, free: Bool, v: Float) -> Float:
+    """W v for (L,K,3) vectors, zero where not ``free`` (N,3): (L,N,3)."""
+    return np.stack([np.where(free, weights @ one, 0.0) for one in v])
+
+
+class DeviceWeights:
+    """Weights (N,K) on the device."""
+
+    def __init__(
+        self, device: Allocator, weights: csr_matrix, free: Bool, cases: int, label: str
+    ) -> None:
+        self.device, self.cases = device, cases
+        self.rows, self.columns = (int(n) for n in weights.shape)
+        length = np.diff(weights.indptr).astype(np.int64)
+        pairs = -(-length // 2)
+        start = np.cumsum(pairs) - pairs
+        entry = np.zeros((2 * int(pairs.sum()), 2), dtype=np.uint32)
+        at = ranges(2 * start, length)
+        entry[at, 0] = weights.indices
+        entry[at, 1] = weights.data.astype(np.float32).view(np.uint32)
+        info = np.zeros((self.rows, 4), dtype=np.uint32)
+        info[:, 0], info[:, 1] = start, pairs
+        info[:, 2] = free @ np.array([1, 2, 4])
+        self._info = device.texels(self.rows, "rgba32uint", f"{label}.info")
+        self._weight = device.texels(len(entry) // 2, "rgba32uint", f"{label}.weight")
+        self._info.write(info)
+        self._weight.write(entry.reshape(-1, 4))
+        self._bound: dict[object, Bindings] = {}
+
+    def record(self, recording: Recording, v: Texels, out: Texels, x: Texels | None = None) -> None:
+        """Record out = W v, or out = x + W v."""
+        kernel = self.device.kernel(
+            "fem/device/interpolation", entry="apply" if x is None else "add"
+        )
+        key = (id(v), id(out), id(x))
+        if key not in self._bound:
+            more = {} if x is None else {"x_in": x}
+            self._bound[key] = kernel.bind(
+                info=self._info,
+                weight=self._weight,
+                v_in=v,
+                x_out=out,
+                params={"rows": self.rows, "columns": self.columns, "cases": self.cases},
+                **more,
+            )
+        recording.dispatch(kernel, self._bound[key], threads=(row_threads(self.rows, self.cases),))
+
+
+@twin_check("fem/device/interpolation")
+def _check(device: Device) -> None:
+    rng = np.random.default_rng(10)
+    weights = csr_matrix(random_array((70, 33), density=0.1, rng=rng))
+    free = rng.random((70, 3)) < 0.8
+    v, x = rng.normal(size=(2, 33, 3)), rng.normal(size=(2, 70, 3))
+    spread = DeviceWeights(device, weights, free, 2, "fem.check")
+    source = vector_texels(device, 2, 33, "fem.check.v")
+    base, plain, added = (vector_texels(device, 2, 70, "fem.check.x") for _ in range(3))
+    source.write(node_texels(v))
+    base.write(node_texels(x))
+    with device.recording("fem.check") as recording:
+        spread.record(recording, source, plain)
+        spread.record(recording, source, added, base)
+    wanted = apply_weights(weights, free, v)
+    compare("fem/device/interpolation.apply", read_nodes(plain, 2), wanted)
+    compare("fem/device/interpolation.add", read_nodes(added, 2), x + wanted)

@@ -1,0 +1,62 @@
+"""Sums of vectors on the device: twin and driver of
+``shaders/fem/device/linear_combination.wgsl``."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.fem.device.arena import Allocator
+from gpusim.fem.device.node_texels import Pair, pair
+from gpusim.gpu import Bindings, Device, Recording, compare, twin_check
+
+__all__ = ["DeviceSum", "weighted_sum"]
+
+Float = npt.NDArray[np.float64]
+
+# the order in which the kernel takes and adds them
+_NAMES = ("x", "before", "right", "product")
+
+
+def weighted_sum(terms: dict[str, tuple[float, Float]]) -> Float:
+    """Sum of factor times vector; factors are rounded to float32, as the kernel takes them."""
+    return np.asarray(sum(float(np.float32(factor)) * value for factor, value in terms.values()))
+
+
+class DeviceSum:
+    """Sums of up to four vectors of ``nodes`` nodes and ``cases`` load cases, in float64."""
+
+    def __init__(self, device: Allocator, nodes: int, cases: int) -> None:
+        self.device, self.texels = device, cases * (nodes + 1)
+        self._kernel = device.kernel("fem/device/linear_combination", entry="combine")
+        self._bound: dict[object, Bindings] = {}
+
+    def record(self, recording: Recording, out: Pair, **terms: tuple[float, Pair]) -> None:
+        """Record out = sum of factor times vector; terms x, before, right, product."""
+        some = next(iter(terms.values()))[1]
+        full = {name: terms.get(name, (0.0, some)) for name in _NAMES}
+        key = (id(out.high), *((factor, id(one.high)) for factor, one in full.values()))
+        if key not in self._bound:
+            vectors = {"out_high": out.high, "out_low": out.second}
+            for name, (_, one) in full.items():
+                vectors |= {f"{name}_high": one.high, f"{name}_low": one.second}
+            factors = {name: factor for name, (factor, _) in full.items()}
+            params = {"count": self.texels, **factors}
+            self._bound[key] = self._kernel.bind(**vectors, params=params)
+        recording.dispatch(self._kernel, self._bound[key], threads=(self.texels,))
+
+
+@twin_check("fem/device/linear_combination")
+def _check(device: Device) -> None:
+    rng = np.random.default_rng(11)
+    values = {name: rng.normal(size=(2, 70, 3)) for name in _NAMES}
+    factors = dict(zip(_NAMES, (1.5, -0.3, 0.7, -1.0), strict=True))
+    adder = DeviceSum(device, 70, 2)
+    vectors = {name: pair(device, 2, 70, "fem.check") for name in _NAMES}
+    out = pair(device, 2, 70, "fem.check")
+    for name, vector in vectors.items():
+        vector.write(values[name])
+    with device.recording("fem.check") as recording:
+        adder.record(recording, out, **{name: (factors[name], vectors[name]) for name in _NAMES})
+    wanted = weighted_sum({name: (factors[name], values[name]) for name in _NAMES})
+    compare("fem/device/linear_combination", out.read(2), wanted, atol=1e-13, rtol=1e-13)

@@ -1,0 +1,313 @@
+"""Smoothing on the device in float32: twin and driver of ``shaders/fem/device/relaxation.wgsl``.
+
+Where ``smoothers`` works on float64 numbers in buffers and blocks of any size, this takes nodes
+with 3x3 blocks as texels, and does product, scaling and update in one dispatch that writes one
+vector.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import bsr_matrix
+
+from gpusim.fem.device.arena import Allocator
+from gpusim.fem.device.block_texels import BlockTexels, block_texels_bytes, rows_of_matrix
+from gpusim.fem.device.linear_combination import DeviceSum
+from gpusim.fem.device.node_texels import Pair, node_texels, read_nodes, row_threads, vector_texels
+from gpusim.fem.device.stiffness import apply_stiffness
+from gpusim.fem.device.tet_forces import apply_tets, check_elements
+from gpusim.fem.device.tet_forces_single import SingleForces
+from gpusim.fem.device.tet_texels import TetTexels
+from gpusim.fem.multigrid.smoothers import Relaxation
+from gpusim.gpu import Bindings, Device, Recording, compare, twin_check
+from gpusim.gpu.texture_array import Texels
+
+__all__ = ["ColumnRelaxation", "DeviceRelaxation", "column_bytes", "relax_nodes", "relaxation"]
+
+Float = npt.NDArray[np.float64]
+
+
+def relax_nodes(
+    apply: Callable[[Float], Float],
+    inverse: Float,
+    x: Float,
+    before: Float | None,
+    b: Float,
+    step: Relaxation,
+) -> Float:
+    """x + keep (x - before) + gain D^-1 (b - A x) for (L,N,3) vectors, in float64.
+
+    The step of ``smoothers.relax`` with its change d = x - before; ``apply`` gives A x, ``inverse``
+    (N,3,3), ``before`` None is zero.
+    """
+    left = b - apply(x)
+    change = x if before is None else x - before
+    scaled = np.matmul(inverse, left[..., None])[..., 0]
+    return np.asarray(x + step.keep * change + step.gain * scaled)
+
+
+class DeviceRelaxation:
+    """A matrix and its inverted diagonal blocks (N,3,3), zero on fixed unknowns, on the device."""
+
+    def __init__(
+        self,
+        device: Allocator,
+        texels: BlockTexels | TetTexels,
+        inverse: Float,
+        cases: int,
+        label: str,
+    ) -> None:
+        self.device, self.cases, self.nodes = device, cases, len(inverse)
+        self._texels = texels
+        chosen = inverse[texels.example]
+        columns = np.zeros((len(chosen), 3, 4), dtype=np.float32)
+        columns[:, :, :3] = chosen.transpose(0, 2, 1)
+        # whether the unknown is free
+        columns[:, :, 3] = np.einsum("nii->ni", chosen) != 0.0
+        self._inverse = device.texels(3 * len(chosen), "rgba32float", f"{label}.inverse")
+        self._inverse.write(columns.reshape(-1, 4))
+        self._bound: dict[object, list[Bindings]] = {}
+
+    def vector(self, label: str) -> Texels:
+        """A vector of zeros, one texel per node."""
+        return vector_texels(self.device, self.cases, self.nodes, label)
+
+    def begin(self, recording: Recording, b: Texels, out: Texels, gain: float) -> None:
+        """Record out = gain D^-1 b."""
+        self._dispatch(recording, "begin", (0.0, 0.0, gain), b_in=b, x_out=out)
+
+    def relax(
+        self,
+        recording: Recording,
+        x: Texels,
+        before: Texels | None,
+        b: Texels,
+        step: Relaxation,
+        out: Texels,
+    ) -> None:
+        """Record what ``relax_nodes`` does; ``out`` must be none of the others."""
+        lag = 0.0 if before is None else step.keep
+        self._dispatch(
+            recording, "relax", (step.keep, lag, step.gain),
+            x_in=x, before_in=x if before is None else before, b_in=b, x_out=out,
+        )  # fmt: skip
+
+    def residual(self, recording: Recording, x: Texels, b: Texels, out: Texels) -> None:
+        """Record out = b - A x, zero on fixed unknowns."""
+        self._dispatch(recording, "residual", (0.0, 0.0, 0.0), x_in=x, b_in=b, x_out=out)
+
+    def _dispatch(
+        self,
+        recording: Recording,
+        entry: str,
+        factors: tuple[float, float, float],
+        **vectors: Texels,
+    ) -> None:
+        assert isinstance(self._texels, BlockTexels)
+        entry = f"{entry}4" if self._texels.packed else entry
+        key = (entry, factors, *(id(one) for one in vectors.values()))
+        if key not in self._bound:
+            self._bound[key] = [
+                self._bind(
+                    entry,
+                    factors,
+                    {"count": part.count, "cases": self.cases, "base": 0, "stride": part.stride},
+                    {"info": part.info, "neighbour": part.neighbour, "blocks": part.blocks},
+                    vectors,
+                )
+                for part in self._texels.parts
+            ]
+        kernel = self.device.kernel("fem/device/relaxation", entry=entry)
+        for part, bindings in zip(self._texels.parts, self._bound[key], strict=True):
+            recording.dispatch(kernel, bindings, threads=(row_threads(part.count, self.cases),))
+
+    def _bind(
+        self,
+        entry: str,
+        factors: tuple[float, float, float],
+        sizes: dict[str, int],
+        matrix: dict[str, Texels | None],
+        vectors: dict[str, Texels],
+    ) -> Bindings:
+        kernel = self.device.kernel("fem/device/relaxation", entry=entry)
+        steps = dict(zip(("keep", "lag", "gain"), factors, strict=True))
+        given: dict[str, object] = {
+            **matrix,
+            **vectors,
+            "inverse": self._inverse,
+            "params": {"nodes": self.nodes, **sizes, **steps},
+        }
+        return kernel.bind_used(**given)
+
+
+class TetRelaxation(DeviceRelaxation):
+    """The same for elements on the device: A x are sums of their forces, a load case at a time."""
+
+    def __init__(
+        self, device: Allocator, texels: TetTexels, inverse: Float, cases: int, label: str
+    ) -> None:
+        super().__init__(device, texels, inverse, cases, label)
+        self._forces = SingleForces(device, texels)
+
+    def _dispatch(
+        self,
+        recording: Recording,
+        entry: str,
+        factors: tuple[float, float, float],
+        **vectors: Texels,
+    ) -> None:
+        own = self._forces.texels
+        multiplies = entry != "begin"
+        entry = f"{entry}_forces" if multiplies else entry
+        key = (entry, factors, *(id(one) for one in vectors.values()))
+        if key not in self._bound:
+            sizes = {"count": self.nodes, "cases": 1, "stride": 1}
+            matrix: dict[str, Texels | None] = {
+                "info": own.info, "lists": own.lists, "forces": own.forces
+            }  # fmt: skip
+            self._bound[key] = [
+                self._bind(
+                    entry, factors, {**sizes, "base": case * (self.nodes + 1)}, matrix, vectors
+                )
+                for case in range(self.cases)
+            ]
+        kernel = self.device.kernel("fem/device/relaxation", entry=entry)
+        for case, bindings in enumerate(self._bound[key]):
+            if multiplies:
+                self._forces.record(recording, vectors["x_in"], case)
+            recording.dispatch(kernel, bindings, threads=(self.nodes,))
+
+
+class ColumnRelaxation:
+    """Steps with an ``inverse`` whose blocks lie anywhere, in 3x3 (``columns``), in place of D^-1;
+    ``relaxation`` is that of the matrix, ``own`` (N,3,3) zero on fixed unknowns.
+
+    A product with the inverse is what the residual's kernel subtracts from zero.
+    """
+
+    def __init__(
+        self,
+        device: Allocator,
+        relaxation: DeviceRelaxation,
+        inverse: bsr_matrix,
+        own: Float,
+        cases: int,
+        label: str,
+    ) -> None:
+        label = f"{label}.columns"
+        free = np.einsum("nii->ni", own) != 0.0
+        texels = BlockTexels(device, rows_of_matrix(inverse), free, 1.0, label, exact=False)
+        self._matrix = relaxation
+        self._inverse = DeviceRelaxation(device, texels, free[:, :, None] * np.eye(3), cases, label)
+        self._sum = DeviceSum(device, len(own), cases)
+        self._left, self._scaled, self._zero, self._spare = (self.vector(label) for _ in range(4))
+
+    def vector(self, label: str) -> Texels:
+        """A vector of zeros, one texel per node."""
+        return self._matrix.vector(label)
+
+    def begin(self, recording: Recording, b: Texels, out: Texels, gain: float) -> None:
+        """Record out = gain D^-1 b."""
+        self._inverse.residual(recording, b, self._zero, self._scaled)
+        self._add(recording, out, product=(-gain, self._scaled))
+
+    def relax(
+        self,
+        recording: Recording,
+        x: Texels,
+        before: Texels | None,
+        b: Texels,
+        step: Relaxation,
+        out: Texels,
+    ) -> None:
+        """Record out = x + keep (x - before) + gain D^-1 (b - A x); ``before`` None is zero."""
+        self.residual(recording, x, b, self._left)
+        self._inverse.residual(recording, self._left, self._zero, self._scaled)
+        terms = {"x": (1.0 + step.keep, x), "product": (-step.gain, self._scaled)}
+        if before is not None:
+            terms["before"] = (-step.keep, before)
+        self._add(recording, out, **terms)
+
+    def residual(self, recording: Recording, x: Texels, b: Texels, out: Texels) -> None:
+        """Record out = b - A x, zero on fixed unknowns."""
+        self._matrix.residual(recording, x, b, out)
+
+    def _add(self, recording: Recording, out: Texels, **terms: tuple[float, Texels]) -> None:
+        pairs = {name: (factor, Pair(one, self._zero)) for name, (factor, one) in terms.items()}
+        self._sum.record(recording, Pair(out, self._spare), **pairs)
+
+
+def column_bytes(inverse: bsr_matrix) -> int:
+    """Bytes that ``ColumnRelaxation`` takes beside four vectors; never less."""
+    degree = np.diff(inverse.indptr).astype(np.int64)
+    return block_texels_bytes(degree, degree, exact=False) + Texels.footprint(3 * len(degree))
+
+
+def relaxation(
+    device: Allocator, texels: BlockTexels | TetTexels, inverse: Float, cases: int, label: str
+) -> DeviceRelaxation:
+    """The smoother of a matrix as it is held on the device."""
+    if isinstance(texels, TetTexels):
+        return TetRelaxation(device, texels, inverse, cases, label)
+    return DeviceRelaxation(device, texels, inverse, cases, label)
+
+
+@twin_check("fem/device/relaxation")
+def _check(device: Device) -> None:
+    from gpusim.fem.assembly.assembly import assemble
+    from gpusim.fem.assembly.diagonal_blocks import invert_blocks
+    from gpusim.fem.model.formulation import resolve_formulation
+    from gpusim.fem.model.material import Isotropic
+    from gpusim.fem.model.model import Model
+    from gpusim.mesh import box
+
+    rng = np.random.default_rng(9)
+    regular = box((1.0, 0.4, 0.7), (9, 6, 5))
+    # moved nodes: every row is different
+    irregular = regular.moved(0.02 * rng.random(regular.points.shape))
+    for mesh in (regular, irregular):
+        model = Model(mesh, [Isotropic(1.0, 0.3)], fixed=np.zeros(mesh.points.shape, dtype=bool))
+        rows = assemble(model, resolve_formulation(model, None)).rows
+        free = mesh.points > mesh.points.min(axis=0)
+        inverse = invert_blocks(rows.diagonal[rows.row_class], free)
+        texels = BlockTexels(device, rows, free, 1.0, "fem.check", exact=False)
+        _compare(device, texels, partial(apply_stiffness, rows), inverse, free)
+    elements, nodes = check_elements()
+    free = rng.random((nodes, 3)) < 0.9
+    blocks = np.eye(3) + 0.1 * rng.normal(size=(nodes, 3, 3))
+    inverse = blocks * free[:, :, None] * free[:, None]
+    of_elements = TetTexels(device, elements, nodes, 1.0, "fem.check")
+    _compare(device, of_elements, partial(apply_tets, elements), inverse, free)
+
+
+def _compare(
+    device: Device,
+    texels: BlockTexels | TetTexels,
+    apply: Callable[[Float], Float],
+    inverse: Float,
+    free: npt.NDArray[np.bool_],
+) -> None:
+    x, before, b = np.random.default_rng(3).normal(size=(3, 2, *free.shape))
+    step = Relaxation(0.3, 0.7, 1.0)
+    smoother = relaxation(device, texels, inverse, 2, "fem.check")
+    x_in, before_in, b_in, *out = (smoother.vector("fem.check.vector") for _ in range(7))
+    for texture, values in ((x_in, x), (before_in, before), (b_in, b)):
+        texture.write(node_texels(values))
+    with device.recording("fem.check") as recording:
+        smoother.relax(recording, x_in, before_in, b_in, step, out[0])
+        smoother.relax(recording, x_in, None, b_in, step, out[1])
+        smoother.residual(recording, x_in, b_in, out[2])
+        smoother.begin(recording, b_in, out[3], 0.7)
+    wanted = (
+        relax_nodes(apply, inverse, x, before, b, step),
+        relax_nodes(apply, inverse, x, None, b, step),
+        np.where(free, b - apply(x), 0.0),
+        0.7 * np.matmul(inverse, b[..., None])[..., 0],
+    )
+    for texture, value in zip(out, wanted, strict=True):
+        # float32 sums of about eighty products of numbers of order one
+        compare("fem/device/relaxation", read_nodes(texture, 2), value, atol=2e-5, rtol=1e-5)

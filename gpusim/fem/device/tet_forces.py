@@ -1,0 +1,135 @@
+"""K u of quadratic tetrahedra, no K formed: twin and driver of
+``shaders/fem/device/tet_forces.wgsl``.
+
+A straight element's forces are written once and read once, 240 bytes; its share of the blocks of
+an assembled K are 40, 3 kB. Curved elements differ by three more sets of gradients.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.fem.device.arena import Allocator
+from gpusim.fem.device.node_texels import Pair, pair
+from gpusim.fem.device.tet_elements import TetElements, tet_elements
+from gpusim.fem.device.tet_texels import TetTexels
+from gpusim.fem.elements.element import ELEMENTS
+from gpusim.gpu import Bindings, Device, Kernel, Recording, compare, twin_check
+
+__all__ = ["DeviceTets", "apply_tets", "check_elements", "element_forces"]
+
+Float = npt.NDArray[np.float64]
+
+
+def element_forces(elements: TetElements, u: Float) -> Float:
+    """(M,10,3) forces of each element in NumPy float64, ``u`` (N,3), by quadrature."""
+    gradient = ELEMENTS["tet10"].rule("full").gradient
+    nodes = u[elements.cells]
+    derivative = np.einsum("qak,mai->mqki", gradient, nodes - nodes[:, :1])
+    straight = np.repeat(elements.straight[:, None], len(gradient), axis=1)
+    roots = np.concatenate([straight, elements.curved])
+    stress = np.einsum("mqki,mqkj->mqij", derivative, roots)
+    swelling = elements.ratio[:, None] * np.einsum("mqii->mq", stress)
+    stress = stress + stress.transpose(0, 1, 3, 2)
+    stress += swelling[:, :, None, None] * np.eye(3)
+    back = np.einsum("mqij,mqkj->mqki", stress, roots)
+    return np.asarray(np.einsum("qak,mqki->mai", gradient, back))
+
+
+def apply_tets(elements: TetElements, u: Float) -> Float:
+    """K u for ``u`` (L,N,3) -> (L,N,3)."""
+    result = np.zeros_like(u)
+    own = elements.cells.ravel()
+    for case, into in enumerate(result):
+        forces = element_forces(elements, u[case]).reshape(-1, 3)
+        for axis in range(3):
+            into[:, axis] = np.bincount(own, forces[:, axis], minlength=len(into))
+    return result
+
+
+class DeviceTets:
+    """K on the device, divided by ``scale``, as ``DeviceStiffness``; others may share ``texels``.
+
+    Load cases take turns: their forces use the same memory.
+    """
+
+    def __init__(
+        self, device: Allocator, elements: TetElements, nodes: int, scale: float, cases: int
+    ) -> None:
+        self.device, self.cases, self.nodes = device, cases, nodes
+        self.texels = TetTexels(device, elements, nodes, scale, "fem.tets")
+        self._bound: dict[tuple[int, int], list[tuple[Kernel, Bindings, int]]] = {}
+
+    def vector(self, u: Float, *, rounded: bool = False) -> Pair:
+        """Float64 values (L,N,3) in the form that ``record`` takes and, not ``rounded``, gives."""
+        result = pair(self.device, len(u), self.nodes, "fem.tets.u", rounded=rounded)
+        result.write(u)
+        return result
+
+    def record(self, recording: Recording, u: Pair, result: Pair) -> None:
+        """Record result = K u, (L,N,3) values; ``result`` not rounded."""
+        key = (id(u.high), id(result.high))
+        if key not in self._bound:
+            self._bound[key] = [
+                step for case in range(self.cases) for step in self._steps(u, result, case)
+            ]
+        for kernel, bindings, threads in self._bound[key]:
+            recording.dispatch(kernel, bindings, threads=(threads,))
+
+    def _steps(self, u: Pair, result: Pair, case: int) -> list[tuple[Kernel, Bindings, int]]:
+        own = self.texels
+        base = case * (self.nodes + 1)
+        steps = []
+        constants = {"rounded": float(u.rounded)}
+        for entry, first, count in own.parts:
+            kernel = self.device.kernel("fem/device/tet_forces", entry=entry, constants=constants)
+            bindings = kernel.bind(
+                cells=own.cells, roots=own.roots, u_high=u.high, u_low=u.second,
+                forces_out=own.forces, params={"first": first, "count": count, "base": base},
+            )  # fmt: skip
+            steps.append((kernel, bindings, count))
+        kernel = self.device.kernel("fem/device/tet_forces", entry="sums", constants=constants)
+        bindings = kernel.bind(
+            info=own.info, lists=own.lists, forces=own.forces, k_high=result.high,
+            k_low=result.second, params={"first": 0, "count": self.nodes, "base": base},
+        )  # fmt: skip
+        return [*steps, (kernel, bindings, self.nodes)]
+
+
+def check_elements() -> tuple[TetElements, int]:
+    """Straight and curved elements of two materials for a check, and how many nodes they have."""
+    from gpusim.fem.assembly.element_batches import model_groups
+    from gpusim.fem.model.formulation import resolve_formulation
+    from gpusim.fem.model.material import Isotropic
+    from gpusim.fem.model.model import Model
+    from gpusim.mesh import box, quadratic, split
+
+    rng = np.random.default_rng(4)
+    corners = split(box((1.0, 0.4, 0.7), (4, 3, 3)))
+    mesh = quadratic(corners.moved(0.02 * rng.random(corners.points.shape)))
+    middle = (np.arange(mesh.node_count) >= corners.node_count) & (mesh.points[:, 0] > 0.6)
+    mesh = mesh.moved(np.where(middle[:, None], 0.01 * rng.random(mesh.points.shape), 0.0))
+    model = Model(
+        mesh,
+        [Isotropic(1.0, 0.3), Isotropic(2.0, -0.1)],
+        fixed=np.zeros(mesh.points.shape, dtype=bool),
+        material_of_cell=(np.arange(mesh.cell_count) % 2).astype(np.int32),
+    )
+    elements = tet_elements(model_groups(model, resolve_formulation(model, None)))
+    assert elements is not None and len(elements.straight) and len(elements.curved)
+    return elements, mesh.node_count
+
+
+@twin_check("fem/device/tet_forces")
+def _check(device: Device) -> None:
+    elements, nodes = check_elements()
+    u = np.random.default_rng(6).normal(size=(2, nodes, 3))
+    operator = DeviceTets(device, elements, nodes, 1.0, 2)
+    result = operator.vector(np.zeros_like(u))
+    for rounded in (False, True):
+        source = operator.vector(u, rounded=rounded)
+        with device.recording("fem.check") as recording:
+            operator.record(recording, source, result)
+        wanted = apply_tets(elements, source.read(2))
+        compare("fem/device/tet_forces", result.read(2), wanted, atol=1e-11, rtol=1e-11)

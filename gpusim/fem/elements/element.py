@@ -1,0 +1,124 @@
+"""Solid elements as pure data: shape functions at the points of each integration rule.
+
+Shapes and rules live in ``gpusim.mesh`` (mesh quality needs them too); here they meet the
+formulations: which rule a named formulation integrates its stiffness with, and the internal modes
+of the incompatible hexahedron.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import InputError
+from gpusim.mesh.cell_types import CELL_TYPES
+from gpusim.mesh.quadrature import FULL_POINTS, cell_rule
+from gpusim.mesh.shape_functions import shape_functions, shape_gradients
+
+__all__ = ["ELEMENTS", "Element", "Rule", "mode_gradient"]
+
+Float = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Rule:
+    """Q quadrature points of an element with k nodes.
+
+    ``points`` (Q,3) reference coordinates, ``weight`` (Q,), ``shape`` (Q,k), ``gradient`` (Q,k,3)
+    d(shape)/d(xi).
+    """
+
+    points: Float
+    weight: Float
+    shape: Float
+    gradient: Float
+
+
+@dataclass(frozen=True, eq=False)
+class Element:
+    """One element type.
+
+    Parameters
+    ----------
+    name : cell type.
+    rules : formulation -> rule of its stiffness; the first one is the default.
+    mass : rule that is exact for products of two shape functions on a straight cell.
+    centre_gradient : (k,3) shape gradients at the centre of the reference cell.
+    """
+
+    name: str
+    rules: Mapping[str, Rule]
+    mass: Rule
+    centre_gradient: Float
+
+    @property
+    def formulations(self) -> tuple[str, ...]:
+        """The names it takes, default first."""
+        return tuple(self.rules)
+
+    def rule(self, formulation: str | None = None) -> Rule:
+        """The stiffness rule of a formulation; None: of the default one.
+
+        Raises InputError for a name that the element doesn't have.
+        """
+        if formulation is None:
+            return next(iter(self.rules.values()))
+        if formulation not in self.rules:
+            raise InputError(
+                f"formulation: not available for {self.name}; got {formulation!r}; "
+                f"expected one of {', '.join(self.rules)}"
+            )
+        return self.rules[formulation]
+
+
+def mode_gradient(rule: Rule) -> Float:
+    """(Q,3,3) reference gradients of the modes 1 - xi^2, 1 - eta^2, 1 - zeta^2 of a hexahedron."""
+    modes = np.zeros((len(rule.weight), 3, 3))
+    for axis in range(3):
+        modes[:, axis, axis] = -2.0 * rule.points[:, axis]
+    return modes
+
+
+# Formulation -> number of points; the first one is the default.
+_RULES: dict[str, dict[str, int]] = {
+    "hex8": {"incompatible": 8, "full": 8, "bbar": 8},
+    "hex20": {"full": 27, "reduced": 8},
+    "hex27": {"full": 27},
+    "tet4": {"full": 1},
+    "tet10": {"full": 4, "exact": 14},
+    "wedge6": {"full": 2, "exact": 6},
+    "wedge15": {"full": 9},
+    "pyramid5": {"full": 8},
+    "pyramid13": {"full": 27},
+}
+_MASS_POINTS = {
+    "hex8": 8, "hex20": 27, "hex27": 27, "tet4": 4, "tet10": 14, "wedge6": 6, "wedge15": 18,
+    "pyramid5": 8, "pyramid13": 27,
+}  # fmt: skip
+
+
+def _rule(kind: str, count: int) -> Rule:
+    points, weight = cell_rule(kind, count)
+    tables = shape_functions(kind, points), shape_gradients(kind, points)
+    for table in tables:
+        table.setflags(write=False)
+    return Rule(points, weight, *tables)
+
+
+def _element(kind: str) -> Element:
+    rules = {count: _rule(kind, count) for count in _RULES[kind].values()}
+    # the centroid of the reference cell: the one point of the smallest rules
+    centre, _ = cell_rule(kind, 2 if CELL_TYPES[kind].linear == "wedge6" else 1)
+    assert _RULES[kind]["full"] == FULL_POINTS[kind]
+    return Element(
+        name=kind,
+        rules={name: rules[count] for name, count in _RULES[kind].items()},
+        mass=_rule(kind, _MASS_POINTS[kind]),
+        centre_gradient=shape_gradients(kind, centre.mean(axis=0, keepdims=True))[0],
+    )
+
+
+ELEMENTS: dict[str, Element] = {kind: _element(kind) for kind in _RULES}

@@ -1,0 +1,143 @@
+"""A preconditioner for the pressures of trilinear bricks: mass, and checkerboards of all sizes.
+
+Pressures that alternate from cell to cell along two axes hardly push any node, and the less the
+more slowly their amplitude varies: S = B A^-1 B^T has eigenvalues as low as (h/L)^2 there (Boland &
+Nicolaides, SIAM J. Numer. Anal. 22 (1985) 474; Silvester & Kechkar, Comput. Methods Appl. Mech.
+Eng. 79 (1990) 71), while anywhere else it is about volume over shear modulus. What it does to their
+amplitudes is like a Laplacian, so these get what a Laplacian gets: hat functions of 2, 4, 8, ...
+cells, each divided by its own energy and summed up (Bramble, Pasciak & Xu, Math. Comput. 55 (1990)
+1). Their forces alternate from node to node, so that A is as good as its diagonal for them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.fem.incompressibility.volume_split import VolumeSplit
+
+__all__ = ["PressureScaling"]
+
+Float = npt.NDArray[np.float64]
+Bool = npt.NDArray[np.bool_]
+
+# axes along which a pressure alternates
+_FAMILIES = ((True, True, False), (False, True, True), (True, False, True), (True, True, True))
+# weight of all hat functions together: as many of them overlap
+_SHARE = 0.3
+# of the mass: B A^-1 B^T is at most volume over modulus, and less where something can give way
+_MASS = 0.7
+
+
+class PressureScaling:
+    """r -> Q^-1 r for pressures (M,), with Q about B A^-1 B^T + C.
+
+    ``diagonal`` (N,3) is that of A, zero where fixed; all in the units of ``split``.
+    """
+
+    def __init__(self, split: VolumeSplit, diagonal: Float) -> None:
+        lattice = split.lattice
+        assert lattice is not None
+        shape = lattice.cell.shape
+        self._shape = shape
+        self._at = np.ravel_multi_index(tuple(split.place.T), shape)
+        self._inverse = np.where(
+            split.split, 1.0 / (_MASS * split.volume / split.shear + split.compliance), 0.0
+        )
+        self._split = split.split
+        there = np.zeros(shape, dtype=bool)
+        there.ravel()[self._at] = split.split
+        compliance = np.zeros(shape)
+        compliance.ravel()[self._at] = np.where(split.split, split.compliance, 0.0)
+        grid = np.zeros((*lattice.node.shape, 3))
+        softness = np.divide(1.0, diagonal, out=np.zeros_like(diagonal), where=diagonal > 0.0)
+        grid[tuple(lattice.place.T)] = softness
+        whole = _touched(there) == _touched(np.ones(shape, dtype=bool))
+        size = [np.diff(planes) for planes in lattice.planes]
+        self._hats: list[tuple[list[Float | None], Float]] = []
+        for family in _FAMILIES:
+            step = 2
+            while step <= max(n for n, along in zip(shape, family, strict=True) if along):
+                hats = [_hats(n, step) if along else None
+                        for n, along in zip(shape, family, strict=True)]  # fmt: skip
+                energy = _energy(hats, size, grid, whole, compliance)
+                inverse = np.divide(_SHARE, energy, out=np.zeros_like(energy), where=energy > 0.0)
+                signed = [None if one is None else _alternating(one) for one in hats]
+                self._hats.append((signed, inverse))
+                step *= 2
+
+    def apply(self, r: Float) -> Float:
+        """Q^-1 r, (M,)."""
+        grid = np.zeros(self._shape)
+        grid.ravel()[self._at] = r
+        total = np.zeros(self._shape)
+        for hats, inverse in self._hats:
+            total += _along(_along(grid, hats, True) * inverse, hats, False)
+        return np.asarray(self._inverse * r + np.where(self._split, total.ravel()[self._at], 0.0))
+
+
+def _hats(cells: int, step: int) -> Float:
+    """(cells, knots): values at the middles of the cells of hat functions ``step`` cells wide."""
+    knots = np.linspace(0.0, cells, max(1, round(cells / step)) + 1)
+    middle = np.arange(cells) + 0.5
+    return np.asarray(np.maximum(0.0, 1.0 - np.abs(middle[:, None] - knots) / knots[1]))
+
+
+def _alternating(hats: Float) -> Float:
+    return hats * (1.0 - 2.0 * (np.arange(len(hats)) % 2))[:, None]
+
+
+def _along(values: Float, factors: list[Float | None], transposed: bool) -> Float:
+    """(X,Y,Z) multiplied along each axis by a matrix, or its transpose."""
+    for axis, factor in enumerate(factors):
+        if factor is None:
+            continue
+        matrix = factor.T if transposed else factor
+        if axis == 0:
+            values = (matrix @ values.reshape(len(values), -1)).reshape(-1, *values.shape[1:])
+        elif axis == 1:
+            values = np.matmul(matrix, values)
+        else:
+            values = values @ matrix.T
+    return np.asarray(values)
+
+
+def _touched(cells: Bool) -> npt.NDArray[np.int64]:
+    """(X+1,Y+1,Z+1): how many of the cells around each node are set."""
+    padded = np.pad(cells.astype(np.int64), 1)
+    for axis in range(3):
+        values = np.moveaxis(padded, axis, 0)
+        padded = np.moveaxis(values[1:] + values[:-1], 0, axis)
+    return padded
+
+
+def _energy(
+    hats: list[Float | None], size: list[Float], softness: Float, whole: Bool, compliance: Float
+) -> Float:
+    """t . (B D^-1 B^T + C) t of every product t of hats, without forming any.
+
+    Differences and means of products are products of differences and means. Beside cells which are
+    missing (``whole`` is False) nothing is taken to cancel, which gives an upper bound.
+    """
+    signed = [None if one is None else _alternating(one) for one in hats]
+    total = _along(compliance, [None if one is None else one**2 for one in hats], True)
+    for component in range(3):
+        own = softness[..., component]
+        for part, absolute in (
+            (np.where(whole, own, 0.0), False),
+            (np.where(whole, 0.0, own), True),
+        ):
+            if not part.any():
+                continue
+            factors: list[Float | None] = []
+            for axis, hat in enumerate(hats if absolute else signed):
+                cells = len(size[axis])
+                hat = np.eye(cells) if hat is None else hat
+                below, above = np.eye(cells + 1, cells), np.eye(cells + 1, cells, -1)
+                if axis == component:
+                    spread = above + below if absolute else above - below
+                else:
+                    spread = 0.5 * (above + below) * size[axis]
+                factors.append((spread @ hat) ** 2)
+            total = total + _along(part, factors, True)
+    return total

@@ -1,0 +1,293 @@
+"""The outer loop: runs of conjugate gradients inside a float64 refinement."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import NotConverged
+from gpusim.fem.assembly.definiteness import check_finite
+from gpusim.fem.assembly.system import System
+from gpusim.fem.krylov.error_estimates import BELOW, Estimates, Norm
+from gpusim.fem.krylov.rounding_error import VISIBLE, Blur, rounded
+from gpusim.fem.krylov.stopping_criterion import energy_bound
+
+__all__ = ["HARSH", "Outcome", "iterate"]
+
+Float = npt.NDArray[np.float64]
+
+# share of the tolerance up to which rounding leaves conjugate gradients enough of it
+_LITTLE = 0.5
+_MOST_REFINEMENTS = 12
+# share of the tolerance that the first run of conjugate gradients may leave, and a later one
+_AIM, _LATER_AIM = 0.7, 0.15
+# share of the tolerance to which r.z must have fallen, by the plain bound that is stated
+_ENOUGH = 0.95
+# ratio of stiffnesses from node to node beyond which the loads may not feel all soft modes, and
+# how much closer to go there
+HARSH, _HARSH_AIM = 1e3, 0.03
+# a run goes this far at least: after a few steps Ritz values tell little
+_LOOSEST = 1e-3
+# share of the tolerance within which a start counts as right by what its residual may do: the least
+# eigenvalue that this rests on may be several times too large
+_NEAR = 0.1
+# where the true residual has reached its own rounding, what a run left and what it moved the
+# solution by stand for the error, with this factor of safety
+_SAFETY = 3.0
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """Displacements (L,N,3) in the model's units, and how the iteration ended; ``forces`` are
+    K u (L,N,3), if they were formed for the last estimate."""
+
+    u: Float
+    converged: bool
+    error_estimate: float
+    iterations: int
+    residuals: Float
+    message: str
+    forces: Float | None = None
+
+
+def iterate(
+    system: System,
+    loop: Any,
+    norm: Norm,
+    start: Float | None,
+    *,
+    blur: Blur | None = None,
+    tolerance: float,
+    most: int,
+    chunk: int,
+    progress: Callable[[int, float], None] | None,
+) -> Outcome:
+    """Run until the estimate of every load case is at or below ``tolerance``.
+
+    Each run of conjugate gradients solves for a correction from the true residual, formed in
+    float64 on the host. The estimate that counts is that of the true residual,
+    ||e||_A <= sqrt(r . M^-1 r / mu); inside a run the Gauss-Radau bound decides.
+
+    Where rounding keeps the true residual from falling, that bound stays above the tolerance
+    however good the solution is, because it puts the whole residual into the softest mode. The
+    size of the last correction then tells the error: it solves for the same rounding. The
+    solution counts as converged if the run that gave it ended within its own bound and moved the
+    solution by little; the estimate is the sum of both, times a factor of safety.
+
+    ``blur`` tells what the rounding of K itself leaves open, which is added. Where that is much of
+    the tolerance, refinement goes on with forces by deformation.
+    """
+    refinement = _Refinement(system, loop, norm, start, tolerance, most, chunk, progress)
+    refinement.run(system)
+    left = 0.0 if blur is None else blur(system, refinement.total)
+    if left > VISIBLE * tolerance and refinement.iterations < most:
+        system = system.by_deformation()
+        refinement.run(system)
+        assert blur is not None
+        left = min(left, blur(system, refinement.total))
+    if refinement.beyond(left) and left <= _LITTLE * tolerance and refinement.iterations < most:
+        # both together were too much, and this part can still be made smaller
+        refinement.run(system, tolerance - left)
+    return refinement.outcome(system, left)
+
+
+class _Refinement:
+    """The solution so far; goes from one form of the system to another."""
+
+    def __init__(
+        self,
+        system: System,
+        loop: Any,
+        norm: Norm,
+        start: Float | None,
+        tolerance: float,
+        most: int,
+        chunk: int,
+        progress: Callable[[int, float], None] | None,
+    ) -> None:
+        self._loop, self._tolerance, self._most = loop, tolerance, most
+        self._chunk, self._progress = chunk, progress
+        self._factor = (system.scale / system.load_scale)[:, None, None]
+        self._begun = start is not None
+        self._x = np.zeros_like(system.right)
+        if start is not None:
+            self._x = np.where(system.free, start * self._factor, 0.0)
+        self._state = Estimates(system, norm)
+        self.iterations = 0
+        self._histories: list[Float] = []
+        self._first: Float | None = None
+        self._inside, self._note = min(tolerance, _LOOSEST), ""
+        if system.contrast > HARSH:
+            self._note = self._state.probe(loop, most)
+            self._inside *= _HARSH_AIM
+
+    @property
+    def total(self) -> Float:
+        """The scaled solution, prescribed displacements included."""
+        return self._x + self._state.given
+
+    def beyond(self, blur: float) -> bool:
+        """Whether the estimate is within the tolerance, but not with ``blur`` added."""
+        estimate = float(np.maximum(self._estimate, self._state.floor).max())
+        return estimate <= self._tolerance < estimate + blur
+
+    def run(self, system: System, tolerance: float | None = None) -> None:
+        """As far as one form of the system leads; to another ``tolerance`` if that is given."""
+        state, loop, most = self._state, self._loop, self._most
+        tolerance = self._tolerance if tolerance is None else tolerance
+        cases, norm = len(system.right), state.norm
+        self._estimate = np.full(cases, np.inf)
+        self._message = f"stopped after {most} iterations"
+        inside, drift = np.full(cases, np.inf), np.full(cases, np.inf)
+        left = np.full(cases, np.inf)
+        self._image: Float | None = None
+        for refinement in range(_MOST_REFINEMENTS):
+            x = self._x
+            self._image = system.apply(x) if self._begun else np.zeros_like(x)
+            residual = system.right - self._image
+            residual = np.where(system.free, residual, 0.0).reshape(cases, -1)
+            if refinement == 1 and not state.probed:
+                spread = state.apart(residual, loop.residual(), x)
+                if bool((left + spread <= tolerance).all()):
+                    self._estimate, self._message = left + spread, "converged"
+                    break
+            rz = loop.begin(residual)
+            check_finite(rz[None, :, None], "the preconditioned residual")
+            self._first = rz if self._first is None else self._first
+            if refinement or self._begun:
+                before = self._estimate
+                self._estimate = estimate = state.by_rz(rz, x)
+                if bool((estimate <= tolerance).all()):
+                    self._message = "converged"
+                    break
+                settled = _SAFETY * (inside + drift) <= tolerance
+                if refinement > 1 and bool((settled | (estimate <= tolerance)).all()):
+                    self._estimate = np.minimum(estimate, _SAFETY * (inside + drift))
+                    self._message = "converged to the rounding of the residual"
+                    break
+                stuck = refinement > 1 and not (estimate.max() <= 0.5 * before.max())
+                if stuck and self.iterations < most:
+                    error = f"{estimate.max():.2g}"
+                    self._message = f"stagnated at an estimated relative error of {error}"
+                    break
+            if self.iterations >= most:
+                break
+            _refuse_indefinite(system, rz < 0.0)
+            aim = _LATER_AIM if refinement else _AIM
+            report = self._progress
+            if report is not None:
+                report = partial(_shifted, report, self.iterations)
+            off = state.apart(residual, np.zeros_like(residual), x)
+            near = off <= _NEAR * tolerance
+            state.floor = np.where(near & ~np.isfinite(state.mu), off, state.floor)
+            correction, history, inside = _run(
+                system, loop, state, x, rz, near, aim * self._inside, _ENOUGH * tolerance,
+                most - self.iterations, self._chunk, report,
+            )  # fmt: skip
+            self._x, self._image, self._begun = x + correction, None, True
+            loop.keep()
+            left = state.left(history, rz, self._x)
+            size = state.size(self.total)
+            drift = norm.size(correction) / np.where(size > 0.0, size, 1e-300)
+            self.iterations += len(history)
+            self._histories.append(history)
+            if state.doubtful(self.iterations, aim * self._inside):
+                self._note = state.probe(loop, most)
+                self._inside = tolerance  # they are known now
+        else:
+            self._message = f"stopped after {_MOST_REFINEMENTS} refinements"
+
+    def outcome(self, system: System, blur: float) -> Outcome:
+        """By the form of the system that was refined last; ``blur`` is added to the estimate."""
+        estimates = np.maximum(self._estimate, self._state.floor)
+        converged = bool((estimates <= self._tolerance).all())
+        message, estimate = self._message, float(estimates.max()) + blur
+        if converged and not estimate <= self._tolerance:
+            converged, message = False, rounded(estimate)
+        residuals = np.zeros((0, len(self._estimate)))
+        if self._histories and self._first is not None:
+            lines, first = np.concatenate(self._histories)[:, :, 0], self._first
+            residuals = np.sqrt(np.maximum(lines, 0.0) / np.where(first > 0.0, first, 1.0))
+        u = np.where(system.free, self._x / self._factor, system.prescribed)
+        forces = None if self._image is None else system.forces(self._image)
+        return Outcome(
+            u, converged, estimate, self.iterations, residuals, message + self._note, forces
+        )
+
+
+def _run(
+    system: System,
+    loop: Any,
+    state: Estimates,
+    x: Float,
+    rz: Float,
+    near: npt.NDArray[np.bool_],
+    tolerance: float,
+    enough: float,
+    most: int,
+    chunk: int,
+    progress: Callable[[int, float], None] | None,
+) -> tuple[Float, Float, Float]:
+    """One run from the residual that the loop holds; returns (correction, history, estimate).
+
+    It ends where the sharp bound is at ``tolerance``, and the plain one by r.z, which the caller
+    goes by, at ``enough``: another run for the rest would begin anew. Where supports are moved, or
+    there is a start, a first one must have come far for its own correction, too: beside a far
+    motion, or a start that is nearly right, any correction is small, and its Ritz values would tell
+    nothing of the soft modes. Cases that are known to be ``near`` (L,) needn't.
+    """
+    history = np.zeros((0, len(rz), 4))
+    moved = state.given.any(axis=(1, 2)) | x.any(axis=(1, 2))
+    fresh = ~np.isfinite(state.mu) & moved & ~near
+    active = rz > 0.0
+    estimate = np.full(len(rz), np.inf)
+    estimate[~active] = 0.0
+    plain = estimate.copy()
+    correction, base = np.zeros_like(system.right), x + state.given
+    while active.any() and len(history) < most:
+        lines = loop.run(min(chunk, most - len(history)), active)
+        check_finite(lines, "conjugate gradients")
+        bent = active & ((lines[:, :, 3] <= 0.0) & (lines[:, :, 0] > 0.0)).any(axis=0)
+        if bent.any():
+            case = system.first_case + np.flatnonzero(bent)[0]
+            raise NotConverged(
+                f"conjugate gradients: negative curvature in load case {case}; got "
+                f"p.Kp = {lines[:, bent, 3].min():.3g}; expected a positive definite stiffness"
+            )
+        _refuse_indefinite(system, (active & (lines[:, :, 2] < 0.0)).any(axis=0))
+        history = np.concatenate([history, lines])
+        state.learn(history)
+        correction = loop.correction().reshape(x.shape)
+        energy, left = np.zeros(len(rz)), np.zeros(len(rz))
+        for case in np.flatnonzero(active):
+            energy[case] = energy_bound(history[:, case], BELOW * state.mu[case])
+            last = history[-1, case]
+            left[case] = np.sqrt(last[0] * last[2] / (BELOW * state.mu[case]))
+        size = state.size(base + correction)
+        estimate = np.where(active, state.over(energy, size), estimate)
+        plain = np.where(active & (energy > 0.0), state.over(left, size), estimate)
+        told = ~fresh | (state.over(energy, state.norm.size(correction)) <= _LOOSEST)
+        active &= ~((estimate <= tolerance) & (plain <= enough) & told)
+        if progress is not None:
+            progress(len(history), float(estimate.max()))
+    return correction, history, estimate
+
+
+def _shifted(progress: Callable[[int, float], None], done: int, now: int, error: float) -> None:
+    progress(done + now, error)
+
+
+def _refuse_indefinite(system: System, bad: npt.NDArray[np.bool_]) -> None:
+    """``bad`` (L,): where r.z is negative."""
+    if bad.any():
+        raise NotConverged(
+            "conjugate gradients: the preconditioner isn't positive definite in load case "
+            f"{system.first_case + np.flatnonzero(bad)[0]}; got r.z < 0 (are materials or "
+            "element sizes extremely unequal?); expected r.z > 0, or method 'direct' "
+            "or 'block_jacobi'"
+        )

@@ -1,0 +1,125 @@
+"""Host products on a lattice whose rows repeat: small dense matrices in place of a sparse one.
+
+See ``lattice_runs`` for how. An assembled matrix has to be read from memory every time, 27 blocks
+of 72 bytes a node.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import bsr_matrix
+
+from gpusim.fem.assembly.block_rows import BlockRows
+from gpusim.fem.lattice.lattice import Lattice
+from gpusim.fem.lattice.lattice_runs import RunLayout, RunPattern, numbering_axes
+from gpusim.fem.lattice.run_sums import RowSums
+
+__all__ = ["Stencil", "StencilProduct", "stencil_of"]
+
+Float = npt.NDArray[np.float64]
+Int = npt.NDArray[np.int32]
+
+# fewer nodes aren't worth the trouble
+_LEAST = 4000
+
+
+@dataclass(frozen=True, eq=False)
+class Stencil:
+    """Block rows by place: ``blocks`` (C,27,3,3) at ``OFFSETS`` of each distinct row, zero where
+    there is no neighbour, and ``row_class`` (N,) int32."""
+
+    lattice: Lattice
+    row_class: Int
+    blocks: Float
+
+    @property
+    def diagonal(self) -> Float:
+        """(C,3,3) diagonal blocks."""
+        return self.blocks[:, 13]
+
+    @cached_property
+    def product(self) -> StencilProduct | None:
+        """See ``StencilProduct.of``."""
+        return StencilProduct.of(self)
+
+    @property
+    def matrix(self) -> bsr_matrix:
+        """The same as a SciPy block matrix, which is many times as large and isn't kept."""
+        neighbours = self.lattice.neighbours()
+        here = neighbours >= 0
+        start = np.concatenate([[0], np.cumsum(here.sum(axis=1))])
+        at = (27 * self.row_class.astype(np.int64)[:, None] + np.arange(27))[here]
+        size = 3 * self.lattice.node_count
+        data = self.blocks.reshape(-1, 3, 3)[at]
+        return bsr_matrix((data, neighbours[here], start), shape=(size, size))
+
+
+def stencil_of(rows: BlockRows, lattice: Lattice, scale: float) -> Stencil:
+    """The rows of K / scale by their place on the lattice."""
+    _, first = np.unique(rows.row_class, return_index=True)
+    blocks = np.zeros((rows.class_count, 27, 3, 3))
+    # the table is in the order of the neighbours, class by class
+    blocks[lattice.linked(first)] = rows.table
+    blocks[:, 13] = rows.diagonal
+    return Stencil(lattice, rows.row_class, blocks / scale)
+
+
+class StencilProduct:
+    """x (L,3N) -> K x for a stencil; the sums don't depend on the number of threads. Not to be
+    called by two threads at once: it keeps its work space."""
+
+    @staticmethod
+    def of(stencil: Stencil) -> StencilProduct | None:
+        """None where the rows repeat too little, or the lattice is too small or too empty."""
+        lattice = stencil.lattice
+        if lattice.node_count < max(_LEAST, lattice.node.size // 2):
+            return None
+        layout = RunLayout(lattice, numbering_axes(lattice))
+        pattern = RunPattern(layout, stencil.row_class, len(stencil.blocks))
+        return StencilProduct(stencil, pattern) if pattern.worthwhile else None
+
+    def __init__(self, stencil: Stencil, pattern: RunPattern) -> None:
+        self.stencil, self.layout = stencil, pattern.layout
+        self._pattern = pattern
+        self._matrices = pattern.matrices(stencil.blocks, np.float64)
+        self._x, self._result = self.layout.zeros(np.float64), self.layout.zeros(np.float64)
+
+    @property
+    def matrix(self) -> bsr_matrix:
+        """The same as a SciPy block matrix."""
+        return self.stencil.matrix
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of the matrices of all kinds of runs."""
+        return int(self._matrices.nbytes)
+
+    @property
+    def unknowns(self) -> int:
+        return 3 * self.stencil.lattice.node_count
+
+    def __call__(self, x: Float) -> Float:
+        return np.stack([self._one(one) for one in x])
+
+    @property
+    def in_differences(self) -> Callable[[Float], Float] | None:
+        """(L,N,3) -> K x as accurate as from differences u_j - u_i, for rows that add up to zero;
+        None where places are empty."""
+        if not bool(self.layout.present.all()):
+            return None
+        return lambda x: np.stack([self._one(one, True) for one in x]).reshape(x.shape)
+
+    @cached_property
+    def _sums(self) -> RowSums:
+        return RowSums.of(self._matrices)
+
+    def _one(self, x: Float, relative: bool = False) -> Float:
+        self.layout.put(x, self._x)
+        sums = self._sums if relative else None
+        self._pattern.apply(self._matrices, self._x, self._result, relative=sums)
+        return self.layout.get(self._result)

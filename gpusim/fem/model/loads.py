@@ -1,0 +1,197 @@
+"""Consistent nodal forces: each function returns (N,3) float64, to be added up freely.
+
+Loads act on the undeformed mesh. Forces that belong to strains (temperature) are in ``thermal``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.arrays.sorted_unique import distinct
+from gpusim.errors import InputError
+from gpusim.fem.elements.element import ELEMENTS
+from gpusim.fem.elements.face_element import face_groups
+from gpusim.fem.elements.isoparametric_map import add_to, volumes
+from gpusim.mesh import Faces, Mesh
+from gpusim.parallel.blas_threads import one_blas_thread
+from gpusim.validation import unmasked
+
+__all__ = [
+    "body_force",
+    "centrifugal",
+    "face_force",
+    "nodal_force",
+    "pressure",
+    "traction",
+]
+
+Float = npt.NDArray[np.float64]
+
+_CHUNK = 16384
+
+
+@unmasked()
+@one_blas_thread()
+def nodal_force(mesh: Mesh, nodes: npt.ArrayLike, total: npt.ArrayLike) -> Float:
+    """``total`` (3,) shared equally by ``nodes`` (K,)."""
+    given = np.asarray(nodes)
+    if given.size and given.dtype.kind not in "iu":
+        raise InputError(f"nodal_force: nodes; got {given.dtype}; expected integer node numbers")
+    numbers = distinct(given.astype(np.int64))
+    if numbers.size == 0 or numbers[0] < 0 or numbers[-1] >= mesh.node_count:
+        raise InputError(
+            f"nodal_force: nodes; got {numbers.size} numbers "
+            f"{numbers[:3].tolist()}…; expected at least one in 0 … {mesh.node_count - 1}"
+        )
+    forces = np.zeros((mesh.node_count, 3))
+    forces[numbers] = vector("nodal_force: total", total) / len(numbers)
+    return forces
+
+
+@unmasked()
+@one_blas_thread()
+def face_force(mesh: Mesh, faces: Faces, total: npt.ArrayLike) -> Float:
+    """``total`` (3,) spread uniformly over the area of ``faces``."""
+    force = vector("face_force: total", total)
+    weights = _integrate(mesh, faces, _area)
+    return np.asarray(weights * (force / weights[:, 0].sum()))
+
+
+@unmasked()
+@one_blas_thread()
+def traction(mesh: Mesh, faces: Faces, value: npt.ArrayLike) -> Float:
+    """Force per area ``value`` (3,) on the undeformed ``faces``."""
+    stress = vector("traction: value", value)
+    return _integrate(mesh, faces, _area) * stress
+
+
+def pressure(mesh: Mesh, faces: Faces, value: float) -> Float:
+    """Pressure ``value`` (positive pushes into the body) on the undeformed ``faces``."""
+    if not np.isfinite(value):
+        raise InputError(f"pressure: value; got {value}; expected a finite number")
+    return _integrate(mesh, faces, lambda normal: -value * normal)
+
+
+@unmasked()
+@one_blas_thread()
+def body_force(
+    mesh: Mesh,
+    density: npt.ArrayLike,
+    acceleration: npt.ArrayLike,
+    *,
+    formulation: Mapping[str, str] | None = None,
+) -> Float:
+    """Gravity and the like: ``density`` times ``acceleration`` (3,).
+
+    density : scalar or (M,) per cell.
+    formulation : cell type -> formulation whose stiffness rule integrates (other programs do so);
+        None: a rule that is exact on straight cells.
+    """
+    constant = vector("body_force: acceleration", acceleration)
+
+    def everywhere(place: Float) -> Float:
+        return np.broadcast_to(constant, place.shape)
+
+    return _inertia_force("body_force", mesh, density, everywhere, formulation)
+
+
+@unmasked()
+@one_blas_thread()
+def centrifugal(
+    mesh: Mesh,
+    density: npt.ArrayLike,
+    axis_point: npt.ArrayLike,
+    axis: npt.ArrayLike,
+    omega: float,
+    *,
+    formulation: Mapping[str, str] | None = None,
+) -> Float:
+    """Steady rotation: density omega^2 times the distance vector from the axis, outward.
+
+    density : scalar or (M,) per cell.
+    axis_point, axis : (3,) a point on the axis and its direction (any length > 0).
+    omega : angular velocity, rad per unit of time; its sign doesn't matter.
+    formulation : as for ``body_force``.
+    """
+    origin = vector("centrifugal: axis_point", axis_point)
+    direction = vector("centrifugal: axis", axis)
+    length = float(np.linalg.norm(direction))
+    if not length > 0.0:
+        raise InputError(f"centrifugal: axis; got {axis!r}; expected a direction that isn't zero")
+    if not np.isfinite(omega):
+        raise InputError(f"centrifugal: omega; got {omega!r}; expected a finite number")
+    direction = direction / length
+
+    def acceleration(place: Float) -> Float:
+        arm = place - origin
+        return np.asarray(omega**2 * (arm - (arm @ direction)[..., None] * direction))
+
+    return _inertia_force("centrifugal", mesh, density, acceleration, formulation)
+
+
+def _inertia_force(
+    what: str,
+    mesh: Mesh,
+    density: npt.ArrayLike,
+    acceleration: Callable[[Float], Float],
+    formulation: Mapping[str, str] | None,
+) -> Float:
+    """Integral of shape function x density x ``acceleration`` of the place (…,3) -> (…,3)."""
+    try:
+        rho = np.asarray(density, dtype=np.float64)
+    except (TypeError, ValueError):
+        rho = np.full((), np.nan)
+    if rho.shape not in ((), (mesh.cell_count,)) or not np.isfinite(rho).all():
+        raise InputError(
+            f"{what}: density; got shape {rho.shape}; expected a finite number or "
+            f"({mesh.cell_count},) of them"
+        )
+    rho = np.broadcast_to(rho, (mesh.cell_count,))
+    forces = np.zeros((mesh.node_count, 3))
+    for kind, first, block in mesh.blocks():
+        element = ELEMENTS[kind]
+        name = (formulation or {}).get(kind)
+        rule = element.mass if name is None else element.rule(name)
+        for start in range(0, len(block), _CHUNK):
+            cells = block[start : start + _CHUNK]
+            nodes = mesh.points[cells]
+            mass = volumes(nodes, rule)
+            mass *= rho[first + start : first + start + len(cells), None]
+            load = acceleration(np.matmul(rule.shape, nodes)) * mass[..., None]
+            add_to(forces, cells, np.matmul(rule.shape.T, load))
+    return forces
+
+
+def vector(where: str, value: npt.ArrayLike) -> Float:
+    """(3,) finite float64, or InputError."""
+    try:
+        numbers = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        numbers = np.full(1, np.nan)
+    if numbers.shape != (3,) or not np.isfinite(numbers).all():
+        raise InputError(f"{where}; got {value!r}; expected 3 finite numbers")
+    return numbers
+
+
+def _area(normal: Float) -> Float:
+    size = np.linalg.norm(normal, axis=-1, keepdims=True)
+    return np.broadcast_to(size, normal.shape)
+
+
+def _integrate(mesh: Mesh, faces: Faces, density: Callable[[Float], Float]) -> Float:
+    """(N,3) nodal integrals of shape function x density(area vectors (…,3)) over the faces."""
+    if len(faces) == 0:
+        raise InputError("face load: no faces; got an empty selection; expected at least one face")
+    forces = np.zeros((mesh.node_count, 3))
+    for element, _, nodes in face_groups(faces):
+        corners = mesh.points[nodes]
+        # relative to the first corner: large offsets don't cost digits
+        corners = corners - corners[:, :1]
+        tangent = np.einsum("fki,qkj->fqij", corners, element.gradient)
+        normal = np.cross(tangent[..., 0], tangent[..., 1]) * element.weight[:, None]
+        share = np.matmul(element.shape.T, density(normal))
+        add_to(forces, nodes, share)
+    return forces

@@ -1,0 +1,228 @@
+"""Materials: linear elasticity with thermal expansion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import InputError
+from gpusim.validation import is_number, real_numbers
+
+__all__ = ["Isotropic", "Material", "Orthotropic"]
+
+Float = npt.NDArray[np.float64]
+Triple = tuple[float, float, float]
+
+# pairs of axes of the shear components, in the order xy yz zx
+_SHEAR = ((0, 1), (1, 2), (2, 0))
+
+
+@runtime_checkable
+class Material(Protocol):
+    """What a model asks of a material; all in global axes and any consistent units."""
+
+    @property
+    def density(self) -> float:
+        """Mass per volume, >= 0."""
+
+    def stiffness(self) -> Float:
+        """(6,6) stress over strain, order xx yy zz xy yz zx, engineering shear strains."""
+
+    def expansion_strain(self) -> Float:
+        """(6,) free strain per unit of temperature change, same order."""
+
+
+@dataclass(frozen=True)
+class Isotropic:
+    """Linear isotropic elasticity, in any consistent units.
+
+    ``E`` Young's modulus > 0, ``nu`` Poisson's ratio in (-1, 0.5), ``density`` >= 0 (needed for
+    gravity, rotation and mass), ``expansion`` linear thermal expansion per unit of temperature.
+    Raises InputError outside these ranges.
+    """
+
+    E: float
+    nu: float
+    density: float = 0.0
+    expansion: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name, expected, good in (
+            ("E", " > 0", lambda value: value > 0.0),
+            ("nu", " in (-1, 0.5)", lambda value: -1.0 < value < 0.5),
+            ("density", " >= 0", lambda value: value >= 0.0),
+            ("expansion", "", lambda value: True),
+        ):
+            value = _number(getattr(self, name), f"Isotropic: {name}", expected)
+            if not good(value):
+                raise InputError(
+                    f"Isotropic: {name} out of range; got {value!r}; expected a number{expected}"
+                )
+            object.__setattr__(self, name, value)
+
+    def stiffness(self) -> Float:
+        """(6,6) stress over strain, order xx yy zz xy yz zx, engineering shear strains."""
+        lame = self.E * self.nu / ((1.0 + self.nu) * (1.0 - 2.0 * self.nu))
+        shear = 0.5 * self.E / (1.0 + self.nu)
+        matrix = np.zeros((6, 6))
+        matrix[:3, :3] = lame
+        matrix[np.arange(3), np.arange(3)] += 2.0 * shear
+        matrix[np.arange(3, 6), np.arange(3, 6)] = shear
+        return matrix
+
+    def expansion_strain(self) -> Float:
+        """(6,) free strain per unit of temperature change: ``expansion`` in xx, yy, zz."""
+        return np.array([self.expansion] * 3 + [0.0] * 3)
+
+
+@dataclass(frozen=True)
+class Orthotropic:
+    """Linear orthotropic elasticity, in any consistent units.
+
+    Parameters
+    ----------
+    E : (E1, E2, E3) Young's moduli along the material axes, > 0.
+    nu : (nu12, nu23, nu31). nu_ij is the contraction along j over the extension along i when
+        pulled along i: strain_j = -nu_ij strain_i. So nu_ij / E_i = nu_ji / E_j; tables (and
+        Abaqus decks) that give nu13 want nu31 = nu13 E3 / E1.
+    G : (G12, G23, G31) shear moduli, > 0.
+    density : >= 0.
+    expansion : (a1, a2, a3) thermal expansion along the material axes.
+    axes : (3,3), row i is the unit vector of material axis i in global axes; right-handed.
+        Default: the global axes. Directions that deviate from orthonormal by less than 1e-6 are
+        made exactly so.
+
+    Raises InputError for wrong numbers, and for moduli that give no positive definite stiffness
+    (energy would be gained by deforming): needs |nu_ij| < sqrt(E_i / E_j) and
+    1 - nu12 nu21 - nu23 nu32 - nu31 nu13 - 2 nu21 nu32 nu13 > 0.
+    """
+
+    E: Triple
+    nu: Triple
+    G: Triple
+    density: float = 0.0
+    expansion: Triple = (0.0, 0.0, 0.0)
+    axes: tuple[Triple, Triple, Triple] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+    def __post_init__(self) -> None:
+        for name, expected in (("E", "> 0"), ("nu", ""), ("G", "> 0"), ("expansion", "")):
+            values = _numbers(getattr(self, name), (3,))
+            good = values is not None and (expected == "" or bool((values > 0.0).all()))
+            if values is None or not good:
+                raise InputError(
+                    f"Orthotropic: {name} out of range; got {getattr(self, name)!r}; "
+                    f"expected three numbers {expected}".rstrip()
+                )
+            object.__setattr__(self, name, tuple(values.tolist()))
+        density = _number(self.density, "Orthotropic: density", " >= 0")
+        if not density >= 0.0:
+            raise InputError(
+                f"Orthotropic: density out of range; got {self.density!r}; expected a number >= 0"
+            )
+        object.__setattr__(self, "density", density)
+        object.__setattr__(self, "axes", _rotation(self.axes))
+        _check_definite(self.E, self.nu)
+
+    def stiffness(self) -> Float:
+        """(6,6) stress over strain in global axes, order xx yy zz xy yz zx, engineering shear."""
+        compliance = np.diag([*(1.0 / np.array(self.E)), *(1.0 / np.array(self.G))])
+        for (i, j), nu in zip(_SHEAR, self.nu, strict=True):
+            compliance[i, j] = compliance[j, i] = -nu / self.E[i]
+        own = np.zeros((6, 6))
+        own[:3, :3] = np.linalg.inv(compliance[:3, :3])
+        own[np.arange(3, 6), np.arange(3, 6)] = self.G
+        turn = strain_rotation(np.array(self.axes))
+        matrix = turn.T @ own @ turn
+        return np.asarray(0.5 * (matrix + matrix.T))
+
+    def expansion_strain(self) -> Float:
+        """(6,) free strain per unit of temperature change in global axes, engineering shear."""
+        axes = np.array(self.axes)
+        strain = axes.T @ np.diag(self.expansion) @ axes
+        shear = [2.0 * strain[i, j] for i, j in _SHEAR]
+        return np.array([*np.diag(strain), *shear])
+
+
+def strain_rotation(axes: Float) -> Float:
+    """(6,6) T with strain along ``axes`` (rows) = T strain in global axes (engineering shear).
+
+    e'_ij = a_ik a_jl e_kl. Stress turns with the inverse transpose, stiffness as T^t C T.
+    """
+    pairs = ((0, 0), (1, 1), (2, 2), *_SHEAR)
+    matrix = np.empty((6, 6))
+    for row, (i, j) in enumerate(pairs):
+        for column, (k, m) in enumerate(pairs):
+            value = axes[i, k] * axes[j, m]
+            if k != m:
+                value = 0.5 * (value + axes[i, m] * axes[j, k])
+            matrix[row, column] = value if row < 3 else 2.0 * value
+    return matrix
+
+
+def _number(value: Any, what: str, expected: str) -> float:
+    """A finite number. Raises InputError for anything else, an array of one number included."""
+    if not is_number(value):
+        raise InputError(f"{what}; got {value!r}; expected a number{expected}")
+    try:
+        number = float(value)
+    except OverflowError:  # a whole number of more than 308 digits
+        number = np.inf
+    if not np.isfinite(number):
+        raise InputError(f"{what} out of range; got {number!r}; expected a number{expected}")
+    return number
+
+
+def _numbers(value: Any, shape: tuple[int, ...]) -> Float | None:
+    """Finite float64 of that shape, or None."""
+    if isinstance(value, Sequence) and any(isinstance(one, bool) for one in value):
+        return None
+    try:
+        array = real_numbers(value, "")
+    except InputError:
+        return None
+    return array if array.shape == shape and bool(np.isfinite(array).all()) else None
+
+
+def _rotation(value: Any) -> tuple[Triple, ...]:
+    axes = _numbers(value, (3, 3))
+    expected = "three orthonormal rows, right-handed"
+    if axes is None:
+        raise InputError(f"Orthotropic: axes; got {value!r}; expected {expected}")
+    off = float(np.abs(axes @ axes.T - np.eye(3)).max())
+    if not off <= 1e-6:
+        raise InputError(
+            f"Orthotropic: axes are off orthonormal by {off:.2g}; got {axes.tolist()}; "
+            f"expected {expected}"
+        )
+    if not np.linalg.det(axes) > 0.0:
+        raise InputError(
+            f"Orthotropic: axes are left-handed; got {axes.tolist()}; expected {expected}"
+        )
+    left, _, right = np.linalg.svd(axes)
+    exact = left @ right
+    # what is exact already stays as it was given
+    rows = axes if off <= 1e-15 else exact
+    return tuple((float(a), float(b), float(c)) for a, b, c in rows)
+
+
+def _check_definite(E: Triple, nu: Triple) -> None:
+    for (i, j), value in zip(_SHEAR, nu, strict=True):
+        limit = float(np.sqrt(E[i] / E[j]))
+        if not abs(value) < limit:
+            raise InputError(
+                f"Orthotropic: nu{i + 1}{j + 1} makes the stiffness indefinite; got {value!r}; "
+                f"expected a size below sqrt(E{i + 1}/E{j + 1}) = {limit:.6g}"
+            )
+    # with x_ij = nu_ij sqrt(E_j / E_i), the scaled compliance's determinant
+    x, y, z = (value * np.sqrt(E[j] / E[i]) for (i, j), value in zip(_SHEAR, nu, strict=True))
+    rest = 1.0 - x * x - y * y - z * z - 2.0 * x * y * z
+    if not rest > 1e-12:
+        raise InputError(
+            f"Orthotropic: nu makes the stiffness indefinite; got {nu} with E {E} "
+            f"(1 - nu12 nu21 - nu23 nu32 - nu31 nu13 - 2 nu21 nu32 nu13 = {rest:.3g}); "
+            "expected a positive value"
+        )

@@ -1,0 +1,204 @@
+"""The model: mesh, materials, supports and nodal loads."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import InputError
+from gpusim.fem.model.material import Material
+from gpusim.mesh import Mesh
+from gpusim.validation import unmasked
+
+__all__ = ["Model"]
+
+Float = npt.NDArray[np.float64]
+
+
+@unmasked()
+@dataclass(frozen=True, eq=False)
+class Model:
+    """A linear static problem in any consistent units.
+
+    Parameters
+    ----------
+    mesh : the body (or bodies).
+    materials : ``Isotropic``, ``Orthotropic``, or anything else that has a ``Material``'s parts;
+        a list of them; a single one is taken as a list of one.
+    material_of_cell : (M,) index into ``materials`` per global cell; None: all the first.
+    fixed : (N,3) bool, degrees of freedom whose displacement is given; None: none is, which
+        `solve` refuses.
+    prescribed : (N,3) float64 displacement where ``fixed``, or (L,N,3), one per load case;
+        None: zero. Non-zero elsewhere is an error, so that a forgotten ``fixed`` can't pass.
+    forces : (N,3) or (L,N,3) float64 nodal forces, L load cases; None: zero. One (N,3) with L
+        prescribed displacements counts in every load case.
+
+    Arrays are copied, checked and made read-only. Raises InputError.
+    """
+
+    mesh: Mesh
+    materials: Sequence[Material]
+    fixed: npt.NDArray[np.bool_] | None = None
+    forces: Float | None = None
+    material_of_cell: npt.NDArray[np.int32] | None = None
+    prescribed: Float | None = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.mesh, Mesh):
+            raise InputError(f"Model.mesh: got {type(self.mesh).__name__}; expected a Mesh")
+        shape = self.mesh.points.shape
+        materials = _materials(self.materials)
+        _check_stiffness(materials)
+        fixed = np.zeros(shape, dtype=bool) if self.fixed is None else np.array(self.fixed)
+        if fixed.shape != shape or fixed.dtype != np.bool_:
+            raise InputError(f"Model.fixed: got {fixed.shape} {fixed.dtype}; expected {shape} bool")
+        forces = np.zeros(shape) if self.forces is None else _float("forces", self.forces)
+        if forces.shape != shape and forces.shape[1:] != shape:
+            raise InputError(
+                f"Model.forces: wrong shape; got {forces.shape}; expected {shape} or "
+                f"(L, {shape[0]}, 3)"
+            )
+        if forces.size == 0:
+            raise InputError("Model.forces: no load case; got L = 0; expected L >= 1")
+        given = np.zeros(shape) if self.prescribed is None else self.prescribed
+        prescribed = _float("prescribed", given)
+        cases = (len(forces), *shape) if forces.ndim == 3 else (len(prescribed), *shape)
+        if prescribed.shape not in (shape, cases) or prescribed.size == 0:
+            raise InputError(
+                f"Model.prescribed: wrong shape; got {prescribed.shape}; expected {shape}, or "
+                f"({len(forces) if forces.ndim == 3 else 'L'}, {shape[0]}, 3) for each load case"
+            )
+        if prescribed.ndim == 3 and forces.ndim == 2:
+            forces = np.repeat(forces[None], len(prescribed), axis=0)
+        loose = np.flatnonzero(((prescribed != 0.0) & ~fixed).reshape(-1, *shape).any(axis=(0, 2)))
+        if loose.size:
+            raise InputError(
+                f"Model.prescribed: {loose.size} nodes have a displacement but aren't fixed; "
+                f"got node {loose[0]}; expected fixed = True there"
+            )
+        cells = self.mesh.cell_count
+        if self.material_of_cell is None:
+            of_cell = np.zeros(cells, dtype=np.int32)
+        else:
+            of_cell = _material_numbers(self.material_of_cell, cells, len(materials))
+        _refuse_loaded_dangling(self.mesh, forces, fixed)
+        for array in (fixed, forces, prescribed, of_cell):
+            array.setflags(write=False)
+        object.__setattr__(self, "materials", materials)
+        object.__setattr__(self, "fixed", fixed)
+        object.__setattr__(self, "forces", forces)
+        object.__setattr__(self, "prescribed", prescribed)
+        object.__setattr__(self, "material_of_cell", of_cell)
+
+    @property
+    def load_cases(self) -> Float:
+        """(L,N,3) float64, also for a single load case."""
+        assert self.forces is not None
+        return self.forces if self.forces.ndim == 3 else self.forces[None]
+
+    @property
+    def prescribed_cases(self) -> Float:
+        """(1,N,3) or (L,N,3) float64: the same for all load cases, or one for each."""
+        assert self.prescribed is not None
+        return self.prescribed if self.prescribed.ndim == 3 else self.prescribed[None]
+
+    @property
+    def densities(self) -> Float:
+        """(M,) density per cell."""
+        return np.array([one.density for one in self.materials])[self.material_of_cell]
+
+
+def _materials(given: Any) -> tuple[Material, ...]:
+    """A single material as a list of one. Raises InputError naming what is none."""
+    if _is_material(given):
+        return (given,)
+    expected = "expected Isotropic or Orthotropic, or a list of them"
+    if not isinstance(given, Iterable):
+        raise InputError(f"Model.materials: got {type(given).__name__}; {expected}")
+    materials = tuple(given)
+    if not materials:
+        raise InputError(f"Model.materials: got none; {expected}")
+    for number, one in enumerate(materials):
+        if not _is_material(one):
+            got = f"the class {one.__name__}" if isinstance(one, type) else type(one).__name__
+            raise InputError(f"Model.materials[{number}]: got {got}; {expected}")
+    return materials
+
+
+def _is_material(thing: Any) -> bool:
+    # a class has the same attributes as its instances
+    return isinstance(thing, Material) and not isinstance(thing, type)
+
+
+def _float(name: str, value: Any) -> Float:
+    try:
+        if np.iscomplexobj(value):
+            raise TypeError("complex")
+        array = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"Model.{name}: not numbers ({error}); expected float64") from None
+    if not np.isfinite(array).all():
+        bad = np.argwhere(~np.isfinite(array))
+        raise InputError(
+            f"Model.{name}: {len(bad)} values aren't finite; got the first at index "
+            f"{tuple(int(k) for k in bad[0])}; expected finite numbers"
+        )
+    return array
+
+
+def _check_stiffness(materials: Sequence[Material]) -> None:
+    """Materials of the user's own are checked like ours: symmetric, positive definite."""
+    matrices = [np.asarray(material.stiffness()) for material in materials]
+    for number, matrix in enumerate(matrices):
+        if matrix.shape != (6, 6):
+            raise InputError(
+                f"Model.materials[{number}]: stiffness() has the wrong shape; got {matrix.shape}; "
+                "expected (6, 6), stress over strain, xx yy zz xy yz zx"
+            )
+    stack = _float("materials: stiffness()", np.stack(matrices))
+    skew = np.abs(stack - stack.transpose(0, 2, 1)).max(axis=(1, 2))
+    bad = np.flatnonzero(~(skew <= 1e-9 * np.abs(stack).max(axis=(1, 2))))
+    if bad.size:
+        raise InputError(
+            f"Model.materials[{bad[0]}]: stiffness() isn't symmetric; got a difference of "
+            f"{skew[bad[0]]:.3g}; expected a symmetric (6, 6) matrix"
+        )
+    size = np.sqrt(np.abs(np.diagonal(stack, axis1=1, axis2=2)))
+    size = np.where(size > 0.0, size, 1.0)  # a zero on the diagonal shows as an eigenvalue <= 0
+    least = np.linalg.eigvalsh(stack / (size[:, :, None] * size[:, None, :]))[:, 0]
+    bad = np.flatnonzero(~(least > 0.0))
+    if bad.size:
+        raise InputError(
+            f"Model.materials[{bad[0]}]: stiffness() isn't positive definite; got "
+            f"{materials[bad[0]]!r}; expected energy > 0 for every strain"
+        )
+
+
+def _material_numbers(value: Any, cells: int, count: int) -> npt.NDArray[np.int32]:
+    numbers = np.asarray(value)
+    if numbers.shape != (cells,) or numbers.dtype.kind not in "iu":
+        raise InputError(
+            f"Model.material_of_cell: got {numbers.shape} {numbers.dtype}; "
+            f"expected ({cells},) integers"
+        )
+    if numbers.min() < 0 or numbers.max() >= count:
+        raise InputError(
+            f"Model.material_of_cell: got {numbers.min()} … {numbers.max()}; "
+            f"expected 0 … {count - 1}"
+        )
+    return np.array(numbers, dtype=np.int32)
+
+
+def _refuse_loaded_dangling(mesh: Mesh, forces: Float, fixed: npt.NDArray[np.bool_]) -> None:
+    nodes = mesh.dangling_nodes
+    loads = forces if forces.ndim == 3 else forces[None]
+    loaded = nodes[((loads[:, nodes] != 0.0).any(axis=0) & ~fixed[nodes]).any(axis=1)]
+    if loaded.size:
+        raise InputError(
+            f"Model.forces: {loaded.size} loaded nodes belong to no cell; got node {loaded[0]}; "
+            "expected forces on nodes of the mesh's cells"
+        )

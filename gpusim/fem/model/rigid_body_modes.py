@@ -1,0 +1,235 @@
+"""Which rigid-body motions do the supports leave free? Asked before anything is solved."""
+
+from __future__ import annotations
+
+from weakref import WeakSet
+
+import numpy as np
+import numpy.typing as npt
+from scipy.ndimage import label
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from gpusim.arrays.congruence import mix
+from gpusim.arrays.sorted_unique import distinct
+from gpusim.errors import InputError
+from gpusim.fem.lattice.lattice import Lattice
+from gpusim.fem.model.model import Model
+from gpusim.mesh import Mesh
+from gpusim.mesh.cell_types import CELL_TYPES
+
+__all__ = ["check_supports", "rigid_modes"]
+
+Float = npt.NDArray[np.float64]
+
+# models that have passed: they and their arrays can't change
+_HELD: WeakSet[Model] = WeakSet()
+# beyond this many face-connected parts in one body, parts are taken as joined at shared nodes
+_MOST_PARTS = 60
+_THINNEST = 1e-7  # of its length: squared, a side's part in the rows is rounding
+
+
+def rigid_modes(points: Float, origin: Float, length: float) -> Float:
+    """(N,3,6): translations x y z, rotations about x y z through ``origin``, over ``length``."""
+    modes = np.zeros((len(points), 3, 6))
+    modes[:, [0, 1, 2], [0, 1, 2]] = 1.0
+    x, y, z = ((points - origin) / length).T
+    modes[:, 1, 3], modes[:, 2, 3] = -z, y
+    modes[:, 0, 4], modes[:, 2, 4] = z, -x
+    modes[:, 0, 5], modes[:, 1, 5] = -y, x
+    return modes
+
+
+def check_supports(model: Model, lattice: Lattice | None = None) -> None:
+    """Refuse a model that can move without deforming; ``lattice`` of its cells, if it is known.
+
+    Cells are joined into parts through shared faces, and parts into bodies through shared nodes
+    (a hinge). For each body the rank of all constraints on the six rigid-body motions of every
+    part is found: one row per fixed degree of freedom, three per node that parts share.
+
+    A model that has passed isn't looked at again. Raises InputError naming the free motions
+    ("translation x", "rotation about z through …").
+    """
+    if model in _HELD:
+        return
+    _check_parts(model, lattice)
+    _HELD.add(model)
+
+
+def _check_parts(model: Model, lattice: Lattice | None) -> None:
+    part_of_cell = _parts(model.mesh) if lattice is None else _lattice_parts(lattice)
+    count = model.mesh.node_count
+    parts = int(part_of_cell.max()) + 1
+    if parts == 1:
+        used = np.ones(count, dtype=bool)
+        used[model.mesh.dangling_nodes] = False
+        _check_body(model, np.flatnonzero(used), np.zeros(0, dtype=np.int64), None, 1)
+        return
+    node, part = _incidence(model.mesh, part_of_cell)
+    graph = coo_matrix((np.ones(len(node)), (node, count + part)), shape=(count + parts,) * 2)
+    _, number = connected_components(graph.tocsr(), directed=False)
+    body_of_part = number[count:]
+    for body in np.unique(body_of_part):
+        own = np.flatnonzero(body_of_part == body)
+        inside = np.isin(part, own) if len(own) < parts else np.ones(len(part), dtype=bool)
+        if len(own) > _MOST_PARTS:
+            _check_body(model, distinct(node[inside]), np.zeros(0, dtype=np.int64), None, 1)
+        else:
+            local = np.searchsorted(own, part[inside])
+            _check_body(model, node[inside], local, part[inside], len(own))
+
+
+def _lattice_parts(lattice: Lattice) -> npt.NDArray[np.int64]:
+    """The same as ``_parts``, by cells beside one another."""
+    present = lattice.cell >= 0
+    if present.all():
+        return np.zeros(present.size, dtype=np.int64)
+    number, _ = label(present)
+    result = np.empty(int(present.sum()), dtype=np.int64)
+    result[lattice.cell[present]] = number[present] - 1
+    return result
+
+
+def _parts(mesh: Mesh) -> npt.NDArray[np.int64]:
+    """(M,) number of the face-connected part of each cell."""
+    # a face is known by the sum of its corners' hashes, whatever their order
+    code = np.append(mix(np.arange(mesh.node_count), 6), np.uint64(0))
+    keys: list[npt.NDArray[np.uint64]] = []
+    owner: list[npt.NDArray[np.int64]] = []
+    for kind, first, block in mesh.blocks():
+        template = CELL_TYPES[kind].faces[:, :4]
+        total = np.zeros((len(block), len(template)), dtype=np.uint64)
+        for corner in template.T:
+            picked = np.where(corner >= 0, block[:, np.maximum(corner, 0)], -1)
+            total += code[picked]
+        keys.append(total.ravel())
+        owner.append(np.repeat(np.arange(first, first + len(block)), len(template)))
+    key, cell = np.concatenate(keys), np.concatenate(owner)
+    order = np.argsort(key)
+    same = np.flatnonzero(key[order][1:] == key[order][:-1])
+    graph = coo_matrix(
+        (np.ones(len(same), np.int8), (cell[order][same], cell[order][same + 1])),
+        shape=(mesh.cell_count,) * 2,
+    )
+    return np.asarray(connected_components(graph.tocsr(), directed=False)[1], dtype=np.int64)
+
+
+def _incidence(
+    mesh: Mesh, part_of_cell: npt.NDArray[np.int64]
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """Distinct (node, part) pairs, sorted by node."""
+    parts = int(part_of_cell.max()) + 1
+    keys = [
+        (block.astype(np.int64) * parts + part_of_cell[first : first + len(block), None]).ravel()
+        for _, first, block in mesh.blocks()
+    ]
+    key = distinct(np.concatenate(keys))
+    return key // parts, key % parts
+
+
+def _check_body(
+    model: Model,
+    node: npt.NDArray[np.int64],
+    local: npt.NDArray[np.int64],
+    part: npt.NDArray[np.int64] | None,
+    parts: int,
+) -> None:
+    if part is None:
+        local = np.zeros(len(node), dtype=np.int64)
+    first = np.concatenate([[True], node[1:] != node[:-1]])
+    points = model.mesh.points[node[first]]
+    origin = points.mean(axis=0)
+    length = float(np.abs(points - origin).max())
+    rows = [np.zeros((0, 6 * parts))]
+    assert model.fixed is not None
+    held = model.fixed[node]
+    for axis in range(3):
+        chosen = np.flatnonzero(held[:, axis])
+        rows.append(
+            _placed(model.mesh.points[node[chosen]], origin, length, axis, local[chosen], parts)
+        )
+    again = np.flatnonzero(~first)
+    for axis in range(3):
+        one = _placed(model.mesh.points[node[again]], origin, length, axis, local[again], parts)
+        two = _placed(model.mesh.points[node[again]], origin, length, axis, local[again - 1], parts)
+        rows.append(one - two)
+    matrix = np.concatenate(rows)
+    gram = matrix.T @ matrix
+    values, vectors = np.linalg.eigh(gram)
+    scale = max(float(values[-1]), 1.0)
+    free = vectors[:, ~(values > 1e-14 * scale)]
+    if free.shape[1] == 0:
+        return
+    size = np.ptp(points, axis=0)
+    if not size.min() > _THINNEST * length:
+        raise InputError(
+            f"supports: the body with {len(points)} nodes is too thin to be held: what keeps it "
+            f"from turning is lost in rounding; got sides of {size[0]:.3g} x {size[1]:.3g} x "
+            f"{size[2]:.3g}; expected sides of at least {_THINNEST:g} of the longest (are they all "
+            "in one unit?)"
+        )
+    names = _names(free, parts, origin, length)
+    where = "" if parts == 1 else f" (its {parts} parts touch only along edges or at nodes)"
+    raise InputError(
+        f"supports: the body with {len(points)} nodes around "
+        f"({origin[0]:.6g}, {origin[1]:.6g}, {origin[2]:.6g}){where} can move freely; "
+        f"got free {', '.join(names)}; expected supports that hold all six rigid-body motions"
+    )
+
+
+def _placed(
+    points: Float,
+    origin: Float,
+    length: float,
+    axis: int,
+    local: npt.NDArray[np.int64],
+    parts: int,
+) -> Float:
+    """Rows of one displacement component in the columns of its part."""
+    result = np.zeros((len(points), parts, 6))
+    result[np.arange(len(points)), local] = rigid_modes(points, origin, length)[:, axis]
+    return result.reshape(len(points), 6 * parts)
+
+
+def _names(free: Float, parts: int, origin: Float, length: float) -> list[str]:
+    """Plain names of the free motions (6,k): along or about the axes where these are free."""
+    if parts > 1:
+        return [f"{free.shape[1]} motions"]
+    # rotations first: what the singular vectors leave over is pure translation
+    _, sizes, turned = np.linalg.svd(free[3:])
+    rotations = int((sizes > 1e-6).sum())
+    free = free @ turned.T
+    names = [
+        "translation " + _axis(mode[:3]) for mode in _along_axes(free[:, rotations:], slice(0, 3)).T
+    ]
+    for mode in _along_axes(free[:, :rotations], slice(3, 6)).T:
+        spin = mode[3:] / length
+        # the axis: where the motion is parallel to the spin
+        point = origin + np.cross(spin, mode[:3]) / float(spin @ spin)
+        point = np.where(np.abs(point) > 1e-9 * length, point, 0.0)  # 0, not 4e-16
+        names.append(
+            f"rotation about {_axis(spin)} through ({point[0]:.4g}, {point[1]:.4g}, {point[2]:.4g})"
+        )
+    return names
+
+
+def _along_axes(modes: Float, part: slice) -> Float:
+    """Recombine (6,k) modes so that ``part`` lies along coordinate axes where it can."""
+    if modes.shape[1] < 2:
+        return modes
+    chosen = []
+    for axis in np.eye(3):
+        mix, *_ = np.linalg.lstsq(modes[part], axis, rcond=None)
+        if np.abs(modes[part] @ mix - axis).max() < 1e-6:
+            chosen.append(modes @ mix)
+    return np.stack(chosen, axis=1) if len(chosen) == modes.shape[1] else modes
+
+
+def _axis(vector: Float) -> str:
+    unit = vector / np.linalg.norm(vector)
+    for axis, name in enumerate("xyz"):
+        if abs(unit[axis]) > 1.0 - 1e-6:
+            return name
+    if unit[np.argmax(np.abs(unit))] < 0.0:
+        unit = -unit
+    return f"({unit[0]:.3f}, {unit[1]:.3f}, {unit[2]:.3f})"

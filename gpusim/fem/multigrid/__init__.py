@@ -1,0 +1,23 @@
+"""Multigrid: levels, transfer, smoothers, the coarsest level.
+
+In the order in which data passes:
+
+- `geometric_coarsening`: Coarser levels by geometry: midside nodes dropped, lattice planes left
+  out.
+- `mapped_coarsening`: Bricks that are numbered along three axes as on a lattice, wherever their
+  nodes lie.
+- `smoothed_aggregation`: Smoothed aggregation, host side: aggregates, prolongators and coarse
+  matrices.
+- `transfer`: Interpolation between levels, host side.
+- `cell_stacks`: Stacks of cells: which way bricks and wedges lie on one another, from surface to
+  surface.
+- `column_blocks`: Columns of nodes across flat cells, as blocks that are smoothed and aggregated
+  as a whole.
+- `patches`: Overlapping patches as a smoother, for nearly incompressible bodies on a lattice.
+- `smoothers`: Block-Jacobi and Chebyshev smoothing, host side; ``relaxation`` has the device's.
+- `coarse_solver`: The coarsest level of multigrid, solved exactly: a band where the body is long,
+  or an inverse.
+- `hierarchy`: The levels of multigrid: geometry first, then smoothed aggregation.
+- `preconditioner`: Preconditioners: block Jacobi, and a multigrid V-cycle over an aggregation
+  hierarchy.
+"""

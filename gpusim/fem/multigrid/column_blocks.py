@@ -1,0 +1,182 @@
+"""Columns of nodes across flat cells, as blocks that are smoothed and aggregated as a whole.
+
+Thin parts are meshed with cells several times as long as thick. Their nodes hang together across
+the thickness far more stiffly than along the surface, so that smoothing node by node stalls: what
+is left after it is rough along the surface and can't be seen by a coarser level. Solving for each
+column at once (line relaxation; Trottenberg, Oosterlee & Schueller, Multigrid (2001), 5.1) leaves
+the error of a plate whose cells are about square.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import bsr_matrix, csr_matrix
+from scipy.sparse.csgraph import connected_components
+
+from gpusim.fem.assembly.block_rows import ranges
+from gpusim.fem.assembly.element_batches import Elements
+from gpusim.fem.assembly.matrix_product import Product, RowsProduct
+from gpusim.fem.multigrid.cell_stacks import EDGES, thin_axes
+from gpusim.fem.multigrid.smoothers import Relaxation, chebyshev
+
+__all__ = ["Columns", "columns_across"]
+
+Float = npt.NDArray[np.float64]
+Int = npt.NDArray[np.int32]
+Long = npt.NDArray[np.int64]
+Bool = npt.NDArray[np.bool_]
+
+# a cell is flat where it is this many times as long, along any other axis, as along its shortest
+_FLAT = 1.15
+# nodes of a column at most, and the share of cells that must be flat, and of nodes in columns
+_LONGEST, _MOSTLY = 12, 0.5
+# cells across a thin body, whatever their shape: aggregates of higher columns are too large
+_FEW_CELLS = 6
+# eigenvalues of the smoother, as of `gpusim.fem.multigrid.preconditioner`
+_RANGE, _DEGREE = 16.0, 2
+# columns that are inverted at a time
+_PORTION = 1024
+
+
+def columns_across(groups: Sequence[Elements], points: Float) -> Long | None:
+    """(N,) numbers of the columns, each node in one; None where the body isn't flat in most places.
+
+    ``points`` (N,3) are the nodes of the cells in ``groups``.
+    """
+    for find in (_thin_edges, _flat_edges):
+        ends = find(groups, points)
+        column = None if ends is None else _joined(ends, len(points))
+        if column is not None:
+            return column
+    return None
+
+
+def _joined(ends: Int, count: int) -> Long | None:
+    """(N,) numbers of columns along edges (E,2); None where most nodes are in none."""
+    first, second = ends.T
+    links = csr_matrix((np.ones(len(first), dtype=bool), (first, second)), shape=(count, count))
+    _, number = connected_components(links, directed=False)
+    size = np.bincount(number)[number]
+    inside = (size > 1) & (size <= _LONGEST)
+    if inside.mean() < _MOSTLY:
+        return None
+    # all others stand for themselves
+    label = np.where(inside, number, number.max() + 1 + np.arange(count))
+    return np.asarray(np.unique(label, return_inverse=True)[1], dtype=np.int64)
+
+
+def _flat_edges(groups: Sequence[Elements], points: Float) -> Int | None:
+    """(E,2) edges along which cells are flat; None where they aren't, in most places."""
+    ends, flat_cells = [], 0
+    for group in groups:
+        axes = EDGES.get(group.name)
+        if axes is None:
+            return None
+        lengths = np.stack([_mean_length(points, group.cells, edges) for edges in axes])
+        order = np.sort(lengths, axis=0)
+        flat = order[1] >= _FLAT * order[0]
+        flat_cells += int(flat.sum())
+        shortest = lengths.argmin(axis=0)
+        for axis, edges in enumerate(axes):
+            own = group.cells[flat & (shortest == axis)]
+            ends += [own[:, list(edge)] for edge in edges]
+    return np.concatenate(ends) if _mostly(flat_cells, groups) else None
+
+
+def _thin_edges(groups: Sequence[Elements], points: Float) -> Int | None:
+    """(E,2) edges across the body where it is a few cells thick; None where it isn't, mostly."""
+    found = thin_axes(groups, points, _FEW_CELLS)
+    if found is None or not _mostly(sum(int((axis >= 0).sum()) for axis in found), groups):
+        return None
+    ends = []
+    for group, thin in zip(groups, found, strict=True):
+        for axis, edges in enumerate(EDGES[group.name]):
+            own = group.cells[thin == axis]
+            ends += [own[:, list(edge)] for edge in edges]
+    return np.concatenate(ends)
+
+
+def _mostly(cells: int, groups: Sequence[Elements]) -> bool:
+    return cells >= _MOSTLY * sum(len(group.cells) for group in groups)
+
+
+def _mean_length(
+    points: Float, cells: npt.NDArray[np.int32], edges: Sequence[tuple[int, int]]
+) -> Float:
+    lengths = [np.linalg.norm(points[cells[:, b]] - points[cells[:, a]], axis=1) for a, b in edges]
+    return np.asarray(np.mean(lengths, axis=0))
+
+
+class Columns:
+    """r -> D^-1 r with the blocks of a matrix that belong to one column each."""
+
+    def __init__(self, matrix: bsr_matrix | RowsProduct, free: Bool, column: Long) -> None:
+        self.column = column
+        self._inverse = Product(_inverse(matrix, free, column))
+
+    @property
+    def matrix(self) -> bsr_matrix:
+        """D^-1 in blocks of 3x3, zero where nothing is free."""
+        return self._inverse.matrix
+
+    def apply(self, r: Float) -> Float:
+        """(L,3N) -> (L,3N)."""
+        return self._inverse(r)
+
+    def steps(self, largest: float) -> tuple[Relaxation, ...]:
+        """Of Chebyshev's iteration, for the greatest eigenvalue of D^-1 A."""
+        return chebyshev(largest / _RANGE, largest, _DEGREE)
+
+
+def _inverse(matrix: bsr_matrix | RowsProduct, free: Bool, column: Long) -> bsr_matrix:
+    count = len(column)
+    size = np.bincount(column)
+    members = np.argsort(column, kind="stable")
+    start = np.concatenate([[0], np.cumsum(size)])
+    place = np.empty(count, dtype=np.int64)
+    place[members] = np.arange(count) - start[column[members]]
+    row, other, value = _inner_blocks(matrix, column)
+    order = np.argsort(column[row], kind="stable")
+    begin = np.concatenate([[0], np.cumsum(np.bincount(column[row], minlength=len(size)))])
+    pointer = np.concatenate([[0], np.cumsum(size[column])])
+    indices = np.empty(pointer[-1], dtype=np.int32)
+    data = np.empty((pointer[-1], 3, 3))
+    portions = (
+        (int(high), equal[first : first + _PORTION])
+        for high in np.unique(size)
+        for equal in [np.flatnonzero(size == high)]
+        for first in range(0, len(equal), _PORTION)
+    )
+    for high, own in portions:
+        nodes = members[start[own][:, None] + np.arange(high)]
+        here = order[ranges(begin[own], begin[own + 1] - begin[own])]
+        block = np.zeros((len(own), high, 3, high, 3))
+        number = np.searchsorted(own, column[row[here]])
+        block[number, place[row[here]], :, place[other[here]]] = value[here]
+        inside = free[nodes].reshape(len(own), -1)
+        both = inside[:, :, None] & inside[:, None]
+        dense = np.where(both, block.reshape(both.shape), 0.0)
+        # what isn't free stands for itself, and is left out afterwards
+        dense += ~inside[:, :, None] * np.eye(3 * high)
+        dense = np.where(both, np.linalg.inv(0.5 * (dense + dense.transpose(0, 2, 1))), 0.0)
+        into = pointer[nodes][:, :, None] + np.arange(high)
+        indices[into] = nodes[:, None]
+        data[into] = dense.reshape(block.shape).transpose(0, 1, 3, 2, 4)
+    return bsr_matrix((data, indices, pointer), shape=(3 * count, 3 * count))
+
+
+def _inner_blocks(matrix: bsr_matrix | RowsProduct, column: Long) -> tuple[Int, Int, Float]:
+    """Rows, columns and values (B,3,3) of the blocks between nodes of one column."""
+    off = matrix.others if isinstance(matrix, RowsProduct) else matrix
+    row = np.repeat(np.arange(len(column), dtype=np.int32), np.diff(off.indptr))
+    short = column.astype(np.int32)
+    same = np.flatnonzero(short[row] == short[off.indices])
+    row, other, value = row[same], off.indices[same], off.data[same]
+    if isinstance(matrix, RowsProduct):
+        own = np.arange(len(column), dtype=np.int32)
+        row, other = np.concatenate([row, own]), np.concatenate([other, own])
+        value = np.concatenate([value, matrix.diagonal]) / matrix.scale
+    return row, other, value

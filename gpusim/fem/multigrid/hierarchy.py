@@ -1,0 +1,359 @@
+"""The levels of multigrid: geometry first, then smoothed aggregation."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.linalg import eigh
+from scipy.sparse import bsr_matrix
+
+from gpusim.arrays.congruence import noise
+from gpusim.errors import NotConverged
+from gpusim.fem.assembly.assembly import group_matrix, lattice_stencil
+from gpusim.fem.assembly.block_rows import BlockRows
+from gpusim.fem.assembly.diagonal_blocks import diagonal_blocks, invert_blocks, invert_repeated
+from gpusim.fem.assembly.element_batches import Elements, Group, only_group
+from gpusim.fem.assembly.matrix_product import Product, RowsProduct
+from gpusim.fem.lattice.lattice import Lattice, find_lattice
+from gpusim.fem.lattice.plane_interpolation import PlaneWeights
+from gpusim.fem.lattice.stencil import Stencil, StencilProduct
+from gpusim.fem.model.rigid_body_modes import rigid_modes
+from gpusim.fem.multigrid.coarse_solver import Bottom, narrow_order
+from gpusim.fem.multigrid.column_blocks import Columns, columns_across
+from gpusim.fem.multigrid.geometric_coarsening import (
+    Coarser,
+    coarse_lattice,
+    drop_midsides,
+    drop_planes,
+    has_midsides,
+)
+from gpusim.fem.multigrid.mapped_coarsening import mapped_lattice
+from gpusim.fem.multigrid.patches import Patches, make_patches
+from gpusim.fem.multigrid.smoothed_aggregation import galerkin, largest_eigenvalue, prolongator
+from gpusim.fem.multigrid.transfer import MatrixTransfer, NodeTransfer, Transfer
+
+__all__ = ["Hierarchy", "Level", "build_hierarchy"]
+
+Float = npt.NDArray[np.float64]
+Bool = npt.NDArray[np.bool_]
+
+_COARSEST = 800
+# of long bodies, whose band is solved with, or, on a device, whose matrix is inverted
+_COARSEST_BAND, _COARSEST_INVERTED = 20_000, 2500
+# of a body that can't be aggregated any further: 1.4 GB, as an inverse is made by way of five more
+_MOST_INVERTED = 6000
+# distinct elements up to which the greatest eigenvalue is bounded by theirs
+_FEW = 400
+# Quadratic tetrahedra take a few iterations more with one step of smoothing in place of two, each
+# with three products in place of five; bricks take half as many again, and gain nothing.
+# Flat tetrahedra need both, too: the diagonal cubed over six volumes is about 5 for a good one.
+# Some of them are looked at.
+_COMPACT, _LOOK = 20.0, 10_000
+# strain by which a rotation of the ends may mislead sheets, over that of bending: with 2.3 a bar
+# takes twice as many iterations as with aggregates, with 7 six times as many
+_TURNED = 1.5
+# of Lanczos; what one step takes needn't be as sharp
+_STEPS, _FEW_STEPS = 10, 6
+# ratio of nodes' stiffnesses; a corner has an eighth of what others have, cells may differ
+_EVEN = 100.0
+
+
+@dataclass(frozen=True, eq=False)
+class Level:
+    """One level: its matrix (3x3 or 6x6 blocks) as host product, inverted diagonal blocks
+    (B,s,s), greatest eigenvalue of D^-1 A, and the transfer to the next coarser level. Where a
+    ``smoother`` of patches or columns serves instead, the eigenvalue is its own. ``lightly``: one
+    step of smoothing is enough, because the coarser level has the same elements. ``twice``: a cycle
+    goes through this level and what is below twice, as aggregated levels are cheap, and poor where
+    bodies are flat or long (see ``Multigrid``)."""
+
+    product: Product | StencilProduct
+    inverse: Float
+    largest: float
+    transfer: Transfer
+    smoother: Patches | Columns | None = None
+    lightly: bool = False
+    twice: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Hierarchy:
+    """Levels from fine to coarse, what solves on the coarsest one, and ``lowest``: an estimate of
+    the smallest eigenvalue of K (by the coarsest level's matrix)."""
+
+    levels: tuple[Level, ...]
+    bottom: Bottom
+    lowest: float
+
+
+def build_hierarchy(
+    matrix: bsr_matrix | Stencil | RowsProduct,
+    groups: Sequence[Elements],
+    lattice: Lattice | None,
+    free: Bool,
+    points: Float,
+    rows: BlockRows,
+    scale: float,
+    patched: bool = False,
+    inverted: bool = False,
+    harsh: bool = False,
+) -> Hierarchy:
+    """Coarsen until at most a few hundred unknowns remain.
+
+    ``matrix`` K / scale with 3x3 blocks, as a stencil or as its product, ``rows`` the same as
+    block rows of K, ``groups`` the elements of K, ``lattice`` of their nodes or None, ``free``
+    (N,3), ``points`` (N,3). ``patched`` asks for patches as smoothers on lattices, ``inverted`` for
+    a coarsest matrix that can be inverted, as devices do. Where stiffnesses differ greatly the
+    matrix is ``harsh``: interpolation from aggregates stays in float64 then, and its levels aren't
+    gone through twice, as rounding brings eigenvalues of a cycle above 1.
+    """
+    levels: list[Level] = []
+    inverse = invert_repeated(rows.diagonal / scale, rows.row_class, free)
+    while True:
+        coarser = _geometric(groups, lattice, free, points)
+        if coarser is None or not free[coarser.kept].any():
+            break
+        if levels:
+            inverse = _inverses(matrix, free)
+        coarse_free = free[coarser.kept]
+        transfer = NodeTransfer(coarser.interpolation, free, coarse_free)
+        product, patches = _product(matrix), None
+        lightly = all(_compact_tets(group, points) for group in groups)
+        if patched and lattice is not None:
+            patches = make_patches(_assembled(matrix), only_group(groups), lattice, free)
+        if patches is not None:
+            largest = largest_eigenvalue(product, patches, _STEPS)
+        elif sum(group.distinct for group in groups) <= _FEW:
+            largest = max(_element_bound(_distinct_matrices(group)) for group in groups)
+        else:
+            largest = largest_eigenvalue(product, inverse, _FEW_STEPS if lightly else _STEPS)
+        levels.append(Level(product, inverse, largest, transfer, patches, lightly))
+        groups, lattice, free = coarser.groups, coarser.lattice, coarse_free
+        points = points[coarser.kept]
+        if lattice is not None:
+            matrix = lattice_stencil(only_group(groups), lattice, scale)
+        else:
+            matrix = group_matrix(groups, len(points))
+            matrix.data /= scale
+    whole = len(points)
+    smoothed_by_patches = bool(levels) and levels[-1].smoother is not None
+    if not patched and lattice is None and [group.name for group in groups] == ["hex8"]:
+        assert not isinstance(matrix, Stencil)
+        matrix, free, points = _by_sheets(levels, matrix, groups[0], free, points)
+    # aggregation is of no use to nearly incompressible bodies
+    coarsest = _COARSEST_INVERTED if smoothed_by_patches else _COARSEST
+    longest = _COARSEST_INVERTED if inverted else _COARSEST_BAND
+    column = None
+    if not patched and len(points) == whole:
+        column = columns_across(groups, points)
+    return _aggregate(levels, matrix, free, points, coarsest, longest, column, harsh)
+
+
+def _by_sheets(
+    levels: list[Level],
+    matrix: bsr_matrix | RowsProduct,
+    group: Elements,
+    free: Bool,
+    points: Float,
+) -> tuple[bsr_matrix | RowsProduct, Bool, Float]:
+    """Levels of bricks that are numbered as on a lattice, as far as sheets of nodes can be left
+    out. Their elements aren't formed anew: coarse matrices are products of sparse ones."""
+    lattice = mapped_lattice(points, group.cells) if _even(matrix) else None
+    while lattice is not None and free.size > _COARSEST:
+        weights = coarse_lattice(lattice)
+        if weights is None or not free[weights.kept].any() or _bent(weights, points):
+            break
+        coarse_free = free[weights.kept]
+        transfer = NodeTransfer(weights, free, coarse_free)
+        product, inverse = _product(matrix), _inverses(matrix, free)
+        largest = largest_eigenvalue(product, inverse, _STEPS)
+        levels.append(Level(product, inverse, largest, transfer))
+        matrix = galerkin(matrix, transfer.blocks())
+        lattice, free, points = weights.coarse, coarse_free, points[weights.kept]
+    return matrix, free, points
+
+
+def _bent(weights: PlaneWeights, points: Float) -> bool:
+    """Whether a long body turns more than its coarser nodes can follow: where nodes lie beside the
+    places that interpolation gives them, a rotation strains the cells by this share of a cell, and
+    the ends of a body turn by as much as it is longer than thick times its strain."""
+    beside = weights.interpolate(points[weights.kept]) - points
+    planes = weights.fine.planes
+    spacing = min(float(np.diff(one).mean()) for one in planes)
+    sizes = [float(one[-1] - one[0]) for one in planes]
+    off = np.sqrt(np.mean(np.einsum("ni,ni->n", beside, beside))) / spacing
+    return bool(off * max(sizes) > _TURNED * min(sizes))
+
+
+def _even(matrix: bsr_matrix | RowsProduct) -> bool:
+    """Whether stiffnesses are about the same everywhere: sheets cut through stiff parts between
+    soft ones, which aggregates keep together (71 iterations in place of 10 on a ball, at 1e6)."""
+    trace = np.einsum("nii->n", _diagonal(matrix))
+    return bool(trace.max(initial=0.0) <= _EVEN * trace[trace > 0.0].min(initial=np.inf))
+
+
+def _assembled(matrix: bsr_matrix | Stencil | RowsProduct) -> bsr_matrix:
+    return matrix.matrix if isinstance(matrix, Stencil | RowsProduct) else matrix
+
+
+def _product(matrix: bsr_matrix | Stencil | RowsProduct) -> Product | StencilProduct:
+    if isinstance(matrix, RowsProduct):
+        return matrix
+    product = matrix.product if isinstance(matrix, Stencil) else None
+    return Product(_assembled(matrix)) if product is None else product
+
+
+def _inverses(matrix: bsr_matrix | Stencil | RowsProduct, free: Bool) -> Float:
+    if isinstance(matrix, Stencil):
+        return invert_repeated(matrix.diagonal, matrix.row_class, free)
+    return invert_blocks(_diagonal(matrix), free)
+
+
+def _diagonal(matrix: bsr_matrix | RowsProduct) -> Float:
+    """Its diagonal blocks; block rows store them apart."""
+    if isinstance(matrix, RowsProduct):
+        return np.asarray(matrix.diagonal / matrix.scale)
+    return diagonal_blocks(matrix)
+
+
+def _compact_tets(group: Elements, points: Float) -> bool:
+    """Whether these are quadratic tetrahedra of good proportions."""
+    if group.name != "tet10":
+        return False
+    nodes = points[group.cells[:: 1 + len(group.cells) // _LOOK, :4]]
+    edges = nodes[:, 1:] - nodes[:, :1]
+    diagonal = np.linalg.norm(np.ptp(nodes, axis=1), axis=1)
+    return bool(np.mean(diagonal**3 / np.abs(np.linalg.det(edges))) <= _COMPACT)
+
+
+def _distinct_matrices(group: Elements) -> Float:
+    return group.matrices if isinstance(group, Group) else group.at(np.arange(group.distinct))
+
+
+def _element_bound(matrices: Float) -> float:
+    """Bound of the eigenvalues of D^-1 K: the greatest of any element's own.
+
+    x.K x = sum x_e.K_e x_e <= max(lambda_e) sum x_e.D_e x_e, and the D_e add up to D (Wathen, IMA
+    J. Numer. Anal. 7 (1987) 449). Some percent above the truth; no product with K is needed.
+    """
+    greatest = 0.0
+    for matrix in matrices:
+        width = len(matrix)
+        own = np.kron(np.eye(width // 3, dtype=bool), np.ones((3, 3), dtype=bool))
+        used = np.flatnonzero(matrix.diagonal() > 0.0)
+        if not used.size:
+            continue  # held altogether
+        inside = np.ix_(used, used)
+        block = np.where(own, matrix, 0.0)[inside]
+        greatest = max(greatest, float(eigh(matrix[inside], block, eigvals_only=True)[-1]))
+    return greatest
+
+
+def _geometric(
+    groups: Sequence[Elements], lattice: Lattice | None, free: Bool, points: Float
+) -> Coarser | None:
+    if has_midsides(groups):
+        coarser = drop_midsides(groups, free)
+        return _on_lattice(coarser, points[coarser.kept])
+    if lattice is not None and 3 * len(free) > _COARSEST:
+        return drop_planes(only_group(groups), lattice, free)
+    return None
+
+
+def _on_lattice(coarser: Coarser, points: Float) -> Coarser:
+    """The same, with the lattice of the coarse hex8 elements where there is one."""
+    group = coarser.groups[0]
+    if len(coarser.groups) != 1 or group.name != "hex8" or not isinstance(group, Group):
+        return coarser
+    lattice = find_lattice(points, group.cells)
+    if lattice is None:
+        return coarser
+    at, nodes = lattice.corner_nodes()
+    order = lattice.cell.ravel()[at]
+    if not (group.cells[order] == nodes).all():
+        return coarser  # corners in another order than the lattice's
+    group = Group("hex8", nodes, group.kind[order], group.matrices)
+    return Coarser(coarser.interpolation, coarser.kept, [group], lattice)
+
+
+def _aggregate(
+    levels: list[Level],
+    matrix: bsr_matrix | Stencil | RowsProduct,
+    free: Bool,
+    points: Float,
+    coarsest: int,
+    longest: int,
+    column: npt.NDArray[np.int64] | None,
+    harsh: bool,
+) -> Hierarchy:
+    """Aggregate until ``coarsest`` unknowns remain, or ``longest`` in a narrow band; at first by
+    ``column``, where nodes stand in columns."""
+    origin = points.mean(axis=0)
+    length = float(np.abs(points - origin).max()) or 1.0
+    near_null, mask = rigid_modes(points, origin, length) * free[:, :, None], free
+    stalled = False
+    unknowns = free.size
+    narrow = None
+    while not levels or (unknowns > coarsest and not stalled):
+        own = matrix if isinstance(matrix, RowsProduct) else _assembled(matrix)
+        if levels and unknowns <= longest and isinstance(own, bsr_matrix):
+            narrow = narrow_order(own, levels[0].product.unknowns)
+            if narrow is not None:
+                break
+        product, inverse = _product(matrix), _inverses(matrix, mask)
+        smoother = None if column is None else Columns(own, mask, column)
+        largest = largest_eigenvalue(product, smoother or inverse, _STEPS)
+        prolongation, near_null, mask = prolongator(
+            own, smoother or inverse, largest, near_null, mask, single=not harsh
+        )
+        matrix = galerkin(own, prolongation)
+        transfer = MatrixTransfer(prolongation)
+        twice = inverse.shape[1] == 6 and not harsh
+        levels.append(Level(product, inverse, largest, transfer, smoother, twice=twice))
+        column = None
+        unknowns = matrix.shape[0]
+        stalled = unknowns > 0.9 * product.unknowns
+    if narrow is None and unknowns > coarsest and longest > _COARSEST_INVERTED:
+        # loose bodies can't be aggregated any further, however many there are
+        narrow = narrow_order(_assembled(matrix), levels[0].product.unknowns)
+    if narrow is None and unknowns > _MOST_INVERTED:
+        raise NotConverged(
+            f"multigrid: aggregation ended at {unknowns} unknowns; expected at most "
+            f"{_MOST_INVERTED} (are most elements loose from each other?); or method 'block_jacobi'"
+        )
+    coarsest_matrix = _assembled(matrix)
+    bottom = Bottom(coarsest_matrix, mask, narrow)
+    return Hierarchy(tuple(levels), bottom, _lowest_eigenvalue(bottom, levels, coarsest_matrix))
+
+
+def _lowest_eigenvalue(bottom: Bottom, levels: list[Level], matrix: bsr_matrix) -> float:
+    """Of K in the coarsest space, by inverse iteration.
+
+    Interpolated values weigh on coarse nodes by their shares, P^T w for P^T diag(w) P: that is
+    never less where shares aren't negative and add up to one, so the estimate errs to the low,
+    safe side, by little for smooth motions. Aggregates have no such shares and are gone through.
+    """
+    weight: Float | None = None
+    by_nodes = [level.transfer for level in levels if isinstance(level.transfer, NodeTransfer)]
+    for transfer in by_nodes:
+        weight = transfer.restrict(np.ones((1, transfer.shape[0])) if weight is None else weight)
+    rest = levels[len(by_nodes) :]
+
+    def overlap(x: Float) -> Float:
+        for level in reversed(rest):
+            x = level.transfer.interpolate(x)
+        x = x if weight is None else weight * x
+        for level in rest:
+            x = level.transfer.restrict(x)
+        return x
+
+    x = noise(bottom.unknowns, 5)
+    image = x[None]
+    for _ in range(8):
+        x = bottom.solve(image)[0]
+        x /= np.linalg.norm(x)
+        image = overlap(x[None])
+    return float((x @ (matrix @ x)) / (x @ image[0]))

@@ -1,0 +1,184 @@
+"""Pictures in files, decoded by one function: whatever is wrong with one is an error that names it.
+
+The size that a file claims is read from its header first, so that a few bytes can't ask for all
+of the memory. Nobody else calls a decoder.
+"""
+
+from __future__ import annotations
+
+import io
+import logging
+import os
+import re
+import struct
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+from cv2.utils import logging as messages
+
+from gpusim.errors import InputError
+from gpusim.files.input_file import InputFile, read_input
+from gpusim.files.picture_tags import TIFF_MAGIC, exif_orientation, plain_tiff, tiff_pages
+from gpusim.parallel.main_memory import memory_limit
+
+__all__ = ["LARGEST", "decode", "decoding", "page_count"]
+
+LARGEST = 1 << 28  # pixels: 16384 x 16384, beyond any camera
+BYTES = 32  # of memory for a pixel, with all that is made of a picture
+
+# without a handler, Python prints what tifffile logs
+logging.getLogger("tifffile").addHandler(logging.NullHandler())
+
+Source = str | os.PathLike[str] | InputFile
+Size = tuple[int, int]
+
+
+def decode(source: Source, page: int = 0, *, flags: int = cv2.IMREAD_UNCHANGED) -> npt.NDArray[Any]:
+    """The picture in a file as it is stored, (H, W) or (H, W, C), colours blue, green, red.
+
+    It isn't turned or mirrored, whatever the file says of its orientation: that is a warning. Where
+    white is zero (TIFF), integers are inverted within the range of their type.
+
+    Parameters
+    ----------
+    source : a PNG, TIFF, JPEG, BMP or any other file that OpenCV or tifffile read.
+    page : of a TIFF with several, from 0.
+    flags : OpenCV's ``IMREAD_...``.
+
+    Raises
+    ------
+    InputError
+        Naming the file: absent, no picture, damaged, of another page, or larger than `LARGEST`
+        pixels or than the memory allows.
+    """
+    file = read_input(source, "a picture")
+    with decoding(file):
+        tiff = tiff_pages(file)[page] if file.data[:4] in TIFF_MAGIC else None
+        size = _claimed(file.data) if tiff is None else tiff.size
+        if size is not None:
+            _check_size(file, size)
+        data = file.data if tiff is None else plain_tiff(file, tiff)
+        index = page if tiff is None else tiff.index
+        image = _by_opencv(data, index, flags | cv2.IMREAD_IGNORE_ORIENTATION)
+        if image is None and tiff and flags == cv2.IMREAD_UNCHANGED:
+            image = _by_tifffile(data, index)
+        if image is not None and tiff and tiff.white_is_zero:
+            image = ~image
+        turned = exif_orientation(data) if tiff is None else tiff.orientation
+    if image is None or 0 in image.shape:
+        raise InputError(
+            f"image file: {file.path}: damaged, or no picture: it can't be read; got "
+            f"{_begins(file.data)}; expected a PNG, TIFF, JPEG or BMP image, or another kind that "
+            "OpenCV reads"
+        )
+    if turned != 1:
+        warnings.warn(
+            f"image file: {file.path}: got orientation {turned}, by which viewers turn or mirror "
+            "it; its pixels are taken as they are stored",
+            UserWarning,
+            stacklevel=2,
+        )
+    return image
+
+
+def page_count(source: Source) -> int:
+    """Number of pictures in a file, without the small copies that some programs add to a TIFF."""
+    file = read_input(source, "a picture")
+    if file.data[:4] not in TIFF_MAGIC:
+        return 1
+    with decoding(file):
+        return max(1, len(tiff_pages(file)))
+
+
+@contextmanager
+def decoding(file: InputFile) -> Iterator[None]:
+    """What goes wrong meanwhile is the file's fault: decoders raise errors of every kind."""
+    try:
+        yield
+    except InputError:
+        raise
+    except Exception as error:
+        reason = " ".join(str(getattr(error, "err", "") or error).split())[:200]
+        raise InputError(
+            f"image file: {file.path}: can't be read as a picture; got {type(error).__name__}"
+            f"{reason and ': ' + reason}; expected a file that isn't damaged"
+        ) from None
+
+
+def _by_opencv(data: bytes, page: int, flags: int) -> npt.NDArray[Any] | None:
+    buffer = np.frombuffer(data, np.uint8)
+    if buffer.size == 0:
+        return None
+    level = messages.getLogLevel()
+    messages.setLogLevel(messages.LOG_LEVEL_SILENT)  # what is wrong is said once, by the error
+    try:
+        if page == 0:
+            image = cv2.imdecode(buffer, flags)
+        else:
+            read, images = cv2.imdecodemulti(buffer, flags, range=(page, page + 1))
+            image = images[0] if read and images else None
+    finally:
+        messages.setLogLevel(level)
+    return None if image is None else np.asarray(image)
+
+
+def _by_tifffile(data: bytes, page: int) -> npt.NDArray[Any]:
+    """What OpenCV doesn't read: floats of 16 bits, planes apart, more than four channels."""
+    import tifffile
+
+    image = np.asarray(tifffile.imread(io.BytesIO(data), key=page))
+    return image[..., ::-1] if image.ndim == 3 and image.shape[2] == 3 else image
+
+
+def _check_size(file: InputFile, size: Size) -> None:
+    width, height = size
+    most = min(LARGEST, memory_limit() // BYTES)
+    if width * height > most:
+        raise InputError(
+            f"image file: {file.path}: too large; got {width} x {height} pixels in "
+            f"{len(file.data)} bytes; expected at most {most / 1e6:.0f} million pixels"
+        )
+
+
+def _claimed(data: bytes) -> Size | None:
+    """Width and height that a file claims; None for a kind that isn't known, or is cut."""
+    if data[:8] == b"\x89PNG\r\n\x1a\n" and len(data) >= 24:
+        return struct.unpack(">II", data[16:24])
+    if data[:2] == b"BM" and len(data) >= 26:
+        width, height = struct.unpack("<ii", data[18:26])
+        return abs(width), abs(height)
+    if data[:2] == b"\xff\xd8":
+        return _jpeg_size(data)
+    if data[:4] == b"\x76\x2f\x31\x01":  # OpenEXR: a box of first and last columns and rows
+        at = data.find(b"dataWindow\0box2i\0")
+        if at >= 0 and len(data) >= at + 37:
+            x0, y0, x1, y1 = struct.unpack("<iiii", data[at + 21 : at + 37])
+            return abs(x1 - x0) + 1, abs(y1 - y0) + 1
+    for kind, width_first in ((rb"P[1-6]\s+(?:#.*\s+)*(\d+)\s+(?:#.*\s+)*(\d+)", True),
+                              (rb"#\?[\s\S]*?\n[-+]Y\s+(\d+)\s+[-+]X\s+(\d+)", False)):  # fmt: skip
+        found = re.match(kind, data[:4096])
+        if found:
+            a, b = int(found[1][:12]), int(found[2][:12])
+            return (a, b) if width_first else (b, a)
+    return None
+
+
+def _jpeg_size(data: bytes) -> Size | None:
+    """Of the first frame header: markers are 0xFF and a kind, then the length of what follows."""
+    at = 2
+    while at + 9 <= len(data) and data[at] == 0xFF:
+        kind, length = data[at + 1], int.from_bytes(data[at + 2 : at + 4], "big")
+        if 0xC0 <= kind <= 0xCF and kind not in (0xC4, 0xC8, 0xCC):
+            height, width = struct.unpack(">HH", data[at + 5 : at + 9])
+            return width, height
+        at += 1 if kind == 0xFF else 2 + length
+    return None
+
+
+def _begins(data: bytes) -> str:
+    return f"{len(data)} bytes" + (f" that begin with {data[:8]!r}" if data else "")

@@ -1,0 +1,116 @@
+"""What a picture's file says beside its pixels: pages of a TIFF, white as zero, orientation.
+
+Cameras and programs that measure have to see the pixels as the sensor read them, so no decoder is
+left to turn a picture or to invert it by rules of its own: see `plain_tiff`.
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from gpusim.errors import InputError
+from gpusim.files.input_file import InputFile
+
+__all__ = ["TIFF_MAGIC", "Page", "exif_orientation", "plain_tiff", "tiff_pages"]
+
+TIFF_MAGIC = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
+_ORIENTATION, _PHOTOMETRIC, _REDUCED = 274, 262, 254
+_LETTERS = {1: "B", 3: "H", 4: "I"}  # TIFF's BYTE, SHORT, LONG
+_EXIF = re.compile(rb"(?:Exif\0\0|eXIf|EXIF....)(?=II\*\0|MM\0\*)", re.DOTALL)
+
+
+@dataclass(frozen=True)
+class Page:
+    """A full picture of a TIFF; ``index`` counts its small copies, too."""
+
+    index: int
+    size: tuple[int, int]
+    """Width and height, as it claims."""
+    orientation: int
+    """1: as stored; 2 to 8: to be mirrored or turned for display."""
+    white_is_zero: bool
+    floats: bool
+    edits: Sequence[tuple[int, bytes]]
+    """Where in the file both are said, and what would say: as stored, black is zero."""
+
+
+def tiff_pages(file: InputFile) -> list[Page]:
+    """Every page of a TIFF but the smaller copies that some programs add."""
+    import tifffile
+
+    pages, seen = [], set()
+    with tifffile.TiffFile(file.stream()) as tiff:
+        for index, each in enumerate(tiff.pages):
+            page = each.aspage()
+            if page.offset in seen:  # tifffile would go round for ever
+                raise ValueError("a page that names an earlier one as the next")
+            seen.add(page.offset)
+            if _number(page, _REDUCED, 0) & 1:
+                continue
+            orientation = _number(page, _ORIENTATION, 1)
+            white = _number(page, _PHOTOMETRIC, 1) == 0
+            wrong = [_ORIENTATION] * (orientation != 1) + [_PHOTOMETRIC] * white
+            pages.append(
+                Page(
+                    index,
+                    (page.imagewidth, page.imagelength),
+                    orientation,
+                    white,
+                    page.dtype is not None and page.dtype.kind == "f",
+                    [_says_one(page.tags[tag], tiff.byteorder) for tag in wrong],
+                )
+            )
+    return pages
+
+
+def plain_tiff(file: InputFile, page: Page) -> bytes:
+    """The file's bytes, but that decoders give the page's numbers as they are stored.
+
+    Raises InputError for floats of which white is zero: there is no white to count from.
+    """
+    if page.white_is_zero and page.floats:
+        raise InputError(
+            f"image file: {file.path}: got floats of which white is zero (photometric "
+            "interpretation 0); expected black as zero, or integers"
+        )
+    if not page.edits:
+        return file.data
+    data = bytearray(file.data)
+    for at, value in page.edits:
+        data[at : at + len(value)] = value
+    return bytes(data)
+
+
+def exif_orientation(data: bytes) -> int:
+    """The orientation that the EXIF part of a JPEG, PNG or WebP states; 1 without any."""
+    found = _EXIF.search(data)
+    if found is None:
+        return 1
+    tiff = data[found.end() :]
+    order = "<" if tiff[:2] == b"II" else ">"
+    try:
+        (at,) = struct.unpack_from(f"{order}I", tiff, 4)
+        (count,) = struct.unpack_from(f"{order}H", tiff, at)
+        for entry in range(at + 2, at + 2 + 12 * count, 12):
+            tag, kind, _, value = struct.unpack_from(f"{order}HHIH", tiff, entry)
+            if (tag, kind) == (_ORIENTATION, 3):
+                return int(value)
+    except struct.error:  # it is cut
+        return 1
+    return 1
+
+
+def _number(page: Any, code: int, usual: int) -> int:
+    tag = page.tags.get(code)
+    return usual if tag is None else int(tag.value)
+
+
+def _says_one(tag: Any, order: str) -> tuple[int, bytes]:
+    letter = _LETTERS.get(int(tag.dtype))
+    if letter is None or tag.count != 1:
+        raise ValueError(f"tag {tag.code} of type {tag.dtype}")
+    return tag.valueoffset, struct.pack(f"{order}{letter}", 1)

@@ -1,0 +1,54 @@
+"""Arithmetic in ``real``: the probe that shows whether a driver keeps 64-bit or double-single."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.gpu.device import Device
+from gpusim.gpu.twin import compare, twin_check
+
+__all__ = ["real_probe", "real_probe_twin"]
+
+_OPERATIONS = 6
+
+
+def real_probe(
+    device: Device, a: npt.NDArray[np.float64], b: npt.NDArray[np.float64]
+) -> npt.NDArray[np.float64]:
+    """a+b, a-b, a*b, a/b, a*b+a, sqrt|a| on the device; (6, n) float64 from two (n,) arrays."""
+    kernel = device.kernel("gpu/probes/real_arithmetic")
+    out = device.real_buffer(label="real.out", shape=(_OPERATIONS, len(a)))
+    bindings = kernel.bind(
+        a=device.real_buffer(a, "real.a"),
+        b=device.real_buffer(b, "real.b"),
+        result=out,
+        params={"count": len(a)},
+    )
+    with device.recording("gpu.real") as recording:
+        recording.dispatch(kernel, bindings, threads=(len(a),))
+    return out.read()
+
+
+def real_probe_twin(
+    a: npt.NDArray[np.float64], b: npt.NDArray[np.float64]
+) -> npt.NDArray[np.float64]:
+    """The same in NumPy float64."""
+    return np.stack([a + b, a - b, a * b, a / b, a * b + a, np.sqrt(np.abs(a))])
+
+
+@twin_check("gpu/probes/real_arithmetic")
+def _check(device: Device) -> None:
+    rng = np.random.default_rng(11)
+    a = rng.normal(size=300) * 10.0 ** rng.integers(-3, 4, 300)
+    b = np.where(rng.random(300) < 0.5, rng.normal(size=300), -a * (1 + 1e-9 * rng.random(300)))
+    # sums cancel on purpose: the tolerance is absolute in units of the operands
+    scale = np.abs(a) + np.abs(b) + np.abs(a * b) + np.abs(a / b) + 1.0
+    unit = 1e-15 if device.real == "f64" else 2e-13
+    compare(
+        "gpu/probes/real_arithmetic",
+        real_probe(device, a, b) / scale,
+        real_probe_twin(a, b) / scale,
+        atol=unit,
+        rtol=0.0,
+    )

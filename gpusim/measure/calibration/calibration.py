@@ -1,0 +1,388 @@
+"""Camera calibration from images of a target: one camera, a stereo pair or a larger rig.
+
+First estimates come from ``cv2.calibrateCamera`` (Zhang, "A flexible new technique for camera
+calibration", 2000), the result from our own bundle adjustment
+(`gpusim.measure.calibration.bundle_adjustment`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import GpusimError, InputError
+from gpusim.measure.calibration.board_orientation import best_turns, turned, turned_pose
+from gpusim.measure.calibration.bundle_adjustment import (
+    DISTORTION,
+    LENSES,
+    Adjusted,
+    Rig,
+    Rows,
+    adjust,
+    compose,
+    inverse,
+    residuals,
+    rotation,
+    without,
+)
+from gpusim.measure.images import FloatArray
+from gpusim.measure.targets.boards import Sighting
+from gpusim.parallel.blas_threads import one_blas_thread
+from gpusim.validation import unmasked
+
+__all__ = ["CalibratedCamera", "Calibration", "calibrate"]
+
+LEAST_POINTS = 6  # per view
+LEAST_VIEWS = 3
+OUTLIER = 6.0  # robust standard deviations
+MOST_ROUNDS = 8
+ELSEWHERE = 30.0  # px that a view may be off at the start
+OUTLIER_FLOOR = 0.02  # px; a smaller residual is never an outlier
+
+
+@unmasked()
+@dataclass(frozen=True, eq=False)
+class CalibratedCamera:
+    """A calibrated camera and its place in the rig.
+
+    Attributes
+    ----------
+    name : as given.
+    resolution : (width, height), px.
+    K : (3, 3) float64, px, pixel centres at integers (OpenCV).
+    distortion : (14,) float64, OpenCV's k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 tau_x tau_y.
+    camera_from_rig : (4, 4) float64, from the first camera's coordinates to this one's, in the
+        target's unit of length.
+    sigma : standard uncertainties by parameter name (fx fy cx cy k1 …), px or as the coefficient.
+    rms : px, root of the mean squared distance between seen and projected points.
+    """
+
+    name: str
+    resolution: tuple[int, int]
+    K: FloatArray
+    distortion: FloatArray
+    camera_from_rig: FloatArray
+    sigma: dict[str, float]
+    rms: float
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """A calibrated rig.
+
+    Attributes
+    ----------
+    cameras : in the order given; the first one's coordinates are the rig's.
+    lens : the lens model ("pinhole", "radial", … see
+    `gpusim.measure.calibration.bundle_adjustment.LENSES`).
+    rms : px, over all cameras.
+    view_poses : (V, 4, 4), from the target to the rig; NaN where a view wasn't used.
+    view_rms : (C, V) px; NaN where a camera didn't see the target.
+    points, residuals : per camera (N, 2) float64 px, where points were seen and projected minus
+        seen positions.
+    used, outliers : number of points.
+    names, covariance : parameters as (kind, number, name) and their (Q, Q) covariance.
+    """
+
+    cameras: tuple[CalibratedCamera, ...]
+    lens: str
+    rms: float
+    view_poses: FloatArray
+    view_rms: FloatArray
+    points: tuple[FloatArray, ...]
+    residuals: tuple[FloatArray, ...]
+    used: int
+    outliers: int
+    names: tuple[tuple[str, int, str], ...]
+    covariance: FloatArray
+
+    def baseline(self, camera: int = 1) -> tuple[float, float]:
+        """Distance of a camera from the first one, and its standard uncertainty."""
+        shift = self.cameras[camera].camera_from_rig[:3, 3]
+        length = float(np.linalg.norm(shift))
+        at = self._rig_rows(camera)[3:]
+        along = shift / length
+        return length, float(np.sqrt(along @ self.covariance[np.ix_(at, at)] @ along))
+
+    def angle(self, camera: int = 1) -> tuple[float, float]:
+        """Angle (rad) by which a camera is turned against the first, and its uncertainty."""
+        turn = np.ravel(cv2.Rodrigues(self.cameras[camera].camera_from_rig[:3, :3])[0])
+        angle = float(np.linalg.norm(turn))
+        at = self._rig_rows(camera)[:3]
+        along = turn / angle if angle > 0 else np.zeros(3)
+        return angle, float(np.sqrt(along @ self.covariance[np.ix_(at, at)] @ along))
+
+    def _rig_rows(self, camera: int) -> list[int]:
+        if not 1 <= camera < len(self.cameras):
+            raise InputError(
+                f"calibration: got camera {camera} of {len(self.cameras)}; expected 1 or more"
+            )
+        return [
+            i for i, (kind, number, _) in enumerate(self.names) if (kind, number) == ("rig", camera)
+        ]
+
+
+@unmasked()
+@one_blas_thread()
+def calibrate(
+    sightings: Mapping[str, Sequence[Sighting]] | Sequence[Sighting],
+    *,
+    lens: str = "brown",
+    square_pixels: bool = False,
+) -> Calibration:
+    """Calibrate cameras from what they saw of one target.
+
+    Parameters
+    ----------
+    sightings : per camera name one sighting per view, views in the same order for all cameras
+        that are to be calibrated together; or a list for a single camera. Empty sightings are
+        left out, and so are points further than 6 robust standard deviations (at least 0.02 px)
+        from where the calibration puts them.
+    lens : "pinhole" (no distortion), "radial" (k1 k2), "radial3" (k1 k2 k3), "radtan" (k1 k2
+        p1 p2), "brown" (k1 k2 p1 p2 k3), "rational" (+ k4 k5 k6), "prism" (+ s1..s4), "tilted"
+        (+ tau).
+    square_pixels : one focal length for both directions.
+
+    Raises
+    ------
+    InputError
+        Fewer than three usable views in a camera, or cameras without a common view.
+    GpusimError
+        The views don't determine the parameters.
+    """
+    seen = _checked(sightings, lens)
+    names = list(seen)
+    own = [_alone(name, seen[name], lens) for name in names]
+    start = _first_rig(names, own, list(seen.values()))
+    rows = [
+        Rows(c, v, s.board, s.image)
+        for c, name in enumerate(names)
+        for v, s in enumerate(seen[name])
+        if v in own[c].poses
+    ]
+    used_views = sorted({r.view for r in rows})
+    number = {view: k for k, view in enumerate(used_views)}
+    start = Rig(start.focal, start.centre, start.distortion, start.camera_pose,
+                start.view_pose[used_views])  # fmt: skip
+    rows = [Rows(r.camera, number[r.view], r.board, r.image) for r in rows]
+    total = sum(len(r.image) for r in rows)
+    adjusted, rows = _robust(start, rows, lens, square_pixels)
+    kept = sum(len(r.image) for r in rows)
+    views = len(seen[names[0]])
+    resolutions = [next(s.resolution for s in seen[name] if len(s)) for name in names]
+    return _result(names, resolutions, lens, adjusted, rows, used_views, views, total - kept)
+
+
+def _checked(
+    sightings: Mapping[str, Sequence[Sighting]] | Sequence[Sighting], lens: str
+) -> dict[str, list[Sighting]]:
+    if lens not in LENSES:
+        raise InputError(f"calibrate: lens; got {lens!r}; expected one of {', '.join(LENSES)}")
+    seen = (
+        {name: list(views) for name, views in sightings.items()}
+        if isinstance(sightings, Mapping)
+        else {"camera": list(sightings)}
+    )
+    counts = {name: len(views) for name, views in seen.items()}
+    if not seen or len(set(counts.values())) != 1:
+        raise InputError(f"calibrate: got views {counts}; expected as many for every camera")
+    for name, views in seen.items():
+        usable = [s for s in views if len(s) >= LEAST_POINTS]
+        if len(usable) < LEAST_VIEWS:
+            why = sorted({s.problem for s in views if s.problem})
+            reasons = f" ({'; '.join(why)})" if why else ""
+            raise InputError(
+                f"calibrate: camera {name!r}: the target was found in {len(usable)} of "
+                f"{len(views)} images{reasons}; expected at least {LEAST_VIEWS}"
+            )
+        sizes = {s.resolution for s in usable}
+        if len(sizes) > 1:
+            raise InputError(f"calibrate: camera {name!r}: got images of sizes {sorted(sizes)}")
+    return seen
+
+
+@dataclass(frozen=True, eq=False)
+class _Alone:
+    """First estimate of one camera: K (3, 3), distortion (14,), pose (6,) and rms by view."""
+
+    K: FloatArray
+    distortion: FloatArray
+    poses: dict[int, FloatArray]
+
+
+def _alone(name: str, views: Sequence[Sighting], lens: str) -> _Alone:
+    used = [v for v, s in enumerate(views) if len(s) >= LEAST_POINTS]
+    resolution = views[used[0]].resolution
+    flags = cv2.CALIB_ZERO_TANGENT_DIST | cv2.CALIB_FIX_K3
+    if lens == "pinhole":
+        flags |= cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2
+    try:
+        _, K, coefficients, turns, shifts = cv2.calibrateCamera(
+            [views[v].board.astype(np.float32) for v in used],
+            [views[v].image.astype(np.float32) for v in used],
+            resolution,
+            np.eye(3),
+            np.zeros(5),
+            flags=flags,
+        )
+    except cv2.error as error:
+        raise GpusimError(
+            f"calibrate: camera {name!r}: no first estimate ({error.err}); expected views of the "
+            "target at different tilts"
+        ) from None
+    distortion = np.zeros(DISTORTION)
+    distortion[:5] = np.ravel(coefficients)[:5]
+    if not np.isfinite(K).all():
+        raise GpusimError(f"calibrate: camera {name!r}: no first estimate; views too much alike")
+    poses = {
+        v: np.concatenate([np.ravel(turn), np.ravel(shift)])
+        for v, turn, shift in zip(used, turns, shifts, strict=True)
+    }
+    return _Alone(np.asarray(K, dtype=np.float64), distortion, poses)
+
+
+def _first_rig(names: Sequence[str], own: Sequence[_Alone], seen: Sequence[list[Sighting]]) -> Rig:
+    """The cameras in one rig: relative poses from the views that two cameras share.
+
+    Sightings (and poses) of boards that a camera saw the other way round are turned.
+    """
+    placed = {0: np.zeros(6)}
+    while len(placed) < len(own):
+        best: tuple[int, int, int] | None = None
+        for c in range(len(own)):
+            for known in placed:
+                common = len(own[c].poses.keys() & own[known].poses.keys())
+                if c not in placed and common and (best is None or common > best[0]):
+                    best = common, c, known
+        if best is None:
+            apart = [names[c] for c in range(len(own)) if c not in placed]
+            raise InputError(f"calibrate: {apart} share no view of the target with {names[0]!r}")
+        _, c, known = best
+        common_views = sorted(own[c].poses.keys() & own[known].poses.keys())
+        turns = best_turns(
+            [own[known].poses[v] for v in common_views],
+            [own[c].poses[v] for v in common_views],
+            [seen[c][v] for v in common_views],
+        )
+        for v, quarter in zip(common_views, turns, strict=True):
+            if quarter:
+                own[c].poses[v] = turned_pose(own[c].poses[v], seen[c][v], quarter)
+                seen[c][v] = turned(seen[c][v], quarter)
+        between = _middle(
+            [compose(inverse(own[known].poses[v]), own[c].poses[v]) for v in common_views]
+        )
+        placed[c] = compose(placed[known], between)
+    views = max(max(o.poses) for o in own) + 1
+    poses = np.full((views, 6), np.nan)
+    for c, camera in enumerate(own):
+        for v, pose in camera.poses.items():
+            if not np.isfinite(poses[v]).all():
+                poses[v] = compose(pose, inverse(placed[c]))
+    return Rig(
+        np.array([[o.K[0, 0], o.K[1, 1]] for o in own]),
+        np.array([[o.K[0, 2], o.K[1, 2]] for o in own]),
+        np.stack([o.distortion for o in own]),
+        np.stack([placed[c] for c in range(len(own))]),
+        poses,
+    )
+
+
+def _middle(poses: Sequence[FloatArray]) -> FloatArray:
+    """The pose with the least sum of distances to the others: no mean, so outliers don't count."""
+    stack = np.stack(poses)
+    size = np.maximum(np.median(np.linalg.norm(stack[:, 3:], axis=1)), 1e-30)
+    scaled = np.concatenate([stack[:, :3], stack[:, 3:] / size], axis=1)
+    apart = np.linalg.norm(scaled[:, None] - scaled[None], axis=2).sum(axis=1)
+    result: FloatArray = stack[int(np.argmin(apart))]
+    return result
+
+
+def _robust(
+    start: Rig, rows: list[Rows], lens: str, square_pixels: bool
+) -> tuple[Adjusted, list[Rows]]:
+    """Adjust, drop what lies far off, adjust again, until the choice stays the same.
+
+    The furthest go first: they pull at the result, and points near them only seem wrong.
+    """
+    kept = _plausible(start, rows)
+    used = without(rows, kept)
+    adjusted = adjust(start, used, lens, square_pixels)
+    for _ in range(MOST_ROUNDS):
+        lengths = [np.linalg.norm(own, axis=1) for own in residuals(adjusted.rig, rows)]
+        mine = np.concatenate([length[k] for length, k in zip(lengths, kept, strict=True)])
+        # the length of two normal errors has the median 1.1774 sigma
+        limit = max(OUTLIER * float(np.median(mine)) / 1.1774, OUTLIER_FLOOR)
+        limit = max(limit, 0.3 * float(mine.max())) if mine.max() > limit else limit
+        now = [np.asarray(length <= limit) for length in lengths]
+        if all((a == b).all() for a, b in zip(now, kept, strict=True)):
+            break
+        kept, used = now, without(rows, now)
+        adjusted = adjust(adjusted.rig, used, lens, square_pixels)
+    return adjusted, used
+
+
+def _plausible(start: Rig, rows: list[Rows]) -> list[npt.NDArray[np.bool_]]:
+    """Points to begin with: none of a camera's view that lies wholly elsewhere.
+
+    A board that one camera took for a line of fields further on fits by itself, but no pose of it
+    fits all cameras; an adjustment that begins with it doesn't settle.
+    """
+    sizes = np.array([_rms(own) for own in residuals(start, rows)])
+    limit = max(ELSEWHERE, 10.0 * float(np.median(sizes)))
+    return [np.full(len(r.image), size <= limit) for r, size in zip(rows, sizes, strict=True)]
+
+
+def _result(
+    names: Sequence[str],
+    resolutions: Sequence[tuple[int, int]],
+    lens: str,
+    adjusted: Adjusted,
+    rows: Sequence[Rows],
+    used_views: Sequence[int],
+    views: int,
+    outliers: int,
+) -> Calibration:
+    rig = adjusted.rig
+    spread = np.sqrt(np.diag(adjusted.covariance))
+    cameras, points, gaps = [], [], []
+    view_rms = np.full((len(names), views), np.nan)
+    for c, name in enumerate(names):
+        mine = [k for k, r in enumerate(rows) if r.camera == c]
+        for k in mine:
+            if len(adjusted.residuals[k]):
+                view_rms[c, used_views[rows[k].view]] = _rms(adjusted.residuals[k])
+        own = np.concatenate([adjusted.residuals[k] for k in mine])
+        points.append(np.concatenate([rows[k].image for k in mine]))
+        gaps.append(own)
+        sigma = {
+            parameter: float(spread[i])
+            for i, (kind, number, parameter) in enumerate(adjusted.names)
+            if (kind, number) == ("camera", c)
+        }
+        cameras.append(
+            CalibratedCamera(
+                name, resolutions[c], rig.matrix(c), rig.distortion[c],
+                _matrix(rig.camera_pose[c]), sigma, _rms(own),
+            )
+        )  # fmt: skip
+    poses = np.full((views, 4, 4), np.nan)
+    poses[list(used_views)] = [_matrix(pose) for pose in rig.view_pose]
+    return Calibration(
+        tuple(cameras), lens, _rms(np.concatenate(gaps)), poses, view_rms, tuple(points),
+        tuple(gaps), sum(len(p) for p in points), outliers, adjusted.names,
+        adjusted.covariance,
+    )  # fmt: skip
+
+
+def _rms(residuals: FloatArray) -> float:
+    return float(np.sqrt(np.mean(np.sum(residuals**2, axis=1)))) if len(residuals) else np.nan
+
+
+def _matrix(pose: FloatArray) -> npt.NDArray[np.float64]:
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = rotation(pose), pose[3:]
+    return matrix

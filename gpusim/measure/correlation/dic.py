@@ -1,0 +1,286 @@
+"""Digital image correlation of two images on a grid of points or at given ones.
+
+Start values: a coarse lattice of seeds is found by an integer search around no displacement and
+around the one that most of the picture made; where that finds less than half of them, from
+matched features. From the seeds the front spreads over the other points (see ``propagation``).
+"""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import InputError
+from gpusim.gpu import Device, working_device
+from gpusim.measure.correlation.blur_uncertainty import noise_factor
+from gpusim.measure.correlation.features import feature_motions, global_shift
+from gpusim.measure.correlation.matching import Correlation, Settings, Status
+from gpusim.measure.correlation.pixel_mask import Usable, make_usable
+from gpusim.measure.correlation.propagation import Front, seeds
+from gpusim.measure.correlation.subsets import (
+    DicResult,
+    Window,
+    check_mask,
+    make_result,
+    make_settings,
+)
+from gpusim.measure.correlation.warp import Shape
+from gpusim.measure.images import FloatArray, check_points
+from gpusim.measure.nearest_points import point_tree
+from gpusim.parallel.blas_threads import one_blas_thread
+from gpusim.validation import unmasked
+
+__all__ = ["Start", "dic", "explain", "grid_points"]
+
+Start = Literal["auto", "search", "features"]
+ENOUGH = 0.5  # share of the seeds that must be found by searching
+COVERED = 0.02  # share of a subset in the deformed image that may be unusable
+# a subset that ended like this may have met with something that covers the deformed image
+UNEXPLAINED = (Status.NOT_CONVERGED, Status.LOW_CORRELATION, Status.NO_GUESS, Status.INCOHERENT)
+PROBES = 9  # positions across a subset at which that is looked up
+
+
+@unmasked("reference", "deformed")
+@one_blas_thread()
+def dic(
+    reference: npt.NDArray[Any],
+    deformed: npt.NDArray[Any],
+    *,
+    subset: int = 31,
+    step: int = 10,
+    roi: tuple[int, int, int, int] | None = None,
+    points: npt.ArrayLike | None = None,
+    guess: npt.ArrayLike | DicResult | None = None,
+    start: Start = "auto",
+    search_px: int = 20,
+    shape: Shape = "affine",
+    window: Window | npt.ArrayLike = "square",
+    mask: npt.NDArray[np.bool_] | None = None,
+    saturation: float | None = None,
+    blur_px: float = 0.0,
+    tolerance: float = 1e-4,
+    max_iterations: int = 80,
+    min_zncc: float = 0.8,
+    apart_px: float = 0.1,
+    device: Device | None = None,
+    backend: str = "auto",
+) -> DicResult:
+    """Measure how ``reference`` moved to become ``deformed``.
+
+    Parameters
+    ----------
+    reference, deformed : (H, W) grey images of any integer or float type; sizes may differ.
+        Pixels that are NaN or infinite aren't used.
+    subset : odd width of the square subsets, px.
+    step : distance of the grid points, px (without ``points``).
+    roi : (x0, y0, x1, y1), pixels included; the grid's subsets stay inside. Default: all.
+    points : (M, 2) positions x, y in the reference, any fraction of a pixel, instead of a grid.
+    guess : (2,) or (M, 2) displacement to start from, px, or the result of an earlier image at
+        the same points. Without it, seeds are looked for as ``start`` says.
+    start : "search": an integer search of +-``search_px`` around no displacement and around the
+        one of most of the picture; "features": matched features, for any distance and rotation;
+        "auto": features where the search finds less than half of the seeds.
+    shape : how a subset deforms: "translation", "rigid", "affine" or "quadratic".
+    window : weights of the subset's pixels: "square", "round" or (subset, subset) in 0..1.
+    mask : (H, W) bool, False = pixel of the reference that isn't used; its neighbours within
+        1 px + 2 ``blur_px`` aren't either.
+    saturation : lowest grey level that counts as saturated; None: full scale of 8, 10, 12, 14 or
+        16 bits if an integer image reaches it. Only areas wider than 0.4 subsets are left out.
+    blur_px : standard deviation of a Gaussian put over both images first; 1 px takes most of the
+        interpolation error off images with hard edges, for a little resolution.
+    tolerance : the iteration stops when no pixel of the subset has further to go than this, px,
+        as the shrinking of the last two steps tells; or by a tenth of the standard uncertainty,
+        where noise keeps it from that.
+    max_iterations : where noise outweighs the pattern's slopes, steps shrink slowly; ``blur_px`` of
+        1 px then helps more than patience.
+    min_zncc : matches below are reported as ``LOW_CORRELATION``.
+    apart_px : subsets of shape "affine" or "quadratic" of which a ninth moved further than this
+        from the rest, px, or doesn't match at all, are reported as ``INCOHERENT``: they see the
+        edge of a body, a hole or a crack. inf: not looked at.
+    backend : ``"auto"``: on the device where an adapter is found, else by the NumPy twins, with one
+        warning; ``"gpu"``: on a device or not at all; ``"numpy"``: the float64 twins.
+    device : the device to take; None: the process-wide one.
+
+    Raises
+    ------
+    InputError
+        An argument is wrong. A point that can't be measured is no error: see ``status``.
+    """
+    device = working_device("dic", backend, device)
+    settings = make_settings(
+        subset,
+        window,
+        shape=shape,
+        tolerance=tolerance,
+        max_iterations=max_iterations,
+        min_zncc=min_zncc,
+        max_move=float(subset),
+        apart_px=apart_px,
+        blur_px=blur_px,
+    )
+    first = make_usable(reference, "reference", subset, mask, saturation)
+    second = make_usable(deformed, "deformed", subset, None, saturation)
+    allowed = check_mask(first.good, first.image, blur_px)
+    if not isinstance(search_px, (int, np.integer)) or search_px < 1:
+        raise InputError(f"search_px: got {search_px!r}; expected a whole number of px >= 1")
+    if start not in ("auto", "search", "features"):
+        raise InputError(f"start: got {start!r}; expected 'auto', 'search' or 'features'")
+    if points is None:
+        positions = grid_points(first.image.shape, subset=subset, step=step, roi=roi)
+    else:
+        positions = check_points(points, "points")
+    begin = None if guess is None else _check_guess(guess, positions, settings)
+    known = np.zeros(0, dtype=np.int64)
+    if begin is not None:
+        known = np.flatnonzero(np.isfinite(begin).all(axis=(1, 2)))
+    near = float(search_px)
+    if begin is not None and known.size:
+        near = max(near, float(np.abs(begin[known, :, 0]).max()))
+    front = Front(first.image, second.image, positions, settings, allowed, blur_px, near, device)
+    if begin is not None:
+        front.attempt(known, begin[known, :, 0], begin[known, :, 1:3])
+    if begin is None or (isinstance(guess, DicResult) and not _found(front, known) >= ENOUGH):
+        _seed(front, start, int(search_px))
+    front.propagate()
+    if front.widen():
+        front.propagate()
+    if begin is None:
+        lonely = np.flatnonzero((front.status == Status.NO_GUESS) | (front.attempts == 0))
+        if lonely.size:
+            front.search(lonely, int(search_px), np.zeros(2))
+            front.propagate()
+    else:
+        # nothing led there; let the kernel say if it could have been measured at all
+        untried = np.flatnonzero(front.attempts == 0)
+        front.attempt(untried, np.zeros((untried.size, 2)), keep=False)
+    front.settle()
+    front.doubt()
+    front.split()
+    matches = front.matches()
+    explain(matches, positions, settings, first, second)
+    widening = noise_factor(front.pair.reference, positions, settings.half, blur_px)
+    return make_result(positions, matches, subset, widening)
+
+
+def _seed(front: Front, start: Start, search_px: int) -> None:
+    """Measure a coarse lattice of points without knowing where they went."""
+    chosen = seeds(front.points)
+    if start != "features":
+        front.search(chosen, search_px, np.zeros(2))
+        if _found(front, chosen) < ENOUGH:
+            shift = global_shift(*front.images)
+            if np.abs(shift).max() > 0:
+                front.take_whole_image()
+                front.search(chosen[~front.ok[chosen]], search_px, shift)
+    if start == "features" or (start == "auto" and _found(front, chosen) < ENOUGH):
+        front.follow(chosen[~front.ok[chosen]], feature_motions(*front.images))
+
+
+def _found(front: Front, chosen: npt.NDArray[np.int64]) -> float:
+    """Share of the points that have a texture which have been measured; 0 if there are none."""
+    open_ = chosen[front.status[chosen] != Status.NO_TEXTURE]
+    return float(front.ok[open_].mean()) if open_.size else 0.0
+
+
+def _check_guess(
+    guess: npt.ArrayLike | DicResult, points: FloatArray, settings: Settings
+) -> FloatArray:
+    """Coefficients (M, 2, 3) to start from, NaN where there are none."""
+    begin = np.zeros((len(points), 2, 3))
+    if isinstance(guess, DicResult):
+        if guess.points.shape != points.shape or not np.array_equal(guess.points, points):
+            raise InputError(
+                f"guess: got a result of {len(guess.points)} points; expected one at the same "
+                f"{len(points)} points"
+            )
+        begin[:, :, 0] = guess.displacement
+        begin[:, :, 1:3] = guess.gradient * settings.half
+        return begin
+    values = np.asarray(guess, dtype=np.float64)
+    if values.shape not in ((2,), points.shape) or not np.isfinite(values).all():
+        raise InputError(f"guess: got shape {values.shape}; expected finite (2,) or {points.shape}")
+    begin[:, :, 0] = values
+    return begin
+
+
+def explain(
+    matches: Correlation, points: FloatArray, settings: Settings, first: Usable, second: Usable
+) -> None:
+    """Name subsets that are masked or saturated, in the reference or where they went to, and those
+    that left the deformed image."""
+    half = settings.half
+    lost = np.flatnonzero(np.isin(matches.status, (Status.OUTSIDE, Status.NO_GUESS)))
+    if lost.size and (first.masked is not None or first.saturated is not None):
+        reasons = first.reasons(points[lost], half)
+        named = reasons != Status.OUTSIDE
+        matches.status[lost[named]] = reasons[named]
+    # what wasn't found went with its nearest neighbour, as far as anybody can tell
+    known = np.flatnonzero(matches.status == Status.OK)
+    if not known.size:
+        return
+    covers = second.masked is not None or second.saturated is not None
+    unknown = np.isin(matches.status, UNEXPLAINED)
+    asked = np.flatnonzero(unknown | ((matches.status == Status.OK) & covers))
+    if not asked.size:
+        return
+    guide = known[point_tree(points[known]).query(points[asked])[1]]
+    # at whole pixels: halfway between two, the last bit of a motion would choose
+    offset = np.rint(np.linspace(-half, half, PROBES)) / half
+    a, b = (axis.ravel() for axis in np.meshgrid(offset, offset))
+    c = matches.coefficients[guide]
+    terms = np.stack([np.ones_like(a), a, b, 0.5 * a * a, a * b, 0.5 * b * b])
+    here = points[asked][:, :, None] + half * np.stack([a, b])
+    away = (points[asked] - points[guide]) / half
+    motion = c @ terms + np.einsum("mij,mj->mi", c[:, :, 1:3], away)[:, :, None]
+    there = here + motion
+    last = np.array(second.image.shape[::-1])[:, None] - 0.5
+    gone = ~((there >= -0.5) & (there <= last)).all(axis=(1, 2))
+    gone &= unknown[asked] & (matches.status[asked] != Status.INCOHERENT)
+    matches.status[asked[gone]] = Status.OUTSIDE
+    if not covers:
+        return
+    # what the reference leaves out anyway may be covered: white patches of the pattern itself
+    used = ~first.bad_at(here)[..., None]
+    masked, saturated = (
+        (part & used).sum(axis=(1, 2)) / np.maximum(used.sum(axis=(1, 2)), 1)
+        for part in np.split(second.parts_at(there), 2, axis=-1)
+    )
+    covered = (masked + saturated > COVERED) & ~gone
+    reason = np.where(saturated > masked, Status.SATURATED, Status.MASKED)
+    target = asked[covered]
+    matches.status[target] = reason[covered]
+    matches.coefficients[target] = np.nan
+    matches.sigma[target] = np.nan
+
+
+def grid_points(
+    image_shape: tuple[int, ...],
+    *,
+    subset: int,
+    step: int,
+    roi: tuple[int, int, int, int] | None = None,
+) -> FloatArray:
+    """Grid positions (M, 2), row by row, whose subsets lie in the region of interest."""
+    if not isinstance(step, (int, np.integer)) or step < 1:
+        raise InputError(f"step: got {step!r}; expected a whole number of px >= 1")
+    height, width = image_shape
+    corners = np.asarray((0, 0, width - 1, height - 1) if roi is None else roi)
+    if corners.shape != (4,) or corners.dtype.kind not in "iu":
+        raise InputError(f"roi: got {roi!r}; expected (x0, y0, x1, y1) in whole pixels")
+    x0, y0, x1, y1 = corners.tolist()
+    if not (0 <= x0 <= x1 < width and 0 <= y0 <= y1 < height):
+        raise InputError(
+            f"roi: got {roi}; expected (x0, y0, x1, y1) inside the image of {width}x{height} px"
+        )
+    half = subset // 2
+    columns = np.arange(x0 + half, x1 - half + 1, step, dtype=np.float64)
+    rows = np.arange(y0 + half, y1 - half + 1, step, dtype=np.float64)
+    if columns.size == 0 or rows.size == 0:
+        raise InputError(
+            f"roi: holds no subset; got {x1 - x0 + 1}x{y1 - y0 + 1} px; expected at least "
+            f"{subset}x{subset}"
+        )
+    x, y = np.meshgrid(columns, rows)
+    return np.column_stack([x.ravel(), y.ravel()])

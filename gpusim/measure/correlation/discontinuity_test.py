@@ -1,0 +1,221 @@
+"""Whether a subset is torn: a line across it on whose two sides it moved differently.
+
+An affine or quadratic warp hides a small jump well: the ninths of the subset (see
+``subset_consistency``) move by as little as nothing from a line put through a step. So the step is
+looked for itself. What the match leaves, e, is explained to first order by a motion field d of the
+subset, e = J d, in two ways: a polynomial of second degree plus a jump across a line, the best of
+lines in all directions and places; and a polynomial of fourth degree. Beside either, an even and a
+tilted change of brightness and one of contrast are fitted. A subset is torn if the jump explains
+about as much as the terms of third and fourth degree do: of a step they explain 0.64 on average,
+more near the rim. Lines must be tried densely, or the best of them explains no more of a jump than
+they do.
+
+Sums over pixels are taken once per cell of the subset; within a cell the field counts as constant.
+That is enough to see whether something is left (`COARSE`); to tell what it is, cells and lines are
+made `FINE`: of jumps of 0.25 to 1.4 px the terms of higher degree then explain 0.6 to 0.9 of what
+the line does, of waves 1.2 times to three times that, where it was 0.8 to 1.4 and 1.0 to 2.5.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from gpusim.measure.images import FloatArray
+
+__all__ = ["COARSE", "FINE", "Jumps", "Search", "jumps"]
+
+DEGREES = (3, 4)  # of the polynomials that a jump is compared with
+SAMPLES = 5  # along each side of a cell, for its share on one side of a line
+RIDGE = 1e-6  # of the diagonal: what no pixel tells stays 0
+KNOWN = 1e-2  # share of a jump's own sum of squares that the rest must not explain
+
+
+@dataclass(frozen=True)
+class Search:
+    """How densely lines are tried.
+
+    cells : along each side of a subset.      angles : directions of a line in half a turn.
+    offsets : of a line from the centre, half widths.
+    """
+
+    cells: int
+    angles: int
+    offsets: tuple[float, ...]
+
+
+COARSE = Search(7, 12, (-0.7, -0.55, -0.4, -0.25, -0.1, 0.1, 0.25, 0.4, 0.55, 0.7))
+FINE = Search(15, 24, tuple(np.linspace(-0.75, 0.75, 24).tolist()))
+
+
+@dataclass(frozen=True)
+class Jumps:
+    """The jump that explains most of what is left in each of B subsets.
+
+    length : (B,) float64, px.
+    sure : (B,) float64, what it explains over the variance that then is left: the square of its
+        distance from 0 in standard deviations. For noise alone 7 on average, 25 once in 1000.
+    smooth : (B,) float64, what terms of third and fourth degree explain, likewise, less what they
+        do of noise.
+    """
+
+    length: FloatArray
+    sure: FloatArray
+    smooth: FloatArray
+
+
+@dataclass(frozen=True)
+class _Fields:
+    """Motions of a subset's cells, (., cells^2): what is fitted, what is asked for beside it."""
+
+    known: FloatArray
+    smooth: FloatArray
+    sides: FloatArray
+
+
+def jumps(
+    weight: FloatArray,
+    slopes: tuple[FloatArray, FloatArray],
+    grey: FloatArray,
+    rest: FloatArray,
+    search: Search = COARSE,
+) -> Jumps:
+    """Look for a jump in each of B subsets of n = size^2 pixels, row by row.
+
+    weight : (B, n), 0 where a pixel isn't used.      slopes : by x and by y, (B, n).
+    grey : (B, n), reference values less their mean.  rest : (B, n), what the match leaves of them.
+    """
+    size = round(np.sqrt(weight.shape[1]))
+    number = min(search.cells, size)
+    fields = _fields(replace(search, cells=number))
+    first = np.unique(np.arange(number) * size // number)
+    member = np.zeros((size, number))
+    member[np.arange(size), np.searchsorted(first, np.arange(size), side="right") - 1] = 1.0
+    x, y = slopes
+
+    def cells(values: FloatArray) -> FloatArray:
+        lines = ((weight * values).reshape(-1, size) @ member).reshape(-1, size, number)
+        return np.asarray(np.add.reduceat(lines, first, axis=1).reshape(len(weight), -1))
+
+    # columns: known motions by x, by y, brightness even and tilted, contrast
+    asked = np.concatenate([fields.smooth, fields.sides])
+    both = np.concatenate([fields.known, asked])
+    count, terms, tests = len(weight), len(fields.known), len(asked)
+    linear = fields.known[:3]
+    light = slice(2 * terms, 2 * terms + len(linear))
+    unknowns = light.stop + 1
+    normal = np.empty((count, unknowns, unknowns))
+    cross = np.empty((count, unknowns, 2, tests))
+    right = np.empty((count, unknowns))
+    moments = cells(x * x), cells(x * y), cells(y * y)
+    blocks = [_sums(fields.known, moment, both) for moment in moments]
+    for i in range(2):
+        rows = slice(i * terms, (i + 1) * terms)
+        for j in range(2):
+            normal[:, rows, j * terms : (j + 1) * terms] = blocks[i + j][:, :, :terms]
+            cross[:, rows, j] = blocks[i + j][:, :, terms:]
+        block = _sums(linear, cells(slopes[i]), both)
+        normal[:, light, rows] = block[:, :, :terms]
+        normal[:, rows, light] = block[:, :, :terms].transpose(0, 2, 1)
+        cross[:, light, i] = block[:, :, terms:]
+        along = cells(slopes[i] * grey) @ both.T
+        normal[:, -1, rows] = normal[:, rows, -1] = along[:, :terms]
+        cross[:, -1, i] = along[:, terms:]
+    normal[:, light, light] = _sums(linear, cells(np.ones_like(grey)), linear)
+    normal[:, -1, light] = normal[:, light, -1] = cells(grey) @ linear.T
+    normal[:, -1, -1] = (weight * grey * grey).sum(axis=1)
+    told = np.stack([cells(slope * rest) @ both.T for slope in slopes], axis=1)
+    right[:, : light.start] = told[:, :, :terms].reshape(count, -1)
+    right[:, light] = cells(rest) @ linear.T
+    right[:, -1] = (weight * grey * rest).sum(axis=1)
+
+    # what the known part explains is taken out of everything
+    diagonal = np.einsum("bii->bi", normal)
+    scale = 1.0 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
+    normal = normal * scale[:, :, None] * scale[:, None, :]
+    normal[:, np.arange(unknowns), np.arange(unknowns)] += RIDGE
+    # whitened: with N = L L', the sums of squares that the known part explains are those of L^-1 c
+    whiten = np.linalg.inv(np.linalg.cholesky(normal)) * scale[:, None, :]
+    flat = whiten @ cross.reshape(count, unknowns, -1)
+    scaled = whiten @ right[:, :, None]
+    by_rest = told[:, :, terms:] - (flat.transpose(0, 2, 1) @ scaled).reshape(count, 2, tests)
+    left = (weight * rest * rest).sum(axis=1) - (scaled[:, :, 0] ** 2).sum(axis=1)
+
+    flat = flat.reshape(count, unknowns, 2, tests)
+    length, explained = _best_side(
+        [m @ (fields.sides**2).T for m in moments],
+        flat[:, :, :, len(fields.smooth) :],
+        by_rest[:, :, len(fields.smooth) :],
+    )
+    smooth = _smooth(moments, fields.smooth, flat, by_rest)
+    pixels = (weight > 0).sum(axis=1)
+    noise = np.maximum(left - explained, 1e-30) / np.maximum(pixels - unknowns - 2, 1)
+    return Jumps(length, explained / noise, smooth / noise - 2 * len(fields.smooth))
+
+
+def _best_side(
+    own: list[FloatArray], cross: FloatArray, by_rest: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Length of the jump that explains most, and how much, each (B,); ``cross`` is whitened."""
+    xx, xy, yy = (
+        own[i + j] - np.einsum("bus,bus->bs", cross[:, :, i], cross[:, :, j])
+        for i, j in ((0, 0), (0, 1), (1, 1))
+    )
+    determinant = xx * yy - xy * xy
+    usable = (xx > KNOWN * own[0]) & (yy > KNOWN * own[2]) & (determinant > KNOWN * xx * yy)
+    divisor = np.where(usable, determinant, 1.0)
+    ex, ey = by_rest[:, 0], by_rest[:, 1]
+    dx, dy = (yy * ex - xy * ey) / divisor, (xx * ey - xy * ex) / divisor
+    explained = np.where(usable, dx * ex + dy * ey, 0.0)
+    best = np.arange(len(ex)), np.argmax(explained, axis=1)
+    length = np.where(usable[best], np.hypot(dx[best], dy[best]), 0.0)
+    return length, np.asarray(explained[best])
+
+
+def _smooth(
+    moments: tuple[FloatArray, ...],
+    smooth: FloatArray,
+    cross: FloatArray,
+    by_rest: FloatArray,
+) -> FloatArray:
+    """What the terms of third and fourth degree explain, (B,); ``cross`` is whitened."""
+    count, terms = len(cross), len(smooth)
+    square = np.empty((count, 2, terms, 2, terms))
+    for i in range(2):
+        for j in range(2):
+            square[:, i, :, j] = _sums(smooth, moments[i + j], smooth)
+    matrix = square.reshape(count, 2 * terms, 2 * terms)
+    diagonal = np.einsum("bii->bi", matrix).copy()
+    taken = cross[:, :, :, :terms].reshape(count, -1, 2 * terms)
+    matrix = matrix - taken.transpose(0, 2, 1) @ taken
+    matrix[:, np.arange(2 * terms), np.arange(2 * terms)] += RIDGE * diagonal + 1e-30
+    right = by_rest[:, :, :terms].reshape(count, -1)
+    return np.asarray((right * np.linalg.solve(matrix, right[:, :, None])[:, :, 0]).sum(axis=1))
+
+
+def _sums(first: FloatArray, moments: FloatArray, second: FloatArray) -> FloatArray:
+    """Sums over cells of first_i moment second_j: (B, len(first), len(second))."""
+    # one product of two matrices: a stack of them would be one call of BLAS each
+    rows = (moments[:, None, :] * first).reshape(-1, first.shape[1])
+    return np.asarray((rows @ second.T).reshape(len(moments), len(first), len(second)))
+
+
+@lru_cache(maxsize=8)
+def _fields(search: Search) -> _Fields:
+    """Polynomials at the cells' centres, and -1/2..1/2 for the two sides of each line."""
+    cells = search.cells
+    middle = (np.arange(cells) + 0.5) * 2.0 / cells - 1.0
+    b, a = (axis.ravel() for axis in np.meshgrid(middle, middle, indexing="ij"))
+    known = np.stack([a**0, a, b, a * a, a * b, b * b])
+    smooth = np.stack([a**i * b ** (n - i) for n in DEGREES for i in range(n + 1)])
+    fine = (np.arange(cells * SAMPLES) + 0.5) * 2.0 / (cells * SAMPLES) - 1.0
+    y, x = np.meshgrid(fine, fine, indexing="ij")
+    sides = []
+    for turn in np.arange(search.angles) * np.pi / search.angles:
+        across = x * np.cos(turn) + y * np.sin(turn)
+        for offset in search.offsets:
+            side = (across > offset).reshape(cells, SAMPLES, cells, SAMPLES).mean(axis=(1, 3))
+            sides.append(side.ravel() - 0.5)
+    return _Fields(known, smooth, np.stack(sides))

@@ -1,0 +1,149 @@
+"""Large motion from features: what moved together, how far it turned and stretched.
+
+SIFT keypoints of both images are matched; affine motions that many matches agree on are taken one
+after the other (RANSAC). So hundreds of pixels, any rotation and several bodies moving differently
+are found without a search.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.measure.images import FloatArray, Image
+from gpusim.measure.nearest_points import point_tree
+
+__all__ = ["Motion", "common_motions", "feature_matches", "feature_motions", "global_shift"]
+
+LARGEST = 2_000_000  # px: larger images are looked at in a smaller copy
+FEATURES = 5000
+RATIO = 0.8  # best over second-best descriptor distance (Lowe 2004)
+MODELS = 6
+LEAST = 10  # matches that make a motion
+REACH = 0.008  # of the image diagonal: how far matches of one motion may differ from it
+NEAREST = 5
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Matches that move together.
+
+    points, displacement : (K, 2) float64, px.
+    matrix : (2, 2) float64, displacement gradient of the affine motion through them.
+    offset : (2,) float64, its displacement at the origin, px.
+    """
+
+    points: FloatArray
+    displacement: FloatArray
+    matrix: FloatArray
+    offset: FloatArray
+
+    def at(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Displacements (M, 2) at ``points`` and the distance (M,) to the nearest match, px.
+
+        The affine motion, corrected by what the nearest matches differ from it (median).
+        """
+        number = min(NEAREST, len(self.points))
+        apart, near = point_tree(self.points).query(points, k=number)
+        rest = self.displacement - self.points @ self.matrix.T - self.offset
+        correction = np.median(rest[np.asarray(near).reshape(len(points), -1)], axis=1)
+        distance = np.asarray(apart, dtype=np.float64).reshape(len(points), -1)[:, 0]
+        return points @ self.matrix.T + self.offset + correction, distance
+
+
+def feature_motions(reference: Image, deformed: Image) -> list[Motion]:
+    """The affine motions seen in two images, those with most matches first."""
+    return common_motions(*feature_matches(reference, deformed), float(np.hypot(*reference.shape)))
+
+
+def common_motions(points: FloatArray, moved: FloatArray, diagonal: float) -> list[Motion]:
+    """The affine motions that many of the matches (K, 2), (K, 2) agree on.
+
+    ``diagonal`` of the image, px: matches of one motion may differ from it by 0.8 % of that.
+    """
+    motions: list[Motion] = []
+    threshold = max(2.0, REACH * diagonal)
+    for _ in range(MODELS):
+        if len(points) < LEAST:
+            break
+        affine, found = cv2.estimateAffine2D(
+            points, moved, method=cv2.RANSAC, ransacReprojThreshold=threshold, maxIters=4000
+        )
+        if affine is None or found is None:
+            break
+        inliers = np.asarray(found).ravel().astype(bool)
+        matrix = np.asarray(affine, dtype=np.float64)
+        stretch = np.linalg.svd(matrix[:, :2], compute_uv=False)
+        if inliers.sum() < LEAST:
+            break
+        if 0.3 < stretch[1] and stretch[0] < 3.0 and np.linalg.det(matrix[:, :2]) > 0:
+            motions.append(
+                Motion(
+                    points[inliers],
+                    (moved - points)[inliers],
+                    matrix[:, :2] - np.eye(2),
+                    matrix[:, 2],
+                )
+            )
+        points, moved = points[~inliers], moved[~inliers]
+    return motions
+
+
+def feature_matches(reference: Image, deformed: Image) -> tuple[FloatArray, FloatArray]:
+    """Positions (K, 2) of matched features in both images, px; each the other's best match."""
+    first, second = _keypoints(reference), _keypoints(deformed)
+    none = np.zeros((0, 2))
+    if len(first[0]) < LEAST or len(second[0]) < LEAST:
+        return none, none
+    matcher = cv2.BFMatcher(cv2.NORM_L2)
+    pairs = [p for p in matcher.knnMatch(first[1], second[1], k=2) if len(p) == 2]
+    there = {p[0].queryIdx: p[0].trainIdx for p in pairs if p[0].distance < RATIO * p[1].distance}
+    back = {m.queryIdx: m.trainIdx for m in matcher.match(second[1], first[1])}
+    both = [(i, j) for i, j in there.items() if back.get(j) == i]
+    if not both:
+        return none, none
+    i, j = np.array(both).T
+    return first[0][i], second[0][j]
+
+
+def global_shift(reference: Image, deformed: Image) -> FloatArray:
+    """The translation (2,) that most of the picture made, to whole pixels (phase correlation)."""
+    height = max(reference.shape[0], deformed.shape[0])
+    width = max(reference.shape[1], deformed.shape[1])
+    parts = []
+    for image in (reference, deformed):
+        small = _eight_bit(image).astype(np.float32)
+        small -= small.mean()
+        wide = np.zeros((height, width), dtype=np.float32)
+        window = np.outer(np.hanning(small.shape[0]), np.hanning(small.shape[1]))
+        wide[: small.shape[0], : small.shape[1]] = small * window
+        parts.append(wide)
+    shift, _ = cv2.phaseCorrelate(parts[0], parts[1])
+    return np.rint(np.asarray(shift, dtype=np.float64))
+
+
+def _keypoints(image: Image) -> tuple[FloatArray, npt.NDArray[np.float32]]:
+    """Positions (K, 2) and descriptors (K, 128)."""
+    scale = min(1.0, float(np.sqrt(LARGEST / image.size)))
+    grey = _eight_bit(image)
+    if scale < 1.0:
+        small = cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+        grey = np.asarray(small, dtype=np.uint8)
+    points, descriptors = cv2.SIFT.create(nfeatures=FEATURES).detectAndCompute(grey, None)
+    if descriptors is None:
+        return np.zeros((0, 2)), np.zeros((0, 128), dtype=np.float32)
+    place = np.array([p.pt for p in points], dtype=np.float64)
+    ratio = np.array([image.shape[1] / grey.shape[1], image.shape[0] / grey.shape[0]])
+    return (place + 0.5) * ratio - 0.5, np.asarray(descriptors, dtype=np.float32)
+
+
+def _eight_bit(image: Image) -> npt.NDArray[np.uint8]:
+    """Stretch the grey values to 8 bits, leaving out half a percent at both ends."""
+    step = max(1, image.size // 200_000)
+    low, high = np.quantile(image.ravel()[::step].astype(np.float64), [0.005, 0.995])
+    span = float(high - low) or 1.0
+    grey = np.clip((image.astype(np.float32) - low) * (255.0 / span), 0, 255)
+    return np.asarray(grey.astype(np.uint8))

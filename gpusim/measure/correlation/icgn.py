@@ -1,0 +1,382 @@
+"""Match subsets of one image in another: inverse-compositional Gauss-Newton, ZNSSD.
+
+Driver of ``shaders/measure/correlation/icgn.wgsl`` and its NumPy twin. For each subset the
+reference grey values f(s), the warped deformed ones g(W(s)) and the steepest-descent images J(s)
+give the step::
+
+    e   = (f - mean f) - scale (g - offset)              scale, offset from the last iteration
+    J'  = J - mean J - fc (fc . J) / (fc . fc)           fc = f - mean f: offset and gain taken out
+    step = -(sum w J' J'^T)^-1  sum w J' e               W <- W o step^-1
+
+Means and dots are weighted with the window w. Because J' is orthogonal to a change of offset and
+of gain, the fixed point is the minimum of the ZNSSD (Baker and Matthews 2004; Pan, Li, Tong 2013).
+Working with the small difference e instead of g keeps float32 sums good on the device.
+"""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+from math import ceil
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.gpu import Device, compare, twin_check
+from gpusim.gpu.adapter import is_processor
+from gpusim.measure.correlation.image_tiles import Limits, Sampled, Tile, plan_tiles
+from gpusim.measure.correlation.matching import (
+    Correlation,
+    Pair,
+    Settings,
+    Status,
+    Subsets,
+    check_subsets,
+)
+from gpusim.measure.correlation.normal_equations import cholesky, solve
+from gpusim.measure.correlation.warp import (
+    COEFFICIENTS,
+    SHAPES,
+    UNKNOWNS,
+    Shape,
+    basis,
+    compose_inverse,
+    steepest_descent,
+    step_coefficients,
+)
+from gpusim.measure.images import FloatArray
+from gpusim.measure.interpolation import PAD, SplineImage
+
+__all__ = ["correlate", "correlate_numpy"]
+
+BoolArray = npt.NDArray[np.bool_]
+
+MIN_CONTRAST = 5e-4  # standard deviation of a subset over the grey range of the image
+MIN_WEIGHT = 0.3  # share of the window that the mask must leave
+FASTEST = 0.03  # ratio of two steps that is trusted to go on
+MOST_NOISE = 0.75  # share of noise in the squared slopes that is reckoned with
+CHUNK = 1 << 17  # pixels handled at once by the twin
+# threads of a workgroup; on a CPU, one vector of eight: what a subset does once isn't repeated
+THREADS, THREADS_CPU = 32, 8
+DISPATCH = 1 << 20  # subsets in one dispatch: their rows fit into a binding
+BEYOND_TILE = 100  # status in the kernel's output: needs coefficients that aren't loaded
+SPREAD = 1.5  # half widths that the pixels of a subset are expected to lie from its point
+
+
+def correlate_numpy(subsets: Subsets, settings: Settings) -> Correlation:
+    """Match every subset in float64 on the host."""
+    check_subsets(subsets, settings)
+    count = subsets.points.shape[0]
+    chunk = max(1, CHUNK // settings.window.size)
+    parts = [
+        _correlate_chunk(subsets, settings, slice(start, start + chunk))
+        for start in range(0, count, chunk)
+    ]
+    return Correlation(
+        np.concatenate([part.coefficients for part in parts]),
+        np.concatenate([part.zncc for part in parts]),
+        np.concatenate([part.sigma for part in parts]),
+        np.concatenate([part.iterations for part in parts]),
+        np.concatenate([part.status for part in parts]),
+    )
+
+
+def _correlate_chunk(subsets: Subsets, settings: Settings, part: slice) -> Correlation:
+    pair = subsets.pair
+    points = subsets.points[part]
+    half = settings.half
+    shape = settings.shape
+    unknowns = UNKNOWNS[shape]
+    number = points.shape[0]
+    status = np.full(number, Status.NOT_CONVERGED, dtype=np.int8)
+    iterations = np.zeros(number, dtype=np.int32)
+    zncc = np.full(number, np.nan)
+    sigma = np.full(number, np.nan)
+
+    offset = np.arange(-half, half + 1)
+    dx = np.tile(offset, offset.size)
+    dy = np.repeat(offset, offset.size)
+    column = np.rint(points[:, :1]).astype(np.int64) + dx  # (B, n) pixels of the whole image
+    row = np.rint(points[:, 1:]).astype(np.int64) + dy
+    spline = pair.reference
+    in_crop: BoolArray = np.all(
+        spline.inside(column.astype(np.float64), row.astype(np.float64)), axis=1
+    )
+    status[~in_crop] = Status.OUTSIDE
+    first_x = np.where(in_crop, column[:, 0] - spline.origin[0], 0)
+    first_y = np.where(in_crop, row[:, 0] - spline.origin[1], 0)
+    planes = pair.planes_at(first_x, first_y, 2 * half + 1)
+    weight = settings.window.ravel() * planes[..., 3]
+    total = weight.sum(axis=1)
+    masked = in_crop & ~(total >= MIN_WEIGHT * settings.window.sum())
+    masked |= in_crop & ~(total > unknowns + 2)
+    status[masked] = Status.OUTSIDE
+    total = np.where(total > 0, total, 1.0)
+    f = planes[..., 0]
+    f = f - ((weight * f).sum(axis=1) / total)[:, None]
+    energy = (weight * f * f).sum(axis=1)
+    flat = ~(energy > MIN_CONTRAST**2 * total)
+    safe_energy = np.where(flat, 1.0, energy)
+
+    a = (column - points[:, :1]) / half
+    b = (row - points[:, 1:]) / half
+    descent = steepest_descent(shape, planes[..., 1], planes[..., 2], a, b)
+    descent -= ((weight * descent).sum(axis=2) / total)[:, :, None]
+    descent -= ((weight * f * descent).sum(axis=2) / safe_energy)[:, :, None] * f
+    weighted = weight * descent
+    hessian = np.einsum("ibn,jbn->bij", weighted, descent)
+    factor, solvable = cholesky(hessian)
+    status[in_crop & ~masked & (flat | ~solvable)] = Status.NO_TEXTURE
+
+    low, scale = pair.deformed_range
+    c = subsets.start[part].copy()
+    contrast = np.ones(number)
+    level = np.zeros(number)
+    before = np.zeros(number)
+    active = np.flatnonzero(status == Status.NOT_CONVERGED)
+    terms = basis(a, b, COEFFICIENTS[shape])
+    for iteration in range(1, settings.max_iterations + 1):
+        if active.size == 0:
+            break
+        iterations[active] = iteration
+        motion = np.einsum("bik,kbn->ibn", c[active][:, :, : terms.shape[0]], terms[:, active])
+        x = column[active] + motion[0]
+        y = row[active] + motion[1]
+        inside = pair.deformed.inside(x, y).all(axis=1)
+        status[active[~inside]] = Status.OUTSIDE
+        active, x, y = active[inside], x[inside], y[inside]
+        if active.size == 0:
+            break
+        g = (pair.deformed.values(x, y) - low) * scale
+        w, fa, ta = weight[active], f[active], total[active]
+        if iteration == 1:
+            level[active] = (w * g).sum(axis=1) / ta
+        e = fa - contrast[active][:, None] * (g - level[active][:, None])
+        mean = (w * e).sum(axis=1) / ta
+        e -= mean[:, None]
+        along = (w * fa * e).sum(axis=1)
+        rest = (w * e * e).sum(axis=1)
+        fe = energy[active]
+        ge = fe - 2.0 * along + rest
+        live = ge > 1e-10 * fe
+        ge = np.where(live, ge, 1.0)
+        zncc[active] = np.where(live, (fe - along) / np.sqrt(fe * ge), 0.0)
+        level[active] -= mean / contrast[active]
+        contrast[active] *= np.where(live, np.sqrt(fe / ge), 1.0)
+        gradient = -np.einsum("ibn,bn->bi", weighted[:, active], e)
+        step = solve(factor[active], gradient)
+        change = step_coefficients(shape, step)
+        c[active] = compose_inverse(shape, c[active], change, half)
+        size = np.abs(change).sum(axis=2).max(axis=1)
+        done = remaining(size, before[active]) <= settings.tolerance
+        before[active] = size
+        move = np.abs(c[active][:, :, 0] - subsets.start[part][active][:, :, 0]).max(axis=1)
+        lost = ~(live & (move <= settings.max_move))
+        status[active[done & ~lost]] = Status.OK
+        if done.any():
+            variance = (fe * rest - along**2) / ge / (ta - unknowns - 2)
+            noise = settings.slope_noise * (1.0 - zncc[active]) * fe
+            spread = np.maximum(*displacement_variance(factor[active], shape, noise))
+            sigma[active] = np.sqrt(np.maximum(variance, 0.0) * spread)
+        active = active[~(done | lost)]
+    poor = (status == Status.OK) & ~(zncc >= settings.min_zncc)
+    status[poor] = Status.LOW_CORRELATION
+    bad = status != Status.OK
+    c[bad] = np.nan
+    sigma[bad] = np.nan
+    return Correlation(c, zncc, sigma, iterations, status)
+
+
+def remaining(size: FloatArray, before: FloatArray) -> FloatArray:
+    """What is still to go after steps of ``size``, px, from the one ``before`` (0: none).
+
+    Gauss-Newton steps shrink by a constant ratio near the solution, so what is left after a step is
+    size (r + r^2 + ...) = size r / (1 - r). A ratio seen only once isn't trusted below 0.1, nor
+    used above 0.5.
+    """
+    ratio = np.maximum(size / np.maximum(before, 1e-30), FASTEST)
+    trusted = (before > 0) & (ratio < 0.5)
+    ratio = np.where(trusted, ratio, 0.5)
+    return np.asarray(size * ratio / (1.0 - ratio))
+
+
+def displacement_variance(
+    factor: FloatArray, shape: Shape, noise: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Diagonal entries of the inverse normal matrix for the two displacement unknowns.
+
+    ``noise`` (B,) is what noise adds to each sum of squared slopes. It tells nothing of a motion,
+    so that a share r of it in a sum makes the displacement 1 / (1 - r) times as uncertain.
+    """
+    second = 1 if shape in ("translation", "rigid") else COEFFICIENTS[shape]
+    entries = []
+    for index in (0, second):
+        unit = np.zeros(factor.shape[:2])
+        unit[:, index] = 1.0
+        share = noise / (factor[:, index] ** 2).sum(axis=1)
+        widening = 1.0 / (1.0 - np.clip(share, 0.0, MOST_NOISE))
+        entries.append(widening**2 * solve(factor, unit)[:, index])
+    return entries[0], entries[1]
+
+
+def correlate(
+    subsets: Subsets,
+    settings: Settings,
+    device: Device | None = None,
+    limits: Limits = Limits(),  # noqa: B008 - immutable
+) -> Correlation:
+    """Match every subset on ``device``, or with the NumPy twin if there is none.
+
+    The images may be of any size: they are taken to the device in parts (see ``image_tiles``). A
+    subset that wanders out of its part, though not out of the image, is matched by the twin.
+    """
+    if device is None:
+        return correlate_numpy(subsets, settings)
+    check_subsets(subsets, settings)
+    pair, half = subsets.pair, settings.half
+    centre = np.rint(subsets.points)
+    corner = np.array([[-half, -half], [half, half]])
+    corners = centre[:, None] + corner
+    within: BoolArray = np.all(pair.reference.inside(corners[..., 0], corners[..., 1]), axis=1)
+    target = np.rint(subsets.start[:, :, 0])
+    which = np.flatnonzero(within)
+    values = np.full((within.size, 16), np.nan)
+    values[:, 13] = 0.0
+    values[:, 14] = Status.OUTSIDE
+    if which.size:
+        pixel = (centre[which] - pair.reference.origin).astype(np.int64)
+        limit = 2**24  # a start further away than float32 counts pixels is outside any image
+        there = centre[which] + target[which] - pair.deformed.origin + PAD
+        begin = np.clip(there, -limit, limit).astype(np.int64)
+        reach = ceil(SPREAD * half + min(settings.max_move, 4 * half)) + PAD
+        for tile in plan_tiles(pair, pixel, begin, half, reach, limits):
+            for first in range(0, tile.which.size, DISPATCH):
+                part = replace(tile, which=tile.which[first : first + DISPATCH])
+                values[which[part.which]] = _dispatch(
+                    device, subsets, settings, limits, part, which, pixel, begin
+                )
+        values[which, 0] += target[which, 0]
+        values[which, 6] += target[which, 1]
+    status = values[:, 14].astype(np.int8)
+    zncc = np.where(values[:, 12] >= -1.0 - 1e-5, values[:, 12], np.nan)
+    status[(status == Status.OK) & ~(zncc >= settings.min_zncc)] = Status.LOW_CORRELATION
+    good = status == Status.OK
+    result = Correlation(
+        np.where(good[:, None, None], values[:, :12].reshape(-1, 2, 6), np.nan),
+        zncc,
+        np.where(good, values[:, 15], np.nan),
+        values[:, 13].astype(np.int32),
+        status,
+    )
+    stray = np.flatnonzero(status == BEYOND_TILE)
+    if stray.size:
+        again = correlate_numpy(
+            Subsets(pair, subsets.points[stray], subsets.start[stray]), settings
+        )
+        for field in fields(Correlation):
+            getattr(result, field.name)[stray] = getattr(again, field.name)
+    return result
+
+
+def _dispatch(
+    device: Device,
+    subsets: Subsets,
+    settings: Settings,
+    limits: Limits,
+    tile: Tile,
+    which: npt.NDArray[np.int64],
+    pixel: npt.NDArray[np.int64],
+    begin: npt.NDArray[np.int64],
+) -> FloatArray:
+    """Run the kernel over the subsets of a tile; (K, 16) raw rows as the shader writes them.
+
+    ``which`` are the rows of ``subsets`` that ``pixel`` and ``begin`` (see ``plan_tiles``) and the
+    tile count from.
+    """
+    pair = subsets.pair
+    rows = which[tile.which]
+    (left, top, _, _), (x0, y0, x1, y1) = tile.reference, tile.deformed
+    places = np.concatenate([pixel[tile.which] - (left, top), begin[tile.which] - (x0, y0)], axis=1)
+    start = subsets.start[rows].copy()
+    start[:, :, 0] -= np.rint(start[:, :, 0])
+    fraction = subsets.points[rows] - np.rint(subsets.points[rows])
+    starts = np.concatenate([fraction, start.reshape(-1, 12)], axis=1)
+    origin = np.array(pair.deformed.origin * 2) - PAD + (x0, y0, x0, y0)
+    image = np.array(pair.deformed.valid, dtype=np.int64) - origin
+    # the taps of a pixel reach from 2 before it to 3 behind, and SLACK may take the one before
+    low, high = np.array([3, 3]), np.array([x1 - x0 - 4, y1 - y0 - 4])
+    box = np.concatenate([np.maximum(image[:2], low), np.minimum(image[2:], high)])
+    covered = bool((box == image).all())
+    windowed = bool((settings.window != 1).any())
+    kernel = device.kernel(
+        "measure/correlation/icgn",
+        entry="main",
+        constants={
+            "shape": SHAPES.index(settings.shape),
+            "unknowns": UNKNOWNS[settings.shape],
+            "threads": THREADS_CPU if is_processor(device.info) else THREADS,
+            "windowed": windowed,
+        },
+    )
+    result = device.empty(rows.size * 64, label="measure.icgn.result")
+    bindings = kernel.bind(
+        params={
+            "count": rows.size,
+            "half": settings.half,
+            "max_iterations": settings.max_iterations,
+            "tolerance": settings.tolerance,
+            "max_move": settings.max_move,
+            "slope_noise": settings.slope_noise,
+            "window_sum": float(settings.window.sum()),
+            "beyond": Status.OUTSIDE if covered else BEYOND_TILE,
+            "box": box,
+        },
+        reference=pair.uploads.reference(device, tile.reference, limits),
+        deformed=pair.uploads.deformed(device, tile.deformed, limits),
+        window=Sampled(device, settings.window.astype(np.float32), "measure.icgn.window"),
+        places=device.buffer(places.astype(np.int32), label="measure.icgn.places"),
+        starts=device.buffer(starts.astype(np.float32), label="measure.icgn.starts"),
+        result=result,
+    )
+    lines = -(-rows.size // 65535)
+    with device.recording("measure.icgn") as recording:
+        recording.dispatch(kernel, bindings, groups=(-(-rows.size // lines), lines, 1))
+    values: FloatArray = result.read(np.float32, (rows.size, 16)).astype(np.float64)
+    return values
+
+
+@twin_check("measure/correlation/icgn")
+def _check(device: Device) -> None:
+    """Subsets of a smooth pattern that is stretched, turned and shifted; every shape."""
+    row, column = np.indices((57, 83), dtype=np.float64)
+
+    def pattern(x: FloatArray, y: FloatArray) -> FloatArray:
+        result: FloatArray = (
+            np.sin(0.61 * x + 0.2 * y) + np.sin(0.17 * x - 0.73 * y) + np.sin(0.4 * x + 0.5 * y)
+        )
+        return result
+
+    reference = SplineImage.from_image(pattern(column, row))
+    deformed = SplineImage.from_image(
+        0.6 * pattern(0.99 * column - 0.02 * row + 0.7, 0.01 * column + 1.01 * row - 0.4) + 3.0
+    )
+    points = np.array([[20.3, 21.8], [41.0, 30.5], [60.7, 35.2], [4.0, 30.0], [41.0, 55.0]])
+    subsets = Subsets(Pair(reference, deformed), points, np.zeros((5, 2, 6)))
+    for shape in SHAPES:
+        settings = Settings(np.ones((21, 21)), shape, min_zncc=0.0)
+        got, want = correlate(subsets, settings, device), correlate_numpy(subsets, settings)
+        compare(f"measure/correlation/icgn.{shape}.status", got.status, want.status, "exact")
+        good = want.status == Status.OK
+        compare(
+            f"measure/correlation/icgn.{shape}.coefficients",
+            got.coefficients[good],
+            want.coefficients[good],
+            atol=2e-5,  # px: float32 sums; a step more or less at the stopping threshold
+            rtol=0.0,
+        )
+        compare(
+            f"measure/correlation/icgn.{shape}.zncc",
+            got.zncc[good],
+            want.zncc[good],
+            atol=2e-6,
+            rtol=0.0,
+        )

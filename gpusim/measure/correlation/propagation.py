@@ -1,0 +1,379 @@
+"""Points in progress: from those that are measured to their neighbours.
+
+Every open point starts from the best correlated of its measured neighbours, extrapolated with that
+neighbour's shape (reliability-guided, Pan 2009, a whole front at a time). A point that fails is
+tried again from another neighbour as the front passes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cached_property
+from math import ceil
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.arrays.sorted_unique import distinct
+from gpusim.gpu import Device
+from gpusim.measure.correlation.features import Motion
+from gpusim.measure.correlation.icgn import correlate
+from gpusim.measure.correlation.matching import Correlation, Pair, Settings, Status, Subsets
+from gpusim.measure.correlation.pixel_search import integer_search
+from gpusim.measure.correlation.subset_consistency import beside_texture, incoherent
+from gpusim.measure.images import FloatArray, Image
+from gpusim.measure.interpolation import SplineImage
+from gpusim.measure.nearest_points import point_tree
+
+__all__ = ["Front", "seeds"]
+
+IntArray = npt.NDArray[np.int64]
+BoolArray = npt.NDArray[np.bool_]
+
+NEIGHBOURS = 9
+SEED_EVERY = 8  # one seed per 8x8 points
+SURE = 0.95  # correlation that needs no neighbour to be believed
+ATTEMPTS = 4  # starts per point
+PARTED = ("affine", "quadratic")  # shapes that follow a smooth field: what they leave is news
+DOUBT = 0.01  # px beyond four standard deviations: further from what a neighbour says, look
+POOR = 1.5  # residual over the lower quartile of all points
+SETTLED = (1e-3, 2e-3, 4e-3, 8e-3, 1.6e-2)  # px: tolerances where the one asked for isn't reached
+WIDER = 10.0  # standard uncertainty over the tolerance that then is enough
+BENT = (
+    0.5  # over the jump that is looked for: less change of slopes, px at a subset's rim, is smooth
+)
+INNER = 0.6  # of a subset's width: its middle, asked by itself
+COMPANY = (
+    3  # lost neighbours that settle a doubt where noise hardly explains it, else twice as many
+)
+BESIDE_EDGES = (Status.INCOHERENT, Status.NO_TEXTURE, Status.LOW_CORRELATION, Status.NOT_CONVERGED)
+MANY = 0.1  # share of what was looked at that has no texture: look at everything
+APART = 0.5  # px: further from what its neighbours say, a point is looked at again
+
+
+def seeds(points: FloatArray) -> IntArray:
+    """One point per cell of 8x8 points, the one nearest to the cell's centre."""
+    if len(points) < 4:
+        return np.arange(len(points))
+    apart = np.asarray(point_tree(points).query(points, k=2)[0], dtype=np.float64)
+    spacing = float(np.median(apart[:, 1]))
+    size = SEED_EVERY * max(spacing, 1.0)
+    cell = np.floor((points - points.min(axis=0)) / size)
+    offset = np.hypot(*((points - points.min(axis=0)) / size - cell - 0.5).T)
+    order = np.lexsort([offset, cell[:, 0], cell[:, 1]])
+    _, first = np.unique(cell[order], axis=0, return_index=True)
+    return np.sort(order[first])
+
+
+class Front:
+    """What has been tried, and the best outcome of each point so far.
+
+    ``near`` is how far from its point a subset is expected to start, px: only that much of the
+    deformed image is filtered at first.
+    """
+
+    def __init__(
+        self,
+        reference: Image,
+        deformed: Image,
+        points: FloatArray,
+        settings: Settings,
+        mask: npt.NDArray[np.bool_] | None,
+        blur_px: float,
+        near: float,
+        device: Device | None,
+    ) -> None:
+        self.images = reference, deformed
+        self.points = points
+        self.settings = settings
+        self.blur_px = blur_px
+        self.device = device
+        inner = settings.half + 1.0
+        # as far as a subset may go from a start within ``near`` before it counts as diverged
+        outer = near + settings.max_move + 1.5 * inner
+        self.pair = Pair(
+            SplineImage.from_image(reference, _around(points, inner), blur_px=blur_px),
+            SplineImage.from_image(deformed, _around(points, outer), blur_px=blur_px),
+            mask,
+        )
+        count = len(points)
+        self.coefficients = np.full((count, 2, 6), np.nan)
+        self.zncc = np.full(count, np.nan)
+        self.sigma = np.full(count, np.nan)
+        self.iterations = np.zeros(count, dtype=np.int32)
+        self.status = np.full(count, Status.NO_GUESS, dtype=np.int8)
+        self.attempts = np.zeros(count, dtype=np.int64)
+        self.source = np.full(count, -1, dtype=np.int64)
+
+    @property
+    def ok(self) -> npt.NDArray[np.bool_]:
+        """(M,) bool: the points measured so far."""
+        return np.asarray(self.status == Status.OK)
+
+    def search(self, which: IntArray, search_px: int, shift: FloatArray) -> None:
+        """Start ``which`` from an integer search around the displacement ``shift`` (2,)."""
+        points = self.points[which]
+        start, score = integer_search(
+            *self.images, points, np.tile(shift, (which.size, 1)), self.settings.half, search_px
+        )
+        found = score > 0.5 * self.settings.min_zncc
+        self.attempt(which[found], start[found])
+        # without a place to start from, let the kernel say why: outside, or no texture
+        self.attempt(which[~found], start[~found], keep=False)
+
+    def follow(self, which: IntArray, motions: list[Motion]) -> None:
+        """Start ``which`` from the motions that features show, the nearest match first."""
+        if not motions:
+            return
+        self.take_whole_image()
+        points = self.points[which]
+        found = [motion.at(points) for motion in motions]
+        order = np.argsort([distance for _, distance in found], axis=0)
+        for rank in range(len(motions)):
+            open_ = np.flatnonzero(~self.ok[which] & (self.status[which] != Status.NO_TEXTURE))
+            for number, motion in enumerate(motions):
+                part = open_[order[rank, open_] == number]
+                gradient = np.broadcast_to(motion.matrix * self.settings.half, (part.size, 2, 2))
+                self.attempt(which[part], found[number][0][part], gradient)
+
+    def attempt(
+        self,
+        which: IntArray,
+        displacement: FloatArray,
+        gradient: FloatArray | None = None,
+        *,
+        keep: bool = True,
+        tolerance: float | None = None,
+    ) -> None:
+        """Correlate ``which`` from start values; ``keep`` = accept a match.
+
+        ``gradient`` are the linear coefficients of the warp, (K, 2, 2), px. A measured point
+        changes only for a better match. With a ``tolerance`` of its own, only matches count whose
+        standard uncertainty is ten times that.
+        """
+        if which.size == 0:
+            return
+        start = np.zeros((which.size, 2, 6))
+        start[:, :, 0] = displacement
+        if gradient is not None and self.settings.shape != "translation":
+            start[:, :, 1:3] = gradient
+        settings = self.settings if keep else replace(self.settings, max_iterations=1)
+        if tolerance is not None:
+            settings = replace(settings, tolerance=tolerance)
+        result = correlate(Subsets(self.pair, self.points[which], start), settings, self.device)
+        if tolerance is not None:
+            early = (result.status == Status.OK) & ~(result.sigma >= WIDER * tolerance)
+            result.status[early] = Status.NOT_CONVERGED
+            result.coefficients[early] = np.nan
+            result.sigma[early] = np.nan
+        self.attempts[which] += 1
+        if keep:
+            better = (result.status == Status.OK) & (result.zncc > self.zncc[which])
+            chosen = ~self.ok[which] | better
+        else:
+            chosen = np.isin(result.status, (Status.OUTSIDE, Status.NO_TEXTURE)) & ~self.ok[which]
+        target = which[chosen]
+        self.coefficients[target] = result.coefficients[chosen]
+        self.zncc[target] = result.zncc[chosen]
+        self.sigma[target] = result.sigma[chosen]
+        self.iterations[target] = result.iterations[chosen]
+        self.status[target] = result.status[chosen]
+
+    def settle(self) -> None:
+        """Measure what noise keeps from converging as far as its own uncertainty makes sense.
+
+        Where noise outweighs the pattern's slopes, steps shrink slowly and may not come below the
+        tolerance; a tenth of the standard uncertainty is as good a place to stop.
+        """
+        for tolerance in SETTLED:
+            which = np.flatnonzero(self.status == Status.NOT_CONVERGED)
+            if len(self.points) < 2 or which.size == 0 or tolerance <= self.settings.tolerance:
+                continue
+            neighbour = self._neighbours[which]
+            score = np.where(self.ok[neighbour], self.zncc[neighbour], -1.0)
+            source = neighbour[np.arange(which.size), np.argmax(score, axis=1)]
+            near = score.max(axis=1) > 0
+            start = self._extrapolated(which[near], source[near])
+            self.attempt(which[near], *start, tolerance=tolerance)
+
+    def propagate(self) -> None:
+        """Let the measured points hand their motion on until nothing new can be started."""
+        count = len(self.points)
+        if count < 2:
+            return
+        neighbour = self._neighbours
+        while True:
+            ok = self.ok
+            open_points = ~ok & (self.status != Status.NO_TEXTURE) & (self.attempts < ATTEMPTS)
+            score = np.where(ok[neighbour], self.zncc[neighbour], -1.0)
+            column = np.argmax(score, axis=1)
+            source = neighbour[np.arange(count), column]
+            usable = open_points & (score.max(axis=1) > 0) & (source != self.source)
+            which = np.flatnonzero(usable)
+            if which.size == 0:
+                return
+            self.source[which] = source[which]
+            self.attempt(which, *self._extrapolated(which, source[which]))
+
+    def doubt(self) -> None:
+        """Look again at points that their neighbours would have put elsewhere.
+
+        A pattern that resembles itself can match in a wrong place. The start that the neighbours
+        give wins if it leads to a better correlation. A mediocre match none of whose neighbours
+        was found is chance, and counts as ``LOW_CORRELATION``.
+        """
+        if len(self.points) < NEIGHBOURS:
+            return
+        neighbour = self._neighbours
+        lonely = self.ok & ~self.ok[neighbour].any(axis=1) & ~(self.zncc >= SURE)
+        self._give_up(np.flatnonzero(lonely), Status.LOW_CORRELATION)
+        ok = self.ok
+        own = self.coefficients[:, :, 0]
+        said = np.stack(
+            [self._extrapolated(np.arange(len(own)), column)[0] for column in neighbour.T], axis=1
+        )
+        said = np.where(ok[neighbour][:, :, None], said, np.nan)
+        enough = ok & (ok[neighbour].sum(axis=1) >= NEIGHBOURS // 2)
+        which = np.flatnonzero(enough)
+        if which.size == 0:
+            return
+        middle = np.nanmedian(said[which], axis=1)
+        odd = np.abs(middle - own[which]).max(axis=1) > APART
+        self.attempt(which[odd], middle[odd])
+
+    def split(self) -> None:
+        """Give up subsets that see two motions, or something that isn't in both images.
+
+        Only those are looked at that stand out, and the neighbours of those that are torn.
+        """
+        if not (np.isfinite(self.settings.apart_px) and self.settings.shape in PARTED):
+            return
+        which = self._standing_out()
+        aside = self._aside(which)
+        if aside.any() and aside.mean() > MANY:  # the pattern itself may have slopes one way only
+            others = np.setdiff1d(np.flatnonzero(self.ok), which)
+            which = np.concatenate([which, others])
+            aside = np.concatenate([aside, self._aside(others)])
+        asked, doubtful, likely = np.zeros((3, len(self.points)), dtype=np.bool_)
+        while which.size:
+            asked[which] = True
+            found = self.points[which], self.coefficients[which]
+            torn, doubtful[which], likely[which] = incoherent(
+                self.pair, *found, self.settings, self.blur_px
+            )
+            self._give_up(which[torn], Status.INCOHERENT)
+            self._give_up(which[aside], Status.NO_TEXTURE)
+            if len(self.points) < NEIGHBOURS:
+                return
+            near = distinct(self._neighbours[which[torn]])
+            which = near[self.ok[near] & ~asked[near]]
+            aside = self._aside(which)
+        if doubtful.any() and len(self.points) >= NEIGHBOURS:
+            self._settle_doubts(doubtful & self.ok, likely)
+
+    def _settle_doubts(self, doubtful: BoolArray, likely: BoolArray) -> None:
+        """Give up doubtful subsets beside lost ones: an edge goes on, short waves have none.
+
+        Those whose middle by itself says something else of the point; and likely ones among
+        several: an edge through a subset's middle looks the same in there.
+        """
+        lost = np.isin(self.status[self._neighbours], BESIDE_EDGES).sum(axis=1)
+        asked = np.flatnonzero(doubtful & (lost > 0))
+        company = np.where(likely[asked], COMPANY, 2 * COMPANY)
+        torn = self._moved_inside(asked) | (lost[asked] >= company)
+        self._give_up(asked[torn], Status.INCOHERENT)
+
+    def _moved_inside(self, which: IntArray) -> BoolArray:
+        """Whether the middle of a subset by itself says something else of its point.
+
+        It does beside an edge that only the outer part sees.
+        """
+        if which.size == 0:
+            return np.zeros(0, dtype=np.bool_)
+        half = self.settings.half
+        inner = max(ceil(INNER * half), 3)
+        cut = slice(half - inner, half + inner + 1)
+        settings = replace(self.settings, window=self.settings.window[cut, cut])
+        scale = np.array([1.0, *[inner / half] * 2, *[(inner / half) ** 2] * 3])
+        start = self.coefficients[which] * scale
+        result = correlate(Subsets(self.pair, self.points[which], start), settings, self.device)
+        away = np.abs(result.coefficients[:, :, 0] - start[:, :, 0]).max(axis=1)
+        limit = np.maximum(self.settings.apart_px, 4.0 * self._widened(result.sigma))
+        return np.asarray((result.status == Status.OK) & (away > limit))
+
+    def _widened(self, sigma: FloatArray) -> FloatArray:
+        """Blurred noise is correlated: the uncertainty is that much larger."""
+        return np.asarray(sigma * max(1.0, 2.0 * np.sqrt(np.pi) * self.blur_px))
+
+    def _give_up(self, which: IntArray, status: Status) -> None:
+        self.status[which] = status
+        self.coefficients[which] = np.nan
+        self.sigma[which] = np.nan
+
+    def _standing_out(self) -> IntArray:
+        """Measured points that a neighbour would put elsewhere, or that leave much."""
+        which = np.flatnonzero(self.ok)
+        if which.size < NEIGHBOURS:
+            return which
+        neighbour = self._neighbours[which]
+        said = np.stack([self._extrapolated(which, column)[0] for column in neighbour.T], 1)
+        away = np.abs(said - self.coefficients[which, None, :, 0]).max(axis=2)
+        unsure = np.hypot(self.sigma[which][:, None], self.sigma[neighbour])
+        # a jump bends the field before it moves a point: slopes are known sqrt(3) times worse
+        slopes = self.coefficients[:, :, 1:3]
+        bent = np.abs(slopes[neighbour] - slopes[which, None]).sum(axis=3).max(axis=2)
+        bent -= np.maximum(BENT * self.settings.apart_px, 10.0 * unsure)
+        doubtful = np.maximum(away - 4.0 * unsure - DOUBT, bent)
+        alone = ~self.ok[neighbour].all(axis=1)
+        left = 1.0 - self.zncc[which]
+        poor = left > POOR * np.quantile(left, 0.25)
+        return np.asarray(which[(np.nan_to_num(doubtful).max(axis=1) > 0.0) | alone | poor])
+
+    def _aside(self, which: IntArray) -> npt.NDArray[np.bool_]:
+        return beside_texture(self.pair, self.points[which], self.zncc[which], self.settings)
+
+    @cached_property
+    def _neighbours(self) -> IntArray:
+        """(M, 8) the points nearest to each, nearest first."""
+        number = min(NEIGHBOURS, len(self.points))
+        nearest = np.asarray(
+            point_tree(self.points).query(self.points, k=number)[1], dtype=np.int64
+        )
+        return nearest[:, 1:]
+
+    def _extrapolated(self, which: IntArray, source: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Displacements and slopes of points as their sources' warps continue to them.
+
+        Second derivatives are left out: they are noisier than what they would add.
+        """
+        offset = (self.points[which] - self.points[source]) / self.settings.half
+        linear = self.coefficients[source][:, :, 1:3]
+        displacement = self.coefficients[source][:, :, 0] + np.einsum("mij,mj->mi", linear, offset)
+        return displacement, linear
+
+    def widen(self) -> bool:
+        """Take in the whole deformed image if a point has left the part around the start."""
+        left = self.status == Status.OUTSIDE
+        if not (left.any() and self.ok.any()) or not self.take_whole_image():
+            return False
+        self.attempts[left] = 0
+        self.source[left] = -1
+        return True
+
+    def take_whole_image(self) -> bool:
+        """Filter all of the deformed image; False if that has been done."""
+        height, width = self.images[1].shape
+        if self.pair.deformed.valid == (0.0, 0.0, width - 1.0, height - 1.0):
+            return False
+        whole = SplineImage.from_image(self.images[1], blur_px=self.blur_px)
+        self.pair = Pair(self.pair.reference, whole, self.pair.mask)
+        return True
+
+    def matches(self) -> Correlation:
+        """The outcome so far."""
+        return Correlation(self.coefficients, self.zncc, self.sigma, self.iterations, self.status)
+
+
+def _around(points: FloatArray, margin: float) -> tuple[float, float, float, float]:
+    low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
+    return float(low[0]), float(low[1]), float(high[0]), float(high[1])

@@ -1,0 +1,218 @@
+"""Correlation of a series of images with one reference, or with references that follow it.
+
+A subset that has stretched, turned or changed its look too much no longer matches the first image.
+The series then goes on from the last image that did: the points move there with their subsets, and
+displacements and deformation gradients are put together step by step. Every such step adds its
+own error, so the reference is kept as long as it does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import InputError
+from gpusim.measure.correlation.dic import dic, grid_points
+from gpusim.measure.correlation.matching import Status
+from gpusim.measure.correlation.subsets import DicResult
+from gpusim.measure.images import FloatArray, check_points
+from gpusim.measure.nearest_points import point_tree
+from gpusim.parallel.blas_threads import one_blas_thread
+from gpusim.validation import unmasked
+
+__all__ = ["Update", "dic_sequence"]
+
+Update = Literal["never", "auto", "always"]
+BoolArray = npt.NDArray[np.bool_]
+
+LOST = 0.03  # share of the points that may get lost before the reference is renewed
+
+
+@dataclass(frozen=True)
+class _Base:
+    """A reference image, and what had happened to the points when it was taken."""
+
+    image: npt.NDArray[Any]
+    points: FloatArray  # (K, 2) where they are in it
+    which: npt.NDArray[np.int64]  # (K,) rows of the series' points
+    displacement: FloatArray  # (K, 2) from the first image to this one
+    deformation: FloatArray  # (K, 2, 2) deformation gradients to this one
+    variance: FloatArray  # (K,)
+    mask: BoolArray | None
+
+
+@unmasked("reference", "images")
+@one_blas_thread()
+def dic_sequence(
+    reference: npt.NDArray[Any],
+    images: Iterable[npt.NDArray[Any]],
+    *,
+    update: Update = "never",
+    update_zncc: float = 0.9,
+    subset: int = 31,
+    step: int = 10,
+    roi: tuple[int, int, int, int] | None = None,
+    points: npt.ArrayLike | None = None,
+    mask: npt.NDArray[np.bool_] | None = None,
+    progress: Callable[[int, DicResult], None] | None = None,
+    **options: Any,
+) -> list[DicResult]:
+    """Measure each of ``images`` against ``reference``; every image starts from the one before.
+
+    Parameters
+    ----------
+    reference, subset, step, roi, points, mask : as for ``dic``; all results are at the same points
+        of the first reference.
+    images : read one at a time, in the order in which they were taken.
+    update : "never": all against the first image; "auto": against the image before as soon as
+        the median correlation falls below ``update_zncc`` or more than 3 % of the points get
+        lost; "always": every image against the one before.
+    progress : called with each image's number and result.
+    options : anything else that ``dic`` takes.
+
+    Returns
+    -------
+    One result per image, in terms of the first reference. ``sigma`` adds up over the updates; a
+    point that was lost at an update stays lost, with the reason it had then.
+
+    Raises
+    ------
+    InputError
+        As ``dic``, or ``update`` or ``update_zncc`` is out of range.
+    """
+    if update not in ("never", "auto", "always"):
+        raise InputError(f"update: got {update!r}; expected 'never', 'auto' or 'always'")
+    if not -1 <= update_zncc <= 1:
+        raise InputError(f"update_zncc: got {update_zncc!r}; expected -1..1")
+    if points is not None:
+        places = check_points(points, "points")
+    elif np.ndim(reference) == 2:
+        places = grid_points(np.shape(reference), subset=subset, step=step, roi=roi)
+    else:
+        raise InputError(
+            f"reference: not one grey image; got shape {np.shape(reference)}; expected (H, W)"
+        )
+    count = len(places)
+    base = _Base(
+        reference,
+        places,
+        np.arange(count),
+        np.zeros((count, 2)),
+        np.tile(np.eye(2), (count, 1, 1)),
+        np.zeros(count),
+        mask,
+    )
+    results: list[DicResult] = []
+    last: tuple[npt.NDArray[Any], DicResult] | None = None  # the image before, from its base
+    for number, image in enumerate(images):
+        guess = None if last is None else last[1]
+        found = _measured(base, image, guess, subset, options)
+        if last is not None and _due(update, update_zncc, found, last[1]):
+            base = _moved(base, *last, mask, places)
+            found = _measured(base, image, None, subset, options)
+        total = _total(base, found, places, results[-1] if results else None)
+        results.append(total)
+        last = image, found
+        if progress is not None:
+            progress(number, total)
+    return results
+
+
+def _measured(
+    base: _Base,
+    image: npt.NDArray[Any],
+    guess: DicResult | None,
+    subset: int,
+    options: dict[str, Any],
+) -> DicResult:
+    given = {"guess": guess} if guess is not None and guess.ok.any() else {}
+    return dic(
+        base.image, image, subset=subset, points=base.points, mask=base.mask, **(options | given)
+    )
+
+
+def _due(update: Update, update_zncc: float, found: DicResult, before: DicResult) -> bool:
+    """Whether to go on from the image before, which has been measured well enough."""
+    if update == "never" or not before.ok.any():
+        return False
+    if update == "always" or not found.ok.any():
+        return True
+    lost = before.ok.sum() - found.ok.sum() > LOST * len(found.points)
+    return bool(lost or float(np.median(found.zncc[found.ok])) < update_zncc)
+
+
+def _moved(
+    base: _Base,
+    image: npt.NDArray[Any],
+    found: DicResult,
+    mask: BoolArray | None,
+    places: FloatArray,
+) -> _Base:
+    """The image as the new reference, with the points that were measured in it."""
+    ok = found.ok
+    deformation = (np.eye(2) + found.gradient[ok]) @ base.deformation[ok]
+    displacement = base.displacement[ok] + found.displacement[ok]
+    which = base.which[ok]
+    points = places[which] + displacement
+    moved = None
+    if mask is not None:
+        moved = _moved_mask(mask, np.shape(image), places[which], points, deformation)
+    variance = base.variance[ok] + found.sigma[ok] ** 2
+    return _Base(image, points, which, displacement, deformation, variance, moved)
+
+
+def _moved_mask(
+    mask: BoolArray,
+    shape: tuple[int, ...],
+    first: FloatArray,
+    points: FloatArray,
+    deformation: FloatArray,
+) -> BoolArray:
+    """The mask of the first image as it lies in a later one: each pixel goes back with the
+    nearest point; beyond the first image nothing is masked."""
+    row, column = np.indices(shape)
+    pixels = np.column_stack([column.ravel(), row.ravel()]).astype(np.float64)
+    nearest = np.asarray(point_tree(points).query(pixels)[1], dtype=np.int64)
+    back = np.linalg.inv(deformation)[nearest]
+    origin = first[nearest] + np.einsum("nij,nj->ni", back, pixels - points[nearest])
+    x, y = np.rint(origin).astype(np.int64).T
+    height, width = mask.shape
+    inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
+    result = np.ones(x.size, dtype=bool)
+    result[inside] = mask[y[inside], x[inside]]
+    return result.reshape(shape)
+
+
+def _total(
+    base: _Base, found: DicResult, places: FloatArray, before: DicResult | None
+) -> DicResult:
+    """The result in terms of the first reference."""
+    count, which = len(places), base.which
+    displacement = np.full((count, 2), np.nan)
+    gradient = np.full((count, 2, 2), np.nan)
+    zncc, sigma = np.full(count, np.nan), np.full(count, np.nan)
+    iterations = np.zeros(count, dtype=np.int32)
+    if before is None or len(which) == count:
+        status = np.full(count, Status.NO_GUESS, dtype=np.int8)
+    else:
+        status = np.where(before.ok, Status.NO_GUESS, before.status).astype(np.int8)
+    displacement[which] = base.displacement + found.displacement
+    gradient[which] = (np.eye(2) + found.gradient) @ base.deformation - np.eye(2)
+    zncc[which] = found.zncc
+    sigma[which] = np.sqrt(base.variance + found.sigma**2)
+    iterations[which] = found.iterations
+    status[which] = found.status
+    return replace(
+        found,
+        points=places,
+        displacement=displacement,
+        gradient=gradient,
+        zncc=zncc,
+        sigma=sigma,
+        iterations=iterations,
+        status=status,
+    )

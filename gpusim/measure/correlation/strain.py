@@ -1,0 +1,255 @@
+"""Strain of measured displacements: a polynomial fitted over a window around each point.
+
+The window is the virtual strain gauge: its size, (points across - 1) x step + subset (iDICs, Good
+Practices Guide for Digital Image Correlation, 2018, 5.4), decides over what length a strain is
+averaged and is reported with it. Displacements are taken along the image axes: x right, y down.
+With y down the sign of the shear exy is opposite to that in axes with y up.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any, Literal, Protocol, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import InputError
+from gpusim.measure.images import FloatArray
+from gpusim.measure.nearest_points import point_tree
+from gpusim.parallel.blas_threads import one_blas_thread
+from gpusim.validation import unmasked
+
+__all__ = ["StrainKind", "StrainResult", "StrainStatus", "check_kind", "strain", "strain_tensor"]
+
+IntArray = npt.NDArray[np.int64]
+
+StrainKind = Literal["small", "green-lagrange", "hencky", "almansi"]
+KINDS: tuple[StrainKind, ...] = get_args(StrainKind)
+TERMS = {1: 3, 2: 6}  # unknowns of a polynomial in two variables, by degree
+LEAST = 0.2  # share of a window's points that must have been measured
+CHUNK = 1 << 21  # pairs of points handled at once
+MIN_RECIPROCAL_CONDITION = 1e-10
+
+
+class StrainStatus(IntEnum):
+    """What became of the strain at a point."""
+
+    OK = 0
+    NOT_MEASURED = 1  # the point itself has no displacement
+    FEW_POINTS = 2  # too few of its neighbours have one, or they lie on a line
+
+
+class Measured(Protocol):
+    """Displacements at points, as ``dic`` returns them."""
+
+    @property
+    def points(self) -> FloatArray:
+        """(M, 2) positions."""
+
+    @property
+    def displacement(self) -> FloatArray:
+        """(M, 2), NaN where not measured."""
+
+    @property
+    def subset(self) -> float:
+        """Width of the subsets, in the unit of ``points``."""
+
+
+@dataclass(frozen=True)
+class StrainResult:
+    """Strain at M points; NaN where ``status`` isn't ``OK``.
+
+    points : (M, 2) float64, as measured.
+    tensor : (M, 2, 2) float64, symmetric, [[exx, exy], [exy, eyy]]; exy is half the shear angle.
+    gradient : (M, 2, 2) float64, displacement gradient of the fit, [[du/dx, du/dy], ...].
+    residual : (M,) float64, root mean square of what the fit leaves of the displacements.
+    count : (M,) int32, displacements in each fit.
+    status : (M,) int8, values of ``StrainStatus``.
+    kind : which strain.
+    gauge_px : width of the virtual strain gauge, in the unit of the points.
+    """
+
+    points: FloatArray
+    tensor: FloatArray
+    gradient: FloatArray
+    residual: FloatArray
+    count: npt.NDArray[np.int32]
+    status: npt.NDArray[np.int8]
+    kind: StrainKind
+    gauge_px: float
+
+    @property
+    def ok(self) -> npt.NDArray[np.bool_]:
+        """(M,) bool: the points that have a strain."""
+        return np.asarray(self.status == StrainStatus.OK)
+
+    @property
+    def principal(self) -> FloatArray:
+        """(M, 2) float64, the larger and the smaller principal strain."""
+        mean = 0.5 * (self.tensor[:, 0, 0] + self.tensor[:, 1, 1])
+        radius = np.hypot(0.5 * (self.tensor[:, 0, 0] - self.tensor[:, 1, 1]), self.tensor[:, 0, 1])
+        return np.column_stack([mean + radius, mean - radius])
+
+    @property
+    def angle(self) -> FloatArray:
+        """(M,) float64, rad from x towards y (clockwise as seen) to the larger principal strain."""
+        difference = self.tensor[:, 0, 0] - self.tensor[:, 1, 1]
+        return np.asarray(0.5 * np.arctan2(2.0 * self.tensor[:, 0, 1], difference))
+
+
+@unmasked()
+@one_blas_thread()
+def strain(
+    result: Measured,
+    *,
+    window: int = 5,
+    kind: StrainKind = "green-lagrange",
+    order: int = 1,
+    spacing: float | None = None,
+) -> StrainResult:
+    """Fit the displacement around each point by least squares and take the strain of the fit.
+
+    Parameters
+    ----------
+    result : what ``dic`` returned, or anything with ``points``, ``displacement`` and ``subset``.
+    window : points across the square window, odd, at least 3. A fifth of the window's points (and
+        one more than the unknowns) must have been measured.
+    kind : "small" (symmetric part of the displacement gradient), "green-lagrange"
+        (F^T F - 1) / 2, "hencky" ln (F^T F) / 2, both along the reference axes, or "almansi"
+        (1 - F^-T F^-1) / 2, along the deformed ones.
+    order : 1: planes, 2: quadratic surfaces, which follow a strain that changes within the window
+        at three to four times the noise at its corners.
+    spacing : distance of neighbouring points; by default their median distance.
+
+    Raises
+    ------
+    InputError
+        ``window``, ``kind``, ``order`` or ``spacing`` is none of these, or there are no points.
+    """
+    if not isinstance(window, (int, np.integer)) or window < 3 or window % 2 == 0:
+        raise InputError(f"window: got {window!r}; expected an odd number of points >= 3")
+    if order not in TERMS:
+        raise InputError(f"order: got {order!r}; expected 1 or 2")
+    check_kind(kind)
+    points, displacement = result.points, result.displacement
+    if len(points) < 2:
+        raise InputError(f"strain: got {len(points)} points; expected at least 2")
+    if spacing is None:
+        apart = np.asarray(point_tree(points).query(points, k=2)[0], dtype=np.float64)
+        spacing = float(np.median(apart[:, 1]))
+    if not 0 < spacing < np.inf:
+        raise InputError(f"spacing: got {spacing!r}; expected a distance > 0 between points")
+    gradient, residual, count = fit_gradients(
+        points, displacement, 0.5 * (window - 1) * spacing, order, window
+    )
+    measured = np.isfinite(displacement).all(axis=1)
+    status = np.full(len(points), StrainStatus.OK, dtype=np.int8)
+    status[~np.isfinite(gradient).all(axis=(1, 2))] = StrainStatus.FEW_POINTS
+    status[~measured] = StrainStatus.NOT_MEASURED
+    gradient[~measured] = np.nan
+    residual[~measured] = np.nan
+    return StrainResult(
+        points=points,
+        tensor=strain_tensor(gradient, kind),
+        gradient=gradient,
+        residual=residual,
+        count=count,
+        status=status,
+        kind=kind,
+        gauge_px=float((window - 1) * spacing + result.subset),
+    )
+
+
+def strain_tensor(gradient: FloatArray, kind: StrainKind) -> FloatArray:
+    """Strain (..., d, d) of displacement gradients (..., d, d); NaN stays NaN."""
+    check_kind(kind)
+    small = 0.5 * (gradient + np.swapaxes(gradient, -1, -2))
+    if kind == "small":
+        return small
+    # F^T F - 1 without forming 1 + small numbers: nothing cancels
+    green = small + 0.5 * np.swapaxes(gradient, -1, -2) @ gradient
+    if kind == "green-lagrange":
+        return green
+    safe = np.where(np.isfinite(gradient).all(axis=(-1, -2), keepdims=True), gradient, 0.0)
+    if kind == "almansi":
+        inverse = np.linalg.inv(np.eye(gradient.shape[-1]) + safe)
+        back = -safe @ inverse  # gradient of the way back
+        tensor = -0.5 * (back + np.swapaxes(back, -1, -2) + np.swapaxes(back, -1, -2) @ back)
+    else:
+        symmetric = 0.5 * (safe + np.swapaxes(safe, -1, -2) + np.swapaxes(safe, -1, -2) @ safe)
+        values, vectors = np.linalg.eigh(symmetric)
+        logarithm = 0.5 * np.log1p(2.0 * np.maximum(values, -0.5 + 1e-15))
+        tensor = (vectors * logarithm[..., None, :]) @ np.swapaxes(vectors, -1, -2)
+    return np.where(np.isfinite(green), tensor, np.nan)
+
+
+def check_kind(kind: object) -> None:
+    """Refuse what is no strain."""
+    if kind not in KINDS:
+        raise InputError(f"kind: unknown strain; got {kind!r}; expected one of {KINDS}")
+
+
+def fit_gradients(
+    points: FloatArray, displacement: FloatArray, reach: float, order: int, window: int
+) -> tuple[FloatArray, FloatArray, npt.NDArray[np.int32]]:
+    """Gradients (M, 2, 2), residuals (M,) and numbers of displacements (M,) of local fits.
+
+    A fit takes the measured points within ``reach`` along both axes.
+    """
+    number, terms = len(points), TERMS[order]
+    values = displacement.shape[1]
+    gradient = np.full((number, values, 2), np.nan)
+    residual = np.full(number, np.nan)
+    count = np.zeros(number, dtype=np.int32)
+    known = np.flatnonzero(np.isfinite(displacement).all(axis=1))
+    if known.size == 0:
+        return gradient, residual, count
+    scale = max(reach, 1e-300)
+    least = max(terms + 1, LEAST * window * window)  # a corner of the grid sees a quarter
+    for first, last, row, other in _pairs(points, points[known], reach * (1 + 1e-9), window):
+        a, b = ((points[known[other]] - points[first + row]) / scale).T
+        basis = np.stack([np.ones_like(a), a, b, a * a, a * b, b * b][:terms])
+        # relative to the mean of all: the sums of squares keep their digits
+        offset = displacement[known].mean(axis=0)
+        u = displacement[known[other]] - offset
+        size = last - first
+        normal = np.empty((size, terms, terms))
+        right = np.empty((size, terms, values))
+        for i in range(terms):
+            for j in range(i + 1):
+                normal[:, i, j] = np.bincount(row, basis[i] * basis[j], size)
+                normal[:, j, i] = normal[:, i, j]
+            for k in range(values):
+                right[:, i, k] = np.bincount(row, basis[i] * u[:, k], size)
+        found = np.bincount(row, minlength=size)
+        eigenvalues = np.linalg.eigvalsh(normal)
+        good = (found >= least) & (
+            eigenvalues[:, 0] > MIN_RECIPROCAL_CONDITION * eigenvalues[:, -1]
+        )
+        solution = np.zeros((size, terms, values))
+        solution[good] = np.linalg.solve(normal[good], right[good])
+        left = u - np.einsum("tn,ntk->nk", basis, solution[row])
+        spread = np.bincount(row, (left**2).sum(axis=1), size)
+        part = np.arange(first, last)[good]
+        gradient[part] = np.swapaxes(solution[good, 1:3], 1, 2) / scale
+        residual[part] = np.sqrt(spread[good] / (values * found[good]))
+        count[first:last] = found
+    return gradient, residual, count
+
+
+def _pairs(
+    points: FloatArray, known: FloatArray, reach: float, window: int
+) -> Iterator[tuple[int, int, IntArray, IntArray]]:
+    """Ranges (first, last) of points, with their pairs: row in the range, known point."""
+    tree = point_tree(known)
+    chunk = max(1, CHUNK // (window * window))
+    for first in range(0, len(points), chunk):
+        part = points[first : first + chunk]
+        near: Any = tree.query_ball_point(part, reach, p=np.inf)
+        lengths = np.fromiter((len(found) for found in near), dtype=np.int64, count=len(part))
+        row = np.repeat(np.arange(len(part)), lengths)
+        other = np.concatenate([np.asarray(found, dtype=np.int64) for found in near])
+        yield first, first + len(part), row, other

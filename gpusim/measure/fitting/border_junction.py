@@ -1,0 +1,155 @@
+"""Where two straight black-white borders cross: the model that markers and chessboards share.
+
+Grey value of the pixel at d = (x - x0, y - y0)::
+
+    I(d) = (1 + g . d) (m + c S(n1 . d, n1) S(n2 . d, n2))
+
+S is the border profile -1..1: a step convolved with the pixel square seen along the border's
+normal n (a trapezoid: two boxes of widths |n_x| and |n_y|) and with a Gaussian of width sigma (the
+lens). The product of two such integrals is the integral of the product wherever only one border
+crosses the pixel; the few pixels at the centre where both do are left out. The factor 1 + g . d
+takes up an uneven light.
+
+The nine parameters: x0, y0 (px), the angles of both borders (rad; the second is measured from +y),
+m, c, g (1/px), and sigma^2 (px^2): a perfectly sharp image is fitted in as few steps as a blurred
+one, since the grey values change in proportion to a variance even where it is small.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.measure.fitting.edge_profile import box_by_turn, near_border
+from gpusim.measure.fitting.levenberg_marquardt import ManyFits, fit_many
+from gpusim.measure.images import FloatArray
+
+Rows = npt.NDArray[np.int64]
+
+__all__ = ["CENTRE", "PARAMETERS", "fit_junctions", "frames", "residual_and_slopes"]
+
+PARAMETERS = 9
+CENTRE = 1.5  # px: both borders within this distance: the pixel isn't used
+MIN_VARIANCE, MOST_VARIANCE = 0.004**2, 60.0**2  # px^2
+# as good as sharp, yet it rounds off the kink where a border lies between two columns of pixels:
+# from far off, fits there take 10 steps, without any blur 60 to and fro
+ROUNDING = 0.02**2
+# sizes of a step that move a centre by about a pixel
+SCALE = np.array([1.0, 1.0, 0.1, 0.1, 1.0, 1.0, 0.1, 0.1, 10.0])
+TOLERANCE, ROUGH = 2e-5, 1e-3  # px; the last step is far longer than what is left to go
+ITERATIONS = 40
+POLISH = 5  # iterations without that
+
+
+def frames(p: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Directions (C, 2) of both borders and their normals, of parameters (C, 9).
+
+    The quadrant where both normals point is the white one.
+    """
+    along_1 = np.stack([np.cos(p[:, 2]), np.sin(p[:, 2])], axis=1)
+    along_2 = np.stack([-np.sin(p[:, 3]), np.cos(p[:, 3])], axis=1)
+    normal_1 = np.stack([-along_1[:, 1], along_1[:, 0]], axis=1)
+    normal_2 = np.stack([along_2[:, 1], -along_2[:, 0]], axis=1)
+    return along_1, along_2, normal_1, normal_2
+
+
+def residual_and_slopes(
+    p: FloatArray, x: FloatArray, y: FloatArray, grey: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Model less grey value (C, P) at pixels x, y, and its derivatives (C, 9, P)."""
+    along_1, along_2, normal_1, normal_2 = frames(p)
+    dx, dy = x - p[:, :1], y - p[:, 1:2]
+    variance = np.clip(p[:, 8], MIN_VARIANCE, MOST_VARIANCE)
+    profiles, borders = [], []
+    for normal in (normal_1, normal_2):
+        distance = dx * normal[:, :1]
+        distance += dy * normal[:, 1:]
+        near = near_border(distance, normal, variance)
+        profile = np.sign(distance, out=distance)
+        profile.ravel()[near.pixel] = near.value
+        profiles.append(profile)
+        borders.append(near)
+    light = p[:, 6:7] * dx
+    light += p[:, 7:8] * dy
+    light += 1.0
+    both = profiles[0] * profiles[1]
+    pattern = p[:, 5:6] * both
+    pattern += p[:, 4:5]
+    count, samples = dx.shape
+    slopes = np.empty((count, PARAMETERS, samples))
+    np.multiply(-p[:, 6:7], pattern, out=slopes[:, 0])
+    np.multiply(-p[:, 7:8], pattern, out=slopes[:, 1])
+    slopes[:, 2:4] = 0.0
+    slopes[:, 4] = light
+    np.multiply(light, both, out=slopes[:, 5])
+    np.multiply(dx, pattern, out=slopes[:, 6])
+    np.multiply(dy, pattern, out=slopes[:, 7])
+    slopes[:, 8] = 0.0
+    # turning a border takes normal_1 to -along_1, and normal_2 to along_2
+    turns = (normal_1, -along_1, 2), (normal_2, along_2, 3)
+    for near, other, (normal, change, turn) in zip(borders, profiles[::-1], turns, strict=True):
+        pixel, own = near.pixel, near.border
+        scale = p[own, 5] * light.ravel()[pixel] * other.ravel()[pixel]
+        moved = scale * near.by_distance
+        lever = dx.ravel()[pixel] * change[own, 0] + dy.ravel()[pixel] * change[own, 1]
+        wide, narrow = box_by_turn(normal, change)[own].T
+        # the place of a pixel's first slope
+        place = pixel + own * ((PARAMETERS - 1) * samples)
+        flat = slopes.ravel()
+        flat[place] -= moved * normal[own, 0]
+        flat[place + samples] -= moved * normal[own, 1]
+        flat[place + turn * samples] = moved * lever + scale * (
+            near.by_wide * wide + near.by_narrow * narrow
+        )
+        flat[place + 8 * samples] += scale * near.by_variance
+    residual = light * pattern
+    residual -= grey
+    return residual, slopes
+
+
+def fit_junctions(
+    x: FloatArray,
+    y: FloatArray,
+    grey: FloatArray,
+    weight: FloatArray,
+    start: FloatArray,
+    *,
+    rough: bool = False,
+) -> ManyFits:
+    """Fit C junctions at once, from ``start`` (C, 9).
+
+    ``x``, ``y``, ``grey``, ``weight`` (C, P): positions and grey values of the pixels, weight 0
+    for those that don't count. ``rough`` fits are a start for another: right to a thousandth.
+    """
+
+    def fit(rows: Rows, first: FloatArray, least: float, tolerance: float, most: int) -> ManyFits:
+        own = (x, y, grey)
+        if len(rows) < len(start):
+            own = x[rows], y[rows], grey[rows]
+
+        def model(p: FloatArray, which: Rows) -> tuple[FloatArray, FloatArray]:
+            every = len(which) == len(rows)
+            return residual_and_slopes(p, *(own if every else (v[which] for v in own)))
+
+        lower = np.array([-np.inf] * 8 + [least])
+        return fit_many(
+            model, np.maximum(first, lower), weight[rows], SCALE,
+            lower=lower, tolerance=tolerance, iterations=most,
+        )  # fmt: skip
+
+    found = fit(np.arange(len(start)), start, ROUNDING, ROUGH, ITERATIONS)
+    if rough:
+        return found
+    sharp = found.parameters[:, 8] <= ROUNDING
+    for rows, least, most in (
+        (np.flatnonzero(~sharp), ROUNDING, ITERATIONS),
+        (np.flatnonzero(sharp), MIN_VARIANCE, POLISH),
+    ):
+        if not rows.size:
+            continue
+        fine = fit(rows, found.parameters[rows], least, TOLERANCE, most)
+        for name in ("parameters", "rms", "covariance"):
+            getattr(found, name)[rows] = getattr(fine, name)
+        if least == ROUNDING:
+            found.converged[rows] &= fine.converged
+    return found

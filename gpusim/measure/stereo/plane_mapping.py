@@ -1,0 +1,139 @@
+"""Measured displacements in other coordinates: without the lens's distortion, or on a plane.
+
+The mapping is applied to both ends of each displacement, and its slopes there to the deformation
+gradient: with J0 at the point and J1 where it went, F becomes J1 F J0^-1. So a lens that bends the
+image makes no strain.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import InputError
+from gpusim.measure.calibration.calibration import CalibratedCamera
+from gpusim.measure.correlation.matching import Status
+from gpusim.measure.correlation.subsets import DicResult
+from gpusim.measure.images import FloatArray
+from gpusim.measure.stereo.triangulation import normalised
+from gpusim.parallel.blas_threads import one_blas_thread
+from gpusim.validation import unmasked
+
+__all__ = ["MappedResult", "Mapping", "lens_mapping", "mapped", "plane_mapping"]
+
+Mapping = Callable[[FloatArray], FloatArray]
+STEP = 0.5  # px, of the central differences
+
+
+@dataclass(frozen=True)
+class MappedResult:
+    """A ``DicResult`` in the coordinates of a mapping; NaN where ``status`` isn't ``OK``.
+
+    points, displacement : (M, 2) float64, unit of the mapping.
+    gradient : (M, 2, 2) float64.
+    sigma : (M,) float64, of the worse displacement component, unit of the mapping.
+    status : (M,) int8, values of ``Status``.
+    subset : width of the subsets in that unit, at the median magnification.
+    """
+
+    points: FloatArray
+    displacement: FloatArray
+    gradient: FloatArray
+    sigma: FloatArray
+    status: npt.NDArray[np.int8]
+    subset: float
+
+    @property
+    def ok(self) -> npt.NDArray[np.bool_]:
+        """(M,) bool: the points that were measured."""
+        return np.asarray(self.status == Status.OK)
+
+
+@unmasked()
+@one_blas_thread()
+def mapped(result: DicResult, mapping: Mapping) -> MappedResult:
+    """Express a result in the coordinates that ``mapping`` gives for pixels (N, 2).
+
+    Points that the mapping has no place for (NaN) become ``OUTSIDE``. Raises InputError if what it
+    returns isn't (N, 2).
+    """
+    points = result.points
+    there = points + result.displacement
+    place, slope = _mapped(mapping, points)
+    ok = result.ok
+    target = np.full_like(points, np.nan)
+    other = np.full((len(points), 2, 2), np.nan)
+    if ok.any():
+        target[ok], other[ok] = _mapped(mapping, there[ok])
+    known = ok & np.isfinite(place).all(axis=1) & np.isfinite(target).all(axis=1)
+    known &= np.isfinite(slope).all(axis=(1, 2)) & np.isfinite(other).all(axis=(1, 2))
+    gradient = np.full_like(result.gradient, np.nan)
+    F = np.eye(2) + result.gradient[known]
+    gradient[known] = other[known] @ F @ np.linalg.inv(slope[known]) - np.eye(2)
+    sigma = np.full(len(points), np.nan)
+    sigma[known] = result.sigma[known] * np.linalg.norm(other[known], ord=2, axis=(1, 2))
+    status = np.where(ok & ~known, Status.OUTSIDE, result.status).astype(np.int8)
+    finite = np.isfinite(slope).all(axis=(1, 2))
+    size = np.sqrt(np.abs(np.linalg.det(slope[finite])))
+    return MappedResult(
+        points=place,
+        displacement=np.where(known[:, None], target - place, np.nan),
+        gradient=gradient,
+        sigma=sigma,
+        status=status,
+        subset=float(result.subset * np.median(size)) if size.size else float("nan"),
+    )
+
+
+def lens_mapping(camera: CalibratedCamera) -> Mapping:
+    """To pixels of a camera with the same matrix K and no distortion."""
+    K = camera.K
+
+    def undistorted(pixels: FloatArray) -> FloatArray:
+        ray = normalised(camera, pixels)
+        x = K[0, 0] * ray[:, 0] + K[0, 1] * ray[:, 1] + K[0, 2]
+        return np.column_stack([x, K[1, 1] * ray[:, 1] + K[1, 2]])
+
+    return undistorted
+
+
+@unmasked()
+def plane_mapping(camera: CalibratedCamera, camera_from_plane: npt.ArrayLike) -> Mapping:
+    """To x, y on a plane: z = 0 of the frame that ``camera_from_plane`` (4, 4) places.
+
+    The unit is that of the frame's translation. Raises InputError for another shape, or a plane
+    that the camera looks along.
+    """
+    pose = np.asarray(camera_from_plane, dtype=np.float64)
+    if pose.shape != (4, 4) or not np.isfinite(pose).all():
+        raise InputError(f"camera_from_plane: got shape {pose.shape}; expected finite (4, 4)")
+    homography = pose[:3][:, [0, 1, 3]]
+    if not np.linalg.cond(homography / np.linalg.norm(homography, axis=0)) < 1e8:
+        raise InputError("camera_from_plane: the camera looks along the plane, or lies in it")
+    plane_from_ray = np.linalg.inv(homography)
+
+    def on_plane(pixels: FloatArray) -> FloatArray:
+        ray = normalised(camera, pixels)
+        place = np.column_stack([ray, np.ones(len(ray))]) @ plane_from_ray.T
+        # 1 / depth: not positive behind the horizon
+        inverse = np.where(place[:, 2] > 0, place[:, 2], np.nan)
+        return np.asarray(place[:, :2] / inverse[:, None])
+
+    return on_plane
+
+
+def _mapped(mapping: Mapping, pixels: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Places (N, 2) and slopes (N, 2, 2): [[dX/dx, dX/dy], [dY/dx, dY/dy]]."""
+    place = np.asarray(mapping(pixels), dtype=np.float64)
+    if place.shape != pixels.shape:
+        raise InputError(f"mapping: returned shape {place.shape}; expected {pixels.shape}")
+    slope = np.empty((len(pixels), 2, 2))
+    for axis in range(2):
+        step = np.zeros(2)
+        step[axis] = STEP
+        ahead, behind = mapping(pixels + step), mapping(pixels - step)
+        slope[:, :, axis] = (np.asarray(ahead) - np.asarray(behind)) / (2 * STEP)
+    return place, slope

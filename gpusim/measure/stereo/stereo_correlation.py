@@ -1,0 +1,323 @@
+"""Stereo correlation: shape, displacement and strain of a surface from two calibrated cameras.
+
+The left reference image is matched with the right one once (`gpusim.measure.stereo.view_matching`),
+then each camera's images are tracked in time, and the two tracks of a point are triangulated.
+Coordinates are those of the rig: the first camera's axes (x right, y down, z forward), in the unit
+of the baseline.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import InputError
+from gpusim.gpu import Device, working_device
+from gpusim.measure.calibration.calibration import CalibratedCamera
+from gpusim.measure.correlation.blur_uncertainty import noise_factor
+from gpusim.measure.correlation.dic import explain, grid_points
+from gpusim.measure.correlation.matching import Status
+from gpusim.measure.correlation.pixel_mask import make_usable
+from gpusim.measure.correlation.sequence import Update, dic_sequence
+from gpusim.measure.correlation.subsets import DicResult, check_mask, make_settings
+from gpusim.measure.correlation.warp import Shape
+from gpusim.measure.images import FloatArray, check_points
+from gpusim.measure.interpolation import SplineImage
+from gpusim.measure.stereo.triangulation import triangulate
+from gpusim.measure.stereo.view_matching import epipolar_misses, match_views
+from gpusim.parallel.blas_threads import one_blas_thread
+from gpusim.validation import unmasked
+
+__all__ = ["StereoResult", "stereo_dic", "stereo_shape"]
+
+Cameras = tuple[CalibratedCamera, CalibratedCamera]
+
+
+@dataclass(frozen=True)
+class StereoResult:
+    """M points of a surface. Only points with status ``OK`` carry numbers, the others NaN.
+
+    Attributes
+    ----------
+    points : (M, 2) float64, x, y in the left reference image, px.
+    left, right : (M, 2) float64, where each point is seen now, px.
+    shape : (M, 3) float64, position in the reference state, rig coordinates.
+    displacement : (M, 3) float64, from there to now.
+    sigma : (M, 3) float64, standard uncertainty of the position now along the rig's axes, from
+        the noise of the images (not of the calibration).
+    residual : (M,) float64, RMS distance between where the point is seen and where the
+        triangulated one projects to, px.
+    status : (M,) int8, values of ``Status``.
+    subset : width of the subsets, px.
+    """
+
+    points: FloatArray
+    left: FloatArray
+    right: FloatArray
+    shape: FloatArray
+    displacement: FloatArray
+    sigma: FloatArray
+    residual: FloatArray
+    status: npt.NDArray[np.int8]
+    subset: int
+
+    @property
+    def ok(self) -> npt.NDArray[np.bool_]:
+        """(M,) bool: the points that were measured."""
+        return np.asarray(self.status == Status.OK)
+
+    @property
+    def position(self) -> FloatArray:
+        """(M, 3) float64, where each point is now."""
+        return self.shape + self.displacement
+
+    def counts(self) -> dict[str, int]:
+        """How many points ended in each status, only those that occur."""
+        numbers = {status.name: int((self.status == status).sum()) for status in Status}
+        return {name: number for name, number in numbers.items() if number}
+
+
+@unmasked("left", "right")
+@one_blas_thread()
+def stereo_shape(
+    left: npt.NDArray[Any],
+    right: npt.NDArray[Any],
+    cameras: Cameras,
+    *,
+    subset: int = 31,
+    step: int = 10,
+    roi: tuple[int, int, int, int] | None = None,
+    points: npt.ArrayLike | None = None,
+    mask: npt.NDArray[np.bool_] | None = None,
+    match_shape: Shape = "quadratic",
+    epipolar_px: float = 1.0,
+    saturation: float | None = None,
+    blur_px: float = 0.0,
+    tolerance: float = 1e-4,
+    max_iterations: int = 60,
+    min_zncc: float = 0.8,
+    device: Device | None = None,
+    backend: str = "auto",
+) -> StereoResult:
+    """Measure the shape of a surface from one pair of images; displacements are zero.
+
+    Parameters
+    ----------
+    left, right : (H, W) grey images of the two cameras, sizes may differ.
+    cameras : the two, as ``calibrate`` returns them or ``rig_camera`` makes them from arrays.
+    match_shape : how a subset deforms between the views; "quadratic" follows perspective.
+    epipolar_px : pairs further from the epipolar constraint are wrong (``EPIPOLAR``).
+    others : as for ``dic``, in the left image.
+
+    Raises
+    ------
+    InputError
+        An argument is wrong. A point that can't be measured is no error: see ``status``.
+    """
+    if len(cameras) != 2:
+        raise InputError(f"cameras: got {len(cameras)}; expected the left and the right one")
+    if not 0 < epipolar_px < np.inf:
+        raise InputError(f"epipolar_px: got {epipolar_px!r}; expected px > 0")
+    settings = make_settings(
+        subset,
+        "square",
+        shape=match_shape,
+        tolerance=tolerance,
+        max_iterations=max_iterations,
+        min_zncc=min_zncc,
+        max_move=float(subset),
+        blur_px=blur_px,
+    )
+    device = working_device("stereo_shape", backend, device)
+    first = make_usable(left, "left", subset, mask, saturation)
+    second = make_usable(right, "right", subset, None, saturation)
+    if points is None:
+        places = grid_points(first.image.shape, subset=subset, step=step, roi=roi)
+    else:
+        places = check_points(points, "points")
+    matches = match_views(
+        first.image,
+        second.image,
+        places,
+        cameras,
+        settings,
+        check_mask(first.good, first.image, blur_px),
+        blur_px,
+        epipolar_px,
+        device,
+    )
+    explain(matches, places, settings, first, second)
+    there = places + matches.coefficients[:, :, 0]
+    # both images count alike, as they do later: what the calibration leaves between the rays is
+    # split in the same way in every state and cancels in the displacement
+    own = matches.sigma
+    if blur_px > 0:
+        blurred = SplineImage.from_image(first.image, blur_px=blur_px)
+        own = own * noise_factor(blurred, places, settings.half, blur_px)
+    sigma = np.stack([own, own])
+    return _triangulated(cameras, places, places, there, sigma, matches.status, None, subset)
+
+
+@unmasked("left", "right", "lefts", "rights")
+@one_blas_thread()
+def stereo_dic(
+    left: npt.NDArray[Any],
+    right: npt.NDArray[Any],
+    lefts: Iterable[npt.NDArray[Any]],
+    rights: Iterable[npt.NDArray[Any]],
+    cameras: Cameras,
+    *,
+    subset: int = 31,
+    shape: Shape = "affine",
+    epipolar_px: float = 1.0,
+    match_shape: Shape = "quadratic",
+    step: int = 10,
+    roi: tuple[int, int, int, int] | None = None,
+    points: npt.ArrayLike | None = None,
+    mask: npt.NDArray[np.bool_] | None = None,
+    update: Update = "never",
+    saturation: float | None = None,
+    blur_px: float = 0.0,
+    tolerance: float = 1e-4,
+    min_zncc: float = 0.8,
+    device: Device | None = None,
+    backend: str = "auto",
+    **options: Any,
+) -> list[StereoResult]:
+    """Measure how a surface moved in space.
+
+    Parameters
+    ----------
+    left, right : the reference pair.
+    lefts, rights : pairs of the following states, read one at a time.
+    cameras, match_shape, epipolar_px, subset, step, roi, points, mask : as for ``stereo_shape``.
+    shape, update, options : as for ``dic_sequence``, by which each camera is tracked in time.
+
+    Returns
+    -------
+    One result per pair, all at the same points of the left reference image.
+
+    Raises
+    ------
+    InputError
+        As ``stereo_shape`` and ``dic_sequence``, or the numbers of images differ.
+    """
+    device = working_device("stereo_dic", backend, device)
+    common: dict[str, Any] = {
+        "subset": subset,
+        "saturation": saturation,
+        "blur_px": blur_px,
+        "tolerance": tolerance,
+        "min_zncc": min_zncc,
+        "device": device,
+        "backend": "numpy" if device is None else "gpu",
+    }
+    begin = stereo_shape(
+        left,
+        right,
+        cameras,
+        step=step,
+        roi=roi,
+        points=points,
+        mask=mask,
+        match_shape=match_shape,
+        epipolar_px=epipolar_px,
+        **common,
+    )
+    known = np.flatnonzero(begin.ok)
+    if known.size == 0:
+        count = sum(1 for _ in lefts)
+        return [begin] * count
+    tracks = [
+        dic_sequence(image, images, points=where, mask=part, shape=shape, update=update, **both)
+        for image, images, where, part in (
+            (left, lefts, begin.left[known], mask),
+            (right, rights, begin.right[known], None),
+        )
+        for both in ({**common, **options},)
+    ]
+    if len(tracks[0]) != len(tracks[1]):
+        raise InputError(
+            f"lefts, rights: got {len(tracks[0])} and {len(tracks[1])} images; expected pairs"
+        )
+    return [
+        _moved(cameras, begin, known, one, two, epipolar_px)
+        for one, two in zip(*tracks, strict=True)
+    ]
+
+
+def _moved(
+    cameras: Cameras,
+    begin: StereoResult,
+    known: npt.NDArray[np.int64],
+    one: DicResult,
+    two: DicResult,
+    epipolar_px: float,
+) -> StereoResult:
+    """Put the two tracks of a state together."""
+    here = np.full_like(begin.left, np.nan)
+    there = np.full_like(begin.right, np.nan)
+    sigma = np.full((2, len(here)), np.nan)
+    status = begin.status.copy()
+    here[known] = one.points + one.displacement
+    there[known] = two.points + two.displacement
+    sigma[:, known] = np.sqrt(0.5 * (one.sigma**2 + two.sigma**2))
+    status[known] = np.where(one.ok, two.status, one.status)
+    good = np.flatnonzero(status == Status.OK)
+    miss = epipolar_misses(cameras, here[good], there[good])
+    status[good[~(miss <= epipolar_px)]] = Status.EPIPOLAR
+    return _triangulated(
+        cameras, begin.points, here, there, sigma, status, begin.shape, begin.subset
+    )
+
+
+def _triangulated(
+    cameras: Cameras,
+    points: FloatArray,
+    here: FloatArray,
+    there: FloatArray,
+    sigma: FloatArray,
+    status: npt.NDArray[np.int8],
+    shape: FloatArray | None,
+    subset: int,
+) -> StereoResult:
+    """Positions in space of what both cameras see; ``shape`` None: this is the reference."""
+    good = status == Status.OK
+    seen = np.where(good[None, :, None], np.stack([here, there]), np.nan)
+    # images without noise have no sigma: any number will do
+    noise = np.where(good & (sigma > 1e-9), sigma, 1e-9)
+    found = triangulate(cameras, seen, sigma_px=noise)
+    spread = np.sqrt(np.einsum("mii->mi", found.covariance))
+    status = status.copy()
+    status[good & ~np.isfinite(found.points).all(axis=1)] = Status.EPIPOLAR
+    bad = status != Status.OK
+    position = np.where(bad[:, None], np.nan, found.points)
+    origin = position if shape is None else np.where(bad[:, None], np.nan, shape)
+    result = StereoResult(
+        points=points,
+        left=seen[0],
+        right=seen[1],
+        shape=origin,
+        displacement=position - origin,
+        sigma=spread,
+        residual=found.residual,
+        status=status,
+        subset=subset,
+    )
+    return result if not bad.any() else _blanked(result, bad)
+
+
+def _blanked(result: StereoResult, bad: npt.NDArray[np.bool_]) -> StereoResult:
+    """No numbers where nothing was measured."""
+    rows = bad[:, None]
+    return replace(
+        result,
+        left=np.where(rows, np.nan, result.left),
+        right=np.where(rows, np.nan, result.right),
+        sigma=np.where(rows, np.nan, result.sigma),
+        residual=np.where(bad, np.nan, result.residual),
+    )

@@ -1,0 +1,332 @@
+"""Follow markers that all look alike, from those that hardly move to those that move most.
+
+A free search may lock onto the neighbour's marker, so each marker is predicted from markers
+already tracked, is searched only near that prediction, and is accepted only if tracking it back
+from the deformed image returns to where it came from and no other marker ended there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import InputError
+from gpusim.measure.correlation.blur_uncertainty import noise_factor
+from gpusim.measure.correlation.matching import Correlation, Status
+from gpusim.measure.correlation.subsets import (
+    DicResult,
+    Window,
+    check_mask,
+    make_result,
+    make_settings,
+)
+from gpusim.measure.correlation.warp import Shape
+from gpusim.measure.images import FloatArray, check_image, check_points
+from gpusim.measure.structures.marker_matching import Match, Matcher
+from gpusim.parallel.blas_threads import one_blas_thread
+from gpusim.validation import unmasked
+
+__all__ = ["TrackResult", "track"]
+
+SOURCES = 3  # tracked markers from which each one is predicted
+SPAN = 4  # markers back along a chain, whose chord tells how the member has turned
+SAME = 0.3  # px between starts, over the subset
+SURE = 0.95  # correlation from which no further prediction is tried
+
+
+@dataclass(frozen=True)
+class TrackResult(DicResult):
+    """A ``DicResult`` with how each marker was found.
+
+    backward : (M,) float64, distance by which tracking back missed the marker, px.
+    source : (M,) int64, the marker from which it was predicted; -1: from no displacement.
+    """
+
+    backward: FloatArray
+    source: npt.NDArray[np.int64]
+
+
+@unmasked("reference", "deformed")
+@one_blas_thread()
+def track(
+    reference: npt.NDArray[Any],
+    deformed: npt.NDArray[Any],
+    points: npt.ArrayLike,
+    *,
+    subset: int,
+    search_px: int = 10,
+    groups: Sequence[Sequence[int]] | None = None,
+    shape: Shape = "rigid",
+    window: Window | npt.ArrayLike = "square",
+    mask: npt.NDArray[np.bool_] | None = None,
+    blur_px: float = 1.0,
+    tolerance: float = 1e-4,
+    max_iterations: int = 60,
+    min_zncc: float = 0.8,
+    backward_px: float = 0.05,
+    backend: str = "auto",
+) -> TrackResult:
+    """Track M markers from ``reference`` to ``deformed``.
+
+    Parameters
+    ----------
+    points : (M, 2) marker centres x, y in the reference, px, to any fraction.
+    subset : odd width, px. At most the marker's width where the background behind it is textured
+        or contrasts with the marker's own border: what doesn't move with the marker must stay
+        out. A checker marker's own cross holds position and rotation, so "rigid" needs no more.
+        1.1 to 1.5 marker widths on a plain background also let "affine" see the stretch.
+    search_px : how far from its prediction a marker is searched; below half the marker distance.
+    groups : chains of point indices, each along one member, beginning where it hardly moves;
+        every point in one chain at most, the others aren't tracked (``NO_GUESS``). Without it one
+        chain is grown from all points that are found near their own place.
+    blur_px : Gaussian put over both images first, px. Hard black-white borders need it: tracking
+        a perfectly sharp 19 px marker turned by 4 degrees is off by 0.045 px without it, by
+        0.012 px with 1 px and 0.007 px with 1.5 px.
+    shape, window, mask, tolerance, min_zncc : as for ``dic``.
+    backward_px : a marker is accepted if tracking back returns within this distance.
+    backend : "auto" and "numpy" are the same here: the subsets of a few dozen markers are too
+        little work for a device to gain anything by it; "gpu" is refused.
+    """
+    if backend not in ("auto", "numpy"):
+        raise InputError(f"track backend; got {backend!r}; expected 'auto' or 'numpy': markers are "
+                         "matched on the host")  # fmt: skip
+    first = check_image(reference, "reference")
+    second = check_image(deformed, "deformed")
+    positions = check_points(points, "points")
+    if not isinstance(search_px, (int, np.integer)) or search_px < 1:
+        raise InputError(f"search_px: got {search_px!r}; expected a whole number of px >= 1")
+    if not 0 < backward_px < np.inf:
+        raise InputError(f"backward_px: got {backward_px!r}; expected px > 0")
+    settings = make_settings(
+        subset,
+        window,
+        shape=shape,
+        tolerance=tolerance,
+        max_iterations=max_iterations,
+        min_zncc=min_zncc,
+        max_move=max(3.0, subset / 4),
+        blur_px=blur_px,
+    )
+    tracker = _Tracker(
+        Matcher(
+            first,
+            second,
+            positions,
+            settings,
+            check_mask(mask, first, blur_px),
+            int(search_px),
+            float(backward_px),
+            float(blur_px),
+        )
+    )
+    if groups is None:
+        tracker.grow()
+    else:
+        tracker.follow(check_groups(groups, len(positions)))
+    return tracker.result(subset)
+
+
+def check_groups(groups: Sequence[Sequence[int]], count: int) -> list[list[int]]:
+    """Chains must name existing points, each once."""
+    chains = [[int(i) for i in chain] for chain in groups]
+    named = [i for chain in chains for i in chain]
+    if len(set(named)) != len(named) or any(not 0 <= i < count for i in named):
+        raise InputError(
+            f"groups: got indices {sorted(named)}; expected each of 0..{count - 1} at most once"
+        )
+    return chains
+
+
+class _Tracker:
+    """The markers in progress."""
+
+    def __init__(self, matcher: Matcher) -> None:
+        self.matcher = matcher
+        self.points = matcher.points
+        self.half = matcher.settings.half
+        self.matches: list[Match | None] = [None] * len(self.points)
+
+    def follow(self, chains: Sequence[Sequence[int]]) -> None:
+        """Track chains, each in its order.
+
+        Where every marker goes is sketched to a pixel first, so that all can be correlated at
+        once; one that isn't surely where its neighbour says is tracked again by itself.
+        """
+        order = [index for chain in chains for index in chain]
+        starts, sources = np.zeros((len(order), 2, 6)), [-1] * len(order)
+        first = 0
+        for chain in chains:
+            last = first + len(chain)
+            starts[first:last] = self._sketch(chain)
+            sources[first + 1 : last] = chain[:-1]
+            first = last
+        sketched = dict(zip(order, self.matcher.match(order, starts, sources), strict=True))
+        for chain in chains:
+            done: list[int] = []
+            for index in chain:
+                match: Match | None = sketched[index]
+                if not self._sure(index, sketched[index], done):
+                    match = self._best(index, self._nearest(index, done), still=not done)
+                self.matches[index] = match
+                if match is not None and match.good:
+                    done.append(index)
+
+    def grow(self) -> None:
+        """Track what hardly moved, then always the marker nearest to a tracked one."""
+        every = list(range(len(self.points)))
+        starts = np.zeros((len(every), 2, 6))
+        for index in every:
+            starts[index, :, 0] = self.matcher.search(index, starts[index])
+        self.matches = list(self.matcher.match(every, starts, [-1] * len(every)))
+        done = [i for i, match in enumerate(self.matches) if match is not None and match.good]
+        waiting = set(every) - set(done)
+        tried: set[tuple[int, ...]] = set()
+        while waiting and done:
+            open_ = np.array(sorted(waiting))
+            apart = np.linalg.norm(self.points[open_][:, None] - self.points[done], axis=2)
+            progress = False
+            for index in open_[np.argsort(apart.min(axis=1), kind="stable")]:
+                near = self._nearest(int(index), done)
+                key = (int(index), *near)
+                if key in tried:
+                    continue
+                tried.add(key)
+                match = self._best(int(index), near, still=False)
+                if match is not None and match.good:
+                    self.matches[index] = match
+                    waiting.remove(int(index))
+                    done.append(int(index))
+                    progress = True
+                    break
+            if not progress:
+                return
+
+    def result(self, subset: int) -> TrackResult:
+        """Gather the matches; markers never tried are ``NO_GUESS``."""
+        count = len(self.points)
+        coefficients = np.full((count, 2, 6), np.nan)
+        zncc, sigma, backward = (np.full(count, np.nan) for _ in range(3))
+        iterations = np.zeros(count, dtype=np.int32)
+        status = np.full(count, Status.NO_GUESS, dtype=np.int8)
+        source = np.full(count, -1, dtype=np.int64)
+        for i, match in enumerate(self.matches):
+            if match is None:
+                continue
+            coefficients[i], zncc[i], sigma[i] = match.coefficients, match.zncc, match.sigma
+            iterations[i], status[i] = match.iterations, match.status
+            backward[i], source[i] = match.backward, match.source
+        shared = self._shared(coefficients[:, :, 0])
+        status[shared] = Status.AMBIGUOUS
+        coefficients[shared] = np.nan
+        sigma[shared] = np.nan
+        raw = Correlation(coefficients, zncc, sigma, iterations, status)
+        crops = self.matcher.crops
+        piled = self.points + crops.to_pile(np.arange(count))
+        widening = noise_factor(crops, piled, self.half, self.matcher.blur_px)
+        return TrackResult(
+            **vars(make_result(self.points, raw, subset, widening)),
+            backward=backward,
+            source=source,
+        )
+
+    def _shared(self, displacement: FloatArray) -> npt.NDArray[np.bool_]:
+        """Markers that ended where another one ended though they began further apart.
+
+        Tracking back can't tell perfect look-alikes, but two of them can't be in one place.
+        """
+        subset = 2 * self.half + 1
+        after = self.points + displacement
+        apart = np.linalg.norm(self.points[:, None] - self.points, axis=2)
+        ends = np.linalg.norm(after[:, None] - after, axis=2)
+        together = (ends < 0.5 * subset) & (apart > ends + 0.5 * subset)
+        return np.asarray(together.any(axis=1))
+
+    def _nearest(self, index: int, done: list[int]) -> list[int]:
+        """Tracked markers nearest to ``index``, nearest first."""
+        apart = [float(np.linalg.norm(self.points[i] - self.points[index])) for i in done]
+        return [done[i] for i in np.argsort(apart, kind="stable")[:SOURCES]]
+
+    def _sketch(self, chain: Sequence[int]) -> FloatArray:
+        """Starts (K, 2, 6) along a chain to a pixel: each marker as its neighbours moved and
+        turned."""
+        starts = np.zeros((len(chain), 2, 6))
+        turns = self.matcher.settings.shape != "translation"
+        for k, index in enumerate(chain):
+            c = starts[k]
+            if k:
+                turn = np.zeros((2, 2))
+                if k > 1 and turns:
+                    back = max(0, k - SPAN)
+                    chord = self.points[chain[k - 1]] - self.points[chain[back]]
+                    moved = chord + starts[k - 1, :, 0] - starts[back, :, 0]
+                    turn = _rotation(chord, moved) - np.eye(2)
+                c[:, 0] = starts[k - 1, :, 0]
+                c[:, 0] += turn @ (self.points[index] - self.points[chain[k - 1]])
+                c[:, 1:3] = turn * self.half
+            c[:, 0] = self.matcher.search(index, c)
+        return starts
+
+    def _sure(self, index: int, match: Match, done: list[int]) -> bool:
+        """Whether a sketched match is what tracking by itself would find: as good that no further
+        prediction is tried, and where the neighbour's own motion and turn predict it."""
+        if not (match.good and match.zncc >= SURE):
+            return False
+        if (match.source not in done) if done else (match.source != -1):
+            return False
+        near = [match.source] if done else []
+        (_, start), *_ = self._predictions(index, near, still=not done)
+        off = np.abs(match.coefficients[:, 0] - start[:, 0]).max()
+        return bool(off <= self.matcher.search_px + 1.0)
+
+    def _best(self, index: int, sources: list[int], *, still: bool) -> Match | None:
+        """The best match of one marker over its predictions."""
+        tried: list[FloatArray] = []
+        of: list[int] = []
+        for source, start in self._predictions(index, sources, still=still):
+            start[:, 0] = self.matcher.search(index, start)
+            # the same start but for less than a pixel and a degree or so ends the same
+            if any(np.abs(start[:, :3] - other[:, :3]).max() < SAME for other in tried):
+                continue
+            tried.append(start)
+            of.append(source)
+        best: Match | None = None
+        # one by one they would take as long each as all of them at once
+        for match in self.matcher.match([index] * len(tried), np.array(tried), of):
+            if best is None or (match.good, match.zncc) > (best.good, best.zncc):
+                best = match
+            # converged on what fits well: another start would go there too, the way back as well
+            settled = best.good or best.status == Status.BACKWARD
+            if settled and best.zncc >= SURE:
+                break
+        return best
+
+    def _predictions(
+        self, index: int, sources: list[int], *, still: bool
+    ) -> list[tuple[int, FloatArray]]:
+        """Start coefficients (2, 6): from no displacement, or from each source."""
+        starts: list[tuple[int, FloatArray]] = []
+        if still:
+            starts.append((-1, np.zeros((2, 6))))
+        for source in sources:
+            match = self.matches[source]
+            assert match is not None
+            c = match.coefficients.copy()
+            offset = (self.points[index] - self.points[source]) / self.half
+            c[:, 0] += c[:, 1:3] @ offset
+            c[:, 3:] = 0.0
+            starts.append((source, c))
+        return starts
+
+
+def _rotation(before: FloatArray, after: FloatArray) -> FloatArray:
+    """The rotation (2, 2) that turns the direction of one vector into that of another."""
+    size = float(np.linalg.norm(before) * np.linalg.norm(after))
+    if not size > 0:
+        return np.eye(2)
+    cosine = float(before @ after) / size
+    sine = float(before[0] * after[1] - before[1] * after[0]) / size
+    return np.array([[cosine, -sine], [sine, cosine]])

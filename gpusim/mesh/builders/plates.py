@@ -1,0 +1,277 @@
+"""Builders of structured hexahedral plates with round holes: a flat plate, and a bent bracket."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import InputError
+from gpusim.mesh.boundary import Faces, boundary_faces
+from gpusim.mesh.builders.blocks import HEX_OF_ORDER, extruded, ruled
+from gpusim.mesh.builders.grids import count_of, triple_of
+from gpusim.mesh.mesh import Mesh
+
+__all__ = ["bracket", "plate_with_hole"]
+
+Float = npt.NDArray[np.float64]
+
+
+def plate_with_hole(
+    length: float,
+    width: float,
+    thickness: float,
+    hole_diameter: float,
+    *,
+    around: int = 32,
+    radial: int = 8,
+    through: int = 2,
+    element: str = "hex8",
+) -> Mesh:
+    """A plate with a round hole in its middle, of structured hexahedra (any length unit).
+
+    Frame: x along the length, y along the width, z through the thickness from 0; the hole's centre
+    is the origin. A square of side min(length, width) around the hole is meshed in rings, finer
+    towards the hole; what is left of the plate continues its grid.
+
+    Parameters
+    ----------
+    around
+        Elements around the hole, a multiple of 4.
+    radial
+        Elements from the hole to the square's border.
+    through
+        Elements through the thickness.
+    element
+        "hex8", "hex20" or "hex27"; midside nodes lie on the circle.
+
+    Face sets "hole", "x_min" … "z_max". Raises InputError for sizes that don't fit.
+    """
+    sizes = triple_of("plate_with_hole: length, width, thickness", (length, width, thickness))
+    step = _step("plate_with_hole", element)
+    sides, rings = _ring_counts("plate_with_hole", around, radial)
+    layers = count_of("plate_with_hole: through", through)
+    square = float(min(sizes[0], sizes[1]))
+    radius = _radius("plate_with_hole: hole_diameter", hole_diameter, square)
+    whole = 0.5 * sizes[:2, None] * np.array([-1.0, 1.0])
+    long = 0 if sizes[0] >= sizes[1] else 1
+    rest = 0.5 * (float(sizes[long]) - square)
+    inner = whole.copy()
+    if rest > 1e-9 * square:
+        inner[long] = [-0.5 * square, 0.5 * square]
+    blocks = _ring(inner, radius, sides, rings, step)
+    if rest > 1e-9 * square:
+        count = max(1, round(rest * sides / square)) * step
+        for end in (0, 1):
+            border = _side(inner, sides * step, long, end)
+            outer = border.copy()
+            outer[:, long] = whole[long, end]
+            blocks.append(ruled(border, outer, np.arange(count + 1) / count))
+    heights = sizes[2] * np.arange(layers * step + 1) / (layers * step)
+    points, cells = extruded([_right_handed(block) for block in blocks], heights, element)
+    mesh = Mesh(points, {element: cells})
+    faces = boundary_faces(mesh)
+    low, high = mesh.bounds
+    tolerance = 1e-9 * float((high - low).max())
+    sets = {
+        f"{axis}_{side}": _where(faces, np.abs(points[:, k] - bound[k]) <= tolerance)
+        for k, axis in enumerate("xyz")
+        for side, bound in (("min", low), ("max", high))
+    }
+    distance = np.hypot(points[:, 0], points[:, 1])
+    sets["hole"] = _where(faces, distance <= radius * (1.0 + 1e-9))
+    return mesh.with_sets(face_sets=sets)
+
+
+def bracket(
+    *,
+    base_length: float = 0.06,
+    wall_height: float = 0.08,
+    width: float = 0.04,
+    thickness: float = 0.005,
+    fillet_radius: float = 0.006,
+    hole_diameter: float = 0.012,
+    around: int = 32,
+    radial: int = 5,
+    through: int = 2,
+    bend: int = 6,
+    element: str = "hex8",
+) -> Mesh:
+    """An L-bracket of bent plate with a hole in each leg, of structured hexahedra.
+
+    Frame: the base lies on z = 0 and reaches to x = ``base_length``; the wall stands on x = 0 and
+    reaches to z = ``wall_height``; y runs over the width from -width/2 to width/2. The legs meet in
+    a round bend of inner radius ``fillet_radius`` and outer radius fillet_radius + thickness. Each
+    hole is centred half a width from its leg's free end. Lengths in metres by default (any
+    consistent unit works).
+
+    ``around``, ``radial``, ``through``, ``element`` as for `plate_with_hole`; ``bend`` elements
+    along the bend. Face sets "base" (z = 0), "wall" (x = 0), "base_hole", "wall_hole", "base_end",
+    "wall_end", "y_min", "y_max".
+
+    Raises InputError for sizes that don't fit: each leg needs room for a square of side ``width``
+    beside the bend.
+    """
+    names = {
+        "base_length": base_length, "wall_height": wall_height, "width": width,
+        "thickness": thickness, "fillet_radius": fillet_radius,
+    }  # fmt: skip
+    for name, value in names.items():
+        if not (np.isfinite(value) and value > 0.0):
+            raise InputError(f"bracket: {name}; got {value}; expected a length > 0")
+    step = _step("bracket", element)
+    sides, rings = _ring_counts("bracket", around, radial)
+    layers, bends = count_of("bracket: through", through), count_of("bracket: bend", bend)
+    radius = _radius("bracket: hole_diameter", hole_diameter, width)
+    outer = fillet_radius + thickness
+    legs = [base_length - outer, wall_height - outer]
+    for name, leg in zip(("base_length", "wall_height"), legs, strict=True):
+        if not leg >= width * (1.0 - 1e-9):
+            raise InputError(
+                f"bracket: {name}; got {names[name]:.6g}; expected at least width + "
+                f"fillet_radius + thickness = {width + outer:.6g}"
+            )
+    # The plate laid flat: s < 0 on the base, 0 … width over the bend, beyond it on the wall.
+    half = 0.5 * width
+    squares = []
+    blocks = []
+    bend_ends = []
+    for leg, start, sign in ((legs[0], 0.0, -1.0), (legs[1], width, 1.0)):
+        rest = leg - width
+        near = start if rest <= 1e-9 * width else start + sign * rest
+        limits = np.array([sorted([near, start + sign * leg]), [-half, half]])
+        blocks += _ring(limits, radius, sides, rings, step)
+        border = _side(limits, sides * step, 0, 1 if sign < 0.0 else 0)
+        end = border.copy()
+        end[:, 0] = start
+        if near != start:
+            count = max(1, round(rest * sides / width)) * step
+            blocks.append(ruled(border, end, np.arange(count + 1) / count))
+        squares.append(limits)
+        bend_ends.append(end)
+    first, last = bend_ends
+    blocks.append(ruled(first, last, np.arange(bends * step + 1) / (bends * step)))
+    heights = thickness * np.arange(layers * step + 1) / (layers * step)
+    flat, cells = extruded([_right_handed(block) for block in blocks], heights, element)
+    mesh = Mesh(_bent(flat, fillet_radius, thickness, width), {element: cells})
+    return mesh.with_sets(face_sets=_bracket_sets(mesh, flat, squares, radius))
+
+
+def _bent(flat: Float, fillet: float, thickness: float, turn: float) -> Float:
+    """From (s, -y, height over the outer side) to the bracket's frame; the bend is s = 0 … turn.
+
+    The sign of y keeps the frames right-handed: s runs against x on the base.
+    """
+    s, across, height = flat.T
+    outer = fillet + thickness
+    angle = 0.5 * np.pi * np.clip(s / turn, 0.0, 1.0)
+    depth = outer - height  # distance from the bend's axis
+    on_base, on_wall = s <= 0.0, s >= turn
+    x = np.where(on_base, outer - s, np.where(on_wall, height, outer - depth * np.sin(angle)))
+    z = np.where(
+        on_base, height, np.where(on_wall, outer + (s - turn), outer - depth * np.cos(angle))
+    )
+    return np.stack([x, -across, z], axis=1)
+
+
+def _bracket_sets(
+    mesh: Mesh, flat: Float, squares: Sequence[Float], radius: float
+) -> dict[str, npt.NDArray[np.int32]]:
+    faces = boundary_faces(mesh)
+    (s, across, height), y = flat.T, mesh.points[:, 1]
+    low, high = squares[0][0, 0], squares[1][0, 1]
+    tolerance = 1e-9 * (high - low)
+    turn = float(squares[0][1, 1] - squares[0][1, 0])
+    base, wall = (limits.mean(axis=1) for limits in squares)
+    near = radius * (1.0 + 1e-9)
+    return {
+        "base": _where(faces, (height <= tolerance) & (s <= tolerance)),
+        "wall": _where(faces, (height <= tolerance) & (s >= turn - tolerance)),
+        "base_hole": _where(faces, np.hypot(s - base[0], across) <= near),
+        "wall_hole": _where(faces, np.hypot(s - wall[0], across) <= near),
+        "base_end": _where(faces, s <= low + tolerance),
+        "wall_end": _where(faces, s >= high - tolerance),
+        "y_min": _where(faces, y <= -0.5 * turn + tolerance),
+        "y_max": _where(faces, y >= 0.5 * turn - tolerance),
+    }
+
+
+def _ring(limits: Float, radius: float, sides: int, rings: int, step: int) -> list[Float]:
+    """Four blocks between a circle and the rectangle (2,2) around it, finer towards the circle.
+
+    ``sides`` elements along each side, ``rings`` from the circle outwards, ``step`` grid steps in
+    each.
+    """
+    centre = limits.mean(axis=1)
+    gap = 0.5 * float((limits[:, 1] - limits[:, 0]).min()) - radius
+    places = _radial_places(gap, 0.5 * np.pi * radius / sides, rings, step)
+    count = sides * step
+    angles = -0.75 * np.pi + 0.5 * np.pi * np.arange(4 * count + 1) / count
+    circle = centre + radius * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    circle[-1] = circle[0]  # the same numbers, so that the blocks share their nodes
+    border = [
+        _side(limits, count, 1, 0),
+        _side(limits, count, 0, 1),
+        _side(limits, count, 1, 1)[::-1],
+        _side(limits, count, 0, 0)[::-1],
+    ]
+    return [ruled(circle[k * count : (k + 1) * count + 1], border[k], places) for k in range(4)]
+
+
+def _side(limits: Float, count: int, axis: int, end: int) -> Float:
+    """(count+1, 2) points on the rectangle's side at ``limits[axis, end]``, in growing order."""
+    points = np.empty((count + 1, 2))
+    points[:, axis] = limits[axis, end]
+    low, high = limits[1 - axis].tolist()
+    points[:, 1 - axis] = np.linspace(low, high, count + 1)
+    return points
+
+
+def _radial_places(gap: float, first: float, rings: int, step: int) -> Float:
+    """0 … 1 in ``rings`` geometric steps that begin with about ``first`` over ``gap``."""
+    low, high = 1.0, 2.0
+    for _ in range(60):  # the ratio whose sum of steps fills the gap
+        ratio = 0.5 * (low + high)
+        total = first * float((ratio ** np.arange(rings)).sum())
+        low, high = (ratio, high) if total < gap else (low, ratio)
+    edges = np.concatenate([[0.0], np.cumsum(ratio ** np.arange(rings))])
+    edges /= edges[-1]
+    if step == 1:
+        return np.asarray(edges)
+    places = np.empty(2 * rings + 1)
+    places[::2], places[1::2] = edges, 0.5 * (edges[1:] + edges[:-1])
+    return places
+
+
+def _right_handed(block: Float) -> Float:
+    """The block with its two directions and +z right-handed."""
+    a, b = block[1, 0] - block[0, 0], block[0, 1] - block[0, 0]
+    return block if a[0] * b[1] - a[1] * b[0] > 0.0 else block[:, ::-1]
+
+
+def _where(faces: Faces, inside: npt.NDArray[np.bool_]) -> npt.NDArray[np.int32]:
+    """(cell, local face) of the faces whose nodes are all inside."""
+    every = (inside[np.maximum(faces.nodes, 0)] | (faces.nodes < 0)).all(axis=1)
+    return faces[np.flatnonzero(every)].pairs()
+
+
+def _step(what: str, element: str) -> int:
+    if element not in HEX_OF_ORDER:
+        raise InputError(
+            f"{what}: element; got {element!r}; expected one of {', '.join(HEX_OF_ORDER)}"
+        )
+    return HEX_OF_ORDER[element]
+
+
+def _ring_counts(what: str, around: int, radial: int) -> tuple[int, int]:
+    count = count_of(f"{what}: around", around)
+    if count % 4 or count < 8:
+        raise InputError(f"{what}: around; got {around}; expected a multiple of 4, at least 8")
+    return count // 4, count_of(f"{what}: radial", radial)
+
+
+def _radius(what: str, diameter: float, room: float) -> float:
+    if not (np.isfinite(diameter) and 0.0 < diameter < 0.98 * room):
+        raise InputError(f"{what}; got {diameter}; expected more than 0 and less than {room:.6g}")
+    return 0.5 * float(diameter)

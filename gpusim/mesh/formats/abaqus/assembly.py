@@ -1,0 +1,183 @@
+"""Parts and their instances in Abaqus files: which card belongs where, and where it is placed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import InputError
+from gpusim.mesh.formats.abaqus.cards import Card
+from gpusim.mesh.formats.abaqus.values import number
+from gpusim.mesh.formats.coordinate_systems import rotation
+
+__all__ = ["Assembly", "Instance", "find_assembly"]
+
+Float = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Instance:
+    """A part in its place: ``cards`` of the part and of the instance itself, and points x of the
+    part at ``turn`` x + ``shift``."""
+
+    name: str
+    cards: Sequence[Card]
+    turn: Float
+    shift: Float
+
+    def place(self, points: Float) -> Float:
+        return np.asarray(points @ self.turn.T + self.shift)
+
+
+@dataclass(eq=False)
+class Assembly:
+    """A file's cards: ``own`` are those of the assembly and the model, outside of parts. A file
+    without instances, and with one part at most, is all its own."""
+
+    name: str = ""
+    where: str = ""
+    own: list[Card] = field(default_factory=list)
+    instances: list[Instance] = field(default_factory=list)
+
+    def history(self) -> list[Card]:
+        """All cards but those of nodes and elements, in their order, as a flat file would say
+        them: sections of a part once for each instance, with the names of its sets.
+
+        Raises InputError for cards inside of a part that mean something else for each instance.
+        """
+        found: dict[Card, None] = {}  # a material of a part stands for all of its instances
+        for instance in self.instances:
+            for card in instance.cards:
+                found |= dict.fromkeys(_of_instance(card, instance))
+        return [*found, *self.own]
+
+
+# Cards inside of a part that name no node or element, or are told from their names.
+_MATERIAL = frozenset(["MATERIAL", "ELASTIC", "DENSITY", "EXPANSION"])
+_NAMES = {"SOLIDSECTION": ("ELSET", "ORIENTATION"), "ORIENTATION": ("NAME",)}
+# What in a part is bound to its nodes or directions, and would have to be placed with it.
+_BOUND = frozenset(
+    """
+    BOUNDARY TRANSFORM EQUATION TIE CLOAD DLOAD DSLOAD INITIALCONDITIONS TEMPERATURE STEP STATIC
+    ENDSTEP AMPLITUDE
+    """.split()
+)
+
+
+def _of_instance(card: Card, instance: Instance) -> list[Card]:
+    if card.keyword in _BOUND:
+        raise InputError(
+            f"{card.where()}: inside of the part of instance {instance.name}; expected it in the "
+            "assembly, or after it"
+        )
+    if card.keyword in _MATERIAL:
+        return [card]
+    if card.keyword not in _NAMES:
+        return []
+    if card.keyword == "ORIENTATION" and not np.array_equal(instance.turn, np.eye(3)):
+        raise InputError(
+            f"{card.where()}: inside of the turned instance {instance.name}; expected an "
+            "orientation in a part that isn't turned"
+        )
+    own = {
+        key: f"{instance.name}.{value}"
+        for key, value in card.parameters.items()
+        if key in _NAMES[card.keyword] and value
+    }
+    return [replace(card, parameters={**card.parameters, **own})]
+
+
+_OPENING = {"PART": "ENDPART", "ASSEMBLY": "ENDASSEMBLY", "INSTANCE": "ENDINSTANCE"}
+
+
+def find_assembly(cards: Sequence[Card]) -> Assembly:
+    """Parts and instances of a file. Raises InputError with file and line."""
+    parts: dict[str, list[Card]] = {}
+    placed: list[tuple[Card, list[Card]]] = []
+    whole = Assembly()
+    blocks: list[tuple[Card, list[Card]]] = []  # what is open, outermost first
+    part_cards: list[Card] = []
+    system: Card | None = None  # in which nodes outside of parts are given
+    for card in cards:
+        if card.keyword in _OPENING:
+            _refuse_nesting(card, [one.keyword for one, _ in blocks])
+            inner: list[Card] = [] if card.keyword != "ASSEMBLY" else whole.own
+            if card.keyword == "PART":
+                key = card.parameters.get("NAME", "").upper()
+                if system is not None:
+                    raise InputError(
+                        f"{card.where()}: a part begins while {system.where()} is open; expected "
+                        "an empty *SYSTEM before it, or the system inside of the part"
+                    )
+                if key in parts:
+                    raise InputError(f"{card.where()}: a second part {key}; expected other names")
+                parts[key] = inner
+                part_cards.append(card)
+            elif card.keyword == "INSTANCE":
+                placed.append((card, inner))
+            else:
+                whole.name, whole.where = card.parameters.get("NAME", ""), card.where()
+            blocks.append((card, inner))
+        elif card.keyword in _OPENING.values():
+            if not blocks or _OPENING[blocks[-1][0].keyword] != card.keyword:
+                raise InputError(f"{card.where()}: ends nothing; expected *{card.shown[5:]} before")
+            blocks.pop()
+        else:
+            if card.keyword == "SYSTEM" and not blocks:
+                system = card if any(card.rows()) else None
+            (blocks[-1][1] if blocks else whole.own).append(card)
+    if blocks and placed:
+        raise InputError(f"{blocks[-1][0].where()}: doesn't end; is the file cut off?")
+    if not placed:
+        if len(parts) > 1:
+            raise InputError(
+                f"{part_cards[1].where()}: a second one; got {len(parts)} parts and no *INSTANCE; "
+                "expected an assembly of them (or one part)"
+            )
+        inside = {"PART", "ENDPART", "ASSEMBLY", "ENDASSEMBLY"}
+        return Assembly(own=[card for card in cards if card.keyword not in inside])
+    for card, inner in placed:
+        whole.instances.append(_instance(card, inner, parts, whole.instances))
+    return whole
+
+
+def _refuse_nesting(card: Card, inside: list[str]) -> None:
+    wanted = ["ASSEMBLY"] if card.keyword == "INSTANCE" else []
+    if inside != wanted:
+        place = " of ".join(f"*{one}" for one in reversed(inside)) or "no assembly"
+        raise InputError(
+            f"{card.where()}: inside of {place}; expected it "
+            f"{'inside of *ASSEMBLY' if wanted else 'by itself'} (an end is missing?)"
+        )
+
+
+def _instance(
+    card: Card, inner: list[Card], parts: dict[str, list[Card]], others: Sequence[Instance]
+) -> Instance:
+    name, part = card.parameters.get("NAME", ""), card.parameters.get("PART", "")
+    if not name or any(other.name.upper() == name.upper() for other in others):
+        raise InputError(f"{card.where()}: got NAME={name!r}; expected a name of its own")
+    if part.upper() not in parts:
+        raise InputError(
+            f"{card.where()}: unknown part; got {part!r}; expected one of "
+            f"{', '.join(parts) or 'none, none is defined'}"
+        )
+    rows = [[number(text or "0", card.where(k)) for text in row] for k, row in card.rows()]
+    shift = np.array((rows[0] if rows else []) + [0.0] * (3 - len(rows[0] if rows else [])))
+    turn = np.eye(3)
+    if len(rows) > 2 or shift.shape != (3,) or (len(rows) == 2 and len(rows[1]) != 7):
+        raise InputError(
+            f"{card.where()}: got {len(rows)} lines; expected the shift in the first, and in a "
+            "second two points of the axis and the angle"
+        )
+    if len(rows) == 2:
+        # the instance is shifted first, then turned about the axis
+        a, b, angle = np.array(rows[1][:3]), np.array(rows[1][3:6]), rows[1][6]
+        if not np.linalg.norm(b - a) > 0.0:
+            raise InputError(f"{card.where()}: no axis; got two equal points; expected two others")
+        turn = rotation(b - a, angle)
+        shift = turn @ (shift - a) + a
+    return Instance(name, [*parts[part.upper()], *inner], turn, shift)

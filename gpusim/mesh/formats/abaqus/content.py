@@ -1,0 +1,148 @@
+"""What an Abaqus or CalculiX file says about its mesh, by the file's own numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import InputError
+from gpusim.mesh.formats.abaqus.cards import Card
+from gpusim.mesh.formats.abaqus.elements import ElementBlock
+from gpusim.mesh.formats.abaqus.values import Names, whole
+
+__all__ = ["InpContent", "Numbering"]
+
+Float = npt.NDArray[np.float64]
+Int = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Numbering:
+    """Numbers of nodes, or of elements, of a whole file.
+
+    Each part counts for itself, so that node 12 of the second instance is ``offsets[1] + 12``: its
+    label. ``known`` are all labels, sorted; ``own`` is the offset of what the assembly numbers
+    itself. A file without instances has no ``names`` and no offsets: a number is its label.
+    """
+
+    what: str
+    known: Int
+    names: Sequence[str] = ()
+    offsets: Sequence[int] = ()
+    own: int = 0
+    assembly: str = ""
+
+    def offset(self, instance: str, where: str) -> int:
+        """Of an instance, "" for the assembly's own. Raises InputError for an unknown one."""
+        if not instance:
+            return self.own
+        name = instance.upper()
+        for one, offset in zip(self.names, self.offsets, strict=True):
+            if one.upper() == name or f"{self.assembly}.{one}".upper() == name:
+                return offset
+        raise InputError(
+            f"{where}: unknown instance; got {instance!r}; expected one of "
+            f"{', '.join(self.names) or 'none, the file has none'}"
+        )
+
+    def _scopes(self, instance: str, where: str) -> list[int]:
+        """Offsets that a number may have; that of a single instance needs no name."""
+        offset = self.offset(instance, where)
+        return [offset] if instance or len(self.names) != 1 else [offset, self.offsets[0]]
+
+    def several(self, numbers: Int, where: str, instance: str = "") -> Int | None:
+        """Labels of many numbers, None unless they are all defined in one place."""
+        for offset in self._scopes(instance, where):
+            labels = numbers + offset
+            place = np.minimum(np.searchsorted(self.known, labels), len(self.known) - 1)
+            if len(self.known) and (self.known[place] == labels).all():
+                return labels
+        return None
+
+    def one(self, text: str, where: str, instance: str = "") -> Int:
+        """(1,) label of ``12`` or ``INSTANCE.12``. Raises InputError for an undefined one."""
+        head, _, tail = text.rpartition(".")
+        number = np.array([whole(tail, where)])
+        found = self.several(number, where, instance or head)
+        if found is not None:
+            return found
+        labels = number + self.offset(instance or head, where)
+        return self.known[self.positions(labels, lambda _: where)]  # which raises
+
+    def between(self, first: int, last: int, step: int, where: str, instance: str = "") -> Int:
+        """Labels of all defined numbers first, first + step, … up to last."""
+        for offset in self._scopes(instance, where):
+            start, end = np.searchsorted(self.known, [first + offset, last + offset + 1])
+            if end > start:
+                break
+        inside = self.known[start:end]
+        return np.asarray(inside[(inside - offset - first) % step == 0])
+
+    def shown(self, label: int) -> str:
+        """The file's own number of a label: ``12``, or ``INSTANCE.12`` where there are several."""
+        if len(self.names) < 2 and label < self.own:
+            return str(label)
+        offsets = [*self.offsets, self.own]
+        place = max(int(np.searchsorted(offsets, label)) - 1, 0)
+        number = str(label - offsets[place])
+        return f"{self.names[place]}.{number}" if place < len(self.names) else number
+
+    def positions(self, labels: Int, where: Callable[[int], str]) -> Int:
+        """Places of labels among ``known``; ``where(k)`` tells where ``labels[k]`` stands."""
+        if len(self.known) == 0:
+            raise InputError(
+                f"{where(0)}: undefined {self.what}; got {self.what} {self.shown(labels[0])}; "
+                "none is defined"
+            )
+        place = np.minimum(np.searchsorted(self.known, labels), len(self.known) - 1)
+        wrong = np.flatnonzero(self.known[place] != labels)
+        if wrong.size:
+            raise InputError(
+                f"{where(int(wrong[0]))}: undefined {self.what}; got {self.what} "
+                f"{self.shown(labels[wrong[0]])}; expected one of the {len(self.known)} defined, "
+                f"{self.shown(self.known[0])} … {self.shown(self.known[-1])}"
+            )
+        return place
+
+
+@dataclass(eq=False)
+class InpContent:
+    """What a file says about its mesh, by label (see `Numbering`).
+
+    ``nodes.known`` (N,) sorted, ``points`` (N,3) in that order; ``cells.known`` sorted, of all
+    blocks. ``node_sets`` and ``cell_sets`` map a name to sorted labels, ``surfaces`` to pairs
+    (element label, face 1…6). ``history`` are the cards of everything but nodes and elements, of
+    parts too, as a flat file would have them.
+    """
+
+    points: Float
+    nodes: Numbering
+    cells: Numbering
+    blocks: list[ElementBlock] = field(default_factory=list)
+    node_sets: Names[Int] = field(default_factory=lambda: Names("node set"))
+    cell_sets: Names[Int] = field(default_factory=lambda: Names("element set"))
+    surfaces: Names[Int] = field(default_factory=lambda: Names("surface"))
+    history: Sequence[Card] = ()
+
+    @property
+    def node_labels(self) -> Int:
+        return self.nodes.known
+
+    def nodes_named(self, text: str, where: str, instance: str = "") -> Int:
+        """Labels of a node or of a node set. Raises InputError for an unknown one."""
+        return _named(text, self.node_sets, self.nodes, where, instance)
+
+    def cells_named(self, text: str, where: str, instance: str = "") -> Int:
+        """Labels of an element or of an element set. Raises InputError for an unknown one."""
+        return _named(text, self.cell_sets, self.cells, where, instance)
+
+
+def _named(text: str, sets: Names[Int], numbers: Numbering, where: str, instance: str) -> Int:
+    name = f"{instance}.{text}" if instance else text
+    digits = text.rpartition(".")[2].lstrip("+-")
+    if digits.isdigit() and not ("." in text and name in sets):
+        return numbers.one(text, where, instance)
+    return sets.get(name, where)

@@ -1,0 +1,168 @@
+"""Meshes from Abaqus and CalculiX input files."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import InputError
+from gpusim.mesh.formats.abaqus.cards import Source, read_cards
+from gpusim.mesh.formats.abaqus.content import InpContent
+from gpusim.mesh.formats.abaqus.element_types import SOLID_TYPES, face_table
+from gpusim.mesh.formats.abaqus.elements import ElementBlock
+from gpusim.mesh.formats.abaqus.geometry import read_content
+from gpusim.mesh.formats.abaqus.keywords import check_mesh_cards
+from gpusim.mesh.formats.cell_blocks import match_faces, padded
+from gpusim.mesh.formats.file_numbers import in_numbers_of_file
+from gpusim.mesh.mesh import Mesh
+
+__all__ = ["LabelledMesh", "label_mesh", "read_inp"]
+
+Int = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class LabelledMesh:
+    """A mesh and the numbers that its file gives to nodes and elements.
+
+    ``node_labels`` (N,) and ``cell_labels`` (M,) follow the mesh's own order.
+    """
+
+    mesh: Mesh
+    node_labels: Int
+    cell_labels: Int
+
+    def cell_index(self, labels: Int) -> Int:
+        """Global cell numbers of element labels; labels that aren't solids are left out."""
+        order = np.argsort(self.cell_labels, kind="stable")
+        known = self.cell_labels[order]
+        place = np.minimum(np.searchsorted(known, labels), len(known) - 1)
+        return np.asarray(order[place[known[place] == labels]])
+
+    def face_pairs(self, labelled: Int) -> Int:
+        """(K,2) pairs (cell, local face) of (element label, Abaqus face 1…6) pairs."""
+        order = np.argsort(self.cell_labels, kind="stable")
+        known = self.cell_labels[order]
+        place = np.minimum(np.searchsorted(known, labelled[:, 0]), len(known) - 1)
+        found = known[place] == labelled[:, 0]
+        cell = order[place[found]]
+        side = labelled[found, 1] - 1
+        local = np.full(len(cell), -1)
+        for kind, first, block in self.mesh.blocks():
+            table = face_table(kind)
+            mine = (cell >= first) & (cell < first + len(block))
+            wrong = side[mine] >= len(table)
+            if wrong.any():
+                raise InputError(
+                    f"face: element {self.cell_labels[cell[mine][wrong][0]]} has no face "
+                    f"{side[mine][wrong][0] + 1}; expected 1 … {len(table)} for {kind}"
+                )
+            local[mine] = table[side[mine]]
+        return np.stack([cell, local], axis=1)
+
+
+def read_inp(source: Source) -> Mesh:
+    """The solid mesh of an Abaqus or CalculiX input file.
+
+    Node sets, element sets (as cell sets) and element surfaces (as face sets) keep their names,
+    spelled as at their first definition; those of one of several instances are ``INSTANCE.NAME``.
+    An element set of shell or plane elements that lie on faces of solids is a face set.
+    Nodes are ordered by their number in the file, cells by type and then in file order. Loads,
+    materials and steps are read by ``gpusim.deck.load_deck``.
+
+    Raises InputError with file and line: not a text file, no solid elements, an unknown element
+    type or keyword, a keyword that moves or makes nodes and isn't read, undefined nodes or sets,
+    an element with missing nodes, a number that isn't one.
+    """
+    cards = read_cards(source)
+    check_mesh_cards(cards)
+    return label_mesh(read_content(cards), cards[0].file).mesh
+
+
+def label_mesh(content: InpContent, path: str) -> LabelledMesh:
+    """The mesh of what a file says, with the file's numbers. Raises InputError."""
+    parts: dict[str, list[ElementBlock]] = {}
+    flat: list[ElementBlock] = []
+    for block in content.blocks:
+        if block.type in SOLID_TYPES and len(block.labels):
+            parts.setdefault(SOLID_TYPES[block.type], []).append(block)
+        elif len(block.labels):
+            flat.append(block)
+    if not parts:
+        kinds = ", ".join(sorted({block.type for block in flat})) or "no elements"
+        raise InputError(
+            f"{path}: no solid elements; got {kinds}; expected one of {', '.join(SOLID_TYPES)}"
+        )
+    cells = {
+        kind: np.concatenate([_node_rows(block, content) for block in blocks])
+        for kind, blocks in parts.items()
+    }
+    solid = [block for blocks in parts.values() for block in blocks]
+    labels = np.concatenate([block.labels for block in solid])
+    try:
+        plain = LabelledMesh(Mesh(content.points, cells), content.node_labels, labels)
+    except InputError as error:
+        text = in_numbers_of_file(str(error), lambda cell: _shown(cell, solid))
+        raise InputError(f"{path}: {text}") from None
+    node_sets = {
+        name: np.searchsorted(content.node_labels, members).astype(np.int32)
+        for name, members in content.node_sets.items()
+    }
+    cell_sets = {
+        name: np.sort(plain.cell_index(members)).astype(np.int32)
+        for name, members in content.cell_sets.items()
+    }
+    face_sets = {
+        name: plain.face_pairs(pairs).astype(np.int32) for name, pairs in content.surfaces.items()
+    }
+    flat_labels, flat_faces = _flat_faces(plain.mesh, flat, content)
+    for name, members in content.cell_sets.items():
+        pairs = np.unique(flat_faces[np.isin(flat_labels, members)], axis=0).astype(np.int32)
+        if len(pairs):
+            known = face_sets.get(name, np.zeros((0, 2), dtype=np.int32))
+            face_sets[name] = np.concatenate([known, pairs])
+    # a set of shells only is no set of cells
+    solid_sets = {
+        name: members
+        for name, members in cell_sets.items()
+        if len(members) or name not in face_sets
+    }
+    mesh = plain.mesh.with_sets(node_sets, face_sets, solid_sets)
+    return LabelledMesh(mesh, content.node_labels, labels)
+
+
+def _shown(cell: int, blocks: list[ElementBlock]) -> str:
+    """File, line and number of the element behind a cell number; cells follow the blocks."""
+    ends = np.cumsum([len(block.labels) for block in blocks])
+    place = int(np.searchsorted(ends, cell, side="right"))
+    return blocks[place].where(cell - int(ends[place]) + len(blocks[place].labels))
+
+
+def _node_rows(block: ElementBlock, content: InpContent) -> Int:
+    width = block.nodes.shape[1]
+    ordered = np.sort(block.nodes, axis=1)
+    twice = np.flatnonzero((ordered[:, 1:] == ordered[:, :-1]).any(axis=1))
+    if twice.size and block.type in SOLID_TYPES:
+        row, first = ordered[twice[0]], int(twice[0])
+        node = row[1:][row[1:] == row[:-1]][0] - block.offset
+        raise InputError(
+            f"{block.where(first)}: got node {node} twice; expected {width} different nodes"
+        )
+    nodes = content.nodes.positions(block.nodes.ravel(), lambda k: block.where(k // width))
+    return nodes.reshape(-1, width)
+
+
+def _flat_faces(mesh: Mesh, flat: list[ElementBlock], content: InpContent) -> tuple[Int, Int]:
+    """(K,) labels of the flat elements that lie on faces of solids, and (K,2) those faces, as
+    pairs (cell, local face)."""
+    wide = [block for block in flat if block.nodes.shape[1] >= 3]
+    if not wide:
+        return np.zeros(0, dtype=np.int64), np.zeros((0, 2), dtype=np.int64)
+    corners = [
+        padded(_node_rows(block, content)[:, : 3 if block.nodes.shape[1] in (3, 6) else 4])
+        for block in wide
+    ]
+    pairs, found = match_faces(mesh, np.concatenate(corners))
+    return np.concatenate([block.labels for block in wide])[found], pairs[found]

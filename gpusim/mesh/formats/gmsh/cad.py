@@ -1,0 +1,323 @@
+"""CAD files (STEP, BREP, STL) meshed by Gmsh, which is an optional dependency.
+
+Gmsh and Open CASCADE die or hang on some damaged files: they work in a process of their own.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib.util import find_spec
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import InputError
+from gpusim.files.input_file import InputFile, read_input
+from gpusim.mesh.formats.cell_blocks import RawBlock, RawMesh, assemble
+from gpusim.mesh.formats.gmsh.element_sizes import SizeBox, check_sizes, set_sizes
+from gpusim.mesh.formats.gmsh.element_types import GMSH_NODES, GMSH_TYPES, from_gmsh_order
+from gpusim.mesh.mesh import Mesh
+from gpusim.parallel.child_process import SECONDS, call_in_child
+
+__all__ = ["CAD_SUFFIXES", "check_gmsh", "mesh_cad"]
+
+CAD_SUFFIXES = (".step", ".stp", ".brep", ".stl")
+
+Long = npt.NDArray[np.int64]
+
+# What Open CASCADE calls a shape that has no name.
+_NAMELESS = ("Open CASCADE STEP translator", "SOLID", "COMPOUND")
+_STL_ANGLE = 40.0  # degrees; a sharper bend between triangles is an edge of the body
+_TETRAHEDRON = 0.12  # volume of a regular one with edges of length 1
+_MOST_ELEMENTS = 1e8
+_LIBRARIES = "libgl1 libglu1-mesa libxcursor1 libxft2 libxinerama1 libxrender1 libgomp1"
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """A volume or surface of the geometry, with the names of the sets that it belongs to."""
+
+    tag: int
+    names: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class _Options:
+    """The arguments of `mesh_cad`."""
+
+    size: float
+    order: int
+    hexahedra: bool
+    hex_dominant: bool
+    curvature: int
+    sizes: Mapping[str, float]
+    boxes: Sequence[SizeBox]
+    scale: float
+
+
+def mesh_cad(
+    path: str | PathLike[str] | InputFile,
+    *,
+    size: float,
+    order: int = 1,
+    hexahedra: bool = False,
+    hex_dominant: bool = False,
+    curvature: int = 0,
+    sizes: Mapping[str, float] | None = None,
+    boxes: Sequence[SizeBox] = (),
+    scale: float = 1.0,
+    time_limit: float = SECONDS,
+) -> Mesh:
+    """Mesh the solids of a ``.step``/``.stp``, ``.brep`` or closed ``.stl`` file.
+
+    Parameters
+    ----------
+    size
+        Greatest element size, in the unit of the result.
+    order
+        1 (tet4, hex8) or 2 (tet10, hex20; midside nodes lie on the
+        curved faces of STEP and BREP).
+    hexahedra
+        Hexahedra only: structured if every solid has six sides, else each tetrahedron is cut into
+        four (conforming everywhere, but of low quality).
+    hex_dominant
+        Structured hexahedra in the solids with six sides, tetrahedra in the others, pyramids
+        between them.
+    curvature
+        Elements around a full circle where the surface is curved; 0: ``size`` alone decides. Not
+        for STL, whose surface is flat triangles.
+    sizes
+        Element size at a named face or in a named solid (names as below).
+    boxes
+        Regions with a smaller size.
+    scale
+        Factor on the coordinates. Those of a STEP file are millimetres, whatever its own unit; of
+        the others as in the file.
+    time_limit
+        Seconds after which it is given up.
+
+    Each CAD face is a face set "face_1", "face_2", … by its number in the file, and one by its
+    name if the file names it; with several solids, or named ones, there are cell sets "solid_1", …
+    and by name. Touching solids share their nodes. The same file and options give the same mesh.
+
+    Raises
+    ------
+    InputError
+        gmsh or its libraries are missing, a file that is absent, of another kind or can't be
+        meshed, or that Gmsh dies on, doesn't get done with in time, or takes more than 80 % of the
+        memory for; a file without solids, unknown names in ``sizes``, sizes that aren't positive.
+    """
+    name = path.path if isinstance(path, InputFile) else Path(path)
+    if name.suffix.lower() not in CAD_SUFFIXES:
+        raise InputError(
+            f"{name}: unknown kind of CAD file; got {name.suffix or 'no ending'!r}; expected one "
+            f"of {', '.join(CAD_SUFFIXES)}"
+        )
+    file = read_input(path, "a CAD file")
+    if not file.data:
+        raise InputError(f"{file.path}: the file is empty; expected a CAD file")
+    if order not in (1, 2):
+        raise InputError(f"mesh_cad: order; got {order}; expected 1 or 2")
+    if file.suffix == ".stl":
+        _refuse_lost_corners(file)
+    if curvature and file.suffix == ".stl":
+        raise InputError(
+            f"{file.path}: curvature for a surface of flat triangles; got {curvature}; expected 0 "
+            "(or the part as STEP or BREP)"
+        )
+    if hexahedra and hex_dominant:
+        raise InputError("mesh_cad: hexahedra and hex_dominant; got both; expected one of them")
+    check_sizes(size, curvature, sizes or {}, boxes, scale)
+    if not time_limit > 0.0:
+        raise InputError(f"mesh_cad: time_limit; got {time_limit}; expected seconds > 0")
+    check_gmsh(str(file.path))
+    options = _Options(
+        size, order, hexahedra, hex_dominant, curvature, dict(sizes or {}), tuple(boxes), scale
+    )
+    raw = call_in_child(f"{file.path}: can't be meshed", time_limit, _raw_mesh, file, options)
+    return assemble(raw, str(file.path))
+
+
+def check_gmsh(file: str) -> None:
+    """Raises InputError for a CAD file unless gmsh is installed; it isn't loaded."""
+    if find_spec("gmsh") is None:
+        raise InputError(
+            f"{file}: a CAD file needs gmsh, which is not installed; expected it: "
+            f"{sys.executable or 'python'} -m pip install gmsh"
+        )
+
+
+def _raw_mesh(file: InputFile, options: _Options) -> RawMesh:
+    """The work of the child, which has a Gmsh of its own."""
+    gmsh = _gmsh()
+    gmsh.initialize([], readConfigFiles=False, run=False, interruptible=False)
+    numbers = {
+        # errors are asked for after each step: one thrown would leave the mesher in mid-work
+        "General.AbortOnError": 0,
+        "General.Terminal": 0, "General.NumThreads": 1, "Mesh.RandomSeed": 1,
+        "Geometry.OCCImportLabels": 1, "Mesh.SaveAll": 1,
+        "Mesh.SecondOrderIncomplete": 1, "Mesh.HighOrderOptimize": 1,
+        # an STL's surface is flat triangles: its midside nodes stay on straight edges
+        "Mesh.SecondOrderLinear": int(file.suffix == ".stl"),
+    }  # fmt: skip
+    for option, value in numbers.items():
+        gmsh.option.setNumber(option, value)
+    try:
+        with file.on_disk() as copy:
+            _load(gmsh, file, copy)
+        _refuse_errors(gmsh, file.path)
+        volumes, surfaces = _parts(gmsh, 3), _parts(gmsh, 2)
+        if not volumes:
+            raise InputError(
+                f"{file.path}: no solid; got {len(surfaces)} faces; expected a closed body"
+            )
+        size, scale = options.size, options.scale
+        _refuse_too_many(gmsh, file, size, scale)
+        named = {
+            name: [(d, part.tag) for d, group in ((3, volumes), (2, surfaces))
+                   for part in group if name in part.names]
+            for name in {n for part in (*volumes, *surfaces) for n in part.names}
+        }  # fmt: skip
+        set_sizes(gmsh, size, options.curvature, options.sizes, options.boxes, scale, named)
+        _generate(gmsh, options.order, options.hexahedra, options.hex_dominant)
+        _refuse_errors(gmsh, file.path)
+        return _collect(gmsh, volumes, surfaces, scale)
+    except InputError:
+        raise
+    except Exception as error:  # Gmsh's own have no type of their own
+        text = " ".join(str(error).split())
+        raise InputError(f"{file.path}: Gmsh can't mesh it; got {text[:200]}") from None
+
+
+def _gmsh() -> Any:
+    try:
+        import gmsh
+    except OSError as error:
+        raise InputError(
+            f"mesh_cad: gmsh can't be loaded; got {error}; expected its libraries, on "
+            f"Debian: apt install {_LIBRARIES}"
+        ) from None
+    return gmsh
+
+
+def _refuse_errors(gmsh: Any, file: Path) -> None:
+    """Gmsh's last error since the session or the last mesh began, if there was one."""
+    text = " ".join(str(gmsh.logger.getLastError()).split())
+    if text:
+        raise InputError(f"{file}: Gmsh can't mesh it; got {text[:200]}")
+
+
+def _refuse_too_many(gmsh: Any, file: InputFile, size: float, scale: float) -> None:
+    """Gmsh would work for days, or until the memory is full."""
+    if file.suffix == ".stl":
+        tags, coordinates, _ = gmsh.model.mesh.getNodes()
+        place = np.zeros((int(max(tags)) + 1, 3))
+        place[tags.astype(np.int64)] = np.reshape(coordinates, (-1, 3))
+        corners = gmsh.model.mesh.getElementsByType(2)[1].reshape(-1, 3).astype(np.int64)
+        volume = abs(float(np.linalg.det(place[corners]).sum())) / 6.0
+    else:
+        volume = sum(gmsh.model.occ.getMass(3, tag) for _, tag in gmsh.model.getEntities(3))
+    count = volume * scale**3 / (_TETRAHEDRON * size**3)
+    if not count <= _MOST_ELEMENTS:
+        raise InputError(
+            f"{file.path}: size; got {size:g}, which makes about {count:.1g} elements; expected at "
+            f"least {(volume / (_TETRAHEDRON * _MOST_ELEMENTS)) ** (1 / 3) * scale:.2g}"
+        )
+
+
+def _refuse_lost_corners(file: InputFile) -> None:
+    """Gmsh takes a corner at NaN for some other corner."""
+    content = file.data
+    facets = np.frombuffer(content[84:], np.uint8)
+    if len(content) > 84 and len(facets) == 50 * int.from_bytes(content[80:84], "little"):
+        numbers = facets.reshape(-1, 50)[:, 12:48].copy().view("<f4")
+        lost = int((~np.isfinite(numbers)).any(axis=1).sum())
+    else:
+        lost = len(re.findall(rb"vertex[^\n]*(?:nan|inf)", content, re.IGNORECASE))
+    if lost:
+        raise InputError(
+            f"{file.path}: corners; got {lost} that aren't finite; expected coordinates"
+        )
+
+
+def _load(gmsh: Any, file: InputFile, copy: Path) -> None:
+    """Geometry of the file, of which there is a copy on the disk, in the current model."""
+    if file.suffix == ".stl":
+        gmsh.merge(str(copy))
+        gmsh.model.mesh.classifySurfaces(np.deg2rad(_STL_ANGLE), True, True, np.pi)
+        gmsh.model.mesh.createGeometry()
+        surfaces = [tag for _, tag in gmsh.model.getEntities(2)]
+        if surfaces:
+            gmsh.model.geo.addVolume([gmsh.model.geo.addSurfaceLoop(surfaces)])
+        gmsh.model.geo.synchronize()
+        return
+    gmsh.model.occ.importShapes(str(copy))
+    solids = gmsh.model.occ.getEntities(3)
+    if len(solids) > 1:
+        gmsh.model.occ.fragment(solids, [])  # touching faces become one
+    gmsh.model.occ.synchronize()
+
+
+def _parts(gmsh: Any, dimension: int) -> list[_Part]:
+    """Volumes or surfaces with the names of their sets."""
+    word = "solid" if dimension == 3 else "face"
+    parts = []
+    for number, (_, tag) in enumerate(gmsh.model.getEntities(dimension), start=1):
+        label = str(gmsh.model.getEntityName(dimension, tag)).rsplit("/", maxsplit=1)[-1].strip()
+        names = [f"{word}_{number}"]
+        if label and not label.startswith(_NAMELESS):
+            names.append(label)
+        parts.append(_Part(tag, tuple(names)))
+    return parts
+
+
+def _generate(gmsh: Any, order: int, hexahedra: bool, hex_dominant: bool) -> None:
+    mesh = gmsh.model.mesh
+    if hexahedra or hex_dominant:
+        mesh.setTransfiniteAutomatic(recombine=True)
+        mesh.generate(3)
+        kinds = {GMSH_TYPES.get(int(type_)) for type_ in mesh.getElementTypes(3)}
+        if hexahedra and kinds != {"hex8"}:
+            mesh.clear()
+            mesh.removeConstraints()
+            gmsh.option.setNumber("Mesh.SubdivisionAlgorithm", 2)
+            gmsh.option.setNumber("Mesh.MeshSizeFactor", 2.0)  # every edge is halved afterwards
+            mesh.generate(3)
+    else:
+        mesh.generate(3)
+    if order == 2:
+        mesh.setOrder(2)
+
+
+def _collect(
+    gmsh: Any, volumes: Sequence[_Part], surfaces: Sequence[_Part], scale: float
+) -> RawMesh:
+    """The elements of volumes and surfaces."""
+    tags, coordinates, _ = gmsh.model.mesh.getNodes()
+    tags = np.asarray(tags, dtype=np.int64)
+    order = np.argsort(tags, kind="stable")
+    number = np.full(int(tags.max(initial=0)) + 1, -1, dtype=np.int64)
+    number[tags[order]] = np.arange(len(tags))
+    points = np.asarray(coordinates, dtype=np.float64).reshape(-1, 3)[order] * scale
+    blocks = []
+    # a lone solid needs no set unless the file names it
+    plain = len(volumes) == 1
+    for dimension, parts in ((3, volumes), (2, surfaces)):
+        for part in parts:
+            types, _, nodes = gmsh.model.mesh.getElements(dimension, part.tag)
+            names = part.names[1:] if dimension == 3 and plain else part.names
+            for type_, flat in zip(types, nodes, strict=True):
+                kind = GMSH_TYPES.get(int(type_), f"Gmsh type {type_}")
+                if kind not in GMSH_NODES:
+                    raise InputError(f"mesh_cad: got elements of {kind}; expected order 1 or 2")
+                rows = number[np.asarray(flat, dtype=np.int64)].reshape(-1, GMSH_NODES[kind])
+                every = np.arange(len(rows))
+                groups = {name: every for name in names}
+                blocks.append(RawBlock(kind, from_gmsh_order(kind, rows), groups))
+    return RawMesh(points, tuple(blocks))

@@ -1,0 +1,336 @@
+"""Gmsh's .msh files, versions 2.2 and 4.1, as text or binary."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import InputError
+from gpusim.files.input_file import InputFile
+from gpusim.mesh.formats.cell_blocks import DIMENSIONS, RawBlock, RawMesh, index_of
+from gpusim.mesh.formats.gmsh.element_types import GMSH_NODES, GMSH_TYPES, from_gmsh_order
+from gpusim.mesh.formats.gmsh.msh_numbers import MshNumbers, MshSource
+
+__all__ = ["read_msh"]
+
+Float = npt.NDArray[np.float64]
+Long = npt.NDArray[np.int64]
+# Physical groups by (dimension, tag).
+Names = dict[tuple[int, int], str]
+Block = tuple[str, Long, list[tuple[int, Long]]]
+
+# Sections that are neither nodes nor elements, and say nothing of where they are or belong to.
+_HARMLESS = {
+    "Comments", "Periodic", "Parametrizations", "NodeData", "ElementData", "ElementNodeData",
+    "InterpolationScheme",
+}  # fmt: skip
+_KIND_NAMES = ("point", "line", "surface", "volume")
+
+
+def read_msh(file: InputFile) -> RawMesh:
+    """Read a .msh file. A physical group without a name is called "surface_3" by its tag.
+
+    Raises InputError for another version, a file that is cut off, and contents that aren't what
+    the format says, each with the section it is in.
+    """
+    return _Reader(file).read()
+
+
+class _Reader(MshSource):
+    def __init__(self, file: InputFile) -> None:
+        super().__init__(file)
+        self.names: Names = {}
+        self.physical: dict[tuple[int, int], Long] = {}
+
+    def read(self) -> RawMesh:
+        version = self._header()
+        points = np.zeros((0, 3))
+        tags = np.zeros(0, dtype=np.int64)
+        blocks: list[Block] = []
+        seen: set[str] = set()
+        while (name := self._next_section()) is not None:
+            if name in seen:
+                self.fail("it is there twice; expected one")
+            if name == "PhysicalNames":
+                self._physical_names()
+            elif name == "Entities" and version == "4.1":
+                if "Elements" in seen:
+                    self.fail("it comes after $Elements, whose groups it holds; expected it before")
+                self._entities(MshNumbers(self))
+            elif name == "Nodes":
+                points, tags = (self._nodes41 if version == "4.1" else self._nodes22)()
+            elif name == "Elements":
+                blocks = self._elements41() if version == "4.1" else _merged(self._elements22())
+            elif name in ("PartitionedEntities", "GhostElements"):
+                self.fail("a partitioned mesh; expected the whole mesh in one part")
+            elif name in _HARMLESS:
+                self._skip(name)
+                continue
+            else:
+                self.fail(
+                    "unknown; expected PhysicalNames, Entities, Nodes, Elements, "
+                    f"{', '.join(sorted(_HARMLESS))}"
+                )
+            seen.add(name)
+            self._end(name)
+        for name in ("Nodes", "Elements"):
+            if name not in seen:
+                raise InputError(f"{self.source}: no section ${name}; expected one: cut off?")
+        twice = np.flatnonzero(np.diff(np.sort(tags)) == 0)
+        if twice.size:
+            raise InputError(f"{self.source}: node {np.sort(tags)[twice[0]]} is there twice")
+        return RawMesh(points, tuple(self._raw(block, tags) for block in blocks))
+
+    # -- sections --------------------------------------------------------------------------
+
+    def _header(self) -> str:
+        words: list[str] = []
+        if self.data.lstrip()[:1] == b"$":
+            name = self._next_section()
+            while name == "Comments":
+                self._skip(name)
+                name = self._next_section()
+            words = self.line().split() if name == "MeshFormat" else []
+        if len(words) != 3:
+            raise InputError(
+                f"{self.source}: not a Gmsh mesh; got {self.data[:12]!r} at its beginning; "
+                "expected $MeshFormat"
+            )
+        version, mode, size = words
+        if version not in ("2", "2.2", "4.1"):
+            raise InputError(
+                f"{self.source}: Gmsh mesh of version {version}; expected 2.2 or 4.1 "
+                "(Gmsh saves those: Mesh.MshFileVersion)"
+            )
+        if mode not in ("0", "1") or size != "8":
+            self.fail(f"file type {mode}, data size {size}; expected 0 or 1, and 8")
+        self.binary = mode == "1"
+        if self.binary:
+            one = self.data[self.at : self.at + 4]
+            if one == b"\x00\x00\x00\x01":
+                self.fail("a binary file of a big-endian machine; expected little-endian")
+            if one != b"\x01\x00\x00\x00":
+                self.fail(f"got {one!r} where a binary file has the number 1")
+            self.at += 4
+        self._end("MeshFormat")
+        return "4.1" if version == "4.1" else "2.2"
+
+    def _next_section(self) -> str | None:
+        while self.at < len(self.data):
+            line = self.line()
+            if not line:
+                continue
+            if not re.fullmatch(r"\$(?!End)\w{1,40}", line, re.ASCII):
+                self.fail(f"got {line[:40]!r} after it; expected a section")
+            self.section = line[1:]
+            return self.section
+        return None
+
+    def _skip(self, name: str) -> None:
+        mark = self.data.find(b"$End" + name.encode(), self.at)
+        if mark < 0:
+            self.fail(f"no $End{name}: the file is cut off")
+        self.at = mark
+        self.line()
+
+    def _end(self, name: str) -> None:
+        line = ""
+        while self.at < len(self.data) and not line:
+            line = self.line()
+        if line != f"$End{name}":
+            self.fail(f"got {line[:40]!r}; expected $End{name}: cut off, or wrong counts?")
+
+    def _physical_names(self) -> None:
+        for _ in range(self._count(self.line())):
+            words = self.line().split(maxsplit=2)
+            if len(words) != 3 or not (words[0].isdigit() and words[1].isdigit()):
+                self.fail(f"got {' '.join(words)[:40]!r}; expected dimension, tag and name")
+            self.names[int(words[0]), int(words[1])] = words[2].strip('"')
+
+    def _count(self, text: str) -> int:
+        if not text.isdigit():
+            self.fail(f"got {text[:40]!r}; expected a count")
+        return int(text)
+
+    # -- version 4.1 -----------------------------------------------------------------------
+
+    def _entities(self, numbers: MshNumbers) -> None:
+        for dimension, count in enumerate(numbers.sizes(4)):
+            for _ in range(count):
+                (tag,) = numbers.ints(1)
+                numbers.floats(3 if dimension == 0 else 6)
+                self.physical[dimension, int(tag)] = numbers.ints(int(numbers.sizes(1)[0]))
+                if dimension:
+                    numbers.ints(int(numbers.sizes(1)[0]))
+        numbers.done()
+
+    def _nodes41(self) -> tuple[Float, Long]:
+        numbers = MshNumbers(self)
+        blocks, total, _, _ = numbers.sizes(4)
+        tags: list[Long] = []
+        points: list[Float] = []
+        for _ in range(blocks):
+            dimension, _, parametric = numbers.ints(3)
+            count = int(numbers.sizes(1)[0])
+            tags.append(numbers.sizes(count))
+            columns = 3 + (int(dimension) if parametric else 0)
+            points.append(numbers.floats(columns * count).reshape(-1, columns)[:, :3])
+        numbers.done()
+        found = sum(map(len, tags))
+        if found != total:
+            self.fail(f"got {found} nodes; expected {total}, as its first line says")
+        return np.concatenate(points or [np.zeros((0, 3))]), np.concatenate(tags or [_NONE])
+
+    def _elements41(self) -> list[Block]:
+        numbers = MshNumbers(self)
+        blocks, total, _, _ = numbers.sizes(4)
+        found: list[Block] = []
+        labels: list[Long] = []
+        for _ in range(blocks):
+            dimension, entity, type_ = (int(n) for n in numbers.ints(3))
+            count = int(numbers.sizes(1)[0])
+            kind = self._kind(type_)
+            rows = numbers.sizes(count * (1 + GMSH_NODES[kind])).reshape(count, -1)
+            labels.append(rows[:, 0])
+            groups = self.physical.get((dimension, entity), _NONE)
+            every = np.arange(count)
+            # a negative tag is a group that the entity belongs to in the other direction
+            found.append((kind, rows[:, 1:], [(abs(int(group)), every) for group in groups]))
+        numbers.done()
+        cells = sum(len(nodes) for _, nodes, _ in found)
+        if cells != total:
+            self.fail(f"got {cells} elements; expected {total}, as its first line says")
+        self._refuse_twice(np.concatenate(labels or [_NONE]))
+        return found
+
+    def _refuse_twice(self, labels: Long) -> None:
+        ordered = np.sort(labels)
+        twice = ordered[1:][ordered[1:] == ordered[:-1]]
+        if twice.size:
+            self.fail(
+                f"{twice.size} element numbers used twice; got element {twice[0]}; expected each "
+                "number once"
+            )
+
+    # -- version 2.2 -----------------------------------------------------------------------
+
+    def _nodes22(self) -> tuple[Float, Long]:
+        count = self._count(self.line())
+        if self.binary:
+            layout = np.dtype([("tag", "<i4"), ("x", "<f8", 3)])
+            rows = self.take(layout, count)
+            return rows["x"].astype(np.float64), rows["tag"].astype(np.int64)
+        numbers = MshNumbers(self)
+        table = numbers.floats(4 * count).reshape(count, 4)
+        numbers.done()
+        return table[:, 1:], numbers.whole(table[:, 0])
+
+    def _elements22(self) -> list[Block]:
+        count = self._count(self.line())
+        numbers = MshNumbers(self)
+        found: list[Block] = []
+        labels: list[Long] = []
+        contents: list[npt.NDArray[np.uint64]] = []
+        done = 0
+        while done < count:
+            if self.binary:
+                type_, rows, tags = (int(n) for n in numbers.ints(3))
+                kind = self._kind(type_, tags)
+                width = 1 + tags + GMSH_NODES[kind]
+                if rows == 1:  # Gmsh gives each element a head of its own
+                    self.at -= 12
+                    table = self.alike_binary(width + 3, count - done)[:, 3:]
+                else:
+                    table = numbers.ints(rows * width).reshape(-1, width)
+            else:
+                type_, tags = (int(n) for n in numbers.whole(numbers.peek(3)[1:]))
+                kind = self._kind(type_, tags)
+                table = numbers.alike(3 + tags + GMSH_NODES[kind], count - done)
+                table = np.delete(table, (1, 2), axis=1)
+            labels.append(table[:, 0])
+            table = table[:, 1:]
+            contents.append(_content(table[:, tags:]))
+            physical = table[:, 0] if tags else np.zeros(len(table), dtype=np.int64)
+            groups = [
+                (int(tag), np.flatnonzero(physical == tag)) for tag in np.unique(physical) if tag
+            ]
+            found.append((kind, table[:, tags:], groups))
+            done += len(table)
+            if not len(table):
+                self.fail(f"an empty block after {done} elements; expected {count}")
+        numbers.done()
+        if done != count:
+            self.fail(f"got {done} elements; expected {count}, as its first line says")
+        if found:
+            self._refuse_different(np.concatenate(labels), np.concatenate(contents))
+        return found
+
+    def _refuse_different(self, labels: Long, contents: npt.NDArray[np.uint64]) -> None:
+        """An element is repeated for each of its groups; it is the same then."""
+        order = np.argsort(labels, kind="stable")
+        labels, contents = labels[order], contents[order]
+        wrong = (labels[1:] == labels[:-1]) & (contents[1:] != contents[:-1])
+        if wrong.any():
+            self.fail(
+                f"element number {labels[1:][wrong][0]} names different nodes; expected each "
+                "number once"
+            )
+
+    # -- numbers to blocks -----------------------------------------------------------------
+
+    def _kind(self, type_: int, tags: int = 0) -> str:
+        if tags < 0:
+            self.fail(f"an element with {tags} tags; expected 0 or more")
+        if type_ not in GMSH_TYPES:
+            self.fail(
+                f"element type {type_}; expected first or second order, one of "
+                f"{', '.join(f'{n} ({k})' for n, k in GMSH_TYPES.items())}"
+            )
+        return GMSH_TYPES[type_]
+
+    def _raw(self, block: Block, tags: Long) -> RawBlock:
+        kind, nodes, groups = block
+        self.section = "Elements"
+        numbers = index_of(tags, nodes)
+        wrong = np.argwhere(numbers < 0)
+        if len(wrong):
+            self.fail(f"a {kind} names node {nodes[tuple(wrong[0])]}, which isn't there")
+        dimension = DIMENSIONS.get(kind, 3)
+        named: dict[str, Long] = {}
+        for tag, rows in groups:
+            name = self.names.get((dimension, tag), f"{_KIND_NAMES[dimension]}_{tag}")
+            named[name] = np.union1d(named.get(name, _NONE), rows)
+        return RawBlock(kind, from_gmsh_order(kind, numbers), named)
+
+
+_NONE = np.zeros(0, dtype=np.int64)
+
+
+def _content(nodes: Long) -> npt.NDArray[np.uint64]:
+    """(M,) a number for each row of nodes that only equal rows have."""
+    random = np.random.default_rng(0).integers(2**63, size=nodes.shape[1], dtype=np.uint64)
+    return np.asarray((nodes.astype(np.uint64) * random).sum(axis=1, dtype=np.uint64))
+
+
+def _merged(blocks: list[Block]) -> list[Block]:
+    """One block per kind, an element once. Version 2.2 repeats it for each of its groups."""
+    merged: list[Block] = []
+    for kind in dict.fromkeys(kind for kind, _, _ in blocks):
+        same = [block for block in blocks if block[0] == kind]
+        nodes = np.ascontiguousarray(np.concatenate([rows for _, rows, _ in same]))
+        start = np.cumsum([0, *(len(rows) for _, rows, _ in same)])
+        groups = [
+            (tag, rows + first)
+            for (_, _, tagged), first in zip(same, start, strict=False)
+            for tag, rows in tagged
+        ]
+        if len({tag for tag, _ in groups}) > 1:
+            whole = nodes.view(np.dtype((np.void, nodes.dtype.itemsize * nodes.shape[1])))
+            _, first_of, name = np.unique(whole.ravel(), return_index=True, return_inverse=True)
+            kept = np.sort(first_of)
+            place = np.searchsorted(kept, first_of)[name]
+            nodes, groups = nodes[kept], [(tag, place[rows]) for tag, rows in groups]
+        merged.append((kind, nodes, groups))
+    return merged

@@ -1,0 +1,139 @@
+"""Reading mesh files, by the ending of their name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+
+from gpusim.errors import InputError
+from gpusim.files.input_file import InputFile, read_input
+from gpusim.mesh.formats.cell_blocks import assemble
+from gpusim.mesh.formats.gmsh.cad import CAD_SUFFIXES
+from gpusim.mesh.mesh import Mesh
+
+__all__ = ["MESH_SUFFIXES", "PARALLEL", "read_mesh"]
+
+# VTK's files that name others, with a part of the whole in each
+PARALLEL = {
+    ".pvtu": "names the pieces of a parallel grid, which are files of their own",
+    ".vtm": "names the blocks of a multi-block data set, which are files of their own",
+    ".vtpd": "names the parts of a partitioned data set, which are files of their own",
+}
+
+
+def _msh(file: InputFile) -> Mesh:
+    from gpusim.mesh.formats.gmsh.msh import read_msh
+
+    return assemble(read_msh(file), str(file.path))
+
+
+def _vtu(file: InputFile) -> Mesh:
+    from gpusim.mesh.formats.vtk.vtu import VtuFile
+
+    return assemble(VtuFile(file).mesh(), str(file.path))
+
+
+def _vtk(file: InputFile) -> Mesh:
+    from gpusim.mesh.formats.vtk.vtk import read_vtk
+
+    return assemble(read_vtk(file), str(file.path))
+
+
+def _med(file: InputFile) -> Mesh:
+    from gpusim.mesh.formats.med import read_med
+
+    return assemble(read_med(file), str(file.path))
+
+
+def _bdf(file: InputFile) -> Mesh:
+    from gpusim.mesh.formats.nastran.reader import read_bdf
+
+    return read_bdf(file)
+
+
+def _inp(file: InputFile) -> Mesh:
+    from gpusim.mesh.formats.abaqus.reader import read_inp
+
+    return read_inp(file)
+
+
+def _exodus(file: InputFile) -> Mesh:
+    from gpusim.mesh.formats.exodus.reader import read_exodus
+
+    return read_exodus(file)
+
+
+_READERS: dict[str, Callable[[InputFile], Mesh]] = {
+    ".msh": _msh,
+    ".inp": _inp,
+    ".vtu": _vtu,
+    ".vtk": _vtk,
+    ".e": _exodus,
+    ".ex2": _exodus,
+    ".exo": _exodus,
+    ".exodus": _exodus,
+    ".med": _med,
+    ".bdf": _bdf,
+    ".nas": _bdf,
+    ".fem": _bdf,
+    ".dat": _bdf,
+}
+MESH_SUFFIXES = tuple(_READERS)
+
+
+def read_mesh(path: str | PathLike[str] | InputFile, *, scale: float = 1.0) -> Mesh:
+    """Read a volume mesh: first- and second-order tetrahedra, hexahedra, wedges, pyramids.
+
+    Parameters
+    ----------
+    path
+        ``.msh`` (Gmsh 2.2 and 4.1, text or binary), ``.inp`` (Abaqus, CalculiX), ``.vtu``,
+        ``.vtk``, ``.e``/``.ex2``/``.exo``/``.exodus`` (Exodus), ``.med``, ``.bdf``/``.nas``/
+        ``.fem``/``.dat`` (Nastran), or what `gpusim.files.input_file.read_input` has read of one.
+    scale
+        Factor on the coordinates: 1e-3 for a file in millimetres and a model in metres.
+
+    Named groups (physical groups, Abaqus sets and surfaces, Exodus blocks and sets, MED families)
+    become cell sets where they hold solids, face sets where they hold surfaces, node sets where
+    they hold lines, points or nodes. Nodes that belong to no solid cell are left out of files with
+    surfaces and lines.
+
+    Raises
+    ------
+    InputError
+        Names the file: absent, empty, cut off, of another format or version, without solid cells,
+        with cells of an unknown type (named with their number), inverted cells.
+    """
+    if not (np.isfinite(scale) and scale > 0.0):
+        raise InputError(f"read_mesh: scale; got {scale}; expected a factor > 0")
+    name = path.path if isinstance(path, InputFile) else Path(path)
+    suffix = name.suffix.lower()
+    if suffix in CAD_SUFFIXES:
+        raise InputError(
+            f"{name}: a CAD file, not a mesh; expected a call of mesh_cad, with a size"
+        )
+    if suffix in PARALLEL:
+        raise InputError(f"{name}: {PARALLEL[suffix]}; expected the blocks merged, saved as .vtu")
+    file = read_input(path, "a mesh file")
+    if suffix not in _READERS:
+        raise InputError(
+            f"{name}: unknown kind of mesh file; got {suffix or 'no ending'!r}; expected one "
+            f"of {', '.join(MESH_SUFFIXES)}"
+        )
+    if not file.data:
+        raise InputError(f"{name}: the file is empty; expected a mesh")
+    try:
+        mesh = _READERS[suffix](file)
+    except InputError as error:
+        text = str(error)
+        raise InputError(text if str(name) in text else f"{name}: {text}") from None
+    except OSError as error:
+        raise InputError(f"{name}: unreadable; got {error.strerror or error}") from None
+    except MemoryError:
+        raise InputError(f"{name}: the mesh is larger than the memory") from None
+    if scale == 1.0:
+        return mesh
+    return Mesh(mesh.points * scale, mesh.cells, mesh.node_sets, mesh.face_sets, mesh.cell_sets)

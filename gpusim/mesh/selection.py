@@ -1,0 +1,225 @@
+"""Named and geometric selections of nodes and faces.
+
+A selection that finds nothing is an InputError that says where the mesh is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from difflib import get_close_matches
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import InputError
+from gpusim.mesh.boundary import Faces, boundary_faces, set_faces
+from gpusim.mesh.mesh import Mesh
+from gpusim.validation import unmasked
+
+__all__ = ["select_faces", "select_nodes"]
+
+Float = npt.NDArray[np.float64]
+Bounds = Mapping[str, float]
+Plane = tuple[npt.ArrayLike, npt.ArrayLike]
+
+_AXES = {
+    "+x": (1.0, 0.0, 0.0), "-x": (-1.0, 0.0, 0.0), "+y": (0.0, 1.0, 0.0),
+    "-y": (0.0, -1.0, 0.0), "+z": (0.0, 0.0, 1.0), "-z": (0.0, 0.0, -1.0),
+}  # fmt: skip
+_BOUND_KEYS = tuple(f"{axis}_{side}" for axis in "xyz" for side in ("min", "max"))
+
+
+@unmasked()
+def select_nodes(
+    mesh: Mesh,
+    *,
+    bounds: Bounds | None = None,
+    plane: Plane | None = None,
+    normal: str | npt.ArrayLike | None = None,
+    name: str | None = None,
+    tolerance: float | None = None,
+) -> npt.NDArray[np.int32]:
+    """Numbers of the nodes that meet every given condition, sorted, (K,) int32.
+
+    bounds : any of ``x_min … z_max`` -> coordinate, inclusive within ``tolerance``.
+    plane : (point, normal); nodes nearer than ``tolerance``.
+    normal : nodes of the boundary faces that look this way (see ``select_faces``).
+    name : a node set, else a face set or a cell set (its nodes).
+    tolerance : length; default 1e-6 of the mesh's largest extent.
+
+    Dangling nodes are never selected by geometry. Raises InputError when nothing is found.
+    """
+    length = _tolerance(mesh, tolerance)
+    keep = np.ones(mesh.node_count, dtype=bool)
+    keep[mesh.dangling_nodes] = False
+    if name is not None:
+        keep[:] = False
+        keep[_named_nodes(mesh, name)] = True
+    if bounds is not None:
+        keep &= _inside(mesh.points, bounds, length)
+    if plane is not None:
+        keep &= _on_plane(mesh.points, plane, length)
+    if normal is not None:
+        facing = np.zeros(mesh.node_count, dtype=bool)
+        facing[select_faces(mesh, normal=normal).node_numbers()] = True
+        keep &= facing
+    return _found(mesh, np.flatnonzero(keep).astype(np.int32), "nodes", bounds, plane, name, normal)
+
+
+@unmasked()
+def select_faces(
+    mesh: Mesh,
+    *,
+    bounds: Bounds | None = None,
+    plane: Plane | None = None,
+    normal: str | npt.ArrayLike | None = None,
+    angle: float = np.deg2rad(30.0),
+    name: str | None = None,
+    tolerance: float | None = None,
+    faces: Faces | None = None,
+) -> Faces:
+    """The boundary faces that meet every given condition.
+
+    bounds, plane : every node of the face must meet them (see ``select_nodes``).
+    normal : "+x" … "-z" or a vector; outward normals within ``angle`` (rad) of it.
+    name : a face set of the mesh; else the boundary faces of a cell set, or those whose corners
+        are all in a node set.
+    faces : start from these instead of ``boundary_faces(mesh)``.
+
+    Raises InputError when nothing is found.
+    """
+    length = _tolerance(mesh, tolerance)
+    if name is not None:
+        faces = _named_faces(mesh, name, faces)
+    elif faces is None:
+        faces = boundary_faces(mesh)
+    keep = np.ones(len(faces), dtype=bool)
+    real = faces.nodes >= 0
+    nodes = np.maximum(faces.nodes, 0)
+    if bounds is not None:
+        keep &= (_inside(mesh.points, bounds, length)[nodes] | ~real).all(axis=1)
+    if plane is not None:
+        keep &= (_on_plane(mesh.points, plane, length)[nodes] | ~real).all(axis=1)
+    if normal is not None:
+        if not (np.isfinite(angle) and 0.0 <= angle <= np.pi):
+            raise InputError(f"select_faces: angle; got {angle}; expected 0 … pi rad")
+        keep &= faces.normals @ _direction(normal) >= np.cos(angle) - 1e-12
+    found = np.flatnonzero(keep)
+    return faces[_found(mesh, found.astype(np.int32), "faces", bounds, plane, name, normal)]
+
+
+def _tolerance(mesh: Mesh, tolerance: float | None) -> float:
+    if tolerance is None:
+        return 1e-6 * float((mesh.bounds[1] - mesh.bounds[0]).max())
+    if not (np.isfinite(tolerance) and tolerance >= 0.0):
+        raise InputError(f"selection: tolerance; got {tolerance}; expected a length >= 0")
+    return float(tolerance)
+
+
+def _named_nodes(mesh: Mesh, name: str) -> npt.NDArray[np.int32]:
+    if name in mesh.node_sets:
+        return mesh.node_sets[name]
+    if name in mesh.face_sets:
+        return set_faces(mesh, mesh.face_sets[name]).node_numbers()
+    if name in mesh.cell_sets:
+        inside = np.zeros(mesh.node_count, dtype=bool)
+        chosen = _chosen_cells(mesh, name)
+        for _, first, block in mesh.blocks():
+            inside[block[chosen[first : first + len(block)]].ravel()] = True
+        return np.flatnonzero(inside).astype(np.int32)
+    raise _unknown_set("select_nodes", mesh, name)
+
+
+def _named_faces(mesh: Mesh, name: str, faces: Faces | None) -> Faces:
+    if name in mesh.face_sets:
+        return set_faces(mesh, mesh.face_sets[name])
+    if name not in mesh.node_sets and name not in mesh.cell_sets:
+        raise _unknown_set("select_faces", mesh, name)
+    faces = boundary_faces(mesh) if faces is None else faces
+    if name in mesh.cell_sets:
+        return faces[np.flatnonzero(_chosen_cells(mesh, name)[faces.cell])]
+    inside = np.zeros(mesh.node_count, dtype=bool)
+    inside[mesh.node_sets[name]] = True
+    corners = faces.nodes[:, :4]
+    whole = (inside[np.maximum(corners, 0)] | (corners < 0)).all(axis=1)
+    return faces[np.flatnonzero(whole)]
+
+
+def _chosen_cells(mesh: Mesh, name: str) -> npt.NDArray[np.bool_]:
+    chosen = np.zeros(mesh.cell_count, dtype=bool)
+    chosen[mesh.cell_sets[name]] = True
+    return chosen
+
+
+def _unknown_set(where: str, mesh: Mesh, name: str) -> InputError:
+    known = {*mesh.node_sets, *mesh.face_sets, *mesh.cell_sets}
+    return InputError(f"{where}: unknown set; got {name!r}; expected {_one_of(name, known)}")
+
+
+def _one_of(name: str, known: Iterable[str]) -> str:
+    """The names there are, and the one that was probably meant."""
+    names = sorted(known)
+    if not names:
+        return "no name: the mesh has no sets"
+    near = get_close_matches(name, names, 1)
+    shown = ", ".join(names[:30]) + (", …" if len(names) > 30 else "")
+    return f"one of {shown}" + (f" (did you mean {near[0]!r}?)" if near else "")
+
+
+def _inside(points: Float, bounds: Bounds, tolerance: float) -> npt.NDArray[np.bool_]:
+    keep = np.ones(len(points), dtype=bool)
+    for key, value in bounds.items():
+        if key not in _BOUND_KEYS:
+            raise InputError(
+                f"selection: unknown bound; got {key!r}; expected one of {', '.join(_BOUND_KEYS)}"
+            )
+        if not np.isfinite(value):
+            raise InputError(f"selection: {key}; got {value}; expected a finite coordinate")
+        coordinate = points[:, "xyz".index(key[0])]
+        if key.endswith("min"):
+            keep &= coordinate >= value - tolerance
+        else:
+            keep &= coordinate <= value + tolerance
+    return keep
+
+
+def _on_plane(points: Float, plane: Plane, tolerance: float) -> npt.NDArray[np.bool_]:
+    origin = np.asarray(plane[0], dtype=np.float64)
+    if origin.shape != (3,) or not np.isfinite(origin).all():
+        raise InputError(f"selection: plane point; got {plane[0]}; expected 3 finite numbers")
+    distance = (points - origin) @ _direction(plane[1])
+    return np.asarray(np.abs(distance) <= tolerance)
+
+
+def _direction(value: str | npt.ArrayLike) -> Float:
+    if isinstance(value, str):
+        if value not in _AXES:
+            raise InputError(
+                f"selection: unknown direction; got {value!r}; "
+                f"expected one of {', '.join(_AXES)} or a vector"
+            )
+        return np.array(_AXES[value])
+    vector = np.asarray(value, dtype=np.float64)
+    length = float(np.linalg.norm(vector)) if vector.shape == (3,) else 0.0
+    if not (np.isfinite(length) and length > 0.0):
+        raise InputError(f"selection: direction; got {value}; expected a non-zero 3-vector")
+    return vector / length
+
+
+def _found(
+    mesh: Mesh, found: npt.NDArray[np.int32], what: str, *conditions: object
+) -> npt.NDArray[np.int32]:
+    if found.size:
+        return found
+    low, high = mesh.bounds
+    labels = ("bounds", "plane", "name", "normal")
+    asked = ", ".join(
+        f"{label} {value}"
+        for label, value in zip(labels, conditions, strict=True)
+        if value is not None
+    )
+    raise InputError(
+        f"selection: no {what} found; got {asked or 'no condition'}; expected something inside the "
+        f"mesh, x {low[0]:.6g} … {high[0]:.6g}, y {low[1]:.6g} … {high[1]:.6g}, "
+        f"z {low[2]:.6g} … {high[2]:.6g}"
+    )

@@ -1,0 +1,202 @@
+"""Flat parts of a mesh as fewer, larger quadrilaterals.
+
+A finite element mesh divides flat sides into many faces; for what they hide only their common
+outline counts. Neighbours in a row are joined in pairs, again and again, while the corners between
+them stay within a tolerance of the straight sides.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.optics.ambient.quad_strips import Rows, links
+from gpusim.optics.geometry.triangle_corners import CHUNK, products
+from gpusim.surface.topology import sorted_keys
+
+__all__ = ["merge_flat", "neighbours", "rows_of"]
+
+Array = npt.NDArray[np.float64]
+Numbers = npt.NDArray[np.int64]
+ROUNDS = 6
+"""At most 2^6 faces of a row become one."""
+
+
+def merge_flat(
+    points: Array, faces: Numbers, tolerance: float, beside: Numbers, rows: tuple[Rows, Rows]
+) -> Numbers:
+    """Join faces (F, 4) of ``points`` (N, 3); triangles, with a corner twice, stay: (M, 4).
+
+    Parameters
+    ----------
+    tolerance : how far from a vertex the joined side may pass.
+    beside : (F, 4) the faces across which others may be joined, as `neighbours` finds them.
+    rows : what `rows_of` finds.
+    """
+    count = len(faces)
+    at = np.ascontiguousarray(points.T)
+    corner = _columns(faces)
+    # across edges 1 and 3, then of what is left across 2 and 0
+    sides = {k: np.array(beside[:, k]) for k in (0, 2)}
+    owner = _joined(at, tolerance, corner, rows[0], 1, sides)
+    name = np.flatnonzero(owner[:count] == np.arange(count))
+    along = rows[1]
+    if len(name) < count:
+        # -1 is the last one
+        number = np.full(count + 2, -1)
+        number[name] = np.arange(len(name))
+        corner = [np.take(column, name) for column in corner]
+        across = {k: number[owner[side[name]]] for k, side in sides.items()}
+        along = along.among(number, links(corner, across[2], across[0], 2))
+    into = _joined(at, tolerance, corner, along, 2)[: len(name)]
+    left = np.flatnonzero(into == np.arange(len(name)))
+    return np.stack([np.take(column, left) for column in corner], axis=1)
+
+
+def rows_of(faces: Numbers, beside: Numbers) -> tuple[Rows, Rows]:
+    """The rows of faces (F, 4) across edges 1 and 3, and across 2 and 0: see `merge_flat`."""
+    corner, (first, second, third, fourth) = _columns(faces), _columns(beside)
+    return Rows.of(links(corner, second, fourth, 1)), Rows.of(links(corner, third, first, 2))
+
+
+def _columns(values: Numbers) -> list[Numbers]:
+    return [np.array(column) for column in values.T]
+
+
+def _joined(
+    points: Array,
+    tolerance: float,
+    corner: list[Numbers],
+    rows: Rows,
+    k: int,
+    sides: dict[int, Numbers] | None = None,
+) -> Numbers:
+    """Join faces of ``rows`` across their edges ``k``: which one (F + 2,) each has gone into, and
+    -2 and -1 where they are looked up. ``corner``: columns (F,), those of the joined ones are
+    changed; so is what is across their ``sides``, one face or none, level by level."""
+    into = np.append(np.arange(len(corner[0])), [-2, -1])
+    own = [np.take(corner[(j + k) % 4], rows.face) for j in range(4)]
+    good, asked = np.zeros(len(rows.face), bool), rows.linked
+    for level in range(ROUNDS):
+        after = rows.after
+        ask = np.flatnonzero(asked & rows.linked)
+        good[ask] = _suit(points, tolerance, own, ask, after[ask])
+        first = rows.every_second(good)
+        if not len(first):
+            break
+        second = after[first]
+        one, other = rows.face[first], rows.face[second]
+        into[other] = one
+        for side in (sides or {}).values():
+            a, b = side[one], side[other]
+            for _ in range(level + 1):
+                a, b = into[a], into[b]
+            # on a long side is one face, or none
+            side[one] = np.where((a >= 0) & (a == b), a, -1)
+        for column in own[:2]:
+            column[first] = column[second]
+        linked = rows.linked.copy()
+        linked[first] = linked[second]
+        # others are asked no more than once
+        asked = np.zeros(len(good), bool)
+        asked[first] = True
+        asked |= asked[after]
+        good &= ~asked
+        left = np.ones(len(good), bool)
+        left[second] = False
+        kept = np.flatnonzero(left)
+        rows = replace(rows, linked=linked).some(kept)
+        own = [_taken(column, kept) for column in own]
+        good, asked = _taken(good, kept), _taken(asked, kept)
+    for j in range(2):
+        corner[(j + k) % 4][rows.face] = own[j]
+    for _ in range(ROUNDS.bit_length()):
+        into = into[into]
+    return into
+
+
+def _suit(
+    points: Array,
+    tolerance: float,
+    corner: list[Numbers],
+    first: Numbers,
+    second: Numbers,
+) -> npt.NDArray[np.bool_]:
+    """Whether pairs of faces of a row may be joined; ``corner``: columns of vertices, those that
+    the next face shares first."""
+    result = np.zeros(len(first), bool)
+    for begin in range(0, len(first), CHUNK):
+        row = np.arange(begin, min(begin + CHUNK, len(first)))
+        a, b = first[row], second[row]
+        for front, back in ((0, 3), (1, 2)):
+            middle, start = _taken(corner[front], a), _taken(corner[back], a)
+            on = _on_segment(points, middle, start, _taken(corner[front], b), tolerance)
+            row, a, b = _some(on, row, a, b)
+        one, other = (_taken(corner[j], a) for j in (3, 2))
+        quad = one, _taken(corner[0], b), _taken(corner[1], b), other
+        (row,) = _some(_flat(points, quad, tolerance), row)
+        result[row] = True
+    return result
+
+
+def _taken(values: npt.NDArray[Any], rows: Numbers) -> npt.NDArray[Any]:
+    """Those of a column; NumPy looks at numbers that may be out of range one by one."""
+    return np.take(values, rows, axis=-1, mode="clip")
+
+
+def _some(good: npt.NDArray[np.bool_], *columns: Numbers) -> list[Numbers]:
+    """The good ones of columns."""
+    if good.all():
+        return list(columns)
+    kept = np.flatnonzero(good)
+    return [_taken(column, kept) for column in columns]
+
+
+def _on_segment(
+    points: Array, middle: Numbers, start: Numbers, end: Numbers, tolerance: float
+) -> npt.NDArray[np.bool_]:
+    """Whether vertices lie on the way from ``start`` to ``end``, within the tolerance, and it
+    doesn't turn a corner there: the side of a thin plate is shorter than any tolerance."""
+    origin = _taken(points, start)
+    way, to = _taken(points, end) - origin, _taken(points, middle) - origin
+    length = products(way, way)
+    share = products(to, way) / np.where(length > 0.0, length, 1.0)
+    rest = to - share * way
+    gap = np.sqrt(products(rest, rest))
+    near = np.minimum(tolerance, share * (1.0 - share) * np.sqrt(length))
+    return np.asarray((share > 0.0) & (share < 1.0) & (gap <= near))
+
+
+def _flat(
+    points: Array, quad: tuple[Numbers, Numbers, Numbers, Numbers], tolerance: float
+) -> npt.NDArray[np.bool_]:
+    """Whether the diagonals of quadrilaterals meet, within the tolerance."""
+    P = [_taken(points, v) for v in quad]
+    (ux, uy, uz), (vx, vy, vz) = P[2] - P[0], P[3] - P[1]
+    normal = np.stack([uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx])
+    size = np.sqrt(products(normal, normal))
+    gap = np.abs(products(normal, P[1] - P[0])) / np.where(size > 0.0, size, 1.0)
+    return np.asarray((gap <= tolerance) & (size > 0.0))
+
+
+def neighbours(faces: Numbers) -> tuple[Numbers, bool]:
+    """Across each edge of (F, 4) faces: -1 none or several, -2 no edge. Whether all have one."""
+    count = len(faces)
+    a, b = faces.reshape(-1), np.roll(faces, -1, axis=1).reshape(-1)
+    owner = np.repeat(np.arange(count), 4)
+    result = np.full(4 * count, -1, np.int64)
+    result[a == b] = -2
+    real = np.flatnonzero(a != b)
+    low, high = np.minimum(a, b)[real], np.maximum(a, b)[real]
+    key = low * (int(faces.max(initial=0)) + 1) + high
+    order, key = sorted_keys(key)
+    slot = real[order]
+    first = np.flatnonzero(np.r_[True, key[1:] != key[:-1]]) if len(key) else np.zeros(0, int)
+    uses = np.diff(np.r_[first, len(key)])
+    pair = first[uses == 2]
+    result[slot[pair]] = owner[slot[pair + 1]]
+    result[slot[pair + 1]] = owner[slot[pair]]
+    return result.reshape(-1, 4), bool((uses == 2).all())

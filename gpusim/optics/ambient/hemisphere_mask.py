@@ -1,0 +1,303 @@
+"""Which directions over a point the faces around it hide: bits along great circles.
+
+A matte face receives from a direction by the cosine of its angle to the normal, so that equal
+areas of the hemisphere's shadow on the face's plane count alike. 64 great circles run from near
+the normal to the horizon, turned by equal angles; along each of them lie 32 samples, at equal
+steps of the squared sine. The circles pass the normal at `TILT`, and their samples are shifted from
+row to row, so that neither upright nor level edges take many samples at a time.
+
+How many faces lie before a sample is how many do at the start of its row, plus or minus one for
+each contour edge (`gpusim.optics.ambient.edge_adjacency`) that the row crosses before it. An edge
+is crossed where its ends lie on different sides of the row's circle, whatever edges they belong to:
+what encloses an area is crossed as often inward as outward, and rounding can't open it.
+
+Of closed bodies only faces whose outside looks at the point hide anything, so that no surface
+hides itself; a face in the point's plane that looks against it lies on it and hides all. Twin of
+``shaders/optics/ambient/hemisphere_mask.wgsl``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.gpu import Device, compare, twin_check
+from gpusim.optics.ambient.edge_adjacency import Facets
+from gpusim.optics.ambient.sample_points import AGAINST, TILT, Receivers, tangent
+from gpusim.optics.ambient.silhouette_buffers import ContourTables
+from gpusim.optics.ambient.silhouette_bvh import Contours
+
+__all__ = [
+    "COLUMNS",
+    "GROUP",
+    "ROWS",
+    "Around",
+    "Seen",
+    "directions",
+    "seen",
+    "seen_twin",
+]
+
+Array = npt.NDArray[np.float64]
+Numbers = npt.NDArray[np.int64]
+ROWS, COLUMNS = 64, 32
+TURN = 0.1
+"""Directions of a row are n - TILT e + t (d + TURN e), t from 0 up; d, e level, e left of d."""
+
+FAR = 1e9
+"""A parameter beyond the horizon."""
+
+TOUCHES = 1 << 16
+"""What a face that the point lies on counts, among the ways out of a body."""
+
+GROUP = 16
+"""Points that share lists of edges and faces."""
+
+PAIRS = 1 << 14
+"""Pairs of points and edges at a time in NumPy."""
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """``hidden`` (N, 64) words: bit c of row r is set where something hides that sample.
+
+    ``inside`` (N,): points that lie in a closed body, or on a face that goes another way.
+    """
+
+    hidden: npt.NDArray[np.uint32]
+    inside: npt.NDArray[np.bool_]
+
+    @property
+    def open_share(self) -> Array:
+        """(N,) of the light of even surroundings."""
+        hidden = np.bitwise_count(self.hidden).sum(axis=1)
+        result: Array = 1.0 - hidden / (ROWS * COLUMNS)
+        return result
+
+
+def _rows() -> tuple[Array, Array, Array]:
+    """Cosine and sine of each row's azimuth, and where its samples begin, (64,) each."""
+    number = np.arange(ROWS)
+    azimuth = 2.0 * np.pi * number / ROWS
+    bits = (number[:, None] >> np.arange(6)) & 1
+    start = (bits * 0.5 ** np.arange(1, 7)).sum(axis=1) + 0.5 / ROWS
+    return np.cos(azimuth), np.sin(azimuth), start
+
+
+def directions() -> Array:
+    """(64, 32, 3) unit vectors (along the tangent, across, along the normal) of the samples."""
+    cosine, sine, start = _rows()
+    square = (np.arange(COLUMNS) + start[:, None]) / COLUMNS
+    # 1 - 1 / |n - TILT e + t (d + TURN e)|^2 is the squared sine
+    a, b, c = 1.0 + TURN**2, -TILT * TURN, 1.0 + TILT**2 - 1.0 / (1.0 - square)
+    t = (-b + np.sqrt(np.maximum(b * b - a * c, 0.0))) / a
+    t = np.where(c < 0.0, t, 0.0)
+    along, across = t, TURN * t - TILT
+    x = along * cosine[:, None] - across * sine[:, None]
+    y = along * sine[:, None] + across * cosine[:, None]
+    result = np.stack([x, y, np.ones_like(x)], axis=2)
+    return np.asarray(result / np.linalg.norm(result, axis=2)[:, :, None])
+
+
+@dataclass(frozen=True, eq=False)
+class Around:
+    """Which edges and faces of ``facets`` each `GROUP` of points in order may need.
+
+    ``edge``: those that may be contours; ``face``: those that a point may lie on, and those on the
+    way along the normal or at the start of a row. ``edge_start``, ``face_start`` (G + 1,): where a
+    group's lists begin.
+    """
+
+    facets: Facets
+    edge_start: Numbers
+    edge: Numbers
+    face_start: Numbers
+    face: Numbers
+
+    @staticmethod
+    def everywhere(facets: Facets, points: int) -> Around:
+        """All for all of so many points."""
+        edges, faces = len(facets.ends), len(facets.planes)
+        group = np.arange(-(-points // GROUP) + 1)
+        return Around(
+            facets, edges * group, np.tile(np.arange(edges), len(group) - 1),
+            faces * group, np.tile(np.arange(faces), len(group) - 1),
+        )  # fmt: skip
+
+
+def seen(tables: ContourTables, points: Receivers) -> Seen:
+    """What ``points`` see past the faces in ``tables``."""
+    device = tables.device
+    kernel = device.kernel("optics/ambient/hemisphere_mask")
+    rows = np.zeros((ROWS, 4))
+    rows[:, :3] = np.stack(_rows(), axis=1)
+    hidden, inside = [np.zeros((0, ROWS), np.uint32)], [np.zeros(0, bool)]
+    for near in tables.batches(points):
+        count = near.count
+        masks = device.buffer(np.zeros((count, ROWS), np.uint32), "hemisphere.masks")
+        leaves = device.buffer(np.zeros(count, np.int32), "hemisphere.leaves")
+        with device.recording("optics.hemisphere") as recording:
+            params = {
+                "count": count, "most_edges": near.most[0], "most_faces": near.most[1],
+                "tilt": TILT, "turn": TURN, "rows": rows,
+            }  # fmt: skip
+            bindings = kernel.bind(
+                params=params, points=near.points, edges=tables.edges, planes=tables.planes,
+                borders=tables.borders, counts=near.counts, needed=near.edges, faces=near.faces,
+                masks=masks, leaves=leaves,
+            )  # fmt: skip
+            recording.dispatch(kernel, bindings, threads=(count * ROWS,))
+        hidden.append(masks.read(np.uint32, (count, ROWS)))
+        inside.append(leaves.read(np.int32, (count,)) > 0)
+        for used in (masks, leaves):
+            used.release()
+        near.release()
+    return Seen(np.concatenate(hidden), np.concatenate(inside))
+
+
+def seen_twin(points: Receivers, around: Around) -> Seen:
+    """`seen` in float64."""
+    count = len(points.at)
+    hidden, leaves = np.zeros((count, ROWS), np.uint32), np.zeros(count, np.int64)
+    facets = around.facets
+    for group in range(len(around.edge_start) - 1):
+        part = slice(group * GROUP, (group + 1) * GROUP)
+        own = points.part(part)
+        face = around.face[around.face_start[group] : around.face_start[group + 1]]
+        edge = around.edge[around.edge_start[group] : around.edge_start[group + 1]]
+        start, leaves[part] = _along_normal(own, facets, face)
+        change = np.zeros((len(own.at), ROWS, COLUMNS + 1), np.int64)
+        change[:, :, 0] = start
+        step = max(PAIRS // GROUP, 1)
+        for first in range(0, len(edge), step):
+            _cross(change, own, facets, edge[first : first + step])
+        before = np.cumsum(change, axis=2)[:, :, :COLUMNS] > 0
+        hidden[part] = (before << np.arange(COLUMNS, dtype=np.uint32)).sum(axis=2, dtype=np.uint32)
+    return Seen(hidden, leaves > 0)
+
+
+def _heights(points: Receivers, planes: Array) -> tuple[Array, Array]:
+    """(N, F): how far points lie behind planes (F, 4), and the cosines of the normals."""
+    normal = planes[:, :3].T
+    return planes[:, 3] - points.at @ normal, points.normal @ normal
+
+
+def _hiding(points: Receivers, facets: Facets, face: Numbers) -> Array:
+    """(N, F): -1 where faces (F,) hide by their outside, 1 by their inside, 0 where they don't."""
+    height, facing = _heights(points, facets.planes[face])
+    near, closed = points.tolerance[:, None], ~facets.both_sides[face]
+    against = closed & (np.abs(height) <= near) & (facing < AGAINST)
+    behind = ~closed & (height > near)
+    result = np.where(against | (height < -near), -1, behind.astype(np.int64))
+    return np.where(face >= 0, result, 0)
+
+
+def _axes(normal: Array) -> Array:
+    """(N, 3, 3): tangent, the direction across it, and unit normal."""
+    u = tangent(normal)
+    return np.stack([u, np.cross(normal, u), normal], axis=1)
+
+
+def _local(points: Receivers, ends: Array) -> Array:
+    """(N, E, 2, 3): ends (E, 2, 3) along each point's tangent, across, and along its normal."""
+    D = ends[None] - points.at[:, None, None]
+    return np.asarray(np.einsum("neka,nba->nekb", D, _axes(points.normal)))
+
+
+def _crossed(ends: Array) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_], Array, Array]:
+    """Whether half circles through the rows cross edges (P, 2, 3), and whether they leave the side
+    that the edges have on their left; (P, 64). With the edges' planes at the rows' starts and
+    along them."""
+    cosine, sine, _ = _rows()
+    x, y, z = ends[..., None, 0], ends[..., None, 1], ends[..., None, 2]
+    side = cosine * (y - TURN * x) - sine * (x + TURN * y) + TILT * z
+    rises = (side[:, 0] < 0.0) & (side[:, 1] >= 0.0)
+    falls = (side[:, 0] >= 0.0) & (side[:, 1] < 0.0)
+    x, y, up = np.cross(ends[:, 0], ends[:, 1]).T[:, :, None]
+    across = y * cosine - x * sine
+    value = up - TILT * across
+    slope = x * cosine + y * sine + TURN * across
+    leaves = value >= 0.0
+    return np.where(leaves, rises, falls), leaves, value, slope
+
+
+def _cross(change: Numbers, points: Receivers, facets: Facets, edge: Numbers) -> None:
+    """Add to ``change`` (N, 64, 33) what crossing ``edge`` changes, sample by sample."""
+    beside = facets.beside[edge]
+    weight = _hiding(points, facets, beside[:, 0]) - _hiding(points, facets, beside[:, 1])
+    point, which = np.nonzero(weight)
+    ends = _local(points, facets.ends[edge])[point, which]
+    crossed, leaves, value, slope = _crossed(ends)
+    # what is beyond the horizon doesn't count
+    pair, row = np.nonzero(crossed & np.where(leaves, slope < 0.0, slope > 0.0))
+    t = -value[pair, row] / slope[pair, row]
+    sample = _sample(t, _rows()[2][row])
+    sign = np.where(leaves[pair, row], -1, 1) * weight[point, which][pair]
+    np.add.at(change, (point[pair], row, sample), sign)
+
+
+def _along_normal(points: Receivers, facets: Facets, face: Numbers) -> tuple[Numbers, Numbers]:
+    """How many faces lie before the rows' starts (N, 64), and how often the way up leaves a body
+    (N,)."""
+    height, facing = _heights(points, facets.planes[face])
+    near, closed = points.tolerance[:, None], ~facets.both_sides[face]
+    number = facets.edges[face]
+    sign = np.where(number < 0, 0, 1 - 2 * (number % 2))
+    ends = facets.ends[np.maximum(number, 0) // 2]
+    length = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2)
+    local = _local(points, ends.reshape(-1, 2, 3)).reshape(len(points.at), len(face), 4, 2, 3)
+    planes = sign[:, :, None] * np.cross(local[..., 0, :], local[..., 1, :])
+    up, level = planes[..., 2], np.abs(height) <= near
+    pierced = (up >= 0.0).all(axis=2) | (up <= 0.0).all(axis=2)
+    rise = height / np.where(facing != 0.0, facing, 1.0)
+    # a wall close above may be the point's own, but one that it would enter by isn't
+    pierced &= closed & ~level & (rise > np.where(height > 0.0, points.thickness[:, None], 0.0))
+    leaves = np.where(pierced, np.where(height > 0.0, 1, -1), 0).sum(axis=1)
+    normal = np.einsum("fa,nba->nfb", facets.planes[face, :3], _axes(points.normal))
+    on = np.einsum("nfka,nfa->nfk", planes, normal) >= -2.0 * near[:, :, None] * length
+    leaves += TOUCHES * (level & (facing < 0.5) & on.all(axis=2)).sum(axis=1)
+    start = np.zeros((len(points.at), ROWS), np.int64)
+    hiding = _hiding(points, facets, face)
+    point, which = np.nonzero(hiding)
+    crossed, left, _, _ = _crossed(local[point, which].reshape(-1, 2, 3))
+    turn = (hiding[point, which, None] * sign[which]).reshape(-1, 1) * np.where(left, -1, 1)
+    gone = np.where(crossed, turn, 0).reshape(-1, 4, ROWS).sum(axis=1)
+    np.add.at(start, point, (gone < 0).astype(np.int64))
+    return start, leaves
+
+
+def _sample(t: Array, start: Array) -> Numbers:
+    """The first sample, of rows that begin at ``start``, at or beyond directions of parameter t."""
+    t = np.minimum(t, FAR)
+    square = 1.0 + TILT**2 + t * (t * (1.0 + TURN**2) - 2.0 * TURN * TILT)
+    place = np.where(t <= 0.0, 0.0, COLUMNS * (1.0 - 1.0 / square) - start)
+    return np.asarray(np.ceil(np.clip(place, 0.0, COLUMNS)).astype(np.int64))
+
+
+@twin_check("optics/ambient/hemisphere_mask")
+def _check(device: Device) -> None:
+    from gpusim.optics.probes.shadows import block
+
+    box = block((0.1, 0.3, 0.25), (0.35, 0.2, 0.25), 0.5)
+    plate = np.array([[-0.9, -0.4, 0.5], [-0.2, -0.5, 0.6], [-0.3, 0.2, 0.5], [-0.9, 0.1, 0.45]])
+    corners = np.concatenate([box.points[box.faces], plate[None]])
+    both = np.arange(len(corners)) == len(corners) - 1
+    random = np.random.default_rng(3)
+    at = np.c_[random.uniform(-1.0, 1.0, (301, 2)), np.zeros(301)]
+    normal = np.c_[random.uniform(-0.4, 0.4, (301, 2)), np.ones(301)]
+    normal[:150] = [0.0, 0.0, 1.0]
+    normal /= np.linalg.norm(normal, axis=1)[:, None]
+    points = Receivers(at, normal, np.full(301, 2e-6), np.full(301, 1e-3))
+    facets = Facets.apart(corners, both)
+    want = seen_twin(points, Around.everywhere(facets, len(at)))
+    tables = ContourTables(device, Contours.of(facets))
+    got = seen(tables, points)
+    tables.release()
+    # a few of 2048 samples may fall to the other side of an edge
+    compare(
+        "optics/ambient/hemisphere_mask", got.open_share, want.open_share, "single",
+        atol=3.5 / (ROWS * COLUMNS),
+    )  # fmt: skip
+    compare("optics/ambient/hemisphere_mask", got.inside, want.inside, "exact")

@@ -1,0 +1,181 @@
+"""Which edges may be contours to points, and which faces they may lie on or have on their way up.
+
+Twin of ``shaders/optics/ambient/silhouette_search.wgsl``, where each point finds its own; here
+points that lie together share lists, which takes less time in NumPy.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.gpu import Device, compare, twin_check
+from gpusim.optics.ambient.bounding_hierarchy import (
+    CLOSED,
+    NONE,
+    OPEN,
+    Balls,
+    Slopes,
+    facing,
+    in_order,
+    walk,
+)
+from gpusim.optics.ambient.edge_adjacency import Facets
+from gpusim.optics.ambient.hemisphere_mask import GROUP, Around
+from gpusim.optics.ambient.sample_points import AGAINST, TILT, Receivers
+from gpusim.optics.ambient.silhouette_buffers import ContourTables
+from gpusim.optics.ambient.silhouette_bvh import LOW, Contours
+
+__all__ = ["around", "in_groups"]
+
+Array = npt.NDArray[np.float64]
+Numbers = npt.NDArray[np.int64]
+Bools = npt.NDArray[np.bool_]
+
+UNKNOWN = 2
+
+
+def around(contours: Contours, points: Receivers, size: int = GROUP) -> Around:
+    """Those that matter to every ``size`` of ``points`` in order."""
+    groups = _Groups.of(points, size)
+    count = len(groups.middle)
+
+    def contour(level: int, group: Numbers, cluster: Numbers) -> Bools:
+        return _contour(groups, contours, level, group, cluster)
+
+    def upward(level: int, group: Numbers, cluster: Numbers) -> Bools:
+        return _upward(groups, contours.spheres[level], group, cluster)
+
+    start, edge = walk([len(v.radius) for v in contours.balls], count, contour)
+    first, face = walk([len(v.radius) for v in contours.spheres], count, upward)
+    return Around(contours.facets, start, edge, first, face)
+
+
+def _contour(
+    groups: _Groups, contours: Contours, level: int, group: Numbers, cluster: Numbers
+) -> Bools:
+    """Whether clusters (P,) may hold edges that are contours to groups (P,)."""
+    balls = contours.balls[level]
+    r, thick = groups.radius[group], groups.thick[group]
+    to = balls.middle[cluster] - groups.middle[group]
+    away = np.sqrt(np.einsum("pa,pa->p", to, to))
+    reach = balls.radius[cluster]
+    height = np.einsum("pa,pa->p", to, groups.up[group])
+    rise = height + reach + thick + groups.lean[group] * (away + reach + r)
+    kept = rise > LOW * np.maximum(away - reach - r, 0.0)
+    left = np.flatnonzero(kept)
+    group, cluster, span = group[left], cluster[left], (away + reach + r)[left]
+    one, two = (
+        _hiding(groups, slopes, contours.rounding, group, cluster, span)
+        for slopes in contours.slopes[level]
+    )
+    kept[left] = (one == UNKNOWN) | (one != two)
+    return np.asarray(kept)
+
+
+def _hiding(
+    groups: _Groups, slopes: Slopes, rounding: float, group: Numbers, cluster: Numbers, span: Array
+) -> Numbers:
+    """How all faces of clusters (P,) hide from all of a group, as `hemisphere_mask` has it, or
+    ``UNKNOWN``; ``span`` (P,): how far apart they are at most."""
+    axis, spread = slopes.axis[cluster], slopes.spread[cluster]
+    product = np.einsum("pa,pa->p", axis, groups.middle[group])
+    facing = np.einsum("pa,pa->p", axis, groups.up[group])
+    across = np.sqrt(np.maximum(1.0 - facing * facing, 0.0))
+    extent = groups.thick[group] + across * groups.radius[group]
+    extent = np.minimum(extent, groups.radius[group]) + spread * span + rounding
+    low, high = slopes.low[cluster] - product - extent, slopes.high[cluster] - product + extent
+    near, far = groups.tolerance[group].T
+    before, behind = high < -far, low > far
+    against = facing - spread - groups.lean[group] < AGAINST
+    kind = slopes.kind[cluster]
+    result = np.full(len(group), UNKNOWN)
+    closed = kind == CLOSED
+    result[closed & (behind | (~against & (low > -near)))] = 0
+    opened = kind == OPEN
+    result[opened & behind] = 1
+    result[opened & (low > -near) & (high < near)] = 0
+    result[(closed | opened) & before] = -1
+    result[kind == NONE] = 0
+    return result
+
+
+@dataclass(frozen=True, eq=False)
+class _Groups:
+    """What encloses groups of points: ``middle`` (G, 3) and ``radius`` (G,), at most ``thick`` from
+    the plane square to ``up``, from which their normals pass by ``lean``; their least and greatest
+    ``tolerance`` (G, 2)."""
+
+    middle: Array
+    radius: Array
+    up: Array
+    thick: Array
+    lean: Array
+    tolerance: Array
+
+    @staticmethod
+    def of(points: Receivers, size: int) -> _Groups:
+        """Of every ``size`` points."""
+        if not len(points.at):
+            none = np.zeros(0)
+            return _Groups(points.at, none, points.normal, none, none, np.zeros((0, 2)))
+        first = np.arange(0, len(points.at), size)
+        count = np.minimum(first + size, len(points.at)) - first
+        middle = np.add.reduceat(points.at, first) / count[:, None]
+        up = np.add.reduceat(points.normal, first)
+        up /= np.maximum(np.linalg.norm(up, axis=1), 1e-300)[:, None]
+        to = points.at - np.repeat(middle, count, axis=0)
+        own = np.repeat(up, count, axis=0)
+        return _Groups(
+            middle, np.maximum.reduceat(np.linalg.norm(to, axis=1), first), up,
+            np.maximum.reduceat(np.abs(np.einsum("na,na->n", to, own)), first),
+            np.maximum.reduceat(np.linalg.norm(points.normal - own, axis=1), first),
+            np.stack([np.minimum.reduceat(points.tolerance, first),
+                      np.maximum.reduceat(points.tolerance, first)], axis=1),
+        )  # fmt: skip
+
+
+def _upward(groups: _Groups, spheres: Balls, group: Numbers, cluster: Numbers) -> Bools:
+    """Whether clusters (P,) may hold faces that points of groups (P,) lie on, or that are on the
+    way up from them, as far aside as rows begin."""
+    to = spheres.middle[cluster] - groups.middle[group]
+    away = np.sqrt(np.einsum("pa,pa->p", to, to))
+    height = np.einsum("pa,pa->p", to, groups.up[group])
+    reach = spheres.radius[cluster] + groups.radius[group] + groups.tolerance[group, 1]
+    beside = reach + groups.lean[group] * (away + reach)
+    wide = beside + 1.01 * TILT * np.maximum(height + beside, 0.0)
+    return np.asarray((height + beside > 0.0) & (away * away - height * height <= wide * wide))
+
+
+def in_groups(points: Receivers) -> Numbers:
+    """The order (N,) in which points that look the same way and lie together follow each other."""
+    return in_order(points.at, facing(points.normal))
+
+
+@twin_check("optics/ambient/silhouette_search")
+def _check(device: Device) -> None:
+    from gpusim.optics.probes.shadows import block
+
+    boxes = [block((0.3 * k, 0.2, 0.1 * k), (0.1, 0.2, 0.05), 0.5) for k in range(12)]
+    corners = np.concatenate([box.points[box.faces] for box in boxes])
+    random = np.random.default_rng(6)
+    points = Receivers(
+        np.c_[random.uniform(-1.0, 4.0, (203, 2)), random.uniform(-0.3, 1.0, 203)],
+        np.tile([0.0, 0.6, 0.8], (203, 1)), np.full(203, 2e-6), np.full(203, 1e-3),
+    )  # fmt: skip
+    contours = Contours.of(Facets.apart(corners, np.arange(len(corners)) % 3 == 0))
+    want = around(contours, points, 1)
+    tables = ContourTables(device, contours)
+    for near in tables.batches(points):
+        counts = near.counts.read(np.uint32, (near.count, 2))
+        for k, (buffer, start, listed) in enumerate(
+            ((near.edges, want.edge_start, want.edge), (near.faces, want.face_start, want.face))
+        ):
+            compare("optics/ambient/silhouette_search", counts[:, k], np.diff(start), "exact")
+            lists = buffer.read(np.uint32, (near.count, near.most[k]))
+            kept = np.arange(near.most[k]) < counts[:, k, None]
+            compare("optics/ambient/silhouette_search", lists[kept], listed, "exact")
+        near.release()
+    tables.release()

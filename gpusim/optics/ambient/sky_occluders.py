@@ -1,0 +1,105 @@
+"""The faces that may hide surroundings; flat parts are joined
+(`gpusim.optics.ambient.coplanar_merging`)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+from weakref import WeakKeyDictionary
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.optics.ambient.coplanar_merging import merge_flat, neighbours, rows_of
+from gpusim.optics.ambient.edge_adjacency import Facets
+from gpusim.optics.ambient.quad_strips import Rows
+from gpusim.optics.ambient.silhouette_bvh import Contours
+from gpusim.optics.geometry.view import View
+from gpusim.surface.surface import Surface
+from gpusim.surface.topology import Topology
+
+__all__ = ["JoinedFaces", "joined_faces"]
+
+Array = npt.NDArray[np.float64]
+Numbers = npt.NDArray[np.int64]
+
+FLATNESS = 0.05
+"""px at the nearest surface, that joined faces may pass from the surface."""
+
+BENT = 1e-7
+"""Of a face's size: a corner's distance from the plane of the others that makes it bent."""
+
+
+class _Known(NamedTuple):
+    """Of faces (F, 4): what is across their edges and whether something is across all, see
+    `neighbours`; and their rows."""
+
+    beside: Numbers
+    closed: bool
+    rows: tuple[Rows, Rows]
+
+
+_KNOWN: WeakKeyDictionary[Topology, dict[int, _Known]] = WeakKeyDictionary()
+
+
+@dataclass(frozen=True, eq=False)
+class JoinedFaces:
+    """``contours``, relative to the eye; ``sag``: how far faces may pass from the surface."""
+
+    contours: Contours
+    sag: float
+
+    @staticmethod
+    def of(view: View, surfaces: Sequence[Surface]) -> JoinedFaces:
+        """Those of ``surfaces``, to what ``view`` can tell."""
+        depth = 1.0 / max(float(view.inverse_depth().max(initial=0.0)), 1e-300)
+        sag = FLATNESS * depth / float(np.abs(np.diag(view.camera.K)[:2]).max())
+        points, faces, both_sides = joined_faces(surfaces, sag)
+        facets = Facets.of(points - view.camera.eye, faces, both_sides)
+        return JoinedFaces(Contours.of(facets), sag)
+
+
+def joined_faces(
+    surfaces: Sequence[Surface], sag: float
+) -> tuple[Array, Numbers, npt.NDArray[np.bool_]]:
+    """Vertices (P, 3) and faces (F, 4) of all ``surfaces``, a triangle's last corner twice, and
+    whether both of their sides hide (F,), as those of open surfaces do. Flat parts are joined that
+    stay within ``sag`` of the surface."""
+    points, faces = [np.zeros((0, 3))], [np.zeros((0, 4), np.int64)]
+    both_sides = [np.zeros(0, bool)]
+    first = 0
+    several = sum(len(surface.faces) for surface in surfaces) > 1
+    for surface in surfaces:
+        used = surface.faces.astype(np.int64)
+        if not surface.topology.closed and _bent(surface.points, used):
+            # both their sides hide: from its mean plane a bent face would hide part of itself
+            triangles = surface.topology.triangles
+            used = np.column_stack([triangles, np.full(len(triangles), -1)])
+        own = np.where(used >= 0, used, np.roll(used, 1, axis=1))
+        known = _known(surface.topology, own)
+        if several:
+            own = merge_flat(surface.points, own, sag, known.beside, known.rows)
+        points.append(surface.points)
+        faces.append(own + first)
+        both_sides.append(np.full(len(own), not known.closed))
+        first += len(surface.points)
+    return np.concatenate(points), np.concatenate(faces), np.concatenate(both_sides)
+
+
+def _bent(points: Array, faces: Numbers) -> bool:
+    """Whether corners of some face (F, 4), -1 in the last column for triangles, leave a plane."""
+    a, b, c, d = (points[corner] for corner in faces[faces[:, 3] >= 0].T)
+    normal = np.cross(c - a, d - b)
+    size = np.linalg.norm(normal, axis=1)
+    gap = np.abs(np.einsum("fa,fa->f", normal, b - a))
+    return bool((gap > BENT * size * np.sqrt(size)).any())
+
+
+def _known(topology: Topology, faces: Numbers) -> _Known:
+    """What is known of a topology's faces, or of its triangles, for all frames."""
+    found = _KNOWN.setdefault(topology, {})
+    if len(faces) not in found:
+        beside, closed = neighbours(faces)
+        found[len(faces)] = _Known(beside, closed, rows_of(faces, beside))
+    return found[len(faces)]

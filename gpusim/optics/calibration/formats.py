@@ -1,0 +1,242 @@
+"""Cameras from and to the calibration files of other programs.
+
+| format | file | lengths | distortion | rotation |
+|---|---|---|---|---|
+| opencv | FileStorage .yml .xml .json, ROS | as it says, else mm | all of OpenCV's | matrices |
+| kalibr | camchain .yaml, pinhole + radtan | m | k1 k2 p1 p2 | 4 x 4 from one camera to the next |
+| matchid | .caldat | mm | k1 k2 k3 p1 p2 | Theta, Phi, Psi in degrees |
+| vic | .xml with <camera> (project.xml of a .z3d) | mm | k1 k2 k3 | alpha, beta, gamma in degrees |
+| dice | camera system .xml | mm | all of OpenCV's | matrix, or ALPHA, BETA, GAMMA |
+
+Here lengths are metres. A file may say ``length_unit: mm``: OpenCV's as a key, the others, whose
+programs would stumble over a key, in a comment; that goes before the format's habit.
+
+Pixel centres are whole numbers and the first pixel's is (0, 0) in all of them. Skew is K[0, 1] in
+px (MatchID's and DICe's Fs, VIC's fifth number): x = fx X + Fs Y + cx; OpenCV's own functions
+ignore it, Kalibr has none. Three angles make R = Rz(third) Ry(second) Rx(first), and X_camera =
+R X + T. The frame of Kalibr and MatchID is that of the first camera, that of VIC and DICe a world.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from os import PathLike
+from pathlib import Path
+
+from gpusim.errors import InputError
+from gpusim.files.input_file import InputFile, read_input
+from gpusim.optics.calibration.document import read_document
+from gpusim.optics.calibration.kalibr_matchid import (
+    read_kalibr,
+    read_matchid,
+    write_kalibr,
+    write_matchid,
+)
+from gpusim.optics.calibration.opencv import cameras_of, needs_extrinsics, read_opencv, write_opencv
+from gpusim.optics.calibration.vic_dice import read_dice, read_vic, write_dice, write_vic
+from gpusim.optics.camera.pinhole import Camera
+
+__all__ = ["UNITS", "calibration_format", "read_calibration", "read_rig", "write_calibration"]
+
+Size = tuple[int, int] | None
+Source = str | PathLike[str] | InputFile
+
+UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254}
+"""Metres in each unit of length that a file may have."""
+_HABIT = {"opencv": "mm", "kalibr": "m", "matchid": "mm", "vic": "mm", "dice": "mm"}
+"""A format's unit where a file doesn't say it; OpenCV's is that of the board, mostly mm."""
+_STATED = re.compile(r"""\blength_unit\b["'>:\s]*([A-Za-z]+)""")
+
+LONGEST, LONGEST_MESSAGE = 4_000_000, 800  # bytes, characters
+
+_READ: dict[str, Callable[[str, str, Size], list[Camera]]] = {
+    "opencv": read_opencv,
+    "kalibr": read_kalibr,
+    "matchid": read_matchid,
+    "vic": read_vic,
+    "dice": read_dice,
+}
+_WRITE: dict[str, Callable[[Sequence[Camera], str], str]] = {
+    "kalibr": write_kalibr,
+    "matchid": write_matchid,
+    "vic": write_vic,
+    "dice": write_dice,
+}
+
+
+def calibration_format(source: Source) -> str:
+    """Which program's calibration a file holds, by its name and its first words.
+
+    Raises
+    ------
+    InputError
+        The file can't be read, or is none of them.
+    """
+    file = _read(source)
+    text = _text(file)
+    begin = text.lstrip()[:1]
+    if file.suffix == ".caldat":
+        return "matchid"
+    if "<ParameterList" in text:
+        return "dice"
+    if begin == "<" and "opencv_storage" not in text[:500] and "<camera" in text.lower():
+        return "vic"
+    if begin in "<{%" and begin:
+        return "opencv"
+    if re.search(r"\bcamera_model\b", text):
+        return "kalibr"
+    if re.search(r"^\s*[\w\"'-]+\s*:", text, re.MULTILINE):
+        return "opencv"
+    raise InputError(
+        f"calibration file {file.path}; got neither its suffix nor its contents known; expected "
+        f"one of {sorted(_READ)}"
+    )
+
+
+def read_calibration(
+    source: Source, size: tuple[int, int] | None = None, unit: str | None = None
+) -> list[Camera]:
+    """The cameras in a calibration file, in its order, lengths in metres.
+
+    Parameters
+    ----------
+    source : the file. Of OpenCV's pair ``intrinsics.yml`` and ``extrinsics.yml`` either one, with
+        the other beside it.
+    size : (columns, rows) px, for files that don't say it (MatchID, VIC, some of OpenCV's).
+    unit : "m", "cm", "mm", "um" or "in": the file's lengths, where it doesn't say so. Otherwise
+        Kalibr's are metres and all others' millimetres.
+
+    Raises
+    ------
+    InputError
+        Not such a file, or content that has no like here: a fisheye model, another distortion
+        than OpenCV's, a matrix that is no rotation; a unit that the file contradicts. It names the
+        file and the key.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib, gpusim as gs
+    >>> path = pathlib.Path(tempfile.mkdtemp()) / "camera.yml"
+    >>> camera = gs.Camera.from_lens((36, 24), 50, (640, 480), (0, 0, 2), (0, 0, 0), up=(0, 1, 0))
+    >>> gs.write_calibration(path, [camera], "opencv", unit="mm")
+    >>> bool(abs(gs.read_calibration(path)[0].camera_from_world[2, 3] - 2.0) < 1e-12)
+    True
+    """
+    cameras, metres = read_rig(source, size, unit)
+    return [_scaled(camera, metres) for camera in cameras]
+
+
+def read_rig(
+    source: Source, size: tuple[int, int] | None = None, unit: str | None = None
+) -> tuple[list[Camera], float]:
+    """The cameras in the file's own unit of length, and how many metres that is."""
+    try:
+        return _read_rig(source, size, unit)
+    except InputError as error:
+        text = str(error)
+        if len(text) <= LONGEST_MESSAGE:
+            raise
+        # a damaged file may have anything in place of a number
+        raise InputError(f"{text[: LONGEST_MESSAGE // 2]} … {text[-100:]}") from None
+
+
+def _read_rig(source: Source, size: Size, unit: str | None) -> tuple[list[Camera], float]:
+    file = _read(source)
+    kind, text, where = calibration_format(file), _text(file), str(file.path)
+    name = _unit(text, kind, where, unit)
+    if kind == "opencv":
+        document = read_document(text, where)
+        partner = None if isinstance(source, InputFile) else _partner(file.path)
+        if partner is not None and ("extrinsic" in file.path.name or needs_extrinsics(document)):
+            other = _text(_read(partner))
+            document = read_document(other, str(partner)) | document
+        return cameras_of(document, where, size), UNITS[name]
+    return _READ[kind](text, where, size), UNITS[name]
+
+
+def write_calibration(
+    path: str | PathLike[str],
+    cameras: Sequence[Camera],
+    format: str,
+    unit: str | None = None,
+) -> None:
+    """Write cameras so that another program, or `read_calibration`, reads them again.
+
+    Parameters
+    ----------
+    cameras : lengths in metres, as a scene's are.
+    unit : of the lengths in an OpenCV file, "m" unless given; it says so itself. The other
+        formats have one of their own: Kalibr's is the metre, all others' the millimetre.
+
+    Raises
+    ------
+    InputError
+        An unknown format or unit, no camera, or cameras that the format can't express; nothing is
+        written.
+    """
+    if format not in _READ:
+        raise InputError(f"write_calibration format; got {format!r}; expected {sorted(_READ)}")
+    if not cameras:
+        raise InputError("write_calibration cameras; got none; expected at least one")
+    for camera in cameras:
+        if not isinstance(camera, Camera):
+            raise InputError(f"write_calibration cameras; got {camera!r}; expected a Camera")
+        if camera.distortion is not None and (camera.distorting_K != camera.K).any():
+            raise InputError(
+                f"write_calibration: camera {camera.name!r} lens_K; got one; expected None: no "
+                "format holds a lens with an axis of its own"
+            )
+    names = [camera.name for camera in cameras]
+    if len(set(names)) < len(names) and format == "opencv":
+        raise InputError(f"write_calibration cameras; got names {names}; expected different ones")
+    own = unit or ("m" if format == "opencv" else _HABIT[format])
+    able = list(UNITS) if format == "opencv" else [_HABIT[format]]
+    if own not in able:
+        raise InputError(f"write_calibration unit; got {own!r}; expected {' or '.join(able)}")
+    scaled = [_scaled(camera, 1.0 / UNITS[own]) for camera in cameras]
+    where = f"write_calibration {path}"
+    text = write_opencv(scaled, where, own) if format == "opencv" else _WRITE[format](scaled, where)
+    Path(path).write_text(text, encoding="utf-8")
+
+
+def _scaled(camera: Camera, factor: float) -> Camera:
+    pose = camera.camera_from_world.copy()
+    pose[:3, 3] *= factor
+    return replace(camera, camera_from_world=pose)
+
+
+def _unit(text: str, kind: str, where: str, given: str | None) -> str:
+    """The unit that a file states, else the one given, else its format's."""
+    if given is not None and given not in UNITS:
+        raise InputError(f"calibration unit; got {given!r}; expected {', '.join(UNITS)}")
+    match = _STATED.search(text)
+    stated = match[1] if match else None
+    if '"camera_from_first_mm"' in text:
+        stated = "mm"
+    if stated is not None and stated not in UNITS:
+        raise InputError(f"{where}: length_unit; got {stated!r}; expected {', '.join(UNITS)}")
+    if stated and given and stated != given:
+        raise InputError(f"{where}: length_unit; got {stated} there, and unit {given}; expected "
+                         "the unit of the file")  # fmt: skip
+    return stated or given or _HABIT[kind]
+
+
+def _partner(path: Path) -> Path | None:
+    """OpenCV's file of extrinsics beside one of intrinsics, or the other way round."""
+    for mine, other in (("intrinsic", "extrinsic"), ("extrinsic", "intrinsic")):
+        beside = path.with_name(path.name.replace(mine, other))
+        if mine in path.name and beside.is_file():
+            return beside
+    return None
+
+
+def _read(source: Source) -> InputFile:
+    return read_input(source, "a readable text: a calibration file")
+
+
+def _text(file: InputFile) -> str:
+    if len(file.data) > LONGEST:
+        raise InputError(f"{file.path}; got {len(file.data)} bytes; expected a calibration file")
+    return file.text("a readable text: a calibration file")

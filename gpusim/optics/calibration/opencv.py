@@ -1,0 +1,246 @@
+"""OpenCV's FileStorage: single cameras, stereo pairs as its samples write them, and whole rigs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import InputError
+from gpusim.optics.calibration.common import make, number, pose_of
+from gpusim.optics.calibration.document import Document, read_document
+from gpusim.optics.calibration.ros import from_message, read_out
+from gpusim.optics.camera.pinhole import Camera
+
+__all__ = ["cameras_of", "needs_extrinsics", "read_opencv", "write_opencv"]
+
+Array = npt.NDArray[np.float64]
+Size = tuple[int, int] | None
+
+_MATRIX = ("camera_matrix", "cameraMatrix", "Camera_Matrix", "K")
+_BENT = (
+    "distortion_coefficients", "distCoeffs", "Distortion_Coefficients", "dist_coeffs", "distortion",
+    "D",
+)  # fmt: skip
+_TURN, _SHIFT = ("R", "rvec", "rotation"), ("T", "tvec", "translation")
+_MODELS = ("plumb_bob", "rational_polynomial", "brown", "radtan", "opencv", "none", "")
+_FISHEYE = ("xi", "fisheye_model", "K_fisheye")
+LARGEST = 100  # rows and columns of a matrix
+WIDEST = 1_000_000  # px
+
+
+def read_opencv(text: str, where: str, size: Size) -> list[Camera]:
+    """``cameras`` (a list of maps), M1 D1 M2 D2 R T, or camera_matrix and distortion_coefficients.
+
+    A map may hold name, image_width, image_height, R (or rvec) and T (or tvec) of X_camera = R X +
+    T. R and T of a pair lead from the first camera to the second. Matrices are OpenCV's, with or
+    without its tag (ROS), or rows in brackets. `gpusim calibrate`'s own ``calibration.json`` is
+    read too.
+    """
+    return cameras_of(read_document(text, where), where, size)
+
+
+def cameras_of(root: Document, where: str, size: Size) -> list[Camera]:
+    """The cameras in a document that was read already."""
+    root = from_message(root)
+    for key in _FISHEYE:
+        if key in root:
+            raise InputError(f"{where}: {key}; got a fisheye or omnidirectional model; expected a "
+                             "pinhole with radial and tangential distortion")  # fmt: skip
+    if "cameras" in root:
+        rig = root["cameras"]
+        if not isinstance(rig, list) or not rig or not all(isinstance(one, dict) for one in rig):
+            raise InputError(f"{where}: cameras; got no list of cameras; expected at least one map")
+        _check_poses(rig, where)
+        return [_single(node, f"{where}: cameras[{i}]", f"camera {i}", size)
+                for i, node in enumerate(rig)]  # fmt: skip
+    if _matrix(root, _pair_keys("M", 1), where) is None:
+        return [_single(root, where, "camera", size)]
+    return _pair(root, where, size)
+
+
+def _check_poses(rig: Sequence[Document], where: str) -> None:
+    """Where one camera has a pose, all have it: a file that ends early isn't taken for a whole."""
+    for keys in (_TURN, _SHIFT):
+        known = (*keys, "camera_from_first_mm")
+        lack = [i for i, node in enumerate(rig) if not any(key in node for key in known)]
+        if lack and len(lack) < len(rig):
+            raise InputError(
+                f"{where}: cameras[{lack[0]}]: {keys[0]}; got nothing; expected it, as the other "
+                "cameras have"
+            )
+
+
+def needs_extrinsics(root: Document) -> bool:
+    """Whether a document has the inside of two cameras and not how they stand to each other."""
+    both = all(any(key in root for key in _pair_keys("M", i)) for i in (1, 2))
+    return both and not ("R" in root and "T" in root)
+
+
+def _pair_keys(letter: str, number: int) -> tuple[str, ...]:
+    names = {"M": ("M", "cameraMatrix", "K", "camera_matrix_"),
+             "D": ("D", "distCoeffs", "dist_coeffs_")}[letter]  # fmt: skip
+    return tuple(f"{name}{number}" for name in names)
+
+
+def _pair(root: Document, where: str, size: Size) -> list[Camera]:
+    shape = _size(root, where) or size
+    R, T = np.eye(3), np.zeros(3)
+    cameras = []
+    for i in (1, 2):
+        K = _matrix(root, _pair_keys("M", i), where)
+        if K is None:
+            break
+        bent = _matrix(root, _pair_keys("D", i), where)
+        _check_lens(root, bent, where, f"D{i}")
+        if i == 2:
+            turn, shift = (_matrix(root, (key,), where) for key in ("R", "T"))
+            if turn is None or shift is None:
+                raise InputError(
+                    f"{where}: R, T; got nothing; expected those of the second camera, here or in "
+                    "the file of extrinsics beside this one"
+                )
+            R, T = _rotation(turn, where), _vector(shift, where)
+        values = np.zeros(5) if bent is None else bent
+        cameras.append(make(f"{where}: M{i}", f"camera {i}", shape, K, values, R, T))
+    return cameras
+
+
+def _single(node: Document, where: str, name: str, size: Size) -> Camera:
+    K = _matrix(node, _MATRIX, where)
+    if K is None:
+        raise InputError(f"{where}: camera_matrix; got nothing; expected a 3 x 3 matrix")
+    bent = _matrix(node, _BENT, where)
+    _check_lens(node, bent, where, "distortion_coefficients")
+    pose = _matrix(node, ("camera_from_first_mm",), where)
+    if pose is not None and pose.shape != (4, 4):
+        raise InputError(f"{where}: camera_from_first_mm; got {pose.shape}; expected (4, 4)")
+    R = _matrix(node, _TURN, where) if pose is None else pose[:3, :3]
+    T = _matrix(node, _SHIFT, where) if pose is None else pose[:3, 3]
+    label = node.get("name", node.get("camera_name", name))
+    if K.shape != (3, 3):
+        raise InputError(f"{where}: camera_matrix; got shape {K.shape}; expected (3, 3)")
+    K, shape = read_out(node, K, _size(node, where) or size, where)
+    return make(
+        where,
+        label if isinstance(label, str) else f"{label:g}" if isinstance(label, float) else name,
+        shape,
+        K,
+        np.zeros(5) if bent is None else bent,
+        np.eye(3) if R is None else _rotation(R, where),
+        np.zeros(3) if T is None else _vector(T, where),
+    )
+
+
+def _check_lens(node: Document, bent: Array | None, where: str, key: str) -> None:
+    """Refuse lens models that aren't OpenCV's, and coefficients under a name that isn't known."""
+    model = node.get("distortion_model", "")
+    if not isinstance(model, str) or model.lower() not in _MODELS:
+        raise InputError(
+            f"{where}: distortion_model; got {model!r}; expected plumb_bob or rational_polynomial"
+        )
+    unknown = [k for k in node if "dist" in k.lower() and k != "distortion_model"]
+    if bent is None and unknown:
+        raise InputError(f"{where}: {unknown[0]}; got an unknown key; expected {key}")
+
+
+def _rotation(R: Array, where: str) -> Array:
+    """A matrix, or a Rodrigues vector turned into one."""
+    if R.size == 3:
+        return np.asarray(cv2.Rodrigues(R.reshape(3, 1))[0], np.float64)
+    if R.shape != (3, 3):
+        raise InputError(f"{where}: R; got shape {R.shape}; expected (3, 3) or a vector of three")
+    return R
+
+
+def _vector(T: Array, where: str) -> Array:
+    if T.size != 3:
+        raise InputError(f"{where}: T; got {T.size} numbers; expected 3")
+    return T.ravel()
+
+
+def _matrix(node: Document, keys: Sequence[str], where: str) -> Array | None:
+    """The first of the keys that is there: OpenCV's rows, cols and data, or rows in brackets."""
+    key = next((key for key in keys if key in node), None)
+    if key is None:
+        return None
+    place, value = f"{where}: {key}", node[key]
+    if not isinstance(value, dict):
+        return _nested(value, place)
+    sides = []
+    for side in ("rows", "cols"):
+        count = number(value.get(side, "nothing"), f"{place}.{side}")
+        if not (count == int(count) and 1 <= count <= LARGEST):
+            raise InputError(f"{place}.{side}; got {count:g}; expected 1 to {LARGEST}")
+        sides.append(int(count))
+    if "data" not in value:
+        raise InputError(f"{place}.data; got nothing; expected {sides[0] * sides[1]} numbers")
+    data = _nested(value["data"], f"{place}.data").ravel()
+    if data.size != sides[0] * sides[1]:
+        raise InputError(
+            f"{place}.data; got {data.size} numbers; expected {sides[0] * sides[1]}, as rows x cols"
+        )
+    return data.reshape(sides)
+
+
+def _nested(value: Any, place: str) -> Array:
+    """A number, a list of numbers, or a list of rows."""
+    rows = value if isinstance(value, list) else [value]
+    if len(rows) > LARGEST**2:
+        raise InputError(f"{place}; got {len(rows)} entries; expected a small matrix")
+    if rows and all(isinstance(row, list) for row in rows):
+        if len({len(row) for row in rows}) != 1:
+            raise InputError(f"{place}; got rows of different lengths; expected a matrix")
+        return np.array([[number(entry, place) for entry in row] for row in rows])
+    return np.array([number(entry, place) for entry in rows])
+
+
+def _size(node: Document, where: str) -> Size:
+    for keys in (("image_width", "image_height"), ("image_Width", "image_Height"),
+                 ("imageWidth", "imageHeight"), ("width", "height")):  # fmt: skip
+        if all(key in node for key in keys):
+            columns, rows = (_side(node[key], f"{where}: {key}") for key in keys)
+            return columns, rows
+    for key in ("image_size", "imageSize", "size", "resolution_px", "resolution"):
+        value = node.get(key)
+        if isinstance(value, list) and len(value) == 2:
+            columns, rows = (_side(side, f"{where}: {key}") for side in value)
+            return columns, rows
+    return None
+
+
+def _side(value: Any, place: str) -> int:
+    found = number(value, place)
+    if not (found == int(found) and 1 <= found <= WIDEST):
+        raise InputError(f"{place}; got {found:g}; expected a whole number of pixels")
+    return int(found)
+
+
+def write_opencv(cameras: Sequence[Camera], where: str, unit: str) -> str:
+    """A list ``cameras`` of maps; the suffix of the file (.xml, .json, else YAML) says how.
+
+    ``length_unit`` is a key of its own, which OpenCV's programs pass over.
+    """
+    suffix = "." + where.rsplit(".", 1)[-1].lower()
+    kind = suffix if suffix in (".xml", ".json") else ".yml"
+    flags = cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY
+    storage = cv2.FileStorage(kind, flags)
+    storage.write("length_unit", unit)
+    storage.startWriteStruct("cameras", cv2.FileNode_SEQ)
+    for camera in cameras:
+        R, T = pose_of(camera)
+        storage.startWriteStruct("", cv2.FileNode_MAP)
+        storage.write("name", camera.name)
+        storage.write("image_width", camera.width)
+        storage.write("image_height", camera.height)
+        storage.write("camera_matrix", camera.K)
+        bent = np.zeros(5) if camera.distortion is None else np.asarray(camera.distortion)
+        storage.write("distortion_coefficients", bent.reshape(1, -1))
+        storage.write("R", np.ascontiguousarray(R))
+        storage.write("T", T.reshape(3, 1))
+        storage.endWriteStruct()
+    storage.endWriteStruct()
+    return str(storage.releaseAndGetString())

@@ -1,0 +1,283 @@
+"""Cameras in the OpenCV convention: integer pixel coordinates are pixel centres.
+
+A pinhole with a flat sensor, and a lens that may distort (`gpusim.optics.camera.distortion`). Pixel
+positions of the same camera without distortion are called ideal.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import InputError
+from gpusim.optics.camera.distortion import Distortion
+from gpusim.validation import checked, real_numbers
+
+__all__ = ["Camera"]
+
+
+def _identity() -> npt.NDArray[np.float64]:
+    return np.eye(4)
+
+
+@checked
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """A camera with a flat sensor and a lens that may distort.
+
+    Parameters
+    ----------
+    width, height : px.
+    K : (3, 3) float64, [[fx, skew, cx], [0, fy, cy], [0, 0, 1]] in px; the pixel in column i and
+        row j is centred at (i, j), so that the image's centre is ((width - 1) / 2, …).
+    distortion : OpenCV coefficients k1 k2 p1 p2 [k3 [k4 k5 k6 [s1 s2 s3 s4 [tau_x tau_y]]]];
+        None or zeros for a lens without. They act on (x, y) = (X / Z, Y / Z) before K does.
+    camera_from_world : (4, 4) rigid transform; camera axes are x right, y down, z forward.
+    lens_K : (3, 3), what turns pixels into (x, y) for the distortion; None: K. Another principal
+        point there than in K is a pencil of rays that comes through the lens off its centre.
+    pixel_side : px, of the square in a pixel's middle that is sensitive to light; `gs.Lens` says it
+        by its area, ``fill_factor``.
+
+    Raises
+    ------
+    InputError
+        Sizes, shapes or values that make no camera, or a lens whose distortion folds inside the
+        image (it isn't monotonic there: two points of the scene would share a pixel).
+    """
+
+    width: int
+    height: int
+    K: npt.NDArray[np.float64]
+    distortion: Sequence[float] | npt.NDArray[np.float64] | None = None
+    camera_from_world: npt.NDArray[np.float64] = field(default_factory=_identity)
+    name: str = "camera"
+    lens_K: npt.NDArray[np.float64] | None = None
+    pixel_side: float = 1.0
+
+    def __post_init__(self) -> None:
+        where = f"Camera {self.name!r}"
+        for key, value in (("width", self.width), ("height", self.height)):
+            whole = isinstance(value, int | float | np.integer | np.floating)
+            if not (whole and 1 <= value <= 65535 and int(value) == value):
+                raise InputError(f"{where} {key}; got {value}; expected 1 to 65535 pixels")
+            object.__setattr__(self, key, int(value))
+        K = _matrix(self.K, f"{where} K")
+        if K.shape != (3, 3) or not np.isfinite(K).all():
+            raise InputError(f"{where} K; got shape {K.shape}; expected finite (3, 3)")
+        if not (K[0, 0] > 0 and K[1, 1] > 0) or K[1, 0] != 0 or (K[2] != [0, 0, 1]).any():
+            raise InputError(
+                f"{where} K; got {K.tolist()}; expected [[fx, skew, cx], [0, fy, cy], [0, 0, 1]] "
+                "with fx, fy above 0"
+            )
+        through = K if self.lens_K is None else np.asarray(self.lens_K, np.float64)
+        if through.shape != (3, 3) or not np.array_equal(through[:, :2], K[:, :2]):
+            raise InputError(
+                f"{where} lens_K; got {through.tolist()}; expected K with another principal point"
+            )
+        T = _matrix(self.camera_from_world, f"{where} camera_from_world")
+        if T.shape != (4, 4) or not np.isfinite(T).all():
+            raise InputError(
+                f"{where} camera_from_world; got shape {T.shape}; expected finite (4, 4)"
+            )
+        R = T[:3, :3]
+        rigid = np.abs(R @ R.T - np.eye(3)).max() <= 1e-9 and np.linalg.det(R) > 0
+        if not rigid or (T[3] != [0, 0, 0, 1]).any():
+            raise InputError(
+                f"{where} camera_from_world; got {T.tolist()}; expected a rotation and translation"
+            )
+        if not 0.0 < self.pixel_side <= 1.0:
+            raise InputError(
+                f"{where} pixel_side; got {self.pixel_side}; expected above 0, up to 1"
+            )
+        object.__setattr__(self, "K", K)
+        object.__setattr__(self, "camera_from_world", T)
+        if self.distortion is not None:
+            try:
+                lens = Distortion(real_numbers(self.distortion, "distortion"))
+            except InputError as error:
+                raise InputError(f"{where} {error}") from None
+            object.__setattr__(self, "distortion", lens.coefficients)
+            if lens.coefficients.any():
+                self._require_invertible(lens)
+
+    def _require_invertible(self, lens: Distortion) -> None:
+        """Refuse a lens whose distortion can't be undone somewhere in the image."""
+        columns = np.linspace(-0.5, self.width - 0.5, 33)
+        rows = np.linspace(-0.5, self.height - 0.5, 33)
+        pixels = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
+        points = self._from_pixels(pixels)
+        bad = np.isnan(lens.undistort(points)).any(axis=1)
+        if not bad.any():
+            return
+        radius = np.hypot(*points.T)
+        first = int(np.argmin(np.where(bad, radius, np.inf)))
+        reach = radius[first]
+        if np.isfinite(lens.limit):
+            edge = np.array([[0.999999 * lens.limit, 0.0]])
+            reach = min(reach, float(np.hypot(*lens.distort(edge)[0])))
+        if not np.isfinite(reach):
+            reach = radius[first]
+        fx, corner = self.K[0, 0], radius.max()
+        raise InputError(
+            f"Camera {self.name!r} distortion; got {lens.coefficients.tolist()}, which is "
+            f"monotonic only up to {reach * fx:.6g} px from the principal point (radius "
+            f"{reach:.6g} in focal lengths); expected a lens that is so in the whole image: pixel "
+            f"({pixels[first, 0]:g}, {pixels[first, 1]:g}) shows nothing, and the corners are at "
+            f"{corner * fx:.6g} px (radius {corner:.6g})"
+        )
+
+    @cached_property
+    def lens(self) -> Distortion | None:
+        """The distortion; None if there is none."""
+        if self.distortion is None or not np.any(self.distortion):
+            return None
+        return Distortion(np.asarray(self.distortion, np.float64))
+
+    @property
+    def distorting_K(self) -> npt.NDArray[np.float64]:
+        """``lens_K``, or K where there is none."""
+        return self.K if self.lens_K is None else self.lens_K
+
+    def without_distortion(self) -> Camera:
+        """The same camera with an ideal lens."""
+        return self if self.distortion is None else replace(self, distortion=None)
+
+    @staticmethod
+    @checked
+    def from_lens(
+        sensor_mm: tuple[float, float],
+        focal_mm: float,
+        resolution: tuple[int, int],
+        eye: npt.ArrayLike,
+        target: npt.ArrayLike,
+        up: npt.ArrayLike = (0.0, 0.0, 1.0),
+        principal_point_offset_mm: tuple[float, float] = (0.0, 0.0),
+        name: str = "camera",
+        distortion: Sequence[float] | npt.NDArray[np.float64] | None = None,
+    ) -> Camera:
+        """A camera as a photographer describes it.
+
+        ``sensor_mm`` (width, height) and ``focal_mm`` give fx = focal / (sensor width / columns);
+        ``eye``, ``target`` and ``up`` are in world units. The principal point lies in the middle
+        of the sensor, moved right and down by ``principal_point_offset_mm``.
+        """
+        where = f"Camera {name!r}"
+        numbers = [*sensor_mm, focal_mm]
+        if not all(np.isfinite(v) and v > 0 for v in numbers):
+            raise InputError(f"{where} sensor_mm, focal_mm; got {numbers}; expected above 0")
+        width, height = resolution
+        eye3, target3, up3 = (
+            real_numbers(value, f"{where} {key}")
+            for key, value in (("eye", eye), ("target", target), ("up", up))
+        )
+        for key, vector, shape in (
+            ("eye", eye3, (3,)),
+            ("target", target3, (3,)),
+            ("up", up3, (3,)),
+            ("principal_point_offset_mm", np.asarray(principal_point_offset_mm), (2,)),
+        ):
+            if vector.shape != shape or not np.isfinite(vector).all():
+                raise InputError(
+                    f"{where} {key}; got {vector.tolist()}; expected {shape[0]} finite numbers"
+                )
+        forward = target3 - eye3
+        distance = np.linalg.norm(forward)
+        if not distance > 0.0:
+            raise InputError(f"{where}: eye and target are the same point {eye3.tolist()}")
+        z: npt.NDArray[np.float64] = forward / distance
+        x: npt.NDArray[np.float64] = np.cross(z, up3)
+        if not np.linalg.norm(x) > 1e-9 * np.linalg.norm(up3):
+            raise InputError(f"{where} up; got {up3.tolist()}, parallel to the viewing direction")
+        x = x / float(np.linalg.norm(x))
+        y: npt.NDArray[np.float64] = np.cross(z, x)
+        camera_from_world = np.eye(4)
+        camera_from_world[:3, :3] = np.stack([x, y, z])
+        camera_from_world[:3, 3] = -camera_from_world[:3, :3] @ eye3
+        px, py = width / sensor_mm[0], height / sensor_mm[1]
+        K = np.array(
+            [
+                [focal_mm * px, 0.0, 0.5 * (width - 1) + principal_point_offset_mm[0] * px],
+                [0.0, focal_mm * py, 0.5 * (height - 1) + principal_point_offset_mm[1] * py],
+                [0.0, 0.0, 1.0],
+            ]
+        )
+        return Camera(width, height, K, distortion, camera_from_world, name)
+
+    @property
+    def eye(self) -> npt.NDArray[np.float64]:
+        """World position of the projection centre, (3,)."""
+        R, t = self.camera_from_world[:3, :3], self.camera_from_world[:3, 3]
+        return -R.T @ t
+
+    def to_camera(self, X: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """World points (…, 3) in camera coordinates."""
+        T = self.camera_from_world
+        result: npt.NDArray[np.float64] = X @ T[:3, :3].T + T[:3, 3]
+        return result
+
+    def project(self, X: npt.ArrayLike) -> npt.NDArray[np.float64]:
+        """World points (…, 3) to pixel coordinates (…, 2); NaN for points not in front."""
+        points = real_numbers(X, "project")
+        if points.shape[-1:] != (3,):
+            raise InputError(f"project; got points of shape {points.shape}; expected (…, 3)")
+        Xc = self.to_camera(points)
+        z = Xc[..., 2]
+        z = np.where(z > 0.0, z, np.nan)
+        flat = np.stack([Xc[..., 0] / z, Xc[..., 1] / z], axis=-1)
+        K, x, y = self.K, flat[..., 0], flat[..., 1]
+        ideal = np.stack([K[0, 0] * x + K[0, 1] * y + K[0, 2], K[1, 1] * y + K[1, 2]], axis=-1)
+        return ideal if self.lens is None else self.distort(ideal)
+
+    def undistort(self, pixels: npt.ArrayLike) -> npt.NDArray[np.float64]:
+        """Pixel positions (…, 2) to where the camera without distortion has them, exact to 1e-12 f.
+
+        NaN where the lens shows nothing. The same as cv2.undistortPoints(pixels, K, d, P=K).
+        """
+        points = _pixels(pixels, "undistort")
+        if self.lens is None:
+            return points.copy()
+        return self._to_pixels(self.lens.undistort(self._from_pixels(points)))
+
+    def distort(self, pixels: npt.ArrayLike, beyond: bool = False) -> npt.NDArray[np.float64]:
+        """Ideal pixel positions (…, 2) to where the lens puts them; NaN beyond its domain.
+
+        ``beyond``: continued straight outwards there instead, for geometry that leaves the image.
+        """
+        points = _pixels(pixels, "distort")
+        if self.lens is None:
+            return points.copy()
+        flat = self._from_pixels(points)
+        return self._to_pixels(self.lens.extended(flat) if beyond else self.lens.distort(flat))
+
+    def _to_pixels(self, flat: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        K, x, y = self.distorting_K, flat[..., 0], flat[..., 1]
+        return np.stack([K[0, 0] * x + K[0, 1] * y + K[0, 2], K[1, 1] * y + K[1, 2]], axis=-1)
+
+    def _from_pixels(self, pixels: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        K = self.distorting_K
+        y = (pixels[..., 1] - K[1, 2]) / K[1, 1]
+        x = (pixels[..., 0] - K[0, 2] - K[0, 1] * y) / K[0, 0]
+        return np.stack([x, y], axis=-1)
+
+    def ray_matrix(self) -> npt.NDArray[np.float64]:
+        """(3, 3) matrix D with camera-space direction = D [x, y, 1], of unit depth."""
+        result: npt.NDArray[np.float64] = np.linalg.inv(self.K).astype(np.float64)
+        return result
+
+
+def _matrix(values: npt.ArrayLike, where: str) -> npt.NDArray[np.float64]:
+    try:
+        return np.asarray(values, np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"{where}; got {values!r}; expected a matrix of numbers") from None
+
+
+def _pixels(values: npt.ArrayLike, what: str) -> npt.NDArray[np.float64]:
+    pixels = real_numbers(values, what)
+    if pixels.shape[-1:] != (2,):
+        raise InputError(f"{what}; got pixels of shape {pixels.shape}; expected (…, 2)")
+    return pixels

@@ -1,0 +1,308 @@
+"""Edge pixels: exact polygon areas of every triangle over the pixel, from front to back.
+
+A triangle takes the area of its polygon inside the pixel less what those in front of it hide
+(`gpusim.optics.edge_pixels.visible_polygons`): the paint's mean over the pieces that are left, the
+light at their common centroid. What no triangle takes shows the background. The twin does the same
+in float64.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.arrays.interleave import WORKGROUP, dealt
+from gpusim.gpu import Buffer, Device, compare, twin_check
+from gpusim.optics.edge_pixels.background_moments import SEVERAL, backdrops, fills
+from gpusim.optics.edge_pixels.fragment_lists import EdgePixels, bin_edges
+from gpusim.optics.edge_pixels.fragment_shading import THIN, corners_over, resolved
+from gpusim.optics.edge_pixels.loop_budget import grazing_turns, speckle_turns
+from gpusim.optics.edge_pixels.scatter import write_pixels
+from gpusim.optics.frame import Band
+from gpusim.optics.geometry.polygon_clipping import half_planes
+from gpusim.optics.paint.bitmap import BITMAP
+from gpusim.optics.paint.disc_coverage import EDGE_ROWS
+from gpusim.optics.paint.feature_grid import LOOP_TURNS
+from gpusim.optics.probes.paints import fields_setup, probe_setup
+from gpusim.optics.shading.relighting import ListedShares, PieceShares, no_pieces
+from gpusim.optics.shading.scene_buffers import Tables
+from gpusim.optics.shading.setup import Setup
+from gpusim.optics.shadow.receivers import TILE, group_starts
+from gpusim.optics.shadow.scene import Shadows
+
+__all__ = ["EdgePass", "edges_twin"]
+
+Array = npt.NDArray[np.float64]
+DEEPEST = 64
+"""Triangles over a pixel beyond which the host resolves it; fewer where patterns are dense. As many
+as the shader has bits for."""
+
+BACKDROP = np.uint32(1 << 31)
+"""Of where a pixel's triangles start in the device's list: see
+``shaders/optics/edge_pixels/resolve.wgsl``."""
+
+MOST_PIECES = 1 << 20
+"""Of pixels that look at lamps at a time."""
+
+SURE = 2e-4
+"""Share of the brightest radiance by which a pixel may be wrong: the host resolves others."""
+
+
+class EdgePass:
+    """The edge pixels of one view: `begin`, `fetch`, then `write`.
+
+    The device finds them by themselves, so that the host can resolve what it is left with while the
+    device shades all other pixels.
+    """
+
+    def __init__(self, tables: Tables, edges: EdgePixels) -> None:
+        # about what one triangle takes: clipping and samples, then its features' corners
+        table, fine = tables.setup.table, tables.setup.constants([1], False, False)["fine"]
+        turns = 200 + table.most_in_a_cell * (2000 if fine else 50) + speckle_turns(table)
+        self._present = tables.setup.groups_present()
+        turns += 3000 if BITMAP in self._present else 0
+        each = turns + grazing_turns(tables.setup, edges)
+        groups = tables.setup.groups_of(edges.triangle)
+        even = _even(edges, tables.setup, groups)
+        deep = edges.pierced | (edges.depth > np.minimum(DEEPEST, LOOP_TURNS // each))
+        # nothing there depends on how many triangles there are
+        deep &= ~even | (edges.depth > LOOP_TURNS)
+        self.tables = tables
+        order = _alike(edges, even, deep, np.broadcast_to(each, deep.shape), groups)
+        self._deep, self.edges = edges.select(deep), edges.select(order)
+        self._even = int(np.count_nonzero(even & ~deep))
+        self._found: Buffer | None = None
+        self._values = np.zeros((0, 2), np.float32)
+        self._pieces: PieceShares | None = None
+        self._light: Callable[[], None] = lambda: None
+        self._resolved: tuple[npt.NDArray[np.int64], npt.NDArray[np.float32]] | None = None
+
+    def begin(self) -> None:
+        """Let the device find the pixels."""
+        edges, setup, device = self.edges, self.tables.setup, self.tables.device
+        count = len(edges.pixel)
+        if not count:
+            return
+        lists = np.zeros(2 * (count + 1) + len(edges.triangle), np.uint32)
+        lists[0 : 2 * count : 2] = edges.pixel
+        lists[1 : 2 * count + 2 : 2] = edges.start + 2 * (count + 1)
+        lists[1 : 2 * count : 2] |= np.where(_filled(setup, edges), BACKDROP, np.uint32(0))
+        lists[2 * (count + 1) :] = edges.triangle
+        self._found = device.empty(8 * count, "edges.found")
+        constants = setup.constants(self._present, bool(setup.shiny.any()), bool(setup.bumpy.any()))
+        shared = {
+            "params": {
+                "rays": self.tables.rays(),
+                "width": setup.view.camera.width,
+                "background": setup.background,
+            },
+            "lists": device.buffer(lists, "edges.lists"),
+            "found": self._found,
+            **self.tables.shared(),
+        }
+        if self.tables.records is not None:
+            needed = np.zeros(setup.view.count, bool)
+            needed[edges.triangle] = True
+            numbers = (np.flatnonzero(needed) + 1).astype(np.uint32)
+            with device.recording("optics.edges") as recording:
+                self.tables.records.make(recording, device.buffer(numbers, "edges.needed"))
+        if setup.lighting.shadows is not None:
+            self._begin_pieces(setup.lighting.shadows, constants, shared)
+            return
+        shared |= no_pieces(device)
+        with device.recording("optics.edges") as recording:
+            for entry, first, stop in (
+                ("whole_pixels", 0, self._even), ("main", self._even, count)
+            ):  # fmt: skip
+                if first == stop:
+                    continue
+                kernel = device.kernel("optics/edge_pixels/resolve", entry, constants)
+                bindings = kernel.bind_used(range=_range(first, stop), **shared)
+                recording.dispatch(kernel, bindings, threads=(stop - first,))
+
+    def _begin_pieces(
+        self, shadows: Shadows, constants: dict[str, float], shared: dict[str, Any]
+    ) -> None:
+        """`begin` where pieces of pixels ask what they see of lamps: a program lists them, and once
+        that is found it lights them."""
+        start, count = self.edges.start, len(self.edges.pixel)
+        first = 0
+        while first < count:
+            self._finish_pieces()
+            stop = int(np.searchsorted(start, start[first] + MOST_PIECES, side="right")) - 1
+            stop = min(max(stop, first + 1), count)
+            slots, starts = self._slots(first, stop)
+            self._pieces = PieceShares(self.tables, shadows, starts)
+            values = {**shared, "slot_of": self.tables.device.buffer(slots, "edges.slots")}
+            self._run_pieces("main", first, stop, {**constants, "listing": 1.0}, values)
+            self._light = partial(self._run_pieces, "light_pieces", first, stop, constants, values)
+            self._pieces.find()
+            self._light()
+            first = stop
+
+    def _slots(self, first: int, stop: int) -> tuple[npt.NDArray[np.uint32], npt.NDArray[np.int64]]:
+        """Where the pieces of some pixels are listed, and where groups of them begin: those of a
+        tile look past the same."""
+        row, column = np.divmod(self.edges.pixel[first:stop], self.tables.setup.view.camera.width)
+        tile = (row // TILE << 16) + column // TILE
+        order = np.argsort(tile, kind="stable")
+        depth = self.edges.depth[first:stop][order]
+        ends = np.cumsum(depth)
+        slots = np.empty(len(order), np.uint32)
+        slots[order] = ends - depth
+        last = np.flatnonzero(np.diff(tile[order], append=-1) != 0)
+        return slots, group_starts(np.diff(ends[last], prepend=0))
+
+    def _run_pieces(
+        self, entry: str, first: int, stop: int, constants: dict[str, float], shared: dict[str, Any]
+    ) -> None:
+        pieces, device = self._pieces, self.tables.device
+        assert pieces is not None
+        kernel = device.kernel("optics/edge_pixels/resolve", entry, constants)
+        places = {**_range(first, stop), **pieces.range()}
+        bindings = kernel.bind_used(range=places, **shared, **pieces.bindings())
+        with device.recording("optics.edges") as recording:
+            recording.dispatch(kernel, bindings, threads=(stop - first,))
+
+    def _finish_pieces(self) -> None:
+        """Find again what pieces of pixels see where lists were too short."""
+        if self._pieces is not None:
+            while self._pieces.failed():
+                self._pieces.find()
+                self._light()
+            self._pieces.release()
+            self._pieces = None
+
+    def fetch(self) -> None:
+        """Wait for what the device found."""
+        self._finish_pieces()
+        if self._found is not None:
+            self._values = self._found.read(np.float32, (len(self.edges.pixel), 2))
+
+    def write(self, bands: Sequence[Band]) -> None:
+        """Write the pixels into ``bands``, whose other pixels are shaded or on their way."""
+        self.resolve()
+        assert self._resolved is not None
+        width = self.tables.setup.view.camera.width
+        write_pixels(self.tables.device, bands, width, *self._resolved)
+
+    def resolve(self) -> None:
+        """Find what the device has left.
+
+        The host resolves pixels under many triangles, pixels where bodies cut each other, and those
+        that the device was in doubt about: what shows of a triangle there isn't convex, and makes
+        a difference.
+        """
+        if self._resolved is not None:
+            return
+        setup = self.tables.setup
+        shadows = setup.lighting.shadows
+        shares = None if shadows is None else ListedShares(shadows)
+        value, doubt = self._values[:, 0].copy(), self._values[:, 1] > 0.0
+        if doubt.any():
+            value[doubt] = resolved(setup, self.edges.select(doubt), shares)
+        pixel = np.concatenate([self.edges.pixel, self._deep.pixel])
+        deep = resolved(setup, self._deep, shares).astype(np.float32)
+        self._resolved = pixel, np.concatenate([value, deep])
+
+
+def _range(first: int, stop: int) -> dict[str, Any]:
+    """Edge pixels that a program finds."""
+    return {
+        "first": first, "count": stop, "sides": 3, "corners": 4, "hard_rows": EDGE_ROWS,
+        "thin": THIN, "sure": SURE, "slots": 0, "casting": 0,
+    }  # fmt: skip
+
+
+def _filled(setup: Setup, edges: EdgePixels) -> npt.NDArray[np.bool_]:
+    """(E,) pixels of which the nearest triangle that fills them is a backdrop, where the device
+    would be in doubt about that otherwise: where lamps cast shadows."""
+    result = np.zeros(len(edges.pixel), bool)
+    if setup.lighting.shadows is None:
+        return result
+    rows = np.flatnonzero(edges.depth > SEVERAL)
+    some = edges.select(rows)
+    # what a square lies in is twice as large at least; of fine meshes hardly any triangle is
+    a, b, c = np.moveaxis(setup.view.screen_of(some.triangle), 1, 0)
+    (x, y), (u, v) = (b - a).T, (c - a).T
+    large = np.flatnonzero(np.abs(x * v - y * u) > 3.9 * setup.view.camera.pixel_side**2)
+    corners, full = np.zeros((len(x), 3, 2)), np.zeros(len(x), bool)
+    corners[large] = corners_over(setup, some, large)[2]
+    full[large] = fills(half_planes(corners[large]))
+    result[np.repeat(rows, some.depth)[backdrops(setup, some, full, corners)]] = True
+    return result
+
+
+def _even(edges: EdgePixels, setup: Setup, groups: npt.NDArray[np.uint32]) -> npt.NDArray[np.bool_]:
+    """(E,): which pixels one sheet covers that has neither patterns nor shadows there; ``groups``:
+    of all triangles over them."""
+    if setup.lighting.shadows is not None:
+        return np.zeros(len(edges.pixel), bool)
+    patterned = np.concatenate([[0], np.cumsum(groups > 0)])
+    result: npt.NDArray[np.bool_] = patterned[edges.start[1:]] == patterned[edges.start[:-1]]
+    return result & edges.whole
+
+
+def _alike(
+    edges: EdgePixels,
+    even: npt.NDArray[np.bool_],
+    deep: npt.NDArray[np.bool_],
+    each: npt.NDArray[np.int64],
+    groups: npt.NDArray[np.uint32],
+) -> npt.NDArray[np.int64]:
+    """Pixels that aren't ``deep`` (E,), ``even`` ones first; those under as many triangles, that
+    take about as many turns for ``each`` (E,) and are of equal paint, side by side.
+
+    Software rasterisers work on several in step: all of them wait for the deepest, and for the one
+    that takes most turns for a triangle. Where that would be too many for some of a workgroup they
+    become deep, too.
+    """
+    # behind the last triangle stands that of pixels that have none
+    nearest = np.append(groups, 0)[edges.start[:-1]]
+    often = np.frexp(each)[1]
+    order = np.lexsort((nearest, often, edges.depth, ~even))
+    order = order[~deep[order]]
+    first = int(np.count_nonzero(even & ~deep))
+    while True:
+        others = order[first:]
+        begin = np.arange(0, len(others), WORKGROUP)
+        if not len(begin):
+            break
+        depth, turns = (np.maximum.reduceat(v[others], begin) for v in (edges.depth, each))
+        group = np.arange(len(others)) // WORKGROUP
+        # those that the others of their workgroup are held up by most
+        heavy = (depth * turns > LOOP_TURNS)[group] & (2 * each[others] > turns[group])
+        if not heavy.any():
+            break
+        deep[others[heavy]] = True
+        order = np.concatenate([order[:first], others[~heavy]])
+    parts = np.split(order, [first])
+    return np.concatenate([dealt(part) for part in parts])
+
+
+def edges_twin(
+    setup: Setup, edges: EdgePixels, radiance: npt.NDArray[np.float32]
+) -> npt.NDArray[np.float32]:
+    """A copy of ``radiance`` (H, W) with the edge pixels resolved."""
+    result = radiance.copy()
+    result.reshape(-1)[edges.pixel] = resolved(setup, edges)
+    return result
+
+
+@twin_check("optics/edge_pixels/resolve")
+def _check(device: Device) -> None:
+    for setup in (probe_setup(), fields_setup(True), fields_setup(False)):
+        edges = bin_edges(setup.view)
+        camera = setup.view.camera
+        start = np.full((camera.height, camera.width), 0.25, np.float32)
+        out = device.buffer(start, "edges.radiance")
+        edge_pass = EdgePass(Tables(device, setup), edges)
+        edge_pass.begin()
+        edge_pass.fetch()
+        edge_pass.write([Band(0, camera.height, camera.width, out)])
+        got = out.read(np.float32, start.shape)
+        compare("optics/edge_pixels/resolve", got, edges_twin(setup, edges, start), "pixel")

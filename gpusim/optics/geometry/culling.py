@@ -1,0 +1,100 @@
+"""Which triangles of a surface a camera may see, and where they look, a few thousand at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.optics.geometry.clipping import Screen, wound
+from gpusim.optics.geometry.triangle_corners import CHUNK
+
+__all__ = ["Culled", "cull"]
+
+Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Culled:
+    """``front`` (T,): which look at the camera; ``keep`` (T,): which may be seen; ``extent``: px,
+    the longest side of a box round any of those, as far as none has a corner behind the camera."""
+
+    front: Flags
+    keep: Flags
+    extent: float
+
+
+def cull(
+    points: Array,
+    area: Callable[[], Array],
+    triangles: npt.NDArray[np.int64],
+    ideal: Array,
+    ahead: Flags,
+    closed: bool,
+    screen: Screen,
+) -> Culled:
+    """Of triangles (T, 3) with normals ``area()`` (3, T) and vertices at ``points`` (P, 3) in the
+    world, seen at ``ideal`` (P, 2) px where they are ``ahead`` (P,).
+
+    What is wholly behind the camera, beside the image or seen edge-on is left out, and what looks
+    away if the surface is ``closed``.
+    """
+    count = len(triangles)
+    front, keep = np.empty(count, bool), np.empty(count, bool)
+    most = 0.0
+    places = [np.ascontiguousarray(ideal[:, k]) for k in range(2)]
+    whole = bool(ahead.all())
+    if not whole:
+        sides = _sides(ideal, ahead, screen)
+        away = [np.ascontiguousarray(points[:, k]) - eye for k, eye in enumerate(screen.camera.eye)]
+    for first in range(0, count, CHUNK):
+        part = slice(first, first + CHUNK)
+        corner = [triangles[part, k] for k in range(3)]
+        if whole:
+            at = [[np.take(place, own, mode="clip") for own in corner] for place in places]
+            # the image shows which way they are wound; `split` would find lines later, with more
+            # to carry
+            front[part], seen = wound(*at)
+            np.logical_not(seen, out=seen)
+            sizes = []
+            for (a, b, c), least, greatest in zip(at, screen.low, screen.high, strict=True):
+                low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
+                if not (high.min() > least and low.max() < greatest):
+                    seen &= (high > least) & (low < greatest)
+                sizes.append(np.subtract(high, low, out=high))
+        else:
+            front[part] = _facing(area()[:, part], away, corner[0]) < 0.0
+            seen = (sides[corner[0]] & sides[corner[1]] & sides[corner[2]]) == 0
+            seen &= ahead[corner[0]] | ahead[corner[1]] | ahead[corner[2]]
+            sizes = []
+        if closed:
+            seen &= front[part]
+        every = bool(seen.all())
+        for size in sizes:
+            most = max(most, float((size if every else size * seen).max()))
+        keep[part] = seen
+    return Culled(front, keep, most)
+
+
+def _facing(area: Array, away: list[Array], corner: npt.NDArray[np.int64]) -> Array:
+    """(n,): scalar products of normals (3, n) with where their triangles' corners are from the eye;
+    ``away``: of all vertices, by axis."""
+    result: Array = area[0] * np.take(away[0], corner, mode="clip")
+    for normal, column in zip(area[1:], away[1:], strict=True):
+        result += normal * np.take(column, corner, mode="clip")
+    return result
+
+
+def _sides(ideal: Array, ahead: Flags, screen: Screen) -> npt.NDArray[np.uint8]:
+    """(P,): a bit for every side of the image that a vertex is beside; one behind the camera is on
+    no side."""
+    sides = np.zeros(len(ideal), np.uint8)
+    for axis in range(2):
+        value = ideal[:, axis]
+        sides |= (value <= screen.low[axis]).view(np.uint8) << np.uint8(2 * axis)
+        sides |= (value >= screen.high[axis]).view(np.uint8) << np.uint8(2 * axis + 1)
+    sides *= ahead.view(np.uint8)
+    return sides

@@ -1,0 +1,193 @@
+"""Edges of a triangle mesh that show in an image: silhouettes, borders, creases, region borders."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.optics.geometry.triangle_corners import CHUNK
+from gpusim.surface.topology import Topology
+
+__all__ = [
+    "area_normals",
+    "corner_normals",
+    "creases",
+    "feature_edges",
+    "sharp_normals",
+    "smooth_normals",
+    "unit",
+]
+
+Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+Numbers = npt.NDArray[np.int64]
+
+
+def area_normals(points: Array, triangles: npt.NDArray[np.int64]) -> Array:
+    """(3, T): components of the triangles' normals, twice as long as their areas."""
+    result = np.empty((3, len(triangles)))
+    corner_normals(points, [np.ascontiguousarray(triangles[:, k]) for k in range(3)], result)
+    return result
+
+
+def corner_normals(points: Array, corner: list[npt.NDArray[np.int64]], normals: Array) -> Array:
+    """Write the normals of triangles with ``corner``s (n,) each into ``normals`` (3, n); (3, n):
+    the first corners."""
+    p, u, v = np.empty((3, 3, len(corner[0])))
+    for k in range(3):
+        column = np.ascontiguousarray(points[:, k])
+        for numbers, out in zip(corner, (p[k], u[k], v[k]), strict=True):
+            np.take(column, numbers, out=out, mode="clip")
+    u -= p
+    v -= p
+    for k in range(3):
+        i, j = (k + 1) % 3, (k + 2) % 3
+        np.multiply(u[i], v[j], out=normals[k])
+        normals[k] -= u[j] * v[i]
+    return p
+
+
+def unit(vectors: Array) -> Array:
+    """(3, T) vectors scaled to length 1; zeros stay."""
+    length = np.sqrt(vectors[0] ** 2 + vectors[1] ** 2 + vectors[2] ** 2)
+    result: Array = vectors / np.where(length > 0.0, length, 1.0)
+    return result
+
+
+def feature_edges(
+    topology: Topology,
+    front: npt.NDArray[np.bool_],
+    region: npt.NDArray[np.int32],
+    creases: Callable[[Numbers | None], Flags],
+    seen: npt.NDArray[np.bool_],
+    sharp: npt.NDArray[np.bool_] | None = None,
+    patterned: Collection[int] = (),
+) -> npt.NDArray[np.bool_]:
+    """(E,): the edges across which the picture may jump; diagonals of a face never are.
+
+    Parameters
+    ----------
+    front, seen : (T,) per triangle: looks at the camera, may be in the image.
+    region : (F,) paint region of each face.
+    creases : which of these edges are creases, or (E,) of all (None).
+    sharp : (P,) vertices at which `smooth_normals` found such turns: no crease is anywhere else.
+        None without light, where creases show on patterns alone.
+    patterned : the regions that carry one.
+    """
+    first, second = topology.first, topology.second
+    jump = ~topology.manifold
+    if not front.all():
+        jump |= front[first] != front[second]
+    if region.any():
+        own = region[topology.source]
+        jump |= own[first] != own[second]
+    if not seen.all():
+        edge = np.flatnonzero(jump)
+        jump[edge] = seen[first[edge]] | seen[second[edge]]
+    if sharp is None and patterned:
+        edge = np.flatnonzero(creases(None) & ~jump)
+        carries = np.isin(region, list(patterned))
+        for triangle in (first[edge], second[edge]):
+            jump[edge] |= seen[triangle] & carries[topology.source[triangle]]
+    elif sharp is not None and sharp.any():
+        turns = np.zeros(len(seen), bool)
+        for corner in topology.triangles.T:
+            turns |= sharp[corner]
+        # a crease's vertices are those of the triangles on both sides
+        edge = np.flatnonzero(turns[first] & turns[second] & ~jump)
+        jump[edge] = creases(edge) & (seen[first[edge]] | seen[second[edge]])
+    return jump
+
+
+def creases(topology: Topology, normal: Array, smooth_angle: float, edges: Numbers | None) -> Flags:
+    """Which of ``edges`` (n,), or of all (None), lie between faces whose normals differ by more
+    than ``smooth_angle``, rad; ``normal`` (3, T): of the triangles, of any length."""
+    numbers = np.arange(len(topology.first)) if edges is None else edges
+    result = np.zeros(len(numbers), bool)
+    once = len(numbers) >= normal.shape[1]
+    if once:
+        of_triangles, normal = normal, np.empty_like(normal)
+        for first in range(0, normal.shape[1], CHUNK):
+            part = slice(first, first + CHUNK)
+            normal[:, part] = unit(of_triangles[:, part])
+    for start in range(0, len(numbers), CHUNK):
+        own = numbers[start : start + CHUNK]
+        sides = [np.take(triangle, own) for triangle in (topology.first, topology.second)]
+        a, b = (np.take(topology.source, triangle, mode="clip") for triangle in sides)
+        between = np.flatnonzero(a != b)
+        one, other = (np.take(normal, side[between], axis=1, mode="clip") for side in sides)
+        if not once:
+            one, other = unit(one), unit(other)
+        cosine = one[0] * other[0]
+        cosine += one[1] * other[1]
+        cosine += one[2] * other[2]
+        result[start + between] = cosine < np.cos(smooth_angle)
+    return result
+
+
+def smooth_normals(
+    area: Array,
+    triangles: npt.NDArray[np.int64],
+    vertices: int,
+    smooth_angle: float,
+) -> tuple[Array, npt.NDArray[np.bool_]]:
+    """Unit normals (3, vertices), and where corners have their own (vertices,).
+
+    They are the mean of the normals ``area`` (3, T) of the triangles at a vertex, weighted by
+    area. Where two of those may differ by more than ``smooth_angle``, see `sharp_normals`.
+    """
+    columns = [np.ascontiguousarray(triangles[:, j]) for j in range(3)]
+    mean = np.zeros((3, vertices))
+    for k in range(3):
+        for corner in columns:
+            mean[k] += np.bincount(corner, weights=area[k], minlength=vertices)
+    mean = unit(mean)
+    # where all lie within half the angle of their mean, any two lie within the whole
+    sharp, least = np.zeros(vertices, bool), np.cos(0.5 * smooth_angle)
+    for first in range(0, len(triangles), CHUNK):
+        part = slice(first, first + CHUNK)
+        direction = unit(area[:, part])
+        for column in columns:
+            corner = column[part]
+            cosine = direction[0] * np.take(mean[0], corner)
+            cosine += direction[1] * np.take(mean[1], corner)
+            cosine += direction[2] * np.take(mean[2], corner)
+            if not cosine.min() >= least:
+                sharp[corner[~(cosine >= least)]] = True
+    return mean, sharp
+
+
+def sharp_normals(
+    area: Array,
+    triangles: npt.NDArray[np.int64],
+    sharp: npt.NDArray[np.bool_],
+    own: npt.NDArray[np.int64],
+    vertex: npt.NDArray[np.int64],
+    smooth_angle: float,
+) -> Array:
+    """Normals (n, 3) of triangles ``own`` at their corners ``vertex``, which are ``sharp``.
+
+    The mean, weighted by area, of the normals ``area`` (3, T) of those triangles at the vertex
+    whose normal lies within ``smooth_angle`` of the triangle's own.
+    """
+    at = triangles.reshape(-1)
+    hit = np.flatnonzero(np.take(sharp, at))
+    vertices = np.take(at, hit)
+    order = np.argsort(vertices, kind="stable")
+    around = hit[order] // 3
+    start = np.searchsorted(vertices[order], np.arange(len(sharp) + 1))
+    degree = np.diff(start)[vertex]
+    # pairs (corner, neighbour) laid out one after another
+    row = np.repeat(np.arange(len(vertex)), degree)
+    begin = np.cumsum(degree) - degree
+    neighbour = around[start[vertex[row]] + np.arange(len(row)) - begin[row]]
+    there = np.take(area, neighbour, axis=1)
+    direction = unit(np.take(area, own, axis=1))
+    cosine = np.sum(direction[:, row] * unit(there), axis=0)
+    weight = np.where(cosine >= np.cos(smooth_angle), there, 0.0)
+    total = np.add.reduceat(weight, begin, axis=1)
+    found = np.any(total != 0.0, axis=0)
+    result: Array = np.where(found, unit(total), direction).T
+    return result

@@ -1,0 +1,126 @@
+"""Where surfaces cut through each other: lines in the image that no edge of a mesh runs along.
+
+Triangles of two surfaces are paired by the cells of a grid over the space that both reach into;
+the line in which two of them meet is the part of one's section with the other's plane that lies
+inside the other (after Moeller, "A fast triangle-triangle intersection test", Journal of Graphics
+Tools 2, 1997). Faces that only touch or coincide don't count.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.arrays.ragged import expand
+from gpusim.arrays.sorted_unique import distinct
+
+__all__ = ["pierced", "piercings"]
+
+Array = npt.NDArray[np.float64]
+Long = npt.NDArray[np.int64]
+
+FLAT = 1e-9
+"""Distance from a plane that counts as none, over the size of what is looked at."""
+
+FINEST = 64
+"""Cells of the grid a side, at most."""
+
+
+def piercings(bodies: Sequence[Array]) -> Array:
+    """Segments (S, 2, 3) in which triangles (T, 3, 3) of different ``bodies`` cut each other."""
+    return pierced(bodies)[0]
+
+
+def pierced(bodies: Sequence[Array]) -> tuple[Array, Long]:
+    """`piercings`, and the two triangles (S, 2) of each, numbered through all bodies."""
+    boxes = [
+        (triangles.min(axis=(0, 1)), triangles.max(axis=(0, 1))) if len(triangles) else None
+        for triangles in bodies
+    ]
+    first_of = np.cumsum([0, *(len(triangles) for triangles in bodies)])
+    found, numbers = [np.zeros((0, 2, 3))], [np.zeros((0, 2), np.int64)]
+    for a, b in combinations(range(len(bodies)), 2):
+        first, second = boxes[a], boxes[b]
+        if first is None or second is None:
+            continue
+        low, high = np.maximum(first[0], second[0]), np.minimum(first[1], second[1])
+        if not (low <= high).all():
+            continue
+        rows = [_inside(bodies[k], low, high) for k in (a, b)]
+        own, other = (bodies[k][inside] for k, inside in zip((a, b), rows, strict=True))
+        i, j = _pairs(own, other, low, high)
+        pair, sections = _sections(own[i], other[j])
+        found.append(sections)
+        one, two = i[pair], j[pair]
+        numbers.append(np.stack([first_of[a] + rows[0][one], first_of[b] + rows[1][two]], axis=1))
+    return np.concatenate(found), np.concatenate(numbers)
+
+
+def _inside(triangles: Array, low: Array, high: Array) -> Long:
+    """Numbers of those whose boxes reach into a box."""
+    meets = (triangles.min(axis=1) <= high) & (triangles.max(axis=1) >= low)
+    return np.flatnonzero(meets.all(axis=1))
+
+
+def _pairs(own: Array, other: Array, low: Array, high: Array) -> tuple[Long, Long]:
+    """Numbers of triangles whose boxes overlap."""
+    side = int(np.clip(np.sqrt(len(own) + len(other)), 1, FINEST))
+    size = np.maximum(high - low, 1e-300) / side
+    listed = []
+    for triangles in (own, other):
+        start = np.clip(np.floor((triangles.min(axis=1) - low) / size), 0, side - 1)
+        stop = np.clip(np.floor((triangles.max(axis=1) - low) / size), 0, side - 1)
+        span = (stop - start + 1).astype(np.int64)
+        number, step = expand(span.prod(axis=1))
+        wide, tall = span[number, 0], span[number, 1]
+        at = start[number].astype(np.int64)
+        at += np.stack([step % wide, step // wide % tall, step // (wide * tall)], axis=1)
+        cell = (at[:, 2] * side + at[:, 1]) * side + at[:, 0]
+        order = np.argsort(cell, kind="stable")
+        listed.append((cell[order], number[order]))
+    (cell, number), (cells, numbers) = listed
+    first = np.searchsorted(cells, cell)
+    run, step = expand(np.searchsorted(cells, cell, side="right") - first)
+    pair = distinct(number[run] * max(len(other), 1) + numbers[first[run] + step])
+    i, j = np.divmod(pair, max(len(other), 1))
+    meets = (own[i].min(axis=1) <= other[j].max(axis=1)).all(axis=1)
+    meets &= (own[i].max(axis=1) >= other[j].min(axis=1)).all(axis=1)
+    return i[meets], j[meets]
+
+
+def _sections(own: Array, other: Array) -> tuple[Long, Array]:
+    """Which pairs of triangles (n, 3, 3) cut each other, and the segments (S, 2, 3) in which they
+    do."""
+    normal = np.cross(own[:, 1] - own[:, 0], own[:, 2] - own[:, 0])
+    length = np.linalg.norm(normal, axis=1)
+    normal = normal / np.where(length > 0.0, length, 1.0)[:, None]
+    height = np.einsum("nvd,nd->nv", other - own[:, :1], normal)
+    flat = FLAT * np.abs(np.concatenate([own, other], axis=1)).max(axis=(1, 2), initial=0.0)
+    cuts = (height.min(axis=1) < -flat) & (height.max(axis=1) > flat) & (length > 0.0)
+    own, other, normal, height = own[cuts], other[cuts], normal[cuts], height[cuts]
+    # the corner alone on its side, then the ways from it to the other two
+    above = height > 0.0
+    alone = np.where(above.sum(axis=1) == 1, above.argmax(axis=1), above.argmin(axis=1))
+    rows = np.arange(len(own))
+    ends = []
+    for step in (1, 2):
+        k = (alone + step) % 3
+        h, g = height[rows, alone], height[rows, k]
+        t = h / np.where(h != g, h - g, 1.0)
+        ends.append(other[rows, alone] + t[:, None] * (other[rows, k] - other[rows, alone]))
+    p, q = ends
+    low, high = np.zeros(len(own)), np.ones(len(own))
+    for k in range(3):
+        a, b = own[:, k], own[:, (k + 1) % 3]
+        inward = np.cross(normal, b - a)
+        d, e = np.sum(inward * (p - a), axis=1), np.sum(inward * (q - a), axis=1)
+        t = d / np.where(d != e, d - e, 1.0)
+        low = np.where(d < 0.0, np.where(e < 0.0, 2.0, np.maximum(low, t)), low)
+        high = np.where((e < 0.0) & (d >= 0.0), np.minimum(high, t), high)
+    some = low < high
+    p, way = p[some], (q - p)[some]
+    ends = [p + low[some, None] * way, p + high[some, None] * way]
+    return np.flatnonzero(cuts)[some], np.stack(ends, axis=1)

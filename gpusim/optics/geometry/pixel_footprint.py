@@ -1,0 +1,286 @@
+"""How large pixels are on painted regions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.optics.camera.pinhole import Camera
+from gpusim.optics.camera.undistortion_table import distortion_map
+from gpusim.optics.geometry.anisotropic_footprint import grazing_reach, may_graze
+from gpusim.optics.geometry.triangle_corners import (
+    CHUNK,
+    POSITION,
+    ST,
+    at_corners,
+    barycentric_planes,
+)
+from gpusim.surface.paint import Paint
+from gpusim.surface.plane import used_vertices
+from gpusim.surface.speckle import Speckle
+from gpusim.surface.surface import Surface
+
+__all__ = [
+    "RegionPaint",
+    "footprint_columns",
+    "footprint_sizes",
+    "regions_of",
+    "with_reach",
+]
+
+Array = npt.NDArray[np.float64]
+Single = npt.NDArray[np.float32]
+
+MANY = 2000
+"""Triangles of a region from which on a bound will do for the largest pixel."""
+
+BLOCK = 1 << 15
+"""Triangles at a time in float32: more than `CHUNK`, as a pass is short then."""
+
+LOOSE = 0.02
+"""By which the bound may be above it, twice."""
+
+ROUNDED = 1e-6
+"""Of a bound, by which float32 may be off."""
+
+
+@dataclass(frozen=True, eq=False)
+class RegionPaint:
+    """A paint with the extent of its region in paint coordinates and the largest pixel there.
+
+    ``reach``: no less than half of its size. ``seen`` (2, 2), of speckle: lowest and highest
+    coordinates of what may be in the image; ``grazing``: some footprints are larger than ``reach``,
+    which suits the usual ones.
+    """
+
+    paint: Paint
+    low: npt.NDArray[np.float64]
+    high: npt.NDArray[np.float64]
+    reach: float
+    seen: npt.NDArray[np.float64] | None = None
+    grazing: bool = False
+
+
+def regions_of(surface: Surface) -> tuple[RegionPaint, ...]:
+    """The paints of a surface, before it is known how large pixels are on them."""
+    none = np.zeros(2), np.zeros(2)
+    return tuple(
+        RegionPaint(paint, *surface.extents.get(region, none), 0.0)
+        for region, paint in enumerate(surface.paints.values())
+    )
+
+
+def with_reach(
+    regions: Sequence[RegionPaint],
+    vertices: Array,
+    place: Array,
+    ideal: Array,
+    corner: npt.NDArray[np.int64],
+    paint: npt.NDArray[np.int32],
+    camera: Camera,
+) -> tuple[tuple[RegionPaint, ...], Array]:
+    """Half the largest pixel footprint of every patterned region and (T,) of every triangle.
+
+    ``vertices`` (V, 11), ``place`` and ``ideal`` (V, 2), ``corner`` and ``paint`` (T, …) are those
+    of `gpusim.optics.geometry.view.View`.
+    """
+    bends = distortion_map(camera)
+    stretch = 1.0 if bends is None else bends.stretch
+    result, widest = [], np.zeros(len(paint))
+    columns = footprint_columns(vertices, ideal)
+    for number, region in enumerate(regions):
+        extent = float((region.high - region.low).max())
+        own = paint == number
+        count = int(np.count_nonzero(own)) if extent > 0.0 else 0
+        whole = count == len(paint)
+        rows = np.flatnonzero(own) if count and not whole else np.zeros(0, np.int64)
+        if count and isinstance(region.paint, Speckle):
+            own_corner = corner if whole else corner[rows]
+            used = used_vertices(own_corner, len(place))
+            # column by column: along an axis of two numbers NumPy takes thirty times as long
+            st = [np.take(column, used) for column in columns[4:]]
+            seen = np.array([[at.min() for at in st], [at.max() for at in st]])
+            some = own_corner
+            if count >= MANY:
+                some = own_corner[_maybe_largest(columns, own_corner)]
+            half, slope = _at_corners_of(vertices, some, camera, stretch)
+            limit = None
+            if some is own_corner or may_graze(region.paint, float(half.max())):
+                if some is not own_corner:
+                    half, slope = _at_corners_of(vertices, own_corner, camera, stretch)
+                widest[own] = half.max(axis=1)
+                image = (camera.width, camera.height)
+                limit = grazing_reach(region.paint, half, slope, place[own_corner], image)
+            reach = min(float(half.max()), extent) if limit is None else limit
+            region = replace(region, reach=reach, seen=seen, grazing=limit is not None)
+        elif count:
+            size = BLOCK if count >= MANY else CHUNK
+            starts = range(0, count, size)
+            parts = [slice(k, k + size) if whole else rows[k : k + size] for k in starts]
+            find = _bound_in_float32(columns) if count >= MANY else _largest_footprint
+            reach = stretch * max(find(columns, corner[part]) for part in parts)
+            region = replace(region, reach=min(reach, extent), seen=None, grazing=False)
+        result.append(region)
+    return tuple(result), widest
+
+
+def _at_corners_of(
+    vertices: Array, corner: npt.NDArray[np.int64], camera: Camera, stretch: float
+) -> tuple[Array, Array]:
+    """Half the size (n, 3) of pixels at the corners of triangles, and their sides (n, 3, 2, 2)."""
+    parts = [corner[first : first + CHUNK] for first in range(0, len(corner), CHUNK)]
+    found = (_of_corners(vertices, part, camera) for part in parts)
+    slope = stretch * np.concatenate([_footprints(*one) for one in found])
+    return 0.5 * np.abs(slope).sum(axis=-1).max(axis=-1), slope
+
+
+def _maybe_largest(columns: list[Array], corner: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+    """Those (m,) of triangles (n, 3) that the largest of `footprint_sizes` may be of."""
+    bounds = _bounds_in_float32(columns)
+    low, high = np.zeros(len(corner), np.float32), np.full(len(corner), np.inf, np.float32)
+    for first in range(0, len(corner), BLOCK):
+        part = slice(first, first + BLOCK)
+        sure, most, more, area, less = bounds(corner[part])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            low[part] = np.where(sure, (most - more) / (area + less), 0.0)
+            high[part] = np.where(sure, (most + more) / (area - less), np.inf)
+    return np.flatnonzero(high >= (1.0 - ROUNDED) * low.max())
+
+
+def _of_corners(
+    vertices: Array, corner: npt.NDArray[np.int64], camera: Camera
+) -> tuple[Array, Array]:
+    """Places and paint coordinates (n, 3, 5) at the corners of triangles, and their planes."""
+    corners = at_corners(vertices[:, : ST.stop], list(corner.T))
+    return corners, barycentric_planes(corners, camera)
+
+
+def _footprints(corners: Array, planes: Array) -> Array:
+    """(n, 3, 2, 2): change of s and t per column and row at the corners of triangles."""
+    st = corners[:, :, ST]
+    scaled = np.swapaxes(st, 1, 2) @ planes
+    slope = scaled[:, None, :, :2] - st[..., None] * planes.sum(axis=1)[:, None, None, :2]
+    result: Array = slope * corners[:, :, 2, None, None]
+    return result
+
+
+def footprint_columns(vertices: Array, ideal: Array) -> list[Array]:
+    """Of vertices (V, 11) at ``ideal`` (V, 2), (V,) each: x, y (px of the ideal image), depth, its
+    inverse, s and t."""
+    z = vertices[:, POSITION.stop - 1]
+    return [np.ascontiguousarray(v) for v in (*ideal.T, z, 1.0 / z, *vertices[:, ST].T)]
+
+
+def _largest_footprint(columns: list[Array], corner: npt.NDArray[np.int64]) -> float:
+    """The largest of `footprint_sizes`."""
+    return float(footprint_sizes(columns, corner).max())
+
+
+def footprint_sizes(columns: list[Array], corner: npt.NDArray[np.int64]) -> Array:
+    """Half the largest pixel in paint coordinates (n,) at the corners of each triangle (n, 3).
+
+    ``columns``: of the vertices, as `footprint_columns` says.
+    """
+    x, y, depth, inverse, *paint = (
+        [np.take(column, corner[:, k], mode="clip") for k in range(3)] for column in columns
+    )
+    ux, uy, vx, vy = x[1] - x[0], y[1] - y[0], x[2] - x[0], y[2] - y[0]
+    area = np.abs(ux * vy - uy * vx)
+
+    def slope(value: list[Array]) -> tuple[Array, Array]:
+        """How it changes per column and row, times the triangle's area, twice."""
+        u, v = value[1] - value[0], value[2] - value[0]
+        return u * vy - v * uy, v * ux - u * vx
+
+    # s / z and 1 / z are affine in the image
+    rate = slope(inverse)
+    most = np.zeros(len(corner))
+    for value in paint:
+        change = slope([s * w for s, w in zip(value, inverse, strict=True)])
+        for s, z in zip(value, depth, strict=True):
+            size = np.abs(change[0] - s * rate[0])
+            size += np.abs(change[1] - s * rate[1])
+            size *= z
+            np.maximum(most, size, out=most)
+    result: Array = 0.5 * most / area
+    return result
+
+
+Bounds = tuple[npt.NDArray[np.bool_], Single, Single, Single, Single]
+
+
+def _bound_in_float32(
+    columns: list[Array],
+) -> Callable[[list[Array], npt.NDArray[np.int64]], float]:
+    """A function like `_largest_footprint` that takes half the time, and may say a little more.
+
+    Triangles for which `_bounds_in_float32` says much more are looked at one by one.
+    """
+    bounds = _bounds_in_float32(columns)
+
+    def find(columns: list[Array], corner: npt.NDArray[np.int64]) -> float:
+        sure, most, more, area, less = bounds(corner)
+        most += more
+        area -= less
+        if sure.all():
+            return 0.5 * float((most / area).max())
+        found = _largest_footprint(columns, corner[~sure])
+        if sure.any():
+            bound = most[sure] / area[sure]
+            found = max(found, 0.5 * float(bound.max()))
+        return found
+
+    return find
+
+
+def _bounds_in_float32(columns: list[Array]) -> Callable[[npt.NDArray[np.int64]], Bounds]:
+    """A function that finds twice the size of the largest pixel on triangles (n, 3) as a quotient:
+    whether (n,) bounds are close, the numerator and what it may be off by, and the denominator
+    with what that may.
+
+    It takes one depth for a triangle, and adds what that may be off by: differences d of s between
+    corners make the gradient, and perspective weighs them by ratios of depths; where these reach
+    up to 1 + r, that changes it by 2 r times the largest d times the length of the triangle's
+    sides, over its area.
+    """
+    x, y, _, inverse, *paint = columns
+    single = [v.astype(np.float32) for v in (x, y, inverse / inverse.min())]
+    single += [(v - 0.5 * (v.min() + v.max())).astype(np.float32) for v in paint]
+    # what a difference may be off by
+    step = [float(np.spacing(np.abs(v).max())) for v in single]
+    off, off_w, off_s = max(step[:2]), step[2], max(step[3:])
+
+    def find(corner: npt.NDArray[np.int64]) -> Bounds:
+        vertices = [corner[:, k] for k in range(3)]
+        u: list[Single] = []
+        v: list[Single] = []
+        for column in single:
+            first, second, third = (np.take(column, own, mode="clip") for own in vertices)
+            u.append(np.subtract(second, first, out=second))
+            v.append(np.subtract(third, first, out=third))
+        area = np.abs(u[0] * v[1] - u[1] * v[0])
+        most, widest = np.zeros_like(area), np.zeros_like(area)
+        for one, two in zip(u[3:], v[3:], strict=True):
+            size = np.abs(one * v[1] - two * u[1])
+            size += np.abs(two * u[0] - one * v[0])
+            np.maximum(most, size, out=most)
+            np.maximum(widest, np.abs(one), out=widest)
+            np.maximum(widest, np.abs(two), out=widest)
+        length = np.abs(u[0]) + np.abs(u[1])
+        length += np.abs(v[0])
+        length += np.abs(v[1])
+        # all three differences are within twice the two
+        depths = np.abs(u[2]) + np.abs(v[2])
+        depths += np.float32(off_w + 1e-6)
+        more: Single = np.float32(4.0) * depths * widest
+        more += np.float32(off_s)
+        more *= length
+        more += np.float32(4.0 * off) * widest
+        less: Single = (np.float32(2.0 * off) + np.float32(1e-6) * length) * length
+        sure = (more <= LOOSE * most) & (less <= LOOSE * area) & (area > 0.0)
+        return sure, most, more, area, less
+
+    return find

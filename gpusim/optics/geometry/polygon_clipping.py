@@ -1,0 +1,199 @@
+"""Convex polygons inside a pixel: half planes, clipping, moments (float64, vectorised).
+
+Twin of ``shaders/lib/raster/polygon_clipping.wgsl``. Polygons are (n, 8, 2) arrays relative to the
+pixel's centre, with ``count`` (n,) corners each; the others repeat the last corner, which adds no
+area.
+
+What is made here lies corner by corner in memory (in Fortran's order), as passes along short axes
+take many times as long; `pick` keeps it so. Any order is taken.
+"""
+
+from __future__ import annotations
+
+from typing import TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+__all__ = [
+    "MOST",
+    "SMALLEST",
+    "beyond",
+    "clip",
+    "clip_square",
+    "half_planes",
+    "moments",
+    "pick",
+    "rectangles",
+    "second_moments",
+]
+
+Array = npt.NDArray[np.float64]
+Long = npt.NDArray[np.int64]
+T = TypeVar("T", bound=np.generic)
+
+MOST = 8
+"""Corners that a polygon may have."""
+
+SMALLEST = 1e-9
+"""px^2; what is smaller isn't drawn."""
+
+ON, ROUNDING = 1e-12, 1e-15
+"""px, and share of a plane's offset, by which corners lie on the plane."""
+
+_PLACE = np.arange(MOST)[:, None]
+
+
+def pick(array: npt.NDArray[T], index: Long | npt.NDArray[np.bool_]) -> npt.NDArray[T]:
+    """``array[index]`` for an index (m,) into the first axis, in Fortran's order."""
+    if index.dtype == bool:
+        index = np.flatnonzero(index)
+    result: npt.NDArray[T] = np.take(array.T, index, axis=-1).T
+    return result
+
+
+def half_planes(corners: Array) -> Array:
+    """(n, 3, 3): a x + b y + c >= 0 inside the triangles (n, 3, 2), of either orientation."""
+    x, y = np.asfortranarray(corners).T
+    planes = np.empty((3, 3, len(corners)))
+    for k, after in ((0, 1), (1, 2), (2, 0)):
+        np.subtract(y[k], y[after], out=planes[0, k])
+        np.subtract(x[after], x[k], out=planes[1, k])
+        np.subtract(x[k] * y[after], y[k] * x[after], out=planes[2, k])
+    planes *= np.where(planes[2, 0] + planes[2, 1] + planes[2, 2] > 0.0, 1.0, -1.0)
+    return planes.T
+
+
+def beyond(planes: Array, corners: Array, slack: float) -> npt.NDArray[np.bool_]:
+    """Whether all ``corners`` (n, V, 2) lie outside one of the half planes (n, K, 3), or no more
+    than ``slack`` px inside it."""
+    x, y = np.asfortranarray(corners).T
+    a, b, c = np.asfortranarray(planes).T
+    result = np.zeros(len(planes), bool)
+    for k in range(len(a)):
+        inside = (a[k] * x + b[k] * y).max(axis=0) + c[k]
+        result |= ~(inside > slack * np.hypot(a[k], b[k]))
+    return result
+
+
+def clip(polygon: Array, count: Long, plane: Array) -> tuple[Array, Long]:
+    """The parts of polygons where a x + b y + c >= 0, ``plane`` (n, 3), and their corners (n,).
+
+    As Sutherland and Hodgman, "Reentrant polygon clipping", CACM 1974; but all corners that stay
+    follow each other, so that two crossings and a turn of the numbers are all that it takes.
+    """
+    corners = np.asfortranarray(polygon).T
+    height = plane[:, 0] * corners[0]
+    height += plane[:, 1] * corners[1]
+    height += plane[:, 2]
+    # from rounding, corners that are nearly one could lie in and out by turns
+    flat = ON * (np.abs(plane[:, 0]) + np.abs(plane[:, 1])) + ROUNDING * np.abs(plane[:, 2])
+    height[np.abs(height) <= flat] = 0.0
+    # what follows the corners repeats the last one
+    out = (height < 0.0).view(np.uint8).sum(axis=0, dtype=np.uint8)
+    within = out == 0
+    clipped, size = corners * within, count * within
+    some = np.flatnonzero((out > 0) & (out < MOST) & (count > 0))
+    if len(some):
+        part, number = _crossed(corners[:, :, some], count[some], height[:, some])
+        clipped[:, :, some], size[some] = part, number
+    return clipped.T, size
+
+
+def _crossed(corners: Array, count: Long, height: Array) -> tuple[Array, Long]:
+    """`clip` for polygons (2, 8, n) that a plane crosses, by their corners' heights (8, n)."""
+    column = np.arange(len(count))
+    inside = height >= 0.0
+    # before the first corner comes the last one, which the padding repeats
+    rises = inside & ~np.concatenate([inside[-1:], inside[:-1]])
+    first = rises.argmax(axis=0)
+    kept = (inside & (_PLACE < count)).view(np.uint8).sum(axis=0, dtype=np.int64)
+
+    def cut(start: Long, end: Long) -> Array:
+        """Where the side between two corners (n,) is crossed, (2, n)."""
+        below, above = height[start, column], height[end, column]
+        a, b = corners[:, start, column], corners[:, end, column]
+        # where rounding makes a sliver's corners go in and out again, both may lie on one side
+        span = below - above
+        share = np.clip(below / np.where(span != 0.0, span, 1.0), 0.0, 1.0)
+        result: Array = a + share * (b - a)
+        return result
+
+    def turned(number: Long) -> Long:
+        return number - count * (number >= count)
+
+    enters = cut(np.where(first == 0, count, first) - 1, first)
+    leaves = cut(turned(first + kept - 1), turned(first + kept))
+    # in the order of the corners' numbers, as the shader finds them: what both make of a polygon
+    # may depend on its first corner
+    size = kept + 2
+    step = np.minimum(_PLACE, size - 1)
+    step += np.where((first > 0) & (first + kept >= count), 1 + count - first, 0)
+    step -= size * (step >= size)
+    place = turned(first + np.clip(step - 1, 0, kept - 1))
+    clipped = np.take_along_axis(corners, place[None], axis=1)
+    np.copyto(clipped, enters[:, None], where=step == 0)
+    np.copyto(clipped, leaves[:, None], where=step > kept)
+    return clipped, np.minimum(size, MOST)
+
+
+def clip_square(planes: Array) -> tuple[Array, Long]:
+    """The pixel's square cut by half planes (n, K, 3), and its corners (n,)."""
+    square = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
+    n = len(planes)
+    corners = np.concatenate([square, np.repeat(square[-1:], MOST - 4, axis=0)])
+    polygon: Array = np.repeat(corners.T[:, :, None], n, axis=2).T
+    count = np.full(n, 4)
+    for k in range(planes.shape[1]):
+        polygon, count = clip(polygon, count, planes[:, k])
+    return polygon, count
+
+
+def moments(polygon: Array) -> tuple[Array, Array]:
+    """Signed area (n,) and centroid (n, 2)."""
+    corners = np.asfortranarray(polygon).T
+    away = corners[:, 1:] - corners[:, :1]
+    (ax, ay), (bx, by) = away[:, :-1], away[:, 1:]
+    twice = ax * by - ay * bx
+    total = twice.sum(axis=0)
+    safe = np.where(total != 0.0, 3.0 * total, 1.0)
+    centroid = np.stack([(twice * (ax + bx)).sum(axis=0), (twice * (ay + by)).sum(axis=0)])
+    return 0.5 * total, (corners[:, 0] + centroid / safe).T
+
+
+def second_moments(polygon: Array) -> Array:
+    """(n, 3): integrals of x x, x y and y y over polygons, about the pixel's centre."""
+    ax, ay = np.asfortranarray(polygon).T
+    bx, by = np.roll(ax, -1, axis=0), np.roll(ay, -1, axis=0)
+    twice = ax * by - ay * bx
+    return np.stack(
+        [
+            np.sum(twice * (ax * ax + bx * bx + ax * bx), axis=0) / 12.0,
+            np.sum(twice * (2.0 * (ax * ay + bx * by) + ax * by + ay * bx), axis=0) / 24.0,
+            np.sum(twice * (ay * ay + by * by + ay * by), axis=0) / 12.0,
+        ]
+    ).T
+
+
+def rectangles(area: Array, centroid: Array, second: Array) -> Array:
+    """(n, 2, 2): sides, as columns, of the rectangles with the same area's second moments.
+
+    ``second`` (n, 3) as `second_moments` has them. The first side is the one nearer to the rows.
+    """
+    x, y = centroid.T
+    xx, xy, yy = 12.0 * (second.T / area - np.stack([x * x, x * y, y * y]))
+    xx, yy = np.maximum(xx, 0.0), np.maximum(yy, 0.0)
+    middle, off = 0.5 * (xx + yy), 0.5 * (xx - yy)
+    spread = np.hypot(off, xy)
+    # what is nearly as long as it is wide keeps to rows and columns
+    turned = spread > 1e-3 * middle
+    spread = np.where(turned, spread, 0.0)
+    angle = np.where(turned, 0.5 * np.arctan2(xy, off), 0.0)
+    c, s = np.cos(angle), np.sin(angle)
+    long, short = np.sqrt(middle + spread), np.sqrt(np.maximum(middle - spread, 0.0))
+    along = np.stack([c * long, s * long], axis=1)
+    across = np.stack([-s * short, c * short], axis=1)
+    flat = (np.abs(c) >= np.abs(s))[:, None]
+    up = np.sign(s)[:, None]
+    first, last = np.where(flat, along, -across * up), np.where(flat, across, along * up)
+    return np.stack([first, last], axis=2)

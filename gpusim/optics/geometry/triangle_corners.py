@@ -1,0 +1,116 @@
+"""Arrays over the corners of triangles, a few thousand at a time or a column after another.
+
+Passes over whole columns of large arrays, or along short axes of them, cost many times more than
+the arithmetic.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import InputError
+from gpusim.optics.camera.pinhole import Camera
+
+__all__ = [
+    "CHUNK", "NORMAL", "POSITION", "REFERENCE", "ST", "at_corners", "barycentric_planes",
+    "corner_mean", "corner_range", "in_camera", "parts", "products",
+]  # fmt: skip
+
+Array = npt.NDArray[np.float64]
+
+POSITION, ST, NORMAL, REFERENCE = slice(0, 3), slice(3, 5), slice(5, 8), slice(8, 11)
+"""Columns of the attribute table that travels through clipping and splitting."""
+
+CHUNK = 1 << 14
+"""Triangles worked on at a time, so that they stay in the processor's cache."""
+
+
+def parts(count: int) -> Iterator[slice]:
+    """`CHUNK` at a time of so many."""
+    for first in range(0, count, CHUNK):
+        yield slice(first, min(first + CHUNK, count))
+
+
+def in_camera(camera: Camera, points: Array) -> Array:
+    """World points (n, 3) in camera coordinates, a view of (3, n): no matrix product, whose
+    rounding depends on where in the array a point is."""
+    T = camera.camera_from_world
+    columns = np.empty((3, len(points)))
+    for part in parts(len(points)):
+        x, y, z = (np.ascontiguousarray(points[part, k]) for k in range(3))
+        for k, column in enumerate(columns[:, part]):
+            np.multiply(x, T[k, 0], out=column)
+            column += T[k, 1] * y
+            column += T[k, 2] * z
+            column += T[k, 3]
+    return columns.T
+
+
+def at_corners(values: Array, corner: list[npt.NDArray[np.int64]]) -> Array:
+    """Values (P, V) at the corners of triangles: (n, 3, V), a view of (3, V, n)."""
+    columns = np.empty((3, values.shape[1], len(corner[0])))
+    for axis in range(values.shape[1]):
+        column = np.ascontiguousarray(values[:, axis])
+        for k in range(3):
+            np.take(column, corner[k], out=columns[k, axis], mode="clip")
+    return np.moveaxis(columns, 2, 0)
+
+
+def barycentric_planes(corners: Array, camera: Camera) -> Array:
+    """(T, 3, 3): row i holds the coefficients of b_i as an affine function of [x, y, 1]."""
+    columns, spare = np.empty((3, 3, len(corners))), np.empty((5, CHUNK))
+    D = camera.ray_matrix()
+    for part in parts(len(corners)):
+        own = columns[:, :, part]
+        _barycentric_planes(corners[part], D, own, spare[:, : own.shape[2]])
+    return np.moveaxis(columns, 2, 0)
+
+
+def _barycentric_planes(corners: Array, D: Array, columns: Array, spare: Array) -> None:
+    p = [[corners[:, k, axis] for axis in range(3)] for k in range(3)]
+    x, y, z, scale, term = spare
+    for i in range(3):
+        (ux, uy, uz), (vx, vy, vz) = p[(i + 1) % 3], p[(i + 2) % 3]
+        for out, (a, b, c, d) in zip(
+            (x, y, z), ((uy, vz, uz, vy), (uz, vx, ux, vz), (ux, vy, uy, vx)), strict=True
+        ):
+            np.multiply(a, b, out=out)
+            np.multiply(c, d, out=term)
+            out -= term
+        if i == 0:
+            np.multiply(p[0][0], x, out=scale)
+            for own, normal in ((p[0][1], y), (p[0][2], z)):
+                np.multiply(own, normal, out=term)
+                scale += term
+            if not np.all(scale != 0.0):
+                raise InputError("a triangle is seen exactly edge-on; it should have been dropped")
+            np.divide(1.0, scale, out=scale)
+        for k, row in enumerate(columns[i]):
+            # the ray matrix is upper triangular
+            np.multiply(x, D[0, k], out=row)
+            for axis, normal in ((1, y), (2, z)):
+                if k >= axis:
+                    np.multiply(normal, D[axis, k], out=term)
+                    row += term
+            row *= scale
+
+
+def products(vectors: Array, others: Array) -> Array:
+    """Scalar products (n,) of vectors (3, n) with one (3,) or as many (3, n)."""
+    result: Array = vectors[0] * others[0] + vectors[1] * others[1] + vectors[2] * others[2]
+    return result
+
+
+def corner_mean(values: Array) -> Array:
+    """Mean over the corners of (T, 3, …); NumPy's own is slow along so short an axis."""
+    result: Array = (values[:, 0] + values[:, 1] + values[:, 2]) / 3.0
+    return result
+
+
+def corner_range(values: Array) -> tuple[Array, Array]:
+    """Lowest and highest over the corners of (T, 3, …)."""
+    a, b, c = values[:, 0], values[:, 1], values[:, 2]
+    return np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)

@@ -1,0 +1,400 @@
+"""Surfaces as one camera sees them: triangles in float64, clipped, culled, and set up for shading.
+
+Everything that decides where an edge falls is computed here in float64. The device receives
+screen positions in fixed point (1/65536 px) and, per triangle, affine functions of the pixel
+relative to an anchor pixel inside the triangle, so that float32 evaluates them to 1e-5 px at any
+image size. With b = M^-1 D [x, y, 1] (M: the corners in camera space as columns, D: the ray
+matrix) the reciprocal depth is the sum of b and an attribute a is (a . b) / sum(b) (Olano and
+Greer, "Triangle scan conversion using 2D homogeneous coordinates", 1997).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.optics.camera.pinhole import Camera
+from gpusim.optics.geometry.clipping import LONGEST_EDGE, SHORT_EDGE, Pieces, Screen, clip, split
+from gpusim.optics.geometry.covered import uncovered
+from gpusim.optics.geometry.culling import cull
+from gpusim.optics.geometry.feature_edges import corner_normals, feature_edges
+from gpusim.optics.geometry.index_buffer import Indexed
+from gpusim.optics.geometry.pattern_seams import speckle_jumps
+from gpusim.optics.geometry.pixel_footprint import RegionPaint, regions_of, with_reach
+from gpusim.optics.geometry.single_layer import FEWEST, one_layer
+from gpusim.optics.geometry.sparse import sparse_excess
+from gpusim.optics.geometry.split_criterion import uncut
+from gpusim.optics.geometry.surface_normals import Shape, shapes_of
+from gpusim.optics.geometry.triangle_corners import (
+    POSITION,
+    ST,
+    at_corners,
+    barycentric_planes,
+    corner_range,
+    in_camera,
+    parts,
+    products,
+)
+from gpusim.optics.geometry.vertex_attributes import VertexTable, turned_corners
+from gpusim.optics.geometry.vertex_positions import Vertices
+from gpusim.surface.plane import PaintFrame
+from gpusim.surface.speckle import Speckle
+from gpusim.surface.surface import Surface
+
+__all__ = ["FIXED", "LONGEST_EDGE", "RegionPaint", "View", "look"]
+
+Array = npt.NDArray[np.float64]
+
+FIXED = 65536
+"""Steps of a screen coordinate in fixed point per pixel."""
+
+NEAR = 1e-4
+"""Near plane, as a share of the farthest depth in view."""
+
+MANY = 2000
+"""Triangles from which on those that aren't cut are told from the others."""
+
+SAMPLED = 4096
+"""Triangles that tell how large they are on average."""
+
+NO_PLACES, NO_SOURCE = np.zeros((0, 3, 2)), np.zeros(0, np.int64)
+
+ALL = slice(None)
+Rows = slice | npt.NDArray[np.int64]
+Short = npt.NDArray[np.int32]
+
+FLAT = 1e-9
+"""Share of the depth by which corners may lie off a plane."""
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """The triangles that a camera may see.
+
+    ``table``: what its vertices carry, and where they are. ``corner`` (T, 3): vertices of each
+    triangle; those of some of its corners may be no other triangle's. ``paint`` and ``face`` (T,):
+    index into ``paints`` and into the faces of all surfaces in order. ``regions``: ``paints`` of
+    which not all is known yet; ``found``: these and ``footprint`` where they are known. ``edges``
+    (E, 2, 2): the visible silhouettes, creases and region borders on screen, px. ``body`` (T,):
+    number of the surface, ascending. ``edge_source`` (E, 2): the triangle that each edge is of, and
+    its corner that it begins at. ``extent``: px, no box round a triangle has a longer side.
+    ``guessed``: the largest pixels in ``found`` are likely, but not certain. ``layer``: no pixel's
+    centre lies in two triangles, unless places are so snapped that one is turned over.
+    ``largest``: px, side of the largest box that was looked at, if that isn't ``extent``.
+    ``source`` (T,): of what `look` makes, index into the triangles of all surfaces in order.
+    ``origin`` (3,): where what was looked at has its zero, the undeformed positions excepted.
+    """
+
+    camera: Camera
+    table: Vertices
+    corner: npt.NDArray[np.int64]
+    paint: npt.NDArray[np.int32]
+    face: npt.NDArray[np.int32]
+    regions: tuple[RegionPaint, ...]
+    edges: npt.NDArray[np.float64]
+    body: npt.NDArray[np.int32]
+    edge_source: npt.NDArray[np.int64]
+    extent: float
+    found: tuple[tuple[RegionPaint, ...], Array] | None = None
+    guessed: bool = False
+    layer: bool = False
+    largest: float | None = None
+    source: npt.NDArray[np.int64] = field(default_factory=NO_SOURCE.copy)
+    origin: Array = field(default_factory=partial(np.zeros, 3))
+
+    @property
+    def count(self) -> int:
+        """Number of triangles."""
+        return len(self.corner)
+
+    @property
+    def vertices(self) -> Array:
+        """(V, 11): camera-space position, paint coordinates, world normal, undeformed world
+        position."""
+        return self.table.columns
+
+    @property
+    def place(self) -> Array:
+        """(V, 2) px, through the lens."""
+        return self.table.place
+
+    @cached_property
+    def _found(self) -> tuple[tuple[RegionPaint, ...], Array]:
+        return self.found or with_reach(
+            self.regions, self.vertices, self.place, self.ideal_place, self.corner, self.paint,
+            self.camera,
+        )  # fmt: skip
+
+    @property
+    def paints(self) -> tuple[RegionPaint, ...]:
+        """The paints of all surfaces' regions in order, with the largest pixel on each."""
+        return self._found[0]
+
+    @property
+    def footprint(self) -> Array:
+        """(T,): half the width of the largest pixel on each triangle, in paint coordinates; 0 where
+        the paint isn't speckle, or none of many is too large for the usual tables."""
+        return self._found[1]
+
+    @cached_property
+    def corners(self) -> Array:
+        """(T, 3, 11): ``vertices`` at every corner; large, see `corners_of`."""
+        return self.corners_of(slice(None))
+
+    def corners_of(self, triangles: Rows, columns: slice = ALL) -> Array:
+        """(n, 3, …): those of some triangles, or some ``columns`` of them."""
+        return self.table.at_corners(columns, self._vertices_of(triangles))
+
+    @cached_property
+    def screen(self) -> Array:
+        """(T, 3, 2) px: ``place`` at every corner."""
+        return self.screen_of(slice(None))
+
+    def screen_of(self, triangles: Rows) -> Array:
+        """(n, 3, 2) px: those of some triangles."""
+        return self.table.places_at(self._vertices_of(triangles))
+
+    def _vertices_of(self, triangles: Rows) -> list[npt.NDArray[np.int64]]:
+        """The vertices (n,) of some triangles by corner: rows of three take twice as long."""
+        if isinstance(triangles, slice):
+            return list(self.corner[triangles].T)
+        return [np.take(vertices, triangles) for vertices in self.corner.T]
+
+    def planes_of(self, triangles: Rows) -> Array:
+        """(n, 3, 3) of some triangles: row i has barycentric i over depth as an affine function of
+        the ideal position [x, y, 1]."""
+        return barycentric_planes(self.corners_of(triangles, POSITION), self.camera)
+
+    @cached_property
+    def ideal(self) -> Array:
+        """(T, 3, 2) px: ``screen`` without the lens's distortion."""
+        return at_corners(self.ideal_place, list(self.corner.T))
+
+    @cached_property
+    def ideal_place(self) -> Array:
+        """(V, 2) px: ``place`` without the lens's distortion."""
+        if self.camera.lens is None:
+            return self.place
+        return Screen(self.camera).ideal(self.table.position)
+
+    @cached_property
+    def flat(self) -> bool:
+        """Whether all triangles are of one body and in one plane: none of them hides another."""
+        if not self.count or self.body[0] != self.body[-1]:
+            return False
+        corners = self.corners_of(ALL, POSITION)
+        normals = np.empty((3, self.count))
+        corner_normals(self.vertices[:, POSITION], list(self.corner.T), normals)
+        normal = normals[:, np.argmax(products(normals, normals))]
+        away = [np.abs(products((corners[:, k] - corners[0, 0]).T, normal)).max() for k in range(3)]
+        # far less than the depth of a triangle in front of another could be told by
+        return bool(max(away) <= FLAT * np.linalg.norm(normal) * corners[:, :, 2].min())
+
+    @cached_property
+    def box(self) -> tuple[Array, Array]:
+        """(T, 2) px: first and last place of every triangle, column by column in memory."""
+        low, high = (np.empty((2, self.count)).T for _ in range(2))
+        for part in parts(self.count):
+            low[part], high[part] = corner_range(self.screen_of(part))
+        return low, high
+
+    @cached_property
+    def mean_pixels(self) -> float:
+        """How many pixels the triangles (some of them, if they are many) cover each."""
+        corners = self.screen_of(slice(None, None, -(-max(self.count, 1) // SAMPLED)))
+        a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+        area = np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
+        return 0.5 * float(area.mean()) if len(area) else 0.0
+
+    def over_rows(self, first: int, stop: int) -> View:
+        """The triangles and edges that touch rows ``first`` … ``stop - 1``; others are left out."""
+        own = (self.box[1][:, 1] > first - 1.0) & (self.box[0][:, 1] < stop)
+        y = self.edges[:, :, 1]
+        near = (np.maximum(y[:, 0], y[:, 1]) > first - 1.0) & (np.minimum(y[:, 0], y[:, 1]) < stop)
+        source = self.edge_source[near]
+        source[:, 0] = (np.cumsum(own) - 1)[source[:, 0]]
+        return replace(
+            self, corner=self.corner[own], paint=self.paint[own], face=self.face[own],
+            edges=self.edges[near], body=self.body[own], edge_source=source,
+            source=self.source[own], found=(self.paints, self.footprint[own]),
+        )  # fmt: skip
+
+    def some(self, triangles: npt.NDArray[np.int64]) -> View:
+        """The view of some triangles (n,) that share no vertices, without edges."""
+        corner = self.corner[triangles].reshape(-1)
+        return replace(
+            self, table=self.table.some(corner),
+            corner=np.arange(len(corner)).reshape(-1, 3), paint=self.paint[triangles],
+            face=self.face[triangles], body=self.body[triangles], edges=self.edges[:0],
+            edge_source=self.edge_source[:0], source=self.source[:0],
+        )  # fmt: skip
+
+    def inverse_depth(self, triangles: npt.NDArray[np.int64] | None = None) -> Array:
+        """1 / z of every corner, (T, 3), or of those of some ``triangles`` (n,), (n, 3)."""
+        if triangles is not None:
+            depth = self.table.position[:, 2]
+            return 1.0 / np.stack([np.take(depth, v) for v in self._vertices_of(triangles)]).T
+        return np.take(1.0 / self.table.position[:, 2], self.corner)
+
+    def raster_depth(self) -> tuple[float, npt.NDArray[np.float32]]:
+        """What 1 / z is scaled by to stay below 1 in a depth buffer, and 1 / z of every vertex."""
+        if not self.count:
+            return 1.0, np.zeros(1, np.float32)
+        inverse = 1.0 / self.table.position[:, 2]
+        return 0.999 / float(inverse.max()), inverse.astype(np.float32)
+
+    def fixed(self) -> npt.NDArray[np.int32]:
+        """Screen positions of the vertices in fixed point, (V, 2), one at least."""
+        result = np.zeros((max(len(self.place), 1), 2), np.int32)
+        for own, column in zip(result.T, self.place.T, strict=True):
+            own[: len(column)] = np.rint(column * FIXED)
+        return result
+
+
+def look(
+    surfaces: Sequence[Surface],
+    camera: Camera,
+    lit: bool,
+    begin: Callable[[View], None] | None = None,
+) -> View:
+    """Prepare ``surfaces`` for ``camera``; normals are computed only where they are used.
+
+    Faces of closed surfaces that look away are dropped; those of open ones are turned round.
+    ``begin``: is called as soon as it is known where the triangles lie, if that is before all else
+    is, with a view that tells no more than that: its vertices have positions alone.
+    """
+    screen = Screen(camera)
+    at = [in_camera(camera, surface.points) for surface in surfaces]
+    far = max((float(points[:, 2].max()) for points in at), default=0.0)
+    none = Pieces(np.zeros((0, 3, 11)), np.zeros((0, 3), bool), NO_SOURCE)
+    parts = [Indexed.of(none, NO_PLACES)]
+    paint_ids: list[Short] = []
+    face_ids: list[Short] = []
+    paints: list[RegionPaint] = []
+    body_ids: list[Short] = []
+    sources, first, first_face = [NO_SOURCE], 0, 0
+    shapes = shapes_of(surfaces)
+    # the places of several surfaces' triangles would have to be joined twice
+    begin = begin if len(surfaces) == 1 else None
+    for number, (surface, shape, points) in enumerate(zip(surfaces, shapes, at, strict=True)):
+        if far > 0.0:
+            part = _seen_of(surface, shape, points, screen, NEAR * far, lit, begin)
+            source = np.take(surface.topology.source, part.source, mode="clip")
+            if len(surface.paints) == 1:
+                paint_ids.append(np.full(len(source), len(paints), np.int32))
+            else:
+                own = np.take(surface.regions, source, mode="clip")
+                paint_ids.append(own + np.int32(len(paints)))
+            face_ids.append(source + np.int32(first_face) if first_face else source)
+            body_ids.append(np.full(len(source), number, np.int32))
+            sources.append(part.source + first)
+            parts.append(part)
+        paints += regions_of(surface)
+        first, first_face = first + len(surface.topology.triangles), first_face + len(surface.faces)
+    all_of = Indexed.joined(parts)
+    place, corner = all_of.place, all_of.corner
+    shown, k = np.divmod(np.flatnonzero(all_of.shows), 3)
+    ends = [place[corner[shown, j]] for j in (k, (k + 1) % 3)]
+    return View(
+        camera, Vertices(all_of.vertices, place), corner, _joined(paint_ids), _joined(face_ids),
+        tuple(paints), np.stack(ends, axis=1), _joined(body_ids), np.stack([shown, k], axis=1),
+        all_of.extent, layer=all_of.layer, source=np.concatenate(sources),
+    )  # fmt: skip
+
+
+def _joined(parts: list[Short]) -> Short:
+    """Several in one; one alone as it is."""
+    return parts[0] if len(parts) == 1 else np.concatenate([np.zeros(0, np.int32), *parts])
+
+
+def _seen_of(
+    surface: Surface,
+    shape: Shape,
+    points: Array,
+    screen: Screen,
+    near: float,
+    lit: bool,
+    begin: Callable[[View], None] | None,
+) -> Indexed:
+    """What may be seen of a surface whose vertices are at camera-space ``points``; ``begin`` as in
+    `look`."""
+    topology = surface.topology
+    triangles = topology.triangles
+    ahead = points[:, 2] > near
+    if ahead.all():
+        ideal = screen.ideal(points)
+    else:
+        ideal = np.full((len(points), 2), np.inf)
+        ideal[ahead] = screen.ideal(points[ahead])
+    culled = cull(
+        surface.points, lambda: shape.area, triangles, ideal, ahead, topology.closed, screen
+    )  # fmt: skip
+    front = culled.front
+    keep, ends = uncovered(topology, front, culled.keep, ideal, points[:, 2])
+    kept = np.flatnonzero(keep)
+    turned = ~(front if len(kept) == len(front) else np.take(front, kept, mode="clip"))
+    corner = turned_corners(triangles, kept, turned)
+    out = ~ahead | screen.beyond(ideal)
+    crossing = np.zeros(len(kept), bool)
+    if out.any():
+        crossing = out[corner[0]] | out[corner[1]] | out[corner[2]]
+    # then `split` would find nothing that hasn't been seen to already
+    straight = not crossing.any() and ahead.all() and screen.camera.lens is None
+    untouched = straight and culled.extent <= SHORT_EDGE
+    table = VertexTable(surface, points, corner, bool(out.any()))
+    place = np.take(ideal.T, table.origin, axis=1).T
+    layer = False
+    if untouched and begin is not None:
+        layer = len(kept) >= FEWEST and one_layer(
+            topology, front, keep, ideal, screen.camera.height
+        )
+        none = np.zeros(0, np.int32)
+        known = Vertices(table.columns[POSITION].T, place)
+        begin(
+            View(
+                screen.camera, known, table.corner.T, none, none,
+                regions_of(surface), np.zeros((0, 2, 2)), none, np.zeros((0, 2), np.int64),
+                culled.extent, layer=layer,
+            )
+        )  # fmt: skip
+    shows = feature_edges(
+        topology, front, surface.regions, shape.creases, keep, shape.smooth[1] if lit else None,
+        surface.extents,
+    )  # fmt: skip
+    shows[ends] = True
+    table.paint(surface, kept, turned)
+    if lit:
+        table.smooth(surface, shape, kept, turned)
+    for number, paint in enumerate(surface.paints.values()):
+        if isinstance(paint, Speckle):
+            own = surface.regions[topology.source[kept]] == number
+            plane = isinstance(surface.paint_frame(number), PaintFrame)
+            st_of = partial(table.paint_at, turned)
+            shows[speckle_jumps(topology, kept, own, st_of, points, ideal, paint, plane)] = True
+    flags = topology.sides(shows, kept)
+    if turned.any():
+        flags[turned] = flags[turned][:, [2, 1, 0]]
+    if len(place) < len(table.origin):
+        place = np.take(ideal.T, table.origin, axis=1).T
+    found = Indexed(table.columns.T, place, table.corner.T, flags, kept, culled.extent, layer)
+    if untouched:
+        return found
+    more = sparse_excess(surface, ST)
+    left, parts = np.ones(len(kept), bool), []
+    if len(kept) >= MANY:
+        whole, done = uncut(found, screen, crossing, more is not None)
+        left, parts = ~done, [whole]
+        if not left.any():
+            return whole
+    pieces = found.pieces(left)
+    crossing = crossing[left]
+    if crossing.any():
+        cut = clip(pieces[crossing], np.array([0.0, 0.0, 1.0]), near)
+        for normal in screen.guards():
+            cut = clip(cut, normal, 0.0)
+        pieces = Pieces.joined([pieces[~crossing], cut])
+    return Indexed.joined([*parts, Indexed.of(*split(pieces, screen, more))])

@@ -1,0 +1,116 @@
+"""Sampled kernels applied to images: sums along rows, then along columns, term by term."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.gpu import Buffer, Device, compare, twin_check
+from gpusim.gpu.texture_array import Texels
+from gpusim.optics.lens.psf import Disc, SampledKernel, sample
+
+__all__ = ["ConvolvePass", "Target", "convolve_twin"]
+
+
+@dataclass(frozen=True, eq=False)
+class Target:
+    """Where an image of rows goes: a buffer of float32, its first element and elements a row."""
+
+    buffer: Buffer
+    first: int
+    stride: int
+
+
+def _table(weights: npt.NDArray[np.float64], n: int) -> npt.NDArray[np.float32]:
+    """(taps + 3 n, 4): what a value counts for in each of four neighbouring outputs."""
+    table = np.zeros((len(weights) + 3 * n, 4), np.float32)
+    for k in range(4):
+        table[k * n : k * n + len(weights), k] = weights
+    return table
+
+
+class ConvolvePass:
+    """Applies a kernel to images of cells that start ``kernel.halo`` cells before the first pixel.
+
+    ``columns``, ``rows``: the largest image of pixels that it will be asked for.
+    """
+
+    def __init__(self, device: Device, kernel: SampledKernel, columns: int, rows: int) -> None:
+        self.device, self.kernel = device, kernel
+        cells = rows * kernel.n + 2 * kernel.halo
+        self.between = device.empty(4 * columns * cells, "convolve.between")
+        self._kernels = [
+            device.kernel("optics/lens/convolution", constants={"vertical": vertical, "add": add})
+            for vertical, add in ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0))
+        ]
+        self._tables = []
+        for term in kernel.terms:
+            pair = []
+            for weights in term:
+                table = _table(weights, kernel.n)
+                texels = Texels(device, len(table), "rgba32float", "convolve.weights")
+                texels.write(table)
+                pair.append(texels)
+            self._tables.append(pair)
+
+    def run(self, cells: Buffer, columns: int, rows: int, target: Target) -> None:
+        """Make ``rows`` x ``columns`` pixels from ``cells``, whose rows follow without gaps."""
+        n, taps = self.kernel.n, self.kernel.taps + 3 * self.kernel.n
+        wide, high = columns * n + 2 * self.kernel.halo, rows * n + 2 * self.kernel.halo
+        for number, (along, across) in enumerate(self._tables):
+            for vertical, table, values, sums, sizes in (
+                (0, along, cells, self.between, (columns, high, 1, wide, 0, 1, columns)),
+                (1, across, self.between, target.buffer,
+                 (rows, columns, columns, 1, target.first, target.stride, 1)),
+            ):  # fmt: skip
+                count, lines, step_in, line_in, first, step_out, line_out = sizes
+                kernel = self._kernels[vertical + int(vertical and number > 0)]
+                params = {
+                    "count": count, "lines": lines, "factor": n, "taps": taps,
+                    "step_in": step_in, "line_in": line_in, "first_out": first,
+                    "step_out": step_out, "line_out": line_out,
+                }  # fmt: skip
+                bindings = kernel.bind(params=params, table=table, values=values, sums=sums)
+                blocks = -(-count // 4)
+                threads = (lines, blocks) if vertical else (blocks, lines)
+                with self.device.recording("optics.convolve") as recording:
+                    recording.dispatch(kernel, bindings, threads=threads)
+
+    def release(self) -> None:
+        """Give the device memory back."""
+        self.between.release()
+        for pair in self._tables:
+            for texels in pair:
+                texels.release()
+
+
+def convolve_twin(
+    kernel: SampledKernel, cells: npt.NDArray[np.floating]
+) -> npt.NDArray[np.float64]:
+    """The same in float64: cells (rows n + 2 halo, columns n + 2 halo) to pixels."""
+    n, taps = kernel.n, kernel.taps
+    rows, columns = ((side - 2 * kernel.halo) // n for side in cells.shape)
+    result = np.zeros((rows, columns))
+    values = cells.astype(np.float64)
+    for along, across in kernel.terms:
+        between = np.zeros((len(values), columns))
+        for t in range(taps):
+            between += along[t] * values[:, t : t + n * columns : n][:, :columns]
+        for t in range(taps):
+            result += across[t] * between[t : t + n * rows : n][:rows]
+    return result
+
+
+@twin_check("optics/lens/convolution")
+def _check(device: Device) -> None:
+    kernel = sample(Disc(1.3), fill_factor=0.8, n=3)
+    columns, rows = 37, 22  # blocks of four that aren't full, in both directions
+    shape = (rows * 3 + 2 * kernel.halo, columns * 3 + 2 * kernel.halo)
+    cells = np.random.default_rng(5).uniform(0.0, 1.0, shape).astype(np.float32)
+    work = ConvolvePass(device, kernel, columns, rows)
+    out = device.empty(4 * 3 * (40 * rows + 5), "convolve.out")
+    work.run(device.buffer(cells, "convolve.cells"), columns, rows, Target(out, 5, 40))
+    got = out.read(np.float32)[5 : 5 + 40 * rows].reshape(rows, 40)[:, :columns]
+    compare("optics/lens/convolution", got, convolve_twin(kernel, cells), atol=5e-6, rtol=1e-5)

@@ -1,0 +1,344 @@
+"""A photograph: the exact pinhole renderer behind a real lens and shutter.
+
+Every moment of the exposure and every position on the lens is one closed-form rendering; they are
+averaged on the device, on cells finer than the pixel if the lens has a point spread, and those are
+weighted and summed into pixels. What the lens and the shutter don't do isn't run: a pinhole with
+an instant shutter is `gpusim.optics.rendering.renderer.render` itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import InputError
+from gpusim.gpu import Device, working_device
+from gpusim.optics.camera.pinhole import Camera
+from gpusim.optics.frame import Band, Frame
+from gpusim.optics.geometry.face_winding import wound_inwards
+from gpusim.optics.lens.accumulation import accumulate, accumulate_twin
+from gpusim.optics.lens.convolution import ConvolvePass, Target, convolve_twin
+from gpusim.optics.lens.psf import Convolved, Disc, SampledKernel, sample
+from gpusim.optics.lens.rolling_shutter import rolled
+from gpusim.optics.lens.shutter import CameraAt, Shutter, SurfacesAt, moments, moments_for, motion
+from gpusim.optics.lens.thin_lens import Lens, focus_of, seen_through
+from gpusim.optics.light.lights import Light
+from gpusim.optics.rendering.local_origin import local_view
+from gpusim.optics.rendering.renderer import BAND_BYTES, FINEST_ERROR, WIDEST, render
+from gpusim.parallel.blas_threads import one_blas_thread
+from gpusim.surface.surface import Surface
+from gpusim.validation import checked
+
+__all__ = ["Exposure", "photograph", "plan_exposure"]
+
+Array = npt.NDArray[np.float64]
+TILE_CELLS = 1 << 24
+SAME_IMAGE = SampledKernel(1, 0, ((np.ones(1), np.ones(1)),), 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Exposure:
+    """What one photograph is put together from.
+
+    ``parts``: weight, surfaces and camera of each rendering; ``sight``: surfaces and camera at the
+    middle of the exposure, for the truth. ``facts`` say in words what was done and left out,
+    ``warnings`` where less was done than the error asks for.
+    """
+
+    parts: tuple[tuple[float, Sequence[Surface], Camera], ...]
+    sight: tuple[Sequence[Surface], Camera]
+    kernel: SampledKernel
+    facts: Mapping[str, str] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def plain(self) -> bool:
+        """Whether one rendering at the image's own pixels is all."""
+        return len(self.parts) == 1 and self.kernel is SAME_IMAGE
+
+
+@checked
+@one_blas_thread()
+def photograph(
+    surfaces: Sequence[Surface] | SurfacesAt,
+    camera: Camera | CameraAt,
+    lights: Sequence[Light] | None = None,
+    *,
+    lens: Lens | None = None,
+    shutter: Shutter | None = None,
+    time: float = 0.0,
+    error: float = FINEST_ERROR,
+    background: float = 0.0,
+    device: Device | None = None,
+    backend: str = "auto",
+) -> Frame:
+    """Photograph ``surfaces`` with a real lens and shutter.
+
+    Parameters
+    ----------
+    surfaces, camera : or functions of the time (s) that return them; surfaces must keep their
+        number of vertices.
+    lens, shutter : None for a pinhole, and for an instant.
+    time : when row 0 begins to collect light.
+    error : RMS error in grey levels of 8 bit, of a picture half of whose pixels see full-contrast
+        edges: it decides the cells per pixel and the lens positions.
+    lights, background, device, backend : as for `render`.
+
+    Returns
+    -------
+    Frame
+        Its truth is that of the pinhole camera at the middle of the exposure, at the time of each
+        row where the shutter rolls. ``facts`` say what was done, ``warnings`` what was left
+        short: a motion or a blur so long that more than 256 renderings would be needed.
+
+    Raises
+    ------
+    InputError, NoAdapter, OutOfDeviceMemory
+    """
+    if lens is not None and not isinstance(lens, Lens):
+        raise InputError(f"photograph lens; got {lens!r}; expected a Lens")
+    if shutter is not None and not isinstance(shutter, Shutter):
+        raise InputError(f"photograph shutter; got {shutter!r}; expected a Shutter")
+    fixed = [] if callable(surfaces) else surfaces
+    if not (isinstance(fixed, Sequence) and all(isinstance(one, Surface) for one in fixed)):
+        expected = "a list of Surface, or a function of the time that returns one"
+        raise InputError(f"photograph surfaces; got {surfaces!r}; expected {expected}")
+    if not np.isfinite(time):
+        raise InputError(f"photograph time; got {time}; expected seconds")
+    lens, shutter = lens or Lens(), shutter or Shutter()
+    exposure = plan_exposure(surfaces, camera, lens, shutter, time, error)
+    device = working_device("photograph", backend, device)
+    backend = "numpy" if device is None else "gpu"
+
+    def shoot(what: Sequence[Surface], whence: Camera) -> Frame:
+        return render(
+            what, whence, lights, error=error, background=background, device=device,
+            backend=backend,
+        )  # fmt: skip
+
+    if exposure.plain:
+        frame = shoot(exposure.parts[0][1], exposure.parts[0][2])
+    else:
+        view = local_view(*exposure.sight, lit=lights is not None)
+        if backend == "numpy":
+            frame = Frame(view, None, radiance=_combine_twin(exposure, shoot))
+        else:
+            assert device is not None
+            frame = Frame(view, device, tuple(_combine(exposure, shoot, device)))
+    if lens.vignetting is not None:
+        frame = _vignetted(frame, lens, exposure.sight[1])
+    frame.facts = dict(exposure.facts)
+    frame.warnings = (*wound_inwards(*exposure.sight), *exposure.warnings)
+    return frame
+
+
+def plan_exposure(
+    surfaces: Sequence[Surface] | SurfacesAt,
+    camera: Camera | CameraAt,
+    lens: Lens,
+    shutter: Shutter,
+    time: float,
+    error: float,
+) -> Exposure:
+    """Decide moments, lens positions and cells per pixel."""
+    surfaces_at: SurfacesAt = surfaces if callable(surfaces) else lambda _: surfaces
+    camera_at: CameraAt = camera if callable(camera) else lambda _: camera
+    still = not callable(surfaces) and not callable(camera)
+    tolerance = error * np.sqrt(2.0) / 255.0
+    facts: dict[str, str] = {}
+    warnings: list[str] = []
+    middle = time + 0.5 * shutter.exposure_time
+    sharp = camera_at(middle)
+    if not isinstance(sharp, Camera):
+        raise InputError(f"photograph camera; got {sharp!r}; expected a Camera")
+    if still:
+        scenes = [(1.0, surfaces_at(middle), sharp)]
+        sight = scenes[0][1:]
+    else:
+        travel = 0.0
+        if shutter.exposure_time:
+            travel = motion(surfaces_at, camera_at, time, shutter.exposure_time)
+        shares, weights = moments(shutter, travel)
+        facts["motion"] = f"{travel:.3g} px during the exposure, {len(shares)} moments"
+        if shutter.samples is None and len(shares) < moments_for(travel) and shutter.exposure_time:
+            # the widest gap of Gauss-Legendre points is pi / 2 times their mean distance
+            warnings.append(
+                f"motion of {travel:.4g} px in {len(shares)} moments: edges go in steps of up to "
+                f"{0.5 * np.pi * travel / len(shares):.2g} px; {moments_for(travel)} samples of "
+                "the shutter would show none"
+            )
+
+        def moment(at: float) -> tuple[Sequence[Surface], Camera]:
+            if shutter.line_time:
+                return rolled(surfaces_at, camera_at, at, shutter.line_time)
+            return surfaces_at(at), camera_at(at)
+
+        scenes = [
+            (float(weight), *moment(time + float(share) * shutter.exposure_time))
+            for share, weight in zip(shares, weights, strict=True)
+        ]
+        sight = scenes[0][1:] if len(scenes) == 1 else moment(middle)
+        if shutter.line_time:
+            facts["shutter"] = f"rolling, {shutter.line_time * 1e6:.4g} us a row"
+    depths = np.concatenate([sight[1].to_camera(s.points)[:, 2] for s in sight[0]] or [np.zeros(0)])
+    focus = focus_of(lens, sight[1], depths, tolerance)
+    psf = lens.psf
+    if lens.aperture:
+        words = f"blur up to {focus.largest:.3g} px"
+        if focus.disc:
+            psf = Disc(focus.disc) if psf is None else Convolved(psf, Disc(focus.disc))
+            words += ", all at one depth: one disc"
+        elif len(focus.points) == 1:
+            words += ": left out"
+        else:
+            words += f", {len(focus.points)} lens positions, edge error {focus.edge_error:.1e}"
+            if lens.positions is None and not focus.edge_error <= tolerance:
+                warnings.append(
+                    f"blur of {focus.largest:.4g} px by {len(focus.points)} lens positions: edge "
+                    f"error {focus.edge_error:.1e}; expected {tolerance:.1e}, by more positions "
+                    "of the lens"
+                )
+        facts["depth of field"] = words
+    kernel = SAME_IMAGE
+    if psf is None and lens.fill_factor != 1.0:
+        side = float(np.sqrt(lens.fill_factor))
+        scenes = [(weight, what, replace(at, pixel_side=side)) for weight, what, at in scenes]
+        facts["fill factor"] = f"{lens.fill_factor:.4g}: a square of {side:.4g} px, in closed form"
+    elif psf is not None:
+        kernel = sample(
+            psf, fill_factor=lens.fill_factor, tolerance=tolerance, n=lens.samples_per_px
+        )
+        facts["point spread"] = (
+            f"{kernel.n} x {kernel.n} cells a pixel, {kernel.taps} across the kernel, edge error "
+            f"{kernel.edge_error:.1e}"
+        )
+    if lens.vignetting is not None:
+        facts["vignetting"] = "applied"
+    if len(scenes) > 1 and len(focus.points) > 1:
+        facts["renderings"] = (
+            f"{len(scenes) * len(focus.points)}: {len(focus.points)} lens positions at each of "
+            f"{len(scenes)} moments"
+        )
+    share = 1.0 / len(focus.points)
+    parts = [
+        (weight * share, what, _at(whence, point, lens))
+        for weight, what, whence in scenes
+        for point in focus.points
+    ]
+    return Exposure(tuple(parts), sight, kernel, facts, tuple(warnings))
+
+
+def _at(camera: Camera, point: Array, lens: Lens) -> Camera:
+    if lens.focus_distance is None or not point.any():
+        return camera
+    return seen_through(camera, point, lens.focus_distance)
+
+
+@dataclass(frozen=True)
+class _Tile:
+    column0: int
+    columns: int
+    row0: int
+    rows: int
+
+    def cells(self, camera: Camera, kernel: SampledKernel) -> Camera:
+        """The camera whose pixels are the tile's cells, halo included."""
+        n, halo = kernel.n, kernel.halo
+
+        def scaled(K: Array) -> Array:
+            # cell k is centred at (k + 0.5 - halo) / n - 0.5 px from the tile's first pixel
+            result = K.copy()
+            result[:2] *= n
+            result[0, 2] = n * (K[0, 2] - self.column0 + 0.5) - 0.5 + halo
+            result[1, 2] = n * (K[1, 2] - self.row0 + 0.5) - 0.5 + halo
+            return result
+
+        return replace(
+            camera,
+            width=n * self.columns + 2 * halo,
+            height=n * self.rows + 2 * halo,
+            K=scaled(camera.K),
+            lens_K=None if camera.lens_K is None else scaled(camera.lens_K),
+        )
+
+
+def _tiles(camera: Camera, kernel: SampledKernel) -> tuple[int, int]:
+    """Columns and rows of the largest tile whose cells can be rendered at once."""
+    n, halo = kernel.n, kernel.halo
+    across = -(-(n * camera.width + 2 * halo) // WIDEST)
+    columns = -(-camera.width // across)
+    if not (WIDEST - 2 * halo) // n >= 1:
+        raise InputError(f"photograph: the lens blurs over {2 * halo // n} px; expected less")
+    columns = min(columns, (WIDEST - 2 * halo) // n)
+    wide = n * columns + 2 * halo
+    most = min(TILE_CELLS // wide, WIDEST)
+    rows = max(1, (most - 2 * halo) // n)
+    return columns, min(rows, camera.height, max(16, BAND_BYTES // (4 * camera.width)))
+
+
+def _combine(
+    exposure: Exposure, shoot: Callable[[Sequence[Surface], Camera], Frame], device: Device
+) -> Iterator[Band]:
+    kernel, camera = exposure.kernel, exposure.sight[1]
+    columns, rows = _tiles(camera, kernel)
+    work = ConvolvePass(device, kernel, columns, rows) if kernel is not SAME_IMAGE else None
+    for row0 in range(0, camera.height, rows):
+        count = min(rows, camera.height - row0)
+        stride = camera.width
+        out = device.empty(4 * count * stride, f"radiance[{row0}]")
+        for column0 in range(0, camera.width, columns):
+            tile = _Tile(column0, min(columns, camera.width - column0), row0, count)
+            size = tile.cells(camera, kernel)
+            target = Target(out, column0, stride)
+            cells = target
+            if work is not None:
+                cells = Target(device.empty(4 * size.width * size.height, "photograph.cells"), 0,
+                               size.width)  # fmt: skip
+            for weight, what, whence in exposure.parts:
+                part = shoot(what, tile.cells(whence, kernel))
+                for band in part.bands:
+                    place = Target(
+                        cells.buffer, cells.first + band.row0 * cells.stride, cells.stride
+                    )
+                    accumulate(device, band.buffer, band.stride, (band.rows, size.width), place,
+                               weight=weight)  # fmt: skip
+                part.release()
+            if work is not None:
+                work.run(cells.buffer, tile.columns, tile.rows, target)
+                cells.buffer.release()
+        yield Band(row0, count, stride, out)
+    if work is not None:
+        work.release()
+
+
+def _combine_twin(
+    exposure: Exposure, shoot: Callable[[Sequence[Surface], Camera], Frame]
+) -> npt.NDArray[np.float32]:
+    camera = exposure.sight[1]
+    whole = _Tile(0, camera.width, 0, camera.height)
+    size = whole.cells(camera, exposure.kernel)
+    cells = np.zeros((size.height, size.width))
+    for weight, what, whence in exposure.parts:
+        part = shoot(what, whole.cells(whence, exposure.kernel))
+        cells = accumulate_twin(cells, part.radiance, weight)
+    if exposure.kernel is not SAME_IMAGE:
+        cells = convolve_twin(exposure.kernel, cells)
+    return cells.astype(np.float32)
+
+
+def _vignetted(frame: Frame, lens: Lens, camera: Camera) -> Frame:
+    assert lens.vignetting is not None
+    if frame.device is None:
+        gains = lens.vignetting.gains(camera, 0, camera.height)
+        radiance = accumulate_twin(frame.radiance.astype(np.float64), gains, gain=True)
+        return Frame(frame.view, None, radiance=radiance.astype(np.float32))
+    for band in frame.bands:
+        gains = lens.vignetting.gains(camera, band.row0, band.rows).astype(np.float32)
+        buffer = frame.device.buffer(gains, "photograph.gains")
+        accumulate(frame.device, buffer, camera.width, (band.rows, camera.width),
+                   Target(band.buffer, 0, band.stride), gain=True)  # fmt: skip
+        buffer.release()
+    return frame

@@ -1,0 +1,150 @@
+"""Surroundings far away: what they light diffusely, and what glossy paints mirror of them.
+
+Diffuse irradiance by spherical harmonics to the second order (Ramamoorthi and Hanrahan, "An
+efficient representation for irradiance environment maps", SIGGRAPH 2001), which is exact for sky
+and ground; reflections from a map that is blurred in advance by the lobe of each roughness, as seen
+along its own normal (Karis, "Real shading in Unreal Engine 4", SIGGRAPH 2013 course).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import InputError
+from gpusim.optics.light.lights import EnvironmentLight, Light
+
+__all__ = ["Environment"]
+
+Array = npt.NDArray[np.float64]
+HEIGHT = 32
+"""Rows of a blurred map; columns are twice as many, or one where all columns are equal."""
+
+FINE = 48
+"""Rows of the map that is blurred."""
+
+
+@dataclass(frozen=True, eq=False)
+class Environment:
+    """Sum of all surroundings of a scene.
+
+    ``axes`` (3, 3): rows right, forward, up. ``image`` (H, W) radiance, see `EnvironmentLight`.
+    ``irradiance``: c, b (3,), m (3, 3) with E(n) = c + b . n + n . m n, in world axes.
+    """
+
+    axes: Array
+    image: Array
+    constant: float
+    linear: Array
+    quadratic: Array
+
+    @staticmethod
+    def of(lights: Sequence[Light]) -> Environment | None:
+        """The `EnvironmentLight` among the lights, if there is one.
+
+        Raises
+        ------
+        InputError
+            There are several.
+        """
+        found = [light for light in lights if isinstance(light, EnvironmentLight)]
+        if not found:
+            return None
+        if len(found) > 1:
+            raise InputError(f"render lights; got {len(found)} environments; expected at most one")
+        light = found[0]
+        up = np.array(light.up, np.float64)
+        up /= np.linalg.norm(up)
+        forward = np.array(light.forward, np.float64)
+        forward = forward - up * (forward @ up)
+        forward /= np.linalg.norm(forward)
+        axes = np.stack([np.cross(forward, up), forward, up])
+        if light.image is None:
+            image = np.repeat([[light.sky], [light.ground]], FINE // 2, axis=0)
+            half = 0.5 * np.pi
+            return Environment(
+                axes, image, half * (light.sky + light.ground),
+                half * (light.sky - light.ground) * up, np.zeros((3, 3)),
+            )  # fmt: skip
+        image = _resized(light.image, FINE, 2 * FINE)
+        direction, weight = _directions(FINE, 2 * FINE)
+        radiance = image.reshape(-1) * weight
+        d = direction @ axes
+        # moments of the radiance against the cosine lobe's first three bands
+        zero = radiance.sum()
+        one = radiance @ d
+        two = np.einsum("n,ni,nj->ij", radiance, d, d)
+        trace = two - np.eye(3) * zero / 3.0
+        return Environment(axes, image, 0.25 * zero, 0.5 * one, 15.0 / 32.0 * trace)
+
+    def diffuse(self, normal: Array) -> Array:
+        """Irradiance (n,) of faces with unit normals (n, 3)."""
+        square = np.einsum("ni,ij,nj->n", normal, self.quadratic, normal)
+        result: Array = np.maximum(self.constant + normal @ self.linear + square, 0.0)
+        return result
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns of the blurred maps."""
+        return HEIGHT, 1 if self.image.shape[1] == 1 else 2 * HEIGHT
+
+    def blurred(self, alpha: float) -> Array:
+        """The map (H, W) as the lobe of GGX with ``alpha`` sees it around each direction."""
+        rows, columns = self.shape
+        target, _ = _directions(rows, columns)
+        fine = self.image if columns > 1 else np.repeat(self.image, 2 * FINE, axis=1)
+        source, weight = _directions(*fine.shape)
+        radiance = fine.reshape(-1)
+        result = np.zeros(len(target))
+        a2 = max(alpha, 1.5 / FINE) ** 2
+        for k in range(0, len(target), 256):
+            cosine = target[k : k + 256] @ source.T
+            # the half vector lies half way: cos^2 of half the angle
+            square = np.clip(0.5 * (1.0 + cosine), 0.0, 1.0)
+            lobe = np.maximum(cosine, 0.0) / (square * (a2 - 1.0) + 1.0) ** 2 * weight
+            result[k : k + 256] = lobe @ radiance / lobe.sum(axis=1)
+        return result.reshape(rows, columns)
+
+    def mirrored(self, maps: Array, which: npt.NDArray[np.int32], direction: Array) -> Array:
+        """Values (n,) of blurred maps (M, H, W) in unit directions (n, 3), between four texels."""
+        rows, columns = maps.shape[1:]
+        local = direction @ self.axes.T
+        v = np.arccos(np.clip(local[:, 2], -1.0, 1.0)) / np.pi * rows - 0.5
+        u = (np.arctan2(local[:, 0], local[:, 1]) / (2.0 * np.pi) + 0.5) * columns - 0.5
+        v = np.clip(v, 0.0, rows - 1.0)
+        j = np.minimum(np.floor(v).astype(np.int64), rows - 2)
+        i = np.floor(u).astype(np.int64)
+        s, t = u - i, v - j
+        a, b = i % columns, (i + 1) % columns
+        top = maps[which, j, a] * (1.0 - s) + maps[which, j, b] * s
+        low = maps[which, j + 1, a] * (1.0 - s) + maps[which, j + 1, b] * s
+        result: Array = top * (1.0 - t) + low * t
+        return result
+
+
+def _directions(rows: int, columns: int) -> tuple[Array, Array]:
+    """Unit vectors (right, forward, up) of the texels of a map, and their solid angles."""
+    theta = (np.arange(rows) + 0.5) / rows * np.pi
+    phi = ((np.arange(columns) + 0.5) / columns - 0.5) * 2.0 * np.pi
+    t, p = np.meshgrid(theta, phi, indexing="ij")
+    direction = np.stack([np.sin(t) * np.sin(p), np.sin(t) * np.cos(p), np.cos(t)], axis=-1)
+    edges = np.cos(np.arange(rows + 1) / rows * np.pi)
+    weight = np.repeat((edges[:-1] - edges[1:]) * 2.0 * np.pi / columns, columns)
+    return direction.reshape(-1, 3), weight
+
+
+def _resized(image: Array, rows: int, columns: int) -> Array:
+    """Mean over the areas of another grid, whatever the ratio of the sizes."""
+
+    def matrix(count: int, wanted: int) -> Array:
+        low = np.arange(wanted)[:, None] * count / wanted
+        high = (np.arange(wanted)[:, None] + 1) * count / wanted
+        own = np.arange(count)[None]
+        share: Array = np.clip(np.minimum(high, own + 1) - np.maximum(low, own), 0.0, None)
+        return share * wanted / count
+
+    result: Array = matrix(image.shape[0], rows) @ image @ matrix(image.shape[1], columns).T
+    return result

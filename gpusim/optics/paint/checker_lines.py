@@ -1,0 +1,165 @@
+"""The lines of large chessboards, drawn by themselves: only their pixels need the closed form.
+
+A footprint that reaches over a line of a board costs several times one that lies within a field,
+and hardly one in twenty does. So the triangles of a board show plain fields, and strips along its
+lines, as wide as footprints reach, are drawn a hair in front of them. The picture is the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.arrays.ragged import expand
+from gpusim.optics.geometry.polygon_clipping import MOST, clip, half_planes
+from gpusim.optics.geometry.triangle_corners import POSITION, ST, corner_range
+from gpusim.optics.geometry.view import FIXED
+from gpusim.optics.paint.checker_fields import MARGIN, lines_near
+from gpusim.optics.shading.setup import Setup
+from gpusim.surface.paint import Checker
+
+__all__ = ["BoardLines", "on_boards"]
+
+Array = npt.NDArray[np.float64]
+Long = npt.NDArray[np.int64]
+LEAST = 8.0
+"""Size of a field over half of the largest pixel on it, from which on it is worth it."""
+
+OVERLAP = 0.012
+"""Of half of the largest pixel, how far strips reach out of their triangle, so that no rounding
+leaves a gap between two of them. Beyond the surface's border lie edge pixels only."""
+
+FLATTEST = 1e-4
+"""Height over length of triangles in paint coordinates that take strips."""
+
+MOST_STRIPS = 1 << 14
+IN_FRONT = 2e-6
+"""Share of the depth; far more than a depth buffer's rounding, far less than any real distance."""
+
+
+@dataclass(frozen=True, eq=False)
+class BoardLines:
+    """``member`` (T,): which of a view's triangles show plain fields.
+
+    The strips are triangles (n,): ``parent``, the view's triangle that each lies on, ``screen``
+    (n, 3, 2) px and ``inverse_depth`` (n, 3).
+    """
+
+    member: npt.NDArray[np.bool_]
+    parent: Long
+    screen: Array
+    inverse_depth: Array
+
+    def fixed(self) -> npt.NDArray[np.int32]:
+        """Screen positions in fixed point, (n, 3, 2)."""
+        return np.rint(self.screen * FIXED).astype(np.int32)
+
+    @staticmethod
+    def of(setup: Setup) -> BoardLines | None:
+        """Those of a view; None where there are none, and behind lenses that bend lines."""
+        view = setup.view
+        if view.camera.lens is not None or setup.lighting.openness is not None:
+            return None
+        member = np.zeros(view.count, bool)
+        found = []
+        for paint, reach, rows in _boards(setup):
+            rows = rows[_spread(view.corners_of(rows, ST))]
+            strips = _strips(setup, rows, paint, reach)
+            if strips is not None:
+                member[rows] = True
+                found.append(strips)
+        if not found:
+            return None
+        return BoardLines(member, *(np.concatenate(parts) for parts in zip(*found, strict=True)))
+
+
+def on_boards(setup: Setup) -> npt.NDArray[np.bool_]:
+    """(T,): which triangles of a view are on boards with large fields, near one of their lines."""
+    member = np.zeros(setup.view.count, bool)
+    for _, _, rows in _boards(setup):
+        member[rows] = True
+    return member
+
+
+def _boards(setup: Setup) -> Iterator[tuple[Checker, float, Long]]:
+    """The boards of a view with large fields, half of the largest pixel on each, and the numbers of
+    their triangles near lines."""
+    view, near = setup.view, (setup.groups == 1) & ~setup.bumpy
+    for number, region in enumerate(view.paints):
+        paint = region.paint
+        if isinstance(paint, Checker) and paint.size > LEAST * region.reach:
+            yield paint, region.reach, np.flatnonzero(near & (view.paint == number))
+
+
+def _spread(st: Array) -> npt.NDArray[np.bool_]:
+    """Whether triangles (n, 3, 2) have an area in paint coordinates, which their sides don't where
+    the paint is thrown on from the front."""
+    a, b = st[:, 1] - st[:, 0], st[:, 2] - st[:, 0]
+    cross = np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
+    longest = np.maximum(*(side[:, 0] ** 2 + side[:, 1] ** 2 for side in (a, b)))
+    result: npt.NDArray[np.bool_] = cross > FLATTEST * longest
+    return result
+
+
+def _strips(
+    setup: Setup, rows: Long, paint: Checker, reach: float
+) -> tuple[Long, Array, Array] | None:
+    """Parents, screen positions and 1 / depth of the strips of one paint on triangles ``rows``;
+    None if they are too many."""
+    st = setup.view.corners_of(rows, ST) - np.array(paint.origin)
+    inset = MARGIN * reach
+    lowest, highest = corner_range(st)
+    first, last = lines_near(paint, reach, lowest, highest)
+    many = np.maximum(last - first + 1.0, 0.0)
+    if not many.sum() <= MOST_STRIPS:
+        return None
+    owners, boxes = [], []
+    for axis in range(2):
+        owner, step = expand(many[:, axis].astype(np.int64))
+        line = (first[owner, axis] + step) * paint.size
+        low, high = lowest[owner] - inset, highest[owner] + inset
+        low[:, axis], high[:, axis] = line - inset, line + inset
+        owners.append(owner)
+        boxes.append(np.stack([low, high], axis=1))
+    owner, box = np.concatenate(owners), np.concatenate(boxes)
+    (x0, y0), (x1, y1) = box[:, 0].T, box[:, 1].T
+    square = np.stack([np.stack(c, 1) for c in ((x0, y0), (x1, y0), (x1, y1), (x0, y1))], axis=1)
+    polygon = np.concatenate([square, np.repeat(square[:, -1:], MOST - 4, axis=1)], axis=1)
+    count = np.full(len(polygon), 4)
+    planes = half_planes(st)
+    planes[..., 2] += OVERLAP * reach * np.hypot(planes[..., 0], planes[..., 1])
+    for k in range(3):
+        polygon, count = clip(polygon, count, planes[owner, k])
+    which, corner = expand(np.maximum(count - 2, 0))
+    places = np.stack([np.zeros_like(corner), corner + 1, corner + 2], axis=1)
+    screen, depth = _seen(setup, rows, st, owner[which], polygon[which[:, None], places])
+    return rows[owner[which]], screen, (1.0 + IN_FRONT) / depth
+
+
+def _seen(setup: Setup, rows: Long, st: Array, owner: Long, places: Array) -> tuple[Array, Array]:
+    """Screen positions (n, 3, 2) and depths (n, 3) of ``places`` (n, 3, 2) in paint coordinates.
+
+    ``st`` (R, 3, 2): those of the corners of triangles ``rows``; ``owner`` (n,): which of them.
+    """
+    corners = setup.view.corners_of(rows, POSITION)
+    (a, b), (c, d) = ((st[:, k] - st[:, 0]).T for k in (1, 2))
+    twice = a * d - b * c
+
+    def of_owners(values: Array) -> Array:
+        return np.asarray(np.take(values, owner)[:, None])
+
+    s, t = (places[..., axis] - of_owners(st[:, 0, axis]) for axis in range(2))
+    at = []
+    for axis in range(3):
+        first, second, third = corners[:, :, axis].T
+        u, v = second - first, third - first
+        # how the position changes with the paint coordinates
+        per_s, per_t = (d * u - b * v) / twice, (a * v - c * u) / twice
+        at.append(of_owners(first) + s * of_owners(per_s) + t * of_owners(per_t))
+    x, y, depth = at
+    K = setup.view.camera.K
+    image = (K[0, 0] * x + K[0, 1] * y) / depth + K[0, 2], K[1, 1] * y / depth + K[1, 2]
+    return np.stack(image, axis=-1), depth

@@ -1,0 +1,380 @@
+"""The share of a pixel that speckle covers.
+
+Soft discs are polynomials of the position wherever they aren't 0 or 1, so that a 3 x 3 Gauss rule
+over the footprint (cut into pieces where the edge is narrow against it) is right to 2e-4. Hard
+discs add the closed-form areas of their circle segments; what several of them cover twice is taken
+off row by row, each row being exact; rows run where they meet the edges squarely. Twin of
+``shaders/lib/paint/disc_coverage.wgsl``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.optics.geometry.anisotropic_footprint import LONGEST_ROW, MOST_PIECES, MOST_SIDE
+from gpusim.optics.paint import area_integrals
+from gpusim.optics.paint.disc_grid import SpeckleGrid, SpeckleTable
+from gpusim.surface.speckle import edge_opacity
+
+__all__ = ["EDGE_ROWS", "grazing_cover", "polygon_cover", "row_turns", "speckle_cover"]
+
+Array = npt.NDArray[np.float64]
+Long = npt.NDArray[np.int64]
+
+ROWS = 8
+"""Rows in which a piece's doubly covered area is measured."""
+
+EDGE_ROWS = 32
+"""Rows, at most, in which what is covered of a part of a pixel is measured."""
+
+GAUSS = np.sqrt(0.15) * np.array([-1.0, 0.0, 1.0])
+WEIGHT = np.array([5.0, 8.0, 5.0]) / 18.0
+
+
+def speckle_cover(
+    table: SpeckleTable, number: int, at: Long, local: Array, ex: Array, ey: Array, q: Array
+) -> Array:
+    """Share (n,) of footprints that discs of region ``number`` cover.
+
+    ``at`` (n, 2) cell, counted from the region's lowest; ``local`` (n, 2) the footprint's centre
+    from the cell's corner; ``ex``, ``ey`` (n, 2) its sides; ``q`` isn't needed (as parallelograms
+    they are right to second order in it).
+    """
+    grid = table.grids[number]
+    start, stop, inside = _lists(table, grid, at)
+    cover = np.zeros(len(at))
+    n = grid.cuts
+    for j in range(n):
+        for i in range(n):
+            x, y = (i + 0.5) / n - 0.5, (j + 0.5) / n - 0.5
+            centre = local[inside] + x * ex[inside] + y * ey[inside]
+            part = _soft if grid.soft else _hard
+            cover[inside] += part(table, start, stop, centre, ex[inside] / n, ey[inside] / n)
+    return cover / n**2
+
+
+def grazing_cover(
+    table: SpeckleTable, number: int, at: Long, local: Array, ex: Array, ey: Array, q: Array
+) -> Array:
+    """The same for footprints that may be large: in pieces, each with the list of its own cell.
+
+    ``q`` (n, 2) is the relative change of 1 / z per column and row: pieces are equal in the image.
+    A footprint that would take too many gets the mean coverage.
+    """
+    grid = table.grids[number]
+    assert grid.pieces is not None
+    sides = np.stack([np.linalg.norm(ex, axis=1), np.linalg.norm(ey, axis=1)], axis=1)
+    wanted = np.maximum(np.ceil(np.minimum(sides / grid.pieces.usual, 1e6) - 1e-4), 1.0)
+    short = np.minimum(wanted.min(axis=1), MOST_SIDE)
+    long = np.minimum(wanted.max(axis=1), np.floor(MOST_PIECES / short))
+    count = np.stack([long, short], axis=1)
+    count[wanted[:, 0] < wanted[:, 1]] = count[wanted[:, 0] < wanted[:, 1]][:, ::-1]
+    mean = (sides / count).max(axis=1) > grid.pieces.longest
+    total = np.where(mean, 0, count.prod(axis=1)).astype(np.int64)
+    cover = np.where(mean, grid.coverage, 0.0)
+    part = _soft if grid.soft else _hard
+    for k in range(int(total.max(initial=0))):
+        own = np.flatnonzero(k < total)
+        n = count[own]
+        o = (np.stack([k % n[:, 0], k // n[:, 0]], axis=1) + 0.5) / n - 0.5
+        w = 1.0 / (1.0 + (q[own] * o).sum(axis=1))[:, None]
+        move = (o[:, :1] * ex[own] + o[:, 1:] * ey[own]) * w
+        x = w / n[:, :1] * (ex[own] - move * q[own, :1])
+        y = w / n[:, 1:] * (ey[own] - move * q[own, 1:])
+        value, there = _looked_up(table, grid, at[own], local[own] + move)
+        start, stop, inside, centre = there
+        value[inside] = part(table, start, stop, centre, x[inside], y[inside])
+        cover[own] += value / total[own]
+    return cover
+
+
+def _looked_up(
+    table: SpeckleTable, grid: SpeckleGrid, at: Long, place: Array
+) -> tuple[Array, tuple[Long, Long, Long, Array]]:
+    """Mean coverage (n,), for where there are no cells, and the lists of those that there are.
+
+    ``place`` (n, 2) is relative to cells ``at``; the last is relative to its own.
+    """
+    step = np.floor(place / grid.cell)
+    start, stop, inside = _lists(table, grid, at + step.astype(np.int64))
+    local = (place - step * grid.cell)[inside]
+    return np.full(len(place), grid.coverage), (start, stop, inside, local)
+
+
+def _lists(
+    table: SpeckleTable, grid: SpeckleGrid, at: Long
+) -> tuple[Long, Long, npt.NDArray[np.int64]]:
+    """Where the lists of cells (n, 2) start and stop, and which cells exist."""
+    inside = np.flatnonzero(((at >= 0) & (at < grid.shape)).all(axis=1))
+    slot = grid.first + at[inside, 1] * grid.shape[0] + at[inside, 0]
+    return table.start[slot], table.start[slot + 1], inside
+
+
+def _soft(
+    table: SpeckleTable, start: Long, stop: Long, centre: Array, ex: Array, ey: Array
+) -> Array:
+    points = (
+        centre[:, None, None]
+        + GAUSS[None, :, None] * ex[:, None, None]
+        + GAUSS[:, None, None] * ey[:, None, None]
+    )
+    left = _uncovered(table, start, stop, points.reshape(-1, 9, 2))
+    result: Array = 1.0 - left.reshape(-1, 3, 3) @ WEIGHT @ WEIGHT
+    return result
+
+
+def _uncovered(table: SpeckleTable, start: Long, stop: Long, points: Array) -> Array:
+    """What soft discs leave open at points (n, P, 2)."""
+    left = np.ones(points.shape[:2])
+    for k in range(int((stop - start).max(initial=0))):
+        rows = np.flatnonzero(start + k < stop)
+        disc = table.disc[start[rows] + k]
+        square = ((points[rows] - disc[:, None, :2]) ** 2).sum(axis=-1)
+        left[rows] *= 1.0 - edge_opacity((disc[:, 2:3] ** 2 - square) * disc[:, 3:4])
+    return left
+
+
+def _hard(
+    table: SpeckleTable, start: Long, stop: Long, centre: Array, ex: Array, ey: Array
+) -> Array:
+    corners = np.stack([-ex - ey, ex - ey, ex + ey, ey - ex], axis=1) * 0.5
+    area = area_integrals.polygon_area(corners)
+    reach = np.sqrt((corners**2).sum(axis=2).max(axis=1))
+    along, across = _by_steepness(table, start, stop, centre, ex, ey, reach)
+    y = ((np.arange(ROWS) + 0.5) / ROWS - 0.5)[:, None]
+    rows = _Rows(centre[:, None] - 0.5 * along[:, None] + y * across[:, None], along[:, None])
+    total, whole = np.zeros(len(centre)), np.zeros(len(centre), bool)
+    for k in range(int((stop - start).max(initial=0))):
+        own = np.flatnonzero(start + k < stop)
+        disc = table.disc[start[own] + k]
+        gap = np.hypot(*(centre[own] - disc[:, :2]).T) - disc[:, 2]
+        whole[own] |= gap <= -reach[own]
+        crossing = np.abs(gap) < reach[own]
+        own, disc = own[crossing], disc[crossing]
+        seen = corners[own] + (centre[own] - disc[:, :2])[:, None]
+        total[own] += area_integrals.disc_area(seen, disc[:, 2]) / area[own]
+        rows.add(own, disc)
+    twice: Array = (rows.total - rows.union()).mean(axis=1)
+    return np.where(whole, 1.0, np.clip(total - twice, 0.0, 1.0))
+
+
+def _by_steepness(
+    table: SpeckleTable, start: Long, stop: Long, centre: Array, ex: Array, ey: Array, reach: Array
+) -> tuple[Array, Array]:
+    """The sides (n, 2) along and across which rows run: they meet the circles' edges squarely.
+
+    What two discs share is a wedge; rows along one of its edges would jump over it. The first 32
+    discs of a list decide, as on the device.
+    """
+    steep = np.zeros(len(centre))
+    for k in range(min(int((stop - start).max(initial=0)), 32)):
+        own = np.flatnonzero(start + k < stop)
+        disc = table.disc[start[own] + k]
+        m = centre[own] - disc[:, :2]
+        away = np.hypot(m[:, 0], m[:, 1])
+        slope = np.abs((m * ex[own]).sum(axis=1)) - np.abs((m * ey[own]).sum(axis=1))
+        crosses = np.abs(away - disc[:, 2]) < reach[own]
+        steep[own] += np.where(crosses, slope / np.maximum(away, 1e-300), 0.0)
+    turned = (steep < 0.0)[:, None]
+    return np.where(turned, ey, ex), np.where(turned, -ex, ey)
+
+
+class _Rows:
+    """Segments ``first`` + x ``along``, x in 0 … 1, (n, R, 2), and what hard discs cover of them.
+
+    Discs over a segment's start, over its end, and between them are kept as one interval each.
+    """
+
+    def __init__(self, first: Array, along: Array) -> None:
+        self.first, self.along = first, np.broadcast_to(along, first.shape)
+        shape = first.shape[:2]
+        self.left, self.right = np.zeros(shape), np.ones(shape)
+        self.low, self.high, self.total = np.ones(shape), np.zeros(shape), np.zeros(shape)
+
+    def add(self, own: Long, disc: Array) -> None:
+        """Put a disc each (m, 4) over segments ``own`` (m,)."""
+        m, d = self.first[own] - disc[:, None, :2], self.along[own]
+        a, b = (d * d).sum(axis=-1), (m * d).sum(axis=-1)
+        c = (m * m).sum(axis=-1) - disc[:, 2:3] ** 2
+        square = b * b - a * c
+        root = np.sqrt(np.maximum(square, 0.0))
+        safe = np.where(a > 0.0, a, 1.0)
+        low, high = (-b - root) / safe, (-b + root) / safe
+        meets = (square > 0.0) & (high > 0.0) & (low < 1.0)
+        starts, ends = meets & (low <= 0.0), meets & (high >= 1.0)
+        between = meets & ~starts & ~ends
+        self.left[own] = np.where(
+            starts, np.maximum(self.left[own], np.minimum(high, 1.0)), self.left[own]
+        )
+        self.right[own] = np.where(
+            ends, np.minimum(self.right[own], np.maximum(low, 0.0)), self.right[own]
+        )
+        self.low[own] = np.where(between, np.minimum(self.low[own], low), self.low[own])
+        self.high[own] = np.where(between, np.maximum(self.high[own], high), self.high[own])
+        span = np.minimum(high, 1.0) - np.maximum(low, 0.0)
+        self.total[own] += np.where(meets, span, 0.0)
+
+    def union(self) -> Array:
+        """Covered share (n, R) of the segments."""
+        middle = np.minimum(self.high, self.right) - np.maximum(self.low, self.left)
+        gap = np.maximum(self.right - self.left, 0.0)
+        result: Array = 1.0 - gap + np.maximum(middle, 0.0)
+        return result
+
+
+def polygon_cover(
+    table: SpeckleTable, number: int, at: Long, local: Array, polygon: Array, weight: Array
+) -> Array:
+    """Share (n,) that discs cover of what is seen of polygons (n, V, 2), relative to ``local``.
+
+    ``weight`` (n, V) is 1 / z at their corners. The polygon is cut into triangles, each of them
+    into rows from its first corner to the opposite side, evenly spaced in the image.
+    """
+    grid = table.grids[number]
+    if grid.pieces is not None:
+        return _grazing_polygon(table, grid, at, polygon + local[:, None], weight)
+    start, stop, inside = _lists(table, grid, at)
+    cover, whole = np.zeros(len(inside)), np.zeros(len(inside))
+    corner, w = polygon[inside] + local[inside, None], weight[inside]
+    origin = corner[:, 0]
+    for k in range(1, polygon.shape[1] - 1):
+        a, b = corner[:, k] - origin, corner[:, k + 1] - origin
+        # the triangle's area in the image, up to a factor that all triangles share
+        area = (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) * w[:, 0] * w[:, k] * w[:, k + 1]
+        part = np.zeros(len(inside))
+        for y, share in _steps(grid):
+            ends = []
+            for m in (k, k + 1):
+                both = np.stack([(1.0 - y) * w[:, 0], y * w[:, m]], axis=1)
+                both /= both.sum(axis=1)[:, None]
+                ends.append(origin * both[:, :1] + corner[:, m] * both[:, 1:])
+            part += 2.0 * y * share * _row_cover(table, grid, start, stop, ends[0], ends[1])
+        cover += area * part
+        whole += area
+    result = np.zeros(len(at))
+    some = whole != 0.0
+    result[inside[some]] = np.clip(cover[some] / whole[some], 0.0, 1.0)
+    return result
+
+
+def _grazing_polygon(
+    table: SpeckleTable, grid: SpeckleGrid, at: Long, corner: Array, weight: Array
+) -> Array:
+    """The same where polygons may be large: rows in pieces, each with the list of its own cell."""
+    cover, whole = np.zeros(len(at)), np.zeros(len(at))
+    origin, first = corner[:, 0], weight[:, 0]
+    for k in range(1, corner.shape[1] - 1):
+        a, b = corner[:, k] - origin, corner[:, k + 1] - origin
+        area = (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) * first * weight[:, k] * weight[:, k + 1]
+        longest = np.sqrt(np.maximum((a * a).sum(axis=1), (b * b).sum(axis=1)))
+        rows = _rows_over(grid, longest)
+        part = np.zeros(len(at))
+        for j in range(int(rows[area != 0.0].max(initial=0))):
+            own = np.flatnonzero((j < rows) & (area != 0.0))
+            y, share = _row_step(grid, j, rows[own])
+            # corners with their weights as a third component: straight in the image
+            ends = [
+                (1.0 - y)[:, None] * _homogeneous(origin[own], first[own])
+                + y[:, None] * _homogeneous(corner[own, m], weight[own, m])
+                for m in (k, k + 1)
+            ]
+            part[own] += 2.0 * y * share * _grazing_row(table, grid, at[own], ends[0], ends[1])
+        cover += area * part
+        whole += area
+    result = np.full(len(at), grid.coverage)
+    some = whole != 0.0
+    result[some] = np.clip(cover[some] / whole[some], 0.0, 1.0)
+    return result
+
+
+def _homogeneous(point: Array, weight: Array) -> Array:
+    return np.concatenate([point, np.ones((len(point), 1))], axis=1) * weight[:, None]
+
+
+def _count(grid: SpeckleGrid, length: Array) -> Long:
+    """Pieces of rows of a length (n,)."""
+    assert grid.pieces is not None
+    side = grid.pieces.usual * (1.0 if grid.soft else 2.0)
+    most = LONGEST_ROW[0 if grid.soft else 1]
+    wanted = np.ceil(np.minimum(length / side, 1e6) - 1e-4)
+    return np.clip(wanted, 1, most).astype(np.int64)
+
+
+def _rows_over(grid: SpeckleGrid, length: Array) -> Long:
+    """Rows (n,) of triangles up to a length (n,)."""
+    if grid.soft:
+        return 3 * _count(grid, length)
+    return np.full(len(length), EDGE_ROWS)
+
+
+def row_turns(grid: SpeckleGrid, length: Array) -> Long:
+    """Rows times their pieces (n,) of polygons up to a length (n,)."""
+    return _count(grid, length) * _rows_over(grid, length)
+
+
+def _row_step(grid: SpeckleGrid, j: int, rows: Long) -> tuple[Array, Array]:
+    """Position in 0 … 1 and weight of row ``j`` of ``rows`` (n,)."""
+    if not grid.soft:
+        return (j + 0.5) / rows, 1.0 / rows
+    n = rows // 3
+    return (j // 3 + 0.5 + GAUSS[j % 3]) / n, WEIGHT[j % 3] / n
+
+
+def _grazing_row(
+    table: SpeckleTable, grid: SpeckleGrid, at: Long, first: Array, last: Array
+) -> Array:
+    """Covered share (n,) of rows between homogeneous points (n, 3)."""
+    assert grid.pieces is not None
+    length = np.linalg.norm(last[:, :2] / last[:, 2:] - first[:, :2] / first[:, 2:], axis=1)
+    count = _count(grid, length)
+    shrink = np.minimum(1.0, 2.0 * grid.pieces.longest * count / np.maximum(length, 1e-300))
+    result = np.zeros(len(at))
+    steps = GAUSS if grid.soft else np.array([-0.5, 0.0, 0.5])
+    for i in range(int(count.max(initial=0))):
+        own = np.flatnonzero(i < count)
+        u = (i + 0.5 + shrink[own, None] * steps) / count[own, None]
+        points = first[own, None] + u[..., None] * (last - first)[own, None]
+        points = points[..., :2] / points[..., 2:]
+        value, there = _looked_up(table, grid, at[own], points[:, 1])
+        start, stop, inside, centre = there
+        points = points[inside] + (centre - points[inside, 1])[:, None]
+        if grid.soft:
+            value[inside] = 1.0 - _uncovered(table, start, stop, points) @ WEIGHT
+        else:
+            rows = _Rows(points[:, :1], (points[:, 2] - points[:, 0])[:, None])
+            for k in range(int((stop - start).max(initial=0))):
+                some = np.flatnonzero(start + k < stop)
+                rows.add(some, table.disc[start[some] + k])
+            value[inside] = rows.union()[:, 0]
+        result[own] += value / count[own]
+    return result
+
+
+def _steps(grid: SpeckleGrid) -> list[tuple[float, float]]:
+    """Positions in 0 … 1 and weights of a triangle's rows, and of a soft row's points."""
+    if not grid.soft:
+        count = EDGE_ROWS
+        return [((i + 0.5) / count, 1.0 / count) for i in range(count)]
+    n = grid.cuts
+    return [
+        ((i + 0.5 + float(GAUSS[k])) / n, float(WEIGHT[k]) / n) for i in range(n) for k in range(3)
+    ]
+
+
+def _row_cover(
+    table: SpeckleTable, grid: SpeckleGrid, start: Long, stop: Long, first: Array, last: Array
+) -> Array:
+    """Covered share (n,) of the segments from ``first`` to ``last`` (n, 2)."""
+    if grid.soft:
+        steps = _steps(grid)
+        x = np.array([step[0] for step in steps])
+        points = first[:, None] + x[:, None] * (last - first)[:, None]
+        share = np.array([step[1] for step in steps])
+        result: Array = 1.0 - _uncovered(table, start, stop, points) @ share
+        return result
+    rows = _Rows(first[:, None], (last - first)[:, None])
+    for k in range(int((stop - start).max(initial=0))):
+        own = np.flatnonzero(start + k < stop)
+        rows.add(own, table.disc[start[own] + k])
+    return rows.union()[:, 0]

@@ -1,0 +1,164 @@
+"""What the pixels of a triangle share: affine functions of the offset from its anchor pixel.
+
+Found a few thousand triangles at a time, so that everything stays in the processor's cache: large
+arrays in between cost more than the arithmetic.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.arrays.sorted_unique import distinct
+from gpusim.optics.geometry.triangle_corners import (
+    NORMAL,
+    ST,
+    at_corners,
+    barycentric_planes,
+    corner_mean,
+)
+from gpusim.optics.geometry.view import View
+from gpusim.optics.paint.bitmap import BitmapTable
+from gpusim.optics.paint.feature_grid import PatternTable
+
+__all__ = ["BLOCK", "Coefficients", "Found", "PerTriangle", "coefficients"]
+
+Array = npt.NDArray[np.float64]
+BLOCK = 4096
+
+
+@dataclass(frozen=True, eq=False)
+class Coefficients:
+    """Of some triangles of a view: ``planes`` (6, 3, n), ``anchor`` (2, n), ``cell`` (2, n),
+    ``mean_inverse`` (n,), as in `gpusim.optics.shading.setup.Setup` but for the order of the
+    axes."""
+
+    part: slice
+    planes: Array
+    anchor: Array
+    cell: Array
+    mean_inverse: Array
+
+
+def coefficients(
+    view: View, table: PatternTable, bitmaps: BitmapTable, lit: bool
+) -> Iterator[Coefficients]:
+    """All of a view's triangles in order, `BLOCK` at a time; the arrays are used again."""
+    featured = table.paints["featured"] > 0
+    patterned = bool(featured.any())
+    cell_of_paint = table.paints["cell"].astype(np.float64)
+    all_planes, all_basis = np.zeros((6, 3, BLOCK)), np.empty((3, 3, BLOCK))
+    spare, all_local = np.empty(BLOCK), np.empty((2, 3, BLOCK))
+    for first in range(0, view.count, BLOCK):
+        part = slice(first, min(first + BLOCK, view.count))
+        count = part.stop - first
+        corners = view.corners_of(part)
+        own = barycentric_planes(corners, view.camera)
+        planes, basis, term = all_planes[:, :, :count], all_basis[:, :, :count], spare[:count]
+        inverse = [1.0 / corners[:, i, 2] for i in range(3)]
+        mean_inverse = (inverse[0] + inverse[1] + inverse[2]) / 3.0
+        ideal = at_corners(view.ideal_place, list(view.corner[part].T))
+        at = np.rint(corner_mean(ideal)).T
+        cell = np.zeros_like(at)
+        values: dict[int, list[Array]] = {}
+        if patterned:
+            paint = view.paint[part]
+            size, some = cell_of_paint[paint], featured[paint]
+            st = corners[:, :, ST]
+            if bitmaps.images:
+                st = bitmaps.texel_positions(paint, st)
+            for axis in range(2):
+                across = [st[:, i, axis] for i in range(3)]
+                cell[axis] = np.floor((across[0] + across[1] + across[2]) / 3.0 / size) * some
+                corner = cell[axis] * size
+                local = all_local[axis, :, :count]
+                for i in range(3):
+                    np.subtract(across[i], corner, out=local[i])
+                values[axis] = list(local)
+        if lit:
+            for axis in range(3):
+                values[3 + axis] = [corners[:, i, NORMAL.start + axis] for i in range(3)]
+        scale = 1.0 / mean_inverse
+        for i in range(3):
+            for k in range(3):
+                np.multiply(own[:, i, k], scale, out=basis[i, k])
+        for k in range(3):
+            np.add(basis[0, k], basis[1, k], out=planes[2, k])
+            planes[2, k] += basis[2, k]
+        for row, corner_values in values.items():
+            for k in range(3):
+                slope = planes[row, k]
+                np.multiply(corner_values[0], basis[0, k], out=slope)
+                for i in (1, 2):
+                    np.multiply(corner_values[i], basis[i, k], out=term)
+                    slope += term
+        for row in (2, *values):
+            for k in range(2):
+                np.multiply(planes[row, k], at[k], out=term)
+                planes[row, 2] += term
+        yield Coefficients(part, planes, at, cell, mean_inverse)
+
+
+class PerTriangle(NamedTuple):
+    """Coefficients triangle by triangle, as in `gpusim.optics.shading.setup.Setup`."""
+
+    planes: Array
+    anchor: Array
+    cell: npt.NDArray[np.int64]
+    mean_inverse: Array
+
+
+class Found:
+    """Coefficients in float64 of those triangles of a view that somebody has asked for: of few,
+    where the host resolves what the device is in doubt about, and of all in the twins."""
+
+    def __init__(self, view: View, table: PatternTable, bitmaps: BitmapTable, lit: bool) -> None:
+        self._setup = view, table, bitmaps, lit
+        # of each triangle its row + 1 among those found, which take no more room than they are
+        self._row = np.zeros(view.count, np.int64)
+        self._found = _none(0)
+
+    def of(self, triangles: npt.NDArray[np.int64]) -> PerTriangle:
+        """Of some triangles (n,), again and again where they are."""
+        new = distinct(triangles[self._row[triangles] == 0])
+        if len(new):
+            more = self._coefficients(self._setup[0].some(new), len(new))
+            before = self._found
+            self._row[new] = np.arange(1, len(new) + 1) + len(before.anchor)
+            self._found = PerTriangle(
+                np.concatenate([before.planes, more.planes]),
+                np.concatenate([before.anchor, more.anchor]),
+                np.concatenate([before.cell, more.cell]),
+                np.concatenate([before.mean_inverse, more.mean_inverse]),
+            )
+        row, (planes, anchor, cell, mean_inverse) = self._row[triangles] - 1, self._found
+        return PerTriangle(planes[row], anchor[row], cell[row], mean_inverse[row])
+
+    @cached_property
+    def all(self) -> PerTriangle:
+        """Of all triangles (T,)."""
+        view = self._setup[0]
+        self._found = self._coefficients(view, view.count)
+        self._row = np.arange(1, view.count + 1)
+        return self._found
+
+    def _coefficients(self, view: View, count: int) -> PerTriangle:
+        result = _none(count)
+        for own in coefficients(view, *self._setup[1:]):
+            result.planes[own.part] = np.moveaxis(own.planes, 2, 0)
+            result.anchor[own.part], result.cell[own.part] = own.anchor.T, own.cell.T
+            result.mean_inverse[own.part] = own.mean_inverse
+        return result
+
+
+def _none(count: int) -> PerTriangle:
+    """Of so many triangles, nothing yet."""
+    return PerTriangle(
+        np.empty((count, 6, 3)), np.empty((count, 2)), np.empty((count, 2), np.int64),
+        np.empty(count),
+    )  # fmt: skip

@@ -1,0 +1,173 @@
+"""Visibility: which triangle the centre of each pixel sees.
+
+On the device this is the hardware rasteriser, a band of rows at a time; the twin scans rows with
+the same rule (a pixel centre on an edge belongs to the triangle on its right or below). The two
+may differ by one pixel along an edge, where screen positions are snapped to 1/256 px; such pixels
+are edge pixels and are resolved from the exact geometry in `gpusim.optics.edge_pixels.resolve`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.arrays.ragged import batches, expand
+from gpusim.errors import TwinMismatch
+from gpusim.gpu import Device, Recording, Texture, twin_check
+from gpusim.optics.camera.pinhole import Camera
+from gpusim.optics.geometry.view import View, look
+from gpusim.optics.raster.vertex_buffers import Drawn
+from gpusim.surface.surface import Surface
+
+__all__ = ["Visibility", "visibility_twin"]
+
+CHUNK = 4_000_000
+
+
+class Visibility:
+    """Draws the triangles of one view, band by band, into a texture of ids."""
+
+    def __init__(self, device: Device, view: View, rows: int) -> None:
+        self.device, self.view = device, view
+        width = view.camera.width
+        self.ids = device.texture(width, rows, "r32uint", "visibility.ids")
+        self.depth = device.texture(width, rows, "depth32float", "visibility.depth")
+        self._raster = device.raster("optics/raster/id_buffer", ("r32uint",))
+        self._drawn = Drawn(device, view, "visibility")
+
+    def record(self, recording: Recording, row0: int, rows: int) -> Texture:
+        """Draw rows ``row0 … row0 + rows - 1`` into the top of the id texture."""
+        width = self.view.camera.width
+        bindings = self._raster.bind(
+            params={"width": width, "rows": rows, "row0": row0, "near": self._drawn.near},
+            **self._drawn.bindings(),
+        )
+        recording.draw(
+            self._raster,
+            bindings,
+            colors=(self.ids,),
+            depth=self.depth,
+            vertices=3 * self.view.count,
+            size=(width, rows),
+        )
+        return self.ids
+
+    def read(self) -> npt.NDArray[np.uint32]:
+        """Ids of the whole image, (H, W) uint32."""
+        camera = self.view.camera
+        band = self.ids.height
+        kernel = self.device.kernel("optics/raster/id_buffer", "read_ids")
+        out = self.device.empty(4 * camera.width * band, "visibility.read")
+        result = np.empty((camera.height, camera.width), np.uint32)
+        for row0 in range(0, camera.height, band):
+            rows = min(band, camera.height - row0)
+            with self.device.recording("optics.visibility") as recording:
+                self.record(recording, row0, rows)
+                size = {"width": camera.width, "rows": rows}
+                bindings = kernel.bind(copy=size, ids=self.ids, result=out)
+                recording.dispatch(kernel, bindings, threads=(camera.width, rows))
+            result[row0 : row0 + rows] = out.read(np.uint32, (rows, camera.width))
+        return result
+
+
+def visibility_twin(view: View) -> npt.NDArray[np.uint32]:
+    """Triangle number + 1 (0: none) per pixel, (H, W) uint32, by scanning rows in float64."""
+    camera = view.camera
+    shape = (camera.height, camera.width)
+    nearest = np.zeros(shape[0] * shape[1])
+    ids = np.zeros(shape[0] * shape[1], np.uint32)
+    screen = np.rint(view.screen * 65536) / 65536
+    low = np.maximum(np.ceil(screen[:, :, 1].min(axis=1)), 0).astype(np.int64)
+    high = np.minimum(np.ceil(screen[:, :, 1].max(axis=1)), shape[0]).astype(np.int64)
+    spans = np.maximum(high - low, 0)
+    triangle, row = expand(spans)
+    row += low[triangle]
+    left, right = _row_interval(screen[triangle], row.astype(np.float64))
+    first = np.maximum(np.ceil(left), 0).astype(np.int64)
+    count = np.maximum(np.minimum(np.ceil(right), shape[1]).astype(np.int64) - first, 0)
+    depth_plane = _depth_planes(screen, view.inverse_depth())
+    for part in batches(count, CHUNK):
+        span, column = expand(count[part])
+        span += part.start
+        column += first[span]
+        plane = depth_plane[triangle[span]]
+        depth = plane[:, 0] * column + plane[:, 1] * row[span] + plane[:, 2]
+        pixel = row[span] * shape[1] + column
+        better = np.flatnonzero(depth > nearest[pixel])
+        better = better[np.argsort(depth[better], kind="stable")]
+        nearest[pixel[better]] = depth[better]
+        ids[pixel[better]] = triangle[span[better]] + 1
+    return ids.reshape(shape)
+
+
+def _row_interval(
+    corners: npt.NDArray[np.float64], row: npt.NDArray[np.float64]
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """Where the line y = row enters and leaves each triangle (n, 3, 2)."""
+    left = np.full(len(row), np.inf)
+    right = np.full(len(row), -np.inf)
+    for k in range(3):
+        a, b = corners[:, k], corners[:, (k + 1) % 3]
+        lower, upper = np.minimum(a[:, 1], b[:, 1]), np.maximum(a[:, 1], b[:, 1])
+        crosses = (lower <= row) & (row < upper)
+        rise = np.where(crosses, b[:, 1] - a[:, 1], 1.0)
+        x = a[:, 0] + (row - a[:, 1]) * (b[:, 0] - a[:, 0]) / rise
+        left = np.where(crosses, np.minimum(left, x), left)
+        right = np.where(crosses, np.maximum(right, x), right)
+    empty = ~(right > left)
+    return np.where(empty, 0.0, left), np.where(empty, 0.0, right)
+
+
+def _depth_planes(
+    screen: npt.NDArray[np.float64], inverse: npt.NDArray[np.float64]
+) -> npt.NDArray[np.float64]:
+    """(T, 3) coefficients of 1 / z = a x + b y + c."""
+    d1, d2 = screen[:, 1] - screen[:, 0], screen[:, 2] - screen[:, 0]
+    determinant = d1[:, 0] * d2[:, 1] - d1[:, 1] * d2[:, 0]
+    determinant = np.where(determinant != 0.0, determinant, np.inf)
+    z1, z2 = inverse[:, 1] - inverse[:, 0], inverse[:, 2] - inverse[:, 0]
+    a = (z1 * d2[:, 1] - z2 * d1[:, 1]) / determinant
+    b = (z2 * d1[:, 0] - z1 * d2[:, 0]) / determinant
+    c = inverse[:, 0] - a * screen[:, 0, 0] - b * screen[:, 0, 1]
+    return np.stack([a, b, c], axis=1)
+
+
+def probe_view() -> View:
+    """A small view with overlap, perspective and an odd size, for the twin checks."""
+    rng = np.random.default_rng(5)
+    points = np.array(
+        [[-1.0, -0.8, 4.0], [1.1, -0.7, 5.0], [0.9, 0.9, 4.5], [-0.8, 0.7, 6.0],
+         [-0.4, -1.0, 3.5], [0.7, 0.1, 3.8], [-0.2, 0.9, 7.0]]
+    )  # fmt: skip
+    points += rng.normal(size=points.shape) * 1e-3
+    faces = np.array([[0, 3, 2, 1], [4, 6, 5, -1]])
+    camera = Camera(57, 33, np.array([[61.0, 0.3, 27.7], [0.0, 60.0, 15.2], [0.0, 0.0, 1.0]]))
+    return look([Surface(points, faces)], camera, lit=False)
+
+
+@twin_check("optics/raster/id_buffer")
+def _check(device: Device) -> None:
+    view = probe_view()
+    got, want = Visibility(device, view, rows=20).read(), visibility_twin(view)
+    wrong = got != want
+    # the hardware snaps to 1/256 px: a pixel centre that close to an edge may fall either way
+    wrong &= ~near_an_edge(view, 1.0 / 128.0)
+    if not want.any() or wrong.any():
+        where = np.argwhere(wrong)[:1].tolist()
+        raise TwinMismatch(
+            f"optics/raster/id_buffer: {int(wrong.sum())} pixels differ, first {where}"
+        )
+
+
+def near_an_edge(view: View, distance: float) -> npt.NDArray[np.bool_]:
+    """(H, W): pixel centres closer than ``distance`` px to any edge of any triangle."""
+    camera = view.camera
+    y, x = np.mgrid[: camera.height, : camera.width].astype(np.float64)
+    near = np.zeros(x.shape, bool)
+    for a, b in zip(
+        view.screen.reshape(-1, 2), np.roll(view.screen, -1, axis=1).reshape(-1, 2), strict=True
+    ):
+        along = b - a
+        t = np.clip(((x - a[0]) * along[0] + (y - a[1]) * along[1]) / (along @ along), 0.0, 1.0)
+        near |= np.hypot(x - a[0] - t * along[0], y - a[1] - t * along[1]) < distance
+    return near

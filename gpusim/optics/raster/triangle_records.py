@@ -1,0 +1,219 @@
+"""The triangles' records, made on the device from the vertices that triangles share.
+
+A record (`gpusim.optics.shading.setup.TRIANGLE`) holds what the pixels of a triangle have in
+common. Where triangles cover a few pixels each, finding all of them on the host takes as long as
+the picture, and they are ten times as large as what they follow from. Its twin is
+`Setup.record_blocks`, which also serves large triangles, bitmaps and reliefs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import TwinMismatch
+from gpusim.gpu import Buffer, Device, Recording, compare, twin_check
+from gpusim.gpu.texture_array import Texels
+from gpusim.optics.geometry.triangle_corners import NORMAL, ST
+from gpusim.optics.probes.paints import probe_setup
+from gpusim.optics.raster.vertex_buffers import Drawn
+from gpusim.optics.shading.setup import TRIANGLE, Setup
+
+__all__ = ["Records", "vertex_blocks"]
+
+Array = npt.NDArray[np.float64]
+
+NEAR = 1 << 31
+"""Added to the paint of triangles near a feature, as in the shader."""
+
+STEPS = 65536
+"""Of a pixel, and of one of these."""
+
+BLOCK = 8192
+"""Vertices at a time, which stay in the processor's cache and fill whole rows of a texture."""
+
+REAL = 2, slice(6, 12)
+"""Words of a vertex that are float32."""
+
+
+class Records:
+    """The records of a view's triangles on the device, as far as they have been asked for.
+
+    ``texels``: seven a triangle, good until those of another view are made; ``vertices``: what they
+    are made of, with 1 / depth relative to ``inverse_depth``; ``looks`` (T, 2) uint32: bits of the
+    triangles' albedo, and their paint.
+    """
+
+    def __init__(
+        self, setup: Setup, drawn: Drawn, vertices: Texels, inverse_depth: float, looked: bool
+    ) -> None:
+        view, device = setup.view, drawn.device
+        self.device, self.count, self.inverse_depth = device, view.count, inverse_depth
+        self.vertices, self.corners = vertices, drawn.corners
+        if looked:
+            self.looks = device.buffer(_looks(setup), "records.looks")
+        else:
+            self.looks = device.empty(8 * view.count, "records.looks")
+        traits = setup.traits().astype(np.float32)
+        traited = device.texels(len(traits), "rgba32float", "records.traits")
+        traited.write(traits)
+        per = TRIANGLE.itemsize // 16
+        self.texels = device.kept.texels(per * view.count, "rgba32uint", "records.triangles")
+        self._bound = {
+            "corners": drawn.corners, "looks": self.looks, "vertices": vertices,
+            "traits": traited, "triangles": self.texels,
+        }  # fmt: skip
+        self._all = False
+
+    @staticmethod
+    def of(device: Device, setup: Setup, drawn: Drawn, looked: bool = True) -> Records | None:
+        """Those of a setup, none of them made yet; None where float32 or the shader can't.
+
+        ``looked``: False leaves what triangles look like to `gpusim.optics.shading.looks`.
+        """
+        view = setup.view
+        if not view.count or setup.bitmaps.images or setup.bumps is not None:
+            return None
+        inverse_depth = float((1.0 / view.vertices[:, 2]).mean())
+        vertices = device.kept.texels(3 * len(view.place), "rgba32uint", "records.vertices")
+        for first, words, finite in vertex_blocks(setup, inverse_depth):
+            if not finite:
+                return None
+            vertices.write(words.reshape(-1, 4), 3 * first)
+        return Records(setup, drawn, vertices, inverse_depth, looked)
+
+    def make_all(self, recording: Recording) -> None:
+        """Make those of all triangles, unless that has been done."""
+        if not self._all:
+            kernel = self.device.kernel("optics/raster/triangle_records")
+            bindings = kernel.bind(params=self._params(self.count), **self._bound)
+            recording.dispatch(kernel, bindings, threads=(self.count,))
+        self._all = True
+
+    def make(self, recording: Recording, numbers: Buffer, groups: Buffer | None = None) -> None:
+        """Make those of some: ``numbers`` + 1 (uint32), 0 where there is none; ``groups``: of 64
+        that are to be looked at, as the device counted them."""
+        if self._all:
+            return
+        kernel = self.device.kernel("optics/raster/triangle_records", "listed")
+        count = numbers.nbytes // 4
+        bindings = kernel.bind(params=self._params(count), order=numbers, **self._bound)
+        if groups is None:
+            recording.dispatch(kernel, bindings, threads=(count,))
+        else:
+            recording.dispatch_counted(kernel, bindings, groups)
+
+    def _params(self, count: int) -> dict[str, float]:
+        return {"count": count, "inverse_depth": self.inverse_depth}
+
+
+def _looks(setup: Setup) -> npt.NDArray[np.uint32]:
+    """(T, 2): bits of the triangles' albedo, and their paint."""
+    looks = np.empty((setup.view.count, 2), np.uint32)
+    looks[:, 0] = setup.albedo.view(np.uint32)
+    looks[:, 1] = setup.view.paint
+    looks[:, 1] |= setup.near_feature.astype(np.uint32) << np.uint32(31)
+    return looks
+
+
+def vertex_blocks(
+    setup: Setup, inverse_depth: float
+) -> Iterator[tuple[int, npt.NDArray[np.uint32], bool]]:
+    """A view's vertices as the shader reads them, block by block: the first one's number, words
+    (n, 12), used again, and whether those that are float32 are finite.
+
+    ``inverse_depth``: what theirs are relative to.
+    """
+    view = setup.view
+    vertices, ideal, sides = view.vertices, view.ideal_place, _sides(setup)
+    patterned = bool((setup.table.paints["featured"] > 0).any())
+    words = np.empty((BLOCK, 12), np.uint32)
+    columns = np.zeros((12, BLOCK), np.uint32)
+    for first in range(0, len(ideal), BLOCK):
+        part = slice(first, min(first + BLOCK, len(ideal)))
+        block = columns[:, : part.stop - first]
+        whole, real = block.view(np.int32), block.view(np.float32)
+        block[3] = 0
+        for axis in range(2):
+            steps = ideal[part, axis] * STEPS
+            below = np.floor(steps)
+            whole[axis] = below
+            block[3] |= ((steps - below) * STEPS).astype(np.uint32) << np.uint32(16 * axis)
+        real[2] = 1.0 / vertices[part, 2] / inverse_depth - 1.0
+        if patterned:
+            side = sides[part]
+            for axis in range(2):
+                value = vertices[part, ST.start + axis]
+                cell = np.floor(value / side)
+                whole[4 + axis] = cell
+                real[6 + axis] = value - cell * side
+        if setup.lit:
+            real[8:11] = vertices[part, NORMAL].T
+        real[11] = sides[part]
+        own = words[: part.stop - first]
+        for k, column in enumerate(block):
+            own[:, k] = column
+        yield first, own, all(bool(np.isfinite(real[rows]).all()) for rows in REAL)
+
+
+def _sides(setup: Setup) -> Array:
+    """(V,): side of the cells of the pattern that each vertex has; 1 without."""
+    view, paints = setup.view, setup.table.paints
+    side = np.ones(len(view.place))
+    for number in np.flatnonzero(paints["featured"] > 0):
+        own = view.paint == number
+        whole = bool(own.all())
+        rows = slice(None) if whole else view.corner[own].reshape(-1)
+        side[rows] = paints["cell"][number]
+    return side
+
+
+@twin_check("optics/raster/triangle_records")
+def _check(device: Device) -> None:
+    setup = probe_setup(fine=False)
+    found = Records.of(device, setup, Drawn(device, setup.view, "records"))
+    if found is None:
+        raise TwinMismatch("optics/raster/triangle_records: nothing to compare")
+    count, per = setup.view.count, TRIANGLE.itemsize // 16
+    some = np.arange(0, 2 * count, 2, dtype=np.uint32) % np.uint32(count + 1)
+    found.texels.write(np.zeros((per * count, 4), np.uint32))
+    with device.recording("optics.records") as recording:
+        found.make(recording, device.buffer(some, "records.some"))
+    few = found.texels.read().reshape(-1, 4 * per)[:count]
+    with device.recording("optics.records") as recording:
+        found.make_all(recording)
+    got = found.texels.read().reshape(-1, 4 * per)[:count]
+    listed = np.isin(np.arange(1, count + 1), some)
+    compare("optics/raster/triangle_records, some", few, np.where(listed[:, None], got, 0), "exact")
+    for name, one, other in zip(
+        ("numbers", "values"), evaluated(setup, got), evaluated(setup, setup.records()), strict=True
+    ):
+        compare(f"optics/raster/triangle_records {name}", one, other, atol=2e-6, rtol=2e-5)
+
+
+def evaluated(setup: Setup, words: npt.NDArray[np.generic]) -> tuple[Array, Array]:
+    """What records say, whatever their anchors and cells: of each triangle (T, 6), and at its
+    corners (T, 3, 13) 1 / depth, paint coordinates, normal and how these change."""
+    records = np.ascontiguousarray(words).view(np.uint32).reshape(-1).view(TRIANGLE)
+    r = {name: records[name].astype(np.float64) for name in TRIANGLE.names or ()}
+    each = np.concatenate([r["nx"][:, 3:], r["ny"][:, 3:], r["more"]], axis=1)
+    d = setup.view.ideal - r["anchor"][:, None]
+    size = setup.table.paints["cell"].astype(np.float64)[setup.view.paint][:, None, None]
+
+    def plane(at: Array, across: Array, down: Array) -> tuple[Array, Array]:
+        slope = np.stack([across, down], axis=1)
+        same = np.broadcast_to(slope[:, None], (*d.shape[:2], *slope.shape[1:]))
+        return at[:, None] + d @ slope, same
+
+    w, change = plane(r["n0"][:, 3:], r["w"][:, :1], r["w"][:, 1:])
+    st = r["st"]
+    s, slope = plane(st[:, [0, 3]], np.c_[st[:, 1], r["t"][:, 0]], np.c_[st[:, 2], r["t"][:, 1]])
+    n, turn = plane(r["n0"][:, :3], r["nx"][:, :3], r["ny"][:, :3])
+    place = s / w + r["cell"][:, None] * size
+    foot = (slope - (s / w)[:, :, None] * change) / w[..., None]
+    featured = setup.table.paints["featured"][setup.view.paint] > 0
+    place[~featured] = foot[~featured] = 0.0
+    flat = [v.reshape(*v.shape[:2], -1) for v in (w, change, place, foot, n / w, turn)]
+    return each, np.concatenate(flat, axis=2)

@@ -1,0 +1,8 @@
+"""Rendering: one frame, from view to radiance.
+
+In the order in which data passes:
+
+- `local_origin`: The origin that a picture is made from, near what it shows.
+- `background`: Work on the host side by side, where arrays are long enough for it.
+- `renderer`: Rendering one frame: view, visibility, interior shading, edge pixels.
+"""

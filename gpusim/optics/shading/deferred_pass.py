@@ -1,0 +1,175 @@
+"""Shading pixel by pixel: first which triangle each one sees, then its light.
+
+Where triangles cover a few pixels each, rasterisers shade several times what is seen (blocks of
+pixels at every border), and set up all that a triangle's pixels share for those few. Here the
+triangles draw their numbers only, and every pixel reads its own one's record. Each program draws
+the whole band at a depth of its own, so that it runs where the triangle seen is of its kind.
+
+Large triangles among small ones, such as walls behind fine bodies, are shaded by themselves, where
+their numbers are; programs then pass over the tiles with small ones alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.gpu import Buffer, Recording, Texture
+from gpusim.gpu.texture_array import Texels
+from gpusim.optics.geometry.view import View
+from gpusim.optics.raster.compute_raster import NONE, Sight
+from gpusim.optics.raster.tile_mask import under
+
+if TYPE_CHECKING:
+    from gpusim.optics.shading.forward_pass import Program
+    from gpusim.optics.shading.scene_buffers import Tables
+
+__all__ = ["FEWEST", "SMALL", "SeenPass", "small_triangles"]
+
+SMALL = 200.0
+"""px; triangles that cover fewer are shaded pixel by pixel, larger ones where
+`gpusim.optics.shading.glance.may_glance` says so.
+
+Several programs pass over all of the image once more.
+"""
+
+FEWEST = 2000
+"""Triangles of a view that is worth it."""
+
+LEVELS = 64
+"""More than there are programs; as in the shader."""
+
+PER_TEXEL = 16
+
+WIDE = 64.0
+"""px; triangles in a larger box are shaded by themselves, if they aren't more than `FEWEST`."""
+
+TILE = 32
+"""px, side of the tiles that programs pass over; as in the shader."""
+
+
+def small_triangles(view: View) -> bool:
+    """Whether the triangles of a view (some of them, if they are many) cover few pixels each."""
+    if view.count < FEWEST:
+        return False
+    pixels = view.mean_pixels
+    if len(view.regions) > 1:
+        pixels += view.camera.width * view.camera.height / view.count
+    return pixels <= SMALL
+
+
+class SeenPass:
+    """The programs of a view, each over the pixels that see triangles of its kind."""
+
+    def __init__(self, tables: Tables, rows: int, programs: list[Program], sight: Sight) -> None:
+        device, view = tables.device, tables.setup.view
+        self.tables, self.sight = tables, sight
+        wide = _wide(view)
+        self._wide: list[tuple[dict[str, float], Buffer, int]] = []
+        self._tiles: Buffer | None = None
+        if wide.any():
+            large, programs = _apart(programs, wide), _apart(programs, ~wide)
+            for program in large:
+                order = device.buffer(program.triangles, "shade.wide")
+                self._wide.append((program.constants, order, len(program.triangles)))
+            row, column = np.nonzero(under(view, np.flatnonzero(~wide), TILE))
+            self._count = len(row)
+            tiles = (row << 16 | column).astype(np.uint32)
+            self._tiles = device.buffer(tiles if self._count else NONE, "shade.tiles")
+        self.programs = programs
+        self._levels: Texels | None = None
+        if len(programs) > 1 or sight.depth is None or self._tiles is not None:
+            count = -(-view.count // PER_TEXEL)
+            levels = np.zeros(PER_TEXEL * count, np.uint8)
+            for k, program in enumerate(programs):
+                levels[program.triangles] = k + 1
+            self._levels = device.texels(count, "rgba32uint", "shade.levels")
+            self._levels.write(levels.view(np.uint32).reshape(-1, 4))
+            self.level_depth = device.target(
+                view.camera.width, rows, "depth32float", "shade.level_depth"
+            )
+
+    def _level(self, k: int) -> float:
+        """The depth of program k; one alone may draw before the triangles that were drawn."""
+        return (k + 1) / LEVELS if self._levels else 0.0
+
+    def record(
+        self,
+        recording: Recording,
+        colors: tuple[Texture, ...],
+        params: dict[str, Any],
+        shared: dict[str, Any],
+    ) -> None:
+        """Shade a band into ``colors``, whose first one is cleared to ``shared``'s background."""
+        device = self.tables.device
+        size = (int(params["width"]), int(params["rows"]))
+        self.sight.record(recording, int(params["row0"]), size[1])
+        self.sight.number(recording, int(params["row0"]), size[1])
+        ids, depth = self.sight.ids, self.sight.depth
+        formats = tuple(texture.format for texture in colors)
+        marking = "" if len(colors) == 1 else "_marked"
+        clear: float | None = self.tables.setup.background
+        for constants, order, count in self._wide:
+            raster = device.raster(
+                "optics/shading/forward_pass",
+                formats,
+                constants,
+                entries=("vertex", "fragment_own" + marking),
+                depth="none",
+            )
+            values = {**shared, **self.tables.drawn.bindings(), "order": order, "ids": ids}
+            recording.draw(
+                raster, raster.bind(params=params, **values), colors=colors, depth=None,
+                vertices=3 * count, size=size, clear=clear,
+            )  # fmt: skip
+            clear = None
+        where: dict[str, Any] = {}
+        over, vertices = "vertex_band", 3
+        if self._tiles is not None:
+            where, over, vertices = {"order": self._tiles}, "vertex_tiles", 6 * self._count
+        if self._levels is not None:
+            depth = self.level_depth
+            raster = device.raster(
+                "optics/shading/forward_pass",
+                (),
+                self.programs[0].constants,
+                entries=(over, "fragment_levels"),
+            )
+            values = {**where, "ids": ids, "levels": self._levels}
+            bindings = raster.bind(params={**params, "level": 0.0}, **values)
+            recording.draw(raster, bindings, colors=(), depth=depth, vertices=vertices, size=size)
+        for k, program in enumerate(self.programs):
+            raster = device.raster(
+                "optics/shading/forward_pass", formats, program.constants,
+                entries=(over, "fragment_seen" + marking),
+                depth="equal" if self._levels else "less",
+            )  # fmt: skip
+            values = {**shared, **where, "ids": ids}
+            bindings = raster.bind(params={**params, "level": self._level(k)}, **values)
+            recording.draw(
+                raster, bindings, colors=colors, depth=depth, vertices=vertices, size=size,
+                clear=clear, keep_depth=True,
+            )  # fmt: skip
+            clear = None
+
+
+def _wide(view: View) -> npt.NDArray[np.bool_]:
+    """(T,): large triangles that are worth to be shaded by themselves."""
+    none = np.zeros(view.count, bool)
+    if view.extent <= WIDE:
+        return none
+    low, high = view.box
+    wide = np.maximum(high[:, 0] - low[:, 0], high[:, 1] - low[:, 1]) > WIDE
+    return wide if 0 < np.count_nonzero(wide) <= FEWEST and not wide.all() else none
+
+
+def _apart(programs: list[Program], own: npt.NDArray[np.bool_]) -> list[Program]:
+    """The same for some of the triangles, those without any left out."""
+    parts = [
+        replace(program, triangles=program.triangles[own[program.triangles]])
+        for program in programs
+    ]
+    return [part for part in parts if len(part.triangles)]

@@ -1,0 +1,282 @@
+"""Pixels that don't see all of every lamp, lit again by what `gpusim.optics.shadow` finds.
+
+`gpusim.optics.shading.forward_pass` lights all pixels by all lamps, and marks which triangle each
+one sees; here the device finds each lamp's share and takes off what is hidden. Pieces of pixels on
+edges, and what the host resolves, ask one by one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.gpu import Bound, Buffer, Device, Texture, compare, twin_check
+from gpusim.optics.edge_pixels.fragment_lists import bin_edges
+from gpusim.optics.geometry.view import look
+from gpusim.optics.light.quadrature import lamps_of
+from gpusim.optics.probes.shadows import shadow_scene
+from gpusim.optics.raster.id_buffer import visibility_twin
+from gpusim.optics.shading.forward_pass import ShadePass, shade_twin
+from gpusim.optics.shading.scene_buffers import Tables
+from gpusim.optics.shading.setup import Setup
+from gpusim.optics.shadow.lamp_visibility import CAPACITY, VisibleShares
+from gpusim.optics.shadow.light_space import LightSpace, lamp_numbers
+from gpusim.optics.shadow.receivers import (
+    TILE,
+    DeviceList,
+    DevicePixels,
+    DeviceReceivers,
+    group_starts,
+)
+from gpusim.optics.shadow.scene import Shadows
+from gpusim.surface.paint import Plain
+
+__all__ = ["ListedShares", "PieceShares", "RelitPass", "no_pieces"]
+
+Array = npt.NDArray[np.float64]
+Numbers = npt.NDArray[np.int64]
+NEEDED = "shadow.capacity"
+
+
+def _found_by(shadows: Shadows, receivers: DeviceReceivers, label: str) -> VisibleShares:
+    """What of the last frame is kept under ``label``, if it is of these receivers; with as many
+    chunks as were needed last."""
+    trees = shadows.trees
+    assert trees is not None
+    known = trees.device.kept.notes.get(NEEDED)
+    found = trees.notes.get(label)
+    if not (isinstance(found, VisibleShares) and found.receivers is receivers):
+        capacity = known if isinstance(known, int) else CAPACITY
+        found = VisibleShares(trees.device, trees, receivers, capacity)
+        trees.notes[label] = found
+    return found
+
+
+def _kept_receivers(shadows: Shadows, label: str) -> DeviceReceivers | None:
+    """Those of the last frame."""
+    assert shadows.trees is not None
+    found = shadows.trees.notes.get(label)
+    return found.receivers if isinstance(found, VisibleShares) else None
+
+
+def _listed(shadows: Shadows, starts: Numbers, label: str) -> VisibleShares:
+    """What those see that are listed in groups which begin at ``starts`` (G + 1,)."""
+    receivers = _kept_receivers(shadows, label)
+    assert shadows.trees is not None
+    if not (isinstance(receivers, DeviceList) and receivers.holds(starts)):
+        # in the next frames there may be some more
+        groups, count = (n + n // 4 for n in (len(starts) - 1, int(starts[-1])))
+        receivers = DeviceList(shadows.trees.device, shadows.occluders, groups, count)
+    receivers.list(starts)
+    return _found_by(shadows, receivers, label)
+
+
+def _enlarged(found: VisibleShares, spaces: Sequence[LightSpace]) -> bool:
+    """`VisibleShares.enlarged`, of which the next ones know."""
+    result = found.enlarged(spaces)
+    if result:
+        found.device.kept.notes[NEEDED] = found.search.capacity
+    return result
+
+
+class RelitPass:
+    """The pixels of one view, band by band, that ``shade`` has lit by all lamps."""
+
+    def __init__(self, tables: Tables, shade: ShadePass, rows: int) -> None:
+        setup = tables.setup
+        shadows = setup.lighting.shadows
+        assert isinstance(shadows, Shadows) and shade.marks is not None
+        self.tables, self.shade = tables, shade
+        self._casting = shadows.casting
+        # a relief may turn normals any way
+        self._spaces = shadows.spaces if setup.bumps is None else shadows.turned(1.0)
+        self._receivers = self._pixels(shadows, shade.marks, rows)
+        self._found = _found_by(shadows, self._receivers, "band")
+        self._band: tuple[Buffer, int, int] | None = None
+        self._tiles = tables.device.empty(4 * self._receivers.most_groups, "relit.tiles_listed")
+        self._counters = tables.device.empty(16, "relit.counters")
+        self._groups = tables.device.empty(12, "relit.groups")
+
+    def _pixels(self, shadows: Shadows, marks: Texture, rows: int) -> DevicePixels:
+        """Those that marks are of."""
+        camera, planes, device = shadows.view.camera, self.tables.planes, self.tables.device
+        layout = marks.stride // 4, 2 if marks.format.startswith("rg") else 1
+        found = _kept_receivers(shadows, "band")
+        if isinstance(found, DevicePixels) and found.suits(camera, rows, planes, *layout):
+            found.look(camera)
+            return found
+        ids = device.empty(marks.stride * rows, "shadow.ids")
+        return DevicePixels(device, shadows.occluders, camera, rows, planes, ids, *layout)
+
+    def record(self, radiance: Buffer, row0: int, rows: int) -> None:
+        """Let the device light a band again, which ``shade`` has left last; `finish` is to follow
+        before it goes on."""
+        self._band = radiance, row0, rows
+        self._receivers.aim(row0, rows)
+        with self.tables.device.recording("optics.shadow") as recording:
+            assert self.shade.marks is not None
+            recording.copy_texture(self.shade.marks, self._receivers.ids, rows)
+        self._found.record(self._spaces)
+        self._relight(radiance, row0, rows)
+
+    def finish(self) -> None:
+        """Do the last band again where the lists of what hides lamps were too short; waits for the
+        device."""
+        while self._band is not None and _enlarged(self._found, self._spaces):
+            radiance, row0, rows = self._band
+            with self.tables.device.recording("optics.shade") as recording:
+                self.shade.record(recording, radiance, row0, rows)
+            self.record(radiance, row0, rows)
+        self._band = None
+
+    def _relight(self, radiance: Buffer, row0: int, rows: int) -> None:
+        setup, width = self.tables.setup, self.tables.setup.view.camera.width
+        glossy = bool(setup.shiny.any())
+        constants = setup.light_constants(glossy, bool(setup.bumpy.any()))
+        constants["scaled"] = float(not glossy)
+        params = {
+            "rays": self.tables.rays(), "width": width, "rows": rows,
+            "stride": self.shade.stride, "row0": row0, "casting": self._casting,
+        }  # fmt: skip
+        bound = Bound(
+            self.tables.device,
+            {
+                "params": params, "radiance": radiance, "marks": self.shade.marks,
+                "lamp_shares": self._found.shares, "states": self._found.states,
+                "halves": self._receivers.halves, "listed": self._tiles,
+                "counters": self._counters, "groups_of": self._groups, **self.tables.surface(),
+            },
+        )  # fmt: skip
+        with self.tables.device.recording("optics.relit") as recording:
+            recording.clear(self._counters)
+            count = -(-width // TILE) * -(-rows // TILE)
+            name = "optics/shading/relighting"
+            bound.run(recording, name, "list_tiles", constants, threads=(count,))
+            bound.run(recording, name, "count_tiles", constants, groups=(1,))
+            bound.run(recording, name, "main", constants, counted=self._groups)
+
+
+def no_pieces(device: Device) -> dict[str, Any]:
+    """What a program is bound to that lists none."""
+    return {
+        "receivers": device.buffer(np.zeros(4, np.uint32), "shadow.no_receivers"),
+        "lamp_shares": device.buffer(np.zeros(4, np.float32), "shadow.no_shares"),
+        "owners": device.no_texels("rgba32uint"),
+        "slot_of": device.buffer(np.zeros(4, np.uint32), "shadow.no_slots"),
+        "painted": device.buffer(np.zeros(4, np.uint32), "shadow.no_paint"),
+    }
+
+
+class PieceShares:
+    """What pieces of pixels see, which a program lists: there is a place for each in groups of
+    neighbours that begin at ``starts`` (G + 1,)."""
+
+    def __init__(self, tables: Tables, shadows: Shadows, starts: Numbers) -> None:
+        device = tables.device
+        self._device, self._spaces, self._planes = device, shadows.spaces, tables.planes
+        self._found = _listed(shadows, starts, "pieces")
+        self._found.make_room(shadows.spaces)
+        self._receivers, self._casting = self._found.receivers, shadows.casting
+        self._painted = device.kept.take(16 * self._receivers.most, "shadow.painted")
+        with device.recording("optics.shadow") as recording:
+            recording.clear(self._receivers.pieces)
+            recording.clear(self._painted)
+
+    def range(self) -> dict[str, int]:
+        """Members of the programs' uniform."""
+        return {"slots": self._receivers.count, "casting": self._casting}
+
+    def bindings(self) -> dict[str, Any]:
+        """By their WGSL names, for the program that lists them, and for that which lights them once
+        it is found what they see."""
+        return {
+            "receivers": self._receivers.pieces, "owners": self._planes, "painted": self._painted,
+            "lamp_shares": self._found.shares,
+        }  # fmt: skip
+
+    def release(self) -> None:
+        """Leave memory to others."""
+        self._device.kept.give(self._painted)
+
+    def find(self) -> None:
+        """Let the device find what those see that are listed."""
+        self._found.record(self._spaces)
+
+    def failed(self) -> bool:
+        """Whether that has to be done again; waits for the device."""
+        return _enlarged(self._found, self._spaces)
+
+
+class ListedShares:
+    """`Shadows.shares` by a device."""
+
+    def __init__(self, shadows: Shadows) -> None:
+        self._shadows = shadows
+
+    def __call__(
+        self,
+        x: Array,
+        y: Array,
+        at: Array,
+        normal: Array,
+        across: Array,
+        down: Array,
+        triangle: Numbers,
+    ) -> Array:
+        """As `Shadows.shares`."""
+        shadows = self._shadows
+        result = np.ones((len(x), len(shadows.lamps)))
+        if not len(x):
+            return result
+        # those of a tile look past the same
+        tile = np.stack([np.floor((x + 0.5) / TILE), np.floor((y + 0.5) / TILE)])
+        order = np.lexsort(tile)
+        last = np.flatnonzero(np.any(np.diff(tile[:, order], append=-1.0) != 0.0, axis=0))
+        receivers = replace(
+            shadows.receivers(at, normal, across, down, triangle)[order],
+            start=group_starts(np.diff(last + 1, prepend=0)),
+        )
+        found = _listed(shadows, receivers.starts, "listed")
+        assert isinstance(found.receivers, DeviceList)
+        found.receivers.fill(receivers)
+        result[order[:, None], lamp_numbers(shadows.spaces)] = found.found(shadows.spaces)
+        return result
+
+
+@twin_check("optics/shading/relighting")
+def _check(device: Device) -> None:
+    surfaces, camera, lights = shadow_scene()
+    plain = [surfaces[0], *(replace(own, paint=Plain(0.6)) for own in surfaces[1:])]
+    for shown in (surfaces, plain):
+        view = look(shown, camera, lit=True)
+        setup = Setup.build(view, lights, 0.05, shown, shadows=False)
+        _compare(device, setup, Shadows.of(view, lamps_of(lights), shown, device))
+
+
+def _compare(device: Device, setup: Setup, shadows: Shadows) -> None:
+    camera = setup.view.camera
+    tables = Tables(device, setup)
+    shading = ShadePass(tables, camera.height, marked=True)
+    out = device.empty(4 * shading.stride * camera.height, "relit.out")
+    with device.recording("optics.shade") as recording:
+        shading.record(recording, out, 0, camera.height)
+    relit = RelitPass(tables.with_shadows(shadows), shading, camera.height)
+    relit.record(out, 0, camera.height)
+    relit.finish()
+    got = out.read(np.float32, (camera.height, shading.stride))[:, : camera.width]
+    want = shade_twin(setup.with_shadows(shadows), visibility_twin(setup.view))
+    inside = np.ones(want.size, bool)
+    inside[bin_edges(setup.view).pixel] = False
+    # one sample of 512 may fall to the other side of an outline
+    atol = 2.5 / 512 * float(want.max())
+    compare(
+        "optics/shading/relighting",
+        got.reshape(-1)[inside],
+        want.reshape(-1)[inside],
+        "pixel",
+        atol=atol,
+    )

@@ -1,0 +1,400 @@
+"""A view set up for shading: per-triangle coefficients, pattern tables and lamps, in float64.
+
+The records that the device reads are made here, and the functions with which the NumPy twins
+evaluate the same coefficients at pixels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.arrays.sorted_unique import distinct
+from gpusim.errors import InputError
+from gpusim.gpu import Device
+from gpusim.optics.camera.undistortion_table import distortion_map
+from gpusim.optics.geometry.view import View
+from gpusim.optics.light.lights import Light
+from gpusim.optics.paint.bitmap import BITMAP, PIECES, BitmapTable, pieces_needed
+from gpusim.optics.paint.checker_fields import matte_boards, within_fields
+from gpusim.optics.paint.feature_grid import PatternTable
+from gpusim.optics.paint.relief_normals import Bumps, bump_of
+from gpusim.optics.raster.coefficients import BLOCK, Coefficients, Found, PerTriangle, coefficients
+from gpusim.optics.shading.lighting import Lighting, SharesOf
+from gpusim.optics.shadow.scene import Shadows
+from gpusim.surface.surface import Surface
+
+__all__ = ["GRAZING", "TRIANGLE", "Setup", "footprint", "radiance_of"]
+
+Array = npt.NDArray[np.float64]
+TRIANGLE = np.dtype(
+    [("n0", "<f4", 4), ("nx", "<f4", 4), ("ny", "<f4", 4), ("w", "<f4", 2), ("anchor", "<i4", 2),
+     ("st", "<f4", 4), ("t", "<f4", 2), ("cell", "<i4", 2), ("more", "<f4", 4)]
+)  # fmt: skip
+"""Texels of four words: the first four are all that plain matte paint needs."""
+
+WORDS = {
+    0: (3, 2), 1: (4, 2), 2: (5, 2), 3: (2, 2), 4: (3, 0), 5: (4, 0), 6: (5, 0), 8: (3, 1),
+    9: (4, 1), 10: (5, 1), 12: (2, 0), 13: (2, 1), 16: (0, 2), 17: (0, 0), 18: (0, 1), 19: (1, 2),
+    20: (1, 0), 21: (1, 1),
+}  # fmt: skip
+"""Which of a record's words are which of `Setup.planes`."""
+
+REAL = slice(0, 14), slice(16, 22)  # words that may be beyond float32
+
+GRAZING = 4
+"""Added to the number of a group of triangles whose speckle is cut pixel by pixel."""
+
+
+@dataclass(frozen=True, eq=False)
+class Setup:
+    """Per-triangle shading coefficients of a view, float64.
+
+    ``planes`` (T, 6, 3): s, t, w and the three normal components as affine functions of (dx, dy,
+    1), the offset from ``anchor`` (T, 2); ``cell`` (T, 2): the pattern cell that s and t are
+    relative to; ``mean_inverse`` (T,): 1 / depth that w is relative to.
+    """
+
+    view: View
+    table: PatternTable
+    bitmaps: BitmapTable
+    lighting: Lighting
+    background: float
+    lit: bool
+
+    @staticmethod
+    def build(
+        view: View,
+        lights: Sequence[Light] | None,
+        background: float,
+        surfaces: Sequence[Surface] = (),
+        device: Device | None = None,
+        shadows: bool = True,
+    ) -> Setup:
+        """Set up every triangle of ``view``; ``lights`` None shows the albedo itself.
+
+        ``surfaces`` cast shadows and hide surroundings, which ``device`` looks at. ``shadows``:
+        False leaves them to `with_shadows`.
+        """
+        table = PatternTable.build(view.paints, view.largest or view.extent)
+        bitmaps = BitmapTable.build(view.paints, table.paints)
+        lighting = Lighting.build(view, lights, surfaces, device, shadows)
+        return Setup(view, table, bitmaps, lighting, background, lights is not None)
+
+    def with_shadows(self, shadows: Shadows | None) -> Setup:
+        """The same view with shadows."""
+        result = replace(self, lighting=replace(self.lighting, shadows=shadows))
+        result.__dict__["_looks"] = self._looks
+        return result
+
+    @cached_property
+    def _looks(self) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.float32]]:
+        return self._looks_in(self.view)
+
+    def _looks_in(self, view: View) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.float32]]:
+        """`near_feature` and `albedo` of the triangles of a part of the view."""
+        boards = matte_boards(view.paints, self.lighting.gloss)
+        near = self.table.near_features(view, boards)
+        albedo = np.take(self.table.paints["ground"], view.paint, mode="clip")
+        for number in boards:
+            within_fields(view, number, near, albedo)
+        return near, albedo
+
+    @property
+    def near_feature(self) -> npt.NDArray[np.bool_]:
+        """(T,): whether a pixel in it can reach a feature of its pattern, or shows a bitmap."""
+        return self._looks[0]
+
+    @property
+    def albedo(self) -> npt.NDArray[np.float32]:
+        """(T,): of what isn't near a feature."""
+        return self._looks[1]
+
+    def _coefficients(self) -> Iterator[Coefficients]:
+        return coefficients(self.view, self.table, self.bitmaps, self.lit)
+
+    @cached_property
+    def _found(self) -> Found:
+        return Found(self.view, self.table, self.bitmaps, self.lit)
+
+    def of(self, triangles: npt.NDArray[np.int64]) -> PerTriangle:
+        """The coefficients of some triangles (n,)."""
+        return self._found.of(triangles)
+
+    @property
+    def planes(self) -> Array:
+        """(T, 6, 3): s, t, w and the three normal components, affine in (dx, dy, 1)."""
+        return self._found.all.planes
+
+    @property
+    def anchor(self) -> Array:
+        """(T, 2): whole px of the ideal image."""
+        return self._found.all.anchor
+
+    @property
+    def cell(self) -> npt.NDArray[np.int64]:
+        """(T, 2): pattern cells."""
+        return self._found.all.cell
+
+    @property
+    def mean_inverse(self) -> Array:
+        """(T,): 1 / depth."""
+        return self._found.all.mean_inverse
+
+    def records(self) -> npt.NDArray[np.void]:
+        """The triangles as the shader reads them."""
+        result = np.zeros(max(self.view.count, 1), TRIANGLE)
+        words = result.view(np.float32).reshape(len(result), -1)
+        for first, block in self.record_blocks():
+            words[first : first + len(block)] = block
+        return result
+
+    def record_blocks(self) -> Iterator[tuple[int, npt.NDArray[np.float32]]]:
+        """The same block by block: the first triangle's number and words (n, 28), used again."""
+        words = np.empty((BLOCK, TRIANGLE.itemsize // 4), np.float32)
+        whole, rough, metallic, _ = self.traits().T
+        block = np.zeros((words.shape[1], BLOCK), np.float32)
+        for found in self._coefficients():
+            part, paint = found.part, self.view.paint[found.part]
+            columns = block[:, : len(paint)]
+            for word, (row, k) in WORDS.items():
+                if row < 3 or self.lit:
+                    columns[word] = found.planes[row, k]
+            columns[7], columns[11] = found.mean_inverse, self.albedo[part]
+            columns[14:16].view(np.int32)[:] = found.anchor
+            columns[22:24].view(np.int32)[:] = found.cell
+            columns[24] = paint
+            columns[25] = self.near_feature[part] * whole[paint]
+            columns[26], columns[27] = rough[paint], metallic[paint]
+            for words_of in REAL:
+                bad = ~np.isfinite(columns[words_of])
+                if bad.any():
+                    self._refuse(int(np.argmax(bad.any(axis=0))), columns, part.start)
+            np.copyto(words[: len(paint)], columns.T)
+            yield part.start, words[: len(paint)]
+
+    def traits(self) -> Array:
+        """Per paint (n, 4): what "near a feature" counts, 2 where a pattern is one material with
+        its ground; GGX alpha, 1 if matte; metallic; 0."""
+        gloss, paints = self.lighting.gloss, self.table.paints
+        result = np.zeros((len(paints), 4))
+        result[:, 0], result[:, 1] = np.where(paints["featured"] > 1, 2.0, 1.0), 1.0
+        if gloss is not None:
+            result[:, 1], result[:, 2] = np.where(gloss.glossy, gloss.alpha, 1.0), gloss.metallic
+        return result
+
+    def _refuse(self, triangle: int, columns: npt.NDArray[np.float32], first: int) -> None:
+        word = int(np.r_[REAL][np.argmin(np.isfinite(columns[np.r_[REAL], triangle]))])
+        name = [n for n, (_, at, *_) in (TRIANGLE.fields or {}).items() if at <= 4 * word][-1]
+        word //= 4
+        raise InputError(
+            f"render: triangle {first + triangle}, {name}: beyond float32; got "
+            f"{columns[4 * word : 4 * word + 4, triangle].tolist()}; expected coordinates whose "
+            "ratios to the distance stay below 1e38: choose another unit of length"
+        )
+
+    def rays(self) -> Array:
+        """(3, 3): columns x, y, 1 of the world-space ray of unit depth through a pixel."""
+        camera = self.view.camera
+        result: Array = camera.camera_from_world[:3, :3].T @ camera.ray_matrix()
+        return result
+
+    @cached_property
+    def _pattern_traits(self) -> tuple[bool, bool]:
+        """Whether squares may be smaller than a pixel, and whether every disc is far larger."""
+        fine, large = False, True
+        for region, record in zip(self.view.paints, self.table.paints, strict=False):
+            if record["featured"] == 1:
+                features = region.paint.features(region.low, region.high)
+                assert features is not None
+                patches = features.kind == 0
+                # the footprint's extent along the axes of a turned patch
+                angle = features.angle[patches]
+                spread = 2.0 * region.reach * (np.abs(np.cos(angle)) + np.abs(np.sin(angle)))
+                radius = features.size[features.kind == 1, 0]
+                # region.reach bounds the half diagonal of every footprint from above
+                large &= bool(radius.min(initial=np.inf) > 3.0 * region.reach)
+                fine |= bool((spread > features.size[patches].min(axis=1)).any())
+        return fine, large
+
+    @cached_property
+    def _bitmap_variant(self) -> int:
+        """2 where a pixel may span so many texels that they are taken all at once, else 1."""
+        rows = np.flatnonzero(self.groups == BITMAP)
+        widest = 0.0
+        for corner in range(3):
+            at = self.view.screen[rows, corner]
+            _, ex, ey, _ = footprint(self, rows, at[:, 0], at[:, 1])
+            widest = max(widest, pieces_needed(ex, ey))
+        # footprints change little more between the corners of a triangle
+        return 2 if 1.2 * widest > PIECES else 1
+
+    @cached_property
+    def groups(self) -> npt.NDArray[np.uint32]:
+        """(T,) what a triangle's pixels may meet: 0 one albedo, else its paint's ``featured``.
+
+        That plus `GRAZING` where speckle has larger footprints than its table was made for.
+        """
+        groups = np.take(
+            self.table.paints["featured"].astype(np.uint32), self.view.paint, mode="clip"
+        )
+        groups *= self.near_feature
+        for number, region in enumerate(self.view.paints):
+            if region.grazing:
+                larger = self.view.footprint > region.reach
+                groups[(self.view.paint == number) & larger] += np.uint32(GRAZING)
+        return groups
+
+    def groups_of(self, triangles: npt.NDArray[np.int64]) -> npt.NDArray[np.uint32]:
+        """`groups` of some triangles (n,), of a guessed view found for them alone."""
+        if not self.view.guessed:
+            return self.groups[triangles]
+        own = distinct(triangles)
+        near, _ = self._looks_in(self.view.some(own))
+        featured = self.table.paints["featured"].astype(np.uint32)
+        groups: npt.NDArray[np.uint32] = featured[self.view.paint[own]] * near
+        return groups[np.searchsorted(own, triangles)]
+
+    def groups_present(self) -> list[int]:
+        """The different `groups` there are, or may be in a view that is guessed."""
+        if self.view.guessed:
+            return sorted({0, *self.table.paints["featured"].tolist()})
+        most = int(self.groups.max(initial=0))
+        return [group for group in range(most + 1) if (self.groups == group).any()]
+
+    @cached_property
+    def bumps(self) -> Bumps | None:
+        """The fine relief of the triangles, if some of them have any and light shows it."""
+        if not self.lit or all(bump_of(region) is None for region in self.view.paints):
+            return None
+        return Bumps.build(self.view, self.anchor, self.mean_inverse)
+
+    @cached_property
+    def bumpy(self) -> npt.NDArray[np.bool_]:
+        """(T,) whether a triangle has a fine relief."""
+        return np.zeros(self.view.count, bool) if self.bumps is None else self.bumps.member
+
+    @cached_property
+    def shiny(self) -> npt.NDArray[np.bool_]:
+        """(T,) whether a triangle's paint is glossy and lit."""
+        gloss = self.lighting.gloss
+        if gloss is None or not self.lit:
+            return np.zeros(self.view.count, bool)
+        result: npt.NDArray[np.bool_] = gloss.glossy[self.view.paint]
+        return result
+
+    def light_constants(self, glossy: bool, bumpy: bool) -> dict[str, float]:
+        """Override constants of how triangles are lit; whether some of them are ``glossy`` or
+        ``bumpy``."""
+        return {
+            "distorted": float(self.view.camera.lens is not None),
+            "aperture": self.view.camera.pixel_side,
+            "bumpy": float(bumpy),
+            **self.lighting.constants(glossy),
+        }
+
+    def constants(self, groups: Collection[int], glossy: bool, bumpy: bool) -> dict[str, float]:
+        """Override constants that leave out of a shader what ``groups`` of triangles don't have.
+
+        ``glossy`` and ``bumpy``: whether some of them have glossy paint, or a relief.
+        """
+        kept = set(groups)
+        kinds = self.table.kinds() if 1 in groups else set()
+        fine, large = self._pattern_traits if 1 in groups else (False, False)
+        return {
+            "lit": float(self.lit),
+            "patterned": float(any(groups)),
+            "speckle": float(bool({2, 2 + GRAZING} & kept) + 2 * bool({3, 3 + GRAZING} & kept)),
+            "grazing": float(bool({2 + GRAZING, 3 + GRAZING} & kept)),
+            **self.light_constants(glossy, bumpy),
+            "checkers": float(0 in kinds),
+            "discs": float((2 if large else 1) if 1 in kinds else 0),
+            "sectors": float(2 in kinds),
+            "fine": float(fine),
+            "bitmaps": float(self._bitmap_variant if BITMAP in groups else 0),
+        }
+
+    def undistorted(self, at: Array) -> tuple[Array, Array]:
+        """Ideal positions (n, 2) of image positions ``at`` (n, 2), and the change (n, 2, 2).
+
+        Change [:, :, k]: a side of a pixel's sensitive square in pixels of the ideal image.
+        """
+        bends, side = distortion_map(self.view.camera), self.view.camera.pixel_side
+        if bends is None:
+            return at, np.broadcast_to(side * np.eye(2), (len(at), 2, 2))
+        ideal, change = bends.ideal(at)
+        return ideal, side * change
+
+
+def footprint(
+    setup: Setup, triangle: npt.NDArray[np.int64], x: Array, y: Array
+) -> tuple[Array, Array, Array, Array]:
+    """Paint position (n, 2) at pixel positions, its change along the sides of a pixel's sensitive
+    square, each (n, 2), and the relative change (n, 2) of 1 / z along these.
+    """
+    ideal, change = setup.undistorted(np.stack([x, y], axis=1))
+    own = setup.of(triangle)
+    d, planes = ideal - own.anchor, own.planes
+    values = planes[:, :3, 0] * d[:, :1] + planes[:, :3, 1] * d[:, 1:] + planes[:, :3, 2]
+    w = values[:, 2:3]
+    st = values[:, :2] / w
+    ex = (planes[:, :2, 0] - st * planes[:, 2:3, 0]) / w
+    ey = (planes[:, :2, 1] - st * planes[:, 2:3, 1]) / w
+    turned = np.stack([ex, ey], axis=2) @ change
+    q = np.einsum("ni,nik->nk", planes[:, 2, :2] / w, change)
+    return st, turned[:, :, 0], turned[:, :, 1], q
+
+
+def radiance_of(
+    setup: Setup,
+    triangle: npt.NDArray[np.int64],
+    x: Array,
+    y: Array,
+    albedo: Array,
+    printed: Array,
+    sides: Array | None = None,
+    shares: SharesOf | None = None,
+) -> Array:
+    """Radiance (n,) towards the eye at pixel positions; the mean albedo itself if unlit.
+
+    ``printed``: share of the area that a glossy paint's matte pattern covers; ``sides`` (n, 2, 2),
+    as columns: of the parallelogram that the light stands for, by those of the pixel's sensitive
+    square; None for all of that; ``shares``:
+    see `Lighting.reflect`.
+    """
+    if not setup.lit:
+        return albedo
+    ideal, bend = setup.undistorted(np.stack([x, y], axis=1))
+    own = setup.of(triangle)
+    d, planes = ideal - own.anchor, own.planes
+    values = planes[:, 2:, 0] * d[:, :1] + planes[:, 2:, 1] * d[:, 1:] + planes[:, 2:, 2]
+    depth = 1.0 / (values[:, 0] * own.mean_inverse)
+    rays = setup.rays()
+    position = depth[:, None] * (np.c_[ideal, np.ones(len(x))] @ rays.T)
+    normal = values[:, 1:]
+    normal = normal / np.linalg.norm(normal, axis=1)[:, None]
+    rate = (planes[:, 2, :2] / values[:, :1])[:, None]
+    change = depth[:, None, None] * rays[:, :2] - position[:, :, None] * rate
+    widened = np.zeros(len(x))
+    if setup.bumps is not None:
+        normal, widened = setup.bumps.leaning(
+            triangle, d, values[:, 0], planes[:, 2, :2], normal, change[:, :, 0], change[:, :, 1]
+        )
+    change = change @ bend if sides is None else change @ (bend @ sides)
+    paint = setup.view.paint[triangle]
+    reflected = setup.lighting.reflect(
+        triangle, paint, x, y, position, normal, change[:, :, 0], change[:, :, 1], widened, shares
+    )
+    gloss = setup.lighting.gloss
+    if gloss is None:
+        return albedo * reflected.matte
+    whole = setup.table.paints["featured"][paint] > 1
+    ground = np.where(whole, albedo, setup.table.paints["ground"][paint])
+    bare = np.clip(1.0 - printed, 0.0, 1.0)
+    shiny = (albedo - ground * bare) * reflected.matte
+    shiny += bare * (ground * reflected.p + reflected.q)
+    return np.where(gloss.glossy[paint], shiny, albedo * reflected.matte)

@@ -1,0 +1,245 @@
+"""Light on large flat matte faces, evaluated at the corners of tiles and interpolated between.
+
+Walls, floors and plates fill most of a picture, and the light on them changes over hundreds of
+pixels: on 8 px it is linear in x and in y. Each square of 128 px belongs to one plane; its tiles
+get four coefficients, and the pixels of that plane read one texel in place of all lamps. A plane
+counts only where the second derivative of light that falls off with the distance and by two
+cosines leaves an error below `TOLERANCE` of it. Spots, whose beams have borders, have no tiles.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.arrays.ragged import expand
+from gpusim.gpu import Device, Recording, compare, twin_check
+from gpusim.gpu.texture_array import Texels
+from gpusim.optics.camera.pinhole import Camera
+from gpusim.optics.camera.undistortion_table import distortion_map
+from gpusim.optics.geometry.triangle_corners import NORMAL, corner_range
+from gpusim.optics.geometry.view import look
+from gpusim.optics.light.lights import AreaLight, EnvironmentLight, Light, PointLight, SunLight
+from gpusim.optics.shading.setup import Setup, radiance_of
+from gpusim.surface.paint import Plain
+from gpusim.surface.surface import Surface
+
+if TYPE_CHECKING:
+    from gpusim.optics.shading.scene_buffers import Tables
+
+__all__ = ["LightTiles", "LightTilesPass", "light_tiles_twin"]
+
+Array = npt.NDArray[np.float64]
+Numbers = npt.NDArray[np.int64]
+TILE = 8
+"""px, side of the tiles."""
+
+SQUARE = 128
+"""px, side of the squares that belong to one plane."""
+
+SMALLEST = 64.0
+"""px; smaller triangles are no part of it."""
+
+LEAST_SHARE = 0.1
+"""Of the picture that triangles with tiles cover; less isn't worth it."""
+
+TOLERANCE = 5e-5
+"""Of the light on a face turned to the lamp, that interpolation may be off by."""
+
+FLAT = 1e-9
+"""Distance from a plane, by that from the eye, that counts as on it."""
+
+MOST_PLANES = 16
+
+
+@dataclass(frozen=True, eq=False)
+class LightTiles:
+    """``member`` (T,): triangles that read their light from tiles; ``owner`` (rows, columns).
+
+    ``owner``: per square of `SQUARE` px, number + 1 of a triangle of the plane seen there, or 0.
+    """
+
+    member: npt.NDArray[np.bool_]
+    owner: npt.NDArray[np.uint32]
+
+    @staticmethod
+    def of(setup: Setup, tolerance: float | None = None) -> LightTiles | None:
+        """The tiles of a view, to `TOLERANCE` unless given; None where there is little to gain."""
+        view, camera = setup.view, setup.view.camera
+        if not setup.lit or not view.count or _has_spots(setup) or setup.lighting.openness:
+            return None
+        low, high = view.box
+        low = np.maximum(low, -0.5)
+        high = np.minimum(high, np.array([camera.width, camera.height]) - 0.5)
+        wide, tall = np.maximum(high - low, 0.0).T
+        area = np.where(setup.shiny | setup.bumpy, 0.0, 0.5 * (wide * tall))
+        large = np.flatnonzero(area >= SMALLEST)
+        large = large[_flat(setup, large)]
+        large = large[_smooth(setup, large, TOLERANCE if tolerance is None else tolerance)]
+        shape = (-(-camera.height // SQUARE), -(-camera.width // SQUARE))
+        owner, plane_of = np.zeros(shape[0] * shape[1], np.uint32), np.full(shape[0] * shape[1], -1)
+        member = np.zeros(view.count, bool)
+        left = large[np.argsort(-area[large], kind="stable")]
+        for plane in range(MOST_PLANES):
+            if not len(left):
+                break
+            same = _in_plane(setup, left[0], left)
+            own, left = left[same], left[~same]
+            number, square = _squares(low[own], high[own], shape[1])
+            taken = plane_of[square] >= 0
+            free = np.bincount(number[taken], minlength=len(own)) == 0
+            square = square[free[number]]
+            owner[square], plane_of[square] = own[0] + 1, plane
+            member[own[free]] = True
+        if not area[member].sum() >= LEAST_SHARE * camera.width * camera.height:
+            return None
+        return LightTiles(member, owner.reshape(shape))
+
+
+def _has_spots(setup: Setup) -> bool:
+    """Whether some lamp's light ends at a border: emitters of spots have a beam."""
+    return bool((setup.lighting.emitters[:, 9] > -1.5).any())
+
+
+def _squares(low: Array, high: Array, columns: int) -> tuple[Numbers, Numbers]:
+    """Numbers of boxes (n, 2) px and of the squares under them, pair by pair."""
+    first = np.floor((low + 0.5) / SQUARE).astype(np.int64)
+    last = np.floor((np.maximum(high, low) + 0.5) / SQUARE - 1e-9).astype(np.int64)
+    wide, tall = np.maximum(last - first + 1, 1).T
+    box, offset = expand(wide * tall)
+    row = first[box, 1] + offset // wide[box]
+    return box, row * columns + first[box, 0] + offset % wide[box]
+
+
+def _flat(setup: Setup, triangles: Numbers) -> npt.NDArray[np.bool_]:
+    """Whether the normals at a triangle's corners are one."""
+    low, high = corner_range(setup.view.corners_of(triangles, NORMAL))
+    x, y, z = (high - low <= 1e-9).T
+    return np.asarray(x & y & z)
+
+
+def _smooth(setup: Setup, triangles: Numbers, tolerance: float) -> npt.NDArray[np.bool_]:
+    """Whether light is linear over the tiles of flat triangles, by their distance from the lamps.
+
+    With both cosines over the square of the distance r, the second derivative along a plane is
+    at most 11 / r^2 of the light on a face turned to the lamp; linear interpolation over a length
+    is off by an eighth of that times the length squared.
+    """
+    view = setup.view
+    T = view.camera.camera_from_world
+    corners = view.corners_of(triangles)
+    world, depth = corners[:, :, :3] @ T[:3, :3], corners[:, :, 2]
+    plane = view.planes_of(triangles).sum(axis=1)
+    bends = distortion_map(view.camera)
+    side = TILE * (1.0 if bends is None else bends.stretch)
+    squares = np.zeros(len(triangles))
+    for axis in range(2):  # how far the plane's points move per column and per row, at most
+        change = setup.rays()[:, axis] - world * plane[:, None, axis, None]
+        squares += (side * depth * np.linalg.norm(change, axis=2)).max(axis=1) ** 2
+    middle, normal = world.mean(axis=1), corners[:, 0, NORMAL]
+    radius = np.linalg.norm(world - middle[:, None], axis=2).max(axis=1)
+    near = np.full(len(triangles), np.inf)
+    for row in setup.lighting.emitters[setup.lighting.emitters[:, 8] > 0.0]:
+        to = row[:3] - middle
+        height = np.abs(np.sum(to * normal, axis=1))
+        near = np.minimum(near, np.maximum(height, np.linalg.norm(to, axis=1) - radius))
+    return np.asarray(11.0 / 8.0 * squares <= tolerance * near**2)
+
+
+def _in_plane(setup: Setup, first: np.int64, triangles: Numbers) -> npt.NDArray[np.bool_]:
+    """Which triangles lie in the plane of the first one and have its normal."""
+    corners, one = setup.view.corners_of(triangles), setup.view.corners_of(np.array([first]))[0]
+    a, b, c = one[:, :3]
+    normal = np.cross(b - a, c - a)
+    normal /= np.linalg.norm(normal)
+    off = np.abs((corners[:, :, :3] - a) @ normal)
+    far = np.linalg.norm(corners[:, :, :3], axis=2)
+    alike = np.abs(corners[:, 0, NORMAL] - one[0, NORMAL]).max(axis=1)
+    return np.asarray((off <= FLAT * far).all(axis=1) & (alike <= 1e-9))
+
+
+class LightTilesPass:
+    """The tiles of one view on the device."""
+
+    def __init__(self, tables: Tables, tiles: LightTiles) -> None:
+        camera = tables.setup.view.camera
+        self.tables, self.tiles = tables, tiles
+        self.shape = (-(-camera.height // TILE), -(-camera.width // TILE))
+        self.texels = Texels(
+            tables.device, self.shape[0] * self.shape[1], "rgba32float", "light_tiles.light"
+        )
+        self._owners = tables.device.buffer(tiles.owner, "light_tiles.owners")
+
+    def record(self, recording: Recording) -> None:
+        """Find the light of all tiles."""
+        setup, tables = self.tables.setup, self.tables
+        constants = setup.light_constants(False, False)
+        kernel = tables.device.kernel("optics/shading/tile_light", constants=constants)
+        bindings = kernel.bind(
+            params={
+                "rays": tables.rays(),
+                "columns": self.shape[1],
+                "rows": self.shape[0],
+                "owner_columns": self.tiles.owner.shape[1],
+                "owner_tiles": SQUARE // TILE,
+            },
+            owners=self._owners,
+            light=self.texels,
+            **tables.surface(),
+        )
+        recording.dispatch(kernel, bindings, threads=(self.shape[0] * self.shape[1],))
+
+
+def light_tiles_twin(setup: Setup, tiles: LightTiles) -> Array:
+    """(rows, columns, 4) coefficients in a view without shadows; 0 where a tile has no owner."""
+    camera = setup.view.camera
+    shape = (-(-camera.height // TILE), -(-camera.width // TILE))
+    row, column = np.mgrid[: shape[0], : shape[1]].reshape(2, -1)
+    owner = tiles.owner[row // (SQUARE // TILE), column // (SQUARE // TILE)].astype(np.int64)
+    own = np.flatnonzero(owner)
+    corners = []
+    for j, i in ((0, 0), (0, 1), (1, 0), (1, 1)):
+        x, y = (TILE * (column[own] + i) - 0.5, TILE * (row[own] + j) - 0.5)
+        one, none = np.ones(len(own)), np.zeros(len(own))
+        corners.append(radiance_of(setup, owner[own] - 1, x, y, one, none))
+    a, b, c, d = corners
+    result = np.zeros((shape[0] * shape[1], 4))
+    result[own] = np.stack([a, b - a, c - a, a - b - c + d], axis=1)
+    return result.reshape(*shape, 4)
+
+
+@twin_check("optics/shading/tile_light")
+def _check(device: Device) -> None:
+    from gpusim.optics.shading.scene_buffers import Tables
+
+    setup = _probe()
+    tiles = LightTiles.of(setup, tolerance=np.inf)
+    assert tiles is not None
+    work = LightTilesPass(Tables(device, setup), tiles)
+    with device.recording("optics.light_tiles") as recording:
+        work.record(recording)
+    got = work.texels.read().reshape(*work.shape, 4)
+    compare("optics/shading/tile_light", got, light_tiles_twin(setup, tiles), "pixel")
+
+
+def _probe() -> Setup:
+    """A floor and a wall of two planes, seen through a lens, under lamps of several kinds."""
+    quad = np.array([[-1.2, -1.0], [1.1, -1.0], [1.1, 0.9], [-1.2, 0.9]])
+    face = np.array([[0, 1, 2, 3]])
+    floor = np.concatenate([quad, 0.1 * quad[:, :1]], axis=1)
+    wall = np.stack([quad[:, 0], np.full(4, 0.9), 0.6 * (quad[:, 1] + 1.0) + 0.11], axis=1)
+    surfaces = [Surface(floor, face, paint=Plain(0.4)), Surface(wall, face, paint=Plain(0.7))]
+    camera = Camera.from_lens(
+        (36.0, 72.0), 40.0, (211, 422), (0.3, -2.4, 1.1), (0.03, 0.45, 0.1),
+        distortion=[0.05, -0.02, 1e-3, -2e-3],
+    )  # fmt: skip
+    lights: list[Light] = [
+        AreaLight((-0.9, -1.4, 1.9), (0.0, 0.0, 0.1), (0.42, 0.23), 8.0),
+        PointLight((0.8, -1.6, 1.4), 6.0),
+        SunLight((0.4, 0.3, -1.0), 0.6, diameter=0.05),
+        EnvironmentLight(0.3, 0.1, up=(0.1, 0.2, 1.0)),
+    ]
+    return Setup.build(look(surfaces, camera, lit=True), lights, 0.05)

@@ -1,0 +1,246 @@
+"""What is seen of lamps, receiver by receiver and occluder by occluder, without a tree.
+
+This says what is true, not how it is found: a sample of a lamp is hidden by an occluder that the
+way to it enters from outside (of closed bodies) or passes through (of open surfaces). Where an
+occluder's plane passes through the pixel itself, `gpusim.optics.shadow.sample_mask` says what
+counts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.optics.light.quadrature import Lamp
+from gpusim.optics.shadow.bvh_refit import planes_of, single_sheets
+from gpusim.optics.shadow.light_space import LightSpace, lamp_numbers
+from gpusim.optics.shadow.occluders import Occluders
+from gpusim.optics.shadow.receivers import Receivers
+from gpusim.optics.shadow.sample_mask import (
+    AGAINST,
+    BESIDE,
+    COLUMNS,
+    ROWS,
+    STEP_A,
+    STEP_B,
+    TOLERANCE,
+    lamp_masks,
+    lattice,
+)
+
+__all__ = ["Aspects", "aspects", "looked_from", "shares_of", "shares_twin"]
+
+Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+Numbers = npt.NDArray[np.int64]
+
+BEYOND = 1e-5
+"""Sine by which what lies beyond an edge may overlap it from rounding."""
+
+PAIRS = 1 << 16
+"""Of receivers and occluders at a time."""
+
+
+def shares_twin(
+    occluders: Occluders, points: Array, spaces: Sequence[LightSpace], receivers: Receivers
+) -> Array:
+    """(n, L): what receivers see of each lamp that ``spaces`` are of, 0 where they don't ask;
+    ``points`` (V, 3) relative to the eye."""
+    corners = points[occluders.triangles]
+    planes = planes_of(corners)
+    numbers = lamp_numbers(spaces)
+    result = np.zeros((len(receivers.at), len(numbers)))
+    for column, number in enumerate(numbers):
+        own = [space for space in spaces if space.number == number]
+        asks = np.any([v.asks(receivers.at, receivers.normal) for v in own], axis=0)
+        step = max(PAIRS // occluders.count, 1)
+        single = single_sheets(own[0], occluders, corners)
+        asking = np.flatnonzero(asks)
+        for start in range(0, len(asking), step):
+            rows = asking[start : start + step]
+            result[rows, column] = shares_of(
+                own[0], occluders, corners, planes, receivers[rows], np.arange(occluders.count),
+                single,
+            )  # fmt: skip
+    return result
+
+
+def shares_of(
+    space: LightSpace,
+    occluders: Occluders,
+    corners: Array,
+    planes: Array,
+    receivers: Receivers,
+    faces: Numbers,
+    single: Numbers,
+) -> Array:
+    """(n,): what ``receivers`` see of a lamp past some occluders, of which all have ``corners``,
+    ``planes`` and ``single`` (`single_sheets`)."""
+    lamp, masks = space.lamp, lamp_masks(space.lamp)
+    row, face = (
+        np.repeat(np.arange(len(receivers.at)), len(faces)),
+        np.tile(faces, len(receivers.at)),
+    )
+    # what hides nothing of itself, on the side that the lamp lights
+    upright = receivers.upright()
+    own = space.planes(np.column_stack([upright, np.sum(upright * receivers.at, axis=1)]))
+    lit = (receivers.on >= 0) & (own[:, 2] > space.extent(own))
+    sheet = np.where(lit, single[receivers.on], 0)
+    other = (sheet[row] == 0) | (single[face] != sheet[row])
+    row, face = row[other], face[other]
+    pairs = receivers[row]
+    seen = aspects(
+        lamp, pairs, corners[face], planes[face], occluders.open[face],
+        looked_from(lamp, occluders, corners, planes, pairs, face),
+    )  # fmt: skip
+    some = np.flatnonzero(seen.may_hide)
+    covered = np.zeros((len(receivers.at), ROWS), np.uint32)
+    np.bitwise_or.at(covered, row[some], seen.hidden(lamp, some))
+    count = np.bitwise_count(masks & ~covered).sum(axis=1)
+    return np.asarray(count / np.bitwise_count(masks).sum())
+
+
+def looked_from(
+    lamp: Lamp,
+    occluders: Occluders,
+    corners: Array,
+    planes: Array,
+    receivers: Receivers,
+    face: Numbers,
+) -> Array:
+    """(P,): how much of their pixels ``receivers`` look from past occluders ``face`` (P,);
+    ``corners`` (T, 3, 3) and ``planes`` (T, 4) of all.
+
+    All of it (1), but for open occluders where a receiver is part of an open triangle. What the
+    receiver's plane goes on to beyond that is no part of the sheet, and may lie behind these. An
+    occluder before whose plane the triangle lies, as all of the lamp does, hides nothing of it
+    (-1), nor does one that touches it on the other side of an edge, seen from all of the lamp. Past
+    others that touch it a receiver looks from what lies within its triangle; that is too little
+    where the pixel alone makes a penumbra, of lamps without size.
+    """
+    on = np.maximum(receivers.on, 0)
+    result = np.ones(len(face))
+    rows = np.flatnonzero((receivers.on >= 0) & occluders.open[on] & occluders.open[face])
+    near = 0.0 if lamp.far else 1.0
+    normal, offset = planes[face[rows], :3], planes[face[rows], 3]
+    height = normal @ lamp.centre - near * offset
+    before = np.abs(height) > np.abs(normal @ lamp.u) + np.abs(normal @ lamp.v)
+    triangle = corners[on[rows]]
+    above = np.sign(height)[:, None] * (np.einsum("pka,pa->pk", triangle, normal) - offset[:, None])
+    before &= above.min(axis=1) >= -TOLERANCE * np.linalg.norm(triangle[:, 0], axis=1)
+    result[rows[before]] = -1.0
+    own, other = occluders.triangles[on[rows]], occluders.triangles[face[rows]]
+    rows = rows[~before & (own[:, :, None] == other[:, None]).any(axis=(1, 2))]
+    triangle, places = corners[on[rows]], corners[face[rows]]
+
+    def over_lamp(normal: Array, to: Array) -> tuple[Array, Array]:
+        return _dot(normal, to), np.abs(normal @ lamp.u) + np.abs(normal @ lamp.v)
+
+    normal = np.cross(triangle[:, 1] - triangle[:, 0], triangle[:, 2] - triangle[:, 0])
+    height, extent = over_lamp(normal, lamp.centre - near * triangle[:, 0])
+    facing = np.where(np.abs(height) > extent, np.sign(height), 0.0)
+    apart, within = np.zeros(len(rows), bool), np.ones(len(rows))
+    for k in range(3):
+        a, b = triangle[:, k], triangle[:, (k + 1) % 3]
+        to = lamp.centre - near * a
+        size = BEYOND * np.linalg.norm(b - a, axis=1) * np.linalg.norm(to, axis=1)
+        beyond = facing != 0.0
+        for j in range(3):
+            way = places[:, j] - a
+            value, extent = over_lamp(facing[:, None] * np.cross(b - a, way), to)
+            beyond &= value + extent <= size * np.linalg.norm(way, axis=1)
+        apart |= beyond
+        inwards = np.cross(normal, b - a)
+        reach = np.abs(_dot(receivers.across[rows], inwards))
+        reach = 0.5 * (reach + np.abs(_dot(receivers.down[rows], inwards)))
+        inside = _dot(receivers.at[rows] - a, inwards)
+        within = np.minimum(within, np.clip(inside / np.maximum(reach, 1e-30), 0.0, 1.0))
+    result[rows] = np.where(apart, -1.0, within if lamp.extended else 1.0)
+    return result
+
+
+@dataclass(frozen=True, eq=False)
+class Aspects:
+    """Pairs of receivers and occluders: ``edges`` (4, 5, P): the functions of the lamp that have to
+    be positive, their value in its middle and what they change by per a, b, and pixel in x and y;
+    ``may_hide`` (P,): whether some samples may be behind the occluder."""
+
+    edges: Array
+    may_hide: Flags
+
+    def hidden(self, lamp: Lamp, some: Numbers) -> npt.NDArray[np.uint32]:
+        """(n, 16) words: the samples that occluders hide, of pairs ``some`` (n,)."""
+        rows = lattice().T
+        result = np.full((len(some), ROWS), 0xFFFFFFFF, np.uint32)
+        for value, a, b, gx, gy in self.edges[:, :, some]:
+            if not lamp.extended:
+                # the whole lattice is for the pixel
+                a, b, gx, gy = 0.5 * gx, 0.5 * gy, np.zeros_like(gx), np.zeros_like(gy)
+            sign = rows[3] if lamp.extended else np.ones(ROWS)
+            along = sign * a[:, None] + 0.5 * gy[:, None]
+            first = value[:, None] + rows[0] * along + rows[1] * b[:, None] + rows[2] * gx[:, None]
+            slope = STEP_A * along + STEP_B * b[:, None]
+            cut = np.where(slope != 0.0, -first / np.where(slope != 0.0, slope, 1.0), 0.0)
+            # before the cut all are outside of an edge that rises
+            count = np.ceil(np.clip(cut, 0.0, COLUMNS)).astype(np.uint64)
+            before = ((np.uint64(1) << count) - np.uint64(1)).astype(np.uint32)
+            inside = np.where(slope > 0.0, ~before, before)
+            level = np.where(first >= 0.0, np.uint32(0xFFFFFFFF), np.uint32(0))
+            result &= np.where(slope == 0.0, level, inside)
+        return result
+
+
+def aspects(
+    lamp: Lamp,
+    receivers: Receivers,
+    corners: Array,
+    planes: Array,
+    is_open: Flags,
+    looks_from: Array,
+) -> Aspects:
+    """How ``receivers`` see occluders, pair by pair: ``corners`` (P, 3, 3), their ``planes``
+    (P, 4), and how much of the pixel each ``looks_from`` (P,) past them, see `looked_from`."""
+    near = 0.0 if lamp.far else 1.0
+    at, across, down, looks = receivers.at, receivers.across, receivers.down, receivers.normal
+    to = lamp.centre - near * at
+    tolerance = TOLERANCE * np.linalg.norm(at, axis=1)
+    normal = planes[:, :3]
+    height = planes[:, 3] - _dot(normal, at)
+    turned = _dot(normal, looks)
+    against = ~is_open & (np.abs(height) <= tolerance) & (turned < AGAINST)
+    side = np.where((height > 0.0) & ~against, 1.0, -1.0)
+    apart = side * (_dot(normal, to) - near * height)
+    counts = (np.where(is_open, np.abs(height), -height) > tolerance) | against
+    counts &= apart + np.abs(normal @ lamp.u) + np.abs(normal @ lamp.v) > 0.0
+    passes = np.abs(height) < np.abs(_dot(normal, across)) + np.abs(_dot(normal, down))
+    over = np.cross(across, down)
+    over *= np.where(_dot(over, looks) > 0.0, 1.0, -1.0)[:, None]
+    whole = _dot(over, to) > np.abs(over @ lamp.u) + np.abs(over @ lamp.v)
+    level = np.where(whole, tolerance * np.linalg.norm(over, axis=1), -np.inf)
+    D = corners - at[:, None]
+    counts &= against | ~passes | (np.einsum("pka,pa->pk", D, to) > 0.0).any(axis=1)
+    counts &= against | (np.einsum("pka,pa->pk", D, over).max(axis=1) > level)
+    counts &= looks_from >= 0.0
+    moves = np.where(is_open & passes & (np.abs(turned) > BESIDE), 0.0, looks_from)
+    edges = np.zeros((4, 5, len(at)))
+    most = np.full(len(at), np.inf)
+    for k in range(3):
+        begin, end = D[:, k], D[:, (k + 1) % 3]
+        plane = side[:, None] * np.cross(begin, end)
+        change = np.cross(to, side[:, None] * (end - begin)) - near * plane
+        edges[k] = (
+            _dot(plane, to), plane @ lamp.u, plane @ lamp.v,
+            moves * _dot(change, across), moves * _dot(change, down),
+        )  # fmt: skip
+        extent = np.abs(edges[k, 1:3]).sum(axis=0) + 0.5 * np.abs(edges[k, 3:]).sum(axis=0)
+        most = np.minimum(most, edges[k, 0] + extent)
+    # only samples beyond the occluder's plane: it may go on behind the lamp
+    edges[3, :3] = apart, side * (normal @ lamp.u), side * (normal @ lamp.v)
+    return Aspects(edges, counts & (most >= 0.0))
+
+
+def _dot(a: Array, b: Array) -> Array:
+    return np.asarray(np.einsum("pa,pa->p", a, b))

@@ -1,0 +1,74 @@
+"""Planes of the triangles of a view, from which their pixels ask for lamps.
+
+They follow from the records by which the device shades pixels, so that a pixel lies at the same
+place in both. The twin finds them from the corners, in float64.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.gpu import Device, Texels, compare, twin_check
+from gpusim.optics.geometry.triangle_corners import NORMAL
+from gpusim.optics.geometry.view import View
+from gpusim.optics.probes.paints import fields_setup, probe_setup
+from gpusim.optics.shadow.receivers import NO_OWNER, PixelReceivers, plane_words
+
+if TYPE_CHECKING:
+    from gpusim.optics.shading.scene_buffers import Tables
+
+__all__ = ["planes_on_device", "planes_twin"]
+
+Array = npt.NDArray[np.float64]
+
+NAME = "optics/shadow/receiver_planes"
+
+
+def planes_on_device(tables: Tables, on: npt.NDArray[np.int32]) -> Texels:
+    """Of each triangle n / d of its plane n x = d, and its `plane_words`; ``on`` (T,): the occluder
+    that it is part of, -1 for none."""
+    device, camera = tables.device, tables.setup.view.camera
+    texels = device.kept.texels(max(len(on), 1), "rgba32uint", "shadow.planes")
+    last = np.array([camera.width - 1.0, camera.height - 1.0])
+    kernel = device.kernel(NAME, "main", {"distorted": float(camera.lens is not None)})
+    bindings = kernel.bind_used(
+        params={**tables.rays(), "last": last, "count": len(on)},
+        owners=device.buffer(on, "shadow.owners"), planes=texels,
+        **tables.drawn.outlines(), **tables.surface(),
+    )  # fmt: skip
+    with device.recording("optics.shadow") as recording:
+        if tables.records is not None:
+            tables.records.make_all(recording)
+        recording.dispatch(kernel, bindings, threads=(len(on),))
+    return texels
+
+
+def planes_twin(view: View) -> tuple[Array, Array]:
+    """(T, 3): n / d of the triangles of a view; (T,): how far normals for shading are from n."""
+    planes = PixelReceivers.planes_of(view)
+    own = view.corners_of(slice(None), NORMAL)
+    cosine = np.abs(np.einsum("tka,ta->tk", own, planes)).min(axis=1)
+    cosine /= np.linalg.norm(planes, axis=1)
+    return planes, np.sqrt(np.maximum(2.0 - 2.0 * cosine, 0.0))
+
+
+@twin_check(NAME)
+def _check(device: Device) -> None:
+    from gpusim.optics.shading.scene_buffers import Tables
+
+    # records by the device and by the host, smooth shading through a lens, strips along lines
+    for setup in (probe_setup(fine=False), probe_setup(), fields_setup(True)):
+        count = setup.view.count
+        on = np.where(np.arange(count) % 3 > 0, np.arange(count), -1)
+        words = planes_on_device(Tables(device, setup), on.astype(np.int32)).read()[:count]
+        planes, lean = planes_twin(setup.view)
+        size = np.linalg.norm(planes, axis=1)[:, None]
+        got = np.ascontiguousarray(words[:, :3]).view(np.float32) / size
+        compare(NAME, got, planes / size, atol=1e-5, rtol=0.0)
+        want = plane_words(on, lean)
+        compare(NAME, words[:, 3] & NO_OWNER, want & NO_OWNER, "exact")
+        # rounded up to whole steps
+        compare(NAME, words[:, 3] >> 24, want >> 24, atol=1.0, rtol=0.0)

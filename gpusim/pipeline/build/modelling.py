@@ -1,0 +1,190 @@
+"""A body's finite-element model: material, supports, and one load case per group of loads."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim import fem
+from gpusim.errors import InputError
+from gpusim.fem.model.rigid_body_modes import check_supports
+from gpusim.pipeline.build.build import BodyParts
+from gpusim.pipeline.build.places import cells_of, faces_of, nodes_of
+from gpusim.scene.amplitudes import LoadGroup
+from gpusim.scene.description import model as m
+
+__all__ = ["build_material", "build_model", "held_by", "temperature"]
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class _Held:
+    """Of each degree of freedom (N,3): the support that holds it (-1: none), and where."""
+
+    support: npt.NDArray[np.int32]
+    displacement: Array
+
+
+def build_material(material: m.Material) -> fem.Isotropic | fem.Orthotropic:
+    """The material of a scene, SI."""
+    if isinstance(material, m.Isotropic):
+        return fem.Isotropic(
+            material.youngs_modulus, material.poissons_ratio, material.density, material.expansion
+        )
+    return fem.Orthotropic(
+        material.youngs_moduli, material.poissons_ratios, material.shear_moduli,
+        density=material.density, expansion=material.expansion, axes=material.axes,
+    )  # fmt: skip
+
+
+def build_model(parts: BodyParts, groups: tuple[LoadGroup, ...] | None = None) -> fem.Model:
+    """Material, supports and loads.
+
+    ``groups`` are the body's load groups, each a load case (one group: forces (N,3)); None: all
+    loads in one load case, amplitudes left aside.
+
+    Raises
+    ------
+    InputError
+        A selection finds nothing, two supports want a node at different places, or the supports
+        leave a rigid-body motion free.
+    """
+    body, grid = parts.body, parts.mesh
+    if body.material is None:
+        raise InputError(
+            f"body {body.name!r}: its displacements are given, there is nothing to solve; expected "
+            "a body with a material"
+        )
+    if groups is None:
+        everything = tuple((k, 1.0) for k in range(len(body.loads)))
+        supports = tuple((k, 1.0) for k in range(len(body.supports)))
+        groups = (LoadGroup((1.0,), everything, supports),)
+    held = _held(parts)
+    materials, of_cell = _materials(parts)
+    forces = np.zeros((len(groups), grid.node_count, 3))
+    prescribed = np.zeros_like(forces)
+    for case, group in enumerate(groups):
+        for index, factor in group.loads:
+            load = body.loads[index]
+            with _told(f"body {body.name!r}, load {load.name!r}"):
+                forces[case] += factor * _load(parts, materials, of_cell, load)
+        for index, factor in group.supports:
+            mine = held.support == index
+            prescribed[case][mine] = factor * held.displacement[mine]
+    one = len(groups) == 1
+    model = fem.Model(
+        grid,
+        materials=materials,
+        material_of_cell=of_cell,
+        fixed=held.support >= 0,
+        prescribed=prescribed[0] if one else prescribed,
+        forces=forces[0] if one else forces,
+    )
+    with _told(f"body {body.name!r}"):
+        check_supports(model)
+    return model
+
+
+def held_by(parts: BodyParts) -> npt.NDArray[np.int32]:
+    """(N,3) index of the support that holds each degree of freedom, the first one; -1: none."""
+    return _held(parts).support
+
+
+def temperature(body: m.Body, frame: int | None) -> float:
+    """Temperature change (K) of a body in a frame; None: at amplitude 1."""
+    return sum(
+        load.temperature_change * (1.0 if frame is None else load.amplitude[frame])
+        for load in body.loads
+        if isinstance(load, m.Thermal)
+    )
+
+
+@contextmanager
+def _told(where: str) -> Iterator[None]:
+    """Say of which entry of the scene an error is."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
+
+
+def _held(parts: BodyParts) -> _Held:
+    body, grid = parts.body, parts.mesh
+    owner = np.full((grid.node_count, 3), -1, np.int32)
+    place = np.zeros((grid.node_count, 3))
+    for number, support in enumerate(body.supports):
+        where = f"body {body.name!r}, support {support.name!r}"
+        chosen = np.zeros((grid.node_count, 3), bool)
+        with _told(where):
+            if support.symmetry:
+                chosen = fem.symmetry(grid, faces_of(grid, parts.skin.faces, support.where))
+            else:
+                nodes = nodes_of(grid, support.where)
+                for name in support.axes:
+                    chosen[nodes, "xyz".index(name)] = True
+        wanted = np.broadcast_to(np.array(support.displacement), place.shape)
+        other = chosen & (owner >= 0)
+        moving = any(support.displacement)
+        for earlier in np.unique(owner[other]):
+            before = body.supports[earlier]
+            shared = other & (owner == earlier)
+            apart = shared & (place != wanted)
+            if moving and before.amplitude != support.amplitude:
+                apart |= shared & (wanted != 0.0)
+            if apart.any():
+                axis = int(np.flatnonzero(apart.any(axis=0))[0])
+                raise InputError(
+                    f"{where}: {int(apart[:, axis].sum())} of its nodes are held at another "
+                    f"{'xyz'[axis]} by an earlier support ({before.name!r}); got "
+                    f"{support.displacement[axis]:g} m; expected one displacement per node"
+                )
+        free = chosen & (owner < 0)
+        owner[free] = number
+        place[free] = wanted[free]
+    return _Held(owner, place)
+
+
+def _materials(parts: BodyParts) -> tuple[list[fem.Material], npt.NDArray[np.int32]]:
+    """The materials of a body, and which of them each cell is of."""
+    body = parts.body
+    assert body.material is not None  # build_model made sure
+    materials: list[fem.Material] = [build_material(body.material)]
+    of_cell = np.zeros(parts.mesh.cell_count, np.int32)
+    for number, part in enumerate(body.parts):
+        with _told(f"body {body.name!r}, part {number} of {part.material.name!r}"):
+            cells = cells_of(parts.mesh, part.where)
+        of_cell[cells] = len(materials)
+        materials.append(build_material(part.material))
+    return materials, of_cell
+
+
+def _load(
+    parts: BodyParts, materials: list[fem.Material], of_cell: npt.NDArray[np.int32], load: m.Load
+) -> Array:
+    """(N,3) nodal forces at amplitude 1."""
+    grid, body = parts.mesh, parts.body
+    density = np.array([material.density for material in materials])[of_cell]
+    if isinstance(load, m.Gravity):
+        return fem.body_force(grid, density, load.acceleration)
+    if isinstance(load, m.Centrifugal):
+        return fem.centrifugal(grid, density, load.axis_point, load.axis, load.omega)
+    if isinstance(load, m.Thermal):
+        return fem.thermal(
+            grid, materials, load.temperature_change, of_cell, formulation=body.formulation
+        )
+    if isinstance(load, m.NodalForce):
+        nodes = nodes_of(grid, load.where)
+        return fem.nodal_force(grid, nodes, np.array(load.force) * len(nodes))
+    if isinstance(load, m.LineForce):
+        return fem.line_force(grid, nodes_of(grid, load.where), load.force)
+    faces = faces_of(grid, parts.skin.faces, load.where)
+    if isinstance(load, m.Pressure):
+        return fem.pressure(grid, faces, load.pressure)
+    if isinstance(load, m.Traction):
+        return fem.traction(grid, faces, load.traction)
+    return fem.face_force(grid, faces, load.force)

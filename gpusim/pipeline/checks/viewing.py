@@ -1,0 +1,121 @@
+"""Cameras that see nothing, cameras and lamps inside of bodies: known before any picture."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.optics.camera.pinhole import Camera
+from gpusim.optics.geometry.view import look
+from gpusim.scene import Scene
+from gpusim.scene.description import model as m
+from gpusim.surface import Surface
+
+__all__ = ["blind_cameras", "enclosing", "lamps_inside", "winding_numbers"]
+
+Array = npt.NDArray[np.float64]
+LEAST_SEEN = 3.0  # px
+_CHUNK = 1 << 18
+
+
+def blind_cameras(surfaces: Sequence[Surface], cameras: Sequence[Camera]) -> dict[str, str]:
+    """Camera -> a sentence, for those that see no surface, or all of them within a few pixels."""
+    found = {}
+    for camera in cameras:
+        inside = enclosing(surfaces, camera.eye)
+        name = f"camera {camera.name!r}"
+        if inside:
+            found[camera.name] = f"{name} is inside {inside}: move it out"
+            continue
+        view = look(surfaces, camera, lit=False)
+        if view.count:
+            size = np.array([camera.width, camera.height])
+            screen = np.clip(view.screen.reshape(-1, 2), -0.5, size - 0.5)
+            wide, high = np.ptp(screen, axis=0)
+            if not max(wide, high) > LEAST_SEEN:
+                found[camera.name] = (
+                    f"{name} sees all surfaces within {wide:.2g} x {high:.2g} px, from "
+                    f"{_distance(surfaces, camera):.4g} m away: move it nearer, or take a longer "
+                    "lens"
+                )
+        elif surfaces:
+            found[camera.name] = f"{name} sees no surface: {_why(surfaces, camera)}"
+    return found
+
+
+def _why(surfaces: Sequence[Surface], camera: Camera) -> str:
+    points = np.concatenate([surface.points for surface in surfaces])
+    ahead = points[camera.to_camera(points)[:, 2] > 0.0]
+    if not len(ahead):
+        return "everything is behind it; it looks the other way"
+    u, v = np.nan_to_num(camera.without_distortion().project(ahead), posinf=0.0, neginf=0.0).T
+    sides = [
+        word
+        for word, out in (
+            ("left of", (u < -0.5).all()), ("right of", (u > camera.width - 0.5).all()),
+            ("above", (v < -0.5).all()), ("below", (v > camera.height - 0.5).all()),
+        ) if out
+    ]  # fmt: skip
+    if sides:
+        return f"all that is before it lies {sides[0]} its image"
+    return "nothing before it is in its image with a side that can be seen"
+
+
+def _distance(surfaces: Sequence[Surface], camera: Camera) -> float:
+    return min(
+        float(np.linalg.norm(surface.points - camera.eye, axis=1).min()) for surface in surfaces
+    )
+
+
+def lamps_inside(scene: Scene, surfaces: Sequence[Surface]) -> list[str]:
+    """A sentence for each lamp with a place that a closed body encloses."""
+    found = []
+    for light in scene.lights:
+        if isinstance(light, m.Point | m.Spot | m.Area):
+            inside = enclosing(surfaces, np.array(light.position))
+            if inside:
+                found.append(
+                    f"light {light.name!r} is inside {inside}: nothing outside is lit by it"
+                )
+    return found
+
+
+def enclosing(surfaces: Sequence[Surface], point: Array) -> str:
+    """Name of a closed surface that ``point`` (3,) is inside of, as told to people, or "".
+
+    A room, whose walls face inwards, encloses nothing.
+    """
+    for surface in surfaces:
+        low, high = surface.points.min(axis=0), surface.points.max(axis=0)
+        if not ((low <= point) & (point <= high)).all() or not surface.topology.closed:
+            continue
+        if winding_numbers(surface, point[None])[0] > 0.5:
+            return repr(surface.name)
+    return ""
+
+
+def winding_numbers(surface: Surface, points: Array) -> Array:
+    """How often (n,) a surface goes round points (n, 3): 1 inside of a closed one, 0 outside.
+
+    The solid angle of its triangles over 4 pi: van Oosterom & Strackee, IEEE TBME 30 (1983) 125.
+    """
+    result = np.zeros(len(points))
+    triangles = surface.topology.triangles
+    for k, point in enumerate(points):
+        arms = surface.points - point
+        length = np.linalg.norm(arms, axis=1)
+        for first in range(0, len(triangles), _CHUNK):
+            i, j, l = triangles[first : first + _CHUNK].T  # noqa: E741 - three corners
+            a, b, c = arms[i], arms[j], arms[l]
+            la, lb, lc = length[i], length[j], length[l]
+            triple = np.einsum("ti,ti->t", a, np.cross(b, c))
+            below = (
+                la * lb * lc
+                + np.einsum("ti,ti->t", a, b) * lc
+                + np.einsum("ti,ti->t", b, c) * la
+                + np.einsum("ti,ti->t", c, a) * lb
+            )
+            result[k] += 2.0 * float(np.arctan2(triple, below).sum())
+    return result / (4.0 * np.pi)

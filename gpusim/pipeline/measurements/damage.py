@@ -1,0 +1,256 @@
+"""Deflection lines of several states compared: difference curves, and where their slope changes."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim import measure
+from gpusim.errors import GpusimError
+from gpusim.files.atomic_files import safe_name, write_text
+from gpusim.files.output_folder import inside
+from gpusim.pipeline.measurements.deflection import DeflectionResult
+from gpusim.scene import Scene
+from gpusim.scene.description import model as m
+
+__all__ = ["DamageLine", "DamageResult", "compare_states"]
+
+Array = npt.NDArray[np.float64]
+LEAST_POINTS = 8
+
+
+@dataclass(frozen=True, eq=False)
+class DamageLine:
+    """One group of markers in one state, against the reference; (M,) along the member, mm.
+
+    ``position_mm`` on the member's axis (x, y or z); ``deflection_mm`` across it, ``true_mm`` its
+    truth; ``difference_mm``, ``true_difference_mm`` those less the reference's. ``notches_mm``:
+    where the scene has notches that the reference doesn't have. ``found``: slope changes of the
+    measured difference; ``true_found``: those of its truth, which no image has touched.
+    """
+
+    state: str
+    group: str
+    axis: str
+    across: str
+    position_mm: Array
+    deflection_mm: Array
+    true_mm: Array
+    difference_mm: Array
+    true_difference_mm: Array
+    mm_per_px: float
+    notches_mm: tuple[float, ...]
+    found: measure.SlopeChanges | None
+    true_found: measure.SlopeChanges | None
+
+    @property
+    def noise_px(self) -> float:
+        """RMS of measured minus true difference, px."""
+        error = (self.difference_mm - self.true_difference_mm) / self.mm_per_px
+        fine = error[np.isfinite(error)]
+        return float(np.sqrt(np.mean(fine**2))) if fine.size else float("nan")
+
+    def nearest(self, notch_mm: float) -> tuple[float, float]:
+        """Where the difference and its truth change their slope by a notch; NaN where they don't.
+
+        A change belongs to the notch that is nearest to it.
+        """
+        return self._belonging(self.found, notch_mm), self._belonging(self.true_found, notch_mm)
+
+    def _belonging(self, found: measure.SlopeChanges | None, notch_mm: float) -> float:
+        if found is None:
+            return float("nan")
+        notches = np.array(self.notches_mm)
+        own = [
+            float(at)
+            for at in found.position
+            if notches[np.argmin(np.abs(notches - at))] == notch_mm
+        ]
+        return min(own, key=lambda at: abs(at - notch_mm), default=float("nan"))
+
+
+@dataclass(frozen=True, eq=False)
+class DamageResult:
+    """All states of one comparison; the reference's lines have differences of zero."""
+
+    name: str
+    reference: str
+    tolerance_mm: float
+    lines: tuple[DamageLine, ...]
+
+    def of(self, group: str) -> list[DamageLine]:
+        """The lines of a group, the reference first."""
+        own = [line for line in self.lines if line.group == group]
+        return sorted(own, key=lambda line: line.state != self.reference)
+
+    @property
+    def groups(self) -> list[str]:
+        """Names of the groups, each once."""
+        return list(dict.fromkeys(line.group for line in self.lines))
+
+    def write(self, folder: Path) -> list[Path]:
+        """``<name>.csv``: every point of every line, ``<name>-breaks.csv`` and ``<name>.json``."""
+        stem = safe_name(self.name)
+        breaks = [row for line in self.lines for row in _breaks(line)]
+        return [
+            write_text(inside(folder, f"{stem}.csv"), _table(_POINTS, _points(self.lines))),
+            write_text(inside(folder, f"{stem}-breaks.csv"), _table(_BREAKS, breaks)),
+            write_text(inside(folder, f"{stem}.json"), self._json(breaks)),
+        ]
+
+    def _json(self, breaks: Sequence[Sequence[Any]]) -> str:
+        content = {
+            "name": self.name,
+            "reference": self.reference,
+            "noise_px": {
+                f"{line.state}/{line.group}": _plain(line.noise_px) for line in self.lines
+            },
+            "breaks": [dict(zip(_BREAKS, map(_plain, row), strict=True)) for row in breaks],
+        }
+        return json.dumps(content, indent=1, allow_nan=False) + "\n"
+
+
+def compare_states(
+    spec: m.Damage, scene: Scene, results: Mapping[str, Sequence[DeflectionResult]]
+) -> DamageResult:
+    """Compare the deflection ``spec.of`` of every variant with that of the reference.
+
+    ``results`` holds each variant's deflections. Raises GpusimError if the reference's line has
+    too few measured points.
+    """
+    own = {name: next(r for r in found if r.name == spec.of) for name, found in results.items()}
+    base = own[spec.reference]
+    at_rest = {notch[:2] for notch in _notches(scene.variant(spec.reference))}
+    lines = []
+    for state, result in own.items():
+        notches = [n for n in _notches(scene.variant(state)) if n[:2] not in at_rest]
+        for group in dict.fromkeys(result.group):
+            lines.append(_line(spec, state, group, result, base, notches))
+    return DamageResult(spec.name, spec.reference, 1e3 * spec.tolerance, tuple(lines))
+
+
+def _line(
+    spec: m.Damage,
+    state: str,
+    group: str,
+    result: DeflectionResult,
+    base: DeflectionResult,
+    notches: Sequence[tuple[str, float, float]],
+) -> DamageLine:
+    rows, base_rows = (
+        np.flatnonzero(np.array(r.group, dtype=object) == group) for r in (result, base)
+    )
+    own = result.position_mm[rows]
+    along = int(np.argmax(np.ptp(own, axis=0)))
+    across = _across(result, along)
+    x, x0 = own[:, along], base.position_mm[base_rows, along]
+    values, truth = result.measured_mm[rows, across], result.true_mm[rows, across]
+    before, true_before = base.measured_mm[base_rows, across], base.true_mm[base_rows, across]
+    if np.count_nonzero(np.isfinite(before)) < LEAST_POINTS:
+        raise GpusimError(
+            f"measure {spec.name!r}: group {group!r} of {spec.reference!r}: got "
+            f"{np.count_nonzero(np.isfinite(before))} measured markers; expected {LEAST_POINTS}"
+        )
+    difference = measure.difference_curve(x, values, x0, before)
+    true_difference = measure.difference_curve(x, truth, x0, true_before)
+    axis = "xyz"[along]
+    own_notches = [notch for notch in notches if notch[0] == axis]
+    clearance = spec.clearance
+    if clearance is None:
+        clearance = max((depth for _, _, depth in own_notches), default=0.0)
+
+    def changes(curve: Array) -> measure.SlopeChanges | None:
+        if state == spec.reference or np.count_nonzero(np.isfinite(curve)) < LEAST_POINTS:
+            return None
+        return measure.slope_changes(
+            x, curve, most=spec.most, significance=spec.significance, clearance=1e3 * clearance
+        )
+
+    return DamageLine(
+        state, group, axis, result.axes[across], x, values, truth, difference, true_difference,
+        result.mm_per_px, tuple(sorted(1e3 * place for _, place, _ in own_notches)),
+        changes(difference), changes(true_difference),
+    )  # fmt: skip
+
+
+def _across(result: DeflectionResult, along: int) -> int:
+    """Which of the image's two axes the deflection is along: not the member's, else the measure's
+    own direction."""
+    free = [k for k, axis in enumerate(result.axes) if axis[1] != "xyz"[along]]
+    asked = [k for k in free if result.axes[k][1] == result.direction[1]]
+    return (asked or free)[0]
+
+
+def _notches(scene: Scene) -> list[tuple[str, float, float]]:
+    """Axis, position (m) of every notch, and the depth of its member (m)."""
+    return [
+        (notch.axis, notch.position, _size(body.mesh)["xyz".index(notch.side[1])])
+        for body in scene.bodies
+        if isinstance(body.mesh, m.BeamMesh | m.BoxMesh)
+        for notch in body.mesh.notches
+    ]
+
+
+def _size(mesh: m.BeamMesh | m.BoxMesh) -> tuple[float, float, float]:
+    return mesh.size if isinstance(mesh, m.BoxMesh) else (mesh.length, mesh.width, mesh.height)
+
+
+_POINTS = (
+    "state", "group", "position_mm", "deflection_mm", "true_mm", "difference_mm",
+    "true_difference_mm", "fitted_mm",
+)  # fmt: skip
+_BREAKS = (
+    "state", "group", "position_mm", "sigma_mm", "slope_change_mrad", "slope_change_sigma_mrad",
+    "p_value", "notch_mm", "true_position_mm",
+)  # fmt: skip
+
+
+def _points(lines: Sequence[DamageLine]) -> list[list[Any]]:
+    rows = []
+    for line in lines:
+        fitted = line.found.at(line.position_mm) if line.found else line.position_mm * np.nan
+        columns = (
+            line.position_mm, line.deflection_mm, line.true_mm, line.difference_mm,
+            line.true_difference_mm, fitted,
+        )  # fmt: skip
+        rows += [[line.state, line.group, *values] for values in zip(*columns, strict=True)]
+    return rows
+
+
+def _breaks(line: DamageLine) -> list[list[Any]]:
+    if line.found is None:
+        return []
+    found = line.found
+    notches = np.array(line.notches_mm)
+    rows = []
+    for k, place in enumerate(found.position):
+        near = float(notches[np.argmin(np.abs(notches - place))]) if notches.size else np.nan
+        rows.append(
+            [line.state, line.group, float(place), float(found.sigma[k]),
+             1e3 * float(found.change[k]), 1e3 * float(found.change_sigma[k]),
+             float(found.p_value[k]), near, line.nearest(near)[1]]
+        )  # fmt: skip
+    return rows
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(head)
+    for row in rows:
+        writer.writerow(
+            [v if isinstance(v, str) else f"{v:.7g}" if np.isfinite(v) else "" for v in row]
+        )
+    return stream.getvalue()
+
+
+def _plain(value: Any) -> Any:
+    return value if isinstance(value, str) or np.isfinite(value) else None

@@ -1,0 +1,295 @@
+"""Markers found in a first image of a camera and followed into a last one.
+
+What this sees is what a tester has: two images, where the markers were put on the unloaded
+structure, and the camera's rough place (to know which marker is which).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim import measure
+from gpusim.errors import GpusimError, InputError
+from gpusim.optics.camera.pinhole import Camera
+from gpusim.optics.sensor.sensor import Sensor
+from gpusim.pipeline.build.build import BodyParts
+from gpusim.pipeline.measurements.marker_detection import (
+    LEAST_WIDTH,
+    arms_of,
+    find_near,
+    fit_near,
+    size_range,
+)
+from gpusim.pipeline.stages.grey_levels import level_warnings
+from gpusim.scene import Scene
+from gpusim.scene.description import model as m
+
+__all__ = ["Followed", "MarkerSet", "check_widths", "collect_markers", "follow_markers"]
+
+Array = npt.NDArray[np.float64]
+SUBSET_SHARE = 0.95
+LOST_SHARE = 0.45  # of the way to its neighbour, where a marker that got lost is looked for
+TRIES = 30  # iterations; those that find a marker take 16 at most, others go on for ever
+MOST_GAP = 0.2  # of a width, between a tracked subset and the fit of its cross
+
+
+@dataclass(frozen=True, eq=False)
+class MarkerSet:
+    """The markers of a measurement: ``count`` on bodies, then those that can't move.
+
+    ``position`` (M, 3), m, on the unloaded structure; ``size`` (M,), m; ``names``, ``group_names``
+    (M,); ``groups``: body number and paint, in the order asked for.
+    """
+
+    groups: tuple[tuple[int, m.Markers], ...]
+    count: int
+    position: Array
+    size: Array
+    names: tuple[str, ...]
+    group_names: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Followed:
+    """What became of M markers between two images, px; NaN where something wasn't measured.
+
+    ``expected`` (M, 2) by the rough camera; ``points`` (M, 2) in the first image;
+    ``displacement`` (M, 2); ``sigma`` (M,); ``status`` names (M,); ``clipped`` (M,) bool:
+    saturated pixels within the marker; ``unrefined`` (M,) bool: measured, but without a fit of its
+    cross in one of the images; ``subset`` px; ``tracking_px``: RMS difference between tracked
+    subsets and the fitted crosses.
+    """
+
+    names: tuple[str, ...]
+    expected: Array
+    points: Array
+    displacement: Array
+    sigma: Array
+    status: tuple[str, ...]
+    clipped: npt.NDArray[np.bool_]
+    unrefined: npt.NDArray[np.bool_]
+    subset: int
+    tracking_px: float
+
+    @property
+    def found(self) -> npt.NDArray[np.bool_]:
+        """(M,) bool: seen in the first image."""
+        return np.asarray(np.isfinite(self.points).all(axis=1))
+
+    def saturated(self, count: int) -> tuple[str, ...]:
+        """Names of the first ``count`` markers that have clipped pixels."""
+        return tuple(self.names[i] for i in np.flatnonzero(self.clipped[:count]))
+
+    def by_correlation(self, count: int) -> tuple[str, ...]:
+        """Names of those of the first ``count`` markers that rest on correlation alone."""
+        return tuple(self.names[i] for i in np.flatnonzero(self.unrefined[:count]))
+
+
+def collect_markers(
+    what: str,
+    groups: Sequence[str],
+    static: Sequence[str],
+    scene: Scene,
+    bodies: Sequence[BodyParts],
+) -> MarkerSet:
+    """The markers of paints on bodies, in order, and of paints on props."""
+    own = tuple(_marker_paint(what, bodies, name) for name in groups)
+    paints = [paint for _, paint in own]
+    still = [
+        paint
+        for name in static
+        for prop in scene.props
+        for paint in prop.paints
+        if paint.name == name and isinstance(paint, m.Markers)
+    ]
+    every = [(paint, marker) for paint in (*paints, *still) for marker in paint.markers]
+    return MarkerSet(
+        groups=own,
+        count=sum(len(paint.markers) for paint in paints),
+        position=np.array([marker.position for _, marker in every]),
+        size=np.array([paint.size for paint, _ in every]),
+        names=tuple(marker.name for _, marker in every),
+        group_names=tuple(paint.name for paint, _ in every),
+    )
+
+
+def follow_markers(
+    what: str,
+    marks: MarkerSet,
+    camera: Camera,
+    reference: npt.NDArray[Any],
+    deformed: npt.NDArray[Any],
+    *,
+    subset: int | None,
+    sensor: Sensor,
+) -> Followed:
+    """Find the markers near where ``camera`` expects them, and follow them into ``deformed``.
+
+    Harris corners and a fit of the cross find them, IC-GN subsets follow them, and the crosses are
+    fitted again: that is finer than the correlation of sharp squares. Raises InputError for a
+    marker that is too small, GpusimError if none is found.
+    """
+    expected = camera.project(marks.position)
+    widths = check_widths(what, marks, camera)
+    found = find_near(reference, expected, widths)
+    points, arms, known = found.points, found.arms.copy(), found.known
+    if not known[: marks.count].any():
+        raise GpusimError(
+            f"{what}: no marker of {sorted(set(marks.group_names[: marks.count]))} was found in "
+            f"the first image of camera {camera.name!r}; expected {marks.count}"
+            + "".join(f"; the image {text}" for text in level_warnings(reference, sensor))
+        )
+    rows = np.flatnonzero(known)
+    chains = _chains(rows, marks.count, len(points))
+    side = subset or _odd(SUBSET_SHARE * float(widths[: marks.count].min()))
+    tracked = measure.track(
+        reference, deformed, points[rows],
+        subset=side, groups=chains, search_px=_search(points[rows], chains, side),
+        max_iterations=TRIES,
+    )  # fmt: skip
+    matched, sigma = np.full_like(points, np.nan), np.full(len(points), np.nan)
+    matched[rows], sigma[rows] = tracked.displacement, tracked.sigma
+    status = np.full(len(points), "NOT_FOUND", dtype=object)
+    status[rows] = [measure.Status(s).name for s in tracked.status]
+    # borders turn with their marker
+    turn = np.tile(np.eye(2), (len(points), 1, 1))
+    turn[rows] += np.where(np.isfinite(tracked.gradient), tracked.gradient, 0.0)
+    arms = np.einsum("mij,maj->mai", turn, arms)
+    _rescue(deformed, points, matched, arms, widths, status, [rows[c] for c in chains])
+    refined, own_sigma, _ = fit_near(deformed, points + matched, arms, found.blur)
+    same = _unchanged(reference, deformed, points, matched, widths)
+    refined = np.where(same[:, None], points, refined)
+    own_sigma = np.where(same, found.sigma, own_sigma)
+    gap = np.linalg.norm(refined - points - matched, axis=1)
+    fine = np.asarray(gap <= MOST_GAP * widths)  # false for NaN
+    moved = np.where(fine[:, None], refined - points, matched)
+    sigma = np.where(fine, np.sqrt(2.0) * own_sigma, sigma)
+    full = sensor.saturation
+    clipped = np.array(
+        [
+            _clipped(reference, points[i], widths[i], full)
+            or _clipped(deformed, points[i] + matched[i], widths[i], full)
+            for i in range(len(points))
+        ]
+    )
+    unrefined = np.isfinite(moved).all(axis=1) & (found.rough | ~fine)
+    close = gap[fine]
+    return Followed(
+        names=marks.names,
+        expected=expected,
+        points=points,
+        displacement=moved,
+        sigma=sigma,
+        status=tuple(str(s) for s in status),
+        clipped=clipped,
+        unrefined=unrefined,
+        subset=side,
+        tracking_px=float(np.sqrt(np.mean(close**2))) if close.size else float("nan"),
+    )
+
+
+def check_widths(what: str, marks: MarkerSet, camera: Camera) -> Array:
+    """Widths (M,) px of the markers; raises InputError for one that is too small."""
+    widths: Array = camera.K[0, 0] * marks.size / camera.to_camera(marks.position)[:, 2]
+    narrow = int(np.argmin(widths))
+    if not 0.95 * widths[narrow] >= LEAST_WIDTH:
+        raise InputError(
+            f"{what}: marker {marks.names[narrow]!r} is too small for camera {camera.name!r}; got "
+            f"a width of {widths[narrow]:.1f} px; expected more than {LEAST_WIDTH / 0.95:.1f} px "
+            "(a larger marker, a longer lens or more pixels)"
+        )
+    return widths
+
+
+def _rescue(
+    image: npt.NDArray[Any],
+    points: Array,
+    matched: Array,
+    arms: Array,
+    widths: Array,
+    status: npt.NDArray[Any],
+    chains: Sequence[npt.NDArray[np.int64]],
+) -> None:
+    """Look for markers that correlation lost, in place: a turned one no longer looks the same.
+
+    Along a member, the displacement is carried on from the neighbours before; the marker itself is
+    found by its cross, nearer to there than to any other.
+    """
+    for chain in chains:
+        for place, i in enumerate(chain[1:], start=1):
+            before = [k for k in chain[:place][-2:] if status[k] == "OK"]
+            if status[i] == "OK" or not before or before[-1] != chain[place - 1]:
+                continue
+            gap = float(np.linalg.norm(points[i] - points[before[-1]]))
+            guess = matched[before[-1]]
+            if len(before) == 2:
+                passed = float(np.linalg.norm(points[before[1]] - points[before[0]]))
+                guess = guess + (guess - matched[before[0]]) * (gap / passed)
+            near = points[i] + guess
+            sizes = size_range(float(widths[i]))
+            located = measure.locate_markers(image, near[None], sizes, LOST_SHARE * gap)
+            if located.status[0] == measure.MarkerStatus.FOUND:
+                matched[i], status[i] = located.points[0] - points[i], "OK"
+                arms[i] = arms_of(located)[0]
+
+
+def _unchanged(
+    reference: npt.NDArray[Any],
+    deformed: npt.NDArray[Any],
+    points: Array,
+    matched: Array,
+    widths: Array,
+) -> npt.NDArray[np.bool_]:
+    """Markers (M,) that show the same pixels in both pictures: the same pixels, the same centre."""
+    same = np.zeros(len(points), dtype=bool)
+    for i in np.flatnonzero(np.abs(matched).max(axis=1) < 0.5):  # false for NaN
+        x, y = np.rint(points[i]).astype(int)
+        half = int(0.75 * widths[i]) + 3
+        window = np.s_[max(y - half, 0) : y + half + 1, max(x - half, 0) : x + half + 1]
+        same[i] = np.array_equal(reference[window], deformed[window])
+    return same
+
+
+def _clipped(image: npt.NDArray[Any], at: Array, width: float, full: int) -> bool:
+    """Whether more than four pixels of a marker are saturated, at ``full`` or above."""
+    if not np.isfinite(at).all():
+        return False
+    x, y = np.rint(at).astype(int)
+    half = int(0.6 * width) + 1
+    window = image[max(y - half, 0) : y + half + 1, max(x - half, 0) : x + half + 1]
+    return int(np.count_nonzero(window >= full)) > 4
+
+
+def _marker_paint(what: str, bodies: Sequence[BodyParts], name: str) -> tuple[int, m.Markers]:
+    for index, parts in enumerate(bodies):
+        for paint in parts.body.paints:
+            if paint.name == name and isinstance(paint, m.Markers):
+                return index, paint
+    raise GpusimError(f"{what}: no markers named {name!r} on any body")
+
+
+def _chains(rows: npt.NDArray[np.int64], movable: int, total: int) -> list[list[int]]:
+    """The members' markers as one chain from the clamp, the static ones one by one."""
+    index = {int(row): i for i, row in enumerate(rows)}
+    chain = [index[row] for row in range(movable) if row in index]
+    still = [[index[row]] for row in range(movable, total) if row in index]
+    return [c for c in [chain, *still] if c]
+
+
+def _search(points: Array, chains: list[list[int]], subset: int) -> int:
+    """How far a marker is searched around its prediction: a third of the way to its neighbour."""
+    gaps = [
+        float(np.linalg.norm(np.diff(points[chain], axis=0), axis=1).min())
+        for chain in chains
+        if len(chain) > 1
+    ]
+    return int(np.clip(min(gaps, default=60.0) / 3.0, 4, 4 * subset))
+
+
+def _odd(width: float) -> int:
+    return max(9, 2 * int(np.floor(0.5 * (width - 1.0))) + 1)

@@ -1,0 +1,56 @@
+"""Every kind of measurement that a scene can ask for, behind one pair of functions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy.typing as npt
+
+from gpusim.errors import GpusimError
+from gpusim.files.input_file import Reader
+from gpusim.measure.targets.boards import Sighting
+from gpusim.pipeline.build.scene_objects import Things
+from gpusim.pipeline.measurements.deflection import DeflectionResult
+from gpusim.pipeline.measurements.deflection_stage import measure_deflection
+from gpusim.pipeline.measurements.marker_cache import KeptMarkers
+from gpusim.pipeline.measurements.stereo import measure_stereo
+from gpusim.pipeline.measurements.stereo_result import StereoResult
+from gpusim.scene import Scene
+from gpusim.scene.description import model as m
+
+__all__ = ["Result", "measured", "read"]
+
+Result = DeflectionResult | StereoResult
+Image = Callable[[str, int], npt.NDArray[Any]]
+Corners = Callable[[str, int], Sighting]
+
+
+def measured(
+    spec: m.Measure,
+    scene: Scene,
+    things: Things,
+    image: Image,
+    corners: Corners,
+    markers: KeptMarkers,
+) -> Result:
+    """Do one measurement.
+
+    ``image`` gives a camera's picture in a frame, ``corners`` what was found of the board
+    in a calibration pose, ``markers`` follows those of a rig.
+    """
+    if isinstance(spec, m.Deflection):
+        return measure_deflection(spec, scene, things.bodies, things.displacement, image)
+    if isinstance(spec, m.Stereo):
+        return measure_stereo(spec, scene, things, image, corners, markers)
+    raise GpusimError(f"measure {spec.name!r}: compares variants; the scene has none")
+
+
+def read(spec: m.Measure, folder: Path, reader: Reader) -> Result:
+    """What an earlier run wrote for ``spec``; ``reader``: how its files are read."""
+    if isinstance(spec, m.Deflection):
+        return DeflectionResult.read(folder, spec, reader)
+    if isinstance(spec, m.Stereo):
+        return StereoResult.read(folder, spec.name, reader)
+    raise GpusimError(f"measure {spec.name!r}: compares variants; the scene has none")

@@ -1,0 +1,90 @@
+"""What one scale for the whole image does to displacements that are measured with it.
+
+A single camera gives a displacement in its image; one scale coefficient (mm per px) turns it into
+millimetres. That is right for a plane that is parallel to the sensor, moves within itself and is
+seen without distortion. Where it is not, the error is known beforehand, from the true motion and
+the camera: it is computed here, in parts that add up. These have the scale that faultless centres
+would give; what the measured scale is off by is a part of its own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim import measure
+from gpusim.optics.camera.pinhole import Camera
+
+__all__ = ["PARTS", "ProjectionError", "projection_error"]
+
+Array = npt.NDArray[np.float64]
+
+PARTS = {
+    "axis": "motion along the camera's axis changes the scale",
+    "plane": "the markers' plane is seen in perspective, at an angle or at several depths",
+    "lens": "the lens distorts, and the measure doesn't undo it",
+    "scale": "the scale is wrong, by the centres that were found in the first image",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class ProjectionError:
+    """Measured less true displacement (M, 2) in mm that each of `PARTS` makes; they add up.
+
+    ``towards_mm`` (M,): how far each marker comes towards the camera.
+    """
+
+    axis: Array
+    plane: Array
+    lens: Array
+    scale: Array
+    towards_mm: Array
+
+
+def projection_error(
+    camera: Camera,
+    position: Array,
+    moved: Array,
+    plane: Array,
+    scale: measure.Scale,
+    used: npt.NDArray[np.bool_],
+) -> ProjectionError:
+    """The error of displacements that are read off the image with one scale.
+
+    Parameters
+    ----------
+    position, moved : (M, 3) m, world; markers at rest, and their true displacements.
+    plane : (2, 3) the world axes nearest to the image's right and up, in which one measures.
+    scale : what turns pixels into millimetres along these axes, as it was measured.
+    used : (M,) the markers that it was measured with.
+
+    A marker that gets out of the camera's sight has NaN.
+    """
+    forward = camera.camera_from_world[2, :3]
+    along = moved @ forward
+    within = moved - along[:, None] * forward
+
+    def seen(lens: Camera, displacement: Array) -> Array:
+        return lens.project(position + displacement) - lens.project(position)
+
+    def exact(lens: Camera) -> measure.Scale:
+        centres = lens.project(position)
+        known = used & np.isfinite(centres).all(axis=1)
+        if np.count_nonzero(known) < 2:
+            return scale
+        return measure.scale_coefficient(centres[known], 1e3 * position[known] @ plane.T)
+
+    ideal = camera.without_distortion()
+    pinhole = exact(ideal)
+    sideways, whole = (pinhole.vectors(seen(ideal, motion)) for motion in (within, moved))
+    bent = exact(camera).vectors(seen(camera, moved))
+    truth = 1e3 * moved @ plane.T
+    return ProjectionError(
+        axis=whole - sideways,
+        plane=sideways - truth,
+        lens=bent - whole,
+        scale=scale.vectors(seen(camera, moved)) - bent,
+        towards_mm=-1e3 * along,
+    )

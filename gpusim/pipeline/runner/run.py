@@ -1,0 +1,71 @@
+"""A scene run into a folder: what `gpusim.run` and ``gpusim run`` do."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from os import PathLike
+from pathlib import Path
+
+from gpusim.errors import InputError
+from gpusim.files.output_folder import claim
+from gpusim.gpu import chosen_backend
+from gpusim.pipeline.checks.folders import check_folders
+from gpusim.pipeline.runner.run_report import write_page
+from gpusim.pipeline.runner.stage_runner import Progress, Work
+from gpusim.pipeline.runner.variants import run_variants
+from gpusim.report import Report
+from gpusim.scene import Scene
+
+__all__ = ["run", "run_claimed"]
+
+
+def run(
+    scene: Scene,
+    out: str | PathLike[str],
+    *,
+    backend: str = "auto",
+    fresh: bool = False,
+    skip: bool = True,
+    progress: Progress | None = None,
+) -> Report:
+    """Run ``scene`` into the folder ``out`` and return its report.
+
+    Parameters
+    ----------
+    backend : ``"auto"``: on the device where an adapter is found, else by the NumPy twins, with one
+        warning; ``"gpu"``: on a device or not at all; ``"numpy"``: the twins.
+    fresh, skip : as for `gpusim.plan.plan.make_plan`.
+    progress : called with (stage, done 0..1, text).
+
+    Raises
+    ------
+    InputError, SceneError, NoAdapter
+        Before anything is written into ``out``; also where another run has it.
+    NotConverged, DeviceError, GpusimError
+        While working: ``report.json`` then says what failed; finished stages are kept.
+    """
+    if not isinstance(scene, Scene):
+        raise InputError(f"run: scene; got {type(scene).__name__}; expected a Scene (load_scene)")
+    backend = chosen_backend("run", backend)
+    with claim(out) as folder:
+        return run_claimed(scene, folder, backend, fresh, skip, progress or _silent)
+
+
+def run_claimed(
+    scene: Scene, out: Path, backend: str, fresh: bool, skip: bool, tell: Progress
+) -> Report:
+    """As `run`, into a folder that the caller has claimed."""
+    check_folders(scene, out)
+    if scene.variants:
+
+        def begin(state: Scene, folder: Path, note: Progress) -> Callable[[], Report]:
+            return Work(state, folder, backend, fresh, skip, note).begin()
+
+        return run_variants(scene, out, begin, tell)
+    report = Work(scene, out, backend, fresh, skip, tell).begin()()
+    write_page(report, out, tell)
+    return report
+
+
+def _silent(stage: str, done: float, text: str) -> None:
+    del stage, done, text

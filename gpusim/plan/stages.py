@@ -1,0 +1,129 @@
+"""A plan as data: its stages, what they cost, what they are by kinds of work."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from collections.abc import Set as AbstractSet
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+from gpusim.plan.machine_speed import Speed, Work
+
+__all__ = ["Plan", "PlannedStage", "State", "timed", "works_of"]
+
+State = Literal["run", "skipped", "reused"]
+START_SECONDS = 1.5
+"""What Python and its libraries take before the first stage."""
+
+
+@dataclass(frozen=True)
+class PlannedStage:
+    """One stage and what is done with it.
+
+    ``detail`` says how much work it is; ``memory_bytes`` and ``seconds`` are estimates (0 unless
+    run), the latter from ``cost``, that of the machine which the costs were measured on, of which
+    ``compiling`` for shaders. Render stages, named ``render/<camera>/<frame>``, have ``camera`` and
+    ``frame``; those of a calibration target, ``render/<camera>/calib-<pose>``, ``pose`` instead.
+    """
+
+    name: str
+    state: State
+    reason: str
+    memory_bytes: int
+    seconds: float
+    key: str
+    detail: str = ""
+    camera: str | None = None
+    frame: int | None = None
+    pose: int | None = None
+    cost: float = 0.0
+    compiling: float = 0.0
+
+    @property
+    def runs(self) -> bool:
+        """Whether there is work to do."""
+        return self.state == "run"
+
+    @property
+    def kind(self) -> str:
+        """The kind of work: "mesh", "render", "target", …"""
+        return "target" if self.pose is not None else self.name.split("/")[0]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Every stage in the order of work, and what is doubtful about the scene.
+
+    ``works``: the same by kinds of work, for `gpusim.plan.machine_speed`; ``busy``: how much longer
+    than alone it takes beside what else runs on this machine now.
+    """
+
+    scene: str
+    backend: str
+    stages: tuple[PlannedStage, ...]
+    warnings: tuple[str, ...] = ()
+    works: tuple[Work, ...] = ()
+    busy: float = 1.0
+
+    def __getitem__(self, name: str) -> PlannedStage:
+        """The stage of that name. Raises KeyError."""
+        for stage in self.stages:
+            if stage.name == name:
+                return stage
+        raise KeyError(name)
+
+    @property
+    def seconds(self) -> float:
+        """Estimated time of everything that is run, from the start of the program on."""
+        running = sum(stage.seconds for stage in self.stages)
+        return START_SECONDS + running if running else 0.0
+
+    @property
+    def memory_bytes(self) -> int:
+        """Estimated memory of the largest stage that is run."""
+        return max((stage.memory_bytes for stage in self.stages), default=0)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for JSON."""
+        names = ("name", "state", "reason", "detail", "memory_bytes", "seconds", "key")
+        return {
+            "scene": self.scene,
+            "backend": self.backend,
+            "seconds": round(self.seconds, 2),
+            "busy": round(self.busy, 2),
+            "memory_bytes": self.memory_bytes,
+            "stages": [{name: getattr(stage, name) for name in names} for stage in self.stages],
+            "warnings": list(self.warnings),
+        }
+
+
+def works_of(
+    stages: Sequence[PlannedStage], size: str, shaders: AbstractSet[str]
+) -> dict[str, Work]:
+    """What is run of each kind; ``size`` of the scene goes with all of it, the ``shaders`` that
+    were needed with what draws."""
+    kinds: dict[str, list[PlannedStage]] = {}
+    for stage in stages:
+        if stage.runs:
+            kinds.setdefault(stage.kind, []).append(stage)
+    return {
+        kind: Work(
+            kind,
+            "; ".join([size, *(stage.detail for stage in own)]),
+            sum(stage.cost for stage in own),
+            sum(stage.compiling for stage in own),
+            tuple(sorted(shaders)) if kind in ("render", "target") else (),
+        )
+        for kind, own in kinds.items()
+    }
+
+
+def timed(
+    stages: Sequence[PlannedStage], works: Mapping[str, Work], speed: Speed
+) -> list[PlannedStage]:
+    """The stages with the seconds that they take at a machine's speed."""
+    share = {kind: speed.seconds(work) / work.seconds for kind, work in works.items()}
+    return [
+        replace(stage, seconds=stage.cost * share[stage.kind]) if stage.runs else stage
+        for stage in stages
+    ]

@@ -1,0 +1,207 @@
+"""From pydantic's errors to faults: key path with index, what, got, expected, nearest key."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+
+from gpusim.errors import Fault, InputError
+from gpusim.printable import printable
+from gpusim.scene.schema.base import Words
+
+from .expectations import expected
+from .key_path import dotted, nearest
+from .line_numbers import Keys, Origins, origin_of
+from .schema_places import Place, locate
+
+__all__ = ["MOST", "faults_of", "shown", "unread", "with_origin"]
+
+MOST = 200  # faults that are looked into; to find the nearest word of each takes a while
+_KINDS = {
+    "float_type": "a number",
+    "int_type": "a whole number",
+    "int_from_float": "a whole number",
+    "string_type": "a string",
+    "bool_type": "true or false",
+    "int_parsing_size": "a whole number",
+    "list_type": "a list [...]",
+    "dict_type": "a table",
+    "model_type": "a table",
+    "model_attributes_type": "a table",
+    "finite_number": "a finite number",
+}
+_BOUNDS = {
+    "greater_than": ("gt", ">"),
+    "greater_than_equal": ("ge", ">="),
+    "less_than": ("lt", "<"),
+    "less_than_equal": ("le", "<="),
+}
+
+
+def with_origin(fault: Fault, keys: Sequence[str | int], origins: Origins) -> Fault:
+    """The fault with the line of its key in the problem, if known."""
+    origin = origin_of(origins, keys)
+    if not origin:
+        return fault
+    return replace(fault, problem=f"{fault.problem} ({origin})")
+
+
+def faults_of(
+    error: ValidationError, root: type[BaseModel], origins: Origins
+) -> tuple[list[Fault], int]:
+    """The faults of a failed validation, in the order of the schema, and how many more there are
+    where they are very many.
+
+    A required key that is missing because it was misspelt is told once: by its wrong spelling.
+    """
+    found: list[tuple[Keys, Fault]] = []
+    choices: set[Keys] = set()
+    respelt: set[Keys] = set()
+    missing: set[int] = set()
+    entries = error.errors(include_url=False)
+    for entry in entries[:MOST]:
+        kind, context = entry["type"], entry.get("ctx", {})
+        place = locate(root, entry["loc"])
+        keys = place.keys
+        if len(place.choice):
+            if keys in choices:  # told once, not for each of the types that it may have
+                continue
+            choices.add(keys)
+        if kind == "extra_forbidden":
+            near = nearest(str(keys[-1]), place.valid_keys)
+            respelt.add((*keys[:-1], near))
+        elif kind == "missing":
+            missing.add(len(found))
+        elif kind == "scene_fault" and context["key"]:
+            parts = context["key"].split(".")
+            keys = (*keys, *(int(part) if part.isdecimal() else part for part in parts))
+        elif kind in ("union_tag_invalid", "union_tag_not_found"):
+            keys = (*keys, str(context["discriminator"]).strip("'"))
+        found.append(
+            (keys, _fault(kind, dotted(keys), place, entry.get("input"), context, entry["msg"]))
+        )
+    faults = [
+        with_origin(fault, keys, origins)
+        for index, (keys, fault) in enumerate(found)
+        if not (index in missing and keys in respelt)
+    ]
+    return faults, max(len(entries) - MOST, 0)
+
+
+def _fault(
+    kind: str, key: str, place: Place, value: Any, context: Mapping[str, Any], message: str
+) -> Fault:
+    got = shown(value)
+    if kind == "scene_fault":
+        return Fault(key, context["problem"], shown(context["got"]), context["expected"])
+    if kind == "extra_forbidden":
+        near = nearest(str(place.keys[-1]), place.valid_keys)
+        keys = "" if near else "one of " + ", ".join(place.valid_keys)
+        return Fault(key, "unknown key", "", keys, _did_you_mean(near))
+    if kind == "missing":
+        return Fault(key, "missing", "", _wanted(place))
+    if kind == "union_tag_not_found":
+        return Fault(key, "missing", "", _one_of(place.tags))
+    if kind == "union_tag_invalid":
+        tag = str(context["tag"])
+        hint = _did_you_mean(nearest(tag, place.tags))
+        return Fault(key, "unknown value", shown(tag), _one_of(place.tags), hint)
+    if kind == "literal_error":
+        words = str(context["expected"]).replace(" or ", ", ").split(", ")
+        hint = nearest(value, [word.strip("'") for word in words]) if isinstance(value, str) else ""
+        one_of = "one of " + ", ".join(words) if len(words) > 1 else words[0]
+        return Fault(key, "unknown value", got, one_of.replace("'", '"'), _did_you_mean(hint))
+    if kind in ("too_short", "too_long"):
+        bound = context["min_length" if kind == "too_short" else "max_length"]
+        got = f"{context['actual_length'] or 'no'} items"
+        return Fault(key, "wrong length", got, _length(bound, kind))
+    if kind in _BOUNDS:
+        name, sign = _BOUNDS[kind]
+        return Fault(key, "out of range", got, f"{sign} {context[name]:g}")
+    if kind == "string_pattern_mismatch":
+        return Fault(key, "not a usable name", got, "a letter, then letters, digits, _ or -")
+    if kind in ("string_too_short", "string_too_long"):
+        most = context.get("max_length", 0)
+        if kind == "string_too_short":
+            return Fault(key, "empty", "", "a text")
+        return Fault(key, "too long", f"{len(value):,} letters", f"at most {most}")
+    if kind in _KINDS:
+        text = _wanted(place, described=False) or _KINDS[kind]
+        if kind == "finite_number":
+            text = text.replace("number", "finite number", 1)
+        if "number" in text and isinstance(value, str):
+            text += " without quotes" + ("; its unit is in the key" if _has_unit(key) else "")
+        return Fault(key, "wrong type", got, text)
+    return Fault(key, message, got)
+
+
+def _wanted(place: Place, described: bool = True) -> str:
+    """What the schema wants of a key, and what it says about it."""
+    last = place.keys[-1] if place.keys else 0
+    if isinstance(last, int):
+        return ""
+    text = expected(place.table, last)
+    about = place.description.replace("`", "")
+    if not (described and text and about):
+        return text
+    first = about.split()[0]
+    if first == "A" or first[1:].islower():
+        about = about[0].lower() + about[1:]
+    return f"{text} ({about})"
+
+
+def shown(value: Any) -> str:
+    """A value as it would stand in the file, cut to one short line."""
+    if isinstance(value, bool):
+        text = "true" if value else "false"
+    elif isinstance(value, Words):
+        text = str(value)
+    elif isinstance(value, str):
+        text = f'"{value[:100]}"'
+    elif value is None:
+        text = ""
+    elif isinstance(value, Mapping):
+        text = "a table" if value else "{}"
+    elif isinstance(value, int) and abs(value) >= 10**40:
+        text = f"a number of about {value.bit_length() * 0.30103:,.0f} digits"
+    elif isinstance(value, list):
+        text = f"[{', '.join(map(shown, value[:20]))}{', ...' if len(value) > 20 else ''}]"
+    else:
+        text = str(value)
+    text = printable(text)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def unread(error: InputError, key: str, path: Path) -> Fault:
+    """The fault of a key whose file `read_input`, or a reader, refused with ``error``."""
+    problem, *rest = str(error).removeprefix(printable(f"{path}: ")).split("; ")
+    words = dict.fromkeys(("got", "expected"), "")
+    for part in rest:
+        name, _, text = part.partition(" ")
+        if name in words:
+            words[name] = text
+    return Fault(key, problem, words["got"] or shown(str(path)), words["expected"])
+
+
+def _has_unit(key: str) -> bool:
+    names = [part for part in key.split(".") if not part.isdecimal()]
+    return names[-1].endswith(("_mm", "_px", "_N", "_W", "_GPa", "_MPa", "_kg_m3", "_m_s2"))
+
+
+def _did_you_mean(name: str) -> str:
+    return f"did you mean {name}?" if name else ""
+
+
+def _one_of(names: Sequence[str]) -> str:
+    return "one of " + ", ".join(f'"{name}"' for name in names)
+
+
+def _length(bound: int, kind: str) -> str:
+    if bound in (2, 3):
+        return f"{bound} items"
+    least = "one item or more" if bound == 1 else f"at least {bound} items"
+    return least if kind == "too_short" else f"at most {bound} item{'s' if bound > 1 else ''}"
