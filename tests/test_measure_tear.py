@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gpusim.measure import Status, dic
-from gpusim.measure.correlation.discontinuity_test import jumps
+from gpusim.measure.correlation.discontinuity import jumps
 from tests.measure_images import Waves
 
 WIDTH, HEIGHT, EDGE, SIZE = 121, 83, 57.0, 25

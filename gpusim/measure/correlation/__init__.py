@@ -15,7 +15,7 @@ In the order in which data passes:
 - `normal_equations`: Many small normal equations at once: Cholesky factors and solutions,
   vectorised over subsets.
 - `icgn`: Match subsets of one image in another: inverse-compositional Gauss-Newton, ZNSSD.
-- `discontinuity_test`: Whether a subset is torn: a line across it on whose two sides it moved
+- `discontinuity`: Whether a subset is torn: a line across it on whose two sides it moved
   differently.
 - `subset_consistency`: Whether all of a subset moved as its warp says, from what the match leaves
   in its parts.

@@ -4,7 +4,7 @@ A subset across the edge of a body, a hole or a crack sees two motions; the fit 
 them, often with a high correlation. Its parts tell: each ninth of the subset is asked for the
 motion d that would explain what is left there, e = J d, and how much of the pattern it can't
 explain at all. Subsets that merely are noisy are the same in all their parts. A small jump across a
-line leaves next to nothing in the parts: it is looked for by itself (see ``discontinuity_test``).
+line leaves next to nothing in the parts: it is looked for by itself (see ``discontinuity``).
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.measure.correlation.discontinuity_test import COARSE, FINE, jumps
+from gpusim.measure.correlation.discontinuity import COARSE, FINE, jumps
 from gpusim.measure.correlation.matching import Pair, Settings
 from gpusim.measure.correlation.warp import basis, steepest_descent
 from gpusim.measure.images import FloatArray
