@@ -174,10 +174,10 @@ def single_sheets(space: LightSpace, occluders: Occluders, corners: Array) -> Nu
     kind = facing(space, corners, occluders.open)
     result = np.zeros_like(occluders.sheet)
     for number in range(1, SHEETS + 1):
-        own = occluders.sheet == number
-        alike = (kind[own] == TOWARDS).all() or (kind[own] == AWAY_OPEN).all()
-        if alike and space.sheets >> (number - 1) & 1:
-            result[own] = number
+        if space.sheets >> (number - 1) & 1:
+            own = occluders.sheet == number
+            if (kind[own] == TOWARDS).all() or (kind[own] == AWAY_OPEN).all():
+                result[own] = number
     return result
 
 

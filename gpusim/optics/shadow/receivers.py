@@ -42,7 +42,7 @@ MOST = TILE * TILE
 """Receivers of a group."""
 
 NO_OWNER, LEAN = 0xFFFFFF, 255.0 / 1.5
-"""Of `plane_words`, as in ``shaders/optics/shadow/receiver.wgsl``."""
+"""Of `plane_words`, as in ``shaders/optics/shadow/plane_words.wgsl``."""
 
 APART = 1.01
 """Depths in a group that differ by this factor are two entries."""

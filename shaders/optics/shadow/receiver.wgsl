@@ -2,6 +2,7 @@
 // An entry is what lies nearer of a group, and by `groups` later what lies farther where depths differ.
 #import lib/raster/undistortion_table
 #import optics/shadow/light_space
+#import optics/shadow/plane_words
 
 // 1: they are listed
 override listed: u32;
@@ -34,9 +35,6 @@ struct Receivers {
 // Of pixels two words of each tile: bits of those in its farther half. Of the list where each group
 // begins, and where the last one ends; then a word of each receiver, 1 in the farther half.
 @group(0) @binding(17) var<storage, read_write> halves: array<u32>;
-
-const NO_OWNER: u32 = 0xffffffu;
-const LEAN: f32 = 170.0;
 
 struct Receiver {
     x: vec3f,

@@ -3,6 +3,7 @@
 // the image tell n / d. The NumPy form is gpusim/optics/shadow/receiver_planes.py.
 #import lib/numeric/index
 #import lib/raster/undistortion_table
+#import optics/shadow/plane_words
 
 struct Params {
     // ray of unit depth through a pixel: x * column + y * row + one
@@ -20,11 +21,8 @@ struct Params {
 // per triangle the occluder that it is part of, -1 for none
 @group(0) @binding(3) var<storage, read> owners: array<i32>;
 @group(0) @binding(4) var triangles: texture_storage_2d<rgba32uint, read>;
-// see receiver.wgsl
+// see receiver.wgsl and plane_words.wgsl
 @group(0) @binding(5) var planes: texture_storage_2d<rgba32uint, write>;
-
-const NO_OWNER: u32 = 0xffffffu;
-const LEAN: f32 = 170.0;
 
 // Where a vertex lies in the ideal image, from a pixel's centre. Beside the picture its outermost tile's
 // cubic goes on.
