@@ -171,6 +171,7 @@ def _shown(value: Any) -> str:
 
 def _tests(hint: Any) -> list[Test]:
     """What a value of an annotated type must be, one entry per alternative; [] if not known."""
+    hint = getattr(hint, "__value__", hint)  # ``type`` statements, as NumPy's ArrayLike from 2.5 on
     origin = typing.get_origin(hint)
     if origin in (types.UnionType, typing.Union):
         parts = [_tests(part) for part in typing.get_args(hint)]

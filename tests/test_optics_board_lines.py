@@ -117,6 +117,33 @@ def test_strips_cover_what_reaches_over_a_line() -> None:
     assert (ratio <= 1.01).all() and (ratio > 0.9).all()
 
 
+@pytest.mark.parametrize("eye", [(0.1, -1.1, 0.07), (0.9, -0.25, 0.1)], ids=["front", "side"])
+def test_strips_lie_in_front_where_cards_round_vertices(eye: tuple[float, float, float]) -> None:
+    """Planes through vertices in 1/256 px: a card's depths, those of strips before their board."""
+    seen = gs.Camera.from_lens((36.0, 24.0), 50.0, (391, 262), eye, (0.0, 0.0, 0.01))
+    surfaces = board(None, None)[:1]
+    view = look(surfaces, seen, lit=False)
+    lines = BoardLines.of(Setup.build(view, None, 0.0, surfaces))
+    assert lines is not None and len(lines.parent) > 40
+
+    def rounded(screen: np.ndarray, inverse_depth: np.ndarray, at: np.ndarray) -> np.ndarray:
+        corners = np.rint(screen * 256.0) / 256.0
+        full = np.concatenate([corners, np.ones((*corners.shape[:2], 1))], axis=2)
+        whole = np.abs(np.linalg.det(full)) > 1e-9
+        planes = np.linalg.solve(full[whole], inverse_depth.astype(np.float32)[whole, :, None])
+        result = np.full(len(screen), np.nan)
+        result[whole] = planes[:, 0, 0] * at[whole, 0] + planes[:, 1, 0] * at[whole, 1]
+        result[whole] += planes[:, 2, 0]
+        return result
+
+    for weights in np.random.default_rng(3).dirichlet((0.5, 0.5, 0.5), 20):
+        at = np.einsum("k,nkd->nd", weights, lines.screen)
+        strip = rounded(lines.screen, lines.inverse_depth, at)
+        ground = rounded(view.screen_of(lines.parent), view.inverse_depth(lines.parent), at)
+        before = (strip / ground - 1.0)[np.isfinite(strip)]
+        assert before.size > 40 and before.min() > 5e-7 and before.max() < 2e-4
+
+
 def test_boards_without_strips() -> None:
     surfaces = board(5, 4)
     bent = look(surfaces, camera(distortion=[-0.2, 0.05, 0.0, 0.0]), lit=False)

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from gpusim.arrays.ragged import expand
 from gpusim.optics.geometry.polygon_clipping import MOST, clip, half_planes
 from gpusim.optics.geometry.triangle_corners import POSITION, ST, corner_range
-from gpusim.optics.geometry.view import FIXED
+from gpusim.optics.geometry.view import FIXED, View
 from gpusim.optics.paint.checker_fields import MARGIN, lines_near
 from gpusim.optics.shading.setup import Setup
 from gpusim.surface.paint import Checker
@@ -38,6 +38,10 @@ FLATTEST = 1e-4
 MOST_STRIPS = 1 << 14
 IN_FRONT = 2e-6
 """Share of the depth; far more than a depth buffer's rounding, far less than any real distance."""
+
+ROUNDED = 1.0 / 128.0
+"""Pixels by which planes may be off where rasterisers round vertices to 1/256 px, as cards do: at
+most 1/512 px each way for a strip's vertices and for those of its triangle, root of 2 in all."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +140,18 @@ def _strips(
     which, corner = expand(np.maximum(count - 2, 0))
     places = np.stack([np.zeros_like(corner), corner + 1, corner + 2], axis=1)
     screen, depth = _seen(setup, rows, st, owner[which], polygon[which[:, None], places])
-    return rows[owner[which]], screen, (1.0 + IN_FRONT) / depth
+    in_front = IN_FRONT + ROUNDED * _steepness(setup.view, rows)
+    return rows[owner[which]], screen, (1.0 + in_front[owner[which], None]) / depth
+
+
+def _steepness(view: View, rows: Long) -> Array:
+    """By what share of itself 1 / depth changes per pixel on triangles ``rows``, (R,)."""
+    (ax, ay), (bx, by) = (edge.T for edge in np.diff(view.screen_of(rows), axis=1).swapaxes(0, 1))
+    inverse = view.inverse_depth(rows)
+    da, db = np.diff(inverse, axis=1).T
+    twice = np.abs(ax * by - ay * bx)
+    change = np.hypot(da * by - db * ay, db * ax - da * bx) / inverse.min(axis=1)
+    return np.asarray(np.minimum(change, twice) / np.maximum(twice, 1e-300))
 
 
 def _seen(setup: Setup, rows: Long, st: Array, owner: Long, places: Array) -> tuple[Array, Array]:
