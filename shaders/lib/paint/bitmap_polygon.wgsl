@@ -12,7 +12,7 @@ struct BitmapOutline {
 }
 
 // By the triangles of a fan, each cut into n x n equal ones.
-fn bitmap_fan(bitmap: Bitmap, place: vec2f, outline: BitmapOutline) -> f32 {
+fn bitmap_fan(bitmap: Bitmap, place: vec2f, outline: ptr<function, BitmapOutline>) -> f32 {
     let level = bitmap_level(bitmap, 0);
     let first = outline.p[0];
     var sum = vec2f(0.0);
@@ -44,7 +44,7 @@ fn bitmap_fan(bitmap: Bitmap, place: vec2f, outline: BitmapOutline) -> f32 {
 
 // As bitmap_wide, with any number of sides.
 fn bitmap_wide_polygon(
-    bitmap: Bitmap, place: vec2f, low: vec2f, high: vec2f, outline: BitmapOutline
+    bitmap: Bitmap, place: vec2f, low: vec2f, high: vec2f, outline: ptr<function, BitmapOutline>
 ) -> f32 {
     let w = bitmap_window(bitmap, place, low, high);
     var twice = 0.0;
@@ -70,7 +70,7 @@ fn bitmap_wide_polygon(
 }
 
 // Mean of the bitmap over the polygon, which lies at `place` relative to the bitmap's cell.
-fn bitmap_polygon(bitmap: Bitmap, place: vec2f, outline: BitmapOutline) -> f32 {
+fn bitmap_polygon(bitmap: Bitmap, place: vec2f, outline: ptr<function, BitmapOutline>) -> f32 {
     var low = outline.p[0];
     var high = outline.p[0];
     for (var k = 1; k < outline.count; k++) {

@@ -7,7 +7,7 @@
 // corner, each of them in rows, which are exact where the edges are hard and sampled where soft.
 // `corner` is that of the cell, relative to the triangle's own.
 fn polygon_speckle(
-    t: Triangle, d: vec2f, polygon: Polygon, cell: u32, corner: vec2f, cuts: u32, kind: u32,
+    t: Triangle, d: vec2f, polygon: ptr<function, Polygon>, cell: u32, corner: vec2f, cuts: u32, kind: u32,
     hard_rows: u32,
 ) -> f32 {
     let list = textureLoad(speckles, texel(cell));

@@ -18,7 +18,7 @@ fn row_pieces(cells: SpeckleCells, length: f32) -> f32 {
 // Share of a polygon (px from the pixel's centre, at offset d from the anchor) that speckle covers:
 // rows in pieces, each with the list of its own cell.
 fn polygon_grazing(
-    t: Triangle, d: vec2f, polygon: Polygon, cells: SpeckleCells, hard_rows: u32
+    t: Triangle, d: vec2f, polygon: ptr<function, Polygon>, cells: SpeckleCells, hard_rows: u32
 ) -> f32 {
     var sum = 0.0;
     var whole = 0.0;

@@ -17,7 +17,7 @@ struct Outline {
 
 // Share of a polygon's image right of and above the point o. Scaled by 1 / z relative to o, the
 // polygon is an affine picture of what is seen, whatever the perspective.
-fn quadrant_share(outline: Outline, o: vec2f) -> f32 {
+fn quadrant_share(outline: ptr<function, Outline>, o: vec2f) -> f32 {
     let last = outline.polygon.count - 1;
     let c = (outline.polygon.p[0] - o) * outline.w[0];
     var area = 0.0;
@@ -37,9 +37,9 @@ fn quadrant_share(outline: Outline, o: vec2f) -> f32 {
 }
 
 // A checker patch over a polygon (patch axes): corner by corner where it spans several squares.
-fn polygon_checker(feature: Feature, shape: Outline) -> vec2f {
+fn polygon_checker(feature: Feature, shape: ptr<function, Outline>) -> vec2f {
     var f = feature;
-    var outline = shape;
+    var outline = *shape;
     let count = outline.polygon.count;
     var low = outline.polygon.p[0];
     var high = outline.polygon.p[0];
@@ -69,7 +69,7 @@ fn polygon_checker(feature: Feature, shape: Outline) -> vec2f {
             loop {
                 let at = vec2f(f32(c & 1u), f32(c >> 1u));
                 let sign = select(-1.0, 1.0, at.x == at.y);
-                share += sign * quadrant_share(outline, (vec2f(i, j) + at) * f.b.xy);
+                share += sign * quadrant_share(&outline, (vec2f(i, j) + at) * f.b.xy);
                 c++;
                 if (c >= range.corners) { break; }
             }
@@ -85,13 +85,13 @@ fn polygon_checker(feature: Feature, shape: Outline) -> vec2f {
     return sum;
 }
 
-fn polygon_disc(f: Feature, polygon: Polygon) -> f32 {
+fn polygon_disc(f: Feature, outline: ptr<function, Outline>) -> f32 {
     let r = f.a.z;
     var centre = vec2f(0.0);
-    for (var i = 0; i < polygon.count; i++) { centre += polygon.p[i]; }
-    centre /= f32(polygon.count);
+    for (var i = 0; i < outline.polygon.count; i++) { centre += outline.polygon.p[i]; }
+    centre /= f32(outline.polygon.count);
     var reach = 0.0;
-    for (var i = 0; i < polygon.count; i++) { reach = max(reach, distance(polygon.p[i], centre)); }
+    for (var i = 0; i < outline.polygon.count; i++) { reach = max(reach, distance(outline.polygon.p[i], centre)); }
     let dist = length(centre);
     if (dist >= r + reach) { return 0.0; }
     if (dist <= r - reach) { return 1.0; }
@@ -99,10 +99,10 @@ fn polygon_disc(f: Feature, polygon: Polygon) -> f32 {
     let large = discs == 2u || r > 3.0 * reach;
     var area = 0.0;
     var sum = 0.0;
-    var a = polygon.p[polygon.count - 1];
+    var a = outline.polygon.p[outline.polygon.count - 1];
     var i = 0;
     loop {
-        let b = polygon.p[i];
+        let b = outline.polygon.p[i];
         let u = a - centre;
         let v = b - centre;
         area += 0.5 * (u.x * v.y - u.y * v.x);
@@ -115,14 +115,14 @@ fn polygon_disc(f: Feature, polygon: Polygon) -> f32 {
         }
         a = b;
         i++;
-        if (i >= polygon.count) { break; }
+        if (i >= outline.polygon.count) { break; }
     }
     if (area == 0.0) { return 0.0; }
     return clamp(sum / area, 0.0, 1.0);
 }
 
-fn polygon_sector(f: Feature, outline: Outline) -> f32 {
-    let inside = polygon_disc(f, outline.polygon);
+fn polygon_sector(f: Feature, outline: ptr<function, Outline>) -> f32 {
+    let inside = polygon_disc(f, outline);
     let l = vec2f(-f.b.y, f.b.x);
     let m = vec2f(f.b.w, -f.b.z);
     let last = outline.polygon.count - 1;
@@ -159,7 +159,7 @@ fn polygon_sector(f: Feature, outline: Outline) -> f32 {
 }
 
 // The same where the paint is a bitmap: its mean, and the exact share that lies on it.
-fn paint_bitmap(t: Triangle, paint: Paint, d: vec2f, polygon: Polygon, centroid: vec2f) -> f32 {
+fn paint_bitmap(t: Triangle, paint: Paint, d: vec2f, polygon: ptr<function, Polygon>, centroid: vec2f) -> f32 {
     let place = paint_position(t, d + centroid);
     let middle = 1.0 / weight(t, d + centroid);
     var local: Outline;
@@ -178,18 +178,18 @@ fn paint_bitmap(t: Triangle, paint: Paint, d: vec2f, polygon: Polygon, centroid:
     loop {
         let corner = vec2i(i32(c & 1u), i32(c >> 1u));
         let sign = select(-1.0, 1.0, corner.x == corner.y);
-        share += sign * quadrant_share(local, vec2f(corner * size - t.place.zw) - place);
+        share += sign * quadrant_share(&local, vec2f(corner * size - t.place.zw) - place);
         c++;
         if (c >= range.corners) { break; }
     }
     let bitmap = Bitmap(t.place.zw, size, paint.first, paint.i0);
-    let value = bitmap_polygon(bitmap, place, outline);
+    let value = bitmap_polygon(bitmap, place, &outline);
     return paint.ground + (value - paint.ground) * clamp(share, 0.0, 1.0);
 }
 
 // Mean albedo over a polygon given in pixels relative to the pixel's centre, which lies at
 // offset d from the triangle's anchor; `centroid` decides the pattern cell.
-fn paint_polygon(t: Triangle, d: vec2f, polygon: Polygon, centroid: vec2f) -> f32 {
+fn paint_polygon(t: Triangle, d: vec2f, polygon: ptr<function, Polygon>, centroid: vec2f) -> f32 {
     if (patterned == 0u || t.more.y == 0.0) { return t.more.x; }
     let paint = paint_at(u32(t.ny.w));
     if (bitmaps != 0u && paint.featured == BITMAP) {
@@ -229,17 +229,17 @@ fn paint_polygon(t: Triangle, d: vec2f, polygon: Polygon, centroid: vec2f) -> f3
         if (checkers != 0u && f.c.z == 0.0) {
             let turn = mat2x2f(f.a.z, -f.a.w, f.a.w, f.a.z);
             for (var j = 0; j < polygon.count; j++) { local.polygon.p[j] = turn * local.polygon.p[j]; }
-            let s = polygon_checker(f, local);
+            let s = polygon_checker(f, &local);
             albedo += s.x - paint.ground * s.y;
             printed += s.y * f.c.w;
         }
         if (discs != 0u && f.c.z == 1.0) {
-            let share = polygon_disc(f, local.polygon);
+            let share = polygon_disc(f, &local);
             albedo += (f.c.x - paint.ground) * share;
             printed += share * f.c.w;
         }
         if (sectors != 0u && f.c.z == 2.0) {
-            albedo += (f.c.x - paint.ground) * polygon_sector(f, local);
+            albedo += (f.c.x - paint.ground) * polygon_sector(f, &local);
         }
         i++;
         if (i >= list.y) { break; }

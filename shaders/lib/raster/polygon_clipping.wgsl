@@ -1,5 +1,7 @@
 // Convex polygons inside a pixel: clipping, moments.
 // The NumPy form is gpusim/optics/geometry/polygon_clipping.py.
+// Polygons are passed by pointer: a corner `p[i]` of a value costs a copy of all of them, at every
+// place where one stands, in running and still more in compiling.
 
 const MOST: i32 = 8;
 
@@ -9,7 +11,7 @@ struct Polygon {
 }
 
 // Keep the part of a polygon where d.x * x + d.y * y + d.z >= 0 (Sutherland and Hodgman 1974).
-fn clip(polygon: Polygon, d: vec3f) -> Polygon {
+fn clip(polygon: ptr<function, Polygon>, d: vec3f) -> Polygon {
     var result: Polygon;
     result.count = 0;
     if (polygon.count == 0) { return result; }
@@ -37,7 +39,7 @@ fn clip(polygon: Polygon, d: vec3f) -> Polygon {
 }
 
 // Signed area and centroid: (area, x, y), of three corners or more.
-fn moments(polygon: Polygon) -> vec3f {
+fn moments(polygon: ptr<function, Polygon>) -> vec3f {
     var sum = vec3f(0.0);
     let o = polygon.p[0];
     var i = 1;
@@ -77,7 +79,7 @@ fn spread_at(m: vec3f) -> vec3f {
 }
 
 // Twelve times the integrals of x x, x y and y y over a polygon of area and centroid m, about that.
-fn spread_of(polygon: Polygon, m: vec3f) -> vec3f {
+fn spread_of(polygon: ptr<function, Polygon>, m: vec3f) -> vec3f {
     var sum = vec3f(0.0);
     var a = polygon.p[polygon.count - 1] - m.yz;
     var i = 0;

@@ -30,7 +30,7 @@ struct Reach {
     x1: vec4f,
     y1: vec4f,
 }
-fn reach_of(polygon: Polygon) -> Reach {
+fn reach_of(polygon: ptr<function, Polygon>) -> Reach {
     let last = polygon.p[polygon.count - 1];
     var p = polygon.p;
     for (var i = 3; i < MOST; i++) { p[i] = select(p[i], last, i >= polygon.count); }

@@ -187,7 +187,7 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
         if (c >= stop) { break; }
         let id = lists[c];
         let t = triangle_at(id);
-        let own = triangle_sides(id, pixel);
+        var own = triangle_sides(id, pixel);
         var polygon: Polygon;
         polygon.count = 4;
         polygon.p[0] = vec2f(-0.5, -0.5);
@@ -196,13 +196,13 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
         polygon.p[3] = vec2f(-0.5, 0.5);
         var k = 0u;
         loop {
-            polygon = clip(polygon, own.s[k]);
+            polygon = clip(&polygon, own.s[k]);
             k++;
             if (k >= range.sides) { break; }
         }
 
         // one or two lines leave it convex
-        let reach = reach_of(polygon);
+        let reach = reach_of(&polygon);
         var cuts = 0;
         var line0 = vec3f(0.0);
         var line1 = vec3f(0.0);
@@ -229,7 +229,7 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
         if (!gone && !doubt && cuts > 0) {
             var n = 0;
             loop {
-                polygon = clip(polygon, select(-line1, -line0, n == 0));
+                polygon = clip(&polygon, select(-line1, -line0, n == 0));
                 n++;
                 if (n >= cuts) { break; }
             }
@@ -238,9 +238,9 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
         let layer = met & doubtful;
         var corner = false;
         var m = vec3f(0.0);
-        if (!gone) { m = moments(polygon); }
+        if (!gone) { m = moments(&polygon); }
         var spread = vec3f(0.0);
-        if (listing != 0u && m.x > SMALLEST) { spread = spread_of(polygon, m); }
+        if (listing != 0u && m.x > SMALLEST) { spread = spread_of(&polygon, m); }
         let plain = bumpy == 0u && (patterned == 0u || t.more.y == 0.0);
         if (doubt && (filled || plain) && all(doubtful == vec2u(0u)) && m.x > FULL) {
             // what is left by all others
@@ -257,18 +257,18 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
             var b = nearest;
             loop {
                 if (any((met & clear & bit_of(b - nearest)) != vec2u(0u))) {
-                    let other = triangle_sides(lists[b], pixel);
+                    var other = triangle_sides(lists[b], pixel);
                     var part = polygon;
                     var k = 0u;
                     loop {
-                        part = clip(part, other.s[k]);
+                        part = clip(&part, other.s[k]);
                         k++;
                         if (k >= range.sides) { break; }
                     }
                     if (part.count > 2) {
-                        let own = moments(part);
+                        let own = moments(&part);
                         rest -= vec3f(own.x, own.x * own.yz);
-                        if (listing != 0u) { rest2 -= spread_of(part, own) + spread_at(own); }
+                        if (listing != 0u) { rest2 -= spread_of(&part, own) + spread_at(own); }
                     }
                 }
                 b++;
@@ -297,7 +297,7 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
                 }
             }
             printed = 0.0;
-            var light = paint_polygon(t, d, polygon, middle);
+            var light = paint_polygon(t, d, &polygon, middle);
             let uneven = bumpy != 0u || (patterned != 0u && t.more.y != 0.0);
             let flags = select(0u, DOUBT, doubt) | select(0u, CORNER, corner)
                 | select(0u, BEHIND, any(layer != vec2u(0u))) | select(0u, UNEVEN, uneven);
