@@ -44,6 +44,7 @@ NUMERICS = set(ALLOWED)
 # Packages that put stages together, each with what it may see beside all of the above.
 ALLOWED |= {
     "plan": {"gpu", "scene"},
+    "twin_checks": {"gpu", "mesh", "fem", "surface", "optics", "measure"},
     "bench": {"gpu", "mesh", "fem", "surface", "optics"},
     "pipeline": NUMERICS | {"plan"},
     "__init__": NUMERICS | {"plan", "pipeline"},
@@ -74,8 +75,6 @@ OPTICS = (
 )
 # Imports of `optics` that still point the other way, and circles of modules.
 WRONG_WAY: dict[str, set[str]] = {
-    "ambient.hemisphere_mask": {"probes.shadows"},
-    "ambient.silhouette_search": {"probes.shadows"},
     "edge_pixels.resolve": {"probes.paints"},
     "paint.checker_lines": {"shading.setup"},
     "raster.triangle_records": {"probes.paints", "shading.setup"},
@@ -88,12 +87,7 @@ WRONG_WAY: dict[str, set[str]] = {
     "shading.glance": {"probes.paints"},
     "shading.relighting": {"edge_pixels.fragment_lists", "probes.shadows"},
     "shading.scene_buffers": {"series.late"},
-    "shadow.bvh_refit": {"probes.occluders"},
-    "shadow.occluder_refinement": {"probes.occluders"},
-    "shadow.occluder_search": {"probes.occluders"},
-    "shadow.penumbra_mask": {"probes.occluders"},
-    "shadow.receiver_groups": {"probes.occluders"},
-    "shadow.receiver_planes": {"probes.paints", "shading.scene_buffers"},
+    "shadow.receiver_planes": {"shading.scene_buffers"},
 }
 CIRCLES: list[set[str]] = [
     {
@@ -111,17 +105,6 @@ CIRCLES: list[set[str]] = [
     {"measure.correlation.image_tiles", "measure.correlation.matching"},
     {"mesh.boundary", "mesh.mesh", "mesh.quality"},
     {
-        "optics.paint.checker_lines",
-        "optics.probes.occluders",
-        "optics.raster.id_buffer",
-        "optics.raster.vertex_buffers",
-        "optics.shading.lighting",
-        "optics.shading.setup",
-        "optics.shadow.brute_force",
-        "optics.shadow.bvh_refit",
-        "optics.shadow.scene",
-    },
-    {
         "optics.series.late",
         "optics.series.speckled_layer",
         "optics.shading.deferred_pass",
@@ -134,12 +117,6 @@ CIRCLES: list[set[str]] = [
         "optics.shading.speckled",
         "optics.shading.tile_light",
         "optics.shadow.receiver_planes",
-    },
-    {
-        "optics.shadow.lamp_visibility",
-        "optics.shadow.occluder_refinement",
-        "optics.shadow.occluder_search",
-        "optics.shadow.penumbra_mask",
     },
     {"pipeline.runner.stage_report", "pipeline.runner.stage_runner"},
 ]

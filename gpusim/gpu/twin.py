@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
+from pkgutil import iter_modules
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -111,4 +112,6 @@ def twin_checks() -> dict[str, Callable[[Any], None]]:
     """
     for stem in stages():
         import_module(f"gpusim.{stem.replace('/', '.')}")
+    for module in iter_modules(import_module("gpusim.twin_checks").__path__):
+        import_module(f"gpusim.twin_checks.{module.name}")
     return dict(sorted(_CHECKS.items()))

@@ -23,11 +23,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.gpu import Device, compare, twin_check
 from gpusim.optics.ambient.edge_adjacency import Facets
 from gpusim.optics.ambient.sample_points import AGAINST, TILT, Receivers, tangent
 from gpusim.optics.ambient.silhouette_buffers import ContourTables
-from gpusim.optics.ambient.silhouette_bvh import Contours
 
 __all__ = [
     "COLUMNS",
@@ -274,30 +272,3 @@ def _sample(t: Array, start: Array) -> Numbers:
     square = 1.0 + TILT**2 + t * (t * (1.0 + TURN**2) - 2.0 * TURN * TILT)
     place = np.where(t <= 0.0, 0.0, COLUMNS * (1.0 - 1.0 / square) - start)
     return np.asarray(np.ceil(np.clip(place, 0.0, COLUMNS)).astype(np.int64))
-
-
-@twin_check("optics/ambient/hemisphere_mask")
-def _check(device: Device) -> None:
-    from gpusim.optics.probes.shadows import block
-
-    box = block((0.1, 0.3, 0.25), (0.35, 0.2, 0.25), 0.5)
-    plate = np.array([[-0.9, -0.4, 0.5], [-0.2, -0.5, 0.6], [-0.3, 0.2, 0.5], [-0.9, 0.1, 0.45]])
-    corners = np.concatenate([box.points[box.faces], plate[None]])
-    both = np.arange(len(corners)) == len(corners) - 1
-    random = np.random.default_rng(3)
-    at = np.c_[random.uniform(-1.0, 1.0, (301, 2)), np.zeros(301)]
-    normal = np.c_[random.uniform(-0.4, 0.4, (301, 2)), np.ones(301)]
-    normal[:150] = [0.0, 0.0, 1.0]
-    normal /= np.linalg.norm(normal, axis=1)[:, None]
-    points = Receivers(at, normal, np.full(301, 2e-6), np.full(301, 1e-3))
-    facets = Facets.apart(corners, both)
-    want = seen_twin(points, Around.everywhere(facets, len(at)))
-    tables = ContourTables(device, Contours.of(facets))
-    got = seen(tables, points)
-    tables.release()
-    # a few of 2048 samples may fall to the other side of an edge
-    compare(
-        "optics/ambient/hemisphere_mask", got.open_share, want.open_share, "single",
-        atol=3.5 / (ROWS * COLUMNS),
-    )  # fmt: skip
-    compare("optics/ambient/hemisphere_mask", got.inside, want.inside, "exact")

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.gpu import Device, compare, twin_check
 from gpusim.optics.ambient.bounding_hierarchy import (
     CLOSED,
     NONE,
@@ -22,10 +21,8 @@ from gpusim.optics.ambient.bounding_hierarchy import (
     in_order,
     walk,
 )
-from gpusim.optics.ambient.edge_adjacency import Facets
 from gpusim.optics.ambient.hemisphere_mask import GROUP, Around
 from gpusim.optics.ambient.sample_points import AGAINST, TILT, Receivers
-from gpusim.optics.ambient.silhouette_buffers import ContourTables
 from gpusim.optics.ambient.silhouette_bvh import LOW, Contours
 
 __all__ = ["around", "in_groups"]
@@ -152,30 +149,3 @@ def _upward(groups: _Groups, spheres: Balls, group: Numbers, cluster: Numbers) -
 def in_groups(points: Receivers) -> Numbers:
     """The order (N,) in which points that look the same way and lie together follow each other."""
     return in_order(points.at, facing(points.normal))
-
-
-@twin_check("optics/ambient/silhouette_search")
-def _check(device: Device) -> None:
-    from gpusim.optics.probes.shadows import block
-
-    boxes = [block((0.3 * k, 0.2, 0.1 * k), (0.1, 0.2, 0.05), 0.5) for k in range(12)]
-    corners = np.concatenate([box.points[box.faces] for box in boxes])
-    random = np.random.default_rng(6)
-    points = Receivers(
-        np.c_[random.uniform(-1.0, 4.0, (203, 2)), random.uniform(-0.3, 1.0, 203)],
-        np.tile([0.0, 0.6, 0.8], (203, 1)), np.full(203, 2e-6), np.full(203, 1e-3),
-    )  # fmt: skip
-    contours = Contours.of(Facets.apart(corners, np.arange(len(corners)) % 3 == 0))
-    want = around(contours, points, 1)
-    tables = ContourTables(device, contours)
-    for near in tables.batches(points):
-        counts = near.counts.read(np.uint32, (near.count, 2))
-        for k, (buffer, start, listed) in enumerate(
-            ((near.edges, want.edge_start, want.edge), (near.faces, want.face_start, want.face))
-        ):
-            compare("optics/ambient/silhouette_search", counts[:, k], np.diff(start), "exact")
-            lists = buffer.read(np.uint32, (near.count, near.most[k]))
-            kept = np.arange(near.most[k]) < counts[:, k, None]
-            compare("optics/ambient/silhouette_search", lists[kept], listed, "exact")
-        near.release()
-    tables.release()

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.gpu import Bound, Device, Recording, Texels, Uniform, compare, twin_check
+from gpusim.gpu import Bound, Device, Recording, Texels, Uniform
 from gpusim.optics.shadow.light_space import ANGLE, UNLIMITED, LightSpace
 from gpusim.optics.shadow.occluders import NOBODY, SHEETS, DeviceOccluders, Occluders
 
@@ -216,19 +216,3 @@ def refit_twin(
         mixed += SHEET * np.where(same, (a | b) // SHEET, 0)
         words[first : 2 * first] = np.where(joined & UNIFORM, joined, mixed)
     return boxes, words
-
-
-@twin_check(NAME)
-def _check(device: Device) -> None:
-    from gpusim.optics.probes.occluders import probe_spaces
-
-    for occluders, points, space in probe_spaces():
-        own = Trees(device, occluders)
-        own.move(points)
-        with device.recording("optics.shadow.refit") as recording:
-            own.fit(recording, 0, space)
-        nodes = own.bindings(0)["nodes"].read().reshape(-1, 8)[1:]
-        boxes, words = refit_twin(occluders, points.astype(np.float64), space)
-        compare(NAME, nodes[:, 7], words[1:], "exact")
-        got = nodes[:, [0, 2, 4, 1, 3, 5, 6]]
-        compare(NAME, got, boxes[1:], atol=1e-5 * space.scale, rtol=1e-5)

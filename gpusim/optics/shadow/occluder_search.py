@@ -13,13 +13,7 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
-from gpusim.gpu import Bound, Device, Recording, compare, twin_check
-from gpusim.optics.probes.occluders import probe_pieces, probe_pixels, probe_points
-from gpusim.optics.shadow.brute_force import shares_twin
-from gpusim.optics.shadow.receiver_groups import asking
+from gpusim.gpu import Bound, Device, Recording
 from gpusim.optics.shadow.receivers import DeviceReceivers
 
 __all__ = ["HALF", "LIT", "UMBRA", "Search"]
@@ -86,32 +80,3 @@ class Search:
             recording, "optics/shadow/occluder_search", f"count_{what}", constants, groups=(1,)
         )
         bound.run(recording, name, entry, constants, counted=self.next_groups)
-
-
-def states_twin(states: npt.NDArray[np.uint32], shares: Any, entry: Any) -> npt.NDArray[np.int64]:
-    """(E,): what ``states`` of entries should be by the ``shares`` (n,) that the receivers in each
-    ``entry`` (n,) see. Those may be looked at closely that needn't be, and nothing is said where
-    nobody asks."""
-    least, most = np.ones(len(states)), np.zeros(len(states))
-    np.minimum.at(least, entry, shares)
-    np.maximum.at(most, entry, shares)
-    # one sample of the 512 may lie on an outline
-    sample = 1.5 / 512.0
-    want = np.where(least > 1.0 - sample, LIT, np.where(most < sample, UMBRA, HALF))
-    used = np.isin(np.arange(len(states)), entry)
-    return np.where((states == HALF) | ~used, states, want)
-
-
-@twin_check("optics/shadow/occluder_search")
-def _check(device: Device) -> None:
-    from gpusim.optics.shadow.lamp_visibility import VisibleShares
-
-    points = probe_points()
-    for occluders, spaces, receivers in (probe_pieces(), probe_pixels()):
-        for space in spaces[::2]:
-            shares = VisibleShares(device, occluders, receivers)
-            shares.find(points, [space])
-            _, own, entry = asking(receivers, space)
-            flat = shares_twin(occluders, points[:, :3].astype(np.float64), [space], own)[:, 0]
-            got = shares.states_of(space.number)
-            compare("optics/shadow/occluder_search", got, states_twin(got, flat, entry), "exact")

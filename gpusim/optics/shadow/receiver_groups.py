@@ -12,9 +12,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.gpu import Bound, Device, Recording, Uniform, compare, twin_check
-from gpusim.optics.probes.occluders import probe_pieces, probe_pixels, probe_points
-from gpusim.optics.shadow.bvh_refit import Trees, single_sheets
+from gpusim.gpu import Bound, Recording
 from gpusim.optics.shadow.light_space import ANGLE, UNLIMITED, LightSpace
 from gpusim.optics.shadow.receivers import (
     APART,
@@ -22,7 +20,6 @@ from gpusim.optics.shadow.receivers import (
     DeviceReceivers,
     PixelReceivers,
     Receivers,
-    on_device,
 )
 from gpusim.optics.shadow.sample_mask import TOLERANCE
 
@@ -207,31 +204,3 @@ def _unlimited(space: LightSpace, x: Array) -> tuple[Array, Array]:
         np.where(high > 0.0, UNLIMITED, high / most),
     )
     return np.column_stack([low, 1.0 / most]), np.column_stack([high, 0.0 * most + UNLIMITED])
-
-
-@twin_check(NAME)
-def _check(device: Device) -> None:
-    for occluders, spaces, receivers in (probe_pieces(), probe_pixels()):
-        own, trees = on_device(device, receivers, occluders), Trees(device, occluders)
-        trees.move(probe_points())
-        corners = probe_points().astype(np.float64)[occluders.triangles]
-        bindings = {**own.bindings(1), **trees.bindings(0)}
-        bound = Bound(device, bindings)
-        with device.recording("optics.shadow.cells") as recording:
-            trees.gather(recording)
-            record_cells(recording, own, bound)
-        got = own.cells.read(np.float32, (own.entries, 16))[:, :13]
-        compare(NAME, got, cells_twin(receivers, occluders.sheet), atol=1e-5, rtol=2e-5)
-        for space in spaces:
-            light = Uniform(device, space.uniform(), "shadow.light")
-            groups_of = device.empty(48 * own.entries, "shadow.groups")
-            bound = Bound(device, {"light": light, "groups_of": groups_of, **bindings})
-            with device.recording("optics.shadow.groups") as recording:
-                trees.fit(recording, 0, space)
-                record_groups(recording, own, bound)
-            got = groups_of.read(np.float32, (own.entries, 12))
-            single = single_sheets(space, occluders, corners)
-            want = groups_twin(receivers, space, occluders.sheet, single)
-            empty = want[:, 0] > want[:, 1]
-            compare(NAME, got[empty, 0] > got[empty, 1], empty[empty], "exact")
-            compare(NAME, got[~empty], want[~empty], atol=1e-5, rtol=2e-5)

@@ -11,11 +11,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.gpu import Device, Texels, compare, twin_check
+from gpusim.gpu import Texels
 from gpusim.optics.geometry.triangle_corners import NORMAL
 from gpusim.optics.geometry.view import View
-from gpusim.optics.probes.paints import fields_setup, probe_setup
-from gpusim.optics.shadow.receivers import NO_OWNER, PixelReceivers, plane_words
+from gpusim.optics.shadow.receivers import PixelReceivers
 
 if TYPE_CHECKING:
     from gpusim.optics.shading.scene_buffers import Tables
@@ -53,22 +52,3 @@ def planes_twin(view: View) -> tuple[Array, Array]:
     cosine = np.abs(np.einsum("tka,ta->tk", own, planes)).min(axis=1)
     cosine /= np.linalg.norm(planes, axis=1)
     return planes, np.sqrt(np.maximum(2.0 - 2.0 * cosine, 0.0))
-
-
-@twin_check(NAME)
-def _check(device: Device) -> None:
-    from gpusim.optics.shading.scene_buffers import Tables
-
-    # records by the device and by the host, smooth shading through a lens, strips along lines
-    for setup in (probe_setup(fine=False), probe_setup(), fields_setup(True)):
-        count = setup.view.count
-        on = np.where(np.arange(count) % 3 > 0, np.arange(count), -1)
-        words = planes_on_device(Tables(device, setup), on.astype(np.int32)).read()[:count]
-        planes, lean = planes_twin(setup.view)
-        size = np.linalg.norm(planes, axis=1)[:, None]
-        got = np.ascontiguousarray(words[:, :3]).view(np.float32) / size
-        compare(NAME, got, planes / size, atol=1e-5, rtol=0.0)
-        want = plane_words(on, lean)
-        compare(NAME, words[:, 3] & NO_OWNER, want & NO_OWNER, "exact")
-        # rounded up to whole steps
-        compare(NAME, words[:, 3] >> 24, want >> 24, atol=1.0, rtol=0.0)

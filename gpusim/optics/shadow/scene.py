@@ -12,6 +12,7 @@ import numpy.typing as npt
 from gpusim.gpu import Device
 from gpusim.optics.geometry.view import View
 from gpusim.optics.light.quadrature import Lamp, check_number
+from gpusim.optics.shadow.brute_force import shares_of
 from gpusim.optics.shadow.bvh_refit import Trees, box_ends, planes_of, single_sheets
 from gpusim.optics.shadow.light_space import LightSpace, lamp_numbers, light_spaces
 from gpusim.optics.shadow.occluders import Occluders, relative_points
@@ -121,8 +122,6 @@ class Shadows:
         unit; ``across``, ``down`` (n, 3) how the places change over the pixel, or the piece;
         ``triangle`` (n,) of the view.
         """
-        from gpusim.optics.shadow.brute_force import shares_of
-
         receivers = self.receivers(at, normal, across, down, triangle)
         corners = self.points.astype(np.float64)[self.occluders.triangles]
         planes = planes_of(corners)

@@ -1,0 +1,214 @@
+"""Stages of the search for shadows against NumPy."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.gpu import Bound, Device, Uniform, compare, twin_check
+from gpusim.optics.light.quadrature import Lamp
+from gpusim.optics.probes.occluders import probe_pieces, probe_pixels, probe_points, probe_spaces
+from gpusim.optics.probes.paints import fields_setup, probe_setup
+from gpusim.optics.shading.scene_buffers import Tables
+from gpusim.optics.shadow.brute_force import Aspects, aspects, looked_from, shares_twin
+from gpusim.optics.shadow.bvh_refit import Trees, planes_of, refit_twin, single_sheets
+from gpusim.optics.shadow.lamp_visibility import VisibleShares
+from gpusim.optics.shadow.occluder_search import CHUNK, HALF, LIT, UMBRA, Search
+from gpusim.optics.shadow.receiver_groups import (
+    asking,
+    cells_twin,
+    entries_of,
+    groups_twin,
+    record_cells,
+    record_groups,
+)
+from gpusim.optics.shadow.receiver_planes import planes_on_device, planes_twin
+from gpusim.optics.shadow.receivers import NO_OWNER, on_device, plane_words
+
+Flags = npt.NDArray[np.bool_]
+Numbers = npt.NDArray[np.int64]
+
+LENGTH = CHUNK // 4 - 1
+"""Words of a chunk but for the number of the next."""
+
+
+@twin_check("optics/shadow/bvh_refit")
+def _bvh_refit(device: Device) -> None:
+    for occluders, points, space in probe_spaces():
+        own = Trees(device, occluders)
+        own.move(points)
+        with device.recording("optics.shadow.refit") as recording:
+            own.fit(recording, 0, space)
+        nodes = own.bindings(0)["nodes"].read().reshape(-1, 8)[1:]
+        boxes, words = refit_twin(occluders, points.astype(np.float64), space)
+        compare("optics/shadow/bvh_refit", nodes[:, 7], words[1:], "exact")
+        got = nodes[:, [0, 2, 4, 1, 3, 5, 6]]
+        compare("optics/shadow/bvh_refit", got, boxes[1:], atol=1e-5 * space.scale, rtol=1e-5)
+
+
+@twin_check("optics/shadow/receiver_planes")
+def _receiver_planes(device: Device) -> None:
+    # records by the device and by the host, smooth shading through a lens, strips along lines
+    for setup in (probe_setup(fine=False), probe_setup(), fields_setup(True)):
+        count = setup.view.count
+        on = np.where(np.arange(count) % 3 > 0, np.arange(count), -1)
+        words = planes_on_device(Tables(device, setup), on.astype(np.int32)).read()[:count]
+        planes, lean = planes_twin(setup.view)
+        size = np.linalg.norm(planes, axis=1)[:, None]
+        got = np.ascontiguousarray(words[:, :3]).view(np.float32) / size
+        compare("optics/shadow/receiver_planes", got, planes / size, atol=1e-5, rtol=0.0)
+        want = plane_words(on, lean)
+        compare("optics/shadow/receiver_planes", words[:, 3] & NO_OWNER, want & NO_OWNER, "exact")
+        # rounded up to whole steps
+        compare("optics/shadow/receiver_planes", words[:, 3] >> 24, want >> 24, atol=1.0, rtol=0.0)
+
+
+@twin_check("optics/shadow/receiver_groups")
+def _receiver_groups(device: Device) -> None:
+    for occluders, spaces, receivers in (probe_pieces(), probe_pixels()):
+        own, trees = on_device(device, receivers, occluders), Trees(device, occluders)
+        trees.move(probe_points())
+        corners = probe_points().astype(np.float64)[occluders.triangles]
+        bindings = {**own.bindings(1), **trees.bindings(0)}
+        bound = Bound(device, bindings)
+        with device.recording("optics.shadow.cells") as recording:
+            trees.gather(recording)
+            record_cells(recording, own, bound)
+        got = own.cells.read(np.float32, (own.entries, 16))[:, :13]
+        compare(
+            "optics/shadow/receiver_groups",
+            got,
+            cells_twin(receivers, occluders.sheet),
+            atol=1e-5,
+            rtol=2e-5,
+        )
+        for space in spaces:
+            light = Uniform(device, space.uniform(), "shadow.light")
+            groups_of = device.empty(48 * own.entries, "shadow.groups")
+            bound = Bound(device, {"light": light, "groups_of": groups_of, **bindings})
+            with device.recording("optics.shadow.groups") as recording:
+                trees.fit(recording, 0, space)
+                record_groups(recording, own, bound)
+            got = groups_of.read(np.float32, (own.entries, 12))
+            single = single_sheets(space, occluders, corners)
+            want = groups_twin(receivers, space, occluders.sheet, single)
+            empty = want[:, 0] > want[:, 1]
+            compare(
+                "optics/shadow/receiver_groups",
+                got[empty, 0] > got[empty, 1],
+                empty[empty],
+                "exact",
+            )
+            compare(
+                "optics/shadow/receiver_groups", got[~empty], want[~empty], atol=1e-5, rtol=2e-5
+            )
+
+
+def states_twin(states: npt.NDArray[np.uint32], shares: Any, entry: Any) -> npt.NDArray[np.int64]:
+    """(E,): what ``states`` of entries should be by the ``shares`` (n,) that the receivers in each
+    ``entry`` (n,) see. Those may be looked at closely that needn't be, and nothing is said where
+    nobody asks."""
+    least, most = np.ones(len(states)), np.zeros(len(states))
+    np.minimum.at(least, entry, shares)
+    np.maximum.at(most, entry, shares)
+    # one sample of the 512 may lie on an outline
+    sample = 1.5 / 512.0
+    want = np.where(least > 1.0 - sample, LIT, np.where(most < sample, UMBRA, HALF))
+    used = np.isin(np.arange(len(states)), entry)
+    return np.where((states == HALF) | ~used, states, want)
+
+
+@twin_check("optics/shadow/occluder_search")
+def _occluder_search(device: Device) -> None:
+    points = probe_points()
+    for occluders, spaces, receivers in (probe_pieces(), probe_pixels()):
+        for space in spaces[::2]:
+            shares = VisibleShares(device, occluders, receivers)
+            shares.find(points, [space])
+            _, own, entry = asking(receivers, space)
+            flat = shares_twin(occluders, points[:, :3].astype(np.float64), [space], own)[:, 0]
+            got = shares.states_of(space.number)
+            compare("optics/shadow/occluder_search", got, states_twin(got, flat, entry), "exact")
+
+
+def listed_alone(search: Search) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """Entry (n,) and occluder (n,) of what is listed alone; waits for the device."""
+    heads = search.heads.read(np.uint32).reshape(-1, 4).astype(np.int64)
+    pool = search.pool.read(np.uint32).reshape(-1, LENGTH + 1)
+    entries: list[int] = []
+    faces: list[int] = []
+    for entry in np.flatnonzero(heads[:, 1]):
+        chunk, left = heads[entry, 0], heads[entry, 1]
+        while left > 0:
+            own = pool[chunk, : min(left, LENGTH)]
+            faces += own.tolist()
+            entries += [int(entry)] * len(own)
+            chunk, left = pool[chunk, LENGTH], left - LENGTH
+    return np.array(entries, np.int64), np.array(faces, np.int64)
+
+
+@twin_check("optics/shadow/occluder_refinement")
+def _occluder_refinement(device: Device) -> None:
+    occluders, spaces, receivers = probe_pixels()
+    points = probe_points()
+    corners = points[:, :3].astype(np.float64)[occluders.triangles]
+    planes = planes_of(corners)
+    for space in spaces:
+        shares = VisibleShares(device, occluders, receivers)
+        shares.find(points, [space], until="search")
+        entry, face = listed_alone(shares.search)
+        shares.find(points, [space])
+        kept = np.stack(listed_alone(shares.search), axis=1) @ [occluders.count, 1]
+        got = np.isin(entry * occluders.count + face, kept)
+        _, own, entry_of = asking(receivers, space)
+        order = np.argsort(entry_of, kind="stable")
+        first = np.searchsorted(entry_of[order], entry)
+        last = np.searchsorted(entry_of[order], entry, side="right")
+        pair = np.repeat(np.arange(len(entry)), last - first)
+        offset = np.arange(len(pair)) - np.repeat(
+            np.cumsum(last - first) - (last - first), last - first
+        )
+        row, own_face = order[first[pair] + offset], face[pair]
+        looks = looked_from(space.lamp, occluders, corners, planes, own[row], own_face)
+        hides, may = (
+            _any_of(len(entry), pair, space.lamp, seen)
+            for seen in (
+                aspects(
+                    space.lamp, own[row], corners[own_face], planes[own_face],
+                    occluders.open[own_face], some,
+                )
+                for some in (looks, np.where(looks < 0.0, 1.0, looks))
+            )
+        )  # fmt: skip
+        # what hides no sample may stay where float32 can't tell, or if it would hide what the
+        # receivers' planes go on to beyond their triangles
+        want = hides[1] | (got & may[0])
+        compare(
+            "optics/shadow/occluder_refinement",
+            got.astype(np.int32),
+            want.astype(np.int32),
+            "exact",
+        )
+
+
+def _any_of(count: int, pair: Numbers, lamp: Lamp, seen: Aspects) -> Flags:
+    """(2, n): whether of each of so many pairs of entries and occluders some receiver may be
+    hidden, and whether some sample is."""
+    result = np.zeros((2, count), bool)
+    hides = np.flatnonzero(seen.may_hide)
+    np.logical_or.at(result[0], pair[hides], True)
+    np.logical_or.at(result[1], pair[hides], seen.hidden(lamp, hides).any(axis=1))
+    return result
+
+
+@twin_check("optics/shadow/penumbra_mask")
+def _penumbra_mask(device: Device) -> None:
+    points = probe_points()
+    for occluders, spaces, receivers in (probe_pieces(), probe_pixels()):
+        got = VisibleShares(device, occluders, receivers).find(points, spaces)
+        number, own, _, _ = entries_of(receivers)
+        want = shares_twin(occluders, points[:, :3].astype(np.float64), spaces, own)
+        # one or two samples of 512 may fall to the other side of an outline
+        compare("optics/shadow/penumbra_mask", got[number], want, atol=2.5 / 512.0)
