@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from gpusim.gpu import Device
-from gpusim.optics.ambient.edge_adjacency import Facets
-from gpusim.optics.ambient.sample_points import Receivers
-from gpusim.optics.ambient.silhouette_buffers import ContourTables
-from gpusim.optics.ambient.silhouette_bvh import Contours
-from gpusim.optics.ambient.silhouette_search import around
+from gpusim.optics.ambient.edge_adjacency import EdgeAdjacency
+from gpusim.optics.ambient.sample_points import SamplePoints
+from gpusim.optics.ambient.silhouette_buffers import SilhouetteBuffers
+from gpusim.optics.ambient.silhouette_bvh import SilhouetteBVH
+from gpusim.optics.ambient.silhouette_search import silhouettes_near
 
 
 def test_lists_of_many_faces_are_whole(device: Device) -> None:
@@ -19,12 +19,12 @@ def test_lists_of_many_faces_are_whole(device: Device) -> None:
     middle = random.uniform(-1.0, 1.0, (20_000, 1, 3)) + 2.0 * up[0]
     corners = middle + 0.02 * random.normal(size=(20_000, 4, 3))
     corners[:, 3] = corners[:, 2]
-    contours = Contours.of(Facets.apart(corners, np.ones(len(corners), bool)))
+    contours = SilhouetteBVH.of(EdgeAdjacency.apart(corners, np.ones(len(corners), bool)))
     at = np.c_[random.uniform(-0.5, 0.5, (5, 2)), np.zeros(5)]
-    points = Receivers(at, up, np.full(5, 1e-6), np.full(5, 1e-3))
-    want = around(contours, points, 1)
+    points = SamplePoints(at, up, np.full(5, 1e-6), np.full(5, 1e-3))
+    want = silhouettes_near(contours, points, 1)
     assert np.diff(want.edge_start).min() > 58_000
-    tables = ContourTables(device, contours)
+    tables = SilhouetteBuffers(device, contours)
     for near in tables.batches(points):
         got = near.counts.read(np.uint32, (near.count, 2))
         np.testing.assert_array_equal(got[:, 0], np.diff(want.edge_start))

@@ -9,11 +9,16 @@ import pytest
 import gpusim as gs
 from gpusim.errors import InputError
 from gpusim.gpu import Device
-from gpusim.optics.ambient.edge_adjacency import Facets
-from gpusim.optics.ambient.hemisphere_mask import Around, directions, seen, seen_twin
-from gpusim.optics.ambient.sample_points import Receivers, tangent
-from gpusim.optics.ambient.silhouette_buffers import ContourTables
-from gpusim.optics.ambient.silhouette_search import around, in_groups
+from gpusim.optics.ambient.edge_adjacency import EdgeAdjacency
+from gpusim.optics.ambient.hemisphere_mask import (
+    SilhouetteLists,
+    directions,
+    hemisphere_masks,
+    hemisphere_masks_twin,
+)
+from gpusim.optics.ambient.sample_points import SamplePoints, tangent
+from gpusim.optics.ambient.silhouette_buffers import SilhouetteBuffers
+from gpusim.optics.ambient.silhouette_search import in_groups, silhouettes_near
 from gpusim.optics.ambient.sky_occluders import JoinedFaces
 from gpusim.optics.edge_pixels.fragment_lists import bin_edges
 from gpusim.optics.geometry.view import look
@@ -34,11 +39,13 @@ EVEN: list[Light] = [gs.AmbientLight(1.0 / np.pi, occlusion=True)]
 def share(corners: Array, at: Array, normal: Array = UP) -> Array:
     """What single faces (F, 4, 3), hiding on both sides, leave of the light of points (N, 3)."""
     count = len(at)
-    points = Receivers(
+    points = SamplePoints(
         at, np.broadcast_to(normal, at.shape), np.full(count, 1e-9), np.full(count, 1e-3)
     )
     both = np.ones(len(corners), bool)
-    return seen_twin(points, Around.everywhere(Facets.apart(corners, both), count)).open_share
+    return hemisphere_masks_twin(
+        points, SilhouetteLists.everywhere(EdgeAdjacency.apart(corners, both), count)
+    ).open_share
 
 
 def turned(points: Array, angle: float) -> Array:
@@ -120,13 +127,15 @@ def from_pixels(setup: Setup, surfaces: list[Surface]) -> tuple[Array, Array]:
     normal = values[:, 1:] / np.linalg.norm(values[:, 1:], axis=1)[:, None]
     joined = JoinedFaces.of(view, surfaces)
     count = len(at)
-    points = Receivers(
+    points = SamplePoints(
         at, normal, np.full(count, 2.0 * joined.sag), np.full(count, 20.0 * joined.sag)
     )
-    seen = seen_twin(points, Around.everywhere(joined.contours.facets, count))
+    hemisphere_masks = hemisphere_masks_twin(
+        points, SilhouetteLists.everywhere(joined.contours.facets, count)
+    )
     assert setup.lighting.openness is not None
     got = setup.lighting.openness.at(triangle, at)
-    return got[~seen.inside], seen.open_share[~seen.inside]
+    return got[~hemisphere_masks.inside], hemisphere_masks.open_share[~hemisphere_masks.inside]
 
 
 def test_samples_count_by_the_cosine() -> None:
@@ -221,20 +230,21 @@ def test_only_contours_count_and_no_list_leaves_one_out(device: Device) -> None:
     normal = np.concatenate([np.repeat(UP, 150, axis=0), normal])
     normal /= np.linalg.norm(normal, axis=1)[:, None]
     count = len(at)
-    points = Receivers(
+    points = SamplePoints(
         at - view.camera.eye, normal, np.full(count, 2.0 * joined.sag), np.full(count, 1e-3)
     )
     points = points.part(in_groups(points))
     facets = joined.contours.facets
     corners = facets.ends[np.maximum(facets.edges, 0) // 2, facets.edges % 2]
     corners[:, 2] = np.where(facets.edges[:, 2:3] < 0, corners[:, 3], corners[:, 2])
-    apart = Facets.apart(corners, facets.both_sides)
-    want = seen_twin(points, Around.everywhere(apart, count))
-    near = around(joined.contours, points)
+    apart = EdgeAdjacency.apart(corners, facets.both_sides)
+    want = hemisphere_masks_twin(points, SilhouetteLists.everywhere(apart, count))
+    near = silhouettes_near(joined.contours, points)
     assert len(near.edge) < 0.75 * len(facets.ends) * (len(near.edge_start) - 1)
     for got in (
-        seen_twin(points, Around.everywhere(facets, count)), seen_twin(points, near),
-        seen(ContourTables(device, joined.contours), points),
+        hemisphere_masks_twin(points, SilhouetteLists.everywhere(facets, count)),
+        hemisphere_masks_twin(points, near),
+        hemisphere_masks(SilhouetteBuffers(device, joined.contours), points),
     ):  # fmt: skip
         # rounding moves a few of all samples over an edge
         wrong = np.bitwise_count(got.hidden ^ want.hidden).sum(axis=1)

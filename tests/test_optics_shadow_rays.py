@@ -13,7 +13,7 @@ from gpusim.optics.light.lights import AreaLight, Light, PointLight, SpotLight, 
 from gpusim.optics.light.quadrature import lamps_of
 from gpusim.optics.shadow.brute_force import shares_twin
 from gpusim.optics.shadow.light_space import light_spaces
-from gpusim.optics.shadow.occluders import NOBODY, Occluders, relative_points
+from gpusim.optics.shadow.occluders import NO_OCCLUDER, Occluders, relative_points
 from gpusim.optics.shadow.receivers import Receivers
 from tests.shadow_rays import box, by_rays, found, on_plane, sheet
 
@@ -145,7 +145,7 @@ def test_edges_of_more_than_two_triangles(device: Device) -> None:
     )
     assert (np.bincount(surface.topology.edge.reshape(-1)) == 4).any()
     neighbours = Occluders.of([surface]).neighbours
-    assert (neighbours == NOBODY).sum() == 4
+    assert (neighbours == NO_OCCLUDER).sum() == 4
     agree(device, [surface], LAMPS[:4], on_plane(50, (-0.7, -0.7), (0.7, 0.7)))
 
 

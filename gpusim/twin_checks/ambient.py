@@ -5,12 +5,18 @@ from __future__ import annotations
 import numpy as np
 
 from gpusim.gpu import Device, compare, twin_check
-from gpusim.optics.ambient.edge_adjacency import Facets
-from gpusim.optics.ambient.hemisphere_mask import COLUMNS, ROWS, Around, seen, seen_twin
-from gpusim.optics.ambient.sample_points import Receivers
-from gpusim.optics.ambient.silhouette_buffers import ContourTables
-from gpusim.optics.ambient.silhouette_bvh import Contours
-from gpusim.optics.ambient.silhouette_search import around
+from gpusim.optics.ambient.edge_adjacency import EdgeAdjacency
+from gpusim.optics.ambient.hemisphere_mask import (
+    COLUMNS,
+    ROWS,
+    SilhouetteLists,
+    hemisphere_masks,
+    hemisphere_masks_twin,
+)
+from gpusim.optics.ambient.sample_points import SamplePoints
+from gpusim.optics.ambient.silhouette_buffers import SilhouetteBuffers
+from gpusim.optics.ambient.silhouette_bvh import SilhouetteBVH
+from gpusim.optics.ambient.silhouette_search import silhouettes_near
 from gpusim.optics.probes.shadows import block
 
 
@@ -25,11 +31,11 @@ def _hemisphere_mask(device: Device) -> None:
     normal = np.c_[random.uniform(-0.4, 0.4, (301, 2)), np.ones(301)]
     normal[:150] = [0.0, 0.0, 1.0]
     normal /= np.linalg.norm(normal, axis=1)[:, None]
-    points = Receivers(at, normal, np.full(301, 2e-6), np.full(301, 1e-3))
-    facets = Facets.apart(corners, both)
-    want = seen_twin(points, Around.everywhere(facets, len(at)))
-    tables = ContourTables(device, Contours.of(facets))
-    got = seen(tables, points)
+    points = SamplePoints(at, normal, np.full(301, 2e-6), np.full(301, 1e-3))
+    facets = EdgeAdjacency.apart(corners, both)
+    want = hemisphere_masks_twin(points, SilhouetteLists.everywhere(facets, len(at)))
+    tables = SilhouetteBuffers(device, SilhouetteBVH.of(facets))
+    got = hemisphere_masks(tables, points)
     tables.release()
     # a few of 2048 samples may fall to the other side of an edge
     compare(
@@ -44,13 +50,13 @@ def _silhouette_search(device: Device) -> None:
     boxes = [block((0.3 * k, 0.2, 0.1 * k), (0.1, 0.2, 0.05), 0.5) for k in range(12)]
     corners = np.concatenate([box.points[box.faces] for box in boxes])
     random = np.random.default_rng(6)
-    points = Receivers(
+    points = SamplePoints(
         np.c_[random.uniform(-1.0, 4.0, (203, 2)), random.uniform(-0.3, 1.0, 203)],
         np.tile([0.0, 0.6, 0.8], (203, 1)), np.full(203, 2e-6), np.full(203, 1e-3),
     )  # fmt: skip
-    contours = Contours.of(Facets.apart(corners, np.arange(len(corners)) % 3 == 0))
-    want = around(contours, points, 1)
-    tables = ContourTables(device, contours)
+    contours = SilhouetteBVH.of(EdgeAdjacency.apart(corners, np.arange(len(corners)) % 3 == 0))
+    want = silhouettes_near(contours, points, 1)
+    tables = SilhouetteBuffers(device, contours)
     for near in tables.batches(points):
         counts = near.counts.read(np.uint32, (near.count, 2))
         for k, (buffer, start, listed) in enumerate(

@@ -12,10 +12,15 @@ from gpusim.optics.light.quadrature import Lamp
 from gpusim.optics.probes.occluders import probe_pieces, probe_pixels, probe_points, probe_spaces
 from gpusim.optics.probes.paints import fields_setup, probe_setup
 from gpusim.optics.shading.scene_buffers import Tables
-from gpusim.optics.shadow.brute_force import Aspects, aspects, looked_from, shares_twin
-from gpusim.optics.shadow.bvh_refit import Trees, planes_of, refit_twin, single_sheets
+from gpusim.optics.shadow.brute_force import (
+    EdgeFunctions,
+    edge_functions,
+    shares_twin,
+    visible_footprint,
+)
+from gpusim.optics.shadow.bvh_refit import OccluderBVH, planes_of, refit_twin, single_sheets
 from gpusim.optics.shadow.lamp_visibility import VisibleShares
-from gpusim.optics.shadow.occluder_search import CHUNK, HALF, LIT, UMBRA, Search
+from gpusim.optics.shadow.occluder_search import CHUNK, HALF, LIT, UMBRA, OccluderSearch
 from gpusim.optics.shadow.receiver_groups import (
     asking,
     cells_twin,
@@ -37,7 +42,7 @@ LENGTH = CHUNK // 4 - 1
 @twin_check("optics/shadow/bvh_refit")
 def _bvh_refit(device: Device) -> None:
     for occluders, points, space in probe_spaces():
-        own = Trees(device, occluders)
+        own = OccluderBVH(device, occluders)
         own.move(points)
         with device.recording("optics.shadow.refit") as recording:
             own.fit(recording, 0, space)
@@ -68,7 +73,7 @@ def _receiver_planes(device: Device) -> None:
 @twin_check("optics/shadow/receiver_groups")
 def _receiver_groups(device: Device) -> None:
     for occluders, spaces, receivers in (probe_pieces(), probe_pixels()):
-        own, trees = on_device(device, receivers, occluders), Trees(device, occluders)
+        own, trees = on_device(device, receivers, occluders), OccluderBVH(device, occluders)
         trees.move(probe_points())
         corners = probe_points().astype(np.float64)[occluders.triangles]
         bindings = {**own.bindings(1), **trees.bindings(0)}
@@ -133,7 +138,7 @@ def _occluder_search(device: Device) -> None:
             compare("optics/shadow/occluder_search", got, states_twin(got, flat, entry), "exact")
 
 
-def listed_alone(search: Search) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+def listed_alone(search: OccluderSearch) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
     """Entry (n,) and occluder (n,) of what is listed alone; waits for the device."""
     heads = search.heads.read(np.uint32).reshape(-1, 4).astype(np.int64)
     pool = search.pool.read(np.uint32).reshape(-1, LENGTH + 1)
@@ -171,11 +176,11 @@ def _occluder_refinement(device: Device) -> None:
             np.cumsum(last - first) - (last - first), last - first
         )
         row, own_face = order[first[pair] + offset], face[pair]
-        looks = looked_from(space.lamp, occluders, corners, planes, own[row], own_face)
+        looks = visible_footprint(space.lamp, occluders, corners, planes, own[row], own_face)
         hides, may = (
             _any_of(len(entry), pair, space.lamp, seen)
             for seen in (
-                aspects(
+                edge_functions(
                     space.lamp, own[row], corners[own_face], planes[own_face],
                     occluders.open[own_face], some,
                 )
@@ -193,7 +198,7 @@ def _occluder_refinement(device: Device) -> None:
         )
 
 
-def _any_of(count: int, pair: Numbers, lamp: Lamp, seen: Aspects) -> Flags:
+def _any_of(count: int, pair: Numbers, lamp: Lamp, seen: EdgeFunctions) -> Flags:
     """(2, n): whether of each of so many pairs of entries and occluders some receiver may be
     hidden, and whether some sample is."""
     result = np.zeros((2, count), bool)

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from gpusim.arrays.ragged import expand
 
-__all__ = ["MEMBERS", "Balls", "Slopes", "facing", "in_order", "levels", "walk"]
+__all__ = ["MEMBERS", "BoundingSpheres", "NormalCones", "facing", "in_order", "levels", "traverse"]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
@@ -32,35 +32,37 @@ CLOSED, OPEN, NONE, MIXED = 0, 1, 2, 3
 
 
 @dataclass(frozen=True, eq=False)
-class Balls:
+class BoundingSpheres:
     """What encloses things or clusters: ``middle`` (N, 3) and ``radius`` (N,)."""
 
     middle: Array
     radius: Array
 
     @staticmethod
-    def of(points: Array, size: int) -> Balls:
+    def of(points: Array, size: int) -> BoundingSpheres:
         """Around every ``size`` things with points (N, K, 3)."""
         first = np.arange(0, len(points), size)
         low = np.minimum.reduceat(points.min(axis=1), first)
         middle = 0.5 * (low + np.maximum.reduceat(points.max(axis=1), first))
         to = points - np.repeat(middle, size, axis=0)[: len(points), None]
         reach = np.sqrt(np.einsum("nka,nka->nk", to, to)).max(axis=1)
-        return Balls(middle, np.maximum.reduceat(reach, first))
+        return BoundingSpheres(middle, np.maximum.reduceat(reach, first))
 
     @staticmethod
-    def around(balls: Array, size: int) -> Balls:
+    def around(balls: Array, size: int) -> BoundingSpheres:
         """Around every ``size`` balls (N, 4)."""
         first = np.arange(0, len(balls), size)
         middle, radius = balls[:, :3], balls[:, 3]
         low = np.minimum.reduceat(middle - radius[:, None], first)
         centre = 0.5 * (low + np.maximum.reduceat(middle + radius[:, None], first))
         to = middle - np.repeat(centre, size, axis=0)[: len(balls)]
-        return Balls(centre, np.maximum.reduceat(np.linalg.norm(to, axis=1) + radius, first))
+        return BoundingSpheres(
+            centre, np.maximum.reduceat(np.linalg.norm(to, axis=1) + radius, first)
+        )
 
 
 @dataclass(frozen=True, eq=False)
-class Slopes:
+class NormalCones:
     """What planes have in common.
 
     Their unit normals pass from ``axis`` (N, 3) by ``spread`` (N,) at most, and they have points
@@ -75,7 +77,7 @@ class Slopes:
     kind: Numbers
 
     @staticmethod
-    def of(normal: Array, point: Array, kind: Numbers, size: int) -> Slopes:
+    def of(normal: Array, point: Array, kind: Numbers, size: int) -> NormalCones:
         """Of every ``size`` planes with unit normals and points (N, 3)."""
         first = np.arange(0, len(normal), size)
         axis = np.add.reduceat(normal, first)
@@ -83,7 +85,7 @@ class Slopes:
         own = np.repeat(axis, size, axis=0)[: len(normal)]
         product = np.einsum("na,na->n", own, point)
         low, high = np.minimum.reduceat(kind, first), np.maximum.reduceat(kind, first)
-        return Slopes(
+        return NormalCones(
             axis, np.maximum.reduceat(np.linalg.norm(normal - own, axis=1), first),
             np.minimum.reduceat(product, first), np.maximum.reduceat(product, first),
             np.where(low == high, low, MIXED),
@@ -99,7 +101,7 @@ def levels(count: int) -> list[int]:
     return sizes[::-1]
 
 
-def walk(
+def traverse(
     counts: Sequence[int], groups: int, keep: Callable[[int, Numbers, Numbers], Bools]
 ) -> tuple[Numbers, Numbers]:
     """Which things each group needs: where their lists begin (G + 1,), and the lists.

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.optics.ambient.quad_strips import Rows, links
+from gpusim.optics.ambient.quad_strips import QuadStrips, links
 from gpusim.optics.geometry.triangle_corners import CHUNK, products
 from gpusim.surface.topology import sorted_keys
 
@@ -26,7 +26,11 @@ ROUNDS = 6
 
 
 def merge_flat(
-    points: Array, faces: Numbers, tolerance: float, beside: Numbers, rows: tuple[Rows, Rows]
+    points: Array,
+    faces: Numbers,
+    tolerance: float,
+    beside: Numbers,
+    rows: tuple[QuadStrips, QuadStrips],
 ) -> Numbers:
     """Join faces (F, 4) of ``points`` (N, 3); triangles, with a corner twice, stay: (M, 4).
 
@@ -56,10 +60,12 @@ def merge_flat(
     return np.stack([np.take(column, left) for column in corner], axis=1)
 
 
-def rows_of(faces: Numbers, beside: Numbers) -> tuple[Rows, Rows]:
+def rows_of(faces: Numbers, beside: Numbers) -> tuple[QuadStrips, QuadStrips]:
     """The rows of faces (F, 4) across edges 1 and 3, and across 2 and 0: see `merge_flat`."""
     corner, (first, second, third, fourth) = _columns(faces), _columns(beside)
-    return Rows.of(links(corner, second, fourth, 1)), Rows.of(links(corner, third, first, 2))
+    return QuadStrips.of(links(corner, second, fourth, 1)), QuadStrips.of(
+        links(corner, third, first, 2)
+    )
 
 
 def _columns(values: Numbers) -> list[Numbers]:
@@ -70,7 +76,7 @@ def _joined(
     points: Array,
     tolerance: float,
     corner: list[Numbers],
-    rows: Rows,
+    rows: QuadStrips,
     k: int,
     sides: dict[int, Numbers] | None = None,
 ) -> Numbers:

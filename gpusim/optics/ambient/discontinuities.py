@@ -18,7 +18,7 @@ from gpusim.optics.geometry.interpenetration import pierced
 from gpusim.optics.geometry.view import View
 from gpusim.surface.surface import Surface
 
-__all__ = ["CutOff"]
+__all__ = ["Discontinuities"]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
@@ -36,7 +36,7 @@ TOGETHER = 1 << 18
 
 
 @dataclass(frozen=True, eq=False)
-class CutOff:
+class Discontinuities:
     """Sections of triangles, in order: ``first`` (T + 1,) of each; their boxes ``low`` and ``high``
     (S, 3) relative to the eye, and the planes (S, 4) of what cuts there, the eye before them."""
 
@@ -46,7 +46,7 @@ class CutOff:
     planes: Array
 
     @staticmethod
-    def of(view: View, surfaces: Sequence[Surface], corners: Array) -> CutOff | None:
+    def of(view: View, surfaces: Sequence[Surface], corners: Array) -> Discontinuities | None:
         """Of triangles with ``corners`` (T, 3, 3) relative to the eye; None where no open surface
         cuts another one."""
         open_ = np.array([not surface.topology.closed for surface in surfaces])
@@ -72,7 +72,9 @@ class CutOff:
         offset = -np.sum(normal * a, axis=1)
         planes = np.column_stack([normal, offset]) * np.where(offset < 0.0, -1.0, 1.0)[:, None]
         first = np.searchsorted(own[kept], np.arange(view.count + 1))
-        return CutOff(first, segments[kept].min(axis=1), segments[kept].max(axis=1), planes)
+        return Discontinuities(
+            first, segments[kept].min(axis=1), segments[kept].max(axis=1), planes
+        )
 
     def behind(self, triangle: Numbers, at: Array) -> Flags:
         """(P, N) which places ``at`` (P, N, 3) in pieces of triangles (P,) are behind something

@@ -14,14 +14,14 @@ import numpy.typing as npt
 
 from gpusim.surface.topology import sorted_keys
 
-__all__ = ["Facets"]
+__all__ = ["EdgeAdjacency"]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
-class Facets:
+class EdgeAdjacency:
     """``ends`` (E, 2, 3): of each edge, counter-clockwise around its first face from outside.
 
     ``beside`` (E, 2): the faces that it belongs to, around the second one it runs clockwise; -1
@@ -39,7 +39,7 @@ class Facets:
     both_sides: npt.NDArray[np.bool_]
 
     @staticmethod
-    def of(points: Array, faces: Numbers, both_sides: npt.NDArray[np.bool_]) -> Facets:
+    def of(points: Array, faces: Numbers, both_sides: npt.NDArray[np.bool_]) -> EdgeAdjacency:
         """Those of faces (F, 4) of ``points`` (N, 3), a triangle's last corner twice."""
         start, end = faces.reshape(-1), np.roll(faces, -1, axis=1).reshape(-1)
         real = np.flatnonzero(start != end)
@@ -68,28 +68,28 @@ class Facets:
         middle = corners.mean(axis=1)
         offset = np.sum(normal * middle, axis=1)
         radius = np.linalg.norm(corners - middle[:, None], axis=2).max(axis=1, initial=0.0)
-        return Facets(
+        return EdgeAdjacency(
             points[np.stack([start[own], end[own]], axis=1)],
             np.stack([own // 4, np.where(other >= 0, other // 4, -1)], axis=1),
             edges.reshape(-1, 4), np.concatenate([normal, offset[:, None]], axis=1),
             np.concatenate([middle, radius[:, None]], axis=1), both_sides,
         )  # fmt: skip
 
-    def ordered(self, edge: Numbers, face: Numbers) -> Facets:
+    def ordered(self, edge: Numbers, face: Numbers) -> EdgeAdjacency:
         """The same in the order of ``edge`` (E,) and ``face`` (F,)."""
         edge_at, face_at = np.empty_like(edge), np.empty(len(face) + 1, np.int64)
         edge_at[edge], face_at[face] = np.arange(len(edge)), np.arange(len(face))
         face_at[-1] = -1
         edges = self.edges[face]
         found = 2 * edge_at[np.maximum(edges, 0) // 2] + edges % 2
-        return Facets(
+        return EdgeAdjacency(
             self.ends[edge], face_at[self.beside[edge]], np.where(edges >= 0, found, -1),
             self.planes[face], self.balls[face], self.both_sides[face],
         )  # fmt: skip
 
     @staticmethod
-    def apart(corners: Array, both_sides: npt.NDArray[np.bool_]) -> Facets:
+    def apart(corners: Array, both_sides: npt.NDArray[np.bool_]) -> EdgeAdjacency:
         """Faces with ``corners`` (F, 4, 3) that share no edges, a triangle's last corner twice."""
         faces = np.arange(4 * len(corners)).reshape(-1, 4)
         faces[:, 3] -= (corners[:, 3] == corners[:, 2]).all(axis=1)
-        return Facets.of(corners.reshape(-1, 3), faces, both_sides)
+        return EdgeAdjacency.of(corners.reshape(-1, 3), faces, both_sides)

@@ -23,19 +23,19 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.optics.ambient.edge_adjacency import Facets
-from gpusim.optics.ambient.sample_points import AGAINST, TILT, Receivers, tangent
-from gpusim.optics.ambient.silhouette_buffers import ContourTables
+from gpusim.optics.ambient.edge_adjacency import EdgeAdjacency
+from gpusim.optics.ambient.sample_points import AGAINST, TILT, SamplePoints, tangent
+from gpusim.optics.ambient.silhouette_buffers import SilhouetteBuffers
 
 __all__ = [
     "COLUMNS",
     "GROUP",
     "ROWS",
-    "Around",
-    "Seen",
+    "HemisphereMasks",
+    "SilhouetteLists",
     "directions",
-    "seen",
-    "seen_twin",
+    "hemisphere_masks",
+    "hemisphere_masks_twin",
 ]
 
 Array = npt.NDArray[np.float64]
@@ -58,7 +58,7 @@ PAIRS = 1 << 14
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
+class HemisphereMasks:
     """``hidden`` (N, 64) words: bit c of row r is set where something hides that sample.
 
     ``inside`` (N,): points that lie in a closed body, or on a face that goes another way.
@@ -100,7 +100,7 @@ def directions() -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Around:
+class SilhouetteLists:
     """Which edges and faces of ``facets`` each `GROUP` of points in order may need.
 
     ``edge``: those that may be contours; ``face``: those that a point may lie on, and those on the
@@ -108,24 +108,24 @@ class Around:
     group's lists begin.
     """
 
-    facets: Facets
+    facets: EdgeAdjacency
     edge_start: Numbers
     edge: Numbers
     face_start: Numbers
     face: Numbers
 
     @staticmethod
-    def everywhere(facets: Facets, points: int) -> Around:
+    def everywhere(facets: EdgeAdjacency, points: int) -> SilhouetteLists:
         """All for all of so many points."""
         edges, faces = len(facets.ends), len(facets.planes)
         group = np.arange(-(-points // GROUP) + 1)
-        return Around(
+        return SilhouetteLists(
             facets, edges * group, np.tile(np.arange(edges), len(group) - 1),
             faces * group, np.tile(np.arange(faces), len(group) - 1),
         )  # fmt: skip
 
 
-def seen(tables: ContourTables, points: Receivers) -> Seen:
+def hemisphere_masks(tables: SilhouetteBuffers, points: SamplePoints) -> HemisphereMasks:
     """What ``points`` see past the faces in ``tables``."""
     device = tables.device
     kernel = device.kernel("optics/ambient/hemisphere_mask")
@@ -152,11 +152,11 @@ def seen(tables: ContourTables, points: Receivers) -> Seen:
         for used in (masks, leaves):
             used.release()
         near.release()
-    return Seen(np.concatenate(hidden), np.concatenate(inside))
+    return HemisphereMasks(np.concatenate(hidden), np.concatenate(inside))
 
 
-def seen_twin(points: Receivers, around: Around) -> Seen:
-    """`seen` in float64."""
+def hemisphere_masks_twin(points: SamplePoints, around: SilhouetteLists) -> HemisphereMasks:
+    """`hemisphere_masks` in float64."""
     count = len(points.at)
     hidden, leaves = np.zeros((count, ROWS), np.uint32), np.zeros(count, np.int64)
     facets = around.facets
@@ -173,16 +173,16 @@ def seen_twin(points: Receivers, around: Around) -> Seen:
             _cross(change, own, facets, edge[first : first + step])
         before = np.cumsum(change, axis=2)[:, :, :COLUMNS] > 0
         hidden[part] = (before << np.arange(COLUMNS, dtype=np.uint32)).sum(axis=2, dtype=np.uint32)
-    return Seen(hidden, leaves > 0)
+    return HemisphereMasks(hidden, leaves > 0)
 
 
-def _heights(points: Receivers, planes: Array) -> tuple[Array, Array]:
+def _heights(points: SamplePoints, planes: Array) -> tuple[Array, Array]:
     """(N, F): how far points lie behind planes (F, 4), and the cosines of the normals."""
     normal = planes[:, :3].T
     return planes[:, 3] - points.at @ normal, points.normal @ normal
 
 
-def _hiding(points: Receivers, facets: Facets, face: Numbers) -> Array:
+def _hiding(points: SamplePoints, facets: EdgeAdjacency, face: Numbers) -> Array:
     """(N, F): -1 where faces (F,) hide by their outside, 1 by their inside, 0 where they don't."""
     height, facing = _heights(points, facets.planes[face])
     near, closed = points.tolerance[:, None], ~facets.both_sides[face]
@@ -198,7 +198,7 @@ def _axes(normal: Array) -> Array:
     return np.stack([u, np.cross(normal, u), normal], axis=1)
 
 
-def _local(points: Receivers, ends: Array) -> Array:
+def _local(points: SamplePoints, ends: Array) -> Array:
     """(N, E, 2, 3): ends (E, 2, 3) along each point's tangent, across, and along its normal."""
     D = ends[None] - points.at[:, None, None]
     return np.asarray(np.einsum("neka,nba->nekb", D, _axes(points.normal)))
@@ -221,7 +221,7 @@ def _crossed(ends: Array) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_],
     return np.where(leaves, rises, falls), leaves, value, slope
 
 
-def _cross(change: Numbers, points: Receivers, facets: Facets, edge: Numbers) -> None:
+def _cross(change: Numbers, points: SamplePoints, facets: EdgeAdjacency, edge: Numbers) -> None:
     """Add to ``change`` (N, 64, 33) what crossing ``edge`` changes, sample by sample."""
     beside = facets.beside[edge]
     weight = _hiding(points, facets, beside[:, 0]) - _hiding(points, facets, beside[:, 1])
@@ -236,7 +236,9 @@ def _cross(change: Numbers, points: Receivers, facets: Facets, edge: Numbers) ->
     np.add.at(change, (point[pair], row, sample), sign)
 
 
-def _along_normal(points: Receivers, facets: Facets, face: Numbers) -> tuple[Numbers, Numbers]:
+def _along_normal(
+    points: SamplePoints, facets: EdgeAdjacency, face: Numbers
+) -> tuple[Numbers, Numbers]:
     """How many faces lie before the rows' starts (N, 64), and how often the way up leaves a body
     (N,)."""
     height, facing = _heights(points, facets.planes[face])

@@ -10,14 +10,14 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["Rows", "links"]
+__all__ = ["QuadStrips", "links"]
 
 Numbers = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
+class QuadStrips:
     """``face`` (n,): row by row, those without neighbours left out; ``start`` (R,): where each row
     begins; ``linked`` (n,): whether the next one is beside it, of a row's last its first one."""
 
@@ -26,7 +26,7 @@ class Rows:
     linked: Flags
 
     @staticmethod
-    def of(link: Numbers) -> Rows:
+    def of(link: Numbers) -> QuadStrips:
         """``link`` (F,): the face that follows each one, no other's, or -1."""
         before = np.full(len(link), -1)
         followed = np.flatnonzero(link >= 0)
@@ -42,9 +42,9 @@ class Rows:
         face = np.empty(len(member), np.int64)
         face[(np.cumsum(count) - count)[head[member]] + place[member]] = member
         count = count[count > 0]
-        return Rows(face, np.cumsum(count) - count, link[face] >= 0)
+        return QuadStrips(face, np.cumsum(count) - count, link[face] >= 0)
 
-    def among(self, number: Numbers, link: Numbers) -> Rows:
+    def among(self, number: Numbers, link: Numbers) -> QuadStrips:
         """Rows of faces joined from these: ``number`` (F,) those that the first of them got, -1 of
         the others; ``link``: as in `of`."""
         number = number[self.face]
@@ -52,11 +52,11 @@ class Rows:
         before = np.append(0, np.cumsum(kept))
         start, end = before[self.start], before[np.append(self.start[1:], len(kept))]
         face = number[kept]
-        rows = Rows(face, start[start < end], np.zeros(len(face), bool))
+        rows = QuadStrips(face, start[start < end], np.zeros(len(face), bool))
         linked = (link[face] >= 0) & (link[face] == face[rows.after])
         if np.count_nonzero(linked) < np.count_nonzero(link >= 0):
-            return Rows.of(link)
-        return Rows(face, rows.start, linked)
+            return QuadStrips.of(link)
+        return QuadStrips(face, rows.start, linked)
 
     @property
     def after(self) -> Numbers:
@@ -87,10 +87,10 @@ class Rows:
             chosen = good & (run % 2 == 0) & ~whole
         return np.flatnonzero(chosen)
 
-    def some(self, kept: Numbers) -> Rows:
+    def some(self, kept: Numbers) -> QuadStrips:
         """Those at some places (n,), ascending, one of each row at least."""
         start = np.searchsorted(kept, self.start)
-        return Rows(np.take(self.face, kept), start, np.take(self.linked, kept))
+        return QuadStrips(np.take(self.face, kept), start, np.take(self.linked, kept))
 
 
 def links(corner: list[Numbers], ahead: Numbers, back: Numbers, k: int) -> Numbers:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["AGAINST", "TILT", "Receivers", "tangent"]
+__all__ = ["AGAINST", "TILT", "SamplePoints", "tangent"]
 
 Array = npt.NDArray[np.float64]
 
@@ -20,7 +20,7 @@ AGAINST = -0.5
 
 
 @dataclass(frozen=True, eq=False)
-class Receivers:
+class SamplePoints:
     """Points to look from.
 
     ``at`` (N, 3) and the unit ``normal`` (N, 3); ``tolerance`` (N,): distance from a face's plane
@@ -33,9 +33,9 @@ class Receivers:
     tolerance: Array
     thickness: Array
 
-    def part(self, rows: slice | npt.NDArray[np.int64]) -> Receivers:
+    def part(self, rows: slice | npt.NDArray[np.int64]) -> SamplePoints:
         """Some of them."""
-        return Receivers(
+        return SamplePoints(
             self.at[rows], self.normal[rows], self.tolerance[rows], self.thickness[rows]
         )
 

@@ -12,11 +12,11 @@ import numpy.typing as npt
 from gpusim.gpu import Device
 from gpusim.gpu.buffer import Buffer
 from gpusim.gpu.texture_array import Texels
-from gpusim.optics.ambient.bounding_hierarchy import MEMBERS, MIXED, NONE, OPEN, Balls
-from gpusim.optics.ambient.sample_points import TILT, Receivers, tangent
-from gpusim.optics.ambient.silhouette_bvh import LOW, Contours
+from gpusim.optics.ambient.bounding_hierarchy import MEMBERS, MIXED, NONE, OPEN, BoundingSpheres
+from gpusim.optics.ambient.sample_points import TILT, SamplePoints, tangent
+from gpusim.optics.ambient.silhouette_bvh import LOW, SilhouetteBVH
 
-__all__ = ["ContourTables", "Near"]
+__all__ = ["DeviceSilhouetteLists", "SilhouetteBuffers"]
 
 NOTHING = 0xFFFFFFFF
 """No face, no edge."""
@@ -42,7 +42,7 @@ MOST = (512, 384)
 
 
 @dataclass(frozen=True, eq=False)
-class Near:
+class DeviceSilhouetteLists:
     """``count`` points on the device, and which edges and faces they need: ``counts`` (N, 2) of
     them, in lists of ``most`` per point."""
 
@@ -59,10 +59,10 @@ class Near:
             buffer.release()
 
 
-class ContourTables:
+class SilhouetteBuffers:
     """Edges, planes, the faces' edges, and clusters of both."""
 
-    def __init__(self, device: Device, contours: Contours) -> None:
+    def __init__(self, device: Device, contours: SilhouetteBVH) -> None:
         self.device, self._most = device, MOST
         facets = contours.facets
         tables = _tables(contours)
@@ -92,7 +92,7 @@ class ContourTables:
     def _texels(self) -> tuple[Texels, ...]:
         return self.edges, self.borders, self.planes, self._clusters, self._spheres
 
-    def batches(self, points: Receivers) -> Iterator[Near]:
+    def batches(self, points: SamplePoints) -> Iterator[DeviceSilhouetteLists]:
         """Some of ``points`` after the other. Whoever asks releases them."""
         begin = 0
         while begin < len(points.at):
@@ -110,13 +110,13 @@ class ContourTables:
             yield near
             begin += count
 
-    def _near(self, points: Receivers, most: tuple[int, int]) -> Near:
+    def _near(self, points: SamplePoints, most: tuple[int, int]) -> DeviceSilhouetteLists:
         device, count = self.device, len(points.at)
         table = np.zeros((count, 3, 4), np.float32)
         table[:, 0, :3], table[:, 0, 3] = points.at, points.tolerance
         table[:, 1, :3], table[:, 1, 3] = points.normal, points.thickness
         table[:, 2, :3] = tangent(points.normal)
-        near = Near(
+        near = DeviceSilhouetteLists(
             count,
             device.buffer(table, "hemisphere.points"),
             device.buffer(np.zeros((count, 2), np.uint32), "hemisphere.counts"),
@@ -141,7 +141,7 @@ class ContourTables:
             texels.release()
 
 
-def _levels(clusters: Sequence[Balls]) -> npt.NDArray[np.uint32]:
+def _levels(clusters: Sequence[BoundingSpheres]) -> npt.NDArray[np.uint32]:
     """(12, 4): first cluster and number of clusters, from single things up."""
     counts = [len(level.radius) for level in clusters]
     result = np.zeros((MOST_LEVELS, 4), np.uint32)
@@ -150,7 +150,7 @@ def _levels(clusters: Sequence[Balls]) -> npt.NDArray[np.uint32]:
     return result
 
 
-def _tables(contours: Contours) -> dict[str, npt.NDArray[np.uint32]]:
+def _tables(contours: SilhouetteBVH) -> dict[str, npt.NDArray[np.uint32]]:
     """Edges (2 E, 4), planes (F, 4), the faces' edges (F, 4), and clusters as the shader reads
     them: four texels for those of edges, one for those of faces."""
     facets = contours.facets

@@ -15,15 +15,15 @@ from gpusim.optics.ambient.bounding_hierarchy import (
     CLOSED,
     NONE,
     OPEN,
-    Balls,
-    Slopes,
+    BoundingSpheres,
+    NormalCones,
     facing,
     in_order,
     levels,
 )
-from gpusim.optics.ambient.edge_adjacency import Facets
+from gpusim.optics.ambient.edge_adjacency import EdgeAdjacency
 
-__all__ = ["LOW", "Contours"]
+__all__ = ["LOW", "SilhouetteBVH"]
 
 ROUNDING = 2e-6
 """Of the scene's size: heights over planes are told apart by no less."""
@@ -33,21 +33,21 @@ LOW = 0.01
 
 
 @dataclass(frozen=True, eq=False)
-class Contours:
+class SilhouetteBVH:
     """``facets`` in the order of their clusters, which are the largest first and single ones last.
 
     ``balls`` and ``slopes``: those of the edges' clusters, and of the planes on both sides;
     ``spheres``: those of the faces'. ``rounding``: of heights over planes.
     """
 
-    facets: Facets
-    balls: list[Balls]
-    slopes: list[tuple[Slopes, Slopes]]
-    spheres: list[Balls]
+    facets: EdgeAdjacency
+    balls: list[BoundingSpheres]
+    slopes: list[tuple[NormalCones, NormalCones]]
+    spheres: list[BoundingSpheres]
     rounding: float
 
     @staticmethod
-    def of(facets: Facets) -> Contours:
+    def of(facets: EdgeAdjacency) -> SilhouetteBVH:
         """Those of ``facets``, however ordered."""
         planes, kind = _beside(facets)
         edge = in_order(
@@ -62,19 +62,19 @@ class Contours:
         reach = np.concatenate([facets.ends, foot], axis=1)
         slopes = [
             (
-                Slopes.of(planes[:, 0, :3], foot[:, 0], kind[:, 0], size),
-                Slopes.of(planes[:, 1, :3], foot[:, 1], kind[:, 1], size),
+                NormalCones.of(planes[:, 0, :3], foot[:, 0], kind[:, 0], size),
+                NormalCones.of(planes[:, 1, :3], foot[:, 1], kind[:, 1], size),
             )
             for size in levels(len(reach))
         ]
-        return Contours(
-            facets, [Balls.of(reach, size) for size in levels(len(reach))], slopes,
-            [Balls.around(facets.balls, size) for size in levels(len(facets.balls))],
+        return SilhouetteBVH(
+            facets, [BoundingSpheres.of(reach, size) for size in levels(len(reach))], slopes,
+            [BoundingSpheres.around(facets.balls, size) for size in levels(len(facets.balls))],
             ROUNDING * float(np.abs(facets.ends).max(initial=0.0)),
         )  # fmt: skip
 
 
-def _beside(facets: Facets) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]:
+def _beside(facets: EdgeAdjacency) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]:
     """Planes (E, 2, 4) on both sides of edges, zeros where there is no face, and their kinds."""
     planes = np.concatenate([facets.planes, np.zeros((1, 4))])[facets.beside]
     kind = np.where(np.append(facets.both_sides, False)[facets.beside], OPEN, CLOSED)

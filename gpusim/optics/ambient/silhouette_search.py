@@ -15,17 +15,17 @@ from gpusim.optics.ambient.bounding_hierarchy import (
     CLOSED,
     NONE,
     OPEN,
-    Balls,
-    Slopes,
+    BoundingSpheres,
+    NormalCones,
     facing,
     in_order,
-    walk,
+    traverse,
 )
-from gpusim.optics.ambient.hemisphere_mask import GROUP, Around
-from gpusim.optics.ambient.sample_points import AGAINST, TILT, Receivers
-from gpusim.optics.ambient.silhouette_bvh import LOW, Contours
+from gpusim.optics.ambient.hemisphere_mask import GROUP, SilhouetteLists
+from gpusim.optics.ambient.sample_points import AGAINST, TILT, SamplePoints
+from gpusim.optics.ambient.silhouette_bvh import LOW, SilhouetteBVH
 
-__all__ = ["around", "in_groups"]
+__all__ = ["in_groups", "silhouettes_near"]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
@@ -34,7 +34,9 @@ Bools = npt.NDArray[np.bool_]
 UNKNOWN = 2
 
 
-def around(contours: Contours, points: Receivers, size: int = GROUP) -> Around:
+def silhouettes_near(
+    contours: SilhouetteBVH, points: SamplePoints, size: int = GROUP
+) -> SilhouetteLists:
     """Those that matter to every ``size`` of ``points`` in order."""
     groups = _Groups.of(points, size)
     count = len(groups.middle)
@@ -45,13 +47,13 @@ def around(contours: Contours, points: Receivers, size: int = GROUP) -> Around:
     def upward(level: int, group: Numbers, cluster: Numbers) -> Bools:
         return _upward(groups, contours.spheres[level], group, cluster)
 
-    start, edge = walk([len(v.radius) for v in contours.balls], count, contour)
-    first, face = walk([len(v.radius) for v in contours.spheres], count, upward)
-    return Around(contours.facets, start, edge, first, face)
+    start, edge = traverse([len(v.radius) for v in contours.balls], count, contour)
+    first, face = traverse([len(v.radius) for v in contours.spheres], count, upward)
+    return SilhouetteLists(contours.facets, start, edge, first, face)
 
 
 def _contour(
-    groups: _Groups, contours: Contours, level: int, group: Numbers, cluster: Numbers
+    groups: _Groups, contours: SilhouetteBVH, level: int, group: Numbers, cluster: Numbers
 ) -> Bools:
     """Whether clusters (P,) may hold edges that are contours to groups (P,)."""
     balls = contours.balls[level]
@@ -73,7 +75,12 @@ def _contour(
 
 
 def _hiding(
-    groups: _Groups, slopes: Slopes, rounding: float, group: Numbers, cluster: Numbers, span: Array
+    groups: _Groups,
+    slopes: NormalCones,
+    rounding: float,
+    group: Numbers,
+    cluster: Numbers,
+    span: Array,
 ) -> Numbers:
     """How all faces of clusters (P,) hide from all of a group, as `hemisphere_mask` has it, or
     ``UNKNOWN``; ``span`` (P,): how far apart they are at most."""
@@ -113,7 +120,7 @@ class _Groups:
     tolerance: Array
 
     @staticmethod
-    def of(points: Receivers, size: int) -> _Groups:
+    def of(points: SamplePoints, size: int) -> _Groups:
         """Of every ``size`` points."""
         if not len(points.at):
             none = np.zeros(0)
@@ -134,7 +141,7 @@ class _Groups:
         )  # fmt: skip
 
 
-def _upward(groups: _Groups, spheres: Balls, group: Numbers, cluster: Numbers) -> Bools:
+def _upward(groups: _Groups, spheres: BoundingSpheres, group: Numbers, cluster: Numbers) -> Bools:
     """Whether clusters (P,) may hold faces that points of groups (P,) lie on, or that are on the
     way up from them, as far aside as rows begin."""
     to = spheres.middle[cluster] - groups.middle[group]
@@ -146,6 +153,6 @@ def _upward(groups: _Groups, spheres: Balls, group: Numbers, cluster: Numbers) -
     return np.asarray((height + beside > 0.0) & (away * away - height * height <= wide * wide))
 
 
-def in_groups(points: Receivers) -> Numbers:
+def in_groups(points: SamplePoints) -> Numbers:
     """The order (N,) in which points that look the same way and lie together follow each other."""
     return in_order(points.at, facing(points.normal))

@@ -13,12 +13,12 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.sorted_unique import distinct
-from gpusim.optics.ambient.hemisphere_mask import COLUMNS, ROWS, Seen, directions
+from gpusim.optics.ambient.hemisphere_mask import COLUMNS, ROWS, HemisphereMasks, directions
 from gpusim.optics.ambient.sample_points import tangent
 from gpusim.optics.light.environment import Environment
 from gpusim.optics.light.lights import AmbientLight, EnvironmentLight, Light
 
-__all__ = ["HiddenLight"]
+__all__ = ["SkyIrradiance"]
 
 Array = npt.NDArray[np.float64]
 CHUNK = 512
@@ -29,7 +29,7 @@ NORMALS = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
-class HiddenLight:
+class SkyIrradiance:
     """``open`` and ``even``: irradiance of even surroundings that nothing hides, and of those that
     surfaces do; ``environment``: other surroundings, ``hides`` whether surfaces hide these."""
 
@@ -39,7 +39,7 @@ class HiddenLight:
     hides: bool
 
     @staticmethod
-    def of(lights: Sequence[Light], environment: Environment | None) -> HiddenLight | None:
+    def of(lights: Sequence[Light], environment: Environment | None) -> SkyIrradiance | None:
         """None where no light asks for it."""
         ambient = [light for light in lights if isinstance(light, AmbientLight)]
         hides = any(isinstance(light, EnvironmentLight) and light.occlusion for light in lights)
@@ -49,9 +49,9 @@ class HiddenLight:
             float(np.pi * sum(light.radiance for light in ambient if light.occlusion is occluded))
             for occluded in (False, True)
         ]
-        return HiddenLight(both[0], both[1], environment, hides)
+        return SkyIrradiance(both[0], both[1], environment, hides)
 
-    def share(self, seen: Seen, normal: Array) -> Array:
+    def share(self, seen: HemisphereMasks, normal: Array) -> Array:
         """(N,) of all surroundings' irradiance at points with unit normals (N, 3)."""
         got = self.open + self.even * seen.open_share
         whole = np.full(len(normal), self.open + self.even)
@@ -63,7 +63,7 @@ class HiddenLight:
         return result
 
 
-def _seen_of(environment: Environment, seen: Seen, normal: Array) -> Array:
+def _seen_of(environment: Environment, seen: HemisphereMasks, normal: Array) -> Array:
     """Shares (N,) of the surroundings' irradiance."""
     whole = np.rint(normal / NORMALS).astype(np.int64) + 20_000
     key = (whole[:, 0] * 40_001 + whole[:, 1]) * 40_001 + whole[:, 2]

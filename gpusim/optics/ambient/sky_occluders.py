@@ -12,9 +12,9 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.optics.ambient.coplanar_merging import merge_flat, neighbours, rows_of
-from gpusim.optics.ambient.edge_adjacency import Facets
-from gpusim.optics.ambient.quad_strips import Rows
-from gpusim.optics.ambient.silhouette_bvh import Contours
+from gpusim.optics.ambient.edge_adjacency import EdgeAdjacency
+from gpusim.optics.ambient.quad_strips import QuadStrips
+from gpusim.optics.ambient.silhouette_bvh import SilhouetteBVH
 from gpusim.optics.geometry.view import View
 from gpusim.surface.surface import Surface
 from gpusim.surface.topology import Topology
@@ -37,7 +37,7 @@ class _Known(NamedTuple):
 
     beside: Numbers
     closed: bool
-    rows: tuple[Rows, Rows]
+    rows: tuple[QuadStrips, QuadStrips]
 
 
 _KNOWN: WeakKeyDictionary[Topology, dict[int, _Known]] = WeakKeyDictionary()
@@ -47,7 +47,7 @@ _KNOWN: WeakKeyDictionary[Topology, dict[int, _Known]] = WeakKeyDictionary()
 class JoinedFaces:
     """``contours``, relative to the eye; ``sag``: how far faces may pass from the surface."""
 
-    contours: Contours
+    contours: SilhouetteBVH
     sag: float
 
     @staticmethod
@@ -56,8 +56,8 @@ class JoinedFaces:
         depth = 1.0 / max(float(view.inverse_depth().max(initial=0.0)), 1e-300)
         sag = FLATNESS * depth / float(np.abs(np.diag(view.camera.K)[:2]).max())
         points, faces, both_sides = joined_faces(surfaces, sag)
-        facets = Facets.of(points - view.camera.eye, faces, both_sides)
-        return JoinedFaces(Contours.of(facets), sag)
+        facets = EdgeAdjacency.of(points - view.camera.eye, faces, both_sides)
+        return JoinedFaces(SilhouetteBVH.of(facets), sag)
 
 
 def joined_faces(

@@ -18,21 +18,25 @@ import numpy.typing as npt
 
 from gpusim.arrays.sorted_unique import distinct
 from gpusim.gpu import Device
-from gpusim.optics.ambient.discontinuities import CutOff
-from gpusim.optics.ambient.hemisphere_mask import Seen, seen, seen_twin
-from gpusim.optics.ambient.sample_points import Receivers
-from gpusim.optics.ambient.silhouette_buffers import ContourTables
-from gpusim.optics.ambient.silhouette_search import around, in_groups
+from gpusim.optics.ambient.discontinuities import Discontinuities
+from gpusim.optics.ambient.hemisphere_mask import (
+    HemisphereMasks,
+    hemisphere_masks,
+    hemisphere_masks_twin,
+)
+from gpusim.optics.ambient.sample_points import SamplePoints
+from gpusim.optics.ambient.silhouette_buffers import SilhouetteBuffers
+from gpusim.optics.ambient.silhouette_search import in_groups, silhouettes_near
 from gpusim.optics.ambient.sky_occluders import JoinedFaces
 from gpusim.optics.geometry.triangle_corners import NORMAL, POSITION
 from gpusim.optics.geometry.view import View
 from gpusim.surface.surface import Surface
 
-__all__ = ["Openness", "Value", "lattice"]
+__all__ = ["SkyVisibility", "Value", "lattice"]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
-Value = Callable[[Seen, Array], Array]
+Value = Callable[[HemisphereMasks, Array], Array]
 """Shares (N,) of the light of points, from what they see and their normals (N, 3)."""
 
 PIECE, PIECES = 32.0, 64.0
@@ -59,7 +63,7 @@ INSIDE = 0.01
 
 
 @dataclass(frozen=True, eq=False)
-class Openness:
+class SkyVisibility:
     """Shares over a view's triangles.
 
     ``pieces`` (T,): cells that a triangle's edges are cut into, n; ``first`` (T,): the first of
@@ -81,7 +85,7 @@ class Openness:
     @staticmethod
     def build(
         view: View, surfaces: Sequence[Surface], value: Value, device: Device | None
-    ) -> Openness:
+    ) -> SkyVisibility:
         """Look from as many nodes as it takes; in NumPy without ``device``."""
         T = view.camera.camera_from_world
         corners = view.corners[:, :, POSITION] @ T[:3, :3]
@@ -97,7 +101,7 @@ class Openness:
         small = longest[triangle] / pieces[triangle]
         finest = np.minimum(2 ** np.ceil(np.log2(np.maximum(STEP * small / piece, 1.0))), FINEST)
         nodes = _Nodes(JoinedFaces.of(view, surfaces), value, device)
-        cut_off = CutOff.of(view, surfaces, corners)
+        cut_off = Discontinuities.of(view, surfaces, corners)
         cells = np.zeros(int(slots.sum()), np.int64)
         due, m = np.flatnonzero(_in_image(view, triangle, place)), 1
         cells[slot] = 1  # pieces outside the image share three values that nobody reads
@@ -138,7 +142,7 @@ class Openness:
             start[number] = filled + size * np.arange(len(number))
             values.append(shares)
             filled += len(shares)
-        return Openness(
+        return SkyVisibility(
             _places(corners[:, 0], a, b), pieces, first, cells, start, np.concatenate(values),
             nodes.count,
         )  # fmt: skip
@@ -273,7 +277,7 @@ class _Nodes:
 
     def __init__(self, joined: JoinedFaces, value: Value, device: Device | None) -> None:
         self.joined, self.value = joined, value
-        self._tables = None if device is None else ContourTables(device, joined.contours)
+        self._tables = None if device is None else SilhouetteBuffers(device, joined.contours)
         self._key = np.zeros(0, np.int64)
         self._share, self._even, self._buried = np.zeros(0), np.zeros(0), np.zeros(0, bool)
 
@@ -315,18 +319,20 @@ class _Nodes:
             moved = at[one] + INSIDE * (pull + 2.0 * rise[:, None] * up)
             flat = np.full(len(own), 2.0 * self.joined.sag)
             new = ~known
-            self._add(own[new], Receivers(moved, up, flat, 0.3 * thick).part(np.flatnonzero(new)))
+            self._add(
+                own[new], SamplePoints(moved, up, flat, 0.3 * thick).part(np.flatnonzero(new))
+            )
             place = np.searchsorted(self._key, own)
         back = place[inverse].reshape(shape)
         return self._share[back], self._even[back], self._buried[back]
 
-    def _add(self, key: Numbers, points: Receivers) -> None:
+    def _add(self, key: Numbers, points: SamplePoints) -> None:
         order = in_groups(points)
         key, points = key[order], points.part(order)
         if self._tables is None:
-            found = seen_twin(points, around(self.joined.contours, points))
+            found = hemisphere_masks_twin(points, silhouettes_near(self.joined.contours, points))
         else:
-            found = seen(self._tables, points)
+            found = hemisphere_masks(self._tables, points)
         share = self.value(found, points.normal)
         buried = found.inside
         keys = np.concatenate([self._key, key])

@@ -8,12 +8,12 @@ import numpy.typing as npt
 
 from gpusim.gpu import Device
 from gpusim.gpu.texture_array import Texels
-from gpusim.optics.ambient.sky_visibility import Openness
+from gpusim.optics.ambient.sky_visibility import SkyVisibility
 
-__all__ = ["openness_texels"]
+__all__ = ["sky_visibility_texels"]
 
 
-def openness_texels(device: Device, openness: Openness | None) -> Texels:
+def sky_visibility_texels(device: Device, openness: SkyVisibility | None) -> Texels:
     """The shares on the device; empty where nothing hides surroundings."""
     if openness is None:
         return device.no_texels("rgba32uint")
@@ -23,7 +23,7 @@ def openness_texels(device: Device, openness: Openness | None) -> Texels:
     return texels
 
 
-def _words(openness: Openness) -> npt.NDArray[np.uint32]:
+def _words(openness: SkyVisibility) -> npt.NDArray[np.uint32]:
     """(N, 4): three texels per triangle, one per piece, one per node with the cell it begins."""
     count, pieces = len(openness.pieces), len(openness.cells)
     head = np.zeros((count, 3, 4), np.uint32)

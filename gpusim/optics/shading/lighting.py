@@ -14,8 +14,8 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.gpu import Device
 from gpusim.gpu.buffer import F32_MAX
-from gpusim.optics.ambient.sky_irradiance import HiddenLight
-from gpusim.optics.ambient.sky_visibility import Openness
+from gpusim.optics.ambient.sky_irradiance import SkyIrradiance
+from gpusim.optics.ambient.sky_visibility import SkyVisibility
 from gpusim.optics.geometry.triangle_corners import POSITION
 from gpusim.optics.geometry.view import View
 from gpusim.optics.light.environment import Environment
@@ -87,7 +87,7 @@ class Lighting:
     environment: Environment | None
     gloss: Gloss | None
     shadows: Shadows | None
-    openness: Openness | None
+    openness: SkyVisibility | None
 
     @staticmethod
     def build(
@@ -124,9 +124,9 @@ class Lighting:
         environment = Environment.of(lights)
         even = ambient(lights)
         gloss = Gloss.build(view.paints, environment, even / np.pi) if lights else None
-        hidden, openness = HiddenLight.of(lights, environment), None
+        hidden, openness = SkyIrradiance.of(lights, environment), None
         if surfaces and hidden is not None:
-            openness = Openness.build(view, surfaces, hidden.share, device)
+            openness = SkyVisibility.build(view, surfaces, hidden.share, device)
         return Lighting(rows, even, environment, gloss, found, openness)
 
     def constants(self, glossy: bool) -> dict[str, float]:

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from gpusim.gpu import Device, Uniform
 from gpusim.gpu.texture_array import Texels
-from gpusim.optics.ambient.sky_visibility_buffers import openness_texels
+from gpusim.optics.ambient.sky_visibility_buffers import sky_visibility_texels
 from gpusim.optics.camera.undistortion_table import distortion_map
 from gpusim.optics.light.microfacet_material import gloss_texels
 from gpusim.optics.paint.checker_lines import BoardLines
@@ -42,7 +42,7 @@ class Tables:
         self.gloss = gloss_texels(device, setup.lighting.gloss)
         self.relief = Uniform(device, bump_uniform(setup.bumps), "shade.relief")
         self.bumps = bump_texels(device, setup.bumps)
-        self.openness = openness_texels(device, setup.lighting.openness)
+        self.openness = sky_visibility_texels(device, setup.lighting.openness)
         self.planes = device.no_texels("rgba32uint")
         self.paints = _as_texels(device, table.paints, "shade.paints")
         self.patterns = table.texels(device)

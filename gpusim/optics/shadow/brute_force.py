@@ -31,7 +31,7 @@ from gpusim.optics.shadow.sample_mask import (
     lattice,
 )
 
-__all__ = ["Aspects", "aspects", "looked_from", "shares_of", "shares_twin"]
+__all__ = ["EdgeFunctions", "edge_functions", "shares_of", "shares_twin", "visible_footprint"]
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -92,9 +92,9 @@ def shares_of(
     other = (sheet[row] == 0) | (single[face] != sheet[row])
     row, face = row[other], face[other]
     pairs = receivers[row]
-    seen = aspects(
+    seen = edge_functions(
         lamp, pairs, corners[face], planes[face], occluders.open[face],
-        looked_from(lamp, occluders, corners, planes, pairs, face),
+        visible_footprint(lamp, occluders, corners, planes, pairs, face),
     )  # fmt: skip
     some = np.flatnonzero(seen.may_hide)
     covered = np.zeros((len(receivers.at), ROWS), np.uint32)
@@ -103,7 +103,7 @@ def shares_of(
     return np.asarray(count / np.bitwise_count(masks).sum())
 
 
-def looked_from(
+def visible_footprint(
     lamp: Lamp,
     occluders: Occluders,
     corners: Array,
@@ -163,7 +163,7 @@ def looked_from(
 
 
 @dataclass(frozen=True, eq=False)
-class Aspects:
+class EdgeFunctions:
     """Pairs of receivers and occluders: ``edges`` (4, 5, P): the functions of the lamp that have to
     be positive, their value in its middle and what they change by per a, b, and pixel in x and y;
     ``may_hide`` (P,): whether some samples may be behind the occluder."""
@@ -193,16 +193,16 @@ class Aspects:
         return result
 
 
-def aspects(
+def edge_functions(
     lamp: Lamp,
     receivers: Receivers,
     corners: Array,
     planes: Array,
     is_open: Flags,
     looks_from: Array,
-) -> Aspects:
+) -> EdgeFunctions:
     """How ``receivers`` see occluders, pair by pair: ``corners`` (P, 3, 3), their ``planes``
-    (P, 4), and how much of the pixel each ``looks_from`` (P,) past them, see `looked_from`."""
+    (P, 4), and how much of the pixel each ``looks_from`` (P,) past them, by `visible_footprint`."""
     near = 0.0 if lamp.far else 1.0
     at, across, down, looks = receivers.at, receivers.across, receivers.down, receivers.normal
     to = lamp.centre - near * at
@@ -239,7 +239,7 @@ def aspects(
         most = np.minimum(most, edges[k, 0] + extent)
     # only samples beyond the occluder's plane: it may go on behind the lamp
     edges[3, :3] = apart, side * (normal @ lamp.u), side * (normal @ lamp.v)
-    return Aspects(edges, counts & (most >= 0.0))
+    return EdgeFunctions(edges, counts & (most >= 0.0))
 
 
 def _dot(a: Array, b: Array) -> Array:

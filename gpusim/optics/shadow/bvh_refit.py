@@ -14,9 +14,9 @@ import numpy.typing as npt
 
 from gpusim.gpu import Bound, Device, Recording, Texels, Uniform
 from gpusim.optics.shadow.light_space import ANGLE, UNLIMITED, LightSpace
-from gpusim.optics.shadow.occluders import NOBODY, SHEETS, DeviceOccluders, Occluders
+from gpusim.optics.shadow.occluders import NO_OCCLUDER, SHEETS, DeviceOccluders, Occluders
 
-__all__ = ["Trees", "box_ends", "facing", "planes_of", "refit_twin", "single_sheets"]
+__all__ = ["OccluderBVH", "box_ends", "facing", "planes_of", "refit_twin", "single_sheets"]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
@@ -31,7 +31,7 @@ LEVELS = 7
 NAME = "optics/shadow/bvh_refit"
 
 
-class Trees:
+class OccluderBVH:
     """Occluders on a device, and the tree of each light space, which stays until they move."""
 
     def __init__(self, device: Device, occluders: Occluders) -> None:
@@ -189,8 +189,8 @@ def refit_twin(
     corners, leaves = points[occluders.triangles], occluders.leaves
     kind = facing(space, corners, occluders.open)
     low, high = box_ends(space, corners)
-    beside = np.where(occluders.neighbours == NOBODY, 0, occluders.neighbours)
-    alone = occluders.neighbours == NOBODY
+    beside = np.where(occluders.neighbours == NO_OCCLUDER, 0, occluders.neighbours)
+    alone = occluders.neighbours == NO_OCCLUDER
     same = np.isin(kind, (AWAY, TOWARDS, AWAY_OPEN)) & ~alone.any(axis=1)
     same &= (kind[beside] == kind[:, None]).all(axis=1)
     ring = np.minimum(low[:, 2], np.where(alone, UNLIMITED, low[beside, 2]).min(axis=1))

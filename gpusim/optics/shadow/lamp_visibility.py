@@ -9,10 +9,10 @@ import numpy.typing as npt
 
 from gpusim.errors import OutOfDeviceMemory
 from gpusim.gpu import Bound, Buffer, Device, Recording, Uniform
-from gpusim.optics.shadow.bvh_refit import Trees
+from gpusim.optics.shadow.bvh_refit import OccluderBVH
 from gpusim.optics.shadow.light_space import LightSpace, lamp_numbers
 from gpusim.optics.shadow.occluder_refinement import record_refinement
-from gpusim.optics.shadow.occluder_search import CHUNK, COUNTERS, HALF, UMBRA, Search
+from gpusim.optics.shadow.occluder_search import CHUNK, COUNTERS, HALF, UMBRA, OccluderSearch
 from gpusim.optics.shadow.occluders import Occluders
 from gpusim.optics.shadow.penumbra_mask import record_masks
 from gpusim.optics.shadow.receiver_groups import entries_of, record_cells, record_groups
@@ -45,12 +45,14 @@ class VisibleShares:
     def __init__(
         self,
         device: Device,
-        occluders: Occluders | Trees,
+        occluders: Occluders | OccluderBVH,
         receivers: Receivers | PixelReceivers | DeviceReceivers,
         capacity: int = CAPACITY,
     ) -> None:
         self.device = device
-        self.trees = occluders if isinstance(occluders, Trees) else Trees(device, occluders)
+        self.trees = (
+            occluders if isinstance(occluders, OccluderBVH) else OccluderBVH(device, occluders)
+        )
         if not isinstance(receivers, DeviceReceivers):
             receivers = on_device(device, receivers, self.trees.occluders)
         self.receivers = receivers
@@ -130,7 +132,7 @@ class VisibleShares:
                 f"at most {limit}: take smaller or fewer lamps, a coarser mesh, fewer pixels, "
                 "shadows = False, or backend 'numpy'"
             )
-        self.search = Search(self.device, self.receivers, capacity)
+        self.search = OccluderSearch(self.device, self.receivers, capacity)
         self._spaces.clear()
 
     def record(self, spaces: Sequence[LightSpace], until: str = STAGES[-1]) -> None:

@@ -8,14 +8,14 @@ what is left is tested receiver by receiver.
 from __future__ import annotations
 
 from gpusim.gpu import Bound, Recording
-from gpusim.optics.shadow.occluder_search import Search
+from gpusim.optics.shadow.occluder_search import OccluderSearch
 
 __all__ = ["record_refinement"]
 
 NAME = "optics/shadow/occluder_refinement"
 
 
-def record_refinement(recording: Recording, search: Search, bound: Bound) -> None:
+def record_refinement(recording: Recording, search: OccluderSearch, bound: Bound) -> None:
     """Refine the entries that the search has said."""
     search.run_counted(recording, bound, NAME, "sifted", "sift")
     search.run_counted(recording, bound, NAME, "refined")

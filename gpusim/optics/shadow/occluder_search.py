@@ -16,7 +16,7 @@ from typing import Any
 from gpusim.gpu import Bound, Device, Recording
 from gpusim.optics.shadow.receivers import DeviceReceivers
 
-__all__ = ["HALF", "LIT", "UMBRA", "Search"]
+__all__ = ["HALF", "LIT", "UMBRA", "OccluderSearch"]
 
 LIT, UMBRA, HALF = range(3)
 """What an entry sees of a lamp."""
@@ -30,7 +30,7 @@ COARSE = 4
 """Tiles, each way, that are looked at together first."""
 
 
-class Search:
+class OccluderSearch:
     """Lists of entries, for one lamp after the other."""
 
     def __init__(self, device: Device, receivers: DeviceReceivers, capacity: int) -> None:

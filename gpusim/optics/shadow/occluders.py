@@ -20,12 +20,12 @@ from gpusim.optics.geometry.triangle_corners import CHUNK, parts
 from gpusim.surface.surface import Surface
 from gpusim.surface.topology import Topology
 
-__all__ = ["NOBODY", "SHEETS", "DeviceOccluders", "Occluders", "relative_points"]
+__all__ = ["NO_OCCLUDER", "SHEETS", "DeviceOccluders", "Occluders", "relative_points"]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
 
-NOBODY = 0xFFFFFFFF
+NO_OCCLUDER = 0xFFFFFFFF
 """What lies across an edge that isn't shared by two triangles, one each way."""
 
 SHEETS = 32
@@ -39,8 +39,9 @@ class Occluders:
     """Triangles of surfaces, one after the other in Morton order.
 
     ``triangles`` (T, 3): vertices, those of all surfaces in order. ``neighbours`` (T, 3) uint32:
-    triangle across the edge from each corner to the next, or `NOBODY`. ``sheet`` (T,): 0 of closed
-    surfaces; of open ones, of which both sides hide, their number from 1 on, or `SHEETS` + 1.
+    triangle across the edge from each corner to the next, or `NO_OCCLUDER`. ``sheet`` (T,): 0 of
+    closed surfaces; of open ones, of which both sides hide, their number from 1 on, or
+    `SHEETS` + 1.
     ``rank`` (T,): place in this order of each triangle of all surfaces.
     """
 
@@ -78,7 +79,7 @@ class Occluders:
         rank[order] = np.arange(first)
         beside = np.concatenate(neighbours)[order]
         return Occluders(
-            every[order], np.where(beside >= 0, rank[beside], NOBODY).astype(np.uint32),
+            every[order], np.where(beside >= 0, rank[beside], NO_OCCLUDER).astype(np.uint32),
             np.concatenate(sheets)[order], rank,
         )  # fmt: skip
 
@@ -158,7 +159,7 @@ class DeviceOccluders:
         count = occluders.count
         corners = np.zeros((count, 4), np.uint32)
         corners[:, :3], corners[:, 3] = occluders.triangles, occluders.sheet
-        beside = np.full((count, 4), NOBODY, np.uint32)
+        beside = np.full((count, 4), NO_OCCLUDER, np.uint32)
         beside[:, :3] = occluders.neighbours
         vertices = int(occluders.triangles.max()) + 1
         self.triangles = device.buffer(corners, "shadow.triangles")

@@ -8,14 +8,14 @@ modulo 64. Those behind occluders that stand alone are taken off besides.
 from __future__ import annotations
 
 from gpusim.gpu import Bound, Recording
-from gpusim.optics.shadow.occluder_search import Search
+from gpusim.optics.shadow.occluder_search import OccluderSearch
 from gpusim.optics.shadow.receivers import DeviceReceivers
 
 __all__ = ["record_masks"]
 
 
 def record_masks(
-    recording: Recording, receivers: DeviceReceivers, search: Search, bound: Bound
+    recording: Recording, receivers: DeviceReceivers, search: OccluderSearch, bound: Bound
 ) -> None:
     """Find the shares of receivers of entries in penumbra; of a list also those of all others."""
     name = "optics/shadow/penumbra_mask"

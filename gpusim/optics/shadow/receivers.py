@@ -17,7 +17,7 @@ from gpusim.gpu import Buffer, Device, Texels, Uniform
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.camera.undistortion_table import distortion_map
 from gpusim.optics.geometry.view import View
-from gpusim.optics.shadow.occluders import NOBODY, Occluders
+from gpusim.optics.shadow.occluders import NO_OCCLUDER, Occluders
 
 __all__ = [
     "APART",
@@ -245,7 +245,7 @@ class DeviceList(DeviceReceivers):
             (receivers.at, receivers.normal, receivers.across, receivers.down)
         ):
             rows[:, k, :3] = values
-        on = np.where(receivers.on >= 0, receivers.on, NOBODY).astype(np.uint32)
+        on = np.where(receivers.on >= 0, receivers.on, NO_OCCLUDER).astype(np.uint32)
         rows[:, 0, 3] = on.view(np.float32)
         if self.count:
             self.pieces.write(rows)

@@ -13,7 +13,7 @@ from gpusim.gpu import Device
 from gpusim.optics.geometry.view import View
 from gpusim.optics.light.quadrature import Lamp, check_number
 from gpusim.optics.shadow.brute_force import shares_of
-from gpusim.optics.shadow.bvh_refit import Trees, box_ends, planes_of, single_sheets
+from gpusim.optics.shadow.bvh_refit import OccluderBVH, box_ends, planes_of, single_sheets
 from gpusim.optics.shadow.light_space import LightSpace, lamp_numbers, light_spaces
 from gpusim.optics.shadow.occluders import Occluders, relative_points
 from gpusim.optics.shadow.receivers import TILE, Receivers
@@ -37,7 +37,7 @@ class _KeptOccluders:
     """Those of the surfaces that were seen last, which stay while vertices move."""
 
     topologies: tuple[Topology, ...]
-    trees: Trees
+    trees: OccluderBVH
 
     def suits(self, topologies: tuple[Topology, ...]) -> bool:
         """Whether they are of the same surfaces."""
@@ -59,7 +59,7 @@ class Shadows:
     points: npt.NDArray[np.float32]
     lamps: tuple[Lamp, ...]
     spaces: tuple[LightSpace, ...]
-    trees: Trees | None
+    trees: OccluderBVH | None
 
     @staticmethod
     def of(
@@ -86,7 +86,7 @@ class Shadows:
         topologies = tuple(surface.topology for surface in surfaces)
         kept = device.kept.notes.get(LABEL)
         if not (isinstance(kept, _KeptOccluders) and kept.suits(topologies)):
-            kept = _KeptOccluders(topologies, Trees(device, Occluders.of(surfaces)))
+            kept = _KeptOccluders(topologies, OccluderBVH(device, Occluders.of(surfaces)))
             device.kept.notes[LABEL] = kept
         kept.trees.move(points)
         own = kept.trees.occluders
