@@ -11,6 +11,7 @@ from gpusim.gpu import Device, twin_checks
 from gpusim.gpu.buffer_pool import Kept
 from gpusim.gpu.texture_array import Texels
 from gpusim.optics.edge_pixels.fragment_lists import bin_edges
+from gpusim.optics.edge_pixels.pixel_rank import Ranks
 from gpusim.optics.geometry.triangle_corners import NORMAL, ST
 from gpusim.optics.geometry.view import look
 from gpusim.optics.raster.triangle_records import Records, evaluated
@@ -42,7 +43,7 @@ def records(device: Device, setup: Setup) -> tuple[np.ndarray, np.ndarray]:
     made = Records.of(device, setup, Drawn(device, setup.view, "records"))
     assert made is not None
     with device.recording("test") as recording:
-        made.make_all(recording)
+        made.make(recording)
     return evaluated(setup, made.texels.read().reshape(-1, 28)[: setup.view.count])
 
 
@@ -153,6 +154,15 @@ def test_edge_pixels_know_the_same_triangles_however_they_are_looked_up(
     every = bin_edges(view)
     for name in ("pixel", "start", "triangle"):
         np.testing.assert_array_equal(getattr(found, name), getattr(every, name))
+
+
+@pytest.mark.parametrize("size", [1, 64, 65, 4096, 100_003])
+def test_ranks_are_those_of_a_search(size: int) -> None:
+    rng = np.random.default_rng(size)
+    for share in (0.0, 0.03, 1.0):
+        listed = np.flatnonzero(rng.uniform(size=size) < share)
+        index = np.concatenate([[0, size], rng.integers(0, size + 1, 40_000)])
+        np.testing.assert_array_equal(Ranks(listed, size).of(index), np.searchsorted(listed, index))
 
 
 def test_texels_serve_one_frame_after_the_other(device: Device) -> None:

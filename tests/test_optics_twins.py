@@ -23,11 +23,9 @@ from gpusim.optics.shading.setup import TRIANGLE
 
 STAGES = [
     "optics/edge_pixels/resolve",
-    "optics/shading/glance",
     "optics/sensor/sensor",
     "optics/shading/forward_pass",
     "optics/raster/compute_raster",
-    "optics/shading/speckled",
     "optics/raster/id_buffer",
 ]
 SAMPLED = ["optics/shading/relighting", "optics/shadow/penumbra_mask"]

@@ -57,9 +57,7 @@ def resolved(setup: Setup, edges: EdgePixels, shares: SharesOf | None = None) ->
         return np.zeros(0)
     view, count = setup.view, len(edges.pixel)
     pixel, at, corners = corners_over(setup, edges)
-    # nothing is in front of a triangle where one sheet covers all
     first = np.repeat(edges.start[:-1], edges.depth)
-    first = np.where(edges.whole[pixel], np.arange(len(pixel)), first)
     triangle = edges.triangle[: len(pixel)]
     planes = half_planes(corners)
     pierced = edges.pierced[pixel] if edges.pierced.any() else None

@@ -66,15 +66,11 @@ class EdgePass:
         self._present = tables.setup.groups_present()
         turns += 3000 if BITMAP in self._present else 0
         each = turns + grazing_turns(tables.setup, edges)
-        groups = tables.setup.groups_of(edges.triangle)
-        even = _even(edges, tables.setup, groups)
+        groups = tables.setup.groups[edges.triangle]
         deep = edges.pierced | (edges.depth > np.minimum(DEEPEST, LOOP_TURNS // each))
-        # nothing there depends on how many triangles there are
-        deep &= ~even | (edges.depth > LOOP_TURNS)
         self.tables = tables
-        order = _alike(edges, even, deep, np.broadcast_to(each, deep.shape), groups)
+        order = _alike(edges, deep, np.broadcast_to(each, deep.shape), groups)
         self._deep, self.edges = edges.select(deep), edges.select(order)
-        self._even = int(np.count_nonzero(even & ~deep))
         self._found: Buffer | None = None
         self._values = np.zeros((0, 2), np.float32)
         self._pieces: PieceShares | None = None
@@ -104,25 +100,14 @@ class EdgePass:
             "found": self._found,
             **self.tables.shared(),
         }
-        if self.tables.records is not None:
-            needed = np.zeros(setup.view.count, bool)
-            needed[edges.triangle] = True
-            numbers = (np.flatnonzero(needed) + 1).astype(np.uint32)
-            with device.recording("optics.edges") as recording:
-                self.tables.records.make(recording, device.buffer(numbers, "edges.needed"))
         if setup.lighting.shadows is not None:
             self._begin_pieces(setup.lighting.shadows, constants, shared)
             return
         shared |= no_pieces(device)
         with device.recording("optics.edges") as recording:
-            for entry, first, stop in (
-                ("whole_pixels", 0, self._even), ("main", self._even, count)
-            ):  # fmt: skip
-                if first == stop:
-                    continue
-                kernel = device.kernel("optics/edge_pixels/resolve", entry, constants)
-                bindings = kernel.bind_used(range=_range(first, stop), **shared)
-                recording.dispatch(kernel, bindings, threads=(stop - first,))
+            kernel = device.kernel("optics/edge_pixels/resolve", "main", constants)
+            bindings = kernel.bind_used(range=_range(0, count), **shared)
+            recording.dispatch(kernel, bindings, threads=(count,))
 
     def _begin_pieces(
         self, shadows: Shadows, constants: dict[str, float], shared: dict[str, Any]
@@ -237,25 +222,14 @@ def _filled(setup: Setup, edges: EdgePixels) -> npt.NDArray[np.bool_]:
     return result
 
 
-def _even(edges: EdgePixels, setup: Setup, groups: npt.NDArray[np.uint32]) -> npt.NDArray[np.bool_]:
-    """(E,): which pixels one sheet covers that has neither patterns nor shadows there; ``groups``:
-    of all triangles over them."""
-    if setup.lighting.shadows is not None:
-        return np.zeros(len(edges.pixel), bool)
-    patterned = np.concatenate([[0], np.cumsum(groups > 0)])
-    result: npt.NDArray[np.bool_] = patterned[edges.start[1:]] == patterned[edges.start[:-1]]
-    return result & edges.whole
-
-
 def _alike(
     edges: EdgePixels,
-    even: npt.NDArray[np.bool_],
     deep: npt.NDArray[np.bool_],
     each: npt.NDArray[np.int64],
     groups: npt.NDArray[np.uint32],
 ) -> npt.NDArray[np.int64]:
-    """Pixels that aren't ``deep`` (E,), ``even`` ones first; those under as many triangles, that
-    take about as many turns for ``each`` (E,) and are of equal paint, side by side.
+    """Pixels that aren't ``deep`` (E,); those under as many triangles, that take about as many
+    turns for ``each`` (E,) and are of equal paint, side by side.
 
     Software rasterisers work on several in step: all of them wait for the deepest, and for the one
     that takes most turns for a triangle. Where that would be too many for some of a workgroup they
@@ -264,24 +238,19 @@ def _alike(
     # behind the last triangle stands that of pixels that have none
     nearest = np.append(groups, 0)[edges.start[:-1]]
     often = np.frexp(each)[1]
-    order = np.lexsort((nearest, often, edges.depth, ~even))
+    order = np.lexsort((nearest, often, edges.depth))
     order = order[~deep[order]]
-    first = int(np.count_nonzero(even & ~deep))
-    while True:
-        others = order[first:]
-        begin = np.arange(0, len(others), WORKGROUP)
-        if not len(begin):
-            break
-        depth, turns = (np.maximum.reduceat(v[others], begin) for v in (edges.depth, each))
-        group = np.arange(len(others)) // WORKGROUP
+    while len(order):
+        begin = np.arange(0, len(order), WORKGROUP)
+        depth, turns = (np.maximum.reduceat(v[order], begin) for v in (edges.depth, each))
+        group = np.arange(len(order)) // WORKGROUP
         # those that the others of their workgroup are held up by most
-        heavy = (depth * turns > LOOP_TURNS)[group] & (2 * each[others] > turns[group])
+        heavy = (depth * turns > LOOP_TURNS)[group] & (2 * each[order] > turns[group])
         if not heavy.any():
             break
-        deep[others[heavy]] = True
-        order = np.concatenate([order[:first], others[~heavy]])
-    parts = np.split(order, [first])
-    return np.concatenate([dealt(part) for part in parts])
+        deep[order[heavy]] = True
+        order = order[~heavy]
+    return dealt(order)
 
 
 def edges_twin(

@@ -10,7 +10,6 @@ smooth shading are concerned, and 0.02 px will do. Beside the image nothing has 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -50,10 +49,6 @@ out there would be split in vain.
 
 Clipping is where vertices lie beyond: an edge between two others is left to both its neighbours.
 """
-
-Excess = Callable[[Array, npt.NDArray[np.int64], Array], Array]
-"""From corners (n, 3, k), the triangles (n,) that they come from and places on the image (n, 3, 2):
-(n, 3), above 1 where the edge from a corner to the next must be halved."""
 
 MOST_ROUNDS, MOST_PIECES = 96, 4_000_000
 """Halvings of one triangle, and triangles made by splitting, that no usable camera needs."""
@@ -191,10 +186,8 @@ def clip(pieces: Pieces, normal: Array, offset: float) -> Pieces:
     return Pieces.joined(parts)
 
 
-def split(pieces: Pieces, screen: Screen, more: Excess | None = None) -> tuple[Pieces, Array]:
+def split(pieces: Pieces, screen: Screen) -> tuple[Pieces, Array]:
     """Halve edges until all are short and straight enough; drop what lies outside the image.
-
-    ``more`` tells further edges that must be halved: see `Excess`.
 
     Returns the triangles and their positions (n, 3, 2) on the image.
 
@@ -213,15 +206,13 @@ def split(pieces: Pieces, screen: Screen, more: Excess | None = None) -> tuple[P
             pieces, ideal = pieces[keep], ideal[keep]
         if screen.camera.lens is None:
             place, good = ideal, np.ones(len(ideal), bool)
-            if more is None and extent(ideal) <= SHORT_EDGE:
+            if extent(ideal) <= SHORT_EDGE:
                 return Pieces.joined([*done, pieces]), joined([*places, place])
         else:
             place = screen.bent(ideal)
             # what a lens turns over is a sliver within the tolerance, or beyond the lens's domain
             good = _twice_area(place) * _twice_area(ideal) > 0.0
         above = edge_excess(ideal, place, pieces.shows, screen)
-        if more is not None:
-            above = np.maximum(above, more(pieces.corners, pieces.source, place))
         long = (above[:, 0] > 1.0) | (above[:, 1] > 1.0) | (above[:, 2] > 1.0)
         good &= ~long
         if screen.camera.lens is not None:

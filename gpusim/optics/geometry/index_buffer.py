@@ -30,8 +30,7 @@ class Indexed:
 
     ``corner`` (T, 3): vertices of the triangles; ``shows`` (T, 3): whether the edge from a corner
     to the next shows; ``source`` (T,): the triangle of the surface that each comes from.
-    ``extent``: px, no box round a triangle has a longer side. ``layer``: no pixel's centre lies in
-    two of them.
+    ``extent``: px, no box round a triangle has a longer side.
     """
 
     vertices: Array
@@ -40,7 +39,6 @@ class Indexed:
     shows: npt.NDArray[np.bool_]
     source: Numbers
     extent: float
-    layer: bool = False
 
     @staticmethod
     def of(pieces: Pieces, place: Array) -> Indexed:

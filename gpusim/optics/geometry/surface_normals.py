@@ -61,11 +61,6 @@ class Shape:
         triangles, vertices = self._topology.triangles, len(self.points)
         return smooth_normals(self.area, triangles, vertices, self.smooth_angle)
 
-    @property
-    def smooth_known(self) -> bool:
-        """Whether `smooth` has been found."""
-        return "smooth" in self.__dict__
-
     def is_of(self, surface: Surface) -> bool:
         """Whether a surface has this shape."""
         return (

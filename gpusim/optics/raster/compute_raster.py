@@ -47,23 +47,10 @@ class Sight:
     rasteriser leaves, or None.
     """
 
-    late = False
-    """Whether the device, not the host, looks at every triangle."""
-
-    counts: Buffer | None = None
-    """Six, of which the last becomes 1 where a view isn't what it was taken for."""
-
-    def __init__(
-        self,
-        device: Device,
-        view: View,
-        rows: int,
-        drawn: Drawn | None = None,
-    ) -> None:
-        """``drawn``: where its triangles are, if they are on the device already."""
+    def __init__(self, device: Device, view: View, rows: int) -> None:
         self.device, self.view, self.rows = device, view, rows
         width = view.camera.width
-        self.drawn = drawn or Drawn(device, view, "shade")
+        self.drawn = Drawn(device, view, "shade")
         self.ids = device.target(width, rows, "r32uint", "shade.ids")
         self.depth: Texture | None = None
         self._begun: tuple[int, int] | None = None
@@ -78,28 +65,11 @@ class Sight:
         """Vertices as the shader reads them."""
         return _places(self.drawn)
 
-    def complete(self, view: View) -> None:
-        """Take the whole ``view`` in place of that which told where its triangles are."""
-        known = self.view.corner
-        self.view = view
-        if not np.may_share_memory(known, view.corner):
-            # some corners have got vertices of their own; what is seen where stays as it is
-            self.drawn = Drawn(self.device, view, "shade")
-            self.__dict__.pop("places", None)
-
-    def prepare(self, recording: Recording) -> None:
-        """Find what isn't known of the vertices yet."""
-
     def begin(self, row0: int, rows: int) -> None:
         """Let the device look at a band, which `record` then finds there."""
         with self.device.recording("optics.visibility") as recording:
             self._look(recording, row0, rows)
         self._begun = row0, rows
-
-    def begin_late(self, row0: int, rows: int) -> None:
-        """`begin`, unless it has."""
-        if self._begun is None:
-            self.begin(row0, rows)
 
     def record(self, recording: Recording, row0: int, rows: int) -> None:
         """Look at a band, unless that has begun already."""

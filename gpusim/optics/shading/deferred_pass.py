@@ -30,8 +30,7 @@ if TYPE_CHECKING:
 __all__ = ["FEWEST", "SMALL", "SeenPass", "small_triangles"]
 
 SMALL = 200.0
-"""px; triangles that cover fewer are shaded pixel by pixel, larger ones where
-`gpusim.optics.shading.glance.may_glance` says so.
+"""px; triangles that cover fewer are shaded pixel by pixel.
 
 Several programs pass over all of the image once more.
 """

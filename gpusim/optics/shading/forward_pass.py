@@ -25,13 +25,9 @@ from gpusim.optics.paint.footprint_mean import mean_albedo
 from gpusim.optics.probes.paints import probe_setup
 from gpusim.optics.raster.compute_raster import NONE, Sight
 from gpusim.optics.raster.id_buffer import visibility_twin
-from gpusim.optics.series.speckled_layer import SpeckledLayer
 from gpusim.optics.shading.deferred_pass import SeenPass, small_triangles
-from gpusim.optics.shading.glance import GlancePass
-from gpusim.optics.shading.layer_pass import LayerPass
 from gpusim.optics.shading.scene_buffers import Tables
 from gpusim.optics.shading.setup import GRAZING, Setup, footprint, radiance_of
-from gpusim.optics.shading.speckled import SpeckledPass
 from gpusim.optics.shading.tile_light import SMALLEST, LightTiles, LightTilesPass
 
 __all__ = ["Program", "ShadePass", "shade_twin"]
@@ -78,33 +74,16 @@ class ShadePass:
             sight = sight or Sight(device, view, rows)
         marked = setup.lighting.shadows is not None if marked is None else marked
         glossy = bool(setup.shiny.any())
-        fields = None if marked or sight is None or tables.records is None else tables.fields
-        speckled = tables.speckled and not marked and sight is not None
-        speckled &= tables.records is not None
-        glancing = fields is not None or tables.looks is not None or speckled
         # no box that is too small holds a triangle that is large enough
-        large = not glancing and 0.5 * view.extent**2 >= SMALLEST
+        large = 0.5 * view.extent**2 >= SMALLEST
         light = LightTiles.of(setup) if large else None
         self._light = None if light is None else LightTilesPass(tables, light)
         self._light_found = False
         lines = None if by_pixel else tables.lines
-        programs = []
-        if tables.looks is None and not speckled:
-            programs = _programs(setup, light, lines, fields, sort=not by_pixel)
+        programs = _programs(setup, light, lines, sort=not by_pixel)
         self._seen: SeenPass | None = None
-        self.glance: GlancePass | SpeckledPass | None = None
         self._draws: list[tuple[Raster, Buffer, int]] = []
         self.marks: Texture | None = None
-        if glancing and sight is not None:
-            if speckled and sight.late:
-                self.glance = SpeckledLayer(tables, sight)
-            elif speckled:
-                self.glance = SpeckledPass(tables, sight)
-            elif view.layer and tables.looks is not None:
-                self.glance = LayerPass(tables, sight)
-            else:
-                self.glance = GlancePass(tables, programs, sight)
-            return
         self.color = device.target(view.camera.width, rows, "r32float", "shade.radiance")
         self.colors: tuple[Texture, ...] = (self.color,)
         if marked and sight is not None and not glossy:
@@ -125,12 +104,9 @@ class ShadePass:
         # what is in front comes first where depths are compared, else last
         for program in reversed(programs) if view.flat else programs:
             raster = device.raster(
-                "optics/shading/forward_pass",
-                formats,
-                constants=program.constants,
-                entries=entries,
-                depth="none" if view.flat else "greater",
-            )
+                "optics/shading/forward_pass", formats, program.constants, entries,
+                "none" if view.flat else "greater",
+            )  # fmt: skip
             count = len(program.triangles)
             numbers = program.triangles if count else NONE
             self._draws.append((raster, device.buffer(numbers, "shade.order"), count))
@@ -138,20 +114,12 @@ class ShadePass:
     @property
     def stride(self) -> int:
         """Pixels from one row of a band's buffer to the next."""
-        return self.color.stride // 4 if self.glance is None else self.glance.stride
-
-    def begin(self, radiance: Buffer, row0: int, rows: int) -> None:
-        """Let the device begin with a band as far as that can be told apart, or with what no band
-        depends on; `record` is to follow."""
-        if self.glance is not None:
-            self.glance.begin(radiance, row0, rows)
+        return self.color.stride // 4
 
     def record(self, recording: Recording, radiance: Buffer, row0: int, rows: int) -> None:
         """Shade rows ``row0 …`` into ``radiance`` (rows x stride float32)."""
         setup = self.tables.setup
         width = setup.view.camera.width
-        if self.tables.records is not None and self.glance is None:
-            self.tables.records.make_all(recording)
         params = {
             "rays": self.tables.rays(), "width": width, "rows": rows, "row0": row0,
             "near": self.tables.drawn.near, "level": 0.0,
@@ -163,11 +131,6 @@ class ShadePass:
                 self._light.record(recording)
                 self._light_found = True
             shared["light_tiles"] = self._light.texels
-        if self.glance is not None:
-            for name in self.tables.drawn.outlines():
-                del shared[name]
-            self.glance.record(recording, params, shared, radiance)
-            return
         clear: float | None = setup.background
         if self._seen is not None:
             for name in self.tables.drawn.outlines():
@@ -193,13 +156,9 @@ def _programs(
     setup: Setup,
     light: LightTiles | None,
     lines: BoardLines | None,
-    fields: npt.NDArray[np.bool_] | None,
     sort: bool,
 ) -> list[Program]:
-    """The programs that a view needs, one at least (which clears the targets).
-
-    ``fields`` (T,): triangles of boards that have a program of their own without ``lines``.
-    """
+    """The programs that a view needs, one at least (which clears the targets)."""
     result: list[Program] = []
     order = np.zeros(0, np.int64)
     if sort:
@@ -207,7 +166,7 @@ def _programs(
         order = np.argsort(-nearest, kind="stable")
     none = np.zeros(setup.view.count, bool)
     tiled = none if light is None else light.member
-    boards = lines.member if lines is not None else none if fields is None else fields
+    boards = none if lines is None else lines.member
     groups = (BITMAP, 3 + GRAZING, 2 + GRAZING, 3, 2, 1, 0)
     each = (True, False)
     kind = setup.groups.astype(np.uint8) << np.uint8(4)

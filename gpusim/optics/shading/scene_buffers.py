@@ -18,11 +18,7 @@ from gpusim.optics.paint.relief_normals import bump_texels, bump_uniform
 from gpusim.optics.raster.compute_raster import Sight
 from gpusim.optics.raster.triangle_records import Records
 from gpusim.optics.raster.vertex_buffers import Drawn
-from gpusim.optics.series.late import LateSight
-from gpusim.optics.shading.glance import fields_glanced
-from gpusim.optics.shading.looks import Looks
 from gpusim.optics.shading.setup import TRIANGLE, Setup
-from gpusim.optics.shading.speckled import all_speckled
 from gpusim.optics.shadow.receiver_planes import planes_on_device
 from gpusim.optics.shadow.scene import Shadows
 
@@ -48,28 +44,14 @@ class Tables:
         self.patterns = table.texels(device)
         # triangles that are shaded pixel by pixel take no parts
         self.lines = BoardLines.of(setup) if sight is None else None
-        self.fields = fields_glanced(setup, sight)
-        self.records: Records | None = None
-        self._counts = counts = None if sight is None else sight.counts
-        self.looks: Looks | None = None
-        self.speckled = all_speckled(setup, sight)
-        if sight is None:
-            self.drawn = Drawn(device, view, "shade", self.lines)
-        else:
-            self.drawn = sight.drawn
-            if isinstance(sight, LateSight):
-                self.records = sight.records(setup)
-            else:
-                self.records = Records.of(device, setup, sight.drawn, looked=not view.guessed)
-        if self.records is None:
+        records = None if sight is None else Records.of(device, setup, sight.drawn)
+        self.drawn = Drawn(device, view, "shade", self.lines) if sight is None else sight.drawn
+        if records is None:
             self.triangles = _triangles(device, setup, self.lines)
         else:
-            self.triangles = self.records.texels
-            if view.guessed and not self.speckled:
-                self.looks = Looks(setup, self.records, counts)
-            elif not self.glancing:
-                with device.recording("optics.records") as recording:
-                    self.records.make_all(recording)
+            self.triangles = records.texels
+            with device.recording("optics.records") as recording:
+                records.make(recording)
         bends = distortion_map(view.camera)
         self.undistortion = self.bitmap_texels = device.no_texels("rgba32float")
         if bends is not None:
@@ -83,20 +65,6 @@ class Tables:
             self.bitmap_texels = Texels(device, len(texels), "rgba32float", "shade.bitmaps")
             self.bitmap_texels.write(texels)
         self.speckles = table.speckle.texels(device)
-
-    @property
-    def glancing(self) -> bool:
-        """Whether light is found triangle by triangle before pixels are shaded."""
-        known = self.fields is not None or self.looks is not None or self.speckled
-        return known and self.records is not None
-
-    @property
-    def surprised(self) -> bool:
-        """Whether the view isn't what it was guessed to be; waits for the device."""
-        if self.looks is not None:
-            return self.looks.surprised
-        counts = self._counts if self.setup.view.guessed else None
-        return counts is not None and bool(counts.read(np.uint32, (6,))[4:].any())
 
     def with_shadows(self, shadows: Shadows | None) -> Tables:
         """The same view with shadows."""

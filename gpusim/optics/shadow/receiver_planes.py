@@ -40,8 +40,6 @@ def planes_on_device(tables: Tables, on: npt.NDArray[np.int32]) -> Texels:
         **tables.drawn.outlines(), **tables.surface(),
     )  # fmt: skip
     with device.recording("optics.shadow") as recording:
-        if tables.records is not None:
-            tables.records.make_all(recording)
         recording.dispatch(kernel, bindings, threads=(len(on),))
     return texels
 

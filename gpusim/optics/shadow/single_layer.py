@@ -18,7 +18,7 @@ import numpy.typing as npt
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
-from gpusim.optics.geometry.single_layer import border_of
+from gpusim.optics.geometry.feature_edges import border_of
 from gpusim.optics.geometry.surface_normals import Shape, shapes_of
 from gpusim.optics.light.lights import Light
 from gpusim.optics.light.quadrature import lamps_of
