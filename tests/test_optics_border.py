@@ -7,7 +7,7 @@ import numpy.typing as npt
 import pytest
 
 import gpusim as gs
-from gpusim.optics.edge_pixels.fragment_lists import bin_edges
+from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels
 from gpusim.optics.edge_pixels.plate_border import Border
 from gpusim.optics.geometry.polygon_clipping import clip_square, half_planes, moments
 from gpusim.optics.geometry.view import View, look
@@ -58,7 +58,7 @@ def test_shares_are_polygon_areas(paint: Paint) -> None:
     want = 0.11 + areas(view, border.pixel) * (paint.ground - 0.11)
     assert np.abs(border.value - want).max() <= 1e-9
     assert np.ptp(border.value) > 0.3
-    np.testing.assert_array_equal(np.sort(border.pixel), bin_edges(view).pixel)
+    np.testing.assert_array_equal(np.sort(border.pixel), find_edge_pixels(view).pixel)
 
 
 @pytest.mark.parametrize("paint", [Plain(0.7), BOARD])

@@ -11,7 +11,7 @@ import pytest
 import gpusim as gs
 from gpusim.gpu import Device
 from gpusim.optics.edge_pixels import resolve
-from gpusim.optics.edge_pixels.resolve import EdgePass
+from gpusim.optics.edge_pixels.resolve import EdgePixelPass
 
 Array = npt.NDArray[np.float64]
 
@@ -130,13 +130,13 @@ def test_the_device_resolves_layers_of_fine_triangles(
 ) -> None:
     """Those behind others that are seen as a whole lose what these hide, whatever is left."""
     left: list[tuple[int, int]] = []
-    write = EdgePass.write
+    write = EdgePixelPass.write
 
-    def noted(own: EdgePass, bands: object) -> None:
+    def noted(own: EdgePixelPass, bands: object) -> None:
         left.append((int((own._values[:, 1] > 0.0).sum()), len(own.edges.pixel)))
         write(own, bands)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(EdgePass, "write", noted)
+    monkeypatch.setattr(EdgePixelPass, "write", noted)
     shown = surface_of(swept(240, 120, tube, True))
     lamps = [gs.PointLight((-1.0, -2.0, 1.0), 50.0, shadows=False)]
     got = gs.render([shown], CAMERA, lamps, background=0.02, device=device).radiance

@@ -17,15 +17,15 @@ import numpy.typing as npt
 from gpusim.arrays.ragged import expand
 from gpusim.arrays.sorted_unique import distinct
 from gpusim.arrays.summed_area import in_boxes, summed
-from gpusim.optics.edge_pixels.depth_order import settle
+from gpusim.optics.edge_pixels.depth_order import order_overlapping
 from gpusim.optics.edge_pixels.pixel_rank import Ranks
-from gpusim.optics.geometry.clipping import Screen
+from gpusim.optics.geometry.clipping import ImagePlane
 from gpusim.optics.geometry.interpenetration import piercings
 from gpusim.optics.geometry.polygon_clipping import pick
 from gpusim.optics.geometry.triangle_corners import CHUNK, POSITION, corner_range
 from gpusim.optics.geometry.view import View
 
-__all__ = ["MARGIN", "EdgePixels", "bin_edges", "segment_hits", "segment_pixels"]
+__all__ = ["MARGIN", "EdgePixels", "find_edge_pixels", "segment_hits", "segment_pixels"]
 
 TILE = 8
 """px, side of the tiles by which triangles far from all edges are sorted out."""
@@ -107,7 +107,7 @@ def segment_hits(
     return row[inside] * width + column[inside], keep[segment[run[inside]]]
 
 
-def bin_edges(view: View) -> EdgePixels:
+def find_edge_pixels(view: View) -> EdgePixels:
     """The edge pixels of a view, each with the triangles over it from the nearest to the farthest.
 
     The order is that of 1 / z at the triangle's point nearest to the pixel's centre, which never
@@ -151,7 +151,7 @@ def _sorted(
     inverse = (1.0 / view.corners_of(few, DEPTH)[:, :, 0])[np.searchsorted(few, triangle)]
     depth = _nearest_depth(corners, inverse)
     order = np.lexsort((triangle, -depth, entry))
-    return settle(order, entry, view.paint[triangle], corners, inverse)
+    return order_overlapping(order, entry, view.paint[triangle], corners, inverse)
 
 
 def _cuts(view: View) -> npt.NDArray[np.float64]:
@@ -162,7 +162,7 @@ def _cuts(view: View) -> npt.NDArray[np.float64]:
     triangles = view.corners[:, :, POSITION]
     lines = piercings([triangles[a:b] for a, b in pairwise(number)])
     lines = lines[(lines[:, :, 2] > 0.0).all(axis=1)]
-    screen = Screen(view.camera)
+    screen = ImagePlane(view.camera)
     ideal = screen.ideal(lines)
     if view.camera.lens is None:
         return ideal

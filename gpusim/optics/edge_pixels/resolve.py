@@ -18,7 +18,7 @@ import numpy.typing as npt
 from gpusim.arrays.interleave import WORKGROUP, dealt
 from gpusim.gpu import Buffer, Device, compare, twin_check
 from gpusim.optics.edge_pixels.background_moments import SEVERAL, backdrops, fills
-from gpusim.optics.edge_pixels.fragment_lists import EdgePixels, bin_edges
+from gpusim.optics.edge_pixels.fragment_lists import EdgePixels, find_edge_pixels
 from gpusim.optics.edge_pixels.fragment_shading import THIN, corners_over, resolved
 from gpusim.optics.edge_pixels.loop_budget import grazing_turns, speckle_turns
 from gpusim.optics.edge_pixels.scatter import write_pixels
@@ -29,12 +29,12 @@ from gpusim.optics.paint.disc_coverage import EDGE_ROWS
 from gpusim.optics.paint.feature_grid import LOOP_TURNS
 from gpusim.optics.probes.paints import fields_setup, probe_setup
 from gpusim.optics.shading.relighting import ListedShares, PieceShares, no_pieces
-from gpusim.optics.shading.scene_buffers import Tables
+from gpusim.optics.shading.scene_buffers import SceneBuffers
 from gpusim.optics.shading.setup import Setup
 from gpusim.optics.shadow.receivers import TILE, group_starts
 from gpusim.optics.shadow.scene import Shadows
 
-__all__ = ["EdgePass", "edges_twin"]
+__all__ = ["EdgePixelPass", "edges_twin"]
 
 Array = npt.NDArray[np.float64]
 DEEPEST = 64
@@ -52,23 +52,23 @@ SURE = 2e-4
 """Share of the brightest radiance by which a pixel may be wrong: the host resolves others."""
 
 
-class EdgePass:
+class EdgePixelPass:
     """The edge pixels of one view: `begin`, `fetch`, then `write`.
 
     The device finds them by themselves, so that the host can resolve what it is left with while the
     device shades all other pixels.
     """
 
-    def __init__(self, tables: Tables, edges: EdgePixels) -> None:
+    def __init__(self, buffers: SceneBuffers, edges: EdgePixels) -> None:
         # about what one triangle takes: clipping and samples, then its features' corners
-        table, fine = tables.setup.table, tables.setup.constants([1], False, False)["fine"]
+        table, fine = buffers.setup.table, buffers.setup.constants([1], False, False)["fine"]
         turns = 200 + table.most_in_a_cell * (2000 if fine else 50) + speckle_turns(table)
-        self._present = tables.setup.groups_present()
+        self._present = buffers.setup.groups_present()
         turns += 3000 if BITMAP in self._present else 0
-        each = turns + grazing_turns(tables.setup, edges)
-        groups = tables.setup.groups[edges.triangle]
+        each = turns + grazing_turns(buffers.setup, edges)
+        groups = buffers.setup.groups[edges.triangle]
         deep = edges.pierced | (edges.depth > np.minimum(DEEPEST, LOOP_TURNS // each))
-        self.tables = tables
+        self.buffers = buffers
         order = _alike(edges, deep, np.broadcast_to(each, deep.shape), groups)
         self._deep, self.edges = edges.select(deep), edges.select(order)
         self._found: Buffer | None = None
@@ -79,7 +79,7 @@ class EdgePass:
 
     def begin(self) -> None:
         """Let the device find the pixels."""
-        edges, setup, device = self.edges, self.tables.setup, self.tables.device
+        edges, setup, device = self.edges, self.buffers.setup, self.buffers.device
         count = len(edges.pixel)
         if not count:
             return
@@ -92,13 +92,13 @@ class EdgePass:
         constants = setup.constants(self._present, bool(setup.shiny.any()), bool(setup.bumpy.any()))
         shared = {
             "params": {
-                "rays": self.tables.rays(),
+                "rays": self.buffers.rays(),
                 "width": setup.view.camera.width,
                 "background": setup.background,
             },
             "lists": device.buffer(lists, "edges.lists"),
             "found": self._found,
-            **self.tables.shared(),
+            **self.buffers.shared(),
         }
         if setup.lighting.shadows is not None:
             self._begin_pieces(setup.lighting.shadows, constants, shared)
@@ -121,8 +121,8 @@ class EdgePass:
             stop = int(np.searchsorted(start, start[first] + MOST_PIECES, side="right")) - 1
             stop = min(max(stop, first + 1), count)
             slots, starts = self._slots(first, stop)
-            self._pieces = PieceShares(self.tables, shadows, starts)
-            values = {**shared, "slot_of": self.tables.device.buffer(slots, "edges.slots")}
+            self._pieces = PieceShares(self.buffers, shadows, starts)
+            values = {**shared, "slot_of": self.buffers.device.buffer(slots, "edges.slots")}
             self._run_pieces("main", first, stop, {**constants, "listing": 1.0}, values)
             self._light = partial(self._run_pieces, "light_pieces", first, stop, constants, values)
             self._pieces.find()
@@ -132,7 +132,7 @@ class EdgePass:
     def _slots(self, first: int, stop: int) -> tuple[npt.NDArray[np.uint32], npt.NDArray[np.int64]]:
         """Where the pieces of some pixels are listed, and where groups of them begin: those of a
         tile look past the same."""
-        row, column = np.divmod(self.edges.pixel[first:stop], self.tables.setup.view.camera.width)
+        row, column = np.divmod(self.edges.pixel[first:stop], self.buffers.setup.view.camera.width)
         tile = (row // TILE << 16) + column // TILE
         order = np.argsort(tile, kind="stable")
         depth = self.edges.depth[first:stop][order]
@@ -145,7 +145,7 @@ class EdgePass:
     def _run_pieces(
         self, entry: str, first: int, stop: int, constants: dict[str, float], shared: dict[str, Any]
     ) -> None:
-        pieces, device = self._pieces, self.tables.device
+        pieces, device = self._pieces, self.buffers.device
         assert pieces is not None
         kernel = device.kernel("optics/edge_pixels/resolve", entry, constants)
         places = {**_range(first, stop), **pieces.range()}
@@ -172,8 +172,8 @@ class EdgePass:
         """Write the pixels into ``bands``, whose other pixels are shaded or on their way."""
         self.resolve()
         assert self._resolved is not None
-        width = self.tables.setup.view.camera.width
-        write_pixels(self.tables.device, bands, width, *self._resolved)
+        width = self.buffers.setup.view.camera.width
+        write_pixels(self.buffers.device, bands, width, *self._resolved)
 
     def resolve(self) -> None:
         """Find what the device has left.
@@ -184,7 +184,7 @@ class EdgePass:
         """
         if self._resolved is not None:
             return
-        setup = self.tables.setup
+        setup = self.buffers.setup
         shadows = setup.lighting.shadows
         shares = None if shadows is None else ListedShares(shadows)
         value, doubt = self._values[:, 0].copy(), self._values[:, 1] > 0.0
@@ -265,11 +265,11 @@ def edges_twin(
 @twin_check("optics/edge_pixels/resolve")
 def _check(device: Device) -> None:
     for setup in (probe_setup(), fields_setup(True), fields_setup(False)):
-        edges = bin_edges(setup.view)
+        edges = find_edge_pixels(setup.view)
         camera = setup.view.camera
         start = np.full((camera.height, camera.width), 0.25, np.float32)
         out = device.buffer(start, "edges.radiance")
-        edge_pass = EdgePass(Tables(device, setup), edges)
+        edge_pass = EdgePixelPass(SceneBuffers(device, setup), edges)
         edge_pass.begin()
         edge_pass.fetch()
         edge_pass.write([Band(0, camera.height, camera.width, out)])

@@ -15,13 +15,13 @@ from gpusim.optics.geometry.clipping import (  # fmt: skip
     CHORD_INSIDE,
     LONGEST_BENT,
     SHORT_EDGE,
-    Screen,
+    ImagePlane,
     without_area,
 )
-from gpusim.optics.geometry.index_buffer import Indexed
+from gpusim.optics.geometry.index_buffer import IndexedTriangles
 from gpusim.optics.geometry.triangle_corners import CHUNK
 
-__all__ = ["uncut"]
+__all__ = ["whole_triangles"]
 
 Flags = npt.NDArray[np.bool_]
 
@@ -29,7 +29,9 @@ SHORT = 0.7
 """No edge of a triangle within a box of this side is longer than 1."""
 
 
-def uncut(found: Indexed, screen: Screen, crossing: Flags) -> tuple[Indexed, Flags]:
+def whole_triangles(
+    found: IndexedTriangles, screen: ImagePlane, crossing: Flags
+) -> tuple[IndexedTriangles, Flags]:
     """What is drawn as it is of triangles on the ideal image, at its place through the lens.
 
     ``crossing`` (n,): which have to be clipped. The flags (n,) tell which are done with: what isn't

@@ -18,14 +18,21 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.optics.camera.pinhole import Camera
-from gpusim.optics.geometry.clipping import LONGEST_EDGE, SHORT_EDGE, Pieces, Screen, clip, split
+from gpusim.optics.geometry.clipping import (
+    LONGEST_EDGE,
+    SHORT_EDGE,
+    ClippedTriangles,
+    ImagePlane,
+    clip,
+    split,
+)
 from gpusim.optics.geometry.culling import cull
 from gpusim.optics.geometry.feature_edges import area_normals, feature_edges
-from gpusim.optics.geometry.index_buffer import Indexed
+from gpusim.optics.geometry.index_buffer import IndexedTriangles
 from gpusim.optics.geometry.pattern_seams import speckle_jumps
 from gpusim.optics.geometry.pixel_footprint import RegionPaint, regions_of, with_reach
-from gpusim.optics.geometry.split_criterion import uncut
-from gpusim.optics.geometry.surface_normals import Shape, shapes_of
+from gpusim.optics.geometry.split_criterion import whole_triangles
+from gpusim.optics.geometry.surface_normals import SurfaceNormals, surface_normals
 from gpusim.optics.geometry.triangle_corners import (
     POSITION,
     at_corners,
@@ -159,7 +166,7 @@ class View:
         """(V, 2) px: ``place`` without the lens's distortion."""
         if self.camera.lens is None:
             return self.place
-        return Screen(self.camera).ideal(self.vertices[:, POSITION])
+        return ImagePlane(self.camera).ideal(self.vertices[:, POSITION])
 
     @cached_property
     def flat(self) -> bool:
@@ -239,17 +246,17 @@ def look(surfaces: Sequence[Surface], camera: Camera, lit: bool) -> View:
 
     Faces of closed surfaces that look away are dropped; those of open ones are turned round.
     """
-    screen = Screen(camera)
+    screen = ImagePlane(camera)
     at = [in_camera(camera, surface.points) for surface in surfaces]
     far = max((float(points[:, 2].max()) for points in at), default=0.0)
-    none = Pieces(np.zeros((0, 3, 11)), np.zeros((0, 3), bool), NO_SOURCE)
-    parts = [Indexed.of(none, NO_PLACES)]
+    none = ClippedTriangles(np.zeros((0, 3, 11)), np.zeros((0, 3), bool), NO_SOURCE)
+    parts = [IndexedTriangles.of(none, NO_PLACES)]
     paint_ids: list[Short] = []
     face_ids: list[Short] = []
     paints: list[RegionPaint] = []
     body_ids: list[Short] = []
     sources, first, first_face = [NO_SOURCE], 0, 0
-    shapes = shapes_of(surfaces)
+    shapes = surface_normals(surfaces)
     for number, (surface, shape, points) in enumerate(zip(surfaces, shapes, at, strict=True)):
         if far > 0.0:
             part = _seen_of(surface, shape, points, screen, NEAR * far, lit)
@@ -265,7 +272,7 @@ def look(surfaces: Sequence[Surface], camera: Camera, lit: bool) -> View:
             parts.append(part)
         paints += regions_of(surface)
         first, first_face = first + len(surface.topology.triangles), first_face + len(surface.faces)
-    all_of = Indexed.joined(parts)
+    all_of = IndexedTriangles.joined(parts)
     place, corner = all_of.place, all_of.corner
     shown, k = np.divmod(np.flatnonzero(all_of.shows), 3)
     ends = [place[corner[shown, j]] for j in (k, (k + 1) % 3)]
@@ -283,12 +290,12 @@ def _joined(parts: list[Short]) -> Short:
 
 def _seen_of(
     surface: Surface,
-    shape: Shape,
+    shape: SurfaceNormals,
     points: Array,
-    screen: Screen,
+    screen: ImagePlane,
     near: float,
     lit: bool,
-) -> Indexed:
+) -> IndexedTriangles:
     """What may be seen of a surface whose vertices are at camera-space ``points``."""
     topology = surface.topology
     triangles = topology.triangles
@@ -332,12 +339,12 @@ def _seen_of(
         flags[turned] = flags[turned][:, [2, 1, 0]]
     if len(place) < len(table.origin):
         place = np.take(ideal.T, table.origin, axis=1).T
-    found = Indexed(table.columns.T, place, table.corner.T, flags, kept, culled.extent)
+    found = IndexedTriangles(table.columns.T, place, table.corner.T, flags, kept, culled.extent)
     if untouched:
         return found
     left, parts = np.ones(len(kept), bool), []
     if len(kept) >= MANY:
-        whole, done = uncut(found, screen, crossing)
+        whole, done = whole_triangles(found, screen, crossing)
         left, parts = ~done, [whole]
         if not left.any():
             return whole
@@ -347,5 +354,5 @@ def _seen_of(
         cut = clip(pieces[crossing], np.array([0.0, 0.0, 1.0]), near)
         for normal in screen.guards():
             cut = clip(cut, normal, 0.0)
-        pieces = Pieces.joined([pieces[~crossing], cut])
-    return Indexed.joined([*parts, Indexed.of(*split(pieces, screen))])
+        pieces = ClippedTriangles.joined([pieces[~crossing], cut])
+    return IndexedTriangles.joined([*parts, IndexedTriangles.of(*split(pieces, screen))])

@@ -18,10 +18,10 @@ from gpusim.gpu import Device, Recording, compare, twin_check
 from gpusim.gpu.texture_array import Texels
 from gpusim.optics.geometry.triangle_corners import NORMAL, ST
 from gpusim.optics.probes.paints import probe_setup
-from gpusim.optics.raster.vertex_buffers import Drawn
+from gpusim.optics.raster.vertex_buffers import VertexBuffers
 from gpusim.optics.shading.setup import TRIANGLE, Setup
 
-__all__ = ["Records", "vertex_blocks"]
+__all__ = ["TriangleRecords", "vertex_blocks"]
 
 Array = npt.NDArray[np.float64]
 
@@ -38,15 +38,17 @@ REAL = 2, slice(6, 12)
 """Words of a vertex that are float32."""
 
 
-class Records:
+class TriangleRecords:
     """The records of a view's triangles on the device.
 
     ``texels``: seven a triangle, good until those of another view are made. They are made of
     ``vertices``, whose 1 / depth is relative to ``inverse_depth``.
     """
 
-    def __init__(self, setup: Setup, drawn: Drawn, vertices: Texels, inverse_depth: float) -> None:
-        view, device = setup.view, drawn.device
+    def __init__(
+        self, setup: Setup, vertex_buffers: VertexBuffers, vertices: Texels, inverse_depth: float
+    ) -> None:
+        view, device = setup.view, vertex_buffers.device
         self.device, self.count, self.inverse_depth = device, view.count, inverse_depth
         looks = device.buffer(_albedo_and_paint(setup), "records.looks")
         traits = setup.traits().astype(np.float32)
@@ -55,12 +57,12 @@ class Records:
         per = TRIANGLE.itemsize // 16
         self.texels = device.kept.texels(per * view.count, "rgba32uint", "records.triangles")
         self._bound = {
-            "corners": drawn.corners, "looks": looks, "vertices": vertices,
+            "corners": vertex_buffers.corners, "looks": looks, "vertices": vertices,
             "traits": traited, "triangles": self.texels,
         }  # fmt: skip
 
     @staticmethod
-    def of(device: Device, setup: Setup, drawn: Drawn) -> Records | None:
+    def of(device: Device, setup: Setup, vertex_buffers: VertexBuffers) -> TriangleRecords | None:
         """Those of a setup, not made yet; None where float32 or the shader can't."""
         view = setup.view
         if not view.count or setup.bitmaps.images or setup.bumps is not None:
@@ -71,7 +73,7 @@ class Records:
             if not finite:
                 return None
             vertices.write(words.reshape(-1, 4), 3 * first)
-        return Records(setup, drawn, vertices, inverse_depth)
+        return TriangleRecords(setup, vertex_buffers, vertices, inverse_depth)
 
     def make(self, recording: Recording) -> None:
         """Make those of all triangles."""
@@ -145,7 +147,7 @@ def _sides(setup: Setup) -> Array:
 @twin_check("optics/raster/triangle_records")
 def _check(device: Device) -> None:
     setup = probe_setup(fine=False)
-    found = Records.of(device, setup, Drawn(device, setup.view, "records"))
+    found = TriangleRecords.of(device, setup, VertexBuffers(device, setup.view, "records"))
     if found is None:
         raise TwinMismatch("optics/raster/triangle_records: nothing to compare")
     count, per = setup.view.count, TRIANGLE.itemsize // 16

@@ -12,10 +12,10 @@ from gpusim.gpu import Buffer, Device
 from gpusim.optics.geometry.view import View
 from gpusim.optics.paint.checker_lines import BoardLines
 
-__all__ = ["Drawn"]
+__all__ = ["VertexBuffers"]
 
 
-class Drawn:
+class VertexBuffers:
     """Vertices in fixed point with their depths, and which of them a triangle has.
 
     ``fixed`` (V, 2) int32: places in 1/65536 px; ``inverse`` (V,) float32: 1 / depth; ``near``:

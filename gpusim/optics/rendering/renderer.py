@@ -10,24 +10,24 @@ import numpy as np
 from gpusim.errors import InputError
 from gpusim.gpu import Buffer, Device, working_device
 from gpusim.optics.camera.pinhole import Camera
-from gpusim.optics.edge_pixels.fragment_lists import bin_edges
+from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels
 from gpusim.optics.edge_pixels.plate_border import Border
-from gpusim.optics.edge_pixels.resolve import EdgePass, edges_twin
+from gpusim.optics.edge_pixels.resolve import EdgePixelPass, edges_twin
 from gpusim.optics.edge_pixels.scatter import write_pixels
 from gpusim.optics.frame import Band, Frame
 from gpusim.optics.geometry.face_winding import wound_inwards
 from gpusim.optics.geometry.view import View, look
 from gpusim.optics.light.lights import Light, is_light
 from gpusim.optics.light.quadrature import lamps_of
-from gpusim.optics.raster.compute_raster import Sight
+from gpusim.optics.raster.compute_raster import VisibilityBuffer
 from gpusim.optics.raster.id_buffer import visibility_twin
-from gpusim.optics.rendering.background import Aside
-from gpusim.optics.rendering.local_origin import local, told_from
+from gpusim.optics.rendering.background import BackgroundTasks
+from gpusim.optics.rendering.local_origin import local, seen_from_origin
 from gpusim.optics.shading.deferred_pass import small_triangles
-from gpusim.optics.shading.forward_pass import ShadePass, shade_twin
+from gpusim.optics.shading.forward_pass import ShadingPass, shade_twin
 from gpusim.optics.shading.lighting import casts_shadows, find_shadows
-from gpusim.optics.shading.relighting import RelitPass
-from gpusim.optics.shading.scene_buffers import Tables
+from gpusim.optics.shading.relighting import RelightingPass
+from gpusim.optics.shading.scene_buffers import SceneBuffers
 from gpusim.optics.shading.setup import Setup
 from gpusim.optics.shadow.single_layer import without_shadows
 from gpusim.parallel.blas_threads import one_blas_thread
@@ -105,11 +105,11 @@ def render(
         view = look(surfaces, camera, lit=lights is not None)
         setup = Setup.build(view, lights, background, surfaces)
         interior = shade_twin(setup, visibility_twin(view))
-        radiance = edges_twin(setup, bin_edges(view), interior)
-        frame = Frame(told_from(view, origin), None, radiance=radiance)
+        radiance = edges_twin(setup, find_edge_pixels(view), interior)
+        frame = Frame(seen_from_origin(view, origin), None, radiance=radiance)
     else:
         view, bands = _seen(device, surfaces, camera, lights, background)
-        frame = Frame(told_from(view, origin), device, tuple(bands))
+        frame = Frame(seen_from_origin(view, origin), device, tuple(bands))
     frame.warnings = wound_inwards(surfaces, camera)
     return frame
 
@@ -165,51 +165,51 @@ def _draw(
     """
     rows = _band_rows(view.camera, first, stop, lights)
     shadowed = casts_shadows(lights or [])
-    sight: Sight | None = None
+    visibility: VisibilityBuffer | None = None
     if small_triangles(view):
-        sight = Sight(device, view, rows)
-        sight.begin(first, rows)
-    shade_pass: ShadePass | None = None
+        visibility = VisibilityBuffer(device, view, rows)
+        visibility.begin(first, rows)
+    shade_pass: ShadingPass | None = None
     begun: Buffer | None = None
     # one thread beside this one: more would wait for the interpreter
-    with Aside(view.count) as aside:
+    with BackgroundTasks(view.count) as aside:
         simple = lights is None and Border.suits(view)
-        found = None if simple else aside.begin(bin_edges, view)
+        found = None if simple else aside.begin(find_edge_pixels, view)
         setup = Setup.build(view, lights, background, surfaces, device, False)
-        tables = Tables(device, setup, sight)
+        buffers = SceneBuffers(device, setup, visibility)
         # what hides lamps is looked for once the device knows which pixels ask; and the first of
         # several bands needn't wait for the edges either
         if shadowed or rows < stop - first:
-            shade_pass = ShadePass(tables, rows, sight is not None, sight, shadowed)
+            shade_pass = ShadingPass(buffers, rows, visibility is not None, visibility, shadowed)
             begun = device.kept.take(4 * rows * shade_pass.stride, f"radiance[{first}]")
             with device.recording("optics.shade") as recording:
                 shade_pass.record(recording, begun, first, rows)
         if shadowed:
-            tables = tables.with_shadows(find_shadows(view, lights or [], surfaces, device))
-        edge_pass = None if found is None else EdgePass(tables, found())
+            buffers = buffers.with_shadows(find_shadows(view, lights or [], surfaces, device))
+        edge_pass = None if found is None else EdgePixelPass(buffers, found())
     if edge_pass is not None:
         edge_pass.begin()
-    shade_pass = shade_pass or ShadePass(tables, rows, sight is not None, sight)
-    bands = _bands(tables, shade_pass, edge_pass, range(first, stop, rows), stop, begun)
-    if sight is not None:
-        sight.release()
+    shade_pass = shade_pass or ShadingPass(buffers, rows, visibility is not None, visibility)
+    bands = _bands(buffers, shade_pass, edge_pass, range(first, stop, rows), stop, begun)
+    if visibility is not None:
+        visibility.release()
     return bands
 
 
 def _bands(
-    tables: Tables,
-    shade_pass: ShadePass,
-    edge_pass: EdgePass | None,
+    buffers: SceneBuffers,
+    shade_pass: ShadingPass,
+    edge_pass: EdgePixelPass | None,
     starts: range,
     stop: int,
     begun: Buffer | None,
 ) -> list[Band]:
     """Bands of rows from ``starts`` on, up to ``stop``, edges and shadows and all; ``begun``: the
     first band, where it has been shaded."""
-    device, setup, stride = tables.device, tables.setup, shade_pass.stride
+    device, setup, stride = buffers.device, buffers.setup, shade_pass.stride
     relit = None
     if setup.lighting.shadows is not None:
-        relit = RelitPass(tables, shade_pass, min(starts.step, stop - starts.start))
+        relit = RelightingPass(buffers, shade_pass, min(starts.step, stop - starts.start))
     bands: list[Band] = []
     for row0 in starts:
         count = min(starts.step, stop - row0)

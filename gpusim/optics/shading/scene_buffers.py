@@ -15,23 +15,25 @@ from gpusim.optics.camera.undistortion_table import distortion_map
 from gpusim.optics.light.microfacet_material import gloss_texels
 from gpusim.optics.paint.checker_lines import BoardLines
 from gpusim.optics.paint.relief_normals import bump_texels, bump_uniform
-from gpusim.optics.raster.compute_raster import Sight
-from gpusim.optics.raster.triangle_records import Records
-from gpusim.optics.raster.vertex_buffers import Drawn
+from gpusim.optics.raster.compute_raster import VisibilityBuffer
+from gpusim.optics.raster.triangle_records import TriangleRecords
+from gpusim.optics.raster.vertex_buffers import VertexBuffers
 from gpusim.optics.shading.setup import TRIANGLE, Setup
 from gpusim.optics.shadow.receiver_planes import planes_on_device
 from gpusim.optics.shadow.scene import Shadows
 
-__all__ = ["Tables"]
+__all__ = ["SceneBuffers"]
 
 NO_TILES = {"last": np.zeros(2), "middle": np.zeros(2), "size": 1, "columns": 1}
 
 
-class Tables:
+class SceneBuffers:
     """A setup on the device, shared by the interior and the edge pass."""
 
-    def __init__(self, device: Device, setup: Setup, sight: Sight | None = None) -> None:
-        """``sight``: what is on the device already."""
+    def __init__(
+        self, device: Device, setup: Setup, visibility: VisibilityBuffer | None = None
+    ) -> None:
+        """``visibility``: what is on the device already."""
         table, view = setup.table, setup.view
         self.device, self.setup = device, setup
         self.lamps = Uniform(device, setup.lighting.uniform(), "shade.lamps")
@@ -43,9 +45,17 @@ class Tables:
         self.paints = _as_texels(device, table.paints, "shade.paints")
         self.patterns = table.texels(device)
         # triangles that are shaded pixel by pixel take no parts
-        self.lines = BoardLines.of(setup) if sight is None else None
-        records = None if sight is None else Records.of(device, setup, sight.drawn)
-        self.drawn = Drawn(device, view, "shade", self.lines) if sight is None else sight.drawn
+        self.lines = BoardLines.of(setup) if visibility is None else None
+        records = (
+            None
+            if visibility is None
+            else TriangleRecords.of(device, setup, visibility.vertex_buffers)
+        )
+        self.vertex_buffers = (
+            VertexBuffers(device, view, "shade", self.lines)
+            if visibility is None
+            else visibility.vertex_buffers
+        )
         if records is None:
             self.triangles = _triangles(device, setup, self.lines)
         else:
@@ -66,7 +76,7 @@ class Tables:
             self.bitmap_texels.write(texels)
         self.speckles = table.speckle.texels(device)
 
-    def with_shadows(self, shadows: Shadows | None) -> Tables:
+    def with_shadows(self, shadows: Shadows | None) -> SceneBuffers:
         """The same view with shadows."""
         result = copy(self)
         result.setup = self.setup.with_shadows(shadows)
@@ -82,7 +92,7 @@ class Tables:
         return {
             "paints": self.paints,
             "patterns": self.patterns,
-            **self.drawn.outlines(),
+            **self.vertex_buffers.outlines(),
             **self.surface(),
             "bitmap_texels": self.bitmap_texels,
             "speckles": self.speckles,

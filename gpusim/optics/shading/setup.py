@@ -20,7 +20,7 @@ from gpusim.optics.geometry.view import View
 from gpusim.optics.light.lights import Light
 from gpusim.optics.paint.bitmap import BITMAP, PIECES, BitmapTable, pieces_needed
 from gpusim.optics.paint.checker_fields import matte_boards, within_fields
-from gpusim.optics.paint.feature_grid import PatternTable
+from gpusim.optics.paint.feature_grid import FeatureGrid
 from gpusim.optics.paint.relief_normals import Bumps, bump_of
 from gpusim.optics.raster.coefficients import BLOCK, Coefficients, Found, PerTriangle, coefficients
 from gpusim.optics.shading.lighting import Lighting, SharesOf
@@ -59,7 +59,7 @@ class Setup:
     """
 
     view: View
-    table: PatternTable
+    table: FeatureGrid
     bitmaps: BitmapTable
     lighting: Lighting
     background: float
@@ -79,7 +79,7 @@ class Setup:
         ``surfaces`` cast shadows and hide surroundings, which ``device`` looks at. ``shadows``:
         False leaves them to `with_shadows`.
         """
-        table = PatternTable.build(view.paints, view.extent)
+        table = FeatureGrid.build(view.paints, view.extent)
         bitmaps = BitmapTable.build(view.paints, table.paints)
         lighting = Lighting.build(view, lights, surfaces, device, shadows)
         return Setup(view, table, bitmaps, lighting, background, lights is not None)

@@ -18,7 +18,7 @@ from gpusim.optics.probes.paints import fields_setup, probe_setup
 from gpusim.optics.shadow.receivers import NO_OWNER, PixelReceivers, plane_words
 
 if TYPE_CHECKING:
-    from gpusim.optics.shading.scene_buffers import Tables
+    from gpusim.optics.shading.scene_buffers import SceneBuffers
 
 __all__ = ["planes_on_device", "planes_twin"]
 
@@ -27,17 +27,17 @@ Array = npt.NDArray[np.float64]
 NAME = "optics/shadow/receiver_planes"
 
 
-def planes_on_device(tables: Tables, on: npt.NDArray[np.int32]) -> Texels:
+def planes_on_device(buffers: SceneBuffers, on: npt.NDArray[np.int32]) -> Texels:
     """Of each triangle n / d of its plane n x = d, and its `plane_words`; ``on`` (T,): the occluder
     that it is part of, -1 for none."""
-    device, camera = tables.device, tables.setup.view.camera
+    device, camera = buffers.device, buffers.setup.view.camera
     texels = device.kept.texels(max(len(on), 1), "rgba32uint", "shadow.planes")
     last = np.array([camera.width - 1.0, camera.height - 1.0])
     kernel = device.kernel(NAME, "main", {"distorted": float(camera.lens is not None)})
     bindings = kernel.bind_used(
-        params={**tables.rays(), "last": last, "count": len(on)},
+        params={**buffers.rays(), "last": last, "count": len(on)},
         owners=device.buffer(on, "shadow.owners"), planes=texels,
-        **tables.drawn.outlines(), **tables.surface(),
+        **buffers.vertex_buffers.outlines(), **buffers.surface(),
     )  # fmt: skip
     with device.recording("optics.shadow") as recording:
         recording.dispatch(kernel, bindings, threads=(len(on),))
@@ -55,13 +55,13 @@ def planes_twin(view: View) -> tuple[Array, Array]:
 
 @twin_check(NAME)
 def _check(device: Device) -> None:
-    from gpusim.optics.shading.scene_buffers import Tables
+    from gpusim.optics.shading.scene_buffers import SceneBuffers
 
     # records by the device and by the host, smooth shading through a lens, strips along lines
     for setup in (probe_setup(fine=False), probe_setup(), fields_setup(True)):
         count = setup.view.count
         on = np.where(np.arange(count) % 3 > 0, np.arange(count), -1)
-        words = planes_on_device(Tables(device, setup), on.astype(np.int32)).read()[:count]
+        words = planes_on_device(SceneBuffers(device, setup), on.astype(np.int32)).read()[:count]
         planes, lean = planes_twin(setup.view)
         size = np.linalg.norm(planes, axis=1)[:, None]
         got = np.ascontiguousarray(words[:, :3]).view(np.float32) / size
