@@ -16,7 +16,7 @@ import numpy as np
 
 import gpusim as gs
 from gpusim.gpu import Device
-from gpusim.optics.edge_pixels.fragment_lists import bin_edges
+from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels
 from gpusim.optics.geometry.view import look
 from gpusim.optics.shading.setup import Setup
 from gpusim.pipeline.build.build import build_body, build_lights
@@ -129,7 +129,7 @@ def _host(
     """What `gs.render` does in NumPy before the device starts."""
     view = look(surfaces, camera, lit=lights is not None)
     Setup.build(view, lights, 0.0).records()
-    bin_edges(view)
+    find_edge_pixels(view)
 
 
 def _timed(work: Callable[[], None]) -> float:

@@ -66,7 +66,6 @@ OPTICS = (
     "frame",
     "change_detection",
     "shading",
-    "series",
     "edge_pixels",
     "rendering",
     "lens",
@@ -78,15 +77,11 @@ WRONG_WAY: dict[str, set[str]] = {
     "edge_pixels.resolve": {"probes.paints"},
     "paint.checker_lines": {"shading.setup"},
     "raster.triangle_records": {"probes.paints", "shading.setup"},
-    "series.project": {"probes.paints"},
     "shading.forward_pass": {
         "edge_pixels.fragment_lists",
         "probes.paints",
-        "series.speckled_layer",
     },
-    "shading.glance": {"probes.paints"},
     "shading.relighting": {"edge_pixels.fragment_lists", "probes.shadows"},
-    "shading.scene_buffers": {"series.late"},
     "shadow.receiver_planes": {"shading.scene_buffers"},
 }
 CIRCLES: list[set[str]] = [
@@ -104,20 +99,8 @@ CIRCLES: list[set[str]] = [
     },
     {"measure.correlation.image_tiles", "measure.correlation.matching"},
     {"mesh.boundary", "mesh.mesh", "mesh.quality"},
-    {
-        "optics.series.late",
-        "optics.series.speckled_layer",
-        "optics.shading.deferred_pass",
-        "optics.shading.forward_pass",
-        "optics.shading.glance",
-        "optics.shading.glance_kind",
-        "optics.shading.layer_bands",
-        "optics.shading.layer_pass",
-        "optics.shading.scene_buffers",
-        "optics.shading.speckled",
-        "optics.shading.tile_light",
-        "optics.shadow.receiver_planes",
-    },
+    {"optics.shading.deferred_pass", "optics.shading.forward_pass"},
+    {"optics.shading.scene_buffers", "optics.shadow.receiver_planes"},
     {"pipeline.runner.stage_report", "pipeline.runner.stage_runner"},
 ]
 

@@ -8,7 +8,7 @@ import pytest
 
 import gpusim as gs
 from gpusim.gpu import Device, compare
-from gpusim.optics.edge_pixels.fragment_lists import bin_edges
+from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels
 from gpusim.optics.edge_pixels.resolve import edges_twin
 from gpusim.optics.raster.id_buffer import visibility_twin
 from gpusim.optics.shading.forward_pass import shade_twin
@@ -250,7 +250,7 @@ def test_edges_twin_agrees_on_bars(device: Device) -> None:
     view = camera(127, 71)
     frame = gs.render(surfaces, view, device=device)
     setup = Setup.build(frame.view, None, 0.0)
-    edges = bin_edges(frame.view)
+    edges = find_edge_pixels(frame.view)
     assert len(edges.pixel) > 250
     twin = edges_twin(setup, edges, shade_twin(setup, visibility_twin(frame.view)))
     pixels: npt.NDArray[np.int64] = edges.pixel

@@ -10,7 +10,7 @@ import gpusim as gs
 from gpusim.gpu import Device
 from gpusim.optics.edge_pixels import resolve
 from gpusim.optics.edge_pixels.background_moments import backdrops, fills, left_open
-from gpusim.optics.edge_pixels.fragment_lists import bin_edges
+from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels
 from gpusim.optics.geometry.polygon_clipping import (
     clip_square,
     half_planes,
@@ -52,7 +52,7 @@ def setup_of(surfaces: list[gs.Surface], lights: list[Light] | None) -> Setup:
 
 def told(setup: Setup) -> tuple[int, int]:
     """How many triangles over edge pixels are backdrops, of how many such pixels."""
-    found = bin_edges(setup.view)
+    found = find_edge_pixels(setup.view)
     pixel = found.pixel[np.repeat(np.arange(len(found.pixel)), found.depth)]
     at = np.stack([pixel % CAMERA.width, pixel // CAMERA.width], axis=1)
     triangle = found.triangle[: len(pixel)]

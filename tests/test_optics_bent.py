@@ -10,14 +10,14 @@ import pytest
 import gpusim as gs
 from gpusim.gpu import Device, compare
 from gpusim.optics.camera.undistortion_table import FINE, distortion_map
-from gpusim.optics.edge_pixels.fragment_lists import bin_edges
-from gpusim.optics.edge_pixels.resolve import EdgePass, edges_twin
+from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels
+from gpusim.optics.edge_pixels.resolve import EdgePixelPass, edges_twin
 from gpusim.optics.frame import Band
-from gpusim.optics.geometry.clipping import CHORD, Screen
+from gpusim.optics.geometry.clipping import CHORD, ImagePlane
 from gpusim.optics.geometry.view import look
 from gpusim.optics.raster.id_buffer import visibility_twin
-from gpusim.optics.shading.forward_pass import ShadePass, shade_twin
-from gpusim.optics.shading.scene_buffers import Tables
+from gpusim.optics.shading.forward_pass import ShadingPass, shade_twin
+from gpusim.optics.shading.scene_buffers import SceneBuffers
 from gpusim.optics.shading.setup import Setup
 from tests.optics_reference import Plate, difference, pattern, reference
 from tests.optics_rigs import RIGS, rig
@@ -122,20 +122,20 @@ def test_bent_stages_agree_with_their_twins(device: Device) -> None:
     second = gs.Surface(first.points[:, [0, 1, 2]] * 0.6 + [0.1, -0.2, 0.1], QUAD, paint=paints[1])
     lights = [gs.PointLight((-0.4, -1.0, 0.5), 10.0)]
     setup = Setup.build(look([first, second], camera, lit=True), lights, 0.1)
-    tables = Tables(device, setup)
+    tables = SceneBuffers(device, setup)
     shape = (camera.height, camera.width)
-    shading = ShadePass(tables, rows=camera.height)
+    shading = ShadingPass(tables, rows=camera.height)
     out = device.empty(4 * shading.stride * camera.height, "bent.out")
     with device.recording("optics.shade") as recording:
         shading.record(recording, out, 0, camera.height)
     got = out.read(np.float32, (camera.height, shading.stride))[:, : camera.width]
     twin = shade_twin(setup, visibility_twin(setup.view))
-    edges = bin_edges(setup.view)
+    edges = find_edge_pixels(setup.view)
     inside = np.ones(twin.size, bool)
     inside[edges.pixel] = False
     compare("bent shade", got.reshape(-1)[inside], twin.reshape(-1)[inside], "pixel")
     flat = device.buffer(np.full(shape, 0.25, np.float32), "bent.radiance")
-    edge_pass = EdgePass(tables, edges)
+    edge_pass = EdgePixelPass(tables, edges)
     edge_pass.begin()
     edge_pass.fetch()
     edge_pass.write([Band(0, camera.height, camera.width, flat)])
@@ -148,8 +148,8 @@ def test_an_undistorted_scene_does_not_pay(device: Device) -> None:
     camera, _, surface = board(None, gs.paint.Plain(0.5))
     setup = Setup.build(look([surface], camera, lit=False), None, 0.0)
     assert setup.constants((), False, False)["distorted"] == 0.0 and setup.view.count == 2
-    assert Tables(device, setup).undistortion.count == 1
-    assert Screen(camera).straight == np.inf and distortion_map(camera) is None
+    assert SceneBuffers(device, setup).undistortion.count == 1
+    assert ImagePlane(camera).straight == np.inf and distortion_map(camera) is None
 
 
 @pytest.mark.parametrize("name", RIGS)

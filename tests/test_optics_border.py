@@ -7,8 +7,8 @@ import numpy.typing as npt
 import pytest
 
 import gpusim as gs
-from gpusim.optics.edge_pixels.border import Border
-from gpusim.optics.edge_pixels.fragment_lists import bin_edges
+from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels
+from gpusim.optics.edge_pixels.plate_border import Border
 from gpusim.optics.geometry.polygon_clipping import clip_square, half_planes, moments
 from gpusim.optics.geometry.view import View, look
 from gpusim.surface.paint import Checker, Dots, Paint, Plain
@@ -58,7 +58,7 @@ def test_shares_are_polygon_areas(paint: Paint) -> None:
     want = 0.11 + areas(view, border.pixel) * (paint.ground - 0.11)
     assert np.abs(border.value - want).max() <= 1e-9
     assert np.ptp(border.value) > 0.3
-    np.testing.assert_array_equal(np.sort(border.pixel), bin_edges(view).pixel)
+    np.testing.assert_array_equal(np.sort(border.pixel), find_edge_pixels(view).pixel)
 
 
 @pytest.mark.parametrize("paint", [Plain(0.7), BOARD])
@@ -83,3 +83,13 @@ def test_what_goes_the_general_way() -> None:
     assert not Border.suits(look([plate(Plain(0.4)), other], camera(), lit=False))
     away = Surface(plate(Plain(0.1)).points + np.array([0.0, -9.0, 0.0]), FACES, paint=Plain(0.1))
     assert not Border.suits(look([away], camera(), lit=False))
+
+
+def test_only_what_lies_in_one_plane() -> None:
+    assert Border.suits(look([plate(Plain(0.4))], camera(), lit=False))
+    points = plate(Plain(0.4)).points
+    lifted = Surface(points + np.array([0.0, 1e-6, 0.0]), FACES, paint=Plain(0.1))
+    assert not Border.suits(look([plate(Plain(0.4)), lifted], camera(), lit=False))
+    folded = points.copy()
+    folded[2, 1] += 1e-6
+    assert not Border.suits(look([Surface(folded, FACES, paint=Plain(0.1))], camera(), lit=False))

@@ -11,7 +11,7 @@ import pytest
 import gpusim as gs
 from gpusim.gpu import Device
 from gpusim.optics.geometry import clipping
-from gpusim.optics.geometry.clipping import Screen
+from gpusim.optics.geometry.clipping import ImagePlane
 from gpusim.optics.geometry.view import View, look
 from tests.optics_edges import HEIGHT, WIDTH, half_plane
 from tests.test_optics_coverage import cut, shoelace
@@ -71,7 +71,7 @@ def test_neighbours_are_cut_at_the_same_points(distortion: list[float] | None, s
 
 
 def test_the_rule_for_an_edge_is_that_of_its_reverse() -> None:
-    screen = Screen(through(STRONG))
+    screen = ImagePlane(through(STRONG))
     rng = np.random.default_rng(3)
     ideal = rng.uniform(-20.0, 300.0, (4000, 1, 2)) + rng.normal(0.0, 25.0, (4000, 3, 2))
     ideal[:100, 1, 0] = ideal[:100, 0, 0]

@@ -7,7 +7,7 @@ import pytest
 
 import gpusim as gs
 from gpusim.gpu import Device
-from gpusim.optics.edge_pixels.fragment_lists import bin_edges
+from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels
 from gpusim.optics.edge_pixels.resolve import DEEPEST, SURE
 from gpusim.optics.geometry.view import look
 
@@ -45,7 +45,7 @@ def heaps(count: int, seed: int) -> list[gs.Surface]:
 @pytest.mark.parametrize("lit", [False, True], ids=["unlit", "lit"])
 def test_heaps_are_those_of_the_twin(count: int, lit: bool, device: Device) -> None:
     surfaces = heaps(count, 7 + count)
-    depth = bin_edges(look(surfaces, CAMERA, lit)).depth
+    depth = find_edge_pixels(look(surfaces, CAMERA, lit)).depth
     assert np.count_nonzero((depth > 0.5 * count) & (depth <= DEEPEST)) > 20
     lights = [gs.PointLight((0.5, -1.0, -2.0), 300.0, shadows=False)] if lit else None
     got = gs.render(surfaces, CAMERA, lights, device=device).radiance
@@ -71,7 +71,7 @@ def test_what_is_behind_many_small_ones_is_looked_at(device: Device) -> None:
     paints = {"small": gs.paint.Plain(0.1), "behind": gs.paint.Plain(0.9)}
     faces = np.arange(3 * len(points)).reshape(-1, 3)
     surface = gs.Surface(corners.reshape(-1, 3), faces, paints, region=region)
-    depth = bin_edges(look([surface], CAMERA, False)).depth
+    depth = find_edge_pixels(look([surface], CAMERA, False)).depth
     assert np.count_nonzero((depth > 40) & (depth <= DEEPEST)) > 20
     got = gs.render([surface], CAMERA, device=device).radiance
     want = gs.render([surface], CAMERA, backend="numpy").radiance

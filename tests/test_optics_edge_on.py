@@ -10,7 +10,7 @@ import pytest
 
 import gpusim as gs
 from gpusim.gpu import Device
-from gpusim.optics.edge_pixels.fragment_lists import bin_edges
+from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels
 from gpusim.optics.geometry.view import look
 from gpusim.optics.light.lights import Light
 from gpusim.optics.light.quadrature import lamps_of
@@ -96,7 +96,7 @@ def test_bumps_are_lit_as_rays_say(device: Device, name: str) -> None:
     place, face = truth.image("reference"), truth.image("face")
     # pixels inside of faces, each as its neighbours
     inner = np.zeros(face.shape, bool)
-    inner.reshape(-1)[bin_edges(look([surface], CAMERA, lit=True)).pixel] = True
+    inner.reshape(-1)[find_edge_pixels(look([surface], CAMERA, lit=True)).pixel] = True
     inner = ~inner & np.isfinite(face) & (lit.radiance > 0.2 * lit.radiance.max())
     row, column = np.nonzero(inner)
     (lamp,) = lamps_of([light])

@@ -8,7 +8,7 @@ import pytest
 
 import gpusim as gs
 from gpusim.gpu import Device
-from gpusim.optics.edge_pixels.visible_polygons import visible_pieces
+from gpusim.optics.edge_pixels.visible_polygons import visible_polygons
 from gpusim.optics.geometry.polygon_clipping import clip_square, half_planes, moments
 from gpusim.optics.light.lights import Light
 
@@ -55,7 +55,7 @@ def test_fans_leave_what_they_do_not_cover() -> None:
         corners = np.concatenate([fan, whole])
         planes = half_planes(corners)
         polygon, count = clip_square(planes)
-        row, piece = visible_pieces(polygon, count, planes, corners, np.zeros(9, np.int64))
+        row, piece = visible_polygons(polygon, count, planes, corners, np.zeros(9, np.int64))
         area = np.bincount(row, moments(piece)[0], 9)
         assert area.sum() == pytest.approx(1.0, abs=2e-6)
 

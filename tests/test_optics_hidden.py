@@ -12,7 +12,7 @@ import pytest
 import gpusim as gs
 from gpusim.errors import TwinMismatch
 from gpusim.gpu import Device, compare
-from gpusim.optics.edge_pixels.visible_polygons import visible_pieces
+from gpusim.optics.edge_pixels.visible_polygons import visible_polygons
 from gpusim.optics.geometry.polygon_clipping import _crossed, clip_square, half_planes, moments
 from tests.optics_reference import Plate, flat, pattern, reference
 
@@ -126,7 +126,7 @@ def test_pieces_are_disjoint_and_add_up() -> None:
     corners[::3] *= 0.4
     planes = half_planes(corners)
     polygon, count = clip_square(planes)
-    row, piece = visible_pieces(polygon, count, planes, corners, np.zeros(60, np.int64))
+    row, piece = visible_polygons(polygon, count, planes, corners, np.zeros(60, np.int64))
     size, centre = moments(piece)
     assert (size > 0.0).all() and len(row) > 60
     at = (np.arange(400) + 0.5) / 400 - 0.5

@@ -20,7 +20,7 @@ from gpusim.optics.ambient.sample_points import SamplePoints, tangent
 from gpusim.optics.ambient.silhouette_buffers import SilhouetteBuffers
 from gpusim.optics.ambient.silhouette_search import in_groups, silhouettes_near
 from gpusim.optics.ambient.sky_occluders import JoinedFaces
-from gpusim.optics.edge_pixels.fragment_lists import bin_edges
+from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels
 from gpusim.optics.geometry.view import look
 from gpusim.optics.light.lights import Light
 from gpusim.optics.probes.shadows import block
@@ -266,7 +266,7 @@ def floor_errors(frame: gs.Frame, surfaces: list[Surface]) -> tuple[Array, Array
     place = eye - ray * (eye[2] / ray[:, 2])[:, None]
     away = 1.0 - place[:, 0]
     inner = (away > 0.0) & (np.abs(place) < 2.8).all(axis=1)
-    inner[np.isin(y * view.camera.width + x, bin_edges(view).pixel)] = False
+    inner[np.isin(y * view.camera.width + x, find_edge_pixels(view).pixel)] = False
     error = np.pi * frame.radiance[y, x] - 0.5 * (1.0 + away / np.hypot(away, 1.5))
     return error[inner], away[inner]
 

@@ -8,7 +8,7 @@ import pytest
 import gpusim as gs
 from gpusim.gpu import Device
 from gpusim.optics.edge_pixels import fragment_lists
-from gpusim.optics.edge_pixels.fragment_lists import bin_edges
+from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels
 from gpusim.optics.geometry.interpenetration import piercings
 from gpusim.optics.geometry.view import look
 from tests.optics_reference import Array, Plate, flat, pattern, reference
@@ -54,7 +54,7 @@ def wanted() -> Array:
 def test_the_line_of_a_cut_is_smooth(device: Device, wanted: Array, backend: str) -> None:
     surfaces, _ = crossing()
     view = look(surfaces, camera(), lit=False)
-    pierced = bin_edges(view).pixel[bin_edges(view).pierced]
+    pierced = find_edge_pixels(view).pixel[find_edge_pixels(view).pierced]
     image = gs.render(surfaces, camera(), background=0.3, device=device, backend=backend).radiance
     error = (image - wanted).reshape(-1)
     rms = np.sqrt(np.mean(error[pierced] ** 2))
@@ -69,7 +69,7 @@ def test_without_the_line_it_is_not(
     device: Device, wanted: Array, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     surfaces, _ = crossing()
-    pixels = bin_edges(look(surfaces, camera(), lit=False))
+    pixels = find_edge_pixels(look(surfaces, camera(), lit=False))
     monkeypatch.setattr(fragment_lists, "piercings", lambda bodies: np.zeros((0, 2, 3)))
     image = gs.render(surfaces, camera(), background=0.3, device=device).radiance
     error = (image - wanted).reshape(-1)[pixels.pixel[pixels.pierced]]

@@ -10,11 +10,12 @@ from gpusim.errors import TwinMismatch
 from gpusim.gpu import Device, twin_checks
 from gpusim.gpu.buffer_pool import Kept
 from gpusim.gpu.texture_array import Texels
-from gpusim.optics.edge_pixels.fragment_lists import bin_edges
+from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels
+from gpusim.optics.edge_pixels.pixel_rank import Ranks
 from gpusim.optics.geometry.triangle_corners import NORMAL, ST
 from gpusim.optics.geometry.view import look
-from gpusim.optics.raster.triangle_records import Records, evaluated
-from gpusim.optics.raster.vertex_buffers import Drawn
+from gpusim.optics.raster.triangle_records import TriangleRecords, evaluated
+from gpusim.optics.raster.vertex_buffers import VertexBuffers
 from gpusim.optics.shading.deferred_pass import small_triangles
 from gpusim.optics.shading.setup import Setup
 
@@ -39,10 +40,10 @@ def camera(**more: object) -> gs.Camera:
 
 
 def records(device: Device, setup: Setup) -> tuple[np.ndarray, np.ndarray]:
-    made = Records.of(device, setup, Drawn(device, setup.view, "records"))
+    made = TriangleRecords.of(device, setup, VertexBuffers(device, setup.view, "records"))
     assert made is not None
     with device.recording("test") as recording:
-        made.make_all(recording)
+        made.make(recording)
     return evaluated(setup, made.texels.read().reshape(-1, 28)[: setup.view.count])
 
 
@@ -114,7 +115,9 @@ def test_numbers_beyond_float32_are_left_to_the_host(device: Device) -> None:
     setup = Setup.build(look([surface], camera(), lit=True), LIGHTS, 0.0, [surface])
     setup.view.vertices[7, NORMAL] = 1e39
     with np.errstate(over="ignore"):
-        assert Records.of(device, setup, Drawn(device, setup.view, "records")) is None
+        assert (
+            TriangleRecords.of(device, setup, VertexBuffers(device, setup.view, "records")) is None
+        )
 
 
 def test_corners_that_differ_have_vertices_of_their_own() -> None:
@@ -147,12 +150,21 @@ def test_edge_pixels_know_the_same_triangles_however_they_are_looked_up(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     view = look([sheet(60, 40, gs.paint.Plain(0.4))], camera(), lit=True)
-    found = bin_edges(view)
+    found = find_edge_pixels(view)
     assert len(found.pixel) > 500
     monkeypatch.setattr("gpusim.optics.edge_pixels.fragment_lists.FARTHEST", 0)
-    every = bin_edges(view)
+    every = find_edge_pixels(view)
     for name in ("pixel", "start", "triangle"):
         np.testing.assert_array_equal(getattr(found, name), getattr(every, name))
+
+
+@pytest.mark.parametrize("size", [1, 64, 65, 4096, 100_003])
+def test_ranks_are_those_of_a_search(size: int) -> None:
+    rng = np.random.default_rng(size)
+    for share in (0.0, 0.03, 1.0):
+        listed = np.flatnonzero(rng.uniform(size=size) < share)
+        index = np.concatenate([[0, size], rng.integers(0, size + 1, 40_000)])
+        np.testing.assert_array_equal(Ranks(listed, size).of(index), np.searchsorted(listed, index))
 
 
 def test_texels_serve_one_frame_after_the_other(device: Device) -> None:

@@ -14,8 +14,8 @@ from gpusim.gpu import Device
 from gpusim.optics.geometry.view import look
 from gpusim.optics.raster.tile_mask import under
 from gpusim.optics.shading.deferred_pass import TILE, WIDE, small_triangles
-from gpusim.optics.shading.forward_pass import ShadePass
-from gpusim.optics.shading.scene_buffers import Tables
+from gpusim.optics.shading.forward_pass import ShadingPass
+from gpusim.optics.shading.scene_buffers import SceneBuffers
 from gpusim.optics.shading.setup import Setup
 
 CAMERA = gs.Camera.from_lens((36.0, 24.0), 40.0, (90, 61), (0.12, -1.0, 0.08), (0.02, 0, 0))
@@ -56,9 +56,9 @@ def test_both_ways_give_the_same_image(
     assert small_triangles(view)
     setup = Setup.build(view, lights, 0.25, surfaces)
     assert (setup.lighting.shadows is not None) == lit
-    tables, images, marks = Tables(device, setup), [], []
+    buffers, images, marks = SceneBuffers(device, setup), [], []
     for by_pixel in (False, True):
-        shading = ShadePass(tables, 40, by_pixel)
+        shading = ShadingPass(buffers, 40, by_pixel)
         image = []
         for row0, rows in ((0, 40), (40, 21)):
             out = device.empty(4 * shading.stride * rows, "test.out")
@@ -91,10 +91,10 @@ def test_walls_behind_small_triangles_are_shaded_as_wholes(
     assert small_triangles(view) and view.extent > WIDE
     setup = Setup.build(view, lights, 0.25, surfaces)
     assert (setup.lighting.shadows is not None) == lit
-    tables = Tables(device, setup)
-    image, marks = by_pixel(tables, device)
+    buffers = SceneBuffers(device, setup)
+    image, marks = by_pixel(buffers, device)
     monkeypatch.setattr("gpusim.optics.shading.deferred_pass.WIDE", np.inf)
-    want, every = by_pixel(tables, device)
+    want, every = by_pixel(buffers, device)
     assert (want == 0.25).any() and len(np.unique(want)) > 100
     np.testing.assert_array_equal(marks, every)
     np.testing.assert_allclose(image, want, rtol=1e-6, atol=0.0)
@@ -102,8 +102,8 @@ def test_walls_behind_small_triangles_are_shaded_as_wholes(
 
 def test_a_tile_that_is_left_out_is_seen(monkeypatch: pytest.MonkeyPatch, device: Device) -> None:
     surfaces = before_a_wall(CHECKED)
-    tables = Tables(device, Setup.build(look(surfaces, LARGER, False), None, 0.25, surfaces))
-    want, _ = by_pixel(tables, device)
+    buffers = SceneBuffers(device, Setup.build(look(surfaces, LARGER, False), None, 0.25, surfaces))
+    want, _ = by_pixel(buffers, device)
 
     def fewer(*given: Any) -> npt.NDArray[np.bool_]:
         tiles = under(*given)
@@ -111,15 +111,15 @@ def test_a_tile_that_is_left_out_is_seen(monkeypatch: pytest.MonkeyPatch, device
         return tiles
 
     monkeypatch.setattr("gpusim.optics.shading.deferred_pass.under", fewer)
-    image, _ = by_pixel(tables, device)
+    image, _ = by_pixel(buffers, device)
     assert 0 < np.count_nonzero(image != want) <= TILE * TILE
 
 
 def by_pixel(
-    tables: Tables, device: Device
+    buffers: SceneBuffers, device: Device
 ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.uint32]]:
     """The picture and its marks, in two bands."""
-    shading, images, marks = ShadePass(tables, 140, True), [], []
+    shading, images, marks = ShadingPass(buffers, 140, True), [], []
     for row0, rows in ((0, 140), (140, 81)):
         out = device.empty(4 * shading.stride * rows, "test.out")
         own = shading.marks

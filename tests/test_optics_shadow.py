@@ -12,7 +12,7 @@ import pytest
 import gpusim as gs
 from gpusim.gpu import Device
 from gpusim.gpu.wgsl import shader_folder
-from gpusim.optics.edge_pixels.fragment_lists import bin_edges
+from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels
 from gpusim.optics.geometry.view import look
 from gpusim.optics.light.lights import Light
 from gpusim.optics.light.quadrature import lamps_of
@@ -38,7 +38,7 @@ def test_every_kind_of_lamp_against_brute_force() -> None:
     assert shadows is not None
     truth = gs.render(surfaces, camera, None, backend="numpy").truth()
     triangle = visibility_twin(view)[truth.row, truth.column].astype(np.int64) - 1
-    inside = ~np.isin(truth.row * camera.width + truth.column, bin_edges(view).pixel)
+    inside = ~np.isin(truth.row * camera.width + truth.column, find_edge_pixels(view).pixel)
     # whole tiles, which NumPy looks from together
     rows = np.flatnonzero(inside & ((3 * (truth.row // 8) + truth.column // 8) % 7 == 0))
     points = truth.reference[rows]
@@ -143,7 +143,7 @@ def test_contact_shadows_begin_at_the_contact(device: Device) -> None:
         x, y, z = truth.reference.T
         behind = (z < 1e-9) & (x > 0.1 + 1e-9) & (x < 0.12) & (np.abs(y) < 0.15)
         edge = np.zeros(frame.radiance.shape, bool)
-        edge.reshape(-1)[bin_edges(frame.view).pixel] = True
+        edge.reshape(-1)[find_edge_pixels(frame.view).pixel] = True
         behind &= ~edge[truth.row, truth.column]
         before = (z < 1e-9) & (x < -0.19) & (x > -0.25) & (np.abs(y) < 0.15)
         before &= ~edge[truth.row, truth.column]

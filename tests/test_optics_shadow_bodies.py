@@ -8,7 +8,7 @@ import pytest
 
 import gpusim as gs
 from gpusim.gpu import Device
-from gpusim.optics.edge_pixels.fragment_lists import bin_edges
+from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels
 from gpusim.optics.geometry.view import look
 from gpusim.optics.light.lights import Light
 from gpusim.optics.light.quadrature import lamps_of
@@ -62,7 +62,7 @@ def compared(
     assert shadows is not None
     truth = gs.render(surfaces, camera, None, backend="numpy").truth()
     triangle = visibility_twin(view)[truth.row, truth.column].astype(np.int64) - 1
-    inside = ~np.isin(truth.row * camera.width + truth.column, bin_edges(view).pixel)
+    inside = ~np.isin(truth.row * camera.width + truth.column, find_edge_pixels(view).pixel)
     (lamp,) = lamps_of([light])
     turned = np.sum(truth.normal * (lamp.centre - (not lamp.far) * truth.reference), axis=1)
     rows = np.flatnonzero(inside & (turned > 0.0) & (truth.reference[:, 1] > least))

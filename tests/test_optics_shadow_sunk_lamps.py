@@ -9,7 +9,7 @@ import pytest
 
 import gpusim as gs
 from gpusim.gpu import Device
-from gpusim.optics.edge_pixels.fragment_lists import bin_edges
+from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels
 from gpusim.optics.geometry.view import look
 from gpusim.optics.light.lights import AreaLight
 from gpusim.optics.light.quadrature import lamps_of
@@ -36,7 +36,7 @@ def test_a_lamp_is_seen_before_the_column_that_it_leans_at(device: Device) -> No
     row, column = truth.row, truth.column
     # not beside the lamp's own plane, where what is seen of it changes within a pixel
     bright = plain.radiance[row, column] > 0.1 * plain.radiance.max()
-    edges = bin_edges(look(surfaces, CAMERA, lit=True)).pixel
+    edges = find_edge_pixels(look(surfaces, CAMERA, lit=True)).pixel
     inside = bright & (truth.face == 0) & ~np.isin(row * CAMERA.width + column, edges)
     rows = np.flatnonzero(inside)[::7]
     got = lit.radiance[row[rows], column[rows]] / plain.radiance[row[rows], column[rows]]

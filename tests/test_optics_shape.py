@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import gpusim as gs
-from gpusim.optics.geometry.surface_normals import shapes_of
+from gpusim.optics.geometry.surface_normals import surface_normals
 from gpusim.optics.geometry.triangle_corners import NORMAL
 from gpusim.optics.geometry.view import look
 
@@ -24,18 +24,21 @@ def camera(x: float) -> gs.Camera:
 
 def test_shapes_are_kept_until_something_moves() -> None:
     one, other = sheet(0.2), sheet(0.3)
-    first = shapes_of([one, other])
-    assert [a is b for a, b in zip(shapes_of([one, other]), first, strict=True)] == [True, True]
+    first = surface_normals([one, other])
+    assert [a is b for a, b in zip(surface_normals([one, other]), first, strict=True)] == [
+        True,
+        True,
+    ]
     same = one.moved(one.points.copy())
-    assert shapes_of([same, other])[0] is first[0]
+    assert surface_normals([same, other])[0] is first[0]
     moved = one.moved(one.points + 1e-9)
-    assert shapes_of([moved, other])[0] is not first[0]
+    assert surface_normals([moved, other])[0] is not first[0]
     # in place, behind the surface's back
-    kept = shapes_of([one])[0]
+    kept = surface_normals([one])[0]
     one.points[3, 2] += 1e-9
-    assert shapes_of([one])[0] is not kept
+    assert surface_normals([one])[0] is not kept
     # another surface of the same shape may have other triangles
-    assert shapes_of([sheet(0.3)])[0] is not shapes_of([other])[0]
+    assert surface_normals([sheet(0.3)])[0] is not surface_normals([other])[0]
 
 
 def test_two_cameras_see_the_same_normals() -> None:

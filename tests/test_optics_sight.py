@@ -9,21 +9,28 @@ import pytest
 from gpusim.gpu import Device
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.geometry.view import View, look
-from gpusim.optics.raster.compute_raster import LARGEST, Sight, probe_view, sight_twin
+from gpusim.optics.raster.compute_raster import (
+    LARGEST,
+    VisibilityBuffer,
+    compute_raster_twin,
+    probe_view,
+)
 from gpusim.optics.raster.id_buffer import near_an_edge, visibility_twin
 from gpusim.surface.surface import Surface
 
 
 def seen(device: Device, view: View, rows: int) -> npt.NDArray[np.uint32]:
     """The numbers + 1 of the triangles that pixels see, band by band."""
-    sight, found = Sight(device, view, rows), []
-    out = device.empty(sight.ids.stride * rows, "test.out")
+    visibility, found = VisibilityBuffer(device, view, rows), []
+    out = device.empty(visibility.ids.stride * rows, "test.out")
     for row0 in range(0, view.camera.height, rows):
         with device.recording("test") as recording:
-            sight.record(recording, row0, rows)
-            sight.number(recording, row0, rows)
-            recording.copy_texture(sight.ids, out, rows)
-        found.append(out.read(np.uint32, (rows, sight.ids.stride // 4))[:, : view.camera.width])
+            visibility.record(recording, row0, rows)
+            visibility.number(recording, row0, rows)
+            recording.copy_texture(visibility.ids, out, rows)
+        found.append(
+            out.read(np.uint32, (rows, visibility.ids.stride // 4))[:, : view.camera.width]
+        )
     return np.concatenate(found)[: view.camera.height]
 
 
@@ -33,7 +40,7 @@ def test_it_sees_what_the_exact_twin_sees(device: Device) -> None:
         pytest.skip("no 64-bit atomics")
     assert view.extent <= LARGEST
     found, exact = seen(device, view, 14), visibility_twin(view)
-    np.testing.assert_array_equal(found, sight_twin(view, 0, view.camera.height))
+    np.testing.assert_array_equal(found, compute_raster_twin(view, 0, view.camera.height))
     # off by less than half a step of 1/256 px in either direction
     wrong = (found != exact) & ~near_an_edge(view, 1.0 / 256.0)
     assert not wrong.any() and 0.8 < np.mean(found > 0) < 1.0
@@ -47,7 +54,7 @@ def test_devices_without_64_bit_atomics_take_the_rasteriser(
     view = probe_view()
     found = seen(device, view, 20)
     monkeypatch.setattr(Device, "atomics64", False)
-    assert Sight(device, view, 20).depth is not None
+    assert VisibilityBuffer(device, view, 20).depth is not None
     wrong = (seen(device, view, 20) != found) & ~near_an_edge(view, 1.0 / 128.0)
     assert not wrong.any()
 
@@ -58,8 +65,8 @@ def test_large_triangles_are_left_to_the_rasteriser(device: Device) -> None:
     for width, rasterised in ((60, False), (100, True)):
         K = np.array([[2.0 * width, 0.0, 0.5 * width], [0.0, 2.0 * width, 20.0], [0.0, 0.0, 1.0]])
         view = look([surface], Camera(width, 40, K), lit=False)
-        sight = Sight(device, view, 40)
-        assert (sight.depth is not None) == (rasterised or not device.atomics64)
+        visibility = VisibilityBuffer(device, view, 40)
+        assert (visibility.depth is not None) == (rasterised or not device.atomics64)
         assert set(np.unique(seen(device, view, 40))) <= {0, 1, 2}
 
 

@@ -11,7 +11,7 @@ import pytest
 import gpusim as gs
 from gpusim.gpu import Device
 from gpusim.optics.geometry.view import RegionPaint
-from gpusim.optics.paint.feature_grid import PatternTable
+from gpusim.optics.paint.feature_grid import FeatureGrid
 from gpusim.surface.fiducials import ring_codes
 from tests.optics_reference import Array, Plate, difference, reference
 
@@ -208,4 +208,4 @@ def test_wrong_targets_are_refused(device: Device) -> None:
     far, near = np.full(2, 1e12), CENTRES + 1e12
     region = RegionPaint(gs.paint.Circles(near, (0.1,)), far - 1.0, far + 2.0, 1e-3)
     with pytest.raises(gs.InputError, match="surface too large for its pattern"):
-        PatternTable.build([region])
+        FeatureGrid.build([region])

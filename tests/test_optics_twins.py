@@ -14,7 +14,7 @@ from gpusim.errors import TwinMismatch
 from gpusim.gpu import Device, twin_checks
 from gpusim.gpu.buffer import Buffer
 from gpusim.optics.edge_pixels import resolve
-from gpusim.optics.edge_pixels.fragment_lists import bin_edges
+from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels
 from gpusim.optics.probes.paints import probe_setup
 from gpusim.optics.raster import id_buffer
 from gpusim.optics.sensor import sensor
@@ -23,11 +23,9 @@ from gpusim.optics.shading.setup import TRIANGLE
 
 STAGES = [
     "optics/edge_pixels/resolve",
-    "optics/shading/glance",
     "optics/sensor/sensor",
     "optics/shading/forward_pass",
     "optics/raster/compute_raster",
-    "optics/shading/speckled",
     "optics/raster/id_buffer",
 ]
 SAMPLED = ["optics/shading/relighting", "optics/shadow/penumbra_mask"]
@@ -55,7 +53,7 @@ def test_one_corrupted_value_of_a_result_is_seen(
     """One value that the stage's check reads back is changed, or made NaN."""
     read = Buffer.read
     inside = id_buffer.visibility_twin(probe_setup().view) > 0
-    inside.reshape(-1)[bin_edges(probe_setup().view).pixel] = False
+    inside.reshape(-1)[find_edge_pixels(probe_setup().view).pixel] = False
     row, column = np.argwhere(inside)[200]
 
     def corrupted(self: Buffer, dtype: Any, *args: Any, **kwargs: Any) -> Any:

@@ -11,7 +11,7 @@ import pytest
 import gpusim as gs
 from gpusim.errors import InputError
 from gpusim.gpu import Device
-from gpusim.optics.edge_pixels.fragment_lists import bin_edges, segment_pixels
+from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels, segment_pixels
 from gpusim.optics.geometry.feature_edges import area_normals, creases, feature_edges
 from gpusim.optics.geometry.view import LONGEST_EDGE, look
 from tests.optics_reference import Array, Plate, flat, pattern, reference
@@ -161,7 +161,7 @@ def test_triangles_of_a_thousandth_of_a_pixel(device: Device, backend: str) -> N
     got = gs.render([surface], view, device=device, backend=backend).radiance
     error = np.abs(got - want)
     print(f"400 slivers {backend}: worst {error.max():.1e}")
-    assert bin_edges(look([surface], view, lit=False)).depth.max() > 500
+    assert find_edge_pixels(look([surface], view, lit=False)).depth.max() > 500
     assert 0.1 < want.max() < 0.3
     assert error.max() < 5e-3
 
@@ -257,7 +257,7 @@ def test_edge_lists_hold_every_pixel_that_a_segment_crosses() -> None:
 def test_edge_pixels_list_their_triangles_from_near_to_far() -> None:
     surfaces = [gs.Surface(plate(0.2, y), QUAD) for y in (0.3, 0.0, 0.6)]
     view = look(surfaces, camera(), lit=False)
-    edges = bin_edges(view)
+    edges = find_edge_pixels(view)
     depth = view.corners[:, :, 2].mean(axis=1)
     for first, last in zip(edges.start[:-1], edges.start[1:], strict=True):
         order: npt.NDArray[np.int64] = edges.triangle[first:last]

@@ -9,7 +9,7 @@ import pytest
 
 from gpusim.errors import InputError
 from gpusim.optics.geometry.view import RegionPaint
-from gpusim.optics.paint.feature_grid import PatternTable
+from gpusim.optics.paint.feature_grid import FeatureGrid
 from gpusim.surface.paint import Checker, Dots, Features, Markers, Plain
 
 LOW, HIGH = np.array([0.0, 0.0]), np.array([1.0, 0.7])
@@ -106,8 +106,8 @@ def test_marker_patches_are_centred_whatever_their_angle() -> None:
         np.testing.assert_allclose(high - low, span, atol=1e-14)
 
 
-def table(paint: Checker | Dots | Markers) -> PatternTable:
-    return PatternTable.build([RegionPaint(paint, LOW, HIGH, 1e-3)])
+def table(paint: Checker | Dots | Markers) -> FeatureGrid:
+    return FeatureGrid.build([RegionPaint(paint, LOW, HIGH, 1e-3)])
 
 
 def test_overlapping_features_are_refused() -> None:
@@ -119,12 +119,12 @@ def test_overlapping_features_are_refused() -> None:
 
 def test_boards_under_fine_meshes_have_small_cells() -> None:
     region = RegionPaint(Checker(0.01), np.zeros(2), np.ones(2), 1e-4)
-    assert PatternTable.build([region]).paints["cell"][0] == 1.0
+    assert FeatureGrid.build([region]).paints["cell"][0] == 1.0
     # triangles of 50 and of 1000 px, which are 0.01 and 0.2 long
-    assert PatternTable.build([region], 50.0).paints["cell"][0] == 2.0**-5
-    assert PatternTable.build([region], 1000.0).paints["cell"][0] == 0.5
+    assert FeatureGrid.build([region], 50.0).paints["cell"][0] == 2.0**-5
+    assert FeatureGrid.build([region], 1000.0).paints["cell"][0] == 0.5
     # no more of them than a table may have
-    many = PatternTable.build([RegionPaint(Checker(1e-3), np.zeros(2), np.ones(2), 1e-5)], 50.0)
+    many = FeatureGrid.build([RegionPaint(Checker(1e-3), np.zeros(2), np.ones(2), 1e-5)], 50.0)
     assert many.paints["cell"][0] == 2.0**-5
 
 
@@ -146,10 +146,10 @@ class Scattered:
 
 def test_discs_overlap_by_their_circles_not_their_boxes() -> None:
     apart = [(0.2, 0.2, 0.1), (0.35, 0.35, 0.1)]
-    PatternTable.build([RegionPaint(Scattered(apart), LOW, HIGH, 1e-3)])
+    FeatureGrid.build([RegionPaint(Scattered(apart), LOW, HIGH, 1e-3)])
     close = [(0.2, 0.2, 0.1), (0.33, 0.33, 0.1)]
     with pytest.raises(InputError, match="overlap"):
-        PatternTable.build([RegionPaint(Scattered(close), LOW, HIGH, 1e-3)])
+        FeatureGrid.build([RegionPaint(Scattered(close), LOW, HIGH, 1e-3)])
 
 
 def test_turned_markers_overlap_by_their_squares_not_their_boxes() -> None:

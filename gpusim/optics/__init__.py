@@ -11,7 +11,6 @@ In the order in which data passes:
 - `shadow`: Which share of each lamp receivers of light see, found on the device.
 - `ambient`: Which surroundings points of surfaces see.
 - `shading`: The light of pixels that lie inside one triangle.
-- `series`: A fine surface's vertices projected on the device, image after image.
 - `edge_pixels`: Exact areas of all triangles that touch them.
 - `truth`: Ground truth per pixel, at the pixel's centre and unfiltered, in float64.
 - `frame`: A rendered frame: linear radiance (on the device until somebody asks) and its ground

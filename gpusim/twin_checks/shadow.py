@@ -11,7 +11,7 @@ from gpusim.gpu import Bound, Device, Uniform, compare, twin_check
 from gpusim.optics.light.quadrature import Lamp
 from gpusim.optics.probes.occluders import probe_pieces, probe_pixels, probe_points, probe_spaces
 from gpusim.optics.probes.paints import fields_setup, probe_setup
-from gpusim.optics.shading.scene_buffers import Tables
+from gpusim.optics.shading.scene_buffers import SceneBuffers
 from gpusim.optics.shadow.brute_force import (
     EdgeFunctions,
     edge_functions,
@@ -59,7 +59,7 @@ def _receiver_planes(device: Device) -> None:
     for setup in (probe_setup(fine=False), probe_setup(), fields_setup(True)):
         count = setup.view.count
         on = np.where(np.arange(count) % 3 > 0, np.arange(count), -1)
-        words = planes_on_device(Tables(device, setup), on.astype(np.int32)).read()[:count]
+        words = planes_on_device(SceneBuffers(device, setup), on.astype(np.int32)).read()[:count]
         planes, lean = planes_twin(setup.view)
         size = np.linalg.norm(planes, axis=1)[:, None]
         got = np.ascontiguousarray(words[:, :3]).view(np.float32) / size

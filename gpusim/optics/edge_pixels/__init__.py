@@ -3,8 +3,6 @@
 In the order in which data passes:
 
 - `pixel_rank`: How many of an image's listed pixels come before others: a search without steps.
-- `sheets`: Pixels that one sheet of triangles covers whole: none of its triangles hides another
-  there.
 - `depth_order`: Which of two triangles is in front where things touch within a pixel (float64,
   vectorised).
 - `fragment_lists`: Edge pixels and the triangles that touch them, nearest first (float64,
@@ -15,8 +13,8 @@ In the order in which data passes:
   leave of the pixel.
 - `fragment_shading`: Pieces of edge pixels in NumPy: what shows of each triangle, its paint's
   mean, its light.
-- `border`: Edge pixels of one flat plate before the background, where it shows one albedo: shares
-  of areas.
+- `plate_border`: Edge pixels of one flat plate before the background, where it shows one albedo:
+  shares of areas.
 - `loop_budget`: Loop turns that the shader of edge pixels may take, which the device limits
   without a word.
 - `scatter`: Single values into an image on the device: one upload, however many there are.

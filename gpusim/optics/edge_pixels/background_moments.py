@@ -51,9 +51,9 @@ def backdrops(
     # the nearest that fills each pixel, behind others
     row = row[np.flatnonzero(np.diff(pixel[row], prepend=-1))]
     own = pixel[row]
-    suits = (row > edges.start[own]) & ~edges.pierced[own] & ~edges.whole[own]
+    suits = (row > edges.start[own]) & ~edges.pierced[own]
     triangle = edges.triangle[: len(full)]
-    suits &= (setup.groups_of(triangle[row]) == 0) & ~setup.bumpy[triangle[row]]
+    suits &= (setup.groups[triangle[row]] == 0) & ~setup.bumpy[triangle[row]]
     row, own = row[suits], own[suits]
     if setup.lighting.shadows is not None and len(row):
         several = row - edges.start[own] >= SEVERAL

@@ -20,7 +20,7 @@ from gpusim.optics.geometry.polygon_clipping import (
     pick,
 )
 
-__all__ = ["settle"]
+__all__ = ["order_overlapping"]
 
 Array = npt.NDArray[np.float64]
 Long = npt.NDArray[np.int64]
@@ -32,7 +32,7 @@ EQUAL = 1e-9
 """Relative 1 / z within which neither is in front."""
 
 
-def settle(
+def order_overlapping(
     order: Long, entry: Long, paint: npt.NDArray[np.integer], corners: Array, inverse: Array
 ) -> Long:
     """``order`` with the triangles of touching things put right, pixel by pixel.

@@ -17,17 +17,15 @@ import numpy.typing as npt
 from gpusim.arrays.ragged import expand
 from gpusim.arrays.sorted_unique import distinct
 from gpusim.arrays.summed_area import in_boxes, summed
-from gpusim.optics.edge_pixels.depth_order import settle
+from gpusim.optics.edge_pixels.depth_order import order_overlapping
 from gpusim.optics.edge_pixels.pixel_rank import Ranks
-from gpusim.optics.edge_pixels.sheets import centred, outlines
-from gpusim.optics.geometry.clipping import Screen
+from gpusim.optics.geometry.clipping import ImagePlane
 from gpusim.optics.geometry.interpenetration import piercings
 from gpusim.optics.geometry.polygon_clipping import pick
 from gpusim.optics.geometry.triangle_corners import CHUNK, POSITION, corner_range
-from gpusim.optics.geometry.vertex_positions import ROUGH
 from gpusim.optics.geometry.view import View
 
-__all__ = ["MARGIN", "EdgePixels", "bin_edges", "segment_hits", "segment_pixels"]
+__all__ = ["MARGIN", "EdgePixels", "find_edge_pixels", "segment_hits", "segment_pixels"]
 
 TILE = 8
 """px, side of the tiles by which triangles far from all edges are sorted out."""
@@ -46,14 +44,12 @@ class EdgePixels:
     """``pixel`` (E,) linear indices; triangles ``triangle[start[k] : start[k + 1]]``.
 
     ``pierced`` (E,): bodies cut each other there, so that no order of the triangles is right.
-    ``whole`` (E,): one sheet covers all of it, so that no triangle hides another.
     """
 
     pixel: npt.NDArray[np.int64]
     start: npt.NDArray[np.int64]
     triangle: npt.NDArray[np.int64]
     pierced: npt.NDArray[np.bool_]
-    whole: npt.NDArray[np.bool_]
 
     @property
     def depth(self) -> npt.NDArray[np.int64]:
@@ -65,9 +61,7 @@ class EdgePixels:
         depth = self.depth[wanted]
         start = np.concatenate([[0], np.cumsum(depth)])
         own = np.repeat(self.start[:-1][wanted] - start[:-1], depth) + np.arange(start[-1])
-        return EdgePixels(
-            self.pixel[wanted], start, self.triangle[own], self.pierced[wanted], self.whole[wanted]
-        )
+        return EdgePixels(self.pixel[wanted], start, self.triangle[own], self.pierced[wanted])
 
 
 def segment_pixels(
@@ -113,7 +107,7 @@ def segment_hits(
     return row[inside] * width + column[inside], keep[segment[run[inside]]]
 
 
-def bin_edges(view: View) -> EdgePixels:
+def find_edge_pixels(view: View) -> EdgePixels:
     """The edge pixels of a view, each with the triangles over it from the nearest to the farthest.
 
     The order is that of 1 / z at the triangle's point nearest to the pixel's centre, which never
@@ -121,12 +115,7 @@ def bin_edges(view: View) -> EdgePixels:
     decides.
     """
     width, height = view.camera.width, view.camera.height
-    end, again = outlines(view)
-    ends = segment_pixels(view.edges[end], width, height)
-    pixel, within = ends, not end.all()
-    if within:
-        pixel = segment_pixels(view.edges[~(end | again)], width, height)
-        pixel = distinct(np.concatenate([pixel, ends]))
+    pixel = segment_pixels(view.edges, width, height)
     cut = segment_pixels(_cuts(view), width, height)
     if len(cut):
         pixel = distinct(np.concatenate([pixel, cut]))
@@ -143,25 +132,12 @@ def bin_edges(view: View) -> EdgePixels:
     corners = _relative(place, own, np.take(at, entry, axis=1))
     keep = np.flatnonzero(_touches(corners))
     entry, triangle, corners = entry[keep], some[own[keep]], pick(corners, keep)
-    pierced = _among(cut, pixel)
-    whole = np.zeros(len(pixel), bool)
-    if within:
-        whole = np.bincount(entry[centred(corners)], minlength=len(pixel)) == 1
-        whole &= ~(pierced | _among(ends, pixel))
+    pierced = np.zeros(len(pixel), bool)
+    pierced[np.searchsorted(pixel, cut)] = True
     start = np.concatenate([[0], np.cumsum(np.bincount(entry, minlength=len(pixel)))])
     order = np.argsort(entry, kind="stable")
-    others = np.flatnonzero(~whole[entry[order]])
-    if len(others):
-        rows = order[others]
-        order[others] = rows[_sorted(view, entry[rows], triangle[rows], pick(corners, rows))]
-    return EdgePixels(pixel, start, triangle[order], pierced, whole)
-
-
-def _among(some: npt.NDArray[np.int64], pixel: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
-    """(n,): which of ``pixel``, ascending, are ``some`` of them."""
-    result = np.zeros(len(pixel), bool)
-    result[np.searchsorted(pixel, some)] = True
-    return result
+    order = order[_sorted(view, entry[order], triangle[order], pick(corners, order))]
+    return EdgePixels(pixel, start, triangle[order], pierced)
 
 
 def _sorted(
@@ -175,7 +151,7 @@ def _sorted(
     inverse = (1.0 / view.corners_of(few, DEPTH)[:, :, 0])[np.searchsorted(few, triangle)]
     depth = _nearest_depth(corners, inverse)
     order = np.lexsort((triangle, -depth, entry))
-    return settle(order, entry, view.paint[triangle], corners, inverse)
+    return order_overlapping(order, entry, view.paint[triangle], corners, inverse)
 
 
 def _cuts(view: View) -> npt.NDArray[np.float64]:
@@ -186,7 +162,7 @@ def _cuts(view: View) -> npt.NDArray[np.float64]:
     triangles = view.corners[:, :, POSITION]
     lines = piercings([triangles[a:b] for a, b in pairwise(number)])
     lines = lines[(lines[:, :, 2] > 0.0).all(axis=1)]
-    screen = Screen(view.camera)
+    screen = ImagePlane(view.camera)
     ideal = screen.ideal(lines)
     if view.camera.lens is None:
         return ideal
@@ -233,7 +209,7 @@ def _near_pixels(
 def _near_tiles(total: npt.NDArray[np.int64], view: View) -> npt.NDArray[np.int64]:
     """Numbers of the triangles so near to one of the tiles counted in ``total`` (rows + 1,
     columns + 1) that their boxes may hold it: the tile of one corner tells."""
-    reach = int((view.extent + ROUGH) // TILE) + 1
+    reach = int(view.extent // TILE) + 1
     if not reach <= FARTHEST:
         return np.arange(view.count)
     most = total.shape[1] - 1, total.shape[0] - 1
@@ -242,7 +218,7 @@ def _near_tiles(total: npt.NDArray[np.int64], view: View) -> npt.NDArray[np.int6
     right, bottom = np.minimum(column + reach + 1, most[0]), np.minimum(row + reach + 1, most[1])
     near = in_boxes(total, left, top, right, bottom) > 0
     flags = near.reshape(-1)
-    columns, rows = view.table.about
+    columns, rows = view.place.T
     held = np.empty(len(columns), bool)
     for first in range(0, len(held), CHUNK):
         part = slice(first, first + CHUNK)

@@ -12,7 +12,12 @@ import numpy.typing as npt
 from gpusim.optics.camera.undistortion_table import distortion_map
 from gpusim.optics.edge_pixels.background_moments import backdrops, fills, left_open
 from gpusim.optics.edge_pixels.fragment_lists import EdgePixels
-from gpusim.optics.edge_pixels.visible_polygons import SLIVER, Cutting, depth_planes, visible_pieces
+from gpusim.optics.edge_pixels.visible_polygons import (
+    SLIVER,
+    Cutting,
+    depth_planes,
+    visible_polygons,
+)
 from gpusim.optics.geometry.polygon_clipping import (
     clip_square,
     half_planes,
@@ -57,9 +62,7 @@ def resolved(setup: Setup, edges: EdgePixels, shares: SharesOf | None = None) ->
         return np.zeros(0)
     view, count = setup.view, len(edges.pixel)
     pixel, at, corners = corners_over(setup, edges)
-    # nothing is in front of a triangle where one sheet covers all
     first = np.repeat(edges.start[:-1], edges.depth)
-    first = np.where(edges.whole[pixel], np.arange(len(pixel)), first)
     triangle = edges.triangle[: len(pixel)]
     planes = half_planes(corners)
     pierced = edges.pierced[pixel] if edges.pierced.any() else None
@@ -71,7 +74,7 @@ def resolved(setup: Setup, edges: EdgePixels, shares: SharesOf | None = None) ->
         cutting = Cutting(pierced, last, depth)
     polygon, sides_left = clip_square(planes)
     behind = backdrops(setup, edges, fills(planes), corners)
-    row, piece = visible_pieces(polygon, sides_left, planes, corners, first, cutting, behind)
+    row, piece = visible_polygons(polygon, sides_left, planes, corners, first, cutting, behind)
     size, middle = moments(piece)
     solid = np.flatnonzero(size > 0.0)
     row, size, middle, piece = row[solid], size[solid], middle[solid], pick(piece, solid)

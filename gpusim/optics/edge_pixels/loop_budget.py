@@ -9,7 +9,7 @@ from gpusim.arrays.sorted_unique import distinct
 from gpusim.optics.edge_pixels.fragment_lists import EdgePixels
 from gpusim.optics.geometry.triangle_corners import ST
 from gpusim.optics.paint.disc_coverage import EDGE_ROWS, row_turns
-from gpusim.optics.paint.feature_grid import PatternTable
+from gpusim.optics.paint.feature_grid import FeatureGrid
 from gpusim.optics.shading.setup import Setup, footprint
 
 __all__ = ["grazing_turns", "speckle_turns"]
@@ -17,7 +17,7 @@ __all__ = ["grazing_turns", "speckle_turns"]
 Array = npt.NDArray[np.float64]
 
 
-def speckle_turns(table: PatternTable) -> int:
+def speckle_turns(table: FeatureGrid) -> int:
     """Loop turns that a polygon over speckle may take: six triangles, rows, points, discs."""
     usual = [3 * grid.cuts for grid in table.speckle.grids if grid.pieces is None]
     if not usual:

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from gpusim.arrays.interleave import WORKGROUP, dealt
 from gpusim.gpu import Buffer, Device, compare, twin_check
 from gpusim.optics.edge_pixels.background_moments import SEVERAL, backdrops, fills
-from gpusim.optics.edge_pixels.fragment_lists import EdgePixels, bin_edges
+from gpusim.optics.edge_pixels.fragment_lists import EdgePixels, find_edge_pixels
 from gpusim.optics.edge_pixels.fragment_shading import THIN, corners_over, resolved
 from gpusim.optics.edge_pixels.loop_budget import grazing_turns, speckle_turns
 from gpusim.optics.edge_pixels.scatter import write_pixels
@@ -29,12 +29,12 @@ from gpusim.optics.paint.disc_coverage import EDGE_ROWS
 from gpusim.optics.paint.feature_grid import LOOP_TURNS
 from gpusim.optics.probes.paints import fields_setup, probe_setup
 from gpusim.optics.shading.relighting import ListedShares, PieceShares, no_pieces
-from gpusim.optics.shading.scene_buffers import Tables
+from gpusim.optics.shading.scene_buffers import SceneBuffers
 from gpusim.optics.shading.setup import Setup
 from gpusim.optics.shadow.receivers import TILE, group_starts
 from gpusim.optics.shadow.scene import Shadows
 
-__all__ = ["EdgePass", "edges_twin"]
+__all__ = ["EdgePixelPass", "edges_twin"]
 
 Array = npt.NDArray[np.float64]
 DEEPEST = 64
@@ -52,29 +52,25 @@ SURE = 2e-4
 """Share of the brightest radiance by which a pixel may be wrong: the host resolves others."""
 
 
-class EdgePass:
+class EdgePixelPass:
     """The edge pixels of one view: `begin`, `fetch`, then `write`.
 
     The device finds them by themselves, so that the host can resolve what it is left with while the
     device shades all other pixels.
     """
 
-    def __init__(self, tables: Tables, edges: EdgePixels) -> None:
+    def __init__(self, buffers: SceneBuffers, edges: EdgePixels) -> None:
         # about what one triangle takes: clipping and samples, then its features' corners
-        table, fine = tables.setup.table, tables.setup.constants([1], False, False)["fine"]
+        table, fine = buffers.setup.table, buffers.setup.constants([1], False, False)["fine"]
         turns = 200 + table.most_in_a_cell * (2000 if fine else 50) + speckle_turns(table)
-        self._present = tables.setup.groups_present()
+        self._present = buffers.setup.groups_present()
         turns += 3000 if BITMAP in self._present else 0
-        each = turns + grazing_turns(tables.setup, edges)
-        groups = tables.setup.groups_of(edges.triangle)
-        even = _even(edges, tables.setup, groups)
+        each = turns + grazing_turns(buffers.setup, edges)
+        groups = buffers.setup.groups[edges.triangle]
         deep = edges.pierced | (edges.depth > np.minimum(DEEPEST, LOOP_TURNS // each))
-        # nothing there depends on how many triangles there are
-        deep &= ~even | (edges.depth > LOOP_TURNS)
-        self.tables = tables
-        order = _alike(edges, even, deep, np.broadcast_to(each, deep.shape), groups)
+        self.buffers = buffers
+        order = _alike(edges, deep, np.broadcast_to(each, deep.shape), groups)
         self._deep, self.edges = edges.select(deep), edges.select(order)
-        self._even = int(np.count_nonzero(even & ~deep))
         self._found: Buffer | None = None
         self._values = np.zeros((0, 2), np.float32)
         self._pieces: PieceShares | None = None
@@ -83,7 +79,7 @@ class EdgePass:
 
     def begin(self) -> None:
         """Let the device find the pixels."""
-        edges, setup, device = self.edges, self.tables.setup, self.tables.device
+        edges, setup, device = self.edges, self.buffers.setup, self.buffers.device
         count = len(edges.pixel)
         if not count:
             return
@@ -96,33 +92,22 @@ class EdgePass:
         constants = setup.constants(self._present, bool(setup.shiny.any()), bool(setup.bumpy.any()))
         shared = {
             "params": {
-                "rays": self.tables.rays(),
+                "rays": self.buffers.rays(),
                 "width": setup.view.camera.width,
                 "background": setup.background,
             },
             "lists": device.buffer(lists, "edges.lists"),
             "found": self._found,
-            **self.tables.shared(),
+            **self.buffers.shared(),
         }
-        if self.tables.records is not None:
-            needed = np.zeros(setup.view.count, bool)
-            needed[edges.triangle] = True
-            numbers = (np.flatnonzero(needed) + 1).astype(np.uint32)
-            with device.recording("optics.edges") as recording:
-                self.tables.records.make(recording, device.buffer(numbers, "edges.needed"))
         if setup.lighting.shadows is not None:
             self._begin_pieces(setup.lighting.shadows, constants, shared)
             return
         shared |= no_pieces(device)
         with device.recording("optics.edges") as recording:
-            for entry, first, stop in (
-                ("whole_pixels", 0, self._even), ("main", self._even, count)
-            ):  # fmt: skip
-                if first == stop:
-                    continue
-                kernel = device.kernel("optics/edge_pixels/resolve", entry, constants)
-                bindings = kernel.bind_used(range=_range(first, stop), **shared)
-                recording.dispatch(kernel, bindings, threads=(stop - first,))
+            kernel = device.kernel("optics/edge_pixels/resolve", "main", constants)
+            bindings = kernel.bind_used(range=_range(0, count), **shared)
+            recording.dispatch(kernel, bindings, threads=(count,))
 
     def _begin_pieces(
         self, shadows: Shadows, constants: dict[str, float], shared: dict[str, Any]
@@ -136,8 +121,8 @@ class EdgePass:
             stop = int(np.searchsorted(start, start[first] + MOST_PIECES, side="right")) - 1
             stop = min(max(stop, first + 1), count)
             slots, starts = self._slots(first, stop)
-            self._pieces = PieceShares(self.tables, shadows, starts)
-            values = {**shared, "slot_of": self.tables.device.buffer(slots, "edges.slots")}
+            self._pieces = PieceShares(self.buffers, shadows, starts)
+            values = {**shared, "slot_of": self.buffers.device.buffer(slots, "edges.slots")}
             self._run_pieces("main", first, stop, {**constants, "listing": 1.0}, values)
             self._light = partial(self._run_pieces, "light_pieces", first, stop, constants, values)
             self._pieces.find()
@@ -147,7 +132,7 @@ class EdgePass:
     def _slots(self, first: int, stop: int) -> tuple[npt.NDArray[np.uint32], npt.NDArray[np.int64]]:
         """Where the pieces of some pixels are listed, and where groups of them begin: those of a
         tile look past the same."""
-        row, column = np.divmod(self.edges.pixel[first:stop], self.tables.setup.view.camera.width)
+        row, column = np.divmod(self.edges.pixel[first:stop], self.buffers.setup.view.camera.width)
         tile = (row // TILE << 16) + column // TILE
         order = np.argsort(tile, kind="stable")
         depth = self.edges.depth[first:stop][order]
@@ -160,7 +145,7 @@ class EdgePass:
     def _run_pieces(
         self, entry: str, first: int, stop: int, constants: dict[str, float], shared: dict[str, Any]
     ) -> None:
-        pieces, device = self._pieces, self.tables.device
+        pieces, device = self._pieces, self.buffers.device
         assert pieces is not None
         kernel = device.kernel("optics/edge_pixels/resolve", entry, constants)
         places = {**_range(first, stop), **pieces.range()}
@@ -187,8 +172,8 @@ class EdgePass:
         """Write the pixels into ``bands``, whose other pixels are shaded or on their way."""
         self.resolve()
         assert self._resolved is not None
-        width = self.tables.setup.view.camera.width
-        write_pixels(self.tables.device, bands, width, *self._resolved)
+        width = self.buffers.setup.view.camera.width
+        write_pixels(self.buffers.device, bands, width, *self._resolved)
 
     def resolve(self) -> None:
         """Find what the device has left.
@@ -199,7 +184,7 @@ class EdgePass:
         """
         if self._resolved is not None:
             return
-        setup = self.tables.setup
+        setup = self.buffers.setup
         shadows = setup.lighting.shadows
         shares = None if shadows is None else ListedShares(shadows)
         value, doubt = self._values[:, 0].copy(), self._values[:, 1] > 0.0
@@ -237,25 +222,14 @@ def _filled(setup: Setup, edges: EdgePixels) -> npt.NDArray[np.bool_]:
     return result
 
 
-def _even(edges: EdgePixels, setup: Setup, groups: npt.NDArray[np.uint32]) -> npt.NDArray[np.bool_]:
-    """(E,): which pixels one sheet covers that has neither patterns nor shadows there; ``groups``:
-    of all triangles over them."""
-    if setup.lighting.shadows is not None:
-        return np.zeros(len(edges.pixel), bool)
-    patterned = np.concatenate([[0], np.cumsum(groups > 0)])
-    result: npt.NDArray[np.bool_] = patterned[edges.start[1:]] == patterned[edges.start[:-1]]
-    return result & edges.whole
-
-
 def _alike(
     edges: EdgePixels,
-    even: npt.NDArray[np.bool_],
     deep: npt.NDArray[np.bool_],
     each: npt.NDArray[np.int64],
     groups: npt.NDArray[np.uint32],
 ) -> npt.NDArray[np.int64]:
-    """Pixels that aren't ``deep`` (E,), ``even`` ones first; those under as many triangles, that
-    take about as many turns for ``each`` (E,) and are of equal paint, side by side.
+    """Pixels that aren't ``deep`` (E,); those under as many triangles, that take about as many
+    turns for ``each`` (E,) and are of equal paint, side by side.
 
     Software rasterisers work on several in step: all of them wait for the deepest, and for the one
     that takes most turns for a triangle. Where that would be too many for some of a workgroup they
@@ -264,24 +238,19 @@ def _alike(
     # behind the last triangle stands that of pixels that have none
     nearest = np.append(groups, 0)[edges.start[:-1]]
     often = np.frexp(each)[1]
-    order = np.lexsort((nearest, often, edges.depth, ~even))
+    order = np.lexsort((nearest, often, edges.depth))
     order = order[~deep[order]]
-    first = int(np.count_nonzero(even & ~deep))
-    while True:
-        others = order[first:]
-        begin = np.arange(0, len(others), WORKGROUP)
-        if not len(begin):
-            break
-        depth, turns = (np.maximum.reduceat(v[others], begin) for v in (edges.depth, each))
-        group = np.arange(len(others)) // WORKGROUP
+    while len(order):
+        begin = np.arange(0, len(order), WORKGROUP)
+        depth, turns = (np.maximum.reduceat(v[order], begin) for v in (edges.depth, each))
+        group = np.arange(len(order)) // WORKGROUP
         # those that the others of their workgroup are held up by most
-        heavy = (depth * turns > LOOP_TURNS)[group] & (2 * each[others] > turns[group])
+        heavy = (depth * turns > LOOP_TURNS)[group] & (2 * each[order] > turns[group])
         if not heavy.any():
             break
-        deep[others[heavy]] = True
-        order = np.concatenate([order[:first], others[~heavy]])
-    parts = np.split(order, [first])
-    return np.concatenate([dealt(part) for part in parts])
+        deep[order[heavy]] = True
+        order = order[~heavy]
+    return dealt(order)
 
 
 def edges_twin(
@@ -296,11 +265,11 @@ def edges_twin(
 @twin_check("optics/edge_pixels/resolve")
 def _check(device: Device) -> None:
     for setup in (probe_setup(), fields_setup(True), fields_setup(False)):
-        edges = bin_edges(setup.view)
+        edges = find_edge_pixels(setup.view)
         camera = setup.view.camera
         start = np.full((camera.height, camera.width), 0.25, np.float32)
         out = device.buffer(start, "edges.radiance")
-        edge_pass = EdgePass(Tables(device, setup), edges)
+        edge_pass = EdgePixelPass(SceneBuffers(device, setup), edges)
         edge_pass.begin()
         edge_pass.fetch()
         edge_pass.write([Band(0, camera.height, camera.width, out)])

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from gpusim.arrays.ragged import batches, expand
 from gpusim.optics.geometry.polygon_clipping import SMALLEST, beyond, clip, moments, pick
 
-__all__ = ["SLIVER", "TOUCH", "Cutting", "depth_planes", "visible_pieces"]
+__all__ = ["SLIVER", "TOUCH", "Cutting", "depth_planes", "visible_polygons"]
 
 Array = npt.NDArray[np.float64]
 Long = npt.NDArray[np.int64]
@@ -62,7 +62,7 @@ def depth_planes(corners: Array, inverse: Array) -> Array:
     return np.stack([a, b, z[0] - a * x[0] - b * y[0]]).T
 
 
-def visible_pieces(
+def visible_polygons(
     polygon: Array,
     count: Long,
     planes: Array,
@@ -83,7 +83,7 @@ def visible_pieces(
     without : (n,) rows that hide what is behind them, and whose own parts aren't asked for.
     """
     area, _ = moments(polygon)
-    drawn = area > SMALLEST
+    vertex_buffers = area > SMALLEST
     # nothing shows behind a triangle that fills the pixel
     filled = np.concatenate([[0], np.cumsum(area >= 1.0 - SMALLEST)])
     row = np.arange(len(polygon))
@@ -92,10 +92,10 @@ def visible_pieces(
     if cutting is not None:
         fronts = np.where(cutting.pierced, cutting.last - first, fronts)
         ahead |= cutting.pierced
-    drawn &= ahead
+    vertex_buffers &= ahead
     if without is not None:
-        drawn &= ~without
-    before = np.where(drawn, fronts, 0)
+        vertex_buffers &= ~without
+    before = np.where(vertex_buffers, fronts, 0)
     behind, before_it = [], []
     for part in batches(before, PAIRS):
         own, step = expand(before[part])
@@ -110,7 +110,7 @@ def visible_pieces(
     )
     many = np.bincount(hidden, minlength=len(row))
     begin = np.cumsum(many) - many
-    owner = np.flatnonzero(drawn)
+    owner = np.flatnonzero(vertex_buffers)
     pieces, size = pick(polygon, owner), count[owner]
     finished: list[tuple[Long, Array]] = []
     turn = 0

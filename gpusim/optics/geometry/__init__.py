@@ -13,14 +13,9 @@ In the order in which data passes:
 - `surface_normals`: Normals of a surface's triangles and vertices: of the surface, whatever looks
   at it.
 - `vertex_attributes`: What a surface's vertices carry: places, normals, paint coordinates.
-- `vertex_positions`: What a view's vertices carry and where they are on the image, as far as
-  somebody asks for it.
 - `culling`: Which triangles of a surface a camera may see, and where they look, a few thousand at
   a time.
-- `single_layer`: Whether a view is one layer: no pixel's centre lies in two of its triangles.
-- `covered`: Triangles of an open surface that its other side hides from the camera.
 - `index_buffer`: Triangles as a camera sees them, by the vertices that they share.
-- `sparse`: Where a pattern leaves most of its region bare: large triangles are cut there.
 - `split_criterion`: Triangles that `gpusim.optics.geometry.clipping.split` would leave as they
   are: they keep their vertices.
 - `clipping`: Triangles cut to what a camera sees and to what float32 and a bent lens allow.

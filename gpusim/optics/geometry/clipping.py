@@ -10,7 +10,6 @@ smooth shading are concerned, and 0.02 px will do. Beside the image nothing has 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,7 +20,8 @@ from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.camera.undistortion_table import distortion_map
 
 __all__ = [
-    "LONGEST_EDGE", "SHORT_EDGE", "Pieces", "Screen", "clip", "extent", "joined", "split",
+    "LONGEST_EDGE", "SHORT_EDGE", "ClippedTriangles", "ImagePlane", "clip", "extent", "joined",
+    "split",
     "without_area",
     "wound",
 ]  # fmt: skip
@@ -51,16 +51,12 @@ out there would be split in vain.
 Clipping is where vertices lie beyond: an edge between two others is left to both its neighbours.
 """
 
-Excess = Callable[[Array, npt.NDArray[np.int64], Array], Array]
-"""From corners (n, 3, k), the triangles (n,) that they come from and places on the image (n, 3, 2):
-(n, 3), above 1 where the edge from a corner to the next must be halved."""
-
 MOST_ROUNDS, MOST_PIECES = 96, 4_000_000
 """Halvings of one triangle, and triangles made by splitting, that no usable camera needs."""
 
 
 @dataclass(frozen=True, eq=False)
-class Pieces:
+class ClippedTriangles:
     """Triangles: ``corners`` (n, 3, k), of which the first three are the camera-space position.
 
     ``shows`` (n, 3): whether the edge from corner j to the next one shows; ``source`` (n,): the
@@ -71,25 +67,25 @@ class Pieces:
     shows: Flags
     source: npt.NDArray[np.int64]
 
-    def __getitem__(self, rows: Flags) -> Pieces:
+    def __getitem__(self, rows: Flags) -> ClippedTriangles:
         if rows.all():
             return self
-        return Pieces(self.corners[rows], self.shows[rows], self.source[rows])
+        return ClippedTriangles(self.corners[rows], self.shows[rows], self.source[rows])
 
     @staticmethod
-    def joined(parts: list[Pieces]) -> Pieces:
+    def joined(parts: list[ClippedTriangles]) -> ClippedTriangles:
         """Several in one, in order."""
         parts = [p for p in parts if len(p.source)] or parts[:1]
         if len(parts) == 1:
             return parts[0]
-        return Pieces(
+        return ClippedTriangles(
             np.concatenate([p.corners for p in parts]),
             np.concatenate([p.shows for p in parts]),
             np.concatenate([p.source for p in parts]),
         )
 
 
-class Screen:
+class ImagePlane:
     """Where camera-space points fall on the image, and which part of the ideal image is in view.
 
     ``straight``: px, the length up to which no edge rises more than 1 px over its chord.
@@ -154,7 +150,7 @@ class Screen:
         )
 
 
-def clip(pieces: Pieces, normal: Array, offset: float) -> Pieces:
+def clip(pieces: ClippedTriangles, normal: Array, offset: float) -> ClippedTriangles:
     """The parts of triangles where normal . X > offset, X their position in camera space."""
     corners, shows = pieces.corners, pieces.shows
     # no matrix product: its rounding depends on where in the array a corner is
@@ -177,7 +173,7 @@ def clip(pieces: Pieces, normal: Array, offset: float) -> Pieces:
         if len(one):
             new = np.stack([corners[one, k], cut(one, k, i), cut(one, k, j)], axis=1)
             flags = np.stack([shows[one, k], np.zeros(len(one), bool), shows[one, j]], axis=1)
-            parts.append(Pieces(new, flags, pieces.source[one]))
+            parts.append(ClippedTriangles(new, flags, pieces.source[one]))
         two = np.flatnonzero((count == 2) & ~ahead[:, k])
         if len(two):
             a, b = corners[two, i], corners[two, j]
@@ -185,16 +181,14 @@ def clip(pieces: Pieces, normal: Array, offset: float) -> Pieces:
             none = np.zeros(len(two), bool)
             source = pieces.source[two]
             flags = np.stack([shows[two, i], shows[two, j], none], axis=1)
-            parts.append(Pieces(np.stack([a, b, on_b], axis=1), flags, source))
+            parts.append(ClippedTriangles(np.stack([a, b, on_b], axis=1), flags, source))
             flags = np.stack([none, none, shows[two, k]], axis=1)
-            parts.append(Pieces(np.stack([a, on_b, on_a], axis=1), flags, source))
-    return Pieces.joined(parts)
+            parts.append(ClippedTriangles(np.stack([a, on_b, on_a], axis=1), flags, source))
+    return ClippedTriangles.joined(parts)
 
 
-def split(pieces: Pieces, screen: Screen, more: Excess | None = None) -> tuple[Pieces, Array]:
+def split(pieces: ClippedTriangles, screen: ImagePlane) -> tuple[ClippedTriangles, Array]:
     """Halve edges until all are short and straight enough; drop what lies outside the image.
-
-    ``more`` tells further edges that must be halved: see `Excess`.
 
     Returns the triangles and their positions (n, 3, 2) on the image.
 
@@ -203,7 +197,7 @@ def split(pieces: Pieces, screen: Screen, more: Excess | None = None) -> tuple[P
     InputError
         A lens that bends edges in view so strongly that halving them doesn't end in good time.
     """
-    done: list[Pieces] = []
+    done: list[ClippedTriangles] = []
     places: list[Array] = []
     most = len(pieces.source) + MOST_PIECES
     for _ in range(MOST_ROUNDS):
@@ -213,15 +207,13 @@ def split(pieces: Pieces, screen: Screen, more: Excess | None = None) -> tuple[P
             pieces, ideal = pieces[keep], ideal[keep]
         if screen.camera.lens is None:
             place, good = ideal, np.ones(len(ideal), bool)
-            if more is None and extent(ideal) <= SHORT_EDGE:
-                return Pieces.joined([*done, pieces]), joined([*places, place])
+            if extent(ideal) <= SHORT_EDGE:
+                return ClippedTriangles.joined([*done, pieces]), joined([*places, place])
         else:
             place = screen.bent(ideal)
             # what a lens turns over is a sliver within the tolerance, or beyond the lens's domain
             good = _twice_area(place) * _twice_area(ideal) > 0.0
         above = edge_excess(ideal, place, pieces.shows, screen)
-        if more is not None:
-            above = np.maximum(above, more(pieces.corners, pieces.source, place))
         long = (above[:, 0] > 1.0) | (above[:, 1] > 1.0) | (above[:, 2] > 1.0)
         good &= ~long
         if screen.camera.lens is not None:
@@ -229,7 +221,7 @@ def split(pieces: Pieces, screen: Screen, more: Excess | None = None) -> tuple[P
         done.append(pieces[good])
         places.append(place if good.all() else place[good])
         if not long.any():
-            return Pieces.joined(done), joined(places)
+            return ClippedTriangles.joined(done), joined(places)
         pieces = _halved(pieces[long], np.argmax(above[long], axis=1))
         if len(pieces.source) > most:
             break
@@ -242,7 +234,7 @@ def split(pieces: Pieces, screen: Screen, more: Excess | None = None) -> tuple[P
     )
 
 
-def edge_excess(ideal: Array, place: Array, shows: Flags, screen: Screen) -> Array:
+def edge_excess(ideal: Array, place: Array, shows: Flags, screen: ImagePlane) -> Array:
     """(n, 3): above 1 where the edge from a corner of a triangle to the next must be halved."""
     side = place[:, [1, 2, 0]] - place
     length = np.sqrt(side[..., 0] ** 2 + side[..., 1] ** 2)
@@ -273,7 +265,7 @@ def edge_excess(ideal: Array, place: Array, shows: Flags, screen: Screen) -> Arr
     return excess
 
 
-def _halved(pieces: Pieces, k: npt.NDArray[np.int64]) -> Pieces:
+def _halved(pieces: ClippedTriangles, k: npt.NDArray[np.int64]) -> ClippedTriangles:
     """Each triangle cut in two at the middle of its edge k."""
     rows = np.arange(len(k))
     i, j = (k + 1) % 3, (k + 2) % 3
@@ -286,7 +278,7 @@ def _halved(pieces: Pieces, k: npt.NDArray[np.int64]) -> Pieces:
         np.stack([shows[rows, k], shows[rows, i], none], axis=1),
     ]
     halves = [np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)]
-    return Pieces(
+    return ClippedTriangles(
         np.concatenate(halves), np.concatenate(flags), np.concatenate([pieces.source] * 2)
     )
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.optics.geometry.clipping import Screen, wound
+from gpusim.optics.geometry.clipping import ImagePlane, wound
 from gpusim.optics.geometry.triangle_corners import CHUNK
 
 __all__ = ["Culled", "cull"]
@@ -34,7 +34,7 @@ def cull(
     ideal: Array,
     ahead: Flags,
     closed: bool,
-    screen: Screen,
+    screen: ImagePlane,
 ) -> Culled:
     """Of triangles (T, 3) with normals ``area()`` (3, T) and vertices at ``points`` (P, 3) in the
     world, seen at ``ideal`` (P, 2) px where they are ``ahead`` (P,).
@@ -88,7 +88,7 @@ def _facing(area: Array, away: list[Array], corner: npt.NDArray[np.int64]) -> Ar
     return result
 
 
-def _sides(ideal: Array, ahead: Flags, screen: Screen) -> npt.NDArray[np.uint8]:
+def _sides(ideal: Array, ahead: Flags, screen: ImagePlane) -> npt.NDArray[np.uint8]:
     """(P,): a bit for every side of the image that a vertex is beside; one behind the camera is on
     no side."""
     sides = np.zeros(len(ideal), np.uint8)

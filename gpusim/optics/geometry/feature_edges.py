@@ -12,6 +12,7 @@ from gpusim.surface.topology import Topology
 
 __all__ = [
     "area_normals",
+    "border_of",
     "corner_normals",
     "creases",
     "feature_edges",
@@ -191,3 +192,21 @@ def sharp_normals(
     found = np.any(total != 0.0, axis=0)
     result: Array = np.where(found, unit(total), direction).T
     return result
+
+
+def border_of(topology: Topology, keep: Flags | None) -> tuple[Numbers, Numbers]:
+    """Vertices that sides without a neighbour begin and end at, of all triangles or of those to
+    ``keep`` (T,)."""
+    edge = np.flatnonzero(~topology.manifold)
+    triangle = topology.first[edge]
+    if keep is not None:
+        # besides, an edge without one of its two triangles is one of those that aren't kept
+        lost = np.zeros(len(topology.first), bool)
+        lost[topology.edge[np.flatnonzero(~keep)]] = True
+        edge = np.concatenate([edge, np.flatnonzero(lost & topology.manifold)])
+        first, second = topology.first[edge], topology.second[edge]
+        triangle = np.where(keep[first], first, second)
+        alone = keep[triangle] & ~(keep[first] & keep[second] & topology.manifold[edge])
+        edge, triangle = edge[alone], triangle[alone]
+    k = np.argmax(topology.edge[triangle] == edge[:, None], axis=1)
+    return topology.triangles[triangle, k], topology.triangles[triangle, (k + 1) % 3]

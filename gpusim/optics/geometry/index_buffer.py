@@ -13,25 +13,24 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.optics.geometry.clipping import Pieces, extent
+from gpusim.optics.geometry.clipping import ClippedTriangles, extent
 from gpusim.optics.geometry.triangle_corners import at_corners
 from gpusim.surface.plane import used_vertices
 
-__all__ = ["Indexed"]
+__all__ = ["IndexedTriangles"]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
-class Indexed:
+class IndexedTriangles:
     """``vertices`` (V, 11) carry what `gpusim.optics.geometry.view.View` says, at ``place`` (V, 2)
     px.
 
     ``corner`` (T, 3): vertices of the triangles; ``shows`` (T, 3): whether the edge from a corner
     to the next shows; ``source`` (T,): the triangle of the surface that each comes from.
-    ``extent``: px, no box round a triangle has a longer side. ``layer``: no pixel's centre lies in
-    two of them.
+    ``extent``: px, no box round a triangle has a longer side.
     """
 
     vertices: Array
@@ -40,10 +39,9 @@ class Indexed:
     shows: npt.NDArray[np.bool_]
     source: Numbers
     extent: float
-    layer: bool = False
 
     @staticmethod
-    def of(pieces: Pieces, place: Array) -> Indexed:
+    def of(pieces: ClippedTriangles, place: Array) -> IndexedTriangles:
         """Pieces at ``place`` (T, 3, 2) px, none of which share a corner."""
         count = len(pieces.source)
         columns = np.empty((pieces.corners.shape[2], 3 * count))
@@ -52,16 +50,16 @@ class Indexed:
             columns[:, k * count : (k + 1) * count] = pieces.corners[:, k].T
             at[:, k * count : (k + 1) * count] = place[:, k].T
         corner = np.arange(3 * count).reshape(3, count).T
-        return Indexed(columns.T, at.T, corner, pieces.shows, pieces.source, extent(place))
+        return IndexedTriangles(columns.T, at.T, corner, pieces.shows, pieces.source, extent(place))
 
     @staticmethod
-    def joined(parts: Sequence[Indexed]) -> Indexed:
+    def joined(parts: Sequence[IndexedTriangles]) -> IndexedTriangles:
         """Several in one, in order."""
         parts = [part for part in parts if len(part.source)] or list(parts[:1])
         if len(parts) == 1:
             return parts[0]
         before = np.cumsum([0, *(len(part.place) for part in parts)])
-        return Indexed(
+        return IndexedTriangles(
             np.concatenate([part.vertices.T for part in parts], axis=1).T,
             np.concatenate([part.place.T for part in parts], axis=1).T,
             np.concatenate(
@@ -72,21 +70,23 @@ class Indexed:
             max(part.extent for part in parts),
         )
 
-    def some(self, wanted: npt.NDArray[np.bool_], place: Array, extent: float) -> Indexed:
+    def some(self, wanted: npt.NDArray[np.bool_], place: Array, extent: float) -> IndexedTriangles:
         """The triangles that are ``wanted`` (T,), and their vertices, at ``place`` (V, 2) px."""
         if wanted.all():
-            return Indexed(self.vertices, place, self.corner, self.shows, self.source, extent)
+            return IndexedTriangles(
+                self.vertices, place, self.corner, self.shows, self.source, extent
+            )
         corner = self.corner[wanted]
         used = used_vertices(corner, len(place))
         number = np.zeros(len(place), np.int64)
         number[used] = np.arange(len(used))
-        return Indexed(
+        return IndexedTriangles(
             self.vertices.T[:, used].T, place.T[:, used].T, number[corner.T].T,
             self.shows[wanted], self.source[wanted], extent,
         )  # fmt: skip
 
-    def pieces(self, wanted: npt.NDArray[np.bool_]) -> Pieces:
+    def pieces(self, wanted: npt.NDArray[np.bool_]) -> ClippedTriangles:
         """Those that are ``wanted`` (T,), corner by corner."""
         corner = self.corner if wanted.all() else self.corner[wanted]
         corners = at_corners(self.vertices, list(corner.T))
-        return Pieces(corners, self.shows[wanted], self.source[wanted])
+        return ClippedTriangles(corners, self.shows[wanted], self.source[wanted])

@@ -15,14 +15,13 @@ from gpusim.optics.geometry.clipping import (  # fmt: skip
     CHORD_INSIDE,
     LONGEST_BENT,
     SHORT_EDGE,
-    Screen,
+    ImagePlane,
     without_area,
 )
-from gpusim.optics.geometry.index_buffer import Indexed
-from gpusim.optics.geometry.sparse import SPARSE_EDGE
+from gpusim.optics.geometry.index_buffer import IndexedTriangles
 from gpusim.optics.geometry.triangle_corners import CHUNK
 
-__all__ = ["uncut"]
+__all__ = ["whole_triangles"]
 
 Flags = npt.NDArray[np.bool_]
 
@@ -30,11 +29,13 @@ SHORT = 0.7
 """No edge of a triangle within a box of this side is longer than 1."""
 
 
-def uncut(found: Indexed, screen: Screen, crossing: Flags, sparse: bool) -> tuple[Indexed, Flags]:
+def whole_triangles(
+    found: IndexedTriangles, screen: ImagePlane, crossing: Flags
+) -> tuple[IndexedTriangles, Flags]:
     """What is drawn as it is of triangles on the ideal image, at its place through the lens.
 
-    ``crossing`` (n,): which have to be clipped; ``sparse``: whether edges near features are cut.
-    The flags (n,) tell which are done with: what isn't drawn of them is out of view.
+    ``crossing`` (n,): which have to be clipped. The flags (n,) tell which are done with: what isn't
+    drawn of them is out of view.
     """
     # vertices behind the camera are those of triangles that are clipped
     ideal = place = np.where(np.isfinite(found.place), found.place, 0.0)
@@ -48,8 +49,6 @@ def uncut(found: Indexed, screen: Screen, crossing: Flags, sparse: bool) -> tupl
             SHORT * min(np.sqrt(chord) * screen.straight, LONGEST_BENT)
             for chord in (CHORD_INSIDE, CHORD)
         ]
-    if sparse:
-        limits = [min(limit, SHORT * SPARSE_EDGE) for limit in limits]
     count = len(found.source)
     done, drawn, extent = np.empty(count, bool), np.empty(count, bool), 0.0
     for first in range(0, count, CHUNK):

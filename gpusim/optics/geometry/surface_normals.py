@@ -16,12 +16,12 @@ from gpusim.optics.geometry.feature_edges import corner_normals, creases, smooth
 from gpusim.optics.geometry.triangle_corners import CHUNK
 from gpusim.surface.surface import Surface
 
-__all__ = ["Shape", "shapes_of"]
+__all__ = ["SurfaceNormals", "surface_normals"]
 
 Array = npt.NDArray[np.float64]
 
 
-class Shape:
+class SurfaceNormals:
     """A surface's normals, found where somebody asks for them.
 
     ``points`` (P, 3): its vertices in the world; ``smooth_angle``: rad, see
@@ -61,11 +61,6 @@ class Shape:
         triangles, vertices = self._topology.triangles, len(self.points)
         return smooth_normals(self.area, triangles, vertices, self.smooth_angle)
 
-    @property
-    def smooth_known(self) -> bool:
-        """Whether `smooth` has been found."""
-        return "smooth" in self.__dict__
-
     def is_of(self, surface: Surface) -> bool:
         """Whether a surface has this shape."""
         return (
@@ -75,16 +70,18 @@ class Shape:
         )
 
 
-_last: tuple[Shape, ...] = ()
+_last: tuple[SurfaceNormals, ...] = ()
 
 
-def shapes_of(surfaces: Sequence[Surface]) -> list[Shape]:
+def surface_normals(surfaces: Sequence[Surface]) -> list[SurfaceNormals]:
     """The shapes of surfaces, which are kept until the next ones are asked for."""
     global _last
     kept = dict(enumerate(_last))
     found = []
     for number, surface in enumerate(surfaces):
         shape = kept.get(number)
-        found.append(shape if shape is not None and shape.is_of(surface) else Shape(surface))
+        found.append(
+            shape if shape is not None and shape.is_of(surface) else SurfaceNormals(surface)
+        )
     _last = tuple(found)
     return found

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.optics.geometry.feature_edges import sharp_normals
-from gpusim.optics.geometry.surface_normals import Shape
+from gpusim.optics.geometry.surface_normals import SurfaceNormals
 from gpusim.optics.geometry.triangle_corners import (
     CHUNK,
     NORMAL,
@@ -137,7 +137,7 @@ class VertexTable:
         st[away] = st[away][:, [0, 2, 1]]
         return st
 
-    def smooth(self, surface: Surface, shape: Shape, kept: Numbers, turned: Flags) -> None:
+    def smooth(self, surface: Surface, shape: SurfaceNormals, kept: Numbers, turned: Flags) -> None:
         """Fill in world normals of triangles ``kept`` (n,) of the surface, some ``turned``."""
         normal, sharp = shape.smooth
         self.columns[NORMAL] = (

@@ -10,7 +10,7 @@ Greer, "Triangle scan conversion using 2D homogeneous coordinates", 1997).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 
@@ -18,20 +18,23 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.optics.camera.pinhole import Camera
-from gpusim.optics.geometry.clipping import LONGEST_EDGE, SHORT_EDGE, Pieces, Screen, clip, split
-from gpusim.optics.geometry.covered import uncovered
+from gpusim.optics.geometry.clipping import (
+    LONGEST_EDGE,
+    SHORT_EDGE,
+    ClippedTriangles,
+    ImagePlane,
+    clip,
+    split,
+)
 from gpusim.optics.geometry.culling import cull
-from gpusim.optics.geometry.feature_edges import corner_normals, feature_edges
-from gpusim.optics.geometry.index_buffer import Indexed
+from gpusim.optics.geometry.feature_edges import area_normals, feature_edges
+from gpusim.optics.geometry.index_buffer import IndexedTriangles
 from gpusim.optics.geometry.pattern_seams import speckle_jumps
 from gpusim.optics.geometry.pixel_footprint import RegionPaint, regions_of, with_reach
-from gpusim.optics.geometry.single_layer import FEWEST, one_layer
-from gpusim.optics.geometry.sparse import sparse_excess
-from gpusim.optics.geometry.split_criterion import uncut
-from gpusim.optics.geometry.surface_normals import Shape, shapes_of
+from gpusim.optics.geometry.split_criterion import whole_triangles
+from gpusim.optics.geometry.surface_normals import SurfaceNormals, surface_normals
 from gpusim.optics.geometry.triangle_corners import (
     POSITION,
-    ST,
     at_corners,
     barycentric_planes,
     corner_range,
@@ -40,7 +43,6 @@ from gpusim.optics.geometry.triangle_corners import (
     products,
 )
 from gpusim.optics.geometry.vertex_attributes import VertexTable, turned_corners
-from gpusim.optics.geometry.vertex_positions import Vertices
 from gpusim.surface.plane import PaintFrame
 from gpusim.surface.speckle import Speckle
 from gpusim.surface.surface import Surface
@@ -75,22 +77,21 @@ FLAT = 1e-9
 class View:
     """The triangles that a camera may see.
 
-    ``table``: what its vertices carry, and where they are. ``corner`` (T, 3): vertices of each
-    triangle; those of some of its corners may be no other triangle's. ``paint`` and ``face`` (T,):
+    ``vertices`` (V, 11): camera-space position, paint coordinates, world normal, undeformed world
+    position; ``place`` (V, 2) px, through the lens. ``corner`` (T, 3): vertices of each triangle;
+    those of some of its corners may be no other triangle's. ``paint`` and ``face`` (T,):
     index into ``paints`` and into the faces of all surfaces in order. ``regions``: ``paints`` of
     which not all is known yet; ``found``: these and ``footprint`` where they are known. ``edges``
     (E, 2, 2): the visible silhouettes, creases and region borders on screen, px. ``body`` (T,):
     number of the surface, ascending. ``edge_source`` (E, 2): the triangle that each edge is of, and
     its corner that it begins at. ``extent``: px, no box round a triangle has a longer side.
-    ``guessed``: the largest pixels in ``found`` are likely, but not certain. ``layer``: no pixel's
-    centre lies in two triangles, unless places are so snapped that one is turned over.
-    ``largest``: px, side of the largest box that was looked at, if that isn't ``extent``.
     ``source`` (T,): of what `look` makes, index into the triangles of all surfaces in order.
     ``origin`` (3,): where what was looked at has its zero, the undeformed positions excepted.
     """
 
     camera: Camera
-    table: Vertices
+    vertices: Array
+    place: Array
     corner: npt.NDArray[np.int64]
     paint: npt.NDArray[np.int32]
     face: npt.NDArray[np.int32]
@@ -100,9 +101,6 @@ class View:
     edge_source: npt.NDArray[np.int64]
     extent: float
     found: tuple[tuple[RegionPaint, ...], Array] | None = None
-    guessed: bool = False
-    layer: bool = False
-    largest: float | None = None
     source: npt.NDArray[np.int64] = field(default_factory=NO_SOURCE.copy)
     origin: Array = field(default_factory=partial(np.zeros, 3))
 
@@ -110,17 +108,6 @@ class View:
     def count(self) -> int:
         """Number of triangles."""
         return len(self.corner)
-
-    @property
-    def vertices(self) -> Array:
-        """(V, 11): camera-space position, paint coordinates, world normal, undeformed world
-        position."""
-        return self.table.columns
-
-    @property
-    def place(self) -> Array:
-        """(V, 2) px, through the lens."""
-        return self.table.place
 
     @cached_property
     def _found(self) -> tuple[tuple[RegionPaint, ...], Array]:
@@ -147,7 +134,7 @@ class View:
 
     def corners_of(self, triangles: Rows, columns: slice = ALL) -> Array:
         """(n, 3, …): those of some triangles, or some ``columns`` of them."""
-        return self.table.at_corners(columns, self._vertices_of(triangles))
+        return at_corners(self.vertices[:, columns], self._vertices_of(triangles))
 
     @cached_property
     def screen(self) -> Array:
@@ -156,7 +143,7 @@ class View:
 
     def screen_of(self, triangles: Rows) -> Array:
         """(n, 3, 2) px: those of some triangles."""
-        return self.table.places_at(self._vertices_of(triangles))
+        return at_corners(self.place, self._vertices_of(triangles))
 
     def _vertices_of(self, triangles: Rows) -> list[npt.NDArray[np.int64]]:
         """The vertices (n,) of some triangles by corner: rows of three take twice as long."""
@@ -179,7 +166,7 @@ class View:
         """(V, 2) px: ``place`` without the lens's distortion."""
         if self.camera.lens is None:
             return self.place
-        return Screen(self.camera).ideal(self.table.position)
+        return ImagePlane(self.camera).ideal(self.vertices[:, POSITION])
 
     @cached_property
     def flat(self) -> bool:
@@ -187,8 +174,7 @@ class View:
         if not self.count or self.body[0] != self.body[-1]:
             return False
         corners = self.corners_of(ALL, POSITION)
-        normals = np.empty((3, self.count))
-        corner_normals(self.vertices[:, POSITION], list(self.corner.T), normals)
+        normals = area_normals(self.vertices[:, POSITION], self.corner)
         normal = normals[:, np.argmax(products(normals, normals))]
         away = [np.abs(products((corners[:, k] - corners[0, 0]).T, normal)).max() for k in range(3)]
         # far less than the depth of a triangle in front of another could be told by
@@ -227,7 +213,7 @@ class View:
         """The view of some triangles (n,) that share no vertices, without edges."""
         corner = self.corner[triangles].reshape(-1)
         return replace(
-            self, table=self.table.some(corner),
+            self, vertices=self.vertices.T[:, corner].T, place=self.place.T[:, corner].T,
             corner=np.arange(len(corner)).reshape(-1, 3), paint=self.paint[triangles],
             face=self.face[triangles], body=self.body[triangles], edges=self.edges[:0],
             edge_source=self.edge_source[:0], source=self.source[:0],
@@ -236,15 +222,15 @@ class View:
     def inverse_depth(self, triangles: npt.NDArray[np.int64] | None = None) -> Array:
         """1 / z of every corner, (T, 3), or of those of some ``triangles`` (n,), (n, 3)."""
         if triangles is not None:
-            depth = self.table.position[:, 2]
+            depth = self.vertices[:, 2]
             return 1.0 / np.stack([np.take(depth, v) for v in self._vertices_of(triangles)]).T
-        return np.take(1.0 / self.table.position[:, 2], self.corner)
+        return np.take(1.0 / self.vertices[:, 2], self.corner)
 
     def raster_depth(self) -> tuple[float, npt.NDArray[np.float32]]:
         """What 1 / z is scaled by to stay below 1 in a depth buffer, and 1 / z of every vertex."""
         if not self.count:
             return 1.0, np.zeros(1, np.float32)
-        inverse = 1.0 / self.table.position[:, 2]
+        inverse = 1.0 / self.vertices[:, 2]
         return 0.999 / float(inverse.max()), inverse.astype(np.float32)
 
     def fixed(self) -> npt.NDArray[np.int32]:
@@ -255,34 +241,25 @@ class View:
         return result
 
 
-def look(
-    surfaces: Sequence[Surface],
-    camera: Camera,
-    lit: bool,
-    begin: Callable[[View], None] | None = None,
-) -> View:
+def look(surfaces: Sequence[Surface], camera: Camera, lit: bool) -> View:
     """Prepare ``surfaces`` for ``camera``; normals are computed only where they are used.
 
     Faces of closed surfaces that look away are dropped; those of open ones are turned round.
-    ``begin``: is called as soon as it is known where the triangles lie, if that is before all else
-    is, with a view that tells no more than that: its vertices have positions alone.
     """
-    screen = Screen(camera)
+    screen = ImagePlane(camera)
     at = [in_camera(camera, surface.points) for surface in surfaces]
     far = max((float(points[:, 2].max()) for points in at), default=0.0)
-    none = Pieces(np.zeros((0, 3, 11)), np.zeros((0, 3), bool), NO_SOURCE)
-    parts = [Indexed.of(none, NO_PLACES)]
+    none = ClippedTriangles(np.zeros((0, 3, 11)), np.zeros((0, 3), bool), NO_SOURCE)
+    parts = [IndexedTriangles.of(none, NO_PLACES)]
     paint_ids: list[Short] = []
     face_ids: list[Short] = []
     paints: list[RegionPaint] = []
     body_ids: list[Short] = []
     sources, first, first_face = [NO_SOURCE], 0, 0
-    shapes = shapes_of(surfaces)
-    # the places of several surfaces' triangles would have to be joined twice
-    begin = begin if len(surfaces) == 1 else None
+    shapes = surface_normals(surfaces)
     for number, (surface, shape, points) in enumerate(zip(surfaces, shapes, at, strict=True)):
         if far > 0.0:
-            part = _seen_of(surface, shape, points, screen, NEAR * far, lit, begin)
+            part = _seen_of(surface, shape, points, screen, NEAR * far, lit)
             source = np.take(surface.topology.source, part.source, mode="clip")
             if len(surface.paints) == 1:
                 paint_ids.append(np.full(len(source), len(paints), np.int32))
@@ -295,14 +272,14 @@ def look(
             parts.append(part)
         paints += regions_of(surface)
         first, first_face = first + len(surface.topology.triangles), first_face + len(surface.faces)
-    all_of = Indexed.joined(parts)
+    all_of = IndexedTriangles.joined(parts)
     place, corner = all_of.place, all_of.corner
     shown, k = np.divmod(np.flatnonzero(all_of.shows), 3)
     ends = [place[corner[shown, j]] for j in (k, (k + 1) % 3)]
     return View(
-        camera, Vertices(all_of.vertices, place), corner, _joined(paint_ids), _joined(face_ids),
+        camera, all_of.vertices, place, corner, _joined(paint_ids), _joined(face_ids),
         tuple(paints), np.stack(ends, axis=1), _joined(body_ids), np.stack([shown, k], axis=1),
-        all_of.extent, layer=all_of.layer, source=np.concatenate(sources),
+        all_of.extent, source=np.concatenate(sources),
     )  # fmt: skip
 
 
@@ -313,15 +290,13 @@ def _joined(parts: list[Short]) -> Short:
 
 def _seen_of(
     surface: Surface,
-    shape: Shape,
+    shape: SurfaceNormals,
     points: Array,
-    screen: Screen,
+    screen: ImagePlane,
     near: float,
     lit: bool,
-    begin: Callable[[View], None] | None,
-) -> Indexed:
-    """What may be seen of a surface whose vertices are at camera-space ``points``; ``begin`` as in
-    `look`."""
+) -> IndexedTriangles:
+    """What may be seen of a surface whose vertices are at camera-space ``points``."""
     topology = surface.topology
     triangles = topology.triangles
     ahead = points[:, 2] > near
@@ -334,8 +309,7 @@ def _seen_of(
         surface.points, lambda: shape.area, triangles, ideal, ahead, topology.closed, screen
     )  # fmt: skip
     front = culled.front
-    keep, ends = uncovered(topology, front, culled.keep, ideal, points[:, 2])
-    kept = np.flatnonzero(keep)
+    kept = np.flatnonzero(culled.keep)
     turned = ~(front if len(kept) == len(front) else np.take(front, kept, mode="clip"))
     corner = turned_corners(triangles, kept, turned)
     out = ~ahead | screen.beyond(ideal)
@@ -347,25 +321,10 @@ def _seen_of(
     untouched = straight and culled.extent <= SHORT_EDGE
     table = VertexTable(surface, points, corner, bool(out.any()))
     place = np.take(ideal.T, table.origin, axis=1).T
-    layer = False
-    if untouched and begin is not None:
-        layer = len(kept) >= FEWEST and one_layer(
-            topology, front, keep, ideal, screen.camera.height
-        )
-        none = np.zeros(0, np.int32)
-        known = Vertices(table.columns[POSITION].T, place)
-        begin(
-            View(
-                screen.camera, known, table.corner.T, none, none,
-                regions_of(surface), np.zeros((0, 2, 2)), none, np.zeros((0, 2), np.int64),
-                culled.extent, layer=layer,
-            )
-        )  # fmt: skip
     shows = feature_edges(
-        topology, front, surface.regions, shape.creases, keep, shape.smooth[1] if lit else None,
-        surface.extents,
+        topology, front, surface.regions, shape.creases, culled.keep,
+        shape.smooth[1] if lit else None, surface.extents,
     )  # fmt: skip
-    shows[ends] = True
     table.paint(surface, kept, turned)
     if lit:
         table.smooth(surface, shape, kept, turned)
@@ -380,13 +339,12 @@ def _seen_of(
         flags[turned] = flags[turned][:, [2, 1, 0]]
     if len(place) < len(table.origin):
         place = np.take(ideal.T, table.origin, axis=1).T
-    found = Indexed(table.columns.T, place, table.corner.T, flags, kept, culled.extent, layer)
+    found = IndexedTriangles(table.columns.T, place, table.corner.T, flags, kept, culled.extent)
     if untouched:
         return found
-    more = sparse_excess(surface, ST)
     left, parts = np.ones(len(kept), bool), []
     if len(kept) >= MANY:
-        whole, done = uncut(found, screen, crossing, more is not None)
+        whole, done = whole_triangles(found, screen, crossing)
         left, parts = ~done, [whole]
         if not left.any():
             return whole
@@ -396,5 +354,5 @@ def _seen_of(
         cut = clip(pieces[crossing], np.array([0.0, 0.0, 1.0]), near)
         for normal in screen.guards():
             cut = clip(cut, normal, 0.0)
-        pieces = Pieces.joined([pieces[~crossing], cut])
-    return Indexed.joined([*parts, Indexed.of(*split(pieces, screen, more))])
+        pieces = ClippedTriangles.joined([pieces[~crossing], cut])
+    return IndexedTriangles.joined([*parts, IndexedTriangles.of(*split(pieces, screen))])

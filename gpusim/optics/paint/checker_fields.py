@@ -109,7 +109,7 @@ def within_fields(
     own = near & (view.paint == number)
     whole = bool(own.all())
     corner = view.corner if whole else view.corner[own]
-    close, plain = field_of(paint, region.reach, view.table.shown[:, ST], corner)
+    close, plain = field_of(paint, region.reach, view.vertices[:, ST], corner)
     rows = slice(None) if whole else np.flatnonzero(own)
     near[rows] = close
     albedo[rows] = np.where(close, albedo[rows], plain)

@@ -21,7 +21,7 @@ from gpusim.optics.paint.checker_fields import MARGIN, lines_near
 from gpusim.optics.shading.setup import Setup
 from gpusim.surface.paint import Checker
 
-__all__ = ["BoardLines", "on_boards"]
+__all__ = ["BoardLines"]
 
 Array = npt.NDArray[np.float64]
 Long = npt.NDArray[np.int64]
@@ -78,14 +78,6 @@ class BoardLines:
         if not found:
             return None
         return BoardLines(member, *(np.concatenate(parts) for parts in zip(*found, strict=True)))
-
-
-def on_boards(setup: Setup) -> npt.NDArray[np.bool_]:
-    """(T,): which triangles of a view are on boards with large fields, near one of their lines."""
-    member = np.zeros(setup.view.count, bool)
-    for _, _, rows in _boards(setup):
-        member[rows] = True
-    return member
 
 
 def _boards(setup: Setup) -> Iterator[tuple[Checker, float, Long]]:

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from gpusim.optics.geometry.anisotropic_footprint import LONGEST_ROW, MOST_PIECES, MOST_SIDE
 from gpusim.optics.paint import area_integrals
-from gpusim.optics.paint.disc_grid import SpeckleGrid, SpeckleTable
+from gpusim.optics.paint.disc_grid import DiscGrid, SpeckleGrid
 from gpusim.surface.speckle import edge_opacity
 
 __all__ = ["EDGE_ROWS", "grazing_cover", "polygon_cover", "row_turns", "speckle_cover"]
@@ -33,7 +33,7 @@ WEIGHT = np.array([5.0, 8.0, 5.0]) / 18.0
 
 
 def speckle_cover(
-    table: SpeckleTable, number: int, at: Long, local: Array, ex: Array, ey: Array, q: Array
+    table: DiscGrid, number: int, at: Long, local: Array, ex: Array, ey: Array, q: Array
 ) -> Array:
     """Share (n,) of footprints that discs of region ``number`` cover.
 
@@ -55,7 +55,7 @@ def speckle_cover(
 
 
 def grazing_cover(
-    table: SpeckleTable, number: int, at: Long, local: Array, ex: Array, ey: Array, q: Array
+    table: DiscGrid, number: int, at: Long, local: Array, ex: Array, ey: Array, q: Array
 ) -> Array:
     """The same for footprints that may be large: in pieces, each with the list of its own cell.
 
@@ -90,7 +90,7 @@ def grazing_cover(
 
 
 def _looked_up(
-    table: SpeckleTable, grid: SpeckleGrid, at: Long, place: Array
+    table: DiscGrid, grid: SpeckleGrid, at: Long, place: Array
 ) -> tuple[Array, tuple[Long, Long, Long, Array]]:
     """Mean coverage (n,), for where there are no cells, and the lists of those that there are.
 
@@ -103,7 +103,7 @@ def _looked_up(
 
 
 def _lists(
-    table: SpeckleTable, grid: SpeckleGrid, at: Long
+    table: DiscGrid, grid: SpeckleGrid, at: Long
 ) -> tuple[Long, Long, npt.NDArray[np.int64]]:
     """Where the lists of cells (n, 2) start and stop, and which cells exist."""
     inside = np.flatnonzero(((at >= 0) & (at < grid.shape)).all(axis=1))
@@ -111,9 +111,7 @@ def _lists(
     return table.start[slot], table.start[slot + 1], inside
 
 
-def _soft(
-    table: SpeckleTable, start: Long, stop: Long, centre: Array, ex: Array, ey: Array
-) -> Array:
+def _soft(table: DiscGrid, start: Long, stop: Long, centre: Array, ex: Array, ey: Array) -> Array:
     points = (
         centre[:, None, None]
         + GAUSS[None, :, None] * ex[:, None, None]
@@ -124,7 +122,7 @@ def _soft(
     return result
 
 
-def _uncovered(table: SpeckleTable, start: Long, stop: Long, points: Array) -> Array:
+def _uncovered(table: DiscGrid, start: Long, stop: Long, points: Array) -> Array:
     """What soft discs leave open at points (n, P, 2)."""
     left = np.ones(points.shape[:2])
     for k in range(int((stop - start).max(initial=0))):
@@ -135,9 +133,7 @@ def _uncovered(table: SpeckleTable, start: Long, stop: Long, points: Array) -> A
     return left
 
 
-def _hard(
-    table: SpeckleTable, start: Long, stop: Long, centre: Array, ex: Array, ey: Array
-) -> Array:
+def _hard(table: DiscGrid, start: Long, stop: Long, centre: Array, ex: Array, ey: Array) -> Array:
     corners = np.stack([-ex - ey, ex - ey, ex + ey, ey - ex], axis=1) * 0.5
     area = area_integrals.polygon_area(corners)
     reach = np.sqrt((corners**2).sum(axis=2).max(axis=1))
@@ -160,7 +156,7 @@ def _hard(
 
 
 def _by_steepness(
-    table: SpeckleTable, start: Long, stop: Long, centre: Array, ex: Array, ey: Array, reach: Array
+    table: DiscGrid, start: Long, stop: Long, centre: Array, ex: Array, ey: Array, reach: Array
 ) -> tuple[Array, Array]:
     """The sides (n, 2) along and across which rows run: they meet the circles' edges squarely.
 
@@ -224,7 +220,7 @@ class _Rows:
 
 
 def polygon_cover(
-    table: SpeckleTable, number: int, at: Long, local: Array, polygon: Array, weight: Array
+    table: DiscGrid, number: int, at: Long, local: Array, polygon: Array, weight: Array
 ) -> Array:
     """Share (n,) that discs cover of what is seen of polygons (n, V, 2), relative to ``local``.
 
@@ -259,7 +255,7 @@ def polygon_cover(
 
 
 def _grazing_polygon(
-    table: SpeckleTable, grid: SpeckleGrid, at: Long, corner: Array, weight: Array
+    table: DiscGrid, grid: SpeckleGrid, at: Long, corner: Array, weight: Array
 ) -> Array:
     """The same where polygons may be large: rows in pieces, each with the list of its own cell."""
     cover, whole = np.zeros(len(at)), np.zeros(len(at))
@@ -321,9 +317,7 @@ def _row_step(grid: SpeckleGrid, j: int, rows: Long) -> tuple[Array, Array]:
     return (j // 3 + 0.5 + GAUSS[j % 3]) / n, WEIGHT[j % 3] / n
 
 
-def _grazing_row(
-    table: SpeckleTable, grid: SpeckleGrid, at: Long, first: Array, last: Array
-) -> Array:
+def _grazing_row(table: DiscGrid, grid: SpeckleGrid, at: Long, first: Array, last: Array) -> Array:
     """Covered share (n,) of rows between homogeneous points (n, 3)."""
     assert grid.pieces is not None
     length = np.linalg.norm(last[:, :2] / last[:, 2:] - first[:, :2] / first[:, 2:], axis=1)
@@ -363,7 +357,7 @@ def _steps(grid: SpeckleGrid) -> list[tuple[float, float]]:
 
 
 def _row_cover(
-    table: SpeckleTable, grid: SpeckleGrid, start: Long, stop: Long, first: Array, last: Array
+    table: DiscGrid, grid: SpeckleGrid, start: Long, stop: Long, first: Array, last: Array
 ) -> Array:
     """Covered share (n,) of the segments from ``first`` to ``last`` (n, 2)."""
     if grid.soft:

@@ -24,8 +24,8 @@ from gpusim.surface.speckle import EDGE, Speckle, outer_radius
 __all__ = [
     "MOST_CUTS",
     "MOST_TEXELS",
+    "DiscGrid",
     "SpeckleGrid",
-    "SpeckleTable",
     "speckle_table",
 ]
 
@@ -65,7 +65,7 @@ class SpeckleGrid:
 
 
 @dataclass(frozen=True, eq=False)
-class SpeckleTable:
+class DiscGrid:
     """Cells and discs of all speckled regions.
 
     A cell's texel is (start, count, -, -) of its list; a disc's is (s, t, radius, 1 / (2 r h)), s
@@ -101,13 +101,13 @@ class SpeckleTable:
         return kept[id(self)][1]
 
 
-_uploaded: WeakKeyDictionary[Device, OrderedDict[int, tuple[SpeckleTable, Texels]]] = (
+_uploaded: WeakKeyDictionary[Device, OrderedDict[int, tuple[DiscGrid, Texels]]] = (
     WeakKeyDictionary()
 )
 Request = tuple[Speckle, tuple[float, float], tuple[float, float], float, bool]
 
 
-def speckle_table(regions: Sequence[tuple[Speckle, Array, Array, float, bool]]) -> SpeckleTable:
+def speckle_table(regions: Sequence[tuple[Speckle, Array, Array, float, bool]]) -> DiscGrid:
     """Tables for regions (paint, low, high, reach, grazing), kept for equal ones.
 
     Extents and reach are rounded up, so that the frames of a series share one table.
@@ -130,7 +130,7 @@ def speckle_table(regions: Sequence[tuple[Speckle, Array, Array, float, bool]]) 
 
 
 @lru_cache(maxsize=KEPT)
-def _table(requests: tuple[Request, ...]) -> SpeckleTable:
+def _table(requests: tuple[Request, ...]) -> DiscGrid:
     grids: list[SpeckleGrid] = []
     starts, discs = [np.zeros(1, np.int64)], [np.zeros((0, 4))]
     cells = entries = 0
@@ -148,7 +148,7 @@ def _table(requests: tuple[Request, ...]) -> SpeckleTable:
                 f"{cells} cells; expected at most {MOST_TEXELS}: larger speckles, or a view that "
                 "is less grazing"
             )
-    return SpeckleTable(tuple(grids), np.concatenate(starts), np.concatenate(discs))
+    return DiscGrid(tuple(grids), np.concatenate(starts), np.concatenate(discs))
 
 
 def _region(

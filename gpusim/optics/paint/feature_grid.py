@@ -22,12 +22,12 @@ from gpusim.gpu import Device
 from gpusim.gpu.texture_array import Texels
 from gpusim.optics.geometry.triangle_corners import CHUNK, ST, corner_range
 from gpusim.optics.geometry.view import RegionPaint, View
-from gpusim.optics.paint.disc_grid import MOST_TEXELS, SpeckleTable, speckle_table
+from gpusim.optics.paint.disc_grid import MOST_TEXELS, DiscGrid, speckle_table
 from gpusim.surface.features import Features, Paint
 from gpusim.surface.paint import Checker, Dots
 from gpusim.surface.speckle import Speckle
 
-__all__ = ["FINEST", "LOOP_TURNS", "PAINT", "PatternTable"]
+__all__ = ["FINEST", "LOOP_TURNS", "PAINT", "FeatureGrid"]
 
 Array = npt.NDArray[np.float64]
 
@@ -54,7 +54,7 @@ CELL_NUMBERS = 2**31  # of 32 bits
 
 
 @dataclass(frozen=True, eq=False)
-class PatternTable:
+class FeatureGrid:
     """``paints`` as the shader reads them, and the features of each cell.
 
     ``cell_start`` (C + 1,): where a cell's own begin among ``features`` (F, 16). ``speckle`` has
@@ -64,11 +64,11 @@ class PatternTable:
     paints: npt.NDArray[np.void]
     cell_start: npt.NDArray[np.uint32]
     features: Array
-    speckle: SpeckleTable
+    speckle: DiscGrid
     grid_of_paint: npt.NDArray[np.int64]
 
     @staticmethod
-    def build(regions: Sequence[RegionPaint], extent: float = np.inf) -> PatternTable:
+    def build(regions: Sequence[RegionPaint], extent: float = np.inf) -> FeatureGrid:
         """File the features of every region; ``extent``: px, no box round a triangle is longer.
 
         Raises
@@ -105,9 +105,9 @@ class PatternTable:
         table = np.concatenate(rows)
         speckle, grid_of_paint = _file_speckle(regions, paints)
         starting = np.concatenate(starts).astype(np.uint32)
-        return PatternTable(paints, starting, table, speckle, grid_of_paint)
+        return FeatureGrid(paints, starting, table, speckle, grid_of_paint)
 
-    def mask(self) -> PatternTable:
+    def mask(self) -> FeatureGrid:
         """The same pattern with what each feature covers as its albedo, on a ground of 0.
 
         Its mean is the share of the ground that is hidden.
@@ -262,7 +262,7 @@ def _file_features(region: RegionPaint, longest: float) -> _Filed | None:
 
 def _file_speckle(
     regions: Sequence[RegionPaint], paints: npt.NDArray[np.void]
-) -> tuple[SpeckleTable, npt.NDArray[np.int64]]:
+) -> tuple[DiscGrid, npt.NDArray[np.int64]]:
     """The table of the regions with speckle; their records in ``paints`` are filled in."""
     requests: list[tuple[Speckle, Array, Array, float, bool]] = []
     grid_of_paint = np.full(len(paints), -1)

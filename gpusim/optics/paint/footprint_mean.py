@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from gpusim.optics.paint import area_integrals
 from gpusim.optics.paint.disc_coverage import grazing_cover, polygon_cover, speckle_cover
-from gpusim.optics.paint.feature_grid import FINEST, PatternTable
+from gpusim.optics.paint.feature_grid import FINEST, FeatureGrid
 
 __all__ = ["mean_albedo"]
 
@@ -20,7 +20,7 @@ Pixel = tuple[Array, Array, Array]
 
 
 def mean_albedo(
-    table: PatternTable,
+    table: FeatureGrid,
     paint: npt.NDArray[np.int32],
     cell: npt.NDArray[np.int64],
     st: Array,
@@ -91,7 +91,7 @@ def mean_albedo(
 
 
 def _speckle(
-    table: PatternTable,
+    table: FeatureGrid,
     number: int,
     cell: npt.NDArray[np.int64],
     st: Array,

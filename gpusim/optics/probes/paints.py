@@ -13,10 +13,9 @@ from gpusim.optics.shading.setup import Setup
 from gpusim.surface.paint import Bump, Checker, Dots, Image, Markers, Paint, Plain, Speckle
 from gpusim.surface.surface import Surface
 
-__all__ = ["fields_setup", "probe_setup", "sheets_setup"]
+__all__ = ["fields_setup", "probe_setup"]
 
 Array = npt.NDArray[np.float64]
-BOARD = Checker(0.31)
 
 
 def probe_setup(fine: bool = True) -> Setup:
@@ -79,26 +78,6 @@ def fields_setup(lit: bool) -> Setup:
     camera = Camera(59, 39, K, distortion=[-0.1, 0.03, 1e-3, -2e-3])
     lights: list[Light] = [PointLight((-6.0, -5.0, -9.0), 2e3, shadows=False), AmbientLight(0.3)]
     return Setup.build(look(surfaces, camera, lit), lights if lit else None, 0.25)
-
-
-def sheets_setup(scale: float = 1.0, board: Checker = BOARD, layer: bool = False) -> Setup:
-    """A bent picture of a plain sheet behind one with a ``board``, crumpled so that light isn't
-    even on some triangles; on ``scale`` times as many pixels across. ``layer``: a straight one of
-    a board alone."""
-    sheets = [sheet(0.95, 1.3, 0.0, Plain(0.6)), sheet(0.3, 0.4, 0.4, board, 3.6)]
-    if layer:
-        sheets = [sheet(0.95, 1.3, 0.0, board)]
-    K = np.array(
-        [[111.0 * scale, 0.3, 28.7 * scale], [0.0, 110.0 * scale, 20.2 * scale], [0, 0, 1]]
-    )
-    bent = None if layer else [-0.1, 0.03, 1e-3, -2e-3]
-    camera = Camera(round(59 * scale), round(39 * scale), K, distortion=bent)
-    lights: list[Light] = [
-        PointLight((-60.0, -50.0, -90.0), 2e4, shadows=False),
-        PointLight((40.0, -70.0, -80.0), 3e4, shadows=False),
-        AmbientLight(0.3),
-    ]
-    return Setup.build(look(sheets, camera, lit=True), lights, 0.25)
 
 
 def _ripples(rows: int, columns: int) -> Array:

@@ -24,7 +24,7 @@ from gpusim.optics.geometry.triangle_corners import (
 )
 from gpusim.optics.geometry.view import View
 from gpusim.optics.paint.bitmap import BitmapTable
-from gpusim.optics.paint.feature_grid import PatternTable
+from gpusim.optics.paint.feature_grid import FeatureGrid
 
 __all__ = ["BLOCK", "Coefficients", "Found", "PerTriangle", "coefficients"]
 
@@ -46,7 +46,7 @@ class Coefficients:
 
 
 def coefficients(
-    view: View, table: PatternTable, bitmaps: BitmapTable, lit: bool
+    view: View, table: FeatureGrid, bitmaps: BitmapTable, lit: bool
 ) -> Iterator[Coefficients]:
     """All of a view's triangles in order, `BLOCK` at a time; the arrays are used again."""
     featured = table.paints["featured"] > 0
@@ -117,7 +117,7 @@ class Found:
     """Coefficients in float64 of those triangles of a view that somebody has asked for: of few,
     where the host resolves what the device is in doubt about, and of all in the twins."""
 
-    def __init__(self, view: View, table: PatternTable, bitmaps: BitmapTable, lit: bool) -> None:
+    def __init__(self, view: View, table: FeatureGrid, bitmaps: BitmapTable, lit: bool) -> None:
         self._setup = view, table, bitmaps, lit
         # of each triangle its row + 1 among those found, which take no more room than they are
         self._row = np.zeros(view.count, np.int64)

@@ -21,11 +21,11 @@ from gpusim.gpu.texture_array import Texels
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.geometry.triangle_corners import CHUNK
 from gpusim.optics.geometry.view import FIXED, View, look
-from gpusim.optics.raster.vertex_buffers import Drawn
+from gpusim.optics.raster.vertex_buffers import VertexBuffers
 from gpusim.surface.paint import Paint, Plain
 from gpusim.surface.surface import Surface
 
-__all__ = ["LARGEST", "NONE", "Sight", "sight_twin"]
+__all__ = ["LARGEST", "NONE", "VisibilityBuffer", "compute_raster_twin"]
 
 LARGEST = 64.0
 """px; triangles in a larger box are left to the rasteriser: their areas don't fit into 32 bits, and
@@ -38,7 +38,7 @@ STEPS = 256
 """Of a pixel, to which places are snapped."""
 
 
-class Sight:
+class VisibilityBuffer:
     """The triangle that each pixel of a band sees.
 
     It takes no more than where triangles are, so that the device finds it while the host still
@@ -47,23 +47,10 @@ class Sight:
     rasteriser leaves, or None.
     """
 
-    late = False
-    """Whether the device, not the host, looks at every triangle."""
-
-    counts: Buffer | None = None
-    """Six, of which the last becomes 1 where a view isn't what it was taken for."""
-
-    def __init__(
-        self,
-        device: Device,
-        view: View,
-        rows: int,
-        drawn: Drawn | None = None,
-    ) -> None:
-        """``drawn``: where its triangles are, if they are on the device already."""
+    def __init__(self, device: Device, view: View, rows: int) -> None:
         self.device, self.view, self.rows = device, view, rows
         width = view.camera.width
-        self.drawn = drawn or Drawn(device, view, "shade")
+        self.vertex_buffers = VertexBuffers(device, view, "shade")
         self.ids = device.target(width, rows, "r32uint", "shade.ids")
         self.depth: Texture | None = None
         self._begun: tuple[int, int] | None = None
@@ -76,30 +63,13 @@ class Sight:
     @cached_property
     def places(self) -> Texels:
         """Vertices as the shader reads them."""
-        return _places(self.drawn)
-
-    def complete(self, view: View) -> None:
-        """Take the whole ``view`` in place of that which told where its triangles are."""
-        known = self.view.corner
-        self.view = view
-        if not np.may_share_memory(known, view.corner):
-            # some corners have got vertices of their own; what is seen where stays as it is
-            self.drawn = Drawn(self.device, view, "shade")
-            self.__dict__.pop("places", None)
-
-    def prepare(self, recording: Recording) -> None:
-        """Find what isn't known of the vertices yet."""
+        return _places(self.vertex_buffers)
 
     def begin(self, row0: int, rows: int) -> None:
         """Let the device look at a band, which `record` then finds there."""
         with self.device.recording("optics.visibility") as recording:
             self._look(recording, row0, rows)
         self._begun = row0, rows
-
-    def begin_late(self, row0: int, rows: int) -> None:
-        """`begin`, unless it has."""
-        if self._begun is None:
-            self.begin(row0, rows)
 
     def record(self, recording: Recording, row0: int, rows: int) -> None:
         """Look at a band, unless that has begun already."""
@@ -120,7 +90,10 @@ class Sight:
         place = {"count": count, "width": width, "rows": rows, "row0": row0}
         kernel = self.device.kernel("optics/raster/compute_raster")
         bindings = kernel.bind(
-            params=place, corners=self.drawn.corners, places=self.places, nearest=self.nearest
+            params=place,
+            corners=self.vertex_buffers.corners,
+            places=self.places,
+            nearest=self.nearest,
         )
         recording.clear(self.nearest)
         recording.dispatch(kernel, bindings, threads=(count,))
@@ -137,7 +110,9 @@ class Sight:
 
     def _draw(self, recording: Recording, row0: int, rows: int) -> None:
         width, count = self.view.camera.width, self.view.count
-        values = {"params": {"width": width, "rows": rows, "row0": row0, "near": self.drawn.near}}
+        values = {
+            "params": {"width": width, "rows": rows, "row0": row0, "near": self.vertex_buffers.near}
+        }
         entry, some = "vertex", {}
         if rows < self.view.camera.height and count:
             # software rasterisers take as long for what lies in other bands
@@ -148,28 +123,32 @@ class Sight:
         raster = self.device.raster(
             "optics/raster/id_buffer", ("r32uint",), entries=(entry, "fragment")
         )
-        bindings = raster.bind(**values, **some, **self.drawn.bindings())
+        bindings = raster.bind(**values, **some, **self.vertex_buffers.bindings())
         recording.draw(
             raster, bindings, colors=(self.ids,), depth=self.depth, vertices=3 * count,
             size=(width, rows),
         )  # fmt: skip
 
 
-def _places(drawn: Drawn) -> Texels:
+def _places(vertex_buffers: VertexBuffers) -> Texels:
     """Vertices as the shader reads them, block by block while they are in the cache."""
-    count = len(drawn.fixed)
-    texels = drawn.device.kept.texels(count, "rgba32uint", "sight.places")
+    count = len(vertex_buffers.fixed)
+    texels = vertex_buffers.device.kept.texels(count, "rgba32uint", "sight.places")
     block = np.zeros((CHUNK, 4), np.uint32)
     for first in range(0, count, CHUNK):
         part = slice(first, min(first + CHUNK, count))
         words = block[: part.stop - first]
-        words.view(np.int32)[:, :2] = drawn.fixed[part]
-        np.multiply(drawn.inverse[part], np.float32(drawn.near), out=words.view(np.float32)[:, 2])
+        words.view(np.int32)[:, :2] = vertex_buffers.fixed[part]
+        np.multiply(
+            vertex_buffers.inverse[part],
+            np.float32(vertex_buffers.near),
+            out=words.view(np.float32)[:, 2],
+        )
         texels.write(words, first)
     return texels
 
 
-def sight_twin(view: View, row0: int, rows: int) -> npt.NDArray[np.uint32]:
+def compute_raster_twin(view: View, row0: int, rows: int) -> npt.NDArray[np.uint32]:
     """Triangle number + 1 (0: none) per pixel of a band, (rows, W) uint32, box by box."""
     width, none = view.camera.width, np.zeros(0, np.int64)
     result = np.zeros((rows, width), np.uint32)
@@ -212,15 +191,15 @@ def _check(device: Device) -> None:
     view, rows = probe_view(), 21
     if not device.atomics64:
         return  # the rasteriser does it: optics/raster/id_buffer
-    sight = Sight(device, view, rows)
-    out = device.empty(sight.ids.stride * rows, "sight.check")
+    visibility = VisibilityBuffer(device, view, rows)
+    out = device.empty(visibility.ids.stride * rows, "sight.check")
     for row0 in (0, 18):
         with device.recording("optics.sight") as recording:
-            sight.record(recording, row0, rows)
-            sight.number(recording, row0, rows)
-            recording.copy_texture(sight.ids, out, rows)
-        got = out.read(np.uint32, (rows, sight.ids.stride // 4))[:, : view.camera.width]
-        compare("optics/raster/compute_raster", got, sight_twin(view, row0, rows), "exact")
+            visibility.record(recording, row0, rows)
+            visibility.number(recording, row0, rows)
+            recording.copy_texture(visibility.ids, out, rows)
+        got = out.read(np.uint32, (rows, visibility.ids.stride // 4))[:, : view.camera.width]
+        compare("optics/raster/compute_raster", got, compute_raster_twin(view, row0, rows), "exact")
 
 
 def probe_view() -> View:

@@ -16,7 +16,7 @@ from gpusim.errors import TwinMismatch
 from gpusim.gpu import Device, Recording, Texture, twin_check
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.geometry.view import View, look
-from gpusim.optics.raster.vertex_buffers import Drawn
+from gpusim.optics.raster.vertex_buffers import VertexBuffers
 from gpusim.surface.surface import Surface
 
 __all__ = ["Visibility", "visibility_twin"]
@@ -33,7 +33,7 @@ class Visibility:
         self.ids = device.texture(width, rows, "r32uint", "visibility.ids")
         self.depth = device.texture(width, rows, "depth32float", "visibility.depth")
         self._raster = device.raster("optics/raster/id_buffer", ("r32uint",))
-        self._drawn = Drawn(device, view, "visibility")
+        self._drawn = VertexBuffers(device, view, "visibility")
 
     def record(self, recording: Recording, row0: int, rows: int) -> Texture:
         """Draw rows ``row0 … row0 + rows - 1`` into the top of the id texture."""

@@ -14,14 +14,14 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import TwinMismatch
-from gpusim.gpu import Buffer, Device, Recording, compare, twin_check
+from gpusim.gpu import Device, Recording, compare, twin_check
 from gpusim.gpu.texture_array import Texels
 from gpusim.optics.geometry.triangle_corners import NORMAL, ST
 from gpusim.optics.probes.paints import probe_setup
-from gpusim.optics.raster.vertex_buffers import Drawn
+from gpusim.optics.raster.vertex_buffers import VertexBuffers
 from gpusim.optics.shading.setup import TRIANGLE, Setup
 
-__all__ = ["Records", "vertex_blocks"]
+__all__ = ["TriangleRecords", "vertex_blocks"]
 
 Array = npt.NDArray[np.float64]
 
@@ -38,41 +38,32 @@ REAL = 2, slice(6, 12)
 """Words of a vertex that are float32."""
 
 
-class Records:
-    """The records of a view's triangles on the device, as far as they have been asked for.
+class TriangleRecords:
+    """The records of a view's triangles on the device.
 
-    ``texels``: seven a triangle, good until those of another view are made; ``vertices``: what they
-    are made of, with 1 / depth relative to ``inverse_depth``; ``looks`` (T, 2) uint32: bits of the
-    triangles' albedo, and their paint.
+    ``texels``: seven a triangle, good until those of another view are made. They are made of
+    ``vertices``, whose 1 / depth is relative to ``inverse_depth``.
     """
 
     def __init__(
-        self, setup: Setup, drawn: Drawn, vertices: Texels, inverse_depth: float, looked: bool
+        self, setup: Setup, vertex_buffers: VertexBuffers, vertices: Texels, inverse_depth: float
     ) -> None:
-        view, device = setup.view, drawn.device
+        view, device = setup.view, vertex_buffers.device
         self.device, self.count, self.inverse_depth = device, view.count, inverse_depth
-        self.vertices, self.corners = vertices, drawn.corners
-        if looked:
-            self.looks = device.buffer(_looks(setup), "records.looks")
-        else:
-            self.looks = device.empty(8 * view.count, "records.looks")
+        looks = device.buffer(_albedo_and_paint(setup), "records.looks")
         traits = setup.traits().astype(np.float32)
         traited = device.texels(len(traits), "rgba32float", "records.traits")
         traited.write(traits)
         per = TRIANGLE.itemsize // 16
         self.texels = device.kept.texels(per * view.count, "rgba32uint", "records.triangles")
         self._bound = {
-            "corners": drawn.corners, "looks": self.looks, "vertices": vertices,
+            "corners": vertex_buffers.corners, "looks": looks, "vertices": vertices,
             "traits": traited, "triangles": self.texels,
         }  # fmt: skip
-        self._all = False
 
     @staticmethod
-    def of(device: Device, setup: Setup, drawn: Drawn, looked: bool = True) -> Records | None:
-        """Those of a setup, none of them made yet; None where float32 or the shader can't.
-
-        ``looked``: False leaves what triangles look like to `gpusim.optics.shading.looks`.
-        """
+    def of(device: Device, setup: Setup, vertex_buffers: VertexBuffers) -> TriangleRecords | None:
+        """Those of a setup, not made yet; None where float32 or the shader can't."""
         view = setup.view
         if not view.count or setup.bitmaps.images or setup.bumps is not None:
             return None
@@ -82,34 +73,17 @@ class Records:
             if not finite:
                 return None
             vertices.write(words.reshape(-1, 4), 3 * first)
-        return Records(setup, drawn, vertices, inverse_depth, looked)
+        return TriangleRecords(setup, vertex_buffers, vertices, inverse_depth)
 
-    def make_all(self, recording: Recording) -> None:
-        """Make those of all triangles, unless that has been done."""
-        if not self._all:
-            kernel = self.device.kernel("optics/raster/triangle_records")
-            bindings = kernel.bind(params=self._params(self.count), **self._bound)
-            recording.dispatch(kernel, bindings, threads=(self.count,))
-        self._all = True
-
-    def make(self, recording: Recording, numbers: Buffer, groups: Buffer | None = None) -> None:
-        """Make those of some: ``numbers`` + 1 (uint32), 0 where there is none; ``groups``: of 64
-        that are to be looked at, as the device counted them."""
-        if self._all:
-            return
-        kernel = self.device.kernel("optics/raster/triangle_records", "listed")
-        count = numbers.nbytes // 4
-        bindings = kernel.bind(params=self._params(count), order=numbers, **self._bound)
-        if groups is None:
-            recording.dispatch(kernel, bindings, threads=(count,))
-        else:
-            recording.dispatch_counted(kernel, bindings, groups)
-
-    def _params(self, count: int) -> dict[str, float]:
-        return {"count": count, "inverse_depth": self.inverse_depth}
+    def make(self, recording: Recording) -> None:
+        """Make those of all triangles."""
+        kernel = self.device.kernel("optics/raster/triangle_records")
+        params = {"count": self.count, "inverse_depth": self.inverse_depth}
+        bindings = kernel.bind(params=params, **self._bound)
+        recording.dispatch(kernel, bindings, threads=(self.count,))
 
 
-def _looks(setup: Setup) -> npt.NDArray[np.uint32]:
+def _albedo_and_paint(setup: Setup) -> npt.NDArray[np.uint32]:
     """(T, 2): bits of the triangles' albedo, and their paint."""
     looks = np.empty((setup.view.count, 2), np.uint32)
     looks[:, 0] = setup.albedo.view(np.uint32)
@@ -173,20 +147,13 @@ def _sides(setup: Setup) -> Array:
 @twin_check("optics/raster/triangle_records")
 def _check(device: Device) -> None:
     setup = probe_setup(fine=False)
-    found = Records.of(device, setup, Drawn(device, setup.view, "records"))
+    found = TriangleRecords.of(device, setup, VertexBuffers(device, setup.view, "records"))
     if found is None:
         raise TwinMismatch("optics/raster/triangle_records: nothing to compare")
     count, per = setup.view.count, TRIANGLE.itemsize // 16
-    some = np.arange(0, 2 * count, 2, dtype=np.uint32) % np.uint32(count + 1)
-    found.texels.write(np.zeros((per * count, 4), np.uint32))
     with device.recording("optics.records") as recording:
-        found.make(recording, device.buffer(some, "records.some"))
-    few = found.texels.read().reshape(-1, 4 * per)[:count]
-    with device.recording("optics.records") as recording:
-        found.make_all(recording)
+        found.make(recording)
     got = found.texels.read().reshape(-1, 4 * per)[:count]
-    listed = np.isin(np.arange(1, count + 1), some)
-    compare("optics/raster/triangle_records, some", few, np.where(listed[:, None], got, 0), "exact")
     for name, one, other in zip(
         ("numbers", "values"), evaluated(setup, got), evaluated(setup, setup.records()), strict=True
     ):

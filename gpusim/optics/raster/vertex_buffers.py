@@ -12,13 +12,14 @@ from gpusim.gpu import Buffer, Device
 from gpusim.optics.geometry.view import View
 from gpusim.optics.paint.checker_lines import BoardLines
 
-__all__ = ["Drawn"]
+__all__ = ["VertexBuffers"]
 
 
-class Drawn:
+class VertexBuffers:
     """Vertices in fixed point with their depths, and which of them a triangle has.
 
-    ``near``: what 1 / depth is scaled by for the depth buffer.
+    ``fixed`` (V, 2) int32: places in 1/65536 px; ``inverse`` (V,) float32: 1 / depth; ``near``:
+    what that is scaled by for the depth buffer.
     """
 
     def __init__(
@@ -33,18 +34,8 @@ class Drawn:
             fixed = np.concatenate([fixed, lines.fixed().reshape(-1, 2)])
             depth = np.concatenate([depth, lines.inverse_depth.astype(np.float32).reshape(-1)])
         self.device, self.label = device, label
-        self._fixed, self._inverse = fixed, depth
+        self.fixed, self.inverse = fixed, depth
         self.corners: Buffer = device.buffer(corners, f"{label}.corners")
-
-    @property
-    def fixed(self) -> npt.NDArray[np.int32]:
-        """(V, 2) in 1/65536 px, on the host."""
-        return self._fixed
-
-    @property
-    def inverse(self) -> npt.NDArray[np.float32]:
-        """(V,): 1 / depth, on the host."""
-        return self._inverse
 
     @cached_property
     def screen(self) -> Buffer:

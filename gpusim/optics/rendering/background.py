@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 from types import TracebackType
 from typing import ParamSpec, TypeVar
 
-__all__ = ["FEWEST", "Aside"]
+__all__ = ["FEWEST", "BackgroundTasks"]
 
 FEWEST = 2000
 """Triangles of a view from which on threads gain: NumPy lets go of the interpreter in passes over
@@ -17,13 +17,13 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 
-class Aside:
+class BackgroundTasks:
     """A thread for a view of ``count`` triangles, or none; a context manager that ends it."""
 
     def __init__(self, count: int) -> None:
         self._pool = ThreadPoolExecutor(1) if count >= FEWEST else None
 
-    def __enter__(self) -> Aside:
+    def __enter__(self) -> BackgroundTasks:
         return self
 
     def __exit__(

@@ -21,7 +21,7 @@ from gpusim.optics.geometry.view import View, look
 from gpusim.optics.light.lights import AreaLight, Light, PointLight, SpotLight
 from gpusim.surface.surface import Surface
 
-__all__ = ["Local", "local", "local_view", "origin_near", "told_from"]
+__all__ = ["Local", "local", "local_view", "origin_near", "seen_from_origin"]
 
 Array = npt.NDArray[np.float64]
 
@@ -62,10 +62,10 @@ def local(
 def local_view(surfaces: Sequence[Surface], camera: Camera, lit: bool) -> View:
     """What a camera sees, looked at from an origin near it."""
     surfaces, camera, _, origin = local(surfaces, camera)
-    return told_from(look(surfaces, camera, lit), origin)
+    return seen_from_origin(look(surfaces, camera, lit), origin)
 
 
-def told_from(view: View, origin: Array) -> View:
+def seen_from_origin(view: View, origin: Array) -> View:
     """The view of what has its zero at ``origin`` (3,) in the world."""
     return replace(view, origin=origin) if origin.any() else view
 

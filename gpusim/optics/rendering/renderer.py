@@ -10,30 +10,25 @@ import numpy as np
 from gpusim.errors import InputError
 from gpusim.gpu import Buffer, Device, working_device
 from gpusim.optics.camera.pinhole import Camera
-from gpusim.optics.edge_pixels.border import Border
-from gpusim.optics.edge_pixels.fragment_lists import bin_edges
-from gpusim.optics.edge_pixels.resolve import EdgePass, edges_twin
+from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels
+from gpusim.optics.edge_pixels.plate_border import Border
+from gpusim.optics.edge_pixels.resolve import EdgePixelPass, edges_twin
 from gpusim.optics.edge_pixels.scatter import write_pixels
 from gpusim.optics.frame import Band, Frame
 from gpusim.optics.geometry.face_winding import wound_inwards
 from gpusim.optics.geometry.view import View, look
 from gpusim.optics.light.lights import Light, is_light
 from gpusim.optics.light.quadrature import lamps_of
-from gpusim.optics.raster.compute_raster import Sight
+from gpusim.optics.raster.compute_raster import VisibilityBuffer
 from gpusim.optics.raster.id_buffer import visibility_twin
-from gpusim.optics.rendering.background import Aside
-from gpusim.optics.rendering.local_origin import local, told_from
-from gpusim.optics.series.late import LateSight
-from gpusim.optics.series.speckled_layer import likely_speckled
+from gpusim.optics.rendering.background import BackgroundTasks
+from gpusim.optics.rendering.local_origin import local, seen_from_origin
 from gpusim.optics.shading.deferred_pass import small_triangles
-from gpusim.optics.shading.forward_pass import ShadePass, shade_twin
-from gpusim.optics.shading.glance import fields_glanced, may_glance
+from gpusim.optics.shading.forward_pass import ShadingPass, shade_twin
 from gpusim.optics.shading.lighting import casts_shadows, find_shadows
-from gpusim.optics.shading.looks import sampled
-from gpusim.optics.shading.relighting import RelitPass
-from gpusim.optics.shading.scene_buffers import Tables
+from gpusim.optics.shading.relighting import RelightingPass
+from gpusim.optics.shading.scene_buffers import SceneBuffers
 from gpusim.optics.shading.setup import Setup
-from gpusim.optics.shading.speckled import may_be_speckled
 from gpusim.optics.shadow.single_layer import without_shadows
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.surface.surface import Surface
@@ -110,11 +105,11 @@ def render(
         view = look(surfaces, camera, lit=lights is not None)
         setup = Setup.build(view, lights, background, surfaces)
         interior = shade_twin(setup, visibility_twin(view))
-        radiance = edges_twin(setup, bin_edges(view), interior)
-        frame = Frame(told_from(view, origin), None, radiance=radiance)
+        radiance = edges_twin(setup, find_edge_pixels(view), interior)
+        frame = Frame(seen_from_origin(view, origin), None, radiance=radiance)
     else:
         view, bands = _seen(device, surfaces, camera, lights, background)
-        frame = Frame(told_from(view, origin), device, tuple(bands))
+        frame = Frame(seen_from_origin(view, origin), device, tuple(bands))
     frame.warnings = wound_inwards(surfaces, camera)
     return frame
 
@@ -127,28 +122,10 @@ def _seen(
     background: float,
 ) -> tuple[View, list[Band]]:
     """What a camera sees, and the device's picture of it."""
-    height = camera.height
-    late = LateSight.of(device, surfaces, camera, lights, _band_rows(camera, 0, height, lights))
-    if late is not None:
-        found = _draw(device, late.view, lights, background, surfaces, 0, height, late)
-        if found is not None:
-            return late.view, found
-        late.resident.distrust()
-    begun: list[Sight] = []
-
-    def begin(view: View) -> None:
-        if view.count <= MOST_TRIANGLES and _by_pixel(device, view, lights):
-            # in a layer triangles write their own pixels once it is known what they look like
-            wait = view.layer and may_glance(view, lights)
-            begun.append(_begun(device, view, lights, 0, height, wait))
-
-    view = look(surfaces, camera, lights is not None, begin)
-    sight = begun[0] if begun else None
-    if sight is not None:
-        sight.complete(view)
+    view = look(surfaces, camera, lights is not None)
     bands: list[Band] = []
-    for first, stop, part in _parts(view, 0, height):
-        bands += _draw(device, part, lights, background, surfaces, first, stop, sight) or []
+    for first, stop, part in _parts(view, 0, camera.height):
+        bands += _draw(device, part, lights, background, surfaces, first, stop)
     return view, bands
 
 
@@ -173,37 +150,6 @@ def _band_rows(camera: Camera, first: int, stop: int, lights: Sequence[Light] | 
     return min(stop - first, rows)
 
 
-def _by_pixel(device: Device, view: View, lights: Sequence[Light] | None) -> bool:
-    """Whether it is worth while to find first which triangle each pixel sees."""
-    return small_triangles(view) or (device.atomics64 and may_glance(view, lights))
-
-
-def _likely(view: View, lights: Sequence[Light] | None, sight: Sight | None) -> View | None:
-    """The view with the largest pixel guessed, where the device finds what its triangles look
-    like."""
-    if sight is None or sight.nearest is None:
-        return None
-    if sight.late and may_be_speckled(view, lights):
-        return likely_speckled(view, lights)
-    return sampled(view) if may_glance(view, lights) else None
-
-
-def _begun(
-    device: Device,
-    view: View,
-    lights: Sequence[Light] | None,
-    first: int,
-    stop: int,
-    wait: bool = False,
-) -> Sight:
-    """Who sees what, of which the device finds the first band already unless it is to ``wait``."""
-    rows = _band_rows(view.camera, first, stop, lights)
-    sight = Sight(device, view, rows)
-    if not wait:
-        sight.begin(first, rows)
-    return sight
-
-
 def _draw(
     device: Device,
     view: View,
@@ -212,140 +158,84 @@ def _draw(
     surfaces: Sequence[Surface],
     first: int,
     stop: int,
-    sight: Sight | None,
-    guess: bool = True,
-) -> list[Band] | None:
+) -> list[Band]:
     """Rows ``first`` … ``stop - 1`` in bands of what a texture may hold.
 
-    The device begins with what is ready, while the host works on what comes next. ``sight``: what
-    it has begun with before, of these rows. ``guess``: the largest pixel may be guessed. None where
-    the host has to look at all of a view that the device was to look at.
+    The device begins with what is ready, while the host works on what comes next.
     """
-
-    def certain() -> list[Band] | None:
-        if sight is not None and sight.late:
-            sight.release()
-            return None
-        return _draw(device, view, lights, background, surfaces, first, stop, sight, guess=False)
-
     rows = _band_rows(view.camera, first, stop, lights)
     shadowed = casts_shadows(lights or [])
-    if sight is None and _by_pixel(device, view, lights):
-        sight = _begun(device, view, lights, first, stop)
-    # edges that the host is done with while the device shades
-    simple = lights is None and Border.suits(view)
-    edge_pass: EdgePass | None = None
-    shade_pass: ShadePass | None = None
+    visibility: VisibilityBuffer | None = None
+    if small_triangles(view):
+        visibility = VisibilityBuffer(device, view, rows)
+        visibility.begin(first, rows)
+    shade_pass: ShadingPass | None = None
     begun: Buffer | None = None
-    shaded = False
     # one thread beside this one: more would wait for the interpreter
-    with Aside(view.count) as aside:
-        # what the host does before the device begins there isn't worth to be held up by a thread
-        waiting = sight is not None and sight.late
-        found = None if simple or waiting else aside.begin(bin_edges, view)
-        likely = _likely(view, lights, sight) if guess else None
-        if likely is None and sight is not None and sight.late:
-            return certain()
-        try:
-            setup = Setup.build(likely or view, lights, background, surfaces, device, False)
-        except InputError:
-            if likely is None:
-                raise
-            # maybe of what was guessed alone
-            return certain()
-        rastered = likely is None and not small_triangles(view)
-        if sight is not None and rastered and fields_glanced(setup, sight) is None:
-            sight.release()
-            sight = None
-        if sight is not None and likely is None and guess:
-            sight.begin_late(first, rows)
-        tables = Tables(device, setup, sight)
-        speckled = likely is not None and may_be_speckled(likely, lights)
-        if likely is not None and (not tables.glancing or tables.speckled != speckled):
-            # without records nothing would tell whether the guess was right; and where light is
-            # uneven speckle is shaded in a way that doesn't look at the triangles either
-            return certain()
+    with BackgroundTasks(view.count) as aside:
+        simple = lights is None and Border.suits(view)
+        found = None if simple else aside.begin(find_edge_pixels, view)
+        setup = Setup.build(view, lights, background, surfaces, device, False)
+        buffers = SceneBuffers(device, setup, visibility)
         # what hides lamps is looked for once the device knows which pixels ask; and the first of
         # several bands needn't wait for the edges either
-        if shadowed or tables.glancing or rows < stop - first:
-            shade_pass, begun, shaded = _begun_band(tables, sight, first, rows, shadowed)
+        if shadowed or rows < stop - first:
+            shade_pass = ShadingPass(buffers, rows, visibility is not None, visibility, shadowed)
+            begun = device.kept.take(4 * rows * shade_pass.stride, f"radiance[{first}]")
+            with device.recording("optics.shade") as recording:
+                shade_pass.record(recording, begun, first, rows)
         if shadowed:
-            tables = tables.with_shadows(find_shadows(view, lights or [], surfaces, device))
-        edges = bin_edges(view) if waiting else None if found is None else found()
-        if edges is not None:
-            edge_pass = EdgePass(tables, edges)
+            buffers = buffers.with_shadows(find_shadows(view, lights or [], surfaces, device))
+        edge_pass = None if found is None else EdgePixelPass(buffers, found())
     if edge_pass is not None:
         edge_pass.begin()
-    shade_pass = shade_pass or ShadePass(tables, rows, sight is not None, sight)
-    bands = _bands(tables, shade_pass, edge_pass, range(first, stop, rows), stop, begun, shaded)
-    if bands is None:
-        return certain()
-    if sight is not None:
-        sight.release()
+    shade_pass = shade_pass or ShadingPass(buffers, rows, visibility is not None, visibility)
+    bands = _bands(buffers, shade_pass, edge_pass, range(first, stop, rows), stop, begun)
+    if visibility is not None:
+        visibility.release()
     return bands
 
 
-def _begun_band(
-    tables: Tables, sight: Sight | None, first: int, rows: int, shadowed: bool
-) -> tuple[ShadePass, Buffer, bool]:
-    """What the device shades bands by, and the first one, with which it begins: by all lamps;
-    whether that is all of it."""
-    shade_pass = ShadePass(tables, rows, sight is not None, sight, shadowed)
-    begun = tables.device.kept.take(4 * rows * shade_pass.stride, f"radiance[{first}]")
-    if tables.glancing and not shadowed:
-        shade_pass.begin(begun, first, rows)
-        return shade_pass, begun, False
-    with tables.device.recording("optics.shade") as recording:
-        shade_pass.record(recording, begun, first, rows)
-    return shade_pass, begun, True
-
-
 def _bands(
-    tables: Tables,
-    shade_pass: ShadePass,
-    edge_pass: EdgePass | None,
+    buffers: SceneBuffers,
+    shade_pass: ShadingPass,
+    edge_pass: EdgePixelPass | None,
     starts: range,
     stop: int,
     begun: Buffer | None,
-    shaded: bool,
-) -> list[Band] | None:
-    """Bands of rows from ``starts`` on, up to ``stop``, edges and shadows and all; None where the
-    view isn't what it was guessed to be. ``begun``: the first band, which may be ``shaded``."""
-    device, setup, stride = tables.device, tables.setup, shade_pass.stride
+) -> list[Band]:
+    """Bands of rows from ``starts`` on, up to ``stop``, edges and shadows and all; ``begun``: the
+    first band, where it has been shaded."""
+    device, setup, stride = buffers.device, buffers.setup, shade_pass.stride
     relit = None
     if setup.lighting.shadows is not None:
-        relit = RelitPass(tables, shade_pass, min(starts.step, stop - starts.start))
+        relit = RelightingPass(buffers, shade_pass, min(starts.step, stop - starts.start))
     bands: list[Band] = []
-    wrong = False
     for row0 in starts:
         count = min(starts.step, stop - row0)
         if relit is not None:
             relit.finish()
         radiance = begun or device.kept.take(4 * count * stride, f"radiance[{row0}]")
         with device.recording("optics.shade") as recording:
-            if begun is None or not shaded:
+            if begun is None:
                 shade_pass.record(recording, radiance, row0, count)
             begun = None
             if not bands and edge_pass is not None:
                 # before anything else is submitted that one would wait for as well
                 edge_pass.fetch()
-                wrong = tables.surprised
         if relit is not None:
             relit.record(radiance, row0, count)
         bands.append(Band(row0, count, stride, radiance))
-        if wrong:
-            device.kept.give(radiance)
-            return None
     if edge_pass is None:
         border = Border.of(setup.view, setup.background)
         value = border.value.astype(np.float32)
         write_pixels(device, bands, setup.view.camera.width, border.pixel, value)
-    else:
-        # while the device looks for what hides lamps from other pixels
-        edge_pass.resolve()
-        if relit is not None:
-            relit.finish()
-        edge_pass.write(bands)
+        return bands
+    # while the device looks for what hides lamps from other pixels
+    edge_pass.resolve()
+    if relit is not None:
+        relit.finish()
+    edge_pass.write(bands)
     return bands
 
 

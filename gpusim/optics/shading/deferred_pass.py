@@ -20,18 +20,17 @@ import numpy.typing as npt
 from gpusim.gpu import Buffer, Recording, Texture
 from gpusim.gpu.texture_array import Texels
 from gpusim.optics.geometry.view import View
-from gpusim.optics.raster.compute_raster import NONE, Sight
+from gpusim.optics.raster.compute_raster import NONE, VisibilityBuffer
 from gpusim.optics.raster.tile_mask import under
 
 if TYPE_CHECKING:
     from gpusim.optics.shading.forward_pass import Program
-    from gpusim.optics.shading.scene_buffers import Tables
+    from gpusim.optics.shading.scene_buffers import SceneBuffers
 
-__all__ = ["FEWEST", "SMALL", "SeenPass", "small_triangles"]
+__all__ = ["FEWEST", "SMALL", "DeferredPass", "small_triangles"]
 
 SMALL = 200.0
-"""px; triangles that cover fewer are shaded pixel by pixel, larger ones where
-`gpusim.optics.shading.glance.may_glance` says so.
+"""px; triangles that cover fewer are shaded pixel by pixel.
 
 Several programs pass over all of the image once more.
 """
@@ -61,12 +60,18 @@ def small_triangles(view: View) -> bool:
     return pixels <= SMALL
 
 
-class SeenPass:
+class DeferredPass:
     """The programs of a view, each over the pixels that see triangles of its kind."""
 
-    def __init__(self, tables: Tables, rows: int, programs: list[Program], sight: Sight) -> None:
-        device, view = tables.device, tables.setup.view
-        self.tables, self.sight = tables, sight
+    def __init__(
+        self,
+        buffers: SceneBuffers,
+        rows: int,
+        programs: list[Program],
+        visibility: VisibilityBuffer,
+    ) -> None:
+        device, view = buffers.device, buffers.setup.view
+        self.buffers, self.visibility = buffers, visibility
         wide = _wide(view)
         self._wide: list[tuple[dict[str, float], Buffer, int]] = []
         self._tiles: Buffer | None = None
@@ -81,7 +86,7 @@ class SeenPass:
             self._tiles = device.buffer(tiles if self._count else NONE, "shade.tiles")
         self.programs = programs
         self._levels: Texels | None = None
-        if len(programs) > 1 or sight.depth is None or self._tiles is not None:
+        if len(programs) > 1 or visibility.depth is None or self._tiles is not None:
             count = -(-view.count // PER_TEXEL)
             levels = np.zeros(PER_TEXEL * count, np.uint8)
             for k, program in enumerate(programs):
@@ -104,14 +109,14 @@ class SeenPass:
         shared: dict[str, Any],
     ) -> None:
         """Shade a band into ``colors``, whose first one is cleared to ``shared``'s background."""
-        device = self.tables.device
+        device = self.buffers.device
         size = (int(params["width"]), int(params["rows"]))
-        self.sight.record(recording, int(params["row0"]), size[1])
-        self.sight.number(recording, int(params["row0"]), size[1])
-        ids, depth = self.sight.ids, self.sight.depth
+        self.visibility.record(recording, int(params["row0"]), size[1])
+        self.visibility.number(recording, int(params["row0"]), size[1])
+        ids, depth = self.visibility.ids, self.visibility.depth
         formats = tuple(texture.format for texture in colors)
         marking = "" if len(colors) == 1 else "_marked"
-        clear: float | None = self.tables.setup.background
+        clear: float | None = self.buffers.setup.background
         for constants, order, count in self._wide:
             raster = device.raster(
                 "optics/shading/forward_pass",
@@ -120,7 +125,12 @@ class SeenPass:
                 entries=("vertex", "fragment_own" + marking),
                 depth="none",
             )
-            values = {**shared, **self.tables.drawn.bindings(), "order": order, "ids": ids}
+            values = {
+                **shared,
+                **self.buffers.vertex_buffers.bindings(),
+                "order": order,
+                "ids": ids,
+            }
             recording.draw(
                 raster, raster.bind(params=params, **values), colors=colors, depth=None,
                 vertices=3 * count, size=size, clear=clear,

@@ -17,24 +17,20 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.gpu import Buffer, Device, Raster, Recording, Texture, compare, twin_check
-from gpusim.optics.edge_pixels.fragment_lists import bin_edges
+from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels
 from gpusim.optics.paint.bitmap import BITMAP, mean_over_pixels
 from gpusim.optics.paint.checker_lines import BoardLines
 from gpusim.optics.paint.feature_grid import FINEST, LOOP_TURNS
 from gpusim.optics.paint.footprint_mean import mean_albedo
 from gpusim.optics.probes.paints import probe_setup
-from gpusim.optics.raster.compute_raster import NONE, Sight
+from gpusim.optics.raster.compute_raster import NONE, VisibilityBuffer
 from gpusim.optics.raster.id_buffer import visibility_twin
-from gpusim.optics.series.speckled_layer import SpeckledLayer
-from gpusim.optics.shading.deferred_pass import SeenPass, small_triangles
-from gpusim.optics.shading.glance import GlancePass
-from gpusim.optics.shading.layer_pass import LayerPass
-from gpusim.optics.shading.scene_buffers import Tables
+from gpusim.optics.shading.deferred_pass import DeferredPass, small_triangles
+from gpusim.optics.shading.scene_buffers import SceneBuffers
 from gpusim.optics.shading.setup import GRAZING, Setup, footprint, radiance_of
-from gpusim.optics.shading.speckled import SpeckledPass
 from gpusim.optics.shading.tile_light import SMALLEST, LightTiles, LightTilesPass
 
-__all__ = ["Program", "ShadePass", "shade_twin"]
+__all__ = ["Program", "ShadingPass", "shade_twin"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,25 +41,26 @@ class Program:
     triangles: npt.NDArray[np.uint32]
 
 
-class ShadePass:
+class ShadingPass:
     """Draws a view's radiance band by band.
 
     A program for each kind of paint, because software rasterisers run both sides of every branch:
     a plain wall must not pay for the pattern on a marker. ``by_pixel``: whether pixels are shaded
     once their triangle is known (`gpusim.optics.shading.deferred_pass`); None decides by the
-    triangles' size. ``sight``: the pixels' triangles, where they are found already. ``marked``:
-    whether pixels are marked for `gpusim.optics.shading.relighting`; None where there are shadows.
+    triangles' size. ``visibility``: the pixels' triangles, where they are found already.
+    ``marked``: whether pixels are marked for `gpusim.optics.shading.relighting`; None where there
+    are shadows.
     """
 
     def __init__(
         self,
-        tables: Tables,
+        buffers: SceneBuffers,
         rows: int,
         by_pixel: bool | None = None,
-        sight: Sight | None = None,
+        visibility: VisibilityBuffer | None = None,
         marked: bool | None = None,
     ) -> None:
-        device, setup = tables.device, tables.setup
+        device, setup = buffers.device, buffers.setup
         view = setup.view
         turns = FINEST * (FINEST + 1) + 1 if setup.constants([1], False, False)["fine"] else 1
         if not setup.table.most_in_a_cell * turns <= LOOP_TURNS:
@@ -72,49 +69,32 @@ class ShadePass:
                 f"pixel may touch; expected at most {LOOP_TURNS // turns}: take a coarser pattern, "
                 "a view that is less grazing, or backend 'numpy'"
             )
-        self.tables, self.rows = tables, rows
+        self.buffers, self.rows = buffers, rows
         by_pixel = small_triangles(view) if by_pixel is None else by_pixel
         if by_pixel:
-            sight = sight or Sight(device, view, rows)
+            visibility = visibility or VisibilityBuffer(device, view, rows)
         marked = setup.lighting.shadows is not None if marked is None else marked
         glossy = bool(setup.shiny.any())
-        fields = None if marked or sight is None or tables.records is None else tables.fields
-        speckled = tables.speckled and not marked and sight is not None
-        speckled &= tables.records is not None
-        glancing = fields is not None or tables.looks is not None or speckled
         # no box that is too small holds a triangle that is large enough
-        large = not glancing and 0.5 * view.extent**2 >= SMALLEST
+        large = 0.5 * view.extent**2 >= SMALLEST
         light = LightTiles.of(setup) if large else None
-        self._light = None if light is None else LightTilesPass(tables, light)
+        self._light = None if light is None else LightTilesPass(buffers, light)
         self._light_found = False
-        lines = None if by_pixel else tables.lines
-        programs = []
-        if tables.looks is None and not speckled:
-            programs = _programs(setup, light, lines, fields, sort=not by_pixel)
-        self._seen: SeenPass | None = None
-        self.glance: GlancePass | SpeckledPass | None = None
+        lines = None if by_pixel else buffers.lines
+        programs = _programs(setup, light, lines, sort=not by_pixel)
+        self._seen: DeferredPass | None = None
         self._draws: list[tuple[Raster, Buffer, int]] = []
         self.marks: Texture | None = None
-        if glancing and sight is not None:
-            if speckled and sight.late:
-                self.glance = SpeckledLayer(tables, sight)
-            elif speckled:
-                self.glance = SpeckledPass(tables, sight)
-            elif view.layer and tables.looks is not None:
-                self.glance = LayerPass(tables, sight)
-            else:
-                self.glance = GlancePass(tables, programs, sight)
-            return
         self.color = device.target(view.camera.width, rows, "r32float", "shade.radiance")
         self.colors: tuple[Texture, ...] = (self.color,)
-        if marked and sight is not None and not glossy:
-            self.marks = sight.ids
+        if marked and visibility is not None and not glossy:
+            self.marks = visibility.ids
         elif marked:
             form = "rg32uint" if glossy else "r32uint"
             self.marks = device.target(view.camera.width, rows, form, "shade.marks")
             self.colors = (self.color, self.marks)
-        if sight is not None:
-            self._seen = SeenPass(tables, rows, programs, sight)
+        if visibility is not None:
+            self._seen = DeferredPass(buffers, rows, programs, visibility)
             return
         self.depth: Texture | None = None
         if not view.flat:
@@ -125,12 +105,9 @@ class ShadePass:
         # what is in front comes first where depths are compared, else last
         for program in reversed(programs) if view.flat else programs:
             raster = device.raster(
-                "optics/shading/forward_pass",
-                formats,
-                constants=program.constants,
-                entries=entries,
-                depth="none" if view.flat else "greater",
-            )
+                "optics/shading/forward_pass", formats, program.constants, entries,
+                "none" if view.flat else "greater",
+            )  # fmt: skip
             count = len(program.triangles)
             numbers = program.triangles if count else NONE
             self._draws.append((raster, device.buffer(numbers, "shade.order"), count))
@@ -138,43 +115,30 @@ class ShadePass:
     @property
     def stride(self) -> int:
         """Pixels from one row of a band's buffer to the next."""
-        return self.color.stride // 4 if self.glance is None else self.glance.stride
-
-    def begin(self, radiance: Buffer, row0: int, rows: int) -> None:
-        """Let the device begin with a band as far as that can be told apart, or with what no band
-        depends on; `record` is to follow."""
-        if self.glance is not None:
-            self.glance.begin(radiance, row0, rows)
+        return self.color.stride // 4
 
     def record(self, recording: Recording, radiance: Buffer, row0: int, rows: int) -> None:
         """Shade rows ``row0 …`` into ``radiance`` (rows x stride float32)."""
-        setup = self.tables.setup
+        setup = self.buffers.setup
         width = setup.view.camera.width
-        if self.tables.records is not None and self.glance is None:
-            self.tables.records.make_all(recording)
         params = {
-            "rays": self.tables.rays(), "width": width, "rows": rows, "row0": row0,
-            "near": self.tables.drawn.near, "level": 0.0,
+            "rays": self.buffers.rays(), "width": width, "rows": rows, "row0": row0,
+            "near": self.buffers.vertex_buffers.near, "level": 0.0,
         }  # fmt: skip
-        shared = self.tables.shared()
-        shared["light_tiles"] = self.tables.device.no_texels("rgba32float")
+        shared = self.buffers.shared()
+        shared["light_tiles"] = self.buffers.device.no_texels("rgba32float")
         if self._light is not None:
             if not self._light_found:
                 self._light.record(recording)
                 self._light_found = True
             shared["light_tiles"] = self._light.texels
-        if self.glance is not None:
-            for name in self.tables.drawn.outlines():
-                del shared[name]
-            self.glance.record(recording, params, shared, radiance)
-            return
         clear: float | None = setup.background
         if self._seen is not None:
-            for name in self.tables.drawn.outlines():
+            for name in self.buffers.vertex_buffers.outlines():
                 del shared[name]
             self._seen.record(recording, self.colors, params, shared)
         for raster, order, count in self._draws:
-            values = {**shared, **self.tables.drawn.bindings(), "order": order}
+            values = {**shared, **self.buffers.vertex_buffers.bindings(), "order": order}
             bindings = raster.bind(params=params, **values)
             recording.draw(
                 raster,
@@ -193,13 +157,9 @@ def _programs(
     setup: Setup,
     light: LightTiles | None,
     lines: BoardLines | None,
-    fields: npt.NDArray[np.bool_] | None,
     sort: bool,
 ) -> list[Program]:
-    """The programs that a view needs, one at least (which clears the targets).
-
-    ``fields`` (T,): triangles of boards that have a program of their own without ``lines``.
-    """
+    """The programs that a view needs, one at least (which clears the targets)."""
     result: list[Program] = []
     order = np.zeros(0, np.int64)
     if sort:
@@ -207,7 +167,7 @@ def _programs(
         order = np.argsort(-nearest, kind="stable")
     none = np.zeros(setup.view.count, bool)
     tiled = none if light is None else light.member
-    boards = lines.member if lines is not None else none if fields is None else fields
+    boards = none if lines is None else lines.member
     groups = (BITMAP, 3 + GRAZING, 2 + GRAZING, 3, 2, 1, 0)
     each = (True, False)
     kind = setup.groups.astype(np.uint8) << np.uint8(4)
@@ -277,10 +237,10 @@ def _check(device: Device) -> None:
     want = shade_twin(setup, visibility_twin(setup.view))
     # where edges cross a pixel, hardware and twin may see different triangles at its centre
     inside = np.ones(want.size, bool)
-    inside[bin_edges(setup.view).pixel] = False
-    tables = Tables(device, setup)
+    inside[find_edge_pixels(setup.view).pixel] = False
+    buffers = SceneBuffers(device, setup)
     for by_pixel in (False, True):
-        shading = ShadePass(tables, camera.height, by_pixel)
+        shading = ShadingPass(buffers, camera.height, by_pixel)
         out = device.empty(4 * shading.stride * camera.height, "shade.out")
         with device.recording("optics.shade") as recording:
             shading.record(recording, out, 0, camera.height)

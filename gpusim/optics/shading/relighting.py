@@ -15,13 +15,13 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.gpu import Bound, Buffer, Device, Texture, compare, twin_check
-from gpusim.optics.edge_pixels.fragment_lists import bin_edges
+from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels
 from gpusim.optics.geometry.view import look
 from gpusim.optics.light.quadrature import lamps_of
 from gpusim.optics.probes.shadows import shadow_scene
 from gpusim.optics.raster.id_buffer import visibility_twin
-from gpusim.optics.shading.forward_pass import ShadePass, shade_twin
-from gpusim.optics.shading.scene_buffers import Tables
+from gpusim.optics.shading.forward_pass import ShadingPass, shade_twin
+from gpusim.optics.shading.scene_buffers import SceneBuffers
 from gpusim.optics.shading.setup import Setup
 from gpusim.optics.shadow.lamp_visibility import CAPACITY, VisibleShares
 from gpusim.optics.shadow.light_space import LightSpace, lamp_numbers
@@ -35,7 +35,7 @@ from gpusim.optics.shadow.receivers import (
 from gpusim.optics.shadow.scene import Shadows
 from gpusim.surface.paint import Plain
 
-__all__ = ["ListedShares", "PieceShares", "RelitPass", "no_pieces"]
+__all__ = ["ListedShares", "PieceShares", "RelightingPass", "no_pieces"]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
@@ -83,27 +83,27 @@ def _enlarged(found: VisibleShares, spaces: Sequence[LightSpace]) -> bool:
     return result
 
 
-class RelitPass:
+class RelightingPass:
     """The pixels of one view, band by band, that ``shade`` has lit by all lamps."""
 
-    def __init__(self, tables: Tables, shade: ShadePass, rows: int) -> None:
-        setup = tables.setup
+    def __init__(self, buffers: SceneBuffers, shade: ShadingPass, rows: int) -> None:
+        setup = buffers.setup
         shadows = setup.lighting.shadows
         assert isinstance(shadows, Shadows) and shade.marks is not None
-        self.tables, self.shade = tables, shade
+        self.buffers, self.shade = buffers, shade
         self._casting = shadows.casting
         # a relief may turn normals any way
         self._spaces = shadows.spaces if setup.bumps is None else shadows.turned(1.0)
         self._receivers = self._pixels(shadows, shade.marks, rows)
         self._found = _found_by(shadows, self._receivers, "band")
         self._band: tuple[Buffer, int, int] | None = None
-        self._tiles = tables.device.empty(4 * self._receivers.most_groups, "relit.tiles_listed")
-        self._counters = tables.device.empty(16, "relit.counters")
-        self._groups = tables.device.empty(12, "relit.groups")
+        self._tiles = buffers.device.empty(4 * self._receivers.most_groups, "relit.tiles_listed")
+        self._counters = buffers.device.empty(16, "relit.counters")
+        self._groups = buffers.device.empty(12, "relit.groups")
 
     def _pixels(self, shadows: Shadows, marks: Texture, rows: int) -> DevicePixels:
         """Those that marks are of."""
-        camera, planes, device = shadows.view.camera, self.tables.planes, self.tables.device
+        camera, planes, device = shadows.view.camera, self.buffers.planes, self.buffers.device
         layout = marks.stride // 4, 2 if marks.format.startswith("rg") else 1
         found = _kept_receivers(shadows, "band")
         if isinstance(found, DevicePixels) and found.suits(camera, rows, planes, *layout):
@@ -117,7 +117,7 @@ class RelitPass:
         before it goes on."""
         self._band = radiance, row0, rows
         self._receivers.aim(row0, rows)
-        with self.tables.device.recording("optics.shadow") as recording:
+        with self.buffers.device.recording("optics.shadow") as recording:
             assert self.shade.marks is not None
             recording.copy_texture(self.shade.marks, self._receivers.ids, rows)
         self._found.record(self._spaces)
@@ -128,30 +128,30 @@ class RelitPass:
         device."""
         while self._band is not None and _enlarged(self._found, self._spaces):
             radiance, row0, rows = self._band
-            with self.tables.device.recording("optics.shade") as recording:
+            with self.buffers.device.recording("optics.shade") as recording:
                 self.shade.record(recording, radiance, row0, rows)
             self.record(radiance, row0, rows)
         self._band = None
 
     def _relight(self, radiance: Buffer, row0: int, rows: int) -> None:
-        setup, width = self.tables.setup, self.tables.setup.view.camera.width
+        setup, width = self.buffers.setup, self.buffers.setup.view.camera.width
         glossy = bool(setup.shiny.any())
         constants = setup.light_constants(glossy, bool(setup.bumpy.any()))
         constants["scaled"] = float(not glossy)
         params = {
-            "rays": self.tables.rays(), "width": width, "rows": rows,
+            "rays": self.buffers.rays(), "width": width, "rows": rows,
             "stride": self.shade.stride, "row0": row0, "casting": self._casting,
         }  # fmt: skip
         bound = Bound(
-            self.tables.device,
+            self.buffers.device,
             {
                 "params": params, "radiance": radiance, "marks": self.shade.marks,
                 "lamp_shares": self._found.shares, "states": self._found.states,
                 "halves": self._receivers.halves, "listed": self._tiles,
-                "counters": self._counters, "groups_of": self._groups, **self.tables.surface(),
+                "counters": self._counters, "groups_of": self._groups, **self.buffers.surface(),
             },
         )  # fmt: skip
-        with self.tables.device.recording("optics.relit") as recording:
+        with self.buffers.device.recording("optics.relit") as recording:
             recording.clear(self._counters)
             count = -(-width // TILE) * -(-rows // TILE)
             name = "optics/shading/relighting"
@@ -175,9 +175,9 @@ class PieceShares:
     """What pieces of pixels see, which a program lists: there is a place for each in groups of
     neighbours that begin at ``starts`` (G + 1,)."""
 
-    def __init__(self, tables: Tables, shadows: Shadows, starts: Numbers) -> None:
-        device = tables.device
-        self._device, self._spaces, self._planes = device, shadows.spaces, tables.planes
+    def __init__(self, buffers: SceneBuffers, shadows: Shadows, starts: Numbers) -> None:
+        device = buffers.device
+        self._device, self._spaces, self._planes = device, shadows.spaces, buffers.planes
         self._found = _listed(shadows, starts, "pieces")
         self._found.make_room(shadows.spaces)
         self._receivers, self._casting = self._found.receivers, shadows.casting
@@ -259,18 +259,18 @@ def _check(device: Device) -> None:
 
 def _compare(device: Device, setup: Setup, shadows: Shadows) -> None:
     camera = setup.view.camera
-    tables = Tables(device, setup)
-    shading = ShadePass(tables, camera.height, marked=True)
+    buffers = SceneBuffers(device, setup)
+    shading = ShadingPass(buffers, camera.height, marked=True)
     out = device.empty(4 * shading.stride * camera.height, "relit.out")
     with device.recording("optics.shade") as recording:
         shading.record(recording, out, 0, camera.height)
-    relit = RelitPass(tables.with_shadows(shadows), shading, camera.height)
+    relit = RelightingPass(buffers.with_shadows(shadows), shading, camera.height)
     relit.record(out, 0, camera.height)
     relit.finish()
     got = out.read(np.float32, (camera.height, shading.stride))[:, : camera.width]
     want = shade_twin(setup.with_shadows(shadows), visibility_twin(setup.view))
     inside = np.ones(want.size, bool)
-    inside[bin_edges(setup.view).pixel] = False
+    inside[find_edge_pixels(setup.view).pixel] = False
     # one sample of 512 may fall to the other side of an outline
     atol = 2.5 / 512 * float(want.max())
     compare(

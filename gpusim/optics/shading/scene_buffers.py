@@ -15,27 +15,25 @@ from gpusim.optics.camera.undistortion_table import distortion_map
 from gpusim.optics.light.microfacet_material import gloss_texels
 from gpusim.optics.paint.checker_lines import BoardLines
 from gpusim.optics.paint.relief_normals import bump_texels, bump_uniform
-from gpusim.optics.raster.compute_raster import Sight
-from gpusim.optics.raster.triangle_records import Records
-from gpusim.optics.raster.vertex_buffers import Drawn
-from gpusim.optics.series.late import LateSight
-from gpusim.optics.shading.glance import fields_glanced
-from gpusim.optics.shading.looks import Looks
+from gpusim.optics.raster.compute_raster import VisibilityBuffer
+from gpusim.optics.raster.triangle_records import TriangleRecords
+from gpusim.optics.raster.vertex_buffers import VertexBuffers
 from gpusim.optics.shading.setup import TRIANGLE, Setup
-from gpusim.optics.shading.speckled import all_speckled
 from gpusim.optics.shadow.receiver_planes import planes_on_device
 from gpusim.optics.shadow.scene import Shadows
 
-__all__ = ["Tables"]
+__all__ = ["SceneBuffers"]
 
 NO_TILES = {"last": np.zeros(2), "middle": np.zeros(2), "size": 1, "columns": 1}
 
 
-class Tables:
+class SceneBuffers:
     """A setup on the device, shared by the interior and the edge pass."""
 
-    def __init__(self, device: Device, setup: Setup, sight: Sight | None = None) -> None:
-        """``sight``: what is on the device already."""
+    def __init__(
+        self, device: Device, setup: Setup, visibility: VisibilityBuffer | None = None
+    ) -> None:
+        """``visibility``: what is on the device already."""
         table, view = setup.table, setup.view
         self.device, self.setup = device, setup
         self.lamps = Uniform(device, setup.lighting.uniform(), "shade.lamps")
@@ -47,29 +45,23 @@ class Tables:
         self.paints = _as_texels(device, table.paints, "shade.paints")
         self.patterns = table.texels(device)
         # triangles that are shaded pixel by pixel take no parts
-        self.lines = BoardLines.of(setup) if sight is None else None
-        self.fields = fields_glanced(setup, sight)
-        self.records: Records | None = None
-        self._counts = counts = None if sight is None else sight.counts
-        self.looks: Looks | None = None
-        self.speckled = all_speckled(setup, sight)
-        if sight is None:
-            self.drawn = Drawn(device, view, "shade", self.lines)
-        else:
-            self.drawn = sight.drawn
-            if isinstance(sight, LateSight):
-                self.records = sight.records(setup)
-            else:
-                self.records = Records.of(device, setup, sight.drawn, looked=not view.guessed)
-        if self.records is None:
+        self.lines = BoardLines.of(setup) if visibility is None else None
+        records = (
+            None
+            if visibility is None
+            else TriangleRecords.of(device, setup, visibility.vertex_buffers)
+        )
+        self.vertex_buffers = (
+            VertexBuffers(device, view, "shade", self.lines)
+            if visibility is None
+            else visibility.vertex_buffers
+        )
+        if records is None:
             self.triangles = _triangles(device, setup, self.lines)
         else:
-            self.triangles = self.records.texels
-            if view.guessed and not self.speckled:
-                self.looks = Looks(setup, self.records, counts)
-            elif not self.glancing:
-                with device.recording("optics.records") as recording:
-                    self.records.make_all(recording)
+            self.triangles = records.texels
+            with device.recording("optics.records") as recording:
+                records.make(recording)
         bends = distortion_map(view.camera)
         self.undistortion = self.bitmap_texels = device.no_texels("rgba32float")
         if bends is not None:
@@ -84,21 +76,7 @@ class Tables:
             self.bitmap_texels.write(texels)
         self.speckles = table.speckle.texels(device)
 
-    @property
-    def glancing(self) -> bool:
-        """Whether light is found triangle by triangle before pixels are shaded."""
-        known = self.fields is not None or self.looks is not None or self.speckled
-        return known and self.records is not None
-
-    @property
-    def surprised(self) -> bool:
-        """Whether the view isn't what it was guessed to be; waits for the device."""
-        if self.looks is not None:
-            return self.looks.surprised
-        counts = self._counts if self.setup.view.guessed else None
-        return counts is not None and bool(counts.read(np.uint32, (6,))[4:].any())
-
-    def with_shadows(self, shadows: Shadows | None) -> Tables:
+    def with_shadows(self, shadows: Shadows | None) -> SceneBuffers:
         """The same view with shadows."""
         result = copy(self)
         result.setup = self.setup.with_shadows(shadows)
@@ -114,7 +92,7 @@ class Tables:
         return {
             "paints": self.paints,
             "patterns": self.patterns,
-            **self.drawn.outlines(),
+            **self.vertex_buffers.outlines(),
             **self.surface(),
             "bitmap_texels": self.bitmap_texels,
             "speckles": self.speckles,

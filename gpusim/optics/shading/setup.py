@@ -13,7 +13,6 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.arrays.sorted_unique import distinct
 from gpusim.errors import InputError
 from gpusim.gpu import Device
 from gpusim.optics.camera.undistortion_table import distortion_map
@@ -21,7 +20,7 @@ from gpusim.optics.geometry.view import View
 from gpusim.optics.light.lights import Light
 from gpusim.optics.paint.bitmap import BITMAP, PIECES, BitmapTable, pieces_needed
 from gpusim.optics.paint.checker_fields import matte_boards, within_fields
-from gpusim.optics.paint.feature_grid import PatternTable
+from gpusim.optics.paint.feature_grid import FeatureGrid
 from gpusim.optics.paint.relief_normals import Bumps, bump_of
 from gpusim.optics.raster.coefficients import BLOCK, Coefficients, Found, PerTriangle, coefficients
 from gpusim.optics.shading.lighting import Lighting, SharesOf
@@ -60,7 +59,7 @@ class Setup:
     """
 
     view: View
-    table: PatternTable
+    table: FeatureGrid
     bitmaps: BitmapTable
     lighting: Lighting
     background: float
@@ -80,7 +79,7 @@ class Setup:
         ``surfaces`` cast shadows and hide surroundings, which ``device`` looks at. ``shadows``:
         False leaves them to `with_shadows`.
         """
-        table = PatternTable.build(view.paints, view.largest or view.extent)
+        table = FeatureGrid.build(view.paints, view.extent)
         bitmaps = BitmapTable.build(view.paints, table.paints)
         lighting = Lighting.build(view, lights, surfaces, device, shadows)
         return Setup(view, table, bitmaps, lighting, background, lights is not None)
@@ -88,15 +87,12 @@ class Setup:
     def with_shadows(self, shadows: Shadows | None) -> Setup:
         """The same view with shadows."""
         result = replace(self, lighting=replace(self.lighting, shadows=shadows))
-        result.__dict__["_looks"] = self._looks
+        result.__dict__["_near_and_albedo"] = self._near_and_albedo
         return result
 
     @cached_property
-    def _looks(self) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.float32]]:
-        return self._looks_in(self.view)
-
-    def _looks_in(self, view: View) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.float32]]:
-        """`near_feature` and `albedo` of the triangles of a part of the view."""
+    def _near_and_albedo(self) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.float32]]:
+        view = self.view
         boards = matte_boards(view.paints, self.lighting.gloss)
         near = self.table.near_features(view, boards)
         albedo = np.take(self.table.paints["ground"], view.paint, mode="clip")
@@ -107,12 +103,12 @@ class Setup:
     @property
     def near_feature(self) -> npt.NDArray[np.bool_]:
         """(T,): whether a pixel in it can reach a feature of its pattern, or shows a bitmap."""
-        return self._looks[0]
+        return self._near_and_albedo[0]
 
     @property
     def albedo(self) -> npt.NDArray[np.float32]:
         """(T,): of what isn't near a feature."""
-        return self._looks[1]
+        return self._near_and_albedo[1]
 
     def _coefficients(self) -> Iterator[Coefficients]:
         return coefficients(self.view, self.table, self.bitmaps, self.lit)
@@ -249,20 +245,8 @@ class Setup:
                 groups[(self.view.paint == number) & larger] += np.uint32(GRAZING)
         return groups
 
-    def groups_of(self, triangles: npt.NDArray[np.int64]) -> npt.NDArray[np.uint32]:
-        """`groups` of some triangles (n,), of a guessed view found for them alone."""
-        if not self.view.guessed:
-            return self.groups[triangles]
-        own = distinct(triangles)
-        near, _ = self._looks_in(self.view.some(own))
-        featured = self.table.paints["featured"].astype(np.uint32)
-        groups: npt.NDArray[np.uint32] = featured[self.view.paint[own]] * near
-        return groups[np.searchsorted(own, triangles)]
-
     def groups_present(self) -> list[int]:
-        """The different `groups` there are, or may be in a view that is guessed."""
-        if self.view.guessed:
-            return sorted({0, *self.table.paints["featured"].tolist()})
+        """The different `groups` there are."""
         most = int(self.groups.max(initial=0))
         return [group for group in range(most + 1) if (self.groups == group).any()]
 

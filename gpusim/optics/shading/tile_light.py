@@ -28,7 +28,7 @@ from gpusim.surface.paint import Plain
 from gpusim.surface.surface import Surface
 
 if TYPE_CHECKING:
-    from gpusim.optics.shading.scene_buffers import Tables
+    from gpusim.optics.shading.scene_buffers import SceneBuffers
 
 __all__ = ["LightTiles", "LightTilesPass", "light_tiles_twin"]
 
@@ -164,23 +164,23 @@ def _in_plane(setup: Setup, first: np.int64, triangles: Numbers) -> npt.NDArray[
 class LightTilesPass:
     """The tiles of one view on the device."""
 
-    def __init__(self, tables: Tables, tiles: LightTiles) -> None:
-        camera = tables.setup.view.camera
-        self.tables, self.tiles = tables, tiles
+    def __init__(self, buffers: SceneBuffers, tiles: LightTiles) -> None:
+        camera = buffers.setup.view.camera
+        self.buffers, self.tiles = buffers, tiles
         self.shape = (-(-camera.height // TILE), -(-camera.width // TILE))
         self.texels = Texels(
-            tables.device, self.shape[0] * self.shape[1], "rgba32float", "light_tiles.light"
+            buffers.device, self.shape[0] * self.shape[1], "rgba32float", "light_tiles.light"
         )
-        self._owners = tables.device.buffer(tiles.owner, "light_tiles.owners")
+        self._owners = buffers.device.buffer(tiles.owner, "light_tiles.owners")
 
     def record(self, recording: Recording) -> None:
         """Find the light of all tiles."""
-        setup, tables = self.tables.setup, self.tables
+        setup, buffers = self.buffers.setup, self.buffers
         constants = setup.light_constants(False, False)
-        kernel = tables.device.kernel("optics/shading/tile_light", constants=constants)
+        kernel = buffers.device.kernel("optics/shading/tile_light", constants=constants)
         bindings = kernel.bind(
             params={
-                "rays": tables.rays(),
+                "rays": buffers.rays(),
                 "columns": self.shape[1],
                 "rows": self.shape[0],
                 "owner_columns": self.tiles.owner.shape[1],
@@ -188,7 +188,7 @@ class LightTilesPass:
             },
             owners=self._owners,
             light=self.texels,
-            **tables.surface(),
+            **buffers.surface(),
         )
         recording.dispatch(kernel, bindings, threads=(self.shape[0] * self.shape[1],))
 
@@ -213,12 +213,12 @@ def light_tiles_twin(setup: Setup, tiles: LightTiles) -> Array:
 
 @twin_check("optics/shading/tile_light")
 def _check(device: Device) -> None:
-    from gpusim.optics.shading.scene_buffers import Tables
+    from gpusim.optics.shading.scene_buffers import SceneBuffers
 
     setup = _probe()
     tiles = LightTiles.of(setup, tolerance=np.inf)
     assert tiles is not None
-    work = LightTilesPass(Tables(device, setup), tiles)
+    work = LightTilesPass(SceneBuffers(device, setup), tiles)
     with device.recording("optics.light_tiles") as recording:
         work.record(recording)
     got = work.texels.read().reshape(*work.shape, 4)

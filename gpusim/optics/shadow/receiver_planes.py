@@ -17,7 +17,7 @@ from gpusim.optics.geometry.view import View
 from gpusim.optics.shadow.receivers import PixelReceivers
 
 if TYPE_CHECKING:
-    from gpusim.optics.shading.scene_buffers import Tables
+    from gpusim.optics.shading.scene_buffers import SceneBuffers
 
 __all__ = ["planes_on_device", "planes_twin"]
 
@@ -26,21 +26,19 @@ Array = npt.NDArray[np.float64]
 NAME = "optics/shadow/receiver_planes"
 
 
-def planes_on_device(tables: Tables, on: npt.NDArray[np.int32]) -> Texels:
+def planes_on_device(buffers: SceneBuffers, on: npt.NDArray[np.int32]) -> Texels:
     """Of each triangle n / d of its plane n x = d, and its `plane_words`; ``on`` (T,): the occluder
     that it is part of, -1 for none."""
-    device, camera = tables.device, tables.setup.view.camera
+    device, camera = buffers.device, buffers.setup.view.camera
     texels = device.kept.texels(max(len(on), 1), "rgba32uint", "shadow.planes")
     last = np.array([camera.width - 1.0, camera.height - 1.0])
     kernel = device.kernel(NAME, "main", {"distorted": float(camera.lens is not None)})
     bindings = kernel.bind_used(
-        params={**tables.rays(), "last": last, "count": len(on)},
+        params={**buffers.rays(), "last": last, "count": len(on)},
         owners=device.buffer(on, "shadow.owners"), planes=texels,
-        **tables.drawn.outlines(), **tables.surface(),
+        **buffers.vertex_buffers.outlines(), **buffers.surface(),
     )  # fmt: skip
     with device.recording("optics.shadow") as recording:
-        if tables.records is not None:
-            tables.records.make_all(recording)
         recording.dispatch(kernel, bindings, threads=(len(on),))
     return texels
 

@@ -18,8 +18,8 @@ import numpy.typing as npt
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
-from gpusim.optics.geometry.single_layer import border_of
-from gpusim.optics.geometry.surface_normals import Shape, shapes_of
+from gpusim.optics.geometry.feature_edges import border_of
+from gpusim.optics.geometry.surface_normals import SurfaceNormals, surface_normals
 from gpusim.optics.light.lights import Light
 from gpusim.optics.light.quadrature import lamps_of
 from gpusim.optics.shadow.light_space import LightSpace, light_spaces
@@ -47,7 +47,7 @@ def without_shadows(
     lamps = {id(lamp.light): lamp for lamp in lamps_of(lights) if lamp.light.shadows}
     if not lamps or len(surfaces) > 1 or not surfaces[0].topology.oriented:
         return found
-    shape = shapes_of(surfaces)[0]
+    shape = surface_normals(surfaces)[0]
     points = shape.points - eye
     for number, light in enumerate(lights):
         spaces = light_spaces([lamps[id(light)]], points, eye) if id(light) in lamps else []
@@ -72,7 +72,9 @@ def wound_once(space: LightSpace, surfaces: Sequence[Surface], eye: Array) -> in
     return result
 
 
-def _single_layer(space: LightSpace, surface: Surface, shape: Shape, points: Array) -> bool:
+def _single_layer(
+    space: LightSpace, surface: Surface, shape: SurfaceNormals, points: Array
+) -> bool:
     """Whether a lamp lights all of a surface that is turned to it, and nothing else that the eye
     sees; ``points`` (P, 3): its vertices, from there."""
     topology, area, lamp = surface.topology, shape.area, space.lamp

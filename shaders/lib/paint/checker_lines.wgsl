@@ -52,22 +52,3 @@ fn board_pixel(
     printed += select(0.0, lattice.covers, inside);
     return select(ground, albedo, inside);
 }
-
-// The albedo of a pixel of a board, and whether its footprint reaches over a line, where that isn't
-// its mean.
-struct Field {
-    albedo: f32,
-    line: bool,
-}
-fn field_at(lattice: Board, ground: f32, p: vec2f, dx: vec2f, dy: vec2f, q: vec2f) -> Field {
-    let low = -lattice.index;
-    let corner = clamp(round(p / lattice.size), low, low + lattice.squares);
-    let d = p - corner * lattice.size;
-    // as `checker_share` and `half_plane_share` tell
-    let reach = 0.5 * (abs(dx + d * q.x) + abs(dy + d * q.y));
-    let field = corner - low - select(vec2f(1.0), vec2f(0.0), d > vec2f(0.0));
-    let half = 0.5 * (field.x + field.y);
-    let inside = all(field >= vec2f(0.0)) && all(field < lattice.squares);
-    let albedo = select(lattice.albedo.y, lattice.albedo.x, half == floor(half));
-    return Field(select(ground, albedo, inside), any(abs(d) < reach));
-}

@@ -3,14 +3,12 @@
 // Each triangle is clipped to the pixel's square and loses what those in front of it hide, as long
 // as that leaves it convex, or as these are seen as a whole. The paint's mean is taken over what is
 // left, the light at its centroid; what no triangle takes of the pixel shows the background. A pixel
-// that depends on another shape is noted: the host resolves it. Where one sheet without patterns covers the pixel,
-// nothing is hidden, and each triangle counts by what lies of it within.
+// that depends on another shape is noted: the host resolves it.
 #import lib/raster/visible_polygons
 #import lib/light/lamp_shares
 #import lib/paint/polygon_mean
 #import lib/light/surface
 #import lib/raster/undistortion_table
-#import lib/raster/pixel_clip
 
 override lit: u32;
 // 1 where lamps cast shadows: pieces of pixels are listed, for `light_pieces`
@@ -357,42 +355,4 @@ fn light_pieces(
     }
     let result = finished(sum);
     found[n] = vec2f(result.x, select(result.y, 1.0, unknown));
-}
-
-// Pixels that one sheet covers, without patterns or shadows on it.
-@compute @workgroup_size(64)
-fn whole_pixels(
-    @builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u
-) {
-    let n = range.first + gid.y * (groups.x * 64u) + gid.x;
-    if (n >= range.count) { return; }
-    let index = lists[2u * n];
-    let stop = start_of(n + 1u);
-    let pixel = vec2i(i32(index % params.width), i32(index / params.width));
-    let bend = bend_at(pixel);
-    printed = 0.0;
-    var seen = 0.0;
-    var value = 0.0;
-    var c = start_of(n);
-    loop {
-        let id = lists[c];
-        let t = triangle_at(id);
-        let m = within_pixel(
-            corner_from(3u * id, pixel), corner_from(3u * id + 1u, pixel),
-            corner_from(3u * id + 2u, pixel),
-        );
-        var light = t.more.x;
-        if (lit != 0u) {
-            let middle = undistort_within(bend, m.yz);
-            let d = vec2f(pixel - t.place.xy) + middle;
-            let r = reflection_at(t, params.rays, vec2f(pixel) + middle, d);
-            light = radiance_of(t, r, light, light, 1.0);
-        }
-        seen += m.x;
-        value += m.x * light;
-        c++;
-        if (c >= stop) { break; }
-    }
-    // the host sees to what isn't as it seemed
-    found[n] = vec2f(value / seen, select(1.0, 0.0, abs(seen - 1.0) <= range.thin));
 }

@@ -3,7 +3,7 @@
 // several times as long as so few pixels do. Writes the same numbers as id_buffer.wgsl.
 // Described in gpusim/optics/raster/compute_raster.py.
 #import lib/numeric/index
-#import lib/raster/point_in_triangle
+#import lib/numeric/texel
 
 struct Params {
     count: u32,
@@ -15,6 +15,83 @@ struct Params {
 // per pixel of the band: depth above, what is left of 2^32 by the triangle's number + 1 below, so
 // that of triangles at one depth the first is seen
 @group(0) @binding(1) var<storage, read_write> nearest: array<atomic<u64>>;
+
+// three vertices per triangle
+@group(0) @binding(12) var<storage, read> corners: array<u32>;
+// per vertex (column, row in 1/65536 px, near / z, 0)
+@group(0) @binding(18) var places: texture_storage_2d<rgba32uint, read>;
+
+// The corners in 1/256 px from the first row of the band on, and their near / z.
+struct Places {
+    p: vec2i,
+    q: vec2i,
+    r: vec2i,
+    depth: vec3f,
+}
+fn places_of(id: u32, row0: i32) -> Places {
+    let a = textureLoad(places, texel(corners[3u * id]));
+    let b = textureLoad(places, texel(corners[3u * id + 1u]));
+    let c = textureLoad(places, texel(corners[3u * id + 2u]));
+    let band = vec2i(0, 256 * row0);
+    return Places(snapped(a) - band, snapped(b) - band, snapped(c) - band,
+        bitcast<vec3f>(vec3u(a.z, b.z, c.z)));
+}
+fn snapped(at: vec4u) -> vec2i {
+    return (vec2i(at.xy) + 128) >> vec2u(8u);
+}
+
+// The first pixel and how many columns and rows follow it; below 0 where there is none.
+struct Box {
+    low: vec2i,
+    size: vec2i,
+}
+fn box_of(at: Places, size: vec2i) -> Box {
+    let low = max((min(min(at.p, at.q), at.r) + 255) >> vec2u(8u), vec2i(0));
+    let high = min(max(max(at.p, at.q), at.r) >> vec2u(8u), size - 1);
+    return Box(low, high - low);
+}
+
+// The edges' functions, the areas opposite to r, p and q, at a pixel: how they change to the next one of
+// a row and from a row's last to the next row, and what all have to be above. `area`: twice the
+// triangle's; `turned`: its second and third corner are the other way round.
+struct Inside {
+    here: vec3i,
+    right: vec3i,
+    next: vec3i,
+    limits: vec3i,
+    area: i32,
+    turned: bool,
+}
+
+// Twice the area of (0, a, b): above 0 where b is on the inner side of the edge along a.
+fn cross_of(a: vec2i, b: vec2i) -> i32 {
+    return a.x * b.y - a.y * b.x;
+}
+
+// What the edge function has to be above: an edge's own points are inside where it is a left or an
+// upper one.
+fn limit(edge: vec2i) -> i32 {
+    return select(0, -1, edge.y < 0 || (edge.y == 0 && edge.x > 0));
+}
+
+// From the first pixel of the box on.
+fn inside_of(at: Places, box: Box) -> Inside {
+    // from there on numbers are small
+    let p = at.p - (box.low << vec2u(8u));
+    var q = at.q - (box.low << vec2u(8u));
+    var r = at.r - (box.low << vec2u(8u));
+    let area = cross_of(q - p, r - p);
+    if (area < 0) {
+        let other = q;
+        q = r;
+        r = other;
+    }
+    let limits = vec3i(limit(q - p), limit(r - q), limit(p - r));
+    let here = vec3i(cross_of(q - p, -p), cross_of(r - q, -q), cross_of(p - r, -r));
+    let right = 256 * vec3i(p.y - q.y, q.y - r.y, r.y - p.y);
+    let down = 256 * vec3i(q.x - p.x, r.x - q.x, p.x - r.x);
+    return Inside(here, right, down - box.size.x * right, limits, abs(area), area < 0);
+}
 
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {

@@ -4,13 +4,10 @@
 // All that a large triangle's pixels share travels in flat varyings, which cost nothing per pixel.
 // Where triangles are small, that and the pixels beside them that are shaded in vain cost more than
 // the picture: which one each pixel sees is found first (compute_raster.wgsl or id_buffer.wgsl), then every
-// pixel reads its own one's record, or an invocation per triangle shades the triangle's own pixels.
+// pixel reads its own one's record.
 #import lib/paint/bitmap
 #import lib/paint/checker_lines
-#import lib/light/glance
-#import lib/numeric/index
 #import lib/paint/feature_grid
-#import lib/raster/pixel_box
 #import lib/raster/screen
 #import lib/light/surface
 #import lib/raster/undistortion_table
@@ -30,6 +27,8 @@ struct Params {
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(6) var<storage, read> screen: array<vec2i>;
 @group(0) @binding(7) var<storage, read> inverse_depth: array<f32>;
+// three vertices per triangle
+@group(0) @binding(12) var<storage, read> corners: array<u32>;
 // the triangles to draw, from near to far
 @group(0) @binding(8) var<storage, read> order: array<u32>;
 
@@ -224,159 +223,4 @@ fn fragment_seen(@builtin(position) at: vec4f) -> @location(0) f32 {
 fn fragment_seen_marked(@builtin(position) at: vec4f) -> Marked {
     let number = textureLoad(ids, vec2u(at.xy), 0).x;
     return marked(shade_seen(at, number), number);
-}
-
-// -- triangle by triangle ----------------------------------------------------------------------
-
-struct Band {
-    // of the triangles to shade, whose numbers + 1 are in `order` (0 where there is none)
-    count: u32,
-    // from one row of `band_radiance` to the next
-    stride: i32,
-}
-@group(0) @binding(13) var<uniform> band: Band;
-// per pixel of the band what compute_raster.wgsl found, the lower half first
-@group(0) @binding(14) var<storage, read> band_nearest: array<vec2u>;
-// bits of the radiance
-@group(0) @binding(15) var<storage, read_write> band_radiance: array<u32>;
-
-fn band_size() -> vec2i {
-    return vec2i(vec2f(params.width, params.rows));
-}
-
-// 1: triangles left marks on their own pixels (optics/shading/glance.wgsl), in `band_radiance`
-override signed: u32 = 0u;
-
-// From one row to the next of what tells which triangle a pixel sees.
-fn row_length() -> i32 {
-    return select(band_size().x, band.stride, signed != 0u);
-}
-fn sees(pixel: i32, id: u32) -> bool {
-    if (signed != 0u) { return band_radiance[pixel] == (MARK | id); }
-    return band_nearest[pixel].x == ~id;
-}
-
-// Where a walk over a box, row by row, has come to: the pixel of the band, and the column of the box.
-struct Walk {
-    pixel: i32,
-    column: i32,
-}
-// Which of the next pixels of its box see a triangle; `many` is at most 32.
-fn seen_bits(id: u32, box: Box, many: i32, walk: ptr<function, Walk>) -> u32 {
-    let turn = row_length() - box.size.x;
-    var bits = 0u;
-    var k = 0;
-    loop {
-        if (k < many && sees((*walk).pixel, id)) { bits |= 1u << u32(k); }
-        let end = (*walk).column == box.size.x;
-        (*walk).pixel += select(1, turn, end);
-        (*walk).column = select((*walk).column + 1, 0, end);
-        k++;
-        if (k >= many) { break; }
-    }
-    return bits;
-}
-
-// A triangle's own pixels, looked for 32 at a time, so that what costs is done for them alone.
-@compute @workgroup_size(64)
-fn own_pixels(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
-    let i = linear_id(gid, groups, 64u);
-    if (i >= band.count) { return; }
-    let number = order[i];
-    if (number == 0u) { return; }
-    let id = number - 1u;
-    let t = triangle_at(id);
-    let paint = paint_at(u32(t.ny.w));
-    let none = Board(vec2f(0.0), vec2f(0.0), vec2f(0.0), 1.0, vec2f(0.0), 0.0);
-    let box = box_of(places_of(id, params.row0), band_size());
-    let columns = box.size.x + 1;
-    let share = 1.0 / f32(columns);
-    let count = select(columns * (box.size.y + 1), 0, any(box.size < vec2i(0)));
-    var walk = Walk(box.low.y * row_length() + box.low.x, 0);
-    var first = 0;
-    loop {
-        var bits = seen_bits(id, box, min(count - first, 32), &walk);
-        loop {
-            if (bits != 0u) {
-                let n = first + i32(firstTrailingBit(bits));
-                let row = i32((f32(n) + 0.5) * share);
-                let at = box.low + vec2i(n - row * columns, row);
-                printed = 0.0;
-                band_radiance[at.y * band.stride + at.x] = bitcast<u32>(shade(t, paint, none, at).x);
-            }
-            bits &= bits - 1u;
-            if (bits == 0u) { break; }
-        }
-        first += 32;
-        if (first >= count) { break; }
-    }
-}
-
-// The same on chessboards whose light is known as a function of the pixel: most pixels lie within a
-// field, and the closed form is for those alone whose footprints reach over a line.
-@compute @workgroup_size(64)
-fn own_fields(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
-    let i = linear_id(gid, groups, 64u);
-    if (i >= band.count) { return; }
-    let number = order[i];
-    if (number == 0u) { return; }
-    let id = number - 1u;
-    let light = glance_at(id);
-    if (light.none) { return; }
-    let t = triangle_at(id);
-    let lattice = board_of(paint_at(u32(t.ny.w)), t.place.zw);
-    let squares = squares_of(lattice);
-    let box = box_of(places_of(id, params.row0), band_size());
-    let columns = box.size.x + 1;
-    let share = 1.0 / f32(columns);
-    let count = select(columns * (box.size.y + 1), 0, any(box.size < vec2i(0)));
-    var walk = Walk(box.low.y * row_length() + box.low.x, 0);
-    var first = 0;
-    loop {
-        var bits = seen_bits(id, box, min(count - first, 32), &walk);
-        var lines = 0u;
-        loop {
-            if (bits != 0u) {
-                let bit = firstTrailingBit(bits);
-                let own = own_pixel(t, light, lattice, first + i32(bit), columns, share, box.low);
-                let field = field_at(lattice, t.more.x, own.at, own.f.ex, own.f.ey, own.f.q);
-                band_radiance[own.place] = bitcast<u32>(field.albedo * own.light);
-                if (field.line) { lines |= 1u << bit; }
-            }
-            bits &= bits - 1u;
-            if (bits == 0u) { break; }
-        }
-        loop {
-            if (lines != 0u) {
-                let n = first + i32(firstTrailingBit(lines));
-                let own = own_pixel(t, light, lattice, n, columns, share, box.low);
-                let s = checker_share(squares, own.at, own.f.ex, own.f.ey, own.f.q);
-                let albedo = t.more.x + (s.x - t.more.x * s.y);
-                band_radiance[own.place] = bitcast<u32>(albedo * own.light);
-            }
-            lines &= lines - 1u;
-            if (lines == 0u) { break; }
-        }
-        first += 32;
-        if (first >= count) { break; }
-    }
-}
-
-// A pixel of a box: where it lies on a board and in the image, its footprint, and its light.
-struct OwnPixel {
-    at: vec2f,
-    f: Footprint,
-    light: f32,
-    place: i32,
-}
-fn own_pixel(
-    t: Triangle, glance: Glance, lattice: Board, n: i32, columns: i32, share: f32, low: vec2i
-) -> OwnPixel {
-    let row = i32((f32(n) + 0.5) * share);
-    let at = low + vec2i(n - row * columns, row);
-    let pixel = at + vec2i(0, params.row0);
-    let bend = bend_at(pixel);
-    let d = vec2f(pixel - t.place.xy) + undistort(bend, vec2f(0.0));
-    let f = bent_footprint(footprint(t, d), undistort_change(bend));
-    return OwnPixel(f.st - lattice.corner, f, glance_of(glance, d), at.y * band.stride + at.x);
 }
