@@ -14,9 +14,6 @@ import numpy.typing as npt
 from gpusim.arrays.congruence import noise
 from gpusim.errors import InputError, NotConverged, OutOfDeviceMemory
 from gpusim.fem.assembly.assembly import Assembled
-from gpusim.fem.assembly.block_rows import block_matrix
-from gpusim.fem.assembly.diagonal_blocks import invert_blocks
-from gpusim.fem.assembly.matrix_product import Product
 from gpusim.fem.assembly.system import System, finest_matrix
 from gpusim.fem.device.arena import Arena
 from gpusim.fem.device.operator_form import device_tets, operator_bytes, upload_operator
@@ -35,20 +32,19 @@ from gpusim.fem.krylov.error_estimates import Norm
 from gpusim.fem.krylov.load_cases import Progress, each_case
 from gpusim.fem.krylov.outer_iteration import HARSH, Outcome, iterate
 from gpusim.fem.krylov.rounding_error import Blur
-from gpusim.fem.lattice.stencil import StencilProduct
 from gpusim.fem.model.model import Model
 from gpusim.fem.multigrid.hierarchy import Hierarchy, build_hierarchy
-from gpusim.fem.multigrid.preconditioner import BlockJacobi, Multigrid
+from gpusim.fem.multigrid.preconditioner import Multigrid
 from gpusim.gpu import Device, default_device, software_adapter
 
 __all__ = ["METHODS", "Clock", "Options", "Result", "solve_system"]
 
 Float = npt.NDArray[np.float64]
 
-METHODS = ("auto", "direct", "multigrid", "block_jacobi")
+METHODS = ("auto", "direct", "multigrid")
 # of conjugate gradients with pressures; with more something is wrong
 _MOST_WITH_PRESSURES = 600
-_MOST_ITERATIONS = {"multigrid": 1000, "block_jacobi": 100_000}
+_MOST_ITERATIONS = 1000
 # where multigrid has failed, a direct solver may take this long (s, estimated)
 _PATIENCE = 600.0
 # where stiffnesses differ greatly it may take this many times as long as multigrid would, or (s)
@@ -57,7 +53,7 @@ _HARSH_PATIENCE, _HARSH_SECONDS = 30.0, 30.0
 # load cases that a direct solver refines each by itself; of many at once it solves for all with
 # matrix products
 _FEW_CASES = 4
-# ratio of greatest and least modulus, 300 at nu = 0.495, from which on patches are worth their cost
+# ratio of greatest and least modulus, 300 at nu = 0.495, from which on a material is stiff in bulk
 _STIFF_IN_BULK = 300.0
 
 
@@ -133,9 +129,8 @@ def solve_system(
             return None
         return _factorised(direct, system, options, clock, f"; multigrid had failed: {reason}")
 
-    kind = "multigrid" if method == "auto" else method
     try:
-        result = _iterated(kind, model, assembled, system, options, clock)
+        result = _iterated(model, assembled, system, options, clock)
     except NotConverged as error:
         other = instead(str(error))
         if other is None:
@@ -166,13 +161,13 @@ def _factorised(
 
 
 def _iterated(
-    kind: str, model: Model, assembled: Assembled, system: System, options: Options, clock: Clock
+    model: Model, assembled: Assembled, system: System, options: Options, clock: Clock
 ) -> Result:
-    if kind == "multigrid" and _nearly_incompressible(model):
+    if _nearly_incompressible(model):
         result = _with_pressures(model, assembled, system, options, clock)
         if result is not None:
             return result
-    on_device, rounded = _on_device(options), kind == "multigrid"
+    on_device = _on_device(options)
     if on_device:
         # the operator and the vectors at least; what multigrid adds is known once it is set up
         device = options.device if options.device is not None else default_device()
@@ -183,42 +178,37 @@ def _iterated(
         by_elements = on_device and elements is not None
         compiled = None
         if on_device:
-            compiled = aside.submit(compile_kernels, device, by_elements, rounded)
-        chosen, norm, product = _preconditioner(kind, model, assembled, system, on_device)
+            compiled = aside.submit(compile_kernels, device, by_elements)
+        multigrid, norm = _multigrid(model, assembled, system, on_device)
     if compiled is not None:
         compiled.result()
     clock.mark("preconditioner")
-    most = options.most if options.most is not None else _MOST_ITERATIONS[kind]
+    most = options.most if options.most is not None else _MOST_ITERATIONS
     run = partial(
         iterate,
         norm=norm,
-        blur=None if isinstance(chosen, BlockJacobi) else Blur(chosen, options.tolerance),
+        blur=Blur(multigrid, options.tolerance),
         tolerance=options.tolerance,
         most=most,
-        chunk=1 if kind == "multigrid" else 100,
     )
-    patched = isinstance(chosen, Multigrid) and chosen.patched
-    if not on_device or patched:
+    if not on_device:
 
         def one(part: System, start: Float | None, progress: Progress | None) -> Outcome:
-            return run(part, NumpyCG(product, chosen), start=start, progress=progress)
+            return run(part, NumpyCG(multigrid.product, multigrid), start=start, progress=progress)
 
         outcome = each_case(one, system, options.start, options.progress)
-        if patched:
-            note = "smoothed on patches, on the host: a nearly incompressible material"
-            outcome = replace(outcome, message=f"{outcome.message} ({note})")
         clock.mark("iterations")
-        return Result(outcome, kind, "numpy", "f64")
+        return Result(outcome, "multigrid", "numpy", "f64")
     with Arena(device) as arena:
         cases = len(system.right)
-        _ask(device, _memory(assembled, elements, cases, chosen), system)
-        operator = upload_operator(arena, assembled, elements, system.scale, cases, system.free)
-        ready = chosen.upload(arena, operator, cases)
-        loop = DeviceCG(arena, operator, ready, cases, rounded=rounded)
+        _ask(device, _memory(assembled, elements, cases, multigrid), system)
+        operator = upload_operator(arena, assembled, elements, system.scale, cases)
+        ready = multigrid.upload(arena, operator, cases)
+        loop = DeviceCG(arena, operator, ready, cases)
         clock.mark("upload")
         outcome = run(system, loop, start=options.start, progress=options.progress)
         clock.mark("iterations")
-        return Result(outcome, kind, "gpu", arena.real)
+        return Result(outcome, "multigrid", "gpu", arena.real)
 
 
 def _with_pressures(
@@ -251,7 +241,7 @@ def _with_pressure(
     most = options.most or _MOST_WITH_PRESSURES
     return iterate(
         part, mixed.loop(1), mixed.norm, start, blur=Blur(mixed, options.tolerance),
-        tolerance=options.tolerance, most=most, chunk=1, progress=progress,
+        tolerance=options.tolerance, most=most, progress=progress,
     )  # fmt: skip
 
 
@@ -280,43 +270,18 @@ def _nearly_incompressible(model: Model) -> bool:
     return max(float(one.max() / one.min()) for one in moduli) > _STIFF_IN_BULK
 
 
-def _preconditioner(
-    name: str, model: Model, assembled: Assembled, system: System, on_device: bool
-) -> tuple[BlockJacobi | Multigrid, Norm, Product | StencilProduct]:
-    """Preconditioner, norm of the stopping rule, and the NumPy loop's product with K'.
-
-    Inside the loop NumPy multiplies by the assembled matrix, which is several times faster than
-    differences; the refinement's residual still comes from differences.
-    """
-    rows = assembled.rows
-    if name == "block_jacobi":
-        matrix = block_matrix(rows, system.scale)
-        diagonal = rows.diagonal[rows.row_class] / system.scale
-        inverse = invert_blocks(diagonal, system.free)
-        try:
-            # the loads may feel the softest modes too little for Ritz values to tell of them
-            multigrid = Multigrid(_hierarchy(model, assembled, system))
-            softest = _softest(multigrid, system, diagonal)
-        except NotConverged:
-            softest = np.inf
-        return BlockJacobi(inverse), Norm(diagonal, None, softest=softest), Product(matrix)
-    patched = _nearly_incompressible(model)
-    hierarchy = _hierarchy(model, assembled, system, patched=patched, inverted=on_device)
-    multigrid = Multigrid(hierarchy)
-    lowest = hierarchy.lowest
+def _multigrid(
+    model: Model, assembled: Assembled, system: System, on_device: bool
+) -> tuple[Multigrid, Norm]:
+    """Preconditioner, and the norm of the stopping rule."""
+    multigrid = Multigrid(_hierarchy(model, assembled, system, inverted=on_device))
+    lowest = multigrid.lowest
     if system.contrast > HARSH:
         lowest = min(lowest, _softest(multigrid, system))
-    return multigrid, Norm(None, lowest), multigrid.product
+    return multigrid, Norm(lowest)
 
 
-def _hierarchy(
-    model: Model,
-    assembled: Assembled,
-    system: System,
-    *,
-    patched: bool = False,
-    inverted: bool = False,
-) -> Hierarchy:
+def _hierarchy(model: Model, assembled: Assembled, system: System, inverted: bool) -> Hierarchy:
     return build_hierarchy(
         finest_matrix(assembled.rows, system),
         assembled.groups,
@@ -325,39 +290,31 @@ def _hierarchy(
         model.mesh.points,
         assembled.rows,
         system.scale,
-        patched=patched,
+        stiff_in_bulk=_nearly_incompressible(model),
         inverted=inverted,
         harsh=system.contrast > HARSH,
     )
 
 
-def _softest(multigrid: Multigrid, system: System, blocks: Float | None = None) -> float:
-    """Rayleigh quotient of K, or of D^-1 K with ``blocks`` (N,3,3) of D, after inverse iteration by
-    the preconditioner: soft islands between stiff ones are too small for the coarsest level, whose
-    least eigenvalue serves elsewhere."""
-
-    def weighed(x: Float) -> Float:
-        if blocks is None:
-            return x
-        image = np.matmul(blocks, x.reshape(len(blocks), 3, 1)).reshape(x.shape)
-        return np.where(system.free.ravel(), image, 0.0)
-
+def _softest(multigrid: Multigrid, system: System) -> float:
+    """Rayleigh quotient of K after inverse iteration by the preconditioner: soft islands between
+    stiff ones are too small for the coarsest level, whose least eigenvalue serves elsewhere."""
     x = np.where(system.free.ravel(), noise(system.free.size, 12), 0.0)[None]
     for _ in range(_INVERSE_STEPS):
-        x = multigrid.apply(weighed(x))
+        x = multigrid.apply(x)
         x /= np.linalg.norm(x)
-    return float(x[0] @ multigrid.product(x)[0] / (x[0] @ weighed(x)[0]))
+    return float(x[0] @ multigrid.product(x)[0] / (x[0] @ x[0]))
 
 
 def _memory(
     assembled: Assembled,
     elements: TetElements | None,
     cases: int,
-    chosen: BlockJacobi | Multigrid,
+    multigrid: Multigrid,
 ) -> int:
     """Bytes to come on a device: vectors, operator, preconditioner."""
     return (
-        DeviceCG.device_bytes(assembled.rows.node_count, cases, not isinstance(chosen, BlockJacobi))
+        DeviceCG.device_bytes(assembled.rows.node_count, cases)
         + operator_bytes(assembled, elements)
-        + chosen.device_bytes(cases)
+        + multigrid.device_bytes(cases)
     )

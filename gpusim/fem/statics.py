@@ -67,9 +67,9 @@ def solve(
     backend : where multigrid iterates: "gpu", "numpy" (the twins, on all processors of the host),
         or "auto": "gpu" where ``device`` is given or the adapter is real hardware. A software
         adapter is the host's own processors, with more in between: "numpy" then.
-    method : "direct", "multigrid" (smoothed aggregation below geometric levels), "block_jacobi",
-        or "auto": the cheaper of the first two; direct also where multigrid doesn't converge.
-    max_iterations : of conjugate gradients; None: 1000 (multigrid), 100000 (block_jacobi).
+    method : "direct", "multigrid" (smoothed aggregation below geometric levels), or "auto": the
+        cheaper of the two; direct also where multigrid doesn't converge.
+    max_iterations : of conjugate gradients; None: 1000.
     start : (N,3) or (L,N,3) displacements to begin from; a direct solver needs none.
     progress : called with (iterations so far, estimated relative error), of the load cases that
         this process iterates itself.

@@ -30,8 +30,7 @@ class DeviceProduct:
     ) -> None:
         self.device, self.cases, self.label = device, cases, label
         self.rows, self.columns = (int(n) // 3 for n in matrix.shape)
-        free = np.ones((self.rows, 3), dtype=bool)
-        self._texels = BlockTexels(device, _rows(matrix), free, 1.0, label, exact=True, packs=False)
+        self._texels = BlockTexels(device, _rows(matrix), 1.0, label, exact=True)
         self._kernel = device.kernel(
             "fem/device/stiffness", entry="apply", constants={"plain": 1.0}
         )

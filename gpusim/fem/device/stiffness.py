@@ -95,10 +95,7 @@ def _apply_range(
 
 
 class DeviceStiffness:
-    """K on the device, divided by ``scale``; ``texels`` are its blocks, which others may share.
-
-    ``free`` (N,3), default all, tells apart what those others need told apart.
-    """
+    """K on the device, divided by ``scale``; ``texels`` are its blocks, which others may share."""
 
     def __init__(
         self,
@@ -106,11 +103,9 @@ class DeviceStiffness:
         rows: BlockRows,
         scale: float,
         cases: int,
-        free: npt.NDArray[np.bool_] | None = None,
     ) -> None:
         self.device, self.cases, self.nodes = device, cases, rows.node_count
-        free = np.ones((self.nodes, 3), dtype=bool) if free is None else free
-        self.texels = BlockTexels(device, rows, free, scale, "fem.stiffness", exact=True)
+        self.texels = BlockTexels(device, rows, scale, "fem.stiffness", exact=True)
         self._bound: dict[tuple[int, int], list[Bindings]] = {}
 
     def vector(self, u: Float, *, rounded: bool = False) -> Pair:
@@ -121,9 +116,8 @@ class DeviceStiffness:
 
     def record(self, recording: Recording, u: Pair, result: Pair) -> None:
         """Record result = K u, (L,N,3) values; ``result`` not rounded."""
-        entry = "apply4" if self.texels.packed else "apply"
         constants = {"rounded": float(u.rounded)}
-        kernel = self.device.kernel("fem/device/stiffness", entry=entry, constants=constants)
+        kernel = self.device.kernel("fem/device/stiffness", entry="apply", constants=constants)
         key = (id(u.high), id(result.high))
         if key not in self._bound:
             self._bound[key] = [self._bind(kernel, part, u, result) for part in self.texels.parts]
@@ -131,9 +125,9 @@ class DeviceStiffness:
             recording.dispatch(kernel, bindings, threads=(row_threads(part.count, self.cases),))
 
     def _bind(self, kernel: Kernel, part: RowPart, u: Pair, result: Pair) -> Bindings:
-        more = {} if part.neighbour is None else {"neighbour": part.neighbour}
         return kernel.bind(
             info=part.info,
+            neighbour=part.neighbour,
             blocks=part.blocks,
             u_high=u.high,
             u_low=u.second,
@@ -147,7 +141,6 @@ class DeviceStiffness:
                 "stride": part.stride,
                 "low": part.low,
             },
-            **more,
         )
 
 

@@ -40,10 +40,9 @@ Steps = tuple[Relaxation, ...]
 TWICE = 1.5
 
 
-def compile_kernels(device: Allocator, by_elements: bool, rounded: bool) -> None:
-    """Compile what a solve runs, with directions ``rounded`` or not: half a second at first, which
-    may pass beside other work."""
-    directions = {"rounded": float(rounded)}
+def compile_kernels(device: Allocator, by_elements: bool) -> None:
+    """Compile what a solve runs: half a second at first, which may pass beside other work."""
+    directions = {"rounded": 1.0}
     if by_elements:
         for entry in ("straight", "curved", "sums"):
             device.kernel("fem/device/tet_forces", entry=entry, constants=directions)
@@ -51,17 +50,15 @@ def compile_kernels(device: Allocator, by_elements: bool, rounded: bool) -> None
             device.kernel("fem/device/tet_forces_single", entry=entry)
         for entry in ("relax", "residual"):
             device.kernel("fem/device/relaxation", entry=f"{entry}_forces")
-    for width in ("", "4"):
-        device.kernel("fem/device/stiffness", entry=f"apply{width}", constants=directions)
-        for entry in ("begin", "relax", "residual"):
-            device.kernel("fem/device/relaxation", entry=f"{entry}{width}")
+    device.kernel("fem/device/stiffness", entry="apply", constants=directions)
+    for entry in ("begin", "relax", "residual"):
+        device.kernel("fem/device/relaxation", entry=entry)
     device.kernel("fem/device/stiffness", entry="apply", constants={"plain": 1.0})
     device.kernel("fem/device/linear_combination", entry="combine")
     for entry in ("apply", "add"):
         device.kernel("fem/device/interpolation", entry=entry)
-    turn = "turn_rounded" if rounded else "turn"
-    for entry in ("dot_pq", "dot_rz", "start", "alpha", "beta", "advance", turn):
-        device.kernel("fem/krylov/cg", entry=entry, constants=directions)
+    for entry in ("dot_pq", "dot_rz", "start", "alpha", "beta", "advance", "turn"):
+        device.kernel("fem/krylov/cg", entry=entry)
 
 
 class DeviceMultigrid:
@@ -86,8 +83,7 @@ class DeviceMultigrid:
             texels: BlockTexels | TetTexels = finest
             if number:
                 rows = rows_of_matrix(level.product.matrix)
-                free = np.einsum("nii->ni", level.inverse) != 0.0
-                texels = BlockTexels(device, rows, free, 1.0, label, exact=False)
+                texels = BlockTexels(device, rows, 1.0, label, exact=False)
             below = _NodeLevel(device, level, steps[number], texels, below, cases, label)
         assert isinstance(below, _NodeLevel)
         self._top = below
