@@ -198,8 +198,9 @@ def _upload_slices(
     )
     part.info.write(slices.info())
     part.neighbour.write(slices.neighbours(rows))
-    for first, blocks in slices.blocks(rows, scale):
-        part.write(blocks, first)
+    for first, halves in slices.blocks(rows, scale, exact):
+        for half, start in zip(halves, (0, part.low), strict=False):
+            part.blocks.write(half, start + first)
     return part
 
 

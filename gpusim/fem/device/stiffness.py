@@ -13,7 +13,7 @@ from functools import partial
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import bsr_matrix, csr_matrix
+from scipy.sparse import bsr_matrix
 
 from gpusim.fem.assembly.block_rows import BlockRows, ranges
 from gpusim.fem.assembly.matrix_product import shared
@@ -173,7 +173,7 @@ def _check(device: Device) -> None:
     # the kernel's plain form, as coarse levels use it: any matrix, not square
     dense = rng.normal(size=(36, 24)) * (rng.random((36, 24)) < 0.3)
     x = rng.normal(size=(2, 8, 3))
-    product = DeviceProduct(device, csr_matrix(dense), 2, "fem.check")
+    product = DeviceProduct(device, bsr_matrix(dense, blocksize=(3, 3)), 2, "fem.check")
     source, image = pair(device, 2, 8, "fem.check.x"), product.vector()
     source.write(x)
     with device.recording("fem.check") as recording:

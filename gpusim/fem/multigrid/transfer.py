@@ -100,9 +100,15 @@ class MatrixTransfer:
         """The transpose."""
         return _product(self._restriction, r)
 
-    def matrix(self) -> csr_matrix:
-        """(fine, coarse), float64."""
-        return csr_matrix(self._prolongation.matrix).astype(np.float64)
+    @property
+    def matrix(self) -> bsr_matrix:
+        """(fine, coarse), in its own dtype."""
+        return self._prolongation.matrix
+
+    @property
+    def transposed(self) -> bsr_matrix:
+        """(coarse, fine)."""
+        return self._restriction.matrix
 
 
 def _product(product: Product, x: Float) -> Float:
