@@ -210,7 +210,7 @@ def test_any_matrix_times_a_vector(
     x = rng.normal(size=(3, 70, 3))
     monkeypatch.setitem(device.limits, "max-texture-dimension-2d", limit)
     matrix = DeviceProduct(device, bsr_matrix(dense, blocksize=(3, 3)), 3, "test")
-    assert (len(matrix._texels.parts) > 1) == (limit == 2)
+    assert (len(matrix.texels.parts) > 1) == (limit == 2)
     source, result = pair(device, 3, 70, "test"), matrix.vector()
     source.write(x)
     with device.recording("test") as recording:

@@ -13,60 +13,67 @@ from scipy.sparse import bsr_matrix
 
 from gpusim.fem.assembly.block_rows import BlockRows
 from gpusim.fem.device.arena import Allocator
-from gpusim.fem.device.block_texels import BlockTexels, block_texels_bytes
+from gpusim.fem.device.block_texels import BlockTexels, RowPart, block_texels_bytes
 from gpusim.fem.device.node_texels import Pair, pair, row_threads
-from gpusim.gpu import Bindings, Recording
+from gpusim.gpu import Bindings, Kernel, Recording
 
-__all__ = ["DeviceProduct", "dense_blocks", "product_bytes"]
+__all__ = ["DeviceProduct", "RowsOnDevice", "dense_blocks", "product_bytes"]
 
 Float = npt.NDArray[np.float64]
 
 
-class DeviceProduct:
+class RowsOnDevice:
+    """Rows of blocks in ``texels`` that are multiplied by vectors of ``columns`` nodes."""
+
+    def __init__(
+        self, device: Allocator, texels: BlockTexels, columns: int, cases: int, plain: bool
+    ) -> None:
+        self.device, self.cases, self.texels = device, cases, texels
+        self._columns, self._plain = columns, plain
+        self._bound: dict[tuple[int, int], list[Bindings]] = {}
+
+    def record(self, recording: Recording, x: Pair, out: Pair) -> None:
+        """Record out = A x; ``out`` not rounded."""
+        constants = {"plain": 1.0} if self._plain else {"rounded": float(x.rounded)}
+        kernel = self.device.kernel("fem/device/stiffness", entry="apply", constants=constants)
+        key = (id(x.high), id(out.high))
+        if key not in self._bound:
+            self._bound[key] = [self._bind(kernel, part, x, out) for part in self.texels.parts]
+        for part, bindings in zip(self.texels.parts, self._bound[key], strict=True):
+            recording.dispatch(kernel, bindings, threads=(row_threads(part.count, self.cases),))
+
+    def _bind(self, kernel: Kernel, part: RowPart, x: Pair, out: Pair) -> Bindings:
+        return kernel.bind(
+            info=part.info,
+            neighbour=part.neighbour,
+            blocks=part.blocks,
+            u_high=x.high,
+            u_low=x.second,
+            k_high=out.high,
+            k_low=out.second,
+            params={
+                "count": part.count,
+                "nodes": self.texels.nodes,
+                "columns": self._columns,
+                "cases": self.cases,
+                "stride": part.stride,
+                "low": part.low,
+            },
+        )
+
+
+class DeviceProduct(RowsOnDevice):
     """A matrix on the device, in blocks whose sides are multiples of 3."""
 
     def __init__(self, device: Allocator, matrix: bsr_matrix, cases: int, label: str) -> None:
-        self.device, self.cases, self.label = device, cases, label
-        self.rows, self.columns = (int(n) // 3 for n in matrix.shape)
-        self._texels = BlockTexels(device, _rows(matrix), 1.0, label, exact=True)
-        self._kernel = device.kernel(
-            "fem/device/stiffness", entry="apply", constants={"plain": 1.0}
-        )
-        self._bound: dict[object, list[Bindings]] = {}
+        self.rows, columns = (int(n) // 3 for n in matrix.shape)
+        texels = BlockTexels(device, _rows(matrix), 1.0, label, exact=True)
+        super().__init__(device, texels, columns, cases, plain=True)
+        self._label = f"{label}.vector"
 
     def vector(self) -> Pair:
         """A vector of zeros for the result."""
-        return pair(self.device, self.cases, self.rows, f"{self.label}.vector")
-
-    def record(self, recording: Recording, x: Pair, out: Pair) -> None:
-        """Record out = A x."""
-        key = (id(x.high), id(out.high))
-        parts = self._texels.parts
-        if key not in self._bound:
-            self._bound[key] = [
-                self._kernel.bind(
-                    info=part.info,
-                    neighbour=part.neighbour,
-                    blocks=part.blocks,
-                    u_high=x.high,
-                    u_low=x.second,
-                    k_high=out.high,
-                    k_low=out.second,
-                    params={
-                        "count": part.count,
-                        "nodes": self.rows,
-                        "columns": self.columns,
-                        "cases": self.cases,
-                        "stride": part.stride,
-                        "low": part.low,
-                    },
-                )
-                for part in parts
-            ]
-        for part, bindings in zip(parts, self._bound[key], strict=True):
-            recording.dispatch(
-                self._kernel, bindings, threads=(row_threads(part.count, self.cases),)
-            )
+        return pair(self.device, self.cases, self.rows, self._label)
 
 
 def product_bytes(matrix: bsr_matrix) -> int:

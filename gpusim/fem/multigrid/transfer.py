@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import bsr_matrix, csr_matrix, diags, kron
+from scipy.sparse import bsr_matrix, csr_matrix
 
 from gpusim.fem.assembly.matrix_product import Product
 from gpusim.fem.lattice.plane_interpolation import PlaneWeights
@@ -62,13 +62,6 @@ class NodeTransfer:
         both = self.free[row] & self.coarse_free[weights.indices]
         data = (weights.data[:, None] * both)[:, :, None] * np.eye(3)
         return bsr_matrix((data, weights.indices, weights.indptr), shape=self.shape)
-
-    def matrix(self) -> csr_matrix:
-        """(3N,3K), with the zeros of fixed unknowns stored where whole blocks aren't."""
-        spread = kron(self.weights, np.eye(3), format="csr")
-        left = diags(self.free.ravel().astype(np.float64))
-        right = diags(self.coarse_free.ravel().astype(np.float64))
-        return csr_matrix(left @ spread @ right)
 
 
 def in_single(prolongation: bsr_matrix) -> bsr_matrix:
